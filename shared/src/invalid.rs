@@ -1,0 +1,98 @@
+//! The one shape of a complaint about input.
+
+/// A value that cannot be accepted: which field, what was expected there and
+/// what was found instead. Every parser of this crate answers with it, so that
+/// each edge (HTTP, command line, files) can say the same three things.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{field}: expected {expected}, found {found}")]
+pub struct Invalid {
+    /// Path of the field, as its author wrote it: `states[17].human`.
+    pub field: String,
+    /// What would have been accepted.
+    pub expected: String,
+    /// What was there.
+    pub found: String,
+}
+
+impl Invalid {
+    /// A complaint about `field`.
+    pub fn new(
+        field: impl Into<String>,
+        expected: impl Into<String>,
+        found: impl ToString,
+    ) -> Self {
+        Self {
+            field: field.into(),
+            expected: expected.into(),
+            found: found.to_string(),
+        }
+    }
+
+    /// The same complaint, seen from the structure that holds the field.
+    #[must_use]
+    pub fn within(mut self, parent: &str) -> Self {
+        let joint = if self.field.is_empty() || self.field.starts_with('[') {
+            ""
+        } else {
+            "."
+        };
+        self.field = format!("{parent}{joint}{}", self.field);
+        self
+    }
+}
+
+/// Accepts a finite number greater than zero.
+///
+/// # Errors
+/// [`Invalid`] for NaN, an infinity, zero or a negative number.
+pub fn positive(field: &str, value: f64) -> Result<f64, Invalid> {
+    if value.is_finite() && value > 0.0 {
+        Ok(value)
+    } else {
+        Err(Invalid::new(field, "a finite number > 0", value))
+    }
+}
+
+/// Accepts a finite number.
+///
+/// # Errors
+/// [`Invalid`] for NaN or an infinity.
+pub fn finite(field: &str, value: f64) -> Result<f64, Invalid> {
+    if value.is_finite() {
+        Ok(value)
+    } else {
+        Err(Invalid::new(field, "a finite number", value))
+    }
+}
+
+/// Accepts a list of exactly `expected` entries.
+///
+/// # Errors
+/// [`Invalid`] for any other length.
+pub fn length(field: &str, expected: usize, found: usize) -> Result<(), Invalid> {
+    if expected == found {
+        Ok(())
+    } else {
+        Err(Invalid::new(
+            field,
+            format!("{expected} entries"),
+            format!("{found} entries"),
+        ))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_complaint_names_its_path() {
+        let complaint = Invalid::new("[3]", "a finite number", f64::NAN).within("states");
+        assert_eq!(
+            complaint.to_string(),
+            "states[3]: expected a finite number, found NaN"
+        );
+        let complaint = positive("speed_mps", -1.0).unwrap_err().within("human");
+        assert_eq!(complaint.field, "human.speed_mps");
+    }
+}

@@ -1,0 +1,35 @@
+//! The one library behind Sidestep: the same code simulates a trial in the
+//! participant's browser, replays it on the server and analyses it afterwards.
+//!
+//! # Conventions
+//! SI units and radians. World frame: x to the right, y up, heading
+//! counter-clockwise from +x and wrapped to (−π, π]. A *relative state* is the
+//! pursuer's pose in the evader's frame (x ahead, y to the left). Time steps are
+//! integers; seconds appear only at the edges. A turn to the left is positive.
+//!
+//! # Glossary
+//! | word | meaning |
+//! |---|---|
+//! | Pose | position and heading of a vehicle |
+//! | TurnInput | what the keys ask for: Right −ω, Straight 0, Left +ω |
+//! | Scene | where both vehicles start, and the robot's goal |
+//! | JointState | the poses of human and robot at one instant |
+//! | Step | 0.2 s with one held input |
+//! | Trial | a driven scene: inputs and the states they led through |
+//! | Phase | familiarisation, practice or task |
+//! | danger zone | disc of radius R_c around the robot |
+//! | safety level | metres; ≤ 0 means that the other vehicle can force a collision |
+//! | InputBounds | lowest and highest turn rate of each coming step (Algorithm 1) |
+//! | ReachableSet | every position reachable under such bounds |
+//! | SHFRS | nested reachable sets with probabilities |
+//!
+//! # Purity and module order
+//! Nothing here knows of clocks, files, sockets or browsers, and no module uses
+//! one that is declared below it.
+
+pub mod bounds;
+pub mod invalid;
+pub mod math;
+pub mod reachability;
+pub mod scene;
+pub mod vehicle;

@@ -1,0 +1,156 @@
+//! Vehicles: where they are, what they are asked to do, how they move.
+
+pub mod dubins;
+
+use crate::invalid::{Invalid, finite, positive};
+use crate::math::wrap_angle;
+use serde::{Deserialize, Serialize};
+
+/// Position, m, and heading, rad counter-clockwise from +x in (−π, π].
+/// On the wire: `[x, y, psi]`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(from = "[f64; 3]", into = "[f64; 3]")]
+pub struct Pose {
+    /// To the right, m.
+    pub x: f64,
+    /// Up, m.
+    pub y: f64,
+    /// Heading ψ, rad.
+    pub psi: f64,
+}
+
+impl Pose {
+    /// A pose with its heading wrapped.
+    #[must_use]
+    pub fn new(x: f64, y: f64, psi: f64) -> Self {
+        Self {
+            x,
+            y,
+            psi: wrap_angle(psi),
+        }
+    }
+
+    /// The position alone, m.
+    #[must_use]
+    pub fn position(&self) -> [f64; 2] {
+        [self.x, self.y]
+    }
+
+    /// Accepts a pose whose three numbers are finite.
+    ///
+    /// # Errors
+    /// [`Invalid`] naming the coordinate.
+    pub fn check(&self) -> Result<(), Invalid> {
+        finite("x", self.x)?;
+        finite("y", self.y)?;
+        finite("psi", self.psi)?;
+        Ok(())
+    }
+}
+
+impl From<[f64; 3]> for Pose {
+    /// The numbers as they are: a stored state must survive a round trip bit for bit.
+    fn from([x, y, psi]: [f64; 3]) -> Self {
+        Self { x, y, psi }
+    }
+}
+
+impl From<Pose> for [f64; 3] {
+    fn from(pose: Pose) -> Self {
+        [pose.x, pose.y, pose.psi]
+    }
+}
+
+/// What the human asks of the vehicle for one step. On the wire: −1, 0, 1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(try_from = "i64", into = "i8")]
+pub enum TurnInput {
+    /// Turn right (clockwise) at the full rate, −ω.
+    Right,
+    /// Keep the heading.
+    Straight,
+    /// Turn left (counter-clockwise) at the full rate, +ω.
+    Left,
+}
+
+impl TurnInput {
+    /// Every input, in rising order of turn rate.
+    pub const ALL: [Self; 3] = [Self::Right, Self::Straight, Self::Left];
+
+    /// −1, 0 or 1.
+    #[must_use]
+    pub fn sign(self) -> i8 {
+        match self {
+            Self::Right => -1,
+            Self::Straight => 0,
+            Self::Left => 1,
+        }
+    }
+
+    /// The word shown to people.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Right => "right",
+            Self::Straight => "straight",
+            Self::Left => "left",
+        }
+    }
+}
+
+impl From<TurnInput> for i8 {
+    fn from(input: TurnInput) -> Self {
+        input.sign()
+    }
+}
+
+impl TryFrom<i64> for TurnInput {
+    type Error = Invalid;
+
+    fn try_from(sign: i64) -> Result<Self, Invalid> {
+        match sign {
+            -1 => Ok(Self::Right),
+            0 => Ok(Self::Straight),
+            1 => Ok(Self::Left),
+            other => Err(Invalid::new(
+                "",
+                "-1 (right), 0 (straight) or 1 (left)",
+                other,
+            )),
+        }
+    }
+}
+
+/// What a vehicle can do: constant speed, bounded turn rate.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct VehicleModel {
+    /// Speed v, m/s.
+    pub speed_mps: f64,
+    /// Largest turn rate ω, rad/s.
+    pub turn_rate_radps: f64,
+}
+
+impl VehicleModel {
+    /// Accepts a model whose numbers are finite and > 0.
+    ///
+    /// # Errors
+    /// [`Invalid`] naming the field.
+    pub fn check(&self) -> Result<(), Invalid> {
+        positive("speed_mps", self.speed_mps)?;
+        positive("turn_rate_radps", self.turn_rate_radps)?;
+        Ok(())
+    }
+
+    /// The turn rate, rad/s, that an input asks for.
+    #[must_use]
+    pub fn turn_rate(&self, input: TurnInput) -> f64 {
+        f64::from(input.sign()) * self.turn_rate_radps
+    }
+
+    /// The pose after `seconds` under `input`.
+    #[must_use]
+    pub fn advance(&self, pose: Pose, input: TurnInput, seconds: f64) -> Pose {
+        dubins::arc(pose, self.speed_mps, self.turn_rate(input), seconds)
+    }
+}
