@@ -13,5 +13,7 @@
 
 pub mod exact;
 pub mod level_set;
+pub mod value_function;
 
 pub use exact::ExactValue;
+pub use value_function::ValueFunction;

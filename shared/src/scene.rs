@@ -2,7 +2,7 @@
 
 use crate::invalid::{Invalid, positive};
 use crate::math::{PI, SeededRng, TAU, hypot, sin_cos, wrap_angle};
-use crate::reachability::ExactValue;
+use crate::reachability::{ExactValue, ValueFunction};
 use crate::vehicle::dubins::relative_state;
 use crate::vehicle::{Pose, TurnInput, VehicleModel};
 use serde::{Deserialize, Serialize};
@@ -73,25 +73,23 @@ impl SceneParameters {
         self.robot.speed_mps * self.duration_s()
     }
 
-    /// The value function of these vehicles where it is known in closed form:
-    /// when they are identical.
+    /// The value function of these vehicles in closed form. Known for identical
+    /// vehicles only, and then V_HR and V_RH are the same function.
     ///
     /// # Errors
     /// [`Invalid`] if the vehicles differ or a parameter is out of range.
-    pub fn exact_value(&self) -> Result<ExactValue, Invalid> {
+    pub fn value_function(&self) -> Result<ValueFunction, Invalid> {
         if self.human != self.robot {
-            let found = format!("human {:?}, robot {:?}", self.human, self.robot);
-            return Err(Invalid::new(
-                "robot",
-                "the same vehicle as the human's",
-                found,
-            ));
+            let show =
+                |v: &VehicleModel| format!("{} m/s, {} rad/s", v.speed_mps, v.turn_rate_radps);
+            let expected = format!("the same vehicle as the human's ({})", show(&self.human));
+            return Err(Invalid::new("robot", expected, show(&self.robot)));
         }
-        ExactValue::new(
-            self.human.speed_mps,
-            self.human.turn_rate_radps,
-            self.danger_radius_m,
-        )
+        let VehicleModel {
+            speed_mps,
+            turn_rate_radps,
+        } = self.human;
+        ExactValue::new(speed_mps, turn_rate_radps, self.danger_radius_m).map(ValueFunction::Exact)
     }
 }
 
@@ -313,7 +311,7 @@ pub fn is_admissible(parameters: &SceneParameters, range: &EncounterRange, scene
     if closest_with_manoeuvre(parameters, scene, TurnInput::Straight, 0, 0) > radius {
         return false;
     }
-    if let Ok(value) = parameters.exact_value()
+    if let Ok(value) = parameters.value_function()
         && value.value(scene.start().robot_seen_by_human()) <= 0.0
     {
         return false;
@@ -451,7 +449,7 @@ mod tests {
     #[test]
     fn scenes_keep_the_rules() {
         let parameters = SceneParameters::default();
-        let value = parameters.exact_value().unwrap();
+        let value = parameters.value_function().unwrap();
         for (scene, planned) in scenes(150, 20_180_918) {
             let start = scene.start();
             assert!(start.distance_m() > 3.0);

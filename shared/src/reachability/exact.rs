@@ -10,7 +10,11 @@ use crate::math::{PI, TAU, acos, atan2, hypot, sin_cos, wrap_positive};
 /// The value function of two vehicles with the same speed and largest turn rate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ExactValue {
-    /// Turning radius v/ω, m.
+    /// Speed v of both, m/s.
+    speed_mps: f64,
+    /// Largest turn rate ω of both, rad/s.
+    turn_rate_radps: f64,
+    /// Turning radius ρ = v/ω, m.
     turning_radius_m: f64,
     /// Danger radius R, m.
     radius_m: f64,
@@ -23,12 +27,16 @@ impl ExactValue {
     /// # Errors
     /// [`Invalid`] if a parameter is not a finite number > 0.
     pub fn new(speed_mps: f64, turn_rate_radps: f64, radius_m: f64) -> Result<Self, Invalid> {
-        let speed = positive("speed_mps", speed_mps)?;
-        let turn_rate = positive("turn_rate_radps", turn_rate_radps)?;
-        let turning_radius_m = positive("speed_mps / turn_rate_radps", speed / turn_rate)?;
+        positive("speed_mps", speed_mps)?;
+        positive("turn_rate_radps", turn_rate_radps)?;
+        positive("radius_m", radius_m)?;
+        let turning_radius_m = speed_mps / turn_rate_radps;
+        positive("speed_mps / turn_rate_radps", turning_radius_m)?;
         Ok(Self {
+            speed_mps,
+            turn_rate_radps,
             turning_radius_m,
-            radius_m: positive("radius_m", radius_m)?,
+            radius_m,
         })
     }
 
@@ -64,6 +72,18 @@ impl ExactValue {
             finite(name, value)?;
         }
         Ok(self.value(state))
+    }
+
+    /// Speed v of both, m/s.
+    #[must_use]
+    pub fn speed_mps(&self) -> f64 {
+        self.speed_mps
+    }
+
+    /// Largest turn rate ω of both, rad/s.
+    #[must_use]
+    pub fn turn_rate_radps(&self) -> f64 {
+        self.turn_rate_radps
     }
 
     /// Danger radius R, m.

@@ -1,0 +1,436 @@
+//! What client and server say to each other: wire types, limits and routes.
+
+use crate::invalid::{Invalid, finite, length};
+use crate::predict::PredictorFile;
+use crate::scene::{JointState, Scene, SceneParameters};
+use crate::study::PhaseConfig;
+use crate::trial::{Flag, Outcome, Phase, Replay};
+use crate::vehicle::TurnInput;
+use serde::{Deserialize, Serialize};
+
+/// Version of everything in this module; a client that was built for another one
+/// must be reloaded.
+pub const SCHEMA_VERSION: u32 = 1;
+
+/// Largest request body, octets. A trial is about 10,000.
+pub const MAX_BODY_OCTETS: usize = 262_144;
+
+/// Most key events of a trial: ten seconds of the fastest hammering, many times over.
+pub const MAX_KEY_EVENTS: usize = 2_000;
+
+/// Longest name of a key, external id or locale, characters.
+pub const MAX_NAME_CHARS: usize = 128;
+
+/// Largest free-form object (screen, display) as JSON, octets.
+pub const MAX_OBJECT_OCTETS: usize = 8_192;
+
+/// Every route, relative to the server's origin.
+pub mod routes {
+    /// What a participant needs to know.
+    #[must_use]
+    pub fn study(slug: &str) -> String {
+        format!("/api/v1/studies/{slug}")
+    }
+    /// Enrolment.
+    #[must_use]
+    pub fn participants(slug: &str) -> String {
+        format!("/api/v1/studies/{slug}/participants")
+    }
+    /// Where the participant is.
+    pub const ME: &str = "/api/v1/participants/me";
+    /// The end of a participation.
+    pub const COMPLETE: &str = "/api/v1/participants/me/complete";
+    /// A trial's upload.
+    #[must_use]
+    pub fn my_trial(trial_id: &str) -> String {
+        format!("/api/v1/participants/me/trials/{trial_id}")
+    }
+    /// Octets of a value function.
+    #[must_use]
+    pub fn value_function(id: &str) -> String {
+        format!("/api/v1/value-functions/{id}")
+    }
+    /// Signing in and out of the laboratory.
+    pub const SESSION: &str = "/api/v1/admin/session";
+    /// All studies.
+    pub const ADMIN_STUDIES: &str = "/api/v1/admin/studies";
+    /// The stored trials of a study, newest first.
+    #[must_use]
+    pub fn admin_trials(slug: &str) -> String {
+        format!("/api/v1/admin/studies/{slug}/trials")
+    }
+    /// One stored trial, whole.
+    #[must_use]
+    pub fn admin_trial(trial_id: &str) -> String {
+        format!("/api/v1/admin/trials/{trial_id}")
+    }
+    /// The predictor trained on what this participant had driven before a trial.
+    #[must_use]
+    pub fn admin_predictor(trial_id: &str) -> String {
+        format!("/api/v1/admin/trials/{trial_id}/predictor")
+    }
+    /// The server's own simulation fingerprint.
+    pub const SELF_CHECK: &str = "/api/v1/admin/self-check";
+    /// A study's trials as a file.
+    #[must_use]
+    pub fn export(slug: &str) -> String {
+        format!("/api/v1/admin/studies/{slug}/export?format=csv")
+    }
+}
+
+/// Body of every error answer.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Problem {
+    /// A stable word for programs.
+    pub code: String,
+    /// A sentence for people.
+    pub message: String,
+    /// The field that the complaint is about.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub field: Option<String>,
+}
+
+/// What a participant needs to know of a study.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct StudyInfo {
+    /// See [`SCHEMA_VERSION`].
+    pub schema_version: u32,
+    /// Name in addresses.
+    pub slug: String,
+    /// Name shown to people.
+    pub title: String,
+    /// Vehicles, danger radius and clock.
+    pub parameters: SceneParameters,
+    /// What will be driven.
+    pub phases: Vec<PhaseConfig>,
+}
+
+/// Body of an enrolment.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Enrolment {
+    /// The participant agreed to take part; must be true.
+    pub consent: bool,
+    /// Who this is at the recruiting service; the same id resumes.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub external_id: Option<String>,
+    /// Language, such as `en-GB`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub locale: Option<String>,
+    /// What is known of the screen: any small object.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub screen: Option<serde_json::Map<String, serde_json::Value>>,
+}
+
+impl Enrolment {
+    /// Accepts an enrolment with consent and sensible texts.
+    ///
+    /// # Errors
+    /// [`Invalid`] naming the field.
+    pub fn check(&self) -> Result<(), Invalid> {
+        if !self.consent {
+            return Err(Invalid::new("consent", "true", "false"));
+        }
+        for (field, text) in [("external_id", &self.external_id), ("locale", &self.locale)] {
+            if let Some(text) = text {
+                check_name(field, text)?;
+            }
+        }
+        self.screen
+            .as_ref()
+            .map_or(Ok(()), |screen| check_object("screen", screen))
+    }
+}
+
+fn check_name(field: &str, text: &str) -> Result<(), Invalid> {
+    let count = text.chars().count();
+    if !(1..=MAX_NAME_CHARS).contains(&count) {
+        let expected = format!("1 to {MAX_NAME_CHARS} characters");
+        return Err(Invalid::new(field, expected, format!("{count} characters")));
+    }
+    if text.chars().any(char::is_control) {
+        return Err(Invalid::new(
+            field,
+            "no control characters",
+            "a control character",
+        ));
+    }
+    Ok(())
+}
+
+fn check_object(
+    field: &str,
+    object: &serde_json::Map<String, serde_json::Value>,
+) -> Result<(), Invalid> {
+    let octets = serde_json::to_string(object).map_or(usize::MAX, |text| text.len());
+    if octets <= MAX_OBJECT_OCTETS {
+        Ok(())
+    } else {
+        let expected = format!("an object of at most {MAX_OBJECT_OCTETS} octets of JSON");
+        Err(Invalid::new(field, expected, format!("{octets} octets")))
+    }
+}
+
+/// Answer to an enrolment.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Enrolled {
+    /// Who the participant is here.
+    pub participant_id: String,
+    /// Bearer token for everything that follows.
+    pub token: String,
+    /// What to drive.
+    pub plan: Plan,
+}
+
+/// What a participant drives.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Plan {
+    /// In order.
+    pub phases: Vec<PlannedPhase>,
+}
+
+impl Plan {
+    /// Every scene in the order of driving, with its phase.
+    pub fn scenes(&self) -> impl Iterator<Item = (&PlannedPhase, &PlannedScene)> {
+        self.phases
+            .iter()
+            .flat_map(|phase| phase.scenes.iter().map(move |scene| (phase, scene)))
+    }
+}
+
+/// One phase of a plan.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PlannedPhase {
+    /// Which phase.
+    pub phase: Phase,
+    /// Whether the danger zone is drawn around the robot.
+    pub show_danger_zone: bool,
+    /// In order.
+    pub scenes: Vec<PlannedScene>,
+}
+
+/// One scene of a plan.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PlannedScene {
+    /// Under which its trial is stored.
+    pub trial_id: String,
+    /// Place within its phase, from 0.
+    pub index: usize,
+    /// Both vehicles and the goal.
+    #[serde(flatten)]
+    pub scene: Scene,
+}
+
+/// Where a participant is.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Progress {
+    /// Who the participant is here.
+    pub participant_id: String,
+    /// The study's name in addresses.
+    pub study: String,
+    /// What to drive.
+    pub plan: Plan,
+    /// Ids of the trials that are safely stored, in the plan's order.
+    pub stored: Vec<String>,
+    /// The trial that comes next; absent when all are stored.
+    pub next: Option<String>,
+    /// The code, once the participation is complete.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub completion_code: Option<String>,
+}
+
+/// A key that went down or up.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct KeyEvent {
+    /// Time after the scene's start, ms; negative for keys that were already held.
+    pub t_ms: f64,
+    /// The key's name, such as `ArrowLeft`; `blur` when the window lost its keys.
+    pub key: String,
+    /// Down or up.
+    pub down: bool,
+}
+
+/// Body of a trial's upload.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TrialUpload {
+    /// Start of the scene by the participant's clock, ms since 1970.
+    pub started_at_ms: f64,
+    /// The input held in each step.
+    pub inputs: Vec<TurnInput>,
+    /// The states as shown: before each step, and after the last.
+    pub states: Vec<JointState>,
+    /// When each input was really sampled, ms after the scene's start.
+    pub sampled_at_ms: Vec<f64>,
+    /// What the keys did.
+    pub key_events: Vec<KeyEvent>,
+    /// What is known of the display: any small object.
+    pub display: serde_json::Map<String, serde_json::Value>,
+}
+
+impl TrialUpload {
+    /// Accepts a body that is a trial of this study at all. Whether it replays is
+    /// for [`flags`](crate::trial::flags) to say.
+    ///
+    /// # Errors
+    /// [`Invalid`] naming the field.
+    pub fn check(&self, parameters: &SceneParameters) -> Result<(), Invalid> {
+        const LAST_MS: f64 = 4_102_444_800_000.0; // the year 2100
+        if !(0.0..=LAST_MS).contains(&self.started_at_ms) {
+            let expected = "milliseconds since 1970, before 2100";
+            return Err(Invalid::new("started_at_ms", expected, self.started_at_ms));
+        }
+        length("inputs", parameters.steps, self.inputs.len())?;
+        length("states", parameters.steps + 1, self.states.len())?;
+        for (i, state) in self.states.iter().enumerate() {
+            state
+                .check()
+                .map_err(|e| e.within(&format!("states[{i}]")))?;
+        }
+        length("sampled_at_ms", parameters.steps, self.sampled_at_ms.len())?;
+        check_rising("sampled_at_ms", self.sampled_at_ms.iter().copied())?;
+        if self.key_events.len() > MAX_KEY_EVENTS {
+            let expected = format!("at most {MAX_KEY_EVENTS} entries");
+            return Err(Invalid::new("key_events", expected, self.key_events.len()));
+        }
+        check_rising(
+            "key_events.t_ms",
+            self.key_events.iter().map(|event| event.t_ms),
+        )?;
+        for (i, event) in self.key_events.iter().enumerate() {
+            check_name(&format!("key_events[{i}].key"), &event.key)?;
+        }
+        check_object("display", &self.display)
+    }
+}
+
+/// Accepts finite times of which none is before the one ahead of it.
+fn check_rising(field: &str, times: impl Iterator<Item = f64>) -> Result<(), Invalid> {
+    let mut last = f64::NEG_INFINITY;
+    for (i, time) in times.enumerate() {
+        finite(&format!("{field}[{i}]"), time)?;
+        if time < last {
+            return Err(Invalid::new(
+                format!("{field}[{i}]"),
+                format!("a time ≥ {last}"),
+                time,
+            ));
+        }
+        last = time;
+    }
+    Ok(())
+}
+
+/// Answer to a trial's upload.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TrialStored {
+    /// The trial.
+    pub trial_id: String,
+    /// The trial that comes next; absent after the last.
+    pub next: Option<String>,
+}
+
+/// Answer to a completion.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Completed {
+    /// Proof that every trial is stored.
+    pub completion_code: String,
+}
+
+/// Body of a sign-in to the laboratory.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SignIn {
+    /// The experimenter's key.
+    pub key: String,
+}
+
+/// A study in the laboratory's list.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct StudySummary {
+    /// Name in addresses.
+    pub slug: String,
+    /// Name shown to people.
+    pub title: String,
+    /// People who enrolled.
+    pub participants: u64,
+    /// Trials stored.
+    pub trials: u64,
+}
+
+/// A page of stored trials, newest first.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TrialPage {
+    /// The trials of this page.
+    pub trials: Vec<TrialSummary>,
+    /// Pass as `before` for the next page; absent on the last.
+    pub next_before: Option<i64>,
+}
+
+/// A stored trial in a list.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TrialSummary {
+    /// The trial.
+    pub trial_id: String,
+    /// Who drove it.
+    pub participant_id: String,
+    /// The participant's number within the study, from 1.
+    pub participant_number: i64,
+    /// Its phase.
+    pub phase: Phase,
+    /// Place within its phase, from 0.
+    pub index: usize,
+    /// When the server stored it, ms since 1970.
+    pub received_at_ms: i64,
+    /// What came of it.
+    pub outcome: Outcome,
+    /// What an analyst should know.
+    pub flags: Vec<Flag>,
+}
+
+/// A stored trial, whole.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TrialDetail {
+    /// As in the list.
+    #[serde(flatten)]
+    pub summary: TrialSummary,
+    /// The study's name in addresses.
+    pub study: String,
+    /// Vehicles, danger radius and clock it was driven with.
+    pub parameters: SceneParameters,
+    /// What it started from.
+    pub scene: Scene,
+    /// The input held in each step.
+    pub inputs: Vec<TurnInput>,
+    /// Before each step, and after the last.
+    pub states: Vec<JointState>,
+    /// How the states compare with those that the inputs lead to.
+    pub replay: Replay,
+    /// Address of the value function of V_HR; absent while none is known.
+    pub value_function_hr: Option<String>,
+    /// Address of the value function of V_RH.
+    pub value_function_rh: Option<String>,
+}
+
+/// A predictor and where it comes from.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TrainedPredictor {
+    /// The predictor, as in a `predictor.json`.
+    pub predictor: PredictorFile,
+    /// On how many trials it was trained.
+    pub trials: usize,
+    /// Why it is not the learned model, where it is not.
+    pub fallback: Option<String>,
+}
+
+/// A machine's simulation, summed up.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SelfCheck {
+    /// Seed of the random trials.
+    pub seed: u64,
+    /// How many.
+    pub trials: usize,
+    /// SHA-256 of all their states.
+    pub fingerprint: String,
+}

@@ -1,0 +1,245 @@
+//! The feature table: what a predictor may look at.
+//!
+//! A feature is one line of [`FEATURES`]. World-frame differences are
+//! human − robot by component (the paper's B); subscript h is V_HR (the human's
+//! safety level), r is V_RH (the robot's), d is the distance.
+
+use crate::invalid::Invalid;
+use crate::math::{cos, sin, wrap_angle};
+use crate::reachability::ValueFunction;
+use crate::scene::JointState;
+use serde::{Deserialize, Serialize};
+
+/// The value functions that safety levels are read from.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SafetyFunctions {
+    /// V_HR: the human evades, argument is the robot in the human's frame.
+    pub human: ValueFunction,
+    /// V_RH: the robot evades, argument is the human in the robot's frame.
+    pub robot: ValueFunction,
+}
+
+impl SafetyFunctions {
+    /// V_HR of a state, m.
+    #[must_use]
+    pub fn human_level(&self, state: &JointState) -> f64 {
+        self.human.value(state.robot_seen_by_human())
+    }
+
+    /// V_RH of a state, m.
+    #[must_use]
+    pub fn robot_level(&self, state: &JointState) -> f64 {
+        self.robot.value(state.human_seen_by_robot())
+    }
+}
+
+/// One entry of the feature table.
+pub struct Feature {
+    /// Column name in files.
+    pub name: &'static str,
+    /// Unit; "1" for a pure number.
+    pub unit: &'static str,
+    /// What it tells.
+    pub meaning: &'static str,
+    /// Its value in a state.
+    pub compute: fn(&JointState, &SafetyFunctions) -> f64,
+}
+
+fn heading_difference(state: &JointState) -> f64 {
+    wrap_angle(state.human.psi - state.robot.psi)
+}
+
+/// Every feature there is.
+pub static FEATURES: &[Feature] = &[
+    Feature {
+        name: "abs_dx",
+        unit: "m",
+        meaning: "|Δx|, world frame",
+        compute: |s, _| (s.human.x - s.robot.x).abs(),
+    },
+    Feature {
+        name: "abs_dy",
+        unit: "m",
+        meaning: "|Δy|, world frame",
+        compute: |s, _| (s.human.y - s.robot.y).abs(),
+    },
+    Feature {
+        name: "dpsi",
+        unit: "rad",
+        meaning: "human's heading less the robot's, in (−π, π]",
+        compute: |s, _| heading_difference(s),
+    },
+    Feature {
+        name: "cos_dpsi",
+        unit: "1",
+        meaning: "cosine of the heading difference",
+        compute: |s, _| cos(heading_difference(s)),
+    },
+    Feature {
+        name: "sin_dpsi",
+        unit: "1",
+        meaning: "sine of the heading difference",
+        compute: |s, _| sin(heading_difference(s)),
+    },
+    Feature {
+        name: "v_h",
+        unit: "m",
+        meaning: "V_HR, the human's safety level",
+        compute: |s, v| v.human_level(s),
+    },
+    Feature {
+        name: "v_r",
+        unit: "m",
+        meaning: "V_RH, the robot's safety level",
+        compute: |s, v| v.robot_level(s),
+    },
+    Feature {
+        name: "distance",
+        unit: "m",
+        meaning: "distance between the vehicles",
+        compute: |s, _| s.distance_m(),
+    },
+    Feature {
+        name: "robot_ahead",
+        unit: "m",
+        meaning: "robot's position along the human's heading",
+        compute: |s, _| s.robot_seen_by_human()[0],
+    },
+    Feature {
+        name: "robot_left",
+        unit: "m",
+        meaning: "robot's position to the left of the human's heading",
+        compute: |s, _| s.robot_seen_by_human()[1],
+    },
+];
+
+/// An ordered choice of features.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(try_from = "Vec<String>", into = "Vec<String>")]
+pub struct FeatureSet(Vec<usize>);
+
+impl FeatureSet {
+    /// The paper's sets: B with safety levels and distance by letter (`hrd`, `hr`,
+    /// `hd`, `rd`, `h`, `r`, `d`), or B alone (the empty word).
+    ///
+    /// # Errors
+    /// [`Invalid`] for another letter, a letter twice or out of this order.
+    pub fn subset(letters: &str) -> Result<Self, Invalid> {
+        let base = ["abs_dx", "abs_dy", "dpsi", "cos_dpsi", "sin_dpsi"];
+        let mut names: Vec<&str> = base.to_vec();
+        let mut rest = letters;
+        for (letter, name) in [('h', "v_h"), ('r', "v_r"), ('d', "distance")] {
+            if let Some(after) = rest.strip_prefix(letter) {
+                names.push(name);
+                rest = after;
+            }
+        }
+        if !rest.is_empty() {
+            return Err(Invalid::new(
+                "features",
+                "some of the letters h, r, d in this order",
+                letters,
+            ));
+        }
+        Self::of(&names)
+    }
+
+    /// Features by name, in the order given.
+    ///
+    /// # Errors
+    /// [`Invalid`] for an empty list, an unknown name or one given twice.
+    pub fn of<S: AsRef<str>>(names: &[S]) -> Result<Self, Invalid> {
+        if names.is_empty() {
+            return Err(Invalid::new("features", "at least one feature", "none"));
+        }
+        let mut chosen = Vec::with_capacity(names.len());
+        for (i, name) in names.iter().enumerate() {
+            let name = name.as_ref();
+            let known = || {
+                let names: Vec<_> = FEATURES.iter().map(|feature| feature.name).collect();
+                format!("one of {}", names.join(", "))
+            };
+            let index = FEATURES
+                .iter()
+                .position(|feature| feature.name == name)
+                .ok_or_else(|| Invalid::new(format!("features[{i}]"), known(), name))?;
+            if chosen.contains(&index) {
+                return Err(Invalid::new(
+                    format!("features[{i}]"),
+                    "each feature once",
+                    name,
+                ));
+            }
+            chosen.push(index);
+        }
+        Ok(Self(chosen))
+    }
+
+    /// The chosen entries of the table.
+    pub fn features(&self) -> impl ExactSizeIterator<Item = &'static Feature> {
+        self.0.iter().map(|&index| &FEATURES[index])
+    }
+
+    /// Writes the features of `state` to `row`, which is as long as the set.
+    pub fn compute_into(&self, state: &JointState, safety: &SafetyFunctions, row: &mut [f64]) {
+        for (feature, value) in self.features().zip(row) {
+            *value = (feature.compute)(state, safety);
+        }
+    }
+
+    /// How many.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.0.len()
+    }
+
+    /// Never: a set has at least one feature.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+}
+
+impl From<FeatureSet> for Vec<String> {
+    fn from(set: FeatureSet) -> Self {
+        set.features()
+            .map(|feature| feature.name.to_owned())
+            .collect()
+    }
+}
+
+impl TryFrom<Vec<String>> for FeatureSet {
+    type Error = Invalid;
+
+    fn try_from(names: Vec<String>) -> Result<Self, Invalid> {
+        Self::of(&names)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_papers_sets() {
+        let names = |letters| Vec::<String>::from(FeatureSet::subset(letters).unwrap());
+        assert_eq!(names("hrd")[5..], ["v_h", "v_r", "distance"]);
+        assert_eq!(names("rd")[5..], ["v_r", "distance"]);
+        assert_eq!(names("").len(), 5);
+        assert!(FeatureSet::subset("dh").is_err());
+        assert!(FeatureSet::subset("hh").is_err());
+    }
+
+    #[test]
+    fn the_table_is_well_formed() {
+        for (i, feature) in FEATURES.iter().enumerate() {
+            assert!(!feature.unit.is_empty() && !feature.meaning.is_empty());
+            assert!(FEATURES[..i].iter().all(|other| other.name != feature.name));
+        }
+        let complaint = FeatureSet::of(&["abs_dx", "speed"]).unwrap_err();
+        assert_eq!(
+            (complaint.field.as_str(), complaint.found.as_str()),
+            ("features[1]", "speed")
+        );
+    }
+}

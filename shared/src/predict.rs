@@ -1,0 +1,237 @@
+//! Predictors: numbers in, a probability for each class out. Nothing here knows
+//! what a feature or a class means.
+
+pub mod logistic;
+pub mod scale;
+
+use crate::features::FeatureSet;
+use crate::invalid::{Invalid, length};
+use logistic::Logistic;
+use scale::Scale;
+use serde::{Deserialize, Serialize};
+
+/// A trained model with the features it wants.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Predictor {
+    features: FeatureSet,
+    classes: Vec<i8>,
+    model: Model,
+}
+
+/// The kinds of predictor.
+#[derive(Clone, Debug, PartialEq)]
+enum Model {
+    Logistic(Scale, Logistic),
+    Constant(Vec<f64>),
+}
+
+impl Predictor {
+    /// A multinomial logistic regression on standardised features.
+    #[must_use]
+    pub fn logistic(features: FeatureSet, classes: Vec<i8>, scale: Scale, model: Logistic) -> Self {
+        Self {
+            features,
+            classes,
+            model: Model::Logistic(scale, model),
+        }
+    }
+
+    /// The same probabilities whatever the features.
+    ///
+    /// # Errors
+    /// [`Invalid`] if there is not one probability ≥ 0 a class, summing to 1.
+    pub fn constant(
+        features: FeatureSet,
+        classes: Vec<i8>,
+        probabilities: Vec<f64>,
+    ) -> Result<Self, Invalid> {
+        length("probabilities", classes.len(), probabilities.len())?;
+        let total: f64 = probabilities.iter().sum();
+        if probabilities.iter().any(|p| !(0.0..=1.0).contains(p)) || (total - 1.0).abs() > 1e-9 {
+            let expected = "numbers from 0 to 1 that sum to 1";
+            return Err(Invalid::new(
+                "probabilities",
+                expected,
+                format!("{probabilities:?}"),
+            ));
+        }
+        Ok(Self {
+            features,
+            classes,
+            model: Model::Constant(probabilities),
+        })
+    }
+
+    /// What it looks at.
+    #[must_use]
+    pub fn features(&self) -> &FeatureSet {
+        &self.features
+    }
+
+    /// What it tells apart, in rising order.
+    #[must_use]
+    pub fn classes(&self) -> &[i8] {
+        &self.classes
+    }
+
+    /// Writes the probability of each class to `out`, given a row of raw features.
+    pub fn probabilities_into(&self, row: &[f64], out: &mut [f64]) {
+        match &self.model {
+            Model::Logistic(scale, model) => model.probabilities_into(scale, row, out),
+            Model::Constant(probabilities) => out.copy_from_slice(probabilities),
+        }
+    }
+}
+
+/// A predictor's file form, `predictor.json`. A logistic model that was trained
+/// elsewhere can be written so and used everywhere.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PredictorFile {
+    /// Always [`FORMAT`].
+    pub format: String,
+    /// `logistic` or `constant`.
+    pub kind: String,
+    /// Names of the features, in the order of the columns.
+    pub features: Vec<String>,
+    /// What is told apart: −1 right, 0 straight, 1 left.
+    pub classes: Vec<i8>,
+    /// Logistic: what is subtracted from each feature.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mean: Option<Vec<f64>>,
+    /// Logistic: what each feature is then divided by.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scale: Option<Vec<f64>>,
+    /// Logistic: a row of weights a class.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub coefficients: Option<Vec<Vec<f64>>>,
+    /// Logistic: an offset a class.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub intercepts: Option<Vec<f64>>,
+    /// Constant: a probability a class.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub probabilities: Option<Vec<f64>>,
+}
+
+/// The version of the file form that is read and written.
+pub const FORMAT: &str = "sidestep-predictor/1";
+
+impl From<&Predictor> for PredictorFile {
+    fn from(predictor: &Predictor) -> Self {
+        let mut file = Self {
+            format: FORMAT.to_owned(),
+            kind: String::new(),
+            features: predictor.features.clone().into(),
+            classes: predictor.classes.clone(),
+            mean: None,
+            scale: None,
+            coefficients: None,
+            intercepts: None,
+            probabilities: None,
+        };
+        match &predictor.model {
+            Model::Logistic(scale, model) => {
+                file.kind = "logistic".to_owned();
+                file.mean = Some(scale.mean().to_vec());
+                file.scale = Some(scale.scale().to_vec());
+                file.coefficients = Some(model.coefficients());
+                file.intercepts = Some(model.intercepts().to_vec());
+            }
+            Model::Constant(probabilities) => {
+                file.kind = "constant".to_owned();
+                file.probabilities = Some(probabilities.clone());
+            }
+        }
+        file
+    }
+}
+
+impl TryFrom<PredictorFile> for Predictor {
+    type Error = Invalid;
+
+    fn try_from(file: PredictorFile) -> Result<Self, Invalid> {
+        if file.format != FORMAT {
+            return Err(Invalid::new("format", FORMAT, file.format));
+        }
+        let features = FeatureSet::of(&file.features)?;
+        if file.classes.is_empty() || !file.classes.is_sorted_by(|a, b| a < b) {
+            let expected = "at least one class, in rising order";
+            return Err(Invalid::new(
+                "classes",
+                expected,
+                format!("{:?}", file.classes),
+            ));
+        }
+        let missing = |field: &str| {
+            Invalid::new(
+                field,
+                format!("a list, for kind {:?}", file.kind),
+                "nothing",
+            )
+        };
+        match file.kind.as_str() {
+            "logistic" => {
+                let scale = Scale::new(
+                    file.mean.ok_or_else(|| missing("mean"))?,
+                    file.scale.ok_or_else(|| missing("scale"))?,
+                )?;
+                length("mean", features.len(), scale.mean().len())?;
+                let coefficients = file.coefficients.ok_or_else(|| missing("coefficients"))?;
+                let intercepts = file.intercepts.ok_or_else(|| missing("intercepts"))?;
+                length("coefficients", file.classes.len(), coefficients.len())?;
+                let model = Logistic::new(features.len(), &coefficients, intercepts)?;
+                Ok(Self::logistic(features, file.classes, scale, model))
+            }
+            "constant" => {
+                let probabilities = file.probabilities.ok_or_else(|| missing("probabilities"))?;
+                Self::constant(features, file.classes, probabilities)
+            }
+            other => Err(Invalid::new("kind", "logistic or constant", other)),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn file() -> PredictorFile {
+        let text = r#"{"format":"sidestep-predictor/1","kind":"logistic",
+            "features":["distance","v_h"],"mean":[10,1],"scale":[2,1],"classes":[-1,0,1],
+            "coefficients":[[0,1],[1,0],[0,-1]],"intercepts":[0,0.5,0]}"#;
+        serde_json::from_str(text).unwrap()
+    }
+
+    #[test]
+    fn a_file_survives_a_round_trip() {
+        let predictor = Predictor::try_from(file()).unwrap();
+        assert_eq!(PredictorFile::from(&predictor), file());
+        let mut p = [0.0; 3];
+        predictor.probabilities_into(&[10.0, 1.0], &mut p);
+        assert!((p.iter().sum::<f64>() - 1.0).abs() < 1e-15);
+        assert!((p[1] / p[0] - 0.5f64.exp()).abs() < 1e-12);
+    }
+
+    #[test]
+    fn complaints_name_the_field() {
+        let complain = |change: fn(&mut PredictorFile)| {
+            let mut file = file();
+            change(&mut file);
+            Predictor::try_from(file).unwrap_err().field
+        };
+        assert_eq!(complain(|f| f.format = "x".into()), "format");
+        assert_eq!(complain(|f| f.kind = "oracle".into()), "kind");
+        assert_eq!(complain(|f| f.features[1] = "speed".into()), "features[1]");
+        assert_eq!(complain(|f| f.classes = vec![1, 0, -1]), "classes");
+        assert_eq!(complain(|f| f.scale = Some(vec![1.0, 0.0])), "scale[1]");
+        assert_eq!(complain(|f| f.mean = None), "mean");
+        assert_eq!(complain(|f| f.intercepts = Some(vec![0.0])), "intercepts");
+        assert_eq!(
+            complain(|f| f.coefficients = Some(vec![vec![0.0; 2]; 2])),
+            "coefficients"
+        );
+        assert_eq!(
+            complain(|f| f.coefficients = Some(vec![vec![0.0, f64::NAN]; 3])),
+            "coefficients[0][1]"
+        );
+    }
+}

@@ -1,0 +1,186 @@
+//! Studies: what participants go through, as data.
+
+use crate::invalid::Invalid;
+use crate::reachability::value_function::hex;
+use crate::scene::{EncounterRange, Scene, SceneParameters, generate};
+use crate::trial::Phase;
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+
+/// Everything that defines a study. The file form is TOML; a missing table or
+/// field takes the paper's value.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct StudyConfig {
+    /// Name in addresses: lower-case letters, digits and hyphens.
+    pub slug: String,
+    /// Name shown to people.
+    pub title: String,
+    /// Vehicles, danger radius and clock.
+    pub parameters: SceneParameters,
+    /// What a participant drives, in order.
+    pub phases: Vec<PhaseConfig>,
+}
+
+/// One phase of a study.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PhaseConfig {
+    /// Which phase.
+    pub phase: Phase,
+    /// How many scenes.
+    pub scenes: usize,
+    /// Whether the danger zone is drawn around the robot.
+    #[serde(default)]
+    pub show_danger_zone: bool,
+}
+
+impl Default for StudyConfig {
+    /// The paper's protocol. Its minute of familiarisation is six scenes of ten
+    /// seconds, with the danger zone drawn.
+    fn default() -> Self {
+        let phase = |phase, scenes, show_danger_zone| PhaseConfig {
+            phase,
+            scenes,
+            show_danger_zone,
+        };
+        Self {
+            slug: "default".to_owned(),
+            title: "Avoid the robot".to_owned(),
+            parameters: SceneParameters::default(),
+            phases: vec![
+                phase(Phase::Familiarisation, 6, true),
+                phase(Phase::Practice, 3, false),
+                phase(Phase::Task, 50, false),
+            ],
+        }
+    }
+}
+
+/// Most scenes of one phase: an hour of driving is 360.
+const MAX_SCENES: usize = 1000;
+
+impl StudyConfig {
+    /// Accepts a configuration that can be run.
+    ///
+    /// # Errors
+    /// [`Invalid`] naming the field.
+    pub fn check(&self) -> Result<(), Invalid> {
+        let slug_ok = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-';
+        if !(1..=64).contains(&self.slug.len()) || !self.slug.chars().all(slug_ok) {
+            let expected = "1 to 64 lower-case letters, digits and hyphens";
+            return Err(Invalid::new("slug", expected, format!("{:?}", self.slug)));
+        }
+        if self.title.trim().is_empty() || self.title.chars().count() > 200 {
+            return Err(Invalid::new(
+                "title",
+                "1 to 200 characters",
+                format!("{:?}", self.title),
+            ));
+        }
+        self.parameters
+            .check()
+            .map_err(|e| e.within("parameters"))?;
+        if self.phases.is_empty() {
+            return Err(Invalid::new("phases", "at least one phase", "none"));
+        }
+        for (i, phase) in self.phases.iter().enumerate() {
+            if !(1..=MAX_SCENES).contains(&phase.scenes) {
+                let expected = format!("a whole number from 1 to {MAX_SCENES}");
+                return Err(Invalid::new(
+                    format!("phases[{i}].scenes"),
+                    expected,
+                    phase.scenes,
+                ));
+            }
+            if i > 0 && self.phases[i - 1].phase >= phase.phase {
+                let expected = "each phase once, in the order familiarisation, practice, task";
+                return Err(Invalid::new(
+                    format!("phases[{i}].phase"),
+                    expected,
+                    phase.phase.word(),
+                ));
+            }
+        }
+        Ok(())
+    }
+
+    /// Content hash (SHA-256, hexadecimal): it changes when anything here does,
+    /// and is kept with each participant.
+    #[must_use]
+    pub fn hash(&self) -> String {
+        // Numbers, strings and lists always have a JSON form.
+        hex(&Sha256::digest(
+            serde_json::to_vec(self).unwrap_or_default(),
+        ))
+    }
+
+    /// The scenes of one participant, phase by phase; the same seed gives the
+    /// same scenes everywhere.
+    ///
+    /// # Errors
+    /// [`Invalid`] if the parameters leave the human no escape.
+    pub fn plan(&self, seed: u64) -> Result<Vec<(PhaseConfig, Vec<Scene>)>, Invalid> {
+        let range = EncounterRange::default();
+        (0u64..)
+            .zip(&self.phases)
+            .map(|(i, phase)| {
+                // An odd multiplier keeps the phases' streams apart.
+                let seed = seed.wrapping_add((i + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15));
+                let scenes = generate(&self.parameters, &range, phase.scenes, seed)?;
+                Ok((*phase, scenes.into_iter().map(|(scene, _)| scene).collect()))
+            })
+            .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_default_study_is_the_papers() {
+        let study = StudyConfig::default();
+        study.check().unwrap();
+        let plan = study.plan(1).unwrap();
+        let counts: Vec<_> = plan
+            .iter()
+            .map(|(p, scenes)| (p.phase, scenes.len()))
+            .collect();
+        assert_eq!(
+            counts,
+            [
+                (Phase::Familiarisation, 6),
+                (Phase::Practice, 3),
+                (Phase::Task, 50)
+            ]
+        );
+        assert_eq!(study.plan(1).unwrap(), plan);
+        assert_ne!(study.plan(2).unwrap(), plan);
+    }
+
+    #[test]
+    fn the_hash_follows_the_content() {
+        let mut study = StudyConfig::default();
+        let hash = study.hash();
+        assert_eq!(hash, StudyConfig::default().hash());
+        study.parameters.danger_radius_m = 3.5;
+        assert_ne!(hash, study.hash());
+    }
+
+    #[test]
+    fn complaints_name_the_field() {
+        let complain = |change: fn(&mut StudyConfig)| {
+            let mut study = StudyConfig::default();
+            change(&mut study);
+            study.check().unwrap_err().field
+        };
+        assert_eq!(complain(|s| s.slug = "Pilot 2".into()), "slug");
+        assert_eq!(complain(|s| s.phases[1].scenes = 0), "phases[1].scenes");
+        assert_eq!(complain(|s| s.phases.reverse()), "phases[1].phase");
+        assert_eq!(
+            complain(|s| s.parameters.human.speed_mps = -2.0),
+            "parameters.human.speed_mps"
+        );
+    }
+}

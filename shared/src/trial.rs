@@ -1,0 +1,341 @@
+//! Trials: a driven scene, its replay, and what came of it.
+
+use crate::math::{SeededRng, hypot, wrap_angle};
+use crate::reachability::value_function::hex;
+use crate::scene::{JointState, Scene, SceneParameters, closest_within_step};
+use crate::vehicle::{Pose, TurnInput};
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+
+/// The part of a study that a scene belongs to. Only tasks are analysed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Phase {
+    /// Getting used to the keys and the vehicle.
+    Familiarisation,
+    /// Scenes like the tasks, not analysed.
+    Practice,
+    /// The scenes that count.
+    Task,
+}
+
+impl Phase {
+    /// Every phase, in the order of a study.
+    pub const ALL: [Self; 3] = [Self::Familiarisation, Self::Practice, Self::Task];
+
+    /// The word used in files, rows and on the wire.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Familiarisation => "familiarisation",
+            Self::Practice => "practice",
+            Self::Task => "task",
+        }
+    }
+
+    /// The phase of that word.
+    #[must_use]
+    pub fn from_word(word: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|phase| phase.word() == word)
+    }
+}
+
+/// The states that `inputs` lead through from `start`: one more than inputs.
+#[must_use]
+pub fn simulate(
+    parameters: &SceneParameters,
+    start: JointState,
+    inputs: &[TurnInput],
+) -> Vec<JointState> {
+    let mut states = Vec::with_capacity(inputs.len() + 1);
+    let mut state = start;
+    states.push(state);
+    for &input in inputs {
+        state = state.advance(parameters, input, parameters.step_s);
+        states.push(state);
+    }
+    states
+}
+
+/// How recorded states compare with those that the inputs lead to.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Replay {
+    /// Whether every number is the same bit for bit.
+    pub exact: bool,
+    /// The first state that is not.
+    pub first_difference: Option<usize>,
+    /// Largest distance between a recorded and a replayed position, m.
+    pub max_position_error_m: f64,
+    /// Largest difference of heading, rad.
+    pub max_heading_error_rad: f64,
+}
+
+/// Replays `inputs` from `start` and compares with the recorded `states`.
+#[must_use]
+pub fn verify(
+    parameters: &SceneParameters,
+    start: JointState,
+    inputs: &[TurnInput],
+    states: &[JointState],
+) -> Replay {
+    let replayed = simulate(parameters, start, inputs);
+    let bits = |s: &JointState| {
+        let Pose {
+            x: hx,
+            y: hy,
+            psi: hp,
+        } = s.human;
+        let Pose {
+            x: rx,
+            y: ry,
+            psi: rp,
+        } = s.robot;
+        [hx, hy, hp, rx, ry, rp].map(f64::to_bits)
+    };
+    let first_difference = (0..replayed.len().max(states.len()))
+        .find(|&i| replayed.get(i).map(bits) != states.get(i).map(bits));
+    let poses = replayed
+        .iter()
+        .zip(states)
+        .flat_map(|(a, b)| [(a.human, b.human), (a.robot, b.robot)]);
+    let (mut position, mut heading) = (0.0f64, 0.0f64);
+    for (a, b) in poses {
+        position = position.max(hypot(a.x - b.x, a.y - b.y));
+        heading = heading.max(wrap_angle(a.psi - b.psi).abs());
+    }
+    Replay {
+        exact: first_difference.is_none(),
+        first_difference,
+        max_position_error_m: position,
+        max_heading_error_rad: heading,
+    }
+}
+
+/// What came of a trial.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Outcome {
+    /// Smallest distance between the vehicles, m.
+    pub closest_m: f64,
+    /// First step during which the human was in the danger zone.
+    pub first_step_in_danger: Option<usize>,
+    /// First and last step with a turn.
+    pub avoidance: Option<(usize, usize)>,
+}
+
+/// What came of `inputs` along `states` (one more state than inputs).
+#[must_use]
+pub fn outcome(
+    parameters: &SceneParameters,
+    inputs: &[TurnInput],
+    states: &[JointState],
+) -> Outcome {
+    let mut closest_m = states.first().map_or(f64::INFINITY, JointState::distance_m);
+    let mut first_step_in_danger = None;
+    for (step, (&state, &input)) in states.iter().zip(inputs).enumerate() {
+        let closest = closest_within_step(parameters, state, input);
+        closest_m = closest_m.min(closest);
+        if closest <= parameters.danger_radius_m && first_step_in_danger.is_none() {
+            first_step_in_danger = Some(step);
+        }
+    }
+    let turns = |input: &TurnInput| *input != TurnInput::Straight;
+    let avoidance = inputs
+        .iter()
+        .position(turns)
+        .zip(inputs.iter().rposition(turns));
+    Outcome {
+        closest_m,
+        first_step_in_danger,
+        avoidance,
+    }
+}
+
+/// Something about a trial that an analyst should know. Flags mark evidence;
+/// they never change or refuse it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Flag {
+    /// The first state is not the scene's start.
+    StartMismatch,
+    /// The states are not those that the inputs lead to.
+    ReplayMismatch,
+    /// An input was sampled more than 50 ms off its due time.
+    LateSample,
+    /// Read from a file, without evidence of timing and keys.
+    Imported,
+}
+
+impl Flag {
+    /// Every flag.
+    pub const ALL: [Self; 4] = [
+        Self::StartMismatch,
+        Self::ReplayMismatch,
+        Self::LateSample,
+        Self::Imported,
+    ];
+
+    /// The word used in files, rows and on the wire.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::StartMismatch => "start_mismatch",
+            Self::ReplayMismatch => "replay_mismatch",
+            Self::LateSample => "late_sample",
+            Self::Imported => "imported",
+        }
+    }
+
+    /// The flag of that word.
+    #[must_use]
+    pub fn from_word(word: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|flag| flag.word() == word)
+    }
+}
+
+/// An input sampled later than this after its step's start is flagged, ms.
+pub const LATE_SAMPLE_MS: f64 = 50.0;
+
+/// What a look at a recording shows, given the scene that was assigned.
+#[must_use]
+pub fn flags(
+    parameters: &SceneParameters,
+    scene: &Scene,
+    inputs: &[TurnInput],
+    states: &[JointState],
+    sampled_at_ms: &[f64],
+) -> Vec<Flag> {
+    let start_differs = states.first() != Some(&scene.start());
+    let recorded_start = states.first().copied().unwrap_or_else(|| scene.start());
+    let replay_differs = !verify(parameters, recorded_start, inputs, states).exact;
+    let origin = sampled_at_ms.first().copied().unwrap_or(0.0);
+    let late = sampled_at_ms.iter().enumerate().any(|(step, at)| {
+        let due = step as f64 * parameters.step_s * 1000.0;
+        (at - origin - due).abs() > LATE_SAMPLE_MS
+    });
+    [
+        (start_differs, Flag::StartMismatch),
+        (replay_differs, Flag::ReplayMismatch),
+        (late, Flag::LateSample),
+    ]
+    .into_iter()
+    .filter_map(|(seen, flag)| seen.then_some(flag))
+    .collect()
+}
+
+/// SHA-256 of the states of `count` random trials: two machines that agree on it
+/// simulate alike, bit for bit.
+#[must_use]
+pub fn simulation_fingerprint(seed: u64, count: usize) -> String {
+    let parameters = SceneParameters::default();
+    let mut rng = SeededRng::new(seed);
+    let mut hash = Sha256::new();
+    for _ in 0..count {
+        let mut pose = || {
+            Pose::new(
+                rng.uniform(-20.0, 20.0),
+                rng.uniform(-20.0, 20.0),
+                rng.uniform(-4.0, 4.0),
+            )
+        };
+        let start = JointState {
+            human: pose(),
+            robot: pose(),
+        };
+        let inputs: Vec<_> = (0..parameters.steps)
+            .map(|_| TurnInput::ALL[rng.below(3)])
+            .collect();
+        for state in simulate(&parameters, start, &inputs) {
+            for pose in [state.human, state.robot] {
+                for number in <[f64; 3]>::from(pose) {
+                    hash.update(number.to_le_bytes());
+                }
+            }
+        }
+    }
+    hex(&hash.finalize())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::{EncounterRange, generate};
+
+    fn driven() -> (SceneParameters, Scene, Vec<TurnInput>, Vec<JointState>) {
+        let parameters = SceneParameters::default();
+        let (scene, _) = generate(&parameters, &EncounterRange::default(), 1, 5).unwrap()[0];
+        let mut inputs = vec![TurnInput::Straight; 50];
+        inputs[10..30].fill(TurnInput::Left);
+        let states = simulate(&parameters, scene.start(), &inputs);
+        (parameters, scene, inputs, states)
+    }
+
+    fn on_time() -> Vec<f64> {
+        (0..50).map(|step| f64::from(step) * 200.0 + 3.0).collect()
+    }
+
+    #[test]
+    fn an_honest_recording_replays_exactly() {
+        let (parameters, scene, inputs, states) = driven();
+        let replay = verify(&parameters, scene.start(), &inputs, &states);
+        assert!(replay.exact);
+        assert_eq!(replay.max_position_error_m, 0.0);
+        assert_eq!(flags(&parameters, &scene, &inputs, &states, &on_time()), []);
+        assert_eq!(
+            outcome(&parameters, &inputs, &states).avoidance,
+            Some((10, 29))
+        );
+    }
+
+    #[test]
+    fn a_changed_bit_is_noticed() {
+        let (parameters, scene, inputs, mut states) = driven();
+        states[17].human.x = f64::from_bits(states[17].human.x.to_bits() + 1);
+        let replay = verify(&parameters, scene.start(), &inputs, &states);
+        assert_eq!(replay.first_difference, Some(17));
+        assert_eq!(
+            flags(&parameters, &scene, &inputs, &states, &on_time()),
+            [Flag::ReplayMismatch]
+        );
+    }
+
+    #[test]
+    fn another_start_and_late_samples_are_flagged() {
+        let (parameters, scene, inputs, _) = driven();
+        let mut start = scene.start();
+        start.human.x += 1.0;
+        let states = simulate(&parameters, start, &inputs);
+        let mut sampled = on_time();
+        sampled[20] += 60.0;
+        assert_eq!(
+            flags(&parameters, &scene, &inputs, &states, &sampled),
+            [Flag::StartMismatch, Flag::LateSample]
+        );
+    }
+
+    #[test]
+    fn states_survive_json_bit_for_bit() {
+        let (_, _, _, states) = driven();
+        let text = serde_json::to_string(&states).unwrap();
+        assert_eq!(
+            serde_json::from_str::<Vec<JointState>>(&text).unwrap(),
+            states
+        );
+    }
+
+    #[test]
+    fn driving_on_enters_the_danger_zone() {
+        let (parameters, scene, ..) = driven();
+        let inputs = vec![TurnInput::Straight; 50];
+        let states = simulate(&parameters, scene.start(), &inputs);
+        let outcome = outcome(&parameters, &inputs, &states);
+        assert!(outcome.closest_m <= 3.0);
+        assert!(outcome.first_step_in_danger.unwrap() >= 9);
+        assert_eq!(outcome.avoidance, None);
+    }
+
+    #[test]
+    fn fingerprints_follow_the_seed() {
+        assert_eq!(simulation_fingerprint(1, 10), simulation_fingerprint(1, 10));
+        assert_ne!(simulation_fingerprint(1, 10), simulation_fingerprint(2, 10));
+    }
+}
