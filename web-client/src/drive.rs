@@ -1,0 +1,303 @@
+//! A scene that is being driven: steps from the clock, smooth motion in between.
+
+use crate::input::{BLUR, input_at};
+use sidestep::api::{KeyEvent, MAX_KEY_EVENTS, TrialUpload};
+use sidestep::scene::{JointState, Scene, SceneParameters};
+use sidestep::vehicle::TurnInput;
+
+/// A scene between its start and its end.
+///
+/// Steps follow from the clock and never from the number of frames: step i is
+/// due at i · 0.2 s, and its input is what the keys, by their own time stamps,
+/// asked for at that moment. A frame that comes late therefore changes when a
+/// step is computed but not what it is.
+#[derive(Clone, Debug)]
+pub struct Drive {
+    parameters: SceneParameters,
+    /// Start on the page's clock, ms.
+    start_ms: f64,
+    /// Start by the participant's clock, ms since 1970.
+    started_at_ms: f64,
+    inputs: Vec<TurnInput>,
+    states: Vec<JointState>,
+    sampled_at_ms: Vec<f64>,
+    key_events: Vec<KeyEvent>,
+    frames: FrameTimes,
+}
+
+/// How frames came and how long their work took, ms.
+#[derive(Clone, Debug, Default)]
+struct FrameTimes {
+    last_ms: Option<f64>,
+    gaps_ms: Vec<f64>,
+    work_ms: Vec<f64>,
+}
+
+impl Drive {
+    /// A scene that starts at `start_ms` on the page's clock, which is
+    /// `started_at_ms` since 1970. `held` are the keys that are down already.
+    #[must_use]
+    pub fn new(
+        parameters: SceneParameters,
+        scene: &Scene,
+        start_ms: f64,
+        started_at_ms: f64,
+        held: impl IntoIterator<Item = (f64, String)>,
+    ) -> Self {
+        let mut key_events: Vec<_> = held
+            .into_iter()
+            .map(|(t_ms, key)| KeyEvent {
+                t_ms: (t_ms - start_ms).min(0.0),
+                key,
+                down: true,
+            })
+            .collect();
+        key_events.sort_by(|a, b| a.t_ms.total_cmp(&b.t_ms));
+        Self {
+            parameters,
+            start_ms,
+            started_at_ms,
+            inputs: Vec::with_capacity(parameters.steps),
+            states: vec![scene.start()],
+            sampled_at_ms: Vec::with_capacity(parameters.steps),
+            key_events,
+            frames: FrameTimes::default(),
+        }
+    }
+
+    /// Takes note of a key, at `t_ms` on the page's clock.
+    pub fn key(&mut self, t_ms: f64, key: &str, down: bool) {
+        // Events are delivered in order; the guard is for clocks that are not.
+        let last = self
+            .key_events
+            .last()
+            .map_or(f64::NEG_INFINITY, |event| event.t_ms);
+        if self.key_events.len() < MAX_KEY_EVENTS {
+            let t_ms = (t_ms - self.start_ms).max(last);
+            self.key_events.push(KeyEvent {
+                t_ms,
+                key: key.to_owned(),
+                down,
+            });
+        }
+    }
+
+    /// Takes note that the keyboard was lost: no key is held any more.
+    pub fn blur(&mut self, t_ms: f64) {
+        self.key(t_ms, BLUR, false);
+    }
+
+    fn step_ms(&self) -> f64 {
+        self.parameters.step_s * 1000.0
+    }
+
+    /// Computes every step that has begun by `now_ms`; true when the scene is over.
+    pub fn tick(&mut self, now_ms: f64) -> bool {
+        let elapsed = now_ms - self.start_ms;
+        if let Some(last) = self.frames.last_ms.replace(now_ms) {
+            self.frames.gaps_ms.push(now_ms - last);
+        }
+        while self.inputs.len() < self.parameters.steps {
+            let due = self.inputs.len() as f64 * self.step_ms();
+            if elapsed < due {
+                return false;
+            }
+            let input = input_at(&self.key_events, due);
+            let state = self.states[self.states.len() - 1];
+            self.states
+                .push(state.advance(&self.parameters, input, self.parameters.step_s));
+            self.inputs.push(input);
+            self.sampled_at_ms.push(elapsed);
+        }
+        elapsed >= self.parameters.steps as f64 * self.step_ms()
+    }
+
+    /// Where both vehicles are at `now_ms`, on the arc of the present step.
+    #[must_use]
+    pub fn state_at(&self, now_ms: f64) -> JointState {
+        let Some(&input) = self.inputs.last() else {
+            return self.states[0];
+        };
+        let step = self.inputs.len() - 1;
+        let begun = self.start_ms + step as f64 * self.step_ms();
+        let into = ((now_ms - begun) / 1000.0).clamp(0.0, self.parameters.step_s);
+        self.states[step].advance(&self.parameters, input, into)
+    }
+
+    /// The present step, from 0; the number of steps when the scene is over.
+    #[must_use]
+    pub fn step_at(&self, now_ms: f64) -> usize {
+        let step = (now_ms - self.start_ms) / self.step_ms();
+        (step.max(0.0) as usize).min(self.parameters.steps)
+    }
+
+    /// Takes note of how long the work of a frame took, ms.
+    pub fn frame_took(&mut self, ms: f64) {
+        self.frames.work_ms.push(ms);
+    }
+
+    /// The finished scene, ready to be sent. `screen` describes the display.
+    #[must_use]
+    pub fn into_upload(self, screen: &[(&'static str, f64)]) -> TrialUpload {
+        let frames = &self.frames;
+        let measured = [
+            ("frames", frames.work_ms.len() as f64),
+            ("frame_gap_median_ms", quantile(&frames.gaps_ms, 0.5)),
+            ("frame_gap_max_ms", quantile(&frames.gaps_ms, 1.0)),
+            ("frame_work_p99_ms", quantile(&frames.work_ms, 0.99)),
+        ];
+        let entries = screen.iter().copied().chain(measured);
+        let display = entries
+            .map(|(name, value)| ((*name).to_owned(), serde_json::Value::from(value)))
+            .collect();
+        TrialUpload {
+            started_at_ms: self.started_at_ms,
+            inputs: self.inputs,
+            states: self.states,
+            sampled_at_ms: self.sampled_at_ms,
+            key_events: self.key_events,
+            display,
+        }
+    }
+}
+
+/// The value below which a share of `values` lies; 0 if there are none.
+fn quantile(values: &[f64], share: f64) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let rank = (share * sorted.len() as f64).ceil() as usize;
+    sorted.get(rank.saturating_sub(1)).copied().unwrap_or(0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use sidestep::scene::{EncounterRange, generate};
+    use sidestep::trial::{flags, verify};
+
+    fn scene() -> Scene {
+        generate(
+            &SceneParameters::default(),
+            &EncounterRange::default(),
+            1,
+            4,
+        )
+        .unwrap()[0]
+            .0
+    }
+
+    /// Drives with frames at the given times; keys at theirs.
+    fn drive(frames: impl Iterator<Item = f64>, keys: &[(f64, &str, bool)]) -> TrialUpload {
+        let mut drive = Drive::new(SceneParameters::default(), &scene(), 1000.0, 1.7e12, []);
+        let mut keys = keys.iter().peekable();
+        for now in frames {
+            while let Some((t, key, down)) = keys.next_if(|(t, ..)| *t <= now) {
+                drive.key(*t, key, *down);
+            }
+            let over = drive.tick(now);
+            drive.frame_took(0.5);
+            if over {
+                return drive.into_upload(&[("width_px", 1280.0)]);
+            }
+        }
+        panic!("the scene did not end");
+    }
+
+    const KEYS: &[(f64, &str, bool)] = &[
+        (3050.0, "ArrowLeft", true),
+        (5210.0, "d", true),
+        (6000.0, "d", false),
+        (7000.0, "ArrowLeft", false),
+    ];
+
+    #[test]
+    fn a_scene_is_a_valid_trial_that_replays_exactly() {
+        let parameters = SceneParameters::default();
+        let trial = drive((0..).map(|i| 1000.0 + f64::from(i) * 16.7), KEYS);
+        trial.check(&parameters).unwrap();
+        assert_eq!((trial.inputs.len(), trial.states.len()), (50, 51));
+        assert!(verify(&parameters, scene().start(), &trial.inputs, &trial.states).exact);
+        assert_eq!(
+            flags(
+                &parameters,
+                &scene(),
+                &trial.inputs,
+                &trial.states,
+                &trial.sampled_at_ms
+            ),
+            []
+        );
+        // Left from 2.05 s (first step that starts later: 11), right from 4.21 s to 5.0 s, left to 6.0 s.
+        let signs: Vec<i8> = trial.inputs.iter().map(|input| input.sign()).collect();
+        let expected: Vec<i8> = (0..50)
+            .map(|step| match step {
+                11..=21 => 1,
+                22..=24 => -1,
+                25..=29 => 1,
+                _ => 0,
+            })
+            .collect();
+        assert_eq!(signs, expected);
+    }
+
+    #[test]
+    fn the_rate_of_frames_changes_nothing() {
+        let smooth = drive((0..).map(|i| 1000.0 + f64::from(i) * 6.9), KEYS);
+        let rough = drive((0..).map(|i| 1000.0 + f64::from(i) * 143.0), KEYS);
+        assert_eq!(smooth.inputs, rough.inputs);
+        assert_eq!(smooth.states, rough.states);
+        assert!(
+            rough
+                .sampled_at_ms
+                .iter()
+                .zip(0..)
+                .all(|(t, i)| *t >= f64::from(i) * 200.0)
+        );
+    }
+
+    #[test]
+    fn a_stalled_page_is_flagged_not_hidden() {
+        let frames = [1000.0, 1200.0, 4000.0, 10_990.0, 11_010.0];
+        let trial = drive(frames.into_iter(), &[]);
+        let parameters = SceneParameters::default();
+        let flags = flags(
+            &parameters,
+            &scene(),
+            &trial.inputs,
+            &trial.states,
+            &trial.sampled_at_ms,
+        );
+        assert_eq!(flags, [sidestep::trial::Flag::LateSample]);
+    }
+
+    #[test]
+    fn motion_between_steps_is_continuous() {
+        let mut drive = Drive::new(
+            SceneParameters::default(),
+            &scene(),
+            0.0,
+            0.0,
+            [(-50.0, "a".to_owned())],
+        );
+        drive.tick(200.0);
+        let (before, after) = (drive.states[1], drive.state_at(200.0));
+        assert_eq!(before, after);
+        let almost = {
+            let mut drive = Drive::new(
+                SceneParameters::default(),
+                &scene(),
+                0.0,
+                0.0,
+                [(-50.0, "a".to_owned())],
+            );
+            drive.tick(199.9);
+            drive.state_at(199.9)
+        };
+        assert!(almost.distance_m() - before.distance_m() < 1e-3);
+        assert_eq!(
+            drive.inputs[0],
+            TurnInput::Left,
+            "a key held before the start counts"
+        );
+    }
+}

@@ -1,0 +1,39 @@
+//! The scene itself: both vehicles and the goal.
+
+use crate::shape::{Ink, Shape, Stroke};
+use sidestep::scene::{JointState, Scene};
+use sidestep::vehicle::Pose;
+
+/// Side of the goal's square, m.
+const GOAL_SIDE_M: f64 = 0.85;
+
+/// The red square, the red and the blue arrow.
+#[must_use]
+pub fn vehicles_and_goal(scene: &Scene, state: JointState) -> Vec<Shape> {
+    vec![
+        Shape::Square {
+            centre: scene.goal,
+            side_m: GOAL_SIDE_M,
+            ink: Ink::Robot,
+        },
+        Shape::Vehicle {
+            pose: state.robot,
+            ink: Ink::Robot,
+        },
+        Shape::Vehicle {
+            pose: state.human,
+            ink: Ink::Human,
+        },
+    ]
+}
+
+/// The disc around the robot that the human must keep out of.
+#[must_use]
+pub fn danger_zone(robot: Pose, radius_m: f64) -> Shape {
+    Shape::Disc {
+        centre: robot.position(),
+        radius_m,
+        fill: Some((Ink::Robot, 0.07)),
+        stroke: Some(Stroke::solid(Ink::Robot, 1.0)),
+    }
+}

@@ -1,0 +1,5 @@
+//! The pages, one state machine each.
+
+pub mod lab;
+pub mod participant;
+pub mod replay;

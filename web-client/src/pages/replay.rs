@@ -1,0 +1,687 @@
+//! The replay of one trial: a time slider, the safety levels, the predicted sets
+//! and what the participant really did.
+
+use crate::overlays::{LAYERS, Moment, stage};
+use crate::shape::{Picture, Shape, Window};
+use crate::view::{Node, el, subscripted};
+use sidestep::api::{TrainedPredictor, TrialDetail};
+use sidestep::features::SafetyFunctions;
+use sidestep::invalid::Invalid;
+use sidestep::predict::Predictor;
+use sidestep::scene::JointState;
+use sidestep::shfrs::{PredictedHuman, Shfrs, ShfrsSettings, predict};
+use sidestep::vehicle::TurnInput;
+
+/// The state of a replay.
+pub struct Replay {
+    trial: TrialDetail,
+    safety: Option<SafetyFunctions>,
+    /// V_HR and V_RH of each state, m.
+    levels: Vec<(f64, f64)>,
+    learned: Option<Learned>,
+    /// Time into the trial, s.
+    time_s: f64,
+    /// Time of the last frame while it plays, ms.
+    playing_since: Option<f64>,
+    shown: Vec<bool>,
+    window: Window,
+    prediction: Option<Prediction>,
+    /// What is wrong, if something is.
+    pub trouble: Option<String>,
+}
+
+struct Learned {
+    predictor: Predictor,
+    trials: usize,
+    fallback: Option<String>,
+    settings: ShfrsSettings,
+}
+
+/// What is predicted at a moment.
+struct Prediction {
+    probabilities: Vec<(TurnInput, f64)>,
+    shfrs: Shfrs,
+}
+
+impl Replay {
+    /// The replay of a trial, at its start.
+    #[must_use]
+    pub fn new(trial: TrialDetail) -> Self {
+        let everything = trial
+            .states
+            .iter()
+            .flat_map(|s| [s.human.position(), s.robot.position()]);
+        let window = Window::around(everything.chain([trial.scene.goal]), 3.5)
+            .unwrap_or_else(|| Window::square(15.0));
+        Self {
+            trial,
+            safety: None,
+            levels: Vec::new(),
+            learned: None,
+            time_s: 0.0,
+            playing_since: None,
+            shown: LAYERS.iter().map(|layer| layer.shown).collect(),
+            window,
+            prediction: None,
+            trouble: None,
+        }
+    }
+
+    /// The trial.
+    #[must_use]
+    pub fn trial(&self) -> &TrialDetail {
+        &self.trial
+    }
+
+    /// Takes the value functions.
+    pub fn take_safety(&mut self, safety: SafetyFunctions) {
+        let level = |s: &JointState| (safety.human_level(s), safety.robot_level(s));
+        self.levels = self.trial.states.iter().map(level).collect();
+        self.safety = Some(safety);
+        self.update();
+    }
+
+    /// Takes the predictor.
+    pub fn take_predictor(&mut self, trained: TrainedPredictor) {
+        let TrainedPredictor {
+            predictor,
+            trials,
+            fallback,
+        } = trained;
+        let learned = Predictor::try_from(predictor).and_then(|predictor| {
+            let settings = ShfrsSettings::paper(predictor.classes().len())?;
+            Ok(Learned {
+                predictor,
+                trials,
+                fallback,
+                settings,
+            })
+        });
+        match learned {
+            Ok(learned) => self.learned = Some(learned),
+            Err(invalid) => self.trouble = Some(invalid.to_string()),
+        }
+        self.update();
+    }
+
+    /// Length of the trial, s.
+    fn duration_s(&self) -> f64 {
+        self.trial.inputs.len() as f64 * self.trial.parameters.step_s
+    }
+
+    /// The present step; the number of steps at the end.
+    #[must_use]
+    pub fn step(&self) -> usize {
+        // The tolerance keeps a time that is a whole number of steps in its own step.
+        ((self.time_s / self.trial.parameters.step_s + 1e-9) as usize).min(self.trial.inputs.len())
+    }
+
+    fn state(&self) -> JointState {
+        let step = self.step();
+        let state = self.trial.states[step];
+        match self.trial.inputs.get(step) {
+            None => state,
+            Some(&input) => {
+                let begun = step as f64 * self.trial.parameters.step_s;
+                state.advance(
+                    &self.trial.parameters,
+                    input,
+                    (self.time_s - begun).max(0.0),
+                )
+            }
+        }
+    }
+
+    fn seek(&mut self, time_s: f64) {
+        self.time_s = time_s.clamp(0.0, self.duration_s());
+        self.update();
+    }
+
+    /// Whether it plays.
+    #[must_use]
+    pub fn is_playing(&self) -> bool {
+        self.playing_since.is_some()
+    }
+
+    /// Plays on to `now_ms` on the page's clock.
+    pub fn frame(&mut self, now_ms: f64) {
+        let Some(last) = self.playing_since.replace(now_ms) else {
+            self.playing_since = None;
+            return;
+        };
+        self.seek(self.time_s + (now_ms - last).max(0.0) / 1000.0);
+        if self.time_s >= self.duration_s() {
+            self.playing_since = None;
+        }
+    }
+
+    /// Takes a press.
+    pub fn act(&mut self, word: &str, value: &str, now_ms: f64) {
+        let step_s = self.trial.parameters.step_s;
+        match word {
+            "play" if self.is_playing() => self.playing_since = None,
+            "play" => {
+                if self.time_s >= self.duration_s() {
+                    self.seek(0.0);
+                }
+                self.playing_since = Some(now_ms);
+            }
+            "seek" => {
+                self.playing_since = None;
+                if let Ok(step) = value.parse::<f64>() {
+                    self.seek(step * step_s);
+                }
+            }
+            layer => {
+                let at = LAYERS.iter().position(|known| known.name == layer);
+                if let Some(shown) = at.and_then(|at| self.shown.get_mut(at)) {
+                    *shown = !*shown;
+                }
+            }
+        }
+    }
+
+    /// Predicts anew for the present moment.
+    fn update(&mut self) {
+        match self.predict() {
+            Ok(prediction) => self.prediction = prediction,
+            Err(invalid) => self.trouble = Some(invalid.to_string()),
+        }
+    }
+
+    fn predict(&self) -> Result<Option<Prediction>, Invalid> {
+        let (Some(learned), Some(safety)) = (&self.learned, &self.safety) else {
+            return Ok(None);
+        };
+        let parameters = &self.trial.parameters;
+        let human = PredictedHuman::new(&learned.predictor, safety, parameters);
+        let state = self.state();
+        let mut history = self.trial.states[..self.step()].to_vec();
+        history.push(state);
+        let mut p = vec![0.0; learned.predictor.classes().len()];
+        human.probabilities_in(&state, &mut p);
+        let of_class = |input: TurnInput| {
+            let class = learned
+                .predictor
+                .classes()
+                .iter()
+                .position(|&c| c == input.sign());
+            (input, class.map_or(0.0, |class| p[class]))
+        };
+        let probabilities = TurnInput::ALL.into_iter().rev().map(of_class).collect();
+        let shfrs = predict(&history, parameters, &human, &learned.settings)?;
+        Ok(Some(Prediction {
+            probabilities,
+            shfrs,
+        }))
+    }
+
+    /// What is drawn.
+    #[must_use]
+    pub fn picture(&self) -> Picture {
+        let moment = Moment {
+            trial: &self.trial,
+            step: self.step(),
+            state: self.state(),
+            safety: self.safety.as_ref(),
+            shfrs: self.prediction.as_ref().map(|prediction| &prediction.shfrs),
+        };
+        let mut shapes = vec![Shape::Grid { every_m: 5.0 }];
+        for (layer, shown) in LAYERS.iter().zip(&self.shown) {
+            if *shown {
+                shapes.extend((layer.shapes)(&moment));
+            }
+        }
+        shapes.extend(stage::vehicles_and_goal(&self.trial.scene, moment.state));
+        Picture {
+            canvas: "replay",
+            window: self.window,
+            shapes,
+            attributes: vec![
+                ("data-step", self.step().to_string()),
+                ("data-trial", self.trial.summary.trial_id.clone()),
+            ],
+        }
+    }
+
+    /// What is shown around the canvas.
+    #[must_use]
+    pub fn view(&self) -> Node {
+        el("main")
+            .class("replay")
+            .child(self.scene_view())
+            .child(self.panel())
+            .child(self.timeline())
+    }
+
+    fn scene_view(&self) -> Node {
+        let switches = LAYERS.iter().zip(&self.shown).map(|(layer, shown)| {
+            let (letter, below, rest) = layer.label;
+            let label = if below.is_empty() {
+                el("span").text(letter)
+            } else {
+                subscripted("span", letter, below)
+            };
+            el("button")
+                .class("switch")
+                .attr("type", "button")
+                .attr("aria-pressed", shown)
+                .attr("title", layer.meaning)
+                .action(layer.name)
+                .test_id(&format!("layer-{}", layer.name))
+                .child(label.text(rest))
+        });
+        el("section")
+            .class("view")
+            .child(
+                el("div")
+                    .class("switches")
+                    .attr("role", "group")
+                    .attr("aria-label", "Layers")
+                    .children(switches),
+            )
+            .child(
+                el("canvas")
+                    .attr("id", "replay")
+                    .test_id("replay")
+                    .attr("role", "img")
+                    .attr(
+                        "aria-label",
+                        "The trial seen from above, with the chosen layers",
+                    ),
+            )
+    }
+
+    fn panel(&self) -> Node {
+        let step = self.step();
+        let state = self.state();
+        let metres = |value: f64| format!("{value:.2} m");
+        let level = |read: fn(&SafetyFunctions, &JointState) -> f64| {
+            self.safety
+                .as_ref()
+                .map_or_else(|| "…".to_owned(), |safety| metres(read(safety, &state)))
+        };
+        let input = self
+            .trial
+            .inputs
+            .get(step)
+            .map_or("—", |input| input.word());
+        let row = |name: Node, value: String| el("div").child(name).child(el("dd").text(value));
+        let facts = el("dl").class("facts").children([
+            row(
+                subscripted("dt", "V", "HR"),
+                level(SafetyFunctions::human_level),
+            ),
+            row(
+                subscripted("dt", "V", "RH"),
+                level(SafetyFunctions::robot_level),
+            ),
+            row(el("dt").text("distance"), metres(state.distance_m())),
+            row(el("dt").text("input"), input.to_owned()),
+        ]);
+        el("aside")
+            .class("panel")
+            .child(
+                el("h1")
+                    .text(format!("Step {step}"))
+                    .child(el("small").text(format!("t = {:.1} s", self.time_s))),
+            )
+            .child(facts)
+            .children(
+                self.prediction
+                    .as_ref()
+                    .map(|prediction| self.next_input(prediction)),
+            )
+            .children(
+                self.prediction
+                    .as_ref()
+                    .map(|prediction| self.regions(prediction)),
+            )
+            .child(self.evidence())
+            .children(
+                self.trouble
+                    .as_ref()
+                    .map(|text| el("p").class("trouble").attr("role", "alert").text(text)),
+            )
+    }
+
+    fn next_input(&self, prediction: &Prediction) -> Node {
+        let source =
+            self.learned
+                .as_ref()
+                .map_or_else(String::new, |learned| match &learned.fallback {
+                    None => format!(
+                        "logistic, B_hrd, trained on the {} trials before",
+                        learned.trials
+                    ),
+                    Some(why) => why.clone(),
+                });
+        let bars = prediction.probabilities.iter().map(|(input, p)| {
+            let percent = 100.0 * p;
+            el("div")
+                .child(el("dt").text(input.word()))
+                .child(
+                    el("dd")
+                        .class("bar")
+                        .attr("aria-hidden", "true")
+                        .child(el("i").attr("style", format!("width:{percent:.1}%"))),
+                )
+                .child(el("dd").text(format!("{percent:.0} %")))
+        });
+        el("section")
+            .test_id("prediction")
+            .child(el("h2").text("Next input"))
+            .child(el("p").class("quiet").test_id("predictor").text(source))
+            .child(el("dl").class("bars").children(bars))
+    }
+
+    fn regions(&self, prediction: &Prediction) -> Node {
+        let head = ["set", "ε / rad s⁻¹", "area / m²"]
+            .map(|words| el("th").attr("scope", "col").text(words));
+        let rows = prediction.shfrs.sets.iter().enumerate().map(|(j, set)| {
+            let name = subscripted("th", "F", &(j + 1).to_string()).attr("scope", "row");
+            let name = Node {
+                children: [crate::view::Child::Node(
+                    el("i").class(&format!("swatch region-{}", j + 1)),
+                )]
+                .into_iter()
+                .chain(name.children)
+                .collect(),
+                ..name
+            };
+            el("tr")
+                .child(name)
+                .child(el("td").text(format!("{:.2}", set.epsilon)))
+                .child(el("td").text(format!("{:.2}", set.area_m2)))
+        });
+        el("section")
+            .child(el("h2").text("Predicted sets"))
+            .child(
+                el("p")
+                    .class("quiet")
+                    .text("Next 2 s, k = 2 2 1 1 …; each set contains the ones above it."),
+            )
+            .child(
+                el("table")
+                    .class("regions")
+                    .test_id("regions")
+                    .child(el("thead").child(el("tr").children(head)))
+                    .child(el("tbody").children(rows)),
+            )
+    }
+
+    /// What came of the trial, and whether it can be trusted.
+    fn evidence(&self) -> Node {
+        let summary = &self.trial.summary;
+        let closest = format!("{:.2} m", summary.outcome.closest_m);
+        let danger = summary
+            .outcome
+            .first_step_in_danger
+            .map_or_else(|| "never".to_owned(), |step| format!("from step {step}"));
+        let replay = if self.trial.replay.exact {
+            "exact".to_owned()
+        } else {
+            format!(
+                "off by up to {:.2e} m",
+                self.trial.replay.max_position_error_m
+            )
+        };
+        let flags: Vec<_> = summary
+            .flags
+            .iter()
+            .map(|flag| flag.word().replace('_', " "))
+            .collect();
+        let flags = if flags.is_empty() {
+            "none".to_owned()
+        } else {
+            flags.join(", ")
+        };
+        let row = |name: &str, value: String| {
+            el("div")
+                .child(el("dt").text(name))
+                .child(el("dd").text(value))
+        };
+        el("section")
+            .child(el("h2").text("Trial"))
+            .child(el("dl").class("facts").children([
+                row("closest", closest),
+                row("in danger zone", danger),
+                row("replay", replay),
+                row("flags", flags),
+            ]))
+    }
+
+    fn timeline(&self) -> Node {
+        let steps = self.trial.inputs.len();
+        let words = if self.is_playing() { "Pause" } else { "Play" };
+        let icon = if self.is_playing() {
+            "M6 5h4v14H6zM14 5h4v14h-4z"
+        } else {
+            "M8 5v14l11-7z"
+        };
+        let legend = [
+            ("human", "V", "HR"),
+            ("robot", "V", "RH"),
+            ("range", "distance − R", "c"),
+        ];
+        let legend = legend.into_iter().map(|(class, letter, below)| {
+            el("span")
+                .class(&format!("key {class}"))
+                .child(subscripted("span", letter, below))
+        });
+        el("section")
+            .class("timeline")
+            .child(
+                el("div")
+                    .class("controls")
+                    .child(
+                        el("button")
+                            .class("play")
+                            .attr("type", "button")
+                            .attr("aria-label", words)
+                            .action("play")
+                            .test_id("play")
+                            .child(
+                                el("svg")
+                                    .attr("viewBox", "0 0 24 24")
+                                    .attr("aria-hidden", "true")
+                                    .child(el("path").attr("d", icon)),
+                            ),
+                    )
+                    .child(
+                        el("span")
+                            .class("time")
+                            .text(format!("{:.1} s", self.time_s)),
+                    )
+                    .child(
+                        el("span")
+                            .class("legend")
+                            .children(legend)
+                            .child(el("span").class("key input").text("turning")),
+                    ),
+            )
+            .child(
+                el("div").class("chart").child(self.chart()).child(
+                    el("input")
+                        .attr("type", "range")
+                        .attr("min", 0)
+                        .attr("max", steps)
+                        .attr("step", 1)
+                        .attr("value", self.step())
+                        .attr("aria-label", "Step")
+                        .attr("data-action", "seek")
+                        .test_id("slider"),
+                ),
+            )
+            .child(self.table())
+    }
+
+    /// Safety levels, range and input over time.
+    fn chart(&self) -> Node {
+        chart::draw(&self.trial, &self.levels, self.time_s)
+    }
+
+    /// The chart's numbers.
+    fn table(&self) -> Node {
+        let head = [
+            "step",
+            "t / s",
+            "V_HR / m",
+            "V_RH / m",
+            "distance / m",
+            "input",
+        ];
+        let head = head.map(|words| el("th").attr("scope", "col").text(words));
+        let rows = self
+            .trial
+            .inputs
+            .iter()
+            .zip(&self.trial.states)
+            .enumerate()
+            .map(|(i, (input, state))| {
+                let level = |pick: fn(&(f64, f64)) -> f64| {
+                    self.levels
+                        .get(i)
+                        .map_or_else(String::new, |v| format!("{:.3}", pick(v)))
+                };
+                let cells = [
+                    i.to_string(),
+                    format!("{:.1}", i as f64 * self.trial.parameters.step_s),
+                    level(|v| v.0),
+                    level(|v| v.1),
+                    format!("{:.3}", state.distance_m()),
+                    input.word().to_owned(),
+                ];
+                el("tr").children(cells.map(|words| el("td").text(words)))
+            });
+        el("details")
+            .class("table-twin")
+            .child(el("summary").text("Numbers"))
+            .child(
+                el("div").class("scroll").child(
+                    el("table")
+                        .child(el("thead").child(el("tr").children(head)))
+                        .child(el("tbody").children(rows)),
+                ),
+            )
+    }
+}
+
+mod chart {
+    use super::{JointState, Node, TrialDetail, TurnInput, el};
+
+    const WIDTH: f64 = 1000.0;
+    const HEIGHT: f64 = 130.0;
+    /// Part of the height for the input's strip and the time axis.
+    const FOOT: f64 = 34.0;
+
+    /// The chart stretches to its place, so that words stay outside of it.
+    pub(super) fn draw(trial: &TrialDetail, levels: &[(f64, f64)], time_s: f64) -> Node {
+        let steps = trial.inputs.len() as f64;
+        let radius = trial.parameters.danger_radius_m;
+        let ranges: Vec<f64> = trial
+            .states
+            .iter()
+            .map(JointState::distance_m)
+            .map(|d| d - radius)
+            .collect();
+        let of_levels = levels.iter().flat_map(|&(a, b)| [a, b]);
+        let all = ranges.iter().copied().chain(of_levels);
+        let (low, high) = all.fold((-1.0f64, 1.0f64), |(low, high), v| {
+            (low.min(v), high.max(v))
+        });
+        let x = |i: f64| i / steps * WIDTH;
+        let y = |v: f64| (HEIGHT - FOOT) * (1.0 - (v - low) / (high - low)) + 4.0;
+        let line = |class: &str, values: &mut dyn Iterator<Item = f64>| {
+            let points: Vec<_> = values
+                .enumerate()
+                .map(|(i, v)| format!("{:.1},{:.2}", x(i as f64), y(v)))
+                .collect();
+            el("polyline").class(class).attr("points", points.join(" "))
+        };
+        let rule = |class: &str, v: f64| {
+            el("line")
+                .class(class)
+                .attr("x1", 0)
+                .attr("x2", WIDTH)
+                .attr("y1", format!("{:.2}", y(v)))
+                .attr("y2", format!("{:.2}", y(v)))
+        };
+        let every = if high - low > 12.0 { 5.0 } else { 2.0 };
+        let ticks: Vec<f64> = (-20..=20)
+            .map(|i| f64::from(i) * every)
+            .filter(|v| (low..=high).contains(v))
+            .collect();
+        let rules = ticks
+            .iter()
+            .map(|&v| rule(if v == 0.0 { "zero" } else { "rule" }, v));
+        let inputs = trial.inputs.iter().enumerate().map(|(i, input)| {
+            let (class, dy) = match input {
+                TurnInput::Left => ("turn left", 0.0),
+                TurnInput::Straight => ("turn straight", 4.0),
+                TurnInput::Right => ("turn right", 6.0),
+            };
+            let height = if *input == TurnInput::Straight {
+                2.0
+            } else {
+                6.0
+            };
+            el("rect")
+                .class(class)
+                .attr("x", format!("{:.2}", x(i as f64) + 1.0))
+                .attr("y", HEIGHT - FOOT + 12.0 + dy - 1.0)
+                .attr("width", format!("{:.2}", WIDTH / steps - 2.0))
+                .attr("height", height)
+        });
+        let cursor = x(time_s / trial.parameters.step_s);
+        let svg = el("svg")
+            .attr("viewBox", format!("0 0 {WIDTH} {HEIGHT}"))
+            .attr("preserveAspectRatio", "none")
+            .attr("aria-hidden", "true")
+            .children(rules)
+            .child(line("range", &mut ranges.into_iter()))
+            .child(line("robot", &mut levels.iter().map(|v| v.1)))
+            .child(line("human", &mut levels.iter().map(|v| v.0)))
+            .children(inputs)
+            .child(
+                el("line")
+                    .class("cursor")
+                    .attr("x1", format!("{cursor:.1}"))
+                    .attr("x2", format!("{cursor:.1}"))
+                    .attr("y1", 0)
+                    .attr("y2", HEIGHT - 14.0),
+            );
+        let percent = |v: f64| format!("top:{:.2}%", 100.0 * y(v) / HEIGHT);
+        let unit = |v: f64| {
+            if v == ticks[ticks.len() - 1] {
+                format!("{v:.0} m")
+            } else {
+                format!("{v:.0}")
+            }
+        };
+        let values = ticks.iter().map(|&v| {
+            el("span")
+                .class("y")
+                .attr("style", percent(v))
+                .text(unit(v))
+        });
+        let duration = steps * trial.parameters.step_s;
+        let seconds = (0..=10).map(|i| f64::from(i) * duration / 10.0);
+        let seconds = seconds.map(|s| {
+            let words = if s == duration {
+                format!("{s:.0} s")
+            } else {
+                format!("{s:.0}")
+            };
+            el("span")
+                .class("x")
+                .attr("style", format!("left:{:.2}%", 100.0 * s / duration))
+                .text(words)
+        });
+        el("div")
+            .class("plot")
+            .child(svg)
+            .children(values)
+            .children(seconds)
+    }
+}

@@ -1,0 +1,300 @@
+//! What is drawn on a canvas: shapes in world coordinates, and the camera that
+//! brings metres to pixels.
+
+use sidestep::vehicle::Pose;
+
+/// A colour by what it stands for. The style sheet says what it looks like, in
+/// light and in dark.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Ink {
+    /// The human's vehicle.
+    Human,
+    /// The robot.
+    Robot,
+    /// Things that will be.
+    Future,
+    /// Lines of the grid.
+    Grid,
+    /// Words and scales.
+    Muted,
+    /// What lies under everything.
+    Ground,
+    /// Region S_1 … S_5 of an SHFRS.
+    Region(usize),
+}
+
+impl Ink {
+    /// The style sheet's custom property.
+    #[must_use]
+    pub fn property(self) -> &'static str {
+        match self {
+            Self::Human => "--human",
+            Self::Robot => "--robot",
+            Self::Future => "--future",
+            Self::Grid => "--grid",
+            Self::Muted => "--muted",
+            Self::Ground => "--ground",
+            Self::Region(0) => "--region-1",
+            Self::Region(1) => "--region-2",
+            Self::Region(2) => "--region-3",
+            Self::Region(3) => "--region-4",
+            Self::Region(_) => "--region-5",
+        }
+    }
+
+    /// Every ink, for reading the style sheet once.
+    pub const ALL: [Self; 11] = [
+        Self::Human,
+        Self::Robot,
+        Self::Future,
+        Self::Grid,
+        Self::Muted,
+        Self::Ground,
+        Self::Region(0),
+        Self::Region(1),
+        Self::Region(2),
+        Self::Region(3),
+        Self::Region(4),
+    ];
+}
+
+/// How a line is drawn.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stroke {
+    /// Its colour.
+    pub ink: Ink,
+    /// Its width, CSS pixels.
+    pub width_px: f64,
+    /// Lengths of dash and gap, CSS pixels.
+    pub dash_px: Option<(f64, f64)>,
+}
+
+impl Stroke {
+    /// A continuous line.
+    #[must_use]
+    pub fn solid(ink: Ink, width_px: f64) -> Self {
+        Self {
+            ink,
+            width_px,
+            dash_px: None,
+        }
+    }
+
+    /// A broken line.
+    #[must_use]
+    pub fn dashed(ink: Ink, width_px: f64, dash_px: (f64, f64)) -> Self {
+        Self {
+            ink,
+            width_px,
+            dash_px: Some(dash_px),
+        }
+    }
+}
+
+/// Something to draw. Positions are world coordinates, m.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Shape {
+    /// A closed polygon: filled with an ink at an opacity, outlined, or both.
+    Polygon {
+        /// Its corners.
+        points: Vec<[f64; 2]>,
+        /// Colour and opacity of the inside.
+        fill: Option<(Ink, f64)>,
+        /// The outline.
+        stroke: Option<Stroke>,
+    },
+    /// An open line.
+    Polyline {
+        /// Its points.
+        points: Vec<[f64; 2]>,
+        /// How it is drawn.
+        stroke: Stroke,
+    },
+    /// A disc or circle.
+    Disc {
+        /// Its middle.
+        centre: [f64; 2],
+        /// Its radius, m.
+        radius_m: f64,
+        /// Colour and opacity of the inside.
+        fill: Option<(Ink, f64)>,
+        /// The outline.
+        stroke: Option<Stroke>,
+    },
+    /// A vehicle: an arrow whose tail marks the exact position.
+    Vehicle {
+        /// Where it is and heads.
+        pose: Pose,
+        /// Its colour.
+        ink: Ink,
+    },
+    /// A filled square.
+    Square {
+        /// Its middle.
+        centre: [f64; 2],
+        /// Its side, m.
+        side_m: f64,
+        /// Its colour.
+        ink: Ink,
+    },
+    /// Lines every so many metres over the whole view, and a scale bar.
+    Grid {
+        /// Distance of the lines, m.
+        every_m: f64,
+    },
+}
+
+/// Length of a vehicle's arrow, m.
+pub const VEHICLE_LENGTH_M: f64 = 1.9;
+
+/// A rectangle of the world that must be seen.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Window {
+    /// Lower left corner, m.
+    pub low: [f64; 2],
+    /// Upper right corner, m.
+    pub high: [f64; 2],
+}
+
+impl Window {
+    /// The square around the origin that reaches `half_m` each way.
+    #[must_use]
+    pub fn square(half_m: f64) -> Self {
+        Self {
+            low: [-half_m; 2],
+            high: [half_m; 2],
+        }
+    }
+
+    /// The smallest window that also shows `point` with `margin_m` around it.
+    #[must_use]
+    pub fn including(self, [x, y]: [f64; 2], margin_m: f64) -> Self {
+        Self {
+            low: [self.low[0].min(x - margin_m), self.low[1].min(y - margin_m)],
+            high: [
+                self.high[0].max(x + margin_m),
+                self.high[1].max(y + margin_m),
+            ],
+        }
+    }
+
+    /// The smallest window around some points, with a margin.
+    #[must_use]
+    pub fn around(points: impl IntoIterator<Item = [f64; 2]>, margin_m: f64) -> Option<Self> {
+        let mut points = points.into_iter();
+        let [x, y] = points.next()?;
+        let first = Self {
+            low: [x, y],
+            high: [x, y],
+        }
+        .including([x, y], margin_m);
+        Some(points.fold(first, |window, point| window.including(point, margin_m)))
+    }
+}
+
+/// From metres to CSS pixels: the same scale both ways, y up.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Camera {
+    /// Pixels a metre.
+    pub scale: f64,
+    origin_px: [f64; 2],
+    /// Width and height of the canvas, CSS pixels.
+    pub size_px: [f64; 2],
+}
+
+impl Camera {
+    /// The camera that shows all of `window`, centred, as large as it can.
+    #[must_use]
+    pub fn showing(window: Window, size_px: [f64; 2]) -> Self {
+        let extent = [
+            window.high[0] - window.low[0],
+            window.high[1] - window.low[1],
+        ];
+        let scale = (size_px[0] / extent[0])
+            .min(size_px[1] / extent[1])
+            .max(1e-3);
+        let centre = [
+            0.5 * (window.low[0] + window.high[0]),
+            0.5 * (window.low[1] + window.high[1]),
+        ];
+        let origin_px = [
+            0.5 * size_px[0] - scale * centre[0],
+            0.5 * size_px[1] + scale * centre[1],
+        ];
+        Self {
+            scale,
+            origin_px,
+            size_px,
+        }
+    }
+
+    /// Where a point of the world is on the canvas.
+    #[must_use]
+    pub fn to_px(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+        [
+            self.origin_px[0] + self.scale * x,
+            self.origin_px[1] - self.scale * y,
+        ]
+    }
+
+    /// Which point of the world is there on the canvas.
+    #[must_use]
+    pub fn to_world(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+        [
+            (x - self.origin_px[0]) / self.scale,
+            (self.origin_px[1] - y) / self.scale,
+        ]
+    }
+}
+
+/// A canvas and what is on it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Picture {
+    /// The canvas element's id.
+    pub canvas: &'static str,
+    /// What must be seen.
+    pub window: Window,
+    /// In order of painting.
+    pub shapes: Vec<Shape>,
+    /// Attributes of the canvas element that tell programs what is shown.
+    pub attributes: Vec<(&'static str, String)>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_camera_shows_all_of_its_window() {
+        let window = Window {
+            low: [-10.0, -2.0],
+            high: [30.0, 8.0],
+        };
+        for size in [[1280.0, 800.0], [390.0, 844.0]] {
+            let camera = Camera::showing(window, size);
+            for corner in [window.low, window.high] {
+                let [x, y] = camera.to_px(corner);
+                assert!(
+                    (-1e-9..=size[0] + 1e-9).contains(&x) && (-1e-9..=size[1] + 1e-9).contains(&y)
+                );
+                let back = camera.to_world([x, y]);
+                assert!((back[0] - corner[0]).abs() < 1e-9 && (back[1] - corner[1]).abs() < 1e-9);
+            }
+            let (low, high) = (camera.to_px([0.0, 0.0]), camera.to_px([0.0, 1.0]));
+            assert!(high[1] < low[1], "y points up");
+        }
+    }
+
+    #[test]
+    fn a_window_grows_around_points() {
+        let window = Window::square(5.0).including([9.0, 0.0], 1.0);
+        assert_eq!(
+            window,
+            Window {
+                low: [-5.0, -5.0],
+                high: [10.0, 5.0]
+            }
+        );
+        assert_eq!(Window::around([], 1.0), None);
+    }
+}
