@@ -116,16 +116,15 @@ impl Logistic {
                 })?
                 .solve(&gradient);
             // Full steps converge near the solution; halving guards the way there.
+            // Near it the decrease drowns in the rounding of the loss, which the
+            // slack lets pass.
             let slope = gradient.dot(&step);
+            let slack = 1e-12 * loss;
             let mut share = 1.0;
             let mut next = &theta - &step;
-            while share > 1e-10 && problem.loss(&next) > loss - 1e-4 * share * slope {
+            while share > 1e-10 && problem.loss(&next) > loss - 1e-4 * share * slope + slack {
                 share *= 0.5;
                 next = &theta - &step * share;
-            }
-            if share <= 1e-10 {
-                // No descent is measurable any more: the loss is flat to rounding.
-                return Ok(problem.model(&theta));
             }
             theta = next;
             (loss, gradient, hessian) = problem.second_order(&theta);

@@ -1,0 +1,211 @@
+//! Stochastic human forward reachable sets: from the states so far and a predictor
+//! to nested regions of the plane.
+
+use crate::bounds::{
+    ActionChoice, ActionModel, BoundsSettings, InputBounds, Rollout, input_bounds,
+};
+use crate::features::SafetyFunctions;
+use crate::invalid::Invalid;
+use crate::predict::Predictor;
+use crate::reach::{PolygonSettings, ReachableSet, area};
+use crate::scene::{JointState, SceneParameters};
+
+/// A predictor of −1, 0, 1 as the learned function G of Algorithm 1: it looks at
+/// the present state alone.
+pub struct PredictedHuman<'a> {
+    predictor: &'a Predictor,
+    safety: &'a SafetyFunctions,
+    actions: Vec<f64>,
+}
+
+impl<'a> PredictedHuman<'a> {
+    /// The human of these `parameters` as `predictor` sees them.
+    #[must_use]
+    pub fn new(
+        predictor: &'a Predictor,
+        safety: &'a SafetyFunctions,
+        parameters: &SceneParameters,
+    ) -> Self {
+        let rate = parameters.human.turn_rate_radps;
+        let actions = predictor
+            .classes()
+            .iter()
+            .map(|&class| f64::from(class) * rate)
+            .collect();
+        Self {
+            predictor,
+            safety,
+            actions,
+        }
+    }
+
+    /// How likely each class of the predictor is in `state`.
+    pub fn probabilities_in(&self, state: &JointState, out: &mut [f64]) {
+        let features = self.predictor.features();
+        let mut row = vec![0.0; features.len()];
+        features.compute_into(state, self.safety, &mut row);
+        self.predictor.probabilities_into(&row, out);
+    }
+}
+
+impl ActionModel for PredictedHuman<'_> {
+    fn actions(&self) -> &[f64] {
+        &self.actions
+    }
+
+    fn probabilities(&self, history: &[JointState], out: &mut [f64]) {
+        if let Some(state) = history.last() {
+            self.probabilities_in(state, out);
+        }
+    }
+}
+
+/// How sets are predicted and drawn.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ShfrsSettings {
+    /// Of Algorithm 1.
+    pub bounds: BoundsSettings,
+    /// Of the polygons.
+    pub polygon: PolygonSettings,
+}
+
+impl ShfrsSettings {
+    /// The paper's (Figure 3, left): ε = 0, 0.15, 0.25, 0.4, 1.0 rad/s and
+    /// k = 2, 2, 1, 1 … over ten steps, with roll-outs that keep regions nested
+    /// when ε changes. A predictor that tells fewer than two actions apart is
+    /// asked for one.
+    ///
+    /// # Errors
+    /// [`Invalid`] if there is no action.
+    pub fn paper(actions: usize) -> Result<Self, Invalid> {
+        let k = (0..10)
+            .map(|i| if i < 2 { actions.min(2) } else { 1 })
+            .collect();
+        let epsilon = vec![0.0, 0.15, 0.25, 0.4, 1.0];
+        let bounds = BoundsSettings::new(epsilon, ActionChoice::TopK(k), Rollout::Base, actions)?;
+        Ok(Self {
+            bounds,
+            polygon: PolygonSettings::default(),
+        })
+    }
+}
+
+/// One of the nested sets F_1 ⊆ F_2 ⊆ …
+#[derive(Clone, Debug, PartialEq)]
+pub struct NestedSet {
+    /// By how much the bounds were widened, rad/s.
+    pub epsilon: f64,
+    /// The bounds.
+    pub bounds: InputBounds,
+    /// Every position reached within the steps ahead: a closed counter-clockwise
+    /// polygon in the world frame, m.
+    pub tube: Vec<[f64; 2]>,
+    /// Area of the tube, m².
+    pub area_m2: f64,
+}
+
+/// Nested forward reachable sets of the human. Their probabilities come from
+/// trajectories, not from a single prediction.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Shfrs {
+    /// From the smallest to the largest.
+    pub sets: Vec<NestedSet>,
+}
+
+/// Predicts the sets from the joint states up to now. The robot drives straight on.
+///
+/// # Errors
+/// [`Invalid`] if there is no state, or a probability or coordinate is not finite.
+pub fn predict(
+    history: &[JointState],
+    parameters: &SceneParameters,
+    model: &impl ActionModel,
+    settings: &ShfrsSettings,
+) -> Result<Shfrs, Invalid> {
+    let bounds = input_bounds(history, parameters, model, |_| 0.0, &settings.bounds)?;
+    let Some(now) = history.last() else {
+        return Err(Invalid::new("history", "at least one state", "none"));
+    };
+    let sets = bounds
+        .sets
+        .into_iter()
+        .zip(settings.bounds.epsilon())
+        .map(|(bounds, &epsilon)| {
+            let speed = parameters.human.speed_mps;
+            let set = ReachableSet::new(now.human, &bounds, speed, parameters.step_s)?;
+            let tube = set.tube_polygon(&settings.polygon);
+            Ok(NestedSet {
+                epsilon,
+                bounds,
+                area_m2: area(&tube),
+                tube,
+            })
+        });
+    Ok(Shfrs {
+        sets: sets.collect::<Result<_, Invalid>>()?,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::features::FeatureSet;
+    use crate::vehicle::Pose;
+
+    fn setup(probabilities: [f64; 3]) -> (SceneParameters, SafetyFunctions, Predictor) {
+        let parameters = SceneParameters::default();
+        let value = parameters.value_function().unwrap();
+        let safety = SafetyFunctions {
+            human: value.clone(),
+            robot: value,
+        };
+        let features = FeatureSet::subset("hrd").unwrap();
+        let predictor =
+            Predictor::constant(features, vec![-1, 0, 1], probabilities.to_vec()).unwrap();
+        (parameters, safety, predictor)
+    }
+
+    fn sets(probabilities: [f64; 3]) -> Shfrs {
+        let (parameters, safety, predictor) = setup(probabilities);
+        let human = PredictedHuman::new(&predictor, &safety, &parameters);
+        let now = JointState {
+            human: Pose::new(1.0, 2.0, 0.5),
+            robot: Pose::new(9.0, 2.0, 3.0),
+        };
+        predict(
+            &[now],
+            &parameters,
+            &human,
+            &ShfrsSettings::paper(3).unwrap(),
+        )
+        .unwrap()
+    }
+
+    /// The paper's Figure 3, left panel, with a predictor that turns right and
+    /// holds straight for second best: reference areas in m².
+    #[test]
+    fn areas_of_a_human_who_turns_right() {
+        let areas: Vec<f64> = sets([0.6, 0.3, 0.1])
+            .sets
+            .iter()
+            .map(|set| set.area_m2)
+            .collect();
+        for (found, expected) in areas.iter().zip([1.66, 2.50, 3.05, 3.88, 5.33]) {
+            assert!((found - expected).abs() < 0.01, "{areas:?}");
+        }
+    }
+
+    #[test]
+    fn the_last_set_is_everything_that_can_be_reached() {
+        for probabilities in [[0.6, 0.3, 0.1], [0.1, 0.8, 0.1], [0.4, 0.2, 0.4]] {
+            let shfrs = sets(probabilities);
+            assert!((shfrs.sets[4].area_m2 - 16.0 / 3.0).abs() < 0.01);
+            assert!(
+                shfrs
+                    .sets
+                    .windows(2)
+                    .all(|pair| pair[0].area_m2 <= pair[1].area_m2 + 1e-9)
+            );
+        }
+    }
+}
