@@ -1,0 +1,78 @@
+//! `cargo xtask`: one command for each thing one does with this workspace.
+//!
+//! Each command is a file of that name and reads from top to bottom. What they
+//! share is in [`workspace`] (where things are, running cargo) and [`site`]
+//! (from `static/` and the compiled client to the folder that is served).
+//!
+//! Progress goes to stderr, results to stdout. The exit code is 0, 1 for a
+//! failure, 2 for a wrong command line; `test` and `bench` pass on the runner's.
+
+#![allow(
+    clippy::print_stdout,
+    reason = "a command-line tool answers on standard output"
+)]
+
+mod bench;
+mod build;
+mod check;
+mod serve;
+mod site;
+mod test;
+mod workspace;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+use crate::workspace::Workspace;
+
+/// Builds, starts, checks and tests Sidestep.
+#[derive(Parser)]
+#[command(name = "cargo xtask", bin_name = "cargo xtask")]
+struct Cli {
+    /// What to do.
+    #[command(subcommand)]
+    task: Task,
+}
+
+/// The commands, in the order in which a newcomer meets them.
+#[derive(Subcommand)]
+enum Task {
+    Serve(serve::Options),
+    Build(build::Options),
+    Test(test::Options),
+    Check,
+    Bench(bench::Options),
+}
+
+fn main() -> ExitCode {
+    match run(Cli::parse().task) {
+        Ok(code) => code,
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// Finds the workspace and performs `task` in it.
+fn run(task: Task) -> anyhow::Result<ExitCode> {
+    let workspace = Workspace::locate()?;
+    match task {
+        Task::Serve(options) => serve::run(&workspace, &options),
+        Task::Build(options) => build::run(&workspace, &options).map(|()| ExitCode::SUCCESS),
+        Task::Test(options) => test::run(&workspace, &options),
+        Task::Check => check::run(&workspace).map(|()| ExitCode::SUCCESS),
+        Task::Bench(options) => bench::run(&workspace, &options),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_command_line_is_well_formed() {
+        super::Cli::command().debug_assert();
+    }
+}

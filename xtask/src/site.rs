@@ -1,0 +1,330 @@
+//! The client's site: from `static/` and the compiled client to the folder that
+//! the server serves.
+//!
+//! ```text
+//! read_static ─┐
+//! bundle ──────┴→ compose → publish → page_sizes
+//! ```
+//!
+//! Pages (`static/*.html`) keep their names and are always asked for anew. All
+//! else carries a hash of its content in its name, so that browsers may keep it
+//! for ever. A page names an asset as `{{style.css}}` or `{{participant.js}}`.
+
+mod bundle;
+mod css;
+mod hashed;
+mod placeholders;
+mod publish;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::Path;
+
+use anyhow::{Context, Result, bail};
+
+pub(crate) use self::bundle::{Bundle, bundle};
+pub(crate) use self::publish::{Sizes, publish};
+
+/// The programs of the web client: its binary targets.
+pub(crate) const ENTRIES: [&str; 2] = [PARTICIPANT, "lab"];
+
+/// The entry that every participant downloads.
+const PARTICIPANT: &str = "participant";
+
+/// Most bytes that a participant's page may cost to load: html, css, js and
+/// wasm, compressed with brotli.
+pub(crate) const PARTICIPANT_BUDGET: usize = 80_000;
+
+/// Files by their path below the folder, with `/` between its parts.
+pub(crate) type Files = BTreeMap<String, Vec<u8>>;
+
+/// All files of the site, and what its pages load.
+pub(crate) struct Site {
+    /// What is served, before compression.
+    pub(crate) files: Files,
+    /// The html files.
+    pages: Vec<Page>,
+}
+
+/// A page and what it refers to.
+struct Page {
+    /// Its file.
+    name: String,
+    /// The client's programs that it starts.
+    entries: Vec<&'static str>,
+    /// The files that it loads.
+    assets: BTreeSet<String>,
+}
+
+/// Reads `static/` with its sub-folders; hidden files are left out.
+///
+/// # Errors
+/// When the folder or a file in it cannot be read.
+pub(crate) fn read_static(folder: &Path) -> Result<Files> {
+    let mut files = Files::new();
+    collect(folder, "", &mut files)?;
+    Ok(files)
+}
+
+/// Adds the files of `folder`, whose path below `static/` is `prefix`.
+fn collect(folder: &Path, prefix: &str, files: &mut Files) -> Result<()> {
+    let entries =
+        fs::read_dir(folder).with_context(|| format!("cannot read {}", folder.display()))?;
+    for entry in entries {
+        let path = entry?.path();
+        let Some(name) = path.file_name().and_then(|name| name.to_str()) else {
+            bail!("{}: expected a name in UTF-8: rename it", path.display());
+        };
+        if name.starts_with('.') {
+            continue;
+        }
+        if path.is_dir() {
+            collect(&path, &format!("{prefix}{name}/"), files)?;
+        } else {
+            let content =
+                fs::read(&path).with_context(|| format!("cannot read {}", path.display()))?;
+            files.insert(format!("{prefix}{name}"), content);
+        }
+    }
+    Ok(())
+}
+
+/// Names every asset after its content and puts these names into the pages.
+///
+/// # Errors
+/// For a page or style sheet that is not UTF-8 or names an asset that is not there.
+pub(crate) fn compose(sources: Files, bundles: Vec<Bundle>) -> Result<Site> {
+    let mut files = Files::new();
+    // What a placeholder says → the path of the asset.
+    let mut assets = BTreeMap::new();
+    let (html, others): (Files, Files) = sources
+        .into_iter()
+        .partition(|(name, _)| name.ends_with(".html"));
+    let (sheets, plain): (Files, Files) = others
+        .into_iter()
+        .partition(|(name, _)| name.ends_with(".css"));
+
+    for (name, content) in plain {
+        add_asset(&mut files, &mut assets, name, content);
+    }
+    for (name, content) in sheets {
+        let text = utf8(&name, content)?;
+        let filled = placeholders::fill(&name, &text, &assets)?;
+        let small = css::minify(&filled.text);
+        add_asset(&mut files, &mut assets, name, small.into_bytes());
+    }
+    for bundle in bundles {
+        let wasm = hashed::name(&format!("{}.wasm", bundle.entry), &bundle.wasm);
+        let script = bundle.script_for(&wasm)?;
+        let entry = bundle.entry;
+        add_asset(
+            &mut files,
+            &mut assets,
+            format!("{entry}.wasm"),
+            bundle.wasm,
+        );
+        add_asset(
+            &mut files,
+            &mut assets,
+            format!("{entry}.js"),
+            script.into_bytes(),
+        );
+    }
+
+    let mut pages = Vec::new();
+    for (name, content) in html {
+        let text = utf8(&name, content)?;
+        let filled = placeholders::fill(&name, &text, &assets)?;
+        files.insert(name.clone(), filled.text.into_bytes());
+        pages.push(page(name, &filled.used, &assets));
+    }
+    Ok(Site { files, pages })
+}
+
+/// Files `content` under a name with its hash.
+fn add_asset(
+    files: &mut Files,
+    assets: &mut BTreeMap<String, String>,
+    name: String,
+    content: Vec<u8>,
+) {
+    let path = format!("assets/{}", hashed::name(&name, &content));
+    files.insert(path.clone(), content);
+    assets.insert(name, path);
+}
+
+/// What a page loads: what it names, and the wasm of each program it starts.
+fn page(name: String, used: &BTreeSet<String>, assets: &BTreeMap<String, String>) -> Page {
+    let entries: Vec<&str> = ENTRIES
+        .into_iter()
+        .filter(|entry| used.contains(&format!("{entry}.js")))
+        .collect();
+    let started = entries.iter().map(|entry| format!("{entry}.wasm"));
+    let loaded: BTreeSet<String> = used.iter().cloned().chain(started).collect();
+    let assets = loaded
+        .iter()
+        .filter_map(|name| assets.get(name).cloned())
+        .collect();
+    Page {
+        name,
+        entries,
+        assets,
+    }
+}
+
+/// The text of a source file.
+fn utf8(name: &str, content: Vec<u8>) -> Result<String> {
+    String::from_utf8(content)
+        .with_context(|| format!("static/{name}: expected UTF-8: save it in that encoding"))
+}
+
+/// What loading a page costs, in bytes after brotli.
+pub(crate) struct PageSize {
+    /// The page's file.
+    pub(crate) name: String,
+    /// The page itself.
+    pub(crate) html: usize,
+    /// Its style sheets.
+    pub(crate) css: usize,
+    /// Its scripts.
+    pub(crate) js: usize,
+    /// Its programs.
+    pub(crate) wasm: usize,
+    /// Whether participants load it.
+    for_participants: bool,
+}
+
+impl PageSize {
+    /// All of it.
+    pub(crate) fn total(&self) -> usize {
+        self.html + self.css + self.js + self.wasm
+    }
+
+    /// Whether participants wait longer for it than they were promised.
+    pub(crate) fn is_over_budget(&self) -> bool {
+        self.for_participants && self.total() > PARTICIPANT_BUDGET
+    }
+}
+
+/// The cost of each page, given the compressed sizes of all files.
+pub(crate) fn page_sizes(site: &Site, sizes: &BTreeMap<String, Sizes>) -> Vec<PageSize> {
+    let brotli = |path: &str| sizes.get(path).map_or(0, |size| size.brotli);
+    let mut pages = Vec::new();
+    for page in &site.pages {
+        let sum = |extension: &str| {
+            let of_kind = page.assets.iter().filter(|path| path.ends_with(extension));
+            of_kind.map(|path| brotli(path)).sum()
+        };
+        pages.push(PageSize {
+            name: page.name.clone(),
+            html: brotli(&page.name),
+            css: sum(".css"),
+            js: sum(".js"),
+            wasm: sum(".wasm"),
+            for_participants: page.entries.contains(&PARTICIPANT),
+        });
+    }
+    pages
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The site of these sources and of a tiny client.
+    fn composed(sources: &[(&str, &str)]) -> Result<Site> {
+        let sources = sources
+            .iter()
+            .map(|(name, text)| ((*name).to_owned(), text.as_bytes().to_vec()))
+            .collect();
+        let bundles = ENTRIES.map(|entry| Bundle {
+            entry,
+            js: format!("load('{entry}_bg.wasm')\n"),
+            wasm: entry.as_bytes().to_vec(),
+        });
+        compose(sources, bundles.into())
+    }
+
+    /// The path of the one asset that starts and ends like this.
+    fn asset<'a>(site: &'a Site, start: &str, end: &str) -> &'a str {
+        let start = format!("assets/{start}-");
+        let mut found = site
+            .files
+            .keys()
+            .filter(|path| path.starts_with(&start) && path.ends_with(end));
+        let path = found.next().expect("there is such an asset");
+        assert_eq!(found.next(), None);
+        path
+    }
+
+    fn text<'a>(site: &'a Site, path: &str) -> &'a str {
+        str::from_utf8(&site.files[path]).expect("text")
+    }
+
+    #[test]
+    fn pages_load_assets_by_their_hashed_names() {
+        let site = composed(&[
+            ("index.html", "<script src={{participant.js}}></script>"),
+            ("icons/robot.svg", "<svg/>"),
+            ("style.css", "a { background: url({{icons/robot.svg}}) }"),
+        ])
+        .expect("a valid site");
+
+        let script = asset(&site, "participant", ".js");
+        assert_eq!(
+            text(&site, "index.html"),
+            format!("<script src=/{script}></script>")
+        );
+        let wasm = asset(&site, "participant", ".wasm");
+        let wasm = wasm.strip_prefix("assets/").expect("an asset");
+        assert!(text(&site, script).contains(&format!("load('{wasm}')")));
+        let icon = asset(&site, "icons/robot", ".svg");
+        assert_eq!(
+            text(&site, asset(&site, "style", ".css")),
+            format!("a{{background:url(/{icon})}}")
+        );
+    }
+
+    #[test]
+    fn an_asset_that_is_not_there_is_named_with_its_file() {
+        let error = composed(&[("lab.html", "<img src={{face.png}}>")])
+            .err()
+            .expect("there is no face.png");
+        let message = error.to_string();
+        assert!(message.contains("static/lab.html"), "{message}");
+        assert!(message.contains("{{face.png}}"), "{message}");
+    }
+
+    #[test]
+    fn a_page_costs_what_it_starts_and_nothing_else() {
+        let site = composed(&[
+            ("index.html", "{{participant.js}} {{style.css}}"),
+            ("lab.html", "{{lab.js}} {{style.css}}"),
+            ("style.css", "a{b:c}"),
+        ])
+        .expect("a valid site");
+        let sizes = site
+            .files
+            .keys()
+            .map(|path| {
+                let brotli = match path.rsplit_once('.') {
+                    Some((_, "wasm")) => PARTICIPANT_BUDGET,
+                    _ => 1,
+                };
+                (path.clone(), Sizes { brotli })
+            })
+            .collect();
+        let pages = page_sizes(&site, &sizes);
+        let totals: Vec<_> = pages
+            .iter()
+            .map(|page| (page.name.as_str(), page.total(), page.is_over_budget()))
+            .collect();
+        assert_eq!(
+            totals,
+            [
+                ("index.html", PARTICIPANT_BUDGET + 3, true),
+                ("lab.html", PARTICIPANT_BUDGET + 3, false)
+            ]
+        );
+    }
+}

@@ -1,0 +1,116 @@
+//! A program of the web client as the browser wants it: wasm and the script that
+//! loads it.
+
+use std::path::Path;
+
+use anyhow::{Context, Result, bail};
+use wasm_bindgen_cli_support::Bindgen;
+
+/// One entry of the web client.
+pub(crate) struct Bundle {
+    /// Its name: `participant` or `lab`.
+    pub(crate) entry: &'static str,
+    /// The module that wasm-bindgen wrote; it loads `<entry>_bg.wasm`.
+    pub(crate) js: String,
+    /// The program.
+    pub(crate) wasm: Vec<u8>,
+}
+
+/// Runs wasm-bindgen on what cargo has compiled.
+///
+/// # Errors
+/// When there is no such file, its version of wasm-bindgen is not this one, or
+/// it needs scripts from elsewhere.
+pub(crate) fn bundle(entry: &'static str, compiled: &Path) -> Result<Bundle> {
+    let mut output = Bindgen::new()
+        .input_path(compiled)
+        .web(true)?
+        .typescript(false)
+        // Else the script would not look for the wasm beside itself.
+        .omit_default_module_path(false)
+        .remove_name_section(true)
+        .remove_producers_section(true)
+        .generate_output()
+        .with_context(|| {
+            format!(
+                "wasm-bindgen cannot process {}: check that wasm-bindgen and \
+                 wasm-bindgen-cli-support have the same version in Cargo.toml",
+                compiled.display()
+            )
+        })?;
+    // Crates that could bring snippets are listed even when they bring none.
+    let with_snippets = output
+        .snippets()
+        .iter()
+        .filter(|(_, scripts)| !scripts.is_empty())
+        .map(|(name, _)| name);
+    let extra: Vec<&String> = with_snippets
+        .chain(output.local_modules().keys())
+        .chain(output.npm_dependencies().keys())
+        .collect();
+    if !extra.is_empty() {
+        bail!(
+            "{entry} brings JavaScript of its own ({extra:?}), which the site does not carry: \
+             use web-sys or js-sys instead, or drop the dependency that brings it"
+        );
+    }
+    Ok(Bundle {
+        entry,
+        js: output.js().to_owned(),
+        wasm: output.wasm_mut().emit_wasm(),
+    })
+}
+
+impl Bundle {
+    /// The script that loads the wasm under the name `wasm` and starts it.
+    ///
+    /// The call that starts it is part of the file because the site's security
+    /// policy forbids scripts inside pages.
+    ///
+    /// # Errors
+    /// When wasm-bindgen wrote something else than it used to.
+    pub(super) fn script_for(&self, wasm: &str) -> Result<String> {
+        let default_name = format!("{}_bg.wasm", self.entry);
+        if !self.js.contains(&default_name) {
+            bail!(
+                "the script of {} does not load {default_name}: see what changed in this version \
+                 of wasm-bindgen and adapt xtask/src/site/bundle.rs",
+                self.entry
+            );
+        }
+        let script = self.js.replace(&default_name, wasm);
+        Ok(format!("{}\nawait __wbg_init();\n", script.trim_end()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn bundle_with(js: &str) -> Bundle {
+        Bundle {
+            entry: "lab",
+            js: js.into(),
+            wasm: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn the_script_loads_the_hashed_file_and_starts() {
+        let script = bundle_with("new URL('lab_bg.wasm', import.meta.url);\n\n")
+            .script_for("lab-12.wasm")
+            .expect("a script of the usual form");
+        assert_eq!(
+            script,
+            "new URL('lab-12.wasm', import.meta.url);\nawait __wbg_init();\n"
+        );
+    }
+
+    #[test]
+    fn a_script_of_another_form_is_refused() {
+        let error = bundle_with("new URL('other.wasm')")
+            .script_for("lab-12.wasm")
+            .expect_err("it does not load lab_bg.wasm");
+        assert!(error.to_string().contains("lab_bg.wasm"), "{error}");
+    }
+}

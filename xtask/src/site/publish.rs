@@ -1,0 +1,236 @@
+//! Writing the site, with each file also compressed, and putting it in place.
+
+use std::collections::BTreeMap;
+use std::fs::{self, File};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::thread;
+
+use anyhow::{Context, Result, anyhow};
+
+use super::Files;
+
+/// How large a file is on its way to the browser, in bytes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Sizes {
+    /// After brotli.
+    pub(crate) brotli: usize,
+}
+
+/// Writes `files` into `folder`, each with `.br` and `.gz` beside it.
+///
+/// The new site is written next to the old one and then takes its place, so that
+/// a running server never sees a part of it. What has not changed since the last
+/// time is not compressed again.
+///
+/// # Errors
+/// When a file cannot be written.
+pub(crate) fn publish(files: &Files, folder: &Path) -> Result<BTreeMap<String, Sizes>> {
+    let parent = folder.parent().context("the site needs a parent folder")?;
+    fs::create_dir_all(parent).with_context(|| cannot_write(parent))?;
+    let lock_file = folder.with_extension("lock");
+    let lock = File::create(&lock_file).with_context(|| cannot_write(&lock_file))?;
+    lock.lock()
+        .with_context(|| format!("cannot lock {}", lock_file.display()))?;
+
+    let fresh = folder.with_extension("new");
+    remove(&fresh)?;
+    for path in files.keys() {
+        let file = fresh.join(path);
+        let parent = file.parent().unwrap_or(&fresh);
+        fs::create_dir_all(parent).with_context(|| cannot_write(parent))?;
+    }
+    let jobs: Vec<(&String, &Vec<u8>)> = files.iter().collect();
+    let sizes = in_parallel(&jobs, |(path, content)| {
+        let brotli = write(&fresh, folder, path, content)?;
+        Ok(((*path).clone(), Sizes { brotli }))
+    })?;
+
+    let old = folder.with_extension("old");
+    remove(&old)?;
+    if folder.exists() {
+        fs::rename(folder, &old).with_context(|| cannot_write(folder))?;
+    }
+    fs::rename(&fresh, folder).with_context(|| cannot_write(folder))?;
+    remove(&old)?;
+    Ok(sizes.into_iter().collect())
+}
+
+/// Writes one file in all its encodings; answers with its size after brotli.
+fn write(fresh: &Path, previous: &Path, path: &str, content: &[u8]) -> Result<usize> {
+    put(&fresh.join(path), content)?;
+    let is_unchanged = fs::read(previous.join(path)).is_ok_and(|old| old == content);
+    let encoded = |extension: &str, encode: fn(&[u8]) -> Result<Vec<u8>>| -> Result<usize> {
+        let name = format!("{path}.{extension}");
+        let kept = is_unchanged.then(|| fs::read(previous.join(&name)).ok());
+        let bytes = match kept.flatten() {
+            Some(bytes) => bytes,
+            None => encode(content)?,
+        };
+        put(&fresh.join(&name), &bytes)?;
+        Ok(bytes.len())
+    };
+    encoded("gz", gzip)?;
+    encoded("br", brotli)
+}
+
+/// Brotli at its highest quality.
+fn brotli(content: &[u8]) -> Result<Vec<u8>> {
+    let parameters = brotli::enc::BrotliEncoderParams {
+        quality: 11,
+        size_hint: content.len(),
+        ..Default::default()
+    };
+    let mut bytes = Vec::new();
+    brotli::BrotliCompress(&mut &content[..], &mut bytes, &parameters)
+        .context("brotli cannot compress this")?;
+    Ok(bytes)
+}
+
+/// Gzip at its highest level; without a time, so that the same content gives the same bytes.
+fn gzip(content: &[u8]) -> Result<Vec<u8>> {
+    let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::best());
+    encoder.write_all(content)?;
+    Ok(encoder.finish()?)
+}
+
+/// Does `work` for each job, on all cores.
+fn in_parallel<Job: Sync, Answer: Send>(
+    jobs: &[Job],
+    work: impl Fn(&Job) -> Result<Answer> + Sync,
+) -> Result<Vec<Answer>> {
+    let next = AtomicUsize::new(0);
+    let until_empty = || -> Result<Vec<Answer>> {
+        let mut answers = Vec::new();
+        while let Some(job) = jobs.get(next.fetch_add(1, Ordering::Relaxed)) {
+            answers.push(work(job)?);
+        }
+        Ok(answers)
+    };
+    let threads = thread::available_parallelism().map_or(1, usize::from);
+    let mut answers = Vec::new();
+    thread::scope(|scope| {
+        let workers: Vec<_> = (0..threads).map(|_| scope.spawn(until_empty)).collect();
+        for worker in workers {
+            let done = worker
+                .join()
+                .map_err(|_| anyhow!("a thread of xtask panicked: see its message above"))?;
+            answers.extend(done?);
+        }
+        Ok(answers)
+    })
+}
+
+/// Writes one file.
+fn put(file: &Path, bytes: &[u8]) -> Result<()> {
+    fs::write(file, bytes).with_context(|| cannot_write(file))
+}
+
+/// Removes a folder, if it is there.
+fn remove(folder: &PathBuf) -> Result<()> {
+    if folder.exists() {
+        fs::remove_dir_all(folder).with_context(|| cannot_write(folder))?;
+    }
+    Ok(())
+}
+
+/// The message for a file or folder that cannot be written.
+fn cannot_write(path: &Path) -> String {
+    format!(
+        "cannot write {}: check its permissions and the space left",
+        path.display()
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A folder of this test alone, removed at its end.
+    struct Folder(PathBuf);
+
+    impl Folder {
+        fn new(test: &str) -> Self {
+            let name = format!("sidestep-xtask-{test}-{}", std::process::id());
+            Self(std::env::temp_dir().join(name))
+        }
+    }
+
+    impl Drop for Folder {
+        fn drop(&mut self) {
+            let _ = fs::remove_dir_all(&self.0);
+        }
+    }
+
+    fn files(list: &[(&str, &str)]) -> Files {
+        let owned = |(path, text): &(&str, &str)| ((*path).into(), text.as_bytes().into());
+        list.iter().map(owned).collect()
+    }
+
+    #[test]
+    fn a_new_site_takes_the_place_of_the_old_one() {
+        let folder = Folder::new("swap");
+        let site = folder.0.join("site");
+        publish(&files(&[("index.html", "1"), ("assets/a.js", "a")]), &site).expect("written");
+        publish(&files(&[("index.html", "2"), ("assets/b.js", "b")]), &site).expect("written");
+
+        let mut names: Vec<_> = fs::read_dir(site.join("assets"))
+            .expect("a folder")
+            .map(|entry| entry.expect("an entry").file_name())
+            .collect();
+        names.sort();
+        assert_eq!(names, ["b.js", "b.js.br", "b.js.gz"]);
+        assert_eq!(fs::read(site.join("index.html")).expect("a page"), b"2");
+        assert!(!site.with_extension("new").exists() && !site.with_extension("old").exists());
+    }
+
+    #[test]
+    fn compressed_files_hold_the_same_content() {
+        let folder = Folder::new("encodings");
+        let site = folder.0.join("site");
+        let text = "heading ".repeat(100);
+        let sizes = publish(&files(&[("index.html", &text)]), &site).expect("written");
+
+        let br = fs::read(site.join("index.html.br")).expect("brotli");
+        assert_eq!(sizes["index.html"], Sizes { brotli: br.len() });
+        let mut plain = Vec::new();
+        brotli::BrotliDecompress(&mut &br[..], &mut plain).expect("valid brotli");
+        assert_eq!(plain, text.as_bytes());
+
+        let gz = fs::read(site.join("index.html.gz")).expect("gzip");
+        let mut plain = flate2::write::GzDecoder::new(Vec::new());
+        plain.write_all(&gz).expect("valid gzip");
+        assert_eq!(plain.finish().expect("complete gzip"), text.as_bytes());
+    }
+
+    #[test]
+    fn only_what_changed_is_compressed_again() {
+        let folder = Folder::new("reuse");
+        let site = folder.0.join("site");
+        publish(&files(&[("same", "1"), ("other", "1")]), &site).expect("written");
+        // Marks that show where a file comes from.
+        for name in ["same.br", "other.br"] {
+            fs::write(site.join(name), "kept").expect("written");
+        }
+        publish(&files(&[("same", "1"), ("other", "2")]), &site).expect("written");
+        assert_eq!(fs::read(site.join("same.br")).expect("a file"), b"kept");
+        assert_ne!(fs::read(site.join("other.br")).expect("a file"), b"kept");
+    }
+
+    #[test]
+    fn work_is_done_once_each_and_errors_come_through() {
+        let jobs: Vec<usize> = (0..100).collect();
+        let mut answers = in_parallel(&jobs, |job| Ok(job * 2)).expect("no errors");
+        answers.sort_unstable();
+        assert_eq!(answers, (0..100).map(|job| job * 2).collect::<Vec<_>>());
+        let refuse = |job: &usize| {
+            if *job == 77 {
+                Err(anyhow!("no"))
+            } else {
+                Ok(())
+            }
+        };
+        assert!(in_parallel(&jobs, refuse).is_err());
+    }
+}

@@ -1,0 +1,210 @@
+//! `cargo xtask test`: every test there is, with all that they need.
+
+use std::env;
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitCode};
+
+use anyhow::{Context, Result, bail};
+
+use crate::build;
+use crate::workspace::{Workspace, answer_of, stage};
+
+/// Run every test, after installing what they need where that is possible.
+#[derive(clap::Args)]
+pub(crate) struct Options {
+    /// Passed on to `cargo test`, as in `-- --test browser` or `-- -p sidestep`.
+    #[arg(last = true)]
+    arguments: Vec<OsString>,
+}
+
+/// A program from outside the Rust world that tests start.
+struct Requirement {
+    /// What it is called.
+    name: &'static str,
+    /// Tells the tests where it is; when the user has set it, it is used as it is.
+    variable: &'static str,
+    /// Looks for it.
+    locate: fn() -> Option<PathBuf>,
+    /// Debian's packages for it.
+    packages: &'static [&'static str],
+}
+
+/// Everything that tests need besides Rust: one line each.
+const REQUIREMENTS: &[Requirement] = &[Requirement {
+    name: "Chromium",
+    variable: "SIDESTEP_CHROMIUM",
+    locate: || on_path(&["chromium", "chromium-browser", "google-chrome"]),
+    packages: &["chromium", "fonts-dejavu-core"],
+}];
+
+/// Prepares, builds and tests. The runner's output is the last, its exit code the answer.
+///
+/// # Errors
+/// When something is missing that cannot be installed, or the build fails.
+pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> {
+    let programs = provide(REQUIREMENTS)?;
+    build::run(workspace, &build::Options::default())?;
+
+    eprintln!("==> tests");
+    let mut tests = workspace.cargo(["test", "--locked", "--release", "--workspace"]);
+    tests
+        .args(&options.arguments)
+        .env("SIDESTEP_BIN", workspace.server());
+    for (variable, program) in programs {
+        tests.env(variable, program);
+    }
+    answer_of(&mut tests)
+}
+
+/// Finds every requirement, installing those that are missing.
+fn provide(requirements: &[Requirement]) -> Result<Vec<(&'static str, PathBuf)>> {
+    let mut missing = Vec::new();
+    for requirement in requirements {
+        if find(requirement)?.is_none() {
+            missing.push(requirement);
+        }
+    }
+    if !missing.is_empty() {
+        install(&missing)?;
+    }
+    let mut found = Vec::new();
+    for requirement in requirements {
+        let program = find(requirement)?.with_context(|| {
+            format!(
+                "{} was installed but is not found: set {} to its path",
+                requirement.name, requirement.variable
+            )
+        })?;
+        found.push((requirement.variable, program));
+    }
+    Ok(found)
+}
+
+/// Where a requirement is; `None` when it has to be installed.
+fn find(requirement: &Requirement) -> Result<Option<PathBuf>> {
+    let Some(path) = env::var_os(requirement.variable).map(PathBuf::from) else {
+        return Ok((requirement.locate)());
+    };
+    if !path.is_absolute() || !path.is_file() {
+        bail!(
+            "{} is \"{}\", expected the absolute path of {}: correct or unset it",
+            requirement.variable,
+            path.display(),
+            requirement.name
+        );
+    }
+    Ok(Some(path))
+}
+
+/// Installs with apt, where that can work without asking anybody.
+fn install(missing: &[&Requirement]) -> Result<()> {
+    let packages: Vec<&str> = missing
+        .iter()
+        .flat_map(|one| one.packages)
+        .copied()
+        .collect();
+    if on_path(&["apt-get"]).is_none() || !is_root() {
+        bail!("{}", how_to_install(missing, &packages));
+    }
+    let apt = |arguments: &[&str]| {
+        let mut command = Command::new("apt-get");
+        command
+            .env("DEBIAN_FRONTEND", "noninteractive")
+            .args(arguments);
+        command
+    };
+    stage("apt-get update", &mut apt(&["update", "--quiet"]))?;
+    let mut arguments = vec!["install", "--quiet", "--yes", "--no-install-recommends"];
+    arguments.extend(&packages);
+    stage("apt-get install", &mut apt(&arguments))?;
+    Ok(())
+}
+
+/// What somebody has to do whose packages we may not install.
+fn how_to_install(missing: &[&Requirement], packages: &[&str]) -> String {
+    let names: Vec<&str> = missing.iter().map(|one| one.name).collect();
+    let variables: Vec<&str> = missing.iter().map(|one| one.variable).collect();
+    format!(
+        "the tests need {}: install it (Debian, Ubuntu: apt-get install {}) or set {} to its path",
+        names.join(" and "),
+        packages.join(" "),
+        variables.join(" and "),
+    )
+}
+
+/// The first of these commands that `PATH` holds.
+fn on_path(commands: &[&str]) -> Option<PathBuf> {
+    let folders: Vec<PathBuf> = env::split_paths(&env::var_os("PATH")?).collect();
+    first_in(&folders, commands)
+}
+
+/// The first of these commands that one of `folders` holds.
+fn first_in(folders: &[PathBuf], commands: &[&str]) -> Option<PathBuf> {
+    let candidates = commands.iter().flat_map(|command| {
+        let file = format!("{command}{}", env::consts::EXE_SUFFIX);
+        folders.iter().map(move |folder| folder.join(&file))
+    });
+    candidates.into_iter().find(|path| is_program(path))
+}
+
+/// Whether this is a file.
+fn is_program(path: &Path) -> bool {
+    path.is_absolute() && path.is_file()
+}
+
+/// Whether packages may be installed without asking.
+fn is_root() -> bool {
+    Command::new("id")
+        .arg("-u")
+        .output()
+        .is_ok_and(|output| output.stdout.trim_ascii() == b"0")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ABSENT: Requirement = Requirement {
+        name: "Nothing",
+        variable: "SIDESTEP_NO_SUCH_VARIABLE",
+        locate: || None,
+        packages: &["nothing", "nothing-fonts"],
+    };
+
+    #[test]
+    fn the_message_says_what_to_install() {
+        let message = how_to_install(&[&ABSENT], ABSENT.packages);
+        assert!(message.contains("need Nothing"), "{message}");
+        assert!(
+            message.contains("apt-get install nothing nothing-fonts"),
+            "{message}"
+        );
+        assert!(
+            message.contains("set SIDESTEP_NO_SUCH_VARIABLE"),
+            "{message}"
+        );
+    }
+
+    #[test]
+    fn commands_are_preferred_in_the_order_of_the_table() {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR"));
+        let folders = [folder.to_path_buf(), folder.join("src")];
+        let found = first_in(&folders, &["absent", "main.rs", "Cargo.toml"]);
+        assert_eq!(found, Some(folder.join("src/main.rs")));
+        assert_eq!(first_in(&folders, &["absent"]), None);
+    }
+
+    #[test]
+    fn every_requirement_has_packages_and_its_own_variable() {
+        for (index, one) in REQUIREMENTS.iter().enumerate() {
+            assert!(!one.packages.is_empty(), "{}", one.name);
+            assert!(one.variable.starts_with("SIDESTEP_"), "{}", one.name);
+            assert!(
+                REQUIREMENTS[..index]
+                    .iter()
+                    .all(|other| other.variable != one.variable)
+            );
+        }
+    }
+}

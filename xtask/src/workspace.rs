@@ -1,0 +1,195 @@
+//! Where the workspace and its build output are, and how commands are run in it.
+
+use std::env;
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitCode, ExitStatus, Stdio};
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, Result, bail};
+
+/// The target triple that browsers run.
+pub(crate) const WASM_TARGET: &str = "wasm32-unknown-unknown";
+
+/// The folders that every command works in.
+pub(crate) struct Workspace {
+    /// The folder of the top `Cargo.toml`.
+    root: PathBuf,
+    /// Cargo's output folder, wherever the environment or a configuration put it.
+    target: PathBuf,
+}
+
+impl Workspace {
+    /// Asks cargo, from whichever folder the command was called in.
+    ///
+    /// # Errors
+    /// When cargo cannot read the workspace, or `Cargo.lock` is out of date.
+    pub(crate) fn locate() -> Result<Self> {
+        let own_folder = env::var_os("CARGO_MANIFEST_DIR")
+            .map_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")), PathBuf::from);
+        let root = own_folder
+            .parent()
+            .context("xtask must lie in a folder of the workspace: start it as `cargo xtask`")?
+            .to_path_buf();
+
+        let mut metadata = cargo_in(&root);
+        metadata.args(["metadata", "--locked", "--no-deps", "--format-version=1"]);
+        let output = metadata
+            .stderr(Stdio::inherit())
+            .output()
+            .with_context(|| cannot_start(&metadata))?;
+        if !output.status.success() {
+            bail!(
+                "cargo cannot read the workspace in {} ({}): see its message above",
+                root.display(),
+                output.status
+            );
+        }
+        let metadata: serde_json::Value = serde_json::from_slice(&output.stdout)
+            .context("`cargo metadata` did not answer with JSON: check which cargo is on PATH")?;
+        let target = metadata["target_directory"]
+            .as_str()
+            .context("`cargo metadata` names no target_directory: check which cargo is on PATH")?
+            .into();
+        Ok(Self { root, target })
+    }
+
+    /// A file or folder of the repository.
+    pub(crate) fn path(&self, relative: &str) -> PathBuf {
+        self.root.join(relative)
+    }
+
+    /// What cargo compiled `entry` of the web client to.
+    pub(crate) fn compiled_client(&self, entry: &str) -> PathBuf {
+        self.target
+            .join(WASM_TARGET)
+            .join("client")
+            .join(entry)
+            .with_extension("wasm")
+    }
+
+    /// The folder that the server serves.
+    pub(crate) fn site(&self) -> PathBuf {
+        self.target.join("release").join("site")
+    }
+
+    /// The server's executable.
+    pub(crate) fn server(&self) -> PathBuf {
+        self.target
+            .join("release")
+            .join(format!("sidestep{}", env::consts::EXE_SUFFIX))
+    }
+
+    /// A cargo call with `arguments`, in the root of the workspace.
+    pub(crate) fn cargo<'a>(&self, arguments: impl IntoIterator<Item = &'a str>) -> Command {
+        let mut command = cargo_in(&self.root);
+        command.args(arguments);
+        command
+    }
+
+    /// Adds the standard library for browsers to the toolchain, if it is missing:
+    /// rustup does not do so by itself in every setting.
+    ///
+    /// # Errors
+    /// When it is missing and rustup is too, or cannot add it.
+    pub(crate) fn ensure_wasm_target(&self) -> Result<()> {
+        let mut ask = Command::new(env::var_os("RUSTC").unwrap_or_else(|| "rustc".into()));
+        ask.args(["--print", "target-libdir", "--target", WASM_TARGET])
+            .current_dir(&self.root);
+        let output = ask.output().with_context(|| cannot_start(&ask))?;
+        let folder = String::from_utf8_lossy(&output.stdout);
+        if output.status.success() && Path::new(folder.trim()).is_dir() {
+            return Ok(());
+        }
+        let mut add = Command::new("rustup");
+        add.args(["target", "add", WASM_TARGET])
+            .current_dir(&self.root);
+        stage("wasm target", &mut add).with_context(|| {
+            format!("the Rust toolchain needs the target {WASM_TARGET}: install it and try again")
+        })?;
+        Ok(())
+    }
+}
+
+/// The cargo that started this program.
+fn cargo_in(folder: &Path) -> Command {
+    let mut command = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
+    command.current_dir(folder);
+    command
+}
+
+/// Runs one stage of a command, under its name, and says how long it took.
+///
+/// # Errors
+/// When it cannot be started or fails; the message names the stage.
+pub(crate) fn stage(name: &str, command: &mut Command) -> Result<Duration> {
+    eprintln!("==> {name}");
+    let start = Instant::now();
+    let status = status(command)?;
+    let took = start.elapsed();
+    if !status.success() {
+        bail!(
+            "stage \"{name}\" failed after {:.1} s ({status}): {}",
+            took.as_secs_f64(),
+            shown(command)
+        );
+    }
+    eprintln!("    {name}: {:.1} s", took.as_secs_f64());
+    Ok(took)
+}
+
+/// Runs a command whose own output and exit code are the answer.
+///
+/// # Errors
+/// When it cannot be started.
+pub(crate) fn answer_of(command: &mut Command) -> Result<ExitCode> {
+    let status = status(command)?;
+    // A process that was ended by a signal has no code.
+    let code = status.code().and_then(|code| u8::try_from(code).ok());
+    Ok(code.map_or(ExitCode::FAILURE, ExitCode::from))
+}
+
+/// Runs a command to its end; it reads nothing from the terminal.
+fn status(command: &mut Command) -> Result<ExitStatus> {
+    command
+        .stdin(Stdio::null())
+        .status()
+        .with_context(|| cannot_start(command))
+}
+
+/// The message for a program that does not start.
+pub(crate) fn cannot_start(command: &Command) -> String {
+    format!(
+        "cannot start `{}`: check that it is installed and on PATH",
+        command.get_program().to_string_lossy()
+    )
+}
+
+/// A command as one would type it.
+fn shown(command: &Command) -> String {
+    let program = Path::new(command.get_program());
+    let words = std::iter::once(program.file_stem().unwrap_or(program.as_os_str()))
+        .chain(command.get_args())
+        .map(|word| word.to_string_lossy());
+    words.collect::<Vec<_>>().join(" ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_failed_stage_is_named() {
+        let error = stage("no such thing", Command::new("rustc").arg("--no-such-flag"))
+            .expect_err("rustc must refuse this");
+        let message = error.to_string();
+        assert!(message.contains("\"no such thing\""), "{message}");
+        assert!(message.contains("rustc --no-such-flag"), "{message}");
+    }
+
+    #[test]
+    fn a_missing_program_is_named() {
+        let error = stage("x", &mut Command::new("no-such-program-here"))
+            .expect_err("there is no such program");
+        assert!(error.to_string().contains("`no-such-program-here`"));
+    }
+}
