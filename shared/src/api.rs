@@ -5,7 +5,7 @@ use crate::predict::PredictorFile;
 use crate::scene::{JointState, Scene, SceneParameters};
 use crate::study::PhaseConfig;
 use crate::trial::{Flag, Outcome, Phase, Replay};
-use crate::vehicle::TurnInput;
+use crate::vehicle::{Pose, TurnInput};
 use serde::{Deserialize, Serialize};
 
 /// Version of everything in this module; a client that was built for another one
@@ -216,9 +216,24 @@ pub struct PlannedScene {
     pub trial_id: String,
     /// Place within its phase, from 0.
     pub index: usize,
+    /// The human's vehicle at the start.
+    pub human: Pose,
+    /// The robot at the start.
+    pub robot: Pose,
+    /// The robot's goal, m.
+    pub goal: [f64; 2],
+}
+
+impl PlannedScene {
     /// Both vehicles and the goal.
-    #[serde(flatten)]
-    pub scene: Scene,
+    #[must_use]
+    pub fn scene(&self) -> Scene {
+        Scene {
+            human: self.human,
+            robot: self.robot,
+            goal: self.goal,
+        }
+    }
 }
 
 /// Where a participant is.

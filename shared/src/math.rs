@@ -38,7 +38,7 @@ pub fn wrap_positive(angle: f64) -> f64 {
         return angle;
     }
     let wrapped = angle - TAU * (angle / TAU).floor();
-    if wrapped >= TAU || wrapped < 0.0 {
+    if !(0.0..TAU).contains(&wrapped) {
         0.0
     } else {
         wrapped

@@ -7,6 +7,7 @@
 pub mod browser;
 pub mod drive;
 pub mod input;
+pub mod json;
 pub mod outbox;
 pub mod overlays;
 pub mod pages;

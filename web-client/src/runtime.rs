@@ -107,11 +107,11 @@ impl Answer {
     /// [`Failure`] if the server was not reached, refused, or sent what this
     /// page cannot read.
     pub fn read<T: serde::de::DeserializeOwned>(&self) -> Result<T, Failure> {
-        serde_json::from_slice(self.octets()?).map_err(|e| Failure::Refused {
+        crate::json::read(self.octets()?).ok_or_else(|| Failure::Refused {
             status: 200,
             problem: sidestep::api::Problem {
                 code: "unreadable".to_owned(),
-                message: format!("The server's answer cannot be read ({e}). Reload the page."),
+                message: "The server's answer cannot be read. Please reload the page.".to_owned(),
                 field: None,
             },
         })
@@ -134,7 +134,7 @@ impl Answer {
                     message: format!("The server answered with status {status}."),
                     field: None,
                 };
-                let problem = serde_json::from_slice(body).unwrap_or_else(|_| unknown());
+                let problem = crate::json::read(body).unwrap_or_else(unknown);
                 Err(Failure::Refused {
                     status: *status,
                     problem,

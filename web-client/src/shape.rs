@@ -140,7 +140,7 @@ pub enum Shape {
     /// Lines every so many metres over the whole view, and a scale bar.
     Grid {
         /// Distance of the lines, m.
-        every_m: f64,
+        every_m: u32,
     },
 }
 

@@ -41,6 +41,7 @@ enum Task {
     Serve(serve::Options),
     Build(build::Options),
     Test(test::Options),
+    /// Check formatting, lints (native and browser) and documentation, without running anything.
     Check,
     Bench(bench::Options),
 }

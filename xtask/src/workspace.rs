@@ -179,8 +179,9 @@ mod tests {
 
     #[test]
     fn a_failed_stage_is_named() {
-        let error = stage("no such thing", Command::new("rustc").arg("--no-such-flag"))
-            .expect_err("rustc must refuse this");
+        let mut command = Command::new("rustc");
+        command.arg("--no-such-flag").stderr(Stdio::null());
+        let error = stage("no such thing", &mut command).expect_err("rustc must refuse this");
         let message = error.to_string();
         assert!(message.contains("\"no such thing\""), "{message}");
         assert!(message.contains("rustc --no-such-flag"), "{message}");

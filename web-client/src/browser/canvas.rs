@@ -200,16 +200,17 @@ impl Brush<'_> {
     }
 
     /// Lines every so many metres, and a bar that tells how many.
-    fn grid(&self, every_m: f64) {
+    fn grid(&self, every_m: u32) {
+        let step_m = f64::from(every_m);
         let [width, height] = self.camera.size_px;
         let low = self.camera.to_world([0.0, height]);
         let high = self.camera.to_world([width, 0.0]);
         self.context.begin_path();
         for (axis, extent) in [(0, height), (1, width)] {
-            let first = (low[axis] / every_m).ceil() as i64;
-            let last = (high[axis] / every_m).floor() as i64;
+            let first = (low[axis] / step_m).ceil() as i64;
+            let last = (high[axis] / step_m).floor() as i64;
             for line in first..=last {
-                let at = line as f64 * every_m;
+                let at = line as f64 * step_m;
                 // Half a pixel keeps one-pixel lines crisp.
                 let px = self.camera.to_px([at, at])[axis].round() + 0.5;
                 let (from, to) = if axis == 0 {
@@ -222,7 +223,7 @@ impl Brush<'_> {
             }
         }
         self.fill_and_stroke(None, Some(Stroke::solid(Ink::Grid, 1.0)));
-        let (left, bottom, length) = (22.0, height - 18.0, every_m * self.camera.scale);
+        let (left, bottom, length) = (22.0, height - 18.0, step_m * self.camera.scale);
         self.context.begin_path();
         self.context.move_to(left, bottom);
         self.context.line_to(left + length, bottom);
@@ -231,10 +232,8 @@ impl Brush<'_> {
         self.context.set_text_align("center");
         self.context
             .set_fill_style_str(self.painter.colour(Ink::Muted));
-        let _ = self.context.fill_text(
-            &format!("{every_m:.0} m"),
-            left + 0.5 * length,
-            bottom - 6.0,
-        );
+        let _ = self
+            .context
+            .fill_text(&format!("{every_m} m"), left + 0.5 * length, bottom - 6.0);
     }
 }

@@ -67,8 +67,7 @@ fn set(element: &Element, name: &str, value: &str) -> Result<(), JsValue> {
         }
         // Local date and time.
         "data-ms" => {
-            let ms = value.parse().unwrap_or(0.0);
-            let date = js_sys::Date::new(&JsValue::from_f64(ms));
+            let date = js_sys::Date::new(&js_sys::Number::from(JsValue::from_str(value)));
             element.set_attribute("datetime", &String::from(date.to_iso_string()))?;
             let words = date.to_locale_string("default", &JsValue::UNDEFINED);
             element.set_text_content(Some(&String::from(words)));

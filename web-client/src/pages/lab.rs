@@ -1,6 +1,7 @@
 //! The laboratory: sign-in, stored trials, replay, and the machine's self-check.
 
 use super::replay::Replay;
+use crate::json;
 use crate::runtime::{Answer, App, Command, Event, Failure, Request, Surroundings, Tag};
 use crate::shape::Picture;
 use crate::view::{Node, el};
@@ -79,10 +80,9 @@ impl Lab {
     fn sign_in(&mut self, key: &str) -> Vec<Command> {
         self.page = Page::SignIn { busy: true };
         self.key = key.trim().to_owned();
-        let body = serde_json::to_string(&SignIn {
+        let body = Some(json::write(&SignIn {
             key: self.key.clone(),
-        })
-        .ok();
+        }));
         let url = routes::SESSION.to_owned();
         vec![Command::Send(Request {
             tag: Tag::Session,

@@ -1,8 +1,9 @@
 //! The participant's page: consent, instructions, one scene after the other, and
 //! the completion code. Safety levels are never shown here.
 
-use crate::drive::Drive;
+use crate::drive::{Drive, json_object};
 use crate::input::turn_of_key;
+use crate::json;
 use crate::outbox::{Outbox, Settled};
 use crate::overlays::stage;
 use crate::runtime::{Answer, App, Command, Event, Failure, Request, Surroundings, Tag};
@@ -14,7 +15,6 @@ use sidestep::api::{
 };
 use sidestep::scene::{JointState, Scene};
 use sidestep::trial::Phase;
-use std::collections::BTreeSet;
 
 /// For this long the scene stands still before it starts, ms.
 const STILL_MS: f64 = 800.0;
@@ -31,7 +31,7 @@ pub struct Participant {
     study: Option<StudyInfo>,
     session: Option<Session>,
     course: Vec<Leg>,
-    stored: BTreeSet<String>,
+    stored: Vec<String>,
     outbox: Outbox,
     held: Vec<(f64, String)>,
     trouble: Option<String>,
@@ -110,7 +110,7 @@ impl Participant {
         self.study = Some(study);
         let session = self
             .kept(&self.session_name())
-            .and_then(|text| serde_json::from_str(text).ok());
+            .and_then(|text| json::read(text.as_bytes()));
         match session {
             Some(session) => self.ask_where_we_are(session),
             None => {
@@ -135,10 +135,7 @@ impl Participant {
             .find(|(name, _)| name == "external_id")
             .map(|(_, id)| id.clone());
         let locale = Some(self.surroundings.locale.clone()).filter(|locale| !locale.is_empty());
-        let screen = self.surroundings.screen.iter();
-        let screen = screen
-            .map(|&(name, value)| (name.to_owned(), value.into()))
-            .collect();
+        let screen = json_object(&self.surroundings.screen);
         let body = Enrolment {
             consent: true,
             external_id,
@@ -150,7 +147,7 @@ impl Participant {
             method: "POST",
             url: routes::participants(&self.slug),
             token: None,
-            body: serde_json::to_string(&body).ok(),
+            body: Some(json::write(&body)),
         })]
     }
 
@@ -159,7 +156,7 @@ impl Participant {
             participant_id: enrolled.participant_id,
             token: enrolled.token,
         };
-        let text = serde_json::to_string(&session).unwrap_or_default();
+        let text = json::write(&session);
         let keep = Command::Keep(self.session_name(), text);
         // Somebody who comes back by their external id may have stored trials.
         [keep]
@@ -182,7 +179,7 @@ impl Participant {
 
     fn progress_arrived(&mut self, progress: &Progress) -> Vec<Command> {
         self.take_course(&progress.plan);
-        self.stored = progress.stored.iter().cloned().collect();
+        self.stored.clone_from(&progress.stored);
         if let Some(code) = &progress.completion_code {
             self.stage = Stage::Done(code.clone());
             return Vec::new();
@@ -242,8 +239,7 @@ impl Participant {
             return Vec::new();
         };
         let upload = drive.into_upload(&self.surroundings.screen);
-        // Finite numbers and strings always have a JSON form.
-        let body = serde_json::to_string(&upload).unwrap_or_default();
+        let body = json::write(&upload);
         let mut commands = self.outbox.add(&trial_id, body);
         commands.extend(self.after_the_last());
         commands
@@ -259,7 +255,7 @@ impl Participant {
                 };
                 let origin = self.surroundings.time_origin_ms;
                 let held = self.held.clone();
-                let scene = leg.planned.scene;
+                let scene = leg.planned.scene();
                 let mut drive =
                     Drive::new(study.parameters, &scene, start_ms, origin + start_ms, held);
                 drive.tick(now_ms);
@@ -320,10 +316,10 @@ impl Participant {
             Tag::Upload(id) => {
                 let (settled, mut commands) = self.outbox.answered(&id, answer);
                 match settled {
-                    Settled::Stored => drop(self.stored.insert(id)),
+                    Settled::Stored => self.stored.push(id),
                     Settled::Later => {}
                     Settled::Refused(why) => {
-                        self.stored.insert(id);
+                        self.stored.push(id);
                         self.trouble = Some(format!("One scene was not accepted: {why}"));
                     }
                 }
@@ -417,7 +413,7 @@ impl App for Participant {
         let study = self.study.as_ref()?;
         let leg = self.next()?;
         let (state, step) = match &self.stage {
-            Stage::Still(_) => (leg.planned.scene.start(), 0),
+            Stage::Still(_) => (leg.planned.scene().start(), 0),
             Stage::Driving(drive) => (drive.state_at(self.now_ms), drive.step_at(self.now_ms)),
             _ => return None,
         };
@@ -426,8 +422,8 @@ impl App for Participant {
             .then_some(study.parameters.danger_radius_m);
         Some(Picture {
             canvas: "scene",
-            window: window(&leg.planned.scene, state),
-            shapes: shapes(&leg.planned.scene, state, zone),
+            window: window(&leg.planned.scene(), state),
+            shapes: shapes(&leg.planned.scene(), state, zone),
             attributes: vec![
                 ("data-step", step.to_string()),
                 ("data-phase", leg.phase.word().to_owned()),

@@ -226,7 +226,7 @@ impl Replay {
             safety: self.safety.as_ref(),
             shfrs: self.prediction.as_ref().map(|prediction| &prediction.shfrs),
         };
-        let mut shapes = vec![Shape::Grid { every_m: 5.0 }];
+        let mut shapes = vec![Shape::Grid { every_m: 5 }];
         for (layer, shown) in LAYERS.iter().zip(&self.shown) {
             if *shown {
                 shapes.extend((layer.shapes)(&moment));

@@ -1,0 +1,165 @@
+//! JSON by the browser's own means.
+//!
+//! serde_json, or any parser that brings exact conversion of numbers along, is a
+//! third of the participant's download: tables of powers of ten do not compress.
+//! The browser has both built in. So here text becomes a [`Json`] tree by the
+//! browser (by serde_json in native tests), the tree becomes a wire type by serde,
+//! and wire types are written by serde with the browser's numbers. Nothing is
+//! rounded either way. See `docs/decisions/0006-json-in-the-client.md`.
+
+mod read;
+mod write;
+
+pub use read::Json;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use std::fmt;
+
+/// The value that a text holds; nothing if it is no JSON or of another shape.
+#[must_use]
+pub fn read<T: DeserializeOwned>(text: &[u8]) -> Option<T> {
+    T::deserialize(read::parse(text)?).ok()
+}
+
+/// The text of a value. A number that is not finite becomes null.
+#[must_use]
+pub fn write<T: Serialize>(value: &T) -> String {
+    let mut text = String::new();
+    // Wire types hold nothing that JSON does not.
+    let _ = value.serialize(write::Writer(&mut text));
+    text
+}
+
+/// A value is not of the wanted shape. It says no more, because formatting
+/// messages that nobody sees is a good part of what is saved here.
+#[derive(Debug, PartialEq, Eq)]
+pub struct Unfit;
+
+impl fmt::Display for Unfit {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("not of the wanted shape")
+    }
+}
+
+impl std::error::Error for Unfit {}
+
+impl serde::de::Error for Unfit {
+    fn custom<T: fmt::Display>(_: T) -> Self {
+        Self
+    }
+
+    fn invalid_type(_: serde::de::Unexpected<'_>, _: &dyn serde::de::Expected) -> Self {
+        Self
+    }
+
+    fn invalid_value(_: serde::de::Unexpected<'_>, _: &dyn serde::de::Expected) -> Self {
+        Self
+    }
+}
+
+impl serde::ser::Error for Unfit {
+    fn custom<T: fmt::Display>(_: T) -> Self {
+        Self
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use sidestep::api::{Enrolled, Problem, Progress, StudyInfo, TrialUpload};
+    use sidestep::math::SeededRng;
+    use sidestep::scene::JointState;
+    use sidestep::study::StudyConfig;
+    use sidestep::vehicle::{Pose, TurnInput};
+
+    #[test]
+    fn shapes_are_checked() {
+        let text = br#"{"code":"x","message":"say \"no\" \u2014 \u00e9","extra":[1,{"a":null}]}"#;
+        let problem: Problem = read(text).unwrap();
+        assert_eq!(problem.message, "say \"no\" — é");
+        assert_eq!(problem.field, None);
+        assert_eq!(read::<Problem>(b"{\"code\":"), None);
+        assert_eq!(read::<Enrolled>(br#"{"code":"x","message":"m"}"#), None);
+        assert_eq!(read::<TurnInput>(b"2"), None);
+        assert_eq!(read::<TurnInput>(b"-1"), Some(TurnInput::Right));
+        assert_eq!(read::<u32>(b"1.5"), None);
+        assert_eq!(read::<Pose>(b"[1,2]"), None);
+    }
+
+    #[test]
+    fn numbers_survive_bit_for_bit_both_ways() {
+        let mut rng = SeededRng::new(1);
+        let mut number =
+            || f64::from_bits((rng.unit() * 1.8e19) as u64 ^ rng.below(1 << 60) as u64);
+        let numbers = std::iter::from_fn(|| Some(number())).filter(|x: &f64| x.is_finite());
+        let edges = [
+            0.0,
+            -0.0,
+            5e-324,
+            f64::MAX,
+            f64::MIN_POSITIVE,
+            0.1,
+            1.0 / 3.0,
+            1e21,
+            123_456_789.0,
+        ];
+        for x in edges.into_iter().chain(numbers.take(20_000)) {
+            let pose = Pose { x, y: -x, psi: x };
+            let text = write(&pose);
+            let here: Pose = read(text.as_bytes()).unwrap();
+            let server: Pose = serde_json::from_str(&text).unwrap();
+            for other in [here, server] {
+                assert_eq!(other.x.to_bits(), x.to_bits(), "{text}");
+                assert_eq!(other.y.to_bits(), (-x).to_bits(), "{text}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_the_client_writes_the_server_reads() {
+        let mut display = serde_json::Map::new();
+        display.insert("width_px".into(), 1280.5.into());
+        display.insert("frames".into(), 600.into());
+        let state = JointState {
+            human: Pose::new(0.1, -0.2, 3.0),
+            robot: Pose::new(1e-7, 2.0, 0.0),
+        };
+        let key = sidestep::api::KeyEvent {
+            t_ms: 1.0,
+            key: "\"\\\n\u{1}ö".into(),
+            down: true,
+        };
+        let upload = TrialUpload {
+            started_at_ms: 1.7e12,
+            inputs: TurnInput::ALL.to_vec(),
+            states: vec![state; 4],
+            sampled_at_ms: vec![0.5; 3],
+            key_events: vec![key],
+            display,
+        };
+        assert_eq!(
+            serde_json::from_str::<TrialUpload>(&write(&upload)).unwrap(),
+            upload
+        );
+    }
+
+    #[test]
+    fn what_the_server_writes_the_client_reads() {
+        let study = StudyConfig::default();
+        let info = StudyInfo {
+            schema_version: 1,
+            slug: study.slug,
+            title: study.title,
+            parameters: study.parameters,
+            phases: study.phases,
+        };
+        assert_eq!(
+            read::<StudyInfo>(&serde_json::to_vec(&info).unwrap()),
+            Some(info)
+        );
+        let text = br#"{"participant_id":"p","study":"s","stored":["a"],"next":null,
+            "plan":{"phases":[{"phase":"task","show_danger_zone":false,"scenes":[
+            {"trial_id":"a","index":0,"human":[1,2,3],"robot":[0.1,-0.0,3],"goal":[4,5]}]}]}}"#;
+        assert_eq!(read::<Progress>(text), serde_json::from_slice(text).ok());
+    }
+}

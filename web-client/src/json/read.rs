@@ -1,0 +1,148 @@
+//! From text to a tree, and from the tree to a type.
+
+use super::Unfit;
+use serde::de::value::{MapDeserializer, SeqDeserializer};
+use serde::de::{Deserializer, IntoDeserializer, Visitor};
+use serde::forward_to_deserialize_any;
+
+/// A JSON value.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Json {
+    /// Nothing.
+    Null,
+    /// True or false.
+    Bool(bool),
+    /// A number.
+    Number(f64),
+    /// Words.
+    Text(String),
+    /// Values in order.
+    List(Vec<Json>),
+    /// Values by name.
+    Object(Vec<(String, Json)>),
+}
+
+/// The tree of a text, by the browser.
+#[cfg(target_arch = "wasm32")]
+pub(super) fn parse(text: &[u8]) -> Option<Json> {
+    let value = js_sys::JSON::parse(std::str::from_utf8(text).ok()?).ok()?;
+    Some(tree(&value))
+}
+
+#[cfg(target_arch = "wasm32")]
+fn tree(value: &wasm_bindgen::JsValue) -> Json {
+    use wasm_bindgen::JsCast;
+    if let Some(number) = value.as_f64() {
+        Json::Number(number)
+    } else if let Some(text) = value.as_string() {
+        Json::Text(text)
+    } else if let Some(flag) = value.as_bool() {
+        Json::Bool(flag)
+    } else if let Some(list) = value.dyn_ref::<js_sys::Array>() {
+        Json::List(list.iter().map(|entry| tree(&entry)).collect())
+    } else if let Some(object) = value.dyn_ref::<js_sys::Object>() {
+        let entry = |pair: wasm_bindgen::JsValue| {
+            let pair: js_sys::Array = pair.unchecked_into();
+            (
+                pair.get(0).as_string().unwrap_or_default(),
+                tree(&pair.get(1)),
+            )
+        };
+        Json::Object(js_sys::Object::entries(object).iter().map(entry).collect())
+    } else {
+        Json::Null
+    }
+}
+
+/// The tree of a text, where there is no browser.
+#[cfg(not(target_arch = "wasm32"))]
+pub(super) fn parse(text: &[u8]) -> Option<Json> {
+    fn tree(value: serde_json::Value) -> Json {
+        match value {
+            serde_json::Value::Null => Json::Null,
+            serde_json::Value::Bool(flag) => Json::Bool(flag),
+            serde_json::Value::Number(number) => Json::Number(number.as_f64().unwrap_or(f64::NAN)),
+            serde_json::Value::String(text) => Json::Text(text),
+            serde_json::Value::Array(list) => Json::List(list.into_iter().map(tree).collect()),
+            serde_json::Value::Object(object) => Json::Object(
+                object
+                    .into_iter()
+                    .map(|(name, value)| (name, tree(value)))
+                    .collect(),
+            ),
+        }
+    }
+    serde_json::from_slice(text).ok().map(tree)
+}
+
+impl IntoDeserializer<'_, Unfit> for Json {
+    type Deserializer = Self;
+
+    fn into_deserializer(self) -> Self {
+        self
+    }
+}
+
+/// Largest size of a whole number that a double holds exactly.
+const WHOLE: f64 = 9_007_199_254_740_992.0;
+
+impl<'de> Deserializer<'de> for Json {
+    type Error = Unfit;
+
+    fn deserialize_any<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Unfit> {
+        match self {
+            Self::Null => visitor.visit_unit(),
+            Self::Bool(flag) => visitor.visit_bool(flag),
+            // Visitors of whole numbers take no others, and those of others take both.
+            Self::Number(n)
+                if n as i64 as f64 == n
+                    && n.abs() <= WHOLE
+                    && n.to_bits() != (-0.0f64).to_bits() =>
+            {
+                visitor.visit_i64(n as i64)
+            }
+            Self::Number(n) => visitor.visit_f64(n),
+            Self::Text(text) => visitor.visit_string(text),
+            Self::List(list) => {
+                let mut rest = SeqDeserializer::new(list.into_iter());
+                let value = visitor.visit_seq(&mut rest)?;
+                rest.end()?;
+                Ok(value)
+            }
+            Self::Object(object) => visitor.visit_map(MapDeserializer::new(object.into_iter())),
+        }
+    }
+
+    fn deserialize_option<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Unfit> {
+        match self {
+            Self::Null => visitor.visit_none(),
+            some => visitor.visit_some(some),
+        }
+    }
+
+    fn deserialize_newtype_struct<V: Visitor<'de>>(
+        self,
+        _: &'static str,
+        visitor: V,
+    ) -> Result<V::Value, Unfit> {
+        visitor.visit_newtype_struct(self)
+    }
+
+    /// Enumerations of the wire are words.
+    fn deserialize_enum<V: Visitor<'de>>(
+        self,
+        _: &'static str,
+        _: &'static [&'static str],
+        visitor: V,
+    ) -> Result<V::Value, Unfit> {
+        match self {
+            Self::Text(word) => visitor.visit_enum(word.into_deserializer()),
+            _ => Err(Unfit),
+        }
+    }
+
+    forward_to_deserialize_any! {
+        bool i8 i16 i32 i64 u8 u16 u32 u64 f32 f64 char str string bytes byte_buf unit
+        unit_struct seq tuple tuple_struct map struct identifier ignored_any
+    }
+}
