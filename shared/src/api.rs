@@ -71,10 +71,15 @@ pub mod routes {
     }
     /// The server's own simulation fingerprint.
     pub const SELF_CHECK: &str = "/api/v1/admin/self-check";
-    /// A study's trials as a file.
+    /// A study's trials as a file, without the query that says of which format.
+    #[must_use]
+    pub fn exports(slug: &str) -> String {
+        format!("/api/v1/admin/studies/{slug}/export")
+    }
+    /// A study's trials as a CSV file.
     #[must_use]
     pub fn export(slug: &str) -> String {
-        format!("/api/v1/admin/studies/{slug}/export?format=csv")
+        format!("{}?format=csv", exports(slug))
     }
 }
 
@@ -136,9 +141,7 @@ impl Enrolment {
                 check_name(field, text)?;
             }
         }
-        self.screen
-            .as_ref()
-            .map_or(Ok(()), |screen| check_object("screen", screen))
+        self.screen.as_ref().map_or(Ok(()), |screen| check_object("screen", screen))
     }
 }
 
@@ -149,11 +152,7 @@ fn check_name(field: &str, text: &str) -> Result<(), Invalid> {
         return Err(Invalid::new(field, expected, format!("{count} characters")));
     }
     if text.chars().any(char::is_control) {
-        return Err(Invalid::new(
-            field,
-            "no control characters",
-            "a control character",
-        ));
+        return Err(Invalid::new(field, "no control characters", "a control character"));
     }
     Ok(())
 }
@@ -192,9 +191,7 @@ pub struct Plan {
 impl Plan {
     /// Every scene in the order of driving, with its phase.
     pub fn scenes(&self) -> impl Iterator<Item = (&PlannedPhase, &PlannedScene)> {
-        self.phases
-            .iter()
-            .flat_map(|phase| phase.scenes.iter().map(move |scene| (phase, scene)))
+        self.phases.iter().flat_map(|phase| phase.scenes.iter().map(move |scene| (phase, scene)))
     }
 }
 
@@ -228,11 +225,7 @@ impl PlannedScene {
     /// Both vehicles and the goal.
     #[must_use]
     pub fn scene(&self) -> Scene {
-        Scene {
-            human: self.human,
-            robot: self.robot,
-            goal: self.goal,
-        }
+        Scene { human: self.human, robot: self.robot, goal: self.goal }
     }
 }
 
@@ -299,9 +292,7 @@ impl TrialUpload {
         length("inputs", parameters.steps, self.inputs.len())?;
         length("states", parameters.steps + 1, self.states.len())?;
         for (i, state) in self.states.iter().enumerate() {
-            state
-                .check()
-                .map_err(|e| e.within(&format!("states[{i}]")))?;
+            state.check().map_err(|e| e.within(&format!("states[{i}]")))?;
         }
         length("sampled_at_ms", parameters.steps, self.sampled_at_ms.len())?;
         check_rising("sampled_at_ms", self.sampled_at_ms.iter().copied())?;
@@ -309,10 +300,7 @@ impl TrialUpload {
             let expected = format!("at most {MAX_KEY_EVENTS} entries");
             return Err(Invalid::new("key_events", expected, self.key_events.len()));
         }
-        check_rising(
-            "key_events.t_ms",
-            self.key_events.iter().map(|event| event.t_ms),
-        )?;
+        check_rising("key_events.t_ms", self.key_events.iter().map(|event| event.t_ms))?;
         for (i, event) in self.key_events.iter().enumerate() {
             check_name(&format!("key_events[{i}].key"), &event.key)?;
         }
@@ -326,11 +314,7 @@ fn check_rising(field: &str, times: impl Iterator<Item = f64>) -> Result<(), Inv
     for (i, time) in times.enumerate() {
         finite(&format!("{field}[{i}]"), time)?;
         if time < last {
-            return Err(Invalid::new(
-                format!("{field}[{i}]"),
-                format!("a time ≥ {last}"),
-                time,
-            ));
+            return Err(Invalid::new(format!("{field}[{i}]"), format!("a time ≥ {last}"), time));
         }
         last = time;
     }
@@ -359,6 +343,13 @@ pub struct Completed {
 pub struct SignIn {
     /// The experimenter's key.
     pub key: String,
+}
+
+/// Answer to a sign-in, and to the question whether one is signed in.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Session {
+    /// Always true: who is not signed in gets 401.
+    pub signed_in: bool,
 }
 
 /// A study in the laboratory's list.

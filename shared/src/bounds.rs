@@ -142,11 +142,7 @@ impl BoundsSettings {
                 }
             }
         }
-        Ok(Self {
-            epsilon,
-            choice,
-            rollout,
-        })
+        Ok(Self { epsilon, choice, rollout })
     }
 
     /// How many steps ahead, T.
@@ -172,11 +168,7 @@ impl BoundsSettings {
             // The k-th largest: the smallest p that at least k actions reach.
             ActionChoice::TopK(k) => {
                 let reaches = |p: f64| probabilities.iter().filter(|&&q| q >= p).count() >= k[i];
-                probabilities
-                    .iter()
-                    .copied()
-                    .filter(|&p| reaches(p))
-                    .fold(0.0, f64::max)
+                probabilities.iter().copied().filter(|&p| reaches(p)).fold(0.0, f64::max)
             }
         }
     }
@@ -221,18 +213,12 @@ pub fn input_bounds(
     let mut sets =
         vec![(Vec::with_capacity(steps), Vec::with_capacity(steps)); settings.epsilon.len()];
     for i in 0..steps {
-        let (a, b) = (
-            likely_range(model, &low, settings, i)?,
-            likely_range(model, &high, settings, i)?,
-        );
+        let (a, b) =
+            (likely_range(model, &low, settings, i)?, likely_range(model, &high, settings, i)?);
         let bounds = (a.0.min(b.0), a.1.max(b.1));
         raw.push(bounds);
-        let widen = |epsilon: f64| {
-            (
-                (bounds.0 - epsilon).max(-rate),
-                (bounds.1 + epsilon).min(rate),
-            )
-        };
+        let widen =
+            |epsilon: f64| ((bounds.0 - epsilon).max(-rate), (bounds.1 + epsilon).min(rate));
         for ((lo, hi), &epsilon) in sets.iter_mut().zip(&settings.epsilon) {
             let (l, h) = widen(epsilon);
             lo.push(l);
@@ -284,23 +270,11 @@ fn likely_range(
     let mut probabilities = vec![0.0; model.actions().len()];
     model.probabilities(history, &mut probabilities);
     if let Some(p) = probabilities.iter().find(|p| !p.is_finite()) {
-        return Err(Invalid::new(
-            format!("probabilities at step {i}"),
-            "finite numbers",
-            p,
-        ));
+        return Err(Invalid::new(format!("probabilities at step {i}"), "finite numbers", p));
     }
     let threshold = settings.threshold(i, &probabilities);
-    let likely = model
-        .actions()
-        .iter()
-        .zip(&probabilities)
-        .filter(|&(_, &p)| p >= threshold);
-    Ok(
-        likely.fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), (&a, _)| {
-            (lo.min(a), hi.max(a))
-        }),
-    )
+    let likely = model.actions().iter().zip(&probabilities).filter(|&(_, &p)| p >= threshold);
+    Ok(likely.fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), (&a, _)| (lo.min(a), hi.max(a))))
 }
 
 #[cfg(test)]
@@ -345,10 +319,7 @@ mod tests {
     }
 
     fn start() -> [JointState; 1] {
-        [JointState {
-            human: Pose::new(0.0, 0.0, 0.3),
-            robot: Pose::new(9.0, 2.0, 3.0),
-        }]
+        [JointState { human: Pose::new(0.0, 0.0, 0.3), robot: Pose::new(9.0, 2.0, 3.0) }]
     }
 
     fn run(
@@ -358,58 +329,31 @@ mod tests {
         rollout: Rollout,
     ) -> PredictedBounds {
         let settings = BoundsSettings::new(epsilon.to_vec(), choice, rollout, 3).unwrap();
-        input_bounds(
-            &start(),
-            &SceneParameters::default(),
-            model,
-            |_| 0.0,
-            &settings,
-        )
-        .unwrap()
+        input_bounds(&start(), &SceneParameters::default(), model, |_| 0.0, &settings).unwrap()
     }
 
     #[test]
     fn top_k_takes_the_interval_between_likely_actions() {
         let model = Fixed([0.5, 0.2, 0.3]);
-        let found = run(
-            &model,
-            &[0.0, 0.2, 1.0],
-            ActionChoice::TopK(vec![2, 1]),
-            Rollout::Paper,
-        );
+        let found = run(&model, &[0.0, 0.2, 1.0], ActionChoice::TopK(vec![2, 1]), Rollout::Paper);
         assert_eq!(found.raw, [(-0.5, 0.5), (-0.5, -0.5)]);
         assert_eq!(found.sets[1].hi(), [0.5, -0.3]);
-        assert_eq!(
-            (found.sets[2].lo(), found.sets[2].hi()),
-            (&[-0.5; 2][..], &[0.5; 2][..])
-        );
+        assert_eq!((found.sets[2].lo(), found.sets[2].hi()), (&[-0.5; 2][..], &[0.5; 2][..]));
         assert_eq!(found.low.len(), 3);
     }
 
     #[test]
     fn ties_with_the_kth_all_count() {
-        let found = run(
-            &Fixed([0.4, 0.2, 0.4]),
-            &[0.0],
-            ActionChoice::TopK(vec![1]),
-            Rollout::Paper,
-        );
+        let found =
+            run(&Fixed([0.4, 0.2, 0.4]), &[0.0], ActionChoice::TopK(vec![1]), Rollout::Paper);
         assert_eq!(found.raw, [(-0.5, 0.5)]);
     }
 
     #[test]
     fn the_adaptive_set_follows_the_probabilities() {
         let adaptive = |p| {
-            run(
-                &Fixed(p),
-                &[0.0],
-                ActionChoice::Adaptive {
-                    tau: 0.25,
-                    steps: 1,
-                },
-                Rollout::Base,
-            )
-            .raw[0]
+            run(&Fixed(p), &[0.0], ActionChoice::Adaptive { tau: 0.25, steps: 1 }, Rollout::Base)
+                .raw[0]
         };
         assert_eq!(adaptive([0.1, 0.6, 0.3]), (0.0, 0.5));
         assert_eq!(adaptive([0.05, 0.9, 0.05]), (0.0, 0.0));
@@ -418,48 +362,19 @@ mod tests {
     #[test]
     fn complaints_name_the_field() {
         let field = |epsilon: &[f64], choice| {
-            BoundsSettings::new(epsilon.to_vec(), choice, Rollout::Base, 3)
-                .unwrap_err()
-                .field
+            BoundsSettings::new(epsilon.to_vec(), choice, Rollout::Base, 3).unwrap_err().field
         };
         assert_eq!(field(&[], ActionChoice::TopK(vec![1])), "epsilon");
-        assert_eq!(
-            field(&[0.2, 0.1], ActionChoice::TopK(vec![1])),
-            "epsilon[1]"
-        );
-        assert_eq!(
-            field(&[f64::NAN], ActionChoice::TopK(vec![1])),
-            "epsilon[0]"
-        );
+        assert_eq!(field(&[0.2, 0.1], ActionChoice::TopK(vec![1])), "epsilon[1]");
+        assert_eq!(field(&[f64::NAN], ActionChoice::TopK(vec![1])), "epsilon[0]");
         assert_eq!(field(&[0.0], ActionChoice::TopK(vec![1, 4])), "k[1]");
         assert_eq!(field(&[0.0], ActionChoice::TopK(vec![])), "k");
-        assert_eq!(
-            field(&[0.0], ActionChoice::Adaptive { tau: 0.0, steps: 3 }),
-            "tau"
-        );
-        assert_eq!(
-            field(&[0.0], ActionChoice::Adaptive { tau: 0.5, steps: 0 }),
-            "steps"
-        );
+        assert_eq!(field(&[0.0], ActionChoice::Adaptive { tau: 0.0, steps: 3 }), "tau");
+        assert_eq!(field(&[0.0], ActionChoice::Adaptive { tau: 0.5, steps: 0 }), "steps");
         let turn = (-0.5, 0.5);
-        assert_eq!(
-            InputBounds::new(vec![0.2], vec![0.1], turn)
-                .unwrap_err()
-                .field,
-            "lo[0]"
-        );
-        assert_eq!(
-            InputBounds::new(vec![0.0], vec![f64::NAN], turn)
-                .unwrap_err()
-                .field,
-            "hi[0]"
-        );
-        assert_eq!(
-            InputBounds::new(vec![-0.6], vec![0.1], turn)
-                .unwrap_err()
-                .field,
-            "lo[0]"
-        );
+        assert_eq!(InputBounds::new(vec![0.2], vec![0.1], turn).unwrap_err().field, "lo[0]");
+        assert_eq!(InputBounds::new(vec![0.0], vec![f64::NAN], turn).unwrap_err().field, "hi[0]");
+        assert_eq!(InputBounds::new(vec![-0.6], vec![0.1], turn).unwrap_err().field, "lo[0]");
     }
 
     proptest! {

@@ -164,11 +164,7 @@ impl FeatureSet {
                 .position(|feature| feature.name == name)
                 .ok_or_else(|| Invalid::new(format!("features[{i}]"), known(), name))?;
             if chosen.contains(&index) {
-                return Err(Invalid::new(
-                    format!("features[{i}]"),
-                    "each feature once",
-                    name,
-                ));
+                return Err(Invalid::new(format!("features[{i}]"), "each feature once", name));
             }
             chosen.push(index);
         }
@@ -202,9 +198,7 @@ impl FeatureSet {
 
 impl From<FeatureSet> for Vec<String> {
     fn from(set: FeatureSet) -> Self {
-        set.features()
-            .map(|feature| feature.name.to_owned())
-            .collect()
+        set.features().map(|feature| feature.name.to_owned()).collect()
     }
 }
 
@@ -237,9 +231,6 @@ mod tests {
             assert!(FEATURES[..i].iter().all(|other| other.name != feature.name));
         }
         let complaint = FeatureSet::of(&["abs_dx", "speed"]).unwrap_err();
-        assert_eq!(
-            (complaint.field.as_str(), complaint.found.as_str()),
-            ("features[1]", "speed")
-        );
+        assert_eq!((complaint.field.as_str(), complaint.found.as_str()), ("features[1]", "speed"));
     }
 }

@@ -21,21 +21,13 @@ impl Invalid {
         expected: impl Into<String>,
         found: impl ToString,
     ) -> Self {
-        Self {
-            field: field.into(),
-            expected: expected.into(),
-            found: found.to_string(),
-        }
+        Self { field: field.into(), expected: expected.into(), found: found.to_string() }
     }
 
     /// The same complaint, seen from the structure that holds the field.
     #[must_use]
     pub fn within(mut self, parent: &str) -> Self {
-        let joint = if self.field.is_empty() || self.field.starts_with('[') {
-            ""
-        } else {
-            "."
-        };
+        let joint = if self.field.is_empty() || self.field.starts_with('[') { "" } else { "." };
         self.field = format!("{parent}{joint}{}", self.field);
         self
     }
@@ -58,11 +50,7 @@ pub fn positive(field: &str, value: f64) -> Result<f64, Invalid> {
 /// # Errors
 /// [`Invalid`] for NaN or an infinity.
 pub fn finite(field: &str, value: f64) -> Result<f64, Invalid> {
-    if value.is_finite() {
-        Ok(value)
-    } else {
-        Err(Invalid::new(field, "a finite number", value))
-    }
+    if value.is_finite() { Ok(value) } else { Err(Invalid::new(field, "a finite number", value)) }
 }
 
 /// Accepts a list of exactly `expected` entries.
@@ -73,11 +61,7 @@ pub fn length(field: &str, expected: usize, found: usize) -> Result<(), Invalid>
     if expected == found {
         Ok(())
     } else {
-        Err(Invalid::new(
-            field,
-            format!("{expected} entries"),
-            format!("{found} entries"),
-        ))
+        Err(Invalid::new(field, format!("{expected} entries"), format!("{found} entries")))
     }
 }
 
@@ -88,10 +72,7 @@ mod tests {
     #[test]
     fn a_complaint_names_its_path() {
         let complaint = Invalid::new("[3]", "a finite number", f64::NAN).within("states");
-        assert_eq!(
-            complaint.to_string(),
-            "states[3]: expected a finite number, found NaN"
-        );
+        assert_eq!(complaint.to_string(), "states[3]: expected a finite number, found NaN");
         let complaint = positive("speed_mps", -1.0).unwrap_err().within("human");
         assert_eq!(complaint.field, "human.speed_mps");
     }

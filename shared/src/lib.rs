@@ -27,15 +27,17 @@
 //! Nothing here knows of clocks, files, sockets or browsers, and no module uses
 //! one that is declared below it.
 
-pub mod api;
-pub mod bounds;
-pub mod dataset;
-pub mod features;
 pub mod invalid;
 pub mod math;
-pub mod predict;
 pub mod reachability;
-pub mod scene;
-pub mod study;
-pub mod trial;
 pub mod vehicle;
+pub mod scene;
+pub mod trial;
+pub mod study;
+pub mod features;
+pub mod dataset;
+pub mod predict;
+pub mod bounds;
+pub mod reach;
+pub mod shfrs;
+pub mod api;

@@ -24,11 +24,7 @@ pub fn wrap_angle(angle: f64) -> f64 {
     }
     let wrapped = angle - TAU * ((angle - PI) / TAU).ceil();
     // Rounding may leave the result one unit in the last place outside.
-    if wrapped <= -PI {
-        wrapped + TAU
-    } else {
-        wrapped.min(PI)
-    }
+    if wrapped <= -PI { wrapped + TAU } else { wrapped.min(PI) }
 }
 
 /// The same angle in [0, 2π).
@@ -38,11 +34,7 @@ pub fn wrap_positive(angle: f64) -> f64 {
         return angle;
     }
     let wrapped = angle - TAU * (angle / TAU).floor();
-    if !(0.0..TAU).contains(&wrapped) {
-        0.0
-    } else {
-        wrapped
-    }
+    if !(0.0..TAU).contains(&wrapped) { 0.0 } else { wrapped }
 }
 
 /// sin(x)/x, smooth at zero.

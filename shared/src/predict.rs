@@ -29,11 +29,7 @@ impl Predictor {
     /// A multinomial logistic regression on standardised features.
     #[must_use]
     pub fn logistic(features: FeatureSet, classes: Vec<i8>, scale: Scale, model: Logistic) -> Self {
-        Self {
-            features,
-            classes,
-            model: Model::Logistic(scale, model),
-        }
+        Self { features, classes, model: Model::Logistic(scale, model) }
     }
 
     /// The same probabilities whatever the features.
@@ -49,17 +45,9 @@ impl Predictor {
         let total: f64 = probabilities.iter().sum();
         if probabilities.iter().any(|p| !(0.0..=1.0).contains(p)) || (total - 1.0).abs() > 1e-9 {
             let expected = "numbers from 0 to 1 that sum to 1";
-            return Err(Invalid::new(
-                "probabilities",
-                expected,
-                format!("{probabilities:?}"),
-            ));
+            return Err(Invalid::new("probabilities", expected, format!("{probabilities:?}")));
         }
-        Ok(Self {
-            features,
-            classes,
-            model: Model::Constant(probabilities),
-        })
+        Ok(Self { features, classes, model: Model::Constant(probabilities) })
     }
 
     /// What it looks at.
@@ -155,18 +143,10 @@ impl TryFrom<PredictorFile> for Predictor {
         let features = FeatureSet::of(&file.features)?;
         if file.classes.is_empty() || !file.classes.is_sorted_by(|a, b| a < b) {
             let expected = "at least one class, in rising order";
-            return Err(Invalid::new(
-                "classes",
-                expected,
-                format!("{:?}", file.classes),
-            ));
+            return Err(Invalid::new("classes", expected, format!("{:?}", file.classes)));
         }
         let missing = |field: &str| {
-            Invalid::new(
-                field,
-                format!("a list, for kind {:?}", file.kind),
-                "nothing",
-            )
+            Invalid::new(field, format!("a list, for kind {:?}", file.kind), "nothing")
         };
         match file.kind.as_str() {
             "logistic" => {
@@ -225,10 +205,7 @@ mod tests {
         assert_eq!(complain(|f| f.scale = Some(vec![1.0, 0.0])), "scale[1]");
         assert_eq!(complain(|f| f.mean = None), "mean");
         assert_eq!(complain(|f| f.intercepts = Some(vec![0.0])), "intercepts");
-        assert_eq!(
-            complain(|f| f.coefficients = Some(vec![vec![0.0; 2]; 2])),
-            "coefficients"
-        );
+        assert_eq!(complain(|f| f.coefficients = Some(vec![vec![0.0; 2]; 2])), "coefficients");
         assert_eq!(
             complain(|f| f.coefficients = Some(vec![vec![0.0, f64::NAN]; 3])),
             "coefficients[0][1]"

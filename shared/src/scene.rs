@@ -27,17 +27,8 @@ pub struct SceneParameters {
 impl Default for SceneParameters {
     /// The paper's: v = 2 m/s, ω = 0.5 rad/s, R_c = 3 m, 50 steps of 0.2 s.
     fn default() -> Self {
-        let vehicle = VehicleModel {
-            speed_mps: 2.0,
-            turn_rate_radps: 0.5,
-        };
-        Self {
-            human: vehicle,
-            robot: vehicle,
-            danger_radius_m: 3.0,
-            step_s: 0.2,
-            steps: 50,
-        }
+        let vehicle = VehicleModel { speed_mps: 2.0, turn_rate_radps: 0.5 };
+        Self { human: vehicle, robot: vehicle, danger_radius_m: 3.0, step_s: 0.2, steps: 50 }
     }
 }
 
@@ -52,11 +43,7 @@ impl SceneParameters {
         positive("danger_radius_m", self.danger_radius_m)?;
         positive("step_s", self.step_s)?;
         if !(1..=3000).contains(&self.steps) {
-            return Err(Invalid::new(
-                "steps",
-                "a whole number from 1 to 3000",
-                self.steps,
-            ));
+            return Err(Invalid::new("steps", "a whole number from 1 to 3000", self.steps));
         }
         Ok(())
     }
@@ -85,10 +72,7 @@ impl SceneParameters {
             let expected = format!("the same vehicle as the human's ({})", show(&self.human));
             return Err(Invalid::new("robot", expected, show(&self.robot)));
         }
-        let VehicleModel {
-            speed_mps,
-            turn_rate_radps,
-        } = self.human;
+        let VehicleModel { speed_mps, turn_rate_radps } = self.human;
         ExactValue::new(speed_mps, turn_rate_radps, self.danger_radius_m).map(ValueFunction::Exact)
     }
 }
@@ -110,9 +94,7 @@ impl JointState {
     pub fn advance(&self, parameters: &SceneParameters, input: TurnInput, seconds: f64) -> Self {
         Self {
             human: parameters.human.advance(self.human, input, seconds),
-            robot: parameters
-                .robot
-                .advance(self.robot, TurnInput::Straight, seconds),
+            robot: parameters.robot.advance(self.robot, TurnInput::Straight, seconds),
         }
     }
 
@@ -161,20 +143,13 @@ impl Scene {
     pub fn new(parameters: &SceneParameters, human: Pose, robot: Pose) -> Self {
         let (sin, cos) = sin_cos(robot.psi);
         let ahead = parameters.goal_distance_m();
-        Self {
-            human,
-            robot,
-            goal: [robot.x + ahead * cos, robot.y + ahead * sin],
-        }
+        Self { human, robot, goal: [robot.x + ahead * cos, robot.y + ahead * sin] }
     }
 
     /// The state before the first step.
     #[must_use]
     pub fn start(&self) -> JointState {
-        JointState {
-            human: self.human,
-            robot: self.robot,
-        }
+        JointState { human: self.human, robot: self.robot }
     }
 }
 
@@ -251,9 +226,7 @@ fn place(parameters: &SceneParameters, encounter: Encounter, turn_rad: f64) -> S
     let wy = parameters.robot.speed_mps * rs - parameters.human.speed_mps * hs;
     let w = hypot(wx, wy);
     let radius = parameters.danger_radius_m;
-    let half_chord = (radius * radius - encounter.miss_m * encounter.miss_m)
-        .max(0.0)
-        .sqrt();
+    let half_chord = (radius * radius - encounter.miss_m * encounter.miss_m).max(0.0).sqrt();
     let closest_s = encounter.entry_s + half_chord / w;
     // Robot's start relative to the human's: the miss vector, taken back along w.
     let dx = -encounter.miss_m * wy / w - wx * closest_s;
@@ -269,11 +242,7 @@ fn place(parameters: &SceneParameters, encounter: Encounter, turn_rad: f64) -> S
     let cx = centre([0.0, ahead_h * hc, dx, dx + ahead_r * rc]);
     let cy = centre([0.0, ahead_h * hs, dy, dy + ahead_r * rs]);
     let human = Pose::new(-cx, -cy, human_heading);
-    Scene::new(
-        parameters,
-        human,
-        Pose::new(dx - cx, dy - cy, robot_heading),
-    )
+    Scene::new(parameters, human, Pose::new(dx - cx, dy - cy, robot_heading))
 }
 
 /// Smallest distance, m, when the human turns with `input` from `begin` to `end`
@@ -288,11 +257,7 @@ fn closest_with_manoeuvre(
     let mut state = scene.start();
     let mut closest = state.distance_m();
     for step in 0..parameters.steps {
-        let held = if (begin..end).contains(&step) {
-            input
-        } else {
-            TurnInput::Straight
-        };
+        let held = if (begin..end).contains(&step) { input } else { TurnInput::Straight };
         closest = closest.min(closest_within_step(parameters, state, held));
         state = state.advance(parameters, held, parameters.step_s);
     }
@@ -319,13 +284,11 @@ pub fn is_admissible(parameters: &SceneParameters, range: &EncounterRange, scene
     let begin = (range.escape_delay_s / parameters.step_s).ceil() as usize;
     let second = (1.0 / parameters.step_s).round().max(1.0) as usize;
     (1..=5).any(|seconds| {
-        [TurnInput::Left, TurnInput::Right]
-            .into_iter()
-            .any(|input| {
-                let end = begin + seconds * second;
-                closest_with_manoeuvre(parameters, scene, input, begin, end)
-                    > radius + range.escape_clearance_m
-            })
+        [TurnInput::Left, TurnInput::Right].into_iter().any(|input| {
+            let end = begin + seconds * second;
+            closest_with_manoeuvre(parameters, scene, input, begin, end)
+                > radius + range.escape_clearance_m
+        })
     })
 }
 
@@ -359,16 +322,8 @@ pub fn generate(
             for attempt in 0..TRIES {
                 let in_cell = attempt < TRIES_IN_CELL;
                 let a = stratum(&mut rng, approach[i]);
-                let m = if in_cell {
-                    stratum(&mut rng, miss[i])
-                } else {
-                    rng.unit()
-                };
-                let e = if in_cell {
-                    stratum(&mut rng, entry[i])
-                } else {
-                    rng.unit()
-                };
+                let m = if in_cell { stratum(&mut rng, miss[i]) } else { rng.unit() };
+                let e = if in_cell { stratum(&mut rng, entry[i]) } else { rng.unit() };
                 let encounter = Encounter {
                     approach_rad: approach_angle(range, a),
                     miss_m: max_miss * (2.0 * m - 1.0),
@@ -410,11 +365,7 @@ pub fn encounter_of(parameters: &SceneParameters, scene: &Scene) -> Option<Encou
         return None;
     }
     let entry_s = (-(dx * wx + dy * wy) / w - (radius * radius - miss_m * miss_m).sqrt()) / w;
-    Some(Encounter {
-        approach_rad: wrap_angle(scene.human.psi - scene.robot.psi),
-        miss_m,
-        entry_s,
-    })
+    Some(Encounter { approach_rad: wrap_angle(scene.human.psi - scene.robot.psi), miss_m, entry_s })
 }
 
 #[cfg(test)]
@@ -422,13 +373,7 @@ mod tests {
     use super::*;
 
     fn scenes(count: usize, seed: u64) -> Vec<(Scene, Encounter)> {
-        generate(
-            &SceneParameters::default(),
-            &EncounterRange::default(),
-            count,
-            seed,
-        )
-        .unwrap()
+        generate(&SceneParameters::default(), &EncounterRange::default(), count, seed).unwrap()
     }
 
     #[test]
@@ -439,9 +384,8 @@ mod tests {
             assert!(
                 (hypot(scene.goal[0] - start[0], scene.goal[1] - start[1]) - 20.0).abs() < 1e-12
             );
-            let end = (0..50).fold(scene.start(), |state, _| {
-                state.advance(&parameters, TurnInput::Right, 0.2)
-            });
+            let end = (0..50)
+                .fold(scene.start(), |state, _| state.advance(&parameters, TurnInput::Right, 0.2));
             assert!(hypot(end.robot.x - scene.goal[0], end.robot.y - scene.goal[1]) < 1e-12);
         }
     }
@@ -466,10 +410,7 @@ mod tests {
             }
             let entry = entry.expect("the human must have to avoid the robot");
             assert!((2.0..=8.01).contains(&entry), "{entry}");
-            assert!(
-                (entry - planned.entry_s).abs() < 2e-3,
-                "{entry} {planned:?}"
-            );
+            assert!((entry - planned.entry_s).abs() < 2e-3, "{entry} {planned:?}");
             let seen = encounter_of(&parameters, &scene).unwrap();
             assert!((seen.miss_m - planned.miss_m).abs() < 1e-9);
             assert!((seen.entry_s - planned.entry_s).abs() < 1e-9);
@@ -482,20 +423,13 @@ mod tests {
         let mut counts = [[0; 8]; 3];
         for (_, e) in &design {
             let angle = (e.approach_rad + PI) / TAU;
-            let shares = [
-                angle,
-                (e.miss_m / 2.55 + 1.0) / 2.0,
-                (e.entry_s - 2.0) / 6.0,
-            ];
+            let shares = [angle, (e.miss_m / 2.55 + 1.0) / 2.0, (e.entry_s - 2.0) / 6.0];
             for (coordinate, share) in shares.into_iter().enumerate() {
                 counts[coordinate][((share * 8.0) as usize).min(7)] += 1;
             }
         }
         // Approach angles are exactly stratified but for the gap around parallel headings.
-        assert!(
-            counts[0].iter().all(|&n| (18..=36).contains(&n)),
-            "{counts:?}"
-        );
+        assert!(counts[0].iter().all(|&n| (18..=36).contains(&n)), "{counts:?}");
         // The other two are stratified where the cell admits a scene.
         assert!(counts[1].iter().all(|&n| n >= 15), "{counts:?}");
         assert!(counts[2].iter().skip(1).all(|&n| n >= 15), "{counts:?}");

@@ -27,16 +27,8 @@ impl<'a> PredictedHuman<'a> {
         parameters: &SceneParameters,
     ) -> Self {
         let rate = parameters.human.turn_rate_radps;
-        let actions = predictor
-            .classes()
-            .iter()
-            .map(|&class| f64::from(class) * rate)
-            .collect();
-        Self {
-            predictor,
-            safety,
-            actions,
-        }
+        let actions = predictor.classes().iter().map(|&class| f64::from(class) * rate).collect();
+        Self { predictor, safety, actions }
     }
 
     /// How likely each class of the predictor is in `state`.
@@ -78,15 +70,10 @@ impl ShfrsSettings {
     /// # Errors
     /// [`Invalid`] if there is no action.
     pub fn paper(actions: usize) -> Result<Self, Invalid> {
-        let k = (0..10)
-            .map(|i| if i < 2 { actions.min(2) } else { 1 })
-            .collect();
+        let k = (0..10).map(|i| if i < 2 { actions.min(2) } else { 1 }).collect();
         let epsilon = vec![0.0, 0.15, 0.25, 0.4, 1.0];
         let bounds = BoundsSettings::new(epsilon, ActionChoice::TopK(k), Rollout::Base, actions)?;
-        Ok(Self {
-            bounds,
-            polygon: PolygonSettings::default(),
-        })
+        Ok(Self { bounds, polygon: PolygonSettings::default() })
     }
 }
 
@@ -126,24 +113,13 @@ pub fn predict(
     let Some(now) = history.last() else {
         return Err(Invalid::new("history", "at least one state", "none"));
     };
-    let sets = bounds
-        .sets
-        .into_iter()
-        .zip(settings.bounds.epsilon())
-        .map(|(bounds, &epsilon)| {
-            let speed = parameters.human.speed_mps;
-            let set = ReachableSet::new(now.human, &bounds, speed, parameters.step_s)?;
-            let tube = set.tube_polygon(&settings.polygon);
-            Ok(NestedSet {
-                epsilon,
-                bounds,
-                area_m2: area(&tube),
-                tube,
-            })
-        });
-    Ok(Shfrs {
-        sets: sets.collect::<Result<_, Invalid>>()?,
-    })
+    let sets = bounds.sets.into_iter().zip(settings.bounds.epsilon()).map(|(bounds, &epsilon)| {
+        let speed = parameters.human.speed_mps;
+        let set = ReachableSet::new(now.human, &bounds, speed, parameters.step_s)?;
+        let tube = set.tube_polygon(&settings.polygon);
+        Ok(NestedSet { epsilon, bounds, area_m2: area(&tube), tube })
+    });
+    Ok(Shfrs { sets: sets.collect::<Result<_, Invalid>>()? })
 }
 
 #[cfg(test)]
@@ -155,10 +131,7 @@ mod tests {
     fn setup(probabilities: [f64; 3]) -> (SceneParameters, SafetyFunctions, Predictor) {
         let parameters = SceneParameters::default();
         let value = parameters.value_function().unwrap();
-        let safety = SafetyFunctions {
-            human: value.clone(),
-            robot: value,
-        };
+        let safety = SafetyFunctions { human: value.clone(), robot: value };
         let features = FeatureSet::subset("hrd").unwrap();
         let predictor =
             Predictor::constant(features, vec![-1, 0, 1], probabilities.to_vec()).unwrap();
@@ -168,28 +141,15 @@ mod tests {
     fn sets(probabilities: [f64; 3]) -> Shfrs {
         let (parameters, safety, predictor) = setup(probabilities);
         let human = PredictedHuman::new(&predictor, &safety, &parameters);
-        let now = JointState {
-            human: Pose::new(1.0, 2.0, 0.5),
-            robot: Pose::new(9.0, 2.0, 3.0),
-        };
-        predict(
-            &[now],
-            &parameters,
-            &human,
-            &ShfrsSettings::paper(3).unwrap(),
-        )
-        .unwrap()
+        let now = JointState { human: Pose::new(1.0, 2.0, 0.5), robot: Pose::new(9.0, 2.0, 3.0) };
+        predict(&[now], &parameters, &human, &ShfrsSettings::paper(3).unwrap()).unwrap()
     }
 
     /// The paper's Figure 3, left panel, with a predictor that turns right and
     /// holds straight for second best: reference areas in m².
     #[test]
     fn areas_of_a_human_who_turns_right() {
-        let areas: Vec<f64> = sets([0.6, 0.3, 0.1])
-            .sets
-            .iter()
-            .map(|set| set.area_m2)
-            .collect();
+        let areas: Vec<f64> = sets([0.6, 0.3, 0.1]).sets.iter().map(|set| set.area_m2).collect();
         for (found, expected) in areas.iter().zip([1.66, 2.50, 3.05, 3.88, 5.33]) {
             assert!((found - expected).abs() < 0.01, "{areas:?}");
         }
@@ -200,12 +160,7 @@ mod tests {
         for probabilities in [[0.6, 0.3, 0.1], [0.1, 0.8, 0.1], [0.4, 0.2, 0.4]] {
             let shfrs = sets(probabilities);
             assert!((shfrs.sets[4].area_m2 - 16.0 / 3.0).abs() < 0.01);
-            assert!(
-                shfrs
-                    .sets
-                    .windows(2)
-                    .all(|pair| pair[0].area_m2 <= pair[1].area_m2 + 1e-9)
-            );
+            assert!(shfrs.sets.windows(2).all(|pair| pair[0].area_m2 <= pair[1].area_m2 + 1e-9));
         }
     }
 }

@@ -39,11 +39,8 @@ impl Default for StudyConfig {
     /// The paper's protocol. Its minute of familiarisation is six scenes of ten
     /// seconds, with the danger zone drawn.
     fn default() -> Self {
-        let phase = |phase, scenes, show_danger_zone| PhaseConfig {
-            phase,
-            scenes,
-            show_danger_zone,
-        };
+        let phase =
+            |phase, scenes, show_danger_zone| PhaseConfig { phase, scenes, show_danger_zone };
         Self {
             slug: "default".to_owned(),
             title: "Avoid the robot".to_owned(),
@@ -72,26 +69,16 @@ impl StudyConfig {
             return Err(Invalid::new("slug", expected, format!("{:?}", self.slug)));
         }
         if self.title.trim().is_empty() || self.title.chars().count() > 200 {
-            return Err(Invalid::new(
-                "title",
-                "1 to 200 characters",
-                format!("{:?}", self.title),
-            ));
+            return Err(Invalid::new("title", "1 to 200 characters", format!("{:?}", self.title)));
         }
-        self.parameters
-            .check()
-            .map_err(|e| e.within("parameters"))?;
+        self.parameters.check().map_err(|e| e.within("parameters"))?;
         if self.phases.is_empty() {
             return Err(Invalid::new("phases", "at least one phase", "none"));
         }
         for (i, phase) in self.phases.iter().enumerate() {
             if !(1..=MAX_SCENES).contains(&phase.scenes) {
                 let expected = format!("a whole number from 1 to {MAX_SCENES}");
-                return Err(Invalid::new(
-                    format!("phases[{i}].scenes"),
-                    expected,
-                    phase.scenes,
-                ));
+                return Err(Invalid::new(format!("phases[{i}].scenes"), expected, phase.scenes));
             }
             if i > 0 && self.phases[i - 1].phase >= phase.phase {
                 let expected = "each phase once, in the order familiarisation, practice, task";
@@ -110,9 +97,7 @@ impl StudyConfig {
     #[must_use]
     pub fn hash(&self) -> String {
         // Numbers, strings and lists always have a JSON form.
-        hex(&Sha256::digest(
-            serde_json::to_vec(self).unwrap_or_default(),
-        ))
+        hex(&Sha256::digest(serde_json::to_vec(self).unwrap_or_default()))
     }
 
     /// The scenes of one participant, phase by phase; the same seed gives the
@@ -143,18 +128,8 @@ mod tests {
         let study = StudyConfig::default();
         study.check().unwrap();
         let plan = study.plan(1).unwrap();
-        let counts: Vec<_> = plan
-            .iter()
-            .map(|(p, scenes)| (p.phase, scenes.len()))
-            .collect();
-        assert_eq!(
-            counts,
-            [
-                (Phase::Familiarisation, 6),
-                (Phase::Practice, 3),
-                (Phase::Task, 50)
-            ]
-        );
+        let counts: Vec<_> = plan.iter().map(|(p, scenes)| (p.phase, scenes.len())).collect();
+        assert_eq!(counts, [(Phase::Familiarisation, 6), (Phase::Practice, 3), (Phase::Task, 50)]);
         assert_eq!(study.plan(1).unwrap(), plan);
         assert_ne!(study.plan(2).unwrap(), plan);
     }
@@ -178,9 +153,6 @@ mod tests {
         assert_eq!(complain(|s| s.slug = "Pilot 2".into()), "slug");
         assert_eq!(complain(|s| s.phases[1].scenes = 0), "phases[1].scenes");
         assert_eq!(complain(|s| s.phases.reverse()), "phases[1].phase");
-        assert_eq!(
-            complain(|s| s.parameters.human.speed_mps = -2.0),
-            "parameters.human.speed_mps"
-        );
+        assert_eq!(complain(|s| s.parameters.human.speed_mps = -2.0), "parameters.human.speed_mps");
     }
 }

@@ -80,24 +80,14 @@ pub fn verify(
 ) -> Replay {
     let replayed = simulate(parameters, start, inputs);
     let bits = |s: &JointState| {
-        let Pose {
-            x: hx,
-            y: hy,
-            psi: hp,
-        } = s.human;
-        let Pose {
-            x: rx,
-            y: ry,
-            psi: rp,
-        } = s.robot;
+        let Pose { x: hx, y: hy, psi: hp } = s.human;
+        let Pose { x: rx, y: ry, psi: rp } = s.robot;
         [hx, hy, hp, rx, ry, rp].map(f64::to_bits)
     };
     let first_difference = (0..replayed.len().max(states.len()))
         .find(|&i| replayed.get(i).map(bits) != states.get(i).map(bits));
-    let poses = replayed
-        .iter()
-        .zip(states)
-        .flat_map(|(a, b)| [(a.human, b.human), (a.robot, b.robot)]);
+    let poses =
+        replayed.iter().zip(states).flat_map(|(a, b)| [(a.human, b.human), (a.robot, b.robot)]);
     let (mut position, mut heading) = (0.0f64, 0.0f64);
     for (a, b) in poses {
         position = position.max(hypot(a.x - b.x, a.y - b.y));
@@ -139,15 +129,8 @@ pub fn outcome(
         }
     }
     let turns = |input: &TurnInput| *input != TurnInput::Straight;
-    let avoidance = inputs
-        .iter()
-        .position(turns)
-        .zip(inputs.iter().rposition(turns));
-    Outcome {
-        closest_m,
-        first_step_in_danger,
-        avoidance,
-    }
+    let avoidance = inputs.iter().position(turns).zip(inputs.iter().rposition(turns));
+    Outcome { closest_m, first_step_in_danger, avoidance }
 }
 
 /// Something about a trial that an analyst should know. Flags mark evidence;
@@ -167,12 +150,8 @@ pub enum Flag {
 
 impl Flag {
     /// Every flag.
-    pub const ALL: [Self; 4] = [
-        Self::StartMismatch,
-        Self::ReplayMismatch,
-        Self::LateSample,
-        Self::Imported,
-    ];
+    pub const ALL: [Self; 4] =
+        [Self::StartMismatch, Self::ReplayMismatch, Self::LateSample, Self::Imported];
 
     /// The word used in files, rows and on the wire.
     #[must_use]
@@ -231,19 +210,10 @@ pub fn simulation_fingerprint(seed: u64, count: usize) -> String {
     let mut hash = Sha256::new();
     for _ in 0..count {
         let mut pose = || {
-            Pose::new(
-                rng.uniform(-20.0, 20.0),
-                rng.uniform(-20.0, 20.0),
-                rng.uniform(-4.0, 4.0),
-            )
+            Pose::new(rng.uniform(-20.0, 20.0), rng.uniform(-20.0, 20.0), rng.uniform(-4.0, 4.0))
         };
-        let start = JointState {
-            human: pose(),
-            robot: pose(),
-        };
-        let inputs: Vec<_> = (0..parameters.steps)
-            .map(|_| TurnInput::ALL[rng.below(3)])
-            .collect();
+        let start = JointState { human: pose(), robot: pose() };
+        let inputs: Vec<_> = (0..parameters.steps).map(|_| TurnInput::ALL[rng.below(3)]).collect();
         for state in simulate(&parameters, start, &inputs) {
             for pose in [state.human, state.robot] {
                 for number in <[f64; 3]>::from(pose) {
@@ -280,10 +250,7 @@ mod tests {
         assert!(replay.exact);
         assert_eq!(replay.max_position_error_m, 0.0);
         assert_eq!(flags(&parameters, &scene, &inputs, &states, &on_time()), []);
-        assert_eq!(
-            outcome(&parameters, &inputs, &states).avoidance,
-            Some((10, 29))
-        );
+        assert_eq!(outcome(&parameters, &inputs, &states).avoidance, Some((10, 29)));
     }
 
     #[test]
@@ -316,10 +283,7 @@ mod tests {
     fn states_survive_json_bit_for_bit() {
         let (_, _, _, states) = driven();
         let text = serde_json::to_string(&states).unwrap();
-        assert_eq!(
-            serde_json::from_str::<Vec<JointState>>(&text).unwrap(),
-            states
-        );
+        assert_eq!(serde_json::from_str::<Vec<JointState>>(&text).unwrap(), states);
     }
 
     #[test]

@@ -23,11 +23,7 @@ impl Pose {
     /// A pose with its heading wrapped.
     #[must_use]
     pub fn new(x: f64, y: f64, psi: f64) -> Self {
-        Self {
-            x,
-            y,
-            psi: wrap_angle(psi),
-        }
+        Self { x, y, psi: wrap_angle(psi) }
     }
 
     /// The position alone, m.
@@ -112,11 +108,7 @@ impl TryFrom<i64> for TurnInput {
             -1 => Ok(Self::Right),
             0 => Ok(Self::Straight),
             1 => Ok(Self::Left),
-            other => Err(Invalid::new(
-                "",
-                "-1 (right), 0 (straight) or 1 (left)",
-                other,
-            )),
+            other => Err(Invalid::new("", "-1 (right), 0 (straight) or 1 (left)", other)),
         }
     }
 }

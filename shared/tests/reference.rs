@@ -17,10 +17,7 @@ fn check_states(game: ExactValue, text: &str) {
     for row in rows {
         let (state, expected) = ([row[0], row[1], row[2]], row[3]);
         let found = game.value(state);
-        assert!(
-            (found - expected).abs() <= 1e-9,
-            "V{state:?} = {found}, not {expected}"
-        );
+        assert!((found - expected).abs() <= 1e-9, "V{state:?} = {found}, not {expected}");
     }
 }
 
@@ -57,25 +54,15 @@ fn logistic_regression_agrees_with_scikit_learn() {
         serde_json::from_str(include_str!("data/sklearn_logistic.json")).unwrap();
     // Columns: trial, step, the features, exp. I label, exp. II label.
     let train: Vec<_> = rows.iter().filter(|row| row[0] < 40.0).collect();
-    let values: Vec<f64> = train
-        .iter()
-        .flat_map(|row| &row[2..2 + width])
-        .copied()
-        .collect();
-    let labels: Vec<usize> = train
-        .iter()
-        .map(|row| (row[2 + width] + 1.0) as usize)
-        .collect();
+    let values: Vec<f64> = train.iter().flat_map(|row| &row[2..2 + width]).copied().collect();
+    let labels: Vec<usize> = train.iter().map(|row| (row[2 + width] + 1.0) as usize).collect();
     let scale = Scale::fit(width, &values);
     for j in 0..width {
         assert!((scale.mean()[j] - expected.mean[j]).abs() < 1e-9);
         assert!((scale.scale()[j] - expected.scale[j]).abs() < 1e-9);
     }
-    let standard: Vec<f64> = values
-        .iter()
-        .enumerate()
-        .map(|(i, &v)| scale.apply(i % width, v))
-        .collect();
+    let standard: Vec<f64> =
+        values.iter().enumerate().map(|(i, &v)| scale.apply(i % width, v)).collect();
     let model = Logistic::fit(width, &standard, &labels, 3, LogisticSettings::default()).unwrap();
     // scikit-learn's solver leaves the sum of the intercepts where it began: at zero, as ours.
     for (class, row) in model.coefficients().iter().enumerate() {

@@ -35,11 +35,7 @@ pub fn run(app: impl App + 'static) {
         on_frame: None,
         listeners: Vec::new(),
     }));
-    let pump = Pump {
-        shell,
-        queue: Rc::default(),
-        busy: Rc::default(),
-    };
+    let pump = Pump { shell, queue: Rc::default(), busy: Rc::default() };
     pump.listen();
     let surroundings = pump.shell.borrow().surroundings();
     pump.dispatch(Event::Opened(surroundings));
@@ -87,38 +83,23 @@ impl Shell {
         Surroundings {
             path: location.pathname().unwrap_or_default(),
             query: net::decode_query(&location.search().unwrap_or_default()),
-            fragment: location
-                .hash()
-                .unwrap_or_default()
-                .trim_start_matches('#')
-                .to_owned(),
+            fragment: location.hash().unwrap_or_default().trim_start_matches('#').to_owned(),
             kept: self.kept().unwrap_or_default(),
             locale: self.window.navigator().language().unwrap_or_default(),
             screen: vec![
                 (
                     "screen_width_px",
-                    screen
-                        .as_ref()
-                        .and_then(|s| s.width().ok())
-                        .unwrap_or(0)
-                        .into(),
+                    screen.as_ref().and_then(|s| s.width().ok()).unwrap_or(0).into(),
                 ),
                 (
                     "screen_height_px",
-                    screen
-                        .as_ref()
-                        .and_then(|s| s.height().ok())
-                        .unwrap_or(0)
-                        .into(),
+                    screen.as_ref().and_then(|s| s.height().ok()).unwrap_or(0).into(),
                 ),
                 ("window_width_px", number(self.window.inner_width())),
                 ("window_height_px", number(self.window.inner_height())),
                 ("device_pixel_ratio", self.window.device_pixel_ratio()),
             ],
-            time_origin_ms: self
-                .window
-                .performance()
-                .map_or(0.0, |clock| clock.time_origin()),
+            time_origin_ms: self.window.performance().map_or(0.0, |clock| clock.time_origin()),
         }
     }
 
@@ -126,10 +107,7 @@ impl Shell {
         let storage = self.window.local_storage().ok()??;
         let names = (0..storage.length().ok()?).filter_map(|i| storage.key(i).ok()?);
         let ours = names.filter(|name| name.starts_with("sidestep."));
-        Some(
-            ours.filter_map(|name| Some((name.clone(), storage.get_item(&name).ok()??)))
-                .collect(),
-        )
+        Some(ours.filter_map(|name| Some((name.clone(), storage.get_item(&name).ok()??))).collect())
     }
 
     /// Brings the document and the canvas up to date.
@@ -205,12 +183,10 @@ impl Pump {
             Command::WakeAfter(ms) => {
                 let pump = self.clone();
                 let wake = Closure::once_into_js(move || pump.dispatch(Event::Woken));
-                let _ = shell
-                    .window
-                    .set_timeout_with_callback_and_timeout_and_arguments_0(
-                        wake.unchecked_ref(),
-                        ms as i32,
-                    );
+                let _ = shell.window.set_timeout_with_callback_and_timeout_and_arguments_0(
+                    wake.unchecked_ref(),
+                    ms as i32,
+                );
             }
             Command::ReplaceAddress(url) => {
                 if let Ok(history) = shell.window.history() {

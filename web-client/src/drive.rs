@@ -48,11 +48,7 @@ impl Drive {
     ) -> Self {
         let key_events = held
             .into_iter()
-            .map(|(t_ms, key)| KeyEvent {
-                t_ms: (t_ms - start_ms).min(0.0),
-                key,
-                down: true,
-            })
+            .map(|(t_ms, key)| KeyEvent { t_ms: (t_ms - start_ms).min(0.0), key, down: true })
             .collect();
         Self {
             parameters,
@@ -69,17 +65,10 @@ impl Drive {
     /// Takes note of a key, at `t_ms` on the page's clock.
     pub fn key(&mut self, t_ms: f64, key: &str, down: bool) {
         // Events are delivered in order; the guard is for clocks that are not.
-        let last = self
-            .key_events
-            .last()
-            .map_or(f64::NEG_INFINITY, |event| event.t_ms);
+        let last = self.key_events.last().map_or(f64::NEG_INFINITY, |event| event.t_ms);
         if self.key_events.len() < MAX_KEY_EVENTS {
             let t_ms = (t_ms - self.start_ms).max(last);
-            self.key_events.push(KeyEvent {
-                t_ms,
-                key: key.to_owned(),
-                down,
-            });
+            self.key_events.push(KeyEvent { t_ms, key: key.to_owned(), down });
         }
     }
 
@@ -105,8 +94,7 @@ impl Drive {
             }
             let input = input_at(&self.key_events, due);
             let state = self.states[self.states.len() - 1];
-            self.states
-                .push(state.advance(&self.parameters, input, self.parameters.step_s));
+            self.states.push(state.advance(&self.parameters, input, self.parameters.step_s));
             self.inputs.push(input);
             self.sampled_at_ms.push(elapsed);
         }
@@ -188,14 +176,7 @@ mod tests {
     use sidestep::trial::{flags, verify};
 
     fn scene() -> Scene {
-        generate(
-            &SceneParameters::default(),
-            &EncounterRange::default(),
-            1,
-            4,
-        )
-        .unwrap()[0]
-            .0
+        generate(&SceneParameters::default(), &EncounterRange::default(), 1, 4).unwrap()[0].0
     }
 
     /// Drives with frames at the given times; keys at theirs.
@@ -230,13 +211,7 @@ mod tests {
         assert_eq!((trial.inputs.len(), trial.states.len()), (50, 51));
         assert!(verify(&parameters, scene().start(), &trial.inputs, &trial.states).exact);
         assert_eq!(
-            flags(
-                &parameters,
-                &scene(),
-                &trial.inputs,
-                &trial.states,
-                &trial.sampled_at_ms
-            ),
+            flags(&parameters, &scene(), &trial.inputs, &trial.states, &trial.sampled_at_ms),
             []
         );
         // Left from 2.05 s (first step that starts later: 11), right from 4.21 s to 5.0 s, left to 6.0 s.
@@ -258,13 +233,7 @@ mod tests {
         let rough = drive((0..).map(|i| 1000.0 + f64::from(i) * 143.0), KEYS);
         assert_eq!(smooth.inputs, rough.inputs);
         assert_eq!(smooth.states, rough.states);
-        assert!(
-            rough
-                .sampled_at_ms
-                .iter()
-                .zip(0..)
-                .all(|(t, i)| *t >= f64::from(i) * 200.0)
-        );
+        assert!(rough.sampled_at_ms.iter().zip(0..).all(|(t, i)| *t >= f64::from(i) * 200.0));
     }
 
     #[test]
@@ -272,25 +241,15 @@ mod tests {
         let frames = [1000.0, 1200.0, 4000.0, 10_990.0, 11_010.0];
         let trial = drive(frames.into_iter(), &[]);
         let parameters = SceneParameters::default();
-        let flags = flags(
-            &parameters,
-            &scene(),
-            &trial.inputs,
-            &trial.states,
-            &trial.sampled_at_ms,
-        );
+        let flags =
+            flags(&parameters, &scene(), &trial.inputs, &trial.states, &trial.sampled_at_ms);
         assert_eq!(flags, [sidestep::trial::Flag::LateSample]);
     }
 
     #[test]
     fn motion_between_steps_is_continuous() {
-        let mut drive = Drive::new(
-            SceneParameters::default(),
-            &scene(),
-            0.0,
-            0.0,
-            [(-50.0, "a".to_owned())],
-        );
+        let mut drive =
+            Drive::new(SceneParameters::default(), &scene(), 0.0, 0.0, [(-50.0, "a".to_owned())]);
         drive.tick(200.0);
         let (before, after) = (drive.states[1], drive.state_at(200.0));
         assert_eq!(before, after);
@@ -306,10 +265,6 @@ mod tests {
             drive.state_at(199.9)
         };
         assert!(almost.distance_m() - before.distance_m() < 1e-3);
-        assert_eq!(
-            drive.inputs[0],
-            TurnInput::Left,
-            "a key held before the start counts"
-        );
+        assert_eq!(drive.inputs[0], TurnInput::Left, "a key held before the start counts");
     }
 }

@@ -32,9 +32,7 @@ pub fn input_at(events: &[KeyEvent], t_ms: f64) -> TurnInput {
             held.push(&event.key);
         }
     }
-    held.last()
-        .and_then(|key| turn_of_key(key))
-        .unwrap_or(TurnInput::Straight)
+    held.last().and_then(|key| turn_of_key(key)).unwrap_or(TurnInput::Straight)
 }
 
 #[cfg(test)]
@@ -45,11 +43,7 @@ mod tests {
     fn check(events: &[(f64, &str, bool)], expected: &[(f64, TurnInput)]) {
         let events: Vec<_> = events
             .iter()
-            .map(|&(t_ms, key, down)| KeyEvent {
-                t_ms,
-                key: key.to_owned(),
-                down,
-            })
+            .map(|&(t_ms, key, down)| KeyEvent { t_ms, key: key.to_owned(), down })
             .collect();
         for &(t, input) in expected {
             assert_eq!(input_at(&events, t), input, "at {t} ms");
@@ -60,23 +54,14 @@ mod tests {
     fn a_held_key_turns_until_it_is_released() {
         check(
             &[(100.0, "ArrowLeft", true), (300.0, "ArrowLeft", false)],
-            &[
-                (99.0, Straight),
-                (100.0, Left),
-                (299.0, Left),
-                (300.0, Straight),
-            ],
+            &[(99.0, Straight), (100.0, Left), (299.0, Left), (300.0, Straight)],
         );
     }
 
     #[test]
     fn the_later_press_wins_and_releasing_it_falls_back() {
         check(
-            &[
-                (0.0, "a", true),
-                (200.0, "ArrowRight", true),
-                (400.0, "ArrowRight", false),
-            ],
+            &[(0.0, "a", true), (200.0, "ArrowRight", true), (400.0, "ArrowRight", false)],
             &[(100.0, Left), (300.0, Right), (500.0, Left)],
         );
     }
@@ -91,10 +76,7 @@ mod tests {
 
     #[test]
     fn losing_the_keyboard_releases_all_keys() {
-        check(
-            &[(0.0, "d", true), (100.0, BLUR, false)],
-            &[(50.0, Right), (150.0, Straight)],
-        );
+        check(&[(0.0, "d", true), (100.0, BLUR, false)], &[(50.0, Right), (150.0, Straight)]);
     }
 
     #[test]

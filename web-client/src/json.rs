@@ -92,17 +92,8 @@ mod tests {
         let mut number =
             || f64::from_bits((rng.unit() * 1.8e19) as u64 ^ rng.below(1 << 60) as u64);
         let numbers = std::iter::from_fn(|| Some(number())).filter(|x: &f64| x.is_finite());
-        let edges = [
-            0.0,
-            -0.0,
-            5e-324,
-            f64::MAX,
-            f64::MIN_POSITIVE,
-            0.1,
-            1.0 / 3.0,
-            1e21,
-            123_456_789.0,
-        ];
+        let edges =
+            [0.0, -0.0, 5e-324, f64::MAX, f64::MIN_POSITIVE, 0.1, 1.0 / 3.0, 1e21, 123_456_789.0];
         for x in edges.into_iter().chain(numbers.take(20_000)) {
             let pose = Pose { x, y: -x, psi: x };
             let text = write(&pose);
@@ -120,15 +111,9 @@ mod tests {
         let mut display = serde_json::Map::new();
         display.insert("width_px".into(), 1280.5.into());
         display.insert("frames".into(), 600.into());
-        let state = JointState {
-            human: Pose::new(0.1, -0.2, 3.0),
-            robot: Pose::new(1e-7, 2.0, 0.0),
-        };
-        let key = sidestep::api::KeyEvent {
-            t_ms: 1.0,
-            key: "\"\\\n\u{1}ö".into(),
-            down: true,
-        };
+        let state =
+            JointState { human: Pose::new(0.1, -0.2, 3.0), robot: Pose::new(1e-7, 2.0, 0.0) };
+        let key = sidestep::api::KeyEvent { t_ms: 1.0, key: "\"\\\n\u{1}ö".into(), down: true };
         let upload = TrialUpload {
             started_at_ms: 1.7e12,
             inputs: TurnInput::ALL.to_vec(),
@@ -137,10 +122,7 @@ mod tests {
             key_events: vec![key],
             display,
         };
-        assert_eq!(
-            serde_json::from_str::<TrialUpload>(&write(&upload)).unwrap(),
-            upload
-        );
+        assert_eq!(serde_json::from_str::<TrialUpload>(&write(&upload)).unwrap(), upload);
     }
 
     #[test]
@@ -153,10 +135,7 @@ mod tests {
             parameters: study.parameters,
             phases: study.phases,
         };
-        assert_eq!(
-            read::<StudyInfo>(&serde_json::to_vec(&info).unwrap()),
-            Some(info)
-        );
+        assert_eq!(read::<StudyInfo>(&serde_json::to_vec(&info).unwrap()), Some(info));
         let text = br#"{"participant_id":"p","study":"s","stored":["a"],"next":null,
             "plan":{"phases":[{"phase":"task","show_danger_zone":false,"scenes":[
             {"trial_id":"a","index":0,"human":[1,2,3],"robot":[0.1,-0.0,3],"goal":[4,5]}]}]}}"#;

@@ -4,13 +4,13 @@
 //! description of what to show ([`view`], [`shape`]). Only [`browser`] touches the
 //! browser, so that every page can be driven natively in tests.
 
-pub mod browser;
-pub mod drive;
-pub mod input;
+pub mod shape;
+pub mod view;
 pub mod json;
+pub mod runtime;
+pub mod input;
+pub mod drive;
 pub mod outbox;
 pub mod overlays;
 pub mod pages;
-pub mod runtime;
-pub mod shape;
-pub mod view;
+pub mod browser;

@@ -53,10 +53,7 @@ impl Outbox {
         for trial_id in plan {
             let name = outbox.name(WAITING, trial_id);
             if let Some((_, body)) = kept.iter().find(|(key, _)| *key == name) {
-                outbox.waiting.push(Waiting {
-                    trial_id: trial_id.clone(),
-                    body: body.clone(),
-                });
+                outbox.waiting.push(Waiting { trial_id: trial_id.clone(), body: body.clone() });
             }
         }
         outbox
@@ -69,10 +66,7 @@ impl Outbox {
     /// Keeps a trial and begins to send it.
     pub fn add(&mut self, trial_id: &str, body: String) -> Vec<Command> {
         let keep = Command::Keep(self.name(WAITING, trial_id), body.clone());
-        self.waiting.push(Waiting {
-            trial_id: trial_id.to_owned(),
-            body,
-        });
+        self.waiting.push(Waiting { trial_id: trial_id.to_owned(), body });
         [keep].into_iter().chain(self.send()).collect()
     }
 
@@ -100,33 +94,20 @@ impl Outbox {
                 self.failures = 0;
                 let forget = Command::Forget(self.name(WAITING, trial_id));
                 self.waiting.retain(|waiting| waiting.trial_id != trial_id);
-                (
-                    Settled::Stored,
-                    [forget].into_iter().chain(self.send()).collect(),
-                )
+                (Settled::Stored, [forget].into_iter().chain(self.send()).collect())
             }
             Err(failure) if failure.is_passing() => {
                 let pause = FIRST_PAUSE_MS * f64::from(1u32 << self.failures.min(8));
                 self.failures += 1;
-                (
-                    Settled::Later,
-                    vec![Command::WakeAfter(pause.min(LONGEST_PAUSE_MS))],
-                )
+                (Settled::Later, vec![Command::WakeAfter(pause.min(LONGEST_PAUSE_MS))])
             }
-            Err(failure) => (
-                Settled::Refused(failure.sentence()),
-                self.set_aside(trial_id),
-            ),
+            Err(failure) => (Settled::Refused(failure.sentence()), self.set_aside(trial_id)),
         }
     }
 
     /// Moves a refused trial out of the way without losing it.
     fn set_aside(&mut self, trial_id: &str) -> Vec<Command> {
-        let Some(at) = self
-            .waiting
-            .iter()
-            .position(|waiting| waiting.trial_id == trial_id)
-        else {
+        let Some(at) = self.waiting.iter().position(|waiting| waiting.trial_id == trial_id) else {
             return Vec::new();
         };
         let refused = self.waiting.remove(at);
@@ -150,9 +131,7 @@ impl Outbox {
     /// Whether this trial waits.
     #[must_use]
     pub fn holds(&self, trial_id: &str) -> bool {
-        self.waiting
-            .iter()
-            .any(|waiting| waiting.trial_id == trial_id)
+        self.waiting.iter().any(|waiting| waiting.trial_id == trial_id)
     }
 
     /// Whether the last attempt failed.
@@ -203,15 +182,8 @@ mod tests {
     fn trials_are_sent_in_order_and_forgotten_when_stored() {
         let mut kept = Kept::default();
         let mut outbox = Outbox::restore("p", "secret", &plan(), &[]);
-        assert_eq!(
-            kept.apply(&outbox.add("t1", "{1}".into())),
-            [routes::my_trial("t1")]
-        );
-        assert_eq!(
-            kept.apply(&outbox.add("t2", "{2}".into())),
-            [""; 0],
-            "one at a time"
-        );
+        assert_eq!(kept.apply(&outbox.add("t1", "{1}".into())), [routes::my_trial("t1")]);
+        assert_eq!(kept.apply(&outbox.add("t2", "{2}".into())), [""; 0], "one at a time");
         assert_eq!(kept.0.len(), 2);
         let (settled, commands) = outbox.answered("t1", &received(201));
         assert_eq!(settled, Settled::Stored);
@@ -228,17 +200,10 @@ mod tests {
         kept.apply(&outbox.add("t2", "{2}".into()));
         kept.apply(&outbox.add("t1", "{1}".into()));
         let mut pauses = Vec::new();
-        for answer in [
-            Answer::Unreachable,
-            received(503),
-            received(500),
-            Answer::Unreachable,
-        ] {
+        for answer in [Answer::Unreachable, received(503), received(500), Answer::Unreachable] {
             let (settled, commands) = outbox.answered("t2", &answer);
             assert_eq!(settled, Settled::Later);
-            let [Command::WakeAfter(pause)] = commands[..] else {
-                panic!("{commands:?}")
-            };
+            let [Command::WakeAfter(pause)] = commands[..] else { panic!("{commands:?}") };
             pauses.push(pause);
             outbox.send();
         }
@@ -262,9 +227,6 @@ mod tests {
         let (settled, commands) = outbox.answered("t1", &received(409));
         assert_eq!(settled, Settled::Refused("because".to_owned()));
         kept.apply(&commands);
-        assert_eq!(
-            kept.list(),
-            [("sidestep.refused.p.t1".to_owned(), "{1}".to_owned())]
-        );
+        assert_eq!(kept.list(), [("sidestep.refused.p.t1".to_owned(), "{1}".to_owned())]);
     }
 }

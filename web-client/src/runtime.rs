@@ -124,10 +124,7 @@ impl Answer {
     pub fn octets(&self) -> Result<&[u8], Failure> {
         match self {
             Self::Unreachable => Err(Failure::Unreachable),
-            Self::Received {
-                status: 200..=299,
-                body,
-            } => Ok(body),
+            Self::Received { status: 200..=299, body } => Ok(body),
             Self::Received { status, body } => {
                 let unknown = || sidestep::api::Problem {
                     code: "unknown".to_owned(),
@@ -135,10 +132,7 @@ impl Answer {
                     field: None,
                 };
                 let problem = crate::json::read(body).unwrap_or_else(unknown);
-                Err(Failure::Refused {
-                    status: *status,
-                    problem,
-                })
+                Err(Failure::Refused { status: *status, problem })
             }
         }
     }
@@ -214,13 +208,7 @@ impl Request {
     /// A request without token and body.
     #[must_use]
     pub fn get(tag: Tag, url: impl Into<String>) -> Self {
-        Self {
-            tag,
-            method: "GET",
-            url: url.into(),
-            token: None,
-            body: None,
-        }
+        Self { tag, method: "GET", url: url.into(), token: None, body: None }
     }
 }
 

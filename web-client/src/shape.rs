@@ -73,21 +73,13 @@ impl Stroke {
     /// A continuous line.
     #[must_use]
     pub fn solid(ink: Ink, width_px: f64) -> Self {
-        Self {
-            ink,
-            width_px,
-            dash_px: None,
-        }
+        Self { ink, width_px, dash_px: None }
     }
 
     /// A broken line.
     #[must_use]
     pub fn dashed(ink: Ink, width_px: f64, dash_px: (f64, f64)) -> Self {
-        Self {
-            ink,
-            width_px,
-            dash_px: Some(dash_px),
-        }
+        Self { ink, width_px, dash_px: Some(dash_px) }
     }
 }
 
@@ -160,10 +152,7 @@ impl Window {
     /// The square around the origin that reaches `half_m` each way.
     #[must_use]
     pub fn square(half_m: f64) -> Self {
-        Self {
-            low: [-half_m; 2],
-            high: [half_m; 2],
-        }
+        Self { low: [-half_m; 2], high: [half_m; 2] }
     }
 
     /// The smallest window that also shows `point` with `margin_m` around it.
@@ -171,10 +160,7 @@ impl Window {
     pub fn including(self, [x, y]: [f64; 2], margin_m: f64) -> Self {
         Self {
             low: [self.low[0].min(x - margin_m), self.low[1].min(y - margin_m)],
-            high: [
-                self.high[0].max(x + margin_m),
-                self.high[1].max(y + margin_m),
-            ],
+            high: [self.high[0].max(x + margin_m), self.high[1].max(y + margin_m)],
         }
     }
 
@@ -183,11 +169,7 @@ impl Window {
     pub fn around(points: impl IntoIterator<Item = [f64; 2]>, margin_m: f64) -> Option<Self> {
         let mut points = points.into_iter();
         let [x, y] = points.next()?;
-        let first = Self {
-            low: [x, y],
-            high: [x, y],
-        }
-        .including([x, y], margin_m);
+        let first = Self { low: [x, y], high: [x, y] }.including([x, y], margin_m);
         Some(points.fold(first, |window, point| window.including(point, margin_m)))
     }
 }
@@ -206,44 +188,25 @@ impl Camera {
     /// The camera that shows all of `window`, centred, as large as it can.
     #[must_use]
     pub fn showing(window: Window, size_px: [f64; 2]) -> Self {
-        let extent = [
-            window.high[0] - window.low[0],
-            window.high[1] - window.low[1],
-        ];
-        let scale = (size_px[0] / extent[0])
-            .min(size_px[1] / extent[1])
-            .max(1e-3);
-        let centre = [
-            0.5 * (window.low[0] + window.high[0]),
-            0.5 * (window.low[1] + window.high[1]),
-        ];
-        let origin_px = [
-            0.5 * size_px[0] - scale * centre[0],
-            0.5 * size_px[1] + scale * centre[1],
-        ];
-        Self {
-            scale,
-            origin_px,
-            size_px,
-        }
+        let extent = [window.high[0] - window.low[0], window.high[1] - window.low[1]];
+        let scale = (size_px[0] / extent[0]).min(size_px[1] / extent[1]).max(1e-3);
+        let centre =
+            [0.5 * (window.low[0] + window.high[0]), 0.5 * (window.low[1] + window.high[1])];
+        let origin_px =
+            [0.5 * size_px[0] - scale * centre[0], 0.5 * size_px[1] + scale * centre[1]];
+        Self { scale, origin_px, size_px }
     }
 
     /// Where a point of the world is on the canvas.
     #[must_use]
     pub fn to_px(&self, [x, y]: [f64; 2]) -> [f64; 2] {
-        [
-            self.origin_px[0] + self.scale * x,
-            self.origin_px[1] - self.scale * y,
-        ]
+        [self.origin_px[0] + self.scale * x, self.origin_px[1] - self.scale * y]
     }
 
     /// Which point of the world is there on the canvas.
     #[must_use]
     pub fn to_world(&self, [x, y]: [f64; 2]) -> [f64; 2] {
-        [
-            (x - self.origin_px[0]) / self.scale,
-            (self.origin_px[1] - y) / self.scale,
-        ]
+        [(x - self.origin_px[0]) / self.scale, (self.origin_px[1] - y) / self.scale]
     }
 }
 
@@ -266,10 +229,7 @@ mod tests {
 
     #[test]
     fn the_camera_shows_all_of_its_window() {
-        let window = Window {
-            low: [-10.0, -2.0],
-            high: [30.0, 8.0],
-        };
+        let window = Window { low: [-10.0, -2.0], high: [30.0, 8.0] };
         for size in [[1280.0, 800.0], [390.0, 844.0]] {
             let camera = Camera::showing(window, size);
             for corner in [window.low, window.high] {
@@ -288,13 +248,7 @@ mod tests {
     #[test]
     fn a_window_grows_around_points() {
         let window = Window::square(5.0).including([9.0, 0.0], 1.0);
-        assert_eq!(
-            window,
-            Window {
-                low: [-5.0, -5.0],
-                high: [10.0, 5.0]
-            }
-        );
+        assert_eq!(window, Window { low: [-5.0, -5.0], high: [10.0, 5.0] });
         assert_eq!(Window::around([], 1.0), None);
     }
 }

@@ -24,11 +24,7 @@ pub enum Child {
 /// An element of this name.
 #[must_use]
 pub fn el(tag: &'static str) -> Node {
-    Node {
-        tag,
-        attributes: Vec::new(),
-        children: Vec::new(),
-    }
+    Node { tag, attributes: Vec::new(), children: Vec::new() }
 }
 
 impl Node {
@@ -43,11 +39,7 @@ impl Node {
     /// With an attribute, if the condition holds.
     #[must_use]
     pub fn attr_if(self, condition: bool, name: &'static str, value: &str) -> Self {
-        if condition {
-            self.attr(name, value)
-        } else {
-            self
-        }
+        if condition { self.attr(name, value) } else { self }
     }
 
     /// With style classes.
@@ -103,11 +95,7 @@ impl Node {
     /// The first element in it with that test name, for tests.
     #[must_use]
     pub fn find(&self, test_id: &str) -> Option<&Node> {
-        if self
-            .attributes
-            .iter()
-            .any(|(name, value)| *name == "data-testid" && value == test_id)
-        {
+        if self.attributes.iter().any(|(name, value)| *name == "data-testid" && value == test_id) {
             return Some(self);
         }
         self.children.iter().find_map(|child| match child {

@@ -79,16 +79,8 @@ mod tests {
     use super::*;
 
     const TABLE: &[Bench] = &[
-        Bench {
-            name: "solve",
-            package: "sidestep",
-            what: "parallel against one thread",
-        },
-        Bench {
-            name: "reach",
-            package: "sidestep",
-            what: "fast against plain",
-        },
+        Bench { name: "solve", package: "sidestep", what: "parallel against one thread" },
+        Bench { name: "reach", package: "sidestep", what: "fast against plain" },
     ];
 
     #[test]

@@ -41,14 +41,7 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<()> {
     if !options.client_only {
         // All members are named so that cargo settles on the same features of the
         // same dependencies as for the tests, and does not compile them twice.
-        let arguments = [
-            "build",
-            "--locked",
-            "--release",
-            "--workspace",
-            "--bin",
-            "sidestep",
-        ];
+        let arguments = ["build", "--locked", "--release", "--workspace", "--bin", "sidestep"];
         times.push(("server", stage("server", &mut workspace.cargo(arguments))?));
     }
 

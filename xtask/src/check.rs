@@ -26,10 +26,7 @@ pub(crate) fn run(workspace: &Workspace) -> Result<()> {
 
     // Two calls, because the server's program and the library are both called
     // `sidestep`: cargo cannot place both, and the library's pages are to remain.
-    for (name, kind) in [
-        ("docs of programs", "--bins"),
-        ("docs of libraries", "--lib"),
-    ] {
+    for (name, kind) in [("docs of programs", "--bins"), ("docs of libraries", "--lib")] {
         let mut docs = workspace.cargo(["doc", "--locked", "--release", "--workspace", kind]);
         docs.args(["--no-deps", "--document-private-items"]);
         docs.env("RUSTDOCFLAGS", "--deny warnings");

@@ -7,10 +7,7 @@
 //! Progress goes to stderr, results to stdout. The exit code is 0, 1 for a
 //! failure, 2 for a wrong command line; `test` and `bench` pass on the runner's.
 
-#![allow(
-    clippy::print_stdout,
-    reason = "a command-line tool answers on standard output"
-)]
+#![allow(clippy::print_stdout, reason = "a command-line tool answers on standard output")]
 
 mod bench;
 mod build;

@@ -97,12 +97,10 @@ pub(crate) fn compose(sources: Files, bundles: Vec<Bundle>) -> Result<Site> {
     let mut files = Files::new();
     // What a placeholder says → the path of the asset.
     let mut assets = BTreeMap::new();
-    let (html, others): (Files, Files) = sources
-        .into_iter()
-        .partition(|(name, _)| name.ends_with(".html"));
-    let (sheets, plain): (Files, Files) = others
-        .into_iter()
-        .partition(|(name, _)| name.ends_with(".css"));
+    let (html, others): (Files, Files) =
+        sources.into_iter().partition(|(name, _)| name.ends_with(".html"));
+    let (sheets, plain): (Files, Files) =
+        others.into_iter().partition(|(name, _)| name.ends_with(".css"));
 
     for (name, content) in plain {
         add_asset(&mut files, &mut assets, name, content);
@@ -117,18 +115,8 @@ pub(crate) fn compose(sources: Files, bundles: Vec<Bundle>) -> Result<Site> {
         let wasm = hashed::name(&format!("{}.wasm", bundle.entry), &bundle.wasm);
         let script = bundle.script_for(&wasm)?;
         let entry = bundle.entry;
-        add_asset(
-            &mut files,
-            &mut assets,
-            format!("{entry}.wasm"),
-            bundle.wasm,
-        );
-        add_asset(
-            &mut files,
-            &mut assets,
-            format!("{entry}.js"),
-            script.into_bytes(),
-        );
+        add_asset(&mut files, &mut assets, format!("{entry}.wasm"), bundle.wasm);
+        add_asset(&mut files, &mut assets, format!("{entry}.js"), script.into_bytes());
     }
 
     let mut pages = Vec::new();
@@ -155,21 +143,12 @@ fn add_asset(
 
 /// What a page loads: what it names, and the wasm of each program it starts.
 fn page(name: String, used: &BTreeSet<String>, assets: &BTreeMap<String, String>) -> Page {
-    let entries: Vec<&str> = ENTRIES
-        .into_iter()
-        .filter(|entry| used.contains(&format!("{entry}.js")))
-        .collect();
+    let entries: Vec<&str> =
+        ENTRIES.into_iter().filter(|entry| used.contains(&format!("{entry}.js"))).collect();
     let started = entries.iter().map(|entry| format!("{entry}.wasm"));
     let loaded: BTreeSet<String> = used.iter().cloned().chain(started).collect();
-    let assets = loaded
-        .iter()
-        .filter_map(|name| assets.get(name).cloned())
-        .collect();
-    Page {
-        name,
-        entries,
-        assets,
-    }
+    let assets = loaded.iter().filter_map(|name| assets.get(name).cloned()).collect();
+    Page { name, entries, assets }
 }
 
 /// The text of a source file.
@@ -248,10 +227,8 @@ mod tests {
     /// The path of the one asset that starts and ends like this.
     fn asset<'a>(site: &'a Site, start: &str, end: &str) -> &'a str {
         let start = format!("assets/{start}-");
-        let mut found = site
-            .files
-            .keys()
-            .filter(|path| path.starts_with(&start) && path.ends_with(end));
+        let mut found =
+            site.files.keys().filter(|path| path.starts_with(&start) && path.ends_with(end));
         let path = found.next().expect("there is such an asset");
         assert_eq!(found.next(), None);
         path
@@ -271,10 +248,7 @@ mod tests {
         .expect("a valid site");
 
         let script = asset(&site, "participant", ".js");
-        assert_eq!(
-            text(&site, "index.html"),
-            format!("<script src=/{script}></script>")
-        );
+        assert_eq!(text(&site, "index.html"), format!("<script src=/{script}></script>"));
         let wasm = asset(&site, "participant", ".wasm");
         let wasm = wasm.strip_prefix("assets/").expect("an asset");
         assert!(text(&site, script).contains(&format!("load('{wasm}')")));

@@ -48,9 +48,7 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> 
 
     eprintln!("==> tests");
     let mut tests = workspace.cargo(["test", "--locked", "--release", "--workspace"]);
-    tests
-        .args(&options.arguments)
-        .env("SIDESTEP_BIN", workspace.server());
+    tests.args(&options.arguments).env("SIDESTEP_BIN", workspace.server());
     for (variable, program) in programs {
         tests.env(variable, program);
     }
@@ -99,19 +97,13 @@ fn find(requirement: &Requirement) -> Result<Option<PathBuf>> {
 
 /// Installs with apt, where that can work without asking anybody.
 fn install(missing: &[&Requirement]) -> Result<()> {
-    let packages: Vec<&str> = missing
-        .iter()
-        .flat_map(|one| one.packages)
-        .copied()
-        .collect();
+    let packages: Vec<&str> = missing.iter().flat_map(|one| one.packages).copied().collect();
     if on_path(&["apt-get"]).is_none() || !is_root() {
         bail!("{}", how_to_install(missing, &packages));
     }
     let apt = |arguments: &[&str]| {
         let mut command = Command::new("apt-get");
-        command
-            .env("DEBIAN_FRONTEND", "noninteractive")
-            .args(arguments);
+        command.env("DEBIAN_FRONTEND", "noninteractive").args(arguments);
         command
     };
     stage("apt-get update", &mut apt(&["update", "--quiet"]))?;
@@ -155,10 +147,7 @@ fn is_program(path: &Path) -> bool {
 
 /// Whether packages may be installed without asking.
 fn is_root() -> bool {
-    Command::new("id")
-        .arg("-u")
-        .output()
-        .is_ok_and(|output| output.stdout.trim_ascii() == b"0")
+    Command::new("id").arg("-u").output().is_ok_and(|output| output.stdout.trim_ascii() == b"0")
 }
 
 #[cfg(test)]
@@ -176,14 +165,8 @@ mod tests {
     fn the_message_says_what_to_install() {
         let message = how_to_install(&[&ABSENT], ABSENT.packages);
         assert!(message.contains("need Nothing"), "{message}");
-        assert!(
-            message.contains("apt-get install nothing nothing-fonts"),
-            "{message}"
-        );
-        assert!(
-            message.contains("set SIDESTEP_NO_SUCH_VARIABLE"),
-            "{message}"
-        );
+        assert!(message.contains("apt-get install nothing nothing-fonts"), "{message}");
+        assert!(message.contains("set SIDESTEP_NO_SUCH_VARIABLE"), "{message}");
     }
 
     #[test]
@@ -200,11 +183,7 @@ mod tests {
         for (index, one) in REQUIREMENTS.iter().enumerate() {
             assert!(!one.packages.is_empty(), "{}", one.name);
             assert!(one.variable.starts_with("SIDESTEP_"), "{}", one.name);
-            assert!(
-                REQUIREMENTS[..index]
-                    .iter()
-                    .all(|other| other.variable != one.variable)
-            );
+            assert!(REQUIREMENTS[..index].iter().all(|other| other.variable != one.variable));
         }
     }
 }

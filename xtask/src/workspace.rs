@@ -33,10 +33,8 @@ impl Workspace {
 
         let mut metadata = cargo_in(&root);
         metadata.args(["metadata", "--locked", "--no-deps", "--format-version=1"]);
-        let output = metadata
-            .stderr(Stdio::inherit())
-            .output()
-            .with_context(|| cannot_start(&metadata))?;
+        let output =
+            metadata.stderr(Stdio::inherit()).output().with_context(|| cannot_start(&metadata))?;
         if !output.status.success() {
             bail!(
                 "cargo cannot read the workspace in {} ({}): see its message above",
@@ -60,11 +58,7 @@ impl Workspace {
 
     /// What cargo compiled `entry` of the web client to.
     pub(crate) fn compiled_client(&self, entry: &str) -> PathBuf {
-        self.target
-            .join(WASM_TARGET)
-            .join("client")
-            .join(entry)
-            .with_extension("wasm")
+        self.target.join(WASM_TARGET).join("client").join(entry).with_extension("wasm")
     }
 
     /// The folder that the server serves.
@@ -74,9 +68,7 @@ impl Workspace {
 
     /// The server's executable.
     pub(crate) fn server(&self) -> PathBuf {
-        self.target
-            .join("release")
-            .join(format!("sidestep{}", env::consts::EXE_SUFFIX))
+        self.target.join("release").join(format!("sidestep{}", env::consts::EXE_SUFFIX))
     }
 
     /// A cargo call with `arguments`, in the root of the workspace.
@@ -93,16 +85,14 @@ impl Workspace {
     /// When it is missing and rustup is too, or cannot add it.
     pub(crate) fn ensure_wasm_target(&self) -> Result<()> {
         let mut ask = Command::new(env::var_os("RUSTC").unwrap_or_else(|| "rustc".into()));
-        ask.args(["--print", "target-libdir", "--target", WASM_TARGET])
-            .current_dir(&self.root);
+        ask.args(["--print", "target-libdir", "--target", WASM_TARGET]).current_dir(&self.root);
         let output = ask.output().with_context(|| cannot_start(&ask))?;
         let folder = String::from_utf8_lossy(&output.stdout);
         if output.status.success() && Path::new(folder.trim()).is_dir() {
             return Ok(());
         }
         let mut add = Command::new("rustup");
-        add.args(["target", "add", WASM_TARGET])
-            .current_dir(&self.root);
+        add.args(["target", "add", WASM_TARGET]).current_dir(&self.root);
         stage("wasm target", &mut add).with_context(|| {
             format!("the Rust toolchain needs the target {WASM_TARGET}: install it and try again")
         })?;
@@ -150,10 +140,7 @@ pub(crate) fn answer_of(command: &mut Command) -> Result<ExitCode> {
 
 /// Runs a command to its end; it reads nothing from the terminal.
 fn status(command: &mut Command) -> Result<ExitStatus> {
-    command
-        .stdin(Stdio::null())
-        .status()
-        .with_context(|| cannot_start(command))
+    command.stdin(Stdio::null()).status().with_context(|| cannot_start(command))
 }
 
 /// The message for a program that does not start.

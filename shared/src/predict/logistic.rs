@@ -31,11 +31,7 @@ pub struct LogisticSettings {
 
 impl Default for LogisticSettings {
     fn default() -> Self {
-        Self {
-            c: 1.0,
-            tolerance: 1e-12,
-            max_steps: 100,
-        }
+        Self { c: 1.0, tolerance: 1e-12, max_steps: 100 }
     }
 }
 
@@ -58,11 +54,7 @@ impl Logistic {
             }
             finite(&format!("intercepts[{class}]"), intercepts[class])?;
         }
-        Ok(Self {
-            width,
-            weights,
-            intercepts,
-        })
+        Ok(Self { width, weights, intercepts })
     }
 
     /// Trains on `rows` (row-major, `width` columns, standardised) with labels
@@ -95,13 +87,7 @@ impl Logistic {
         if classes < 2 {
             return Err(Invalid::new("classes", "at least 2", classes));
         }
-        let problem = Problem {
-            width,
-            rows,
-            labels,
-            classes,
-            c: settings.c,
-        };
+        let problem = Problem { width, rows, labels, classes, c: settings.c };
         let mut theta = DVector::zeros(classes * (width + 1));
         let (mut loss, mut gradient, mut hessian) = problem.second_order(&theta);
         let scale = settings.c * labels.len() as f64;
@@ -129,21 +115,15 @@ impl Logistic {
             theta = next;
             (loss, gradient, hessian) = problem.second_order(&theta);
         }
-        let found = format!(
-            "gradient {:e} after {} steps",
-            gradient.amax() / scale,
-            settings.max_steps
-        );
+        let found =
+            format!("gradient {:e} after {} steps", gradient.amax() / scale, settings.max_steps);
         Err(Invalid::new("rows", "a problem that converges", found))
     }
 
     /// One row of weights a class.
     #[must_use]
     pub fn coefficients(&self) -> Vec<Vec<f64>> {
-        self.weights
-            .chunks_exact(self.width)
-            .map(<[f64]>::to_vec)
-            .collect()
+        self.weights.chunks_exact(self.width).map(<[f64]>::to_vec).collect()
     }
 
     /// One offset a class.
@@ -157,9 +137,7 @@ impl Logistic {
         let weights = self.weights.chunks_exact(self.width);
         for ((weights, &intercept), score) in weights.zip(&self.intercepts).zip(out.iter_mut()) {
             let terms = weights.iter().zip(row).enumerate();
-            *score = terms.fold(intercept, |sum, (j, (w, &value))| {
-                sum + w * scale.apply(j, value)
-            });
+            *score = terms.fold(intercept, |sum, (j, (w, &value))| sum + w * scale.apply(j, value));
         }
         softmax(out);
     }
@@ -193,19 +171,13 @@ impl Problem<'_> {
         let stride = self.width + 1;
         for (class, score) in out.iter_mut().enumerate() {
             let weights = &theta.as_slice()[class * stride..(class + 1) * stride];
-            *score = row
-                .iter()
-                .zip(weights)
-                .fold(weights[self.width], |sum, (x, w)| sum + x * w);
+            *score = row.iter().zip(weights).fold(weights[self.width], |sum, (x, w)| sum + x * w);
         }
     }
 
     fn penalty(&self, theta: &DVector<f64>) -> f64 {
         let blocks = theta.as_slice().chunks_exact(self.width + 1);
-        0.5 * blocks
-            .flat_map(|block| &block[..self.width])
-            .map(|w| w * w)
-            .sum::<f64>()
+        0.5 * blocks.flat_map(|block| &block[..self.width]).map(|w| w * w).sum::<f64>()
     }
 
     fn loss(&self, theta: &DVector<f64>) -> f64 {
@@ -271,10 +243,7 @@ impl Problem<'_> {
         let blocks = || theta.as_slice().chunks_exact(self.width + 1);
         Logistic {
             width: self.width,
-            weights: blocks()
-                .flat_map(|block| &block[..self.width])
-                .copied()
-                .collect(),
+            weights: blocks().flat_map(|block| &block[..self.width]).copied().collect(),
             intercepts: blocks().map(|block| block[self.width]).collect(),
         }
     }
@@ -293,23 +262,15 @@ mod tests {
             s if s < 0.6 => 1,
             _ => 2,
         };
-        let labels = rows
-            .chunks_exact(width)
-            .map(|row| label(row, rng.uniform(-0.5, 0.5)))
-            .collect();
+        let labels =
+            rows.chunks_exact(width).map(|row| label(row, rng.uniform(-0.5, 0.5))).collect();
         (rows, labels)
     }
 
     #[test]
     fn the_gradient_agrees_with_differences() {
         let (rows, labels) = data(60, 3);
-        let problem = Problem {
-            width: 3,
-            rows: &rows,
-            labels: &labels,
-            classes: 3,
-            c: 0.7,
-        };
+        let problem = Problem { width: 3, rows: &rows, labels: &labels, classes: 3, c: 0.7 };
         let mut rng = SeededRng::new(2);
         let theta = DVector::from_fn(12, |_, _| rng.uniform(-1.0, 1.0));
         let (loss, gradient, hessian) = problem.second_order(&theta);
@@ -327,10 +288,7 @@ mod tests {
                 (problem.second_order(&at(1.0)).1 - problem.second_order(&at(-1.0)).1) / (2.0 * h);
             for j in 0..=i {
                 let fixed = f64::from(u8::from(i % 4 == 3 && j % 4 == 3));
-                assert!(
-                    (slopes[j] + fixed - hessian[(i, j)]).abs() < 1e-6,
-                    "{i} {j}"
-                );
+                assert!((slopes[j] + fixed - hessian[(i, j)]).abs() < 1e-6, "{i} {j}");
             }
         }
     }
@@ -339,13 +297,7 @@ mod tests {
     fn a_fit_has_no_slope_left() {
         let (rows, labels) = data(300, 3);
         let model = Logistic::fit(3, &rows, &labels, 3, LogisticSettings::default()).unwrap();
-        let problem = Problem {
-            width: 3,
-            rows: &rows,
-            labels: &labels,
-            classes: 3,
-            c: 1.0,
-        };
+        let problem = Problem { width: 3, rows: &rows, labels: &labels, classes: 3, c: 1.0 };
         let theta: Vec<f64> = model
             .coefficients()
             .into_iter()
@@ -360,10 +312,7 @@ mod tests {
     #[test]
     fn separable_duplicated_and_constant_data_converge() {
         let rows = [[1.0, 2.0], [1.0, 2.0], [-1.0, 2.0], [-1.0, 2.0]].concat();
-        let settings = LogisticSettings {
-            c: 1e3,
-            ..Default::default()
-        };
+        let settings = LogisticSettings { c: 1e3, ..Default::default() };
         let model = Logistic::fit(2, &rows, &[0, 0, 1, 1], 2, settings).unwrap();
         assert!(model.coefficients()[0][0] > 1.0);
         assert_eq!(model.coefficients()[0].len(), 2);

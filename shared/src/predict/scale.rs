@@ -42,11 +42,7 @@ impl Scale {
         // Rounding leaves a constant column a variance of about (ε·mean)².
         let scale = variance.iter().zip(&mean).map(|(&variance, &mean)| {
             let sd = variance.sqrt();
-            if sd <= 1e-12 * (1.0 + mean.abs()) {
-                1.0
-            } else {
-                sd
-            }
+            if sd <= 1e-12 * (1.0 + mean.abs()) { 1.0 } else { sd }
         });
         let scale = scale.collect();
         Self { mean, scale }

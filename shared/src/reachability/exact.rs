@@ -32,12 +32,7 @@ impl ExactValue {
         positive("radius_m", radius_m)?;
         let turning_radius_m = speed_mps / turn_rate_radps;
         positive("speed_mps / turn_rate_radps", turning_radius_m)?;
-        Ok(Self {
-            speed_mps,
-            turn_rate_radps,
-            turning_radius_m,
-            radius_m,
-        })
+        Ok(Self { speed_mps, turn_rate_radps, turning_radius_m, radius_m })
     }
 
     /// V at a relative state: the pursuer at (`x`, `y`) m in the evader's frame
@@ -146,17 +141,8 @@ mod tests {
     fn bad_parameters_name_the_field() {
         let complaint = ExactValue::new(2.0, 0.0, 3.0).unwrap_err();
         assert_eq!(complaint.field, "turn_rate_radps");
-        assert_eq!(
-            ExactValue::new(f64::NAN, 0.5, 3.0).unwrap_err().field,
-            "speed_mps"
-        );
-        assert_eq!(
-            paper()
-                .checked_value([0.0, f64::NAN, 0.0])
-                .unwrap_err()
-                .field,
-            "y"
-        );
+        assert_eq!(ExactValue::new(f64::NAN, 0.5, 3.0).unwrap_err().field, "speed_mps");
+        assert_eq!(paper().checked_value([0.0, f64::NAN, 0.0]).unwrap_err().field, "y");
     }
 
     fn state() -> impl Strategy<Value = [f64; 3]> {

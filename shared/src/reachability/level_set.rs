@@ -17,12 +17,7 @@ pub struct CurveSettings {
 
 impl Default for CurveSettings {
     fn default() -> Self {
-        Self {
-            rays: 48,
-            flatness_m: 0.01,
-            max_depth: 9,
-            accuracy_m: 1e-4,
-        }
+        Self { rays: 48, flatness_m: 0.01, max_depth: 9, accuracy_m: 1e-4 }
     }
 }
 
@@ -52,20 +47,9 @@ pub fn radial_level_curve(
     let mut from = first;
     for ray in 0..settings.rays {
         let angle = ray as f64 * step;
-        let to = if ray + 1 == settings.rays {
-            first
-        } else {
-            point(angle + step)
-        };
+        let to = if ray + 1 == settings.rays { first } else { point(angle + step) };
         curve.push(from);
-        refine(
-            &point,
-            (angle, from),
-            (angle + step, to),
-            settings,
-            settings.max_depth,
-            &mut curve,
-        );
+        refine(&point, (angle, from), (angle + step, to), settings, settings.max_depth, &mut curve);
         from = to;
     }
     curve
@@ -102,11 +86,7 @@ fn chord_distance(p: [f64; 2], a: [f64; 2], b: [f64; 2]) -> f64 {
     let (ux, uy) = (b[0] - a[0], b[1] - a[1]);
     let (px, py) = (p[0] - a[0], p[1] - a[1]);
     let length = hypot(ux, uy);
-    if length == 0.0 {
-        hypot(px, py)
-    } else {
-        (ux * py - uy * px).abs() / length
-    }
+    if length == 0.0 { hypot(px, py) } else { (ux * py - uy * px).abs() / length }
 }
 
 /// Where `excess` changes from ≤ 0 (at `low`) to > 0 (at `high`): the Illinois
@@ -119,11 +99,7 @@ fn crossing(excess: impl Fn(f64) -> f64, low: f64, high: f64, accuracy: f64) -> 
     }
     let mut last_kept_low = None;
     for _ in 0..60 {
-        let mut middle = if fb - fa > 0.0 {
-            a - fa * (b - a) / (fb - fa)
-        } else {
-            0.5 * (a + b)
-        };
+        let mut middle = if fb - fa > 0.0 { a - fa * (b - a) / (fb - fa) } else { 0.5 * (a + b) };
         if fa == 0.0 {
             // A flat start (the value equals the level all along) gives no slope.
             middle = 0.5 * (a + b);
@@ -175,11 +151,7 @@ mod tests {
 
     fn area(polygon: &[[f64; 2]]) -> f64 {
         let next = polygon.iter().cycle().skip(1);
-        polygon
-            .iter()
-            .zip(next)
-            .map(|(a, b)| 0.5 * (a[0] * b[1] - a[1] * b[0]))
-            .sum()
+        polygon.iter().zip(next).map(|(a, b)| 0.5 * (a[0] * b[1] - a[1] * b[0])).sum()
     }
 
     #[test]
@@ -198,10 +170,7 @@ mod tests {
                 let psi = f64::from(i) * TAU / 36.0;
                 for [x, y] in curve(&game, psi, level) {
                     let v = game.value([x, y, psi]);
-                    assert!(
-                        (v - level).abs() < 2e-3,
-                        "V({x}, {y}, {psi}) = {v}, not {level}"
-                    );
+                    assert!((v - level).abs() < 2e-3, "V({x}, {y}, {psi}) = {v}, not {level}");
                 }
             }
         }
@@ -210,10 +179,7 @@ mod tests {
     #[test]
     fn the_tip_is_not_cut_off() {
         let game = ExactValue::new(2.0, 0.5, 3.0).unwrap();
-        let reach = curve(&game, PI, 0.0)
-            .iter()
-            .map(|p| hypot(p[0], p[1]))
-            .fold(0.0, f64::max);
+        let reach = curve(&game, PI, 0.0).iter().map(|p| hypot(p[0], p[1])).fold(0.0, f64::max);
         assert!((reach - 13.021).abs() < 5e-3, "{reach}");
     }
 }

@@ -17,12 +17,7 @@ pub enum ValueFunction {
 #[derive(Serialize, Deserialize)]
 #[serde(tag = "method", rename_all = "snake_case", deny_unknown_fields)]
 enum Encoded {
-    Exact {
-        format: String,
-        speed_mps: f64,
-        turn_rate_radps: f64,
-        radius_m: f64,
-    },
+    Exact { format: String, speed_mps: f64, turn_rate_radps: f64, radius_m: f64 },
 }
 
 const FORMAT: &str = "sidestep-value-function/1";
@@ -71,13 +66,9 @@ impl ValueFunction {
     /// # Errors
     /// [`Invalid`] if the octets are no such function, or of another version.
     pub fn decode(octets: &[u8]) -> Result<Self, Invalid> {
-        let Encoded::Exact {
-            format,
-            speed_mps,
-            turn_rate_radps,
-            radius_m,
-        } = serde_json::from_slice(octets)
-            .map_err(|e| Invalid::new("value function", FORMAT, e))?;
+        let Encoded::Exact { format, speed_mps, turn_rate_radps, radius_m } =
+            serde_json::from_slice(octets)
+                .map_err(|e| Invalid::new("value function", FORMAT, e))?;
         if format != FORMAT {
             return Err(Invalid::new("format", FORMAT, format));
         }

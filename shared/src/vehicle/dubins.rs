@@ -27,11 +27,7 @@ pub fn arc(pose: Pose, speed_mps: f64, turn_rate_radps: f64, seconds: f64) -> Po
 pub fn relative_state(evader: Pose, pursuer: Pose) -> [f64; 3] {
     let (sin, cos) = sin_cos(evader.psi);
     let (dx, dy) = (pursuer.x - evader.x, pursuer.y - evader.y);
-    [
-        cos * dx + sin * dy,
-        -sin * dx + cos * dy,
-        wrap_angle(pursuer.psi - evader.psi),
-    ]
+    [cos * dx + sin * dy, -sin * dx + cos * dy, wrap_angle(pursuer.psi - evader.psi)]
 }
 
 #[cfg(test)]
@@ -46,11 +42,8 @@ mod tests {
         let h = seconds / f64::from(n);
         for _ in 0..n {
             let (sin, cos) = sin_cos(pose.psi + 0.5 * rate * h);
-            pose = Pose::new(
-                pose.x + speed * h * cos,
-                pose.y + speed * h * sin,
-                pose.psi + rate * h,
-            );
+            pose =
+                Pose::new(pose.x + speed * h * cos, pose.y + speed * h * sin, pose.psi + rate * h);
         }
         pose
     }

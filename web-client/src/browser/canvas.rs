@@ -20,26 +20,16 @@ impl Painter {
     }
 
     fn read_style(&mut self, window: &Window, document: &Document) {
-        let style = document
-            .document_element()
-            .and_then(|e| window.get_computed_style(&e).ok()?);
+        let style = document.document_element().and_then(|e| window.get_computed_style(&e).ok()?);
         let Some(style) = style else { return };
-        let read = |name: &str| {
-            style
-                .get_property_value(name)
-                .unwrap_or_default()
-                .trim()
-                .to_owned()
-        };
+        let read =
+            |name: &str| style.get_property_value(name).unwrap_or_default().trim().to_owned();
         self.colours = Ink::ALL.map(|ink| (ink, read(ink.property()))).to_vec();
         self.font = format!("12px {}", read("font-family"));
     }
 
     fn colour(&self, ink: Ink) -> &str {
-        self.colours
-            .iter()
-            .find(|(known, _)| *known == ink)
-            .map_or("", |(_, colour)| colour)
+        self.colours.iter().find(|(known, _)| *known == ink).map_or("", |(_, colour)| colour)
     }
 
     /// Paints a picture on its canvas, if that is in the document.
@@ -62,10 +52,7 @@ impl Painter {
             }
         }
         let ratio = window.device_pixel_ratio();
-        let size = [
-            f64::from(canvas.client_width()),
-            f64::from(canvas.client_height()),
-        ];
+        let size = [f64::from(canvas.client_width()), f64::from(canvas.client_height())];
         let device = size.map(|side| (side * ratio).round() as u32);
         if [canvas.width(), canvas.height()] != device {
             canvas.set_width(device[0]);
@@ -93,11 +80,7 @@ struct Brush<'a> {
 impl Brush<'_> {
     fn shape(&self, shape: &Shape) {
         match shape {
-            Shape::Polygon {
-                points,
-                fill,
-                stroke,
-            } => {
+            Shape::Polygon { points, fill, stroke } => {
                 self.trace(points);
                 self.context.close_path();
                 self.fill_and_stroke(*fill, *stroke);
@@ -106,26 +89,16 @@ impl Brush<'_> {
                 self.trace(points);
                 self.fill_and_stroke(None, Some(*stroke));
             }
-            Shape::Disc {
-                centre,
-                radius_m,
-                fill,
-                stroke,
-            } => {
+            Shape::Disc { centre, radius_m, fill, stroke } => {
                 self.circle(self.camera.to_px(*centre), radius_m * self.camera.scale);
                 self.fill_and_stroke(*fill, *stroke);
             }
             Shape::Vehicle { pose, ink } => self.vehicle(*pose, *ink),
-            Shape::Square {
-                centre,
-                side_m,
-                ink,
-            } => {
+            Shape::Square { centre, side_m, ink } => {
                 let side = (side_m * self.camera.scale).max(9.0);
                 let [x, y] = self.camera.to_px(*centre);
                 self.context.set_fill_style_str(self.painter.colour(*ink));
-                self.context
-                    .fill_rect(x - 0.5 * side, y - 0.5 * side, side, side);
+                self.context.fill_rect(x - 0.5 * side, y - 0.5 * side, side, side);
             }
             Shape::Grid { every_m } => self.grid(*every_m),
         }
@@ -158,8 +131,7 @@ impl Brush<'_> {
                 dash.push(&gap.into());
             }
             let _ = self.context.set_line_dash(&dash);
-            self.context
-                .set_stroke_style_str(self.painter.colour(stroke.ink));
+            self.context.set_stroke_style_str(self.painter.colour(stroke.ink));
             self.context.set_line_width(stroke.width_px);
             self.context.set_line_join("round");
             self.context.stroke();
@@ -173,10 +145,7 @@ impl Brush<'_> {
         let (sin, cos) = sin_cos(pose.psi);
         // Along the heading and to its left, in pixels (y down).
         let at = |along: f64, left: f64| {
-            (
-                x + length * (along * cos - left * sin),
-                y - length * (along * sin + left * cos),
-            )
+            (x + length * (along * cos - left * sin), y - length * (along * sin + left * cos))
         };
         self.context.set_fill_style_str(self.painter.colour(ink));
         self.circle([x, y], 0.085 * length);
@@ -213,11 +182,8 @@ impl Brush<'_> {
                 let at = line as f64 * step_m;
                 // Half a pixel keeps one-pixel lines crisp.
                 let px = self.camera.to_px([at, at])[axis].round() + 0.5;
-                let (from, to) = if axis == 0 {
-                    ((px, 0.0), (px, extent))
-                } else {
-                    ((0.0, px), (extent, px))
-                };
+                let (from, to) =
+                    if axis == 0 { ((px, 0.0), (px, extent)) } else { ((0.0, px), (extent, px)) };
                 self.context.move_to(from.0, from.1);
                 self.context.line_to(to.0, to.1);
             }
@@ -230,10 +196,7 @@ impl Brush<'_> {
         self.fill_and_stroke(None, Some(Stroke::solid(Ink::Muted, 1.5)));
         self.context.set_font(&self.painter.font);
         self.context.set_text_align("center");
-        self.context
-            .set_fill_style_str(self.painter.colour(Ink::Muted));
-        let _ = self
-            .context
-            .fill_text(&format!("{every_m} m"), left + 0.5 * length, bottom - 6.0);
+        self.context.set_fill_style_str(self.painter.colour(Ink::Muted));
+        let _ = self.context.fill_text(&format!("{every_m} m"), left + 0.5 * length, bottom - 6.0);
     }
 }

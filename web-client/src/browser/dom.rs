@@ -127,8 +127,5 @@ fn patch(document: &Document, element: &Element, old: &Node, new: &Node) -> Resu
 /// An element that stands for something else is made anew and not bent into it.
 fn identity(node: &Node) -> Option<&str> {
     let names = ["id", "data-testid"];
-    node.attributes
-        .iter()
-        .find(|(name, _)| names.contains(name))
-        .map(|(_, value)| value.as_str())
+    node.attributes.iter().find(|(name, _)| names.contains(name)).map(|(_, value)| value.as_str())
 }

@@ -20,14 +20,8 @@ impl Listener {
     ) -> Option<Self> {
         let callback = Closure::<dyn FnMut(web_sys::Event)>::new(callback);
         let function = callback.as_ref().unchecked_ref();
-        target
-            .add_event_listener_with_callback(name, function)
-            .ok()?;
-        Some(Self {
-            target: target.clone(),
-            name,
-            callback,
-        })
+        target.add_event_listener_with_callback(name, function).ok()?;
+        Some(Self { target: target.clone(), name, callback })
     }
 }
 
@@ -35,9 +29,7 @@ impl Drop for Listener {
     fn drop(&mut self) {
         let function = self.callback.as_ref().unchecked_ref();
         // A target that is gone has no listeners.
-        let _ = self
-            .target
-            .remove_event_listener_with_callback(self.name, function);
+        let _ = self.target.remove_event_listener_with_callback(self.name, function);
     }
 }
 
@@ -46,11 +38,7 @@ impl Pump {
     pub(super) fn listen(&self) {
         let (window, document, root) = {
             let shell = self.shell.borrow();
-            (
-                shell.window.clone(),
-                shell.document.clone(),
-                shell.root.clone(),
-            )
+            (shell.window.clone(), shell.document.clone(), shell.root.clone())
         };
         let key = |down: bool| {
             let pump = self.clone();
@@ -87,10 +75,7 @@ impl Pump {
             let pump = self.clone();
             move |_: web_sys::Event| pump.dispatch(Event::Woken)
         };
-        let dark = window
-            .match_media("(prefers-color-scheme: dark)")
-            .ok()
-            .flatten();
+        let dark = window.match_media("(prefers-color-scheme: dark)").ok().flatten();
         let listeners = [
             Listener::new(&window, "keydown", key(true)),
             Listener::new(&window, "keyup", key(false)),
@@ -115,19 +100,13 @@ impl Pump {
             event.prevent_default();
         }
         if !event.repeat() {
-            self.dispatch(Event::Key {
-                t_ms: event.time_stamp(),
-                key,
-                down,
-            });
+            self.dispatch(Event::Key { t_ms: event.time_stamp(), key, down });
         }
     }
 
     /// Reports a press, a change or a submission under the word of the element.
     fn action(&self, event: &web_sys::Event, name: &str) {
-        let target = event
-            .target()
-            .and_then(|target| target.dyn_into::<Element>().ok());
+        let target = event.target().and_then(|target| target.dyn_into::<Element>().ok());
         let Some(element) = target.and_then(|e| e.closest("[data-action]").ok().flatten()) else {
             return;
         };
@@ -146,15 +125,10 @@ impl Pump {
             "FORM" => element.query_selector("input").ok().flatten(),
             _ => Some(element.clone()),
         };
-        let value = field
-            .and_then(|e| e.dyn_into::<HtmlInputElement>().ok())
-            .map(|input| input.value());
+        let value =
+            field.and_then(|e| e.dyn_into::<HtmlInputElement>().ok()).map(|input| input.value());
         let word = element.get_attribute("data-action").unwrap_or_default();
         let t_ms = event.time_stamp();
-        self.dispatch(Event::Action {
-            word,
-            value: value.unwrap_or_default(),
-            t_ms,
-        });
+        self.dispatch(Event::Action { word, value: value.unwrap_or_default(), t_ms });
     }
 }

@@ -27,32 +27,21 @@ async fn exchange(request: Request) -> Result<Answer, JsValue> {
         prepared.headers().set("Content-Type", "application/json")?;
     }
     if let Some(token) = &request.token {
-        prepared
-            .headers()
-            .set("Authorization", &format!("Bearer {token}"))?;
+        prepared.headers().set("Authorization", &format!("Bearer {token}"))?;
     }
-    let response: Response = JsFuture::from(window.fetch_with_request(&prepared))
-        .await?
-        .dyn_into()?;
+    let response: Response =
+        JsFuture::from(window.fetch_with_request(&prepared)).await?.dyn_into()?;
     let body = JsFuture::from(response.array_buffer()?).await?;
-    Ok(Answer::Received {
-        status: response.status(),
-        body: Uint8Array::new(&body).to_vec(),
-    })
+    Ok(Answer::Received { status: response.status(), body: Uint8Array::new(&body).to_vec() })
 }
 
 /// Names and values of an address's query.
 pub(super) fn decode_query(query: &str) -> Vec<(String, String)> {
     let decode = |text: &str| {
         let spaced = text.replace('+', " ");
-        js_sys::decode_uri_component(&spaced)
-            .map(String::from)
-            .unwrap_or(spaced)
+        js_sys::decode_uri_component(&spaced).map(String::from).unwrap_or(spaced)
     };
-    let pairs = query
-        .trim_start_matches('?')
-        .split('&')
-        .filter(|pair| !pair.is_empty());
+    let pairs = query.trim_start_matches('?').split('&').filter(|pair| !pair.is_empty());
     pairs
         .map(|pair| {
             let (name, value) = pair.split_once('=').unwrap_or((pair, ""));

@@ -43,10 +43,7 @@ fn tree(value: &wasm_bindgen::JsValue) -> Json {
     } else if let Some(object) = value.dyn_ref::<js_sys::Object>() {
         let entry = |pair: wasm_bindgen::JsValue| {
             let pair: js_sys::Array = pair.unchecked_into();
-            (
-                pair.get(0).as_string().unwrap_or_default(),
-                tree(&pair.get(1)),
-            )
+            (pair.get(0).as_string().unwrap_or_default(), tree(&pair.get(1)))
         };
         Json::Object(js_sys::Object::entries(object).iter().map(entry).collect())
     } else {
@@ -64,12 +61,9 @@ pub(super) fn parse(text: &[u8]) -> Option<Json> {
             serde_json::Value::Number(number) => Json::Number(number.as_f64().unwrap_or(f64::NAN)),
             serde_json::Value::String(text) => Json::Text(text),
             serde_json::Value::Array(list) => Json::List(list.into_iter().map(tree).collect()),
-            serde_json::Value::Object(object) => Json::Object(
-                object
-                    .into_iter()
-                    .map(|(name, value)| (name, tree(value)))
-                    .collect(),
-            ),
+            serde_json::Value::Object(object) => {
+                Json::Object(object.into_iter().map(|(name, value)| (name, tree(value))).collect())
+            }
         }
     }
     serde_json::from_slice(text).ok().map(tree)

@@ -16,10 +16,7 @@ fn digits(number: f64) -> String {
     if number == 0.0 && number.is_sign_negative() {
         return "-0.0".to_owned();
     }
-    js_sys::Number::from(number)
-        .to_string_with_radix(10)
-        .map(String::from)
-        .unwrap_or_default()
+    js_sys::Number::from(number).to_string_with_radix(10).map(String::from).unwrap_or_default()
 }
 
 /// The shortest digits that read back as `number`, where there is no browser.
@@ -55,11 +52,7 @@ pub(super) struct Entries<'a> {
 impl<'a> Entries<'a> {
     fn open(out: &'a mut String, open: char, close: char) -> Self {
         out.push(open);
-        Self {
-            out,
-            first: true,
-            close,
-        }
+        Self { out, first: true, close }
     }
 
     fn next(&mut self) -> Writer<'_> {

@@ -12,10 +12,7 @@ use sidestep::vehicle::Pose;
 pub fn human(moment: &Moment<'_>) -> Vec<Shape> {
     let heading = moment.state.robot_seen_by_human()[2];
     let value = moment.safety.map(|safety| &safety.human);
-    value
-        .map(|value| outline(value, moment.state.human, heading, Ink::Human))
-        .into_iter()
-        .collect()
+    value.map(|value| outline(value, moment.state.human, heading, Ink::Human)).into_iter().collect()
 }
 
 /// {V_RH ≤ 0}: where a human of the present heading could force a collision.
@@ -23,10 +20,7 @@ pub fn human(moment: &Moment<'_>) -> Vec<Shape> {
 pub fn robot(moment: &Moment<'_>) -> Vec<Shape> {
     let heading = moment.state.human_seen_by_robot()[2];
     let value = moment.safety.map(|safety| &safety.robot);
-    value
-        .map(|value| outline(value, moment.state.robot, heading, Ink::Robot))
-        .into_iter()
-        .collect()
+    value.map(|value| outline(value, moment.state.robot, heading, Ink::Robot)).into_iter().collect()
 }
 
 fn outline(value: &ValueFunction, evader: Pose, psi: f64, ink: Ink) -> Shape {

@@ -7,10 +7,7 @@ use crate::shape::{Ink, Shape, Stroke};
 /// is its region S_j.
 #[must_use]
 pub fn shapes(moment: &Moment<'_>) -> Vec<Shape> {
-    let sets = moment
-        .shfrs
-        .map(|shfrs| shfrs.sets.as_slice())
-        .unwrap_or_default();
+    let sets = moment.shfrs.map(|shfrs| shfrs.sets.as_slice()).unwrap_or_default();
     let regions = sets.iter().enumerate().rev();
     regions
         .map(|(j, set)| Shape::Polygon {

@@ -11,19 +11,9 @@ const GOAL_SIDE_M: f64 = 0.85;
 #[must_use]
 pub fn vehicles_and_goal(scene: &Scene, state: JointState) -> Vec<Shape> {
     vec![
-        Shape::Square {
-            centre: scene.goal,
-            side_m: GOAL_SIDE_M,
-            ink: Ink::Robot,
-        },
-        Shape::Vehicle {
-            pose: state.robot,
-            ink: Ink::Robot,
-        },
-        Shape::Vehicle {
-            pose: state.human,
-            ink: Ink::Human,
-        },
+        Shape::Square { centre: scene.goal, side_m: GOAL_SIDE_M, ink: Ink::Robot },
+        Shape::Vehicle { pose: state.robot, ink: Ink::Robot },
+        Shape::Vehicle { pose: state.human, ink: Ink::Human },
     ]
 }
 

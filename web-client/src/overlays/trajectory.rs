@@ -7,20 +7,11 @@ use crate::shape::{Ink, Shape, Stroke};
 #[must_use]
 pub fn shapes(moment: &Moment<'_>) -> Vec<Shape> {
     let past = &moment.trial.states[..=moment.step.min(moment.trial.states.len() - 1)];
-    let line = |ink, points: Vec<[f64; 2]>| Shape::Polyline {
-        points,
-        stroke: Stroke::solid(ink, 2.0),
-    };
-    let robot = past
-        .iter()
-        .map(|state| state.robot.position())
-        .chain([moment.state.robot.position()]);
-    let human = past
-        .iter()
-        .map(|state| state.human.position())
-        .chain([moment.state.human.position()]);
-    vec![
-        line(Ink::Robot, robot.collect()),
-        line(Ink::Human, human.collect()),
-    ]
+    let line =
+        |ink, points: Vec<[f64; 2]>| Shape::Polyline { points, stroke: Stroke::solid(ink, 2.0) };
+    let robot =
+        past.iter().map(|state| state.robot.position()).chain([moment.state.robot.position()]);
+    let human =
+        past.iter().map(|state| state.human.position()).chain([moment.state.human.position()]);
+    vec![line(Ink::Robot, robot.collect()), line(Ink::Human, human.collect())]
 }

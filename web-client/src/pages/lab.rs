@@ -80,17 +80,9 @@ impl Lab {
     fn sign_in(&mut self, key: &str) -> Vec<Command> {
         self.page = Page::SignIn { busy: true };
         self.key = key.trim().to_owned();
-        let body = Some(json::write(&SignIn {
-            key: self.key.clone(),
-        }));
+        let body = Some(json::write(&SignIn { key: self.key.clone() }));
         let url = routes::SESSION.to_owned();
-        vec![Command::Send(Request {
-            tag: Tag::Session,
-            method: "POST",
-            url,
-            token: None,
-            body,
-        })]
+        vec![Command::Send(Request { tag: Tag::Session, method: "POST", url, token: None, body })]
     }
 
     /// The laboratory is open: asks for what the address names.
@@ -143,10 +135,7 @@ impl Lab {
                 let trial = replay.trial();
                 let predictor = routes::admin_predictor(&trial.summary.trial_id);
                 // V_HR and V_RH are the same function while the vehicles are identical.
-                let value = trial
-                    .value_function_hr
-                    .as_deref()
-                    .map(routes::value_function);
+                let value = trial.value_function_hr.as_deref().map(routes::value_function);
                 let requests = value
                     .map(|url| Request::get(Tag::ValueFunction, url))
                     .into_iter()
@@ -159,10 +148,8 @@ impl Lab {
                 let octets = answer.octets()?;
                 if let Page::Replay(replay) = &mut self.page {
                     match ValueFunction::decode(octets) {
-                        Ok(value) => replay.take_safety(SafetyFunctions {
-                            human: value.clone(),
-                            robot: value,
-                        }),
+                        Ok(value) => replay
+                            .take_safety(SafetyFunctions { human: value.clone(), robot: value }),
                         Err(invalid) => replay.trouble = Some(invalid.to_string()),
                     }
                 }
@@ -188,13 +175,7 @@ impl Lab {
     fn failed(&mut self, tag: &Tag, failure: &Failure) {
         match (tag, failure) {
             // Not signed in yet is no trouble; a wrong key is.
-            (
-                _,
-                Failure::Refused {
-                    status: 401,
-                    problem,
-                },
-            ) => {
+            (_, Failure::Refused { status: 401, problem }) => {
                 let tried = matches!(self.page, Page::SignIn { busy: true });
                 self.trouble = tried.then(|| problem.message.clone());
                 self.page = Page::SignIn { busy: false };
@@ -217,13 +198,8 @@ impl Lab {
             ("sign-in", Page::SignIn { .. }) => return self.sign_in(value),
             ("sign-out", _) => {
                 let url = routes::SESSION.to_owned();
-                let request = Request {
-                    tag: Tag::Session,
-                    method: "DELETE",
-                    url,
-                    token: None,
-                    body: None,
-                };
+                let request =
+                    Request { tag: Tag::Session, method: "DELETE", url, token: None, body: None };
                 return vec![Command::Send(request), Command::GoTo("/".to_owned())];
             }
             ("more", Page::Trials) => return self.list(),
@@ -250,11 +226,10 @@ impl App for Lab {
                 self.act(&word, &value)
             }
             Event::Answered(tag, answer) => {
-                self.answered(tag.clone(), &answer)
-                    .unwrap_or_else(|failure| {
-                        self.failed(&tag, &failure);
-                        Vec::new()
-                    })
+                self.answered(tag.clone(), &answer).unwrap_or_else(|failure| {
+                    self.failed(&tag, &failure);
+                    Vec::new()
+                })
             }
             Event::Key { .. } | Event::Blur(_) | Event::Woken => Vec::new(),
         }
@@ -285,9 +260,9 @@ mod view {
 
     pub(super) fn page(lab: &Lab) -> Node {
         let content = match &lab.page {
-            Page::Loading => el("main")
-                .class("card")
-                .child(el("p").class("quiet").text("Loading…")),
+            Page::Loading => {
+                el("main").class("card").child(el("p").class("quiet").text("Loading…"))
+            }
             Page::SignIn { busy } => sign_in(lab, *busy),
             Page::Trials => trials(lab),
             Page::Replay(replay) => replay.view(),
@@ -295,10 +270,7 @@ mod view {
             Page::Stuck(why) => stuck(why),
         };
         let signed_in = !matches!(lab.page, Page::SignIn { .. });
-        el("div")
-            .class("lab")
-            .child(header(lab, signed_in))
-            .child(content)
+        el("div").class("lab").child(header(lab, signed_in)).child(content)
     }
 
     fn header(lab: &Lab, signed_in: bool) -> Node {
@@ -326,17 +298,14 @@ mod view {
             link(&Place::Trials, "/lab", "Trials"),
             link(&Place::SelfCheck, "/lab/self-check", "Self-check"),
         ]);
-        let end = el("span")
-            .class("end")
-            .child(el("span").class("quiet").text(about))
-            .child(
-                el("button")
-                    .class("plain")
-                    .attr("type", "button")
-                    .action("sign-out")
-                    .test_id("sign-out")
-                    .text("Sign out"),
-            );
+        let end = el("span").class("end").child(el("span").class("quiet").text(about)).child(
+            el("button")
+                .class("plain")
+                .attr("type", "button")
+                .action("sign-out")
+                .test_id("sign-out")
+                .text("Sign out"),
+        );
         el("header")
             .class("top")
             .child(el("a").class("brand").attr("href", "/").text("Sidestep"))
@@ -362,50 +331,41 @@ mod view {
         };
         let count =
             |n: u64, one: &str, many: &str| format!("{n} {}", if n == 1 { one } else { many });
-        let head =
-            el("div")
-                .class("page-head")
-                .child(el("div").child(el("h1").text(&study.title)).child(
-                    el("p").class("quiet").text(format!(
-                        "{} · {}",
-                        count(study.participants, "participant", "participants"),
-                        count(study.trials, "stored trial", "stored trials")
-                    )),
-                ))
-                .child(
-                    el("div")
-                        .class("actions")
-                        .child(
-                            el("a")
-                                .class("button")
-                                .attr("href", format!("/s/{}", study.slug))
-                                .test_id("drive")
-                                .text("Drive a scene"),
-                        )
-                        .child(
-                            el("a")
-                                .class("button")
-                                .attr("href", routes::export(&study.slug))
-                                .attr("download", "")
-                                .test_id("export")
-                                .text("Export CSV"),
-                        ),
-                );
+        let head = el("div")
+            .class("page-head")
+            .child(el("div").child(el("h1").text(&study.title)).child(el("p").class("quiet").text(
+                format!(
+                    "{} · {}",
+                    count(study.participants, "participant", "participants"),
+                    count(study.trials, "stored trial", "stored trials")
+                ),
+            )))
+            .child(
+                el("div")
+                    .class("actions")
+                    .child(
+                        el("a")
+                            .class("button")
+                            .attr("href", format!("/s/{}", study.slug))
+                            .test_id("drive")
+                            .text("Drive a scene"),
+                    )
+                    .child(
+                        el("a")
+                            .class("button")
+                            .attr("href", routes::export(&study.slug))
+                            .attr("download", "")
+                            .test_id("export")
+                            .text("Export CSV"),
+                    ),
+            );
         let body = if lab.trials.is_empty() && lab.listed {
             el("div").class("empty")
                 .child(el("p").text("No trials yet."))
                 .child(el("p").class("quiet").text("Drive a scene yourself, or send participants the address of the study. What they drive appears here, ready to replay."))
         } else {
-            let columns = [
-                "Participant",
-                "Scene",
-                "Closest",
-                "Danger zone",
-                "Turned",
-                "Stored",
-                "Flags",
-                "",
-            ];
+            let columns =
+                ["Participant", "Scene", "Closest", "Danger zone", "Turned", "Stored", "Flags", ""];
             let columns = columns.map(|words| el("th").attr("scope", "col").text(words));
             el("div").class("scroll").child(
                 el("table")
@@ -422,11 +382,7 @@ mod view {
                 .action("more")
                 .text("Show older trials")
         });
-        el("main")
-            .class("page")
-            .child(head)
-            .child(body)
-            .children(more)
+        el("main").class("page").child(head).child(body).children(more)
     }
 
     fn trial_row(trial: &TrialSummary) -> Node {
@@ -435,15 +391,10 @@ mod view {
             || "kept clear".to_owned(),
             |step| format!("from {:.1} s", step as f64 * 0.2),
         );
-        let turned = outcome.avoidance.map_or_else(
-            || "never".to_owned(),
-            |(first, last)| format!("steps {first}–{last}"),
-        );
-        let flags: Vec<_> = trial
-            .flags
-            .iter()
-            .map(|flag| flag.word().replace('_', " "))
-            .collect();
+        let turned = outcome
+            .avoidance
+            .map_or_else(|| "never".to_owned(), |(first, last)| format!("steps {first}–{last}"));
+        let flags: Vec<_> = trial.flags.iter().map(|flag| flag.word().replace('_', " ")).collect();
         let cell = |words: String| el("td").text(words);
         let replay = format!("/lab/replay/{}", trial.trial_id);
         let words = format!(
@@ -456,11 +407,7 @@ mod view {
             cell(trial.participant_number.to_string()),
             cell(format!("{} {}", trial.phase.word(), trial.index + 1)),
             cell(format!("{:.2} m", outcome.closest_m)),
-            cell(danger).class(if outcome.first_step_in_danger.is_some() {
-                "robot"
-            } else {
-                ""
-            }),
+            cell(danger).class(if outcome.first_step_in_danger.is_some() { "robot" } else { "" }),
             cell(turned),
             el("td").child(el("time").attr("data-ms", trial.received_at_ms)),
             cell(flags.join(", ")),

@@ -90,16 +90,12 @@ impl Participant {
         let slug = surroundings.path.strip_prefix("/s/").unwrap_or_default();
         self.slug = slug.trim_end_matches('/').to_owned();
         self.surroundings = surroundings;
-        vec![Command::Send(Request::get(
-            Tag::Study,
-            routes::study(&self.slug),
-        ))]
+        vec![Command::Send(Request::get(Tag::Study, routes::study(&self.slug)))]
     }
 
     fn kept(&self, name: &str) -> Option<&str> {
         let mut kept = self.surroundings.kept.iter();
-        kept.find(|(key, _)| key == name)
-            .map(|(_, text)| text.as_str())
+        kept.find(|(key, _)| key == name).map(|(_, text)| text.as_str())
     }
 
     fn study_arrived(&mut self, study: StudyInfo) -> Vec<Command> {
@@ -108,9 +104,7 @@ impl Participant {
             return Vec::new();
         }
         self.study = Some(study);
-        let session = self
-            .kept(&self.session_name())
-            .and_then(|text| json::read(text.as_bytes()));
+        let session = self.kept(&self.session_name()).and_then(|text| json::read(text.as_bytes()));
         match session {
             Some(session) => self.ask_where_we_are(session),
             None => {
@@ -130,18 +124,11 @@ impl Participant {
     fn enrol(&mut self) -> Vec<Command> {
         self.stage = Stage::Enrolling;
         let query = &self.surroundings.query;
-        let external_id = query
-            .iter()
-            .find(|(name, _)| name == "external_id")
-            .map(|(_, id)| id.clone());
+        let external_id =
+            query.iter().find(|(name, _)| name == "external_id").map(|(_, id)| id.clone());
         let locale = Some(self.surroundings.locale.clone()).filter(|locale| !locale.is_empty());
         let screen = json_object(&self.surroundings.screen);
-        let body = Enrolment {
-            consent: true,
-            external_id,
-            locale,
-            screen: Some(screen),
-        };
+        let body = Enrolment { consent: true, external_id, locale, screen: Some(screen) };
         vec![Command::Send(Request {
             tag: Tag::Enrol,
             method: "POST",
@@ -152,17 +139,11 @@ impl Participant {
     }
 
     fn enrolled(&mut self, enrolled: Enrolled) -> Vec<Command> {
-        let session = Session {
-            participant_id: enrolled.participant_id,
-            token: enrolled.token,
-        };
+        let session = Session { participant_id: enrolled.participant_id, token: enrolled.token };
         let text = json::write(&session);
         let keep = Command::Keep(self.session_name(), text);
         // Somebody who comes back by their external id may have stored trials.
-        [keep]
-            .into_iter()
-            .chain(self.ask_where_we_are(session))
-            .collect()
+        [keep].into_iter().chain(self.ask_where_we_are(session)).collect()
     }
 
     fn take_course(&mut self, plan: &Plan) {
@@ -184,21 +165,13 @@ impl Participant {
             self.stage = Stage::Done(code.clone());
             return Vec::new();
         }
-        let ids: Vec<_> = self
-            .course
-            .iter()
-            .map(|leg| leg.planned.trial_id.clone())
-            .collect();
+        let ids: Vec<_> = self.course.iter().map(|leg| leg.planned.trial_id.clone()).collect();
         if let Some(session) = &self.session {
             let (id, token) = (&session.participant_id, &session.token);
             self.outbox = Outbox::restore(id, token, &ids, &self.surroundings.kept);
         }
         let begun = !self.stored.is_empty() || !self.outbox.is_empty();
-        self.stage = if begun {
-            Stage::Ready
-        } else {
-            Stage::Instructions
-        };
+        self.stage = if begun { Stage::Ready } else { Stage::Instructions };
         let send = self.outbox.send();
         send.into_iter().chain(self.after_the_last()).collect()
     }
@@ -222,13 +195,7 @@ impl Participant {
         }
         let token = self.session.as_ref().map(|session| session.token.clone());
         let url = routes::COMPLETE.to_owned();
-        vec![Command::Send(Request {
-            tag: Tag::Complete,
-            method: "POST",
-            url,
-            token,
-            body: None,
-        })]
+        vec![Command::Send(Request { tag: Tag::Complete, method: "POST", url, token, body: None })]
     }
 
     fn scene_over(&mut self) -> Vec<Command> {
@@ -306,9 +273,7 @@ impl Participant {
         let taken = match tag {
             Tag::Study => answer.read().map(|study| self.study_arrived(study)),
             Tag::Enrol => answer.read().map(|enrolled| self.enrolled(enrolled)),
-            Tag::Me => answer
-                .read()
-                .map(|progress: Progress| self.progress_arrived(&progress)),
+            Tag::Me => answer.read().map(|progress: Progress| self.progress_arrived(&progress)),
             Tag::Complete => answer.read().map(|completed: Completed| {
                 self.stage = Stage::Done(completed.completion_code);
                 Vec::new()
@@ -332,13 +297,7 @@ impl Participant {
     }
 
     fn failed(&mut self, tag: Tag, failure: Failure) -> Vec<Command> {
-        let forgotten = matches!(
-            &failure,
-            Failure::Refused {
-                status: 401 | 404,
-                ..
-            }
-        );
+        let forgotten = matches!(&failure, Failure::Refused { status: 401 | 404, .. });
         match tag {
             // The server does not know this participant any more: begin afresh.
             Tag::Me if forgotten => {
@@ -417,9 +376,7 @@ impl App for Participant {
             Stage::Driving(drive) => (drive.state_at(self.now_ms), drive.step_at(self.now_ms)),
             _ => return None,
         };
-        let zone = leg
-            .show_danger_zone
-            .then_some(study.parameters.danger_radius_m);
+        let zone = leg.show_danger_zone.then_some(study.parameters.danger_radius_m);
         Some(Picture {
             canvas: "scene",
             window: window(&leg.planned.scene(), state),
@@ -450,25 +407,14 @@ impl App for Participant {
 /// What a participant sees of a scene.
 fn shapes(scene: &Scene, state: JointState, danger_radius_m: Option<f64>) -> Vec<Shape> {
     let zone = danger_radius_m.map(|radius| stage::danger_zone(state.robot, radius));
-    zone.into_iter()
-        .chain(stage::vehicles_and_goal(scene, state))
-        .collect()
+    zone.into_iter().chain(stage::vehicles_and_goal(scene, state)).collect()
 }
 
 /// The same view for every scene; it widens only where a vehicle would leave it.
 fn window(scene: &Scene, state: JointState) -> Window {
     let human = state.human.position();
-    let fixed = [
-        scene.human.position(),
-        scene.robot.position(),
-        scene.goal,
-        human,
-    ];
-    fixed
-        .into_iter()
-        .fold(Window::square(WINDOW_HALF_M), |window, p| {
-            window.including(p, 2.5)
-        })
+    let fixed = [scene.human.position(), scene.robot.position(), scene.goal, human];
+    fixed.into_iter().fold(Window::square(WINDOW_HALF_M), |window, p| window.including(p, 2.5))
 }
 
 mod view {
@@ -487,16 +433,9 @@ mod view {
             Stage::Done(code) => done(code),
         };
         let trouble = page.trouble.as_ref().map(|text| {
-            el("p")
-                .class("trouble")
-                .attr("role", "alert")
-                .test_id("trouble")
-                .text(text)
+            el("p").class("trouble").attr("role", "alert").test_id("trouble").text(text)
         });
-        el("div")
-            .class("participant")
-            .child(content)
-            .children(trouble)
+        el("div").class("participant").child(content).children(trouble)
     }
 
     fn card(heading: &str) -> Node {
@@ -522,11 +461,7 @@ mod view {
         let (title, scenes, minutes) = page.study.as_ref().map_or(("", 0, 0), |study| {
             let scenes: usize = study.phases.iter().map(|phase| phase.scenes).sum();
             let driving_s = scenes as f64 * (study.parameters.duration_s() + 5.0);
-            (
-                study.title.as_str(),
-                scenes,
-                (driving_s / 60.0).ceil() as usize,
-            )
+            (study.title.as_str(), scenes, (driving_s / 60.0).ceil() as usize)
         });
         let busy = matches!(page.stage, Stage::Enrolling);
         let facts = [
@@ -536,20 +471,13 @@ mod view {
             "Taking part is voluntary. You can stop at any time by closing this page.".to_owned(),
         ];
         card(title)
-            .child(
-                el("p")
-                    .class("lead")
-                    .text("A study of how people keep clear of a robot."),
-            )
+            .child(el("p").class("lead").text("A study of how people keep clear of a robot."))
             .child(el("ul").children(facts.into_iter().map(|fact| el("li").text(fact))))
             .child(button("I agree and want to take part", "consent").attr_if(busy, "disabled", ""))
     }
 
     fn instructions(page: &Participant) -> Node {
-        let radius = page
-            .study
-            .as_ref()
-            .map_or(0.0, |study| study.parameters.danger_radius_m);
+        let radius = page.study.as_ref().map_or(0.0, |study| study.parameters.danger_radius_m);
         card("How it works")
             .child(picture())
             .child(el("ul").children([
@@ -632,16 +560,11 @@ mod view {
                     .attr("role", "img")
                     .attr("aria-label", words),
             )
-            .child(
-                el("footer")
-                    .class("keys")
-                    .attr("aria-hidden", "true")
-                    .children([
-                        el("span").child(el("kbd").text("←")).text(" turn left"),
-                        el("span").text("no key: straight"),
-                        el("span").child(el("kbd").text("→")).text(" turn right"),
-                    ]),
-            )
+            .child(el("footer").class("keys").attr("aria-hidden", "true").children([
+                el("span").child(el("kbd").text("←")).text(" turn left"),
+                el("span").text("no key: straight"),
+                el("span").child(el("kbd").text("→")).text(" turn right"),
+            ]))
     }
 
     fn bar(page: &Participant, leg: Option<&Leg>) -> Node {
@@ -670,21 +593,13 @@ mod view {
             (1, true) => ("waiting", "1 scene waits in this browser".to_owned()),
             (n, true) => ("waiting", format!("{n} scenes wait in this browser")),
         };
-        el("span")
-            .class(class)
-            .attr("role", "status")
-            .test_id("saved")
-            .text(words)
+        el("span").class(class).attr("role", "status").test_id("saved").text(words)
     }
 
     fn finishing(page: &Participant) -> Node {
         let waiting = format!("{} still to be sent.", page.outbox.len());
-        note(
-            "Sending your last scenes…",
-            &["Please keep this page open.", &waiting],
-            None,
-        )
-        .child(saved(page))
+        note("Sending your last scenes…", &["Please keep this page open.", &waiting], None)
+            .child(saved(page))
     }
 
     fn done(code: &str) -> Node {

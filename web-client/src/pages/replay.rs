@@ -47,10 +47,7 @@ impl Replay {
     /// The replay of a trial, at its start.
     #[must_use]
     pub fn new(trial: TrialDetail) -> Self {
-        let everything = trial
-            .states
-            .iter()
-            .flat_map(|s| [s.human.position(), s.robot.position()]);
+        let everything = trial.states.iter().flat_map(|s| [s.human.position(), s.robot.position()]);
         let window = Window::around(everything.chain([trial.scene.goal]), 3.5)
             .unwrap_or_else(|| Window::square(15.0));
         Self {
@@ -83,19 +80,10 @@ impl Replay {
 
     /// Takes the predictor.
     pub fn take_predictor(&mut self, trained: TrainedPredictor) {
-        let TrainedPredictor {
-            predictor,
-            trials,
-            fallback,
-        } = trained;
+        let TrainedPredictor { predictor, trials, fallback } = trained;
         let learned = Predictor::try_from(predictor).and_then(|predictor| {
             let settings = ShfrsSettings::paper(predictor.classes().len())?;
-            Ok(Learned {
-                predictor,
-                trials,
-                fallback,
-                settings,
-            })
+            Ok(Learned { predictor, trials, fallback, settings })
         });
         match learned {
             Ok(learned) => self.learned = Some(learned),
@@ -123,11 +111,7 @@ impl Replay {
             None => state,
             Some(&input) => {
                 let begun = step as f64 * self.trial.parameters.step_s;
-                state.advance(
-                    &self.trial.parameters,
-                    input,
-                    (self.time_s - begun).max(0.0),
-                )
+                state.advance(&self.trial.parameters, input, (self.time_s - begun).max(0.0))
             }
         }
     }
@@ -201,19 +185,12 @@ impl Replay {
         let mut p = vec![0.0; learned.predictor.classes().len()];
         human.probabilities_in(&state, &mut p);
         let of_class = |input: TurnInput| {
-            let class = learned
-                .predictor
-                .classes()
-                .iter()
-                .position(|&c| c == input.sign());
+            let class = learned.predictor.classes().iter().position(|&c| c == input.sign());
             (input, class.map_or(0.0, |class| p[class]))
         };
         let probabilities = TurnInput::ALL.into_iter().rev().map(of_class).collect();
         let shfrs = predict(&history, parameters, &human, &learned.settings)?;
-        Ok(Some(Prediction {
-            probabilities,
-            shfrs,
-        }))
+        Ok(Some(Prediction { probabilities, shfrs }))
     }
 
     /// What is drawn.
@@ -285,10 +262,7 @@ impl Replay {
                     .attr("id", "replay")
                     .test_id("replay")
                     .attr("role", "img")
-                    .attr(
-                        "aria-label",
-                        "The trial seen from above, with the chosen layers",
-                    ),
+                    .attr("aria-label", "The trial seen from above, with the chosen layers"),
             )
     }
 
@@ -301,21 +275,11 @@ impl Replay {
                 .as_ref()
                 .map_or_else(|| "…".to_owned(), |safety| metres(read(safety, &state)))
         };
-        let input = self
-            .trial
-            .inputs
-            .get(step)
-            .map_or("—", |input| input.word());
+        let input = self.trial.inputs.get(step).map_or("—", |input| input.word());
         let row = |name: Node, value: String| el("div").child(name).child(el("dd").text(value));
         let facts = el("dl").class("facts").children([
-            row(
-                subscripted("dt", "V", "HR"),
-                level(SafetyFunctions::human_level),
-            ),
-            row(
-                subscripted("dt", "V", "RH"),
-                level(SafetyFunctions::robot_level),
-            ),
+            row(subscripted("dt", "V", "HR"), level(SafetyFunctions::human_level)),
+            row(subscripted("dt", "V", "RH"), level(SafetyFunctions::robot_level)),
             row(el("dt").text("distance"), metres(state.distance_m())),
             row(el("dt").text("input"), input.to_owned()),
         ]);
@@ -327,16 +291,8 @@ impl Replay {
                     .child(el("small").text(format!("t = {:.1} s", self.time_s))),
             )
             .child(facts)
-            .children(
-                self.prediction
-                    .as_ref()
-                    .map(|prediction| self.next_input(prediction)),
-            )
-            .children(
-                self.prediction
-                    .as_ref()
-                    .map(|prediction| self.regions(prediction)),
-            )
+            .children(self.prediction.as_ref().map(|prediction| self.next_input(prediction)))
+            .children(self.prediction.as_ref().map(|prediction| self.regions(prediction)))
             .child(self.evidence())
             .children(
                 self.trouble
@@ -347,15 +303,10 @@ impl Replay {
 
     fn next_input(&self, prediction: &Prediction) -> Node {
         let source =
-            self.learned
-                .as_ref()
-                .map_or_else(String::new, |learned| match &learned.fallback {
-                    None => format!(
-                        "logistic, B_hrd, trained on the {} trials before",
-                        learned.trials
-                    ),
-                    Some(why) => why.clone(),
-                });
+            self.learned.as_ref().map_or_else(String::new, |learned| match &learned.fallback {
+                None => format!("logistic, B_hrd, trained on the {} trials before", learned.trials),
+                Some(why) => why.clone(),
+            });
         let bars = prediction.probabilities.iter().map(|(input, p)| {
             let percent = 100.0 * p;
             el("div")
@@ -421,53 +372,29 @@ impl Replay {
         let replay = if self.trial.replay.exact {
             "exact".to_owned()
         } else {
-            format!(
-                "off by up to {:.2e} m",
-                self.trial.replay.max_position_error_m
-            )
+            format!("off by up to {:.2e} m", self.trial.replay.max_position_error_m)
         };
-        let flags: Vec<_> = summary
-            .flags
-            .iter()
-            .map(|flag| flag.word().replace('_', " "))
-            .collect();
-        let flags = if flags.is_empty() {
-            "none".to_owned()
-        } else {
-            flags.join(", ")
-        };
+        let flags: Vec<_> =
+            summary.flags.iter().map(|flag| flag.word().replace('_', " ")).collect();
+        let flags = if flags.is_empty() { "none".to_owned() } else { flags.join(", ") };
         let row = |name: &str, value: String| {
-            el("div")
-                .child(el("dt").text(name))
-                .child(el("dd").text(value))
+            el("div").child(el("dt").text(name)).child(el("dd").text(value))
         };
-        el("section")
-            .child(el("h2").text("Trial"))
-            .child(el("dl").class("facts").children([
-                row("closest", closest),
-                row("in danger zone", danger),
-                row("replay", replay),
-                row("flags", flags),
-            ]))
+        el("section").child(el("h2").text("Trial")).child(el("dl").class("facts").children([
+            row("closest", closest),
+            row("in danger zone", danger),
+            row("replay", replay),
+            row("flags", flags),
+        ]))
     }
 
     fn timeline(&self) -> Node {
         let steps = self.trial.inputs.len();
         let words = if self.is_playing() { "Pause" } else { "Play" };
-        let icon = if self.is_playing() {
-            "M6 5h4v14H6zM14 5h4v14h-4z"
-        } else {
-            "M8 5v14l11-7z"
-        };
-        let legend = [
-            ("human", "V", "HR"),
-            ("robot", "V", "RH"),
-            ("range", "distance − R", "c"),
-        ];
+        let icon = if self.is_playing() { "M6 5h4v14H6zM14 5h4v14h-4z" } else { "M8 5v14l11-7z" };
+        let legend = [("human", "V", "HR"), ("robot", "V", "RH"), ("range", "distance − R", "c")];
         let legend = legend.into_iter().map(|(class, letter, below)| {
-            el("span")
-                .class(&format!("key {class}"))
-                .child(subscripted("span", letter, below))
+            el("span").class(&format!("key {class}")).child(subscripted("span", letter, below))
         });
         el("section")
             .class("timeline")
@@ -488,11 +415,7 @@ impl Replay {
                                     .child(el("path").attr("d", icon)),
                             ),
                     )
-                    .child(
-                        el("span")
-                            .class("time")
-                            .text(format!("{:.1} s", self.time_s)),
-                    )
+                    .child(el("span").class("time").text(format!("{:.1} s", self.time_s)))
                     .child(
                         el("span")
                             .class("legend")
@@ -523,26 +446,12 @@ impl Replay {
 
     /// The chart's numbers.
     fn table(&self) -> Node {
-        let head = [
-            "step",
-            "t / s",
-            "V_HR / m",
-            "V_RH / m",
-            "distance / m",
-            "input",
-        ];
+        let head = ["step", "t / s", "V_HR / m", "V_RH / m", "distance / m", "input"];
         let head = head.map(|words| el("th").attr("scope", "col").text(words));
-        let rows = self
-            .trial
-            .inputs
-            .iter()
-            .zip(&self.trial.states)
-            .enumerate()
-            .map(|(i, (input, state))| {
+        let rows = self.trial.inputs.iter().zip(&self.trial.states).enumerate().map(
+            |(i, (input, state))| {
                 let level = |pick: fn(&(f64, f64)) -> f64| {
-                    self.levels
-                        .get(i)
-                        .map_or_else(String::new, |v| format!("{:.3}", pick(v)))
+                    self.levels.get(i).map_or_else(String::new, |v| format!("{:.3}", pick(v)))
                 };
                 let cells = [
                     i.to_string(),
@@ -553,17 +462,15 @@ impl Replay {
                     input.word().to_owned(),
                 ];
                 el("tr").children(cells.map(|words| el("td").text(words)))
-            });
-        el("details")
-            .class("table-twin")
-            .child(el("summary").text("Numbers"))
-            .child(
-                el("div").class("scroll").child(
-                    el("table")
-                        .child(el("thead").child(el("tr").children(head)))
-                        .child(el("tbody").children(rows)),
-                ),
-            )
+            },
+        );
+        el("details").class("table-twin").child(el("summary").text("Numbers")).child(
+            el("div").class("scroll").child(
+                el("table")
+                    .child(el("thead").child(el("tr").children(head)))
+                    .child(el("tbody").children(rows)),
+            ),
+        )
     }
 }
 
@@ -579,17 +486,11 @@ mod chart {
     pub(super) fn draw(trial: &TrialDetail, levels: &[(f64, f64)], time_s: f64) -> Node {
         let steps = trial.inputs.len() as f64;
         let radius = trial.parameters.danger_radius_m;
-        let ranges: Vec<f64> = trial
-            .states
-            .iter()
-            .map(JointState::distance_m)
-            .map(|d| d - radius)
-            .collect();
+        let ranges: Vec<f64> =
+            trial.states.iter().map(JointState::distance_m).map(|d| d - radius).collect();
         let of_levels = levels.iter().flat_map(|&(a, b)| [a, b]);
         let all = ranges.iter().copied().chain(of_levels);
-        let (low, high) = all.fold((-1.0f64, 1.0f64), |(low, high), v| {
-            (low.min(v), high.max(v))
-        });
+        let (low, high) = all.fold((-1.0f64, 1.0f64), |(low, high), v| (low.min(v), high.max(v)));
         let x = |i: f64| i / steps * WIDTH;
         let y = |v: f64| (HEIGHT - FOOT) * (1.0 - (v - low) / (high - low)) + 4.0;
         let line = |class: &str, values: &mut dyn Iterator<Item = f64>| {
@@ -608,24 +509,16 @@ mod chart {
                 .attr("y2", format!("{:.2}", y(v)))
         };
         let every = if high - low > 12.0 { 5.0 } else { 2.0 };
-        let ticks: Vec<f64> = (-20..=20)
-            .map(|i| f64::from(i) * every)
-            .filter(|v| (low..=high).contains(v))
-            .collect();
-        let rules = ticks
-            .iter()
-            .map(|&v| rule(if v == 0.0 { "zero" } else { "rule" }, v));
+        let ticks: Vec<f64> =
+            (-20..=20).map(|i| f64::from(i) * every).filter(|v| (low..=high).contains(v)).collect();
+        let rules = ticks.iter().map(|&v| rule(if v == 0.0 { "zero" } else { "rule" }, v));
         let inputs = trial.inputs.iter().enumerate().map(|(i, input)| {
             let (class, dy) = match input {
                 TurnInput::Left => ("turn left", 0.0),
                 TurnInput::Straight => ("turn straight", 4.0),
                 TurnInput::Right => ("turn right", 6.0),
             };
-            let height = if *input == TurnInput::Straight {
-                2.0
-            } else {
-                6.0
-            };
+            let height = if *input == TurnInput::Straight { 2.0 } else { 6.0 };
             el("rect")
                 .class(class)
                 .attr("x", format!("{:.2}", x(i as f64) + 1.0))
@@ -653,35 +546,19 @@ mod chart {
             );
         let percent = |v: f64| format!("top:{:.2}%", 100.0 * y(v) / HEIGHT);
         let unit = |v: f64| {
-            if v == ticks[ticks.len() - 1] {
-                format!("{v:.0} m")
-            } else {
-                format!("{v:.0}")
-            }
+            if v == ticks[ticks.len() - 1] { format!("{v:.0} m") } else { format!("{v:.0}") }
         };
-        let values = ticks.iter().map(|&v| {
-            el("span")
-                .class("y")
-                .attr("style", percent(v))
-                .text(unit(v))
-        });
+        let values =
+            ticks.iter().map(|&v| el("span").class("y").attr("style", percent(v)).text(unit(v)));
         let duration = steps * trial.parameters.step_s;
         let seconds = (0..=10).map(|i| f64::from(i) * duration / 10.0);
         let seconds = seconds.map(|s| {
-            let words = if s == duration {
-                format!("{s:.0} s")
-            } else {
-                format!("{s:.0}")
-            };
+            let words = if s == duration { format!("{s:.0} s") } else { format!("{s:.0}") };
             el("span")
                 .class("x")
                 .attr("style", format!("left:{:.2}%", 100.0 * s / duration))
                 .text(words)
         });
-        el("div")
-            .class("plot")
-            .child(svg)
-            .children(values)
-            .children(seconds)
+        el("div").class("plot").child(svg).children(values).children(seconds)
     }
 }

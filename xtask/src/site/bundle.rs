@@ -39,11 +39,8 @@ pub(crate) fn bundle(entry: &'static str, compiled: &Path) -> Result<Bundle> {
             )
         })?;
     // Crates that could bring snippets are listed even when they bring none.
-    let with_snippets = output
-        .snippets()
-        .iter()
-        .filter(|(_, scripts)| !scripts.is_empty())
-        .map(|(name, _)| name);
+    let with_snippets =
+        output.snippets().iter().filter(|(_, scripts)| !scripts.is_empty()).map(|(name, _)| name);
     let extra: Vec<&String> = with_snippets
         .chain(output.local_modules().keys())
         .chain(output.npm_dependencies().keys())
@@ -54,11 +51,7 @@ pub(crate) fn bundle(entry: &'static str, compiled: &Path) -> Result<Bundle> {
              use web-sys or js-sys instead, or drop the dependency that brings it"
         );
     }
-    Ok(Bundle {
-        entry,
-        js: output.js().to_owned(),
-        wasm: output.wasm_mut().emit_wasm(),
-    })
+    Ok(Bundle { entry, js: output.js().to_owned(), wasm: output.wasm_mut().emit_wasm() })
 }
 
 impl Bundle {
@@ -88,11 +81,7 @@ mod tests {
     use super::*;
 
     fn bundle_with(js: &str) -> Bundle {
-        Bundle {
-            entry: "lab",
-            js: js.into(),
-            wasm: Vec::new(),
-        }
+        Bundle { entry: "lab", js: js.into(), wasm: Vec::new() }
     }
 
     #[test]
@@ -100,10 +89,7 @@ mod tests {
         let script = bundle_with("new URL('lab_bg.wasm', import.meta.url);\n\n")
             .script_for("lab-12.wasm")
             .expect("a script of the usual form");
-        assert_eq!(
-            script,
-            "new URL('lab-12.wasm', import.meta.url);\nawait __wbg_init();\n"
-        );
+        assert_eq!(script, "new URL('lab-12.wasm', import.meta.url);\nawait __wbg_init();\n");
     }
 
     #[test]

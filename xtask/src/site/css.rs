@@ -85,8 +85,7 @@ fn string(text: &str, quote: char) -> usize {
 
 /// Whether a `url(` starts here, in any case of its letters.
 fn starts_with_url(text: &str) -> bool {
-    text.get(..4)
-        .is_some_and(|start| start.eq_ignore_ascii_case("url("))
+    text.get(..4).is_some_and(|start| start.eq_ignore_ascii_case("url("))
 }
 
 /// Length of the `url(…)` at the start; inside, `/*` starts no comment.
@@ -140,10 +139,7 @@ mod tests {
 
     #[test]
     fn strings_urls_and_escapes_are_copied() {
-        check(
-            r#"a::before { content: "  /* } \" ; " }"#,
-            r#"a::before{content:"  /* } \" ; "}"#,
-        );
+        check(r#"a::before { content: "  /* } \" ; " }"#, r#"a::before{content:"  /* } \" ; "}"#);
         check("a { b: url( data:x;/*y*/  ) }", "a{b:url( data:x;/*y*/  )}");
         check("a { b: URL( ') ; ' ) }", "a{b:URL( ') ; ' )}");
         check(r"a\;  b { c: d\;; }", r"a\; b{c:d\;}");

@@ -49,10 +49,7 @@ mod tests {
     use super::*;
 
     fn filled(source: &str) -> Result<Filled> {
-        let assets = [
-            ("style.css", "assets/style-1.css"),
-            ("a.js", "assets/a-2.js"),
-        ];
+        let assets = [("style.css", "assets/style-1.css"), ("a.js", "assets/a-2.js")];
         let assets = assets.map(|(name, path)| (name.to_owned(), path.to_owned()));
         fill("index.html", source, &assets.into())
     }
@@ -60,10 +57,7 @@ mod tests {
     #[test]
     fn each_is_replaced_and_noted() {
         let filled = filled("<{{style.css}}> <{{ a.js }}> <{{a.js}}> {b} }}").expect("valid");
-        assert_eq!(
-            filled.text,
-            "</assets/style-1.css> </assets/a-2.js> </assets/a-2.js> {b} }}"
-        );
+        assert_eq!(filled.text, "</assets/style-1.css> </assets/a-2.js> </assets/a-2.js> {b} }}");
         assert_eq!(filled.used, ["a.js", "style.css"].map(String::from).into());
     }
 
@@ -75,9 +69,6 @@ mod tests {
             "static/index.html:3: {{styl.css}} is no asset: expected one of a.js, style.css"
         );
         let error = filled("\n{{style.css").expect_err("unfinished");
-        assert!(
-            error.to_string().starts_with("static/index.html:2: "),
-            "{error}"
-        );
+        assert!(error.to_string().starts_with("static/index.html:2: "), "{error}");
     }
 }

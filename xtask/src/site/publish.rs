@@ -31,8 +31,7 @@ pub(crate) fn publish(files: &Files, folder: &Path) -> Result<BTreeMap<String, S
     fs::create_dir_all(parent).with_context(|| cannot_write(parent))?;
     let lock_file = folder.with_extension("lock");
     let lock = File::create(&lock_file).with_context(|| cannot_write(&lock_file))?;
-    lock.lock()
-        .with_context(|| format!("cannot lock {}", lock_file.display()))?;
+    lock.lock().with_context(|| format!("cannot lock {}", lock_file.display()))?;
 
     let fresh = folder.with_extension("new");
     remove(&fresh)?;
@@ -137,10 +136,7 @@ fn remove(folder: &PathBuf) -> Result<()> {
 
 /// The message for a file or folder that cannot be written.
 fn cannot_write(path: &Path) -> String {
-    format!(
-        "cannot write {}: check its permissions and the space left",
-        path.display()
-    )
+    format!("cannot write {}: check its permissions and the space left", path.display())
 }
 
 #[cfg(test)]
@@ -225,11 +221,7 @@ mod tests {
         answers.sort_unstable();
         assert_eq!(answers, (0..100).map(|job| job * 2).collect::<Vec<_>>());
         let refuse = |job: &usize| {
-            if *job == 77 {
-                Err(anyhow!("no"))
-            } else {
-                Ok(())
-            }
+            if *job == 77 { Err(anyhow!("no")) } else { Ok(()) }
         };
         assert!(in_parallel(&jobs, refuse).is_err());
     }

@@ -1,0 +1,76 @@
+//! What handlers share, and the one table of routes.
+
+use crate::error::ApiError;
+use crate::metrics::{self, Metrics};
+use crate::site::Site;
+use crate::store::Store;
+use crate::throttle::Throttle;
+use crate::{guard, laboratory, participants, session, site, studies, trials, value_functions};
+use axum::Router;
+use axum::http::StatusCode;
+use axum::middleware::{from_fn, from_fn_with_state};
+use axum::routing::{get, post, put};
+use sidestep::api::{SelfCheck, routes};
+use std::sync::Arc;
+use tokio::sync::OnceCell;
+use tower_http::catch_panic::CatchPanicLayer;
+use tower_http::compression::CompressionLayer;
+
+/// What handlers share.
+#[derive(Debug)]
+pub struct App {
+    /// The database.
+    pub store: Store,
+    /// The study that `/start` leads to.
+    pub default_study: String,
+    /// Hash of the key that the environment gave; if there is one, only it is valid.
+    pub environment_key: Option<[u8; 32]>,
+    /// Against guessing of keys.
+    pub throttle: Throttle,
+    /// Counts for `/metrics`.
+    pub metrics: Metrics,
+    /// Computed when it is first asked for.
+    pub self_check: OnceCell<SelfCheck>,
+}
+
+/// Every route there is. Addresses come from the shared table with their
+/// parameters left open.
+pub fn router(app: Arc<App>, site: &Site) -> Router {
+    let api = Router::new()
+        .route(&routes::study("{slug}"), get(studies::show))
+        .route(&routes::participants("{slug}"), post(participants::enrol))
+        .route(routes::ME, get(participants::show).delete(participants::withdraw))
+        .route(&routes::my_trial("{trial_id}"), put(trials::store))
+        .route(routes::COMPLETE, post(participants::complete))
+        .route(
+            &routes::value_function("{id}"),
+            get(value_functions::show).layer(CompressionLayer::new()),
+        )
+        .route(routes::SESSION, get(session::show).post(session::sign_in).delete(session::sign_out))
+        .route(routes::ADMIN_STUDIES, get(laboratory::studies))
+        .route(&routes::admin_trials("{slug}"), get(laboratory::trials))
+        .route(&routes::admin_trial("{trial_id}"), get(laboratory::trial))
+        .route(&routes::admin_predictor("{trial_id}"), get(laboratory::predictor))
+        .route(routes::SELF_CHECK, get(laboratory::self_check))
+        .route(&routes::exports("{slug}"), get(laboratory::export))
+        .route("/healthz", get(metrics::healthz))
+        .route("/readyz", get(metrics::readyz))
+        .route("/metrics", get(metrics::show))
+        .layer(from_fn(guard::no_store));
+    // The outermost layer is the last: every answer, also to a panic, is counted,
+    // logged and carries the security headers.
+    api.merge(site::routes(site))
+        .fallback(async || ApiError::not_found("page or route"))
+        .method_not_allowed_fallback(method_not_allowed)
+        .layer(from_fn(guard::same_site))
+        .layer(from_fn(guard::time_limit))
+        .layer(CatchPanicLayer::custom(guard::panicked))
+        .layer(from_fn_with_state(Arc::clone(&app), guard::observed))
+        .layer(from_fn(guard::security_headers))
+        .with_state(app)
+}
+
+async fn method_not_allowed() -> ApiError {
+    let message = "this address has no such method; see Allow";
+    ApiError::new(StatusCode::METHOD_NOT_ALLOWED, "method_not_allowed", message)
+}

@@ -1,0 +1,154 @@
+//! Who is asking: participants by token, experimenters by key or cookie.
+
+use crate::app::App;
+use crate::clock::now_ms;
+use crate::error::ApiError;
+use crate::listen::Client;
+use crate::secrets;
+use crate::store::participants::{self, Participant};
+use crate::store::{Store, admin};
+use axum::extract::FromRequestParts;
+use axum::http::{HeaderMap, header, request::Parts};
+use std::net::{IpAddr, Ipv4Addr};
+use std::sync::Arc;
+use subtle::ConstantTimeEq;
+
+/// The cookie of the laboratory.
+pub const COOKIE: &str = "sidestep_session";
+
+/// A participant with a valid token who has not withdrawn.
+pub struct Me(pub Participant);
+
+/// A participant with a valid token, withdrawn or not.
+pub struct MeOrGone(pub Participant);
+
+/// An experimenter with a valid cookie or key.
+pub struct Admin;
+
+impl FromRequestParts<Arc<App>> for MeOrGone {
+    type Rejection = ApiError;
+
+    async fn from_request_parts(parts: &mut Parts, app: &Arc<App>) -> Result<Self, ApiError> {
+        let token = bearer(&parts.headers).ok_or_else(ApiError::unauthorized)?;
+        // Looking up a hash of 256 random bits says nothing by its timing.
+        let mut db = app.store.reader().await?;
+        let found = participants::by_token(&mut db, &secrets::hash(token)).await?;
+        found.map(Self).ok_or_else(ApiError::unauthorized)
+    }
+}
+
+impl FromRequestParts<Arc<App>> for Me {
+    type Rejection = ApiError;
+
+    async fn from_request_parts(parts: &mut Parts, app: &Arc<App>) -> Result<Self, ApiError> {
+        let MeOrGone(participant) = MeOrGone::from_request_parts(parts, app).await?;
+        if participant.withdrawn_at_ms.is_some() {
+            return Err(ApiError::withdrawn());
+        }
+        Ok(Self(participant))
+    }
+}
+
+impl FromRequestParts<Arc<App>> for Admin {
+    type Rejection = ApiError;
+
+    async fn from_request_parts(parts: &mut Parts, app: &Arc<App>) -> Result<Self, ApiError> {
+        if let Some(cookie) = session_cookie(&parts.headers) {
+            let mut db = app.store.reader().await?;
+            if admin::has_session(&mut db, &secrets::hash(cookie), now_ms()).await? {
+                return Ok(Self);
+            }
+        }
+        let key = bearer(&parts.headers).ok_or_else(ApiError::unauthorized)?;
+        let client = parts.extensions.get::<Client>().copied();
+        check_key(app, key, address(client)).await?;
+        Ok(Self)
+    }
+}
+
+/// Where a request comes from, for the throttle.
+#[must_use]
+pub fn address(client: Option<Client>) -> IpAddr {
+    client.map_or(IpAddr::V4(Ipv4Addr::UNSPECIFIED), |client| client.0)
+}
+
+/// Accepts the experimenter's key.
+///
+/// # Errors
+/// 401 for a wrong key, 429 after too many of them.
+pub async fn check_key(app: &App, key: &str, address: IpAddr) -> Result<(), ApiError> {
+    if let Some(seconds) = app.throttle.wait_s(address) {
+        return Err(ApiError::Throttled(seconds));
+    }
+    let presented = secrets::hash(key);
+    let valid = match app.environment_key {
+        Some(hash) => vec![hash.to_vec()],
+        None => admin::keys(&mut *app.store.reader().await?).await?,
+    };
+    if valid.iter().any(|hash| bool::from(hash.ct_eq(&presented))) {
+        return Ok(());
+    }
+    app.throttle.failed(address);
+    tracing::warn!("a wrong experimenter's key was sent");
+    Err(ApiError::unauthorized())
+}
+
+/// The session's cookie, if the request carries one.
+#[must_use]
+pub fn session_cookie(headers: &HeaderMap) -> Option<&str> {
+    headers
+        .get_all(header::COOKIE)
+        .iter()
+        .filter_map(|value| value.to_str().ok())
+        .flat_map(|value| value.split(';'))
+        .find_map(|pair| pair.trim().strip_prefix(COOKIE)?.strip_prefix('='))
+}
+
+fn bearer(headers: &HeaderMap) -> Option<&str> {
+    let value = headers.get(header::AUTHORIZATION)?.to_str().ok()?;
+    let (scheme, token) = value.split_once(' ')?;
+    scheme.eq_ignore_ascii_case("bearer").then_some(token.trim())
+}
+
+/// Makes sure that there is a key, and returns it where it was made just now: the
+/// only moment at which it is known.
+///
+/// # Errors
+/// If the database cannot be written.
+pub async fn first_key(store: &Store, make_another: bool) -> Result<Option<String>, ApiError> {
+    let mut db = store.write().await?;
+    if !make_another && !admin::keys(&mut db).await?.is_empty() {
+        return Ok(None);
+    }
+    let key = secrets::token()?;
+    admin::replace_key(&mut db, &secrets::hash(&key), now_ms()).await?;
+    db.commit().await?;
+    Ok(Some(key))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn headers(pairs: &[(header::HeaderName, &str)]) -> HeaderMap {
+        let pair =
+            |(name, value): &(header::HeaderName, &str)| (name.clone(), value.parse().unwrap());
+        pairs.iter().map(pair).collect()
+    }
+
+    #[test]
+    fn the_cookie_is_found_among_others() {
+        let cookies = headers(&[(header::COOKIE, "a=1; sidestep_session=xyz; b=2")]);
+        assert_eq!(session_cookie(&cookies), Some("xyz"));
+        let other = headers(&[(header::COOKIE, "sidestep_session2=xyz")]);
+        assert_eq!(session_cookie(&other), None);
+    }
+
+    #[test]
+    fn the_scheme_is_bearer_in_any_case() {
+        let value = |text| headers(&[(header::AUTHORIZATION, text)]);
+        assert_eq!(bearer(&value("bearer abc")), Some("abc"));
+        assert_eq!(bearer(&value("Basic abc")), None);
+        assert_eq!(bearer(&value("abc")), None);
+    }
+}

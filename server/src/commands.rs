@@ -1,0 +1,66 @@
+//! What the `sidestep` command does: one module a subcommand.
+
+pub mod check;
+pub mod export;
+pub mod import;
+pub mod serve;
+
+use crate::store::OpenError;
+use serde::Serialize;
+use std::io::Write;
+
+/// Why a command did not do what was asked: one line that names the input and
+/// says what to do.
+#[derive(Debug, thiserror::Error)]
+pub enum CommandError {
+    /// Usage or bad input: exit code 2.
+    #[error("{0}")]
+    Input(String),
+    /// Anything else: exit code 1.
+    #[error("{0}")]
+    Failure(String),
+}
+
+impl CommandError {
+    /// A failure, whatever went wrong.
+    pub fn failure(error: impl std::fmt::Display) -> Self {
+        Self::Failure(error.to_string())
+    }
+
+    /// 2 for usage and bad input, else 1.
+    #[must_use]
+    pub fn exit_code(&self) -> u8 {
+        match self {
+            Self::Input(_) => 2,
+            Self::Failure(_) => 1,
+        }
+    }
+}
+
+impl From<OpenError> for CommandError {
+    fn from(error: OpenError) -> Self {
+        match error {
+            OpenError::Address { .. } => Self::Input(error.to_string()),
+            _ => Self::Failure(error.to_string()),
+        }
+    }
+}
+
+impl From<sqlx::Error> for CommandError {
+    fn from(error: sqlx::Error) -> Self {
+        Self::Failure(format!("the database: {error}"))
+    }
+}
+
+/// Writes a result to stdout, as one line of JSON.
+fn print_json(result: &impl Serialize) -> Result<(), CommandError> {
+    let line = serde_json::to_string(result).map_err(CommandError::failure)?;
+    print_line(&line)
+}
+
+fn print_line(line: &str) -> Result<(), CommandError> {
+    let mut out = std::io::stdout().lock();
+    writeln!(out, "{line}")
+        .and_then(|()| out.flush())
+        .map_err(|e| CommandError::Failure(format!("stdout: {e}")))
+}

@@ -1,0 +1,117 @@
+//! `sidestep check`.
+
+use super::{CommandError, print_json};
+use crate::content;
+use crate::store::trials::StoredTrial;
+use crate::store::{Missing, Store, participants, studies, trials};
+use serde::Serialize;
+use sidestep::scene::SceneParameters;
+use sidestep::trial::{Flag, flags, outcome};
+
+/// Look at every row: is the file sound, and does each trial still say what it
+/// said when it was stored?
+///
+/// Prints a JSON summary; exit code 1 if anything is wrong.
+#[derive(Clone, Debug, clap::Args)]
+pub struct CheckArgs {
+    /// Database: sqlite: and a file.
+    #[arg(long, value_name = "URL", default_value = "sqlite:sidestep.db")]
+    pub database: String,
+}
+
+/// What a check found.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Report {
+    /// Studies looked at.
+    pub studies: usize,
+    /// People looked at.
+    pub participants: usize,
+    /// Trials replayed.
+    pub trials: usize,
+    /// Trials that are flagged, which is no fault of the database.
+    pub flagged: usize,
+    /// Damaged pages and references to nothing.
+    pub damage: Vec<String>,
+    /// Trials that are not what they were when they were stored.
+    pub wrong: Vec<Wrong>,
+}
+
+/// A trial that is not as it was stored.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Wrong {
+    /// The trial.
+    pub trial_id: String,
+    /// What is wrong with it.
+    pub what: String,
+}
+
+/// Checks, prints the report, and fails if anything is wrong.
+///
+/// # Errors
+/// [`CommandError::Failure`] if anything is wrong or the check cannot be done.
+pub async fn run(args: CheckArgs) -> Result<(), CommandError> {
+    let store = Store::open(&args.database, Missing::Refuse).await?;
+    let report = report(&store).await?;
+    store.close().await;
+    print_json(&report)?;
+    let faults = report.damage.len() + report.wrong.len();
+    if faults == 0 {
+        return Ok(());
+    }
+    let message = format!("{}: {faults} faults; the report lists them", args.database);
+    Err(CommandError::Failure(message))
+}
+
+async fn report(store: &Store) -> Result<Report, CommandError> {
+    let mut report = Report { damage: store.damage().await?, ..Report::default() };
+    let mut db = store.reader().await?;
+    for counts in studies::counts(&mut db).await? {
+        report.studies += 1;
+        let Some(study) = studies::find(&mut db, &counts.slug).await? else {
+            continue;
+        };
+        for id in participants::ids(&mut db, study.id).await? {
+            report.participants += 1;
+            for trial in trials::of_participant(&mut db, &id).await? {
+                let config = studies::config(&mut db, &trial.config_hash).await?;
+                report.trials += 1;
+                report.flagged += usize::from(!trial.head.flags.is_empty());
+                if let Some(what) = fault(&config.parameters, &trial) {
+                    let trial_id = trial.head.trial_id;
+                    report.wrong.push(Wrong { trial_id, what });
+                }
+            }
+        }
+    }
+    Ok(report)
+}
+
+/// What is wrong with a trial, if anything is.
+fn fault(parameters: &SceneParameters, trial: &StoredTrial) -> Option<String> {
+    let (inputs, states) = (&trial.inputs, &trial.states);
+    if inputs.len() != parameters.steps || states.len() != parameters.steps + 1 {
+        let (inputs, states) = (inputs.len(), states.len());
+        return Some(format!(
+            "expected {} inputs and one state more, found {inputs} and {states}",
+            parameters.steps
+        ));
+    }
+    let stored = &trial.head.flags;
+    let imported = stored.contains(&Flag::Imported);
+    match content::of_stored(trial, imported) {
+        Ok(hash) if trial.content_hash == hash => {}
+        Ok(_) => return Some("the content is not that of its hash".to_owned()),
+        Err(error) => return Some(format!("the content does not parse: {error}")),
+    }
+    let times = trial.sampled_at_ms.as_deref().unwrap_or_default();
+    let found = flags(parameters, &trial.scene, inputs, states, times);
+    // A file's trial keeps flags for which the evidence is not in the file.
+    let agree =
+        if imported { found.iter().all(|flag| stored.contains(flag)) } else { found == *stored };
+    if !agree {
+        return Some(format!("expected flags {found:?}, found {stored:?}"));
+    }
+    let outcome = outcome(parameters, inputs, states);
+    (outcome != trial.head.outcome)
+        .then(|| format!("expected {outcome:?}, found {:?}", trial.head.outcome))
+}

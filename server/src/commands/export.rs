@@ -1,0 +1,59 @@
+//! `sidestep export`.
+
+use super::{CommandError, print_json};
+use crate::exports;
+use crate::store::{Missing, Store, studies};
+use futures_util::StreamExt;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use tempfile::NamedTempFile;
+
+/// Write a study's trials to files.
+#[derive(Clone, Debug, clap::Args)]
+pub struct ExportArgs {
+    /// Database: sqlite: and a file.
+    #[arg(long, value_name = "URL", default_value = "sqlite:sidestep.db")]
+    pub database: String,
+    /// Name of the study in addresses.
+    #[arg(long, value_name = "SLUG", default_value = "default")]
+    pub study: String,
+    /// Format: csv.
+    #[arg(long, value_name = "FORMAT", default_value = "csv")]
+    pub format: String,
+    /// Folder for the files, made where there is none: trials.csv.
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+}
+
+/// Writes DIR/trials.csv: whole, or not at all.
+///
+/// # Errors
+/// [`CommandError`] for an unknown format or study (input), or what the database
+/// or the disk refuse (failure).
+pub async fn run(args: ExportArgs) -> Result<(), CommandError> {
+    exports::check_format(&args.format)
+        .map_err(|invalid| CommandError::Input(format!("--{invalid}")))?;
+    let store = Store::open(&args.database, Missing::Refuse).await?;
+    let study =
+        studies::find(&mut *store.reader().await?, &args.study).await?.ok_or_else(|| {
+            let (slug, database) = (&args.study, &args.database);
+            CommandError::Input(format!("--study {slug}: no such study in {database}"))
+        })?;
+    let unwritable = |path: &Path, error: &dyn std::fmt::Display| {
+        CommandError::Failure(format!("{}: cannot write: {error}", path.display()))
+    };
+    std::fs::create_dir_all(&args.out).map_err(|e| unwritable(&args.out, &e))?;
+    let path = args.out.join("trials.csv");
+    let mut file = NamedTempFile::new_in(&args.out).map_err(|e| unwritable(&args.out, &e))?;
+    let mut pieces = std::pin::pin!(exports::stream(store.clone(), study));
+    let mut octets = 0;
+    while let Some(piece) = pieces.next().await {
+        let piece = piece?;
+        octets += piece.len();
+        file.write_all(&piece).map_err(|e| unwritable(&path, &e))?;
+    }
+    file.as_file().sync_all().map_err(|e| unwritable(&path, &e))?;
+    file.persist(&path).map_err(|e| unwritable(&path, &e))?;
+    store.close().await;
+    print_json(&serde_json::json!({ "file": path, "octets": octets }))
+}

@@ -1,0 +1,209 @@
+//! `sidestep import`.
+
+use super::{CommandError, print_json};
+use crate::clock::now_ms;
+use crate::content;
+use crate::store::participants::{self, NewParticipant};
+use crate::store::scenes::{self, PlannedRow};
+use crate::store::studies::{self, Study};
+use crate::store::trials::{self, NewTrial};
+use crate::store::{Db, Missing, Store, value_functions};
+use crate::trials_csv::{self, FileTrial, LineError, Person};
+use serde::Serialize;
+use sha2::{Digest, Sha256};
+use sidestep::invalid::Invalid;
+use sidestep::scene::{Scene, SceneParameters};
+use sidestep::study::StudyConfig;
+use sidestep::trial::{Flag, flags, outcome};
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::path::PathBuf;
+use uuid::Uuid;
+
+/// Read trials from a file into a study: all of it or nothing.
+///
+/// People whom the same file brought before are skipped. States that do not
+/// replay from the inputs are kept and flagged.
+#[derive(Clone, Debug, clap::Args)]
+pub struct ImportArgs {
+    /// Database: sqlite: and a file, made where there is none.
+    #[arg(long, value_name = "URL", default_value = "sqlite:sidestep.db")]
+    pub database: String,
+    /// Name of the study in addresses; made with the paper's protocol where there
+    /// is none.
+    #[arg(long, value_name = "SLUG", default_value = "default")]
+    pub study: String,
+    /// CSV file with at least the columns
+    /// participant,trial,step,t,hx,hy,hpsi,rx,ry,rpsi,omega in any order.
+    #[arg(long, value_name = "FILE")]
+    pub trials: PathBuf,
+}
+
+/// What an import did.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Imported {
+    /// People who are new.
+    pub participants: usize,
+    /// Their trials.
+    pub trials: usize,
+    /// Trials of which something was flagged beside being imported.
+    pub flagged: usize,
+    /// People of the file who were here already.
+    pub skipped: usize,
+}
+
+/// Imports and prints the counts.
+///
+/// # Errors
+/// [`CommandError`] for a file that is no trials.csv (input, with the line) or
+/// what the database refuses (failure).
+pub async fn run(args: ImportArgs) -> Result<(), CommandError> {
+    let name = args.trials.display().to_string();
+    let file = File::open(&args.trials)
+        .map_err(|e| CommandError::Input(format!("{name}: cannot read: {e}")))?;
+    let wanted = StudyConfig { slug: args.study.clone(), ..StudyConfig::default() };
+    wanted.check().map_err(|e| {
+        CommandError::Input(format!("--study: expected {}, found {}", e.expected, e.found))
+    })?;
+    let store = Store::open(&args.database, Missing::Create).await?;
+    let mut db = store.write().await?;
+    let study = match studies::find(&mut db, &args.study).await? {
+        Some(study) => study,
+        None => made(&mut db, &wanted).await?,
+    };
+    let complain = |error: LineError| CommandError::Input(format!("{name}: {error}"));
+    let people = trials_csv::read(std::io::BufReader::new(file), &study.config.parameters)
+        .map_err(complain)?;
+    let mut done = Imported::default();
+    for person in &people {
+        let hash = hash(person);
+        if participants::is_imported(&mut db, study.id, &hash).await? {
+            done.skipped += 1;
+            continue;
+        }
+        done.participants += 1;
+        insert(&mut db, &study, person, &hash, &mut done).await?.map_err(complain)?;
+    }
+    db.commit().await?;
+    store.close().await;
+    if done.skipped > 0 {
+        let (skipped, slug) = (done.skipped, &study.slug);
+        eprintln!("{name}: {skipped} participants were in study {slug} already and were skipped");
+    }
+    print_json(&done)
+}
+
+async fn made(db: &mut Db, config: &StudyConfig) -> Result<Study, CommandError> {
+    studies::put(db, config, now_ms()).await?;
+    if let Ok(function) = config.parameters.value_function() {
+        value_functions::put(db, &function).await?;
+    }
+    let found = studies::find(db, &config.slug).await?;
+    found.ok_or_else(|| CommandError::Failure("the study that was made is not there".to_owned()))
+}
+
+/// Of the person's name in the file and all their trials.
+fn hash(person: &Person) -> String {
+    let mut hash = Sha256::new();
+    hash.update(person.name.as_bytes());
+    for trial in &person.trials {
+        hash.update(trial.phase.word());
+        hash.update(trial.number.to_le_bytes());
+        hash.update(content_hash(trial));
+    }
+    hex::encode(hash.finalize())
+}
+
+fn content_hash(trial: &FileTrial) -> [u8; 32] {
+    content::of_import(&trial.inputs, &trial.states, trial.sampled_at_ms.as_deref())
+}
+
+/// One person with plan and trials. The inner error is the file's.
+async fn insert(
+    db: &mut Db,
+    study: &Study,
+    person: &Person,
+    import_hash: &str,
+    done: &mut Imported,
+) -> Result<Result<(), LineError>, CommandError> {
+    let id = Uuid::new_v4().to_string();
+    let new = NewParticipant {
+        id: &id,
+        study_id: study.id,
+        config_hash: &study.config.hash(),
+        import_hash: Some(import_hash),
+        enrolled_at_ms: now_ms(),
+        ..NewParticipant::default()
+    };
+    participants::insert(db, &new).await?;
+    let parameters = &study.config.parameters;
+    let mut in_phase = BTreeMap::new();
+    for (ordinal, trial) in (0..).zip(&person.trials) {
+        let trial_id = match &trial.trial_id {
+            Some(trial_id) if trials::content_hash(db, trial_id).await?.is_some() => {
+                let expected = "trials that are not in this database yet";
+                let what = Invalid::new("trial_id", expected, trial_id);
+                let line = trial.line;
+                return Ok(Err(LineError { line, what }));
+            }
+            Some(trial_id) => trial_id.clone(),
+            None => Uuid::new_v4().to_string(),
+        };
+        let index = in_phase.entry(trial.phase).or_insert(0);
+        let row = planned(parameters, &trial_id, ordinal, *index, trial);
+        *index += 1;
+        scenes::insert(db, &id, &row).await?;
+        let flags = flags_of(parameters, &row.scene, trial);
+        trials::insert(
+            db,
+            &NewTrial {
+                trial_id: &trial_id,
+                content_hash: content_hash(trial),
+                received_at_ms: now_ms(),
+                started_at_ms: trial.started_at_ms,
+                inputs: &trial.inputs,
+                states: &trial.states,
+                sampled_at_ms: trial.sampled_at_ms.as_deref(),
+                key_events: "[]",
+                display: "{}",
+                flags: &flags,
+                outcome: outcome(parameters, &trial.inputs, &trial.states),
+            },
+        )
+        .await?;
+        done.trials += 1;
+        done.flagged += usize::from(flags.len() > 1);
+    }
+    Ok(Ok(()))
+}
+
+/// A file holds no plan: the scene is what was driven from.
+fn planned(
+    parameters: &SceneParameters,
+    trial_id: &str,
+    ordinal: i64,
+    index: usize,
+    trial: &FileTrial,
+) -> PlannedRow {
+    let start = trial.states[0];
+    PlannedRow {
+        trial_id: trial_id.to_owned(),
+        ordinal,
+        phase: trial.phase,
+        index,
+        scene: Scene::new(parameters, start.human, start.robot),
+        stored: false,
+    }
+}
+
+/// What the recording shows, what was known when it was exported, and that it was
+/// imported.
+fn flags_of(parameters: &SceneParameters, scene: &Scene, trial: &FileTrial) -> Vec<Flag> {
+    let times = trial.sampled_at_ms.as_deref().unwrap_or_default();
+    let mut flags = flags(parameters, scene, &trial.inputs, &trial.states, times);
+    flags.extend(&trial.flags);
+    flags.push(Flag::Imported);
+    flags.sort_unstable();
+    flags.dedup();
+    flags
+}

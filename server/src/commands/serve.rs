@@ -1,0 +1,209 @@
+//! `sidestep serve`.
+
+use super::{CommandError, print_line};
+use crate::app::{App, router};
+use crate::auth::first_key;
+use crate::clock::now_ms;
+use crate::config::read_study;
+use crate::metrics::Metrics;
+use crate::site::{Site, default_folder};
+use crate::store::{Missing, Store, studies, value_functions};
+use crate::throttle::Throttle;
+use crate::{listen, secrets};
+use sidestep::study::StudyConfig;
+use std::fmt::Write;
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::sync::Arc;
+use tokio::net::TcpListener;
+use tokio::sync::oneshot;
+use tokio::task::JoinHandle;
+
+/// Serve participants and the laboratory.
+///
+/// Needs nothing but a database file, which is made at the first start. The
+/// experimenter's key is printed then, once; with SIDESTEP_ADMIN_KEY set (16
+/// characters or more), that key is valid instead.
+#[derive(Clone, Debug, clap::Args)]
+pub struct ServeArgs {
+    /// Address and port; port 0 takes any free one.
+    #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:8080")]
+    pub listen: String,
+    /// Database: sqlite: and a file, made where there is none.
+    #[arg(long, value_name = "URL", default_value = "sqlite:sidestep.db")]
+    pub database: String,
+    /// Study file, TOML; what it leaves out is as in the paper [default: the study
+    /// `default`, the paper's protocol].
+    #[arg(long, value_name = "FILE")]
+    pub study: Option<PathBuf>,
+    /// Folder of the client bundle [default: `site` beside the executable].
+    #[arg(long = "static", value_name = "DIR")]
+    pub site: Option<PathBuf>,
+    /// Make another experimenter's key; the former one and all sessions end.
+    #[arg(long)]
+    pub new_admin_key: bool,
+}
+
+/// A server that accepts requests.
+#[derive(Debug)]
+pub struct Running {
+    /// Where, with the real port.
+    pub address: SocketAddr,
+    /// The study that `/start` leads to.
+    pub study: String,
+    /// The experimenter's key, if it was made just now.
+    pub new_key: Option<String>,
+    store: Store,
+    stop: oneshot::Sender<()>,
+    task: JoinHandle<()>,
+}
+
+/// Runs until SIGINT or SIGTERM.
+///
+/// # Errors
+/// [`CommandError`] if it cannot start.
+pub async fn run(args: ServeArgs) -> Result<(), CommandError> {
+    let key = std::env::var("SIDESTEP_ADMIN_KEY").ok();
+    let signal = stop_signal()?;
+    let running = start(&args, key.as_deref()).await?;
+    print_line(&running.announcement())?;
+    signal.await;
+    tracing::info!("stopping");
+    running.stop().await;
+    Ok(())
+}
+
+/// Starts a server and returns when it accepts requests.
+///
+/// # Errors
+/// [`CommandError`] for a bad study file or key (input), a missing bundle, an
+/// unusable database or a port in use (failure).
+pub async fn start(args: &ServeArgs, key: Option<&str>) -> Result<Running, CommandError> {
+    let environment_key = key.map(checked_key).transpose()?;
+    if environment_key.is_some() && args.new_admin_key {
+        let message = "--new-admin-key: expected no SIDESTEP_ADMIN_KEY beside it, found one; \
+                       unset it to use a key that is made";
+        return Err(CommandError::Input(message.to_owned()));
+    }
+    let given = args.study.as_deref().map(read_study).transpose();
+    let given = given.map_err(CommandError::Input)?;
+    let folder = args.site.clone().unwrap_or_else(default_folder);
+    let site = Site::open(&folder).map_err(CommandError::Failure)?;
+    let listener = TcpListener::bind(&args.listen).await.map_err(|error| {
+        let listen = &args.listen;
+        let message = format!("--listen {listen}: {error}; choose another address or port");
+        CommandError::Failure(message)
+    })?;
+    let address = listener.local_addr().map_err(CommandError::failure)?;
+
+    let store = Store::open(&args.database, Missing::Create).await?;
+    let study = prepare(&store, given).await?;
+    let new_key = match environment_key {
+        Some(_) => None,
+        None => first_key(&store, args.new_admin_key).await.map_err(CommandError::failure)?,
+    };
+    let app = Arc::new(App {
+        store: store.clone(),
+        default_study: study.clone(),
+        environment_key,
+        throttle: Throttle::default(),
+        metrics: Metrics::default(),
+        self_check: tokio::sync::OnceCell::new(),
+    });
+    let (stop, stopped) = oneshot::channel::<()>();
+    let router = router(app, &site);
+    let task = tokio::spawn(listen::serve(listener, router, async {
+        // A dropped sender means the same as a sent stop.
+        let _ = stopped.await;
+    }));
+    tracing::info!(%address, study, "serving");
+    Ok(Running { address, study, new_key, store, stop, task })
+}
+
+impl Running {
+    /// What to tell whoever started it.
+    #[must_use]
+    pub fn announcement(&self) -> String {
+        let (address, study) = (self.address, &self.study);
+        let mut text = format!(
+            "Sidestep is ready.\n  participants  http://{address}/s/{study}\n  \
+             laboratory    http://{address}/lab"
+        );
+        if let Some(key) = &self.new_key {
+            let _ = write!(
+                text,
+                "\n  sign in with  http://{address}/lab#key={key}\n\
+                 The key is shown this once: keep the link, or make another key with --new-admin-key."
+            );
+        }
+        text
+    }
+
+    /// Lets requests under way finish, then closes the database.
+    pub async fn stop(self) {
+        let _ = self.stop.send(());
+        if let Err(error) = self.task.await {
+            tracing::error!(%error, "the server ended badly");
+        }
+        self.store.close().await;
+    }
+}
+
+/// Makes or updates the study, keeps its value function, and returns its name.
+async fn prepare(store: &Store, given: Option<StudyConfig>) -> Result<String, CommandError> {
+    let mut db = store.write().await?;
+    let config = match given {
+        Some(config) => {
+            studies::put(&mut db, &config, now_ms()).await?;
+            config
+        }
+        None => {
+            // Without a file, an existing default study stays as it was made.
+            let config = StudyConfig::default();
+            match studies::find(&mut db, &config.slug).await? {
+                Some(study) => study.config,
+                None => {
+                    studies::put(&mut db, &config, now_ms()).await?;
+                    config
+                }
+            }
+        }
+    };
+    if let Ok(function) = config.parameters.value_function() {
+        value_functions::put(&mut db, &function).await?;
+    }
+    db.commit().await?;
+    Ok(config.slug)
+}
+
+fn checked_key(key: &str) -> Result<[u8; 32], CommandError> {
+    const SHORTEST: usize = 16;
+    let count = key.chars().count();
+    if count < SHORTEST {
+        let message =
+            format!("SIDESTEP_ADMIN_KEY: expected {SHORTEST} characters or more, found {count}");
+        return Err(CommandError::Input(message));
+    }
+    Ok(secrets::hash(key))
+}
+
+#[cfg(unix)]
+fn stop_signal() -> Result<impl Future<Output = ()>, CommandError> {
+    use tokio::signal::unix::{SignalKind, signal};
+    let listen = |kind| signal(kind).map_err(CommandError::failure);
+    let mut interrupt = listen(SignalKind::interrupt())?;
+    let mut terminate = listen(SignalKind::terminate())?;
+    Ok(async move {
+        tokio::select! {
+            _ = interrupt.recv() => {}
+            _ = terminate.recv() => {}
+        }
+    })
+}
+
+#[cfg(not(unix))]
+fn stop_signal() -> Result<impl Future<Output = ()>, CommandError> {
+    Ok(async {
+        let _ = tokio::signal::ctrl_c().await;
+    })
+}

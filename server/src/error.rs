@@ -1,0 +1,127 @@
+//! The one error of every handler, and the body it becomes.
+
+use axum::Json;
+use axum::http::{HeaderValue, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use sidestep::api::Problem;
+use sidestep::invalid::Invalid;
+
+/// Why a request was not served.
+#[derive(Debug, thiserror::Error)]
+pub enum ApiError {
+    /// The client can do something about it.
+    #[error("{status}: {}", problem.message)]
+    Problem {
+        /// Status of the answer.
+        status: StatusCode,
+        /// Body of the answer.
+        problem: Problem,
+    },
+    /// Too many wrong keys; try again after so many seconds.
+    #[error("too many wrong keys")]
+    Throttled(u64),
+    /// Our own fault: logged, never sent.
+    #[error("{0:#}")]
+    Internal(#[from] anyhow::Error),
+}
+
+impl ApiError {
+    /// An answer with this status, a stable word and a sentence.
+    pub fn new(status: StatusCode, code: &str, message: impl Into<String>) -> Self {
+        let (code, message) = (code.to_owned(), message.into());
+        Self::Problem { status, problem: Problem { code, message, field: None } }
+    }
+
+    /// 400 `malformed`: no JSON at all.
+    pub fn malformed(message: impl Into<String>) -> Self {
+        Self::new(StatusCode::BAD_REQUEST, "malformed", message)
+    }
+
+    /// 401, the same whatever was wrong.
+    #[must_use]
+    pub fn unauthorized() -> Self {
+        let message = "this needs a valid token or key";
+        Self::new(StatusCode::UNAUTHORIZED, "unauthorized", message)
+    }
+
+    /// 404 `not_found`.
+    #[must_use]
+    pub fn not_found(what: &str) -> Self {
+        Self::new(StatusCode::NOT_FOUND, "not_found", format!("there is no such {what}"))
+    }
+
+    /// 409 with its own word.
+    pub fn conflict(code: &str, message: impl Into<String>) -> Self {
+        Self::new(StatusCode::CONFLICT, code, message)
+    }
+
+    /// 410: the participant has withdrawn.
+    #[must_use]
+    pub fn withdrawn() -> Self {
+        let message = "this participation was withdrawn; nothing more is stored";
+        Self::new(StatusCode::GONE, "withdrawn", message)
+    }
+}
+
+impl From<Invalid> for ApiError {
+    /// 422 naming the field.
+    fn from(invalid: Invalid) -> Self {
+        let message = format!("expected {}, found {}", invalid.expected, invalid.found);
+        let problem = Problem { code: "invalid".to_owned(), message, field: Some(invalid.field) };
+        Self::Problem { status: StatusCode::UNPROCESSABLE_ENTITY, problem }
+    }
+}
+
+impl From<sqlx::Error> for ApiError {
+    /// A full disk, a locked or vanished database: 503, so that the client keeps
+    /// what it has and tries again. Anything else is our fault.
+    fn from(error: sqlx::Error) -> Self {
+        if is_storage_trouble(&error) {
+            tracing::error!(%error, "the database cannot be used now");
+            let message = "the database cannot be used now; try again later";
+            return Self::new(StatusCode::SERVICE_UNAVAILABLE, "storage", message);
+        }
+        Self::Internal(error.into())
+    }
+}
+
+fn is_storage_trouble(error: &sqlx::Error) -> bool {
+    // SQLite's primary result codes: busy, locked, readonly, I/O error, full, cannot open.
+    const TROUBLE: [i64; 6] = [5, 6, 8, 10, 13, 14];
+    match error {
+        sqlx::Error::PoolTimedOut | sqlx::Error::PoolClosed | sqlx::Error::Io(_) => true,
+        sqlx::Error::Database(database) => database
+            .code()
+            .and_then(|code| code.parse::<i64>().ok())
+            .is_some_and(|code| TROUBLE.contains(&(code & 0xff))),
+        _ => false,
+    }
+}
+
+impl IntoResponse for ApiError {
+    fn into_response(self) -> Response {
+        match self {
+            Self::Problem { status, problem } => {
+                let mut answer = (status, Json(problem)).into_response();
+                if status == StatusCode::UNAUTHORIZED {
+                    let scheme = HeaderValue::from_static("Bearer");
+                    answer.headers_mut().insert(header::WWW_AUTHENTICATE, scheme);
+                }
+                answer
+            }
+            Self::Throttled(seconds) => {
+                let message = format!("too many wrong keys; try again in {seconds} s");
+                let status = StatusCode::TOO_MANY_REQUESTS;
+                let mut answer = Self::new(status, "throttled", message).into_response();
+                answer.headers_mut().insert(header::RETRY_AFTER, HeaderValue::from(seconds));
+                answer
+            }
+            Self::Internal(error) => {
+                tracing::error!("internal error: {error:#}");
+                let message = "something went wrong here; it was logged";
+                let status = StatusCode::INTERNAL_SERVER_ERROR;
+                Self::new(status, "internal", message).into_response()
+            }
+        }
+    }
+}

@@ -1,0 +1,175 @@
+//! A study's trials as a CSV file: one writer for the route and the command.
+//!
+//! People are read one at a time, so memory does not grow with the study and no
+//! long read keeps the write-ahead log from being written back. A file holds
+//! each person as they were at one instant.
+
+use crate::store::studies::{self, Study};
+use crate::store::trials::{self, StoredTrial, flag_words};
+use crate::store::{Store, participants};
+use futures_util::stream::{self, Stream};
+use sidestep::invalid::Invalid;
+use sidestep::scene::SceneParameters;
+
+/// The columns, in order. The first eleven are what every tool reads; README and
+/// data dictionary describe them all.
+pub const COLUMNS: [&str; 21] = [
+    "participant",
+    "trial",
+    "step",
+    "t",
+    "hx",
+    "hy",
+    "hpsi",
+    "rx",
+    "ry",
+    "rpsi",
+    "omega",
+    "study",
+    "phase",
+    "phase_index",
+    "attempt",
+    "trial_id",
+    "participant_id",
+    "flags",
+    "started_at_ms",
+    "sampled_at_ms",
+    "received_at_ms",
+];
+
+/// Accepts the formats that there are.
+///
+/// # Errors
+/// [`Invalid`] naming them.
+pub fn check_format(format: &str) -> Result<(), Invalid> {
+    if format == "csv" { Ok(()) } else { Err(Invalid::new("format", "csv", format!("{format:?}"))) }
+}
+
+/// The file, piece by piece. After an error there is no further piece, and a
+/// download breaks off instead of ending as if it were whole.
+pub fn stream(
+    store: Store,
+    study: Study,
+) -> impl Stream<Item = Result<Vec<u8>, sqlx::Error>> + Send + 'static {
+    enum Stage {
+        Header,
+        People(std::vec::IntoIter<String>),
+        End,
+    }
+    stream::unfold(Stage::Header, move |stage| {
+        let (store, study_id) = (store.clone(), study.id);
+        async move {
+            match stage {
+                Stage::Header => match people(&store, study_id).await {
+                    Ok(ids) => Some((Ok(header()), Stage::People(ids.into_iter()))),
+                    Err(error) => Some((Err(error), Stage::End)),
+                },
+                Stage::People(mut ids) => match person(&store, &ids.next()?).await {
+                    Ok(rows) => Some((Ok(rows), Stage::People(ids))),
+                    Err(error) => Some((Err(error), Stage::End)),
+                },
+                Stage::End => None,
+            }
+        }
+    })
+}
+
+fn header() -> Vec<u8> {
+    let mut line = COLUMNS.join(",");
+    line.push('\n');
+    line.into_bytes()
+}
+
+async fn people(store: &Store, study_id: i64) -> Result<Vec<String>, sqlx::Error> {
+    participants::ids(&mut *store.reader().await?, study_id).await
+}
+
+/// The rows of one person. The trial's number counts what is exported, from 0
+/// through all phases, so that (participant, trial) names a trial.
+async fn person(store: &Store, participant_id: &str) -> Result<Vec<u8>, sqlx::Error> {
+    let mut db = store.reader().await?;
+    let driven = trials::of_participant(&mut db, participant_id).await?;
+    let Some(first) = driven.first() else {
+        return Ok(Vec::new());
+    };
+    let parameters = studies::config(&mut db, &first.config_hash).await?.parameters;
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    for (number, trial) in driven.iter().enumerate() {
+        write_trial(&mut writer, &parameters, number, trial).map_err(|error| {
+            let error = format!("trial {}: {error}", trial.head.trial_id);
+            sqlx::Error::Decode(error.into())
+        })?;
+    }
+    writer.into_inner().map_err(|error| sqlx::Error::Io(error.into_error()))
+}
+
+/// One row a step: the state before it and the input held in it. Numbers are
+/// printed with as many digits as bring the same bits back.
+fn write_trial(
+    writer: &mut csv::Writer<Vec<u8>>,
+    parameters: &SceneParameters,
+    number: usize,
+    trial: &StoredTrial,
+) -> csv::Result<()> {
+    let head = &trial.head;
+    let started_at_ms = trial.started_at_ms.map(|t| t.to_string());
+    for (step, (input, state)) in trial.inputs.iter().zip(&trial.states).enumerate() {
+        let sampled = trial.sampled_at_ms.as_ref().map(|times| times[step].to_string());
+        let ([hx, hy, hpsi], [rx, ry, rpsi]) = (state.human.into(), state.robot.into());
+        let t = step as f64 * parameters.step_s;
+        let numbers = [t, hx, hy, hpsi, rx, ry, rpsi, parameters.human.turn_rate(*input)];
+        writer.write_field(head.participant_number.to_string())?;
+        writer.write_field(number.to_string())?;
+        writer.write_field(step.to_string())?;
+        for number in numbers {
+            writer.write_field(decimal(number))?;
+        }
+        writer.write_field(text(&trial.study))?;
+        writer.write_field(head.phase.word())?;
+        writer.write_field(head.index.to_string())?;
+        writer.write_field("1")?;
+        writer.write_field(text(&head.trial_id))?;
+        writer.write_field(text(&head.participant_id))?;
+        writer.write_field(flag_words(&head.flags))?;
+        writer.write_field(started_at_ms.as_deref().unwrap_or(""))?;
+        writer.write_field(sampled.as_deref().unwrap_or(""))?;
+        writer.write_field(head.received_at_ms.to_string())?;
+        writer.write_record(None::<&[u8]>)?;
+    }
+    Ok(())
+}
+
+/// The shortest decimal that reads back as the same bits; whole numbers as `4.0`.
+fn decimal(number: f64) -> String {
+    format!("{number:?}")
+}
+
+/// A text that a spreadsheet could take for a formula begins with an apostrophe.
+fn text(text: &str) -> String {
+    if text.starts_with(['=', '+', '-', '@', '\t', '\r']) {
+        format!("'{text}")
+    } else {
+        text.to_owned()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_come_back_bit_for_bit() {
+        for number in [0.1 + 0.2, -1.5, 1e300, f64::MIN_POSITIVE, 4.0, -0.0] {
+            let again: f64 = decimal(number).parse().unwrap();
+            assert_eq!(again.to_bits(), number.to_bits(), "{number:?}");
+        }
+        assert_eq!(decimal(4.0), "4.0");
+    }
+
+    #[test]
+    fn formulas_are_disarmed_and_words_left_alone() {
+        assert_eq!(text("=HYPERLINK(1)"), "'=HYPERLINK(1)");
+        assert_eq!(text("-cmd"), "'-cmd");
+        assert_eq!(text("default"), "default");
+    }
+}

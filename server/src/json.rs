@@ -1,0 +1,134 @@
+//! Request bodies: JSON in, a typed value out, or a complaint that says where.
+
+use crate::error::ApiError;
+use axum::body::{Body, Bytes};
+use axum::extract::{FromRequest, Request};
+use axum::http::{StatusCode, header};
+use futures_util::StreamExt;
+use serde::de::DeserializeOwned;
+use sidestep::api::MAX_BODY_OCTETS;
+use sidestep::invalid::Invalid;
+
+/// A request body of type `T`.
+///
+/// Answers 415 to another media type or a compressed body, 413 to one that is
+/// too long, 400 to what is no JSON (or nested more than 128 deep), and 422
+/// naming the field to JSON of another shape or a number that is out of range.
+pub struct JsonBody<T>(pub T);
+
+impl<T: DeserializeOwned, S: Send + Sync> FromRequest<S> for JsonBody<T> {
+    type Rejection = ApiError;
+
+    async fn from_request(request: Request, _: &S) -> Result<Self, ApiError> {
+        check_headers(&request)?;
+        let octets = read(request.into_body()).await?;
+        parse(&octets).map(Self)
+    }
+}
+
+fn check_headers(request: &Request) -> Result<(), ApiError> {
+    let unsupported =
+        |code, message: &str| Err(ApiError::new(StatusCode::UNSUPPORTED_MEDIA_TYPE, code, message));
+    let text = |name| request.headers().get(name).map(|v| v.to_str().unwrap_or(""));
+    if text(header::CONTENT_ENCODING).is_some_and(|coding| coding != "identity") {
+        return unsupported("content_encoding", "send the body as it is, without Content-Encoding");
+    }
+    let media_type = text(header::CONTENT_TYPE).unwrap_or("");
+    let essence = media_type.split(';').next().unwrap_or("").trim();
+    if !essence.eq_ignore_ascii_case("application/json") {
+        return unsupported("content_type", "send Content-Type: application/json");
+    }
+    let announced = text(header::CONTENT_LENGTH).and_then(|length| length.parse::<u64>().ok());
+    if announced.is_some_and(|length| length > MAX_BODY_OCTETS as u64) {
+        return Err(too_large());
+    }
+    Ok(())
+}
+
+fn too_large() -> ApiError {
+    let message = format!("a body may have at most {MAX_BODY_OCTETS} octets");
+    ApiError::new(StatusCode::PAYLOAD_TOO_LARGE, "too_large", message)
+}
+
+/// Reads at most the limit, whatever length was announced or not.
+async fn read(body: Body) -> Result<Vec<u8>, ApiError> {
+    let mut octets = Vec::new();
+    let mut chunks = body.into_data_stream();
+    while let Some(chunk) = chunks.next().await {
+        let chunk: Bytes = chunk.map_err(|_| ApiError::malformed("the body broke off"))?;
+        if octets.len() + chunk.len() > MAX_BODY_OCTETS {
+            return Err(too_large());
+        }
+        octets.extend_from_slice(&chunk);
+    }
+    Ok(octets)
+}
+
+/// One JSON value of type `T` and nothing after it.
+///
+/// # Errors
+/// 400 or 422, as [`JsonBody`] says.
+pub fn parse<T: DeserializeOwned>(octets: &[u8]) -> Result<T, ApiError> {
+    let text = std::str::from_utf8(octets)
+        .map_err(|e| ApiError::malformed(format!("the body is not UTF-8: {e}")))?;
+    let mut reader = serde_json::Deserializer::from_str(text);
+    let value = serde_path_to_error::deserialize(&mut reader).map_err(complaint)?;
+    reader
+        .end()
+        .map_err(|e| ApiError::malformed(format!("the body is not one JSON value: {e}")))?;
+    Ok(value)
+}
+
+fn complaint(error: serde_path_to_error::Error<serde_json::Error>) -> ApiError {
+    let path = error.path().to_string();
+    let field = if path == "." { String::new() } else { path };
+    let inner = error.into_inner();
+    let message = inner.to_string();
+    let out_of_range = message.starts_with("number out of range");
+    if !inner.is_data() && !out_of_range {
+        return ApiError::malformed(format!("the body is not JSON: {message}"));
+    }
+    if out_of_range {
+        let expected = "a number that a double can hold";
+        return Invalid::new(field, expected, "one that is too large").into();
+    }
+    // Our own types already say "expected …, found …" (after ": "); serde says it in its way.
+    let message = message.trim_start_matches(": ").to_owned();
+    let problem =
+        sidestep::api::Problem { code: "invalid".to_owned(), message, field: Some(field) };
+    ApiError::Problem { status: StatusCode::UNPROCESSABLE_ENTITY, problem }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use sidestep::api::{Enrolment, TrialUpload};
+
+    fn check<T: DeserializeOwned>(text: &[u8], status: u16, field: Option<&str>) {
+        match parse::<T>(text) {
+            Err(ApiError::Problem { status: found, problem }) => {
+                assert_eq!(found.as_u16(), status, "{}", problem.message);
+                assert_eq!(problem.field.as_deref(), field, "{}", problem.message);
+            }
+            _ => panic!("no complaint about {}", String::from_utf8_lossy(text)),
+        }
+    }
+
+    #[test]
+    fn complaints_say_where() {
+        check::<Enrolment>(b"{", 400, None);
+        check::<Enrolment>(b"{\"consent\":true} x", 400, None);
+        check::<Enrolment>(b"{\"consent\":tr\xffue}", 400, None);
+        check::<Enrolment>(b"{\"consent\":NaN}", 400, None);
+        check::<Enrolment>(b"{\"consent\":1}", 422, Some("consent"));
+        check::<Enrolment>(b"{\"consent\":true,\"extra\":1}", 422, Some("extra"));
+        check::<Enrolment>(b"[]", 422, Some(""));
+        check::<TrialUpload>(b"{\"started_at_ms\":1e999}", 422, Some("started_at_ms"));
+        check::<TrialUpload>(b"{\"inputs\":[0,2]}", 422, Some("inputs[1]"));
+        let state = b"{\"states\":[{\"human\":[0,0,\"x\"],\"robot\":[0,0,0]}]}";
+        check::<TrialUpload>(state, 422, Some("states[0].human[2]"));
+        check::<TrialUpload>(&b"[".repeat(100_000), 400, None);
+        let nested = [&b"{\"display\":{\"a\":"[..], &b"[".repeat(100_000)].concat();
+        check::<TrialUpload>(&nested, 400, None);
+    }
+}

@@ -1,0 +1,181 @@
+//! What the experimenter sees.
+
+use crate::app::App;
+use crate::auth::Admin;
+use crate::error::ApiError;
+use crate::exports;
+use crate::params::{Params, PathText};
+use crate::store::trials::{self, StoredTrial, TrialHead};
+use crate::store::{Db, studies};
+use crate::studies::named;
+use crate::training;
+use anyhow::Context;
+use axum::Json;
+use axum::body::Body;
+use axum::extract::State;
+use axum::http::header;
+use axum::response::IntoResponse;
+use serde::Deserialize;
+use sidestep::api::{
+    SelfCheck, StudySummary, TrainedPredictor, TrialDetail, TrialPage, TrialSummary,
+};
+use sidestep::invalid::Invalid;
+use sidestep::trial::{simulation_fingerprint, verify};
+use std::sync::Arc;
+
+/// `GET /api/v1/admin/studies`.
+pub async fn studies(
+    _: Admin,
+    State(app): State<Arc<App>>,
+) -> Result<Json<Vec<StudySummary>>, ApiError> {
+    let counts = studies::counts(&mut *app.store.reader().await?).await?;
+    let summary = |row: studies::StudyCounts| StudySummary {
+        slug: row.slug,
+        title: row.title,
+        participants: row.participants.unsigned_abs(),
+        trials: row.trials.unsigned_abs(),
+    };
+    Ok(Json(counts.into_iter().map(summary).collect()))
+}
+
+/// The query of a page of trials.
+#[derive(Debug, Deserialize)]
+pub struct PageParams {
+    limit: Option<i64>,
+    before: Option<i64>,
+}
+
+/// `GET /api/v1/admin/studies/{slug}/trials?limit=&before=`: newest first.
+pub async fn trials(
+    _: Admin,
+    State(app): State<Arc<App>>,
+    PathText(slug): PathText,
+    Params(params): Params<PageParams>,
+) -> Result<Json<TrialPage>, ApiError> {
+    let limit = params.limit.unwrap_or(50);
+    if !(1..=500).contains(&limit) {
+        let expected = "a whole number from 1 to 500";
+        return Err(Invalid::new("limit", expected, limit).into());
+    }
+    let mut db = app.store.reader().await?;
+    let study = named(&mut db, &slug).await?;
+    let before = params.before.unwrap_or(i64::MAX);
+    // One more than asked for tells whether there is a further page.
+    let mut heads = trials::page(&mut db, study.id, before, limit + 1).await?;
+    let more = heads.len() as i64 > limit;
+    heads.truncate(limit as usize);
+    Ok(Json(TrialPage {
+        next_before: heads.last().filter(|_| more).map(|head| head.sequence),
+        trials: heads.into_iter().map(summary).collect(),
+    }))
+}
+
+/// `GET /api/v1/admin/trials/{trial_id}`.
+pub async fn trial(
+    _: Admin,
+    State(app): State<Arc<App>>,
+    PathText(trial_id): PathText,
+) -> Result<Json<TrialDetail>, ApiError> {
+    let mut db = app.store.reader().await?;
+    let trial = stored(&mut db, &trial_id).await?;
+    let parameters = studies::config(&mut db, &trial.config_hash).await?.parameters;
+    let start = trial.states.first().copied();
+    let start = start.unwrap_or_else(|| trial.scene.start());
+    let replay = verify(&parameters, start, &trial.inputs, &trial.states);
+    // Identical vehicles: one function serves both roles.
+    let value_function = parameters.value_function().ok().map(|function| function.id());
+    Ok(Json(TrialDetail {
+        summary: summary(trial.head),
+        study: trial.study,
+        parameters,
+        scene: trial.scene,
+        inputs: trial.inputs,
+        states: trial.states,
+        replay,
+        value_function_hr: value_function.clone(),
+        value_function_rh: value_function,
+    }))
+}
+
+/// `GET /api/v1/admin/trials/{trial_id}/predictor`: trained on what this person
+/// had driven before.
+pub async fn predictor(
+    _: Admin,
+    State(app): State<Arc<App>>,
+    PathText(trial_id): PathText,
+) -> Result<Json<TrainedPredictor>, ApiError> {
+    let mut db = app.store.reader().await?;
+    let trial = stored(&mut db, &trial_id).await?;
+    let parameters = studies::config(&mut db, &trial.config_hash).await?.parameters;
+    let driven = trials::of_participant(&mut db, &trial.head.participant_id).await?;
+    drop(db);
+    let earlier: Vec<_> = driven
+        .into_iter()
+        .filter(|other| other.head.ordinal < trial.head.ordinal)
+        .map(|other| (other.inputs, other.states))
+        .collect();
+    let trained = tokio::task::spawn_blocking(move || training::train(&parameters, &earlier))
+        .await
+        .context("training")?
+        .context("training")?;
+    Ok(Json(trained))
+}
+
+/// Seed and count of [`self_check`], which the browser's twin uses too.
+const SELF_CHECK: (u64, usize) = (20_180_918, 10_000);
+
+/// `GET /api/v1/admin/self-check`.
+pub async fn self_check(
+    _: Admin,
+    State(app): State<Arc<App>>,
+) -> Result<Json<SelfCheck>, ApiError> {
+    let (seed, trials) = SELF_CHECK;
+    let compute = || async {
+        let fingerprint =
+            tokio::task::spawn_blocking(move || simulation_fingerprint(seed, trials)).await?;
+        Ok::<_, tokio::task::JoinError>(SelfCheck { seed, trials, fingerprint })
+    };
+    let check = app.self_check.get_or_try_init(compute).await;
+    Ok(Json(check.context("self-check")?.clone()))
+}
+
+/// The query of an export.
+#[derive(Debug, Deserialize)]
+pub struct ExportParams {
+    format: String,
+}
+
+/// `GET /api/v1/admin/studies/{slug}/export?format=csv`, streamed.
+pub async fn export(
+    _: Admin,
+    State(app): State<Arc<App>>,
+    PathText(slug): PathText,
+    Params(params): Params<ExportParams>,
+) -> Result<impl IntoResponse, ApiError> {
+    exports::check_format(&params.format)?;
+    let study = named(&mut *app.store.reader().await?, &slug).await?;
+    let name = format!("attachment; filename=\"{slug}-trials.csv\"");
+    let body = Body::from_stream(exports::stream(app.store.clone(), study));
+    let headers = [
+        (header::CONTENT_TYPE, "text/csv; charset=utf-8".to_owned()),
+        (header::CONTENT_DISPOSITION, name),
+    ];
+    Ok((headers, body))
+}
+
+async fn stored(db: &mut Db, trial_id: &str) -> Result<StoredTrial, ApiError> {
+    trials::find(db, trial_id).await?.ok_or_else(|| ApiError::not_found("trial"))
+}
+
+fn summary(head: TrialHead) -> TrialSummary {
+    TrialSummary {
+        trial_id: head.trial_id,
+        participant_id: head.participant_id,
+        participant_number: head.participant_number,
+        phase: head.phase,
+        index: head.index,
+        received_at_ms: head.received_at_ms,
+        outcome: head.outcome,
+        flags: head.flags,
+    }
+}

@@ -1,0 +1,32 @@
+//! The Sidestep server and command line.
+//!
+//! A resource is one vertical slice ([`studies`], [`participants`], [`trials`],
+//! [`value_functions`], [`laboratory`], [`exports`]); [`app`] holds the one table
+//! of routes; [`store`] is the only place that speaks SQL; each subcommand is one
+//! module of [`commands`].
+
+pub mod app;
+pub mod auth;
+pub mod clock;
+pub mod commands;
+pub mod config;
+pub mod content;
+pub mod error;
+pub mod exports;
+pub mod guard;
+pub mod json;
+pub mod laboratory;
+pub mod listen;
+pub mod metrics;
+pub mod params;
+pub mod participants;
+pub mod secrets;
+pub mod session;
+pub mod site;
+pub mod store;
+pub mod studies;
+pub mod throttle;
+pub mod training;
+pub mod trials;
+pub mod trials_csv;
+pub mod value_functions;

@@ -1,0 +1,61 @@
+//! The `sidestep` command: parse, call, report.
+
+use clap::{Parser, Subcommand};
+use sidestep_server::commands::{CommandError, check, export, import, serve};
+use std::io::IsTerminal;
+use std::process::ExitCode;
+use tracing_subscriber::EnvFilter;
+
+/// Collects, checks and serves studies of how people avoid a robot.
+#[derive(Debug, Parser)]
+#[command(name = "sidestep", version, after_help = EXIT_CODES)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+const EXIT_CODES: &str = "Exit codes: 0 done, 1 failure, 2 usage or bad input. Errors go to \
+                          stderr, results to stdout as JSON. RUST_LOG sets what is logged \
+                          [default: info].";
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    Serve(serve::ServeArgs),
+    Export(export::ExportArgs),
+    Import(import::ImportArgs),
+    Check(check::CheckArgs),
+}
+
+#[tokio::main]
+async fn main() -> ExitCode {
+    let cli = Cli::parse();
+    log_to_stderr();
+    match call(cli.command).await {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("sidestep: {error}");
+            ExitCode::from(error.exit_code())
+        }
+    }
+}
+
+async fn call(command: Command) -> Result<(), CommandError> {
+    match command {
+        Command::Serve(args) => serve::run(args).await,
+        Command::Export(args) => export::run(args).await,
+        Command::Import(args) => import::run(args).await,
+        Command::Check(args) => check::run(args).await,
+    }
+}
+
+fn log_to_stderr() {
+    // Statements are not logged: what is bound to them is nobody's business.
+    let filter =
+        EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("info,sqlx=error"));
+    tracing_subscriber::fmt()
+        .with_env_filter(filter)
+        .with_writer(std::io::stderr)
+        .with_ansi(std::io::stderr().is_terminal())
+        .with_target(false)
+        .init();
+}

@@ -1,0 +1,66 @@
+//! Liveness, readiness and counts, for whoever operates the server.
+
+use crate::app::App;
+use crate::error::ApiError;
+use crate::store::{participants, trials};
+use axum::extract::State;
+use axum::http::{StatusCode, header};
+use axum::response::IntoResponse;
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Requests served since the start, by status.
+#[derive(Debug, Default)]
+pub struct Metrics {
+    requests: Mutex<BTreeMap<u16, u64>>,
+}
+
+impl Metrics {
+    /// Counts an answer.
+    pub fn count(&self, status: StatusCode) {
+        let mut requests = self.requests.lock().unwrap_or_else(PoisonError::into_inner);
+        *requests.entry(status.as_u16()).or_default() += 1;
+    }
+}
+
+/// `GET /healthz`: the process answers.
+pub async fn healthz() -> &'static str {
+    "ok\n"
+}
+
+/// `GET /readyz`: the database answers too.
+pub async fn readyz(State(app): State<Arc<App>>) -> Result<&'static str, ApiError> {
+    app.store.ping().await.map_err(|error| {
+        tracing::error!(%error, "not ready");
+        let message = "the database does not answer";
+        ApiError::new(StatusCode::SERVICE_UNAVAILABLE, "not_ready", message)
+    })?;
+    Ok("ready\n")
+}
+
+/// `GET /metrics`: Prometheus text.
+pub async fn show(State(app): State<Arc<App>>) -> Result<impl IntoResponse, ApiError> {
+    let mut db = app.store.reader().await?;
+    let gauges = [
+        (
+            "sidestep_participants",
+            "People enrolled or imported.",
+            participants::count(&mut db).await?,
+        ),
+        ("sidestep_trials_stored", "Trials in the database.", trials::count(&mut db).await?),
+    ];
+    let mut text = String::new();
+    for (name, help, value) in gauges {
+        let _ = write!(text, "# HELP {name} {help}\n# TYPE {name} gauge\n{name} {value}\n");
+    }
+    let name = "sidestep_http_requests_total";
+    let _ =
+        write!(text, "# HELP {name} Requests answered since the start.\n# TYPE {name} counter\n");
+    let requests = app.metrics.requests.lock().unwrap_or_else(PoisonError::into_inner);
+    for (status, count) in requests.iter() {
+        let _ = writeln!(text, "{name}{{status=\"{status}\"}} {count}");
+    }
+    let kind = "text/plain; version=0.0.4; charset=utf-8";
+    Ok(([(header::CONTENT_TYPE, kind)], text))
+}

@@ -1,0 +1,59 @@
+//! Signing in to the laboratory, and out.
+
+use crate::app::App;
+use crate::auth::{Admin, COOKIE, address, check_key, session_cookie};
+use crate::clock::now_ms;
+use crate::error::ApiError;
+use crate::json::JsonBody;
+use crate::listen::Client;
+use crate::secrets;
+use crate::store::admin;
+use axum::extract::State;
+use axum::http::{HeaderMap, StatusCode, header};
+use axum::response::{AppendHeaders, IntoResponse, IntoResponseParts};
+use axum::{Extension, Json};
+use sidestep::api::{Session, SignIn};
+use std::sync::Arc;
+
+const LIFETIME_S: i64 = 30 * 24 * 3600;
+
+/// `POST /api/v1/admin/session`: a key for a cookie.
+pub async fn sign_in(
+    State(app): State<Arc<App>>,
+    client: Option<Extension<Client>>,
+    JsonBody(body): JsonBody<SignIn>,
+) -> Result<impl IntoResponse, ApiError> {
+    check_key(&app, &body.key, address(client.map(|Extension(it)| it))).await?;
+    let cookie = secrets::token()?;
+    let expires_at_ms = now_ms() + LIFETIME_S * 1000;
+    let mut db = app.store.write().await?;
+    admin::add_session(&mut db, &secrets::hash(&cookie), now_ms(), expires_at_ms).await?;
+    db.commit().await?;
+    let cookie = set_cookie(&cookie, LIFETIME_S);
+    Ok((cookie, Json(Session { signed_in: true })))
+}
+
+/// `GET /api/v1/admin/session`: 200 for whoever is signed in.
+pub async fn show(_: Admin) -> Json<Session> {
+    Json(Session { signed_in: true })
+}
+
+/// `DELETE /api/v1/admin/session`: the cookie is worth nothing any more.
+pub async fn sign_out(
+    State(app): State<Arc<App>>,
+    headers: HeaderMap,
+) -> Result<impl IntoResponse, ApiError> {
+    if let Some(cookie) = session_cookie(&headers) {
+        let mut db = app.store.write().await?;
+        admin::end_session(&mut db, &secrets::hash(cookie)).await?;
+        db.commit().await?;
+    }
+    Ok((StatusCode::NO_CONTENT, set_cookie("", 0)))
+}
+
+/// Lax: the sign-in link is followed from a terminal or a mail, and changes are
+/// guarded by the origin check anyway.
+fn set_cookie(value: &str, age_s: i64) -> impl IntoResponseParts + IntoResponse + use<> {
+    let cookie = format!("{COOKIE}={value}; Path=/; HttpOnly; SameSite=Lax; Max-Age={age_s}");
+    AppendHeaders([(header::SET_COOKIE, cookie)])
+}

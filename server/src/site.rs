@@ -1,0 +1,94 @@
+//! The client bundle: pages that are asked for anew each time, and assets whose
+//! names change with their content.
+
+use crate::app::App;
+use axum::Router;
+use axum::extract::{Request, State};
+use axum::http::{HeaderValue, StatusCode, header};
+use axum::middleware::{Next, from_fn};
+use axum::response::{IntoResponse, Redirect, Response};
+use axum::routing::get;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use tower_http::services::{ServeDir, ServeFile};
+
+/// A folder with a client bundle in it.
+#[derive(Clone, Debug)]
+pub struct Site {
+    folder: PathBuf,
+}
+
+const PAGES: [&str; 3] = ["index.html", "participant.html", "lab.html"];
+
+impl Site {
+    /// The bundle in `folder`.
+    ///
+    /// # Errors
+    /// One line that says what to do, if a page is missing.
+    pub fn open(folder: &Path) -> Result<Self, String> {
+        if PAGES.iter().all(|page| folder.join(page).is_file()) {
+            let folder = folder.to_owned();
+            return Ok(Self { folder });
+        }
+        let folder = folder.display();
+        Err(format!("no client bundle in {folder}: run 'cargo xtask build' or pass --static DIR"))
+    }
+}
+
+/// Where the bundle is unless one says otherwise: `site` beside the executable.
+#[must_use]
+pub fn default_folder() -> PathBuf {
+    let executable = std::env::current_exe().unwrap_or_default();
+    executable.with_file_name("site")
+}
+
+/// The pages and what they load, each compressed beforehand where it is.
+pub fn routes(site: &Site) -> Router<Arc<App>> {
+    let page =
+        |name: &str| ServeFile::new(site.folder.join(name)).precompressed_br().precompressed_gzip();
+    let pages = Router::new()
+        .route_service("/", page("index.html"))
+        .route_service("/s/{slug}", page("participant.html"))
+        .route_service("/lab", page("lab.html"))
+        .route_service("/lab/{*rest}", page("lab.html"))
+        .layer(from_fn(ask_again));
+    let assets = ServeDir::new(site.folder.join("assets"))
+        .append_index_html_on_directories(false)
+        .precompressed_br()
+        .precompressed_gzip();
+    let assets = Router::new().nest_service("/assets", assets).layer(from_fn(keep_forever));
+    let icon = site.folder.join("favicon.svg");
+    let icon = if icon.is_file() {
+        Router::new().route_service("/favicon.ico", ServeFile::new(icon))
+    } else {
+        Router::new().route("/favicon.ico", get(async || StatusCode::NO_CONTENT))
+    };
+    pages.merge(assets).merge(icon).route("/start", get(start))
+}
+
+/// `GET /start`: on to the study that this server is for.
+async fn start(State(app): State<Arc<App>>) -> Redirect {
+    Redirect::to(&format!("/s/{}", app.default_study))
+}
+
+async fn ask_again(request: Request, next: Next) -> Response {
+    with_cache_control(next.run(request).await, "no-cache")
+}
+
+/// Only what is there is there for ever: a name that is missing today, in the
+/// middle of a deployment, may exist tomorrow.
+async fn keep_forever(request: Request, next: Next) -> Response {
+    let answer = next.run(request).await;
+    match answer.status() {
+        status if status.is_success() => {
+            with_cache_control(answer, "public, max-age=31536000, immutable")
+        }
+        StatusCode::NOT_FOUND => crate::error::ApiError::not_found("file").into_response(),
+        _ => answer,
+    }
+}
+
+fn with_cache_control(mut answer: Response, value: &'static str) -> Response {
+    answer.headers_mut().insert(header::CACHE_CONTROL, HeaderValue::from_static(value));
+    answer
+}

@@ -1,0 +1,81 @@
+//! Numbers as octets: compact, and the same bits when they come back.
+
+use sidestep::scene::JointState;
+use sidestep::vehicle::{Pose, TurnInput};
+
+/// Little-endian doubles.
+#[must_use]
+pub fn pack(numbers: impl IntoIterator<Item = f64>) -> Vec<u8> {
+    numbers.into_iter().flat_map(f64::to_le_bytes).collect()
+}
+
+/// The numbers that [`pack`] packed; a rest of fewer than eight octets is dropped.
+#[must_use]
+pub fn unpack(octets: &[u8]) -> Vec<f64> {
+    let (chunks, _) = octets.as_chunks::<8>();
+    chunks.iter().map(|&chunk| f64::from_le_bytes(chunk)).collect()
+}
+
+/// Six doubles a state.
+#[must_use]
+pub fn pack_states(states: &[JointState]) -> Vec<u8> {
+    pack(states.iter().flat_map(|state| {
+        let ([a, b, c], [d, e, f]) = (state.human.into(), state.robot.into());
+        [a, b, c, d, e, f]
+    }))
+}
+
+/// The states that [`pack_states`] packed.
+#[must_use]
+pub fn unpack_states(octets: &[u8]) -> Vec<JointState> {
+    let numbers = unpack(octets);
+    let (states, _) = numbers.as_chunks::<6>();
+    let state = |&[a, b, c, d, e, f]: &[f64; 6]| JointState {
+        human: Pose::from([a, b, c]),
+        robot: Pose::from([d, e, f]),
+    };
+    states.iter().map(state).collect()
+}
+
+/// One signed octet an input.
+#[must_use]
+pub fn pack_inputs(inputs: &[TurnInput]) -> Vec<u8> {
+    inputs.iter().map(|input| input.sign().cast_unsigned()).collect()
+}
+
+/// The inputs that [`pack_inputs`] packed.
+///
+/// # Errors
+/// If an octet is none of −1, 0, 1.
+pub fn unpack_inputs(octets: &[u8]) -> Result<Vec<TurnInput>, sidestep::invalid::Invalid> {
+    octets.iter().map(|octet| TurnInput::try_from(i64::from(octet.cast_signed()))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_bit_comes_back() {
+        let odd = [-0.0, f64::MIN_POSITIVE / 2.0, 0.1 + 0.2, -1e300];
+        let again = unpack(&pack(odd));
+        assert_eq!(again.map_bits(), odd.to_vec().map_bits());
+        let states = [JointState {
+            human: Pose::from([1.0, -2.5, 3.0]),
+            robot: Pose::from([0.1, 0.2, -3.5]),
+        }];
+        assert_eq!(unpack_states(&pack_states(&states)), states);
+        let inputs = TurnInput::ALL;
+        assert_eq!(unpack_inputs(&pack_inputs(&inputs)).unwrap(), inputs);
+        assert!(unpack_inputs(&[7]).is_err());
+    }
+
+    trait MapBits {
+        fn map_bits(self) -> Vec<u64>;
+    }
+    impl MapBits for Vec<f64> {
+        fn map_bits(self) -> Vec<u64> {
+            self.into_iter().map(f64::to_bits).collect()
+        }
+    }
+}

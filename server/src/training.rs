@@ -1,0 +1,144 @@
+//! A predictor from what one person drove: composes the library, decides nothing.
+
+use sidestep::api::TrainedPredictor;
+use sidestep::dataset::Dataset;
+use sidestep::features::{FeatureSet, SafetyFunctions};
+use sidestep::invalid::Invalid;
+use sidestep::predict::Predictor;
+use sidestep::predict::logistic::{Logistic, LogisticSettings};
+use sidestep::predict::scale::Scale;
+use sidestep::scene::{JointState, SceneParameters};
+use sidestep::vehicle::TurnInput;
+
+/// One trial to learn from.
+pub type Driven = (Vec<TurnInput>, Vec<JointState>);
+
+/// With fewer trials, a learned model says more about chance than about the person.
+const MIN_TRIALS: usize = 5;
+
+/// A logistic regression on B_hrd (experiment I: which way), or constant
+/// probabilities with the reason why.
+///
+/// # Errors
+/// [`Invalid`] only for features or probabilities that do not fit, our own fault.
+pub fn train(parameters: &SceneParameters, trials: &[Driven]) -> Result<TrainedPredictor, Invalid> {
+    let learned = enough(trials).and_then(|()| {
+        learn(parameters, trials).map_err(|invalid| format!("the fit failed: {invalid}"))
+    });
+    let (predictor, fallback) = match learned {
+        Ok(predictor) => (predictor, None),
+        Err(reason) => (frequencies(trials)?, Some(reason)),
+    };
+    Ok(TrainedPredictor { predictor: (&predictor).into(), trials: trials.len(), fallback })
+}
+
+fn enough(trials: &[Driven]) -> Result<(), String> {
+    let n = trials.len();
+    if n < MIN_TRIALS {
+        return Err(format!(
+            "a model is learned from {MIN_TRIALS} earlier trials or more and there are {n}: \
+             these are the frequencies of the inputs so far"
+        ));
+    }
+    let mut inputs = trials.iter().flat_map(|(inputs, _)| inputs);
+    let first = inputs.next();
+    if inputs.all(|input| Some(input) == first) {
+        let word = first.map_or("no", |input| input.word());
+        return Err(format!(
+            "the {n} earlier trials hold one kind of input only ({word}): \
+             these are the frequencies of the inputs so far"
+        ));
+    }
+    Ok(())
+}
+
+/// Only inputs that occur are classes: nothing is known of the others.
+fn learn(parameters: &SceneParameters, trials: &[Driven]) -> Result<Predictor, Invalid> {
+    let value = parameters.value_function()?;
+    let safety = SafetyFunctions { human: value.clone(), robot: value };
+    let features = FeatureSet::subset("hrd")?;
+    let rows = trials.iter().map(|(inputs, states)| (&inputs[..], &states[..]));
+    let data = Dataset::from_trials(&features, &safety, rows);
+    let occurring: Vec<TurnInput> = TurnInput::ALL
+        .into_iter()
+        .zip(data.class_counts())
+        .filter_map(|(input, count)| (count > 0).then_some(input))
+        .collect();
+    let scale = Scale::fit(features.len(), &data.values);
+    let width = features.len();
+    let values: Vec<f64> = (0..)
+        .zip(&data.values)
+        .map(|(i, &value): (usize, _)| scale.apply(i % width, value))
+        .collect();
+    let class = |label: &TurnInput| occurring.iter().position(|input| input == label);
+    let labels: Vec<usize> = data.labels.iter().filter_map(class).collect();
+    let settings = LogisticSettings::default();
+    let model = Logistic::fit(width, &values, &labels, occurring.len(), settings)?;
+    let classes = occurring.into_iter().map(TurnInput::sign).collect();
+    Ok(Predictor::logistic(features, classes, scale, model))
+}
+
+/// (n_c + 1) / (n + 3): nothing is impossible because it was not seen.
+fn frequencies(trials: &[Driven]) -> Result<Predictor, Invalid> {
+    let inputs = || trials.iter().flat_map(|(inputs, _)| inputs);
+    let total = inputs().count() as f64 + 3.0;
+    let share = |class: TurnInput| {
+        let count = inputs().filter(|&&input| input == class).count();
+        (count as f64 + 1.0) / total
+    };
+    let classes = TurnInput::ALL.map(TurnInput::sign).to_vec();
+    let features = FeatureSet::subset("hrd")?;
+    Predictor::constant(features, classes, TurnInput::ALL.map(share).to_vec())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use sidestep::scene::{EncounterRange, generate};
+    use sidestep::trial::simulate;
+
+    fn driven(count: usize, turn: TurnInput) -> Vec<Driven> {
+        let parameters = SceneParameters::default();
+        let scenes = generate(&parameters, &EncounterRange::default(), count, 3).unwrap();
+        let drive = |(scene, _): &(sidestep::scene::Scene, _)| {
+            let mut inputs = vec![TurnInput::Straight; parameters.steps];
+            inputs[10..25].fill(turn);
+            let states = simulate(&parameters, scene.start(), &inputs);
+            (inputs, states)
+        };
+        scenes.iter().map(drive).collect()
+    }
+
+    #[test]
+    fn a_model_of_the_classes_that_occur() {
+        let trained = train(&SceneParameters::default(), &driven(5, TurnInput::Left)).unwrap();
+        assert_eq!(trained.fallback, None);
+        assert_eq!(trained.predictor.kind, "logistic");
+        assert_eq!(trained.predictor.classes, [0, 1]);
+        assert_eq!(trained.trials, 5);
+    }
+
+    #[test]
+    fn frequencies_where_there_is_too_little() {
+        let check = |trials: &[Driven], probabilities: [f64; 3], word: &str| {
+            let trained = train(&SceneParameters::default(), trials).unwrap();
+            assert_eq!(trained.predictor.kind, "constant");
+            assert_eq!(trained.predictor.classes, [-1, 0, 1]);
+            assert_eq!(trained.predictor.probabilities.unwrap(), probabilities);
+            assert!(trained.fallback.unwrap().contains(word));
+        };
+        check(&[], [1.0 / 3.0; 3], "there are 0");
+        let one = driven(1, TurnInput::Right);
+        check(&one, [16.0 / 53.0, 36.0 / 53.0, 1.0 / 53.0], "there are 1");
+        let straight = driven(5, TurnInput::Straight);
+        check(&straight, [1.0 / 253.0, 251.0 / 253.0, 1.0 / 253.0], "(straight)");
+    }
+
+    #[test]
+    fn different_vehicles_have_no_value_function_yet() {
+        let mut parameters = SceneParameters::default();
+        parameters.robot.speed_mps = 1.0;
+        let trained = train(&parameters, &driven(5, TurnInput::Left)).unwrap();
+        assert!(trained.fallback.unwrap().contains("same vehicle"));
+    }
+}

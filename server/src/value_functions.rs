@@ -1,0 +1,35 @@
+//! Octets of value functions, for ever the same under an address.
+
+use crate::app::App;
+use crate::error::ApiError;
+use crate::params::PathText;
+use crate::store::value_functions::find;
+use axum::extract::State;
+use axum::http::{HeaderMap, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use std::sync::Arc;
+
+const IMMUTABLE: &str = "public, max-age=31536000, immutable";
+
+/// `GET /api/v1/value-functions/{id}`.
+pub async fn show(
+    State(app): State<Arc<App>>,
+    PathText(id): PathText,
+    headers: HeaderMap,
+) -> Result<Response, ApiError> {
+    let octets = find(&mut *app.store.reader().await?, &id)
+        .await?
+        .ok_or_else(|| ApiError::not_found("value function"))?;
+    // Weak, because the same octets travel under several codings.
+    let tag = format!("W/\"{id}\"");
+    let cached = headers
+        .get(header::IF_NONE_MATCH)
+        .and_then(|value| value.to_str().ok())
+        .is_some_and(|tags| tags.contains(&id));
+    let fixed = [(header::CACHE_CONTROL, IMMUTABLE.to_owned()), (header::ETAG, tag)];
+    if cached {
+        return Ok((StatusCode::NOT_MODIFIED, fixed).into_response());
+    }
+    let kind = [(header::CONTENT_TYPE, "application/octet-stream")];
+    Ok((fixed, kind, octets).into_response())
+}

@@ -1,0 +1,109 @@
+//! A participant: enrols, drives, uploads.
+
+use crate::{Answer, Server};
+use reqwest::{Method, RequestBuilder};
+use serde_json::{Map, json};
+use sidestep::api::{Enrolled, KeyEvent, TrialUpload, routes};
+use sidestep::scene::{Scene, SceneParameters};
+use sidestep::trial::simulate;
+use sidestep::vehicle::TurnInput;
+
+/// An honest upload of a scene driven with these inputs.
+#[must_use]
+pub fn upload(scene: &Scene, inputs: Vec<TurnInput>) -> TrialUpload {
+    let states = simulate(&SceneParameters::default(), scene.start(), &inputs);
+    let key = |t_ms, down| KeyEvent { t_ms, key: "ArrowLeft".to_owned(), down };
+    TrialUpload {
+        started_at_ms: 1_760_000_000_123.25,
+        inputs,
+        states,
+        sampled_at_ms: on_time(),
+        key_events: vec![key(1990.5, true), key(5012.0, false)],
+        display: Map::from_iter([("refresh_hz".to_owned(), json!(60.0))]),
+    }
+}
+
+/// The scene, driven straight with a turn to the left from 2 s to 5 s.
+#[must_use]
+pub fn driven(scene: &Scene) -> TrialUpload {
+    let mut inputs = vec![TurnInput::Straight; 50];
+    inputs[10..25].fill(TurnInput::Left);
+    upload(scene, inputs)
+}
+
+/// Sampling times of a good machine: a few milliseconds after each step's start.
+#[must_use]
+pub fn on_time() -> Vec<f64> {
+    (0..50).map(|step| f64::from(step) * 200.0 + 3.7).collect()
+}
+
+/// Someone who takes part.
+#[derive(Clone, Debug)]
+pub struct Driver {
+    /// What the server said at the enrolment.
+    pub enrolled: Enrolled,
+}
+
+impl Driver {
+    /// Someone new, in the study `default`.
+    pub async fn enrol(server: &Server) -> Self {
+        let answer = Self::ask(server, json!({ "consent": true })).await;
+        Self { enrolled: answer.into(201) }
+    }
+
+    /// The answer to an enrolment with this body.
+    pub async fn ask(server: &Server, body: serde_json::Value) -> Answer {
+        let request = server.request(Method::POST, &routes::participants("default"));
+        Answer::of(request.json(&body)).await
+    }
+
+    /// A request with this person's token.
+    #[must_use]
+    pub fn request(&self, server: &Server, method: Method, route: &str) -> RequestBuilder {
+        server.request(method, route).bearer_auth(&self.enrolled.token)
+    }
+
+    /// Every scene of the plan with its trial's id, in order.
+    #[must_use]
+    pub fn scenes(&self) -> Vec<(String, Scene)> {
+        let pair = |scene: &sidestep::api::PlannedScene| (scene.trial_id.clone(), scene.scene);
+        self.enrolled.plan.scenes().map(|(_, s)| pair(s)).collect()
+    }
+
+    /// The answer to an upload.
+    pub async fn send(&self, server: &Server, trial_id: &str, trial: &TrialUpload) -> Answer {
+        let request = self.request(server, Method::PUT, &routes::my_trial(trial_id));
+        Answer::of(request.json(trial)).await
+    }
+
+    /// Drives the first `count` scenes and returns what was sent.
+    ///
+    /// # Panics
+    /// If an upload is not stored.
+    pub async fn drive(&self, server: &Server, count: usize) -> Vec<(String, TrialUpload)> {
+        let mut sent = Vec::new();
+        for (trial_id, scene) in self.scenes().into_iter().take(count) {
+            let trial = driven(&scene);
+            let answer = self.send(server, &trial_id, &trial).await;
+            assert_eq!(answer.status, 201, "{}", answer.body);
+            sent.push((trial_id, trial));
+        }
+        sent
+    }
+
+    /// The answer to a completion.
+    pub async fn complete(&self, server: &Server) -> Answer {
+        Answer::of(self.request(server, Method::POST, routes::COMPLETE)).await
+    }
+
+    /// The answer to "where am I".
+    pub async fn me(&self, server: &Server) -> Answer {
+        Answer::of(self.request(server, Method::GET, routes::ME)).await
+    }
+
+    /// The answer to a withdrawal.
+    pub async fn withdraw(&self, server: &Server, data: &str) -> Answer {
+        let route = format!("{}?data={data}", routes::ME);
+        Answer::of(self.request(server, Method::DELETE, &route)).await
+    }
+}

@@ -1,0 +1,57 @@
+//! What tests of the whole are written with: a server on a free port with its own
+//! database and a small site, people who drive, and the command as a process.
+//! Everything is gone when it is dropped.
+
+pub mod driver;
+pub mod process;
+pub mod server;
+
+pub use driver::{Driver, driven, on_time, upload};
+pub use process::{Process, sidestep};
+pub use server::Server;
+
+use serde_json::Value;
+
+/// The answer to a request: status, and the body as JSON (null where it is none).
+#[derive(Debug)]
+pub struct Answer {
+    /// Status.
+    pub status: u16,
+    /// Body.
+    pub body: Value,
+}
+
+impl Answer {
+    /// Sends a request and reads its whole answer.
+    ///
+    /// # Panics
+    /// If the server cannot be reached.
+    pub async fn of(request: reqwest::RequestBuilder) -> Self {
+        let response = request.send().await.expect("an answer");
+        let status = response.status().as_u16();
+        let octets = response.bytes().await.expect("a body");
+        let body = serde_json::from_slice(&octets).unwrap_or(Value::Null);
+        Self { status, body }
+    }
+
+    /// Checks that this is a problem of that status, code and field, and returns
+    /// its message.
+    ///
+    /// # Panics
+    /// If it is not.
+    pub fn problem(&self, status: u16, code: &str, field: Option<&str>) -> &str {
+        assert_eq!(self.status, status, "{}", self.body);
+        assert_eq!(self.body["code"], code, "{}", self.body);
+        assert_eq!(self.body["field"].as_str(), field, "{}", self.body);
+        self.body["message"].as_str().expect("a message")
+    }
+
+    /// The body as a `T`.
+    ///
+    /// # Panics
+    /// If the status is another one or the body is no `T`.
+    pub fn into<T: serde::de::DeserializeOwned>(self, status: u16) -> T {
+        assert_eq!(self.status, status, "{}", self.body);
+        serde_json::from_value(self.body).expect("the body's type")
+    }
+}

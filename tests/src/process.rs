@@ -1,0 +1,96 @@
+//! The `sidestep` command as a process: exit codes, output, sudden death.
+
+use crate::server::write_site;
+use std::path::{Path, PathBuf};
+use std::process::{Output, Stdio};
+use std::sync::OnceLock;
+use tempfile::TempDir;
+use tokio::io::{AsyncBufReadExt, BufReader, Lines};
+use tokio::process::{Child, ChildStdout, Command};
+
+/// The command: SIDESTEP_BIN, or else built now.
+///
+/// # Panics
+/// If it cannot be built.
+pub fn binary() -> &'static Path {
+    static BINARY: OnceLock<PathBuf> = OnceLock::new();
+    BINARY.get_or_init(|| {
+        if let Some(given) = std::env::var_os("SIDESTEP_BIN") {
+            return given.into();
+        }
+        let built = std::process::Command::new(env!("CARGO"))
+            .args(["build", "--package", "sidestep-server", "--bin", "sidestep"])
+            .current_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/.."))
+            .status()
+            .expect("cargo");
+        assert!(built.success(), "sidestep does not build");
+        // A test's executable is in target/PROFILE/deps.
+        let test = std::env::current_exe().expect("an executable");
+        let target = test.ancestors().nth(3).expect("a target folder");
+        target.join("debug").join("sidestep")
+    })
+}
+
+/// Runs the command to its end.
+///
+/// # Panics
+/// If it cannot be run.
+pub async fn sidestep(args: &[&str]) -> Output {
+    let mut command = Command::new(binary());
+    command.args(args).env_remove("SIDESTEP_ADMIN_KEY");
+    command.kill_on_drop(true).output().await.expect("sidestep")
+}
+
+/// `sidestep serve` with its own folder; killed when dropped.
+pub struct Process {
+    /// `http://127.0.0.1:PORT`.
+    pub origin: String,
+    /// What it said when it was ready.
+    pub announcement: Vec<String>,
+    child: Child,
+    // Kept open: a server whose stdout is gone could not print.
+    _stdout: Lines<BufReader<ChildStdout>>,
+}
+
+impl Process {
+    /// Starts in `folder`, with a database there and further arguments.
+    ///
+    /// # Panics
+    /// If it does not become ready.
+    pub async fn start(folder: &TempDir, further: &[&str]) -> Self {
+        let site = folder.path().join("site");
+        write_site(&site);
+        let database = format!("sqlite:{}", folder.path().join("sidestep.db").display());
+        let mut child = Command::new(binary())
+            .args(["serve", "--listen", "127.0.0.1:0", "--database", &database])
+            .arg("--static")
+            .arg(&site)
+            .args(further)
+            .env_remove("SIDESTEP_ADMIN_KEY")
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .kill_on_drop(true)
+            .spawn()
+            .expect("sidestep serve");
+        let stdout = child.stdout.take().expect("its stdout");
+        let mut lines = BufReader::new(stdout).lines();
+        let mut announcement = Vec::new();
+        let origin = loop {
+            let line = lines.next_line().await.expect("a line");
+            let line = line.expect("a server that becomes ready");
+            announcement.push(line.clone());
+            if let Some((_, address)) = line.split_once("laboratory    ") {
+                break address.trim_end_matches("/lab").to_owned();
+            }
+        };
+        Self { origin, announcement, child, _stdout: lines }
+    }
+
+    /// SIGKILL, as a power cut or an operator's last resort would.
+    ///
+    /// # Panics
+    /// If it cannot be killed.
+    pub async fn kill(mut self) {
+        self.child.kill().await.expect("a kill");
+    }
+}
