@@ -191,7 +191,9 @@ fn plan(config: &StudyConfig, rows: &[PlannedRow]) -> Plan {
     let scene = |row: &PlannedRow| PlannedScene {
         trial_id: row.trial_id.clone(),
         index: row.index,
-        scene: row.scene,
+        human: row.scene.human,
+        robot: row.scene.robot,
+        goal: row.scene.goal,
     };
     let phase = |phase: &sidestep::study::PhaseConfig| PlannedPhase {
         phase: phase.phase,

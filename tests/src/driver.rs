@@ -66,7 +66,7 @@ impl Driver {
     /// Every scene of the plan with its trial's id, in order.
     #[must_use]
     pub fn scenes(&self) -> Vec<(String, Scene)> {
-        let pair = |scene: &sidestep::api::PlannedScene| (scene.trial_id.clone(), scene.scene);
+        let pair = |scene: &sidestep::api::PlannedScene| (scene.trial_id.clone(), scene.scene());
         self.enrolled.plan.scenes().map(|(_, s)| pair(s)).collect()
     }
 

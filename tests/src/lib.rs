@@ -2,10 +2,12 @@
 //! database and a small site, people who drive, and the command as a process.
 //! Everything is gone when it is dropped.
 
+pub mod browser;
 pub mod driver;
 pub mod process;
 pub mod server;
 
+pub use browser::{Browser, Tab};
 pub use driver::{Driver, driven, on_time, upload};
 pub use process::{Process, sidestep};
 pub use server::Server;

@@ -1,6 +1,7 @@
 //! A server within the test, as a browser or a script sees it.
 
 use crate::Answer;
+use crate::process::binary;
 use reqwest::{Client, Method, RequestBuilder};
 use sidestep::api::routes;
 use sidestep_server::commands::serve::{Running, ServeArgs, start};
@@ -26,7 +27,16 @@ pub struct Server {
     /// Sends requests; keeps no cookies.
     pub client: Client,
     folder: TempDir,
+    site: PathBuf,
     running: Running,
+}
+
+/// A server that was stopped, with its database and its address.
+pub struct Stopped {
+    folder: TempDir,
+    site: PathBuf,
+    listen: String,
+    key: String,
 }
 
 impl Server {
@@ -35,34 +45,43 @@ impl Server {
         Self::with_study("").await
     }
 
-    /// A study file over the paper's study.
+    /// A study file over the paper's study, and a site of nothing but names.
     ///
     /// # Panics
     /// If the server does not start.
     pub async fn with_study(study: &str) -> Self {
         let folder = TempDir::new().expect("a folder");
+        let site = folder.path().join("site");
+        write_site(&site);
+        Self::first(folder, study, site).await
+    }
+
+    /// A study file over the paper's study, and the site that users get: the one
+    /// beside the `sidestep` command.
+    ///
+    /// # Panics
+    /// If the server does not start, for want of a built client say.
+    pub async fn with_client(study: &str) -> Self {
+        let site = binary().with_file_name("site");
+        Self::first(TempDir::new().expect("a folder"), study, site).await
+    }
+
+    async fn first(folder: TempDir, study: &str, site: PathBuf) -> Self {
         std::fs::write(folder.path().join("study.toml"), study).expect("a study file");
-        write_site(&folder.path().join("site"));
-        let running = start(&args(folder.path()), None).await.expect("a server");
-        let key = running.new_key.clone().expect("a key at the first start");
-        Self {
-            origin: format!("http://{}", running.address),
-            key,
-            client: Client::new(),
-            folder,
-            running,
-        }
+        let listen = "127.0.0.1:0".to_owned();
+        Stopped { folder, site, listen, key: String::new() }.start().await
+    }
+
+    /// Stops the server.
+    pub async fn stop(self) -> Stopped {
+        let listen = self.running.address.to_string();
+        self.running.stop().await;
+        Stopped { folder: self.folder, site: self.site, listen, key: self.key }
     }
 
     /// Stops the server and starts it again on the same database.
-    ///
-    /// # Panics
-    /// If it does not start again.
     pub async fn restarted(self) -> Self {
-        self.running.stop().await;
-        let running = start(&args(self.folder.path()), None).await.expect("a server again");
-        assert_eq!(running.new_key, None, "the key is shown once");
-        Self { origin: format!("http://{}", running.address), running, ..self }
+        self.stop().await.start().await
     }
 
     /// The database's address for commands.
@@ -106,18 +125,36 @@ impl Server {
     }
 }
 
-fn database(folder: &Path) -> String {
-    format!("sqlite:{}", folder.join("sidestep.db").display())
+impl Stopped {
+    /// Starts the server, again at the address that it had.
+    ///
+    /// # Panics
+    /// If it does not start, or shows its key a second time.
+    pub async fn start(self) -> Server {
+        let args = ServeArgs {
+            listen: self.listen,
+            database: database(self.folder.path()),
+            study: Some(self.folder.path().join("study.toml")),
+            site: Some(self.site.clone()),
+            new_admin_key: false,
+        };
+        let running = start(&args, None).await.expect("a server");
+        let first = self.key.is_empty();
+        assert_eq!(running.new_key.is_some(), first, "the key is shown once, at the first start");
+        let key = running.new_key.clone().unwrap_or(self.key);
+        Server {
+            origin: format!("http://{}", running.address),
+            key,
+            client: Client::new(),
+            folder: self.folder,
+            site: self.site,
+            running,
+        }
+    }
 }
 
-fn args(folder: &Path) -> ServeArgs {
-    ServeArgs {
-        listen: "127.0.0.1:0".to_owned(),
-        database: database(folder),
-        study: Some(folder.join("study.toml")),
-        site: Some(folder.join("site")),
-        new_admin_key: false,
-    }
+fn database(folder: &Path) -> String {
+    format!("sqlite:{}", folder.join("sidestep.db").display())
 }
 
 /// A client bundle of nothing but names.

@@ -1,0 +1,146 @@
+//! Curves to polylines with a stated error.
+
+use crate::invalid::Invalid;
+use crate::math::{hypot, wrap_angle};
+use nalgebra::Complex;
+
+/// How finely the boundary of a reachable set is drawn.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PolygonSettings {
+    accuracy_m: f64,
+    least_pieces: usize,
+}
+
+impl PolygonSettings {
+    /// `accuracy_m`: how far, m, the polygon's edges may lie from the true
+    /// boundary (the vertices lie on it); 10⁻⁶ to 1.
+    /// `least_pieces`: edges that each of the boundary's curves gets at least,
+    /// however short it is, so that small sets keep their shape; 1 to 1000.
+    ///
+    /// # Errors
+    /// [`Invalid`] for a value outside these ranges.
+    pub fn new(accuracy_m: f64, least_pieces: usize) -> Result<Self, Invalid> {
+        if !(1e-6..=1.0).contains(&accuracy_m) {
+            return Err(Invalid::new("accuracy_m", "10⁻⁶ to 1 m", accuracy_m));
+        }
+        if !(1..=1000).contains(&least_pieces) {
+            return Err(Invalid::new("least_pieces", "1 to 1000", least_pieces));
+        }
+        Ok(Self { accuracy_m, least_pieces })
+    }
+
+    /// Largest distance, m, between the polygon's edges and the true boundary.
+    #[must_use]
+    pub fn accuracy_m(&self) -> f64 {
+        self.accuracy_m
+    }
+
+    /// Least number of edges along each of the boundary's curves.
+    #[must_use]
+    pub fn least_pieces(&self) -> usize {
+        self.least_pieces
+    }
+}
+
+impl Default for PolygonSettings {
+    /// 0.1 mm and 16 edges a curve.
+    fn default() -> Self {
+        Self { accuracy_m: 1e-4, least_pieces: 16 }
+    }
+}
+
+/// A point of a curve, and the direction in which the curve runs there.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Sample {
+    /// In the human's frame, seconds of travel.
+    pub(super) point: Complex<f64>,
+    /// Angle of the tangent or of the normal, rad: only its change counts.
+    pub(super) angle: f64,
+}
+
+/// A curve is halved at most this many times between two given parameters.
+pub(super) const MOST_HALVINGS: u32 = 12;
+
+/// Appends points of `curve` for parameters in (from, to], so close that its
+/// chords stay within `tolerance` of it. Between neighbours the curve is taken
+/// to turn one way only, so it lies in the triangle of chord and tangents.
+pub(super) fn sample(
+    curve: &impl Fn(f64) -> Sample,
+    (from, to): (f64, f64),
+    pieces: usize,
+    tolerance: f64,
+    points: &mut Vec<Complex<f64>>,
+) {
+    let mut start = (from, curve(from));
+    for i in 1..=pieces {
+        let parameter = from + (to - from) * (i as f64 / pieces as f64);
+        let end = (parameter, curve(parameter));
+        halve(curve, start, end, tolerance, MOST_HALVINGS, points);
+        start = end;
+    }
+}
+
+fn halve(
+    curve: &impl Fn(f64) -> Sample,
+    start: (f64, Sample),
+    end: (f64, Sample),
+    tolerance: f64,
+    halvings: u32,
+    points: &mut Vec<Complex<f64>>,
+) {
+    if halvings == 0 || triangle_height(start.1, end.1) <= tolerance {
+        points.push(end.1.point);
+        return;
+    }
+    let parameter = 0.5 * (start.0 + end.0);
+    let middle = (parameter, curve(parameter));
+    halve(curve, start, middle, tolerance, halvings - 1, points);
+    halve(curve, middle, end, tolerance, halvings - 1, points);
+}
+
+/// Most that the height of a triangle can be whose base is the chord and whose
+/// other sides are the tangents: (base/2)·tan(turn/2), rounded up.
+pub(super) fn triangle_height(a: Sample, b: Sample) -> f64 {
+    let base = hypot(b.point.re - a.point.re, b.point.im - a.point.im);
+    let turn = wrap_angle(b.angle - a.angle).abs();
+    if base == 0.0 {
+        0.0
+    } else if turn > 1.0 {
+        f64::INFINITY
+    } else {
+        // tan(x/2) ≤ 0.5464 x up to x = 1.
+        0.2732 * base * turn
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::{PI, sin_cos};
+
+    #[test]
+    fn a_circle_is_met_within_the_tolerance() {
+        let circle = |angle: f64| {
+            let (sin, cos) = sin_cos(angle);
+            Sample { point: Complex::new(cos, sin), angle }
+        };
+        for tolerance in [1e-2, 1e-3, 1e-5] {
+            let mut points = vec![circle(0.0).point];
+            sample(&circle, (0.0, PI), 3, tolerance, &mut points);
+            for pair in points.windows(2) {
+                let middle = (pair[0] + pair[1]) * 0.5;
+                assert!(1.0 - hypot(middle.re, middle.im) <= tolerance);
+            }
+            let fewest = PI / (8.0 * tolerance).sqrt();
+            assert!((points.len() as f64) < 4.0 * fewest + 4.0, "{tolerance}");
+        }
+    }
+
+    #[test]
+    fn settings_out_of_range_are_refused() {
+        assert_eq!(PolygonSettings::new(0.0, 8).unwrap_err().field, "accuracy_m");
+        assert!(PolygonSettings::new(f64::NAN, 8).is_err());
+        assert!(PolygonSettings::new(1e-3, 0).is_err());
+        assert!(PolygonSettings::new(1e-3, 8).is_ok());
+    }
+}

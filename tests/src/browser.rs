@@ -1,0 +1,283 @@
+//! A real browser: headless Chromium with a profile of its own, real key presses
+//! and pictures.
+
+use chromiumoxide::cdp::browser_protocol::emulation::{
+    MediaFeature, SetDeviceMetricsOverrideParams, SetEmulatedMediaParams,
+};
+use chromiumoxide::cdp::browser_protocol::input::{DispatchKeyEventParams, DispatchKeyEventType};
+use chromiumoxide::cdp::js_protocol::runtime::{EventConsoleApiCalled, EventExceptionThrown};
+use chromiumoxide::page::ScreenshotParams;
+use chromiumoxide::{BrowserConfig, Page};
+use futures_util::StreamExt;
+use image::RgbaImage;
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
+use tempfile::TempDir;
+use tokio::task::JoinHandle;
+
+/// A browser; it ends when it is dropped.
+pub struct Browser {
+    browser: chromiumoxide::Browser,
+    events: JoinHandle<()>,
+    _profile: TempDir,
+}
+
+/// How long anything may take to appear. Far more than is needed: a test that
+/// waits so long has failed.
+const PATIENCE: Duration = Duration::from_secs(30);
+
+/// Width and height of a window, CSS pixels.
+pub const WIDE: (u32, u32) = (1280, 800);
+/// The same for a telephone.
+pub const NARROW: (u32, u32) = (390, 844);
+
+fn chromium() -> PathBuf {
+    if let Some(given) = std::env::var_os("SIDESTEP_CHROMIUM") {
+        return given.into();
+    }
+    let path = std::env::var_os("PATH").unwrap_or_default();
+    let names = ["chromium", "chromium-browser", "google-chrome"];
+    let found = std::env::split_paths(&path)
+        .flat_map(|folder| names.map(|name| folder.join(name)))
+        .find(|candidate| candidate.is_file());
+    found.expect("Chromium: run the tests with `cargo xtask test`, which installs it")
+}
+
+impl Browser {
+    /// Starts a browser.
+    ///
+    /// # Panics
+    /// If it does not start.
+    pub async fn start() -> Self {
+        let profile = TempDir::new().expect("a folder");
+        let config = BrowserConfig::builder()
+            .chrome_executable(chromium())
+            .no_sandbox()
+            .new_headless_mode()
+            .user_data_dir(profile.path())
+            .window_size(WIDE.0, WIDE.1)
+            .args([
+                "disable-gpu",
+                "disable-background-networking",
+                "disable-component-update",
+                "disable-sync",
+                "no-first-run",
+                "mute-audio",
+            ])
+            .build()
+            .expect("a configuration");
+        let (browser, mut handler) =
+            chromiumoxide::Browser::launch(config).await.expect("Chromium starts");
+        let events = tokio::spawn(async move {
+            while let Some(event) = handler.next().await {
+                // Messages of a newer Chromium that this version does not know are no matter.
+                drop(event);
+            }
+        });
+        Self { browser, events, _profile: profile }
+    }
+
+    /// Opens an address in a new tab of 1280 × 800, light.
+    ///
+    /// # Panics
+    /// If it cannot be opened.
+    pub async fn open(&self, url: &str) -> Tab {
+        let page = self.browser.new_page("about:blank").await.expect("a tab");
+        let complaints = Arc::new(Mutex::new(Vec::new()));
+        let mut thrown = page.event_listener::<EventExceptionThrown>().await.expect("events");
+        let mut called = page.event_listener::<EventConsoleApiCalled>().await.expect("events");
+        let (first, second) = (Arc::clone(&complaints), Arc::clone(&complaints));
+        tokio::spawn(async move {
+            while let Some(event) = thrown.next().await {
+                first.lock().expect("a list").push(format!("{:?}", event.exception_details));
+            }
+        });
+        tokio::spawn(async move {
+            while let Some(event) = called.next().await {
+                let words: Vec<_> = event.args.iter().filter_map(|arg| arg.value.clone()).collect();
+                second.lock().expect("a list").push(format!("{words:?}"));
+            }
+        });
+        let tab = Tab { page, complaints };
+        tab.look(WIDE, false).await;
+        tab.go(url).await;
+        tab
+    }
+
+    /// Ends the browser and waits until it has.
+    pub async fn close(mut self) {
+        // One that is gone already is closed.
+        let _ = self.browser.close().await;
+        let _ = self.browser.wait().await;
+        self.events.abort();
+    }
+}
+
+/// A tab.
+pub struct Tab {
+    page: Page,
+    complaints: Arc<Mutex<Vec<String>>>,
+}
+
+impl Tab {
+    /// Goes to an address.
+    ///
+    /// # Panics
+    /// If it cannot be opened.
+    pub async fn go(&self, url: &str) {
+        self.page.goto(url).await.expect("the page opens");
+    }
+
+    /// Loads the page again.
+    ///
+    /// # Panics
+    /// If it cannot be loaded.
+    pub async fn reload(&self) {
+        self.page.reload().await.expect("the page loads again");
+    }
+
+    /// Sets the size of the window and the colour scheme.
+    ///
+    /// # Panics
+    /// If the browser refuses.
+    pub async fn look(&self, (width, height): (u32, u32), dark: bool) {
+        let size =
+            SetDeviceMetricsOverrideParams::new(i64::from(width), i64::from(height), 1.0, false);
+        self.page.execute(size).await.expect("a size");
+        let scheme = if dark { "dark" } else { "light" };
+        let media = SetEmulatedMediaParams::builder()
+            .feature(MediaFeature::new("prefers-color-scheme", scheme))
+            .build();
+        self.page.execute(media).await.expect("a colour scheme");
+    }
+
+    /// What a JavaScript expression comes to.
+    ///
+    /// # Panics
+    /// If it throws or is no `T`.
+    pub async fn eval<T: serde::de::DeserializeOwned>(&self, expression: &str) -> T {
+        let result = self.page.evaluate(expression).await;
+        let result = result.unwrap_or_else(|error| panic!("{expression}: {error}"));
+        result.into_value().unwrap_or_else(|error| panic!("{expression}: {error}"))
+    }
+
+    /// Waits until a JavaScript expression is true.
+    ///
+    /// # Panics
+    /// If it never is.
+    pub async fn until(&self, expression: &str) {
+        let begun = Instant::now();
+        loop {
+            // While a page loads there is nothing to ask.
+            let result = self.page.evaluate(format!("Boolean({expression})")).await;
+            let holds = result.ok().and_then(|value| value.into_value::<bool>().ok());
+            if holds == Some(true) {
+                return;
+            }
+            if begun.elapsed() > PATIENCE {
+                let words: String = self.eval("document.body.innerText").await;
+                let complaints = self.complaints.lock().expect("a list").clone();
+                panic!(
+                    "never true: {expression}\nthe page says: {words}\ncomplaints: {complaints:?}"
+                );
+            }
+            tokio::time::sleep(Duration::from_millis(20)).await;
+        }
+    }
+
+    /// The JavaScript expression of an element by its test name.
+    #[must_use]
+    pub fn at(test_id: &str) -> String {
+        format!("document.querySelector('[data-testid=\"{test_id}\"]')")
+    }
+
+    /// Waits for an element, and presses it.
+    pub async fn press(&self, test_id: &str) {
+        let element = Self::at(test_id);
+        self.until(&format!("{element} && !{element}.disabled")).await;
+        self.eval::<()>(&format!("void {element}.click()")).await;
+    }
+
+    /// Waits for an element's words.
+    pub async fn words(&self, test_id: &str) -> String {
+        let element = Self::at(test_id);
+        self.until(&element).await;
+        self.eval(&format!("{element}.textContent")).await
+    }
+
+    /// An attribute of an element.
+    pub async fn attribute(&self, test_id: &str, name: &str) -> Option<String> {
+        self.eval(&format!("{}?.getAttribute('{name}') ?? null", Self::at(test_id))).await
+    }
+
+    /// Waits until the scene on a canvas has come to a step.
+    pub async fn until_step(&self, canvas: &str, step: usize) {
+        let element = Self::at(canvas);
+        self.until(&format!("Number({element}?.dataset.step) >= {step}")).await;
+    }
+
+    /// Presses a key down.
+    pub async fn key_down(&self, key: &str) {
+        self.key(key, DispatchKeyEventType::RawKeyDown).await;
+    }
+
+    /// Lets a key go.
+    pub async fn key_up(&self, key: &str) {
+        self.key(key, DispatchKeyEventType::KeyUp).await;
+    }
+
+    async fn key(&self, key: &str, kind: DispatchKeyEventType) {
+        let (code, number) = match key {
+            "ArrowLeft" => ("ArrowLeft", 37),
+            "ArrowRight" => ("ArrowRight", 39),
+            "a" => ("KeyA", 65),
+            "d" => ("KeyD", 68),
+            " " => ("Space", 32),
+            other => panic!("the number of the key {other} is not known here"),
+        };
+        let event = DispatchKeyEventParams::builder()
+            .r#type(kind)
+            .key(key)
+            .code(code)
+            .windows_virtual_key_code(number)
+            .build()
+            .expect("a key event");
+        self.page.execute(event).await.expect("a key press");
+    }
+
+    /// A picture of the window, also kept under `target/screenshots`.
+    ///
+    /// # Panics
+    /// If it cannot be taken or kept.
+    pub async fn picture(&self, name: &str) -> RgbaImage {
+        let octets = self.page.screenshot(ScreenshotParams::builder().build()).await;
+        let octets = octets.expect("a picture");
+        let folder = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../target/screenshots"));
+        std::fs::create_dir_all(&folder).expect("a folder");
+        std::fs::write(folder.join(format!("{name}.png")), &octets).expect("a file");
+        image::load_from_memory(&octets).expect("a PNG").into_rgba8()
+    }
+
+    /// Checks that the page has complained of nothing, and that nothing is cut off
+    /// at the right.
+    ///
+    /// # Panics
+    /// If it has, or something is.
+    pub async fn is_well(&self) {
+        let complaints = self.complaints.lock().expect("a list").clone();
+        assert!(complaints.is_empty(), "{complaints:?}");
+        let excess: f64 = self
+            .eval("document.documentElement.scrollWidth - document.documentElement.clientWidth")
+            .await;
+        assert!(excess <= 0.0, "the page is {excess} px too wide");
+    }
+}
+
+/// How many pixels of a picture have about this colour (within 6 of each channel).
+#[must_use]
+pub fn count_pixels(picture: &RgbaImage, colour: [u8; 3]) -> usize {
+    let near =
+        |pixel: &image::Rgba<u8>| pixel.0.iter().zip(colour).all(|(&a, b)| a.abs_diff(b) <= 6);
+    picture.pixels().filter(|pixel| near(pixel)).count()
+}

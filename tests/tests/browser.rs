@@ -1,0 +1,284 @@
+//! What people do, in a real browser.
+
+use reqwest::Method;
+use sidestep::api::{StudySummary, TrialDetail, TrialPage, routes};
+use sidestep::trial::simulation_fingerprint;
+use sidestep::vehicle::TurnInput;
+use sidestep_tests::browser::{NARROW, WIDE, count_pixels};
+use sidestep_tests::server::SHORT_STUDY;
+use sidestep_tests::{Browser, Driver, Server, Tab};
+use std::time::Duration;
+
+/// Colours of the style sheet, in light.
+const HUMAN: [u8; 3] = [0x2d, 0x6f, 0xe0];
+const ROBOT: [u8; 3] = [0xe0, 0x45, 0x3a];
+const REGIONS: [[u8; 3]; 5] = [
+    [0xe2, 0x50, 0x4a],
+    [0xe6, 0xbd, 0x3c],
+    [0x46, 0xa0, 0x63],
+    [0x44, 0x77, 0xd3],
+    [0x93, 0x67, 0xcf],
+];
+
+async fn begin(browser: &Browser, server: &Server) -> Tab {
+    let tab = browser.open(&format!("{}/s/default", server.origin)).await;
+    tab.press("consent").await;
+    tab.press("continue").await;
+    tab
+}
+
+/// Drives a scene with one key held from step 5 to step 40.
+async fn drive(tab: &Tab, key: &str) {
+    tab.press("start").await;
+    tab.until_step("scene", 5).await;
+    tab.key_down(key).await;
+    tab.until_step("scene", 40).await;
+    tab.key_up(key).await;
+    tab.until(&format!("!{}", Tab::at("scene"))).await;
+}
+
+async fn until_saved(tab: &Tab) {
+    tab.until(&format!("{}?.textContent.includes('✓')", Tab::at("saved"))).await;
+}
+
+async fn until_waiting(tab: &Tab) {
+    let saved = Tab::at("saved");
+    tab.until(&format!("{saved}?.textContent.includes('1 scene waits')")).await;
+}
+
+async fn until_predicted(tab: &Tab) {
+    tab.until(&format!("{}?.textContent.includes('5.33')", Tab::at("regions"))).await;
+}
+
+/// The trials on the server, oldest first.
+async fn stored(server: &Server) -> Vec<TrialDetail> {
+    let page: TrialPage = server.admin(&routes::admin_trials("default")).await.into(200);
+    let mut trials = Vec::new();
+    for summary in page.trials.into_iter().rev() {
+        trials.push(server.admin(&routes::admin_trial(&summary.trial_id)).await.into(200));
+    }
+    trials
+}
+
+async fn sign_in(tab: &Tab, server: &Server) {
+    tab.go(&format!("{}/lab#key={}", server.origin, server.key)).await;
+    tab.until(&format!("{} || document.querySelector('.empty')", Tab::at("trials"))).await;
+    let address: String = tab.eval("location.href").await;
+    assert!(!address.contains(&server.key), "the key must leave the address");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_scene_from_key_press_to_predicted_set() {
+    let server = Server::with_client(SHORT_STUDY).await;
+    let browser = Browser::start().await;
+    let tab = begin(&browser, &server).await;
+
+    // Drive, and look at the canvas meanwhile.
+    tab.press("start").await;
+    tab.until_step("scene", 5).await;
+    tab.key_down("ArrowLeft").await;
+    tab.until_step("scene", 20).await;
+    let picture = tab.picture("scene-driving").await;
+    assert!(count_pixels(&picture, HUMAN) > 100, "the blue vehicle is drawn");
+    assert!(count_pixels(&picture, ROBOT) > 300, "the robot and its goal are drawn");
+    assert_eq!(tab.attribute("scene", "data-phase").await.as_deref(), Some("familiarisation"));
+    let trial_id = tab.attribute("scene", "data-trial").await.expect("a trial");
+    tab.until_step("scene", 40).await;
+    tab.key_up("ArrowLeft").await;
+    until_saved(&tab).await;
+    tab.is_well().await;
+
+    // The trial is in the database, whole and exact.
+    let trials = stored(&server).await;
+    assert_eq!(trials.len(), 1);
+    let trial = &trials[0];
+    assert_eq!(trial.summary.trial_id, trial_id);
+    assert_eq!((trial.inputs.len(), trial.states.len()), (50, 51));
+    assert!(trial.replay.exact, "{:?}", trial.replay);
+    assert_eq!(trial.replay.max_position_error_m, 0.0);
+    let lefts: Vec<_> = (0..50).filter(|&i| trial.inputs[i] == TurnInput::Left).collect();
+    assert!((28..=37).contains(&lefts.len()), "held for about 35 steps: {lefts:?}");
+    assert!(lefts.windows(2).all(|pair| pair[1] == pair[0] + 1), "{lefts:?}");
+    assert!(trial.inputs.iter().all(|&input| input != TurnInput::Right));
+
+    // It is in the export.
+    let export = server.export("default").await;
+    let mut reader = csv::Reader::from_reader(export.as_bytes());
+    let headers = reader.headers().expect("a header").clone();
+    let column = |name: &str| headers.iter().position(|h| h == name).expect("a column");
+    let (hx, omega) = (column("hx"), column("omega"));
+    let rows: Vec<_> = reader.records().map(|row| row.expect("a row")).collect();
+    assert_eq!(rows.len(), 50);
+    for (i, row) in rows.iter().enumerate() {
+        let number = |at: usize| row[at].parse::<f64>().expect("a number");
+        assert_eq!(number(hx).to_bits(), trial.states[i].human.x.to_bits());
+        assert_eq!(number(omega), 0.5 * f64::from(trial.inputs[i].sign()));
+    }
+
+    // It is replayed with everything drawn on it.
+    sign_in(&tab, &server).await;
+    assert!(tab.words("trials").await.contains("familiarisation 1"));
+    tab.press("replay-link").await;
+    until_predicted(&tab).await;
+    assert_eq!(tab.attribute("replay", "data-trial").await, Some(trial_id));
+    tab.eval::<()>(&format!("void {}.focus()", Tab::at("slider"))).await;
+    for _ in 0..10 {
+        tab.key_down("ArrowRight").await;
+        tab.key_up("ArrowRight").await;
+    }
+    tab.until_step("replay", 10).await;
+    let picture = tab.picture("replay").await;
+    for (j, region) in REGIONS.iter().enumerate() {
+        assert!(count_pixels(&picture, *region) >= 5, "region {} is drawn", j + 1);
+    }
+    for (layer, colour) in [("v-hr", HUMAN), ("v-rh", ROBOT)] {
+        let with = count_pixels(&tab.picture("replay-with").await, colour);
+        tab.press(&format!("layer-{layer}")).await;
+        let without = count_pixels(&tab.picture("replay-without").await, colour);
+        assert!(with > without + 50, "{layer} draws something: {with} {without}");
+        tab.press(&format!("layer-{layer}")).await;
+    }
+    tab.press("play").await;
+    tab.until_step("replay", 50).await;
+    tab.is_well().await;
+    browser.close().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_server_that_is_down_loses_nothing() {
+    let server = Server::with_client(SHORT_STUDY).await;
+    let browser = Browser::start().await;
+    let tab = begin(&browser, &server).await;
+
+    // Down when the scene ends; the page sends it when the server is back.
+    tab.press("start").await;
+    tab.until_step("scene", 10).await;
+    let stopped = server.stop().await;
+    until_waiting(&tab).await;
+    let server = stopped.start().await;
+    until_saved(&tab).await;
+    assert_eq!(stored(&server).await.len(), 1);
+
+    // Down again, and the page is closed before the server is back.
+    tab.press("start").await;
+    tab.until_step("scene", 10).await;
+    let stopped = server.stop().await;
+    until_waiting(&tab).await;
+    tab.go("about:blank").await;
+    let server = stopped.start().await;
+    tab.go(&format!("{}/s/default", server.origin)).await;
+    until_saved(&tab).await;
+    let trials = stored(&server).await;
+    assert_eq!(trials.len(), 2);
+    assert!(trials.iter().all(|trial| trial.replay.exact));
+    let kept: Vec<String> =
+        tab.eval("Object.keys(localStorage).filter(k => k.includes('outbox'))").await;
+    assert_eq!(kept, [""; 0], "what is stored is forgotten here");
+    // The next scene is the third.
+    drive(&tab, "d").await;
+    until_saved(&tab).await;
+    assert_eq!(stored(&server).await.len(), 3);
+    browser.close().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_whole_participation_ends_with_a_code() {
+    let server = Server::with_client(r#"phases = [{ phase = "task", scenes = 2 }]"#).await;
+    let browser = Browser::start().await;
+    let tab = begin(&browser, &server).await;
+    drive(&tab, "a").await;
+    drive(&tab, "ArrowRight").await;
+    let code = tab.words("completion-code").await;
+    assert!(code.len() >= 8, "{code}");
+    // Coming back shows the same code, and enrols nobody else.
+    tab.reload().await;
+    assert_eq!(tab.words("completion-code").await, code);
+    let studies: Vec<StudySummary> = server.admin(routes::ADMIN_STUDIES).await.into(200);
+    assert_eq!((studies[0].participants, studies[0].trials), (1, 2));
+    tab.is_well().await;
+    browser.close().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn the_browser_simulates_as_the_server_does() {
+    let server = Server::with_client(SHORT_STUDY).await;
+    let browser = Browser::start().await;
+    let tab = browser.open("about:blank").await;
+    sign_in(&tab, &server).await;
+    tab.go(&format!("{}/lab/self-check", server.origin)).await;
+    let here = tab.words("fingerprint-here").await;
+    assert_eq!(here, simulation_fingerprint(20_180_918, 10_000));
+    assert_eq!(here, tab.words("fingerprint-server").await);
+    browser.close().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn wrong_addresses_and_keys_are_answered_in_words() {
+    let server = Server::with_client(SHORT_STUDY).await;
+    let browser = Browser::start().await;
+    let tab = browser.open(&format!("{}/lab#key=not-the-key-at-all", server.origin)).await;
+    assert!(!tab.words("trouble").await.is_empty());
+    let status: u64 = tab.eval("fetch('/api/v1/admin/studies').then(r => r.status)").await;
+    assert_eq!(status, 401);
+    let nowhere = browser.open(&format!("{}/s/no-such-study", server.origin)).await;
+    assert!(nowhere.words("stuck").await.contains("no-such-study"));
+    browser.close().await;
+}
+
+/// Pictures of every page, wide and narrow, light and dark, for people to look at;
+/// and nothing is cut off in any of them.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn every_page_fits_its_window() {
+    let server = Server::with_client(SHORT_STUDY).await;
+    let driver = Driver::enrol(&server).await;
+    let sent = driver.drive(&server, 2).await;
+    let browser = Browser::start().await;
+    let tab = browser.open(&server.origin).await;
+    let take = async |name: &str| {
+        for (size, dark) in [(WIDE, false), (WIDE, true), (NARROW, false), (NARROW, true)] {
+            tab.look(size, dark).await;
+            // Time for a frame in the new look.
+            tokio::time::sleep(Duration::from_millis(150)).await;
+            let scheme = if dark { "dark" } else { "light" };
+            tab.picture(&format!("{name}-{}-{scheme}", size.0)).await;
+            tab.is_well().await;
+        }
+    };
+    take("home").await;
+    tab.go(&format!("{}/s/default", server.origin)).await;
+    tab.words("consent").await;
+    take("welcome").await;
+    tab.press("consent").await;
+    tab.words("continue").await;
+    take("instructions").await;
+    tab.press("continue").await;
+    tab.words("start").await;
+    take("ready").await;
+    tab.press("start").await;
+    tab.until_step("scene", 8).await;
+    take("scene").await;
+    until_saved(&tab).await;
+    sign_in(&tab, &server).await;
+    take("trials").await;
+    tab.go(&format!("{}/lab/replay/{}", server.origin, sent[1].0)).await;
+    until_predicted(&tab).await;
+    let slide = "s.value = 17; void s.dispatchEvent(new Event('input', {bubbles: true}))";
+    tab.eval::<()>(&format!("const s = {}; {slide}", Tab::at("slider"))).await;
+    take("replay").await;
+    tab.go(&format!("{}/lab/self-check", server.origin)).await;
+    tab.words("verdict").await;
+    take("self-check").await;
+    tab.press("sign-out").await;
+    tab.until("location.pathname === '/'").await;
+    let out = server.request(Method::GET, routes::SESSION).send().await.expect("an answer");
+    assert_eq!(out.status(), 401);
+    tab.go(&format!("{}/lab", server.origin)).await;
+    tab.words("key").await;
+    // The browser itself notes the 401 that the page asked for.
+    for (size, name) in [(WIDE, "sign-in-1280-light"), (NARROW, "sign-in-390-light")] {
+        tab.look(size, false).await;
+        tokio::time::sleep(Duration::from_millis(150)).await;
+        tab.picture(name).await;
+    }
+    browser.close().await;
+}
