@@ -116,7 +116,8 @@ fn write_trial(
     for (step, (input, state)) in trial.inputs.iter().zip(&trial.states).enumerate() {
         let sampled = trial.sampled_at_ms.as_ref().map(|times| times[step].to_string());
         let ([hx, hy, hpsi], [rx, ry, rpsi]) = (state.human.into(), state.robot.into());
-        let t = step as f64 * parameters.step_s;
+        // To the nanosecond: 0.6 rather than 0.6000000000000001.
+        let t = (step as f64 * parameters.step_s * 1e9).round() / 1e9;
         let numbers = [t, hx, hy, hpsi, rx, ry, rpsi, parameters.human.turn_rate(*input)];
         writer.write_field(head.participant_number.to_string())?;
         writer.write_field(number.to_string())?;

@@ -5,14 +5,14 @@ use axum::body::{Body, Bytes};
 use axum::extract::{FromRequest, Request};
 use axum::http::{StatusCode, header};
 use futures_util::StreamExt;
-use serde::de::DeserializeOwned;
+use serde::de::{DeserializeOwned, IgnoredAny};
 use sidestep::api::MAX_BODY_OCTETS;
 use sidestep::invalid::Invalid;
 
 /// A request body of type `T`.
 ///
 /// Answers 415 to another media type or a compressed body, 413 to one that is
-/// too long, 400 to what is no JSON (or nested more than 128 deep), and 422
+/// too long, 400 to what is no JSON (or nested more than 64 deep), and 422
 /// naming the field to JSON of another shape or a number that is out of range.
 pub struct JsonBody<T>(pub T);
 
@@ -71,12 +71,35 @@ async fn read(body: Body) -> Result<Vec<u8>, ApiError> {
 pub fn parse<T: DeserializeOwned>(octets: &[u8]) -> Result<T, ApiError> {
     let text = std::str::from_utf8(octets)
         .map_err(|e| ApiError::malformed(format!("the body is not UTF-8: {e}")))?;
+    // First whether it is JSON at all, then whether it is a `T`: otherwise the answer
+    // to a broken body would depend on what comes first in it.
+    check_nesting(text)?;
+    serde_json::from_str::<IgnoredAny>(text)
+        .map_err(|e| ApiError::malformed(format!("the body is not JSON: {e}")))?;
     let mut reader = serde_json::Deserializer::from_str(text);
-    let value = serde_path_to_error::deserialize(&mut reader).map_err(complaint)?;
-    reader
-        .end()
-        .map_err(|e| ApiError::malformed(format!("the body is not one JSON value: {e}")))?;
-    Ok(value)
+    serde_path_to_error::deserialize(&mut reader).map_err(complaint)
+}
+
+/// No body of ours is nested deeper than a handful; a hundred thousand brackets
+/// are an attempt on the stack.
+fn check_nesting(text: &str) -> Result<(), ApiError> {
+    const DEEPEST: usize = 64;
+    let (mut depth, mut in_string, mut escaped) = (0usize, false, false);
+    for octet in text.bytes() {
+        match octet {
+            _ if escaped => escaped = false,
+            b'\\' if in_string => escaped = true,
+            b'"' => in_string = !in_string,
+            b'[' | b'{' if !in_string => depth += 1,
+            b']' | b'}' if !in_string => depth = depth.saturating_sub(1),
+            _ => {}
+        }
+        if depth > DEEPEST {
+            let message = format!("the body is nested more than {DEEPEST} deep");
+            return Err(ApiError::malformed(message));
+        }
+    }
+    Ok(())
 }
 
 fn complaint(error: serde_path_to_error::Error<serde_json::Error>) -> ApiError {

@@ -1,11 +1,13 @@
 //! Reading trials.csv: rows in, whole trials out, or a complaint with its line.
 
-use crate::exports::COLUMNS;
+mod row;
+
 use csv::StringRecord;
-use sidestep::invalid::{Invalid, finite, length};
+use row::{Columns, Row};
+use sidestep::invalid::{Invalid, length};
 use sidestep::scene::{JointState, SceneParameters};
 use sidestep::trial::{Flag, Phase};
-use sidestep::vehicle::{Pose, TurnInput};
+use sidestep::vehicle::TurnInput;
 use std::collections::HashSet;
 use std::io::Read;
 
@@ -187,131 +189,4 @@ fn close(
         None => people.push(Person { name, trials: vec![trial] }),
     }
     Ok(())
-}
-
-/// Where each column is.
-struct Columns {
-    required: [usize; 11],
-    phase: Option<usize>,
-    trial_id: Option<usize>,
-    flags: Option<usize>,
-    started_at_ms: Option<usize>,
-    sampled_at_ms: Option<usize>,
-}
-
-impl Columns {
-    fn of(header: &StringRecord) -> Result<Self, Invalid> {
-        let clean = |name: &str| name.trim().trim_start_matches('\u{feff}').to_owned();
-        let names: Vec<String> = header.iter().map(clean).collect();
-        let find = |wanted: &str| names.iter().position(|name| name == wanted);
-        if let Some((i, twice)) = names.iter().enumerate().find(|(i, n)| names[..*i].contains(n)) {
-            let found = format!("{twice:?} again as column {}", i + 1);
-            return Err(Invalid::new("header", "each column once", found));
-        }
-        let mut required = [0; 11];
-        for (wanted, place) in COLUMNS.iter().zip(&mut required) {
-            *place = find(wanted).ok_or_else(|| {
-                let expected = format!("the columns {}", COLUMNS[..11].join(","));
-                Invalid::new("header", expected, format!("no column {wanted}"))
-            })?;
-        }
-        Ok(Self {
-            required,
-            phase: find("phase"),
-            trial_id: find("trial_id"),
-            flags: find("flags"),
-            started_at_ms: find("started_at_ms"),
-            sampled_at_ms: find("sampled_at_ms"),
-        })
-    }
-}
-
-/// One row, parsed.
-struct Row {
-    participant: String,
-    trial: u64,
-    step: u64,
-    t: f64,
-    state: JointState,
-    input: TurnInput,
-    phase: Phase,
-    trial_id: Option<String>,
-    flags: Vec<Flag>,
-    started_at_ms: Option<f64>,
-    sampled_at_ms: Option<f64>,
-}
-
-impl Row {
-    fn parse(
-        columns: &Columns,
-        record: &StringRecord,
-        parameters: &SceneParameters,
-    ) -> Result<Self, Invalid> {
-        let field = |i: usize| record.get(columns.required[i]).unwrap_or("").trim();
-        let real = |i: usize| number(COLUMNS[i], field(i));
-        let optional = |place: Option<usize>| {
-            let text = record.get(place?)?.trim();
-            (!text.is_empty()).then_some(text)
-        };
-        let time = |name, place| optional(place).map(|text| number(name, text)).transpose();
-        let participant = field(0);
-        if !(1..=sidestep::api::MAX_NAME_CHARS).contains(&participant.chars().count()) {
-            let found = format!("{} characters", participant.chars().count());
-            return Err(Invalid::new("participant", "a name or number", found));
-        }
-        Ok(Self {
-            participant: participant.to_owned(),
-            trial: count("trial", field(1))?,
-            step: count("step", field(2))?,
-            t: real(3)?,
-            state: JointState {
-                human: Pose::from([real(4)?, real(5)?, real(6)?]),
-                robot: Pose::from([real(7)?, real(8)?, real(9)?]),
-            },
-            input: input(real(10)?, parameters)?,
-            phase: optional(columns.phase).map_or(Ok(Phase::Task), phase)?,
-            trial_id: optional(columns.trial_id).map(trial_id).transpose()?,
-            flags: optional(columns.flags).map_or(Ok(Vec::new()), flags)?,
-            started_at_ms: time("started_at_ms", columns.started_at_ms)?,
-            sampled_at_ms: time("sampled_at_ms", columns.sampled_at_ms)?,
-        })
-    }
-}
-
-fn number(field: &str, text: &str) -> Result<f64, Invalid> {
-    let number = text.parse().map_err(|_| quoted(field, "a number", text))?;
-    finite(field, number)
-}
-
-fn count(field: &str, text: &str) -> Result<u64, Invalid> {
-    text.parse().map_err(|_| quoted(field, "a whole number ≥ 0", text))
-}
-
-fn input(omega: f64, parameters: &SceneParameters) -> Result<TurnInput, Invalid> {
-    let rate = parameters.human.turn_rate_radps;
-    TurnInput::ALL
-        .into_iter()
-        .find(|&input| (parameters.human.turn_rate(input) - omega).abs() <= 1e-9 * rate)
-        .ok_or_else(|| Invalid::new("omega", format!("-{rate}, 0 or {rate}"), omega))
-}
-
-fn phase(word: &str) -> Result<Phase, Invalid> {
-    let expected = "familiarisation, practice or task";
-    Phase::from_word(word).ok_or_else(|| quoted("phase", expected, word))
-}
-
-fn trial_id(text: &str) -> Result<String, Invalid> {
-    uuid::Uuid::try_parse(text)
-        .map(|id| id.to_string())
-        .map_err(|_| quoted("trial_id", "a UUID", text))
-}
-
-fn flags(words: &str) -> Result<Vec<Flag>, Invalid> {
-    let flag = |word| Flag::from_word(word).ok_or_else(|| quoted("flags", "known flags", word));
-    words.split(';').map(flag).collect()
-}
-
-fn quoted(field: &str, expected: &str, found: &str) -> Invalid {
-    let found: String = found.chars().take(60).collect();
-    Invalid::new(field, expected, format!("{found:?}"))
 }

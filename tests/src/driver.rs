@@ -58,7 +58,6 @@ impl Driver {
     }
 
     /// A request with this person's token.
-    #[must_use]
     pub fn request(&self, server: &Server, method: Method, route: &str) -> RequestBuilder {
         server.request(method, route).bearer_auth(&self.enrolled.token)
     }

@@ -53,7 +53,8 @@ pub struct Process {
 }
 
 impl Process {
-    /// Starts in `folder`, with a database there and further arguments.
+    /// Starts in `folder`, with a database there and further arguments. What it
+    /// logs is in the file `log`.
     ///
     /// # Panics
     /// If it does not become ready.
@@ -68,7 +69,7 @@ impl Process {
             .args(further)
             .env_remove("SIDESTEP_ADMIN_KEY")
             .stdout(Stdio::piped())
-            .stderr(Stdio::null())
+            .stderr(std::fs::File::create(folder.path().join("log")).expect("a log"))
             .kill_on_drop(true)
             .spawn()
             .expect("sidestep serve");

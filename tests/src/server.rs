@@ -27,15 +27,14 @@ pub struct Server {
     /// Sends requests; keeps no cookies.
     pub client: Client,
     folder: TempDir,
-    site: PathBuf,
+    args: ServeArgs,
     running: Running,
 }
 
 /// A server that was stopped, with its database and its address.
 pub struct Stopped {
     folder: TempDir,
-    site: PathBuf,
-    listen: String,
+    args: ServeArgs,
     key: String,
 }
 
@@ -46,9 +45,6 @@ impl Server {
     }
 
     /// A study file over the paper's study, and a site of nothing but names.
-    ///
-    /// # Panics
-    /// If the server does not start.
     pub async fn with_study(study: &str) -> Self {
         let folder = TempDir::new().expect("a folder");
         let site = folder.path().join("site");
@@ -58,30 +54,48 @@ impl Server {
 
     /// A study file over the paper's study, and the site that users get: the one
     /// beside the `sidestep` command.
-    ///
-    /// # Panics
-    /// If the server does not start, for want of a built client say.
     pub async fn with_client(study: &str) -> Self {
         let site = binary().with_file_name("site");
         Self::first(TempDir::new().expect("a folder"), study, site).await
     }
 
     async fn first(folder: TempDir, study: &str, site: PathBuf) -> Self {
-        std::fs::write(folder.path().join("study.toml"), study).expect("a study file");
-        let listen = "127.0.0.1:0".to_owned();
-        Stopped { folder, site, listen, key: String::new() }.start().await
+        let file = folder.path().join("study.toml");
+        std::fs::write(&file, study).expect("a study file");
+        let args = ServeArgs {
+            listen: "127.0.0.1:0".to_owned(),
+            database: database(folder.path()),
+            study: Some(file),
+            site: Some(site),
+            new_admin_key: false,
+        };
+        let server = Stopped { folder, args, key: String::new() }.start_with(None, |_| ()).await;
+        assert!(server.running.new_key.is_some(), "a key at the first start");
+        server
     }
 
     /// Stops the server.
     pub async fn stop(self) -> Stopped {
-        let listen = self.running.address.to_string();
+        let mut args = self.args;
+        args.listen = self.running.address.to_string();
         self.running.stop().await;
-        Stopped { folder: self.folder, site: self.site, listen, key: self.key }
+        Stopped { folder: self.folder, args, key: self.key }
     }
 
     /// Stops the server and starts it again on the same database.
     pub async fn restarted(self) -> Self {
         self.stop().await.start().await
+    }
+
+    /// As [`Self::restarted`], with a key from the environment or other arguments.
+    pub async fn restarted_with(self, key: Option<&str>, change: fn(&mut ServeArgs)) -> Self {
+        self.stop().await.start_with(key, change).await
+    }
+
+    /// What it told whoever started it.
+    #[must_use]
+    pub fn announcement(&self) -> String {
+        self.running.announcement()
     }
 
     /// The database's address for commands.
@@ -97,7 +111,6 @@ impl Server {
     }
 
     /// A request to a route.
-    #[must_use]
     pub fn request(&self, method: Method, route: &str) -> RequestBuilder {
         self.client.request(method, format!("{}{route}", self.origin))
     }
@@ -129,25 +142,28 @@ impl Stopped {
     /// Starts the server, again at the address that it had.
     ///
     /// # Panics
-    /// If it does not start, or shows its key a second time.
+    /// If it shows its key a second time.
     pub async fn start(self) -> Server {
-        let args = ServeArgs {
-            listen: self.listen,
-            database: database(self.folder.path()),
-            study: Some(self.folder.path().join("study.toml")),
-            site: Some(self.site.clone()),
-            new_admin_key: false,
-        };
-        let running = start(&args, None).await.expect("a server");
-        let first = self.key.is_empty();
-        assert_eq!(running.new_key.is_some(), first, "the key is shown once, at the first start");
-        let key = running.new_key.clone().unwrap_or(self.key);
+        let server = self.start_with(None, |_| ()).await;
+        assert_eq!(server.running.new_key, None, "the key is shown once");
+        server
+    }
+
+    /// As [`Self::start`], with a key from the environment or other arguments.
+    ///
+    /// # Panics
+    /// If the server does not start, for want of a built client say.
+    pub async fn start_with(mut self, key: Option<&str>, change: fn(&mut ServeArgs)) -> Server {
+        change(&mut self.args);
+        let running = start(&self.args, key).await.expect("a server");
+        self.args.new_admin_key = false;
+        let given = key.map(str::to_owned);
         Server {
             origin: format!("http://{}", running.address),
-            key,
+            key: running.new_key.clone().or(given).unwrap_or(self.key),
             client: Client::new(),
             folder: self.folder,
-            site: self.site,
+            args: self.args,
             running,
         }
     }

@@ -1,0 +1,251 @@
+//! Export, import and check.
+
+use sidestep::scene::JointState;
+use sidestep::vehicle::Pose;
+use sidestep_tests::server::SHORT_STUDY;
+use sidestep_tests::{Driver, Process, Server, driven, sidestep};
+use std::path::Path;
+use std::process::Output;
+use tempfile::TempDir;
+
+fn text(output: &[u8]) -> String {
+    String::from_utf8(output.to_vec()).unwrap()
+}
+
+fn json(output: &Output) -> serde_json::Value {
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+async fn import(database: &str, study: &str, file: &Path) -> Output {
+    let file = file.to_str().unwrap();
+    let args = ["import", "--database", database, "--study", study, "--trials", file];
+    sidestep(&args).await
+}
+
+async fn export(database: &str, study: &str, out: &Path) -> String {
+    let dir = out.to_str().unwrap();
+    let args =
+        ["export", "--database", database, "--study", study, "--format", "csv", "--out", dir];
+    json(&sidestep(&args).await);
+    std::fs::read_to_string(out.join("trials.csv")).unwrap()
+}
+
+/// The columns of that names, row by row.
+fn columns(file: &str, names: &[&str]) -> Vec<Vec<String>> {
+    let mut reader = csv::Reader::from_reader(file.as_bytes());
+    let header = reader.headers().unwrap().clone();
+    let place = |name: &&str| header.iter().position(|column| column == *name).unwrap();
+    let places: Vec<usize> = names.iter().map(place).collect();
+    let pick =
+        |record: csv::StringRecord| places.iter().map(|&place| record[place].to_owned()).collect();
+    reader.records().map(|record| pick(record.unwrap())).collect()
+}
+
+const REQUIRED: [&str; 11] =
+    ["participant", "trial", "step", "t", "hx", "hy", "hpsi", "rx", "ry", "rpsi", "omega"];
+
+#[tokio::test]
+async fn an_export_is_what_was_uploaded_bit_for_bit() {
+    let server = Server::with_study(SHORT_STUDY).await;
+    let (ada, bob) = (Driver::enrol(&server).await, Driver::enrol(&server).await);
+    let mut expected = Vec::new();
+    for (number, driver, count) in [(1, &ada, 5), (2, &bob, 2)] {
+        let sent = driver.drive(&server, count).await;
+        for (trial, (id, upload)) in sent.into_iter().enumerate() {
+            expected.push((number, trial, id, upload));
+        }
+    }
+    let file = server.export("default").await;
+    assert!(file.starts_with(&REQUIRED.join(",")));
+    assert!(!file.contains("external_id"));
+    let rows = columns(&file, &REQUIRED);
+    let extra = columns(
+        &file,
+        &["trial_id", "phase", "phase_index", "flags", "sampled_at_ms", "started_at_ms"],
+    );
+    assert_eq!(rows.len(), 50 * expected.len());
+    for (i, (row, extra)) in rows.iter().zip(&extra).enumerate() {
+        let (number, trial, id, upload) = &expected[i / 50];
+        let step = i % 50;
+        let numbers: Vec<f64> = row.iter().map(|field| field.parse().unwrap()).collect();
+        assert_eq!(numbers[..3], [f64::from(*number), *trial as f64, step as f64]);
+        let state = JointState {
+            human: Pose::from([numbers[4], numbers[5], numbers[6]]),
+            robot: Pose::from([numbers[7], numbers[8], numbers[9]]),
+        };
+        assert_eq!(state, upload.states[step]);
+        assert_eq!(numbers[10], 0.5 * f64::from(upload.inputs[step].sign()));
+        assert_eq!(extra[0], *id);
+        assert_eq!(extra[1], ["familiarisation", "practice", "task", "task", "task"][*trial]);
+        assert_eq!(extra[2], ["0", "0", "0", "1", "2"][*trial]);
+        assert_eq!(extra[3], "");
+        assert_eq!(extra[4].parse::<f64>().unwrap(), upload.sampled_at_ms[step]);
+        assert_eq!(extra[5].parse::<f64>().unwrap(), upload.started_at_ms);
+    }
+    // The command writes the same file as the route.
+    let out = TempDir::new().unwrap();
+    assert_eq!(export(&server.database(), "default", out.path()).await, file);
+}
+
+#[tokio::test]
+async fn an_export_imported_elsewhere_is_the_same_again() {
+    let server = Server::with_study(SHORT_STUDY).await;
+    let driver = Driver::enrol(&server).await;
+    driver.drive(&server, 4).await;
+    let mut late = driven(&driver.scenes()[4].1);
+    late.sampled_at_ms[49] += 500.0;
+    late.states[20].human.y += 0.5;
+    let (last, _) = driver.scenes()[4].clone();
+    assert_eq!(driver.send(&server, &last, &late).await.status, 201);
+    let file = server.export("default").await;
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("trials.csv");
+    std::fs::write(&path, &file).unwrap();
+    let database = format!("sqlite:{}", folder.path().join("copy.db").display());
+
+    let done = json(&import(&database, "copy", &path).await);
+    assert_eq!(
+        done,
+        serde_json::json!({"participants": 1, "trials": 5, "flagged": 1, "skipped": 0})
+    );
+    let again = export(&database, "copy", &folder.path().join("out")).await;
+    let same =
+        [&REQUIRED[..], &["phase", "phase_index", "trial_id", "started_at_ms", "sampled_at_ms"]]
+            .concat();
+    assert_eq!(columns(&again, &same), columns(&file, &same));
+    let flags = columns(&again, &["flags"]);
+    assert_eq!(flags[0], ["imported"]);
+    assert_eq!(flags[249], ["replay_mismatch;late_sample;imported"]);
+    let report = json(&sidestep(&["check", "--database", &database]).await);
+    assert_eq!(report["wrong"], serde_json::json!([]));
+
+    // Twice is once.
+    let twice = import(&database, "copy", &path).await;
+    assert!(text(&twice.stderr).contains("skipped"), "{}", text(&twice.stderr));
+    assert_eq!(json(&twice)["skipped"], 1);
+    assert_eq!(export(&database, "copy", &folder.path().join("out")).await, again);
+    // And where the trials came from, they are known by their ids.
+    let home = import(&server.database(), "default", &path).await;
+    assert_eq!(home.status.code(), Some(2));
+    assert!(text(&home.stderr).contains("line 2: trial_id"), "{}", text(&home.stderr));
+    assert_eq!(server.export("default").await, file);
+}
+
+/// A file of one trial that drives straight from the origin.
+fn straight() -> Vec<Vec<String>> {
+    let row = |step: usize| {
+        let t = step as f64 * 0.2;
+        let texts = [
+            "a".to_owned(),
+            "0".to_owned(),
+            step.to_string(),
+            t.to_string(),
+            (2.0 * t).to_string(),
+            "0".to_owned(),
+            "0".to_owned(),
+            (20.0 - 2.0 * t).to_string(),
+            "1".to_owned(),
+            "3.14".to_owned(),
+            "0".to_owned(),
+        ];
+        texts.to_vec()
+    };
+    (0..50).map(row).collect()
+}
+
+fn written(folder: &TempDir, header: &str, rows: &[Vec<String>]) -> std::path::PathBuf {
+    let lines: Vec<String> = rows.iter().map(|row| row.join(",")).collect();
+    let path = folder.path().join("given.csv");
+    std::fs::write(&path, format!("{header}\n{}\n", lines.join("\n"))).unwrap();
+    path
+}
+
+#[tokio::test]
+async fn files_that_are_none_name_their_line() {
+    let folder = TempDir::new().unwrap();
+    let database = format!("sqlite:{}", folder.path().join("sidestep.db").display());
+    let header = REQUIRED.join(",");
+    type Change = fn(&mut Vec<Vec<String>>);
+    let table: [(Change, &str); 10] = [
+        (
+            |rows| rows[5][10] = "0.3".to_owned(),
+            "line 7: omega: expected -0.5, 0 or 0.5, found 0.3",
+        ),
+        (|rows| rows[5][4] = "NaN".to_owned(), "line 7: hx: expected a finite number"),
+        (|rows| rows[5][4] = "left".to_owned(), "line 7: hx: expected a number, found \"left\""),
+        (|rows| rows.swap(3, 4), "line 5: step: expected 3, found 4"),
+        (|rows| rows[4] = rows[3].clone(), "line 6: step: expected 4, found 3"),
+        (|rows| drop(rows.remove(9)), "line 11: step: expected 9, found 10"),
+        (|rows| drop(rows.pop()), "line 50: step: expected 50 entries, found 49"),
+        (|rows| rows[5][3] = "9.9".to_owned(), "line 7: t: expected 1"),
+        (|rows| drop(rows[5].pop()), "line 7: row"),
+        (|rows| rows.clear(), "expected at least one trial"),
+    ];
+    for (change, complaint) in table {
+        let mut rows = straight();
+        change(&mut rows);
+        let output = import(&database, "default", &written(&folder, &header, &rows)).await;
+        let said = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{said}");
+        assert!(said.contains(complaint) && said.contains("given.csv"), "{said}");
+        assert_eq!(said.trim_end().lines().count(), 1, "{said}");
+    }
+    // The last trial is bad: the first one is not kept either.
+    let mut rows = straight();
+    let mut second = straight();
+    second.iter_mut().for_each(|row| row[1] = "1".to_owned());
+    second[49][10] = "7".to_owned();
+    rows.extend(second);
+    let output = import(&database, "default", &written(&folder, &header, &rows)).await;
+    assert!(text(&output.stderr).contains("line 101: omega"));
+    let output = import(&database, "default", &written(&folder, "participant,trial", &[])).await;
+    assert!(text(&output.stderr).contains("no column step"), "{}", text(&output.stderr));
+    let good = import(&database, "default", &written(&folder, &header, &straight())).await;
+    assert_eq!(json(&good)["trials"], 1);
+    let all = export(&database, "default", &folder.path().join("out")).await;
+    assert_eq!(all.lines().count(), 51);
+}
+
+#[tokio::test]
+async fn columns_in_any_order_and_phases() {
+    let folder = TempDir::new().unwrap();
+    let database = format!("sqlite:{}", folder.path().join("sidestep.db").display());
+    let mut rows = straight();
+    for row in &mut rows {
+        row.insert(0, "practice".to_owned());
+        row.swap(1, 11);
+    }
+    let header = "phase,omega,trial,step,t,hx,hy,hpsi,rx,ry,rpsi,participant";
+    let done = import(&database, "pilot", &written(&folder, header, &rows)).await;
+    assert_eq!(json(&done)["participants"], 1);
+    let file = export(&database, "pilot", &folder.path().join("out")).await;
+    let rows = columns(&file, &["study", "phase", "participant", "hx", "attempt"]);
+    assert_eq!(rows[49], ["pilot", "practice", "1", "19.6", "1"]);
+}
+
+#[tokio::test]
+async fn a_check_finds_what_was_tampered_with() {
+    let folder = TempDir::new().unwrap();
+    let server = Process::start(&folder, &[]).await;
+    let database = format!("sqlite:{}", folder.path().join("sidestep.db").display());
+    let rows = straight();
+    let header = REQUIRED.join(",");
+    json(&import(&database, "default", &written(&folder, &header, &rows)).await);
+    server.kill().await;
+    let sound = json(&sidestep(&["check", "--database", &database]).await);
+    assert_eq!((&sound["trials"], &sound["flagged"]), (&1.into(), &1.into()));
+
+    let pool = sqlx::SqlitePool::connect(&database).await.unwrap();
+    sqlx::query("UPDATE trial SET inputs = $1")
+        .bind([vec![0; 49], vec![1]].concat())
+        .execute(&pool)
+        .await
+        .unwrap();
+    pool.close().await;
+    let output = sidestep(&["check", "--database", &database]).await;
+    assert_eq!(output.status.code(), Some(1));
+    let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(report["wrong"].as_array().unwrap().len(), 1);
+    assert!(text(&output.stderr).contains("1 faults"));
+}

@@ -1,0 +1,11 @@
+//! Whole HTTP requests and whole commands against a server with its own database.
+
+// Helpers outside `#[test]` functions are tests too.
+#![allow(clippy::unwrap_used)]
+
+mod bad_input;
+mod files;
+mod laboratory;
+mod participation;
+mod process;
+mod site;
