@@ -66,14 +66,14 @@ pub async fn run(args: ImportArgs) -> Result<(), CommandError> {
         CommandError::Input(format!("--study: expected {}, found {}", e.expected, e.found))
     })?;
     let store = Store::open(&args.database, Missing::Create).await?;
-    let mut db = store.write().await?;
-    let study = match studies::find(&mut db, &args.study).await? {
-        Some(study) => study,
-        None => made(&mut db, &wanted).await?,
-    };
+    // Read before the write lock is taken: a server may be collecting meanwhile.
+    let known = studies::find(&mut *store.reader().await?, &args.study).await?;
+    let config = known.map_or(wanted, |study| study.config);
     let complain = |error: LineError| CommandError::Input(format!("{name}: {error}"));
-    let people = trials_csv::read(std::io::BufReader::new(file), &study.config.parameters)
-        .map_err(complain)?;
+    let people =
+        trials_csv::read(std::io::BufReader::new(file), &config.parameters).map_err(complain)?;
+    let mut db = store.write().await?;
+    let study = found_or_made(&mut db, &config).await?;
     let mut done = Imported::default();
     for person in &people {
         let hash = hash(person);
@@ -93,7 +93,15 @@ pub async fn run(args: ImportArgs) -> Result<(), CommandError> {
     print_json(&done)
 }
 
-async fn made(db: &mut Db, config: &StudyConfig) -> Result<Study, CommandError> {
+/// The study, as it was when the file was read with its parameters.
+async fn found_or_made(db: &mut Db, config: &StudyConfig) -> Result<Study, CommandError> {
+    if let Some(study) = studies::find(db, &config.slug).await? {
+        if study.config.parameters == config.parameters {
+            return Ok(study);
+        }
+        let message = format!("study {} was changed meanwhile; try again", config.slug);
+        return Err(CommandError::Failure(message));
+    }
     studies::put(db, config, now_ms()).await?;
     if let Ok(function) = config.parameters.value_function() {
         value_functions::put(db, &function).await?;
@@ -140,7 +148,7 @@ async fn insert(
     let mut in_phase = BTreeMap::new();
     for (ordinal, trial) in (0..).zip(&person.trials) {
         let trial_id = match &trial.trial_id {
-            Some(trial_id) if trials::content_hash(db, trial_id).await?.is_some() => {
+            Some(trial_id) if scenes::exists(db, trial_id).await? => {
                 let expected = "trials that are not in this database yet";
                 let what = Invalid::new("trial_id", expected, trial_id);
                 let line = trial.line;

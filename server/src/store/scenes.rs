@@ -115,6 +115,17 @@ pub async fn find(
     Ok(row.map(|row| row.scene()))
 }
 
+/// Whether anyone's plan has that trial.
+///
+/// # Errors
+/// If the database cannot be read.
+pub async fn exists(db: &mut Db, trial_id: &str) -> Result<bool, sqlx::Error> {
+    sqlx::query_scalar("SELECT count(*) > 0 FROM scene WHERE trial_id = $1")
+        .bind(trial_id)
+        .fetch_one(db)
+        .await
+}
+
 /// The first trial of a participant's plan that is not stored.
 ///
 /// # Errors

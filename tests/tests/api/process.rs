@@ -39,7 +39,7 @@ async fn what_is_acknowledged_survives_a_kill() {
     let server = Process::start(&folder, &[]).await;
     let me = client.get(at(&server, routes::ME)).bearer_auth(token);
     let me: Progress = Answer::of(me).await.into(200);
-    assert_eq!(me.stored, [trial_id.clone()]);
+    assert_eq!(me.stored, std::slice::from_ref(&trial_id));
     assert_eq!(Answer::of(put(&server)).await.status, 200, "the same again");
 }
 
