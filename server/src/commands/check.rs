@@ -8,8 +8,7 @@ use serde::Serialize;
 use sidestep::scene::SceneParameters;
 use sidestep::trial::{Flag, flags, outcome};
 
-/// Look at every row: is the file sound, and does each trial still say what it
-/// said when it was stored?
+/// Check a database: is the file sound, and does every trial still replay as it did?
 ///
 /// Prints a JSON summary; exit code 1 if anything is wrong.
 #[derive(Clone, Debug, clap::Args)]
