@@ -188,7 +188,7 @@ mod tests {
         let mut p = [0.0; 3];
         predictor.probabilities_into(&[10.0, 1.0], &mut p);
         assert!((p.iter().sum::<f64>() - 1.0).abs() < 1e-15);
-        assert!((p[1] / p[0] - 0.5f64.exp()).abs() < 1e-12);
+        assert!((p[1] / p[0] - crate::math::exp(0.5)).abs() < 1e-12);
     }
 
     #[test]

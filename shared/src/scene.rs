@@ -443,8 +443,7 @@ mod tests {
 
     #[test]
     fn hopeless_parameters_are_refused() {
-        let mut parameters = SceneParameters::default();
-        parameters.danger_radius_m = 30.0;
+        let parameters = SceneParameters { danger_radius_m: 30.0, ..SceneParameters::default() };
         assert!(generate(&parameters, &EncounterRange::default(), 1, 0).is_err());
     }
 }

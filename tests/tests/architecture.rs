@@ -1,0 +1,193 @@
+//! What must never be, and what the documents promise.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
+}
+
+fn read(path: impl AsRef<Path>) -> String {
+    let path = root().join(path);
+    fs::read_to_string(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
+}
+
+/// Files below a folder with that ending, as paths from the root.
+fn files(folder: &str, ending: &str) -> Vec<String> {
+    let mut found = Vec::new();
+    let mut folders = vec![root().join(folder)];
+    while let Some(folder) = folders.pop() {
+        for entry in fs::read_dir(&folder).unwrap() {
+            let path = entry.unwrap().path();
+            let name = path.file_name().unwrap().to_string_lossy().into_owned();
+            if path.is_dir() && name != "target" && !name.starts_with('.') {
+                folders.push(path);
+            } else if name.ends_with(ending) {
+                let from_root = path.strip_prefix(root()).unwrap();
+                found.push(from_root.to_string_lossy().into_owned());
+            }
+        }
+    }
+    assert!(!found.is_empty(), "no {ending} in {folder}");
+    found.sort();
+    found
+}
+
+/// A source file without comments, so that prose may name what code may not.
+fn code(path: &str) -> String {
+    let text = read(path);
+    let lines = text.lines().map(|line| line.split("//").next().unwrap_or_default());
+    lines.collect::<Vec<_>>().join("\n")
+}
+
+fn never(folder: &str, words: &[&str], except: impl Fn(&str) -> bool) {
+    for path in files(folder, ".rs").into_iter().filter(|path| !except(path)) {
+        let code = code(&path);
+        for word in words {
+            assert!(!code.contains(word), "{path} must not use {word}");
+        }
+    }
+}
+
+/// Names in a manifest's `[dependencies]`.
+fn dependencies(manifest: &str) -> BTreeSet<String> {
+    let manifest: toml::Table = read(manifest).parse().unwrap();
+    let table = manifest["dependencies"].as_table().unwrap();
+    table.keys().cloned().collect()
+}
+
+#[test]
+fn the_library_is_pure() {
+    let impure = [
+        "std::fs", "std::net", "std::time", "std::env", "std::process", "std::thread", "tokio",
+        "sqlx", "web_sys", "js_sys", "wasm_bindgen", "SystemTime", "Instant",
+    ];
+    never("shared/src", &impure, |_| false);
+    let allowed = ["libm", "nalgebra", "rand_chacha", "rand_core", "serde", "serde_json", "sha2", "thiserror"];
+    let unknown: Vec<_> = dependencies("shared/Cargo.toml")
+        .into_iter()
+        .filter(|name| !allowed.contains(&name.as_str()))
+        .collect();
+    assert!(unknown.is_empty(), "is {unknown:?} pure? then say so here");
+}
+
+#[test]
+fn client_and_server_do_not_know_each_other() {
+    let server = dependencies("server/Cargo.toml");
+    let client = dependencies("web-client/Cargo.toml");
+    assert!(!server.contains("sidestep-web") && !client.contains("sidestep-server"));
+    never("server/src", &["sidestep_web", "web_sys", "js_sys"], |_| false);
+    never("web-client/src", &["sidestep_server", "tokio", "sqlx"], |_| false);
+}
+
+#[test]
+fn modules_of_the_library_use_only_those_above() {
+    let lib = read("shared/src/lib.rs");
+    let order: Vec<_> = lib.lines().filter_map(|line| line.strip_prefix("pub mod ")?.strip_suffix(';')).collect();
+    assert!(order.len() > 10);
+    for path in files("shared/src", ".rs") {
+        let module = path.trim_start_matches("shared/src/").split(['/', '.']).next().unwrap();
+        if module == "lib" {
+            continue;
+        }
+        let place = order.iter().position(|name| *name == module);
+        let place = place.unwrap_or_else(|| panic!("{path} is not declared in lib.rs"));
+        // Tests may look anywhere.
+        let code = code(&path);
+        let code = code.split("#[cfg(test)]").next().unwrap_or_default();
+        for (used, below) in order.iter().enumerate().skip(place + 1).map(|(i, name)| (name, i)) {
+            let path_to = format!("crate::{used}");
+            let follows = |rest: &str| rest.starts_with("::") || rest.starts_with(';') || rest.starts_with('{');
+            let uses = code.match_indices(&path_to).any(|(at, _)| follows(&code[at + path_to.len()..]));
+            assert!(!uses, "{path} (place {place}) uses {used} (place {below}), which is below it");
+        }
+    }
+}
+
+#[test]
+fn predictors_do_not_know_what_features_mean() {
+    let meaning = ["crate::scene", "crate::vehicle", "crate::reachability", "crate::trial"];
+    never("shared/src/predict", &meaning, |_| false);
+}
+
+#[test]
+fn sql_is_spoken_in_the_store_alone() {
+    let in_store = |path: &str| path.starts_with("server/src/store");
+    never("server/src", &["sqlx::query", "SELECT ", "INSERT ", "UPDATE ", "DELETE FROM"], in_store);
+}
+
+#[test]
+fn the_browser_is_touched_in_its_adapters_alone() {
+    let adapter = |path: &str| path.contains("src/browser") || path.contains("src/json/");
+    never("web-client/src", &["web_sys", "js_sys", "wasm_bindgen"], adapter);
+}
+
+#[test]
+fn every_overlay_is_in_the_table() {
+    let table = read("web-client/src/overlays.rs");
+    for path in files("web-client/src/overlays", ".rs") {
+        let name = Path::new(&path).file_stem().unwrap().to_str().unwrap();
+        let entry = format!("shapes: {name}::");
+        assert!(name == "stage" || table.contains(&entry), "{name} has no line in LAYERS");
+    }
+}
+
+#[test]
+fn documents_name_files_that_exist() {
+    for document in files(".", ".md") {
+        let text = read(&document);
+        let folder = root().join(&document).parent().unwrap().to_path_buf();
+        let links = text.split("](").skip(1).filter_map(|rest| rest.split(')').next());
+        for link in links.filter(|link| !link.contains("://")) {
+            let path = link.split('#').next().unwrap();
+            assert!(path.is_empty() || folder.join(path).exists(), "{document} links to {link}");
+        }
+        // Paths in back-quotes that begin with a folder of ours.
+        for name in text.split('`').skip(1).step_by(2) {
+            let ours = ["shared/", "server/", "web-client/", "tests/", "xtask/", "migrations/", "static/", "docs/"];
+            let plain = !name.contains(['*', '{', '<', ' ', '…', '\n']);
+            if plain && ours.iter().any(|folder| name.starts_with(folder)) {
+                assert!(root().join(name).exists(), "{document} names {name}");
+            }
+        }
+    }
+}
+
+#[test]
+fn commands_of_the_readme_exist() {
+    let readme = read("README.md");
+    let blocks = readme.split("```sh\n").skip(1).filter_map(|rest| rest.split("```").next());
+    let lines: Vec<_> = blocks.flat_map(str::lines).collect();
+    assert!(lines.iter().any(|line| *line == "cargo xtask serve"));
+    assert!(lines.iter().any(|line| *line == "cargo xtask test"));
+    let xtask = read("xtask/src/main.rs");
+    let binary = sidestep_tests::process::binary();
+    for line in lines {
+        let mut words = line.split('#').next().unwrap().split_whitespace();
+        match words.next() {
+            Some("cargo") => {
+                assert_eq!(words.next(), Some("xtask"), "{line}");
+                let name = words.next().unwrap();
+                let variant = format!("{}{}", name[..1].to_uppercase(), &name[1..]);
+                assert!(xtask.contains(&variant), "{line}: xtask has no {name}");
+            }
+            Some(command) if command.ends_with("/sidestep") => {
+                let (names, flags): (Vec<_>, Vec<_>) = words.partition(|word| !word.starts_with("--"));
+                let mut help = Command::new(binary);
+                if flags != ["--help"] {
+                    help.arg(names[0]);
+                }
+                let output = help.arg("--help").output().unwrap();
+                let text = String::from_utf8(output.stdout).unwrap();
+                assert!(output.status.success(), "{line}");
+                for flag in flags {
+                    assert!(text.contains(flag), "{line}: no {flag} in\n{text}");
+                }
+            }
+            Some(other) => panic!("{line}: is {other} there on a fresh machine?"),
+            None => {}
+        }
+    }
+}
