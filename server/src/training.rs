@@ -35,19 +35,13 @@ pub fn train(parameters: &SceneParameters, trials: &[Driven]) -> Result<TrainedP
 fn enough(trials: &[Driven]) -> Result<(), String> {
     let n = trials.len();
     if n < MIN_TRIALS {
-        return Err(format!(
-            "a model is learned from {MIN_TRIALS} earlier trials or more and there are {n}: \
-             these are the frequencies of the inputs so far"
-        ));
+        return Err(format!("too few earlier trials ({n} of {MIN_TRIALS}) to learn from"));
     }
     let mut inputs = trials.iter().flat_map(|(inputs, _)| inputs);
     let first = inputs.next();
     if inputs.all(|input| Some(input) == first) {
         let word = first.map_or("no", |input| input.word());
-        return Err(format!(
-            "the {n} earlier trials hold one kind of input only ({word}): \
-             these are the frequencies of the inputs so far"
-        ));
+        return Err(format!("the {n} earlier trials hold one kind of input only ({word})"));
     }
     Ok(())
 }
@@ -78,17 +72,22 @@ fn learn(parameters: &SceneParameters, trials: &[Driven]) -> Result<Predictor, I
     Ok(Predictor::logistic(features, classes, scale, model))
 }
 
-/// (n_c + 1) / (n + 3): nothing is impossible because it was not seen.
+/// Inputs counted before any is seen: right, straight, left. Nothing is impossible
+/// because it was not seen, and people drive straight for three steps in five.
+const PRIOR: [f64; 3] = [1.0, 3.0, 1.0];
+
+/// The frequencies of the inputs so far, with the prior's.
 fn frequencies(trials: &[Driven]) -> Result<Predictor, Invalid> {
     let inputs = || trials.iter().flat_map(|(inputs, _)| inputs);
-    let total = inputs().count() as f64 + 3.0;
-    let share = |class: TurnInput| {
+    let total = inputs().count() as f64 + PRIOR.iter().sum::<f64>();
+    let share = |(class, prior): (TurnInput, f64)| {
         let count = inputs().filter(|&&input| input == class).count();
-        (count as f64 + 1.0) / total
+        (count as f64 + prior) / total
     };
+    let shares = TurnInput::ALL.into_iter().zip(PRIOR).map(share).collect();
     let classes = TurnInput::ALL.map(TurnInput::sign).to_vec();
     let features = FeatureSet::subset("hrd")?;
-    Predictor::constant(features, classes, TurnInput::ALL.map(share).to_vec())
+    Predictor::constant(features, classes, shares)
 }
 
 #[cfg(test)]
@@ -127,11 +126,11 @@ mod tests {
             assert_eq!(trained.predictor.probabilities.unwrap(), probabilities);
             assert!(trained.fallback.unwrap().contains(word));
         };
-        check(&[], [1.0 / 3.0; 3], "there are 0");
+        check(&[], [0.2, 0.6, 0.2], "(0 of 5)");
         let one = driven(1, TurnInput::Right);
-        check(&one, [16.0 / 53.0, 36.0 / 53.0, 1.0 / 53.0], "there are 1");
+        check(&one, [16.0 / 55.0, 38.0 / 55.0, 1.0 / 55.0], "(1 of 5)");
         let straight = driven(5, TurnInput::Straight);
-        check(&straight, [1.0 / 253.0, 251.0 / 253.0, 1.0 / 253.0], "(straight)");
+        check(&straight, [1.0 / 255.0, 253.0 / 255.0, 1.0 / 255.0], "(straight)");
     }
 
     #[test]

@@ -90,7 +90,9 @@ impl Browser {
         let (first, second) = (Arc::clone(&complaints), Arc::clone(&complaints));
         tokio::spawn(async move {
             while let Some(event) = thrown.next().await {
-                first.lock().expect("a list").push(format!("{:?}", event.exception_details));
+                let exception = event.exception_details.exception.as_ref();
+                let words = exception.and_then(|exception| exception.description.clone());
+                first.lock().expect("a list").push(words.unwrap_or_default());
             }
         });
         tokio::spawn(async move {
@@ -162,6 +164,15 @@ impl Tab {
         result.into_value().unwrap_or_else(|error| panic!("{expression}: {error}"))
     }
 
+    /// Runs JavaScript for its effect.
+    ///
+    /// # Panics
+    /// If it throws.
+    pub async fn run(&self, code: &str) {
+        let result = self.page.evaluate(format!("void ({code})")).await;
+        result.unwrap_or_else(|error| panic!("{code}: {error}"));
+    }
+
     /// Waits until a JavaScript expression is true.
     ///
     /// # Panics
@@ -196,7 +207,7 @@ impl Tab {
     pub async fn press(&self, test_id: &str) {
         let element = Self::at(test_id);
         self.until(&format!("{element} && !{element}.disabled")).await;
-        self.eval::<()>(&format!("void {element}.click()")).await;
+        self.run(&format!("{element}.click()")).await;
     }
 
     /// Waits for an element's words.

@@ -3,32 +3,21 @@
 use crate::server::write_site;
 use std::path::{Path, PathBuf};
 use std::process::{Output, Stdio};
-use std::sync::OnceLock;
+use std::sync::LazyLock;
 use tempfile::TempDir;
 use tokio::io::{AsyncBufReadExt, BufReader, Lines};
 use tokio::process::{Child, ChildStdout, Command};
 
-/// The command: SIDESTEP_BIN, or else built now.
+/// The command as users get it, with the client beside it: `SIDESTEP_BIN`.
 ///
 /// # Panics
-/// If it cannot be built.
+/// If that is not set.
 pub fn binary() -> &'static Path {
-    static BINARY: OnceLock<PathBuf> = OnceLock::new();
-    BINARY.get_or_init(|| {
-        if let Some(given) = std::env::var_os("SIDESTEP_BIN") {
-            return given.into();
-        }
-        let built = std::process::Command::new(env!("CARGO"))
-            .args(["build", "--package", "sidestep-server", "--bin", "sidestep"])
-            .current_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/.."))
-            .status()
-            .expect("cargo");
-        assert!(built.success(), "sidestep does not build");
-        // A test's executable is in target/PROFILE/deps.
-        let test = std::env::current_exe().expect("an executable");
-        let target = test.ancestors().nth(3).expect("a target folder");
-        target.join("debug").join("sidestep")
-    })
+    static BINARY: LazyLock<PathBuf> = LazyLock::new(|| {
+        let given = std::env::var_os("SIDESTEP_BIN");
+        given.expect("SIDESTEP_BIN: run the tests with `cargo xtask test`, which sets it").into()
+    });
+    &BINARY
 }
 
 /// Runs the command to its end.

@@ -61,11 +61,31 @@ fn dependencies(manifest: &str) -> BTreeSet<String> {
 #[test]
 fn the_library_is_pure() {
     let impure = [
-        "std::fs", "std::net", "std::time", "std::env", "std::process", "std::thread", "tokio",
-        "sqlx", "web_sys", "js_sys", "wasm_bindgen", "SystemTime", "Instant",
+        "std::fs",
+        "std::net",
+        "std::time",
+        "std::env",
+        "std::process",
+        "std::thread",
+        "tokio",
+        "sqlx",
+        "web_sys",
+        "js_sys",
+        "wasm_bindgen",
+        "SystemTime",
+        "Instant",
     ];
     never("shared/src", &impure, |_| false);
-    let allowed = ["libm", "nalgebra", "rand_chacha", "rand_core", "serde", "serde_json", "sha2", "thiserror"];
+    let allowed = [
+        "libm",
+        "nalgebra",
+        "rand_chacha",
+        "rand_core",
+        "serde",
+        "serde_json",
+        "sha2",
+        "thiserror",
+    ];
     let unknown: Vec<_> = dependencies("shared/Cargo.toml")
         .into_iter()
         .filter(|name| !allowed.contains(&name.as_str()))
@@ -85,7 +105,8 @@ fn client_and_server_do_not_know_each_other() {
 #[test]
 fn modules_of_the_library_use_only_those_above() {
     let lib = read("shared/src/lib.rs");
-    let order: Vec<_> = lib.lines().filter_map(|line| line.strip_prefix("pub mod ")?.strip_suffix(';')).collect();
+    let order: Vec<_> =
+        lib.lines().filter_map(|line| line.strip_prefix("pub mod ")?.strip_suffix(';')).collect();
     assert!(order.len() > 10);
     for path in files("shared/src", ".rs") {
         let module = path.trim_start_matches("shared/src/").split(['/', '.']).next().unwrap();
@@ -99,8 +120,11 @@ fn modules_of_the_library_use_only_those_above() {
         let code = code.split("#[cfg(test)]").next().unwrap_or_default();
         for (used, below) in order.iter().enumerate().skip(place + 1).map(|(i, name)| (name, i)) {
             let path_to = format!("crate::{used}");
-            let follows = |rest: &str| rest.starts_with("::") || rest.starts_with(';') || rest.starts_with('{');
-            let uses = code.match_indices(&path_to).any(|(at, _)| follows(&code[at + path_to.len()..]));
+            let follows = |rest: &str| {
+                rest.starts_with("::") || rest.starts_with(';') || rest.starts_with('{')
+            };
+            let uses =
+                code.match_indices(&path_to).any(|(at, _)| follows(&code[at + path_to.len()..]));
             assert!(!uses, "{path} (place {place}) uses {used} (place {below}), which is below it");
         }
     }
@@ -146,7 +170,16 @@ fn documents_name_files_that_exist() {
         }
         // Paths in back-quotes that begin with a folder of ours.
         for name in text.split('`').skip(1).step_by(2) {
-            let ours = ["shared/", "server/", "web-client/", "tests/", "xtask/", "migrations/", "static/", "docs/"];
+            let ours = [
+                "shared/",
+                "server/",
+                "web-client/",
+                "tests/",
+                "xtask/",
+                "migrations/",
+                "static/",
+                "docs/",
+            ];
             let plain = !name.contains(['*', '{', '<', ' ', '…', '\n']);
             if plain && ours.iter().any(|folder| name.starts_with(folder)) {
                 assert!(root().join(name).exists(), "{document} names {name}");
@@ -174,7 +207,8 @@ fn commands_of_the_readme_exist() {
                 assert!(xtask.contains(&variant), "{line}: xtask has no {name}");
             }
             Some(command) if command.ends_with("/sidestep") => {
-                let (names, flags): (Vec<_>, Vec<_>) = words.partition(|word| !word.starts_with("--"));
+                let (names, flags): (Vec<_>, Vec<_>) =
+                    words.partition(|word| !word.starts_with("--"));
                 let mut help = Command::new(binary);
                 if flags != ["--help"] {
                     help.arg(names[0]);

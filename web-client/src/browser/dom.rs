@@ -67,7 +67,7 @@ fn set(element: &Element, name: &str, value: &str) -> Result<(), JsValue> {
         }
         // Local date and time.
         "data-ms" => {
-            let date = js_sys::Date::new(&js_sys::Number::from(JsValue::from_str(value)));
+            let date = js_sys::Date::new(&js_sys::parse_float(value).into());
             element.set_attribute("datetime", &String::from(date.to_iso_string()))?;
             let words = date.to_locale_string("default", &JsValue::UNDEFINED);
             element.set_text_content(Some(&String::from(words)));

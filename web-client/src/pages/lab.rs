@@ -387,10 +387,9 @@ mod view {
 
     fn trial_row(trial: &TrialSummary) -> Node {
         let outcome = &trial.outcome;
-        let danger = outcome.first_step_in_danger.map_or_else(
-            || "kept clear".to_owned(),
-            |step| format!("from {:.1} s", step as f64 * 0.2),
-        );
+        let danger = outcome
+            .first_step_in_danger
+            .map_or_else(|| "kept clear".to_owned(), |step| format!("from step {step}"));
         let turned = outcome
             .avoidance
             .map_or_else(|| "never".to_owned(), |(first, last)| format!("steps {first}–{last}"));

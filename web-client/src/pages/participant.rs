@@ -514,7 +514,7 @@ mod view {
 
     fn phase_words(leg: &Leg) -> String {
         let name = match leg.phase {
-            Phase::Familiarisation => "Getting used to it",
+            Phase::Familiarisation => "Warm-up",
             Phase::Practice => "Practice",
             Phase::Task => "Task",
         };

@@ -305,7 +305,7 @@ impl Replay {
         let source =
             self.learned.as_ref().map_or_else(String::new, |learned| match &learned.fallback {
                 None => format!("logistic, B_hrd, trained on the {} trials before", learned.trials),
-                Some(why) => why.clone(),
+                Some(why) => format!("{why}: the frequencies of the inputs so far, three in five straight to begin with"),
             });
         let bars = prediction.probabilities.iter().map(|(input, p)| {
             let percent = 100.0 * p;
@@ -347,11 +347,7 @@ impl Replay {
         });
         el("section")
             .child(el("h2").text("Predicted sets"))
-            .child(
-                el("p")
-                    .class("quiet")
-                    .text("Next 2 s, k = 2 2 1 1 …; each set contains the ones above it."),
-            )
+            .child(el("p").class("quiet").text("Next 2 s, k = 2 2 1 1 …"))
             .child(
                 el("table")
                     .class("regions")
