@@ -32,9 +32,11 @@ use crate::bounds::InputBounds;
 use crate::invalid::{Invalid, positive};
 use crate::math::PI;
 use crate::vehicle::Pose;
+use core::f64::consts::FRAC_PI_2;
+use extremal::Costate;
 use nalgebra::Complex;
 use paths::{Path, Paths, unit};
-use sampling::{Sample, sample};
+use sampling::{Sample, sample, spaced};
 
 /// Every position that a vehicle can reach from a start pose under
 /// [`InputBounds`] at constant speed.
@@ -127,18 +129,25 @@ impl ReachableSet {
         let tolerance = settings.accuracy_m() / self.speed_mps;
         let least = settings.least_pieces();
         let steps = self.steps();
-        let mut boundary = side(&self.paths.low, steps, least, tolerance);
+        let mut boundary = path(&self.paths.low, steps, least, tolerance);
         boundary.extend(front::front(&self.paths, steps, least, tolerance));
-        let left = side(&self.paths.high, steps, least, tolerance);
+        let left = path(&self.paths.high, steps, least, tolerance);
         boundary.extend(left.iter().rev());
         boundary.dedup();
-        let simple = self.paths.straight_always(steps) && self.common_direction(steps).is_some();
-        if simple {
-            boundary.pop();
-            self.to_world(&boundary)
-        } else {
-            self.to_world(&outline::outline(&[boundary]))
+        let common = self.common_direction(steps).is_some();
+        if common && self.paths.straight_always(steps) {
+            return self.to_world(&boundary);
         }
+        let mut curves = vec![boundary];
+        if !common {
+            // Turning so far, one can get farther sideways than along the two
+            // outermost paths.
+            curves.extend(rear::candidates(&self.paths, steps, least, tolerance));
+            curves.extend(
+                [-FRAC_PI_2, FRAC_PI_2].map(|phi| sideways(&self.paths, phi, least, tolerance)),
+            );
+        }
+        self.to_world(&outline::outline(&curves))
     }
 
     /// Is `position` (world frame, m) reachable after exactly `step` steps, or no
@@ -195,7 +204,7 @@ impl ReachableSet {
 }
 
 /// One of the two outermost paths, from the start on.
-fn side(path: &Path, steps: usize, least_pieces: usize, tolerance: f64) -> Vec<Complex<f64>> {
+fn path(path: &Path, steps: usize, least_pieces: usize, tolerance: f64) -> Vec<Complex<f64>> {
     let pieces = least_pieces.div_ceil(steps);
     let mut points = vec![path.point(0)];
     for step in 0..steps {
@@ -208,4 +217,16 @@ fn side(path: &Path, steps: usize, least_pieces: usize, tolerance: f64) -> Vec<C
         points.push(path.point(step + 1));
     }
     points
+}
+
+/// At every instant, the end of the extremal that arrives at a right angle to
+/// its direction, φ = ±π/2: where the time is free, the boundary consists of these.
+fn sideways(paths: &Paths, phi: f64, least_pieces: usize, tolerance: f64) -> Vec<Complex<f64>> {
+    let pieces = least_pieces.div_ceil(paths.steps());
+    let mut points = vec![Complex::new(0.0, 0.0)];
+    for step in 0..paths.steps() {
+        let curve = |seconds: f64| Costate::end(phi).back_from(paths, 0, step, seconds).sample();
+        sample(&curve, (0.0, paths.step_s), pieces, tolerance, &mut points);
+    }
+    spaced(points)
 }

@@ -3,7 +3,8 @@
 use nalgebra::Complex;
 
 /// The smaller of `base`, whose y never falls, and each stretch of `curve`,
-/// within the range of `base`. An empty `base` stands for nothing yet: then the
+/// within the range of `base`. Neither may hold points that differ by rounding
+/// errors only. An empty `base` stands for nothing yet: then the
 /// answer is `curve`.
 pub(super) fn lower_envelope(base: Vec<Complex<f64>>, curve: &[Complex<f64>]) -> Vec<Complex<f64>> {
     if base.is_empty() {

@@ -39,7 +39,8 @@ enum Side {
 /// Costates closer to zero than this, s, are rounding errors of zero.
 const ZERO_COSTATE: f64 = 1e-13;
 
-/// More jumps than this are not traced: the path only trembles about φ = π.
+/// More jumps a step than this are not traced further: only a path that trembles
+/// about φ = π has so many.
 const MOST_SWITCHES: usize = 8;
 
 impl Costate {
@@ -56,9 +57,21 @@ impl Costate {
 
     /// The same extremal at the beginning of step `first`, if this is the end of
     /// step `last` (counted from 0).
-    pub(super) fn back(mut self, paths: &Paths, first: usize, last: usize) -> Self {
+    pub(super) fn back(self, paths: &Paths, first: usize, last: usize) -> Self {
+        self.back_from(paths, first, last, paths.step_s)
+    }
+
+    /// The same extremal at the beginning of step `first`, if this is `seconds`
+    /// after the beginning of step `last`.
+    pub(super) fn back_from(
+        mut self,
+        paths: &Paths,
+        first: usize,
+        last: usize,
+        seconds: f64,
+    ) -> Self {
         for step in (first..=last).rev() {
-            let mut left = paths.step_s;
+            let mut left = if step == last { seconds } else { paths.step_s };
             loop {
                 if self.rest.im.abs() < ZERO_COSTATE {
                     self.rest.im = 0.0;
@@ -66,7 +79,7 @@ impl Costate {
                 let side = self.side_before(paths.lo[step], paths.hi[step]);
                 let jumps = side != self.side && self.side != Side::Straight;
                 self.switches += usize::from(jumps);
-                if self.switches > MOST_SWITCHES {
+                if self.switches > MOST_SWITCHES * (last + 1) {
                     return self;
                 }
                 self.side = side;

@@ -2,7 +2,7 @@
 //! lowest-rate path's end to the highest-rate path's.
 
 use super::paths::{Paths, unit};
-use super::sampling::{Sample, sample};
+use super::sampling::{Sample, sample, spaced};
 use super::singular::pieces;
 use nalgebra::Complex;
 
@@ -20,8 +20,7 @@ pub(super) fn front(
         extremals(paths, steps, least_pieces, tolerance, &mut points);
     }
     points.push(paths.high.point(steps));
-    points.dedup();
-    points
+    spaced(points)
 }
 
 /// If one may always drive straight: turn right at the lowest rate, or left at

@@ -1,7 +1,7 @@
 //! The rear of a planar set: the ends of the paths that stay farthest back.
 //!
 //! Nothing is gained by driving straight here: the rate jumps between its
-//! bounds. One jump is enough where straight is always admissible; otherwise a
+//! bounds. One jump is enough where one may always turn both ways; otherwise a
 //! path may have to cross the line through its end more often, and the traced
 //! extremals with two jumps and more are added.
 
@@ -9,7 +9,7 @@ use super::envelope::lower_envelope;
 use super::extremal::Costate;
 use super::front::end_range;
 use super::paths::{Path, Paths, unit};
-use super::sampling::{MOST_HALVINGS, Sample, sample, triangle_height};
+use super::sampling::{MOST_HALVINGS, Sample, sample, spaced, triangle_height};
 use crate::math::{PI, TAU, atan2};
 use nalgebra::Complex;
 
@@ -28,10 +28,11 @@ pub(super) fn candidates(
         one_jump(high, low, steps, least_pieces, tolerance),
     ];
     curves[0].reverse();
-    if !paths.straight_always(steps) {
+    let both_ways = (0..steps).all(|step| paths.lo[step] < 0.0 && 0.0 < paths.hi[step]);
+    if !both_ways {
         more_jumps(paths, steps, tolerance, &mut curves);
     }
-    curves
+    curves.into_iter().map(spaced).collect()
 }
 
 /// Drive along `first`, then with the rates of `last`, for every instant of the
@@ -65,26 +66,28 @@ fn one_jump(
     points
 }
 
-/// Extremals with more jumps than this stay behind those with fewer.
-const MOST_JUMPS: usize = 4;
+/// Extremals with more jumps than this, and one a step besides, are not looked at.
+const MOST_JUMPS: usize = 3;
 
 /// In this many steps the end headings are searched for extremals with two
 /// jumps and more.
-const SEARCH: usize = 96;
+const SEARCH: usize = 48;
+
+/// Nearer than this, rad, to φ = π at its end no extremal is traced: exactly
+/// there, it may tremble without end.
+const AT_REST: f64 = 1e-6;
 
 fn more_jumps(paths: &Paths, steps: usize, tolerance: f64, curves: &mut Vec<Vec<Complex<f64>>>) {
     let trace = |phi: f64| {
         let costate = Costate::end(phi).back(paths, 0, steps - 1);
-        Trace { phi, jumps: costate.switches, sample: costate.sample() }
+        Trace { phi, tame: costate.switches <= MOST_JUMPS + steps, sample: costate.sample() }
     };
     let (left, right) = end_range(paths, steps);
-    for (from, to) in [(right, PI), (left + TAU, PI)] {
+    for (from, to) in [(right, PI - AT_REST), (left + TAU, PI + AT_REST)] {
         let traces: Vec<Trace> =
-            (0..SEARCH).map(|i| trace(from + (to - from) * (i as f64 / SEARCH as f64))).collect();
+            (0..=SEARCH).map(|i| trace(from + (to - from) * (i as f64 / SEARCH as f64))).collect();
         for pair in traces.windows(2) {
-            if pair[0].jumps.max(pair[1].jumps) >= 2 {
-                connect(&trace, pair[0], pair[1], tolerance, MOST_HALVINGS, curves);
-            }
+            connect(&trace, pair[0], pair[1], tolerance, MOST_HALVINGS, curves);
         }
     }
 }
@@ -94,7 +97,8 @@ fn more_jumps(paths: &Paths, steps: usize, tolerance: f64, curves: &mut Vec<Vec<
 struct Trace {
     /// At the end, rad.
     phi: f64,
-    jumps: usize,
+    /// Whether it has few enough jumps.
+    tame: bool,
     sample: Sample,
 }
 
@@ -109,17 +113,24 @@ fn connect(
     halvings: u32,
     curves: &mut Vec<Vec<Complex<f64>>>,
 ) {
-    if start.jumps.min(end.jumps) > MOST_JUMPS {
+    if !start.tame && !end.tame {
         return;
     }
-    let (from, to) = (start.sample, end.sample);
-    if start.jumps.max(end.jumps) <= MOST_JUMPS && triangle_height(from, to) <= tolerance {
+    let middle = trace(0.5 * (start.phi + end.phi));
+    let three = [start, middle, end];
+    let close = |a: Trace, b: Trace| triangle_height(a.sample, b.sample) <= tolerance;
+    // The ends of the extremals may run away and come back: the middle tells.
+    if three.iter().all(|trace| trace.tame)
+        && close(start, end)
+        && close(start, middle)
+        && close(middle, end)
+    {
+        let [from, through, to] = three.map(|trace| trace.sample.point);
         match curves.last_mut() {
-            Some(last) if last.last() == Some(&from.point) => last.push(to.point),
-            _ => curves.push(vec![from.point, to.point]),
+            Some(last) if last.last() == Some(&from) => last.extend([through, to]),
+            _ => curves.push(vec![from, through, to]),
         }
     } else if halvings > 0 {
-        let middle = trace(0.5 * (start.phi + end.phi));
         connect(trace, start, middle, tolerance, halvings - 1, curves);
         connect(trace, middle, end, tolerance, halvings - 1, curves);
     }

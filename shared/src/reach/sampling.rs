@@ -58,8 +58,10 @@ pub(super) struct Sample {
     pub(super) angle: f64,
 }
 
-/// A curve is halved at most this many times between two given parameters.
-pub(super) const MOST_HALVINGS: u32 = 12;
+/// A stretch of parameters is halved at most this often. So much is needed where
+/// a bound is close to zero: then a long piece of the front belongs to extremals
+/// that differ very little at their end.
+pub(super) const MOST_HALVINGS: u32 = 36;
 
 /// Appends points of `curve` for parameters in (from, to], so close that its
 /// chords stay within `tolerance` of it. Between neighbours the curve is taken
@@ -101,7 +103,7 @@ fn halve(
 /// Most that the height of a triangle can be whose base is the chord and whose
 /// other sides are the tangents: (base/2)·tan(turn/2), rounded up.
 pub(super) fn triangle_height(a: Sample, b: Sample) -> f64 {
-    let base = hypot(b.point.re - a.point.re, b.point.im - a.point.im);
+    let base = apart(a.point, b.point);
     let turn = wrap_angle(b.angle - a.angle).abs();
     if base == 0.0 {
         0.0
@@ -111,6 +113,25 @@ pub(super) fn triangle_height(a: Sample, b: Sample) -> f64 {
         // tan(x/2) ≤ 0.5464 x up to x = 1.
         0.2732 * base * turn
     }
+}
+
+/// Points nearer to each other than this, s, differ by rounding errors only.
+const SAME: f64 = 1e-11;
+
+/// The curve without points that repeat the one before; its ends stay exact.
+pub(super) fn spaced(mut points: Vec<Complex<f64>>) -> Vec<Complex<f64>> {
+    let last = points.last().copied();
+    points.dedup_by(|point, kept| apart(*point, *kept) < SAME);
+    if let (Some(last), Some(kept)) = (last, points.last_mut())
+        && apart(last, *kept) < SAME
+    {
+        *kept = last;
+    }
+    points
+}
+
+fn apart(a: Complex<f64>, b: Complex<f64>) -> f64 {
+    hypot(a.re - b.re, a.im - b.im)
 }
 
 #[cfg(test)]

@@ -269,7 +269,7 @@ impl Replay {
     fn panel(&self) -> Node {
         let step = self.step();
         let state = self.state();
-        let metres = |value: f64| format!("{value:.2} m");
+        let metres = |value: f64| format!("{value:.2} m").replace('-', "−");
         let level = |read: fn(&SafetyFunctions, &JointState) -> f64| {
             self.safety
                 .as_ref()
@@ -305,7 +305,7 @@ impl Replay {
         let source =
             self.learned.as_ref().map_or_else(String::new, |learned| match &learned.fallback {
                 None => format!("logistic, B_hrd, trained on the {} trials before", learned.trials),
-                Some(why) => format!("{why}: the frequencies of the inputs so far, three in five straight to begin with"),
+                Some(why) => format!("{why}: frequencies of the inputs so far"),
             });
         let bars = prediction.probabilities.iter().map(|(input, p)| {
             let percent = 100.0 * p;
@@ -346,8 +346,9 @@ impl Replay {
                 .child(el("td").text(format!("{:.2}", set.area_m2)))
         });
         el("section")
-            .child(el("h2").text("Predicted sets"))
-            .child(el("p").class("quiet").text("Next 2 s, k = 2 2 1 1 …"))
+            .child(
+                el("h2").text("Predicted sets").child(el("small").text("next 2 s, k = 2 2 1 1 …")),
+            )
             .child(
                 el("table")
                     .class("regions")

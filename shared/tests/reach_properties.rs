@@ -1,0 +1,271 @@
+//! What must hold of every reachable set.
+
+use proptest::prelude::*;
+use sidestep::bounds::InputBounds;
+use sidestep::math::{SeededRng, hypot, sin_cos};
+use sidestep::reach::polygon::{bounding_box, signed_area, signed_distance};
+use sidestep::reach::{PolygonSettings, ReachableSet};
+use sidestep::vehicle::{Pose, dubins};
+
+const SPEED_MPS: f64 = 2.0;
+const STEP_S: f64 = 0.2;
+const RATE_RADPS: f64 = 0.5;
+
+/// Sub-steps of a step in random inputs.
+const PARTS: usize = 8;
+
+/// How far, m, a position may be found outside: the accuracy asked for.
+fn accuracy() -> f64 {
+    PolygonSettings::default().accuracy_m()
+}
+
+fn set(start: Pose, lo: &[f64], hi: &[f64]) -> ReachableSet {
+    let range = (-RATE_RADPS, RATE_RADPS);
+    let bounds = InputBounds::new(lo.to_vec(), hi.to_vec(), range).expect("bounds");
+    ReachableSet::new(start, &bounds, SPEED_MPS, STEP_S).expect("a set")
+}
+
+fn origin() -> Pose {
+    Pose::new(0.0, 0.0, 0.0)
+}
+
+/// The positions after each sub-step under inputs that hold one bound, or any
+/// admissible rate, and change at random.
+fn random_drive(start: Pose, lo: &[f64], hi: &[f64], rng: &mut SeededRng) -> Vec<[f64; 2]> {
+    let (mut pose, mut share) = (start, rng.unit());
+    let restless = rng.uniform(0.0, 0.3);
+    let only_bounds = rng.below(2) == 0;
+    let mut positions = Vec::new();
+    for (low, high) in lo.iter().zip(hi) {
+        for _ in 0..PARTS {
+            if rng.unit() < restless {
+                share = rng.unit();
+            }
+            let share = if only_bounds { share.round() } else { share };
+            let rate = low + (high - low) * share;
+            pose = dubins::arc(pose, SPEED_MPS, rate, STEP_S / PARTS as f64);
+            positions.push(pose.position());
+        }
+    }
+    positions
+}
+
+/// Bounds of each of `steps` steps, both signs, sometimes without width.
+fn any_bounds(steps: usize) -> impl Strategy<Value = (Vec<f64>, Vec<f64>)> {
+    let one =
+        (-RATE_RADPS..RATE_RADPS, -RATE_RADPS..RATE_RADPS, 0..8).prop_map(
+            |(a, b, kind)| match kind {
+                0 => (a, a),
+                1 => (0.0_f64.min(a), 0.0_f64.max(a)),
+                2 => (-RATE_RADPS, RATE_RADPS),
+                _ => (a.min(b), a.max(b)),
+            },
+        );
+    prop::collection::vec(one, steps).prop_map(|bounds| bounds.into_iter().unzip())
+}
+
+/// Bounds that stay the same for stretches of steps, as Algorithm 1 gives them.
+fn steady_bounds(steps: usize) -> impl Strategy<Value = (Vec<f64>, Vec<f64>)> {
+    (any_bounds(4), prop::collection::vec(0..4_usize, steps)).prop_map(|((lo, hi), mut choice)| {
+        choice.sort_unstable();
+        choice.iter().map(|&i| (lo[i], hi[i])).unzip()
+    })
+}
+
+fn bounds() -> impl Strategy<Value = (Vec<f64>, Vec<f64>)> {
+    prop_oneof![
+        (1..=15_usize).prop_flat_map(any_bounds),
+        (1..=15_usize).prop_flat_map(steady_bounds),
+        any_bounds(25),
+        steady_bounds(25),
+    ]
+}
+
+fn pose() -> impl Strategy<Value = Pose> {
+    (-20.0..20.0, -20.0..20.0, -3.1..3.1).prop_map(|(x, y, psi)| Pose::new(x, y, psi))
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(96))]
+
+    #[test]
+    fn no_admissible_input_leaves_the_polygons((lo, hi) in bounds(), start in pose(), seed: u64) {
+        let set = set(start, &lo, &hi);
+        let tube = set.tube_polygon(PolygonSettings::default());
+        let polygons: Vec<_> = (0..=set.steps())
+            .map(|step| set.step_polygon(step, PolygonSettings::default()))
+            .collect();
+        let mut rng = SeededRng::new(seed);
+        for _ in 0..20 {
+            let positions = random_drive(start, &lo, &hi, &mut rng);
+            for (i, &position) in positions.iter().enumerate() {
+                let margin = signed_distance(&tube, position);
+                prop_assert!(margin >= -1.1 * accuracy(), "tube: {margin}");
+                if (i + 1) % PARTS == 0 {
+                    let step = (i + 1) / PARTS;
+                    let margin = signed_distance(&polygons[step], position);
+                    prop_assert!(margin >= -1.1 * accuracy(), "step {step}: {margin}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn every_polygon_is_finite_and_counter_clockwise((lo, hi) in bounds(), start in pose()) {
+        let set = set(start, &lo, &hi);
+        let polygons = (0..=set.steps())
+            .map(|step| set.step_polygon(step, PolygonSettings::default()))
+            .chain([set.tube_polygon(PolygonSettings::default())]);
+        for polygon in polygons {
+            prop_assert!(!polygon.is_empty());
+            prop_assert!(polygon.iter().flatten().all(|c| c.is_finite()));
+            prop_assert!(polygon.len() == 1 || polygon.first() != polygon.last());
+            // Thinner than the accuracy, a set may come out crossing itself.
+            let [x0, y0, x1, y1] = bounding_box(&polygon).expect("a polygon");
+            let slack = accuracy() * hypot(x1 - x0, y1 - y0);
+            prop_assert!(signed_area(&polygon) >= -slack);
+        }
+    }
+
+    #[test]
+    fn narrower_bounds_give_a_set_within((lo, hi) in bounds(), (a, b) in (0.0..0.5, 0.0..0.5)) {
+        let outer = set(origin(), &lo, &hi);
+        let narrow: (Vec<f64>, Vec<f64>) = lo
+            .iter()
+            .zip(&hi)
+            .map(|(low, high)| (low + a * (high - low), high - b * (high - low)))
+            .map(|(low, high): (f64, f64)| (low, high.max(low)))
+            .unzip();
+        let inner = set(origin(), &narrow.0, &narrow.1);
+        let settings = PolygonSettings::default();
+        for step in [1, outer.steps().div_ceil(2), outer.steps()] {
+            let around = outer.step_polygon(step, settings);
+            for vertex in inner.step_polygon(step, settings) {
+                let margin = signed_distance(&around, vertex);
+                prop_assert!(margin >= -1.1 * accuracy(), "step {step}: {margin}");
+            }
+        }
+        let around = outer.tube_polygon(settings);
+        for vertex in inner.tube_polygon(settings) {
+            prop_assert!(signed_distance(&around, vertex) >= -1.1 * accuracy());
+        }
+    }
+
+    #[test]
+    fn the_set_moves_with_its_start((lo, hi) in bounds(), start in pose()) {
+        let (fixed, moved) = (set(origin(), &lo, &hi), set(start, &lo, &hi));
+        let settings = PolygonSettings::default();
+        let (sin, cos) = sin_cos(start.psi);
+        let step = fixed.steps();
+        for (a, b) in [
+            (fixed.step_polygon(step, settings), moved.step_polygon(step, settings)),
+            (fixed.tube_polygon(settings), moved.tube_polygon(settings)),
+        ] {
+            prop_assert!((signed_area(&a) - signed_area(&b)).abs() < 1e-9);
+            for [x, y] in a {
+                let there = [start.x + cos * x - sin * y, start.y + sin * x + cos * y];
+                prop_assert!(signed_distance(&b, there).abs() < 1e-9);
+            }
+        }
+    }
+
+    #[test]
+    fn where_straight_is_always_admissible_the_tube_has_a_known_area(
+        widths in prop::collection::vec((0.0..=RATE_RADPS, 0.0..=RATE_RADPS), 1..=25)
+    ) {
+        let (lo, hi): (Vec<f64>, Vec<f64>) = widths.iter().map(|&(a, b)| (-a, b)).unzip();
+        let tube = set(origin(), &lo, &hi).tube_polygon(PolygonSettings::default());
+        let exact = tube_area(&lo, &hi);
+        let [x0, y0, x1, y1] = bounding_box(&tube).expect("a polygon");
+        let around = 2.0 * ((x1 - x0) + (y1 - y0));
+        prop_assert!((signed_area(&tube) - exact).abs() <= accuracy() * around, "{exact}");
+    }
+}
+
+/// Area, m², of the tube if straight is admissible in every step: with t the
+/// time left, the front sweeps (v²/2)·t² per radian.
+fn tube_area(lo: &[f64], hi: &[f64]) -> f64 {
+    let cube = |seconds: f64| seconds * seconds * seconds;
+    let left = |step: usize| (lo.len() - step) as f64 * STEP_S;
+    (0..lo.len()).map(|i| (cube(left(i)) - cube(left(i + 1))) * (hi[i] - lo[i])).sum::<f64>()
+        * (SPEED_MPS * SPEED_MPS / 6.0)
+}
+
+#[test]
+fn the_worst_case_of_two_seconds() {
+    let (lo, hi) = ([-0.5; 10], [0.5; 10]);
+    let tube = set(origin(), &lo, &hi).tube_polygon(PolygonSettings::default());
+    assert!((tube_area(&lo, &hi) - 16.0 / 3.0).abs() < 1e-12);
+    assert!((signed_area(&tube) - 16.0 / 3.0).abs() < 1e-4);
+}
+
+#[test]
+fn finer_settings_come_closer() {
+    let exact = set(origin(), &[-0.5; 10], &[0.5; 10]);
+    let perimeter = 12.0;
+    for accuracy_m in [1e-2, 1e-3, 1e-4, 1e-5, 1e-6] {
+        let settings = PolygonSettings::new(accuracy_m, 1).expect("settings");
+        let error = (signed_area(&exact.tube_polygon(settings)) - 16.0 / 3.0).abs();
+        assert!(error < accuracy_m * perimeter, "{accuracy_m}: {error}");
+    }
+}
+
+#[test]
+fn without_a_choice_the_set_is_a_path() {
+    let rates = [0.3, -0.5, 0.0, 0.5];
+    let start = Pose::new(1.0, 2.0, 3.0);
+    let path = set(start, &rates, &rates);
+    let mut pose = start;
+    for (i, &rate) in rates.iter().enumerate() {
+        pose = dubins::arc(pose, SPEED_MPS, rate, STEP_S);
+        let polygon = path.step_polygon(i + 1, PolygonSettings::default());
+        for [x, y] in &polygon {
+            assert!(hypot(x - pose.x, y - pose.y) < 1e-9);
+        }
+        assert!(signed_area(&polygon).abs() < 1e-15);
+        assert!(path.contains_at(i + 1, pose.position(), 1e-9, PolygonSettings::default()));
+        assert!(path.contains(pose.position(), accuracy(), PolygonSettings::default()));
+    }
+    let tube = path.tube_polygon(PolygonSettings::default());
+    assert!(signed_area(&tube).abs() < 1e-12);
+    assert!(!path.contains([5.0, 5.0], 1e-3, PolygonSettings::default()));
+}
+
+#[test]
+fn one_step_and_none() {
+    let one = set(origin(), &[-0.5], &[0.5]);
+    assert_eq!(one.step_polygon(0, PolygonSettings::default()), [[0.0, 0.0]]);
+    let polygon = one.step_polygon(1, PolygonSettings::default());
+    let area = signed_area(&polygon);
+    // Case 0 of the reference, to its sampling error.
+    assert!((area - 4.04e-6).abs() < 1e-7, "{area}");
+}
+
+#[test]
+fn ten_seconds_of_full_turns() {
+    let (lo, hi) = ([-0.5; 50], [0.5; 50]);
+    let wide = set(origin(), &lo, &hi);
+    let settings = PolygonSettings::new(1e-3, 16).expect("settings");
+    let (last, tube) = (wide.step_polygon(50, settings), wide.tube_polygon(settings));
+    let mut rng = SeededRng::new(3);
+    for _ in 0..200 {
+        let positions = random_drive(origin(), &lo, &hi, &mut rng);
+        for &position in positions.iter().step_by(3) {
+            let margin = signed_distance(&tube, position);
+            assert!(margin >= -1.1e-3, "{margin} {position:?}");
+        }
+        assert!(signed_distance(&last, positions[positions.len() - 1]) >= -1.1e-3);
+    }
+}
+
+#[test]
+fn bad_input_is_refused() {
+    let bounds = InputBounds::new(vec![0.0], vec![0.5], (-0.5, 0.5)).expect("bounds");
+    let field = |start: Pose, speed: f64, step: f64| {
+        ReachableSet::new(start, &bounds, speed, step).map(|_| ()).expect_err("refused").field
+    };
+    let nowhere = Pose { x: f64::NAN, ..origin() };
+    assert_eq!(field(nowhere, 2.0, 0.2), "start.x");
+    assert_eq!(field(origin(), 0.0, 0.2), "speed_mps");
+    assert_eq!(field(origin(), 2.0, f64::INFINITY), "step_s");
+}
