@@ -1,4 +1,5 @@
 //! The planar reachable sets against the reference cases.
+#![allow(clippy::print_stdout, reason = "the measured errors are worth reading")]
 
 use serde::Deserialize;
 use sidestep::bounds::InputBounds;

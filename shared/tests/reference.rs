@@ -8,7 +8,7 @@ use sidestep::reachability::ExactValue;
 /// The rows of a CSV file without its header, as numbers.
 fn numbers(text: &str) -> Vec<Vec<f64>> {
     let mut reader = csv::Reader::from_reader(text.as_bytes());
-    reader.deserialize().map(|row| row.unwrap()).collect()
+    reader.deserialize().map(|row| row.expect("a row of numbers")).collect()
 }
 
 fn check_states(game: ExactValue, text: &str) {
