@@ -48,7 +48,7 @@ impl Drive {
     ) -> Self {
         let key_events = held
             .into_iter()
-            .map(|(t_ms, key)| KeyEvent { t_ms: (t_ms - start_ms).min(0.0), key, down: true })
+            .map(|(t_ms, key)| KeyEvent { t_ms: t_ms - start_ms, key, down: true })
             .collect();
         Self {
             parameters,
@@ -225,6 +225,15 @@ mod tests {
             })
             .collect();
         assert_eq!(signs, expected);
+    }
+
+    #[test]
+    fn a_key_pressed_before_the_first_frame_waits_for_the_second_step() {
+        let held = [(1005.0, "d".to_owned())];
+        let mut drive = Drive::new(SceneParameters::default(), &scene(), 1000.0, 1.7e12, held);
+        drive.tick(1012.0);
+        drive.tick(1212.0);
+        assert_eq!(drive.inputs, [TurnInput::Straight, TurnInput::Right]);
     }
 
     #[test]

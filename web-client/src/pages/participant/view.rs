@@ -115,7 +115,7 @@ fn ready(page: &Participant) -> Node {
             "From now on the danger zone is not drawn. These scenes are for practice."
         }
         (Phase::Task, 0) => "Practice is over. From here on every scene counts.",
-        _ => "Take your time.",
+        _ => "Take your time, then start.",
     };
     el("div").class("stage").child(bar(page, Some(leg))).child(
         note(&phase_words(leg), &[hint], Some(button("Start", "start"))).class("card small").child(
