@@ -348,9 +348,7 @@ impl Replay {
                 .child(el("td").text(format!("{:.2}", set.area_m2)))
         });
         el("section")
-            .child(
-                el("h2").text("Predicted sets").child(el("small").text("next 2 s, k = 2 2 1 1 …")),
-            )
+            .child(el("h2").text("Predicted sets").child(el("small").text("next 2 s")))
             .child(
                 el("table")
                     .class("regions")
