@@ -1,19 +1,50 @@
-//! Hamilton–Jacobi reachability: how safe a configuration of two vehicles is.
-//!
-//! An evader and a pursuer move with bounded turn rates. The *value* of a
-//! relative state is the smallest range, less the danger radius, that will ever
-//! occur when the evader steers to keep it large and the pursuer to make it
-//! small:
-//!
-//! V(x) = sup over evader, inf over pursuer, of min over t ≥ 0 of (r(t) − R).
-//!
-//! V ≤ 0: capture can be forced. V ≤ r − R always. It is the infinite-horizon
-//! viscosity solution of min(l − V, H(x, ∇V)) = 0 with l = r − R (Mitchell,
-//! Bayen and Tomlin 2005). For two identical vehicles it is known in closed form.
+//! Pursuit games: who can force a collision, and from where.
 
-pub mod exact;
-pub mod level_set;
-pub mod value_function;
+mod exact;
+mod pursuit;
+mod real;
+mod grid;
+mod parallel;
+mod game;
+mod scheme;
+pub mod cartesian;
+mod games;
+mod level_set;
+mod value_function;
 
 pub use exact::ExactValue;
-pub use value_function::ValueFunction;
+pub use game::{Game, TERMS};
+pub use games::{DoubleIntegrator, RelativeDubins};
+pub use grid::{Axis, Boundary, Grid};
+pub use level_set::{CurveSettings, radial_level_curve};
+pub use parallel::default_threads;
+pub use pursuit::{Player, PursuitGame};
+pub use real::Real;
+pub use scheme::Scheme;
+pub use value_function::{ValueFunction, hex};
+
+use crate::invalid::Invalid;
+
+/// How far a solve has come.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Progress {
+    /// Share of the steps done, 0 … 1 (of the most there can be, when the march
+    /// may end earlier).
+    pub done: f64,
+    /// Largest change of V per second when last looked at.
+    pub residual: f64,
+}
+
+/// Why there is no solution.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum SolveError {
+    /// The problem cannot be solved as stated.
+    #[error(transparent)]
+    Invalid(#[from] Invalid),
+    /// The caller stopped the solve.
+    #[error("the solve was cancelled")]
+    Cancelled,
+}
+
+/// What a solve may take unless told otherwise: 8 GiB; in a browser 1 GiB.
+pub const MEMORY_LIMIT_BYTES: u64 = if cfg!(target_arch = "wasm32") { 1 << 30 } else { 8 << 30 };

@@ -1,7 +1,7 @@
 //! Studies: what participants go through, as data.
 
 use crate::invalid::Invalid;
-use crate::reachability::value_function::hex;
+use crate::reachability::hex;
 use crate::scene::{EncounterRange, Scene, SceneParameters, generate};
 use crate::trial::Phase;
 use serde::{Deserialize, Serialize};

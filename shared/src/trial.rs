@@ -1,7 +1,7 @@
 //! Trials: a driven scene, its replay, and what came of it.
 
 use crate::math::{SeededRng, hypot, wrap_angle};
-use crate::reachability::value_function::hex;
+use crate::reachability::hex;
 use crate::scene::{JointState, Scene, SceneParameters, closest_within_step};
 use crate::vehicle::{Pose, TurnInput};
 use serde::{Deserialize, Serialize};

@@ -1,0 +1,28 @@
+//! A point mass that is steered towards a target.
+
+use crate::reachability::game::{Game, TERMS};
+use crate::reachability::real::Real;
+
+/// ẋ = v, v̇ = u with |u| ≤ `acceleration`: state (x, v), m and m/s. The input
+/// minimises V, so {V ≤ 0} is what can be brought to the target.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DoubleIntegrator {
+    /// Largest acceleration, m/s².
+    pub acceleration_mps2: f64,
+}
+
+impl Game<2> for DoubleIntegrator {
+    fn terms(&self, _axis: usize, coordinate: f64) -> [f64; TERMS] {
+        [coordinate, 0.0, 0.0]
+    }
+
+    #[inline(always)]
+    fn hamiltonian<T: Real>(&self, terms: &[[T; TERMS]; 2], [p1, p2]: [T; 2]) -> T {
+        p1 * terms[1][0] - T::from_f64(self.acceleration_mps2) * p2.abs()
+    }
+
+    #[inline(always)]
+    fn speed_bounds<T: Real>(&self, terms: &[[T; TERMS]; 2]) -> [T; 2] {
+        [terms[1][0].abs(), T::from_f64(self.acceleration_mps2)]
+    }
+}

@@ -1,0 +1,152 @@
+//! Axes and rectangular grids of one to four dimensions.
+
+use crate::invalid::{Invalid, finite};
+use serde::{Deserialize, Serialize};
+
+/// What lies beyond the ends of an axis.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Boundary {
+    /// The axis closes on itself; the upper end is not a node.
+    Periodic,
+    /// Values continue with the slope at the edge, turned so that they move away
+    /// from zero: nothing that enters from outside can look like a target.
+    Extrapolate,
+}
+
+/// A uniform axis.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Axis {
+    /// First node.
+    pub low: f64,
+    /// Last node; of a periodic axis the node that would coincide with the first.
+    pub high: f64,
+    /// Number of nodes.
+    pub nodes: usize,
+    /// What lies beyond the ends.
+    pub boundary: Boundary,
+}
+
+impl Axis {
+    /// Nodes from `low` to `high`, both included; values extrapolate beyond.
+    #[must_use]
+    pub fn bounded(low: f64, high: f64, nodes: usize) -> Self {
+        Self { low, high, nodes, boundary: Boundary::Extrapolate }
+    }
+
+    /// `nodes` nodes of a period from `low`, without the repeated end point.
+    #[must_use]
+    pub fn periodic(low: f64, high: f64, nodes: usize) -> Self {
+        Self { low, high, nodes, boundary: Boundary::Periodic }
+    }
+
+    /// Distance of neighbouring nodes.
+    #[must_use]
+    pub fn spacing(&self) -> f64 {
+        let gaps = match self.boundary {
+            Boundary::Periodic => self.nodes,
+            Boundary::Extrapolate => self.nodes - 1,
+        };
+        (self.high - self.low) / gaps as f64
+    }
+
+    /// Coordinate of node `index`; ghost nodes have indices below 0 or from `nodes`.
+    #[must_use]
+    pub fn node(&self, index: isize) -> f64 {
+        self.low + index as f64 * self.spacing()
+    }
+
+    /// All nodes in order.
+    #[must_use]
+    pub fn coordinates(&self) -> Vec<f64> {
+        (0..self.nodes as isize).map(|i| self.node(i)).collect()
+    }
+
+    fn check(&self, name: &str, reach: usize) -> Result<(), Invalid> {
+        finite(&format!("{name}.low"), self.low)?;
+        finite(&format!("{name}.high"), self.high)?;
+        if self.high <= self.low {
+            let expected = format!("above the lower end {}", self.low);
+            return Err(Invalid::new(format!("{name}.high"), expected, self.high));
+        }
+        let least = (reach + 1).max(3);
+        if self.nodes < least {
+            let expected = format!("at least {least} nodes for this scheme");
+            return Err(Invalid::new(format!("{name}.nodes"), expected, self.nodes));
+        }
+        Ok(())
+    }
+}
+
+/// The product of `D` axes; the last one runs fastest in memory.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Grid<const D: usize> {
+    /// The axes, slowest first.
+    pub axes: [Axis; D],
+}
+
+impl<const D: usize> Grid<D> {
+    /// Number of nodes; saturates far above any memory.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.axes.iter().fold(1, |n, axis| n.saturating_mul(axis.nodes))
+    }
+
+    /// Whether there is no node.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Volume that belongs to a node: the product of the spacings.
+    #[must_use]
+    pub fn cell_volume(&self) -> f64 {
+        self.axes.iter().map(Axis::spacing).product()
+    }
+
+    /// Coordinates of the node at multi-index `index`.
+    #[must_use]
+    pub fn node(&self, index: [usize; D]) -> [f64; D] {
+        core::array::from_fn(|d| self.axes[d].node(index[d] as isize))
+    }
+
+    /// The multi-index of the node at `position` in row-major order.
+    #[must_use]
+    pub fn index(&self, mut position: usize) -> [usize; D] {
+        let mut index = [0; D];
+        for d in (0..D).rev() {
+            index[d] = position % self.axes[d].nodes;
+            position /= self.axes[d].nodes;
+        }
+        index
+    }
+
+    /// Checks ends and node counts for a stencil of `reach` nodes to each side.
+    ///
+    /// # Errors
+    /// [`Invalid`] naming the axis.
+    pub fn check(&self, reach: usize) -> Result<(), Invalid> {
+        for (d, axis) in self.axes.iter().enumerate() {
+            axis.check(&format!("axes[{d}]"), reach)?;
+        }
+        Ok(())
+    }
+}
+
+/// Refuses a solve that needs more memory than `limit_bytes`, before any is taken.
+///
+/// # Errors
+/// [`Invalid`] with the estimate.
+pub(super) fn check_memory(nodes: usize, arrays: usize, size: usize, limit_bytes: u64)
+    -> Result<(), Invalid> {
+    let needed = (nodes as u64).saturating_mul(arrays as u64).saturating_mul(size as u64);
+    if needed <= limit_bytes {
+        return Ok(());
+    }
+    let mebibytes = |bytes: u64| format!("{:.0} MiB", bytes as f64 / f64::from(1 << 20));
+    Err(Invalid::new(
+        "grid",
+        format!("at most {} of memory", mebibytes(limit_bytes)),
+        format!("{nodes} nodes, which need about {}", mebibytes(needed)),
+    ))
+}

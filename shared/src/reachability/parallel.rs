@@ -1,0 +1,81 @@
+//! Threads and lanes: the two ways in which a kernel uses the machine.
+//!
+//! Neither changes a bit of any result: cells are computed independently of each
+//! other, from arrays that nobody writes meanwhile, by IEEE operations in one order.
+
+/// How many threads a solve uses when none is named.
+#[must_use]
+pub fn default_threads() -> usize {
+    #[cfg(not(target_arch = "wasm32"))]
+    return rayon::current_num_threads();
+    #[cfg(target_arch = "wasm32")]
+    return 1;
+}
+
+/// The threads of one solve.
+pub(super) struct Workers {
+    #[cfg(not(target_arch = "wasm32"))]
+    pool: Option<rayon::ThreadPool>,
+}
+
+impl Workers {
+    /// `threads` workers; one means the caller's own thread, which is also what is
+    /// used where the system gives none.
+    pub(super) fn new(threads: usize) -> Self {
+        #[cfg(not(target_arch = "wasm32"))]
+        {
+            let build = || rayon::ThreadPoolBuilder::new().num_threads(threads).build().ok();
+            Self { pool: if threads > 1 { build() } else { None } }
+        }
+        #[cfg(target_arch = "wasm32")]
+        {
+            let _ = threads;
+            Self {}
+        }
+    }
+
+    /// Calls `work(i, chunk)` for the `i`-th run of `length` entries of `data`.
+    pub(super) fn for_chunks<T: Send>(
+        &self,
+        data: &mut [T],
+        length: usize,
+        work: impl Fn(usize, &mut [T]) + Sync,
+    ) {
+        #[cfg(not(target_arch = "wasm32"))]
+        if let Some(pool) = &self.pool {
+            use rayon::prelude::*;
+            pool.install(|| {
+                data.par_chunks_mut(length).enumerate().for_each(|(i, chunk)| work(i, chunk));
+            });
+            return;
+        }
+        for (i, chunk) in data.chunks_mut(length).enumerate() {
+            work(i, chunk);
+        }
+    }
+}
+
+/// A piece of work that is compiled once for every lane width.
+pub(super) trait Kernel {
+    /// Must be `#[inline(always)]`, with all that it calls.
+    fn run(self);
+}
+
+/// Runs `kernel` in the widest lanes that this machine has. In WebAssembly the
+/// width is that of the build.
+pub(super) fn in_widest_lanes(kernel: impl Kernel) {
+    #[cfg(not(target_arch = "wasm32"))]
+    {
+        struct Adapter<K>(K);
+        impl<K: Kernel> pulp::NullaryFnOnce for Adapter<K> {
+            type Output = ();
+            #[inline(always)]
+            fn call(self) {
+                self.0.run();
+            }
+        }
+        pulp::Arch::new().dispatch(Adapter(kernel));
+    }
+    #[cfg(target_arch = "wasm32")]
+    kernel.run();
+}

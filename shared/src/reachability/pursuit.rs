@@ -1,0 +1,95 @@
+//! The game whose value is the safety level: two Dubins vehicles and a radius.
+
+use super::exact::ExactValue;
+use crate::invalid::{Invalid, positive};
+use crate::math::{hypot, sin_cos};
+use serde::{Deserialize, Serialize};
+
+/// What one player can do.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Player {
+    /// Constant speed, m/s.
+    pub speed_mps: f64,
+    /// Largest turn rate either way, rad/s.
+    pub turn_rate_radps: f64,
+}
+
+/// An evader, a pursuer and the range at which the evader is caught.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PursuitGame {
+    /// Maximises the least range.
+    pub evader: Player,
+    /// Minimises the least range.
+    pub pursuer: Player,
+    /// Danger radius R, m.
+    pub radius_m: f64,
+}
+
+impl PursuitGame {
+    /// Checks every parameter.
+    ///
+    /// # Errors
+    /// [`Invalid`] naming the one that is not a finite number > 0.
+    pub fn check(self) -> Result<Self, Invalid> {
+        for (name, player) in [("evader", self.evader), ("pursuer", self.pursuer)] {
+            positive("speed_mps", player.speed_mps).map_err(|e| e.within(name))?;
+            positive("turn_rate_radps", player.turn_rate_radps).map_err(|e| e.within(name))?;
+        }
+        positive("radius_m", self.radius_m)?;
+        Ok(self)
+    }
+
+    /// Whether both players can do the same, so that the closed form applies.
+    #[must_use]
+    pub fn identical(&self) -> bool {
+        self.evader == self.pursuer
+    }
+
+    /// The closed form of this game.
+    ///
+    /// # Errors
+    /// [`Invalid`] if the players differ or a parameter is not finite and > 0.
+    pub fn exact(self) -> Result<ExactValue, Invalid> {
+        self.check()?;
+        if !self.identical() {
+            let Player { speed_mps: v, turn_rate_radps: w } = self.pursuer;
+            let Player { speed_mps: ve, turn_rate_radps: we } = self.evader;
+            return Err(Invalid::new(
+                "method",
+                "polar or cartesian, since there is no closed form unless evader and pursuer \
+                 have the same speed and turn rate",
+                format!("exact with evader ({ve} m/s, {we} rad/s), pursuer ({v} m/s, {w} rad/s)"),
+            ));
+        }
+        ExactValue::new(self.evader.speed_mps, self.evader.turn_rate_radps, self.radius_m)
+    }
+
+    /// Velocity of the relative state (x, y, ψ) under turn rates `a` of the
+    /// evader and `b` of the pursuer, (m/s, m/s, rad/s).
+    #[must_use]
+    pub fn velocity(&self, [x, y, psi]: [f64; 3], a: f64, b: f64) -> [f64; 3] {
+        let (sin, cos) = sin_cos(psi);
+        let v = self.pursuer.speed_mps;
+        [-self.evader.speed_mps + v * cos + a * y, v * sin - a * x, b - a]
+    }
+
+    /// The target function r − R, m.
+    #[must_use]
+    pub fn target(&self, [x, y, _]: [f64; 3]) -> f64 {
+        hypot(x, y) - self.radius_m
+    }
+
+    /// The turn rates (evader, pursuer) that are optimal for the gradient p of V:
+    /// the evader maximises a (p₁ y − p₂ x − p₃), the pursuer minimises b p₃. Zero
+    /// where the factor is zero.
+    #[must_use]
+    pub fn optimal_turns(&self, [x, y, _]: [f64; 3], [p1, p2, p3]: [f64; 3]) -> [f64; 2] {
+        let sign = |s: f64| if s == 0.0 { 0.0 } else { s.signum() };
+        [
+            self.evader.turn_rate_radps * sign(p1 * y - p2 * x - p3),
+            -self.pursuer.turn_rate_radps * sign(p3),
+        ]
+    }
+}

@@ -1,0 +1,282 @@
+//! One-sided first derivatives on a uniform axis: upwind, ENO2, ENO3, WENO5.
+//!
+//! Osher and Fedkiw, *Level Set Methods and Dynamic Implicit Surfaces* (2003),
+//! chapter 3; Jiang and Peng (2000) for WENO5. Each kernel is straight-line code
+//! without branches, so that a loop over cells becomes lanes.
+
+use super::real::Real;
+use serde::{Deserialize, Serialize};
+
+/// The approximation of the spatial derivatives and the Runge–Kutta method that
+/// goes with it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Scheme {
+    /// First order, Euler.
+    Upwind,
+    /// Second-order essentially non-oscillatory, TVD-RK2.
+    Eno2,
+    /// Third-order essentially non-oscillatory, TVD-RK3.
+    Eno3,
+    /// Fifth-order weighted essentially non-oscillatory, TVD-RK3.
+    Weno5,
+}
+
+impl Scheme {
+    /// Ghost nodes that a stencil needs beyond each end of an axis; an axis must
+    /// have more nodes than that.
+    #[must_use]
+    pub fn reach(self) -> usize {
+        match self {
+            Self::Upwind => Upwind::REACH,
+            Self::Eno2 => Eno2::REACH,
+            Self::Eno3 => Eno3::REACH,
+            Self::Weno5 => Weno5::REACH,
+        }
+    }
+
+    /// Order of the TVD Runge–Kutta method that matches.
+    #[must_use]
+    pub fn stages(self) -> usize {
+        match self {
+            Self::Upwind => 1,
+            Self::Eno2 => 2,
+            Self::Eno3 | Self::Weno5 => 3,
+        }
+    }
+
+    /// The name in files and on the command line.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Upwind => "upwind",
+            Self::Eno2 => "eno2",
+            Self::Eno3 => "eno3",
+            Self::Weno5 => "weno5",
+        }
+    }
+}
+
+/// A scheme as a kernel.
+pub(super) trait Stencil: Send + Sync {
+    /// Nodes used on each side.
+    const REACH: usize;
+
+    /// The left and right derivative, in units of `unit⁻¹` times the data: `v(k)`
+    /// is the value `k` nodes further on, `unit` what a difference of neighbours
+    /// is multiplied with so that it is of order one.
+    fn pair<T: Real>(v: impl Fn(isize) -> T, unit: T) -> (T, T);
+}
+
+/// First order.
+pub(super) struct Upwind;
+/// ENO, second order.
+pub(super) struct Eno2;
+/// ENO, third order.
+pub(super) struct Eno3;
+/// WENO, fifth order.
+pub(super) struct Weno5;
+
+#[inline(always)]
+fn smaller_magnitude<T: Real>(a: T, b: T) -> T {
+    if a.abs() < b.abs() { a } else { b }
+}
+
+impl Stencil for Upwind {
+    const REACH: usize = 1;
+
+    #[inline(always)]
+    fn pair<T: Real>(v: impl Fn(isize) -> T, unit: T) -> (T, T) {
+        ((v(0) - v(-1)) * unit, (v(1) - v(0)) * unit)
+    }
+}
+
+impl Stencil for Eno2 {
+    const REACH: usize = 2;
+
+    #[inline(always)]
+    fn pair<T: Real>(v: impl Fn(isize) -> T, unit: T) -> (T, T) {
+        let d = |k: isize| v(k + 1) - v(k);
+        let (d0, d1, d2, d3) = (d(-2), d(-1), d(0), d(1));
+        let (left, middle, right) = (d1 - d0, d2 - d1, d3 - d2);
+        (
+            (d1 + T::HALF * smaller_magnitude(left, middle)) * unit,
+            (d2 - T::HALF * smaller_magnitude(middle, right)) * unit,
+        )
+    }
+}
+
+impl Stencil for Eno3 {
+    const REACH: usize = 3;
+
+    #[inline(always)]
+    fn pair<T: Real>(v: impl Fn(isize) -> T, unit: T) -> (T, T) {
+        let d = |k: isize| v(k + 1) - v(k);
+        let (d1, d2, d3, d4, d5, d6) = (d(-3), d(-2), d(-1), d(0), d(1), d(2));
+        let (a1, a2, a3, a4, a5) = (d2 - d1, d3 - d2, d4 - d3, d5 - d4, d6 - d5);
+        let (b1, b2, b3, b4) =
+            ((a2 - a1).abs(), (a3 - a2).abs(), (a4 - a3).abs(), (a5 - a4).abs());
+        let sixth = T::from_f64(1.0 / 6.0);
+        let two = T::from_f64(2.0);
+        let (four, five) = (T::from_f64(4.0), T::from_f64(5.0));
+        // Substencils of the left derivative, then of the right one: the second
+        // difference picks the side, the third the end.
+        let outer = d3 + (five * a2 - two * a1) * sixth;
+        let inner = d3 + (a2 + two * a3) * sixth;
+        let across = d3 + (four * a3 - a4) * sixth;
+        let to_left = if b1 < b2 { outer } else { inner };
+        let to_right = if b2 < b3 { inner } else { across };
+        let left = if a2.abs() < a3.abs() { to_left } else { to_right };
+        let across_r = d4 - (four * a3 - a2) * sixth;
+        let inner_r = d4 - (a4 + two * a3) * sixth;
+        let outer_r = d4 - (five * a4 - two * a5) * sixth;
+        let to_left = if b2 < b3 { across_r } else { inner_r };
+        let to_right = if b3 < b4 { inner_r } else { outer_r };
+        let right = if a3.abs() < a4.abs() { to_left } else { to_right };
+        (left * unit, right * unit)
+    }
+}
+
+impl Stencil for Weno5 {
+    const REACH: usize = 3;
+
+    #[inline(always)]
+    fn pair<T: Real>(v: impl Fn(isize) -> T, unit: T) -> (T, T) {
+        let d = |k: isize| (v(k + 1) - v(k)) * unit;
+        let (d1, d2, d3, d4, d5, d6) = (d(-3), d(-2), d(-1), d(0), d(1), d(2));
+        let (a1, a2, a3, a4, a5) = (d2 - d1, d3 - d2, d4 - d3, d5 - d4, d6 - d5);
+        // Three times the smoothness indicators of Jiang and Shu, as a sum of two
+        // squares each, so that rounding cannot make one negative:
+        // 4a² − 11ab + 10b² = (2a − 11b/4)² + 39b²/16, 4a² − 5ab + 4b² alike.
+        let two = T::from_f64(2.0);
+        let rest = T::from_f64(39.0 / 16.0);
+        let (outer_slope, inner_slope) = (T::from_f64(2.75), T::from_f64(1.25));
+        let epsilon = T::from_f64(EPSILON);
+        let (e1, e2, e3, e4, e5) = (two * a1, two * a2, two * a3, two * a4, two * a5);
+        let square = |x: T| x * x;
+        let (r2, r3, r4) = (
+            rest * square(a2) + epsilon,
+            rest * square(a3) + epsilon,
+            rest * square(a4) + epsilon,
+        );
+        let s1 = square(e1 - outer_slope * a2) + r2;
+        let s2 = square(e2 - inner_slope * a3) + r3;
+        let s3 = square(e4 - outer_slope * a3) + r3;
+        let z1 = square(e5 - outer_slope * a4) + r4;
+        let z2 = square(e4 - inner_slope * a3) + r3;
+        let z3 = square(e2 - outer_slope * a3) + r3;
+        let five = T::from_f64(5.0);
+        let left = weigh(s1, s2, s3, five * a2 - e1, a2 + e3, e3 + e3 - a4);
+        let right = weigh(z1, z2, z3, five * a4 - e5, a4 + e3, e3 + e3 - a2);
+        (d3 + left, d4 - right)
+    }
+}
+
+/// Keeps the weights finite where the data are straight; relative to
+/// differences of order one. With f32 its fourth power must stay a normal number.
+const EPSILON: f64 = 3e-6;
+
+/// Σ wᵢ cᵢ/6 with the weights γᵢ/sᵢ² of γ = (1, 6, 3)/10, over one denominator, so that
+/// there is one division.
+#[inline(always)]
+fn weigh<T: Real>(s1: T, s2: T, s3: T, c1: T, c2: T, c3: T) -> T {
+    let square = |x: T| x * x;
+    let w1 = square(s2 * s3);
+    let w2 = T::from_f64(6.0) * square(s1 * s3);
+    let w3 = T::from_f64(3.0) * square(s1 * s2);
+    let six = T::from_f64(6.0);
+    (w1 * c1 + w2 * c2 + w3 * c3) / (six * (w1 + w2 + w3))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::{cos, sin};
+
+    /// Largest errors of both derivatives of sin at 1 for spacings h and h/2.
+    fn order<S: Stencil>(h: f64) -> f64 {
+        let error = |h: f64| {
+            let (l, r) = S::pair(|k| sin(1.0 + k as f64 * h), 1.0 / h);
+            (l - cos(1.0)).abs().max((r - cos(1.0)).abs())
+        };
+        (error(h) / error(0.5 * h)).log2()
+    }
+
+    #[test]
+    fn each_scheme_has_its_order() {
+        assert!((order::<Upwind>(0.02) - 1.0).abs() < 0.05);
+        assert!((order::<Eno2>(0.02) - 2.0).abs() < 0.1);
+        assert!((order::<Eno3>(0.02) - 3.0).abs() < 0.1);
+        assert!(order::<Weno5>(0.05) > 4.7, "{}", order::<Weno5>(0.05));
+    }
+
+    /// Jiang and Peng's formulas as printed.
+    fn weno5_as_printed(d: [f64; 5]) -> f64 {
+        let [a, b, c, d, e] = d;
+        let s1 = 13.0 / 12.0 * (a - 2.0 * b + c).powi(2) + 0.25 * (a - 4.0 * b + 3.0 * c).powi(2);
+        let s2 = 13.0 / 12.0 * (b - 2.0 * c + d).powi(2) + 0.25 * (b - d).powi(2);
+        let s3 = 13.0 / 12.0 * (c - 2.0 * d + e).powi(2) + 0.25 * (3.0 * c - 4.0 * d + e).powi(2);
+        let w = [(0.1, s1), (0.6, s2), (0.3, s3)].map(|(g, s)| g / (s + EPSILON / 3.0).powi(2));
+        let q = [
+            a / 3.0 - 7.0 * b / 6.0 + 11.0 * c / 6.0,
+            -b / 6.0 + 5.0 * c / 6.0 + d / 3.0,
+            c / 3.0 + 5.0 * d / 6.0 - e / 6.0,
+        ];
+        w.iter().zip(q).map(|(w, q)| w * q).sum::<f64>() / w.iter().sum::<f64>()
+    }
+
+    #[test]
+    fn weno5_is_the_printed_formula() {
+        let mut rng = crate::math::SeededRng::new(3);
+        for _ in 0..1000 {
+            let v: Vec<f64> = (0..7).map(|_| rng.uniform(-1.0, 1.0)).collect();
+            let d: Vec<f64> = v.windows(2).map(|w| w[1] - w[0]).collect();
+            let (l, r) = Weno5::pair(|k| v[(k + 3) as usize], 1.0);
+            assert!((l - weno5_as_printed([d[0], d[1], d[2], d[3], d[4]])).abs() < 1e-12);
+            assert!((r - weno5_as_printed([d[5], d[4], d[3], d[2], d[1]])).abs() < 1e-12);
+        }
+    }
+
+    /// ENO by growing the stencil towards the smaller divided difference, as defined.
+    fn eno_as_defined(v: &[f64; 7], order: usize, right: bool) -> f64 {
+        // Undivided differences table on nodes −3 … 3; position 3 is the centre.
+        let mut table = vec![v.to_vec()];
+        for _ in 0..order {
+            let next: Vec<f64> =
+                table[table.len() - 1].windows(2).map(|w| w[1] - w[0]).collect();
+            table.push(next);
+        }
+        let mut start = if right { 3 } else { 2 };
+        let mut slope = table[1][start];
+        for k in 2..=order {
+            let (left, here) = (table[k][start - 1], table[k][start]);
+            let previous = start;
+            let coefficient = if left.abs() < here.abs() {
+                start -= 1;
+                left
+            } else {
+                here
+            };
+            // Derivative at the centre of Π (x − x_j) over the k nodes so far, over k!.
+            let nodes = previous..previous + k;
+            let product: f64 =
+                nodes.filter(|j| *j != 3).map(|j| 3.0 - j as f64).product();
+            let factorial: f64 = (1..=k).map(|i| i as f64).product();
+            slope += coefficient * product / factorial;
+        }
+        slope
+    }
+
+    #[test]
+    fn eno_is_the_definition() {
+        let mut rng = crate::math::SeededRng::new(4);
+        for _ in 0..1000 {
+            let v: [f64; 7] = core::array::from_fn(|_| rng.uniform(-1.0, 1.0));
+            let at = |k: isize| v[(k + 3) as usize];
+            for (order, (l, r)) in [(2, Eno2::pair(at, 1.0)), (3, Eno3::pair(at, 1.0))] {
+                assert!((l - eno_as_defined(&v, order, false)).abs() < 1e-12, "{order} left");
+                assert!((r - eno_as_defined(&v, order, true)).abs() < 1e-12, "{order} right");
+            }
+        }
+    }
+}
