@@ -8,6 +8,7 @@ mod parallel;
 mod game;
 mod scheme;
 pub mod cartesian;
+pub mod polar;
 mod games;
 mod level_set;
 mod value_function;

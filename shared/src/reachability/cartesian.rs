@@ -339,17 +339,8 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Stage<'_, T, D, G, S> {
     /// The block of cells from `cell` of a run, at `at` in the arrays.
     #[inline(always)]
     fn block(&self, fixed: &[[T; TERMS]; D], cell: usize, at: usize, target: &mut [T]) {
-        let mut mean = [[T::ZERO; BLOCK]; D];
-        let mut difference = [[T::ZERO; BLOCK]; D];
-        for d in 0..D {
-            self.derivatives(d, at, &mut mean[d], &mut difference[d]);
-        }
         let mut moved = [T::ZERO; BLOCK];
-        self.hamiltonian(fixed, cell, &mean, &difference, &mut moved);
-        let source = block(self.source, at);
-        for i in 0..BLOCK {
-            moved[i] = source[i] + self.time_step * moved[i];
-        }
+        self.advance(fixed, cell, at, &mut moved);
         match self.base {
             Base::Nothing => {}
             Base::Own(keep) => {
@@ -381,58 +372,67 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Stage<'_, T, D, G, S> {
         target.copy_from_slice(&moved[..target.len()]);
     }
 
+    /// source + time step · H of every cell of the block.
     #[inline(always)]
-    fn derivatives(
-        &self,
-        axis: usize,
-        at: usize,
-        mean: &mut [T; BLOCK],
-        difference: &mut [T; BLOCK],
-    ) {
-        let stride = self.layout.strides[axis];
-        let rows: [&[T; BLOCK]; 7] = core::array::from_fn(|k| {
-            let k = k.clamp(3 - S::REACH, 3 + S::REACH);
-            block(self.source, at + k * stride - 3 * stride)
-        });
-        let unit = self.units[axis];
-        for i in 0..BLOCK {
-            let (left, right) = S::pair(|k| rows[(k + 3) as usize][i], unit);
-            mean[i] = (left + right) * self.half_mean;
-            difference[i] = (right - left) * self.half_difference;
-        }
-    }
-
-    #[inline(always)]
-    fn hamiltonian(
+    fn advance(
         &self,
         fixed: &[[T; TERMS]; D],
         cell: usize,
-        mean: &[[T; BLOCK]; D],
-        difference: &[[T; BLOCK]; D],
-        rate: &mut [T; BLOCK],
+        at: usize,
+        moved: &mut [T; BLOCK],
     ) {
         let loops = Layout::<D>::LOOP_AXES;
-        let rows: [[&[T; BLOCK]; TERMS]; D] = core::array::from_fn(|d| {
+        let rows: [[&[T; BLOCK]; 7]; D] = core::array::from_fn(|d| {
+            core::array::from_fn(|k| {
+                let k = k.clamp(3 - S::REACH, 3 + S::REACH);
+                block(self.source, at + k * self.layout.strides[d] - 3 * self.layout.strides[d])
+            })
+        });
+        let tables: [[&[T; BLOCK]; TERMS]; D] = core::array::from_fn(|d| {
             core::array::from_fn(|k| block(&self.tables.runs[d.max(loops)][k], cell))
         });
         for i in 0..BLOCK {
             let mut terms = *fixed;
             for d in loops..D {
                 for k in 0..TERMS {
-                    terms[d][k] = rows[d][k][i];
+                    terms[d][k] = tables[d][k][i];
                 }
             }
             let mut gradient = [T::ZERO; D];
-            for d in 0..D {
-                gradient[d] = mean[d][i];
+            let mut jump = [T::ZERO; D];
+            // Written out: a loop of this size would not be unrolled before lanes are made.
+            self.slope(&rows, 0, i, &mut gradient, &mut jump);
+            if D > 1 {
+                self.slope(&rows, 1, i, &mut gradient, &mut jump);
+            }
+            if D > 2 {
+                self.slope(&rows, 2, i, &mut gradient, &mut jump);
+            }
+            if D > 3 {
+                self.slope(&rows, 3, i, &mut gradient, &mut jump);
             }
             let speeds = self.game.speed_bounds(&terms);
-            let mut sum = self.game.hamiltonian(&terms, gradient);
+            let mut rate = self.game.hamiltonian(&terms, gradient);
             for d in 0..D {
-                sum += speeds[d] * difference[d][i];
+                rate += speeds[d] * jump[d];
             }
-            rate[i] = sum;
+            moved[i] = rows[0][3][i] + self.time_step * rate;
         }
+    }
+
+    /// Mean and half difference of the two derivatives along axis `d`.
+    #[inline(always)]
+    fn slope(
+        &self,
+        rows: &[[&[T; BLOCK]; 7]; D],
+        d: usize,
+        i: usize,
+        gradient: &mut [T; D],
+        jump: &mut [T; D],
+    ) {
+        let (left, right) = S::pair(|k| rows[d][(k + 3) as usize][i], self.units[d]);
+        gradient[d] = (left + right) * self.half_mean;
+        jump[d] = (right - left) * self.half_difference;
     }
 }
 

@@ -1,0 +1,469 @@
+//! Converged value of a pursuit game in polar relative coordinates.
+//!
+//! State: range r, bearing α of the pursuer from the evader's heading, aspect
+//! δ = ψ − α, the pursuer's heading against the line of sight. Then
+//!
+//! ṙ = v_p cos δ − v_e cos α, α̇ = q/r − a, δ̇ = b − q/r with q = v_e sin α + v_p sin δ:
+//!
+//! each control enters one coordinate only, and each axis can be upwinded exactly,
+//! without Lax–Friedrichs dissipation. The unknown is the deficit W = V − (r − R) ≤ 0,
+//! which is 0 at r = 0 and wherever the range only opens. The range axis is
+//! r = c (eˢ − 1) with s uniform: linear near the danger zone, logarithmic far out.
+//! Mirror symmetry (α, δ) → (−α, −δ) leaves α in [0, π] to be solved.
+//!
+//! Only the converged value is wanted, so every cell takes its own largest stable
+//! time step, new values are used at once (Gauss–Seidel), the sweeps change
+//! direction, rows that rest are skipped, and coarser grids give the first guess.
+
+use super::grid::check_memory;
+use super::parallel::{Kernel, in_widest_lanes};
+use super::pursuit::PursuitGame;
+use super::real::Real;
+use super::{Progress, SolveError};
+use crate::invalid::{Invalid, positive};
+use crate::math::{TAU, exp, ln, sin_cos};
+use core::ops::ControlFlow;
+
+/// Nodes in polar coordinates, and how far the solve goes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settings {
+    /// Largest range, m.
+    pub range_m: f64,
+    /// Nodes of the range axis, the one at 0 included.
+    pub range_nodes: usize,
+    /// Nodes of a full turn of bearing and of aspect: a multiple of 4.
+    pub angle_nodes: usize,
+    /// Converged when no value changes by more than this in a sweep, m.
+    pub tolerance_m: f64,
+    /// At most this many sweeps over the finest grid.
+    pub most_sweeps: usize,
+    /// Refuse anything that would take more memory.
+    pub memory_limit_bytes: u64,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            range_m: 40.0,
+            range_nodes: 65,
+            angle_nodes: 96,
+            tolerance_m: 1e-4,
+            most_sweeps: 2000,
+            memory_limit_bytes: super::MEMORY_LIMIT_BYTES,
+        }
+    }
+}
+
+/// The range axis r = c (eˢ − 1), s = 0, h, 2h, …
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RangeAxis {
+    /// c, m: where the axis turns from linear to logarithmic.
+    pub knee_m: f64,
+    /// h.
+    pub step: f64,
+    /// Number of nodes.
+    pub nodes: usize,
+}
+
+impl RangeAxis {
+    /// `nodes` nodes from 0 to `range_m`.
+    #[must_use]
+    pub fn new(knee_m: f64, range_m: f64, nodes: usize) -> Self {
+        Self { knee_m, step: ln(1.0 + range_m / knee_m) / (nodes - 1) as f64, nodes }
+    }
+
+    /// Range of node `i`, m.
+    #[must_use]
+    pub fn node(&self, i: usize) -> f64 {
+        self.knee_m * (exp(i as f64 * self.step) - 1.0)
+    }
+
+    /// Fractional node index of a range, m.
+    #[must_use]
+    pub fn position(&self, range_m: f64) -> f64 {
+        ln(1.0 + range_m / self.knee_m) / self.step
+    }
+}
+
+/// The deficit W on the nodes.
+#[derive(Clone, Debug)]
+pub struct Solution<T> {
+    /// Range axis.
+    pub range: RangeAxis,
+    /// Nodes of a full turn.
+    pub angle_nodes: usize,
+    /// W(range, bearing in [0, π], aspect in [0, 2π)), row-major, m: bearing has
+    /// `angle_nodes / 2 + 1` nodes, aspect `angle_nodes`.
+    pub deficit: Vec<T>,
+    /// Sweeps over the finest grid.
+    pub sweeps: usize,
+    /// Largest change of the last sweep, m.
+    pub change_m: f64,
+}
+
+/// Solves for the converged value.
+///
+/// # Errors
+/// [`SolveError::Invalid`] naming a parameter; [`SolveError::Cancelled`].
+pub fn solve<T: Real>(
+    game: &PursuitGame,
+    settings: &Settings,
+    progress: &mut dyn FnMut(Progress) -> ControlFlow<()>,
+) -> Result<Solution<T>, SolveError> {
+    game.check()?;
+    positive("range_m", settings.range_m)?;
+    positive("tolerance_m", settings.tolerance_m)?;
+    if settings.range_m <= game.radius_m {
+        let expected = format!("above the radius {}", game.radius_m);
+        return Err(Invalid::new("range_m", expected, settings.range_m).into());
+    }
+    if settings.range_nodes < 9 {
+        return Err(Invalid::new("range_nodes", "at least 9", settings.range_nodes).into());
+    }
+    if settings.angle_nodes < 12 || !settings.angle_nodes.is_multiple_of(4) {
+        let expected = "a multiple of 4, at least 12";
+        return Err(Invalid::new("angle_nodes", expected, settings.angle_nodes).into());
+    }
+    let half = settings.angle_nodes / 2 + 1;
+    let nodes = settings.range_nodes.saturating_mul(half).saturating_mul(settings.angle_nodes);
+    check_memory(nodes, 2, size_of::<T>(), settings.memory_limit_bytes)?;
+
+    let mut coarser: Option<Level<T>> = None;
+    let levels = levels(settings);
+    let count = levels.len();
+    for (i, (range_nodes, angle_nodes)) in levels.into_iter().enumerate() {
+        let mut level = Level::new(game, settings.range_m, range_nodes, angle_nodes, SHEET);
+        if let Some(coarser) = &coarser {
+            level.start_from(coarser);
+        }
+        drop(coarser.take());
+        let tolerance = settings.tolerance_m;
+        let mut report = |change: f64, sweep: usize| {
+            let done = (i as f64 + 1.0 - 1.0 / (1.0 + 0.05 * sweep as f64)) / count as f64;
+            progress(Progress { done, residual: change })
+        };
+        if level.converge(tolerance, settings.most_sweeps, &mut report).is_break() {
+            return Err(SolveError::Cancelled);
+        }
+        coarser = Some(level);
+    }
+    let Some(full) = coarser else {
+        return Err(Invalid::new("range_nodes", "at least 9", settings.range_nodes).into());
+    };
+    Ok(full.finish())
+}
+
+/// Coarse to fine.
+fn levels(settings: &Settings) -> Vec<(usize, usize)> {
+    let mut levels = vec![(settings.range_nodes, settings.angle_nodes)];
+    let (mut range, mut angle) = levels[0];
+    while angle.is_multiple_of(8) && angle >= 48 && range >= 33 {
+        (range, angle) = (range.div_ceil(2), angle / 2);
+        levels.push((range, angle));
+    }
+    levels.reverse();
+    levels
+}
+
+/// Ghost entries at each end of a row, so that shifted reads stay inside.
+const PAD: usize = 2;
+
+/// One grid being solved.
+struct Level<T> {
+    game: PursuitGame,
+    range: RangeAxis,
+    angle_nodes: usize,
+    /// Bearing rows per range: [0, π] and `PAD` mirrored ones at each end.
+    rows: usize,
+    /// Entries of a row: one turn and `PAD` repeated ones at each end.
+    row: usize,
+    values: Vec<T>,
+    /// Largest change of each row when it was last updated.
+    activity: Vec<T>,
+    sin: Vec<T>,
+    cos: Vec<T>,
+    sweeps: usize,
+    change: f64,
+    sheet: bool,
+    changes: Vec<T>,
+    floor: Vec<T>,
+}
+
+impl<T: Real> Level<T> {
+    fn new(game: &PursuitGame, range_m: f64, range_nodes: usize, angle_nodes: usize, sheet: bool) -> Self {
+        let bearings = if sheet { angle_nodes } else { angle_nodes / 2 + 1 };
+        let rows = bearings + 2 * PAD;
+        let row = angle_nodes + 2 * PAD;
+        let trig = |f: fn((f64, f64)) -> f64| -> Vec<T> {
+            let angle = |j: usize| TAU * j as f64 / angle_nodes as f64;
+            (0..angle_nodes).map(|j| T::from_f64(f(sin_cos(angle(j))))).collect()
+        };
+        Self {
+            game: *game,
+            range: RangeAxis::new(game.radius_m, range_m, range_nodes),
+            angle_nodes,
+            rows,
+            row,
+            // Two ghost ranges beyond each end.
+            values: vec![T::ZERO; (range_nodes + 2 * PAD) * rows * row],
+            activity: vec![T::from_f64(f64::MAX); range_nodes * bearings],
+            sin: trig(|(sin, _)| sin),
+            cos: trig(|(_, cos)| cos),
+            sweeps: 0,
+            change: f64::INFINITY,
+            sheet,
+            changes: vec![T::ZERO; angle_nodes],
+            floor: vec![],
+        }
+    }
+
+    /// Start of the row of range node `i` and bearing node `k`.
+    fn at(&self, i: usize, k: usize) -> usize {
+        ((i + PAD) * self.rows + k + PAD) * self.row
+    }
+
+    fn bearings(&self) -> usize {
+        if self.sheet { self.angle_nodes } else { self.angle_nodes / 2 + 1 }
+    }
+
+    /// Linear interpolation of a grid with (about) half as many nodes an axis.
+    fn start_from(&mut self, coarse: &Self) {
+        let angles = self.angle_nodes;
+        for i in 1..self.range.nodes {
+            let position = coarse.range.position(self.range.node(i));
+            let low = (position as usize).min(coarse.range.nodes - 2);
+            let share = T::from_f64((position - low as f64).clamp(0.0, 1.0));
+            for k in 0..self.bearings() {
+                let to = self.at(i, k);
+                for j in 0..angles {
+                    let mut sum = T::ZERO;
+                    for (range, weight) in
+                        [(low, T::from_f64(1.0) - share), (low + 1, share)]
+                    {
+                        for bearing in [k / 2, k.div_ceil(2) % coarse.bearings()] {
+                            for aspect in [j / 2, j.div_ceil(2) % coarse.angle_nodes] {
+                                let from = coarse.at(range, bearing) + PAD + aspect;
+                                sum += weight * coarse.values[from];
+                            }
+                        }
+                    }
+                    self.values[to + PAD + j] = sum * T::from_f64(0.25);
+                }
+            }
+        }
+        for i in 0..self.range.nodes {
+            for k in 0..self.bearings() {
+                self.spread(i, k);
+            }
+        }
+    }
+
+    /// Copies a row to its ghosts: round the turn, beyond the mirror and beyond
+    /// the ends of the range.
+    fn spread(&mut self, i: usize, k: usize) {
+        let (n, last) = (self.angle_nodes, self.bearings() - 1);
+        let at = self.at(i, k);
+        let row = &mut self.values[at..at + self.row];
+        row.copy_within(n..n + PAD, 0);
+        row.copy_within(PAD..2 * PAD, n + PAD);
+        if self.sheet {
+            let all = self.bearings() * self.row;
+            if k < PAD { self.values.copy_within(at..at + self.row, at + all); }
+            if k > last - PAD { self.values.copy_within(at..at + self.row, at - all); }
+        } else {
+        let mirrored = if (1..=PAD).contains(&k) {
+            Some(at - 2 * k * self.row)
+        } else if k < last && last - k <= PAD {
+            Some(at + 2 * (last - k) * self.row)
+        } else {
+            None
+        };
+        if let Some(ghost) = mirrored {
+            for j in 0..self.row {
+                // Aspect j − PAD becomes its negative.
+                let source = at + PAD + (n + PAD - j) % n;
+                self.values[ghost + j] = self.values[source];
+            }
+        }
+        }
+        if i == self.range.nodes - 1 {
+            // Beyond the last range the deficit stays what it is there.
+            for ghost in 1..=PAD {
+                let to = at + ghost * self.rows * self.row;
+                self.values.copy_within(at..at + self.row, to);
+            }
+        }
+    }
+
+    fn converge(
+        &mut self,
+        tolerance: f64,
+        most_sweeps: usize,
+        report: &mut dyn FnMut(f64, usize) -> ControlFlow<()>,
+    ) -> ControlFlow<()> {
+        while self.sweeps < most_sweeps {
+            in_widest_lanes(Sweep { level: self, tolerance: T::from_f64(tolerance) });
+            report(self.change, self.sweeps)?;
+            if self.change <= tolerance {
+                break;
+            }
+        }
+        ControlFlow::Continue(())
+    }
+
+    fn finish(self) -> Solution<T> {
+        let mut deficit = Vec::with_capacity(self.range.nodes * self.bearings() * self.angle_nodes);
+        for i in 0..self.range.nodes {
+            for k in 0..self.bearings() {
+                let at = self.at(i, k) + PAD;
+                deficit.extend_from_slice(&self.values[at..at + self.angle_nodes]);
+            }
+        }
+        Solution {
+            range: self.range,
+            angle_nodes: self.angle_nodes,
+            deficit,
+            sweeps: self.sweeps,
+            change_m: self.change,
+        }
+    }
+}
+
+/// One pass over all rows.
+struct Sweep<'a, T> {
+    level: &'a mut Level<T>,
+    tolerance: T,
+}
+
+impl<T: Real> Kernel for Sweep<'_, T> {
+    #[inline(always)]
+    fn run(self) {
+        let Self { level, tolerance } = self;
+        let (ranges, bearings) = (level.range.nodes, level.bearings());
+        // What matters flows from small ranges outwards most of the time.
+        let inwards = level.sweeps % 4 == 3;
+        let backwards = level.sweeps % 2 == 1;
+        let mut buffer = vec![T::ZERO; level.angle_nodes];
+        let mut largest = T::ZERO;
+        for i in 1..ranges {
+            let i = if inwards { ranges - i } else { i };
+            for k in 0..bearings {
+                let k = if backwards { bearings - 1 - k } else { k };
+                if !level.is_active(i, k, tolerance) {
+                    level.activity[i * bearings + k] = T::ZERO;
+                    continue;
+                }
+                let change = level.update(i, k, &mut buffer);
+                level.activity[i * bearings + k] = change;
+                largest = largest.larger(change);
+            }
+        }
+        level.sweeps += 1;
+        level.change = largest.to_f64();
+    }
+}
+
+impl<T: Real> Level<T> {
+    /// Whether anything in the stencil of a row has moved since.
+    fn is_active(&self, i: usize, k: usize, tolerance: T) -> bool {
+        let bearings = self.bearings();
+        let threshold = tolerance * T::from_f64(0.5);
+        let moved = |i: usize, k: usize| self.activity[i * bearings + k] > threshold;
+        let near = |at: usize, end: usize| at.saturating_sub(PAD)..(at + PAD + 1).min(end);
+        near(i, self.range.nodes).any(|i| moved(i, k))
+            || near(k, bearings).any(|k| moved(i, k))
+            || self.sheet && (0..PAD).any(|g| k <= g && moved(i, bearings - 1 - (g - k)) || k + g >= bearings - 1 && moved(i, k + g + 1 - bearings))
+    }
+
+    /// Moves one row by its cells' own time steps; returns the largest change.
+    #[inline(always)]
+    fn update(&mut self, i: usize, k: usize, buffer: &mut [T]) -> T {
+        let n = self.angle_nodes;
+        let f = T::from_f64;
+        let at = self.at(i, k);
+        let (along, across) = (self.rows * self.row, self.row);
+        let angle_step = TAU / n as f64;
+        let range_m = self.range.node(i);
+        let (sin_a, cos_a) = sin_cos(k as f64 * angle_step);
+        let (evader, pursuer) = (self.game.evader, self.game.pursuer);
+        let evader_ahead = f(evader.speed_mps * cos_a);
+        let evader_aside = f(evader.speed_mps * sin_a);
+        let evader_left = if self.sheet { T::ZERO } else { f(evader.turn_rate_radps) };
+        let (evader_turn, pursuer_turn) = (f(evader.turn_rate_radps), f(pursuer.turn_rate_radps));
+        let ahead_cos = f(pursuer.speed_mps * cos_a);
+        let ahead_sin = f(pursuer.speed_mps * sin_a);
+        let per_range = f(1.0 / range_m);
+        let per_step = f(1.0 / ((range_m + self.range.knee_m) * self.range.step));
+        let per_angle = f(1.0 / angle_step);
+        let (zero, one, cfl) = (T::ZERO, f(1.0), f(CFL));
+
+        let row = |offset: usize| &self.values[offset + PAD..][..n];
+        let own = &self.values[at..][..n + 2 * PAD];
+        let (own0, own1, own2, own3, own4) =
+            (&own[..n], &own[1..][..n], &own[2..][..n], &own[3..][..n], &own[4..][..n]);
+        let (in2, in1) = (row(at - 2 * along), row(at - along));
+        let (out1, out2) = (row(at + along), row(at + 2 * along));
+        let (right2, right1) = (row(at - 2 * across), row(at - across));
+        let (left1, left2) = (row(at + across), row(at + 2 * across));
+        let (sin, cos) = (&self.sin[..n], &self.cos[..n]);
+        let buffer = &mut buffer[..n];
+        let mut largest = zero;
+        let mut most = [zero; 16];
+        for j in 0..n {
+            let w = own2[j];
+            let (range_in, range_out) = eno2(in2[j], in1[j], w, out1[j], out2[j]);
+            let (bearing_in, bearing_out) = eno2(right2[j], right1[j], w, left1[j], left2[j]);
+            let (aspect_in, aspect_out) = eno2(own0[j], own1[j], w, own3[j], own4[j]);
+            let opening = ahead_cos * cos[j] + ahead_sin * sin[j] - evader_ahead;
+            let slope = if opening > zero { range_out } else { range_in };
+            let drift = (evader_aside + ahead_cos * sin[j] - ahead_sin * cos[j]) * per_range;
+            let upwind = |s: T, low: T, high: T| s * if s > zero { high } else { low };
+            // The evader answers to each choice of the pursuer.
+            let answer = |b: T| {
+                let with = |a: T| {
+                    upwind(drift - a, bearing_in, bearing_out)
+                        + upwind(b - a, aspect_in, aspect_out)
+                };
+                let clip = |a: T| a.smaller(evader_turn).larger(-evader_left);
+                with(evader_turn).larger(with(-evader_left)).larger(with(clip(drift))).larger(with(clip(b)))
+            };
+            let hold = drift.smaller(pursuer_turn).larger(-pursuer_turn);
+            let least = answer(pursuer_turn).smaller(answer(-pursuer_turn)).smaller(answer(hold));
+            let rate = opening * (one + slope * per_step) + least * per_angle;
+            let speeds = opening.abs() * per_step
+                + (drift.abs() + evader_turn + evader_turn + pursuer_turn) * per_angle;
+            let moved = (w + cfl * rate / speeds).smaller(zero);
+            buffer[j] = moved;
+        }
+        if self.sheet {
+            for (new, floor) in buffer.iter_mut().zip(&self.floor[at + PAD..]) {
+                *new = new.larger(*floor);
+            }
+        }
+        for lanes in own2.chunks(16).zip(buffer.chunks(16)) {
+            for ((most, old), new) in most.iter_mut().zip(lanes.0).zip(lanes.1) {
+                *most = most.larger((*new - *old).abs());
+            }
+        }
+        for most in most {
+            largest = largest.larger(most);
+        }
+        self.values[at + PAD..][..n].copy_from_slice(buffer);
+        self.spread(i, k);
+        largest
+    }
+}
+
+const ETA: f64 = 1e-3;
+const SHEET: bool = false;
+/// Share of the stable step. Above 1 ENO2's corrections begin to oscillate.
+const CFL: f64 = 0.9;
+
+/// Left and right differences (not divided) at the middle one of five values.
+#[inline(always)]
+fn eno2<T: Real>(a: T, b: T, c: T, d: T, e: T) -> (T, T) {
+    let (d0, d1, d2, d3) = (b - a, c - b, d - c, e - d);
+    let (low, middle, high) = (d1 - d0, d2 - d1, d3 - d2);
+    let smaller = |x: T, y: T| if x.abs() < y.abs() { x } else { y };
+    (d1 + T::HALF * smaller(low, middle), d2 - T::HALF * smaller(middle, high))
+}
