@@ -10,12 +10,12 @@ use sidestep::vehicle::dubins::{arc, relative_state};
 
 /// v = 2 m/s, ω = 0.5 rad/s, R = 3 m.
 fn paper() -> ExactValue {
-    ExactValue::new(2.0, 0.5, 3.0).unwrap()
+    ExactValue::new(2.0, 0.5, 3.0).expect("a game")
 }
 
 /// v = 5 m/s, ω = 1 rad/s, R = 5 m (Mitchell, Bayen and Tomlin 2005).
 fn mitchell() -> ExactValue {
-    ExactValue::new(5.0, 1.0, 5.0).unwrap()
+    ExactValue::new(5.0, 1.0, 5.0).expect("a game")
 }
 
 fn turning_radius_m(game: &ExactValue) -> f64 {
@@ -579,5 +579,8 @@ proptest! {
         let found = paper().analyze([range * cos, range * sin, psi]);
         prop_assert!((found.value - range).abs() <= 1e-15 * range);
         prop_assert!(found.gradient.iter().all(|p| p.is_finite()));
+        // Where the square of the range overflows: not a number that looks like a capture.
+        let (x, y) = (1e300 * cos, 1e300 * sin);
+        prop_assert_eq!(paper().value([x, y, psi]), f64::INFINITY);
     }
 }

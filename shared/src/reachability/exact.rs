@@ -6,23 +6,19 @@
 //!
 //! While the range closes, V is the larger of two *sheets*: the smallest range
 //! if the evader turns right, or left, to the end and the pursuer answers as
-//! well as it can. Each sheet is smooth; V has a kink where they meet.
+//! well as it can. V has a kink where they meet; elsewhere the larger is smooth.
 
 use crate::invalid::{Invalid, finite, length, positive};
 use crate::math::{PI, atan2, sin_cos, wrap_positive};
 
-/// Sheets closer than this, in turning radii, count as equal: a few hundred
-/// times their rounding error at a range of a thousand turning radii.
+/// Sheets closer than this, in turning radii, count as equal: some
+/// hundreds of times their rounding error at a range of a thousand turning radii.
 const KINK: f64 = 1e-9;
 
 /// The pursuer goes straight when its heading is within δ = 10⁻⁴ rad of the best
 /// one; this is 1 − cos δ, the size of its switching function |∂V/∂ψ|/ρ there.
 /// Held until the end, at most π/ω later, that costs less than 2·10⁻⁸ ρ.
 const ALIGNED: f64 = 5e-9;
-
-/// Beyond this range, in turning radii, the 2π that a pursuer can gain are less
-/// than the rounding of the range.
-const FAR: f64 = 1e17;
 
 /// The value function of two vehicles with the same speed and largest turn rate.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -104,7 +100,6 @@ impl ExactValue {
         if nearest >= view.range {
             return self.at_its_smallest(&view, state[1]);
         }
-        let on_kink = (right.range - left.range).abs() <= KINK;
         // The left sheet is the right one of the mirror image, which changes the
         // sign of y, ψ and both turns.
         let (sheet, cos_half, side) = if right.range >= left.range {
@@ -121,11 +116,11 @@ impl ExactValue {
             Ending::SameTurns => -side,
         };
         ExactState {
-            value: self.metres(view.range.min(nearest)),
+            value: self.metres(nearest),
             gradient: [dx, side * dy, side * twist * self.turning_radius_m],
             evader_turn: -side * self.turn_rate_radps,
             pursuer_turn: pursuer_side * self.turn_rate_radps,
-            on_kink,
+            on_kink: (right.range - left.range).abs() <= KINK,
         }
     }
 
@@ -209,12 +204,12 @@ pub struct ExactState {
     /// right if y ≥ 0, else left. Kept up, that never lets the range shrink.
     pub evader_turn: f64,
     /// The pursuer's optimal turn rate, rad/s, −ω, 0 or ω. It minimises
-    /// b·∂V/∂ψ, which turns the pursuer towards −(∂V/∂x, ∂V/∂y).
+    /// b·∂V/∂ψ.
     ///
-    /// Zero where it heads that way to within 10⁻⁴ rad: this is its singular
-    /// surface, along which it stays by going straight. If V < r − R and the
-    /// best ending is a turn opposite to the evader's there is no such surface
-    /// and the turn is never zero. Where V = r − R no turn can lower the value;
+    /// Zero where it heads along −(∂V/∂x, ∂V/∂y) to within 10⁻⁴ rad: there its
+    /// factor vanishes, and going straight keeps it on that singular surface to
+    /// the end. If turning opposite to the evader to the end is best, there is no
+    /// such surface and the turn is never zero. Where V = r − R no turn can lower the value;
     /// the pursuer turns to face the evader, left if that is directly behind.
     pub pursuer_turn: f64,
     /// Whether turning right and left are equally good for the evader: their
@@ -231,8 +226,8 @@ fn check_finite(state: [f64; 3]) -> Result<(), Invalid> {
 }
 
 /// A relative state in turning radii, in the evader's frame turned to the mean
-/// of the two headings, h = ψ/2. There the range changes at 2 sin h times the
-/// pursuer's offset to the left.
+/// of the two headings, h = ψ/2. There the range r has the rate 2 sin h · `left` / r
+/// in units of v, where `left` is the pursuer's offset to the left.
 struct Halfway {
     /// Where the pursuer is along the mean heading.
     ahead: f64,
@@ -261,9 +256,9 @@ impl Halfway {
         }
     }
 
-    /// Whether the range is already the smallest for certain.
+    /// Whether the range grows, or would if the headings differed.
     fn is_opening(&self) -> bool {
-        self.right <= 0.0 || self.range > FAR
+        self.right <= 0.0
     }
 
     /// The evader turns right to the end.
@@ -290,6 +285,7 @@ enum Ending {
 }
 
 /// The smallest range when the evader turns right to the end.
+#[derive(Clone, Copy)]
 struct Sheet {
     /// In turning radii.
     range: f64,
