@@ -3,9 +3,22 @@
 //! From the barrier of Merz (1972) and Mitchell (2001, "Games of two identical
 //! vehicles"), extended from the barrier to every state. Lengths are scaled by
 //! the turning radius ρ = v/ω, so one formula serves all speeds and rates.
+//!
+//! While the range closes, V is the larger of two *sheets*: the smallest range
+//! if the evader turns right, or left, to the end and the pursuer answers as
+//! well as it can. V has a kink where they meet; elsewhere the larger is smooth.
 
-use crate::invalid::{Invalid, finite, positive};
-use crate::math::{PI, TAU, acos, atan2, hypot, sin_cos, wrap_positive};
+use crate::invalid::{Invalid, finite, length, positive};
+use crate::math::{PI, atan2, sin_cos, wrap_positive};
+
+/// Sheets closer than this, in turning radii, count as equal: some
+/// hundreds of times their rounding error at a range of a thousand turning radii.
+const KINK: f64 = 1e-9;
+
+/// The pursuer goes straight when its heading is within δ = 10⁻⁴ rad of the best
+/// one; this is 1 − cos δ, the size of its switching function |∂V/∂ψ|/ρ there.
+/// Held until the end, at most π/ω later, that costs less than 2·10⁻⁸ ρ.
+const ALIGNED: f64 = 5e-9;
 
 /// The value function of two vehicles with the same speed and largest turn rate.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -38,24 +51,16 @@ impl ExactValue {
     /// V at a relative state: the pursuer at (`x`, `y`) m in the evader's frame
     /// (x ahead, y to the left), its heading relative to the evader's `psi` rad
     /// counter-clockwise, any real. Metres; ≤ 0 means that the pursuer can force
-    /// a capture. The state must be finite ([`Self::checked_value`] checks).
+    /// a capture. The state must be finite ([`Self::checked_value`] checks); the
+    /// value is +∞ where the square of the range in turning radii overflows.
     #[must_use]
-    pub fn value(&self, [x, y, psi]: [f64; 3]) -> f64 {
-        let rho = self.turning_radius_m;
-        let (x, y) = (x / rho, y / rho);
-        let psi = wrap_positive(psi);
-        let half = 0.5 * psi;
-        let (sin_half, cos_half) = sin_cos(half);
-        let range = hypot(x, y);
-        // Rate at which the range opens when neither turns, up to a factor ≥ 0.
-        let opening = -x * sin_half + y * cos_half;
-        if opening >= 0.0 {
-            return rho * range - self.radius_m;
+    pub fn value(&self, state: [f64; 3]) -> f64 {
+        let view = Halfway::new(self.turning_radius_m, state);
+        if view.is_opening() {
+            return self.metres(view.range);
         }
-        let one_side = sheet(x, y, psi, opening, sin_half, cos_half);
-        // The mirror image (x, −y, 2π − ψ), where sin(h) stays and cos(h) changes sign.
-        let other_side = sheet(x, -y, TAU - psi, opening, sin_half, -cos_half);
-        rho * range.min(one_side.max(other_side)) - self.radius_m
+        let (right, left) = (view.right_sheet(), view.left_sheet());
+        self.metres(view.range.min(right.range.max(left.range)))
     }
 
     /// [`Self::value`] of a state from outside.
@@ -63,10 +68,91 @@ impl ExactValue {
     /// # Errors
     /// [`Invalid`] naming the coordinate that is not finite.
     pub fn checked_value(&self, state: [f64; 3]) -> Result<f64, Invalid> {
-        for (name, value) in ["x", "y", "psi"].into_iter().zip(state) {
-            finite(name, value)?;
-        }
+        check_finite(state)?;
         Ok(self.value(state))
+    }
+
+    /// [`Self::value`] of each of `states`, the same bits, into `out`.
+    ///
+    /// # Errors
+    /// [`Invalid`] if `out` is not as long as `states`, or naming the first
+    /// coordinate that is not finite (`states[17].y`); `out` is untouched then.
+    pub fn values_into(&self, states: &[[f64; 3]], out: &mut [f64]) -> Result<(), Invalid> {
+        length("out", states.len(), out.len())?;
+        for (row, &state) in states.iter().enumerate() {
+            check_finite(state).map_err(|complaint| complaint.within(&format!("states[{row}]")))?;
+        }
+        for (value, &state) in out.iter_mut().zip(states) {
+            *value = self.value(state);
+        }
+        Ok(())
+    }
+
+    /// The value, its gradient and optimal turns at a finite relative state.
+    #[must_use]
+    pub fn analyze(&self, state: [f64; 3]) -> ExactState {
+        let view = Halfway::new(self.turning_radius_m, state);
+        if view.is_opening() {
+            return self.at_its_smallest(&view, state[1]);
+        }
+        let (right, left) = (view.right_sheet(), view.left_sheet());
+        let nearest = right.range.max(left.range);
+        if nearest >= view.range {
+            return self.at_its_smallest(&view, state[1]);
+        }
+        // The left sheet is the right one of the mirror image, which changes the
+        // sign of y, ψ and both turns.
+        let (sheet, cos_half, side) = if right.range >= left.range {
+            (right, view.cos_half, 1.0)
+        } else {
+            (left, -view.cos_half, -1.0)
+        };
+        let [dx, dy] = slope(sheet.direction, view.sin_half, cos_half);
+        let twist = sheet.slope_psi(view.right, view.sin_half, cos_half);
+        let ends_straight = sheet.ending != Ending::OppositeTurns && twist.abs() <= ALIGNED;
+        let pursuer_side = match sheet.ending {
+            _ if ends_straight => 0.0,
+            Ending::OppositeTurns | Ending::Straight => side,
+            Ending::SameTurns => -side,
+        };
+        ExactState {
+            value: self.metres(nearest),
+            gradient: [dx, side * dy, side * twist * self.turning_radius_m],
+            evader_turn: -side * self.turn_rate_radps,
+            pursuer_turn: pursuer_side * self.turn_rate_radps,
+            on_kink: (right.range - left.range).abs() <= KINK,
+        }
+    }
+
+    /// The analysis where the range will never be smaller than it is.
+    fn at_its_smallest(&self, view: &Halfway, y: f64) -> ExactState {
+        let Halfway { ahead, right, sin_half, cos_half, range, .. } = *view;
+        // At range zero every direction is as good; the gradient is then zero.
+        let scale = if range > 0.0 { 1.0 / range } else { 0.0 };
+        let direction = [ahead * scale, right * scale];
+        let [dx, dy] = slope(direction, sin_half, cos_half);
+        // Cosine and sine of the angle by which the pursuer must turn left to face the evader.
+        let facing = sin_half * direction[1] - cos_half * direction[0];
+        let turn_to_face = sin_half * direction[0] + cos_half * direction[1];
+        let pursuer_side = if 1.0 - facing <= ALIGNED {
+            0.0
+        } else if turn_to_face >= 0.0 {
+            1.0
+        } else {
+            -1.0
+        };
+        ExactState {
+            value: self.metres(range),
+            gradient: [dx, dy, 0.0],
+            evader_turn: if y >= 0.0 { -self.turn_rate_radps } else { self.turn_rate_radps },
+            pursuer_turn: pursuer_side * self.turn_rate_radps,
+            on_kink: false,
+        }
+    }
+
+    /// r − R of a range in turning radii.
+    fn metres(&self, range: f64) -> f64 {
+        self.turning_radius_m * range - self.radius_m
     }
 
     /// Speed v of both, m/s.
@@ -97,33 +183,224 @@ impl ExactValue {
     }
 }
 
-/// The smallest range, in turning radii, when the evader turns right to the end
-/// and the pursuer answers optimally; ψ in [0, 2π], `t0` < 0 the opening rate.
-fn sheet(x: f64, y: f64, psi: f64, t0: f64, sin_half: f64, cos_half: f64) -> f64 {
-    let n0 = x * cos_half + y * sin_half;
-    let a = -t0 - 2.0 * cos_half;
-    let b = -n0;
-    if a <= 2.0 {
-        return n0; // opposite turns to the end
+/// What the game of two identical vehicles is like at one relative state.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ExactState {
+    /// V, m, the same bits as [`ExactValue::value`].
+    pub value: f64,
+    /// (∂V/∂x, ∂V/∂y, ∂V/∂ψ) in m/m, m/m and m/rad. The first two are a unit
+    /// vector (zero at range zero).
+    ///
+    /// One-sided where V is not smooth. On the kink it is the gradient on the
+    /// side where the evader turns right. Where V = r − R it is that of r: on the
+    /// surface between the range opening and closing both sides agree, except at
+    /// equal headings (ψ = 0), where V bends in ψ on one side.
+    pub gradient: [f64; 3],
+    /// The evader's optimal turn rate, rad/s, ±ω: that of the larger sheet, right
+    /// (−ω) if they are equal. It maximises a·(∂V/∂x·y − ∂V/∂y·x − ∂V/∂ψ), whose
+    /// factor is not zero while V < r − R.
+    ///
+    /// Where V = r − R the factor is zero and the turn is away from the pursuer:
+    /// right if y ≥ 0, else left. Kept up, that never lets the range shrink.
+    pub evader_turn: f64,
+    /// The pursuer's optimal turn rate, rad/s, −ω, 0 or ω. It minimises
+    /// b·∂V/∂ψ.
+    ///
+    /// Zero where it heads along −(∂V/∂x, ∂V/∂y) to within 10⁻⁴ rad: there its
+    /// factor vanishes, and going straight keeps it on that singular surface to
+    /// the end. If turning opposite to the evader to the end is best, there is no
+    /// such surface and the turn is never zero. Where V = r − R no turn can lower the value;
+    /// the pursuer turns to face the evader, left if that is directly behind.
+    pub pursuer_turn: f64,
+    /// Whether turning right and left are equally good for the evader: their
+    /// sheets are both below r and within 10⁻⁹ ρ of each other.
+    pub on_kink: bool,
+}
+
+/// Refuses a state that is not finite, naming the coordinate.
+fn check_finite(state: [f64; 3]) -> Result<(), Invalid> {
+    for (name, value) in ["x", "y", "psi"].into_iter().zip(state) {
+        finite(name, value)?;
     }
-    let u = atan2(b, a) + acos((2.0 / hypot(a, b)).min(1.0));
-    let u_max = PI - 0.5 * psi;
-    if u <= u_max {
-        let (sin_u, cos_u) = sin_cos(u);
-        n0 * cos_u + a * sin_u - 2.0 * u // the pursuer ends straight
-    } else {
-        let (sin_psi, cos_psi) = sin_cos(psi);
-        hypot(x + sin_psi, y + 1.0 - cos_psi) - 2.0 * u_max // same-sense turns
+    Ok(())
+}
+
+/// A relative state in turning radii, in the evader's frame turned to the mean
+/// of the two headings, h = ψ/2. There the range r has the rate 2 sin h · `left` / r
+/// in units of v, where `left` is the pursuer's offset to the left.
+struct Halfway {
+    /// Where the pursuer is along the mean heading.
+    ahead: f64,
+    /// Where it is to the right of the mean heading; > 0: the range is closing.
+    right: f64,
+    /// h in [0, π).
+    half: f64,
+    sin_half: f64,
+    cos_half: f64,
+    range: f64,
+}
+
+impl Halfway {
+    fn new(turning_radius_m: f64, [x, y, psi]: [f64; 3]) -> Self {
+        let (x, y) = (x / turning_radius_m, y / turning_radius_m);
+        let half = 0.5 * wrap_positive(psi);
+        let (sin_half, cos_half) = sin_cos(half);
+        Self {
+            ahead: x * cos_half + y * sin_half,
+            right: x * sin_half - y * cos_half,
+            half,
+            sin_half,
+            cos_half,
+            // Exactly rounded operations only, several times faster than hypot.
+            range: (x * x + y * y).sqrt(),
+        }
     }
+
+    /// Whether the range grows, or would if the headings differed.
+    fn is_opening(&self) -> bool {
+        self.right <= 0.0
+    }
+
+    /// The evader turns right to the end.
+    fn right_sheet(&self) -> Sheet {
+        Sheet::new(self.ahead, self.right, self.sin_half, self.cos_half, PI - self.half)
+    }
+
+    /// The evader turns left to the end. In the mirror image (x, −y, 2π − ψ),
+    /// h becomes π − h: its sine stays, and its cosine and `ahead` change sign.
+    fn left_sheet(&self) -> Sheet {
+        Sheet::new(-self.ahead, self.right, self.sin_half, -self.cos_half, self.half)
+    }
+}
+
+/// How the pursuer answers an evader that turns one way to the end.
+#[derive(Clone, Copy, PartialEq)]
+enum Ending {
+    /// It turns the other way until the range is smallest.
+    OppositeTurns,
+    /// It turns the other way until it can go straight to the nearest point.
+    Straight,
+    /// It first turns the evader's way, then goes straight until both head the same way.
+    SameTurns,
+}
+
+/// The smallest range when the evader turns right to the end.
+#[derive(Clone, Copy)]
+struct Sheet {
+    /// In turning radii.
+    range: f64,
+    ending: Ending,
+    /// The unit vector (∂/∂ahead, ∂/∂right) of the range.
+    direction: [f64; 2],
+}
+
+impl Sheet {
+    /// Of the state `ahead`, `right` > 0, h; `rest` = π − h.
+    ///
+    /// `#[inline]`: the value alone needs neither the direction nor its division.
+    #[inline]
+    fn new(ahead: f64, right: f64, sin_half: f64, cos_half: f64, rest: f64) -> Self {
+        let a = right - 2.0 * cos_half;
+        if a <= 2.0 {
+            return Self { range: ahead, ending: Ending::OppositeTurns, direction: [1.0, 0.0] };
+        }
+        // The range after going straight for 2u/ω is ahead·cos u + a·sin u − 2u,
+        // largest at u = atan2(b, a) + acos(2/√(a² + b²)), which is in [0, π). Its
+        // cosine and sine, times a² + b², are rational in the root s.
+        let b = -ahead;
+        let s = ((a - 2.0) * (a + 2.0) + b * b).sqrt();
+        let square = a * a + b * b;
+        let (cos_u, sin_u) = (2.0 * a - b * s, 2.0 * b + a * s);
+        // u ≤ π − h, by their cosines
+        if cos_u >= -cos_half * square {
+            Self {
+                range: s - 2.0 * atan2(sin_u, cos_u),
+                ending: Ending::Straight,
+                direction: [cos_u / square, sin_u / square],
+            }
+        } else {
+            // Between the centres of the two turning circles, which same turns keep.
+            let along = ahead + 2.0 * sin_half;
+            let between = (along * along + right * right).sqrt();
+            Self {
+                range: between - 2.0 * rest,
+                ending: Ending::SameTurns,
+                direction: [along / between, right / between],
+            }
+        }
+    }
+
+    /// ∂/∂ψ of the range: the pursuer's switching function, in turning radii.
+    fn slope_psi(&self, right: f64, sin_half: f64, cos_half: f64) -> f64 {
+        // 1 − cos of the angle from the pursuer's heading to −(∂V/∂x, ∂V/∂y).
+        let off = 1.0 + (cos_half * self.direction[0] - sin_half * self.direction[1]);
+        match self.ending {
+            Ending::OppositeTurns => -0.5 * right,
+            Ending::Straight => -off,
+            Ending::SameTurns => off,
+        }
+    }
+}
+
+/// A direction (ahead, right) as (x, y) in the evader's frame.
+fn slope([ahead, right]: [f64; 2], sin_half: f64, cos_half: f64) -> [f64; 2] {
+    [cos_half * ahead + sin_half * right, sin_half * ahead - cos_half * right]
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use proptest::prelude::*;
+    use crate::math::{SeededRng, TAU, acos, hypot};
 
     fn paper() -> ExactValue {
         ExactValue::new(2.0, 0.5, 3.0).unwrap()
+    }
+
+    /// The formula as the reference writes it: the plain twin of [`ExactValue::value`].
+    fn plain_value(game: ExactValue, [x, y, psi]: [f64; 3]) -> f64 {
+        fn sheet(x: f64, y: f64, psi: f64) -> f64 {
+            let (sin_half, cos_half) = sin_cos(0.5 * psi);
+            let n0 = x * cos_half + y * sin_half;
+            let t0 = -x * sin_half + y * cos_half;
+            let (a, b) = (-t0 - 2.0 * cos_half, -n0);
+            if a <= 2.0 {
+                return n0;
+            }
+            let u = atan2(b, a) + acos((2.0 / hypot(a, b)).min(1.0));
+            let u_max = PI - 0.5 * psi;
+            let (sin_u, cos_u) = sin_cos(u);
+            let (sin_psi, cos_psi) = sin_cos(psi);
+            if u <= u_max {
+                n0 * cos_u + a * sin_u - 2.0 * u
+            } else {
+                hypot(x + sin_psi, y + 1.0 - cos_psi) - 2.0 * u_max
+            }
+        }
+        let rho = game.speed_mps / game.turn_rate_radps;
+        let (x, y, psi) = (x / rho, y / rho, wrap_positive(psi));
+        let (sin_half, cos_half) = sin_cos(0.5 * psi);
+        let range = hypot(x, y);
+        let nearest = if -x * sin_half + y * cos_half >= 0.0 {
+            range
+        } else {
+            range.min(sheet(x, y, psi).max(sheet(x, -y, TAU - psi)))
+        };
+        rho * nearest - game.radius_m
+    }
+
+    #[test]
+    fn the_fast_value_is_the_plain_one() {
+        let game = paper();
+        let mut rng = SeededRng::new(11);
+        for span in [1.0, 10.0, 40.0, 1000.0] {
+            for _ in 0..50_000 {
+                let (x, y) = (rng.uniform(-span, span), rng.uniform(-span, span));
+                let state = [x, y, rng.uniform(-10.0, 10.0)];
+                let (fast, plain) = (game.value(state), plain_value(game, state));
+                assert!((fast - plain).abs() <= 1e-14 * (40.0 + span), "{state:?} {fast} {plain}");
+                assert_eq!(game.analyze(state).value.to_bits(), fast.to_bits());
+            }
+        }
     }
 
     #[test]
@@ -143,51 +420,5 @@ mod tests {
         assert_eq!(complaint.field, "turn_rate_radps");
         assert_eq!(ExactValue::new(f64::NAN, 0.5, 3.0).unwrap_err().field, "speed_mps");
         assert_eq!(paper().checked_value([0.0, f64::NAN, 0.0]).unwrap_err().field, "y");
-    }
-
-    fn state() -> impl Strategy<Value = [f64; 3]> {
-        (-25.0..25.0f64, -25.0..25.0f64, -10.0..10.0f64).prop_map(|(x, y, psi)| [x, y, psi])
-    }
-
-    proptest! {
-        #[test]
-        fn symmetric_in_the_evaders_axis(s in state()) {
-            let [x, y, psi] = s;
-            prop_assert!((paper().value(s) - paper().value([x, -y, -psi])).abs() < 1e-9);
-        }
-
-        #[test]
-        fn never_above_the_present_range(s in state()) {
-            prop_assert!(paper().value(s) <= hypot(s[0], s[1]) - 3.0 + 1e-9);
-        }
-
-        #[test]
-        fn scales_with_speed_and_length(s in state(), scale in 0.2..5.0f64) {
-            let [x, y, psi] = s;
-            let scaled = ExactValue::new(2.0 * scale, 0.5, 3.0 * scale).unwrap();
-            let faster = ExactValue::new(6.0, 1.5, 3.0).unwrap();
-            let v = paper().value(s);
-            prop_assert!((scaled.value([x * scale, y * scale, psi]) - scale * v).abs() < 1e-9);
-            prop_assert!((faster.value(s) - v).abs() < 1e-9);
-        }
-
-        #[test]
-        fn falls_with_the_radius_one_for_one(s in state()) {
-            let wider = ExactValue::new(2.0, 0.5, 4.0).unwrap();
-            prop_assert!((paper().value(s) - wider.value(s) - 1.0).abs() < 1e-9);
-        }
-
-        #[test]
-        fn positive_beyond_the_range_bound(bearing in -PI..PI, psi in -PI..PI, level in 0.0..5.0f64) {
-            let r = paper().range_bound_m(level) + 1e-9;
-            let (s, c) = sin_cos(bearing);
-            prop_assert!(paper().value([r * c, r * s, psi]) > level - 1e-6);
-        }
-
-        #[test]
-        fn continuous_where_the_heading_wraps(x in -20.0..20.0f64, y in -20.0..20.0f64) {
-            let eps = 1e-9;
-            prop_assert!((paper().value([x, y, eps]) - paper().value([x, y, -eps])).abs() < 1e-6);
-        }
     }
 }
