@@ -13,7 +13,7 @@ mod games;
 mod level_set;
 mod value_function;
 
-pub use exact::ExactValue;
+pub use exact::{ExactState, ExactValue};
 pub use game::{Game, TERMS};
 pub use games::{DoubleIntegrator, RelativeDubins};
 pub use grid::{Axis, Boundary, Grid};
