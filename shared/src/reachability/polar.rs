@@ -96,6 +96,8 @@ impl RangeAxis {
 pub struct Solution<T> {
     /// Range axis.
     pub range: RangeAxis,
+    /// Last range, m.
+    pub range_m: f64,
     /// Nodes of a full turn.
     pub angle_nodes: usize,
     /// W(range, bearing in [0, π], heading in [0, 2π)), row-major, m: bearing has
@@ -185,6 +187,7 @@ const PAD: usize = 2;
 struct Level<T> {
     game: PursuitGame,
     range: RangeAxis,
+    range_m: f64,
     angle_nodes: usize,
     /// Bearing rows per range: [0, π] and `PAD` mirrored ones at each end.
     rows: usize,
@@ -217,6 +220,7 @@ impl<T: Real> Level<T> {
         Self {
             game: *game,
             range,
+            range_m,
             ranges: (0..range_nodes).map(|i| range.node(i)).collect(),
             drift: vec![T::ZERO; range_nodes * bearings],
             angle_nodes,
@@ -332,6 +336,7 @@ impl<T: Real> Level<T> {
         }
         Solution {
             range: self.range,
+            range_m: self.range_m,
             angle_nodes: self.angle_nodes,
             deficit,
             sweeps: self.sweeps,
