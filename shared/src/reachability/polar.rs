@@ -103,6 +103,11 @@ pub struct Solution<T> {
     /// W(range, bearing in [0, π], heading in [0, 2π)), row-major, m: bearing has
     /// `angle_nodes / 2 + 1` nodes, heading `angle_nodes`.
     pub deficit: Vec<T>,
+    /// Q(range, bearing in [0, 2π), heading in [0, 2π)): W(α, ψ) is the larger of
+    /// Q(α, ψ) and Q(−α, −ψ). Near the surface where the evader is free to turn
+    /// either way, Q is the smooth continuation of the side where it turns right;
+    /// elsewhere Q = W.
+    pub sheet: Vec<T>,
     /// Sweeps over the finest grid.
     pub sweeps: usize,
     /// How much a row still drifts in [`WINDOW`] sweeps, its signed changes summed
@@ -136,13 +141,15 @@ pub fn solve<T: Real>(
     }
     let half = settings.angle_nodes / 2 + 1;
     let nodes = settings.range_nodes.saturating_mul(half).saturating_mul(settings.angle_nodes);
-    check_memory(nodes, 2, size_of::<T>(), settings.memory_limit_bytes)?;
+    // The half turn and its copy, the full turn of the sheet and its copy.
+    check_memory(nodes, 6, size_of::<T>(), settings.memory_limit_bytes)?;
 
     let levels = levels(settings);
     let count = levels.len();
     let mut solved: Option<Level<T>> = None;
     for (i, (range_nodes, angle_nodes)) in levels.into_iter().enumerate() {
-        let mut level = Level::new(game, settings.range_m, range_nodes, angle_nodes);
+        let mut level =
+            Level::new(game, settings.range_m, range_nodes, angle_nodes, Evader::Free);
         if let Some(coarser) = &solved {
             level.start_from(coarser);
         }
@@ -160,7 +167,10 @@ pub fn solve<T: Real>(
         solved = Some(level);
     }
     match solved {
-        Some(finest) => Ok(finest.finish()),
+        Some(full) => {
+            let sheet = full.right_sheet();
+            Ok(full.finish(sheet))
+        }
         None => unreachable!("there is always the grid asked for"),
     }
 }
@@ -183,13 +193,24 @@ fn levels(settings: &Settings) -> Vec<(usize, usize)> {
 /// Ghost entries at each end of a row, so that shifted reads stay inside.
 const PAD: usize = 2;
 
+/// Which turns the evader may choose from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Evader {
+    /// All; the value is symmetric and half a turn of bearings is solved.
+    Free,
+    /// Right or straight until the range need not close any more; there is no
+    /// symmetry, and the bearings are a full turn.
+    Right,
+}
+
 /// One grid being solved.
 struct Level<T> {
     game: PursuitGame,
+    evader: Evader,
     range: RangeAxis,
     range_m: f64,
     angle_nodes: usize,
-    /// Bearing rows per range: [0, π] and `PAD` mirrored ones at each end.
+    /// Bearing rows per range, with `PAD` mirrored or repeated ones at each end.
     rows: usize,
     /// Entries of a row: one turn and `PAD` repeated ones at each end.
     row: usize,
@@ -208,8 +229,17 @@ struct Level<T> {
 }
 
 impl<T: Real> Level<T> {
-    fn new(game: &PursuitGame, range_m: f64, range_nodes: usize, angle_nodes: usize) -> Self {
-        let bearings = angle_nodes / 2 + 1;
+    fn new(
+        game: &PursuitGame,
+        range_m: f64,
+        range_nodes: usize,
+        angle_nodes: usize,
+        evader: Evader,
+    ) -> Self {
+        let bearings = match evader {
+            Evader::Free => angle_nodes / 2 + 1,
+            Evader::Right => angle_nodes,
+        };
         let rows = bearings + 2 * PAD;
         let row = angle_nodes + 2 * PAD;
         let trig = |f: fn((f64, f64)) -> f64| -> Vec<T> {
@@ -219,6 +249,7 @@ impl<T: Real> Level<T> {
         let range = RangeAxis::new(game.radius_m, range_m, range_nodes);
         Self {
             game: *game,
+            evader,
             range,
             range_m,
             ranges: (0..range_nodes).map(|i| range.node(i)).collect(),
@@ -242,7 +273,7 @@ impl<T: Real> Level<T> {
     }
 
     fn bearings(&self) -> usize {
-        self.angle_nodes / 2 + 1
+        self.rows - 2 * PAD
     }
 
     /// Linear interpolation of a grid with (about) half as many nodes an axis.
@@ -285,7 +316,17 @@ impl<T: Real> Level<T> {
         let row = &mut self.values[at..at + self.row];
         row.copy_within(n..n + PAD, 0);
         row.copy_within(PAD..2 * PAD, n + PAD);
-        let mirrored = if (1..=PAD).contains(&k) {
+        if self.evader == Evader::Right {
+            let turn = self.bearings() * self.row;
+            if k < PAD {
+                self.values.copy_within(at..at + self.row, at + turn);
+            } else if k > last - PAD {
+                self.values.copy_within(at..at + self.row, at - turn);
+            }
+        }
+        let mirrored = if self.evader == Evader::Right {
+            None
+        } else if (1..=PAD).contains(&k) {
             Some(at - 2 * k * self.row)
         } else if k < last && last - k <= PAD {
             Some(at + 2 * (last - k) * self.row)
@@ -315,7 +356,7 @@ impl<T: Real> Level<T> {
         report: &mut dyn FnMut(f64, usize) -> ControlFlow<()>,
     ) -> ControlFlow<()> {
         while self.sweeps < most_sweeps && self.drift_m > tolerance {
-            in_widest_lanes(Sweep { level: self, rest: T::from_f64(tolerance) });
+            in_widest_lanes(Sweep { level: self, rest: T::from_f64(tolerance), full: None });
             if self.sweeps.is_multiple_of(WINDOW) {
                 let sum: f64 = self.drift.iter().map(|drift| drift.abs().to_f64()).sum();
                 self.drift_m = sum / (self.drift.len() * self.angle_nodes) as f64;
@@ -326,19 +367,83 @@ impl<T: Real> Level<T> {
         ControlFlow::Continue(())
     }
 
-    fn finish(self) -> Solution<T> {
-        let mut deficit = Vec::with_capacity(self.range.nodes * self.bearings() * self.angle_nodes);
+    /// W of the full game at any bearing, from its half turn; `j` is below
+    /// `angle_nodes`.
+    #[inline(always)]
+    fn mirrored(&self, i: usize, k: usize, j: usize) -> T {
+        let n = self.angle_nodes;
+        let (k, j) = if k <= n / 2 { (k, j) } else { (n - k, (n - j) % n) };
+        self.values[self.at(i, k) + PAD + j]
+    }
+
+    /// The game in which the evader turns right or goes straight until it is safe
+    /// in the full game, that is `self`.
+    fn right_sheet(&self) -> Self {
+        let (n, ranges) = (self.angle_nodes, self.range.nodes);
+        let mut sheet = Self::new(&self.game, self.range_m, ranges, n, Evader::Right);
+        for i in 0..ranges {
+            for k in 0..n {
+                let at = sheet.at(i, k) + PAD;
+                for j in 0..n {
+                    sheet.values[at + j] = self.mirrored(i, k, j);
+                }
+                sheet.spread(i, k);
+            }
+        }
+        // The full game is right wherever the evader turns right anyway, so only a
+        // few cells beyond the kink have to find their values.
+        let rest = T::from_f64(1e-3);
+        for _ in 0..SHEET_SWEEPS {
+            in_widest_lanes(Sweep { level: &mut sheet, rest, full: Some(self) });
+        }
+        sheet
+    }
+
+    /// Copies what is inside the ghosts.
+    fn inside(&self) -> Vec<T> {
+        let mut values = Vec::with_capacity(self.range.nodes * self.bearings() * self.angle_nodes);
         for i in 0..self.range.nodes {
             for k in 0..self.bearings() {
                 let at = self.at(i, k) + PAD;
-                deficit.extend_from_slice(&self.values[at..at + self.angle_nodes]);
+                values.extend_from_slice(&self.values[at..at + self.angle_nodes]);
             }
         }
+        values
+    }
+
+    /// Puts the sheet in where it explains the full game, near the kink.
+    fn finish(mut self, mut sheet: Self) -> Solution<T> {
+        let (n, ranges) = (self.angle_nodes, self.range.nodes);
+        for i in 0..ranges {
+            let next = self.ranges[(i + 1).min(ranges - 1)] - self.ranges[i];
+            let cell = next.max(self.ranges[i] * TAU / n as f64);
+            let (near, blur) = (T::from_f64(KINK_NEAR * cell), T::from_f64(KINK_BLUR * cell));
+            for k in 0..=n / 2 {
+                for j in 0..n {
+                    let at = self.at(i, k) + PAD + j;
+                    let right = sheet.at(i, k) + PAD + j;
+                    let left = sheet.at(i, (n - k) % n) + PAD + (n - j) % n;
+                    let full = self.values[at];
+                    let (a, b) = (sheet.values[right], sheet.values[left]);
+                    let both = a.larger(b);
+                    let explained = both <= full && full - both <= blur && (a - b).abs() <= near;
+                    if explained {
+                        self.values[at] = both;
+                    } else {
+                        sheet.values[right] = full;
+                        sheet.values[left] = full;
+                    }
+                }
+            }
+        }
+        let deficit = self.inside();
+        let sheet = sheet.inside();
         Solution {
             range: self.range,
             range_m: self.range_m,
             angle_nodes: self.angle_nodes,
             deficit,
+            sheet,
             sweeps: self.sweeps,
             drift_m: self.drift_m,
         }
@@ -350,12 +455,14 @@ struct Sweep<'a, T> {
     level: &'a mut Level<T>,
     /// A row rests while nothing in its stencil moves by more than this.
     rest: T,
+    /// For a sheet: the full game, which it follows wherever that is safe.
+    full: Option<&'a Level<T>>,
 }
 
 impl<T: Real> Kernel for Sweep<'_, T> {
     #[inline(always)]
     fn run(self) {
-        let Self { level, rest } = self;
+        let Self { level, rest, full } = self;
         let (ranges, bearings) = (level.range.nodes, level.bearings());
         // What matters flows from small ranges outwards most of the time.
         let inwards = level.sweeps % 8 == 7;
@@ -366,7 +473,7 @@ impl<T: Real> Kernel for Sweep<'_, T> {
             for k in 0..bearings {
                 let k = if backwards { bearings - 1 - k } else { k };
                 let change =
-                    if level.is_active(i, k, rest) { level.update(i, k, &mut buffer) } else { T::ZERO };
+                    if level.is_active(i, k, rest) { level.update(i, k, &mut buffer, full) } else { T::ZERO };
                 level.activity[i * bearings + k] = change;
             }
         }
@@ -380,12 +487,16 @@ impl<T: Real> Level<T> {
         let bearings = self.bearings();
         let moved = |i: usize, k: usize| self.activity[i * bearings + k] > rest;
         let near = |at: usize, end: usize| at.saturating_sub(PAD)..(at + PAD + 1).min(end);
-        near(i, self.range.nodes).any(|i| moved(i, k)) || near(k, bearings).any(|k| moved(i, k))
+        let wraps = self.evader == Evader::Right;
+        near(i, self.range.nodes).any(|i| moved(i, k))
+            || near(k, bearings).any(|k| moved(i, k))
+            || wraps && k < PAD && (bearings + k - PAD..bearings).any(|k| moved(i, k))
+            || wraps && k + PAD >= bearings && (0..=k + PAD - bearings).any(|k| moved(i, k))
     }
 
     /// Moves one row by its cells' own time steps; returns the largest change.
     #[inline(always)]
-    fn update(&mut self, i: usize, k: usize, buffer: &mut [T]) -> T {
+    fn update(&mut self, i: usize, k: usize, buffer: &mut [T], full: Option<&Self>) -> T {
         let n = self.angle_nodes;
         let f = T::from_f64;
         let at = self.at(i, k);
@@ -398,6 +509,7 @@ impl<T: Real> Level<T> {
         let (evader_ahead, evader_aside) = (evader_speed * cos_a, evader_speed * sin_a);
         let (ahead_cos, ahead_sin) = (pursuer_speed * cos_a, pursuer_speed * sin_a);
         let (evader_turn, pursuer_turn) = (f(evader.turn_rate_radps), f(pursuer.turn_rate_radps));
+        let evader_left = if self.evader == Evader::Free { evader_turn } else { T::ZERO };
         let per_range = f(1.0 / range_m);
         let per_step = f(1.0 / ((range_m + self.range.knee_m) * self.range.step));
         let per_angle = f(n as f64 / TAU);
@@ -430,9 +542,9 @@ impl<T: Real> Level<T> {
                     upwind(drift - a, bearing_in, bearing_out)
                         + upwind(b - a, heading_in, heading_out)
                 };
-                let clip = |a: T| a.smaller(evader_turn).larger(-evader_turn);
+                let clip = |a: T| a.smaller(evader_turn).larger(-evader_left);
                 with(evader_turn)
-                    .larger(with(-evader_turn))
+                    .larger(with(-evader_left))
                     .larger(with(clip(drift)))
                     .larger(with(clip(b)))
             };
@@ -443,6 +555,13 @@ impl<T: Real> Level<T> {
             let moved = (w + cfl * rate / speeds).smaller(zero);
             buffer[j] = moved;
         }
+        if let Some(full) = full {
+            let safe = f(-SAFE_M);
+            for (j, new) in buffer.iter_mut().enumerate() {
+                let floor = full.mirrored(i, k, j);
+                *new = if floor > safe { new.larger(floor) } else { *new };
+            }
+        }
         for lanes in own2.chunks(16).zip(buffer.chunks(16)) {
             for (((most, total), old), new) in most.iter_mut().zip(&mut totals).zip(lanes.0).zip(lanes.1) {
                 let moved = *new - *old;
@@ -450,7 +569,7 @@ impl<T: Real> Level<T> {
                 *total += moved;
             }
         }
-        let bearings = self.angle_nodes / 2 + 1;
+        let bearings = self.bearings();
         let drift = &mut self.drift[i * bearings + k];
         for (most, total) in most.into_iter().zip(totals) {
             largest = largest.larger(most);
@@ -461,6 +580,16 @@ impl<T: Real> Level<T> {
         largest
     }
 }
+
+/// Sweeps over a sheet.
+const SHEET_SWEEPS: usize = 12;
+/// A deficit as small as this counts as none, m: the range need not close.
+const SAFE_M: f64 = 1e-3;
+/// The kink of the full game is blurred by at most this share of a cell: where the
+/// sheets say less, the evader has something better than a single turn.
+const KINK_BLUR: f64 = 0.2;
+/// Sheets that differ by more than this many cells are no longer close to the kink.
+const KINK_NEAR: f64 = 4.0;
 
 /// Share of the stable step. From about 0.8 on, sweeps no longer settle.
 const CFL: f64 = 0.6;

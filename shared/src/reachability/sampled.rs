@@ -128,8 +128,46 @@ pub struct SampledValue {
     /// Seconds of the game that are solved; infinite for the converged value.
     horizon_s: f64,
     table: Table,
+    sheet: Option<Sheet>,
     /// For polar nodes, to find the cell of a range.
     finder: RangeFinder,
+}
+
+/// V = max(Q(α, ψ), Q(−α, −ψ)) near the surface where the evader may turn either way:
+/// between nodes the two smooth sides keep the kink sharp that one table would cut off.
+#[derive(Clone, Debug, PartialEq)]
+struct Sheet {
+    /// Deficits of Q; the bearings are a full turn.
+    table: Table,
+    /// A bit for each cell of the half turn: whether the kink runs through it.
+    kinked: Vec<u64>,
+}
+
+impl Sheet {
+    fn new(cells: [usize; 3], table: Table) -> Self {
+        let [n0, n1, n2] = cells;
+        let mut kinked = vec![0; (n0 * n1 * n2).div_ceil(64)];
+        for cell in 0..n0 * n1 * n2 {
+            let [i, j, k] = [cell / (n1 * n2), cell / n2 % n1, cell % n2];
+            let (mut right, mut left) = (false, false);
+            for corner in 0..8 {
+                let [i, j, k] = [i + (corner >> 2), j + (corner >> 1 & 1), k + (corner & 1)];
+                let a = table.node([i, j, k]);
+                let b = table.node([i, 2 * n1 - j, n2 - k]);
+                right |= a > b;
+                left |= b > a;
+            }
+            if right && left {
+                kinked[cell / 64] |= 1 << (cell % 64);
+            }
+        }
+        Self { table, kinked }
+    }
+
+    fn is_kinked(&self, [_, n1, n2]: [usize; 3], [i, j, k]: [usize; 3]) -> bool {
+        let cell = (i * n1 + j) * n2 + k;
+        self.kinked[cell / 64] >> (cell % 64) & 1 == 1
+    }
 }
 
 /// Value, gradient, and whether the state lies on the grid.
@@ -145,7 +183,8 @@ pub struct SampledState {
 }
 
 impl SampledValue {
-    /// A value function from its deficit, row-major over [`Nodes::shape`].
+    /// A value function from its deficit, row-major over [`Nodes::shape`], and, of
+    /// polar nodes, the sheet Q of [`polar::Solution::sheet`] if there is one.
     ///
     /// # Errors
     /// [`Invalid`] for bad nodes, another number of values, or one that is not finite.
@@ -154,6 +193,7 @@ impl SampledValue {
         nodes: Nodes,
         horizon_s: f64,
         deficit: &[f32],
+        sheet: Option<&[f32]>,
     ) -> Result<Self, Invalid> {
         game.check()?;
         nodes.check()?;
@@ -197,8 +237,25 @@ impl SampledValue {
                     + (base - stored(i0, j1, k)) * if gj > 0 { gj as f32 } else { 0.0 }
             }),
         };
+        let sheet = match (nodes, sheet) {
+            (_, None) => None,
+            (Nodes::Cartesian { .. }, Some(_)) => {
+                return Err(Invalid::new("sheet", "none with cartesian nodes", "one"));
+            }
+            (Nodes::Polar { angle_nodes: n, .. }, Some(sheet)) => {
+                crate::invalid::length("sheet", n0 * n * n, sheet.len())?;
+                if let Some((i, bad)) = sheet.iter().enumerate().find(|(_, w)| !w.is_finite()) {
+                    return Err(Invalid::new(format!("sheet[{i}]"), "a finite number", bad));
+                }
+                let full = Table::new([n0 - 1, n, n], |[i, j, k]| {
+                    let at = |i: usize| sheet[(i * n + turn(j, n)) * n + turn(k, n)];
+                    if i < 0 { -at(-i as usize) } else { at((i as usize).min(n0 - 1)) }
+                });
+                Some(Sheet::new(table.cells(), full))
+            }
+        };
         let finder = RangeFinder::new(&nodes);
-        Ok(Self { game, nodes, horizon_s, table, finder })
+        Ok(Self { game, nodes, horizon_s, table, sheet, finder })
     }
 
     /// A function sampled on nodes.
@@ -227,7 +284,7 @@ impl SampledValue {
                 }
             }
         }
-        Self::new(game, nodes, f64::INFINITY, &deficit)
+        Self::new(game, nodes, f64::INFINITY, &deficit, None)
     }
 
     /// What the polar solver found.
@@ -245,7 +302,7 @@ impl SampledValue {
             range_nodes: range.nodes,
             angle_nodes: solution.angle_nodes,
         };
-        Self::new(game, nodes, f64::INFINITY, &solution.deficit)
+        Self::new(game, nodes, f64::INFINITY, &solution.deficit, Some(&solution.sheet))
     }
 
     /// What the Cartesian solver found on a grid of x, y, ψ.
@@ -267,7 +324,7 @@ impl SampledValue {
                 (v.to_f64() - game.target(state)) as f32
             })
             .collect();
-        Self::new(game, Nodes::Cartesian { x, y, psi }, horizon_s, &deficit)
+        Self::new(game, Nodes::Cartesian { x, y, psi }, horizon_s, &deficit, None)
     }
 
     /// The game.
@@ -292,6 +349,35 @@ impl SampledValue {
     pub fn deficit(&self) -> impl Iterator<Item = f32> + '_ {
         let [n0, n1, n2] = self.nodes.shape();
         (0..n0 * n1 * n2).map(move |p| self.table.node([p / (n1 * n2), p / n2 % n1, p % n2]))
+    }
+
+    /// The stored sheet, row-major over range, bearing (a full turn) and heading.
+    pub fn sheet(&self) -> Option<impl Iterator<Item = f32> + '_> {
+        let [n0, _, n] = self.nodes.shape();
+        let table = &self.sheet.as_ref()?.table;
+        Some((0..n0 * n * n).map(move |p| table.node([p / (n * n), p / n % n, p % n])))
+    }
+
+    /// Deficit and its slopes, per cell, at a place of the table.
+    #[inline]
+    fn deficit_at(&self, index: [usize; 3], share: [f64; 3]) -> (f64, [f64; 3]) {
+        let cells = self.table.cells();
+        match &self.sheet {
+            Some(sheet) if sheet.is_kinked(cells, index) => {
+                let right = sheet.table.interpolate(index, share);
+                let [i, j, k] = index;
+                let mirror = [i, 2 * cells[1] - 1 - j, cells[2] - 1 - k];
+                let [t0, t1, t2] = share;
+                let left = sheet.table.interpolate(mirror, [t0, 1.0 - t1, 1.0 - t2]);
+                if right.0 >= left.0 {
+                    right
+                } else {
+                    let [s0, s1, s2] = left.1;
+                    (left.0, [s0, -s1, -s2])
+                }
+            }
+            _ => self.table.interpolate(index, share),
+        }
     }
 
     /// V, gradient and coverage at the pursuer's pose in the evader's frame.
@@ -322,7 +408,7 @@ impl SampledValue {
                 ([i, j, k], [t0, t1, t2], in_x && in_y, [s0, s1, per_angle])
             }
         };
-        let (deficit, slope) = self.table.interpolate(index, share);
+        let (deficit, slope) = self.deficit_at(index, share);
         let [w0, w1, w2]: [f64; 3] = core::array::from_fn(|d| slope[d] * scale[d]);
         let value = range - self.game.radius_m + deficit;
         // Unit vector of the line of sight; ahead where there is none.
@@ -357,7 +443,7 @@ impl SampledValue {
                 let (cell, share) = if j == self.table.cells()[1] { (j - 1, 1.0) } else { (j, 0.0) };
                 let value = |i: usize, t: f64| {
                     let at = first[i] + t * (first[i + 1] - first[i]);
-                    let (deficit, _) = self.table.interpolate([i, cell, k], [t, share, 0.0]);
+                    let (deficit, _) = self.deficit_at([i, cell, k], [t, share, 0.0]);
                     (at, range(at) - self.game.radius_m + deficit)
                 };
                 // ∫ da, or ∫ r dr, over the parts where V ≤ 0.
@@ -441,7 +527,7 @@ impl Slice<'_> {
         let last = f.table.cells();
         let (i, t0) = if i == last[0] { (i - 1, 1.0) } else { (i, 0.0) };
         let (j, t1) = if j == last[1] { (j - 1, 1.0) } else { (j, 0.0) };
-        f.table.interpolate([i, j, k], [t0, t1, share]).0 + range_m - f.game.radius_m
+        f.deficit_at([i, j, k], [t0, t1, share]).0 + range_m - f.game.radius_m
     }
 }
 

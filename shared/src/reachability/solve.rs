@@ -200,8 +200,16 @@ pub fn solve(
             else {
                 unreachable!("polar_nodes are polar");
             };
+            // As far as the errors of the grid, which fall with its square.
+            let tolerance_m = polar::Settings::default().tolerance_m
+                * match options.accuracy {
+                    Accuracy::Draft => 4.0,
+                    Accuracy::Standard => 1.0,
+                    Accuracy::Fine => 0.25,
+                };
             let settings = polar::Settings {
                 range_m,
+                tolerance_m,
                 range_nodes,
                 angle_nodes,
                 memory_limit_bytes: options.memory_limit_bytes,

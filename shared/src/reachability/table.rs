@@ -52,76 +52,63 @@ impl Table {
     /// smaller of the second differences at its two ends: third order where the data
     /// are smooth, no overshoot at a kink, and continuous everywhere, since on a
     /// face only what lies in it counts.
+    #[inline]
     pub(super) fn interpolate(&self, index: [usize; 3], share: [f64; 3]) -> (f64, [f64; 3]) {
         let origin = self.offset(index);
         let [s0, s1, s2] = self.strides;
-        let v = |offset: usize| f64::from(self.values[offset]);
-        let [t0, t1, t2] = share;
-        let [u0, u1, u2] = share.map(|t| 1.0 - t);
-        let corner = |i: usize, j: usize, k: usize| v(origin + i * s0 + j * s1 + k * s2);
-        let c000 = corner(0, 0, 0);
-        let c001 = corner(0, 0, 1);
-        let c010 = corner(0, 1, 0);
-        let c011 = corner(0, 1, 1);
-        let c100 = corner(1, 0, 0);
-        let c101 = corner(1, 0, 1);
-        let c110 = corner(1, 1, 0);
-        let c111 = corner(1, 1, 1);
-        // The curvature along an edge from `at`: minmod of both ends.
-        let bend = |at: usize, stride: usize, from: f64, to: f64| {
-            let rise = to - from;
-            let low = rise - (from - v(at - stride));
-            let high = (v(at + 2 * stride) - to) - rise;
-            if low * high <= 0.0 {
-                0.0
-            } else if low.abs() < high.abs() {
-                low
-            } else {
-                high
-            }
+        // One slice for the whole stencil: a single bounds check.
+        let values = &self.values[origin - s0..][..3 * s0 + s1 + s2 + 1];
+        let v = |offset: usize| values[offset];
+        let here = s0;
+        let [t0, t1, t2] = share.map(|t| t as f32);
+        let [u0, u1, u2] = [1.0 - t0, 1.0 - t1, 1.0 - t2];
+        // The four edges along each axis, all at once: their ends and what lies
+        // beyond these.
+        type Four = [f32; 4];
+        let edges = |stride: usize, slow: usize, fast: usize| -> [Four; 4] {
+            let along = |at: usize| [v(at), v(at + fast), v(at + slow), v(at + slow + fast)];
+            [along(here - stride), along(here), along(here + stride), along(here + 2 * stride)]
         };
-        let b0 = [
-            bend(origin, s0, c000, c100),
-            bend(origin + s2, s0, c001, c101),
-            bend(origin + s1, s0, c010, c110),
-            bend(origin + s1 + s2, s0, c011, c111),
-        ];
-        let b1 = [
-            bend(origin, s1, c000, c010),
-            bend(origin + s2, s1, c001, c011),
-            bend(origin + s0, s1, c100, c110),
-            bend(origin + s0 + s2, s1, c101, c111),
-        ];
-        let b2 = [
-            bend(origin, s2, c000, c001),
-            bend(origin + s1, s2, c010, c011),
-            bend(origin + s0, s2, c100, c101),
-            bend(origin + s0 + s1, s2, c110, c111),
-        ];
+        // The curvature along each edge: minmod of that at its ends.
+        let bends = |[before, from, to, behind]: [Four; 4]| -> Four {
+            core::array::from_fn(|e| {
+                let rise = to[e] - from[e];
+                let low = rise - (from[e] - before[e]);
+                let high = (behind[e] - to[e]) - rise;
+                let smaller = if low.abs() < high.abs() { low } else { high };
+                if low * high > 0.0 { smaller } else { 0.0 }
+            })
+        };
+        let along0 = edges(s0, s1, s2);
+        let along1 = edges(s1, s0, s2);
+        let along2 = edges(s2, s0, s1);
+        let (b0, b1, b2) = (bends(along0), bends(along1), bends(along2));
+        // Corners (j, k) of both faces across axis 0.
+        let [_, near, far, _] = along0;
         // Linear along axis 2, then 1, then 0.
-        let (l00, l01) = (u2 * c000 + t2 * c001, u2 * c010 + t2 * c011);
-        let (l10, l11) = (u2 * c100 + t2 * c101, u2 * c110 + t2 * c111);
+        let line = |c: Four| (u2 * c[0] + t2 * c[1], u2 * c[2] + t2 * c[3]);
+        let ((l00, l01), (l10, l11)) = (line(near), line(far));
         let (l0, l1) = (u1 * l00 + t1 * l01, u1 * l10 + t1 * l11);
         let linear = u0 * l0 + t0 * l1;
         let d0 = l1 - l0;
         let d1 = u0 * (l01 - l00) + t0 * (l11 - l10);
-        let d2 = u0 * (u1 * (c001 - c000) + t1 * (c011 - c010))
-            + t0 * (u1 * (c101 - c100) + t1 * (c111 - c110));
-        // Bends, blended over the other two axes (their order is that of b above).
-        let blend = |b: [f64; 4], [us, ts]: [f64; 2], [uf, tf]: [f64; 2]| {
+        let rise = |c: Four| u1 * (c[1] - c[0]) + t1 * (c[3] - c[2]);
+        let d2 = u0 * rise(near) + t0 * rise(far);
+        // Bends, blended over the other two axes, the slower one first.
+        let blend = |b: Four, [us, ts]: [f32; 2], [uf, tf]: [f32; 2]| {
             let (low, high) = (uf * b[0] + tf * b[1], uf * b[2] + tf * b[3]);
             (us * low + ts * high, high - low, us * (b[1] - b[0]) + ts * (b[3] - b[2]))
         };
         let (m0, m0_1, m0_2) = blend(b0, [u1, t1], [u2, t2]);
         let (m1, m1_0, m1_2) = blend(b1, [u0, t0], [u2, t2]);
         let (m2, m2_0, m2_1) = blend(b2, [u0, t0], [u1, t1]);
-        let [q0, q1, q2] = [t0 * u0, t1 * u1, t2 * u2].map(|q| -0.5 * q);
+        let (q0, q1, q2) = (-0.5 * t0 * u0, -0.5 * t1 * u1, -0.5 * t2 * u2);
         (
-            linear + q0 * m0 + q1 * m1 + q2 * m2,
+            f64::from(linear + (q0 * m0 + q1 * m1 + q2 * m2)),
             [
-                d0 + (t0 - 0.5) * m0 + q1 * m1_0 + q2 * m2_0,
-                d1 + (t1 - 0.5) * m1 + q0 * m0_1 + q2 * m2_1,
-                d2 + (t2 - 0.5) * m2 + q0 * m0_2 + q1 * m1_2,
+                f64::from(d0 + (t0 - 0.5) * m0 + q1 * m1_0 + q2 * m2_0),
+                f64::from(d1 + (t1 - 0.5) * m1 + q0 * m0_1 + q2 * m2_1),
+                f64::from(d2 + (t2 - 0.5) * m2 + q0 * m0_2 + q1 * m1_2),
             ],
         )
     }
@@ -172,13 +159,15 @@ mod tests {
                     y[d] += h;
                     at(y).0
                 };
-                if (x[d] - x[d].round()).abs() > 1e-4 {
-                    assert!(((step(1e-5) - step(-1e-5)) / 2e-5 - slope[d]).abs() < 1e-5);
+                // A parabola along each axis: the central difference is its slope,
+                // but for the rounding of f32.
+                if (x[d] - x[d].round()).abs() > 0.1 {
+                    assert!(((step(0.1) - step(-0.1)) / 0.2 - slope[d]).abs() < 1e-5);
                 }
             }
             let face = [x[0].round().clamp(1.0, 5.0), x[1], x[2]];
             let before = at([face[0] - 1e-9, face[1], face[2]]).0;
-            assert!((before - at(face).0).abs() < 1e-7);
+            assert!((before - at(face).0).abs() < 1e-6);
         }
     }
 

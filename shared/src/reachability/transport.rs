@@ -33,6 +33,8 @@ enum Header {
         nodes: Nodes,
         /// None for the converged value, since JSON has no infinity.
         horizon_s: Option<f64>,
+        /// Whether a sheet follows the deficits: its differences to them.
+        sheet: bool,
         octets: usize,
     },
 }
@@ -52,8 +54,16 @@ pub(super) fn encode(function: &ValueFunction) -> Vec<u8> {
             let mut body = Vec::with_capacity(steps.len() + steps.len() / 4);
             let predicted = Predictor::new(sampled.nodes().shape());
             for position in 0..steps.len() {
-                let difference = steps[position] - predicted.at(&steps, position);
-                put(&mut body, ((difference << 1) ^ (difference >> 63)) as u64);
+                put_signed(&mut body, steps[position] - predicted.at(&steps, position));
+            }
+            let mut sheet = false;
+            if let Some(values) = sampled.sheet() {
+                sheet = true;
+                let mirror = Mirror(sampled.nodes().shape());
+                for (position, w) in values.enumerate() {
+                    let step = (f64::from(w) / QUANTUM_M).round() as i64;
+                    put_signed(&mut body, step - steps[mirror.of(position)]);
+                }
             }
             let horizon_s = sampled.horizon_s();
             let mut octets = line(&Header::Sampled {
@@ -61,6 +71,7 @@ pub(super) fn encode(function: &ValueFunction) -> Vec<u8> {
                 game: sampled.game(),
                 nodes: sampled.nodes(),
                 horizon_s: horizon_s.is_finite().then_some(horizon_s),
+                sheet,
                 octets: body.len(),
             });
             octets.push(b'\n');
@@ -82,40 +93,62 @@ pub(super) fn decode(octets: &[u8]) -> Result<ValueFunction, Invalid> {
         Header::Exact { speed_mps, turn_rate_radps, radius_m, .. } => {
             ExactValue::new(speed_mps, turn_rate_radps, radius_m).map(ValueFunction::Exact)
         }
-        Header::Sampled { game, nodes, horizon_s, octets: length, .. } => {
+        Header::Sampled { game, nodes, horizon_s, sheet, octets: length, .. } => {
             nodes.check()?;
-            let body = octets.get(end + 1..).unwrap_or_default();
-            crate::invalid::length("value function octets", length, body.len())?;
+            let mut rest = octets.get(end + 1..).unwrap_or_default();
+            crate::invalid::length("value function octets", length, rest.len())?;
             // Every value takes an octet at least, so this bounds what is allocated.
-            if nodes.count() > body.len() {
+            if nodes.count() > rest.len() {
                 let expected = format!("at least {} octets of values", nodes.count());
-                return Err(Invalid::new("value function", expected, body.len()));
+                return Err(Invalid::new("value function", expected, rest.len()));
             }
             let predicted = Predictor::new(nodes.shape());
             let mut steps: Vec<i64> = Vec::with_capacity(nodes.count());
-            let mut rest = body;
             for position in 0..nodes.count() {
-                let folded = take(&mut rest).ok_or_else(|| {
-                    Invalid::new(format!("value[{position}]"), "a whole number", "its end")
-                })?;
-                let difference = (folded >> 1) as i64 ^ -((folded & 1) as i64);
-                let step = predicted.at(&steps, position).wrapping_add(difference);
-                // What any deficit in metres stays far within.
-                if step.unsigned_abs() > 1 << 40 {
-                    return Err(Invalid::new(format!("value[{position}]"), "a deficit", step));
-                }
-                steps.push(step);
+                let step = predicted.at(&steps, position);
+                steps.push(take_step(&mut rest, "value", position, step)?);
             }
+            let metres = |step: &i64| (*step as f64 * QUANTUM_M) as f32;
+            let deficit: Vec<f32> = steps.iter().map(metres).collect();
+            let mirror = Mirror(nodes.shape());
+            let sheet = if sheet {
+                let count = mirror.count();
+                if count > rest.len() {
+                    let expected = format!("at least {count} octets of the sheet");
+                    return Err(Invalid::new("value function", expected, rest.len()));
+                }
+                let values = (0..count).map(|position| {
+                    let base = steps[mirror.of(position)];
+                    take_step(&mut rest, "sheet", position, base).map(|step| metres(&step))
+                });
+                Some(values.collect::<Result<Vec<f32>, _>>()?)
+            } else {
+                None
+            };
             if !rest.is_empty() {
                 let found = format!("{} octets more", rest.len());
                 return Err(Invalid::new("value function", "its end", found));
             }
-            let deficit: Vec<f32> =
-                steps.iter().map(|step| (*step as f64 * QUANTUM_M) as f32).collect();
             let horizon_s = horizon_s.unwrap_or(f64::INFINITY);
-            let sampled = SampledValue::new(game, nodes, horizon_s, &deficit)?;
+            let sampled = SampledValue::new(game, nodes, horizon_s, &deficit, sheet.as_deref())?;
             Ok(ValueFunction::Sampled(Arc::new(sampled)))
         }
+    }
+}
+
+/// Where a sheet's entry, over a full turn of bearings, has its deficit.
+struct Mirror([usize; 3]);
+
+impl Mirror {
+    fn count(&self) -> usize {
+        self.0[0] * self.0[2] * self.0[2]
+    }
+
+    fn of(&self, position: usize) -> usize {
+        let [_, half, n] = self.0;
+        let [i, j, k] = [position / (n * n), position / n % n, position % n];
+        let (j, k) = if j < half { (j, k) } else { (n - j, (n - k) % n) };
+        (i * half + j) * n + k
     }
 }
 
@@ -162,6 +195,23 @@ fn put(octets: &mut Vec<u8>, mut value: u64) {
     octets.push(value as u8);
 }
 
+fn put_signed(octets: &mut Vec<u8>, value: i64) {
+    put(octets, ((value << 1) ^ (value >> 63)) as u64);
+}
+
+/// The number of steps that is `base` and the next difference.
+fn take_step(octets: &mut &[u8], what: &str, position: usize, base: i64) -> Result<i64, Invalid> {
+    let field = || format!("{what}[{position}]");
+    let folded = take(octets).ok_or_else(|| Invalid::new(field(), "a whole number", "its end"))?;
+    let difference = (folded >> 1) as i64 ^ -((folded & 1) as i64);
+    let step = base.wrapping_add(difference);
+    // What any deficit in metres stays far within.
+    if step.unsigned_abs() > 1 << 40 {
+        return Err(Invalid::new(field(), "a deficit", step));
+    }
+    Ok(step)
+}
+
 fn take(octets: &mut &[u8]) -> Option<u64> {
     let mut value = 0_u64;
     for shift in (0..63).step_by(7) {
@@ -188,8 +238,9 @@ mod tests {
         };
         let nodes = Nodes::Polar { knee_m: 3.0, range_m: 40.0, range_nodes: 9, angle_nodes: 12 };
         let deficit: Vec<f32> = (0..nodes.count()).map(|i| -(i as f32 * 0.37) % 41.0).collect();
+        let sheet: Vec<f32> = (0..9 * 12 * 12).map(|i| -(i as f32 * 0.61) % 41.0).collect();
         ValueFunction::Sampled(Arc::new(
-            SampledValue::new(game, nodes, f64::INFINITY, &deficit).unwrap(),
+            SampledValue::new(game, nodes, f64::INFINITY, &deficit, Some(&sheet)).unwrap(),
         ))
     }
 
