@@ -79,8 +79,7 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> 
 
 /// What cargo is called with for a `[[bench]]` target.
 fn target_arguments(package: &'static str, bench: &Bench, quick: bool) -> Vec<&'static str> {
-    let mut arguments =
-        vec!["bench", "--locked", "--package", package, "--bench", bench.name];
+    let mut arguments = vec!["bench", "--locked", "--package", package, "--bench", bench.name];
     if quick {
         // Criterion's own switch of that name.
         arguments.extend(["--", "--quick"]);
