@@ -21,7 +21,8 @@ struct Case {
     scheme: &'static str,
     /// The peer's name for the same.
     accuracy: &'static str,
-    /// How many times as fast as the peer we mean to be.
+    /// How many times as fast as the peer we mean to be: what the prototype in C was, or
+    /// for the first case, where it was not measured, what it was with the other scheme.
     target: f64,
     /// Solves on each side; the fastest counts.
     runs: u32,
