@@ -80,9 +80,10 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> 
 /// What cargo is called with for a `[[bench]]` target.
 fn target_arguments(package: &'static str, bench: &Bench, quick: bool) -> Vec<&'static str> {
     let mut arguments = vec!["bench", "--locked", "--package", package, "--bench", bench.name];
+    // Criterion's switches. What an earlier run took says little: baselines are in each run.
+    arguments.extend(["--", "--discard-baseline"]);
     if quick {
-        // Criterion's own switch of that name.
-        arguments.extend(["--", "--quick"]);
+        arguments.push("--quick");
     }
     arguments
 }
@@ -136,9 +137,9 @@ mod tests {
     #[test]
     fn a_target_is_called_by_its_name_in_its_package() {
         let call = target_arguments("sidestep", &TABLE[0], false).join(" ");
-        assert_eq!(call, "bench --locked --package sidestep --bench solve");
+        assert_eq!(call, "bench --locked --package sidestep --bench solve -- --discard-baseline");
         let quick = target_arguments("sidestep", &TABLE[0], true).join(" ");
-        assert!(quick.ends_with("--bench solve -- --quick"), "{quick}");
+        assert!(quick.ends_with(" --quick"), "{quick}");
     }
 
     #[test]
