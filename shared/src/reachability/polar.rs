@@ -53,7 +53,7 @@ impl Default for Settings {
             range_m: 40.0,
             range_nodes: 65,
             angle_nodes: 96,
-            tolerance_m: 5e-4,
+            tolerance_m: 3e-4,
             most_sweeps: 2000,
             memory_limit_bytes: super::MEMORY_LIMIT_BYTES,
         }
@@ -426,7 +426,7 @@ impl<T: Real> Level<T> {
                     let full = self.values[at];
                     let (a, b) = (sheet.values[right], sheet.values[left]);
                     let both = a.larger(b);
-                    let explained = both <= full && full - both <= blur && (a - b).abs() <= near;
+                    let explained = (full - both).abs() <= blur && (a - b).abs() <= near;
                     if explained {
                         self.values[at] = both;
                     } else {
