@@ -367,13 +367,20 @@ impl<T: Real> Level<T> {
         ControlFlow::Continue(())
     }
 
-    /// W of the full game at any bearing, from its half turn; `j` is below
-    /// `angle_nodes`.
+    /// Writes W of the full game at any bearing, from its half turn, to `row`.
     #[inline(always)]
-    fn mirrored(&self, i: usize, k: usize, j: usize) -> T {
+    fn copy_row(&self, i: usize, k: usize, row: &mut [T]) {
         let n = self.angle_nodes;
-        let (k, j) = if k <= n / 2 { (k, j) } else { (n - k, (n - j) % n) };
-        self.values[self.at(i, k) + PAD + j]
+        if k <= n / 2 {
+            row.copy_from_slice(&self.values[self.at(i, k) + PAD..][..n]);
+        } else {
+            // Heading j of the mirror image is n − j: the row backwards, from its
+            // repeated first entry on.
+            let mirrored = &self.values[self.at(i, n - k) + PAD + 1..][..n];
+            for (to, from) in row.iter_mut().zip(mirrored.iter().rev()) {
+                *to = *from;
+            }
+        }
     }
 
     /// The game in which the evader turns right or goes straight until it is safe
@@ -384,9 +391,7 @@ impl<T: Real> Level<T> {
         for i in 0..ranges {
             for k in 0..n {
                 let at = sheet.at(i, k) + PAD;
-                for j in 0..n {
-                    sheet.values[at + j] = self.mirrored(i, k, j);
-                }
+                self.copy_row(i, k, &mut sheet.values[at..at + n]);
                 sheet.spread(i, k);
             }
         }
@@ -467,13 +472,19 @@ impl<T: Real> Kernel for Sweep<'_, T> {
         // What matters flows from small ranges outwards most of the time.
         let inwards = level.sweeps % 8 == 7;
         let backwards = level.sweeps % 2 == 1;
-        let mut buffer = vec![T::ZERO; level.angle_nodes];
+        let n = level.angle_nodes;
+        let mut scratch = vec![T::ZERO; 2 * n];
+        let (buffer, floor) = scratch.split_at_mut(n);
         for i in 1..ranges {
             let i = if inwards { ranges - i } else { i };
             for k in 0..bearings {
                 let k = if backwards { bearings - 1 - k } else { k };
                 let change =
-                    if level.is_active(i, k, rest) { level.update(i, k, &mut buffer, full) } else { T::ZERO };
+                    if level.is_active(i, k, rest) {
+                    level.update(i, k, full, [&mut *buffer, &mut *floor])
+                } else {
+                    T::ZERO
+                };
                 level.activity[i * bearings + k] = change;
             }
         }
@@ -496,7 +507,13 @@ impl<T: Real> Level<T> {
 
     /// Moves one row by its cells' own time steps; returns the largest change.
     #[inline(always)]
-    fn update(&mut self, i: usize, k: usize, buffer: &mut [T], full: Option<&Self>) -> T {
+    fn update(
+        &mut self,
+        i: usize,
+        k: usize,
+        full: Option<&Self>,
+        [buffer, floor]: [&mut [T]; 2],
+    ) -> T {
         let n = self.angle_nodes;
         let f = T::from_f64;
         let at = self.at(i, k);
@@ -524,7 +541,7 @@ impl<T: Real> Level<T> {
         let (right2, right1) = (row(at - 2 * across), row(at - across));
         let (left1, left2) = (row(at + across), row(at + 2 * across));
         let (sin, cos) = (&self.sin[..n], &self.cos[..n]);
-        let buffer = &mut buffer[..n];
+        let (buffer, floor) = (&mut buffer[..n], &mut floor[..n]);
         let mut largest = zero;
         let (mut most, mut totals) = ([zero; 16], [zero; 16]);
         for j in 0..n {
@@ -557,9 +574,9 @@ impl<T: Real> Level<T> {
         }
         if let Some(full) = full {
             let safe = f(-SAFE_M);
-            for (j, new) in buffer.iter_mut().enumerate() {
-                let floor = full.mirrored(i, k, j);
-                *new = if floor > safe { new.larger(floor) } else { *new };
+            full.copy_row(i, k, floor);
+            for (new, floor) in buffer.iter_mut().zip(floor.iter()) {
+                *new = if *floor > safe { new.larger(*floor) } else { *new };
             }
         }
         for lanes in own2.chunks(16).zip(buffer.chunks(16)) {

@@ -5,7 +5,7 @@ use super::polar::{self, RangeAxis};
 use super::pursuit::PursuitGame;
 use super::table::Table;
 use crate::invalid::Invalid;
-use crate::math::{TAU, atan2, hypot, sin_cos, wrap_positive};
+use crate::math::{PI, TAU, hypot, sin_cos, wrap_positive};
 use serde::{Deserialize, Serialize};
 
 /// The nodes of a sampled value function.
@@ -131,6 +131,7 @@ pub struct SampledValue {
     sheet: Option<Sheet>,
     /// For polar nodes, to find the cell of a range.
     finder: RangeFinder,
+    bearings: BearingFinder,
 }
 
 /// V = max(Q(α, ψ), Q(−α, −ψ)) near the surface where the evader may turn either way:
@@ -255,7 +256,8 @@ impl SampledValue {
             }
         };
         let finder = RangeFinder::new(&nodes);
-        Ok(Self { game, nodes, horizon_s, table, sheet, finder })
+        let bearings = BearingFinder::new();
+        Ok(Self { game, nodes, horizon_s, table, sheet, finder, bearings })
     }
 
     /// A function sampled on nodes.
@@ -387,7 +389,7 @@ impl SampledValue {
         let (index, share, inside, scale) = match self.nodes {
             Nodes::Polar { angle_nodes, .. } => {
                 let per_angle = angle_nodes as f64 / TAU;
-                let bearing = atan2(y.abs(), x);
+                let bearing = self.bearings.angle(x, y.abs());
                 let heading = wrap_positive(if y < 0.0 { -psi } else { psi });
                 let (i, t0, inside, s0) = self.finder.cell(range);
                 let (j, t1) = split(bearing * per_angle, angle_nodes / 2);
@@ -597,3 +599,70 @@ impl RangeFinder {
     }
 }
 
+
+/// Angles of the upper half plane without an arc tangent.
+#[derive(Clone, Debug, PartialEq)]
+struct BearingFinder {
+    /// (cos, sin, angle) of rays half a turn round.
+    rays: Vec<[f64; 3]>,
+    /// By y/(|x| + y), which grows with the angle in each quadrant: the nearest ray in the
+    /// first quadrant.
+    nearest: Vec<u16>,
+}
+
+impl BearingFinder {
+    const RAYS: usize = 256;
+    const ENTRIES: usize = 512;
+
+    fn new() -> Self {
+        let ray = |i: usize| {
+            let angle = PI * i as f64 / Self::RAYS as f64;
+            let (sin, cos) = sin_cos(angle);
+            [cos, sin, angle]
+        };
+        let nearest = |i: usize| {
+            let share = (i as f64 + 0.5) / Self::ENTRIES as f64;
+            let angle = crate::math::atan2(share, 1.0 - share);
+            (angle * Self::RAYS as f64 / PI).round() as u16
+        };
+        Self {
+            rays: (0..=Self::RAYS).map(ray).collect(),
+            nearest: (0..=Self::ENTRIES).map(|i| nearest(i.min(Self::ENTRIES - 1))).collect(),
+        }
+    }
+
+    /// atan2(y, x) for y ≥ 0, in [0, π], to 10⁻¹¹; 0 at the origin.
+    #[inline]
+    fn angle(&self, x: f64, y: f64) -> f64 {
+        let sum = x.abs() + y;
+        if sum == 0.0 {
+            return 0.0;
+        }
+        let nearest = self.nearest[(y / sum * Self::ENTRIES as f64) as usize] as usize;
+        let [cos, sin, angle] = self.rays[if x < 0.0 { Self::RAYS - nearest } else { nearest }];
+        // Turned onto the ray, what is left is small.
+        let t = (y * cos - x * sin) / (x * cos + y * sin);
+        let t2 = t * t;
+        (angle + t * (1.0 - t2 * (1.0 / 3.0 - 0.2 * t2))).clamp(0.0, PI)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::{SeededRng, atan2};
+
+    #[test]
+    fn angles_are_those_of_the_arc_tangent() {
+        let finder = BearingFinder::new();
+        let mut rng = SeededRng::new(9);
+        let mut worst = 0.0_f64;
+        for _ in 0..100_000 {
+            let (x, y) = (rng.uniform(-1.0, 1.0), rng.unit());
+            worst = worst.max((finder.angle(x, y) - atan2(y, x)).abs());
+        }
+        assert!(worst < 1e-11, "{worst:e}");
+        assert_eq!(finder.angle(0.0, 0.0), 0.0);
+        assert_eq!(finder.angle(-1.0, 0.0), PI);
+    }
+}
