@@ -529,6 +529,18 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Marcher<'_, T, D, G, S> {
         fill_ghosts(destination, layout, 0, self.problem.grid.axes[0].boundary);
     }
 
+    /// Brings the limits that move to `time`.
+    fn move_limits(&self, limits: &mut Limits<T>, time: f64) {
+        for (limit, region) in [
+            (&mut limits.ceiling, Some(&self.problem.target)),
+            (&mut limits.floor, self.problem.obstacle.as_ref()),
+        ] {
+            if let (Some(limit), Some(region)) = (limit, region.filter(|region| region.moves())) {
+                self.sample(region, time, limit);
+            }
+        }
+    }
+
     /// Writes `region` at `time` to every interior node.
     fn sample(&self, region: &Region<'_, D>, time: f64, destination: &mut [T]) {
         let (layout, grid) = (&self.layout, &self.problem.grid);
@@ -635,14 +647,7 @@ fn march<T: Real, const D: usize, G: Game<D>, S: Stencil>(
     while (steps as f64) < planned {
         steps += 1;
         let time = steps as f64 * time_step;
-        for (limit, region) in [
-            (&mut limits.ceiling, Some(&problem.target)),
-            (&mut limits.floor, problem.obstacle.as_ref()),
-        ] {
-            if let (Some(limit), Some(region)) = (limit, region.filter(|region| region.moves())) {
-                marcher.sample(region, time, limit);
-            }
-        }
+        marcher.move_limits(&mut limits, time);
         marcher.stage(time_step, &value, Base::Nothing, &limits, &mut first);
         let last = steps as f64 >= planned;
         let check = tolerance.is_some() && steps % RESIDUAL_EVERY == 0;
@@ -654,7 +659,10 @@ fn march<T: Real, const D: usize, G: Game<D>, S: Stencil>(
             2 => marcher.stage(time_step, &first, Base::Own(half), &limits, &mut value),
             _ => {
                 let base = Base::Other(quarters, &value[..]);
+                // This stage stands for the middle of the step.
+                marcher.move_limits(&mut limits, time - 0.5 * time_step);
                 marcher.stage(time_step, &first, base, &limits, &mut second);
+                marcher.move_limits(&mut limits, time);
                 marcher.stage(time_step, &second, Base::Own(third), &limits, &mut value);
             }
         }
