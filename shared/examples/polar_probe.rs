@@ -22,6 +22,6 @@ fn main() {
     }}}
     errs.sort_by(f64::total_cmp); far.sort_by(f64::total_cmp);
     let q = |v: &Vec<f64>, p: f64| v[((v.len()-1) as f64 * p) as usize];
-    println!("{dt:.3} s sweeps {} change {:.1e}; n {} median {:.4} p90 {:.4} p99 {:.4} max {:.4}; far p99 {:.4} max {:.3}", s.sweeps, s.change_m, errs.len(), q(&errs,0.5), q(&errs,0.9), q(&errs,0.99), q(&errs,1.0), q(&far,0.99), q(&far,1.0));
+    println!("{dt:.3} s sweeps {} drift {:.1e}; n {} median {:.4} p90 {:.4} p99 {:.4} max {:.4}; far p99 {:.4} max {:.3}", s.sweeps, s.drift_m, errs.len(), q(&errs,0.5), q(&errs,0.9), q(&errs,0.99), q(&errs,1.0), q(&far,0.99), q(&far,1.0));
     }
 }

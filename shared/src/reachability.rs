@@ -10,8 +10,13 @@ mod scheme;
 pub mod cartesian;
 pub mod polar;
 mod games;
+mod table;
+mod sampled;
 mod level_set;
+mod contour;
+mod transport;
 mod value_function;
+mod solve;
 
 pub use exact::{ExactState, ExactValue};
 pub use game::{Game, TERMS};
@@ -21,8 +26,11 @@ pub use level_set::{CurveSettings, radial_level_curve};
 pub use parallel::default_threads;
 pub use pursuit::{Player, PursuitGame};
 pub use real::Real;
+pub use sampled::{Nodes, SampledState, SampledValue};
 pub use scheme::Scheme;
-pub use value_function::{ValueFunction, hex};
+pub use solve::{Accuracy, CartesianGrid, Method, Options, Precision, Solved, solve};
+pub use transport::QUANTUM_M;
+pub use value_function::{ValueFunction, ValueState, hex};
 
 use crate::invalid::Invalid;
 

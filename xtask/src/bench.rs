@@ -1,5 +1,7 @@
 //! `cargo xtask bench`: benchmarks, each against its baseline in the same run.
 
+mod peers;
+
 use std::process::ExitCode;
 
 use anyhow::Result;
@@ -11,27 +13,49 @@ use crate::workspace::{Workspace, answer_of};
 pub(crate) struct Options {
     /// Only those whose name contains this.
     name: Option<String>,
+    /// Sooner done, but less exact or less complete.
+    #[arg(long)]
+    quick: bool,
 }
 
-/// One `[[bench]]` target of a package.
+/// One benchmark.
 #[derive(Debug, PartialEq)]
-#[allow(dead_code, reason = "the table below is still empty")]
 struct Bench {
-    /// The target's name, and the name to call it by.
+    /// The name to call it by.
     name: &'static str,
-    /// The package that has it.
-    package: &'static str,
     /// What is compared with what.
     what: &'static str,
+    /// What runs it.
+    runner: Runner,
+}
+
+/// What runs a benchmark.
+#[derive(Debug, PartialEq)]
+enum Runner {
+    /// The `[[bench]]` target of that name in this package.
+    Target(&'static str),
+    /// [`peers`].
+    Peers,
 }
 
 /// Every benchmark: one line each.
-const BENCHES: &[Bench] = &[];
+const BENCHES: &[Bench] = &[
+    Bench {
+        name: "reachability",
+        what: "batch against one state at a time, two threads against one",
+        runner: Runner::Target("sidestep"),
+    },
+    Bench {
+        name: "peers",
+        what: "our solver against hj_reachability (Python, installed on first use)",
+        runner: Runner::Peers,
+    },
+];
 
 /// Runs the chosen benchmarks one after the other; stops at the first that fails.
 ///
 /// # Errors
-/// When cargo cannot be started.
+/// When cargo cannot be started, or figures of our own cannot be had.
 pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> {
     let chosen = choose(BENCHES, options.name.as_deref());
     if chosen.is_empty() {
@@ -40,14 +64,28 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> 
     }
     for bench in chosen {
         eprintln!("==> {}: {}", bench.name, bench.what);
-        let mut cargo = workspace.cargo(["bench", "--locked"]);
-        cargo.args(["--package", bench.package, "--bench", bench.name]);
-        let code = answer_of(&mut cargo)?;
+        let code = match bench.runner {
+            Runner::Target(package) => {
+                answer_of(&mut workspace.cargo(target_arguments(package, bench, options.quick)))?
+            }
+            Runner::Peers => peers::run(workspace, options.quick)?,
+        };
         if code != ExitCode::SUCCESS {
             return Ok(code);
         }
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// What cargo is called with for a `[[bench]]` target.
+fn target_arguments(package: &'static str, bench: &Bench, quick: bool) -> Vec<&'static str> {
+    let mut arguments = vec!["bench", "--locked", "--package", package, "--bench", bench.name];
+    // Criterion's switches. What an earlier run took says little: baselines are in each run.
+    arguments.extend(["--", "--discard-baseline"]);
+    if quick {
+        arguments.push("--quick");
+    }
+    arguments
 }
 
 /// The benchmarks whose name contains `name`; all without one.
@@ -59,11 +97,6 @@ fn choose<'a>(benches: &'a [Bench], name: Option<&str>) -> Vec<&'a Bench> {
 
 /// Says why no benchmark runs, and which there are.
 fn nothing_to_run(benches: &[Bench], name: Option<&str>) -> String {
-    if benches.is_empty() {
-        return "there are no benchmarks yet: a new one is one line of BENCHES in \
-                xtask/src/bench.rs"
-            .into();
-    }
     let mut message = format!(
         "expected the name of a benchmark, found \"{}\"; there are:",
         name.unwrap_or_default()
@@ -79,8 +112,12 @@ mod tests {
     use super::*;
 
     const TABLE: &[Bench] = &[
-        Bench { name: "solve", package: "sidestep", what: "parallel against one thread" },
-        Bench { name: "reach", package: "sidestep", what: "fast against plain" },
+        Bench {
+            name: "solve",
+            what: "parallel against one thread",
+            runner: Runner::Target("sidestep"),
+        },
+        Bench { name: "reach", what: "fast against plain", runner: Runner::Peers },
     ];
 
     #[test]
@@ -95,6 +132,24 @@ mod tests {
         let message = nothing_to_run(TABLE, Some("walk"));
         assert!(message.contains("found \"walk\""), "{message}");
         assert!(message.contains("solve"), "{message}");
-        assert!(nothing_to_run(&[], None).contains("no benchmarks yet"));
+    }
+
+    #[test]
+    fn a_target_is_called_by_its_name_in_its_package() {
+        let call = target_arguments("sidestep", &TABLE[0], false).join(" ");
+        assert_eq!(call, "bench --locked --package sidestep --bench solve -- --discard-baseline");
+        let quick = target_arguments("sidestep", &TABLE[0], true).join(" ");
+        assert!(quick.ends_with(" --quick"), "{quick}");
+    }
+
+    #[test]
+    fn every_target_of_the_table_has_its_source() {
+        for bench in BENCHES {
+            let Runner::Target(package) = bench.runner else { continue };
+            let folder = if package == "sidestep" { "shared" } else { package };
+            let source = format!("{}/../{folder}/benches", env!("CARGO_MANIFEST_DIR"));
+            let source = std::path::Path::new(&source).join(bench.name).with_extension("rs");
+            assert!(source.is_file(), "{}", source.display());
+        }
     }
 }

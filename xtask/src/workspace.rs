@@ -71,6 +71,17 @@ impl Workspace {
         self.target.join("release").join(format!("sidestep{}", env::consts::EXE_SUFFIX))
     }
 
+    /// An example's executable.
+    pub(crate) fn example(&self, name: &str) -> PathBuf {
+        let file = format!("{name}{}", env::consts::EXE_SUFFIX);
+        self.target.join("release").join("examples").join(file)
+    }
+
+    /// What comparisons with other programs need and leave behind.
+    pub(crate) fn peers(&self) -> PathBuf {
+        self.target.join("peers")
+    }
+
     /// A cargo call with `arguments`, in the root of the workspace.
     pub(crate) fn cargo<'a>(&self, arguments: impl IntoIterator<Item = &'a str>) -> Command {
         let mut command = cargo_in(&self.root);
@@ -138,6 +149,19 @@ pub(crate) fn answer_of(command: &mut Command) -> Result<ExitCode> {
     Ok(code.map_or(ExitCode::FAILURE, ExitCode::from))
 }
 
+/// Runs a command for what it prints; its messages go where ours do.
+///
+/// # Errors
+/// When it cannot be started or fails, or prints what is not text; the message names `what`.
+pub(crate) fn output_of(what: &str, command: &mut Command) -> Result<String> {
+    command.stdin(Stdio::null()).stderr(Stdio::inherit());
+    let output = command.output().with_context(|| cannot_start(command))?;
+    if !output.status.success() {
+        bail!("{what} failed ({}): {}", output.status, shown(command));
+    }
+    String::from_utf8(output.stdout).with_context(|| format!("{what} printed no UTF-8"))
+}
+
 /// Runs a command to its end; it reads nothing from the terminal.
 fn status(command: &mut Command) -> Result<ExitStatus> {
     command.stdin(Stdio::null()).status().with_context(|| cannot_start(command))
@@ -172,6 +196,15 @@ mod tests {
         let message = error.to_string();
         assert!(message.contains("\"no such thing\""), "{message}");
         assert!(message.contains("rustc --no-such-flag"), "{message}");
+    }
+
+    #[test]
+    fn what_a_command_prints_is_its_output_unless_it_fails() {
+        let output = output_of("the compiler", Command::new("rustc").arg("--version"));
+        assert!(output.expect("rustc is here").starts_with("rustc "));
+        let error = output_of("the compiler", Command::new("rustc").arg("--no-such-flag"))
+            .expect_err("rustc must refuse this");
+        assert!(error.to_string().starts_with("the compiler failed"), "{error}");
     }
 
     #[test]

@@ -13,11 +13,13 @@ pub struct CurveSettings {
     pub max_depth: u32,
     /// Accuracy of each point along its ray, m.
     pub accuracy_m: f64,
+    /// Of curves through a grid: largest distance of neighbouring points, m.
+    pub spacing_m: f64,
 }
 
 impl Default for CurveSettings {
     fn default() -> Self {
-        Self { rays: 48, flatness_m: 0.01, max_depth: 9, accuracy_m: 1e-4 }
+        Self { rays: 48, flatness_m: 0.01, max_depth: 9, accuracy_m: 1e-4, spacing_m: 0.15 }
     }
 }
 

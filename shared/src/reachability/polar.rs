@@ -1,15 +1,21 @@
 //! Converged value of a pursuit game in polar relative coordinates.
 //!
-//! State: range r, bearing α of the pursuer from the evader's heading, aspect
-//! δ = ψ − α, the pursuer's heading against the line of sight. Then
+//! State: range r, bearing α of the pursuer from the evader's heading, relative
+//! heading ψ. With β = ψ − α, the pursuer's heading against the line of sight,
 //!
-//! ṙ = v_p cos δ − v_e cos α, α̇ = q/r − a, δ̇ = b − q/r with q = v_e sin α + v_p sin δ:
+//! ṙ = v_p cos β − v_e cos α, α̇ = q/r − a, ψ̇ = b − a, q = v_e sin α + v_p sin β:
 //!
-//! each control enters one coordinate only, and each axis can be upwinded exactly,
-//! without Lax–Friedrichs dissipation. The unknown is the deficit W = V − (r − R) ≤ 0,
-//! which is 0 at r = 0 and wherever the range only opens. The range axis is
-//! r = c (eˢ − 1) with s uniform: linear near the danger zone, logarithmic far out.
-//! Mirror symmetry (α, δ) → (−α, −δ) leaves α in [0, π] to be solved.
+//! range is a plain advection and the turn rates only shift the two angles, so each
+//! axis is upwinded exactly, without Lax–Friedrichs dissipation. The unknown is the
+//! deficit W = V − (r − R) ≤ 0, which is 0 at r = 0 and wherever the range only
+//! opens. The range axis is r = c (eˢ − 1) with s uniform: linear near the danger
+//! zone, logarithmic far out, so a long range costs little. Mirror symmetry
+//! (α, ψ) → (−α, −ψ) leaves α in [0, π] to be solved.
+//!
+//! The evader's turn enters both angles. At equal headings V has a ridge along ψ = 0
+//! that the evader keeps by copying the pursuer's turn, so the discrete Hamiltonian is
+//! min over b of max over a: the evader answers. Any other order, or the aspect β in
+//! place of ψ, wears the ridge away by some tenths of a metre.
 //!
 //! Only the converged value is wanted, so every cell takes its own largest stable
 //! time step, new values are used at once (Gauss–Seidel), the sweeps change
@@ -31,11 +37,11 @@ pub struct Settings {
     pub range_m: f64,
     /// Nodes of the range axis, the one at 0 included.
     pub range_nodes: usize,
-    /// Nodes of a full turn of bearing and of aspect: a multiple of 4.
+    /// Nodes of a full turn of bearing and of heading: a multiple of 4.
     pub angle_nodes: usize,
-    /// Converged when no value changes by more than this in a sweep, m.
+    /// Converged when the mean drift of a row in [`WINDOW`] sweeps is below this, m.
     pub tolerance_m: f64,
-    /// At most this many sweeps over the finest grid.
+    /// At most this many sweeps over any grid.
     pub most_sweeps: usize,
     /// Refuse anything that would take more memory.
     pub memory_limit_bytes: u64,
@@ -47,7 +53,7 @@ impl Default for Settings {
             range_m: 40.0,
             range_nodes: 65,
             angle_nodes: 96,
-            tolerance_m: 1e-4,
+            tolerance_m: 5e-4,
             most_sweeps: 2000,
             memory_limit_bytes: super::MEMORY_LIMIT_BYTES,
         }
@@ -90,15 +96,24 @@ impl RangeAxis {
 pub struct Solution<T> {
     /// Range axis.
     pub range: RangeAxis,
+    /// Last range, m.
+    pub range_m: f64,
     /// Nodes of a full turn.
     pub angle_nodes: usize,
-    /// W(range, bearing in [0, π], aspect in [0, 2π)), row-major, m: bearing has
-    /// `angle_nodes / 2 + 1` nodes, aspect `angle_nodes`.
+    /// W(range, bearing in [0, π], heading in [0, 2π)), row-major, m: bearing has
+    /// `angle_nodes / 2 + 1` nodes, heading `angle_nodes`.
     pub deficit: Vec<T>,
+    /// Q(range, bearing in [0, 2π), heading in [0, 2π)): W(α, ψ) is the larger of
+    /// Q(α, ψ) and Q(−α, −ψ). Near the surface where the evader is free to turn
+    /// either way, Q is the smooth continuation of the side where it turns right;
+    /// elsewhere Q = W.
+    pub sheet: Vec<T>,
     /// Sweeps over the finest grid.
     pub sweeps: usize,
-    /// Largest change of the last sweep, m.
-    pub change_m: f64,
+    /// How much a row still drifts in [`WINDOW`] sweeps, its signed changes summed
+    /// and averaged, and that averaged over the rows, m. Cells on a kink that
+    /// flicker between both sides cancel out.
+    pub drift_m: f64,
 }
 
 /// Solves for the converged value.
@@ -126,32 +141,42 @@ pub fn solve<T: Real>(
     }
     let half = settings.angle_nodes / 2 + 1;
     let nodes = settings.range_nodes.saturating_mul(half).saturating_mul(settings.angle_nodes);
-    check_memory(nodes, 2, size_of::<T>(), settings.memory_limit_bytes)?;
+    // The half turn and its copy, the full turn of the sheet and its copy.
+    check_memory(nodes, 6, size_of::<T>(), settings.memory_limit_bytes)?;
 
-    let mut coarser: Option<Level<T>> = None;
     let levels = levels(settings);
     let count = levels.len();
+    let mut solved: Option<Level<T>> = None;
     for (i, (range_nodes, angle_nodes)) in levels.into_iter().enumerate() {
-        let mut level = Level::new(game, settings.range_m, range_nodes, angle_nodes, SHEET);
-        if let Some(coarser) = &coarser {
+        let mut level =
+            Level::new(game, settings.range_m, range_nodes, angle_nodes, Evader::Free);
+        if let Some(coarser) = &solved {
             level.start_from(coarser);
         }
-        drop(coarser.take());
-        let tolerance = settings.tolerance_m;
-        let mut report = |change: f64, sweep: usize| {
-            let done = (i as f64 + 1.0 - 1.0 / (1.0 + 0.05 * sweep as f64)) / count as f64;
-            progress(Progress { done, residual: change })
+        // Errors of the grid fall with the square of the spacing, and the first
+        // guess need not be better than that.
+        let finer = (settings.angle_nodes / angle_nodes) as f64;
+        let tolerance = settings.tolerance_m * finer * finer;
+        let mut report = |drift: f64, sweep: usize| {
+            let within = 1.0 - 1.0 / (1.0 + sweep as f64 / 50.0);
+            progress(Progress { done: (i as f64 + within) / count as f64, residual: drift })
         };
         if level.converge(tolerance, settings.most_sweeps, &mut report).is_break() {
             return Err(SolveError::Cancelled);
         }
-        coarser = Some(level);
+        solved = Some(level);
     }
-    let Some(full) = coarser else {
-        return Err(Invalid::new("range_nodes", "at least 9", settings.range_nodes).into());
-    };
-    Ok(full.finish())
+    match solved {
+        Some(full) => {
+            let sheet = full.right_sheet();
+            Ok(full.finish(sheet))
+        }
+        None => unreachable!("there is always the grid asked for"),
+    }
 }
+
+/// Sweeps between two looks at the drift.
+pub const WINDOW: usize = 16;
 
 /// Coarse to fine.
 fn levels(settings: &Settings) -> Vec<(usize, usize)> {
@@ -168,39 +193,67 @@ fn levels(settings: &Settings) -> Vec<(usize, usize)> {
 /// Ghost entries at each end of a row, so that shifted reads stay inside.
 const PAD: usize = 2;
 
+/// Which turns the evader may choose from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Evader {
+    /// All; the value is symmetric and half a turn of bearings is solved.
+    Free,
+    /// Right or straight until the range need not close any more; there is no
+    /// symmetry, and the bearings are a full turn.
+    Right,
+}
+
 /// One grid being solved.
 struct Level<T> {
     game: PursuitGame,
+    evader: Evader,
     range: RangeAxis,
+    range_m: f64,
     angle_nodes: usize,
-    /// Bearing rows per range: [0, π] and `PAD` mirrored ones at each end.
+    /// Bearing rows per range, with `PAD` mirrored or repeated ones at each end.
     rows: usize,
     /// Entries of a row: one turn and `PAD` repeated ones at each end.
     row: usize,
     values: Vec<T>,
     /// Largest change of each row when it was last updated.
     activity: Vec<T>,
+    /// Signed change of each row since the last look, summed over its cells.
+    drift: Vec<T>,
+    /// Of the angles j·2π/`angle_nodes`.
     sin: Vec<T>,
     cos: Vec<T>,
+    /// Of the nodes, m.
+    ranges: Vec<f64>,
     sweeps: usize,
-    change: f64,
-    sheet: bool,
-    changes: Vec<T>,
-    floor: Vec<T>,
+    drift_m: f64,
 }
 
 impl<T: Real> Level<T> {
-    fn new(game: &PursuitGame, range_m: f64, range_nodes: usize, angle_nodes: usize, sheet: bool) -> Self {
-        let bearings = if sheet { angle_nodes } else { angle_nodes / 2 + 1 };
+    fn new(
+        game: &PursuitGame,
+        range_m: f64,
+        range_nodes: usize,
+        angle_nodes: usize,
+        evader: Evader,
+    ) -> Self {
+        let bearings = match evader {
+            Evader::Free => angle_nodes / 2 + 1,
+            Evader::Right => angle_nodes,
+        };
         let rows = bearings + 2 * PAD;
         let row = angle_nodes + 2 * PAD;
         let trig = |f: fn((f64, f64)) -> f64| -> Vec<T> {
             let angle = |j: usize| TAU * j as f64 / angle_nodes as f64;
             (0..angle_nodes).map(|j| T::from_f64(f(sin_cos(angle(j))))).collect()
         };
+        let range = RangeAxis::new(game.radius_m, range_m, range_nodes);
         Self {
             game: *game,
-            range: RangeAxis::new(game.radius_m, range_m, range_nodes),
+            evader,
+            range,
+            range_m,
+            ranges: (0..range_nodes).map(|i| range.node(i)).collect(),
+            drift: vec![T::ZERO; range_nodes * bearings],
             angle_nodes,
             rows,
             row,
@@ -210,10 +263,7 @@ impl<T: Real> Level<T> {
             sin: trig(|(sin, _)| sin),
             cos: trig(|(_, cos)| cos),
             sweeps: 0,
-            change: f64::INFINITY,
-            sheet,
-            changes: vec![T::ZERO; angle_nodes],
-            floor: vec![],
+            drift_m: f64::INFINITY,
         }
     }
 
@@ -223,14 +273,14 @@ impl<T: Real> Level<T> {
     }
 
     fn bearings(&self) -> usize {
-        if self.sheet { self.angle_nodes } else { self.angle_nodes / 2 + 1 }
+        self.rows - 2 * PAD
     }
 
     /// Linear interpolation of a grid with (about) half as many nodes an axis.
     fn start_from(&mut self, coarse: &Self) {
         let angles = self.angle_nodes;
         for i in 1..self.range.nodes {
-            let position = coarse.range.position(self.range.node(i));
+            let position = coarse.range.position(self.ranges[i]);
             let low = (position as usize).min(coarse.range.nodes - 2);
             let share = T::from_f64((position - low as f64).clamp(0.0, 1.0));
             for k in 0..self.bearings() {
@@ -240,9 +290,9 @@ impl<T: Real> Level<T> {
                     for (range, weight) in
                         [(low, T::from_f64(1.0) - share), (low + 1, share)]
                     {
-                        for bearing in [k / 2, k.div_ceil(2) % coarse.bearings()] {
-                            for aspect in [j / 2, j.div_ceil(2) % coarse.angle_nodes] {
-                                let from = coarse.at(range, bearing) + PAD + aspect;
+                        for bearing in [k / 2, k.div_ceil(2)] {
+                            for heading in [j / 2, j.div_ceil(2) % coarse.angle_nodes] {
+                                let from = coarse.at(range, bearing) + PAD + heading;
                                 sum += weight * coarse.values[from];
                             }
                         }
@@ -266,12 +316,17 @@ impl<T: Real> Level<T> {
         let row = &mut self.values[at..at + self.row];
         row.copy_within(n..n + PAD, 0);
         row.copy_within(PAD..2 * PAD, n + PAD);
-        if self.sheet {
-            let all = self.bearings() * self.row;
-            if k < PAD { self.values.copy_within(at..at + self.row, at + all); }
-            if k > last - PAD { self.values.copy_within(at..at + self.row, at - all); }
-        } else {
-        let mirrored = if (1..=PAD).contains(&k) {
+        if self.evader == Evader::Right {
+            let turn = self.bearings() * self.row;
+            if k < PAD {
+                self.values.copy_within(at..at + self.row, at + turn);
+            } else if k > last - PAD {
+                self.values.copy_within(at..at + self.row, at - turn);
+            }
+        }
+        let mirrored = if self.evader == Evader::Right {
+            None
+        } else if (1..=PAD).contains(&k) {
             Some(at - 2 * k * self.row)
         } else if k < last && last - k <= PAD {
             Some(at + 2 * (last - k) * self.row)
@@ -280,11 +335,10 @@ impl<T: Real> Level<T> {
         };
         if let Some(ghost) = mirrored {
             for j in 0..self.row {
-                // Aspect j − PAD becomes its negative.
+                // Heading j − PAD becomes its negative.
                 let source = at + PAD + (n + PAD - j) % n;
                 self.values[ghost + j] = self.values[source];
             }
-        }
         }
         if i == self.range.nodes - 1 {
             // Beyond the last range the deficit stays what it is there.
@@ -301,30 +355,97 @@ impl<T: Real> Level<T> {
         most_sweeps: usize,
         report: &mut dyn FnMut(f64, usize) -> ControlFlow<()>,
     ) -> ControlFlow<()> {
-        while self.sweeps < most_sweeps {
-            in_widest_lanes(Sweep { level: self, tolerance: T::from_f64(tolerance) });
-            report(self.change, self.sweeps)?;
-            if self.change <= tolerance {
-                break;
+        while self.sweeps < most_sweeps && self.drift_m > tolerance {
+            in_widest_lanes(Sweep { level: self, rest: T::from_f64(tolerance), full: None });
+            if self.sweeps.is_multiple_of(WINDOW) {
+                let sum: f64 = self.drift.iter().map(|drift| drift.abs().to_f64()).sum();
+                self.drift_m = sum / (self.drift.len() * self.angle_nodes) as f64;
+                self.drift.fill(T::ZERO);
             }
+            report(self.drift_m, self.sweeps)?;
         }
         ControlFlow::Continue(())
     }
 
-    fn finish(self) -> Solution<T> {
-        let mut deficit = Vec::with_capacity(self.range.nodes * self.bearings() * self.angle_nodes);
+    /// W of the full game at any bearing, from its half turn; `j` is below
+    /// `angle_nodes`.
+    #[inline(always)]
+    fn mirrored(&self, i: usize, k: usize, j: usize) -> T {
+        let n = self.angle_nodes;
+        let (k, j) = if k <= n / 2 { (k, j) } else { (n - k, (n - j) % n) };
+        self.values[self.at(i, k) + PAD + j]
+    }
+
+    /// The game in which the evader turns right or goes straight until it is safe
+    /// in the full game, that is `self`.
+    fn right_sheet(&self) -> Self {
+        let (n, ranges) = (self.angle_nodes, self.range.nodes);
+        let mut sheet = Self::new(&self.game, self.range_m, ranges, n, Evader::Right);
+        for i in 0..ranges {
+            for k in 0..n {
+                let at = sheet.at(i, k) + PAD;
+                for j in 0..n {
+                    sheet.values[at + j] = self.mirrored(i, k, j);
+                }
+                sheet.spread(i, k);
+            }
+        }
+        // The full game is right wherever the evader turns right anyway, so only a
+        // few cells beyond the kink have to find their values.
+        let rest = T::from_f64(1e-3);
+        for _ in 0..SHEET_SWEEPS {
+            in_widest_lanes(Sweep { level: &mut sheet, rest, full: Some(self) });
+        }
+        sheet
+    }
+
+    /// Copies what is inside the ghosts.
+    fn inside(&self) -> Vec<T> {
+        let mut values = Vec::with_capacity(self.range.nodes * self.bearings() * self.angle_nodes);
         for i in 0..self.range.nodes {
             for k in 0..self.bearings() {
                 let at = self.at(i, k) + PAD;
-                deficit.extend_from_slice(&self.values[at..at + self.angle_nodes]);
+                values.extend_from_slice(&self.values[at..at + self.angle_nodes]);
             }
         }
+        values
+    }
+
+    /// Puts the sheet in where it explains the full game, near the kink.
+    fn finish(mut self, mut sheet: Self) -> Solution<T> {
+        let (n, ranges) = (self.angle_nodes, self.range.nodes);
+        for i in 0..ranges {
+            let next = self.ranges[(i + 1).min(ranges - 1)] - self.ranges[i];
+            let cell = next.max(self.ranges[i] * TAU / n as f64);
+            let (near, blur) = (T::from_f64(KINK_NEAR * cell), T::from_f64(KINK_BLUR * cell));
+            for k in 0..=n / 2 {
+                for j in 0..n {
+                    let at = self.at(i, k) + PAD + j;
+                    let right = sheet.at(i, k) + PAD + j;
+                    let left = sheet.at(i, (n - k) % n) + PAD + (n - j) % n;
+                    let full = self.values[at];
+                    let (a, b) = (sheet.values[right], sheet.values[left]);
+                    let both = a.larger(b);
+                    let explained = both <= full && full - both <= blur && (a - b).abs() <= near;
+                    if explained {
+                        self.values[at] = both;
+                    } else {
+                        sheet.values[right] = full;
+                        sheet.values[left] = full;
+                    }
+                }
+            }
+        }
+        let deficit = self.inside();
+        let sheet = sheet.inside();
         Solution {
             range: self.range,
+            range_m: self.range_m,
             angle_nodes: self.angle_nodes,
             deficit,
+            sheet,
             sweeps: self.sweeps,
-            change_m: self.change,
+            drift_m: self.drift_m,
         }
     }
 }
@@ -332,69 +453,66 @@ impl<T: Real> Level<T> {
 /// One pass over all rows.
 struct Sweep<'a, T> {
     level: &'a mut Level<T>,
-    tolerance: T,
+    /// A row rests while nothing in its stencil moves by more than this.
+    rest: T,
+    /// For a sheet: the full game, which it follows wherever that is safe.
+    full: Option<&'a Level<T>>,
 }
 
 impl<T: Real> Kernel for Sweep<'_, T> {
     #[inline(always)]
     fn run(self) {
-        let Self { level, tolerance } = self;
+        let Self { level, rest, full } = self;
         let (ranges, bearings) = (level.range.nodes, level.bearings());
         // What matters flows from small ranges outwards most of the time.
-        let inwards = level.sweeps % 4 == 3;
+        let inwards = level.sweeps % 8 == 7;
         let backwards = level.sweeps % 2 == 1;
         let mut buffer = vec![T::ZERO; level.angle_nodes];
-        let mut largest = T::ZERO;
         for i in 1..ranges {
             let i = if inwards { ranges - i } else { i };
             for k in 0..bearings {
                 let k = if backwards { bearings - 1 - k } else { k };
-                if !level.is_active(i, k, tolerance) {
-                    level.activity[i * bearings + k] = T::ZERO;
-                    continue;
-                }
-                let change = level.update(i, k, &mut buffer);
+                let change =
+                    if level.is_active(i, k, rest) { level.update(i, k, &mut buffer, full) } else { T::ZERO };
                 level.activity[i * bearings + k] = change;
-                largest = largest.larger(change);
             }
         }
         level.sweeps += 1;
-        level.change = largest.to_f64();
     }
 }
 
 impl<T: Real> Level<T> {
     /// Whether anything in the stencil of a row has moved since.
-    fn is_active(&self, i: usize, k: usize, tolerance: T) -> bool {
+    fn is_active(&self, i: usize, k: usize, rest: T) -> bool {
         let bearings = self.bearings();
-        let threshold = tolerance * T::from_f64(0.5);
-        let moved = |i: usize, k: usize| self.activity[i * bearings + k] > threshold;
+        let moved = |i: usize, k: usize| self.activity[i * bearings + k] > rest;
         let near = |at: usize, end: usize| at.saturating_sub(PAD)..(at + PAD + 1).min(end);
+        let wraps = self.evader == Evader::Right;
         near(i, self.range.nodes).any(|i| moved(i, k))
             || near(k, bearings).any(|k| moved(i, k))
-            || self.sheet && (0..PAD).any(|g| k <= g && moved(i, bearings - 1 - (g - k)) || k + g >= bearings - 1 && moved(i, k + g + 1 - bearings))
+            || wraps && k < PAD && (bearings + k - PAD..bearings).any(|k| moved(i, k))
+            || wraps && k + PAD >= bearings && (0..=k + PAD - bearings).any(|k| moved(i, k))
     }
 
     /// Moves one row by its cells' own time steps; returns the largest change.
     #[inline(always)]
-    fn update(&mut self, i: usize, k: usize, buffer: &mut [T]) -> T {
+    fn update(&mut self, i: usize, k: usize, buffer: &mut [T], full: Option<&Self>) -> T {
         let n = self.angle_nodes;
         let f = T::from_f64;
         let at = self.at(i, k);
         let (along, across) = (self.rows * self.row, self.row);
-        let angle_step = TAU / n as f64;
-        let range_m = self.range.node(i);
-        let (sin_a, cos_a) = sin_cos(k as f64 * angle_step);
+        let range_m = self.ranges[i];
+        // Bearings and headings have the same nodes.
+        let (sin_a, cos_a) = (self.sin[k], self.cos[k]);
         let (evader, pursuer) = (self.game.evader, self.game.pursuer);
-        let evader_ahead = f(evader.speed_mps * cos_a);
-        let evader_aside = f(evader.speed_mps * sin_a);
-        let evader_left = if self.sheet { T::ZERO } else { f(evader.turn_rate_radps) };
+        let (evader_speed, pursuer_speed) = (f(evader.speed_mps), f(pursuer.speed_mps));
+        let (evader_ahead, evader_aside) = (evader_speed * cos_a, evader_speed * sin_a);
+        let (ahead_cos, ahead_sin) = (pursuer_speed * cos_a, pursuer_speed * sin_a);
         let (evader_turn, pursuer_turn) = (f(evader.turn_rate_radps), f(pursuer.turn_rate_radps));
-        let ahead_cos = f(pursuer.speed_mps * cos_a);
-        let ahead_sin = f(pursuer.speed_mps * sin_a);
+        let evader_left = if self.evader == Evader::Free { evader_turn } else { T::ZERO };
         let per_range = f(1.0 / range_m);
         let per_step = f(1.0 / ((range_m + self.range.knee_m) * self.range.step));
-        let per_angle = f(1.0 / angle_step);
+        let per_angle = f(n as f64 / TAU);
         let (zero, one, cfl) = (T::ZERO, f(1.0), f(CFL));
 
         let row = |offset: usize| &self.values[offset + PAD..][..n];
@@ -408,45 +526,54 @@ impl<T: Real> Level<T> {
         let (sin, cos) = (&self.sin[..n], &self.cos[..n]);
         let buffer = &mut buffer[..n];
         let mut largest = zero;
-        let mut most = [zero; 16];
+        let (mut most, mut totals) = ([zero; 16], [zero; 16]);
         for j in 0..n {
             let w = own2[j];
-            let (range_in, range_out) = eno2(in2[j], in1[j], w, out1[j], out2[j]);
-            let (bearing_in, bearing_out) = eno2(right2[j], right1[j], w, left1[j], left2[j]);
-            let (aspect_in, aspect_out) = eno2(own0[j], own1[j], w, own3[j], own4[j]);
+            let (range_in, range_out) = one_sided(in2[j], in1[j], w, out1[j], out2[j]);
+            let (bearing_in, bearing_out) = one_sided(right2[j], right1[j], w, left1[j], left2[j]);
+            let (heading_in, heading_out) = one_sided(own0[j], own1[j], w, own3[j], own4[j]);
             let opening = ahead_cos * cos[j] + ahead_sin * sin[j] - evader_ahead;
             let slope = if opening > zero { range_out } else { range_in };
             let drift = (evader_aside + ahead_cos * sin[j] - ahead_sin * cos[j]) * per_range;
-            let upwind = |s: T, low: T, high: T| s * if s > zero { high } else { low };
-            // The evader answers to each choice of the pursuer.
+            let upwind = |speed: T, low: T, high: T| speed * if speed > zero { high } else { low };
+            // Linear in a between its ends and where an angle stands still.
             let answer = |b: T| {
                 let with = |a: T| {
                     upwind(drift - a, bearing_in, bearing_out)
-                        + upwind(b - a, aspect_in, aspect_out)
+                        + upwind(b - a, heading_in, heading_out)
                 };
                 let clip = |a: T| a.smaller(evader_turn).larger(-evader_left);
-                with(evader_turn).larger(with(-evader_left)).larger(with(clip(drift))).larger(with(clip(b)))
+                with(evader_turn)
+                    .larger(with(-evader_left))
+                    .larger(with(clip(drift)))
+                    .larger(with(clip(b)))
             };
-            let hold = drift.smaller(pursuer_turn).larger(-pursuer_turn);
-            let least = answer(pursuer_turn).smaller(answer(-pursuer_turn)).smaller(answer(hold));
-            let rate = opening * (one + slope * per_step) + least * per_angle;
+            let turning = answer(pursuer_turn).smaller(answer(-pursuer_turn));
+            let rate = opening * (one + slope * per_step) + turning * per_angle;
             let speeds = opening.abs() * per_step
                 + (drift.abs() + evader_turn + evader_turn + pursuer_turn) * per_angle;
             let moved = (w + cfl * rate / speeds).smaller(zero);
             buffer[j] = moved;
         }
-        if self.sheet {
-            for (new, floor) in buffer.iter_mut().zip(&self.floor[at + PAD..]) {
-                *new = new.larger(*floor);
+        if let Some(full) = full {
+            let safe = f(-SAFE_M);
+            for (j, new) in buffer.iter_mut().enumerate() {
+                let floor = full.mirrored(i, k, j);
+                *new = if floor > safe { new.larger(floor) } else { *new };
             }
         }
         for lanes in own2.chunks(16).zip(buffer.chunks(16)) {
-            for ((most, old), new) in most.iter_mut().zip(lanes.0).zip(lanes.1) {
-                *most = most.larger((*new - *old).abs());
+            for (((most, total), old), new) in most.iter_mut().zip(&mut totals).zip(lanes.0).zip(lanes.1) {
+                let moved = *new - *old;
+                *most = most.larger(moved.abs());
+                *total += moved;
             }
         }
-        for most in most {
+        let bearings = self.bearings();
+        let drift = &mut self.drift[i * bearings + k];
+        for (most, total) in most.into_iter().zip(totals) {
             largest = largest.larger(most);
+            *drift += total;
         }
         self.values[at + PAD..][..n].copy_from_slice(buffer);
         self.spread(i, k);
@@ -454,16 +581,32 @@ impl<T: Real> Level<T> {
     }
 }
 
-const ETA: f64 = 1e-3;
-const SHEET: bool = false;
-/// Share of the stable step. Above 1 ENO2's corrections begin to oscillate.
-const CFL: f64 = 0.9;
+/// Sweeps over a sheet.
+const SHEET_SWEEPS: usize = 12;
+/// A deficit as small as this counts as none, m: the range need not close.
+const SAFE_M: f64 = 1e-3;
+/// The kink of the full game is blurred by at most this share of a cell: where the
+/// sheets say less, the evader has something better than a single turn.
+const KINK_BLUR: f64 = 0.2;
+/// Sheets that differ by more than this many cells are no longer close to the kink.
+const KINK_NEAR: f64 = 4.0;
 
-/// Left and right differences (not divided) at the middle one of five values.
+/// Share of the stable step. From about 0.8 on, sweeps no longer settle.
+const CFL: f64 = 0.6;
+
+/// Left and right differences (not divided) at the middle one of five values: third
+/// order where the data are smooth, like ENO2 where they are not.
 #[inline(always)]
-fn eno2<T: Real>(a: T, b: T, c: T, d: T, e: T) -> (T, T) {
+fn one_sided<T: Real>(a: T, b: T, c: T, d: T, e: T) -> (T, T) {
     let (d0, d1, d2, d3) = (b - a, c - b, d - c, e - d);
     let (low, middle, high) = (d1 - d0, d2 - d1, d3 - d2);
-    let smaller = |x: T, y: T| if x.abs() < y.abs() { x } else { y };
-    (d1 + T::HALF * smaller(low, middle), d2 - T::HALF * smaller(middle, high))
+    let third = T::from_f64(1.0 / 3.0);
+    let two = T::from_f64(2.0);
+    // (outer + 2 inner)/3 is third order; never more than twice the smaller of both.
+    let limited = |outer: T, inner: T| {
+        let bound = two * if outer.abs() < inner.abs() { outer } else { inner };
+        let wanted = (outer + two * inner) * third;
+        if wanted.abs() > bound.abs() { bound } else { wanted }
+    };
+    (d1 + T::HALF * limited(low, middle), d2 - T::HALF * limited(high, middle))
 }

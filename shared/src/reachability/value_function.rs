@@ -1,78 +1,141 @@
 //! A value function as the rest of the program sees it, however it was found.
 
+use super::contour::{Lattice, closed_curves};
 use super::exact::ExactValue;
 use super::level_set::{CurveSettings, radial_level_curve};
+use super::pursuit::{Player, PursuitGame};
+use super::sampled::{SampledValue, Slice};
+use super::transport;
 use crate::invalid::Invalid;
-use serde::{Deserialize, Serialize};
+use crate::math::{TAU, hypot, sin_cos};
 use sha2::{Digest, Sha256};
+use std::sync::Arc;
 
 /// The value of a pursuit game at any relative state.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ValueFunction {
     /// Identical vehicles: the closed form.
     Exact(ExactValue),
+    /// Any vehicles: interpolated between the nodes of a solved grid.
+    Sampled(Arc<SampledValue>),
 }
 
-/// The transport form. For the exact method the game says it all.
-#[derive(Serialize, Deserialize)]
-#[serde(tag = "method", rename_all = "snake_case", deny_unknown_fields)]
-enum Encoded {
-    Exact { format: String, speed_mps: f64, turn_rate_radps: f64, radius_m: f64 },
+/// All that is known of the game at a relative state.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ValueState {
+    /// V, m.
+    pub value: f64,
+    /// (∂V/∂x, ∂V/∂y, ∂V/∂ψ), m/m, m/m, m/rad; one-sided where V has a kink.
+    pub gradient: [f64; 3],
+    /// The evader's optimal turn rate, rad/s.
+    pub evader_turn: f64,
+    /// The pursuer's optimal turn rate, rad/s.
+    pub pursuer_turn: f64,
+    /// Whether these come from the closed form.
+    pub exact: bool,
+    /// Whether the state is where the function was solved; outside, V is the range
+    /// margin plus the deficit at the nearest point of the boundary.
+    pub inside: bool,
 }
-
-const FORMAT: &str = "sidestep-value-function/1";
 
 impl ValueFunction {
+    /// The game that this is the value of.
+    #[must_use]
+    pub fn game(&self) -> PursuitGame {
+        match self {
+            Self::Exact(exact) => {
+                let player = Player {
+                    speed_mps: exact.speed_mps(),
+                    turn_rate_radps: exact.turn_rate_radps(),
+                };
+                PursuitGame { evader: player, pursuer: player, radius_m: exact.radius_m() }
+            }
+            Self::Sampled(sampled) => sampled.game(),
+        }
+    }
+
     /// V, m, at the pursuer's pose (x, y, ψ) in the evader's frame; ≤ 0 means
     /// that a capture can be forced.
     #[must_use]
     pub fn value(&self, relative: [f64; 3]) -> f64 {
         match self {
             Self::Exact(exact) => exact.value(relative),
+            Self::Sampled(sampled) => sampled.state(relative).value,
         }
     }
 
-    /// {V = `level`} at relative heading `psi`, as a closed counter-clockwise
-    /// polygon in the evader's frame, m. `level` must be above −R.
+    /// Value, gradient and both players' optimal turns.
     #[must_use]
-    pub fn level_curve(&self, psi: f64, level: f64, settings: CurveSettings) -> Vec<[f64; 2]> {
+    pub fn state(&self, relative: [f64; 3]) -> ValueState {
         match self {
-            Self::Exact(exact) => radial_level_curve(
+            Self::Exact(exact) => {
+                let state = exact.analyze(relative);
+                ValueState {
+                    value: state.value,
+                    gradient: state.gradient,
+                    evader_turn: state.evader_turn,
+                    pursuer_turn: state.pursuer_turn,
+                    exact: true,
+                    inside: true,
+                }
+            }
+            Self::Sampled(sampled) => {
+                let state = sampled.state(relative);
+                let [evader_turn, pursuer_turn] =
+                    sampled.game().optimal_turns(relative, state.gradient);
+                ValueState {
+                    value: state.value,
+                    gradient: state.gradient,
+                    evader_turn,
+                    pursuer_turn,
+                    exact: false,
+                    inside: state.inside,
+                }
+            }
+        }
+    }
+
+    /// {V = `level`} at relative heading `psi`: closed polygons in the evader's frame,
+    /// m, with {V ≤ level} on their left. `level` must be above −R. A set that leaves
+    /// the grid is closed along the grid's edge.
+    #[must_use]
+    pub fn level_curves(
+        &self,
+        psi: f64,
+        level: f64,
+        settings: CurveSettings,
+    ) -> Vec<Vec<[f64; 2]>> {
+        match self {
+            Self::Exact(exact) => vec![radial_level_curve(
                 |x, y| exact.value([x, y, psi]),
                 level,
                 exact.radius_m() + level,
                 exact.range_bound_m(level),
                 settings,
-            ),
+            )],
+            Self::Sampled(sampled) => {
+                let lattice = SliceLattice::new(sampled, psi, level);
+                let mut curves = closed_curves(&lattice);
+                for curve in &mut curves {
+                    *curve = smoothed(curve, sampled, psi, level, settings);
+                }
+                curves
+            }
         }
     }
 
     /// The octets under which this function is stored and served.
     #[must_use]
     pub fn encode(&self) -> Vec<u8> {
-        let Self::Exact(exact) = self;
-        let encoded = Encoded::Exact {
-            format: FORMAT.to_owned(),
-            speed_mps: exact.speed_mps(),
-            turn_rate_radps: exact.turn_rate_radps(),
-            radius_m: exact.radius_m(),
-        };
-        // Four numbers and two strings always have a JSON form.
-        serde_json::to_vec(&encoded).unwrap_or_default()
+        transport::encode(self)
     }
 
     /// The function that [`Self::encode`] wrote.
     ///
     /// # Errors
-    /// [`Invalid`] if the octets are no such function, or of another version.
+    /// [`Invalid`] if the octets are no such function, truncated, or of another version.
     pub fn decode(octets: &[u8]) -> Result<Self, Invalid> {
-        let Encoded::Exact { format, speed_mps, turn_rate_radps, radius_m } =
-            serde_json::from_slice(octets)
-                .map_err(|e| Invalid::new("value function", FORMAT, e))?;
-        if format != FORMAT {
-            return Err(Invalid::new("format", FORMAT, format));
-        }
-        ExactValue::new(speed_mps, turn_rate_radps, radius_m).map(Self::Exact)
+        transport::decode(octets)
     }
 
     /// Content hash (SHA-256, hexadecimal) of the octets: the function's address.
@@ -88,23 +151,151 @@ pub fn hex(octets: &[u8]) -> String {
     octets.iter().map(|octet| format!("{octet:02x}")).collect()
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
+/// The nodes of one heading, with a ring around them that is outside.
+struct SliceLattice<'a> {
+    function: &'a SampledValue,
+    slice: Slice<'a>,
+    psi: f64,
+    level: f64,
+    /// Points of the nodes along both indices: ranges and bearings, or x and y.
+    axes: [Vec<f64>; 2],
+    polar: bool,
+    values: Vec<f64>,
+}
 
-    #[test]
-    fn octets_survive_a_round_trip() {
-        let value = ValueFunction::Exact(ExactValue::new(2.0, 0.3, 3.0).unwrap());
-        let again = ValueFunction::decode(&value.encode()).unwrap();
-        assert_eq!(value, again);
-        assert_eq!(value.id(), again.id());
-        assert_eq!(value.id().len(), 64);
+impl<'a> SliceLattice<'a> {
+    fn new(function: &'a SampledValue, psi: f64, level: f64) -> Self {
+        let slice = function.slice(psi);
+        let [rows, columns] = slice.size();
+        let [first, second, _] = function.nodes().coordinates();
+        let polar = slice.is_polar();
+        let second = if polar {
+            (0..columns).map(|j| TAU * j as f64 / columns as f64).collect()
+        } else {
+            second
+        };
+        let mut lattice =
+            Self { function, slice, psi, level, axes: [first, second], polar, values: Vec::new() };
+        lattice.values = (0..rows * columns)
+            .map(|n| {
+                let node = [n / columns, n % columns];
+                let [x, y] = lattice.point(node);
+                let range = if polar { lattice.axes[0][node[0]] } else { hypot(x, y) };
+                lattice.slice.value(node, range)
+            })
+            .collect();
+        lattice
     }
 
-    #[test]
-    fn other_octets_are_refused() {
-        assert!(ValueFunction::decode(b"\x93NUMPY").is_err());
-        let text = br#"{"method":"exact","format":"sidestep-value-function/9","speed_mps":2,"turn_rate_radps":1,"radius_m":3}"#;
-        assert_eq!(ValueFunction::decode(text).unwrap_err().field, "format");
+    /// Ring nodes before the first one of each index.
+    fn ring(&self) -> [usize; 2] {
+        if self.polar { [0, 0] } else { [1, 1] }
     }
+
+    /// The real node nearest to a lattice node, and whether it is that node.
+    fn node(&self, lattice: [usize; 2]) -> ([usize; 2], bool) {
+        let size = self.slice.size();
+        let ring = self.ring();
+        let node =
+            core::array::from_fn(|d| lattice[d].saturating_sub(ring[d]).min(size[d] - 1));
+        let real = (0..2).all(|d| node[d] + ring[d] == lattice[d]);
+        (node, real)
+    }
+
+    fn point(&self, [i, j]: [usize; 2]) -> [f64; 2] {
+        let (first, second) = (self.axes[0][i], self.axes[1][j]);
+        if self.polar {
+            let (sin, cos) = sin_cos(second);
+            [first * cos, first * sin]
+        } else {
+            [first, second]
+        }
+    }
+
+    fn excess_at(&self, [x, y]: [f64; 2]) -> f64 {
+        self.function.state([x, y, self.psi]).value - self.level
+    }
+}
+
+impl Lattice for SliceLattice<'_> {
+    fn size(&self) -> [usize; 2] {
+        let [rows, columns] = self.slice.size();
+        if self.polar { [rows + 1, columns] } else { [rows + 2, columns + 2] }
+    }
+
+    fn wraps(&self) -> bool {
+        self.polar
+    }
+
+    fn inside(&self, lattice: [usize; 2]) -> bool {
+        let ([i, j], real) = self.node(lattice);
+        real && self.values[i * self.slice.size()[1] + j] <= self.level
+    }
+
+    fn joins(&self, [i, j]: [usize; 2]) -> bool {
+        let columns = self.size()[1];
+        let corners = [[i, j], [i + 1, (j + 1) % columns]].map(|n| self.point(self.node(n).0));
+        let middle = [0, 1].map(|d| 0.5 * (corners[0][d] + corners[1][d]));
+        self.excess_at(middle) <= 0.0
+    }
+
+    fn crossing(&self, inside: [usize; 2], outside: [usize; 2]) -> [f64; 2] {
+        let ((from, _), (to, real)) = (self.node(inside), self.node(outside));
+        let columns = self.slice.size()[1];
+        let [a, b] = [from, to].map(|node| self.point(node));
+        if !real {
+            return a;
+        }
+        let [mut low, mut high] =
+            [from, to].map(|[i, j]| self.values[i * columns + j] - self.level);
+        let (mut s, mut t) = (0.0, 1.0);
+        let mut point = a;
+        // Regula falsi; what is between two nodes is nearly straight.
+        for _ in 0..3 {
+            let share = if high > low { s - low * (t - s) / (high - low) } else { s };
+            point = [0, 1].map(|d| a[d] + share * (b[d] - a[d]));
+            let excess = self.excess_at(point);
+            if excess.abs() < 1e-4 {
+                break;
+            }
+            if excess <= 0.0 {
+                (s, low) = (share, excess);
+            } else {
+                (t, high) = (share, excess);
+            }
+        }
+        point
+    }
+}
+
+/// The curve with points added between its corners where they leave the chord,
+/// each moved onto the level along the gradient.
+fn smoothed(
+    curve: &[[f64; 2]],
+    function: &SampledValue,
+    psi: f64,
+    level: f64,
+    settings: CurveSettings,
+) -> Vec<[f64; 2]> {
+    let mut smooth = Vec::with_capacity(3 * curve.len());
+    let closed = curve.iter().zip(curve.iter().cycle().skip(1));
+    for (from, to) in closed {
+        smooth.push(*from);
+        let length = hypot(to[0] - from[0], to[1] - from[1]);
+        let pieces = ((length / settings.spacing_m).ceil() as usize).clamp(1, 4);
+        for piece in 1..pieces {
+            let share = piece as f64 / pieces as f64;
+            let mut point = [0, 1].map(|d| from[d] + share * (to[d] - from[d]));
+            let state = function.state([point[0], point[1], psi]);
+            let [gx, gy, _] = state.gradient;
+            let excess = state.value - level;
+            let steepness = gx * gx + gy * gy;
+            // Along the edge of the grid, and on a kink, the chord is best.
+            if state.inside && excess.abs() < length * steepness.sqrt() {
+                point = [point[0] - excess * gx / steepness, point[1] - excess * gy / steepness];
+            }
+            smooth.push(point);
+        }
+    }
+    smooth
 }

@@ -4,7 +4,7 @@ use super::Moment;
 use crate::shape::{Ink, Shape, Stroke};
 use sidestep::math::sin_cos;
 use sidestep::reachability::ValueFunction;
-use sidestep::reachability::level_set::CurveSettings;
+use sidestep::reachability::CurveSettings;
 use sidestep::vehicle::Pose;
 
 /// {V_HR ≤ 0}: where a robot of the present heading could force a collision.
@@ -12,7 +12,7 @@ use sidestep::vehicle::Pose;
 pub fn human(moment: &Moment<'_>) -> Vec<Shape> {
     let heading = moment.state.robot_seen_by_human()[2];
     let value = moment.safety.map(|safety| &safety.human);
-    value.map(|value| outline(value, moment.state.human, heading, Ink::Human)).into_iter().collect()
+    value.map_or_else(Vec::new, |value| outlines(value, moment.state.human, heading, Ink::Human))
 }
 
 /// {V_RH ≤ 0}: where a human of the present heading could force a collision.
@@ -20,16 +20,17 @@ pub fn human(moment: &Moment<'_>) -> Vec<Shape> {
 pub fn robot(moment: &Moment<'_>) -> Vec<Shape> {
     let heading = moment.state.human_seen_by_robot()[2];
     let value = moment.safety.map(|safety| &safety.robot);
-    value.map(|value| outline(value, moment.state.robot, heading, Ink::Robot)).into_iter().collect()
+    value.map_or_else(Vec::new, |value| outlines(value, moment.state.robot, heading, Ink::Robot))
 }
 
-fn outline(value: &ValueFunction, evader: Pose, psi: f64, ink: Ink) -> Shape {
+fn outlines(value: &ValueFunction, evader: Pose, psi: f64, ink: Ink) -> Vec<Shape> {
     let (sin, cos) = sin_cos(evader.psi);
     let to_world = |[x, y]: [f64; 2]| [evader.x + cos * x - sin * y, evader.y + sin * x + cos * y];
-    let curve = value.level_curve(psi, 0.0, CurveSettings::default());
-    Shape::Polygon {
+    let curves = value.level_curves(psi, 0.0, CurveSettings::default());
+    let outline = |curve: Vec<[f64; 2]>| Shape::Polygon {
         points: curve.into_iter().map(to_world).collect(),
         fill: Some((ink, 0.05)),
         stroke: Some(Stroke::dashed(ink, 1.5, (5.0, 4.0))),
-    }
+    };
+    curves.into_iter().map(outline).collect()
 }

@@ -1,0 +1,306 @@
+//! From a pursuit game to its value function, by whichever method fits.
+
+use super::cartesian::{self, Direction, Horizon, Kind, Problem, Region};
+use super::games::RelativeDubins;
+use super::grid::{Axis, Grid};
+use super::polar;
+use super::pursuit::PursuitGame;
+use super::sampled::{Nodes, SampledValue};
+use super::scheme::Scheme;
+use super::value_function::ValueFunction;
+use super::{MEMORY_LIMIT_BYTES, Progress, SolveError, default_threads};
+use crate::invalid::{Invalid, positive};
+use crate::math::{PI, TAU};
+use core::ops::ControlFlow;
+use std::sync::Arc;
+
+/// How a value function is found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Method {
+    /// The closed form: identical vehicles, converged value.
+    Exact,
+    /// Polar relative coordinates: any vehicles, converged value.
+    Polar,
+    /// A rectangular grid in x, y, ψ: any vehicles, any horizon.
+    Cartesian,
+}
+
+impl Method {
+    /// The method that suits `game` and the horizon best.
+    #[must_use]
+    pub fn choose(game: &PursuitGame, horizon_s: f64) -> Self {
+        match (horizon_s.is_finite(), game.identical()) {
+            (true, _) => Self::Cartesian,
+            (false, true) => Self::Exact,
+            (false, false) => Self::Polar,
+        }
+    }
+
+    /// The name in files and on the command line.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Exact => "exact",
+            Self::Polar => "polar",
+            Self::Cartesian => "cartesian",
+        }
+    }
+}
+
+/// Grids of growing size, each with about twice as many nodes an axis.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Accuracy {
+    /// For a look: tenths of a metre near kinks.
+    Draft,
+    /// For studies: centimetres near {V = 0}.
+    Standard,
+    /// For reference values.
+    Fine,
+}
+
+/// Numbers that a Cartesian grid is solved in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Precision {
+    /// Single.
+    F32,
+    /// Double.
+    F64,
+}
+
+/// A rectangular grid and how it is solved.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CartesianGrid {
+    /// Nodes of x, y, ψ.
+    pub nodes: [usize; 3],
+    /// Ends of x and of y, m: x₀, x₁, y₀, y₁.
+    pub domain_m: [f64; 4],
+    /// Derivatives.
+    pub scheme: Scheme,
+    /// Numbers.
+    pub precision: Precision,
+}
+
+impl CartesianGrid {
+    fn axes(&self) -> Grid<3> {
+        let [x0, x1, y0, y1] = self.domain_m;
+        let [nx, ny, n_psi] = self.nodes;
+        Grid {
+            axes: [
+                Axis::bounded(x0, x1, nx),
+                Axis::bounded(y0, y1, ny),
+                Axis::periodic(0.0, TAU, n_psi),
+            ],
+        }
+    }
+}
+
+/// What is asked of [`solve`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Options {
+    /// None: the best one ([`Method::choose`]).
+    pub method: Option<Method>,
+    /// Seconds of the game; infinite for the converged value.
+    pub horizon_s: f64,
+    /// Grid, unless `grid` or `range_m` say otherwise.
+    pub accuracy: Accuracy,
+    /// Of the Cartesian method.
+    pub grid: Option<CartesianGrid>,
+    /// Largest range of the polar method, m.
+    pub range_m: Option<f64>,
+    /// Threads of the Cartesian method.
+    pub threads: usize,
+    /// Refuse anything that would take more memory.
+    pub memory_limit_bytes: u64,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            method: None,
+            horizon_s: f64::INFINITY,
+            accuracy: Accuracy::Standard,
+            grid: None,
+            range_m: None,
+            threads: default_threads(),
+            memory_limit_bytes: MEMORY_LIMIT_BYTES,
+        }
+    }
+}
+
+/// A value function and how it was found.
+#[derive(Clone, Debug)]
+pub struct Solved {
+    /// The function: the closed form, or what the solver left.
+    pub function: ValueFunction,
+    /// The function on its nodes; the closed form is sampled on those that the
+    /// other methods would use.
+    pub samples: Arc<SampledValue>,
+    /// The method used.
+    pub method: Method,
+    /// Time steps, or sweeps over the finest grid; 0 for the closed form.
+    pub steps: usize,
+    /// Threads used.
+    pub threads: usize,
+    /// How much the solution still moves: Cartesian max |∂V/∂τ|, m/s; polar the
+    /// drift in [`polar::WINDOW`] sweeps, m; 0 for the closed form.
+    pub residual: f64,
+}
+
+/// Finds the value function of `game`.
+///
+/// # Errors
+/// [`SolveError::Invalid`] for a bad game, horizon, grid, or a method that cannot do
+/// what is asked; [`SolveError::Cancelled`] when `progress` says so.
+pub fn solve(
+    game: PursuitGame,
+    options: &Options,
+    progress: &mut dyn FnMut(Progress) -> ControlFlow<()>,
+) -> Result<Solved, SolveError> {
+    game.check()?;
+    let horizon_s = options.horizon_s;
+    if horizon_s.is_nan() || horizon_s <= 0.0 {
+        return Err(Invalid::new("horizon_s", "a number > 0, or inf", horizon_s).into());
+    }
+    if options.threads == 0 {
+        return Err(Invalid::new("threads", "at least 1", 0).into());
+    }
+    let chosen = if options.grid.is_some() && options.method.is_none() {
+        Method::Cartesian
+    } else {
+        options.method.unwrap_or_else(|| Method::choose(&game, horizon_s))
+    };
+    if chosen != Method::Cartesian && horizon_s.is_finite() {
+        let expected = format!("inf with method {}, or method cartesian", chosen.name());
+        return Err(Invalid::new("horizon_s", expected, horizon_s).into());
+    }
+    match chosen {
+        Method::Exact => {
+            let exact = game.exact()?;
+            let nodes = match options.grid {
+                Some(grid) => {
+                    let [x, y, psi] = grid.axes().axes;
+                    grid.axes().check(grid.scheme.reach())?;
+                    Nodes::Cartesian { x, y, psi }
+                }
+                None => polar_nodes(&game, options)?,
+            };
+            nodes.check()?;
+            super::grid::check_memory(nodes.count(), 3, size_of::<f32>(), options.memory_limit_bytes)?;
+            let samples = Arc::new(SampledValue::sampled(game, nodes, |state| exact.value(state))?);
+            let function = ValueFunction::Exact(exact);
+            Ok(Solved { function, samples, method: chosen, steps: 0, threads: 1, residual: 0.0 })
+        }
+        Method::Polar => {
+            if options.grid.is_some() {
+                let found = "a grid of x, y and ψ with method polar";
+                return Err(Invalid::new("grid", "none (see accuracy and range)", found).into());
+            }
+            let Nodes::Polar { range_m, range_nodes, angle_nodes, .. } =
+                polar_nodes(&game, options)?
+            else {
+                unreachable!("polar_nodes are polar");
+            };
+            // As far as the errors of the grid, which fall with its square.
+            let tolerance_m = polar::Settings::default().tolerance_m
+                * match options.accuracy {
+                    Accuracy::Draft => 4.0,
+                    Accuracy::Standard => 1.0,
+                    Accuracy::Fine => 0.25,
+                };
+            let settings = polar::Settings {
+                range_m,
+                tolerance_m,
+                range_nodes,
+                angle_nodes,
+                memory_limit_bytes: options.memory_limit_bytes,
+                ..polar::Settings::default()
+            };
+            let solution = polar::solve::<f32>(&game, &settings, progress)?;
+            let (steps, residual) = (solution.sweeps, solution.drift_m);
+            let samples = Arc::new(SampledValue::from_polar(game, &solution)?);
+            let function = ValueFunction::Sampled(samples.clone());
+            Ok(Solved { function, samples, method: chosen, steps, threads: 1, residual })
+        }
+        Method::Cartesian => {
+            let grid = options.grid.unwrap_or_else(|| default_grid(&game, options));
+            let (samples, steps, residual) = match grid.precision {
+                Precision::F32 => march::<f32>(game, &grid, options, progress)?,
+                Precision::F64 => march::<f64>(game, &grid, options, progress)?,
+            };
+            let samples = Arc::new(samples);
+            let function = ValueFunction::Sampled(samples.clone());
+            let threads = options.threads;
+            Ok(Solved { function, samples, method: chosen, steps, threads, residual })
+        }
+    }
+}
+
+fn march<T: super::Real>(
+    game: PursuitGame,
+    grid: &CartesianGrid,
+    options: &Options,
+    progress: &mut dyn FnMut(Progress) -> ControlFlow<()>,
+) -> Result<(SampledValue, usize, f64), SolveError> {
+    let target = |state: [f64; 3]| game.target(state);
+    let horizon = if options.horizon_s.is_finite() {
+        Horizon::Finite(options.horizon_s)
+    } else {
+        // Optimal play of equal vehicles ends within half a turn; slower turns and
+        // chases get several times that before the march gives up.
+        let slowest = game.evader.turn_rate_radps.min(game.pursuer.turn_rate_radps);
+        let tolerance = 1e-3 * (game.evader.speed_mps + game.pursuer.speed_mps);
+        Horizon::Converged { tolerance, longest_s: 8.0 * PI / slowest }
+    };
+    let problem = Problem {
+        game: &RelativeDubins(game),
+        grid: grid.axes(),
+        target: Region::Static(&target),
+        obstacle: None,
+        kind: Kind::Tube,
+        direction: Direction::Backward,
+        horizon,
+    };
+    let settings = cartesian::Settings {
+        scheme: grid.scheme,
+        threads: options.threads,
+        memory_limit_bytes: options.memory_limit_bytes,
+        ..cartesian::Settings::default()
+    };
+    let solution = cartesian::solve::<T, 3, _>(&problem, &settings, progress)?;
+    let samples = SampledValue::from_cartesian(game, options.horizon_s, &solution)?;
+    Ok((samples, solution.steps, solution.residual))
+}
+
+/// Turning radius of the wider turning vehicle, m.
+fn widest_turn(game: &PursuitGame) -> f64 {
+    let radius = |player: super::Player| player.speed_mps / player.turn_rate_radps;
+    radius(game.evader).max(radius(game.pursuer))
+}
+
+fn polar_nodes(game: &PursuitGame, options: &Options) -> Result<Nodes, Invalid> {
+    // Half a turn of both at full speed shortens the range by at most 2π turning
+    // radii; half as much again for vehicles that differ.
+    let range_m = match options.range_m {
+        Some(range_m) => positive("range_m", range_m)?,
+        None => game.radius_m + 3.0 * PI * widest_turn(game),
+    };
+    let (range_nodes, angle_nodes) = match options.accuracy {
+        Accuracy::Draft => (33, 48),
+        Accuracy::Standard => (65, 96),
+        Accuracy::Fine => (129, 192),
+    };
+    Ok(Nodes::Polar { knee_m: game.radius_m, range_m, range_nodes, angle_nodes })
+}
+
+fn default_grid(game: &PursuitGame, options: &Options) -> CartesianGrid {
+    // What can reach the danger zone within the horizon, or within half a turn.
+    let longest = PI / game.evader.turn_rate_radps.min(game.pursuer.turn_rate_radps);
+    let closing = game.evader.speed_mps + game.pursuer.speed_mps;
+    let far = (game.radius_m + closing * options.horizon_s.min(longest)).ceil();
+    let (nodes, scheme) = match options.accuracy {
+        Accuracy::Draft => ([41, 41, 32], Scheme::Eno2),
+        Accuracy::Standard => ([81, 81, 64], Scheme::Weno5),
+        Accuracy::Fine => ([161, 161, 128], Scheme::Weno5),
+    };
+    CartesianGrid { nodes, domain_m: [-far, far, -far, far], scheme, precision: Precision::F32 }
+}

@@ -1,0 +1,328 @@
+//! `cargo xtask bench peers`: the air3D game solved by us and by hj_reachability, on the
+//! same nodes, with the same scheme, horizon, CFL number and number of threads.
+//!
+//! `tests/peers/air3d.py` is the peer's side, the example `air3d` of the library ours. The
+//! example also measures both against the closed form, so that it is done in one way.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitCode};
+use std::{env, fs};
+
+use anyhow::{Context, Result, bail};
+use serde::Deserialize;
+
+use crate::workspace::{Workspace, output_of, stage};
+
+/// One comparison.
+struct Case {
+    /// Nodes along x, y and ψ.
+    grid: &'static str,
+    /// The scheme, as we call it.
+    scheme: &'static str,
+    /// The peer's name for the same.
+    accuracy: &'static str,
+    /// How many times as fast as the peer we mean to be: what the prototype in C was, or
+    /// for the first case, where it was not measured, what it was with the other scheme.
+    target: f64,
+    /// Solves on each side; the fastest counts.
+    runs: u32,
+    /// Whether it takes the peer minutes.
+    long: bool,
+}
+
+/// Everything that is compared: one line each.
+const CASES: &[Case] = &[
+    Case::short("51x40x50", "eno2", "medium", 6.0),
+    Case::short("51x40x50", "weno5", "very_high", 6.0),
+    Case::long("101x101x101", "eno2", "medium", 37.0),
+    Case::long("101x101x101", "weno5", "very_high", 10.0),
+];
+
+impl Case {
+    const fn short(
+        grid: &'static str,
+        scheme: &'static str,
+        accuracy: &'static str,
+        target: f64,
+    ) -> Self {
+        Self { grid, scheme, accuracy, target, runs: 3, long: false }
+    }
+
+    const fn long(
+        grid: &'static str,
+        scheme: &'static str,
+        accuracy: &'static str,
+        target: f64,
+    ) -> Self {
+        Self { grid, scheme, accuracy, target, runs: 1, long: true }
+    }
+}
+
+/// Threads on our side; the script takes as many cores.
+const THREADS: &str = "2";
+
+/// Names the Python to make the environment with.
+const PYTHON: &str = "SIDESTEP_PYTHON";
+
+/// What the example `air3d` prints, as far as it is used here.
+#[derive(Deserialize)]
+struct Ours {
+    wall_s: f64,
+    axes: [Nodes; 3],
+    accuracy: Accuracy,
+    peer: Option<Accuracy>,
+}
+
+/// What the script prints.
+#[derive(Deserialize)]
+struct Theirs {
+    wall_s: f64,
+    axes: [Nodes; 3],
+    versions: Versions,
+}
+
+/// First node, last node and their number.
+type Nodes = (f64, f64, usize);
+
+/// Against the closed form: see the example.
+#[derive(Deserialize)]
+struct Accuracy {
+    mean_dx: f64,
+    max_dx: f64,
+    volume_percent: f64,
+}
+
+#[derive(Deserialize)]
+struct Versions {
+    hj_reachability: String,
+    jax: String,
+}
+
+/// Runs every comparison (without the long ones if `quick`) and prints the table.
+///
+/// Without Python or its packages it still prints our own figures, and then fails.
+///
+/// # Errors
+/// When our own solver cannot be built or run.
+pub(super) fn run(workspace: &Workspace, quick: bool) -> Result<ExitCode> {
+    let mut build = workspace.cargo(["build", "--locked", "--release", "--package", "sidestep"]);
+    stage("our solver", build.args(["--example", "air3d"]))?;
+    let python = environment(workspace).context(
+        "the peer is missing: its Python environment needs python3 (3.11 or newer, with venv) \
+         and access to PyPI",
+    );
+    let mut missing = Vec::new();
+    let python = python.map_err(|error| missing.push(error)).ok();
+
+    let mut rows = vec![headings()];
+    for case in CASES.iter().filter(|case| !(quick && case.long)) {
+        eprintln!("==> {} {}", case.grid, case.scheme);
+        let values = workspace.peers().join(format!("{}-{}.npy", case.grid, case.scheme));
+        let theirs = python.as_deref().and_then(|python| {
+            solve_theirs(workspace, python, case, &values).map_err(|error| missing.push(error)).ok()
+        });
+        let ours = solve_ours(workspace, case, theirs.is_some().then_some(&values))?;
+        if let Some(theirs) = &theirs {
+            same_nodes(&ours.axes, &theirs.axes)?;
+        }
+        rows.push(row(case, &ours, theirs.as_ref()));
+    }
+    print!("{}", table(&rows));
+    for error in &missing {
+        eprintln!("error: {error:#}");
+    }
+    Ok(if missing.is_empty() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+}
+
+/// The interpreter of an environment with the peer in it: made once, and again when the
+/// requirements have changed.
+fn environment(workspace: &Workspace) -> Result<PathBuf> {
+    let requirements = workspace.path("tests/peers/requirements.txt");
+    let folder = workspace.peers().join("venv");
+    // Copied when all is installed, so that half an environment is not taken for a whole.
+    let installed = folder.join("requirements.txt");
+    let interpreter = interpreter(&folder);
+    let wanted = fs::read(&requirements)
+        .with_context(|| format!("cannot read {}", requirements.display()))?;
+    if fs::read(&installed).is_ok_and(|found| found == wanted) && interpreter.is_file() {
+        return Ok(interpreter);
+    }
+
+    let python = env::var_os(PYTHON).unwrap_or_else(|| "python3".into());
+    let mut create = Command::new(python);
+    stage("Python environment", create.args(["-m", "venv", "--clear"]).arg(&folder))
+        .with_context(|| format!("set {PYTHON} to another Python if this one does not do"))?;
+    let mut install = Command::new(&interpreter);
+    install.args(["-m", "pip", "install", "--quiet", "--disable-pip-version-check"]);
+    stage("pip install", install.arg("--requirement").arg(&requirements))?;
+    fs::write(&installed, wanted)
+        .with_context(|| format!("cannot write {}", installed.display()))?;
+    Ok(interpreter)
+}
+
+/// Where an environment in `folder` has its interpreter.
+fn interpreter(folder: &Path) -> PathBuf {
+    let relative = if cfg!(windows) { "Scripts/python.exe" } else { "bin/python" };
+    folder.join(relative)
+}
+
+/// Has the peer solve `case` and leave its values in `values`.
+fn solve_theirs(
+    workspace: &Workspace,
+    python: &Path,
+    case: &Case,
+    values: &Path,
+) -> Result<Theirs> {
+    let mut script = Command::new(python);
+    script.arg(workspace.path("tests/peers/air3d.py"));
+    script.args(["--grid", case.grid, "--accuracy", case.accuracy]);
+    script.arg("--runs").arg(case.runs.to_string()).arg("--values").arg(values);
+    let answer = output_of("the peer's script", &mut script)?;
+    serde_json::from_str(&answer).with_context(|| format!("the peer's script printed {answer:?}"))
+}
+
+/// Solves `case` ourselves and measures what the peer left in `values`.
+fn solve_ours(workspace: &Workspace, case: &Case, values: Option<&PathBuf>) -> Result<Ours> {
+    let mut example = Command::new(workspace.example("air3d"));
+    example.args([case.grid, case.scheme, THREADS, &case.runs.to_string()]).args(values);
+    let answer = output_of("the example air3d", &mut example)?;
+    serde_json::from_str(&answer).with_context(|| format!("the example air3d printed {answer:?}"))
+}
+
+/// Fails unless both solvers have the same nodes, to the peer's 32 bits.
+fn same_nodes(ours: &[Nodes; 3], theirs: &[Nodes; 3]) -> Result<()> {
+    let close = |a: f64, b: f64| (a - b).abs() < 1e-5;
+    let same = |a: &Nodes, b: &Nodes| a.2 == b.2 && close(a.0, b.0) && close(a.1, b.1);
+    if !ours.iter().zip(theirs).all(|(a, b)| same(a, b)) {
+        bail!(
+            "expected the same first node, last node and number of nodes along each axis, \
+             found {ours:?} here and {theirs:?} there"
+        );
+    }
+    Ok(())
+}
+
+/// Cells of a row of the table.
+type Row = [String; 10];
+
+fn headings() -> Row {
+    [
+        "solver",
+        "grid",
+        "scheme",
+        "wall s",
+        "our wall s",
+        "ratio",
+        "target",
+        "error dx, mean/max",
+        "ours",
+        "volume error %, ours",
+    ]
+    .map(str::to_owned)
+}
+
+fn row(case: &Case, ours: &Ours, theirs: Option<&Theirs>) -> Row {
+    let none = || "-".to_owned();
+    let seconds = |seconds: f64| format!("{seconds:.3}");
+    let off = |accuracy: &Accuracy| format!("{:.3}/{:.2}", accuracy.mean_dx, accuracy.max_dx);
+    let volume = |accuracy: &Accuracy| format!("{:+.2}", accuracy.volume_percent);
+    let solver = |theirs: &Theirs| {
+        let Versions { hj_reachability, jax } = &theirs.versions;
+        format!("hj_reachability {hj_reachability}, jax {jax}")
+    };
+    [
+        theirs.map_or_else(none, solver),
+        case.grid.to_owned(),
+        case.scheme.to_owned(),
+        theirs.map_or_else(none, |theirs| seconds(theirs.wall_s)),
+        seconds(ours.wall_s),
+        theirs.map_or_else(none, |theirs| format!("{:.1}", theirs.wall_s / ours.wall_s)),
+        format!("{:.0}", case.target),
+        ours.peer.as_ref().map_or_else(none, off),
+        off(&ours.accuracy),
+        format!("{}, {}", ours.peer.as_ref().map_or_else(none, volume), volume(&ours.accuracy)),
+    ]
+}
+
+/// The rows in columns, two spaces apart.
+fn table(rows: &[Row]) -> String {
+    let mut text = String::new();
+    for row in rows {
+        let mut line = String::new();
+        for (column, cell) in row.iter().enumerate() {
+            let width = rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
+            line += &format!("{cell:width$}  ");
+        }
+        text += line.trim_end();
+        text.push('\n');
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const OURS: &str = r#"{"wall_s":0.5,"steps":364,
+        "axes":[[-6.0,20.0,51],[-10.0,10.0,40],[0.0,6.157521601035995,50]],
+        "accuracy":{"mean_dx":0.017,"max_dx":0.889,"volume_percent":-0.067},
+        "peer":{"mean_dx":0.021,"max_dx":0.894,"volume_percent":0.017},"apart_m":1.9}"#;
+    const THEIRS: &str = r#"{"wall_s": 4.0,
+        "axes": [[-6.0, 20.0, 51], [-10.0, 10.0, 40], [0.0, 6.157521724700928, 50]],
+        "versions": {"hj_reachability": "0.7.0", "jax": "0.10.2"}}"#;
+
+    fn both() -> (Ours, Theirs) {
+        let ours = serde_json::from_str(OURS).expect("as the example prints it");
+        (ours, serde_json::from_str(THEIRS).expect("as the script prints it"))
+    }
+
+    #[test]
+    fn a_row_has_both_sides_and_their_ratio() {
+        let (ours, theirs) = both();
+        let row = row(&CASES[1], &ours, Some(&theirs)).join(" | ");
+        assert_eq!(
+            row,
+            "hj_reachability 0.7.0, jax 0.10.2 | 51x40x50 | weno5 | 4.000 | 0.500 | 8.0 | 6 | \
+             0.021/0.89 | 0.017/0.89 | +0.02, -0.07"
+        );
+    }
+
+    #[test]
+    fn our_figures_stand_without_the_peer() {
+        let (ours, _) = both();
+        let row = row(&CASES[1], &Ours { peer: None, ..ours }, None).join(" | ");
+        assert_eq!(row, "- | 51x40x50 | weno5 | - | 0.500 | - | 6 | - | 0.017/0.89 | -, -0.07");
+    }
+
+    #[test]
+    fn another_grid_is_noticed() {
+        let (ours, mut theirs) = both();
+        same_nodes(&ours.axes, &theirs.axes).expect("they differ by rounding alone");
+        // The end point of the period repeated.
+        theirs.axes[2] = (0.0, 6.283_185_5, 50);
+        let error = same_nodes(&ours.axes, &theirs.axes).expect_err("ψ differs");
+        assert!(error.to_string().contains("6.2831855"), "{error}");
+    }
+
+    #[test]
+    fn the_table_is_in_columns() {
+        let (ours, theirs) = both();
+        let text = table(&[headings(), row(&CASES[1], &ours, Some(&theirs))]);
+        let columns: Vec<_> =
+            text.lines().map(|line| line.find(" 0.500").or(line.find(" our"))).collect();
+        assert_eq!(columns[0], columns[1], "{text}");
+    }
+
+    #[test]
+    fn every_version_is_pinned() {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/peers/requirements.txt");
+        let requirements = fs::read_to_string(path).expect("the file is committed");
+        let lines = requirements.lines().filter(|line| !line.starts_with('#'));
+        for line in lines {
+            assert!(line.contains("=="), "{line}");
+        }
+        for package in ["hj_reachability==", "jax==", "jaxlib==", "numpy=="] {
+            assert!(requirements.contains(package), "{package}");
+        }
+    }
+}
