@@ -1245,9 +1245,9 @@ impl<const D: usize> Game<D> for Drift<D> {
     #[inline(always)]
     fn hamiltonian<T: Real>(&self, _terms: &[[T; TERMS]; D], gradient: [T; D]) -> T {
         let mut sum = T::ZERO;
-        for d in 0..D {
+        for (d, slope) in gradient.into_iter().enumerate() {
             let [drift, speed] = [self.drift[d], self.speed[d]].map(T::from_f64);
-            sum += drift * gradient[d] - speed * gradient[d].abs();
+            sum += drift * slope - speed * slope.abs();
         }
         sum
     }
