@@ -15,6 +15,7 @@ use super::scheme::{Eno2, Eno3, Scheme, Stencil, Upwind, Weno5};
 use super::{Progress, SolveError};
 use crate::invalid::Invalid;
 use core::ops::ControlFlow;
+use core::sync::atomic::{AtomicUsize, Ordering};
 
 /// Whether passing through the target counts, or only being there at the end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -95,9 +96,12 @@ pub struct Problem<'a, const D: usize, G> {
 pub struct Settings {
     /// Spatial derivatives (and the Runge–Kutta order that goes with them).
     pub scheme: Scheme,
-    /// Threads; results do not depend on it.
+    /// Threads; results do not depend on it. 0 counts as 1; a thread beyond the nodes of
+    /// the first axis would have nothing to do and is not started.
     pub threads: usize,
-    /// Share of the largest stable time step.
+    /// Share of the largest stable time step of first order, above 0 and at most 1. ENO
+    /// may choose stencils that are stable only up to 0.5 (of second order) or 0.37 (of
+    /// third); with longer steps V stays bounded, but not everywhere of that order.
     pub cfl: f64,
     /// Refuse anything that would take more memory.
     pub memory_limit_bytes: u64,
@@ -138,7 +142,9 @@ const BLOCK: usize = 256;
 ///
 /// # Errors
 /// [`SolveError::Invalid`] for a grid that is too small for the scheme or too large
-/// for the memory, or a horizon that is not > 0; [`SolveError::Cancelled`].
+/// for the memory, a horizon that is not > 0, a `cfl` outside (0, 1], a target, an
+/// obstacle or speed bounds that are not finite at a node (which is named), or a game
+/// that makes V so; [`SolveError::Cancelled`].
 pub fn solve<T: Real, const D: usize, G: Game<D>>(
     problem: &Problem<'_, D, G>,
     settings: &Settings,
@@ -357,16 +363,17 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Stage<'_, T, D, G, S> {
                 }
             }
         }
+        // In this order, which keeps a NaN of the game's.
         if let Some(ceiling) = self.ceiling {
             let ceiling = block(ceiling, at);
             for i in 0..BLOCK {
-                moved[i] = moved[i].smaller(ceiling[i]);
+                moved[i] = ceiling[i].smaller(moved[i]);
             }
         }
         if let Some(floor) = self.floor {
             let floor = block(floor, at);
             for i in 0..BLOCK {
-                moved[i] = moved[i].larger(floor[i]);
+                moved[i] = floor[i].larger(moved[i]);
             }
         }
         target.copy_from_slice(&moved[..target.len()]);
@@ -374,13 +381,7 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Stage<'_, T, D, G, S> {
 
     /// source + time step · H of every cell of the block.
     #[inline(always)]
-    fn advance(
-        &self,
-        fixed: &[[T; TERMS]; D],
-        cell: usize,
-        at: usize,
-        moved: &mut [T; BLOCK],
-    ) {
+    fn advance(&self, fixed: &[[T; TERMS]; D], cell: usize, at: usize, moved: &mut [T; BLOCK]) {
         let loops = Layout::<D>::LOOP_AXES;
         let rows: [[&[T; BLOCK]; 7]; D] = core::array::from_fn(|d| {
             core::array::from_fn(|k| {
@@ -458,7 +459,11 @@ fn fill_ghosts<T: Real, const D: usize>(
             }
             Boundary::Extrapolate => {
                 for (edge, inner, ghosts) in [
-                    (reach, reach + 1, core::array::from_fn::<_, 3, _>(|k| reach.checked_sub(k + 1))),
+                    (
+                        reach,
+                        reach + 1,
+                        core::array::from_fn::<_, 3, _>(|k| reach.checked_sub(k + 1)),
+                    ),
                     (
                         reach + nodes - 1,
                         reach + nodes - 2,
@@ -529,16 +534,62 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Marcher<'_, T, D, G, S> {
         fill_ghosts(destination, layout, 0, self.problem.grid.axes[0].boundary);
     }
 
+    /// Brings the limits that move to `time`.
+    fn move_limits(&self, limits: &mut Limits<T>, time: f64) -> Result<(), Invalid> {
+        for (name, limit, region) in [
+            ("target", &mut limits.ceiling, Some(&self.problem.target)),
+            ("obstacle", &mut limits.floor, self.problem.obstacle.as_ref()),
+        ] {
+            if let (Some(limit), Some(region)) = (limit, region.filter(|region| region.moves())) {
+                self.sample(name, region, time, limit)?;
+            }
+        }
+        Ok(())
+    }
+
     /// Writes `region` at `time` to every interior node.
-    fn sample(&self, region: &Region<'_, D>, time: f64, destination: &mut [T]) {
+    fn sample(
+        &self,
+        name: &str,
+        region: &Region<'_, D>,
+        time: f64,
+        destination: &mut [T],
+    ) -> Result<(), Invalid> {
         let (layout, grid) = (&self.layout, &self.problem.grid);
         let (lead, slice) = (layout.lead(), layout.slice_length());
         let inside = &mut destination[lead..lead + layout.slices() * slice];
+        // The first slice that holds something else than numbers.
+        let bad = AtomicUsize::new(usize::MAX);
         self.workers.for_chunks(inside, slice, |i, data| {
             each_interior(layout, i, |index, offset| {
                 data[offset] = T::from_f64(region.at(grid.node(index), time));
+                if !data[offset].to_f64().is_finite() {
+                    bad.fetch_min(i, Ordering::Relaxed);
+                }
             });
         });
+        let bad = bad.into_inner();
+        if bad == usize::MAX {
+            return Ok(());
+        }
+        self.all_finite(name, destination, bad)
+    }
+
+    /// Complains about the first node from slice `first` on whose value is no number.
+    fn all_finite(&self, name: &str, data: &[T], first: usize) -> Result<(), Invalid> {
+        let (layout, mut complaint) = (&self.layout, None);
+        for slice in first..layout.slices() {
+            let start = layout.lead() + slice * layout.slice_length();
+            each_interior(layout, slice, |index, offset| {
+                let value = data[start + offset].to_f64();
+                if complaint.is_none() && !value.is_finite() {
+                    let state = self.problem.grid.node(index);
+                    let found = format!("{value} at {state:?}");
+                    complaint = Some(Invalid::new(name, "a finite number at every node", found));
+                }
+            });
+        }
+        complaint.map_or(Ok(()), Err)
     }
 }
 
@@ -549,8 +600,7 @@ fn each_interior<const D: usize>(
     mut f: impl FnMut([usize; D], usize),
 ) {
     let first_axis = usize::from(Layout::<D>::LOOP_AXES > 0);
-    let count: usize = layout.nodes[first_axis.min(D - 1)..].iter().product();
-    let count = if first_axis == D { 1 } else { count };
+    let count: usize = layout.nodes[first_axis..].iter().product();
     for position in 0..count {
         let mut index = [slice; D];
         let (mut rest, mut offset) = (position, 0);
@@ -586,32 +636,34 @@ fn march<T: Real, const D: usize, G: Game<D>, S: Stencil>(
     }
     let stages = settings.scheme.stages();
     let limits = usize::from(problem.kind == Kind::Tube) + usize::from(problem.obstacle.is_some());
-    let padded = grid.axes.iter().fold(1_usize, |n, axis| {
-        n.saturating_mul(axis.nodes.saturating_add(2 * S::REACH))
-    });
+    let padded = grid
+        .axes
+        .iter()
+        .fold(1_usize, |n, axis| n.saturating_mul(axis.nodes.saturating_add(2 * S::REACH)));
     let arrays = stages.max(2) + limits;
     check_memory(padded, arrays, size_of::<T>(), settings.memory_limit_bytes)?;
 
     let layout = Layout::new(grid, S::REACH);
+    let threads = if grid.len() < SMALL { 1 } else { settings.threads.clamp(1, layout.slices()) };
     let mut marcher = Marcher::<T, D, G, S> {
         problem,
         layout,
         tables: Tables::new(problem.game, grid, &layout),
         units: [T::ZERO; D],
         scale: 1.0,
-        workers: Workers::new(if grid.len() < SMALL { 1 } else { settings.threads }),
-        slices_per_chunk: layout.slices().div_ceil(8 * settings.threads.max(1)),
+        workers: Workers::new(threads),
+        slices_per_chunk: layout.slices().div_ceil(8 * threads),
         scheme: core::marker::PhantomData,
     };
     let array = || vec![T::ZERO; layout.length];
     let mut value = array();
-    marcher.sample(&problem.target, 0.0, &mut value);
+    marcher.sample("target", &problem.target, 0.0, &mut value)?;
     let mut limits = Limits {
         ceiling: (problem.kind == Kind::Tube).then(|| value.clone()),
         floor: problem.obstacle.as_ref().map(|_| array()),
     };
     if let (Some(floor), Some(obstacle)) = (&mut limits.floor, &problem.obstacle) {
-        marcher.sample(obstacle, 0.0, floor);
+        marcher.sample("obstacle", obstacle, 0.0, floor)?;
         for (value, floor) in value.iter_mut().zip(floor) {
             *value = value.larger(*floor);
         }
@@ -623,26 +675,18 @@ fn march<T: Real, const D: usize, G: Game<D>, S: Stencil>(
     marcher.units =
         core::array::from_fn(|d| T::from_f64(1.0 / (grid.axes[d].spacing() * marcher.scale)));
 
-    let longest_step = settings.cfl / rate_bound(problem.game, grid);
+    let longest_step = settings.cfl / rate_bound(problem.game, grid)?;
     let planned = (longest / longest_step).ceil().max(1.0);
     let time_step = longest / planned;
     let mut first = array();
     let mut second = if stages == 3 { array() } else { Vec::new() };
-    let (half, quarters, third) =
-        (T::from_f64(0.5), T::from_f64(0.75), T::from_f64(1.0 / 3.0));
+    let (half, quarters, third) = (T::from_f64(0.5), T::from_f64(0.75), T::from_f64(1.0 / 3.0));
     let mut steps = 0;
     let mut residual = f64::INFINITY;
     while (steps as f64) < planned {
         steps += 1;
         let time = steps as f64 * time_step;
-        for (limit, region) in [
-            (&mut limits.ceiling, Some(&problem.target)),
-            (&mut limits.floor, problem.obstacle.as_ref()),
-        ] {
-            if let (Some(limit), Some(region)) = (limit, region.filter(|region| region.moves())) {
-                marcher.sample(region, time, limit);
-            }
-        }
+        marcher.move_limits(&mut limits, time)?;
         marcher.stage(time_step, &value, Base::Nothing, &limits, &mut first);
         let last = steps as f64 >= planned;
         let check = tolerance.is_some() && steps % RESIDUAL_EVERY == 0;
@@ -654,7 +698,10 @@ fn march<T: Real, const D: usize, G: Game<D>, S: Stencil>(
             2 => marcher.stage(time_step, &first, Base::Own(half), &limits, &mut value),
             _ => {
                 let base = Base::Other(quarters, &value[..]);
+                // This stage stands for the middle of the step.
+                marcher.move_limits(&mut limits, time - 0.5 * time_step)?;
                 marcher.stage(time_step, &first, base, &limits, &mut second);
+                marcher.move_limits(&mut limits, time)?;
                 marcher.stage(time_step, &second, Base::Own(third), &limits, &mut value);
             }
         }
@@ -670,6 +717,7 @@ fn march<T: Real, const D: usize, G: Game<D>, S: Stencil>(
     marcher.stage(time_step, &value, Base::Nothing, &limits, &mut first);
     residual = largest_change(&value, &first, &layout) / time_step;
     drop(first);
+    marcher.all_finite("value", &value, 0)?;
     let mut values = vec![T::ZERO; grid.len()];
     let mut write = values.iter_mut();
     for slice in 0..layout.slices() {
@@ -707,7 +755,7 @@ fn steepest<T: Real, const D: usize>(value: &[T], layout: &Layout<D>, grid: &Gri
 }
 
 /// max over the nodes of Σ speed_d/Δx_d: one over the largest stable time step.
-fn rate_bound<const D: usize, G: Game<D>>(game: &G, grid: &Grid<D>) -> f64 {
+fn rate_bound<const D: usize, G: Game<D>>(game: &G, grid: &Grid<D>) -> Result<f64, Invalid> {
     let tables: [Vec<[f64; TERMS]>; D] = core::array::from_fn(|d| {
         grid.axes[d].coordinates().iter().map(|x| game.terms(d, *x)).collect()
     });
@@ -717,7 +765,12 @@ fn rate_bound<const D: usize, G: Game<D>>(game: &G, grid: &Grid<D>) -> f64 {
     'nodes: loop {
         let terms = core::array::from_fn(|d| tables[d][index[d]]);
         let speeds = game.speed_bounds(&terms);
-        fastest = fastest.max((0..D).map(|d| speeds[d] * per_spacing[d]).sum());
+        let rate: f64 = (0..D).map(|d| speeds[d] * per_spacing[d]).sum();
+        if !rate.is_finite() {
+            let found = format!("{speeds:?} at {:?}", grid.node(index));
+            return Err(Invalid::new("game", "finite speed bounds at every node", found));
+        }
+        fastest = fastest.max(rate);
         for d in (0..D).rev() {
             index[d] += 1;
             if index[d] < grid.axes[d].nodes {
@@ -726,7 +779,7 @@ fn rate_bound<const D: usize, G: Game<D>>(game: &G, grid: &Grid<D>) -> f64 {
             index[d] = 0;
         }
         // A game without motion: any step will do.
-        return fastest.max(1e-12);
+        return Ok(fastest.max(1e-12));
     }
 }
 
