@@ -106,7 +106,7 @@ fn cartesian(criterion: &mut Criterion, fastest: &mut Fastest) {
         ("cartesian/weno5, 1 thread", Scheme::Weno5, 1),
         ("cartesian/weno5, 2 threads", Scheme::Weno5, 2),
     ] {
-        let settings = Settings { scheme, threads, ..Settings::default() };
+        let settings = Settings { threads, cfl: 0.75, ..Settings::of(scheme) };
         fastest.measure(&mut group, name, 1, || {
             let solution =
                 solve::<f32, 3, _>(&problem, &settings, &mut |_| ControlFlow::Continue(()));

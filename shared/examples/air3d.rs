@@ -69,7 +69,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     };
     let grid = grid_of(grid)?;
     let scheme: Scheme = serde_json::from_value(scheme.as_str().into())?;
-    let settings = Settings { scheme, threads: threads.parse()?, cfl: CFL, ..Default::default() };
+    let settings = Settings { threads: threads.parse()?, cfl: CFL, ..Settings::of(scheme) };
     let exact = GAME.exact()?;
 
     // Once for the memory and the caches, as the peer has compiled beforehand.

@@ -20,7 +20,7 @@ use sidestep::reachability::{
 const SCHEMES: [Scheme; 4] = [Scheme::Upwind, Scheme::Eno2, Scheme::Eno3, Scheme::Weno5];
 
 fn settings(scheme: Scheme) -> Settings {
-    Settings { scheme, threads: 2, ..Settings::default() }
+    Settings { threads: 2, cfl: 0.75, ..Settings::of(scheme) }
 }
 
 fn solved<T: Real, const D: usize, G: Game<D>>(
@@ -1093,7 +1093,7 @@ fn a_grid_beyond_the_memory_is_refused_at_once() {
     let target = |_: [f64; 4]| 1.0;
     let axes = [Axis::bounded(0.0, 1.0, 1_000_000); 4];
     let problem = problem(&Twisted, axes, &target, (Kind::Tube, BACKWARD), 1.0);
-    for limit in [0, Settings::default().memory_limit_bytes, u64::MAX - 1] {
+    for limit in [0, Settings::of(Scheme::Upwind).memory_limit_bytes, u64::MAX - 1] {
         let settings = Settings { memory_limit_bytes: limit, ..settings(Scheme::Upwind) };
         let result = solve::<f64, 4, _>(&problem, &settings, &mut |_| ControlFlow::Break(()));
         let Err(SolveError::Invalid(complaint)) = result else { panic!("not refused") };

@@ -107,12 +107,14 @@ pub struct Settings {
     pub memory_limit_bytes: u64,
 }
 
-impl Default for Settings {
-    fn default() -> Self {
+impl Settings {
+    /// `scheme` with the time step that suits it, on all threads.
+    #[must_use]
+    pub fn of(scheme: Scheme) -> Self {
         Self {
-            scheme: Scheme::Weno5,
+            scheme,
             threads: super::default_threads(),
-            cfl: 0.75,
+            cfl: scheme.cfl(),
             memory_limit_bytes: super::MEMORY_LIMIT_BYTES,
         }
     }

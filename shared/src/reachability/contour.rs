@@ -79,6 +79,7 @@ pub(super) fn closed_curves(lattice: &impl Lattice) -> Vec<Vec<[f64; 2]>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::math::hypot;
 
     /// Two discs, or one ring, on a square lattice.
     struct Plane<F>(F);
@@ -122,13 +123,13 @@ mod tests {
 
     #[test]
     fn each_piece_is_a_curve_with_the_region_on_its_left() {
-        let disc = |x: f64, y: f64, cx: f64| (x - cx).hypot(y) - 1.0;
+        let disc = |x: f64, y: f64, cx: f64| hypot(x - cx, y) - 1.0;
         let two = closed_curves(&Plane(|x, y| disc(x, y, -2.0).min(disc(x, y, 2.03))));
         assert_eq!(two.len(), 2);
         for curve in &two {
             assert!((area(curve) - core::f64::consts::PI).abs() < 0.01, "{}", area(curve));
         }
-        let ring = closed_curves(&Plane(|x: f64, y: f64| (x.hypot(y) - 2.0).abs() - 0.5));
+        let ring = closed_curves(&Plane(|x: f64, y: f64| (hypot(x, y) - 2.0).abs() - 0.5));
         let mut areas: Vec<f64> = ring.iter().map(|curve| area(curve)).collect();
         areas.sort_by(f64::total_cmp);
         assert_eq!(areas.len(), 2);

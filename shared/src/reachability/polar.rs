@@ -148,8 +148,7 @@ pub fn solve<T: Real>(
     let count = levels.len();
     let mut solved: Option<Level<T>> = None;
     for (i, (range_nodes, angle_nodes)) in levels.into_iter().enumerate() {
-        let mut level =
-            Level::new(game, settings.range_m, range_nodes, angle_nodes, Evader::Free);
+        let mut level = Level::new(game, settings.range_m, range_nodes, angle_nodes, Evader::Free);
         if let Some(coarser) = &solved {
             level.start_from(coarser);
         }
@@ -287,9 +286,7 @@ impl<T: Real> Level<T> {
                 let to = self.at(i, k);
                 for j in 0..angles {
                     let mut sum = T::ZERO;
-                    for (range, weight) in
-                        [(low, T::from_f64(1.0) - share), (low + 1, share)]
-                    {
+                    for (range, weight) in [(low, T::from_f64(1.0) - share), (low + 1, share)] {
                         for bearing in [k / 2, k.div_ceil(2)] {
                             for heading in [j / 2, j.div_ceil(2) % coarse.angle_nodes] {
                                 let from = coarse.at(range, bearing) + PAD + heading;
@@ -479,8 +476,7 @@ impl<T: Real> Kernel for Sweep<'_, T> {
             let i = if inwards { ranges - i } else { i };
             for k in 0..bearings {
                 let k = if backwards { bearings - 1 - k } else { k };
-                let change =
-                    if level.is_active(i, k, rest) {
+                let change = if level.is_active(i, k, rest) {
                     level.update(i, k, full, [&mut *buffer, &mut *floor])
                 } else {
                     T::ZERO
@@ -580,7 +576,9 @@ impl<T: Real> Level<T> {
             }
         }
         for lanes in own2.chunks(16).zip(buffer.chunks(16)) {
-            for (((most, total), old), new) in most.iter_mut().zip(&mut totals).zip(lanes.0).zip(lanes.1) {
+            for (((most, total), old), new) in
+                most.iter_mut().zip(&mut totals).zip(lanes.0).zip(lanes.1)
+            {
                 let moved = *new - *old;
                 *most = most.larger(moved.abs());
                 *total += moved;

@@ -214,8 +214,11 @@ impl SampledValue {
                     // Mirror at bearings 0 and π; flat beyond the last range; odd
                     // about r = 0, where W is 0.
                     let mirrored = j < 0 || j > n as isize / 2;
-                    let (j, k) =
-                        if mirrored { (turn(-j, n), turn(-k, n)) } else { (j as usize, turn(k, n)) };
+                    let (j, k) = if mirrored {
+                        (turn(-j, n), turn(-k, n))
+                    } else {
+                        (j as usize, turn(k, n))
+                    };
                     if i < 0 {
                         -stored(-i as usize, j, k)
                     } else {
@@ -293,10 +296,7 @@ impl SampledValue {
     ///
     /// # Errors
     /// [`Invalid`] if it is not finite.
-    pub fn from_polar(
-        game: PursuitGame,
-        solution: &polar::Solution<f32>,
-    ) -> Result<Self, Invalid> {
+    pub fn from_polar(game: PursuitGame, solution: &polar::Solution<f32>) -> Result<Self, Invalid> {
         let range = solution.range;
         let nodes = Nodes::Polar {
             knee_m: range.knee_m,
@@ -400,7 +400,8 @@ impl SampledValue {
                 let along = |axis: Axis, at: f64| {
                     let inside = at >= axis.low && at <= axis.high;
                     let per = 1.0 / axis.spacing();
-                    let (i, t) = split((at.clamp(axis.low, axis.high) - axis.low) * per, axis.nodes - 1);
+                    let (i, t) =
+                        split((at.clamp(axis.low, axis.high) - axis.low) * per, axis.nodes - 1);
                     (i, t, inside, if inside { per } else { 0.0 })
                 };
                 let (i, t0, in_x, s0) = along(ax, x);
@@ -442,7 +443,8 @@ impl SampledValue {
                     Nodes::Polar { .. } => a,
                     Nodes::Cartesian { .. } => hypot(a, *b),
                 };
-                let (cell, share) = if j == self.table.cells()[1] { (j - 1, 1.0) } else { (j, 0.0) };
+                let (cell, share) =
+                    if j == self.table.cells()[1] { (j - 1, 1.0) } else { (j, 0.0) };
                 let value = |i: usize, t: f64| {
                     let at = first[i] + t * (first[i + 1] - first[i]);
                     let (deficit, _) = self.deficit_at([i, cell, k], [t, share, 0.0]);
@@ -598,7 +600,6 @@ impl RangeFinder {
         (cell, share, true, self.per_step / (range_m + self.knee_m))
     }
 }
-
 
 /// Angles of the upper half plane without an arc tangent.
 #[derive(Clone, Debug, PartialEq)]

@@ -185,7 +185,12 @@ pub fn solve(
                 None => polar_nodes(&game, options)?,
             };
             nodes.check()?;
-            super::grid::check_memory(nodes.count(), 3, size_of::<f32>(), options.memory_limit_bytes)?;
+            super::grid::check_memory(
+                nodes.count(),
+                3,
+                size_of::<f32>(),
+                options.memory_limit_bytes,
+            )?;
             let samples = Arc::new(SampledValue::sampled(game, nodes, |state| exact.value(state))?);
             let function = ValueFunction::Exact(exact);
             Ok(Solved { function, samples, method: chosen, steps: 0, threads: 1, residual: 0.0 })
@@ -261,10 +266,9 @@ fn march<T: super::Real>(
         horizon,
     };
     let settings = cartesian::Settings {
-        scheme: grid.scheme,
         threads: options.threads,
         memory_limit_bytes: options.memory_limit_bytes,
-        ..cartesian::Settings::default()
+        ..cartesian::Settings::of(grid.scheme)
     };
     let solution = cartesian::solve::<T, 3, _>(&problem, &settings, progress)?;
     let samples = SampledValue::from_cartesian(game, options.horizon_s, &solution)?;

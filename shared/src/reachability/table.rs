@@ -5,6 +5,23 @@
 const BEFORE: usize = 1;
 const BEHIND: usize = 2;
 
+/// One number for each of the four edges of a cell along one axis.
+type Four = [f32; 4];
+
+/// The curvature along each edge: minmod of that at its ends.
+#[inline(always)]
+fn bends([before, from, to, behind]: [Four; 4]) -> Four {
+    let mut bends = [0.0; 4];
+    for e in 0..4 {
+        let rise = to[e] - from[e];
+        let low = rise - (from[e] - before[e]);
+        let high = (behind[e] - to[e]) - rise;
+        let smaller = if low.abs() < high.abs() { low } else { high };
+        bends[e] = if low * high > 0.0 { smaller } else { 0.0 };
+    }
+    bends
+}
+
 /// Numbers on a box of nodes, with ghosts.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Table {
@@ -52,7 +69,7 @@ impl Table {
     /// smaller of the second differences at its two ends: third order where the data
     /// are smooth, no overshoot at a kink, and continuous everywhere, since on a
     /// face only what lies in it counts.
-    #[inline]
+    #[inline(always)]
     pub(super) fn interpolate(&self, index: [usize; 3], share: [f64; 3]) -> (f64, [f64; 3]) {
         let origin = self.offset(index);
         let [s0, s1, s2] = self.strides;
@@ -64,20 +81,9 @@ impl Table {
         let [u0, u1, u2] = [1.0 - t0, 1.0 - t1, 1.0 - t2];
         // The four edges along each axis, all at once: their ends and what lies
         // beyond these.
-        type Four = [f32; 4];
-        let edges = |stride: usize, slow: usize, fast: usize| -> [Four; 4] {
-            let along = |at: usize| [v(at), v(at + fast), v(at + slow), v(at + slow + fast)];
-            [along(here - stride), along(here), along(here + stride), along(here + 2 * stride)]
-        };
-        // The curvature along each edge: minmod of that at its ends.
-        let bends = |[before, from, to, behind]: [Four; 4]| -> Four {
-            core::array::from_fn(|e| {
-                let rise = to[e] - from[e];
-                let low = rise - (from[e] - before[e]);
-                let high = (behind[e] - to[e]) - rise;
-                let smaller = if low.abs() < high.abs() { low } else { high };
-                if low * high > 0.0 { smaller } else { 0.0 }
-            })
+        let edges = |stride: usize, slow: usize, fast: usize| {
+            [here - stride, here, here + stride, here + 2 * stride]
+                .map(|at| [v(at), v(at + fast), v(at + slow), v(at + slow + fast)])
         };
         let along0 = edges(s0, s1, s2);
         let along1 = edges(s1, s0, s2);
@@ -143,8 +149,7 @@ mod tests {
 
     #[test]
     fn slopes_are_those_of_the_interpolant_and_faces_join() {
-        let table =
-            Table::new([6, 6, 6], |[i, j, k]| smooth(i as f64, j as f64, k as f64) as f32);
+        let table = Table::new([6, 6, 6], |[i, j, k]| smooth(i as f64, j as f64, k as f64) as f32);
         let mut rng = SeededRng::new(2);
         let at = |x: [f64; 3]| {
             let index = x.map(|x| (x as usize).min(5));

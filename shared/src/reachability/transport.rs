@@ -174,7 +174,7 @@ impl Predictor {
             let (mut back, mut exists) = (0, true);
             for d in 0..3 {
                 if corner >> d & 1 == 1 {
-                    exists &= position / self.strides[d] % self.shape[d] > 0;
+                    exists &= !(position / self.strides[d]).is_multiple_of(self.shape[d]);
                     back += self.strides[d];
                 }
             }

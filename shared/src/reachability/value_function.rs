@@ -196,8 +196,7 @@ impl<'a> SliceLattice<'a> {
     fn node(&self, lattice: [usize; 2]) -> ([usize; 2], bool) {
         let size = self.slice.size();
         let ring = self.ring();
-        let node =
-            core::array::from_fn(|d| lattice[d].saturating_sub(ring[d]).min(size[d] - 1));
+        let node = core::array::from_fn(|d| lattice[d].saturating_sub(ring[d]).min(size[d] - 1));
         let real = (0..2).all(|d| node[d] + ring[d] == lattice[d]);
         (node, real)
     }
