@@ -8,6 +8,18 @@ const BEHIND: usize = 2;
 /// One number for each of the four edges of a cell along one axis.
 type Four = [f32; 4];
 
+/// The four edges of a cell along one axis, all at once: what lies before them, their
+/// ends and what lies behind them. The last argument has the strides of the other axes.
+#[inline(always)]
+fn edges(values: &[f32], cell: usize, stride: usize, [slow, fast]: [usize; 2]) -> [Four; 4] {
+    let mut edges = [[0.0; 4]; 4];
+    for (step, edge) in edges.iter_mut().enumerate() {
+        let at = cell + step * stride - stride;
+        *edge = [values[at], values[at + fast], values[at + slow], values[at + slow + fast]];
+    }
+    edges
+}
+
 /// The curvature along each edge: minmod of that at its ends.
 #[inline(always)]
 fn bends([before, from, to, behind]: [Four; 4]) -> Four {
@@ -75,19 +87,12 @@ impl Table {
         let [s0, s1, s2] = self.strides;
         // One slice for the whole stencil: a single bounds check.
         let values = &self.values[origin - s0..][..3 * s0 + s1 + s2 + 1];
-        let v = |offset: usize| values[offset];
         let here = s0;
-        let [t0, t1, t2] = share.map(|t| t as f32);
+        let [t0, t1, t2] = [share[0] as f32, share[1] as f32, share[2] as f32];
         let [u0, u1, u2] = [1.0 - t0, 1.0 - t1, 1.0 - t2];
-        // The four edges along each axis, all at once: their ends and what lies
-        // beyond these.
-        let edges = |stride: usize, slow: usize, fast: usize| {
-            [here - stride, here, here + stride, here + 2 * stride]
-                .map(|at| [v(at), v(at + fast), v(at + slow), v(at + slow + fast)])
-        };
-        let along0 = edges(s0, s1, s2);
-        let along1 = edges(s1, s0, s2);
-        let along2 = edges(s2, s0, s1);
+        let along0 = edges(values, here, s0, [s1, s2]);
+        let along1 = edges(values, here, s1, [s0, s2]);
+        let along2 = edges(values, here, s2, [s0, s1]);
         let (b0, b1, b2) = (bends(along0), bends(along1), bends(along2));
         // Corners (j, k) of both faces across axis 0.
         let [_, near, far, _] = along0;
