@@ -438,7 +438,9 @@ impl<T: Real> Level<T> {
                 }
             }
         }
+        // One after the other, so that no more than three full grids exist.
         let deficit = self.inside();
+        self.values = Vec::new();
         let sheet = sheet.inside();
         Solution {
             range: self.range,

@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 /// Deficits are stored in multiples of this, m: an error of half as much.
-pub const QUANTUM_M: f64 = 0.002;
+pub const QUANTUM_M: f64 = 0.001;
 
 const FORMAT: &str = "sidestep-value-function/1";
 

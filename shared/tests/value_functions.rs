@@ -1,0 +1,440 @@
+//! Value functions of solved games: against the closed form, against independent
+//! solutions of unequal games, and as the rest of the program uses them.
+#![allow(clippy::unwrap_used, reason = "a test that panics has failed")]
+
+use core::ops::ControlFlow;
+use sidestep::math::{PI, SeededRng, TAU, atan2, hypot, sin_cos};
+use sidestep::reachability::polar;
+use sidestep::reachability::{
+    Accuracy, CartesianGrid, CurveSettings, Method, Nodes, Options, Player, Precision, PursuitGame,
+    SampledValue, Scheme, SolveError, Solved, ValueFunction, solve,
+};
+use std::sync::OnceLock;
+
+fn game(evader: [f64; 2], pursuer: [f64; 2], radius_m: f64) -> PursuitGame {
+    let player = |[speed_mps, turn_rate_radps]: [f64; 2]| Player { speed_mps, turn_rate_radps };
+    PursuitGame { evader: player(evader), pursuer: player(pursuer), radius_m }
+}
+
+fn paper() -> PursuitGame {
+    game([2.0, 0.5], [2.0, 0.5], 3.0)
+}
+
+/// The unequal pair of the reference.
+fn unequal() -> PursuitGame {
+    game([2.0, 0.5], [1.5, 0.8], 3.0)
+}
+
+fn solved(game: PursuitGame, options: &Options) -> Solved {
+    solve(game, options, &mut |_| ControlFlow::Continue(())).unwrap()
+}
+
+fn polar_of(game: PursuitGame) -> Solved {
+    solved(game, &Options { method: Some(Method::Polar), ..Options::default() })
+}
+
+fn paper_polar() -> &'static Solved {
+    static SOLVED: OnceLock<Solved> = OnceLock::new();
+    SOLVED.get_or_init(|| polar_of(paper()))
+}
+
+fn unequal_polar() -> &'static Solved {
+    static SOLVED: OnceLock<Solved> = OnceLock::new();
+    SOLVED.get_or_init(|| polar_of(unequal()))
+}
+
+fn rows(text: &str) -> Vec<Vec<f64>> {
+    let row = |line: &str| line.split(',').map(|cell| cell.parse().unwrap()).collect();
+    text.lines().skip(1).map(row).collect()
+}
+
+fn quantile(values: &mut [f64], share: f64) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[((values.len() - 1) as f64 * share) as usize]
+}
+
+fn states(seed: u64, count: usize, range_m: f64) -> Vec<[f64; 3]> {
+    let mut rng = SeededRng::new(seed);
+    (0..count)
+        .map(|_| {
+            let (r, bearing) = (range_m * rng.unit(), rng.uniform(-PI, PI));
+            let (sin, cos) = sin_cos(bearing);
+            [r * cos, r * sin, rng.uniform(-PI, PI)]
+        })
+        .collect()
+}
+
+/// Errors of a solution near V = 0 of the closed form: (p99, largest, how many).
+fn errors_near_zero(solved: &Solved, states: &[[f64; 3]]) -> (f64, f64, usize) {
+    let exact = solved.function.game().exact().unwrap();
+    let mut errors: Vec<f64> = states
+        .iter()
+        .map(|state| (exact.value(*state), solved.function.value(*state)))
+        .filter(|(exact, _)| exact.abs() < 0.5)
+        .map(|(exact, value)| (value - exact).abs())
+        .collect();
+    (quantile(&mut errors, 0.99), quantile(&mut errors, 1.0), errors.len())
+}
+
+#[test]
+fn polar_is_within_two_centimetres_of_the_closed_form() {
+    let reference = rows(include_str!("data/states_paper.csv"));
+    let listed: Vec<_> = reference.iter().map(|row| [row[0], row[1], row[2]]).collect();
+    for states in [listed, states(1, 200_000, 20.0)] {
+        let (p99, worst, count) = errors_near_zero(paper_polar(), &states);
+        println!("|V| < 0.5 at {count} states: p99 {p99:.4}, largest {worst:.4} m");
+        assert!(count > 50, "{count}");
+        assert!(p99 <= 0.02, "{p99}");
+        assert!(worst <= 0.12, "{worst}");
+    }
+    let volume = paper_polar().samples.volume();
+    println!("volume {volume}");
+    assert!((volume / 358.14141 - 1.0).abs() < 3e-3, "{volume}");
+}
+
+#[test]
+fn polar_scales_with_the_game() {
+    // *mitchell* has a turning radius of 5 m and R = 5 m: lengths 5/3 and 5/4 of *paper*.
+    let mitchell = polar_of(game([5.0, 1.0], [5.0, 1.0], 5.0));
+    let (p99, worst, count) = errors_near_zero(&mitchell, &states(2, 100_000, 25.0));
+    println!("mitchell: {count} states: p99 {p99:.4}, largest {worst:.4} m");
+    assert!(count > 1000 && p99 <= 0.03, "{p99}");
+}
+
+#[test]
+fn finer_grids_are_better() {
+    let p99 = |accuracy| {
+        let options = Options { method: Some(Method::Polar), accuracy, ..Options::default() };
+        errors_near_zero(&solved(paper(), &options), &states(3, 100_000, 20.0)).0
+    };
+    let (draft, standard) = (p99(Accuracy::Draft), p99(Accuracy::Standard));
+    println!("p99: draft {draft:.4}, standard {standard:.4}");
+    assert!(draft > 1.5 * standard && draft < 0.2, "{draft} {standard}");
+}
+
+#[test]
+fn single_and_double_precision_agree() {
+    let settings = polar::Settings { range_nodes: 33, angle_nodes: 48, ..Default::default() };
+    let mut go = |_| ControlFlow::Continue(());
+    let single = polar::solve::<f32>(&unequal(), &settings, &mut go).unwrap();
+    let double = polar::solve::<f64>(&unequal(), &settings, &mut go).unwrap();
+    let differences = single.deficit.iter().zip(&double.deficit);
+    let mut differences: Vec<f64> = differences.map(|(a, b)| (f64::from(*a) - b).abs()).collect();
+    // Cells on a kink flicker by centimetres, and not in step.
+    let p99 = quantile(&mut differences, 0.99);
+    assert!(p99 < 5e-3, "{p99}");
+}
+
+#[test]
+fn unequal_pair_agrees_with_an_independent_solution() {
+    let grid = CartesianGrid {
+        nodes: [81, 81, 60],
+        domain_m: [-20.0, 20.0, -20.0, 20.0],
+        scheme: Scheme::Weno5,
+        precision: Precision::F32,
+    };
+    let options = Options { horizon_s: 6.0, grid: Some(grid), ..Options::default() };
+    let ours = solved(unequal(), &options);
+    assert_eq!(ours.method, Method::Cartesian);
+    let reference = rows(include_str!("data/states_unequal.csv"));
+    assert_eq!(reference.len(), 2000);
+    let (mut within, mut worst) = (0, 0.0_f64);
+    for row in &reference {
+        let off = (ours.function.value([row[0], row[1], row[2]]) - row[3]).abs();
+        within += usize::from(off <= row[4]);
+        worst = worst.max(off);
+    }
+    println!("{within} of 2000 within their error estimates; largest difference {worst:.4} m");
+    // The estimates, from two grids, say little on the kinks themselves.
+    assert!(within >= 1980, "{within}");
+    assert!(worst <= 0.08, "{worst}");
+}
+
+#[test]
+fn converged_value_is_below_that_of_any_horizon_and_near_it() {
+    let reference = rows(include_str!("data/states_unequal.csv"));
+    let mut differences = Vec::new();
+    for row in &reference {
+        let value = unequal_polar().function.value([row[0], row[1], row[2]]);
+        assert!(value <= row[3] + row[4] + 0.05, "{value} above {row:?}");
+        differences.push((value - row[3]).abs());
+    }
+    // Most of the game is over after the 6 s of the reference.
+    assert!(quantile(&mut differences, 0.9) <= 0.012);
+}
+
+#[test]
+fn methods_choose_themselves_and_agree() {
+    assert_eq!(Method::choose(&paper(), f64::INFINITY), Method::Exact);
+    assert_eq!(Method::choose(&unequal(), f64::INFINITY), Method::Polar);
+    assert_eq!(Method::choose(&paper(), 2.0), Method::Cartesian);
+    let exact = solved(paper(), &Options::default());
+    assert_eq!((exact.method, exact.steps), (Method::Exact, 0));
+    assert!(matches!(exact.function, ValueFunction::Exact(_)));
+    assert!((exact.samples.volume() / 358.14141 - 1.0).abs() < 1e-3);
+}
+
+#[test]
+fn gradients_are_those_of_the_value() {
+    for solved in [paper_polar(), unequal_polar()] {
+        let f = &solved.function;
+        let mut off = Vec::new();
+        for state in states(4, 4000, 30.0) {
+            let gradient = f.state(state).gradient;
+            for d in 0..3 {
+                let step = |h: f64| {
+                    let mut moved = state;
+                    moved[d] += h;
+                    f.value(moved)
+                };
+                // The table is of single precision.
+                let slope = (step(2e-3) - step(-2e-3)) / 4e-3;
+                off.push((slope - gradient[d]).abs() / (1.0 + slope.abs()));
+            }
+        }
+        // The rest crosses a face or a kink within the step.
+        let p95 = quantile(&mut off, 0.95);
+        assert!(p95 < 5e-3, "{p95}");
+    }
+}
+
+#[test]
+fn turns_are_those_of_the_closed_form() {
+    let exact = paper().exact().unwrap();
+    let (mut same, mut all) = (0, 0);
+    for state in states(5, 20_000, 25.0) {
+        let truth = exact.analyze(state);
+        let closing = truth.value < hypot(state[0], state[1]) - 3.0 - 0.3;
+        if closing && !truth.on_kink && truth.pursuer_turn != 0.0 {
+            let found = paper_polar().function.state(state);
+            all += 1;
+            same += usize::from(
+                found.evader_turn == truth.evader_turn
+                    && (found.pursuer_turn == truth.pursuer_turn || truth.gradient[2].abs() < 0.2),
+            );
+        }
+    }
+    println!("{same} of {all} states with the optimal turns");
+    assert!(all > 1000 && same as f64 > 0.97 * all as f64, "{same} of {all}");
+}
+
+#[test]
+fn symmetric_and_periodic() {
+    let f = &unequal_polar().function;
+    for [x, y, psi] in states(6, 2000, 50.0) {
+        let value = f.value([x, y, psi]);
+        assert!((value - f.value([x, -y, -psi])).abs() < 1e-5);
+        assert!((value - f.value([x, y, psi + 3.0 * TAU])).abs() < 1e-5);
+        assert!(value <= hypot(x, y) - 3.0 + 1e-4, "never above the present range");
+        // Across the seams of bearing and heading.
+        assert!((f.value([x, 1e-9, psi]) - f.value([x, -1e-9, psi])).abs() < 1e-5);
+        assert!((f.value([x, y, 1e-9]) - f.value([x, y, -1e-9])).abs() < 1e-5);
+    }
+}
+
+#[test]
+fn beyond_the_grid_the_deficit_is_that_of_its_edge() {
+    let f = &unequal_polar().function;
+    let Nodes::Polar { range_m, .. } = unequal_polar().samples.nodes() else { panic!("polar") };
+    for [x, y, psi] in states(7, 500, 1.0) {
+        let r = hypot(x, y);
+        let at = |range: f64| f.state([x / r * range, y / r * range, psi]);
+        let edge = at(range_m - 1e-9);
+        let far = at(3.0 * range_m);
+        assert!(edge.inside && !far.inside);
+        assert!((far.value - 2.0 * range_m - edge.value).abs() < 1e-3, "{edge:?} {far:?}");
+        let radial = far.gradient[0] * x / r + far.gradient[1] * y / r;
+        assert!((radial - 1.0).abs() < 1e-9);
+    }
+    // Cartesian: of the nearest point of the box.
+    let grid = CartesianGrid {
+        nodes: [21, 21, 16],
+        domain_m: [-10.0, 10.0, -10.0, 10.0],
+        scheme: Scheme::Eno2,
+        precision: Precision::F32,
+    };
+    let options = Options { horizon_s: 1.0, grid: Some(grid), ..Options::default() };
+    let f = solved(unequal(), &options).function;
+    let (edge, far) = (f.state([10.0, 2.0, 1.0]), f.state([25.0, 2.0, 1.0]));
+    assert!(edge.inside && !far.inside);
+    let grown = hypot(25.0, 2.0) - hypot(10.0, 2.0);
+    assert!((far.value - edge.value - grown).abs() < 1e-5);
+}
+
+fn area(curve: &[[f64; 2]]) -> f64 {
+    let next = curve.iter().cycle().skip(1);
+    curve.iter().zip(next).map(|(a, b)| 0.5 * (a[0] * b[1] - a[1] * b[0])).sum()
+}
+
+#[test]
+fn level_curves_lie_on_the_level_and_close() {
+    let settings = CurveSettings::default();
+    for solved in [paper_polar(), unequal_polar()] {
+        for step in 0..24 {
+            let psi = f64::from(step) * TAU / 24.0 + 0.03;
+            for level in [0.0, 1.0] {
+                let curves = solved.function.level_curves(psi, level, settings);
+                assert_eq!(curves.len(), 1, "psi {psi}");
+                let mut off = Vec::new();
+                for (a, b) in curves[0].iter().zip(curves[0].iter().cycle().skip(1)) {
+                    off.push((solved.function.value([a[0], a[1], psi]) - level).abs());
+                    assert!(hypot(b[0] - a[0], b[1] - a[1]) < 0.9, "a gap at {a:?}");
+                }
+                assert!(quantile(&mut off, 0.9) < 2e-3, "{}", quantile(&mut off, 0.9));
+                assert!(quantile(&mut off, 1.0) < 0.05, "{}", quantile(&mut off, 1.0));
+                if solved.function.game().identical() {
+                    let exact = ValueFunction::Exact(paper().exact().unwrap());
+                    let truth = area(&exact.level_curves(psi, level, settings)[0]);
+                    let found = area(&curves[0]);
+                    assert!((found / truth - 1.0).abs() < 0.01, "psi {psi}: {found} {truth}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn a_set_that_leaves_the_grid_closes_along_its_edge() {
+    // Every state is lost to a pursuer that is twice as fast and as nimble.
+    let options = Options { range_m: Some(6.0), ..Options::default() };
+    let solved = solved(game([1.0, 0.5], [2.0, 1.0], 3.0), &options);
+    let curves = solved.function.level_curves(0.4, 0.0, CurveSettings::default());
+    let reach = curves.iter().flatten().map(|p| hypot(p[0], p[1])).fold(0.0, f64::max);
+    assert!((reach - 6.0).abs() < 1e-6, "{reach}");
+    let widest = curves.iter().map(|curve| area(curve)).fold(0.0, f64::max);
+    assert!(widest > 0.95 * PI * 36.0, "{widest}");
+}
+
+#[test]
+fn transport_is_small_and_close() {
+    for solved in [paper_polar(), unequal_polar()] {
+        let f = ValueFunction::Sampled(solved.samples.clone());
+        let octets = f.encode();
+        let again = ValueFunction::decode(&octets).unwrap();
+        assert_eq!(again.id(), f.id(), "the same octets again");
+        let off = states(8, 50_000, 45.0)
+            .into_iter()
+            .map(|state| (again.value(state) - f.value(state)).abs())
+            .fold(0.0, f64::max);
+        println!("{} octets, largest error {off:.5} m", octets.len());
+        assert!(off <= 2e-3, "{off}");
+        // What is sent is compressed besides.
+        assert!(octets.len() <= 1_500_000, "{}", octets.len());
+    }
+}
+
+#[test]
+fn the_same_game_has_the_same_octets_on_every_machine() {
+    // Lanes, threads and platform change no bit; a change of the solver changes this.
+    let function = &unequal_polar().function;
+    assert_eq!(function.id(), UNEQUAL_ID);
+}
+
+const UNEQUAL_ID: &str = "8cab8a6469b9da96b61159c7d94f665b6e38fd837afb4c28db9ac9cc9f0d1e1b";
+
+#[test]
+fn any_solve_can_be_stopped() {
+    for options in [
+        Options { method: Some(Method::Polar), ..Options::default() },
+        Options { method: Some(Method::Cartesian), horizon_s: 1.0, ..Options::default() },
+    ] {
+        let mut calls = 0;
+        let mut last = 0.0;
+        let answer = solve(paper(), &options, &mut |progress| {
+            calls += 1;
+            assert!(progress.done >= last && progress.done <= 1.0);
+            last = progress.done;
+            if calls == 5 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        });
+        assert_eq!(answer.unwrap_err(), SolveError::Cancelled);
+        assert_eq!(calls, 5);
+    }
+}
+
+fn refused(game: PursuitGame, options: &Options) -> String {
+    match solve(game, options, &mut |_| ControlFlow::Continue(())) {
+        Err(SolveError::Invalid(complaint)) => complaint.to_string(),
+        Err(SolveError::Cancelled) => "cancelled".into(),
+        Ok(_) => "solved".into(),
+    }
+}
+
+#[test]
+fn bad_requests_are_refused_by_name() {
+    let options = Options::default();
+    for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+        let cases = [
+            (game([bad, 0.5], [1.5, 0.8], 3.0), "evader.speed_mps"),
+            (game([2.0, bad], [1.5, 0.8], 3.0), "evader.turn_rate_radps"),
+            (game([2.0, 0.5], [bad, 0.8], 3.0), "pursuer.speed_mps"),
+            (game([2.0, 0.5], [1.5, bad], 3.0), "pursuer.turn_rate_radps"),
+            (game([2.0, 0.5], [1.5, 0.8], bad), "radius_m"),
+        ];
+        for (game, field) in cases {
+            let complaint = refused(game, &options);
+            assert!(complaint.starts_with(field), "{complaint}");
+        }
+    }
+    for horizon_s in [0.0, -2.0, f64::NAN] {
+        assert!(refused(paper(), &Options { horizon_s, ..options }).starts_with("horizon_s"));
+    }
+    let timed = Options { method: Some(Method::Polar), horizon_s: 2.0, ..options };
+    assert!(refused(paper(), &timed).starts_with("horizon_s"));
+    let exact = Options { method: Some(Method::Exact), ..options };
+    assert!(refused(unequal(), &exact).starts_with("method"));
+    assert!(refused(paper(), &Options { threads: 0, ..options }).starts_with("threads"));
+    let near = Options { method: Some(Method::Polar), range_m: Some(2.0), ..options };
+    assert!(refused(paper(), &near).starts_with("range_m"));
+    let huge = CartesianGrid {
+        nodes: [100_000, 100_000, 100_000],
+        domain_m: [-1.0, 1.0, -1.0, 1.0],
+        scheme: Scheme::Eno2,
+        precision: Precision::F64,
+    };
+    for method in [Method::Cartesian, Method::Exact] {
+        let options = Options { method: Some(method), grid: Some(huge), ..options };
+        let complaint = refused(paper(), &options);
+        assert!(complaint.contains("memory") || complaint.contains("65536"), "{complaint}");
+    }
+    let small = CartesianGrid { nodes: [3, 51, 50], scheme: Scheme::Weno5, ..huge };
+    let options = Options { grid: Some(small), horizon_s: 1.0, ..options };
+    assert!(refused(paper(), &options).starts_with("axes[0].nodes"));
+}
+
+#[test]
+fn bad_tables_are_refused_by_name() {
+    let nodes = Nodes::Polar { knee_m: 3.0, range_m: 40.0, range_nodes: 9, angle_nodes: 12 };
+    let good = vec![0.0_f32; nodes.count()];
+    let new = |nodes, horizon, deficit: &[f32]| {
+        SampledValue::new(unequal(), nodes, horizon, deficit, None).map(|_| ())
+    };
+    assert!(new(nodes, 1.0, &good).is_ok());
+    assert_eq!(new(nodes, 0.0, &good).unwrap_err().field, "horizon_s");
+    assert_eq!(new(nodes, 1.0, &good[1..]).unwrap_err().field, "value");
+    let mut bad = good.clone();
+    bad[17] = f32::NAN;
+    assert_eq!(new(nodes, 1.0, &bad).unwrap_err().field, "value[17]");
+    let odd = Nodes::Polar { knee_m: 3.0, range_m: 40.0, range_nodes: 9, angle_nodes: 13 };
+    assert_eq!(new(odd, 1.0, &good).unwrap_err().field, "angle_nodes");
+    let sheet = SampledValue::new(unequal(), nodes, 1.0, &good, Some(&good)).unwrap_err();
+    assert_eq!(sheet.field, "sheet");
+}
+
+#[test]
+fn a_bearing_is_continuous_around_the_evader() {
+    // The table's own arc tangent must not leave a step anywhere.
+    let f = &paper_polar().function;
+    let mut last = None;
+    for step in 0..=20_000 {
+        let angle = f64::from(step) * TAU / 20_000.0;
+        let (sin, cos) = sin_cos(angle);
+        let (x, y) = (10.0 * cos, 10.0 * sin);
+        assert!((atan2(y, x) - angle).abs() < 1e-9 || angle > PI - 1e-9);
+        let value = f.value([x, y, 2.0]);
+        if let Some(last) = last {
+            let jump: f64 = value - last;
+            assert!(jump.abs() < 0.03, "{jump} at {angle}");
+        }
+        last = Some(value);
+    }
+}
