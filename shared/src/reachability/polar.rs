@@ -541,7 +541,7 @@ impl<T: Real> Level<T> {
         let (sin, cos) = (&self.sin[..n], &self.cos[..n]);
         let (buffer, floor) = (&mut buffer[..n], &mut floor[..n]);
         let mut largest = zero;
-        let (mut most, mut totals) = ([zero; 16], [zero; 16]);
+        let (mut most, mut totals) = ([zero; LANES], [zero; LANES]);
         for j in 0..n {
             let w = own2[j];
             let (range_in, range_out) = one_sided(in2[j], in1[j], w, out1[j], out2[j]);
@@ -577,13 +577,10 @@ impl<T: Real> Level<T> {
                 *new = if *floor > safe { new.larger(*floor) } else { *new };
             }
         }
-        for lanes in own2.chunks(16).zip(buffer.chunks(16)) {
-            for (((most, total), old), new) in
-                most.iter_mut().zip(&mut totals).zip(lanes.0).zip(lanes.1)
-            {
-                let moved = *new - *old;
-                *most = most.larger(moved.abs());
-                *total += moved;
+        for (new, old) in buffer.chunks(LANES).zip(own2.chunks(LANES)) {
+            match (new.first_chunk(), old.first_chunk()) {
+                (Some(new), Some(old)) => tally(new, old, &mut most, &mut totals),
+                _ => tally(&padded(new), &padded(old), &mut most, &mut totals),
             }
         }
         let bearings = self.bearings();
@@ -596,6 +593,31 @@ impl<T: Real> Level<T> {
         self.spread(i, k);
         largest
     }
+}
+
+/// Cells that fit the widest lanes, of single precision.
+const LANES: usize = 16;
+
+/// Adds what each lane moved to `totals`, and keeps the largest.
+#[inline(always)]
+fn tally<T: Real>(
+    new: &[T; LANES],
+    old: &[T; LANES],
+    most: &mut [T; LANES],
+    totals: &mut [T; LANES],
+) {
+    for lane in 0..LANES {
+        let moved = new[lane] - old[lane];
+        totals[lane] += moved;
+        most[lane] = most[lane].larger(moved.abs());
+    }
+}
+
+/// Fewer cells than lanes, and zeros.
+fn padded<T: Real>(cells: &[T]) -> [T; LANES] {
+    let mut lanes = [T::ZERO; LANES];
+    lanes[..cells.len()].copy_from_slice(cells);
+    lanes
 }
 
 /// Sweeps over a sheet.
