@@ -7,7 +7,7 @@
 //!
 //! range is a plain advection and the turn rates only shift the two angles, so each
 //! axis is upwinded exactly, without Lax–Friedrichs dissipation. The unknown is the
-//! deficit W = V − (r − R) ≤ 0, which is 0 at r = 0 and wherever the range only
+//! deficit W = V − (r − R), between −r and 0, which is 0 at r = 0 and wherever the range only
 //! opens. The range axis is r = c (eˢ − 1) with s uniform: linear near the danger
 //! zone, logarithmic far out, so a long range costs little. Mirror symmetry
 //! (α, ψ) → (−α, −ψ) leaves α in [0, π] to be solved.
@@ -525,6 +525,8 @@ impl<T: Real> Level<T> {
         let (ahead_cos, ahead_sin) = (pursuer_speed * cos_a, pursuer_speed * sin_a);
         let (evader_turn, pursuer_turn) = (f(evader.turn_rate_radps), f(pursuer.turn_rate_radps));
         let evader_left = if self.evader == Evader::Free { evader_turn } else { T::ZERO };
+        // V is at least −R.
+        let lowest = f(-range_m);
         let per_range = f(1.0 / range_m);
         let per_step = f(1.0 / ((range_m + self.range.knee_m) * self.range.step));
         let per_angle = f(n as f64 / TAU);
@@ -567,7 +569,7 @@ impl<T: Real> Level<T> {
             let rate = opening * (one + slope * per_step) + turning * per_angle;
             let speeds = opening.abs() * per_step
                 + (drift.abs() + evader_turn + evader_turn + pursuer_turn) * per_angle;
-            let moved = (w + cfl * rate / speeds).smaller(zero);
+            let moved = (w + cfl * rate / speeds).smaller(zero).larger(lowest);
             buffer[j] = moved;
         }
         if let Some(full) = full {
