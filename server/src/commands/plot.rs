@@ -52,7 +52,8 @@ pub async fn run(args: PlotArgs) -> Result<(), CommandError> {
     let function = args.function.function(&interrupt).await?;
     let radius_m = function.game().radius_m;
     if let Some(low) = args.levels.iter().find(|level| **level <= -radius_m) {
-        let message = format!("--levels: expected numbers above -{radius_m} (minus the radius), found {low}");
+        let message =
+            format!("--levels: expected numbers above -{radius_m} (minus the radius), found {low}");
         return Err(CommandError::Input(message));
     }
     let svg = match args.kind {
@@ -60,11 +61,8 @@ pub async fn run(args: PlotArgs) -> Result<(), CommandError> {
         Kind::Tube => figure::tube(&function),
     };
     let svg = svg.map_err(CommandError::failure)?;
-    let octets = if as_png {
-        figure::png(&svg).map_err(CommandError::failure)?
-    } else {
-        svg.into_bytes()
-    };
+    let octets =
+        if as_png { figure::png(&svg).map_err(CommandError::failure)? } else { svg.into_bytes() };
     whole_file::write(&args.out, &interrupt.stop, |out| out.write_all(&octets))
         .map_err(|e| interrupt.check().err().unwrap_or_else(|| unwritable(&args.out, &e)))?;
     print_json(&serde_json::json!({ "file": args.out, "octets": octets.len() }))
@@ -77,7 +75,8 @@ fn is_png(out: &Path) -> Result<bool, CommandError> {
         "png" => Ok(true),
         _ => {
             let found = out.display();
-            let message = format!("--out: expected a name that ends in .svg or .png, found {found}");
+            let message =
+                format!("--out: expected a name that ends in .svg or .png, found {found}");
             Err(CommandError::Input(message))
         }
     }

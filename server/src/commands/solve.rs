@@ -6,9 +6,7 @@ use super::{CommandError, print_json, unwritable};
 use crate::{npz, whole_file};
 use serde::Serialize;
 use sidestep::invalid::Invalid;
-use sidestep::reachability::{
-    CartesianGrid, MEMORY_LIMIT_BYTES, Method, Options, Precision, Scheme, default_threads,
-};
+use sidestep::reachability::{CartesianGrid, Method, Options, Precision, Scheme, default_threads};
 use std::path::PathBuf;
 
 /// Solve the pursuit game and write its value function to a NumPy archive.
@@ -176,12 +174,12 @@ impl SolveArgs {
             },
         });
         if let Some(CartesianGrid { nodes, .. }) = grid {
-            let count = nodes.iter().fold(1_u64, |n, m| n.saturating_mul(*m as u64));
-            // What is larger is refused with an estimate.
-            let fits = count <= MEMORY_LIMIT_BYTES / 12;
-            if let Some(long) = nodes.iter().find(|n| **n > AXIS_LIMIT && fits) {
+            if let Some(long) = nodes.iter().find(|n| **n > AXIS_LIMIT) {
+                let count = nodes.iter().fold(1_u64, |n, m| n.saturating_mul(*m as u64));
+                let needed = count.saturating_mul(size_of::<f32>() as u64).div_ceil(1 << 20);
                 let expected = format!("at most {AXIS_LIMIT} nodes an axis");
-                return Err(flagged(Invalid::new("grid", expected, long)));
+                let found = format!("{long}, of {count} nodes, which need at least {needed} MiB");
+                return Err(flagged(Invalid::new("grid", expected, found)));
             }
         }
         let threads = self.threads.unwrap_or_else(default_threads);

@@ -8,7 +8,6 @@ use crate::whole_file;
 use csv::{ReaderBuilder, StringRecord, Writer};
 use sidestep::invalid::Invalid;
 use sidestep::reachability::{ValueFunction, ValueState};
-use std::fs::File;
 use std::io;
 use std::path::PathBuf;
 
@@ -33,15 +32,8 @@ pub struct ValueArgs {
 
 const COLUMNS: [&str; 3] = ["x", "y", "psi"];
 
-const RESULTS: [&str; 7] = [
-    "value",
-    "dvalue_dx",
-    "dvalue_dy",
-    "dvalue_dpsi",
-    "evader_turn",
-    "pursuer_turn",
-    "exact",
-];
+const RESULTS: [&str; 7] =
+    ["value", "dvalue_dx", "dvalue_dy", "dvalue_dpsi", "evader_turn", "pursuer_turn", "exact"];
 
 /// Evaluates and writes the file: whole, or not at all.
 ///
@@ -50,7 +42,7 @@ const RESULTS: [&str; 7] = [
 /// (input), or one that cannot be written (failure).
 pub async fn run(args: ValueArgs) -> Result<(), CommandError> {
     let name = args.states.display().to_string();
-    let file = File::open(&args.states)
+    let states = std::fs::read(&args.states)
         .map_err(|e| CommandError::Input(format!("{name}: cannot read: {e}")))?;
     whole_file::check(&args.out).map_err(|e| unwritable(&args.out, &e))?;
     let interrupt = Interrupt::listen();
@@ -59,7 +51,7 @@ pub async fn run(args: ValueArgs) -> Result<(), CommandError> {
     whole_file::write(&args.out, &interrupt.stop, |out| -> Result<(), Fault> {
         let mut writer = Writer::from_writer(out);
         writer.write_record(COLUMNS.iter().chain(&RESULTS))?;
-        read(file, |state| {
+        read(&states, |state| {
             let found = evaluated(&function, state)?;
             rows += 1;
             outside += u64::from(!found.inside);
@@ -105,26 +97,24 @@ impl From<Invalid> for Fault {
 }
 
 /// Hands every state of the file to `each`.
-fn read(
-    file: impl io::Read,
-    mut each: impl FnMut([f64; 3]) -> Result<(), Fault>,
-) -> Result<(), Fault> {
+fn read(file: &[u8], mut each: impl FnMut([f64; 3]) -> Result<(), Fault>) -> Result<(), Fault> {
     let at = |line: u64| move |what: Invalid| Fault::Line(LineError { line, what });
+    let mut lines = Lines { file, gone: 0, line: 1 };
     // Flexible, so that a row of another length is complained about in our words.
     let mut reader = ReaderBuilder::new().flexible(true).from_reader(file);
-    let broken = |error: csv::Error| {
-        let line = error.position().map_or(1, csv::Position::line);
+    let broken = |lines: &mut Lines<'_>, error: csv::Error| {
+        let line = error.position().map_or(1, |position| lines.line_of(position));
         let found = match error.kind() {
             csv::ErrorKind::Utf8 { .. } => "octets that are not UTF-8".to_owned(),
             _ => error.to_string(),
         };
         at(line)(Invalid::new("row", "comma-separated UTF-8 text", found))
     };
-    let header = reader.headers().map_err(broken)?.clone();
+    let header = reader.headers().map_err(|e| broken(&mut lines, e))?.clone();
     let columns = columns(&header).map_err(at(1))?;
     let mut record = StringRecord::new();
-    while reader.read_record(&mut record).map_err(broken)? {
-        let line = record.position().map_or(0, csv::Position::line);
+    while reader.read_record(&mut record).map_err(|e| broken(&mut lines, e))? {
+        let line = record.position().map_or(1, |position| lines.line_of(position));
         if record.len() != header.len() {
             let expected = format!("{} fields, as in the header", header.len());
             return Err(at(line)(Invalid::new("row", expected, record.len())));
@@ -145,6 +135,27 @@ fn read(
         })?;
     }
     Ok(())
+}
+
+/// Counts lines; the reader's own count leaves out those that are empty.
+struct Lines<'a> {
+    file: &'a [u8],
+    /// Octets that are counted, and the line they lead to.
+    gone: usize,
+    line: u64,
+}
+
+impl Lines<'_> {
+    /// The line on which the record begins that the reader began to look for here.
+    fn line_of(&mut self, position: &csv::Position) -> u64 {
+        let rest = &self.file[(position.byte() as usize).min(self.file.len())..];
+        let blank = rest.iter().take_while(|octet| matches!(octet, b'\r' | b'\n')).count();
+        let begin = self.file.len() - rest.len() + blank;
+        let passed = &self.file[self.gone.min(begin)..begin];
+        self.line += passed.iter().filter(|octet| **octet == b'\n').count() as u64;
+        self.gone = begin;
+        self.line
+    }
 }
 
 /// Where x, y and psi are.
@@ -179,8 +190,7 @@ fn evaluated(function: &ValueFunction, state: [f64; 3]) -> Result<ValueState, In
 /// A row; every number reads back as the same double.
 fn fields(state: [f64; 3], found: &ValueState) -> impl Iterator<Item = String> {
     let turns = [found.evader_turn, found.pursuer_turn];
-    let numbers: Vec<f64> =
-        [&state[..], &[found.value], &found.gradient, &turns].concat();
+    let numbers: Vec<f64> = [&state[..], &[found.value], &found.gradient, &turns].concat();
     let exact = u8::from(found.exact).to_string();
     numbers.into_iter().map(|number| format!("{number:?}")).chain([exact])
 }

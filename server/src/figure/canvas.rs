@@ -187,8 +187,7 @@ impl Canvas<'_> {
             Align::Right => HPos::Right,
         };
         let font = (FONT, size * FONT_SCALE * FINE, style).into_font();
-        let style =
-            font.color(&color).into_text_style(&self.0).pos(Pos::new(across, VPos::Center));
+        let style = font.color(&color).into_text_style(&self.0).pos(Pos::new(across, VPos::Center));
         self.0.draw(&Text::new(text.to_owned(), at([x, y]), style)).map_err(failed)
     }
 

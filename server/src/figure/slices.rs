@@ -54,10 +54,8 @@ pub fn slices(
         let left = 0.5 * (width - columns as f64 * cell[0]);
         for (i, (psi, curves)) in psi_deg.iter().zip(&curves).enumerate() {
             let (row, column) = (i / columns, i % columns);
-            let corner = [
-                left + column as f64 * cell[0] + ROOM[0],
-                HEADER + row as f64 * cell[1] + ROOM[2],
-            ];
+            let corner =
+                [left + column as f64 * cell[0] + ROOM[0], HEADER + row as f64 * cell[1] + ROOM[2]];
             let panel = Panel { canvas, levels: &levels, window: &window, corner, side };
             panel.draw(*psi, curves, function.game().radius_m)?;
         }
@@ -235,7 +233,8 @@ impl<'a> Legend<'a> {
         for (sign, text) in &self.items {
             match *sign {
                 Sign::Level(level) => {
-                    let box_ = [[x, y - 6.0], [x + 26.0, y - 6.0], [x + 26.0, y + 6.0], [x, y + 6.0]];
+                    let box_ =
+                        [[x, y - 6.0], [x + 26.0, y - 6.0], [x + 26.0, y + 6.0], [x, y + 6.0]];
                     let color = self.levels.color(level);
                     if self.levels.is_filled(level) {
                         canvas.fill(&box_, color.mix(0.13))?;

@@ -56,7 +56,7 @@ impl<'a> Surface<'a> {
             let outer = tips[i].map_or(radius_m, |[_, range]| range) * 1.005;
             for j in 0..AROUND {
                 let t = 2.0 * j as f64 / AROUND as f64 - 1.0;
-                let (sin, cos) = sin_cos(bearing + PI * t * (0.3 + 0.7 * t.abs()));
+                let (sin, cos) = sin_cos(bearing + PI * t * (0.25 + 0.75 * t.abs()));
                 let inside = |r: f64| function.value([r * cos, r * sin, psi(i)]) <= 0.0;
                 let r = outermost(inside, radius_m, outer);
                 nodes.push([r * cos, r * sin, psi(i)]);
@@ -115,15 +115,17 @@ fn tip(function: &ValueFunction, psi: f64) -> Option<[f64; 2]> {
     (tip[1] > 1.03 * function.game().radius_m).then_some(tip)
 }
 
-/// The bearings of the tips from the middle heading both ways. Where the tip jumps, the
-/// bearing stays: a twist in the surface would look worse than a ragged edge.
+/// The bearings of the tips from the middle heading both ways; where they jump, about
+/// there: a twist from one heading to the next would look worse than a ragged edge.
 fn followed(tips: &[Option<[f64; 2]>]) -> Vec<f64> {
     const MOST: f64 = 0.2;
+    const NEAR: f64 = 0.06;
+    const SMOOTH: usize = UP / 20;
     let middle = tips.len() / 2;
     let mut bearings = vec![tips[middle].map_or(0.0, |tip| tip[0]); tips.len()];
     let follow = |from: f64, i: usize| match tips[i] {
-        Some([to, _]) if wrap_angle(to - from).abs() <= MOST => from + wrap_angle(to - from),
-        _ => from,
+        Some([to, _]) => from + wrap_angle(to - from).clamp(-MOST, MOST),
+        None => from,
     };
     for i in middle + 1..tips.len() {
         bearings[i] = follow(bearings[i - 1], i);
@@ -131,7 +133,20 @@ fn followed(tips: &[Option<[f64; 2]>]) -> Vec<f64> {
     for i in (0..middle).rev() {
         bearings[i] = follow(bearings[i + 1], i);
     }
-    bearings
+    for _ in 0..2 {
+        bearings = (0..bearings.len())
+            .map(|i| {
+                let reach = SMOOTH.min(i).min(bearings.len() - 1 - i);
+                let window = &bearings[i - reach..=i + reach];
+                window.iter().sum::<f64>() / window.len() as f64
+            })
+            .collect();
+    }
+    let bearing = |(i, about): (usize, f64)| match tips[i] {
+        Some([tip, _]) if wrap_angle(tip - about).abs() < NEAR => about + wrap_angle(tip - about),
+        _ => about,
+    };
+    bearings.into_iter().enumerate().map(bearing).collect()
 }
 
 /// The largest range that is inside, between `inner` (which is) and `outer`.
@@ -223,8 +238,7 @@ impl View {
         let (wide, high) = (ends[0][1] - ends[0][0], ends[1][1] - ends[1][0]);
         view.scale = ((WIDTH - 170.0) / wide).min((HEIGHT - 210.0) / high);
         let centre = [WIDTH / 2.0 + 14.0, 90.0 + (HEIGHT - 150.0) / 2.0];
-        view.middle =
-            [0, 1].map(|d| centre[d] - view.scale * 0.5 * (ends[d][0] + ends[d][1]));
+        view.middle = [0, 1].map(|d| centre[d] - view.scale * 0.5 * (ends[d][0] + ends[d][1]));
         view
     }
 
@@ -251,8 +265,8 @@ impl View {
             let length = dot(v, v).sqrt().max(1e-12);
             v.map(|c| c / length)
         };
-        let light = unit([0, 1, 2]
-            .map(|d| self.towards[d] + 0.55 * self.up[d] - 0.75 * self.right[d]));
+        let light =
+            unit([0, 1, 2].map(|d| self.towards[d] + 0.55 * self.up[d] - 0.75 * self.right[d]));
         let lit = dot(unit(normal), light).max(0.0);
         let stops = [[0x7d, 0x1f, 0x1c], [0xe0, 0x45, 0x3a], [0xf7, 0xb3, 0xa6]];
         let t = 2.0 * (0.16 + 0.84 * lit).min(1.0);
