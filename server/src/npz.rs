@@ -197,8 +197,8 @@ pub fn read(file: impl Read + Seek) -> Result<ValueFunction, Invalid> {
         let found: Vec<f64> = values(&mut archive, name, Some(&[axis.len()]))?;
         let largest = axis.iter().fold(1.0, |m: f64, a| m.max(a.abs()));
         for (i, (a, b)) in axis.iter().zip(&found).enumerate() {
-            // NaN is no match either.
-            if !((a - b).abs() <= 1e-9 * largest) {
+            let differs = (a - b).abs() > 1e-9 * largest;
+            if differs || !b.is_finite() {
                 let expected = format!("{a}, as meta.nodes says");
                 return Err(Invalid::new(format!("{name}[{i}]"), expected, b));
             }

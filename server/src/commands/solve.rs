@@ -173,14 +173,13 @@ impl SolveArgs {
                 PrecisionArg::F64 => Precision::F64,
             },
         });
-        if let Some(CartesianGrid { nodes, .. }) = grid {
-            if let Some(long) = nodes.iter().find(|n| **n > AXIS_LIMIT) {
-                let count = nodes.iter().fold(1_u64, |n, m| n.saturating_mul(*m as u64));
-                let needed = count.saturating_mul(size_of::<f32>() as u64).div_ceil(1 << 20);
-                let expected = format!("at most {AXIS_LIMIT} nodes an axis");
-                let found = format!("{long}, of {count} nodes, which need at least {needed} MiB");
-                return Err(flagged(Invalid::new("grid", expected, found)));
-            }
+        let nodes = self.grid.unwrap_or_default();
+        if let Some(long) = nodes.iter().find(|n| **n > AXIS_LIMIT) {
+            let count = nodes.iter().fold(1_u64, |n, m| n.saturating_mul(*m as u64));
+            let needed = count.saturating_mul(size_of::<f32>() as u64).div_ceil(1 << 20);
+            let expected = format!("at most {AXIS_LIMIT} nodes an axis");
+            let found = format!("{long}, of {count} nodes, which need at least {needed} MiB");
+            return Err(flagged(Invalid::new("grid", expected, found)));
         }
         let threads = self.threads.unwrap_or_else(default_threads);
         if !(1..=THREAD_LIMIT).contains(&threads) {

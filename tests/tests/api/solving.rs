@@ -152,9 +152,9 @@ async fn a_rectangular_grid_of_a_short_game() {
     let (x, y) = (doubles(&file, "axis0", 21), doubles(&file, "axis1", 11));
     assert_eq!((x[0], x[20], y[0], y[10]), (-5.0, 15.0, -10.0, 10.0));
     let first = values(&file, [21, 11, 16]);
-    // At equal headings the range cannot change at once: far behind, V = r − R.
+    // Five metres behind and heading the same way, nothing can be forced.
     let behind = first[5 * 16];
-    assert!((behind - (125.0_f32.sqrt() - 3.0)).abs() < 0.05 || behind < 8.2, "{behind}");
+    assert!((behind - 2.0).abs() < 0.3, "{behind}");
     assert_eq!(meta(&file)["horizon"], 1.5);
     let octets = std::fs::read(&file).unwrap();
     solve("1").await;
