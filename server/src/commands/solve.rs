@@ -31,11 +31,12 @@ pub struct SolveArgs {
     /// turning radius].
     #[arg(long, value_name = "M", allow_negative_numbers = true, conflicts_with = "grid")]
     range: Option<f64>,
-    /// Cartesian grid: nodes of x, y and psi (psi is one turn, periodic).
+    /// Cartesian grid: nodes of x, y and psi (psi is one turn, periodic);
+    /// needs --domain.
     #[arg(long, value_name = "NX,NY,NPSI", value_parser = numbers::<usize, 3>)]
     #[arg(requires = "domain", allow_hyphen_values = true)]
     grid: Option<Numbers<usize, 3>>,
-    /// Ends of the Cartesian grid, m.
+    /// Ends of the Cartesian grid, m; needs --grid.
     #[arg(long, value_name = "X0,X1,Y0,Y1", value_parser = numbers::<f64, 4>)]
     #[arg(requires = "grid", allow_hyphen_values = true)]
     domain: Option<Numbers<f64, 4>>,
