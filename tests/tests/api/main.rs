@@ -8,4 +8,5 @@ mod files;
 mod laboratory;
 mod participation;
 mod process;
+mod safety;
 mod site;
