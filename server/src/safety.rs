@@ -37,7 +37,10 @@ pub async fn keep_exact(db: &mut Db, config: &StudyConfig) -> Result<(), sqlx::E
 ///
 /// # Errors
 /// If the database cannot be read.
-pub async fn stored(db: &mut Db, config_hash: &str) -> Result<Option<StoredFunctions>, sqlx::Error> {
+pub async fn stored(
+    db: &mut Db,
+    config_hash: &str,
+) -> Result<Option<StoredFunctions>, sqlx::Error> {
     let mut octets = Vec::new();
     for evader in Evader::ALL {
         let Some(id) = value_functions::id_of(db, config_hash, evader).await? else {

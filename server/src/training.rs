@@ -27,7 +27,8 @@ pub fn train(
     trials: &[Driven],
 ) -> Result<TrainedPredictor, Invalid> {
     let learned = enough(trials).and_then(|()| {
-        let safety = safety.ok_or("this server has not solved the safety levels of these vehicles")?;
+        let safety =
+            safety.ok_or("this server has not solved the safety levels of these vehicles")?;
         learn(safety, trials).map_err(|invalid| format!("the fit failed: {invalid}"))
     });
     let (predictor, fallback) = match learned {

@@ -18,14 +18,13 @@ phases = [
 ]
 "#;
 
-/// The same with a robot that is slower and less agile than the human: their games
-/// have no closed form.
+/// A study with a robot that turns more slowly than the human: the games have no
+/// closed form. Both are as fast, so that neither can be caught from everywhere.
 pub const UNEQUAL_STUDY: &str = r#"
 title = "Unequal"
 phases = [{ phase = "task", scenes = 7 }]
 [parameters.robot]
-speed_mps = 1.6
-turn_rate_radps = 0.4
+turn_rate_radps = 0.35
 "#;
 
 /// A running server with its own folder.

@@ -288,7 +288,7 @@ async fn unequal_vehicles_have_level_sets_from_either_solver() {
     let tab = browser.open("about:blank").await;
     tab.before_pages(
         "window.heard = []; window.Worker = class extends Worker { constructor(...given) { \
-         super(...given); this.addEventListener('message', e => heard.push(e.data)); } };",
+         super(...given); window.began ??= performance.now(); this.addEventListener('message', e => { heard.push(e.data); window.at = performance.now() }); } };",
     )
     .await;
     sign_in(&tab, &server).await;
@@ -299,17 +299,26 @@ async fn unequal_vehicles_have_level_sets_from_either_solver() {
     let shares: usize = tab.eval("heard.filter(m => typeof m === 'number').length").await;
     assert!(shares > 10, "progress is reported: {shares}");
     seek(&tab, 15).await;
+    seek(&tab, 15).await;
     draws_level_sets(&tab).await;
     take(&tab, "replay-solved-here").await;
 
+    for _ in 0..5 {
+        tab.reload().await;
+        tab.until(&format!("{facts}?.textContent.includes('solved in this browser')")).await;
+        let at: f64 = tab.eval("window.at").await;
+        let w: f64 = tab.eval("window.began").await;
+        println!("PAGE {at:.0} ms after navigation, workers {:.0}", at - w);
+    }
     // The octets are those of the native library, bit for bit.
     let trial: TrialDetail = server.admin(&routes::admin_trial(&id)).await.into(200);
     for evader in Evader::ALL {
         assert_eq!(trial.value_function(evader), None);
         let game = trial.parameters.game(evader);
         let text = serde_json::to_string(&game).expect("a game as JSON");
-        let (hash, octets, ms): (String, usize, f64) = tab.eval(&format!(
-            "(async () => {{ \
+        let (hash, octets, ms): (String, usize, f64) = tab
+            .eval(&format!(
+                "(async () => {{ \
                const begun = performance.now(); \
                const octets = await new Promise((done, failed) => {{ \
                  const program = document.getElementById('app').dataset.solver; \
@@ -322,11 +331,13 @@ async fn unequal_vehicles_have_level_sets_from_either_solver() {
                const hash = new Uint8Array(await crypto.subtle.digest('SHA-256', octets)); \
                const hex = [...hash].map(o => o.toString(16).padStart(2, '0')).join(''); \
                return [hex, octets.length, ms] }})()"
-        ))
-        .await;
+            ))
+            .await;
         let native = safety_function(game, &mut |_| ControlFlow::Continue(()));
         assert_eq!(hash, native.expect("a solution").id());
-        println!("{evader:?}: {octets} octets, {ms:.0} ms in the browser, the worker's start included");
+        println!(
+            "{evader:?}: {octets} octets, {ms:.0} ms in the browser, the worker's start included"
+        );
     }
     tab.is_well().await;
 
@@ -383,7 +394,8 @@ async fn a_solve_shows_progress_stops_and_fails_in_words() {
     )
     .await;
     tab.press("solve-again").await;
-    tab.until(&format!("{}?.textContent.includes('could not be loaded')", Tab::at("unsolved"))).await;
+    tab.until(&format!("{}?.textContent.includes('could not be loaded')", Tab::at("unsolved")))
+        .await;
     // And with the real one all is well.
     tab.run("window.Worker = RealWorker").await;
     tab.press("solve-again").await;

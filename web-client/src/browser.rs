@@ -185,7 +185,9 @@ impl Pump {
                     Ok(solver) => shell.solvers.push(solver),
                     Err(_) => {
                         let why = "This browser cannot start the solver.".to_owned();
-                        self.queue.borrow_mut().push_back(Event::Solving(evader, Solving::Failed(why)));
+                        self.queue
+                            .borrow_mut()
+                            .push_back(Event::Solving(evader, Solving::Failed(why)));
                     }
                 }
             }

@@ -76,7 +76,8 @@ pub async fn unsolved(db: &mut Db) -> Result<Vec<(String, StudyConfig)>, sqlx::E
     )
     .fetch_all(db)
     .await?;
-    let parsed =
-        |(hash, json): (String, String)| Ok((hash, serde_json::from_str(&json).map_err(undecodable)?));
+    let parsed = |(hash, json): (String, String)| {
+        Ok((hash, serde_json::from_str(&json).map_err(undecodable)?))
+    };
     rows.into_iter().map(parsed).collect()
 }

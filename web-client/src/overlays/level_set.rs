@@ -3,8 +3,8 @@
 use super::Moment;
 use crate::shape::{Ink, Shape, Stroke};
 use sidestep::math::sin_cos;
-use sidestep::reachability::ValueFunction;
 use sidestep::reachability::CurveSettings;
+use sidestep::reachability::ValueFunction;
 use sidestep::vehicle::Pose;
 
 /// {V_HR ≤ 0}: where a robot of the present heading could force a collision.

@@ -303,10 +303,10 @@ impl Replay {
         let step = self.step();
         let state = self.state();
         let metres = |value: f64| format!("{value:.2} m").replace('-', "−");
-        let level = |read: fn(&SafetyFunctions, &JointState) -> f64| {
-            self.safety
-                .as_ref()
-                .map_or_else(|| "…".to_owned(), |safety| metres(read(safety, &state)))
+        let level = |read: fn(&SafetyFunctions, &JointState) -> f64| match &self.safety {
+            Some(safety) => metres(read(safety, &state)),
+            None if self.sources.missing().is_some() => "—".to_owned(),
+            None => "…".to_owned(),
         };
         let input = self.trial.inputs.get(step).map_or("—", |input| input.word());
         let row = |name: Node, value: String| el("div").child(name).child(el("dd").text(value));

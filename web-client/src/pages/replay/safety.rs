@@ -148,10 +148,18 @@ impl Sources {
         Some(SafetyFunctions { human, robot })
     }
 
+    /// Why there will be no functions, if one did not come.
+    pub(super) fn missing(&self) -> Option<&str> {
+        self.all().find_map(|source| match &source.state {
+            State::Missing(why) => Some(why.as_str()),
+            _ => None,
+        })
+    }
+
     /// Where they come from, for the facts of the trial.
     pub(super) fn words(&self) -> &'static str {
         let any = |holds: fn(&Source) -> bool| self.all().any(holds);
-        if any(|s| matches!(s.state, State::Missing(_))) {
+        if self.missing().is_some() {
             "none"
         } else if any(|s| matches!(s.state, State::Underway(_))) {
             "…"
@@ -166,11 +174,7 @@ impl Sources {
 
     /// What is to be said over the scene: progress, or what went wrong.
     pub(super) fn notice(&self) -> Option<Node> {
-        let why = self.all().find_map(|source| match &source.state {
-            State::Missing(why) => Some(why),
-            _ => None,
-        });
-        if let Some(why) = why {
+        if let Some(why) = self.missing() {
             return Some(trouble(why));
         }
         let here = self.all().filter(|source| source.origin == Origin::Here);
@@ -211,9 +215,9 @@ fn progress(percent: u32) -> Node {
 
 fn trouble(why: &str) -> Node {
     el("div")
-        .class("notice")
+        .class("notice lasting")
         .test_id("unsolved")
-        .child(el("p").attr("role", "alert").text(format!("No safety levels: {why}")))
+        .child(el("p").attr("role", "alert").text(format!("No safety levels. {why}")))
         .child(
             el("p")
                 .child(
