@@ -150,7 +150,7 @@ mod tests {
     #[test]
     fn different_vehicles_are_learned_from_with_their_own_levels() {
         let mut parameters = SceneParameters::default();
-        parameters.robot.speed_mps = 1.5;
+        parameters.robot.turn_rate_radps = 0.35;
         let trials = driven_with(&parameters, 5, TurnInput::Left);
         let trained = train(Some(&solved(&parameters)), &trials).unwrap();
         assert_eq!((trained.fallback, trained.predictor.features.len()), (None, 8));

@@ -288,7 +288,7 @@ async fn unequal_vehicles_have_level_sets_from_either_solver() {
     let tab = browser.open("about:blank").await;
     tab.before_pages(
         "window.heard = []; window.Worker = class extends Worker { constructor(...given) { \
-         super(...given); window.began ??= performance.now(); this.addEventListener('message', e => { heard.push(e.data); window.at = performance.now() }); } };",
+         super(...given); this.addEventListener('message', e => heard.push(e.data)); } };",
     )
     .await;
     sign_in(&tab, &server).await;
@@ -303,13 +303,6 @@ async fn unequal_vehicles_have_level_sets_from_either_solver() {
     draws_level_sets(&tab).await;
     take(&tab, "replay-solved-here").await;
 
-    for _ in 0..5 {
-        tab.reload().await;
-        tab.until(&format!("{facts}?.textContent.includes('solved in this browser')")).await;
-        let at: f64 = tab.eval("window.at").await;
-        let w: f64 = tab.eval("window.began").await;
-        println!("PAGE {at:.0} ms after navigation, workers {:.0}", at - w);
-    }
     // The octets are those of the native library, bit for bit.
     let trial: TrialDetail = server.admin(&routes::admin_trial(&id)).await.into(200);
     for evader in Evader::ALL {
@@ -335,7 +328,7 @@ async fn unequal_vehicles_have_level_sets_from_either_solver() {
             .await;
         let native = safety_function(game, &mut |_| ControlFlow::Continue(()));
         assert_eq!(hash, native.expect("a solution").id());
-        println!(
+        eprintln!(
             "{evader:?}: {octets} octets, {ms:.0} ms in the browser, the worker's start included"
         );
     }

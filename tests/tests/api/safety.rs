@@ -81,7 +81,7 @@ async fn unequal_vehicles_are_solved_and_served() {
             let answer = request.send().await.unwrap();
             assert_eq!(answer.headers()["content-encoding"], coding);
             let packed = answer.bytes().await.unwrap().len();
-            println!("{evader:?}: {} octets, {coding} {packed}", octets.len());
+            eprintln!("{evader:?}: {} octets, {coding} {packed}", octets.len());
             assert!(packed <= 1_500_000, "{coding}: {packed} octets");
         }
     }

@@ -12,10 +12,10 @@ use sidestep::vehicle::{Pose, TurnInput};
 use std::ops::ControlFlow;
 use std::sync::LazyLock;
 
-/// The paper's vehicles, but for a slower robot.
+/// The paper's vehicles, but for a robot that turns more slowly.
 fn unequal() -> SceneParameters {
     let mut parameters = SceneParameters::default();
-    parameters.robot.speed_mps = 1.5;
+    parameters.robot.turn_rate_radps = 0.35;
     parameters
 }
 
