@@ -6,9 +6,9 @@ use crate::error::ApiError;
 use crate::exports;
 use crate::params::{Params, PathText};
 use crate::store::trials::{self, StoredTrial, TrialHead};
-use crate::store::{Db, studies};
+use crate::store::{Db, studies, value_functions};
 use crate::studies::named;
-use crate::training;
+use crate::{safety, training};
 use anyhow::Context;
 use axum::Json;
 use axum::body::Body;
@@ -20,6 +20,7 @@ use sidestep::api::{
     SelfCheck, StudySummary, TrainedPredictor, TrialDetail, TrialPage, TrialSummary,
 };
 use sidestep::invalid::Invalid;
+use sidestep::scene::Evader;
 use sidestep::trial::{simulation_fingerprint, verify};
 use std::sync::Arc;
 
@@ -82,8 +83,9 @@ pub async fn trial(
     let start = trial.states.first().copied();
     let start = start.unwrap_or_else(|| trial.scene.start());
     let replay = verify(&parameters, start, &trial.inputs, &trial.states);
-    // Identical vehicles: one function serves both roles.
-    let value_function = parameters.value_function().ok().map(|function| function.id());
+    let hash = &trial.config_hash;
+    let value_function_hr = value_functions::id_of(&mut db, hash, Evader::Human).await?;
+    let value_function_rh = value_functions::id_of(&mut db, hash, Evader::Robot).await?;
     Ok(Json(TrialDetail {
         summary: summary(trial.head),
         study: trial.study,
@@ -92,8 +94,8 @@ pub async fn trial(
         inputs: trial.inputs,
         states: trial.states,
         replay,
-        value_function_hr: value_function.clone(),
-        value_function_rh: value_function,
+        value_function_hr,
+        value_function_rh,
     }))
 }
 
@@ -106,7 +108,7 @@ pub async fn predictor(
 ) -> Result<Json<TrainedPredictor>, ApiError> {
     let mut db = app.store.reader().await?;
     let trial = stored(&mut db, &trial_id).await?;
-    let parameters = studies::config(&mut db, &trial.config_hash).await?.parameters;
+    let functions = safety::stored(&mut db, &trial.config_hash).await?;
     let driven = trials::of_participant(&mut db, &trial.head.participant_id).await?;
     drop(db);
     let earlier: Vec<_> = driven
@@ -114,10 +116,12 @@ pub async fn predictor(
         .filter(|other| other.head.ordinal < trial.head.ordinal)
         .map(|other| (other.inputs, other.states))
         .collect();
-    let trained = tokio::task::spawn_blocking(move || training::train(&parameters, &earlier))
-        .await
-        .context("training")?
-        .context("training")?;
+    let train = move || {
+        let safety = functions.map(|functions| functions.decode()).transpose()?;
+        training::train(safety.as_ref(), &earlier)
+    };
+    let trained =
+        tokio::task::spawn_blocking(train).await.context("training")?.context("training")?;
     Ok(Json(trained))
 }
 

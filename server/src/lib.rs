@@ -3,7 +3,7 @@
 //! A resource is one vertical slice ([`studies`], [`participants`], [`trials`],
 //! [`value_functions`], [`laboratory`], [`exports`]); [`app`] holds the one table
 //! of routes; [`store`] is the only place that speaks SQL; each subcommand is one
-//! module of [`commands`].
+//! module of [`commands`]; [`safety`] solves value functions in the background.
 
 pub mod app;
 pub mod auth;
@@ -22,6 +22,7 @@ pub mod metrics;
 pub mod npz;
 pub mod params;
 pub mod participants;
+pub mod safety;
 pub mod secrets;
 pub mod session;
 pub mod site;

@@ -7,7 +7,7 @@ use sidestep::invalid::Invalid;
 use sidestep::predict::Predictor;
 use sidestep::predict::logistic::{Logistic, LogisticSettings};
 use sidestep::predict::scale::Scale;
-use sidestep::scene::{JointState, SceneParameters};
+use sidestep::scene::JointState;
 use sidestep::vehicle::TurnInput;
 
 /// One trial to learn from.
@@ -17,13 +17,19 @@ pub type Driven = (Vec<TurnInput>, Vec<JointState>);
 const MIN_TRIALS: usize = 5;
 
 /// A logistic regression on B_hrd (experiment I: which way), or constant
-/// probabilities with the reason why.
+/// probabilities with the reason why: too little to learn from, or no value functions
+/// that safety levels could be read from.
 ///
 /// # Errors
 /// [`Invalid`] only for features or probabilities that do not fit, our own fault.
-pub fn train(parameters: &SceneParameters, trials: &[Driven]) -> Result<TrainedPredictor, Invalid> {
+pub fn train(
+    safety: Option<&SafetyFunctions>,
+    trials: &[Driven],
+) -> Result<TrainedPredictor, Invalid> {
     let learned = enough(trials).and_then(|()| {
-        learn(parameters, trials).map_err(|invalid| format!("the fit failed: {invalid}"))
+        let safety =
+            safety.ok_or("this server has not solved the safety levels of these vehicles")?;
+        learn(safety, trials).map_err(|invalid| format!("the fit failed: {invalid}"))
     });
     let (predictor, fallback) = match learned {
         Ok(predictor) => (predictor, None),
@@ -47,12 +53,10 @@ fn enough(trials: &[Driven]) -> Result<(), String> {
 }
 
 /// Only inputs that occur are classes: nothing is known of the others.
-fn learn(parameters: &SceneParameters, trials: &[Driven]) -> Result<Predictor, Invalid> {
-    let value = parameters.value_function()?;
-    let safety = SafetyFunctions { human: value.clone(), robot: value };
+fn learn(safety: &SafetyFunctions, trials: &[Driven]) -> Result<Predictor, Invalid> {
     let features = FeatureSet::subset("hrd")?;
     let rows = trials.iter().map(|(inputs, states)| (&inputs[..], &states[..]));
-    let data = Dataset::from_trials(&features, &safety, rows);
+    let data = Dataset::from_trials(&features, safety, rows);
     let occurring: Vec<TurnInput> = TurnInput::ALL
         .into_iter()
         .zip(data.class_counts())
@@ -93,16 +97,24 @@ fn frequencies(trials: &[Driven]) -> Result<Predictor, Invalid> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use sidestep::scene::{EncounterRange, generate};
+    use sidestep::scene::{EncounterRange, SceneParameters, generate};
     use sidestep::trial::simulate;
+    use std::ops::ControlFlow;
+
+    fn solved(parameters: &SceneParameters) -> SafetyFunctions {
+        SafetyFunctions::solve(parameters, &mut |_| ControlFlow::Continue(())).unwrap()
+    }
 
     fn driven(count: usize, turn: TurnInput) -> Vec<Driven> {
-        let parameters = SceneParameters::default();
-        let scenes = generate(&parameters, &EncounterRange::default(), count, 3).unwrap();
+        driven_with(&SceneParameters::default(), count, turn)
+    }
+
+    fn driven_with(parameters: &SceneParameters, count: usize, turn: TurnInput) -> Vec<Driven> {
+        let scenes = generate(parameters, &EncounterRange::default(), count, 3).unwrap();
         let drive = |(scene, _): &(sidestep::scene::Scene, _)| {
             let mut inputs = vec![TurnInput::Straight; parameters.steps];
             inputs[10..25].fill(turn);
-            let states = simulate(&parameters, scene.start(), &inputs);
+            let states = simulate(parameters, scene.start(), &inputs);
             (inputs, states)
         };
         scenes.iter().map(drive).collect()
@@ -110,7 +122,8 @@ mod tests {
 
     #[test]
     fn a_model_of_the_classes_that_occur() {
-        let trained = train(&SceneParameters::default(), &driven(5, TurnInput::Left)).unwrap();
+        let safety = solved(&SceneParameters::default());
+        let trained = train(Some(&safety), &driven(5, TurnInput::Left)).unwrap();
         assert_eq!(trained.fallback, None);
         assert_eq!(trained.predictor.kind, "logistic");
         assert_eq!(trained.predictor.classes, [0, 1]);
@@ -119,8 +132,9 @@ mod tests {
 
     #[test]
     fn frequencies_where_there_is_too_little() {
+        let safety = solved(&SceneParameters::default());
         let check = |trials: &[Driven], probabilities: [f64; 3], word: &str| {
-            let trained = train(&SceneParameters::default(), trials).unwrap();
+            let trained = train(Some(&safety), trials).unwrap();
             assert_eq!(trained.predictor.kind, "constant");
             assert_eq!(trained.predictor.classes, [-1, 0, 1]);
             assert_eq!(trained.predictor.probabilities.unwrap(), probabilities);
@@ -134,10 +148,14 @@ mod tests {
     }
 
     #[test]
-    fn different_vehicles_have_no_value_function_yet() {
+    fn different_vehicles_are_learned_from_with_their_own_levels() {
         let mut parameters = SceneParameters::default();
-        parameters.robot.speed_mps = 1.0;
-        let trained = train(&parameters, &driven(5, TurnInput::Left)).unwrap();
-        assert!(trained.fallback.unwrap().contains("same vehicle"));
+        parameters.robot.turn_rate_radps = 0.35;
+        let trials = driven_with(&parameters, 5, TurnInput::Left);
+        let trained = train(Some(&solved(&parameters)), &trials).unwrap();
+        assert_eq!((trained.fallback, trained.predictor.features.len()), (None, 8));
+        // Until they are solved, the reason is said.
+        let trained = train(None, &trials).unwrap();
+        assert!(trained.fallback.unwrap().contains("not solved"));
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::invalid::{Invalid, finite, length};
 use crate::predict::PredictorFile;
-use crate::scene::{JointState, Scene, SceneParameters};
+use crate::scene::{Evader, JointState, Scene, SceneParameters};
 use crate::study::PhaseConfig;
 use crate::trial::{Flag, Outcome, Phase, Replay};
 use crate::vehicle::{Pose, TurnInput};
@@ -403,7 +403,8 @@ pub struct TrialDetail {
     pub summary: TrialSummary,
     /// The study's name in addresses.
     pub study: String,
-    /// Vehicles, danger radius and clock it was driven with.
+    /// Vehicles, danger radius and clock it was driven with. They make the two games
+    /// ([`SceneParameters::game`]) that a browser solves where there is no id below.
     pub parameters: SceneParameters,
     /// What it started from.
     pub scene: Scene,
@@ -413,10 +414,21 @@ pub struct TrialDetail {
     pub states: Vec<JointState>,
     /// How the states compare with those that the inputs lead to.
     pub replay: Replay,
-    /// Address of the value function of V_HR; absent while none is known.
+    /// Id of the value function V_HR; null while the server has none.
     pub value_function_hr: Option<String>,
-    /// Address of the value function of V_RH.
+    /// Id of the value function V_RH; null while the server has none.
     pub value_function_rh: Option<String>,
+}
+
+impl TrialDetail {
+    /// Id of the value function of `evader`; none while the server has none.
+    #[must_use]
+    pub fn value_function(&self, evader: Evader) -> Option<&str> {
+        match evader {
+            Evader::Human => self.value_function_hr.as_deref(),
+            Evader::Robot => self.value_function_rh.as_deref(),
+        }
+    }
 }
 
 /// A predictor and where it comes from.

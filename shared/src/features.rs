@@ -6,9 +6,26 @@
 
 use crate::invalid::Invalid;
 use crate::math::{cos, sin, wrap_angle};
-use crate::reachability::ValueFunction;
-use crate::scene::JointState;
+use crate::reachability::{Options, Progress, PursuitGame, SolveError, ValueFunction, solve};
+use crate::scene::{Evader, JointState, SceneParameters};
+use core::ops::ControlFlow;
 use serde::{Deserialize, Serialize};
+
+/// The value function that safety levels of this game are read from: the closed form
+/// where there is one, else solved with the settings that server and browser share, so
+/// that both come to the same octets.
+///
+/// # Errors
+/// [`SolveError`] for a game that cannot be solved, or when `progress` breaks it off.
+pub fn safety_function(
+    game: PursuitGame,
+    progress: &mut dyn FnMut(Progress) -> ControlFlow<()>,
+) -> Result<ValueFunction, SolveError> {
+    if let Ok(exact) = game.exact() {
+        return Ok(ValueFunction::Exact(exact));
+    }
+    solve(game, &Options::default(), progress).map(|solved| solved.function)
+}
 
 /// The value functions that safety levels are read from.
 #[derive(Clone, Debug, PartialEq)]
@@ -20,6 +37,30 @@ pub struct SafetyFunctions {
 }
 
 impl SafetyFunctions {
+    /// Both functions of these vehicles; one solve where one serves both roles.
+    ///
+    /// # Errors
+    /// As of [`safety_function`].
+    pub fn solve(
+        parameters: &SceneParameters,
+        progress: &mut dyn FnMut(Progress) -> ControlFlow<()>,
+    ) -> Result<Self, SolveError> {
+        let [game_h, game_r] = Evader::ALL.map(|evader| parameters.game(evader));
+        let human = safety_function(game_h, progress)?;
+        let robot =
+            if game_r == game_h { human.clone() } else { safety_function(game_r, progress)? };
+        Ok(Self { human, robot })
+    }
+
+    /// The function of `evader`.
+    #[must_use]
+    pub fn of(&self, evader: Evader) -> &ValueFunction {
+        match evader {
+            Evader::Human => &self.human,
+            Evader::Robot => &self.robot,
+        }
+    }
+
     /// V_HR of a state, m.
     #[must_use]
     pub fn human_level(&self, state: &JointState) -> f64 {
@@ -222,6 +263,43 @@ mod tests {
         assert_eq!(names("").len(), 5);
         assert!(FeatureSet::subset("dh").is_err());
         assert!(FeatureSet::subset("hh").is_err());
+    }
+
+    fn solved(parameters: &SceneParameters) -> SafetyFunctions {
+        SafetyFunctions::solve(parameters, &mut |_| ControlFlow::Continue(())).unwrap()
+    }
+
+    #[test]
+    fn equal_vehicles_share_the_closed_form() {
+        let safety = solved(&SceneParameters::default());
+        assert_eq!(safety.human, safety.robot);
+        assert!(matches!(safety.human, ValueFunction::Exact(_)));
+    }
+
+    #[test]
+    fn different_vehicles_have_a_function_each() {
+        let mut parameters = SceneParameters::default();
+        parameters.robot.turn_rate_radps = 0.35;
+        let safety = solved(&parameters);
+        for evader in Evader::ALL {
+            assert_eq!(safety.of(evader).game(), parameters.game(evader));
+        }
+        assert_ne!(safety.human.id(), safety.robot.id());
+        let stopped = SafetyFunctions::solve(&parameters, &mut |_| ControlFlow::Break(()));
+        assert_eq!(stopped, Err(SolveError::Cancelled));
+    }
+
+    #[test]
+    fn a_slower_robot_is_less_dangerous() {
+        let level = |parameters: &SceneParameters| {
+            let game = parameters.game(Evader::Human);
+            let function = safety_function(game, &mut |_| ControlFlow::Continue(())).unwrap();
+            function.value([6.0, 0.5, core::f64::consts::PI])
+        };
+        let mut parameters = SceneParameters::default();
+        let equal = level(&parameters);
+        parameters.robot.speed_mps = 1.5;
+        assert!(level(&parameters) > equal + 0.1);
     }
 
     #[test]

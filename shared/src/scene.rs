@@ -2,7 +2,7 @@
 
 use crate::invalid::{Invalid, positive};
 use crate::math::{PI, SeededRng, TAU, hypot, sin_cos, wrap_angle};
-use crate::reachability::{ExactValue, ValueFunction};
+use crate::reachability::{Player, PursuitGame};
 use crate::vehicle::dubins::relative_state;
 use crate::vehicle::{Pose, TurnInput, VehicleModel};
 use serde::{Deserialize, Serialize};
@@ -60,20 +60,43 @@ impl SceneParameters {
         self.robot.speed_mps * self.duration_s()
     }
 
-    /// The value function of these vehicles in closed form. Known for identical
-    /// vehicles only, and then V_HR and V_RH are the same function.
-    ///
-    /// # Errors
-    /// [`Invalid`] if the vehicles differ or a parameter is out of range.
-    pub fn value_function(&self) -> Result<ValueFunction, Invalid> {
-        if self.human != self.robot {
-            let show =
-                |v: &VehicleModel| format!("{} m/s, {} rad/s", v.speed_mps, v.turn_rate_radps);
-            let expected = format!("the same vehicle as the human's ({})", show(&self.human));
-            return Err(Invalid::new("robot", expected, show(&self.robot)));
+    /// The game whose value is the safety level of `evader`. Vehicles that can do the
+    /// same play the same game in both roles.
+    #[must_use]
+    pub fn game(&self, evader: Evader) -> PursuitGame {
+        let player = |vehicle: VehicleModel| Player {
+            speed_mps: vehicle.speed_mps,
+            turn_rate_radps: vehicle.turn_rate_radps,
+        };
+        let (human, robot) = (player(self.human), player(self.robot));
+        let (evader, pursuer) = match evader {
+            Evader::Human => (human, robot),
+            Evader::Robot => (robot, human),
+        };
+        PursuitGame { evader, pursuer, radius_m: self.danger_radius_m }
+    }
+}
+
+/// Whose safety level it is: that vehicle evades, the other one pursues.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Evader {
+    /// V_HR: the human evades the robot.
+    Human,
+    /// V_RH: the robot evades the human.
+    Robot,
+}
+
+impl Evader {
+    /// Both.
+    pub const ALL: [Self; 2] = [Self::Human, Self::Robot];
+
+    /// Its word in the database.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Human => "human",
+            Self::Robot => "robot",
         }
-        let VehicleModel { speed_mps, turn_rate_radps } = self.human;
-        ExactValue::new(speed_mps, turn_rate_radps, self.danger_radius_m).map(ValueFunction::Exact)
     }
 }
 
@@ -276,7 +299,8 @@ pub fn is_admissible(parameters: &SceneParameters, range: &EncounterRange, scene
     if closest_with_manoeuvre(parameters, scene, TurnInput::Straight, 0, 0) > radius {
         return false;
     }
-    if let Ok(value) = parameters.value_function()
+    // Where it takes a solve, the escape below has to do: drawing scenes waits for nothing.
+    if let Ok(value) = parameters.game(Evader::Human).exact()
         && value.value(scene.start().robot_seen_by_human()) <= 0.0
     {
         return false;
@@ -393,7 +417,7 @@ mod tests {
     #[test]
     fn scenes_keep_the_rules() {
         let parameters = SceneParameters::default();
-        let value = parameters.value_function().unwrap();
+        let value = parameters.game(Evader::Human).exact().unwrap();
         for (scene, planned) in scenes(150, 20_180_918) {
             let start = scene.start();
             assert!(start.distance_m() > 3.0);
@@ -439,6 +463,19 @@ mod tests {
     fn a_seed_names_its_scenes() {
         assert_eq!(scenes(5, 9), scenes(5, 9));
         assert_ne!(scenes(5, 9), scenes(5, 10));
+    }
+
+    #[test]
+    fn the_game_of_each_evader() {
+        let mut parameters = SceneParameters::default();
+        let [human, robot] = Evader::ALL.map(|evader| parameters.game(evader));
+        assert_eq!(human, robot);
+        assert!(human.identical());
+        parameters.robot.speed_mps = 1.5;
+        let [human, robot] = Evader::ALL.map(|evader| parameters.game(evader));
+        assert_eq!((human.evader.speed_mps, human.pursuer.speed_mps), (2.0, 1.5));
+        assert_eq!((robot.evader, robot.pursuer), (human.pursuer, human.evader));
+        assert_eq!((human.radius_m, robot.radius_m), (3.0, 3.0));
     }
 
     #[test]

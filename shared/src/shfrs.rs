@@ -131,8 +131,8 @@ mod tests {
 
     fn setup(probabilities: [f64; 3]) -> (SceneParameters, SafetyFunctions, Predictor) {
         let parameters = SceneParameters::default();
-        let value = parameters.value_function().unwrap();
-        let safety = SafetyFunctions { human: value.clone(), robot: value };
+        let progress = &mut |_| core::ops::ControlFlow::Continue(());
+        let safety = SafetyFunctions::solve(&parameters, progress).unwrap();
         let features = FeatureSet::subset("hrd").unwrap();
         let predictor =
             Predictor::constant(features, vec![-1, 0, 1], probabilities.to_vec()).unwrap();

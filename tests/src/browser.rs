@@ -131,6 +131,15 @@ impl Tab {
         self.page.goto(url).await.expect("the page opens");
     }
 
+    /// Runs JavaScript in every page that this tab opens from now on, before the
+    /// page's own.
+    ///
+    /// # Panics
+    /// If the browser refuses.
+    pub async fn before_pages(&self, code: &str) {
+        self.page.evaluate_on_new_document(code).await.expect("a script for pages to come");
+    }
+
     /// Loads the page again.
     ///
     /// # Panics

@@ -8,10 +8,20 @@ use sidestep::scene::{Scene, SceneParameters};
 use sidestep::trial::simulate;
 use sidestep::vehicle::TurnInput;
 
-/// An honest upload of a scene driven with these inputs.
+/// An honest upload of a scene driven with these inputs, by the paper's vehicles.
 #[must_use]
 pub fn upload(scene: &Scene, inputs: Vec<TurnInput>) -> TrialUpload {
-    let states = simulate(&SceneParameters::default(), scene.start(), &inputs);
+    upload_with(&SceneParameters::default(), scene, inputs)
+}
+
+/// The same, by other vehicles.
+#[must_use]
+pub fn upload_with(
+    parameters: &SceneParameters,
+    scene: &Scene,
+    inputs: Vec<TurnInput>,
+) -> TrialUpload {
+    let states = simulate(parameters, scene.start(), &inputs);
     let key = |t_ms, down| KeyEvent { t_ms, key: "ArrowLeft".to_owned(), down };
     TrialUpload {
         started_at_ms: 1_760_000_000_123.25,
@@ -26,9 +36,15 @@ pub fn upload(scene: &Scene, inputs: Vec<TurnInput>) -> TrialUpload {
 /// The scene, driven straight with a turn to the left from 2 s to 5 s.
 #[must_use]
 pub fn driven(scene: &Scene) -> TrialUpload {
+    driven_with(&SceneParameters::default(), scene)
+}
+
+/// The same, by other vehicles.
+#[must_use]
+pub fn driven_with(parameters: &SceneParameters, scene: &Scene) -> TrialUpload {
     let mut inputs = vec![TurnInput::Straight; 50];
     inputs[10..25].fill(TurnInput::Left);
-    upload(scene, inputs)
+    upload_with(parameters, scene, inputs)
 }
 
 /// Sampling times of a good machine: a few milliseconds after each step's start.

@@ -8,7 +8,7 @@ pub mod process;
 pub mod server;
 
 pub use browser::{Browser, Tab};
-pub use driver::{Driver, driven, on_time, upload};
+pub use driver::{Driver, driven, driven_with, on_time, upload, upload_with};
 pub use process::{Process, sidestep};
 pub use server::Server;
 

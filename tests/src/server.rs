@@ -18,6 +18,15 @@ phases = [
 ]
 "#;
 
+/// A study with a robot that turns more slowly than the human: the games have no
+/// closed form. Both are as fast, so that neither can be caught from everywhere.
+pub const UNEQUAL_STUDY: &str = r#"
+title = "Unequal"
+phases = [{ phase = "task", scenes = 7 }]
+[parameters.robot]
+turn_rate_radps = 0.35
+"#;
+
 /// A running server with its own folder.
 pub struct Server {
     /// `http://127.0.0.1:PORT`.
@@ -46,20 +55,35 @@ impl Server {
 
     /// A study file over the paper's study, and a site of nothing but names.
     pub async fn with_study(study: &str) -> Self {
+        Self::with_study_and(study, |_| ()).await
+    }
+
+    /// As [`Self::with_study`], with other arguments.
+    pub async fn with_study_and(study: &str, change: fn(&mut ServeArgs)) -> Self {
         let folder = TempDir::new().expect("a folder");
         let site = folder.path().join("site");
         write_site(&site);
-        Self::first(folder, study, site).await
+        Self::first(folder, study, site, change).await
     }
 
     /// A study file over the paper's study, and the site that users get: the one
     /// beside the `sidestep` command.
     pub async fn with_client(study: &str) -> Self {
-        let site = binary().with_file_name("site");
-        Self::first(TempDir::new().expect("a folder"), study, site).await
+        Self::with_client_and(study, |_| ()).await
     }
 
-    async fn first(folder: TempDir, study: &str, site: PathBuf) -> Self {
+    /// As [`Self::with_client`], with other arguments.
+    pub async fn with_client_and(study: &str, change: fn(&mut ServeArgs)) -> Self {
+        let site = binary().with_file_name("site");
+        Self::first(TempDir::new().expect("a folder"), study, site, change).await
+    }
+
+    async fn first(
+        folder: TempDir,
+        study: &str,
+        site: PathBuf,
+        change: fn(&mut ServeArgs),
+    ) -> Self {
         let file = folder.path().join("study.toml");
         std::fs::write(&file, study).expect("a study file");
         let args = ServeArgs {
@@ -68,8 +92,9 @@ impl Server {
             study: Some(file),
             site: Some(site),
             new_admin_key: false,
+            no_solve: false,
         };
-        let server = Stopped { folder, args, key: String::new() }.start_with(None, |_| ()).await;
+        let server = Stopped { folder, args, key: String::new() }.start_with(None, change).await;
         assert!(server.running.new_key.is_some(), "a key at the first start");
         server
     }

@@ -1,12 +1,15 @@
 //! What people do, in a real browser.
 
 use reqwest::Method;
-use sidestep::api::{StudySummary, TrialDetail, TrialPage, routes};
+use sidestep::api::{StudyInfo, StudySummary, TrialDetail, TrialPage, routes};
+use sidestep::features::safety_function;
+use sidestep::scene::Evader;
 use sidestep::trial::simulation_fingerprint;
 use sidestep::vehicle::TurnInput;
 use sidestep_tests::browser::{NARROW, WIDE, count_pixels};
-use sidestep_tests::server::SHORT_STUDY;
-use sidestep_tests::{Browser, Driver, Server, Tab};
+use sidestep_tests::server::{SHORT_STUDY, UNEQUAL_STUDY};
+use sidestep_tests::{Browser, Driver, Server, Tab, driven_with};
+use std::ops::ControlFlow;
 use std::time::Duration;
 
 /// Colours of the style sheet, in light.
@@ -225,6 +228,177 @@ async fn wrong_addresses_and_keys_are_answered_in_words() {
     browser.close().await;
 }
 
+/// Drives the first scene with the study's own vehicles; the trial's id.
+async fn drive_unequal(server: &Server) -> String {
+    let study: StudyInfo = server.get(&routes::study("default")).await.into(200);
+    let driver = Driver::enrol(server).await;
+    let (id, scene) = driver.scenes().swap_remove(0);
+    let answer = driver.send(server, &id, &driven_with(&study.parameters, &scene)).await;
+    assert_eq!(answer.status, 201, "{}", answer.body);
+    id
+}
+
+/// Moves a replay to a step.
+async fn seek(tab: &Tab, step: usize) {
+    let slide = format!(
+        "(s => {{ s.value = {step}; s.dispatchEvent(new Event('input', {{bubbles: true}})) }})"
+    );
+    tab.run(&format!("{slide}({})", Tab::at("slider"))).await;
+    tab.until_step("replay", step).await;
+}
+
+/// Pictures wide and narrow, light and dark, in which nothing is cut off and of which
+/// the page does not complain.
+async fn take(tab: &Tab, name: &str) {
+    for (size, dark) in [(WIDE, false), (WIDE, true), (NARROW, false), (NARROW, true)] {
+        tab.look(size, dark).await;
+        // Time for a frame in the new look.
+        tokio::time::sleep(Duration::from_millis(150)).await;
+        let scheme = if dark { "dark" } else { "light" };
+        tab.picture(&format!("{name}-{}-{scheme}", size.0)).await;
+        tab.is_well().await;
+    }
+    tab.look(WIDE, false).await;
+}
+
+/// Both level sets are on the canvas: something goes when they are switched off.
+async fn draws_level_sets(tab: &Tab) {
+    for layer in ["trail", "danger-zone", "shfrs", "future"] {
+        tab.press(&format!("layer-{layer}")).await;
+    }
+    for (layer, colour) in [("v-hr", HUMAN), ("v-rh", ROBOT)] {
+        let with = count_pixels(&tab.picture("level-set").await, colour);
+        tab.press(&format!("layer-{layer}")).await;
+        let without = count_pixels(&tab.picture("no-level-set").await, colour);
+        assert!(with > without + 50, "{layer} draws something: {with} {without}");
+        tab.press(&format!("layer-{layer}")).await;
+    }
+    for layer in ["trail", "danger-zone", "shfrs", "future"] {
+        tab.press(&format!("layer-{layer}")).await;
+    }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn unequal_vehicles_have_level_sets_from_either_solver() {
+    // The server is not to solve, so the browser does.
+    let server = Server::with_client_and(UNEQUAL_STUDY, |args| args.no_solve = true).await;
+    let id = drive_unequal(&server).await;
+    let replay = format!("/lab/replay/{id}");
+    let browser = Browser::start().await;
+    let tab = browser.open("about:blank").await;
+    tab.before_pages(
+        "window.heard = []; window.Worker = class extends Worker { constructor(...given) { \
+         super(...given); this.addEventListener('message', e => heard.push(e.data)); } };",
+    )
+    .await;
+    sign_in(&tab, &server).await;
+    let facts = Tab::at("safety-levels");
+    tab.go(&format!("{}{replay}", server.origin)).await;
+    tab.until(&format!("{facts}?.textContent.includes('solved in this browser')")).await;
+    until_regions(&tab).await;
+    let shares: usize = tab.eval("heard.filter(m => typeof m === 'number').length").await;
+    assert!(shares > 10, "progress is reported: {shares}");
+    seek(&tab, 15).await;
+    seek(&tab, 15).await;
+    draws_level_sets(&tab).await;
+    take(&tab, "replay-solved-here").await;
+
+    // The octets are those of the native library, bit for bit.
+    let trial: TrialDetail = server.admin(&routes::admin_trial(&id)).await.into(200);
+    for evader in Evader::ALL {
+        assert_eq!(trial.value_function(evader), None);
+        let game = trial.parameters.game(evader);
+        let text = serde_json::to_string(&game).expect("a game as JSON");
+        let (hash, octets, ms): (String, usize, f64) = tab
+            .eval(&format!(
+                "(async () => {{ \
+               const begun = performance.now(); \
+               const octets = await new Promise((done, failed) => {{ \
+                 const program = document.getElementById('app').dataset.solver; \
+                 const worker = new Worker(program, {{type: 'module', name: '{text}'}}); \
+                 worker.onerror = failed; \
+                 worker.onmessage = ({{data}}) => {{ \
+                   if (data instanceof Uint8Array) done(data); \
+                   if (typeof data === 'string') failed(new Error(data)); }} }}); \
+               const ms = performance.now() - begun; \
+               const hash = new Uint8Array(await crypto.subtle.digest('SHA-256', octets)); \
+               const hex = [...hash].map(o => o.toString(16).padStart(2, '0')).join(''); \
+               return [hex, octets.length, ms] }})()"
+            ))
+            .await;
+        let native = safety_function(game, &mut |_| ControlFlow::Continue(()));
+        assert_eq!(hash, native.expect("a solution").id());
+        eprintln!(
+            "{evader:?}: {octets} octets, {ms:.0} ms in the browser, the worker's start included"
+        );
+    }
+    tab.is_well().await;
+
+    // The same trial on a server that solves: no worker is started.
+    let server = server.restarted_with(None, |args| args.no_solve = false).await;
+    let functions = || async {
+        let trial: TrialDetail = server.admin(&routes::admin_trial(&id)).await.into(200);
+        Evader::ALL.map(|evader| trial.value_function(evader).map(str::to_owned))
+    };
+    while functions().await.iter().any(Option::is_none) {
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    }
+    tab.go(&format!("{}{replay}", server.origin)).await;
+    tab.until(&format!("{facts}?.textContent.includes('solved by the server')")).await;
+    until_regions(&tab).await;
+    let heard: usize = tab.eval("heard.length").await;
+    assert_eq!(heard, 0);
+    seek(&tab, 15).await;
+    draws_level_sets(&tab).await;
+    take(&tab, "replay-solved-by-server").await;
+    browser.close().await;
+}
+
+async fn until_regions(tab: &Tab) {
+    tab.until(&Tab::at("regions")).await;
+}
+
+/// A solver that is slow, is stopped, fails, or is not there.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_solve_shows_progress_stops_and_fails_in_words() {
+    let server = Server::with_client_and(UNEQUAL_STUDY, |args| args.no_solve = true).await;
+    let id = drive_unequal(&server).await;
+    let browser = Browser::start().await;
+    let tab = browser.open("about:blank").await;
+    // Stands in for the browser's own: 42 % in, and no further.
+    tab.before_pages(
+        "window.ended = 0; window.RealWorker = Worker; window.Worker = class { constructor() { \
+         setTimeout(() => this.onmessage(new MessageEvent('message', {data: 0.42})), 50); } \
+         terminate() { ended += 1; } };",
+    )
+    .await;
+    sign_in(&tab, &server).await;
+    tab.go(&format!("{}/lab/replay/{id}", server.origin)).await;
+    tab.until(&format!("{}?.textContent === '42 %'", Tab::at("solved-percent"))).await;
+    take(&tab, "replay-solving").await;
+    tab.press("stop-solving").await;
+    assert!(tab.words("unsolved").await.contains("stopped"));
+    assert_eq!(tab.eval::<usize>("ended").await, 2);
+    take(&tab, "replay-unsolved").await;
+    // A program that is not there.
+    tab.run(
+        "window.Worker = class extends RealWorker { constructor(program, options) { \
+         super(program + '-gone.js', options); } }",
+    )
+    .await;
+    tab.press("solve-again").await;
+    tab.until(&format!("{}?.textContent.includes('could not be loaded')", Tab::at("unsolved")))
+        .await;
+    // And with the real one all is well.
+    tab.run("window.Worker = RealWorker").await;
+    tab.press("solve-again").await;
+    until_regions(&tab).await;
+    tab.until(&format!("!{}", Tab::at("unsolved"))).await;
+    draws_level_sets(&tab).await;
+    tab.is_well().await;
+    browser.close().await;
+}
+
 /// Pictures of every page, wide and narrow, light and dark, for people to look at;
 /// and nothing is cut off in any of them.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
@@ -234,16 +408,7 @@ async fn every_page_fits_its_window() {
     let sent = driver.drive(&server, 2).await;
     let browser = Browser::start().await;
     let tab = browser.open(&server.origin).await;
-    let take = async |name: &str| {
-        for (size, dark) in [(WIDE, false), (WIDE, true), (NARROW, false), (NARROW, true)] {
-            tab.look(size, dark).await;
-            // Time for a frame in the new look.
-            tokio::time::sleep(Duration::from_millis(150)).await;
-            let scheme = if dark { "dark" } else { "light" };
-            tab.picture(&format!("{name}-{}-{scheme}", size.0)).await;
-            tab.is_well().await;
-        }
-    };
+    let take = async |name: &str| take(&tab, name).await;
     take("home").await;
     tab.go(&format!("{}/s/default", server.origin)).await;
     tab.words("consent").await;
@@ -262,8 +427,7 @@ async fn every_page_fits_its_window() {
     take("trials").await;
     tab.go(&format!("{}/lab/replay/{}", server.origin, sent[1].0)).await;
     until_predicted(&tab).await;
-    let slide = "(s => { s.value = 17; s.dispatchEvent(new Event('input', {bubbles: true})) })";
-    tab.run(&format!("{slide}({})", Tab::at("slider"))).await;
+    seek(&tab, 17).await;
     take("replay").await;
     tab.go(&format!("{}/lab/self-check", server.origin)).await;
     tab.words("verdict").await;

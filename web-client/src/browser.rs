@@ -5,8 +5,9 @@ mod canvas;
 mod dom;
 mod listen;
 mod net;
+pub mod solver;
 
-use crate::runtime::{App, Command, Event, Surroundings};
+use crate::runtime::{App, Command, Event, Solving, Surroundings};
 use crate::view::Node;
 use std::cell::RefCell;
 use std::collections::VecDeque;
@@ -34,6 +35,7 @@ pub fn run(app: impl App + 'static) {
         frame_requested: false,
         on_frame: None,
         listeners: Vec::new(),
+        solvers: Vec::new(),
     }));
     let pump = Pump { shell, queue: Rc::default(), busy: Rc::default() };
     pump.listen();
@@ -67,6 +69,8 @@ struct Shell {
     frame_requested: bool,
     on_frame: Option<Closure<dyn FnMut()>>,
     listeners: Vec<listen::Listener>,
+    /// At work, or done.
+    solvers: Vec<solver::Solver>,
 }
 
 impl Shell {
@@ -163,7 +167,7 @@ impl Pump {
     }
 
     fn apply(&self, command: Command) {
-        let shell = self.shell.borrow();
+        let mut shell = self.shell.borrow_mut();
         match command {
             Command::Send(request) => {
                 let pump = self.clone();
@@ -173,6 +177,21 @@ impl Pump {
                     pump.dispatch(Event::Answered(tag, answer));
                 });
             }
+            Command::Solve { evader, game } => {
+                let pump = self.clone();
+                let report = move |solving| pump.dispatch(Event::Solving(evader, solving));
+                let address = shell.root.get_attribute("data-solver").unwrap_or_default();
+                match solver::Solver::start(&address, &game, report) {
+                    Ok(solver) => shell.solvers.push(solver),
+                    Err(_) => {
+                        let why = "This browser cannot start the solver.".to_owned();
+                        self.queue
+                            .borrow_mut()
+                            .push_back(Event::Solving(evader, Solving::Failed(why)));
+                    }
+                }
+            }
+            Command::StopSolving => shell.solvers.clear(),
             Command::Keep(name, text) => shell.keep(&name, &text),
             Command::Forget(name) => {
                 if let Ok(Some(storage)) = shell.window.local_storage() {

@@ -3,6 +3,8 @@
 
 use crate::shape::Picture;
 use crate::view::Node;
+use sidestep::reachability::PursuitGame;
+use sidestep::scene::Evader;
 
 /// What a page is told.
 #[derive(Clone, Debug, PartialEq)]
@@ -34,6 +36,8 @@ pub enum Event {
     },
     /// A request was answered, or could not be sent.
     Answered(Tag, Answer),
+    /// How the solve of this vehicle's safety level goes.
+    Solving(Evader, Solving),
     /// The time that a page asked to be woken after is over.
     Woken,
 }
@@ -78,8 +82,8 @@ pub enum Tag {
     Trials,
     /// One stored trial.
     Trial,
-    /// A value function, V_HR or V_RH.
-    ValueFunction,
+    /// The value function of this vehicle's safety level.
+    ValueFunction(Evader),
     /// The trained predictor.
     Predictor,
     /// The server's fingerprint.
@@ -138,6 +142,17 @@ impl Answer {
     }
 }
 
+/// What a solver beside the page says.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Solving {
+    /// So much is done, 0 … 1.
+    Done(f64),
+    /// The octets of the value function.
+    Solved(Vec<u8>),
+    /// There is no solution, for this reason.
+    Failed(String),
+}
+
 /// Why a request brought nothing.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Failure {
@@ -177,6 +192,16 @@ impl Failure {
 pub enum Command {
     /// Send a request; [`Event::Answered`] follows.
     Send(Request),
+    /// Solve a game beside the page; [`Event::Solving`] follows, until it is solved or
+    /// failed.
+    Solve {
+        /// Whose safety level it is.
+        evader: Evader,
+        /// The game.
+        game: PursuitGame,
+    },
+    /// Give up whatever is being solved.
+    StopSolving,
     /// Keep a text in this browser under a name.
     Keep(String, String),
     /// Forget what is kept under a name.

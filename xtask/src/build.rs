@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::Result;
 
-use crate::site::{self, ENTRIES, PARTICIPANT_BUDGET, PageSize};
+use crate::site::{self, ENTRIES, PAGE_ENTRIES, PARTICIPANT_BUDGET, PageSize, SOLVER};
 use crate::workspace::{WASM_TARGET, Workspace, stage};
 
 /// Build client and server (release), ready to run from any working directory.
@@ -24,10 +24,20 @@ pub(crate) struct Options {
 pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<()> {
     workspace.ensure_wasm_target()?;
 
-    let mut client = workspace.cargo(["build", "--locked", "--profile", "client"]);
-    client.args(["--target", WASM_TARGET, "--package", "sidestep-web"]);
-    client.arg("--bins");
+    let build_client = || {
+        let mut client = workspace.cargo(["build", "--locked", "--profile", "client"]);
+        client.args(["--target", WASM_TARGET, "--package", "sidestep-web"]);
+        client
+    };
+    let mut client = build_client();
+    client.args(PAGE_ENTRIES.iter().flat_map(|entry| ["--bin", entry]));
     let mut times = vec![("client", stage("client", &mut client)?)];
+    // Pages are to be small; the solver is to be fast, and every browser of these
+    // days has lanes of 128 bits. Lanes change no bit of any result.
+    let mut solver = build_client();
+    solver.args(["--bin", SOLVER, "--config", "profile.client.opt-level=3"]);
+    solver.env("CARGO_TARGET_WASM32_UNKNOWN_UNKNOWN_RUSTFLAGS", "-C target-feature=+simd128");
+    times.push(("solver", stage("solver", &mut solver)?));
 
     let start = Instant::now();
     let mut bundles = Vec::new();

@@ -26,10 +26,16 @@ pub(crate) use self::bundle::{Bundle, bundle};
 pub(crate) use self::publish::{Sizes, publish};
 
 /// The programs of the web client: its binary targets.
-pub(crate) const ENTRIES: [&str; 2] = [PARTICIPANT, "lab"];
+pub(crate) const ENTRIES: [&str; 3] = [PARTICIPANT, "lab", SOLVER];
+
+/// The programs that pages start as they load.
+pub(crate) const PAGE_ENTRIES: [&str; 2] = [PARTICIPANT, "lab"];
 
 /// The entry that every participant downloads.
 const PARTICIPANT: &str = "participant";
+
+/// The entry that a page names, but starts (in a worker) only when it needs it.
+pub(crate) const SOLVER: &str = "solver";
 
 /// Most bytes that a participant's page may cost to load: html, css, js and
 /// wasm, compressed with brotli.
@@ -42,7 +48,7 @@ pub(crate) type Files = BTreeMap<String, Vec<u8>>;
 pub(crate) struct Site {
     /// What is served, before compression.
     pub(crate) files: Files,
-    /// The html files.
+    /// The html files, and the solver.
     pages: Vec<Page>,
 }
 
@@ -126,6 +132,10 @@ pub(crate) fn compose(sources: Files, bundles: Vec<Bundle>) -> Result<Site> {
         files.insert(name.clone(), filled.text.into_bytes());
         pages.push(page(name, &filled.used, &assets));
     }
+    // Listed like a page, since it is loaded by itself.
+    let solver = [format!("{SOLVER}.js"), format!("{SOLVER}.wasm")];
+    let solver = solver.iter().filter_map(|name| assets.get(name).cloned()).collect();
+    pages.push(Page { name: SOLVER.to_owned(), entries: Vec::new(), assets: solver });
     Ok(Site { files, pages })
 }
 
@@ -141,12 +151,14 @@ fn add_asset(
     assets.insert(name, path);
 }
 
-/// What a page loads: what it names, and the wasm of each program it starts.
+/// What a page loads: what it names, and the wasm of each program it starts. The
+/// solver is named only.
 fn page(name: String, used: &BTreeSet<String>, assets: &BTreeMap<String, String>) -> Page {
     let entries: Vec<&str> =
-        ENTRIES.into_iter().filter(|entry| used.contains(&format!("{entry}.js"))).collect();
+        PAGE_ENTRIES.into_iter().filter(|entry| used.contains(&format!("{entry}.js"))).collect();
     let started = entries.iter().map(|entry| format!("{entry}.wasm"));
-    let loaded: BTreeSet<String> = used.iter().cloned().chain(started).collect();
+    let named = used.iter().filter(|name| **name != format!("{SOLVER}.js")).cloned();
+    let loaded: BTreeSet<String> = named.chain(started).collect();
     let assets = loaded.iter().filter_map(|name| assets.get(name).cloned()).collect();
     Page { name, entries, assets }
 }
@@ -273,7 +285,7 @@ mod tests {
     fn a_page_costs_what_it_starts_and_nothing_else() {
         let site = composed(&[
             ("index.html", "{{participant.js}} {{style.css}}"),
-            ("lab.html", "{{lab.js}} {{style.css}}"),
+            ("lab.html", "{{lab.js}} {{solver.js}} {{style.css}}"),
             ("style.css", "a{b:c}"),
         ])
         .expect("a valid site");
@@ -297,7 +309,8 @@ mod tests {
             totals,
             [
                 ("index.html", PARTICIPANT_BUDGET + 3, true),
-                ("lab.html", PARTICIPANT_BUDGET + 3, false)
+                ("lab.html", PARTICIPANT_BUDGET + 3, false),
+                ("solver", PARTICIPANT_BUDGET + 1, false)
             ]
         );
     }

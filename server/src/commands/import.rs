@@ -3,11 +3,12 @@
 use super::{CommandError, print_json};
 use crate::clock::now_ms;
 use crate::content;
+use crate::safety;
 use crate::store::participants::{self, NewParticipant};
 use crate::store::scenes::{self, PlannedRow};
 use crate::store::studies::{self, Study};
 use crate::store::trials::{self, NewTrial};
-use crate::store::{Db, Missing, Store, value_functions};
+use crate::store::{Db, Missing, Store};
 use crate::trials_csv::{self, FileTrial, LineError, Person};
 use serde::Serialize;
 use sha2::{Digest, Sha256};
@@ -103,9 +104,7 @@ async fn found_or_made(db: &mut Db, config: &StudyConfig) -> Result<Study, Comma
         return Err(CommandError::Failure(message));
     }
     studies::put(db, config, now_ms()).await?;
-    if let Ok(function) = config.parameters.value_function() {
-        value_functions::put(db, &function).await?;
-    }
+    safety::keep_exact(db, config).await?;
     let found = studies::find(db, &config.slug).await?;
     found.ok_or_else(|| CommandError::Failure("the study that was made is not there".to_owned()))
 }

@@ -6,10 +6,11 @@ use crate::auth::first_key;
 use crate::clock::now_ms;
 use crate::config::read_study;
 use crate::metrics::Metrics;
+use crate::safety::Solver;
 use crate::site::{Site, default_folder};
-use crate::store::{Missing, Store, studies, value_functions};
+use crate::store::{Missing, Store, studies};
 use crate::throttle::Throttle;
-use crate::{listen, secrets};
+use crate::{listen, safety, secrets};
 use sidestep::study::StudyConfig;
 use std::fmt::Write;
 use std::net::SocketAddr;
@@ -42,6 +43,10 @@ pub struct ServeArgs {
     /// Make another experimenter's key; the former one and all sessions end.
     #[arg(long)]
     pub new_admin_key: bool,
+    /// Solve no value functions here: a browser that replays a trial of unequal
+    /// vehicles then solves its own each time, and their predictors learn nothing.
+    #[arg(long)]
+    pub no_solve: bool,
 }
 
 /// A server that accepts requests.
@@ -54,6 +59,7 @@ pub struct Running {
     /// The experimenter's key, if it was made just now.
     pub new_key: Option<String>,
     store: Store,
+    solver: Option<Solver>,
     stop: oneshot::Sender<()>,
     task: JoinHandle<()>,
 }
@@ -116,8 +122,9 @@ pub async fn start(args: &ServeArgs, key: Option<&str>) -> Result<Running, Comma
         // A dropped sender means the same as a sent stop.
         let _ = stopped.await;
     }));
+    let solver = (!args.no_solve).then(|| Solver::start(store.clone()));
     tracing::info!(%address, study, "serving");
-    Ok(Running { address, study, new_key, store, stop, task })
+    Ok(Running { address, study, new_key, store, solver, stop, task })
 }
 
 impl Running {
@@ -142,6 +149,9 @@ impl Running {
     /// Lets requests under way finish, then closes the database.
     pub async fn stop(self) {
         let _ = self.stop.send(());
+        if let Some(solver) = self.solver {
+            solver.stop().await;
+        }
         if let Err(error) = self.task.await {
             tracing::error!(%error, "the server ended badly");
         }
@@ -149,7 +159,8 @@ impl Running {
     }
 }
 
-/// Makes or updates the study, keeps its value function, and returns its name.
+/// Makes or updates the study, keeps its value functions if they take no solve, and
+/// returns its name.
 async fn prepare(store: &Store, given: Option<StudyConfig>) -> Result<String, CommandError> {
     let mut db = store.write().await?;
     let config = match given {
@@ -169,9 +180,7 @@ async fn prepare(store: &Store, given: Option<StudyConfig>) -> Result<String, Co
             }
         }
     };
-    if let Ok(function) = config.parameters.value_function() {
-        value_functions::put(&mut db, &function).await?;
-    }
+    safety::keep_exact(&mut db, &config).await?;
     db.commit().await?;
     Ok(config.slug)
 }

@@ -5,6 +5,7 @@ use serde_json::json;
 use sidestep::api::{SelfCheck, StudySummary, TrainedPredictor, TrialDetail, TrialPage, routes};
 use sidestep::predict::Predictor;
 use sidestep::reachability::ValueFunction;
+use sidestep::scene::Evader;
 use sidestep::trial::{outcome, simulation_fingerprint};
 use sidestep::vehicle::TurnInput;
 use sidestep_tests::server::SHORT_STUDY;
@@ -120,13 +121,15 @@ async fn trials_newest_first_page_by_page_and_whole() {
     assert_eq!(detail.summary.outcome, outcome(&detail.parameters, &trial.inputs, &trial.states));
     assert_eq!((detail.states.len(), detail.inputs.len()), (51, 50));
 
-    let address = routes::value_function(&detail.value_function_hr.unwrap());
+    let address = routes::value_function(detail.value_function(Evader::Human).unwrap());
     let answer = server.request(Method::GET, &address).send().await.unwrap();
     let cache = answer.headers()["cache-control"].to_str().unwrap();
     assert_eq!(cache, "public, max-age=31536000, immutable");
     let tag = answer.headers()["etag"].clone();
     let function = ValueFunction::decode(&answer.bytes().await.unwrap()).unwrap();
-    assert_eq!(function, detail.parameters.value_function().unwrap());
+    let exact = detail.parameters.game(Evader::Human).exact().unwrap();
+    assert_eq!(function, ValueFunction::Exact(exact));
+    assert_eq!(detail.value_function_rh.as_deref(), Some(function.id().as_str()));
     let again = server.request(Method::GET, &address).header("if-none-match", tag);
     assert_eq!(Answer::of(again).await.status, 304);
     let packed = server.request(Method::GET, &address).header("accept-encoding", "br");

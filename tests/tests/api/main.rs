@@ -8,5 +8,6 @@ mod files;
 mod laboratory;
 mod participation;
 mod process;
+mod safety;
 mod site;
 mod solving;

@@ -1,6 +1,8 @@
 //! The laboratory: sign-in, stored trials, replay, and the machine's self-check.
 
 mod view;
+#[cfg(test)]
+mod tests;
 
 use super::replay::Replay;
 use crate::json;
@@ -8,8 +10,6 @@ use crate::runtime::{Answer, App, Command, Event, Failure, Request, Surroundings
 use crate::shape::Picture;
 use crate::view::Node;
 use sidestep::api::{SelfCheck, SignIn, StudySummary, TrialPage, TrialSummary, routes};
-use sidestep::features::SafetyFunctions;
-use sidestep::reachability::ValueFunction;
 use sidestep::trial::simulation_fingerprint;
 
 /// The laboratory's pages.
@@ -134,31 +134,16 @@ impl Lab {
             }
             Tag::Trial => {
                 let mut replay = Replay::new(answer.read()?);
-                let trial = replay.trial();
-                let predictor = routes::admin_predictor(&trial.summary.trial_id);
-                // V_HR and V_RH are the same function while the vehicles are identical.
-                let value = trial.value_function_hr.as_deref().map(routes::value_function);
-                let requests = value
-                    .map(|url| Request::get(Tag::ValueFunction, url))
-                    .into_iter()
-                    .chain([Request::get(Tag::Predictor, predictor)]);
-                let commands = requests.map(Command::Send).collect();
-                if replay.trial().value_function_hr.is_none() {
-                    let differ = "The vehicles of this study differ, and no value function is known \
-                                  for them: safety levels and predicted sets are not drawn.";
-                    replay.trouble = Some(differ.to_owned());
-                }
+                let predictor = routes::admin_predictor(&replay.trial().summary.trial_id);
+                let predictor = Command::Send(Request::get(Tag::Predictor, predictor));
+                let commands = replay.begin().into_iter().chain([predictor]).collect();
                 self.page = Page::Replay(Box::new(replay));
                 Ok(commands)
             }
-            Tag::ValueFunction => {
+            Tag::ValueFunction(evader) => {
                 let octets = answer.octets()?;
                 if let Page::Replay(replay) = &mut self.page {
-                    match ValueFunction::decode(octets) {
-                        Ok(value) => replay
-                            .take_safety(SafetyFunctions { human: value.clone(), robot: value }),
-                        Err(invalid) => replay.trouble = Some(invalid.to_string()),
-                    }
+                    replay.take_value_function(evader, Ok(octets));
                 }
                 Ok(Vec::new())
             }
@@ -187,7 +172,12 @@ impl Lab {
                 self.trouble = tried.then(|| problem.message.clone());
                 self.page = Page::SignIn { busy: false };
             }
-            (Tag::Predictor | Tag::ValueFunction, _) => {
+            (Tag::ValueFunction(evader), failure) => {
+                if let Page::Replay(replay) = &mut self.page {
+                    replay.take_value_function(*evader, Err(failure));
+                }
+            }
+            (Tag::Predictor, _) => {
                 if let Page::Replay(replay) = &mut self.page {
                     replay.trouble = Some(failure.sentence());
                 }
@@ -210,15 +200,15 @@ impl Lab {
                 return vec![Command::Send(request), Command::GoTo("/".to_owned())];
             }
             ("more", Page::Trials) => return self.list(),
-            (_, Page::Replay(replay)) => replay.act(word, value, self.now_ms),
+            (_, Page::Replay(replay)) => return replay.act(word, value, self.now_ms),
             _ => {}
         }
         Vec::new()
     }
 }
 
-impl App for Lab {
-    fn handle(&mut self, event: Event) -> Vec<Command> {
+impl Lab {
+    fn take(&mut self, event: Event) -> Vec<Command> {
         match event {
             Event::Opened(surroundings) => self.open(&surroundings),
             Event::Frame(now_ms) => {
@@ -238,8 +228,26 @@ impl App for Lab {
                     Vec::new()
                 })
             }
+            Event::Solving(evader, solving) => {
+                if let Page::Replay(replay) = &mut self.page {
+                    replay.take_solving(evader, solving);
+                }
+                Vec::new()
+            }
             Event::Key { .. } | Event::Blur(_) | Event::Woken => Vec::new(),
         }
+    }
+}
+
+impl App for Lab {
+    fn handle(&mut self, event: Event) -> Vec<Command> {
+        let replayed = matches!(self.page, Page::Replay(_));
+        let mut commands = self.take(event);
+        if replayed && !matches!(self.page, Page::Replay(_)) {
+            // Nobody waits for the solution any more.
+            commands.push(Command::StopSolving);
+        }
+        commands
     }
 
     fn view(&self) -> Node {

@@ -363,6 +363,7 @@ impl App for Participant {
             }
             Event::Answered(tag, answer) => self.answered(tag, &answer),
             Event::Woken => self.woken(),
+            Event::Solving(..) => Vec::new(),
         }
     }
 

@@ -2,21 +2,25 @@
 //! and what the participant really did.
 
 mod chart;
+mod safety;
 
+use self::safety::Sources;
 use crate::overlays::{LAYERS, Moment, stage};
+use crate::runtime::{Command, Failure, Solving};
 use crate::shape::{Picture, Shape, Window};
 use crate::view::{Node, el, subscripted};
 use sidestep::api::{TrainedPredictor, TrialDetail};
 use sidestep::features::SafetyFunctions;
 use sidestep::invalid::Invalid;
 use sidestep::predict::Predictor;
-use sidestep::scene::JointState;
+use sidestep::scene::{Evader, JointState};
 use sidestep::shfrs::{PredictedHuman, Shfrs, ShfrsSettings, predict};
 use sidestep::vehicle::TurnInput;
 
 /// The state of a replay.
 pub struct Replay {
     trial: TrialDetail,
+    sources: Sources,
     safety: Option<SafetyFunctions>,
     /// V_HR and V_RH of each state, m.
     levels: Vec<(f64, f64)>,
@@ -53,6 +57,7 @@ impl Replay {
         let window = Window::around(everything.chain([trial.scene.goal]), 3.5)
             .unwrap_or_else(|| Window::square(15.0));
         Self {
+            sources: Sources::new(&trial),
             trial,
             safety: None,
             levels: Vec::new(),
@@ -72,12 +77,34 @@ impl Replay {
         &self.trial
     }
 
-    /// Takes the value functions.
-    pub fn take_safety(&mut self, safety: SafetyFunctions) {
-        let level = |s: &JointState| (safety.human_level(s), safety.robot_level(s));
-        self.levels = self.trial.states.iter().map(level).collect();
-        self.safety = Some(safety);
-        self.update();
+    /// Asks for the value functions, or for their solution.
+    pub fn begin(&mut self) -> Vec<Command> {
+        self.sources.begin(&self.trial)
+    }
+
+    /// Takes what the server sent as the value function of `evader`, or why it did not.
+    pub fn take_value_function(&mut self, evader: Evader, answer: Result<&[u8], &Failure>) {
+        self.sources.take_answer(evader, answer);
+        self.take_safety();
+    }
+
+    /// Takes what the solver says of the value function of `evader`.
+    pub fn take_solving(&mut self, evader: Evader, solving: Solving) {
+        self.sources.take_solving(evader, solving);
+        self.take_safety();
+    }
+
+    /// Puts the value functions to use, once both are here.
+    fn take_safety(&mut self) {
+        if self.safety.is_some() {
+            return;
+        }
+        if let Some(safety) = self.sources.functions() {
+            let level = |s: &JointState| (safety.human_level(s), safety.robot_level(s));
+            self.levels = self.trial.states.iter().map(level).collect();
+            self.safety = Some(safety);
+            self.update();
+        }
     }
 
     /// Takes the predictor.
@@ -142,9 +169,11 @@ impl Replay {
     }
 
     /// Takes a press.
-    pub fn act(&mut self, word: &str, value: &str, now_ms: f64) {
+    pub fn act(&mut self, word: &str, value: &str, now_ms: f64) -> Vec<Command> {
         let step_s = self.trial.parameters.step_s;
         match word {
+            "stop-solving" => return self.sources.stop(),
+            "solve-again" => return self.sources.retry(&self.trial),
             "play" if self.is_playing() => self.playing_since = None,
             "play" => {
                 if self.time_s >= self.duration_s() {
@@ -165,6 +194,7 @@ impl Replay {
                 }
             }
         }
+        Vec::new()
     }
 
     /// Predicts anew for the present moment.
@@ -266,16 +296,17 @@ impl Replay {
                     .attr("role", "img")
                     .attr("aria-label", "The trial seen from above, with the chosen layers"),
             )
+            .children(self.sources.notice())
     }
 
     fn panel(&self) -> Node {
         let step = self.step();
         let state = self.state();
         let metres = |value: f64| format!("{value:.2} m").replace('-', "−");
-        let level = |read: fn(&SafetyFunctions, &JointState) -> f64| {
-            self.safety
-                .as_ref()
-                .map_or_else(|| "…".to_owned(), |safety| metres(read(safety, &state)))
+        let level = |read: fn(&SafetyFunctions, &JointState) -> f64| match &self.safety {
+            Some(safety) => metres(read(safety, &state)),
+            None if self.sources.missing().is_some() => "—".to_owned(),
+            None => "…".to_owned(),
         };
         let input = self.trial.inputs.get(step).map_or("—", |input| input.word());
         let row = |name: Node, value: String| el("div").child(name).child(el("dd").text(value));
@@ -381,6 +412,7 @@ impl Replay {
             row("closest", closest),
             row("in danger zone", danger),
             row("replay", replay),
+            row("safety levels", self.sources.words().to_owned()).test_id("safety-levels"),
             row("flags", flags),
         ]))
     }

@@ -8,7 +8,7 @@ use wasm_bindgen_cli_support::Bindgen;
 
 /// One entry of the web client.
 pub(crate) struct Bundle {
-    /// Its name: `participant` or `lab`.
+    /// Its name: `participant`, `lab` or `solver`.
     pub(crate) entry: &'static str,
     /// The module that wasm-bindgen wrote; it loads `<entry>_bg.wasm`.
     pub(crate) js: String,

@@ -76,6 +76,7 @@ impl Session {
                 Command::Forget(name) => drop(self.kept.remove(&name)),
                 Command::WakeAfter(_) => self.woken += 1,
                 Command::ReplaceAddress(_) | Command::GoTo(_) => panic!("a participant stays"),
+                Command::Solve { .. } | Command::StopSolving => panic!("no safety levels here"),
             }
         }
     }

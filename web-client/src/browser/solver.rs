@@ -1,0 +1,106 @@
+//! Both ends of a solver beside the page: a worker with a program of its own
+//! (`bin/solver.rs`), which finds one value function and ends.
+//!
+//! Its name is the game, as JSON, so that nothing has to be sent to a worker that is
+//! still loading. It answers with numbers (the share that is done), and in the end
+//! with octets or, where there is no solution, with a text that says why. It ends
+//! with the page at the latest: the browser sees to that.
+
+use crate::json;
+use crate::runtime::Solving;
+use js_sys::{Array, Uint8Array};
+use sidestep::features::safety_function;
+use sidestep::reachability::{Progress, PursuitGame, ValueFunction};
+use std::ops::ControlFlow;
+use std::rc::Rc;
+use wasm_bindgen::prelude::*;
+use web_sys::{DedicatedWorkerGlobalScope, MessageEvent, Worker, WorkerOptions, WorkerType};
+
+/// The page's end. The worker is stopped when this is dropped.
+pub(super) struct Solver {
+    worker: Worker,
+    _on_message: Closure<dyn FnMut(MessageEvent)>,
+    _on_error: Closure<dyn FnMut(web_sys::Event)>,
+}
+
+impl Solver {
+    /// Starts the program at `address` on `game`.
+    pub(super) fn start(
+        address: &str,
+        game: &PursuitGame,
+        report: impl Fn(Solving) + 'static,
+    ) -> Result<Self, JsValue> {
+        let options = WorkerOptions::new();
+        options.set_type(WorkerType::Module);
+        options.set_name(&json::write(game));
+        let worker = Worker::new_with_options(address, &options)?;
+        let report = Rc::new(report);
+        let on_message = {
+            let report = Rc::clone(&report);
+            Closure::<dyn FnMut(MessageEvent)>::new(move |event: MessageEvent| {
+                let message = event.data();
+                if let Some(share) = message.as_f64() {
+                    report(Solving::Done(share));
+                } else if let Some(octets) = message.dyn_ref::<Uint8Array>() {
+                    report(Solving::Solved(octets.to_vec()));
+                } else {
+                    report(Solving::Failed(message.as_string().unwrap_or_default()));
+                }
+            })
+        };
+        let on_error = Closure::<dyn FnMut(web_sys::Event)>::new(move |event: web_sys::Event| {
+            // It is said on the page, and not a second time on the console.
+            event.prevent_default();
+            let why = "The solver could not be loaded, or broke off. Check the connection.";
+            report(Solving::Failed(why.to_owned()));
+        });
+        worker.set_onmessage(Some(on_message.as_ref().unchecked_ref()));
+        worker.set_onerror(Some(on_error.as_ref().unchecked_ref()));
+        Ok(Self { worker, _on_message: on_message, _on_error: on_error })
+    }
+}
+
+impl Drop for Solver {
+    fn drop(&mut self) {
+        self.worker.terminate();
+    }
+}
+
+/// The worker's end: solves the game that is its name, and ends.
+pub fn work() {
+    let Ok(scope) = js_sys::global().dyn_into::<DedicatedWorkerGlobalScope>() else {
+        return;
+    };
+    let reporter = scope.clone();
+    std::panic::set_hook(Box::new(move |panic| {
+        // Where this does not arrive either, the page hears of the panic itself.
+        let _ = reporter.post_message(&format!("The solver stopped: {panic}").into());
+    }));
+    let sent = match solved(&scope) {
+        Ok(function) => {
+            let octets = Uint8Array::from(function.encode().as_slice());
+            let moved = Array::of1(&octets.buffer());
+            scope.post_message_with_transfer(&octets, &moved)
+        }
+        Err(why) => scope.post_message(&why.into()),
+    };
+    if sent.is_ok() {
+        scope.close();
+    }
+}
+
+fn solved(scope: &DedicatedWorkerGlobalScope) -> Result<ValueFunction, String> {
+    let game: PursuitGame =
+        json::read(scope.name().as_bytes()).ok_or("The solver was given no game.")?;
+    let mut percent = 0.0;
+    let mut progress = |progress: Progress| {
+        let now = (100.0 * progress.done).floor();
+        if now > percent {
+            percent = now;
+            // A page that is gone ends this worker too.
+            let _ = scope.post_message(&progress.done.into());
+        }
+        ControlFlow::Continue(())
+    };
+    safety_function(game, &mut progress).map_err(|error| error.to_string())
+}
