@@ -181,7 +181,7 @@ fn array<T: npyz::AutoSerialize>(
     writer.finish()
 }
 
-/// Reads what [`write`] wrote: the closed form where the method was exact, else the
+/// Reads what [`write()`] wrote: the closed form where the method was exact, else the
 /// values to the accuracy of float32.
 ///
 /// # Errors

@@ -113,6 +113,8 @@ struct Line {
     threads: usize,
     /// m/s; of the polar method m a round of sweeps.
     converged_residual: f64,
+    /// Whether the solution had settled; otherwise the solve gave up.
+    converged: bool,
     /// Of {V <= 0} over the domain, m² rad.
     volume: f64,
 }
@@ -148,6 +150,7 @@ pub async fn run(args: SolveArgs) -> Result<(), CommandError> {
         wall_s,
         threads: solved.threads,
         converged_residual: solved.residual,
+        converged: solved.converged,
         volume: solved.samples.volume(),
     })
 }

@@ -144,6 +144,9 @@ pub struct Solved {
     /// How much the solution still moves: Cartesian max |∂V/∂τ|, m/s; polar the
     /// drift in [`polar::WINDOW`] sweeps, m; 0 for the closed form.
     pub residual: f64,
+    /// Whether the solution had settled when the solve ended. Always so for a finite
+    /// horizon; a chase by a barely faster pursuer can take longer than the solve may.
+    pub converged: bool,
 }
 
 /// Finds the value function of `game`.
@@ -193,7 +196,15 @@ pub fn solve(
             )?;
             let samples = Arc::new(SampledValue::sampled(game, nodes, |state| exact.value(state))?);
             let function = ValueFunction::Exact(exact);
-            Ok(Solved { function, samples, method: chosen, steps: 0, threads: 1, residual: 0.0 })
+            Ok(Solved {
+                function,
+                samples,
+                method: chosen,
+                steps: 0,
+                threads: 1,
+                residual: 0.0,
+                converged: true,
+            })
         }
         Method::Polar => {
             if options.grid.is_some() {
@@ -224,7 +235,8 @@ pub fn solve(
             let (steps, residual) = (solution.sweeps, solution.drift_m);
             let samples = Arc::new(SampledValue::from_polar(game, &solution)?);
             let function = ValueFunction::Sampled(samples.clone());
-            Ok(Solved { function, samples, method: chosen, steps, threads: 1, residual })
+            let converged = residual <= settings.tolerance_m;
+            Ok(Solved { function, samples, method: chosen, steps, threads: 1, residual, converged })
         }
         Method::Cartesian => {
             let grid = options.grid.unwrap_or_else(|| default_grid(&game, options));
@@ -235,7 +247,8 @@ pub fn solve(
             let samples = Arc::new(samples);
             let function = ValueFunction::Sampled(samples.clone());
             let threads = options.threads;
-            Ok(Solved { function, samples, method: chosen, steps, threads, residual })
+            let converged = horizon_s.is_finite() || residual <= settled(&game);
+            Ok(Solved { function, samples, method: chosen, steps, threads, residual, converged })
         }
     }
 }
@@ -253,8 +266,7 @@ fn march<T: super::Real>(
         // Optimal play of equal vehicles ends within half a turn; slower turns and
         // chases get several times that before the march gives up.
         let slowest = game.evader.turn_rate_radps.min(game.pursuer.turn_rate_radps);
-        let tolerance = 1e-3 * (game.evader.speed_mps + game.pursuer.speed_mps);
-        Horizon::Converged { tolerance, longest_s: 8.0 * PI / slowest }
+        Horizon::Converged { tolerance: settled(&game), longest_s: 8.0 * PI / slowest }
     };
     let problem = Problem {
         game: &RelativeDubins(game),
@@ -273,6 +285,11 @@ fn march<T: super::Real>(
     let solution = cartesian::solve::<T, 3, _>(&problem, &settings, progress)?;
     let samples = SampledValue::from_cartesian(game, options.horizon_s, &solution)?;
     Ok((samples, solution.steps, solution.residual))
+}
+
+/// Change of V that counts as none in a converged march, m/s.
+fn settled(game: &PursuitGame) -> f64 {
+    2e-3 * (game.evader.speed_mps + game.pursuer.speed_mps)
 }
 
 /// Turning radius of the wider turning vehicle, m.

@@ -277,9 +277,13 @@ fn smoothed(
     settings: CurveSettings,
 ) -> Vec<[f64; 2]> {
     let mut smooth = Vec::with_capacity(3 * curve.len());
-    let closed = curve.iter().zip(curve.iter().cycle().skip(1));
-    for (from, to) in closed {
-        smooth.push(*from);
+    let excess = |point: [f64; 2]| function.state([point[0], point[1], psi]).value - level;
+    // Where the set is cut off by the grid, its edge is the curve.
+    let on_level: Vec<bool> = curve.iter().map(|p| excess(*p).abs() < ON_LEVEL_M).collect();
+    let closed = (0..curve.len()).map(|i| (i, (i + 1) % curve.len()));
+    for (i, next) in closed {
+        let (from, to) = (curve[i], curve[next]);
+        smooth.push(from);
         let length = hypot(to[0] - from[0], to[1] - from[1]);
         let pieces = ((length / settings.spacing_m).ceil() as usize).clamp(1, 4);
         for piece in 1..pieces {
@@ -289,8 +293,8 @@ fn smoothed(
             let [gx, gy, _] = state.gradient;
             let excess = state.value - level;
             let steepness = gx * gx + gy * gy;
-            // Along the edge of the grid, and on a kink, the chord is best.
-            if state.inside && excess.abs() < length * steepness.sqrt() {
+            // On a kink the chord is best.
+            if on_level[i] && on_level[next] && excess.abs() < length * steepness.sqrt() {
                 point = [point[0] - excess * gx / steepness, point[1] - excess * gy / steepness];
             }
             smooth.push(point);
@@ -298,3 +302,6 @@ fn smoothed(
     }
     smooth
 }
+
+/// A point of a curve is on its level to this, m, unless it is on the grid's edge.
+const ON_LEVEL_M: f64 = 0.02;
