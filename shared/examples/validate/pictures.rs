@@ -1,0 +1,83 @@
+//! What the page draws: curves and a map.
+
+use std::error::Error;
+
+use serde::Serialize;
+use sidestep::math::{PI, TAU, hypot};
+use sidestep::reachability::{
+    Accuracy, CartesianGrid, CurveSettings, Options, Precision, Scheme, ValueFunction,
+};
+
+use crate::measure::{HORIZON_S, MITCHELL};
+use crate::polar::by_polar;
+use crate::{PAPER, solved};
+
+/// A closed curve in the evader's frame, m.
+type Curve = Vec<[f64; 2]>;
+
+/// {V = 0} of *mitchell* at one relative heading.
+#[derive(Serialize)]
+pub(crate) struct Slice {
+    psi_deg: f64,
+    exact: Vec<Curve>,
+    /// Standard accuracy.
+    polar: Vec<Curve>,
+    /// WENO5 on 51×40×50 nodes, T = 2.8 s.
+    cartesian: Vec<Curve>,
+    /// The point of the closed form's curve that is farthest from the evader, m.
+    tip: [f64; 2],
+}
+
+/// |polar − closed form| of *paper* at ψ = π, standard accuracy.
+#[derive(Serialize)]
+pub(crate) struct ErrorMap {
+    /// First x, first y (of the centres of square cells) and their side, m.
+    origin: [f64; 2],
+    cell_m: f64,
+    /// Errors, m: one row for every y.
+    rows: Vec<Vec<f32>>,
+    /// {V = 0} of the closed form.
+    zero: Vec<Curve>,
+}
+
+const CURVES: CurveSettings =
+    CurveSettings { rays: 96, flatness_m: 0.002, max_depth: 9, accuracy_m: 1e-5, spacing_m: 0.1 };
+
+/// Three slices.
+pub(crate) fn slices() -> Result<Vec<Slice>, Box<dyn Error>> {
+    let grid = CartesianGrid {
+        nodes: [51, 40, 50],
+        domain_m: [-6.0, 20.0, -10.0, 10.0],
+        scheme: Scheme::Weno5,
+        precision: Precision::F32,
+    };
+    let options = Options { horizon_s: HORIZON_S, grid: Some(grid), ..Options::default() };
+    let cartesian = solved(MITCHELL, &options)?.function;
+    let polar = by_polar(MITCHELL, Accuracy::Standard)?.function;
+    let exact = ValueFunction::Exact(MITCHELL.exact()?);
+    let slice = |psi_deg: f64| {
+        let psi = psi_deg * TAU / 360.0;
+        let [exact, polar, cartesian] =
+            [&exact, &polar, &cartesian].map(|function| function.level_curves(psi, 0.0, CURVES));
+        let farther = |a: [f64; 2], b: &[f64; 2]| {
+            if hypot(b[0], b[1]) > hypot(a[0], a[1]) { *b } else { a }
+        };
+        let tip = exact.iter().flatten().fold([0.0; 2], farther);
+        Slice { psi_deg, exact, polar, cartesian, tip }
+    };
+    Ok([60.0, 120.0, 180.0].map(slice).into())
+}
+
+/// The map.
+pub(crate) fn error_map() -> Result<ErrorMap, Box<dyn Error>> {
+    let (origin, cell_m, [columns, rows]) = ([-5.95, -7.95], 0.1, [210, 160]);
+    let polar = by_polar(PAPER, Accuracy::Standard)?.function;
+    let exact = ValueFunction::Exact(PAPER.exact()?);
+    let error = |i: usize, j: usize| {
+        let state = [origin[0] + cell_m * i as f64, origin[1] + cell_m * j as f64, PI];
+        (polar.value(state) - exact.value(state)).abs() as f32
+    };
+    let rows = (0..rows).map(|j| (0..columns).map(|i| error(i, j)).collect()).collect();
+    let zero = exact.level_curves(PI, 0.0, CURVES);
+    Ok(ErrorMap { origin, cell_m, rows, zero })
+}
