@@ -37,6 +37,7 @@ struct Report {
     chase: polar::Chase,
     cartesian: cartesian::Check,
     unequal: unequal::Check,
+    traced: errors::Errors,
     slices: Vec<pictures::Slice>,
     error_map: pictures::ErrorMap,
 }
@@ -54,8 +55,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     step("unequal vehicles");
     let unequal = unequal::check()?;
     step("pictures");
-    let (slices, error_map) = (pictures::slices()?, pictures::error_map()?);
-    let report = Report { closed_form, polar, chase, cartesian, unequal, slices, error_map };
+    let (traced, slices) = (pictures::traced()?, pictures::slices()?);
+    let error_map = pictures::error_map()?;
+    let report =
+        Report { closed_form, polar, chase, cartesian, unequal, traced, slices, error_map };
     println!("{}", serde_json::to_string(&report)?);
     Ok(())
 }

@@ -6,8 +6,10 @@ use serde::Serialize;
 use sidestep::math::{PI, TAU, hypot};
 use sidestep::reachability::{
     Accuracy, CartesianGrid, CurveSettings, Options, Precision, Scheme, ValueFunction,
+    radial_level_curve,
 };
 
+use crate::errors::Errors;
 use crate::measure::{HORIZON_S, MITCHELL};
 use crate::polar::by_polar;
 use crate::{PAPER, solved};
@@ -15,7 +17,7 @@ use crate::{PAPER, solved};
 /// A closed curve in the evader's frame, m.
 type Curve = Vec<[f64; 2]>;
 
-/// {V = 0} of *mitchell* at one relative heading.
+/// {V = 0} of *mitchell* at one relative heading, found along rays from the evader.
 #[derive(Serialize)]
 pub(crate) struct Slice {
     psi_deg: f64,
@@ -43,6 +45,23 @@ pub(crate) struct ErrorMap {
 const CURVES: CurveSettings =
     CurveSettings { rays: 96, flatness_m: 0.002, max_depth: 9, accuracy_m: 1e-5, spacing_m: 0.1 };
 
+/// How far from {V = 0} of the same solution the curves are that are traced through its grid:
+/// |V|, m, on their points and the middles between these, at 24 headings of *mitchell*.
+pub(crate) fn traced() -> Result<Errors, Box<dyn Error>> {
+    let polar = by_polar(MITCHELL, Accuracy::Standard)?.function;
+    let mut errors = Vec::new();
+    for step in 0..24 {
+        let psi = TAU * f64::from(step) / 24.0;
+        for curve in polar.level_curves(psi, 0.0, CurveSettings::default()) {
+            for (a, b) in curve.iter().zip(curve.iter().cycle().skip(1)) {
+                let middle = [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])];
+                errors.extend([*a, middle].map(|[x, y]| polar.value([x, y, psi]).abs()));
+            }
+        }
+    }
+    Ok(Errors::of(errors))
+}
+
 /// Three slices.
 pub(crate) fn slices() -> Result<Vec<Slice>, Box<dyn Error>> {
     let grid = CartesianGrid {
@@ -57,8 +76,12 @@ pub(crate) fn slices() -> Result<Vec<Slice>, Box<dyn Error>> {
     let exact = ValueFunction::Exact(MITCHELL.exact()?);
     let slice = |psi_deg: f64| {
         let psi = psi_deg * TAU / 360.0;
-        let [exact, polar, cartesian] =
-            [&exact, &polar, &cartesian].map(|function| function.level_curves(psi, 0.0, CURVES));
+        // Along rays, which all leave the set once; the first part is inside in any case.
+        let (inner, outer) = (0.5 * MITCHELL.radius_m, 30.0);
+        let [exact, polar, cartesian] = [&exact, &polar, &cartesian].map(|function| {
+            let value = |x, y| function.value([x, y, psi]);
+            vec![radial_level_curve(value, 0.0, inner, outer, CURVES)]
+        });
         let farther = |a: [f64; 2], b: &[f64; 2]| {
             if hypot(b[0], b[1]) > hypot(a[0], a[1]) { *b } else { a }
         };

@@ -1,7 +1,9 @@
 //! The page: what is solved, how it was measured and what came out.
 
 use super::peers::{Peers, Solved};
-use super::report::{Air3d, Cartesian, ClosedForm, Errors, Game, Order, Polar, Report, Unequal};
+use super::report::{
+    Air3d, Cartesian, ClosedForm, ErrorMap, Errors, Game, Order, Polar, Report, Unequal,
+};
 
 /// The whole page.
 pub(super) fn page(report: &Report, peers: &Peers) -> String {
@@ -114,10 +116,15 @@ fn slices(report: &Report) -> String {
 ![Curves of V = 0 by closed form, polar and Cartesian solver at three relative headings, whole and enlarged](slices.svg)
 
 {{V = 0}} of *mitchell* at ψ = {}, in the evader's frame. The evader is the arrow head; from
-inside the curve the pursuer can force a collision. Below, each curve's farthest point is
-enlarged ten times.
+inside the curve the pursuer can force a collision. Below, the set's farthest point is enlarged ten
+times. All three curves are zeros of V along rays from the evader. The curves that the program
+draws are traced through the grid instead: on them (*mitchell*, polar, standard, 24 headings, their
+points and the middles between these) |V| of the same solution is {} cm at the 99th percentile and
+{} cm at most, where a tip is sharper than a cell.
 ",
-        headings.join(", ")
+        headings.join(", "),
+        cm(report.traced.p99),
+        cm(report.traced.max)
     )
 }
 
@@ -145,6 +152,7 @@ fn polar(report: &Report) -> String {
         let of = report.polar.iter().find(|polar| polar.game == game);
         of.map_or((0, 0.0), |polar| (polar.random.count, polar.range_m))
     };
+    let map = MapErrors::of(&report.error_map);
     let ((paper, paper_m), (mitchell, mitchell_m)) = (counts("paper"), counts("mitchell"));
     format!(
         "## Polar solver
@@ -165,12 +173,18 @@ The same errors as a distribution: each line says what share of the states has a
 
 ![Map of the error at ψ = 180°](error-map.svg)
 
-Where they are: *paper*, ψ = 180°, accuracy standard. Away from kinks of V the error is
-millimetres; what is larger lies along them.
+Where they are: *paper*, ψ = 180°, accuracy standard, at any V. In this picture the error is {} cm
+at the median, {} cm at the 99th percentile and {} cm at most, at x = {:.1} m, y = {:.1} m; on y = 0
+turning right and turning left are equally good for the evader, and V has a kink.
 ",
         thousands(paper),
         thousands(mitchell),
-        rows.join("\n")
+        rows.join("\n"),
+        cm(map.p50),
+        cm(map.p99),
+        cm(map.max),
+        map.worst.0,
+        map.worst.1
     )
 }
 
@@ -179,13 +193,14 @@ fn cartesian(cartesian: &Cartesian) -> String {
         vec![head("grid | Δx, m | scheme | cfl | steps | mean, Δx | max, Δx | volume, %", 1)];
     let row = |solve: &Air3d, scheme: &str, cfl: &str, steps: &str| {
         let [x, y, psi] = solve.nodes;
-        format!(
+        let row = format!(
             "| {x}×{y}×{psi} | {:.2} | {scheme} | {cfl} | {steps} | {:.3} | {:.2} | {:+.2} |",
             solve.dx_m,
             solve.accuracy.mean_dx,
             solve.accuracy.max_dx,
             solve.accuracy.volume_percent
-        )
+        );
+        minus(row)
     };
     for exact in &cartesian.exact {
         for solve in cartesian.air3d.iter().filter(|solve| solve.nodes == exact.nodes) {
@@ -210,7 +225,7 @@ precision. Errors of the zero level are |V| of the closed form at the places whe
 changes sign along the grid's lines of x and y, in spacings Δx. The volume is that of polygons
 through these places, which cut corners: the rows *closed form* are the exact values on the same
 nodes, measured in the same way, and show what is the measure's own. The closed form is the
-converged value; solving for π s instead of {} s moves the volume from {shorter:+.3} % to {:+.3} %
+converged value; solving for π s instead of {} s moves the volume from {} % to {} %
 (WENO5, 51×40×50).
 
 {}
@@ -223,14 +238,15 @@ slopes of the orders 1 to 3.
 
 Observed orders of the smooth problem: log₂ of the ratio of mean errors on {spacings} grids, each
 twice as fine as the one before. WENO5 is paired with a third-order Runge–Kutta method, which
-sets the order here. *Not advised* are steps longer than the library's own choice: ENO is then
-no longer stable on all of its stencils, and loses its order.
+sets the order here. *Not advised* are steps longer than the library's own choice: ENO is
+then not stable on all of the stencils that it may choose, and this is what it costs.
 
 {}
 ",
         cartesian.horizon_s,
         cartesian.horizon_s,
-        longer.volume_percent,
+        minus(format!("{shorter:+.3}")),
+        minus(format!("{:+.3}", longer.volume_percent)),
         rows.join("\n"),
         orders.join("\n")
     )
@@ -291,14 +307,14 @@ fn side_by_side(peers: &Peers) -> String {
     )];
     let row = |solved: &Solved, note: &str, ratio: &str| {
         format!(
-            "| {}{note} | {} | {} | {} | {:.3} | {:.2} | {:+.2} | {ratio} |",
+            "| {}{note} | {} | {} | {} | {:.3} | {:.2} | {} | {ratio} |",
             solved.solver,
             solved.grid.replace('x', "×"),
             scheme(&solved.scheme),
             seconds(solved.wall_s),
             solved.mean_dx,
             solved.max_dx,
-            solved.volume_percent
+            minus(format!("{:+.2}", solved.volume_percent))
         )
     };
     for pair in peers.measured.chunks(2) {
@@ -317,9 +333,8 @@ fn side_by_side(peers: &Peers) -> String {
 air3D as above, the same nodes, scheme, horizon and cfl (0.75) for both, on {} cores;
 **measured on {}** by `cargo xtask validate --peers`, which runs `cargo xtask bench peers`.
 hj_reachability runs compiled and warm. Errors are measured by the same code for both, against
-the closed form. Rows marked *quoted* are figures of the project's reference: other programs, run
-once on two cores of the same kind, measured with a finer volume than the others; treat their
-times as a scale, not as a race.
+the closed form. Rows marked *quoted* are older figures of other programs on two shared cores, measured by
+other code; take their times as a scale, not as a race.
 
 {}
 ",
@@ -358,8 +373,8 @@ fn limits(report: &Report) -> String {
 - **ENO needs shorter steps** than the usual cfl of 0.75: see the rows *not advised*. The
   comparison with peers uses 0.75 all the same, because they do.
 - **Long chases converge slowly.** With a pursuer {} % faster than in *paper*, the polar solver
-  (standard) took {} sweeps and {end}, with a drift of {:.2} mm, instead of {} sweeps and
-  {:.2} mm. Read the drift before you trust such a value.
+  (standard) took {} sweeps and {end}, with a drift of {:.2} mm, instead of
+  {} sweeps and {:.2} mm. Read the drift before you trust such a value.
 - **A finite horizon is another question.** The Cartesian solver answers for T seconds; with
   vehicles that can chase each other longer than that, its V is above the converged one.
 - These are errors of V for *this* model: constant speeds, exact states, no delay. They say
@@ -374,6 +389,33 @@ fn limits(report: &Report) -> String {
         thousands(chase.equal.0),
         1000.0 * chase.equal.1
     )
+}
+
+/// What a map shows, in a few numbers.
+struct MapErrors {
+    p50: f64,
+    p99: f64,
+    max: f64,
+    /// Where the largest is.
+    worst: (f64, f64),
+}
+
+impl MapErrors {
+    fn of(map: &ErrorMap) -> Self {
+        let mut cells = Vec::new();
+        for (j, row) in map.rows.iter().enumerate() {
+            for (i, error) in row.iter().enumerate() {
+                let at = |origin: f64, i: usize| origin + map.cell_m * i as f64;
+                cells.push((*error, (at(map.origin.0, i), at(map.origin.1, j))));
+            }
+        }
+        cells.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let at = |share: f64| {
+            let last = cells.len().saturating_sub(1);
+            cells.get((last as f64 * share) as usize).copied().unwrap_or_default()
+        };
+        Self { p50: at(0.5).0, p99: at(0.99).0, max: at(1.0).0, worst: at(1.0).1 }
+    }
 }
 
 /// The head of a table; the first columns are words, the others numbers.

@@ -14,6 +14,7 @@ pub(super) struct Report {
     pub(super) chase: Chase,
     pub(super) cartesian: Cartesian,
     pub(super) unequal: Unequal,
+    pub(super) traced: Errors,
     pub(super) slices: Vec<Slice>,
     pub(super) error_map: ErrorMap,
 }

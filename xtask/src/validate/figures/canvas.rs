@@ -1,6 +1,6 @@
 //! A sheet of white paper, and axes with lines, dots and words in them.
 
-use anyhow::Result;
+use anyhow::{Context, Result};
 use plotters::coord::Shift;
 use plotters::element::DashedPathElement;
 pub(super) use plotters::prelude::RGBColor;
@@ -40,11 +40,11 @@ pub(super) fn picture(
     draw(&sheet)?;
     sheet.present()?;
     drop(sheet);
-    Ok(svg.replacen(
-        &format!("width=\"{w}\" height=\"{h}\""),
-        &format!("width=\"{width}\" height=\"{height}\""),
-        1,
-    ))
+    // Rectangles side by side must not show the paper between them.
+    let style = "<style>rect{shape-rendering:crispEdges}</style>";
+    let head = format!("width=\"{width}\" height=\"{height}\" viewBox=\"0 0 {w} {h}\"");
+    let (_, rest) = svg.split_once(">\n").context("the backend begins with the element svg")?;
+    Ok(format!("<svg {head} xmlns=\"http://www.w3.org/2000/svg\">\n{style}\n{rest}"))
 }
 
 /// How a line is drawn.

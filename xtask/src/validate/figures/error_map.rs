@@ -18,10 +18,10 @@ const LEVELS: [(f64, RGBColor); 7] = [
 
 pub(super) fn draw(report: &Report) -> Result<String> {
     let map = &report.error_map;
-    picture([930, 620], |sheet| {
+    picture([930, 636], |sheet| {
         let x = Scale::linear((-6.0, 15.0), 2.0, "x, m (ahead)");
         let y = Scale::linear((-8.0, 8.0), 2.0, "y, m (left)");
-        let axes = Axes::new(sheet, [62.0, 20.0, 714.0, 544.0], "", x, y)?;
+        let axes = Axes::new(sheet, [62.0, 20.0, 735.0, 560.0], "", x, y)?;
         // Level upon level, so that no white shows between neighbours.
         for (level, colour) in LEVELS {
             for [row, from, to] in runs(map, level) {
@@ -60,7 +60,7 @@ fn runs(map: &ErrorMap, level: f64) -> Vec<[usize; 3]> {
 }
 
 fn bar(sheet: &Sheet<'_>) -> Result<()> {
-    let (left, top, height) = (806.0, 60.0, 464.0);
+    let (left, top, height) = (830.0, 60.0, 490.0);
     let each = height / LEVELS.len() as f64;
     let scale = || Scale::logarithmic((1.0, 10.0), &[], "");
     let axes = Axes::new(sheet, [left, top, 22.0, height], "", scale(), scale())?;

@@ -2,7 +2,7 @@
 
 use anyhow::Result;
 
-use super::canvas::{Axes, BLUE, GREY, ORANGE, Pen, RGBColor, Scale, Side, legend, picture};
+use super::canvas::{Axes, BLUE, GREY, ORANGE, Pen, RGBColor, Scale, legend, picture};
 use crate::validate::report::{Report, Slice};
 
 /// Under the others, so wide that it shows on both sides of them.
@@ -18,7 +18,9 @@ pub(super) fn draw(report: &Report) -> Result<String> {
             (POLAR, "polar solver, standard"),
             (CARTESIAN, "Cartesian solver, WENO5, 51×40×50"),
         ];
-        legend(sheet, (180.0, 20.0), (180.0, 0.0), &entries)?;
+        for (entry, left) in entries.iter().zip([150.0, 320.0, 550.0]) {
+            legend(sheet, (left, 20.0), (0.0, 0.0), &[*entry])?;
+        }
         for (i, slice) in report.slices.iter().enumerate() {
             let left = 56.0 + 307.0 * i as f64;
             let title = format!("ψ = {:.0}°", slice.psi_deg);
@@ -29,11 +31,16 @@ pub(super) fn draw(report: &Report) -> Result<String> {
             axes.evader()?;
             let (low, high) = window(slice.tip);
             axes.rectangle(low, high, Pen::new(GREY, 1.0))?;
-            axes.say(low, (-4.0, 0.0), "enlarged", GREY, Side::Left)?;
 
             let x = Scale::linear((low.0, high.0), 0.5, "x, m");
             let y = Scale::linear((low.1, high.1), 0.5, "y, m");
-            let axes = Axes::new(sheet, [left, 345.0, width, height], "", x, y)?;
+            let axes = Axes::new(
+                sheet,
+                [left, 345.0, width, height],
+                &format!("{title}, enlarged"),
+                x,
+                y,
+            )?;
             curves(&axes, slice)?;
         }
         Ok(())
