@@ -114,6 +114,6 @@ mod tests {
         let text = peers.text().expect("plain numbers");
         let again = Peers::parse(&text).expect("as written");
         assert_eq!(again.text().expect("plain numbers"), text);
-        assert!(peers.measured.len() >= 8 && peers.measured.len() % 2 == 0);
+        assert!(peers.measured.len() >= 8 && peers.measured.len().is_multiple_of(2));
     }
 }

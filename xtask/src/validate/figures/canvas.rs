@@ -260,7 +260,7 @@ fn stroke(sheet: &Sheet<'_>, points: &[(f64, f64)], pen: Pen) -> Result<()> {
     placed.dedup();
     if pen.dashed {
         let (dash, gap) = (5 * FINE, 4 * FINE);
-        sheet.draw(&DashedPathElement::new(placed.into_iter(), dash, gap, pen.style()))?;
+        sheet.draw(&DashedPathElement::new(placed, dash, gap, pen.style()))?;
     } else {
         sheet.draw(&PathElement::new(placed, pen.style()))?;
     }
