@@ -4,10 +4,16 @@ pub mod check;
 pub mod export;
 pub mod import;
 pub mod serve;
+mod solving;
+pub mod game;
+pub mod solve;
+pub mod value;
+pub mod plot;
 
 use crate::store::OpenError;
 use serde::Serialize;
 use std::io::Write;
+use std::path::Path;
 
 /// Why a command did not do what was asked: one line that names the input and
 /// says what to do.
@@ -50,6 +56,11 @@ impl From<sqlx::Error> for CommandError {
     fn from(error: sqlx::Error) -> Self {
         Self::Failure(format!("the database: {error}"))
     }
+}
+
+/// A file that cannot be written.
+fn unwritable(path: &Path, error: &dyn std::fmt::Display) -> CommandError {
+    CommandError::Failure(format!("{}: cannot write: {error}", path.display()))
 }
 
 /// Writes a result to stdout, as one line of JSON.

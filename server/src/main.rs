@@ -1,7 +1,7 @@
 //! The `sidestep` command: parse, call, report.
 
 use clap::{Parser, Subcommand};
-use sidestep_server::commands::{CommandError, check, export, import, serve};
+use sidestep_server::commands::{CommandError, check, export, import, plot, serve, solve, value};
 use std::io::IsTerminal;
 use std::process::ExitCode;
 use tracing_subscriber::EnvFilter;
@@ -21,6 +21,9 @@ const EXIT_CODES: &str = "Exit codes: 0 done, 1 failure, 2 usage or bad input. E
 #[derive(Debug, Subcommand)]
 enum Command {
     Serve(serve::ServeArgs),
+    Solve(solve::SolveArgs),
+    Value(value::ValueArgs),
+    Plot(plot::PlotArgs),
     Export(export::ExportArgs),
     Import(import::ImportArgs),
     Check(check::CheckArgs),
@@ -42,6 +45,9 @@ async fn main() -> ExitCode {
 async fn call(command: Command) -> Result<(), CommandError> {
     match command {
         Command::Serve(args) => serve::run(args).await,
+        Command::Solve(args) => solve::run(args).await,
+        Command::Value(args) => value::run(args).await,
+        Command::Plot(args) => plot::run(args).await,
         Command::Export(args) => export::run(args).await,
         Command::Import(args) => import::run(args).await,
         Command::Check(args) => check::run(args).await,

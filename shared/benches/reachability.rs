@@ -1,8 +1,8 @@
-//! The exact value and the Cartesian solver, each beside its baseline: one state at a
-//! time, and one thread. `cargo xtask bench reachability`.
+//! The exact value, both solvers, interpolation and level curves, each beside a baseline
+//! and its budget. `cargo xtask bench reachability`.
 //!
-//! Criterion reports every measurement with its spread. The table of ratios at the end is
-//! made of the fastest samples of this run, which other work on the machine disturbs least.
+//! Criterion reports every measurement with its spread. The table at the end is made of
+//! the fastest samples of this run, which other work on the machine disturbs least.
 
 #![allow(clippy::print_stdout, reason = "a benchmark answers on standard output")]
 
@@ -13,14 +13,20 @@ use std::time::{Duration, Instant};
 
 use criterion::measurement::WallTime;
 use criterion::{BenchmarkGroup, Criterion, SamplingMode, Throughput};
-use sidestep::math::TAU;
+use sidestep::math::{SeededRng, TAU};
 use sidestep::reachability::cartesian::{
     Direction, Horizon, Kind, Problem, Region, Settings, solve,
 };
-use sidestep::reachability::{Axis, ExactValue, Grid, Player, PursuitGame, RelativeDubins, Scheme};
+use sidestep::reachability::{
+    self, Axis, CurveSettings, ExactValue, Grid, Method, Options, Player, PursuitGame,
+    RelativeDubins, Scheme, ValueFunction,
+};
 
 /// What is compared: measurement and baseline. More than 1 means faster than the baseline.
 const RATIOS: &[(&str, &str)] = &[
+    ("sampled/value and gradient", "exact/scalar"),
+    ("sampled/level curve", "exact/level curve"),
+    ("polar/standard, 1 thread", "cartesian/weno5, 1 thread"),
     ("exact/batch, 1 thread", "exact/scalar"),
     ("exact/batch, 2 threads", "exact/scalar"),
     ("exact/batch, 2 threads", "exact/batch, 1 thread"),
@@ -28,10 +34,19 @@ const RATIOS: &[(&str, &str)] = &[
     ("cartesian/weno5, 2 threads", "cartesian/weno5, 1 thread"),
 ];
 
+/// What a measurement may take at most, s (of one item).
+const BUDGETS: &[(&str, f64)] = &[
+    ("exact/scalar", 100e-9),
+    ("exact/batch, 2 threads", 15e-3 / (61.0 * 61.0 * 48.0)),
+    ("sampled/value and gradient", 60e-9),
+    ("polar/standard, 1 thread", 0.1),
+];
+
 fn main() {
     let mut criterion = Criterion::default().configure_from_args();
     let mut fastest = Fastest::default();
     exact(&mut criterion, &mut fastest);
+    sampled(&mut criterion, &mut fastest);
     cartesian(&mut criterion, &mut fastest);
     criterion.final_summary();
     fastest.print_ratios();
@@ -52,6 +67,8 @@ fn exact(criterion: &mut Criterion, fastest: &mut Fastest) {
             black_box(game.value(*black_box(state)));
         }
     });
+    let function = ValueFunction::Exact(game);
+    fastest.measure(&mut group, "exact/level curve", CURVES, || curves(&function));
     for (name, threads) in [("exact/batch, 1 thread", 1), ("exact/batch, 2 threads", 2)] {
         fastest.measure(&mut group, name, states.len(), || {
             evaluate(&game, black_box(&states), &mut out, threads);
@@ -75,6 +92,48 @@ fn evaluate(game: &ExactValue, states: &[[f64; 3]], out: &mut [f64], threads: us
             scope.spawn(move || fill(states, out));
         }
     });
+}
+
+/// Headings at which a curve is drawn.
+const CURVES: usize = 24;
+
+fn curves(function: &ValueFunction) {
+    for i in 0..CURVES {
+        let psi = TAU * (i as f64 + 0.3) / CURVES as f64;
+        black_box(function.level_curves(black_box(psi), 0.0, CurveSettings::default()));
+    }
+}
+
+/// The paper's game by the polar solver, to 40 m, and what is made of it.
+fn sampled(criterion: &mut Criterion, fastest: &mut Fastest) {
+    let player = Player { speed_mps: 2.0, turn_rate_radps: 0.5 };
+    let game = PursuitGame { evader: player, pursuer: player, radius_m: 3.0 };
+    let options =
+        Options { method: Some(Method::Polar), range_m: Some(40.0), ..Options::default() };
+    let solve = || {
+        let solved = reachability::solve(game, &options, &mut |_| ControlFlow::Continue(()));
+        solved.expect("the problem is valid and nobody cancels")
+    };
+    let mut group = criterion.benchmark_group("polar");
+    group.sample_size(10).sampling_mode(SamplingMode::Flat);
+    fastest.measure(&mut group, "polar/standard, 1 thread", 1, || {
+        black_box(solve());
+    });
+    group.finish();
+
+    let solved = solve();
+    let mut rng = SeededRng::new(1);
+    let states: Vec<[f64; 3]> = (0..4096)
+        .map(|_| [rng.uniform(-20.0, 20.0), rng.uniform(-20.0, 20.0), rng.uniform(0.0, TAU)])
+        .collect();
+    let mut group = criterion.benchmark_group("sampled");
+    fastest.measure(&mut group, "sampled/value and gradient", states.len(), || {
+        for state in &states {
+            black_box(solved.samples.state(*black_box(state)));
+        }
+    });
+    fastest.measure(&mut group, "sampled/level curve", CURVES, || curves(&solved.function));
+    group.finish();
 }
 
 /// Mitchell's game on 51×40×50 nodes over 2.8 s.
@@ -161,26 +220,43 @@ impl Fastest {
     }
 
     fn print_ratios(&self) {
-        println!("\n{:30} {:>16}   {:26} {:>6}", "fastest sample", "time", "baseline", "ratio");
-        for (name, baseline) in RATIOS {
-            if let (Some(sample), Some(base)) = (self.of(name), self.of(baseline)) {
-                let ratio = base.seconds / sample.seconds;
-                println!("{name:30} {:>16}   {baseline:26} {ratio:6.2}", sample.time());
-            }
-        }
+        let head = ["fastest sample", "time", "budget", "baseline", "ratio"];
+        println!(
+            "\n{:28} {:>12} {:>18}   {:26} {:>6}",
+            head[0], head[1], head[2], head[3], head[4]
+        );
         for sample in &self.0 {
-            if RATIOS.iter().all(|(name, _)| *name != sample.name) {
-                println!("{:30} {:>16}", sample.name, sample.time());
+            let budget = BUDGETS.iter().find(|(name, _)| *name == sample.name);
+            let budget = budget.map_or_else(String::new, |(_, limit)| {
+                let verdict = if sample.each() <= *limit { "met" } else { "MISSED" };
+                format!("{} {verdict}", time(*limit))
+            });
+            let bases = RATIOS.iter().filter(|(name, _)| *name == sample.name);
+            let mut ratios: Vec<String> = bases
+                .filter_map(|(_, base)| self.of(base))
+                .map(|base| format!("{:26} {:6.2}", base.name, base.each() / sample.each()))
+                .collect();
+            if ratios.is_empty() {
+                ratios.push(String::new());
+            }
+            for ratio in ratios {
+                println!("{:28} {:>12} {budget:>18}   {ratio}", sample.name, time(sample.each()));
             }
         }
     }
 }
 
 impl Sample {
-    fn time(&self) -> String {
-        if self.items > 1 {
-            return format!("{:.1} ns/state", 1e9 * self.seconds / self.items as f64);
-        }
-        format!("{:.1} ms", 1e3 * self.seconds)
+    /// Of one item, s.
+    fn each(&self) -> f64 {
+        self.seconds / self.items as f64
+    }
+}
+
+fn time(seconds: f64) -> String {
+    match seconds {
+        s if s < 1e-6 => format!("{:.1} ns", 1e9 * s),
+        s if s < 1e-3 => format!("{:.1} µs", 1e6 * s),
+        s => format!("{:.1} ms", 1e3 * s),
     }
 }

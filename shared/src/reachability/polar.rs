@@ -7,7 +7,7 @@
 //!
 //! range is a plain advection and the turn rates only shift the two angles, so each
 //! axis is upwinded exactly, without Lax–Friedrichs dissipation. The unknown is the
-//! deficit W = V − (r − R) ≤ 0, which is 0 at r = 0 and wherever the range only
+//! deficit W = V − (r − R), between −r and 0, which is 0 at r = 0 and wherever the range only
 //! opens. The range axis is r = c (eˢ − 1) with s uniform: linear near the danger
 //! zone, logarithmic far out, so a long range costs little. Mirror symmetry
 //! (α, ψ) → (−α, −ψ) leaves α in [0, π] to be solved.
@@ -525,6 +525,8 @@ impl<T: Real> Level<T> {
         let (ahead_cos, ahead_sin) = (pursuer_speed * cos_a, pursuer_speed * sin_a);
         let (evader_turn, pursuer_turn) = (f(evader.turn_rate_radps), f(pursuer.turn_rate_radps));
         let evader_left = if self.evader == Evader::Free { evader_turn } else { T::ZERO };
+        // V is at least −R.
+        let lowest = f(-range_m);
         let per_range = f(1.0 / range_m);
         let per_step = f(1.0 / ((range_m + self.range.knee_m) * self.range.step));
         let per_angle = f(n as f64 / TAU);
@@ -541,7 +543,7 @@ impl<T: Real> Level<T> {
         let (sin, cos) = (&self.sin[..n], &self.cos[..n]);
         let (buffer, floor) = (&mut buffer[..n], &mut floor[..n]);
         let mut largest = zero;
-        let (mut most, mut totals) = ([zero; 16], [zero; 16]);
+        let (mut most, mut totals) = ([zero; LANES], [zero; LANES]);
         for j in 0..n {
             let w = own2[j];
             let (range_in, range_out) = one_sided(in2[j], in1[j], w, out1[j], out2[j]);
@@ -567,7 +569,7 @@ impl<T: Real> Level<T> {
             let rate = opening * (one + slope * per_step) + turning * per_angle;
             let speeds = opening.abs() * per_step
                 + (drift.abs() + evader_turn + evader_turn + pursuer_turn) * per_angle;
-            let moved = (w + cfl * rate / speeds).smaller(zero);
+            let moved = (w + cfl * rate / speeds).smaller(zero).larger(lowest);
             buffer[j] = moved;
         }
         if let Some(full) = full {
@@ -577,13 +579,10 @@ impl<T: Real> Level<T> {
                 *new = if *floor > safe { new.larger(*floor) } else { *new };
             }
         }
-        for lanes in own2.chunks(16).zip(buffer.chunks(16)) {
-            for (((most, total), old), new) in
-                most.iter_mut().zip(&mut totals).zip(lanes.0).zip(lanes.1)
-            {
-                let moved = *new - *old;
-                *most = most.larger(moved.abs());
-                *total += moved;
+        for (new, old) in buffer.chunks(LANES).zip(own2.chunks(LANES)) {
+            match (new.first_chunk(), old.first_chunk()) {
+                (Some(new), Some(old)) => tally(new, old, &mut most, &mut totals),
+                _ => tally(&padded(new), &padded(old), &mut most, &mut totals),
             }
         }
         let bearings = self.bearings();
@@ -596,6 +595,31 @@ impl<T: Real> Level<T> {
         self.spread(i, k);
         largest
     }
+}
+
+/// Cells that fit the widest lanes, of single precision.
+const LANES: usize = 16;
+
+/// Adds what each lane moved to `totals`, and keeps the largest.
+#[inline(always)]
+fn tally<T: Real>(
+    new: &[T; LANES],
+    old: &[T; LANES],
+    most: &mut [T; LANES],
+    totals: &mut [T; LANES],
+) {
+    for lane in 0..LANES {
+        let moved = new[lane] - old[lane];
+        totals[lane] += moved;
+        most[lane] = most[lane].larger(moved.abs());
+    }
+}
+
+/// Fewer cells than lanes, and zeros.
+fn padded<T: Real>(cells: &[T]) -> [T; LANES] {
+    let mut lanes = [T::ZERO; LANES];
+    lanes[..cells.len()].copy_from_slice(cells);
+    lanes
 }
 
 /// Sweeps over a sheet.

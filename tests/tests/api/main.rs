@@ -9,3 +9,4 @@ mod laboratory;
 mod participation;
 mod process;
 mod site;
+mod solving;

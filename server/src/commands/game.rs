@@ -1,0 +1,120 @@
+//! The game that a command is about: its parameters, or a file with its value.
+
+use super::CommandError;
+use super::solving::{self, Interrupt, flagged};
+use crate::npz;
+use sidestep::reachability::{Accuracy, Options, Player, PursuitGame, ValueFunction};
+use std::fs::File;
+use std::io::BufReader;
+use std::path::{Path, PathBuf};
+
+/// GAME: the two vehicles and the danger radius.
+#[derive(Clone, Copy, Debug, clap::Args)]
+pub struct GameArgs {
+    /// The evader's speed, m/s.
+    #[arg(long, help_heading = "Game", value_name = "M/S", default_value_t = 2.0)]
+    #[arg(allow_negative_numbers = true)]
+    pub evader_speed: f64,
+    /// The evader's largest turn rate, rad/s.
+    #[arg(long, help_heading = "Game", value_name = "RAD/S", default_value_t = 0.5)]
+    #[arg(allow_negative_numbers = true)]
+    pub evader_turn_rate: f64,
+    /// The pursuer's speed, m/s.
+    #[arg(long, help_heading = "Game", value_name = "M/S", default_value_t = 2.0)]
+    #[arg(allow_negative_numbers = true)]
+    pub pursuer_speed: f64,
+    /// The pursuer's largest turn rate, rad/s.
+    #[arg(long, help_heading = "Game", value_name = "RAD/S", default_value_t = 0.5)]
+    #[arg(allow_negative_numbers = true)]
+    pub pursuer_turn_rate: f64,
+    /// Danger radius, m: a range of that or less is a collision.
+    #[arg(long, help_heading = "Game", value_name = "M", default_value_t = 3.0)]
+    #[arg(allow_negative_numbers = true)]
+    pub radius: f64,
+}
+
+impl GameArgs {
+    /// The game.
+    ///
+    /// # Errors
+    /// [`CommandError::Input`] naming the flag that is not a finite number > 0.
+    pub fn game(self) -> Result<PursuitGame, CommandError> {
+        let player = |speed_mps, turn_rate_radps| Player { speed_mps, turn_rate_radps };
+        let game = PursuitGame {
+            evader: player(self.evader_speed, self.evader_turn_rate),
+            pursuer: player(self.pursuer_speed, self.pursuer_turn_rate),
+            radius_m: self.radius,
+        };
+        game.check().map_err(flagged)
+    }
+}
+
+/// GAME, or the file of a value function.
+#[derive(Clone, Debug, clap::Args)]
+pub struct FunctionArgs {
+    #[command(flatten)]
+    game: GameArgs,
+    /// File of `sidestep solve`; says which game it is, so not together with GAME.
+    #[arg(long, value_name = "FILE.npz", conflicts_with = "GameArgs")]
+    value_function: Option<PathBuf>,
+    /// Grid on which a game of unequal vehicles is solved (equal ones need none).
+    #[arg(long, value_enum, default_value = "standard", conflicts_with = "value_function")]
+    accuracy: AccuracyArg,
+}
+
+/// How fine a grid.
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+pub enum AccuracyArg {
+    /// For a look: tenths of a metre near kinks.
+    Draft,
+    /// For studies: centimetres near V = 0.
+    Standard,
+    /// For reference values.
+    Fine,
+}
+
+impl From<AccuracyArg> for Accuracy {
+    fn from(accuracy: AccuracyArg) -> Self {
+        match accuracy {
+            AccuracyArg::Draft => Self::Draft,
+            AccuracyArg::Standard => Self::Standard,
+            AccuracyArg::Fine => Self::Fine,
+        }
+    }
+}
+
+impl FunctionArgs {
+    /// The value function: read, in closed form, or solved for.
+    ///
+    /// # Errors
+    /// [`CommandError::Input`] naming the flag or the file and what is wrong in it;
+    /// [`CommandError::Failure`] if the user stops it.
+    pub(super) async fn function(
+        &self,
+        interrupt: &Interrupt,
+    ) -> Result<ValueFunction, CommandError> {
+        if let Some(path) = &self.value_function {
+            return read(path);
+        }
+        let game = self.game.game()?;
+        if game.identical() {
+            return game.exact().map(ValueFunction::Exact).map_err(flagged);
+        }
+        let options = Options { accuracy: self.accuracy.into(), ..Options::default() };
+        Ok(solving::solved(game, options, interrupt).await?.0.function)
+    }
+}
+
+/// The value function in a file.
+///
+/// # Errors
+/// [`CommandError::Input`] naming the file and what is wrong in it.
+pub fn read(path: &Path) -> Result<ValueFunction, CommandError> {
+    let name = path.display();
+    let complain = |e: &dyn std::fmt::Display| CommandError::Input(format!("{name}: {e}"));
+    let file = File::open(path).map_err(|e| complain(&format!("cannot read: {e}")))?;
+    npz::read(BufReader::new(file)).map_err(|e| match e.field.is_empty() {
+        true => complain(&format!("expected {}, found {}", e.expected, e.found)),
+        false => complain(&e),
+    })
+}

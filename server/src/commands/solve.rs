@@ -1,0 +1,204 @@
+//! `sidestep solve`.
+
+use super::game::{AccuracyArg, GameArgs};
+use super::solving::{self, Interrupt, flagged};
+use super::{CommandError, print_json, unwritable};
+use crate::{npz, whole_file};
+use serde::Serialize;
+use sidestep::invalid::Invalid;
+use sidestep::reachability::{CartesianGrid, Method, Options, Precision, Scheme, default_threads};
+use std::path::PathBuf;
+
+/// Solve the pursuit game and write its value function to a NumPy archive.
+///
+/// V(x, y, psi) in metres: the largest range margin (range - radius) that the evader
+/// can keep; V <= 0 where the pursuer can force a collision. Prints one line of JSON.
+#[derive(Clone, Debug, clap::Args)]
+pub struct SolveArgs {
+    #[command(flatten)]
+    game: GameArgs,
+    /// Method [default: exact for equal vehicles, else polar; cartesian for a finite
+    /// horizon or a grid].
+    #[arg(long, value_enum)]
+    method: Option<MethodArg>,
+    /// Horizon, s; inf for the converged value. Finite ones need method cartesian.
+    #[arg(long, value_name = "S", default_value_t = f64::INFINITY, allow_negative_numbers = true)]
+    horizon: f64,
+    /// Grid by accuracy.
+    #[arg(long, value_enum, default_value = "standard", conflicts_with = "grid")]
+    accuracy: AccuracyArg,
+    /// Largest range of the polar grid, m [default: radius + 3 pi times the wider
+    /// turning radius].
+    #[arg(long, value_name = "M", allow_negative_numbers = true, conflicts_with = "grid")]
+    range: Option<f64>,
+    /// Cartesian grid: nodes of x, y and psi (psi is one turn, periodic);
+    /// needs --domain.
+    #[arg(long, value_name = "NX,NY,NPSI", value_parser = numbers::<usize, 3>)]
+    #[arg(requires = "domain", allow_hyphen_values = true)]
+    grid: Option<Numbers<usize, 3>>,
+    /// Ends of the Cartesian grid, m; needs --grid.
+    #[arg(long, value_name = "X0,X1,Y0,Y1", value_parser = numbers::<f64, 4>)]
+    #[arg(requires = "grid", allow_hyphen_values = true)]
+    domain: Option<Numbers<f64, 4>>,
+    /// Derivatives on the Cartesian grid.
+    #[arg(long, value_enum, default_value = "weno5", requires = "grid")]
+    scheme: SchemeArg,
+    /// Numbers the Cartesian grid is solved in.
+    #[arg(long, value_enum, default_value = "f32", requires = "grid")]
+    precision: PrecisionArg,
+    /// Threads of the Cartesian method, which do not change the result [default: all
+    /// cores].
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    threads: Option<usize>,
+    /// File to write: arrays value, axis0, axis1, axis2, meta.
+    #[arg(long, value_name = "FILE.npz")]
+    out: PathBuf,
+}
+
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum MethodArg {
+    /// Closed form: equal vehicles, infinite horizon.
+    Exact,
+    /// Polar relative coordinates: any vehicles, infinite horizon.
+    Polar,
+    /// A rectangular grid: any vehicles, any horizon.
+    Cartesian,
+}
+
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum SchemeArg {
+    /// First order.
+    Upwind,
+    /// Essentially non-oscillatory, second order.
+    Eno2,
+    /// Essentially non-oscillatory, third order.
+    Eno3,
+    /// Weighted essentially non-oscillatory, fifth order.
+    Weno5,
+}
+
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum PrecisionArg {
+    /// Single.
+    F32,
+    /// Double.
+    F64,
+}
+
+/// N numbers in one argument.
+type Numbers<T, const N: usize> = [T; N];
+
+fn numbers<T: std::str::FromStr, const N: usize>(text: &str) -> Result<[T; N], String> {
+    let parsed: Result<Vec<T>, _> = text.split(',').map(|part| part.trim().parse()).collect();
+    let kind = if size_of::<T>() == size_of::<usize>() && "0.5".parse::<T>().is_err() {
+        "whole numbers"
+    } else {
+        "numbers"
+    };
+    parsed
+        .ok()
+        .and_then(|list| list.try_into().ok())
+        .ok_or_else(|| format!("expected {N} {kind} with commas between"))
+}
+
+/// The line that is printed.
+#[derive(Debug, Serialize)]
+struct Line {
+    method: &'static str,
+    /// Shape of the array `value`.
+    grid: [usize; 3],
+    steps: usize,
+    /// Of the solve, without writing.
+    wall_s: f64,
+    threads: usize,
+    /// m/s; of the polar method m a round of sweeps.
+    converged_residual: f64,
+    /// Of {V <= 0} over the domain, m² rad.
+    volume: f64,
+}
+
+/// Solves, writes the file and prints the line.
+///
+/// # Errors
+/// [`CommandError`] for flags that cannot be (input), a file that cannot be written
+/// or a solve that was stopped (failure).
+pub async fn run(args: SolveArgs) -> Result<(), CommandError> {
+    let game = args.game.game()?;
+    let options = args.options()?;
+    let method = match options.method {
+        None if options.grid.is_some() => Method::Cartesian,
+        None => Method::choose(&game, options.horizon_s),
+        Some(method) => method,
+    };
+    if let (Method::Cartesian, Some(range)) = (method, options.range_m) {
+        let expected = "none with method cartesian (see --grid and --domain)";
+        return Err(flagged(Invalid::new("range_m", expected, range)));
+    }
+    whole_file::check(&args.out).map_err(|e| unwritable(&args.out, &e))?;
+    let interrupt = Interrupt::listen();
+    let (solved, wall_s) = solving::solved(game, options, &interrupt).await?;
+    whole_file::write(&args.out, &interrupt.stop, |out| {
+        npz::write(out, &solved.samples, solved.method)
+    })
+    .map_err(|e| interrupt.check().err().unwrap_or_else(|| unwritable(&args.out, &e)))?;
+    print_json(&Line {
+        method: solved.method.name(),
+        grid: npz::shape(&solved.samples.nodes()),
+        steps: solved.steps,
+        wall_s,
+        threads: solved.threads,
+        converged_residual: solved.residual,
+        volume: solved.samples.volume(),
+    })
+}
+
+/// Nodes of an axis that a file may have.
+const AXIS_LIMIT: usize = 1 << 16;
+
+/// Threads that a machine may have.
+const THREAD_LIMIT: usize = 1024;
+
+impl SolveArgs {
+    fn options(&self) -> Result<Options, CommandError> {
+        let grid = self.grid.zip(self.domain).map(|(nodes, domain_m)| CartesianGrid {
+            nodes,
+            domain_m,
+            scheme: match self.scheme {
+                SchemeArg::Upwind => Scheme::Upwind,
+                SchemeArg::Eno2 => Scheme::Eno2,
+                SchemeArg::Eno3 => Scheme::Eno3,
+                SchemeArg::Weno5 => Scheme::Weno5,
+            },
+            precision: match self.precision {
+                PrecisionArg::F32 => Precision::F32,
+                PrecisionArg::F64 => Precision::F64,
+            },
+        });
+        let nodes = self.grid.unwrap_or_default();
+        if let Some(long) = nodes.iter().find(|n| **n > AXIS_LIMIT) {
+            let count = nodes.iter().fold(1_u64, |n, m| n.saturating_mul(*m as u64));
+            let needed = count.saturating_mul(size_of::<f32>() as u64).div_ceil(1 << 20);
+            let expected = format!("at most {AXIS_LIMIT} nodes an axis");
+            let found = format!("{long}, of {count} nodes, which need at least {needed} MiB");
+            return Err(flagged(Invalid::new("grid", expected, found)));
+        }
+        let threads = self.threads.unwrap_or_else(default_threads);
+        if !(1..=THREAD_LIMIT).contains(&threads) {
+            let expected = format!("1 to {THREAD_LIMIT}");
+            return Err(flagged(Invalid::new("threads", expected, threads)));
+        }
+        Ok(Options {
+            method: self.method.map(|method| match method {
+                MethodArg::Exact => Method::Exact,
+                MethodArg::Polar => Method::Polar,
+                MethodArg::Cartesian => Method::Cartesian,
+            }),
+            horizon_s: self.horizon,
+            accuracy: self.accuracy.into(),
+            grid,
+            range_m: self.range,
+            threads,
+            ..Options::default()
+        })
+    }
+}

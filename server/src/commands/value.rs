@@ -1,0 +1,196 @@
+//! `sidestep value`.
+
+use super::game::FunctionArgs;
+use super::solving::Interrupt;
+use super::{CommandError, print_json, unwritable};
+use crate::trials_csv::LineError;
+use crate::whole_file;
+use csv::{ReaderBuilder, StringRecord, Writer};
+use sidestep::invalid::Invalid;
+use sidestep::reachability::{ValueFunction, ValueState};
+use std::io;
+use std::path::PathBuf;
+
+/// Evaluate the value function, its gradient and both optimal turns at given states.
+///
+/// Prints one line of JSON: how many states there are, and how many of them are
+/// outside the grid that was solved.
+#[derive(Clone, Debug, clap::Args)]
+pub struct ValueArgs {
+    #[command(flatten)]
+    function: FunctionArgs,
+    /// CSV file with the columns x, y (m) and psi (rad) in any order: the pursuer in
+    /// the evader's frame. Other columns are left out.
+    #[arg(long, value_name = "FILE.csv")]
+    states: PathBuf,
+    /// File to write, one row a state in the same order: x, y, psi, value (m),
+    /// dvalue_dx, dvalue_dy (m/m), dvalue_dpsi (m/rad), evader_turn, pursuer_turn
+    /// (rad/s), exact (1 from the closed form, 0 from a grid).
+    #[arg(long, value_name = "FILE.csv")]
+    out: PathBuf,
+}
+
+const COLUMNS: [&str; 3] = ["x", "y", "psi"];
+
+const RESULTS: [&str; 7] =
+    ["value", "dvalue_dx", "dvalue_dy", "dvalue_dpsi", "evader_turn", "pursuer_turn", "exact"];
+
+/// Evaluates and writes the file: whole, or not at all.
+///
+/// # Errors
+/// [`CommandError`] for bad flags or a file that is wrong, with its line and column
+/// (input), or one that cannot be written (failure).
+pub async fn run(args: ValueArgs) -> Result<(), CommandError> {
+    let name = args.states.display().to_string();
+    let states = std::fs::read(&args.states)
+        .map_err(|e| CommandError::Input(format!("{name}: cannot read: {e}")))?;
+    whole_file::check(&args.out).map_err(|e| unwritable(&args.out, &e))?;
+    let interrupt = Interrupt::listen();
+    let function = args.function.function(&interrupt).await?;
+    let (mut rows, mut outside) = (0_u64, 0_u64);
+    whole_file::write(&args.out, &interrupt.stop, |out| -> Result<(), Fault> {
+        let mut writer = Writer::from_writer(out);
+        writer.write_record(COLUMNS.iter().chain(&RESULTS))?;
+        read(&states, |state| {
+            let found = evaluated(&function, state)?;
+            rows += 1;
+            outside += u64::from(!found.inside);
+            writer.write_record(fields(state, &found))?;
+            Ok(())
+        })?;
+        Ok(writer.flush()?)
+    })
+    .map_err(|fault| match fault {
+        Fault::Line(error) => CommandError::Input(format!("{name}: {error}")),
+        Fault::Disk(error) => {
+            interrupt.check().err().unwrap_or_else(|| unwritable(&args.out, &error))
+        }
+        Fault::State(invalid) => CommandError::failure(invalid),
+    })?;
+    print_json(&serde_json::json!({ "states": rows, "outside": outside, "file": args.out }))
+}
+
+/// Why there is no result.
+enum Fault {
+    Line(LineError),
+    Disk(io::Error),
+    /// Of a row, whose line is added where it is known.
+    State(Invalid),
+}
+
+impl From<io::Error> for Fault {
+    fn from(error: io::Error) -> Self {
+        Self::Disk(error)
+    }
+}
+
+impl From<csv::Error> for Fault {
+    fn from(error: csv::Error) -> Self {
+        Self::Disk(error.into())
+    }
+}
+
+impl From<Invalid> for Fault {
+    fn from(invalid: Invalid) -> Self {
+        Self::State(invalid)
+    }
+}
+
+/// Hands every state of the file to `each`.
+fn read(file: &[u8], mut each: impl FnMut([f64; 3]) -> Result<(), Fault>) -> Result<(), Fault> {
+    let at = |line: u64| move |what: Invalid| Fault::Line(LineError { line, what });
+    let mut lines = Lines { file, gone: 0, line: 1 };
+    // Flexible, so that a row of another length is complained about in our words.
+    let mut reader = ReaderBuilder::new().flexible(true).from_reader(file);
+    let broken = |lines: &mut Lines<'_>, error: csv::Error| {
+        let line = error.position().map_or(1, |position| lines.line_of(position));
+        let found = match error.kind() {
+            csv::ErrorKind::Utf8 { .. } => "octets that are not UTF-8".to_owned(),
+            _ => error.to_string(),
+        };
+        at(line)(Invalid::new("row", "comma-separated UTF-8 text", found))
+    };
+    let header = reader.headers().map_err(|e| broken(&mut lines, e))?.clone();
+    let columns = columns(&header).map_err(at(1))?;
+    let mut record = StringRecord::new();
+    while reader.read_record(&mut record).map_err(|e| broken(&mut lines, e))? {
+        let line = record.position().map_or(1, |position| lines.line_of(position));
+        if record.len() != header.len() {
+            let expected = format!("{} fields, as in the header", header.len());
+            return Err(at(line)(Invalid::new("row", expected, record.len())));
+        }
+        let mut state = [0.0; 3];
+        for (d, name) in COLUMNS.into_iter().enumerate() {
+            let text = record[columns[d]].trim();
+            state[d] = text
+                .parse()
+                .ok()
+                .filter(|number: &f64| number.is_finite())
+                .ok_or_else(|| Invalid::new(name, "a finite number", format!("{text:?}")))
+                .map_err(at(line))?;
+        }
+        each(state).map_err(|fault| match fault {
+            Fault::State(invalid) => at(line)(invalid),
+            other => other,
+        })?;
+    }
+    Ok(())
+}
+
+/// Counts lines; the reader's own count leaves out those that are empty.
+struct Lines<'a> {
+    file: &'a [u8],
+    /// Octets that are counted, and the line they lead to.
+    gone: usize,
+    line: u64,
+}
+
+impl Lines<'_> {
+    /// The line on which the record begins that the reader began to look for here.
+    fn line_of(&mut self, position: &csv::Position) -> u64 {
+        let rest = &self.file[(position.byte() as usize).min(self.file.len())..];
+        let blank = rest.iter().take_while(|octet| matches!(octet, b'\r' | b'\n')).count();
+        let begin = self.file.len() - rest.len() + blank;
+        let passed = &self.file[self.gone.min(begin)..begin];
+        self.line += passed.iter().filter(|octet| **octet == b'\n').count() as u64;
+        self.gone = begin;
+        self.line
+    }
+}
+
+/// Where x, y and psi are.
+fn columns(header: &StringRecord) -> Result<[usize; 3], Invalid> {
+    // Spreadsheets put a mark in front of UTF-8.
+    let names: Vec<&str> =
+        header.iter().map(|name| name.trim_start_matches('\u{feff}').trim()).collect();
+    let mut places = [0; 3];
+    for (place, column) in places.iter_mut().zip(COLUMNS) {
+        let mut found = (0..names.len()).filter(|i| names[*i] == column);
+        *place = found
+            .next()
+            .ok_or_else(|| Invalid::new(column, "a column of that name", names.join(",")))?;
+        if found.next().is_some() {
+            return Err(Invalid::new(column, "one column of that name", names.join(",")));
+        }
+    }
+    Ok(places)
+}
+
+/// All there is to know at a state, in finite numbers.
+fn evaluated(function: &ValueFunction, state: [f64; 3]) -> Result<ValueState, Invalid> {
+    let found = function.state(state);
+    if found.value.is_finite() && found.gradient.iter().all(|g| g.is_finite()) {
+        return Ok(found);
+    }
+    let [x, y, _] = state;
+    let (name, large) = if x.abs() >= y.abs() { ("x", x) } else { ("y", y) };
+    Err(Invalid::new(name, "a coordinate whose square is finite", large))
+}
+
+/// A row; every number reads back as the same double.
+fn fields(state: [f64; 3], found: &ValueState) -> impl Iterator<Item = String> {
+    let turns = [found.evader_turn, found.pursuer_turn];
+    let numbers: Vec<f64> = [&state[..], &[found.value], &found.gradient, &turns].concat();
+    let exact = u8::from(found.exact).to_string();
+    numbers.into_iter().map(|number| format!("{number:?}")).chain([exact])
+}

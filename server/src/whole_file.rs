@@ -1,0 +1,136 @@
+//! A file that is there whole, or not at all.
+
+use std::io::{self, BufWriter, Write};
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use tempfile::NamedTempFile;
+
+/// Whether the user wants no result any more.
+#[derive(Clone, Debug, Default)]
+pub struct Stop(Arc<AtomicBool>);
+
+impl Stop {
+    /// From now on.
+    pub fn now(&self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+
+    /// Whether it was said.
+    #[must_use]
+    pub fn is_wanted(&self) -> bool {
+        self.0.load(Ordering::Relaxed)
+    }
+}
+
+/// Checks that a file could be written at `path`, so that long work does not end in a
+/// complaint that could have come first.
+///
+/// # Errors
+/// What the disk says.
+pub fn check(path: &Path) -> io::Result<()> {
+    if path.is_dir() {
+        return Err(io::Error::new(io::ErrorKind::IsADirectory, "it is a folder"));
+    }
+    beside(path).map(drop)
+}
+
+/// Writes through a temporary file in the same folder, which takes the name `path`
+/// when everything is on the disk.
+///
+/// # Errors
+/// What the disk says, or that it was stopped; the temporary file is gone then and
+/// what was at `path` is untouched.
+pub fn write<E: From<io::Error>>(
+    path: &Path,
+    stop: &Stop,
+    content: impl FnOnce(&mut dyn WriteSeek) -> Result<(), E>,
+) -> Result<(), E> {
+    let mut file = beside(path)?;
+    let mut out = BufWriter::new(Stoppable { out: file.as_file_mut(), stop });
+    content(&mut out)?;
+    out.flush()?;
+    drop(out);
+    file.as_file().sync_all()?;
+    if stop.is_wanted() {
+        return Err(stopped().into());
+    }
+    file.persist(path).map_err(|e| e.error)?;
+    Ok(())
+}
+
+/// What archives are written to.
+pub trait WriteSeek: Write + io::Seek {}
+
+impl<T: Write + io::Seek> WriteSeek for T {}
+
+fn beside(path: &Path) -> io::Result<NamedTempFile> {
+    let folder = match path.parent() {
+        Some(folder) if folder != Path::new("") => folder,
+        _ => Path::new("."),
+    };
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".sidestep-");
+    // As any new file, not readable by its owner alone.
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    builder.tempfile_in(folder)
+}
+
+struct Stoppable<'a, W> {
+    out: W,
+    stop: &'a Stop,
+}
+
+impl<W: Write> Write for Stoppable<'_, W> {
+    fn write(&mut self, octets: &[u8]) -> io::Result<usize> {
+        if self.stop.is_wanted() { Err(stopped()) } else { self.out.write(octets) }
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.out.flush()
+    }
+}
+
+impl<W: io::Seek> io::Seek for Stoppable<'_, W> {
+    fn seek(&mut self, position: io::SeekFrom) -> io::Result<u64> {
+        self.out.seek(position)
+    }
+}
+
+fn stopped() -> io::Error {
+    io::Error::other("stopped")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn names(folder: &Path) -> Vec<String> {
+        let entries = std::fs::read_dir(folder).unwrap();
+        entries.map(|e| e.unwrap().file_name().into_string().unwrap()).collect()
+    }
+
+    #[test]
+    fn whole_or_not_at_all() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("file");
+        let stop = Stop::default();
+        write::<io::Error>(&path, &stop, |out| out.write_all(b"first")).unwrap();
+        let broken = write::<io::Error>(&path, &stop, |out| {
+            out.write_all(b"second")?;
+            Err(io::Error::other("broken"))
+        });
+        assert!(broken.is_err());
+        let stopped = write::<io::Error>(&path, &stop, |out| {
+            stop.now();
+            out.write_all(b"third")
+        });
+        assert!(stopped.is_err());
+        assert_eq!(std::fs::read(&path).unwrap(), b"first");
+        assert_eq!(names(folder.path()), ["file"]);
+        assert!(check(folder.path()).is_err() && check(&path).is_ok());
+        assert!(check(&folder.path().join("no").join("file")).is_err());
+        assert_eq!(names(folder.path()), ["file"]);
+    }
+}
