@@ -331,7 +331,7 @@ fn side_by_side(peers: &Peers) -> String {
         "## Side by side with other solvers
 
 air3D as above, the same nodes, scheme, horizon and cfl (0.75) for both, on {} cores;
-**measured on {}** by `cargo xtask validate --peers`, which runs `cargo xtask bench peers`.
+**measured on {}** by `cargo xtask bench peers`; `cargo xtask validate --peers` measures it anew.
 hj_reachability runs compiled and warm. Errors are measured by the same code for both, against
 the closed form. Rows marked *quoted* are older figures of other programs on two shared cores, measured by
 other code; take their times as a scale, not as a race.
@@ -436,7 +436,12 @@ fn cm(metres: f64) -> String {
 }
 
 fn seconds(seconds: f64) -> String {
-    if seconds < 10.0 { format!("{seconds:.2}") } else { format!("{seconds:.0}") }
+    let places = match seconds {
+        ..1.0 => 3,
+        ..10.0 => 1,
+        _ => 0,
+    };
+    format!("{seconds:.places$}")
 }
 
 /// 1234567 as 1,234,567.
@@ -485,6 +490,7 @@ mod tests {
         assert_eq!(thousands(1_234_567), "1,234,567");
         assert_eq!(thousands(999), "999");
         assert_eq!([cm(0.0154), cm(0.00049)], ["1.5", "0.05"]);
+        assert_eq!([seconds(0.096), seconds(9.6), seconds(191.5)], ["0.096", "9.6", "192"]);
         assert_eq!(minus("-0.42".into()), "−0.42");
     }
 
