@@ -10,26 +10,19 @@
 
 #![allow(clippy::print_stdout, reason = "its answer is what it prints")]
 
+mod measure;
+
 use std::error::Error;
-use std::ops::ControlFlow;
 use std::time::Instant;
 use std::{env, fs};
 
 use serde::Serialize;
-use sidestep::math::TAU;
-use sidestep::reachability::cartesian::{
-    Direction, Horizon, Kind, Problem, Region, Settings, Solution, solve,
-};
-use sidestep::reachability::{Axis, ExactValue, Grid, Player, PursuitGame, RelativeDubins, Scheme};
+use sidestep::reachability::cartesian::{Settings, Solution};
+use sidestep::reachability::{Grid, Scheme};
 
-const GAME: PursuitGame = {
-    let player = Player { speed_mps: 5.0, turn_rate_radps: 1.0 };
-    PursuitGame { evader: player, pursuer: player, radius_m: 5.0 }
-};
-const HORIZON_S: f64 = 2.8;
+use measure::{Accuracy, HORIZON_S, MITCHELL, solve_over};
+
 const CFL: f64 = 0.75;
-/// Volume of {V ≤ 0} of the closed form, m²·rad.
-const VOLUME: f64 = 885.81943;
 const USAGE: &str = "expected: air3d 51x40x50 weno5 THREADS RUNS [PEER.npy]";
 
 /// What is printed.
@@ -47,19 +40,6 @@ struct Report {
     apart_m: Option<f64>,
 }
 
-/// How far a set {V ≤ 0} on nodes is from the closed form's.
-#[derive(Serialize)]
-struct Accuracy {
-    /// Mean of |V| of the closed form at the zeros along the grid's lines of x and of y,
-    /// in spacings of x. ∂V/∂(x, y) is a unit vector, so |V| is about a distance.
-    mean_dx: f64,
-    /// The largest of these.
-    max_dx: f64,
-    /// Volume of the set, in percent more than the closed form's. Polygons cut corners: on
-    /// 51×40×50 nodes the closed form itself has −0.14.
-    volume_percent: f64,
-}
-
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = env::args().skip(1).collect();
     let (grid, scheme, threads, runs, peer) = match arguments.as_slice() {
@@ -70,7 +50,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let grid = grid_of(grid)?;
     let scheme: Scheme = serde_json::from_value(scheme.as_str().into())?;
     let settings = Settings { threads: threads.parse()?, cfl: CFL, ..Settings::of(scheme) };
-    let exact = GAME.exact()?;
+    let exact = MITCHELL.exact()?;
 
     // Once for the memory and the caches, as the peer has compiled beforehand.
     solve_over(&grid, &settings, 1e-3)?;
@@ -110,87 +90,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 /// The grid of so many nodes, as in `51x40x50`.
 fn grid_of(nodes: &str) -> Result<Grid<3>, Box<dyn Error>> {
     let nodes = nodes.split('x').map(str::parse).collect::<Result<Vec<usize>, _>>()?;
-    let [x, y, psi] = nodes.try_into().map_err(|_| USAGE)?;
-    let axes = [
-        Axis::bounded(-6.0, 20.0, x),
-        Axis::bounded(-10.0, 10.0, y),
-        Axis::periodic(0.0, TAU, psi),
-    ];
-    Ok(Grid { axes })
-}
-
-/// The tube after so many seconds.
-fn solve_over(
-    grid: &Grid<3>,
-    settings: &Settings,
-    horizon_s: f64,
-) -> Result<Solution<f32, 3>, Box<dyn Error>> {
-    let target = |state| GAME.target(state);
-    let problem = Problem {
-        game: &RelativeDubins(GAME),
-        grid: *grid,
-        target: Region::Static(&target),
-        obstacle: None,
-        kind: Kind::Tube,
-        direction: Direction::Backward,
-        horizon: Horizon::Finite(horizon_s),
-    };
-    Ok(solve(&problem, settings, &mut |_| ControlFlow::Continue(()))?)
-}
-
-impl Accuracy {
-    /// Traces the zero level of every slice of equal ψ, cell by cell.
-    fn new(exact: &ExactValue, grid: &Grid<3>, values: &[f32]) -> Self {
-        let [x, y, psi] = grid.axes;
-        let value =
-            |i: usize, j: usize, k: usize| f64::from(values[(i * y.nodes + j) * psi.nodes + k]);
-        let (mut off, mut cells) = (Vec::new(), 0.0);
-        for (i, j, k) in (0..grid.len()).map(|at| grid.index(at).into()) {
-            let here = value(i, j, k);
-            for [di, dj] in [[1, 0], [0, 1]] {
-                if i + di == x.nodes || j + dj == y.nodes {
-                    continue;
-                }
-                let there = value(i + di, j + dj, k);
-                if (here <= 0.0) != (there <= 0.0) {
-                    let share = here / (here - there);
-                    let [px, py, ppsi] = grid.node([i, j, k]);
-                    let [dx, dy] = [di as f64 * x.spacing(), dj as f64 * y.spacing()];
-                    off.push(exact.value([px + share * dx, py + share * dy, ppsi]).abs());
-                }
-            }
-            if i + 1 < x.nodes && j + 1 < y.nodes {
-                let corners = [[0, 0], [1, 0], [1, 1], [0, 1]];
-                cells += area_inside(corners.map(|[di, dj]| value(i + di, j + dj, k)));
-            }
-        }
-        let dx = x.spacing();
-        Self {
-            mean_dx: off.iter().sum::<f64>() / off.len() as f64 / dx,
-            max_dx: off.iter().copied().fold(0.0, f64::max) / dx,
-            volume_percent: 100.0 * (cells * grid.cell_volume() / VOLUME - 1.0),
-        }
-    }
-}
-
-/// The part of a unit square where values are ≤ 0: the polygon of the corners inside and
-/// the zeros on the edges. `values` are those at the corners, counter-clockwise.
-fn area_inside(values: [f64; 4]) -> f64 {
-    const CORNERS: [[f64; 2]; 4] = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
-    let mut polygon = Vec::with_capacity(8);
-    for from in 0..4 {
-        let to = (from + 1) % 4;
-        if values[from] <= 0.0 {
-            polygon.push(CORNERS[from]);
-        }
-        if (values[from] <= 0.0) != (values[to] <= 0.0) {
-            let share = values[from] / (values[from] - values[to]);
-            let along = |d: usize| CORNERS[from][d] + share * (CORNERS[to][d] - CORNERS[from][d]);
-            polygon.push([along(0), along(1)]);
-        }
-    }
-    let next = polygon.iter().cycle().skip(1);
-    polygon.iter().zip(next).map(|(a, b)| 0.5 * (a[0] * b[1] - a[1] * b[0])).sum()
+    Ok(measure::air3d_grid(nodes.try_into().map_err(|_| USAGE)?))
 }
 
 /// The values of a NumPy file of 32-bit floats in C order, which must have this shape.

@@ -1,6 +1,6 @@
 //! `cargo xtask bench`: benchmarks, each against its baseline in the same run.
 
-mod peers;
+pub(crate) mod peers;
 
 use std::process::ExitCode;
 

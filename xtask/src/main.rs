@@ -15,6 +15,7 @@ mod check;
 mod serve;
 mod site;
 mod test;
+mod validate;
 mod workspace;
 
 use std::process::ExitCode;
@@ -41,6 +42,7 @@ enum Task {
     /// Check formatting, lints (native and browser) and documentation, without running anything.
     Check,
     Bench(bench::Options),
+    Validate(validate::Options),
 }
 
 fn main() -> ExitCode {
@@ -62,6 +64,7 @@ fn run(task: Task) -> anyhow::Result<ExitCode> {
         Task::Test(options) => test::run(&workspace, &options),
         Task::Check => check::run(&workspace).map(|()| ExitCode::SUCCESS),
         Task::Bench(options) => bench::run(&workspace, &options),
+        Task::Validate(options) => validate::run(&workspace, &options).map(|()| ExitCode::SUCCESS),
     }
 }
 

@@ -1,0 +1,145 @@
+//! The solver on a rectangular grid: air3D, and the order of each scheme.
+
+use std::error::Error;
+use std::ops::ControlFlow;
+
+use serde::Serialize;
+use sidestep::math::{TAU, cos, sin};
+use sidestep::reachability::cartesian::{
+    Direction, Horizon, Kind, Problem, Region, Settings, solve,
+};
+use sidestep::reachability::{Axis, Game, Grid, Real, Scheme, TERMS};
+
+use crate::measure::{self, Accuracy, HORIZON_S, MITCHELL};
+
+const SCHEMES: [Scheme; 4] = [Scheme::Upwind, Scheme::Eno2, Scheme::Eno3, Scheme::Weno5];
+/// 25, 50, 75 and 100 spacings along x, the same lengths along y.
+const GRIDS: [[usize; 3]; 4] = [[26, 20, 25], [51, 40, 50], [76, 59, 75], [101, 79, 100]];
+/// Nodes of the smooth problem.
+const NODES: [usize; 5] = [80, 160, 320, 640, 1280];
+
+/// What was found.
+#[derive(Serialize)]
+pub(crate) struct Check {
+    horizon_s: f64,
+    air3d: Vec<Air3d>,
+    /// What the same measures say of the closed form on each grid.
+    exact: Vec<Air3d>,
+    /// WENO5 on 51×40×50 nodes, solved for π s.
+    converged: Accuracy,
+    orders: Vec<Order>,
+}
+
+/// One solve of air3D.
+#[derive(Serialize)]
+pub(crate) struct Air3d {
+    scheme: &'static str,
+    nodes: [usize; 3],
+    dx_m: f64,
+    cfl: f64,
+    steps: usize,
+    accuracy: Accuracy,
+}
+
+/// Errors of a scheme on finer and finer grids.
+#[derive(Serialize)]
+pub(crate) struct Order {
+    scheme: &'static str,
+    /// Share of the largest stable step; `advised` if it is the library's own choice.
+    cfl: f64,
+    advised: bool,
+    /// Spacing, rad, and mean error.
+    errors: Vec<(f64, f64)>,
+}
+
+/// Measures the Cartesian solver.
+pub(crate) fn check() -> Result<Check, Box<dyn Error>> {
+    let truth = MITCHELL.exact()?;
+    let (mut air3d, mut exact) = (Vec::new(), Vec::new());
+    for nodes in GRIDS {
+        let grid = measure::air3d_grid(nodes);
+        let dx_m = grid.axes[0].spacing();
+        for scheme in SCHEMES {
+            let settings = Settings::of(scheme);
+            let solution = measure::solve_over(&grid, &settings, HORIZON_S)?;
+            let accuracy = Accuracy::new(&truth, &grid, &solution.values);
+            let (cfl, steps) = (settings.cfl, solution.steps);
+            air3d.push(Air3d { scheme: scheme.name(), nodes, dx_m, cfl, steps, accuracy });
+        }
+        let value = |at| truth.value(grid.node(grid.index(at))) as f32;
+        let values: Vec<f32> = (0..grid.len()).map(value).collect();
+        let accuracy = Accuracy::new(&truth, &grid, &values);
+        exact.push(Air3d { scheme: "exact", nodes, dx_m, cfl: 0.0, steps: 0, accuracy });
+    }
+
+    let grid = measure::air3d_grid(GRIDS[1]);
+    let solution = measure::solve_over(&grid, &Settings::of(Scheme::Weno5), 0.5 * TAU)?;
+    let converged = Accuracy::new(&truth, &grid, &solution.values);
+
+    let mut orders = Vec::new();
+    for scheme in SCHEMES {
+        orders.push(order(scheme, scheme.cfl(), true)?);
+    }
+    for scheme in [Scheme::Eno2, Scheme::Eno3] {
+        orders.push(order(scheme, 0.75, false)?);
+    }
+    Ok(Check { horizon_s: HORIZON_S, air3d, exact, converged, orders })
+}
+
+/// H = −p²/2 with slopes up to 1.
+struct Steepening;
+
+impl Game<1> for Steepening {
+    fn terms(&self, _axis: usize, _x: f64) -> [f64; TERMS] {
+        [0.0; TERMS]
+    }
+
+    #[inline(always)]
+    fn hamiltonian<T: Real>(&self, _terms: &[[T; TERMS]; 1], [p]: [T; 1]) -> T {
+        -(T::HALF * p * p)
+    }
+
+    #[inline(always)]
+    fn speed_bounds<T: Real>(&self, _terms: &[[T; TERMS]; 1]) -> [T; 1] {
+        [T::from_f64(1.0)]
+    }
+}
+
+/// V_τ = −(∂V/∂x)²/2 from cos x, half the time until a kink forms at τ = 1. Slopes stay the
+/// same along characteristics: with p = −sin x₀, x = x₀ + pτ and V = cos x₀ + p²τ/2.
+fn order(scheme: Scheme, cfl: f64, advised: bool) -> Result<Order, Box<dyn Error>> {
+    const SECONDS: f64 = 0.5;
+    let target = |[x]: [f64; 1]| cos(x);
+    let exact = |x: f64| {
+        // x₀ − τ sin x₀ = x by bisection: its derivative is positive for τ < 1.
+        let (mut low, mut high) = (x - 1.0, x + 1.0);
+        for _ in 0..60 {
+            let middle = 0.5 * (low + high);
+            if middle - SECONDS * sin(middle) < x {
+                low = middle;
+            } else {
+                high = middle;
+            }
+        }
+        cos(low) + 0.5 * sin(low) * sin(low) * SECONDS
+    };
+    let mut errors = Vec::new();
+    for nodes in NODES {
+        let problem = Problem {
+            game: &Steepening,
+            grid: Grid { axes: [Axis::periodic(0.0, TAU, nodes)] },
+            target: Region::Static(&target),
+            obstacle: None,
+            kind: Kind::Set,
+            direction: Direction::Backward,
+            horizon: Horizon::Finite(SECONDS),
+        };
+        let settings = Settings { cfl, threads: 1, ..Settings::of(scheme) };
+        let solution = solve::<f64, 1, _>(&problem, &settings, &mut |_| ControlFlow::Continue(()))?;
+        let axis = solution.grid.axes[0];
+        let off = |(i, v): (usize, &f64)| (v - exact(axis.node(i as isize))).abs();
+        let mean = solution.values.iter().enumerate().map(off).sum::<f64>() / nodes as f64;
+        errors.push((axis.spacing(), mean));
+    }
+    Ok(Order { scheme: scheme.name(), cfl, advised, errors })
+}

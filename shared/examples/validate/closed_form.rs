@@ -1,0 +1,118 @@
+//! The closed form against the equation that it must solve, and against what others found.
+
+use std::error::Error;
+
+use serde::Serialize;
+use sidestep::math::{PI, SeededRng, TAU, sin_cos};
+use sidestep::reachability::{ExactValue, PursuitGame};
+
+use crate::errors::{Errors, numbers};
+
+/// What was found for one game.
+#[derive(Serialize)]
+pub(crate) struct Check {
+    game: &'static str,
+    parameters: PursuitGame,
+    /// |min(r − R − V, H)|, m or m/s, with the gradient that the closed form states.
+    residual: Errors,
+    /// The same with central differences of V for the gradient.
+    residual_of_differences: Errors,
+    /// Of these states, how many have V < r − R, so that the equation is H = 0.
+    closing: usize,
+    /// |V|, m, at points of the reference barriers.
+    barrier: Errors,
+    /// Largest error, m, at the reference states, and how many these are.
+    reference: (usize, f64),
+    /// Volume of {V ≤ 0}, m²·rad: by quadrature here, and of the reference.
+    volume: f64,
+    reference_volume: f64,
+}
+
+const STATES: usize = 100_000;
+
+/// Measures the closed form of `game`.
+pub(crate) fn check((name, game): (&'static str, PursuitGame)) -> Result<Check, Box<dyn Error>> {
+    let exact = game.exact()?;
+    let (barrier, states, reference_volume) = if name == "paper" {
+        let barrier = include_str!("../../tests/data/barrier_paper.csv");
+        (barrier, include_str!("../../tests/data/states_paper.csv"), 358.14141)
+    } else {
+        let barrier = include_str!("../../tests/data/barrier_mitchell.csv");
+        (barrier, include_str!("../../tests/data/states_mitchell.csv"), 885.81943)
+    };
+
+    let rho = exact.speed_mps() / exact.turn_rate_radps();
+    let mut rng = SeededRng::new(1);
+    let mut along = |span: f64| rng.uniform(-span, span);
+    let (mut residual, mut differences, mut closing) = (Vec::new(), Vec::new(), 0);
+    for _ in 0..STATES {
+        let state = [along(6.0 * rho), along(6.0 * rho), along(PI)];
+        let found = exact.analyze(state);
+        let gap = game.target(state) - found.value;
+        residual.push(gap.min(hamiltonian(&game, state, found.gradient)).abs());
+        let slope = |d: usize| {
+            let step = 1e-6 * if d < 2 { rho } else { 1.0 };
+            let value = |sign: f64| {
+                let mut moved = state;
+                moved[d] += sign * step;
+                exact.value(moved)
+            };
+            (value(1.0) - value(-1.0)) / (2.0 * step)
+        };
+        let gradient = [slope(0), slope(1), slope(2)];
+        differences.push(gap.min(hamiltonian(&game, state, gradient)).abs());
+        closing += usize::from(gap > 1e-9);
+    }
+
+    let at = |row: &[f64]| exact.value([row[0], row[1], row[2]]);
+    let barrier = numbers(barrier)?.iter().map(|row| at(row).abs()).collect();
+    let states = numbers(states)?;
+    let off = states.iter().map(|row| (at(row) - row[3]).abs()).fold(0.0, f64::max);
+    Ok(Check {
+        game: name,
+        parameters: game,
+        residual: Errors::of(residual),
+        residual_of_differences: Errors::of(differences),
+        closing,
+        barrier: Errors::of(barrier),
+        reference: (states.len(), off),
+        volume: volume(&exact),
+        reference_volume,
+    })
+}
+
+/// H(x, p): the evader's turn maximises, the pursuer's minimises.
+fn hamiltonian(game: &PursuitGame, [x, y, psi]: [f64; 3], [p1, p2, p3]: [f64; 3]) -> f64 {
+    let (sin, cos) = sin_cos(psi);
+    let speed = game.pursuer.speed_mps;
+    p1 * (speed * cos - game.evader.speed_mps)
+        + p2 * speed * sin
+        + game.evader.turn_rate_radps * (p1 * y - p2 * x - p3).abs()
+        - game.pursuer.turn_rate_radps * p3.abs()
+}
+
+/// ∭ dx dy dψ over {V ≤ 0}: ∫∫ ½ r² over bearing and heading, since every ray from the
+/// evader leaves the set once. Headings above π are mirror images.
+fn volume(exact: &ExactValue) -> f64 {
+    const BEARINGS: usize = 512;
+    const HEADINGS: usize = 256;
+    let (inner, outer) = (exact.radius_m(), exact.range_bound_m(0.0));
+    let mut sum = 0.0;
+    for k in 0..HEADINGS {
+        let psi = PI * (k as f64 + 0.5) / HEADINGS as f64;
+        for j in 0..BEARINGS {
+            let (sin, cos) = sin_cos(TAU * (j as f64 + 0.5) / BEARINGS as f64);
+            let (mut low, mut high) = (inner, outer);
+            for _ in 0..36 {
+                let middle = 0.5 * (low + high);
+                if exact.value([middle * cos, middle * sin, psi]) <= 0.0 {
+                    low = middle;
+                } else {
+                    high = middle;
+                }
+            }
+            sum += 0.5 * low * low;
+        }
+    }
+    2.0 * sum * (TAU / BEARINGS as f64) * (PI / HEADINGS as f64)
+}

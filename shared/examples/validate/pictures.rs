@@ -1,0 +1,106 @@
+//! What the page draws: curves and a map.
+
+use std::error::Error;
+
+use serde::Serialize;
+use sidestep::math::{PI, TAU, hypot};
+use sidestep::reachability::{
+    Accuracy, CartesianGrid, CurveSettings, Options, Precision, Scheme, ValueFunction,
+    radial_level_curve,
+};
+
+use crate::errors::Errors;
+use crate::measure::{HORIZON_S, MITCHELL};
+use crate::polar::by_polar;
+use crate::{PAPER, solved};
+
+/// A closed curve in the evader's frame, m.
+type Curve = Vec<[f64; 2]>;
+
+/// {V = 0} of *mitchell* at one relative heading, found along rays from the evader.
+#[derive(Serialize)]
+pub(crate) struct Slice {
+    psi_deg: f64,
+    exact: Vec<Curve>,
+    /// Standard accuracy.
+    polar: Vec<Curve>,
+    /// WENO5 on 51×40×50 nodes, T = 2.8 s.
+    cartesian: Vec<Curve>,
+    /// The point of the closed form's curve that is farthest from the evader, m.
+    tip: [f64; 2],
+}
+
+/// |polar − closed form| of *paper* at ψ = π, standard accuracy.
+#[derive(Serialize)]
+pub(crate) struct ErrorMap {
+    /// First x, first y (of the centres of square cells) and their side, m.
+    origin: [f64; 2],
+    cell_m: f64,
+    /// Errors, m: one row for every y.
+    rows: Vec<Vec<f32>>,
+    /// {V = 0} of the closed form.
+    zero: Vec<Curve>,
+}
+
+const CURVES: CurveSettings =
+    CurveSettings { rays: 96, flatness_m: 0.002, max_depth: 9, accuracy_m: 1e-5, spacing_m: 0.1 };
+
+/// How far from {V = 0} of the same solution the curves are that are traced through its grid:
+/// |V|, m, on their points and the middles between these, at 24 headings of *mitchell*.
+pub(crate) fn traced() -> Result<Errors, Box<dyn Error>> {
+    let polar = by_polar(MITCHELL, Accuracy::Standard)?.function;
+    let mut errors = Vec::new();
+    for step in 0..24 {
+        let psi = TAU * f64::from(step) / 24.0;
+        for curve in polar.level_curves(psi, 0.0, CurveSettings::default()) {
+            for (a, b) in curve.iter().zip(curve.iter().cycle().skip(1)) {
+                let middle = [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])];
+                errors.extend([*a, middle].map(|[x, y]| polar.value([x, y, psi]).abs()));
+            }
+        }
+    }
+    Ok(Errors::of(errors))
+}
+
+/// Three slices.
+pub(crate) fn slices() -> Result<Vec<Slice>, Box<dyn Error>> {
+    let grid = CartesianGrid {
+        nodes: [51, 40, 50],
+        domain_m: [-6.0, 20.0, -10.0, 10.0],
+        scheme: Scheme::Weno5,
+        precision: Precision::F32,
+    };
+    let options = Options { horizon_s: HORIZON_S, grid: Some(grid), ..Options::default() };
+    let cartesian = solved(MITCHELL, &options)?.function;
+    let polar = by_polar(MITCHELL, Accuracy::Standard)?.function;
+    let exact = ValueFunction::Exact(MITCHELL.exact()?);
+    let slice = |psi_deg: f64| {
+        let psi = psi_deg * TAU / 360.0;
+        // Along rays, which all leave the set once; the first part is inside in any case.
+        let (inner, outer) = (0.5 * MITCHELL.radius_m, 30.0);
+        let [exact, polar, cartesian] = [&exact, &polar, &cartesian].map(|function| {
+            let value = |x, y| function.value([x, y, psi]);
+            vec![radial_level_curve(value, 0.0, inner, outer, CURVES)]
+        });
+        let farther = |a: [f64; 2], b: &[f64; 2]| {
+            if hypot(b[0], b[1]) > hypot(a[0], a[1]) { *b } else { a }
+        };
+        let tip = exact.iter().flatten().fold([0.0; 2], farther);
+        Slice { psi_deg, exact, polar, cartesian, tip }
+    };
+    Ok([60.0, 120.0, 180.0].map(slice).into())
+}
+
+/// The map.
+pub(crate) fn error_map() -> Result<ErrorMap, Box<dyn Error>> {
+    let (origin, cell_m, [columns, rows]) = ([-5.95, -7.95], 0.1, [210, 160]);
+    let polar = by_polar(PAPER, Accuracy::Standard)?.function;
+    let exact = ValueFunction::Exact(PAPER.exact()?);
+    let error = |i: usize, j: usize| {
+        let state = [origin[0] + cell_m * i as f64, origin[1] + cell_m * j as f64, PI];
+        (polar.value(state) - exact.value(state)).abs() as f32
+    };
+    let rows = (0..rows).map(|j| (0..columns).map(|i| error(i, j)).collect()).collect();
+    let zero = exact.level_curves(PI, 0.0, CURVES);
+    Ok(ErrorMap { origin, cell_m, rows, zero })
+}

@@ -1,0 +1,137 @@
+//! The solver in polar coordinates against the closed form.
+
+use core::f64::consts::LN_10;
+use std::error::Error;
+
+use serde::Serialize;
+use sidestep::math::{exp, sin_cos};
+use sidestep::reachability::{Accuracy, Method, Nodes, Options, Player, PursuitGame, Solved};
+
+use crate::errors::{Errors, random_states};
+use crate::{PAPER, solved};
+
+/// What was found for one game and accuracy. Lengths are in metres.
+#[derive(Clone, Serialize)]
+pub(crate) struct Check {
+    game: &'static str,
+    accuracy: &'static str,
+    /// Nodes of range and of each angle's full turn.
+    nodes: [usize; 2],
+    range_m: f64,
+    sweeps: usize,
+    drift_m: f64,
+    /// Between the nodes and at them, of the states that count.
+    random: Errors,
+    at_nodes: Errors,
+    /// By how much the volume of {V ≤ 0} is larger than the closed form's.
+    volume_percent: f64,
+    /// Of the random states: (error, share of the states with a larger one).
+    exceedance: Vec<(f64, f64)>,
+}
+
+/// Random states, within 5 turning radii: {V = 0} reaches to 3.6 at most.
+pub(crate) const STATES: usize = 200_000;
+/// Only states this near to {V = 0} count, m.
+const NEAR_M: f64 = 0.5;
+/// And only if the range can be made this much smaller, m: elsewhere V = r − R, which is
+/// stored as an exact 0 and would flatter the quantiles.
+const CLOSING_M: f64 = 1e-6;
+
+pub(crate) const ACCURACIES: [(&str, Accuracy); 3] =
+    [("draft", Accuracy::Draft), ("standard", Accuracy::Standard), ("fine", Accuracy::Fine)];
+
+/// The converged value by the polar solver.
+pub(crate) fn by_polar(game: PursuitGame, accuracy: Accuracy) -> Result<Solved, Box<dyn Error>> {
+    solved(game, &Options { method: Some(Method::Polar), accuracy, ..Options::default() })
+}
+
+/// Measures the polar solver on `game`.
+pub(crate) fn check(
+    (name, game): (&'static str, PursuitGame),
+) -> Result<Vec<Check>, Box<dyn Error>> {
+    let exact = game.exact()?;
+    let rho = exact.speed_mps() / exact.turn_rate_radps();
+    let random = random_states(1, STATES, 5.0 * rho);
+    let volume = if name == "paper" { 358.14141 } else { 885.81943 };
+    let mut checks = Vec::new();
+    for (accuracy_name, accuracy) in ACCURACIES {
+        let solved = by_polar(game, accuracy)?;
+        let Nodes::Polar { range_m, range_nodes, angle_nodes, .. } = solved.samples.nodes() else {
+            unreachable!("the polar solver leaves polar nodes");
+        };
+        let error = |state: [f64; 3]| {
+            let truth = exact.value(state);
+            counts(&game, state, truth).then(|| (solved.function.value(state) - truth).abs())
+        };
+        let errors: Vec<f64> = random.iter().filter_map(|state| error(*state)).collect();
+        // The stored numbers themselves.
+        let [ranges, bearings, headings] = solved.samples.nodes().coordinates();
+        let mut deficits = solved.samples.deficit();
+        let mut at_nodes = Vec::new();
+        for range in &ranges {
+            for bearing in &bearings {
+                let (sin, cos) = sin_cos(*bearing);
+                for (heading, deficit) in headings.iter().zip(&mut deficits) {
+                    let state = [range * cos, range * sin, *heading];
+                    let truth = exact.value(state);
+                    if counts(&game, state, truth) {
+                        let value = range - game.radius_m + f64::from(deficit);
+                        at_nodes.push((value - truth).abs());
+                    }
+                }
+            }
+        }
+        checks.push(Check {
+            game: name,
+            accuracy: accuracy_name,
+            nodes: [range_nodes, angle_nodes],
+            range_m,
+            sweeps: solved.steps,
+            drift_m: solved.residual,
+            exceedance: exceedance(&errors),
+            random: Errors::of(errors),
+            at_nodes: Errors::of(at_nodes),
+            volume_percent: 100.0 * (solved.samples.volume() / volume - 1.0),
+        });
+    }
+    Ok(checks)
+}
+
+/// Whether the error at a state with this value counts.
+fn counts(game: &PursuitGame, state: [f64; 3], value: f64) -> bool {
+    value.abs() < NEAR_M && game.target(state) - value > CLOSING_M
+}
+
+/// Shares of the errors that are larger than 10⁻⁵ m, and so on to the largest, 16 to a decade.
+fn exceedance(errors: &[f64]) -> Vec<(f64, f64)> {
+    let mut points = Vec::new();
+    for step in 0..=80 {
+        let threshold = exp(LN_10 * (f64::from(step) / 16.0 - 5.0));
+        let above = errors.iter().filter(|error| **error > threshold).count();
+        if above == 0 {
+            break;
+        }
+        points.push((threshold, above as f64 / errors.len() as f64));
+    }
+    points
+}
+
+/// A pursuer that is a little faster than the evader: the chase is long.
+#[derive(Serialize)]
+pub(crate) struct Chase {
+    /// How much faster, percent.
+    faster_percent: f64,
+    /// Sweeps and drift, m, for equal speeds and for this one, standard accuracy.
+    equal: (usize, f64),
+    chase: (usize, f64),
+    most_sweeps: usize,
+}
+
+/// Measures how slowly a long chase converges.
+pub(crate) fn chase() -> Result<Chase, Box<dyn Error>> {
+    let faster = Player { speed_mps: 1.05 * PAPER.pursuer.speed_mps, ..PAPER.pursuer };
+    let [equal, chase] = [PAPER, PursuitGame { pursuer: faster, ..PAPER }]
+        .map(|game| by_polar(game, Accuracy::Standard).map(|s| (s.steps, s.residual)));
+    let most_sweeps = sidestep::reachability::polar::Settings::default().most_sweeps;
+    Ok(Chase { faster_percent: 5.0, equal: equal?, chase: chase?, most_sweeps })
+}

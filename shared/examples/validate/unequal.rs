@@ -1,0 +1,74 @@
+//! Vehicles that differ: no closed form is known, so solutions are compared with each other.
+
+use std::error::Error;
+
+use serde::Serialize;
+use sidestep::reachability::{
+    Accuracy, CartesianGrid, Options, Player, Precision, PursuitGame, Scheme,
+};
+
+use crate::errors::{Errors, numbers, random_states};
+use crate::polar::{STATES, by_polar};
+use crate::solved;
+
+const GAME: PursuitGame = PursuitGame {
+    evader: Player { speed_mps: 2.0, turn_rate_radps: 0.5 },
+    pursuer: Player { speed_mps: 1.5, turn_rate_radps: 0.8 },
+    radius_m: 3.0,
+};
+
+/// What was found. Lengths are in metres.
+#[derive(Serialize)]
+pub(crate) struct Check {
+    parameters: PursuitGame,
+    horizon_s: f64,
+    nodes: [usize; 3],
+    /// Reference states, how many of them are met within the reference's own estimate of its
+    /// error, and the differences.
+    states: usize,
+    within: usize,
+    differences: Errors,
+    /// |standard − fine| of the polar solver where the fine |V| < 0.5 m, at random states.
+    standard_and_fine: Errors,
+    /// How far the converged value (fine) exceeds that of the finite horizon, beyond the
+    /// reference's estimate: it cannot, but for errors.
+    above_finite: f64,
+}
+
+/// Measures both solvers on the unequal pair.
+pub(crate) fn check() -> Result<Check, Box<dyn Error>> {
+    let (horizon_s, nodes) = (6.0, [81, 81, 60]);
+    let grid = CartesianGrid {
+        nodes,
+        domain_m: [-20.0, 20.0, -20.0, 20.0],
+        scheme: Scheme::Weno5,
+        precision: Precision::F32,
+    };
+    let finite = solved(GAME, &Options { horizon_s, grid: Some(grid), ..Options::default() })?;
+    let standard = by_polar(GAME, Accuracy::Standard)?;
+    let fine = by_polar(GAME, Accuracy::Fine)?;
+
+    let rows = numbers(include_str!("../../tests/data/states_unequal.csv"))?;
+    let (mut differences, mut within, mut above_finite) = (Vec::new(), 0, 0.0_f64);
+    for row in &rows {
+        let state = [row[0], row[1], row[2]];
+        let difference = (finite.function.value(state) - row[3]).abs();
+        within += usize::from(difference <= row[4]);
+        differences.push(difference);
+        above_finite = above_finite.max(fine.function.value(state) - row[3] - row[4]);
+    }
+    let near = random_states(2, STATES, 20.0).into_iter().filter_map(|state| {
+        let value = fine.function.value(state);
+        (value.abs() < 0.5).then(|| (standard.function.value(state) - value).abs())
+    });
+    Ok(Check {
+        parameters: GAME,
+        horizon_s,
+        nodes,
+        states: rows.len(),
+        within,
+        differences: Errors::of(differences),
+        standard_and_fine: Errors::of(near.collect()),
+        above_finite,
+    })
+}
