@@ -549,10 +549,17 @@ impl Slice<'_> {
             }
             _ => (j, self.heading[0]),
         };
-        let last = f.table.cells();
-        let (i, t0) = if i == last[0] { (i - 1, 1.0) } else { (i, 0.0) };
-        let (j, t1) = if j == last[1] { (j - 1, 1.0) } else { (j, 0.0) };
-        f.deficit_at([i, j, k], [t0, t1, share]).0 + range_m - f.game.radius_m
+        let cells = f.table.cells();
+        let [cell_i, cell_j] = [i.min(cells[0] - 1), j.min(cells[1] - 1)];
+        let deficit = match &f.sheet {
+            Some(sheet) if sheet.is_kinked(cells, [cell_i, cell_j, k]) => {
+                let mirror = [i, 2 * cells[1] - j, cells[2] - 1 - k];
+                let right = sheet.table.on_edge([i, j, k], share);
+                right.max(sheet.table.on_edge(mirror, 1.0 - share))
+            }
+            _ => f.table.on_edge([i, j, k], share),
+        };
+        deficit + range_m - f.game.radius_m
     }
 }
 

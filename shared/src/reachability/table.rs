@@ -75,6 +75,17 @@ impl Table {
         (0..3).map(|d| (index[d] + BEFORE) * self.strides[d]).sum()
     }
 
+    /// The value on the edge along axis 2 from `index`, at `share` of it: what
+    /// [`Table::interpolate`] gives there.
+    pub(super) fn on_edge(&self, index: [usize; 3], share: f64) -> f64 {
+        let at = self.offset(index);
+        let line = |k: usize| [self.values[at - 1 + k]; 4];
+        let edge = [line(0), line(1), line(2), line(3)];
+        let (t, bend) = (share as f32, bends(edge)[0]);
+        let (from, to) = (edge[1][0], edge[2][0]);
+        f64::from((1.0 - t) * from + t * to - 0.5 * t * (1.0 - t) * bend)
+    }
+
     /// Value and derivatives, per cell, at `share` (0 … 1 each) of cell `index`.
     ///
     /// Trilinear, plus along each axis a parabola through a cell's edges with the
@@ -178,6 +189,15 @@ mod tests {
             let face = [x[0].round().clamp(1.0, 5.0), x[1], x[2]];
             let before = at([face[0] - 1e-9, face[1], face[2]]).0;
             assert!((before - at(face).0).abs() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn an_edge_has_the_values_of_the_cells_around_it() {
+        let table = Table::new([6, 6, 6], |[i, j, k]| smooth(i as f64, j as f64, k as f64) as f32);
+        for share in [0.0, 0.3, 1.0] {
+            let expected = table.interpolate([2, 3, 4], [0.0, 0.0, share]).0;
+            assert!((table.on_edge([2, 3, 4], share) - expected).abs() < 1e-6);
         }
     }
 

@@ -4,7 +4,7 @@ use super::contour::{Lattice, closed_curves};
 use super::exact::ExactValue;
 use super::level_set::{CurveSettings, radial_level_curve};
 use super::pursuit::{Player, PursuitGame};
-use super::sampled::{SampledValue, Slice};
+use super::sampled::{SampledState, SampledValue, Slice};
 use super::transport;
 use crate::invalid::Invalid;
 use crate::math::{TAU, hypot, sin_cos};
@@ -267,8 +267,8 @@ impl Lattice for SliceLattice<'_> {
     }
 }
 
-/// The curve with points added between its corners where they leave the chord,
-/// each moved onto the level along the gradient.
+/// The curve with points added between its own, moved onto the level along the
+/// gradient, and with the sharp corners that fall between nodes.
 fn smoothed(
     curve: &[[f64; 2]],
     function: &SampledValue,
@@ -276,28 +276,37 @@ fn smoothed(
     level: f64,
     settings: CurveSettings,
 ) -> Vec<[f64; 2]> {
+    let state = |[x, y]: [f64; 2]| function.state([x, y, psi]);
+    let states: Vec<_> = curve.iter().map(|point| state(*point)).collect();
     let mut smooth = Vec::with_capacity(3 * curve.len());
-    let excess = |point: [f64; 2]| function.state([point[0], point[1], psi]).value - level;
-    // Where the set is cut off by the grid, its edge is the curve.
-    let on_level: Vec<bool> = curve.iter().map(|p| excess(*p).abs() < ON_LEVEL_M).collect();
-    let closed = (0..curve.len()).map(|i| (i, (i + 1) % curve.len()));
-    for (i, next) in closed {
-        let (from, to) = (curve[i], curve[next]);
-        smooth.push(from);
-        let length = hypot(to[0] - from[0], to[1] - from[1]);
-        let pieces = ((length / settings.spacing_m).ceil() as usize).clamp(1, 4);
-        for piece in 1..pieces {
-            let share = piece as f64 / pieces as f64;
-            let mut point = [0, 1].map(|d| from[d] + share * (to[d] - from[d]));
-            let state = function.state([point[0], point[1], psi]);
-            let [gx, gy, _] = state.gradient;
-            let excess = state.value - level;
-            let steepness = gx * gx + gy * gy;
-            // On a kink the chord is best.
-            if on_level[i] && on_level[next] && excess.abs() < length * steepness.sqrt() {
-                point = [point[0] - excess * gx / steepness, point[1] - excess * gy / steepness];
+    for i in 0..curve.len() {
+        let next = (i + 1) % curve.len();
+        smooth.push(curve[i]);
+        // Where the set is cut off by the grid, its edge is the curve.
+        let on_level = |state: &SampledState| (state.value - level).abs() < ON_LEVEL_M;
+        let pieces = Pieces { spacing_m: settings.spacing_m, level };
+        if !on_level(&states[i]) || !on_level(&states[next]) {
+            pieces.add(&mut smooth, curve[i], curve[next], |_| None);
+            continue;
+        }
+        let tip = tip([curve[i], curve[next]], [&states[i], &states[next]]);
+        // A corner is one if the chord misses the level and the corner does not. Where
+        // the tangents meet is close to it; the level is met on the way there.
+        let miss = |point: [f64; 2]| state(point).value - level;
+        let middle = [0, 1].map(|d| 0.5 * (curve[i][d] + curve[next][d]));
+        let from = miss(middle);
+        let tip = tip.map(|tip| {
+            let change = miss(tip) - from;
+            let share = if change == 0.0 { 1.0 } else { (-from / change).clamp(0.0, 1.5) };
+            [0, 1].map(|d| middle[d] + share * (tip[d] - middle[d]))
+        });
+        match tip.filter(|tip| miss(*tip).abs() < 0.5 * from.abs()) {
+            Some(tip) => {
+                pieces.add(&mut smooth, curve[i], tip, |point| Some(state(point)));
+                smooth.push(tip);
+                pieces.add(&mut smooth, tip, curve[next], |point| Some(state(point)));
             }
-            smooth.push(point);
+            None => pieces.add(&mut smooth, curve[i], curve[next], |point| Some(state(point))),
         }
     }
     smooth
@@ -305,3 +314,55 @@ fn smoothed(
 
 /// A point of a curve is on its level to this, m, unless it is on the grid's edge.
 const ON_LEVEL_M: f64 = 0.02;
+
+/// Where the tangents of a curve at both ends of a chord meet, if they turn by more than
+/// a sixth of a right angle and meet close by: a corner that the chord cuts off.
+fn tip(ends: [[f64; 2]; 2], states: [&SampledState; 2]) -> Option<[f64; 2]> {
+    let [[ax, ay, _], [bx, by, _]] = states.map(|state| state.gradient);
+    let (turn, along) = (ax * by - ay * bx, ax * bx + ay * by);
+    if turn.abs() < 0.26 * along.abs() {
+        return None;
+    }
+    // gᵢ · (p − pᵢ) = 0 for both ends.
+    let (a, b) = (ax * ends[0][0] + ay * ends[0][1], bx * ends[1][0] + by * ends[1][1]);
+    let tip = [(a * by - b * ay) / turn, (ax * b - bx * a) / turn];
+    let chord = hypot(ends[1][0] - ends[0][0], ends[1][1] - ends[0][1]);
+    let near = ends.iter().all(|end| hypot(tip[0] - end[0], tip[1] - end[1]) < 1.5 * chord);
+    near.then_some(tip)
+}
+
+/// How a chord is divided.
+struct Pieces {
+    spacing_m: f64,
+    level: f64,
+}
+
+impl Pieces {
+    /// Adds points between `from` and `to`, moved onto the level along the gradient
+    /// where `state` gives one.
+    fn add(
+        &self,
+        curve: &mut Vec<[f64; 2]>,
+        from: [f64; 2],
+        to: [f64; 2],
+        state: impl Fn([f64; 2]) -> Option<SampledState>,
+    ) {
+        let length = hypot(to[0] - from[0], to[1] - from[1]);
+        let pieces = ((length / self.spacing_m).ceil() as usize).clamp(1, 4);
+        for piece in 1..pieces {
+            let share = piece as f64 / pieces as f64;
+            let mut point = [0, 1].map(|d| from[d] + share * (to[d] - from[d]));
+            if let Some(state) = state(point) {
+                let [gx, gy, _] = state.gradient;
+                let excess = state.value - self.level;
+                let steepness = gx * gx + gy * gy;
+                // On a kink the chord is best.
+                if excess.abs() < 0.5 * length * steepness.sqrt() {
+                    let step = excess / steepness;
+                    point = [point[0] - step * gx, point[1] - step * gy];
+                }
+            }
+            curve.push(point);
+        }
+    }
+}
