@@ -1,6 +1,7 @@
 //! `cargo xtask bench`: benchmarks, each against its baseline in the same run.
 
 pub(crate) mod peers;
+mod wasm;
 
 use std::process::ExitCode;
 
@@ -36,6 +37,8 @@ enum Runner {
     Target(&'static str),
     /// [`peers`].
     Peers,
+    /// [`wasm`].
+    Wasm,
 }
 
 /// Every benchmark: one line each.
@@ -49,6 +52,11 @@ const BENCHES: &[Bench] = &[
         name: "peers",
         what: "our solver against hj_reachability (Python, installed on first use)",
         runner: Runner::Peers,
+    },
+    Bench {
+        name: "wasm",
+        what: "the solver as WebAssembly in Chromium against the same on this machine",
+        runner: Runner::Wasm,
     },
 ];
 
@@ -69,6 +77,8 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> 
                 answer_of(&mut workspace.cargo(target_arguments(package, bench, options.quick)))?
             }
             Runner::Peers => peers::run(workspace, options.quick)?,
+            // Quick as it is.
+            Runner::Wasm => wasm::run(workspace)?,
         };
         if code != ExitCode::SUCCESS {
             return Ok(code);

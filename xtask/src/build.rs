@@ -1,5 +1,6 @@
 //! `cargo xtask build`: the client's bundle and the server, ready to run.
 
+use std::process::Command;
 use std::time::{Duration, Instant};
 
 use anyhow::Result;
@@ -24,20 +25,11 @@ pub(crate) struct Options {
 pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<()> {
     workspace.ensure_wasm_target()?;
 
-    let build_client = || {
-        let mut client = workspace.cargo(["build", "--locked", "--profile", "client"]);
-        client.args(["--target", WASM_TARGET, "--package", "sidestep-web"]);
-        client
-    };
-    let mut client = build_client();
+    let mut client = build_client(workspace);
     client.args(PAGE_ENTRIES.iter().flat_map(|entry| ["--bin", entry]));
     let mut times = vec![("client", stage("client", &mut client)?)];
-    // Pages are to be small; the solver is to be fast, and every browser of these
-    // days has lanes of 128 bits. Lanes change no bit of any result.
-    let mut solver = build_client();
-    solver.args(["--bin", SOLVER, "--config", "profile.client.opt-level=3"]);
-    solver.env("CARGO_TARGET_WASM32_UNKNOWN_UNKNOWN_RUSTFLAGS", "-C target-feature=+simd128");
-    times.push(("solver", stage("solver", &mut solver)?));
+    let mut solver = build_solver(workspace);
+    times.push(("solver", stage("solver", solver.args(["--bin", SOLVER]))?));
 
     let start = Instant::now();
     let mut bundles = Vec::new();
@@ -57,6 +49,24 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<()> {
 
     report(&site::page_sizes(&composed, &sizes), &times);
     Ok(())
+}
+
+/// A build of the web client; what of it is to be added.
+fn build_client(workspace: &Workspace) -> Command {
+    let mut client = workspace.cargo(["build", "--locked", "--profile", "client"]);
+    client.args(["--target", WASM_TARGET, "--package", "sidestep-web"]);
+    client
+}
+
+/// The same, as the solver is built.
+///
+/// Pages are to be small; the solver is to be fast, and every browser of these days has
+/// lanes of 128 bits. Lanes change no bit of any result.
+pub(crate) fn build_solver(workspace: &Workspace) -> Command {
+    let mut solver = build_client(workspace);
+    solver.args(["--config", "profile.client.opt-level=3"]);
+    solver.env("CARGO_TARGET_WASM32_UNKNOWN_UNKNOWN_RUSTFLAGS", "-C target-feature=+simd128");
+    solver
 }
 
 /// Prints the two tables.

@@ -31,12 +31,14 @@ struct Requirement {
 }
 
 /// Everything that tests need besides Rust: one line each.
-const REQUIREMENTS: &[Requirement] = &[Requirement {
+const REQUIREMENTS: &[Requirement] = &[CHROMIUM];
+
+const CHROMIUM: Requirement = Requirement {
     name: "Chromium",
     variable: "SIDESTEP_CHROMIUM",
     locate: || on_path(&["chromium", "chromium-browser", "google-chrome"]),
     packages: &["chromium", "fonts-dejavu-core"],
-}];
+};
 
 /// Prepares, builds and tests. The runner's output is the last, its exit code the answer.
 ///
@@ -79,6 +81,14 @@ fn provide(requirements: &[Requirement]) -> Result<Vec<(&'static str, PathBuf)>>
     Ok(found)
 }
 
+/// Chromium, where it is installed already.
+///
+/// # Errors
+/// Saying how to install it, or what is wrong with where it was said to be.
+pub(crate) fn chromium() -> Result<PathBuf> {
+    find(&CHROMIUM)?.with_context(|| how_to_install(&[&CHROMIUM], CHROMIUM.packages))
+}
+
 /// Where a requirement is; `None` when it has to be installed.
 fn find(requirement: &Requirement) -> Result<Option<PathBuf>> {
     let Some(path) = env::var_os(requirement.variable).map(PathBuf::from) else {
@@ -118,7 +128,7 @@ fn how_to_install(missing: &[&Requirement], packages: &[&str]) -> String {
     let names: Vec<&str> = missing.iter().map(|one| one.name).collect();
     let variables: Vec<&str> = missing.iter().map(|one| one.variable).collect();
     format!(
-        "the tests need {}: install it (Debian, Ubuntu: apt-get install {}) or set {} to its path",
+        "{} is needed: install it (Debian, Ubuntu: apt-get install {}) or set {} to its path",
         names.join(" and "),
         packages.join(" "),
         variables.join(" and "),
@@ -164,7 +174,7 @@ mod tests {
     #[test]
     fn the_message_says_what_to_install() {
         let message = how_to_install(&[&ABSENT], ABSENT.packages);
-        assert!(message.contains("need Nothing"), "{message}");
+        assert!(message.contains("Nothing is needed"), "{message}");
         assert!(message.contains("apt-get install nothing nothing-fonts"), "{message}");
         assert!(message.contains("set SIDESTEP_NO_SUCH_VARIABLE"), "{message}");
     }

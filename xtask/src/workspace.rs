@@ -82,6 +82,11 @@ impl Workspace {
         self.target.join("peers")
     }
 
+    /// What the benchmark in a browser needs and leaves behind.
+    pub(crate) fn bench(&self) -> PathBuf {
+        self.target.join("bench")
+    }
+
     /// A cargo call with `arguments`, in the root of the workspace.
     pub(crate) fn cargo<'a>(&self, arguments: impl IntoIterator<Item = &'a str>) -> Command {
         let mut command = cargo_in(&self.root);
