@@ -27,11 +27,18 @@ pub fn wrap_angle(angle: f64) -> f64 {
     if wrapped <= -PI { wrapped + TAU } else { wrapped.min(PI) }
 }
 
-/// The same angle in [0, 2π).
+/// The same angle in [0, 2π); NaN for what is no angle.
 #[must_use]
 pub fn wrap_positive(angle: f64) -> f64 {
     if (0.0..TAU).contains(&angle) {
         return angle;
+    }
+    if (-TAU..0.0).contains(&angle) {
+        let wrapped = angle + TAU;
+        return if wrapped < TAU { wrapped } else { 0.0 };
+    }
+    if !angle.is_finite() {
+        return f64::NAN;
     }
     let wrapped = angle - TAU * (angle / TAU).floor();
     if !(0.0..TAU).contains(&wrapped) { 0.0 } else { wrapped }

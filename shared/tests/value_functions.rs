@@ -102,6 +102,72 @@ fn polar_scales_with_the_game() {
 }
 
 #[test]
+fn small_and_large_vehicles_are_solved_alike() {
+    let draft =
+        Options { method: Some(Method::Polar), accuracy: Accuracy::Draft, ..Options::default() };
+    let life_size = solved(paper(), &draft);
+    for scale in [1e-6, 0.1, 64.0, 1e9, f64::from(1 << 30)] {
+        // All lengths times `scale`; times and turn rates as they were.
+        let other = solved(game([2.0 * scale, 0.5], [2.0 * scale, 0.5], 3.0 * scale), &draft);
+        assert_eq!(other.converged, Some(true), "{scale}");
+        let again = ValueFunction::decode(&other.function.encode()).unwrap();
+        let (mut found, mut sent) = (Vec::new(), Vec::new());
+        for [x, y, psi] in states(9, 2000, 40.0) {
+            let expected = life_size.function.value([x, y, psi]);
+            let there = [x * scale, y * scale, psi];
+            found.push((other.function.value(there) / scale - expected).abs());
+            sent.push((again.value(there) / scale - expected).abs());
+        }
+        // Radii of other binary digits round otherwise, which a kink may make much of.
+        assert!(quantile(&mut found, 0.99) < 1e-3, "{scale}: {}", quantile(&mut found, 0.99));
+        assert!(quantile(&mut found, 1.0) < 0.05, "{scale}: {}", quantile(&mut found, 1.0));
+        assert!(quantile(&mut sent, 0.99) < 3e-3, "{scale}: {}", quantile(&mut sent, 0.99));
+        if [64.0, f64::from(1 << 30)].contains(&scale) {
+            assert_eq!(quantile(&mut found, 1.0), 0.0, "powers of two change no bit");
+            assert_eq!(other.steps, life_size.steps);
+        }
+    }
+    // Times: all rates and speeds times 8.
+    let faster = solved(game([16.0, 4.0], [16.0, 4.0], 3.0), &draft);
+    let same = life_size.samples.deficit().zip(faster.samples.deficit()).all(|(a, b)| a == b);
+    assert!(same, "powers of two change no bit");
+}
+
+#[test]
+fn a_pursuer_that_turns_faster_reaches_more_or_is_refused() {
+    let draft = Options { accuracy: Accuracy::Draft, ..Options::default() };
+    let mut last = 0.0;
+    for rate in [1.0, 4.0, 10.0, 20.0] {
+        let solved = solved(game([2.0, 0.5], [1.5, rate], 3.0), &draft);
+        let volume = solved.samples.volume();
+        assert!(solved.converged == Some(false) || volume > last, "{rate}: {volume} after {last}");
+        last = volume;
+    }
+    for rate in [1e3, 1e9] {
+        let complaint = refused(game([2.0, 0.5], [1.5, rate], 3.0), &draft);
+        assert!(complaint.starts_with("turn_rate_radps"), "{complaint}");
+    }
+    let complaint = refused(game([1e-60, 0.5], [1.5, 0.5], 3.0), &draft);
+    assert!(complaint.starts_with("evader"), "{complaint}");
+    let huge = solved(game([1e39, 0.5e39], [2e39, 0.5e39], 3.0), &draft);
+    assert!(huge.samples.volume() > 1e4, "a faster pursuer wins nearly everywhere");
+}
+
+#[test]
+fn what_is_no_state_has_no_value() {
+    for f in [&paper_polar().function, &ValueFunction::Exact(paper().exact().unwrap())] {
+        for psi in [f64::NAN, f64::INFINITY] {
+            assert!(f.value([5.0, 5.0, psi]).is_nan());
+            assert!(f.level_curves(psi, 0.0, CurveSettings::default()).is_empty());
+        }
+        assert!(f.value([f64::NAN, 5.0, 1.0]).is_nan());
+        for level in [f64::NAN, f64::INFINITY, -3.0, -9.0] {
+            assert!(f.level_curves(1.0, level, CurveSettings::default()).is_empty());
+        }
+    }
+}
+
+#[test]
 fn finer_grids_are_better() {
     let p99 = |accuracy| {
         let options = Options { method: Some(Method::Polar), accuracy, ..Options::default() };

@@ -113,8 +113,9 @@ struct Line {
     threads: usize,
     /// m/s; of the polar method m a round of sweeps.
     converged_residual: f64,
-    /// Whether the solution had settled; otherwise the solve gave up.
-    converged: bool,
+    /// Whether the solution had settled, or else the solve gave up; null for a finite
+    /// horizon.
+    converged: Option<bool>,
     /// Of {V <= 0} over the domain, m² rad.
     volume: f64,
 }

@@ -679,6 +679,10 @@ fn march<T: Real, const D: usize, G: Game<D>, S: Stencil>(
 
     let longest_step = settings.cfl / rate_bound(problem.game, grid)?;
     let planned = (longest / longest_step).ceil().max(1.0);
+    if planned > MOST_STEPS {
+        let expected = format!("at most {MOST_STEPS:e} time steps of this grid");
+        return Err(Invalid::new("horizon_s", expected, format!("{planned:e}")).into());
+    }
     let time_step = longest / planned;
     let mut first = array();
     let mut second = if stages == 3 { array() } else { Vec::new() };
@@ -733,6 +737,8 @@ fn march<T: Real, const D: usize, G: Game<D>, S: Stencil>(
     Ok(Solution { grid: *grid, values, steps, horizon_s: steps as f64 * time_step, residual })
 }
 
+/// More time steps than this would take days on any grid.
+const MOST_STEPS: f64 = 1e8;
 /// Fewer cells than this are not worth more than one thread.
 const SMALL: usize = 50_000;
 /// Steps between two looks at the residual.

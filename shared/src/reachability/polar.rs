@@ -23,7 +23,7 @@
 
 use super::grid::check_memory;
 use super::parallel::{Kernel, in_widest_lanes};
-use super::pursuit::PursuitGame;
+use super::pursuit::{Player, PursuitGame};
 use super::real::Real;
 use super::{Progress, SolveError};
 use crate::invalid::{Invalid, positive};
@@ -39,8 +39,9 @@ pub struct Settings {
     pub range_nodes: usize,
     /// Nodes of a full turn of bearing and of heading: a multiple of 4.
     pub angle_nodes: usize,
-    /// Converged when the mean drift of a row in [`WINDOW`] sweeps is below this, m.
-    pub tolerance_m: f64,
+    /// Converged when the mean drift of a row in [`WINDOW`] sweeps is below this share of
+    /// the radius. Where turns are so fast that a sweep covers little time, less.
+    pub tolerance: f64,
     /// At most this many sweeps over any grid.
     pub most_sweeps: usize,
     /// Refuse anything that would take more memory.
@@ -53,7 +54,7 @@ impl Default for Settings {
             range_m: 40.0,
             range_nodes: 65,
             angle_nodes: 96,
-            tolerance_m: 3e-4,
+            tolerance: 1e-4,
             most_sweeps: 2000,
             memory_limit_bytes: super::MEMORY_LIMIT_BYTES,
         }
@@ -114,6 +115,8 @@ pub struct Solution<T> {
     /// and averaged, and that averaged over the rows, m. Cells on a kink that
     /// flicker between both sides cancel out.
     pub drift_m: f64,
+    /// Whether that was within the tolerance.
+    pub converged: bool,
 }
 
 /// Solves for the converged value.
@@ -127,7 +130,7 @@ pub fn solve<T: Real>(
 ) -> Result<Solution<T>, SolveError> {
     game.check()?;
     positive("range_m", settings.range_m)?;
-    positive("tolerance_m", settings.tolerance_m)?;
+    positive("tolerance", settings.tolerance)?;
     if settings.range_m <= game.radius_m {
         let expected = format!("above the radius {}", game.radius_m);
         return Err(Invalid::new("range_m", expected, settings.range_m).into());
@@ -144,35 +147,94 @@ pub fn solve<T: Real>(
     // The half turn and its copy, the full turn of the sheet and its copy.
     check_memory(nodes, 6, size_of::<T>(), settings.memory_limit_bytes)?;
 
+    // Lengths in units of about R/3 and time so that the faster player has a speed
+    // between 1 and 2: what is small is small for any vehicle, and powers of two round
+    // nothing.
+    let unit = game.length_unit_m();
+    let fastest = game.evader.speed_mps.max(game.pursuer.speed_mps) / unit;
+    let rate = PursuitGame { radius_m: 3.0 * fastest, ..*game }.length_unit_m();
+    let scaled = |player: Player| Player {
+        speed_mps: player.speed_mps / unit / rate,
+        turn_rate_radps: player.turn_rate_radps / rate,
+    };
+    let small = PursuitGame {
+        evader: scaled(game.evader),
+        pursuer: scaled(game.pursuer),
+        radius_m: game.radius_m / unit,
+    };
+    for (name, player) in [("evader", small.evader), ("pursuer", small.pursuer)] {
+        let smallest = f64::from(f32::MIN_POSITIVE);
+        if player.speed_mps < smallest || player.turn_rate_radps < smallest {
+            let expected = "a speed and a turn rate that single precision can tell from zero \
+                            beside those of the other player";
+            let found = format!(
+                "{} m/s, {} rad/s",
+                player.speed_mps * unit * rate,
+                player.turn_rate_radps * rate
+            );
+            return Err(Invalid::new(name, expected, found).into());
+        }
+    }
+    let pace = pace(&small);
+    if pace < SLOWEST_PACE {
+        let expected =
+            format!("turn rates that the grid can follow, below about {:.0} rad/s", fastest * 20.0);
+        let found = game.evader.turn_rate_radps.max(game.pursuer.turn_rate_radps);
+        return Err(Invalid::new("turn_rate_radps", expected, found).into());
+    }
+
     let levels = levels(settings);
     let count = levels.len();
     let mut solved: Option<Level<T>> = None;
     for (i, (range_nodes, angle_nodes)) in levels.into_iter().enumerate() {
-        let mut level = Level::new(game, settings.range_m, range_nodes, angle_nodes, Evader::Free);
+        let mut level =
+            Level::new(&small, settings.range_m / unit, range_nodes, angle_nodes, Evader::Free);
         if let Some(coarser) = &solved {
             level.start_from(coarser);
         }
         // Errors of the grid fall with the square of the spacing, and the first
         // guess need not be better than that.
         let finer = (settings.angle_nodes / angle_nodes) as f64;
-        let tolerance = settings.tolerance_m * finer * finer;
+        let tolerance = settings.tolerance * small.radius_m * pace * finer * finer;
         let mut report = |drift: f64, sweep: usize| {
             let within = 1.0 - 1.0 / (1.0 + sweep as f64 / 50.0);
-            progress(Progress { done: (i as f64 + within) / count as f64, residual: drift })
+            progress(Progress { done: (i as f64 + within) / count as f64, residual: drift * unit })
         };
         if level.converge(tolerance, settings.most_sweeps, &mut report).is_break() {
             return Err(SolveError::Cancelled);
         }
+        level.converged = level.drift_m <= tolerance;
         solved = Some(level);
     }
     match solved {
         Some(full) => {
             let sheet = full.right_sheet();
-            Ok(full.finish(sheet))
+            let mut solution = full.finish(sheet);
+            solution.range = RangeAxis::new(game.radius_m, settings.range_m, settings.range_nodes);
+            solution.range_m = settings.range_m;
+            solution.drift_m *= unit;
+            let metres = T::from_f64(unit);
+            for w in solution.deficit.iter_mut().chain(&mut solution.sheet) {
+                *w = *w * metres;
+            }
+            Ok(solution)
         }
         None => unreachable!("there is always the grid asked for"),
     }
 }
+
+/// How much of a game [`WINDOW`] sweeps cover, against what they cover of the paper's: at
+/// most 1. A cell's time step is short where an angle may change quickly.
+fn pace(game: &PursuitGame) -> f64 {
+    let PursuitGame { evader, pursuer, radius_m } = *game;
+    let closing = (evader.speed_mps + pursuer.speed_mps) / radius_m;
+    let turns = 2.0 * evader.turn_rate_radps + pursuer.turn_rate_radps + closing;
+    let radians = evader.speed_mps.max(pursuer.speed_mps) / radius_m / turns;
+    (radians / 0.22).min(1.0)
+}
+
+/// Below this single precision no longer sees what a sweep changes.
+const SLOWEST_PACE: f64 = 0.02;
 
 /// Sweeps between two looks at the drift.
 pub const WINDOW: usize = 16;
@@ -225,6 +287,7 @@ struct Level<T> {
     ranges: Vec<f64>,
     sweeps: usize,
     drift_m: f64,
+    converged: bool,
 }
 
 impl<T: Real> Level<T> {
@@ -263,6 +326,7 @@ impl<T: Real> Level<T> {
             cos: trig(|(_, cos)| cos),
             sweeps: 0,
             drift_m: f64::INFINITY,
+            converged: false,
         }
     }
 
@@ -333,7 +397,7 @@ impl<T: Real> Level<T> {
         if let Some(ghost) = mirrored {
             for j in 0..self.row {
                 // Heading j − PAD becomes its negative.
-                let source = at + PAD + (n + PAD - j) % n;
+                let source = at + PAD + (2 * n + PAD - j) % n;
                 self.values[ghost + j] = self.values[source];
             }
         }
@@ -394,7 +458,7 @@ impl<T: Real> Level<T> {
         }
         // The full game is right wherever the evader turns right anyway, so only a
         // few cells beyond the kink have to find their values.
-        let rest = T::from_f64(1e-3);
+        let rest = T::from_f64(SAFE * self.game.radius_m);
         for _ in 0..SHEET_SWEEPS {
             in_widest_lanes(Sweep { level: &mut sheet, rest, full: Some(self) });
         }
@@ -421,7 +485,9 @@ impl<T: Real> Level<T> {
             let cell = next.max(self.ranges[i] * TAU / n as f64);
             let (near, blur) = (T::from_f64(KINK_NEAR * cell), T::from_f64(KINK_BLUR * cell));
             for k in 0..=n / 2 {
-                for j in 0..n {
+                // Rows on the mirror hold each state twice.
+                let own_mirror = k == 0 || k == n / 2;
+                for j in 0..if own_mirror { n / 2 + 1 } else { n } {
                     let at = self.at(i, k) + PAD + j;
                     let right = sheet.at(i, k) + PAD + j;
                     let left = sheet.at(i, (n - k) % n) + PAD + (n - j) % n;
@@ -431,6 +497,10 @@ impl<T: Real> Level<T> {
                     let explained = (full - both).abs() <= blur && (a - b).abs() <= near;
                     if explained {
                         self.values[at] = both;
+                        if own_mirror {
+                            let twin = self.at(i, k) + PAD + (n - j) % n;
+                            self.values[twin] = both;
+                        }
                     } else {
                         sheet.values[right] = full;
                         sheet.values[left] = full;
@@ -450,6 +520,7 @@ impl<T: Real> Level<T> {
             sheet,
             sweeps: self.sweeps,
             drift_m: self.drift_m,
+            converged: self.converged,
         }
     }
 }
@@ -472,6 +543,9 @@ impl<T: Real> Kernel for Sweep<'_, T> {
         let inwards = level.sweeps % 8 == 7;
         let backwards = level.sweeps % 2 == 1;
         let n = level.angle_nodes;
+        let (evader, pursuer) = (level.game.evader, level.game.pursuer);
+        let follows =
+            pursuer.turn_rate_radps < evader.turn_rate_radps || level.evader == Evader::Right;
         let mut scratch = vec![T::ZERO; 2 * n];
         let (buffer, floor) = scratch.split_at_mut(n);
         for i in 1..ranges {
@@ -479,7 +553,12 @@ impl<T: Real> Kernel for Sweep<'_, T> {
             for k in 0..bearings {
                 let k = if backwards { bearings - 1 - k } else { k };
                 let change = if level.is_active(i, k, rest) {
-                    level.update(i, k, full, [&mut *buffer, &mut *floor])
+                    let scratch = [&mut *buffer, &mut *floor];
+                    if follows {
+                        level.update::<true>(i, k, full, scratch)
+                    } else {
+                        level.update::<false>(i, k, full, scratch)
+                    }
                 } else {
                     T::ZERO
                 };
@@ -503,9 +582,10 @@ impl<T: Real> Level<T> {
             || wraps && k + PAD >= bearings && (0..=k + PAD - bearings).any(|k| moved(i, k))
     }
 
-    /// Moves one row by its cells' own time steps; returns the largest change.
+    /// Moves one row by its cells' own time steps; returns the largest change. `FOLLOWS`:
+    /// the evader may copy the pursuer's turn without turning as fast as it can.
     #[inline(always)]
-    fn update(
+    fn update<const FOLLOWS: bool>(
         &mut self,
         i: usize,
         k: usize,
@@ -563,17 +643,19 @@ impl<T: Real> Level<T> {
                 with(evader_turn)
                     .larger(with(-evader_left))
                     .larger(with(clip(drift)))
-                    .larger(with(clip(b)))
+                    .larger(if FOLLOWS { with(clip(b)) } else { with(evader_turn) })
             };
             let turning = answer(pursuer_turn).smaller(answer(-pursuer_turn));
             let rate = opening * (one + slope * per_step) + turning * per_angle;
             let speeds = opening.abs() * per_step
                 + (drift.abs() + evader_turn + evader_turn + pursuer_turn) * per_angle;
-            let moved = (w + cfl * rate / speeds).smaller(zero).larger(lowest);
+            let moved = w + cfl * rate / speeds;
+            // In this order NaN would survive, and be refused in the end.
+            let moved = lowest.larger(zero.smaller(moved));
             buffer[j] = moved;
         }
         if let Some(full) = full {
-            let safe = f(-SAFE_M);
+            let safe = f(-SAFE * self.game.radius_m);
             full.copy_row(i, k, floor);
             for (new, floor) in buffer.iter_mut().zip(floor.iter()) {
                 *new = if *floor > safe { new.larger(*floor) } else { *new };
@@ -624,8 +706,8 @@ fn padded<T: Real>(cells: &[T]) -> [T; LANES] {
 
 /// Sweeps over a sheet.
 const SHEET_SWEEPS: usize = 12;
-/// A deficit as small as this counts as none, m: the range need not close.
-const SAFE_M: f64 = 1e-3;
+/// A deficit of this share of the radius counts as none: the range need not close.
+const SAFE: f64 = 1.0 / 3000.0;
 /// The kink of the full game is blurred by at most this share of a cell: where the
 /// sheets say less, the evader has something better than a single turn.
 const KINK_BLUR: f64 = 0.2;

@@ -41,6 +41,20 @@ impl PursuitGame {
         Ok(self)
     }
 
+    /// A power of two, m, close to a third of the radius: 1 for the paper's 3 m. What the
+    /// program treats as small is small against this, and dividing by it rounds nothing.
+    #[must_use]
+    pub fn length_unit_m(&self) -> f64 {
+        let mut unit = 1.0;
+        while self.radius_m > 4.25 * unit && unit < 1e300 {
+            unit *= 2.0;
+        }
+        while self.radius_m < 2.125 * unit && unit > 1e-300 {
+            unit *= 0.5;
+        }
+        unit
+    }
+
     /// Whether both players can do the same, so that the closed form applies.
     #[must_use]
     pub fn identical(&self) -> bool {
@@ -86,10 +100,11 @@ impl PursuitGame {
     /// where the factor is zero.
     #[must_use]
     pub fn optimal_turns(&self, [x, y, _]: [f64; 3], [p1, p2, p3]: [f64; 3]) -> [f64; 2] {
+        // No negative zero.
         let sign = |s: f64| if s == 0.0 { 0.0 } else { s.signum() };
         [
             self.evader.turn_rate_radps * sign(p1 * y - p2 * x - p3),
-            -self.pursuer.turn_rate_radps * sign(p3),
+            self.pursuer.turn_rate_radps * sign(-p3),
         ]
     }
 }

@@ -83,6 +83,12 @@ impl Nodes {
             Self::Polar { knee_m, range_m, range_nodes, angle_nodes } => {
                 crate::invalid::positive("knee_m", knee_m)?;
                 crate::invalid::positive("range_m", range_m)?;
+                // Beyond, no number of nodes would do, and their logarithms lose digits.
+                let ratio = range_m / knee_m;
+                if !(1e-3..=1e6).contains(&ratio) {
+                    let expected = format!("between 0.001 and 10⁶ times {knee_m} m");
+                    return Err(Invalid::new("range_m", expected, range_m));
+                }
                 if !(9..=1 << 16).contains(&range_nodes) {
                     return Err(Invalid::new("range_nodes", "9 to 65536", range_nodes));
                 }

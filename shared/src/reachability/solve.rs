@@ -144,9 +144,10 @@ pub struct Solved {
     /// How much the solution still moves: Cartesian max |∂V/∂τ|, m/s; polar the
     /// drift in [`polar::WINDOW`] sweeps, m; 0 for the closed form.
     pub residual: f64,
-    /// Whether the solution had settled when the solve ended. Always so for a finite
-    /// horizon; a chase by a barely faster pursuer can take longer than the solve may.
-    pub converged: bool,
+    /// Whether the solution had settled when the solve ended; none for a finite horizon,
+    /// where it need not. A chase by a barely faster pursuer can take longer than a
+    /// solve may.
+    pub converged: Option<bool>,
 }
 
 /// Finds the value function of `game`.
@@ -203,7 +204,7 @@ pub fn solve(
                 steps: 0,
                 threads: 1,
                 residual: 0.0,
-                converged: true,
+                converged: Some(true),
             })
         }
         Method::Polar => {
@@ -217,7 +218,7 @@ pub fn solve(
                 unreachable!("polar_nodes are polar");
             };
             // As far as the errors of the grid, which fall with its square.
-            let tolerance_m = polar::Settings::default().tolerance_m
+            let tolerance = polar::Settings::default().tolerance
                 * match options.accuracy {
                     Accuracy::Draft => 4.0,
                     Accuracy::Standard => 1.0,
@@ -225,7 +226,7 @@ pub fn solve(
                 };
             let settings = polar::Settings {
                 range_m,
-                tolerance_m,
+                tolerance,
                 range_nodes,
                 angle_nodes,
                 memory_limit_bytes: options.memory_limit_bytes,
@@ -235,7 +236,7 @@ pub fn solve(
             let (steps, residual) = (solution.sweeps, solution.drift_m);
             let samples = Arc::new(SampledValue::from_polar(game, &solution)?);
             let function = ValueFunction::Sampled(samples.clone());
-            let converged = residual <= settings.tolerance_m;
+            let converged = Some(solution.converged);
             Ok(Solved { function, samples, method: chosen, steps, threads: 1, residual, converged })
         }
         Method::Cartesian => {
@@ -247,7 +248,7 @@ pub fn solve(
             let samples = Arc::new(samples);
             let function = ValueFunction::Sampled(samples.clone());
             let threads = options.threads;
-            let converged = horizon_s.is_finite() || residual <= settled(&game);
+            let converged = horizon_s.is_infinite().then(|| residual <= settled(&game));
             Ok(Solved { function, samples, method: chosen, steps, threads, residual, converged })
         }
     }
@@ -305,6 +306,10 @@ fn polar_nodes(game: &PursuitGame, options: &Options) -> Result<Nodes, Invalid> 
         Some(range_m) => positive("range_m", range_m)?,
         None => game.radius_m + 3.0 * PI * widest_turn(game),
     };
+    if range_m <= game.radius_m {
+        let expected = format!("above the radius {}", game.radius_m);
+        return Err(Invalid::new("range_m", expected, range_m));
+    }
     let (range_nodes, angle_nodes) = match options.accuracy {
         Accuracy::Draft => (33, 48),
         Accuracy::Standard => (65, 96),

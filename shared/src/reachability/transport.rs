@@ -13,7 +13,8 @@ use crate::invalid::Invalid;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-/// Deficits are stored in multiples of this, m: an error of half as much.
+/// Deficits are stored in multiples of this, m, for a radius between 2.1 m and 4.2 m, and
+/// of as many times [`PursuitGame::length_unit_m`] for others: an error of half as much.
 pub const QUANTUM_M: f64 = 0.001;
 
 const FORMAT: &str = "sidestep-value-function/1";
@@ -49,8 +50,9 @@ pub(super) fn encode(function: &ValueFunction) -> Vec<u8> {
             radius_m: exact.radius_m(),
         }),
         ValueFunction::Sampled(sampled) => {
+            let quantum = QUANTUM_M * sampled.game().length_unit_m();
             let steps: Vec<i64> =
-                sampled.deficit().map(|w| (f64::from(w) / QUANTUM_M).round() as i64).collect();
+                sampled.deficit().map(|w| (f64::from(w) / quantum).round() as i64).collect();
             let mut body = Vec::with_capacity(steps.len() + steps.len() / 4);
             let predicted = Predictor::new(sampled.nodes().shape());
             for position in 0..steps.len() {
@@ -61,7 +63,7 @@ pub(super) fn encode(function: &ValueFunction) -> Vec<u8> {
                 sheet = true;
                 let mirror = Mirror(sampled.nodes().shape());
                 for (position, w) in values.enumerate() {
-                    let step = (f64::from(w) / QUANTUM_M).round() as i64;
+                    let step = (f64::from(w) / quantum).round() as i64;
                     put_signed(&mut body, step - steps[mirror.of(position)]);
                 }
             }
@@ -108,7 +110,8 @@ pub(super) fn decode(octets: &[u8]) -> Result<ValueFunction, Invalid> {
                 let step = predicted.at(&steps, position);
                 steps.push(take_step(&mut rest, "value", position, step)?);
             }
-            let metres = |step: &i64| (*step as f64 * QUANTUM_M) as f32;
+            let quantum = QUANTUM_M * game.check()?.length_unit_m();
+            let metres = |step: &i64| (*step as f64 * quantum) as f32;
             let deficit: Vec<f32> = steps.iter().map(metres).collect();
             let mirror = Mirror(nodes.shape());
             let sheet = if sheet {

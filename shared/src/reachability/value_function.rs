@@ -55,9 +55,12 @@ impl ValueFunction {
     }
 
     /// V, m, at the pursuer's pose (x, y, ψ) in the evader's frame; ≤ 0 means
-    /// that a capture can be forced.
+    /// that a capture can be forced. NaN for what is no state.
     #[must_use]
     pub fn value(&self, relative: [f64; 3]) -> f64 {
+        if !relative.iter().all(|coordinate| coordinate.is_finite()) {
+            return f64::NAN;
+        }
         match self {
             Self::Exact(exact) => exact.value(relative),
             Self::Sampled(sampled) => sampled.state(relative).value,
@@ -67,6 +70,19 @@ impl ValueFunction {
     /// Value, gradient and both players' optimal turns.
     #[must_use]
     pub fn state(&self, relative: [f64; 3]) -> ValueState {
+        if !relative.iter().all(|coordinate| coordinate.is_finite()) {
+            let (nan, inside) = (f64::NAN, false);
+            let gradient = [nan; 3];
+            let exact = matches!(self, Self::Exact(_));
+            return ValueState {
+                value: nan,
+                gradient,
+                evader_turn: nan,
+                pursuer_turn: nan,
+                exact,
+                inside,
+            };
+        }
         match self {
             Self::Exact(exact) => {
                 let state = exact.analyze(relative);
@@ -105,6 +121,10 @@ impl ValueFunction {
         level: f64,
         settings: CurveSettings,
     ) -> Vec<Vec<[f64; 2]>> {
+        // Below lies the point r = 0 only, and no curve.
+        if !psi.is_finite() || !level.is_finite() || level <= -self.game().radius_m {
+            return Vec::new();
+        }
         match self {
             Self::Exact(exact) => vec![radial_level_curve(
                 |x, y| exact.value([x, y, psi]),
@@ -254,7 +274,7 @@ impl Lattice for SliceLattice<'_> {
             let share = if high > low { s - low * (t - s) / (high - low) } else { s };
             point = [0, 1].map(|d| a[d] + share * (b[d] - a[d]));
             let excess = self.excess_at(point);
-            if excess.abs() < 1e-4 {
+            if excess.abs() < 1e-4 * self.function.game().length_unit_m() {
                 break;
             }
             if excess <= 0.0 {
@@ -276,6 +296,7 @@ fn smoothed(
     level: f64,
     settings: CurveSettings,
 ) -> Vec<[f64; 2]> {
+    let on_level_m = ON_LEVEL_M * function.game().length_unit_m();
     let state = |[x, y]: [f64; 2]| function.state([x, y, psi]);
     let states: Vec<_> = curve.iter().map(|point| state(*point)).collect();
     let mut smooth = Vec::with_capacity(3 * curve.len());
@@ -283,7 +304,7 @@ fn smoothed(
         let next = (i + 1) % curve.len();
         smooth.push(curve[i]);
         // Where the set is cut off by the grid, its edge is the curve.
-        let on_level = |state: &SampledState| (state.value - level).abs() < ON_LEVEL_M;
+        let on_level = |state: &SampledState| (state.value - level).abs() < on_level_m;
         let pieces = Pieces { spacing_m: settings.spacing_m, level };
         if !on_level(&states[i]) || !on_level(&states[next]) {
             pieces.add(&mut smooth, curve[i], curve[next], |_| None);
@@ -312,7 +333,8 @@ fn smoothed(
     smooth
 }
 
-/// A point of a curve is on its level to this, m, unless it is on the grid's edge.
+/// A point of a curve is on its level to this, m (for a radius of about 3 m), unless it
+/// is on the grid's edge.
 const ON_LEVEL_M: f64 = 0.02;
 
 /// Where the tangents of a curve at both ends of a chord meet, if they turn by more than
