@@ -118,10 +118,11 @@ fn small_and_large_vehicles_are_solved_alike() {
             found.push((other.function.value(there) / scale - expected).abs());
             sent.push((again.value(there) / scale - expected).abs());
         }
-        // Radii of other binary digits round otherwise, which a kink may make much of.
-        assert!(quantile(&mut found, 0.99) < 1e-3, "{scale}: {}", quantile(&mut found, 0.99));
+        // Radii of other binary digits round otherwise and may stop a window of sweeps
+        // sooner or later: the drift that a draft stops at is 1.2 mm.
+        assert!(quantile(&mut found, 0.99) < 3e-3, "{scale}: {}", quantile(&mut found, 0.99));
         assert!(quantile(&mut found, 1.0) < 0.05, "{scale}: {}", quantile(&mut found, 1.0));
-        assert!(quantile(&mut sent, 0.99) < 3e-3, "{scale}: {}", quantile(&mut sent, 0.99));
+        assert!(quantile(&mut sent, 0.99) < 4e-3, "{scale}: {}", quantile(&mut sent, 0.99));
         if [64.0, f64::from(1 << 30)].contains(&scale) {
             assert_eq!(quantile(&mut found, 1.0), 0.0, "powers of two change no bit");
             assert_eq!(other.steps, life_size.steps);
