@@ -23,8 +23,11 @@ const FORMAT: &str = "sidestep-value-npz/1";
 const STORED: &str = "value: V in metres, the largest range margin (range - radius) that the \
                       evader can keep for the horizon; V <= 0 where the pursuer can force a \
                       capture. Pursuer in the evader's frame: x ahead, y to the left, psi \
-                      (relative heading) counter-clockwise. float32, row-major over axis0, \
-                      axis1, axis2";
+                      (relative heading) counter-clockwise; bearings from straight ahead, \
+                      counter-clockwise; periodic axes leave out the node at 2 pi. horizon \
+                      null is infinite. float32, row-major over axis0, axis1, axis2. sheet, \
+                      where there is one: Q in metres, with V(r, b, psi) = max(Q(r, b, psi), \
+                      Q(r, -b, -psi)); smooth where V has a kink, so interpolate Q, not V";
 
 /// Most entries of an array whose length is not known beforehand.
 const SHORT: usize = 1 << 16;
@@ -47,6 +50,8 @@ struct Meta {
     /// Seconds; none for the converged value, since JSON has no infinity.
     horizon: Option<f64>,
     nodes: Nodes,
+    /// Whether there is an array `sheet`.
+    sheet: bool,
 }
 
 /// Where nodes lie and how their values are laid out in a file.
@@ -129,6 +134,7 @@ fn meta(samples: &SampledValue, method: Method) -> Meta {
         game: samples.game(),
         horizon: horizon_s.is_finite().then_some(horizon_s),
         nodes: samples.nodes(),
+        sheet: samples.sheet().is_some(),
     }
 }
 
@@ -234,7 +240,7 @@ pub fn read(file: impl Read + Seek) -> Result<ValueFunction, Invalid> {
         }
     }
     let mut sheet: Option<Vec<f32>> = None;
-    if archive.index_for_name("sheet.npy").is_some() {
+    if meta.sheet {
         let found: Vec<f32> = values(&mut archive, "sheet", Some(&layout.shape))?;
         let deficit = |(position, v): (usize, &f32)| {
             (f64::from(*v) - layout.margin(&game, layout.index(position))) as f32

@@ -32,6 +32,11 @@ pub fn check(path: &Path) -> io::Result<()> {
     if path.is_dir() {
         return Err(io::Error::new(io::ErrorKind::IsADirectory, "it is a folder"));
     }
+    // Taking the name of a device, a pipe or a link would replace it.
+    if path.symlink_metadata().is_ok_and(|found| !found.is_file()) {
+        let kind = io::ErrorKind::InvalidInput;
+        return Err(io::Error::new(kind, "it is there already and no regular file"));
+    }
     beside(path).map(drop)
 }
 
@@ -46,6 +51,7 @@ pub fn write<E: From<io::Error>>(
     stop: &Stop,
     content: impl FnOnce(&mut dyn WriteSeek) -> Result<(), E>,
 ) -> Result<(), E> {
+    check(path)?;
     let mut file = beside(path)?;
     let mut out = BufWriter::new(Stoppable { out: file.as_file_mut(), stop });
     content(&mut out)?;

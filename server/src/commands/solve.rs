@@ -12,7 +12,11 @@ use std::path::PathBuf;
 /// Solve the pursuit game and write its value function to a NumPy archive.
 ///
 /// V(x, y, psi) in metres: the largest range margin (range - radius) that the evader
-/// can keep; V <= 0 where the pursuer can force a collision. Prints one line of JSON.
+/// can keep; V <= 0 where the pursuer can force a collision. Prints one line of JSON:
+/// method, grid (shape of the array value), steps (time steps, or sweeps over the finest
+/// grid), wall_s, threads, converged_residual (how much V still moves: m/s, or m in 16
+/// sweeps of the polar method), converged (null for a finite horizon), volume of
+/// {V <= 0} over the grid's domain in m^2 rad.
 #[derive(Clone, Debug, clap::Args)]
 pub struct SolveArgs {
     #[command(flatten)]
@@ -50,7 +54,8 @@ pub struct SolveArgs {
     /// cores].
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     threads: Option<usize>,
-    /// File to write: arrays value, axis0, axis1, axis2, meta.
+    /// File to write: arrays value, axis0, axis1, axis2, meta, and of the polar method
+    /// sheet, which keeps V's kink between nodes (see stored in meta).
     #[arg(long, value_name = "FILE.npz")]
     out: PathBuf,
 }

@@ -4,7 +4,7 @@ use super::CommandError;
 use crate::whole_file::Stop;
 use indicatif::{ProgressBar, ProgressStyle};
 use sidestep::invalid::Invalid;
-use sidestep::reachability::{Options, PursuitGame, SolveError, Solved, solve};
+use sidestep::reachability::{Method, Options, PursuitGame, SolveError, Solved, solve};
 use std::ops::ControlFlow;
 use std::time::Instant;
 use tokio::sync::oneshot;
@@ -84,7 +84,17 @@ pub(super) async fn solved(
         .map_err(|_| CommandError::Failure("the solver failed; see above".to_owned()))?;
     interrupt.check()?;
     match result {
-        Ok(solved) => Ok((solved, wall_s)),
+        Ok(solved) => {
+            if solved.converged == Some(false) {
+                eprintln!(
+                    "sidestep: not converged: V still moves by {:.1e} {}; it may be too high, \
+                     above all far away",
+                    solved.residual,
+                    if solved.method == Method::Polar { "m in 16 sweeps" } else { "m/s" }
+                );
+            }
+            Ok((solved, wall_s))
+        }
         Err(SolveError::Invalid(invalid)) => Err(flagged(invalid)),
         Err(SolveError::Cancelled) => Err(stopped()),
     }

@@ -25,15 +25,26 @@ pub struct ValueArgs {
     states: PathBuf,
     /// File to write, one row a state in the same order: x, y, psi, value (m),
     /// dvalue_dx, dvalue_dy (m/m), dvalue_dpsi (m/rad), evader_turn, pursuer_turn
-    /// (rad/s), exact (1 from the closed form, 0 from a grid).
+    /// (rad/s, positive to the left, 0 where any turn is as good or straight is best),
+    /// exact (1 from the closed form, 0 from a grid), inside (1 on the grid that was
+    /// solved; outside, V is the range margin plus what the nearest point of the grid's
+    /// edge lacks of its own).
     #[arg(long, value_name = "FILE.csv")]
     out: PathBuf,
 }
 
 const COLUMNS: [&str; 3] = ["x", "y", "psi"];
 
-const RESULTS: [&str; 7] =
-    ["value", "dvalue_dx", "dvalue_dy", "dvalue_dpsi", "evader_turn", "pursuer_turn", "exact"];
+const RESULTS: [&str; 8] = [
+    "value",
+    "dvalue_dx",
+    "dvalue_dy",
+    "dvalue_dpsi",
+    "evader_turn",
+    "pursuer_turn",
+    "exact",
+    "inside",
+];
 
 /// Evaluates and writes the file: whole, or not at all.
 ///
@@ -163,14 +174,14 @@ fn columns(header: &StringRecord) -> Result<[usize; 3], Invalid> {
     // Spreadsheets put a mark in front of UTF-8.
     let names: Vec<&str> =
         header.iter().map(|name| name.trim_start_matches('\u{feff}').trim()).collect();
+    // Quoted: a name may hold a line end.
+    let all = format!("{:?}", names.join(","));
     let mut places = [0; 3];
     for (place, column) in places.iter_mut().zip(COLUMNS) {
         let mut found = (0..names.len()).filter(|i| names[*i] == column);
-        *place = found
-            .next()
-            .ok_or_else(|| Invalid::new(column, "a column of that name", names.join(",")))?;
+        *place = found.next().ok_or_else(|| Invalid::new(column, "a column of that name", &all))?;
         if found.next().is_some() {
-            return Err(Invalid::new(column, "one column of that name", names.join(",")));
+            return Err(Invalid::new(column, "one column of that name", &all));
         }
     }
     Ok(places)
@@ -191,6 +202,6 @@ fn evaluated(function: &ValueFunction, state: [f64; 3]) -> Result<ValueState, In
 fn fields(state: [f64; 3], found: &ValueState) -> impl Iterator<Item = String> {
     let turns = [found.evader_turn, found.pursuer_turn];
     let numbers: Vec<f64> = [&state[..], &[found.value], &found.gradient, &turns].concat();
-    let exact = u8::from(found.exact).to_string();
-    numbers.into_iter().map(|number| format!("{number:?}")).chain([exact])
+    let flags = [found.exact, found.inside].map(|flag| u8::from(flag).to_string());
+    numbers.into_iter().map(|number| format!("{number:?}")).chain(flags)
 }

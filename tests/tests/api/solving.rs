@@ -172,7 +172,8 @@ async fn values_of_states() {
     assert_eq!((&line["states"], &line["outside"]), (&3.into(), &0.into()));
     let rows = |out: &str| -> Vec<Vec<f64>> {
         let mut reader = csv::Reader::from_path(out).unwrap();
-        let header = "x,y,psi,value,dvalue_dx,dvalue_dy,dvalue_dpsi,evader_turn,pursuer_turn,exact";
+        let header =
+            "x,y,psi,value,dvalue_dx,dvalue_dy,dvalue_dpsi,evader_turn,pursuer_turn,exact,inside";
         assert_eq!(reader.headers().unwrap().iter().collect::<Vec<_>>().join(","), header);
         let parse = |row: csv::StringRecord| row.iter().map(|f| f.parse().unwrap()).collect();
         reader.records().map(|row| parse(row.unwrap())).collect()
@@ -183,7 +184,7 @@ async fn values_of_states() {
     assert_eq!(exact.len(), 3);
     for (row, state) in exact.iter().zip(given) {
         let expected = game.analyze(state);
-        let turns = [expected.evader_turn, expected.pursuer_turn, 1.0];
+        let turns = [expected.evader_turn, expected.pursuer_turn, 1.0, 1.0];
         let all = [&state[..], &[expected.value], &expected.gradient, &turns].concat();
         assert_eq!(*row, all, "bit for bit");
     }
@@ -208,6 +209,7 @@ async fn values_of_states() {
     let line = prints(&["value", "--value-function", &file, "--states", &far, "--out", &out]).await;
     assert_eq!(line["outside"], 1);
     assert!((rows(&out)[0][3] - 480.0).abs() < 20.0);
+    assert_eq!(rows(&out)[0][10], 0.0, "not inside");
     // No states, no rows.
     let none = folder.file("none.csv", "x,y,psi\n");
     let line = prints(&["value", "--states", &none, "--out", &out]).await;
