@@ -44,6 +44,20 @@ pub fn wrap_positive(angle: f64) -> f64 {
     if !(0.0..TAU).contains(&wrapped) { 0.0 } else { wrapped }
 }
 
+/// The power of two close to a number > 0: their ratio is between 0.7 and 1.5. Dividing by
+/// it rounds nothing.
+#[must_use]
+pub fn power_of_two_near(value: f64) -> f64 {
+    let mut power = 1.0;
+    while value > power / 0.7 && power < 1e300 {
+        power *= 2.0;
+    }
+    while value < 0.7 * power && power > 1e-300 {
+        power *= 0.5;
+    }
+    power
+}
+
 /// sin(x)/x, smooth at zero.
 #[must_use]
 pub fn sinc(x: f64) -> f64 {

@@ -27,7 +27,7 @@ use super::pursuit::{Player, PursuitGame};
 use super::real::Real;
 use super::{Progress, SolveError};
 use crate::invalid::{Invalid, positive};
-use crate::math::{TAU, exp, ln, sin_cos};
+use crate::math::{TAU, exp, ln, power_of_two_near, sin_cos};
 use core::ops::ControlFlow;
 
 /// Nodes in polar coordinates, and how far the solve goes.
@@ -152,7 +152,7 @@ pub fn solve<T: Real>(
     // nothing.
     let unit = game.length_unit_m();
     let fastest = game.evader.speed_mps.max(game.pursuer.speed_mps) / unit;
-    let rate = PursuitGame { radius_m: 3.0 * fastest, ..*game }.length_unit_m();
+    let rate = power_of_two_near(fastest);
     let scaled = |player: Player| Player {
         speed_mps: player.speed_mps / unit / rate,
         turn_rate_radps: player.turn_rate_radps / rate,
@@ -177,9 +177,14 @@ pub fn solve<T: Real>(
     }
     let pace = pace(&small);
     if pace < SLOWEST_PACE {
-        let expected =
-            format!("turn rates that the grid can follow, below about {:.0} rad/s", fastest * 20.0);
-        let found = game.evader.turn_rate_radps.max(game.pursuer.turn_rate_radps);
+        let turns = |evader: f64, pursuer: f64| 2.0 * evader + pursuer;
+        let most =
+            turns(game.evader.turn_rate_radps, game.pursuer.turn_rate_radps) * pace / SLOWEST_PACE;
+        let expected = format!(
+            "turn rates that the grid can follow: twice the evader's and the pursuer's together \
+             at most about {most:.0} rad/s"
+        );
+        let found = turns(game.evader.turn_rate_radps, game.pursuer.turn_rate_radps);
         return Err(Invalid::new("turn_rate_radps", expected, found).into());
     }
 
@@ -230,9 +235,12 @@ fn pace(game: &PursuitGame) -> f64 {
     let closing = (evader.speed_mps + pursuer.speed_mps) / radius_m;
     let turns = 2.0 * evader.turn_rate_radps + pursuer.turn_rate_radps + closing;
     let radians = evader.speed_mps.max(pursuer.speed_mps) / radius_m / turns;
-    (radians / 0.22).min(1.0)
+    (radians / PAPERS_PACE).min(1.0)
 }
 
+/// Radians that a vehicle drives round a circle of the radius while the angles could turn
+/// by one, a little below what they are in the paper's game (0.235).
+const PAPERS_PACE: f64 = 0.22;
 /// Below this single precision no longer sees what a sweep changes.
 const SLOWEST_PACE: f64 = 0.02;
 

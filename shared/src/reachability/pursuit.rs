@@ -2,7 +2,7 @@
 
 use super::exact::ExactValue;
 use crate::invalid::{Invalid, positive};
-use crate::math::{hypot, sin_cos};
+use crate::math::{hypot, power_of_two_near, sin_cos};
 use serde::{Deserialize, Serialize};
 
 /// What one player can do.
@@ -45,14 +45,7 @@ impl PursuitGame {
     /// program treats as small is small against this, and dividing by it rounds nothing.
     #[must_use]
     pub fn length_unit_m(&self) -> f64 {
-        let mut unit = 1.0;
-        while self.radius_m > 4.25 * unit && unit < 1e300 {
-            unit *= 2.0;
-        }
-        while self.radius_m < 2.125 * unit && unit > 1e-300 {
-            unit *= 0.5;
-        }
-        unit
+        power_of_two_near(self.radius_m / 3.0)
     }
 
     /// Whether both players can do the same, so that the closed form applies.
