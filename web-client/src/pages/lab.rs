@@ -22,7 +22,6 @@ pub struct Lab {
     studies: Vec<StudySummary>,
     trials: Vec<TrialSummary>,
     next_before: Option<i64>,
-    listed: bool,
     page: Page,
 }
 
@@ -122,14 +121,17 @@ impl Lab {
             }
             Tag::Studies => {
                 self.studies = answer.read()?;
-                self.page = Page::Trials;
+                // A study is shown with its trials: an empty table would say that there are none.
+                if self.studies.is_empty() {
+                    self.page = Page::Trials;
+                }
                 Ok(self.list())
             }
             Tag::Trials => {
                 let mut page: TrialPage = answer.read()?;
                 self.trials.append(&mut page.trials);
                 self.next_before = page.next_before;
-                self.listed = true;
+                self.page = Page::Trials;
                 Ok(Vec::new())
             }
             Tag::Trial => {

@@ -117,6 +117,30 @@ impl Session {
 }
 
 #[test]
+fn a_study_is_shown_with_its_trials_or_not_yet() {
+    let study = r#"[{"slug":"default","title":"Study","participants":1,"trials":1}]"#;
+    let summary = serde_json::to_string(&trial(unequal(), [None, None]).summary).unwrap();
+    let listed = format!(r#"{{"trials":[{summary}],"next_before":null}}"#);
+    let nobody = r#"{"trials":[],"next_before":null}"#;
+    for (list, table) in [(listed.as_str(), true), (nobody, false)] {
+        let mut page = Lab::new();
+        let path = "/lab".to_owned();
+        page.handle(Event::Opened(Surroundings { path, ..Surroundings::default() }));
+        let mut answer = |tag, body: &str| {
+            let body = body.as_bytes().to_vec();
+            page.handle(Event::Answered(tag, Answer::Received { status: 200, body }));
+            page.view()
+        };
+        answer(Tag::Session, r#"{"signed_in":true}"#);
+        let view = answer(Tag::Studies, study);
+        assert!(view.find("trials").is_none() && view.words().contains("Loading"));
+        let view = answer(Tag::Trials, list);
+        assert_eq!(view.find("trials").is_some(), table);
+        assert_eq!(view.words().contains("No trials yet"), !table);
+    }
+}
+
+#[test]
 fn the_servers_solution_is_used_where_there_is_one() {
     let ids = Evader::ALL.map(|evader| Some(SOLVED.of(evader).id()));
     let mut session = Session::open(&trial(unequal(), ids.clone()));

@@ -99,7 +99,7 @@ fn trials(lab: &Lab) -> Node {
                         .text("Export CSV"),
                 ),
         );
-    let body = if lab.trials.is_empty() && lab.listed {
+    let body = if lab.trials.is_empty() {
         el("div").class("empty")
             .child(el("p").text("No trials yet."))
             .child(el("p").class("quiet").text("Drive a scene yourself, or send participants the address of the study. What they drive appears here, ready to replay."))
