@@ -1,6 +1,9 @@
 //! Stochastic human forward reachable sets: from the states so far and a predictor
 //! to nested regions of the plane.
 
+pub mod family;
+pub mod window;
+
 use crate::bounds::{
     ActionChoice, ActionModel, BoundsSettings, InputBounds, Rollout, input_bounds,
 };

@@ -1,0 +1,234 @@
+//! Windows: the stretches of recorded trajectories on which sets are judged.
+//!
+//! A window begins at a step T_c of a trajectory and looks T steps ahead. Windows of one
+//! trajectory depend on each other; trajectories are taken to be independent. So every
+//! result names the [`WindowChoice`] it was found with, and every guarantee needs a choice
+//! with one window a trajectory at most.
+
+use crate::invalid::{Invalid, length};
+use crate::math::SeededRng;
+use crate::scene::JointState;
+
+/// One recorded trial: the states and the turn rates the human held between them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Trajectory {
+    states: Vec<JointState>,
+    turn_rates: Vec<f64>,
+}
+
+impl Trajectory {
+    /// `states[i]` is the joint state before step i, the last one that after the last
+    /// step; `turn_rates[i]`, rad/s, is what the human held in step i.
+    ///
+    /// # Errors
+    /// [`Invalid`] if there is no step, the lengths do not go together, or a number is not
+    /// finite.
+    pub fn new(states: Vec<JointState>, turn_rates: Vec<f64>) -> Result<Self, Invalid> {
+        if turn_rates.is_empty() {
+            return Err(Invalid::new("turn_rates", "at least one step", "none"));
+        }
+        length("states", turn_rates.len() + 1, states.len())?;
+        for (i, state) in states.iter().enumerate() {
+            state.check().map_err(|invalid| invalid.within(&format!("states[{i}]")))?;
+        }
+        if let Some(i) = turn_rates.iter().position(|rate| !rate.is_finite()) {
+            return Err(Invalid::new(format!("turn_rates[{i}]"), "a finite number", turn_rates[i]));
+        }
+        Ok(Self { states, turn_rates })
+    }
+
+    /// Number of steps, ≥ 1.
+    #[must_use]
+    pub fn steps(&self) -> usize {
+        self.turn_rates.len()
+    }
+
+    /// The joint states, one more than steps.
+    #[must_use]
+    pub fn states(&self) -> &[JointState] {
+        &self.states
+    }
+
+    /// What the human held in each step, rad/s.
+    #[must_use]
+    pub fn turn_rates(&self) -> &[f64] {
+        &self.turn_rates
+    }
+
+    /// The first step in which the human turned.
+    #[must_use]
+    pub fn onset(&self) -> Option<usize> {
+        self.turn_rates.iter().position(|&rate| rate != 0.0)
+    }
+}
+
+/// `steps` steps of a trajectory from `begin` on.
+#[derive(Clone, Copy, Debug)]
+pub struct Window<'a> {
+    trajectory: &'a Trajectory,
+    begin: usize,
+    steps: usize,
+}
+
+impl<'a> Window<'a> {
+    /// The window from `begin`, if so many steps are left there.
+    #[must_use]
+    pub fn new(trajectory: &'a Trajectory, begin: usize, steps: usize) -> Option<Self> {
+        let fits = steps > 0 && begin + steps <= trajectory.steps();
+        fits.then_some(Self { trajectory, begin, steps })
+    }
+
+    /// Number of steps, T ≥ 1.
+    #[must_use]
+    pub fn steps(&self) -> usize {
+        self.steps
+    }
+
+    /// The step at which it begins, T_c.
+    #[must_use]
+    pub fn begin(&self) -> usize {
+        self.begin
+    }
+
+    /// The joint states up to and with the present one: what may be known.
+    #[must_use]
+    pub fn history(&self) -> &'a [JointState] {
+        &self.trajectory.states[..=self.begin]
+    }
+
+    /// The turn rates held before now, rad/s.
+    #[must_use]
+    pub fn past_turn_rates(&self) -> &'a [f64] {
+        &self.trajectory.turn_rates[..self.begin]
+    }
+
+    /// The joint state now.
+    #[must_use]
+    pub fn now(&self) -> JointState {
+        self.trajectory.states[self.begin]
+    }
+
+    /// What came: the joint states after each of the steps.
+    #[must_use]
+    pub fn future(&self) -> &'a [JointState] {
+        &self.trajectory.states[self.begin + 1..=self.begin + self.steps]
+    }
+
+    /// The turn rates the human then held, rad/s.
+    #[must_use]
+    pub fn turn_rates(&self) -> &'a [f64] {
+        &self.trajectory.turn_rates[self.begin..self.begin + self.steps]
+    }
+}
+
+/// Which windows of the trajectories are looked at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum WindowChoice {
+    /// One from every step that leaves room: many a trajectory.
+    EveryStep,
+    /// One a trajectory, from a step drawn at random with this seed.
+    RandomOne {
+        /// Of the generator.
+        seed: u64,
+    },
+    /// One a trajectory, from the first step in which the human turns; trajectories without
+    /// a turn, or with too few steps left, have none.
+    AvoidanceOnset,
+}
+
+impl WindowChoice {
+    /// The choice as results name it.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::EveryStep => "every_step",
+            Self::RandomOne { .. } => "random_one",
+            Self::AvoidanceOnset => "avoidance_onset",
+        }
+    }
+
+    /// At most one window a trajectory: as independent as the trajectories.
+    #[must_use]
+    pub fn is_single(self) -> bool {
+        self != Self::EveryStep
+    }
+
+    /// The windows of `steps` ≥ 1 steps in each of the trajectories, one list a trajectory.
+    /// Which random window a trajectory gets depends on the seed and on its place alone.
+    #[must_use]
+    pub fn windows(self, trajectories: &[Trajectory], steps: usize) -> Vec<Vec<Window<'_>>> {
+        let mut rng = SeededRng::new(if let Self::RandomOne { seed } = self { seed } else { 0 });
+        let of = |trajectory| {
+            let Some(last) = Trajectory::steps(trajectory).checked_sub(steps) else {
+                return Vec::new();
+            };
+            let begins = match self {
+                Self::EveryStep => 0..last + 1,
+                Self::RandomOne { .. } => {
+                    let begin = rng.below(last + 1);
+                    begin..begin + 1
+                }
+                Self::AvoidanceOnset => trajectory.onset().map_or(0..0, |begin| begin..begin + 1),
+            };
+            begins.filter_map(|begin| Window::new(trajectory, begin, steps)).collect()
+        };
+        trajectories.iter().map(of).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::vehicle::Pose;
+
+    fn trajectory(turn_rates: &[f64]) -> Trajectory {
+        let at = |i: usize| JointState {
+            human: Pose::new(i as f64, 0.0, 0.0),
+            robot: Pose::new(9.0, 0.0, 3.0),
+        };
+        Trajectory::new((0..=turn_rates.len()).map(at).collect(), turn_rates.to_vec()).unwrap()
+    }
+
+    #[test]
+    fn each_choice_takes_the_windows_it_names() {
+        let drives = [trajectory(&[0.0, 0.0, 0.5, 0.0]), trajectory(&[0.0; 4]), trajectory(&[0.5])];
+        let begins = |choice: WindowChoice, steps| -> Vec<Vec<usize>> {
+            let windows = choice.windows(&drives, steps);
+            windows.iter().map(|list| list.iter().map(Window::begin).collect()).collect()
+        };
+        assert_eq!(begins(WindowChoice::EveryStep, 2), [vec![0, 1, 2], vec![0, 1, 2], vec![]]);
+        assert_eq!(begins(WindowChoice::AvoidanceOnset, 2), [vec![2], vec![], vec![]]);
+        assert_eq!(begins(WindowChoice::AvoidanceOnset, 3), [vec![], vec![], vec![0; 0]]);
+        for seed in 0..20 {
+            let one = begins(WindowChoice::RandomOne { seed }, 2);
+            assert!(one[..2].iter().all(|list| list.len() == 1 && list[0] <= 2));
+            assert_eq!(one, begins(WindowChoice::RandomOne { seed }, 2));
+        }
+    }
+
+    #[test]
+    fn a_window_parts_past_and_future() {
+        let drive = trajectory(&[0.0, 0.1, 0.2, 0.3]);
+        let window = Window::new(&drive, 1, 2).unwrap();
+        assert_eq!((window.history().len(), window.now().human.x), (2, 1.0));
+        assert_eq!(window.past_turn_rates(), [0.0]);
+        assert_eq!(window.turn_rates(), [0.1, 0.2]);
+        assert_eq!(window.future().iter().map(|s| s.human.x).collect::<Vec<_>>(), [2.0, 3.0]);
+        assert!(Window::new(&drive, 3, 2).is_none());
+        assert!(Window::new(&drive, 0, 0).is_none());
+    }
+
+    #[test]
+    fn complaints_name_the_field() {
+        let drive = trajectory(&[0.0, 0.1]);
+        let field = |states: &[JointState], rates: &[f64]| {
+            Trajectory::new(states.to_vec(), rates.to_vec()).unwrap_err().field
+        };
+        assert_eq!(field(drive.states(), &[]), "turn_rates");
+        assert_eq!(field(drive.states(), &[0.0]), "states");
+        assert_eq!(field(drive.states(), &[0.0, f64::NAN]), "turn_rates[1]");
+        let mut states = drive.states().to_vec();
+        states[1].human.x = f64::INFINITY;
+        assert_eq!(field(&states, &[0.0, 0.0]), "states[1].human.x");
+    }
+}
