@@ -1,7 +1,17 @@
 //! Stochastic human forward reachable sets: from the states so far and a predictor
 //! to nested regions of the plane.
 
+pub mod danger;
+mod each;
 pub mod family;
+pub mod guarantee;
+pub mod prediction;
+pub mod probability;
+pub mod scores;
+#[cfg(test)]
+mod testing;
+pub mod tuning;
+pub mod widened;
 pub mod window;
 
 use crate::bounds::{
