@@ -1,6 +1,7 @@
 //! Stochastic human forward reachable sets: from the states so far and a predictor
 //! to nested regions of the plane.
 
+pub mod baselines;
 pub mod family;
 pub mod window;
 

@@ -1,0 +1,185 @@
+//! A normal distribution of the future pose at each step.
+
+use super::swept::swept_area;
+use super::widened::worst_case_area;
+use super::{Areas, Nominal, future_seen_from_now, nominal_poses, place};
+use crate::invalid::{Invalid, length};
+use crate::math::{TAU, sin_cos};
+use crate::scene::SceneParameters;
+use crate::shfrs::family::Family;
+use crate::shfrs::window::Window;
+use crate::vehicle::Pose;
+use crate::vehicle::dubins::relative_state;
+use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
+
+/// Ellipses of the future pose: its mean and covariance at each step, learned from recorded
+/// windows, as the difference from a [`Nominal`] drive in the nominal pose's frame.
+///
+/// The level is a Mahalanobis radius: a trajectory is inside if at every step its pose
+/// (x, y, ψ) is no farther from the mean. The covariances include 5 mm and 2 mrad, so that
+/// steps at which all futures agree have one that can be inverted. In the plane the set at a
+/// step is the shadow of its ellipsoid, an ellipse, and the area is that of the union of the
+/// convex hulls of neighbouring ellipses, from the present position on. From the radius on at
+/// which that is as large as the worst-case set of a human who goes straight, the set is the
+/// worst-case set.
+pub struct Gaussian {
+    nominal: Nominal,
+    parameters: SceneParameters,
+    moments: Vec<Moments>,
+    most: f64,
+    areas: Areas,
+    worst_case_area: f64,
+}
+
+/// Of one step, in the nominal pose's frame: m, m, rad.
+struct Moments {
+    mean: Vector3<f64>,
+    /// The inverse covariance.
+    precision: Matrix3<f64>,
+    /// L with L·Lᵀ the covariance of the position.
+    root: Matrix2<f64>,
+}
+
+/// Vertices of a polygon that stands for an ellipse; inscribed, it has 0.3 % less area.
+const VERTICES: usize = 48;
+
+/// Added to each covariance: the tolerance of membership, squared.
+const TOLERANCE: [f64; 3] = [0.005 * 0.005, 0.005 * 0.005, 0.002 * 0.002];
+
+impl Gaussian {
+    /// Learns from `windows`, which are equally long.
+    ///
+    /// # Errors
+    /// [`Invalid`] if there are fewer than two windows or their lengths differ.
+    pub fn learn(
+        nominal: Nominal,
+        parameters: &SceneParameters,
+        windows: &[Window<'_>],
+    ) -> Result<Self, Invalid> {
+        let [first, _, ..] = windows else {
+            return Err(Invalid::new("windows", "at least 2", windows.len()));
+        };
+        let steps = first.steps();
+        let mut differences = vec![Vec::with_capacity(windows.len()); steps];
+        for (i, window) in windows.iter().enumerate() {
+            length(&format!("windows[{i}]"), steps, window.steps())?;
+            for (n, difference) in differences_from(nominal, parameters, window).enumerate() {
+                differences[n].push(difference);
+            }
+        }
+        let moments: Option<Vec<_>> = differences.iter().map(|all| Moments::of(all)).collect();
+        let moments = moments.ok_or_else(|| {
+            Invalid::new("windows", "poses with a positive definite covariance", "others")
+        })?;
+        let worst_case_area = worst_case_area(parameters, steps)?;
+        let mut family = Self {
+            nominal,
+            parameters: *parameters,
+            moments,
+            most: f64::INFINITY,
+            areas: Areas::default(),
+            worst_case_area,
+        };
+        family.most = radius_of_area(|radius| family.ellipses_area(0.0, radius), worst_case_area);
+        Ok(family)
+    }
+}
+
+/// The human's pose after each step, seen from where the nominal drive leads.
+fn differences_from(
+    nominal: Nominal,
+    parameters: &SceneParameters,
+    window: &Window<'_>,
+) -> impl Iterator<Item = Vector3<f64>> {
+    let SceneParameters { human, step_s, .. } = *parameters;
+    let poses = nominal_poses(human, nominal.turn_rate(window, human), window.steps(), step_s);
+    let seen = |(from, pose): (Pose, Pose)| Vector3::from(relative_state(from, pose));
+    poses.into_iter().zip(future_seen_from_now(window)).map(seen)
+}
+
+impl Moments {
+    fn of(differences: &[Vector3<f64>]) -> Option<Self> {
+        let n = differences.len() as f64;
+        let mean = differences.iter().sum::<Vector3<f64>>() / n;
+        let square = |d: &Vector3<f64>| (d - mean) * (d - mean).transpose();
+        let scatter: Matrix3<f64> = differences.iter().map(square).sum();
+        let covariance = scatter / (n - 1.0) + Matrix3::from_diagonal(&TOLERANCE.into());
+        let precision = covariance.cholesky()?.inverse();
+        let root = covariance.fixed_view::<2, 2>(0, 0).into_owned().cholesky()?.l();
+        Some(Self { mean, precision, root })
+    }
+
+    fn radius(&self, difference: Vector3<f64>) -> f64 {
+        let d = difference - self.mean;
+        d.dot(&(self.precision * d)).max(0.0).sqrt()
+    }
+}
+
+impl Gaussian {
+    /// Area swept by the ellipses of `radius` about the nominal drive at `turn_rate`.
+    fn ellipses_area(&self, turn_rate: f64, radius: f64) -> f64 {
+        let SceneParameters { human, step_s, .. } = self.parameters;
+        let poses = nominal_poses(human, turn_rate, self.moments.len(), step_s);
+        let ellipse = |(pose, moments): (Pose, &Moments)| -> Vec<[f64; 2]> {
+            let vertex = |i: usize| {
+                let (sin, cos) = sin_cos(i as f64 * TAU / VERTICES as f64);
+                let offset = moments.root * Vector2::new(cos, sin) * radius;
+                place(pose, (moments.mean.xy() + offset).into())
+            };
+            (0..VERTICES).map(vertex).collect()
+        };
+        let mut sets = vec![vec![[0.0, 0.0]]];
+        sets.extend(poses.into_iter().zip(&self.moments).map(ellipse));
+        swept_area(&sets)
+    }
+}
+
+/// The radius at which the growing `area` reaches `goal`, within 10⁻⁶ of it.
+fn radius_of_area(area: impl Fn(f64) -> f64, goal: f64) -> f64 {
+    let mut high = 1.0;
+    while area(high) < goal {
+        high *= 2.0;
+    }
+    let mut low = 0.0;
+    while high - low > 1e-6 * high {
+        let middle = 0.5 * (low + high);
+        if area(middle) < goal { low = middle } else { high = middle }
+    }
+    high
+}
+
+impl Family for Gaussian {
+    fn name(&self) -> String {
+        match self.nominal {
+            Nominal::Straight => "Gaussian about straight on".to_owned(),
+            Nominal::Held => "Gaussian about the held input".to_owned(),
+        }
+    }
+
+    fn level_name(&self) -> &'static str {
+        "Mahalanobis radius"
+    }
+
+    fn most(&self) -> f64 {
+        self.most
+    }
+
+    fn score(&mut self, window: &Window<'_>) -> Result<f64, Invalid> {
+        length("window", self.moments.len(), window.steps())?;
+        let differences = differences_from(self.nominal, &self.parameters, window);
+        let radii = differences.zip(&self.moments).map(|(d, moments)| moments.radius(d));
+        Ok(radii.fold(0.0, f64::max).min(self.most))
+    }
+
+    fn area_m2(&mut self, window: &Window<'_>, level: f64) -> Result<f64, Invalid> {
+        length("window", self.moments.len(), window.steps())?;
+        if level >= self.most {
+            return Ok(self.worst_case_area);
+        }
+        let turn_rate = self.nominal.turn_rate(window, self.parameters.human);
+        let mut areas = core::mem::take(&mut self.areas);
+        let area = areas.get(level, turn_rate.to_bits(), || self.ellipses_area(turn_rate, level));
+        self.areas = areas;
+        Ok(area)
+    }
+}
