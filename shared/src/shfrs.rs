@@ -3,6 +3,7 @@
 
 pub mod baselines;
 pub mod family;
+pub mod pareto;
 pub mod window;
 
 use crate::bounds::{

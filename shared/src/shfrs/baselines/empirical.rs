@@ -161,8 +161,8 @@ fn median(mut values: Vec<f64>) -> f64 {
 impl<M: ActionModel> Family for PerModeEmpirical<M> {
     fn name(&self) -> String {
         match self.mode {
-            Mode::MostLikely(_) => "empirical by predicted mode".to_owned(),
-            Mode::Held => "empirical by held input".to_owned(),
+            Mode::MostLikely(_) => "empirical, likely action".to_owned(),
+            Mode::Held => "empirical, held input".to_owned(),
         }
     }
 

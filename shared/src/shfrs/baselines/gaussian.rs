@@ -151,8 +151,8 @@ fn radius_of_area(area: impl Fn(f64) -> f64, goal: f64) -> f64 {
 impl Family for Gaussian {
     fn name(&self) -> String {
         match self.nominal {
-            Nominal::Straight => "Gaussian about straight on".to_owned(),
-            Nominal::Held => "Gaussian about the held input".to_owned(),
+            Nominal::Straight => "Gaussian, straight on".to_owned(),
+            Nominal::Held => "Gaussian, held input".to_owned(),
         }
     }
 
