@@ -25,7 +25,9 @@ pub mod polygon;
 mod rear;
 mod sampling;
 mod singular;
+mod membership;
 
+pub use membership::{Side, StateMargins, Tolerance};
 pub use sampling::PolygonSettings;
 
 use crate::bounds::InputBounds;
