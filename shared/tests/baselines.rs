@@ -79,8 +79,7 @@ fn train(safety: &SafetyFunctions, drives: &[Drive]) -> Predictor {
     let scale = Scale::fit(width, &data.values);
     let values: Vec<f64> =
         data.values.iter().enumerate().map(|(i, &v)| scale.apply(i % width, v)).collect();
-    let labels: Vec<usize> =
-        data.labels.iter().map(|label| (label.sign() + 1) as usize).collect();
+    let labels: Vec<usize> = data.labels.iter().map(|label| (label.sign() + 1) as usize).collect();
     let model = Logistic::fit(width, &values, &labels, 3, LogisticSettings::default()).unwrap();
     Predictor::logistic(features, vec![-1, 0, 1], scale, model)
 }

@@ -7,6 +7,7 @@ use plotters::prelude::{Color, RGBColor};
 use sidestep::math::{TAU, sin_cos};
 use sidestep::shfrs::pareto::{Pareto, ParetoRow};
 
+/// Of the page, with names as long as are usual.
 const SIZE: [f64; 2] = [800.0, 500.0];
 
 /// The plot: left, right, top, bottom.
@@ -37,7 +38,7 @@ const COLORS: [RGBColor; 7] = [
 /// [`DrawError`] if plotters cannot draw it.
 pub fn pareto(found: &Pareto, featured: usize, note: &str) -> Result<String, DrawError> {
     let figure = Figure::new(found, featured);
-    page("Coverage against area", SIZE, |canvas| {
+    page("Coverage against area", figure.size(), |canvas| {
         let heading = "How much area a coverage costs";
         canvas.bold(heading, [MARGIN, 32.0], 20.0, TEXT, Align::Left)?;
         let how = format!(
@@ -85,6 +86,16 @@ impl<'a> Figure<'a> {
         Self { found, featured, targets, most_area: 1.04 * most_area, least_coverage }
     }
 
+    /// Wider for long names, higher for many.
+    fn size(&self) -> [f64; 2] {
+        let names = self.found.curves.iter().map(|curve| curve.family.chars().count());
+        // About the width of a bold letter.
+        let name = 7.4 * names.max().unwrap_or(0) as f64;
+        let wide = TABLE + 31.0 + name + 36.0 + self.targets.len().max(3) as f64 * COLUMN - 22.0;
+        let high = PLOT[2] + 37.0 + 24.0 * self.found.curves.len() as f64 + 56.0;
+        [SIZE[0].max(wide), SIZE[1].max(high)]
+    }
+
     fn place(&self, area: f64, coverage: f64) -> [f64; 2] {
         let [left, right, top, bottom] = PLOT;
         let up = (coverage - self.least_coverage) / (1.02 - self.least_coverage);
@@ -121,23 +132,15 @@ impl<'a> Figure<'a> {
     }
 
     fn curve(&self, canvas: &Canvas<'_>, family: usize) -> Result<(), DrawError> {
-        let points = &self.found.curves[family].points;
         let mut line: Vec<[f64; 2]> = Vec::new();
-        for (i, point) in points.iter().enumerate() {
-            if point.coverage < self.least_coverage {
-                continue;
+        let mut before = self.least_coverage;
+        for point in &self.found.curves[family].points {
+            if point.coverage >= self.least_coverage {
+                // A staircase: a larger set holds no more until it holds one more trajectory.
+                line.push(self.place(point.mean_area_m2, before));
+                line.push(self.place(point.mean_area_m2, point.coverage));
+                before = point.coverage;
             }
-            if let Some(before) = i.checked_sub(1).map(|i| points[i])
-                && before.coverage < self.least_coverage
-            {
-                // From where the curve enters the plot.
-                let share = (self.least_coverage - before.coverage)
-                    / (point.coverage - before.coverage);
-                let area =
-                    before.mean_area_m2 + share * (point.mean_area_m2 - before.mean_area_m2);
-                line.push(self.place(area, self.least_coverage));
-            }
-            line.push(self.place(point.mean_area_m2, point.coverage));
         }
         if line.len() < 2 {
             return Ok(());
@@ -166,12 +169,7 @@ impl<'a> Figure<'a> {
     }
 
     /// A shape of its own for each family: colour is not all that tells them apart.
-    fn mark(
-        &self,
-        canvas: &Canvas<'_>,
-        [x, y]: [f64; 2],
-        family: usize,
-    ) -> Result<(), DrawError> {
+    fn mark(&self, canvas: &Canvas<'_>, [x, y]: [f64; 2], family: usize) -> Result<(), DrawError> {
         let radius = if family < self.featured { 5.6 } else { 4.6 };
         // Corners, and by how many of eighths of a turn the first is from the right.
         let (corners, first, depth) = match family % 8 {
@@ -198,7 +196,7 @@ impl<'a> Figure<'a> {
     }
 
     fn table(&self, canvas: &Canvas<'_>) -> Result<(), DrawError> {
-        let right = SIZE[0] - MARGIN;
+        let right = self.size()[0] - MARGIN;
         let column = |i: usize| right - (self.targets.len() - 1 - i) as f64 * COLUMN;
         let top = PLOT[2] - 12.0;
         canvas.text("mean area (m²) for", [right, top], 11.5, MUTED, Align::Right)?;
@@ -303,6 +301,7 @@ mod tests {
     fn one_point_is_drawn_without_a_curve() {
         let mut found = comparison(1);
         found.curves[0].points.truncate(1);
+        found.curves[0].points[0].coverage = 0.0;
         let full = pareto(&comparison(1), 1, "").unwrap().matches("<polyline").count();
         let svg = pareto(&found, 1, "").unwrap();
         assert_eq!(svg.matches("<polyline").count(), full - 2);

@@ -11,11 +11,11 @@ use sidestep::vehicle::Pose;
 use sidestep::vehicle::dubins::relative_state;
 
 const MARGIN: f64 = 28.0;
-const HEADER: f64 = 92.0;
-const LEGEND: f64 = 44.0;
+const HEADER: f64 = 84.0;
+const LEGEND: f64 = 56.0;
 /// Width of what is plotted in, and the room around it: left, right, above, below.
 const SIDE: f64 = 300.0;
-const ROOM: [f64; 4] = [38.0, 12.0, 52.0, 34.0];
+const ROOM: [f64; 4] = [38.0, 12.0, 66.0, 34.0];
 
 /// One prediction.
 #[derive(Clone, Debug, PartialEq)]
@@ -67,7 +67,8 @@ pub fn regions(
     let high = SIDE * window.high() / window.wide();
     let cell = [ROOM[0] + SIDE + ROOM[1], 2.0 * (high + ROOM[3]) + ROOM[2] + 30.0];
     let size = [
-        (panels.len() as f64 * cell[0]).max(legend_width(regions)).max(620.0) + 2.0 * MARGIN,
+        (panels.len() as f64 * cell[0]).max(ROOM[0] + legend_width(regions)).max(620.0)
+            + 2.0 * MARGIN,
         HEADER + cell[1] + LEGEND,
     ];
     page(heading, size, |canvas| {
@@ -83,7 +84,7 @@ pub fn regions(
             let below = Plot { corner: [left, top], ..above };
             below.steps(times_s)?;
         }
-        legend(canvas, regions, [MARGIN, size[1] - 26.0])
+        legend(canvas, regions, [left, size[1] - 28.0])
     })
 }
 
@@ -196,7 +197,6 @@ impl Plot<'_, '_> {
     /// The largest set first: the others lie within.
     fn tube(&self) -> Result<(), DrawError> {
         self.axes()?;
-        self.danger_zone()?;
         let count = self.panel.sets.len();
         for (j, set) in self.panel.sets.iter().enumerate().rev() {
             let polygon = self.placed(&set.tube);
@@ -210,12 +210,12 @@ impl Plot<'_, '_> {
                 self.canvas.stroke(&polygon, color(j, count).mix(1.0), 2.0)?;
             }
         }
+        self.danger_zone()?;
         self.human()
     }
 
     fn steps(&self, times_s: &[f64]) -> Result<(), DrawError> {
         self.axes()?;
-        self.danger_zone()?;
         let count = self.panel.sets.len();
         for (i, time) in times_s.iter().enumerate() {
             for (j, set) in self.panel.sets.iter().enumerate().rev() {
@@ -233,13 +233,14 @@ impl Plot<'_, '_> {
                 self.canvas.text(&text, [x + 6.0, y], 10.5, MUTED, Align::Left)?;
             }
         }
+        self.danger_zone()?;
         self.human()
     }
 
     fn human(&self) -> Result<(), DrawError> {
         let at = self.place([0.0, 0.0]);
-        self.canvas.disc(at, 3.4, SURFACE.mix(1.0))?;
-        self.canvas.disc(at, 2.4, HUMAN.mix(1.0))
+        self.canvas.disc(at, 4.6, SURFACE.mix(1.0))?;
+        self.canvas.disc(at, 3.4, HUMAN.mix(1.0))
     }
 
     /// As much of the robot and its danger zone as is in sight.
@@ -255,19 +256,12 @@ impl Plot<'_, '_> {
         let Window { x: [x0, x1], y: [y0, y1] } = *self.window;
         let inside = |[x, y]: [f64; 2]| x0 < x && x < x1 && y0 < y && y < y1;
         // Pieces of the circle between where it leaves the window and comes back.
-        let mut piece = Vec::new();
-        for i in 0..=360 {
-            if inside(point(i)) {
-                piece.push(self.place(point(i)));
-            } else if piece.len() > 1 {
-                self.canvas.stroke(&piece, ROBOT.mix(0.9), 1.6)?;
-                piece.clear();
-            } else {
-                piece.clear();
-            }
-        }
-        if piece.len() > 1 {
-            self.canvas.stroke(&piece, ROBOT.mix(0.9), 1.6)?;
+        let circle: Vec<[f64; 2]> = (0..=360).map(point).collect();
+        for piece in circle.split(|&point| !inside(point)).filter(|piece| piece.len() > 1) {
+            let piece: Vec<[f64; 2]> = piece.iter().map(|&point| self.place(point)).collect();
+            // White beside it: it is seen on every region, the red one too.
+            self.canvas.stroke(&piece, SURFACE.mix(0.8), 3.6)?;
+            self.canvas.stroke(&piece, ROBOT.mix(1.0), 1.6)?;
         }
         if inside([x, y]) {
             let heading = robot.psi - self.panel.start.psi + 0.5 * PI;

@@ -197,8 +197,10 @@ fn judge(
         })
     };
     let rows = settings.targets.iter().map(row).collect::<Result<_, Invalid>>()?;
-    let mut levels = scores.clone();
-    levels.dedup();
+    // Levels that differ by rounding are one: of each such run the largest.
+    let mut levels: Vec<f64> = scores.iter().rev().copied().collect();
+    levels.dedup_by(|smaller, larger| *larger - *smaller <= 1e-6 * family.most());
+    levels.reverse();
     let point = |level| {
         let coverage = inside(level) as f64 / n as f64;
         Ok(ParetoPoint { level, coverage, mean_area_m2: mean_area(family, test, level)? })
