@@ -2,6 +2,7 @@
 //! (`data/README.md`): the numbers compare software, they say nothing about people.
 #![allow(clippy::print_stdout, reason = "the table is worth reading")]
 
+use sidestep::bounds::ActionChoice;
 use sidestep::dataset::Dataset;
 use sidestep::features::{FeatureSet, SafetyFunctions};
 use sidestep::predict::Predictor;
@@ -14,7 +15,9 @@ use sidestep::shfrs::baselines::{
     learned_disturbance, worst_case,
 };
 use sidestep::shfrs::family::Family;
-use sidestep::shfrs::pareto::{Pareto, ParetoSettings, pareto};
+use sidestep::shfrs::pareto::{Pareto, ParetoRow, ParetoSettings, pareto};
+use sidestep::shfrs::prediction::Prediction;
+use sidestep::shfrs::scores::ShfrsFamily;
 use sidestep::shfrs::window::{Trajectory, Window, WindowChoice};
 use sidestep::vehicle::{Pose, TurnInput};
 use std::ops::ControlFlow;
@@ -98,7 +101,12 @@ fn compared() -> &'static Pareto {
         let windows: Vec<Window<'_>> = WindowChoice::EveryStep.windows(&training, STEPS).concat();
         let gaussian = |nominal| Gaussian::learn(nominal, &parameters, &windows).unwrap();
         let empirical = |mode| PerModeEmpirical::learn(mode, &parameters, &windows).unwrap();
+        let model = human();
+        let prediction = Prediction::new(&parameters, &model);
+        let shfrs = |choice| ShfrsFamily::new(prediction, &choice).unwrap();
         let mut families: Vec<Box<dyn Family + Send + '_>> = vec![
+            Box::new(shfrs(ActionChoice::Adaptive { tau: 0.1, steps: STEPS })),
+            Box::new(shfrs(ActionChoice::TopK(vec![2, 2, 1, 1, 1, 1, 1, 1, 1, 1]))),
             Box::new(worst_case(&parameters)),
             Box::new(constant_velocity(&parameters)),
             Box::new(hold_the_input(&parameters)),
@@ -114,12 +122,17 @@ fn compared() -> &'static Pareto {
     })
 }
 
+fn rows(family: &str) -> Vec<&'static ParetoRow> {
+    let rows: Vec<_> = compared().rows.iter().filter(|row| row.family == family).collect();
+    assert_eq!(rows.len(), TARGETS.len(), "{family}");
+    rows
+}
+
 #[test]
 fn the_table() {
-    let found = compared();
-    for row in &found.rows {
+    for row in &compared().rows {
         println!(
-            "{:30} {:.2} level {:.3} coverage {:.3} [{:.3}, {:.3}] area {:.3}",
+            "{:32} p {:.2}  level {:.3}  coverage {:.3} [{:.3}, {:.3}]  {:.2} m²",
             row.family,
             row.target,
             row.level,
@@ -129,7 +142,52 @@ fn the_table() {
             row.mean_area_m2
         );
     }
-    if let Some(file) = option_env!("PARETO_JSON") {
-        std::fs::write(file, serde_json::to_string(found).unwrap()).unwrap();
+}
+
+/// The area of everything is 16/3 m² (reference/shfrs: closed form), and it holds all.
+#[test]
+fn the_worst_case_holds_everything() {
+    for row in rows("worst case") {
+        assert_eq!((row.coverage, row.level), (1.0, 0.0));
+        assert!((row.mean_area_m2 - 16.0 / 3.0).abs() < 1e-9);
+    }
+}
+
+/// Calibrated on 120 exchangeable trajectories and judged on as many: coverage falls short of
+/// the target by chance only. The coverage of a conformal level is Beta(r, n + 1 − r), that
+/// on the test part binomial about it: together a standard deviation of at most
+/// √(2 p (1 − p)/120), and 8 families are looked at.
+#[test]
+fn calibrated_levels_cover_what_was_asked() {
+    for row in &compared().rows {
+        let deviation = (2.0 * row.target * (1.0 - row.target) / 120.0).sqrt();
+        assert!(row.coverage >= row.target - 3.0 * deviation, "{row:?}");
+        assert!(row.coverage_low <= row.coverage && row.coverage <= row.coverage_high);
+    }
+}
+
+/// Every family is nested: more coverage needs a higher level and no less area.
+#[test]
+fn areas_and_levels_grow_with_the_target() {
+    let found = compared();
+    for pair in found.rows.windows(2).filter(|pair| pair[0].family == pair[1].family) {
+        assert!(pair[0].level <= pair[1].level, "{pair:?}");
+        assert!(pair[0].mean_area_m2 <= pair[1].mean_area_m2 + 1e-9, "{pair:?}");
+    }
+    for curve in &found.curves {
+        for pair in curve.points.windows(2) {
+            assert!(pair[0].coverage <= pair[1].coverage, "{}: {pair:?}", curve.family);
+            let (smaller, larger) = (pair[0].mean_area_m2, pair[1].mean_area_m2);
+            assert!(smaller <= larger + 1e-3, "{}: {pair:?}", curve.family);
+        }
+    }
+}
+
+/// What a score means: at that level the window is inside, so all windows of the largest
+/// score's level are.
+#[test]
+fn the_last_level_of_a_curve_holds_all() {
+    for curve in &compared().curves {
+        assert_eq!(curve.points.last().map(|point| point.coverage), Some(1.0), "{}", curve.family);
     }
 }

@@ -208,3 +208,101 @@ impl<M: ActionModel> Family for PerModeEmpirical<M> {
 fn share(kept: usize, count: usize) -> f64 {
     kept as f64 / (count + 1) as f64
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::JointState;
+    use crate::shfrs::window::Trajectory;
+    use crate::vehicle::Pose;
+
+    /// A model that is never asked.
+    struct Unasked;
+
+    impl ActionModel for Unasked {
+        fn actions(&self) -> &[f64] {
+            &[]
+        }
+
+        fn probabilities(&self, _: &[JointState], _: &mut [f64]) {}
+    }
+
+    /// A drive of two steps that ends in `points`, seen from a pose far from the origin;
+    /// before it one step with the turn rate `held`.
+    fn drive(held: f64, points: [[f64; 2]; 2]) -> Trajectory {
+        let now = Pose::new(5.0, -3.0, 0.5 * crate::math::PI);
+        // Ahead is +y, to the left is −x.
+        let at = |[x, y]: [f64; 2]| Pose::new(now.x - y, now.y + x, now.psi);
+        let states = [now, now, at(points[0]), at(points[1])];
+        let states = states.map(|human| JointState { human, robot: now }).to_vec();
+        Trajectory::new(states, vec![held, 0.0, 0.0]).unwrap()
+    }
+
+    fn learned(drives: &[Trajectory]) -> PerModeEmpirical<Unasked> {
+        let windows: Vec<_> =
+            drives.iter().map(|drive| Window::new(drive, 1, 2).unwrap()).collect();
+        PerModeEmpirical::learn(Mode::Held, &SceneParameters::default(), &windows).unwrap()
+    }
+
+    /// Futures about (1, 0) and (2, 0): the median path, then corners of growing squares.
+    fn squares() -> Vec<Trajectory> {
+        let mut drives = vec![drive(0.0, [[1.0, 0.0], [2.0, 0.0]])];
+        for half in [0.1, 0.2] {
+            for (x, y) in [(-half, -half), (half, -half), (half, half), (-half, half)] {
+                drives.push(drive(0.0, [[1.0 + x, y], [2.0 + x, y]]));
+            }
+        }
+        drives
+    }
+
+    #[test]
+    fn scores_are_shares_of_the_futures() {
+        let mut family = learned(&squares());
+        let mut score = |held, point: [f64; 2]| {
+            let drive = drive(held, [[1.0, 0.0], point]);
+            family.score(&Window::new(&drive, 1, 2).unwrap()).unwrap()
+        };
+        // Nine futures: a tenth of the level each.
+        assert_eq!(score(0.0, [2.0, 0.0]), 0.1);
+        assert_eq!(score(0.0, [2.0, 0.0049]), 0.1);
+        for point in [[2.1, 0.1], [1.9, -0.1], [2.104, 0.0]] {
+            assert!((0.2..=0.5).contains(&score(0.0, point)), "{point:?}");
+        }
+        for point in [[2.2, 0.2], [2.0, 0.15]] {
+            assert!((0.6..=0.9).contains(&score(0.0, point)), "{point:?}");
+        }
+        assert_eq!(score(0.0, [2.21, 0.0]), 1.0);
+        // Nothing was recorded of those who turn.
+        assert_eq!(score(-0.5, [2.0, 0.0]), 1.0);
+    }
+
+    #[test]
+    fn areas_are_those_of_the_swept_hulls() {
+        let mut family = learned(&squares());
+        let drive = drive(0.0, [[1.0, 0.0], [2.0, 0.0]]);
+        let window = Window::new(&drive, 1, 2).unwrap();
+        let mut area = |level| family.area_m2(&window, level).unwrap();
+        assert_eq!((area(0.0), area(0.1)), (0.0, 0.0));
+        // A triangle from the present position to the first square, and a strip.
+        assert!((area(0.5) - (0.09 + 0.24)).abs() < 1e-9);
+        assert!((area(0.9) - (0.16 + 0.56)).abs() < 1e-9);
+        // (v²/6) · 2ω · T³ of everything that can be reached.
+        assert!((area(1.0) - 4.0 / 6.0 * 0.4 * 0.4 * 0.4).abs() < 1e-4);
+    }
+
+    #[test]
+    fn windows_that_do_not_fit_are_refused() {
+        let drives = squares();
+        let mut family = learned(&drives);
+        let short = Window::new(&drives[0], 1, 1).unwrap();
+        assert_eq!(family.score(&short).unwrap_err().field, "window");
+        assert_eq!(family.area_m2(&short, 0.5).unwrap_err().field, "window");
+        let learn = |windows: &[Window<'_>]| {
+            let parameters = SceneParameters::default();
+            PerModeEmpirical::<Unasked>::learn(Mode::Held, &parameters, windows).err()
+        };
+        assert_eq!(learn(&[]).map(|invalid| invalid.field), Some("windows".to_owned()));
+        let uneven = [Window::new(&drives[0], 1, 2).unwrap(), short];
+        assert_eq!(learn(&uneven).map(|invalid| invalid.field), Some("windows[1]".to_owned()));
+    }
+}

@@ -183,3 +183,79 @@ impl Family for Gaussian {
         Ok(area)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::{PI, acos};
+    use crate::scene::JointState;
+    use crate::shfrs::window::Trajectory;
+
+    const OFFSETS: [[f64; 2]; 4] = [[0.3, 0.3], [-0.3, 0.3], [-0.3, -0.3], [0.3, -0.3]];
+
+    /// One step that ends at `point`, seen from a pose far from the origin.
+    fn drive([x, y]: [f64; 2]) -> Trajectory {
+        let now = Pose::new(5.0, -3.0, 0.5 * PI);
+        // Ahead is +y, to the left is −x.
+        let end = Pose::new(now.x - y, now.y + x, now.psi);
+        let states = [now, end].map(|human| JointState { human, robot: now });
+        Trajectory::new(states.to_vec(), vec![0.0]).unwrap()
+    }
+
+    fn learned(nominal: Nominal) -> Gaussian {
+        let drives: Vec<_> = OFFSETS.iter().map(|[x, y]| drive([1.0 + x, *y])).collect();
+        let windows: Vec<_> =
+            drives.iter().map(|drive| Window::new(drive, 0, 1).unwrap()).collect();
+        Gaussian::learn(nominal, &SceneParameters::default(), &windows).unwrap()
+    }
+
+    #[test]
+    fn the_radius_is_mahalanobis() {
+        let family = learned(Nominal::Straight);
+        // Sample variance 4 · 0.09/3 in both directions, with the tolerance's.
+        let variance = 0.12 + 0.005 * 0.005;
+        let mean = Vector3::new(1.0 - 0.4, 0.0, 0.0);
+        let radius = |x: f64, y: f64| family.moments[0].radius(mean + Vector3::new(x, y, 0.0));
+        assert!((radius(0.3, 0.0) - 0.3 / variance.sqrt()).abs() < 1e-12);
+        assert!((radius(0.3, -0.4) - 0.5 / variance.sqrt()).abs() < 1e-12);
+        let turned = family.moments[0].radius(mean + Vector3::new(0.0, 0.0, 0.01));
+        assert!((turned - 0.01 / 0.002).abs() < 1e-9);
+    }
+
+    /// The hull of a point and a disc: a sector and two right-angled triangles.
+    #[test]
+    fn the_area_is_that_of_the_swept_ellipse() {
+        let family = learned(Nominal::Held);
+        let radius = 0.5;
+        let rho = radius * (0.12_f64 + 0.005 * 0.005).sqrt();
+        let expected = rho * rho * (PI - acos(rho)) + rho * (1.0 - rho * rho).sqrt();
+        let found = family.ellipses_area(0.0, radius);
+        assert!(found < expected && expected < 1.004 * found, "{found} {expected}");
+    }
+
+    #[test]
+    fn the_largest_set_is_the_worst_case_set() {
+        let mut family = learned(Nominal::Straight);
+        let most = family.most();
+        let worst = family.worst_case_area;
+        assert!((family.ellipses_area(0.0, most) / worst - 1.0).abs() < 1e-4);
+        let far = drive([9.0, 0.0]);
+        let window = Window::new(&far, 0, 1).unwrap();
+        assert_eq!(family.score(&window).unwrap(), most);
+        assert_eq!(family.area_m2(&window, most).unwrap(), worst);
+        let smaller = family.area_m2(&window, 0.5 * most).unwrap();
+        assert!(0.0 < smaller && smaller < worst);
+    }
+
+    #[test]
+    fn too_few_windows_are_refused() {
+        let parameters = SceneParameters::default();
+        let drive = drive([1.0, 0.0]);
+        let one = [Window::new(&drive, 0, 1).unwrap()];
+        let refused = Gaussian::learn(Nominal::Held, &parameters, &one).err();
+        assert_eq!(
+            refused.map(|invalid| invalid.to_string()).as_deref(),
+            Some("windows: expected at least 2, found 1")
+        );
+    }
+}

@@ -5,12 +5,11 @@ use crate::bounds::{
     ActionChoice, ActionModel, BoundsSettings, InputBounds, Rollout, input_bounds,
 };
 use crate::invalid::Invalid;
-use crate::reach::polygon::signed_area;
-use crate::reach::{PolygonSettings, ReachableSet};
+use crate::reach::Tolerance;
 use crate::scene::SceneParameters;
 use crate::shfrs::family::Family;
+use crate::shfrs::widened::{least_widening, tube_area_m2, widened};
 use crate::shfrs::window::Window;
-use crate::vehicle::Pose;
 
 /// F of base bounds that are widened by the level ε, rad/s, and clipped to what the vehicle
 /// can do. `base` gives the lowest and highest turn rate of each step of a window, rad/s.
@@ -84,15 +83,6 @@ pub fn learned_disturbance<M: ActionModel + Send>(
     WidenedInputs { name: "learned disturbance", parameters: *parameters, most, base }
 }
 
-impl<B: FnMut(&Window<'_>) -> Result<Vec<(f64, f64)>, Invalid>> WidenedInputs<B> {
-    fn widened(&self, base: &[(f64, f64)], epsilon: f64) -> Result<InputBounds, Invalid> {
-        let rate = self.parameters.human.turn_rate_radps;
-        let lo = base.iter().map(|&(lo, _)| (lo - epsilon).max(-rate)).collect();
-        let hi = base.iter().map(|&(_, hi)| (hi + epsilon).min(rate)).collect();
-        InputBounds::new(lo, hi, (-rate, rate))
-    }
-}
-
 impl<B: FnMut(&Window<'_>) -> Result<Vec<(f64, f64)>, Invalid>> Family for WidenedInputs<B> {
     fn name(&self) -> String {
         self.name.to_owned()
@@ -104,14 +94,13 @@ impl<B: FnMut(&Window<'_>) -> Result<Vec<(f64, f64)>, Invalid>> Family for Widen
 
     fn score(&mut self, window: &Window<'_>) -> Result<f64, Invalid> {
         let base = (self.base)(window)?;
-        let lacking = |(&rate, &(lo, hi)): (&f64, &(f64, f64))| (lo - rate).max(rate - hi);
-        let needed = window.turn_rates().iter().zip(&base).map(lacking).fold(0.0, f64::max);
-        Ok(needed.min(self.most))
+        least_widening(&base, window, &self.parameters, Tolerance::default())
     }
 
     fn area_m2(&mut self, window: &Window<'_>, level: f64) -> Result<f64, Invalid> {
         let base = (self.base)(window)?;
-        tube_area(&self.parameters, &self.widened(&base, level)?)
+        let rate = self.parameters.human.turn_rate_radps;
+        tube_area_m2(&widened(&base, level, (-rate, rate))?, &self.parameters)
     }
 }
 
@@ -122,11 +111,74 @@ impl<B: FnMut(&Window<'_>) -> Result<Vec<(f64, f64)>, Invalid>> Family for Widen
 pub(super) fn worst_case_area(parameters: &SceneParameters, steps: usize) -> Result<f64, Invalid> {
     let rate = parameters.human.turn_rate_radps;
     let bounds = InputBounds::new(vec![-rate; steps], vec![rate; steps], (-rate, rate))?;
-    tube_area(parameters, &bounds)
+    tube_area_m2(&bounds, parameters)
 }
 
-fn tube_area(parameters: &SceneParameters, bounds: &InputBounds) -> Result<f64, Invalid> {
-    let SceneParameters { human, step_s, .. } = *parameters;
-    let set = ReachableSet::new(Pose::new(0.0, 0.0, 0.0), bounds, human.speed_mps, step_s)?;
-    Ok(signed_area(&set.tube_polygon(PolygonSettings::default())))
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::JointState;
+    use crate::shfrs::window::Trajectory;
+    use crate::vehicle::Pose;
+    use crate::vehicle::dubins::arc;
+
+    /// Always the same probabilities of right, straight and left.
+    struct Fixed([f64; 3]);
+
+    impl ActionModel for Fixed {
+        fn actions(&self) -> &[f64] {
+            &[-0.5, 0.0, 0.5]
+        }
+
+        fn probabilities(&self, _: &[JointState], out: &mut [f64]) {
+            out.copy_from_slice(&self.0);
+        }
+    }
+
+    fn drive(turn_rates: &[f64]) -> Trajectory {
+        let robot = Pose::new(9.0, 0.0, 3.0);
+        let mut human = Pose::new(1.0, -2.0, 0.4);
+        let mut states = vec![JointState { human, robot }];
+        for &rate in turn_rates {
+            human = arc(human, 2.0, rate, 0.2);
+            states.push(JointState { human, robot });
+        }
+        Trajectory::new(states, turn_rates.to_vec()).unwrap()
+    }
+
+    /// Score and area at `level` after one step to the left, of a drive that goes on with
+    /// `rest`.
+    fn check(mut family: impl Family, rest: f64, level: f64) -> (f64, f64) {
+        let mut rates = vec![rest; 11];
+        rates[0] = 0.5;
+        let drive = drive(&rates);
+        let window = Window::new(&drive, 1, 10).unwrap();
+        let score = family.score(&window).unwrap();
+        assert!((0.0..=family.most()).contains(&score));
+        (score, family.area_m2(&window, level).unwrap())
+    }
+
+    /// 16/3 m² hold every turn rate, and areas are proportional to the width of the bounds
+    /// wherever straight is admissible.
+    #[test]
+    fn each_family_is_about_its_own_guess() {
+        let parameters = &SceneParameters::default();
+        let whole = 16.0 / 3.0;
+        let near = |(score, area): (f64, f64), expected: (f64, f64)| {
+            // Membership has a tolerance of 5 mm: a little less widening does.
+            assert!(score <= expected.0 && expected.0 - score < 0.02, "{score} {expected:?}");
+            assert!((area - expected.1).abs() < 1e-3, "{area} {expected:?}");
+        };
+        near(check(worst_case(parameters), -0.5, 0.0), (0.0, whole));
+        near(check(constant_velocity(parameters), 0.0, 0.2), (0.0, 0.4 * whole));
+        near(check(constant_velocity(parameters), -0.5, 0.0), (0.5, 0.0));
+        near(check(hold_the_input(parameters), 0.5, 0.5), (0.0, 0.5 * whole));
+        near(check(hold_the_input(parameters), -0.5, 1.0), (1.0, whole));
+        let right = || learned_disturbance(parameters, Fixed([0.5, 0.3, 0.2]));
+        near(check(right(), -0.5, 0.75), (0.0, 0.75 * whole));
+        near(check(right(), 0.0, 0.0), (0.5, 0.0));
+        // Both ways where actions tie.
+        let torn = learned_disturbance(parameters, Fixed([0.4, 0.2, 0.4]));
+        near(check(torn, 0.3, 0.0), (0.0, whole));
+    }
 }
