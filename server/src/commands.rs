@@ -9,6 +9,9 @@ pub mod game;
 pub mod solve;
 pub mod value;
 pub mod plot;
+pub mod json_file;
+pub mod bounds;
+pub mod reach;
 
 use crate::store::OpenError;
 use serde::Serialize;

@@ -2,47 +2,90 @@
 //! to nested regions of the plane.
 
 pub mod baselines;
+pub mod danger;
+mod each;
 pub mod family;
+pub mod guarantee;
 pub mod pareto;
+pub mod prediction;
+pub mod probability;
+pub mod scores;
+#[cfg(test)]
+mod testing;
+pub mod tuning;
+pub mod widened;
 pub mod window;
 
 use crate::bounds::{
     ActionChoice, ActionModel, BoundsSettings, InputBounds, Rollout, input_bounds,
 };
-use crate::features::SafetyFunctions;
+use crate::features::{FEATURES, SafetyFunctions};
 use crate::invalid::Invalid;
 use crate::predict::Predictor;
 use crate::reach::polygon::signed_area;
 use crate::reach::{PolygonSettings, ReachableSet};
 use crate::scene::{JointState, SceneParameters};
 
-/// A predictor of −1, 0, 1 as the learned function G of Algorithm 1: it looks at
-/// the present state alone.
+/// A predictor as the learned function G of Algorithm 1: it looks at the present state
+/// alone.
 pub struct PredictedHuman<'a> {
     predictor: &'a Predictor,
     safety: &'a SafetyFunctions,
     actions: Vec<f64>,
 }
 
+/// Features that a predictor can look at, at most: each is taken once.
+const MOST_FEATURES: usize = FEATURES.len();
+
 impl<'a> PredictedHuman<'a> {
     /// The human of these `parameters` as `predictor` sees them.
-    #[must_use]
+    ///
+    /// # Errors
+    /// As of [`Self::within`].
     pub fn new(
         predictor: &'a Predictor,
         safety: &'a SafetyFunctions,
         parameters: &SceneParameters,
-    ) -> Self {
+    ) -> Result<Self, Invalid> {
         let rate = parameters.human.turn_rate_radps;
-        let actions = predictor.classes().iter().map(|&class| f64::from(class) * rate).collect();
-        Self { predictor, safety, actions }
+        Self::within(predictor, safety, (-rate, rate))
+    }
+
+    /// A human who turns at rates from `turn_rate.0` to `turn_rate.1`, rad/s, as
+    /// `predictor` sees them. If it does not say which turn rates its classes are, −1 is
+    /// the lowest one, 0 is straight and 1 is the highest one.
+    ///
+    /// # Errors
+    /// [`Invalid`] if it says nothing and has other classes than these.
+    pub fn within(
+        predictor: &'a Predictor,
+        safety: &'a SafetyFunctions,
+        turn_rate: (f64, f64),
+    ) -> Result<Self, Invalid> {
+        let rate = |(i, &class): (usize, &i8)| match class {
+            -1 => Ok(turn_rate.0),
+            0 => Ok(0.0),
+            1 => Ok(turn_rate.1),
+            other => {
+                let expected = "-1 (right), 0 (straight) or 1 (left), or a turn rate for each \
+                                class in `actions`";
+                Err(Invalid::new(format!("classes[{i}]"), expected, other))
+            }
+        };
+        let actions = match predictor.actions() {
+            Some(actions) => actions.to_vec(),
+            None => predictor.classes().iter().enumerate().map(rate).collect::<Result<_, _>>()?,
+        };
+        Ok(Self { predictor, safety, actions })
     }
 
     /// How likely each class of the predictor is in `state`.
     pub fn probabilities_in(&self, state: &JointState, out: &mut [f64]) {
         let features = self.predictor.features();
-        let mut row = vec![0.0; features.len()];
-        features.compute_into(state, self.safety, &mut row);
-        self.predictor.probabilities_into(&row, out);
+        let mut row = [0.0; MOST_FEATURES];
+        let row = &mut row[..features.len()];
+        features.compute_into(state, self.safety, row);
+        self.predictor.probabilities_into(row, out);
     }
 }
 
@@ -146,7 +189,7 @@ mod tests {
 
     fn sets(probabilities: [f64; 3]) -> Shfrs {
         let (parameters, safety, predictor) = setup(probabilities);
-        let human = PredictedHuman::new(&predictor, &safety, &parameters);
+        let human = PredictedHuman::new(&predictor, &safety, &parameters).unwrap();
         let now = JointState { human: Pose::new(1.0, 2.0, 0.5), robot: Pose::new(9.0, 2.0, 3.0) };
         predict(&[now], &parameters, &human, &ShfrsSettings::paper(3).unwrap()).unwrap()
     }

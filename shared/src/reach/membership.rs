@@ -16,8 +16,9 @@
 //! inputs with two jumps; so a sliver along the boundary may be missed, up to
 //! MISSED m in 10 steps (measured in `tests/reach_membership.rs`).
 
-mod ridge;
 mod search;
+mod ridge;
+mod jumps;
 mod slice;
 
 use super::ReachableSet;

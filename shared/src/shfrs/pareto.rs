@@ -6,6 +6,8 @@
 //! scene or person.
 
 use super::family::Family;
+use super::guarantee::Guarantee;
+use super::scores::{Scores, single};
 use super::window::{Trajectory, Window, WindowChoice};
 use crate::invalid::Invalid;
 use crate::stats::{Tally, open_probability, share};
@@ -43,10 +45,7 @@ impl ParetoSettings {
             open_probability(&format!("targets[{i}]"), target)?;
         }
         open_probability("confidence", confidence)?;
-        if !choice.is_single() {
-            let expected = "one window a trajectory at most";
-            return Err(Invalid::new("choice", expected, choice.word()));
-        }
+        single(choice)?;
         if steps == 0 {
             return Err(Invalid::new("steps", "at least 1", steps));
         }
@@ -85,8 +84,8 @@ pub struct ParetoRow {
     pub target: f64,
     /// [`Family::level_name`].
     pub level_name: String,
-    /// The calibrated level: the ⌈(n + 1)p⌉-th smallest of n calibration scores, the largest
-    /// set's if there are not so many.
+    /// The calibrated level: the ⌈(n + 1)p⌉-th smallest of n calibration scores
+    /// ([`Guarantee::Conformal`]).
     pub level: f64,
     /// Share of the test windows inside the set of that level.
     pub coverage: f64,
@@ -122,7 +121,8 @@ pub struct ParetoPoint {
 /// in parallel where there are threads; the result does not depend on how many.
 ///
 /// # Errors
-/// [`Invalid`] if no trajectory has such a window, or a prediction fails.
+/// [`Invalid`] if no trajectory has such a window, there are too few for a target (it says how
+/// many are needed), or a prediction fails.
 pub fn pareto(
     families: &mut [Box<dyn Family + Send + '_>],
     calibration: &[Trajectory],
@@ -175,12 +175,12 @@ fn judge(
     test: &[Window<'_>],
     settings: &ParetoSettings,
 ) -> Result<Judged, Invalid> {
-    let calibrated = sorted_scores(family, calibration)?;
-    let scores = sorted_scores(family, test)?;
-    let inside = |level: f64| scores.partition_point(|&score| score <= level);
+    let calibrated = scores(family, calibration)?;
+    let scores = scores(family, test)?;
     let n = scores.len();
+    let inside = |level: f64| scores.sorted().partition_point(|&score| score <= level);
     let row = |&target: &f64| {
-        let level = conformal_level(&calibrated, target).unwrap_or(family.most());
+        let level = Guarantee::Conformal.level(&calibrated, target)?;
         let hits = inside(level);
         let tally = |i| Tally { hits: usize::from(i < hits), of: 1 };
         let tallies: Vec<Tally> = (0..n).map(tally).collect();
@@ -198,7 +198,7 @@ fn judge(
     };
     let rows = settings.targets.iter().map(row).collect::<Result<_, Invalid>>()?;
     // Levels that differ by rounding are one: of each such run the largest.
-    let mut levels: Vec<f64> = scores.iter().rev().copied().collect();
+    let mut levels: Vec<f64> = scores.sorted().iter().rev().copied().collect();
     levels.dedup_by(|smaller, larger| *larger - *smaller <= 1e-6 * family.most());
     levels.reverse();
     let point = |level| {
@@ -209,14 +209,12 @@ fn judge(
     Ok((rows, ParetoCurve { family: family.name(), points }))
 }
 
-fn sorted_scores(
+fn scores(
     family: &mut (dyn Family + Send + '_),
     windows: &[Window<'_>],
-) -> Result<Vec<f64>, Invalid> {
+) -> Result<Scores, Invalid> {
     let scores = windows.iter().map(|window| family.score(window));
-    let mut scores = scores.collect::<Result<Vec<_>, _>>()?;
-    scores.sort_by(f64::total_cmp);
-    Ok(scores)
+    Scores::new(scores.collect::<Result<_, _>>()?)
 }
 
 fn mean_area(
@@ -226,13 +224,6 @@ fn mean_area(
 ) -> Result<f64, Invalid> {
     let areas = windows.iter().map(|window| family.area_m2(window, level));
     Ok(areas.sum::<Result<f64, Invalid>>()? / windows.len() as f64)
-}
-
-/// The ⌈(n + 1)p⌉-th smallest of the n sorted `scores`; none if there are not so many.
-fn conformal_level(scores: &[f64], target: f64) -> Option<f64> {
-    // (n + 1)p may come out a hair above the whole number that it is.
-    let rank = ((scores.len() + 1) as f64 * target - 1e-9).ceil().max(1.0) as usize;
-    scores.get(rank - 1).copied()
 }
 
 /// At most `most` of the values, evenly spread, both ends among them.
@@ -285,17 +276,19 @@ mod tests {
     #[test]
     fn levels_are_conformal_ranks() {
         let mut families: Vec<Box<dyn Family + Send>> = vec![Box::new(Plain("plain"))];
-        let settings = settings(vec![0.5, 0.75, 0.9, 0.96]);
-        let found = pareto(&mut families, &drives(19), &drives(10), &settings).unwrap();
+        let found = settings(vec![0.5, 0.75, 0.9]);
+        let found = pareto(&mut families, &drives(19), &drives(10), &found).unwrap();
         let levels: Vec<f64> = found.rows.iter().map(|row| row.level).collect();
-        // ⌈20 p⌉ of 19; 19.2 asks for a twentieth score: everything.
-        assert_eq!(levels, [10.0, 15.0, 18.0, 100.0]);
+        // ⌈20 p⌉ of 19.
+        assert_eq!(levels, [10.0, 15.0, 18.0]);
         let coverages: Vec<f64> = found.rows.iter().map(|row| row.coverage).collect();
-        assert_eq!(coverages, [1.0; 4]);
+        assert_eq!(coverages, [1.0; 3]);
         assert_eq!((found.calibration_trajectories, found.test_trajectories), (19, 10));
         assert_eq!(found.window_choice, "random_one");
         assert_eq!(found.rows[0].mean_area_m2, 10.0);
-        assert_eq!(conformal_level(&[1.0, 2.0, 3.0], 0.75), Some(3.0));
+        // 19.2 would be a twentieth score.
+        let complaint = pareto(&mut families, &drives(19), &drives(10), &settings(vec![0.96]));
+        assert_eq!(complaint.unwrap_err().found, "19");
     }
 
     #[test]
@@ -334,7 +327,7 @@ mod tests {
         assert_eq!(field(&[], 0.9, one, 1, 9), "targets");
         assert_eq!(field(&[0.5, 1.0], 0.9, one, 1, 9), "targets[1]");
         assert_eq!(field(&[0.5], f64::NAN, one, 1, 9), "confidence");
-        assert_eq!(field(&[0.5], 0.9, WindowChoice::EveryStep, 1, 9), "choice");
+        assert_eq!(field(&[0.5], 0.9, WindowChoice::EveryStep, 1, 9), "window_choice");
         assert_eq!(field(&[0.5], 0.9, one, 0, 9), "steps");
         assert_eq!(field(&[0.5], 0.9, one, 1, 1), "points");
         let long = ParetoSettings::new(vec![0.5], 0.9, one, 2, 9).unwrap();

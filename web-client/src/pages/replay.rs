@@ -210,7 +210,7 @@ impl Replay {
             return Ok(None);
         };
         let parameters = &self.trial.parameters;
-        let human = PredictedHuman::new(&learned.predictor, safety, parameters);
+        let human = PredictedHuman::new(&learned.predictor, safety, parameters)?;
         let state = self.state();
         let mut history = self.trial.states[..self.step()].to_vec();
         history.push(state);

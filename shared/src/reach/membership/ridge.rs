@@ -123,7 +123,7 @@ impl Arc for Ridge<'_> {
 }
 
 /// Least and greatest turn in a part, rad.
-fn turns(paths: &Paths, part: usize) -> (f64, f64) {
+pub(super) fn turns(paths: &Paths, part: usize) -> (f64, f64) {
     let seconds = paths.step_s / PARTS as f64;
     (paths.lo[part / PARTS] * seconds, paths.hi[part / PARTS] * seconds)
 }

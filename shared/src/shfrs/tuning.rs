@@ -1,0 +1,333 @@
+//! Tuning: the least area subject to p_{F_1} ≥ p, with a guarantee.
+//!
+//! Trajectories are parted into three. On the *training* part the choice of actions is made
+//! that needs the least area, and frozen. On the *calibration* part, which nothing was chosen
+//! by, ε_1 is found so that the guarantee holds. The *test* part says what was reached.
+
+use super::each::each;
+use super::guarantee::{Guarantee, fixed_sequence};
+use super::prediction::Prediction;
+use super::probability::holds;
+use super::scores::{Scores, choice_in_words, single};
+use super::widened::{least_widening, tube_area_m2, widened};
+use super::window::{Trajectory, Window, WindowChoice};
+use crate::bounds::{ActionChoice, ActionModel, BoundsSettings, Rollout};
+use crate::invalid::Invalid;
+use crate::math::SeededRng;
+use crate::stats::{Estimate, Tally, open_probability, share};
+use serde::Serialize;
+
+/// How trajectories are parted. What is left of 1 is for the test.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Split {
+    /// Share for training, in (0, 1).
+    pub training: f64,
+    /// Share for calibration, in (0, 1); with `training` at most 1.
+    pub calibration: f64,
+    /// Of the generator that draws them.
+    pub seed: u64,
+}
+
+impl Default for Split {
+    /// 40 % training, 40 % calibration, 20 % test.
+    fn default() -> Self {
+        Self { training: 0.4, calibration: 0.4, seed: 0 }
+    }
+}
+
+/// Indices of things parted at random.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Parts {
+    /// To choose by.
+    pub training: Vec<usize>,
+    /// To calibrate on.
+    pub calibration: Vec<usize>,
+    /// To judge by.
+    pub test: Vec<usize>,
+}
+
+impl Split {
+    /// Parts 0 … `n` − 1; shares are rounded to whole things.
+    ///
+    /// # Errors
+    /// [`Invalid`] if a share is not in (0, 1), or both together are more than 1.
+    pub fn parts(&self, n: usize) -> Result<Parts, Invalid> {
+        open_probability("training", self.training)?;
+        open_probability("calibration", self.calibration)?;
+        let sum = self.training + self.calibration;
+        if sum > 1.0 + 1e-9 {
+            let expected = "shares of training and calibration that sum to at most 1";
+            return Err(Invalid::new("calibration", expected, sum));
+        }
+        let mut training = SeededRng::new(self.seed).permutation(n);
+        let upto = |share: f64| ((share * n as f64).round() as usize).min(n);
+        let test = training.split_off(upto(sum));
+        let calibration = training.split_off(upto(self.training).min(training.len()));
+        Ok(Parts { training, calibration, test })
+    }
+}
+
+/// What to tune for.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TuningSettings {
+    /// Probability p that a trajectory stays inside F_1, in (0, 1).
+    pub p: f64,
+    /// How sure that is to be.
+    pub guarantee: Guarantee,
+    /// Which window of each trajectory; one at most.
+    pub windows: WindowChoice,
+    /// How the trajectories are parted.
+    pub split: Split,
+    /// What to choose from; all of the same number of steps. Usually [`candidates`].
+    pub candidates: Vec<ActionChoice>,
+    /// Confidence of the interval about the coverage that is measured, in (0, 1).
+    pub confidence: f64,
+}
+
+/// Probabilities τ of the adaptive sets that are tried.
+const TAUS: [f64; 14] =
+    [0.005, 0.01, 0.02, 0.03, 0.05, 0.07, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.5];
+
+/// What is usually chosen from: adaptive sets over a grid of τ, and every schedule of k that
+/// has all `actions` in the first a steps, (`actions` + 1)/2 rounded down until b, then 1
+/// (for three actions: 3, 2, 1).
+#[must_use]
+pub fn candidates(actions: usize, steps: usize) -> Vec<ActionChoice> {
+    let mut found: Vec<ActionChoice> =
+        TAUS.iter().map(|&tau| ActionChoice::Adaptive { tau, steps }).collect();
+    for a in 0..=steps {
+        for b in a..=steps {
+            let k = |i| {
+                if i < a {
+                    actions
+                } else if i < b {
+                    actions.div_ceil(2)
+                } else {
+                    1
+                }
+            };
+            let schedule = ActionChoice::TopK((0..steps).map(k).collect());
+            if !found.contains(&schedule) {
+                found.push(schedule);
+            }
+        }
+    }
+    found
+}
+
+/// A tuned setting and what is known of it.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Tuned {
+    /// Which actions count.
+    #[serde(serialize_with = "in_words")]
+    pub choice: ActionChoice,
+    /// ε_1, rad/s.
+    pub epsilon: f64,
+    /// `base` or `paper` roll-outs.
+    pub rollout: String,
+    /// The probability asked for, p.
+    pub p: f64,
+    /// [`Guarantee::word`].
+    pub guarantee: String,
+    /// What is guaranteed, over what, by how many trajectories.
+    pub statement: String,
+    /// [`WindowChoice::word`].
+    pub window_choice: String,
+    /// Steps ahead, T.
+    pub steps: usize,
+    /// Trajectories that the choice was made on.
+    pub training: usize,
+    /// Trajectories that ε_1 was calibrated on.
+    pub calibration: usize,
+    /// Trajectories that coverage and area were measured on.
+    pub test: usize,
+    /// Trajectories without a window, left out.
+    pub without_window: usize,
+    /// Share of the test part that stays inside, with its interval.
+    pub coverage: Estimate,
+    /// Confidence of that interval.
+    pub confidence: f64,
+    /// Area of the tube of F_1, m²: mean over the test part; over the calibration part if
+    /// there is no test.
+    pub mean_area_m2: f64,
+    /// So far outside, m, a recorded position still counted as inside.
+    pub tolerance_m: f64,
+    /// So far outside, rad, a recorded heading still counted as inside.
+    pub tolerance_rad: f64,
+}
+
+fn in_words<S: serde::Serializer>(choice: &ActionChoice, to: S) -> Result<S::Ok, S::Error> {
+    to.serialize_str(&choice_in_words(choice))
+}
+
+/// Tunes on recorded `trajectories`. The predictor must not have been trained on those that
+/// come into calibration or test; a guarantee says nothing otherwise.
+///
+/// # Errors
+/// [`Invalid`] if a setting is wrong, windows are not one a trajectory, or there are too few
+/// trajectories for the guarantee (it says how many are needed).
+pub fn tune(
+    trajectories: &[Trajectory],
+    prediction: Prediction<'_, impl ActionModel + Sync>,
+    settings: &TuningSettings,
+) -> Result<Tuned, Invalid> {
+    let families = families(&prediction, settings)?;
+    let steps = families[0].steps();
+    let windows = settings.windows.windows(trajectories, steps);
+    let windows: Vec<Window<'_>> = windows.into_iter().flatten().collect();
+    let parts = settings.split.parts(windows.len())?;
+    let pick = |part: &[usize]| part.iter().map(|&i| windows[i]).collect::<Vec<_>>();
+    let [training, calibration, test] =
+        [&parts.training, &parts.calibration, &parts.test].map(|part| pick(part));
+    settings.guarantee.enough(calibration.len(), settings.p)?;
+    // The choice aims at the same score as the calibration will, so it needs as many.
+    if training.is_empty() {
+        return Err(Invalid::new("training trajectories", "at least 1", 0));
+    }
+    let chosen = &families[least_area(&training, &prediction, &families, settings.p)?];
+    let (epsilon, rollout) = match settings.guarantee {
+        Guarantee::Conformal | Guarantee::Pac { .. } => {
+            let scores = each(&calibration, |window| {
+                let base = prediction.bounds(window.history(), chosen)?.raw;
+                least_widening(&base, window, prediction.parameters, prediction.tolerance)
+            })?;
+            (settings.guarantee.level(&Scores::new(scores)?, settings.p)?, Rollout::Base)
+        }
+        Guarantee::FixedSequence { delta, levels } => {
+            let level =
+                |i: usize| prediction.full_range() * (levels - 1 - i) as f64 / (levels - 1) as f64;
+            let hits = |i: usize| {
+                let used = prediction.settings(vec![level(i)], chosen.choice(), Rollout::Paper)?;
+                inside(&calibration, &prediction, &used)
+            };
+            let n = calibration.len();
+            let accepted = fixed_sequence(levels, hits, n, settings.p, delta)?;
+            (level(accepted), Rollout::Paper)
+        }
+    };
+    let used = prediction.settings(vec![epsilon], chosen.choice(), rollout)?;
+    let tally = Tally { hits: inside(&test, &prediction, &used)?, of: test.len() };
+    let measured = if test.is_empty() { &calibration } else { &test };
+    let areas = each(measured, |window| {
+        tube_area_m2(&prediction.bounds(window.history(), &used)?.sets[0], prediction.parameters)
+    })?;
+    Ok(Tuned {
+        choice: chosen.choice().clone(),
+        epsilon,
+        rollout: if rollout == Rollout::Base { "base" } else { "paper" }.to_owned(),
+        p: settings.p,
+        guarantee: settings.guarantee.word().to_owned(),
+        statement: settings.guarantee.statement(settings.p, calibration.len()),
+        window_choice: settings.windows.word().to_owned(),
+        steps,
+        training: training.len(),
+        calibration: calibration.len(),
+        test: test.len(),
+        without_window: trajectories.len() - windows.len(),
+        coverage: share_of_one(tally, settings.confidence)?,
+        confidence: settings.confidence,
+        mean_area_m2: areas.iter().sum::<f64>() / areas.len() as f64,
+        tolerance_m: prediction.tolerance.position_m,
+        tolerance_rad: prediction.tolerance.heading_rad,
+    })
+}
+
+/// The share of trajectories with one window each.
+fn share_of_one(Tally { hits, of }: Tally, confidence: f64) -> Result<Estimate, Invalid> {
+    let tallies: Vec<Tally> =
+        (0..of).map(|i| Tally { hits: usize::from(i < hits), of: 1 }).collect();
+    share(&tallies, confidence)
+}
+
+/// Checks the settings, and those of Algorithm 1 of every candidate.
+fn families(
+    prediction: &Prediction<'_, impl ActionModel>,
+    settings: &TuningSettings,
+) -> Result<Vec<BoundsSettings>, Invalid> {
+    open_probability("p", settings.p)?;
+    open_probability("confidence", settings.confidence)?;
+    settings.guarantee.check()?;
+    single(settings.windows)?;
+    let family = |(i, choice): (usize, &ActionChoice)| {
+        prediction
+            .settings(vec![0.0], choice, Rollout::Base)
+            .map_err(|invalid| invalid.within(&format!("candidates[{i}]")))
+    };
+    let families: Vec<BoundsSettings> =
+        settings.candidates.iter().enumerate().map(family).collect::<Result<_, _>>()?;
+    let Some(steps) = families.first().map(BoundsSettings::steps) else {
+        return Err(Invalid::new("candidates", "at least one", "none"));
+    };
+    if let Some(i) = families.iter().position(|family| family.steps() != steps) {
+        let expected = format!("{steps} steps, as the first one");
+        return Err(Invalid::new(format!("candidates[{i}]"), expected, families[i].steps()));
+    }
+    Ok(families)
+}
+
+/// How many windows stay inside F_1.
+fn inside(
+    windows: &[Window<'_>],
+    prediction: &Prediction<'_, impl ActionModel + Sync>,
+    settings: &BoundsSettings,
+) -> Result<usize, Invalid> {
+    // A set that admits every turn rate holds everything by definition.
+    if settings.epsilon()[0] >= prediction.full_range() {
+        return Ok(windows.len());
+    }
+    let held = each(windows, |window| {
+        holds(&prediction.bounds(window.history(), settings)?.sets[0], window, prediction)
+    })?;
+    Ok(held.into_iter().filter(|&held| held).count())
+}
+
+/// The bounds that candidates come to for one window, each with its score.
+struct Bases {
+    known: Vec<(Vec<(f64, f64)>, f64)>,
+    /// Of each candidate, which of them.
+    of: Vec<usize>,
+}
+
+/// The candidate whose tubes have the least mean area over the training windows, when each
+/// has the level of its ⌈(n + 1)p⌉-th score (the last if there are too few); the first of
+/// equals.
+fn least_area(
+    windows: &[Window<'_>],
+    prediction: &Prediction<'_, impl ActionModel + Sync>,
+    families: &[BoundsSettings],
+    p: f64,
+) -> Result<usize, Invalid> {
+    let (parameters, tolerance) = (prediction.parameters, prediction.tolerance);
+    let bases = each(windows, |window| {
+        let mut found = Bases { known: Vec::new(), of: Vec::with_capacity(families.len()) };
+        for family in families {
+            let base = prediction.bounds(window.history(), family)?.raw;
+            let place = match found.known.iter().position(|(known, _)| *known == base) {
+                Some(place) => place,
+                None => {
+                    let score = least_widening(&base, window, parameters, tolerance)?;
+                    found.known.push((base, score));
+                    found.known.len() - 1
+                }
+            };
+            found.of.push(place);
+        }
+        Ok(found)
+    })?;
+    let rank = (((windows.len() + 1) as f64 * p).ceil() as usize).min(windows.len());
+    let all: Vec<usize> = (0..families.len()).collect();
+    let areas = each(&all, |&candidate| {
+        let own = |bases: &Bases| bases.of[candidate];
+        let mut scores: Vec<f64> = bases.iter().map(|bases| bases.known[own(bases)].1).collect();
+        scores.sort_by(f64::total_cmp);
+        let level = scores[rank - 1];
+        let mut sum = 0.0;
+        for bases in &bases {
+            let bounds = widened(&bases.known[own(bases)].0, level, prediction.turn_rate())?;
+            sum += tube_area_m2(&bounds, parameters)?;
+        }
+        Ok(sum)
+    })?;
+    let best = areas.iter().enumerate().min_by(|(_, a), (_, b)| a.total_cmp(b));
+    Ok(best.map_or(0, |(i, _)| i))
+}
