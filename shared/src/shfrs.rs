@@ -1,10 +1,12 @@
 //! Stochastic human forward reachable sets: from the states so far and a predictor
 //! to nested regions of the plane.
 
+pub mod baselines;
 pub mod danger;
 mod each;
 pub mod family;
 pub mod guarantee;
+pub mod pareto;
 pub mod prediction;
 pub mod probability;
 pub mod scores;
