@@ -22,8 +22,8 @@ fn predictor() -> Predictor {
     let features = FeatureSet::subset("hrd").expect("the paper's features");
     let scale = Scale::new(vec![5.0, 2.0, 0.0, 0.0, 0.0, 2.0, 2.0, 6.0], vec![2.0; 8]);
     let right = vec![0.1, -0.4, 0.3, 0.2, -0.5, -1.1, -0.3, -0.2];
-    let left = vec![0.2, 0.3, -0.4, 0.1, 0.6, -0.9, -0.4, -0.1];
     let straight = vec![-0.3, 0.1, 0.1, -0.3, -0.1, 2.0, 0.7, 0.3];
+    let left = vec![0.2, 0.3, -0.4, 0.1, 0.6, -0.9, -0.4, -0.1];
     let model = Logistic::new(8, &[right, straight, left], vec![0.1, 0.4, -0.1]);
     let (scale, model) = (scale.expect("a scale"), model.expect("a model"));
     Predictor::logistic(features, vec![-1, 0, 1], scale, model)
