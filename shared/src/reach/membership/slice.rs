@@ -308,6 +308,9 @@ impl Arc for Window<'_> {
     }
 }
 
+/// Headings closer than this, rad, differ by rounding errors only.
+const SAME_HEADING: f64 = 1e-9;
+
 /// Turn at full rate toward a direction (the parameter), go straight, turn at
 /// full rate to the end heading.
 struct Straight<'a> {
@@ -322,20 +325,25 @@ impl Arc for Straight<'_> {
         let (low, high) = (&slice.paths.low, &slice.paths.high);
         let falling = |heading: f64| slice.instant(-heading, |step| -low.heading(step));
         let rising = |heading: f64| slice.instant(heading, |step| high.heading(step));
-        let (from, first) = if direction >= 0.0 {
-            let from = rising(direction);
-            (from, high.at(from).0)
-        } else {
-            let from = falling(direction);
-            (from, low.at(from).0)
-        };
-        let (to, path, turn) = if direction >= slice.heading {
+        let (mut from, toward) =
+            if direction >= 0.0 { (rising(direction), high) } else { (falling(direction), low) };
+        let (mut to, path, turn) = if direction >= slice.heading {
             (falling(direction - slice.above_low), low, slice.above_low)
         } else {
             (rising(direction + slice.below_high), high, -slice.below_high)
         };
+        // Where a full rate is zero its path is straight too, and its instant may come
+        // out anywhere there.
+        if to.time < from.time {
+            if (toward.at(to).1 - direction).abs() < SAME_HEADING {
+                from = to;
+            } else {
+                to = from;
+            }
+        }
+        let first = toward.at(from).0;
         let last = unit(turn) * (path.point(slice.steps) - path.at(to).0);
-        let straight_s = (to.time - from.time).max(0.0);
+        let straight_s = to.time - from.time;
         let point = first + unit(direction) * straight_s + last;
         Knot { parameter: direction, point, from: from.time, to: to.time }
     }
