@@ -12,7 +12,7 @@
 
 use super::paths::{Paths, arc, unit};
 use super::sampling::Sample;
-use crate::math::{acos, cos, sin, wrap_positive};
+use crate::math::{PI, atan2, sin, sin_cos};
 use nalgebra::Complex;
 
 /// An extremal at some instant, seen from its end.
@@ -128,38 +128,41 @@ impl Costate {
 
     /// Turning at `rate`, how many seconds before this instant, if fewer than
     /// `left`, p passes zero.
+    ///
+    /// With z = (2/rate)·tan(rate·seconds/2), Im(rest) vanishes where
+    /// a·z² − b·z − Im(rest) = 0, a = (rate/2)·(cos φ − rate·Im(rest)/2), b = sin φ.
+    /// Unlike the difference of two arc cosines, its roots keep all their digits
+    /// where φ and the rate are close to zero.
     fn switch(&self, rate: f64, left: f64) -> Option<f64> {
         let im = self.rest.im;
         if im.abs() >= left {
             return None;
         }
-        let straight = (rate * left).abs() < 1e-6;
-        let mut seconds = if straight {
-            -im / sin(self.phi)
-        } else {
-            // Im(rest) + (cos φ' − cos φ)/rate = 0, for φ' = φ − rate·seconds.
-            let turned = |target: f64| wrap_positive(rate.signum() * (self.phi - target));
-            if im == 0.0 {
-                turned(-self.phi) / rate.abs()
-            } else {
-                let level = cos(self.phi) - rate * im;
-                if level.abs() > 1.0 {
-                    return None;
-                }
-                let target = acos(level);
-                turned(target).min(turned(-target)) / rate.abs()
-            }
-        };
-        // The arc cosine loses digits near 0 and π; Newton's method regains them.
-        if im != 0.0 && seconds < left {
-            for _ in 0..2 {
-                let slope = sin(self.phi - rate * seconds);
-                if slope.abs() > 1e-9 {
-                    seconds -= self.before(rate, seconds).rest.im / slope;
-                }
-            }
+        let (b, cos) = sin_cos(self.phi);
+        let a = 0.5 * rate * (cos - 0.5 * rate * im);
+        let discriminant = b * b + 4.0 * a * im;
+        if discriminant < 0.0 {
+            return None;
         }
-        (seconds > 0.0 && seconds < left).then_some(seconds)
+        let q = b + discriminant.sqrt().copysign(b);
+        // At Im(rest) = 0 the root z = 0 is this instant itself.
+        let roots = [0.5 * q / a, if im == 0.0 { f64::NAN } else { -2.0 * im / q }];
+        let seconds = roots.map(|z| seconds(z, rate)).into_iter().fold(f64::INFINITY, f64::min);
+        (seconds < left).then_some(seconds)
+    }
+}
+
+/// The first time > 0 at which (2/rate)·tan(rate·time/2) is `z`, s; infinite if
+/// there is none.
+fn seconds(z: f64, rate: f64) -> f64 {
+    let half = 0.5 * rate.abs();
+    let turned = if half * z.abs() < 1e-8 { z } else { atan2(half * z, 1.0) / half };
+    if turned > 0.0 {
+        turned
+    } else if turned < 0.0 && half > 0.0 {
+        turned + PI / half
+    } else {
+        f64::INFINITY
     }
 }
 
