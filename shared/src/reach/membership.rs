@@ -83,10 +83,11 @@ impl ReachableSet {
     #[must_use]
     pub fn contains_state(&self, step: usize, state: Pose, tolerance: Tolerance) -> bool {
         assert!(step <= self.steps(), "step {step} of {}", self.steps());
-        let position = self.from_world(state);
+        let position = self.local(state);
         let near = tolerance.position_m / self.speed_mps;
         let seconds = step as f64 * self.paths.step_s;
-        if !(position.norm_sqr() <= (seconds + near) * (seconds + near)) {
+        let away = position.norm_sqr();
+        if away.is_nan() || away > (seconds + near) * (seconds + near) {
             return false;
         }
         let turn = tolerance.heading_rad;
@@ -113,7 +114,7 @@ impl ReachableSet {
     #[must_use]
     pub fn state_margins(&self, step: usize, state: Pose) -> StateMargins {
         assert!(step <= self.steps(), "step {step} of {}", self.steps());
-        let position = self.from_world(state);
+        let position = self.local(state);
         let (low, high) = self.end_headings(step);
         let mut best =
             StateMargins { heading_rad: f64::NAN, position_m: f64::NAN, nearest: Side::Front };
@@ -165,7 +166,7 @@ impl ReachableSet {
     }
 
     /// From the world frame, metres, to the human's, seconds of travel.
-    fn from_world(&self, state: Pose) -> Complex<f64> {
+    fn local(&self, state: Pose) -> Complex<f64> {
         let moved = Complex::new(state.x - self.start.x, state.y - self.start.y);
         moved * unit(-self.start.psi) / self.speed_mps
     }
