@@ -4,6 +4,7 @@
 use sidestep::bounds::{ActionChoice, Rollout};
 use sidestep::dataset::Dataset;
 use sidestep::features::{FeatureSet, SafetyFunctions};
+use sidestep::invalid::Invalid;
 use sidestep::predict::Predictor;
 use sidestep::predict::logistic::{Logistic, LogisticSettings};
 use sidestep::predict::scale::Scale;
@@ -81,16 +82,23 @@ fn settings(p: f64, guarantee: Guarantee, seed: u64) -> TuningSettings {
         p,
         guarantee,
         windows: WindowChoice::RandomOne { seed },
-        split: Split { seed, ..Split::default() },
         candidates: candidates(3, 10),
         confidence: 0.95,
     }
 }
 
-fn tuned(settings: &TuningSettings) -> Result<Tuned, sidestep::invalid::Invalid> {
+fn tuned(settings: &TuningSettings) -> Result<Tuned, Invalid> {
+    let WindowChoice::RandomOne { seed } = settings.windows else {
+        return tuned_on(Split::default(), settings);
+    };
+    tuned_on(Split { seed, ..Split::default() }, settings)
+}
+
+fn tuned_on(split: Split, settings: &TuningSettings) -> Result<Tuned, Invalid> {
     let Data { parameters, safety, predictor, unseen } = data();
     let human = PredictedHuman::new(predictor, safety, parameters).unwrap();
-    tune(unseen, Prediction::new(parameters, &human), settings)
+    let sample = split.parts(unseen.len())?.sample(unseen);
+    tune(&sample, Prediction::new(parameters, &human), settings)
 }
 
 #[test]
@@ -149,9 +157,11 @@ fn complaints_name_the_field() {
         assert_eq!(complaint(&|s| s.p = wrong).field, "p");
         assert_eq!(complaint(&|s| s.confidence = wrong).field, "confidence");
         assert_eq!(complaint(&|s| s.guarantee = Guarantee::Pac { delta: wrong }).field, "delta");
-        assert_eq!(complaint(&|s| s.split.training = wrong).field, "split.training");
+        let split = Split { training: wrong, ..Split::default() };
+        assert_eq!(tuned_on(split, &good).unwrap_err().field, "training");
     }
-    assert_eq!(complaint(&|s| s.split.calibration = 0.7).field, "split.calibration");
+    let split = Split { calibration: 0.7, ..Split::default() };
+    assert_eq!(tuned_on(split, &good).unwrap_err().field, "calibration");
     assert_eq!(complaint(&|s| s.candidates.clear()).field, "candidates");
     let short = ActionChoice::TopK(vec![1; 9]);
     assert_eq!(complaint(&|s| s.candidates[3] = short.clone()).field, "candidates[3]");

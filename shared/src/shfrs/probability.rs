@@ -5,10 +5,9 @@
 
 use super::each::each;
 use super::prediction::{Prediction, same_steps};
-use super::scores::choice_in_words;
 use super::widened::tube_area_m2;
 use super::window::{Trajectory, Window, WindowChoice};
-use crate::bounds::{ActionModel, BoundsSettings, InputBounds, Rollout};
+use crate::bounds::{ActionModel, BoundsSettings, InputBounds};
 use crate::invalid::Invalid;
 use crate::reach::ReachableSet;
 use crate::stats::{Estimate, Tally, open_probability, share};
@@ -137,12 +136,8 @@ pub fn regions(
     }
     Ok(Regions {
         epsilon: settings.epsilon().to_vec(),
-        actions: choice_in_words(settings.choice()),
-        rollout: match settings.rollout() {
-            Rollout::Paper => "paper",
-            Rollout::Base => "base",
-        }
-        .to_owned(),
+        actions: settings.choice().to_string(),
+        rollout: settings.rollout().word().to_owned(),
         steps: settings.steps(),
         window_choice: choice.word().to_owned(),
         tolerance_m: prediction.tolerance.position_m,
@@ -209,6 +204,7 @@ pub(super) fn holds(
 mod tests {
     use super::*;
     use crate::bounds::ActionChoice;
+    use crate::bounds::Rollout;
     use crate::math::SeededRng;
     use crate::scene::SceneParameters;
     use crate::shfrs::testing::{Always, drive};

@@ -35,7 +35,7 @@ impl<'a, M: ActionModel> ShfrsFamily<'a, M> {
 
 impl<M: ActionModel> Family for ShfrsFamily<'_, M> {
     fn name(&self) -> String {
-        format!("SHFRS, {}", choice_in_words(self.base.choice()))
+        format!("SHFRS, {}", self.base.choice())
     }
 
     fn most(&self) -> f64 {
@@ -50,18 +50,6 @@ impl<M: ActionModel> Family for ShfrsFamily<'_, M> {
     fn area_m2(&mut self, window: &Window<'_>, level: f64) -> Result<f64, Invalid> {
         let bounds = widened(&self.base_bounds(window)?, level, self.prediction.turn_rate())?;
         tube_area_m2(&bounds, self.prediction.parameters)
-    }
-}
-
-/// `k = 3 3 2 1 …` or `τ = 0.1`.
-#[must_use]
-pub fn choice_in_words(choice: &ActionChoice) -> String {
-    match choice {
-        ActionChoice::TopK(k) => {
-            let k: Vec<String> = k.iter().map(usize::to_string).collect();
-            format!("k = {}", k.join(" "))
-        }
-        ActionChoice::Adaptive { tau, .. } => format!("τ = {tau}"),
     }
 }
 

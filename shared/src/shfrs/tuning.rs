@@ -8,7 +8,7 @@ use super::each::each;
 use super::guarantee::{Guarantee, fixed_sequence};
 use super::prediction::Prediction;
 use super::probability::holds;
-use super::scores::{Scores, choice_in_words, single};
+use super::scores::{Scores, single};
 use super::widened::{least_widening, tube_area_m2, widened, widening_between};
 use super::window::{Trajectory, Window, WindowChoice};
 use crate::bounds::{ActionChoice, ActionModel, BoundsSettings, Rollout};
@@ -46,6 +46,33 @@ pub struct Parts {
     pub test: Vec<usize>,
 }
 
+/// Recorded trajectories in their three parts.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sample {
+    /// To choose by.
+    pub training: Vec<Trajectory>,
+    /// To calibrate on.
+    pub calibration: Vec<Trajectory>,
+    /// To judge by; may be empty.
+    pub test: Vec<Trajectory>,
+}
+
+impl Parts {
+    /// The trajectories in their parts.
+    ///
+    /// # Panics
+    /// If there are fewer of them than were parted.
+    #[must_use]
+    pub fn sample(&self, trajectories: &[Trajectory]) -> Sample {
+        let pick = |part: &[usize]| part.iter().map(|&i| trajectories[i].clone()).collect();
+        Sample {
+            training: pick(&self.training),
+            calibration: pick(&self.calibration),
+            test: pick(&self.test),
+        }
+    }
+}
+
 impl Split {
     /// Parts 0 … `n` − 1; shares are rounded to whole things.
     ///
@@ -76,8 +103,6 @@ pub struct TuningSettings {
     pub guarantee: Guarantee,
     /// Which window of each trajectory; one at most.
     pub windows: WindowChoice,
-    /// How the trajectories are parted.
-    pub split: Split,
     /// What to choose from; all of the same number of steps. Usually [`candidates`].
     pub candidates: Vec<ActionChoice>,
     /// Confidence of the interval about the coverage that is measured, in (0, 1).
@@ -157,28 +182,27 @@ pub struct Tuned {
 }
 
 fn in_words<S: serde::Serializer>(choice: &ActionChoice, to: S) -> Result<S::Ok, S::Error> {
-    to.serialize_str(&choice_in_words(choice))
+    to.collect_str(choice)
 }
 
-/// Tunes on recorded `trajectories`. The predictor must not have been trained on those that
-/// come into calibration or test; a guarantee says nothing otherwise.
+/// Tunes on recorded trajectories. The predictor must not have been trained on those for
+/// calibration or test; a guarantee says nothing otherwise.
 ///
 /// # Errors
 /// [`Invalid`] if a setting is wrong, windows are not one a trajectory, or there are too few
 /// trajectories for the guarantee (it says how many are needed).
 pub fn tune(
-    trajectories: &[Trajectory],
+    sample: &Sample,
     prediction: Prediction<'_, impl ActionModel + Sync>,
     settings: &TuningSettings,
 ) -> Result<Tuned, Invalid> {
     let families = families(&prediction, settings)?;
     let steps = families[0].steps();
-    let windows = settings.windows.windows(trajectories, steps);
-    let windows: Vec<Window<'_>> = windows.into_iter().flatten().collect();
-    let parts = settings.split.parts(windows.len()).map_err(|invalid| invalid.within("split"))?;
-    let pick = |part: &[usize]| part.iter().map(|&i| windows[i]).collect::<Vec<_>>();
+    let parts = [&sample.training, &sample.calibration, &sample.test];
     let [training, calibration, test] =
-        [&parts.training, &parts.calibration, &parts.test].map(|part| pick(part));
+        parts.map(|part| settings.windows.windows(part, steps).concat());
+    let trajectories: usize = parts.map(Vec::len).iter().sum();
+    let windows = training.len() + calibration.len() + test.len();
     settings.guarantee.enough(calibration.len(), settings.p)?;
     if training.is_empty() {
         return Err(Invalid::new("training trajectories", "at least 1", 0));
@@ -214,7 +238,7 @@ pub fn tune(
     Ok(Tuned {
         choice: chosen.choice().clone(),
         epsilon,
-        rollout: if rollout == Rollout::Base { "base" } else { "paper" }.to_owned(),
+        rollout: rollout.word().to_owned(),
         p: settings.p,
         guarantee: settings.guarantee.word().to_owned(),
         statement: settings.guarantee.statement(settings.p, calibration.len()),
@@ -223,7 +247,7 @@ pub fn tune(
         training: training.len(),
         calibration: calibration.len(),
         test: test.len(),
-        without_window: trajectories.len() - windows.len(),
+        without_window: trajectories - windows,
         coverage: share_of_one(tally, settings.confidence)?,
         confidence: settings.confidence,
         mean_area_m2: areas.iter().sum::<f64>() / areas.len() as f64,
