@@ -178,7 +178,7 @@ fn calibrated_levels_cover_what_was_asked() {
             splits.iter().map(|split| value(&split.rows[i])).sum::<f64>() / splits.len() as f64
         };
         let coverage = mean(&|row| row.coverage);
-        let variance = mean(&|row| (row.coverage - coverage).powi(2));
+        let variance = mean(&|row| (row.coverage - coverage) * (row.coverage - coverage));
         let error = (variance / (splits.len() - 1) as f64).sqrt();
         let area = mean(&|row| row.mean_area_m2);
         println!(

@@ -5,7 +5,6 @@ use super::widened::worst_case_area;
 use super::{Areas, future_seen_from_now};
 use crate::bounds::ActionModel;
 use crate::invalid::{Invalid, length};
-use crate::math::hypot;
 use crate::reach::polygon::signed_distance;
 use crate::scene::SceneParameters;
 use crate::shfrs::family::Family;
@@ -112,7 +111,10 @@ impl Futures {
             .map(|n| [0, 1].map(|d| median(paths.iter().map(|path| path[n][d]).collect())))
             .collect();
         let apart = |path: &Vec<[f64; 2]>| -> f64 {
-            path.iter().zip(&centre).map(|(p, c)| hypot(p[0] - c[0], p[1] - c[1]).powi(2)).sum()
+            path.iter()
+                .zip(&centre)
+                .map(|(p, c)| (p[0] - c[0]) * (p[0] - c[0]) + (p[1] - c[1]) * (p[1] - c[1]))
+                .sum()
         };
         paths.sort_by(|a, b| apart(a).total_cmp(&apart(b)));
         let hulls = (0..steps).map(|n| growing_hulls(paths.iter().map(|path| path[n]))).collect();
