@@ -142,7 +142,7 @@ const PRECISE: f64 = 1e-8;
 /// Where a falling function passes zero in a range, or the range's end if it does not.
 /// `guess` is tried first.
 fn zero(slope: &impl Fn(f64) -> f64, (mut low, mut high): (f64, f64), guess: f64) -> f64 {
-    if !(high - low > PRECISE) {
+    if high - low <= PRECISE {
         return 0.5 * (low + high);
     }
     let mut rises = (f64::NAN, f64::NAN);

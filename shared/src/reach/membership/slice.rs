@@ -53,8 +53,9 @@ pub(super) enum Curve {
     Jumps,
 }
 
-/// More jumps than two are looked into only within so much, s, of the other curves.
-const SLIVER: f64 = 0.02;
+/// More jumps than two are looked into only so near the other curves: share of
+/// the time travelled. They have been seen to gain half as much.
+const SLIVER: f64 = 0.0025;
 
 impl<'a> Slice<'a> {
     /// The slice after `steps` steps; `heading`, rad and not wrapped, must be
@@ -107,13 +108,14 @@ impl<'a> Slice<'a> {
     pub(super) fn outside_by(&self, position: Complex<f64>, enough: f64, reach: f64) -> f64 {
         let mut nearest = f64::INFINITY;
         let mut winding = None;
+        let sliver = SLIVER * self.steps as f64 * self.paths.step_s;
         let reach = if self.curves().any(|curve| curve == Curve::Jumps) {
-            reach.max(enough + SLIVER)
+            reach.max(enough + sliver)
         } else {
             reach
         };
         for curve in self.curves() {
-            if curve == Curve::Jumps && nearest >= enough + SLIVER {
+            if curve == Curve::Jumps && nearest >= enough + sliver {
                 break;
             }
             let search = self.search(curve, position, enough, reach);
@@ -306,6 +308,9 @@ impl Arc for Window<'_> {
     }
 }
 
+/// Headings closer than this, rad, differ by rounding errors only.
+const SAME_HEADING: f64 = 1e-9;
+
 /// Turn at full rate toward a direction (the parameter), go straight, turn at
 /// full rate to the end heading.
 struct Straight<'a> {
@@ -320,20 +325,25 @@ impl Arc for Straight<'_> {
         let (low, high) = (&slice.paths.low, &slice.paths.high);
         let falling = |heading: f64| slice.instant(-heading, |step| -low.heading(step));
         let rising = |heading: f64| slice.instant(heading, |step| high.heading(step));
-        let (from, first) = if direction >= 0.0 {
-            let from = rising(direction);
-            (from, high.at(from).0)
-        } else {
-            let from = falling(direction);
-            (from, low.at(from).0)
-        };
-        let (to, path, turn) = if direction >= slice.heading {
+        let (mut from, toward) =
+            if direction >= 0.0 { (rising(direction), high) } else { (falling(direction), low) };
+        let (mut to, path, turn) = if direction >= slice.heading {
             (falling(direction - slice.above_low), low, slice.above_low)
         } else {
             (rising(direction + slice.below_high), high, -slice.below_high)
         };
+        // Where a full rate is zero its path is straight too, and its instant may come
+        // out anywhere there.
+        if to.time < from.time {
+            if (toward.at(to).1 - direction).abs() < SAME_HEADING {
+                from = to;
+            } else {
+                to = from;
+            }
+        }
+        let first = toward.at(from).0;
         let last = unit(turn) * (path.point(slice.steps) - path.at(to).0);
-        let straight_s = (to.time - from.time).max(0.0);
+        let straight_s = to.time - from.time;
         let point = first + unit(direction) * straight_s + last;
         Knot { parameter: direction, point, from: from.time, to: to.time }
     }
