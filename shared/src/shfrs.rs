@@ -17,13 +17,13 @@ pub mod widened;
 pub mod window;
 
 use crate::bounds::{
-    ActionChoice, ActionModel, BoundsSettings, InputBounds, Rollout, input_bounds,
+    ActionChoice, ActionModel, Algorithm1, BoundsSettings, InputBounds, Motion, Rollout,
 };
 use crate::features::{FEATURES, SafetyFunctions};
 use crate::invalid::Invalid;
 use crate::predict::Predictor;
 use crate::reach::polygon::signed_area;
-use crate::reach::{PolygonSettings, ReachableSet};
+use crate::reach::{PolygonSettings, ReachableSet, Workspace};
 use crate::scene::{JointState, SceneParameters};
 
 /// A predictor as the learned function G of Algorithm 1: it looks at the present state
@@ -108,6 +108,8 @@ pub struct ShfrsSettings {
     pub bounds: BoundsSettings,
     /// Of the polygons.
     pub polygon: PolygonSettings,
+    /// Whether polygons of the positions after each step are wanted beside the tube.
+    pub by_step: bool,
 }
 
 impl ShfrsSettings {
@@ -122,7 +124,7 @@ impl ShfrsSettings {
         let k = (0..10).map(|i| if i < 2 { actions.min(2) } else { 1 }).collect();
         let epsilon = vec![0.0, 0.15, 0.25, 0.4, 1.0];
         let bounds = BoundsSettings::new(epsilon, ActionChoice::TopK(k), Rollout::Base, actions)?;
-        Ok(Self { bounds, polygon: PolygonSettings::default() })
+        Ok(Self { bounds, polygon: PolygonSettings::default(), by_step: false })
     }
 }
 
@@ -138,37 +140,108 @@ pub struct NestedSet {
     pub tube: Vec<[f64; 2]>,
     /// Area of the tube, m².
     pub area_m2: f64,
+    /// The positions reached after exactly 1 … T steps, each a polygon like the tube; empty
+    /// unless [`ShfrsSettings::by_step`].
+    pub steps: Vec<Vec<[f64; 2]>>,
+}
+
+impl NestedSet {
+    /// Becomes the set `reachable` of these bounds.
+    fn take(
+        &mut self,
+        epsilon: f64,
+        bounds: &InputBounds,
+        reachable: &ReachableSet,
+        settings: &ShfrsSettings,
+        workspace: &mut Workspace,
+    ) {
+        self.epsilon = epsilon;
+        self.bounds.clone_from(bounds);
+        reachable.tube_polygon_into(settings.polygon, workspace, &mut self.tube);
+        self.area_m2 = signed_area(&self.tube);
+        self.steps.resize_with(if settings.by_step { reachable.steps() } else { 0 }, Vec::new);
+        for (i, polygon) in self.steps.iter_mut().enumerate() {
+            reachable.step_polygon_into(i + 1, settings.polygon, workspace, polygon);
+        }
+    }
 }
 
 /// Nested forward reachable sets of the human. Their probabilities come from
 /// trajectories, not from a single prediction.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Shfrs {
     /// From the smallest to the largest.
     pub sets: Vec<NestedSet>,
 }
 
-/// Predicts the sets from the joint states up to now. The robot drives straight on.
+/// Predicts sets frame by frame, keeping the memory of the frame before.
+#[derive(Clone, Debug, Default)]
+pub struct ShfrsPredictor {
+    algorithm: Algorithm1,
+    /// Those of `shfrs`, and the speed and step that they were made for.
+    reachable: Vec<ReachableSet>,
+    made_for: Option<(f64, f64)>,
+    workspace: Workspace,
+    shfrs: Shfrs,
+}
+
+impl ShfrsPredictor {
+    /// The sets of the last frame that was predicted; none before the first one.
+    #[must_use]
+    pub fn shfrs(&self) -> &Shfrs {
+        &self.shfrs
+    }
+
+    /// Predicts the sets from the joint states up to now. The robot drives straight on.
+    ///
+    /// # Errors
+    /// As of [`Algorithm1::run`].
+    pub fn predict(
+        &mut self,
+        history: &[JointState],
+        parameters: &SceneParameters,
+        model: &impl ActionModel,
+        settings: &ShfrsSettings,
+    ) -> Result<&Shfrs, Invalid> {
+        let motion = Motion::from(parameters);
+        let straight_on = |_: &[JointState]| 0.0;
+        let found = self.algorithm.run(history, &motion, model, straight_on, &settings.bounds)?;
+        let start = found.low[0].human;
+        let (speed, step) = (motion.human_speed_mps, motion.step_s);
+        if self.made_for.replace((speed, step)) != Some((speed, step)) {
+            self.reachable.clear();
+        }
+        let sets = &mut self.shfrs.sets;
+        sets.truncate(found.sets.len());
+        for (j, (bounds, &epsilon)) in found.sets.iter().zip(settings.bounds.epsilon()).enumerate()
+        {
+            match self.reachable.get_mut(j) {
+                Some(reachable) => reachable.reset(start, bounds)?,
+                None => self.reachable.push(ReachableSet::new(start, bounds, speed, step)?),
+            }
+            if j == sets.len() {
+                let (tube, steps) = (Vec::new(), Vec::new());
+                sets.push(NestedSet { epsilon, bounds: bounds.clone(), tube, area_m2: 0.0, steps });
+            }
+            sets[j].take(epsilon, bounds, &self.reachable[j], settings, &mut self.workspace);
+        }
+        Ok(&self.shfrs)
+    }
+}
+
+/// [`ShfrsPredictor::predict`] once.
 ///
 /// # Errors
-/// [`Invalid`] if there is no state, or a probability or coordinate is not finite.
+/// As of [`Algorithm1::run`].
 pub fn predict(
     history: &[JointState],
     parameters: &SceneParameters,
     model: &impl ActionModel,
     settings: &ShfrsSettings,
 ) -> Result<Shfrs, Invalid> {
-    let bounds = input_bounds(history, parameters, model, |_| 0.0, &settings.bounds)?;
-    let Some(now) = history.last() else {
-        return Err(Invalid::new("history", "at least one state", "none"));
-    };
-    let sets = bounds.sets.into_iter().zip(settings.bounds.epsilon()).map(|(bounds, &epsilon)| {
-        let speed = parameters.human.speed_mps;
-        let set = ReachableSet::new(now.human, &bounds, speed, parameters.step_s)?;
-        let tube = set.tube_polygon(settings.polygon);
-        Ok(NestedSet { epsilon, bounds, area_m2: signed_area(&tube), tube })
-    });
-    Ok(Shfrs { sets: sets.collect::<Result<_, Invalid>>()? })
+    let mut predictor = ShfrsPredictor::default();
+    predictor.predict(history, parameters, model, settings)?;
+    Ok(predictor.shfrs)
 }
 
 #[cfg(test)]
@@ -211,5 +284,39 @@ mod tests {
             assert!((shfrs.sets[4].area_m2 - 16.0 / 3.0).abs() < 0.01);
             assert!(shfrs.sets.windows(2).all(|pair| pair[0].area_m2 <= pair[1].area_m2 + 1e-9));
         }
+    }
+    /// One predictor for frames of different settings gives what a fresh one gives.
+    #[test]
+    fn nothing_is_left_from_the_frame_before() {
+        let (parameters, safety, predictor) = setup([0.6, 0.3, 0.1]);
+        let human = PredictedHuman::new(&predictor, &safety, &parameters).unwrap();
+        let mut reused = ShfrsPredictor::default();
+        for (by_step, sets, steps) in [(true, 5, 10), (false, 2, 4), (true, 3, 12)] {
+            let epsilon = [0.0, 0.15, 0.25, 0.4, 1.0][..sets].to_vec();
+            let choice = ActionChoice::TopK(vec![2; steps]);
+            let bounds = BoundsSettings::new(epsilon, choice, Rollout::Base, 3).unwrap();
+            let settings = ShfrsSettings { bounds, by_step, ..ShfrsSettings::paper(3).unwrap() };
+            let human_at = Pose::new(1.0, 2.0, 0.1 * steps as f64);
+            let now = [JointState { human: human_at, robot: Pose::new(9.0, 2.0, 3.0) }];
+            let found = reused.predict(&now, &parameters, &human, &settings).unwrap();
+            assert_eq!(found, &predict(&now, &parameters, &human, &settings).unwrap());
+            assert_eq!(found.sets.len(), sets);
+            assert!(
+                found.sets.iter().all(|set| set.steps.len() == if by_step { steps } else { 0 })
+            );
+        }
+    }
+
+    #[test]
+    fn classes_that_are_no_turns_need_their_actions() {
+        let (parameters, safety, _) = setup([0.6, 0.3, 0.1]);
+        let features = FeatureSet::subset("hrd").unwrap();
+        let five = Predictor::constant(features, vec![-2, -1, 0, 1, 2], vec![0.2; 5]).unwrap();
+        let complaint = PredictedHuman::new(&five, &safety, &parameters).err().unwrap();
+        assert_eq!((complaint.field.as_str(), complaint.found.as_str()), ("classes[0]", "-2"));
+        let actions = vec![-0.5, -0.2, 0.0, 0.2, 0.5];
+        let five = five.with_actions(actions.clone()).unwrap();
+        let human = PredictedHuman::new(&five, &safety, &parameters).unwrap();
+        assert_eq!(human.actions(), actions);
     }
 }

@@ -71,7 +71,14 @@ fn complaint(error: serde_path_to_error::Error<serde_json::Error>) -> String {
     let path = error.path().to_string();
     let field = if path == "." { "the document".to_owned() } else { path };
     let message = error.into_inner().to_string();
-    for kind in ["invalid type: ", "invalid value: ", "invalid length "] {
+    let kinds = [
+        "invalid type: ",
+        "invalid value: ",
+        "invalid length ",
+        "unknown variant ",
+        "unknown field ",
+    ];
+    for kind in kinds {
         if let Some((found, expected)) =
             message.strip_prefix(kind).and_then(|rest| rest.split_once(", expected "))
         {

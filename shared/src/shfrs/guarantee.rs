@@ -117,6 +117,20 @@ impl Guarantee {
         }
     }
 
+    /// Which share of trajectories the level of `n` scores is going to hold on average,
+    /// rank/(n + 1): what a choice beforehand should aim at. A fixed sequence goes as far as
+    /// `Pac` would.
+    ///
+    /// # Errors
+    /// As of [`Self::enough`].
+    pub fn aim(&self, n: usize, p: f64) -> Result<f64, Invalid> {
+        let as_nested = match *self {
+            Self::FixedSequence { delta, .. } => Self::Pac { delta },
+            other => other,
+        };
+        Ok(as_nested.rank(n, p)? as f64 / (n + 1) as f64)
+    }
+
     /// The level that these calibration scores guarantee probability `p` with.
     ///
     /// # Errors

@@ -9,7 +9,7 @@ use super::guarantee::{Guarantee, fixed_sequence};
 use super::prediction::Prediction;
 use super::probability::holds;
 use super::scores::{Scores, choice_in_words, single};
-use super::widened::{least_widening, tube_area_m2, widened};
+use super::widened::{least_widening, tube_area_m2, widened, widening_between};
 use super::window::{Trajectory, Window, WindowChoice};
 use crate::bounds::{ActionChoice, ActionModel, BoundsSettings, Rollout};
 use crate::invalid::Invalid;
@@ -84,17 +84,17 @@ pub struct TuningSettings {
     pub confidence: f64,
 }
 
-/// Probabilities τ of the adaptive sets that are tried.
-const TAUS: [f64; 14] =
-    [0.005, 0.01, 0.02, 0.03, 0.05, 0.07, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.5];
+/// Probabilities τ of the adaptive sets that are tried: every hundredth up to this many.
+const TAUS: u32 = 50;
 
-/// What is usually chosen from: adaptive sets over a grid of τ, and every schedule of k that
-/// has all `actions` in the first a steps, (`actions` + 1)/2 rounded down until b, then 1
+/// What is usually chosen from: adaptive sets with τ = 0.01 … 0.5, and every schedule of k that
+/// has all `actions` in the first a steps, half of them (rounded up) until b, then 1
 /// (for three actions: 3, 2, 1).
 #[must_use]
 pub fn candidates(actions: usize, steps: usize) -> Vec<ActionChoice> {
-    let mut found: Vec<ActionChoice> =
-        TAUS.iter().map(|&tau| ActionChoice::Adaptive { tau, steps }).collect();
+    let mut found: Vec<ActionChoice> = (1..=TAUS)
+        .map(|hundredths| ActionChoice::Adaptive { tau: f64::from(hundredths) / 100.0, steps })
+        .collect();
     for a in 0..=steps {
         for b in a..=steps {
             let k = |i| {
@@ -175,16 +175,16 @@ pub fn tune(
     let steps = families[0].steps();
     let windows = settings.windows.windows(trajectories, steps);
     let windows: Vec<Window<'_>> = windows.into_iter().flatten().collect();
-    let parts = settings.split.parts(windows.len())?;
+    let parts = settings.split.parts(windows.len()).map_err(|invalid| invalid.within("split"))?;
     let pick = |part: &[usize]| part.iter().map(|&i| windows[i]).collect::<Vec<_>>();
     let [training, calibration, test] =
         [&parts.training, &parts.calibration, &parts.test].map(|part| pick(part));
     settings.guarantee.enough(calibration.len(), settings.p)?;
-    // The choice aims at the same score as the calibration will, so it needs as many.
     if training.is_empty() {
         return Err(Invalid::new("training trajectories", "at least 1", 0));
     }
-    let chosen = &families[least_area(&training, &prediction, &families, settings.p)?];
+    let aim = settings.guarantee.aim(calibration.len(), settings.p)?;
+    let chosen = &families[least_area(&training, &prediction, &families, aim)?];
     let (epsilon, rollout) = match settings.guarantee {
         Guarantee::Conformal | Guarantee::Pac { .. } => {
             let scores = each(&calibration, |window| {
@@ -281,53 +281,180 @@ fn inside(
     Ok(held.into_iter().filter(|&held| held).count())
 }
 
-/// The bounds that candidates come to for one window, each with its score.
-struct Bases {
-    known: Vec<(Vec<(f64, f64)>, f64)>,
-    /// Of each candidate, which of them.
-    of: Vec<usize>,
+/// Bounds that candidates come to for one window, and what is known of their score.
+struct Base {
+    bounds: Vec<(f64, f64)>,
+    /// The score is from here
+    least: f64,
+    /// to here; both are it, once it was computed.
+    most: f64,
 }
 
-/// The candidate whose tubes have the least mean area over the training windows, when each
-/// has the level of its ⌈(n + 1)p⌉-th score (the last if there are too few); the first of
+/// The candidate whose tubes have the least mean area over the n training windows, when each
+/// has the level of its ⌈(n + 1)·`aim`⌉-th score (the last if there are too few); the first of
 /// equals.
+///
+/// Scores are what takes time. So each gets bounds first, from turn rates and headings alone;
+/// these bound every candidate's level, and that its area from below. Candidates are then
+/// gone through from the least such area on, until the next one is more than the best; and of
+/// their scores only those are computed that may be the one at the rank.
 fn least_area(
     windows: &[Window<'_>],
     prediction: &Prediction<'_, impl ActionModel + Sync>,
     families: &[BoundsSettings],
-    p: f64,
+    aim: f64,
 ) -> Result<usize, Invalid> {
     let (parameters, tolerance) = (prediction.parameters, prediction.tolerance);
-    let bases = each(windows, |window| {
-        let mut found = Bases { known: Vec::new(), of: Vec::with_capacity(families.len()) };
+    // For each window its different bases, and which of them each candidate has.
+    let (mut bases, of): (Vec<Vec<Base>>, Vec<Vec<usize>>) = each(windows, |window| {
+        let (mut bases, mut of) = (Vec::<Base>::new(), Vec::with_capacity(families.len()));
         for family in families {
-            let base = prediction.bounds(window.history(), family)?.raw;
-            let place = match found.known.iter().position(|(known, _)| *known == base) {
-                Some(place) => place,
-                None => {
-                    let score = least_widening(&base, window, parameters, tolerance)?;
-                    found.known.push((base, score));
-                    found.known.len() - 1
-                }
-            };
-            found.of.push(place);
+            let bounds = prediction.bounds(window.history(), family)?.raw;
+            let known = bases.iter().position(|base| base.bounds == bounds);
+            of.push(known.unwrap_or(bases.len()));
+            if known.is_none() {
+                let (least, most) = widening_between(&bounds, window, parameters, tolerance)?;
+                bases.push(Base { bounds, least, most });
+            }
         }
-        Ok(found)
-    })?;
-    let rank = (((windows.len() + 1) as f64 * p).ceil() as usize).min(windows.len());
+        Ok((bases, of))
+    })?
+    .into_iter()
+    .unzip();
+    let rank = (((windows.len() + 1) as f64 * aim).ceil() as usize).min(windows.len());
+    let ranked = |bases: &[Vec<Base>], candidate: usize, of_base: fn(&Base) -> f64| {
+        let mut found: Vec<f64> =
+            bases.iter().zip(&of).map(|(bases, of)| of_base(&bases[of[candidate]])).collect();
+        found.sort_by(f64::total_cmp);
+        found[rank - 1]
+    };
+    let area = |bases: &[Vec<Base>], candidate: usize, level: f64| {
+        bases.iter().zip(&of).try_fold(0.0, |sum, (bases, of)| {
+            let base = &bases[of[candidate]].bounds;
+            let bounds = widened(base, level, prediction.turn_rate())?;
+            Ok::<_, Invalid>(sum + tube_area_m2(&bounds, parameters)?)
+        })
+    };
     let all: Vec<usize> = (0..families.len()).collect();
-    let areas = each(&all, |&candidate| {
-        let own = |bases: &Bases| bases.of[candidate];
-        let mut scores: Vec<f64> = bases.iter().map(|bases| bases.known[own(bases)].1).collect();
-        scores.sort_by(f64::total_cmp);
-        let level = scores[rank - 1];
-        let mut sum = 0.0;
-        for bases in &bases {
-            let bounds = widened(&bases.known[own(bases)].0, level, prediction.turn_rate())?;
-            sum += tube_area_m2(&bounds, parameters)?;
-        }
-        Ok(sum)
+    let at_least = each(&all, |&candidate| {
+        area(&bases, candidate, ranked(&bases, candidate, |base| base.least))
     })?;
-    let best = areas.iter().enumerate().min_by(|(_, a), (_, b)| a.total_cmp(b));
-    Ok(best.map_or(0, |(i, _)| i))
+    let mut order = all;
+    order.sort_by(|&a, &b| at_least[a].total_cmp(&at_least[b]).then(a.cmp(&b)));
+    let mut best: Option<(f64, usize)> = None;
+    for candidate in order {
+        if best.is_some_and(|(area, _)| at_least[candidate] > area) {
+            break;
+        }
+        let low = ranked(&bases, candidate, |base| base.least);
+        let high = ranked(&bases, candidate, |base| base.most);
+        let open: Vec<usize> = (0..windows.len())
+            .filter(|&i| {
+                let base = &bases[i][of[i][candidate]];
+                base.least < base.most && base.least < high && low < base.most
+            })
+            .collect();
+        let scores = each(&open, |&i| {
+            let base = &bases[i][of[i][candidate]].bounds;
+            least_widening(base, &windows[i], parameters, tolerance)
+        })?;
+        for (&i, &score) in open.iter().zip(&scores) {
+            let base = &mut bases[i][of[i][candidate]];
+            (base.least, base.most) = (score, score);
+        }
+        let level = ranked(&bases, candidate, |base| base.least);
+        let found = (area(&bases, candidate, level)?, candidate);
+        if best.is_none_or(|best| found < best) {
+            best = Some(found);
+        }
+    }
+    Ok(best.map_or(0, |(_, candidate)| candidate))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::SceneParameters;
+    use crate::shfrs::testing::{Always, drive};
+
+    /// Plain twin of [`least_area`]: every score of every candidate.
+    fn plainly(
+        windows: &[Window<'_>],
+        prediction: &Prediction<'_, Always>,
+        families: &[BoundsSettings],
+        aim: f64,
+    ) -> (f64, usize) {
+        let rank = (((windows.len() + 1) as f64 * aim).ceil() as usize).min(windows.len());
+        let area = |family: &BoundsSettings| {
+            let base =
+                |window: &Window<'_>| prediction.bounds(window.history(), family).unwrap().raw;
+            let (parameters, tolerance) = (prediction.parameters, prediction.tolerance);
+            let score = |window: &Window<'_>| {
+                least_widening(&base(window), window, parameters, tolerance).unwrap()
+            };
+            let mut scores: Vec<f64> = windows.iter().map(score).collect();
+            scores.sort_by(f64::total_cmp);
+            let area = |window: &Window<'_>| {
+                let range = prediction.turn_rate();
+                let bounds = widened(&base(window), scores[rank - 1], range).unwrap();
+                tube_area_m2(&bounds, parameters).unwrap()
+            };
+            windows.iter().map(area).sum::<f64>()
+        };
+        let areas = families.iter().map(area).enumerate().map(|(i, area)| (area, i));
+        areas.min_by(|a, b| a.partial_cmp(b).unwrap()).unwrap()
+    }
+
+    #[test]
+    fn leaving_out_scores_changes_nothing() {
+        let parameters = SceneParameters::default();
+        let mut rng = SeededRng::new(8);
+        for (probabilities, aim) in
+            [([0.2, 0.5, 0.3], 0.6), ([0.1, 0.8, 0.1], 0.8), ([0.6, 0.1, 0.3], 0.95)]
+        {
+            let model = Always(probabilities);
+            let prediction = Prediction::new(&parameters, &model);
+            let drives: Vec<Trajectory> = (0..30)
+                .map(|_| {
+                    let rates: Vec<f64> =
+                        (0..5).map(|_| [-0.5, 0.0, 0.0, 0.5][rng.below(4)]).collect();
+                    drive(&rates)
+                })
+                .collect();
+            let windows = WindowChoice::EveryStep.windows(&drives, 5);
+            let windows: Vec<Window<'_>> = windows.into_iter().flatten().collect();
+            let families: Vec<BoundsSettings> = candidates(3, 5)
+                .iter()
+                .map(|choice| prediction.settings(vec![0.0], choice, Rollout::Base).unwrap())
+                .collect();
+            let found = least_area(&windows, &prediction, &families, aim).unwrap();
+            assert_eq!(found, plainly(&windows, &prediction, &families, aim).1);
+        }
+    }
+
+    #[test]
+    fn parts_are_parts() {
+        let parts = Split::default().parts(101).unwrap();
+        assert_eq!((parts.training.len(), parts.calibration.len(), parts.test.len()), (40, 41, 20));
+        let mut all = [parts.training, parts.calibration, parts.test].concat();
+        all.sort_unstable();
+        assert_eq!(all, (0..101).collect::<Vec<_>>());
+        let none = Split { training: 0.5, calibration: 0.5, seed: 1 }.parts(7).unwrap();
+        assert!(none.test.is_empty());
+        let field = |training, calibration| {
+            Split { training, calibration, seed: 0 }.parts(9).unwrap_err().field
+        };
+        assert_eq!(field(0.0, 0.5), "training");
+        assert_eq!(field(0.5, f64::NAN), "calibration");
+        assert_eq!(field(0.6, 0.5), "calibration");
+    }
+
+    #[test]
+    fn schedules_come_down_from_all_actions_to_one() {
+        let schedules = |actions, steps| candidates(actions, steps).len() - TAUS as usize;
+        assert_eq!(schedules(3, 10), 66);
+        assert_eq!(schedules(2, 4), 5);
+        assert_eq!(schedules(1, 4), 1);
+        assert!(candidates(5, 3).contains(&ActionChoice::TopK(vec![5, 3, 1])));
+    }
 }

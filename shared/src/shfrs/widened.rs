@@ -1,6 +1,7 @@
 //! Bounds that are widened by ε: how far they must be for a recorded window, and how large
 //! the reachable set then is.
 
+use super::prediction::same_steps;
 use super::window::Window;
 use crate::bounds::InputBounds;
 use crate::invalid::Invalid;
@@ -43,22 +44,8 @@ pub fn least_widening(
     parameters: &SceneParameters,
     tolerance: Tolerance,
 ) -> Result<f64, Invalid> {
-    super::prediction::same_steps(window, base.len())?;
-    let rate = parameters.human.turn_rate_radps;
-    let range = (-rate, rate);
-    let lacking =
-        |&(lo, hi): &(f64, f64), rates: (f64, f64)| (lo - rates.0).max(rates.1 - hi).max(0.0);
-    let full = base.iter().map(|bounds| lacking(bounds, range)).fold(0.0, f64::max);
-    // By the recorded turn rates, the first n states are inside from by_inputs[n − 1] on.
-    let mut needed = 0.0_f64;
-    let by_inputs: Vec<f64> = base
-        .iter()
-        .zip(window.turn_rates())
-        .map(|(bounds, &held)| {
-            needed = needed.max(lacking(bounds, (held, held)));
-            needed.min(full)
-        })
-        .collect();
+    let range = turn_rates(parameters);
+    let by_inputs = enough_by_inputs(base, window, range)?;
     let start = window.now().human;
     let mut least = 0.0;
     // Later states need most: for the earlier ones there is then little left to ask.
@@ -69,38 +56,92 @@ pub fn least_widening(
         }
         let base = &base[..step];
         let state = window.future()[step - 1].human;
-        let turned = wrap_angle(state.psi - start.psi);
         let inside = |epsilon: f64| -> Result<bool, Invalid> {
             let bounds = widened(base, epsilon, range)?;
             let set =
                 ReachableSet::new(start, &bounds, parameters.human.speed_mps, parameters.step_s)?;
             Ok(set.contains_state(step, state, tolerance))
         };
-        let by_heading = |epsilon: f64| {
-            heading_admitted(base, epsilon, range, parameters.step_s, turned, tolerance)
-        };
-        let below = first_true((least, enough), &|epsilon| Ok(by_heading(epsilon)))?.0;
-        least = first_true((below, enough), &inside)?.1;
+        let below =
+            needed_by_heading(base, state.psi - start.psi, (least, enough), parameters, tolerance);
+        least = first_true((below, enough), inside)?.1;
     }
     Ok(least)
 }
 
-/// Could the heading have changed by `turned`, rad in (−π, π], under bounds so widened? Never
-/// denies what is possible.
-fn heading_admitted(
+/// Between which two values [`least_widening`] is, from turn rates and headings alone: a few
+/// hundredths of its cost.
+///
+/// # Errors
+/// As of [`least_widening`].
+pub fn widening_between(
     base: &[(f64, f64)],
-    epsilon: f64,
-    range: (f64, f64),
-    step_s: f64,
-    turned: f64,
+    window: &Window<'_>,
+    parameters: &SceneParameters,
     tolerance: Tolerance,
-) -> bool {
-    let (low, high) = base.iter().fold((0.0, 0.0), |(low, high), &(lo, hi)| {
-        (low + (lo - epsilon).max(range.0) * step_s, high + (hi + epsilon).min(range.1) * step_s)
+) -> Result<(f64, f64), Invalid> {
+    let by_inputs = enough_by_inputs(base, window, turn_rates(parameters))?;
+    let start = window.now().human;
+    let mut least = 0.0_f64;
+    for step in (1..=base.len()).rev() {
+        let enough = by_inputs[step - 1];
+        if enough <= least {
+            break;
+        }
+        let turned = window.future()[step - 1].human.psi - start.psi;
+        let within = (least, enough);
+        least = needed_by_heading(&base[..step], turned, within, parameters, tolerance);
+    }
+    Ok((least, by_inputs.last().copied().unwrap_or(0.0)))
+}
+
+/// Lowest and highest turn rate of the human, rad/s.
+fn turn_rates(parameters: &SceneParameters) -> (f64, f64) {
+    let rate = parameters.human.turn_rate_radps;
+    (-rate, rate)
+}
+
+/// For each step the widening from which on the state after it is inside by the recorded turn
+/// rates, or because every turn rate is then admitted. They never fall.
+fn enough_by_inputs(
+    base: &[(f64, f64)],
+    window: &Window<'_>,
+    range: (f64, f64),
+) -> Result<Vec<f64>, Invalid> {
+    same_steps(window, base.len())?;
+    let lacking =
+        |&(lo, hi): &(f64, f64), rates: (f64, f64)| (lo - rates.0).max(rates.1 - hi).max(0.0);
+    let full = base.iter().map(|bounds| lacking(bounds, range)).fold(0.0, f64::max);
+    let mut enough = 0.0_f64;
+    let held = base.iter().zip(window.turn_rates()).map(|(bounds, &held)| {
+        enough = enough.max(lacking(bounds, (held, held)));
+        enough.min(full)
     });
+    Ok(held.collect())
+}
+
+/// At least how far, in an interval of widenings, bounds must be widened for the heading to
+/// change by `turned`, rad. Never too much; 0 more than the interval's beginning where turns
+/// may wind about.
+fn needed_by_heading(
+    base: &[(f64, f64)],
+    turned: f64,
+    within: (f64, f64),
+    parameters: &SceneParameters,
+    tolerance: Tolerance,
+) -> f64 {
+    let (range, step_s) = (turn_rates(parameters), parameters.step_s);
+    let turned = wrap_angle(turned);
     let slack = tolerance.heading_rad + 1e-9;
-    let wide = low - slack <= -PI || PI <= high + slack;
-    wide || (low - slack <= turned && turned <= high + slack)
+    let admitted = |epsilon: f64| {
+        let (low, high) = base.iter().fold((0.0, 0.0), |(low, high), &(lo, hi)| {
+            let (lo, hi) = ((lo - epsilon).max(range.0), (hi + epsilon).min(range.1));
+            (low + lo * step_s, high + hi * step_s)
+        });
+        let wide = low - slack <= -PI || PI <= high + slack;
+        wide || (low - slack <= turned && turned <= high + slack)
+    };
+    first_true(within, |epsilon| Ok(admitted(epsilon))).map_or(within.0, |(below, _)| below)
 }
 
 /// Where a predicate that stays true once it is true becomes so: an interval, no longer than
@@ -108,7 +149,7 @@ fn heading_admitted(
 /// at the upper end of `within`; if it is at the lower end already, both ends are that.
 fn first_true(
     within: (f64, f64),
-    holds: &dyn Fn(f64) -> Result<bool, Invalid>,
+    holds: impl Fn(f64) -> Result<bool, Invalid>,
 ) -> Result<(f64, f64), Invalid> {
     let (mut no, mut yes) = within;
     if holds(no)? {
@@ -184,7 +225,9 @@ mod tests {
             let drive = drive_told(&driven.collect::<Vec<_>>(), &held);
             let window = Window::new(&drive, 0, steps).unwrap();
             let score = least_widening(&base, &window, &parameters, Tolerance::default()).unwrap();
-            assert!((0.0..=1.0).contains(&score));
+            let (least, most) =
+                widening_between(&base, &window, &parameters, Tolerance::default()).unwrap();
+            assert!(0.0 <= least && least <= score && score <= most && most <= 1.0);
             let full = score >= 1.0 - 1e-12;
             assert!(full || inside(&base, &window, score), "{base:?} {held:?} {score}");
             let below = score - 1.01 * RESOLUTION_RADPS;
