@@ -54,7 +54,7 @@ fn drives() -> Vec<Drive> {
 fn trajectory((inputs, states): &Drive) -> Trajectory {
     let human = SceneParameters::default().human;
     let rates = inputs[..inputs.len() - 1].iter().map(|&input| human.turn_rate(input));
-    Trajectory::new(states.clone(), rates.collect()).unwrap()
+    Trajectory::new(states.clone(), rates.collect()).expect("a trajectory")
 }
 
 /// 160 drives for training, 120 for calibration and 120 for test, drawn at random: people
@@ -78,7 +78,7 @@ fn split(seed: u64) -> Split {
 }
 
 fn train(safety: &SafetyFunctions, drives: &[Drive]) -> Predictor {
-    let features = FeatureSet::subset("hrd").unwrap();
+    let features = FeatureSet::subset("hrd").expect("a feature set");
     let rows = drives.iter().map(|(inputs, states)| (&inputs[..], &states[..]));
     let data = Dataset::from_trials(&features, safety, rows);
     let width = features.len();
@@ -86,7 +86,8 @@ fn train(safety: &SafetyFunctions, drives: &[Drive]) -> Predictor {
     let values: Vec<f64> =
         data.values.iter().enumerate().map(|(i, &v)| scale.apply(i % width, v)).collect();
     let labels: Vec<usize> = data.labels.iter().map(|label| (label.sign() + 1) as usize).collect();
-    let model = Logistic::fit(width, &values, &labels, 3, LogisticSettings::default()).unwrap();
+    let model =
+        Logistic::fit(width, &values, &labels, 3, LogisticSettings::default()).expect("a fit");
     Predictor::logistic(features, vec![-1, 0, 1], scale, model)
 }
 
@@ -95,26 +96,30 @@ fn compare(seed: u64, points: usize) -> Pareto {
     static SAFETY: OnceLock<SafetyFunctions> = OnceLock::new();
     let parameters = SceneParameters::default();
     let safety = SAFETY.get_or_init(|| {
-        SafetyFunctions::solve(&parameters, &mut |_| ControlFlow::Continue(())).unwrap()
+        SafetyFunctions::solve(&parameters, &mut |_| ControlFlow::Continue(()))
+            .expect("a closed form")
     });
     let Split { training, calibration, test } = split(seed);
     let predictor = train(safety, &training);
-    let human = || PredictedHuman::new(&predictor, safety, &parameters).unwrap();
+    let human =
+        || PredictedHuman::new(&predictor, safety, &parameters).expect("a model of three actions");
     let training: Vec<Trajectory> = training.iter().map(trajectory).collect();
     let windows: Vec<Window<'_>> = WindowChoice::EveryStep.windows(&training, STEPS).concat();
-    let gaussian = |nominal| Gaussian::learn(nominal, &parameters, &windows).unwrap();
-    let empirical = |mode| PerModeEmpirical::learn(mode, &parameters, &windows).unwrap();
+    let gaussian =
+        |nominal| Gaussian::learn(nominal, &parameters, &windows).expect("enough windows");
+    let empirical =
+        |mode| PerModeEmpirical::learn(mode, &parameters, &windows).expect("enough windows");
     let model = human();
     let prediction = Prediction::new(&parameters, &model);
     let adaptive = |tau| {
         let choice = ActionChoice::Adaptive { tau, steps: STEPS };
-        ShfrsFamily::new(prediction, &choice).unwrap()
+        ShfrsFamily::new(prediction, &choice).expect("a choice")
     };
     let of_the_paper = ActionChoice::TopK(vec![2, 2, 1, 1, 1, 1, 1, 1, 1, 1]);
     let mut families: Vec<Box<dyn Family + Send + '_>> = vec![
         Box::new(adaptive(0.1)),
         Box::new(adaptive(0.2)),
-        Box::new(ShfrsFamily::new(prediction, &of_the_paper).unwrap()),
+        Box::new(ShfrsFamily::new(prediction, &of_the_paper).expect("a choice")),
         Box::new(worst_case(&parameters)),
         Box::new(constant_velocity(&parameters)),
         Box::new(hold_the_input(&parameters)),
@@ -125,8 +130,9 @@ fn compare(seed: u64, points: usize) -> Pareto {
         Box::new(empirical(Mode::Held)),
     ];
     let choice = WindowChoice::RandomOne { seed };
-    let settings = ParetoSettings::new(TARGETS.to_vec(), 0.95, choice, STEPS, points).unwrap();
-    pareto(&mut families, &calibration, &test, &settings).unwrap()
+    let settings =
+        ParetoSettings::new(TARGETS.to_vec(), 0.95, choice, STEPS, points).expect("settings");
+    pareto(&mut families, &calibration, &test, &settings).expect("a comparison")
 }
 
 /// One comparison, done once.
