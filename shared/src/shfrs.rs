@@ -115,7 +115,7 @@ pub struct ShfrsSettings {
 impl ShfrsSettings {
     /// The paper's (Figure 3, left): ε = 0, 0.15, 0.25, 0.4, 1.0 rad/s and
     /// k = 2, 2, 1, 1 … over ten steps, with roll-outs that keep regions nested
-    /// when ε changes. A predictor that tells fewer than two actions apart is
+    /// when ε changes; drawn to 1 mm. A predictor that tells fewer than two actions apart is
     /// asked for one.
     ///
     /// # Errors
@@ -124,7 +124,8 @@ impl ShfrsSettings {
         let k = (0..10).map(|i| if i < 2 { actions.min(2) } else { 1 }).collect();
         let epsilon = vec![0.0, 0.15, 0.25, 0.4, 1.0];
         let bounds = BoundsSettings::new(epsilon, ActionChoice::TopK(k), Rollout::Base, actions)?;
-        Ok(Self { bounds, polygon: PolygonSettings::default(), by_step: false })
+        // Far below a pixel at any zoom of a scene.
+        Ok(Self { bounds, polygon: PolygonSettings::new(1e-3, 8)?, by_step: false })
     }
 }
 
