@@ -145,7 +145,8 @@ fn convolve(polygon: &[Point], brush: &[Point], curve: &mut Vec<Point>) {
         // A spike is walked round its outside.
         direction += if turn.im == 0.0 && turn.re < 0.0 { PI } else { atan2(turn.im, turn.re) };
         let to = shift(direction);
-        let mut push = |at: i64| curve.push(point + brush[at.rem_euclid(brush.len() as i64) as usize]);
+        let mut push =
+            |at: i64| curve.push(point + brush[at.rem_euclid(brush.len() as i64) as usize]);
         push(at);
         while at != to {
             at += (to - at).signum();
