@@ -207,6 +207,7 @@ impl ReachableSet {
             outliner.clear();
             outliner.add(boundary);
             curves.iter().for_each(|curve| outliner.add(curve));
+            boundary.truncate(1);
             outliner.outline(boundary);
         }
     }
@@ -242,6 +243,7 @@ impl ReachableSet {
             rear::candidates(paths, steps, least, tolerance, curves);
             curves.iter().for_each(|curve| outliner.add(curve));
         }
+        boundary.truncate(1);
         outliner.outline(boundary);
     }
 

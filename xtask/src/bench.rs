@@ -49,6 +49,11 @@ const BENCHES: &[Bench] = &[
         runner: Runner::Target("sidestep"),
     },
     Bench {
+        name: "shfrs",
+        what: "reachable sets: polygons in memory that is there against those made anew",
+        runner: Runner::Target("sidestep"),
+    },
+    Bench {
         name: "peers",
         what: "our solver against hj_reachability (Python, installed on first use)",
         runner: Runner::Peers,
