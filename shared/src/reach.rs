@@ -26,9 +26,11 @@ pub mod polygon;
 mod rear;
 mod sampling;
 mod singular;
+mod membership;
 mod start;
 
 pub use grow::{minkowski_disc, minkowski_disc_into};
+pub use membership::{Side, StateMargins, Tolerance};
 pub use sampling::PolygonSettings;
 pub use start::{PositionUncertainty, StartSet};
 

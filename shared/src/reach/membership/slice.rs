@@ -1,0 +1,368 @@
+//! The positions reached after some steps with one end heading: their boundary.
+//!
+//! Between the lowest and the highest path that end with heading ψ there are
+//! three curves of paths, in seconds of travel and the human's frame:
+//!
+//! * **window of lo**: the highest rates, but the lowest between two jumps. The
+//!   jumps' distance is fixed by ψ, so one number is free;
+//! * **window of hi**: likewise with the bounds exchanged;
+//! * **front**: turn toward a direction at full rate, go straight, turn to ψ at
+//!   full rate; where straight is not always admissible, see `ridge`.
+//!
+//! If every step turns left, the windows of lo get farthest; if every step turns
+//! right, those of hi. Otherwise both are rears. (Pontryagin: the rate is hi on the left of
+//! some line, lo on its right; for constant bounds, Patsko, Pyatko and Fedotov
+//! 2003, "Three-dimensional reachability set for a nonlinear control system".)
+
+use super::super::paths::{Path, Paths, unit};
+use super::jumps::Jumps;
+use super::ridge::Ridge;
+use super::search::{Arc, Search};
+use nalgebra::Complex;
+
+/// The slice of end heading `heading`.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Slice<'a> {
+    paths: &'a Paths,
+    steps: usize,
+    heading: f64,
+    /// How much lower than under the highest rates throughout, rad.
+    below_high: f64,
+    /// How much higher than under the lowest rates throughout, rad.
+    above_low: f64,
+    kind: Kind,
+}
+
+/// What the front consists of.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Kind {
+    AlwaysLeft,
+    AlwaysRight,
+    BothWays,
+    StraightAdmissible,
+    Mixed,
+}
+
+/// A curve of the boundary.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Curve {
+    LoWindow,
+    HiWindow,
+    Straight,
+    Ridge,
+    Jumps,
+}
+
+/// More jumps than two are looked into only so near the other curves: share of
+/// the time travelled. They have been seen to gain half as much.
+const SLIVER: f64 = 0.0025;
+
+impl<'a> Slice<'a> {
+    /// The slice after `steps` steps; `heading`, rad and not wrapped, must be
+    /// admissible.
+    pub(super) fn new(paths: &'a Paths, steps: usize, heading: f64) -> Self {
+        let bounds = || paths.lo.iter().zip(&paths.hi).take(steps);
+        let kind = if bounds().all(|(lo, _)| *lo >= 0.0) {
+            Kind::AlwaysLeft
+        } else if bounds().all(|(_, hi)| *hi <= 0.0) {
+            Kind::AlwaysRight
+        } else if bounds().all(|(lo, hi)| *lo < 0.0 && 0.0 < *hi) {
+            Kind::BothWays
+        } else if paths.straight_always(steps) {
+            Kind::StraightAdmissible
+        } else {
+            Kind::Mixed
+        };
+        Self {
+            paths,
+            steps,
+            heading,
+            below_high: (paths.high.heading(steps) - heading).max(0.0),
+            above_low: (heading - paths.low.heading(steps)).max(0.0),
+            kind,
+        }
+    }
+
+    /// The curve that gets farthest.
+    pub(super) fn front(&self) -> Curve {
+        match self.kind {
+            Kind::AlwaysLeft => Curve::LoWindow,
+            Kind::AlwaysRight => Curve::HiWindow,
+            Kind::BothWays | Kind::StraightAdmissible => Curve::Straight,
+            Kind::Mixed => Curve::Ridge,
+        }
+    }
+
+    fn curves(&self) -> impl Iterator<Item = Curve> {
+        let (front, rear) = match self.kind {
+            Kind::AlwaysLeft | Kind::AlwaysRight => (None, None),
+            Kind::BothWays => (Some(Curve::Straight), None),
+            Kind::StraightAdmissible => (Some(Curve::Straight), Some(Curve::Jumps)),
+            Kind::Mixed => (Some(Curve::Ridge), Some(Curve::Jumps)),
+        };
+        [Curve::LoWindow, Curve::HiWindow].into_iter().chain(front).chain(rear)
+    }
+
+    /// Distance of a position from the slice, s; 0 inside. Not searched for below
+    /// `enough`; if it is at least `reach`, some number from there on.
+    pub(super) fn outside_by(&self, position: Complex<f64>, enough: f64, reach: f64) -> f64 {
+        let mut nearest = f64::INFINITY;
+        let mut winding = None;
+        let sliver = SLIVER * self.steps as f64 * self.paths.step_s;
+        let reach = if self.curves().any(|curve| curve == Curve::Jumps) {
+            reach.max(enough + sliver)
+        } else {
+            reach
+        };
+        for curve in self.curves() {
+            if curve == Curve::Jumps && nearest >= enough + sliver {
+                break;
+            }
+            let search = self.search(curve, position, enough, reach);
+            if search.found() {
+                return search.distance;
+            }
+            if *winding.get_or_insert(search.crossings) != search.crossings {
+                return 0.0;
+            }
+            nearest = nearest.min(search.distance);
+        }
+        nearest
+    }
+
+    /// Signed distance of a position from the slice's boundary, s, positive
+    /// inside, and the curve that is nearest.
+    pub(super) fn margin(&self, position: Complex<f64>) -> (f64, Curve) {
+        let found: [Option<(Curve, Search)>; 4] = {
+            let mut curves = self.curves();
+            core::array::from_fn(|_| {
+                let curve = curves.next()?;
+                Some((curve, self.search(curve, position, 0.0, f64::INFINITY)))
+            })
+        };
+        let found = || found.iter().flatten();
+        let nearer = |a: (f64, Curve), b: (f64, Curve)| if b.0 < a.0 { b } else { a };
+        // What two curves surround is inside, so far as neither is met.
+        let pairs = found().flat_map(|(first, a)| {
+            found()
+                .filter(|(_, b)| a.crossings != b.crossings)
+                .map(move |(second, b)| nearer((a.distance, *first), (b.distance, *second)))
+        });
+        let inside = pairs.reduce(|a, b| if b.0 > a.0 { b } else { a });
+        inside.unwrap_or_else(|| {
+            let (distance, curve) = found()
+                .map(|(curve, search)| (search.distance, *curve))
+                .fold((f64::INFINITY, self.front()), nearer);
+            (-distance, curve)
+        })
+    }
+
+    fn search(&self, curve: Curve, position: Complex<f64>, enough: f64, reach: f64) -> Search {
+        let mut search = Search::new(position, enough, reach);
+        let (paths, steps) = (self.paths, self.steps);
+        match curve {
+            Curve::LoWindow => {
+                search.follow(&self.lo_window(), [0.0, self.above_low]);
+            }
+            Curve::HiWindow => {
+                let (outer, inner) = (&paths.low, &paths.high);
+                let window =
+                    Window { slice: self, outer, inner, width: self.above_low, sign: -1.0 };
+                search.follow(&window, [self.below_high, 0.0]);
+            }
+            Curve::Straight => {
+                let lowest = paths.low.at(self.apart_by(self.below_high)).1;
+                let highest = paths.high.at(self.apart_by(self.above_low)).1;
+                let mut directions = [lowest, 0.0, self.heading, highest];
+                directions.sort_by(f64::total_cmp);
+                for direction in &mut directions {
+                    *direction = direction.clamp(lowest.min(highest), highest);
+                }
+                search.follow(&Straight { slice: self }, directions);
+            }
+            Curve::Ridge => {
+                let ridge = Ridge::new(paths, steps, self.heading);
+                let (lowest, highest) = ridge.directions();
+                self.joined(&mut search, &ridge, [lowest, highest]);
+            }
+            Curve::Jumps => {
+                let jumps = Jumps::new(paths, steps, self.above_low);
+                self.joined(&mut search, &jumps, jumps.places());
+            }
+        }
+        search
+    }
+
+    /// Follows a curve of paths that change their rate between parts of a step only: the
+    /// lowest and the highest of these end beside the true ones.
+    fn joined<A: Arc>(
+        &self,
+        search: &mut Search,
+        arc: &A,
+        parameters: impl IntoIterator<Item = f64> + Clone,
+    ) {
+        let mut ends = parameters.clone().into_iter();
+        search.follow(arc, parameters);
+        if let (Some(first), Some(last)) = (ends.next(), ends.last()) {
+            let end = |parameter| A::place(arc.knot(parameter)).1;
+            let window = self.lo_window();
+            let tips = [0.0, self.above_low].map(|from| window.knot(from).point);
+            search.join(tips[0], end(first));
+            search.join(end(last), tips[1]);
+        }
+    }
+
+    fn lo_window(&self) -> Window<'_> {
+        let (outer, inner) = (&self.paths.high, &self.paths.low);
+        Window { slice: self, outer, inner, width: self.below_high, sign: 1.0 }
+    }
+
+    /// When the two outermost paths' headings have come to differ by `turn`.
+    fn apart_by(&self, turn: f64) -> Instant {
+        let (low, high) = (&self.paths.low, &self.paths.high);
+        self.instant(turn, |step| high.heading(step) - low.heading(step))
+    }
+
+    /// When a quantity, given at the beginning of each step, linear between and
+    /// never falling, reaches `value`; the limits of the horizon if it does not.
+    fn instant(&self, value: f64, at: impl Fn(usize) -> f64) -> Instant {
+        let (mut first, mut last) = (0, self.steps);
+        // at(first) ≤ value < at(last), as far as there are such.
+        while first + 1 < last {
+            let middle = usize::midpoint(first, last);
+            if at(middle) <= value {
+                first = middle;
+            } else {
+                last = middle;
+            }
+        }
+        let step_s = self.paths.step_s;
+        let (from, to) = (at(first), at(last));
+        let share = if to > from { ((value - from) / (to - from)).clamp(0.0, 1.0) } else { 0.0 };
+        Instant { step: first, seconds: share * step_s, time: (first as f64 + share) * step_s }
+    }
+}
+
+/// A moment: `seconds` after the beginning of a step, `time` after the start.
+#[derive(Clone, Copy, Debug)]
+struct Instant {
+    step: usize,
+    seconds: f64,
+    time: f64,
+}
+
+impl Path {
+    /// Position and heading at an instant.
+    fn at(&self, instant: Instant) -> (Complex<f64>, f64) {
+        self.within(instant.step, instant.seconds)
+    }
+}
+
+/// A point of a curve whose derivative is ±i·∫e^{iθ} over a stretch of the path.
+#[derive(Clone, Copy, Debug)]
+struct Knot {
+    parameter: f64,
+    point: Complex<f64>,
+    /// The stretch, s after the start.
+    from: f64,
+    to: f64,
+}
+
+/// The rates of `outer`, but for a stretch with those of `inner`, in which the
+/// heading comes to differ by `width` from that under `outer`. Parameter: how
+/// much the headings of the outermost paths differ where the stretch begins.
+struct Window<'a> {
+    slice: &'a Slice<'a>,
+    outer: &'a Path,
+    inner: &'a Path,
+    width: f64,
+    /// 1 if `outer` is the highest path, −1 if it is the lowest.
+    sign: f64,
+}
+
+impl Arc for Window<'_> {
+    type Knot = Knot;
+
+    fn knot(&self, parameter: f64) -> Knot {
+        let slice = self.slice;
+        let (from, to) = (slice.apart_by(parameter), slice.apart_by(parameter + self.width));
+        let before = self.outer.at(from).0;
+        let stretch = self.inner.at(to).0 - self.inner.at(from).0;
+        let after = self.outer.point(slice.steps) - self.outer.at(to).0;
+        let point =
+            before + unit(self.sign * parameter) * stretch + unit(-self.sign * self.width) * after;
+        Knot { parameter, point, from: from.time, to: to.time }
+    }
+
+    fn place(knot: Knot) -> (f64, Complex<f64>) {
+        (knot.parameter, knot.point)
+    }
+
+    /// A chord deviates by a quarter of the parameter's range times the change of
+    /// the derivative, which changes as the stretch moves and turns.
+    fn deviation(&self, a: Knot, b: Knot) -> f64 {
+        let range = (b.parameter - a.parameter).abs();
+        let moved = (b.from - a.from).abs() + (b.to - a.to).abs();
+        let longest = a.to.max(b.to) - a.from.min(b.from);
+        0.25 * range * (moved + range * longest)
+    }
+}
+
+/// Headings closer than this, rad, differ by rounding errors only.
+const SAME_HEADING: f64 = 1e-9;
+
+/// Turn at full rate toward a direction (the parameter), go straight, turn at
+/// full rate to the end heading.
+struct Straight<'a> {
+    slice: &'a Slice<'a>,
+}
+
+impl Arc for Straight<'_> {
+    type Knot = Knot;
+
+    fn knot(&self, direction: f64) -> Knot {
+        let slice = self.slice;
+        let (low, high) = (&slice.paths.low, &slice.paths.high);
+        let falling = |heading: f64| slice.instant(-heading, |step| -low.heading(step));
+        let rising = |heading: f64| slice.instant(heading, |step| high.heading(step));
+        let (mut from, toward) =
+            if direction >= 0.0 { (rising(direction), high) } else { (falling(direction), low) };
+        let (mut to, path, turn) = if direction >= slice.heading {
+            (falling(direction - slice.above_low), low, slice.above_low)
+        } else {
+            (rising(direction + slice.below_high), high, -slice.below_high)
+        };
+        // Where a full rate is zero its path is straight too, and its instant may come
+        // out anywhere there.
+        if to.time < from.time {
+            if (toward.at(to).1 - direction).abs() < SAME_HEADING {
+                from = to;
+            } else {
+                to = from;
+            }
+        }
+        let first = toward.at(from).0;
+        let last = unit(turn) * (path.point(slice.steps) - path.at(to).0);
+        let straight_s = to.time - from.time;
+        let point = first + unit(direction) * straight_s + last;
+        Knot { parameter: direction, point, from: from.time, to: to.time }
+    }
+
+    fn place(knot: Knot) -> (f64, Complex<f64>) {
+        (knot.parameter, knot.point)
+    }
+
+    /// The curve turns one way, as its parameter does.
+    fn deviation(&self, a: Knot, b: Knot) -> f64 {
+        triangle(a.point, b.point, b.parameter - a.parameter)
+    }
+}
+
+/// How far a curve that turns one way, by `turn` rad, may be from its chord.
+pub(super) fn triangle(a: Complex<f64>, b: Complex<f64>, turn: f64) -> f64 {
+    if turn.abs() > 1.0 {
+        return f64::INFINITY;
+    }
+    // tan(x/2)/2 ≤ 0.2732 x up to x = 1.
+    0.2732 * (b - a).norm_sqr().sqrt() * turn.abs()
+}
