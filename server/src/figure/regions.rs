@@ -354,7 +354,7 @@ mod tests {
         // Two panels with five tubes and twenty-five steps each, and the robot; five signs.
         let fills = |color: &str| svg.matches(&format!("fill=\"{color}\"")).count();
         for color in ["#E2504A", "#E6BD3C", "#46A063", "#4477D3", "#9367CF"] {
-            assert!(fills(color) >= 2 * 6 + 1, "{color}: {}", fills(color));
+            assert!(fills(color) > 2 * 6, "{color}: {}", fills(color));
         }
         // From large to small: purple lies below red.
         assert!(svg.find("#9367CF") < svg.find("#E2504A"));
@@ -381,7 +381,10 @@ mod tests {
             regions("", "", panels, times, names).unwrap_err().to_string()
         };
         assert!(refusal(&[], &TIMES_S, &names()).contains("no panel"));
-        assert!(refusal(&[panel.clone()], &TIMES_S[1..], &names()).contains("5 steps for 4"));
+        assert!(
+            refusal(core::slice::from_ref(&panel), &TIMES_S[1..], &names())
+                .contains("5 steps for 4")
+        );
         assert!(refusal(&[panel], &TIMES_S, &names()[1..]).contains("5 sets for 4"));
     }
 

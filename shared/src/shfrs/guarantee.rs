@@ -117,18 +117,19 @@ impl Guarantee {
         }
     }
 
-    /// Which share of trajectories the level of `n` scores is going to hold on average,
-    /// rank/(n + 1): what a choice beforehand should aim at. A fixed sequence goes as far as
-    /// `Pac` would.
+    /// The parameters (a, b) of the Beta distribution of the share of trajectories that the
+    /// level of `n` scores is going to hold, (rank, n + 1 − rank): what a choice beforehand
+    /// has to expect. A fixed sequence goes as far as `Pac` would.
     ///
     /// # Errors
     /// As of [`Self::enough`].
-    pub fn aim(&self, n: usize, p: f64) -> Result<f64, Invalid> {
+    pub fn held(&self, n: usize, p: f64) -> Result<(f64, f64), Invalid> {
         let as_nested = match *self {
             Self::FixedSequence { delta, .. } => Self::Pac { delta },
             other => other,
         };
-        Ok(as_nested.rank(n, p)? as f64 / (n + 1) as f64)
+        let rank = as_nested.rank(n, p)?;
+        Ok((rank as f64, (n + 1 - rank) as f64))
     }
 
     /// The level that these calibration scores guarantee probability `p` with.

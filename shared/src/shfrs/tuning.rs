@@ -14,7 +14,7 @@ use super::window::{Trajectory, Window, WindowChoice};
 use crate::bounds::{ActionChoice, ActionModel, BoundsSettings, Rollout};
 use crate::invalid::Invalid;
 use crate::math::SeededRng;
-use crate::stats::{Estimate, Tally, open_probability, share};
+use crate::stats::{Estimate, Tally, beta_quantile, open_probability, share};
 use serde::Serialize;
 
 /// How trajectories are parted. What is left of 1 is for the test.
@@ -208,8 +208,9 @@ pub fn tune(
     if training.is_empty() {
         return Err(Invalid::new("training trajectories", "at least 1", 0));
     }
-    let aim = settings.guarantee.aim(calibration.len(), settings.p)?;
-    let chosen = &families[least_area(&training, &prediction, &families, aim)?];
+    let held = settings.guarantee.held(calibration.len(), settings.p)?;
+    let ranks = ranks(held, training.len());
+    let chosen = &families[least_area(&training, &prediction, &families, &ranks)?];
     let (epsilon, rollout) = match settings.guarantee {
         Guarantee::Conformal | Guarantee::Pac { .. } => {
             let scores = each(&calibration, |window| {
@@ -315,9 +316,23 @@ struct Base {
     most: f64,
 }
 
-/// The candidate whose tubes have the least mean area over the n training windows, when each
-/// has the level of its ⌈(n + 1)·`aim`⌉-th score (the last if there are too few); the first of
-/// equals.
+/// Where among `n` ≥ 1 training scores the level may come to lie that is going to hold a share
+/// of Beta distribution (a, b): the ranks of equally likely shares.
+///
+/// The area can leap from one score to the next, so the rank of the mean share alone would
+/// choose settings that are good there by a hair.
+fn ranks((a, b): (f64, f64), n: usize) -> [usize; RANKS] {
+    core::array::from_fn(|i| {
+        let share = beta_quantile((i as f64 + 0.5) / RANKS as f64, a, b);
+        (((n + 1) as f64 * share).ceil() as usize).clamp(1, n)
+    })
+}
+
+/// Equally likely shares that are looked at.
+const RANKS: usize = 9;
+
+/// The candidate whose tubes have the least area, summed over the training windows and over
+/// levels at each of the ascending `ranks` of its scores; the first of equals.
 ///
 /// Scores are what takes time. So each gets bounds first, from turn rates and headings alone;
 /// these bound every candidate's level, and that its area from below. Candidates are then
@@ -327,7 +342,7 @@ fn least_area(
     windows: &[Window<'_>],
     prediction: &Prediction<'_, impl ActionModel + Sync>,
     families: &[BoundsSettings],
-    aim: f64,
+    ranks: &[usize],
 ) -> Result<usize, Invalid> {
     let (parameters, tolerance) = (prediction.parameters, prediction.tolerance);
     // For each window its different bases, and which of them each candidate has.
@@ -346,23 +361,25 @@ fn least_area(
     })?
     .into_iter()
     .unzip();
-    let rank = (((windows.len() + 1) as f64 * aim).ceil() as usize).min(windows.len());
     let ranked = |bases: &[Vec<Base>], candidate: usize, of_base: fn(&Base) -> f64| {
         let mut found: Vec<f64> =
             bases.iter().zip(&of).map(|(bases, of)| of_base(&bases[of[candidate]])).collect();
         found.sort_by(f64::total_cmp);
-        found[rank - 1]
+        ranks.iter().map(|rank| found[rank - 1]).collect::<Vec<f64>>()
     };
-    let area = |bases: &[Vec<Base>], candidate: usize, level: f64| {
-        bases.iter().zip(&of).try_fold(0.0, |sum, (bases, of)| {
-            let base = &bases[of[candidate]].bounds;
-            let bounds = widened(base, level, prediction.turn_rate())?;
-            Ok::<_, Invalid>(sum + tube_area_m2(&bounds, parameters)?)
+    let area = |bases: &[Vec<Base>], candidate: usize, levels: &[f64]| {
+        levels.chunk_by(|a, b| a == b).try_fold(0.0, |sum, equal| {
+            let one = bases.iter().zip(&of).try_fold(0.0, |sum, (bases, of)| {
+                let base = &bases[of[candidate]].bounds;
+                let bounds = widened(base, equal[0], prediction.turn_rate())?;
+                Ok::<_, Invalid>(sum + tube_area_m2(&bounds, parameters)?)
+            })?;
+            Ok::<_, Invalid>(sum + one * equal.len() as f64)
         })
     };
     let all: Vec<usize> = (0..families.len()).collect();
     let at_least = each(&all, |&candidate| {
-        area(&bases, candidate, ranked(&bases, candidate, |base| base.least))
+        area(&bases, candidate, &ranked(&bases, candidate, |base| base.least))
     })?;
     let mut order = all;
     order.sort_by(|&a, &b| at_least[a].total_cmp(&at_least[b]).then(a.cmp(&b)));
@@ -376,7 +393,8 @@ fn least_area(
         let open: Vec<usize> = (0..windows.len())
             .filter(|&i| {
                 let base = &bases[i][of[i][candidate]];
-                base.least < base.most && base.least < high && low < base.most
+                let may_be = |(low, high): (&f64, &f64)| base.least < *high && *low < base.most;
+                base.least < base.most && low.iter().zip(&high).any(may_be)
             })
             .collect();
         let scores = each(&open, |&i| {
@@ -387,8 +405,8 @@ fn least_area(
             let base = &mut bases[i][of[i][candidate]];
             (base.least, base.most) = (score, score);
         }
-        let level = ranked(&bases, candidate, |base| base.least);
-        let found = (area(&bases, candidate, level)?, candidate);
+        let levels = ranked(&bases, candidate, |base| base.least);
+        let found = (area(&bases, candidate, &levels)?, candidate);
         if best.is_none_or(|best| found < best) {
             best = Some(found);
         }
@@ -407,9 +425,8 @@ mod tests {
         windows: &[Window<'_>],
         prediction: &Prediction<'_, Always>,
         families: &[BoundsSettings],
-        aim: f64,
+        ranks: &[usize],
     ) -> (f64, usize) {
-        let rank = (((windows.len() + 1) as f64 * aim).ceil() as usize).min(windows.len());
         let area = |family: &BoundsSettings| {
             let base =
                 |window: &Window<'_>| prediction.bounds(window.history(), family).unwrap().raw;
@@ -419,12 +436,13 @@ mod tests {
             };
             let mut scores: Vec<f64> = windows.iter().map(score).collect();
             scores.sort_by(f64::total_cmp);
-            let area = |window: &Window<'_>| {
+            let area = |window: &Window<'_>, level: f64| {
                 let range = prediction.turn_rate();
-                let bounds = widened(&base(window), scores[rank - 1], range).unwrap();
+                let bounds = widened(&base(window), level, range).unwrap();
                 tube_area_m2(&bounds, parameters).unwrap()
             };
-            windows.iter().map(area).sum::<f64>()
+            let of_level = |level| windows.iter().map(|window| area(window, level)).sum::<f64>();
+            ranks.iter().map(|rank| of_level(scores[rank - 1])).sum::<f64>()
         };
         let areas = families.iter().map(area).enumerate().map(|(i, area)| (area, i));
         areas.min_by(|a, b| a.partial_cmp(b).unwrap()).unwrap()
@@ -434,9 +452,11 @@ mod tests {
     fn leaving_out_scores_changes_nothing() {
         let parameters = SceneParameters::default();
         let mut rng = SeededRng::new(8);
-        for (probabilities, aim) in
-            [([0.2, 0.5, 0.3], 0.6), ([0.1, 0.8, 0.1], 0.8), ([0.6, 0.1, 0.3], 0.95)]
-        {
+        for (probabilities, held) in [
+            ([0.2, 0.5, 0.3], (18.0, 12.0)),
+            ([0.1, 0.8, 0.1], (25.0, 6.0)),
+            ([0.6, 0.1, 0.3], (40.0, 2.0)),
+        ] {
             let model = Always(probabilities);
             let prediction = Prediction::new(&parameters, &model);
             let drives: Vec<Trajectory> = (0..30)
@@ -452,8 +472,10 @@ mod tests {
                 .iter()
                 .map(|choice| prediction.settings(vec![0.0], choice, Rollout::Base).unwrap())
                 .collect();
-            let found = least_area(&windows, &prediction, &families, aim).unwrap();
-            assert_eq!(found, plainly(&windows, &prediction, &families, aim).1);
+            let ranks = ranks(held, windows.len());
+            let found = least_area(&windows, &prediction, &families, &ranks).unwrap();
+            let plain = plainly(&windows, &prediction, &families, &ranks);
+            assert_eq!(found, plain.1);
         }
     }
 

@@ -178,7 +178,8 @@ impl Analysis {
     }
 }
 
-/// SHFRS with each tuned choice of actions and the paper's, and simpler predictions.
+/// SHFRS with the choices of actions that were tuned with the first guarantee and with the
+/// paper's, and simpler predictions.
 fn compare<M: ActionModel + Sync>(
     sample: &Sample,
     prediction: Prediction<'_, M>,
@@ -190,7 +191,8 @@ fn compare<M: ActionModel + Sync>(
         WindowChoice::EveryStep.windows(&sample.training, questions.steps).concat();
     let mut choices: Vec<ActionChoice> = Vec::new();
     let paper = choice_of_the_paper(questions.steps, prediction.model.actions().len());
-    for choice in tuning.iter().map(|tuned| &tuned.choice).chain([&paper]) {
+    let first = |tuned: &&Tuned| tuned.guarantee == tuning[0].guarantee;
+    for choice in tuning.iter().filter(first).map(|tuned| &tuned.choice).chain([&paper]) {
         if !choices.contains(choice) {
             choices.push(choice.clone());
         }
