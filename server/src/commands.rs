@@ -12,6 +12,7 @@ pub mod plot;
 pub mod json_file;
 pub mod bounds;
 pub mod reach;
+pub mod shfrs;
 
 use crate::store::OpenError;
 use serde::Serialize;

@@ -7,6 +7,7 @@ pub use algorithm::{Algorithm1, PredictedBounds, input_bounds};
 
 use crate::invalid::{Invalid, length, positive};
 use crate::scene::{JointState, SceneParameters};
+use core::fmt;
 
 /// Lowest and highest turn rate of each coming step, rad/s.
 #[derive(Debug, PartialEq)]
@@ -95,6 +96,16 @@ pub trait ActionModel {
     fn probabilities(&self, history: &[JointState], out: &mut [f64]);
 }
 
+impl<M: ActionModel + ?Sized> ActionModel for &M {
+    fn actions(&self) -> &[f64] {
+        (**self).actions()
+    }
+
+    fn probabilities(&self, history: &[JointState], out: &mut [f64]) {
+        (**self).probabilities(history, out);
+    }
+}
+
 /// How both vehicles can move, as the roll-outs need it. Turn rates are ranges, rad/s,
 /// and need not be the same to both sides.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -154,6 +165,19 @@ pub enum ActionChoice {
     },
 }
 
+/// `k = 3 3 2 1 …` or `τ = 0.1`.
+impl fmt::Display for ActionChoice {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::TopK(k) => {
+                out.write_str("k =")?;
+                k.iter().try_for_each(|k| write!(out, " {k}"))
+            }
+            Self::Adaptive { tau, .. } => write!(out, "τ = {tau}"),
+        }
+    }
+}
+
 /// What the vehicles do in the low and the high roll-out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Rollout {
@@ -161,6 +185,17 @@ pub enum Rollout {
     Paper,
     /// The bounds before widening. Only so do regions grow with ε_1 for certain.
     Base,
+}
+
+impl Rollout {
+    /// The choice as files and results name it.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Paper => "paper",
+            Self::Base => "base",
+        }
+    }
 }
 
 /// What Algorithm 1 is run with.

@@ -26,8 +26,8 @@ pub mod polygon;
 mod rear;
 mod sampling;
 mod singular;
-mod start;
 mod membership;
+mod start;
 
 pub use grow::{minkowski_disc, minkowski_disc_into};
 pub use membership::{Side, StateMargins, Tolerance};
@@ -209,6 +209,7 @@ impl ReachableSet {
             outliner.clear();
             outliner.add(boundary);
             curves.iter().for_each(|curve| outliner.add(curve));
+            boundary.truncate(1);
             outliner.outline(boundary);
         }
     }
@@ -244,6 +245,7 @@ impl ReachableSet {
             rear::candidates(paths, steps, least, tolerance, curves);
             curves.iter().for_each(|curve| outliner.add(curve));
         }
+        boundary.truncate(1);
         outliner.outline(boundary);
     }
 

@@ -20,7 +20,7 @@ mod solve;
 
 pub use exact::{ExactState, ExactValue};
 pub use game::{Game, TERMS};
-pub use games::{DoubleIntegrator, RelativeDubins};
+pub use games::{DoubleIntegrator, DubinsCar, RelativeDubins};
 pub use grid::{Axis, Boundary, Grid};
 pub use level_set::{CurveSettings, radial_level_curve};
 pub use parallel::default_threads;

@@ -1,7 +1,19 @@
 //! Stochastic human forward reachable sets: from the states so far and a predictor
 //! to nested regions of the plane.
 
+pub mod baselines;
+pub mod danger;
+mod each;
 pub mod family;
+pub mod guarantee;
+pub mod pareto;
+pub mod prediction;
+pub mod probability;
+pub mod scores;
+#[cfg(test)]
+mod testing;
+pub mod tuning;
+pub mod widened;
 pub mod window;
 
 use crate::bounds::{

@@ -49,6 +49,11 @@ const BENCHES: &[Bench] = &[
         runner: Runner::Target("sidestep"),
     },
     Bench {
+        name: "shfrs",
+        what: "polygons of reachable sets in memory that is there against those made anew",
+        runner: Runner::Target("sidestep"),
+    },
+    Bench {
         name: "shfrs_bounds",
         what: "Algorithm 1 and a frame of predicted sets, against the same with fresh memory",
         runner: Runner::Target("sidestep"),

@@ -91,11 +91,12 @@ pub async fn run(args: BoundsArgs) -> Result<(), CommandError> {
         .map_err(|invalid| complain(invalid.within("predictor")))?;
     let problem = Problem::new(&input, &predictor).map_err(complain)?;
     let names = Vec::<String>::from(predictor.features().clone());
-    let safety = match names.iter().find(|name| SAFETY_LEVELS.contains(&name.as_str())) {
-        Some(name) => solve(&problem.scene(&input, name).map_err(complain)?).await?,
-        // Nothing looks at them.
-        None => solve(&SceneParameters::default()).await?,
+    let scene = match names.iter().find(|name| SAFETY_LEVELS.contains(&name.as_str())) {
+        Some(name) => problem.scene(&input, name).map_err(complain)?,
+        // Nothing looks at its safety levels.
+        None => SceneParameters::default(),
     };
+    let safety = safety_functions(&scene, &Interrupt::listen()).await?;
     let mut algorithm = Algorithm1::default();
     let found = problem.bounds(&predictor, &safety, &mut algorithm).map_err(complain)?;
     args.files.answer(&Answer::from(found))
@@ -209,15 +210,17 @@ fn choice(input: &Input) -> Result<ActionChoice, Invalid> {
 }
 
 /// Both value functions; only those of unequal vehicles take their time.
-async fn solve(parameters: &SceneParameters) -> Result<SafetyFunctions, CommandError> {
-    let interrupt = Interrupt::listen();
+pub(super) async fn safety_functions(
+    parameters: &SceneParameters,
+    interrupt: &Interrupt,
+) -> Result<SafetyFunctions, CommandError> {
     let [game_h, game_r] = Evader::ALL.map(|evader| parameters.game(evader));
     let mut functions = Vec::with_capacity(2);
     for game in [game_h, game_r] {
         functions.push(match (game.exact(), functions.first()) {
             (Ok(exact), _) => ValueFunction::Exact(exact),
             (Err(_), Some(human)) if game_r == game_h => ValueFunction::clone(human),
-            (Err(_), _) => solved(game, Options::default(), &interrupt).await?.0.function,
+            (Err(_), _) => solved(game, Options::default(), interrupt).await?.0.function,
         });
     }
     let robot = functions.remove(1);

@@ -4,12 +4,16 @@ use std::error::Error;
 use std::ops::ControlFlow;
 
 use serde::Serialize;
-use sidestep::math::{TAU, cos, sin};
+use sidestep::math::{TAU, cos};
 use sidestep::reachability::cartesian::{
     Direction, Horizon, Kind, Problem, Region, Settings, solve,
 };
-use sidestep::reachability::{Axis, Game, Grid, Real, Scheme, TERMS};
+use sidestep::reachability::{Axis, Grid, Scheme};
 
+#[path = "../../tests/level_set_solver/steepening.rs"]
+mod steepening;
+
+use self::steepening::{SECONDS, Steepening, exact};
 use crate::measure::{self, Accuracy, HORIZON_S, MITCHELL};
 
 const SCHEMES: [Scheme; 4] = [Scheme::Upwind, Scheme::Eno2, Scheme::Eno3, Scheme::Weno5];
@@ -86,43 +90,9 @@ pub(crate) fn check() -> Result<Check, Box<dyn Error>> {
     Ok(Check { horizon_s: HORIZON_S, air3d, exact, converged, orders })
 }
 
-/// H = −p²/2 with slopes up to 1.
-struct Steepening;
-
-impl Game<1> for Steepening {
-    fn terms(&self, _axis: usize, _x: f64) -> [f64; TERMS] {
-        [0.0; TERMS]
-    }
-
-    #[inline(always)]
-    fn hamiltonian<T: Real>(&self, _terms: &[[T; TERMS]; 1], [p]: [T; 1]) -> T {
-        -(T::HALF * p * p)
-    }
-
-    #[inline(always)]
-    fn speed_bounds<T: Real>(&self, _terms: &[[T; TERMS]; 1]) -> [T; 1] {
-        [T::from_f64(1.0)]
-    }
-}
-
-/// V_τ = −(∂V/∂x)²/2 from cos x, half the time until a kink forms at τ = 1. Slopes stay the
-/// same along characteristics: with p = −sin x₀, x = x₀ + pτ and V = cos x₀ + p²τ/2.
+/// Mean errors of the smooth problem on finer and finer grids.
 fn order(scheme: Scheme, cfl: f64, advised: bool) -> Result<Order, Box<dyn Error>> {
-    const SECONDS: f64 = 0.5;
     let target = |[x]: [f64; 1]| cos(x);
-    let exact = |x: f64| {
-        // x₀ − τ sin x₀ = x by bisection: its derivative is positive for τ < 1.
-        let (mut low, mut high) = (x - 1.0, x + 1.0);
-        for _ in 0..60 {
-            let middle = 0.5 * (low + high);
-            if middle - SECONDS * sin(middle) < x {
-                low = middle;
-            } else {
-                high = middle;
-            }
-        }
-        cos(low) + 0.5 * sin(low) * sin(low) * SECONDS
-    };
     let mut errors = Vec::new();
     for nodes in NODES {
         let problem = Problem {

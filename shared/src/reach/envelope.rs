@@ -56,10 +56,37 @@ impl Envelope {
         if first.im > last.im {
             self.run.reverse();
         }
+        if !reaches_below(&self.base, &self.run) {
+            return;
+        }
         self.next.clear();
         merge(&self.base, &self.run, &mut self.next);
         core::mem::swap(&mut self.base, &mut self.next);
     }
+}
+
+/// Whether `run` is anywhere below `base`: at a vertex of either, if at all. Most
+/// stretches are not, and need not be merged.
+fn reaches_below(base: &[Complex<f64>], run: &[Complex<f64>]) -> bool {
+    let (low, high) = (run[0].im, run[run.len() - 1].im);
+    let first = base.partition_point(|point| point.im < low);
+    let mut next = first;
+    let on_run = run.iter().any(|point| {
+        while next < base.len() && base[next].im < point.im {
+            next += 1;
+        }
+        let at = next < base.len() && base[next].im == point.im;
+        value(base, next, at, point.im).is_some_and(|x| point.re < x)
+    });
+    let mut next = 0;
+    on_run
+        || base[first..].iter().take_while(|point| point.im <= high).any(|point| {
+            while run[next].im < point.im {
+                next += 1;
+            }
+            let at = run[next].im == point.im;
+            value(run, next, at, point.im).is_some_and(|x| x < point.re)
+        })
 }
 
 /// The smaller of `base` and `run`, where `run` is defined; y rises in both.

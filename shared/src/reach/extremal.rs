@@ -39,7 +39,7 @@ enum Side {
 }
 
 /// Costates closer to zero than this, s, are rounding errors of zero.
-const ZERO_COSTATE: f64 = 1e-13;
+const ZERO_COSTATE: f64 = 1e-15;
 
 /// More jumps a step than this are not traced further: only a path that trembles
 /// about φ = π has so many.

@@ -17,13 +17,14 @@ pub(super) fn front(
     points: &mut Vec<Complex<f64>>,
 ) {
     let from = points.len();
-    points.push(paths.low.point(steps));
     if paths.straight_always(steps) {
         let least = least_pieces.div_ceil(steps);
         turn_then_straight(&paths.low, steps, least, tolerance, points);
+        points.push(paths.low.point(steps));
         points[from..].reverse();
         turn_then_straight(&paths.high, steps, least, tolerance, points);
     } else {
+        points.push(paths.low.point(steps));
         extremals(paths, steps, least_pieces, tolerance, family, points);
     }
     points.push(paths.high.point(steps));

@@ -67,6 +67,7 @@ pub fn minkowski_disc_into(
 pub(super) fn tidy(boundary: &mut Vec<Point>, outliner: &mut Outliner) {
     outliner.clear();
     outliner.add_closed(boundary);
+    boundary.truncate(1);
     outliner.outline(boundary);
 }
 

@@ -47,6 +47,7 @@ fn one_jump(
     points: &mut Vec<Complex<f64>>,
 ) {
     let (step_s, end) = (first.step_s(), last.point(steps));
+    points.push(end);
     for step in 0..steps {
         let (turn, other) = (first.turn(step), last.turn(step));
         let width = (turn.rate - other.rate).abs();

@@ -129,10 +129,11 @@ pub(super) fn triangle_height(a: Sample, b: Sample) -> f64 {
     0.5 * base2.sqrt() * (turn.im.abs() / (lengths + turn.re))
 }
 
-/// Into how many equal pieces a curve over `seconds` is cut so that chords stay within
-/// `tolerance` of it, if its second derivative across them is at most `bend`.
+/// Into how many equal pieces a curve over `seconds` is cut so that chords stay within half
+/// of `tolerance` of it, if its second derivative across them is at most `bend`. Half: what
+/// errors do to areas then is small as well.
 pub(super) fn pieces(seconds: f64, bend: f64, tolerance: f64, least: usize) -> usize {
-    ((seconds * (bend / (8.0 * tolerance)).sqrt()).ceil() as usize).max(least)
+    ((seconds * (bend / (4.0 * tolerance)).sqrt()).ceil() as usize).max(least)
 }
 
 /// Points nearer to each other than this, s, differ by rounding errors only.

@@ -98,7 +98,8 @@ pub(super) fn pieces(paths: &Paths, steps: usize, family: &mut Vec<Piece>) {
 /// The extremal that becomes singular in some step.
 struct Onset {
     piece: usize,
-    parameter: f64,
+    /// In that piece; or between it and the next one.
+    parameter: Option<f64>,
     /// Seconds from the beginning of the step to the onset.
     seconds: f64,
     /// What remains to be driven from the beginning of the step on, straight
@@ -108,17 +109,36 @@ struct Onset {
 
 /// The family stops this far, rad or s, on both sides of a singular extremal, so
 /// that rounding does not send a neighbour to the wrong side. The gap is bridged
-/// by a chord over some 10⁻⁵ rad, which is 10⁻¹⁰ s from the front.
-const GAP: f64 = 1e-10;
+/// by a chord. Only where a bound is so close to zero as `paths` allows does it span
+/// more than 10⁻⁵ rad: at most 10⁻² rad, which is 10⁻⁵ of the way from the front.
+const GAP: f64 = 1e-12;
 
 impl Onset {
+    /// By an extremal at the end of a step with these bounds, if φ vanishes in it.
+    fn meeting(
+        met: Costate,
+        (lo, hi): (f64, f64),
+        step_s: f64,
+        piece: usize,
+        parameter: Option<f64>,
+    ) -> Option<Self> {
+        let rate = if met.phi > 0.0 { hi } else { lo };
+        let turning = if rate == 0.0 { 0.0 } else { met.phi / rate };
+        let seconds = step_s - turning;
+        let rest = met.before(rate, turning).rest.re + seconds;
+        (seconds > 0.0).then_some(Self { piece, parameter, seconds, rest })
+    }
+
     /// Splits the family at this extremal; answers the place between.
     fn split(&self, family: &mut Vec<Piece>) -> usize {
+        let Some(parameter) = self.parameter else {
+            return self.piece + 1;
+        };
         let left = &mut family[self.piece];
         let gap = GAP.copysign(left.to - left.from);
         let mut right = *left;
-        left.to = self.parameter - gap;
-        right.from = self.parameter + gap;
+        left.to = parameter - gap;
+        right.from = parameter + gap;
         family.insert(self.piece + 1, right);
         self.piece + 1
     }
@@ -130,9 +150,22 @@ fn onset(paths: &Paths, steps: usize, step: usize, family: &[Piece]) -> Option<O
     let (lo, hi) = (paths.lo[step], paths.hi[step]);
     let at_end = |piece: &Piece, parameter| piece.at(paths, steps, step + 1, parameter);
     let value = |piece: &Piece, parameter| p_at_zero(at_end(piece, parameter), lo, hi);
-    let place = family
+    let inside = family
         .iter()
-        .position(|piece| value(piece, piece.from) >= 0.0 && value(piece, piece.to) < 0.0)?;
+        .position(|piece| value(piece, piece.from) >= 0.0 && value(piece, piece.to) < 0.0);
+    let Some(place) = inside else {
+        // Between two pieces: the nearer end is as good.
+        let place = family.windows(2).position(|pair| {
+            value(&pair[0], pair[0].to) >= 0.0 && value(&pair[1], pair[1].from) < 0.0
+        })?;
+        let (left, right) = (&family[place], &family[place + 1]);
+        let (above, below) = (value(left, left.to), -value(right, right.from));
+        if above.min(below) > NEAR {
+            return None;
+        }
+        let met = if above < below { at_end(left, left.to) } else { at_end(right, right.from) };
+        return Onset::meeting(met, (lo, hi), paths.step_s, place, None);
+    };
     let piece = &family[place];
     let (mut from, mut to) = (piece.from, piece.to);
     for _ in 0..MOST_BISECTIONS {
@@ -144,23 +177,15 @@ fn onset(paths: &Paths, steps: usize, step: usize, family: &[Piece]) -> Option<O
         }
     }
     // Where the rate on its side is zero the value jumps: no extremal arrives.
-    if value(piece, from) > 1e-9 {
+    if value(piece, from) > NEAR {
         return None;
     }
-    let met = at_end(piece, from);
-    let rate = if met.phi > 0.0 { hi } else { lo };
-    let turning = if rate == 0.0 { 0.0 } else { met.phi / rate };
-    if turning >= paths.step_s {
-        return None;
-    }
-    let seconds = paths.step_s - turning;
-    Some(Onset {
-        piece: place,
-        parameter: from,
-        seconds,
-        rest: met.before(rate, turning).rest.re + seconds,
-    })
+    Onset::meeting(at_end(piece, from), (lo, hi), paths.step_s, place, Some(from))
 }
+
+/// So much, s, the costate may be off where an extremal becomes singular, as where
+/// extremals part by more than the parameter can tell.
+const NEAR: f64 = 1e-5;
 
 const MOST_BISECTIONS: u32 = 60;
 

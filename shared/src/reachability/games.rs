@@ -1,7 +1,9 @@
 //! The games that come with the library, one file each.
 
 mod double_integrator;
+mod dubins_car;
 mod pursuit;
 
 pub use double_integrator::DoubleIntegrator;
+pub use dubins_car::DubinsCar;
 pub use pursuit::RelativeDubins;

@@ -1,125 +1,21 @@
 //! A value function that a solver left on a grid.
 
-use super::grid::{Axis, Boundary, Grid};
-use super::polar::{self, RangeAxis};
+mod finders;
+mod nodes;
+mod sheet;
+mod slice;
+
+pub use nodes::Nodes;
+pub(super) use slice::Slice;
+
+use super::grid::Axis;
+use super::polar;
 use super::pursuit::PursuitGame;
 use super::table::Table;
 use crate::invalid::Invalid;
-use crate::math::{PI, TAU, hypot, sin_cos, wrap_positive};
-use serde::{Deserialize, Serialize};
-
-/// The nodes of a sampled value function.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "coordinates", rename_all = "lowercase", deny_unknown_fields)]
-pub enum Nodes {
-    /// Range r = c (eˢ − 1), bearing, relative heading; both angles have the same
-    /// nodes, from 0 over a full turn.
-    Polar {
-        /// c, m.
-        knee_m: f64,
-        /// Last range, m.
-        range_m: f64,
-        /// Nodes of the range axis, r = 0 included.
-        range_nodes: usize,
-        /// Nodes of a full turn.
-        angle_nodes: usize,
-    },
-    /// x, y, ψ of the pursuer in the evader's frame.
-    Cartesian {
-        /// x, m.
-        x: Axis,
-        /// y, m.
-        y: Axis,
-        /// ψ, rad: one turn from 0, periodic.
-        psi: Axis,
-    },
-}
-
-impl Nodes {
-    fn range_axis(knee_m: f64, range_m: f64, range_nodes: usize) -> RangeAxis {
-        RangeAxis::new(knee_m, range_m, range_nodes)
-    }
-
-    /// How many values are stored.
-    #[must_use]
-    pub fn count(&self) -> usize {
-        self.shape().iter().fold(1, |n, m| n.saturating_mul(*m))
-    }
-
-    /// Stored nodes by axis: of the bearings only those in [0, π].
-    #[must_use]
-    pub fn shape(&self) -> [usize; 3] {
-        match *self {
-            Self::Polar { range_nodes, angle_nodes, .. } => {
-                [range_nodes, angle_nodes / 2 + 1, angle_nodes]
-            }
-            Self::Cartesian { x, y, psi } => [x.nodes, y.nodes, psi.nodes],
-        }
-    }
-
-    /// Coordinates of all stored nodes by axis.
-    #[must_use]
-    pub fn coordinates(&self) -> [Vec<f64>; 3] {
-        match *self {
-            Self::Polar { knee_m, range_m, range_nodes, angle_nodes } => {
-                let range = Self::range_axis(knee_m, range_m, range_nodes);
-                let angle = |j: usize| TAU * j as f64 / angle_nodes as f64;
-                [
-                    (0..range_nodes).map(|i| range.node(i)).collect(),
-                    (0..=angle_nodes / 2).map(angle).collect(),
-                    (0..angle_nodes).map(angle).collect(),
-                ]
-            }
-            Self::Cartesian { x, y, psi } => [x, y, psi].map(|axis| axis.coordinates()),
-        }
-    }
-
-    /// Checks that these can be nodes.
-    ///
-    /// # Errors
-    /// [`Invalid`] naming the parameter.
-    pub fn check(&self) -> Result<(), Invalid> {
-        match *self {
-            Self::Polar { knee_m, range_m, range_nodes, angle_nodes } => {
-                crate::invalid::positive("knee_m", knee_m)?;
-                crate::invalid::positive("range_m", range_m)?;
-                // Beyond, no number of nodes would do, and their logarithms lose digits.
-                let ratio = range_m / knee_m;
-                if !(1e-3..=1e6).contains(&ratio) {
-                    let expected = format!("between 0.001 and 10⁶ times {knee_m} m");
-                    return Err(Invalid::new("range_m", expected, range_m));
-                }
-                if !(9..=1 << 16).contains(&range_nodes) {
-                    return Err(Invalid::new("range_nodes", "9 to 65536", range_nodes));
-                }
-                if !(4..=1 << 16).contains(&angle_nodes) || !angle_nodes.is_multiple_of(2) {
-                    let expected = "an even number, 4 to 65536";
-                    return Err(Invalid::new("angle_nodes", expected, angle_nodes));
-                }
-            }
-            Self::Cartesian { x, y, psi } => {
-                for (name, axis, boundary) in [
-                    ("x", x, Boundary::Extrapolate),
-                    ("y", y, Boundary::Extrapolate),
-                    ("psi", psi, Boundary::Periodic),
-                ] {
-                    Grid { axes: [axis] }.check(2).map_err(|e| {
-                        let field = e.field.replace("axes[0]", name);
-                        Invalid { field, ..e }
-                    })?;
-                    if axis.boundary != boundary || axis.nodes > 1 << 16 {
-                        let expected = format!("{boundary:?}, at most 65536 nodes");
-                        return Err(Invalid::new(name, expected, format!("{axis:?}")));
-                    }
-                }
-                if psi.low != 0.0 || (psi.high - TAU).abs() > 1e-9 {
-                    return Err(Invalid::new("psi", "from 0 to 2π", format!("{psi:?}")));
-                }
-            }
-        }
-        Ok(())
-    }
-}
+use crate::math::{TAU, hypot, sin_cos, wrap_positive};
+use finders::{BearingFinder, RangeFinder};
+use sheet::Sheet;
 
 /// A value function on a grid, and between and beyond its nodes.
 ///
@@ -138,64 +34,6 @@ pub struct SampledValue {
     /// For polar nodes, to find the cell of a range.
     finder: RangeFinder,
     bearings: BearingFinder,
-}
-
-/// V = max(Q(α, ψ), Q(−α, −ψ)) near the surface where the evader may turn either way:
-/// between nodes the two smooth sides keep the kink sharp that one table would cut off.
-#[derive(Clone, Debug, PartialEq)]
-struct Sheet {
-    /// Deficits of Q; the bearings are a full turn.
-    table: Table,
-    /// A bit for each cell of the half turn: whether the kink runs through it or a
-    /// neighbour.
-    kinked: Vec<u64>,
-}
-
-impl Sheet {
-    fn new(cells: [usize; 3], table: Table) -> Self {
-        let [n0, n1, n2] = cells;
-        let crosses = |[i, j, k]: [usize; 3]| {
-            let (mut right, mut left) = (false, false);
-            for corner in 0..8 {
-                let [i, j, k] = [i + (corner >> 2), j + (corner >> 1 & 1), k + (corner & 1)];
-                let a = table.node([i, j, k]);
-                let b = table.node([i, 2 * n1 - j, n2 - k]);
-                right |= a > b;
-                left |= b > a;
-            }
-            right && left
-        };
-        let mut kinked = vec![0; (n0 * n1 * n2).div_ceil(64)];
-        for cell in 0..n0 * n1 * n2 {
-            let [i, j, k] = [cell / (n1 * n2), cell / n2 % n1, cell % n2];
-            if !crosses([i, j, k]) {
-                continue;
-            }
-            // The neighbours too: beyond them no stencil sees both sides, and one table
-            // and two give the same value on the face between.
-            for i in i.saturating_sub(1)..=(i + 1).min(n0 - 1) {
-                for j in -1..=1 {
-                    for k in [k + n2 - 1, k, k + 1] {
-                        let (j, k) = match j + (cell / n2 % n1) as isize {
-                            // Through the mirror at bearings 0 and π.
-                            j if j < 0 || j == n1 as isize => {
-                                (j.clamp(0, n1 as isize - 1) as usize, 2 * n2 - 1 - k % n2)
-                            }
-                            j => (j as usize, k),
-                        };
-                        let bit = (i * n1 + j) * n2 + k % n2;
-                        kinked[bit / 64] |= 1 << (bit % 64);
-                    }
-                }
-            }
-        }
-        Self { table, kinked }
-    }
-
-    fn is_kinked(&self, [_, n1, n2]: [usize; 3], [i, j, k]: [usize; 3]) -> bool {
-        let cell = (i * n1 + j) * n2 + k;
-        self.kinked[cell / 64] >> (cell % 64) & 1 == 1
-    }
 }
 
 /// Value, gradient, and whether the state lies on the grid.
@@ -524,51 +362,6 @@ impl SampledValue {
     }
 }
 
-/// All nodes of one heading.
-pub(super) struct Slice<'a> {
-    function: &'a SampledValue,
-    /// Cell and share of ψ, and of −ψ for bearings below 0.
-    heading: [(usize, f64); 2],
-}
-
-impl Slice<'_> {
-    /// Nodes of the two axes in the plane; the second one is a full turn of
-    /// bearings in polar coordinates.
-    pub(super) fn size(&self) -> [usize; 2] {
-        match self.function.nodes {
-            Nodes::Polar { range_nodes, angle_nodes, .. } => [range_nodes, angle_nodes],
-            Nodes::Cartesian { x, y, .. } => [x.nodes, y.nodes],
-        }
-    }
-
-    /// Whether the nodes are ranges and bearings.
-    pub(super) fn is_polar(&self) -> bool {
-        matches!(self.function.nodes, Nodes::Polar { .. })
-    }
-
-    /// V at a node of the slice whose range is `range_m`.
-    pub(super) fn value(&self, [i, j]: [usize; 2], range_m: f64) -> f64 {
-        let f = self.function;
-        let (j, (k, share)) = match f.nodes {
-            Nodes::Polar { angle_nodes, .. } if j > angle_nodes / 2 => {
-                (angle_nodes - j, self.heading[1])
-            }
-            _ => (j, self.heading[0]),
-        };
-        let cells = f.table.cells();
-        let [cell_i, cell_j] = [i.min(cells[0] - 1), j.min(cells[1] - 1)];
-        let deficit = match &f.sheet {
-            Some(sheet) if sheet.is_kinked(cells, [cell_i, cell_j, k]) => {
-                let mirror = [i, 2 * cells[1] - j, cells[2] - 1 - k];
-                let right = sheet.table.on_edge([i, j, k], share);
-                right.max(sheet.table.on_edge(mirror, 1.0 - share))
-            }
-            _ => f.table.on_edge([i, j, k], share),
-        };
-        deficit + range_m - f.game.radius_m
-    }
-}
-
 /// Cell and share of a position in units of cells, 0 … `cells`.
 fn split(position: f64, cells: usize) -> (usize, f64) {
     let cell = (position as usize).min(cells - 1);
@@ -577,127 +370,3 @@ fn split(position: f64, cells: usize) -> (usize, f64) {
 
 /// Pieces of a cell in which an end of the set is looked for.
 const PIECES: u32 = 8;
-
-/// From a range to its cell without a logarithm.
-#[derive(Clone, Debug, PartialEq)]
-struct RangeFinder {
-    knee_m: f64,
-    /// One over the logarithmic step.
-    per_step: f64,
-    nodes_m: Vec<f64>,
-    /// Cell of every multiple of the smallest spacing.
-    cells: Vec<u32>,
-    per_metre: f64,
-}
-
-impl RangeFinder {
-    fn new(nodes: &Nodes) -> Self {
-        let Nodes::Polar { knee_m, range_m, range_nodes, .. } = *nodes else {
-            let (nodes_m, cells) = (Vec::new(), Vec::new());
-            return Self { knee_m: 1.0, per_step: 1.0, nodes_m, cells, per_metre: 1.0 };
-        };
-        let axis = Nodes::range_axis(knee_m, range_m, range_nodes);
-        let nodes_m: Vec<f64> = (0..range_nodes).map(|i| axis.node(i)).collect();
-        let per_metre = 1.0 / nodes_m[1];
-        let last = nodes_m[range_nodes - 1];
-        let count = ((last * per_metre) as usize + 2).min(1 << 20);
-        let mut cells = Vec::with_capacity(count);
-        let mut cell = 0;
-        for i in 0..count {
-            while cell + 2 < range_nodes && nodes_m[cell + 1] <= i as f64 / per_metre {
-                cell += 1;
-            }
-            cells.push(cell as u32);
-        }
-        Self { knee_m, per_step: 1.0 / axis.step, nodes_m, cells, per_metre }
-    }
-
-    /// Cell, share, whether it is inside, and d(position)/d(range).
-    fn cell(&self, range_m: f64) -> (usize, f64, bool, f64) {
-        let last = self.nodes_m.len() - 1;
-        if range_m >= self.nodes_m[last] {
-            let inside = range_m <= self.nodes_m[last];
-            return (last - 1, 1.0, inside, 0.0);
-        }
-        let guess = ((range_m * self.per_metre) as usize).min(self.cells.len() - 1);
-        let mut cell = self.cells[guess] as usize;
-        while cell + 1 < last && self.nodes_m[cell + 1] <= range_m {
-            cell += 1;
-        }
-        let from = self.nodes_m[cell] + self.knee_m;
-        // ln((r + c)/(rᵢ + c)) as 2 artanh(z): the ratio is close to 1, so a few
-        // terms reach 10⁻¹².
-        let z = (range_m - self.nodes_m[cell]) / (range_m + self.knee_m + from);
-        let z2 = z * z;
-        let ln = 2.0 * z * (1.0 + z2 * (1.0 / 3.0 + z2 * (0.2 + z2 * (1.0 / 7.0 + z2 / 9.0))));
-        let share = (ln * self.per_step).min(1.0);
-        (cell, share, true, self.per_step / (range_m + self.knee_m))
-    }
-}
-
-/// Angles of the upper half plane without an arc tangent.
-#[derive(Clone, Debug, PartialEq)]
-struct BearingFinder {
-    /// (cos, sin, angle) of rays half a turn round.
-    rays: Vec<[f64; 3]>,
-    /// By y/(|x| + y), which grows with the angle in each quadrant: the nearest ray in the
-    /// first quadrant.
-    nearest: Vec<u16>,
-}
-
-impl BearingFinder {
-    const RAYS: usize = 256;
-    const ENTRIES: usize = 512;
-
-    fn new() -> Self {
-        let ray = |i: usize| {
-            let angle = PI * i as f64 / Self::RAYS as f64;
-            let (sin, cos) = sin_cos(angle);
-            [cos, sin, angle]
-        };
-        let nearest = |i: usize| {
-            let share = (i as f64 + 0.5) / Self::ENTRIES as f64;
-            let angle = crate::math::atan2(share, 1.0 - share);
-            (angle * Self::RAYS as f64 / PI).round() as u16
-        };
-        Self {
-            rays: (0..=Self::RAYS).map(ray).collect(),
-            nearest: (0..=Self::ENTRIES).map(|i| nearest(i.min(Self::ENTRIES - 1))).collect(),
-        }
-    }
-
-    /// atan2(y, x) for y ≥ 0, in [0, π], to 10⁻¹¹; 0 at the origin.
-    #[inline]
-    fn angle(&self, x: f64, y: f64) -> f64 {
-        let sum = x.abs() + y;
-        if sum == 0.0 {
-            return 0.0;
-        }
-        let nearest = self.nearest[(y / sum * Self::ENTRIES as f64) as usize] as usize;
-        let [cos, sin, angle] = self.rays[if x < 0.0 { Self::RAYS - nearest } else { nearest }];
-        // Turned onto the ray, what is left is small.
-        let t = (y * cos - x * sin) / (x * cos + y * sin);
-        let t2 = t * t;
-        (angle + t * (1.0 - t2 * (1.0 / 3.0 - 0.2 * t2))).clamp(0.0, PI)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::math::{SeededRng, atan2};
-
-    #[test]
-    fn angles_are_those_of_the_arc_tangent() {
-        let finder = BearingFinder::new();
-        let mut rng = SeededRng::new(9);
-        let mut worst = 0.0_f64;
-        for _ in 0..100_000 {
-            let (x, y) = (rng.uniform(-1.0, 1.0), rng.unit());
-            worst = worst.max((finder.angle(x, y) - atan2(y, x)).abs());
-        }
-        assert!(worst < 1e-11, "{worst:e}");
-        assert_eq!(finder.angle(0.0, 0.0), 0.0);
-        assert_eq!(finder.angle(-1.0, 0.0), PI);
-    }
-}

@@ -123,7 +123,7 @@ impl Arc for Ridge<'_> {
 }
 
 /// Least and greatest turn in a part, rad.
-fn turns(paths: &Paths, part: usize) -> (f64, f64) {
+pub(super) fn turns(paths: &Paths, part: usize) -> (f64, f64) {
     let seconds = paths.step_s / PARTS as f64;
     (paths.lo[part / PARTS] * seconds, paths.hi[part / PARTS] * seconds)
 }
@@ -142,7 +142,7 @@ const PRECISE: f64 = 1e-8;
 /// Where a falling function passes zero in a range, or the range's end if it does not.
 /// `guess` is tried first.
 fn zero(slope: &impl Fn(f64) -> f64, (mut low, mut high): (f64, f64), guess: f64) -> f64 {
-    if !(high - low > PRECISE) {
+    if high - low <= PRECISE {
         return 0.5 * (low + high);
     }
     let mut rises = (f64::NAN, f64::NAN);

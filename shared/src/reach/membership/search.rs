@@ -49,9 +49,9 @@ impl Search {
     }
 
     /// Follows a curve through the parameters given, in their order.
-    pub(super) fn follow<A: Arc>(&mut self, arc: &A, parameters: &[f64]) {
+    pub(super) fn follow<A: Arc>(&mut self, arc: &A, parameters: impl IntoIterator<Item = f64>) {
         let mut last: Option<A::Knot> = None;
-        for &parameter in parameters {
+        for parameter in parameters {
             let knot = self.look(arc, parameter);
             if let Some(last) = last {
                 self.between(arc, last, knot, MOST_HALVINGS);
@@ -61,6 +61,11 @@ impl Search {
             }
             last = Some(knot);
         }
+    }
+
+    /// The winding of the short way between two points that mean the same, one of them rounded.
+    pub(super) fn join(&mut self, from: Complex<f64>, to: Complex<f64>) {
+        self.crossings += crossing(self.position, from, to);
     }
 
     fn look<A: Arc>(&mut self, arc: &A, parameter: f64) -> A::Knot {

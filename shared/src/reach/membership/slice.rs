@@ -15,6 +15,7 @@
 //! 2003, "Three-dimensional reachability set for a nonlinear control system".)
 
 use super::super::paths::{Path, Paths, unit};
+use super::jumps::Jumps;
 use super::ridge::Ridge;
 use super::search::{Arc, Search};
 use nalgebra::Complex;
@@ -37,6 +38,7 @@ pub(super) struct Slice<'a> {
 enum Kind {
     AlwaysLeft,
     AlwaysRight,
+    BothWays,
     StraightAdmissible,
     Mixed,
 }
@@ -48,7 +50,12 @@ pub(super) enum Curve {
     HiWindow,
     Straight,
     Ridge,
+    Jumps,
 }
+
+/// More jumps than two are looked into only so near the other curves: share of
+/// the time travelled. They have been seen to gain half as much.
+const SLIVER: f64 = 0.0025;
 
 impl<'a> Slice<'a> {
     /// The slice after `steps` steps; `heading`, rad and not wrapped, must be
@@ -59,6 +66,8 @@ impl<'a> Slice<'a> {
             Kind::AlwaysLeft
         } else if bounds().all(|(_, hi)| *hi <= 0.0) {
             Kind::AlwaysRight
+        } else if bounds().all(|(lo, hi)| *lo < 0.0 && 0.0 < *hi) {
+            Kind::BothWays
         } else if paths.straight_always(steps) {
             Kind::StraightAdmissible
         } else {
@@ -79,18 +88,19 @@ impl<'a> Slice<'a> {
         match self.kind {
             Kind::AlwaysLeft => Curve::LoWindow,
             Kind::AlwaysRight => Curve::HiWindow,
-            Kind::StraightAdmissible => Curve::Straight,
+            Kind::BothWays | Kind::StraightAdmissible => Curve::Straight,
             Kind::Mixed => Curve::Ridge,
         }
     }
 
     fn curves(&self) -> impl Iterator<Item = Curve> {
-        let front = match self.kind {
-            Kind::AlwaysLeft | Kind::AlwaysRight => None,
-            Kind::StraightAdmissible => Some(Curve::Straight),
-            Kind::Mixed => Some(Curve::Ridge),
+        let (front, rear) = match self.kind {
+            Kind::AlwaysLeft | Kind::AlwaysRight => (None, None),
+            Kind::BothWays => (Some(Curve::Straight), None),
+            Kind::StraightAdmissible => (Some(Curve::Straight), Some(Curve::Jumps)),
+            Kind::Mixed => (Some(Curve::Ridge), Some(Curve::Jumps)),
         };
-        [Curve::LoWindow, Curve::HiWindow].into_iter().chain(front)
+        [Curve::LoWindow, Curve::HiWindow].into_iter().chain(front).chain(rear)
     }
 
     /// Distance of a position from the slice, s; 0 inside. Not searched for below
@@ -98,7 +108,16 @@ impl<'a> Slice<'a> {
     pub(super) fn outside_by(&self, position: Complex<f64>, enough: f64, reach: f64) -> f64 {
         let mut nearest = f64::INFINITY;
         let mut winding = None;
+        let sliver = SLIVER * self.steps as f64 * self.paths.step_s;
+        let reach = if self.curves().any(|curve| curve == Curve::Jumps) {
+            reach.max(enough + sliver)
+        } else {
+            reach
+        };
         for curve in self.curves() {
+            if curve == Curve::Jumps && nearest >= enough + sliver {
+                break;
+            }
             let search = self.search(curve, position, enough, reach);
             if search.found() {
                 return search.distance;
@@ -114,7 +133,7 @@ impl<'a> Slice<'a> {
     /// Signed distance of a position from the slice's boundary, s, positive
     /// inside, and the curve that is nearest.
     pub(super) fn margin(&self, position: Complex<f64>) -> (f64, Curve) {
-        let found: [Option<(Curve, Search)>; 3] = {
+        let found: [Option<(Curve, Search)>; 4] = {
             let mut curves = self.curves();
             core::array::from_fn(|_| {
                 let curve = curves.next()?;
@@ -143,16 +162,13 @@ impl<'a> Slice<'a> {
         let (paths, steps) = (self.paths, self.steps);
         match curve {
             Curve::LoWindow => {
-                let (outer, inner) = (&paths.high, &paths.low);
-                let window =
-                    Window { slice: self, outer, inner, width: self.below_high, sign: 1.0 };
-                search.follow(&window, &[0.0, self.above_low]);
+                search.follow(&self.lo_window(), [0.0, self.above_low]);
             }
             Curve::HiWindow => {
                 let (outer, inner) = (&paths.low, &paths.high);
                 let window =
                     Window { slice: self, outer, inner, width: self.above_low, sign: -1.0 };
-                search.follow(&window, &[self.below_high, 0.0]);
+                search.follow(&window, [self.below_high, 0.0]);
             }
             Curve::Straight => {
                 let lowest = paths.low.at(self.apart_by(self.below_high)).1;
@@ -162,15 +178,43 @@ impl<'a> Slice<'a> {
                 for direction in &mut directions {
                     *direction = direction.clamp(lowest.min(highest), highest);
                 }
-                search.follow(&Straight { slice: self }, &directions);
+                search.follow(&Straight { slice: self }, directions);
             }
             Curve::Ridge => {
                 let ridge = Ridge::new(paths, steps, self.heading);
                 let (lowest, highest) = ridge.directions();
-                search.follow(&ridge, &[lowest, highest]);
+                self.joined(&mut search, &ridge, [lowest, highest]);
+            }
+            Curve::Jumps => {
+                let jumps = Jumps::new(paths, steps, self.above_low);
+                self.joined(&mut search, &jumps, jumps.places());
             }
         }
         search
+    }
+
+    /// Follows a curve of paths that change their rate between parts of a step only: the
+    /// lowest and the highest of these end beside the true ones.
+    fn joined<A: Arc>(
+        &self,
+        search: &mut Search,
+        arc: &A,
+        parameters: impl IntoIterator<Item = f64> + Clone,
+    ) {
+        let mut ends = parameters.clone().into_iter();
+        search.follow(arc, parameters);
+        if let (Some(first), Some(last)) = (ends.next(), ends.last()) {
+            let end = |parameter| A::place(arc.knot(parameter)).1;
+            let window = self.lo_window();
+            let tips = [0.0, self.above_low].map(|from| window.knot(from).point);
+            search.join(tips[0], end(first));
+            search.join(end(last), tips[1]);
+        }
+    }
+
+    fn lo_window(&self) -> Window<'_> {
+        let (outer, inner) = (&self.paths.high, &self.paths.low);
+        Window { slice: self, outer, inner, width: self.below_high, sign: 1.0 }
     }
 
     /// When the two outermost paths' headings have come to differ by `turn`.
@@ -264,6 +308,9 @@ impl Arc for Window<'_> {
     }
 }
 
+/// Headings closer than this, rad, differ by rounding errors only.
+const SAME_HEADING: f64 = 1e-9;
+
 /// Turn at full rate toward a direction (the parameter), go straight, turn at
 /// full rate to the end heading.
 struct Straight<'a> {
@@ -278,20 +325,25 @@ impl Arc for Straight<'_> {
         let (low, high) = (&slice.paths.low, &slice.paths.high);
         let falling = |heading: f64| slice.instant(-heading, |step| -low.heading(step));
         let rising = |heading: f64| slice.instant(heading, |step| high.heading(step));
-        let (from, first) = if direction >= 0.0 {
-            let from = rising(direction);
-            (from, high.at(from).0)
-        } else {
-            let from = falling(direction);
-            (from, low.at(from).0)
-        };
-        let (to, path, turn) = if direction >= slice.heading {
+        let (mut from, toward) =
+            if direction >= 0.0 { (rising(direction), high) } else { (falling(direction), low) };
+        let (mut to, path, turn) = if direction >= slice.heading {
             (falling(direction - slice.above_low), low, slice.above_low)
         } else {
             (rising(direction + slice.below_high), high, -slice.below_high)
         };
+        // Where a full rate is zero its path is straight too, and its instant may come
+        // out anywhere there.
+        if to.time < from.time {
+            if (toward.at(to).1 - direction).abs() < SAME_HEADING {
+                from = to;
+            } else {
+                to = from;
+            }
+        }
+        let first = toward.at(from).0;
         let last = unit(turn) * (path.point(slice.steps) - path.at(to).0);
-        let straight_s = (to.time - from.time).max(0.0);
+        let straight_s = to.time - from.time;
         let point = first + unit(direction) * straight_s + last;
         Knot { parameter: direction, point, from: from.time, to: to.time }
     }

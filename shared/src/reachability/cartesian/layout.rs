@@ -1,0 +1,146 @@
+//! How the nodes of a grid lie in memory, with their ghosts.
+
+use super::super::grid::{Boundary, Grid};
+use super::super::real::Real;
+use super::kernel::BLOCK;
+
+/// How the axes lie in memory, ghosts included.
+#[derive(Clone, Copy)]
+pub(super) struct Layout<const D: usize> {
+    pub(super) reach: usize,
+    pub(super) nodes: [usize; D],
+    pub(super) strides: [usize; D],
+    /// Entries of an array, with room for the last block to run over.
+    pub(super) length: usize,
+}
+
+impl<const D: usize> Layout<D> {
+    /// Axes that are walked as one run of cells; the others are loops.
+    const RUN_AXES: usize = if D >= 3 { 2 } else { 1 };
+    pub(super) const LOOP_AXES: usize = D - Self::RUN_AXES;
+
+    pub(super) fn new(grid: &Grid<D>, reach: usize) -> Self {
+        let nodes = grid.axes.map(|axis| axis.nodes);
+        let mut strides = [1; D];
+        for d in (0..D - 1).rev() {
+            strides[d] = strides[d + 1] * (nodes[d + 1] + 2 * reach);
+        }
+        let length = strides[0] * (nodes[0] + 2 * reach) + BLOCK;
+        Self { reach, nodes, strides, length }
+    }
+
+    /// Cells from the first to the last interior node of one run.
+    pub(super) fn run_length(&self) -> usize {
+        (Self::LOOP_AXES..D).map(|d| (self.nodes[d] - 1) * self.strides[d]).sum::<usize>() + 1
+    }
+
+    /// Runs of one slice of axis 0 (of everything, in one dimension).
+    pub(super) fn runs_per_slice(&self) -> usize {
+        (1..Self::LOOP_AXES).map(|d| self.nodes[d]).product()
+    }
+
+    /// Slices along axis 0 that threads share.
+    pub(super) fn slices(&self) -> usize {
+        if Self::LOOP_AXES == 0 { 1 } else { self.nodes[0] }
+    }
+
+    /// Entries between two slices.
+    pub(super) fn slice_length(&self) -> usize {
+        if Self::LOOP_AXES == 0 { self.length } else { self.strides[0] }
+    }
+
+    /// Entries before the first slice.
+    pub(super) fn lead(&self) -> usize {
+        if Self::LOOP_AXES == 0 { 0 } else { self.reach * self.strides[0] }
+    }
+
+    /// The loop axes' indices of a run and its first interior cell, counted from
+    /// the start of its slice.
+    pub(super) fn run(&self, slice: usize, run: usize) -> ([usize; D], usize) {
+        let mut index = [0; D];
+        let mut offset = 0;
+        let mut rest = run;
+        for d in (1..Self::LOOP_AXES).rev() {
+            index[d] = rest % self.nodes[d];
+            rest /= self.nodes[d];
+        }
+        index[0] = slice;
+        for (d, index) in index.iter().enumerate().skip(1) {
+            let inside = if d < Self::LOOP_AXES { *index } else { 0 };
+            offset += (inside + self.reach) * self.strides[d];
+        }
+        if Self::LOOP_AXES == 0 {
+            offset = self.reach;
+        }
+        (index, offset)
+    }
+}
+
+/// Fills the ghosts of `axis` in `data`, whose entries form whole slices of it.
+pub(super) fn fill_ghosts<T: Real, const D: usize>(
+    data: &mut [T],
+    layout: &Layout<D>,
+    axis: usize,
+    boundary: Boundary,
+) {
+    let (reach, nodes, stride) = (layout.reach, layout.nodes[axis], layout.strides[axis]);
+    let padded = (nodes + 2 * reach) * stride;
+    for line in data.chunks_exact_mut(padded) {
+        let row = |i: usize| i * stride..(i + 1) * stride;
+        match boundary {
+            Boundary::Periodic => {
+                for k in 0..reach {
+                    // Modulo, since a short axis wraps more than once.
+                    let low = (nodes * reach + k - reach) % nodes;
+                    line.copy_within(row(reach + low), row(k).start);
+                    line.copy_within(row(reach + k % nodes), row(reach + nodes + k).start);
+                }
+            }
+            Boundary::Extrapolate => {
+                for (edge, inner, ghosts) in [
+                    (
+                        reach,
+                        reach + 1,
+                        core::array::from_fn::<_, 3, _>(|k| reach.checked_sub(k + 1)),
+                    ),
+                    (
+                        reach + nodes - 1,
+                        reach + nodes - 2,
+                        core::array::from_fn(|k| (k < reach).then_some(reach + nodes + k)),
+                    ),
+                ] {
+                    for s in 0..stride {
+                        let (end, before) = (line[edge * stride + s], line[inner * stride + s]);
+                        let slope = (end - before).abs();
+                        let slope = if end < T::ZERO { -slope } else { slope };
+                        let mut value = end;
+                        for ghost in ghosts.into_iter().flatten() {
+                            value += slope;
+                            line[ghost * stride + s] = value;
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Calls `f` with the index of every interior node of slice `slice` and its place in it.
+pub(super) fn each_interior<const D: usize>(
+    layout: &Layout<D>,
+    slice: usize,
+    mut f: impl FnMut([usize; D], usize),
+) {
+    let first_axis = usize::from(Layout::<D>::LOOP_AXES > 0);
+    let count: usize = layout.nodes[first_axis..].iter().product();
+    for position in 0..count {
+        let mut index = [slice; D];
+        let (mut rest, mut offset) = (position, 0);
+        for d in (first_axis..D).rev() {
+            index[d] = rest % layout.nodes[d];
+            rest /= layout.nodes[d];
+            offset += (index[d] + layout.reach) * layout.strides[d];
+        }
+        f(index, offset);
+    }
+}

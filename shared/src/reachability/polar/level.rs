@@ -1,0 +1,294 @@
+//! One grid of a polar solve: its rows with their ghosts, and how they are filled from a
+//! coarser grid, swept and finished.
+
+use super::super::parallel::in_widest_lanes;
+use super::super::pursuit::PursuitGame;
+use super::super::real::Real;
+use super::sweep::{SAFE, Sweep};
+use super::{RangeAxis, Solution, WINDOW};
+use crate::math::{TAU, sin_cos};
+use core::ops::ControlFlow;
+
+/// Sweeps over a sheet.
+const SHEET_SWEEPS: usize = 12;
+
+/// The kink of the full game is blurred by at most this share of a cell: where the
+/// sheets say less, the evader has something better than a single turn.
+const KINK_BLUR: f64 = 0.2;
+
+/// Sheets that differ by more than this many cells are no longer close to the kink.
+const KINK_NEAR: f64 = 4.0;
+
+/// Ghost entries at each end of a row, so that shifted reads stay inside.
+pub(super) const PAD: usize = 2;
+
+/// Which turns the evader may choose from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Evader {
+    /// All; the value is symmetric and half a turn of bearings is solved.
+    Free,
+    /// Right or straight until the range need not close any more; there is no
+    /// symmetry, and the bearings are a full turn.
+    Right,
+}
+
+/// One grid being solved.
+pub(super) struct Level<T> {
+    pub(super) game: PursuitGame,
+    pub(super) evader: Evader,
+    pub(super) range: RangeAxis,
+    pub(super) range_m: f64,
+    pub(super) angle_nodes: usize,
+    /// Bearing rows per range, with `PAD` mirrored or repeated ones at each end.
+    pub(super) rows: usize,
+    /// Entries of a row: one turn and `PAD` repeated ones at each end.
+    pub(super) row: usize,
+    pub(super) values: Vec<T>,
+    /// Largest change of each row when it was last updated.
+    pub(super) activity: Vec<T>,
+    /// Signed change of each row since the last look, summed over its cells.
+    pub(super) drift: Vec<T>,
+    /// Of the angles j·2π/`angle_nodes`.
+    pub(super) sin: Vec<T>,
+    pub(super) cos: Vec<T>,
+    /// Of the nodes, m.
+    pub(super) ranges: Vec<f64>,
+    pub(super) sweeps: usize,
+    pub(super) drift_m: f64,
+    pub(super) converged: bool,
+}
+
+impl<T: Real> Level<T> {
+    pub(super) fn new(
+        game: &PursuitGame,
+        range_m: f64,
+        range_nodes: usize,
+        angle_nodes: usize,
+        evader: Evader,
+    ) -> Self {
+        let bearings = match evader {
+            Evader::Free => angle_nodes / 2 + 1,
+            Evader::Right => angle_nodes,
+        };
+        let rows = bearings + 2 * PAD;
+        let row = angle_nodes + 2 * PAD;
+        let trig = |f: fn((f64, f64)) -> f64| -> Vec<T> {
+            let angle = |j: usize| TAU * j as f64 / angle_nodes as f64;
+            (0..angle_nodes).map(|j| T::from_f64(f(sin_cos(angle(j))))).collect()
+        };
+        let range = RangeAxis::new(game.radius_m, range_m, range_nodes);
+        Self {
+            game: *game,
+            evader,
+            range,
+            range_m,
+            ranges: (0..range_nodes).map(|i| range.node(i)).collect(),
+            drift: vec![T::ZERO; range_nodes * bearings],
+            angle_nodes,
+            rows,
+            row,
+            // Two ghost ranges beyond each end.
+            values: vec![T::ZERO; (range_nodes + 2 * PAD) * rows * row],
+            activity: vec![T::from_f64(f64::MAX); range_nodes * bearings],
+            sin: trig(|(sin, _)| sin),
+            cos: trig(|(_, cos)| cos),
+            sweeps: 0,
+            drift_m: f64::INFINITY,
+            converged: false,
+        }
+    }
+
+    /// Start of the row of range node `i` and bearing node `k`.
+    pub(super) fn at(&self, i: usize, k: usize) -> usize {
+        ((i + PAD) * self.rows + k + PAD) * self.row
+    }
+
+    pub(super) fn bearings(&self) -> usize {
+        self.rows - 2 * PAD
+    }
+
+    /// Linear interpolation of a grid with (about) half as many nodes an axis.
+    pub(super) fn start_from(&mut self, coarse: &Self) {
+        let angles = self.angle_nodes;
+        for i in 1..self.range.nodes {
+            let position = coarse.range.position(self.ranges[i]);
+            let low = (position as usize).min(coarse.range.nodes - 2);
+            let share = T::from_f64((position - low as f64).clamp(0.0, 1.0));
+            for k in 0..self.bearings() {
+                let to = self.at(i, k);
+                for j in 0..angles {
+                    let mut sum = T::ZERO;
+                    for (range, weight) in [(low, T::from_f64(1.0) - share), (low + 1, share)] {
+                        for bearing in [k / 2, k.div_ceil(2)] {
+                            for heading in [j / 2, j.div_ceil(2) % coarse.angle_nodes] {
+                                let from = coarse.at(range, bearing) + PAD + heading;
+                                sum += weight * coarse.values[from];
+                            }
+                        }
+                    }
+                    self.values[to + PAD + j] = sum * T::from_f64(0.25);
+                }
+            }
+        }
+        for i in 0..self.range.nodes {
+            for k in 0..self.bearings() {
+                self.spread(i, k);
+            }
+        }
+    }
+
+    /// Copies a row to its ghosts: round the turn, beyond the mirror and beyond
+    /// the ends of the range.
+    pub(super) fn spread(&mut self, i: usize, k: usize) {
+        let (n, last) = (self.angle_nodes, self.bearings() - 1);
+        let at = self.at(i, k);
+        let row = &mut self.values[at..at + self.row];
+        row.copy_within(n..n + PAD, 0);
+        row.copy_within(PAD..2 * PAD, n + PAD);
+        if self.evader == Evader::Right {
+            let turn = self.bearings() * self.row;
+            if k < PAD {
+                self.values.copy_within(at..at + self.row, at + turn);
+            } else if k > last - PAD {
+                self.values.copy_within(at..at + self.row, at - turn);
+            }
+        }
+        let mirrored = if self.evader == Evader::Right {
+            None
+        } else if (1..=PAD).contains(&k) {
+            Some(at - 2 * k * self.row)
+        } else if k < last && last - k <= PAD {
+            Some(at + 2 * (last - k) * self.row)
+        } else {
+            None
+        };
+        if let Some(ghost) = mirrored {
+            for j in 0..self.row {
+                // Heading j − PAD becomes its negative.
+                let source = at + PAD + (2 * n + PAD - j) % n;
+                self.values[ghost + j] = self.values[source];
+            }
+        }
+        if i == self.range.nodes - 1 {
+            // Beyond the last range the deficit stays what it is there.
+            for ghost in 1..=PAD {
+                let to = at + ghost * self.rows * self.row;
+                self.values.copy_within(at..at + self.row, to);
+            }
+        }
+    }
+
+    pub(super) fn converge(
+        &mut self,
+        tolerance: f64,
+        most_sweeps: usize,
+        report: &mut dyn FnMut(f64, usize) -> ControlFlow<()>,
+    ) -> ControlFlow<()> {
+        while self.sweeps < most_sweeps && self.drift_m > tolerance {
+            in_widest_lanes(Sweep { level: self, rest: T::from_f64(tolerance), full: None });
+            if self.sweeps.is_multiple_of(WINDOW) {
+                let sum: f64 = self.drift.iter().map(|drift| drift.abs().to_f64()).sum();
+                self.drift_m = sum / (self.drift.len() * self.angle_nodes) as f64;
+                self.drift.fill(T::ZERO);
+            }
+            report(self.drift_m, self.sweeps)?;
+        }
+        ControlFlow::Continue(())
+    }
+
+    /// Writes W of the full game at any bearing, from its half turn, to `row`.
+    #[inline(always)]
+    pub(super) fn copy_row(&self, i: usize, k: usize, row: &mut [T]) {
+        let n = self.angle_nodes;
+        if k <= n / 2 {
+            row.copy_from_slice(&self.values[self.at(i, k) + PAD..][..n]);
+        } else {
+            // Heading j of the mirror image is n − j: the row backwards, from its
+            // repeated first entry on.
+            let mirrored = &self.values[self.at(i, n - k) + PAD + 1..][..n];
+            for (to, from) in row.iter_mut().zip(mirrored.iter().rev()) {
+                *to = *from;
+            }
+        }
+    }
+
+    /// The game in which the evader turns right or goes straight until it is safe
+    /// in the full game, that is `self`.
+    pub(super) fn right_sheet(&self) -> Self {
+        let (n, ranges) = (self.angle_nodes, self.range.nodes);
+        let mut sheet = Self::new(&self.game, self.range_m, ranges, n, Evader::Right);
+        for i in 0..ranges {
+            for k in 0..n {
+                let at = sheet.at(i, k) + PAD;
+                self.copy_row(i, k, &mut sheet.values[at..at + n]);
+                sheet.spread(i, k);
+            }
+        }
+        // The full game is right wherever the evader turns right anyway, so only a
+        // few cells beyond the kink have to find their values.
+        let rest = T::from_f64(SAFE * self.game.radius_m);
+        for _ in 0..SHEET_SWEEPS {
+            in_widest_lanes(Sweep { level: &mut sheet, rest, full: Some(self) });
+        }
+        sheet
+    }
+
+    /// Copies what is inside the ghosts.
+    pub(super) fn inside(&self) -> Vec<T> {
+        let mut values = Vec::with_capacity(self.range.nodes * self.bearings() * self.angle_nodes);
+        for i in 0..self.range.nodes {
+            for k in 0..self.bearings() {
+                let at = self.at(i, k) + PAD;
+                values.extend_from_slice(&self.values[at..at + self.angle_nodes]);
+            }
+        }
+        values
+    }
+
+    /// Puts the sheet in where it explains the full game, near the kink.
+    pub(super) fn finish(mut self, mut sheet: Self) -> Solution<T> {
+        let (n, ranges) = (self.angle_nodes, self.range.nodes);
+        for i in 0..ranges {
+            let next = self.ranges[(i + 1).min(ranges - 1)] - self.ranges[i];
+            let cell = next.max(self.ranges[i] * TAU / n as f64);
+            let (near, blur) = (T::from_f64(KINK_NEAR * cell), T::from_f64(KINK_BLUR * cell));
+            for k in 0..=n / 2 {
+                // Rows on the mirror hold each state twice.
+                let own_mirror = k == 0 || k == n / 2;
+                for j in 0..if own_mirror { n / 2 + 1 } else { n } {
+                    let at = self.at(i, k) + PAD + j;
+                    let right = sheet.at(i, k) + PAD + j;
+                    let left = sheet.at(i, (n - k) % n) + PAD + (n - j) % n;
+                    let full = self.values[at];
+                    let (a, b) = (sheet.values[right], sheet.values[left]);
+                    let both = a.larger(b);
+                    let explained = (full - both).abs() <= blur && (a - b).abs() <= near;
+                    if explained {
+                        self.values[at] = both;
+                        if own_mirror {
+                            let twin = self.at(i, k) + PAD + (n - j) % n;
+                            self.values[twin] = both;
+                        }
+                    } else {
+                        sheet.values[right] = full;
+                        sheet.values[left] = full;
+                    }
+                }
+            }
+        }
+        // One after the other, so that no more than three full grids exist.
+        let deficit = self.inside();
+        self.values = Vec::new();
+        let sheet = sheet.inside();
+        Solution {
+            range: self.range,
+            range_m: self.range_m,
+            angle_nodes: self.angle_nodes,
+            deficit,
+            sheet,
+            sweeps: self.sweeps,
+            drift_m: self.drift_m,
+            converged: self.converged,
+        }
+    }
+}

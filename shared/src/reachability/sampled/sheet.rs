@@ -1,0 +1,61 @@
+//! The second sheet of a polar function, which keeps the evader's kink sharp.
+
+use super::super::table::Table;
+
+/// V = max(Q(α, ψ), Q(−α, −ψ)) near the surface where the evader may turn either way:
+/// between nodes the two smooth sides keep the kink sharp that one table would cut off.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Sheet {
+    /// Deficits of Q; the bearings are a full turn.
+    pub(super) table: Table,
+    /// A bit for each cell of the half turn: whether the kink runs through it or a
+    /// neighbour.
+    kinked: Vec<u64>,
+}
+
+impl Sheet {
+    pub(super) fn new(cells: [usize; 3], table: Table) -> Self {
+        let [n0, n1, n2] = cells;
+        let crosses = |[i, j, k]: [usize; 3]| {
+            let (mut right, mut left) = (false, false);
+            for corner in 0..8 {
+                let [i, j, k] = [i + (corner >> 2), j + (corner >> 1 & 1), k + (corner & 1)];
+                let a = table.node([i, j, k]);
+                let b = table.node([i, 2 * n1 - j, n2 - k]);
+                right |= a > b;
+                left |= b > a;
+            }
+            right && left
+        };
+        let mut kinked = vec![0; (n0 * n1 * n2).div_ceil(64)];
+        for cell in 0..n0 * n1 * n2 {
+            let [i, j, k] = [cell / (n1 * n2), cell / n2 % n1, cell % n2];
+            if !crosses([i, j, k]) {
+                continue;
+            }
+            // The neighbours too: beyond them no stencil sees both sides, and one table
+            // and two give the same value on the face between.
+            for i in i.saturating_sub(1)..=(i + 1).min(n0 - 1) {
+                for j in -1..=1 {
+                    for k in [k + n2 - 1, k, k + 1] {
+                        let (j, k) = match j + (cell / n2 % n1) as isize {
+                            // Through the mirror at bearings 0 and π.
+                            j if j < 0 || j == n1 as isize => {
+                                (j.clamp(0, n1 as isize - 1) as usize, 2 * n2 - 1 - k % n2)
+                            }
+                            j => (j as usize, k),
+                        };
+                        let bit = (i * n1 + j) * n2 + k % n2;
+                        kinked[bit / 64] |= 1 << (bit % 64);
+                    }
+                }
+            }
+        }
+        Self { table, kinked }
+    }
+
+    pub(super) fn is_kinked(&self, [_, n1, n2]: [usize; 3], [i, j, k]: [usize; 3]) -> bool {
+        let cell = (i * n1 + j) * n2 + k;
+        self.kinked[cell / 64] >> (cell % 64) & 1 == 1
+    }
+}

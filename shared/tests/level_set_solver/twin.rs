@@ -1,0 +1,277 @@
+//! The solver against a plain twin of itself.
+
+use super::*;
+
+/// The same method as the solver's, written down from the books: one node after
+/// the other, in f64, with the printed formulas (Osher and Fedkiw 2003, sections
+/// 3.2–3.5 and 5.3; Shu and Osher 1988).
+pub(crate) struct Twin<'a, const D: usize, G> {
+    pub(crate) problem: &'a Problem<'a, D, G>,
+    pub(crate) scheme: Scheme,
+    /// Steepest slope of the data, which WENO's ε is relative to.
+    pub(crate) scale: f64,
+}
+
+impl<const D: usize, G: Game<D>> Twin<'_, D, G> {
+    /// Value at `index`, moved by `offset` nodes along `axis`, ghosts included.
+    fn at(&self, value: &[f64], mut index: [usize; D], axis: usize, offset: isize) -> f64 {
+        let grid = &self.problem.grid;
+        let Axis { nodes, boundary, .. } = grid.axes[axis];
+        let moved = index[axis] as isize + offset;
+        let mut inside = |i: isize| {
+            index[axis] = i as usize;
+            value[index.iter().enumerate().fold(0, |n, (d, i)| n * grid.axes[d].nodes + i)]
+        };
+        let last = nodes as isize - 1;
+        let (end, before, distance) = match boundary {
+            Boundary::Periodic => return inside(moved.rem_euclid(nodes as isize)),
+            Boundary::Extrapolate if moved < 0 => (inside(0), inside(1), -moved),
+            Boundary::Extrapolate if moved > last => (inside(last), inside(last - 1), moved - last),
+            Boundary::Extrapolate => return inside(moved),
+        };
+        end + distance as f64 * (end - before).abs() * if end < 0.0 { -1.0 } else { 1.0 }
+    }
+
+    /// Left and right derivative along `axis`.
+    fn slopes(&self, value: &[f64], index: [usize; D], axis: usize) -> [f64; 2] {
+        let h = self.problem.grid.axes[axis].spacing();
+        let v = |i: isize| self.at(value, index, axis, i);
+        // Divided differences as the book counts them, with the node itself at 0.
+        let d1 = |left: isize| (v(left + 1) - v(left)) / h;
+        let d2 = |middle: isize| (d1(middle) - d1(middle - 1)) / (2.0 * h);
+        let d3 = |left: isize| (d2(left + 1) - d2(left)) / (3.0 * h);
+        let eno = |order: usize, mut k: isize| {
+            let mut slope = d1(k);
+            if order >= 2 {
+                let to_left = d2(k).abs() < d2(k + 1).abs();
+                let c = if to_left { d2(k) } else { d2(k + 1) };
+                slope += c * (2 * -k - 1) as f64 * h;
+                k -= isize::from(to_left);
+            }
+            if order == 3 {
+                let c = if d3(k).abs() < d3(k + 1).abs() { d3(k) } else { d3(k + 1) };
+                slope += c * (3 * k * k + 6 * k + 2) as f64 * h * h;
+            }
+            slope
+        };
+        match self.scheme {
+            Scheme::Upwind => [eno(1, -1), eno(1, 0)],
+            Scheme::Eno2 => [eno(2, -1), eno(2, 0)],
+            Scheme::Eno3 => [eno(3, -1), eno(3, 0)],
+            Scheme::Weno5 => {
+                [self.weno([-3, -2, -1, 0, 1].map(d1)), self.weno([2, 1, 0, -1, -2].map(d1))]
+            }
+        }
+    }
+
+    fn weno(&self, [v1, v2, v3, v4, v5]: [f64; 5]) -> f64 {
+        let square = |x: f64| x * x;
+        let smoothness = [
+            13.0 / 12.0 * square(v1 - 2.0 * v2 + v3) + 0.25 * square(v1 - 4.0 * v2 + 3.0 * v3),
+            13.0 / 12.0 * square(v2 - 2.0 * v3 + v4) + 0.25 * square(v2 - v4),
+            13.0 / 12.0 * square(v3 - 2.0 * v4 + v5) + 0.25 * square(3.0 * v3 - 4.0 * v4 + v5),
+        ];
+        let slopes = [
+            v1 / 3.0 - 7.0 * v2 / 6.0 + 11.0 * v3 / 6.0,
+            -v2 / 6.0 + 5.0 * v3 / 6.0 + v4 / 3.0,
+            v3 / 3.0 + 5.0 * v4 / 6.0 - v5 / 6.0,
+        ];
+        let epsilon = 1e-6 * square(self.scale);
+        let mut weights = [0.1, 0.6, 0.3];
+        for (weight, s) in weights.iter_mut().zip(smoothness) {
+            *weight /= square(s + epsilon);
+        }
+        let sum: f64 = weights.iter().sum();
+        weights.iter().zip(slopes).map(|(weight, slope)| weight / sum * slope).sum()
+    }
+
+    fn terms(&self, index: [usize; D]) -> [[f64; TERMS]; D] {
+        let x = self.problem.grid.node(index);
+        core::array::from_fn(|d| self.problem.game.terms(d, x[d]))
+    }
+
+    /// value + seconds · (H + dissipation).
+    fn moved(&self, value: &[f64], seconds: f64) -> Vec<f64> {
+        let sign = if self.problem.direction == Direction::Forward { -1.0 } else { 1.0 };
+        let node = |position: usize| {
+            let index = self.problem.grid.index(position);
+            let slopes: [[f64; 2]; D] = core::array::from_fn(|d| self.slopes(value, index, d));
+            let terms = self.terms(index);
+            let mean = slopes.map(|[left, right]| sign * 0.5 * (left + right));
+            let speeds = self.problem.game.speed_bounds(&terms);
+            let dissipation: f64 =
+                (0..D).map(|d| speeds[d] * 0.5 * (slopes[d][1] - slopes[d][0])).sum();
+            value[position] + seconds * (self.problem.game.hamiltonian(&terms, mean) + dissipation)
+        };
+        (0..value.len()).map(node).collect()
+    }
+
+    fn sampled(&self, region: &Region<'_, D>, time: f64) -> Vec<f64> {
+        let grid = &self.problem.grid;
+        let at = |position| match region {
+            Region::Static(region) => region(grid.node(grid.index(position))),
+            Region::Moving(region) => region(grid.node(grid.index(position)), time),
+        };
+        (0..grid.len()).map(at).collect()
+    }
+
+    /// keep · old + (1 − keep) · new, within the target and the obstacle at `time`.
+    fn mixed(&self, keep: f64, old: &[f64], new: &[f64], time: f64) -> Vec<f64> {
+        let mut value: Vec<f64> =
+            old.iter().zip(new).map(|(old, new)| keep * old + (1.0 - keep) * new).collect();
+        if self.problem.kind == Kind::Tube {
+            for (value, ceiling) in value.iter_mut().zip(self.sampled(&self.problem.target, time)) {
+                *value = value.min(ceiling);
+            }
+        }
+        if let Some(obstacle) = &self.problem.obstacle {
+            for (value, floor) in value.iter_mut().zip(self.sampled(obstacle, time)) {
+                *value = value.max(floor);
+            }
+        }
+        value
+    }
+
+    fn step(&self, value: &[f64], time: f64, dt: f64) -> Vec<f64> {
+        let first = self.mixed(0.0, value, &self.moved(value, dt), time + dt);
+        match self.scheme {
+            Scheme::Upwind => first,
+            Scheme::Eno2 => self.mixed(0.5, value, &self.moved(&first, dt), time + dt),
+            Scheme::Eno3 | Scheme::Weno5 => {
+                let half = self.mixed(0.75, value, &self.moved(&first, dt), time + 0.5 * dt);
+                self.mixed(1.0 / 3.0, value, &self.moved(&half, dt), time + dt)
+            }
+        }
+    }
+}
+
+/// V by the twin, with steps of the share `cfl` of the largest stable one.
+pub(crate) fn by_twin<const D: usize, G: Game<D>>(
+    problem: &Problem<'_, D, G>,
+    scheme: Scheme,
+    cfl: f64,
+) -> Vec<f64> {
+    let grid = &problem.grid;
+    let mut twin = Twin { problem, scheme, scale: 1.0 };
+    let target = twin.sampled(&problem.target, 0.0);
+    let mut value = twin.mixed(1.0, &target, &target, 0.0);
+    let (mut steepest, mut fastest) = (0.0_f64, 0.0_f64);
+    for (position, here) in value.iter().enumerate() {
+        let index = grid.index(position);
+        let speeds = problem.game.speed_bounds(&twin.terms(index));
+        fastest = fastest.max((0..D).map(|d| speeds[d] / grid.axes[d].spacing()).sum());
+        for (d, axis) in grid.axes.iter().enumerate() {
+            if index[d] + 1 < axis.nodes {
+                let slope = (twin.at(&value, index, d, 1) - here) / axis.spacing();
+                steepest = steepest.max(slope.abs());
+            }
+        }
+    }
+    twin.scale = steepest;
+    let Horizon::Finite(seconds) = problem.horizon else { panic!("the twin stops on time") };
+    let steps = (seconds * fastest / cfl).ceil();
+    let dt = seconds / steps;
+    for step in 0..steps as usize {
+        value = twin.step(&value, step as f64 * dt, dt);
+    }
+    value
+}
+
+pub(crate) fn compare_with_twin<const D: usize>(axes: [Axis; D], seconds: f64) {
+    let still_target = |x| bumpy(x, 0.0);
+    let still_ball = |x| ball(x, 0.0);
+    let target = Region::Static(&still_target);
+    let cases = [
+        (Kind::Set, Direction::Backward, target, None),
+        (Kind::Tube, Direction::Backward, target, None),
+        (Kind::Tube, Direction::Forward, target, Some(Region::Static(&still_ball))),
+        (Kind::Set, Direction::Forward, target, Some(Region::Moving(&ball))),
+        (Kind::Tube, Direction::Backward, Region::Moving(&bumpy), Some(Region::Moving(&ball))),
+    ];
+    for scheme in SCHEMES {
+        let (mut worst, mut worst_single, mut mean_single) = (0.0_f64, 0.0_f64, 0.0_f64);
+        for (kind, direction, target, obstacle) in cases {
+            let grid = Grid { axes };
+            let horizon = Horizon::Finite(seconds);
+            let problem =
+                Problem { game: &Twisted, grid, target, obstacle, kind, direction, horizon };
+            let settings = Settings { cfl: 0.6, ..settings(scheme) };
+            let twin = by_twin(&problem, scheme, 0.6);
+            let double = solved::<f64, D, _>(&problem, &settings);
+            let single = solved::<f32, D, _>(&problem, &settings);
+            assert!(double.steps >= 4, "{} steps", double.steps);
+            let size = twin.iter().fold(0.0_f64, |size, v| size.max(v.abs()));
+            let mut sum = 0.0;
+            for (position, expected) in twin.iter().enumerate() {
+                let error = (double.values[position] - expected).abs() / size;
+                let index = grid.index(position);
+                assert!(error <= 1e-12, "{scheme:?} {kind:?} {direction:?}: {error} at {index:?}");
+                worst = worst.max(error);
+                let error = (f64::from(single.values[position]) - expected).abs() / size;
+                worst_single = worst_single.max(error);
+                sum += error;
+            }
+            mean_single = mean_single.max(sum / twin.len() as f64);
+        }
+        // ENO chooses between stencils: rounding decides a tie, and a derivative jumps.
+        let [mean, max] = match scheme {
+            Scheme::Upwind => [1e-7, 1e-6],
+            Scheme::Weno5 => [1e-6, 5e-6],
+            Scheme::Eno2 | Scheme::Eno3 => [1e-5, 1e-3],
+        };
+        assert!(mean_single <= mean && worst_single <= max, "{scheme:?}: {worst_single}");
+        eprintln!(
+            "twin {D}-D {}: f64 {worst:.1e}, f32 mean {mean_single:.1e} max {worst_single:.1e}",
+            scheme.name()
+        );
+    }
+}
+
+#[test]
+fn the_twin_agrees_in_one_dimension() {
+    // More cells than a block of the solver's, and fewer.
+    compare_with_twin([Axis::periodic(0.0, TAU, 601)], 0.1);
+    compare_with_twin([Axis::bounded(-2.1, 2.4, 57)], 0.5);
+}
+
+#[test]
+fn the_twin_agrees_in_two_dimensions() {
+    compare_with_twin([Axis::bounded(-2.1, 2.4, 14), Axis::periodic(-PI, PI, 280)], 0.1);
+    compare_with_twin([Axis::periodic(-PI, PI, 23), Axis::bounded(-1.9, 2.6, 31)], 0.5);
+}
+
+#[test]
+fn the_twin_agrees_in_three_dimensions() {
+    let [low, high] = [-2.1, 2.4];
+    compare_with_twin(
+        [Axis::bounded(low, high, 9), Axis::periodic(0.0, TAU, 15), Axis::bounded(low, high, 21)],
+        0.4,
+    );
+    compare_with_twin(
+        [Axis::periodic(0.0, TAU, 5), Axis::bounded(low, high, 7), Axis::periodic(0.0, TAU, 18)],
+        0.4,
+    );
+}
+
+#[test]
+fn the_twin_agrees_in_four_dimensions() {
+    let [low, high] = [-2.1, 2.4];
+    compare_with_twin(
+        [
+            Axis::bounded(low, high, 5),
+            Axis::periodic(0.0, TAU, 6),
+            Axis::periodic(0.0, TAU, 8),
+            Axis::bounded(low, high, 13),
+        ],
+        0.3,
+    );
+    compare_with_twin(
+        [
+            Axis::periodic(0.0, TAU, 4),
+            Axis::bounded(low, high, 7),
+            Axis::bounded(low, high, 9),
+            Axis::periodic(0.0, TAU, 5),
+        ],
+        0.3,
+    );
+}
