@@ -77,8 +77,16 @@ async fn reach_answers_every_reference_case() {
         };
         let check = |what: &str, found: &Value, expected: &Value| {
             let area = expected["area"].as_f64().unwrap();
-            let error = (found["area"].as_f64().unwrap() - area).abs();
-            assert!(error <= 2e-4 + share * area, "case {id} {what}: {error} m² of {area}");
+            let excess = found["area"].as_f64().unwrap() - area;
+            let tolerance = 2e-4 + share * area;
+            // This case's reference has chords for its rear, up to 1.4 mm inside the true one
+            // (`shared/tests/reach_vectors.rs` has it exactly); they are no longer than the box.
+            let [x0, y0, x1, y1] = numbers(&expected["bbox"])[..] else { panic!("a box") };
+            let chords = if id == 4 { 1.4e-3 * (x1 - x0 + y1 - y0) } else { 0.0 };
+            assert!(
+                -tolerance <= excess && excess <= tolerance + chords,
+                "case {id} {what}: {excess} m² more than {area}"
+            );
             assert!(apart(&found["bbox"], &expected["bbox"]) <= 1e-3, "case {id} {what}");
             let drawn = area_of(&found["polygon"]);
             assert!((drawn - found["area"].as_f64().unwrap()).abs() < 1e-9, "case {id} {what}");
@@ -156,7 +164,8 @@ async fn reach_names_what_is_wrong() {
     };
     refuses("/sets/0/hi/1", json!(0.6), "sets[0].hi[1]: expected a turn rate from").await;
     refuses("/sets/0/hi/1", json!("x"), "sets[0].hi[1]: expected f64, found string").await;
-    refuses("/sets/0/lo/1", json!(0.5), "sets[0]").await;
+    let swapped = json!({ "lo": [0, 0.2], "hi": [0, 0.1] });
+    refuses("/sets/0", swapped, "sets[0].lo[1]: expected at most hi[1] = 0.1").await;
     refuses("/sets/0/lo", json!([]), "sets[0].lo: expected at least one step").await;
     refuses("/sets/0/lo", json!([0]), "sets[0].hi: expected 1 entries, found 2").await;
     refuses("/sets", json!([]), "sets: expected at least one set").await;
