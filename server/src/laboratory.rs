@@ -19,6 +19,7 @@ use serde::Deserialize;
 use sidestep::api::{
     SelfCheck, StudySummary, TrainedPredictor, TrialDetail, TrialPage, TrialSummary,
 };
+use sidestep::features::FeatureSet;
 use sidestep::invalid::Invalid;
 use sidestep::scene::Evader;
 use sidestep::trial::{simulation_fingerprint, verify};
@@ -118,7 +119,7 @@ pub async fn predictor(
         .collect();
     let train = move || {
         let safety = functions.map(|functions| functions.decode()).transpose()?;
-        training::train(safety.as_ref(), &earlier)
+        training::train(&FeatureSet::subset("hrd")?, safety.as_ref(), &earlier)
     };
     let trained =
         tokio::task::spawn_blocking(train).await.context("training")?.context("training")?;

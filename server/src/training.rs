@@ -16,24 +16,25 @@ pub type Driven = (Vec<TurnInput>, Vec<JointState>);
 /// With fewer trials, a learned model says more about chance than about the person.
 const MIN_TRIALS: usize = 5;
 
-/// A logistic regression on B_hrd (experiment I: which way), or constant
+/// A logistic regression on `features` (experiment I: which way), or constant
 /// probabilities with the reason why: too little to learn from, or no value functions
 /// that safety levels could be read from.
 ///
 /// # Errors
 /// [`Invalid`] only for features or probabilities that do not fit, our own fault.
 pub fn train(
+    features: &FeatureSet,
     safety: Option<&SafetyFunctions>,
     trials: &[Driven],
 ) -> Result<TrainedPredictor, Invalid> {
     let learned = enough(trials).and_then(|()| {
         let safety =
             safety.ok_or("this server has not solved the safety levels of these vehicles")?;
-        learn(safety, trials).map_err(|invalid| format!("the fit failed: {invalid}"))
+        learn(features, safety, trials).map_err(|invalid| format!("the fit failed: {invalid}"))
     });
     let (predictor, fallback) = match learned {
         Ok(predictor) => (predictor, None),
-        Err(reason) => (frequencies(trials)?, Some(reason)),
+        Err(reason) => (frequencies(features, trials)?, Some(reason)),
     };
     Ok(TrainedPredictor { predictor: (&predictor).into(), trials: trials.len(), fallback })
 }
@@ -53,10 +54,13 @@ fn enough(trials: &[Driven]) -> Result<(), String> {
 }
 
 /// Only inputs that occur are classes: nothing is known of the others.
-fn learn(safety: &SafetyFunctions, trials: &[Driven]) -> Result<Predictor, Invalid> {
-    let features = FeatureSet::subset("hrd")?;
+fn learn(
+    features: &FeatureSet,
+    safety: &SafetyFunctions,
+    trials: &[Driven],
+) -> Result<Predictor, Invalid> {
     let rows = trials.iter().map(|(inputs, states)| (&inputs[..], &states[..]));
-    let data = Dataset::from_trials(&features, safety, rows);
+    let data = Dataset::from_trials(features, safety, rows);
     let occurring: Vec<TurnInput> = TurnInput::ALL
         .into_iter()
         .zip(data.class_counts())
@@ -73,7 +77,7 @@ fn learn(safety: &SafetyFunctions, trials: &[Driven]) -> Result<Predictor, Inval
     let settings = LogisticSettings::default();
     let model = Logistic::fit(width, &values, &labels, occurring.len(), settings)?;
     let classes = occurring.into_iter().map(TurnInput::sign).collect();
-    Ok(Predictor::logistic(features, classes, scale, model))
+    Ok(Predictor::logistic(features.clone(), classes, scale, model))
 }
 
 /// Inputs counted before any is seen: right, straight, left. Nothing is impossible
@@ -81,7 +85,7 @@ fn learn(safety: &SafetyFunctions, trials: &[Driven]) -> Result<Predictor, Inval
 const PRIOR: [f64; 3] = [1.0, 3.0, 1.0];
 
 /// The frequencies of the inputs so far, with the prior's.
-fn frequencies(trials: &[Driven]) -> Result<Predictor, Invalid> {
+fn frequencies(features: &FeatureSet, trials: &[Driven]) -> Result<Predictor, Invalid> {
     let inputs = || trials.iter().flat_map(|(inputs, _)| inputs);
     let total = inputs().count() as f64 + PRIOR.iter().sum::<f64>();
     let share = |(class, prior): (TurnInput, f64)| {
@@ -90,8 +94,7 @@ fn frequencies(trials: &[Driven]) -> Result<Predictor, Invalid> {
     };
     let shares = TurnInput::ALL.into_iter().zip(PRIOR).map(share).collect();
     let classes = TurnInput::ALL.map(TurnInput::sign).to_vec();
-    let features = FeatureSet::subset("hrd")?;
-    Predictor::constant(features, classes, shares)
+    Predictor::constant(features.clone(), classes, shares)
 }
 
 #[cfg(test)]
@@ -120,10 +123,14 @@ mod tests {
         scenes.iter().map(drive).collect()
     }
 
+    fn hrd() -> FeatureSet {
+        FeatureSet::subset("hrd").unwrap()
+    }
+
     #[test]
     fn a_model_of_the_classes_that_occur() {
         let safety = solved(&SceneParameters::default());
-        let trained = train(Some(&safety), &driven(5, TurnInput::Left)).unwrap();
+        let trained = train(&hrd(), Some(&safety), &driven(5, TurnInput::Left)).unwrap();
         assert_eq!(trained.fallback, None);
         assert_eq!(trained.predictor.kind, "logistic");
         assert_eq!(trained.predictor.classes, [0, 1]);
@@ -134,7 +141,7 @@ mod tests {
     fn frequencies_where_there_is_too_little() {
         let safety = solved(&SceneParameters::default());
         let check = |trials: &[Driven], probabilities: [f64; 3], word: &str| {
-            let trained = train(Some(&safety), trials).unwrap();
+            let trained = train(&hrd(), Some(&safety), trials).unwrap();
             assert_eq!(trained.predictor.kind, "constant");
             assert_eq!(trained.predictor.classes, [-1, 0, 1]);
             assert_eq!(trained.predictor.probabilities.unwrap(), probabilities);
@@ -152,10 +159,10 @@ mod tests {
         let mut parameters = SceneParameters::default();
         parameters.robot.turn_rate_radps = 0.35;
         let trials = driven_with(&parameters, 5, TurnInput::Left);
-        let trained = train(Some(&solved(&parameters)), &trials).unwrap();
+        let trained = train(&hrd(), Some(&solved(&parameters)), &trials).unwrap();
         assert_eq!((trained.fallback, trained.predictor.features.len()), (None, 8));
         // Until they are solved, the reason is said.
-        let trained = train(None, &trials).unwrap();
+        let trained = train(&hrd(), None, &trials).unwrap();
         assert!(trained.fallback.unwrap().contains("not solved"));
     }
 }

@@ -11,8 +11,11 @@ use sidestep::vehicle::{Pose, dubins};
 
 const STEPS: usize = 10;
 
-/// Name, lowest and highest rates of the first and of the second five steps.
-const BOUNDS: &[(&str, (f64, f64), (f64, f64))] = &[
+/// Lowest and highest rate, rad/s.
+type Rates = (f64, f64);
+
+/// Name, rates of the first and of the second five steps.
+const BOUNDS: &[(&str, Rates, Rates)] = &[
     ("both ways", (-0.5, 0.5), (-0.3, 0.4)),
     ("left", (0.1, 0.5), (0.3, 0.5)),
     ("straight admissible", (-0.5, 0.5), (0.0, 0.5)),

@@ -10,10 +10,22 @@ use crate::scene::{JointState, SceneParameters};
 use core::fmt;
 
 /// Lowest and highest turn rate of each coming step, rad/s.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Debug, PartialEq)]
 pub struct InputBounds {
     lo: Vec<f64>,
     hi: Vec<f64>,
+}
+
+impl Clone for InputBounds {
+    fn clone(&self) -> Self {
+        Self { lo: self.lo.clone(), hi: self.hi.clone() }
+    }
+
+    /// Keeps the memory that is there.
+    fn clone_from(&mut self, other: &Self) {
+        self.lo.clone_from(&other.lo);
+        self.hi.clone_from(&other.hi);
+    }
 }
 
 impl InputBounds {

@@ -23,7 +23,7 @@ use crate::features::{FEATURES, SafetyFunctions};
 use crate::invalid::Invalid;
 use crate::predict::Predictor;
 use crate::reach::polygon::signed_area;
-use crate::reach::{PolygonSettings, ReachableSet};
+use crate::reach::{PolygonSettings, ReachableSet, Workspace};
 use crate::scene::{JointState, SceneParameters};
 
 /// A predictor as the learned function G of Algorithm 1: it looks at the present state
@@ -115,7 +115,7 @@ pub struct ShfrsSettings {
 impl ShfrsSettings {
     /// The paper's (Figure 3, left): ε = 0, 0.15, 0.25, 0.4, 1.0 rad/s and
     /// k = 2, 2, 1, 1 … over ten steps, with roll-outs that keep regions nested
-    /// when ε changes. A predictor that tells fewer than two actions apart is
+    /// when ε changes; drawn to 1 mm. A predictor that tells fewer than two actions apart is
     /// asked for one.
     ///
     /// # Errors
@@ -124,7 +124,8 @@ impl ShfrsSettings {
         let k = (0..10).map(|i| if i < 2 { actions.min(2) } else { 1 }).collect();
         let epsilon = vec![0.0, 0.15, 0.25, 0.4, 1.0];
         let bounds = BoundsSettings::new(epsilon, ActionChoice::TopK(k), Rollout::Base, actions)?;
-        Ok(Self { bounds, polygon: PolygonSettings::default(), by_step: false })
+        // Far below a pixel at any zoom of a scene.
+        Ok(Self { bounds, polygon: PolygonSettings::new(1e-3, 8)?, by_step: false })
     }
 }
 
@@ -145,6 +146,27 @@ pub struct NestedSet {
     pub steps: Vec<Vec<[f64; 2]>>,
 }
 
+impl NestedSet {
+    /// Becomes the set `reachable` of these bounds.
+    fn take(
+        &mut self,
+        epsilon: f64,
+        bounds: &InputBounds,
+        reachable: &ReachableSet,
+        settings: &ShfrsSettings,
+        workspace: &mut Workspace,
+    ) {
+        self.epsilon = epsilon;
+        self.bounds.clone_from(bounds);
+        reachable.tube_polygon_into(settings.polygon, workspace, &mut self.tube);
+        self.area_m2 = signed_area(&self.tube);
+        self.steps.resize_with(if settings.by_step { reachable.steps() } else { 0 }, Vec::new);
+        for (i, polygon) in self.steps.iter_mut().enumerate() {
+            reachable.step_polygon_into(i + 1, settings.polygon, workspace, polygon);
+        }
+    }
+}
+
 /// Nested forward reachable sets of the human. Their probabilities come from
 /// trajectories, not from a single prediction.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -157,6 +179,10 @@ pub struct Shfrs {
 #[derive(Clone, Debug, Default)]
 pub struct ShfrsPredictor {
     algorithm: Algorithm1,
+    /// Those of `shfrs`, and the speed and step that they were made for.
+    reachable: Vec<ReachableSet>,
+    made_for: Option<(f64, f64)>,
+    workspace: Workspace,
     shfrs: Shfrs,
 }
 
@@ -182,26 +208,23 @@ impl ShfrsPredictor {
         let straight_on = |_: &[JointState]| 0.0;
         let found = self.algorithm.run(history, &motion, model, straight_on, &settings.bounds)?;
         let start = found.low[0].human;
+        let (speed, step) = (motion.human_speed_mps, motion.step_s);
+        if self.made_for.replace((speed, step)) != Some((speed, step)) {
+            self.reachable.clear();
+        }
         let sets = &mut self.shfrs.sets;
         sets.truncate(found.sets.len());
         for (j, (bounds, &epsilon)) in found.sets.iter().zip(settings.bounds.epsilon()).enumerate()
         {
-            let reachable =
-                ReachableSet::new(start, bounds, motion.human_speed_mps, motion.step_s)?;
+            match self.reachable.get_mut(j) {
+                Some(reachable) => reachable.reset(start, bounds)?,
+                None => self.reachable.push(ReachableSet::new(start, bounds, speed, step)?),
+            }
             if j == sets.len() {
                 let (tube, steps) = (Vec::new(), Vec::new());
                 sets.push(NestedSet { epsilon, bounds: bounds.clone(), tube, area_m2: 0.0, steps });
             }
-            let set = &mut sets[j];
-            set.epsilon = epsilon;
-            set.bounds.clone_from(bounds);
-            set.tube = reachable.tube_polygon(settings.polygon);
-            set.area_m2 = signed_area(&set.tube);
-            set.steps.clear();
-            if settings.by_step {
-                let steps = 1..=reachable.steps();
-                set.steps.extend(steps.map(|step| reachable.step_polygon(step, settings.polygon)));
-            }
+            sets[j].take(epsilon, bounds, &self.reachable[j], settings, &mut self.workspace);
         }
         Ok(&self.shfrs)
     }

@@ -87,20 +87,16 @@ pub fn clopper_pearson(hits: f64, of: f64, confidence: f64) -> (f64, f64) {
 }
 
 /// The share of windows with some property, given the tally of each trajectory. Its interval
-/// takes the *trajectories* to be independent, whatever holds among their windows:
+/// takes the *trajectories* to be independent, whatever holds among their windows: it is
+/// [`clopper_pearson`] at the effective sample size n* = (Σw_i)²/Σw_i² of trajectories with w_i
+/// windows (Kish, Survey Sampling, 1965), as if all windows of a trajectory were alike. That
+/// is the number of trajectories where all have equally many, and exact where they have one.
 ///
-/// * one window a trajectory at most: [`clopper_pearson`];
-/// * else [`clopper_pearson`] at the effective sample size of Korn and Graubard (Survey
-///   Methodology 24, 1998): n* = p̂(1 − p̂)/v̂ · (t_{N−1}/t_{m−1})², at most N, for N windows
-///   of m trajectories. t_f is the two-sided quantile of Student's distribution at the
-///   confidence asked for, and v̂ = m/(m − 1) · S/N² the variance between trajectories with
-///   h_i hits in w_i windows (Cochran, Sampling Techniques, ratio estimator). There
-///   S = Σ(h_i − p̂ w_i)²; ours adds 2 p̂(1 − p̂) Σw_i²/m, as if two further trajectories were
-///   alike in all their windows. Without it few trajectories, by chance all much the same,
-///   promise too much: ten of them covered .82 where .90 was asked for. With a hundred it
-///   hardly matters;
-/// * where p̂ is 0 or 1 nothing is known of v̂: n* = N²/Σw_i² (Kish), as if all windows of a
-///   trajectory were alike.
+/// Korn and Graubard (Survey Methodology 24, 1998) estimate from the variance between
+/// trajectories how alike windows are, for a narrower interval. Where few trajectories miss in
+/// all their windows and the others hardly ever, too few are drawn to tell: in simulations
+/// with 30 trajectories it covered .75 where .90 was asked for, with 300 still .87. This one
+/// covers in all of them, at the cost of width where windows are little alike.
 ///
 /// Without a window the share is unknown: value 0 in [0, 1].
 ///
@@ -118,42 +114,10 @@ pub fn share(tallies: &[Tally], confidence: f64) -> Result<Estimate, Invalid> {
         return Ok(Estimate { value: 0.0, low: 0.0, high: 1.0 });
     }
     let value = hits as f64 / windows as f64;
-    let effective = if tallies.iter().all(|tally| tally.of <= 1) {
-        windows as f64
-    } else {
-        effective_size(tallies, hits, windows, confidence)
-    };
+    let squares: f64 = tallies.iter().map(|tally| tally.of as f64 * tally.of as f64).sum();
+    let effective = windows as f64 * windows as f64 / squares;
     let (low, high) = clopper_pearson(value * effective, effective, confidence);
     Ok(Estimate { value, low: low.min(value), high: high.max(value) })
-}
-
-/// n* of [`share`].
-fn effective_size(tallies: &[Tally], hits: usize, windows: usize, confidence: f64) -> f64 {
-    let trajectories = tallies.iter().filter(|tally| tally.of > 0).count();
-    if trajectories < 2 {
-        return 0.0;
-    }
-    let (m, n) = (trajectories as f64, windows as f64);
-    let sum_of = |term: &dyn Fn(&Tally) -> f64| -> f64 {
-        tallies.iter().map(term).map(|root| root * root).sum()
-    };
-    let all_alike = sum_of(&|tally| tally.of as f64);
-    if hits == 0 || hits == windows {
-        return n * n / all_alike;
-    }
-    let p = hits as f64 / n;
-    let between = sum_of(&|tally| tally.hits as f64 - p * tally.of as f64);
-    let squares = between + 2.0 * p * (1.0 - p) * all_alike / m;
-    let variance = m / (m - 1.0) * squares / (n * n);
-    let ratio = student_quantile(confidence, n - 1.0) / student_quantile(confidence, m - 1.0);
-    (p * (1.0 - p) / variance * ratio * ratio).min(n)
-}
-
-/// The t with P(|X| ≤ t) = `confidence` for Student's distribution with `freedom` degrees
-/// of freedom.
-fn student_quantile(confidence: f64, freedom: f64) -> f64 {
-    let x = beta_quantile(1.0 - confidence, 0.5 * freedom, 0.5);
-    (freedom * (1.0 - x) / x).sqrt()
 }
 
 #[cfg(test)]
@@ -165,14 +129,14 @@ mod tests {
     #[test]
     fn beta_meets_values_of_thirty_digits() {
         let cases = [
-            (8.0, 3.0, 0.443905, 0.025000174807712143),
-            (8.0, 3.0, 0.741425, 0.49999917968810242),
-            (0.5, 0.5, 0.00615583, 0.050000001210974958),
+            (8.0, 3.0, 0.443905, 0.025000174807712144),
+            (8.0, 3.0, 0.741425, 0.4999991796881024),
+            (0.5, 0.5, 0.00615583, 0.050000001210974955),
             (95.0, 6.0, 0.897747, 0.05000119227529461),
-            (95.0, 6.0, 0.977665, 0.97499945815797786),
+            (95.0, 6.0, 0.977665, 0.9749994581579778),
             (301.0, 100.0, 0.707181, 0.02500059950997507),
-            (2.5, 70.3, 0.0301605, 0.50000023956360551),
-            (2.5, 70.3, 9.07539e-05, 9.9999889726694562e-7),
+            (2.5, 70.3, 0.0301605, 0.5000002395636055),
+            (2.5, 70.3, 9.07539e-05, 9.999988972669457e-07),
         ];
         for (a, b, x, expected) in cases {
             let found = beta_cdf(x, a, b);
@@ -232,15 +196,6 @@ mod tests {
         assert_eq!(clopper_pearson(0.0, 0.0, 0.95), (0.0, 1.0));
     }
 
-    #[test]
-    fn student_meets_its_table() {
-        for (freedom, expected) in
-            [(1.0, 12.7062), (2.0, 4.302_65), (10.0, 2.228_14), (30.0, 2.042_27), (1e4, 1.960_20)]
-        {
-            assert!((student_quantile(0.95, freedom) - expected).abs() < 5e-5, "{freedom}");
-        }
-    }
-
     /// How often the interval of [`share`] covers, over seeded draws of `trajectories`. In a
     /// part `alike` of them all windows have the same answer, in the others each its own.
     fn coverage(draws: usize, trajectories: usize, truth: f64, alike: f64) -> f64 {
@@ -266,7 +221,7 @@ mod tests {
         let error = 3.0 * (0.9 * 0.1 / draws as f64).sqrt();
         for trajectories in [10, 30, 100] {
             for truth in [0.5, 0.75, 0.9] {
-                for alike in [0.0, 0.1, 0.5, 1.0] {
+                for alike in [0.0, 0.2, 0.5, 1.0] {
                     let found = coverage(draws, trajectories, truth, alike);
                     let case = (trajectories, truth, alike);
                     assert!(found >= 0.9 - error, "{case:?}: {found}");
@@ -283,13 +238,13 @@ mod tests {
         let (one, many) = (share(&alike(1), 0.95).unwrap(), share(&alike(41), 0.95).unwrap());
         assert_eq!(one.value, 0.75);
         assert_eq!((one.low, one.high), clopper_pearson(30.0, 40.0, 0.95));
-        assert!(many.high - many.low >= one.high - one.low);
+        assert_eq!(one, many);
         let all = share(&[Tally { hits: 41, of: 41 }; 40], 0.95).unwrap();
         assert_eq!((all.low, all.high), clopper_pearson(40.0, 40.0, 0.95));
         let none = share(&[], 0.95).unwrap();
         assert_eq!((none.low, none.high), (0.0, 1.0));
         let lone = share(&[Tally { hits: 3, of: 4 }], 0.95).unwrap();
-        assert_eq!((lone.value, lone.low, lone.high), (0.75, 0.0, 1.0));
+        assert_eq!((lone.value, lone.high), (0.75, clopper_pearson(0.75, 1.0, 0.95).1));
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! Algorithm 1 takes no memory once it has run. A binary of its own, since it counts what
+//! Algorithm 1 and the sets of a frame take no memory once they have run. A binary of its own, since it counts what
 //! the whole process allocates.
 
 use core::ops::ControlFlow;
@@ -9,14 +9,14 @@ use sidestep::predict::Predictor;
 use sidestep::predict::logistic::Logistic;
 use sidestep::predict::scale::Scale;
 use sidestep::scene::{JointState, SceneParameters};
-use sidestep::shfrs::{PredictedHuman, ShfrsSettings};
+use sidestep::shfrs::{PredictedHuman, ShfrsPredictor, ShfrsSettings};
 use sidestep::vehicle::{Pose, TurnInput};
 
 #[global_allocator]
 static MEMORY: PeakAlloc = PeakAlloc;
 
 #[test]
-fn a_frame_of_algorithm_1_allocates_nothing() {
+fn a_frame_allocates_nothing() {
     let parameters = SceneParameters::default();
     let safety = SafetyFunctions::solve(&parameters, &mut |_| ControlFlow::Continue(())).unwrap();
     let scale = Scale::new(vec![1.0; 8], vec![2.0; 8]).unwrap();
@@ -24,21 +24,31 @@ fn a_frame_of_algorithm_1_allocates_nothing() {
     let features = FeatureSet::subset("hrd").unwrap();
     let predictor = Predictor::logistic(features, vec![-1, 0, 1], scale, model.unwrap());
     let human = PredictedHuman::new(&predictor, &safety, &parameters).unwrap();
-    let settings = ShfrsSettings::paper(3).unwrap().bounds;
+    let settings = ShfrsSettings { by_step: true, ..ShfrsSettings::paper(3).unwrap() };
     let motion = Motion::from(&parameters);
     let start = JointState { human: Pose::new(-8.0, 0.0, 0.1), robot: Pose::new(8.0, 1.0, 3.1) };
     let next = |state: &JointState| Some(state.advance(&parameters, TurnInput::Left, 0.2));
     let trial: Vec<JointState> = std::iter::successors(Some(start), next).take(51).collect();
     let mut algorithm = Algorithm1::default();
-    let mut run = |length: usize| {
-        let found = algorithm.run(&trial[..length], &motion, &human, |_| 0.0, &settings);
+    silent(|length| {
+        let history = &trial[..length];
+        let found = algorithm.run(history, &motion, &human, |_| 0.0, &settings.bounds);
         assert_eq!(found.unwrap().sets.len(), 5);
-    };
-    run(51);
+    });
+    let mut predictor = ShfrsPredictor::default();
+    silent(|length| {
+        let found = predictor.predict(&trial[..length], &parameters, &human, &settings);
+        assert_eq!(found.unwrap().sets[4].steps.len(), 10);
+    });
+}
+
+/// After every frame of the trial was seen once, going through all of them again, forth and
+/// back as a slider would, takes no memory.
+fn silent(mut frame: impl FnMut(usize)) {
+    (1..=51).for_each(&mut frame);
     MEMORY.reset_peak_usage();
     let before = MEMORY.peak_usage();
     assert!(before > 0, "is anything counted?");
-    // Every frame of the trial, forth and back, as a slider would.
-    (1..=51).chain((1..=51).rev()).for_each(run);
+    (1..=51).chain((1..=51).rev()).for_each(frame);
     assert_eq!(MEMORY.peak_usage(), before);
 }

@@ -3,7 +3,7 @@
 
 use serde::Deserialize;
 use sidestep::bounds::InputBounds;
-use sidestep::math::SeededRng;
+use sidestep::math::{SeededRng, hypot};
 use sidestep::reach::{ReachableSet, Tolerance};
 use sidestep::vehicle::{Pose, dubins};
 
@@ -181,7 +181,7 @@ fn what_no_enumerated_input_comes_near_is_outside() {
             let nearest = cloud
                 .iter()
                 .map(|pose| {
-                    let position = (pose.x - state.x).hypot(pose.y - state.y);
+                    let position = hypot(pose.x - state.x, pose.y - state.y);
                     (position / 0.005).max((pose.psi - state.psi).abs() / apart)
                 })
                 .fold(f64::INFINITY, f64::min);

@@ -35,12 +35,12 @@ fn drives() -> Vec<(usize, Drive)> {
     let mut reader = csv::Reader::from_reader(&include_bytes!("data/trials.csv")[..]);
     let mut drives: Vec<(usize, Drive)> = Vec::new();
     for row in reader.deserialize() {
-        let row: [f64; 11] = row.unwrap();
+        let row: [f64; 11] = row.expect("good data");
         if row[2] == 0.0 {
             drives.push((row[1] as usize, Drive::default()));
         }
-        let (inputs, states) = &mut drives.last_mut().unwrap().1;
-        inputs.push(TurnInput::try_from((2.0 * row[10]) as i64).unwrap());
+        let (inputs, states) = &mut drives.last_mut().expect("good data").1;
+        inputs.push(TurnInput::try_from((2.0 * row[10]) as i64).expect("good data"));
         let [human, robot] = [4, 7].map(|i| Pose::new(row[i], row[i + 1], row[i + 2]));
         states.push(JointState { human, robot });
     }
@@ -52,8 +52,8 @@ fn data() -> &'static Data {
     DATA.get_or_init(|| {
         let parameters = SceneParameters::default();
         let progress = &mut |_| ControlFlow::Continue(());
-        let safety = SafetyFunctions::solve(&parameters, progress).unwrap();
-        let features = FeatureSet::subset("hrd").unwrap();
+        let safety = SafetyFunctions::solve(&parameters, progress).expect("good data");
+        let features = FeatureSet::subset("hrd").expect("good data");
         let (seen, unseen): (Vec<_>, Vec<_>) =
             drives().into_iter().partition(|(trial, _)| *trial < 20);
         let rows = seen.iter().map(|(_, (inputs, states))| (&inputs[..], &states[..]));
@@ -64,13 +64,13 @@ fn data() -> &'static Data {
             data.values.iter().enumerate().map(|(i, &v)| scale.apply(i % width, v)).collect();
         let labels: Vec<usize> =
             data.labels.iter().map(|label| (label.sign() + 1) as usize).collect();
-        let model =
-            Logistic::fit(width, &standard, &labels, 3, LogisticSettings::default()).unwrap();
+        let model = Logistic::fit(width, &standard, &labels, 3, LogisticSettings::default())
+            .expect("good data");
         let predictor = Predictor::logistic(features, vec![-1, 0, 1], scale, model);
         // The last input leads to no recorded state.
         let trajectory = |(_, (inputs, states)): (usize, Drive)| {
             let rates = inputs[..inputs.len() - 1].iter().map(|&i| parameters.human.turn_rate(i));
-            Trajectory::new(states, rates.collect()).unwrap()
+            Trajectory::new(states, rates.collect()).expect("good data")
         };
         let unseen = unseen.into_iter().map(trajectory).collect();
         Data { parameters, safety, predictor, unseen }
@@ -96,7 +96,7 @@ fn tuned(settings: &TuningSettings) -> Result<Tuned, Invalid> {
 
 fn tuned_on(split: Split, settings: &TuningSettings) -> Result<Tuned, Invalid> {
     let Data { parameters, safety, predictor, unseen } = data();
-    let human = PredictedHuman::new(predictor, safety, parameters).unwrap();
+    let human = PredictedHuman::new(predictor, safety, parameters).expect("good data");
     let sample = split.parts(unseen.len())?.sample(unseen);
     tune(&sample, Prediction::new(parameters, &human), settings)
 }
@@ -116,8 +116,8 @@ fn every_guarantee_is_kept_on_trajectories_that_nothing_was_chosen_by() {
             // One test of 48 trajectories: its interval must not exclude p.
             assert!(found.coverage.high >= p, "{found:?}");
             assert!((0.0..=1.0).contains(&found.epsilon));
-            // The worst case is 16/3 m².
-            assert!(found.mean_area_m2 > 0.2 && found.mean_area_m2 < 4.5, "{found:?}");
+            // Less than the worst case.
+            assert!(found.mean_area_m2 > 0.0 && found.mean_area_m2 < 16.0 / 3.0, "{found:?}");
             assert!(found.statement.contains("96 trajectories"));
         }
     }
@@ -191,6 +191,6 @@ fn probabilities_name_what_they_depend_on() {
         assert!(p.inside.windows(2).all(|pair| pair[0].value <= pair[1].value));
         assert!((p.region.iter().map(|p| p.value).sum::<f64>() - 1.0).abs() <= 1e-12);
         assert!(found.mean_area_m2.is_sorted());
-        assert!(p.inside[..4].iter().all(|p| p.high - p.low > 0.03 && p.high - p.low < 0.15));
+        assert!(p.inside[..4].iter().all(|p| p.high - p.low > 0.05 && p.high - p.low < 0.15));
     }
 }

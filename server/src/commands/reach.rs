@@ -15,10 +15,12 @@ use sidestep::vehicle::Pose;
 /// The input, in m, s and rad, headings counter-clockwise from +x:
 /// {"speed": 2, "dt": 0.2, "turn_rate": [-0.5, 0.5], "initial": [x, y, psi],
 /// "sets": [{"lo": [a rate a step], "hi": […], "queries": [{"step": n, "state": [x, y, psi]}]}],
-/// "tolerance": {"position": 0.005, "heading": 0.002}, "accuracy": 0.0001}.
-/// Queries, tolerance and accuracy may be left out; the numbers shown are what is taken
+/// "tolerance": {"position": 0.005, "heading": 0.002}, "accuracy": 0.0001,
+/// "conservative": false}.
+/// Queries and what follows them may be left out; the numbers shown are what is taken
 /// then. The tolerance is how far a state may lie outside and still count as inside; the
-/// accuracy, m, is how far edges of polygons may lie from the true boundary.
+/// accuracy, m, is how far edges of polygons may lie from the true boundary. Conservative polygons, areas and boxes surely
+/// contain the set and are a little larger; queries are about the exact set anyway.
 ///
 /// The answer: {"sets": [{"steps": [{"step", "t", "area", "bbox": [x0, y0, x1, y1],
 /// "polygon": [[x, y], …]}, …], "tube": {"area", "bbox", "polygon"},
@@ -43,6 +45,8 @@ struct Input {
     sets: Vec<SetInput>,
     tolerance: Option<ToleranceInput>,
     accuracy: Option<f64>,
+    #[serde(default)]
+    conservative: bool,
 }
 
 #[derive(Deserialize)]
@@ -127,6 +131,7 @@ fn answer(input: &Input) -> Result<Answer, Invalid> {
         Some(accuracy) => PolygonSettings::new(accuracy, settings.least_pieces())
             .map_err(|invalid| Invalid { field: "accuracy".to_owned(), ..invalid })?,
     };
+    let settings = if input.conservative { settings.conservative() } else { settings };
     let tolerance = tolerance(input.tolerance.as_ref())?;
     if input.sets.is_empty() {
         return Err(Invalid::new("sets", "at least one set", "none"));
@@ -165,7 +170,13 @@ fn set_answer(
             let expected = format!("a step from 0 to {}", set.steps());
             return Err(Invalid::new(format!("queries[{q}].step"), expected, query.step));
         };
-        let margin = signed_distance(polygon, query.state.position());
+        let position = query.state.position();
+        let margin = if input.conservative {
+            let exact = set.step_polygon(query.step, PolygonSettings::default());
+            signed_distance(&exact, position)
+        } else {
+            signed_distance(polygon, position)
+        };
         Ok(QueryAnswer {
             planar: margin >= -tolerance.position_m,
             full: set.contains_state(query.step, query.state, tolerance),

@@ -11,7 +11,7 @@ use crate::training::{self, Driven};
 use crate::trials_csv;
 use analysis::{Analysis, Questions};
 use sidestep::bounds::{ActionChoice, BoundsSettings, Rollout};
-use sidestep::features::SafetyFunctions;
+use sidestep::features::{FeatureSet, SafetyFunctions};
 use sidestep::invalid::Invalid;
 use sidestep::predict::{Predictor, PredictorFile};
 use sidestep::scene::SceneParameters;
@@ -46,10 +46,15 @@ pub struct ShfrsArgs {
     /// Recorded trials, as `sidestep export` writes them.
     #[arg(long, value_name = "FILE.csv")]
     trials: PathBuf,
-    /// Predictor of the human's next input; without it a logistic regression on B_hrd is
-    /// trained on the training part.
+    /// Predictor of the human's next input; without it a logistic regression is trained on the
+    /// training part.
     #[arg(long, value_name = "FILE.json")]
     predictor: Option<PathBuf>,
+    /// What the predictor that is trained here looks at: names of features, or one of the
+    /// paper's sets (hrd, hr, …: B with safety levels and distance).
+    #[arg(long, value_name = "NAME,…", value_delimiter = ',', conflicts_with = "predictor")]
+    #[arg(default_values = ["hrd", "robot_ahead", "robot_left"])]
+    features: Vec<String>,
     /// Folder to write to; made if missing.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
@@ -153,7 +158,7 @@ pub async fn run(args: ShfrsArgs) -> Result<(), CommandError> {
         Some(predictor) => {
             (predictor, format!("{}", args.predictor.as_deref().unwrap_or(Path::new("")).display()))
         }
-        None => trained(&safety, &recorded, &parts.training)?,
+        None => args.trained(&safety, &recorded, &parts.training)?,
     };
     let human = PredictedHuman::new(&predictor, &safety, &parameters)
         .map_err(|invalid| CommandError::Input(format!("predictor: {invalid}")))?;
@@ -233,6 +238,32 @@ impl ShfrsArgs {
         }
     }
 
+    /// A predictor trained on the training part, and in words what it is.
+    fn trained(
+        &self,
+        safety: &SafetyFunctions,
+        recorded: &[Recorded],
+        training: &[usize],
+    ) -> Result<(Predictor, String), CommandError> {
+        let names = self.features.iter().flat_map(|word| match FeatureSet::subset(word) {
+            Ok(set) => Vec::from(set),
+            Err(_) => vec![word.clone()],
+        });
+        let features = FeatureSet::of(&names.collect::<Vec<String>>()).map_err(flagged)?;
+        let driven: Vec<Driven> = training.iter().map(|&i| recorded[i].driven.clone()).collect();
+        let trained =
+            training::train(&features, Some(safety), &driven).map_err(CommandError::failure)?;
+        let what = match trained.fallback {
+            None => {
+                let (features, n) = (self.features.join(", "), driven.len());
+                format!("logistic regression on {features}, from {n} trajectories")
+            }
+            Some(reason) => format!("the frequencies of the inputs ({reason})"),
+        };
+        let predictor = Predictor::try_from(trained.predictor).map_err(CommandError::failure)?;
+        Ok((predictor, what))
+    }
+
     /// Settings of Algorithm 1 for the regions.
     fn bounds_settings(&self, actions: usize) -> Result<BoundsSettings, CommandError> {
         let choice = match (&self.k, self.tau) {
@@ -293,20 +324,4 @@ fn read_predictor(path: &Path) -> Result<Predictor, CommandError> {
     let text = fs::read_to_string(path).map_err(|e| complain(&format!("cannot read: {e}")))?;
     let file: PredictorFile = serde_json::from_str(&text).map_err(|e| complain(&e))?;
     Predictor::try_from(file).map_err(|e| complain(&e))
-}
-
-/// A predictor trained on the training part, and in words what it is.
-fn trained(
-    safety: &SafetyFunctions,
-    recorded: &[Recorded],
-    training: &[usize],
-) -> Result<(Predictor, String), CommandError> {
-    let driven: Vec<Driven> = training.iter().map(|&i| recorded[i].driven.clone()).collect();
-    let trained = training::train(Some(safety), &driven).map_err(CommandError::failure)?;
-    let what = match trained.fallback {
-        None => format!("logistic regression on B_hrd, from {} trajectories", driven.len()),
-        Some(reason) => format!("the frequencies of the inputs ({reason})"),
-    };
-    let predictor = Predictor::try_from(trained.predictor).map_err(CommandError::failure)?;
-    Ok((predictor, what))
 }

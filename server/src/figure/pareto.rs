@@ -243,6 +243,7 @@ impl<'a> Figure<'a> {
 mod tests {
     use super::*;
     use crate::figure::png;
+    use sidestep::math::{exp, ln};
     use sidestep::shfrs::pareto::{ParetoCurve, ParetoPoint};
 
     /// Families whose coverage grows with the area as (area / 5)^power.
@@ -261,11 +262,11 @@ mod tests {
             let name = format!("family {family}");
             let point = |area: f64| ParetoPoint {
                 level: area,
-                coverage: (area / 5.0).powf(power),
+                coverage: exp(power * ln(area / 5.0)),
                 mean_area_m2: area,
             };
             for target in [0.75, 0.9, 0.95] {
-                let area = 5.0 * f64::powf(target, 1.0 / power);
+                let area = 5.0 * exp(ln(target) / power);
                 found.rows.push(ParetoRow {
                     family: name.clone(),
                     target,

@@ -182,7 +182,7 @@ impl Disc {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::SeededRng;
+    use crate::math::{PI, SeededRng};
     use crate::scene::SceneParameters;
     use crate::shfrs::testing::{Always, drive_against};
     use crate::shfrs::widened::least_widening;
@@ -279,7 +279,7 @@ mod tests {
         // Straight on they meet; and whether a turn avoids that is up to the human.
         assert_eq!(bounds(4.5, -6.0, 1.57), (20.0 / 21.0, 1.0));
         // They pass each other; only a turn brings them together.
-        assert_eq!(bounds(9.0, 4.2, 3.14), (0.0, 1.0 / 21.0));
+        assert_eq!(bounds(9.0, 4.2, PI), (0.0, 1.0 / 21.0));
     }
 
     #[test]

@@ -258,7 +258,7 @@ mod tests {
         assert_eq!((found.rollout.as_str(), found.actions.as_str()), ("paper", "k = 1 1 1"));
         assert_eq!((found.steps, found.window_choice.as_str()), (3, "avoidance_onset"));
         assert!(found.mean_area_m2.is_sorted() && found.mean_area_m2[0].abs() < 1e-6);
-        assert!((found.mean_area_m2[2] - 4.0 / 6.0 * 0.6_f64.powi(3)).abs() < 1e-9);
+        assert!((found.mean_area_m2[2] - 4.0 / 6.0 * 0.6 * 0.6 * 0.6).abs() < 1e-9);
         let settings = prediction
             .settings(vec![0.0, 1.0], &ActionChoice::TopK(vec![1; 2]), Rollout::Base)
             .unwrap();

@@ -109,17 +109,18 @@ pub struct TuningSettings {
     pub confidence: f64,
 }
 
-/// Probabilities τ of the adaptive sets that are tried: every hundredth up to this many.
-const TAUS: u32 = 50;
+/// Probabilities τ of the adaptive sets that are tried. A finer grid fits the training part
+/// too closely: with every hundredth, tubes calibrated afterwards are larger, not smaller.
+const TAUS: [f64; 14] =
+    [0.005, 0.01, 0.02, 0.03, 0.05, 0.07, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.5];
 
-/// What is usually chosen from: adaptive sets with τ = 0.01 … 0.5, and every schedule of k that
+/// What is usually chosen from: adaptive sets with τ from 0.005 to 0.5, and every schedule of k that
 /// has all `actions` in the first a steps, half of them (rounded up) until b, then 1
 /// (for three actions: 3, 2, 1).
 #[must_use]
 pub fn candidates(actions: usize, steps: usize) -> Vec<ActionChoice> {
-    let mut found: Vec<ActionChoice> = (1..=TAUS)
-        .map(|hundredths| ActionChoice::Adaptive { tau: f64::from(hundredths) / 100.0, steps })
-        .collect();
+    let mut found: Vec<ActionChoice> =
+        TAUS.iter().map(|&tau| ActionChoice::Adaptive { tau, steps }).collect();
     for a in 0..=steps {
         for b in a..=steps {
             let k = |i| {
@@ -475,7 +476,7 @@ mod tests {
 
     #[test]
     fn schedules_come_down_from_all_actions_to_one() {
-        let schedules = |actions, steps| candidates(actions, steps).len() - TAUS as usize;
+        let schedules = |actions, steps| candidates(actions, steps).len() - TAUS.len();
         assert_eq!(schedules(3, 10), 66);
         assert_eq!(schedules(2, 4), 5);
         assert_eq!(schedules(1, 4), 1);

@@ -134,6 +134,20 @@ async fn reach_reads_stdin_and_writes_files() {
 }
 
 #[tokio::test]
+async fn conservative_polygons_are_a_little_larger() {
+    let mut document = reach();
+    let exact = answer("reach", &document).await;
+    document["conservative"] = json!(true);
+    let outer = answer("reach", &document).await;
+    for part in ["/sets/0/tube/area", "/sets/0/steps/0/area", "/sets/0/steps/1/area"] {
+        let area = |answer: &Value| answer.pointer(part).unwrap().as_f64().unwrap();
+        let excess = area(&outer) - area(&exact);
+        assert!(excess > 0.0 && excess < 0.01, "{part}: {excess} m²");
+    }
+    assert_eq!(outer["sets"][0]["queries"], exact["sets"][0]["queries"]);
+}
+
+#[tokio::test]
 async fn reach_names_what_is_wrong() {
     let refuses = async |pointer: &str, value: Value, words: &str| {
         let mut document = reach();

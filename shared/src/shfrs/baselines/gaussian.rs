@@ -213,7 +213,7 @@ mod tests {
     fn the_radius_is_mahalanobis() {
         let family = learned(Nominal::Straight);
         // Sample variance 4 · 0.09/3 in both directions, with the tolerance's.
-        let variance = 0.12 + 0.005 * 0.005;
+        let variance: f64 = 0.12 + 0.005 * 0.005;
         let mean = Vector3::new(1.0 - 0.4, 0.0, 0.0);
         let radius = |x: f64, y: f64| family.moments[0].radius(mean + Vector3::new(x, y, 0.0));
         assert!((radius(0.3, 0.0) - 0.3 / variance.sqrt()).abs() < 1e-12);
