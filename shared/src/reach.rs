@@ -9,12 +9,17 @@
 //!   always admissible, the extremals of `singular`).
 //! * The **rear** is reached by paths whose rate jumps between the bounds (`rear`).
 //! * The **tube**, the union over all instants, lies between the path at the
-//!   lowest rates, the final front, and the path at the highest rates.
+//!   lowest rates, the final front, and the path at the highest rates. Where headings
+//!   span more than π/2, so do the ends of extremals that arrive at a right angle.
 //!
 //! While all admissible headings lie within ±π/2 of a common direction (15 steps
 //! of 0.2 s at ±0.5 rad/s), front and rear are graphs over the line across that
 //! direction; the rear is the lower envelope of its families. Beyond, the set is
 //! what the curves enclose (`outline`).
+//!
+//! A polygon lies in the set, within the accuracy asked for, or, if conservative,
+//! around it (`grow`). The start may be uncertain ([`StartSet`]). With a [`Workspace`]
+//! and [`ReachableSet::reset`] nothing is allocated from the second time on.
 
 mod envelope;
 mod extremal;
@@ -26,8 +31,8 @@ pub mod polygon;
 mod rear;
 mod sampling;
 mod singular;
-mod membership;
 mod start;
+mod membership;
 
 pub use grow::{minkowski_disc, minkowski_disc_into};
 pub use membership::{Side, StateMargins, Tolerance};
@@ -73,7 +78,8 @@ pub struct Workspace {
 
 impl ReachableSet {
     /// The set from `start` (world frame; a [`Pose`] or a [`StartSet`]) under `bounds`,
-    /// at `speed_mps` m/s, each step of the bounds lasting `step_s` s.
+    /// at `speed_mps` m/s, each step of the bounds lasting `step_s` s. Bounds that
+    /// forbid to drive straight by less than 10⁻⁴ rad/s are taken to allow it.
     ///
     /// # Errors
     /// [`Invalid`] if the start is not finite, or speed or step is not finite and > 0.
@@ -132,7 +138,8 @@ impl ReachableSet {
     /// world frame, m, counter-clockwise, the first vertex not repeated. Its
     /// vertices lie on the boundary; its edges follow it within
     /// [`PolygonSettings::accuracy_m`]. A set that is a single position, as at
-    /// step 0, has one vertex.
+    /// step 0, has one vertex. If conservative, the polygon contains the set and exceeds
+    /// it by at most the accuracy.
     ///
     /// From headings that span more than 2π on, the set may surround positions
     /// that cannot be reached in exactly that time; these holes are filled.

@@ -8,7 +8,7 @@
 use super::extremal::Costate;
 use super::front::end_range;
 use super::paths::{Path, Paths, Turn};
-use super::sampling::{Curves, MOST_HALVINGS, Sample, pieces, triangle_height};
+use super::sampling::{Curves, Sample, pieces, triangle_height};
 use crate::math::{PI, TAU};
 use nalgebra::Complex;
 
@@ -83,7 +83,11 @@ const MOST_JUMPS: usize = 3;
 
 /// In this many steps the end headings are searched for extremals with two
 /// jumps and more.
-const SEARCH: usize = 48;
+const SEARCH: usize = 16;
+
+/// A stretch of end headings is halved at most this often. Where ends leap, more would
+/// only come closer to the leap.
+const MOST_HALVINGS: u32 = 20;
 
 /// Nearer than this, rad, to φ = π at its end no extremal is traced: exactly
 /// there, it may tremble without end.
