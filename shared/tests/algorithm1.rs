@@ -85,9 +85,13 @@ impl Problem {
         rollout: Rollout,
     ) -> PredictedBounds {
         let actions = self.model.actions.len();
-        let settings = BoundsSettings::new(epsilon, self.choice.clone(), rollout, actions).unwrap();
+        let settings =
+            BoundsSettings::new(epsilon, self.choice.clone(), rollout, actions).expect("settings");
         let left = |states: &[JointState]| 0.3 * (states.len() % 2) as f64;
-        algorithm.run(&self.history, &self.motion, &self.model, left, &settings).unwrap().clone()
+        algorithm
+            .run(&self.history, &self.motion, &self.model, left, &settings)
+            .expect("bounds")
+            .clone()
     }
 }
 
