@@ -121,7 +121,7 @@ fn random_start(rng: &mut SeededRng) -> Pose {
 }
 
 /// How far outside, m, a reachable state may be found: (kind of bounds, in up to 10
-/// steps, beyond). The first four kinds are exact but for straight without a choice.
+/// steps, beyond). Kinds 1 to 3 are exact; 0 is but for steps without both turns.
 const MISSED_M: [(f64, f64); 5] =
     [(3e-4, 3e-3), (1e-6, 1e-6), (1e-6, 1e-6), (1e-6, 1e-6), (1e-3, 5e-3)];
 

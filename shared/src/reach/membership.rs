@@ -12,10 +12,10 @@
 //! # Accuracy
 //! A state found inside is reachable, to 10⁻⁶ m. Nothing reachable is missed by more
 //! than rounding where one may always turn both ways, or never right, or never left.
-//! Otherwise rates change between quarters of a step only, and the rear is searched from
-//! many sides but not exhaustively: a sliver along the boundary may be missed. Random
-//! drives were found outside by 0.4 mm at most in 10 steps and 2.3 mm in 25
-//! (`tests/reach_membership.rs`).
+//! Otherwise rates change between quarters of a step only, and where the rear is hollow it
+//! is that of two jumps: a sliver along the boundary may be missed. Of 4·10⁵ states that
+//! random inputs under random bounds of such kinds led to, none was missed by 5 mm up to
+//! step 10 (7 by more than 2 mm), 3 in steps 11 to 15, and 48 in steps 16 to 25.
 
 mod search;
 mod ridge;

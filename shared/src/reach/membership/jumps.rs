@@ -5,7 +5,8 @@
 //! direction, and these get the highest rate, as many as the end heading asks for. As the
 //! rear is where a concave function is least, each such change is a gain. Neighbours are
 //! joined by the paths between them (headings interpolated), which are all admissible,
-//! so that the whole is a curve like the others.
+//! so that the whole is a curve like the others. Where the rear is hollow, the farthest along
+//! a direction lies elsewhere, and nothing is gained.
 
 use super::super::paths::{Paths, arc, unit};
 use super::ridge::{PARTS, turns};
