@@ -9,6 +9,10 @@ pub mod game;
 pub mod solve;
 pub mod value;
 pub mod plot;
+pub mod json_file;
+pub mod bounds;
+pub mod reach;
+pub mod shfrs;
 
 use crate::store::OpenError;
 use serde::Serialize;

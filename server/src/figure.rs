@@ -4,6 +4,8 @@
 //! in `fonts/`, so that both show the same and neither needs a font on the machine.
 
 mod canvas;
+mod pareto;
+mod regions;
 mod slices;
 mod tube;
 
@@ -12,6 +14,8 @@ use sidestep::reachability::ValueFunction;
 use std::sync::Arc;
 
 pub use canvas::DrawError;
+pub use pareto::pareto;
+pub use regions::{DangerZone, DrawnSet, RegionsPanel, regions};
 pub use slices::slices;
 pub use tube::tube;
 

@@ -1,7 +1,9 @@
 //! The `sidestep` command: parse, call, report.
 
 use clap::{Parser, Subcommand};
-use sidestep_server::commands::{CommandError, check, export, import, plot, serve, solve, value};
+use sidestep_server::commands::{
+    CommandError, bounds, check, export, import, plot, reach, serve, shfrs, solve, value,
+};
 use std::io::IsTerminal;
 use std::process::ExitCode;
 use tracing_subscriber::EnvFilter;
@@ -24,6 +26,9 @@ enum Command {
     Solve(solve::SolveArgs),
     Value(value::ValueArgs),
     Plot(plot::PlotArgs),
+    Bounds(bounds::BoundsArgs),
+    Reach(reach::ReachArgs),
+    Shfrs(shfrs::ShfrsArgs),
     Export(export::ExportArgs),
     Import(import::ImportArgs),
     Check(check::CheckArgs),
@@ -48,6 +53,9 @@ async fn call(command: Command) -> Result<(), CommandError> {
         Command::Solve(args) => solve::run(args).await,
         Command::Value(args) => value::run(args).await,
         Command::Plot(args) => plot::run(args).await,
+        Command::Bounds(args) => bounds::run(args).await,
+        Command::Reach(args) => reach::run(args).await,
+        Command::Shfrs(args) => shfrs::run(args).await,
         Command::Export(args) => export::run(args).await,
         Command::Import(args) => import::run(args).await,
         Command::Check(args) => check::run(args).await,

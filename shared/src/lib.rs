@@ -29,6 +29,7 @@
 
 pub mod invalid;
 pub mod math;
+pub mod stats;
 pub mod reachability;
 pub mod vehicle;
 pub mod scene;

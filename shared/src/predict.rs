@@ -5,7 +5,7 @@ pub mod logistic;
 pub mod scale;
 
 use crate::features::FeatureSet;
-use crate::invalid::{Invalid, length};
+use crate::invalid::{Invalid, finite, length};
 use logistic::Logistic;
 use scale::Scale;
 use serde::{Deserialize, Serialize};
@@ -15,6 +15,7 @@ use serde::{Deserialize, Serialize};
 pub struct Predictor {
     features: FeatureSet,
     classes: Vec<i8>,
+    actions: Option<Vec<f64>>,
     model: Model,
 }
 
@@ -29,7 +30,7 @@ impl Predictor {
     /// A multinomial logistic regression on standardised features.
     #[must_use]
     pub fn logistic(features: FeatureSet, classes: Vec<i8>, scale: Scale, model: Logistic) -> Self {
-        Self { features, classes, model: Model::Logistic(scale, model) }
+        Self { features, classes, actions: None, model: Model::Logistic(scale, model) }
     }
 
     /// The same probabilities whatever the features.
@@ -47,7 +48,30 @@ impl Predictor {
             let expected = "numbers from 0 to 1 that sum to 1";
             return Err(Invalid::new("probabilities", expected, format!("{probabilities:?}")));
         }
-        Ok(Self { features, classes, model: Model::Constant(probabilities) })
+        Ok(Self { features, classes, actions: None, model: Model::Constant(probabilities) })
+    }
+
+    /// The same predictor with the turn rate of each class, rad/s. Without them the
+    /// classes are turns: −1 right, 0 straight, 1 left.
+    ///
+    /// # Errors
+    /// [`Invalid`] if there is not one finite rate a class, in rising order.
+    pub fn with_actions(self, actions: Vec<f64>) -> Result<Self, Invalid> {
+        length("actions", self.classes.len(), actions.len())?;
+        for (i, &rate) in actions.iter().enumerate() {
+            finite(&format!("actions[{i}]"), rate)?;
+        }
+        if !actions.is_sorted_by(|a, b| a < b) {
+            let expected = "turn rates in rising order";
+            return Err(Invalid::new("actions", expected, format!("{actions:?}")));
+        }
+        Ok(Self { actions: Some(actions), ..self })
+    }
+
+    /// The turn rate of each class, rad/s, if they were given.
+    #[must_use]
+    pub fn actions(&self) -> Option<&[f64]> {
+        self.actions.as_deref()
     }
 
     /// What it looks at.
@@ -83,6 +107,10 @@ pub struct PredictorFile {
     pub features: Vec<String>,
     /// What is told apart: −1 right, 0 straight, 1 left.
     pub classes: Vec<i8>,
+    /// The turn rate of each class, rad/s, in rising order; without it a class is
+    /// multiplied by the vehicle's turn rate.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub actions: Option<Vec<f64>>,
     /// Logistic: what is subtracted from each feature.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mean: Option<Vec<f64>>,
@@ -110,6 +138,7 @@ impl From<&Predictor> for PredictorFile {
             kind: String::new(),
             features: predictor.features.clone().into(),
             classes: predictor.classes.clone(),
+            actions: predictor.actions.clone(),
             mean: None,
             scale: None,
             coefficients: None,
@@ -148,7 +177,7 @@ impl TryFrom<PredictorFile> for Predictor {
         let missing = |field: &str| {
             Invalid::new(field, format!("a list, for kind {:?}", file.kind), "nothing")
         };
-        match file.kind.as_str() {
+        let predictor = match file.kind.as_str() {
             "logistic" => {
                 let scale = Scale::new(
                     file.mean.ok_or_else(|| missing("mean"))?,
@@ -159,13 +188,17 @@ impl TryFrom<PredictorFile> for Predictor {
                 let intercepts = file.intercepts.ok_or_else(|| missing("intercepts"))?;
                 length("coefficients", file.classes.len(), coefficients.len())?;
                 let model = Logistic::new(features.len(), &coefficients, intercepts)?;
-                Ok(Self::logistic(features, file.classes, scale, model))
+                Self::logistic(features, file.classes, scale, model)
             }
             "constant" => {
                 let probabilities = file.probabilities.ok_or_else(|| missing("probabilities"))?;
-                Self::constant(features, file.classes, probabilities)
+                Self::constant(features, file.classes, probabilities)?
             }
-            other => Err(Invalid::new("kind", "logistic or constant", other)),
+            other => return Err(Invalid::new("kind", "logistic or constant", other)),
+        };
+        match file.actions {
+            Some(actions) => predictor.with_actions(actions),
+            None => Ok(predictor),
         }
     }
 }
@@ -192,6 +225,15 @@ mod tests {
     }
 
     #[test]
+    fn actions_survive_too() {
+        let mut file = file();
+        file.actions = Some(vec![-0.3, 0.1, 0.6]);
+        let predictor = Predictor::try_from(file.clone()).unwrap();
+        assert_eq!(predictor.actions(), file.actions.as_deref());
+        assert_eq!(PredictorFile::from(&predictor), file);
+    }
+
+    #[test]
     fn complaints_name_the_field() {
         let complain = |change: fn(&mut PredictorFile)| {
             let mut file = file();
@@ -204,6 +246,9 @@ mod tests {
         assert_eq!(complain(|f| f.classes = vec![1, 0, -1]), "classes");
         assert_eq!(complain(|f| f.scale = Some(vec![1.0, 0.0])), "scale[1]");
         assert_eq!(complain(|f| f.mean = None), "mean");
+        assert_eq!(complain(|f| f.actions = Some(vec![0.0, 0.5])), "actions");
+        assert_eq!(complain(|f| f.actions = Some(vec![0.0, 0.5, 0.5])), "actions");
+        assert_eq!(complain(|f| f.actions = Some(vec![0.0, f64::NAN, 0.5])), "actions[1]");
         assert_eq!(complain(|f| f.intercepts = Some(vec![0.0])), "intercepts");
         assert_eq!(complain(|f| f.coefficients = Some(vec![vec![0.0; 2]; 2])), "coefficients");
         assert_eq!(

@@ -19,6 +19,7 @@
 mod envelope;
 mod extremal;
 mod front;
+mod grow;
 mod outline;
 mod paths;
 pub mod polygon;
@@ -26,47 +27,87 @@ mod rear;
 mod sampling;
 mod singular;
 mod membership;
+mod start;
 
+pub use grow::{minkowski_disc, minkowski_disc_into};
 pub use membership::{Side, StateMargins, Tolerance};
 pub use sampling::PolygonSettings;
+pub use start::{PositionUncertainty, StartSet};
 
 use crate::bounds::InputBounds;
 use crate::invalid::{Invalid, positive};
 use crate::math::PI;
 use crate::vehicle::Pose;
 use core::f64::consts::FRAC_PI_2;
+use envelope::Envelope;
 use extremal::Costate;
+use grow::Brush;
 use nalgebra::Complex;
-use paths::{Path, Paths, unit};
-use sampling::{Sample, sample, spaced};
+use outline::Outliner;
+use paths::{Path, Paths, Turn, unit};
+use sampling::{Curves, pieces, sample};
+use singular::Piece;
 
 /// Every position that a vehicle can reach from a start pose under
 /// [`InputBounds`] at constant speed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ReachableSet {
     start: Pose,
+    start_set: StartSet,
     speed_mps: f64,
     paths: Paths,
 }
 
+/// Memory that polygons are made in. Once it is large enough, nothing is allocated.
+#[derive(Clone, Debug, Default)]
+pub struct Workspace {
+    /// What is being made, in the human's frame.
+    boundary: Vec<Complex<f64>>,
+    curve: Vec<Complex<f64>>,
+    curves: Curves,
+    family: Vec<Piece>,
+    envelope: Envelope,
+    outliner: Outliner,
+    brush: Vec<Complex<f64>>,
+}
+
 impl ReachableSet {
-    /// The set from `start` (world frame) under `bounds`, at `speed_mps` m/s,
-    /// each step of the bounds lasting `step_s` s.
+    /// The set from `start` (world frame; a [`Pose`] or a [`StartSet`]) under `bounds`,
+    /// at `speed_mps` m/s, each step of the bounds lasting `step_s` s.
     ///
     /// # Errors
     /// [`Invalid`] if the start is not finite, or speed or step is not finite and > 0.
     pub fn new(
-        start: Pose,
+        start: impl Into<StartSet>,
         bounds: &InputBounds,
         speed_mps: f64,
         step_s: f64,
     ) -> Result<Self, Invalid> {
-        start.check().map_err(|invalid| invalid.within("start"))?;
+        let start_set = start.into();
+        start_set.pose.check().map_err(|invalid| invalid.within("start"))?;
         Ok(Self {
-            start,
+            start: start_set.pose,
+            start_set,
             speed_mps: positive("speed_mps", speed_mps)?,
             paths: Paths::new(bounds, positive("step_s", step_s)?),
         })
+    }
+
+    /// The set from another start under other bounds, speed and step as before, in the
+    /// memory of this one. In case of an error this one stays.
+    ///
+    /// # Errors
+    /// [`Invalid`] if the start is not finite.
+    pub fn reset(
+        &mut self,
+        start: impl Into<StartSet>,
+        bounds: &InputBounds,
+    ) -> Result<(), Invalid> {
+        let start_set = start.into();
+        start_set.pose.check().map_err(|invalid| invalid.within("start"))?;
+        (self.start, self.start_set) = (start_set.pose, start_set);
+        self.paths.reset(bounds, self.paths.step_s);
+        Ok(())
     }
 
     /// Number of steps, ≥ 1.
@@ -75,10 +116,16 @@ impl ReachableSet {
         self.paths.steps()
     }
 
-    /// Where the vehicle starts, world frame.
+    /// Where the vehicle starts, or the middle of the set that it starts in, world frame.
     #[must_use]
     pub fn start(&self) -> Pose {
         self.start
+    }
+
+    /// Every pose in which the vehicle may start.
+    #[must_use]
+    pub fn start_set(&self) -> StartSet {
+        self.start_set
     }
 
     /// The positions reachable after exactly `step` steps, as a polygon in the
@@ -94,32 +141,30 @@ impl ReachableSet {
     /// If `step` > [`Self::steps`].
     #[must_use]
     pub fn step_polygon(&self, step: usize, settings: PolygonSettings) -> Vec<[f64; 2]> {
+        let mut polygon = Vec::new();
+        self.step_polygon_into(step, settings, &mut Workspace::default(), &mut polygon);
+        polygon
+    }
+
+    /// The same as [`Self::step_polygon`], replacing what is in `polygon`.
+    ///
+    /// # Panics
+    /// If `step` > [`Self::steps`].
+    pub fn step_polygon_into(
+        &self,
+        step: usize,
+        settings: PolygonSettings,
+        workspace: &mut Workspace,
+        polygon: &mut Vec<[f64; 2]>,
+    ) {
         assert!(step <= self.steps(), "step {step} of {}", self.steps());
+        workspace.boundary.clear();
         if step == 0 {
-            return vec![self.start.position()];
+            workspace.boundary.push(Complex::new(0.0, 0.0));
+        } else {
+            self.step_boundary(step, settings.least_pieces(), self.tolerance(settings), workspace);
         }
-        let tolerance = settings.accuracy_m() / self.speed_mps;
-        let least = settings.least_pieces();
-        let mut front = front::front(&self.paths, step, least, tolerance);
-        let mut curves = rear::candidates(&self.paths, step, least, tolerance);
-        let boundary = match self.common_direction(step) {
-            Some(direction) => {
-                let turned = unit(-direction);
-                for curve in &mut curves {
-                    curve.iter_mut().for_each(|point| *point *= turned);
-                }
-                let back = unit(direction);
-                let rear = rear::rear(&curves);
-                let inner = rear.len().saturating_sub(1).max(1);
-                front.extend(rear[1..inner].iter().rev().map(|point| point * back));
-                front
-            }
-            None => {
-                curves.push(front);
-                outline::outline(&curves)
-            }
-        };
-        self.to_world(&boundary)
+        self.finish(settings, workspace, polygon);
     }
 
     /// The positions reachable at any instant from the start to the last step,
@@ -128,28 +173,120 @@ impl ReachableSet {
     /// bounds leave no choice it is the path, there and back.
     #[must_use]
     pub fn tube_polygon(&self, settings: PolygonSettings) -> Vec<[f64; 2]> {
-        let tolerance = settings.accuracy_m() / self.speed_mps;
-        let least = settings.least_pieces();
-        let steps = self.steps();
-        let mut boundary = path(&self.paths.low, steps, least, tolerance);
-        boundary.extend(front::front(&self.paths, steps, least, tolerance));
-        let left = path(&self.paths.high, steps, least, tolerance);
-        boundary.extend(left.iter().rev());
+        let mut polygon = Vec::new();
+        self.tube_polygon_into(settings, &mut Workspace::default(), &mut polygon);
+        polygon
+    }
+
+    /// The same as [`Self::tube_polygon`], replacing what is in `polygon`.
+    pub fn tube_polygon_into(
+        &self,
+        settings: PolygonSettings,
+        workspace: &mut Workspace,
+        polygon: &mut Vec<[f64; 2]>,
+    ) {
+        workspace.boundary.clear();
+        self.tube_boundary(settings.least_pieces(), self.tolerance(settings), workspace);
+        self.finish(settings, workspace, polygon);
+    }
+
+    /// The boundary after `step` ≥ 1 steps, from the start pose itself.
+    fn step_boundary(&self, step: usize, least: usize, tolerance: f64, workspace: &mut Workspace) {
+        let Workspace { boundary, curves, family, envelope, outliner, .. } = workspace;
+        curves.clear();
+        front::front(&self.paths, step, least, tolerance, family, boundary);
+        rear::candidates(&self.paths, step, least, tolerance, curves);
+        if let Some(direction) = self.common_direction(step) {
+            let (turned, back) = (unit(-direction), unit(direction));
+            envelope.clear();
+            for curve in curves.iter() {
+                envelope.add(curve.iter().map(|point| point * turned));
+            }
+            if let [_, inner @ .., _] = envelope.points() {
+                boundary.extend(inner.iter().rev().map(|point| point * back));
+            }
+        } else {
+            outliner.clear();
+            outliner.add(boundary);
+            curves.iter().for_each(|curve| outliner.add(curve));
+            outliner.outline(boundary);
+        }
+    }
+
+    /// The boundary of the tube from the start pose itself.
+    fn tube_boundary(&self, least: usize, tolerance: f64, workspace: &mut Workspace) {
+        let Workspace { boundary, curve, curves, family, outliner, .. } = workspace;
+        let (paths, steps) = (&self.paths, self.steps());
+        path(&paths.low, steps, least, tolerance, boundary);
+        front::front(paths, steps, least, tolerance, family, boundary);
+        curve.clear();
+        path(&paths.high, steps, least, tolerance, curve);
+        boundary.extend(curve.iter().rev());
         boundary.dedup();
         let common = self.common_direction(steps).is_some();
-        if common && self.paths.straight_always(steps) {
-            return self.to_world(&boundary);
+        if common && paths.straight_always(steps) {
+            return;
         }
-        let mut curves = vec![boundary];
-        if !common {
+        outliner.clear();
+        outliner.add(boundary);
+        let (low, high) = paths.heading_range(steps);
+        if high - low > FRAC_PI_2 {
             // Turning so far, one can get farther sideways than along the two
             // outermost paths.
-            curves.extend(rear::candidates(&self.paths, steps, least, tolerance));
-            curves.extend(
-                [-FRAC_PI_2, FRAC_PI_2].map(|phi| sideways(&self.paths, phi, least, tolerance)),
-            );
+            for phi in [-FRAC_PI_2, FRAC_PI_2] {
+                curve.clear();
+                sideways(paths, phi, least, tolerance, curve);
+                outliner.add(curve);
+            }
         }
-        self.to_world(&outline::outline(&curves))
+        if !common {
+            curves.clear();
+            rear::candidates(paths, steps, least, tolerance, curves);
+            curves.iter().for_each(|curve| outliner.add(curve));
+        }
+        outliner.outline(boundary);
+    }
+
+    /// How far, in seconds of travel, the boundary from the start pose itself may be off.
+    fn tolerance(&self, settings: PolygonSettings) -> f64 {
+        let share = match (settings.is_conservative(), self.starts_at_a_pose()) {
+            // With as much for the arcs of an uncertain start, half the margin.
+            (true, _) => 0.125,
+            // With the arcs of an uncertain start and its disc, less than the whole.
+            (false, false) => 0.25,
+            (false, true) => 1.0,
+        };
+        share * settings.accuracy_m() / self.speed_mps
+    }
+
+    fn starts_at_a_pose(&self) -> bool {
+        self.start_set == StartSet::from(self.start)
+    }
+
+    /// From the boundary in the workspace, which is for the start pose itself, to the
+    /// polygon.
+    fn finish(
+        &self,
+        settings: PolygonSettings,
+        workspace: &mut Workspace,
+        polygon: &mut Vec<[f64; 2]>,
+    ) {
+        if settings.is_conservative() || !self.starts_at_a_pose() {
+            grow::tidy(&mut workspace.boundary, &mut workspace.outliner);
+            if self.start_set.heading_rad > 0.0 {
+                grow::turn(self.start_set.heading_rad, self.tolerance(settings), workspace);
+            }
+            let accuracy = settings.accuracy_m() / self.speed_mps;
+            let margin = if settings.is_conservative() { 0.5 * accuracy } else { 0.0 };
+            let (radius, half) = self.start_set.extents();
+            let brush = Brush {
+                radius: radius / self.speed_mps + margin,
+                half: half.map(|length| length / self.speed_mps),
+                outside: settings.is_conservative(),
+            };
+            brush.sweep(0.25 * accuracy, workspace);
+        }
+        self.to_world(&workspace.boundary, polygon);
     }
 
     /// Is `position` (world frame, m) reachable after exactly `step` steps, or no
@@ -188,47 +325,57 @@ impl ReachableSet {
     }
 
     /// From the human's frame, seconds of travel, to the world frame, metres.
-    fn to_world(&self, points: &[Complex<f64>]) -> Vec<[f64; 2]> {
+    fn to_world(&self, points: &[Complex<f64>], polygon: &mut Vec<[f64; 2]>) {
         let turned = unit(self.start.psi) * self.speed_mps;
-        let mut polygon: Vec<[f64; 2]> = points
-            .iter()
-            .map(|point| {
-                let moved = point * turned;
-                [self.start.x + moved.re, self.start.y + moved.im]
-            })
-            .collect();
+        polygon.clear();
+        polygon.extend(points.iter().map(|point| {
+            let moved = point * turned;
+            [self.start.x + moved.re, self.start.y + moved.im]
+        }));
         polygon.dedup();
         while polygon.len() > 1 && polygon.first() == polygon.last() {
             polygon.pop();
         }
-        polygon
     }
 }
 
-/// One of the two outermost paths, from the start on.
-fn path(path: &Path, steps: usize, least_pieces: usize, tolerance: f64) -> Vec<Complex<f64>> {
-    let pieces = least_pieces.div_ceil(steps);
-    let mut points = vec![path.point(0)];
+/// Appends one of the two outermost paths, from the start on.
+fn path(
+    path: &Path,
+    steps: usize,
+    least_pieces: usize,
+    tolerance: f64,
+    points: &mut Vec<Complex<f64>>,
+) {
+    let (step_s, least) = (path.step_s(), least_pieces.div_ceil(steps));
     for step in 0..steps {
-        let curve = |seconds: f64| {
-            let (point, angle) = path.within(step, seconds);
-            Sample { point, angle }
-        };
-        sample(&curve, (0.0, path.step_s()), pieces, tolerance, &mut points);
-        points.pop();
-        points.push(path.point(step + 1));
+        let rate = path.turn(step).rate;
+        let count = pieces(step_s, rate.abs(), tolerance, least);
+        let turn = Turn::new(rate, step_s / count as f64);
+        let (mut point, mut facing) = (path.point(step), path.facing(step));
+        for _ in 0..count {
+            points.push(point);
+            point += facing * turn.moved;
+            facing *= turn.turned;
+        }
     }
-    points
+    points.push(path.point(steps));
 }
 
-/// At every instant, the end of the extremal that arrives at a right angle to
+/// Appends, at every instant, the end of the extremal that arrives at a right angle to
 /// its direction, φ = ±π/2: where the time is free, the boundary consists of these.
-fn sideways(paths: &Paths, phi: f64, least_pieces: usize, tolerance: f64) -> Vec<Complex<f64>> {
-    let pieces = least_pieces.div_ceil(paths.steps());
-    let mut points = vec![Complex::new(0.0, 0.0)];
+fn sideways(
+    paths: &Paths,
+    phi: f64,
+    least_pieces: usize,
+    tolerance: f64,
+    points: &mut Vec<Complex<f64>>,
+) {
+    let each = least_pieces.div_ceil(paths.steps());
+    points.push(Complex::new(0.0, 0.0));
     for step in 0..paths.steps() {
         let curve = |seconds: f64| Costate::end(phi).back_from(paths, 0, step, seconds).sample();
-        sample(&curve, (0.0, paths.step_s), pieces, tolerance, &mut points);
+        sample(&curve, (0.0, paths.step_s), each, tolerance, points);
     }
-    spaced(points)
+    sampling::space(points, 0);
 }

@@ -1,46 +1,91 @@
 //! Stochastic human forward reachable sets: from the states so far and a predictor
 //! to nested regions of the plane.
 
+pub mod baselines;
+pub mod danger;
+mod each;
 pub mod family;
+pub mod guarantee;
+pub mod pareto;
+pub mod prediction;
+pub mod probability;
+pub mod scores;
+#[cfg(test)]
+mod testing;
+pub mod tuning;
+pub mod widened;
 pub mod window;
 
 use crate::bounds::{
-    ActionChoice, ActionModel, BoundsSettings, InputBounds, Rollout, input_bounds,
+    ActionChoice, ActionModel, Algorithm1, BoundsSettings, InputBounds, Motion, Rollout,
 };
-use crate::features::SafetyFunctions;
+use crate::features::{FEATURES, SafetyFunctions};
 use crate::invalid::Invalid;
 use crate::predict::Predictor;
 use crate::reach::polygon::signed_area;
 use crate::reach::{PolygonSettings, ReachableSet};
 use crate::scene::{JointState, SceneParameters};
 
-/// A predictor of −1, 0, 1 as the learned function G of Algorithm 1: it looks at
-/// the present state alone.
+/// A predictor as the learned function G of Algorithm 1: it looks at the present state
+/// alone.
 pub struct PredictedHuman<'a> {
     predictor: &'a Predictor,
     safety: &'a SafetyFunctions,
     actions: Vec<f64>,
 }
 
+/// Features that a predictor can look at, at most: each is taken once.
+const MOST_FEATURES: usize = FEATURES.len();
+
 impl<'a> PredictedHuman<'a> {
     /// The human of these `parameters` as `predictor` sees them.
-    #[must_use]
+    ///
+    /// # Errors
+    /// As of [`Self::within`].
     pub fn new(
         predictor: &'a Predictor,
         safety: &'a SafetyFunctions,
         parameters: &SceneParameters,
-    ) -> Self {
+    ) -> Result<Self, Invalid> {
         let rate = parameters.human.turn_rate_radps;
-        let actions = predictor.classes().iter().map(|&class| f64::from(class) * rate).collect();
-        Self { predictor, safety, actions }
+        Self::within(predictor, safety, (-rate, rate))
+    }
+
+    /// A human who turns at rates from `turn_rate.0` to `turn_rate.1`, rad/s, as
+    /// `predictor` sees them. If it does not say which turn rates its classes are, −1 is
+    /// the lowest one, 0 is straight and 1 is the highest one.
+    ///
+    /// # Errors
+    /// [`Invalid`] if it says nothing and has other classes than these.
+    pub fn within(
+        predictor: &'a Predictor,
+        safety: &'a SafetyFunctions,
+        turn_rate: (f64, f64),
+    ) -> Result<Self, Invalid> {
+        let rate = |(i, &class): (usize, &i8)| match class {
+            -1 => Ok(turn_rate.0),
+            0 => Ok(0.0),
+            1 => Ok(turn_rate.1),
+            other => {
+                let expected = "-1 (right), 0 (straight) or 1 (left), or a turn rate for each \
+                                class in `actions`";
+                Err(Invalid::new(format!("classes[{i}]"), expected, other))
+            }
+        };
+        let actions = match predictor.actions() {
+            Some(actions) => actions.to_vec(),
+            None => predictor.classes().iter().enumerate().map(rate).collect::<Result<_, _>>()?,
+        };
+        Ok(Self { predictor, safety, actions })
     }
 
     /// How likely each class of the predictor is in `state`.
     pub fn probabilities_in(&self, state: &JointState, out: &mut [f64]) {
         let features = self.predictor.features();
-        let mut row = vec![0.0; features.len()];
-        features.compute_into(state, self.safety, &mut row);
-        self.predictor.probabilities_into(&row, out);
+        let mut row = [0.0; MOST_FEATURES];
+        let row = &mut row[..features.len()];
+        features.compute_into(state, self.safety, row);
+        self.predictor.probabilities_into(row, out);
     }
 }
 
@@ -63,6 +108,8 @@ pub struct ShfrsSettings {
     pub bounds: BoundsSettings,
     /// Of the polygons.
     pub polygon: PolygonSettings,
+    /// Whether polygons of the positions after each step are wanted beside the tube.
+    pub by_step: bool,
 }
 
 impl ShfrsSettings {
@@ -77,7 +124,7 @@ impl ShfrsSettings {
         let k = (0..10).map(|i| if i < 2 { actions.min(2) } else { 1 }).collect();
         let epsilon = vec![0.0, 0.15, 0.25, 0.4, 1.0];
         let bounds = BoundsSettings::new(epsilon, ActionChoice::TopK(k), Rollout::Base, actions)?;
-        Ok(Self { bounds, polygon: PolygonSettings::default() })
+        Ok(Self { bounds, polygon: PolygonSettings::default(), by_step: false })
     }
 }
 
@@ -93,37 +140,86 @@ pub struct NestedSet {
     pub tube: Vec<[f64; 2]>,
     /// Area of the tube, m².
     pub area_m2: f64,
+    /// The positions reached after exactly 1 … T steps, each a polygon like the tube; empty
+    /// unless [`ShfrsSettings::by_step`].
+    pub steps: Vec<Vec<[f64; 2]>>,
 }
 
 /// Nested forward reachable sets of the human. Their probabilities come from
 /// trajectories, not from a single prediction.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Shfrs {
     /// From the smallest to the largest.
     pub sets: Vec<NestedSet>,
 }
 
-/// Predicts the sets from the joint states up to now. The robot drives straight on.
+/// Predicts sets frame by frame, keeping the memory of the frame before.
+#[derive(Clone, Debug, Default)]
+pub struct ShfrsPredictor {
+    algorithm: Algorithm1,
+    shfrs: Shfrs,
+}
+
+impl ShfrsPredictor {
+    /// The sets of the last frame that was predicted; none before the first one.
+    #[must_use]
+    pub fn shfrs(&self) -> &Shfrs {
+        &self.shfrs
+    }
+
+    /// Predicts the sets from the joint states up to now. The robot drives straight on.
+    ///
+    /// # Errors
+    /// As of [`Algorithm1::run`].
+    pub fn predict(
+        &mut self,
+        history: &[JointState],
+        parameters: &SceneParameters,
+        model: &impl ActionModel,
+        settings: &ShfrsSettings,
+    ) -> Result<&Shfrs, Invalid> {
+        let motion = Motion::from(parameters);
+        let straight_on = |_: &[JointState]| 0.0;
+        let found = self.algorithm.run(history, &motion, model, straight_on, &settings.bounds)?;
+        let start = found.low[0].human;
+        let sets = &mut self.shfrs.sets;
+        sets.truncate(found.sets.len());
+        for (j, (bounds, &epsilon)) in found.sets.iter().zip(settings.bounds.epsilon()).enumerate()
+        {
+            let reachable =
+                ReachableSet::new(start, bounds, motion.human_speed_mps, motion.step_s)?;
+            if j == sets.len() {
+                let (tube, steps) = (Vec::new(), Vec::new());
+                sets.push(NestedSet { epsilon, bounds: bounds.clone(), tube, area_m2: 0.0, steps });
+            }
+            let set = &mut sets[j];
+            set.epsilon = epsilon;
+            set.bounds.clone_from(bounds);
+            set.tube = reachable.tube_polygon(settings.polygon);
+            set.area_m2 = signed_area(&set.tube);
+            set.steps.clear();
+            if settings.by_step {
+                let steps = 1..=reachable.steps();
+                set.steps.extend(steps.map(|step| reachable.step_polygon(step, settings.polygon)));
+            }
+        }
+        Ok(&self.shfrs)
+    }
+}
+
+/// [`ShfrsPredictor::predict`] once.
 ///
 /// # Errors
-/// [`Invalid`] if there is no state, or a probability or coordinate is not finite.
+/// As of [`Algorithm1::run`].
 pub fn predict(
     history: &[JointState],
     parameters: &SceneParameters,
     model: &impl ActionModel,
     settings: &ShfrsSettings,
 ) -> Result<Shfrs, Invalid> {
-    let bounds = input_bounds(history, parameters, model, |_| 0.0, &settings.bounds)?;
-    let Some(now) = history.last() else {
-        return Err(Invalid::new("history", "at least one state", "none"));
-    };
-    let sets = bounds.sets.into_iter().zip(settings.bounds.epsilon()).map(|(bounds, &epsilon)| {
-        let speed = parameters.human.speed_mps;
-        let set = ReachableSet::new(now.human, &bounds, speed, parameters.step_s)?;
-        let tube = set.tube_polygon(settings.polygon);
-        Ok(NestedSet { epsilon, bounds, area_m2: signed_area(&tube), tube })
-    });
-    Ok(Shfrs { sets: sets.collect::<Result<_, Invalid>>()? })
+    let mut predictor = ShfrsPredictor::default();
+    predictor.predict(history, parameters, model, settings)?;
+    Ok(predictor.shfrs)
 }
 
 #[cfg(test)]
@@ -144,7 +240,7 @@ mod tests {
 
     fn sets(probabilities: [f64; 3]) -> Shfrs {
         let (parameters, safety, predictor) = setup(probabilities);
-        let human = PredictedHuman::new(&predictor, &safety, &parameters);
+        let human = PredictedHuman::new(&predictor, &safety, &parameters).unwrap();
         let now = JointState { human: Pose::new(1.0, 2.0, 0.5), robot: Pose::new(9.0, 2.0, 3.0) };
         predict(&[now], &parameters, &human, &ShfrsSettings::paper(3).unwrap()).unwrap()
     }
@@ -166,5 +262,39 @@ mod tests {
             assert!((shfrs.sets[4].area_m2 - 16.0 / 3.0).abs() < 0.01);
             assert!(shfrs.sets.windows(2).all(|pair| pair[0].area_m2 <= pair[1].area_m2 + 1e-9));
         }
+    }
+    /// One predictor for frames of different settings gives what a fresh one gives.
+    #[test]
+    fn nothing_is_left_from_the_frame_before() {
+        let (parameters, safety, predictor) = setup([0.6, 0.3, 0.1]);
+        let human = PredictedHuman::new(&predictor, &safety, &parameters).unwrap();
+        let mut reused = ShfrsPredictor::default();
+        for (by_step, sets, steps) in [(true, 5, 10), (false, 2, 4), (true, 3, 12)] {
+            let epsilon = [0.0, 0.15, 0.25, 0.4, 1.0][..sets].to_vec();
+            let choice = ActionChoice::TopK(vec![2; steps]);
+            let bounds = BoundsSettings::new(epsilon, choice, Rollout::Base, 3).unwrap();
+            let settings = ShfrsSettings { bounds, by_step, ..ShfrsSettings::paper(3).unwrap() };
+            let human_at = Pose::new(1.0, 2.0, 0.1 * steps as f64);
+            let now = [JointState { human: human_at, robot: Pose::new(9.0, 2.0, 3.0) }];
+            let found = reused.predict(&now, &parameters, &human, &settings).unwrap();
+            assert_eq!(found, &predict(&now, &parameters, &human, &settings).unwrap());
+            assert_eq!(found.sets.len(), sets);
+            assert!(
+                found.sets.iter().all(|set| set.steps.len() == if by_step { steps } else { 0 })
+            );
+        }
+    }
+
+    #[test]
+    fn classes_that_are_no_turns_need_their_actions() {
+        let (parameters, safety, _) = setup([0.6, 0.3, 0.1]);
+        let features = FeatureSet::subset("hrd").unwrap();
+        let five = Predictor::constant(features, vec![-2, -1, 0, 1, 2], vec![0.2; 5]).unwrap();
+        let complaint = PredictedHuman::new(&five, &safety, &parameters).err().unwrap();
+        assert_eq!((complaint.field.as_str(), complaint.found.as_str()), ("classes[0]", "-2"));
+        let actions = vec![-0.5, -0.2, 0.0, 0.2, 0.5];
+        let five = five.with_actions(actions.clone()).unwrap();
+        let human = PredictedHuman::new(&five, &safety, &parameters).unwrap();
+        assert_eq!(human.actions(), actions);
     }
 }

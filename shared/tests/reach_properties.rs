@@ -231,11 +231,10 @@ fn without_a_choice_the_set_is_a_path() {
     assert!(!path.contains([5.0, 5.0], 1e-3, PolygonSettings::default()));
 }
 
-/// A tube that a drive leaves by 3.6 mm, where 1 mm is promised: turns without choice after
-/// others with one. Found by `no_admissible_input_leaves_the_polygons`.
+/// A bound close to zero: a long piece of the front belongs to extremals that hardly
+/// differ at their end, and where they jump must be known to all digits.
 #[test]
-#[ignore = "an open defect of the tube, to be mended with the reachable sets"]
-fn a_tube_between_turns_without_choice() {
+fn a_tube_with_a_bound_close_to_zero() {
     let (mut lo, mut hi) = ([0.0; 25], [0.0; 25]);
     (lo[8], hi[8]) = (-0.469_978_237_911_217_6, -2.437_447_734_116_647_2e-5);
     (lo[9], hi[9]) = (-0.5, 0.5);

@@ -7,10 +7,17 @@
 
 #![allow(clippy::print_stdout, reason = "a benchmark answers on standard output")]
 
+use sidestep::features::{FeatureSet, SafetyFunctions};
 use sidestep::math::{SeededRng, TAU};
+use sidestep::predict::Predictor;
+use sidestep::predict::logistic::Logistic;
+use sidestep::predict::scale::Scale;
 use sidestep::reachability::{
     self, CurveSettings, ExactValue, Method, Options, Player, PursuitGame,
 };
+use sidestep::scene::{JointState, SceneParameters};
+use sidestep::shfrs::{PredictedHuman, ShfrsPredictor, ShfrsSettings};
+use sidestep::vehicle::Pose;
 use std::hint::black_box;
 use std::ops::ControlFlow;
 
@@ -60,7 +67,24 @@ fn measured(clock: &dyn Fn() -> f64) -> String {
     let states: Vec<[f64; 3]> = (0..STATES).map(|_| state()).collect();
     let mut values = vec![0.0; STATES];
 
+    let parameters = SceneParameters::default();
+    let solved_both = SafetyFunctions::solve(&parameters, &mut |_| ControlFlow::Continue(()));
+    let safety = solved_both.expect("equal vehicles have a closed form");
+    let predictor = predictor();
+    let human = PredictedHuman::new(&predictor, &safety, &parameters).expect("three turns");
+    let start = JointState { human: Pose::new(-4.0, 0.0, 0.1), robot: Pose::new(4.0, 1.0, 3.1) };
+    let overlay = |by_step| {
+        let settings = ShfrsSettings { by_step, ..ShfrsSettings::paper(3).expect("three actions") };
+        let mut sets = ShfrsPredictor::default();
+        fastest(clock, 1, || {
+            let found = sets.predict(black_box(&[start]), &parameters, &human, &settings);
+            black_box(found.expect("the state is finite"));
+        })
+    };
+
     let figures = [
+        ("predicted sets", overlay(false)),
+        ("predicted sets, by step", overlay(true)),
         (
             "polar standard solve",
             fastest(clock, 1, || {
@@ -103,6 +127,18 @@ fn measured(clock: &dyn Fn() -> f64) -> String {
         ),
     ];
     serde_json::to_string(&figures).expect("names and numbers")
+}
+
+/// A logistic regression on B_hrd: somebody who turns away from a robot that comes near.
+fn predictor() -> Predictor {
+    let features = FeatureSet::subset("hrd").expect("the paper's features");
+    let scale = Scale::new(vec![5.0, 2.0, 0.0, 0.0, 0.0, 2.0, 2.0, 6.0], vec![2.0; 8]);
+    let right = vec![0.1, -0.4, 0.3, 0.2, -0.5, -1.1, -0.3, -0.2];
+    let straight = vec![-0.3, 0.1, 0.1, -0.3, -0.1, 2.0, 0.7, 0.3];
+    let left = vec![0.2, 0.3, -0.4, 0.1, 0.6, -0.9, -0.4, -0.1];
+    let model = Logistic::new(8, &[right, straight, left], vec![0.1, 0.4, -0.1]);
+    let (scale, model) = (scale.expect("a scale"), model.expect("a model"));
+    Predictor::logistic(features, vec![-1, 0, 1], scale, model)
 }
 
 /// The fastest sample of `work`, s for each of its `items`.

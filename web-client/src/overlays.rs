@@ -26,6 +26,8 @@ pub struct Moment<'a> {
     pub safety: Option<&'a SafetyFunctions>,
     /// The predicted sets, once there is a predictor.
     pub shfrs: Option<&'a Shfrs>,
+    /// Whether these are shown for each step instead of for the whole time ahead.
+    pub by_step: bool,
 }
 
 /// Something that can be shown or hidden.

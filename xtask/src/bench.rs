@@ -49,6 +49,11 @@ const BENCHES: &[Bench] = &[
         runner: Runner::Target("sidestep"),
     },
     Bench {
+        name: "shfrs_bounds",
+        what: "Algorithm 1 and a frame of predicted sets, against the same with fresh memory",
+        runner: Runner::Target("sidestep"),
+    },
+    Bench {
         name: "peers",
         what: "our solver against hj_reachability (Python, installed on first use)",
         runner: Runner::Peers,

@@ -2,48 +2,69 @@
 
 use nalgebra::Complex;
 
-/// The smaller of `base`, whose y never falls, and each stretch of `curve`,
-/// within the range of `base`. Neither may hold points that differ by rounding
-/// errors only. An empty `base` stands for nothing yet: then the
-/// answer is `curve`.
-pub(super) fn lower_envelope(base: Vec<Complex<f64>>, curve: &[Complex<f64>]) -> Vec<Complex<f64>> {
-    if base.is_empty() {
-        return curve.to_vec();
-    }
-    runs(curve).fold(base, |base, run| merge(&base, &run))
+/// The lower envelope of the curves added so far.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Envelope {
+    /// y never falls.
+    base: Vec<Complex<f64>>,
+    /// Where the next envelope is written.
+    next: Vec<Complex<f64>>,
+    /// A stretch of a curve along which y rises.
+    run: Vec<Complex<f64>>,
 }
 
-/// The stretches of a curve along which y strictly rises, or falls (turned round).
-fn runs(curve: &[Complex<f64>]) -> impl Iterator<Item = Vec<Complex<f64>>> + '_ {
-    let mut first = 0;
-    core::iter::from_fn(move || {
-        while first + 1 < curve.len() && curve[first].im == curve[first + 1].im {
-            first += 1;
+impl Envelope {
+    pub(super) fn clear(&mut self) {
+        self.base.clear();
+    }
+
+    /// Its points, y rising.
+    pub(super) fn points(&self) -> &[Complex<f64>] {
+        &self.base
+    }
+
+    /// The first curve, whose y must not fall, gives the range of y; of the others
+    /// each stretch of rising, or falling, y counts within this range.
+    /// None may hold points that differ by rounding errors only.
+    pub(super) fn add(&mut self, curve: impl Iterator<Item = Complex<f64>>) {
+        if self.base.is_empty() {
+            self.base.extend(curve);
+            return;
         }
-        if first + 1 >= curve.len() {
-            return None;
+        self.run.clear();
+        // By how much the curve rose last, if the run has begun.
+        let mut slope = 0.0;
+        for point in curve {
+            if let Some(&last) = self.run.last() {
+                let rise = point.im - last.im;
+                if rise == 0.0 || (slope != 0.0 && (rise > 0.0) != (slope > 0.0)) {
+                    self.add_run();
+                    self.run.clear();
+                    self.run.extend((rise != 0.0).then_some(last));
+                }
+                slope = rise;
+            }
+            self.run.push(point);
         }
-        let rises = curve[first + 1].im > curve[first].im;
-        let mut last = first + 1;
-        while last + 1 < curve.len()
-            && curve[last + 1].im != curve[last].im
-            && (curve[last + 1].im > curve[last].im) == rises
-        {
-            last += 1;
+        self.add_run();
+    }
+
+    fn add_run(&mut self) {
+        let [first, .., last] = self.run[..] else {
+            return;
+        };
+        if first.im > last.im {
+            self.run.reverse();
         }
-        let mut run = curve[first..=last].to_vec();
-        if !rises {
-            run.reverse();
-        }
-        first = last;
-        Some(run)
-    })
+        self.next.clear();
+        merge(&self.base, &self.run, &mut self.next);
+        core::mem::swap(&mut self.base, &mut self.next);
+    }
 }
 
 /// The smaller of `base` and `run`, where `run` is defined; y rises in both.
-fn merge(base: &[Complex<f64>], run: &[Complex<f64>]) -> Vec<Complex<f64>> {
+fn merge(base: &[Complex<f64>], run: &[Complex<f64>], merged: &mut Vec<Complex<f64>>) {
     let (low, high) = (run[0].im, run[run.len() - 1].im);
-    let mut merged: Vec<Complex<f64>> = Vec::with_capacity(base.len() + run.len());
     let (mut b, mut r) = (0, 0);
     // Whether `run` was below at the last height, and by how much.
     let mut previous: Option<(f64, f64)> = None;
@@ -84,7 +105,6 @@ fn merge(base: &[Complex<f64>], run: &[Complex<f64>]) -> Vec<Complex<f64>> {
         b += usize::from(on_base);
         r += usize::from(on_run);
     }
-    merged
 }
 
 /// x of a curve at height `y`: at its vertex `next`, or on the edge before it.

@@ -10,9 +10,9 @@
 //! one number (φ at the end) names it. An arc with p = 0 throughout is straight,
 //! with φ = 0.
 
-use super::paths::{Paths, arc, unit};
+use super::paths::{Paths, Turn, unit};
 use super::sampling::Sample;
-use crate::math::{acos, cos, sin, wrap_positive};
+use crate::math::{PI, atan2};
 use nalgebra::Complex;
 
 /// An extremal at some instant, seen from its end.
@@ -20,6 +20,8 @@ use nalgebra::Complex;
 pub(super) struct Costate {
     /// Heading less the direction θ, rad.
     pub(super) phi: f64,
+    /// e^{iφ}.
+    facing: Complex<f64>,
     /// What remains to be driven, in the frame turned by θ, seconds of travel.
     pub(super) rest: Complex<f64>,
     /// How often the rate jumps between the bounds from here to the end.
@@ -46,13 +48,20 @@ const MOST_SWITCHES: usize = 8;
 impl Costate {
     /// The end of the extremal that arrives with heading θ + `phi`.
     pub(super) fn end(phi: f64) -> Self {
-        Self { phi, rest: Complex::new(0.0, 0.0), switches: 0, side: Side::Straight }
+        let rest = Complex::new(0.0, 0.0);
+        Self { phi, facing: unit(phi), rest, switches: 0, side: Side::Straight }
     }
 
     /// `seconds` earlier, having turned at `rate`.
     pub(super) fn before(self, rate: f64, seconds: f64) -> Self {
-        let phi = self.phi - rate * seconds;
-        Self { phi, rest: self.rest + arc(phi, rate, seconds), ..self }
+        self.before_turn(Turn::new(rate, seconds), seconds)
+    }
+
+    fn before_turn(self, turn: Turn, seconds: f64) -> Self {
+        // An arc seen backward turns the other way: conjugates.
+        let facing = self.facing * turn.turned.conj();
+        let rest = self.rest + self.facing * turn.moved.conj();
+        Self { phi: self.phi - turn.rate * seconds, facing, rest, ..self }
     }
 
     /// The same extremal at the beginning of step `first`, if this is the end of
@@ -83,13 +92,17 @@ impl Costate {
                     return self;
                 }
                 self.side = side;
-                let rate = match side {
-                    Side::Low => paths.lo[step],
-                    Side::Straight => 0.0,
-                    Side::High => paths.hi[step],
+                let whole = match side {
+                    Side::Low => paths.low.turn(step),
+                    Side::Straight => Turn::straight(paths.step_s),
+                    Side::High => paths.high.turn(step),
                 };
-                let Some(seconds) = self.switch(rate, left) else {
-                    self = self.before(rate, left);
+                let rate = whole.rate;
+                let turn = if left == paths.step_s { whole } else { Turn::new(rate, left) };
+                let earlier = self.before_turn(turn, left);
+                let switch = if self.keeps_sign(&earlier) { None } else { self.switch(rate, left) };
+                let Some(seconds) = switch else {
+                    self = earlier;
                     break;
                 };
                 self = self.before(rate, seconds);
@@ -100,10 +113,25 @@ impl Costate {
         self
     }
 
+    /// Whether p certainly does not pass zero between this instant and an earlier
+    /// one, less than half a turn away: Im(rest) is monotone between them, or
+    /// bulges away from zero.
+    fn keeps_sign(&self, earlier: &Self) -> bool {
+        let (im, growth, before) = (self.rest.im, self.facing.im, earlier.facing.im);
+        if (self.phi - earlier.phi).abs() > 1.5 {
+            false
+        } else if im == 0.0 {
+            growth * before > 0.0
+        } else {
+            im * earlier.rest.im > 0.0 && (im * growth >= 0.0 || im * before < 0.0)
+        }
+    }
+
     /// Where the extremal ends, seen from its start, if this is its start. Its
     /// normal there is the direction θ = −φ.
     pub(super) fn sample(self) -> Sample {
-        Sample { point: unit(-self.phi) * self.rest, angle: -self.phi }
+        let direction = self.facing.conj();
+        Sample { point: direction * self.rest, direction }
     }
 
     /// Which bound holds just before this instant.
@@ -116,7 +144,7 @@ impl Costate {
             return Side::Low;
         }
         // p vanishes here, and grows by sin φ: before, it had the other sign.
-        let growth = sin(self.phi);
+        let growth = self.facing.im;
         if growth > 0.0 || (growth == 0.0 && hi < 0.0) {
             Side::Low
         } else if growth < 0.0 || lo > 0.0 {
@@ -128,49 +156,53 @@ impl Costate {
 
     /// Turning at `rate`, how many seconds before this instant, if fewer than
     /// `left`, p passes zero.
+    ///
+    /// With z = (2/rate)·tan(rate·seconds/2), Im(rest) vanishes where
+    /// a·z² − b·z − Im(rest) = 0, a = (rate/2)·(cos φ − rate·Im(rest)/2), b = sin φ.
+    /// Unlike the difference of two arc cosines, its roots keep all their digits
+    /// where φ and the rate are close to zero.
     fn switch(&self, rate: f64, left: f64) -> Option<f64> {
         let im = self.rest.im;
         if im.abs() >= left {
             return None;
         }
-        let straight = (rate * left).abs() < 1e-6;
-        let mut seconds = if straight {
-            -im / sin(self.phi)
-        } else {
-            // Im(rest) + (cos φ' − cos φ)/rate = 0, for φ' = φ − rate·seconds.
-            let turned = |target: f64| wrap_positive(rate.signum() * (self.phi - target));
-            if im == 0.0 {
-                turned(-self.phi) / rate.abs()
-            } else {
-                let level = cos(self.phi) - rate * im;
-                if level.abs() > 1.0 {
-                    return None;
-                }
-                let target = acos(level);
-                turned(target).min(turned(-target)) / rate.abs()
-            }
-        };
-        // The arc cosine loses digits near 0 and π; Newton's method regains them.
-        if im != 0.0 && seconds < left {
-            for _ in 0..2 {
-                let slope = sin(self.phi - rate * seconds);
-                if slope.abs() > 1e-9 {
-                    seconds -= self.before(rate, seconds).rest.im / slope;
-                }
-            }
+        let (b, cos) = (self.facing.im, self.facing.re);
+        let a = 0.5 * rate * (cos - 0.5 * rate * im);
+        let discriminant = b * b + 4.0 * a * im;
+        if discriminant < 0.0 {
+            return None;
         }
-        (seconds > 0.0 && seconds < left).then_some(seconds)
+        let q = b + discriminant.sqrt().copysign(b);
+        // At Im(rest) = 0 the root z = 0 is this instant itself.
+        let roots = [0.5 * q / a, if im == 0.0 { f64::NAN } else { -2.0 * im / q }];
+        let seconds = roots.map(|z| seconds(z, rate)).into_iter().fold(f64::INFINITY, f64::min);
+        (seconds < left).then_some(seconds)
+    }
+}
+
+/// The first time > 0 at which (2/rate)·tan(rate·time/2) is `z`, s; infinite if
+/// there is none.
+fn seconds(z: f64, rate: f64) -> f64 {
+    let half = 0.5 * rate.abs();
+    let turned = if half * z.abs() < 1e-8 { z } else { atan2(half * z, 1.0) / half };
+    if turned > 0.0 {
+        turned
+    } else if turned < 0.0 && half > 0.0 {
+        turned + PI / half
+    } else {
+        f64::INFINITY
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::paths::arc;
     use super::*;
     use crate::bounds::InputBounds;
     use crate::math::SeededRng;
 
-    /// The highest value of Re(e^{−iθ}·end) over random sequences of rates.
-    fn best_of_many(paths: &Paths, theta: f64, rng: &mut SeededRng) -> f64 {
+    /// How far in a direction the ends of random sequences of rates get.
+    fn best_of_many(paths: &Paths, direction: Complex<f64>, rng: &mut SeededRng) -> f64 {
         let mut best = f64::NEG_INFINITY;
         for _ in 0..3000 {
             let (mut end, mut heading) = (Complex::new(0.0, 0.0), 0.0);
@@ -179,7 +211,7 @@ mod tests {
                 end += arc(heading, rate, paths.step_s);
                 heading += rate * paths.step_s;
             }
-            best = best.max((end * unit(-theta)).re);
+            best = best.max((end * direction.conj()).re);
         }
         best
     }
@@ -199,9 +231,9 @@ mod tests {
             let paths = Paths::new(&bounds, 0.2);
             for phi in [-0.2, -0.05, 0.02, 0.1, 0.3] {
                 let start = Costate::end(phi).back(&paths, 0, 5);
-                let Sample { point, angle } = start.sample();
-                let reached = (point * unit(-angle)).re;
-                assert!(reached >= best_of_many(&paths, angle, &mut rng) - 1e-12);
+                let Sample { point, direction } = start.sample();
+                let reached = (point * direction.conj()).re;
+                assert!(reached >= best_of_many(&paths, direction, &mut rng) - 1e-12);
             }
         }
     }

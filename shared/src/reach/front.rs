@@ -1,48 +1,63 @@
 //! The front of a planar set: the ends of the paths that get farthest, from the
 //! lowest-rate path's end to the highest-rate path's.
 
-use super::paths::{Paths, unit};
-use super::sampling::{Sample, sample, spaced};
-use super::singular::pieces;
+use super::paths::{Path, Paths, Turn};
+use super::sampling::{pieces, sample, space};
+use super::singular::{self, Piece};
 use nalgebra::Complex;
 
-/// The front after `steps` ≥ 1 steps, right to left, seconds of travel.
+/// Appends the front after `steps` ≥ 1 steps, right to left, seconds of travel.
+/// `family` is overwritten.
 pub(super) fn front(
     paths: &Paths,
     steps: usize,
     least_pieces: usize,
     tolerance: f64,
-) -> Vec<Complex<f64>> {
-    let mut points = vec![paths.low.point(steps)];
+    family: &mut Vec<Piece>,
+    points: &mut Vec<Complex<f64>>,
+) {
+    let from = points.len();
+    points.push(paths.low.point(steps));
     if paths.straight_always(steps) {
-        turn_then_straight(paths, steps, least_pieces, tolerance, &mut points);
+        let least = least_pieces.div_ceil(steps);
+        turn_then_straight(&paths.low, steps, least, tolerance, points);
+        points[from..].reverse();
+        turn_then_straight(&paths.high, steps, least, tolerance, points);
     } else {
-        extremals(paths, steps, least_pieces, tolerance, &mut points);
+        extremals(paths, steps, least_pieces, tolerance, family, points);
     }
     points.push(paths.high.point(steps));
-    spaced(points)
+    space(points, from);
 }
 
-/// If one may always drive straight: turn right at the lowest rate, or left at
-/// the highest, until the target heading is reached, and go straight.
+/// If one may always drive straight: turn as `path` does for some time, and go straight,
+/// from no turn to the whole path.
 fn turn_then_straight(
-    paths: &Paths,
+    path: &Path,
     steps: usize,
-    least_pieces: usize,
+    least: usize,
     tolerance: f64,
     points: &mut Vec<Complex<f64>>,
 ) {
-    let pieces = least_pieces.div_ceil(steps);
-    for (path, leftward) in [(&paths.low, false), (&paths.high, true)] {
-        for i in 0..steps {
-            let step = if leftward { i } else { steps - 1 - i };
-            let straight_s = (steps - step) as f64 * paths.step_s;
-            let curve = |turn_s: f64| {
-                let (point, heading) = path.within(step, turn_s);
-                Sample { point: point + unit(heading) * (straight_s - turn_s), angle: heading }
-            };
-            let whole = if leftward { (0.0, paths.step_s) } else { (paths.step_s, 0.0) };
-            sample(&curve, whole, pieces, tolerance, points);
+    let step_s = path.step_s();
+    for step in 0..steps {
+        let rate = path.turn(step).rate;
+        if rate == 0.0 {
+            continue;
+        }
+        let mut straight_s = (steps - step) as f64 * step_s;
+        // x″ is −rate²·(straight) across the path, and rate along it, where a
+        // chord turns away by at most rate·step.
+        let bend = rate * rate * (straight_s + step_s);
+        let count = pieces(step_s, bend, tolerance, least);
+        let piece_s = step_s / count as f64;
+        let turn = Turn::new(rate, piece_s);
+        let (mut point, mut facing) = (path.point(step), path.facing(step));
+        for _ in 0..count {
+            points.push(point + facing * straight_s);
+            point += facing * turn.moved;
+            facing *= turn.turned;
+            straight_s -= piece_s;
         }
     }
 }
@@ -53,9 +68,10 @@ fn extremals(
     steps: usize,
     least_pieces: usize,
     tolerance: f64,
+    family: &mut Vec<Piece>,
     points: &mut Vec<Complex<f64>>,
 ) {
-    let family = pieces(paths, steps);
+    singular::pieces(paths, steps, family);
     let each = least_pieces.div_ceil(family.len().max(1));
     // The family runs from left to right.
     for piece in family.iter().rev() {
@@ -103,9 +119,9 @@ mod tests {
                 .fold(0.0, f64::max)
         };
         for steps in 1..=4 {
-            let simple = front(&paths, steps, 16, 1e-6);
-            let mut general = Vec::new();
-            extremals(&paths, steps, 16, 1e-6, &mut general);
+            let (mut family, mut simple, mut general) = (Vec::new(), Vec::new(), Vec::new());
+            front(&paths, steps, 16, 1e-6, &mut family, &mut simple);
+            extremals(&paths, steps, 16, 1e-6, &mut family, &mut general);
             assert!(distance(&simple, &general) < 1e-6, "{steps}");
             assert!(distance(&general, &simple) < 1e-6, "{steps}");
         }

@@ -3,9 +3,8 @@
 //! All points are first rounded to a fine grid, and crossings and touching
 //! points are made vertices of both curves. Then one walks round the outside.
 
-use crate::math::{TAU, atan2};
+use core::cmp::Ordering;
 use nalgebra::Complex;
-use std::collections::{BTreeMap, BTreeSet};
 
 type Point = Complex<f64>;
 
@@ -26,28 +25,149 @@ const ON_EDGE: f64 = 0.75;
 /// crossings; so often are they looked for at most.
 const MOST_ROUNDS: usize = 8;
 
-/// The boundary of the unbounded region left by the curves, counter-clockwise,
-/// without the first point repeated: whatever the curves enclose is filled. The
-/// curves must hang together through shared points or crossings.
-pub(super) fn outline(curves: &[Vec<Point>]) -> Vec<Point> {
-    let mut edges = BTreeSet::new();
-    for pair in curves.iter().flat_map(|curve| curve.windows(2)) {
-        edges.extend(edge(node(pair[0]), node(pair[1])));
+/// Finds outlines, one after the other in the same memory.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Outliner {
+    /// In order, none twice.
+    edges: Vec<Edge>,
+    /// Edges that are to be cut, and where.
+    cuts: Vec<(usize, Node)>,
+    /// Every edge in both directions, in order of its first node and, there, of its
+    /// direction counter-clockwise.
+    darts: Vec<Dart>,
+}
+
+/// An edge from a node to another.
+type Dart = (Node, Node);
+
+impl Outliner {
+    /// Begins a new drawing.
+    pub(super) fn clear(&mut self) {
+        self.edges.clear();
     }
-    for _ in 0..MOST_ROUNDS {
-        let list: Vec<Edge> = edges.iter().copied().collect();
-        let cuts = cuts(&list);
-        if cuts.iter().all(Vec::is_empty) {
-            break;
+
+    /// Adds a curve to the drawing.
+    pub(super) fn add(&mut self, curve: &[Point]) {
+        self.edges.extend(curve.windows(2).filter_map(|pair| edge(node(pair[0]), node(pair[1]))));
+    }
+
+    /// Adds a curve and the edge from its end to its beginning.
+    pub(super) fn add_closed(&mut self, curve: &[Point]) {
+        self.add(curve);
+        if let [first, .., last] = *curve {
+            self.edges.extend(edge(node(last), node(first)));
         }
-        edges = split(&list, cuts);
     }
-    if edges.is_empty() {
-        // A single point, if anything.
-        return curves.iter().flatten().take(1).copied().collect();
+
+    /// Replaces `boundary` by the boundary of the unbounded region left by the
+    /// curves, counter-clockwise, without the first point repeated: whatever the
+    /// curves enclose is filled. The curves must hang together through shared points
+    /// or crossings. If they have no length, `boundary` stays as it is.
+    pub(super) fn outline(&mut self, boundary: &mut Vec<Point>) {
+        self.edges.sort_unstable();
+        self.edges.dedup();
+        for _ in 0..MOST_ROUNDS {
+            self.find_cuts();
+            if self.cuts.is_empty() {
+                break;
+            }
+            self.cut();
+        }
+        if self.edges.is_empty() {
+            return;
+        }
+        self.darts.clear();
+        self.darts.extend(self.edges.iter().flat_map(|&(a, b)| [(a, b), (b, a)]));
+        self.darts.sort_unstable_by(|a, b| a.0.cmp(&b.0).then_with(|| around(*a, *b)));
+        boundary.clear();
+        self.walk(boundary);
     }
-    let boundary = Graph::new(&edges).walk();
-    boundary.into_iter().map(|[x, y]| Point::new(x as f64 * GRID_S, y as f64 * GRID_S)).collect()
+
+    /// Notes for each edge the nodes inside it at which others cross or touch it. The
+    /// edges are in order, so by their smallest x first.
+    fn find_cuts(&mut self) {
+        self.cuts.clear();
+        for (i, &e) in self.edges.iter().enumerate() {
+            let (low, high) = (e.0[1].min(e.1[1]), e.0[1].max(e.1[1]));
+            for (j, &f) in self.edges.iter().enumerate().skip(i + 1) {
+                if f.0[0] > e.1[0] + 1 {
+                    break;
+                }
+                if f.0[1].min(f.1[1]) > high + 1 || f.0[1].max(f.1[1]) < low - 1 {
+                    continue;
+                }
+                let before = self.cuts.len();
+                let touching = |e: Edge, f: Edge| [f.0, f.1].into_iter().filter(move |&n| on(n, e));
+                self.cuts.extend(touching(e, f).map(|node| (i, node)));
+                self.cuts.extend(touching(f, e).map(|node| (j, node)));
+                if before == self.cuts.len()
+                    && let Some(node) = crossing(e, f)
+                {
+                    let inside = |e: Edge| node != e.0 && node != e.1;
+                    self.cuts.extend(inside(e).then_some((i, node)));
+                    self.cuts.extend(inside(f).then_some((j, node)));
+                }
+            }
+        }
+    }
+
+    /// Cuts the edges at the nodes noted.
+    fn cut(&mut self) {
+        let edges = &self.edges;
+        let share = |&(i, node): &(usize, Node)| {
+            let (a, b) = edges[i];
+            let (along, to) = (difference(b, a), difference(node, a));
+            along.re * to.re + along.im * to.im
+        };
+        self.cuts.sort_unstable_by(|m, n| m.0.cmp(&n.0).then(share(m).total_cmp(&share(n))));
+        for cuts in self.cuts.chunk_by(|m, n| m.0 == n.0) {
+            let (mut last, end) = self.edges[cuts[0].0];
+            for &(_, node) in cuts {
+                self.edges.extend(edge(last, node));
+                last = node;
+            }
+            // An edge without length is nothing.
+            self.edges[cuts[0].0] = edge(last, end).unwrap_or((end, end));
+        }
+        self.edges.retain(|(a, b)| a != b);
+        self.edges.sort_unstable();
+        self.edges.dedup();
+    }
+
+    /// Once round the unbounded region, keeping it on the right hand.
+    fn walk(&self, boundary: &mut Vec<Point>) {
+        // At the leftmost node, the lower one of several, every edge leads to the
+        // right, or up: the first one counter-clockwise begins the walk.
+        let leaving = |node: Node| {
+            let first = self.darts.partition_point(|dart| dart.0 < node);
+            let count = self.darts[first..].partition_point(|dart| dart.0 == node);
+            &self.darts[first..first + count]
+        };
+        let start = self.darts[0];
+        let mut dart = start;
+        // Each dart has one successor and one predecessor, so the walk comes back to
+        // where it began.
+        loop {
+            boundary.push(Point::new(dart.0[0] as f64 * GRID_S, dart.0[1] as f64 * GRID_S));
+            let leaving = leaving(dart.1);
+            let back = leaving.iter().position(|other| other.1 == dart.0).unwrap_or(0);
+            dart = leaving[(back + 1) % leaving.len()];
+            if dart == start {
+                return;
+            }
+        }
+    }
+}
+
+/// Compares two darts from the same node by their direction, in (−π, π].
+fn around(a: Dart, b: Dart) -> Ordering {
+    let direction = |(from, to): Dart| [to[0] - from[0], to[1] - from[1]];
+    let ([ax, ay], [bx, by]) = (direction(a), direction(b));
+    // Directions in (−π, 0) come before those in [0, π].
+    (ay >= 0, ay == 0 && ax < 0).cmp(&(by >= 0, by == 0 && bx < 0)).then_with(|| {
+        let cross = i128::from(ax) * i128::from(by) - i128::from(ay) * i128::from(bx);
+        0.cmp(&cross)
+    })
 }
 
 fn node(point: Point) -> Node {
@@ -65,34 +185,6 @@ fn difference(b: Node, a: Node) -> Point {
 
 fn cross(a: Point, b: Point) -> f64 {
     a.re * b.im - a.im * b.re
-}
-
-/// For each edge the nodes inside it at which others cross or touch it. The
-/// edges are in order, so by their smallest x first.
-fn cuts(edges: &[Edge]) -> Vec<Vec<Node>> {
-    let mut cuts = vec![Vec::new(); edges.len()];
-    for (i, &e) in edges.iter().enumerate() {
-        let (low, high) = (e.0[1].min(e.1[1]), e.0[1].max(e.1[1]));
-        for (j, &f) in edges.iter().enumerate().skip(i + 1) {
-            if f.0[0] > e.1[0] + 1 {
-                break;
-            }
-            if f.0[1].min(f.1[1]) > high + 1 || f.0[1].max(f.1[1]) < low - 1 {
-                continue;
-            }
-            let touching = |e: Edge, f: Edge| [f.0, f.1].into_iter().filter(move |&n| on(n, e));
-            let before = (cuts[i].len(), cuts[j].len());
-            cuts[i].extend(touching(e, f));
-            cuts[j].extend(touching(f, e));
-            if before == (cuts[i].len(), cuts[j].len())
-                && let Some(node) = crossing(e, f)
-            {
-                cuts[i].extend((node != e.0 && node != e.1).then_some(node));
-                cuts[j].extend((node != f.0 && node != f.1).then_some(node));
-            }
-        }
-    }
-    cuts
 }
 
 /// Does a node lie on an edge, but not at its ends?
@@ -119,108 +211,22 @@ fn crossing(e: Edge, f: Edge) -> Option<Node> {
         .then(|| [e.0[0] + (d.re * s).round() as i64, e.0[1] + (d.im * s).round() as i64])
 }
 
-/// The edges cut at these nodes.
-fn split(edges: &[Edge], cuts: Vec<Vec<Node>>) -> BTreeSet<Edge> {
-    let mut pieces = BTreeSet::new();
-    for (&(a, b), mut nodes) in edges.iter().zip(cuts) {
-        let along = difference(b, a);
-        let share = |node: &Node| {
-            let to = difference(*node, a);
-            along.re * to.re + along.im * to.im
-        };
-        nodes.sort_by(|m, n| share(m).total_cmp(&share(n)));
-        nodes.push(b);
-        let mut last = a;
-        for node in nodes {
-            pieces.extend(edge(last, node));
-            last = node;
-        }
-    }
-    pieces
-}
-
-/// The crossing-free drawing: points, and the neighbours of each in
-/// counter-clockwise order of direction.
-struct Graph {
-    points: Vec<Node>,
-    neighbours: Vec<Vec<usize>>,
-}
-
-impl Graph {
-    fn new(edges: &BTreeSet<Edge>) -> Self {
-        let mut names: BTreeMap<Node, usize> = BTreeMap::new();
-        let mut graph = Self { points: Vec::new(), neighbours: Vec::new() };
-        for &(a, b) in edges {
-            let [a, b] = [a, b].map(|node| {
-                *names.entry(node).or_insert_with(|| {
-                    graph.points.push(node);
-                    graph.neighbours.push(Vec::new());
-                    graph.points.len() - 1
-                })
-            });
-            graph.neighbours[a].push(b);
-            graph.neighbours[b].push(a);
-        }
-        for i in 0..graph.points.len() {
-            let mut around = core::mem::take(&mut graph.neighbours[i]);
-            around.sort_by(|&a, &b| graph.direction(i, a).total_cmp(&graph.direction(i, b)));
-            graph.neighbours[i] = around;
-        }
-        graph
-    }
-
-    /// Direction, rad, from one point to another, in (−π, π].
-    fn direction(&self, from: usize, to: usize) -> f64 {
-        let edge = difference(self.points[to], self.points[from]);
-        atan2(edge.im, edge.re)
-    }
-
-    /// Once round the unbounded region, keeping it on the right hand.
-    fn walk(&self) -> Vec<Node> {
-        let lowest = (0..self.points.len()).reduce(|a, b| {
-            let ([px, py], [qx, qy]) = (self.points[a], self.points[b]);
-            if (qy, qx) < (py, px) { b } else { a }
-        });
-        let Some(start) = lowest else {
-            return Vec::new();
-        };
-        // At the lowest point every edge leads upward: the first one counter-clockwise.
-        let upward = |to: &usize| {
-            let direction = self.direction(start, *to);
-            if direction < -1e-9 { direction + TAU } else { direction }
-        };
-        let first = self.neighbours[start]
-            .iter()
-            .copied()
-            .reduce(|a, b| if upward(&b) < upward(&a) { b } else { a });
-        let Some(first) = first else {
-            return vec![self.points[start]];
-        };
-        let mut boundary = vec![self.points[start]];
-        let (mut from, mut at) = (start, first);
-        // Each directed edge has one successor and one predecessor, so the walk
-        // comes back to where it began.
-        loop {
-            let around = &self.neighbours[at];
-            let back = around.iter().position(|&n| n == from).unwrap_or(0);
-            let next = around[(back + 1) % around.len()];
-            if at == start && next == first {
-                return boundary;
-            }
-            boundary.push(self.points[at]);
-            (from, at) = (at, next);
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::super::polygon::signed_area;
     use super::*;
 
+    fn outline(curve: &[Point]) -> Vec<Point> {
+        let (mut outliner, mut boundary) = (Outliner::default(), curve.to_vec());
+        boundary.truncate(1);
+        outliner.add(curve);
+        outliner.outline(&mut boundary);
+        boundary
+    }
+
     fn check(curve: &[[f64; 2]], area: f64, vertices: usize) {
         let points: Vec<_> = curve.iter().map(|p| Point::new(p[0], p[1])).collect();
-        let boundary: Vec<_> = outline(&[points]).iter().map(|p| [p.re, p.im]).collect();
+        let boundary: Vec<_> = outline(&points).iter().map(|p| [p.re, p.im]).collect();
         assert!((signed_area(&boundary) - area).abs() < 1e-12, "{boundary:?}");
         assert_eq!(boundary.len(), vertices, "{boundary:?}");
     }
@@ -248,6 +254,6 @@ mod tests {
         // Twice round: the pentagon in the middle is enclosed twice.
         let star = [[0., 3.], [2., -3.], [-3., 1.], [3., 1.], [-2., -3.], [0., 3.]];
         let points: Vec<_> = star.iter().map(|p| Point::new(p[0], p[1])).collect();
-        assert_eq!(outline(&[points]).len(), 10);
+        assert_eq!(outline(&points).len(), 10);
     }
 }

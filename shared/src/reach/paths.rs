@@ -7,45 +7,115 @@ use crate::bounds::InputBounds;
 use crate::math::{sin_cos, sinc};
 use nalgebra::Complex;
 
+/// Up to this angle, rad, a few terms of the series give all digits.
+const SMALL: f64 = 0.25;
+
 /// e^{i·angle}.
 pub(super) fn unit(angle: f64) -> Complex<f64> {
+    if angle.abs() < SMALL {
+        // The next terms are below 10⁻¹⁷.
+        let a2 = angle * angle;
+        let cos = 1.0 - a2 / 90.0 * (1.0 - a2 / 132.0);
+        let cos = 1.0 - a2 / 2.0 * (1.0 - a2 / 12.0 * (1.0 - a2 / 30.0 * (1.0 - a2 / 56.0 * cos)));
+        return Complex::new(cos, angle * small_sinc(a2));
+    }
     let (sin, cos) = sin_cos(angle);
     Complex::new(cos, sin)
+}
+
+/// sin(x)/x of x² = `x2` < [`SMALL`]².
+fn small_sinc(x2: f64) -> f64 {
+    let rest = 1.0 - x2 / 72.0 * (1.0 - x2 / 110.0);
+    1.0 - x2 / 6.0 * (1.0 - x2 / 20.0 * (1.0 - x2 / 42.0 * rest))
 }
 
 /// Displacement along an arc that starts in direction `heading`, rad, and turns
 /// at `rate`, rad/s, for `seconds`.
 pub(super) fn arc(heading: f64, rate: f64, seconds: f64) -> Complex<f64> {
     let half_turn = 0.5 * rate * seconds;
-    unit(heading + half_turn) * (seconds * sinc(half_turn))
+    unit(heading + half_turn) * chord(half_turn, seconds)
+}
+
+/// Length of the chord of an arc that takes `seconds` and turns by twice `half_turn`.
+fn chord(half_turn: f64, seconds: f64) -> f64 {
+    if half_turn.abs() < SMALL {
+        seconds * small_sinc(half_turn * half_turn)
+    } else {
+        seconds * sinc(half_turn)
+    }
+}
+
+/// What `seconds` of turning at a constant rate do.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Turn {
+    pub(super) rate: f64,
+    /// By which angle the heading turns, e^{iα}.
+    pub(super) turned: Complex<f64>,
+    /// The displacement, if the heading was 0.
+    pub(super) moved: Complex<f64>,
+}
+
+impl Turn {
+    pub(super) fn new(rate: f64, seconds: f64) -> Self {
+        let half = unit(0.5 * rate * seconds);
+        let moved = half * chord(0.5 * rate * seconds, seconds);
+        Self { rate, turned: half * half, moved }
+    }
+
+    pub(super) fn straight(seconds: f64) -> Self {
+        Self { rate: 0.0, turned: Complex::new(1.0, 0.0), moved: Complex::new(seconds, 0.0) }
+    }
 }
 
 /// A path whose rate is constant in each step.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Path {
     step_s: f64,
+    /// Each step as a whole.
+    steps: Vec<Turn>,
     rates: Vec<f64>,
     /// At the start and after each step.
     headings: Vec<f64>,
+    facings: Vec<Complex<f64>>,
     points: Vec<Complex<f64>>,
 }
 
 impl Path {
-    fn new(rates: &[f64], step_s: f64) -> Self {
+    fn reset(&mut self, rates: &[f64], step_s: f64) {
+        self.step_s = step_s;
+        self.rates.clear();
+        self.rates.extend_from_slice(rates);
+        self.steps.clear();
+        self.steps.extend(rates.iter().map(|&rate| Turn::new(rate, step_s)));
         let (mut heading, mut point) = (0.0, Complex::new(0.0, 0.0));
-        let (mut headings, mut points) = (vec![heading], vec![point]);
+        self.headings.clear();
+        self.headings.push(heading);
+        self.facings.clear();
+        self.facings.push(unit(heading));
+        self.points.clear();
+        self.points.push(point);
         for &rate in rates {
             point += arc(heading, rate, step_s);
             heading += rate * step_s;
-            headings.push(heading);
-            points.push(point);
+            self.headings.push(heading);
+            self.facings.push(unit(heading));
+            self.points.push(point);
         }
-        Self { step_s, rates: rates.to_vec(), headings, points }
     }
 
     /// Length of a step, s.
     pub(super) fn step_s(&self) -> f64 {
         self.step_s
+    }
+
+    /// A step as a whole.
+    pub(super) fn turn(&self, step: usize) -> Turn {
+        self.steps[step]
+    }
+
+    /// e^{i·heading} after `step` steps.
+    pub(super) fn facing(&self, step: usize) -> Complex<f64> {
+        self.facings[step]
     }
 
     /// Heading, rad (not wrapped), after `step` steps.
@@ -66,7 +136,7 @@ impl Path {
 }
 
 /// The bounds and their two outermost paths.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Paths {
     pub(super) step_s: f64,
     pub(super) lo: Vec<f64>,
@@ -79,13 +149,20 @@ pub(super) struct Paths {
 
 impl Paths {
     pub(super) fn new(bounds: &InputBounds, step_s: f64) -> Self {
-        Self {
-            step_s,
-            lo: bounds.lo().to_vec(),
-            hi: bounds.hi().to_vec(),
-            low: Path::new(bounds.lo(), step_s),
-            high: Path::new(bounds.hi(), step_s),
-        }
+        let mut paths = Self::default();
+        paths.reset(bounds, step_s);
+        paths
+    }
+
+    /// The same as [`Self::new`], in the memory that is there.
+    pub(super) fn reset(&mut self, bounds: &InputBounds, step_s: f64) {
+        self.step_s = step_s;
+        self.lo.clear();
+        self.lo.extend_from_slice(bounds.lo());
+        self.hi.clear();
+        self.hi.extend_from_slice(bounds.hi());
+        self.low.reset(bounds.lo(), step_s);
+        self.high.reset(bounds.hi(), step_s);
     }
 
     pub(super) fn steps(&self) -> usize {

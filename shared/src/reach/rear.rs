@@ -5,34 +5,35 @@
 //! path may have to cross the line through its end more often, and the traced
 //! extremals with two jumps and more are added.
 
-use super::envelope::lower_envelope;
 use super::extremal::Costate;
 use super::front::end_range;
-use super::paths::{Path, Paths, unit};
-use super::sampling::{MOST_HALVINGS, Sample, sample, spaced, triangle_height};
-use crate::math::{PI, TAU, atan2};
+use super::paths::{Path, Paths, Turn};
+use super::sampling::{Curves, MOST_HALVINGS, Sample, pieces, triangle_height};
+use crate::math::{PI, TAU};
 use nalgebra::Complex;
 
-/// Curves, each from right to left, that contain the rear after `steps` ≥ 1
-/// steps. All their points are reachable; the first two curves join the ends of
-/// the two outermost paths.
+/// Appends curves, the first from right to left, that contain the rear after
+/// `steps` ≥ 1 steps. All their points are reachable; the first two curves join the
+/// ends of the two outermost paths.
 pub(super) fn candidates(
     paths: &Paths,
     steps: usize,
     least_pieces: usize,
     tolerance: f64,
-) -> Vec<Vec<Complex<f64>>> {
+    curves: &mut Curves,
+) {
     let (low, high) = (&paths.low, &paths.high);
-    let mut curves = vec![
-        one_jump(low, high, steps, least_pieces, tolerance),
-        one_jump(high, low, steps, least_pieces, tolerance),
-    ];
-    curves[0].reverse();
-    let both_ways = (0..steps).all(|step| paths.lo[step] < 0.0 && 0.0 < paths.hi[step]);
-    if !both_ways {
-        more_jumps(paths, steps, tolerance, &mut curves);
+    let least = least_pieces.div_ceil(steps);
+    for (first, last) in [(high, low), (low, high)] {
+        let points = curves.begin();
+        one_jump(first, last, steps, least, tolerance, points);
+        curves.space_last();
     }
-    curves.into_iter().map(spaced).collect()
+    // Where straight is always admissible, the set is the limit of sets whose
+    // bounds allow turns both ways, and one jump is enough.
+    if !paths.straight_always(steps) {
+        more_jumps(paths, steps, tolerance, curves);
+    }
 }
 
 /// Drive along `first`, then with the rates of `last`, for every instant of the
@@ -41,29 +42,39 @@ fn one_jump(
     first: &Path,
     last: &Path,
     steps: usize,
-    least_pieces: usize,
+    least: usize,
     tolerance: f64,
-) -> Vec<Complex<f64>> {
-    let step_s = first.step_s();
-    let pieces = least_pieces.div_ceil(steps);
-    let mut points = vec![last.point(steps)];
+    points: &mut Vec<Complex<f64>>,
+) {
+    let (step_s, end) = (first.step_s(), last.point(steps));
     for step in 0..steps {
-        let curve = |seconds: f64| {
-            let ((from, heading), (left, other)) =
-                (first.within(step, seconds), last.within(step, seconds));
-            let remaining = unit(heading - other) * (last.point(steps) - left);
-            let at_end = step + 1 == steps && seconds == step_s;
-            Sample {
-                point: from + remaining,
-                // The curve crosses the line from the jump to the end.
-                angle: if at_end { heading } else { atan2(remaining.im, remaining.re) },
-            }
-        };
-        sample(&curve, (0.0, step_s), pieces, tolerance, &mut points);
+        let (turn, other) = (first.turn(step), last.turn(step));
+        let width = (turn.rate - other.rate).abs();
+        if width == 0.0 {
+            continue;
+        }
+        let remaining = end - last.point(step);
+        let length = remaining.norm_sqr().sqrt();
+        // x″ is −width²·remaining across the curve, and width·(the heading of `last`),
+        // of which only the part across counts.
+        let ahead = last.facing(step).conj() * remaining;
+        let slant = (ahead.im / length).abs() + (width + other.rate.abs()) * step_s;
+        let bend = width * (width * (length + step_s) + slant);
+        let count = pieces(step_s, bend, tolerance, least);
+        let piece_s = step_s / count as f64;
+        let (turn, other) = (Turn::new(turn.rate, piece_s), Turn::new(other.rate, piece_s));
+        // What comes after the jump is turned by how far the headings differ.
+        let back = other.turned.conj();
+        let (mut point, mut facing) = (first.point(step), first.facing(step));
+        let mut seen = ahead;
+        for _ in 0..count {
+            points.push(point + facing * seen);
+            point += facing * turn.moved;
+            facing *= turn.turned;
+            seen = (seen - other.moved) * back;
+        }
     }
-    points.pop();
     points.push(first.point(steps));
-    points
 }
 
 /// Extremals with more jumps than this, and one a step besides, are not looked at.
@@ -77,17 +88,18 @@ const SEARCH: usize = 48;
 /// there, it may tremble without end.
 const AT_REST: f64 = 1e-6;
 
-fn more_jumps(paths: &Paths, steps: usize, tolerance: f64, curves: &mut Vec<Vec<Complex<f64>>>) {
+fn more_jumps(paths: &Paths, steps: usize, tolerance: f64, curves: &mut Curves) {
     let trace = |phi: f64| {
         let costate = Costate::end(phi).back(paths, 0, steps - 1);
         Trace { phi, tame: costate.switches <= MOST_JUMPS + steps, sample: costate.sample() }
     };
     let (left, right) = end_range(paths, steps);
     for (from, to) in [(right, PI - AT_REST), (left + TAU, PI + AT_REST)] {
-        let traces: Vec<Trace> =
-            (0..=SEARCH).map(|i| trace(from + (to - from) * (i as f64 / SEARCH as f64))).collect();
-        for pair in traces.windows(2) {
-            connect(&trace, pair[0], pair[1], tolerance, MOST_HALVINGS, curves);
+        let mut start = trace(from);
+        for i in 1..=SEARCH {
+            let end = trace(from + (to - from) * (i as f64 / SEARCH as f64));
+            connect(&trace, start, end, tolerance, MOST_HALVINGS, curves);
+            start = end;
         }
     }
 }
@@ -111,7 +123,7 @@ fn connect(
     end: Trace,
     tolerance: f64,
     halvings: u32,
-    curves: &mut Vec<Vec<Complex<f64>>>,
+    curves: &mut Curves,
 ) {
     if !start.tame && !end.tame {
         return;
@@ -126,18 +138,12 @@ fn connect(
         && close(middle, end)
     {
         let [from, through, to] = three.map(|trace| trace.sample.point);
-        match curves.last_mut() {
-            Some(last) if last.last() == Some(&from) => last.extend([through, to]),
-            _ => curves.push(vec![from, through, to]),
+        if curves.last() != Some(from) {
+            curves.begin().push(from);
         }
+        curves.points().extend([through, to]);
     } else if halvings > 0 {
         connect(trace, start, middle, tolerance, halvings - 1, curves);
         connect(trace, middle, end, tolerance, halvings - 1, curves);
     }
-}
-
-/// The rear as one curve from right to left, seen along direction 0, in which
-/// every admissible heading lies within ±π/2.
-pub(super) fn rear(curves: &[Vec<Complex<f64>>]) -> Vec<Complex<f64>> {
-    curves.iter().fold(Vec::new(), |rear, curve| lower_envelope(rear, curve))
 }

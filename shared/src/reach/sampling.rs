@@ -1,7 +1,6 @@
 //! Curves to polylines with a stated error.
 
 use crate::invalid::Invalid;
-use crate::math::{hypot, wrap_angle};
 use nalgebra::Complex;
 
 /// How finely the boundary of a reachable set is drawn.
@@ -9,6 +8,7 @@ use nalgebra::Complex;
 pub struct PolygonSettings {
     accuracy_m: f64,
     least_pieces: usize,
+    conservative: bool,
 }
 
 impl PolygonSettings {
@@ -26,7 +26,20 @@ impl PolygonSettings {
         if !(1..=1000).contains(&least_pieces) {
             return Err(Invalid::new("least_pieces", "1 to 1000", least_pieces));
         }
-        Ok(Self { accuracy_m, least_pieces })
+        Ok(Self { accuracy_m, least_pieces, conservative: false })
+    }
+
+    /// The same, but with polygons that contain the whole set, and exceed it by at most
+    /// [`Self::accuracy_m`] (besides holes, which are filled).
+    #[must_use]
+    pub fn conservative(self) -> Self {
+        Self { conservative: true, ..self }
+    }
+
+    /// Whether polygons contain the whole set.
+    #[must_use]
+    pub fn is_conservative(&self) -> bool {
+        self.conservative
     }
 
     /// Largest distance, m, between the polygon's edges and the true boundary.
@@ -45,7 +58,7 @@ impl PolygonSettings {
 impl Default for PolygonSettings {
     /// 0.1 mm and 16 edges a curve.
     fn default() -> Self {
-        Self { accuracy_m: 1e-4, least_pieces: 16 }
+        Self { accuracy_m: 1e-4, least_pieces: 16, conservative: false }
     }
 }
 
@@ -54,8 +67,8 @@ impl Default for PolygonSettings {
 pub(super) struct Sample {
     /// In the human's frame, seconds of travel.
     pub(super) point: Complex<f64>,
-    /// Angle of the tangent or of the normal, rad: only its change counts.
-    pub(super) angle: f64,
+    /// Along the tangent or the normal, of any length > 0: only its change counts.
+    pub(super) direction: Complex<f64>,
 }
 
 /// A stretch of parameters is halved at most this often. So much is needed where
@@ -101,49 +114,104 @@ fn halve(
 }
 
 /// Most that the height of a triangle can be whose base is the chord and whose
-/// other sides are the tangents: (base/2)·tan(turn/2), rounded up.
+/// other sides are the tangents: (base/2)·tan(turn/2).
 pub(super) fn triangle_height(a: Sample, b: Sample) -> f64 {
-    let base = apart(a.point, b.point);
-    let turn = wrap_angle(b.angle - a.angle).abs();
-    if base == 0.0 {
-        0.0
-    } else if turn > 1.0 {
-        f64::INFINITY
-    } else {
-        // tan(x/2) ≤ 0.5464 x up to x = 1.
-        0.2732 * base * turn
+    let base2 = (b.point - a.point).norm_sqr();
+    if base2 == 0.0 {
+        return 0.0;
     }
+    let turn = b.direction * a.direction.conj();
+    let lengths = turn.norm_sqr().sqrt();
+    // More than a radian is not looked at so closely.
+    if turn.re < 0.54 * lengths {
+        return f64::INFINITY;
+    }
+    0.5 * base2.sqrt() * (turn.im.abs() / (lengths + turn.re))
+}
+
+/// Into how many equal pieces a curve over `seconds` is cut so that chords stay within
+/// `tolerance` of it, if its second derivative across them is at most `bend`.
+pub(super) fn pieces(seconds: f64, bend: f64, tolerance: f64, least: usize) -> usize {
+    ((seconds * (bend / (8.0 * tolerance)).sqrt()).ceil() as usize).max(least)
 }
 
 /// Points nearer to each other than this, s, differ by rounding errors only.
 const SAME: f64 = 1e-11;
 
-/// The curve without points that repeat the one before; its ends stay exact.
-pub(super) fn spaced(mut points: Vec<Complex<f64>>) -> Vec<Complex<f64>> {
-    let last = points.last().copied();
-    points.dedup_by(|point, kept| apart(*point, *kept) < SAME);
-    if let (Some(last), Some(kept)) = (last, points.last_mut())
-        && apart(last, *kept) < SAME
-    {
-        *kept = last;
+/// Takes out, from index `from` on, points that repeat the one before; the ends stay exact.
+pub(super) fn space(points: &mut Vec<Complex<f64>>, from: usize) {
+    let Some(&last) = points.get(from..).and_then(<[_]>::last) else {
+        return;
+    };
+    let same = |a: Complex<f64>, b: Complex<f64>| (a - b).norm_sqr() < SAME * SAME;
+    let mut kept = from;
+    for i in from + 1..points.len() {
+        if !same(points[i], points[kept]) {
+            kept += 1;
+            points[kept] = points[i];
+        }
     }
-    points
+    points.truncate(kept + 1);
+    if same(last, points[kept]) {
+        points[kept] = last;
+    }
 }
 
-fn apart(a: Complex<f64>, b: Complex<f64>) -> f64 {
-    hypot(a.re - b.re, a.im - b.im)
+/// Several curves in one piece of memory.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Curves {
+    points: Vec<Complex<f64>>,
+    /// Where each curve begins.
+    starts: Vec<usize>,
+}
+
+impl Curves {
+    pub(super) fn clear(&mut self) {
+        self.points.clear();
+        self.starts.clear();
+    }
+
+    /// Begins a curve; its points are pushed to what this answers.
+    pub(super) fn begin(&mut self) -> &mut Vec<Complex<f64>> {
+        self.starts.push(self.points.len());
+        &mut self.points
+    }
+
+    /// The points so far, the last of which belong to the curve begun last.
+    pub(super) fn points(&mut self) -> &mut Vec<Complex<f64>> {
+        &mut self.points
+    }
+
+    /// The last curve without points that repeat the one before.
+    pub(super) fn space_last(&mut self) {
+        if let Some(&from) = self.starts.last() {
+            space(&mut self.points, from);
+        }
+    }
+
+    /// The end of the last curve.
+    pub(super) fn last(&self) -> Option<Complex<f64>> {
+        self.points.last().copied()
+    }
+
+    /// Each curve.
+    pub(super) fn iter(&self) -> impl Iterator<Item = &[Complex<f64>]> + '_ {
+        let ends = self.starts.iter().skip(1).copied().chain([self.points.len()]);
+        self.starts.iter().zip(ends).map(|(&start, end)| &self.points[start..end])
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::{PI, sin_cos};
+    use crate::math::{PI, hypot, sin_cos};
 
     #[test]
     fn a_circle_is_met_within_the_tolerance() {
         let circle = |angle: f64| {
             let (sin, cos) = sin_cos(angle);
-            Sample { point: Complex::new(cos, sin), angle }
+            let point = Complex::new(cos, sin);
+            Sample { point, direction: point }
         };
         for tolerance in [1e-2, 1e-3, 1e-5] {
             let mut points = vec![circle(0.0).point];

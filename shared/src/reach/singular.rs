@@ -54,9 +54,10 @@ impl Piece {
 }
 
 /// The front's extremals for a horizon of `steps` steps, φ rising (left to right).
-pub(super) fn pieces(paths: &Paths, steps: usize) -> Vec<Piece> {
+/// They replace what is in `family`.
+pub(super) fn pieces(paths: &Paths, steps: usize, family: &mut Vec<Piece>) {
     let (left, right) = end_range(paths, steps);
-    let mut family = Vec::new();
+    family.clear();
     if left < -GAP {
         family.push(Piece { from: left, to: -GAP, kind: Kind::End });
     }
@@ -74,10 +75,10 @@ pub(super) fn pieces(paths: &Paths, steps: usize) -> Vec<Piece> {
         let (place, rest, last) = match singular {
             Some((place, rest)) => (place, rest + paths.step_s, paths.step_s),
             None => {
-                let Some(onset) = onset(paths, steps, step, &family) else {
+                let Some(onset) = onset(paths, steps, step, family) else {
                     continue;
                 };
-                (onset.split(&mut family), onset.rest, onset.seconds)
+                (onset.split(family), onset.rest, onset.seconds)
             }
         };
         singular = Some((place, rest));
@@ -92,7 +93,6 @@ pub(super) fn pieces(paths: &Paths, steps: usize) -> Vec<Piece> {
             singular = Some((place + 1, rest));
         }
     }
-    family
 }
 
 /// The extremal that becomes singular in some step.

@@ -13,6 +13,11 @@ pub trait Family {
     /// The family in tables and files.
     fn name(&self) -> String;
 
+    /// What a level is, with its unit.
+    fn level_name(&self) -> &'static str {
+        "ε (rad/s)"
+    }
+
     /// The level of the largest set.
     fn most(&self) -> f64;
 

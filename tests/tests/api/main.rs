@@ -7,6 +7,7 @@ mod bad_input;
 mod files;
 mod laboratory;
 mod participation;
+mod prediction;
 mod process;
 mod safety;
 mod site;

@@ -14,7 +14,7 @@ use sidestep::features::SafetyFunctions;
 use sidestep::invalid::Invalid;
 use sidestep::predict::Predictor;
 use sidestep::scene::{Evader, JointState};
-use sidestep::shfrs::{PredictedHuman, Shfrs, ShfrsSettings, predict};
+use sidestep::shfrs::{PredictedHuman, ShfrsPredictor, ShfrsSettings};
 use sidestep::vehicle::TurnInput;
 
 /// The state of a replay.
@@ -31,7 +31,14 @@ pub struct Replay {
     playing_since: Option<f64>,
     shown: Vec<bool>,
     window: Window,
-    prediction: Option<Prediction>,
+    /// The states up to now, and whoever predicts from them: kept from frame to frame.
+    history: Vec<JointState>,
+    predictor: ShfrsPredictor,
+    /// How likely each input is at this moment, once that is known; the sets are the
+    /// predictor's.
+    prediction: Option<Vec<(TurnInput, f64)>>,
+    /// Whether sets are drawn for each step instead of for the whole time ahead.
+    by_step: bool,
     /// What is wrong, if something is.
     pub trouble: Option<String>,
 }
@@ -41,12 +48,6 @@ struct Learned {
     trials: usize,
     fallback: Option<String>,
     settings: ShfrsSettings,
-}
-
-/// What is predicted at a moment.
-struct Prediction {
-    probabilities: Vec<(TurnInput, f64)>,
-    shfrs: Shfrs,
 }
 
 impl Replay {
@@ -66,7 +67,10 @@ impl Replay {
             playing_since: None,
             shown: LAYERS.iter().map(|layer| layer.shown).collect(),
             window,
+            history: Vec::new(),
+            predictor: ShfrsPredictor::default(),
             prediction: None,
+            by_step: false,
             trouble: None,
         }
     }
@@ -187,6 +191,10 @@ impl Replay {
                     self.seek(step * step_s);
                 }
             }
+            "by-step" => {
+                self.by_step = !self.by_step;
+                self.update();
+            }
             layer => {
                 let at = LAYERS.iter().position(|known| known.name == layer);
                 if let Some(shown) = at.and_then(|at| self.shown.get_mut(at)) {
@@ -201,19 +209,25 @@ impl Replay {
     fn update(&mut self) {
         match self.predict() {
             Ok(prediction) => self.prediction = prediction,
-            Err(invalid) => self.trouble = Some(invalid.to_string()),
+            Err(invalid) => {
+                self.prediction = None;
+                self.trouble = Some(invalid.to_string());
+            }
         }
     }
 
-    fn predict(&self) -> Result<Option<Prediction>, Invalid> {
-        let (Some(learned), Some(safety)) = (&self.learned, &self.safety) else {
+    /// How likely each input is; also predicts the sets.
+    fn predict(&mut self) -> Result<Option<Vec<(TurnInput, f64)>>, Invalid> {
+        let state = self.state();
+        let step = self.step();
+        let (Some(learned), Some(safety)) = (&mut self.learned, &self.safety) else {
             return Ok(None);
         };
         let parameters = &self.trial.parameters;
-        let human = PredictedHuman::new(&learned.predictor, safety, parameters);
-        let state = self.state();
-        let mut history = self.trial.states[..self.step()].to_vec();
-        history.push(state);
+        let human = PredictedHuman::new(&learned.predictor, safety, parameters)?;
+        self.history.clear();
+        self.history.extend_from_slice(&self.trial.states[..step]);
+        self.history.push(state);
         let mut p = vec![0.0; learned.predictor.classes().len()];
         human.probabilities_in(&state, &mut p);
         let of_class = |input: TurnInput| {
@@ -221,8 +235,9 @@ impl Replay {
             (input, class.map_or(0.0, |class| p[class]))
         };
         let probabilities = TurnInput::ALL.into_iter().rev().map(of_class).collect();
-        let shfrs = predict(&history, parameters, &human, &learned.settings)?;
-        Ok(Some(Prediction { probabilities, shfrs }))
+        learned.settings.by_step = self.by_step;
+        self.predictor.predict(&self.history, parameters, &human, &learned.settings)?;
+        Ok(Some(probabilities))
     }
 
     /// What is drawn.
@@ -233,7 +248,8 @@ impl Replay {
             step: self.step(),
             state: self.state(),
             safety: self.safety.as_ref(),
-            shfrs: self.prediction.as_ref().map(|prediction| &prediction.shfrs),
+            shfrs: self.prediction.as_ref().map(|_| self.predictor.shfrs()),
+            by_step: self.by_step,
         };
         let mut shapes = vec![Shape::Grid { every_m: 5 }];
         for (layer, shown) in LAYERS.iter().zip(&self.shown) {
@@ -264,22 +280,21 @@ impl Replay {
     }
 
     fn scene_view(&self) -> Node {
-        let switches = LAYERS.iter().zip(&self.shown).map(|(layer, shown)| {
+        let layers = LAYERS.iter().zip(&self.shown).map(|(layer, shown)| {
             let (letter, below, rest) = layer.label;
             let label = if below.is_empty() {
                 el("span").text(letter)
             } else {
                 subscripted("span", letter, below)
             };
-            el("button")
-                .class("switch")
-                .attr("type", "button")
-                .attr("aria-pressed", shown)
-                .attr("title", layer.meaning)
-                .action(layer.name)
+            switch(layer.name, layer.meaning, *shown)
                 .test_id(&format!("layer-{}", layer.name))
                 .child(label.text(rest))
         });
+        let meaning =
+            "SHFRS: where the human may be after each step, instead of within all of them";
+        let by_step = switch("by-step", meaning, self.by_step).test_id("by-step").text("per step");
+        let switches = layers.chain([by_step]);
         el("section")
             .class("view")
             .child(
@@ -324,8 +339,8 @@ impl Replay {
                     .child(el("small").text(format!("t = {:.1} s", self.time_s))),
             )
             .child(facts)
-            .children(self.prediction.as_ref().map(|prediction| self.next_input(prediction)))
-            .children(self.prediction.as_ref().map(|prediction| self.regions(prediction)))
+            .children(self.prediction.as_ref().map(|probabilities| self.next_input(probabilities)))
+            .children(self.prediction.as_ref().map(|_| self.regions()))
             .child(self.evidence())
             .children(
                 self.trouble
@@ -334,13 +349,13 @@ impl Replay {
             )
     }
 
-    fn next_input(&self, prediction: &Prediction) -> Node {
+    fn next_input(&self, probabilities: &[(TurnInput, f64)]) -> Node {
         let source =
             self.learned.as_ref().map_or_else(String::new, |learned| match &learned.fallback {
                 None => format!("logistic, B_hrd, trained on the {} trials before", learned.trials),
                 Some(why) => format!("{why}: frequencies of the inputs so far"),
             });
-        let bars = prediction.probabilities.iter().map(|(input, p)| {
+        let bars = probabilities.iter().map(|(input, p)| {
             let percent = 100.0 * p;
             el("div")
                 .child(el("dt").text(input.word()))
@@ -359,10 +374,10 @@ impl Replay {
             .child(el("dl").class("bars").children(bars))
     }
 
-    fn regions(&self, prediction: &Prediction) -> Node {
+    fn regions(&self) -> Node {
         let head = ["set", "ε / rad s⁻¹", "area / m²"]
             .map(|words| el("th").attr("scope", "col").text(words));
-        let rows = prediction.shfrs.sets.iter().enumerate().map(|(j, set)| {
+        let rows = self.predictor.shfrs().sets.iter().enumerate().map(|(j, set)| {
             let name = subscripted("th", "F", &(j + 1).to_string()).attr("scope", "row");
             let name = Node {
                 children: [crate::view::Child::Node(
@@ -501,4 +516,14 @@ impl Replay {
             ),
         )
     }
+}
+
+/// A button that stays down: `action` is its word.
+fn switch(action: &str, meaning: &str, is_on: bool) -> Node {
+    el("button")
+        .class("switch")
+        .attr("type", "button")
+        .attr("aria-pressed", is_on)
+        .attr("title", meaning)
+        .action(action)
 }

@@ -32,6 +32,8 @@ const CASES: &[Case] = &[
     Case::new("exact value", None, None),
     Case::new("exact values, batch", None, None),
     Case::new("value and gradient", None, None),
+    Case::new("predicted sets", None, Some(1e-3)),
+    Case::new("predicted sets, by step", None, None),
 ];
 
 impl Case {

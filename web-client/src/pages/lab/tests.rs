@@ -170,6 +170,43 @@ fn equal_vehicles_take_one_request() {
 }
 
 #[test]
+fn predicted_sets_are_drawn_whole_or_step_by_step() {
+    let parameters = SceneParameters::default();
+    let function = ValueFunction::Exact(parameters.game(Evader::Human).exact().unwrap());
+    let id = Some(function.id());
+    let mut session = Session::open(&trial(parameters, [id.clone(), id]));
+    session.answer(Tag::ValueFunction(Evader::Human), 200, function.encode());
+    let predictor = r#"{"format":"sidestep-predictor/1","kind":"constant","features":["distance"],
+        "classes":[-1,0,1],"probabilities":[0.6,0.3,0.1]}"#;
+    let trained = format!(r#"{{"predictor":{predictor},"trials":7,"fallback":null}}"#);
+    session.answer(Tag::Predictor, 200, trained.into_bytes());
+    // How many areas each set has, from F_1 to F_5.
+    let areas = |session: &Session| {
+        let mut counts = [0; 5];
+        for shape in session.page.picture().unwrap().shapes {
+            if let Shape::Polygon { fill: Some((Ink::Region(j), _)), points, .. } = shape {
+                assert!(!points.is_empty());
+                counts[j] += 1;
+            }
+        }
+        counts
+    };
+    let pressed = |session: &Session| {
+        let view = session.page.view();
+        let switch = view.find("by-step").unwrap();
+        switch.attributes.iter().find(|(name, _)| *name == "aria-pressed").unwrap().1 == "true"
+    };
+    assert_eq!((areas(&session), pressed(&session)), ([1; 5], false));
+    session.press("by-step");
+    assert_eq!((areas(&session), pressed(&session)), ([10; 5], true));
+    session.press("shfrs");
+    assert_eq!(areas(&session), [0; 5], "hidden with its layer");
+    session.press("shfrs");
+    session.press("by-step");
+    assert_eq!((areas(&session), pressed(&session)), ([1; 5], false));
+}
+
+#[test]
 fn what_the_server_lacks_is_solved_beside_the_page() {
     let parameters = unequal();
     let mut session = Session::open(&trial(parameters, [None, None]));

@@ -1,0 +1,241 @@
+//! `sidestep bounds`.
+
+use super::CommandError;
+use super::json_file::JsonArgs;
+use super::solving::{Interrupt, solved};
+use serde::{Deserialize, Serialize};
+use sidestep::bounds::{
+    ActionChoice, ActionModel, Algorithm1, BoundsSettings, InputBounds, Motion, PredictedBounds,
+    Rollout,
+};
+use sidestep::features::SafetyFunctions;
+use sidestep::invalid::{Invalid, positive};
+use sidestep::predict::{Predictor, PredictorFile};
+use sidestep::reachability::{Options, ValueFunction};
+use sidestep::scene::{Evader, JointState, SceneParameters};
+use sidestep::shfrs::PredictedHuman;
+use sidestep::vehicle::{Pose, VehicleModel};
+
+/// Bounds on the human's turn rate for the coming steps (Algorithm 1).
+///
+/// The input, in m, s and rad, headings counter-clockwise from +x:
+/// {"human": [x, y, psi], "robot": [x, y, psi], "predictor": {…, as in predictor.json},
+/// "epsilon": [rad/s, one a set, ascending], "k": [one a step] or "tau": 0.1 with
+/// "steps": T, "rollout": "paper" or "base", "speed": 2, "dt": 0.2,
+/// "turn_rate": [-0.5, 0.5]}. The robot drives straight on. May be left out:
+/// "robot_speed" (as the human's), "robot_turn_rate" (the human's highest) and
+/// "danger_radius" (3), which only the features v_h and v_r depend on.
+///
+/// The predictor's classes are -1 (lowest turn rate), 0 (straight) and 1 (highest), unless
+/// it has "actions": [rad/s, one a class, ascending].
+///
+/// The answer: {"lo": [F][T], "hi": [F][T] rad/s, "raw": [T × [lo, hi]] before widening,
+/// "human_low": [T + 1 × [x, y, psi]], "human_high": […]}, the human's states along both
+/// roll-outs, from the present on.
+#[derive(Clone, Debug, clap::Args)]
+pub struct BoundsArgs {
+    #[command(flatten)]
+    files: JsonArgs,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Input {
+    human: Pose,
+    robot: Pose,
+    predictor: PredictorFile,
+    epsilon: Vec<f64>,
+    k: Option<Vec<usize>>,
+    tau: Option<f64>,
+    steps: Option<usize>,
+    rollout: RolloutWord,
+    speed: f64,
+    dt: f64,
+    turn_rate: (f64, f64),
+    robot_speed: Option<f64>,
+    robot_turn_rate: Option<f64>,
+    danger_radius: Option<f64>,
+}
+
+#[derive(Clone, Copy, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum RolloutWord {
+    Paper,
+    Base,
+}
+
+#[derive(Serialize)]
+struct Answer<'a> {
+    lo: Vec<&'a [f64]>,
+    hi: Vec<&'a [f64]>,
+    raw: &'a [(f64, f64)],
+    human_low: Vec<Pose>,
+    human_high: Vec<Pose>,
+}
+
+/// Most steps ahead.
+const MOST_STEPS: usize = 3000;
+
+/// Features that come from the value functions.
+const SAFETY_LEVELS: [&str; 2] = ["v_h", "v_r"];
+
+/// Reads, runs Algorithm 1 and answers.
+///
+/// # Errors
+/// [`CommandError`] for a document that is wrong, naming the field (input), or an answer
+/// that cannot be written (failure).
+pub async fn run(args: BoundsArgs) -> Result<(), CommandError> {
+    let input: Input = args.files.read()?;
+    let complain = |invalid: Invalid| args.files.complain(&invalid);
+    let predictor = Predictor::try_from(input.predictor.clone())
+        .map_err(|invalid| complain(invalid.within("predictor")))?;
+    let problem = Problem::new(&input, &predictor).map_err(complain)?;
+    let names = Vec::<String>::from(predictor.features().clone());
+    let scene = match names.iter().find(|name| SAFETY_LEVELS.contains(&name.as_str())) {
+        Some(name) => problem.scene(&input, name).map_err(complain)?,
+        // Nothing looks at its safety levels.
+        None => SceneParameters::default(),
+    };
+    let safety = safety_functions(&scene, &Interrupt::listen()).await?;
+    let mut algorithm = Algorithm1::default();
+    let found = problem.bounds(&predictor, &safety, &mut algorithm).map_err(complain)?;
+    args.files.answer(&Answer::from(found))
+}
+
+/// What is left once the input is checked.
+struct Problem {
+    now: JointState,
+    motion: Motion,
+    robot_turn_rate: f64,
+    settings: BoundsSettings,
+}
+
+impl Problem {
+    fn new(input: &Input, predictor: &Predictor) -> Result<Self, Invalid> {
+        let now = JointState { human: input.human, robot: input.robot };
+        now.check()?;
+        let robot_turn_rate = input.robot_turn_rate.unwrap_or(input.turn_rate.1.abs());
+        let motion = Motion {
+            human_speed_mps: input.speed,
+            human_turn_rate: input.turn_rate,
+            robot_speed_mps: input.robot_speed.unwrap_or(input.speed),
+            robot_turn_rate: (-robot_turn_rate, robot_turn_rate),
+            step_s: input.dt,
+        };
+        motion.check().map_err(named)?;
+        let rollout = match input.rollout {
+            RolloutWord::Paper => Rollout::Paper,
+            RolloutWord::Base => Rollout::Base,
+        };
+        let actions = predictor.classes().len();
+        let settings =
+            BoundsSettings::new(input.epsilon.clone(), choice(input)?, rollout, actions)?;
+        Ok(Self { now, motion, robot_turn_rate, settings })
+    }
+
+    /// The scene whose safety levels the feature `name` needs.
+    fn scene(&self, input: &Input, name: &str) -> Result<SceneParameters, Invalid> {
+        let (least, most) = input.turn_rate;
+        if least != -most {
+            let expected = format!("the same to both sides, for the feature {name}");
+            return Err(Invalid::new("turn_rate", expected, format!("[{least}, {most}]")));
+        }
+        positive("robot_turn_rate", self.robot_turn_rate)?;
+        let vehicle = |speed_mps, turn_rate_radps| VehicleModel { speed_mps, turn_rate_radps };
+        Ok(SceneParameters {
+            human: vehicle(self.motion.human_speed_mps, positive("turn_rate", most)?),
+            robot: vehicle(self.motion.robot_speed_mps, self.robot_turn_rate),
+            danger_radius_m: positive("danger_radius", input.danger_radius.unwrap_or(3.0))?,
+            step_s: self.motion.step_s,
+            ..SceneParameters::default()
+        })
+    }
+
+    fn bounds<'a>(
+        &self,
+        predictor: &Predictor,
+        safety: &SafetyFunctions,
+        algorithm: &'a mut Algorithm1,
+    ) -> Result<&'a PredictedBounds, Invalid> {
+        let human = PredictedHuman::within(predictor, safety, self.motion.human_turn_rate)
+            .map_err(|invalid| invalid.within("predictor"))?;
+        let (least, most) = self.motion.human_turn_rate;
+        if predictor.actions().is_none()
+            && let Some(a) = human.actions().iter().position(|rate| !(least..=most).contains(rate))
+        {
+            let expected = format!("classes whose turn rates are from {least} to {most} rad/s");
+            let found = format!("{} rad/s", human.actions()[a]);
+            return Err(Invalid::new(format!("predictor.classes[{a}]"), expected, found));
+        }
+        let robot_drives_straight = |_: &[JointState]| 0.0;
+        algorithm
+            .run(&[self.now], &self.motion, &human, robot_drives_straight, &self.settings)
+            .map_err(|invalid| invalid.within("predictor"))
+    }
+}
+
+/// The library's names as those of the document.
+fn named(invalid: Invalid) -> Invalid {
+    let field = match invalid.field.as_str() {
+        "human_speed_mps" => "speed",
+        "human_turn_rate" => "turn_rate",
+        "robot_speed_mps" => "robot_speed",
+        "step_s" => "dt",
+        other => other,
+    };
+    Invalid { field: field.to_owned(), ..invalid }
+}
+
+fn choice(input: &Input) -> Result<ActionChoice, Invalid> {
+    let steps = input.k.as_ref().map(Vec::len).or(input.steps);
+    if let Some(steps) = steps.filter(|steps| *steps > MOST_STEPS) {
+        let field = if input.k.is_some() { "k" } else { "steps" };
+        return Err(Invalid::new(field, format!("at most {MOST_STEPS} steps"), steps));
+    }
+    match (&input.k, input.tau) {
+        (Some(k), None) => {
+            if let Some(steps) = input.steps.filter(|&steps| steps != k.len()) {
+                let expected = format!("{}, the length of k, or nothing", k.len());
+                return Err(Invalid::new("steps", expected, steps));
+            }
+            Ok(ActionChoice::TopK(k.clone()))
+        }
+        (None, Some(tau)) => {
+            let missing = || Invalid::new("steps", "a whole number ≥ 1, beside tau", "nothing");
+            Ok(ActionChoice::Adaptive { tau, steps: input.steps.ok_or_else(missing)? })
+        }
+        (Some(_), Some(_)) => Err(Invalid::new("tau", "nothing beside k", "both")),
+        (None, None) => Err(Invalid::new("k", "k, or tau with steps", "neither")),
+    }
+}
+
+/// Both value functions; only those of unequal vehicles take their time.
+pub(super) async fn safety_functions(
+    parameters: &SceneParameters,
+    interrupt: &Interrupt,
+) -> Result<SafetyFunctions, CommandError> {
+    let [game_h, game_r] = Evader::ALL.map(|evader| parameters.game(evader));
+    let mut functions = Vec::with_capacity(2);
+    for game in [game_h, game_r] {
+        functions.push(match (game.exact(), functions.first()) {
+            (Ok(exact), _) => ValueFunction::Exact(exact),
+            (Err(_), Some(human)) if game_r == game_h => ValueFunction::clone(human),
+            (Err(_), _) => solved(game, Options::default(), interrupt).await?.0.function,
+        });
+    }
+    let robot = functions.remove(1);
+    Ok(SafetyFunctions { human: functions.remove(0), robot })
+}
+
+impl<'a> From<&'a PredictedBounds> for Answer<'a> {
+    fn from(found: &'a PredictedBounds) -> Self {
+        let human = |states: &[JointState]| states.iter().map(|state| state.human).collect();
+        Self {
+            lo: found.sets.iter().map(InputBounds::lo).collect(),
+            hi: found.sets.iter().map(InputBounds::hi).collect(),
+            raw: &found.raw,
+            human_low: human(&found.low),
+            human_high: human(&found.high),
+        }
+    }
+}

@@ -1,0 +1,110 @@
+//! Commands that turn one JSON document into another one.
+
+use super::{CommandError, print_json, print_line, unwritable};
+use crate::whole_file::{self, Stop};
+use serde::Serialize;
+use serde::de::{DeserializeOwned, IgnoredAny};
+use sidestep::invalid::Invalid;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+/// Where a document comes from and where the answer goes.
+#[derive(Clone, Debug, clap::Args)]
+pub struct JsonArgs {
+    /// JSON file to read; - reads stdin.
+    #[arg(long, value_name = "FILE.json")]
+    input: PathBuf,
+    /// File for the answer, one line of JSON; without it the answer goes to stdout.
+    #[arg(long, value_name = "FILE.json")]
+    out: Option<PathBuf>,
+}
+
+impl JsonArgs {
+    /// What complaints call the document.
+    fn name(&self) -> String {
+        if self.is_stdin() { "stdin".to_owned() } else { self.input.display().to_string() }
+    }
+
+    fn is_stdin(&self) -> bool {
+        self.input == Path::new("-")
+    }
+
+    /// Reads the document.
+    pub(super) fn read<T: DeserializeOwned>(&self) -> Result<T, CommandError> {
+        if let Some(out) = &self.out {
+            whole_file::check(out).map_err(|e| unwritable(out, &e))?;
+        }
+        let refused =
+            |e: &dyn std::fmt::Display| CommandError::Input(format!("{}: {e}", self.name()));
+        let mut text = String::new();
+        let read = if self.is_stdin() {
+            std::io::stdin().lock().read_to_string(&mut text).map(drop)
+        } else {
+            std::fs::read_to_string(&self.input).map(|content| text = content)
+        };
+        read.map_err(|e| refused(&format!("cannot read: {e}")))?;
+        // First whether it is JSON at all: only then a complaint about a field helps.
+        serde_json::from_str::<IgnoredAny>(&text).map_err(|e| refused(&format!("no JSON: {e}")))?;
+        let mut reader = serde_json::Deserializer::from_str(&text);
+        serde_path_to_error::deserialize(&mut reader).map_err(|e| refused(&complaint(e)))
+    }
+
+    /// A complaint about a field of the document.
+    pub(super) fn complain(&self, invalid: &Invalid) -> CommandError {
+        CommandError::Input(format!("{}: {invalid}", self.name()))
+    }
+
+    /// Writes the answer: whole, or not at all.
+    pub(super) fn answer(&self, answer: &impl Serialize) -> Result<(), CommandError> {
+        let line = serde_json::to_string(answer).map_err(CommandError::failure)?;
+        let Some(out) = &self.out else {
+            return print_line(&line);
+        };
+        whole_file::write(out, &Stop::default(), |file| writeln!(file, "{line}"))
+            .map_err(|e: std::io::Error| unwritable(out, &e))?;
+        print_json(&serde_json::json!({ "file": out, "octets": line.len() + 1 }))
+    }
+}
+
+/// In the order of every complaint: field, expected, found.
+fn complaint(error: serde_path_to_error::Error<serde_json::Error>) -> String {
+    let path = error.path().to_string();
+    let field = if path == "." { "the document".to_owned() } else { path };
+    let message = error.into_inner().to_string();
+    let kinds = [
+        "invalid type: ",
+        "invalid value: ",
+        "invalid length ",
+        "unknown variant ",
+        "unknown field ",
+    ];
+    for kind in kinds {
+        if let Some((found, expected)) =
+            message.strip_prefix(kind).and_then(|rest| rest.split_once(", expected "))
+        {
+            let (expected, place) = expected.rsplit_once(" at line ").unwrap_or((expected, "?"));
+            return format!("{field}: expected {expected}, found {found} (line {place})");
+        }
+    }
+    format!("{field}: {message}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn complaints_say_where() {
+        let said = |text: &str| {
+            let mut reader = serde_json::Deserializer::from_str(text);
+            let read: Result<Vec<[f64; 2]>, _> = serde_path_to_error::deserialize(&mut reader);
+            complaint(read.unwrap_err())
+        };
+        assert_eq!(
+            said("[[1,2],[3,\"x\"]]"),
+            "[1][1]: expected f64, found string \"x\" (line 1 column 15)"
+        );
+        assert!(said("[[1]]").starts_with("[0]: expected an array of length 2, found 1"));
+        assert!(said("{}").starts_with("the document: expected a sequence, found map"));
+    }
+}

@@ -1,0 +1,186 @@
+//! `sidestep reach`.
+
+use super::CommandError;
+use super::json_file::JsonArgs;
+use serde::{Deserialize, Serialize};
+use sidestep::bounds::InputBounds;
+use sidestep::invalid::{Invalid, positive};
+use sidestep::math::PI;
+use sidestep::reach::polygon::{bounding_box, signed_area, signed_distance};
+use sidestep::reach::{PolygonSettings, ReachableSet, Tolerance};
+use sidestep::vehicle::Pose;
+
+/// Reachable sets under bounds on the turn rate, and whether states are in them.
+///
+/// The input, in m, s and rad, headings counter-clockwise from +x:
+/// {"speed": 2, "dt": 0.2, "turn_rate": [-0.5, 0.5], "initial": [x, y, psi],
+/// "sets": [{"lo": [a rate a step], "hi": […], "queries": [{"step": n, "state": [x, y, psi]}]}],
+/// "tolerance": {"position": 0.005, "heading": 0.002}, "accuracy": 0.0001}.
+/// Queries, tolerance and accuracy may be left out; the numbers shown are what is taken
+/// then. The tolerance is how far a state may lie outside and still count as inside; the
+/// accuracy, m, is how far edges of polygons may lie from the true boundary.
+///
+/// The answer: {"sets": [{"steps": [{"step", "t", "area", "bbox": [x0, y0, x1, y1],
+/// "polygon": [[x, y], …]}, …], "tube": {"area", "bbox", "polygon"},
+/// "queries": [{"planar", "full"}]}]}, in world coordinates. Steps are 1 to T: the positions
+/// reachable after exactly so many. The tube is the union over the whole time. Polygons are
+/// counter-clockwise and closed without repeating their first vertex; a set that is a
+/// single position has one vertex. A query is true in "planar" if its position is reachable
+/// after that step (0 to T) with any heading, in "full" if it is with its heading.
+#[derive(Clone, Debug, clap::Args)]
+pub struct ReachArgs {
+    #[command(flatten)]
+    files: JsonArgs,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Input {
+    speed: f64,
+    dt: f64,
+    turn_rate: (f64, f64),
+    initial: Pose,
+    sets: Vec<SetInput>,
+    tolerance: Option<ToleranceInput>,
+    accuracy: Option<f64>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SetInput {
+    lo: Vec<f64>,
+    hi: Vec<f64>,
+    #[serde(default)]
+    queries: Vec<Query>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Query {
+    step: usize,
+    state: Pose,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ToleranceInput {
+    position: f64,
+    heading: f64,
+}
+
+#[derive(Serialize)]
+struct Answer {
+    sets: Vec<SetAnswer>,
+}
+
+#[derive(Serialize)]
+struct SetAnswer {
+    steps: Vec<StepAnswer>,
+    tube: Area,
+    queries: Vec<QueryAnswer>,
+}
+
+#[derive(Serialize)]
+struct StepAnswer {
+    step: usize,
+    t: f64,
+    #[serde(flatten)]
+    area: Area,
+}
+
+#[derive(Serialize)]
+struct Area {
+    area: f64,
+    bbox: [f64; 4],
+    polygon: Vec<[f64; 2]>,
+}
+
+#[derive(Serialize)]
+struct QueryAnswer {
+    planar: bool,
+    full: bool,
+}
+
+/// Reads, computes and answers.
+///
+/// # Errors
+/// [`CommandError`] for a document that is wrong, naming the field (input), or an answer
+/// that cannot be written (failure).
+pub async fn run(args: ReachArgs) -> Result<(), CommandError> {
+    let input: Input = args.files.read()?;
+    let answer = answer(&input).map_err(|invalid| args.files.complain(&invalid))?;
+    args.files.answer(&answer)
+}
+
+fn answer(input: &Input) -> Result<Answer, Invalid> {
+    positive("speed", input.speed)?;
+    positive("dt", input.dt)?;
+    input.initial.check().map_err(|invalid| invalid.within("initial"))?;
+    let (least, most) = input.turn_rate;
+    if least.abs().max(most.abs()) * input.dt > PI {
+        let found = format!("[{least}, {most}] for {} s", input.dt);
+        return Err(Invalid::new("turn_rate", "at most half a turn a step", found));
+    }
+    let settings = PolygonSettings::default();
+    let settings = match input.accuracy {
+        None => settings,
+        Some(accuracy) => PolygonSettings::new(accuracy, settings.least_pieces())
+            .map_err(|invalid| Invalid { field: "accuracy".to_owned(), ..invalid })?,
+    };
+    let tolerance = tolerance(input.tolerance.as_ref())?;
+    if input.sets.is_empty() {
+        return Err(Invalid::new("sets", "at least one set", "none"));
+    }
+    let sets = input.sets.iter().enumerate().map(|(j, set)| {
+        set_answer(input, set, settings, tolerance)
+            .map_err(|invalid| invalid.within(&format!("sets[{j}]")))
+    });
+    Ok(Answer { sets: sets.collect::<Result<_, _>>()? })
+}
+
+fn tolerance(given: Option<&ToleranceInput>) -> Result<Tolerance, Invalid> {
+    let Some(given) = given else {
+        return Ok(Tolerance::default());
+    };
+    for (name, value) in [("position", given.position), ("heading", given.heading)] {
+        if !(value.is_finite() && value >= 0.0) {
+            let field = format!("tolerance.{name}");
+            return Err(Invalid::new(field, "a finite number ≥ 0", value));
+        }
+    }
+    Ok(Tolerance { position_m: given.position, heading_rad: given.heading })
+}
+
+fn set_answer(
+    input: &Input,
+    given: &SetInput,
+    settings: PolygonSettings,
+    tolerance: Tolerance,
+) -> Result<SetAnswer, Invalid> {
+    let bounds = InputBounds::new(given.lo.clone(), given.hi.clone(), input.turn_rate)?;
+    let set = ReachableSet::new(input.initial, &bounds, input.speed, input.dt)?;
+    let polygons: Vec<_> = (0..=set.steps()).map(|step| set.step_polygon(step, settings)).collect();
+    let queries = given.queries.iter().enumerate().map(|(q, query)| {
+        let Some(polygon) = polygons.get(query.step) else {
+            let expected = format!("a step from 0 to {}", set.steps());
+            return Err(Invalid::new(format!("queries[{q}].step"), expected, query.step));
+        };
+        let margin = signed_distance(polygon, query.state.position());
+        Ok(QueryAnswer {
+            planar: margin >= -tolerance.position_m,
+            full: set.contains_state(query.step, query.state, tolerance),
+        })
+    });
+    let queries = queries.collect::<Result<_, _>>()?;
+    let tube = area(set.tube_polygon(settings));
+    let steps = polygons.into_iter().enumerate().skip(1);
+    let steps = steps
+        .map(|(step, polygon)| StepAnswer { step, t: step as f64 * input.dt, area: area(polygon) })
+        .collect();
+    Ok(SetAnswer { steps, tube, queries })
+}
+
+fn area(polygon: Vec<[f64; 2]>) -> Area {
+    let bbox = bounding_box(&polygon).unwrap_or([f64::NAN; 4]);
+    Area { area: signed_area(&polygon), bbox, polygon }
+}

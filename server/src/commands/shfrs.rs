@@ -1,0 +1,312 @@
+//! `sidestep shfrs`.
+
+mod analysis;
+mod report;
+
+use super::bounds::safety_functions;
+use super::game::GameArgs;
+use super::solving::Interrupt;
+use super::{CommandError, print_json, unwritable};
+use crate::training::{self, Driven};
+use crate::trials_csv;
+use analysis::{Analysis, Questions};
+use sidestep::bounds::{ActionChoice, BoundsSettings, Rollout};
+use sidestep::features::SafetyFunctions;
+use sidestep::invalid::Invalid;
+use sidestep::predict::{Predictor, PredictorFile};
+use sidestep::scene::SceneParameters;
+use sidestep::shfrs::PredictedHuman;
+use sidestep::shfrs::guarantee::Guarantee;
+use sidestep::shfrs::prediction::Prediction;
+use sidestep::shfrs::tuning::Split;
+use sidestep::shfrs::window::{Trajectory, WindowChoice};
+use sidestep::trial::Phase;
+use sidestep::vehicle::VehicleModel;
+use std::fs::{self, File};
+use std::io::BufReader;
+use std::path::{Path, PathBuf};
+
+/// Stochastic human forward reachable sets of recorded trials: the probabilities of regions,
+/// tuning with a guarantee, and what other predictions of the same coverage cost.
+///
+/// Trajectories (tasks only) are parted at random into training, calibration and test. On the
+/// training part the choice of actions is tuned, and the predictor trained if none is given;
+/// on the calibration part ε is found; the test part says what was reached. A predictor that
+/// is given must not have been trained on trajectories of the calibration and test parts.
+///
+/// Writes to DIR: regions.csv (p of sets and regions with intervals, by choice of windows),
+/// tuning.csv (ε_1 by probability and guarantee), pareto.csv and pareto.svg (coverage against
+/// area of SHFRS and of simpler predictions), danger.csv (bounds on the probability that the
+/// human comes within the radius of the robot, by test trajectory), regions.svg (predictions
+/// in the colours of the paper), predictor.json (what was used) and shfrs.json (all numbers
+/// with their settings, tolerances and guarantees in words). Lengths in m, areas in m², times
+/// in s, ε and turn rates in rad/s. In GAME the human is the evader, the robot the pursuer.
+#[derive(Clone, Debug, clap::Args)]
+pub struct ShfrsArgs {
+    /// Recorded trials, as `sidestep export` writes them.
+    #[arg(long, value_name = "FILE.csv")]
+    trials: PathBuf,
+    /// Predictor of the human's next input; without it a logistic regression on B_hrd is
+    /// trained on the training part.
+    #[arg(long, value_name = "FILE.json")]
+    predictor: Option<PathBuf>,
+    /// Folder to write to; made if missing.
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Only this participant's trials; may be given several times [default: all].
+    #[arg(long, value_name = "NAME")]
+    participant: Vec<String>,
+    #[command(flatten)]
+    game: GameArgs,
+    /// By how much each set widens the bounds, rad/s, ascending; the last one must admit every
+    /// turn rate.
+    #[arg(long, value_name = "RAD/S,…", value_delimiter = ',', allow_hyphen_values = true)]
+    #[arg(default_values_t = [0.0, 0.15, 0.25, 0.4, 1.0])]
+    epsilon: Vec<f64>,
+    /// Regions: how many of the likeliest actions count at each step ahead
+    /// [default: 2,2,1,1,…].
+    #[arg(long, value_name = "K,…", value_delimiter = ',', conflicts_with = "tau")]
+    k: Option<Vec<usize>>,
+    /// Regions: instead of k, actions of this probability count, in (0, 1].
+    #[arg(long, value_name = "P", allow_negative_numbers = true)]
+    tau: Option<f64>,
+    /// Steps ahead, T.
+    #[arg(long, value_name = "T", default_value_t = 10)]
+    steps: usize,
+    /// Regions: whether roll-outs of Algorithm 1 are widened by ε_1.
+    #[arg(long, value_enum, default_value = "base")]
+    rollout: RolloutArg,
+    /// Tuning, Pareto and danger: which window of each trajectory.
+    #[arg(long, value_enum, default_value = "random-one")]
+    windows: WindowsArg,
+    /// Tuning and Pareto: probabilities that a trajectory is to stay inside F_1, in (0, 1).
+    #[arg(long, value_name = "P,…", value_delimiter = ',', allow_hyphen_values = true)]
+    #[arg(default_values_t = [0.75, 0.9, 0.95])]
+    probability: Vec<f64>,
+    /// Tuning: what is guaranteed.
+    #[arg(long, value_enum, value_delimiter = ',')]
+    #[arg(default_values = ["conformal", "pac"])]
+    guarantee: Vec<GuaranteeArg>,
+    /// Tuning, pac and fixed-sequence: how often a calibration may fail, in (0, 1).
+    #[arg(long, value_name = "P", default_value_t = 0.05, allow_negative_numbers = true)]
+    delta: f64,
+    /// Share of the trajectories for training, in (0, 1).
+    #[arg(long, value_name = "SHARE", default_value_t = 0.4, allow_negative_numbers = true)]
+    training: f64,
+    /// Share of the trajectories for calibration, in (0, 1); what is left is for the test.
+    #[arg(long, value_name = "SHARE", default_value_t = 0.3, allow_negative_numbers = true)]
+    calibration: f64,
+    /// Of the random parting and the random windows.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    seed: u64,
+    /// Confidence of the intervals, in (0, 1).
+    #[arg(long, value_name = "P", default_value_t = 0.95, allow_negative_numbers = true)]
+    confidence: f64,
+}
+
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum RolloutArg {
+    /// Widened by ε_1, as the paper prints it.
+    Paper,
+    /// Not widened: regions grow with ε_1 for certain.
+    Base,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum WindowsArg {
+    /// From a step drawn at random.
+    RandomOne,
+    /// From the first step in which the human turns.
+    AvoidanceOnset,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum GuaranteeArg {
+    /// On average over calibrations.
+    Conformal,
+    /// But for a share δ of calibrations.
+    Pac,
+    /// The same with the paper's roll-outs, whose sets need not be nested.
+    FixedSequence,
+}
+
+/// Levels of ε that a fixed sequence tests.
+const SEQUENCE: usize = 101;
+
+/// Computes everything, then writes.
+///
+/// # Errors
+/// [`CommandError`] for flags or files that are wrong, too few trajectories for a guarantee
+/// (input), or a file that cannot be written (failure).
+pub async fn run(args: ShfrsArgs) -> Result<(), CommandError> {
+    let interrupt = Interrupt::listen();
+    let parameters = args.parameters()?;
+    let recorded = args.recorded(&parameters)?;
+    let given = args.predictor.as_deref().map(read_predictor).transpose()?;
+    let questions = args.questions()?;
+    fs::create_dir_all(&args.out).map_err(|e| unwritable(&args.out, &e))?;
+    report::check(&args.out)?;
+
+    let safety = safety_functions(&parameters, &interrupt).await?;
+    let parts = questions.split.parts(recorded.len()).map_err(flagged)?;
+    let (predictor, origin) = match given {
+        Some(predictor) => {
+            (predictor, format!("{}", args.predictor.as_deref().unwrap_or(Path::new("")).display()))
+        }
+        None => trained(&safety, &recorded, &parts.training)?,
+    };
+    let human = PredictedHuman::new(&predictor, &safety, &parameters)
+        .map_err(|invalid| CommandError::Input(format!("predictor: {invalid}")))?;
+    let prediction = Prediction::new(&parameters, &human);
+    let regions = args.bounds_settings(predictor.classes().len())?;
+    let analysis =
+        Analysis::of(&recorded, &parts, prediction, &regions, &questions, &origin, &interrupt)?;
+    interrupt.check()?;
+    report::write(&args.out, &analysis, &PredictorFile::from(&predictor), &interrupt)?;
+    print_json(&serde_json::json!({
+        "folder": args.out,
+        "files": report::FILES,
+        "trajectories": recorded.len(),
+        "training": parts.training.len(),
+        "calibration": parts.calibration.len(),
+        "test": parts.test.len(),
+        "predictor": origin,
+    }))
+}
+
+/// A trial of the file.
+struct Recorded {
+    participant: String,
+    trial: u64,
+    trajectory: Trajectory,
+    driven: Driven,
+}
+
+impl ShfrsArgs {
+    fn parameters(&self) -> Result<SceneParameters, CommandError> {
+        let game = self.game.game()?;
+        let vehicle = |player: sidestep::reachability::Player| VehicleModel {
+            speed_mps: player.speed_mps,
+            turn_rate_radps: player.turn_rate_radps,
+        };
+        Ok(SceneParameters {
+            human: vehicle(game.evader),
+            robot: vehicle(game.pursuer),
+            danger_radius_m: game.radius_m,
+            ..SceneParameters::default()
+        })
+    }
+
+    fn recorded(&self, parameters: &SceneParameters) -> Result<Vec<Recorded>, CommandError> {
+        let name = self.trials.display();
+        let complain = |e: &dyn std::fmt::Display| CommandError::Input(format!("{name}: {e}"));
+        let file = File::open(&self.trials).map_err(|e| complain(&format!("cannot read: {e}")))?;
+        let people =
+            trials_csv::read(BufReader::new(file), parameters).map_err(|e| complain(&e))?;
+        for wanted in &self.participant {
+            if !people.iter().any(|person| person.name == *wanted) {
+                let found = people.iter().map(|person| person.name.as_str()).collect::<Vec<_>>();
+                let expected = format!("--participant: expected one of {}", found.join(", "));
+                return Err(complain(&format!("{expected}, found {wanted}")));
+            }
+        }
+        let mut recorded = Vec::new();
+        for person in people {
+            if !self.participant.is_empty() && !self.participant.contains(&person.name) {
+                continue;
+            }
+            for trial in person.trials.into_iter().filter(|trial| trial.phase == Phase::Task) {
+                let rates = trial.inputs.iter().map(|&input| parameters.human.turn_rate(input));
+                let trajectory = Trajectory::new(trial.states.clone(), rates.collect())
+                    .map_err(|e| complain(&format!("line {}: {e}", trial.line)))?;
+                recorded.push(Recorded {
+                    participant: person.name.clone(),
+                    trial: trial.number,
+                    trajectory,
+                    driven: (trial.inputs, trial.states),
+                });
+            }
+        }
+        match recorded.len() {
+            0 => Err(complain(&"expected at least one task, found none")),
+            _ => Ok(recorded),
+        }
+    }
+
+    /// Settings of Algorithm 1 for the regions.
+    fn bounds_settings(&self, actions: usize) -> Result<BoundsSettings, CommandError> {
+        let choice = match (&self.k, self.tau) {
+            (_, Some(tau)) => ActionChoice::Adaptive { tau, steps: self.steps },
+            (Some(k), None) if k.len() != self.steps => {
+                let (expected, found) = (self.steps, k.len());
+                let message = format!("--k: expected {expected} numbers (--steps), found {found}");
+                return Err(CommandError::Input(message));
+            }
+            (Some(k), None) => ActionChoice::TopK(k.clone()),
+            (None, None) => analysis::choice_of_the_paper(self.steps, actions),
+        };
+        let rollout = match self.rollout {
+            RolloutArg::Paper => Rollout::Paper,
+            RolloutArg::Base => Rollout::Base,
+        };
+        BoundsSettings::new(self.epsilon.clone(), choice, rollout, actions).map_err(flagged)
+    }
+
+    fn questions(&self) -> Result<Questions, CommandError> {
+        if self.steps == 0 {
+            return Err(flagged(Invalid::new("steps", "at least 1", 0)));
+        }
+        let delta = self.delta;
+        let guarantee = |wanted: &GuaranteeArg| match wanted {
+            GuaranteeArg::Conformal => Guarantee::Conformal,
+            GuaranteeArg::Pac => Guarantee::Pac { delta },
+            GuaranteeArg::FixedSequence => Guarantee::FixedSequence { delta, levels: SEQUENCE },
+        };
+        let questions = Questions {
+            steps: self.steps,
+            probabilities: self.probability.clone(),
+            guarantees: self.guarantee.iter().map(guarantee).collect(),
+            windows: match self.windows {
+                WindowsArg::RandomOne => WindowChoice::RandomOne { seed: self.seed },
+                WindowsArg::AvoidanceOnset => WindowChoice::AvoidanceOnset,
+            },
+            split: Split {
+                training: self.training,
+                calibration: self.calibration,
+                seed: self.seed,
+            },
+            confidence: self.confidence,
+        };
+        questions.check().map_err(flagged)?;
+        Ok(questions)
+    }
+}
+
+/// A complaint of the library in terms of the command line.
+fn flagged(invalid: Invalid) -> CommandError {
+    CommandError::Input(format!("--{invalid}"))
+}
+
+fn read_predictor(path: &Path) -> Result<Predictor, CommandError> {
+    let complain =
+        |e: &dyn std::fmt::Display| CommandError::Input(format!("{}: {e}", path.display()));
+    let text = fs::read_to_string(path).map_err(|e| complain(&format!("cannot read: {e}")))?;
+    let file: PredictorFile = serde_json::from_str(&text).map_err(|e| complain(&e))?;
+    Predictor::try_from(file).map_err(|e| complain(&e))
+}
+
+/// A predictor trained on the training part, and in words what it is.
+fn trained(
+    safety: &SafetyFunctions,
+    recorded: &[Recorded],
+    training: &[usize],
+) -> Result<(Predictor, String), CommandError> {
+    let driven: Vec<Driven> = training.iter().map(|&i| recorded[i].driven.clone()).collect();
+    let trained = training::train(Some(safety), &driven).map_err(CommandError::failure)?;
+    let what = match trained.fallback {
+        None => format!("logistic regression on B_hrd, from {} trajectories", driven.len()),
+        Some(reason) => format!("the frequencies of the inputs ({reason})"),
+    };
+    let predictor = Predictor::try_from(trained.predictor).map_err(CommandError::failure)?;
+    Ok((predictor, what))
+}

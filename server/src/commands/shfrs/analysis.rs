@@ -1,0 +1,309 @@
+//! What `sidestep shfrs` computes.
+
+use super::super::CommandError;
+use super::super::solving::Interrupt;
+use super::{Recorded, flagged};
+use serde::Serialize;
+use sidestep::bounds::{ActionChoice, ActionModel, BoundsSettings, input_bounds};
+use sidestep::invalid::Invalid;
+use sidestep::reach::{PolygonSettings, ReachableSet};
+use sidestep::scene::SceneParameters;
+use sidestep::shfrs::baselines::{
+    Gaussian, Mode, Nominal, PerModeEmpirical, constant_velocity, hold_the_input,
+    learned_disturbance, worst_case,
+};
+use sidestep::shfrs::danger::{DangerBounds, danger_bounds};
+use sidestep::shfrs::family::Family;
+use sidestep::shfrs::guarantee::Guarantee;
+use sidestep::shfrs::pareto::{Pareto, ParetoSettings, pareto};
+use sidestep::shfrs::prediction::Prediction;
+use sidestep::shfrs::probability::{Regions, regions};
+use sidestep::shfrs::scores::{Scores, ShfrsFamily};
+use sidestep::shfrs::tuning::{Parts, Sample, Split, Tuned, TuningSettings, candidates, tune};
+use sidestep::shfrs::window::{Trajectory, Window, WindowChoice};
+use sidestep::stats::open_probability;
+
+use crate::figure::{DangerZone, DrawnSet, RegionsPanel};
+
+/// What is asked, besides the regions.
+pub(super) struct Questions {
+    pub(super) steps: usize,
+    pub(super) probabilities: Vec<f64>,
+    pub(super) guarantees: Vec<Guarantee>,
+    pub(super) windows: WindowChoice,
+    pub(super) split: Split,
+    pub(super) confidence: f64,
+}
+
+impl Questions {
+    pub(super) fn check(&self) -> Result<(), Invalid> {
+        for &p in &self.probabilities {
+            open_probability("probability", p)?;
+        }
+        for guarantee in &self.guarantees {
+            guarantee.check()?;
+        }
+        open_probability("confidence", self.confidence)?;
+        self.split.parts(0).map(drop)
+    }
+}
+
+/// Everything that was found.
+#[derive(Serialize)]
+pub(super) struct Analysis {
+    /// Where the predictor comes from.
+    pub(super) predictor: String,
+    pub(super) participants: usize,
+    pub(super) trajectories: Parted,
+    /// One for each choice of windows that there are windows for.
+    pub(super) regions: Vec<Regions>,
+    /// Which trajectories the regions' probabilities are from.
+    pub(super) regions_from: String,
+    pub(super) tuning: Vec<Tuned>,
+    pub(super) pareto: Pareto,
+    pub(super) danger: Danger,
+    #[serde(skip)]
+    pub(super) panels: Vec<RegionsPanel>,
+    #[serde(skip)]
+    pub(super) panel_times_s: Vec<f64>,
+}
+
+/// How many trajectories.
+#[derive(Serialize)]
+pub(super) struct Parted {
+    training: usize,
+    calibration: usize,
+    test: usize,
+}
+
+/// Bounds on the probability of entering the danger zone, on the test part.
+#[derive(Serialize)]
+pub(super) struct Danger {
+    /// Which actions count.
+    choice: String,
+    statement: String,
+    mean_low: f64,
+    /// Share of the windows in which the human came within the radius at a step.
+    entered: f64,
+    mean_high: f64,
+    pub(super) windows: Vec<DangerRow>,
+}
+
+/// One test trajectory.
+#[derive(Serialize)]
+pub(super) struct DangerRow {
+    pub(super) participant: String,
+    pub(super) trial: u64,
+    pub(super) step: usize,
+    pub(super) bounds: DangerBounds,
+    pub(super) entered: bool,
+}
+
+/// 2, 2, 1, 1, …
+pub(super) fn choice_of_the_paper(steps: usize, actions: usize) -> ActionChoice {
+    ActionChoice::TopK((0..steps).map(|i| if i < 2 { actions.min(2) } else { 1 }).collect())
+}
+
+impl Analysis {
+    pub(super) fn of<M: ActionModel + Sync>(
+        recorded: &[Recorded],
+        parts: &Parts,
+        prediction: Prediction<'_, M>,
+        settings: &BoundsSettings,
+        questions: &Questions,
+        predictor: &str,
+        interrupt: &Interrupt,
+    ) -> Result<Self, CommandError> {
+        let trajectories: Vec<Trajectory> =
+            recorded.iter().map(|recorded| recorded.trajectory.clone()).collect();
+        let sample = parts.sample(&trajectories);
+        // Trajectories that neither the predictor nor the choice of actions has seen.
+        let unseen: Vec<Trajectory> = [&sample.calibration[..], &sample.test[..]].concat();
+        let mut found = Vec::new();
+        for choice in [
+            WindowChoice::EveryStep,
+            WindowChoice::RandomOne { seed: questions.split.seed },
+            WindowChoice::AvoidanceOnset,
+        ] {
+            interrupt.check()?;
+            // Nobody need have turned in time.
+            if choice.windows(&unseen, settings.steps()).iter().any(|windows| !windows.is_empty()) {
+                let regions = regions(&unseen, choice, prediction, settings, questions.confidence);
+                found.push(regions.map_err(flagged)?);
+            }
+        }
+        let mut tuning = Vec::new();
+        for &guarantee in &questions.guarantees {
+            for &p in &questions.probabilities {
+                interrupt.check()?;
+                let settings = TuningSettings {
+                    p,
+                    guarantee,
+                    windows: questions.windows,
+                    candidates: candidates(prediction.model.actions().len(), questions.steps),
+                    confidence: questions.confidence,
+                };
+                tuning.push(tune(&sample, prediction, &settings).map_err(flagged)?);
+            }
+        }
+        interrupt.check()?;
+        let pareto = compare(&sample, prediction, questions, &tuning).map_err(flagged)?;
+        interrupt.check()?;
+        let choice = tuning.first().map_or_else(
+            || choice_of_the_paper(questions.steps, prediction.model.actions().len()),
+            |t| t.choice.clone(),
+        );
+        let danger =
+            danger(recorded, parts, &sample, prediction, questions, &choice).map_err(flagged)?;
+        let mut names: Vec<&str> = recorded.iter().map(|r| r.participant.as_str()).collect();
+        names.dedup();
+        let (panels, panel_times_s) =
+            panels(recorded, parts, prediction, settings).map_err(flagged)?;
+        Ok(Self {
+            predictor: predictor.to_owned(),
+            participants: names.len(),
+            trajectories: Parted {
+                training: parts.training.len(),
+                calibration: parts.calibration.len(),
+                test: parts.test.len(),
+            },
+            regions: found,
+            regions_from: "the calibration and test parts".to_owned(),
+            tuning,
+            pareto,
+            danger,
+            panels,
+            panel_times_s,
+        })
+    }
+}
+
+/// SHFRS with each tuned choice of actions and the paper's, and simpler predictions.
+fn compare<M: ActionModel + Sync>(
+    sample: &Sample,
+    prediction: Prediction<'_, M>,
+    questions: &Questions,
+    tuning: &[Tuned],
+) -> Result<Pareto, Invalid> {
+    let parameters = prediction.parameters;
+    let windows: Vec<Window<'_>> =
+        WindowChoice::EveryStep.windows(&sample.training, questions.steps).concat();
+    let mut choices: Vec<ActionChoice> = Vec::new();
+    let paper = choice_of_the_paper(questions.steps, prediction.model.actions().len());
+    for choice in tuning.iter().map(|tuned| &tuned.choice).chain([&paper]) {
+        if !choices.contains(choice) {
+            choices.push(choice.clone());
+        }
+    }
+    let mut families: Vec<Box<dyn Family + Send + '_>> = Vec::new();
+    for choice in &choices {
+        families.push(Box::new(ShfrsFamily::new(prediction, choice)?));
+    }
+    families.push(Box::new(worst_case(parameters)));
+    families.push(Box::new(constant_velocity(parameters)));
+    families.push(Box::new(hold_the_input(parameters)));
+    families.push(Box::new(learned_disturbance(parameters, prediction.model)));
+    families.push(Box::new(Gaussian::learn(Nominal::Held, parameters, &windows)?));
+    let mode = Mode::MostLikely(prediction.model);
+    families.push(Box::new(PerModeEmpirical::learn(mode, parameters, &windows)?));
+    let settings = ParetoSettings::new(
+        questions.probabilities.clone(),
+        questions.confidence,
+        questions.windows,
+        questions.steps,
+        POINTS,
+    )?;
+    pareto(&mut families, &sample.calibration, &sample.test, &settings)
+}
+
+/// Levels that a curve shows at most.
+const POINTS: usize = 60;
+
+fn danger<M: ActionModel + Sync>(
+    recorded: &[Recorded],
+    parts: &Parts,
+    sample: &Sample,
+    prediction: Prediction<'_, M>,
+    questions: &Questions,
+    choice: &ActionChoice,
+) -> Result<Danger, Invalid> {
+    let mut family = ShfrsFamily::new(prediction, choice)?;
+    let name = family.name();
+    let scores = Scores::of(&mut family, &sample.calibration, questions.windows, questions.steps)?;
+    let radius_m = prediction.parameters.danger_radius_m;
+    let mut rows = Vec::new();
+    let windows = questions.windows.windows(&sample.test, questions.steps);
+    for (&i, window) in parts.test.iter().zip(&windows) {
+        let Some(window) = window.first() else { continue };
+        rows.push(DangerRow {
+            participant: recorded[i].participant.clone(),
+            trial: recorded[i].trial,
+            step: window.begin(),
+            bounds: danger_bounds(window.history(), &prediction, choice, &scores)?,
+            entered: window.future().iter().any(|state| state.distance_m() <= radius_m),
+        });
+    }
+    let mean = |of: &dyn Fn(&DangerRow) -> f64| {
+        rows.iter().map(of).sum::<f64>() / rows.len().max(1) as f64
+    };
+    Ok(Danger {
+        choice: name,
+        statement: rows.first().map_or_else(String::new, |row| row.bounds.statement.clone()),
+        mean_low: mean(&|row| row.bounds.low),
+        entered: mean(&|row| f64::from(u8::from(row.entered))),
+        mean_high: mean(&|row| row.bounds.high),
+        windows: rows,
+    })
+}
+
+/// Predictions that are drawn.
+const PANELS: usize = 3;
+
+/// The first test trajectories with a turn, when it begins; else the first ones at all.
+fn panels<M: ActionModel>(
+    recorded: &[Recorded],
+    parts: &Parts,
+    prediction: Prediction<'_, M>,
+    settings: &BoundsSettings,
+) -> Result<(Vec<RegionsPanel>, Vec<f64>), Invalid> {
+    let parameters: &SceneParameters = prediction.parameters;
+    let steps = settings.steps();
+    let shown: Vec<usize> = (1..=steps).filter(|step| step % 2 == 0 || steps < 4).collect();
+    let onset = |i: &&usize| {
+        let trajectory = &recorded[**i].trajectory;
+        trajectory.onset().and_then(|begin| Window::new(trajectory, begin, steps)).is_some()
+    };
+    let turning: Vec<&usize> = parts.test.iter().filter(onset).take(PANELS).collect();
+    let chosen: Vec<&usize> =
+        if turning.is_empty() { parts.test.iter().take(PANELS).collect() } else { turning };
+    let mut panels = Vec::new();
+    for &&i in &chosen {
+        let Recorded { participant, trial, trajectory, .. } = &recorded[i];
+        let begin = trajectory.onset().unwrap_or(0);
+        let history = &trajectory.states()[..=begin];
+        let now = trajectory.states()[begin];
+        let found = input_bounds(history, parameters, prediction.model, |_| 0.0, settings)?;
+        let polygons = PolygonSettings::default();
+        let mut sets = Vec::new();
+        for bounds in &found.sets {
+            let set = ReachableSet::new(
+                now.human,
+                bounds,
+                parameters.human.speed_mps,
+                parameters.step_s,
+            )?;
+            sets.push(DrawnSet {
+                tube: set.tube_polygon(polygons),
+                steps: shown.iter().map(|&step| set.step_polygon(step, polygons)).collect(),
+            });
+        }
+        panels.push(RegionsPanel {
+            title: format!("participant {participant}, trial {trial}, step {begin}"),
+            start: now.human,
+            sets,
+            robot: Some(DangerZone { robot: now.robot, radius_m: parameters.danger_radius_m }),
+        });
+    }
+    let times = shown.iter().map(|&step| step as f64 * parameters.step_s).collect();
+    Ok((panels, times))
+}

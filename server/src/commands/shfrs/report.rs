@@ -1,0 +1,205 @@
+//! The files that `sidestep shfrs` writes.
+
+use super::super::solving::Interrupt;
+use super::super::{CommandError, unwritable};
+use super::analysis::Analysis;
+use crate::{figure, whole_file};
+use csv::Writer;
+use sidestep::predict::PredictorFile;
+use sidestep::shfrs::probability::Regions;
+use std::path::Path;
+
+/// In the order in which they are written.
+pub(super) const FILES: [&str; 8] = [
+    "regions.csv",
+    "tuning.csv",
+    "pareto.csv",
+    "danger.csv",
+    "regions.svg",
+    "pareto.svg",
+    "predictor.json",
+    "shfrs.json",
+];
+
+/// Whether all of them could be written.
+pub(super) fn check(folder: &Path) -> Result<(), CommandError> {
+    FILES.into_iter().try_for_each(|name| {
+        let path = folder.join(name);
+        whole_file::check(&path).map_err(|e| unwritable(&path, &e))
+    })
+}
+
+/// Writes them, each whole or not at all.
+pub(super) fn write(
+    folder: &Path,
+    analysis: &Analysis,
+    predictor: &PredictorFile,
+    interrupt: &Interrupt,
+) -> Result<(), CommandError> {
+    let json = |value: serde_json::Result<String>| {
+        value.map(|text| text + "\n").map_err(CommandError::failure)
+    };
+    let texts = [
+        regions_csv(&analysis.regions)?,
+        tuning_csv(analysis)?,
+        rows_csv(&analysis.pareto.rows)?,
+        danger_csv(analysis)?,
+        regions_svg(analysis)?,
+        figure::pareto(&analysis.pareto, featured(analysis), &note(analysis))
+            .map_err(CommandError::failure)?,
+        json(serde_json::to_string_pretty(predictor))?,
+        json(serde_json::to_string_pretty(analysis))?,
+    ];
+    for (name, text) in FILES.into_iter().zip(texts) {
+        let path = folder.join(name);
+        whole_file::write(&path, &interrupt.stop, |out| out.write_all(text.as_bytes()))
+            .map_err(|e| interrupt.check().err().unwrap_or_else(|| unwritable(&path, &e)))?;
+    }
+    Ok(())
+}
+
+fn note(analysis: &Analysis) -> String {
+    let n = analysis.participants;
+    format!(
+        "{n} participant{}  ·  predictor: {}",
+        if n == 1 { "" } else { "s" },
+        analysis.predictor
+    )
+}
+
+/// How many families of the Pareto table are SHFRS.
+fn featured(analysis: &Analysis) -> usize {
+    analysis.pareto.curves.iter().filter(|curve| curve.family.starts_with("SHFRS")).count()
+}
+
+fn csv_text(
+    write: impl FnOnce(&mut Writer<Vec<u8>>) -> csv::Result<()>,
+) -> Result<String, CommandError> {
+    let mut writer = Writer::from_writer(Vec::new());
+    write(&mut writer).map_err(CommandError::failure)?;
+    let octets = writer.into_inner().map_err(|e| CommandError::failure(e.error()))?;
+    String::from_utf8(octets).map_err(CommandError::failure)
+}
+
+fn rows_csv<T: serde::Serialize>(rows: &[T]) -> Result<String, CommandError> {
+    csv_text(|writer| rows.iter().try_for_each(|row| writer.serialize(row)))
+}
+
+fn regions_csv(regions: &[Regions]) -> Result<String, CommandError> {
+    csv_text(|writer| {
+        writer.write_record([
+            "window_choice",
+            "set",
+            "epsilon",
+            "p_set",
+            "p_set_low",
+            "p_set_high",
+            "p_region",
+            "p_region_low",
+            "p_region_high",
+            "mean_area_m2",
+            "windows",
+            "trajectories",
+            "confidence",
+            "actions",
+            "rollout",
+            "steps",
+            "tolerance_m",
+            "tolerance_rad",
+        ])?;
+        for found in regions {
+            let p = &found.probabilities;
+            for (j, epsilon) in found.epsilon.iter().enumerate() {
+                let (set, region) = (p.inside[j], p.region[j]);
+                writer.serialize((
+                    (&found.window_choice, j + 1, epsilon),
+                    (set.value, set.low, set.high),
+                    (region.value, region.low, region.high),
+                    (found.mean_area_m2[j], p.windows, p.trajectories, p.confidence),
+                    (&found.actions, &found.rollout, found.steps),
+                    (found.tolerance_m, found.tolerance_rad),
+                ))?;
+            }
+        }
+        Ok(())
+    })
+}
+
+fn tuning_csv(analysis: &Analysis) -> Result<String, CommandError> {
+    csv_text(|writer| {
+        writer.write_record([
+            "guarantee",
+            "p",
+            "actions",
+            "rollout",
+            "epsilon",
+            "mean_area_m2",
+            "coverage",
+            "coverage_low",
+            "coverage_high",
+            "confidence",
+            "window_choice",
+            "steps",
+            "training",
+            "calibration",
+            "test",
+            "statement",
+        ])?;
+        for tuned in &analysis.tuning {
+            writer.serialize((
+                (&tuned.guarantee, tuned.p, tuned.choice.to_string(), &tuned.rollout),
+                (tuned.epsilon, tuned.mean_area_m2),
+                (tuned.coverage.value, tuned.coverage.low, tuned.coverage.high, tuned.confidence),
+                (&tuned.window_choice, tuned.steps),
+                (tuned.training, tuned.calibration, tuned.test),
+                &tuned.statement,
+            ))?;
+        }
+        Ok(())
+    })
+}
+
+fn danger_csv(analysis: &Analysis) -> Result<String, CommandError> {
+    csv_text(|writer| {
+        writer.write_record([
+            "participant",
+            "trial",
+            "step",
+            "probability_low",
+            "probability_high",
+            "entered",
+            "steps",
+            "calibration",
+        ])?;
+        for row in &analysis.danger.windows {
+            writer.serialize((
+                (&row.participant, row.trial, row.step),
+                (row.bounds.low, row.bounds.high, u8::from(row.entered)),
+                (row.bounds.steps, row.bounds.calibration),
+            ))?;
+        }
+        Ok(())
+    })
+}
+
+fn regions_svg(analysis: &Analysis) -> Result<String, CommandError> {
+    // The probabilities of windows from every step: those that a live display has.
+    let Some(found) = analysis.regions.first() else {
+        return Err(CommandError::Failure("no trajectory is long enough".to_owned()));
+    };
+    let name = |(j, epsilon): (usize, &f64)| {
+        let p = found.probabilities.region[j];
+        format!("ε = {epsilon}: p = {:.2} ({:.2}–{:.2})", p.value, p.low, p.high)
+    };
+    let names: Vec<String> = found.epsilon.iter().enumerate().map(name).collect();
+    let note =
+        format!("{}  ·  {}  ·  p over windows from every step", found.actions, note(analysis));
+    figure::regions(
+        "Where the human may be",
+        &note,
+        &analysis.panels,
+        &analysis.panel_times_s,
+        &names,
+    )
+    .map_err(CommandError::failure)
+}

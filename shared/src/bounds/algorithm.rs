@@ -1,0 +1,366 @@
+//! Algorithm 1 itself.
+
+use super::{ActionChoice, ActionModel, BoundsSettings, InputBounds, Motion, Rollout};
+use crate::invalid::Invalid;
+use crate::scene::{JointState, SceneParameters};
+use crate::vehicle::dubins;
+
+/// What Algorithm 1 finds.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct PredictedBounds {
+    /// The bounds of each set F_j.
+    pub sets: Vec<InputBounds>,
+    /// The bounds before widening, of each step, rad/s.
+    pub raw: Vec<(f64, f64)>,
+    /// The states of the roll-out along the low bounds, from now: T + 1.
+    pub low: Vec<JointState>,
+    /// The states of the roll-out along the high bounds, from now: T + 1.
+    pub high: Vec<JointState>,
+}
+
+/// Algorithm 1 of the paper with its scratch: once it has run, runs with no more states,
+/// steps, sets and actions allocate nothing.
+#[derive(Clone, Debug, Default)]
+pub struct Algorithm1 {
+    /// Past and predicted states, along the low and along the high bounds.
+    low: Vec<JointState>,
+    high: Vec<JointState>,
+    likely: LikelyActions,
+    found: PredictedBounds,
+}
+
+impl Algorithm1 {
+    /// Bounds on the human's turn rate for each coming step and each set.
+    ///
+    /// `history` is every joint state of the trial up to now, at least one.
+    /// `robot_action` gives the robot's turn rate, rad/s, from the states so far
+    /// (`getRobotAction`); like the model it is asked along both roll-outs, and gives the
+    /// same answer for the same states. Indices count from the present step.
+    ///
+    /// # Errors
+    /// [`Invalid`] if there is no state; a coordinate is not finite; a part of `motion` is
+    /// wrong; an action, or the robot's, is outside the vehicle's turn rate; the model has
+    /// not as many actions as the settings were made for; or its probabilities are not
+    /// numbers ≥ 0 that sum to 1 within 10⁻⁶.
+    pub fn run(
+        &mut self,
+        history: &[JointState],
+        motion: &Motion,
+        model: &impl ActionModel,
+        robot_action: impl Fn(&[JointState]) -> f64,
+        settings: &BoundsSettings,
+    ) -> Result<&PredictedBounds, Invalid> {
+        check(history, motion, model.actions(), settings)?;
+        self.start(history, settings.epsilon.len());
+        for i in 0..settings.steps() {
+            let mut raw = self.likely.range(model, &self.low, settings, i)?;
+            // While the roll-outs are the same, so is what is likely in them.
+            let parted = self.low != self.high;
+            if parted {
+                let other = self.likely.range(model, &self.high, settings, i)?;
+                raw = (raw.0.min(other.0), raw.1.max(other.1));
+            }
+            self.found.raw.push(raw);
+            for (set, &epsilon) in self.found.sets.iter_mut().zip(&settings.epsilon) {
+                let (lo, hi) = widened(raw, epsilon, motion.human_turn_rate);
+                set.lo.push(lo);
+                set.hi.push(hi);
+            }
+            let epsilon = match settings.rollout {
+                Rollout::Paper => settings.epsilon[0],
+                Rollout::Base => 0.0,
+            };
+            let (lo, hi) = widened(raw, epsilon, motion.human_turn_rate);
+            let robot_low = turn_of_robot(robot_action(&self.low), motion, i)?;
+            let robot_high = if parted {
+                turn_of_robot(robot_action(&self.high), motion, i)?
+            } else {
+                robot_low
+            };
+            advance(&mut self.low, lo, robot_low, motion);
+            advance(&mut self.high, hi, robot_high, motion);
+        }
+        let now = history.len() - 1;
+        self.found.low.extend_from_slice(&self.low[now..]);
+        self.found.high.extend_from_slice(&self.high[now..]);
+        Ok(&self.found)
+    }
+
+    /// Empties everything but its memory.
+    fn start(&mut self, history: &[JointState], sets: usize) {
+        for path in [&mut self.low, &mut self.high] {
+            path.clear();
+            path.extend_from_slice(history);
+        }
+        let found = &mut self.found;
+        found.sets.resize_with(sets, || InputBounds { lo: Vec::new(), hi: Vec::new() });
+        for set in &mut found.sets {
+            set.lo.clear();
+            set.hi.clear();
+        }
+        found.raw.clear();
+        found.low.clear();
+        found.high.clear();
+    }
+}
+
+/// [`Algorithm1::run`] once, for the vehicles of `parameters`.
+///
+/// # Errors
+/// As of [`Algorithm1::run`].
+pub fn input_bounds(
+    history: &[JointState],
+    parameters: &SceneParameters,
+    model: &impl ActionModel,
+    robot_action: impl Fn(&[JointState]) -> f64,
+    settings: &BoundsSettings,
+) -> Result<PredictedBounds, Invalid> {
+    let mut algorithm = Algorithm1::default();
+    algorithm.run(history, &Motion::from(parameters), model, robot_action, settings)?;
+    Ok(algorithm.found)
+}
+
+fn check(
+    history: &[JointState],
+    motion: &Motion,
+    actions: &[f64],
+    settings: &BoundsSettings,
+) -> Result<(), Invalid> {
+    if history.is_empty() {
+        return Err(Invalid::new("history", "at least one state", "none"));
+    }
+    for (i, state) in history.iter().enumerate() {
+        state.check().map_err(|invalid| invalid.within(&format!("history[{i}]")))?;
+    }
+    motion.check().map_err(|invalid| invalid.within("motion"))?;
+    if actions.len() != settings.actions {
+        let expected = format!("{} actions, as the settings say", settings.actions);
+        return Err(Invalid::new("actions", expected, actions.len()));
+    }
+    let (least, most) = motion.human_turn_rate;
+    if let Some(a) = actions.iter().position(|rate| !(least..=most).contains(rate)) {
+        let expected = format!("a turn rate from {least} to {most} rad/s");
+        return Err(Invalid::new(format!("actions[{a}]"), expected, actions[a]));
+    }
+    Ok(())
+}
+
+/// The bounds moved apart by `epsilon` on both sides, but not out of `range`.
+fn widened((lo, hi): (f64, f64), epsilon: f64, range: (f64, f64)) -> (f64, f64) {
+    ((lo - epsilon).max(range.0), (hi + epsilon).min(range.1))
+}
+
+fn turn_of_robot(rate: f64, motion: &Motion, i: usize) -> Result<f64, Invalid> {
+    let (least, most) = motion.robot_turn_rate;
+    if (least..=most).contains(&rate) {
+        return Ok(rate);
+    }
+    let expected = format!("a turn rate from {least} to {most} rad/s");
+    Err(Invalid::new(format!("robot_action of step {i}"), expected, rate))
+}
+
+/// Appends the state after one more step.
+fn advance(path: &mut Vec<JointState>, human_turn: f64, robot_turn: f64, motion: &Motion) {
+    if let Some(&JointState { human, robot }) = path.last() {
+        path.push(JointState {
+            human: dubins::arc(human, motion.human_speed_mps, human_turn, motion.step_s),
+            robot: dubins::arc(robot, motion.robot_speed_mps, robot_turn, motion.step_s),
+        });
+    }
+}
+
+/// How far probabilities may be from summing to 1.
+const SUM_TOLERANCE: f64 = 1e-6;
+
+/// Finds the actions that count (getTopKPredictedHumanActions).
+#[derive(Clone, Debug, Default)]
+struct LikelyActions {
+    probabilities: Vec<f64>,
+    sorted: Vec<f64>,
+}
+
+impl LikelyActions {
+    /// Lowest and highest turn rate among the actions that count at coming step `i`.
+    fn range(
+        &mut self,
+        model: &impl ActionModel,
+        history: &[JointState],
+        settings: &BoundsSettings,
+        i: usize,
+    ) -> Result<(f64, f64), Invalid> {
+        let actions = model.actions();
+        self.probabilities.clear();
+        self.probabilities.resize(actions.len(), f64::NAN);
+        model.probabilities(history, &mut self.probabilities);
+        if let Some(a) = self.probabilities.iter().position(|p| !(p.is_finite() && *p >= 0.0)) {
+            let field = format!("probabilities[{a}] of step {i}");
+            return Err(Invalid::new(field, "a finite number ≥ 0", self.probabilities[a]));
+        }
+        let total: f64 = self.probabilities.iter().sum();
+        if (total - 1.0).abs() > SUM_TOLERANCE {
+            let field = format!("probabilities of step {i}");
+            return Err(Invalid::new(field, "numbers that sum to 1", total));
+        }
+        let threshold = self.threshold(&settings.choice, i);
+        let likely = actions.iter().zip(&self.probabilities).filter(|&(_, &p)| p >= threshold);
+        let none = (f64::INFINITY, f64::NEG_INFINITY);
+        Ok(likely.fold(none, |(lo, hi), (&rate, _)| (lo.min(rate), hi.max(rate))))
+    }
+
+    /// Least probability that counts.
+    fn threshold(&mut self, choice: &ActionChoice, i: usize) -> f64 {
+        match choice {
+            ActionChoice::Adaptive { tau, .. } => {
+                tau.min(self.probabilities.iter().copied().fold(0.0, f64::max))
+            }
+            ActionChoice::TopK(k) => {
+                self.sorted.clear();
+                self.sorted.extend_from_slice(&self.probabilities);
+                let (_, kth, _) =
+                    self.sorted.select_nth_unstable_by(k[i] - 1, |a, b| b.total_cmp(a));
+                *kth
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::vehicle::Pose;
+
+    /// The same probabilities everywhere.
+    struct Fixed<'a>(&'a [f64], &'a [f64]);
+
+    impl ActionModel for Fixed<'_> {
+        fn actions(&self) -> &[f64] {
+            self.0
+        }
+
+        fn probabilities(&self, _: &[JointState], out: &mut [f64]) {
+            out.copy_from_slice(self.1);
+        }
+    }
+
+    const RATES: [f64; 3] = [-0.5, 0.0, 0.5];
+
+    fn start() -> [JointState; 1] {
+        [JointState { human: Pose::new(0.0, 0.0, 0.3), robot: Pose::new(9.0, 2.0, 3.0) }]
+    }
+
+    fn run(p: [f64; 3], epsilon: &[f64], choice: ActionChoice) -> PredictedBounds {
+        let settings = BoundsSettings::new(epsilon.to_vec(), choice, Rollout::Paper, 3).unwrap();
+        let model = Fixed(&RATES, &p);
+        input_bounds(&start(), &SceneParameters::default(), &model, |_| 0.0, &settings).unwrap()
+    }
+
+    #[test]
+    fn top_k_takes_the_interval_between_likely_actions() {
+        let found = run([0.5, 0.2, 0.3], &[0.0, 0.2, 1.0], ActionChoice::TopK(vec![2, 1]));
+        assert_eq!(found.raw, [(-0.5, 0.5), (-0.5, -0.5)]);
+        assert_eq!(found.sets[1].hi(), [0.5, -0.3]);
+        assert_eq!((found.sets[2].lo(), found.sets[2].hi()), (&[-0.5; 2][..], &[0.5; 2][..]));
+        assert_eq!((found.low.len(), found.high.len()), (3, 3));
+        assert_eq!(found.low[0], start()[0]);
+    }
+
+    #[test]
+    fn ties_with_the_kth_all_count() {
+        let raw = |p, k| run(p, &[0.0], ActionChoice::TopK(vec![k])).raw[0];
+        assert_eq!(raw([0.4, 0.2, 0.4], 1), (-0.5, 0.5));
+        assert_eq!(raw([0.6, 0.2, 0.2], 2), (-0.5, 0.5));
+        assert_eq!(raw([0.2, 0.6, 0.2], 1), (0.0, 0.0));
+        // None is likely enough to be the second one: all tie with it.
+        assert_eq!(raw([1.0, 0.0, 0.0], 2), (-0.5, 0.5));
+    }
+
+    #[test]
+    fn the_adaptive_set_follows_the_probabilities() {
+        let adaptive = |p, tau| run(p, &[0.0], ActionChoice::Adaptive { tau, steps: 1 }).raw[0];
+        assert_eq!(adaptive([0.1, 0.6, 0.3], 0.25), (0.0, 0.5));
+        assert_eq!(adaptive([0.05, 0.9, 0.05], 0.25), (0.0, 0.0));
+        // Where nothing reaches τ the most likely one counts, with its ties.
+        assert_eq!(adaptive([0.5, 0.3, 0.2], 1.0), (-0.5, -0.5));
+        assert_eq!(adaptive([0.4, 0.2, 0.4], 0.9), (-0.5, 0.5));
+    }
+
+    /// Five actions and a turn rate that is not the same to both sides.
+    #[test]
+    fn any_actions_within_any_turn_rate() {
+        let motion =
+            Motion { human_turn_rate: (-0.3, 0.6), ..Motion::from(&SceneParameters::default()) };
+        let model = Fixed(&[-0.3, -0.1, 0.0, 0.2, 0.6], &[0.05, 0.1, 0.25, 0.4, 0.2]);
+        let k = ActionChoice::TopK(vec![1, 2, 3, 4, 5]);
+        let epsilon = vec![0.0, 0.15, 0.9];
+        let settings = BoundsSettings::new(epsilon, k, Rollout::Base, 5).unwrap();
+        let mut algorithm = Algorithm1::default();
+        let found = algorithm.run(&start(), &motion, &model, |_| 0.0, &settings).unwrap();
+        let raw = [(0.2, 0.2), (0.0, 0.2), (0.0, 0.6), (-0.1, 0.6), (-0.3, 0.6)];
+        assert_eq!(found.raw, raw);
+        let lo = found.sets[1].lo();
+        assert!((lo[0] - 0.05).abs() < 1e-15 && lo[3] == -0.25 && lo[4] == -0.3, "{lo:?}");
+        assert!(found.sets[2].lo().iter().all(|&rate| rate == -0.3));
+        assert!(found.sets[2].hi().iter().all(|&rate| rate == 0.6));
+    }
+
+    /// The robot's turn rate comes from the states of each roll-out.
+    #[test]
+    fn the_robot_is_asked_along_both_roll_outs() {
+        let settings =
+            BoundsSettings::new(vec![0.0], ActionChoice::TopK(vec![3; 4]), Rollout::Paper, 3);
+        let toward = |states: &[JointState]| 0.5 * states[states.len() - 1].human.y.signum();
+        let model = Fixed(&RATES, &[0.2, 0.6, 0.2]);
+        let parameters = SceneParameters::default();
+        let mut history = start();
+        history[0].human.psi = 0.0;
+        let found =
+            input_bounds(&history, &parameters, &model, toward, &settings.unwrap()).unwrap();
+        assert!(found.low[4].human.y < 0.0 && found.high[4].human.y > 0.0);
+        let turned = |path: &[JointState]| crate::math::wrap_angle(path[4].robot.psi - 3.0);
+        // The first answer is for the same state in both: y = 0 counts as left.
+        assert!((turned(&found.high) - 0.4).abs() < 1e-12, "{}", turned(&found.high));
+        assert!((turned(&found.low) + 0.2).abs() < 1e-12, "{}", turned(&found.low));
+    }
+
+    #[test]
+    fn complaints_name_the_field() {
+        type Change = fn(&mut Vec<JointState>, &mut Motion, &mut Vec<f64>, &mut Vec<f64>);
+        let field = |change: Change, robot: f64| {
+            let (mut history, mut actions) = (start().to_vec(), RATES.to_vec());
+            let mut p = vec![0.2, 0.5, 0.3];
+            let mut motion = Motion::from(&SceneParameters::default());
+            change(&mut history, &mut motion, &mut actions, &mut p);
+            let choice = ActionChoice::TopK(vec![1, 1]);
+            let settings = BoundsSettings::new(vec![0.0], choice, Rollout::Base, 3).unwrap();
+            let model = Fixed(&actions, &p);
+            let found = Algorithm1::default();
+            { found }.run(&history, &motion, &model, |_| robot, &settings).unwrap_err().field
+        };
+        assert_eq!(field(|h, _, _, _| h.clear(), 0.0), "history");
+        assert_eq!(field(|h, _, _, _| h[0].robot.y = f64::NAN, 0.0), "history[0].robot.y");
+        assert_eq!(field(|_, m, _, _| m.step_s = 0.0, 0.0), "motion.step_s");
+        assert_eq!(field(|_, m, _, _| m.human_speed_mps = -1.0, 0.0), "motion.human_speed_mps");
+        let turned = field(|_, m, _, _| m.human_turn_rate = (0.5, -0.5), 0.0);
+        assert_eq!(turned, "motion.human_turn_rate");
+        assert_eq!(field(|_, m, _, _| m.human_turn_rate = (-0.5, 0.4), 0.0), "actions[2]");
+        assert_eq!(field(|_, _, a, _| a[1] = f64::NAN, 0.0), "actions[1]");
+        assert_eq!(
+            field(
+                |_, _, a, p| {
+                    a.pop();
+                    p.pop();
+                },
+                0.0
+            ),
+            "actions"
+        );
+        assert_eq!(field(|_, _, _, p| p[1] = f64::NAN, 0.0), "probabilities[1] of step 0");
+        assert_eq!(
+            field(|_, _, _, p| *p = vec![0.6, 0.6, -0.2], 0.0),
+            "probabilities[2] of step 0"
+        );
+        assert_eq!(field(|_, _, _, p| p[1] = 0.6, 0.0), "probabilities of step 0");
+        assert_eq!(field(|_, _, _, _| {}, 0.7), "robot_action of step 0");
+        assert_eq!(field(|_, _, _, _| {}, f64::NAN), "robot_action of step 0");
+    }
+}

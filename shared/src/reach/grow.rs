@@ -1,0 +1,201 @@
+//! Sets grown on all sides: Minkowski sums with a disc or a box, and unions over
+//! rotations about the start.
+
+use super::Workspace;
+use super::outline::Outliner;
+use super::paths::unit;
+use super::start::non_negative;
+use crate::invalid::Invalid;
+use crate::math::{PI, TAU, atan2};
+use nalgebra::Complex;
+
+type Point = Complex<f64>;
+
+/// Every position no farther than `radius_m` from a simple polygon, its inside
+/// included (vertices counter-clockwise, m, the first not repeated; one vertex is a
+/// point, two a line). With the danger radius and the positions that the human can
+/// reach it is where the robot would be too near. The polygon found contains the sum and
+/// exceeds it by at most `accuracy_m` (10⁻⁶ to 1 m); holes are filled.
+///
+/// # Errors
+/// [`Invalid`] if there is no vertex, a coordinate is not finite, the radius is not
+/// finite and ≥ 0, or the accuracy not in its range.
+pub fn minkowski_disc(
+    polygon: &[[f64; 2]],
+    radius_m: f64,
+    accuracy_m: f64,
+) -> Result<Vec<[f64; 2]>, Invalid> {
+    let mut grown = Vec::new();
+    minkowski_disc_into(polygon, radius_m, accuracy_m, &mut Workspace::default(), &mut grown)?;
+    Ok(grown)
+}
+
+/// The same as [`minkowski_disc`], replacing what is in `grown`.
+///
+/// # Errors
+/// As [`minkowski_disc`].
+pub fn minkowski_disc_into(
+    polygon: &[[f64; 2]],
+    radius_m: f64,
+    accuracy_m: f64,
+    workspace: &mut Workspace,
+    grown: &mut Vec<[f64; 2]>,
+) -> Result<(), Invalid> {
+    let Some(&[x0, y0]) = polygon.first() else {
+        return Err(Invalid::new("polygon", "at least one vertex", "none"));
+    };
+    if let Some([x, y]) = polygon.iter().find(|p| !(p[0].is_finite() && p[1].is_finite())) {
+        return Err(Invalid::new("polygon", "finite coordinates", format!("[{x}, {y}]")));
+    }
+    non_negative("radius_m", radius_m)?;
+    if !(1e-6..=1.0).contains(&accuracy_m) {
+        return Err(Invalid::new("accuracy_m", "10⁻⁶ to 1 m", accuracy_m));
+    }
+    let boundary = &mut workspace.boundary;
+    boundary.clear();
+    boundary.extend(polygon.iter().map(|[x, y]| Point::new(x - x0, y - y0)));
+    tidy(boundary, &mut workspace.outliner);
+    // A little more than the radius outweighs the rounding of the outline.
+    let brush = Brush { radius: radius_m + 0.25 * accuracy_m, half: [0.0; 2], outside: true };
+    brush.sweep(0.5 * accuracy_m, workspace);
+    grown.clear();
+    grown.extend(workspace.boundary.iter().map(|p| [x0 + p.re, y0 + p.im]));
+    Ok(())
+}
+
+/// The boundary without crossings, counter-clockwise.
+pub(super) fn tidy(boundary: &mut Vec<Point>, outliner: &mut Outliner) {
+    outliner.clear();
+    outliner.add_closed(boundary);
+    outliner.outline(boundary);
+}
+
+/// A disc round a box, by which a set is grown.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Brush {
+    /// Of the disc.
+    pub(super) radius: f64,
+    /// Half the length and width of the box.
+    pub(super) half: [f64; 2],
+    /// Whether the polygon that stands for the disc contains it, or lies in it.
+    pub(super) outside: bool,
+}
+
+impl Brush {
+    /// Replaces the boundary in the workspace, which is tidy, by that of its Minkowski
+    /// sum with the brush, whose disc is met within `tolerance`.
+    pub(super) fn sweep(self, tolerance: f64, workspace: &mut Workspace) {
+        if self.radius == 0.0 && self.half == [0.0; 2] {
+            return;
+        }
+        let Workspace { boundary, curve, brush, outliner, .. } = workspace;
+        self.vertices(tolerance, brush);
+        convolve(boundary, brush, curve);
+        outliner.clear();
+        outliner.add_closed(curve);
+        boundary.truncate(1);
+        outliner.outline(boundary);
+    }
+
+    /// The brush as a convex polygon: with k vertices, edge j runs from vertex j in
+    /// direction 2πj/k.
+    fn vertices(self, tolerance: f64, vertices: &mut Vec<Point>) {
+        let ratio = self.radius / tolerance;
+        // r·(1/cos(π/k) − 1) ≤ tolerance; the series' next terms are below 10 %.
+        let k = ((PI * (0.55 * ratio).sqrt()).ceil() as usize).div_ceil(4).max(2) * 4;
+        let radius = if self.outside { self.radius / unit(PI / k as f64).re } else { self.radius };
+        let [a, b] = self.half;
+        vertices.clear();
+        vertices.extend((0..k).map(|j| {
+            let angle = TAU * (j as f64 - 0.5) / k as f64 - 0.5 * PI;
+            let corner = match (j + k - 1) / (k / 4) % 4 {
+                0 => Point::new(a, -b),
+                1 => Point::new(a, b),
+                2 => Point::new(-a, b),
+                _ => Point::new(-a, -b),
+            };
+            corner + unit(angle) * radius
+        }));
+    }
+}
+
+/// The convolution of a polygon without crossings, counter-clockwise, with a convex
+/// one as [`Brush::vertices`] makes it: it winds about each position of the
+/// Minkowski sum at least once, and about no other (Guibas, Ramshaw and Stolfi 1983).
+fn convolve(polygon: &[Point], brush: &[Point], curve: &mut Vec<Point>) {
+    curve.clear();
+    let [.., last] = *polygon else {
+        return;
+    };
+    if polygon.len() == 1 {
+        curve.extend(brush.iter().map(|vertex| last + vertex));
+        return;
+    }
+    let k = brush.len() as f64;
+    let edge = |i: usize| polygon[(i + 1) % polygon.len()] - polygon[i];
+    // An edge in this direction is shifted by the vertex between the brush's edges to
+    // both sides of it.
+    let shift = |direction: f64| (direction * k / TAU).ceil() as i64;
+    let mut before = edge(polygon.len() - 1);
+    let mut direction = atan2(before.im, before.re);
+    let mut at = shift(direction);
+    for (i, &point) in polygon.iter().enumerate() {
+        let after = edge(i);
+        let turn = after * before.conj();
+        // A spike is walked round its outside.
+        direction += if turn.im == 0.0 && turn.re < 0.0 { PI } else { atan2(turn.im, turn.re) };
+        let to = shift(direction);
+        let mut push =
+            |at: i64| curve.push(point + brush[at.rem_euclid(brush.len() as i64) as usize]);
+        push(at);
+        while at != to {
+            at += (to - at).signum();
+            push(at);
+        }
+        before = after;
+    }
+}
+
+/// Replaces the boundary in the workspace, which is tidy, by that of the union of the
+/// set turned about the origin by every angle up to `angle` to both sides. Arcs are met
+/// within `tolerance`.
+///
+/// Where no edge at either end of the turn bounds the union, a point of the set does
+/// whose distance from the origin is the largest or smallest of its neighbourhood.
+pub(super) fn turn(angle: f64, tolerance: f64, workspace: &mut Workspace) {
+    let Workspace { boundary, curve, outliner, .. } = workspace;
+    outliner.clear();
+    let ends = [unit(-angle), unit(angle)];
+    for end in ends {
+        curve.clear();
+        curve.extend(boundary.iter().map(|point| point * end));
+        outliner.add_closed(curve);
+    }
+    let mut arc = |point: Point| {
+        let radius = point.norm_sqr().sqrt();
+        let count = (2.0 * angle * (radius / (8.0 * tolerance)).sqrt()).ceil().max(1.0) as usize;
+        let step = unit(2.0 * angle / count as f64);
+        curve.clear();
+        curve.push(point * ends[0]);
+        for i in 1..count {
+            curve.push(curve[i - 1] * step);
+        }
+        curve.push(point * ends[1]);
+        outliner.add(curve);
+    };
+    let n = boundary.len();
+    for (i, &point) in boundary.iter().enumerate() {
+        let (before, after) = (boundary[(i + n - 1) % n], boundary[(i + 1) % n]);
+        let [d, d0, d1] = [point, before, after].map(|p| p.norm_sqr());
+        if (d >= d0 && d >= d1) || (d <= d0 && d <= d1) {
+            arc(point);
+        }
+        let edge = after - point;
+        let nearest = -(point * edge.conj()).re / edge.norm_sqr();
+        if nearest > 0.0 && nearest < 1.0 {
+            arc(point + edge * nearest);
+        }
+    }
+    boundary.truncate(1);
+    outliner.outline(boundary);
+}

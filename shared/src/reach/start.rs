@@ -1,0 +1,107 @@
+//! Where the vehicle starts: a pose, or a set of poses around it.
+
+use crate::invalid::Invalid;
+use crate::math::PI;
+use crate::vehicle::Pose;
+
+/// By how much a start position may differ from the one given.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum PositionUncertainty {
+    /// Not at all.
+    #[default]
+    None,
+    /// By at most this, m, in any direction.
+    Disc {
+        /// m.
+        radius_m: f64,
+    },
+    /// By at most these along and across the given heading.
+    Box {
+        /// Half the length, m.
+        along_m: f64,
+        /// Half the width, m.
+        across_m: f64,
+    },
+}
+
+/// Poses from which a vehicle may start: position and heading differ from those of a
+/// pose independently of each other.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StartSet {
+    pub(super) pose: Pose,
+    pub(super) position: PositionUncertainty,
+    pub(super) heading_rad: f64,
+}
+
+impl StartSet {
+    /// Positions around that of `pose` (world frame), with headings that differ from
+    /// its own by at most `heading_rad`, 0 to π.
+    ///
+    /// # Errors
+    /// [`Invalid`] if the pose is not finite, a length is not finite and ≥ 0, or the
+    /// angle is not in its range.
+    pub fn new(
+        pose: Pose,
+        position: PositionUncertainty,
+        heading_rad: f64,
+    ) -> Result<Self, Invalid> {
+        pose.check()?;
+        match position {
+            PositionUncertainty::None => {}
+            PositionUncertainty::Disc { radius_m } => {
+                non_negative("radius_m", radius_m)?;
+            }
+            PositionUncertainty::Box { along_m, across_m } => {
+                non_negative("along_m", along_m)?;
+                non_negative("across_m", across_m)?;
+            }
+        }
+        if !(0.0..=PI).contains(&heading_rad) {
+            return Err(Invalid::new("heading_rad", "0 to π rad", heading_rad));
+        }
+        Ok(Self { pose, position, heading_rad })
+    }
+
+    /// The pose in the middle, world frame.
+    #[must_use]
+    pub fn pose(&self) -> Pose {
+        self.pose
+    }
+
+    /// By how much the position may differ.
+    #[must_use]
+    pub fn position(&self) -> PositionUncertainty {
+        self.position
+    }
+
+    /// By how much, rad, the heading may differ to either side.
+    #[must_use]
+    pub fn heading_rad(&self) -> f64 {
+        self.heading_rad
+    }
+
+    /// The radius, and half the length and width, m.
+    pub(super) fn extents(&self) -> (f64, [f64; 2]) {
+        match self.position {
+            PositionUncertainty::None => (0.0, [0.0; 2]),
+            PositionUncertainty::Disc { radius_m } => (radius_m, [0.0; 2]),
+            PositionUncertainty::Box { along_m, across_m } => (0.0, [along_m, across_m]),
+        }
+    }
+}
+
+/// Exactly one pose, which is checked where it is used.
+impl From<Pose> for StartSet {
+    fn from(pose: Pose) -> Self {
+        Self { pose, position: PositionUncertainty::None, heading_rad: 0.0 }
+    }
+}
+
+/// Refuses what is not a finite number ≥ 0.
+pub(super) fn non_negative(field: &str, value: f64) -> Result<f64, Invalid> {
+    if value.is_finite() && value >= 0.0 {
+        Ok(value)
+    } else {
+        Err(Invalid::new(field, "a finite number ≥ 0", value))
+    }
+}

@@ -1,0 +1,308 @@
+//! Sets of recorded futures, for each mode of behaviour.
+
+use super::swept::{convex_hull, swept_area};
+use super::widened::worst_case_area;
+use super::{Areas, future_seen_from_now};
+use crate::bounds::ActionModel;
+use crate::invalid::{Invalid, length};
+use crate::reach::polygon::signed_distance;
+use crate::scene::SceneParameters;
+use crate::shfrs::family::Family;
+use crate::shfrs::window::Window;
+
+/// What a window's mode of behaviour is read from.
+pub enum Mode<M> {
+    /// The action that the model finds most likely now.
+    MostLikely(M),
+    /// The input of the last step before now: right, straight (also if there is none), left.
+    Held,
+}
+
+impl<M: ActionModel> Mode<M> {
+    fn count(&self) -> usize {
+        match self {
+            Self::MostLikely(model) => model.actions().len(),
+            Self::Held => 3,
+        }
+    }
+
+    fn of(&self, window: &Window<'_>) -> usize {
+        match self {
+            Self::MostLikely(model) => {
+                let mut probabilities = vec![0.0; model.actions().len()];
+                model.probabilities(window.history(), &mut probabilities);
+                let most = probabilities.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+                probabilities.iter().position(|&p| p == most).unwrap_or(0)
+            }
+            Self::Held => match window.past_turn_rates().last() {
+                Some(&rate) if rate < 0.0 => 0,
+                Some(&rate) if rate > 0.0 => 2,
+                _ => 1,
+            },
+        }
+    }
+}
+
+/// Empirical reachable sets, after Driggs-Campbell, Dong and Bajcsy, *Robust, informative
+/// human-in-the-loop predictions via empirical reachable sets* (IEEE Transactions on
+/// Intelligent Vehicles, 2018).
+///
+/// Taken from there: modes of behaviour; for each mode the recorded futures, as positions in
+/// the human's frame; the set is what bounds the most representative share α of them, at each
+/// step.
+/// Not taken: which futures are kept is decided there by an integer program that minimises
+/// the area. Here they are ordered by how central they are (the root mean square distance over
+/// the steps from the mode's median path, the median taken of each coordinate), so that sets
+/// of all shares are nested; and their bound is the convex hull at each step, where they take
+/// the least and the greatest lateral position.
+///
+/// The level is the share α of a mode's n futures, counted as j/(n + 1). Level 1 is thus
+/// beyond all of them: the worst-case set. Only positions are tested, within 5 mm of the hull.
+/// The area is that of the union of the convex hulls of neighbouring steps' sets, from the
+/// present position on.
+pub struct PerModeEmpirical<M> {
+    mode: Mode<M>,
+    modes: Vec<Futures>,
+    steps: usize,
+    areas: Areas,
+    worst_case_area: f64,
+}
+
+/// How far outside of a hull a position still counts as inside, m.
+const TOLERANCE_M: f64 = 0.005;
+
+/// The recorded futures of one mode.
+struct Futures {
+    count: usize,
+    /// For each step: hulls of the most central futures, each with the number of futures from
+    /// which on it is the hull, rising.
+    hulls: Vec<Vec<(usize, Vec<[f64; 2]>)>>,
+}
+
+impl<M: ActionModel> PerModeEmpirical<M> {
+    /// Learns from `windows`, which are equally long.
+    ///
+    /// # Errors
+    /// [`Invalid`] if there is no window or their lengths differ.
+    pub fn learn(
+        mode: Mode<M>,
+        parameters: &SceneParameters,
+        windows: &[Window<'_>],
+    ) -> Result<Self, Invalid> {
+        let Some(first) = windows.first() else {
+            return Err(Invalid::new("windows", "at least 1", "none"));
+        };
+        let steps = first.steps();
+        let mut paths = vec![Vec::new(); mode.count()];
+        for (i, window) in windows.iter().enumerate() {
+            length(&format!("windows[{i}]"), steps, window.steps())?;
+            let path: Vec<_> = future_seen_from_now(window).map(|pose| pose.position()).collect();
+            paths[mode.of(window)].push(path);
+        }
+        let modes = paths.into_iter().map(|paths| Futures::new(paths, steps)).collect();
+        let worst_case_area = worst_case_area(parameters, steps)?;
+        Ok(Self { mode, modes, steps, areas: Areas::default(), worst_case_area })
+    }
+}
+
+impl Futures {
+    fn new(mut paths: Vec<Vec<[f64; 2]>>, steps: usize) -> Self {
+        let centre: Vec<[f64; 2]> = (0..steps)
+            .map(|n| [0, 1].map(|d| median(paths.iter().map(|path| path[n][d]).collect())))
+            .collect();
+        let square = |x: f64| x * x;
+        let apart = |path: &Vec<[f64; 2]>| -> f64 {
+            path.iter().zip(&centre).map(|(p, c)| square(p[0] - c[0]) + square(p[1] - c[1])).sum()
+        };
+        paths.sort_by(|a, b| apart(a).total_cmp(&apart(b)));
+        let hulls = (0..steps).map(|n| growing_hulls(paths.iter().map(|path| path[n]))).collect();
+        Self { count: paths.len(), hulls }
+    }
+
+    /// The hulls at each step of the `kept` ≥ 1 most central futures.
+    fn hulls(&self, kept: usize) -> impl Iterator<Item = &Vec<[f64; 2]>> {
+        self.hulls.iter().map(move |hulls| {
+            let after = hulls.partition_point(|(from, _)| *from <= kept);
+            &hulls[after - 1].1
+        })
+    }
+
+    /// The least number of futures whose hull at a step holds a position.
+    fn least(&self, step: usize, position: [f64; 2]) -> Option<usize> {
+        let hulls = &self.hulls[step];
+        let holds = |hull: &[[f64; 2]]| signed_distance(hull, position) >= -TOLERANCE_M;
+        let first = hulls.partition_point(|(_, hull)| !holds(hull));
+        hulls.get(first).map(|(from, _)| *from)
+    }
+}
+
+/// Every hull of the first 1, 2, … points that differs from the one before.
+fn growing_hulls(points: impl Iterator<Item = [f64; 2]>) -> Vec<(usize, Vec<[f64; 2]>)> {
+    let mut hulls: Vec<(usize, Vec<[f64; 2]>)> = Vec::new();
+    for (i, point) in points.enumerate() {
+        let mut hull = hulls.last().map(|(_, hull)| hull.clone()).unwrap_or_default();
+        if signed_distance(&hull, point) < 0.0 {
+            hull.push(point);
+            hulls.push((i + 1, convex_hull(&hull)));
+        }
+    }
+    hulls
+}
+
+/// The middle one, or the mean of the middle two; 0 of none.
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    match values.len() {
+        0 => 0.0,
+        n => 0.5 * (values[(n - 1) / 2] + values[n / 2]),
+    }
+}
+
+impl<M: ActionModel> Family for PerModeEmpirical<M> {
+    fn name(&self) -> String {
+        match self.mode {
+            Mode::MostLikely(_) => "empirical, likely action".to_owned(),
+            Mode::Held => "empirical, held input".to_owned(),
+        }
+    }
+
+    fn level_name(&self) -> &'static str {
+        "share of the mode’s futures"
+    }
+
+    fn most(&self) -> f64 {
+        1.0
+    }
+
+    fn score(&mut self, window: &Window<'_>) -> Result<f64, Invalid> {
+        length("window", self.steps, window.steps())?;
+        let futures = &self.modes[self.mode.of(window)];
+        let least = future_seen_from_now(window)
+            .enumerate()
+            .map(|(n, pose)| futures.least(n, pose.position()))
+            .try_fold(1, |most, least| Some(most.max(least?)));
+        Ok(least.map_or(1.0, |least| share(least, futures.count)))
+    }
+
+    fn area_m2(&mut self, window: &Window<'_>, level: f64) -> Result<f64, Invalid> {
+        length("window", self.steps, window.steps())?;
+        let mode = self.mode.of(window);
+        let futures = &self.modes[mode];
+        if level >= 1.0 {
+            return Ok(self.worst_case_area);
+        }
+        // Counted as scores are, so that a score as the level keeps what it stands for.
+        let kept = (0..=futures.count).rev().find(|&j| share(j, futures.count) <= level);
+        let Some(kept) = kept.filter(|&kept| kept > 0) else {
+            return Ok(0.0);
+        };
+        Ok(self.areas.get(level, mode as u64, || {
+            let mut sets = vec![vec![[0.0, 0.0]]];
+            sets.extend(futures.hulls(kept).cloned());
+            swept_area(&sets)
+        }))
+    }
+}
+
+/// The level at which `kept` of `count` futures are kept.
+fn share(kept: usize, count: usize) -> f64 {
+    kept as f64 / (count + 1) as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::JointState;
+    use crate::shfrs::window::Trajectory;
+    use crate::vehicle::Pose;
+
+    /// A model that is never asked.
+    struct Unasked;
+
+    impl ActionModel for Unasked {
+        fn actions(&self) -> &[f64] {
+            &[]
+        }
+
+        fn probabilities(&self, _: &[JointState], _: &mut [f64]) {}
+    }
+
+    /// A drive of two steps that ends in `points`, seen from a pose far from the origin;
+    /// before it one step with the turn rate `held`.
+    fn drive(held: f64, points: [[f64; 2]; 2]) -> Trajectory {
+        let now = Pose::new(5.0, -3.0, 0.5 * crate::math::PI);
+        // Ahead is +y, to the left is −x.
+        let at = |[x, y]: [f64; 2]| Pose::new(now.x - y, now.y + x, now.psi);
+        let states = [now, now, at(points[0]), at(points[1])];
+        let states = states.map(|human| JointState { human, robot: now }).to_vec();
+        Trajectory::new(states, vec![held, 0.0, 0.0]).unwrap()
+    }
+
+    fn learned(drives: &[Trajectory]) -> PerModeEmpirical<Unasked> {
+        let windows: Vec<_> =
+            drives.iter().map(|drive| Window::new(drive, 1, 2).unwrap()).collect();
+        PerModeEmpirical::learn(Mode::Held, &SceneParameters::default(), &windows).unwrap()
+    }
+
+    /// Futures about (1, 0) and (2, 0): the median path, then corners of growing squares.
+    fn squares() -> Vec<Trajectory> {
+        let mut drives = vec![drive(0.0, [[1.0, 0.0], [2.0, 0.0]])];
+        for half in [0.1, 0.2] {
+            for (x, y) in [(-half, -half), (half, -half), (half, half), (-half, half)] {
+                drives.push(drive(0.0, [[1.0 + x, y], [2.0 + x, y]]));
+            }
+        }
+        drives
+    }
+
+    #[test]
+    fn scores_are_shares_of_the_futures() {
+        let mut family = learned(&squares());
+        let mut score = |held, point: [f64; 2]| {
+            let drive = drive(held, [[1.0, 0.0], point]);
+            family.score(&Window::new(&drive, 1, 2).unwrap()).unwrap()
+        };
+        // Nine futures: a tenth of the level each.
+        assert_eq!(score(0.0, [2.0, 0.0]), 0.1);
+        assert_eq!(score(0.0, [2.0, 0.0049]), 0.1);
+        for point in [[2.1, 0.1], [1.9, -0.1], [2.104, 0.0]] {
+            assert!((0.2..=0.5).contains(&score(0.0, point)), "{point:?}");
+        }
+        for point in [[2.2, 0.2], [2.0, 0.15]] {
+            assert!((0.6..=0.9).contains(&score(0.0, point)), "{point:?}");
+        }
+        assert_eq!(score(0.0, [2.21, 0.0]), 1.0);
+        // Nothing was recorded of those who turn.
+        assert_eq!(score(-0.5, [2.0, 0.0]), 1.0);
+    }
+
+    #[test]
+    fn areas_are_those_of_the_swept_hulls() {
+        let mut family = learned(&squares());
+        let drive = drive(0.0, [[1.0, 0.0], [2.0, 0.0]]);
+        let window = Window::new(&drive, 1, 2).unwrap();
+        let mut area = |level| family.area_m2(&window, level).unwrap();
+        assert_eq!((area(0.0), area(0.1)), (0.0, 0.0));
+        // A triangle from the present position to the first square, and a strip.
+        assert!((area(0.5) - (0.09 + 0.24)).abs() < 1e-9);
+        assert!((area(0.9) - (0.16 + 0.56)).abs() < 1e-9);
+        // (v²/6) · 2ω · T³ of everything that can be reached.
+        assert!((area(1.0) - 4.0 / 6.0 * 0.4 * 0.4 * 0.4).abs() < 1e-4);
+    }
+
+    #[test]
+    fn windows_that_do_not_fit_are_refused() {
+        let drives = squares();
+        let mut family = learned(&drives);
+        let short = Window::new(&drives[0], 1, 1).unwrap();
+        assert_eq!(family.score(&short).unwrap_err().field, "window");
+        assert_eq!(family.area_m2(&short, 0.5).unwrap_err().field, "window");
+        let learn = |windows: &[Window<'_>]| {
+            let parameters = SceneParameters::default();
+            PerModeEmpirical::<Unasked>::learn(Mode::Held, &parameters, windows).err()
+        };
+        assert_eq!(learn(&[]).map(|invalid| invalid.field), Some("windows".to_owned()));
+        let uneven = [Window::new(&drives[0], 1, 2).unwrap(), short];
+        assert_eq!(learn(&uneven).map(|invalid| invalid.field), Some("windows[1]".to_owned()));
+    }
+}

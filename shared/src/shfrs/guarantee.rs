@@ -1,0 +1,311 @@
+//! What calibration can guarantee about sets for trajectories to come.
+//!
+//! All of it is *marginal*: over trajectories that are exchangeable with those that were
+//! calibrated on, not for each scene or each person.
+
+use super::scores::Scores;
+use crate::invalid::Invalid;
+use crate::math::ln;
+use crate::stats::{beta_cdf, binomial_at_least, open_probability};
+
+/// How a level is found on calibration trajectories.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Guarantee {
+    /// Split conformal prediction: the ⌈(n + 1)p⌉-th score. The next trajectory is inside
+    /// with probability ≥ p, on average over calibrations.
+    Conformal,
+    /// Probably approximately correct: the j-th score, j the least with
+    /// P(Beta(j, n + 1 − j) ≤ p) ≤ δ. All but a share δ of calibrations hold a share ≥ p of
+    /// the trajectories to come.
+    Pac {
+        /// How often the calibration may fail, δ, in (0, 1).
+        delta: f64,
+    },
+    /// For sets that need not be nested (`paper` roll-outs): levels are tested one after the
+    /// other from the safest on, and the last one is taken before the first that
+    /// P(Bin(n, p) ≥ hits) > δ leaves in doubt. As `Pac`, whatever the sets are like.
+    FixedSequence {
+        /// How often the calibration may fail, δ, in (0, 1).
+        delta: f64,
+        /// Levels to test, evenly from the largest set down to ε = 0; at least 2.
+        levels: usize,
+    },
+}
+
+impl Guarantee {
+    /// Its name in results.
+    #[must_use]
+    pub fn word(&self) -> &'static str {
+        match self {
+            Self::Conformal => "conformal",
+            Self::Pac { .. } => "pac",
+            Self::FixedSequence { .. } => "fixed_sequence",
+        }
+    }
+
+    /// Accepts probabilities in (0, 1) and at least two levels.
+    ///
+    /// # Errors
+    /// [`Invalid`] naming the field.
+    pub fn check(&self) -> Result<(), Invalid> {
+        match *self {
+            Self::Conformal => {}
+            Self::Pac { delta } => {
+                open_probability("delta", delta)?;
+            }
+            Self::FixedSequence { delta, levels } => {
+                open_probability("delta", delta)?;
+                if levels < 2 {
+                    return Err(Invalid::new("levels", "at least 2", levels));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// How many calibration trajectories are needed at least for probability `p`: n ≥
+    /// p/(1 − p) for conformal prediction, pⁿ ≤ δ for the others.
+    ///
+    /// # Errors
+    /// [`Invalid`] if `p` or δ is not in (0, 1).
+    pub fn needed(&self, p: f64) -> Result<usize, Invalid> {
+        self.check()?;
+        open_probability("p", p)?;
+        let least = match *self {
+            Self::Conformal => p / (1.0 - p),
+            Self::Pac { delta } | Self::FixedSequence { delta, .. } => ln(delta) / ln(p),
+        };
+        Ok((rounded_up(least) as usize).max(1))
+    }
+
+    /// Accepts `n` calibration trajectories, if they are enough for probability `p`.
+    ///
+    /// # Errors
+    /// [`Invalid`] that says how many are needed.
+    pub fn enough(&self, n: usize, p: f64) -> Result<(), Invalid> {
+        let needed = self.needed(p)?;
+        if n >= needed {
+            return Ok(());
+        }
+        let expected = format!("at least {needed} for p = {p} ({})", self.word());
+        Err(Invalid::new("calibration trajectories", expected, n))
+    }
+
+    /// Which of `n` scores in rising order is the level, from 1: with it, sets of a nested
+    /// family have the guarantee.
+    ///
+    /// # Errors
+    /// [`Invalid`] if there are too few scores, a probability is not in (0, 1), or the
+    /// guarantee is not one of nested families.
+    pub fn rank(&self, n: usize, p: f64) -> Result<usize, Invalid> {
+        self.enough(n, p)?;
+        match *self {
+            Self::Conformal => Ok((rounded_up((n + 1) as f64 * p) as usize).min(n)),
+            Self::Pac { delta } => {
+                // P(Beta ≤ p) falls with the rank.
+                let unsure = |rank: usize| beta_cdf(p, rank as f64, (n + 1 - rank) as f64) > delta;
+                let (mut no, mut yes) = (0, n);
+                while yes - no > 1 {
+                    let middle = usize::midpoint(no, yes);
+                    if unsure(middle) { no = middle } else { yes = middle }
+                }
+                Ok(yes)
+            }
+            Self::FixedSequence { .. } => {
+                Err(Invalid::new("guarantee", "conformal or pac, for nested sets", self.word()))
+            }
+        }
+    }
+
+    /// Which share of trajectories the level of `n` scores is going to hold on average,
+    /// rank/(n + 1): what a choice beforehand should aim at. A fixed sequence goes as far as
+    /// `Pac` would.
+    ///
+    /// # Errors
+    /// As of [`Self::enough`].
+    pub fn aim(&self, n: usize, p: f64) -> Result<f64, Invalid> {
+        let as_nested = match *self {
+            Self::FixedSequence { delta, .. } => Self::Pac { delta },
+            other => other,
+        };
+        Ok(as_nested.rank(n, p)? as f64 / (n + 1) as f64)
+    }
+
+    /// The level that these calibration scores guarantee probability `p` with.
+    ///
+    /// # Errors
+    /// As of [`Self::rank`].
+    pub fn level(&self, scores: &Scores, p: f64) -> Result<f64, Invalid> {
+        Ok(scores.ranked(self.rank(scores.len(), p)?))
+    }
+
+    /// What is guaranteed, in a sentence that belongs beside every number.
+    #[must_use]
+    pub fn statement(&self, p: f64, calibration: usize) -> String {
+        let scope = "trajectories exchangeable with these, not for each scene or person";
+        match *self {
+            Self::Conformal => format!(
+                "The next trajectory stays inside with probability at least {p}, on average \
+                 over calibrations with {calibration} trajectories: a marginal guarantee over \
+                 {scope}."
+            ),
+            Self::Pac { delta } | Self::FixedSequence { delta, .. } => format!(
+                "With confidence {} in the calibration with {calibration} trajectories, at \
+                 least a share {p} of trajectories stays inside: a marginal guarantee over \
+                 {scope}.",
+                1.0 - delta
+            ),
+        }
+    }
+}
+
+/// Tests settings in their order, the safest first, and gives the place of the last one
+/// before the first failure. `hits(i)` is how many of `n` calibration trajectories setting i
+/// holds; it passes if P(Bin(n, p) ≥ hits) ≤ δ. Stopping at the first failure keeps the
+/// chance that *any* accepted setting holds less than p at δ at most (fixed-sequence testing,
+/// as in Angelopoulos et al., Learn then Test). The order must not depend on these
+/// trajectories.
+///
+/// # Errors
+/// [`Invalid`] if p or δ is not in (0, 1), there are more hits than trajectories, or the first
+/// setting fails already.
+pub fn fixed_sequence(
+    settings: usize,
+    mut hits: impl FnMut(usize) -> Result<usize, Invalid>,
+    n: usize,
+    p: f64,
+    delta: f64,
+) -> Result<usize, Invalid> {
+    Guarantee::Pac { delta }.enough(n, p)?;
+    let mut accepted = None;
+    for i in 0..settings {
+        let held = hits(i)?;
+        if held > n {
+            return Err(Invalid::new(format!("hits[{i}]"), format!("at most {n}"), held));
+        }
+        if binomial_at_least(held, n, p) > delta {
+            break;
+        }
+        accepted = Some(i);
+    }
+    accepted.ok_or_else(|| {
+        let expected = format!("a first one that surely holds a share {p}, with δ = {delta}");
+        Invalid::new("settings", expected, if settings == 0 { "none" } else { "one in doubt" })
+    })
+}
+
+/// The least whole number ≥ `x`, where a rounding error above a whole number is none: 0.55 · 20
+/// is 11.000000000000002.
+fn rounded_up(x: f64) -> f64 {
+    let whole = x.round();
+    if (x - whole).abs() <= 1e-9 * x.abs().max(1.0) { whole } else { x.ceil() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::SeededRng;
+
+    #[test]
+    fn ranks_are_those_of_the_formulas() {
+        let conformal = |n, p| Guarantee::Conformal.rank(n, p);
+        assert_eq!(conformal(9, 0.9).unwrap(), 9);
+        assert_eq!(conformal(19, 0.55).unwrap(), 11);
+        assert_eq!(conformal(50, 0.75).unwrap(), 39);
+        for (n, p, delta) in [(22, 0.9, 0.1), (50, 0.75, 0.05), (400, 0.9, 0.01), (400, 0.3, 0.5)] {
+            let rank = Guarantee::Pac { delta }.rank(n, p).unwrap();
+            // Twin: the binomial tail, summed the other way round.
+            let doubt = |rank: usize| binomial_at_least(rank, n, p);
+            assert!(doubt(rank) <= delta && (rank == 1 || doubt(rank - 1) > delta));
+        }
+    }
+
+    #[test]
+    fn too_few_trajectories_are_told_how_many_are_needed() {
+        let needed = |guarantee: Guarantee, p| guarantee.needed(p).unwrap();
+        assert_eq!(needed(Guarantee::Conformal, 0.75), 3);
+        assert_eq!(needed(Guarantee::Conformal, 0.95), 19);
+        assert_eq!(needed(Guarantee::Pac { delta: 0.05 }, 0.95), 59);
+        assert_eq!(needed(Guarantee::FixedSequence { delta: 0.05, levels: 5 }, 0.9), 29);
+        for guarantee in [Guarantee::Conformal, Guarantee::Pac { delta: 0.05 }] {
+            for p in [0.05, 0.3, 0.75, 0.9, 0.95, 0.99] {
+                let least = needed(guarantee, p);
+                assert!(guarantee.rank(least, p).unwrap() <= least);
+                if least > 1 {
+                    assert!(guarantee.rank(least - 1, p).is_err());
+                }
+            }
+        }
+        let complaint = Guarantee::Pac { delta: 0.05 }.rank(58, 0.95).unwrap_err().to_string();
+        let expected =
+            "calibration trajectories: expected at least 59 for p = 0.95 (pac), found 58";
+        assert_eq!(complaint, expected);
+    }
+
+    #[test]
+    fn complaints_name_the_field() {
+        for p in [0.0, 1.0, -0.1, f64::NAN] {
+            assert_eq!(Guarantee::Conformal.rank(10, p).unwrap_err().field, "p");
+            assert_eq!(Guarantee::Pac { delta: p }.rank(99, 0.5).unwrap_err().field, "delta");
+            assert_eq!(fixed_sequence(1, |_| Ok(9), 9, 0.5, p).unwrap_err().field, "delta");
+        }
+        let sequence = Guarantee::FixedSequence { delta: 0.1, levels: 1 };
+        assert_eq!(sequence.check().unwrap_err().field, "levels");
+        let sequence = Guarantee::FixedSequence { delta: 0.1, levels: 9 };
+        assert_eq!(sequence.rank(99, 0.5).unwrap_err().field, "guarantee");
+        assert_eq!(fixed_sequence(0, |_| Ok(9), 9, 0.5, 0.1).unwrap_err().field, "settings");
+        assert_eq!(fixed_sequence(2, |_| Ok(4), 9, 0.5, 0.1).unwrap_err().found, "one in doubt");
+        assert_eq!(fixed_sequence(2, |_| Ok(10), 9, 0.5, 0.1).unwrap_err().field, "hits[0]");
+    }
+
+    /// Scores are uniform, so that a set of level s holds a share s of trajectories.
+    #[test]
+    fn guarantees_hold_over_a_thousand_calibrations() {
+        let mut rng = SeededRng::new(11);
+        let calibrations = 4000;
+        let (p, delta) = (0.75, 0.05);
+        for n in [50, 100, 400] {
+            let (mut held, mut squares, mut failed) = (0.0, 0.0, 0);
+            for _ in 0..calibrations {
+                let scores = Scores::new((0..n).map(|_| rng.unit()).collect()).unwrap();
+                let coverage = Guarantee::Conformal.level(&scores, p).unwrap();
+                held += coverage;
+                squares += coverage * coverage;
+                failed += usize::from(Guarantee::Pac { delta }.level(&scores, p).unwrap() < p);
+            }
+            let many = calibrations as f64;
+            let mean = held / many;
+            let error = ((squares / many - mean * mean) / many).sqrt();
+            assert!(mean >= p - 3.0 * error, "{n}: {mean}");
+            let rank = Guarantee::Conformal.rank(n, p).unwrap();
+            let exact = rank as f64 / (n + 1) as f64;
+            assert!((mean - exact).abs() < 3.5 * error, "{n}: {mean} {exact}");
+            let error = (delta * (1.0 - delta) / many).sqrt();
+            assert!(failed as f64 / many <= delta + 3.0 * error, "{n}: {failed}");
+            assert!(failed > 0, "as sharp as it can be");
+        }
+    }
+
+    /// Settings hold shares that are in no order at all; the accepted one is seldom wrong.
+    #[test]
+    fn a_fixed_sequence_is_seldom_wrong() {
+        let mut rng = SeededRng::new(12);
+        let (n, p, delta, calibrations) = (100, 0.75, 0.1, 4000);
+        for shares in [
+            [1.0, 0.95, 0.9, 0.74, 0.9, 0.6],
+            [1.0, 0.749, 0.749, 0.749, 0.749, 0.749],
+            [0.9, 0.85, 0.8, 0.749, 0.7, 0.65],
+        ] {
+            let mut wrong = 0;
+            for _ in 0..calibrations {
+                let drawn: Vec<f64> = (0..n).map(|_| rng.unit()).collect();
+                let hits = |i: usize| Ok(drawn.iter().filter(|&&u| u < shares[i]).count());
+                let accepted = fixed_sequence(shares.len(), hits, n, p, delta);
+                wrong += usize::from(accepted.is_ok_and(|i| shares[..=i].iter().any(|&s| s < p)));
+            }
+            let error = (delta * (1.0 - delta) / f64::from(calibrations)).sqrt();
+            let share = wrong as f64 / f64::from(calibrations);
+            assert!(share <= delta + 3.0 * error, "{shares:?}: {share}");
+        }
+    }
+}

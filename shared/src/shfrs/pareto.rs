@@ -1,0 +1,337 @@
+//! Coverage against area: what families of predicted sets buy, on the same windows.
+//!
+//! Levels are calibrated on trajectories of their own and judged on others. A calibrated
+//! level holds a new trajectory with probability ≥ p, on average over trajectories that are
+//! exchangeable with those it was calibrated on (split conformal prediction): not for each
+//! scene or person.
+
+use super::family::Family;
+use super::guarantee::Guarantee;
+use super::scores::{Scores, single};
+use super::window::{Trajectory, Window, WindowChoice};
+use crate::invalid::Invalid;
+use crate::stats::{Tally, open_probability, share};
+use serde::Serialize;
+
+/// What families are compared by.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ParetoSettings {
+    targets: Vec<f64>,
+    confidence: f64,
+    choice: WindowChoice,
+    steps: usize,
+    points: usize,
+}
+
+impl ParetoSettings {
+    /// `targets`: probabilities p in (0, 1) that a trajectory stays inside.
+    /// `confidence` of the intervals about a coverage, in (0, 1).
+    /// `choice` and `steps` ≥ 1 of the windows; one a trajectory at most.
+    /// `points` ≥ 2: how many of its levels a curve shows at the most.
+    ///
+    /// # Errors
+    /// [`Invalid`] naming the field.
+    pub fn new(
+        targets: Vec<f64>,
+        confidence: f64,
+        choice: WindowChoice,
+        steps: usize,
+        points: usize,
+    ) -> Result<Self, Invalid> {
+        if targets.is_empty() {
+            return Err(Invalid::new("targets", "at least one probability", "none"));
+        }
+        for (i, &target) in targets.iter().enumerate() {
+            open_probability(&format!("targets[{i}]"), target)?;
+        }
+        open_probability("confidence", confidence)?;
+        single(choice)?;
+        if steps == 0 {
+            return Err(Invalid::new("steps", "at least 1", steps));
+        }
+        if points < 2 {
+            return Err(Invalid::new("points", "at least 2", points));
+        }
+        Ok(Self { targets, confidence, choice, steps, points })
+    }
+}
+
+/// The comparison.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Pareto {
+    /// [`WindowChoice::word`]: which windows.
+    pub window_choice: String,
+    /// Steps of a window.
+    pub steps: usize,
+    /// Trajectories with a window that levels were calibrated on.
+    pub calibration_trajectories: usize,
+    /// Trajectories with a window that coverages and areas were found on.
+    pub test_trajectories: usize,
+    /// Confidence of the intervals.
+    pub confidence: f64,
+    /// For each family, in the order given, each target.
+    pub rows: Vec<ParetoRow>,
+    /// For each family, in the order given.
+    pub curves: Vec<ParetoCurve>,
+}
+
+/// A family at the level that is calibrated for a target.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ParetoRow {
+    /// [`Family::name`].
+    pub family: String,
+    /// The asked probability p.
+    pub target: f64,
+    /// [`Family::level_name`].
+    pub level_name: String,
+    /// The calibrated level: the ⌈(n + 1)p⌉-th smallest of n calibration scores
+    /// ([`Guarantee::Conformal`]).
+    pub level: f64,
+    /// Share of the test windows inside the set of that level.
+    pub coverage: f64,
+    /// Lower end of the interval about `coverage` (Clopper and Pearson).
+    pub coverage_low: f64,
+    /// Upper end.
+    pub coverage_high: f64,
+    /// Mean area of the set of that level over the test windows, m².
+    pub mean_area_m2: f64,
+}
+
+/// A family at all of its levels, on the test windows.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ParetoCurve {
+    /// [`Family::name`].
+    pub family: String,
+    /// By rising coverage.
+    pub points: Vec<ParetoPoint>,
+}
+
+/// One level of a curve.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct ParetoPoint {
+    /// In the family's unit.
+    pub level: f64,
+    /// Share of the test windows inside.
+    pub coverage: f64,
+    /// Mean area over the test windows, m².
+    pub mean_area_m2: f64,
+}
+
+/// Compares `families`, which have learned from other trajectories. Families are worked on
+/// in parallel where there are threads; the result does not depend on how many.
+///
+/// # Errors
+/// [`Invalid`] if no trajectory has such a window, there are too few for a target (it says how
+/// many are needed), or a prediction fails.
+pub fn pareto(
+    families: &mut [Box<dyn Family + Send + '_>],
+    calibration: &[Trajectory],
+    test: &[Trajectory],
+    settings: &ParetoSettings,
+) -> Result<Pareto, Invalid> {
+    let windows = |name, trajectories| {
+        let windows = settings.choice.windows(trajectories, settings.steps).concat();
+        let found = format!("none in {} trajectories", trajectories.len());
+        let expected = format!("a window of {} steps", settings.steps);
+        if windows.is_empty() { Err(Invalid::new(name, expected, found)) } else { Ok(windows) }
+    };
+    let calibration = windows("calibration", calibration)?;
+    let test = windows("test", test)?;
+    let judged = each(families, |family| judge(family, &calibration, &test, settings))?;
+    let (rows, curves): (Vec<_>, Vec<_>) = judged.into_iter().unzip();
+    Ok(Pareto {
+        window_choice: settings.choice.word().to_owned(),
+        steps: settings.steps,
+        calibration_trajectories: calibration.len(),
+        test_trajectories: test.len(),
+        confidence: settings.confidence,
+        rows: rows.concat(),
+        curves,
+    })
+}
+
+type Judged = (Vec<ParetoRow>, ParetoCurve);
+
+#[cfg(not(target_arch = "wasm32"))]
+fn each<'a>(
+    families: &mut [Box<dyn Family + Send + 'a>],
+    judge: impl Fn(&mut (dyn Family + Send + 'a)) -> Result<Judged, Invalid> + Sync,
+) -> Result<Vec<Judged>, Invalid> {
+    use rayon::prelude::*;
+    families.par_iter_mut().with_max_len(1).map(|family| judge(family.as_mut())).collect()
+}
+
+#[cfg(target_arch = "wasm32")]
+fn each<'a>(
+    families: &mut [Box<dyn Family + Send + 'a>],
+    judge: impl Fn(&mut (dyn Family + Send + 'a)) -> Result<Judged, Invalid>,
+) -> Result<Vec<Judged>, Invalid> {
+    families.iter_mut().map(|family| judge(family.as_mut())).collect()
+}
+
+fn judge(
+    family: &mut (dyn Family + Send + '_),
+    calibration: &[Window<'_>],
+    test: &[Window<'_>],
+    settings: &ParetoSettings,
+) -> Result<Judged, Invalid> {
+    let calibrated = scores(family, calibration)?;
+    let scores = scores(family, test)?;
+    let n = scores.len();
+    let inside = |level: f64| scores.sorted().partition_point(|&score| score <= level);
+    let row = |&target: &f64| {
+        let level = Guarantee::Conformal.level(&calibrated, target)?;
+        let hits = inside(level);
+        let tally = |i| Tally { hits: usize::from(i < hits), of: 1 };
+        let tallies: Vec<Tally> = (0..n).map(tally).collect();
+        let coverage = share(&tallies, settings.confidence)?;
+        Ok(ParetoRow {
+            family: family.name(),
+            target,
+            level_name: family.level_name().to_owned(),
+            level,
+            coverage: coverage.value,
+            coverage_low: coverage.low,
+            coverage_high: coverage.high,
+            mean_area_m2: mean_area(family, test, level)?,
+        })
+    };
+    let rows = settings.targets.iter().map(row).collect::<Result<_, Invalid>>()?;
+    // Levels that differ by rounding are one: of each such run the largest.
+    let mut levels: Vec<f64> = scores.sorted().iter().rev().copied().collect();
+    levels.dedup_by(|smaller, larger| *larger - *smaller <= 1e-6 * family.most());
+    levels.reverse();
+    let point = |level| {
+        let coverage = inside(level) as f64 / n as f64;
+        Ok(ParetoPoint { level, coverage, mean_area_m2: mean_area(family, test, level)? })
+    };
+    let points = thinned(&levels, settings.points).map(point).collect::<Result<_, Invalid>>()?;
+    Ok((rows, ParetoCurve { family: family.name(), points }))
+}
+
+fn scores(
+    family: &mut (dyn Family + Send + '_),
+    windows: &[Window<'_>],
+) -> Result<Scores, Invalid> {
+    let scores = windows.iter().map(|window| family.score(window));
+    Scores::new(scores.collect::<Result<_, _>>()?)
+}
+
+fn mean_area(
+    family: &mut (dyn Family + Send + '_),
+    windows: &[Window<'_>],
+    level: f64,
+) -> Result<f64, Invalid> {
+    let areas = windows.iter().map(|window| family.area_m2(window, level));
+    Ok(areas.sum::<Result<f64, Invalid>>()? / windows.len() as f64)
+}
+
+/// At most `most` of the values, evenly spread, both ends among them.
+fn thinned(values: &[f64], most: usize) -> impl Iterator<Item = f64> {
+    let count = values.len().min(most);
+    let last = values.len() - 1;
+    let at = move |i: usize| if count < 2 { last } else { i * last / (count - 1) };
+    (0..count).map(move |i| values[at(i)])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::JointState;
+    use crate::vehicle::Pose;
+
+    /// Sets that are as large as their level; a window's score is its first turn rate.
+    struct Plain(&'static str);
+
+    impl Family for Plain {
+        fn name(&self) -> String {
+            self.0.to_owned()
+        }
+
+        fn most(&self) -> f64 {
+            100.0
+        }
+
+        fn score(&mut self, window: &Window<'_>) -> Result<f64, Invalid> {
+            Ok(window.turn_rates()[0])
+        }
+
+        fn area_m2(&mut self, window: &Window<'_>, level: f64) -> Result<f64, Invalid> {
+            Ok(level + window.begin() as f64)
+        }
+    }
+
+    /// Drives of one step with turn rates 1, 2, … `n`, in an order that is not theirs.
+    fn drives(n: usize) -> Vec<Trajectory> {
+        let pose = Pose::new(0.0, 0.0, 0.0);
+        let state = JointState { human: pose, robot: pose };
+        let drive = |i: usize| Trajectory::new(vec![state; 2], vec![(i * 7 % n + 1) as f64]);
+        (0..n).map(|i| drive(i).unwrap()).collect()
+    }
+
+    fn settings(targets: Vec<f64>) -> ParetoSettings {
+        ParetoSettings::new(targets, 0.95, WindowChoice::RandomOne { seed: 1 }, 1, 5).unwrap()
+    }
+
+    #[test]
+    fn levels_are_conformal_ranks() {
+        let mut families: Vec<Box<dyn Family + Send>> = vec![Box::new(Plain("plain"))];
+        let found = settings(vec![0.5, 0.75, 0.9]);
+        let found = pareto(&mut families, &drives(19), &drives(10), &found).unwrap();
+        let levels: Vec<f64> = found.rows.iter().map(|row| row.level).collect();
+        // ⌈20 p⌉ of 19.
+        assert_eq!(levels, [10.0, 15.0, 18.0]);
+        let coverages: Vec<f64> = found.rows.iter().map(|row| row.coverage).collect();
+        assert_eq!(coverages, [1.0; 3]);
+        assert_eq!((found.calibration_trajectories, found.test_trajectories), (19, 10));
+        assert_eq!(found.window_choice, "random_one");
+        assert_eq!(found.rows[0].mean_area_m2, 10.0);
+        // 19.2 would be a twentieth score.
+        let complaint = pareto(&mut families, &drives(19), &drives(10), &settings(vec![0.96]));
+        assert_eq!(complaint.unwrap_err().found, "19");
+    }
+
+    #[test]
+    fn curves_go_from_the_least_score_to_the_largest() {
+        let mut families: Vec<Box<dyn Family + Send>> = vec![Box::new(Plain("plain"))];
+        let found = pareto(&mut families, &drives(3), &drives(11), &settings(vec![0.5])).unwrap();
+        let points = &found.curves[0].points;
+        let levels: Vec<f64> = points.iter().map(|point| point.level).collect();
+        assert_eq!(levels, [1.0, 3.0, 6.0, 8.0, 11.0]);
+        assert_eq!(points[0].coverage, 1.0 / 11.0);
+        assert_eq!(points[4].coverage, 1.0);
+    }
+
+    #[test]
+    fn the_number_of_threads_changes_nothing() {
+        let compare = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let mut families: Vec<Box<dyn Family + Send>> =
+                ["a", "b", "c"].map(|name| Box::new(Plain(name)) as _).into();
+            let settings = settings(vec![0.5, 0.9]);
+            pool.install(|| pareto(&mut families, &drives(30), &drives(30), &settings)).unwrap()
+        };
+        let one = compare(1);
+        assert_eq!(one, compare(4));
+        let names: Vec<&str> = one.curves.iter().map(|curve| curve.family.as_str()).collect();
+        assert_eq!(names, ["a", "b", "c"]);
+    }
+
+    #[test]
+    fn complaints_name_the_field() {
+        let one = WindowChoice::RandomOne { seed: 1 };
+        let field = |targets: &[f64], confidence, choice, steps, points| {
+            let settings = ParetoSettings::new(targets.to_vec(), confidence, choice, steps, points);
+            settings.unwrap_err().field
+        };
+        assert_eq!(field(&[], 0.9, one, 1, 9), "targets");
+        assert_eq!(field(&[0.5, 1.0], 0.9, one, 1, 9), "targets[1]");
+        assert_eq!(field(&[0.5], f64::NAN, one, 1, 9), "confidence");
+        assert_eq!(field(&[0.5], 0.9, WindowChoice::EveryStep, 1, 9), "window_choice");
+        assert_eq!(field(&[0.5], 0.9, one, 0, 9), "steps");
+        assert_eq!(field(&[0.5], 0.9, one, 1, 1), "points");
+        let long = ParetoSettings::new(vec![0.5], 0.9, one, 2, 9).unwrap();
+        let complaint = pareto(&mut [], &drives(3), &drives(3), &long).unwrap_err();
+        assert_eq!(complaint.field, "calibration");
+    }
+}

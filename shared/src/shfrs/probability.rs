@@ -1,0 +1,289 @@
+//! How likely a trajectory is to stay inside each of the nested sets, from recorded ones.
+//!
+//! Region j is what F_j has and F_{j−1} has not. A trajectory is inside F_j if it is at every
+//! step, and in region j if F_j is the first set that it is inside.
+
+use super::each::each;
+use super::prediction::{Prediction, same_steps};
+use super::widened::tube_area_m2;
+use super::window::{Trajectory, Window, WindowChoice};
+use crate::bounds::{ActionModel, BoundsSettings, InputBounds};
+use crate::invalid::Invalid;
+use crate::reach::ReachableSet;
+use crate::stats::{Estimate, Tally, open_probability, share};
+use crate::vehicle::Pose;
+use serde::Serialize;
+
+/// The probabilities of nested sets and of their regions.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Probabilities {
+    /// p_F: of being inside each set, from the smallest to the largest. The last one is 1 by
+    /// construction.
+    pub inside: Vec<Estimate>,
+    /// p_S: of each region; they sum to 1.
+    pub region: Vec<Estimate>,
+    /// Windows that were looked at.
+    pub windows: usize,
+    /// Trajectories that they come from.
+    pub trajectories: usize,
+    /// Confidence of the intervals.
+    pub confidence: f64,
+}
+
+/// The probabilities, if `first[i]` has for each window of trajectory i the place, from 0, of
+/// the first of `sets` sets that it is inside. Intervals are as in [`share`]: trajectories
+/// are independent, windows are not.
+///
+/// # Errors
+/// [`Invalid`] if there is no set or no window, a place is none, or `confidence` is not in
+/// (0, 1).
+pub fn probabilities(
+    first: &[Vec<usize>],
+    sets: usize,
+    confidence: f64,
+) -> Result<Probabilities, Invalid> {
+    open_probability("confidence", confidence)?;
+    if sets == 0 {
+        return Err(Invalid::new("sets", "at least one", sets));
+    }
+    let windows: usize = first.iter().map(Vec::len).sum();
+    if windows == 0 {
+        return Err(Invalid::new("windows", "at least one", "none"));
+    }
+    for (i, places) in first.iter().enumerate() {
+        if let Some(j) = places.iter().position(|&place| place >= sets) {
+            let expected = format!("a place from 0 to {}", sets - 1);
+            return Err(Invalid::new(format!("first[{i}][{j}]"), expected, places[j]));
+        }
+    }
+    let share_of = |holds: &dyn Fn(usize) -> bool| {
+        let tally = |places: &Vec<usize>| Tally {
+            hits: places.iter().filter(|&&place| holds(place)).count(),
+            of: places.len(),
+        };
+        share(&first.iter().map(tally).collect::<Vec<_>>(), confidence)
+    };
+    let mut inside =
+        (0..sets - 1).map(|set| share_of(&|place| place <= set)).collect::<Result<Vec<_>, _>>()?;
+    inside.push(Estimate::exactly(1.0));
+    let region = if sets == 1 {
+        vec![Estimate::exactly(1.0)]
+    } else {
+        (0..sets).map(|set| share_of(&|place| place == set)).collect::<Result<_, _>>()?
+    };
+    let trajectories = first.iter().filter(|places| !places.is_empty()).count();
+    Ok(Probabilities { inside, region, windows, trajectories, confidence })
+}
+
+/// Nested sets with their probabilities on recorded trajectories, and all that these depend
+/// on.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Regions {
+    /// By how much each set widens the bounds, rad/s.
+    pub epsilon: Vec<f64>,
+    /// Which actions count, in words.
+    pub actions: String,
+    /// `paper` or `base` roll-outs.
+    pub rollout: String,
+    /// Steps ahead, T.
+    pub steps: usize,
+    /// [`WindowChoice::word`].
+    pub window_choice: String,
+    /// So far outside, m, a recorded position still counted as inside.
+    pub tolerance_m: f64,
+    /// So far outside, rad, a recorded heading still counted as inside.
+    pub tolerance_rad: f64,
+    /// The probabilities.
+    pub probabilities: Probabilities,
+    /// Area, m², of each set's tube: mean over the windows.
+    pub mean_area_m2: Vec<f64>,
+}
+
+/// Runs Algorithm 1 at every chosen window of `trajectories` and counts which of its sets hold
+/// what then came.
+///
+/// # Errors
+/// [`Invalid`] if the last ε does not admit every turn rate, there is no window, `confidence`
+/// is not in (0, 1), or the prediction fails.
+pub fn regions(
+    trajectories: &[Trajectory],
+    choice: WindowChoice,
+    prediction: Prediction<'_, impl ActionModel + Sync>,
+    settings: &BoundsSettings,
+    confidence: f64,
+) -> Result<Regions, Invalid> {
+    let sets = settings.epsilon().len();
+    let last = settings.epsilon()[sets - 1];
+    let full = prediction.full_range();
+    if last < full {
+        let expected = format!("at least {full} rad/s, so that the last set holds everything");
+        return Err(Invalid::new(format!("epsilon[{}]", sets - 1), expected, last));
+    }
+    let windows = choice.windows(trajectories, settings.steps());
+    let judged = each(&windows, |windows| {
+        windows.iter().map(|window| judge(window, &prediction, settings)).collect::<Result<_, _>>()
+    })?;
+    let first: Vec<Vec<usize>> = judged
+        .iter()
+        .map(|windows: &Vec<Judged>| windows.iter().map(|window| window.first).collect())
+        .collect();
+    let probabilities = probabilities(&first, sets, confidence)?;
+    let mut mean_area_m2 = vec![0.0; sets];
+    for window in judged.iter().flatten() {
+        for (mean, area) in mean_area_m2.iter_mut().zip(&window.area_m2) {
+            *mean += area / probabilities.windows as f64;
+        }
+    }
+    Ok(Regions {
+        epsilon: settings.epsilon().to_vec(),
+        actions: settings.choice().to_string(),
+        rollout: settings.rollout().word().to_owned(),
+        steps: settings.steps(),
+        window_choice: choice.word().to_owned(),
+        tolerance_m: prediction.tolerance.position_m,
+        tolerance_rad: prediction.tolerance.heading_rad,
+        probabilities,
+        mean_area_m2,
+    })
+}
+
+/// What became of one window.
+struct Judged {
+    first: usize,
+    area_m2: Vec<f64>,
+}
+
+fn judge(
+    window: &Window<'_>,
+    prediction: &Prediction<'_, impl ActionModel>,
+    settings: &BoundsSettings,
+) -> Result<Judged, Invalid> {
+    let sets = prediction.bounds(window.history(), settings)?.sets;
+    let area = |bounds| tube_area_m2(bounds, prediction.parameters);
+    let area_m2 = sets.iter().map(area).collect::<Result<_, _>>()?;
+    Ok(Judged { first: first_inside(window, prediction, &sets)?, area_m2 })
+}
+
+/// The place of the first set that a window's trajectory is inside. The sets are nested, the
+/// last one holds everything.
+fn first_inside(
+    window: &Window<'_>,
+    prediction: &Prediction<'_, impl ActionModel>,
+    sets: &[InputBounds],
+) -> Result<usize, Invalid> {
+    for (j, bounds) in sets[..sets.len() - 1].iter().enumerate() {
+        if holds(bounds, window, prediction)? {
+            return Ok(j);
+        }
+    }
+    Ok(sets.len() - 1)
+}
+
+/// Is a window's trajectory inside the reachable set under `bounds` at every step?
+///
+/// # Errors
+/// [`Invalid`] if the window has another number of steps, or a parameter is wrong.
+pub(super) fn holds(
+    bounds: &InputBounds,
+    window: &Window<'_>,
+    prediction: &Prediction<'_, impl ActionModel>,
+) -> Result<bool, Invalid> {
+    same_steps(window, bounds.steps())?;
+    let parameters = prediction.parameters;
+    let set = ReachableSet::new(
+        window.now().human,
+        bounds,
+        parameters.human.speed_mps,
+        parameters.step_s,
+    )?;
+    let states: Vec<Pose> = window.future().iter().map(|state| state.human).collect();
+    Ok(set.contains_trajectory(&states, Some(window.turn_rates()), prediction.tolerance))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bounds::ActionChoice;
+    use crate::bounds::Rollout;
+    use crate::math::SeededRng;
+    use crate::scene::SceneParameters;
+    use crate::shfrs::testing::{Always, drive};
+    use crate::stats::clopper_pearson;
+
+    #[test]
+    fn regions_are_differences_and_sum_to_one() {
+        let mut rng = SeededRng::new(1);
+        for _ in 0..200 {
+            let sets = 1 + rng.below(7);
+            let first: Vec<Vec<usize>> = (0..1 + rng.below(60))
+                .map(|i| {
+                    (0..usize::from(i == 0) + rng.below(40)).map(|_| rng.below(sets)).collect()
+                })
+                .collect();
+            let found = probabilities(&first, sets, 0.95).unwrap();
+            let sum: f64 = found.region.iter().map(|p| p.value).sum();
+            assert!((sum - 1.0).abs() <= 1e-12);
+            assert_eq!(found.inside[sets - 1], Estimate::exactly(1.0));
+            let mut below = 0.0;
+            for (inside, region) in found.inside.iter().zip(&found.region) {
+                assert!((inside.value - below - region.value).abs() <= 1e-12);
+                assert!(inside.low <= inside.value && inside.value <= inside.high);
+                below = inside.value;
+            }
+        }
+    }
+
+    #[test]
+    fn single_windows_have_the_exact_interval() {
+        let first: Vec<Vec<usize>> = (0..20).map(|i| vec![usize::from(i >= 15)]).collect();
+        let found = probabilities(&first, 2, 0.95).unwrap();
+        assert_eq!((found.windows, found.trajectories), (20, 20));
+        let p = found.inside[0];
+        assert_eq!((p.value, (p.low, p.high)), (0.75, clopper_pearson(15.0, 20.0, 0.95)));
+    }
+
+    #[test]
+    fn windows_fall_into_the_region_of_their_drive() {
+        let drives =
+            [drive(&[0.5; 3]), drive(&[0.5, 0.5, 0.0]), drive(&[-0.5; 3]), drive(&[0.5; 3])];
+        let parameters = SceneParameters::default();
+        let model = Always([0.1, 0.2, 0.7]);
+        let prediction = Prediction::new(&parameters, &model);
+        let choice = ActionChoice::TopK(vec![1; 3]);
+        let settings = prediction.settings(vec![0.0, 0.5, 1.0], &choice, Rollout::Paper).unwrap();
+        let of = |windows| regions(&drives, windows, prediction, &settings, 0.9).unwrap();
+        let found = of(WindowChoice::AvoidanceOnset);
+        let values: Vec<f64> = found.probabilities.region.iter().map(|p| p.value).collect();
+        assert_eq!(values, [0.5, 0.25, 0.25]);
+        assert_eq!((found.rollout.as_str(), found.actions.as_str()), ("paper", "k = 1 1 1"));
+        assert_eq!((found.steps, found.window_choice.as_str()), (3, "avoidance_onset"));
+        assert!(found.mean_area_m2.is_sorted() && found.mean_area_m2[0].abs() < 1e-6);
+        assert!((found.mean_area_m2[2] - 4.0 / 6.0 * 0.6_f64.powi(3)).abs() < 1e-9);
+        let settings = prediction
+            .settings(vec![0.0, 1.0], &ActionChoice::TopK(vec![1; 2]), Rollout::Base)
+            .unwrap();
+        let many = regions(&drives, WindowChoice::EveryStep, prediction, &settings, 0.9).unwrap();
+        assert_eq!((many.probabilities.windows, many.probabilities.trajectories), (8, 4));
+        assert_eq!(many.probabilities.inside[0].value, 5.0 / 8.0);
+    }
+
+    #[test]
+    fn complaints_name_the_field() {
+        let field = |first: &[Vec<usize>], sets, confidence| {
+            probabilities(first, sets, confidence).unwrap_err().field
+        };
+        assert_eq!(field(&[vec![0]], 2, f64::NAN), "confidence");
+        assert_eq!(field(&[vec![0]], 0, 0.9), "sets");
+        assert_eq!(field(&[vec![]], 2, 0.9), "windows");
+        assert_eq!(field(&[vec![0], vec![1, 2]], 2, 0.9), "first[1][1]");
+        let (parameters, model) = (SceneParameters::default(), Always([0.1, 0.2, 0.7]));
+        let prediction = Prediction::new(&parameters, &model);
+        let choice = ActionChoice::TopK(vec![1]);
+        let narrow = prediction.settings(vec![0.0, 0.9], &choice, Rollout::Base).unwrap();
+        let every = WindowChoice::EveryStep;
+        let complaint = regions(&[drive(&[0.0])], every, prediction, &narrow, 0.9).unwrap_err();
+        assert_eq!(complaint.field, "epsilon[1]");
+        let wide = prediction.settings(vec![0.0, 1.0], &choice, Rollout::Base).unwrap();
+        assert_eq!(regions(&[], every, prediction, &wide, 0.9).unwrap_err().field, "windows");
+    }
+}

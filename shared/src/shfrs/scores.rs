@@ -1,0 +1,128 @@
+//! SHFRS as a nested family, and scores in order.
+
+use super::family::Family;
+use super::prediction::{Prediction, same_steps};
+use super::widened::{least_widening, tube_area_m2, widened};
+use super::window::{Trajectory, Window, WindowChoice};
+use crate::bounds::{ActionChoice, ActionModel, BoundsSettings, Rollout};
+use crate::invalid::Invalid;
+
+/// The sets F(ε) of one choice of actions, with `base` roll-outs. The level is ε, rad/s; the
+/// largest is the range of the turn rate, so that F holds everything.
+pub struct ShfrsFamily<'a, M> {
+    prediction: Prediction<'a, M>,
+    base: BoundsSettings,
+}
+
+impl<'a, M: ActionModel> ShfrsFamily<'a, M> {
+    /// The family of `choice`.
+    ///
+    /// # Errors
+    /// As of [`BoundsSettings::new`].
+    pub fn new(prediction: Prediction<'a, M>, choice: &ActionChoice) -> Result<Self, Invalid> {
+        Ok(Self { prediction, base: prediction.settings(vec![0.0], choice, Rollout::Base)? })
+    }
+
+    /// The bounds before widening, rad/s, of each step of a window.
+    ///
+    /// # Errors
+    /// [`Invalid`] if the window has another number of steps, or Algorithm 1 fails.
+    pub fn base_bounds(&self, window: &Window<'_>) -> Result<Vec<(f64, f64)>, Invalid> {
+        same_steps(window, self.base.steps())?;
+        Ok(self.prediction.bounds(window.history(), &self.base)?.raw)
+    }
+}
+
+impl<M: ActionModel> Family for ShfrsFamily<'_, M> {
+    fn name(&self) -> String {
+        format!("SHFRS, {}", self.base.choice())
+    }
+
+    fn most(&self) -> f64 {
+        self.prediction.full_range()
+    }
+
+    fn score(&mut self, window: &Window<'_>) -> Result<f64, Invalid> {
+        let Prediction { parameters, tolerance, .. } = self.prediction;
+        least_widening(&self.base_bounds(window)?, window, parameters, tolerance)
+    }
+
+    fn area_m2(&mut self, window: &Window<'_>, level: f64) -> Result<f64, Invalid> {
+        let bounds = widened(&self.base_bounds(window)?, level, self.prediction.turn_rate())?;
+        tube_area_m2(&bounds, self.prediction.parameters)
+    }
+}
+
+/// Scores of independent trajectories, one each, in rising order. Never empty.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scores(Vec<f64>);
+
+impl Scores {
+    /// Takes scores in any order; how many do not fail to be finite and ≥ 0 must be all.
+    ///
+    /// # Errors
+    /// [`Invalid`] if there is none, or one is negative or not finite.
+    pub fn new(mut scores: Vec<f64>) -> Result<Self, Invalid> {
+        if scores.is_empty() {
+            return Err(Invalid::new("scores", "at least one", "none"));
+        }
+        if let Some(i) = scores.iter().position(|score| !(score.is_finite() && *score >= 0.0)) {
+            let expected = "a finite number ≥ 0";
+            return Err(Invalid::new(format!("scores[{i}]"), expected, scores[i]));
+        }
+        scores.sort_by(f64::total_cmp);
+        Ok(Self(scores))
+    }
+
+    /// The scores of `trajectories` in `family`. Trajectories without a window are left out.
+    ///
+    /// # Errors
+    /// [`Invalid`] if `choice` takes several windows of a trajectory, none has one, or the
+    /// prediction fails.
+    pub fn of(
+        family: &mut impl Family,
+        trajectories: &[Trajectory],
+        choice: WindowChoice,
+        steps: usize,
+    ) -> Result<Self, Invalid> {
+        single(choice)?;
+        let windows = choice.windows(trajectories, steps);
+        let scores = windows.iter().flatten().map(|window| family.score(window));
+        Self::new(scores.collect::<Result<_, _>>()?)
+    }
+
+    /// How many, n ≥ 1.
+    #[must_use]
+    #[expect(clippy::len_without_is_empty, reason = "there is always one")]
+    pub fn len(&self) -> usize {
+        self.0.len()
+    }
+
+    /// In rising order.
+    #[must_use]
+    pub fn sorted(&self) -> &[f64] {
+        &self.0
+    }
+
+    /// The `rank`-th smallest, from 1 to n.
+    ///
+    /// # Panics
+    /// For any other rank.
+    #[must_use]
+    pub fn ranked(&self, rank: usize) -> f64 {
+        self.0[rank - 1]
+    }
+}
+
+/// Accepts a choice of windows that are as independent as the trajectories.
+///
+/// # Errors
+/// [`Invalid`] if it takes several of one trajectory.
+pub fn single(choice: WindowChoice) -> Result<(), Invalid> {
+    if choice.is_single() {
+        return Ok(());
+    }
+    let expected = "one window a trajectory (random_one or avoidance_onset): windows of one \
+                    trajectory are not independent";
+    Err(Invalid::new("window_choice", expected, choice.word()))
+}

@@ -1,0 +1,484 @@
+//! Tuning: the least area subject to p_{F_1} ≥ p, with a guarantee.
+//!
+//! Trajectories are parted into three. On the *training* part the choice of actions is made
+//! that needs the least area, and frozen. On the *calibration* part, which nothing was chosen
+//! by, ε_1 is found so that the guarantee holds. The *test* part says what was reached.
+
+use super::each::each;
+use super::guarantee::{Guarantee, fixed_sequence};
+use super::prediction::Prediction;
+use super::probability::holds;
+use super::scores::{Scores, single};
+use super::widened::{least_widening, tube_area_m2, widened, widening_between};
+use super::window::{Trajectory, Window, WindowChoice};
+use crate::bounds::{ActionChoice, ActionModel, BoundsSettings, Rollout};
+use crate::invalid::Invalid;
+use crate::math::SeededRng;
+use crate::stats::{Estimate, Tally, open_probability, share};
+use serde::Serialize;
+
+/// How trajectories are parted. What is left of 1 is for the test.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Split {
+    /// Share for training, in (0, 1).
+    pub training: f64,
+    /// Share for calibration, in (0, 1); with `training` at most 1.
+    pub calibration: f64,
+    /// Of the generator that draws them.
+    pub seed: u64,
+}
+
+impl Default for Split {
+    /// 40 % training, 40 % calibration, 20 % test.
+    fn default() -> Self {
+        Self { training: 0.4, calibration: 0.4, seed: 0 }
+    }
+}
+
+/// Indices of things parted at random.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Parts {
+    /// To choose by.
+    pub training: Vec<usize>,
+    /// To calibrate on.
+    pub calibration: Vec<usize>,
+    /// To judge by.
+    pub test: Vec<usize>,
+}
+
+/// Recorded trajectories in their three parts.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sample {
+    /// To choose by.
+    pub training: Vec<Trajectory>,
+    /// To calibrate on.
+    pub calibration: Vec<Trajectory>,
+    /// To judge by; may be empty.
+    pub test: Vec<Trajectory>,
+}
+
+impl Parts {
+    /// The trajectories in their parts.
+    ///
+    /// # Panics
+    /// If there are fewer of them than were parted.
+    #[must_use]
+    pub fn sample(&self, trajectories: &[Trajectory]) -> Sample {
+        let pick = |part: &[usize]| part.iter().map(|&i| trajectories[i].clone()).collect();
+        Sample {
+            training: pick(&self.training),
+            calibration: pick(&self.calibration),
+            test: pick(&self.test),
+        }
+    }
+}
+
+impl Split {
+    /// Parts 0 … `n` − 1; shares are rounded to whole things.
+    ///
+    /// # Errors
+    /// [`Invalid`] if a share is not in (0, 1), or both together are more than 1.
+    pub fn parts(&self, n: usize) -> Result<Parts, Invalid> {
+        open_probability("training", self.training)?;
+        open_probability("calibration", self.calibration)?;
+        let sum = self.training + self.calibration;
+        if sum > 1.0 + 1e-9 {
+            let expected = "shares of training and calibration that sum to at most 1";
+            return Err(Invalid::new("calibration", expected, sum));
+        }
+        let mut training = SeededRng::new(self.seed).permutation(n);
+        let upto = |share: f64| ((share * n as f64).round() as usize).min(n);
+        let test = training.split_off(upto(sum));
+        let calibration = training.split_off(upto(self.training).min(training.len()));
+        Ok(Parts { training, calibration, test })
+    }
+}
+
+/// What to tune for.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TuningSettings {
+    /// Probability p that a trajectory stays inside F_1, in (0, 1).
+    pub p: f64,
+    /// How sure that is to be.
+    pub guarantee: Guarantee,
+    /// Which window of each trajectory; one at most.
+    pub windows: WindowChoice,
+    /// What to choose from; all of the same number of steps. Usually [`candidates`].
+    pub candidates: Vec<ActionChoice>,
+    /// Confidence of the interval about the coverage that is measured, in (0, 1).
+    pub confidence: f64,
+}
+
+/// Probabilities τ of the adaptive sets that are tried: every hundredth up to this many.
+const TAUS: u32 = 50;
+
+/// What is usually chosen from: adaptive sets with τ = 0.01 … 0.5, and every schedule of k that
+/// has all `actions` in the first a steps, half of them (rounded up) until b, then 1
+/// (for three actions: 3, 2, 1).
+#[must_use]
+pub fn candidates(actions: usize, steps: usize) -> Vec<ActionChoice> {
+    let mut found: Vec<ActionChoice> = (1..=TAUS)
+        .map(|hundredths| ActionChoice::Adaptive { tau: f64::from(hundredths) / 100.0, steps })
+        .collect();
+    for a in 0..=steps {
+        for b in a..=steps {
+            let k = |i| {
+                if i < a {
+                    actions
+                } else if i < b {
+                    actions.div_ceil(2)
+                } else {
+                    1
+                }
+            };
+            let schedule = ActionChoice::TopK((0..steps).map(k).collect());
+            if !found.contains(&schedule) {
+                found.push(schedule);
+            }
+        }
+    }
+    found
+}
+
+/// A tuned setting and what is known of it.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Tuned {
+    /// Which actions count.
+    #[serde(serialize_with = "in_words")]
+    pub choice: ActionChoice,
+    /// ε_1, rad/s.
+    pub epsilon: f64,
+    /// `base` or `paper` roll-outs.
+    pub rollout: String,
+    /// The probability asked for, p.
+    pub p: f64,
+    /// [`Guarantee::word`].
+    pub guarantee: String,
+    /// What is guaranteed, over what, by how many trajectories.
+    pub statement: String,
+    /// [`WindowChoice::word`].
+    pub window_choice: String,
+    /// Steps ahead, T.
+    pub steps: usize,
+    /// Trajectories that the choice was made on.
+    pub training: usize,
+    /// Trajectories that ε_1 was calibrated on.
+    pub calibration: usize,
+    /// Trajectories that coverage and area were measured on.
+    pub test: usize,
+    /// Trajectories without a window, left out.
+    pub without_window: usize,
+    /// Share of the test part that stays inside, with its interval.
+    pub coverage: Estimate,
+    /// Confidence of that interval.
+    pub confidence: f64,
+    /// Area of the tube of F_1, m²: mean over the test part; over the calibration part if
+    /// there is no test.
+    pub mean_area_m2: f64,
+    /// So far outside, m, a recorded position still counted as inside.
+    pub tolerance_m: f64,
+    /// So far outside, rad, a recorded heading still counted as inside.
+    pub tolerance_rad: f64,
+}
+
+fn in_words<S: serde::Serializer>(choice: &ActionChoice, to: S) -> Result<S::Ok, S::Error> {
+    to.collect_str(choice)
+}
+
+/// Tunes on recorded trajectories. The predictor must not have been trained on those for
+/// calibration or test; a guarantee says nothing otherwise.
+///
+/// # Errors
+/// [`Invalid`] if a setting is wrong, windows are not one a trajectory, or there are too few
+/// trajectories for the guarantee (it says how many are needed).
+pub fn tune(
+    sample: &Sample,
+    prediction: Prediction<'_, impl ActionModel + Sync>,
+    settings: &TuningSettings,
+) -> Result<Tuned, Invalid> {
+    let families = families(&prediction, settings)?;
+    let steps = families[0].steps();
+    let parts = [&sample.training, &sample.calibration, &sample.test];
+    let [training, calibration, test] =
+        parts.map(|part| settings.windows.windows(part, steps).concat());
+    let trajectories: usize = parts.map(Vec::len).iter().sum();
+    let windows = training.len() + calibration.len() + test.len();
+    settings.guarantee.enough(calibration.len(), settings.p)?;
+    if training.is_empty() {
+        return Err(Invalid::new("training trajectories", "at least 1", 0));
+    }
+    let aim = settings.guarantee.aim(calibration.len(), settings.p)?;
+    let chosen = &families[least_area(&training, &prediction, &families, aim)?];
+    let (epsilon, rollout) = match settings.guarantee {
+        Guarantee::Conformal | Guarantee::Pac { .. } => {
+            let scores = each(&calibration, |window| {
+                let base = prediction.bounds(window.history(), chosen)?.raw;
+                least_widening(&base, window, prediction.parameters, prediction.tolerance)
+            })?;
+            (settings.guarantee.level(&Scores::new(scores)?, settings.p)?, Rollout::Base)
+        }
+        Guarantee::FixedSequence { delta, levels } => {
+            let level =
+                |i: usize| prediction.full_range() * (levels - 1 - i) as f64 / (levels - 1) as f64;
+            let hits = |i: usize| {
+                let used = prediction.settings(vec![level(i)], chosen.choice(), Rollout::Paper)?;
+                inside(&calibration, &prediction, &used)
+            };
+            let n = calibration.len();
+            let accepted = fixed_sequence(levels, hits, n, settings.p, delta)?;
+            (level(accepted), Rollout::Paper)
+        }
+    };
+    let used = prediction.settings(vec![epsilon], chosen.choice(), rollout)?;
+    let tally = Tally { hits: inside(&test, &prediction, &used)?, of: test.len() };
+    let measured = if test.is_empty() { &calibration } else { &test };
+    let areas = each(measured, |window| {
+        tube_area_m2(&prediction.bounds(window.history(), &used)?.sets[0], prediction.parameters)
+    })?;
+    Ok(Tuned {
+        choice: chosen.choice().clone(),
+        epsilon,
+        rollout: rollout.word().to_owned(),
+        p: settings.p,
+        guarantee: settings.guarantee.word().to_owned(),
+        statement: settings.guarantee.statement(settings.p, calibration.len()),
+        window_choice: settings.windows.word().to_owned(),
+        steps,
+        training: training.len(),
+        calibration: calibration.len(),
+        test: test.len(),
+        without_window: trajectories - windows,
+        coverage: share_of_one(tally, settings.confidence)?,
+        confidence: settings.confidence,
+        mean_area_m2: areas.iter().sum::<f64>() / areas.len() as f64,
+        tolerance_m: prediction.tolerance.position_m,
+        tolerance_rad: prediction.tolerance.heading_rad,
+    })
+}
+
+/// The share of trajectories with one window each.
+fn share_of_one(Tally { hits, of }: Tally, confidence: f64) -> Result<Estimate, Invalid> {
+    let tallies: Vec<Tally> =
+        (0..of).map(|i| Tally { hits: usize::from(i < hits), of: 1 }).collect();
+    share(&tallies, confidence)
+}
+
+/// Checks the settings, and those of Algorithm 1 of every candidate.
+fn families(
+    prediction: &Prediction<'_, impl ActionModel>,
+    settings: &TuningSettings,
+) -> Result<Vec<BoundsSettings>, Invalid> {
+    open_probability("p", settings.p)?;
+    open_probability("confidence", settings.confidence)?;
+    settings.guarantee.check()?;
+    single(settings.windows)?;
+    let family = |(i, choice): (usize, &ActionChoice)| {
+        prediction
+            .settings(vec![0.0], choice, Rollout::Base)
+            .map_err(|invalid| invalid.within(&format!("candidates[{i}]")))
+    };
+    let families: Vec<BoundsSettings> =
+        settings.candidates.iter().enumerate().map(family).collect::<Result<_, _>>()?;
+    let Some(steps) = families.first().map(BoundsSettings::steps) else {
+        return Err(Invalid::new("candidates", "at least one", "none"));
+    };
+    if let Some(i) = families.iter().position(|family| family.steps() != steps) {
+        let expected = format!("{steps} steps, as the first one");
+        return Err(Invalid::new(format!("candidates[{i}]"), expected, families[i].steps()));
+    }
+    Ok(families)
+}
+
+/// How many windows stay inside F_1.
+fn inside(
+    windows: &[Window<'_>],
+    prediction: &Prediction<'_, impl ActionModel + Sync>,
+    settings: &BoundsSettings,
+) -> Result<usize, Invalid> {
+    // A set that admits every turn rate holds everything by definition.
+    if settings.epsilon()[0] >= prediction.full_range() {
+        return Ok(windows.len());
+    }
+    let held = each(windows, |window| {
+        holds(&prediction.bounds(window.history(), settings)?.sets[0], window, prediction)
+    })?;
+    Ok(held.into_iter().filter(|&held| held).count())
+}
+
+/// Bounds that candidates come to for one window, and what is known of their score.
+struct Base {
+    bounds: Vec<(f64, f64)>,
+    /// The score is from here
+    least: f64,
+    /// to here; both are it, once it was computed.
+    most: f64,
+}
+
+/// The candidate whose tubes have the least mean area over the n training windows, when each
+/// has the level of its ⌈(n + 1)·`aim`⌉-th score (the last if there are too few); the first of
+/// equals.
+///
+/// Scores are what takes time. So each gets bounds first, from turn rates and headings alone;
+/// these bound every candidate's level, and that its area from below. Candidates are then
+/// gone through from the least such area on, until the next one is more than the best; and of
+/// their scores only those are computed that may be the one at the rank.
+fn least_area(
+    windows: &[Window<'_>],
+    prediction: &Prediction<'_, impl ActionModel + Sync>,
+    families: &[BoundsSettings],
+    aim: f64,
+) -> Result<usize, Invalid> {
+    let (parameters, tolerance) = (prediction.parameters, prediction.tolerance);
+    // For each window its different bases, and which of them each candidate has.
+    let (mut bases, of): (Vec<Vec<Base>>, Vec<Vec<usize>>) = each(windows, |window| {
+        let (mut bases, mut of) = (Vec::<Base>::new(), Vec::with_capacity(families.len()));
+        for family in families {
+            let bounds = prediction.bounds(window.history(), family)?.raw;
+            let known = bases.iter().position(|base| base.bounds == bounds);
+            of.push(known.unwrap_or(bases.len()));
+            if known.is_none() {
+                let (least, most) = widening_between(&bounds, window, parameters, tolerance)?;
+                bases.push(Base { bounds, least, most });
+            }
+        }
+        Ok((bases, of))
+    })?
+    .into_iter()
+    .unzip();
+    let rank = (((windows.len() + 1) as f64 * aim).ceil() as usize).min(windows.len());
+    let ranked = |bases: &[Vec<Base>], candidate: usize, of_base: fn(&Base) -> f64| {
+        let mut found: Vec<f64> =
+            bases.iter().zip(&of).map(|(bases, of)| of_base(&bases[of[candidate]])).collect();
+        found.sort_by(f64::total_cmp);
+        found[rank - 1]
+    };
+    let area = |bases: &[Vec<Base>], candidate: usize, level: f64| {
+        bases.iter().zip(&of).try_fold(0.0, |sum, (bases, of)| {
+            let base = &bases[of[candidate]].bounds;
+            let bounds = widened(base, level, prediction.turn_rate())?;
+            Ok::<_, Invalid>(sum + tube_area_m2(&bounds, parameters)?)
+        })
+    };
+    let all: Vec<usize> = (0..families.len()).collect();
+    let at_least = each(&all, |&candidate| {
+        area(&bases, candidate, ranked(&bases, candidate, |base| base.least))
+    })?;
+    let mut order = all;
+    order.sort_by(|&a, &b| at_least[a].total_cmp(&at_least[b]).then(a.cmp(&b)));
+    let mut best: Option<(f64, usize)> = None;
+    for candidate in order {
+        if best.is_some_and(|(area, _)| at_least[candidate] > area) {
+            break;
+        }
+        let low = ranked(&bases, candidate, |base| base.least);
+        let high = ranked(&bases, candidate, |base| base.most);
+        let open: Vec<usize> = (0..windows.len())
+            .filter(|&i| {
+                let base = &bases[i][of[i][candidate]];
+                base.least < base.most && base.least < high && low < base.most
+            })
+            .collect();
+        let scores = each(&open, |&i| {
+            let base = &bases[i][of[i][candidate]].bounds;
+            least_widening(base, &windows[i], parameters, tolerance)
+        })?;
+        for (&i, &score) in open.iter().zip(&scores) {
+            let base = &mut bases[i][of[i][candidate]];
+            (base.least, base.most) = (score, score);
+        }
+        let level = ranked(&bases, candidate, |base| base.least);
+        let found = (area(&bases, candidate, level)?, candidate);
+        if best.is_none_or(|best| found < best) {
+            best = Some(found);
+        }
+    }
+    Ok(best.map_or(0, |(_, candidate)| candidate))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::SceneParameters;
+    use crate::shfrs::testing::{Always, drive};
+
+    /// Plain twin of [`least_area`]: every score of every candidate.
+    fn plainly(
+        windows: &[Window<'_>],
+        prediction: &Prediction<'_, Always>,
+        families: &[BoundsSettings],
+        aim: f64,
+    ) -> (f64, usize) {
+        let rank = (((windows.len() + 1) as f64 * aim).ceil() as usize).min(windows.len());
+        let area = |family: &BoundsSettings| {
+            let base =
+                |window: &Window<'_>| prediction.bounds(window.history(), family).unwrap().raw;
+            let (parameters, tolerance) = (prediction.parameters, prediction.tolerance);
+            let score = |window: &Window<'_>| {
+                least_widening(&base(window), window, parameters, tolerance).unwrap()
+            };
+            let mut scores: Vec<f64> = windows.iter().map(score).collect();
+            scores.sort_by(f64::total_cmp);
+            let area = |window: &Window<'_>| {
+                let range = prediction.turn_rate();
+                let bounds = widened(&base(window), scores[rank - 1], range).unwrap();
+                tube_area_m2(&bounds, parameters).unwrap()
+            };
+            windows.iter().map(area).sum::<f64>()
+        };
+        let areas = families.iter().map(area).enumerate().map(|(i, area)| (area, i));
+        areas.min_by(|a, b| a.partial_cmp(b).unwrap()).unwrap()
+    }
+
+    #[test]
+    fn leaving_out_scores_changes_nothing() {
+        let parameters = SceneParameters::default();
+        let mut rng = SeededRng::new(8);
+        for (probabilities, aim) in
+            [([0.2, 0.5, 0.3], 0.6), ([0.1, 0.8, 0.1], 0.8), ([0.6, 0.1, 0.3], 0.95)]
+        {
+            let model = Always(probabilities);
+            let prediction = Prediction::new(&parameters, &model);
+            let drives: Vec<Trajectory> = (0..30)
+                .map(|_| {
+                    let rates: Vec<f64> =
+                        (0..5).map(|_| [-0.5, 0.0, 0.0, 0.5][rng.below(4)]).collect();
+                    drive(&rates)
+                })
+                .collect();
+            let windows = WindowChoice::EveryStep.windows(&drives, 5);
+            let windows: Vec<Window<'_>> = windows.into_iter().flatten().collect();
+            let families: Vec<BoundsSettings> = candidates(3, 5)
+                .iter()
+                .map(|choice| prediction.settings(vec![0.0], choice, Rollout::Base).unwrap())
+                .collect();
+            let found = least_area(&windows, &prediction, &families, aim).unwrap();
+            assert_eq!(found, plainly(&windows, &prediction, &families, aim).1);
+        }
+    }
+
+    #[test]
+    fn parts_are_parts() {
+        let parts = Split::default().parts(101).unwrap();
+        assert_eq!((parts.training.len(), parts.calibration.len(), parts.test.len()), (40, 41, 20));
+        let mut all = [parts.training, parts.calibration, parts.test].concat();
+        all.sort_unstable();
+        assert_eq!(all, (0..101).collect::<Vec<_>>());
+        let none = Split { training: 0.5, calibration: 0.5, seed: 1 }.parts(7).unwrap();
+        assert!(none.test.is_empty());
+        let field = |training, calibration| {
+            Split { training, calibration, seed: 0 }.parts(9).unwrap_err().field
+        };
+        assert_eq!(field(0.0, 0.5), "training");
+        assert_eq!(field(0.5, f64::NAN), "calibration");
+        assert_eq!(field(0.6, 0.5), "calibration");
+    }
+
+    #[test]
+    fn schedules_come_down_from_all_actions_to_one() {
+        let schedules = |actions, steps| candidates(actions, steps).len() - TAUS as usize;
+        assert_eq!(schedules(3, 10), 66);
+        assert_eq!(schedules(2, 4), 5);
+        assert_eq!(schedules(1, 4), 1);
+        assert!(candidates(5, 3).contains(&ActionChoice::TopK(vec![5, 3, 1])));
+    }
+}

@@ -1,0 +1,295 @@
+//! What the paper says of Algorithm 1 (Theorem 1 and its corollaries), on random learned
+//! functions, widenings, numbers of actions and horizons; and what is not a theorem.
+
+use std::cell::RefCell;
+
+use sidestep::bounds::{
+    ActionChoice, ActionModel, Algorithm1, BoundsSettings, InputBounds, Motion, PredictedBounds,
+    Rollout, input_bounds,
+};
+use sidestep::math::{PI, SeededRng};
+use sidestep::reach::polygon::signed_distance;
+use sidestep::reach::{PolygonSettings, ReachableSet};
+use sidestep::scene::{JointState, SceneParameters};
+use sidestep::vehicle::{Pose, dubins};
+
+/// A function of the whole history that nobody could guess: its answers for two histories
+/// have nothing to do with each other. The weights are small whole numbers, so that there
+/// are many ties.
+struct Arbitrary {
+    seed: u64,
+    actions: Vec<f64>,
+    highest_weight: usize,
+}
+
+impl ActionModel for Arbitrary {
+    fn actions(&self) -> &[f64] {
+        &self.actions
+    }
+
+    fn probabilities(&self, history: &[JointState], out: &mut [f64]) {
+        let mixed = history.iter().fold(self.seed, |hash, state| {
+            let bits = state.human.x.to_bits() ^ state.human.psi.to_bits().rotate_left(17);
+            (hash ^ bits ^ state.robot.y.to_bits().rotate_left(31))
+                .wrapping_mul(0x9E37_79B9_7F4A_7C15)
+        });
+        let mut rng = SeededRng::new(mixed);
+        out.iter_mut().for_each(|p| *p = (1 + rng.below(self.highest_weight)) as f64);
+        let total: f64 = out.iter().sum();
+        out.iter_mut().for_each(|p| *p /= total);
+    }
+}
+
+/// A random problem: everything that Algorithm 1 is given.
+struct Problem {
+    history: Vec<JointState>,
+    motion: Motion,
+    model: Arbitrary,
+    choice: ActionChoice,
+    rollout: Rollout,
+}
+
+impl Problem {
+    fn random(seed: u64) -> Self {
+        let mut rng = SeededRng::new(seed);
+        let motion = Motion {
+            human_speed_mps: rng.uniform(0.5, 3.0),
+            human_turn_rate: (rng.uniform(-0.8, 0.0), rng.uniform(0.0, 0.8)),
+            step_s: rng.uniform(0.1, 0.3),
+            ..Motion::from(&SceneParameters::default())
+        };
+        let mut pose =
+            || Pose::new(rng.uniform(-9.0, 9.0), rng.uniform(-9.0, 9.0), rng.uniform(-PI, PI));
+        let history = [(); 3].map(|()| JointState { human: pose(), robot: pose() }).to_vec();
+        let (least, most) = motion.human_turn_rate;
+        let actions: Vec<f64> = (0..1 + rng.below(6)).map(|_| rng.uniform(least, most)).collect();
+        let steps = 1 + rng.below(20);
+        let choice = if rng.below(3) == 0 {
+            ActionChoice::Adaptive { tau: rng.uniform(0.01, 1.0), steps }
+        } else {
+            ActionChoice::TopK((0..steps).map(|_| 1 + rng.below(actions.len())).collect())
+        };
+        let rollout = if rng.below(2) == 0 { Rollout::Paper } else { Rollout::Base };
+        let model = Arbitrary {
+            seed: rng.below(1 << 30) as u64,
+            actions,
+            highest_weight: 1 + rng.below(9),
+        };
+        Self { history, motion, model, choice, rollout }
+    }
+
+    fn solve(
+        &self,
+        algorithm: &mut Algorithm1,
+        epsilon: Vec<f64>,
+        rollout: Rollout,
+    ) -> PredictedBounds {
+        let actions = self.model.actions.len();
+        let settings = BoundsSettings::new(epsilon, self.choice.clone(), rollout, actions).unwrap();
+        let left = |states: &[JointState]| 0.3 * (states.len() % 2) as f64;
+        algorithm.run(&self.history, &self.motion, &self.model, left, &settings).unwrap().clone()
+    }
+}
+
+/// Some ascending widenings, the last one large enough for the full range.
+fn widenings(rng: &mut SeededRng) -> Vec<f64> {
+    let mut epsilon = vec![if rng.below(3) == 0 { 0.0 } else { rng.uniform(0.0, 0.5) }];
+    for _ in 0..rng.below(5) {
+        // Sets that are equal are allowed.
+        let step = if rng.below(4) == 0 { 0.0 } else { rng.uniform(0.0, 0.3) };
+        epsilon.push(epsilon[epsilon.len() - 1] + step);
+    }
+    epsilon.push(epsilon[epsilon.len() - 1] + 2.0);
+    epsilon
+}
+
+fn lies_within(inner: &InputBounds, outer: &InputBounds) -> bool {
+    let steps = inner.steps();
+    steps == outer.steps()
+        && (0..steps).all(|i| outer.lo()[i] <= inner.lo()[i] && inner.hi()[i] <= outer.hi()[i])
+}
+
+const PROBLEMS: u64 = 10_000;
+
+/// Theorem 1: F_j ⊆ F_{j+1}, since whatever is admissible for F_j is so for F_{j+1}. And
+/// the second corollary's premise: F_F allows every turn rate, so that it holds everybody.
+#[test]
+fn within_one_run_sets_are_nested() {
+    // One workspace for all: what was left from the run before must not matter.
+    let mut algorithm = Algorithm1::default();
+    for seed in 0..PROBLEMS {
+        let problem = Problem::random(seed);
+        let epsilon = widenings(&mut SeededRng::new(!seed));
+        let found = problem.solve(&mut algorithm, epsilon.clone(), problem.rollout);
+        assert_eq!(found.sets.len(), epsilon.len());
+        for pair in found.sets.windows(2) {
+            assert!(lies_within(&pair[0], &pair[1]), "problem {seed}: {found:?}");
+        }
+        let (least, most) = problem.motion.human_turn_rate;
+        let last = &found.sets[found.sets.len() - 1];
+        assert!(last.lo().iter().all(|&lo| lo == least), "problem {seed}");
+        assert!(last.hi().iter().all(|&hi| hi == most), "problem {seed}");
+        // Every bound is one that the checked constructor accepts.
+        for set in &found.sets {
+            InputBounds::new(set.lo().to_vec(), set.hi().to_vec(), (least, most)).unwrap();
+        }
+        let fresh = problem.solve(&mut Algorithm1::default(), epsilon, problem.rollout);
+        assert_eq!(found, fresh, "problem {seed}");
+    }
+}
+
+/// Corollaries 1 and 2: a trajectory that is inside F_j is inside F_{j+1}, so shares of
+/// trajectories ascend, and the last one is 1.
+#[test]
+fn shares_of_trajectories_ascend_to_one() {
+    let mut algorithm = Algorithm1::default();
+    for seed in 0..PROBLEMS / 10 {
+        let problem = Problem::random(seed);
+        let mut rng = SeededRng::new(!seed);
+        let found = problem.solve(&mut algorithm, widenings(&mut rng), problem.rollout);
+        let (least, most) = problem.motion.human_turn_rate;
+        let mut inside = vec![0; found.sets.len()];
+        for _ in 0..20 {
+            // Some drive anyhow, some near the bounds before widening.
+            let wide = rng.uniform(0.0, 0.5);
+            let inputs: Vec<f64> = (found.raw.iter())
+                .map(|&(lo, hi)| rng.uniform(lo - wide, hi + wide + 1e-9).clamp(least, most))
+                .collect();
+            let admissible = |set: &InputBounds| {
+                (inputs.iter().zip(set.lo()).zip(set.hi())).all(|((u, lo), hi)| lo <= u && u <= hi)
+            };
+            for (count, set) in inside.iter_mut().zip(&found.sets) {
+                *count += usize::from(admissible(set));
+            }
+        }
+        assert!(inside.is_sorted(), "problem {seed}: {inside:?}");
+        assert_eq!(inside[inside.len() - 1], 20, "problem {seed}");
+    }
+}
+
+/// Only with these roll-outs: a larger ε never gives a smaller set.
+#[test]
+fn with_base_rollouts_sets_grow_with_epsilon() {
+    let mut algorithm = Algorithm1::default();
+    for seed in 0..PROBLEMS {
+        let problem = Problem::random(seed);
+        let mut rng = SeededRng::new(!seed);
+        let (small, more) = (rng.uniform(0.0, 0.4), rng.uniform(0.0, 0.3));
+        let narrow = problem.solve(&mut algorithm, vec![small], Rollout::Base);
+        let wide = problem.solve(&mut algorithm, vec![small + more], Rollout::Base);
+        assert_eq!(narrow.raw, wide.raw, "problem {seed}");
+        assert!(lies_within(&narrow.sets[0], &wide.sets[0]), "problem {seed}");
+    }
+}
+
+/// Either goes at random where it looks straight ahead, or surely straight on.
+struct Undecided;
+
+impl ActionModel for Undecided {
+    fn actions(&self) -> &[f64] {
+        &[-0.5, 0.0, 0.5]
+    }
+
+    fn probabilities(&self, history: &[JointState], out: &mut [f64]) {
+        let psi = history[history.len() - 1].human.psi;
+        let first = history.len() == 1;
+        let torn = !first && psi.abs() < 0.031;
+        out.copy_from_slice(if torn { &[0.4, 0.2, 0.4] } else { &[0.1, 0.8, 0.1] });
+    }
+}
+
+/// Not a theorem: the paper's roll-outs are those of F_1 itself, so that a wider F_1 asks
+/// the model in other states. Here ε_1 = 0.16 rad/s leaves the states in which the human is
+/// torn between left and right, and gives a set that does not hold that of ε_1 = 0.15.
+#[test]
+fn with_the_papers_rollouts_a_larger_epsilon_can_give_a_smaller_set() {
+    let history = [JointState { human: Pose::new(0.0, 0.0, 0.0), robot: Pose::new(9.0, 0.0, 3.0) }];
+    let parameters = SceneParameters::default();
+    let set = |epsilon, rollout| {
+        let choice = ActionChoice::TopK(vec![1, 1]);
+        let settings = BoundsSettings::new(vec![epsilon], choice, rollout, 3).unwrap();
+        let found = input_bounds(&history, &parameters, &Undecided, |_| 0.0, &settings).unwrap();
+        ReachableSet::new(history[0].human, &found.sets[0], 2.0, 0.2).unwrap()
+    };
+    let sticks_out = |rollout| {
+        let polygon = |epsilon| set(epsilon, rollout).step_polygon(2, PolygonSettings::default());
+        let outer = polygon(0.16);
+        polygon(0.15).iter().map(|&p| -signed_distance(&outer, p)).fold(f64::MIN, f64::max)
+    };
+    assert!(sticks_out(Rollout::Paper) > 5e-3, "{}", sticks_out(Rollout::Paper));
+    assert!(sticks_out(Rollout::Base) < 1e-4, "{}", sticks_out(Rollout::Base));
+}
+
+/// The model is told the past, and then the states of one roll-out.
+#[test]
+fn the_model_sees_the_past_and_one_rollout() {
+    struct Listening(RefCell<Vec<Vec<JointState>>>);
+    impl ActionModel for Listening {
+        fn actions(&self) -> &[f64] {
+            &[-0.5, 0.0, 0.5]
+        }
+
+        fn probabilities(&self, history: &[JointState], out: &mut [f64]) {
+            self.0.borrow_mut().push(history.to_vec());
+            out.copy_from_slice(&[0.3, 0.4, 0.3]);
+        }
+    }
+    let pose = |x: f64| Pose::new(x, 0.1 * x, 0.2);
+    let history: Vec<JointState> = (0..4)
+        .map(|i| JointState { human: pose(f64::from(i)), robot: pose(9.0 - f64::from(i)) })
+        .collect();
+    let model = Listening(RefCell::default());
+    let choice = ActionChoice::TopK(vec![1, 3, 1]);
+    let settings = BoundsSettings::new(vec![0.1], choice, Rollout::Paper, 3).unwrap();
+    let parameters = SceneParameters::default();
+    let found = input_bounds(&history, &parameters, &model, |_| 0.0, &settings).unwrap();
+    let asked = model.0.into_inner();
+    // Once for the present, where both roll-outs are the same, then for each of them.
+    assert_eq!(asked.iter().map(Vec::len).collect::<Vec<_>>(), [4, 5, 5, 6, 6]);
+    assert_eq!(asked[0], history);
+    for (i, states) in asked.iter().enumerate() {
+        assert_eq!(states[..4], history);
+        let rollout = if i % 2 == 1 { &found.low } else { &found.high };
+        assert_eq!(states[3..], rollout[..states.len() - 3]);
+    }
+    let human = |states: &[JointState], rate| dubins::arc(states[0].human, 2.0, rate, 0.2);
+    assert_eq!(found.low[1].human, human(&found.low, -0.1));
+    assert_eq!(found.high[1].human, human(&found.high, 0.1));
+}
+
+/// What is drawn keeps the theorem as well as polygons can: the vertices of F_j lie in
+/// F_{j+1}, whose edges follow it within the accuracy asked for.
+#[test]
+fn drawn_sets_are_nested_within_their_accuracy() {
+    let mut algorithm = Algorithm1::default();
+    let drawn = PolygonSettings::new(1e-3, 4).unwrap();
+    for seed in 0..40 {
+        let problem = Problem::random(seed);
+        let epsilon = widenings(&mut SeededRng::new(!seed));
+        let found = problem.solve(&mut algorithm, epsilon, problem.rollout);
+        let motion = &problem.motion;
+        let set = |bounds| {
+            ReachableSet::new(
+                Pose::new(0.0, 0.0, 0.0),
+                bounds,
+                motion.human_speed_mps,
+                motion.step_s,
+            )
+            .unwrap()
+        };
+        let sets: Vec<ReachableSet> = found.sets.iter().map(set).collect();
+        let check = |of: &dyn Fn(&ReachableSet) -> Vec<[f64; 2]>, what: &str| {
+            let polygons: Vec<_> = sets.iter().map(of).collect();
+            for (j, pair) in polygons.windows(2).enumerate() {
+                for &vertex in &pair[0] {
+                    let out = -signed_distance(&pair[1], vertex);
+                    assert!(out <= drawn.accuracy_m(), "problem {seed} {what} {j}: {out} m");
+                }
+            }
+        };
+        check(&|set| set.tube_polygon(drawn), "tube");
+        for step in [1, sets[0].steps()] {
+            check(&|set| set.step_polygon(step, drawn), &format!("step {step}"));
+        }
+    }
+}

@@ -1,0 +1,216 @@
+//! Families of predicted sets on 400 recorded drives of **synthetic** people
+//! (`data/README.md`): the numbers compare software, they say nothing about people.
+#![allow(clippy::print_stdout, reason = "the table is worth reading")]
+
+use sidestep::bounds::ActionChoice;
+use sidestep::dataset::Dataset;
+use sidestep::features::{FeatureSet, SafetyFunctions};
+use sidestep::math::SeededRng;
+use sidestep::predict::Predictor;
+use sidestep::predict::logistic::{Logistic, LogisticSettings};
+use sidestep::predict::scale::Scale;
+use sidestep::scene::{JointState, SceneParameters};
+use sidestep::shfrs::PredictedHuman;
+use sidestep::shfrs::baselines::{
+    Gaussian, Mode, Nominal, PerModeEmpirical, constant_velocity, hold_the_input,
+    learned_disturbance, worst_case,
+};
+use sidestep::shfrs::family::Family;
+use sidestep::shfrs::pareto::{Pareto, ParetoRow, ParetoSettings, pareto};
+use sidestep::shfrs::prediction::Prediction;
+use sidestep::shfrs::scores::ShfrsFamily;
+use sidestep::shfrs::window::{Trajectory, Window, WindowChoice};
+use sidestep::vehicle::{Pose, TurnInput};
+use std::ops::ControlFlow;
+use std::sync::OnceLock;
+
+const STEPS: usize = 10;
+const TARGETS: [f64; 3] = [0.75, 0.9, 0.95];
+
+/// One drive: the inputs and the states before each of them.
+type Drive = (Vec<TurnInput>, Vec<JointState>);
+
+/// The drives of the file, 50 of each of eight participants.
+fn drives() -> Vec<Drive> {
+    let mut reader = csv::Reader::from_reader(&include_bytes!("data/trials.csv")[..]);
+    let mut drives: Vec<Drive> = Vec::new();
+    let mut last = None;
+    for row in reader.deserialize() {
+        let row: [f64; 11] = row.expect("a row of numbers");
+        if last != Some([row[0], row[1]]) {
+            drives.push((Vec::new(), Vec::new()));
+            last = Some([row[0], row[1]]);
+        }
+        let (inputs, states) = drives.last_mut().expect("a drive");
+        inputs.push(TurnInput::try_from((2.0 * row[10]) as i64).expect("a turn rate"));
+        let (human, robot) = (Pose::new(row[4], row[5], row[6]), Pose::new(row[7], row[8], row[9]));
+        states.push(JointState { human, robot });
+    }
+    drives
+}
+
+/// The drive as a trajectory: its last input leads to no recorded state.
+fn trajectory((inputs, states): &Drive) -> Trajectory {
+    let human = SceneParameters::default().human;
+    let rates = inputs[..inputs.len() - 1].iter().map(|&input| human.turn_rate(input));
+    Trajectory::new(states.clone(), rates.collect()).unwrap()
+}
+
+/// 160 drives for training, 120 for calibration and 120 for test, drawn at random: people
+/// and scenes are mixed in each part, so that the parts are exchangeable.
+struct Split {
+    training: Vec<Drive>,
+    calibration: Vec<Trajectory>,
+    test: Vec<Trajectory>,
+}
+
+fn split(seed: u64) -> Split {
+    let drives = drives();
+    let order = SeededRng::new(seed).permutation(drives.len());
+    let trajectories =
+        |part: &[usize]| part.iter().map(|&i| trajectory(&drives[i])).collect::<Vec<_>>();
+    Split {
+        training: order[..160].iter().map(|&i| drives[i].clone()).collect(),
+        calibration: trajectories(&order[160..280]),
+        test: trajectories(&order[280..]),
+    }
+}
+
+fn train(safety: &SafetyFunctions, drives: &[Drive]) -> Predictor {
+    let features = FeatureSet::subset("hrd").unwrap();
+    let rows = drives.iter().map(|(inputs, states)| (&inputs[..], &states[..]));
+    let data = Dataset::from_trials(&features, safety, rows);
+    let width = features.len();
+    let scale = Scale::fit(width, &data.values);
+    let values: Vec<f64> =
+        data.values.iter().enumerate().map(|(i, &v)| scale.apply(i % width, v)).collect();
+    let labels: Vec<usize> = data.labels.iter().map(|label| (label.sign() + 1) as usize).collect();
+    let model = Logistic::fit(width, &values, &labels, 3, LogisticSettings::default()).unwrap();
+    Predictor::logistic(features, vec![-1, 0, 1], scale, model)
+}
+
+/// The comparison of every family on the split and the windows of `seed`.
+fn compare(seed: u64, points: usize) -> Pareto {
+    static SAFETY: OnceLock<SafetyFunctions> = OnceLock::new();
+    let parameters = SceneParameters::default();
+    let safety = SAFETY.get_or_init(|| {
+        SafetyFunctions::solve(&parameters, &mut |_| ControlFlow::Continue(())).unwrap()
+    });
+    let Split { training, calibration, test } = split(seed);
+    let predictor = train(safety, &training);
+    let human = || PredictedHuman::new(&predictor, safety, &parameters).unwrap();
+    let training: Vec<Trajectory> = training.iter().map(trajectory).collect();
+    let windows: Vec<Window<'_>> = WindowChoice::EveryStep.windows(&training, STEPS).concat();
+    let gaussian = |nominal| Gaussian::learn(nominal, &parameters, &windows).unwrap();
+    let empirical = |mode| PerModeEmpirical::learn(mode, &parameters, &windows).unwrap();
+    let model = human();
+    let prediction = Prediction::new(&parameters, &model);
+    let adaptive = |tau| {
+        let choice = ActionChoice::Adaptive { tau, steps: STEPS };
+        ShfrsFamily::new(prediction, &choice).unwrap()
+    };
+    let of_the_paper = ActionChoice::TopK(vec![2, 2, 1, 1, 1, 1, 1, 1, 1, 1]);
+    let mut families: Vec<Box<dyn Family + Send + '_>> = vec![
+        Box::new(adaptive(0.1)),
+        Box::new(adaptive(0.2)),
+        Box::new(ShfrsFamily::new(prediction, &of_the_paper).unwrap()),
+        Box::new(worst_case(&parameters)),
+        Box::new(constant_velocity(&parameters)),
+        Box::new(hold_the_input(&parameters)),
+        Box::new(learned_disturbance(&parameters, human())),
+        Box::new(gaussian(Nominal::Straight)),
+        Box::new(gaussian(Nominal::Held)),
+        Box::new(empirical(Mode::MostLikely(human()))),
+        Box::new(empirical(Mode::Held)),
+    ];
+    let choice = WindowChoice::RandomOne { seed };
+    let settings = ParetoSettings::new(TARGETS.to_vec(), 0.95, choice, STEPS, points).unwrap();
+    pareto(&mut families, &calibration, &test, &settings).unwrap()
+}
+
+/// One comparison, done once.
+fn compared() -> &'static Pareto {
+    static COMPARED: OnceLock<Pareto> = OnceLock::new();
+    COMPARED.get_or_init(|| compare(1, 60))
+}
+
+fn rows(family: &str) -> Vec<&'static ParetoRow> {
+    let rows: Vec<_> = compared().rows.iter().filter(|row| row.family == family).collect();
+    assert_eq!(rows.len(), TARGETS.len(), "{family}");
+    rows
+}
+
+#[test]
+fn the_table() {
+    if let Ok(file) = std::env::var("PARETO_JSON") {
+        std::fs::write(file, serde_json::to_string(compared()).unwrap()).unwrap();
+    }
+    for row in &compared().rows {
+        println!(
+            "{:32} p {:.2}  level {:.3}  coverage {:.3} [{:.3}, {:.3}]  {:.2} m²",
+            row.family,
+            row.target,
+            row.level,
+            row.coverage,
+            row.coverage_low,
+            row.coverage_high,
+            row.mean_area_m2
+        );
+    }
+}
+
+/// The area of everything is 16/3 m² (reference/shfrs: closed form), and it holds all.
+#[test]
+fn the_worst_case_holds_everything() {
+    for row in rows("worst case") {
+        assert_eq!((row.coverage, row.level), (1.0, 0.0));
+        assert!((row.mean_area_m2 - 16.0 / 3.0).abs() < 1e-9);
+    }
+}
+
+/// Conformal levels cover what was asked on average: over the splits of twelve seeds, the mean
+/// coverage of a family falls short of the target by no more than three standard errors.
+#[test]
+fn calibrated_levels_cover_what_was_asked() {
+    let splits: Vec<Pareto> = (0..12).map(|seed| compare(seed, 2)).collect();
+    for (i, row) in splits[0].rows.iter().enumerate() {
+        let mean = |value: &dyn Fn(&ParetoRow) -> f64| {
+            splits.iter().map(|split| value(&split.rows[i])).sum::<f64>() / splits.len() as f64
+        };
+        let coverage = mean(&|row| row.coverage);
+        let variance = mean(&|row| (row.coverage - coverage).powi(2));
+        let error = (variance / (splits.len() - 1) as f64).sqrt();
+        let area = mean(&|row| row.mean_area_m2);
+        println!(
+            "{:32} p {:.2}  mean coverage {coverage:.3} ± {error:.3}  mean area {area:.2} m²",
+            row.family, row.target
+        );
+        assert!(coverage >= row.target - 3.0 * error, "{row:?}: {coverage} ± {error}");
+    }
+}
+
+/// Every family is nested: more coverage needs a higher level and no less area.
+#[test]
+fn areas_and_levels_grow_with_the_target() {
+    let found = compared();
+    for pair in found.rows.windows(2).filter(|pair| pair[0].family == pair[1].family) {
+        assert!(pair[0].level <= pair[1].level, "{pair:?}");
+        assert!(pair[0].mean_area_m2 <= pair[1].mean_area_m2 + 1e-9, "{pair:?}");
+    }
+    for curve in &found.curves {
+        for pair in curve.points.windows(2) {
+            assert!(pair[0].coverage <= pair[1].coverage, "{}: {pair:?}", curve.family);
+            let (smaller, larger) = (pair[0].mean_area_m2, pair[1].mean_area_m2);
+            assert!(smaller <= larger + 1e-3, "{}: {pair:?}", curve.family);
+        }
+    }
+}
+
+/// What a score means: at that level the window is inside, so all windows of the largest
+/// score's level are.
+#[test]
+fn the_last_level_of_a_curve_holds_all() {
+    for curve in &compared().curves {
+        assert_eq!(curve.points.last().map(|point| point.coverage), Some(1.0), "{}", curve.family);
+    }
+}

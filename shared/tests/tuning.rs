@@ -1,0 +1,196 @@
+//! Tuning and region probabilities on 400 recorded drives of **synthetic** people
+//! (`data/README.md`): the numbers test software, they say nothing about people.
+
+use sidestep::bounds::{ActionChoice, Rollout};
+use sidestep::dataset::Dataset;
+use sidestep::features::{FeatureSet, SafetyFunctions};
+use sidestep::invalid::Invalid;
+use sidestep::predict::Predictor;
+use sidestep::predict::logistic::{Logistic, LogisticSettings};
+use sidestep::predict::scale::Scale;
+use sidestep::scene::{JointState, SceneParameters};
+use sidestep::shfrs::PredictedHuman;
+use sidestep::shfrs::guarantee::Guarantee;
+use sidestep::shfrs::prediction::Prediction;
+use sidestep::shfrs::probability::regions;
+use sidestep::shfrs::tuning::{Split, Tuned, TuningSettings, candidates, tune};
+use sidestep::shfrs::window::{Trajectory, WindowChoice};
+use sidestep::vehicle::{Pose, TurnInput};
+use std::ops::ControlFlow;
+use std::sync::OnceLock;
+
+/// The inputs and the states before each of them.
+type Drive = (Vec<TurnInput>, Vec<JointState>);
+
+/// A predictor (logistic regression on B_hrd) of the first 20 drives of each person, and the
+/// other 30 of each: 240 trajectories that it has not seen.
+struct Data {
+    parameters: SceneParameters,
+    safety: SafetyFunctions,
+    predictor: Predictor,
+    unseen: Vec<Trajectory>,
+}
+
+fn drives() -> Vec<(usize, Drive)> {
+    let mut reader = csv::Reader::from_reader(&include_bytes!("data/trials.csv")[..]);
+    let mut drives: Vec<(usize, Drive)> = Vec::new();
+    for row in reader.deserialize() {
+        let row: [f64; 11] = row.unwrap();
+        if row[2] == 0.0 {
+            drives.push((row[1] as usize, Drive::default()));
+        }
+        let (inputs, states) = &mut drives.last_mut().unwrap().1;
+        inputs.push(TurnInput::try_from((2.0 * row[10]) as i64).unwrap());
+        let [human, robot] = [4, 7].map(|i| Pose::new(row[i], row[i + 1], row[i + 2]));
+        states.push(JointState { human, robot });
+    }
+    drives
+}
+
+fn data() -> &'static Data {
+    static DATA: OnceLock<Data> = OnceLock::new();
+    DATA.get_or_init(|| {
+        let parameters = SceneParameters::default();
+        let progress = &mut |_| ControlFlow::Continue(());
+        let safety = SafetyFunctions::solve(&parameters, progress).unwrap();
+        let features = FeatureSet::subset("hrd").unwrap();
+        let (seen, unseen): (Vec<_>, Vec<_>) =
+            drives().into_iter().partition(|(trial, _)| *trial < 20);
+        let rows = seen.iter().map(|(_, (inputs, states))| (&inputs[..], &states[..]));
+        let data = Dataset::from_trials(&features, &safety, rows);
+        let width = features.len();
+        let scale = Scale::fit(width, &data.values);
+        let standard: Vec<f64> =
+            data.values.iter().enumerate().map(|(i, &v)| scale.apply(i % width, v)).collect();
+        let labels: Vec<usize> =
+            data.labels.iter().map(|label| (label.sign() + 1) as usize).collect();
+        let model =
+            Logistic::fit(width, &standard, &labels, 3, LogisticSettings::default()).unwrap();
+        let predictor = Predictor::logistic(features, vec![-1, 0, 1], scale, model);
+        // The last input leads to no recorded state.
+        let trajectory = |(_, (inputs, states)): (usize, Drive)| {
+            let rates = inputs[..inputs.len() - 1].iter().map(|&i| parameters.human.turn_rate(i));
+            Trajectory::new(states, rates.collect()).unwrap()
+        };
+        let unseen = unseen.into_iter().map(trajectory).collect();
+        Data { parameters, safety, predictor, unseen }
+    })
+}
+
+fn settings(p: f64, guarantee: Guarantee, seed: u64) -> TuningSettings {
+    TuningSettings {
+        p,
+        guarantee,
+        windows: WindowChoice::RandomOne { seed },
+        candidates: candidates(3, 10),
+        confidence: 0.95,
+    }
+}
+
+fn tuned(settings: &TuningSettings) -> Result<Tuned, Invalid> {
+    let WindowChoice::RandomOne { seed } = settings.windows else {
+        return tuned_on(Split::default(), settings);
+    };
+    tuned_on(Split { seed, ..Split::default() }, settings)
+}
+
+fn tuned_on(split: Split, settings: &TuningSettings) -> Result<Tuned, Invalid> {
+    let Data { parameters, safety, predictor, unseen } = data();
+    let human = PredictedHuman::new(predictor, safety, parameters).unwrap();
+    let sample = split.parts(unseen.len())?.sample(unseen);
+    tune(&sample, Prediction::new(parameters, &human), settings)
+}
+
+#[test]
+fn every_guarantee_is_kept_on_trajectories_that_nothing_was_chosen_by() {
+    let delta = 0.1;
+    for guarantee in [
+        Guarantee::Conformal,
+        Guarantee::Pac { delta },
+        Guarantee::FixedSequence { delta, levels: 21 },
+    ] {
+        for p in [0.75, 0.9] {
+            let found = tuned(&settings(p, guarantee, 1)).unwrap();
+            assert_eq!((found.training, found.calibration, found.test), (96, 96, 48));
+            assert_eq!((found.steps, found.without_window), (10, 0));
+            // One test of 48 trajectories: its interval must not exclude p.
+            assert!(found.coverage.high >= p, "{found:?}");
+            assert!((0.0..=1.0).contains(&found.epsilon));
+            // The worst case is 16/3 m².
+            assert!(found.mean_area_m2 > 0.2 && found.mean_area_m2 < 4.5, "{found:?}");
+            assert!(found.statement.contains("96 trajectories"));
+        }
+    }
+}
+
+#[test]
+fn tuning_does_not_depend_on_the_number_of_threads() {
+    let settings = settings(0.9, Guarantee::Conformal, 3);
+    let on = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| tuned(&settings)).unwrap()
+    };
+    assert_eq!(on(1), on(3));
+}
+
+#[test]
+fn the_adaptive_set_needs_less_area_than_the_worst_schedule() {
+    let area = |choice: ActionChoice| {
+        let one =
+            TuningSettings { candidates: vec![choice], ..settings(0.9, Guarantee::Conformal, 2) };
+        tuned(&one).unwrap().mean_area_m2
+    };
+    let adaptive = area(ActionChoice::Adaptive { tau: 0.1, steps: 10 });
+    assert!(adaptive < 0.8 * area(ActionChoice::TopK(vec![1; 10])));
+    assert!(adaptive < 0.8 * area(ActionChoice::TopK(vec![3; 10])));
+}
+
+#[test]
+fn complaints_name_the_field() {
+    let good = settings(0.9, Guarantee::Conformal, 1);
+    let complaint = |change: &dyn Fn(&mut TuningSettings)| {
+        let mut settings = good.clone();
+        change(&mut settings);
+        tuned(&settings).unwrap_err()
+    };
+    for wrong in [0.0, 1.0, f64::NAN] {
+        assert_eq!(complaint(&|s| s.p = wrong).field, "p");
+        assert_eq!(complaint(&|s| s.confidence = wrong).field, "confidence");
+        assert_eq!(complaint(&|s| s.guarantee = Guarantee::Pac { delta: wrong }).field, "delta");
+        let split = Split { training: wrong, ..Split::default() };
+        assert_eq!(tuned_on(split, &good).unwrap_err().field, "training");
+    }
+    let split = Split { calibration: 0.7, ..Split::default() };
+    assert_eq!(tuned_on(split, &good).unwrap_err().field, "calibration");
+    assert_eq!(complaint(&|s| s.candidates.clear()).field, "candidates");
+    let short = ActionChoice::TopK(vec![1; 9]);
+    assert_eq!(complaint(&|s| s.candidates[3] = short.clone()).field, "candidates[3]");
+    let none = ActionChoice::TopK(vec![1, 0]);
+    assert_eq!(complaint(&|s| s.candidates[1] = none.clone()).field, "candidates[1].k[1]");
+    assert_eq!(complaint(&|s| s.windows = WindowChoice::EveryStep).field, "window_choice");
+    let few = complaint(&|s| s.p = 0.99);
+    let expected =
+        "calibration trajectories: expected at least 99 for p = 0.99 (conformal), found 96";
+    assert_eq!(few.to_string(), expected);
+}
+
+#[test]
+fn probabilities_name_what_they_depend_on() {
+    let Data { parameters, safety, predictor, unseen } = data();
+    let human = PredictedHuman::new(predictor, safety, parameters).unwrap();
+    let prediction = Prediction::new(parameters, &human);
+    let choice = ActionChoice::TopK((0..10).map(|i| if i < 2 { 2 } else { 1 }).collect());
+    let epsilon = vec![0.0, 0.15, 0.25, 0.4, 1.0];
+    let settings = prediction.settings(epsilon, &choice, Rollout::Paper).unwrap();
+    for windows in [WindowChoice::EveryStep, WindowChoice::RandomOne { seed: 4 }] {
+        let found = regions(unseen, windows, prediction, &settings, 0.95).unwrap();
+        let p = &found.probabilities;
+        assert_eq!(p.trajectories, 240);
+        assert_eq!(p.windows, if windows.is_single() { 240 } else { 240 * 40 });
+        assert_eq!((found.window_choice.as_str(), found.tolerance_m), (windows.word(), 0.005));
+        assert!(p.inside.windows(2).all(|pair| pair[0].value <= pair[1].value));
+        assert!((p.region.iter().map(|p| p.value).sum::<f64>() - 1.0).abs() <= 1e-12);
+        assert!(found.mean_area_m2.is_sorted());
+        assert!(p.inside[..4].iter().all(|p| p.high - p.low > 0.03 && p.high - p.low < 0.15));
+    }
+}

@@ -1,0 +1,251 @@
+//! bounds and reach: what they answer, what they refuse.
+
+use serde_json::{Value, json};
+use sidestep_tests::process::binary;
+use sidestep_tests::sidestep;
+use std::process::Stdio;
+use tempfile::TempDir;
+use tokio::io::AsyncWriteExt;
+
+/// Runs a command on a document and gives its exit code, stdout and stderr.
+async fn answers(command: &str, document: &str) -> (Option<i32>, String, String) {
+    let folder = TempDir::new().unwrap();
+    let file = folder.path().join("given.json");
+    std::fs::write(&file, document).unwrap();
+    let output = sidestep(&[command, "--input", file.to_str().unwrap()]).await;
+    let text = |octets| String::from_utf8(octets).unwrap();
+    (output.status.code(), text(output.stdout), text(output.stderr))
+}
+
+async fn answer(command: &str, document: &Value) -> Value {
+    let (code, out, said) = answers(command, &document.to_string()).await;
+    assert_eq!((code, said.as_str()), (Some(0), ""));
+    assert_eq!(out.trim_end().lines().count(), 1);
+    serde_json::from_str(&out).unwrap()
+}
+
+/// The document is refused with one line that names the file and has these words.
+async fn refused(command: &str, document: &str, words: &str) {
+    let (code, out, said) = answers(command, document).await;
+    assert_eq!((code, out.as_str()), (Some(2), ""), "{document}: {said}");
+    assert!(said.contains("given.json: ") && said.contains(words), "{document}: {said}");
+    assert_eq!(said.trim_end().lines().count(), 1, "{said}");
+}
+
+fn numbers(value: &Value) -> Vec<f64> {
+    value.as_array().unwrap().iter().map(|number| number.as_f64().unwrap()).collect()
+}
+
+/// How far two lists of numbers are apart at most.
+fn apart(a: &Value, b: &Value) -> f64 {
+    let (a, b) = (numbers(a), numbers(b));
+    assert_eq!(a.len(), b.len());
+    a.iter().zip(&b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+}
+
+fn area_of(polygon: &Value) -> f64 {
+    let points: Vec<Vec<f64>> = polygon.as_array().unwrap().iter().map(numbers).collect();
+    let next = points.iter().cycle().skip(1);
+    0.5 * points.iter().zip(next).map(|(p, q)| p[0] * q[1] - p[1] * q[0]).sum::<f64>()
+}
+
+#[tokio::test]
+async fn reach_answers_every_reference_case() {
+    let file = include_str!("../../../shared/tests/data/shfrs_vectors.json");
+    let vectors: Value = serde_json::from_str(file).unwrap();
+    let cases = vectors["cases"].as_array().unwrap();
+    assert_eq!(cases.len(), 12);
+    for case in cases {
+        let given = case["queries"].as_array().unwrap();
+        let queries: Vec<Value> =
+            given.iter().map(|q| json!({ "step": q["step"], "state": q["state"] })).collect();
+        let document = json!({
+            "speed": vectors["v"], "dt": vectors["dt"],
+            "turn_rate": [vectors["w_min"], vectors["w_max"]],
+            "initial": case["x0"],
+            "sets": [{ "lo": case["lo"], "hi": case["hi"], "queries": queries }],
+            "tolerance": { "position": 1e-3, "heading": 1e-3 },
+        });
+        let found = answer("reach", &document).await;
+        let found = &found["sets"][0];
+        let id = &case["id"];
+        // The file's own tolerances.
+        let share = match (case["zero_in_all"].as_bool().unwrap(), case["T"] == 25) {
+            (true, _) => 1e-3,
+            (false, true) => 1e-2,
+            (false, false) => 5e-3,
+        };
+        let check = |what: &str, found: &Value, expected: &Value| {
+            let area = expected["area"].as_f64().unwrap();
+            let error = (found["area"].as_f64().unwrap() - area).abs();
+            assert!(error <= 2e-4 + share * area, "case {id} {what}: {error} m² of {area}");
+            assert!(apart(&found["bbox"], &expected["bbox"]) <= 1e-3, "case {id} {what}");
+            let drawn = area_of(&found["polygon"]);
+            assert!((drawn - found["area"].as_f64().unwrap()).abs() < 1e-9, "case {id} {what}");
+        };
+        let (steps, expected) = (&found["steps"], case["steps"].as_array().unwrap());
+        assert_eq!(steps.as_array().unwrap().len(), expected.len());
+        for (i, expected) in expected.iter().enumerate() {
+            assert_eq!(steps[i]["step"], expected["i"]);
+            let t = 0.2 * (i + 1) as f64;
+            assert!((steps[i]["t"].as_f64().unwrap() - t).abs() < 1e-12);
+            check(&format!("step {}", i + 1), &steps[i], expected);
+        }
+        check("tube", &found["tube"], &case["tube"]);
+        for (q, expected) in given.iter().enumerate() {
+            let found = &found["queries"][q];
+            assert_eq!(found["planar"], expected["planar_in"], "case {id} query {q}");
+            if !expected["full_in"].is_null() {
+                assert_eq!(found["full"], expected["full_in"], "case {id} query {q}");
+            }
+        }
+    }
+}
+
+fn reach() -> Value {
+    json!({
+        "speed": 2, "dt": 0.2, "turn_rate": [-0.5, 0.5], "initial": [1, 2, 0.5],
+        "sets": [{ "lo": [-0.5, -0.5], "hi": [0.5, 0.5],
+                   "queries": [{ "step": 1, "state": [1.35, 2.19, 0.5] }] }],
+    })
+}
+
+#[tokio::test]
+async fn reach_reads_stdin_and_writes_files() {
+    let folder = TempDir::new().unwrap();
+    let out = folder.path().join("sets.json");
+    let mut child = tokio::process::Command::new(binary())
+        .args(["reach", "--input", "-", "--out", out.to_str().unwrap()])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut stdin = child.stdin.take().unwrap();
+    stdin.write_all(reach().to_string().as_bytes()).await.unwrap();
+    drop(stdin);
+    let output = child.wait_with_output().await.unwrap();
+    assert_eq!(output.status.code(), Some(0));
+    let line: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let written = std::fs::read(&out).unwrap();
+    assert_eq!(line["octets"].as_u64(), Some(written.len() as u64));
+    let written: Value = serde_json::from_slice(&written).unwrap();
+    assert_eq!(written, answer("reach", &reach()).await);
+    assert_eq!(written["sets"][0]["queries"][0], json!({ "planar": true, "full": true }));
+}
+
+#[tokio::test]
+async fn reach_names_what_is_wrong() {
+    let refuses = async |pointer: &str, value: Value, words: &str| {
+        let mut document = reach();
+        *document.pointer_mut(pointer).unwrap() = value;
+        refused("reach", &document.to_string(), words).await;
+    };
+    refuses("/sets/0/hi/1", json!(0.6), "sets[0].hi[1]: expected a turn rate from").await;
+    refuses("/sets/0/hi/1", json!("x"), "sets[0].hi[1]: expected f64, found string").await;
+    refuses("/sets/0/lo/1", json!(0.5), "sets[0]").await;
+    refuses("/sets/0/lo", json!([]), "sets[0].lo: expected at least one step").await;
+    refuses("/sets/0/lo", json!([0]), "sets[0].hi: expected 1 entries, found 2").await;
+    refuses("/sets", json!([]), "sets: expected at least one set").await;
+    refuses("/turn_rate", json!([0.5, -0.5]), "turn_rate: expected").await;
+    refuses("/turn_rate", json!([-90, 90]), "turn_rate: expected at most half a turn").await;
+    refuses("/speed", json!(0), "speed: expected a finite number > 0, found 0").await;
+    refuses("/dt", json!(-1), "dt: expected").await;
+    refuses("/initial", json!([0, 0]), "initial").await;
+    let query = "/sets/0/queries/0/step";
+    refuses(query, json!(3), "sets[0].queries[0].step: expected a step from 0 to 2").await;
+    refuses(query, json!(-1), "sets[0].queries[0].step: expected").await;
+    let with = |name: &str, value: Value| {
+        let mut document = reach();
+        document[name] = value;
+        document.to_string()
+    };
+    let tolerance = json!({ "position": -1, "heading": 0 });
+    refused("reach", &with("tolerance", tolerance), "tolerance.position: expected").await;
+    refused("reach", &with("accuracy", json!(0)), "accuracy: expected").await;
+    refused("reach", &with("acuracy", json!(1)), "acuracy").await;
+    refused("reach", "{\"speed\": NaN}", "no JSON").await;
+    refused("reach", "{}", "missing field").await;
+    refused("reach", &"[".repeat(100_000), "no JSON").await;
+    let output = sidestep(&["reach", "--input", "/nowhere/reach.json"]).await;
+    assert_eq!(output.status.code(), Some(2));
+}
+
+fn bounds() -> Value {
+    json!({
+        "human": [-6, 0, 0], "robot": [6, 1, 3.1],
+        "predictor": { "format": "sidestep-predictor/1", "kind": "constant",
+                       "features": ["distance"], "classes": [-1, 0, 1],
+                       "probabilities": [0.5, 0.3, 0.2] },
+        "epsilon": [0, 0.15, 1], "k": [2, 1], "rollout": "paper",
+        "speed": 2, "dt": 0.2, "turn_rate": [-0.5, 0.5],
+    })
+}
+
+#[tokio::test]
+async fn bounds_are_those_of_algorithm_1() {
+    let found = answer("bounds", &bounds()).await;
+    assert_eq!(found["raw"], json!([[-0.5, 0.0], [-0.5, -0.5]]));
+    assert_eq!(found["lo"], json!([[-0.5, -0.5], [-0.5, -0.5], [-0.5, -0.5]]));
+    assert_eq!(found["hi"], json!([[0.0, -0.5], [0.15, -0.35], [0.5, 0.5]]));
+    assert_eq!(found["human_low"].as_array().unwrap().len(), 3);
+    assert!(
+        apart(&found["human_low"][2], &json!([-5.205_322_676_8, -0.079_733_688_6, -0.2])) < 1e-9
+    );
+    assert!(apart(&found["human_high"][1], &json!([-5.6, 0, 0])) < 1e-12);
+}
+
+#[tokio::test]
+async fn bounds_with_other_actions_an_adaptive_set_and_unequal_vehicles() {
+    let mut document = bounds();
+    document.as_object_mut().unwrap().remove("k");
+    document["tau"] = json!(0.2);
+    document["steps"] = json!(3);
+    document["turn_rate"] = json!([-0.3, 0.8]);
+    document["predictor"]["classes"] = json!([0, 1, 2, 3]);
+    document["predictor"]["actions"] = json!([-0.3, 0.1, 0.4, 0.8]);
+    document["predictor"]["probabilities"] = json!([0.1, 0.3, 0.5, 0.1]);
+    let found = answer("bounds", &document).await;
+    assert_eq!(found["raw"], json!([[0.1, 0.4], [0.1, 0.4], [0.1, 0.4]]));
+    assert_eq!(found["hi"][2], json!([0.8, 0.8, 0.8]));
+    // Only features that need the value functions need vehicles that have one.
+    document["predictor"]["features"] = json!(["distance", "v_r"]);
+    refused("bounds", &document.to_string(), "turn_rate: expected the same to both sides").await;
+    let mut document = bounds();
+    document["predictor"]["features"] = json!(["v_h"]);
+    document["robot_turn_rate"] = json!(0.35);
+    assert_eq!(answer("bounds", &document).await["raw"], json!([[-0.5, 0.0], [-0.5, -0.5]]));
+}
+
+#[tokio::test]
+async fn bounds_names_what_is_wrong() {
+    let refuses = async |name: &str, value: Value, words: &str| {
+        let mut document = bounds();
+        document[name] = value;
+        refused("bounds", &document.to_string(), words).await;
+    };
+    refuses("epsilon", json!([0.2, 0.1]), "epsilon[1]: expected a finite number ≥ 0.2").await;
+    refuses("epsilon", json!([]), "epsilon: expected at least one set").await;
+    refuses("k", json!([1, 4]), "k[1]: expected a whole number from 1 to 3, found 4").await;
+    refuses("k", json!([0]), "k[0]: expected").await;
+    refuses("k", json!([]), "k: expected at least one step").await;
+    refuses("k", json!([-1]), "k[0]: expected").await;
+    refuses("k", Value::Null, "k: expected k, or tau with steps, found neither").await;
+    refuses("tau", json!(0.1), "tau: expected nothing beside k").await;
+    refuses("steps", json!(5), "steps: expected 2").await;
+    refuses("rollout", json!("printed"), "rollout: expected `paper` or `base`").await;
+    refuses("speed", json!(-2), "speed: expected").await;
+    refuses("turn_rate", json!([0.5, -0.5]), "turn_rate: expected").await;
+    refuses("turn_rate", json!([0.1, 0.5]), "predictor.classes[1]: expected").await;
+    refuses("human", json!([0, "x", 0]), "human[1]: expected f64").await;
+    refuses("speeed", json!(2), "speeed").await;
+    let refuses_predictor = async |name: &str, value: Value, words: &str| {
+        let mut document = bounds();
+        document["predictor"][name] = value;
+        refused("bounds", &document.to_string(), words).await;
+    };
+    refuses_predictor("kind", json!("oracle"), "predictor.kind: expected logistic or").await;
+    refuses_predictor("classes", json!([-2, 0, 1]), "predictor.classes[0]: expected -1").await;
+    refuses_predictor("actions", json!([-0.5, 0.0, 0.7]), "predictor.actions[2]: expected").await;
+    refuses_predictor("probabilities", json!([1, 1, 1]), "predictor.probabilities").await;
+    refuses_predictor("features", json!(["age"]), "predictor.features[0]: expected").await;
+}
