@@ -18,8 +18,10 @@
 //! step 10 (7 by more than 2 mm), 3 in steps 11 to 15, and 48 in steps 16 to 25.
 
 mod search;
+mod buffer;
+mod parts;
 mod ridge;
-mod jumps;
+mod pocket;
 mod slice;
 
 use super::ReachableSet;
