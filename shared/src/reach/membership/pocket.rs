@@ -23,6 +23,10 @@ const MOST_ROUNDS: usize = 6;
 /// Gains below this, s, are not worth another round.
 const LEAST_GAIN: f64 = 1e-6;
 
+/// If only a given distance matters: all rounds that follow are taken to gain no more than
+/// so many times what one has.
+const MOST_GROWTH: f64 = 3.0;
+
 /// The line may be turned so far from the direction of interest, rad.
 const MOST_TILT: f64 = 1.3;
 
@@ -30,7 +34,11 @@ const MOST_TILT: f64 = 1.3;
 const TILT_STEP: f64 = 0.35;
 
 /// Directions closer than this, rad, are not told apart.
-const LEAST_TILT: f64 = 1e-3;
+const LEAST_TILT: f64 = 3e-3;
+
+/// Paths on both sides of the line whose ends are so near each other, s, are interpolated:
+/// that costs less than 10⁻⁵ s.
+const SAME_END: f64 = 5e-3;
 
 /// Its direction is sought in so many trials at most.
 const MOST_TRIALS: usize = 24;
@@ -57,12 +65,14 @@ type Rank = (f64, usize);
 
 impl<'a> Pocket<'a> {
     /// The loop of a window's paths at three parameters, the middle one of which is improved
-    /// until it ends at `position`, or beyond as seen from where it ended, or no farther on.
+    /// until it ends `enough`, s, beyond `position` as seen from where it ended, or as far as
+    /// it gets.
     pub(super) fn new(
         slice: &Slice<'a>,
         headings: impl Fn(f64, &mut [f64]),
         parameters: [f64; 3],
         position: Complex<f64>,
+        enough: f64,
     ) -> Self {
         let parts = Parts::new(slice);
         let mut pocket =
@@ -70,70 +80,33 @@ impl<'a> Pocket<'a> {
         for (parameter, path) in parameters.into_iter().zip(&mut pocket.headings) {
             headings(parameter, path);
         }
-        pocket.improve(position);
+        pocket.improve(position, enough);
         pocket
     }
 
-    fn improve(&mut self, position: Complex<f64>) {
+    /// Improves the middle path until it ends `enough` beyond the position.
+    fn improve(&mut self, position: Complex<f64>, enough: f64) {
         let Self { parts, headings: [_, best, _] } = self;
-        let parts: &Parts<'_> = parts;
         let mut middles = Buffer::new(parts.count);
         let end = parts.drive_between(best.iter().copied(), &mut middles);
         let distance = (position - end).norm_sqr().sqrt();
         if distance < LEAST_GAIN {
             return;
         }
-        let outward = (position - end) / distance;
-        let seen = |end: Complex<f64>| (end - position) * outward.conj();
+        let line = Line { parts, position, outward: (position - end) / distance };
         let mut reached = -distance;
-        let mut ranks = Buffer::new(parts.count);
         for _ in 0..MOST_ROUNDS {
-            let turned = |tilt: f64, ranks: &mut [Rank]| {
-                let mut path = Buffer::new(parts.count);
-                turn_most(parts, &middles, outward * unit(tilt), ranks, &mut path);
-                let end = parts.drive(path.iter().copied(), |_| {});
-                Trial { tilt, aside: seen(end).im, path }
-            };
-            // Tilted to the right, paths end more to the right.
-            let (mut right, mut left) = (None, None);
-            let mut tilt = 0.0;
-            for _ in 0..MOST_TRIALS {
-                let trial = turned(tilt, &mut ranks);
-                let near = trial.aside.abs() < ON_LINE;
-                let side = if trial.aside < 0.0 { &mut right } else { &mut left };
-                *side = Some(trial);
-                if near {
-                    break;
-                }
-                tilt = match (&right, &left) {
-                    (Some(Trial { tilt, .. }), None) if *tilt < MOST_TILT => tilt + TILT_STEP,
-                    (None, Some(Trial { tilt, .. })) if *tilt > -MOST_TILT => tilt - TILT_STEP,
-                    (Some(right), Some(left)) if left.tilt - right.tilt > LEAST_TILT => {
-                        0.5 * (left.tilt + right.tilt)
-                    }
-                    _ => break,
-                };
-            }
-            let mut path = match (right, left) {
-                (Some(right), Some(left)) => {
-                    let share = right.aside / (right.aside - left.aside);
-                    let mut path = right.path;
-                    for (heading, other) in path.iter_mut().zip(left.path.iter()) {
-                        *heading += share * (other - *heading);
-                    }
-                    path
-                }
-                (Some(trial), None) | (None, Some(trial)) if trial.aside.abs() < ON_LINE => {
-                    trial.path
-                }
-                _ => return,
-            };
-            let along = seen(parts.drive_between(path.iter().copied(), &mut middles)).re;
+            let Some(path) = line.farther(&middles) else { return };
+            let along = line.seen(parts.drive_between(path.iter().copied(), &mut middles)).re;
             if along <= reached + LEAST_GAIN {
                 return;
             }
+            let hopeless = enough.is_finite() && along + MOST_GROWTH * (along - reached) < enough;
             reached = along;
-            core::mem::swap(best, &mut path);
+            *best = path;
+            if hopeless || reached >= enough {
+                return;
+            }
         }
     }
 
@@ -144,7 +117,58 @@ impl<'a> Pocket<'a> {
     }
 }
 
-/// The path that turns as much as it can where that moves the end most.
+/// The line on which paths are to end, as far out as can be.
+struct Line<'a> {
+    parts: &'a Parts<'a>,
+    position: Complex<f64>,
+    outward: Complex<f64>,
+}
+
+impl Line<'_> {
+    /// A position, as seen from that on the line: how far out, and how far left.
+    fn seen(&self, end: Complex<f64>) -> Complex<f64> {
+        (end - self.position) * self.outward.conj()
+    }
+
+    /// To first order the farthest path that ends on the line, from where the middles of the
+    /// parts of a path are; nothing if there is none.
+    fn farther(&self, middles: &[Complex<f64>]) -> Option<Buffer<f64>> {
+        let mut ranks = Buffer::new(self.parts.count);
+        // Tilted to the right, paths end more to the right.
+        let (mut right, mut left): (Option<Trial>, Option<Trial>) = (None, None);
+        let mut tilt = 0.0;
+        for _ in 0..MOST_TRIALS {
+            let mut path = Buffer::new(self.parts.count);
+            turn_most(self.parts, middles, self.outward * unit(tilt), &mut ranks, &mut path);
+            let aside = self.seen(self.parts.drive(path.iter().copied(), |_| {})).im;
+            let trial = Trial { tilt, aside, path };
+            if aside.abs() < ON_LINE {
+                return Some(trial.path);
+            }
+            *(if aside < 0.0 { &mut right } else { &mut left }) = Some(trial);
+            tilt = match (&right, &left) {
+                (Some(right), None) if right.tilt < MOST_TILT => right.tilt + TILT_STEP,
+                (None, Some(left)) if left.tilt > -MOST_TILT => left.tilt - TILT_STEP,
+                (Some(right), Some(left))
+                    if left.tilt - right.tilt > LEAST_TILT
+                        && left.aside - right.aside > SAME_END =>
+                {
+                    0.5 * (left.tilt + right.tilt)
+                }
+                _ => break,
+            };
+        }
+        let (right, left) = (right?, left?);
+        let share = right.aside / (right.aside - left.aside);
+        let mut path = right.path;
+        for (heading, other) in path.iter_mut().zip(left.path.iter()) {
+            *heading += share * (other - *heading);
+        }
+        Some(path)
+    }
+}
+
+/// A path to one side of the line, or to the other.
 struct Trial {
     tilt: f64,
     /// How far left of the line it ends, s.
