@@ -25,7 +25,7 @@ const LEAST_GAIN: f64 = 1e-6;
 
 /// If only a given distance matters: all rounds that follow are taken to gain no more than
 /// so many times what one has.
-const MOST_GROWTH: f64 = 3.0;
+const MOST_GROWTH: f64 = 30.0;
 
 /// The line may be turned so far from the direction of interest, rad.
 const MOST_TILT: f64 = 1.3;
