@@ -26,8 +26,8 @@ use nalgebra::Complex;
 pub(super) struct Slice<'a> {
     pub(super) paths: &'a Paths,
     pub(super) steps: usize,
-    /// Only from the one to before the other there is a choice; steps before and after them move and turn
-    /// everything as one.
+    /// The first step with a choice, and the one after the last: those before and after them
+    /// move and turn everything as one.
     pub(super) first: usize,
     pub(super) last: usize,
     heading: f64,
