@@ -298,14 +298,14 @@ impl<'a> Slice<'a> {
     }
 
     /// When the two outermost paths' headings have come to differ by `turn`.
-    fn apart_by(&self, turn: f64) -> Instant {
+    fn apart_by(&self, turn: f64) -> Moment {
         let (low, high) = (&self.paths.low, &self.paths.high);
         self.instant(turn, |step| high.heading(step) - low.heading(step))
     }
 
     /// When a quantity, given at the beginning of each step, linear between and
     /// never falling, reaches `value`; the limits of the horizon if it does not.
-    fn instant(&self, value: f64, at: impl Fn(usize) -> f64) -> Instant {
+    fn instant(&self, value: f64, at: impl Fn(usize) -> f64) -> Moment {
         let (mut first, mut last) = (self.first, self.last);
         // at(first) ≤ value < at(last), as far as there are such.
         while first + 1 < last {
@@ -319,13 +319,13 @@ impl<'a> Slice<'a> {
         let step_s = self.paths.step_s;
         let (from, to) = (at(first), at(last));
         let share = if to > from { ((value - from) / (to - from)).clamp(0.0, 1.0) } else { 0.0 };
-        Instant { step: first, seconds: share * step_s, time: (first as f64 + share) * step_s }
+        Moment { step: first, seconds: share * step_s, time: (first as f64 + share) * step_s }
     }
 }
 
 /// A moment: `seconds` after the beginning of a step, `time` after the start.
 #[derive(Clone, Copy, Debug)]
-struct Instant {
+struct Moment {
     step: usize,
     seconds: f64,
     time: f64,
@@ -333,7 +333,7 @@ struct Instant {
 
 impl Path {
     /// Position and heading at an instant.
-    fn at(&self, instant: Instant) -> (Complex<f64>, f64) {
+    fn at(&self, instant: Moment) -> (Complex<f64>, f64) {
         self.within(instant.step, instant.seconds)
     }
 }
