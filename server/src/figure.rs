@@ -15,7 +15,7 @@ use std::sync::Arc;
 
 pub use canvas::DrawError;
 pub use pareto::pareto;
-pub use regions::{DangerZone, DrawnSet, RegionsPanel, regions};
+pub use regions::{DangerZone, DrawnSet, RegionsPanel, regions, shown_steps};
 pub use slices::slices;
 pub use tube::tube;
 

@@ -1,7 +1,7 @@
 //! `sidestep bounds`.
 
 use super::CommandError;
-use super::json_file::JsonArgs;
+use super::json_file::{Document, JsonArgs};
 use super::solving::{Interrupt, solved};
 use serde::{Deserialize, Serialize};
 use sidestep::bounds::{
@@ -86,20 +86,50 @@ const SAFETY_LEVELS: [&str; 2] = ["v_h", "v_r"];
 /// that cannot be written (failure).
 pub async fn run(args: BoundsArgs) -> Result<(), CommandError> {
     let input: Input = args.files.read()?;
-    let complain = |invalid: Invalid| args.files.complain(&invalid);
+    let found = predicted(args.files.document(), &input).await?;
+    args.files.answer(&Answer::from(&found))
+}
+
+/// Bounds that were predicted, with what they are about.
+pub(super) struct Prediction {
+    pub(super) now: JointState,
+    pub(super) motion: Motion,
+    pub(super) danger_radius_m: f64,
+    pub(super) bounds: PredictedBounds,
+}
+
+/// Reads a document of this command and runs Algorithm 1 on it.
+///
+/// # Errors
+/// [`CommandError`] naming the file and the field that is wrong.
+pub(super) async fn prediction(document: Document<'_>) -> Result<Prediction, CommandError> {
+    let input: Input = document.read()?;
+    let bounds = predicted(document, &input).await?;
+    let complain = |invalid: Invalid| document.complain(&invalid);
+    let radius_m = input.danger_radius.unwrap_or(DANGER_RADIUS_M);
+    Ok(Prediction {
+        now: JointState { human: input.human, robot: input.robot },
+        motion: motion(&input).map_err(complain)?,
+        danger_radius_m: positive("danger_radius", radius_m).map_err(complain)?,
+        bounds,
+    })
+}
+
+const DANGER_RADIUS_M: f64 = 3.0;
+
+async fn predicted(document: Document<'_>, input: &Input) -> Result<PredictedBounds, CommandError> {
+    let complain = |invalid: Invalid| document.complain(&invalid);
     let predictor = Predictor::try_from(input.predictor.clone())
         .map_err(|invalid| complain(invalid.within("predictor")))?;
-    let problem = Problem::new(&input, &predictor).map_err(complain)?;
+    let problem = Problem::new(input, &predictor).map_err(complain)?;
     let names = Vec::<String>::from(predictor.features().clone());
     let scene = match names.iter().find(|name| SAFETY_LEVELS.contains(&name.as_str())) {
-        Some(name) => problem.scene(&input, name).map_err(complain)?,
+        Some(name) => problem.scene(input, name).map_err(complain)?,
         // Nothing looks at its safety levels.
         None => SceneParameters::default(),
     };
     let safety = safety_functions(&scene, &Interrupt::listen()).await?;
-    let mut algorithm = Algorithm1::default();
-    let found = problem.bounds(&predictor, &safety, &mut algorithm).map_err(complain)?;
-    args.files.answer(&Answer::from(found))
+    problem.bounds(&predictor, &safety).map_err(complain)
 }
 
 /// What is left once the input is checked.
@@ -114,15 +144,8 @@ impl Problem {
     fn new(input: &Input, predictor: &Predictor) -> Result<Self, Invalid> {
         let now = JointState { human: input.human, robot: input.robot };
         now.check()?;
-        let robot_turn_rate = input.robot_turn_rate.unwrap_or(input.turn_rate.1.abs());
-        let motion = Motion {
-            human_speed_mps: input.speed,
-            human_turn_rate: input.turn_rate,
-            robot_speed_mps: input.robot_speed.unwrap_or(input.speed),
-            robot_turn_rate: (-robot_turn_rate, robot_turn_rate),
-            step_s: input.dt,
-        };
-        motion.check().map_err(named)?;
+        let motion = motion(input)?;
+        let robot_turn_rate = motion.robot_turn_rate.1;
         let rollout = match input.rollout {
             RolloutWord::Paper => Rollout::Paper,
             RolloutWord::Base => Rollout::Base,
@@ -145,18 +168,20 @@ impl Problem {
         Ok(SceneParameters {
             human: vehicle(self.motion.human_speed_mps, positive("turn_rate", most)?),
             robot: vehicle(self.motion.robot_speed_mps, self.robot_turn_rate),
-            danger_radius_m: positive("danger_radius", input.danger_radius.unwrap_or(3.0))?,
+            danger_radius_m: positive(
+                "danger_radius",
+                input.danger_radius.unwrap_or(DANGER_RADIUS_M),
+            )?,
             step_s: self.motion.step_s,
             ..SceneParameters::default()
         })
     }
 
-    fn bounds<'a>(
+    fn bounds(
         &self,
         predictor: &Predictor,
         safety: &SafetyFunctions,
-        algorithm: &'a mut Algorithm1,
-    ) -> Result<&'a PredictedBounds, Invalid> {
+    ) -> Result<PredictedBounds, Invalid> {
         let human = PredictedHuman::within(predictor, safety, self.motion.human_turn_rate)
             .map_err(|invalid| invalid.within("predictor"))?;
         let (least, most) = self.motion.human_turn_rate;
@@ -168,10 +193,24 @@ impl Problem {
             return Err(Invalid::new(format!("predictor.classes[{a}]"), expected, found));
         }
         let robot_drives_straight = |_: &[JointState]| 0.0;
-        algorithm
+        Algorithm1::default()
             .run(&[self.now], &self.motion, &human, robot_drives_straight, &self.settings)
+            .cloned()
             .map_err(|invalid| invalid.within("predictor"))
     }
+}
+
+fn motion(input: &Input) -> Result<Motion, Invalid> {
+    let robot_turn_rate = input.robot_turn_rate.unwrap_or(input.turn_rate.1.abs());
+    let motion = Motion {
+        human_speed_mps: input.speed,
+        human_turn_rate: input.turn_rate,
+        robot_speed_mps: input.robot_speed.unwrap_or(input.speed),
+        robot_turn_rate: (-robot_turn_rate, robot_turn_rate),
+        step_s: input.dt,
+    };
+    motion.check().map_err(named)?;
+    Ok(motion)
 }
 
 /// The library's names as those of the document.

@@ -20,38 +20,17 @@ pub struct JsonArgs {
 }
 
 impl JsonArgs {
-    /// What complaints call the document.
-    fn name(&self) -> String {
-        if self.is_stdin() { "stdin".to_owned() } else { self.input.display().to_string() }
-    }
-
-    fn is_stdin(&self) -> bool {
-        self.input == Path::new("-")
-    }
-
-    /// Reads the document.
+    /// Reads the document, once it is known that the answer can be written.
     pub(super) fn read<T: DeserializeOwned>(&self) -> Result<T, CommandError> {
         if let Some(out) = &self.out {
             whole_file::check(out).map_err(|e| unwritable(out, &e))?;
         }
-        let refused =
-            |e: &dyn std::fmt::Display| CommandError::Input(format!("{}: {e}", self.name()));
-        let mut text = String::new();
-        let read = if self.is_stdin() {
-            std::io::stdin().lock().read_to_string(&mut text).map(drop)
-        } else {
-            std::fs::read_to_string(&self.input).map(|content| text = content)
-        };
-        read.map_err(|e| refused(&format!("cannot read: {e}")))?;
-        // First whether it is JSON at all: only then a complaint about a field helps.
-        serde_json::from_str::<IgnoredAny>(&text).map_err(|e| refused(&format!("no JSON: {e}")))?;
-        let mut reader = serde_json::Deserializer::from_str(&text);
-        serde_path_to_error::deserialize(&mut reader).map_err(|e| refused(&complaint(e)))
+        self.document().read()
     }
 
-    /// A complaint about a field of the document.
-    pub(super) fn complain(&self, invalid: &Invalid) -> CommandError {
-        CommandError::Input(format!("{}: {invalid}", self.name()))
+    /// The document.
+    pub(super) fn document(&self) -> Document<'_> {
+        Document(&self.input)
     }
 
     /// Writes the answer: whole, or not at all.
@@ -63,6 +42,42 @@ impl JsonArgs {
         whole_file::write(out, &Stop::default(), |file| writeln!(file, "{line}"))
             .map_err(|e: std::io::Error| unwritable(out, &e))?;
         print_json(&serde_json::json!({ "file": out, "octets": line.len() + 1 }))
+    }
+}
+
+/// A JSON document by its path; - is stdin.
+#[derive(Clone, Copy)]
+pub(super) struct Document<'a>(pub(super) &'a Path);
+
+impl Document<'_> {
+    /// What complaints call it.
+    fn name(self) -> String {
+        if self.is_stdin() { "stdin".to_owned() } else { self.0.display().to_string() }
+    }
+
+    fn is_stdin(self) -> bool {
+        self.0 == Path::new("-")
+    }
+
+    pub(super) fn read<T: DeserializeOwned>(self) -> Result<T, CommandError> {
+        let refused =
+            |e: &dyn std::fmt::Display| CommandError::Input(format!("{}: {e}", self.name()));
+        let mut text = String::new();
+        let read = if self.is_stdin() {
+            std::io::stdin().lock().read_to_string(&mut text).map(drop)
+        } else {
+            std::fs::read_to_string(self.0).map(|content| text = content)
+        };
+        read.map_err(|e| refused(&format!("cannot read: {e}")))?;
+        // First whether it is JSON at all: only then a complaint about a field helps.
+        serde_json::from_str::<IgnoredAny>(&text).map_err(|e| refused(&format!("no JSON: {e}")))?;
+        let mut reader = serde_json::Deserializer::from_str(&text);
+        serde_path_to_error::deserialize(&mut reader).map_err(|e| refused(&complaint(e)))
+    }
+
+    /// A complaint about a field of it.
+    pub(super) fn complain(self, invalid: &Invalid) -> CommandError {
+        CommandError::Input(format!("{}: {invalid}", self.name()))
     }
 }
 

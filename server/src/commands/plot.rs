@@ -1,12 +1,16 @@
 //! `sidestep plot`.
 
+use super::bounds::{self, Prediction};
 use super::game::FunctionArgs;
+use super::json_file::Document;
 use super::solving::Interrupt;
 use super::{CommandError, print_json, unwritable};
+use crate::figure::{RegionsPanel, shown_steps};
 use crate::{figure, whole_file};
+use sidestep::invalid::Invalid;
 use std::path::{Path, PathBuf};
 
-/// Draw level sets of the value function.
+/// Draw level sets of the value function, or predicted regions.
 #[derive(Clone, Debug, clap::Args)]
 pub struct PlotArgs {
     #[command(flatten)]
@@ -25,6 +29,9 @@ pub struct PlotArgs {
     #[arg(long, value_name = "M,…", value_delimiter = ',', allow_hyphen_values = true)]
     #[arg(default_values_t = [0.0, 1.0, 2.0])]
     levels: Vec<f64>,
+    /// Regions: documents of `sidestep bounds`, one panel each; may be given several times.
+    #[arg(long, value_name = "FILE.json")]
+    input: Vec<PathBuf>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -33,6 +40,9 @@ enum Kind {
     Slices,
     /// The surface V = 0 over the plane, relative heading upwards.
     Tube,
+    /// Where the human may be: the sets of `sidestep bounds` in the colours of the paper, all
+    /// positions within the steps ahead above, those at single steps below.
+    Regions,
 }
 
 /// Most panels, and most levels.
@@ -49,7 +59,19 @@ pub async fn run(args: PlotArgs) -> Result<(), CommandError> {
     check(&args)?;
     whole_file::check(&args.out).map_err(|e| unwritable(&args.out, &e))?;
     let interrupt = Interrupt::listen();
-    let function = args.function.function(&interrupt).await?;
+    let svg = match args.kind {
+        Kind::Regions => regions(&args.input).await?,
+        Kind::Slices | Kind::Tube => level_sets(&args, &interrupt).await?,
+    };
+    let octets =
+        if as_png { figure::png(&svg).map_err(CommandError::failure)? } else { svg.into_bytes() };
+    whole_file::write(&args.out, &interrupt.stop, |out| out.write_all(&octets))
+        .map_err(|e| interrupt.check().err().unwrap_or_else(|| unwritable(&args.out, &e)))?;
+    print_json(&serde_json::json!({ "file": args.out, "octets": octets.len() }))
+}
+
+async fn level_sets(args: &PlotArgs, interrupt: &Interrupt) -> Result<String, CommandError> {
+    let function = args.function.function(interrupt).await?;
     let radius_m = function.game().radius_m;
     if let Some(low) = args.levels.iter().find(|level| **level <= -radius_m) {
         let message =
@@ -57,15 +79,41 @@ pub async fn run(args: PlotArgs) -> Result<(), CommandError> {
         return Err(CommandError::Input(message));
     }
     let svg = match args.kind {
-        Kind::Slices => figure::slices(&function, &args.psi, &args.levels),
         Kind::Tube => figure::tube(&function),
+        _ => figure::slices(&function, &args.psi, &args.levels),
     };
-    let svg = svg.map_err(CommandError::failure)?;
-    let octets =
-        if as_png { figure::png(&svg).map_err(CommandError::failure)? } else { svg.into_bytes() };
-    whole_file::write(&args.out, &interrupt.stop, |out| out.write_all(&octets))
-        .map_err(|e| interrupt.check().err().unwrap_or_else(|| unwritable(&args.out, &e)))?;
-    print_json(&serde_json::json!({ "file": args.out, "octets": octets.len() }))
+    svg.map_err(CommandError::failure)
+}
+
+async fn regions(files: &[PathBuf]) -> Result<String, CommandError> {
+    let mut panels = Vec::new();
+    let mut first: Option<(Vec<usize>, f64, usize)> = None;
+    for file in files {
+        let document = Document(file);
+        let Prediction { now, motion, danger_radius_m, bounds } =
+            bounds::prediction(document).await?;
+        let alike = (shown_steps(bounds.raw.len()), motion.step_s, bounds.sets.len());
+        let first = first.get_or_insert_with(|| alike.clone());
+        if *first != alike {
+            let expected = "as many steps and sets, and the same dt, as the first --input";
+            let found = "others";
+            return Err(document.complain(&Invalid::new("the document", expected, found)));
+        }
+        let title = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let (sets, shown) = (&bounds.sets, &first.0);
+        let panel = RegionsPanel::new(title, now, sets, &motion, danger_radius_m, shown);
+        panels.push(panel.map_err(|invalid| document.complain(&invalid))?);
+    }
+    let Some((shown, step_s, sets)) = first else {
+        let message =
+            "--input: expected a document of `sidestep bounds` for each panel, found none";
+        return Err(CommandError::Input(message.to_owned()));
+    };
+    let times: Vec<f64> = shown.into_iter().map(|step| step as f64 * step_s).collect();
+    let names: Vec<String> = (1..=sets).map(|j| format!("F{j}")).collect();
+    let note = "Region j is what set j adds to set j − 1; circle: the robot's danger zone";
+    figure::regions("Where the human may be", note, &panels, &times, &names)
+        .map_err(CommandError::failure)
 }
 
 fn is_png(out: &Path) -> Result<bool, CommandError> {
@@ -83,6 +131,10 @@ fn is_png(out: &Path) -> Result<bool, CommandError> {
 }
 
 fn check(args: &PlotArgs) -> Result<(), CommandError> {
+    if args.kind != Kind::Regions && !args.input.is_empty() {
+        let message = "--input: expected only with --kind regions";
+        return Err(CommandError::Input(message.to_owned()));
+    }
     let refuse = |flag: &str, expected: &str, found: &dyn std::fmt::Display| {
         Err(CommandError::Input(format!("--{flag}: expected {expected}, found {found}")))
     };

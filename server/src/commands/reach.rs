@@ -112,7 +112,7 @@ struct QueryAnswer {
 /// that cannot be written (failure).
 pub async fn run(args: ReachArgs) -> Result<(), CommandError> {
     let input: Input = args.files.read()?;
-    let answer = answer(&input).map_err(|invalid| args.files.complain(&invalid))?;
+    let answer = answer(&input).map_err(|invalid| args.files.document().complain(&invalid))?;
     args.files.answer(&answer)
 }
 

@@ -5,8 +5,12 @@ use super::canvas::{
     page, ticks,
 };
 use plotters::prelude::{Color, RGBColor};
+use sidestep::bounds::{InputBounds, Motion};
+use sidestep::invalid::Invalid;
 use sidestep::math::{PI, TAU, sin_cos};
 use sidestep::reach::polygon::signed_area;
+use sidestep::reach::{PolygonSettings, ReachableSet};
+use sidestep::scene::JointState;
 use sidestep::vehicle::Pose;
 use sidestep::vehicle::dubins::relative_state;
 
@@ -46,6 +50,44 @@ pub struct DangerZone {
     pub robot: Pose,
     /// R_c, m.
     pub radius_m: f64,
+}
+
+/// Which of `steps` steps are shown: every second one, or all of a few.
+#[must_use]
+pub fn shown_steps(steps: usize) -> Vec<usize> {
+    let every = if steps < 4 { 1 } else { steps.div_ceil(10).next_multiple_of(2) };
+    (1..=steps).filter(|step| step % every == 0).collect()
+}
+
+impl RegionsPanel {
+    /// The sets reachable from now under each of `sets`, drawn at the steps `shown`;
+    /// `motion` says how the human moves, `danger_radius_m` what the robot's disc is.
+    ///
+    /// # Errors
+    /// [`Invalid`] if the present state is not finite or the motion makes no sense.
+    pub fn new(
+        title: String,
+        now: JointState,
+        sets: &[InputBounds],
+        motion: &Motion,
+        danger_radius_m: f64,
+        shown: &[usize],
+    ) -> Result<Self, Invalid> {
+        let polygons = PolygonSettings::default();
+        let drawn = |bounds: &InputBounds| {
+            let set = ReachableSet::new(now.human, bounds, motion.human_speed_mps, motion.step_s)?;
+            Ok(DrawnSet {
+                tube: set.tube_polygon(polygons),
+                steps: shown.iter().map(|&step| set.step_polygon(step, polygons)).collect(),
+            })
+        };
+        Ok(Self {
+            title,
+            start: now.human,
+            sets: sets.iter().map(drawn).collect::<Result<_, Invalid>>()?,
+            robot: Some(DangerZone { robot: now.robot, radius_m: danger_radius_m }),
+        })
+    }
 }
 
 /// The SVG of `panels`, side by side: region j is what set j adds to set j − 1, from red

@@ -4,9 +4,8 @@ use super::super::CommandError;
 use super::super::solving::Interrupt;
 use super::{Recorded, flagged};
 use serde::Serialize;
-use sidestep::bounds::{ActionChoice, ActionModel, BoundsSettings, input_bounds};
+use sidestep::bounds::{ActionChoice, ActionModel, BoundsSettings, Motion};
 use sidestep::invalid::Invalid;
-use sidestep::reach::{PolygonSettings, ReachableSet};
 use sidestep::scene::SceneParameters;
 use sidestep::shfrs::baselines::{
     Gaussian, Mode, Nominal, PerModeEmpirical, constant_velocity, hold_the_input,
@@ -23,7 +22,7 @@ use sidestep::shfrs::tuning::{Parts, Sample, Split, Tuned, TuningSettings, candi
 use sidestep::shfrs::window::{Trajectory, Window, WindowChoice};
 use sidestep::stats::open_probability;
 
-use crate::figure::{DangerZone, DrawnSet, RegionsPanel};
+use crate::figure::{RegionsPanel, shown_steps};
 
 /// What is asked, besides the regions.
 pub(super) struct Questions {
@@ -270,7 +269,7 @@ fn panels<M: ActionModel>(
 ) -> Result<(Vec<RegionsPanel>, Vec<f64>), Invalid> {
     let parameters: &SceneParameters = prediction.parameters;
     let steps = settings.steps();
-    let shown: Vec<usize> = (1..=steps).filter(|step| step % 2 == 0 || steps < 4).collect();
+    let shown = shown_steps(steps);
     let onset = |i: &&usize| {
         let trajectory = &recorded[**i].trajectory;
         trajectory.onset().and_then(|begin| Window::new(trajectory, begin, steps)).is_some()
@@ -278,34 +277,20 @@ fn panels<M: ActionModel>(
     let turning: Vec<&usize> = parts.test.iter().filter(onset).take(PANELS).collect();
     let chosen: Vec<&usize> =
         if turning.is_empty() { parts.test.iter().take(PANELS).collect() } else { turning };
-    let mut panels = Vec::new();
-    for &&i in &chosen {
+    let panel = |i: usize| {
         let Recorded { participant, trial, trajectory, .. } = &recorded[i];
         let begin = trajectory.onset().unwrap_or(0);
-        let history = &trajectory.states()[..=begin];
-        let now = trajectory.states()[begin];
-        let found = input_bounds(history, parameters, prediction.model, |_| 0.0, settings)?;
-        let polygons = PolygonSettings::default();
-        let mut sets = Vec::new();
-        for bounds in &found.sets {
-            let set = ReachableSet::new(
-                now.human,
-                bounds,
-                parameters.human.speed_mps,
-                parameters.step_s,
-            )?;
-            sets.push(DrawnSet {
-                tube: set.tube_polygon(polygons),
-                steps: shown.iter().map(|&step| set.step_polygon(step, polygons)).collect(),
-            });
-        }
-        panels.push(RegionsPanel {
-            title: format!("participant {participant}, trial {trial}, step {begin}"),
-            start: now.human,
-            sets,
-            robot: Some(DangerZone { robot: now.robot, radius_m: parameters.danger_radius_m }),
-        });
-    }
+        let found = prediction.bounds(&trajectory.states()[..=begin], settings)?;
+        RegionsPanel::new(
+            format!("participant {participant}, trial {trial}, step {begin}"),
+            trajectory.states()[begin],
+            &found.sets,
+            &Motion::from(parameters),
+            parameters.danger_radius_m,
+            &shown,
+        )
+    };
+    let panels = chosen.into_iter().map(|&i| panel(i)).collect::<Result<_, Invalid>>()?;
     let times = shown.iter().map(|&step| step as f64 * parameters.step_s).collect();
     Ok((panels, times))
 }
