@@ -112,7 +112,7 @@ fn table(
         Box::new(learned_disturbance(parameters, &human)),
         Box::new(Gaussian::learn(Nominal::Held, parameters, &learned)?),
         Box::new(PerModeEmpirical::learn(Mode::MostLikely(&human), parameters, &learned)?),
-        Box::new(PerModeEmpirical::learn(Mode::Held, parameters, &learned)?),
+        Box::new(PerModeEmpirical::learn(Mode::<&PredictedHuman<'_>>::Held, parameters, &learned)?),
     ];
     let settings = ParetoSettings::new(TARGETS.to_vec(), CONFIDENCE, windows, STEPS, 2)?;
     let compared = pareto(&mut families, &sample.calibration, &sample.test, &settings)?;

@@ -59,6 +59,7 @@ pub(super) struct PolygonsOfKind {
     pub(super) drives: usize,
     pub(super) positions: usize,
     pub(super) least_margin_m: f64,
+    pub(super) compared: usize,
     pub(super) excess_m: f64,
     pub(super) excess_m2: f64,
     pub(super) excess_share: f64,
