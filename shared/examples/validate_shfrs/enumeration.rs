@@ -16,8 +16,8 @@ const SHORT: (usize, usize) = (3, 12);
 const LONG: (usize, usize) = (10, 4);
 /// Bounds of a kind.
 const BOUNDS: usize = 10;
-/// How often the jumps of the nearest inputs are then found more closely, each time twice.
-const HALVINGS: usize = 12;
+/// The jumps of the nearest inputs are then moved until no move by so much, s, is of use.
+const LEAST_MOVE_S: f64 = 1e-6;
 /// Of how many sequences of rates.
 const NEAREST: usize = 6;
 
@@ -88,8 +88,8 @@ fn distance(inputs: &[Vec<(Input, [f64; 2])>], point: [f64; 2], rates: &Rates, p
     let until = rates.0.len() as f64 * STEP_S;
     for (least, input) in &mut best {
         let mut by = part;
-        for _ in 0..2 * HALVINGS {
-            let Input { jumps: [first, second], .. } = *input;
+        while by > LEAST_MOVE_S {
+            let (before, Input { jumps: [first, second], .. }) = (*least, *input);
             for (a, b) in [-by, 0.0, by].into_iter().flat_map(|a| [-by, 0.0, by].map(|b| (a, b))) {
                 let first = (first + a).clamp(0.0, until);
                 let jumps = [first, (second + b).clamp(first, until)];
@@ -99,7 +99,9 @@ fn distance(inputs: &[Vec<(Input, [f64; 2])>], point: [f64; 2], rates: &Rates, p
                     (*least, *input) = (found, tried);
                 }
             }
-            by *= core::f64::consts::FRAC_1_SQRT_2;
+            if *least == before {
+                by *= 0.5;
+            }
         }
     }
     best.iter().map(|(least, _)| *least).fold(f64::INFINITY, f64::min)
@@ -107,7 +109,7 @@ fn distance(inputs: &[Vec<(Input, [f64; 2])>], point: [f64; 2], rates: &Rates, p
 
 pub(crate) fn check() -> Result<Vec<Check>, Box<dyn Error>> {
     let mut rng = SeededRng::new(62);
-    let settings = PolygonSettings::new(1e-3, 2)?;
+    let settings = PolygonSettings::default();
     let short = KINDS.map(|kind| (kind, SHORT));
     let long = [Kind::Everything, Kind::Straight].map(|kind| (kind, LONG));
     let mut checks = Vec::new();

@@ -120,9 +120,7 @@ fn panel(
 /// What a command of the program answers to a file.
 fn answer<R: DeserializeOwned>(workspace: &Workspace, command: &str, input: &Path) -> Result<R> {
     let what = format!("sidestep {command}");
-    let text = output_of(
-        &what,
-        Command::new(workspace.server()).arg(command).arg("--input").arg(input),
-    )?;
+    let text =
+        output_of(&what, Command::new(workspace.server()).arg(command).arg("--input").arg(input))?;
     serde_json::from_str(&text).with_context(|| format!("{what} printed something else"))
 }

@@ -128,18 +128,18 @@ area). Everything that can be reached in ten steps has {exact:.4} m², the polyg
 
 pub(super) fn twin(twins: &Twins) -> String {
     let mut rows = vec![head(
-        "turn rates, rad/s | spacing, m | nodes | level set, m² | exact, m² | ratio | outside, m",
+        "turn rates, rad/s | spacing, m | nodes | level set, m² | exact, m² | ratio | outside, mm",
         1,
     )];
     for twin in &twins.twins {
         let Twin { turn_rate_radps: (lo, hi), nodes: [x, y, psi], .. } = twin;
         rows.push(minus(format!(
-            "| {lo} to {hi} | {} | {x}×{y}×{psi} | {:.3} | {:.3} | {:.3} | {:+.3} |",
+            "| {lo} to {hi} | {} | {x}×{y}×{psi} | {:.3} | {:.3} | {:.3} | {} |",
             twin.spacing_m,
             twin.area_m2,
             twin.exact_m2,
             twin.area_m2 / twin.exact_m2,
-            twin.outside_m,
+            mm(twin.outside_m),
         )));
     }
     format!(
@@ -149,7 +149,8 @@ The Cartesian solver (see [value functions](reachability.md)) finds the same tub
 is reached within {} s from a disc of {} m, with headings within ±{} rad. A level set on a grid
 cannot begin from a point. Its shadow, the nodes from which some heading is reached, is compared
 with the exact tube of the same uncertain start. *Outside* is how far a node of the shadow lies
-outside the exact tube at most. The finer the grid, the nearer it comes, from inside.
+outside the exact tube at most, which is drawn to 0.1 mm (where a node lies on the rim of the start,
+it is its edge that is seen). The finer the grid, the nearer it comes, from inside.
 
 {}
 ",
