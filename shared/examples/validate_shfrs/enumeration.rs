@@ -16,8 +16,10 @@ const SHORT: (usize, usize) = (3, 12);
 const LONG: (usize, usize) = (10, 4);
 /// Bounds of a kind.
 const BOUNDS: usize = 10;
-/// The jumps of the nearest inputs are then moved until no move by so much, s, is of use.
-const LEAST_MOVE_S: f64 = 1e-6;
+/// The jumps of the nearest inputs are then moved until an end is so near, m, or no move by so
+/// much, s, is of use.
+const NEAR_M: f64 = 1e-4;
+const LEAST_MOVE_S: f64 = 1e-5;
 /// Of how many sequences of rates.
 const NEAREST: usize = 6;
 
@@ -88,7 +90,7 @@ fn distance(inputs: &[Vec<(Input, [f64; 2])>], point: [f64; 2], rates: &Rates, p
     let until = rates.0.len() as f64 * STEP_S;
     for (least, input) in &mut best {
         let mut by = part;
-        while by > LEAST_MOVE_S {
+        while *least > NEAR_M && by > LEAST_MOVE_S {
             let (before, Input { jumps: [first, second], .. }) = (*least, *input);
             for (a, b) in [-by, 0.0, by].into_iter().flat_map(|a| [-by, 0.0, by].map(|b| (a, b))) {
                 let first = (first + a).clamp(0.0, until);
@@ -103,13 +105,16 @@ fn distance(inputs: &[Vec<(Input, [f64; 2])>], point: [f64; 2], rates: &Rates, p
                 by *= 0.5;
             }
         }
+        if *least <= NEAR_M {
+            return *least;
+        }
     }
     best.iter().map(|(least, _)| *least).fold(f64::INFINITY, f64::min)
 }
 
 pub(crate) fn check() -> Result<Vec<Check>, Box<dyn Error>> {
     let mut rng = SeededRng::new(62);
-    let settings = PolygonSettings::default();
+    let settings = PolygonSettings::new(1e-3, 2)?;
     let short = KINDS.map(|kind| (kind, SHORT));
     let long = [Kind::Everything, Kind::Straight].map(|kind| (kind, LONG));
     let mut checks = Vec::new();

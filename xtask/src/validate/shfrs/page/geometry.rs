@@ -19,7 +19,7 @@ pub(super) fn vectors(cases: &[Case]) -> String {
             case.area,
             mm(case.box_m),
             mm(case.boundary_m),
-            mm(case.boundary_allowed_m),
+            1000.0 * case.boundary_allowed_m,
             mm(case.margin_m),
             case.planar.decided,
             case.planar.wrong,
@@ -50,7 +50,7 @@ and of the distance of queried positions from the boundary. Then queried positio
 
 {}
 {coarse}",
-        mm(box_allowed),
+        1000.0 * box_allowed,
         rows.join("\n")
     )
 }
@@ -115,12 +115,12 @@ of {} random bounds of up to {} steps, drawn to {} mm, are off by {} m² at most
 area). Everything that can be reached in ten steps has {exact:.4} m², the polygon {found:.4} m².
 ",
         thousands(drives),
-        mm(polygons.accuracy_m),
+        1000.0 * polygons.accuracy_m,
         conservative.join("\n"),
         enumerated.join("\n"),
         thousands(closed.bounds),
         closed.steps,
-        mm(closed.accuracy_m),
+        1000.0 * closed.accuracy_m,
         power(closed.worst_m2),
         power(closed.worst_share),
     )

@@ -36,7 +36,7 @@ in all but a share δ = {delta} of calibrations; {} levels, with the paper's rol
 not nested: {} times a drive was lost to a larger ε).
 
 Conformal is as it should be where the mean is not below p by more than its standard error (±)
-explains; it is a little above rank/(n + 1) because scores tie. Failures may exceed {delta} by no
+explains; for scores without ties its expectation is rank/(n + 1). Failures may exceed {delta} by no
 more than the binomial error, ±{error:.3}. Where n is too small, the library refuses and says how
 many it needs.
 
@@ -115,7 +115,7 @@ pub(super) fn families(families: &Families) -> String {
         let areas = areas.map(|area| format!("{area:.2}")).join(" | ");
         reference.push(format!("| {family} | {areas} |"));
     }
-    let (least, most) = (of_least_area(families), families.targets.len());
+    let least = of_least_area(families);
     format!(
         "## What it buys: coverage against area
 
@@ -128,9 +128,9 @@ means chosen on the training part. A family that reaches the same p with less ar
 
 {}
 
-Least area, of {most} targets in their order: {least}. A family that knows which input is held at
-present has an advantage over this predictor, which sees the present state alone: where the human
-is, not whether they have begun to turn.
+**Least area: {least}.** Families that know which input is held at present have an advantage over
+SHFRS with this predictor, which sees the present state alone: where the human is, not whether they
+have begun to turn.
 
 The reference found, with other synthetic people and with a predictor that also knows what the
 human did before:
@@ -151,7 +151,7 @@ That is why ours are larger; compare within a table, not across.
     )
 }
 
-/// For each target the family that needs least area.
+/// The families that need least area, and for which targets.
 fn of_least_area(families: &Families) -> String {
     let area =
         |family: &Family, i: usize| family.cells.get(i).map_or(f64::NAN, |cell| cell.area_m2);
@@ -159,6 +159,10 @@ fn of_least_area(families: &Families) -> String {
         let by_area = |a: &&Family, b: &&Family| area(a, i).total_cmp(&area(b, i));
         families.families.iter().min_by(by_area).map_or("none", |family| &family.family)
     };
-    let names: Vec<_> = (0..families.targets.len()).map(|i| format!("*{}*", least(i))).collect();
-    names.join(", ")
+    let best: Vec<_> = families.targets.iter().enumerate().map(|(i, p)| (least(i), p)).collect();
+    let words = |run: &[(&str, &f64)]| {
+        let targets: Vec<_> = run.iter().map(|(_, p)| p.to_string()).collect();
+        format!("{} (p = {})", run[0].0, targets.join(", "))
+    };
+    best.chunk_by(|a, b| a.0 == b.0).map(words).collect::<Vec<_>>().join("; ")
 }
