@@ -14,19 +14,27 @@ const STEPS: usize = 10;
 /// Lowest and highest rate, rad/s.
 type Rates = (f64, f64);
 
-/// Name, rates of the first and of the second five steps.
-const BOUNDS: &[(&str, Rates, Rates)] = &[
-    ("both ways", (-0.5, 0.5), (-0.3, 0.4)),
-    ("left", (0.1, 0.5), (0.3, 0.5)),
-    ("straight admissible", (-0.5, 0.5), (0.0, 0.5)),
-    ("mixed", (-0.5, 0.5), (0.3, 0.5)),
+/// Name, and the rates of the steps up to the third, up to the fifth, and later. The last
+/// three are as Algorithm 1 finds them: three inputs, two, then one, widened.
+const BOUNDS: &[(&str, [Rates; 3])] = &[
+    ("both ways", [(-0.5, 0.5), (-0.5, 0.5), (-0.3, 0.4)]),
+    ("left", [(0.1, 0.5), (0.1, 0.5), (0.3, 0.5)]),
+    ("straight admissible", [(-0.5, 0.5), (-0.5, 0.5), (0.0, 0.5)]),
+    ("mixed", [(-0.5, 0.5), (-0.5, 0.5), (0.3, 0.5)]),
+    ("predicted", [(-0.5, 0.5), (-0.5, 0.0), (-0.5, -0.5)]),
+    ("predicted, 0.15 wider", [(-0.5, 0.5), (-0.5, 0.15), (-0.5, -0.35)]),
+    ("predicted, 0.4 wider", [(-0.5, 0.5), (-0.5, 0.4), (-0.5, -0.1)]),
 ];
 
 fn membership(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("state membership");
     group.measurement_time(Duration::from_secs(2)).warm_up_time(Duration::from_millis(300));
-    for &(name, first, second) in BOUNDS {
-        let of = |step: usize| if step < STEPS / 2 { first } else { second };
+    for &(name, [first, second, third]) in BOUNDS {
+        let of = |step: usize| match step {
+            0..3 => first,
+            3..5 => second,
+            _ => third,
+        };
         let (lo, hi): (Vec<f64>, Vec<f64>) = (0..STEPS).map(of).unzip();
         let start = Pose::new(1.0, 2.0, 0.7);
         let bounds = InputBounds::new(lo, hi, (-0.5, 0.5)).expect("bounds");

@@ -22,6 +22,10 @@
 //! | InputBounds | lowest and highest turn rate of each coming step (Algorithm 1) |
 //! | ReachableSet | every position reachable under such bounds |
 //! | SHFRS | nested reachable sets with probabilities |
+//! | Trajectory | a recorded trial: joint states, and the turn rates held between them |
+//! | Window | a stretch of a trajectory, from which a prediction is made and judged |
+//! | Family | predicted sets that grow with a level (for SHFRS the level is ε) |
+//! | score | the least level whose set a window's trajectory stays inside |
 //!
 //! # Purity and module order
 //! Nothing here knows of clocks, files, sockets or browsers, and no module uses

@@ -359,7 +359,8 @@ fn path(
     let (step_s, least) = (path.step_s(), least_pieces.div_ceil(steps));
     for step in 0..steps {
         let rate = path.turn(step).rate;
-        let count = pieces(step_s, rate.abs(), tolerance, least);
+        // Finer than the front: to the area both sides add what the front takes away.
+        let count = pieces(step_s, rate.abs(), 0.5 * tolerance, least);
         let turn = Turn::new(rate, step_s / count as f64);
         let (mut point, mut facing) = (path.point(step), path.facing(step));
         for _ in 0..count {

@@ -29,9 +29,9 @@ use sidestep::vehicle::{Pose, VehicleModel};
 /// The predictor's classes are -1 (lowest turn rate), 0 (straight) and 1 (highest), unless
 /// it has "actions": [rad/s, one a class, ascending].
 ///
-/// The answer: {"lo": [F][T], "hi": [F][T] rad/s, "raw": [T × [lo, hi]] before widening,
-/// "human_low": [T + 1 × [x, y, psi]], "human_high": […]}, the human's states along both
-/// roll-outs, from the present on.
+/// The answer: {"lo": […], "hi": […], F lists of T rates, rad/s, "raw": [T × [lo, hi]] before
+/// widening, "human_low": [T + 1 × [x, y, psi]], "human_high": […]}, the human's states along
+/// both roll-outs, from the present on.
 #[derive(Clone, Debug, clap::Args)]
 pub struct BoundsArgs {
     #[command(flatten)]

@@ -149,6 +149,11 @@ pub async fn run(args: ShfrsArgs) -> Result<(), CommandError> {
     let recorded = args.recorded(&parameters)?;
     let given = args.predictor.as_deref().map(read_predictor).transpose()?;
     let questions = args.questions()?;
+    let longest = recorded.iter().map(|recorded| recorded.trajectory.steps()).max().unwrap_or(0);
+    if args.steps > longest {
+        let expected = format!("at most {longest}, the steps of the longest trial");
+        return Err(flagged(Invalid::new("steps", expected, args.steps)));
+    }
     fs::create_dir_all(&args.out).map_err(|e| unwritable(&args.out, &e))?;
     report::check(&args.out)?;
 

@@ -12,14 +12,18 @@
 //! # Accuracy
 //! A state found inside is reachable, to 10⁻⁶ m. Nothing reachable is missed by more
 //! than rounding where one may always turn both ways, or never right, or never left.
-//! Otherwise rates change between quarters of a step only, and the rear is searched from
-//! many sides but not exhaustively: a sliver along the boundary may be missed. Random
-//! drives were found outside by 0.4 mm at most in 10 steps and 2.3 mm in 25
-//! (`tests/reach_membership.rs`).
+//! Steps without a choice before the first and after the last with one do not matter for that.
+//! Otherwise rates change between quarters of a step only, and the rear with more than two
+//! jumps is one local best: a sliver along the boundary may be missed. Of 3.6·10⁵ states that
+//! random inputs led to, under random bounds and such as Algorithm 1 finds, none was missed
+//! by 2 mm up to step 10 and none by 5 mm up to step 15; in steps 16 to 25, 2 of 9·10⁴ were,
+//! by less than 1 cm.
 
-mod search;
+mod buffer;
+mod parts;
+mod pocket;
 mod ridge;
-mod jumps;
+mod search;
 mod slice;
 
 use super::ReachableSet;
@@ -77,6 +81,10 @@ const GUARD: f64 = 1e-6;
 impl ReachableSet {
     /// Is `state` (world frame) reached after exactly `step` steps, or no farther
     /// than `tolerance` from a state that is? A state that is not finite is not.
+    ///
+    /// What is inside is reachable to 10⁻⁶ m. Under bounds that in some steps admit both
+    /// turns and in others only one, few states at the rear may be missed: none by 2 mm up
+    /// to step 10 or 5 mm up to step 15 in 2.7·10⁵ random ones.
     ///
     /// # Panics
     /// If `step` > [`Self::steps`].

@@ -99,11 +99,15 @@ fn more_jumps(paths: &Paths, steps: usize, tolerance: f64, curves: &mut Curves) 
         Trace { phi, tame: costate.switches <= MOST_JUMPS + steps, sample: costate.sample() }
     };
     let (left, right) = end_range(paths, steps);
+    // Several times what a smooth curve as long as the horizon takes. Where the ends of
+    // extremals that tremble run wild, there is no end to it.
+    let most = 64 + (2.0 * (steps as f64 * paths.step_s / tolerance).sqrt()) as usize;
     for (from, to) in [(right, PI - AT_REST), (left + TAU, PI + AT_REST)] {
         let mut start = trace(from);
         for i in 1..=SEARCH {
             let end = trace(from + (to - from) * (i as f64 / SEARCH as f64));
-            connect(&trace, start, end, tolerance, MOST_HALVINGS, curves);
+            let mut traces = most;
+            connect(&trace, start, end, tolerance, (MOST_HALVINGS, &mut traces), curves);
             start = end;
         }
     }
@@ -121,18 +125,19 @@ struct Trace {
 
 /// Appends the ends of the extremals between two, without those with too many
 /// jumps, and without the places where the ends leap: there an extremal passes
-/// near a straight one, and its neighbours part.
+/// near a straight one, and its neighbours part. At most `traces` are made.
 fn connect(
     trace: &impl Fn(f64) -> Trace,
     start: Trace,
     end: Trace,
     tolerance: f64,
-    halvings: u32,
+    (halvings, traces): (u32, &mut usize),
     curves: &mut Curves,
 ) {
-    if !start.tame && !end.tame {
+    if (!start.tame && !end.tame) || *traces == 0 {
         return;
     }
+    *traces -= 1;
     let middle = trace(0.5 * (start.phi + end.phi));
     let three = [start, middle, end];
     let close = |a: Trace, b: Trace| triangle_height(a.sample, b.sample) <= tolerance;
@@ -148,7 +153,7 @@ fn connect(
         }
         curves.points().extend([through, to]);
     } else if halvings > 0 {
-        connect(trace, start, middle, tolerance, halvings - 1, curves);
-        connect(trace, middle, end, tolerance, halvings - 1, curves);
+        connect(trace, start, middle, tolerance, (halvings - 1, traces), curves);
+        connect(trace, middle, end, tolerance, (halvings - 1, traces), curves);
     }
 }

@@ -71,10 +71,10 @@ pub(super) struct Sample {
     pub(super) direction: Complex<f64>,
 }
 
-/// A stretch of parameters is halved at most this often. So much is needed where
-/// a bound is close to zero: then a long piece of the front belongs to extremals
-/// that differ very little at their end.
-pub(super) const MOST_HALVINGS: u32 = 36;
+/// A stretch of parameters is halved at most this often: to the last bit. So much is
+/// needed where bounds are close to zero: then a long piece of the front belongs to
+/// extremals that differ very little at their end.
+const MOST_HALVINGS: u32 = 64;
 
 /// Appends points of `curve` for parameters in (from, to], so close that its
 /// chords stay within `tolerance` of it. Between neighbours the curve is taken
@@ -108,6 +108,10 @@ fn halve(
         return;
     }
     let parameter = 0.5 * (start.0 + end.0);
+    if parameter == start.0 || parameter == end.0 {
+        points.push(end.1.point);
+        return;
+    }
     let middle = (parameter, curve(parameter));
     halve(curve, start, middle, tolerance, halvings - 1, points);
     halve(curve, middle, end, tolerance, halvings - 1, points);

@@ -153,39 +153,38 @@ fn onset(paths: &Paths, steps: usize, step: usize, family: &[Piece]) -> Option<O
     let inside = family
         .iter()
         .position(|piece| value(piece, piece.from) >= 0.0 && value(piece, piece.to) < 0.0);
-    let Some(place) = inside else {
-        // Between two pieces: the nearer end is as good.
+    let (place, above, below, parameter) = if let Some(place) = inside {
+        let piece = &family[place];
+        let (mut from, mut to) = (piece.from, piece.to);
+        for _ in 0..MOST_BISECTIONS {
+            let middle = 0.5 * (from + to);
+            if value(piece, middle) >= 0.0 {
+                from = middle;
+            } else {
+                to = middle;
+            }
+        }
+        (place, at_end(piece, from), at_end(piece, to), Some(from))
+    } else {
+        // In the gap between two pieces.
         let place = family.windows(2).position(|pair| {
             value(&pair[0], pair[0].to) >= 0.0 && value(&pair[1], pair[1].from) < 0.0
         })?;
         let (left, right) = (&family[place], &family[place + 1]);
-        let (above, below) = (value(left, left.to), -value(right, right.from));
-        if above.min(below) > NEAR {
-            return None;
-        }
-        let met = if above < below { at_end(left, left.to) } else { at_end(right, right.from) };
-        return Onset::meeting(met, (lo, hi), paths.step_s, place, None);
+        (place, at_end(left, left.to), at_end(right, right.from), None)
     };
-    let piece = &family[place];
-    let (mut from, mut to) = (piece.from, piece.to);
-    for _ in 0..MOST_BISECTIONS {
-        let middle = 0.5 * (from + to);
-        if value(piece, middle) >= 0.0 {
-            from = middle;
-        } else {
-            to = middle;
-        }
-    }
-    // Where the rate on its side is zero the value jumps: no extremal arrives.
-    if value(piece, from) > NEAR {
+    // Extremals may part by more than numbers can tell: the nearer one is as good. But
+    // where the rate on its side is zero the value jumps, and none arrives.
+    let [more, less] = [above, below].map(|costate| p_at_zero(costate, lo, hi).abs());
+    if more.min(less) > NEAR && more.max(less) == f64::INFINITY {
         return None;
     }
-    Onset::meeting(at_end(piece, from), (lo, hi), paths.step_s, place, Some(from))
+    let met = if more <= less { above } else { below };
+    Onset::meeting(met, (lo, hi), paths.step_s, place, parameter)
 }
 
-/// So much, s, the costate may be off where an extremal becomes singular, as where
-/// extremals part by more than the parameter can tell.
-const NEAR: f64 = 1e-5;
+/// Costates closer to zero than this, s, may stand for zero.
+const NEAR: f64 = 1e-9;
 
 const MOST_BISECTIONS: u32 = 60;
 

@@ -11,4 +11,5 @@ mod prediction;
 mod process;
 mod safety;
 mod site;
+mod shfrs;
 mod solving;

@@ -4,28 +4,49 @@
 //! at one rate in each part of a step. The integrand is concave, so
 //! dynamic programming needs no table: what can still be gained from part k on is
 //! largest at one heading, the *ridge*, and the best path turns toward the next ridge
-//! as far as it may. Backward, the ridge is where the gain's slope vanishes; below
-//! it, the best path keeps the highest rate until it meets a ridge, above it
-//! the lowest, so the slope there is a sum along that path.
+//! as far as it may. Were the integrand −w(θ − α)²/2, the gain's slope would be linear between
+//! a few knots; those below the ridge move by the highest turn from part to part, those
+//! above it by the lowest, so that each part costs a few operations. With w = sin φ/φ of
+//! the path found last, φ = θ − α, this parabola touches the cosine from below, so that
+//! each round gains, and in the end the path is the best.
 
-use super::super::paths::{Paths, arc};
+use super::buffer::Buffer;
+use super::parts::Parts;
 use super::search::Arc;
-use super::slice::triangle;
+use super::slice::{Slice, triangle};
+use crate::math::PI;
 use core::cell::RefCell;
-use core::f64::consts::SQRT_2;
 use nalgebra::Complex;
 
-/// Parts of a step.
-pub(super) const PARTS: usize = 4;
+/// Parabolas are fitted at most so often.
+const MOST_ROUNDS: usize = 6;
 
-/// The front of the slice after `steps` steps with end heading `heading`.
+/// Weights that change by no more are good enough.
+const SAME_WEIGHT: f64 = 5e-3;
+
+/// The front of a slice.
 pub(super) struct Ridge<'a> {
-    paths: &'a Paths,
-    /// After k parts: lowest and highest heading from which the end
-    /// heading can be reached.
-    tubes: Vec<(f64, f64)>,
-    /// Scratch: the ridges of the direction looked at last.
-    ridges: RefCell<Vec<f64>>,
+    parts: Parts<'a>,
+    scratch: RefCell<Scratch>,
+}
+
+/// A stretch on which the gain's slope is linear.
+#[derive(Clone, Copy, Debug, Default)]
+struct Stretch {
+    /// In headings, rad.
+    length: f64,
+    /// How fast the slope falls with the heading, less the sum of the weights before.
+    fall: f64,
+}
+
+struct Scratch {
+    /// Headings after each part that are best to have there.
+    ridges: Buffer<f64>,
+    headings: Buffer<f64>,
+    weights: Buffer<f64>,
+    /// Below and above the ridge, the nearest last.
+    below: Buffer<Stretch>,
+    above: Buffer<Stretch>,
 }
 
 /// A point of the front and the direction it belongs to.
@@ -36,62 +57,109 @@ pub(super) struct Knot {
 }
 
 impl<'a> Ridge<'a> {
-    pub(super) fn new(paths: &'a Paths, steps: usize, heading: f64) -> Self {
-        let parts = steps * PARTS;
-        let mut tubes = vec![(heading, heading); parts + 1];
-        for part in (0..parts).rev() {
-            let (lo, hi) = turns(paths, part);
-            let (lowest, highest) = tubes[part + 1];
-            tubes[part] = (lowest - hi, highest - lo);
-        }
-        Self { paths, ridges: RefCell::new(vec![heading; parts + 1]), tubes }
+    pub(super) fn new(slice: &Slice<'a>) -> Self {
+        let parts = Parts::new(slice);
+        let count = parts.count;
+        let scratch = Scratch {
+            ridges: Buffer::new(count),
+            headings: Buffer::new(count),
+            weights: Buffer::new(count),
+            below: Buffer::new(2 * count),
+            above: Buffer::new(2 * count),
+        };
+        Self { parts, scratch: RefCell::new(scratch) }
     }
 
     /// The directions of the lowest and of the highest path.
     pub(super) fn directions(&self) -> (f64, f64) {
-        let paths = self.paths;
-        let (mut low, mut high) = (0.0_f64, 0.0_f64);
-        let (mut lowest, mut highest) = (0.0_f64, 0.0_f64);
-        for (part, tube) in self.tubes.iter().enumerate().skip(1) {
-            let (lo, hi) = turns(paths, part - 1);
-            low = (low + lo).max(tube.0);
-            high = (high + hi).min(tube.1);
+        let parts = &self.parts;
+        // After each part, how far below and above the end heading one may be.
+        let (mut low, mut high) = (parts.end_heading, parts.end_heading);
+        let (mut under, mut over) = (parts.heading, parts.heading);
+        for part in 0..parts.count {
+            let (lo, hi) = parts.turns(part);
+            (under, over) = (under + lo, over + hi);
+        }
+        let (above_low, below_high) = (parts.end_heading - under, over - parts.end_heading);
+        let (mut lowest, mut highest) = (parts.heading, parts.heading);
+        (under, over) = (parts.heading, parts.heading);
+        for part in 0..parts.count {
+            let (lo, hi) = parts.turns(part);
+            (under, over) = (under + lo, over + hi);
+            low = under.max(over - below_high);
+            high = over.min(under + above_low);
             lowest = lowest.min(low);
             highest = highest.max(high);
         }
-        (lowest, highest)
+        (lowest.min(low), highest.max(high))
     }
+}
 
-    fn parts(&self) -> usize {
-        self.tubes.len() - 1
-    }
-
-    /// The headings at the ends of the parts that are best to have there.
-    fn find_ridges(&self, direction: f64, ridges: &mut [f64]) {
-        for part in (1..self.parts()).rev() {
-            let later = &ridges[part..];
-            let slope = |heading| self.slope(later, part, heading, direction);
-            ridges[part] = zero(&slope, self.tubes[part], direction);
-        }
-    }
-
-    /// How the gain from the end of part `part` − 1 on grows with the heading
-    /// there. `ridges` begins there too.
-    fn slope(&self, ridges: &[f64], part: usize, mut heading: f64, direction: f64) -> f64 {
-        let mut sum = pull(heading - direction);
-        for later in part..self.parts() - 1 {
-            let (lo, hi) = turns(self.paths, later);
-            let ridge = ridges[later + 1 - part];
-            if heading + hi < ridge {
-                heading += hi;
-            } else if heading + lo > ridge {
-                heading += lo;
+impl Scratch {
+    /// Fills in the ridges of the parabolas with these weights.
+    fn find_ridges(&mut self, parts: &Parts<'_>, direction: f64) {
+        let Self { ridges, weights, below, above, .. } = self;
+        let last = parts.count - 1;
+        let (mut count_below, mut count_above) = (0, 0);
+        let mut ridge = parts.end_heading;
+        let mut sum = 0.0;
+        ridges[last] = ridge;
+        for part in (1..=last).rev() {
+            let (lo, hi) = parts.turns(part);
+            // No gain between these two.
+            let (from, to) = (ridge - hi, ridge - lo);
+            let weight = weights[part - 1];
+            let flat = Stretch { length: to - from, fall: -sum };
+            sum += weight;
+            let (mut slope, stack, other, count, others, sign);
+            if direction <= from {
+                (ridge, slope, sign) = (from, weight * (from - direction), -1.0);
+                (stack, other) = (&mut *below, &mut *above);
+                (count, others) = (&mut count_below, &mut count_above);
+                other[*others] = flat;
+                *others += 1;
+            } else if direction >= to {
+                (ridge, slope, sign) = (to, weight * (direction - to), 1.0);
+                (stack, other) = (&mut *above, &mut *below);
+                (count, others) = (&mut count_above, &mut count_below);
+                other[*others] = flat;
+                *others += 1;
             } else {
-                break;
+                ridge = direction;
+                below[count_below] = Stretch { length: direction - from, ..flat };
+                above[count_above] = Stretch { length: to - direction, ..flat };
+                count_below += 1;
+                count_above += 1;
+                ridges[part - 1] = ridge;
+                continue;
             }
-            sum += pull(heading - direction);
+            // Toward where the slope vanishes, or the last heading that still leads to the end.
+            while slope > 0.0 && *count > 0 {
+                let Stretch { length, fall } = stack[*count - 1];
+                let way = slope / (fall + sum);
+                let passed = Stretch { length: length.min(way), fall };
+                other[*others] = passed;
+                *others += 1;
+                ridge += sign * passed.length;
+                if way < length {
+                    stack[*count - 1].length -= way;
+                    break;
+                }
+                slope -= length * (fall + sum);
+                *count -= 1;
+            }
+            ridges[part - 1] = ridge;
         }
-        sum
+    }
+
+    /// Fills in the headings of the path that keeps to the ridges.
+    fn follow(&mut self, parts: &Parts<'_>) {
+        let mut heading = parts.heading;
+        for part in 0..parts.count {
+            let (lo, hi) = parts.turns(part);
+            heading += (self.ridges[part] - heading).clamp(lo, hi);
+            self.headings[part] = heading;
+        }
     }
 }
 
@@ -99,16 +167,23 @@ impl Arc for Ridge<'_> {
     type Knot = Knot;
 
     fn knot(&self, direction: f64) -> Knot {
-        let mut ridges = self.ridges.borrow_mut();
-        self.find_ridges(direction, &mut ridges);
-        let seconds = self.paths.step_s / PARTS as f64;
-        let (mut point, mut heading) = (Complex::new(0.0, 0.0), 0.0);
-        for (part, &ridge) in ridges.iter().skip(1).enumerate() {
-            let (lo, hi) = turns(self.paths, part);
-            let turn = (ridge - heading).clamp(lo, hi);
-            point += arc(heading, turn / seconds, seconds);
-            heading += turn;
+        let mut scratch = self.scratch.borrow_mut();
+        scratch.weights.fill(1.0);
+        for _ in 0..MOST_ROUNDS {
+            scratch.find_ridges(&self.parts, direction);
+            scratch.follow(&self.parts);
+            let Scratch { headings, weights, .. } = &mut *scratch;
+            let mut changed = 0.0_f64;
+            for (weight, heading) in weights.iter_mut().zip(headings.iter()) {
+                let fitting = weight_at(heading - direction);
+                changed = changed.max((fitting - *weight).abs());
+                *weight = fitting;
+            }
+            if changed < SAME_WEIGHT {
+                break;
+            }
         }
+        let point = self.parts.drive(scratch.headings.iter().copied(), |_| {});
         Knot { direction, point }
     }
 
@@ -122,55 +197,12 @@ impl Arc for Ridge<'_> {
     }
 }
 
-/// Least and greatest turn in a part, rad.
-pub(super) fn turns(paths: &Paths, part: usize) -> (f64, f64) {
-    let seconds = paths.step_s / PARTS as f64;
-    (paths.lo[part / PARTS] * seconds, paths.hi[part / PARTS] * seconds)
-}
+/// Weights are no less: beyond π the cosine has no such parabola.
+const LEAST_WEIGHT: f64 = 1e-3;
 
-/// How cos φ falls with φ, nearly: −sin φ to the third order, and constant from
-/// where that has its extremes, so that what is maximised stays concave. It only
-/// decides which admissible path is taken; that it is near the best is enough.
-fn pull(phi: f64) -> f64 {
-    let phi = phi.clamp(-SQRT_2, SQRT_2);
-    phi * (phi * phi * (1.0 / 6.0) - 1.0)
-}
-
-/// Ridges are sought to so much, rad.
-const PRECISE: f64 = 1e-8;
-
-/// Where a falling function passes zero in a range, or the range's end if it does not.
-/// `guess` is tried first.
-fn zero(slope: &impl Fn(f64) -> f64, (mut low, mut high): (f64, f64), guess: f64) -> f64 {
-    if high - low <= PRECISE {
-        return 0.5 * (low + high);
-    }
-    let mut rises = (f64::NAN, f64::NAN);
-    let mut trial = guess.clamp(low, high);
-    let mut bisect = false;
-    loop {
-        let rise = slope(trial);
-        if rise == 0.0 {
-            return trial;
-        }
-        // What is not known of an end is found out when the zero seems to be there.
-        if rise > 0.0 {
-            (low, rises.0) = (trial, rise);
-        } else {
-            (high, rises.1) = (trial, rise);
-        }
-        if high - low < PRECISE {
-            return 0.5 * (low + high);
-        }
-        trial = if rises.0.is_nan() {
-            low
-        } else if rises.1.is_nan() {
-            high
-        } else if bisect {
-            0.5 * (low + high)
-        } else {
-            low + (high - low) * (rises.0 / (rises.0 - rises.1))
-        };
-        bisect = !bisect;
-    }
+/// sin φ/φ to within 0.003 up to π.
+fn weight_at(phi: f64) -> f64 {
+    let x = (phi * phi).min(PI * PI);
+    let series = 1.0 - x / 20.0 * (1.0 - x / 42.0 * (1.0 - x / 72.0));
+    (1.0 - x / 6.0 * series).max(LEAST_WEIGHT)
 }

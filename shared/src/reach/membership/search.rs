@@ -24,6 +24,8 @@ pub(super) struct Search {
     position: Complex<f64>,
     /// The distance found, if below what was of interest.
     pub(super) distance: f64,
+    /// The parameter where it was found, nearly.
+    pub(super) nearest: f64,
     /// No nearer point need be found than one at this distance.
     enough: f64,
     /// How often the curve passes the ray to the right of the position, upward
@@ -40,7 +42,7 @@ const MOST_HALVINGS: u32 = 48;
 impl Search {
     /// Distances from `reach` on are of no interest.
     pub(super) fn new(position: Complex<f64>, enough: f64, reach: f64) -> Self {
-        Self { position, distance: reach, enough, crossings: 0 }
+        Self { position, distance: reach, nearest: f64::NAN, enough, crossings: 0 }
     }
 
     /// Whether a point near enough was found.
@@ -72,7 +74,7 @@ impl Search {
         let knot = arc.knot(parameter);
         let away = (A::place(knot).1 - self.position).norm_sqr();
         if away < self.distance * self.distance {
-            self.distance = away.sqrt();
+            (self.distance, self.nearest) = (away.sqrt(), parameter);
         }
         knot
     }
@@ -80,11 +82,13 @@ impl Search {
     fn between<A: Arc>(&mut self, arc: &A, a: A::Knot, b: A::Knot, halvings: u32) {
         let ((from, start), (to, end)) = (A::place(a), A::place(b));
         let deviation = arc.deviation(a, b);
-        let distance = to_segment(self.position, start, end);
+        let (distance, share) = to_segment(self.position, start, end);
         // Off the curve and its chord and all between, they wind alike.
         let clear = distance > deviation && distance - deviation >= self.distance;
         if clear || deviation <= EXACT || halvings == 0 {
-            self.distance = self.distance.min(distance);
+            if distance < self.distance {
+                (self.distance, self.nearest) = (distance, from + share * (to - from));
+            }
             self.crossings += crossing(self.position, start, end);
             return;
         }
@@ -98,13 +102,13 @@ impl Search {
     }
 }
 
-/// Distance of a position from a segment.
-fn to_segment(position: Complex<f64>, start: Complex<f64>, end: Complex<f64>) -> f64 {
+/// Distance of a position from a segment, and where on it that is, from 0 to 1.
+fn to_segment(position: Complex<f64>, start: Complex<f64>, end: Complex<f64>) -> (f64, f64) {
     let (chord, from) = (end - start, position - start);
     let length = chord.norm_sqr();
     let along = (from * chord.conj()).re;
     let share = if length > 0.0 { (along / length).clamp(0.0, 1.0) } else { 0.0 };
-    (from - chord * share).norm_sqr().sqrt()
+    ((from - chord * share).norm_sqr().sqrt(), share)
 }
 
 /// Whether the segment passes the ray to the right of the position: 1 upward,

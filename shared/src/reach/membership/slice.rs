@@ -15,7 +15,8 @@
 //! 2003, "Three-dimensional reachability set for a nonlinear control system".)
 
 use super::super::paths::{Path, Paths, unit};
-use super::jumps::Jumps;
+use super::parts::Parts;
+use super::pocket::Pocket;
 use super::ridge::Ridge;
 use super::search::{Arc, Search};
 use nalgebra::Complex;
@@ -23,8 +24,12 @@ use nalgebra::Complex;
 /// The slice of end heading `heading`.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Slice<'a> {
-    paths: &'a Paths,
-    steps: usize,
+    pub(super) paths: &'a Paths,
+    pub(super) steps: usize,
+    /// The first step with a choice, and the one after the last: those before and after them
+    /// move and turn everything as one.
+    pub(super) first: usize,
+    pub(super) last: usize,
     heading: f64,
     /// How much lower than under the highest rates throughout, rad.
     below_high: f64,
@@ -50,25 +55,34 @@ pub(super) enum Curve {
     HiWindow,
     Straight,
     Ridge,
-    Jumps,
+    Pocket,
 }
 
-/// More jumps than two are looked into only so near the other curves: share of
-/// the time travelled. They have been seen to gain half as much.
-const SLIVER: f64 = 0.0025;
+/// More jumps than two are looked into only so near the other curves: share of the time
+/// travelled, times the square of what the highest rate turns by in it, rad. They have been
+/// seen to gain 0.0018.
+const SLIVER: f64 = 0.002;
+
+/// A pocket is opened so wide, s.
+const POCKET_S: f64 = 0.04;
+
+const WINDOWS: [Curve; 2] = [Curve::LoWindow, Curve::HiWindow];
 
 impl<'a> Slice<'a> {
     /// The slice after `steps` steps; `heading`, rad and not wrapped, must be
     /// admissible.
     pub(super) fn new(paths: &'a Paths, steps: usize, heading: f64) -> Self {
-        let bounds = || paths.lo.iter().zip(&paths.hi).take(steps);
+        let choice = |step: &usize| paths.lo[*step] < paths.hi[*step];
+        let first = (0..steps).find(choice).unwrap_or(0);
+        let last = (first..steps).rfind(choice).map_or(first, |step| step + 1);
+        let bounds = || paths.lo[first..last].iter().zip(&paths.hi[first..last]);
         let kind = if bounds().all(|(lo, _)| *lo >= 0.0) {
             Kind::AlwaysLeft
         } else if bounds().all(|(_, hi)| *hi <= 0.0) {
             Kind::AlwaysRight
         } else if bounds().all(|(lo, hi)| *lo < 0.0 && 0.0 < *hi) {
             Kind::BothWays
-        } else if paths.straight_always(steps) {
+        } else if bounds().all(|(lo, hi)| *lo <= 0.0 && 0.0 <= *hi) {
             Kind::StraightAdmissible
         } else {
             Kind::Mixed
@@ -76,6 +90,8 @@ impl<'a> Slice<'a> {
         Self {
             paths,
             steps,
+            first,
+            last,
             heading,
             below_high: (paths.high.heading(steps) - heading).max(0.0),
             above_low: (heading - paths.low.heading(steps)).max(0.0),
@@ -93,14 +109,28 @@ impl<'a> Slice<'a> {
         }
     }
 
+    /// The curves that matter in every case.
     fn curves(&self) -> impl Iterator<Item = Curve> {
-        let (front, rear) = match self.kind {
-            Kind::AlwaysLeft | Kind::AlwaysRight => (None, None),
-            Kind::BothWays => (Some(Curve::Straight), None),
-            Kind::StraightAdmissible => (Some(Curve::Straight), Some(Curve::Jumps)),
-            Kind::Mixed => (Some(Curve::Ridge), Some(Curve::Jumps)),
+        let front = match self.kind {
+            Kind::AlwaysLeft | Kind::AlwaysRight => None,
+            Kind::BothWays | Kind::StraightAdmissible => Some(Curve::Straight),
+            Kind::Mixed => Some(Curve::Ridge),
         };
-        [Curve::LoWindow, Curve::HiWindow].into_iter().chain(front).chain(rear)
+        WINDOWS.into_iter().chain(front)
+    }
+
+    /// May more jumps than two stay farther back?
+    fn has_pockets(&self) -> bool {
+        matches!(self.kind, Kind::StraightAdmissible | Kind::Mixed)
+    }
+
+    /// How far from the other curves, s, pockets are looked into.
+    fn sliver(&self) -> f64 {
+        let steps = self.first..self.last;
+        let rates = self.paths.lo[steps.clone()].iter().chain(&self.paths.hi[steps.clone()]);
+        let fastest = rates.fold(0.0, |most: f64, rate| most.max(rate.abs()));
+        let seconds = steps.len() as f64 * self.paths.step_s;
+        SLIVER * seconds * (fastest * seconds) * (fastest * seconds)
     }
 
     /// Distance of a position from the slice, s; 0 inside. Not searched for below
@@ -108,16 +138,10 @@ impl<'a> Slice<'a> {
     pub(super) fn outside_by(&self, position: Complex<f64>, enough: f64, reach: f64) -> f64 {
         let mut nearest = f64::INFINITY;
         let mut winding = None;
-        let sliver = SLIVER * self.steps as f64 * self.paths.step_s;
-        let reach = if self.curves().any(|curve| curve == Curve::Jumps) {
-            reach.max(enough + sliver)
-        } else {
-            reach
-        };
-        for curve in self.curves() {
-            if curve == Curve::Jumps && nearest >= enough + sliver {
-                break;
-            }
+        let depth = enough + self.sliver();
+        let reach = if self.has_pockets() { reach.max(depth) } else { reach };
+        let mut windows = [None; 2];
+        for (i, curve) in self.curves().enumerate() {
             let search = self.search(curve, position, enough, reach);
             if search.found() {
                 return search.distance;
@@ -126,6 +150,24 @@ impl<'a> Slice<'a> {
                 return 0.0;
             }
             nearest = nearest.min(search.distance);
+            if let Some(window) = windows.get_mut(i) {
+                *window = Some(search);
+            }
+        }
+        if self.has_pockets() {
+            for (curve, window) in WINDOWS.into_iter().zip(windows) {
+                let Some(window) = window.filter(|window| window.distance < depth) else {
+                    continue;
+                };
+                let search = self.pocket(curve, &window, position, enough, reach);
+                if search.found() {
+                    return search.distance;
+                }
+                if search.crossings != 0 {
+                    return 0.0;
+                }
+                nearest = nearest.min(search.distance);
+            }
         }
         nearest
     }
@@ -133,13 +175,21 @@ impl<'a> Slice<'a> {
     /// Signed distance of a position from the slice's boundary, s, positive
     /// inside, and the curve that is nearest.
     pub(super) fn margin(&self, position: Complex<f64>) -> (f64, Curve) {
-        let found: [Option<(Curve, Search)>; 4] = {
-            let mut curves = self.curves();
-            core::array::from_fn(|_| {
-                let curve = curves.next()?;
-                Some((curve, self.search(curve, position, 0.0, f64::INFINITY)))
-            })
-        };
+        let mut found: [Option<(Curve, Search)>; 5] = [None; 5];
+        for (place, curve) in found.iter_mut().zip(self.curves()) {
+            *place = Some((curve, self.search(curve, position, 0.0, f64::INFINITY)));
+        }
+        if self.has_pockets() {
+            for (i, curve) in WINDOWS.into_iter().enumerate() {
+                let Some((_, window)) = found[i] else { continue };
+                if window.distance < self.sliver() {
+                    let mut pocket = self.pocket(curve, &window, position, 0.0, f64::INFINITY);
+                    // The window with the pocket in it.
+                    pocket.crossings += window.crossings;
+                    found[3 + i] = Some((Curve::Pocket, pocket));
+                }
+            }
+        }
         let found = || found.iter().flatten();
         let nearer = |a: (f64, Curve), b: (f64, Curve)| if b.0 < a.0 { b } else { a };
         // What two curves surround is inside, so far as neither is met.
@@ -157,37 +207,56 @@ impl<'a> Slice<'a> {
         })
     }
 
+    /// What is found about the pocket of a window near the position.
+    fn pocket(
+        &self,
+        curve: Curve,
+        found: &Search,
+        position: Complex<f64>,
+        enough: f64,
+        reach: f64,
+    ) -> Search {
+        let mut search = Search::new(position, enough, reach);
+        let (window, most) = match curve {
+            Curve::LoWindow => (self.lo_window(), self.above_low),
+            _ => (self.hi_window(), self.below_high),
+        };
+        let knot = window.knot(found.nearest);
+        let apart = 0.5 * POCKET_S / (knot.to - knot.from).max(POCKET_S);
+        let parameters = [-apart, 0.0, apart].map(|by| (found.nearest + by).clamp(0.0, most));
+        let headings = |parameter: f64, path: &mut [f64]| window.headings(parameter, path);
+        // In the middle of what is near enough, or far beyond if all of the distance matters.
+        let beyond = if reach.is_finite() { -0.5 * enough } else { f64::INFINITY };
+        let pocket = Pocket::new(self, headings, parameters, position, beyond);
+        search.follow(&pocket, [0.0, 1.0, 2.0, 3.0]);
+        search
+    }
+
     fn search(&self, curve: Curve, position: Complex<f64>, enough: f64, reach: f64) -> Search {
         let mut search = Search::new(position, enough, reach);
-        let (paths, steps) = (self.paths, self.steps);
+        let paths = self.paths;
         match curve {
             Curve::LoWindow => {
                 search.follow(&self.lo_window(), [0.0, self.above_low]);
             }
             Curve::HiWindow => {
-                let (outer, inner) = (&paths.low, &paths.high);
-                let window =
-                    Window { slice: self, outer, inner, width: self.above_low, sign: -1.0 };
-                search.follow(&window, [self.below_high, 0.0]);
+                search.follow(&self.hi_window(), [self.below_high, 0.0]);
             }
             Curve::Straight => {
                 let lowest = paths.low.at(self.apart_by(self.below_high)).1;
                 let highest = paths.high.at(self.apart_by(self.above_low)).1;
-                let mut directions = [lowest, 0.0, self.heading, highest];
+                let start = paths.low.heading(self.first);
+                let mut directions = [lowest, start, self.last_heading(), highest];
                 directions.sort_by(f64::total_cmp);
                 for direction in &mut directions {
                     *direction = direction.clamp(lowest.min(highest), highest);
                 }
                 search.follow(&Straight { slice: self }, directions);
             }
-            Curve::Ridge => {
-                let ridge = Ridge::new(paths, steps, self.heading);
+            Curve::Ridge | Curve::Pocket => {
+                let ridge = Ridge::new(self);
                 let (lowest, highest) = ridge.directions();
                 self.joined(&mut search, &ridge, [lowest, highest]);
-            }
-            Curve::Jumps => {
-                let jumps = Jumps::new(paths, steps, self.above_low);
-                self.joined(&mut search, &jumps, jumps.places());
             }
         }
         search
@@ -217,6 +286,17 @@ impl<'a> Slice<'a> {
         Window { slice: self, outer, inner, width: self.below_high, sign: 1.0 }
     }
 
+    fn hi_window(&self) -> Window<'_> {
+        let (outer, inner) = (&self.paths.low, &self.paths.high);
+        Window { slice: self, outer, inner, width: self.above_low, sign: -1.0 }
+    }
+
+    /// Heading after the last step with a choice, rad.
+    pub(super) fn last_heading(&self) -> f64 {
+        let low = &self.paths.low;
+        self.heading - (low.heading(self.steps) - low.heading(self.last))
+    }
+
     /// When the two outermost paths' headings have come to differ by `turn`.
     fn apart_by(&self, turn: f64) -> Instant {
         let (low, high) = (&self.paths.low, &self.paths.high);
@@ -226,7 +306,7 @@ impl<'a> Slice<'a> {
     /// When a quantity, given at the beginning of each step, linear between and
     /// never falling, reaches `value`; the limits of the horizon if it does not.
     fn instant(&self, value: f64, at: impl Fn(usize) -> f64) -> Instant {
-        let (mut first, mut last) = (0, self.steps);
+        let (mut first, mut last) = (self.first, self.last);
         // at(first) ≤ value < at(last), as far as there are such.
         while first + 1 < last {
             let middle = usize::midpoint(first, last);
@@ -280,6 +360,20 @@ struct Window<'a> {
     sign: f64,
 }
 
+impl Window<'_> {
+    /// Fills in the headings after each part of the path named by the parameter.
+    fn headings(&self, parameter: f64, path: &mut [f64]) {
+        let parts = Parts::new(self.slice);
+        let (mut low, mut high) = (parts.heading, parts.heading);
+        for (part, heading) in path.iter_mut().enumerate() {
+            let (lo, hi) = parts.turns(part);
+            (low, high) = (low + lo, high + hi);
+            let inside = (high - low - parameter).clamp(0.0, self.width);
+            *heading = if self.sign > 0.0 { high - inside } else { low + inside };
+        }
+    }
+}
+
 impl Arc for Window<'_> {
     type Knot = Knot;
 
@@ -325,9 +419,10 @@ impl Arc for Straight<'_> {
         let (low, high) = (&slice.paths.low, &slice.paths.high);
         let falling = |heading: f64| slice.instant(-heading, |step| -low.heading(step));
         let rising = |heading: f64| slice.instant(heading, |step| high.heading(step));
+        let start = low.heading(slice.first);
         let (mut from, toward) =
-            if direction >= 0.0 { (rising(direction), high) } else { (falling(direction), low) };
-        let (mut to, path, turn) = if direction >= slice.heading {
+            if direction >= start { (rising(direction), high) } else { (falling(direction), low) };
+        let (mut to, path, turn) = if direction >= slice.last_heading() {
             (falling(direction - slice.above_low), low, slice.above_low)
         } else {
             (rising(direction + slice.below_high), high, -slice.below_high)

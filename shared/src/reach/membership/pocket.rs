@@ -1,0 +1,231 @@
+//! The rear of a slice where more than two jumps of the rate stay farther back.
+//!
+//! Wanted is the path that ends farthest out along a direction, on the line through the
+//! position asked for. From the path of a window that ends nearest on, each round asks what
+//! turning in each part of the horizon does to the end, to first order, and gives the parts
+//! beyond some line the highest rate, as many as the end heading asks for, the others the
+//! lowest. That line's direction is chosen such that the path ends where it should sideways.
+//! As the rear is where a concave function is least, a round gains more than its first order.
+//!
+//! The paths between the one found and the window's to both sides of the nearest (headings
+//! interpolated) are all admissible, so that the three make a loop like that of two curves.
+
+use super::super::paths::unit;
+use super::buffer::Buffer;
+use super::parts::Parts;
+use super::search::Arc;
+use super::slice::Slice;
+use nalgebra::Complex;
+
+/// A path is improved at most so often.
+const MOST_ROUNDS: usize = 6;
+
+/// Gains below this, s, are not worth another round.
+const LEAST_GAIN: f64 = 1e-6;
+
+/// If only a given distance matters: all rounds that follow are taken to gain no more than
+/// so many times what one has.
+const MOST_GROWTH: f64 = 30.0;
+
+/// The line may be turned so far from the direction of interest, rad.
+const MOST_TILT: f64 = 1.3;
+
+/// Steps, rad, in which the direction is looked for at first.
+const TILT_STEP: f64 = 0.35;
+
+/// Directions closer than this, rad, are not told apart.
+const LEAST_TILT: f64 = 3e-3;
+
+/// Paths on both sides of the line whose ends are so near each other, s, are interpolated:
+/// that costs less than 10⁻⁵ s.
+const SAME_END: f64 = 5e-3;
+
+/// Its direction is sought in so many trials at most.
+const MOST_TRIALS: usize = 24;
+
+/// Ends that are so near, s, to where they should be sideways are on the line.
+const ON_LINE: f64 = 1e-5;
+
+/// Three paths and those between them. The parameter is 0 and 3 for the first, 1 for the
+/// second, 2 for the third.
+pub(super) struct Pocket<'a> {
+    parts: Parts<'a>,
+    headings: [Buffer<f64>; 3],
+}
+
+/// A path of the loop: its place in it, and its end.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Knot {
+    place: f64,
+    point: Complex<f64>,
+}
+
+/// Which parts to turn more in: what decides it, and the part.
+type Rank = (f64, usize);
+
+impl<'a> Pocket<'a> {
+    /// The loop of a window's paths at three parameters, the middle one of which is improved
+    /// until it ends `enough`, s, beyond `position` as seen from where it ended, or as far as
+    /// it gets.
+    pub(super) fn new(
+        slice: &Slice<'a>,
+        headings: impl Fn(f64, &mut [f64]),
+        parameters: [f64; 3],
+        position: Complex<f64>,
+        enough: f64,
+    ) -> Self {
+        let parts = Parts::new(slice);
+        let mut pocket =
+            Self { parts, headings: core::array::from_fn(|_| Buffer::new(parts.count)) };
+        for (parameter, path) in parameters.into_iter().zip(&mut pocket.headings) {
+            headings(parameter, path);
+        }
+        pocket.improve(position, enough);
+        pocket
+    }
+
+    /// Improves the middle path until it ends `enough` beyond the position.
+    fn improve(&mut self, position: Complex<f64>, enough: f64) {
+        let Self { parts, headings: [_, best, _] } = self;
+        let mut middles = Buffer::new(parts.count);
+        let end = parts.drive_between(best.iter().copied(), &mut middles);
+        let distance = (position - end).norm_sqr().sqrt();
+        if distance < LEAST_GAIN {
+            return;
+        }
+        let line = Line { parts, position, outward: (position - end) / distance };
+        let mut reached = -distance;
+        for _ in 0..MOST_ROUNDS {
+            let Some(path) = line.farther(&middles) else { return };
+            let along = line.seen(parts.drive_between(path.iter().copied(), &mut middles)).re;
+            if along <= reached + LEAST_GAIN {
+                return;
+            }
+            let hopeless = enough.is_finite() && along + MOST_GROWTH * (along - reached) < enough;
+            reached = along;
+            *best = path;
+            if hopeless || reached >= enough {
+                return;
+            }
+        }
+    }
+
+    fn knot_between(&self, place: f64) -> (&[f64], &[f64], f64) {
+        let first = (place as usize).min(2);
+        let share = place - first as f64;
+        (&self.headings[first], &self.headings[(first + 1) % 3], share)
+    }
+}
+
+/// The line on which paths are to end, as far out as can be.
+struct Line<'a> {
+    parts: &'a Parts<'a>,
+    position: Complex<f64>,
+    outward: Complex<f64>,
+}
+
+impl Line<'_> {
+    /// A position, as seen from that on the line: how far out, and how far left.
+    fn seen(&self, end: Complex<f64>) -> Complex<f64> {
+        (end - self.position) * self.outward.conj()
+    }
+
+    /// To first order the farthest path that ends on the line, from where the middles of the
+    /// parts of a path are; nothing if there is none.
+    fn farther(&self, middles: &[Complex<f64>]) -> Option<Buffer<f64>> {
+        let mut ranks = Buffer::new(self.parts.count);
+        // Tilted to the right, paths end more to the right.
+        let (mut right, mut left): (Option<Trial>, Option<Trial>) = (None, None);
+        let mut tilt = 0.0;
+        for _ in 0..MOST_TRIALS {
+            let mut path = Buffer::new(self.parts.count);
+            turn_most(self.parts, middles, self.outward * unit(tilt), &mut ranks, &mut path);
+            let aside = self.seen(self.parts.drive(path.iter().copied(), |_| {})).im;
+            let trial = Trial { tilt, aside, path };
+            if aside.abs() < ON_LINE {
+                return Some(trial.path);
+            }
+            *(if aside < 0.0 { &mut right } else { &mut left }) = Some(trial);
+            tilt = match (&right, &left) {
+                (Some(right), None) if right.tilt < MOST_TILT => right.tilt + TILT_STEP,
+                (None, Some(left)) if left.tilt > -MOST_TILT => left.tilt - TILT_STEP,
+                (Some(right), Some(left))
+                    if left.tilt - right.tilt > LEAST_TILT
+                        && left.aside - right.aside > SAME_END =>
+                {
+                    0.5 * (left.tilt + right.tilt)
+                }
+                _ => break,
+            };
+        }
+        let (right, left) = (right?, left?);
+        let share = right.aside / (right.aside - left.aside);
+        let mut path = right.path;
+        for (heading, other) in path.iter_mut().zip(left.path.iter()) {
+            *heading += share * (other - *heading);
+        }
+        Some(path)
+    }
+}
+
+/// A path to one side of the line, or to the other.
+struct Trial {
+    tilt: f64,
+    /// How far left of the line it ends, s.
+    aside: f64,
+    path: Buffer<f64>,
+}
+
+/// Fills in the headings of the path to the end heading that turns most in those parts whose
+/// middles are farthest to the left of `direction`, to where turning more moves the end.
+fn turn_most(
+    parts: &Parts<'_>,
+    middles: &[Complex<f64>],
+    direction: Complex<f64>,
+    ranks: &mut [Rank],
+    path: &mut [f64],
+) {
+    let mut left = parts.end_heading - parts.heading;
+    for (part, (rank, middle)) in ranks.iter_mut().zip(middles).enumerate() {
+        *rank = ((middle * direction.conj()).im, part);
+        path[part] = parts.turns(part).0;
+        left -= path[part];
+    }
+    ranks.sort_unstable_by(|a, b| b.0.total_cmp(&a.0));
+    for &(_, part) in &*ranks {
+        let (lo, hi) = parts.turns(part);
+        let more = left.clamp(0.0, hi - lo);
+        path[part] += more;
+        left -= more;
+        if left <= 0.0 {
+            break;
+        }
+    }
+    let mut heading = parts.heading;
+    for turn in path {
+        heading += *turn;
+        *turn = heading;
+    }
+}
+
+impl Arc for Pocket<'_> {
+    type Knot = Knot;
+
+    fn knot(&self, place: f64) -> Knot {
+        let (first, second, share) = self.knot_between(place);
+        let headings = first.iter().zip(second).map(|(a, b)| a + share * (b - a));
+        Knot { place, point: self.parts.drive(headings, |_| {}) }
+    }
+
+    fn place(knot: Knot) -> (f64, Complex<f64>) {
+        (knot.place, knot.point)
+    }
+
+    /// Between two paths the second derivative is at most ∫δ² for headings that differ by δ.
+    fn deviation(&self, a: Knot, b: Knot) -> f64 {
+        let (first, second, _) = self.knot_between(a.place.min(b.place));
+        // Linear between, a square's mean is no more than that of its ends'.
+        let apart: f64 = first.iter().zip(second).map(|(a, b)| (b - a) * (b - a)).sum();
+        0.125 * (b.place - a.place) * (b.place - a.place) * self.parts.seconds * apart
+    }
+}

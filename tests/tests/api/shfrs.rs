@@ -1,0 +1,139 @@
+//! shfrs: regions, tuning, Pareto and danger of recorded trials, and what it refuses.
+//! The trials are those of synthetic people (`shared/tests/data/README.md`).
+
+use serde_json::Value;
+use sidestep_tests::sidestep;
+use std::collections::HashMap;
+use std::path::Path;
+use tempfile::TempDir;
+
+const TRIALS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/tests/data/trials.csv");
+
+/// Rows of a CSV file by the names of their columns.
+fn rows(folder: &Path, name: &str) -> Vec<HashMap<String, String>> {
+    let mut reader = csv::Reader::from_path(folder.join(name)).unwrap();
+    reader.deserialize().map(|row| row.unwrap()).collect()
+}
+
+fn number(row: &HashMap<String, String>, column: &str) -> f64 {
+    row[column].parse().unwrap()
+}
+
+async fn shfrs(out: &Path, flags: &[&str]) -> (Option<i32>, String, String) {
+    let out = out.to_str().unwrap();
+    let output = sidestep(&[&["shfrs", "--trials", TRIALS, "--out", out], flags].concat()).await;
+    let text = |octets| String::from_utf8(octets).unwrap();
+    (output.status.code(), text(output.stdout), text(output.stderr))
+}
+
+#[tokio::test]
+async fn every_file_says_what_it_depends_on() {
+    let folder = TempDir::new().unwrap();
+    // A folder that is not there yet.
+    let out = folder.path().join("found");
+    let flags = ["--seed", "3", "--guarantee", "conformal,pac,fixed-sequence"];
+    let (code, line, said) = shfrs(&out, &flags).await;
+    assert_eq!((code, said.as_str()), (Some(0), ""));
+    let line: Value = serde_json::from_str(&line).unwrap();
+    assert_eq!((&line["training"], &line["calibration"]), (&160.into(), &120.into()));
+    for file in line["files"].as_array().unwrap() {
+        assert!(out.join(file.as_str().unwrap()).is_file(), "{file}");
+    }
+
+    let regions = rows(&out, "regions.csv");
+    assert_eq!(regions.len(), 3 * 5);
+    for choice in ["every_step", "random_one", "avoidance_onset"] {
+        let of: Vec<_> = regions.iter().filter(|row| row["window_choice"] == choice).collect();
+        let sum: f64 = of.iter().map(|row| number(row, "p_region")).sum();
+        assert!((sum - 1.0).abs() < 1e-12, "{choice}: {sum}");
+        assert_eq!(number(of[4], "p_set"), 1.0);
+        assert!(of.iter().map(|row| number(row, "p_set")).is_sorted());
+        assert!(of.iter().map(|row| number(row, "mean_area_m2")).is_sorted());
+        for row in of {
+            let p = number(row, "p_set");
+            assert!(number(row, "p_set_low") <= p && p <= number(row, "p_set_high"));
+            assert_eq!(number(row, "tolerance_m"), 0.005);
+        }
+    }
+    let windows = |choice: &str| {
+        regions.iter().find(|row| row["window_choice"] == choice).unwrap()["windows"].clone()
+    };
+    assert_eq!((windows("every_step"), windows("random_one")), ("9840".into(), "240".into()));
+
+    let tuning = rows(&out, "tuning.csv");
+    assert_eq!(tuning.len(), 9);
+    for row in &tuning {
+        // Its interval must not exclude what is guaranteed.
+        assert!(number(row, "coverage_high") >= number(row, "p"), "{row:?}");
+        assert!(number(row, "mean_area_m2") < 16.0 / 3.0 + 1e-9);
+        assert!(row["statement"].contains("120 trajectories"));
+        let paper = row["guarantee"] == "fixed_sequence";
+        assert_eq!(row["rollout"], if paper { "paper" } else { "base" });
+    }
+
+    let pareto = rows(&out, "pareto.csv");
+    for family in ["worst case", "constant velocity", "hold the input", "learned disturbance"] {
+        let of: Vec<_> = pareto.iter().filter(|row| row["family"] == family).collect();
+        assert_eq!(of.len(), 3, "{family}");
+        assert!(of.iter().map(|row| number(row, "mean_area_m2")).is_sorted());
+    }
+    let danger = rows(&out, "danger.csv");
+    assert_eq!(danger.len(), 120);
+    for row in &danger {
+        let (low, high) = (number(row, "probability_low"), number(row, "probability_high"));
+        assert!((0.0..=1.0).contains(&low) && low <= high && high <= 1.0, "{row:?}");
+        assert!(!(row["entered"] == "1" && high == 0.0), "{row:?}");
+    }
+    for figure in ["regions.svg", "pareto.svg"] {
+        let svg = std::fs::read_to_string(out.join(figure)).unwrap();
+        assert!(svg.starts_with("<svg") && svg.trim_end().ends_with("</svg>"));
+    }
+
+    // The predictor that was trained can be given, and then no other is trained.
+    let predictor = out.join("predictor.json");
+    let again = folder.path().join("again");
+    let flags = ["--seed", "3", "--predictor", predictor.to_str().unwrap()];
+    assert_eq!(shfrs(&again, &flags).await.0, Some(0));
+    assert_eq!(rows(&again, "regions.csv"), regions);
+}
+
+#[tokio::test]
+async fn what_makes_no_sense_is_refused_in_words() {
+    let folder = TempDir::new().unwrap();
+    let out = folder.path().join("out");
+    let file = folder.path().join("file");
+    std::fs::write(&file, "x").unwrap();
+    let file = file.to_str().unwrap();
+    for (flags, words) in [
+        (&["--epsilon", "0.2,0.1,1"][..], "--epsilon[1]: expected a finite number ≥ 0.2"),
+        (&["--epsilon", "0,0.5"], "--epsilon[1]: expected at least 1 rad/s"),
+        (&["--epsilon", "nan,1"], "--epsilon[0]"),
+        (&["--k", "2,1"], "--k: expected 10 numbers (--steps), found 2"),
+        (&["--k", "2,0", "--steps", "2"], "--k[1]: expected a whole number from 1 to 3"),
+        (&["--k", "4,1", "--steps", "2"], "--k[0]: expected a whole number from 1 to 3, found 4"),
+        (&["--tau", "0"], "--tau: expected a number in (0, 1]"),
+        (&["--steps", "0"], "--steps: expected at least 1, found 0"),
+        (&["--probability", "0.5,1"], "--probability"),
+        (&["--probability", "NaN"], "--probability"),
+        (&["--guarantee", "pac", "--delta", "0"], "--delta"),
+        (&["--training", "0.9", "--calibration", "0.5"], "--calibration"),
+        (&["--confidence", "1"], "--confidence"),
+        (&["--participant", "nobody"], "expected one of 0, 1, 2, 3, 4, 5, 6, 7, found nobody"),
+        (
+            &["--participant", "2", "--probability", "0.99"],
+            "calibration trajectories: expected at least 99 for p = 0.99 (conformal), found 15",
+        ),
+        (&["--features", "hrd,speed"], "--features"),
+        (&["--predictor", "nowhere.json"], "nowhere.json: cannot read"),
+        (&["--predictor", file], "file: "),
+        (&["--steps", "60"], "--steps: expected at most 50"),
+    ] {
+        let (code, printed, said) = shfrs(&out, flags).await;
+        assert_eq!((code, printed.as_str()), (Some(2), ""), "{flags:?}: {said}");
+        assert!(said.contains(words), "{flags:?}: {said}");
+        assert_eq!(said.trim_end().lines().count(), 1, "{said}");
+        assert!(!out.join("shfrs.json").exists());
+    }
+    let (code, _, said) = shfrs(Path::new(file), &[]).await;
+    assert_eq!(code, Some(1), "{said}");
+}
