@@ -23,7 +23,7 @@ use crate::people::{self, CALIBRATION, TRAINING};
 
 const STEPS: usize = 10;
 const TARGETS: [f64; 3] = [0.75, 0.9, 0.95];
-const SPLITS: u64 = 8;
+const SPLITS: u64 = 12;
 const CONFIDENCE: f64 = 0.95;
 
 #[derive(Serialize)]

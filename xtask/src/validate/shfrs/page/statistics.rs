@@ -128,9 +128,9 @@ means chosen on the training part. A family that reaches the same p with less ar
 
 {}
 
-**Least area: {least}.** Families that know which input is held at present have an advantage over
-SHFRS with this predictor, which sees the present state alone: where the human is, not whether they
-have begun to turn.
+**Least area: {least}.**
+Families that know which input is held at present have an advantage over SHFRS with this predictor,
+which sees the present state alone: where the human is, not whether they have begun to turn.
 
 The reference found, with other synthetic people and with a predictor that also knows what the
 human did before:
