@@ -1,64 +1,70 @@
-//! `cargo xtask validate`: measures the value functions and writes what it found.
+//! `cargo xtask validate`: measures what the library computes and writes what it found.
 //!
-//! The example `validate` of the library computes and prints numbers; here they become
-//! `docs/validation/reachability.md` ([`page`]) and its pictures ([`figures`]). Every number
-//! on the page comes from there, except those of [`peers`], which take minutes to measure
-//! and depend on the machine: they are kept in `docs/validation/peers.json`.
+//! For each page of `docs/validation` an example of the library computes and prints numbers;
+//! here they become the page and its pictures. Nothing is measured here.
 
-mod figures;
-mod page;
-mod peers;
-mod report;
+mod reachability;
+mod shfrs;
+mod words;
 
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use anyhow::{Context, Result};
+use serde::de::DeserializeOwned;
 
 use crate::workspace::{Workspace, output_of, stage};
-use report::Report;
 
-/// Measure the value functions against closed form, reference and peers; write the page.
+/// Measure value functions and reachable sets against closed forms, references and peers; write
+/// the pages of docs/validation.
 #[derive(clap::Args)]
 pub(crate) struct Options {
-    /// Measure the peers again too: minutes, on a machine with nothing else to do.
+    /// The page to write anew; all of them if none is named.
+    #[arg(value_enum)]
+    page: Option<Page>,
+    /// Measure the peers of the value functions again too: minutes, on a machine with nothing
+    /// else to do.
     #[arg(long)]
     peers: bool,
 }
 
-/// Where the page, its pictures and the peers' figures are.
-const FOLDER: &str = "docs/validation";
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum Page {
+    /// Value functions: reachability.md.
+    Reachability,
+    /// Reachable sets and their probabilities: shfrs.md.
+    Shfrs,
+}
 
 /// Measures and writes.
 ///
 /// # Errors
-/// When the library cannot be built, a solve fails or a file cannot be written.
+/// When the library cannot be built, a measurement fails or a file cannot be written.
 pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<()> {
-    let mut build = workspace.cargo(["build", "--locked", "--release", "--package", "sidestep"]);
-    stage("library", build.args(["--example", "validate"]))?;
-    eprintln!("==> measurements");
-    let answer =
-        output_of("the example validate", &mut Command::new(workspace.example("validate")))?;
-    let report: Report =
-        serde_json::from_str(&answer).context("the example validate printed something else")?;
-
-    let folder = workspace.path(FOLDER);
-    let peers_path = folder.join("peers.json");
-    let kept = read(&peers_path)?;
-    let kept = peers::Peers::parse(&kept).with_context(|| peers_path.display().to_string())?;
-    let peers = if options.peers { kept.measured_again(workspace)? } else { kept };
-    if options.peers {
-        write(&peers_path, &peers.text()?)?;
+    let wanted = |page| options.page.is_none_or(|only| only == page);
+    if wanted(Page::Reachability) {
+        reachability::run(workspace, options.peers)?;
     }
-
-    for figure in figures::FIGURES {
-        write(&folder.join(figure.file), &(figure.draw)(&report)?)?;
+    if wanted(Page::Shfrs) {
+        shfrs::run(workspace)?;
     }
-    let page = folder.join("reachability.md");
-    write(&page, &page::page(&report, &peers))?;
-    println!("{}", page.display());
     Ok(())
+}
+
+/// Where the pages and their pictures are.
+fn folder(workspace: &Workspace) -> PathBuf {
+    workspace.path("docs/validation")
+}
+
+/// What an example of the library prints.
+fn measured<R: DeserializeOwned>(workspace: &Workspace, example: &str) -> Result<R> {
+    let mut build = workspace.cargo(["build", "--locked", "--release", "--package", "sidestep"]);
+    stage("library", build.args(["--example", example]))?;
+    eprintln!("==> measurements");
+    let what = format!("the example {example}");
+    let answer = output_of(&what, &mut Command::new(workspace.example(example)))?;
+    serde_json::from_str(&answer).with_context(|| format!("{what} printed something else"))
 }
 
 fn read(path: &Path) -> Result<String> {

@@ -3,19 +3,23 @@
 //!
 //! A level set on a grid needs an initial set of a few cells, so the start is a disc with
 //! headings to both sides. What the twin finds is a function of (x, y, ψ); its shadow in
-//! the plane is where V ≤ 0 for some ψ.
+//! the plane is where V ≤ 0 for some ψ. The exact set is that of an uncertain start.
 
 use std::error::Error;
 use std::ops::ControlFlow;
 
 use serde::Serialize;
+use sidestep::bounds::InputBounds;
 use sidestep::math::{PI, hypot, wrap_angle};
+use sidestep::reach::polygon::{signed_area, signed_distance};
+use sidestep::reach::{PolygonSettings, PositionUncertainty, ReachableSet, StartSet};
 use sidestep::reachability::cartesian::{
     Direction, Horizon, Kind, Problem, Region, Settings, Solution, solve,
 };
 use sidestep::reachability::{Axis, DubinsCar, Grid, Scheme};
+use sidestep::vehicle::Pose;
 
-use crate::{SPEED_MPS, STEP_S};
+use crate::{RATE_RADPS, SPEED_MPS, STEP_S};
 
 /// Radius, m, and half the range of headings, rad, of the start.
 const START: (f64, f64) = (0.3, 0.2);
@@ -24,16 +28,28 @@ const STEPS: usize = 10;
 /// Spacings, m, and nodes of a full turn.
 const GRIDS: [(f64, usize); 4] = [(0.15, 40), (0.1, 60), (0.075, 80), (0.05, 120)];
 
+/// Turn rates that are admitted throughout.
+const BOUNDS: [(f64, f64); 3] = [(-0.5, 0.5), (-0.15, 0.4), (0.1, 0.5)];
+
+#[derive(Serialize)]
+pub(crate) struct Check {
+    start_radius_m: f64,
+    start_heading_rad: f64,
+    horizon_s: f64,
+    twins: Vec<Twin>,
+}
+
 /// One grid.
 #[derive(Serialize)]
 pub(crate) struct Twin {
-    turn_rate: (f64, f64),
+    turn_rate_radps: (f64, f64),
     spacing_m: f64,
     nodes: [usize; 3],
     /// Of the twin's shadow, and of the exact tube, m².
     area_m2: f64,
     exact_m2: f64,
-    /// How far the twin's shadow sticks out of the exact tube at most, m.
+    /// How far a node of the twin's shadow lies outside the exact tube at most, m; below 0 if
+    /// all of them are inside.
     outside_m: f64,
 }
 
@@ -49,46 +65,64 @@ fn shadow(solution: &Solution<f32, 3>) -> Vec<([f64; 2], f64)> {
     columns.map(|(i, values)| (node(i), f64::from(least(values)))).collect()
 }
 
-pub(crate) fn check() -> Result<Vec<Twin>, Box<dyn Error>> {
-    let mut found = Vec::new();
-    for turn_rate in [(-0.5, 0.5), (-0.15, 0.4), (0.1, 0.5)] {
-        for (spacing_m, headings) in GRIDS {
-            let nodes = |length: f64| (length / spacing_m).round() as usize + 1;
-            let axes = [
-                Axis::bounded(-1.0, 5.0, nodes(6.0)),
-                Axis::bounded(-3.0, 3.0, nodes(6.0)),
-                Axis::periodic(-PI, PI, headings),
-            ];
-            let (radius, half) = START;
-            // Both in metres: the vehicle turns by a radian in about two metres.
-            let start = |[x, y, psi]: [f64; 3]| {
-                (hypot(x, y) - radius).max(2.0 * (wrap_angle(psi).abs() - half))
-            };
-            let problem = Problem {
-                game: &DubinsCar { speed_mps: SPEED_MPS, turn_rate_radps: turn_rate },
-                grid: Grid { axes },
-                target: Region::Static(&start),
-                obstacle: None,
-                kind: Kind::Tube,
-                direction: Direction::Forward,
-                horizon: Horizon::Finite(STEPS as f64 * STEP_S),
-            };
-            let settings = Settings { threads: 2, ..Settings::of(Scheme::Eno2) };
-            let solution =
-                solve::<f32, 3, _>(&problem, &settings, &mut |_| ControlFlow::Continue(()))?;
-            let area = shadow(&solution).iter().filter(|(_, v)| *v <= 0.0).count() as f64
-                * spacing_m
-                * spacing_m;
-            eprintln!("{turn_rate:?} {spacing_m} {area}");
-            found.push(Twin {
-                turn_rate,
-                spacing_m,
-                nodes: axes.map(|axis| axis.nodes),
-                area_m2: area,
-                exact_m2: 0.0,
-                outside_m: 0.0,
-            });
+/// The tube of the same start and bounds.
+fn exact(turn_rate: (f64, f64)) -> Result<Vec<[f64; 2]>, Box<dyn Error>> {
+    let (radius_m, heading_rad) = START;
+    let position = PositionUncertainty::Disc { radius_m };
+    let start = StartSet::new(Pose::new(0.0, 0.0, 0.0), position, heading_rad)?;
+    let (lo, hi) = (vec![turn_rate.0; STEPS], vec![turn_rate.1; STEPS]);
+    let bounds = InputBounds::new(lo, hi, (-RATE_RADPS, RATE_RADPS))?;
+    let set = ReachableSet::new(start, &bounds, SPEED_MPS, STEP_S)?;
+    Ok(set.tube_polygon(PolygonSettings::default()))
+}
+
+fn twin(
+    turn_rate: (f64, f64),
+    tube: &[[f64; 2]],
+    (spacing_m, headings): (f64, usize),
+) -> Result<Twin, Box<dyn Error>> {
+    let nodes = |length: f64| (length / spacing_m).round() as usize + 1;
+    let axes = [
+        Axis::bounded(-1.0, 5.0, nodes(6.0)),
+        Axis::bounded(-3.0, 3.0, nodes(6.0)),
+        Axis::periodic(-PI, PI, headings),
+    ];
+    let (radius, half) = START;
+    // Both in metres: the vehicle turns by a radian in about two metres.
+    let start =
+        |[x, y, psi]: [f64; 3]| (hypot(x, y) - radius).max(2.0 * (wrap_angle(psi).abs() - half));
+    let problem = Problem {
+        game: &DubinsCar { speed_mps: SPEED_MPS, turn_rate_radps: turn_rate },
+        grid: Grid { axes },
+        target: Region::Static(&start),
+        obstacle: None,
+        kind: Kind::Tube,
+        direction: Direction::Forward,
+        horizon: Horizon::Finite(STEPS as f64 * STEP_S),
+    };
+    let settings = Settings { threads: 2, ..Settings::of(Scheme::Eno2) };
+    let solution = solve::<f32, 3, _>(&problem, &settings, &mut |_| ControlFlow::Continue(()))?;
+    let reached: Vec<[f64; 2]> =
+        shadow(&solution).into_iter().filter(|(_, v)| *v <= 0.0).map(|(node, _)| node).collect();
+    let outside = reached.iter().map(|&node| -signed_distance(tube, node));
+    Ok(Twin {
+        turn_rate_radps: turn_rate,
+        spacing_m,
+        nodes: axes.map(|axis| axis.nodes),
+        area_m2: reached.len() as f64 * spacing_m * spacing_m,
+        exact_m2: signed_area(tube),
+        outside_m: outside.fold(f64::NEG_INFINITY, f64::max),
+    })
+}
+
+pub(crate) fn check() -> Result<Check, Box<dyn Error>> {
+    let mut twins = Vec::new();
+    for turn_rate in BOUNDS {
+        let tube = exact(turn_rate)?;
+        for grid in GRIDS {
+            twins.push(twin(turn_rate, &tube, grid)?);
         }
     }
-    Ok(found)
+    let (start_radius_m, start_heading_rad) = START;
+    Ok(Check { start_radius_m, start_heading_rad, horizon_s: STEPS as f64 * STEP_S, twins })
 }

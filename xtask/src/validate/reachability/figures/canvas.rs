@@ -7,7 +7,7 @@ pub(super) use plotters::prelude::RGBColor;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
-use crate::validate::report::Curve;
+use crate::validate::reachability::report::Curve;
 
 /// Units of the drawing to a pixel.
 const FINE: i32 = 4;

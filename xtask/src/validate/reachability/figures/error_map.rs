@@ -3,7 +3,7 @@
 use anyhow::Result;
 
 use super::canvas::{Axes, INK, Pen, RGBColor, Scale, Sheet, Side, picture, write};
-use crate::validate::report::{ErrorMap, Report};
+use crate::validate::reachability::report::{ErrorMap, Report};
 
 /// Errors above this, m, have this colour.
 const LEVELS: [(f64, RGBColor); 7] = [

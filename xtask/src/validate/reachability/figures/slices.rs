@@ -3,7 +3,7 @@
 use anyhow::Result;
 
 use super::canvas::{Axes, BLUE, GREY, ORANGE, Pen, RGBColor, Scale, legend, picture};
-use crate::validate::report::{Report, Slice};
+use crate::validate::reachability::report::{Report, Slice};
 
 /// Under the others, so wide that it shows on both sides of them.
 const EXACT: Pen = Pen::new(RGBColor(176, 196, 214), 5.0);

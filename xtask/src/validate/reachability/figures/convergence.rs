@@ -3,7 +3,7 @@
 use anyhow::Result;
 
 use super::canvas::{Axes, BLUE, GREEN, GREY, ORANGE, PURPLE, Pen, RGBColor, Scale, Side, picture};
-use crate::validate::report::{Curve, Report};
+use crate::validate::reachability::report::{Curve, Report};
 
 /// Colours of the schemes.
 const SCHEMES: [(&str, &str, RGBColor); 4] = [

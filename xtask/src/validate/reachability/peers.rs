@@ -109,7 +109,7 @@ mod tests {
 
     #[test]
     fn the_kept_figures_survive_being_written() {
-        let kept = include_str!("../../../docs/validation/peers.json");
+        let kept = include_str!("../../../../docs/validation/peers.json");
         let peers = Peers::parse(kept).expect("the file is committed");
         let text = peers.text().expect("plain numbers");
         let again = Peers::parse(&text).expect("as written");

@@ -3,7 +3,7 @@
 use anyhow::Result;
 
 use super::canvas::{Axes, BLUE, GREEN, INK, ORANGE, Pen, Scale, legend, picture};
-use crate::validate::report::Report;
+use crate::validate::reachability::report::Report;
 
 pub(super) fn draw(report: &Report) -> Result<String> {
     picture([820, 396], |sheet| {

@@ -1,0 +1,61 @@
+//! Areas of tubes where straight is always admitted, against the closed form.
+
+use std::error::Error;
+
+use serde::Serialize;
+use sidestep::bounds::InputBounds;
+use sidestep::math::SeededRng;
+use sidestep::reach::PolygonSettings;
+use sidestep::reach::polygon::signed_area;
+use sidestep::scene::SceneParameters;
+use sidestep::shfrs::widened::tube_area_m2;
+use sidestep::vehicle::Pose;
+
+use crate::RATE_RADPS;
+use crate::drives::{Kind, set};
+
+const BOUNDS: usize = 1000;
+/// Steps at most.
+const STEPS: usize = 15;
+const ACCURACY_M: f64 = 1e-5;
+
+#[derive(Serialize)]
+pub(crate) struct Check {
+    bounds: usize,
+    steps: usize,
+    accuracy_m: f64,
+    /// Largest difference, m², and as a share of the area where that is at least 0.1 m².
+    worst_m2: f64,
+    worst_share: f64,
+    /// Everything that can be reached in ten steps: of the polygon, and in closed form, m².
+    everything_m2: (f64, f64),
+}
+
+pub(crate) fn check() -> Result<Check, Box<dyn Error>> {
+    let mut rng = SeededRng::new(63);
+    let settings = PolygonSettings::new(ACCURACY_M, 4)?;
+    let areas = |rates: &(Vec<f64>, Vec<f64>)| -> Result<(f64, f64), Box<dyn Error>> {
+        let polygon = set(Pose::new(0.0, 0.0, 0.0), rates)?.tube_polygon(settings);
+        let range = (-RATE_RADPS, RATE_RADPS);
+        let bounds = InputBounds::new(rates.0.clone(), rates.1.clone(), range)?;
+        Ok((signed_area(&polygon), tube_area_m2(&bounds, &SceneParameters::default())?))
+    };
+    let everything_m2 = areas(&Kind::Everything.bounds(10, &mut rng))?;
+    let (mut worst_m2, mut worst_share) = (0.0_f64, 0.0_f64);
+    for _ in 0..BOUNDS {
+        let (found, exact) = areas(&Kind::Straight.bounds(1 + rng.below(STEPS), &mut rng))?;
+        let error = (found - exact).abs();
+        worst_m2 = worst_m2.max(error);
+        if exact >= 0.1 {
+            worst_share = worst_share.max(error / exact);
+        }
+    }
+    Ok(Check {
+        bounds: BOUNDS,
+        steps: STEPS,
+        accuracy_m: ACCURACY_M,
+        worst_m2,
+        worst_share,
+        everything_m2,
+    })
+}

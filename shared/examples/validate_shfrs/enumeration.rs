@@ -1,0 +1,138 @@
+//! Inputs that jump twice, all of them: does one end at every point of the boundary?
+
+use std::error::Error;
+
+use serde::Serialize;
+use sidestep::math::{SeededRng, hypot};
+use sidestep::reach::PolygonSettings;
+use sidestep::vehicle::{Pose, dubins};
+
+use crate::drives::{KINDS, Kind, Rates, set};
+use crate::{SPEED_MPS, STEP_S};
+
+/// Steps, and into how many parts each is divided for the jumps to begin with. Over three
+/// steps two jumps suffice for any bounds; over ten, where straight is always admitted.
+const SHORT: (usize, usize) = (3, 12);
+const LONG: (usize, usize) = (10, 4);
+/// Bounds of a kind.
+const BOUNDS: usize = 10;
+/// The jumps of the nearest inputs are then moved until an end is so near, m, or no move by so
+/// much, s, is of use.
+const NEAR_M: f64 = 1e-4;
+const LEAST_MOVE_S: f64 = 1e-5;
+/// Of how many sequences of rates.
+const NEAREST: usize = 6;
+
+#[derive(Serialize)]
+pub(crate) struct Check {
+    kind: Kind,
+    steps: usize,
+    bounds: usize,
+    inputs: usize,
+    /// Points of boundaries.
+    points: usize,
+    /// From a point of a boundary to the nearest end that was found, at most, m.
+    farthest_m: f64,
+}
+
+/// Three rates one after the other, each lowest (0), highest (2) or as straight as admitted (1),
+/// and the times of the two jumps, s.
+#[derive(Clone, Copy)]
+struct Input {
+    rates: [usize; 3],
+    jumps: [f64; 2],
+}
+
+impl Input {
+    fn end(&self, (lo, hi): &Rates) -> [f64; 2] {
+        let mut pose = Pose::new(0.0, 0.0, 0.0);
+        for (i, (&low, &high)) in lo.iter().zip(hi).enumerate() {
+            let choices = [low, 0.0_f64.clamp(low, high), high];
+            let (begin, end) = (i as f64 * STEP_S, (i + 1) as f64 * STEP_S);
+            let [first, second] = self.jumps.map(|jump| jump.clamp(begin, end));
+            let cuts = [begin, first, second, end];
+            for (choice, cut) in self.rates.iter().zip(cuts.windows(2)) {
+                if cut[1] > cut[0] {
+                    pose = dubins::arc(pose, SPEED_MPS, choices[*choice], cut[1] - cut[0]);
+                }
+            }
+        }
+        pose.position()
+    }
+}
+
+/// Every sequence of rates, each with every pair of jumps between parts.
+fn enumerated(rates: &Rates, parts: usize) -> Vec<Vec<(Input, [f64; 2])>> {
+    let parts_in_all = rates.0.len() * parts;
+    let at = |part: usize| part as f64 * STEP_S / parts as f64;
+    let sequence = |code: usize| {
+        let kinds = [code % 3, code / 3 % 3, code / 9];
+        let pairs = (0..=parts_in_all).flat_map(|i| (i..=parts_in_all).map(move |j| (i, j)));
+        let input = |(i, j)| {
+            let input = Input { rates: kinds, jumps: [at(i), at(j)] };
+            (input, input.end(rates))
+        };
+        pairs.map(input).collect()
+    };
+    (0..27).map(sequence).collect()
+}
+
+/// Distance from `point` to the nearest end, once the jumps were found closely.
+fn distance(inputs: &[Vec<(Input, [f64; 2])>], point: [f64; 2], rates: &Rates, part: f64) -> f64 {
+    let from = |end: [f64; 2]| hypot(end[0] - point[0], end[1] - point[1]);
+    let nearest = |inputs: &Vec<(Input, [f64; 2])>| {
+        let distances = inputs.iter().map(|(input, end)| (from(*end), *input));
+        distances.min_by(|a, b| a.0.total_cmp(&b.0))
+    };
+    let mut best: Vec<(f64, Input)> = inputs.iter().filter_map(nearest).collect();
+    best.sort_by(|a, b| a.0.total_cmp(&b.0));
+    best.truncate(NEAREST);
+    let until = rates.0.len() as f64 * STEP_S;
+    for (least, input) in &mut best {
+        let mut by = part;
+        while *least > NEAR_M && by > LEAST_MOVE_S {
+            let (before, Input { jumps: [first, second], .. }) = (*least, *input);
+            for (a, b) in [-by, 0.0, by].into_iter().flat_map(|a| [-by, 0.0, by].map(|b| (a, b))) {
+                let first = (first + a).clamp(0.0, until);
+                let jumps = [first, (second + b).clamp(first, until)];
+                let tried = Input { jumps, ..*input };
+                let found = from(tried.end(rates));
+                if found < *least {
+                    (*least, *input) = (found, tried);
+                }
+            }
+            if *least == before {
+                by *= 0.5;
+            }
+        }
+        if *least <= NEAR_M {
+            return *least;
+        }
+    }
+    best.iter().map(|(least, _)| *least).fold(f64::INFINITY, f64::min)
+}
+
+pub(crate) fn check() -> Result<Vec<Check>, Box<dyn Error>> {
+    let mut rng = SeededRng::new(62);
+    let settings = PolygonSettings::new(1e-3, 2)?;
+    let short = KINDS.map(|kind| (kind, SHORT));
+    let long = [Kind::Everything, Kind::Straight].map(|kind| (kind, LONG));
+    let mut checks = Vec::new();
+    for (kind, (steps, parts)) in short.into_iter().chain(long) {
+        // There is but one set that admits everything.
+        let bounds = if kind == Kind::Everything { 1 } else { BOUNDS };
+        let mut check = Check { kind, steps, bounds, inputs: 0, points: 0, farthest_m: 0.0 };
+        for _ in 0..bounds {
+            let rates = kind.bounds(steps, &mut rng);
+            let inputs = enumerated(&rates, parts);
+            check.inputs += inputs.iter().map(Vec::len).sum::<usize>();
+            let polygon = set(Pose::new(0.0, 0.0, 0.0), &rates)?.step_polygon(steps, settings);
+            check.points += polygon.len();
+            let part = STEP_S / parts as f64;
+            let distances = polygon.iter().map(|&point| distance(&inputs, point, &rates, part));
+            check.farthest_m = distances.fold(check.farthest_m, f64::max);
+        }
+        checks.push(check);
+    }
+    Ok(checks)
+}

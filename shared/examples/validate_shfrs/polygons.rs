@@ -1,0 +1,156 @@
+//! Random admissible drives and the polygons that surely contain the set.
+
+use std::error::Error;
+
+use serde::Serialize;
+use sidestep::math::{PI, SeededRng, sin_cos};
+use sidestep::reach::polygon::{signed_area, signed_distance};
+use sidestep::reach::{PolygonSettings, PositionUncertainty, StartSet};
+use sidestep::vehicle::Pose;
+
+use crate::drives::{KINDS, Kind, any_pose, drive, set};
+
+/// How the polygons are drawn, m; and the exact ones that they are compared with.
+const ACCURACY_M: f64 = 1e-3;
+const EXACT_M: f64 = 1e-4;
+/// One in so many is compared: exact polygons of uncertain starts take their time.
+const COMPARED: usize = 5;
+/// Bounds of a kind, drives under each, and parts of a step.
+const BOUNDS: usize = 125;
+const DRIVES: usize = 200;
+const PARTS: usize = 5;
+/// Steps at most: so far, fronts and rears are graphs.
+const STEPS: usize = 15;
+
+#[derive(Serialize)]
+pub(crate) struct Check {
+    accuracy_m: f64,
+    kinds: Vec<OfKind>,
+}
+
+/// Bounds of one kind, from poses and from uncertain starts.
+#[derive(Serialize)]
+pub(crate) struct OfKind {
+    kind: Kind,
+    drives: usize,
+    /// Positions that were looked up in a polygon.
+    positions: usize,
+    /// Least distance of a position from the edge of its polygon, m; below 0 is outside.
+    least_margin_m: f64,
+    /// Polygons that were compared with exact ones.
+    compared: usize,
+    /// How far a conservative polygon sticks out of the exact one at most, m.
+    excess_m: f64,
+    /// By how much larger it is at most, m², and as a share of the exact area where that is
+    /// at least 0.1 m².
+    excess_m2: f64,
+    excess_share: f64,
+}
+
+impl OfKind {
+    /// Takes a conservative polygon and the exact one into account.
+    fn compare(&mut self, drawn: &[[f64; 2]], exact: &[[f64; 2]]) {
+        self.compared += 1;
+        let beyond = drawn.iter().map(|&vertex| -signed_distance(exact, vertex));
+        self.excess_m = beyond.fold(self.excess_m, f64::max);
+        let area = signed_area(exact);
+        let excess = signed_area(drawn) - area;
+        self.excess_m2 = self.excess_m2.max(excess);
+        if area >= 0.1 {
+            self.excess_share = self.excess_share.max(excess / area);
+        }
+    }
+}
+
+/// Half of the starts are poses; the others differ in position, heading or both.
+fn start(rng: &mut SeededRng) -> Result<StartSet, Box<dyn Error>> {
+    let pose = any_pose(rng);
+    if rng.below(2) == 0 {
+        return Ok(pose.into());
+    }
+    let position = match rng.below(3) {
+        0 => PositionUncertainty::None,
+        1 => PositionUncertainty::Disc { radius_m: rng.uniform(0.0, 1.0) },
+        _ => PositionUncertainty::Box {
+            along_m: rng.uniform(0.0, 1.0),
+            across_m: rng.uniform(0.0, 0.5),
+        },
+    };
+    Ok(StartSet::new(pose, position, rng.uniform(0.0, 0.5))?)
+}
+
+/// A pose of the start; corners and rims are as likely as all the rest.
+fn begin(start: &StartSet, rng: &mut SeededRng) -> Pose {
+    let mut signed = || {
+        let share = rng.uniform(-1.0, 1.0);
+        if rng.below(2) == 0 { share } else { share.signum() }
+    };
+    let (along, across, turn) = (signed(), signed(), signed());
+    let (a, b) = match start.position() {
+        PositionUncertainty::None => (0.0, 0.0),
+        PositionUncertainty::Disc { radius_m } => {
+            let (sin, cos) = sin_cos(PI * along);
+            (radius_m * across * cos, radius_m * across * sin)
+        }
+        PositionUncertainty::Box { along_m, across_m } => (along_m * along, across_m * across),
+    };
+    let pose = start.pose();
+    let (sin, cos) = sin_cos(pose.psi);
+    let psi = pose.psi + start.heading_rad() * turn;
+    Pose::new(pose.x + cos * a - sin * b, pose.y + sin * a + cos * b, psi)
+}
+
+fn of_kind(kind: Kind, rng: &mut SeededRng) -> Result<OfKind, Box<dyn Error>> {
+    let surely = PolygonSettings::new(ACCURACY_M, 2)?.conservative();
+    let exact = PolygonSettings::new(EXACT_M, 4)?;
+    let mut found = OfKind {
+        kind,
+        drives: BOUNDS * DRIVES,
+        positions: 0,
+        least_margin_m: f64::INFINITY,
+        compared: 0,
+        excess_m: 0.0,
+        excess_m2: 0.0,
+        excess_share: 0.0,
+    };
+    for i in 0..BOUNDS {
+        let rates = kind.bounds(1 + rng.below(STEPS), rng);
+        let start = start(rng)?;
+        let set = set(start, &rates)?;
+        let (steps, middle) = (set.steps(), set.steps().div_ceil(2));
+        let drawn = [
+            set.tube_polygon(surely),
+            set.step_polygon(middle, surely),
+            set.step_polygon(steps, surely),
+        ];
+        if i % COMPARED == 0 {
+            let truly = [
+                set.tube_polygon(exact),
+                set.step_polygon(middle, exact),
+                set.step_polygon(steps, exact),
+            ];
+            drawn.iter().zip(&truly).for_each(|(drawn, truly)| found.compare(drawn, truly));
+        }
+        let [tube, at_middle, at_end] = &drawn;
+        for _ in 0..DRIVES {
+            let states = drive(begin(&start, rng), &rates, PARTS, rng);
+            let after = |step: usize| states[step * PARTS - 1].position();
+            for (polygon, position) in [
+                (tube, states[rng.below(states.len())].position()),
+                (tube, after(steps)),
+                (at_middle, after(middle)),
+                (at_end, after(steps)),
+            ] {
+                found.positions += 1;
+                found.least_margin_m = found.least_margin_m.min(signed_distance(polygon, position));
+            }
+        }
+    }
+    Ok(found)
+}
+
+pub(crate) fn check() -> Result<Check, Box<dyn Error>> {
+    let mut rng = SeededRng::new(61);
+    let kinds = KINDS.into_iter().map(|kind| of_kind(kind, &mut rng)).collect::<Result<_, _>>()?;
+    Ok(Check { accuracy_m: ACCURACY_M, kinds })
+}
