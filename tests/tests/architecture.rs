@@ -93,6 +93,7 @@ fn the_library_is_pure() {
         "serde",
         "serde_json",
         "sha2",
+        "special",
         "thiserror",
     ];
     let unknown: Vec<_> = dependencies("shared/Cargo.toml")
