@@ -20,6 +20,9 @@
 //! A polygon lies in the set, within the accuracy asked for, or, if conservative,
 //! around it (`grow`). The start may be uncertain ([`StartSet`]). With a [`Workspace`]
 //! and [`ReachableSet::reset`] nothing is allocated from the second time on.
+//!
+//! Known gap: in rare hard cases, bounds that come very close to admitting straight driving or
+//! many steps without choice, a piece of the front is cut off (docs/decisions/0007).
 
 mod envelope;
 mod extremal;

@@ -19,8 +19,10 @@ use sidestep::vehicle::Pose;
 /// "conservative": false}.
 /// Queries and what follows them may be left out; the numbers shown are what is taken
 /// then. The tolerance is how far a state may lie outside and still count as inside; the
-/// accuracy, m, is how far edges of polygons may lie from the true boundary. Conservative polygons, areas and boxes surely
-/// contain the set and are a little larger; queries are about the exact set anyway.
+/// accuracy, m, is how far edges of polygons may lie from the true boundary. Conservative polygons,
+/// areas and boxes are a little larger, so as to contain the whole set; queries are about the exact
+/// set anyway. Known gap: bounds that miss 0 by 0.0001 to 0.001 rad/s, or leave no choice in many
+/// steps, may in rare cases give a set that is too small, conservative or not.
 ///
 /// The answer: {"sets": [{"steps": [{"step", "t", "area", "bbox": [x0, y0, x1, y1],
 /// "polygon": [[x, y], …]}, …], "tube": {"area", "bbox", "polygon"},
