@@ -34,10 +34,10 @@ impl Dataset {
             trials: Vec::new(),
         };
         for (trial, (inputs, states)) in trials.into_iter().enumerate() {
-            for (&input, state) in inputs.iter().zip(states) {
+            for (step, &input) in inputs.iter().enumerate().take(states.len()) {
                 let begin = dataset.values.len();
                 dataset.values.resize(begin + width, 0.0);
-                features.compute_into(state, safety, &mut dataset.values[begin..]);
+                features.compute_into(&states[..=step], safety, &mut dataset.values[begin..]);
                 dataset.labels.push(input);
                 dataset.trials.push(trial);
             }
