@@ -40,6 +40,7 @@ pub mod scene;
 pub mod trial;
 pub mod study;
 pub mod features;
+pub mod comparison;
 pub mod dataset;
 pub mod predict;
 pub mod bounds;

@@ -1,0 +1,5 @@
+//! The paper's comparison: does what is known of the danger help to predict a person?
+
+pub mod avoidance;
+pub mod metrics;
+pub mod split;
