@@ -13,6 +13,8 @@ pub mod json_file;
 pub mod bounds;
 pub mod reach;
 pub mod shfrs;
+pub mod features;
+mod trials_file;
 
 use crate::store::OpenError;
 use serde::Serialize;

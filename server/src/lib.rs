@@ -13,6 +13,7 @@ pub mod config;
 pub mod content;
 pub mod error;
 pub mod exports;
+pub mod features_csv;
 pub mod figure;
 pub mod guard;
 pub mod json;

@@ -42,6 +42,7 @@ pub mod study;
 pub mod features;
 pub mod comparison;
 pub mod dataset;
+mod each;
 pub mod predict;
 pub mod bounds;
 pub mod reach;
