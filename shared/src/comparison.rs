@@ -3,3 +3,5 @@
 pub mod avoidance;
 pub mod metrics;
 pub mod split;
+pub mod cell;
+pub mod tables;
