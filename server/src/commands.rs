@@ -14,6 +14,7 @@ pub mod bounds;
 pub mod reach;
 pub mod shfrs;
 pub mod features;
+pub mod analyze;
 mod trials_file;
 
 use crate::store::OpenError;

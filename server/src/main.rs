@@ -2,7 +2,7 @@
 
 use clap::{Parser, Subcommand};
 use sidestep_server::commands::{
-    CommandError, bounds, check, export, features, import, plot, reach, serve, shfrs, solve, value,
+    CommandError, analyze, bounds, check, export, features, import, plot, reach, serve, shfrs, solve, value,
 };
 use std::io::IsTerminal;
 use std::process::ExitCode;
@@ -30,6 +30,7 @@ enum Command {
     Reach(reach::ReachArgs),
     Shfrs(shfrs::ShfrsArgs),
     Features(features::FeaturesArgs),
+    Analyze(analyze::AnalyzeArgs),
     Export(export::ExportArgs),
     Import(import::ImportArgs),
     Check(check::CheckArgs),
@@ -58,6 +59,7 @@ async fn call(command: Command) -> Result<(), CommandError> {
         Command::Reach(args) => reach::run(args).await,
         Command::Shfrs(args) => shfrs::run(args).await,
         Command::Features(args) => features::run(args).await,
+        Command::Analyze(args) => analyze::run(args).await,
         Command::Export(args) => export::run(args).await,
         Command::Import(args) => import::run(args).await,
         Command::Check(args) => check::run(args).await,

@@ -53,39 +53,27 @@ impl Horizon {
     }
 }
 
-/// What comes next, given the states up to now, the turn rates held so far and the future
-/// that was predicted: the most likely turn rate, rad/s, and how likely it is that it is each.
+/// Who drives on.
 pub trait Driver {
-    /// The turn rate that the human is most likely to hold next, rad/s.
-    fn next(&self, history: &[JointState], held: &[f64]) -> f64;
-
-    /// How likely `turn_rate` is, rad/s.
-    fn probability(&self, history: &[JointState], held: &[f64], turn_rate: f64) -> f64;
+    /// Given the joint states up to now and the turn rates held so far, rad/s: the turn rate
+    /// that the human is most likely to hold next, and how likely `truth` is.
+    fn next(&self, history: &[JointState], held: &[f64], truth: f64) -> (f64, f64);
 }
 
 /// Turn rates closer than this are the same action, rad/s.
 const SAME_ACTION: f64 = 1e-9;
 
 impl<M: ActionModel> Driver for M {
-    fn next(&self, history: &[JointState], _held: &[f64]) -> f64 {
-        let p = probabilities(self, history);
+    fn next(&self, history: &[JointState], _held: &[f64], truth: f64) -> (f64, f64) {
+        let actions = self.actions();
+        let mut p = vec![0.0; actions.len()];
+        self.probabilities(history, &mut p);
         // The first on a tie.
-        (0..p.len())
-            .reduce(|best, a| if p[a] > p[best] { a } else { best })
-            .map_or(0.0, |a| self.actions()[a])
+        let likeliest = (0..p.len()).reduce(|best, a| if p[a] > p[best] { a } else { best });
+        let same = |rate: &f64| (rate - truth).abs() <= SAME_ACTION;
+        let of_truth = actions.iter().position(same).map_or(0.0, |a| p[a]);
+        (likeliest.map_or(0.0, |a| actions[a]), of_truth)
     }
-
-    fn probability(&self, history: &[JointState], _held: &[f64], turn_rate: f64) -> f64 {
-        let p = probabilities(self, history);
-        let same = |rate: &f64| (rate - turn_rate).abs() <= SAME_ACTION;
-        self.actions().iter().position(same).map_or(0.0, |a| p[a])
-    }
-}
-
-fn probabilities(model: &impl ActionModel, history: &[JointState]) -> Vec<f64> {
-    let mut p = vec![0.0; model.actions().len()];
-    model.probabilities(history, &mut p);
-    p
 }
 
 /// A driver who does not think: for comparison.
@@ -112,16 +100,13 @@ impl Simple {
 }
 
 impl Driver for Simple {
-    fn next(&self, _history: &[JointState], held: &[f64]) -> f64 {
-        match self {
+    fn next(&self, _history: &[JointState], held: &[f64], truth: f64) -> (f64, f64) {
+        let expected = match self {
             Self::Held => held.last().copied().unwrap_or(0.0),
             Self::Straight => 0.0,
-        }
-    }
-
-    fn probability(&self, history: &[JointState], held: &[f64], turn_rate: f64) -> f64 {
-        let expected = (self.next(history, held) - turn_rate).abs() <= SAME_ACTION;
-        if expected { 1.0 - 2.0 * DOUBT } else { DOUBT }
+        };
+        let right = (expected - truth).abs() <= SAME_ACTION;
+        (expected, if right { 1.0 - 2.0 * DOUBT } else { DOUBT })
     }
 }
 
@@ -151,8 +136,7 @@ pub fn rollouts(
             for ((horizon, truth), &rate) in
                 all.iter_mut().zip(window.future()).zip(window.turn_rates())
             {
-                let predicted = driver.next(&history, &held);
-                let probability = driver.probability(&history, &held, rate);
+                let (predicted, probability) = driver.next(&history, &held, rate);
                 let now = history[history.len() - 1];
                 let human =
                     dubins::arc(now.human, motion.human_speed_mps, predicted, motion.step_s);
