@@ -44,6 +44,7 @@ pub mod comparison;
 pub mod dataset;
 mod each;
 pub mod predict;
+pub mod learn;
 pub mod bounds;
 pub mod reach;
 pub mod shfrs;

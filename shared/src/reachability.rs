@@ -4,7 +4,7 @@ mod exact;
 mod pursuit;
 mod real;
 mod grid;
-mod parallel;
+pub(crate) mod parallel;
 mod game;
 mod scheme;
 pub mod cartesian;

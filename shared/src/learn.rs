@@ -1,0 +1,4 @@
+//! Training: how the models of [`predict`](crate::predict) come about.
+
+pub mod logistic;
+pub mod samples;
