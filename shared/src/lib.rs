@@ -42,6 +42,7 @@ pub mod study;
 pub mod features;
 pub mod dataset;
 pub mod predict;
+pub mod learn;
 pub mod bounds;
 pub mod reach;
 pub mod shfrs;

@@ -2,9 +2,9 @@
 
 mod exact;
 mod pursuit;
-mod real;
+pub(crate) mod real;
 mod grid;
-mod parallel;
+pub(crate) mod parallel;
 mod game;
 mod scheme;
 pub mod cartesian;

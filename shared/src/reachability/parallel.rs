@@ -56,14 +56,14 @@ impl Workers {
 }
 
 /// A piece of work that is compiled once for every lane width.
-pub(super) trait Kernel {
+pub(crate) trait Kernel {
     /// Must be `#[inline(always)]`, with all that it calls.
     fn run(self);
 }
 
 /// Runs `kernel` in the widest lanes that this machine has. In WebAssembly the
 /// width is that of the build.
-pub(super) fn in_widest_lanes(kernel: impl Kernel) {
+pub(crate) fn in_widest_lanes(kernel: impl Kernel) {
     #[cfg(not(target_arch = "wasm32"))]
     {
         struct Adapter<K>(K);
