@@ -8,6 +8,8 @@
 
 mod gram;
 mod grid;
+mod linear;
+mod newton;
 mod pairwise;
 mod platt;
 mod smo;
@@ -95,7 +97,16 @@ pub fn fit(
     let labels: Vec<usize> = order.iter().map(|&i| task.labels[i]).collect();
     let (scale, rows) = standardised(width, rows, &order, &order);
     match settings.kernel {
-        Kernel::Linear => todo!(),
+        Kernel::Linear => {
+            let planes = pairs(task.classes).map(|(first, second)| {
+                linear::fit(width, &rows, &sides(&labels, first, second), settings.c)
+            });
+            let planes = planes.collect::<Result<Vec<_>, _>>()?;
+            let intercepts = planes.iter().map(|plane| plane.intercept).collect();
+            let weights: Vec<_> = planes.into_iter().map(|plane| plane.weights).collect();
+            let svm = Svm::linear(width, task.classes, &weights, intercepts, sigmoids)?;
+            Ok((scale, svm))
+        }
         Kernel::Rbf { gamma } => {
             positive("gamma", gamma)?;
             let mut gram = Gram::<f64>::empty();

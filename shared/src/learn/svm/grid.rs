@@ -6,7 +6,7 @@
 use super::gram::{Block, Gram, Products};
 use super::pairwise::Dense;
 use super::smo::Smo;
-use super::{Task, check, order, sides, standardised};
+use super::{Task, check, linear, order, sides, standardised};
 use crate::invalid::{Invalid, length, positive};
 use crate::predict::svm::{Kernel, pair_count, pairs, vote};
 use crate::reachability::parallel::in_widest_lanes;
@@ -137,7 +137,14 @@ pub fn cross_validate(
         let all: Vec<usize> = trained.iter().chain(&held_out).copied().collect();
         let (_, data) = standardised(width, rows, &trained, &all);
         match &grid.kernels {
-            Kernels::Linear => todo!(),
+            Kernels::Linear => {
+                for (task, cells) in tasks.iter().zip(&mut cells) {
+                    let labels: Vec<usize> = trained.iter().map(|&i| task.labels[i]).collect();
+                    for cell in cells {
+                        planes(width, &data, &labels, task.classes, &held_out, cell)?;
+                    }
+                }
+            }
             Kernels::Rbf(gammas) => {
                 squares.become_squares(width, &data, trained.len());
                 // Of each task and pair, the last kernel's solution for the first C.
@@ -169,6 +176,41 @@ pub fn cross_validate(
     Ok(cells)
 }
 
+/// Linear machines for a cell's C: fills in the decisions of the held-out rows, which `data`
+/// has after the trained ones.
+fn planes(
+    width: usize,
+    data: &[f64],
+    labels: &[usize],
+    classes: usize,
+    held_out: &[usize],
+    cell: &mut Cell,
+) -> Result<(), Invalid> {
+    let (trained, others) = data.split_at(width * labels.len());
+    let count = pair_count(classes);
+    for (pair, (first, second)) in pairs(classes).enumerate() {
+        let sides = sides(labels, first, second);
+        let plane = match constant(&sides) {
+            Some(_) => None,
+            None => Some(linear::fit(width, trained, &sides, cell.c)?),
+        };
+        for (row, &i) in others.chunks_exact(width).zip(held_out) {
+            let always = || constant(&sides).unwrap_or(0.0);
+            let decision = plane.as_ref().map_or_else(always, |plane| plane.decision(row));
+            cell.decisions[i * count + pair] = decision;
+        }
+    }
+    Ok(())
+}
+
+/// The decision value where not both sides occur.
+fn constant(sides: &[i8]) -> Option<f64> {
+    match (sides.contains(&1), sides.contains(&-1)) {
+        (true, true) => None,
+        (first, second) => Some(f64::from(u8::from(first)) - f64::from(u8::from(second))),
+    }
+}
+
 /// A solution that another problem may start from.
 type Start = Option<Vec<Block<f64>>>;
 
@@ -196,9 +238,7 @@ impl Radial<'_> {
         let mut intercepts = Vec::new();
         for ((first, second), start) in pairs(self.classes).zip(starts) {
             let sides = sides(self.labels, first, second);
-            let (first, second) = (sides.contains(&1), sides.contains(&-1));
-            if !(first && second) {
-                let constant = f64::from(u8::from(first)) - f64::from(u8::from(second));
+            if let Some(constant) = constant(&sides) {
                 beta.extend(grid.c.iter().map(|_| Vec::new()));
                 intercepts.extend(grid.c.iter().map(|_| constant));
                 continue;

@@ -8,23 +8,35 @@
 //! rise exceeds the least that may fall by less than the tolerance: libsvm's criterion.
 
 use super::gram::{Block, Entry, LANES, entry, entry_mut};
+use super::newton::Newton;
 use crate::reachability::parallel::Kernel;
+use crate::reachability::real::Real;
 
 /// What a curvature counts as at least (identical rows have none), as in libsvm.
 const LEAST_CURVATURE: f64 = 1e-12;
 
+/// Blocks that are gone through together; the room for variables is a multiple of it.
+const GROUP: usize = 4;
+
 /// A variable of the small problem.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Variable<T> {
-    pub(super) beta: T,
-    pub(super) lower: T,
-    pub(super) upper: T,
+pub(super) struct Variable {
+    pub(super) beta: f64,
+    pub(super) lower: f64,
+    pub(super) upper: f64,
+}
+
+impl Variable {
+    /// Whether it may both rise and fall.
+    pub(super) fn is_free(self) -> bool {
+        self.lower < self.beta && self.beta < self.upper
+    }
 }
 
 /// Arrays by variable, in blocks; those behind the last neither rise nor fall.
 #[derive(Clone, Debug)]
 pub(super) struct Dense<T> {
-    pub(super) variables: Vec<Variable<T>>,
+    pub(super) variables: Vec<Variable>,
     /// Blocks of a row of `matrix`.
     pub(super) stride: usize,
     /// K among the variables.
@@ -63,7 +75,7 @@ impl<T: Entry> Dense<T> {
 
     /// Has so many variables, one more than before; its values are to be filled in.
     pub(super) fn widen(&mut self, count: usize) {
-        let none = Variable { beta: T::ZERO, lower: T::ZERO, upper: T::ZERO };
+        let none = Variable { beta: 0.0, lower: 0.0, upper: 0.0 };
         self.variables.resize(count, none);
         if count > self.stride * LANES {
             let (old, stride) = (self.stride, (2 * self.stride).max(16));
@@ -96,14 +108,14 @@ impl<T: Entry> Dense<T> {
     }
 
     /// Sets variable `i`.
-    pub(super) fn set(&mut self, i: usize, variable: Variable<T>, slope: f64) {
+    pub(super) fn set(&mut self, i: usize, variable: Variable, slope: f64) {
         self.variables[i] = variable;
         self.slope[i / LANES].0[i % LANES] = T::from_f64(slope);
         self.set_masks(i);
     }
 
     #[inline(always)]
-    fn set_masks(&mut self, i: usize) {
+    pub(super) fn set_masks(&mut self, i: usize) {
         let Variable { beta, lower, upper } = self.variables[i];
         let mask = |may: bool| if may { T::ZERO } else { T::from_f64(f64::NEG_INFINITY) };
         self.rise[i / LANES].0[i % LANES] = mask(beta < upper);
@@ -114,6 +126,7 @@ impl<T: Entry> Dense<T> {
 /// Solves the small problem to the tolerance, or gives up after `steps` steps.
 pub(super) struct Pairwise<'a, T> {
     pub(super) dense: &'a mut Dense<T>,
+    pub(super) newton: &'a mut Newton,
     pub(super) tolerance: f64,
     pub(super) steps: &'a mut usize,
 }
@@ -121,37 +134,51 @@ pub(super) struct Pairwise<'a, T> {
 impl<T: Entry> Kernel for Pairwise<'_, T> {
     #[inline(always)]
     fn run(self) {
-        let Self { dense, tolerance, steps } = self;
-        let blocks = dense.variables.len().div_ceil(LANES);
-        let tolerance = T::from_f64(tolerance);
-        let least = T::from_f64(LEAST_CURVATURE);
-        let (mut i, mut j, mut step) = (0, 0, T::ZERO);
+        let Self { dense, newton, tolerance, steps } = self;
         while *steps > 0 {
-            *steps -= 1;
-            let (top, bottom, rising) = move_on(dense, blocks, i, j, step);
-            if !(top - bottom > tolerance) {
+            // About as long as a Newton step takes: neither then costs much more than the
+            // better of the two alone.
+            let free = dense.variables.iter().filter(|variable| variable.is_free()).count();
+            let budget = (dense.variables.len() + free * free * free / 4000).min(*steps);
+            *steps -= budget;
+            if exchange(dense, tolerance, budget) {
                 return;
             }
-            i = rising;
-            j = partner(dense, blocks, i, top, least);
-            let at = |blocks: &[Block<T>], k: usize| blocks[k / LANES].0[k % LANES];
-            let curvature = at(&dense.diagonal, i) + at(&dense.diagonal, j);
-            let across = dense.matrix[i * dense.stride + j / LANES].0[j % LANES];
-            let curvature = (curvature - across - across).larger(least);
-            let (a, b) = (dense.variables[i], dense.variables[j]);
-            step = (top - at(&dense.slope, j)) / curvature;
-            let (room_above, room_below) = (a.upper - a.beta, b.beta - b.lower);
-            // A bound that is reached is reached exactly.
-            step = step.smaller(room_above).smaller(room_below);
-            let raised = if step == room_above { a.upper } else { a.beta + step };
-            let lowered = if step == room_below { b.lower } else { b.beta - step };
-            dense.variables[i].beta = raised;
-            dense.variables[j].beta = lowered;
-            dense.set_masks(i);
-            dense.set_masks(j);
+            newton.step(dense);
         }
-        move_on(dense, blocks, i, j, step);
     }
+}
+
+/// Pairwise steps until the tolerance is reached, which it answers, or `budget` of them.
+#[inline(always)]
+fn exchange<T: Entry>(dense: &mut Dense<T>, tolerance: f64, budget: usize) -> bool {
+    let blocks = dense.variables.len().div_ceil(LANES).next_multiple_of(GROUP);
+    let tolerance = T::from_f64(tolerance);
+    let least = T::from_f64(LEAST_CURVATURE);
+    let (mut i, mut j, mut step) = (0, 0, T::ZERO);
+    for _ in 0..budget {
+        let (top, bottom, rising) = move_on(dense, blocks, i, j, step);
+        if !(top - bottom > tolerance) {
+            return true;
+        }
+        i = rising;
+        j = partner(dense, blocks, i, top, least);
+        let across = *entry(&dense.matrix[i * dense.stride..], j);
+        let curvature = *entry(&dense.diagonal, i) + *entry(&dense.diagonal, j);
+        let curvature = (curvature - across - across).larger(least);
+        let (a, b) = (dense.variables[i], dense.variables[j]);
+        let wanted = ((top - *entry(&dense.slope, j)) / curvature).to_f64();
+        let (room_above, room_below) = (a.upper - a.beta, b.beta - b.lower);
+        let taken = wanted.smaller(room_above).smaller(room_below);
+        // A bound that is reached is reached exactly.
+        dense.variables[i].beta = if taken == room_above { a.upper } else { a.beta + taken };
+        dense.variables[j].beta = if taken == room_below { b.lower } else { b.beta - taken };
+        step = T::from_f64(taken);
+        dense.set_masks(i);
+        dense.set_masks(j);
+    }
+    move_on(dense, blocks, i, j, step);
+    false
 }
 
 /// Slopes after β_i rose and β_j fell by `step`. Returns the greatest slope that may rise,
@@ -172,17 +199,32 @@ fn move_on<T: Entry>(
     let mut bottom = [T::from_f64(f64::INFINITY); LANES];
     let mut place = [T::ZERO; LANES];
     let mut here = T::ZERO;
-    for b in 0..blocks {
+    let one = T::from_f64(1.0);
+    // The best of a few blocks in registers, then the best so far in memory.
+    let groups = slope.as_chunks_mut::<GROUP>().0.iter_mut().zip(rise.as_chunks::<GROUP>().0);
+    let groups = groups.zip(fall.as_chunks::<GROUP>().0);
+    let rows = row_i.as_chunks::<GROUP>().0.iter().zip(row_j.as_chunks::<GROUP>().0);
+    for (((slope, rise), fall), (row_i, row_j)) in groups.zip(rows) {
         for l in 0..LANES {
-            let moved = slope[b].0[l] - step * (row_i[b].0[l] - row_j[b].0[l]);
-            slope[b].0[l] = moved;
-            let rising = moved + rise[b].0[l];
-            let better = rising > top[l];
-            top[l] = if better { rising } else { top[l] };
-            place[l] = if better { here } else { place[l] };
-            bottom[l] = bottom[l].smaller(moved - fall[b].0[l]);
+            let mut best = T::from_f64(f64::NEG_INFINITY);
+            let (mut at, mut now) = (here, here);
+            let mut least = T::from_f64(f64::INFINITY);
+            for g in 0..GROUP {
+                let moved = slope[g].0[l] - step * (row_i[g].0[l] - row_j[g].0[l]);
+                slope[g].0[l] = moved;
+                let rising = moved + rise[g].0[l];
+                let better = rising > best;
+                best = if better { rising } else { best };
+                at = if better { now } else { at };
+                now += one;
+                least = least.smaller(moved - fall[g].0[l]);
+            }
+            let better = best > top[l];
+            top[l] = if better { best } else { top[l] };
+            place[l] = if better { at } else { place[l] };
+            bottom[l] = bottom[l].smaller(least);
         }
-        here += T::from_f64(1.0);
+        here += T::from_f64(GROUP as f64);
     }
     let (greatest, at) = first_greatest(&top, &place);
     (greatest, bottom.into_iter().fold(bottom[0], T::smaller), at)
@@ -199,17 +241,28 @@ fn partner<T: Entry>(dense: &Dense<T>, blocks: usize, i: usize, top: T, least: T
     let mut most = [T::from_f64(-1.0); LANES];
     let mut place = [T::ZERO; LANES];
     let mut here = T::ZERO;
-    for b in 0..blocks {
+    let one = T::from_f64(1.0);
+    let groups = slope.as_chunks::<GROUP>().0.iter().zip(fall.as_chunks::<GROUP>().0);
+    let rows = row.as_chunks::<GROUP>().0.iter().zip(diagonal.as_chunks::<GROUP>().0);
+    for ((slope, fall), (row, diagonal)) in groups.zip(rows) {
         for l in 0..LANES {
-            let lack = (top - slope[b].0[l] + fall[b].0[l]).larger(T::ZERO);
-            let across = row[b].0[l];
-            let curvature = (own + diagonal[b].0[l] - across - across).larger(least);
-            let gain = lack * lack / curvature;
-            let better = gain > most[l];
-            most[l] = if better { gain } else { most[l] };
-            place[l] = if better { here } else { place[l] };
+            let mut best = T::from_f64(-1.0);
+            let (mut at, mut now) = (here, here);
+            for g in 0..GROUP {
+                let lack = (top - slope[g].0[l] + fall[g].0[l]).larger(T::ZERO);
+                let across = row[g].0[l];
+                let curvature = (own + diagonal[g].0[l] - across - across).larger(least);
+                let gain = lack * lack / curvature;
+                let better = gain > best;
+                best = if better { gain } else { best };
+                at = if better { now } else { at };
+                now += one;
+            }
+            let better = best > most[l];
+            most[l] = if better { best } else { most[l] };
+            place[l] = if better { at } else { place[l] };
         }
-        here += T::from_f64(1.0);
+        here += T::from_f64(GROUP as f64);
     }
     first_greatest(&most, &place).1
 }

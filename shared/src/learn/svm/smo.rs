@@ -7,15 +7,16 @@
 //! are a start for the next: multiplied by the ratio of the two, bounds stay bounds.
 
 use super::gram::{Block, Combine, Entry, Gram, LANES, entry, entry_mut};
+use super::newton::Newton;
 use super::pairwise::{Dense, Pairwise, Variable};
 use crate::invalid::Invalid;
 use crate::reachability::parallel::{Kernel, in_widest_lanes};
 use core::ops::Range;
 
 /// Rows of either kind that join the small problem at a time.
-const JOIN: usize = 32;
+const JOIN: usize = 24;
 /// Rows of the small problem from which on settled ones make room for those that join.
-const FULL: usize = 96;
+const FULL: usize = 48;
 /// The small problem is solved to this share of the present gap: it is soon another one.
 const SHARE: f64 = 0.1;
 
@@ -41,6 +42,7 @@ pub(super) struct Smo<'a, T> {
     /// Whether a row is one of them.
     joined: Vec<bool>,
     dense: &'a mut Dense<T>,
+    newton: Newton,
 }
 
 /// Arrays by row.
@@ -80,7 +82,7 @@ impl<'a, T: Entry> Smo<'a, T> {
         let rows = Rows { beta, slope: zero, rise: never.clone(), fall: never };
         let joined = vec![false; sides.len()];
         dense.clear();
-        let mut smo = Self { gram, sides, runs, c, rows, members: Vec::new(), joined, dense };
+        let mut smo = Self { gram, sides, runs, c, rows, members: Vec::new(), joined, dense, newton: Newton::default() };
         let mut held = Vec::new();
         for (i, &side) in sides.iter().enumerate() {
             *entry_mut(&mut smo.rows.slope, i) = f64::from(side);
@@ -119,7 +121,7 @@ impl<'a, T: Entry> Smo<'a, T> {
             let inner = (SHARE * (top - bottom)).max(0.5 * tolerance);
             #[cfg(feature = "count")]
             let before = steps;
-            in_widest_lanes(Pairwise { dense: self.dense, tolerance: inner, steps: &mut steps });
+            in_widest_lanes(Pairwise { dense: self.dense, newton: &mut self.newton, tolerance: inner, steps: &mut steps });
             #[cfg(feature = "count")]
             { crate::count(0, 1); crate::count(1, (before - steps) as u64); crate::count(2, ((before - steps) * self.members.len()) as u64); if std::env::var("TRACE").is_ok() && self.gram.columns() == 1600 { let mut nf=0; self.each(|_,_,r,f| { if r&&f {nf+=1} }); println!("C {c} gap {:.4} m {} join {} steps {} free {}", top-bottom, self.members.len(), violators.len(), before-steps, nf); }}
             self.unload();
@@ -249,8 +251,7 @@ impl<'a, T: Entry> Smo<'a, T> {
     fn load(&mut self) {
         for (slot, &i) in self.members.iter().enumerate() {
             let (lower, upper) = self.bounds(i);
-            let beta = T::from_f64(*entry(&self.rows.beta, i));
-            let variable = Variable { beta, lower: T::from_f64(lower), upper: T::from_f64(upper) };
+            let variable = Variable { beta: *entry(&self.rows.beta, i), lower, upper };
             self.dense.set(slot, variable, *entry(&self.rows.slope, i));
         }
     }
@@ -259,14 +260,7 @@ impl<'a, T: Entry> Smo<'a, T> {
     fn unload(&mut self) {
         let mut changes = Vec::new();
         for slot in 0..self.members.len() {
-            let (i, variable) = (self.members[slot], self.dense.variables[slot]);
-            let (lower, upper) = self.bounds(i);
-            // Bounds are exact here too.
-            let beta = match variable.beta {
-                beta if beta == variable.lower => lower,
-                beta if beta == variable.upper => upper,
-                beta => beta.to_f64(),
-            };
+            let (i, beta) = (self.members[slot], self.dense.variables[slot].beta);
             let change = beta - entry(&self.rows.beta, i);
             if change != 0.0 {
                 changes.push((i, -change));
