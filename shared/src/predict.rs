@@ -3,12 +3,14 @@
 
 pub mod logistic;
 pub mod scale;
+pub mod svm;
 
 use crate::features::FeatureSet;
 use crate::invalid::{Invalid, finite, length};
 use logistic::Logistic;
 use scale::Scale;
 use serde::{Deserialize, Serialize};
+use svm::{Sigmoid, Svm};
 
 /// A trained model with the features it wants.
 #[derive(Clone, Debug, PartialEq)]
@@ -23,6 +25,7 @@ pub struct Predictor {
 #[derive(Clone, Debug, PartialEq)]
 enum Model {
     Logistic(Scale, Logistic),
+    Svm(Scale, Svm),
     Constant(Vec<f64>),
 }
 
@@ -31,6 +34,12 @@ impl Predictor {
     #[must_use]
     pub fn logistic(features: FeatureSet, classes: Vec<i8>, scale: Scale, model: Logistic) -> Self {
         Self { features, classes, actions: None, model: Model::Logistic(scale, model) }
+    }
+
+    /// Support vector machines on standardised features.
+    #[must_use]
+    pub fn svm(features: FeatureSet, classes: Vec<i8>, scale: Scale, model: Svm) -> Self {
+        Self { features, classes, actions: None, model: Model::Svm(scale, model) }
     }
 
     /// The same probabilities whatever the features.
@@ -90,6 +99,7 @@ impl Predictor {
     pub fn probabilities_into(&self, row: &[f64], out: &mut [f64]) {
         match &self.model {
             Model::Logistic(scale, model) => model.probabilities_into(scale, row, out),
+            Model::Svm(scale, model) => model.probabilities_into(scale, row, out),
             Model::Constant(probabilities) => out.copy_from_slice(probabilities),
         }
     }
@@ -101,7 +111,7 @@ impl Predictor {
 pub struct PredictorFile {
     /// Always [`FORMAT`].
     pub format: String,
-    /// `logistic` or `constant`.
+    /// `logistic`, `svm` or `constant`.
     pub kind: String,
     /// Names of the features, in the order of the columns.
     pub features: Vec<String>,
@@ -111,18 +121,35 @@ pub struct PredictorFile {
     /// multiplied by the vehicle's turn rate.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub actions: Option<Vec<f64>>,
-    /// Logistic: what is subtracted from each feature.
+    /// Logistic, SVM: what is subtracted from each feature.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mean: Option<Vec<f64>>,
-    /// Logistic: what each feature is then divided by.
+    /// Logistic, SVM: what each feature is then divided by.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scale: Option<Vec<f64>>,
-    /// Logistic: a row of weights a class.
+    /// Logistic: a row of weights a class. Linear SVM: a row a pair of classes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub coefficients: Option<Vec<Vec<f64>>>,
-    /// Logistic: an offset a class.
+    /// Logistic: an offset a class. SVM: an offset a pair of classes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub intercepts: Option<Vec<f64>>,
+    /// SVM: `linear` or `rbf`. Pairs of classes are in the order (first, second), (first,
+    /// third), …, (second, third), …; a positive decision value speaks for the pair's first.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub kernel: Option<String>,
+    /// SVM with kernel `rbf`: γ of exp(−γ |x − z|²), on standardised features.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gamma: Option<f64>,
+    /// SVM with kernel `rbf`: vectors × features, standardised.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub support_vectors: Option<Vec<Vec<f64>>>,
+    /// SVM with kernel `rbf`: pairs × support vectors, α times +1 or −1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub dual_coefficients: Option<Vec<Vec<f64>>>,
+    /// SVM: a and b of each pair; 1 / (1 + exp(a·f + b)) is the probability of the pair's
+    /// first class.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sigmoids: Option<Vec<[f64; 2]>>,
     /// Constant: a probability a class.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub probabilities: Option<Vec<f64>>,
@@ -143,6 +170,11 @@ impl From<&Predictor> for PredictorFile {
             scale: None,
             coefficients: None,
             intercepts: None,
+            kernel: None,
+            gamma: None,
+            support_vectors: None,
+            dual_coefficients: None,
+            sigmoids: None,
             probabilities: None,
         };
         match &predictor.model {
@@ -152,6 +184,25 @@ impl From<&Predictor> for PredictorFile {
                 file.scale = Some(scale.scale().to_vec());
                 file.coefficients = Some(model.coefficients());
                 file.intercepts = Some(model.intercepts().to_vec());
+            }
+            Model::Svm(scale, model) => {
+                file.kind = "svm".to_owned();
+                file.mean = Some(scale.mean().to_vec());
+                file.scale = Some(scale.scale().to_vec());
+                match model.kernel() {
+                    svm::Kernel::Linear => {
+                        file.kernel = Some("linear".to_owned());
+                        file.coefficients = Some(model.coefficients());
+                    }
+                    svm::Kernel::Rbf { gamma } => {
+                        file.kernel = Some("rbf".to_owned());
+                        file.gamma = Some(gamma);
+                        file.support_vectors = Some(model.support_vectors());
+                        file.dual_coefficients = Some(model.dual_coefficients());
+                    }
+                }
+                file.intercepts = Some(model.intercepts().to_vec());
+                file.sigmoids = Some(model.sigmoids().iter().map(|s| [s.a, s.b]).collect());
             }
             Model::Constant(probabilities) => {
                 file.kind = "constant".to_owned();
@@ -190,11 +241,41 @@ impl TryFrom<PredictorFile> for Predictor {
                 let model = Logistic::new(features.len(), &coefficients, intercepts)?;
                 Self::logistic(features, file.classes, scale, model)
             }
+            "svm" => {
+                let scale = Scale::new(
+                    file.mean.ok_or_else(|| missing("mean"))?,
+                    file.scale.ok_or_else(|| missing("scale"))?,
+                )?;
+                length("mean", features.len(), scale.mean().len())?;
+                let intercepts = file.intercepts.ok_or_else(|| missing("intercepts"))?;
+                let sigmoids = file.sigmoids.ok_or_else(|| missing("sigmoids"))?;
+                let sigmoids = sigmoids.into_iter().map(|[a, b]| Sigmoid { a, b }).collect();
+                let (width, classes) = (features.len(), file.classes.len());
+                let model = match file.kernel.as_deref() {
+                    Some("linear") => {
+                        let weights = file.coefficients.ok_or_else(|| missing("coefficients"))?;
+                        Svm::linear(width, classes, &weights, intercepts, sigmoids)?
+                    }
+                    Some("rbf") => {
+                        let gamma = file.gamma.ok_or_else(|| missing("gamma"))?;
+                        let vectors =
+                            file.support_vectors.ok_or_else(|| missing("support_vectors"))?;
+                        let dual =
+                            file.dual_coefficients.ok_or_else(|| missing("dual_coefficients"))?;
+                        Svm::rbf(width, classes, gamma, &vectors, &dual, intercepts, sigmoids)?
+                    }
+                    other => {
+                        let found = other.unwrap_or("nothing");
+                        return Err(Invalid::new("kernel", "linear or rbf", found));
+                    }
+                };
+                Self::svm(features, file.classes, scale, model)
+            }
             "constant" => {
                 let probabilities = file.probabilities.ok_or_else(|| missing("probabilities"))?;
                 Self::constant(features, file.classes, probabilities)?
             }
-            other => return Err(Invalid::new("kind", "logistic or constant", other)),
+            other => return Err(Invalid::new("kind", "logistic, svm or constant", other)),
         };
         match file.actions {
             Some(actions) => predictor.with_actions(actions),
@@ -254,6 +335,74 @@ mod tests {
         assert_eq!(
             complain(|f| f.coefficients = Some(vec![vec![0.0, f64::NAN]; 3])),
             "coefficients[0][1]"
+        );
+    }
+
+    fn rbf() -> PredictorFile {
+        let text = r#"{"format":"sidestep-predictor/1","kind":"svm","features":["distance","v_h"],
+            "mean":[10,1],"scale":[2,1],"classes":[-1,0,1],"kernel":"rbf","gamma":0.5,
+            "support_vectors":[[0,1],[1,0.5]],"dual_coefficients":[[1,-1],[0.5,0],[0,-2]],
+            "intercepts":[0,0.5,0],"sigmoids":[[-1,0],[-2,0.1],[-1,0.2]]}"#;
+        serde_json::from_str(text).unwrap()
+    }
+
+    #[test]
+    fn support_vector_machines_survive_a_round_trip() {
+        let mut linear = rbf();
+        (linear.kernel, linear.coefficients) =
+            (Some("linear".into()), Some(vec![vec![1.0, 2.0], vec![0.0, 1.0], vec![3.0, -1.0]]));
+        (linear.gamma, linear.support_vectors, linear.dual_coefficients) = (None, None, None);
+        for file in [rbf(), linear] {
+            let predictor = Predictor::try_from(file.clone()).unwrap();
+            assert_eq!(PredictorFile::from(&predictor), file);
+            let mut p = [0.0; 3];
+            predictor.probabilities_into(&[10.0, 1.0], &mut p);
+            assert!((p.iter().sum::<f64>() - 1.0).abs() < 1e-15);
+        }
+    }
+
+    #[test]
+    fn complaints_about_support_vector_machines_name_the_field() {
+        let complain = |change: fn(&mut PredictorFile)| {
+            let mut file = rbf();
+            change(&mut file);
+            Predictor::try_from(file).unwrap_err().field
+        };
+        assert_eq!(complain(|f| f.kernel = None), "kernel");
+        assert_eq!(complain(|f| f.kernel = Some("poly".into())), "kernel");
+        assert_eq!(complain(|f| f.kernel = Some("linear".into())), "coefficients");
+        assert_eq!(complain(|f| f.gamma = None), "gamma");
+        assert_eq!(complain(|f| f.gamma = Some(0.0)), "gamma");
+        assert_eq!(complain(|f| f.mean = Some(vec![0.0])), "scale");
+        assert_eq!(complain(|f| f.support_vectors = None), "support_vectors");
+        assert_eq!(
+            complain(|f| f.support_vectors = Some(vec![vec![0.0; 2], vec![0.0; 3]])),
+            "support_vectors[1]"
+        );
+        assert_eq!(complain(|f| f.dual_coefficients = None), "dual_coefficients");
+        assert_eq!(
+            complain(|f| f.dual_coefficients = Some(vec![vec![0.0; 2]; 2])),
+            "dual_coefficients"
+        );
+        assert_eq!(
+            complain(|f| f.dual_coefficients = Some(vec![vec![0.0, f64::NAN]; 3])),
+            "dual_coefficients[0][1]"
+        );
+        assert_eq!(complain(|f| f.intercepts = Some(vec![0.0; 2])), "intercepts");
+        assert_eq!(complain(|f| f.sigmoids = None), "sigmoids");
+        assert_eq!(complain(|f| f.sigmoids = Some(vec![[0.0, 0.0]; 2])), "sigmoids");
+        assert_eq!(
+            complain(|f| f.sigmoids = Some(vec![[0.0, f64::INFINITY]; 3])),
+            "sigmoids[0][1]"
+        );
+        assert_eq!(
+            complain(|f| {
+                f.classes = vec![0];
+                f.intercepts = Some(vec![]);
+                f.sigmoids = Some(vec![]);
+                f.dual_coefficients = Some(vec![]);
+            }),
+            "classes"
         );
     }
 }
