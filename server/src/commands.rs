@@ -13,6 +13,7 @@ pub mod json_file;
 pub mod bounds;
 pub mod reach;
 pub mod shfrs;
+pub mod simulate;
 
 use crate::store::OpenError;
 use serde::Serialize;

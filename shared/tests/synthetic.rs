@@ -1,5 +1,7 @@
 //! Synthetic participants against the reference's file, and against the study's rules.
 
+#![allow(clippy::unwrap_used, reason = "a test that panics has failed")]
+
 use sidestep::math::wrap_angle;
 use sidestep::scene::{EncounterRange, Scene, SceneParameters, generate};
 use sidestep::synthetic::{Keys, SyntheticDrive, SyntheticParticipant};
