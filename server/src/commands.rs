@@ -16,6 +16,7 @@ pub mod shfrs;
 pub mod features;
 pub mod analyze;
 mod trials_file;
+pub mod simulate;
 
 use crate::store::OpenError;
 use serde::Serialize;

@@ -2,7 +2,7 @@
 
 use clap::{Parser, Subcommand};
 use sidestep_server::commands::{
-    CommandError, analyze, bounds, check, export, features, import, plot, reach, serve, shfrs, solve, value,
+    CommandError, analyze, bounds, check, export, features, import, plot, reach, serve, shfrs, simulate, solve, value,
 };
 use std::io::IsTerminal;
 use std::process::ExitCode;
@@ -31,6 +31,7 @@ enum Command {
     Shfrs(shfrs::ShfrsArgs),
     Features(features::FeaturesArgs),
     Analyze(analyze::AnalyzeArgs),
+    Simulate(simulate::SimulateArgs),
     Export(export::ExportArgs),
     Import(import::ImportArgs),
     Check(check::CheckArgs),
@@ -60,6 +61,7 @@ async fn call(command: Command) -> Result<(), CommandError> {
         Command::Shfrs(args) => shfrs::run(args).await,
         Command::Features(args) => features::run(args).await,
         Command::Analyze(args) => analyze::run(args).await,
+        Command::Simulate(args) => simulate::run(args).await,
         Command::Export(args) => export::run(args).await,
         Command::Import(args) => import::run(args).await,
         Command::Check(args) => check::run(args).await,

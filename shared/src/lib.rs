@@ -39,6 +39,7 @@ pub mod vehicle;
 pub mod scene;
 pub mod trial;
 pub mod study;
+pub mod synthetic;
 pub mod features;
 pub mod comparison;
 pub mod dataset;
