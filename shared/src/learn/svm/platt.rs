@@ -47,8 +47,7 @@ pub(super) fn sigmoid(decisions: &[(f64, bool)]) -> Sigmoid {
             break;
         }
         let determinant = haa * hbb - hab * hab;
-        let (da, db) =
-            ((hab * gb - hbb * ga) / determinant, (hab * ga - haa * gb) / determinant);
+        let (da, db) = ((hab * gb - hbb * ga) / determinant, (hab * ga - haa * gb) / determinant);
         let descent = ga * da + gb * db;
         let mut share = 1.0;
         loop {
