@@ -153,7 +153,7 @@ async fn bad_input_is_named() {
     let to = |args: &[&'static str]| [&["--out", text(&out)], args].concat();
     fails(&to(&["--seed", "1", "--participants", "0"]), 2, &["--participants", "1..=10000"]).await;
     fails(&to(&["--seed", "1", "--participants", "9999999"]), 2, &["--participants"]).await;
-    fails(&to(&["--seed", "-1", "--participants", "1"]), 2, &["-1"]).await;
+    fails(&to(&["--seed", "-1", "--participants", "1"]), 2, &["--seed", "'-1'"]).await;
     fails(&to(&["--seed", "x", "--participants", "1"]), 2, &["--seed", "'x'"]).await;
     fails(&to(&["--participants", "1"]), 2, &["--seed"]).await;
     for tasks in ["0", "1001", "1.5"] {
@@ -163,7 +163,7 @@ async fn bad_input_is_named() {
     fails(&[&people[..], &to(&["--keys", "slow"])].concat(), 2, &["--keys", "clock, free"]).await;
     fails(&people, 2, &["--out", "--url"]).await;
     fails(&[&people[..], &to(&["--url", "http://127.0.0.1:1"])].concat(), 2, &["--url"]).await;
-    fails(&[&people[..], &to(&["--study", "default"])].concat(), 2, &["--url"]).await;
+    fails(&[&people[..], &to(&["--study", "default"])].concat(), 2, &["--study"]).await;
     fails(&with(&["--url", "http://127.0.0.1:1", "--tasks", "9"]), 2, &["--tasks"]).await;
     let free = with(&["--url", "http://127.0.0.1:1", "--keys", "free"]);
     fails(&free, 2, &["--keys: expected clock with --url", "found free"]).await;

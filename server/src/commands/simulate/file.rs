@@ -43,11 +43,12 @@ fn content(args: &SimulateArgs, out: &mut dyn Write) -> io::Result<FlagCounts> {
     let parameters = SceneParameters::default();
     let mut flags = FlagCounts::default();
     let bar = bar(args.participants * args.tasks);
-    let print = match args.keys {
-        KeysArg::Clock => exact,
-        KeysArg::Free => nine_digits,
+    // As exports of a study, or as the reference data.
+    let (print, end): (fn(f64) -> String, _) = match args.keys {
+        KeysArg::Clock => (exact, "\n"),
+        KeysArg::Free => (nine_digits, "\r\n"),
     };
-    writeln!(out, "{HEADER}")?;
+    write!(out, "{HEADER}{end}")?;
     for number in 0..args.participants {
         let participant = SyntheticParticipant::new(args.seed, number);
         for trial in 0..args.tasks {
@@ -59,7 +60,7 @@ fn content(args: &SimulateArgs, out: &mut dyn Write) -> io::Result<FlagCounts> {
                 let ([hx, hy, hpsi], [rx, ry, rpsi]) = (state.human.into(), state.robot.into());
                 let omega = parameters.human.turn_rate(*input);
                 let numbers = [t, hx, hy, hpsi, rx, ry, rpsi, omega].map(print).join(",");
-                writeln!(out, "{number},{trial},{step},{numbers}")?;
+                write!(out, "{number},{trial},{step},{numbers}{end}")?;
             }
             bar.inc(1);
         }
@@ -73,8 +74,7 @@ fn exact(number: f64) -> String {
     format!("{number:?}")
 }
 
-/// Nine significant digits without trailing zeros, as Python's `repr` writes them: the form of
-/// the reference data.
+/// Nine significant digits without trailing zeros, as Python's `repr` writes them.
 fn nine_digits(number: f64) -> String {
     let rounded: f64 = format!("{number:.8e}").parse().unwrap_or(number);
     let scientific = format!("{rounded:e}");
