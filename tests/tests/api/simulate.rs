@@ -195,7 +195,7 @@ async fn what_the_server_says_is_passed_on() {
     let enrol = server.request(Method::POST, &routes::participants("default"));
     let body = json!({ "consent": true, "external_id": "synthetic-1-0" });
     let enrolled: sidestep::api::Enrolled = Answer::of(enrol.json(&body)).await.into(201);
-    let withdraw = format!("{}?data=delete", routes::ME);
+    let withdraw = format!("{}?data=keep", routes::ME);
     let withdraw = server.request(Method::DELETE, &withdraw).bearer_auth(&enrolled.token);
     assert_eq!(Answer::of(withdraw).await.status, 204);
     let again = [&people[..], &[&server.origin]].concat();
