@@ -2,3 +2,4 @@
 
 pub mod logistic;
 pub mod samples;
+pub mod tree;

@@ -3,12 +3,14 @@
 
 pub mod logistic;
 pub mod scale;
+pub mod tree;
 
 use crate::features::FeatureSet;
 use crate::invalid::{Invalid, finite, length};
 use logistic::Logistic;
 use scale::Scale;
 use serde::{Deserialize, Serialize};
+use tree::{Tree, TreeFile};
 
 /// A trained model with the features it wants.
 #[derive(Clone, Debug, PartialEq)]
@@ -23,6 +25,7 @@ pub struct Predictor {
 #[derive(Clone, Debug, PartialEq)]
 enum Model {
     Logistic(Scale, Logistic),
+    Tree(Tree),
     Constant(Vec<f64>),
 }
 
@@ -31,6 +34,12 @@ impl Predictor {
     #[must_use]
     pub fn logistic(features: FeatureSet, classes: Vec<i8>, scale: Scale, model: Logistic) -> Self {
         Self { features, classes, actions: None, model: Model::Logistic(scale, model) }
+    }
+
+    /// A decision tree on features as they are ([`Tree::unscaled`]).
+    #[must_use]
+    pub fn tree(features: FeatureSet, classes: Vec<i8>, model: Tree) -> Self {
+        Self { features, classes, actions: None, model: Model::Tree(model) }
     }
 
     /// The same probabilities whatever the features.
@@ -90,6 +99,7 @@ impl Predictor {
     pub fn probabilities_into(&self, row: &[f64], out: &mut [f64]) {
         match &self.model {
             Model::Logistic(scale, model) => model.probabilities_into(scale, row, out),
+            Model::Tree(model) => model.probabilities_into(row, out),
             Model::Constant(probabilities) => out.copy_from_slice(probabilities),
         }
     }
@@ -101,7 +111,7 @@ impl Predictor {
 pub struct PredictorFile {
     /// Always [`FORMAT`].
     pub format: String,
-    /// `logistic` or `constant`.
+    /// `logistic`, `tree` or `constant`.
     pub kind: String,
     /// Names of the features, in the order of the columns.
     pub features: Vec<String>,
@@ -123,6 +133,9 @@ pub struct PredictorFile {
     /// Logistic: an offset a class.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub intercepts: Option<Vec<f64>>,
+    /// Tree: the nodes.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tree: Option<TreeFile>,
     /// Constant: a probability a class.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub probabilities: Option<Vec<f64>>,
@@ -143,6 +156,7 @@ impl From<&Predictor> for PredictorFile {
             scale: None,
             coefficients: None,
             intercepts: None,
+            tree: None,
             probabilities: None,
         };
         match &predictor.model {
@@ -152,6 +166,10 @@ impl From<&Predictor> for PredictorFile {
                 file.scale = Some(scale.scale().to_vec());
                 file.coefficients = Some(model.coefficients());
                 file.intercepts = Some(model.intercepts().to_vec());
+            }
+            Model::Tree(model) => {
+                file.kind = "tree".to_owned();
+                file.tree = Some(model.into());
             }
             Model::Constant(probabilities) => {
                 file.kind = "constant".to_owned();
@@ -190,11 +208,17 @@ impl TryFrom<PredictorFile> for Predictor {
                 let model = Logistic::new(features.len(), &coefficients, intercepts)?;
                 Self::logistic(features, file.classes, scale, model)
             }
+            "tree" => {
+                let expected = "nodes, for kind \"tree\"";
+                let tree = file.tree.ok_or_else(|| Invalid::new("tree", expected, "nothing"))?;
+                let tree = tree.check(features.len(), file.classes.len());
+                Self::tree(features, file.classes, tree.map_err(|e| e.within("tree"))?)
+            }
             "constant" => {
                 let probabilities = file.probabilities.ok_or_else(|| missing("probabilities"))?;
                 Self::constant(features, file.classes, probabilities)?
             }
-            other => return Err(Invalid::new("kind", "logistic or constant", other)),
+            other => return Err(Invalid::new("kind", "logistic, tree or constant", other)),
         };
         match file.actions {
             Some(actions) => predictor.with_actions(actions),
@@ -231,6 +255,27 @@ mod tests {
         let predictor = Predictor::try_from(file.clone()).unwrap();
         assert_eq!(predictor.actions(), file.actions.as_deref());
         assert_eq!(PredictorFile::from(&predictor), file);
+    }
+
+    #[test]
+    fn a_tree_is_a_predictor() {
+        let text = r#"{"format":"sidestep-predictor/1","kind":"tree","features":["distance","v_h"],
+            "classes":[-1,0,1],"tree":{"feature":[1,0,0],"threshold":[0.5,0,0],"left":[1,0,0],
+            "right":[2,0,0],"counts":[[2,3,1],[2,0,1],[0,3,0]]}}"#;
+        let file: PredictorFile = serde_json::from_str(text).unwrap();
+        let predictor = Predictor::try_from(file.clone()).unwrap();
+        assert_eq!(PredictorFile::from(&predictor), file);
+        let mut p = [0.0; 3];
+        predictor.probabilities_into(&[9.0, 0.4], &mut p);
+        assert_eq!(p, [0.5, 1.0 / 6.0, 2.0 / 6.0]);
+        let complain = |change: fn(&mut PredictorFile)| {
+            let mut file = file.clone();
+            change(&mut file);
+            Predictor::try_from(file).unwrap_err().field
+        };
+        assert_eq!(complain(|f| f.tree = None), "tree");
+        assert_eq!(complain(|f| f.classes = vec![0, 1]), "tree.counts[0]");
+        assert_eq!(complain(|f| f.features = vec!["v_h".into()]), "tree.feature[0]");
     }
 
     #[test]
