@@ -189,7 +189,7 @@ fn boosting(criterion: &mut Criterion) {
     let people = people();
     let mut group = criterion.benchmark_group("boosting");
     group.sample_size(10).measurement_time(Duration::from_secs(5));
-    let settings = BoostingSettings::default();
+    let settings = BoostingSettings { rounds: 100, ..Default::default() };
     let person = &people[0];
     let part = Part::new(person, SETS[0], None);
     for (experiment, name) in ["which way", "whether"].into_iter().enumerate() {
@@ -203,8 +203,13 @@ fn boosting(criterion: &mut Criterion) {
             for person in &people {
                 let part = Part::new(person, SETS[0], None);
                 let folds: Vec<usize> = person.trials.iter().map(|trial| trial % FOLDS).collect();
-                black_box(fit_by_folds(&part.samples(0), &folds, &[2, 3], &settings))
-                    .expect("a fit");
+                black_box(fit_by_folds(
+                    &part.samples(0),
+                    &folds,
+                    &[1, 2, 3],
+                    &BoostingSettings::default(),
+                ))
+                .expect("a fit");
             }
         });
     });

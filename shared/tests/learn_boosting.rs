@@ -25,7 +25,8 @@ fn log_loss(model: &Boosted, values: &[f64], labels: &[usize], classes: usize) -
 fn the_deviance_falls_round_after_round() {
     for experiment in [1, 2] {
         let rows = person(4, experiment).0;
-        let model = fit(&rows.samples(experiment), &BoostingSettings::default()).unwrap();
+        let settings = BoostingSettings { rounds: 100, ..Default::default() };
+        let model = fit(&rows.samples(experiment), &settings).unwrap();
         assert_eq!(model.rounds(), 100);
         let loss = |rounds| {
             log_loss(&model.truncated(rounds), &rows.values, &rows.labels, classes(experiment))
@@ -123,7 +124,10 @@ fn folds_choose_what_predicts_trials_that_were_not_seen() {
         let settings = BoostingSettings::default();
         let (model, chosen) = fit_by_folds(&samples, &folds, &[2, 3], &settings).unwrap();
         assert_eq!(model.rounds(), chosen.rounds);
-        assert!(chosen.rounds > 0);
+        assert!(chosen.rounds > 0 && chosen.rounds < settings.rounds);
+        // Patience ends the search early, not elsewhere.
+        let patient = BoostingSettings { patience: 60, rounds: 150, ..settings };
+        assert_eq!(fit_by_folds(&samples, &folds, &[2, 3], &patient).unwrap().1, chosen);
         // The chosen rounds by hand, with one fold after another left out.
         let settings = BoostingSettings { depth: chosen.depth, rounds: chosen.rounds, ..settings };
         let mut loss = 0.0;
