@@ -3,9 +3,9 @@
 mod file;
 mod participation;
 
-use super::CommandError;
+use super::{CommandError, solving};
 use clap::ValueEnum;
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::ProgressBar;
 use sidestep::scene::{Scene, SceneParameters};
 use sidestep::synthetic::{self, SyntheticDrive};
 use sidestep::trial::flags;
@@ -128,10 +128,6 @@ impl FlagCounts {
 
 /// Hidden unless stderr is a terminal; counts trials.
 fn bar(trials: u64) -> ProgressBar {
-    let bar = ProgressBar::new(trials);
     let template = "simulating [{bar:40}] {pos}/{len} trials  {elapsed_precise}, {eta} left";
-    if let Ok(style) = ProgressStyle::with_template(template) {
-        bar.set_style(style.progress_chars("█▉▊▋▌▍▎▏ "));
-    }
-    bar
+    solving::bar(trials, template)
 }

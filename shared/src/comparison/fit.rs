@@ -8,7 +8,7 @@ use crate::invalid::Invalid;
 use crate::learn::logistic::{LogisticSettings, fit_path};
 use crate::learn::samples::Samples;
 use crate::learn::svm::{self, Grid, Kernels, SvmSettings, Task};
-use crate::learn::tree::{self, TreeSettings};
+use crate::learn::tree;
 use crate::predict::logistic::Logistic;
 use crate::predict::scale::Scale;
 use crate::predict::svm::Kernel;
@@ -296,16 +296,17 @@ impl Problem<'_> {
 
     fn tree(&self, grids: &Grids) -> Result<Chosen, Invalid> {
         // Depth by depth, and within a depth leaf by leaf; one tree a leaf size serves all depths.
-        let grow = |rows: &Rows| -> Result<Vec<Tree>, Invalid> {
-            let samples =
-                Samples::new(self.width(), &rows.values, &rows.labels, rows.classes.len())?;
-            tree::grow_each(&samples, None, &grids.tree_leaf)
+        let grow = |rows: &Rows, depth, leaves: &[usize]| -> Result<Vec<Tree>, Invalid> {
+            let (scale, values) = standardised(self.width(), rows);
+            let samples = Samples::new(self.width(), &values, &rows.labels, rows.classes.len())?;
+            let grown = tree::grow_each(&samples, depth, leaves)?;
+            Ok(grown.iter().map(|tree| tree.unscaled(&scale)).collect())
         };
         let settings: Vec<(Option<usize>, usize)> = (grids.tree_depth.iter())
             .flat_map(|&depth| (0..grids.tree_leaf.len()).map(move |leaf| (depth, leaf)))
             .collect();
         let models = |rows: &Rows| -> Result<Vec<Tree>, Invalid> {
-            let grown = grow(rows)?;
+            let grown = grow(rows, None, &grids.tree_leaf)?;
             let cut = |tree: &Tree, depth: Option<usize>| match depth {
                 Some(depth) => tree.truncated(depth),
                 None => tree.clone(),
@@ -315,13 +316,7 @@ impl Problem<'_> {
         let accuracy = self.validated(settings.len(), models, |tree, row| tree.class(row))?;
         let best = best(&accuracy)?;
         let (depth, leaf) = (settings[best].0, grids.tree_leaf[settings[best].1]);
-        let samples = Samples::new(
-            self.width(),
-            &self.training.values,
-            &self.training.labels,
-            self.training.classes.len(),
-        )?;
-        let tree = tree::grow(&samples, TreeSettings { max_depth: depth, min_leaf: leaf })?;
+        let tree = grow(&self.training, depth, &[leaf])?.remove(0);
         let (features, classes) = (self.data.features.clone(), self.training.classes.clone());
         Ok(Chosen {
             cv_accuracy: accuracy[best],
