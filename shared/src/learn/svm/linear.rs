@@ -42,6 +42,7 @@ impl Plane {
 /// # Errors
 /// [`Invalid`] if it does not converge.
 pub(super) fn fit(width: usize, data: &[f64], sides: &[i8], c: f64) -> Result<Plane, Invalid> {
+    #[cfg(feature = "count")] crate::count(5, 1);
     let mut state = State::new(width, data, sides, c);
     let mut converged = false;
     in_widest_lanes(Fit { state: &mut state, converged: &mut converged });
@@ -150,7 +151,7 @@ impl Kernel for Fit<'_> {
     fn run(self) {
         let state = self.state;
         let products = 2.0 * state.count as f64;
-        for _ in 0..MAX_STEPS {
+        for _ in 0..MAX_STEPS { #[cfg(feature = "count")] crate::count(4, 1);
             let (gap, system) = state.linearise();
             if !gap.is_finite() {
                 return;
