@@ -4,8 +4,9 @@ use sidestep::api::TrainedPredictor;
 use sidestep::dataset::Dataset;
 use sidestep::features::{FeatureSet, SafetyFunctions};
 use sidestep::invalid::Invalid;
+use sidestep::learn::logistic::{LogisticSettings, fit};
+use sidestep::learn::samples::Samples;
 use sidestep::predict::Predictor;
-use sidestep::predict::logistic::{Logistic, LogisticSettings};
 use sidestep::predict::scale::Scale;
 use sidestep::scene::JointState;
 use sidestep::vehicle::TurnInput;
@@ -74,8 +75,8 @@ fn learn(
         .collect();
     let class = |label: &TurnInput| occurring.iter().position(|input| input == label);
     let labels: Vec<usize> = data.labels.iter().filter_map(class).collect();
-    let settings = LogisticSettings::default();
-    let model = Logistic::fit(width, &values, &labels, occurring.len(), settings)?;
+    let samples = Samples::new(width, &values, &labels, occurring.len())?;
+    let model = fit(&samples, 1.0, LogisticSettings::default())?;
     let classes = occurring.into_iter().map(TurnInput::sign).collect();
     Ok(Predictor::logistic(features.clone(), classes, scale, model))
 }

@@ -1,11 +1,11 @@
-//! The feature table: what a predictor may look at.
-//!
-//! A feature is one line of [`FEATURES`]. World-frame differences are
-//! human − robot by component (the paper's B); subscript h is V_HR (the human's
-//! safety level), r is V_RH (the robot's), d is the distance.
+//! What a predictor may look at: features of the joint states so far (`features/table.rs` has
+//! them all), and ordered choices of them.
+
+mod table;
+
+pub use table::{Compute, FEATURES, Feature};
 
 use crate::invalid::Invalid;
-use crate::math::{cos, sin, wrap_angle};
 use crate::reachability::{Options, Progress, PursuitGame, SolveError, ValueFunction, solve};
 use crate::scene::{Evader, JointState, SceneParameters};
 use core::ops::ControlFlow;
@@ -74,86 +74,6 @@ impl SafetyFunctions {
     }
 }
 
-/// One entry of the feature table.
-pub struct Feature {
-    /// Column name in files.
-    pub name: &'static str,
-    /// Unit; "1" for a pure number.
-    pub unit: &'static str,
-    /// What it tells.
-    pub meaning: &'static str,
-    /// Its value in a state.
-    pub compute: fn(&JointState, &SafetyFunctions) -> f64,
-}
-
-fn heading_difference(state: &JointState) -> f64 {
-    wrap_angle(state.human.psi - state.robot.psi)
-}
-
-/// Every feature there is.
-pub static FEATURES: &[Feature] = &[
-    Feature {
-        name: "abs_dx",
-        unit: "m",
-        meaning: "|Δx|, world frame",
-        compute: |s, _| (s.human.x - s.robot.x).abs(),
-    },
-    Feature {
-        name: "abs_dy",
-        unit: "m",
-        meaning: "|Δy|, world frame",
-        compute: |s, _| (s.human.y - s.robot.y).abs(),
-    },
-    Feature {
-        name: "dpsi",
-        unit: "rad",
-        meaning: "human's heading less the robot's, in (−π, π]",
-        compute: |s, _| heading_difference(s),
-    },
-    Feature {
-        name: "cos_dpsi",
-        unit: "1",
-        meaning: "cosine of the heading difference",
-        compute: |s, _| cos(heading_difference(s)),
-    },
-    Feature {
-        name: "sin_dpsi",
-        unit: "1",
-        meaning: "sine of the heading difference",
-        compute: |s, _| sin(heading_difference(s)),
-    },
-    Feature {
-        name: "v_h",
-        unit: "m",
-        meaning: "V_HR, the human's safety level",
-        compute: |s, v| v.human_level(s),
-    },
-    Feature {
-        name: "v_r",
-        unit: "m",
-        meaning: "V_RH, the robot's safety level",
-        compute: |s, v| v.robot_level(s),
-    },
-    Feature {
-        name: "distance",
-        unit: "m",
-        meaning: "distance between the vehicles",
-        compute: |s, _| s.distance_m(),
-    },
-    Feature {
-        name: "robot_ahead",
-        unit: "m",
-        meaning: "robot's position along the human's heading",
-        compute: |s, _| s.robot_seen_by_human()[0],
-    },
-    Feature {
-        name: "robot_left",
-        unit: "m",
-        meaning: "robot's position to the left of the human's heading",
-        compute: |s, _| s.robot_seen_by_human()[1],
-    },
-];
-
 /// An ordered choice of features.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "Vec<String>", into = "Vec<String>")]
@@ -217,10 +137,17 @@ impl FeatureSet {
         self.0.iter().map(|&index| &FEATURES[index])
     }
 
-    /// Writes the features of `state` to `row`, which is as long as the set.
-    pub fn compute_into(&self, state: &JointState, safety: &SafetyFunctions, row: &mut [f64]) {
+    /// The first of them that depends on the game, if one does.
+    pub fn of_game(&self) -> Option<&'static Feature> {
+        self.features().find(|feature| matches!(feature.compute, Compute::FromGame(_)))
+    }
+
+    /// Writes the features to `row`, which is as long as the set. `history` has the joint
+    /// states from the beginning of the trial on, one a step, and ends with the present one;
+    /// it is never empty.
+    pub fn compute_into(&self, history: &[JointState], safety: &SafetyFunctions, row: &mut [f64]) {
         for (feature, value) in self.features().zip(row) {
-            *value = (feature.compute)(state, safety);
+            *value = feature.value(history, safety);
         }
     }
 
@@ -303,11 +230,7 @@ mod tests {
     }
 
     #[test]
-    fn the_table_is_well_formed() {
-        for (i, feature) in FEATURES.iter().enumerate() {
-            assert!(!feature.unit.is_empty() && !feature.meaning.is_empty());
-            assert!(FEATURES[..i].iter().all(|other| other.name != feature.name));
-        }
+    fn unknown_features_are_named() {
         let complaint = FeatureSet::of(&["abs_dx", "speed"]).unwrap_err();
         assert_eq!((complaint.field.as_str(), complaint.found.as_str()), ("features[1]", "speed"));
     }

@@ -3,7 +3,6 @@
 
 pub mod baselines;
 pub mod danger;
-mod each;
 pub mod family;
 pub mod guarantee;
 pub mod pareto;
@@ -26,8 +25,7 @@ use crate::reach::polygon::signed_area;
 use crate::reach::{PolygonSettings, ReachableSet, Workspace};
 use crate::scene::{JointState, SceneParameters};
 
-/// A predictor as the learned function G of Algorithm 1: it looks at the present state
-/// alone.
+/// A predictor as the learned function G of Algorithm 1.
 pub struct PredictedHuman<'a> {
     predictor: &'a Predictor,
     safety: &'a SafetyFunctions,
@@ -78,15 +76,6 @@ impl<'a> PredictedHuman<'a> {
         };
         Ok(Self { predictor, safety, actions })
     }
-
-    /// How likely each class of the predictor is in `state`.
-    pub fn probabilities_in(&self, state: &JointState, out: &mut [f64]) {
-        let features = self.predictor.features();
-        let mut row = [0.0; MOST_FEATURES];
-        let row = &mut row[..features.len()];
-        features.compute_into(state, self.safety, row);
-        self.predictor.probabilities_into(row, out);
-    }
 }
 
 impl ActionModel for PredictedHuman<'_> {
@@ -95,9 +84,11 @@ impl ActionModel for PredictedHuman<'_> {
     }
 
     fn probabilities(&self, history: &[JointState], out: &mut [f64]) {
-        if let Some(state) = history.last() {
-            self.probabilities_in(state, out);
-        }
+        let features = self.predictor.features();
+        let mut row = [0.0; MOST_FEATURES];
+        let row = &mut row[..features.len()];
+        features.compute_into(history, self.safety, row);
+        self.predictor.probabilities_into(row, out);
     }
 }
 

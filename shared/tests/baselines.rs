@@ -5,9 +5,10 @@
 use sidestep::bounds::ActionChoice;
 use sidestep::dataset::Dataset;
 use sidestep::features::{FeatureSet, SafetyFunctions};
+use sidestep::learn::logistic::{LogisticSettings, fit};
+use sidestep::learn::samples::Samples;
 use sidestep::math::SeededRng;
 use sidestep::predict::Predictor;
-use sidestep::predict::logistic::{Logistic, LogisticSettings};
 use sidestep::predict::scale::Scale;
 use sidestep::scene::{JointState, SceneParameters};
 use sidestep::shfrs::PredictedHuman;
@@ -86,8 +87,8 @@ fn train(safety: &SafetyFunctions, drives: &[Drive]) -> Predictor {
     let values: Vec<f64> =
         data.values.iter().enumerate().map(|(i, &v)| scale.apply(i % width, v)).collect();
     let labels: Vec<usize> = data.labels.iter().map(|label| (label.sign() + 1) as usize).collect();
-    let model =
-        Logistic::fit(width, &values, &labels, 3, LogisticSettings::default()).expect("a fit");
+    let samples = Samples::new(width, &values, &labels, 3).expect("three classes");
+    let model = fit(&samples, 1.0, LogisticSettings::default()).expect("a fit");
     Predictor::logistic(features, vec![-1, 0, 1], scale, model)
 }
 

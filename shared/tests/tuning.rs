@@ -5,8 +5,9 @@ use sidestep::bounds::{ActionChoice, Rollout};
 use sidestep::dataset::Dataset;
 use sidestep::features::{FeatureSet, SafetyFunctions};
 use sidestep::invalid::Invalid;
+use sidestep::learn::logistic::{LogisticSettings, fit};
+use sidestep::learn::samples::Samples;
 use sidestep::predict::Predictor;
-use sidestep::predict::logistic::{Logistic, LogisticSettings};
 use sidestep::predict::scale::Scale;
 use sidestep::scene::{JointState, SceneParameters};
 use sidestep::shfrs::PredictedHuman;
@@ -64,8 +65,8 @@ fn data() -> &'static Data {
             data.values.iter().enumerate().map(|(i, &v)| scale.apply(i % width, v)).collect();
         let labels: Vec<usize> =
             data.labels.iter().map(|label| (label.sign() + 1) as usize).collect();
-        let model = Logistic::fit(width, &standard, &labels, 3, LogisticSettings::default())
-            .expect("good data");
+        let samples = Samples::new(width, &standard, &labels, 3).expect("three classes");
+        let model = fit(&samples, 1.0, LogisticSettings::default()).expect("good data");
         let predictor = Predictor::logistic(features, vec![-1, 0, 1], scale, model);
         // The last input leads to no recorded state.
         let trajectory = |(_, (inputs, states)): (usize, Drive)| {

@@ -24,7 +24,9 @@ use sidestep::vehicle::{Pose, VehicleModel};
 /// "steps": T, "rollout": "paper" or "base", "speed": 2, "dt": 0.2,
 /// "turn_rate": [-0.5, 0.5]}. The robot drives straight on. May be left out:
 /// "robot_speed" (as the human's), "robot_turn_rate" (the human's highest) and
-/// "danger_radius" (3), which only the features v_h and v_r depend on.
+/// "danger_radius" (3), which only features of the game depend on (v_h, v_r, dv_…, closest_…);
+/// and "history": [{"human": [x, y, psi], "robot": […]}, …], the states of the steps before, for
+/// features of the past (turned_…), which are 0 without it.
 ///
 /// The predictor's classes are -1 (lowest turn rate), 0 (straight) and 1 (highest), unless
 /// it has "actions": [rad/s, one a class, ascending].
@@ -55,6 +57,8 @@ struct Input {
     robot_speed: Option<f64>,
     robot_turn_rate: Option<f64>,
     danger_radius: Option<f64>,
+    #[serde(default)]
+    history: Vec<JointState>,
 }
 
 #[derive(Clone, Copy, Deserialize)]
@@ -75,9 +79,6 @@ struct Answer<'a> {
 
 /// Most steps ahead.
 const MOST_STEPS: usize = 3000;
-
-/// Features that come from the value functions.
-const SAFETY_LEVELS: [&str; 2] = ["v_h", "v_r"];
 
 /// Reads, runs Algorithm 1 and answers.
 ///
@@ -122,10 +123,9 @@ async fn predicted(document: Document<'_>, input: &Input) -> Result<PredictedBou
     let predictor = Predictor::try_from(input.predictor.clone())
         .map_err(|invalid| complain(invalid.within("predictor")))?;
     let problem = Problem::new(input, &predictor).map_err(complain)?;
-    let names = Vec::<String>::from(predictor.features().clone());
-    let scene = match names.iter().find(|name| SAFETY_LEVELS.contains(&name.as_str())) {
-        Some(name) => problem.scene(input, name).map_err(complain)?,
-        // Nothing looks at its safety levels.
+    let scene = match predictor.features().of_game() {
+        Some(feature) => problem.scene(input, feature.name).map_err(complain)?,
+        // Nothing looks at its game.
         None => SceneParameters::default(),
     };
     let safety = safety_functions(&scene, &Interrupt::listen()).await?;
@@ -134,7 +134,7 @@ async fn predicted(document: Document<'_>, input: &Input) -> Result<PredictedBou
 
 /// What is left once the input is checked.
 struct Problem {
-    now: JointState,
+    history: Vec<JointState>,
     motion: Motion,
     robot_turn_rate: f64,
     settings: BoundsSettings,
@@ -144,6 +144,10 @@ impl Problem {
     fn new(input: &Input, predictor: &Predictor) -> Result<Self, Invalid> {
         let now = JointState { human: input.human, robot: input.robot };
         now.check()?;
+        for (i, state) in input.history.iter().enumerate() {
+            state.check().map_err(|invalid| invalid.within(&format!("history[{i}]")))?;
+        }
+        let history = input.history.iter().copied().chain([now]).collect();
         let motion = motion(input)?;
         let robot_turn_rate = motion.robot_turn_rate.1;
         let rollout = match input.rollout {
@@ -153,7 +157,7 @@ impl Problem {
         let actions = predictor.classes().len();
         let settings =
             BoundsSettings::new(input.epsilon.clone(), choice(input)?, rollout, actions)?;
-        Ok(Self { now, motion, robot_turn_rate, settings })
+        Ok(Self { history, motion, robot_turn_rate, settings })
     }
 
     /// The scene whose safety levels the feature `name` needs.
@@ -194,7 +198,7 @@ impl Problem {
         }
         let robot_drives_straight = |_: &[JointState]| 0.0;
         Algorithm1::default()
-            .run(&[self.now], &self.motion, &human, robot_drives_straight, &self.settings)
+            .run(&self.history, &self.motion, &human, robot_drives_straight, &self.settings)
             .cloned()
             .map_err(|invalid| invalid.within("predictor"))
     }

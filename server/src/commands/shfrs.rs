@@ -6,9 +6,8 @@ mod report;
 use super::bounds::safety_functions;
 use super::game::GameArgs;
 use super::solving::Interrupt;
-use super::{CommandError, print_json, unwritable};
+use super::{CommandError, print_json, trials_file, unwritable};
 use crate::training::{self, Driven};
-use crate::trials_csv;
 use analysis::{Analysis, Questions};
 use sidestep::bounds::{ActionChoice, BoundsSettings, Rollout};
 use sidestep::features::{FeatureSet, SafetyFunctions};
@@ -20,10 +19,7 @@ use sidestep::shfrs::guarantee::Guarantee;
 use sidestep::shfrs::prediction::Prediction;
 use sidestep::shfrs::tuning::Split;
 use sidestep::shfrs::window::{Trajectory, WindowChoice};
-use sidestep::trial::Phase;
-use sidestep::vehicle::VehicleModel;
-use std::fs::{self, File};
-use std::io::BufReader;
+use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Stochastic human forward reachable sets of recorded trials: the probabilities of regions,
@@ -145,7 +141,7 @@ const SEQUENCE: usize = 101;
 /// (input), or a file that cannot be written (failure).
 pub async fn run(args: ShfrsArgs) -> Result<(), CommandError> {
     let interrupt = Interrupt::listen();
-    let parameters = args.parameters()?;
+    let parameters = trials_file::scene(args.game)?;
     let recorded = args.recorded(&parameters)?;
     let given = args.predictor.as_deref().map(read_predictor).transpose()?;
     let questions = args.questions()?;
@@ -193,26 +189,10 @@ struct Recorded {
 }
 
 impl ShfrsArgs {
-    fn parameters(&self) -> Result<SceneParameters, CommandError> {
-        let game = self.game.game()?;
-        let vehicle = |player: sidestep::reachability::Player| VehicleModel {
-            speed_mps: player.speed_mps,
-            turn_rate_radps: player.turn_rate_radps,
-        };
-        Ok(SceneParameters {
-            human: vehicle(game.evader),
-            robot: vehicle(game.pursuer),
-            danger_radius_m: game.radius_m,
-            ..SceneParameters::default()
-        })
-    }
-
     fn recorded(&self, parameters: &SceneParameters) -> Result<Vec<Recorded>, CommandError> {
         let name = self.trials.display();
         let complain = |e: &dyn std::fmt::Display| CommandError::Input(format!("{name}: {e}"));
-        let file = File::open(&self.trials).map_err(|e| complain(&format!("cannot read: {e}")))?;
-        let people =
-            trials_csv::read(BufReader::new(file), parameters).map_err(|e| complain(&e))?;
+        let people = trials_file::tasks(&self.trials, parameters)?;
         for wanted in &self.participant {
             if !people.iter().any(|person| person.name == *wanted) {
                 let found = people.iter().map(|person| person.name.as_str()).collect::<Vec<_>>();
@@ -225,7 +205,7 @@ impl ShfrsArgs {
             if !self.participant.is_empty() && !self.participant.contains(&person.name) {
                 continue;
             }
-            for trial in person.trials.into_iter().filter(|trial| trial.phase == Phase::Task) {
+            for trial in person.trials {
                 let rates = trial.inputs.iter().map(|&input| parameters.human.turn_rate(input));
                 let trajectory = Trajectory::new(trial.states.clone(), rates.collect())
                     .map_err(|e| complain(&format!("line {}: {e}", trial.line)))?;
@@ -237,10 +217,7 @@ impl ShfrsArgs {
                 });
             }
         }
-        match recorded.len() {
-            0 => Err(complain(&"expected at least one task, found none")),
-            _ => Ok(recorded),
-        }
+        Ok(recorded)
     }
 
     /// A predictor trained on the training part, and in words what it is.

@@ -4,9 +4,10 @@ use std::error::Error;
 
 use sidestep::dataset::Dataset;
 use sidestep::features::{FeatureSet, SafetyFunctions};
+use sidestep::learn::logistic::{LogisticSettings, fit};
+use sidestep::learn::samples::Samples;
 use sidestep::math::SeededRng;
 use sidestep::predict::Predictor;
-use sidestep::predict::logistic::{Logistic, LogisticSettings};
 use sidestep::predict::scale::Scale;
 use sidestep::scene::{JointState, SceneParameters};
 use sidestep::shfrs::tuning::Sample;
@@ -70,6 +71,7 @@ pub(crate) fn split(
     let values: Vec<f64> =
         data.values.iter().enumerate().map(|(i, &v)| scale.apply(i % width, v)).collect();
     let labels: Vec<usize> = data.labels.iter().map(|label| (label.sign() + 1) as usize).collect();
-    let model = Logistic::fit(width, &values, &labels, 3, LogisticSettings::default())?;
+    let samples = Samples::new(width, &values, &labels, 3)?;
+    let model = fit(&samples, 1.0, LogisticSettings::default())?;
     Ok((Predictor::logistic(features, vec![-1, 0, 1], scale, model), sample))
 }

@@ -10,6 +10,7 @@ use crate::runtime::{Command, Failure, Solving};
 use crate::shape::{Picture, Shape, Window};
 use crate::view::{Node, el, subscripted};
 use sidestep::api::{TrainedPredictor, TrialDetail};
+use sidestep::bounds::ActionModel as _;
 use sidestep::features::SafetyFunctions;
 use sidestep::invalid::Invalid;
 use sidestep::predict::Predictor;
@@ -229,7 +230,7 @@ impl Replay {
         self.history.extend_from_slice(&self.trial.states[..step]);
         self.history.push(state);
         let mut p = vec![0.0; learned.predictor.classes().len()];
-        human.probabilities_in(&state, &mut p);
+        human.probabilities(&self.history, &mut p);
         let of_class = |input: TurnInput| {
             let class = learned.predictor.classes().iter().position(|&c| c == input.sign());
             (input, class.map_or(0.0, |class| p[class]))

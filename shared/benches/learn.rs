@@ -1,0 +1,136 @@
+//! Training and inference at the size of the study's comparison: eight people, five folds of
+//! forty trials, seven feature sets, two experiments.
+//!
+//! What the whole comparison may take on one thread: logistic regression 1.5 s, trees 1.5 s;
+//! a prediction 1 µs.
+
+use std::hint::black_box;
+use std::time::Duration;
+
+use criterion::{Criterion, criterion_group, criterion_main};
+use sidestep::learn::logistic::{LogisticSettings, fit_path};
+use sidestep::learn::samples::Samples;
+use sidestep::predict::scale::Scale;
+
+/// Columns of B_hrd.
+const WIDTH: usize = 8;
+
+/// Columns of the paper's seven feature sets: d, then with safety levels.
+const SETS: [&[usize]; 7] = [
+    &[0, 1, 2, 3, 4, 5, 6, 7],
+    &[0, 1, 2, 3, 4, 5, 6],
+    &[0, 1, 2, 3, 4, 5, 7],
+    &[0, 1, 2, 3, 4, 6, 7],
+    &[0, 1, 2, 3, 4, 5],
+    &[0, 1, 2, 3, 4, 6],
+    &[0, 1, 2, 3, 4, 7],
+];
+
+const FOLDS: usize = 5;
+
+/// A person's training rows: values, trial, class in experiment I and II.
+struct Person {
+    values: Vec<f64>,
+    trials: Vec<usize>,
+    labels: [Vec<usize>; 2],
+}
+
+fn people() -> Vec<Person> {
+    let empty = || Person { values: vec![], trials: vec![], labels: [vec![], vec![]] };
+    let mut people: Vec<Person> = (0..8).map(|_| empty()).collect();
+    let mut reader =
+        csv::Reader::from_reader(include_str!("../tests/data/features.csv").as_bytes());
+    for row in reader.deserialize() {
+        let row: Vec<f64> = row.expect("a row of numbers");
+        if row[1] < 40.0 {
+            let person = &mut people[row[0] as usize];
+            person.values.extend(&row[3..3 + WIDTH]);
+            person.trials.push(row[1] as usize);
+            person.labels[0].push((row[3 + WIDTH] + 1.0) as usize);
+            person.labels[1].push(row[4 + WIDTH] as usize);
+        }
+    }
+    people
+}
+
+/// Standardised rows of one fit, with the classes of experiments I and II.
+struct Part {
+    width: usize,
+    values: Vec<f64>,
+    labels: [Vec<usize>; 2],
+}
+
+impl Part {
+    /// The columns `set` of all trials but those of `fold`.
+    fn new(person: &Person, set: &[usize], fold: Option<usize>) -> Self {
+        let kept = |i: &usize| fold.is_none_or(|fold| person.trials[*i] % FOLDS != fold);
+        let rows: Vec<usize> = (0..person.trials.len()).filter(kept).collect();
+        let row = |&i: &usize| set.iter().map(move |j| person.values[i * WIDTH + j]);
+        let mut values: Vec<f64> = rows.iter().flat_map(row).collect();
+        let scale = Scale::fit(set.len(), &values);
+        for (i, value) in values.iter_mut().enumerate() {
+            *value = scale.apply(i % set.len(), *value);
+        }
+        let labels = |all: &Vec<usize>| rows.iter().map(|&i| all[i]).collect();
+        let labels = [labels(&person.labels[0]), labels(&person.labels[1])];
+        Self { width: set.len(), values, labels }
+    }
+
+    fn samples(&self, experiment: usize) -> Samples<'_> {
+        let labels = &self.labels[experiment];
+        Samples::new(self.width, &self.values, labels, 3 - experiment).expect("rows of numbers")
+    }
+}
+
+/// The rows of every fit.
+fn parts(people: &[Person]) -> Vec<Part> {
+    let mut parts = Vec::new();
+    for person in people {
+        for set in SETS {
+            parts.extend((0..FOLDS).map(|fold| Part::new(person, set, Some(fold))));
+        }
+    }
+    parts
+}
+
+fn logistic(criterion: &mut Criterion) {
+    let people = people();
+    let parts = parts(&people);
+    let mut group = criterion.benchmark_group("logistic");
+    group.sample_size(10).measurement_time(Duration::from_secs(5));
+    let strengths = [1e-3, 1e-2, 1e-1, 1.0, 1e1, 1e2];
+    for (experiment, name) in ["which way", "whether"].into_iter().enumerate() {
+        let settings = LogisticSettings::default();
+        group.bench_function(format!("a path of six, {name}"), |bencher| {
+            bencher.iter(|| fit_path(&parts[0].samples(experiment), &strengths, settings));
+        });
+    }
+    group.bench_function("all folds of the comparison", |bencher| {
+        bencher.iter(|| {
+            for part in &parts {
+                for experiment in [0, 1] {
+                    let settings = LogisticSettings::default();
+                    let models = fit_path(&part.samples(experiment), &strengths, settings);
+                    black_box(models.expect("a fit"));
+                }
+            }
+        });
+    });
+    let person = &people[0];
+    let scale = Scale::fit(WIDTH, &person.values);
+    let part = Part::new(person, SETS[0], None);
+    let models = fit_path(&part.samples(0), &[1.0], LogisticSettings::default());
+    let model = &models.expect("a fit")[0];
+    let mut probabilities = [0.0; 3];
+    group.bench_function("inference", |bencher| {
+        bencher.iter(|| {
+            let row = black_box(&person.values[800..800 + WIDTH]);
+            model.probabilities_into(&scale, row, &mut probabilities);
+            probabilities[1]
+        });
+    });
+    group.finish();
+}
+
+criterion_group!(benches, logistic);
+criterion_main!(benches);

@@ -1,0 +1,344 @@
+//! The feature table.
+//!
+//! A feature is one line of [`FEATURES`]. World-frame differences are
+//! human − robot by component (the paper's B); subscript h is V_HR (the human's
+//! safety level), r is V_RH (the robot's). The human's body frame has its x-axis along the
+//! human's heading and its y-axis to the left.
+
+use super::SafetyFunctions;
+use crate::math::{cos, hypot, sin, wrap_angle};
+use crate::scene::JointState;
+use Compute::{FromGame, FromMotion};
+
+/// One entry of the feature table.
+pub struct Feature {
+    /// Column name in files.
+    pub name: &'static str,
+    /// Unit; "1" for a pure number.
+    pub unit: &'static str,
+    /// What it tells.
+    pub meaning: &'static str,
+    /// Its value.
+    pub compute: Compute,
+}
+
+/// How a feature is computed from the joint states so far, one a step: the last one is the
+/// present.
+pub enum Compute {
+    /// From the states alone.
+    FromMotion(fn(&[JointState]) -> f64),
+    /// From the states and the game that the vehicles play: its speeds and safety levels.
+    FromGame(fn(&[JointState], &SafetyFunctions) -> f64),
+}
+
+impl Feature {
+    /// Its value in the last state of `history`, which is not empty.
+    #[must_use]
+    pub fn value(&self, history: &[JointState], safety: &SafetyFunctions) -> f64 {
+        match self.compute {
+            FromMotion(compute) => compute(history),
+            FromGame(compute) => compute(history, safety),
+        }
+    }
+}
+
+/// Every feature there is.
+pub static FEATURES: &[Feature] = &[
+    Feature {
+        name: "abs_dx",
+        unit: "m",
+        meaning: "|Δx|, world frame",
+        compute: FromMotion(|h| (now(h).human.x - now(h).robot.x).abs()),
+    },
+    Feature {
+        name: "abs_dy",
+        unit: "m",
+        meaning: "|Δy|, world frame",
+        compute: FromMotion(|h| (now(h).human.y - now(h).robot.y).abs()),
+    },
+    Feature {
+        name: "dpsi",
+        unit: "rad",
+        meaning: "human's heading less the robot's, in (−π, π]",
+        compute: FromMotion(heading_difference),
+    },
+    Feature {
+        name: "cos_dpsi",
+        unit: "1",
+        meaning: "cosine of the heading difference",
+        compute: FromMotion(|h| cos(heading_difference(h))),
+    },
+    Feature {
+        name: "sin_dpsi",
+        unit: "1",
+        meaning: "sine of the heading difference",
+        compute: FromMotion(|h| sin(heading_difference(h))),
+    },
+    Feature {
+        name: "v_h",
+        unit: "m",
+        meaning: "V_HR, the human's safety level",
+        compute: FromGame(|h, v| v.human_level(now(h))),
+    },
+    Feature {
+        name: "v_r",
+        unit: "m",
+        meaning: "V_RH, the robot's safety level",
+        compute: FromGame(|h, v| v.robot_level(now(h))),
+    },
+    Feature {
+        name: "distance",
+        unit: "m",
+        meaning: "distance between the vehicles",
+        compute: FromMotion(|h| now(h).distance_m()),
+    },
+    Feature {
+        name: "robot_ahead",
+        unit: "m",
+        meaning: "robot's position along the human's heading",
+        compute: FromMotion(|h| now(h).robot_seen_by_human()[0]),
+    },
+    Feature {
+        name: "robot_left",
+        unit: "m",
+        meaning: "robot's position to the left of the human's heading",
+        compute: FromMotion(|h| now(h).robot_seen_by_human()[1]),
+    },
+    Feature {
+        name: "closest_time",
+        unit: "s",
+        meaning: "time to the closest approach if both drove straight on; 0 if that is past",
+        compute: FromGame(|h, v| closest_approach(h, v).time_s),
+    },
+    Feature {
+        name: "closest_distance",
+        unit: "m",
+        meaning: "distance at that closest approach",
+        compute: FromGame(|h, v| {
+            hypot(closest_approach(h, v).ahead_m, closest_approach(h, v).left_m)
+        }),
+    },
+    Feature {
+        name: "closest_left",
+        unit: "m",
+        meaning: "robot's position to the left of the human's heading at that closest approach",
+        compute: FromGame(|h, v| closest_approach(h, v).left_m),
+    },
+    Feature {
+        name: "dv_h_ahead",
+        unit: "m/m",
+        meaning: "slope of V_HR as the robot moves along the human's heading",
+        compute: FromGame(|h, v| v.human.state(now(h).robot_seen_by_human()).gradient[0]),
+    },
+    Feature {
+        name: "dv_h_left",
+        unit: "m/m",
+        meaning: "slope of V_HR as the robot moves to the human's left",
+        compute: FromGame(|h, v| v.human.state(now(h).robot_seen_by_human()).gradient[1]),
+    },
+    Feature {
+        name: "dv_h_turn",
+        unit: "m/rad",
+        meaning: "slope of V_HR as the robot turns left",
+        compute: FromGame(|h, v| v.human.state(now(h).robot_seen_by_human()).gradient[2]),
+    },
+    Feature {
+        name: "dv_r_ahead",
+        unit: "m/m",
+        meaning: "slope of V_RH as the human moves along the robot's heading",
+        compute: FromGame(|h, v| v.robot.state(now(h).human_seen_by_robot()).gradient[0]),
+    },
+    Feature {
+        name: "dv_r_left",
+        unit: "m/m",
+        meaning: "slope of V_RH as the human moves to the robot's left",
+        compute: FromGame(|h, v| v.robot.state(now(h).human_seen_by_robot()).gradient[1]),
+    },
+    Feature {
+        name: "dv_r_turn",
+        unit: "m/rad",
+        meaning: "slope of V_RH as the human turns left",
+        compute: FromGame(|h, v| v.robot.state(now(h).human_seen_by_robot()).gradient[2]),
+    },
+    Feature {
+        name: "turned_1",
+        unit: "rad",
+        meaning: "how far the human turned left in the step before; 0 before the first one",
+        compute: FromMotion(|h| turned(h, 0, 1)),
+    },
+    Feature {
+        name: "turned_2",
+        unit: "rad",
+        meaning: "how far the human turned left in the step before that one",
+        compute: FromMotion(|h| turned(h, 1, 2)),
+    },
+    Feature {
+        name: "turned_5",
+        unit: "rad",
+        meaning: "how far the human turned left in the five steps before",
+        compute: FromMotion(|h| turned(h, 0, 5)),
+    },
+    Feature {
+        name: "turned",
+        unit: "rad",
+        meaning: "how far the human turned left since the beginning of the trial",
+        compute: FromMotion(|h| turned(h, 0, h.len())),
+    },
+];
+
+/// The present.
+fn now(history: &[JointState]) -> &JointState {
+    &history[history.len() - 1]
+}
+
+fn heading_difference(history: &[JointState]) -> f64 {
+    let state = now(history);
+    wrap_angle(state.human.psi - state.robot.psi)
+}
+
+/// How far the human turned left from `first` to `last` steps ago, rad. In one step a
+/// vehicle turns by less than half a circle, so that the sum knows of full circles.
+fn turned(history: &[JointState], first: usize, last: usize) -> f64 {
+    let recent = history.iter().rev().skip(first).take(last - first + 1);
+    let headings = recent.map(|state| state.human.psi);
+    headings
+        .clone()
+        .zip(headings.skip(1))
+        .map(|(after, before)| wrap_angle(after - before))
+        .fold(0.0, |sum, turn| sum + turn)
+}
+
+/// Where the robot comes closest to a human if both drive straight on.
+struct ClosestApproach {
+    /// Time until then, ≥ 0 s.
+    time_s: f64,
+    /// The robot then in the human's body frame, m.
+    ahead_m: f64,
+    left_m: f64,
+}
+
+/// The speeds are those of the game in which the human evades.
+fn closest_approach(history: &[JointState], safety: &SafetyFunctions) -> ClosestApproach {
+    let game = safety.human.game();
+    let [x, y, psi] = now(history).robot_seen_by_human();
+    let robot = game.pursuer.speed_mps;
+    let (vx, vy) = (robot * cos(psi) - game.evader.speed_mps, robot * sin(psi));
+    let square = vx * vx + vy * vy;
+    // Side by side at one speed they are as close now as ever.
+    let time_s = if square > 0.0 { (-(x * vx + y * vy) / square).max(0.0) } else { 0.0 };
+    ClosestApproach { time_s, ahead_m: x + vx * time_s, left_m: y + vy * time_s }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::{PI, SeededRng};
+    use crate::scene::SceneParameters;
+    use crate::vehicle::{Pose, TurnInput};
+    use core::ops::ControlFlow;
+
+    fn safety(parameters: &SceneParameters) -> SafetyFunctions {
+        SafetyFunctions::solve(parameters, &mut |_| ControlFlow::Continue(())).unwrap()
+    }
+
+    fn compute(name: &str, history: &[JointState], safety: &SafetyFunctions) -> f64 {
+        let feature = FEATURES.iter().find(|feature| feature.name == name).unwrap();
+        feature.value(history, safety)
+    }
+
+    #[test]
+    fn the_table_is_well_formed() {
+        for (i, feature) in FEATURES.iter().enumerate() {
+            assert!(!feature.unit.is_empty() && !feature.meaning.is_empty());
+            assert!(FEATURES[..i].iter().all(|other| other.name != feature.name));
+        }
+    }
+
+    /// Against the least distance along densely sampled straight drives.
+    #[test]
+    fn the_closest_approach_is_the_least_distance_of_straight_drives() {
+        let mut parameters = SceneParameters::default();
+        parameters.robot.speed_mps = 1.3;
+        // Speeds are all that is asked of it.
+        let safety = safety(&parameters);
+        let mut rng = SeededRng::new(5);
+        let mut pose =
+            || Pose::new(rng.uniform(-9., 9.), rng.uniform(-9., 9.), rng.uniform(-PI, PI));
+        for _ in 0..50 {
+            let state = JointState { human: pose(), robot: pose() };
+            let at = |t: f64| state.advance(&parameters, TurnInput::Straight, t);
+            let (t, d) = (0..40_000)
+                .map(|i| f64::from(i) * 2e-3)
+                .map(|t| (t, at(t).distance_m()))
+                .min_by(|a, b| a.1.total_cmp(&b.1))
+                .unwrap();
+            let found = compute("closest_distance", &[state], &safety);
+            assert!((found - d).abs() < 1e-5, "{state:?}: {found} {d}");
+            assert!((compute("closest_time", &[state], &safety) - t).abs() < 2e-2);
+            let left = at(compute("closest_time", &[state], &safety)).robot_seen_by_human()[1];
+            assert!((compute("closest_left", &[state], &safety) - left).abs() < 1e-9);
+        }
+    }
+
+    /// Against differences of V along the axes that the names tell.
+    #[test]
+    fn gradients_are_slopes() {
+        let safety = safety(&SceneParameters::default());
+        let robot = Pose::new(1.0, 2.0, 0.4);
+        let human = Pose::new(7.0, 4.5, -2.6);
+        let state = JointState { human, robot };
+        let h = 1e-6;
+        let moved = |pose: Pose, along: f64, by: [f64; 3]| {
+            let (s, c) = crate::math::sin_cos(along);
+            let (dx, dy) = (by[0] * c - by[1] * s, by[0] * s + by[1] * c);
+            Pose { x: pose.x + dx, y: pose.y + dy, psi: pose.psi + by[2] }
+        };
+        let names = ["ahead", "left", "turn"];
+        for (name, by) in names.into_iter().zip([[h, 0., 0.], [0., h, 0.], [0., 0., h]]) {
+            let slope = |level: &dyn Fn([f64; 3]) -> f64| {
+                (level(by) - level(by.map(|component| -component))) / (2.0 * h)
+            };
+            let of_human = slope(&|by| {
+                let robot = moved(robot, human.psi, by);
+                safety.human_level(&JointState { human, robot })
+            });
+            let found = compute(&format!("dv_h_{name}"), &[state], &safety);
+            assert!((found - of_human).abs() < 1e-6, "{name}: {found} {of_human}");
+            let of_robot = slope(&|by| {
+                let human = moved(human, robot.psi, by);
+                safety.robot_level(&JointState { human, robot })
+            });
+            let found = compute(&format!("dv_r_{name}"), &[state], &safety);
+            assert!((found - of_robot).abs() < 1e-6, "{name}: {found} {of_robot}");
+        }
+    }
+
+    #[test]
+    fn turns_are_those_of_the_steps_before() {
+        use TurnInput::{Left, Right, Straight};
+        let parameters = SceneParameters::default();
+        let safety = safety(&parameters);
+        let pose = |psi| Pose::new(0.0, 0.0, psi);
+        let mut history = vec![JointState { human: pose(3.1), robot: pose(0.0) }];
+        let check = |history: &[JointState], expected: [f64; 4]| {
+            for (name, steps) in
+                ["turned_1", "turned_2", "turned_5", "turned"].into_iter().zip(expected)
+            {
+                let found = compute(name, history, &safety);
+                assert!((found - 0.1 * steps).abs() < 1e-12, "{name}: {found}");
+            }
+        };
+        check(&history, [0.0; 4]);
+        for input in [Left, Left, Right, Straight, Left, Left] {
+            history.push(now(&history).advance(&parameters, input, 0.2));
+        }
+        check(&history[..2], [1.0, 0.0, 1.0, 1.0]);
+        check(&history[..3], [1.0, 1.0, 2.0, 2.0]);
+        check(&history[..4], [-1.0, 1.0, 1.0, 1.0]);
+        check(&history, [1.0, 1.0, 2.0, 3.0]);
+        for _ in 0..100 {
+            history.push(now(&history).advance(&parameters, Left, 0.2));
+        }
+        check(&history, [1.0, 1.0, 5.0, 103.0]);
+    }
+}

@@ -1,0 +1,463 @@
+//! The penalised loss, its gradient and its Hessian in one pass over the rows.
+//!
+//! Unknowns are blocks of (weights …, intercept): for two classes one block, the score of the
+//! second class; for K ≥ 3 the scores of all but the last, which is minus their sum.
+//!
+//! Columns are contiguous and every sum over rows has [`LANES`] fixed partial sums, so that
+//! wide lanes compute them without changing a bit.
+
+use crate::learn::samples::Samples;
+use crate::math::{exp, ln};
+use crate::reachability::parallel::{Kernel, in_widest_lanes};
+use nalgebra::{DMatrix, DVector};
+
+/// Partial sums of a sum over rows.
+const LANES: usize = 8;
+
+/// Rows at a time: what is computed of them stays in the nearest cache.
+const CHUNK: usize = 256;
+
+/// Loss, gradient and Hessian somewhere.
+pub(super) struct Point {
+    pub(super) loss: f64,
+    pub(super) gradient: DVector<f64>,
+    /// Both triangles are filled.
+    pub(super) hessian: DMatrix<f64>,
+}
+
+/// What is minimised, for any C.
+pub(super) struct Objective<'a> {
+    labels: &'a [usize],
+    classes: usize,
+    /// Blocks of unknowns: 1 for two classes, else one fewer than classes.
+    blocks: usize,
+    /// Weights and intercept of a block.
+    stride: usize,
+    /// Columns of [`Self::padded`] rows each, the last all ones; zeros behind the last row.
+    columns: Vec<f64>,
+    /// Classes × rows: 1 where the row has the class.
+    wanted: Vec<f64>,
+    padded: usize,
+    scratch: Scratch,
+}
+
+/// Of one chunk of rows: arrays of [`CHUNK`] each. What it holds of rows behind the last one
+/// is of no consequence, since their columns are zero.
+struct Scratch {
+    /// Blocks × rows, and for three or more classes the last class's.
+    scores: Vec<f64>,
+    /// Classes × rows: probabilities. Of two classes, only the second's are computed.
+    shares: Vec<f64>,
+    /// Rows: the highest score.
+    tops: Vec<f64>,
+    /// Rows: Σ of exp(score − top), then its inverse.
+    totals: Vec<f64>,
+    /// Blocks × rows: slope of the loss by the block's score.
+    slopes: Vec<f64>,
+    /// Pairs of blocks × rows (lower triangle): second derivatives.
+    curvatures: Vec<f64>,
+    /// A column times a curvature.
+    weighted: Vec<f64>,
+}
+
+impl<'a> Objective<'a> {
+    pub(super) fn new(samples: &Samples<'a>) -> Self {
+        let (width, classes) = (samples.width(), samples.classes());
+        let blocks = if classes == 2 { 1 } else { classes - 1 };
+        let padded = samples.labels().len().next_multiple_of(LANES);
+        let mut columns = vec![0.0; (width + 1) * padded];
+        for (i, row) in samples.rows().enumerate() {
+            for (j, &value) in row.iter().enumerate() {
+                columns[j * padded + i] = value;
+            }
+            columns[width * padded + i] = 1.0;
+        }
+        let mut wanted = vec![0.0; classes * padded];
+        for (i, &label) in samples.labels().iter().enumerate() {
+            wanted[label * padded + i] = 1.0;
+        }
+        let arrays = |count: usize| vec![0.0; count * CHUNK];
+        let scratch = Scratch {
+            scores: arrays(classes),
+            shares: arrays(classes),
+            tops: arrays(1),
+            totals: arrays(1),
+            slopes: arrays(blocks),
+            curvatures: arrays(blocks * (blocks + 1) / 2),
+            weighted: arrays(1),
+        };
+        let labels = samples.labels();
+        Self { labels, classes, blocks, stride: width + 1, columns, wanted, padded, scratch }
+    }
+
+    pub(super) fn width(&self) -> usize {
+        self.stride - 1
+    }
+
+    pub(super) fn classes(&self) -> usize {
+        self.classes
+    }
+
+    pub(super) fn unknowns(&self) -> usize {
+        self.blocks * self.stride
+    }
+
+    /// Second derivative of the penalty by the same weight of two blocks.
+    fn penalty(&self, a: usize, b: usize) -> f64 {
+        if self.classes > 2 && a == b { 2.0 } else { 1.0 }
+    }
+
+    /// The penalty's gradient: its Hessian times `theta`.
+    fn penalty_slope(&self, theta: &DVector<f64>) -> DVector<f64> {
+        DVector::from_fn(self.unknowns(), |i, _| {
+            let (a, j) = (i / self.stride, i % self.stride);
+            if j == self.width() {
+                return 0.0;
+            }
+            (0..self.blocks).map(|b| self.penalty(a, b) * theta[b * self.stride + j]).sum()
+        })
+    }
+
+    /// Adds `factor` times the penalty's Hessian.
+    fn add_penalty(&self, hessian: &mut DMatrix<f64>, factor: f64) {
+        for a in 0..self.blocks {
+            for b in 0..self.blocks {
+                for j in 0..self.width() {
+                    hessian[(a * self.stride + j, b * self.stride + j)] +=
+                        factor * self.penalty(a, b);
+                }
+            }
+        }
+    }
+
+    /// Where Newton's method goes from the minimum `theta` of one C when that is multiplied by
+    /// `ratio`, with the Hessian that was found near that minimum: no pass over the rows.
+    pub(super) fn carried_over(
+        &self,
+        theta: &DVector<f64>,
+        point: &Point,
+        ratio: f64,
+    ) -> Option<DVector<f64>> {
+        let pull = self.penalty_slope(theta) * (ratio - 1.0);
+        let mut hessian = &point.hessian * ratio;
+        self.add_penalty(&mut hessian, 1.0 - ratio);
+        Some(theta + hessian.cholesky()?.solve(&pull))
+    }
+
+    /// Loss, gradient and Hessian at `theta` for this C.
+    pub(super) fn at(&mut self, theta: &DVector<f64>, c: f64) -> Point {
+        let n = self.unknowns();
+        let mut sums = Sums { loss: 0.0, gradient: vec![0.0; n], hessian: vec![0.0; n * n] };
+        in_widest_lanes(Pass { objective: self, theta: theta.as_slice(), sums: &mut sums });
+        let slope = self.penalty_slope(theta);
+        let loss = c * sums.loss + 0.5 * slope.dot(theta);
+        let gradient = DVector::from_vec(sums.gradient) * c + slope;
+        let mut hessian = DMatrix::from_vec(n, n, sums.hessian) * c;
+        hessian.fill_upper_triangle_with_lower_triangle();
+        self.add_penalty(&mut hessian, 1.0);
+        Point { loss, gradient, hessian }
+    }
+}
+
+/// Sums over rows, without C and penalty.
+struct Sums {
+    loss: f64,
+    gradient: Vec<f64>,
+    /// Column-major; the lower triangle is filled.
+    hessian: Vec<f64>,
+}
+
+struct Pass<'a, 'b> {
+    objective: &'a mut Objective<'b>,
+    theta: &'a [f64],
+    sums: &'a mut Sums,
+}
+
+impl Kernel for Pass<'_, '_> {
+    #[inline(always)]
+    fn run(self) {
+        let Objective { labels, classes, blocks, stride, columns, wanted, padded, scratch } =
+            self.objective;
+        let (blocks, stride, unknowns) = (*blocks, *stride, *blocks * *stride);
+        for begin in (0..*padded).step_by(CHUNK) {
+            let rows = CHUNK.min(*padded - begin);
+            let column = |j: usize| &columns[j * *padded + begin..][..rows];
+            for a in 0..blocks {
+                let scores = &mut scratch.scores[a * CHUNK..][..rows];
+                scores.fill(0.0);
+                for (j, &weight) in self.theta[a * stride..][..stride].iter().enumerate() {
+                    for (score, x) in scores.iter_mut().zip(column(j)) {
+                        *score += weight * x;
+                    }
+                }
+            }
+            let here = &labels[begin..labels.len().min(begin + rows)];
+            let wanted = |class: usize| &wanted[class * *padded + begin..][..rows];
+            self.sums.loss += if *classes == 2 {
+                scratch.of_two(here, wanted(1))
+            } else {
+                scratch.of_several(here, blocks, rows, &wanted)
+            };
+            for a in 0..blocks {
+                let slopes = &scratch.slopes[a * CHUNK..][..rows];
+                dots(slopes, &column, &mut self.sums.gradient[a * stride..][..stride]);
+                for b in 0..=a {
+                    let curvatures = &scratch.curvatures[(a * (a + 1) / 2 + b) * CHUNK..][..rows];
+                    for j in 0..stride {
+                        let weighted = &mut scratch.weighted[..rows];
+                        for ((w, x), c) in weighted.iter_mut().zip(column(j)).zip(curvatures) {
+                            *w = x * c;
+                        }
+                        // Column j of block b, rows of block a: a symmetric block of which
+                        // those on the diagonal need only what is below it.
+                        let first = if a == b { j } else { 0 };
+                        let at = (b * stride + j) * unknowns + a * stride;
+                        let out = &mut self.sums.hessian[at + first..at + stride];
+                        dots(weighted, &|i| column(first + i), out);
+                    }
+                }
+            }
+        }
+    }
+}
+
+impl Scratch {
+    /// The loss of some rows by their scores; fills slopes and curvatures.
+    #[inline(always)]
+    fn of_two(&mut self, labels: &[usize], wanted: &[f64]) -> f64 {
+        let rows = wanted.len();
+        let (scores, totals) = (&self.scores[..rows], &mut self.totals[..rows]);
+        for (total, score) in totals.iter_mut().zip(scores) {
+            *total = exp(-score.abs());
+        }
+        let derivatives = self.slopes.iter_mut().zip(&mut self.curvatures);
+        for (((&score, &small), wanted), (slope, curvature)) in
+            scores.iter().zip(&*totals).zip(wanted).zip(derivatives)
+        {
+            let inverse = 1.0 / (1.0 + small);
+            let share = if score > 0.0 { inverse } else { small * inverse };
+            *slope = share - wanted;
+            *curvature = small * inverse * inverse;
+        }
+        let mut loss = Loss::default();
+        for ((&label, &score), &small) in labels.iter().zip(scores).zip(&*totals) {
+            let against = if label == 1 { -score } else { score };
+            loss.add(against.max(0.0), 1.0 + small);
+        }
+        loss.total()
+    }
+
+    /// The same for three or more classes.
+    #[inline(always)]
+    fn of_several<'a>(
+        &mut self,
+        labels: &[usize],
+        blocks: usize,
+        rows: usize,
+        wanted: &impl Fn(usize) -> &'a [f64],
+    ) -> f64 {
+        let (scores, last) = self.scores.split_at_mut(blocks * CHUNK);
+        let (tops, totals) = (&mut self.tops[..rows], &mut self.totals[..rows]);
+        last.fill(0.0);
+        for scores in scores.chunks_exact(CHUNK) {
+            for (last, score) in last.iter_mut().zip(scores) {
+                *last -= score;
+            }
+        }
+        tops.fill(f64::NEG_INFINITY);
+        for scores in self.scores.chunks_exact(CHUNK) {
+            for (top, &score) in tops.iter_mut().zip(scores) {
+                *top = if score > *top { score } else { *top };
+            }
+        }
+        totals.fill(0.0);
+        for (shares, scores) in
+            self.shares.chunks_exact_mut(CHUNK).zip(self.scores.chunks_exact(CHUNK))
+        {
+            for ((share, score), top) in shares.iter_mut().zip(scores).zip(&*tops) {
+                *share = exp(score - top);
+            }
+            for (total, share) in totals.iter_mut().zip(&*shares) {
+                *total += share;
+            }
+        }
+        let mut loss = Loss::default();
+        for (i, &label) in labels.iter().enumerate() {
+            loss.add(tops[i] - self.scores[label * CHUNK + i], totals[i]);
+        }
+        for total in totals.iter_mut() {
+            *total = 1.0 / *total;
+        }
+        for shares in self.shares.chunks_exact_mut(CHUNK) {
+            for (share, inverse) in shares.iter_mut().zip(&*totals) {
+                *share *= inverse;
+            }
+        }
+        let share = |class: usize| &self.shares[class * CHUNK..][..rows];
+        let last = share(blocks);
+        for a in 0..blocks {
+            let slopes = &mut self.slopes[a * CHUNK..][..rows];
+            let missed = wanted(a).iter().zip(wanted(blocks));
+            for (((slope, p), last), (own, other)) in
+                slopes.iter_mut().zip(share(a)).zip(last).zip(missed)
+            {
+                *slope = (p - own) - (last - other);
+            }
+            for b in 0..=a {
+                let same = if a == b { 1.0 } else { 0.0 };
+                let curvatures = &mut self.curvatures[(a * (a + 1) / 2 + b) * CHUNK..][..rows];
+                for (((curvature, p), q), last) in
+                    curvatures.iter_mut().zip(share(a)).zip(share(b)).zip(last)
+                {
+                    *curvature = same * p + last - (p - last) * (q - last);
+                }
+            }
+        }
+        loss.total()
+    }
+}
+
+/// Σ of terms and of logarithms: that of a product is cheaper than those of its factors.
+struct Loss {
+    sum: f64,
+    product: f64,
+}
+
+impl Default for Loss {
+    fn default() -> Self {
+        Self { sum: 0.0, product: 1.0 }
+    }
+}
+
+impl Loss {
+    #[inline(always)]
+    fn add(&mut self, term: f64, factor: f64) {
+        self.sum += term;
+        self.product *= factor;
+        if self.product > 1e100 {
+            self.sum += ln(self.product);
+            self.product = 1.0;
+        }
+    }
+
+    fn total(self) -> f64 {
+        self.sum + ln(self.product)
+    }
+}
+
+/// Adds Σ over rows of `weights` · column(i) to each `out[i]`.
+#[inline(always)]
+fn dots<'a>(weights: &[f64], column: &impl Fn(usize) -> &'a [f64], out: &mut [f64]) {
+    let weights = weights.as_chunks::<LANES>().0;
+    let column = |i: usize| &column(i).as_chunks::<LANES>().0[..weights.len()];
+    let (fours, rest) = out.as_chunks_mut::<4>();
+    let done = 4 * fours.len();
+    for (i, out) in fours.iter_mut().enumerate() {
+        let mut partial = [[0.0; LANES]; 4];
+        let columns = column(4 * i).iter().zip(column(4 * i + 1));
+        let columns = columns.zip(column(4 * i + 2)).zip(column(4 * i + 3));
+        for (w, (((x0, x1), x2), x3)) in weights.iter().zip(columns) {
+            for lane in 0..LANES {
+                partial[0][lane] += w[lane] * x0[lane];
+                partial[1][lane] += w[lane] * x1[lane];
+                partial[2][lane] += w[lane] * x2[lane];
+                partial[3][lane] += w[lane] * x3[lane];
+            }
+        }
+        for (out, partial) in out.iter_mut().zip(partial) {
+            *out += total(partial);
+        }
+    }
+    for (i, out) in rest.iter_mut().enumerate() {
+        let mut partial = [0.0; LANES];
+        for (w, x) in weights.iter().zip(column(done + i)) {
+            for lane in 0..LANES {
+                partial[lane] += w[lane] * x[lane];
+            }
+        }
+        *out += total(partial);
+    }
+}
+
+#[inline(always)]
+fn total(p: [f64; LANES]) -> f64 {
+    ((p[0] + p[4]) + (p[2] + p[6])) + ((p[1] + p[5]) + (p[3] + p[7]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::SeededRng;
+
+    /// Σ −log P(label) and the penalty, straight from their definitions.
+    fn plain_loss(samples: &Samples<'_>, theta: &DVector<f64>, c: f64) -> f64 {
+        let stride = samples.width() + 1;
+        let blocks: Vec<&[f64]> = theta.as_slice().chunks_exact(stride).collect();
+        let mut weights: Vec<Vec<f64>> = blocks.iter().map(|block| block.to_vec()).collect();
+        let two = samples.classes() == 2;
+        let minus_sum =
+            |j: usize| if two { 0.0 } else { -blocks.iter().map(|block| block[j]).sum::<f64>() };
+        let other = (0..stride).map(minus_sum).collect();
+        if two {
+            weights.insert(0, other)
+        } else {
+            weights.push(other)
+        }
+        let mut loss = 0.0;
+        for (row, &label) in samples.rows().zip(samples.labels()) {
+            let score =
+                |w: &Vec<f64>| w[stride - 1] + row.iter().zip(w).map(|(x, w)| x * w).sum::<f64>();
+            let scores: Vec<f64> = weights.iter().map(score).collect();
+            loss += ln(scores.iter().map(|s| exp(*s)).sum()) - scores[label];
+        }
+        let squares = weights.iter().flat_map(|w| &w[..stride - 1]).map(|w| w * w).sum::<f64>();
+        c * loss + 0.5 * squares
+    }
+
+    #[test]
+    fn derivatives_agree_with_differences() {
+        let mut rng = SeededRng::new(2);
+        // Fewer rows than lanes, more than a chunk.
+        for (n, classes) in [(5, 2), (5, 3), (300, 2), (300, 3), (300, 5)] {
+            let width = 4;
+            let values: Vec<f64> = (0..n * width).map(|_| rng.uniform(-1.5, 1.5)).collect();
+            let labels: Vec<usize> = (0..n).map(|i| i % classes).collect();
+            let samples = Samples::new(width, &values, &labels, classes).unwrap();
+            let mut objective = Objective::new(&samples);
+            let unknowns = objective.unknowns();
+            let theta = DVector::from_fn(unknowns, |_, _| rng.uniform(-1.0, 1.0));
+            let point = objective.at(&theta, 0.7);
+            let exact = plain_loss(&samples, &theta, 0.7);
+            assert!((point.loss - exact).abs() < 1e-12 * exact, "{} {exact}", point.loss);
+            for i in 0..unknowns {
+                let h = 1e-5;
+                let moved = |sign: f64| {
+                    let mut theta = theta.clone();
+                    theta[i] += sign * h;
+                    theta
+                };
+                let (high, low) = (objective.at(&moved(1.0), 0.7), objective.at(&moved(-1.0), 0.7));
+                let slope = (high.loss - low.loss) / (2.0 * h);
+                assert!((slope - point.gradient[i]).abs() < 1e-7 * (1.0 + slope.abs()));
+                let slopes = (high.gradient - low.gradient) / (2.0 * h);
+                for j in 0..unknowns {
+                    let curvature = point.hessian[(i, j)];
+                    assert!((slopes[j] - curvature).abs() < 1e-6 * (1.0 + curvature.abs()));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn scores_far_away_overflow_nothing() {
+        for classes in [2, 3] {
+            let labels = [1, 0, classes - 1];
+            let samples = Samples::new(1, &[1.0, -1.0, 2.0], &labels, classes).unwrap();
+            let mut objective = Objective::new(&samples);
+            let theta = DVector::from_element(objective.unknowns(), -1000.0);
+            let point = objective.at(&theta, 1.0);
+            assert!(point.loss.is_finite());
+            assert!(point.gradient.iter().chain(point.hessian.iter()).all(|x| x.is_finite()));
+        }
+    }
+}
