@@ -2,7 +2,8 @@
 
 use clap::{Parser, Subcommand};
 use sidestep_server::commands::{
-    CommandError, analyze, bounds, check, export, features, import, plot, reach, serve, shfrs, simulate, solve, value,
+    CommandError, analyze, bounds, check, export, features, import, plot, reach, serve, shfrs,
+    simulate, solve, value,
 };
 use std::io::IsTerminal;
 use std::process::ExitCode;

@@ -18,6 +18,5 @@ pub mod split;
 pub mod tables;
 
 pub use run::{
-    Cache, Exclusion, Leakage, Person, Progress, Results, RolloutsOf, RunError, Settings,
-    run,
+    Cache, Exclusion, Leakage, Person, Progress, Results, RolloutsOf, RunError, Settings, run,
 };

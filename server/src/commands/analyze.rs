@@ -105,10 +105,8 @@ pub async fn run(args: AnalyzeArgs) -> Result<(), CommandError> {
     } else {
         synthetic::recognised(&file, &scene)
     };
-    let settings = Settings {
-        leakage: args.leakage,
-        ..Settings::new().map_err(CommandError::failure)?
-    };
+    let settings =
+        Settings { leakage: args.leakage, ..Settings::new().map_err(CommandError::failure)? };
     let results = in_threads(args.threads, &interrupt, {
         let (scene, cache, stop) = (scene.clone(), cache, interrupt.stop.clone());
         move |bar| {
@@ -130,7 +128,10 @@ pub async fn run(args: AnalyzeArgs) -> Result<(), CommandError> {
     };
     let analysis = Analysis::of(results, synthetic).map_err(CommandError::failure)?;
     for exclusion in &analysis.exclusions {
-        eprintln!("sidestep: left out: participant {}: {}", exclusion.participant, exclusion.reason);
+        eprintln!(
+            "sidestep: left out: participant {}: {}",
+            exclusion.participant, exclusion.reason
+        );
     }
     analysis.write(draft.path()).map_err(|e| unwritable(&args.out, &e))?;
     let kept_or = |e| interrupt.check().err().unwrap_or_else(|| unwritable(&args.out, &e));
@@ -158,10 +159,9 @@ impl AnalyzeArgs {
         let url = self.source.database.clone().unwrap_or_default();
         let source = format!("--study {}", self.study);
         let store = Store::open(&url, Missing::Refuse).await?;
-        let study =
-            studies::find(&mut *store.reader().await?, &self.study).await?.ok_or_else(|| {
-                CommandError::Input(format!("{source}: no such study in {url}"))
-            })?;
+        let study = studies::find(&mut *store.reader().await?, &self.study)
+            .await?
+            .ok_or_else(|| CommandError::Input(format!("{source}: no such study in {url}")))?;
         let scene = study.config.parameters.clone();
         let mut octets = Vec::new();
         let mut pieces = std::pin::pin!(exports::stream(store.clone(), study));
@@ -208,9 +208,7 @@ async fn in_threads<T: Send + 'static>(
             let _ = answer.send(found);
         })
         .map_err(|e| CommandError::Failure(format!("cannot start a thread: {e}")))?;
-    answered
-        .await
-        .map_err(|_| CommandError::Failure("the comparison failed; see above".to_owned()))
+    answered.await.map_err(|_| CommandError::Failure("the comparison failed; see above".to_owned()))
 }
 
 /// Hidden unless stderr is a terminal.

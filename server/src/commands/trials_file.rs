@@ -35,8 +35,8 @@ pub(super) fn scene(game: GameArgs) -> Result<SceneParameters, CommandError> {
 /// [`CommandError::Input`] naming the file, the line and what is wrong, or that there is no task.
 pub(super) fn tasks(path: &Path, scene: &SceneParameters) -> Result<Vec<Person>, CommandError> {
     let name = path.display().to_string();
-    let file = File::open(path)
-        .map_err(|e| CommandError::Input(format!("{name}: cannot read: {e}")))?;
+    let file =
+        File::open(path).map_err(|e| CommandError::Input(format!("{name}: cannot read: {e}")))?;
     tasks_in(BufReader::new(file), &name, scene)
 }
 

@@ -49,9 +49,8 @@ pub fn ablation(results: &Results) -> Result<Vec<Ablation>, Invalid> {
     }
     for model in ModelName::PAPERS {
         for experiment in Experiment::ALL {
-            let cells = |set| -> Vec<&Cell> {
-                results.comparison.of(model, experiment, set).collect()
-            };
+            let cells =
+                |set| -> Vec<&Cell> { results.comparison.of(model, experiment, set).collect() };
             let accuracies = |cells: &[&Cell]| -> Vec<f64> {
                 cells.iter().map(|cell| 100.0 * cell.test.accuracy()).collect()
             };
@@ -76,9 +75,6 @@ pub fn ablation(results: &Results) -> Result<Vec<Ablation>, Invalid> {
     Ok(rows)
 }
 
-fn log_loss<'a>(
-    experiment: Experiment,
-    tests: impl IntoIterator<Item = &'a Predictions>,
-) -> f64 {
+fn log_loss<'a>(experiment: Experiment, tests: impl IntoIterator<Item = &'a Predictions>) -> f64 {
     Predictions::together(experiment.classes(), tests).calibration().log_loss
 }

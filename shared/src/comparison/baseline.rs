@@ -24,8 +24,7 @@ impl Baseline {
     pub fn of(data: &Dataset, split: &Split, experiment: Experiment, participant: usize) -> Self {
         let classes = experiment.classes();
         let class = |row: &usize| experiment.class(data.labels[*row]);
-        let count =
-            |wanted: &i8| split.training.iter().filter(|row| class(row) == *wanted).count();
+        let count = |wanted: &i8| split.training.iter().filter(|row| class(row) == *wanted).count();
         let counts: Vec<usize> = classes.iter().map(count).collect();
         let total = (split.training.len() + classes.len()) as f64;
         let shares: Vec<f64> = counts.iter().map(|&count| (count + 1) as f64 / total).collect();

@@ -101,7 +101,9 @@ pub fn fit(
 ) -> Result<Vec<Cell>, Invalid> {
     let problems = Experiment::ALL.map(|experiment| Problem::new(data, split, experiment));
     let chosen = match family {
-        Family::Rbf => machines(data, split, &problems, Kernels::Rbf(grids.rbf_gamma.clone()), &grids.rbf_c)?,
+        Family::Rbf => {
+            machines(data, split, &problems, Kernels::Rbf(grids.rbf_gamma.clone()), &grids.rbf_c)?
+        }
         Family::Linear => machines(data, split, &problems, Kernels::Linear, &grids.linear_c)?,
         Family::Tree => each_of(&problems, |problem| problem.tree(grids))?,
         Family::Logistic => each_of(&problems, |problem| problem.logistic(&grids.logistic_c))?,
@@ -234,7 +236,11 @@ fn rows(data: &Dataset, experiment: Experiment, rows: &[usize]) -> Rows {
     let classes: Vec<i8> = experiment.classes().iter().filter(occurs).copied().collect();
     let label = |row| classes.iter().position(|known| *known == class(row)).unwrap_or(0);
     Rows {
-        values: rows.iter().flat_map(|row| &data.values[row * width..(row + 1) * width]).copied().collect(),
+        values: rows
+            .iter()
+            .flat_map(|row| &data.values[row * width..(row + 1) * width])
+            .copied()
+            .collect(),
         labels: rows.iter().map(label).collect(),
         classes: classes.clone(),
     }

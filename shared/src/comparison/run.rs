@@ -190,7 +190,8 @@ pub fn run(
         if unit.leaking { leaking.extend(found) } else { cells.extend(found) }
     }
     with_choice(&mut cells, settings);
-    let comparison = Comparison { participants: people.iter().map(|p| participant(p)).collect(), cells };
+    let comparison =
+        Comparison { participants: people.iter().map(|p| participant(p)).collect(), cells };
     let leakage = compared(&comparison, leaking, settings);
     let baselines = people.iter().enumerate().flat_map(|(i, person)| {
         let split = Split::grouped(&person.data);
@@ -223,9 +224,8 @@ fn included(people: &[Person]) -> (Vec<&Person>, Vec<Exclusion>) {
     ordered.retain(|person| {
         let reason = reason_against(person);
         let kept = reason.is_none();
-        exclusions.extend(
-            reason.map(|reason| Exclusion { participant: person.name.clone(), reason }),
-        );
+        exclusions
+            .extend(reason.map(|reason| Exclusion { participant: person.name.clone(), reason }));
         kept
     });
     (ordered, exclusions)
@@ -266,7 +266,9 @@ impl Unit<'_> {
             return Ok(cells);
         }
         let cells = fit(self.family, &data, &self.split, grids, self.set.name, self.participant)
-            .map_err(|e| e.within(&format!("participant {}, {}", self.person.name, self.set.name)))?;
+            .map_err(|e| {
+                e.within(&format!("participant {}, {}", self.person.name, self.set.name))
+            })?;
         if let Some(cache) = cache {
             cache.put(&key, &cells);
         }
@@ -367,4 +369,3 @@ fn all_rollouts(
     }
     Ok(all)
 }
-

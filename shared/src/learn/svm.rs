@@ -17,8 +17,8 @@ mod smo;
 use crate::invalid::{Invalid, finite, length, positive};
 use crate::predict::scale::Scale;
 use crate::predict::svm::{Kernel, Sigmoid, Svm, pair_count, pairs};
-pub use grid::{Cell, Grid, Kernels, best, cross_validate};
 use gram::Gram;
+pub use grid::{Cell, Grid, Kernels, best, cross_validate};
 use pairwise::Dense;
 use smo::Smo;
 
@@ -128,8 +128,7 @@ pub fn fit(
             let vectors: Vec<_> = support.iter().map(vector).collect();
             let kept = |dual: &Vec<f64>| support.iter().map(|&i| dual[i]).collect();
             let dual: Vec<Vec<f64>> = dual.iter().map(kept).collect();
-            let svm =
-                Svm::rbf(width, task.classes, gamma, &vectors, &dual, intercepts, sigmoids)?;
+            let svm = Svm::rbf(width, task.classes, gamma, &vectors, &dual, intercepts, sigmoids)?;
             Ok((scale, svm))
         }
     }
@@ -213,3 +212,6 @@ fn standardised(
     let rows = wanted.iter().flat_map(row).map(|(j, x)| scale.apply(j, x)).collect();
     (scale, rows)
 }
+
+#[cfg(test)]
+mod tests;

@@ -117,6 +117,12 @@ impl<T: Entry> Gram<T> {
         in_widest_lanes(InPlace { gamma, data: &mut self.data });
     }
 
+    /// The same in the lanes that the build assumes.
+    #[cfg(test)]
+    pub(super) fn apply_rbf_plainly(&mut self, gamma: f64) {
+        InPlace { gamma: T::from_f64(gamma), data: &mut self.data }.run();
+    }
+
     /// Becomes exp(−γ · squares).
     pub(super) fn become_rbf(&mut self, squares: &Self, gamma: f64) {
         self.columns = squares.columns;
@@ -128,7 +134,8 @@ impl<T: Entry> Gram<T> {
 
 /// Feature by feature, the blocks of the first `columns` rows.
 fn transposed<T: Entry>(width: usize, data: &[f64], columns: usize) -> Vec<Vec<Block<T>>> {
-    let entry = |i: usize, j: usize| T::from_f64(if i < columns { data[i * width + j] } else { 0.0 });
+    let entry =
+        |i: usize, j: usize| T::from_f64(if i < columns { data[i * width + j] } else { 0.0 });
     let block = |b: usize, j: usize| Block(core::array::from_fn(|l| entry(b * LANES + l, j)));
     (0..width).map(|j| (0..columns.div_ceil(LANES)).map(|b| block(b, j)).collect()).collect()
 }

@@ -15,7 +15,7 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 /// Of the way to the nearest bound, the share that a step goes at most.
 const SHARE: f64 = 0.995;
 /// It ends where the products' mean is below this times 1 + C …
-const MEAN_PRODUCT: f64 = 1e-11;
+const MEAN_PRODUCT: f64 = 1e-12;
 /// … or after so many steps; about fifteen do.
 const MAX_STEPS: usize = 200;
 
@@ -42,7 +42,6 @@ impl Plane {
 /// # Errors
 /// [`Invalid`] if it does not converge.
 pub(super) fn fit(width: usize, data: &[f64], sides: &[i8], c: f64) -> Result<Plane, Invalid> {
-    #[cfg(feature = "count")] crate::count(5, 1);
     let mut state = State::new(width, data, sides, c);
     let mut converged = false;
     in_widest_lanes(Fit { state: &mut state, converged: &mut converged });
@@ -151,7 +150,7 @@ impl Kernel for Fit<'_> {
     fn run(self) {
         let state = self.state;
         let products = 2.0 * state.count as f64;
-        for _ in 0..MAX_STEPS { #[cfg(feature = "count")] crate::count(4, 1);
+        for _ in 0..MAX_STEPS {
             let (gap, system) = state.linearise();
             if !gap.is_finite() {
                 return;

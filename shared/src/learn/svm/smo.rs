@@ -82,7 +82,17 @@ impl<'a, T: Entry> Smo<'a, T> {
         let rows = Rows { beta, slope: zero, rise: never.clone(), fall: never };
         let joined = vec![false; sides.len()];
         dense.clear();
-        let mut smo = Self { gram, sides, runs, c, rows, members: Vec::new(), joined, dense, newton: Newton::default() };
+        let mut smo = Self {
+            gram,
+            sides,
+            runs,
+            c,
+            rows,
+            members: Vec::new(),
+            joined,
+            dense,
+            newton: Newton::default(),
+        };
         let mut held = Vec::new();
         for (i, &side) in sides.iter().enumerate() {
             *entry_mut(&mut smo.rows.slope, i) = f64::from(side);
@@ -119,11 +129,12 @@ impl<'a, T: Entry> Smo<'a, T> {
             self.join(&violators, middle);
             self.load();
             let inner = (SHARE * (top - bottom)).max(0.5 * tolerance);
-            #[cfg(feature = "count")]
-            let before = steps;
-            in_widest_lanes(Pairwise { dense: self.dense, newton: &mut self.newton, tolerance: inner, steps: &mut steps });
-            #[cfg(feature = "count")]
-            { crate::count(0, 1); crate::count(1, (before - steps) as u64); crate::count(2, ((before - steps) * self.members.len()) as u64); if std::env::var("TRACE").is_ok() && self.gram.columns() == 1600 { let mut nf=0; self.each(|_,_,r,f| { if r&&f {nf+=1} }); println!("C {c} gap {:.4} m {} join {} steps {} free {}", top-bottom, self.members.len(), violators.len(), before-steps, nf); }}
+            in_widest_lanes(Pairwise {
+                dense: self.dense,
+                newton: &mut self.newton,
+                tolerance: inner,
+                steps: &mut steps,
+            });
             self.unload();
         }
     }
@@ -156,12 +167,15 @@ impl<'a, T: Entry> Smo<'a, T> {
             let (beta, (lower, upper)) = (*entry(&self.rows.beta, i), self.bounds(i));
             let bound = *entry(&self.rows.rise, i) != 0.0 || *entry(&self.rows.fall, i) != 0.0;
             // What was at a bound is so exactly.
-            self.set(i, match beta {
-                0.0 => 0.0,
-                _ if bound && side > 0 => upper,
-                _ if bound => lower,
-                _ => (factor * beta).clamp(lower, upper),
-            });
+            self.set(
+                i,
+                match beta {
+                    0.0 => 0.0,
+                    _ if bound && side > 0 => upper,
+                    _ if bound => lower,
+                    _ => (factor * beta).clamp(lower, upper),
+                },
+            );
             let slope = entry_mut(&mut self.rows.slope, i);
             *slope = f64::from(side) - factor * (f64::from(side) - *slope);
         }
@@ -196,7 +210,12 @@ impl<'a, T: Entry> Smo<'a, T> {
     /// The rows outside the small problem that break the conditions most, of either kind.
     fn violators(&self, middle: f64) -> Vec<usize> {
         let mut found = Vec::new();
-        in_widest_lanes(Violators { rows: &self.rows, runs: &self.runs, middle, found: &mut found });
+        in_widest_lanes(Violators {
+            rows: &self.rows,
+            runs: &self.runs,
+            middle,
+            found: &mut found,
+        });
         found.retain(|&(_, i)| !self.joined[i]);
         let (mut rising, mut falling): (Vec<_>, Vec<_>) =
             found.into_iter().partition(|&(_, i)| *entry(&self.rows.slope, i) > middle);

@@ -53,7 +53,8 @@ fn solve(system: &mut [f64], n: usize) {
     let stride = n + 1;
     for column in 0..n {
         let size = |row: usize| system[row * stride + column].abs();
-        let pivot = (column + 1..n).fold(column, |best, r| if size(r) > size(best) { r } else { best });
+        let pivot =
+            (column + 1..n).fold(column, |best, r| if size(r) > size(best) { r } else { best });
         for j in 0..stride {
             system.swap(column * stride + j, pivot * stride + j);
         }

@@ -80,7 +80,8 @@ fn coupling_of_contradictory_pairs_has_the_least_cost() {
         assert!(p.iter().all(|&p| p >= 0.0));
         let least = cost(&pairwise, &p);
         for _ in 0..50 {
-            let mut other: Vec<f64> = p.iter().map(|p| (p + rng.uniform(-0.1, 0.1)).max(0.0)).collect();
+            let mut other: Vec<f64> =
+                p.iter().map(|p| (p + rng.uniform(-0.1, 0.1)).max(0.0)).collect();
             let total: f64 = other.iter().sum();
             other.iter_mut().for_each(|p| *p /= total);
             assert!(cost(&pairwise, &other) >= least - 1e-12);
