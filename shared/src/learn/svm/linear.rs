@@ -7,6 +7,8 @@
 //! methods for massive support vector machines"). A predictor and a corrector choose μ
 //! (Mehrotra 1992).
 
+#![allow(clippy::needless_range_loop, reason = "a lane of several arrays at once")]
+
 use super::gram::{Block, LANES, entry, entry_mut};
 use crate::invalid::Invalid;
 use crate::reachability::parallel::{Kernel, in_widest_lanes};

@@ -7,6 +7,8 @@
 //! selection using second order information"). It ends where the greatest slope that may
 //! rise exceeds the least that may fall by less than the tolerance: libsvm's criterion.
 
+#![allow(clippy::needless_range_loop, reason = "a lane of several arrays at once")]
+
 use super::gram::{Block, Entry, LANES, entry, entry_mut};
 use super::newton::Newton;
 use crate::reachability::parallel::Kernel;
@@ -158,7 +160,7 @@ fn exchange<T: Entry>(dense: &mut Dense<T>, tolerance: f64, budget: usize) -> bo
     let (mut i, mut j, mut step) = (0, 0, T::ZERO);
     for _ in 0..budget {
         let (top, bottom, rising) = move_on(dense, blocks, i, j, step);
-        if !(top - bottom > tolerance) {
+        if top - bottom <= tolerance {
             return true;
         }
         i = rising;

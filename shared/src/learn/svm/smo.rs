@@ -6,6 +6,8 @@
 //! break the conditions most join the few, and so on until none does. Solutions for a lower C
 //! are a start for the next: multiplied by the ratio of the two, bounds stay bounds.
 
+#![allow(clippy::needless_range_loop, reason = "a lane of several arrays at once")]
+
 use super::gram::{Block, Combine, Entry, Gram, LANES, entry, entry_mut};
 use super::newton::Newton;
 use super::pairwise::{Dense, Pairwise, Variable};
@@ -118,7 +120,7 @@ impl<'a, T: Entry> Smo<'a, T> {
         self.stretch(c);
         loop {
             let (top, bottom) = self.extremes();
-            if !(top - bottom > tolerance) {
+            if top - bottom <= tolerance {
                 return Ok(self.machine(top, bottom));
             }
             if steps == 0 {
