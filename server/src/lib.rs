@@ -30,6 +30,7 @@ pub mod session;
 pub mod site;
 pub mod store;
 pub mod studies;
+pub mod synthetic;
 pub mod throttle;
 pub mod training;
 pub mod trials;

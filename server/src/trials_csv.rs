@@ -18,6 +18,8 @@ pub struct Person {
     pub name: String,
     /// In the order of phases, then of the file's numbers.
     pub trials: Vec<FileTrial>,
+    /// Whether a column `synthetic` says that nobody drove this.
+    pub synthetic: bool,
 }
 
 /// One trial of a file.
@@ -85,13 +87,14 @@ pub fn read(file: impl Read, parameters: &SceneParameters) -> Result<Vec<Person>
     let mut people: Vec<Person> = Vec::new();
     let mut person_of: HashMap<String, usize> = HashMap::new();
     for rows in trials {
-        let name = rows.rows[0].1.participant.clone();
+        let (name, synthetic) = (rows.rows[0].1.participant.clone(), rows.rows[0].1.synthetic);
         let trial = rows.trial(parameters)?;
         let place = *person_of.entry(name.clone()).or_insert(people.len());
         if place == people.len() {
-            people.push(Person { name, trials: Vec::new() });
+            people.push(Person { name, trials: Vec::new(), synthetic: false });
         }
         people[place].trials.push(trial);
+        people[place].synthetic |= synthetic;
     }
     for person in &mut people {
         person.trials.sort_by_key(|trial| (trial.phase, trial.number));

@@ -5,3 +5,4 @@
 pub mod logistic;
 pub mod samples;
 pub mod svm;
+pub mod tree;

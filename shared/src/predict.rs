@@ -4,6 +4,7 @@
 pub mod logistic;
 pub mod scale;
 pub mod svm;
+pub mod tree;
 
 use crate::features::FeatureSet;
 use crate::invalid::{Invalid, finite, length};
@@ -11,6 +12,7 @@ use logistic::Logistic;
 use scale::Scale;
 use serde::{Deserialize, Serialize};
 use svm::{Sigmoid, Svm};
+use tree::{Tree, TreeFile};
 
 /// A trained model with the features it wants.
 #[derive(Clone, Debug, PartialEq)]
@@ -26,6 +28,7 @@ pub struct Predictor {
 enum Model {
     Logistic(Scale, Logistic),
     Svm(Scale, Svm),
+    Tree(Tree),
     Constant(Vec<f64>),
 }
 
@@ -40,6 +43,12 @@ impl Predictor {
     #[must_use]
     pub fn svm(features: FeatureSet, classes: Vec<i8>, scale: Scale, model: Svm) -> Self {
         Self { features, classes, actions: None, model: Model::Svm(scale, model) }
+    }
+
+    /// A decision tree on features as they are ([`Tree::unscaled`]).
+    #[must_use]
+    pub fn tree(features: FeatureSet, classes: Vec<i8>, model: Tree) -> Self {
+        Self { features, classes, actions: None, model: Model::Tree(model) }
     }
 
     /// The same probabilities whatever the features.
@@ -95,11 +104,25 @@ impl Predictor {
         &self.classes
     }
 
+    /// The class that the model names, given a row of raw features: the likeliest, the first on a
+    /// tie; of an SVM the one with the most votes.
+    #[must_use]
+    pub fn class(&self, row: &[f64]) -> i8 {
+        if let Model::Svm(scale, model) = &self.model {
+            return self.classes[model.class(scale, row)];
+        }
+        let mut p = vec![0.0; self.classes.len()];
+        self.probabilities_into(row, &mut p);
+        let likelier = |best: usize, k: usize| if p[k] > p[best] { k } else { best };
+        (0..p.len()).reduce(likelier).map_or(0, |k| self.classes[k])
+    }
+
     /// Writes the probability of each class to `out`, given a row of raw features.
     pub fn probabilities_into(&self, row: &[f64], out: &mut [f64]) {
         match &self.model {
             Model::Logistic(scale, model) => model.probabilities_into(scale, row, out),
             Model::Svm(scale, model) => model.probabilities_into(scale, row, out),
+            Model::Tree(model) => model.probabilities_into(row, out),
             Model::Constant(probabilities) => out.copy_from_slice(probabilities),
         }
     }
@@ -111,7 +134,7 @@ impl Predictor {
 pub struct PredictorFile {
     /// Always [`FORMAT`].
     pub format: String,
-    /// `logistic`, `svm` or `constant`.
+    /// `logistic`, `svm`, `tree` or `constant`.
     pub kind: String,
     /// Names of the features, in the order of the columns.
     pub features: Vec<String>,
@@ -150,6 +173,9 @@ pub struct PredictorFile {
     /// first class.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sigmoids: Option<Vec<[f64; 2]>>,
+    /// Tree: the nodes.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tree: Option<TreeFile>,
     /// Constant: a probability a class.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub probabilities: Option<Vec<f64>>,
@@ -175,6 +201,7 @@ impl From<&Predictor> for PredictorFile {
             support_vectors: None,
             dual_coefficients: None,
             sigmoids: None,
+            tree: None,
             probabilities: None,
         };
         match &predictor.model {
@@ -203,6 +230,10 @@ impl From<&Predictor> for PredictorFile {
                 }
                 file.intercepts = Some(model.intercepts().to_vec());
                 file.sigmoids = Some(model.sigmoids().iter().map(|s| [s.a, s.b]).collect());
+            }
+            Model::Tree(model) => {
+                file.kind = "tree".to_owned();
+                file.tree = Some(model.into());
             }
             Model::Constant(probabilities) => {
                 file.kind = "constant".to_owned();
@@ -271,11 +302,17 @@ impl TryFrom<PredictorFile> for Predictor {
                 };
                 Self::svm(features, file.classes, scale, model)
             }
+            "tree" => {
+                let expected = "nodes, for kind \"tree\"";
+                let tree = file.tree.ok_or_else(|| Invalid::new("tree", expected, "nothing"))?;
+                let tree = tree.check(features.len(), file.classes.len());
+                Self::tree(features, file.classes, tree.map_err(|e| e.within("tree"))?)
+            }
             "constant" => {
                 let probabilities = file.probabilities.ok_or_else(|| missing("probabilities"))?;
                 Self::constant(features, file.classes, probabilities)?
             }
-            other => return Err(Invalid::new("kind", "logistic, svm or constant", other)),
+            other => return Err(Invalid::new("kind", "logistic, svm, tree or constant", other)),
         };
         match file.actions {
             Some(actions) => predictor.with_actions(actions),

@@ -8,7 +8,7 @@ use sidestep::comparison::metrics::Predictions;
 use std::io::{self, Write};
 
 /// Every table: the name of its file, and what writes it.
-pub(super) const TABLES: [(&str, Table); 8] = [
+pub(super) const TABLES: [(&str, Table); 9] = [
     ("cells.csv", cells),
     ("table1.csv", table1),
     ("table2.csv", table2),
@@ -16,6 +16,7 @@ pub(super) const TABLES: [(&str, Table); 8] = [
     ("ablation.csv", ablation),
     ("calibration.csv", calibration),
     ("rollouts.csv", rollouts),
+    ("leakage.csv", leakage),
     ("predictions.csv", predictions),
 ];
 
@@ -203,6 +204,18 @@ fn rollouts(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
     write(out, &header, rows)
 }
 
+fn leakage(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
+    let rows = analysis.leakage.iter().map(|found| {
+        vec![
+            found.model.word().to_owned(),
+            found.experiment.number().to_string(),
+            places(found.grouped),
+            places(found.leaking),
+        ]
+    });
+    write(out, &["model", "experiment", "grouped_accuracy", "leaking_accuracy"], rows)
+}
+
 fn predictions(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
     let header = [
         "model",
@@ -222,7 +235,8 @@ fn predictions(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
     out.write_record(header)?;
     for cell in &analysis.comparison.cells {
         let person = &analysis.comparison.participants[cell.participant];
-        let steps = (0..).map(|row| (person.test_trials[row / person.steps], row % person.steps));
+        let steps = (0..cell.test.rows())
+            .map(|row| (person.test_trials[row / person.steps], row % person.steps));
         let test = &cell.test;
         for ((((trial, step), truth), predicted), row) in
             steps.zip(&test.truth).zip(&test.predicted).zip(test.each())

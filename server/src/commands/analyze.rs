@@ -6,15 +6,13 @@ use super::solving::Interrupt;
 use super::{CommandError, print_json, trials_file, unwritable};
 use crate::analysis::{Analysis, FolderCache, PeopleError, people};
 use crate::features_csv::{self, FeatureRows};
-use crate::store::{Missing, Store, studies};
-use crate::trials_csv::{self, Person};
+use crate::store::{Missing, Store, participants, studies};
+use crate::trials_csv::Person;
 use crate::whole_folder::Draft;
 use crate::{exports, synthetic};
 use futures_util::StreamExt;
 use indicatif::{ProgressBar, ProgressStyle};
-use sidestep::comparison::{self, Progress, Results, RunError, Settings};
-use sidestep::features::SafetyFunctions;
-use sidestep::invalid::Invalid;
+use sidestep::comparison::{self, Progress, RunError, Settings};
 use sidestep::scene::SceneParameters;
 use std::fs::File;
 use std::io::BufReader;
@@ -86,7 +84,7 @@ struct Source {
 /// database refuses (failure).
 pub async fn run(args: AnalyzeArgs) -> Result<(), CommandError> {
     let start = Instant::now();
-    let (source, scene, file) = args.tasks().await?;
+    let (source, scene, file, synthetic) = args.tasks().await?;
     let given = args.features.as_deref().map(read_features).transpose()?;
     let draft = Draft::begin(&args.out).map_err(|e| unwritable(&args.out, &e))?;
     let kept = args.out.join(".cache");
@@ -100,11 +98,7 @@ pub async fn run(args: AnalyzeArgs) -> Result<(), CommandError> {
             PeopleError::Features(error) => CommandError::Input(format!("{features}: {error}")),
         }
     })?;
-    let synthetic = if args.synthetic {
-        Some("by --synthetic".to_owned())
-    } else {
-        synthetic::recognised(&file, &scene)
-    };
+    let synthetic = if args.synthetic { Some("by --synthetic".to_owned()) } else { synthetic };
     let settings =
         Settings { leakage: args.leakage, ..Settings::new().map_err(CommandError::failure)? };
     let results = in_threads(args.threads, &interrupt, {
@@ -148,13 +142,17 @@ pub async fn run(args: AnalyzeArgs) -> Result<(), CommandError> {
     }))
 }
 
+type Tasks = (String, SceneParameters, Vec<Person>, Option<String>);
+
 impl AnalyzeArgs {
-    /// Whence the trials are, what was driven with, and the tasks.
-    async fn tasks(&self) -> Result<(String, SceneParameters, Vec<Person>), CommandError> {
+    /// Whence the trials are, what was driven with, the tasks, and why they are known to be
+    /// synthetic, if they are.
+    async fn tasks(&self) -> Result<Tasks, CommandError> {
         if let Some(path) = &self.source.trials {
             let scene = trials_file::scene(self.game)?;
             let people = trials_file::tasks(path, &scene)?;
-            return Ok((path.display().to_string(), scene, people));
+            let synthetic = synthetic::recognised(&people);
+            return Ok((path.display().to_string(), scene, people, synthetic));
         }
         let url = self.source.database.clone().unwrap_or_default();
         let source = format!("--study {}", self.study);
@@ -163,6 +161,7 @@ impl AnalyzeArgs {
             .await?
             .ok_or_else(|| CommandError::Input(format!("{source}: no such study in {url}")))?;
         let scene = study.config.parameters.clone();
+        let invented = participants::are_synthetic(&mut *store.reader().await?, study.id).await?;
         let mut octets = Vec::new();
         let mut pieces = std::pin::pin!(exports::stream(store.clone(), study));
         while let Some(piece) = pieces.next().await {
@@ -170,7 +169,9 @@ impl AnalyzeArgs {
         }
         store.close().await;
         let people = trials_file::tasks_in(&octets[..], &source, &scene)?;
-        Ok((source, scene, people))
+        let said = invented.then(|| "participants of `sidestep simulate`".to_owned());
+        let synthetic = said.or_else(|| synthetic::recognised(&people));
+        Ok((source, scene, people, synthetic))
     }
 }
 

@@ -8,9 +8,11 @@ use crate::invalid::Invalid;
 use crate::learn::logistic::{LogisticSettings, fit_path};
 use crate::learn::samples::Samples;
 use crate::learn::svm::{self, Grid, Kernels, SvmSettings, Task};
-use crate::learn::tree;
+use crate::learn::tree::{self, TreeSettings};
+use crate::predict::logistic::Logistic;
 use crate::predict::scale::Scale;
 use crate::predict::svm::Kernel;
+use crate::predict::tree::Tree;
 use crate::predict::{Predictor, PredictorFile};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
@@ -222,7 +224,12 @@ impl<'a> Problem<'a> {
     }
 }
 
-/// The highest, the first on a tie.
+/// The place of the highest, the first on a tie.
+fn likeliest(p: &[f64]) -> usize {
+    (0..p.len()).reduce(|best, k| if p[k] > p[best] { k } else { best }).unwrap_or(0)
+}
+
+/// The place of the highest, the first on a tie.
 fn best(accuracy: &[f64]) -> Result<usize, Invalid> {
     (0..accuracy.len())
         .reduce(|best, i| if accuracy[i] > accuracy[best] { i } else { best })
@@ -269,7 +276,11 @@ impl Problem<'_> {
             let models = fit_path(&samples, strengths, LogisticSettings::default())?;
             Ok(models.into_iter().map(|model| (scale.clone(), model)).collect())
         };
-        let says = |(scale, model): &(Scale, Logistic), row: &[f64]| model.class(scale, row);
+        let says = |(scale, model): &(Scale, Logistic), row: &[f64]| {
+            let mut p = vec![0.0; model.intercepts().len()];
+            model.probabilities_into(scale, row, &mut p);
+            likeliest(&p)
+        };
         let accuracy = self.validated(strengths.len(), |rows| train(rows, strengths), says)?;
         let best = best(&accuracy)?;
         let c = strengths[best];
@@ -288,14 +299,18 @@ impl Problem<'_> {
         let grow = |rows: &Rows| -> Result<Vec<Tree>, Invalid> {
             let samples =
                 Samples::new(self.width(), &rows.values, &rows.labels, rows.classes.len())?;
-            grids.tree_leaf.iter().map(|&leaf| tree::grow(&samples, None, leaf)).collect()
+            tree::grow_each(&samples, None, &grids.tree_leaf)
         };
         let settings: Vec<(Option<usize>, usize)> = (grids.tree_depth.iter())
             .flat_map(|&depth| (0..grids.tree_leaf.len()).map(move |leaf| (depth, leaf)))
             .collect();
         let models = |rows: &Rows| -> Result<Vec<Tree>, Invalid> {
             let grown = grow(rows)?;
-            Ok(settings.iter().map(|&(depth, leaf)| grown[leaf].truncated(depth)).collect())
+            let cut = |tree: &Tree, depth: Option<usize>| match depth {
+                Some(depth) => tree.truncated(depth),
+                None => tree.clone(),
+            };
+            Ok(settings.iter().map(|&(depth, leaf)| cut(&grown[leaf], depth)).collect())
         };
         let accuracy = self.validated(settings.len(), models, |tree, row| tree.class(row))?;
         let best = best(&accuracy)?;
@@ -306,7 +321,7 @@ impl Problem<'_> {
             &self.training.labels,
             self.training.classes.len(),
         )?;
-        let tree = tree::grow(&samples, depth, leaf)?;
+        let tree = tree::grow(&samples, TreeSettings { max_depth: depth, min_leaf: leaf })?;
         let (features, classes) = (self.data.features.clone(), self.training.classes.clone());
         Ok(Chosen {
             cv_accuracy: accuracy[best],

@@ -47,7 +47,9 @@ fn content(args: &SimulateArgs, out: &mut dyn Write) -> io::Result<FlagCounts> {
         KeysArg::Clock => exact,
         KeysArg::Free => nine_digits,
     };
-    writeln!(out, "{HEADER}")?;
+    // The reference's file, octet for octet, does not say what it is; others do.
+    let says = args.keys == KeysArg::Clock;
+    writeln!(out, "{HEADER}{}", if says { ",synthetic" } else { "" })?;
     for number in 0..args.participants {
         let participant = SyntheticParticipant::new(args.seed, number);
         for trial in 0..args.tasks {
@@ -59,7 +61,8 @@ fn content(args: &SimulateArgs, out: &mut dyn Write) -> io::Result<FlagCounts> {
                 let ([hx, hy, hpsi], [rx, ry, rpsi]) = (state.human.into(), state.robot.into());
                 let omega = parameters.human.turn_rate(*input);
                 let numbers = [t, hx, hy, hpsi, rx, ry, rpsi, omega].map(print).join(",");
-                writeln!(out, "{number},{trial},{step},{numbers}")?;
+                let mark = if says { ",1" } else { "" };
+                writeln!(out, "{number},{trial},{step},{numbers}{mark}")?;
             }
             bar.inc(1);
         }

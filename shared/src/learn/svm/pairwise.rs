@@ -229,7 +229,7 @@ fn move_on<T: Entry>(
         here += T::from_f64(GROUP as f64);
     }
     let (greatest, at) = first_greatest(&top, &place);
-    (greatest, bottom.into_iter().fold(bottom[0], T::smaller), at)
+    (greatest, reduced(bottom, T::smaller), at)
 }
 
 /// The variable that may fall, has a slope below `top`, and whose exchange with `i` gains
@@ -269,13 +269,29 @@ fn partner<T: Entry>(dense: &Dense<T>, blocks: usize, i: usize, top: T, least: T
     first_greatest(&most, &place).1
 }
 
-/// The greatest of the lanes and its variable, the first on a tie.
+/// The greatest of the lanes and its variable, the first on a tie; without branches, which
+/// nothing could predict.
 #[inline(always)]
 fn first_greatest<T: Entry>(values: &[T; LANES], place: &[T; LANES]) -> (T, usize) {
-    let (mut best, mut at, mut lane) = (values[0], place[0], 0);
-    for l in 1..LANES {
-        let better = values[l] > best || (values[l] == best && place[l] < at);
-        (best, at, lane) = if better { (values[l], place[l], l) } else { (best, at, lane) };
+    let best = reduced(*values, T::larger);
+    let never = T::from_f64(f64::INFINITY);
+    let mut index = [never; LANES];
+    for l in 0..LANES {
+        let mine = place[l] * T::from_f64(LANES as f64) + T::from_f64(l as f64);
+        index[l] = if values[l] == best { mine } else { never };
     }
-    (best, at.to_f64() as usize * LANES + lane)
+    (best, reduced(index, T::smaller).to_f64() as usize)
+}
+
+/// All lanes by an operation whose order does not matter.
+#[inline(always)]
+fn reduced<T: Entry>(mut lanes: [T; LANES], operation: impl Fn(T, T) -> T) -> T {
+    let mut width = LANES / 2;
+    while width > 0 {
+        for l in 0..width {
+            lanes[l] = operation(lanes[l], lanes[l + width]);
+        }
+        width /= 2;
+    }
+    lanes[0]
 }

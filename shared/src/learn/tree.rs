@@ -1,0 +1,141 @@
+//! Decision trees: CART with Gini impurity.
+//!
+//! A node is split where the impurity falls most; of splits that are equally good (compared
+//! exactly, in integers) the one on the feature of lowest index, and there of lowest threshold,
+//! so that a tree depends on nothing but its rows, not even on their order. A node becomes a
+//! leaf when it is pure, has no split that leaves enough rows on both sides, or is as deep as
+//! trees may be. A split need not lower the impurity (two features that say something only
+//! together do not at first).
+//!
+//! Numbers are as in scikit-learn: features are rounded to single precision, values closer than
+//! 10⁻⁷ are never parted, and thresholds are midpoints. (scikit-learn breaks ties at random.)
+
+pub(super) mod grower;
+
+use super::samples::Samples;
+use crate::invalid::Invalid;
+use crate::predict::tree::Tree;
+use grower::{Columns, Criterion, Limits, grow as grow_with};
+
+/// How far a tree grows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct TreeSettings {
+    /// The most questions that a row is asked; nothing for as many as it takes, up to
+    /// [`DEEPEST`](crate::predict::tree::DEEPEST).
+    pub max_depth: Option<usize>,
+    /// Rows at a leaf at the least.
+    pub min_leaf: usize,
+}
+
+/// Grows a tree.
+///
+/// # Errors
+/// [`Invalid`] if `min_leaf` is 0, there are more than 2²¹ rows, or a number is beyond single
+/// precision.
+pub fn grow(samples: &Samples<'_>, settings: TreeSettings) -> Result<Tree, Invalid> {
+    let mut trees = grow_each(samples, settings.max_depth, &[settings.min_leaf])?;
+    trees.pop().ok_or_else(|| Invalid::new("min_leaf", "at least one", "none"))
+}
+
+/// Grows a tree for each of several leaf sizes (in rising order), which share the work as long
+/// as they ask the same questions. Those that grow on are what each would be on its own;
+/// [`Tree::truncated`] gives those of lower depth.
+///
+/// # Errors
+/// As for [`grow`], or if `min_leaves` do not rise.
+pub fn grow_each(
+    samples: &Samples<'_>,
+    max_depth: Option<usize>,
+    min_leaves: &[usize],
+) -> Result<Vec<Tree>, Invalid> {
+    let columns = Columns::new(samples)?;
+    let limits = Limits::new(max_depth, min_leaves)?;
+    let gini = Gini { labels: samples.labels(), classes: samples.classes() };
+    let trees = grow_with(&columns, &gini, &limits, &mut |_, _, _| ());
+    let tree = |grown: grower::Grown<Vec<u32>>| {
+        Tree::new(grown.nodes, samples.classes(), grown.totals.concat())
+    };
+    Ok(trees.into_iter().map(tree).collect())
+}
+
+/// Gini impurity, in integers.
+struct Gini<'a> {
+    labels: &'a [usize],
+    classes: usize,
+}
+
+/// Counts of each class on both sides of a split.
+struct Sides {
+    left: Vec<u64>,
+    right: Vec<u64>,
+    /// Σ of squared counts, and rows.
+    left_squares: u64,
+    right_squares: u64,
+    left_rows: u64,
+    right_rows: u64,
+}
+
+/// Σ of squared counts by rows, of both sides together: what is greatest where the impurity is
+/// least. A fraction: with n ≤ 2²¹ rows the numerator is at most n³/4.
+#[derive(Clone, Copy)]
+struct Concentration {
+    numerator: u64,
+    denominator: u64,
+}
+
+impl Criterion for Gini<'_> {
+    type Total = Vec<u32>;
+    type Scan = Sides;
+    type Score = Concentration;
+
+    fn total(&self, rows: impl Iterator<Item = usize>) -> Vec<u32> {
+        let mut counts = vec![0; self.classes];
+        for row in rows {
+            counts[self.labels[row]] += 1;
+        }
+        counts
+    }
+
+    fn is_done(&self, counts: &Vec<u32>) -> bool {
+        counts.iter().filter(|&&count| count > 0).count() <= 1
+    }
+
+    fn begin(&self, counts: &Vec<u32>) -> Sides {
+        let right: Vec<u64> = counts.iter().map(|&count| u64::from(count)).collect();
+        Sides {
+            left: vec![0; self.classes],
+            left_squares: 0,
+            right_squares: right.iter().map(|count| count * count).sum(),
+            left_rows: 0,
+            right_rows: right.iter().sum(),
+            right,
+        }
+    }
+
+    #[inline(always)]
+    fn pass(&self, sides: &mut Sides, row: usize) {
+        let class = self.labels[row];
+        // (n ± 1)² − n² = 1 ± 2n.
+        sides.left_squares += 2 * sides.left[class] + 1;
+        sides.left[class] += 1;
+        sides.left_rows += 1;
+        sides.right[class] -= 1;
+        sides.right_squares -= 2 * sides.right[class] + 1;
+        sides.right_rows -= 1;
+    }
+
+    #[inline(always)]
+    fn score(&self, sides: &Sides) -> Concentration {
+        Concentration {
+            numerator: sides.left_squares * sides.right_rows
+                + sides.right_squares * sides.left_rows,
+            denominator: sides.left_rows * sides.right_rows,
+        }
+    }
+
+    #[inline(always)]
+    fn is_better(&self, score: &Concentration, than: &Concentration) -> bool {
+        u128::from(score.numerator) * u128::from(than.denominator)
+            > u128::from(than.numerator) * u128::from(score.denominator)
+    }
+}

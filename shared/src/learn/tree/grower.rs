@@ -1,0 +1,278 @@
+//! Grows trees by exhaustive search of splits, whatever makes one better than another.
+//!
+//! Each column is sorted once; a node holds its rows in the order of every column, and a split
+//! parts each of these lists stably. Trees that differ in their least leaf only are grown
+//! together until their best splits differ.
+
+use crate::invalid::Invalid;
+use crate::learn::samples::Samples;
+use crate::predict::tree::{DEEPEST, Node};
+
+/// More rows would overflow the sums of a criterion.
+const MOST_ROWS: usize = 1 << 21;
+
+/// Values closer than this are not parted (single precision, as in scikit-learn: where values
+/// are so large that it rounds away, only equal ones are not).
+const CLOSE: f32 = 1e-7;
+
+/// What makes a split good. The results of all functions must depend on sets of rows only, not
+/// on their order.
+pub(crate) trait Criterion {
+    /// What is known of a node's rows together.
+    type Total;
+    /// What is known of the rows on both sides of a split that moves to the right.
+    type Scan;
+    /// How good a split is.
+    type Score: Copy;
+
+    /// Of these rows.
+    fn total(&self, rows: impl Iterator<Item = usize>) -> Self::Total;
+    /// Whether such a node needs no split.
+    fn is_done(&self, total: &Self::Total) -> bool;
+    /// All of a node's rows on the right.
+    fn begin(&self, total: &Self::Total) -> Self::Scan;
+    /// Moves a row from the right to the left.
+    fn pass(&self, scan: &mut Self::Scan, row: usize);
+    /// How good the split is here, with at least one row on each side.
+    fn score(&self, scan: &Self::Scan) -> Self::Score;
+    /// Whether one is better than another, strictly.
+    fn is_better(&self, score: &Self::Score, than: &Self::Score) -> bool;
+}
+
+/// A row's value in some column.
+#[derive(Clone, Copy)]
+struct Entry {
+    value: f32,
+    row: u32,
+}
+
+/// The columns of samples, each sorted.
+pub(crate) struct Columns {
+    rows: usize,
+    /// Column after column.
+    entries: Vec<Entry>,
+}
+
+impl Columns {
+    /// # Errors
+    /// [`Invalid`] if there are too many rows or a number is beyond single precision.
+    pub(crate) fn new(samples: &Samples<'_>) -> Result<Self, Invalid> {
+        let rows = samples.labels().len();
+        if rows > MOST_ROWS {
+            return Err(Invalid::new("rows", format!("at most {MOST_ROWS} rows"), rows));
+        }
+        let mut entries = Vec::with_capacity(rows * samples.width());
+        // Sign, exponent and fraction as one number in the order of the values, then the row.
+        let mut keys: Vec<u64> = Vec::with_capacity(rows);
+        for j in 0..samples.width() {
+            keys.clear();
+            for (i, row) in samples.rows().enumerate() {
+                // Adding 0 makes −0 a 0.
+                let value = row[j] as f32 + 0.0;
+                if value.is_infinite() {
+                    let expected = "a number within single precision";
+                    return Err(Invalid::new(format!("rows[{i}][{j}]"), expected, row[j]));
+                }
+                let bits = value.to_bits();
+                let ordered = if value < 0.0 { !bits } else { bits | 1 << 31 };
+                keys.push(u64::from(ordered) << 32 | i as u64);
+            }
+            keys.sort_unstable();
+            entries.extend(keys.iter().map(|&key| {
+                let (ordered, row) = ((key >> 32) as u32, key as u32);
+                let bits = if ordered >> 31 == 0 { !ordered } else { ordered & !(1 << 31) };
+                Entry { value: f32::from_bits(bits), row }
+            }));
+        }
+        Ok(Self { rows, entries })
+    }
+}
+
+/// How far trees grow.
+pub(crate) struct Limits {
+    depth: usize,
+    /// The least leaf of each tree, rising.
+    leaves: Vec<usize>,
+}
+
+impl Limits {
+    /// # Errors
+    /// [`Invalid`] if `min_leaves` do not rise from at least 1.
+    pub(crate) fn new(max_depth: Option<usize>, min_leaves: &[usize]) -> Result<Self, Invalid> {
+        if min_leaves.first() == Some(&0) || !min_leaves.is_sorted_by(|a, b| a < b) {
+            let expected = "numbers from 1, in rising order";
+            return Err(Invalid::new("min_leaf", expected, format!("{min_leaves:?}")));
+        }
+        Ok(Self { depth: max_depth.unwrap_or(DEEPEST).min(DEEPEST), leaves: min_leaves.to_vec() })
+    }
+}
+
+/// A tree: its nodes in preorder, and the total of each.
+pub(crate) struct Grown<T> {
+    pub(crate) nodes: Vec<Node>,
+    pub(crate) totals: Vec<T>,
+}
+
+/// The best split of a node for some least leaf.
+#[derive(Clone, Copy)]
+struct Best<S> {
+    score: S,
+    column: usize,
+    /// Rows on the left.
+    left: usize,
+    threshold: f64,
+}
+
+/// A node that waits for its split.
+struct Task {
+    /// Its rows in the order of each column, column after column; of one column only, where
+    /// it is known to be a leaf.
+    entries: Vec<Entry>,
+    rows: usize,
+    depth: usize,
+    /// Which trees it belongs to.
+    trees: Vec<usize>,
+    /// In each of these trees, the parent, unless it is the root.
+    parents: Vec<usize>,
+    is_right: bool,
+}
+
+/// Grows a tree for each least leaf. `at_leaf(tree, node, rows)` is told which rows come to
+/// each leaf.
+pub(crate) fn grow<C: Criterion>(
+    columns: &Columns,
+    criterion: &C,
+    limits: &Limits,
+    at_leaf: &mut impl FnMut(usize, usize, &mut dyn Iterator<Item = usize>),
+) -> Vec<Grown<C::Total>>
+where
+    C::Total: Clone,
+{
+    let none = || Grown { nodes: Vec::new(), totals: Vec::new() };
+    let mut grown: Vec<Grown<C::Total>> = limits.leaves.iter().map(|_| none()).collect();
+    if grown.is_empty() {
+        return grown;
+    }
+    let mut goes_left = vec![false; columns.rows];
+    let mut waiting = vec![Task {
+        entries: columns.entries.clone(),
+        rows: columns.rows,
+        depth: 0,
+        trees: (0..limits.leaves.len()).collect(),
+        parents: Vec::new(),
+        is_right: false,
+    }];
+    while let Some(task) = waiting.pop() {
+        let first = &task.entries[..task.rows];
+        let total = criterion.total(first.iter().map(|entry| entry.row as usize));
+        let mut places = Vec::with_capacity(task.trees.len());
+        for (i, &tree) in task.trees.iter().enumerate() {
+            let Grown { nodes, totals } = &mut grown[tree];
+            places.push(nodes.len());
+            if let Some(&parent) = task.parents.get(i) {
+                let child = nodes.len() as u32;
+                let parent = &mut nodes[parent];
+                *(if task.is_right { &mut parent.right } else { &mut parent.left }) = child;
+            }
+            nodes.push(Node::LEAF);
+            totals.push(total.clone());
+        }
+        let leaves: Vec<usize> = task.trees.iter().map(|&tree| limits.leaves[tree]).collect();
+        let best = if task.depth == limits.depth || criterion.is_done(&total) {
+            vec![None; leaves.len()]
+        } else {
+            best_splits(criterion, &task, &total, &leaves)
+        };
+        let mut i = 0;
+        while i < best.len() {
+            let Some(split) = best[i] else {
+                let rows = &mut first.iter().map(|entry| entry.row as usize);
+                at_leaf(task.trees[i], places[i], rows);
+                i += 1;
+                continue;
+            };
+            // Larger leaves allow fewer splits, so trees that agree are neighbours.
+            let same = |other: &Option<Best<C::Score>>| {
+                other.is_some_and(|o| (o.column, o.left) == (split.column, split.left))
+            };
+            let end = i + best[i..].iter().take_while(|other| same(other)).count();
+            for (tree, &place) in task.trees[i..end].iter().zip(&places[i..end]) {
+                let node = &mut grown[*tree].nodes[place];
+                (node.feature, node.threshold) = (split.column as u32, split.threshold);
+            }
+            let column = &task.entries[split.column * task.rows..][..task.rows];
+            for (i, entry) in column.iter().enumerate() {
+                goes_left[entry.row as usize] = i < split.left;
+            }
+            // The last one in is the next one out: left children first, as in preorder.
+            for is_right in [true, false] {
+                let rows = if is_right { &column[split.left..] } else { &column[..split.left] };
+                let is_leaf = task.depth + 1 == limits.depth || rows.len() < 2 * leaves[i];
+                waiting.push(Task {
+                    entries: match is_leaf {
+                        true => rows.to_vec(),
+                        false => part(&task.entries, &goes_left, !is_right, task.rows, rows.len()),
+                    },
+                    rows: rows.len(),
+                    depth: task.depth + 1,
+                    trees: task.trees[i..end].to_vec(),
+                    parents: places[i..end].to_vec(),
+                    is_right,
+                });
+            }
+            i = end;
+        }
+    }
+    grown
+}
+
+/// For each least leaf (rising), the best split that leaves so many rows on both sides.
+fn best_splits<C: Criterion>(
+    criterion: &C,
+    task: &Task,
+    total: &C::Total,
+    leaves: &[usize],
+) -> Vec<Option<Best<C::Score>>> {
+    let mut best: Vec<Option<Best<C::Score>>> = vec![None; leaves.len()];
+    let least = leaves[0];
+    if task.rows < 2 * least {
+        return best;
+    }
+    for (column, entries) in task.entries.chunks_exact(task.rows).enumerate() {
+        if entries[task.rows - 1].value <= entries[0].value + CLOSE {
+            continue;
+        }
+        let mut scan = criterion.begin(total);
+        for (left, pair) in (1..).zip(entries.windows(2)) {
+            criterion.pass(&mut scan, pair[0].row as usize);
+            let smaller = left.min(task.rows - left);
+            if smaller < least || pair[1].value <= pair[0].value + CLOSE {
+                continue;
+            }
+            let score = criterion.score(&scan);
+            // What does not beat the best of larger leaves does not beat that of smaller ones,
+            // which is at least as good.
+            for (best, _) in best.iter_mut().zip(leaves).rev().filter(|(_, l)| **l <= smaller) {
+                if best.is_some_and(|best| !criterion.is_better(&score, &best.score)) {
+                    break;
+                }
+                let threshold = 0.5 * (f64::from(pair[0].value) + f64::from(pair[1].value));
+                *best = Some(Best { score, column, left, threshold });
+            }
+        }
+    }
+    best
+}
+
+/// What goes to one side of each of the lists of `rows` entries: `kept` of each.
+fn part(entries: &[Entry], goes_left: &[bool], left: bool, rows: usize, kept: usize) -> Vec<Entry> {
+    // One place more, for what does not belong: writing it costs less than guessing.
+    let mut side = vec![Entry { value: 0.0, row: 0 }; entries.len() / rows * kept + 1];
+    let mut end = 0;
+    for entry in entries {
+        side[end] = *entry;
+        end += usize::from(goes_left[entry.row as usize] == left);
+    }
+    side.truncate(end);
+    side
+}

@@ -1,0 +1,430 @@
+//! Decision trees: a row goes left where a feature is at most a threshold, else right, until
+//! it comes to a leaf. [`learn::tree`](crate::learn::tree) grows them.
+
+use super::scale::Scale;
+use crate::invalid::{Invalid, finite, length};
+use serde::{Deserialize, Serialize};
+
+/// No tree is deeper: what a prediction costs is bounded.
+pub const DEEPEST: usize = 1000;
+
+/// One question, or a leaf.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Node {
+    pub(crate) threshold: f64,
+    pub(crate) feature: u32,
+    /// Where rows go whose feature is ≤ threshold; 0, which is the root, at a leaf.
+    pub(crate) left: u32,
+    /// Where the others go.
+    pub(crate) right: u32,
+}
+
+impl Node {
+    pub(crate) const LEAF: Self = Self { threshold: 0.0, feature: 0, left: 0, right: 0 };
+
+    pub(crate) fn is_leaf(&self) -> bool {
+        self.left == 0
+    }
+}
+
+/// The questions of a tree. Node 0 is the root, and children come after their parents.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Questions(Vec<Node>);
+
+impl Questions {
+    /// The questions of nodes in an order that is known to be right.
+    pub(crate) fn new(nodes: Vec<Node>) -> Self {
+        Self(nodes)
+    }
+
+    pub(crate) fn nodes(&self) -> &[Node] {
+        &self.0
+    }
+
+    /// The leaf that `row` comes to.
+    pub(crate) fn leaf(&self, row: &[f64]) -> usize {
+        let mut at = 0;
+        while let Some(next) = self.next(at, row) {
+            at = next;
+        }
+        at
+    }
+
+    /// Where `row` goes from a node; nothing from a leaf.
+    fn next(&self, at: usize, row: &[f64]) -> Option<usize> {
+        let node = &self.0[at];
+        let left = row[node.feature as usize] <= node.threshold;
+        let next = if left { node.left } else { node.right };
+        (!node.is_leaf()).then_some(next as usize)
+    }
+
+    /// The depth of each node; the root's is 0.
+    fn depths(&self) -> Vec<usize> {
+        let mut depths = vec![0; self.0.len()];
+        for (i, node) in self.0.iter().enumerate().filter(|(_, node)| !node.is_leaf()) {
+            depths[node.left as usize] = depths[i] + 1;
+            depths[node.right as usize] = depths[i] + 1;
+        }
+        depths
+    }
+
+    /// The same questions about features as they were before `scale` was applied.
+    pub(crate) fn unscaled(&self, scale: &Scale) -> Self {
+        let unscale = |node: &Node| match node.is_leaf() {
+            true => *node,
+            false => {
+                let j = node.feature as usize;
+                let threshold = scale.mean()[j] + scale.scale()[j] * node.threshold;
+                Node { threshold, ..*node }
+            }
+        };
+        Self(self.0.iter().map(unscale).collect())
+    }
+}
+
+/// The file form of a tree's questions: one entry a node, the root first, children after
+/// their parents.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct QuestionsFile {
+    /// Which feature is asked for; 0 at leaves.
+    pub feature: Vec<u32>,
+    /// A row goes left if the feature is at most this; 0 at leaves.
+    pub threshold: Vec<f64>,
+    /// The node where it goes then; 0 at leaves.
+    pub left: Vec<u32>,
+    /// The node where it goes otherwise; 0 at leaves.
+    pub right: Vec<u32>,
+}
+
+impl From<&Questions> for QuestionsFile {
+    fn from(questions: &Questions) -> Self {
+        let nodes = questions.nodes();
+        Self {
+            feature: nodes.iter().map(|node| node.feature).collect(),
+            threshold: nodes.iter().map(|node| node.threshold).collect(),
+            left: nodes.iter().map(|node| node.left).collect(),
+            right: nodes.iter().map(|node| node.right).collect(),
+        }
+    }
+}
+
+impl QuestionsFile {
+    /// The questions about `width` features, known to be a tree.
+    ///
+    /// # Errors
+    /// [`Invalid`] if a list is not as long as the others, a feature does not exist, a
+    /// threshold is not finite, a child does not come after its parent or has several, a node
+    /// is nobody's child, or the tree is deeper than [`DEEPEST`].
+    pub(crate) fn check(&self, width: usize) -> Result<Questions, Invalid> {
+        let count = self.feature.len();
+        if count == 0 {
+            return Err(Invalid::new("feature", "at least one node", "none"));
+        }
+        length("threshold", count, self.threshold.len())?;
+        length("left", count, self.left.len())?;
+        length("right", count, self.right.len())?;
+        let mut depths = vec![None; count];
+        depths[0] = Some(0);
+        for i in 0..count {
+            let Some(depth) = depths[i] else {
+                return Err(Invalid::new(format!("left[{i}]"), "a node of the tree", "no parent"));
+            };
+            finite(&format!("threshold[{i}]"), self.threshold[i])?;
+            if self.feature[i] as usize >= width {
+                let expected = format!("a feature from 0 to {}", width.saturating_sub(1));
+                return Err(Invalid::new(format!("feature[{i}]"), expected, self.feature[i]));
+            }
+            if (self.left[i], self.right[i]) == (0, 0) {
+                continue;
+            }
+            if depth == DEEPEST {
+                let expected = format!("a tree of depth {DEEPEST} at the most");
+                return Err(Invalid::new(format!("left[{i}]"), expected, "a deeper one"));
+            }
+            for (side, child) in [("left", self.left[i]), ("right", self.right[i])] {
+                let at = child as usize;
+                if at <= i || at >= count || depths[at].is_some() {
+                    let expected = format!("a node after {i} that is no other's child");
+                    return Err(Invalid::new(format!("{side}[{i}]"), expected, child));
+                }
+                depths[at] = Some(depth + 1);
+            }
+        }
+        let node = |i| Node {
+            threshold: self.threshold[i],
+            feature: self.feature[i],
+            left: self.left[i],
+            right: self.right[i],
+        };
+        Ok(Questions((0..count).map(node).collect()))
+    }
+}
+
+/// A tree that counts classes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Tree {
+    questions: Questions,
+    classes: usize,
+    /// Nodes × classes: rows of each class that came by in training.
+    counts: Vec<u32>,
+}
+
+/// The file form of a [`Tree`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TreeFile {
+    /// The questions.
+    #[serde(flatten)]
+    pub questions: QuestionsFile,
+    /// Nodes × classes: how many rows of each class came by in training.
+    pub counts: Vec<Vec<u32>>,
+}
+
+impl From<&Tree> for TreeFile {
+    fn from(tree: &Tree) -> Self {
+        let counts = tree.counts.chunks_exact(tree.classes).map(<[u32]>::to_vec).collect();
+        Self { questions: (&tree.questions).into(), counts }
+    }
+}
+
+impl TreeFile {
+    /// The tree, for `width` features and so many classes.
+    ///
+    /// # Errors
+    /// [`Invalid`] if the questions are not a tree's (see there), or counts are not of each
+    /// class at each node, those of children adding up to their parent's.
+    pub fn check(&self, width: usize, classes: usize) -> Result<Tree, Invalid> {
+        let questions = self.questions.check(width)?;
+        length("counts", questions.0.len(), self.counts.len())?;
+        for (i, counts) in self.counts.iter().enumerate() {
+            length(&format!("counts[{i}]"), classes, counts.len())?;
+        }
+        for (i, node) in questions.0.iter().enumerate().filter(|(_, node)| !node.is_leaf()) {
+            let children = [node.left, node.right].map(|child| &self.counts[child as usize]);
+            for (class, &count) in self.counts[i].iter().enumerate() {
+                let sum: u64 = children.iter().map(|counts| u64::from(counts[class])).sum();
+                if sum != u64::from(count) {
+                    let expected = format!("the sum of its children's, {sum}");
+                    return Err(Invalid::new(format!("counts[{i}][{class}]"), expected, count));
+                }
+            }
+        }
+        Ok(Tree { questions, classes, counts: self.counts.concat() })
+    }
+}
+
+impl Tree {
+    /// A tree of nodes in preorder and the counts of each.
+    pub(crate) fn new(nodes: Vec<Node>, classes: usize, counts: Vec<u32>) -> Self {
+        Self { questions: Questions::new(nodes), classes, counts }
+    }
+
+    /// How many nodes, leaves included.
+    #[must_use]
+    pub fn nodes(&self) -> usize {
+        self.questions.0.len()
+    }
+
+    /// How many leaves.
+    #[must_use]
+    pub fn leaves(&self) -> usize {
+        self.nodes().div_ceil(2)
+    }
+
+    /// The most questions that a row is asked.
+    #[must_use]
+    pub fn depth(&self) -> usize {
+        self.questions.depths().into_iter().max().unwrap_or(0)
+    }
+
+    /// Rows of each class that came to a node in training.
+    fn counts(&self, node: usize) -> &[u32] {
+        &self.counts[node * self.classes..][..self.classes]
+    }
+
+    /// The class of most rows at a node; of several, the lowest.
+    fn majority(&self, node: usize) -> usize {
+        let counts = self.counts(node);
+        let most = counts.iter().max().unwrap_or(&0);
+        counts.iter().position(|count| count == most).unwrap_or(0)
+    }
+
+    /// The class of most training rows at the leaf that `row` comes to; of several, the lowest.
+    #[must_use]
+    pub fn class(&self, row: &[f64]) -> usize {
+        self.majority(self.questions.leaf(row))
+    }
+
+    /// How many training rows of each class came to the leaf that `row` comes to.
+    #[must_use]
+    pub fn counts_at(&self, row: &[f64]) -> &[u32] {
+        self.counts(self.questions.leaf(row))
+    }
+
+    /// Writes to `out[d]` the class that [`Tree::truncated`] to depth d gives to `row`, in one
+    /// walk.
+    pub fn classes_at_depths(&self, row: &[f64], out: &mut [usize]) {
+        let mut at = Some(0);
+        let mut class = 0;
+        for out in out {
+            if let Some(node) = at {
+                class = self.majority(node);
+                at = self.questions.next(node, row);
+            }
+            *out = class;
+        }
+    }
+
+    /// Writes the probability of each class to `out`: (n_c + 1) / (n + K) for n training rows
+    /// at the leaf, n_c of them of this class, and K classes (Laplace's rule: a class that was
+    /// not seen there is not impossible).
+    pub fn probabilities_into(&self, row: &[f64], out: &mut [f64]) {
+        let counts = self.counts_at(row);
+        let total = counts.iter().map(|&count| f64::from(count)).sum::<f64>();
+        let whole = total + self.classes as f64;
+        for (p, &count) in out.iter_mut().zip(counts) {
+            *p = (f64::from(count) + 1.0) / whole;
+        }
+    }
+
+    /// The tree that had been grown to this depth.
+    #[must_use]
+    pub fn truncated(&self, depth: usize) -> Self {
+        let depths = self.questions.depths();
+        // Where each kept node goes.
+        let mut kept = 0;
+        let mut places = vec![0; self.nodes()];
+        for (place, _) in places.iter_mut().zip(&depths).filter(|(_, d)| **d <= depth) {
+            *place = kept;
+            kept += 1;
+        }
+        let mut nodes = Vec::with_capacity(kept as usize);
+        let mut counts = Vec::with_capacity(kept as usize * self.classes);
+        for (i, node) in self.questions.0.iter().enumerate().filter(|(i, _)| depths[*i] <= depth) {
+            let place = |child: u32| places[child as usize];
+            nodes.push(match node.is_leaf() || depths[i] == depth {
+                true => Node::LEAF,
+                false => Node { left: place(node.left), right: place(node.right), ..*node },
+            });
+            counts.extend(self.counts(i));
+        }
+        Self { questions: Questions(nodes), classes: self.classes, counts }
+    }
+
+    /// The same tree for features as they were before `scale` was applied: thresholds get the
+    /// features' own units.
+    #[must_use]
+    pub fn unscaled(&self, scale: &Scale) -> Self {
+        Self { questions: self.questions.unscaled(scale), ..self.clone() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// x₀ ≤ 1 → leaf; else x₁ ≤ −2 → leaf, else leaf.
+    fn file() -> TreeFile {
+        let questions = QuestionsFile {
+            feature: vec![0, 0, 1, 0, 0],
+            threshold: vec![1.0, 0.0, -2.0, 0.0, 0.0],
+            left: vec![1, 0, 3, 0, 0],
+            right: vec![2, 0, 4, 0, 0],
+        };
+        let counts =
+            vec![vec![4, 5, 3], vec![4, 0, 1], vec![0, 5, 2], vec![0, 3, 0], vec![0, 2, 2]];
+        TreeFile { questions, counts }
+    }
+
+    #[test]
+    fn a_row_walks_to_its_leaf() {
+        let tree = file().check(2, 3).unwrap();
+        assert_eq!((tree.nodes(), tree.leaves(), tree.depth()), (5, 3, 2));
+        let mut p = [0.0; 3];
+        tree.probabilities_into(&[1.0, 9.0], &mut p);
+        assert_eq!(p, [5.0 / 8.0, 1.0 / 8.0, 2.0 / 8.0]);
+        assert_eq!(tree.class(&[1.1, -2.0]), 1);
+        // A tie goes to the lower class.
+        assert_eq!(tree.class(&[1.1, -1.9]), 1);
+        let mut classes = [9; 4];
+        tree.classes_at_depths(&[0.0, 0.0], &mut classes);
+        assert_eq!(classes, [1, 0, 0, 0]);
+    }
+
+    #[test]
+    fn truncation_keeps_what_is_above() {
+        let tree = file().check(2, 3).unwrap();
+        assert_eq!(tree.truncated(2), tree);
+        assert_eq!((tree.truncated(1).nodes(), tree.truncated(1).depth()), (3, 1));
+        assert_eq!(tree.truncated(0).nodes(), 1);
+        for row in [[0.0, 0.0], [2.0, -3.0], [2.0, 0.0]] {
+            let mut classes = [9; 3];
+            tree.classes_at_depths(&row, &mut classes);
+            for (depth, class) in classes.into_iter().enumerate() {
+                assert_eq!(tree.truncated(depth).class(&row), class);
+            }
+        }
+    }
+
+    #[test]
+    fn thresholds_go_back_to_the_features_units() {
+        let scale = Scale::new(vec![10.0, 0.0], vec![2.0, 1.0]).unwrap();
+        let tree = file().check(2, 3).unwrap().unscaled(&scale);
+        let thresholds = TreeFile::from(&tree).questions.threshold;
+        assert_eq!(thresholds, [12.0, 0.0, -2.0, 0.0, 0.0]);
+    }
+
+    #[test]
+    fn a_file_survives_a_round_trip() {
+        let tree = file().check(2, 3).unwrap();
+        assert_eq!(TreeFile::from(&tree), file());
+        let text = serde_json::to_string(&file()).unwrap();
+        assert!(text.starts_with("{\"feature\":[0,0,1,0,0],"), "{text}");
+        assert_eq!(serde_json::from_str::<TreeFile>(&text).unwrap(), file());
+    }
+
+    #[test]
+    fn complaints_name_the_field() {
+        let complain = |change: fn(&mut TreeFile)| {
+            let mut file = file();
+            change(&mut file);
+            file.check(2, 3).unwrap_err().field
+        };
+        assert_eq!(complain(|f| f.questions = QuestionsFile::default()), "feature");
+        assert_eq!(complain(|f| f.questions.feature[2] = 2), "feature[2]");
+        assert_eq!(complain(|f| f.questions.threshold[2] = f64::NAN), "threshold[2]");
+        assert_eq!(complain(|f| f.questions.threshold.truncate(4)), "threshold");
+        assert_eq!(complain(|f| f.questions.left.truncate(4)), "left");
+        assert_eq!(complain(|f| f.questions.right.push(0)), "right");
+        assert_eq!(complain(|f| f.questions.left[2] = 1), "left[2]", "two parents");
+        assert_eq!(complain(|f| f.questions.left[2] = 2), "left[2]", "a cycle");
+        assert_eq!(complain(|f| f.questions.right[2] = 5), "right[2]", "out of range");
+        assert_eq!(complain(|f| f.questions.right[2] = 0), "right[2]", "one child");
+        assert_eq!(complain(|f| f.questions.right[2] = 3), "right[2]", "the same child");
+        assert_eq!(
+            complain(|f| (f.questions.left[2], f.questions.right[2]) = (0, 0)),
+            "left[3]",
+            "nobody's child"
+        );
+        assert_eq!(complain(|f| f.counts.truncate(4)), "counts");
+        assert_eq!(complain(|f| f.counts[3].truncate(2)), "counts[3]");
+        assert_eq!(complain(|f| f.counts[3][1] = 4), "counts[2][1]");
+    }
+
+    #[test]
+    fn a_chain_that_is_too_deep_is_refused() {
+        let chain = |depth: u32| {
+            let (mut left, mut right) = (vec![], vec![]);
+            for i in 0..depth {
+                left.extend([2 * i + 1, 0]);
+                right.extend([2 * i + 2, 0]);
+            }
+            // Node 2i asks, node 2i + 1 is a leaf.
+            left.push(0);
+            right.push(0);
+            let (feature, threshold) = (vec![0; left.len()], vec![0.0; left.len()]);
+            QuestionsFile { feature, threshold, left, right }.check(1)
+        };
+        assert!(chain(DEEPEST as u32).is_ok());
+        assert_eq!(chain(DEEPEST as u32 + 1).unwrap_err().field, "left[2000]");
+    }
+}
