@@ -192,8 +192,10 @@ struct InPlace<'a, T> {
 impl<T: Entry> Kernel for InPlace<'_, T> {
     #[inline(always)]
     fn run(self) {
-        for entry in self.data.iter_mut().flat_map(|block| &mut block.0) {
-            *entry = (-self.gamma * *entry).exp();
+        for block in self.data {
+            for entry in &mut block.0 {
+                *entry = (-self.gamma * *entry).exp();
+            }
         }
     }
 }

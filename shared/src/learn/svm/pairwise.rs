@@ -43,6 +43,8 @@ pub(super) struct Dense<T> {
     pub(super) stride: usize,
     /// K among the variables.
     pub(super) matrix: Vec<Block<T>>,
+    /// Room for a row of it.
+    gathered: Vec<T>,
     /// K_ii.
     pub(super) diagonal: Vec<Block<T>>,
     /// v.
@@ -60,6 +62,7 @@ impl<T: Entry> Dense<T> {
             variables: Vec::new(),
             stride: 0,
             matrix: Vec::new(),
+            gathered: Vec::new(),
             diagonal: Vec::new(),
             slope: Vec::new(),
             rise: Vec::new(),
@@ -98,13 +101,15 @@ impl<T: Entry> Dense<T> {
     /// Fills in the kernel of variable `slot` with all `members`, from its row of the whole
     /// matrix.
     pub(super) fn fill(&mut self, slot: usize, members: &[usize], row: &[Block<T>]) {
+        self.gathered.clear();
+        self.gathered.extend(members.iter().map(|&member| *entry(row, member)));
         let own = &mut self.matrix[slot * self.stride..(slot + 1) * self.stride];
-        for (other, &member) in members.iter().enumerate() {
-            *entry_mut(own, other) = *entry(row, member);
+        for (block, gathered) in own.iter_mut().zip(self.gathered.chunks(LANES)) {
+            block.0[..gathered.len()].copy_from_slice(gathered);
         }
-        for other in 0..members.len() {
-            let across = *entry(&self.matrix[slot * self.stride..], other);
-            *entry_mut(&mut self.matrix[other * self.stride..], slot) = across;
+        let (block, lane) = (slot / LANES, slot % LANES);
+        for (row, &across) in self.matrix.chunks_exact_mut(self.stride).zip(&self.gathered) {
+            row[block].0[lane] = across;
         }
         *entry_mut(&mut self.diagonal, slot) = *entry(row, members[slot]);
     }
