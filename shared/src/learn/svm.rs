@@ -212,3 +212,6 @@ fn standardised(
     let rows = wanted.iter().flat_map(row).map(|(j, x)| scale.apply(j, x)).collect();
     (scale, rows)
 }
+
+#[cfg(test)]
+mod tests;

@@ -7,6 +7,8 @@
 //! methods for massive support vector machines"). A predictor and a corrector choose μ
 //! (Mehrotra 1992).
 
+#![allow(clippy::needless_range_loop, reason = "a lane of several arrays at once")]
+
 use super::gram::{Block, LANES, entry, entry_mut};
 use crate::invalid::Invalid;
 use crate::reachability::parallel::{Kernel, in_widest_lanes};
@@ -15,7 +17,7 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 /// Of the way to the nearest bound, the share that a step goes at most.
 const SHARE: f64 = 0.995;
 /// It ends where the products' mean is below this times 1 + C …
-const MEAN_PRODUCT: f64 = 1e-11;
+const MEAN_PRODUCT: f64 = 1e-12;
 /// … or after so many steps; about fifteen do.
 const MAX_STEPS: usize = 200;
 

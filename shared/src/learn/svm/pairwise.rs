@@ -7,6 +7,8 @@
 //! selection using second order information"). It ends where the greatest slope that may
 //! rise exceeds the least that may fall by less than the tolerance: libsvm's criterion.
 
+#![allow(clippy::needless_range_loop, reason = "a lane of several arrays at once")]
+
 use super::gram::{Block, Entry, LANES, entry, entry_mut};
 use super::newton::Newton;
 use crate::reachability::parallel::Kernel;
@@ -41,6 +43,8 @@ pub(super) struct Dense<T> {
     pub(super) stride: usize,
     /// K among the variables.
     pub(super) matrix: Vec<Block<T>>,
+    /// Room for a row of it.
+    gathered: Vec<T>,
     /// K_ii.
     pub(super) diagonal: Vec<Block<T>>,
     /// v.
@@ -58,6 +62,7 @@ impl<T: Entry> Dense<T> {
             variables: Vec::new(),
             stride: 0,
             matrix: Vec::new(),
+            gathered: Vec::new(),
             diagonal: Vec::new(),
             slope: Vec::new(),
             rise: Vec::new(),
@@ -96,13 +101,15 @@ impl<T: Entry> Dense<T> {
     /// Fills in the kernel of variable `slot` with all `members`, from its row of the whole
     /// matrix.
     pub(super) fn fill(&mut self, slot: usize, members: &[usize], row: &[Block<T>]) {
+        self.gathered.clear();
+        self.gathered.extend(members.iter().map(|&member| *entry(row, member)));
         let own = &mut self.matrix[slot * self.stride..(slot + 1) * self.stride];
-        for (other, &member) in members.iter().enumerate() {
-            *entry_mut(own, other) = *entry(row, member);
+        for (block, gathered) in own.iter_mut().zip(self.gathered.chunks(LANES)) {
+            block.0[..gathered.len()].copy_from_slice(gathered);
         }
-        for other in 0..members.len() {
-            let across = *entry(&self.matrix[slot * self.stride..], other);
-            *entry_mut(&mut self.matrix[other * self.stride..], slot) = across;
+        let (block, lane) = (slot / LANES, slot % LANES);
+        for (row, &across) in self.matrix.chunks_exact_mut(self.stride).zip(&self.gathered) {
+            row[block].0[lane] = across;
         }
         *entry_mut(&mut self.diagonal, slot) = *entry(row, members[slot]);
     }
@@ -158,7 +165,7 @@ fn exchange<T: Entry>(dense: &mut Dense<T>, tolerance: f64, budget: usize) -> bo
     let (mut i, mut j, mut step) = (0, 0, T::ZERO);
     for _ in 0..budget {
         let (top, bottom, rising) = move_on(dense, blocks, i, j, step);
-        if !(top - bottom > tolerance) {
+        if top - bottom <= tolerance {
             return true;
         }
         i = rising;
@@ -227,7 +234,7 @@ fn move_on<T: Entry>(
         here += T::from_f64(GROUP as f64);
     }
     let (greatest, at) = first_greatest(&top, &place);
-    (greatest, bottom.into_iter().fold(bottom[0], T::smaller), at)
+    (greatest, reduced(bottom, T::smaller), at)
 }
 
 /// The variable that may fall, has a slope below `top`, and whose exchange with `i` gains
@@ -267,13 +274,29 @@ fn partner<T: Entry>(dense: &Dense<T>, blocks: usize, i: usize, top: T, least: T
     first_greatest(&most, &place).1
 }
 
-/// The greatest of the lanes and its variable, the first on a tie.
+/// The greatest of the lanes and its variable, the first on a tie; without branches, which
+/// nothing could predict.
 #[inline(always)]
 fn first_greatest<T: Entry>(values: &[T; LANES], place: &[T; LANES]) -> (T, usize) {
-    let (mut best, mut at, mut lane) = (values[0], place[0], 0);
-    for l in 1..LANES {
-        let better = values[l] > best || (values[l] == best && place[l] < at);
-        (best, at, lane) = if better { (values[l], place[l], l) } else { (best, at, lane) };
+    let best = reduced(*values, T::larger);
+    let never = T::from_f64(f64::INFINITY);
+    let mut index = [never; LANES];
+    for l in 0..LANES {
+        let mine = place[l] * T::from_f64(LANES as f64) + T::from_f64(l as f64);
+        index[l] = if values[l] == best { mine } else { never };
     }
-    (best, at.to_f64() as usize * LANES + lane)
+    (best, reduced(index, T::smaller).to_f64() as usize)
+}
+
+/// All lanes by an operation whose order does not matter.
+#[inline(always)]
+fn reduced<T: Entry>(mut lanes: [T; LANES], operation: impl Fn(T, T) -> T) -> T {
+    let mut width = LANES / 2;
+    while width > 0 {
+        for l in 0..width {
+            lanes[l] = operation(lanes[l], lanes[l + width]);
+        }
+        width /= 2;
+    }
+    lanes[0]
 }

@@ -75,10 +75,11 @@ mod tests {
     fn finds_the_sigmoid_that_made_the_data() {
         let mut rng = SeededRng::new(3);
         let truth = Sigmoid { a: -1.7, b: 0.4 };
-        let data: Vec<(f64, bool)> = (0..100_000)
-            .map(|_| rng.uniform(-3.0, 3.0))
-            .map(|f| (f, rng.unit() < truth.probability(f)))
-            .collect();
+        let mut draw = |_| {
+            let f = rng.uniform(-3.0, 3.0);
+            (f, rng.unit() < truth.probability(f))
+        };
+        let data: Vec<(f64, bool)> = (0..100_000).map(&mut draw).collect();
         let found = sigmoid(&data);
         assert!((found.a - truth.a).abs() < 0.03 && (found.b - truth.b).abs() < 0.03, "{found:?}");
     }

@@ -6,6 +6,8 @@
 //! break the conditions most join the few, and so on until none does. Solutions for a lower C
 //! are a start for the next: multiplied by the ratio of the two, bounds stay bounds.
 
+#![allow(clippy::needless_range_loop, reason = "a lane of several arrays at once")]
+
 use super::gram::{Block, Combine, Entry, Gram, LANES, entry, entry_mut};
 use super::newton::Newton;
 use super::pairwise::{Dense, Pairwise, Variable};
@@ -118,7 +120,7 @@ impl<'a, T: Entry> Smo<'a, T> {
         self.stretch(c);
         loop {
             let (top, bottom) = self.extremes();
-            if !(top - bottom > tolerance) {
+            if top - bottom <= tolerance {
                 return Ok(self.machine(top, bottom));
             }
             if steps == 0 {
@@ -129,36 +131,12 @@ impl<'a, T: Entry> Smo<'a, T> {
             self.join(&violators, middle);
             self.load();
             let inner = (SHARE * (top - bottom)).max(0.5 * tolerance);
-            #[cfg(feature = "count")]
-            let before = steps;
             in_widest_lanes(Pairwise {
                 dense: self.dense,
                 newton: &mut self.newton,
                 tolerance: inner,
                 steps: &mut steps,
             });
-            #[cfg(feature = "count")]
-            {
-                crate::count(0, 1);
-                crate::count(1, (before - steps) as u64);
-                crate::count(2, ((before - steps) * self.members.len()) as u64);
-                if std::env::var("TRACE").is_ok() && self.gram.columns() == 1600 {
-                    let mut nf = 0;
-                    self.each(|_, _, r, f| {
-                        if r && f {
-                            nf += 1
-                        }
-                    });
-                    println!(
-                        "C {c} gap {:.4} m {} join {} steps {} free {}",
-                        top - bottom,
-                        self.members.len(),
-                        violators.len(),
-                        before - steps,
-                        nf
-                    );
-                }
-            }
             self.unload();
         }
     }

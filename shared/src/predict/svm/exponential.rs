@@ -41,7 +41,7 @@ pub(crate) fn exp64(x: f64) -> f64 {
 /// The same for f32; arguments below −86 count as −86.
 #[inline(always)]
 pub(crate) fn exp32(x: f32) -> f32 {
-    const LN2_HIGH: f32 = 0.693_359_375;
+    const LN2_HIGH: f32 = 0.693_359_4;
     const LN2_LOW: f32 = -2.121_944_4e-4;
     const ROUND: f32 = 12_582_912.0;
     const TAYLOR: [f32; 8] =

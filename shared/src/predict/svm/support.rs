@@ -88,7 +88,10 @@ impl Kernel for Sums<'_> {
                     *square += (x - vector) * (x - vector);
                 }
             }
-            let kernel = square.map(|square| exp64(-support.gamma * square));
+            let mut kernel = [0.0; LANES];
+            for (kernel, square) in kernel.iter_mut().zip(square) {
+                *kernel = exp64(-support.gamma * square);
+            }
             for (sums, dual) in sums.iter_mut().zip(dual) {
                 for ((sum, &dual), &kernel) in sums.iter_mut().zip(dual).zip(&kernel) {
                     *sum += dual * kernel;

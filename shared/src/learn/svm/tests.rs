@@ -1,0 +1,168 @@
+use super::gram::{Entry, entry};
+use super::smo::Machine;
+use super::*;
+use crate::math::SeededRng;
+use crate::reachability::parallel::Kernel as _;
+
+/// Two overlapping clouds with rows of a third class among them, and some rows twice.
+fn clouds(seed: u64, count: usize, width: usize) -> (Vec<f64>, Vec<i8>) {
+    let mut rng = SeededRng::new(seed);
+    let (mut rows, mut sides) = (Vec::new(), Vec::new());
+    for i in 0..count {
+        let side = [1, -1, 0, 1, 1][i % 5];
+        let row: Vec<f64> =
+            (0..width).map(|_| rng.uniform(-1.5, 1.5) + 0.4 * f64::from(side)).collect();
+        for _ in 0..1 + usize::from(i % 11 == 0) {
+            rows.extend(&row);
+            sides.push(side);
+        }
+    }
+    (rows, sides)
+}
+
+/// How far the conditions of the optimum are from holding, with everything computed anew:
+/// greatest slope that may rise less the least that may fall; and |Σ β|.
+fn breach<T: Entry>(gram: &Gram<T>, sides: &[i8], machine: &Machine, c: f64) -> (f64, f64) {
+    let (mut top, mut bottom) = (f64::NEG_INFINITY, f64::INFINITY);
+    let mut total = 0.0;
+    for (i, &side) in sides.iter().enumerate() {
+        let beta = *entry(&machine.beta, i);
+        let (lower, upper) = (c * f64::from(side.min(0)), c * f64::from(side.max(0)));
+        assert!((lower..=upper).contains(&beta), "{beta}");
+        total += beta;
+        let sum: f64 = (0..sides.len())
+            .map(|j| entry(gram.row(i), j).to_f64() * entry(&machine.beta, j))
+            .sum();
+        let slope = f64::from(side) - sum;
+        if beta < upper {
+            top = top.max(slope);
+        }
+        if beta > lower {
+            bottom = bottom.min(slope);
+        }
+        if lower < beta && beta < upper {
+            let inside = machine.intercept - slope;
+            assert!(inside.abs() <= 1e-3, "free rows are on the margin: {inside}");
+        }
+    }
+    (top - bottom, total.abs())
+}
+
+fn check_conditions<T: Entry>(tolerance: f64) {
+    for (seed, gamma) in [(1, 0.01), (2, 0.1), (3, 1.0), (4, 20.0)] {
+        let (rows, sides) = clouds(seed, 300, 4);
+        let mut gram = Gram::<T>::empty();
+        gram.become_squares(4, &rows, sides.len());
+        gram.apply_rbf(gamma);
+        let mut dense = Dense::new();
+        let mut smo = Smo::new(&gram, &sides, 0.1, None, &mut dense);
+        for c in [0.1, 1.0, 10.0, 100.0, 1000.0] {
+            let machine = smo.solve(c, tolerance, 10_000_000).unwrap();
+            let (gap, total) = breach(&gram, &sides, &machine, c);
+            assert!(gap <= 1.01 * tolerance, "γ {gamma}, C {c}: {gap}");
+            assert!(total <= 1e-10 * c, "γ {gamma}, C {c}: Σ β = {total}");
+        }
+    }
+}
+
+#[test]
+fn conditions_of_the_optimum_hold_in_single_precision() {
+    check_conditions::<f32>(1e-3);
+}
+
+#[test]
+fn conditions_of_the_optimum_hold_in_double_precision() {
+    check_conditions::<f64>(1e-9);
+}
+
+#[test]
+fn linear_machines_are_those_of_pairwise_steps() {
+    for (seed, width) in [(5, 1), (6, 3), (7, 9)] {
+        let (mut rows, sides) = clouds(seed, 120, width);
+        // A feature twice, and a constant one.
+        if width == 9 {
+            for row in rows.chunks_mut(width) {
+                (row[7], row[8]) = (row[6], 0.0);
+            }
+        }
+        let mut gram = Gram::<f64>::empty();
+        gram.become_products(width, &rows, sides.len());
+        for c in [0.01, 0.1, 1.0, 10.0] {
+            let mut dense = Dense::new();
+            let machine =
+                Smo::new(&gram, &sides, c, None, &mut dense).solve(c, 1e-10, 10_000_000).unwrap();
+            let plane = linear::fit(width, &rows, &sides, c).unwrap();
+            for i in 0..sides.len() {
+                let sum: f64 =
+                    (0..sides.len()).map(|j| entry(gram.row(i), j) * entry(&machine.beta, j)).sum();
+                let decision = plane.decision(&rows[i * width..(i + 1) * width]);
+                let apart = sum + machine.intercept - decision;
+                assert!(apart.abs() < 1e-7, "width {width}, C {c}: {apart}");
+            }
+        }
+    }
+}
+
+#[test]
+fn conditions_of_the_optimum_hold_for_linear_machines() {
+    for (seed, width) in [(8, 2), (9, 8)] {
+        let (rows, sides) = clouds(seed, 400, width);
+        for c in [0.01, 1.0, 100.0] {
+            let plane = linear::fit(width, &rows, &sides, c).unwrap();
+            let mine = (0..sides.len()).filter(|&i| sides[i] != 0);
+            let (mut weights, mut total) = (vec![0.0; width], 0.0);
+            for (i, &alpha) in mine.zip(&plane.alpha) {
+                let (row, side) = (&rows[i * width..(i + 1) * width], f64::from(sides[i]));
+                let slack = side * plane.decision(row) - 1.0;
+                assert!((-1e-12..=c * (1.0 + 1e-12)).contains(&alpha));
+                // Away from a bound on the margin; inside it at C, outside at 0.
+                assert!(alpha * slack.max(0.0) < 1e-8 * (1.0 + c), "{alpha} {slack}");
+                assert!((c - alpha) * (-slack).max(0.0) < 1e-8 * (1.0 + c), "{alpha} {slack}");
+                total += side * alpha;
+                for (weight, x) in weights.iter_mut().zip(row) {
+                    *weight += side * alpha * x;
+                }
+            }
+            assert!(total.abs() < 1e-9 * (1.0 + c), "{total}");
+            for (a, b) in weights.iter().zip(&plane.weights) {
+                assert!((a - b).abs() < 1e-9 * (1.0 + c), "{a} {b}");
+            }
+        }
+    }
+}
+
+#[test]
+fn lanes_change_no_bit() {
+    let (rows, sides) = clouds(10, 150, 5);
+    let (mut wide, mut narrow) = (Gram::<f32>::empty(), Gram::<f32>::empty());
+    for gram in [&mut wide, &mut narrow] {
+        gram.become_squares(5, &rows, sides.len());
+    }
+    wide.apply_rbf(0.3);
+    narrow.apply_rbf_plainly(0.3);
+    for i in 0..sides.len() {
+        for j in 0..sides.len() {
+            assert_eq!(entry(wide.row(i), j).to_bits(), entry(narrow.row(i), j).to_bits());
+        }
+    }
+    let shares: Vec<(usize, f64)> = (0..50).map(|i| (i, 0.1 * i as f64 - 1.0)).collect();
+    let zero = vec![gram::Block::all(0.0); wide.blocks()];
+    let (mut first, mut second) = (zero.clone(), zero);
+    let combine = |sums| gram::Combine { gram: &wide, rows: &shares, first: 0, sums };
+    combine(&mut first[..]).run();
+    crate::reachability::parallel::in_widest_lanes(combine(&mut second[..]));
+    let bits =
+        |sums: &[gram::Block<f64>]| gram::entries(sums).map(|x| x.to_bits()).collect::<Vec<_>>();
+    assert_eq!(bits(&first), bits(&second));
+}
+
+#[test]
+fn too_few_steps_are_an_error() {
+    let (rows, sides) = clouds(11, 300, 4);
+    let labels: Vec<usize> = sides.iter().map(|&side| usize::from(side > 0)).collect();
+    let settings =
+        SvmSettings { max_steps: 5, ..SvmSettings::new(Kernel::Rbf { gamma: 0.1 }, 100.0) };
+    let task = Task { labels: &labels, classes: 2 };
+    let sigmoids = vec![Sigmoid { a: -1.0, b: 0.0 }];
+    assert_eq!(fit(4, &rows, task, settings, sigmoids).unwrap_err().field, "c");
+}

@@ -1,0 +1,373 @@
+//! Support vector machines against scikit-learn's on recorded rows, and against libsvm-rs on
+//! random ones.
+
+use libsvm_rs::{KernelType, SvmNode, SvmParameter, SvmProblem, SvmType};
+use sidestep::learn::svm::{
+    Grid, Kernels, SvmSettings, Task, best, calibrate, cross_validate, fit, fit_calibrated,
+};
+use sidestep::math::SeededRng;
+use sidestep::predict::svm::{Kernel, Sigmoid, pair_count, pairs};
+
+/// The rows of a CSV file without its header; empty cells are NaN.
+fn numbers(text: &str) -> Vec<Vec<f64>> {
+    let mut reader = csv::Reader::from_reader(text.as_bytes());
+    let number = |cell: &str| if cell.is_empty() { f64::NAN } else { cell.parse().unwrap() };
+    reader.records().map(|row| row.unwrap().iter().map(number).collect()).collect()
+}
+
+/// B_hrd of one participant: values row by row, turns (0 right … 2 left), avoidance, trials.
+struct Rows {
+    values: Vec<f64>,
+    turn: Vec<usize>,
+    avoid: Vec<usize>,
+    trial: Vec<usize>,
+}
+
+const WIDTH: usize = 8;
+
+/// Training rows (trial < 40) and test rows of a participant.
+fn participant(table: &[Vec<f64>], number: usize) -> (Rows, Rows) {
+    let part = |test: bool| {
+        let mine = |row: &&Vec<f64>| row[0] as usize == number && (row[1] >= 40.0) == test;
+        let rows: Vec<&Vec<f64>> = table.iter().filter(mine).collect();
+        Rows {
+            values: rows.iter().flat_map(|row| row[3..3 + WIDTH].iter().copied()).collect(),
+            turn: rows.iter().map(|row| (row[11] + 1.0) as usize).collect(),
+            avoid: rows.iter().map(|row| row[12] as usize).collect(),
+            trial: rows.iter().map(|row| row[1] as usize).collect(),
+        }
+    };
+    (part(false), part(true))
+}
+
+/// Sigmoids where probabilities do not matter.
+fn plain(classes: usize) -> Vec<Sigmoid> {
+    vec![Sigmoid { a: -1.0, b: 0.0 }; pair_count(classes)]
+}
+
+/// `svc_pred`, decision values and `svc_cal_p*` of a row, by its experiment.
+const PREDICTED: usize = 9;
+const DECISIONS: usize = 10;
+const CALIBRATED: usize = 13;
+
+#[test]
+fn scikit_learns_machines_are_found_again() {
+    let features = numbers(include_str!("data/features.csv"));
+    let models: serde_json::Value =
+        serde_json::from_str(include_str!("data/sk_open_hrd_models.json")).unwrap();
+    let expected = [
+        numbers(include_str!("data/sk_open_hrd_exp1.csv")),
+        numbers(include_str!("data/sk_open_hrd_exp2.csv")),
+    ];
+    let (mut rows, mut different, mut farthest) = (0, 0, 0.0f64);
+    for number in 0..8 {
+        let (training, test) = participant(&features, number);
+        for (experiment, expected) in [1, 2].into_iter().zip(&expected) {
+            let model = &models[format!("p{number}_exp{experiment}")]["svc"];
+            let kernel = Kernel::Rbf { gamma: model["gamma"].as_f64().unwrap() };
+            let (labels, classes) =
+                if experiment == 1 { (&training.turn, 3) } else { (&training.avoid, 2) };
+            let task = Task { labels, classes };
+            let settings = SvmSettings::new(kernel, 1.0);
+            let (scale, svm) =
+                fit(WIDTH, &training.values, task, settings, plain(classes)).unwrap();
+            let expected = expected.iter().filter(|row| row[0] as usize == number);
+            for (row, expected) in test.values.chunks(WIDTH).zip(expected) {
+                let decisions = svm.decisions(&scale, row);
+                // Of two classes scikit-learn turns the sign: positive for the second.
+                let sign = if classes == 2 { -1.0 } else { 1.0 };
+                for (decision, expected) in decisions.iter().zip(&expected[DECISIONS..]) {
+                    farthest = farthest.max((sign * decision - expected).abs());
+                }
+                let class = svm.class(&scale, row) as f64 - if classes == 3 { 1.0 } else { 0.0 };
+                rows += 1;
+                different += usize::from(class != expected[PREDICTED]);
+            }
+        }
+    }
+    println!("{different} of {rows} predictions differ; decisions by {farthest:.1e}");
+    assert_eq!(rows, 8000);
+    assert!(different <= 10, "{different} of {rows} predictions differ");
+    assert!(farthest < 1e-5, "decision values differ by {farthest}");
+}
+
+/// scikit-learn's probabilities are one class against the rest, ours pairs of classes, coupled;
+/// for two classes they are the same. Compared by log loss on test rows.
+#[test]
+fn probabilities_do_as_well_as_scikit_learns() {
+    let features = numbers(include_str!("data/features.csv"));
+    let models: serde_json::Value =
+        serde_json::from_str(include_str!("data/sk_open_hrd_models.json")).unwrap();
+    let expected = [
+        numbers(include_str!("data/sk_open_hrd_exp1.csv")),
+        numbers(include_str!("data/sk_open_hrd_exp2.csv")),
+    ];
+    for (experiment, expected) in [1, 2].into_iter().zip(&expected) {
+        let (mut ours, mut theirs, mut farthest, mut rows) = (0.0, 0.0, 0.0f64, 0.0);
+        let classes = if experiment == 1 { 3 } else { 2 };
+        for number in 0..8 {
+            let (training, test) = participant(&features, number);
+            let gamma = models[format!("p{number}_exp{experiment}")]["svc"]["gamma"].as_f64();
+            let (labels, truth) = if experiment == 1 {
+                (&training.turn, &test.turn)
+            } else {
+                (&training.avoid, &test.avoid)
+            };
+            let folds: Vec<usize> = training.trial.iter().map(|trial| trial % 5).collect();
+            let settings = SvmSettings::new(Kernel::Rbf { gamma: gamma.unwrap() }, 1.0);
+            let task = Task { labels, classes };
+            let (scale, svm) =
+                fit_calibrated(WIDTH, &training.values, task, &folds, settings).unwrap();
+            let expected = expected.iter().filter(|row| row[0] as usize == number);
+            for ((row, &truth), expected) in test.values.chunks(WIDTH).zip(truth).zip(expected) {
+                let mut p = vec![0.0; classes];
+                svm.probabilities_into(&scale, row, &mut p);
+                assert!((p.iter().sum::<f64>() - 1.0).abs() < 1e-12);
+                for (p, expected) in p.iter().zip(&expected[CALIBRATED..]) {
+                    farthest = farthest.max((p - expected).abs());
+                }
+                ours -= p[truth].ln();
+                theirs -= expected[CALIBRATED + truth].ln();
+                rows += 1.0;
+            }
+        }
+        println!("log loss {} and {}, farthest {farthest}", ours / rows, theirs / rows);
+        assert!(ours / rows < theirs / rows + 1e-3);
+        // Theirs are machines to 10⁻³, on rows standardised by all folds together.
+        assert!(classes == 3 || farthest < 5e-3, "{farthest}");
+    }
+}
+
+/// Rows around overlapping centres, some of them twice.
+fn random_rows(seed: u64, count: usize, width: usize, classes: usize) -> (Vec<f64>, Vec<usize>) {
+    let mut rng = SeededRng::new(seed);
+    let mut values = Vec::new();
+    let mut labels = Vec::new();
+    for i in 0..count {
+        let label = i % classes;
+        let row: Vec<f64> = (0..width)
+            .map(|j| rng.uniform(-2.0, 2.0) + if j % classes == label { 1.0 } else { 0.0 })
+            .collect();
+        for _ in 0..1 + usize::from(i % 7 == 0) {
+            values.extend(&row);
+            labels.push(label);
+        }
+    }
+    (values, labels)
+}
+
+#[test]
+fn libsvm_finds_the_same_machines() {
+    libsvm_rs::set_quiet(true);
+    for seed in 0..12 {
+        let (width, classes) = (2 + seed as usize % 3, 2 + seed as usize % 3);
+        let (values, labels) = random_rows(seed, 70, width, classes);
+        let task = Task { labels: &labels, classes };
+        for (kernel, c) in [
+            (Kernel::Linear, 0.1),
+            (Kernel::Linear, 5.0),
+            (Kernel::Rbf { gamma: 0.1 }, 100.0),
+            (Kernel::Rbf { gamma: 0.5 }, 1.0),
+            (Kernel::Rbf { gamma: 5.0 }, 0.1),
+        ] {
+            let settings = SvmSettings { tolerance: 1e-9, ..SvmSettings::new(kernel, c) };
+            let (scale, svm) = fit(width, &values, task, settings, plain(classes)).unwrap();
+            let nodes = |row: &[f64]| -> Vec<SvmNode> {
+                let value = |(j, &x): (usize, &f64)| SvmNode {
+                    index: j as i32 + 1,
+                    value: scale.apply(j, x),
+                };
+                row.iter().enumerate().map(value).collect()
+            };
+            // libsvm's pairs are in the order in which labels first occur, which is ours.
+            let problem = SvmProblem {
+                labels: labels.iter().map(|&label| label as f64).collect(),
+                instances: values.chunks(width).map(nodes).collect(),
+            };
+            let (kernel_type, gamma) = match kernel {
+                Kernel::Linear => (KernelType::Linear, 1.0),
+                Kernel::Rbf { gamma } => (KernelType::Rbf, gamma),
+            };
+            let parameter = SvmParameter {
+                svm_type: SvmType::CSvc,
+                kernel_type,
+                gamma,
+                c,
+                eps: 1e-9,
+                ..SvmParameter::default()
+            };
+            // libsvm keeps its kernel matrix in single precision: of each row at most C times
+            // that.
+            let rounding = f64::from(f32::EPSILON) * c * labels.len() as f64;
+            let model = libsvm_rs::train::svm_train(&problem, &parameter);
+            let (others, _) = random_rows(100 + seed, 50, width, classes);
+            for row in others.chunks(width) {
+                let mut expected = vec![0.0; pair_count(classes)];
+                let class = libsvm_rs::predict::predict_values(&model, &nodes(row), &mut expected);
+                let decisions = svm.decisions(&scale, row);
+                for (decision, expected) in decisions.iter().zip(&expected) {
+                    let apart = (decision - expected).abs();
+                    assert!(apart < rounding, "seed {seed} {kernel:?} {c}: {decision} {expected}");
+                }
+                // On equal votes libsvm-rs takes the last class, libsvm and we the first.
+                let mut votes = vec![0; classes];
+                for ((a, b), decision) in pairs(classes).zip(&decisions) {
+                    votes[if *decision > 0.0 { a } else { b }] += 1;
+                }
+                let most = votes.iter().max().unwrap();
+                if votes.iter().filter(|count| *count == most).count() == 1 {
+                    assert_eq!(svm.class(&scale, row) as f64, class);
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn the_order_of_rows_changes_no_bit() {
+    let (width, classes) = (3, 3);
+    let (values, labels) = random_rows(3, 90, width, classes);
+    let folds: Vec<usize> = (0..labels.len()).map(|i| i / 3 % 5).collect();
+    let order = SeededRng::new(8).permutation(labels.len());
+    let shuffled: Vec<f64> =
+        order.iter().flat_map(|&i| values[i * width..(i + 1) * width].to_vec()).collect();
+    let shuffled_labels: Vec<usize> = order.iter().map(|&i| labels[i]).collect();
+    let shuffled_folds: Vec<usize> = order.iter().map(|&i| folds[i]).collect();
+    for kernels in [Kernels::Linear, Kernels::Rbf(vec![0.1, 1.0])] {
+        let grid = Grid::new(kernels);
+        let task = Task { labels: &labels, classes };
+        let cells = cross_validate(width, &values, &folds, &[task], &grid).unwrap().remove(0);
+        let other = Task { labels: &shuffled_labels, classes };
+        let others =
+            cross_validate(width, &shuffled, &shuffled_folds, &[other], &grid).unwrap().remove(0);
+        for (cell, other) in cells.iter().zip(&others) {
+            assert_eq!(cell.accuracy, other.accuracy);
+            for (place, &i) in order.iter().enumerate() {
+                assert_eq!(other.decisions[place * 3..][..3], cell.decisions[i * 3..][..3]);
+            }
+        }
+        let chosen = best(&cells).unwrap();
+        let sigmoids = calibrate(task, &chosen.decisions).unwrap();
+        assert_eq!(sigmoids, calibrate(other, &best(&others).unwrap().decisions).unwrap());
+        let settings = SvmSettings::new(chosen.kernel, chosen.c);
+        let first = fit(width, &values, task, settings, sigmoids.clone()).unwrap();
+        let second = fit(width, &shuffled, other, settings, sigmoids).unwrap();
+        assert_eq!(first, second);
+    }
+}
+
+#[test]
+fn a_cell_of_a_grid_is_a_fit_of_its_own() {
+    let (width, classes) = (3, 3);
+    let (values, labels) = random_rows(4, 90, width, classes);
+    let avoid: Vec<usize> = labels.iter().map(|&label| usize::from(label != 1)).collect();
+    let folds: Vec<usize> = (0..labels.len()).map(|i| i / 3 % 4).collect();
+    let tasks = [Task { labels: &labels, classes }, Task { labels: &avoid, classes: 2 }];
+    for kernels in [Kernels::Linear, Kernels::Rbf(vec![0.03, 0.3, 3.0])] {
+        let grid = Grid { tolerance: 1e-4, ..Grid::new(kernels) };
+        let cells = cross_validate(width, &values, &folds, &tasks, &grid).unwrap();
+        for (task, cells) in tasks.iter().zip(&cells) {
+            let pairs = pair_count(task.classes);
+            for cell in cells {
+                for fold in 0..4 {
+                    let (held, trained): (Vec<usize>, Vec<usize>) =
+                        (0..labels.len()).partition(|&i| folds[i] == fold);
+                    let row = |i: usize| &values[i * width..(i + 1) * width];
+                    let training: Vec<f64> =
+                        trained.iter().flat_map(|&i| row(i).to_vec()).collect();
+                    let known: Vec<usize> = trained.iter().map(|&i| task.labels[i]).collect();
+                    let part = Task { labels: &known, classes: task.classes };
+                    let settings = SvmSettings::new(cell.kernel, cell.c);
+                    let (scale, svm) =
+                        fit(width, &training, part, settings, plain(task.classes)).unwrap();
+                    let mut right = 0;
+                    for &i in &held {
+                        let decisions = svm.decisions(&scale, row(i));
+                        let found = &cell.decisions[i * pairs..(i + 1) * pairs];
+                        for (a, b) in decisions.iter().zip(found) {
+                            assert!((a - b).abs() < 2e-3, "{:?} {} {a} {b}", cell.kernel, cell.c);
+                        }
+                        right += usize::from(svm.class(&scale, row(i)) == task.labels[i]);
+                    }
+                    let share = right as f64 / held.len() as f64;
+                    assert!((cell.accuracy[fold] - share).abs() <= 1.01 / held.len() as f64);
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn poor_data() {
+    let settings =
+        [SvmSettings::new(Kernel::Linear, 1.0), SvmSettings::new(Kernel::Rbf { gamma: 0.5 }, 1.0)];
+    for settings in settings {
+        let train = |width: usize, values: &[f64], labels: &[usize]| {
+            fit(width, values, Task { labels, classes: 2 }, settings, plain(2))
+        };
+        assert_eq!(train(1, &[1.0, 2.0], &[0, 0]).unwrap_err().field, "labels");
+        assert_eq!(train(1, &[1.0, f64::NAN], &[0, 1]).unwrap_err().field, "rows[1][0]");
+        assert_eq!(train(1, &[1.0], &[0, 1]).unwrap_err().field, "rows");
+        assert_eq!(train(1, &[1.0, 2.0], &[0, 2]).unwrap_err().field, "labels[1]");
+        // Two samples: the border is in the middle.
+        let (scale, svm) = train(1, &[1.0, 2.0], &[0, 1]).unwrap();
+        assert!(svm.decisions(&scale, &[1.5])[0].abs() < 1e-6);
+        assert!(svm.decisions(&scale, &[1.0])[0] > 0.1);
+        // A constant feature changes nothing.
+        let with = [[1.0, 7.0], [2.0, 7.0], [2.5, 7.0], [1.2, 7.0]].concat();
+        let labels = [0, 1, 1, 0];
+        let (scale, svm) = train(2, &with, &labels).unwrap();
+        let (narrow_scale, narrow) = train(1, &[1.0, 2.0, 2.5, 1.2], &labels).unwrap();
+        let (a, b) = (svm.decisions(&scale, &[1.4, 7.0]), narrow.decisions(&narrow_scale, &[1.4]));
+        assert!((a[0] - b[0]).abs() < 1e-6);
+        // Equal rows of both classes: the larger class wins there.
+        let same = vec![3.0; 10];
+        let (scale, svm) = train(1, &same, &[0, 1, 1, 0, 1, 1, 1, 0, 1, 1]).unwrap();
+        assert_eq!(svm.class(&scale, &[3.0]), 1);
+        // C and tolerance.
+        let bad = |settings: SvmSettings| {
+            let task = Task { labels: &[0, 1], classes: 2 };
+            fit(1, &[1.0, 2.0], task, settings, plain(2)).unwrap_err().field
+        };
+        assert_eq!(bad(SvmSettings { c: 0.0, ..settings }), "c");
+        assert_eq!(bad(SvmSettings { tolerance: f64::NAN, ..settings }), "tolerance");
+    }
+    let none = SvmSettings { kernel: Kernel::Rbf { gamma: 0.0 }, ..settings[0] };
+    let task = Task { labels: &[0, 1], classes: 2 };
+    assert_eq!(fit(1, &[1.0, 2.0], task, none, plain(2)).unwrap_err().field, "gamma");
+    assert_eq!(
+        fit(1, &[1.0, 2.0], task, settings[1], plain(3)).unwrap_err().field,
+        "sigmoids",
+        "one a pair"
+    );
+}
+
+#[test]
+fn a_class_that_a_fold_lacks() {
+    // Class 2 occurs in fold 0 only: machines of the others do not know it.
+    let values: Vec<f64> = (0..12).map(f64::from).collect();
+    let labels = [0, 1, 2, 2, 0, 1, 0, 1, 0, 1, 0, 1];
+    let folds = [0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2];
+    let task = Task { labels: &labels, classes: 3 };
+    for kernels in [Kernels::Linear, Kernels::Rbf(vec![0.5])] {
+        let grid = Grid::new(kernels);
+        let cells = cross_validate(1, &values, &folds, &[task], &grid).unwrap().remove(0);
+        for cell in &cells {
+            for held in cell.decisions[..4 * 3].chunks(3) {
+                assert_eq!(held[1..], [1.0, 1.0], "0 and 1 against what was not there");
+            }
+            let sigmoids = calibrate(task, &cell.decisions).unwrap();
+            assert!(sigmoids.iter().all(|s| s.a.is_finite() && s.b.is_finite()));
+        }
+        let complain = |folds: &[usize], grid: &Grid| {
+            cross_validate(1, &values, folds, &[task], grid).unwrap_err().field
+        };
+        assert_eq!(complain(&[4; 12], &grid), "folds");
+        assert_eq!(complain(&folds[..11], &grid), "rows");
+        assert_eq!(complain(&folds, &Grid { c: vec![], ..grid.clone() }), "c");
+        assert_eq!(complain(&folds, &Grid { c: vec![1.0, -1.0], ..grid.clone() }), "c[1]");
+    }
+    let grid = Grid::new(Kernels::Rbf(vec![0.5, 0.0]));
+    assert_eq!(cross_validate(1, &values, &folds, &[task], &grid).unwrap_err().field, "gamma[1]");
+    assert_eq!(calibrate(task, &[0.0]).unwrap_err().field, "decisions");
+}
