@@ -10,6 +10,8 @@ mod published;
 mod tables;
 #[cfg(test)]
 mod testing;
+#[cfg(test)]
+mod tests;
 mod words;
 
 pub(super) use published::SOURCE;

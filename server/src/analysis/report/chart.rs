@@ -271,7 +271,7 @@ pub(super) fn legend(items: &[(&str, &str)]) -> String {
     let item = |(sign, text): &(&str, &str)| {
         format!(
             "<li><svg viewBox=\"0 0 26 12\" width=\"26\" height=\"12\" aria-hidden=\"true\" \
-             xmlns=\"http://www.w3.org/2000/svg\">{sign}</svg>{text}</li>\n"
+             xmlns=\"http://www.w3.org/2000/svg\">{sign}</svg><span>{text}</span></li>\n"
         )
     };
     format!("<ul class=\"legend\">\n{}</ul>\n", items.iter().map(item).collect::<String>())

@@ -3,7 +3,7 @@
 mod beside;
 
 use super::compare::{LEVEL, Paired, least_p, mean, people_needed};
-use super::html::{count, fixed, listed, p_is, p_value, signed};
+use super::html::{count, fixed, gains, listed, p_is, p_value, signed};
 use super::words;
 use crate::analysis::Analysis;
 use sidestep::comparison::cell::{Experiment, ModelName};
@@ -207,31 +207,31 @@ fn safety_over_distance(analysis: &Analysis) -> Option<Finding> {
         u = p_is(first.mann_whitney_persons),
         u_holm = p_value(first.mann_whitney_persons_holm),
     );
-    let others = gains(&tests[1..], "points", 1);
     let headline = headline(verdict, &tests, "Safety levels", "distance alone");
-    let body = format!("<p>{main}</p><p>{others}</p><p>{}</p>", power(n, family));
-    Some(Finding { verdict, headline, body: body.replace("<p></p>", "") })
+    let body = format!(
+        "<p>{main}</p>\n<p>Points of accuracy that safety levels gain; paired Wilcoxon over {}, and \
+         after Holm over {family} tests:</p>\n{}<p>{}</p>\n",
+        count(n, "person", "people"),
+        gains_of(&tests, points),
+        power(n, family)
+    );
+    Some(Finding { verdict, headline, body: body.replace("<p></p>\n", "") })
 }
 
-/// "The others: DT I +1.2 points (p = 0.547, after Holm 1.000), …"
-fn gains(tests: &[&Test], unit: &str, places: usize) -> String {
-    if tests.is_empty() {
-        return String::new();
-    }
+/// The gains of some tests, as HTML.
+fn gains_of(tests: &[&Test], gain: impl Fn(&Test) -> String) -> String {
     let one = |test: &&Test| {
         let name = match test.metric {
             Metric::Accuracy => name(test.model, test.experiment),
             Metric::Start | Metric::End => words::model(test.model).to_owned(),
         };
-        format!(
-            "{name} {} {unit} ({}, after Holm {})",
-            signed(test.gain, places),
-            p_is(test.wilcoxon_persons),
-            p_value(test.wilcoxon_persons_holm)
-        )
+        (name, gain(test), test.wilcoxon_persons, test.wilcoxon_persons_holm)
     };
-    let all: Vec<String> = tests.iter().map(one).collect();
-    format!("The paired tests of the others: {}.", all.join("; "))
+    gains(&tests.iter().map(one).collect::<Vec<_>>())
+}
+
+fn points(test: &Test) -> String {
+    signed(test.gain, 1)
 }
 
 fn start_and_end(analysis: &Analysis) -> Option<Finding> {
@@ -239,23 +239,16 @@ fn start_and_end(analysis: &Analysis) -> Option<Finding> {
     let (mut all, mut p_values) = (Vec::new(), Vec::new());
     for (metric, word) in [(Metric::Start, "first"), (Metric::End, "last")] {
         let (tests, family) = tests(analysis, metric, ("hrd", "d"));
-        let one = |test: &&Test| {
-            format!(
-                "{} {} steps, {} s ({}, after Holm {})",
-                words::model(test.model),
-                signed(test.gain, 1),
-                signed(test.gain * analysis.context.step_s, 2),
-                p_is(test.wilcoxon_persons),
-                p_value(test.wilcoxon_persons_holm)
-            )
+        let steps = |test: &Test| {
+            let seconds = signed(test.gain * analysis.context.step_s, 2);
+            format!("{} steps <span>({seconds} s)</span>", signed(test.gain, 1))
         };
-        let said: Vec<String> = tests.iter().map(one).collect();
         body.push_str(&format!(
             "<p>By so much nearer is the {word} step of avoidance with {} than with {} (penalised; \
-             Holm over {family} tests): {}.</p>",
+             paired Wilcoxon over people, and after Holm over {family} tests):</p>\n{}",
             words::set("hrd"),
             words::set("d"),
-            said.join("; ")
+            gains_of(&tests, steps)
         ));
         p_values
             .extend(tests.iter().map(|test| (test.wilcoxon_persons, test.wilcoxon_persons_holm)));
@@ -279,11 +272,12 @@ fn start_and_end(analysis: &Analysis) -> Option<Finding> {
             )
         }
         Verdict::Hint => {
-            let below = all.iter().filter(|test| test.wilcoxon_persons < LEVEL);
+            let below = || all.iter().filter(|test| test.wilcoxon_persons < LEVEL);
+            let nearer = below().filter(|test| test.gain > 0.0).count();
             format!(
-                "When avoidance starts or ends: {} of {} comparisons of safety levels with distance \
-                 alone have p &lt; 0.05, none after correction.",
-                below.count(),
+                "With safety levels the start or end of avoidance looks nearer in {nearer} and \
+                 further off in {} of {} comparisons with distance alone, but not after correction.",
+                below().count() - nearer,
                 all.len()
             )
         }
@@ -309,21 +303,13 @@ fn which_level(analysis: &Analysis) -> Option<Finding> {
         }
         _ => headline(verdict, &tests, "Human’s safety levels", "the robot’s"),
     };
-    let one = |test: &&Test| {
-        format!(
-            "{} {} points ({})",
-            name(test.model, test.experiment),
-            signed(test.gain, 1),
-            p_is(test.wilcoxon_persons)
-        )
-    };
-    let said: Vec<String> = tests.iter().map(one).collect();
     let body = format!(
-        "<p>Gain of {} over {}: {}; p before Holm over {family} tests. The paper finds the robot’s \
-         level the better one in general, without a test of it.</p>",
+        "<p>Points of accuracy of {} over {}; paired Wilcoxon over people, and after Holm over \
+         {family} tests. The paper finds the robot’s level the better one in general, without a \
+         test of it.</p>\n{}",
         words::set("h"),
         words::set("r"),
-        said.join("; ")
+        gains_of(&tests, points)
     );
     Some(Finding { verdict, headline, body })
 }

@@ -115,6 +115,20 @@ fn without_tags(html: &str) -> String {
     out
 }
 
+/// Gains side by side, each with its name, how much it is, and the p-value of the paired test before
+/// and after Holm's correction.
+pub(super) fn gains(all: &[(String, String, f64, f64)]) -> String {
+    let one = |(name, gain, p, holm): &(String, String, f64, f64)| {
+        let class = if *holm < super::compare::LEVEL { " class=\"below\"" } else { "" };
+        format!(
+            "<li{class}><span>{name}</span><b>{gain}</b><small>{}, Holm {}</small></li>\n",
+            p_is(*p),
+            p_value(*holm)
+        )
+    };
+    format!("<ul class=\"gains\">\n{}</ul>\n", all.iter().map(one).collect::<String>())
+}
+
 /// Sections that are unfolded on demand.
 pub(super) fn details(summary: &str, content: &str) -> String {
     format!("<details>\n<summary>{summary}</summary>\n{content}</details>\n")

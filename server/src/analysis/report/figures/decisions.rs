@@ -68,7 +68,7 @@ fn chart(map: &DecisionMap, radius_m: f64) -> String {
     let x = Axis::exact(right, right + side_m, ticks(right), "robot to the right (m)");
     let behind = DecisionMap::BEHIND_M;
     let y = Axis::exact(behind, behind + side_m, ticks(behind), "robot ahead (m)");
-    let heading = format!("B_{}: {}", map.features, map.encounter);
+    let heading = format!("{}: robot {}", map.features, map.encounter);
     let mut chart = Chart::new(&heading, &described(map), height, Margins(MARGINS), (x, y));
     let edges = chart.edges();
     tones(&mut chart, map);
@@ -85,7 +85,7 @@ fn chart(map: &DecisionMap, radius_m: f64) -> String {
     let zone: Vec<_> = zone.collect();
     chart.polygon("danger", &zone);
     let [x, y] = place(&chart, [0.0, 0.0]);
-    chart.polygon("human", &[[x, y - 9.0], [x + 5.5, y + 6.0], [x, y + 3.0], [x - 5.5, y + 6.0]]);
+    chart.polygon("human", &[[x, y - 11.0], [x + 7.0, y + 8.0], [x, y + 4.0], [x - 7.0, y + 8.0]]);
     arrow(&mut chart, [edges[2] - 24.0, edges[1] + 24.0], map.heading);
     chart.finished()
 }

@@ -1,13 +1,13 @@
 //! Findings beside the paper's own tests: the body frame, baselines, roll-outs, calibration.
 
 use super::super::compare::{LEVEL, Paired};
-use super::super::html::{fixed, p_is, p_value, signed};
+use super::super::html::{fixed, gains, grouped, listed, signed};
 use super::super::words;
 use super::{Finding, Verdict, name, power};
 use crate::analysis::Analysis;
 use sidestep::comparison::RolloutsOf;
 use sidestep::comparison::cell::{Experiment, ModelName};
-use sidestep::comparison::metrics::Predictions;
+use sidestep::comparison::metrics::{Calibration, Predictions};
 use sidestep::comparison::rollout::{Horizon, Simple};
 use sidestep::stats::rank::holm;
 
@@ -44,15 +44,32 @@ fn verdict(people: usize, entries: &[Entry]) -> Verdict {
 
 fn said(entries: &[Entry]) -> String {
     let one = |entry: &Entry| {
-        format!(
-            "{} {} ({}, after Holm {})",
-            entry.name,
-            signed(entry.paired.mean, 1),
-            p_is(entry.paired.p),
-            p_value(entry.holm)
-        )
+        let gain = signed(entry.paired.mean, 1);
+        (entry.name.clone(), gain, entry.paired.p, entry.holm)
     };
-    entries.iter().map(one).collect::<Vec<_>>().join("; ")
+    gains(&entries.iter().map(one).collect::<Vec<_>>())
+}
+
+/// The names of those that are shown to be up (1) or down (−1), and of those that are neither.
+fn shown(entries: &[Entry], sign: f64) -> Vec<String> {
+    let is = |entry: &&Entry| entry.holm < LEVEL && sign * entry.paired.mean > 0.0;
+    entries.iter().filter(is).map(|entry| entry.name.clone()).collect()
+}
+
+fn not_shown(entries: &[Entry]) -> Vec<String> {
+    let is = |entry: &&Entry| entry.holm >= LEVEL;
+    entries.iter().filter(is).map(|entry| entry.name.clone()).collect()
+}
+
+/// "better in SVM I and DT I; worse in LR I; no difference was shown in DT II".
+fn in_words(entries: &[Entry], better: &str, worse: &str) -> String {
+    let parts = [
+        (better, shown(entries, 1.0)),
+        (worse, shown(entries, -1.0)),
+        ("no difference was shown in", not_shown(entries)),
+    ];
+    let said = parts.iter().filter(|(_, names)| !names.is_empty());
+    said.map(|(what, names)| format!("{what} {}", listed(names))).collect::<Vec<_>>().join("; ")
 }
 
 /// How many of them are up and how many down, by this p-value.
@@ -76,10 +93,10 @@ pub(super) fn body_frame(analysis: &Analysis) -> Option<Finding> {
     let higher = instead.iter().filter(|entry| entry.paired.mean > 0.0).count();
     let headline = match verdict {
         Verdict::Shown => {
-            let [up, down] = ways(&instead, |entry| entry.holm);
             format!(
-                "A body frame instead of the safety levels: better in {up} and worse in {down} of \
-                 {all} comparisons after correction."
+                "Knowing where the robot is in the human’s body frame, instead of the safety \
+                 levels, predicts {}.",
+                in_words(&instead, "better in", "worse in")
             )
         }
         Verdict::Hint => {
@@ -101,9 +118,10 @@ pub(super) fn body_frame(analysis: &Analysis) -> Option<Finding> {
     };
     let body = format!(
         "<p>The paper’s features do not say on which side the robot is; safety levels do in part. \
-         Points of {} (distance and body frame) over {}: {}. Once the body frame is known, {more}; \
-         {} over {}: {}. Holm over {all} tests each. A gain over distance alone is therefore no \
-         evidence that people reckon with safety levels.</p>",
+         Points of accuracy of {} (distance and body frame) over {}; paired Wilcoxon over people, \
+         and after Holm over {all} tests:</p>\n{}<p>Once the body frame is known, {more}. Points of \
+         {} over {}, likewise:</p>\n{}<p>A gain over distance alone is therefore no evidence that \
+         people reckon with safety levels.</p>\n",
         words::set("d_body"),
         words::set("hrd"),
         said(&instead),
@@ -127,16 +145,13 @@ pub(super) fn baseline(analysis: &Analysis) -> Option<Finding> {
     let verdict = verdict(people, &entries);
     let all = entries.len();
     let headline = match verdict {
-        Verdict::Shown => match ways(&entries, |entry| entry.holm) {
-            [up, _] if up == all => "Every model beats always saying the person’s commonest \
-                                     input."
-                .to_owned(),
-            [up, 0] => format!("Models beat the person’s commonest input in {up} of {all} cases."),
-            [up, down] => format!(
-                "Models beat the person’s commonest input in {up} of {all} cases, and lose to it in \
-                 {down}."
-            ),
-        },
+        Verdict::Shown if shown(&entries, 1.0).len() == all => {
+            "Every model beats always saying the person’s commonest input.".to_owned()
+        }
+        Verdict::Shown => format!(
+            "Against always saying the person’s commonest input: {}.",
+            in_words(&entries, "better are", "worse are")
+        ),
         Verdict::Hint => {
             let [up, down] = ways(&entries, |entry| entry.paired.p);
             format!(
@@ -149,12 +164,13 @@ pub(super) fn baseline(analysis: &Analysis) -> Option<Finding> {
         }
     };
     let body = format!(
-        "<p>Points of accuracy on {} over the baseline: {}. Holm over {all} tests.</p><p>{}</p>",
+        "<p>Points of accuracy on {} over the baseline; paired Wilcoxon over people, and after Holm \
+         over {all} tests:</p>\n{}<p>{}</p>\n",
         words::set("hrd"),
         said(&entries),
         power(people, all)
     );
-    Some(Finding { verdict, headline, body: body.replace("<p></p>", "") })
+    Some(Finding { verdict, headline, body: body.replace("<p></p>\n", "") })
 }
 
 /// At the furthest horizon, beside who does not think.
@@ -185,16 +201,17 @@ pub(super) fn rollouts(analysis: &Analysis) -> Option<Finding> {
     );
     let one = |(name, of): (&str, &Horizon)| {
         let share = fixed(100.0 * of.accuracy(), 1);
-        format!("{name} {share} % right, {} m off", fixed(of.mean_distance_m(), 2))
+        let off = fixed(of.mean_distance_m(), 2);
+        format!("<li><span>{name}</span><b>{share} %</b><small>{off} m off</small></li>\n")
     };
     let simple = [("holding the last input", held), ("driving straight on", straight)];
-    let said: Vec<String> = models.into_iter().chain(simple).map(one).collect();
+    let said: String = models.into_iter().chain(simple).map(one).collect();
     let body = format!(
-        "<p>On {} {seconds} s ahead: {}. Pooled over people and {} overlapping windows, so that no \
-         test is made.</p>",
+        "<p>Models on {}: share of windows that were right {seconds} s ahead, and mean distance from \
+         where the person was. Pooled over people and {} overlapping windows, so that no test is \
+         made.</p>\n<ul class=\"gains\">\n{said}</ul>\n",
         words::set("hrd"),
-        said.join("; "),
-        held.windows
+        grouped(held.windows)
     );
     Some(Finding { verdict: Verdict::Described, headline, body })
 }
@@ -221,19 +238,18 @@ pub(super) fn calibration(analysis: &Analysis) -> Option<Finding> {
         fixed(low, 1),
         fixed(high, 1)
     );
-    let one = |(name, of): &(String, sidestep::comparison::metrics::Calibration)| {
+    let one = |(name, of): &(String, Calibration)| {
+        let error = fixed(100.0 * of.calibration_error, 1);
+        let loss = fixed(of.log_loss, 2);
         format!(
-            "{name} {} points, log loss {} nats",
-            fixed(100.0 * of.calibration_error, 1),
-            fixed(of.log_loss, 2)
+            "<li><span>{name}</span><b>{error} points</b><small>log loss {loss} nats</small></li>\n"
         )
     };
-    let said: Vec<String> = found.iter().map(one).collect();
+    let said: String = found.iter().map(one).collect();
     let body = format!(
-        "<p>Expected calibration error on {}: {}. A model that is sure of nothing can be well \
-         calibrated too: log loss counts both.</p>",
-        words::set("hrd"),
-        said.join("; ")
+        "<p>Expected calibration error on {}. A model that is sure of nothing can be well calibrated \
+         too: log loss counts both.</p>\n<ul class=\"gains\">\n{said}</ul>\n",
+        words::set("hrd")
     );
     Some(Finding { verdict: Verdict::Described, headline, body })
 }

@@ -1,0 +1,178 @@
+//! The report of a made-up analysis, read as XML.
+
+use super::compare::mean;
+use super::html;
+use super::testing::made_up;
+use crate::analysis::latex;
+use resvg::usvg::roxmltree::{self, Document, ParsingOptions};
+
+fn read(html: &str) -> Document<'_> {
+    let options = ParsingOptions { allow_dtd: true, ..ParsingOptions::default() };
+    Document::parse_with_options(html, options).unwrap()
+}
+
+/// All that is read, in one line.
+fn words(document: &Document<'_>) -> String {
+    let texts = document.descendants().filter(|node| node.is_text());
+    let texts = texts.filter(|node| !node.parent().is_some_and(|of| of.has_tag_name("style")));
+    let all: String = texts.filter_map(|node| node.text()).collect();
+    all.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+fn with_class(document: &Document<'_>, class: &str) -> usize {
+    let is = |node: &roxmltree::Node<'_, '_>| {
+        node.attribute("class").is_some_and(|all| all.split(' ').any(|one| one == class))
+    };
+    document.descendants().filter(is).count()
+}
+
+/// It parses as XML too, so that every element is closed and every quote in its place.
+#[test]
+fn it_stands_alone_and_names_cannot_break_it() {
+    let html = html(&made_up(7, None));
+    let document = read(&html);
+    let named =
+        |name: &str| document.descendants().filter(|node| node.tag_name().name() == name).count();
+    assert_eq!(["script", "img", "link", "iframe"].map(named), [0; 4]);
+    // Addresses are names of languages only; nothing is fetched.
+    for node in document.descendants() {
+        for attribute in node.attributes() {
+            assert!(
+                !["src", "href", "style"].contains(&attribute.name())
+                    || attribute.value().starts_with("--"),
+                "{attribute:?}"
+            );
+        }
+    }
+    assert!(!html.contains("url(") && !html.contains("@import"));
+    assert!(html.contains("--accent:"));
+}
+
+#[test]
+fn charts_and_tables_can_be_heard() {
+    let html = html(&made_up(7, None));
+    let document = read(&html);
+    let mut charts = 0;
+    for svg in document.descendants().filter(|node| node.tag_name().name() == "svg") {
+        if svg.attribute("aria-hidden") == Some("true") {
+            continue;
+        }
+        charts += 1;
+        assert_eq!(svg.attribute("role"), Some("img"));
+        let has = |name: &str| svg.children().any(|node| node.tag_name().name() == name);
+        assert!(has("title") && has("desc"));
+    }
+    // Gains 3, accuracy 6, distances 6, a map, roll-outs 3, calibration 2.
+    assert_eq!(charts, 21);
+    let mut heads = document.descendants().filter(|node| node.tag_name().name() == "th");
+    assert!(heads.all(|head| head.attribute("scope").is_some()));
+    for name in ["table", "figure"] {
+        let caption = if name == "table" { "caption" } else { "figcaption" };
+        for node in document.descendants().filter(|node| node.tag_name().name() == name) {
+            assert!(node.children().any(|child| child.tag_name().name() == caption));
+        }
+    }
+}
+
+/// With 7 people, of whom 4 miss a step more or two of ten.
+#[test]
+fn it_tells_the_numbers_of_the_tables() {
+    let analysis = made_up(7, None);
+    let html = html(&analysis);
+    // hrd: 90 % and 80 %; d: 80 % and 70 %.
+    let [hrd, d] = [4.0 * 90.0 + 3.0 * 80.0, 4.0 * 80.0 + 3.0 * 70.0].map(|sum: f64| sum / 7.0);
+    assert_eq!(format!("{hrd:.2} {d:.2}"), "85.71 75.71");
+    let row = |first: &str| {
+        let document = read(&html);
+        let is = |node: &roxmltree::Node<'_, '_>| {
+            let head = node.first_element_child();
+            node.tag_name().name() == "tr" && head.is_some_and(|head| head.text() == Some(first))
+        };
+        let row = document.descendants().find(is).unwrap();
+        let entry = |td: roxmltree::Node<'_, '_>| {
+            let bold = td.children().any(|child| child.tag_name().name() == "strong");
+            let text: String =
+                td.descendants().filter(|n| n.is_text()).filter_map(|n| n.text()).collect();
+            (text, bold)
+        };
+        let cells = row.children().filter(|n| n.tag_name().name() == "td");
+        cells.map(entry).collect::<Vec<_>>()
+    };
+    let found = row("SVM (I)");
+    assert_eq!(found[0], ("85.71".to_owned(), true));
+    assert_eq!(found[6], ("75.71".to_owned(), false));
+    assert_eq!(found[9], ("60.00".to_owned(), false));
+    // Equals are all the best, but not what the paper did not compare.
+    assert!(found[..6].iter().all(|(_, bold)| *bold) && !found[7].1);
+    // The paper's row follows.
+    assert!(html.contains("<span class=\"paper\"><strong>78.67</strong></span>"));
+    // No turn at all is no pair: 7 people, 14 trials, all found.
+    assert!(words(&read(&html)).contains("mean over 14 test trials"));
+    assert!(words(&read(&html)).contains("70.25 91.50 +21.25"));
+    let baselines = analysis.person_baselines(sidestep::comparison::cell::Experiment::Which);
+    assert!((mean(&baselines) - 60.0).abs() < 1e-9);
+}
+
+/// 7 people gain ten points each: p = 2/2⁷ = 0.0156, after Holm over 48 tests 0.75.
+#[test]
+fn words_follow_the_numbers() {
+    let said = |people| words(&read(&html(&made_up(people, None)))).replace('\u{202f}', "");
+    let seven = said(7);
+    assert!(seven.contains("10.0 points more of the steps right"), "{seven}");
+    assert!(seven.contains("better for 7 of 7 people"));
+    assert!(seven.contains("95 % interval of the typical gain +10.0 to +10.0"));
+    assert!(seven.contains("p = 0.016, after Holm over 48 tests 0.750"));
+    assert!(seven.contains("look better than distance alone in 6 of 6 comparisons, but not after"));
+    assert!(seven.contains("nothing could have passed; with 11 people or more it can"));
+    let four = said(4);
+    assert!(four.contains("Too few people to show whether safety levels predict better"));
+    assert!(four.contains("With 4 people the paired test cannot reach p < 0.05 at all"));
+    assert!(!four.contains("interval of the typical gain +"));
+    let many = said(12);
+    assert!(many.contains(
+        "Safety levels predict better than distance alone, in every model and experiment."
+    ));
+    assert!(!many.contains("nothing could have passed"));
+    assert!(many.contains("no difference was shown"), "h and r are the same");
+}
+
+#[test]
+fn synthetic_data_and_those_left_out_are_named() {
+    let people = html(&made_up(6, None));
+    let computed = html(&made_up(6, Some("seed <7>")));
+    let banner = |html: &str| with_class(&read(html), "banner");
+    assert_eq!([banner(&people), banner(&computed)], [0, 1]);
+    assert!(computed.contains("seed &lt;7&gt;"));
+    let said = words(&read(&people));
+    assert!(said.contains("1 person was left out:"));
+    assert!(said.contains("<img src=x onerror=alert(2)> & \"co\": 3 tasks, at least 5 are needed"));
+    let mut nobody = made_up(6, None);
+    nobody.exclusions.clear();
+    nobody.leakage.clear();
+    let nobody = html(&nobody);
+    assert!(nobody.contains("Nobody was left out.") && !nobody.contains("Leakage"));
+}
+
+#[test]
+fn the_same_results_give_the_same_octets() {
+    for people in [1, 2, 40] {
+        let (one, other) = (made_up(people, None), made_up(people, None));
+        assert_eq!(html(&one), html(&other));
+        assert_eq!(latex::tables(&one), latex::tables(&other));
+        read(&html(&one));
+    }
+}
+
+#[test]
+fn latex_has_the_best_in_bold_and_says_who() {
+    let tables = latex::tables(&made_up(7, Some("50% & more")));
+    assert!(tables.contains("SVM (I) & \\textbf{85.71} & "));
+    assert!(tables.contains(" & 75.71 \\\\"));
+    assert!(tables.contains("7 participants"));
+    assert!(tables.contains("Synthetic data} (known from: 50\\% \\& more)"));
+    assert!(tables.contains("(3 tasks, at least 5 are needed)"));
+    assert!(!latex::tables(&made_up(7, None)).contains("Synthetic"));
+    let count = |what: &str| tables.matches(what).count();
+    assert_eq!(count("\\begin{tabular}"), 2);
+    assert_eq!(count("{"), count("}"));
+}
