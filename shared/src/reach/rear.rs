@@ -5,7 +5,7 @@
 //! path may have to cross the line through its end more often, and the traced
 //! extremals with two jumps and more are added.
 
-use super::extremal::Costate;
+use super::extremal::{Costate, Instant};
 use super::front::end_range;
 use super::paths::{Path, Paths, Turn};
 use super::sampling::{Curves, Sample, pieces, triangle_height};
@@ -95,7 +95,7 @@ const AT_REST: f64 = 1e-6;
 
 fn more_jumps(paths: &Paths, steps: usize, tolerance: f64, curves: &mut Curves) {
     let trace = |phi: f64| {
-        let costate = Costate::end(phi).back(paths, 0, steps - 1);
+        let costate = Costate::end(phi).to_start(paths, Instant::beginning(steps));
         Trace { phi, tame: costate.switches <= MOST_JUMPS + steps, sample: costate.sample() }
     };
     let (left, right) = end_range(paths, steps);
