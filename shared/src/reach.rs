@@ -36,6 +36,7 @@ mod rear;
 mod sampling;
 mod singular;
 mod start;
+mod zigzag;
 mod membership;
 
 pub use grow::{minkowski_disc, minkowski_disc_into};
@@ -393,9 +394,8 @@ fn sideways(
     let each = least_pieces.div_ceil(paths.steps());
     points.push(Complex::new(0.0, 0.0));
     for step in 0..paths.steps() {
-        let curve = |seconds: f64| {
-            Costate::end(phi).to_start(paths, Instant { step, seconds }).sample()
-        };
+        let curve =
+            |seconds: f64| Costate::end(phi).to_start(paths, Instant { step, seconds }).sample();
         sample(&curve, (0.0, paths.step_s), each, tolerance, &|_, _, _| {}, points);
     }
     sampling::space(points, 0);

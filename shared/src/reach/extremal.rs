@@ -29,6 +29,23 @@ pub(super) struct Costate {
     /// Which bound holds just after this instant; at the end, and after a
     /// straight arc, `Side::Straight`.
     side: Side,
+    /// The last jump.
+    jump: Jump,
+    /// Shifting the last two jumps so that the end stays on its line along θ moves it by
+    /// minus this (times a square): below 0, the path is not the farthest on that line, not even among
+    /// its neighbours.
+    pub(super) firmness: f64,
+    /// The step of the last jump but one.
+    pub(super) before_last: Option<usize>,
+}
+
+/// Where the rate jumps.
+#[derive(Clone, Copy, Debug)]
+struct Jump {
+    /// How far remains to be driven along θ, s.
+    rest: f64,
+    /// How much a shift by a given angle costs along θ, 1/s: |sin φ| by the width of the bounds.
+    cost: f64,
 }
 
 /// An instant: so many seconds after the beginning of a step. The order is that of time.
@@ -63,7 +80,18 @@ impl Costate {
     /// The end of the extremal that arrives with heading θ + `phi`.
     pub(super) fn end(phi: f64) -> Self {
         let rest = Complex::new(0.0, 0.0);
-        Self { phi, facing: unit(phi), rest, switches: 0, side: Side::Straight }
+        let jump = Jump { rest: 0.0, cost: 0.0 };
+        let facing = unit(phi);
+        Self {
+            phi,
+            facing,
+            rest,
+            switches: 0,
+            side: Side::Straight,
+            jump,
+            firmness: 0.0,
+            before_last: None,
+        }
     }
 
     /// `seconds` earlier, having turned at `rate`.
@@ -104,9 +132,11 @@ impl Costate {
             }
             let side = self.side_before(paths.lo[step], paths.hi[step]);
             let jumps = side != self.side && self.side != Side::Straight;
-            self.switches += usize::from(jumps);
-            if self.switches > most {
-                return self;
+            if jumps {
+                self.note_jump(step, paths.hi[step] - paths.lo[step]);
+                if self.switches > most {
+                    return self;
+                }
             }
             self.side = side;
             let whole = match side {
@@ -125,6 +155,22 @@ impl Costate {
             self.rest.im = 0.0;
             left -= seconds;
         }
+    }
+
+    /// Notes that the rate jumps here, in step `step`, between bounds of this width.
+    fn note_jump(&mut self, step: usize, width: f64) {
+        let jump = Jump { rest: self.rest.re, cost: self.facing.im.abs() / width };
+        self.switches += 1;
+        if self.switches == 2 {
+            self.before_last = Some(step);
+            // What is driven between the jumps is turned by 1/(jump.rest − last.rest), what is
+            // driven after the last by −1/last.rest, here without these denominators.
+            let (before, after) = (jump.rest, self.jump.rest);
+            self.firmness = jump.cost * after * after
+                + self.jump.cost * before * before
+                + (before - after) * after * before;
+        }
+        self.jump = jump;
     }
 
     /// Whether p certainly does not pass zero between this instant and an earlier

@@ -91,7 +91,6 @@ impl Neighbours {
         points: &mut Vec<Complex<f64>>,
     ) {
         let Some(parting) = self.before_parting(paths, Instant::beginning(0)) else {
-            if std::env::var("DBG").is_ok() { println!("apart: {self:?}"); }
             return;
         };
         let curve = |share: f64| parting.between(share).to_start(paths, parting.at).sample();
@@ -101,7 +100,7 @@ impl Neighbours {
             // Otherwise they part at once.
             if parting.at < self.at && partings > 0 {
                 nearer.bridge(paths, tolerance, partings - 1, points);
-            } else if std::env::var("DBG").is_ok() { println!("no progress {partings}: {self:?}"); }
+            }
         };
         if triangle_height(curve(0.0), curve(1.0)) > tolerance {
             sample(&curve, (0.0, 1.0), 1, tolerance, &leap, points);

@@ -192,6 +192,8 @@ pub(super) fn vertex_beside<'a>(
 #[derive(Clone, Debug, Default)]
 pub(super) struct Curves {
     points: Vec<Complex<f64>>,
+    /// End headings from which a search for curves begins (`zigzag`).
+    pub(super) nodes: Vec<(f64, usize)>,
     /// Where each curve begins.
     starts: Vec<usize>,
 }

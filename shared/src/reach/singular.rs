@@ -70,11 +70,7 @@ impl Piece {
     /// Its first and the last one of the piece to the left.
     pub(super) fn neighbours(&self, left: &Self, paths: &Paths) -> Neighbours {
         let at = if self.origin < left.origin { self.origin } else { left.origin };
-        Neighbours {
-            first: self.at(paths, at, self.from),
-            last: left.at(paths, at, left.to),
-            at,
-        }
+        Neighbours { first: self.at(paths, at, self.from), last: left.at(paths, at, left.to), at }
     }
 }
 
@@ -153,9 +149,11 @@ fn onset(paths: &Paths, step: usize, family: &mut Vec<Piece>) -> Option<Onset> {
     let mut place = match inside {
         Some(place) => split(paths, step, family, place),
         // In the gap between two pieces.
-        None => 1 + family.windows(2).position(|pair| {
-            value(&pair[0], pair[0].to) >= 0.0 && value(&pair[1], pair[1].from) < 0.0
-        })?,
+        None => {
+            1 + family.windows(2).position(|pair| {
+                value(&pair[0], pair[0].to) >= 0.0 && value(&pair[1], pair[1].from) < 0.0
+            })?
+        }
     };
     // Between two that have parted by now there are others.
     for _ in 0..MOST_PARTINGS {
@@ -164,8 +162,8 @@ fn onset(paths: &Paths, step: usize, family: &mut Vec<Piece>) -> Option<Onset> {
             break;
         }
         let Some(parting) = gap.before_parting(paths, end) else {
-            if std::env::var("DBG").is_ok() { println!("onset apart: {gap:?}"); }
-            break };
+            break;
+        };
         // From left to right.
         let kind = Kind::Between { first: parting.last, last: parting.first };
         family.insert(place, Piece { from: 0.0, to: 1.0, origin: parting.at, kind });
