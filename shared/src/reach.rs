@@ -6,8 +6,9 @@
 //!
 //! * The **front** is reached by paths that get as far as possible in some
 //!   direction: turn toward it, then go straight (`front`; where straight is not
-//!   always admissible, the extremals of `singular`).
-//! * The **rear** is reached by paths whose rate jumps between the bounds (`rear`).
+//!   always admissible, the extremals of `singular`, and where they part too fast for numbers, `parting`).
+//! * The **rear** is reached by paths whose rate jumps between the bounds (`rear`; more than
+//!   once, `zigzag`).
 //! * The **tube**, the union over all instants, lies between the path at the
 //!   lowest rates, the final front, and the path at the highest rates. Where headings
 //!   span more than π/2, so do the ends of extremals that arrive at a right angle.
@@ -20,9 +21,6 @@
 //! A polygon lies in the set, within the accuracy asked for, or, if conservative,
 //! around it (`grow`). The start may be uncertain ([`StartSet`]). With a [`Workspace`]
 //! and [`ReachableSet::reset`] nothing is allocated from the second time on.
-//!
-//! Known gap: in rare hard cases, bounds that come very close to admitting straight driving or
-//! many steps without choice, a piece of the front is cut off (docs/decisions/0007).
 
 mod envelope;
 mod extremal;

@@ -108,7 +108,7 @@ impl Costate {
 
     /// The same extremal at an earlier instant, if this is at `from`.
     pub(super) fn back(mut self, paths: &Paths, from: Instant, to: Instant) -> Self {
-        let most = MOST_SWITCHES * (from.step + 1);
+        let most = MOST_SWITCHES * paths.steps();
         for step in (to.step..=from.step).rev() {
             let begin = if step == to.step { to.seconds } else { 0.0 };
             let end = if step == from.step { from.seconds } else { paths.step_s };

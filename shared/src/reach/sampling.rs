@@ -31,10 +31,6 @@ impl PolygonSettings {
 
     /// The same, but with polygons that contain the whole set, and exceed it by at most
     /// [`Self::accuracy_m`] (besides holes, which are filled).
-    ///
-    /// Known gap: where bounds forbid straight driving by very little (10⁻⁴ to 10⁻³ rad/s) or
-    /// leave no choice in many steps, the front itself may be wrong, and this polygon with it:
-    /// 7 of 8,000 sets made to be hard (docs/decisions/0007).
     #[must_use]
     pub fn conservative(self) -> Self {
         Self { conservative: true, ..self }
