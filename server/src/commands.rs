@@ -13,6 +13,10 @@ pub mod json_file;
 pub mod bounds;
 pub mod reach;
 pub mod shfrs;
+pub mod features;
+pub mod analyze;
+mod trials_file;
+pub mod simulate;
 
 use crate::store::OpenError;
 use serde::Serialize;

@@ -5,6 +5,7 @@
 //! of routes; [`store`] is the only place that speaks SQL; each subcommand is one
 //! module of [`commands`]; [`safety`] solves value functions in the background.
 
+pub mod analysis;
 pub mod app;
 pub mod auth;
 pub mod clock;
@@ -13,6 +14,7 @@ pub mod config;
 pub mod content;
 pub mod error;
 pub mod exports;
+pub mod features_csv;
 pub mod figure;
 pub mod guard;
 pub mod json;
@@ -28,9 +30,11 @@ pub mod session;
 pub mod site;
 pub mod store;
 pub mod studies;
+pub mod synthetic;
 pub mod throttle;
 pub mod training;
 pub mod trials;
 pub mod trials_csv;
 pub mod value_functions;
 pub mod whole_file;
+pub mod whole_folder;

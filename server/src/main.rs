@@ -2,7 +2,8 @@
 
 use clap::{Parser, Subcommand};
 use sidestep_server::commands::{
-    CommandError, bounds, check, export, import, plot, reach, serve, shfrs, solve, value,
+    CommandError, analyze, bounds, check, export, features, import, plot, reach, serve, shfrs,
+    simulate, solve, value,
 };
 use std::io::IsTerminal;
 use std::process::ExitCode;
@@ -29,6 +30,9 @@ enum Command {
     Bounds(bounds::BoundsArgs),
     Reach(reach::ReachArgs),
     Shfrs(shfrs::ShfrsArgs),
+    Features(features::FeaturesArgs),
+    Analyze(analyze::AnalyzeArgs),
+    Simulate(simulate::SimulateArgs),
     Export(export::ExportArgs),
     Import(import::ImportArgs),
     Check(check::CheckArgs),
@@ -56,6 +60,9 @@ async fn call(command: Command) -> Result<(), CommandError> {
         Command::Bounds(args) => bounds::run(args).await,
         Command::Reach(args) => reach::run(args).await,
         Command::Shfrs(args) => shfrs::run(args).await,
+        Command::Features(args) => features::run(args).await,
+        Command::Analyze(args) => analyze::run(args).await,
+        Command::Simulate(args) => simulate::run(args).await,
         Command::Export(args) => export::run(args).await,
         Command::Import(args) => import::run(args).await,
         Command::Check(args) => check::run(args).await,

@@ -8,7 +8,7 @@ use sidestep::invalid::{Invalid, length};
 use sidestep::scene::{JointState, SceneParameters};
 use sidestep::trial::{Flag, Phase};
 use sidestep::vehicle::TurnInput;
-use std::collections::HashSet;
+use std::collections::HashMap;
 use std::io::Read;
 
 /// Everything that one person drove.
@@ -18,6 +18,8 @@ pub struct Person {
     pub name: String,
     /// In the order of phases, then of the file's numbers.
     pub trials: Vec<FileTrial>,
+    /// Whether a column `synthetic` says that nobody drove this.
+    pub synthetic: bool,
 }
 
 /// One trial of a file.
@@ -53,7 +55,9 @@ pub struct LineError {
     pub what: Invalid,
 }
 
-/// The people of a file, in the order of their first rows.
+/// The people of a file, in the order of their first rows. Where the rows of a trial stand
+/// together they must be in order; where they are scattered, as in a file that was sorted by
+/// something else, their order tells nothing.
 ///
 /// # Errors
 /// [`LineError`] for a missing column, a value that cannot be, or a trial whose
@@ -62,34 +66,35 @@ pub fn read(file: impl Read, parameters: &SceneParameters) -> Result<Vec<Person>
     let mut reader = csv::Reader::from_reader(file);
     let header = reader.headers().map_err(broken)?.clone();
     let columns = Columns::of(&header).map_err(at(1))?;
-    let mut people: Vec<Person> = Vec::new();
-    let mut seen = HashSet::new();
-    let mut open: Option<(String, OpenTrial)> = None;
+    let mut trials: Vec<Rows> = Vec::new();
+    let mut places: HashMap<(String, u64), usize> = HashMap::new();
+    let mut previous = None;
     let mut record = StringRecord::new();
     while reader.read_record(&mut record).map_err(broken)? {
         let line = record.position().map_or(0, csv::Position::line);
         let row = Row::parse(&columns, &record, parameters).map_err(at(line))?;
-        let same = |(name, trial): &(String, OpenTrial)| {
-            *name == row.participant && trial.trial.number == row.trial
-        };
-        if !open.as_ref().is_some_and(same) {
-            if let Some((name, trial)) = open.take() {
-                close(&mut people, name, trial, parameters)?;
-            }
-            if !seen.insert((row.participant.clone(), row.trial)) {
-                let expected = "the rows of a trial together, each trial once";
-                let found = format!("{} of participant {} again", row.trial, row.participant);
-                return Err(at(line)(Invalid::new("trial", expected, found)));
-            }
-            open = Some((row.participant.clone(), OpenTrial::new(line, &row)));
+        let place = *places.entry((row.participant.clone(), row.trial)).or_insert(trials.len());
+        if place == trials.len() {
+            trials.push(Rows::default());
         }
-        if let Some((_, trial)) = &mut open {
-            trial.push(line, row, parameters).map_err(at(line))?;
-        }
+        trials[place].scattered |= previous != Some(place) && !trials[place].rows.is_empty();
+        trials[place].rows.push((line, row));
+        previous = Some(place);
     }
-    match open {
-        Some((name, trial)) => close(&mut people, name, trial, parameters)?,
-        None => return Err(at(1)(Invalid::new("file", "at least one trial", "no row"))),
+    if trials.is_empty() {
+        return Err(at(1)(Invalid::new("file", "at least one trial", "no row")));
+    }
+    let mut people: Vec<Person> = Vec::new();
+    let mut person_of: HashMap<String, usize> = HashMap::new();
+    for rows in trials {
+        let (name, synthetic) = (rows.rows[0].1.participant.clone(), rows.rows[0].1.synthetic);
+        let trial = rows.trial(parameters)?;
+        let place = *person_of.entry(name.clone()).or_insert(people.len());
+        if place == people.len() {
+            people.push(Person { name, trials: Vec::new(), synthetic: false });
+        }
+        people[place].trials.push(trial);
+        people[place].synthetic |= synthetic;
     }
     for person in &mut people {
         person.trials.sort_by_key(|trial| (trial.phase, trial.number));
@@ -113,15 +118,37 @@ fn broken(error: csv::Error) -> LineError {
     at(line)(Invalid::new("row", "comma-separated UTF-8 text", found))
 }
 
-/// A trial whose rows are still coming.
-struct OpenTrial {
-    trial: FileTrial,
-    last_line: u64,
+/// The rows of one trial with their lines, as the file has them; at least one.
+#[derive(Default)]
+struct Rows {
+    rows: Vec<(u64, Row)>,
+    scattered: bool,
 }
 
-impl OpenTrial {
+impl Rows {
+    fn trial(mut self, parameters: &SceneParameters) -> Result<FileTrial, LineError> {
+        if self.scattered {
+            self.rows.sort_by_key(|(_, row)| row.step);
+        }
+        let (line, first) = &self.rows[0];
+        let mut trial = FileTrial::new(*line, first);
+        let mut last_line = *line;
+        for (line, row) in self.rows {
+            last_line = line;
+            trial.push(row, parameters).map_err(at(line))?;
+        }
+        length("step", parameters.steps, trial.inputs.len()).map_err(at(last_line))?;
+        // The state after the last step is the one that its input leads to.
+        if let (Some(&state), Some(&input)) = (trial.states.last(), trial.inputs.last()) {
+            trial.states.push(state.advance(parameters, input, parameters.step_s));
+        }
+        Ok(trial)
+    }
+}
+
+impl FileTrial {
     fn new(line: u64, row: &Row) -> Self {
-        let trial = FileTrial {
+        Self {
             line,
             number: row.trial,
             phase: row.phase,
@@ -131,13 +158,11 @@ impl OpenTrial {
             started_at_ms: row.started_at_ms,
             sampled_at_ms: row.sampled_at_ms.map(|_| Vec::new()),
             flags: row.flags.clone(),
-        };
-        Self { trial, last_line: line }
+        }
     }
 
-    fn push(&mut self, line: u64, row: Row, parameters: &SceneParameters) -> Result<(), Invalid> {
-        let trial = &mut self.trial;
-        let next = trial.inputs.len();
+    fn push(&mut self, row: Row, parameters: &SceneParameters) -> Result<(), Invalid> {
+        let next = self.inputs.len();
         if next == parameters.steps {
             let expected = format!("{next} steps a trial");
             return Err(Invalid::new("step", expected, format!("a further row, {}", row.step)));
@@ -150,15 +175,15 @@ impl OpenTrial {
             let expected = format!("{t} (steps of {} s)", parameters.step_s);
             return Err(Invalid::new("t", expected, row.t));
         }
-        if row.phase != trial.phase {
-            let expected = format!("{}, as in the trial's first row", trial.phase.word());
+        if row.phase != self.phase {
+            let expected = format!("{}, as in the trial's first row", self.phase.word());
             return Err(Invalid::new("phase", expected, row.phase.word()));
         }
-        if row.trial_id != trial.trial_id {
+        if row.trial_id != self.trial_id {
             let expected = "the same id in all rows of a trial";
             return Err(Invalid::new("trial_id", expected, "another one"));
         }
-        match (&mut trial.sampled_at_ms, row.sampled_at_ms) {
+        match (&mut self.sampled_at_ms, row.sampled_at_ms) {
             (Some(times), Some(at)) => times.push(at),
             (None, None) => {}
             _ => {
@@ -166,27 +191,8 @@ impl OpenTrial {
                 return Err(Invalid::new("sampled_at_ms", expected, "some"));
             }
         }
-        trial.inputs.push(row.input);
-        trial.states.push(row.state);
-        self.last_line = line;
+        self.inputs.push(row.input);
+        self.states.push(row.state);
         Ok(())
     }
-}
-
-/// The state after the last step is the one that its input leads to.
-fn close(
-    people: &mut Vec<Person>,
-    name: String,
-    OpenTrial { mut trial, last_line }: OpenTrial,
-    parameters: &SceneParameters,
-) -> Result<(), LineError> {
-    length("step", parameters.steps, trial.inputs.len()).map_err(at(last_line))?;
-    if let (Some(&state), Some(&input)) = (trial.states.last(), trial.inputs.last()) {
-        trial.states.push(state.advance(parameters, input, parameters.step_s));
-    }
-    match people.iter_mut().find(|person| person.name == name) {
-        Some(person) => person.trials.push(trial),
-        None => people.push(Person { name, trials: vec![trial] }),
-    }
-    Ok(())
 }

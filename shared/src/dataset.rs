@@ -1,6 +1,8 @@
 //! Datasets: trials turned into labelled rows.
 
+use crate::each::each;
 use crate::features::{FeatureSet, SafetyFunctions};
+use crate::invalid::Invalid;
 use crate::scene::JointState;
 use crate::vehicle::TurnInput;
 
@@ -27,22 +29,45 @@ impl Dataset {
         trials: impl IntoIterator<Item = (&'a [TurnInput], &'a [JointState])>,
     ) -> Self {
         let width = features.len();
-        let mut dataset = Self {
-            features: features.clone(),
-            values: Vec::new(),
-            labels: Vec::new(),
-            trials: Vec::new(),
-        };
-        for (trial, (inputs, states)) in trials.into_iter().enumerate() {
-            for (step, &input) in inputs.iter().enumerate().take(states.len()) {
-                let begin = dataset.values.len();
-                dataset.values.resize(begin + width, 0.0);
-                features.compute_into(&states[..=step], safety, &mut dataset.values[begin..]);
-                dataset.labels.push(input);
-                dataset.trials.push(trial);
+        let trials: Vec<_> = trials.into_iter().collect();
+        let rows = |&(inputs, states): &(&[TurnInput], &[JointState])| {
+            let mut values = vec![0.0; inputs.len().min(states.len()) * width];
+            for (step, row) in values.chunks_exact_mut(width).enumerate() {
+                features.compute_into(&states[..=step], safety, row);
             }
+            Ok::<_, core::convert::Infallible>(values)
+        };
+        let Ok(values) = each(&trials, rows);
+        let labels = trials.iter().flat_map(|(inputs, states)| inputs.iter().take(states.len()));
+        let of_trial = |(trial, values): (usize, &Vec<f64>)| [trial].repeat(values.len() / width);
+        Self {
+            features: features.clone(),
+            labels: labels.copied().collect(),
+            trials: values.iter().enumerate().flat_map(of_trial).collect(),
+            values: values.concat(),
         }
-        dataset
+    }
+
+    /// The same rows with some of the features only.
+    ///
+    /// # Errors
+    /// [`Invalid`] for a feature that is not among the columns.
+    pub fn select(&self, features: &FeatureSet) -> Result<Self, Invalid> {
+        let names: Vec<&str> = self.features.features().map(|feature| feature.name).collect();
+        let place = |name: &str| {
+            let expected = || format!("one of {}", names.join(", "));
+            let found = names.iter().position(|known| *known == name);
+            found.ok_or_else(|| Invalid::new("features", expected(), name))
+        };
+        let places: Vec<usize> =
+            features.features().map(|feature| place(feature.name)).collect::<Result<_, _>>()?;
+        let rows = self.values.chunks_exact(names.len());
+        Ok(Self {
+            features: features.clone(),
+            values: rows.flat_map(|row| places.iter().map(|&j| row[j])).collect(),
+            labels: self.labels.clone(),
+            trials: self.trials.clone(),
+        })
     }
 
     /// How many rows.

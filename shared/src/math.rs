@@ -5,7 +5,7 @@
 //! the last place for a few per cent of arguments.
 
 pub use core::f64::consts::{PI, TAU};
-pub use libm::{acos, atan2, cos, exp, hypot, log as ln, sin};
+pub use libm::{acos, asin, atan2, cos, exp, hypot, log as ln, sin};
 
 use rand_chacha::ChaCha8Rng;
 use rand_core::{Rng, SeedableRng};

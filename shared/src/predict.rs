@@ -4,6 +4,7 @@
 pub mod boosting;
 pub mod logistic;
 pub mod scale;
+pub mod svm;
 pub mod tree;
 
 use crate::features::FeatureSet;
@@ -12,6 +13,7 @@ use boosting::{Boosted, BoostedFile};
 use logistic::Logistic;
 use scale::Scale;
 use serde::{Deserialize, Serialize};
+use svm::{Sigmoid, Svm};
 use tree::{Tree, TreeFile};
 
 /// A trained model with the features it wants.
@@ -28,6 +30,7 @@ pub struct Predictor {
 enum Model {
     Boosted(Boosted),
     Logistic(Scale, Logistic),
+    Svm(Scale, Svm),
     Tree(Tree),
     Constant(Vec<f64>),
 }
@@ -43,6 +46,12 @@ impl Predictor {
     #[must_use]
     pub fn boosted(features: FeatureSet, classes: Vec<i8>, model: Boosted) -> Self {
         Self { features, classes, actions: None, model: Model::Boosted(model) }
+    }
+
+    /// Support vector machines on standardised features.
+    #[must_use]
+    pub fn svm(features: FeatureSet, classes: Vec<i8>, scale: Scale, model: Svm) -> Self {
+        Self { features, classes, actions: None, model: Model::Svm(scale, model) }
     }
 
     /// A decision tree on features as they are ([`Tree::unscaled`]).
@@ -104,11 +113,25 @@ impl Predictor {
         &self.classes
     }
 
+    /// The class that the model names, given a row of raw features: the likeliest, the first on a
+    /// tie; of an SVM the one with the most votes.
+    #[must_use]
+    pub fn class(&self, row: &[f64]) -> i8 {
+        if let Model::Svm(scale, model) = &self.model {
+            return self.classes[model.class(scale, row)];
+        }
+        let mut p = vec![0.0; self.classes.len()];
+        self.probabilities_into(row, &mut p);
+        let likelier = |best: usize, k: usize| if p[k] > p[best] { k } else { best };
+        (0..p.len()).reduce(likelier).map_or(0, |k| self.classes[k])
+    }
+
     /// Writes the probability of each class to `out`, given a row of raw features.
     pub fn probabilities_into(&self, row: &[f64], out: &mut [f64]) {
         match &self.model {
             Model::Boosted(model) => model.probabilities_into(row, out),
             Model::Logistic(scale, model) => model.probabilities_into(scale, row, out),
+            Model::Svm(scale, model) => model.probabilities_into(scale, row, out),
             Model::Tree(model) => model.probabilities_into(row, out),
             Model::Constant(probabilities) => out.copy_from_slice(probabilities),
         }
@@ -121,7 +144,7 @@ impl Predictor {
 pub struct PredictorFile {
     /// Always [`FORMAT`].
     pub format: String,
-    /// `boosted`, `logistic`, `tree` or `constant`.
+    /// `boosted`, `logistic`, `svm`, `tree` or `constant`.
     pub kind: String,
     /// Names of the features, in the order of the columns.
     pub features: Vec<String>,
@@ -131,21 +154,38 @@ pub struct PredictorFile {
     /// multiplied by the vehicle's turn rate.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub actions: Option<Vec<f64>>,
-    /// Logistic: what is subtracted from each feature.
+    /// Logistic, SVM: what is subtracted from each feature.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mean: Option<Vec<f64>>,
-    /// Logistic: what each feature is then divided by.
+    /// Logistic, SVM: what each feature is then divided by.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scale: Option<Vec<f64>>,
-    /// Logistic: a row of weights a class.
+    /// Logistic: a row of weights a class. Linear SVM: a row a pair of classes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub coefficients: Option<Vec<Vec<f64>>>,
-    /// Logistic: an offset a class.
+    /// Logistic: an offset a class. SVM: an offset a pair of classes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub intercepts: Option<Vec<f64>>,
     /// Boosted: first scores and trees.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub boosted: Option<BoostedFile>,
+    /// SVM: `linear` or `rbf`. Pairs of classes are in the order (first, second), (first,
+    /// third), …, (second, third), …; a positive decision value speaks for the pair's first.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub kernel: Option<String>,
+    /// SVM with kernel `rbf`: γ of exp(−γ |x − z|²), on standardised features.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gamma: Option<f64>,
+    /// SVM with kernel `rbf`: vectors × features, standardised.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub support_vectors: Option<Vec<Vec<f64>>>,
+    /// SVM with kernel `rbf`: pairs × support vectors, α times +1 or −1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub dual_coefficients: Option<Vec<Vec<f64>>>,
+    /// SVM: a and b of each pair; 1 / (1 + exp(a·f + b)) is the probability of the pair's
+    /// first class.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sigmoids: Option<Vec<[f64; 2]>>,
     /// Tree: the nodes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tree: Option<TreeFile>,
@@ -170,6 +210,11 @@ impl From<&Predictor> for PredictorFile {
             coefficients: None,
             intercepts: None,
             boosted: None,
+            kernel: None,
+            gamma: None,
+            support_vectors: None,
+            dual_coefficients: None,
+            sigmoids: None,
             tree: None,
             probabilities: None,
         };
@@ -184,6 +229,25 @@ impl From<&Predictor> for PredictorFile {
                 file.scale = Some(scale.scale().to_vec());
                 file.coefficients = Some(model.coefficients());
                 file.intercepts = Some(model.intercepts().to_vec());
+            }
+            Model::Svm(scale, model) => {
+                file.kind = "svm".to_owned();
+                file.mean = Some(scale.mean().to_vec());
+                file.scale = Some(scale.scale().to_vec());
+                match model.kernel() {
+                    svm::Kernel::Linear => {
+                        file.kernel = Some("linear".to_owned());
+                        file.coefficients = Some(model.coefficients());
+                    }
+                    svm::Kernel::Rbf { gamma } => {
+                        file.kernel = Some("rbf".to_owned());
+                        file.gamma = Some(gamma);
+                        file.support_vectors = Some(model.support_vectors());
+                        file.dual_coefficients = Some(model.dual_coefficients());
+                    }
+                }
+                file.intercepts = Some(model.intercepts().to_vec());
+                file.sigmoids = Some(model.sigmoids().iter().map(|s| [s.a, s.b]).collect());
             }
             Model::Tree(model) => {
                 file.kind = "tree".to_owned();
@@ -231,6 +295,36 @@ impl TryFrom<PredictorFile> for Predictor {
                 let model = Logistic::new(features.len(), &coefficients, intercepts)?;
                 Self::logistic(features, file.classes, scale, model)
             }
+            "svm" => {
+                let scale = Scale::new(
+                    file.mean.ok_or_else(|| missing("mean"))?,
+                    file.scale.ok_or_else(|| missing("scale"))?,
+                )?;
+                length("mean", features.len(), scale.mean().len())?;
+                let intercepts = file.intercepts.ok_or_else(|| missing("intercepts"))?;
+                let sigmoids = file.sigmoids.ok_or_else(|| missing("sigmoids"))?;
+                let sigmoids = sigmoids.into_iter().map(|[a, b]| Sigmoid { a, b }).collect();
+                let (width, classes) = (features.len(), file.classes.len());
+                let model = match file.kernel.as_deref() {
+                    Some("linear") => {
+                        let weights = file.coefficients.ok_or_else(|| missing("coefficients"))?;
+                        Svm::linear(width, classes, &weights, intercepts, sigmoids)?
+                    }
+                    Some("rbf") => {
+                        let gamma = file.gamma.ok_or_else(|| missing("gamma"))?;
+                        let vectors =
+                            file.support_vectors.ok_or_else(|| missing("support_vectors"))?;
+                        let dual =
+                            file.dual_coefficients.ok_or_else(|| missing("dual_coefficients"))?;
+                        Svm::rbf(width, classes, gamma, &vectors, &dual, intercepts, sigmoids)?
+                    }
+                    other => {
+                        let found = other.unwrap_or("nothing");
+                        return Err(Invalid::new("kernel", "linear or rbf", found));
+                    }
+                };
+                Self::svm(features, file.classes, scale, model)
+            }
             "tree" => {
                 let tree = file.tree.ok_or_else(|| missing("tree"))?;
                 let tree = tree.check(features.len(), file.classes.len());
@@ -241,7 +335,8 @@ impl TryFrom<PredictorFile> for Predictor {
                 Self::constant(features, file.classes, probabilities)?
             }
             other => {
-                return Err(Invalid::new("kind", "boosted, logistic, tree or constant", other));
+                let expected = "boosted, logistic, svm, tree or constant";
+                return Err(Invalid::new("kind", expected, other));
             }
         };
         match file.actions {
@@ -349,6 +444,74 @@ mod tests {
         assert_eq!(
             complain(|f| f.coefficients = Some(vec![vec![0.0, f64::NAN]; 3])),
             "coefficients[0][1]"
+        );
+    }
+
+    fn rbf() -> PredictorFile {
+        let text = r#"{"format":"sidestep-predictor/1","kind":"svm","features":["distance","v_h"],
+            "mean":[10,1],"scale":[2,1],"classes":[-1,0,1],"kernel":"rbf","gamma":0.5,
+            "support_vectors":[[0,1],[1,0.5]],"dual_coefficients":[[1,-1],[0.5,0],[0,-2]],
+            "intercepts":[0,0.5,0],"sigmoids":[[-1,0],[-2,0.1],[-1,0.2]]}"#;
+        serde_json::from_str(text).unwrap()
+    }
+
+    #[test]
+    fn support_vector_machines_survive_a_round_trip() {
+        let mut linear = rbf();
+        (linear.kernel, linear.coefficients) =
+            (Some("linear".into()), Some(vec![vec![1.0, 2.0], vec![0.0, 1.0], vec![3.0, -1.0]]));
+        (linear.gamma, linear.support_vectors, linear.dual_coefficients) = (None, None, None);
+        for file in [rbf(), linear] {
+            let predictor = Predictor::try_from(file.clone()).unwrap();
+            assert_eq!(PredictorFile::from(&predictor), file);
+            let mut p = [0.0; 3];
+            predictor.probabilities_into(&[10.0, 1.0], &mut p);
+            assert!((p.iter().sum::<f64>() - 1.0).abs() < 1e-15);
+        }
+    }
+
+    #[test]
+    fn complaints_about_support_vector_machines_name_the_field() {
+        let complain = |change: fn(&mut PredictorFile)| {
+            let mut file = rbf();
+            change(&mut file);
+            Predictor::try_from(file).unwrap_err().field
+        };
+        assert_eq!(complain(|f| f.kernel = None), "kernel");
+        assert_eq!(complain(|f| f.kernel = Some("poly".into())), "kernel");
+        assert_eq!(complain(|f| f.kernel = Some("linear".into())), "coefficients");
+        assert_eq!(complain(|f| f.gamma = None), "gamma");
+        assert_eq!(complain(|f| f.gamma = Some(0.0)), "gamma");
+        assert_eq!(complain(|f| f.mean = Some(vec![0.0])), "scale");
+        assert_eq!(complain(|f| f.support_vectors = None), "support_vectors");
+        assert_eq!(
+            complain(|f| f.support_vectors = Some(vec![vec![0.0; 2], vec![0.0; 3]])),
+            "support_vectors[1]"
+        );
+        assert_eq!(complain(|f| f.dual_coefficients = None), "dual_coefficients");
+        assert_eq!(
+            complain(|f| f.dual_coefficients = Some(vec![vec![0.0; 2]; 2])),
+            "dual_coefficients"
+        );
+        assert_eq!(
+            complain(|f| f.dual_coefficients = Some(vec![vec![0.0, f64::NAN]; 3])),
+            "dual_coefficients[0][1]"
+        );
+        assert_eq!(complain(|f| f.intercepts = Some(vec![0.0; 2])), "intercepts");
+        assert_eq!(complain(|f| f.sigmoids = None), "sigmoids");
+        assert_eq!(complain(|f| f.sigmoids = Some(vec![[0.0, 0.0]; 2])), "sigmoids");
+        assert_eq!(
+            complain(|f| f.sigmoids = Some(vec![[0.0, f64::INFINITY]; 3])),
+            "sigmoids[0][1]"
+        );
+        assert_eq!(
+            complain(|f| {
+                f.classes = vec![0];
+                f.intercepts = Some(vec![]);
+                f.sigmoids = Some(vec![]);
+                f.dual_coefficients = Some(vec![]);
+            }),
+            "classes"
         );
     }
 }

@@ -2,7 +2,7 @@
 
 mod exact;
 mod pursuit;
-mod real;
+pub(crate) mod real;
 mod grid;
 pub(crate) mod parallel;
 mod game;

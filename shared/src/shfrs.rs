@@ -3,7 +3,6 @@
 
 pub mod baselines;
 pub mod danger;
-mod each;
 pub mod family;
 pub mod guarantee;
 pub mod pareto;

@@ -4,9 +4,11 @@
 //! The incomplete beta function is that of the crate `special` (Algorithms AS 63 and
 //! AS 109), which computes with `libm` and so gives the same bits everywhere.
 
+pub mod rank;
+
 use crate::invalid::Invalid;
 use serde::{Deserialize, Serialize};
-use special::Beta as _;
+use special::{Beta as _, Error as _};
 
 /// A share with its confidence interval. All three are from 0 to 1, low ≤ value ≤ high.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -60,6 +62,12 @@ pub fn beta_cdf(x: f64, a: f64, b: f64) -> f64 {
 #[must_use]
 pub fn beta_quantile(probability: f64, a: f64, b: f64) -> f64 {
     probability.clamp(0.0, 1.0).inv_inc_beta(a, b, a.ln_beta(b)).clamp(0.0, 1.0)
+}
+
+/// P(X > x) of the standard normal distribution.
+#[must_use]
+pub fn upper_tail(x: f64) -> f64 {
+    0.5 * (x * core::f64::consts::FRAC_1_SQRT_2).compl_error()
 }
 
 /// P(X ≥ `hits`) for X binomial: `of` tries that succeed with `probability` each.

@@ -5,10 +5,9 @@ mod report;
 
 use super::bounds::safety_functions;
 use super::game::GameArgs;
-use super::solving::Interrupt;
-use super::{CommandError, print_json, unwritable};
+use super::solving::{Interrupt, bar};
+use super::{CommandError, print_json, trials_file, unwritable};
 use crate::training::{self, Driven};
-use crate::trials_csv;
 use analysis::{Analysis, Questions};
 use sidestep::bounds::{ActionChoice, BoundsSettings, Rollout};
 use sidestep::features::{FeatureSet, SafetyFunctions};
@@ -20,11 +19,10 @@ use sidestep::shfrs::guarantee::Guarantee;
 use sidestep::shfrs::prediction::Prediction;
 use sidestep::shfrs::tuning::Split;
 use sidestep::shfrs::window::{Trajectory, WindowChoice};
-use sidestep::trial::Phase;
-use sidestep::vehicle::VehicleModel;
-use std::fs::{self, File};
-use std::io::BufReader;
+use std::fs;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
+use tokio::sync::oneshot;
 
 /// Stochastic human forward reachable sets of recorded trials: the probabilities of regions,
 /// tuning with a guarantee, and what other predictions of the same coverage cost.
@@ -145,7 +143,7 @@ const SEQUENCE: usize = 101;
 /// (input), or a file that cannot be written (failure).
 pub async fn run(args: ShfrsArgs) -> Result<(), CommandError> {
     let interrupt = Interrupt::listen();
-    let parameters = args.parameters()?;
+    let parameters = trials_file::scene(args.game)?;
     let recorded = args.recorded(&parameters)?;
     let given = args.predictor.as_deref().map(read_predictor).transpose()?;
     let questions = args.questions()?;
@@ -159,29 +157,71 @@ pub async fn run(args: ShfrsArgs) -> Result<(), CommandError> {
 
     let safety = safety_functions(&parameters, &interrupt).await?;
     let parts = questions.split.parts(recorded.len()).map_err(flagged)?;
-    let (predictor, origin) = match given {
-        Some(predictor) => {
-            (predictor, format!("{}", args.predictor.as_deref().unwrap_or(Path::new("")).display()))
-        }
-        None => args.trained(&safety, &recorded, &parts.training)?,
+    let given = given.map(|predictor| {
+        let path = args.predictor.as_deref().unwrap_or(Path::new(""));
+        (predictor, path.display().to_string())
+    });
+    let counts = [recorded.len(), parts.training.len(), parts.calibration.len(), parts.test.len()];
+    let out = args.out.clone();
+    let bar = bar(Analysis::stages(&questions), BAR);
+    bar.enable_steady_tick(TICK);
+    let shown = bar.clone();
+    let work = move || {
+        shown.set_message("predictor");
+        let (predictor, origin) = match given {
+            Some(given) => given,
+            None => args.trained(&safety, &recorded, &parts.training)?,
+        };
+        let human = PredictedHuman::new(&predictor, &safety, &parameters)
+            .map_err(|invalid| CommandError::Input(format!("predictor: {invalid}")))?;
+        let prediction = Prediction::new(&parameters, &human);
+        let regions = args.bounds_settings(predictor.classes().len())?;
+        let analysis =
+            Analysis::of(&recorded, &parts, prediction, &regions, &questions, &origin, &shown)?;
+        Ok((analysis, PredictorFile::from(&predictor)))
     };
-    let human = PredictedHuman::new(&predictor, &safety, &parameters)
-        .map_err(|invalid| CommandError::Input(format!("predictor: {invalid}")))?;
-    let prediction = Prediction::new(&parameters, &human);
-    let regions = args.bounds_settings(predictor.classes().len())?;
-    let analysis =
-        Analysis::of(&recorded, &parts, prediction, &regions, &questions, &origin, &interrupt)?;
-    interrupt.check()?;
-    report::write(&args.out, &analysis, &PredictorFile::from(&predictor), &interrupt)?;
+    let found = unless_stopped(work, &interrupt).await;
+    bar.finish_and_clear();
+    let (analysis, predictor) = found?;
+    report::write(&out, &analysis, &predictor, &interrupt)?;
+    let [trajectories, training, calibration, test] = counts;
     print_json(&serde_json::json!({
-        "folder": args.out,
+        "folder": out,
         "files": report::FILES,
-        "trajectories": recorded.len(),
-        "training": parts.training.len(),
-        "calibration": parts.calibration.len(),
-        "test": parts.test.len(),
-        "predictor": origin,
+        "trajectories": trajectories,
+        "training": training,
+        "calibration": calibration,
+        "test": test,
+        "predictor": analysis.predictor,
     }))
+}
+
+/// What is shown on the way.
+const BAR: &str = "[{bar:40}] {pos:>2}/{len}  {elapsed_precise}  {msg}";
+
+/// How often the time on the bar goes on, and how soon Ctrl-C is heeded.
+const TICK: Duration = Duration::from_millis(100);
+
+/// Does `work`, which writes nothing, on a thread of its own; leaves it to itself as soon as
+/// the user wants no result any more.
+async fn unless_stopped<T: Send + 'static>(
+    work: impl FnOnce() -> Result<T, CommandError> + Send + 'static,
+    interrupt: &Interrupt,
+) -> Result<T, CommandError> {
+    let (answer, mut answered) = oneshot::channel();
+    std::thread::Builder::new()
+        .name("analysis".to_owned())
+        // Nobody waits any more only when the command is over.
+        .spawn(move || drop(answer.send(work())))
+        .map_err(|e| CommandError::Failure(format!("cannot start a thread: {e}")))?;
+    loop {
+        let found = tokio::time::timeout(TICK, &mut answered).await;
+        interrupt.check()?;
+        if let Ok(found) = found {
+            let failed = "the analysis failed; see above";
+            return found.map_err(|_| CommandError::Failure(failed.to_owned()))?;
+        }
+    }
 }
 
 /// A trial of the file.
@@ -193,26 +233,10 @@ struct Recorded {
 }
 
 impl ShfrsArgs {
-    fn parameters(&self) -> Result<SceneParameters, CommandError> {
-        let game = self.game.game()?;
-        let vehicle = |player: sidestep::reachability::Player| VehicleModel {
-            speed_mps: player.speed_mps,
-            turn_rate_radps: player.turn_rate_radps,
-        };
-        Ok(SceneParameters {
-            human: vehicle(game.evader),
-            robot: vehicle(game.pursuer),
-            danger_radius_m: game.radius_m,
-            ..SceneParameters::default()
-        })
-    }
-
     fn recorded(&self, parameters: &SceneParameters) -> Result<Vec<Recorded>, CommandError> {
         let name = self.trials.display();
         let complain = |e: &dyn std::fmt::Display| CommandError::Input(format!("{name}: {e}"));
-        let file = File::open(&self.trials).map_err(|e| complain(&format!("cannot read: {e}")))?;
-        let people =
-            trials_csv::read(BufReader::new(file), parameters).map_err(|e| complain(&e))?;
+        let people = trials_file::tasks(&self.trials, parameters)?;
         for wanted in &self.participant {
             if !people.iter().any(|person| person.name == *wanted) {
                 let found = people.iter().map(|person| person.name.as_str()).collect::<Vec<_>>();
@@ -225,7 +249,7 @@ impl ShfrsArgs {
             if !self.participant.is_empty() && !self.participant.contains(&person.name) {
                 continue;
             }
-            for trial in person.trials.into_iter().filter(|trial| trial.phase == Phase::Task) {
+            for trial in person.trials {
                 let rates = trial.inputs.iter().map(|&input| parameters.human.turn_rate(input));
                 let trajectory = Trajectory::new(trial.states.clone(), rates.collect())
                     .map_err(|e| complain(&format!("line {}: {e}", trial.line)))?;
@@ -237,10 +261,7 @@ impl ShfrsArgs {
                 });
             }
         }
-        match recorded.len() {
-            0 => Err(complain(&"expected at least one task, found none")),
-            _ => Ok(recorded),
-        }
+        Ok(recorded)
     }
 
     /// A predictor trained on the training part, and in words what it is.

@@ -16,6 +16,7 @@ pub(super) struct Columns {
     flags: Option<usize>,
     started_at_ms: Option<usize>,
     sampled_at_ms: Option<usize>,
+    synthetic: Option<usize>,
 }
 
 impl Columns {
@@ -41,6 +42,7 @@ impl Columns {
             flags: find("flags"),
             started_at_ms: find("started_at_ms"),
             sampled_at_ms: find("sampled_at_ms"),
+            synthetic: find("synthetic"),
         })
     }
 }
@@ -58,6 +60,7 @@ pub(super) struct Row {
     pub(super) flags: Vec<Flag>,
     pub(super) started_at_ms: Option<f64>,
     pub(super) sampled_at_ms: Option<f64>,
+    pub(super) synthetic: bool,
 }
 
 impl Row {
@@ -93,6 +96,7 @@ impl Row {
             flags: optional(columns.flags).map_or(Ok(Vec::new()), flags)?,
             started_at_ms: time("started_at_ms", columns.started_at_ms)?,
             sampled_at_ms: time("sampled_at_ms", columns.sampled_at_ms)?,
+            synthetic: optional(columns.synthetic).is_some_and(|word| word != "0"),
         })
     }
 }

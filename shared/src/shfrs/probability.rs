@@ -3,11 +3,11 @@
 //! Region j is what F_j has and F_{j−1} has not. A trajectory is inside F_j if it is at every
 //! step, and in region j if F_j is the first set that it is inside.
 
-use super::each::each;
 use super::prediction::{Prediction, same_steps};
 use super::widened::tube_area_m2;
 use super::window::{Trajectory, Window, WindowChoice};
 use crate::bounds::{ActionModel, BoundsSettings, InputBounds};
+use crate::each::each;
 use crate::invalid::Invalid;
 use crate::reach::ReachableSet;
 use crate::stats::{Estimate, Tally, open_probability, share};

@@ -4,7 +4,6 @@
 //! that needs the least area, and frozen. On the *calibration* part, which nothing was chosen
 //! by, ε_1 is found so that the guarantee holds. The *test* part says what was reached.
 
-use super::each::each;
 use super::guarantee::{Guarantee, fixed_sequence};
 use super::prediction::Prediction;
 use super::probability::holds;
@@ -12,6 +11,7 @@ use super::scores::{Scores, single};
 use super::widened::{least_widening, tube_area_m2, widened, widening_between};
 use super::window::{Trajectory, Window, WindowChoice};
 use crate::bounds::{ActionChoice, ActionModel, BoundsSettings, Rollout};
+use crate::each::each;
 use crate::invalid::Invalid;
 use crate::math::SeededRng;
 use crate::stats::{Estimate, Tally, beta_quantile, open_probability, share};

@@ -12,4 +12,5 @@ mod process;
 mod safety;
 mod site;
 mod shfrs;
+mod simulate;
 mod solving;

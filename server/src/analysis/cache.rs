@@ -1,0 +1,74 @@
+//! Cells kept in a folder, by what they were computed from.
+
+use crate::whole_file::{self, Stop};
+use sidestep::comparison::Cache;
+use sidestep::comparison::cell::Cell;
+use std::collections::HashSet;
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+
+/// One file a key. What cannot be read counts as not there: it is computed anew.
+pub struct FolderCache {
+    folder: PathBuf,
+    used: Mutex<HashSet<String>>,
+}
+
+impl FolderCache {
+    /// A cache in `folder`, which is made where there is none.
+    ///
+    /// # Errors
+    /// What the disk says.
+    pub fn open(folder: &Path) -> io::Result<Self> {
+        fs::create_dir_all(folder)?;
+        Ok(Self { folder: folder.to_owned(), used: Mutex::default() })
+    }
+
+    fn path(&self, key: &str) -> PathBuf {
+        self.folder.join(format!("{key}.json"))
+    }
+
+    fn note(&self, key: &str) {
+        // A thread that panicked has left the set as good as it was.
+        self.used.lock().unwrap_or_else(|broken| broken.into_inner()).insert(key.to_owned());
+    }
+
+    /// Forgets what was neither asked for nor kept since it was opened.
+    ///
+    /// # Errors
+    /// What the disk says.
+    pub fn forget_unused(&self) -> io::Result<()> {
+        let used = self.used.lock().unwrap_or_else(|broken| broken.into_inner());
+        for entry in fs::read_dir(&self.folder)? {
+            let path = entry?.path();
+            let key = path.file_stem().and_then(|stem| stem.to_str());
+            if path.extension().is_some_and(|end| end == "json")
+                && !key.is_some_and(|key| used.contains(key))
+            {
+                fs::remove_file(path)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Cache for FolderCache {
+    fn get(&self, key: &str) -> Option<Vec<Cell>> {
+        let text = fs::read(self.path(key)).ok()?;
+        let cells = serde_json::from_slice(&text).ok()?;
+        self.note(key);
+        Some(cells)
+    }
+
+    fn put(&self, key: &str, cells: &[Cell]) {
+        self.note(key);
+        let written = whole_file::write(&self.path(key), &Stop::default(), |out| {
+            serde_json::to_writer(out, cells).map_err(io::Error::from)
+        });
+        if let Err(error) = written {
+            // Nothing is lost but time.
+            tracing::warn!("the cache cannot be written: {error}");
+        }
+    }
+}

@@ -1,0 +1,274 @@
+//! The tables of an analysis as CSV. Same results, same bytes.
+
+use super::Analysis;
+use csv::Writer;
+use sidestep::comparison::avoidance::Distances;
+use sidestep::comparison::cell::{Experiment, ModelName, PAPERS_SETS};
+use sidestep::comparison::metrics::Predictions;
+use std::io::{self, Write};
+
+/// Every table: the name of its file, and what writes it.
+pub(super) const TABLES: [(&str, Table); 9] = [
+    ("cells.csv", cells),
+    ("table1.csv", table1),
+    ("table2.csv", table2),
+    ("tests.csv", tests),
+    ("ablation.csv", ablation),
+    ("calibration.csv", calibration),
+    ("rollouts.csv", rollouts),
+    ("leakage.csv", leakage),
+    ("predictions.csv", predictions),
+];
+
+type Table = fn(&Analysis, &mut dyn Write) -> io::Result<()>;
+
+/// Rows of strings as CSV.
+fn write(
+    out: &mut dyn Write,
+    header: &[&str],
+    rows: impl IntoIterator<Item = Vec<String>>,
+) -> io::Result<()> {
+    let mut out = Writer::from_writer(out);
+    out.write_record(header)?;
+    for row in rows {
+        out.write_record(row)?;
+    }
+    out.flush()
+}
+
+/// Four places: of per cent, steps or metres.
+fn places(number: f64) -> String {
+    // Never −0.
+    format!("{:.4}", number + 0.0).replace("-0.0000", "0.0000")
+}
+
+fn p_value(p: f64) -> String {
+    format!("{p:.6e}")
+}
+
+fn with_sets(first: &[&'static str]) -> Vec<&'static str> {
+    first.iter().copied().chain(PAPERS_SETS).collect()
+}
+
+fn cells(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
+    let header = [
+        "model",
+        "experiment",
+        "features",
+        "participant",
+        "cv_accuracy",
+        "test_accuracy",
+        "hyperparameters",
+    ];
+    let rows = analysis.comparison.cells.iter().map(|cell| {
+        vec![
+            cell.model.word().to_owned(),
+            cell.experiment.number().to_string(),
+            cell.features.clone(),
+            analysis.comparison.participants[cell.participant].name.clone(),
+            cell.cv_accuracy.to_string(),
+            cell.test.accuracy().to_string(),
+            cell.hyperparameters.clone(),
+        ]
+    });
+    write(out, &header, rows)
+}
+
+fn table1(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
+    let mut rows = Vec::new();
+    for model in ModelName::ALL {
+        for experiment in Experiment::ALL {
+            let mut row = vec![model.word().to_owned(), experiment.number().to_string()];
+            let numbers = analysis.comparison.accuracies(model, experiment, &PAPERS_SETS);
+            row.extend(numbers.into_iter().map(places));
+            rows.push(row);
+        }
+    }
+    write(out, &with_sets(&["model", "experiment"]), rows)
+}
+
+fn table2(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
+    let optional = |number: Option<f64>| number.map_or_else(String::new, places);
+    let start: [(&str, fn(&Distances) -> Option<f64>); 2] =
+        [("penalised", |d| Some(d.start_penalised)), ("both", |d| d.start_both)];
+    let end: [(&str, fn(&Distances) -> Option<f64>); 2] =
+        [("penalised", |d| Some(d.end_penalised)), ("both", |d| d.end_both)];
+    let mut rows = Vec::new();
+    for model in ModelName::ALL {
+        let distances = PAPERS_SETS.map(|set| analysis.comparison.distances(model, set));
+        for (metric, forms) in [("D_start", start), ("D_end", end)] {
+            let row = |convention: &str, numbers: [String; PAPERS_SETS.len()]| {
+                let first = [model.word(), metric, convention].map(str::to_owned);
+                first.into_iter().chain(numbers).collect()
+            };
+            for (convention, form) in forms {
+                rows.push(row(convention, distances.map(|d| optional(form(&d)))));
+            }
+            rows.push(row("n", distances.map(|d| d.both.to_string())));
+        }
+    }
+    write(out, &with_sets(&["model", "metric", "convention"]), rows)
+}
+
+fn tests(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
+    let header = [
+        "model",
+        "experiment",
+        "metric",
+        "first",
+        "second",
+        "gain",
+        "mann_whitney_persons",
+        "mann_whitney_trajectories",
+        "wilcoxon_persons",
+        "mann_whitney_persons_holm",
+        "mann_whitney_trajectories_holm",
+        "wilcoxon_persons_holm",
+    ];
+    let rows = analysis.tests.iter().map(|test| {
+        vec![
+            test.model.word().to_owned(),
+            test.experiment.number().to_string(),
+            test.metric.word().to_owned(),
+            test.first.to_owned(),
+            test.second.to_owned(),
+            places(test.gain),
+            p_value(test.mann_whitney_persons),
+            p_value(test.mann_whitney_trajectories),
+            p_value(test.wilcoxon_persons),
+            p_value(test.mann_whitney_persons_holm),
+            p_value(test.mann_whitney_trajectories_holm),
+            p_value(test.wilcoxon_persons_holm),
+        ]
+    });
+    write(out, &header, rows)
+}
+
+fn ablation(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
+    let header = [
+        "model",
+        "experiment",
+        "features",
+        "test_accuracy",
+        "log_loss",
+        "gain_over_d",
+        "wilcoxon_persons",
+    ];
+    let rows = analysis.ablation.iter().map(|row| {
+        vec![
+            row.model.to_owned(),
+            row.experiment.number().to_string(),
+            row.features.to_owned(),
+            places(row.accuracy),
+            places(row.log_loss),
+            places(row.gain_over_d),
+            p_value(row.wilcoxon_persons),
+        ]
+    });
+    write(out, &header, rows)
+}
+
+fn calibration(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
+    let header =
+        ["model", "experiment", "features", "rows", "log_loss", "brier", "calibration_error"];
+    let row = |(model, experiment, features, found): (&str, Experiment, &str, Predictions)| {
+        let summary = found.calibration();
+        vec![
+            model.to_owned(),
+            experiment.number().to_string(),
+            features.to_owned(),
+            summary.rows.to_string(),
+            places(summary.log_loss),
+            places(summary.brier),
+            places(summary.calibration_error),
+        ]
+    };
+    write(out, &header, analysis.predictions_by_table_entry().map(row))
+}
+
+fn rollouts(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
+    let header = ["driver", "features", "horizon", "windows", "accuracy", "log_loss", "distance_m"];
+    let rows = analysis.rollouts.iter().flat_map(|of| {
+        of.horizons.iter().enumerate().map(|(i, horizon)| {
+            vec![
+                of.driver.clone(),
+                of.features.clone(),
+                (i + 1).to_string(),
+                horizon.windows.to_string(),
+                places(100.0 * horizon.accuracy()),
+                places(horizon.mean_log_loss()),
+                places(horizon.mean_distance_m()),
+            ]
+        })
+    });
+    write(out, &header, rows)
+}
+
+fn leakage(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
+    let rows = analysis.leakage.iter().map(|found| {
+        vec![
+            found.model.word().to_owned(),
+            found.experiment.number().to_string(),
+            places(found.grouped),
+            places(found.leaking),
+        ]
+    });
+    write(out, &["model", "experiment", "grouped_accuracy", "leaking_accuracy"], rows)
+}
+
+fn predictions(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
+    let header = [
+        "model",
+        "experiment",
+        "features",
+        "participant",
+        "trial",
+        "step",
+        "truth",
+        "predicted",
+        "p_right",
+        "p_straight",
+        "p_left",
+        "p_avoid",
+    ];
+    let mut out = Writer::from_writer(out);
+    out.write_record(header)?;
+    for cell in &analysis.comparison.cells {
+        let person = &analysis.comparison.participants[cell.participant];
+        let steps = (0..cell.test.rows())
+            .map(|row| (person.test_trials[row / person.steps], row % person.steps));
+        let test = &cell.test;
+        for ((((trial, step), truth), predicted), row) in
+            steps.zip(&test.truth).zip(&test.predicted).zip(test.each())
+        {
+            let of = |class: i8| test.classes.iter().position(|c| *c == class).map(|k| row[k]);
+            let probabilities = match cell.experiment {
+                Experiment::Which => [of(-1), of(0), of(1), None],
+                Experiment::Whether => [None, of(0), None, of(1)],
+            };
+            out.write_field(cell.model.word())?;
+            out.write_field(cell.experiment.number().to_string())?;
+            out.write_field(&cell.features)?;
+            out.write_field(&person.name)?;
+            out.write_field(trial.to_string())?;
+            out.write_field(step.to_string())?;
+            out.write_field(truth.to_string())?;
+            out.write_field(predicted.to_string())?;
+            for p in probabilities {
+                out.write_field(p.map_or_else(String::new, |p| format!("{p:.6}")))?;
+            }
+            out.write_record(None::<&[u8]>)?;
+        }
+    }
+    out.flush()
+}
+
+/// A name as part of a file's name: octets of what is not a letter, digit, point, dash or
+/// underscore are written as in addresses, %20, so that no two names become one.
+pub(super) fn file_name(name: &str) -> String {
+    let part = |c: char| match c {
+        c if c.is_alphanumeric() || ".-_".contains(c) => c.to_string(),
+        c => c.to_string().bytes().map(|octet| format!("%{octet:02X}")).collect(),
+    };
+    name.chars().map(part).collect()
+}

@@ -1,0 +1,223 @@
+//! `sidestep analyze`.
+
+use super::bounds::safety_functions;
+use super::game::GameArgs;
+use super::solving::Interrupt;
+use super::{CommandError, print_json, trials_file, unwritable};
+use crate::analysis::{Analysis, FolderCache, PeopleError, people};
+use crate::features_csv::{self, FeatureRows};
+use crate::store::{Missing, Store, participants, studies};
+use crate::trials_csv::Person;
+use crate::whole_folder::Draft;
+use crate::{exports, synthetic};
+use futures_util::StreamExt;
+use indicatif::{ProgressBar, ProgressStyle};
+use sidestep::comparison::{self, Progress, RunError, Settings};
+use sidestep::scene::SceneParameters;
+use std::fs::File;
+use std::io::BufReader;
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+use tokio::sync::oneshot;
+
+/// The paper's comparison: do safety levels help to predict people?
+///
+/// For every person, feature set (hrd, hr, hd, rd, h, r, d of the paper; hrd_body and d_body with
+/// the robot's position in the human's body frame), experiment (1: right, straight or left; 2:
+/// avoid or not) and model (svm_rbf, svm_linear, svm: the better of both in cross-validation, dt,
+/// lr), hyper-parameters are chosen by five-fold cross-validation over whole trials of the first
+/// four fifths of the tasks, and the model is tested on the last fifth. People with fewer than
+/// five tasks or one kind of input are left out, and named.
+///
+/// Writes to --out: cells.csv (every fit), table1.csv (mean accuracy, per cent) and table2.csv
+/// (D_start and D_end, steps) as in the paper, tests.csv, ablation.csv, calibration.csv,
+/// rollouts.csv (predictors fed with what they said), predictions.csv, leakage.csv with
+/// --leakage, models/ (a predictor.json for each fit), report.html and tables.tex. The same input gives the same
+/// bytes whatever the number of threads or the order of people. Fits are kept in
+/// --out/.cache and used again where nothing they depend on has changed. Prints one line of JSON.
+#[derive(Clone, Debug, clap::Args)]
+pub struct AnalyzeArgs {
+    #[command(flatten)]
+    source: Source,
+    /// Name of the study in addresses, with --database.
+    #[arg(long, value_name = "SLUG", default_value = "default", conflicts_with = "trials")]
+    study: String,
+    /// Threads [default: one a processor].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+    /// File of `sidestep features`, or one with the columns
+    /// participant,trial,step,apx,apy,dpsi,cosd,sind,vh,vr,d,y1: its features are used instead of
+    /// computed ones, and must have a row for every step.
+    #[arg(long, value_name = "FILE.csv")]
+    features: Option<PathBuf>,
+    /// Also split by time step, which is wrong, to show by how much it deceives (leakage.csv).
+    #[arg(long)]
+    leakage: bool,
+    /// Say that the data are synthetic. Files of `sidestep simulate` say so themselves.
+    #[arg(long)]
+    synthetic: bool,
+    /// The vehicles; the human is the evader. With --database the study's own.
+    #[command(flatten)]
+    game: GameArgs,
+    /// Folder for the files, made where there is none.
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+}
+
+#[derive(Clone, Debug, clap::Args)]
+#[group(required = true, multiple = false)]
+struct Source {
+    /// CSV file with at least the columns
+    /// participant,trial,step,t,hx,hy,hpsi,rx,ry,rpsi,omega in any order. Only tasks count.
+    #[arg(long, value_name = "FILE.csv")]
+    trials: Option<PathBuf>,
+    /// Database: sqlite: and a file.
+    #[arg(long, value_name = "URL", conflicts_with = "GameArgs")]
+    database: Option<String>,
+}
+
+/// Compares and writes the folder.
+///
+/// # Errors
+/// [`CommandError`] for bad flags or data, with file and line (input), or what the disk or the
+/// database refuses (failure).
+pub async fn run(args: AnalyzeArgs) -> Result<(), CommandError> {
+    let start = Instant::now();
+    let (source, scene, file, synthetic) = args.tasks().await?;
+    let given = args.features.as_deref().map(read_features).transpose()?;
+    let draft = Draft::begin(&args.out).map_err(|e| unwritable(&args.out, &e))?;
+    let kept = args.out.join(".cache");
+    let cache = FolderCache::open(&kept).map_err(|e| unwritable(&kept, &e))?;
+    let interrupt = Interrupt::listen();
+    let safety = safety_functions(&scene, &interrupt).await?;
+    let people = people(&file, &scene, &safety, given.as_ref()).map_err(|error| {
+        let features = args.features.as_deref().unwrap_or(Path::new("")).display().to_string();
+        match error {
+            PeopleError::Trials(error) => CommandError::Input(format!("{source}: {error}")),
+            PeopleError::Features(error) => CommandError::Input(format!("{features}: {error}")),
+        }
+    })?;
+    let synthetic = if args.synthetic { Some("by --synthetic".to_owned()) } else { synthetic };
+    let settings =
+        Settings { leakage: args.leakage, ..Settings::new().map_err(CommandError::failure)? };
+    let results = in_threads(args.threads, &interrupt, {
+        let (scene, cache, stop) = (scene.clone(), cache, interrupt.stop.clone());
+        move |bar| {
+            let step = |progress: Progress| {
+                bar.set_length(progress.of as u64);
+                bar.set_position(progress.done as u64);
+                if stop.is_wanted() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+            };
+            let found = comparison::run(&people, &scene, &safety, &settings, Some(&cache), &step);
+            found.map(|results| (results, cache))
+        }
+    });
+    let (results, cache) = match results.await? {
+        Ok(found) => found,
+        Err(RunError::Stopped) => return Err(interrupt.check().err().unwrap_or_else(stopped)),
+        Err(RunError::Invalid(invalid)) => {
+            return Err(CommandError::Input(format!("{source}: {invalid}")));
+        }
+    };
+    let analysis = Analysis::of(results, synthetic).map_err(CommandError::failure)?;
+    for exclusion in &analysis.exclusions {
+        eprintln!(
+            "sidestep: left out: participant {}: {}",
+            exclusion.participant, exclusion.reason
+        );
+    }
+    analysis.write(draft.path()).map_err(|e| unwritable(&args.out, &e))?;
+    let kept_or = |e| interrupt.check().err().unwrap_or_else(|| unwritable(&args.out, &e));
+    draft.keep(&interrupt.stop).map_err(kept_or)?;
+    // Only once the folder is complete: a failure before leaves all that was computed.
+    cache.forget_unused().map_err(|e| unwritable(&kept, &e))?;
+    print_json(&serde_json::json!({
+        "folder": args.out,
+        "participants": analysis.comparison.participants.len(),
+        "excluded": analysis.exclusions,
+        "cells": analysis.comparison.cells.len(),
+        "synthetic": analysis.synthetic.is_some(),
+        "wall_s": start.elapsed().as_secs_f64(),
+    }))
+}
+
+type Tasks = (String, SceneParameters, Vec<Person>, Option<String>);
+
+impl AnalyzeArgs {
+    /// Whence the trials are, what was driven with, the tasks, and why they are known to be
+    /// synthetic, if they are.
+    async fn tasks(&self) -> Result<Tasks, CommandError> {
+        if let Some(path) = &self.source.trials {
+            let scene = trials_file::scene(self.game)?;
+            let people = trials_file::tasks(path, &scene)?;
+            let synthetic = synthetic::recognised(&people);
+            return Ok((path.display().to_string(), scene, people, synthetic));
+        }
+        let url = self.source.database.clone().unwrap_or_default();
+        let source = format!("--study {}", self.study);
+        let store = Store::open(&url, Missing::Refuse).await?;
+        let study = studies::find(&mut *store.reader().await?, &self.study)
+            .await?
+            .ok_or_else(|| CommandError::Input(format!("{source}: no such study in {url}")))?;
+        let scene = study.config.parameters.clone();
+        let invented = participants::are_synthetic(&mut *store.reader().await?, study.id).await?;
+        let mut octets = Vec::new();
+        let mut pieces = std::pin::pin!(exports::stream(store.clone(), study));
+        while let Some(piece) = pieces.next().await {
+            octets.extend_from_slice(&piece?);
+        }
+        store.close().await;
+        let people = trials_file::tasks_in(&octets[..], &source, &scene)?;
+        let said = invented.then(|| "participants of `sidestep simulate`".to_owned());
+        let synthetic = said.or_else(|| synthetic::recognised(&people));
+        Ok((source, scene, people, synthetic))
+    }
+}
+
+fn stopped() -> CommandError {
+    CommandError::Failure("stopped; nothing was written".to_owned())
+}
+
+fn read_features(path: &Path) -> Result<FeatureRows, CommandError> {
+    let complain =
+        |e: &dyn std::fmt::Display| CommandError::Input(format!("{}: {e}", path.display()));
+    let file = File::open(path).map_err(|e| complain(&format!("cannot read: {e}")))?;
+    features_csv::read(BufReader::new(file)).map_err(|e| complain(&e))
+}
+
+/// Does `work` in a pool of so many threads, with a progress bar if stderr is a terminal.
+async fn in_threads<T: Send + 'static>(
+    threads: Option<u16>,
+    interrupt: &Interrupt,
+    work: impl FnOnce(&ProgressBar) -> T + Send + 'static,
+) -> Result<T, CommandError> {
+    interrupt.check()?;
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(threads.map_or(0, usize::from))
+        .build()
+        .map_err(|e| CommandError::Failure(format!("cannot start threads: {e}")))?;
+    let (answer, answered) = oneshot::channel();
+    // A thread of its own: a runtime would wait for a blocking task at its end.
+    std::thread::Builder::new()
+        .name("analyze".to_owned())
+        .spawn(move || {
+            let bar = bar();
+            let found = pool.install(|| work(&bar));
+            bar.finish_and_clear();
+            // Nobody waits any more only when the command is over.
+            let _ = answer.send(found);
+        })
+        .map_err(|e| CommandError::Failure(format!("cannot start a thread: {e}")))?;
+    answered.await.map_err(|_| CommandError::Failure("the comparison failed; see above".to_owned()))
+}
+
+/// Hidden unless stderr is a terminal.
+fn bar() -> ProgressBar {
+    let bar = ProgressBar::new(0);
+    let template = "comparing [{bar:40}] {pos}/{len}  {elapsed_precise}  {eta} left";
+    if let Ok(style) = ProgressStyle::with_template(template) {
+        bar.set_style(style.progress_chars("█▉▊▋▌▍▎▏ "));
+    }
+    bar
+}

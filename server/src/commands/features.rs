@@ -1,0 +1,59 @@
+//! `sidestep features`.
+
+use super::bounds::safety_functions;
+use super::game::GameArgs;
+use super::solving::Interrupt;
+use super::{CommandError, print_json, trials_file, unwritable};
+use crate::features_csv;
+use crate::whole_file;
+use std::io;
+use std::path::PathBuf;
+
+/// Compute what predictors may look at, for every step of recorded tasks.
+///
+/// Writes one row a step, in the order of the trials: participant, trial, step; abs_dx, abs_dy
+/// (m), dpsi (rad), cos_dpsi, sin_dpsi: human less robot in the world frame; v_h, v_r (m): the
+/// safety levels; distance (m); turn (-1 right, 0, 1 left) and avoid (0 or 1): the input held in
+/// the step; then every further feature: robot_ahead, robot_left (m), the robot in the human's
+/// frame; closest_time (s), closest_distance, closest_left (m), the closest approach if both
+/// drove straight on; dv_h_… and dv_r_…, the slopes of the safety levels; turned_1, turned_2,
+/// turned_5, turned (rad), how far the human turned left in the step before, in the one before
+/// that, in the last five and since the beginning.
+///
+/// Prints one line of JSON: how many participants, trials and steps there are.
+#[derive(Clone, Debug, clap::Args)]
+pub struct FeaturesArgs {
+    /// CSV file with at least the columns
+    /// participant,trial,step,t,hx,hy,hpsi,rx,ry,rpsi,omega in any order. Only tasks count.
+    #[arg(long, value_name = "FILE.csv")]
+    trials: PathBuf,
+    #[command(flatten)]
+    game: GameArgs,
+    /// File to write.
+    #[arg(long, value_name = "FILE.csv")]
+    out: PathBuf,
+}
+
+/// Reads, computes and writes the file: whole, or not at all.
+///
+/// # Errors
+/// [`CommandError`] for a bad flag or line (input), or a file that cannot be written (failure).
+pub async fn run(args: FeaturesArgs) -> Result<(), CommandError> {
+    let scene = trials_file::scene(args.game)?;
+    whole_file::check(&args.out).map_err(|e| unwritable(&args.out, &e))?;
+    let people = trials_file::tasks(&args.trials, &scene)?;
+    let interrupt = Interrupt::listen();
+    let safety = safety_functions(&scene, &interrupt).await?;
+    let written = whole_file::write(&args.out, &interrupt.stop, |out| -> io::Result<()> {
+        features_csv::write(out, &people, &safety)
+    });
+    interrupt.check()?;
+    written.map_err(|e| unwritable(&args.out, &e))?;
+    let trials = people.iter().flat_map(|person| &person.trials);
+    print_json(&serde_json::json!({
+        "participants": people.len(),
+        "trials": trials.clone().count(),
+        "steps": trials.map(|trial| trial.inputs.len()).sum::<usize>(),
+        "file": args.out,
+    }))
+}

@@ -1,0 +1,114 @@
+//! Synthetic participants into a CSV file.
+
+use super::super::solving::Interrupt;
+use super::super::{CommandError, print_json, unwritable};
+use super::{FlagCounts, KeysArg, SimulateArgs, bar};
+use crate::whole_file;
+use sidestep::scene::SceneParameters;
+use sidestep::synthetic::SyntheticParticipant;
+use std::io::{self, BufWriter, Write};
+use std::path::Path;
+
+const HEADER: &str = "participant,trial,step,t,hx,hy,hpsi,rx,ry,rpsi,omega";
+
+/// Writes the file, whole or not at all, and prints the summary; `-` is stdout, and has none.
+pub(super) fn write(args: &SimulateArgs, out: &str) -> Result<(), CommandError> {
+    if out == "-" {
+        let mut stdout = BufWriter::new(io::stdout().lock());
+        return content(args, &mut stdout)
+            .and_then(|_| stdout.flush())
+            .map_err(|e| CommandError::Failure(format!("stdout: {e}")));
+    }
+    let path = Path::new(out);
+    let interrupt = Interrupt::listen();
+    let mut flags = FlagCounts::default();
+    whole_file::write(path, &interrupt.stop, |file| {
+        flags = content(args, file)?;
+        Ok(())
+    })
+    .map_err(|e: io::Error| interrupt.check().err().unwrap_or_else(|| unwritable(path, &e)))?;
+    let trials = args.participants * args.tasks;
+    print_json(&serde_json::json!({
+        "synthetic": true,
+        "participants": args.participants,
+        "trials": trials,
+        "rows": trials * SceneParameters::default().steps as u64,
+        "keys": match args.keys { KeysArg::Clock => "clock", KeysArg::Free => "free" },
+        "flags": flags,
+        "file": path,
+    }))
+}
+
+fn content(args: &SimulateArgs, out: &mut dyn Write) -> io::Result<FlagCounts> {
+    let parameters = SceneParameters::default();
+    let mut flags = FlagCounts::default();
+    let bar = bar(args.participants * args.tasks);
+    // As exports of a study, or as the reference data.
+    let (print, end): (fn(f64) -> String, _) = match args.keys {
+        KeysArg::Clock => (exact, "\n"),
+        KeysArg::Free => (nine_digits, "\r\n"),
+    };
+    // The reference's file, octet for octet, does not say what it is; others do.
+    let says = args.keys == KeysArg::Clock;
+    write!(out, "{HEADER}{}{end}", if says { ",synthetic" } else { "" })?;
+    for number in 0..args.participants {
+        let participant = SyntheticParticipant::new(args.seed, number);
+        for trial in 0..args.tasks {
+            let (scene, drive) = participant.own_trial(trial, args.keys.into());
+            flags.count(&parameters, &scene, &drive);
+            for (step, (input, state)) in drive.inputs.iter().zip(&drive.states).enumerate() {
+                // To the nanosecond: 0.6 rather than 0.6000000000000001.
+                let t = (step as f64 * parameters.step_s * 1e9).round() / 1e9;
+                let ([hx, hy, hpsi], [rx, ry, rpsi]) = (state.human.into(), state.robot.into());
+                let omega = parameters.human.turn_rate(*input);
+                let numbers = [t, hx, hy, hpsi, rx, ry, rpsi, omega].map(print).join(",");
+                let mark = if says { ",1" } else { "" };
+                write!(out, "{number},{trial},{step},{numbers}{mark}{end}")?;
+            }
+            bar.inc(1);
+        }
+    }
+    bar.finish_and_clear();
+    Ok(flags)
+}
+
+/// The shortest decimal that reads back as the same bits.
+fn exact(number: f64) -> String {
+    format!("{number:?}")
+}
+
+/// Nine significant digits without trailing zeros, as Python's `repr` writes them.
+fn nine_digits(number: f64) -> String {
+    let rounded: f64 = format!("{number:.8e}").parse().unwrap_or(number);
+    let scientific = format!("{rounded:e}");
+    match scientific.split_once('e').map(|(digits, power)| (digits, power.parse::<i32>())) {
+        Some((digits, Ok(power @ ..-4))) => format!("{digits}e-{:02}", -power),
+        Some((digits, Ok(power @ 16..))) => format!("{digits}e+{power:02}"),
+        _ if rounded.fract() == 0.0 => format!("{rounded}.0"),
+        _ => rounded.to_string(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_as_the_reference_prints_them() {
+        for (number, printed) in [
+            (0.0, "0.0"),
+            (-0.5, "-0.5"),
+            (10.0, "10.0"),
+            (-7.098_616_443_2, "-7.09861644"),
+            (-1.114_321_100_2, "-1.1143211"),
+            (0.000_963_620_84, "0.00096362084"),
+            (0.000_1, "0.0001"),
+            (-6.923_240_34e-5, "-6.92324034e-05"),
+            (2e-12, "2e-12"),
+            (3.25e16, "3.25e+16"),
+            (0.999_999_999_96, "1.0"),
+        ] {
+            assert_eq!(nine_digits(number), printed);
+        }
+    }
+}

@@ -1,0 +1,35 @@
+//! Whether trials were driven by synthetic participants, so that nobody takes what is found in
+//! them for something about people.
+
+use crate::trials_csv::Person;
+use sidestep::scene::JointState;
+use sidestep::synthetic::{Keys, SyntheticParticipant};
+
+/// The seed of the project's reference data, whose files do not say what they are.
+const REFERENCE_SEED: u64 = 20_180_918;
+
+/// Why these people's trials are known to be synthetic, if they are: the file says so, or they
+/// are those of the reference, which are driven again to see.
+#[must_use]
+pub fn recognised(people: &[Person]) -> Option<String> {
+    if people.iter().any(|person| person.synthetic) {
+        return Some("the file says so".to_owned());
+    }
+    let known = people.iter().any(is_of_the_reference);
+    known.then(|| format!("the same as those of seed {REFERENCE_SEED}"))
+}
+
+fn is_of_the_reference(person: &Person) -> bool {
+    let (Ok(number), Some(trial)) = (person.name.parse::<u64>(), person.trials.first()) else {
+        return false;
+    };
+    let (scene, _) =
+        SyntheticParticipant::new(REFERENCE_SEED, number).own_trial(trial.number, Keys::Free);
+    let numbers = |state: &JointState| {
+        let ([hx, hy, hpsi], [rx, ry, rpsi]) = (state.human.into(), state.robot.into());
+        [hx, hy, hpsi, rx, ry, rpsi]
+    };
+    let near = |(a, b): (f64, f64)| (a - b).abs() < 1e-6;
+    let (own, driven) = (numbers(&scene.start()), numbers(&trial.states[0]));
+    own.into_iter().zip(driven).all(near)
+}

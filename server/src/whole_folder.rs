@@ -1,0 +1,108 @@
+//! Folders whose new content is there whole or not at all.
+
+use crate::whole_file::Stop;
+use std::fs::{self, File};
+use std::io;
+use std::path::{Path, PathBuf};
+use tempfile::TempDir;
+
+/// New content for a folder, gathered beside what is there until it is complete.
+pub struct Draft {
+    folder: PathBuf,
+    draft: TempDir,
+}
+
+impl Draft {
+    /// Begins; the folder is made where there is none.
+    ///
+    /// # Errors
+    /// What the disk says.
+    pub fn begin(folder: &Path) -> io::Result<Self> {
+        fs::create_dir_all(folder)?;
+        let draft = tempfile::Builder::new().prefix(".sidestep-").tempdir_in(folder)?;
+        Ok(Self { folder: folder.to_owned(), draft })
+    }
+
+    /// Where new content goes until then.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        self.draft.path()
+    }
+
+    /// Puts every file and folder of the draft in its place, and what was there under the same
+    /// name away; all else stays. Once this has begun it is not stopped.
+    ///
+    /// # Errors
+    /// What the disk says, or that it was stopped before; then nothing has changed.
+    pub fn keep(self, stop: &Stop) -> io::Result<()> {
+        synced(self.path())?;
+        if stop.is_wanted() {
+            return Err(io::Error::other("stopped"));
+        }
+        let old = tempfile::Builder::new().prefix(".sidestep-").tempdir_in(&self.folder)?;
+        for entry in fs::read_dir(self.path())? {
+            let entry = entry?;
+            let place = self.folder.join(entry.file_name());
+            if place.symlink_metadata().is_ok() {
+                fs::rename(&place, old.path().join(entry.file_name()))?;
+            }
+            fs::rename(entry.path(), &place)?;
+        }
+        Ok(())
+    }
+}
+
+fn synced(folder: &Path) -> io::Result<()> {
+    for entry in fs::read_dir(folder)? {
+        let entry = entry?;
+        if entry.file_type()?.is_dir() {
+            synced(&entry.path())?;
+        } else {
+            File::open(entry.path())?.sync_all()?;
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn names(folder: &Path) -> Vec<String> {
+        let entries = fs::read_dir(folder).unwrap();
+        let mut names: Vec<String> =
+            entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+        names.sort();
+        names
+    }
+
+    #[test]
+    fn new_content_takes_the_place_of_old_and_leaves_the_rest() {
+        let root = TempDir::new().unwrap();
+        let folder = root.path().join("out");
+        for text in ["first", "second"] {
+            let draft = Draft::begin(&folder).unwrap();
+            fs::write(draft.path().join("table.csv"), text).unwrap();
+            fs::create_dir(draft.path().join("models")).unwrap();
+            fs::write(draft.path().join("models").join(text), text).unwrap();
+            draft.keep(&Stop::default()).unwrap();
+            fs::write(folder.join("notes.txt"), "mine").unwrap();
+        }
+        assert_eq!(names(&folder), ["models", "notes.txt", "table.csv"]);
+        assert_eq!(names(&folder.join("models")), ["second"]);
+        assert_eq!(fs::read_to_string(folder.join("table.csv")).unwrap(), "second");
+    }
+
+    #[test]
+    fn a_stop_leaves_what_was_there() {
+        let root = TempDir::new().unwrap();
+        fs::write(root.path().join("table.csv"), "old").unwrap();
+        let stop = Stop::default();
+        let draft = Draft::begin(root.path()).unwrap();
+        fs::write(draft.path().join("table.csv"), "new").unwrap();
+        stop.now();
+        assert!(draft.keep(&stop).is_err());
+        assert_eq!(names(root.path()), ["table.csv"]);
+        assert_eq!(fs::read_to_string(root.path().join("table.csv")).unwrap(), "old");
+    }
+}

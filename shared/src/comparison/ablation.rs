@@ -1,0 +1,80 @@
+//! What of the gain a body frame alone explains, and how far a split that leaks deceives.
+
+use super::Results;
+use super::cell::{BODY_FRAME_SETS, Cell, Experiment, ModelName};
+use super::metrics::Predictions;
+use super::tables::mean;
+use crate::invalid::Invalid;
+use crate::stats::rank::wilcoxon;
+use serde::Serialize;
+
+/// A model on a feature set, beside the same model on B_d; or the baseline.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Ablation {
+    /// A model's word, or `constant`.
+    pub model: &'static str,
+    /// What is predicted.
+    pub experiment: Experiment,
+    /// The set's name; `none` for the baseline.
+    pub features: &'static str,
+    /// Mean over people of the test accuracy, in per cent.
+    pub accuracy: f64,
+    /// Over all test rows, nats.
+    pub log_loss: f64,
+    /// Points of accuracy over the same model on B_d; for the baseline over itself, 0.
+    pub gain_over_d: f64,
+    /// Paired p-value over people of that gain.
+    pub wilcoxon_persons: f64,
+}
+
+/// The baseline, then for each model and experiment B_d and B_hrd, each without and with the
+/// robot's position in the human's body frame.
+///
+/// # Errors
+/// [`Invalid`] if there is nobody.
+pub fn ablation(results: &Results) -> Result<Vec<Ablation>, Invalid> {
+    let mut rows = Vec::new();
+    for experiment in Experiment::ALL {
+        let baselines = results.baselines.iter().filter(|of| of.experiment == experiment);
+        let tests: Vec<&Predictions> = baselines.map(|baseline| &baseline.test).collect();
+        rows.push(Ablation {
+            model: "constant",
+            experiment,
+            features: "none",
+            accuracy: mean(tests.iter().map(|test| 100.0 * test.accuracy())),
+            log_loss: log_loss(experiment, tests),
+            gain_over_d: 0.0,
+            wilcoxon_persons: 1.0,
+        });
+    }
+    for model in ModelName::PAPERS {
+        for experiment in Experiment::ALL {
+            let cells =
+                |set| -> Vec<&Cell> { results.comparison.of(model, experiment, set).collect() };
+            let accuracies = |cells: &[&Cell]| -> Vec<f64> {
+                cells.iter().map(|cell| 100.0 * cell.test.accuracy()).collect()
+            };
+            let of_d = accuracies(&cells("d"));
+            for (with, without) in BODY_FRAME_SETS.into_iter().rev() {
+                for features in [without, with] {
+                    let cells = cells(features);
+                    let own = accuracies(&cells);
+                    rows.push(Ablation {
+                        model: model.word(),
+                        experiment,
+                        features,
+                        accuracy: mean(own.iter().copied()),
+                        log_loss: log_loss(experiment, cells.iter().map(|cell| &cell.test)),
+                        gain_over_d: mean(own.iter().copied()) - mean(of_d.iter().copied()),
+                        wilcoxon_persons: wilcoxon(&own, &of_d)?,
+                    });
+                }
+            }
+        }
+    }
+    Ok(rows)
+}
+
+fn log_loss<'a>(experiment: Experiment, tests: impl IntoIterator<Item = &'a Predictions>) -> f64 {
+    Predictions::together(experiment.classes(), tests).calibration().log_loss
+}

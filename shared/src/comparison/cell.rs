@@ -1,0 +1,174 @@
+//! The results of the comparison: a cell for each model, experiment, feature set and person.
+
+use super::metrics::Predictions;
+use crate::features::FeatureSet;
+use crate::invalid::Invalid;
+use crate::predict::PredictorFile;
+use crate::vehicle::TurnInput;
+use serde::{Deserialize, Serialize};
+
+/// What is predicted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(into = "u8", try_from = "u8")]
+pub enum Experiment {
+    /// Experiment I: which input; −1 right, 0 straight, 1 left.
+    Which,
+    /// Experiment II: whether there is one; 0 straight, 1 either turn.
+    Whether,
+}
+
+impl Experiment {
+    /// Both.
+    pub const ALL: [Self; 2] = [Self::Which, Self::Whether];
+
+    /// 1 or 2.
+    #[must_use]
+    pub fn number(self) -> u8 {
+        self.into()
+    }
+
+    /// The paper's: I or II.
+    #[must_use]
+    pub fn numeral(self) -> &'static str {
+        match self {
+            Self::Which => "I",
+            Self::Whether => "II",
+        }
+    }
+
+    /// What can be predicted, in rising order.
+    #[must_use]
+    pub fn classes(self) -> &'static [i8] {
+        match self {
+            Self::Which => &[-1, 0, 1],
+            Self::Whether => &[0, 1],
+        }
+    }
+
+    /// The class of an input.
+    #[must_use]
+    pub fn class(self, input: TurnInput) -> i8 {
+        match self {
+            Self::Which => input.sign(),
+            Self::Whether => input.sign().abs(),
+        }
+    }
+}
+
+impl From<Experiment> for u8 {
+    fn from(experiment: Experiment) -> Self {
+        match experiment {
+            Experiment::Which => 1,
+            Experiment::Whether => 2,
+        }
+    }
+}
+
+impl TryFrom<u8> for Experiment {
+    type Error = Invalid;
+
+    fn try_from(number: u8) -> Result<Self, Invalid> {
+        match number {
+            1 => Ok(Self::Which),
+            2 => Ok(Self::Whether),
+            _ => Err(Invalid::new("experiment", "1 or 2", number)),
+        }
+    }
+}
+
+/// What predicts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ModelName {
+    /// Of the two below the one that did better in cross-validation; on a tie the first.
+    Svm,
+    /// Support vector machine with radial basis functions.
+    SvmRbf,
+    /// Support vector machine with the linear kernel.
+    SvmLinear,
+    /// Decision tree.
+    Dt,
+    /// Multinomial logistic regression.
+    Lr,
+}
+
+impl ModelName {
+    /// Every one, in the order of tables.
+    pub const ALL: [Self; 5] = [Self::Svm, Self::SvmRbf, Self::SvmLinear, Self::Dt, Self::Lr];
+
+    /// The three of the paper's tables.
+    pub const PAPERS: [Self; 3] = [Self::Svm, Self::Dt, Self::Lr];
+
+    /// As files call it.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Svm => "svm",
+            Self::SvmRbf => "svm_rbf",
+            Self::SvmLinear => "svm_linear",
+            Self::Dt => "dt",
+            Self::Lr => "lr",
+        }
+    }
+}
+
+/// A choice of features with its name.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct NamedSet {
+    /// As tables call it.
+    pub name: &'static str,
+    /// What is in it.
+    pub features: FeatureSet,
+}
+
+/// Letters of the paper's seven sets, in the order of its tables.
+pub const PAPERS_SETS: [&str; 7] = ["hrd", "hr", "hd", "rd", "h", "r", "d"];
+
+/// Sets that show what the robot's position in the human's body frame explains: it tells the side,
+/// which absolute differences in the world frame do not.
+pub const BODY_FRAME_SETS: [(&str, &str); 2] = [("hrd_body", "hrd"), ("d_body", "d")];
+
+impl NamedSet {
+    /// The paper's seven.
+    ///
+    /// # Errors
+    /// Never: the names are those of the table.
+    pub fn papers() -> Result<Vec<Self>, Invalid> {
+        let set = |name| Ok(Self { name, features: FeatureSet::subset(name)? });
+        PAPERS_SETS.into_iter().map(set).collect()
+    }
+
+    /// Two of them with the robot's position in the human's body frame.
+    ///
+    /// # Errors
+    /// Never: the names are those of the table.
+    pub fn with_body_frame() -> Result<Vec<Self>, Invalid> {
+        let set = |(name, papers)| {
+            let mut names: Vec<String> = FeatureSet::subset(papers)?.into();
+            names.extend(["robot_ahead", "robot_left"].map(str::to_owned));
+            Ok(Self { name, features: FeatureSet::of(&names)? })
+        };
+        BODY_FRAME_SETS.into_iter().map(set).collect()
+    }
+}
+
+/// One person's model and how it did.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Cell {
+    /// What predicts.
+    pub model: ModelName,
+    /// What is predicted.
+    pub experiment: Experiment,
+    /// The name of the feature set.
+    pub features: String,
+    /// Which person, by place.
+    pub participant: usize,
+    /// Mean over folds of the share predicted right, with the hyper-parameters that were chosen.
+    pub cv_accuracy: f64,
+    /// The hyper-parameters, as a JSON object.
+    pub hyperparameters: String,
+    /// What the model, trained anew on all training tasks, says of the test rows.
+    pub test: Predictions,
+    /// The model.
+    pub predictor: PredictorFile,
+}

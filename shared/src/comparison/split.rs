@@ -1,0 +1,116 @@
+//! Which trials are learned from, and which are held back.
+//!
+//! Always whole trials: neighbouring steps are so alike that a model which has seen one of them
+//! knows the other.
+
+use crate::dataset::Dataset;
+
+/// Folds of cross-validation.
+pub const FOLDS: usize = 5;
+
+/// Fewer tasks leave no trial for each fold.
+pub const LEAST_TASKS: usize = FOLDS;
+
+/// The first of `tasks` tasks of a person that are for testing: the last fifth, at least one
+/// where there is any.
+#[must_use]
+pub fn first_test_task(tasks: usize) -> usize {
+    tasks - (tasks / 5).max(1).min(tasks)
+}
+
+/// The fold in which the task with this index is held back.
+#[must_use]
+pub fn fold_of(task: usize) -> usize {
+    task % FOLDS
+}
+
+/// The rows of one person's tasks, split.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Split {
+    /// Rows to learn from, ascending.
+    pub training: Vec<usize>,
+    /// The fold of each of them.
+    pub folds: Vec<usize>,
+    /// Rows to test on, ascending.
+    pub test: Vec<usize>,
+}
+
+impl Split {
+    /// As above, of `tasks` whose rows are `data`'s.
+    #[must_use]
+    pub fn grouped(data: &Dataset) -> Self {
+        let tasks = data.trials.iter().max().map_or(0, |last| last + 1);
+        let first_test = first_test_task(tasks);
+        let (training, test): (Vec<usize>, Vec<usize>) =
+            (0..data.len()).partition(|&row| data.trials[row] < first_test);
+        let folds = training.iter().map(|&row| fold_of(data.trials[row])).collect();
+        Self { training, folds, test }
+    }
+
+    /// Split by time step, whatever trial it is in: every fifth row tests, and folds are dealt
+    /// out by row. This is **wrong**, and here to show by how much.
+    #[must_use]
+    pub fn leaking(data: &Dataset) -> Self {
+        let (test, training): (Vec<usize>, Vec<usize>) =
+            (0..data.len()).partition(|row| row % FOLDS == FOLDS - 1);
+        let folds = (0..training.len()).map(fold_of).collect();
+        Self { training, folds, test }
+    }
+
+    /// The training rows outside `fold`, and those in it, as places in [`Self::training`].
+    #[must_use]
+    pub fn fold(&self, fold: usize) -> (Vec<usize>, Vec<usize>) {
+        (0..self.training.len()).partition(|&place| self.folds[place] != fold)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::features::FeatureSet;
+    use crate::vehicle::TurnInput;
+
+    fn data(tasks: usize, steps: usize) -> Dataset {
+        Dataset {
+            features: FeatureSet::of(&["distance"]).unwrap(),
+            values: vec![0.0; tasks * steps],
+            labels: vec![TurnInput::Straight; tasks * steps],
+            trials: (0..tasks * steps).map(|row| row / steps).collect(),
+        }
+    }
+
+    #[test]
+    fn the_papers_fifty_tasks() {
+        let data = data(50, 50);
+        let split = Split::grouped(&data);
+        assert_eq!((split.training.len(), split.test.len()), (2000, 500));
+        assert_eq!(split.test[0], 40 * 50);
+        for fold in 0..FOLDS {
+            let (learned, held) = split.fold(fold);
+            assert_eq!((learned.len(), held.len()), (1600, 400));
+            let tasks = |rows: &[usize]| {
+                let mut tasks: Vec<usize> = rows.iter().map(|&row| row / 50).collect();
+                tasks.dedup();
+                tasks
+            };
+            assert!(tasks(&held).iter().all(|task| task % 5 == fold));
+            assert!(tasks(&learned).iter().all(|task| !tasks(&held).contains(task)));
+        }
+    }
+
+    #[test]
+    fn the_last_fifth_tests() {
+        assert_eq!([5, 7, 10, 14, 50].map(first_test_task), [4, 6, 8, 12, 40]);
+        assert_eq!([0, 1].map(first_test_task), [0, 0]);
+    }
+
+    #[test]
+    fn a_leaking_split_has_every_trial_on_both_sides() {
+        let data = data(10, 50);
+        let split = Split::leaking(&data);
+        assert_eq!((split.training.len(), split.test.len()), (400, 100));
+        for task in 0..10 {
+            assert_eq!(split.test.iter().filter(|&&row| row / 50 == task).count(), 10);
+        }
+    }
+}

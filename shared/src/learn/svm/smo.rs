@@ -1,0 +1,397 @@
+//! One pair of classes: the dual problem on a kernel matrix, by small problems of the rows
+//! that matter.
+//!
+//! Most rows stay at a bound, so the steps are taken on a dense copy of the few whose place
+//! is open ([`Pairwise`]). Then the slopes of all rows are brought up to date, those that
+//! break the conditions most join the few, and so on until none does. Solutions for a lower C
+//! are a start for the next: multiplied by the ratio of the two, bounds stay bounds.
+
+use super::gram::{Block, Combine, Entry, Gram, LANES, entry, entry_mut};
+use super::newton::Newton;
+use super::pairwise::{Dense, Pairwise, Variable};
+use crate::invalid::Invalid;
+use crate::reachability::parallel::{Kernel, in_widest_lanes};
+use core::ops::Range;
+
+/// Rows of either kind that join the small problem at a time.
+const JOIN: usize = 24;
+/// Rows of the small problem from which on settled ones make room for those that join.
+const FULL: usize = 48;
+/// The small problem is solved to this share of the present gap: it is soon another one.
+const SHARE: f64 = 0.1;
+
+/// A pair's machine: decision f = Σ β_i K(x_i, x) + intercept.
+#[derive(Clone, Debug)]
+pub(super) struct Machine {
+    /// In blocks, one entry a row that is trained on.
+    pub(super) beta: Vec<Block<f64>>,
+    pub(super) intercept: f64,
+}
+
+/// The problem of one pair, and how far it is solved.
+pub(super) struct Smo<'a, T> {
+    gram: &'a Gram<T>,
+    /// 1 or −1 for the two classes, 0 for rows of others.
+    sides: &'a [i8],
+    /// Where the pair's rows are, in blocks.
+    runs: Vec<Range<usize>>,
+    c: f64,
+    rows: Rows,
+    /// The row of each variable of the small problem.
+    members: Vec<usize>,
+    /// Whether a row is one of them.
+    joined: Vec<bool>,
+    dense: &'a mut Dense<T>,
+    newton: Newton,
+}
+
+/// Arrays by row.
+struct Rows {
+    beta: Vec<Block<f64>>,
+    /// v_i = y_i − Σ K_ij β_j.
+    slope: Vec<Block<f64>>,
+    /// 0 where β may rise, −∞ where not.
+    rise: Vec<Block<f64>>,
+    /// 0 where β may fall, −∞ where not.
+    fall: Vec<Block<f64>>,
+}
+
+impl<'a, T: Entry> Smo<'a, T> {
+    /// The problem whose rows have `sides` 1, −1 (both occur) or 0 (no part of it), with this
+    /// C. It starts from a solution `start` of a similar problem with the same sides and C, or
+    /// from as many rows at the bound as there are of the smaller class.
+    pub(super) fn new(
+        gram: &'a Gram<T>,
+        sides: &'a [i8],
+        c: f64,
+        start: Option<&[Block<f64>]>,
+        dense: &'a mut Dense<T>,
+    ) -> Self {
+        let mut runs: Vec<Range<usize>> = Vec::new();
+        for (b, sides) in sides.chunks(LANES).enumerate() {
+            if sides.iter().any(|&side| side != 0) {
+                match runs.last_mut() {
+                    Some(run) if run.end == b => run.end = b + 1,
+                    _ => runs.push(b..b + 1),
+                }
+            }
+        }
+        let zero = vec![Block::all(0.0); gram.blocks()];
+        let never = vec![Block::all(f64::NEG_INFINITY); gram.blocks()];
+        let beta = start.map_or_else(|| balanced(sides, c), <[Block<f64>]>::to_vec);
+        let rows = Rows { beta, slope: zero, rise: never.clone(), fall: never };
+        let joined = vec![false; sides.len()];
+        dense.clear();
+        let mut smo = Self {
+            gram,
+            sides,
+            runs,
+            c,
+            rows,
+            members: Vec::new(),
+            joined,
+            dense,
+            newton: Newton::default(),
+        };
+        let mut held = Vec::new();
+        for (i, &side) in sides.iter().enumerate() {
+            *entry_mut(&mut smo.rows.slope, i) = f64::from(side);
+            smo.set(i, *entry(&smo.rows.beta, i));
+            if *entry(&smo.rows.beta, i) != 0.0 {
+                held.push((i, -entry(&smo.rows.beta, i)));
+            }
+        }
+        smo.combine(&held);
+        smo
+    }
+
+    /// Solves for this C from where the last solution is.
+    ///
+    /// # Errors
+    /// [`Invalid`] if `steps` steps do not reach the tolerance.
+    pub(super) fn solve(
+        &mut self,
+        c: f64,
+        tolerance: f64,
+        mut steps: usize,
+    ) -> Result<Machine, Invalid> {
+        self.stretch(c);
+        loop {
+            let (top, bottom) = self.extremes();
+            if !(top - bottom > tolerance) {
+                return Ok(self.machine(top, bottom));
+            }
+            if steps == 0 {
+                return Err(Invalid::new("c", "a problem that the steps allowed solve", c));
+            }
+            let middle = 0.5 * (top + bottom);
+            let violators = self.violators(middle);
+            self.join(&violators, middle);
+            self.load();
+            let inner = (SHARE * (top - bottom)).max(0.5 * tolerance);
+            #[cfg(feature = "count")]
+            let before = steps;
+            in_widest_lanes(Pairwise {
+                dense: self.dense,
+                newton: &mut self.newton,
+                tolerance: inner,
+                steps: &mut steps,
+            });
+            #[cfg(feature = "count")]
+            {
+                crate::count(0, 1);
+                crate::count(1, (before - steps) as u64);
+                crate::count(2, ((before - steps) * self.members.len()) as u64);
+                if std::env::var("TRACE").is_ok() && self.gram.columns() == 1600 {
+                    let mut nf = 0;
+                    self.each(|_, _, r, f| {
+                        if r && f {
+                            nf += 1
+                        }
+                    });
+                    println!(
+                        "C {c} gap {:.4} m {} join {} steps {} free {}",
+                        top - bottom,
+                        self.members.len(),
+                        violators.len(),
+                        before - steps,
+                        nf
+                    );
+                }
+            }
+            self.unload();
+        }
+    }
+
+    fn bounds(&self, i: usize) -> (f64, f64) {
+        match self.sides[i] {
+            1 => (0.0, self.c),
+            -1 => (-self.c, 0.0),
+            _ => (0.0, 0.0),
+        }
+    }
+
+    /// Sets β_i.
+    fn set(&mut self, i: usize, beta: f64) {
+        let (lower, upper) = self.bounds(i);
+        let mask = |may: bool| if may { 0.0 } else { f64::NEG_INFINITY };
+        *entry_mut(&mut self.rows.beta, i) = beta;
+        *entry_mut(&mut self.rows.rise, i) = mask(beta < upper);
+        *entry_mut(&mut self.rows.fall, i) = mask(beta > lower);
+    }
+
+    /// Goes over to another C.
+    fn stretch(&mut self, c: f64) {
+        if c == self.c {
+            return;
+        }
+        let factor = c / self.c;
+        self.c = c;
+        for (i, &side) in self.sides.iter().enumerate() {
+            let (beta, (lower, upper)) = (*entry(&self.rows.beta, i), self.bounds(i));
+            let bound = *entry(&self.rows.rise, i) != 0.0 || *entry(&self.rows.fall, i) != 0.0;
+            // What was at a bound is so exactly.
+            self.set(
+                i,
+                match beta {
+                    0.0 => 0.0,
+                    _ if bound && side > 0 => upper,
+                    _ if bound => lower,
+                    _ => (factor * beta).clamp(lower, upper),
+                },
+            );
+            let slope = entry_mut(&mut self.rows.slope, i);
+            *slope = f64::from(side) - factor * (f64::from(side) - *slope);
+        }
+    }
+
+    /// Adds shares of rows of the kernel matrix to the slopes.
+    fn combine(&mut self, rows: &[(usize, f64)]) {
+        for run in &self.runs {
+            let sums = &mut self.rows.slope[run.clone()];
+            in_widest_lanes(Combine { gram: self.gram, rows, first: run.start, sums });
+        }
+    }
+
+    /// Calls `visit(row, slope, may rise, may fall)` for each row of the problem.
+    fn each(&self, mut visit: impl FnMut(usize, f64, bool, bool)) {
+        for (i, &side) in self.sides.iter().enumerate() {
+            if side != 0 {
+                let may = |mask: &[Block<f64>]| *entry(mask, i) == 0.0;
+                let slope = *entry(&self.rows.slope, i);
+                visit(i, slope, may(&self.rows.rise), may(&self.rows.fall));
+            }
+        }
+    }
+
+    /// The greatest slope that may rise, and the least that may fall.
+    fn extremes(&self) -> (f64, f64) {
+        let mut extremes = (f64::NEG_INFINITY, f64::INFINITY);
+        in_widest_lanes(Extremes { rows: &self.rows, runs: &self.runs, extremes: &mut extremes });
+        extremes
+    }
+
+    /// The rows outside the small problem that break the conditions most, of either kind.
+    fn violators(&self, middle: f64) -> Vec<usize> {
+        let mut found = Vec::new();
+        in_widest_lanes(Violators {
+            rows: &self.rows,
+            runs: &self.runs,
+            middle,
+            found: &mut found,
+        });
+        found.retain(|&(_, i)| !self.joined[i]);
+        let (mut rising, mut falling): (Vec<_>, Vec<_>) =
+            found.into_iter().partition(|&(_, i)| *entry(&self.rows.slope, i) > middle);
+        let mut most = Vec::new();
+        for kind in [&mut rising, &mut falling] {
+            let by_size =
+                |a: &(f64, usize), b: &(f64, usize)| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1));
+            if kind.len() > JOIN {
+                kind.select_nth_unstable_by(JOIN, by_size);
+                kind.truncate(JOIN);
+            }
+            kind.sort_unstable_by_key(|&(_, i)| i);
+            most.extend(kind.iter().map(|&(_, i)| i));
+        }
+        most
+    }
+
+    /// Takes rows into the small problem, in the place of settled ones where it is full.
+    fn join(&mut self, rows: &[usize], middle: f64) {
+        let mut rows = rows.iter().copied();
+        if self.members.len() >= FULL {
+            for slot in 0..self.members.len() {
+                let i = self.members[slot];
+                let open = if *entry(&self.rows.slope, i) > middle {
+                    *entry(&self.rows.rise, i)
+                } else {
+                    *entry(&self.rows.fall, i)
+                };
+                let free = *entry(&self.rows.rise, i) == 0.0 && *entry(&self.rows.fall, i) == 0.0;
+                if open != 0.0 && !free {
+                    let Some(row) = rows.next() else { return };
+                    self.joined[i] = false;
+                    self.place(slot, row);
+                }
+            }
+        }
+        for row in rows {
+            self.members.push(row);
+            self.dense.widen(self.members.len());
+            self.place(self.members.len() - 1, row);
+        }
+    }
+
+    /// Makes `row` the variable in `slot`.
+    fn place(&mut self, slot: usize, row: usize) {
+        self.members[slot] = row;
+        self.joined[row] = true;
+        self.dense.fill(slot, &self.members, self.gram.row(row));
+    }
+
+    /// Copies state into the small problem.
+    fn load(&mut self) {
+        for (slot, &i) in self.members.iter().enumerate() {
+            let (lower, upper) = self.bounds(i);
+            let variable = Variable { beta: *entry(&self.rows.beta, i), lower, upper };
+            self.dense.set(slot, variable, *entry(&self.rows.slope, i));
+        }
+    }
+
+    /// Takes over what the small problem found, and brings all slopes up to date.
+    fn unload(&mut self) {
+        let mut changes = Vec::new();
+        for slot in 0..self.members.len() {
+            let (i, beta) = (self.members[slot], self.dense.variables[slot].beta);
+            let change = beta - entry(&self.rows.beta, i);
+            if change != 0.0 {
+                changes.push((i, -change));
+                self.set(i, beta);
+            }
+        }
+        self.combine(&changes);
+    }
+
+    fn machine(&self, top: f64, bottom: f64) -> Machine {
+        let (mut sum, mut count) = (0.0, 0.0);
+        self.each(|_, slope, rise, fall| {
+            if rise && fall {
+                sum += slope;
+                count += 1.0;
+            }
+        });
+        let intercept = if count > 0.0 { sum / count } else { 0.5 * (top + bottom) };
+        Machine { beta: self.rows.beta.clone(), intercept }
+    }
+}
+
+/// All rows of the smaller class at the bound, and as many of the other, evenly spread.
+fn balanced(sides: &[i8], c: f64) -> Vec<Block<f64>> {
+    let count = |side: i8| sides.iter().filter(|&&s| s == side).count();
+    let wanted = count(1).min(count(-1));
+    let mut beta = vec![Block::all(0.0); sides.len().div_ceil(LANES)];
+    for side in [1, -1] {
+        let of_side = (0..sides.len()).filter(|&i| sides[i] == side).collect::<Vec<_>>();
+        for k in 0..wanted {
+            *entry_mut(&mut beta, of_side[k * of_side.len() / wanted]) = f64::from(side) * c;
+        }
+    }
+    beta
+}
+
+/// The greatest slope that may rise and the least that may fall, on runs of blocks.
+struct Extremes<'a> {
+    rows: &'a Rows,
+    runs: &'a [Range<usize>],
+    extremes: &'a mut (f64, f64),
+}
+
+impl Kernel for Extremes<'_> {
+    #[inline(always)]
+    fn run(self) {
+        let (mut top, mut bottom) = ([f64::NEG_INFINITY; LANES], [f64::INFINITY; LANES]);
+        for run in self.runs {
+            let rows = self.rows;
+            let (rise, fall) = (&rows.rise[run.clone()], &rows.fall[run.clone()]);
+            for ((slope, rise), fall) in rows.slope[run.clone()].iter().zip(rise).zip(fall) {
+                for l in 0..LANES {
+                    let (up, down) = (slope.0[l] + rise.0[l], slope.0[l] - fall.0[l]);
+                    top[l] = if up > top[l] { up } else { top[l] };
+                    bottom[l] = if down < bottom[l] { down } else { bottom[l] };
+                }
+            }
+        }
+        let top = top.into_iter().fold(f64::NEG_INFINITY, f64::max);
+        *self.extremes = (top, bottom.into_iter().fold(f64::INFINITY, f64::min));
+    }
+}
+
+/// The rows that break the conditions, and by how much their slopes are away from the middle.
+struct Violators<'a> {
+    rows: &'a Rows,
+    runs: &'a [Range<usize>],
+    middle: f64,
+    found: &'a mut Vec<(f64, usize)>,
+}
+
+impl Kernel for Violators<'_> {
+    #[inline(always)]
+    fn run(self) {
+        let Rows { slope, rise, fall, .. } = self.rows;
+        for b in self.runs.iter().flat_map(Clone::clone) {
+            let mut lack = [0.0; LANES];
+            let mut most = 0.0;
+            for l in 0..LANES {
+                let up = slope[b].0[l] - self.middle + rise[b].0[l];
+                let down = self.middle - slope[b].0[l] + fall[b].0[l];
+                lack[l] = if up > down { up } else { down };
+                most = if lack[l] > most { lack[l] } else { most };
+            }
+            if most > 0.0 {
+                let lanes = lack.iter().enumerate().filter(|&(_, &lack)| lack > 0.0);
+                self.found.extend(lanes.map(|(l, &lack)| (lack, b * LANES + l)));
+            }
+        }
+    }
+}

@@ -1,0 +1,71 @@
+//! Pairwise coupling: class probabilities from those of pairs.
+//!
+//! Wu, Lin and Weng (2004), "Probability estimates for multi-class classification by
+//! pairwise coupling", second method: the p with Σ p = 1 that minimises
+//! Σ over pairs of (r_ba p_a − r_ab p_b)², where r_ab is the probability of a among {a, b}.
+//! Its conditions are linear: Q p = λ 1 and Σ p = 1.
+
+use super::pairs;
+
+/// Probabilities nearer to 0 or 1 than this count as this near, as in libsvm: with all r
+/// inside (0, 1) the system has exactly one solution, and it is positive.
+const EDGE: f64 = 1e-7;
+
+/// Writes the class probabilities to `out`; `pairwise` has P(first class) of each pair.
+pub(super) fn couple(pairwise: &[f64], out: &mut [f64]) {
+    let k = out.len();
+    if let ([r], [first, second]) = (pairwise, &mut *out) {
+        let r = r.clamp(EDGE, 1.0 - EDGE);
+        (*first, *second) = (r, 1.0 - r);
+        return;
+    }
+    // Rows of Q, each with a column for −λ and the right hand side; then Σ p = 1.
+    let stride = k + 2;
+    let mut system = vec![0.0; (k + 1) * stride];
+    for ((a, b), &r) in pairs(k).zip(pairwise) {
+        let r = r.clamp(EDGE, 1.0 - EDGE);
+        let (ab, ba) = (r, 1.0 - r);
+        system[a * stride + a] += ba * ba;
+        system[b * stride + b] += ab * ab;
+        system[a * stride + b] = -ab * ba;
+        system[b * stride + a] = -ab * ba;
+    }
+    for class in 0..k {
+        system[class * stride + k] = -1.0;
+        system[k * stride + class] = 1.0;
+    }
+    system[k * stride + k + 1] = 1.0;
+    solve(&mut system, k + 1);
+    let mut total = 0.0;
+    for (class, p) in out.iter_mut().enumerate() {
+        // Rounding may leave an impossible class a hair below zero.
+        *p = system[class * stride + k + 1].max(0.0);
+        total += *p;
+    }
+    for p in out {
+        *p /= total;
+    }
+}
+
+/// Gauss–Jordan elimination with row pivoting: n rows of n entries and a right hand side,
+/// in whose place the solution is left.
+fn solve(system: &mut [f64], n: usize) {
+    let stride = n + 1;
+    for column in 0..n {
+        let size = |row: usize| system[row * stride + column].abs();
+        let pivot =
+            (column + 1..n).fold(column, |best, r| if size(r) > size(best) { r } else { best });
+        for j in 0..stride {
+            system.swap(column * stride + j, pivot * stride + j);
+        }
+        for row in (0..n).filter(|&row| row != column) {
+            let factor = system[row * stride + column] / system[column * stride + column];
+            for j in column..stride {
+                system[row * stride + j] -= factor * system[column * stride + j];
+            }
+        }
+    }
+    for row in 0..n {
+        system[row * stride + n] /= system[row * stride + row];
+    }
+}

@@ -1,0 +1,172 @@
+//! Synthetic participants: a published-models driver of the study's vehicle, for
+//! testing software.
+//!
+//! Version 1 of the participant model of the project's learning reference: a delayed, noisy
+//! leaky accumulator (after Markkula 2014) of three drives from studies of people walking:
+//! minimum predicted distance (Olivier et al. 2012), constancy of bearing (Cutting, Vishton and
+//! Braren 1995; Ondřej et al. 2010) and a repeller of distance and angle (Fajen and Warren
+//! 2003). It never sees a safety level. The numbers of each person are a modelling choice, not
+//! a measurement: what is found on these drives says nothing about people.
+
+mod decision;
+mod encounter;
+mod perception;
+mod person;
+mod stream;
+
+pub use person::Person;
+
+use crate::scene::{JointState, Scene, SceneParameters};
+use crate::vehicle::{Pose, TurnInput, VehicleModel, dubins};
+use decision::Decision;
+use stream::Stream;
+
+/// When the vehicle follows the keys.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Keys {
+    /// At once. States do not replay from one input a step, since keys change within steps;
+    /// headings are not wrapped.
+    Free,
+    /// At the beginning of each step, as in the study: states are exactly those that
+    /// [`JointState::advance`] leads through.
+    Clock,
+}
+
+/// What the keys asked for from some time on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct KeyChange {
+    /// Time after the start of the scene, ms.
+    pub at_ms: f64,
+    /// The input from then on.
+    pub input: TurnInput,
+}
+
+/// A scene as a synthetic participant drove it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SyntheticDrive {
+    /// The key held at the beginning of each step.
+    pub inputs: Vec<TurnInput>,
+    /// Before each step, and after the last.
+    pub states: Vec<JointState>,
+    /// When each input was sampled: the beginning of its step, ms after the scene's start.
+    pub sampled_at_ms: Vec<f64>,
+    /// Every change of the keys, in order of time; before the first none is held.
+    pub key_changes: Vec<KeyChange>,
+}
+
+/// Perception and decision are renewed this often, s, or as often as divides a step evenly.
+const TICK_S: f64 = 0.05;
+
+/// Most ticks of a step: with steps of more than 50 s, ticks are longer.
+const MAX_TICKS: f64 = 1000.0;
+
+/// One of the people that a seed stands for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SyntheticParticipant {
+    seed: u64,
+    number: u64,
+    /// What tells this person from others.
+    pub person: Person,
+}
+
+impl SyntheticParticipant {
+    /// Person `number`, from 0, of the people that `seed` stands for. How many there are
+    /// changes nothing for any of them.
+    #[must_use]
+    pub fn new(seed: u64, number: u64) -> Self {
+        Self { seed, number, person: Person::draw(&mut Stream::of_person(seed, number)) }
+    }
+
+    /// Draws trial `trial`, from 0, of the paper's study as the reference does, and drives it.
+    /// With [`Keys::Free`] and seed 20180918 these are the reference's drives.
+    #[must_use]
+    pub fn own_trial(&self, trial: u64, keys: Keys) -> (Scene, SyntheticDrive) {
+        let parameters = SceneParameters::default();
+        let mut stream = Stream::of_trial(self.seed, self.number, trial);
+        let scene = encounter::draw(&parameters, &mut stream);
+        (scene, self.drive_on(stream, &parameters, &scene, keys))
+    }
+
+    /// Drives a given scene, as trial `trial` of this person.
+    #[must_use]
+    pub fn drive(
+        &self,
+        trial: u64,
+        parameters: &SceneParameters,
+        scene: &Scene,
+        keys: Keys,
+    ) -> SyntheticDrive {
+        let stream = Stream::of_trial(self.seed, self.number, trial);
+        self.drive_on(stream, parameters, scene, keys)
+    }
+
+    fn drive_on(
+        &self,
+        stream: Stream,
+        parameters: &SceneParameters,
+        scene: &Scene,
+        keys: Keys,
+    ) -> SyntheticDrive {
+        let step_ms = 1000.0 * parameters.step_s;
+        let ticks = (parameters.step_s / TICK_S).round().clamp(1.0, MAX_TICKS);
+        let tick_s = parameters.step_s / ticks;
+        let mut decision = Decision::new(self.person, parameters, tick_s, stream);
+        let mut drive = SyntheticDrive {
+            inputs: Vec::with_capacity(parameters.steps),
+            states: Vec::with_capacity(parameters.steps + 1),
+            sampled_at_ms: Vec::with_capacity(parameters.steps),
+            key_changes: Vec::new(),
+        };
+        let (mut state, mut key) = (scene.start(), TurnInput::Straight);
+        for step in 0..parameters.steps {
+            let (begin, begin_ms) = (state, step as f64 * step_ms);
+            let mut held = key;
+            for tick in 0..ticks as usize {
+                let t_s = (step * ticks as usize + tick) as f64 * tick_s;
+                let next = decision.key(t_s, &state);
+                if next != key {
+                    let at_ms = begin_ms + tick as f64 * step_ms / ticks;
+                    drive.key_changes.push(KeyChange { at_ms, input: next });
+                    key = next;
+                }
+                if tick == 0 {
+                    held = key;
+                }
+                state = match keys {
+                    Keys::Free => advance_unwrapped(parameters, state, key, tick_s),
+                    Keys::Clock => {
+                        let gone = (tick + 1) as f64 * tick_s;
+                        begin.advance(parameters, held, gone)
+                    }
+                };
+            }
+            if keys == Keys::Clock {
+                // The step as a whole: ticks may add up to another last digit.
+                state = begin.advance(parameters, held, parameters.step_s);
+            }
+            drive.inputs.push(held);
+            drive.states.push(begin);
+            drive.sampled_at_ms.push(begin_ms);
+        }
+        drive.states.push(state);
+        drive
+    }
+}
+
+/// As [`JointState::advance`], with headings that go on counting, as in the reference.
+fn advance_unwrapped(
+    parameters: &SceneParameters,
+    state: JointState,
+    input: TurnInput,
+    seconds: f64,
+) -> JointState {
+    let along = |vehicle: &VehicleModel, pose: Pose, input| {
+        let rate = vehicle.turn_rate(input);
+        let arc = dubins::arc(pose, vehicle.speed_mps, rate, seconds);
+        Pose { psi: pose.psi + rate * seconds, ..arc }
+    };
+    JointState {
+        human: along(&parameters.human, state.human, input),
+        robot: along(&parameters.robot, state.robot, TurnInput::Straight),
+    }
+}
