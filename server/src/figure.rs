@@ -6,6 +6,7 @@
 mod canvas;
 mod pareto;
 mod regions;
+mod roomiest;
 mod slices;
 mod tube;
 

@@ -2,6 +2,7 @@
 //!
 //! Nothing here is random, and all of it runs on one thread.
 
+pub mod boosting;
 pub mod logistic;
 pub mod samples;
 pub mod svm;

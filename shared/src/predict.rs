@@ -1,6 +1,7 @@
 //! Predictors: numbers in, a probability for each class out. Nothing here knows
 //! what a feature or a class means.
 
+pub mod boosting;
 pub mod logistic;
 pub mod scale;
 pub mod svm;
@@ -8,6 +9,7 @@ pub mod tree;
 
 use crate::features::FeatureSet;
 use crate::invalid::{Invalid, finite, length};
+use boosting::{Boosted, BoostedFile};
 use logistic::Logistic;
 use scale::Scale;
 use serde::{Deserialize, Serialize};
@@ -26,6 +28,7 @@ pub struct Predictor {
 /// The kinds of predictor.
 #[derive(Clone, Debug, PartialEq)]
 enum Model {
+    Boosted(Boosted),
     Logistic(Scale, Logistic),
     Svm(Scale, Svm),
     Tree(Tree),
@@ -43,6 +46,12 @@ impl Predictor {
     #[must_use]
     pub fn svm(features: FeatureSet, classes: Vec<i8>, scale: Scale, model: Svm) -> Self {
         Self { features, classes, actions: None, model: Model::Svm(scale, model) }
+    }
+
+    /// Boosted trees on features as they are ([`Boosted::unscaled`]).
+    #[must_use]
+    pub fn boosted(features: FeatureSet, classes: Vec<i8>, model: Boosted) -> Self {
+        Self { features, classes, actions: None, model: Model::Boosted(model) }
     }
 
     /// A decision tree on features as they are ([`Tree::unscaled`]).
@@ -120,6 +129,7 @@ impl Predictor {
     /// Writes the probability of each class to `out`, given a row of raw features.
     pub fn probabilities_into(&self, row: &[f64], out: &mut [f64]) {
         match &self.model {
+            Model::Boosted(model) => model.probabilities_into(row, out),
             Model::Logistic(scale, model) => model.probabilities_into(scale, row, out),
             Model::Svm(scale, model) => model.probabilities_into(scale, row, out),
             Model::Tree(model) => model.probabilities_into(row, out),
@@ -134,7 +144,7 @@ impl Predictor {
 pub struct PredictorFile {
     /// Always [`FORMAT`].
     pub format: String,
-    /// `logistic`, `svm`, `tree` or `constant`.
+    /// `boosted`, `logistic`, `svm`, `tree` or `constant`.
     pub kind: String,
     /// Names of the features, in the order of the columns.
     pub features: Vec<String>,
@@ -173,6 +183,9 @@ pub struct PredictorFile {
     /// first class.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sigmoids: Option<Vec<[f64; 2]>>,
+    /// Boosted: first scores and trees.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub boosted: Option<BoostedFile>,
     /// Tree: the nodes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tree: Option<TreeFile>,
@@ -201,10 +214,15 @@ impl From<&Predictor> for PredictorFile {
             support_vectors: None,
             dual_coefficients: None,
             sigmoids: None,
+            boosted: None,
             tree: None,
             probabilities: None,
         };
         match &predictor.model {
+            Model::Boosted(model) => {
+                file.kind = "boosted".to_owned();
+                file.boosted = Some(model.into());
+            }
             Model::Logistic(scale, model) => {
                 file.kind = "logistic".to_owned();
                 file.mean = Some(scale.mean().to_vec());
@@ -257,9 +275,14 @@ impl TryFrom<PredictorFile> for Predictor {
             return Err(Invalid::new("classes", expected, format!("{:?}", file.classes)));
         }
         let missing = |field: &str| {
-            Invalid::new(field, format!("a list, for kind {:?}", file.kind), "nothing")
+            Invalid::new(field, format!("its contents, for kind {:?}", file.kind), "nothing")
         };
         let predictor = match file.kind.as_str() {
+            "boosted" => {
+                let model = file.boosted.ok_or_else(|| missing("boosted"))?;
+                let model = model.check(features.len(), file.classes.len());
+                Self::boosted(features, file.classes, model.map_err(|e| e.within("boosted"))?)
+            }
             "logistic" => {
                 let scale = Scale::new(
                     file.mean.ok_or_else(|| missing("mean"))?,
@@ -303,8 +326,7 @@ impl TryFrom<PredictorFile> for Predictor {
                 Self::svm(features, file.classes, scale, model)
             }
             "tree" => {
-                let expected = "nodes, for kind \"tree\"";
-                let tree = file.tree.ok_or_else(|| Invalid::new("tree", expected, "nothing"))?;
+                let tree = file.tree.ok_or_else(|| missing("tree"))?;
                 let tree = tree.check(features.len(), file.classes.len());
                 Self::tree(features, file.classes, tree.map_err(|e| e.within("tree"))?)
             }
@@ -312,7 +334,10 @@ impl TryFrom<PredictorFile> for Predictor {
                 let probabilities = file.probabilities.ok_or_else(|| missing("probabilities"))?;
                 Self::constant(features, file.classes, probabilities)?
             }
-            other => return Err(Invalid::new("kind", "logistic, svm, tree or constant", other)),
+            other => {
+                let expected = "boosted, logistic, svm, tree or constant";
+                return Err(Invalid::new("kind", expected, other));
+            }
         };
         match file.actions {
             Some(actions) => predictor.with_actions(actions),
@@ -349,6 +374,53 @@ mod tests {
         let predictor = Predictor::try_from(file.clone()).unwrap();
         assert_eq!(predictor.actions(), file.actions.as_deref());
         assert_eq!(PredictorFile::from(&predictor), file);
+    }
+
+    #[test]
+    fn boosted_trees_are_a_predictor() {
+        let text = r#"{"format":"sidestep-predictor/1","kind":"boosted","features":["v_h"],
+            "classes":[0,1],"boosted":{"intercepts":[0],"trees":[{"feature":[0,0,0],
+            "threshold":[0.5,0,0],"left":[1,0,0],"right":[2,0,0],"value":[0,1,-1]}]}}"#;
+        let file: PredictorFile = serde_json::from_str(text).unwrap();
+        let predictor = Predictor::try_from(file.clone()).unwrap();
+        assert_eq!(PredictorFile::from(&predictor), file);
+        let mut p = [0.0; 2];
+        predictor.probabilities_into(&[0.4], &mut p);
+        assert!((p[1] / p[0] - crate::math::exp(1.0)).abs() < 1e-14);
+        let complain = |change: fn(&mut PredictorFile)| {
+            let mut file = file.clone();
+            change(&mut file);
+            Predictor::try_from(file).unwrap_err().field
+        };
+        assert_eq!(complain(|f| f.boosted = None), "boosted");
+        assert_eq!(complain(|f| f.classes = vec![-1, 0, 1]), "boosted.intercepts");
+        let bad = |f: &mut PredictorFile| {
+            if let Some(boosted) = &mut f.boosted {
+                boosted.trees[0].questions.left[0] = 7;
+            }
+        };
+        assert_eq!(complain(bad), "boosted.trees[0].left[0]");
+    }
+
+    #[test]
+    fn a_tree_is_a_predictor() {
+        let text = r#"{"format":"sidestep-predictor/1","kind":"tree","features":["distance","v_h"],
+            "classes":[-1,0,1],"tree":{"feature":[1,0,0],"threshold":[0.5,0,0],"left":[1,0,0],
+            "right":[2,0,0],"counts":[[2,3,1],[2,0,1],[0,3,0]]}}"#;
+        let file: PredictorFile = serde_json::from_str(text).unwrap();
+        let predictor = Predictor::try_from(file.clone()).unwrap();
+        assert_eq!(PredictorFile::from(&predictor), file);
+        let mut p = [0.0; 3];
+        predictor.probabilities_into(&[9.0, 0.4], &mut p);
+        assert_eq!(p, [0.5, 1.0 / 6.0, 2.0 / 6.0]);
+        let complain = |change: fn(&mut PredictorFile)| {
+            let mut file = file.clone();
+            change(&mut file);
+            Predictor::try_from(file).unwrap_err().field
+        };
+        assert_eq!(complain(|f| f.tree = None), "tree");
+        assert_eq!(complain(|f| f.classes = vec![0, 1]), "tree.counts[0]");
+        assert_eq!(complain(|f| f.features = vec!["v_h".into()]), "tree.feature[0]");
     }
 
     #[test]

@@ -4,6 +4,8 @@ use crate::server::write_site;
 use std::path::{Path, PathBuf};
 use std::process::{Output, Stdio};
 use std::sync::LazyLock;
+#[cfg(unix)]
+use std::time::Duration;
 use tempfile::TempDir;
 use tokio::io::{AsyncBufReadExt, BufReader, Lines};
 use tokio::process::{Child, ChildStdout, Command};
@@ -28,6 +30,24 @@ pub async fn sidestep(args: &[&str]) -> Output {
     let mut command = Command::new(binary());
     command.args(args).env_remove("SIDESTEP_ADMIN_KEY");
     command.kill_on_drop(true).output().await.expect("sidestep")
+}
+
+/// Runs the command, and sends it `signal` (as kill names it) after 0.7 s, in which it must
+/// not have ended; what it said to that.
+///
+/// # Panics
+/// If it cannot be run or does not end within a minute.
+#[cfg(unix)]
+pub async fn interrupted(args: &[&str], signal: &str) -> Output {
+    let mut command = Command::new(binary());
+    command.args(args).stdout(Stdio::piped()).stderr(Stdio::piped()).kill_on_drop(true);
+    let child = command.spawn().expect("sidestep");
+    tokio::time::sleep(Duration::from_millis(700)).await;
+    let kill = format!("kill -{signal} {}", child.id().expect("it has not ended"));
+    let killed = std::process::Command::new("sh").args(["-c", &kill]).status();
+    assert!(killed.is_ok_and(|status| status.success()), "{kill}");
+    let output = tokio::time::timeout(Duration::from_secs(60), child.wait_with_output()).await;
+    output.expect("it ends").expect("its output")
 }
 
 /// `sidestep serve` with its own folder; killed when dropped.

@@ -429,6 +429,8 @@ async fn every_page_fits_its_window() {
     until_predicted(&tab).await;
     seek(&tab, 17).await;
     take("replay").await;
+    tab.press("by-step").await;
+    take("replay-by-step").await;
     tab.go(&format!("{}/lab/self-check", server.origin)).await;
     tab.words("verdict").await;
     take("self-check").await;

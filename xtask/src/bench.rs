@@ -37,8 +37,8 @@ enum Runner {
     Target(&'static str),
     /// [`peers`].
     Peers,
-    /// [`wasm`].
-    Wasm,
+    /// [`wasm`], these cases.
+    Wasm(wasm::Group),
 }
 
 /// Every benchmark: one line each.
@@ -50,13 +50,8 @@ const BENCHES: &[Bench] = &[
     },
     Bench {
         name: "shfrs",
-        what: "polygons of reachable sets in memory that is there against those made anew",
-        runner: Runner::Target("sidestep"),
-    },
-    Bench {
-        name: "shfrs_bounds",
-        what: "Algorithm 1 and a frame of predicted sets, against the same with fresh memory",
-        runner: Runner::Target("sidestep"),
+        what: "predicted sets as WebAssembly in Chromium and on this machine, against targets",
+        runner: Runner::Wasm(wasm::SHFRS),
     },
     Bench {
         name: "peers",
@@ -66,7 +61,7 @@ const BENCHES: &[Bench] = &[
     Bench {
         name: "wasm",
         what: "the solver as WebAssembly in Chromium against the same on this machine",
-        runner: Runner::Wasm,
+        runner: Runner::Wasm(wasm::VALUE),
     },
 ];
 
@@ -88,7 +83,7 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> 
             }
             Runner::Peers => peers::run(workspace, options.quick)?,
             // Quick as it is.
-            Runner::Wasm => wasm::run(workspace)?,
+            Runner::Wasm(group) => wasm::run(workspace, group)?,
         };
         if code != ExitCode::SUCCESS {
             return Ok(code);

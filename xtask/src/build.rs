@@ -52,7 +52,7 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<()> {
 }
 
 /// A build of the web client; what of it is to be added.
-fn build_client(workspace: &Workspace) -> Command {
+pub(crate) fn build_client(workspace: &Workspace) -> Command {
     let mut client = workspace.cargo(["build", "--locked", "--profile", "client"]);
     client.args(["--target", WASM_TARGET, "--package", "sidestep-web"]);
     client

@@ -2,7 +2,7 @@
 
 use super::bounds::safety_functions;
 use super::game::GameArgs;
-use super::solving::Interrupt;
+use super::solving::{Interrupt, bar};
 use super::{CommandError, print_json, trials_file, unwritable};
 use crate::analysis::{Analysis, FolderCache, PeopleError, people};
 use crate::features_csv::{self, FeatureRows};
@@ -11,7 +11,7 @@ use crate::trials_csv::Person;
 use crate::whole_folder::Draft;
 use crate::{exports, synthetic};
 use futures_util::StreamExt;
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::ProgressBar;
 use sidestep::comparison::{self, Progress, RunError, Settings};
 use sidestep::scene::SceneParameters;
 use std::fs::File;
@@ -102,7 +102,7 @@ pub async fn run(args: AnalyzeArgs) -> Result<(), CommandError> {
     let settings =
         Settings { leakage: args.leakage, ..Settings::new().map_err(CommandError::failure)? };
     let results = in_threads(args.threads, &interrupt, {
-        let (scene, cache, stop) = (scene.clone(), cache, interrupt.stop.clone());
+        let (scene, cache, stop) = (scene, cache, interrupt.stop.clone());
         move |bar| {
             let step = |progress: Progress| {
                 bar.set_length(progress.of as u64);
@@ -160,7 +160,7 @@ impl AnalyzeArgs {
         let study = studies::find(&mut *store.reader().await?, &self.study)
             .await?
             .ok_or_else(|| CommandError::Input(format!("{source}: no such study in {url}")))?;
-        let scene = study.config.parameters.clone();
+        let scene = study.config.parameters;
         let invented = participants::are_synthetic(&mut *store.reader().await?, study.id).await?;
         let mut octets = Vec::new();
         let mut pieces = std::pin::pin!(exports::stream(store.clone(), study));
@@ -202,7 +202,7 @@ async fn in_threads<T: Send + 'static>(
     std::thread::Builder::new()
         .name("analyze".to_owned())
         .spawn(move || {
-            let bar = bar();
+            let bar = bar(0, "comparing [{bar:40}] {pos}/{len}  {elapsed_precise}  {eta} left");
             let found = pool.install(|| work(&bar));
             bar.finish_and_clear();
             // Nobody waits any more only when the command is over.
@@ -210,14 +210,4 @@ async fn in_threads<T: Send + 'static>(
         })
         .map_err(|e| CommandError::Failure(format!("cannot start a thread: {e}")))?;
     answered.await.map_err(|_| CommandError::Failure("the comparison failed; see above".to_owned()))
-}
-
-/// Hidden unless stderr is a terminal.
-fn bar() -> ProgressBar {
-    let bar = ProgressBar::new(0);
-    let template = "comparing [{bar:40}] {pos}/{len}  {elapsed_precise}  {eta} left";
-    if let Ok(style) = ProgressStyle::with_template(template) {
-        bar.set_style(style.progress_chars("█▉▊▋▌▍▎▏ "));
-    }
-    bar
 }

@@ -5,7 +5,7 @@ mod report;
 
 use super::bounds::safety_functions;
 use super::game::GameArgs;
-use super::solving::Interrupt;
+use super::solving::{Interrupt, bar};
 use super::{CommandError, print_json, trials_file, unwritable};
 use crate::training::{self, Driven};
 use analysis::{Analysis, Questions};
@@ -21,6 +21,8 @@ use sidestep::shfrs::tuning::Split;
 use sidestep::shfrs::window::{Trajectory, WindowChoice};
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
+use tokio::sync::oneshot;
 
 /// Stochastic human forward reachable sets of recorded trials: the probabilities of regions,
 /// tuning with a guarantee, and what other predictions of the same coverage cost.
@@ -155,29 +157,71 @@ pub async fn run(args: ShfrsArgs) -> Result<(), CommandError> {
 
     let safety = safety_functions(&parameters, &interrupt).await?;
     let parts = questions.split.parts(recorded.len()).map_err(flagged)?;
-    let (predictor, origin) = match given {
-        Some(predictor) => {
-            (predictor, format!("{}", args.predictor.as_deref().unwrap_or(Path::new("")).display()))
-        }
-        None => args.trained(&safety, &recorded, &parts.training)?,
+    let given = given.map(|predictor| {
+        let path = args.predictor.as_deref().unwrap_or(Path::new(""));
+        (predictor, path.display().to_string())
+    });
+    let counts = [recorded.len(), parts.training.len(), parts.calibration.len(), parts.test.len()];
+    let out = args.out.clone();
+    let bar = bar(Analysis::stages(&questions), BAR);
+    bar.enable_steady_tick(TICK);
+    let shown = bar.clone();
+    let work = move || {
+        shown.set_message("predictor");
+        let (predictor, origin) = match given {
+            Some(given) => given,
+            None => args.trained(&safety, &recorded, &parts.training)?,
+        };
+        let human = PredictedHuman::new(&predictor, &safety, &parameters)
+            .map_err(|invalid| CommandError::Input(format!("predictor: {invalid}")))?;
+        let prediction = Prediction::new(&parameters, &human);
+        let regions = args.bounds_settings(predictor.classes().len())?;
+        let analysis =
+            Analysis::of(&recorded, &parts, prediction, &regions, &questions, &origin, &shown)?;
+        Ok((analysis, PredictorFile::from(&predictor)))
     };
-    let human = PredictedHuman::new(&predictor, &safety, &parameters)
-        .map_err(|invalid| CommandError::Input(format!("predictor: {invalid}")))?;
-    let prediction = Prediction::new(&parameters, &human);
-    let regions = args.bounds_settings(predictor.classes().len())?;
-    let analysis =
-        Analysis::of(&recorded, &parts, prediction, &regions, &questions, &origin, &interrupt)?;
-    interrupt.check()?;
-    report::write(&args.out, &analysis, &PredictorFile::from(&predictor), &interrupt)?;
+    let found = unless_stopped(work, &interrupt).await;
+    bar.finish_and_clear();
+    let (analysis, predictor) = found?;
+    report::write(&out, &analysis, &predictor, &interrupt)?;
+    let [trajectories, training, calibration, test] = counts;
     print_json(&serde_json::json!({
-        "folder": args.out,
+        "folder": out,
         "files": report::FILES,
-        "trajectories": recorded.len(),
-        "training": parts.training.len(),
-        "calibration": parts.calibration.len(),
-        "test": parts.test.len(),
-        "predictor": origin,
+        "trajectories": trajectories,
+        "training": training,
+        "calibration": calibration,
+        "test": test,
+        "predictor": analysis.predictor,
     }))
+}
+
+/// What is shown on the way.
+const BAR: &str = "[{bar:40}] {pos:>2}/{len}  {elapsed_precise}  {msg}";
+
+/// How often the time on the bar goes on, and how soon Ctrl-C is heeded.
+const TICK: Duration = Duration::from_millis(100);
+
+/// Does `work`, which writes nothing, on a thread of its own; leaves it to itself as soon as
+/// the user wants no result any more.
+async fn unless_stopped<T: Send + 'static>(
+    work: impl FnOnce() -> Result<T, CommandError> + Send + 'static,
+    interrupt: &Interrupt,
+) -> Result<T, CommandError> {
+    let (answer, mut answered) = oneshot::channel();
+    std::thread::Builder::new()
+        .name("analysis".to_owned())
+        // Nobody waits any more only when the command is over.
+        .spawn(move || drop(answer.send(work())))
+        .map_err(|e| CommandError::Failure(format!("cannot start a thread: {e}")))?;
+    loop {
+        let found = tokio::time::timeout(TICK, &mut answered).await;
+        interrupt.check()?;
+        if let Ok(found) = found {
+            let failed = "the analysis failed; see above";
+            return found.map_err(|_| CommandError::Failure(failed.to_owned()))?;
+        }
+    }
 }
 
 /// A trial of the file.

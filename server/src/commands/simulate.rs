@@ -3,9 +3,9 @@
 mod file;
 mod participation;
 
-use super::CommandError;
+use super::{CommandError, solving};
 use clap::ValueEnum;
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::ProgressBar;
 use sidestep::scene::{Scene, SceneParameters};
 use sidestep::synthetic::{self, SyntheticDrive};
 use sidestep::trial::flags;
@@ -17,14 +17,18 @@ use std::collections::BTreeMap;
 /// random, and never see a safety level. They test software, and say nothing about people.
 #[derive(Clone, Debug, clap::Args)]
 #[command(after_long_help = OUTPUT)]
-#[group(id = "destination", args = ["out", "url"], required = true, multiple = false)]
 pub struct SimulateArgs {
     /// How many people, 1 to 10000.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=10_000))]
+    #[arg(
+        long,
+        value_name = "N",
+        value_parser = clap::value_parser!(u64).range(1..=10_000),
+        allow_negative_numbers = true
+    )]
     participants: u64,
     /// Whole number from 0 to 2^64 - 1 that names the people: the first person of a seed is the
     /// same however many there are.
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
     seed: u64,
     /// Trials of each person in the file, 1 to 1000, in scenes of the paper's study; a server's
     /// study has its own.
@@ -33,12 +37,24 @@ pub struct SimulateArgs {
         value_name = "N",
         default_value_t = 50,
         value_parser = clap::value_parser!(u64).range(1..=1000),
+        allow_negative_numbers = true,
         conflicts_with = "url"
     )]
     tasks: u64,
     /// When the vehicle follows the keys.
     #[arg(long, value_name = "WHEN", value_enum, default_value_t = KeysArg::Clock)]
     keys: KeysArg,
+    #[command(flatten)]
+    destination: Destination,
+    /// Name of the server's study in addresses.
+    #[arg(long, value_name = "SLUG", default_value = "default", conflicts_with = "out")]
+    study: String,
+}
+
+/// Where the drives go: one of the two.
+#[derive(Clone, Debug, clap::Args)]
+#[group(required = true, multiple = false)]
+struct Destination {
     /// CSV file to write, one row a step: the state before it (m, rad), and the turn rate held
     /// then (rad/s, left is positive); - writes it to stdout, and no summary.
     #[arg(long, value_name = "FILE.csv")]
@@ -47,9 +63,6 @@ pub struct SimulateArgs {
     /// scene of their plans and complete. Only plain http is spoken.
     #[arg(long, value_name = "URL")]
     url: Option<String>,
-    /// Name of the server's study in addresses.
-    #[arg(long, value_name = "SLUG", default_value = "default", requires = "url")]
-    study: String,
 }
 
 const OUTPUT: &str = "\
@@ -60,7 +73,7 @@ already_stored.
 With --keys clock (one input a step, as in the study) states replay exactly from the inputs, and \
 have as many digits as bring the same bits back. With --keys free the keys count at once, every \
 0.05 s, as in the project's reference data: states do not replay from the inputs, headings are \
-not wrapped, and numbers have nine significant digits.
+not wrapped, numbers have nine significant digits, and lines end with CR LF.
 
 Through a server every person has the external id synthetic-SEED-NUMBER, and the display of every \
 trial says \"synthetic\": true. A run that broke off goes on where it stopped when it is started \
@@ -90,7 +103,7 @@ impl From<KeysArg> for synthetic::Keys {
 /// [`CommandError`] for bad flags or an unknown study (input), or what the disk, the network or
 /// the server refuse (failure).
 pub async fn run(args: SimulateArgs) -> Result<(), CommandError> {
-    match (&args.out, &args.url) {
+    match (&args.destination.out, &args.destination.url) {
         (Some(out), _) => file::write(&args, out),
         (None, Some(url)) => participation::take_part(&args, url).await,
         (None, None) => {
@@ -115,10 +128,6 @@ impl FlagCounts {
 
 /// Hidden unless stderr is a terminal; counts trials.
 fn bar(trials: u64) -> ProgressBar {
-    let bar = ProgressBar::new(trials);
     let template = "simulating [{bar:40}] {pos}/{len} trials  {elapsed_precise}, {eta} left";
-    if let Ok(style) = ProgressStyle::with_template(template) {
-        bar.set_style(style.progress_chars("█▉▊▋▌▍▎▏ "));
-    }
-    bar
+    solving::bar(trials, template)
 }

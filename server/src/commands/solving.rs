@@ -66,7 +66,10 @@ pub(super) async fn solved(
     std::thread::Builder::new()
         .name("solve".to_owned())
         .spawn(move || {
-            let bar = bar();
+            let bar = bar(
+                BAR_STEPS,
+                "solving [{bar:40}] {percent:>3} %  {elapsed_precise}  still moves {msg}",
+            );
             let start = Instant::now();
             let result = solve(game, &options, &mut |progress| {
                 bar.set_position((progress.done.clamp(0.0, 1.0) * BAR_STEPS as f64) as u64);
@@ -102,10 +105,9 @@ pub(super) async fn solved(
 
 const BAR_STEPS: u64 = 1000;
 
-/// Hidden unless stderr is a terminal.
-fn bar() -> ProgressBar {
-    let bar = ProgressBar::new(BAR_STEPS);
-    let template = "solving [{bar:40}] {percent:>3} %  {elapsed_precise}  still moves {msg}";
+/// A bar of so many steps; hidden unless stderr is a terminal.
+pub(super) fn bar(steps: u64, template: &str) -> ProgressBar {
+    let bar = ProgressBar::new(steps);
     if let Ok(style) = ProgressStyle::with_template(template) {
         bar.set_style(style.progress_chars("█▉▊▋▌▍▎▏ "));
     }

@@ -120,9 +120,21 @@ impl Canvas<'_> {
         width: f64,
         dash: f64,
     ) -> Result<(), DrawError> {
+        let closed: Vec<_> = points.iter().chain(points.first()).copied().collect();
+        self.broken(&closed, color, width, dash)
+    }
+
+    /// A line in dashes and gaps of `dash` pixels.
+    pub(super) fn broken(
+        &self,
+        points: &[[f64; 2]],
+        color: RGBAColor,
+        width: f64,
+        dash: f64,
+    ) -> Result<(), DrawError> {
         let mut gone = 0.0;
         let mut piece: Vec<[f64; 2]> = Vec::new();
-        for (from, to) in points.iter().zip(points.iter().cycle().skip(1)) {
+        for (from, to) in points.iter().zip(points.iter().skip(1)) {
             let (dx, dy) = (to[0] - from[0], to[1] - from[1]);
             let length = dx.hypot(dy);
             let parts = (4.0 * length / dash).ceil().max(1.0);

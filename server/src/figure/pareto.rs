@@ -18,6 +18,9 @@ const TABLE: f64 = 500.0;
 const MARGIN: f64 = 24.0;
 const COLUMN: f64 = 38.0;
 
+/// Of broken lines, pixels.
+const DASH: f64 = 4.0;
+
 /// Okabe and Ito's colours, which people with any colour vision tell apart; the one that is
 /// too light on white is left out.
 const COLORS: [RGBColor; 7] = [
@@ -118,7 +121,7 @@ impl<'a> Figure<'a> {
         canvas.stroke(&[[left, top], [left, bottom], [right, bottom]], LINE.mix(1.0), 1.2)?;
         for &target in &self.targets {
             let [_, y] = self.place(0.0, target);
-            canvas.dashes(&[[left, y], [right, y], [left, y]], MUTED.mix(0.55), 1.0, 4.0)?;
+            canvas.broken(&[[left, y], [right, y]], MUTED.mix(0.55), 1.0, DASH)?;
         }
         let below = [right, bottom + 34.0];
         canvas.text("mean area of the predicted set (m²)", below, 11.5, MUTED, Align::Right)?;
@@ -147,10 +150,23 @@ impl<'a> Figure<'a> {
         }
         if family < self.featured {
             canvas.stroke(&line, SURFACE.mix(0.8), 5.0)?;
-            canvas.stroke(&line, self.color(family).mix(1.0), 2.6)
-        } else {
-            canvas.stroke(&line, self.color(family).mix(0.8), 1.5)
         }
+        self.line(canvas, &line, family)
+    }
+
+    /// Where colours come again, lines are broken.
+    fn line(&self, canvas: &Canvas<'_>, line: &[[f64; 2]], family: usize) -> Result<(), DrawError> {
+        let (opacity, width) = if family < self.featured { (1.0, 2.6) } else { (0.8, 1.5) };
+        let color = self.color(family).mix(opacity);
+        if Self::comes_again(family) {
+            canvas.broken(line, color, width, DASH)
+        } else {
+            canvas.stroke(line, color, width)
+        }
+    }
+
+    fn comes_again(family: usize) -> bool {
+        family >= COLORS.len()
     }
 
     fn rows(&self, family: usize) -> impl Iterator<Item = &ParetoRow> {
@@ -168,7 +184,8 @@ impl<'a> Figure<'a> {
         Ok(())
     }
 
-    /// A shape of its own for each family: colour is not all that tells them apart.
+    /// A shape of its own for each family, hollow where colours come again: colour is not all
+    /// that tells them apart.
     fn mark(&self, canvas: &Canvas<'_>, [x, y]: [f64; 2], family: usize) -> Result<(), DrawError> {
         let radius = if family < self.featured { 5.6 } else { 4.6 };
         // Corners, and by how many of eighths of a turn the first is from the right.
@@ -192,7 +209,12 @@ impl<'a> Figure<'a> {
             (0..corners).map(corner).collect()
         };
         canvas.fill(&shape(radius + 1.6), SURFACE.mix(1.0))?;
-        canvas.fill(&shape(radius), self.color(family).mix(1.0))
+        canvas.fill(&shape(radius), self.color(family).mix(1.0))?;
+        if Self::comes_again(family) {
+            // Hollow.
+            canvas.fill(&shape(0.5 * radius), SURFACE.mix(1.0))?;
+        }
+        Ok(())
     }
 
     fn table(&self, canvas: &Canvas<'_>) -> Result<(), DrawError> {
@@ -208,9 +230,7 @@ impl<'a> Figure<'a> {
         canvas.stroke(&[[TABLE, line], [right, line]], LINE.mix(1.0), 1.0)?;
         let mut y = line + 17.0;
         for family in 0..self.found.curves.len() {
-            let color = self.color(family).mix(1.0);
-            let width = if family < self.featured { 2.6 } else { 1.5 };
-            canvas.stroke(&[[TABLE, y], [TABLE + 24.0, y]], color, width)?;
+            self.line(canvas, &[[TABLE, y], [TABLE + 24.0, y]], family)?;
             self.mark(canvas, [TABLE + 12.0, y], family)?;
             let name = &self.found.curves[family].family;
             let at = [TABLE + 31.0, y];
@@ -291,8 +311,9 @@ mod tests {
             assert_eq!(svg.matches(&format!("family {family}\n")).count(), 1);
         }
         assert_eq!(svg.matches("0.95\n").count(), 1);
-        // A white and a coloured shape for each of 3 marks and the sign in the table.
-        assert_eq!(svg.matches("<polygon").count(), 9 * 4 * 2);
+        // A white and a coloured shape for each of 3 marks and the sign in the table; those of
+        // the two families whose colours came before are hollow.
+        assert_eq!(svg.matches("<polygon").count(), 9 * 4 * 2 + 2 * 4);
         assert!(svg.contains("made-up families") && svg.contains("#0072B2"));
         assert!(!svg.contains("NaN") && !svg.contains("inf"));
         assert!(png(&svg).unwrap().starts_with(b"\x89PNG"));

@@ -4,6 +4,7 @@ use super::canvas::{
     Align, Canvas, DrawError, GRID, HUMAN, LINE, MUTED, REGIONS, ROBOT, SURFACE, TEXT, number,
     page, ticks,
 };
+use super::roomiest::roomiest;
 use plotters::prelude::{Color, RGBColor};
 use sidestep::bounds::{InputBounds, Motion};
 use sidestep::invalid::Invalid;
@@ -16,7 +17,13 @@ use sidestep::vehicle::dubins::relative_state;
 
 const MARGIN: f64 = 28.0;
 const HEADER: f64 = 84.0;
-const LEGEND: f64 = 56.0;
+/// Of the legend: what is above its first row, and a row.
+const LEGEND: f64 = 34.0;
+const ROW: f64 = 24.0;
+/// Least width between the margins, for the heading.
+const NARROWEST: f64 = 460.0;
+/// About the mean width of a letter of 12 pixels.
+const LETTER: f64 = 6.4;
 /// Width of what is plotted in, and the room around it: left, right, above, below.
 const SIDE: f64 = 300.0;
 const ROOM: [f64; 4] = [38.0, 12.0, 66.0, 34.0];
@@ -108,15 +115,13 @@ pub fn regions(
     let window = Window::around(panels);
     let high = SIDE * window.high() / window.wide();
     let cell = [ROOM[0] + SIDE + ROOM[1], 2.0 * (high + ROOM[3]) + ROOM[2] + 30.0];
-    let size = [
-        (panels.len() as f64 * cell[0]).max(ROOM[0] + legend_width(regions)).max(620.0)
-            + 2.0 * MARGIN,
-        HEADER + cell[1] + LEGEND,
-    ];
+    let inner = (panels.len() as f64 * cell[0]).max(NARROWEST).max(LETTER * letters(note));
+    let legend = Legend::new(regions, inner - ROOM[0]);
+    let size = [inner + 2.0 * MARGIN, HEADER + cell[1] + legend.height()];
     page(heading, size, |canvas| {
         canvas.bold(heading, [MARGIN, 34.0], 20.0, TEXT, Align::Left)?;
         canvas.text(note, [MARGIN, 58.0], 12.0, MUTED, Align::Left)?;
-        let left = 0.5 * (size[0] - panels.len() as f64 * cell[0]) + ROOM[0];
+        let left = MARGIN + ROOM[0];
         for (i, panel) in panels.iter().enumerate() {
             let left = left + i as f64 * cell[0];
             let above = Plot { canvas, panel, window: &window, corner: [left, HEADER + ROOM[2]] };
@@ -126,7 +131,7 @@ pub fn regions(
             let below = Plot { corner: [left, top], ..above };
             below.steps(times_s)?;
         }
-        legend(canvas, regions, [left, size[1] - 28.0])
+        legend.draw(canvas, [left, HEADER + cell[1] + LEGEND])
     })
 }
 
@@ -253,7 +258,20 @@ impl Plot<'_, '_> {
             }
         }
         self.danger_zone()?;
+        self.numerals()?;
         self.human()
+    }
+
+    /// A number in each region that has room for it.
+    fn numerals(&self) -> Result<(), DrawError> {
+        let tubes: Vec<_> = self.panel.sets.iter().map(|set| self.placed(&set.tube)).collect();
+        for (j, tube) in tubes.iter().enumerate() {
+            let within = if j == 0 { &[][..] } else { &tubes[j - 1] };
+            if let Some(at) = roomiest(tube, within, NUMERAL + 1.0) {
+                numeral(self.canvas, j, at)?;
+            }
+        }
+        Ok(())
     }
 
     fn steps(&self, times_s: &[f64]) -> Result<(), DrawError> {
@@ -336,23 +354,51 @@ impl Plot<'_, '_> {
     }
 }
 
-fn advance(text: &str) -> f64 {
-    // About the mean width of a letter.
-    24.0 + 7.0 * text.chars().count() as f64 + 20.0
+fn letters(text: &str) -> f64 {
+    text.chars().count() as f64
 }
 
-fn legend_width(regions: &[String]) -> f64 {
-    regions.iter().map(|text| advance(text)).sum()
+/// The number of region `j`, from 0, on its colour: who does not tell colours apart reads it.
+fn numeral(canvas: &Canvas<'_>, j: usize, at: [f64; 2]) -> Result<(), DrawError> {
+    canvas.disc(at, NUMERAL, SURFACE.mix(0.92))?;
+    canvas.bold(&(j + 1).to_string(), at, 9.5, TEXT, Align::Centre)
 }
 
-fn legend(canvas: &Canvas<'_>, regions: &[String], [mut x, y]: [f64; 2]) -> Result<(), DrawError> {
-    for (j, text) in regions.iter().enumerate() {
-        let sign = [[x, y - 7.0], [x + 16.0, y - 7.0], [x + 16.0, y + 7.0], [x, y + 7.0]];
-        canvas.fill(&sign, color(j, regions.len()).mix(1.0))?;
-        canvas.text(text, [x + 24.0, y], 12.0, TEXT, Align::Left)?;
-        x += advance(text);
+/// Radius of the disc below a number.
+const NUMERAL: f64 = 6.4;
+
+/// The names of the regions, in as few rows of equal columns as they fit in.
+struct Legend<'a> {
+    regions: &'a [String],
+    columns: usize,
+    column: f64,
+}
+
+impl<'a> Legend<'a> {
+    fn new(regions: &'a [String], width: f64) -> Self {
+        let longest = regions.iter().map(|text| letters(text)).fold(0.0, f64::max);
+        let column = 28.0 + LETTER * longest + 22.0;
+        let most = ((width / column) as usize).max(1);
+        let rows = regions.len().div_ceil(most).max(1);
+        Self { regions, columns: regions.len().div_ceil(rows).max(1), column }
     }
-    Ok(())
+
+    fn height(&self) -> f64 {
+        LEGEND + ROW * self.regions.len().div_ceil(self.columns) as f64
+    }
+
+    fn draw(&self, canvas: &Canvas<'_>, [left, top]: [f64; 2]) -> Result<(), DrawError> {
+        for (j, text) in self.regions.iter().enumerate() {
+            let x = left + self.column * (j % self.columns) as f64;
+            let y = top + ROW * (j / self.columns) as f64;
+            let [right, up, down] = [x + 20.0, y - 9.0, y + 9.0];
+            let sign = [[x, up], [right, up], [right, down], [x, down]];
+            canvas.fill(&sign, color(j, self.regions.len()).mix(1.0))?;
+            numeral(canvas, j, [x + 10.0, y])?;
+            canvas.text(text, [x + 28.0, y], 12.0, TEXT, Align::Left)?;
+        }
+        Ok(())
+    }
 }
 
 #[cfg(test)]

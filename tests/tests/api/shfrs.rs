@@ -2,6 +2,8 @@
 //! The trials are those of synthetic people (`shared/tests/data/README.md`).
 
 use serde_json::Value;
+#[cfg(unix)]
+use sidestep_tests::process::interrupted;
 use sidestep_tests::sidestep;
 use std::collections::HashMap;
 use std::path::Path;
@@ -136,4 +138,22 @@ async fn what_makes_no_sense_is_refused_in_words() {
     }
     let (code, _, said) = shfrs(Path::new(file), &[]).await;
     assert_eq!(code, Some(1), "{said}");
+}
+
+#[cfg(unix)]
+#[tokio::test]
+async fn an_analysis_that_is_interrupted_leaves_nothing() {
+    let folder = TempDir::new().unwrap();
+    let out = folder.path().to_str().unwrap();
+    for signal in ["INT", "TERM"] {
+        // Many seconds of work.
+        let tuning = ["--guarantee", "conformal,pac,fixed-sequence", "--probability"];
+        let levels = ["0.7,0.75,0.8,0.85,0.9,0.95", "--trials", TRIALS, "--out", out];
+        let output = interrupted(&[&["shfrs"], &tuning[..], &levels].concat(), signal).await;
+        assert_eq!(output.status.code(), Some(1), "{signal}");
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert!(said.contains("nothing was written"), "{said}");
+        assert!(output.stdout.is_empty());
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+    }
 }

@@ -153,7 +153,7 @@ async fn bad_input_is_named() {
     let to = |args: &[&'static str]| [&["--out", text(&out)], args].concat();
     fails(&to(&["--seed", "1", "--participants", "0"]), 2, &["--participants", "1..=10000"]).await;
     fails(&to(&["--seed", "1", "--participants", "9999999"]), 2, &["--participants"]).await;
-    fails(&to(&["--seed", "-1", "--participants", "1"]), 2, &["-1"]).await;
+    fails(&to(&["--seed", "-1", "--participants", "1"]), 2, &["--seed", "'-1'"]).await;
     fails(&to(&["--seed", "x", "--participants", "1"]), 2, &["--seed", "'x'"]).await;
     fails(&to(&["--participants", "1"]), 2, &["--seed"]).await;
     for tasks in ["0", "1001", "1.5"] {
@@ -163,7 +163,7 @@ async fn bad_input_is_named() {
     fails(&[&people[..], &to(&["--keys", "slow"])].concat(), 2, &["--keys", "clock, free"]).await;
     fails(&people, 2, &["--out", "--url"]).await;
     fails(&[&people[..], &to(&["--url", "http://127.0.0.1:1"])].concat(), 2, &["--url"]).await;
-    fails(&[&people[..], &to(&["--study", "default"])].concat(), 2, &["--url"]).await;
+    fails(&[&people[..], &to(&["--study", "default"])].concat(), 2, &["--study"]).await;
     fails(&with(&["--url", "http://127.0.0.1:1", "--tasks", "9"]), 2, &["--tasks"]).await;
     let free = with(&["--url", "http://127.0.0.1:1", "--keys", "free"]);
     fails(&free, 2, &["--keys: expected clock with --url", "found free"]).await;
@@ -195,7 +195,7 @@ async fn what_the_server_says_is_passed_on() {
     let enrol = server.request(Method::POST, &routes::participants("default"));
     let body = json!({ "consent": true, "external_id": "synthetic-1-0" });
     let enrolled: sidestep::api::Enrolled = Answer::of(enrol.json(&body)).await.into(201);
-    let withdraw = format!("{}?data=delete", routes::ME);
+    let withdraw = format!("{}?data=keep", routes::ME);
     let withdraw = server.request(Method::DELETE, &withdraw).bearer_auth(&enrolled.token);
     assert_eq!(Answer::of(withdraw).await.status, 204);
     let again = [&people[..], &[&server.origin]].concat();

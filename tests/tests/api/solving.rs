@@ -2,11 +2,11 @@
 
 use serde_json::Value;
 use sidestep::reachability::ExactValue;
-use sidestep_tests::process::binary;
+#[cfg(unix)]
+use sidestep_tests::process::interrupted;
 use sidestep_tests::sidestep;
 use std::io::{Cursor, Read, Write};
 use std::path::{Path, PathBuf};
-use std::process::Stdio;
 use std::time::Duration;
 use tempfile::TempDir;
 use zip::write::SimpleFileOptions;
@@ -420,21 +420,12 @@ async fn figures() {
 #[tokio::test]
 async fn a_solve_that_is_interrupted_leaves_nothing() {
     let folder = Folder::new();
+    let out = folder.name("v.npz");
     for signal in ["INT", "TERM"] {
         // Minutes of work.
-        let child = tokio::process::Command::new(binary())
-            .args(["solve", "--grid", "301,301,200", "--domain", "-20,20,-20,20"])
-            .args(["--threads", "1", "--out", &folder.name("v.npz")])
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            .kill_on_drop(true)
-            .spawn()
-            .unwrap();
-        tokio::time::sleep(Duration::from_millis(700)).await;
-        let kill = format!("kill -{signal} {}", child.id().unwrap());
-        assert!(std::process::Command::new("sh").args(["-c", &kill]).status().unwrap().success());
-        let output = tokio::time::timeout(Duration::from_secs(60), child.wait_with_output());
-        let output = output.await.unwrap().unwrap();
+        let grid = ["solve", "--grid", "301,301,200", "--domain", "-20,20,-20,20"];
+        let args = [&grid[..], &["--threads", "1", "--out", &out]].concat();
+        let output = interrupted(&args, signal).await;
         assert_eq!(output.status.code(), Some(1), "{signal}");
         let said = String::from_utf8(output.stderr).unwrap();
         assert!(said.contains("nothing was written"), "{said}");

@@ -11,15 +11,18 @@ pub fn shapes(moment: &Moment<'_>) -> Vec<Shape> {
     let regions = sets.iter().enumerate().rev();
     regions
         .flat_map(|(j, set)| {
-            let polygons = if moment.by_step {
-                set.steps.as_slice()
+            let ink = Ink::Region(j);
+            // A tube is parted from the next by the ground. The set at a step is thinner than
+            // such a line would be; its own colour about it keeps it in sight.
+            let (polygons, stroke) = if moment.by_step {
+                (set.steps.as_slice(), Stroke::solid(ink, 1.5))
             } else {
-                core::slice::from_ref(&set.tube)
+                (core::slice::from_ref(&set.tube), Stroke::solid(Ink::Ground, 0.75))
             };
             polygons.iter().map(move |points| Shape::Polygon {
                 points: points.clone(),
-                fill: Some((Ink::Region(j), 1.0)),
-                stroke: Some(Stroke::solid(Ink::Ground, 0.75)),
+                fill: Some((ink, 1.0)),
+                stroke: Some(stroke),
             })
         })
         .collect()

@@ -376,7 +376,7 @@ impl Replay {
     }
 
     fn regions(&self) -> Node {
-        let head = ["set", "ε / rad s⁻¹", "area / m²"]
+        let head = ["set", "ε / rad s⁻¹", "tube / m²"]
             .map(|words| el("th").attr("scope", "col").text(words));
         let rows = self.predictor.shfrs().sets.iter().enumerate().map(|(j, set)| {
             let name = subscripted("th", "F", &(j + 1).to_string()).attr("scope", "row");
@@ -394,15 +394,14 @@ impl Replay {
                 .child(el("td").text(format!("{:.2}", set.epsilon)))
                 .child(el("td").text(format!("{:.2}", set.area_m2)))
         });
-        el("section")
-            .child(el("h2").text("Predicted sets").child(el("small").text("next 2 s")))
-            .child(
-                el("table")
-                    .class("regions")
-                    .test_id("regions")
-                    .child(el("thead").child(el("tr").children(head)))
-                    .child(el("tbody").children(rows)),
-            )
+        let ahead = if self.by_step { "next 2 s, per step" } else { "next 2 s" };
+        el("section").child(el("h2").text("Predicted sets").child(el("small").text(ahead))).child(
+            el("table")
+                .class("regions")
+                .test_id("regions")
+                .child(el("thead").child(el("tr").children(head)))
+                .child(el("tbody").children(rows)),
+        )
     }
 
     /// What came of the trial, and whether it can be trusted.

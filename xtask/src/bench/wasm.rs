@@ -1,8 +1,9 @@
-//! `cargo xtask bench wasm`: the solver and its functions as a program of this machine and
-//! as WebAssembly in headless Chromium, in the same run and on one thread each.
+//! `cargo xtask bench wasm` and `cargo xtask bench shfrs`: the library as a program of this
+//! machine and as WebAssembly in headless Chromium, in the same run and on one thread each
+//! (but for tuning, which takes all there are).
 //!
-//! Both sides are the example `speed` of the web client, built as server and solver are
-//! shipped. It is no part of the site.
+//! Both sides are the example `speed` of the web client, built as server and browser get
+//! it. It is no part of the site.
 
 use std::fs;
 use std::path::Path;
@@ -10,37 +11,99 @@ use std::process::{Command, ExitCode, Stdio};
 
 use anyhow::{Context, Result, bail};
 
-use crate::build::build_solver;
+use crate::build::{build_client, build_solver};
 use crate::site::{Bundle, bundle};
 use crate::test::chromium;
 use crate::workspace::{Workspace, cannot_start, output_of, stage};
 
 /// One measurement.
+#[derive(Debug, PartialEq)]
 struct Case {
     /// As the example calls it.
     name: &'static str,
-    /// What it may take at most on this machine, s.
-    native_budget: Option<f64>,
-    /// The same in the browser.
-    wasm_budget: Option<f64>,
+    /// What it may take at most on this machine and in the browser, s.
+    targets: [Option<f64>; 2],
+    /// What it is compared with: another measurement of the same run.
+    baseline: Option<&'static str>,
 }
-
-/// Everything that is measured: one line each.
-const CASES: &[Case] = &[
-    Case::new("polar standard solve", Some(0.1), Some(0.5)),
-    Case::new("level curve", None, Some(1e-3)),
-    Case::new("exact value", None, None),
-    Case::new("exact values, batch", None, None),
-    Case::new("value and gradient", None, None),
-    Case::new("predicted sets", None, Some(1e-3)),
-    Case::new("predicted sets, by step", None, None),
-];
 
 impl Case {
-    const fn new(name: &'static str, native_budget: Option<f64>, wasm_budget: Option<f64>) -> Self {
-        Self { name, native_budget, wasm_budget }
+    const fn new(name: &'static str) -> Self {
+        Self { name, targets: [None; 2], baseline: None }
+    }
+
+    const fn native(mut self, most_s: f64) -> Self {
+        self.targets[0] = Some(most_s);
+        self
+    }
+
+    const fn wasm(mut self, most_s: f64) -> Self {
+        self.targets[1] = Some(most_s);
+        self
+    }
+
+    const fn against(mut self, baseline: &'static str) -> Self {
+        self.baseline = Some(baseline);
+        self
     }
 }
+
+/// Measurements that are made together.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Group {
+    /// As the example calls it.
+    name: &'static str,
+    /// How it is shipped to browsers.
+    shipped: Shipped,
+    cases: &'static [Case],
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Shipped {
+    /// In the laboratory's page: small.
+    Page,
+    /// In the solver: fast.
+    Solver,
+}
+
+/// The value function.
+pub(super) const VALUE: Group = Group {
+    name: "value",
+    shipped: Shipped::Solver,
+    cases: &[
+        Case::new("polar standard solve").native(0.1).wasm(0.5),
+        Case::new("level curve").wasm(1e-3),
+        Case::new("exact value"),
+        Case::new("exact values, batch").against("exact value"),
+        Case::new("value and gradient").against("exact value"),
+    ],
+};
+
+/// Predicted sets.
+pub(super) const SHFRS: Group = Group {
+    name: "shfrs",
+    shipped: Shipped::Page,
+    cases: &[
+        Case::new("polygons, 0 inside").native(1e-4).wasm(2e-4),
+        Case::new("polygons, 0 inside, fresh memory").against("polygons, 0 inside"),
+        Case::new("polygons, general").native(1.5e-3).wasm(3e-3).against("polygons, 0 inside"),
+        Case::new("polygons, general, fresh memory").against("polygons, general"),
+        Case::new("membership, inside").native(1e-5),
+        Case::new("membership, near").native(1e-5),
+        Case::new("membership, outside").native(1e-5),
+        Case::new("Algorithm 1, base").native(3e-5),
+        Case::new("Algorithm 1, base, fresh memory").against("Algorithm 1, base"),
+        Case::new("Algorithm 1, paper").native(3e-5),
+        Case::new("Algorithm 1, paper, fresh memory").against("Algorithm 1, paper"),
+        Case::new("overlay, tubes").wasm(1e-3),
+        Case::new("overlay, tubes, slowest moment").against("overlay, tubes"),
+        Case::new("overlay, tubes, fresh memory").against("overlay, tubes"),
+        Case::new("overlay, per step").wasm(1e-3).against("overlay, tubes"),
+        Case::new("overlay, per step, slowest moment").against("overlay, per step"),
+        Case::new("overlay, per step, fresh memory").against("overlay, per step"),
+        Case::new("tuning, 400 drives").native(2.0),
+    ],
+};
 
 /// The example that is measured.
 const EXAMPLE: &str = "speed";
@@ -48,26 +111,35 @@ const EXAMPLE: &str = "speed";
 /// What the example answers: names, and seconds of one item.
 type Figures = Vec<(String, f64)>;
 
-/// Measures both sides and prints the table.
+/// Measures both sides of a group and prints the table.
 ///
 /// Without a browser it still prints the figures of this machine, and then fails.
 ///
 /// # Errors
 /// When either side cannot be built, or the one of this machine cannot be run.
-pub(super) fn run(workspace: &Workspace) -> Result<ExitCode> {
+pub(super) fn run(workspace: &Workspace, group: Group) -> Result<ExitCode> {
     // Of the whole workspace, so that the tests' dependencies serve here too.
     let mut build = workspace.cargo(["build", "--locked", "--release", "--workspace"]);
     stage("native", build.args(["--example", EXAMPLE]))?;
     workspace.ensure_wasm_target()?;
-    stage("WebAssembly", build_solver(workspace).args(["--example", EXAMPLE]))?;
+    let mut build = match group.shipped {
+        Shipped::Page => build_client(workspace),
+        Shipped::Solver => build_solver(workspace),
+    };
+    stage("WebAssembly", build.args(["--example", EXAMPLE]))?;
     let compiled = workspace.compiled_client(&format!("examples/{EXAMPLE}"));
     let bundle = bundle(EXAMPLE, &compiled)?;
 
     eprintln!("==> measuring");
-    let native = output_of("the example", &mut Command::new(workspace.example(EXAMPLE)))?;
-    let native = figures(&native)?;
-    let wasm = in_browser(&bundle, &workspace.bench());
-    print!("{}", table(&native, wasm.as_ref().ok()));
+    let mut example = Command::new(workspace.example(EXAMPLE));
+    let native = figures(&output_of("the example", example.arg(group.name))?)?;
+    let wasm = in_browser(&bundle, group.name, &workspace.bench());
+    print!("{}", table(group.cases, &native, wasm.as_ref().ok()));
+    let names =
+        |figures: &Figures| figures.iter().map(|(name, _)| name.clone()).collect::<Vec<_>>();
+    if names(&native) != group.cases.iter().map(|case| case.name).collect::<Vec<_>>() {
+        bail!("expected the cases of the table in its order, the example measured others");
+    }
     if let Err(error) = wasm {
         eprintln!("error: no figures for WebAssembly: {error:#}");
         return Ok(ExitCode::FAILURE);
@@ -77,7 +149,7 @@ pub(super) fn run(workspace: &Workspace) -> Result<ExitCode> {
 
 /// Opens a page in Chromium that runs the program, and reads its text. Page and profile
 /// are left in `folder`.
-fn in_browser(bundle: &Bundle, folder: &Path) -> Result<Figures> {
+fn in_browser(bundle: &Bundle, group: &str, folder: &Path) -> Result<Figures> {
     let chromium = chromium()?;
     let page = folder.join("wasm.html");
     fs::create_dir_all(folder)
@@ -87,7 +159,7 @@ fn in_browser(bundle: &Bundle, folder: &Path) -> Result<Figures> {
     command.args(["--headless=new", "--no-sandbox", "--disable-gpu", "--no-first-run"]);
     command.args(["--disable-background-networking", "--disable-component-update"]);
     command.arg(format!("--user-data-dir={}", folder.join("profile").display()));
-    command.arg("--dump-dom").arg(format!("file://{}", page.display()));
+    command.arg("--dump-dom").arg(format!("file://{}#{group}", page.display()));
     let output = command.stdin(Stdio::null()).output().with_context(|| cannot_start(&command))?;
     if !output.status.success() {
         // It also complains of much that does not matter, so only now.
@@ -117,37 +189,49 @@ fn figures(answer: &str) -> Result<Figures> {
     serde_json::from_str(answer).with_context(|| format!("the example answered {answer:?}"))
 }
 
-/// The table: a line for each case, budgets beside what they are for.
-fn table(native: &Figures, wasm: Option<&Figures>) -> String {
-    let of = |figures: &Figures, name: &str| {
-        figures.iter().find(|(found, _)| found == name).map(|(_, seconds)| *seconds)
+/// The table: a line for each case. Beside each figure its target and how much of that it
+/// takes; then WASM against native, and against the baseline, both sides.
+fn table(cases: &[Case], native: &Figures, wasm: Option<&Figures>) -> String {
+    let of = |figures: Option<&Figures>, name: &str| {
+        figures?.iter().find(|(found, _)| found == name).map(|(_, seconds)| *seconds)
     };
-    let mut text =
-        row("one thread, fastest sample", ["native", "budget", "WASM", "budget"], "ratio");
-    for case in CASES {
-        let native = of(native, case.name);
-        let wasm = wasm.and_then(|wasm| of(wasm, case.name));
-        let ratio = native.zip(wasm).map(|(native, wasm)| format!("{:.2}", wasm / native));
-        let cells = [
-            shown(native),
-            verdict(native, case.native_budget),
-            shown(wasm),
-            verdict(wasm, case.wasm_budget),
-        ];
-        text += &row(case.name, cells.each_ref().map(String::as_str), &ratio.unwrap_or("-".into()));
+    let head = ["native", "target", "ratio", "WASM", "target", "ratio", "WASM/native"];
+    let mut text = row("fastest sample", head, "ratio to the baseline, native and WASM");
+    for case in cases {
+        let sides = [of(Some(native), case.name), of(wasm, case.name)];
+        let [[native_s, native_target, native_ratio], [wasm_s, wasm_target, wasm_ratio]] = [0, 1]
+            .map(|side| {
+                let target = case.targets[side];
+                [shown(sides[side]), shown(target), verdict(sides[side], target)]
+            });
+        let between = ratio(sides[1], sides[0]);
+        let cells =
+            [native_s, native_target, native_ratio, wasm_s, wasm_target, wasm_ratio, between];
+        let baseline = case.baseline.map_or_else(String::new, |name| {
+            let ratios =
+                [Some(native), wasm].map(|figures| (of(figures, case.name), of(figures, name)));
+            let [native, wasm] = ratios.map(|(found, base)| ratio(found, base));
+            format!("{native} and {wasm} of {name}")
+        });
+        text += &row(case.name, cells.each_ref().map(String::as_str), &baseline);
     }
     text
 }
 
-fn row(name: &str, [native, native_budget, wasm, wasm_budget]: [&str; 4], ratio: &str) -> String {
-    format!("{name:26} {native:>10} {native_budget:>16} {wasm:>10} {wasm_budget:>16} {ratio:>6}\n")
+fn row(name: &str, [a, b, c, d, e, f, g]: [&str; 7], baseline: &str) -> String {
+    let line =
+        format!("{name:34} {a:>9} {b:>9} {c:>11}  {d:>9} {e:>9} {f:>11}  {g:>11}  {baseline}");
+    line.trim_end().to_owned() + "\n"
 }
 
-/// A budget, and whether it was met.
-fn verdict(seconds: Option<f64>, budget: Option<f64>) -> String {
-    let Some(budget) = budget else { return "-".to_owned() };
-    let met = seconds.map_or("", |seconds| if seconds <= budget { " met" } else { " MISSED" });
-    format!("{}{met}", shown(Some(budget)))
+/// How much of the target it takes, and whether it keeps to it.
+fn verdict(seconds: Option<f64>, target: Option<f64>) -> String {
+    let missed = seconds.zip(target).is_some_and(|(seconds, target)| seconds > target);
+    ratio(seconds, target) + if missed { " MISSED" } else { "" }
+}
+
+fn ratio(seconds: Option<f64>, base: Option<f64>) -> String {
+    seconds.zip(base).map_or_else(|| "-".to_owned(), |(s, base)| format!("{:.2}", s / base))
 }
 
 fn shown(seconds: Option<f64>) -> String {
@@ -163,26 +247,29 @@ fn shown(seconds: Option<f64>) -> String {
 mod tests {
     use super::*;
 
-    const NATIVE: &str = r#"[["polar standard solve",0.08],["level curve",2e-4]]"#;
-    const WASM: &str = r#"[["polar standard solve",0.2],["level curve",0.0011]]"#;
+    const NATIVE: &str = r#"[["solve",0.08],["curve",2e-4]]"#;
+    const CASES: [Case; 2] =
+        [Case::new("solve").native(0.1).wasm(0.5), Case::new("curve").wasm(1e-3).against("solve")];
+    const WASM: &str = r#"[["solve",0.2],["curve",0.0011]]"#;
 
     #[test]
     fn a_line_has_both_sides_their_budgets_and_their_ratio() {
         let (native, wasm) = (figures(NATIVE).expect("JSON"), figures(WASM).expect("JSON"));
-        let text = table(&native, Some(&wasm));
+        let text = table(&CASES, &native, Some(&wasm));
         let words = |line: usize| -> Vec<_> {
             text.lines().nth(line).expect("a line").split_whitespace().collect()
         };
-        let solve = "polar standard solve 80.0 ms 100.0 ms met 200.0 ms 500.0 ms met 2.50";
+        let solve = "solve 80.0 ms 100.0 ms 0.80 200.0 ms 500.0 ms 0.40 2.50";
         assert_eq!(words(1).join(" "), solve);
-        assert_eq!(words(2).join(" "), "level curve 200.0 µs - 1.1 ms 1.0 ms MISSED 5.50");
+        let curve = "curve 200.0 µs - - 1.1 ms 1.0 ms 1.10 MISSED 5.50 0.00 and 0.01 of solve";
+        assert_eq!(words(2).join(" "), curve);
     }
 
     #[test]
     fn figures_of_this_machine_stand_without_a_browser() {
-        let text = table(&figures(NATIVE).expect("JSON"), None);
+        let text = table(&CASES, &figures(NATIVE).expect("JSON"), None);
         let line = text.lines().nth(1).expect("a line").split_whitespace().collect::<Vec<_>>();
-        assert_eq!(line.join(" "), "polar standard solve 80.0 ms 100.0 ms met - 500.0 ms -");
+        assert_eq!(line.join(" "), "solve 80.0 ms 100.0 ms 0.80 - 500.0 ms - -");
     }
 
     #[test]
@@ -200,11 +287,11 @@ mod tests {
     }
 
     #[test]
-    fn every_case_is_measured_by_the_example() {
-        let example = concat!(env!("CARGO_MANIFEST_DIR"), "/../web-client/examples/speed.rs");
-        let example = fs::read_to_string(example).expect("the example");
-        for case in CASES {
-            assert!(example.contains(&format!("\"{}\"", case.name)), "{}", case.name);
+    fn baselines_are_measured_too() {
+        for Group { cases, .. } in [VALUE, SHFRS] {
+            for baseline in cases.iter().filter_map(|case| case.baseline) {
+                assert!(cases.iter().any(|case| case.name == baseline), "{baseline}");
+            }
         }
     }
 }

@@ -1,8 +1,8 @@
 //! What `sidestep shfrs` computes.
 
 use super::super::CommandError;
-use super::super::solving::Interrupt;
 use super::{Recorded, flagged};
+use indicatif::ProgressBar;
 use serde::Serialize;
 use sidestep::bounds::{ActionChoice, ActionModel, BoundsSettings, Motion};
 use sidestep::invalid::Invalid;
@@ -103,7 +103,20 @@ pub(super) fn choice_of_the_paper(steps: usize, actions: usize) -> ActionChoice 
     ActionChoice::TopK((0..steps).map(|i| if i < 2 { actions.min(2) } else { 1 }).collect())
 }
 
+/// Choices of windows that regions are judged on, by the seed of the random ones.
+fn region_windows(seed: u64) -> [WindowChoice; 3] {
+    [WindowChoice::EveryStep, WindowChoice::RandomOne { seed }, WindowChoice::AvoidanceOnset]
+}
+
 impl Analysis {
+    /// How many steps of a progress bar [`Self::of`] takes.
+    pub(super) fn stages(questions: &Questions) -> u64 {
+        let tuned = questions.guarantees.len() * questions.probabilities.len();
+        // The comparison, the danger zone and the panels besides.
+        (region_windows(0).len() + tuned + 3) as u64
+    }
+
+    /// Computes everything, and says on `bar` how far it is.
     pub(super) fn of<M: ActionModel + Sync>(
         recorded: &[Recorded],
         parts: &Parts,
@@ -111,7 +124,7 @@ impl Analysis {
         settings: &BoundsSettings,
         questions: &Questions,
         predictor: &str,
-        interrupt: &Interrupt,
+        bar: &ProgressBar,
     ) -> Result<Self, CommandError> {
         let trajectories: Vec<Trajectory> =
             recorded.iter().map(|recorded| recorded.trajectory.clone()).collect();
@@ -119,22 +132,19 @@ impl Analysis {
         // Trajectories that neither the predictor nor the choice of actions has seen.
         let unseen: Vec<Trajectory> = [&sample.calibration[..], &sample.test[..]].concat();
         let mut found = Vec::new();
-        for choice in [
-            WindowChoice::EveryStep,
-            WindowChoice::RandomOne { seed: questions.split.seed },
-            WindowChoice::AvoidanceOnset,
-        ] {
-            interrupt.check()?;
+        for choice in region_windows(questions.split.seed) {
+            bar.set_message(format!("regions, {}", choice.word().replace('_', " ")));
             // Nobody need have turned in time.
             if choice.windows(&unseen, settings.steps()).iter().any(|windows| !windows.is_empty()) {
                 let regions = regions(&unseen, choice, prediction, settings, questions.confidence);
                 found.push(regions.map_err(flagged)?);
             }
+            bar.inc(1);
         }
         let mut tuning = Vec::new();
         for &guarantee in &questions.guarantees {
             for &p in &questions.probabilities {
-                interrupt.check()?;
+                bar.set_message(format!("tuning, {} {p}", guarantee.word().replace('_', " ")));
                 let settings = TuningSettings {
                     p,
                     guarantee,
@@ -143,21 +153,26 @@ impl Analysis {
                     confidence: questions.confidence,
                 };
                 tuning.push(tune(&sample, prediction, &settings).map_err(flagged)?);
+                bar.inc(1);
             }
         }
-        interrupt.check()?;
+        bar.set_message("coverage against area");
         let pareto = compare(&sample, prediction, questions, &tuning).map_err(flagged)?;
-        interrupt.check()?;
+        bar.inc(1);
+        bar.set_message("danger zone");
         let choice = tuning.first().map_or_else(
             || choice_of_the_paper(questions.steps, prediction.model.actions().len()),
             |t| t.choice.clone(),
         );
         let danger =
             danger(recorded, parts, &sample, prediction, questions, &choice).map_err(flagged)?;
+        bar.inc(1);
+        bar.set_message("pictures");
         let mut names: Vec<&str> = recorded.iter().map(|r| r.participant.as_str()).collect();
         names.dedup();
         let (panels, panel_times_s) =
             panels(recorded, parts, prediction, settings).map_err(flagged)?;
+        bar.inc(1);
         Ok(Self {
             predictor: predictor.to_owned(),
             participants: names.len(),

@@ -3,7 +3,8 @@
 use super::super::solving::Interrupt;
 use super::super::{CommandError, unwritable};
 use super::analysis::Analysis;
-use crate::{figure, whole_file};
+use crate::figure;
+use crate::whole_file::{self, Stop};
 use csv::Writer;
 use sidestep::predict::PredictorFile;
 use sidestep::shfrs::probability::Regions;
@@ -29,7 +30,8 @@ pub(super) fn check(folder: &Path) -> Result<(), CommandError> {
     })
 }
 
-/// Writes them, each whole or not at all.
+/// Writes them, each whole or not at all. To stop is too late once it has begun: files of two
+/// runs must not lie beside each other.
 pub(super) fn write(
     folder: &Path,
     analysis: &Analysis,
@@ -50,10 +52,11 @@ pub(super) fn write(
         json(serde_json::to_string_pretty(predictor))?,
         json(serde_json::to_string_pretty(analysis))?,
     ];
+    interrupt.check()?;
     for (name, text) in FILES.into_iter().zip(texts) {
         let path = folder.join(name);
-        whole_file::write(&path, &interrupt.stop, |out| out.write_all(text.as_bytes()))
-            .map_err(|e| interrupt.check().err().unwrap_or_else(|| unwritable(&path, &e)))?;
+        whole_file::write(&path, &Stop::default(), |out| out.write_all(text.as_bytes()))
+            .map_err(|e| unwritable(&path, &e))?;
     }
     Ok(())
 }

@@ -43,13 +43,14 @@ fn content(args: &SimulateArgs, out: &mut dyn Write) -> io::Result<FlagCounts> {
     let parameters = SceneParameters::default();
     let mut flags = FlagCounts::default();
     let bar = bar(args.participants * args.tasks);
-    let print = match args.keys {
-        KeysArg::Clock => exact,
-        KeysArg::Free => nine_digits,
+    // As exports of a study, or as the reference data.
+    let (print, end): (fn(f64) -> String, _) = match args.keys {
+        KeysArg::Clock => (exact, "\n"),
+        KeysArg::Free => (nine_digits, "\r\n"),
     };
     // The reference's file, octet for octet, does not say what it is; others do.
     let says = args.keys == KeysArg::Clock;
-    writeln!(out, "{HEADER}{}", if says { ",synthetic" } else { "" })?;
+    write!(out, "{HEADER}{}{end}", if says { ",synthetic" } else { "" })?;
     for number in 0..args.participants {
         let participant = SyntheticParticipant::new(args.seed, number);
         for trial in 0..args.tasks {
@@ -62,7 +63,7 @@ fn content(args: &SimulateArgs, out: &mut dyn Write) -> io::Result<FlagCounts> {
                 let omega = parameters.human.turn_rate(*input);
                 let numbers = [t, hx, hy, hpsi, rx, ry, rpsi, omega].map(print).join(",");
                 let mark = if says { ",1" } else { "" };
-                writeln!(out, "{number},{trial},{step},{numbers}{mark}")?;
+                write!(out, "{number},{trial},{step},{numbers}{mark}{end}")?;
             }
             bar.inc(1);
         }
@@ -76,8 +77,7 @@ fn exact(number: f64) -> String {
     format!("{number:?}")
 }
 
-/// Nine significant digits without trailing zeros, as Python's `repr` writes them: the form of
-/// the reference data.
+/// Nine significant digits without trailing zeros, as Python's `repr` writes them.
 fn nine_digits(number: f64) -> String {
     let rounded: f64 = format!("{number:.8e}").parse().unwrap_or(number);
     let scientific = format!("{rounded:e}");

@@ -37,6 +37,10 @@ pub(crate) trait Criterion {
     fn score(&self, scan: &Self::Scan) -> Self::Score;
     /// Whether one is better than another, strictly.
     fn is_better(&self, score: &Self::Score, than: &Self::Score) -> bool;
+    /// Whether the best split of a node of this total is made.
+    fn is_worth_it(&self, _score: &Self::Score, _total: &Self::Total) -> bool {
+        true
+    }
 }
 
 /// A row's value in some column.
@@ -44,6 +48,19 @@ pub(crate) trait Criterion {
 struct Entry {
     value: f32,
     row: u32,
+}
+
+impl Entry {
+    /// Whether a value that is not less is too near to be parted from this.
+    #[inline(always)]
+    fn is_close_to(self, next: Self) -> bool {
+        next.value <= self.value + CLOSE
+    }
+
+    #[inline(always)]
+    fn halfway_to(self, next: Self) -> f64 {
+        0.5 * (f64::from(self.value) + f64::from(next.value))
+    }
 }
 
 /// The columns of samples, each sorted.
@@ -85,6 +102,23 @@ impl Columns {
             }));
         }
         Ok(Self { rows, entries })
+    }
+
+    fn column(&self, column: usize) -> &[Entry] {
+        &self.entries[column * self.rows..][..self.rows]
+    }
+
+    /// The rows in the order of a column.
+    pub(crate) fn rows(&self, column: usize) -> impl Iterator<Item = usize> {
+        self.column(column).iter().map(|entry| entry.row as usize)
+    }
+
+    /// Where a column can be split: rows on the left, and the threshold.
+    pub(crate) fn partings(&self, column: usize) -> impl Iterator<Item = (usize, f64)> {
+        let pairs = (1..).zip(self.column(column).windows(2));
+        pairs
+            .filter(|(_, pair)| !pair[0].is_close_to(pair[1]))
+            .map(|(left, pair)| (left, pair[0].halfway_to(pair[1])))
     }
 }
 
@@ -239,14 +273,14 @@ fn best_splits<C: Criterion>(
         return best;
     }
     for (column, entries) in task.entries.chunks_exact(task.rows).enumerate() {
-        if entries[task.rows - 1].value <= entries[0].value + CLOSE {
+        if entries[0].is_close_to(entries[task.rows - 1]) {
             continue;
         }
         let mut scan = criterion.begin(total);
         for (left, pair) in (1..).zip(entries.windows(2)) {
             criterion.pass(&mut scan, pair[0].row as usize);
             let smaller = left.min(task.rows - left);
-            if smaller < least || pair[1].value <= pair[0].value + CLOSE {
+            if smaller < least || pair[0].is_close_to(pair[1]) {
                 continue;
             }
             let score = criterion.score(&scan);
@@ -256,10 +290,13 @@ fn best_splits<C: Criterion>(
                 if best.is_some_and(|best| !criterion.is_better(&score, &best.score)) {
                     break;
                 }
-                let threshold = 0.5 * (f64::from(pair[0].value) + f64::from(pair[1].value));
+                let threshold = pair[0].halfway_to(pair[1]);
                 *best = Some(Best { score, column, left, threshold });
             }
         }
+    }
+    for best in &mut best {
+        *best = best.filter(|best| criterion.is_worth_it(&best.score, total));
     }
     best
 }

@@ -1,0 +1,224 @@
+//! Gradient-boosted trees for the multinomial deviance (Friedman 2001, with Newton steps and a
+//! penalty on leaves as in Chen and Guestrin 2016).
+//!
+//! In each round a small tree for each class's score is fitted to the slope of the deviance
+//! where the model stands, and a share (`rate`) of its Newton step is added. Columns are cut
+//! into quantile bins first. Nothing is random.
+//!
+//! Slopes and curvatures are rounded to multiples of 2⁻⁴⁰ and added as integers, so that sums,
+//! and with them every split, depend on sets of rows and not on their order: permuting rows
+//! changes no bit of a model. Ties go as in [`tree`](super::tree).
+
+mod bins;
+mod booster;
+
+use super::samples::Samples;
+use crate::invalid::{Invalid, length, positive};
+use crate::predict::boosting::{Boosted, Summand};
+use booster::{Booster, to_shares};
+
+/// How trees are boosted.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BoostingSettings {
+    /// Trees for each score, at the most.
+    pub rounds: usize,
+    /// Where folds choose: how many rounds in a row may fail to lower the log loss before no
+    /// more are tried.
+    pub patience: usize,
+    /// Depth of the trees.
+    pub depth: usize,
+    /// Share of each Newton step that is taken.
+    pub rate: f64,
+    /// Rows at a leaf at the least.
+    pub min_leaf: usize,
+    /// λ ≥ 0 of the penalty ½ λ w² on the value w of each leaf.
+    pub penalty: f64,
+    /// Bins of each column at the most.
+    pub bins: usize,
+}
+
+impl Default for BoostingSettings {
+    fn default() -> Self {
+        Self {
+            rounds: 200,
+            patience: 20,
+            depth: 3,
+            rate: 0.1,
+            min_leaf: 10,
+            penalty: 1.0,
+            bins: 64,
+        }
+    }
+}
+
+impl BoostingSettings {
+    fn check(&self) -> Result<(), Invalid> {
+        positive("rate", self.rate)?;
+        if !(self.penalty.is_finite() && self.penalty >= 0.0) {
+            return Err(Invalid::new("penalty", "a finite number ≥ 0", self.penalty));
+        }
+        for (field, found, least) in
+            [("depth", self.depth, 1), ("min_leaf", self.min_leaf, 1), ("bins", self.bins, 2)]
+        {
+            if found < least {
+                return Err(Invalid::new(field, format!("at least {least}"), found));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// What grouped cross-validation chose.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Chosen {
+    /// Depth of the trees.
+    pub depth: usize,
+    /// Rounds.
+    pub rounds: usize,
+    /// Mean of −log P(class) over the rows that were left out.
+    pub log_loss: f64,
+}
+
+/// Boosts trees for all of the settings' rounds. A class that does not occur is improbable, not
+/// impossible: the first scores are logarithms of (n_c + 1) / (n + K).
+///
+/// # Errors
+/// [`Invalid`] if there are fewer than two classes, a setting is out of range, there are more
+/// than 2²¹ rows or a number is beyond single precision.
+pub fn fit(samples: &Samples<'_>, settings: &BoostingSettings) -> Result<Boosted, Invalid> {
+    settings.check()?;
+    let mut booster = Booster::new(samples, settings)?;
+    for _ in 0..settings.rounds {
+        booster.round();
+    }
+    Ok(booster.finish())
+}
+
+/// Chooses depth and rounds by the log loss on rows left out, one fold after another, and
+/// boosts with them on all rows. `folds` has the fold of each row, from 0; rows of one trial
+/// must be in one fold. Ties go to fewer rounds, then to the depth that is named first.
+///
+/// # Errors
+/// As for [`fit`], or if `folds` is not as long as the rows, there are fewer than two folds or
+/// one is empty, or `depths` is.
+pub fn fit_by_folds(
+    samples: &Samples<'_>,
+    folds: &[usize],
+    depths: &[usize],
+    settings: &BoostingSettings,
+) -> Result<(Boosted, Chosen), Invalid> {
+    length("folds", samples.labels().len(), folds.len())?;
+    let parts = parts(samples, folds)?;
+    let mut best: Option<Chosen> = None;
+    for &depth in depths {
+        let settings = BoostingSettings { depth, ..*settings };
+        settings.check()?;
+        let chosen = best_rounds(samples, &parts, &settings)?;
+        if best.is_none_or(|best| chosen.log_loss < best.log_loss) {
+            best = Some(chosen);
+        }
+    }
+    let chosen = best.ok_or_else(|| Invalid::new("depths", "at least one", "none"))?;
+    let settings = BoostingSettings { depth: chosen.depth, rounds: chosen.rounds, ..*settings };
+    Ok((fit(samples, &settings)?, chosen))
+}
+
+/// Values and labels of some rows.
+#[derive(Default)]
+struct Part {
+    values: Vec<f64>,
+    labels: Vec<usize>,
+}
+
+/// For each fold, the rows that are kept and those that are left out.
+fn parts(samples: &Samples<'_>, folds: &[usize]) -> Result<Vec<[Part; 2]>, Invalid> {
+    let count = folds.iter().max().map_or(0, |last| last + 1);
+    if count < 2 {
+        return Err(Invalid::new("folds", "at least 2", count));
+    }
+    let part = |fold: usize| {
+        let mut parts = [Part::default(), Part::default()];
+        for ((row, &label), &of) in samples.rows().zip(samples.labels()).zip(folds) {
+            let part = &mut parts[usize::from(of == fold)];
+            part.values.extend(row);
+            part.labels.push(label);
+        }
+        match parts.iter().all(|part| !part.labels.is_empty()) {
+            true => Ok(parts),
+            false => Err(Invalid::new("folds", "rows in each", format!("none in {fold}"))),
+        }
+    };
+    (0..count).map(part).collect()
+}
+
+/// The rounds with the lowest log loss on what was left out. All folds go on together, so that
+/// none goes further than is worth it.
+fn best_rounds(
+    samples: &Samples<'_>,
+    parts: &[[Part; 2]],
+    settings: &BoostingSettings,
+) -> Result<Chosen, Invalid> {
+    let n = samples.labels().len() as f64;
+    let mut folds = Vec::with_capacity(parts.len());
+    for [kept, left_out] in parts {
+        let kept = Samples::new(samples.width(), &kept.values, &kept.labels, samples.classes())?;
+        let booster = Booster::new(&kept, settings)?;
+        let scores = LeftOut::new(left_out, samples.width(), booster.intercepts());
+        folds.push((booster, scores));
+    }
+    let loss = folds.iter().map(|(_, left_out)| left_out.log_loss()).sum::<f64>() / n;
+    let mut best = Chosen { depth: settings.depth, rounds: 0, log_loss: loss };
+    for rounds in 1..=settings.rounds {
+        let mut loss = 0.0;
+        for (booster, left_out) in &mut folds {
+            left_out.add(booster.round());
+            loss += left_out.log_loss();
+        }
+        let log_loss = loss / n;
+        if log_loss < best.log_loss {
+            best = Chosen { rounds, log_loss, ..best };
+        } else if rounds - best.rounds > settings.patience {
+            break;
+        }
+    }
+    Ok(best)
+}
+
+/// Scores of rows that take no part in the training.
+struct LeftOut<'a> {
+    part: &'a Part,
+    width: usize,
+    outputs: usize,
+    /// Rows × scores.
+    scores: Vec<f64>,
+}
+
+impl<'a> LeftOut<'a> {
+    fn new(part: &'a Part, width: usize, intercepts: &[f64]) -> Self {
+        let scores = intercepts.repeat(part.labels.len());
+        Self { part, width, outputs: intercepts.len(), scores }
+    }
+
+    /// Adds what a round's trees say.
+    fn add(&mut self, trees: &[Summand]) {
+        let rows = self.part.values.chunks_exact(self.width);
+        for (row, scores) in rows.zip(self.scores.chunks_exact_mut(self.outputs)) {
+            for (score, tree) in scores.iter_mut().zip(trees) {
+                *score += tree.value(row);
+            }
+        }
+    }
+
+    /// Σ of −log P(class).
+    fn log_loss(&self) -> f64 {
+        let mut shares = vec![0.0; self.outputs];
+        let mut loss = 0.0;
+        for (scores, &label) in self.scores.chunks_exact(self.outputs).zip(&self.part.labels) {
+            shares.copy_from_slice(scores);
+            // With two classes, the one score is the second's, and the first's is 0.
+            let own = if self.outputs > 1 { scores[label] } else { scores[0] * label as f64 };
+            loss += to_shares(&mut shares) - own;
+        }
+        loss
+    }
+}

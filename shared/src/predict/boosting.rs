@@ -1,0 +1,211 @@
+//! Gradient-boosted trees: scores are sums of what many small trees say.
+//! [`learn::boosting`](crate::learn::boosting) trains them.
+
+use super::logistic::softmax;
+use super::scale::Scale;
+use super::tree::{Questions, QuestionsFile};
+use crate::invalid::{Invalid, finite, length};
+use serde::{Deserialize, Serialize};
+
+/// Trees whose leaves hold numbers.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Boosted {
+    /// The score of each class before any tree; of two classes, that of the second only: the
+    /// first's is 0.
+    intercepts: Vec<f64>,
+    /// Tree i adds to the score with index i modulo the number of scores.
+    trees: Vec<Summand>,
+}
+
+/// A tree, and at each node (of which leaves count) what it adds to a score.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Summand {
+    pub(crate) questions: Questions,
+    pub(crate) values: Vec<f64>,
+}
+
+impl Summand {
+    /// What it adds for `row`.
+    pub(crate) fn value(&self, row: &[f64]) -> f64 {
+        self.values[self.questions.leaf(row)]
+    }
+}
+
+/// The file form of [`Boosted`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct BoostedFile {
+    /// The score of each class before any tree; of two classes, of the second only (the
+    /// first's is 0).
+    pub intercepts: Vec<f64>,
+    /// Round after round, a tree for each intercept.
+    pub trees: Vec<SummandFile>,
+}
+
+/// The file form of a tree that adds to a score.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SummandFile {
+    /// The questions.
+    #[serde(flatten)]
+    pub questions: QuestionsFile,
+    /// One entry a node: what is added to the score at a leaf; 0 at others.
+    pub value: Vec<f64>,
+}
+
+impl From<&Boosted> for BoostedFile {
+    fn from(model: &Boosted) -> Self {
+        let tree = |tree: &Summand| SummandFile {
+            questions: (&tree.questions).into(),
+            value: tree.values.clone(),
+        };
+        Self { intercepts: model.intercepts.clone(), trees: model.trees.iter().map(tree).collect() }
+    }
+}
+
+/// How many scores decide between so many classes.
+pub(crate) fn scores_of(classes: usize) -> usize {
+    if classes == 2 { 1 } else { classes }
+}
+
+impl BoostedFile {
+    /// The model, for `width` features and so many classes.
+    ///
+    /// # Errors
+    /// [`Invalid`] if there is not an intercept a score, a round lacks trees, a tree is none
+    /// (see [`QuestionsFile`]) or a number is not finite.
+    pub fn check(&self, width: usize, classes: usize) -> Result<Boosted, Invalid> {
+        let scores = scores_of(classes);
+        length("intercepts", scores, self.intercepts.len())?;
+        for (i, &intercept) in self.intercepts.iter().enumerate() {
+            finite(&format!("intercepts[{i}]"), intercept)?;
+        }
+        if !self.trees.len().is_multiple_of(scores) {
+            let expected = format!("{scores} trees a round");
+            return Err(Invalid::new("trees", expected, format!("{} trees", self.trees.len())));
+        }
+        let check = |(i, tree): (usize, &SummandFile)| {
+            let checked = tree.check(width);
+            checked.map_err(|invalid| invalid.within(&format!("trees[{i}]")))
+        };
+        let trees = self.trees.iter().enumerate().map(check).collect::<Result<_, _>>()?;
+        Ok(Boosted { intercepts: self.intercepts.clone(), trees })
+    }
+}
+
+impl SummandFile {
+    fn check(&self, width: usize) -> Result<Summand, Invalid> {
+        let questions = self.questions.check(width)?;
+        length("value", questions.nodes().len(), self.value.len())?;
+        for (i, &value) in self.value.iter().enumerate() {
+            finite(&format!("value[{i}]"), value)?;
+        }
+        Ok(Summand { questions, values: self.value.clone() })
+    }
+}
+
+impl Boosted {
+    /// A model of trained trees, as many as intercepts in each round.
+    pub(crate) fn new(intercepts: Vec<f64>, trees: Vec<Summand>) -> Self {
+        Self { intercepts, trees }
+    }
+
+    /// How many times each score was improved.
+    #[must_use]
+    pub fn rounds(&self) -> usize {
+        self.trees.len() / self.intercepts.len()
+    }
+
+    /// The model after its first `rounds` rounds.
+    #[must_use]
+    pub fn truncated(&self, rounds: usize) -> Self {
+        let trees = self.trees.iter().take(rounds * self.intercepts.len()).cloned().collect();
+        Self { intercepts: self.intercepts.clone(), trees }
+    }
+
+    /// Writes the probability of each class to `out`, given a row of features.
+    pub fn probabilities_into(&self, row: &[f64], out: &mut [f64]) {
+        let first = out.len() - self.intercepts.len();
+        out[..first].fill(0.0);
+        let scores = &mut out[first..];
+        scores.copy_from_slice(&self.intercepts);
+        for round in self.trees.chunks_exact(scores.len()) {
+            for (score, tree) in scores.iter_mut().zip(round) {
+                *score += tree.value(row);
+            }
+        }
+        softmax(out);
+    }
+
+    /// The same model for features as they were before `scale` was applied.
+    #[must_use]
+    pub fn unscaled(&self, scale: &Scale) -> Self {
+        let unscale = |tree: &Summand| Summand {
+            questions: tree.questions.unscaled(scale),
+            values: tree.values.clone(),
+        };
+        Self {
+            intercepts: self.intercepts.clone(),
+            trees: self.trees.iter().map(unscale).collect(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::exp;
+
+    fn file() -> BoostedFile {
+        let stump = |feature: u32, low: f64, high: f64| SummandFile {
+            questions: QuestionsFile {
+                feature: vec![feature, 0, 0],
+                threshold: vec![1.0, 0.0, 0.0],
+                left: vec![1, 0, 0],
+                right: vec![2, 0, 0],
+            },
+            value: vec![0.0, low, high],
+        };
+        BoostedFile { intercepts: vec![0.5], trees: vec![stump(0, -1.0, 1.0), stump(1, -0.5, 0.0)] }
+    }
+
+    #[test]
+    fn scores_are_sums() {
+        let model = file().check(2, 2).unwrap();
+        assert_eq!(model.rounds(), 2);
+        let odds = |model: &Boosted, row: [f64; 2]| {
+            let mut p = [0.0; 2];
+            model.probabilities_into(&row, &mut p);
+            p[1] / p[0]
+        };
+        assert!((odds(&model, [0.0, 0.0]) - exp(-1.0)).abs() < 1e-15);
+        assert!((odds(&model, [2.0, 2.0]) - exp(1.5)).abs() < 1e-14);
+        assert!((odds(&model.truncated(1), [0.0, 0.0]) - exp(-0.5)).abs() < 1e-15);
+        assert_eq!(model.truncated(2), model);
+        let scale = Scale::new(vec![10.0, 0.0], vec![2.0, 1.0]).unwrap();
+        assert!((odds(&model.unscaled(&scale), [12.1, 2.0]) - exp(1.5)).abs() < 1e-14);
+    }
+
+    #[test]
+    fn a_file_survives_a_round_trip() {
+        assert_eq!(BoostedFile::from(&file().check(2, 2).unwrap()), file());
+        let text = serde_json::to_string(&file()).unwrap();
+        assert_eq!(serde_json::from_str::<BoostedFile>(&text).unwrap(), file());
+    }
+
+    #[test]
+    fn complaints_name_the_field() {
+        let complain = |change: fn(&mut BoostedFile)| {
+            let mut file = file();
+            change(&mut file);
+            file.check(2, 2).unwrap_err().field
+        };
+        assert_eq!(complain(|f| f.intercepts.push(0.0)), "intercepts");
+        assert_eq!(complain(|f| f.intercepts[0] = f64::NAN), "intercepts[0]");
+        assert_eq!(complain(|f| f.trees[1].value.truncate(2)), "trees[1].value");
+        assert_eq!(complain(|f| f.trees[1].value[2] = f64::INFINITY), "trees[1].value[2]");
+        assert_eq!(complain(|f| f.trees[1].questions.feature[0] = 2), "trees[1].feature[0]");
+        assert_eq!(complain(|f| f.trees[0].questions.right[0] = 1), "trees[0].right[0]");
+        let mut three = file();
+        three.intercepts = vec![0.0; 3];
+        assert_eq!(three.check(2, 3).unwrap_err().field, "trees");
+    }
+}
