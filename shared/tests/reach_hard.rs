@@ -2,6 +2,8 @@
 //! admit straight driving or just admit it, up to 50 steps. Drives made to get far out, by
 //! means other than the library's, stay inside.
 
+#![allow(clippy::unwrap_used, reason = "a test that panics has failed")]
+
 use sidestep::bounds::InputBounds;
 use sidestep::math::{SeededRng, cos};
 use sidestep::reach::polygon::signed_distance;
