@@ -1,9 +1,14 @@
 //! The paper's comparison of one study, and the files that tell of it.
 
+mod best;
 mod cache;
+mod context;
 mod files;
+mod latex;
+mod report;
 
 pub use cache::FolderCache;
+pub use context::{Context, DecisionMap};
 
 use crate::features_csv::{self, FeatureRows};
 use crate::trials_csv::{self, LineError};
@@ -39,6 +44,8 @@ pub struct Analysis {
     pub exclusions: Vec<Exclusion>,
     /// Why the data are known to be synthetic, if they are.
     pub synthetic: Option<String>,
+    /// What the cells do not tell.
+    pub context: Context,
 }
 
 impl Analysis {
@@ -46,7 +53,11 @@ impl Analysis {
     ///
     /// # Errors
     /// [`Invalid`] if there is nobody.
-    pub fn of(results: Results, synthetic: Option<String>) -> Result<Self, Invalid> {
+    pub fn of(
+        results: Results,
+        synthetic: Option<String>,
+        context: Context,
+    ) -> Result<Self, Invalid> {
         let ablation = ablation(&results)?;
         let tests = results.comparison.tests()?;
         let baselines = Experiment::ALL.map(|experiment| {
@@ -63,6 +74,7 @@ impl Analysis {
             leakage,
             exclusions,
             synthetic,
+            context,
         })
     }
 
@@ -112,6 +124,8 @@ impl Analysis {
             table(self, &mut out)?;
             out.flush()?;
         }
+        std::fs::write(folder.join("report.html"), report::html(self))?;
+        std::fs::write(folder.join("tables.tex"), latex::tables(self))?;
         let models = folder.join("models");
         std::fs::create_dir(&models)?;
         for cell in &self.comparison.cells {

@@ -4,7 +4,7 @@ use super::bounds::safety_functions;
 use super::game::GameArgs;
 use super::solving::{Interrupt, bar};
 use super::{CommandError, print_json, trials_file, unwritable};
-use crate::analysis::{Analysis, FolderCache, PeopleError, people};
+use crate::analysis::{Analysis, Context, FolderCache, PeopleError, people};
 use crate::features_csv::{self, FeatureRows};
 use crate::store::{Missing, Store, participants, studies};
 use crate::trials_csv::Person;
@@ -109,18 +109,20 @@ pub async fn run(args: AnalyzeArgs) -> Result<(), CommandError> {
                 bar.set_position(progress.done as u64);
                 if stop.is_wanted() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
             };
-            let found = comparison::run(&people, &scene, &safety, &settings, Some(&cache), &step);
-            found.map(|results| (results, cache))
+            let results =
+                comparison::run(&people, &scene, &safety, &settings, Some(&cache), &step)?;
+            let context = Context::of(&results, &people, &scene, &safety)?;
+            Ok((results, context, cache))
         }
     });
-    let (results, cache) = match results.await? {
+    let (results, context, cache) = match results.await? {
         Ok(found) => found,
         Err(RunError::Stopped) => return Err(interrupt.check().err().unwrap_or_else(stopped)),
         Err(RunError::Invalid(invalid)) => {
             return Err(CommandError::Input(format!("{source}: {invalid}")));
         }
     };
-    let analysis = Analysis::of(results, synthetic).map_err(CommandError::failure)?;
+    let analysis = Analysis::of(results, synthetic, context).map_err(CommandError::failure)?;
     for exclusion in &analysis.exclusions {
         eprintln!(
             "sidestep: left out: participant {}: {}",

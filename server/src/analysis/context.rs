@@ -1,0 +1,159 @@
+//! What the cells of a comparison do not tell: how much was driven, and what the models decide
+//! wherever the robot is.
+
+use rayon::prelude::*;
+use sidestep::comparison::cell::{Cell, Experiment, ModelName};
+use sidestep::comparison::tables::Comparison;
+use sidestep::comparison::{Person, Results};
+use sidestep::features::SafetyFunctions;
+use sidestep::invalid::Invalid;
+use sidestep::math::{PI, sin_cos};
+use sidestep::predict::Predictor;
+use sidestep::reachability::CurveSettings;
+use sidestep::scene::{Evader, JointState, SceneParameters};
+use sidestep::vehicle::Pose;
+
+/// Beside the results.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Context {
+    /// Tasks of all people who are compared, those for training among them.
+    pub trials: usize,
+    /// Length of a step, s.
+    pub step_s: f64,
+    /// Radius of the danger zone, m.
+    pub radius_m: f64,
+    /// What people's models decide, a map for each feature set and relative heading.
+    pub maps: Vec<DecisionMap>,
+}
+
+/// How likely the models of all people hold a turn to be, wherever the robot is around the human.
+/// Positions are in the human's frame, who is at the origin and heads along "ahead".
+#[derive(Clone, Debug, PartialEq)]
+pub struct DecisionMap {
+    /// The name of the models' feature set.
+    pub features: &'static str,
+    /// The robot's heading seen by the human, rad, counter-clockwise from the human's own.
+    pub heading: f64,
+    /// The same in words.
+    pub encounter: &'static str,
+    /// In each cell of a square of [`Self::SIDE`] × [`Self::SIDE`], by rows from behind to ahead
+    /// and in each from right to left: mean over people and eight headings in the world (the
+    /// paper's features depend on them) of the probability of a turn.
+    pub probabilities: Vec<f64>,
+    /// {V_HR = 0}: closed curves of [ahead, left], m. Inside, the robot could force a collision.
+    pub boundary: Vec<Vec<[f64; 2]>>,
+}
+
+/// Which model's maps.
+pub(super) const MAPPED_MODEL: ModelName = ModelName::Svm;
+/// Of which experiment.
+pub(super) const MAPPED_EXPERIMENT: Experiment = Experiment::Whether;
+
+const SETS: [&str; 2] = ["hrd", "d"];
+const ENCOUNTERS: [(f64, &str); 2] = [(PI, "head-on"), (0.5 * PI, "crossing from the right")];
+
+/// The human's headings in the world. Turned by half a circle nothing changes in the paper's
+/// features, so that these four stand for eight.
+const WORLD_HEADINGS: [f64; 4] = [0.0, 0.25 * PI, 0.5 * PI, 0.75 * PI];
+
+impl DecisionMap {
+    /// Cells along each side.
+    pub const SIDE: usize = 32;
+    /// Side of a cell, m.
+    pub const CELL_M: f64 = 0.75;
+    /// How far the first row is ahead of the human, m.
+    pub const BEHIND_M: f64 = -8.0;
+    /// How far the first column is to the left of the human, m.
+    pub const RIGHT_M: f64 = -12.0;
+
+    /// The middle of a cell: [ahead, left], m.
+    #[must_use]
+    pub fn middle(cell: usize) -> [f64; 2] {
+        let (row, column) = (cell / Self::SIDE, cell % Self::SIDE);
+        let along = |begin: f64, i: usize| begin + Self::CELL_M * (i as f64 + 0.5);
+        [along(Self::BEHIND_M, row), along(Self::RIGHT_M, column)]
+    }
+}
+
+impl Context {
+    /// Of these results, found from these people, driving with `scene`.
+    ///
+    /// # Errors
+    /// Never: the results' predictors are valid.
+    pub fn of(
+        results: &Results,
+        people: &[Person],
+        scene: &SceneParameters,
+        safety: &SafetyFunctions,
+    ) -> Result<Self, Invalid> {
+        let compared = &results.comparison.participants;
+        let kept = |person: &&Person| compared.iter().any(|other| other.name == person.name);
+        let trials = people.iter().filter(kept).map(|person| person.numbers.len()).sum();
+        let mut maps = Vec::new();
+        for features in SETS {
+            for (heading, encounter) in ENCOUNTERS {
+                let probabilities = probabilities(&results.comparison, features, heading, safety)?;
+                let curve = CurveSettings::default();
+                let boundary = safety.of(Evader::Human).level_curves(heading, 0.0, curve);
+                maps.push(DecisionMap { features, heading, encounter, probabilities, boundary });
+            }
+        }
+        Ok(Self { trials, step_s: scene.step_s, radius_m: scene.danger_radius_m, maps })
+    }
+}
+
+/// The cells of a map, a mean over people each; empty where there is no such model.
+fn probabilities(
+    comparison: &Comparison,
+    features: &str,
+    heading: f64,
+    safety: &SafetyFunctions,
+) -> Result<Vec<f64>, Invalid> {
+    let cells = comparison.of(MAPPED_MODEL, MAPPED_EXPERIMENT, features);
+    let predictor = |cell: &Cell| Predictor::try_from(cell.predictor.clone());
+    let predictors: Vec<Predictor> = cells.map(predictor).collect::<Result<_, _>>()?;
+    if predictors.is_empty() {
+        return Ok(Vec::new());
+    }
+    let turns = |predictor: &Predictor, state: JointState| {
+        let mut row = vec![0.0; predictor.features().len()];
+        predictor.features().compute_into(&[state], safety, &mut row);
+        let mut p = vec![0.0; predictor.classes().len()];
+        predictor.probabilities_into(&row, &mut p);
+        let pairs = predictor.classes().iter().zip(p);
+        pairs.filter(|(class, _)| **class != 0).map(|(_, p)| p).sum::<f64>()
+    };
+    let mean = |cell: usize| {
+        let states = WORLD_HEADINGS.map(|world| state(DecisionMap::middle(cell), heading, world));
+        let each = predictors.iter().flat_map(|of| states.map(|state| turns(of, state)));
+        each.sum::<f64>() / (predictors.len() * states.len()) as f64
+    };
+    // Each cell is summed in the same order, whatever the number of threads.
+    Ok((0..DecisionMap::SIDE * DecisionMap::SIDE).into_par_iter().map(mean).collect())
+}
+
+/// The human at the origin, heading along `world`, and the robot [ahead, left] of them.
+fn state([ahead, left]: [f64; 2], heading: f64, world: f64) -> JointState {
+    let (sin, cos) = sin_cos(world);
+    let robot = Pose::new(ahead * cos - left * sin, ahead * sin + left * cos, world + heading);
+    JointState { human: Pose::new(0.0, 0.0, world), robot }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_robot_is_where_the_human_sees_it() {
+        for world in WORLD_HEADINGS {
+            let seen = state([3.0, -2.0], 0.5 * PI, world).robot_seen_by_human();
+            for (found, expected) in seen.into_iter().zip([3.0, -2.0, 0.5 * PI]) {
+                assert!((found - expected).abs() < 1e-12, "{seen:?}");
+            }
+        }
+        assert_eq!(DecisionMap::middle(0), [-7.625, -11.625]);
+        assert_eq!(DecisionMap::middle(DecisionMap::SIDE + 1), [-6.875, -10.875]);
+        let last = DecisionMap::middle(DecisionMap::SIDE * DecisionMap::SIDE - 1);
+        assert_eq!(last, [15.625, 11.625]);
+    }
+}

@@ -1,0 +1,329 @@
+//! What was found, in words that say no more than the numbers.
+
+mod beside;
+
+use super::compare::{LEVEL, Paired, least_p, mean, people_needed};
+use super::html::{count, fixed, listed, p_is, p_value, signed};
+use super::words;
+use crate::analysis::Analysis;
+use sidestep::comparison::cell::{Experiment, ModelName};
+use sidestep::comparison::tables::{Metric, Test};
+
+/// One answer; texts are HTML.
+pub(super) struct Finding {
+    pub(super) verdict: Verdict,
+    pub(super) headline: String,
+    pub(super) body: String,
+}
+
+/// How sure it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Verdict {
+    /// p below 5 % after correction for every test of its family.
+    Shown,
+    /// p below 5 % for some tests, but not after correction.
+    Hint,
+    /// No p below 5 %.
+    NotShown,
+    /// Fewer people than any test needs.
+    TooFew,
+    /// No test is made.
+    Described,
+}
+
+impl Verdict {
+    /// As a reader sees it.
+    pub(super) fn word(self) -> &'static str {
+        match self {
+            Self::Shown => "shown",
+            Self::Hint => "a hint only",
+            Self::NotShown => "no difference shown",
+            Self::TooFew => "too few people",
+            Self::Described => "described, not tested",
+        }
+    }
+
+    /// The class of its sign.
+    pub(super) fn class(self) -> &'static str {
+        match self {
+            Self::Shown => "shown",
+            Self::Hint => "hint",
+            Self::NotShown | Self::TooFew => "not",
+            Self::Described => "described",
+        }
+    }
+
+    /// Of p-values of `people` people, each with itself after correction.
+    fn of(people: usize, p_values: impl Iterator<Item = (f64, f64)>) -> Self {
+        let (raw, corrected) = p_values.fold((1.0f64, 1.0f64), |(raw, corrected), (p, after)| {
+            (raw.min(p), corrected.min(after))
+        });
+        if corrected < LEVEL {
+            Self::Shown
+        } else if least_p(people) >= LEVEL {
+            Self::TooFew
+        } else if raw < LEVEL {
+            Self::Hint
+        } else {
+            Self::NotShown
+        }
+    }
+}
+
+/// All of them, the main one first.
+pub(super) fn findings(analysis: &Analysis) -> Vec<Finding> {
+    let all = [
+        safety_over_distance(analysis),
+        beside::body_frame(analysis),
+        beside::baseline(analysis),
+        start_and_end(analysis),
+        which_level(analysis),
+        beside::rollouts(analysis),
+        beside::calibration(analysis),
+    ];
+    all.into_iter().flatten().collect()
+}
+
+/// The tests of one metric and pair, and how many are in their family.
+fn tests<'a>(analysis: &'a Analysis, metric: Metric, pair: (&str, &str)) -> (Vec<&'a Test>, usize) {
+    let family = analysis.tests.iter().filter(|test| test.metric == metric);
+    let of_pair = family.clone().filter(|test| (test.first, test.second) == pair);
+    (of_pair.collect(), family.count())
+}
+
+/// "SVM I".
+fn name(model: ModelName, experiment: Experiment) -> String {
+    format!("{} {}", words::model(model), experiment.numeral())
+}
+
+fn names<'a>(tests: impl Iterator<Item = &'a Test>) -> String {
+    listed(&tests.map(|test| name(test.model, test.experiment)).collect::<Vec<_>>())
+}
+
+/// What the verdict on some tests comes to, of "safety levels" over "distance alone".
+fn headline(verdict: Verdict, tests: &[&Test], what: &str, over: &str) -> String {
+    let shown = |sign: f64| {
+        tests
+            .iter()
+            .copied()
+            .filter(move |test| test.wilcoxon_persons_holm < LEVEL && sign * test.gain > 0.0)
+    };
+    let (better, worse) = (shown(1.0).count(), shown(-1.0).count());
+    match verdict {
+        Verdict::Shown if worse == 0 && better == tests.len() => {
+            format!("{what} predict better than {over}, in every model and experiment.")
+        }
+        Verdict::Shown if worse == 0 => {
+            format!("{what} predict better than {over} in {}.", names(shown(1.0)))
+        }
+        Verdict::Shown if better == 0 => {
+            format!("{what} predict worse than {over} in {}.", names(shown(-1.0)))
+        }
+        Verdict::Shown => format!(
+            "{what} predict better than {over} in {}, and worse in {}.",
+            names(shown(1.0)),
+            names(shown(-1.0))
+        ),
+        Verdict::Hint => {
+            let below = tests.iter().copied().filter(|test| test.wilcoxon_persons < LEVEL);
+            let up = below.clone().filter(|test| test.gain > 0.0).count();
+            let (all, of) = (below.count(), tests.len());
+            let way = match up {
+                0 => "worse",
+                up if up == all => "better",
+                _ => "different",
+            };
+            format!(
+                "{what} look {way} than {over} in {all} of {of} comparisons, but not after \
+                 correction for the number of tests."
+            )
+        }
+        Verdict::NotShown => format!("No difference between {} and {over} was shown.", lower(what)),
+        Verdict::TooFew => {
+            format!("Too few people to show whether {} predict better than {over}.", lower(what))
+        }
+        Verdict::Described => String::new(),
+    }
+}
+
+fn lower(text: &str) -> String {
+    let mut letters = text.chars();
+    letters.next().map_or_else(String::new, |first| first.to_lowercase().chain(letters).collect())
+}
+
+/// What a test of so many people could have shown.
+fn power(people: usize, family: usize) -> String {
+    let least = least_p(people);
+    let after = (least * family as f64).min(1.0);
+    let who = count(people, "person", "people");
+    if least >= LEVEL {
+        return format!(
+            "With {who} the paired test cannot reach p &lt; 0.05 at all: its smallest p-value is \
+             {least:.3}. It takes six people, and {} after correction for {family} tests.",
+            people_needed(family)
+        );
+    }
+    if after >= LEVEL {
+        return format!(
+            "With {who} the smallest p-value that the paired test can give is {least:.3}, or \
+             {after:.3} after Holm over {family} tests: nothing could have passed; with {} people \
+             or more it can.",
+            people_needed(family)
+        );
+    }
+    String::new()
+}
+
+fn safety_over_distance(analysis: &Analysis) -> Option<Finding> {
+    let (tests, family) = tests(analysis, Metric::Accuracy, ("hrd", "d"));
+    let p_values = tests.iter().map(|test| (test.wilcoxon_persons, test.wilcoxon_persons_holm));
+    let verdict = Verdict::of(analysis.people(), p_values);
+    let first = *tests.first()?;
+    let of = |set| analysis.person_accuracies(first.model, first.experiment, set);
+    let (with, without) = (of("hrd"), of("d"));
+    let paired = Paired::of(&with, &without)?;
+    let n = analysis.people();
+    let interval = paired.interval.map_or_else(String::new, |[low, high]| {
+        format!("; 95 % interval of the typical gain {} to {}", signed(low, 1), signed(high, 1))
+    });
+    let more = if first.gain < 0.0 { "fewer" } else { "more" };
+    let main = format!(
+        "With safety levels and distance ({hrd}) {model} predicts {gain} points {more} of the steps \
+         right than with distance alone ({d}) in experiment {numeral}: {with} against {without} % \
+         (better for {better} of {n} people{interval}; paired Wilcoxon over people {p}, after Holm \
+         over {family} tests {holm}; Mann–Whitney over people, which ignores that they are the same \
+         people and has {hardly} power with n = {n}, {u}, after Holm {u_holm}).",
+        hrd = words::set("hrd"),
+        d = words::set("d"),
+        model = words::model_in_full(first.model),
+        gain = fixed(first.gain.abs(), 1),
+        numeral = first.experiment.numeral(),
+        with = fixed(mean(&with), 1),
+        without = fixed(mean(&without), 1),
+        better = paired.better(),
+        p = p_is(first.wilcoxon_persons),
+        holm = p_value(first.wilcoxon_persons_holm),
+        hardly = if n < 12 { "hardly any" } else { "less" },
+        u = p_is(first.mann_whitney_persons),
+        u_holm = p_value(first.mann_whitney_persons_holm),
+    );
+    let others = gains(&tests[1..], "points", 1);
+    let headline = headline(verdict, &tests, "Safety levels", "distance alone");
+    let body = format!("<p>{main}</p><p>{others}</p><p>{}</p>", power(n, family));
+    Some(Finding { verdict, headline, body: body.replace("<p></p>", "") })
+}
+
+/// "The others: DT I +1.2 points (p = 0.547, after Holm 1.000), …"
+fn gains(tests: &[&Test], unit: &str, places: usize) -> String {
+    if tests.is_empty() {
+        return String::new();
+    }
+    let one = |test: &&Test| {
+        let name = match test.metric {
+            Metric::Accuracy => name(test.model, test.experiment),
+            Metric::Start | Metric::End => words::model(test.model).to_owned(),
+        };
+        format!(
+            "{name} {} {unit} ({}, after Holm {})",
+            signed(test.gain, places),
+            p_is(test.wilcoxon_persons),
+            p_value(test.wilcoxon_persons_holm)
+        )
+    };
+    let all: Vec<String> = tests.iter().map(one).collect();
+    format!("The paired tests of the others: {}.", all.join("; "))
+}
+
+fn start_and_end(analysis: &Analysis) -> Option<Finding> {
+    let mut body = String::new();
+    let (mut all, mut p_values) = (Vec::new(), Vec::new());
+    for (metric, word) in [(Metric::Start, "first"), (Metric::End, "last")] {
+        let (tests, family) = tests(analysis, metric, ("hrd", "d"));
+        let one = |test: &&Test| {
+            format!(
+                "{} {} steps, {} s ({}, after Holm {})",
+                words::model(test.model),
+                signed(test.gain, 1),
+                signed(test.gain * analysis.context.step_s, 2),
+                p_is(test.wilcoxon_persons),
+                p_value(test.wilcoxon_persons_holm)
+            )
+        };
+        let said: Vec<String> = tests.iter().map(one).collect();
+        body.push_str(&format!(
+            "<p>By so much nearer is the {word} step of avoidance with {} than with {} (penalised; \
+             Holm over {family} tests): {}.</p>",
+            words::set("hrd"),
+            words::set("d"),
+            said.join("; ")
+        ));
+        p_values
+            .extend(tests.iter().map(|test| (test.wilcoxon_persons, test.wilcoxon_persons_holm)));
+        all.extend(tests);
+    }
+    if all.is_empty() {
+        return None;
+    }
+    let verdict = Verdict::of(analysis.people(), p_values.into_iter());
+    let headline = match verdict {
+        Verdict::Shown => {
+            let shown = all.iter().filter(|test| test.wilcoxon_persons_holm < LEVEL);
+            let said = shown.map(|test| {
+                let place = if test.metric == Metric::Start { "start" } else { "end" };
+                let way = if test.gain > 0.0 { "better" } else { "worse" };
+                format!("{} ({place}, {way})", words::model(test.model))
+            });
+            format!(
+                "Safety levels change how well the start or end of avoidance is found: {}.",
+                listed(&said.collect::<Vec<_>>())
+            )
+        }
+        Verdict::Hint => {
+            let below = all.iter().filter(|test| test.wilcoxon_persons < LEVEL);
+            format!(
+                "When avoidance starts or ends: {} of {} comparisons of safety levels with distance \
+                 alone have p &lt; 0.05, none after correction.",
+                below.count(),
+                all.len()
+            )
+        }
+        _ => "When avoidance starts or ends: no difference between safety levels and distance \
+              alone was shown."
+            .to_owned(),
+    };
+    Some(Finding { verdict, headline, body })
+}
+
+/// The paper says that the robot's safety level helps more than the human's.
+fn which_level(analysis: &Analysis) -> Option<Finding> {
+    let (tests, family) = tests(analysis, Metric::Accuracy, ("h", "r"));
+    if tests.is_empty() {
+        return None;
+    }
+    let p_values = tests.iter().map(|test| (test.wilcoxon_persons, test.wilcoxon_persons_holm));
+    let verdict = Verdict::of(analysis.people(), p_values);
+    let headline = match verdict {
+        Verdict::NotShown | Verdict::TooFew => {
+            "Whether the human’s or the robot’s safety level says more: no difference was shown."
+                .to_owned()
+        }
+        _ => headline(verdict, &tests, "Human’s safety levels", "the robot’s"),
+    };
+    let one = |test: &&Test| {
+        format!(
+            "{} {} points ({})",
+            name(test.model, test.experiment),
+            signed(test.gain, 1),
+            p_is(test.wilcoxon_persons)
+        )
+    };
+    let said: Vec<String> = tests.iter().map(one).collect();
+    let body = format!(
+        "<p>Gain of {} over {}: {}; p before Holm over {family} tests. The paper finds the robot’s \
+         level the better one in general, without a test of it.</p>",
+        words::set("h"),
+        words::set("r"),
+        said.join("; ")
+    );
+    Some(Finding { verdict, headline, body })
+}

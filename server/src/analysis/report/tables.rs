@@ -1,0 +1,222 @@
+//! The tables of the report.
+
+use super::html::{details, escaped, fixed, p_value, signed, table};
+use super::{published, words};
+use crate::analysis::Analysis;
+use crate::analysis::best::is_best;
+use sidestep::comparison::avoidance::Distances;
+use sidestep::comparison::cell::{BODY_FRAME_SETS, Experiment, ModelName, PAPERS_SETS};
+use sidestep::comparison::tables::Metric;
+
+fn headed(first: &str, more: &[&str]) -> Vec<String> {
+    let sets = PAPERS_SETS.iter().map(|set| words::set(set));
+    let more = more.iter().map(|name| (*name).to_owned());
+    std::iter::once(first.to_owned()).chain(sets).chain(more).collect()
+}
+
+/// Numbers of the paper's seven sets, the best of them bold.
+fn bold(numbers: &[Option<f64>], less_is_better: bool, places: usize) -> Vec<String> {
+    let entry = |(number, best): (&Option<f64>, bool)| match number {
+        Some(number) if best => format!("<strong>{}</strong>", fixed(*number, places)),
+        Some(number) => fixed(*number, places),
+        None => "–".to_owned(),
+    };
+    numbers.iter().zip(is_best(numbers, less_is_better)).map(entry).collect()
+}
+
+fn papers_row(numbers: Option<[f64; 7]>, less_is_better: bool) -> Vec<String> {
+    let numbers = numbers.map_or_else(Vec::new, |numbers| numbers.map(Some).to_vec());
+    bold(&numbers, less_is_better, 2)
+        .into_iter()
+        .map(|entry| format!("<span class=\"paper\">{entry}</span>"))
+        .collect()
+}
+
+/// Table I, with the baseline and the body frame.
+pub(super) fn accuracy(analysis: &Analysis) -> String {
+    let mut rows = Vec::new();
+    for experiment in Experiment::ALL {
+        let baseline = super::compare::mean(&analysis.person_baselines(experiment));
+        for model in ModelName::PAPERS {
+            let numeral = experiment.numeral();
+            let name = format!("{} ({numeral})", words::model(model));
+            let numbers = analysis.comparison.accuracies(model, experiment, &PAPERS_SETS);
+            let numbers: Vec<Option<f64>> = numbers.into_iter().map(Some).collect();
+            let body: Vec<&str> = BODY_FRAME_SETS.iter().map(|(set, _)| *set).collect();
+            let beside = analysis.comparison.accuracies(model, experiment, &body);
+            let beside = beside.into_iter().chain([baseline]).map(|number| fixed(number, 2));
+            let ours = std::iter::once(name).chain(bold(&numbers, false, 2)).chain(beside);
+            rows.push(ours.collect());
+            let theirs = papers_row(published::accuracies(model, experiment), false);
+            let name = "<span class=\"paper\">the paper</span>".to_owned();
+            rows.push(std::iter::once(name).chain(theirs).chain(vec![String::new(); 3]).collect());
+        }
+    }
+    let body = BODY_FRAME_SETS.map(|(set, _)| words::set(set));
+    let columns = headed("", &[&body[0], &body[1], "commonest input"]);
+    let caption = "<b>Table I.</b> Accuracy on the test trials, mean over people, per cent. \
+                   <b>Bold</b>: the best of the paper’s seven sets in its row.";
+    table(caption, "numbers pairs", &columns, &rows)
+}
+
+/// Table II in both forms.
+pub(super) fn distances(analysis: &Analysis) -> String {
+    let mut rows = Vec::new();
+    for (metric, symbol) in [(Metric::Start, "start"), (Metric::End, "end")] {
+        for model in ModelName::PAPERS {
+            let found = PAPERS_SETS.map(|set| analysis.comparison.distances(model, set));
+            let symbol = format!("<i>D</i><sub>{symbol}</sub>");
+            let form = |of: fn(&Distances, Metric) -> Option<f64>| -> Vec<Option<f64>> {
+                found.iter().map(|distances| of(distances, metric)).collect()
+            };
+            let mut row = |name: String, entries: Vec<String>| {
+                rows.push(std::iter::once(name).chain(entries).collect());
+            };
+            row(
+                format!("{}, {symbol}, penalised", words::model(model)),
+                bold(&form(penalised), true, 2),
+            );
+            let both = bold(&form(both_avoid), true, 2);
+            let with_n = both
+                .into_iter()
+                .zip(&found)
+                .map(|(entry, distances)| format!("{entry}<small>n = {}</small>", distances.both));
+            row(format!("{}, {symbol}, both avoid", words::model(model)), with_n.collect());
+            let theirs = papers_row(published::distances(model, metric), true);
+            row("<span class=\"paper\">the paper</span>".to_owned(), theirs);
+        }
+    }
+    let trials = analysis.comparison.distances(ModelName::Svm, "hrd").trajectories;
+    let caption = format!(
+        "<b>Table II.</b> Distance of the model’s first and last step of avoidance from the \
+         human’s, mean over {trials} test trials, steps of {} s. <i>Penalised</i>: no avoidance \
+         counts as one past the last step, or as step −1. <i>Both avoid</i>: only the n trials in \
+         which human and model avoid; a model that seldom avoids looks good there. The paper does \
+         not say which it used. <b>Bold</b>: best of the row; with different n a best of “both \
+         avoid” means little.",
+        analysis.context.step_s
+    );
+    table(&caption, "numbers triples", &headed("", &[]), &rows)
+}
+
+/// Of one form.
+pub(in crate::analysis) fn penalised(of: &Distances, metric: Metric) -> Option<f64> {
+    Some(if metric == Metric::End { of.end_penalised } else { of.start_penalised })
+}
+
+/// Of the other.
+pub(in crate::analysis) fn both_avoid(of: &Distances, metric: Metric) -> Option<f64> {
+    if metric == Metric::End { of.end_both } else { of.start_both }
+}
+
+/// What a body frame explains.
+pub(super) fn ablation(analysis: &Analysis) -> String {
+    let rows = analysis.ablation.iter().map(|row| {
+        let model = ModelName::ALL.into_iter().find(|model| model.word() == row.model);
+        let (name, set) = match model {
+            Some(model) => (words::model(model).to_owned(), words::set(row.features)),
+            None => ("commonest input".to_owned(), "–".to_owned()),
+        };
+        let over_itself = model.is_none() || row.features == "d";
+        let test = |text: String| if over_itself { "–".to_owned() } else { text };
+        vec![
+            format!("{name} ({})", row.experiment.numeral()),
+            set,
+            fixed(row.accuracy, 2),
+            fixed(row.log_loss, 3),
+            test(signed(row.gain_over_d, 2)),
+            test(p_value(row.wilcoxon_persons)),
+        ]
+    });
+    let columns = [
+        "model",
+        "features",
+        "accuracy (%)",
+        "log loss (nats)",
+        "gain over <i>B</i><sub>d</sub> (points)",
+        "paired Wilcoxon p",
+    ];
+    let caption = "<b>Ablation.</b> The baseline, and the same models with and without safety \
+                   levels and the robot’s position in the human’s body frame. p-values are of one \
+                   test each, without correction.";
+    table(caption, "numbers", &columns.map(str::to_owned), &rows.collect::<Vec<_>>())
+}
+
+/// Every test, a table each metric.
+pub(super) fn tests(analysis: &Analysis) -> String {
+    let metrics = [
+        (Metric::Accuracy, "Accuracy", "points"),
+        (Metric::Start, "<i>D</i><sub>start</sub>", "steps"),
+        (Metric::End, "<i>D</i><sub>end</sub>", "steps"),
+    ];
+    let one = |(metric, name, unit): (Metric, &str, &str)| {
+        let tests = || analysis.tests.iter().filter(|test| test.metric == metric);
+        let rows = tests().map(|test| {
+            let p = |p: f64, holm: f64| {
+                let entry = format!("{}<small>{}</small>", p_value(p), p_value(holm));
+                if holm < super::compare::LEVEL {
+                    format!("<strong>{entry}</strong>")
+                } else {
+                    entry
+                }
+            };
+            vec![
+                format!("{} ({})", words::model(test.model), test.experiment.numeral()),
+                format!("{} over {}", words::set(test.first), words::set(test.second)),
+                signed(test.gain, 2),
+                p(test.wilcoxon_persons, test.wilcoxon_persons_holm),
+                p(test.mann_whitney_persons, test.mann_whitney_persons_holm),
+                p(test.mann_whitney_trajectories, test.mann_whitney_trajectories_holm),
+            ]
+        });
+        let columns = [
+            "model",
+            "sets",
+            &format!("gain ({unit})"),
+            "paired Wilcoxon, people",
+            "Mann–Whitney, people",
+            "Mann–Whitney, trials",
+        ]
+        .map(str::to_owned);
+        let count = tests().count();
+        let caption = format!(
+            "<b>{name}</b>: p-values, below each the same after Holm over the {count} tests of its \
+             column; <b>bold</b> where that is below 0.05. Trials of a person are not independent: \
+             the last column is too sure."
+        );
+        details(
+            &format!("All {count} tests of {name}"),
+            &table(&caption, "numbers", &columns, &rows.collect::<Vec<_>>()),
+        )
+    };
+    metrics.map(one).concat()
+}
+
+/// What a split by time step would claim; empty unless it was asked for.
+pub(super) fn leakage(analysis: &Analysis) -> String {
+    if analysis.leakage.is_empty() {
+        return String::new();
+    }
+    let rows = analysis.leakage.iter().map(|row| {
+        vec![
+            format!("{} ({})", words::model(row.model), row.experiment.numeral()),
+            fixed(row.grouped, 2),
+            fixed(row.leaking, 2),
+            signed(row.leaking - row.grouped, 2),
+        ]
+    });
+    let columns = ["model", "whole trials (%)", "single steps (%)", "deceit (points)"];
+    let caption = "<b>Leakage.</b> Accuracy on the first feature set when whole trials are held \
+                   back, as everywhere else in this report, and when single steps are, so that \
+                   their neighbours are learned from.";
+    table(caption, "numbers", &columns.map(str::to_owned), &rows.collect::<Vec<_>>())
+}
+
+/// Who was left out, and why.
+pub(super) fn exclusions(analysis: &Analysis) -> String {
+    let one = |who: &sidestep::comparison::Exclusion| {
+        format!("<li><b>{}</b>: {}</li>\n", escaped(&who.participant), escaped(&who.reason))
+    };
+    let all: String = analysis.exclusions.iter().map(one).collect();
+    format!("<ul class=\"exclusions\">\n{all}</ul>\n")
+}

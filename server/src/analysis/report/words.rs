@@ -1,0 +1,55 @@
+//! What models, experiments and feature sets are called.
+
+use sidestep::comparison::cell::{Experiment, ModelName};
+
+/// As the paper writes it.
+pub(in crate::analysis) fn model(model: ModelName) -> &'static str {
+    match model {
+        ModelName::Svm => "SVM",
+        ModelName::SvmRbf => "SVM (RBF)",
+        ModelName::SvmLinear => "SVM (linear)",
+        ModelName::Dt => "DT",
+        ModelName::Lr => "LR",
+    }
+}
+
+/// In a sentence.
+pub(super) fn model_in_full(model: ModelName) -> &'static str {
+    match model {
+        ModelName::Svm => "the support vector machine",
+        ModelName::SvmRbf => "the support vector machine with radial basis functions",
+        ModelName::SvmLinear => "the linear support vector machine",
+        ModelName::Dt => "the decision tree",
+        ModelName::Lr => "logistic regression",
+    }
+}
+
+/// What is predicted.
+pub(super) fn question(experiment: Experiment) -> &'static str {
+    match experiment {
+        Experiment::Which => "right, straight or left",
+        Experiment::Whether => "turn or not",
+    }
+}
+
+/// A class.
+pub(super) fn class(experiment: Experiment, class: i8) -> &'static str {
+    match (experiment, class) {
+        (_, 0) => "straight",
+        (Experiment::Whether, _) => "turn",
+        (Experiment::Which, ..0) => "right",
+        (Experiment::Which, _) => "left",
+    }
+}
+
+/// A feature set as HTML: B with its letters.
+pub(super) fn set(name: &str) -> String {
+    let (letters, body) = parts(name);
+    let body = if body { " + body" } else { "" };
+    format!("<i>B</i><sub>{letters}</sub>{body}")
+}
+
+/// Its letters, and whether the robot's position in the human's body frame is in it.
+pub(super) fn parts(name: &str) -> (&str, bool) {
+    name.strip_suffix("_body").map_or((name, false), |letters| (letters, true))
+}
