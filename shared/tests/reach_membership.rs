@@ -307,7 +307,7 @@ fn without_a_choice_and_without_a_step() {
 const NONE: Tolerance = Tolerance { position_m: 0.0, heading_rad: 1e-9 };
 
 fn uncertain(position: PositionUncertainty, heading_rad: f64) -> StartSet {
-    StartSet::new(Pose::new(0.7, -0.4, 2.9), position, heading_rad).unwrap()
+    StartSet::new(Pose::new(0.7, -0.4, 2.9), position, heading_rad).expect("a start")
 }
 
 fn pose_of(start: &StartSet, rng: &mut SeededRng) -> Pose {
