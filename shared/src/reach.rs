@@ -6,8 +6,9 @@
 //!
 //! * The **front** is reached by paths that get as far as possible in some
 //!   direction: turn toward it, then go straight (`front`; where straight is not
-//!   always admissible, the extremals of `singular`).
-//! * The **rear** is reached by paths whose rate jumps between the bounds (`rear`).
+//!   always admissible, the extremals of `singular`, and where they part too fast for numbers, `parting`).
+//! * The **rear** is reached by paths whose rate jumps between the bounds (`rear`; more than
+//!   once, `zigzag`).
 //! * The **tube**, the union over all instants, lies between the path at the
 //!   lowest rates, the final front, and the path at the highest rates. Where headings
 //!   span more than π/2, so do the ends of extremals that arrive at a right angle.
@@ -20,21 +21,20 @@
 //! A polygon lies in the set, within the accuracy asked for, or, if conservative,
 //! around it (`grow`). The start may be uncertain ([`StartSet`]). With a [`Workspace`]
 //! and [`ReachableSet::reset`] nothing is allocated from the second time on.
-//!
-//! Known gap: in rare hard cases, bounds that come very close to admitting straight driving or
-//! many steps without choice, a piece of the front is cut off (docs/decisions/0007).
 
 mod envelope;
 mod extremal;
 mod front;
 mod grow;
 mod outline;
+mod parting;
 mod paths;
 pub mod polygon;
 mod rear;
 mod sampling;
 mod singular;
 mod start;
+mod zigzag;
 mod membership;
 
 pub use grow::{minkowski_disc, minkowski_disc_into};
@@ -48,7 +48,7 @@ use crate::math::PI;
 use crate::vehicle::Pose;
 use core::f64::consts::FRAC_PI_2;
 use envelope::Envelope;
-use extremal::Costate;
+use extremal::{Costate, Instant};
 use grow::Brush;
 use nalgebra::Complex;
 use outline::Outliner;
@@ -240,6 +240,11 @@ impl ReachableSet {
         }
         outliner.clear();
         outliner.add(boundary);
+        curves.clear();
+        if !common {
+            rear::candidates(paths, steps, least, tolerance, curves);
+            curves.iter().for_each(|curve| outliner.add(curve));
+        }
         let (low, high) = paths.heading_range(steps);
         if high - low > FRAC_PI_2 {
             // Turning so far, one can get farther sideways than along the two
@@ -247,13 +252,13 @@ impl ReachableSet {
             for phi in [-FRAC_PI_2, FRAC_PI_2] {
                 curve.clear();
                 sideways(paths, phi, least, tolerance, curve);
+                // The last of these is an end of the set after the last step as well. There
+                // it must not stop short of the chords, or what it encloses is lost.
+                let ends = core::iter::once(boundary.as_slice()).chain(curves.iter());
+                let end = curve[curve.len() - 1];
+                curve.extend(sampling::vertex_beside(end, ends, 2.0 * tolerance));
                 outliner.add(curve);
             }
-        }
-        if !common {
-            curves.clear();
-            rear::candidates(paths, steps, least, tolerance, curves);
-            curves.iter().for_each(|curve| outliner.add(curve));
         }
         boundary.truncate(1);
         outliner.outline(boundary);
@@ -387,8 +392,9 @@ fn sideways(
     let each = least_pieces.div_ceil(paths.steps());
     points.push(Complex::new(0.0, 0.0));
     for step in 0..paths.steps() {
-        let curve = |seconds: f64| Costate::end(phi).back_from(paths, 0, step, seconds).sample();
-        sample(&curve, (0.0, paths.step_s), each, tolerance, points);
+        let curve =
+            |seconds: f64| Costate::end(phi).to_start(paths, Instant { step, seconds }).sample();
+        sample(&curve, (0.0, paths.step_s), each, tolerance, &|_, _, _| {}, points);
     }
     sampling::space(points, 0);
 }

@@ -3,8 +3,8 @@
 
 use serde::Deserialize;
 use sidestep::bounds::InputBounds;
-use sidestep::math::{SeededRng, hypot};
-use sidestep::reach::{ReachableSet, Tolerance};
+use sidestep::math::{SeededRng, hypot, sin_cos};
+use sidestep::reach::{PositionUncertainty, ReachableSet, StartSet, Tolerance};
 use sidestep::vehicle::{Pose, dubins};
 
 const SPEED_MPS: f64 = 2.0;
@@ -300,5 +300,86 @@ fn without_a_choice_and_without_a_step() {
         assert!(!path.contains_state(2, Pose { x: nowhere, ..pose }, Tolerance::default()));
         assert!(!path.contains_state(2, Pose { psi: nowhere, ..pose }, Tolerance::default()));
         assert!(path.state_margins(2, Pose { psi: nowhere, ..pose }).position_m.is_nan());
+    }
+}
+
+/// No more than rounding.
+const NONE: Tolerance = Tolerance { position_m: 0.0, heading_rad: 1e-9 };
+
+fn uncertain(position: PositionUncertainty, heading_rad: f64) -> StartSet {
+    StartSet::new(Pose::new(0.7, -0.4, 2.9), position, heading_rad).expect("a start")
+}
+
+fn pose_of(start: &StartSet, rng: &mut SeededRng) -> Pose {
+    let pose = start.pose();
+    let turn = start.heading_rad() * rng.uniform(-1.0, 1.0);
+    let (x, y) = match start.position() {
+        PositionUncertainty::None => (0.0, 0.0),
+        PositionUncertainty::Disc { radius_m } => {
+            let (sin, cos) = sin_cos(rng.uniform(-4.0, 4.0));
+            let radius = radius_m * rng.unit().sqrt();
+            (radius * cos, radius * sin)
+        }
+        PositionUncertainty::Box { along_m, across_m } => {
+            (along_m * rng.uniform(-1.0, 1.0), across_m * rng.uniform(-1.0, 1.0))
+        }
+    };
+    let (sin, cos) = sin_cos(pose.psi);
+    Pose::new(pose.x + x * cos - y * sin, pose.y + x * sin + y * cos, pose.psi + turn)
+}
+
+#[test]
+fn an_uncertain_start_holds_what_any_of_its_poses_leads_to() {
+    let mut rng = SeededRng::new(21);
+    let positions = [
+        PositionUncertainty::None,
+        PositionUncertainty::Disc { radius_m: 0.3 },
+        PositionUncertainty::Box { along_m: 0.4, across_m: 0.1 },
+    ];
+    for (position, heading) in
+        positions.into_iter().flat_map(|position| [(position, 0.0), (position, 0.25)])
+    {
+        let start = uncertain(position, heading);
+        for kind in 0..4 {
+            let (lo, hi) = random_bounds(7, kind, &mut rng);
+            let bounds = InputBounds::new(lo.clone(), hi.clone(), (-0.5, 0.5)).unwrap();
+            let set = ReachableSet::new(start, &bounds, SPEED_MPS, STEP_S).unwrap();
+            let mut outside = 0;
+            for _ in 0..40 {
+                let from = pose_of(&start, &mut rng);
+                let states = random_drive(from, &lo, &hi, &mut rng);
+                let end = states[states.len() - 1];
+                let steps = states.len();
+                let tolerance = Tolerance { position_m: 0.002, heading_rad: 1e-9 };
+                assert!(set.contains_state(steps, end, tolerance), "{start:?} {lo:?} {hi:?}");
+                // Inside means that some start has it inside, as its own set says.
+                let aside = Pose::new(
+                    end.x + rng.uniform(-0.8, 0.8),
+                    end.y + rng.uniform(-0.8, 0.8),
+                    end.psi + rng.uniform(-0.3, 0.3),
+                );
+                let found = (0..400).any(|_| {
+                    let from = pose_of(&start, &mut rng);
+                    ReachableSet::new(from, &bounds, SPEED_MPS, STEP_S)
+                        .unwrap()
+                        .contains_state(steps, aside, NONE)
+                });
+                let inside = set.contains_state(steps, aside, NONE);
+                assert!(inside || !found, "{start:?} {aside:?}");
+                // Few starts may lead there: those found at random come near at least.
+                let near = Tolerance { position_m: 0.08, heading_rad: 0.04 };
+                let mut close = || {
+                    (0..400).any(|_| {
+                        let from = pose_of(&start, &mut rng);
+                        ReachableSet::new(from, &bounds, SPEED_MPS, STEP_S)
+                            .unwrap()
+                            .contains_state(steps, aside, near)
+                    })
+                };
+                assert!(!inside || found || close(), "{start:?} {aside:?}");
+                outside += usize::from(!inside);
+            }
+            assert!(outside > 0);
+        }
     }
 }

@@ -1,5 +1,6 @@
 //! `cargo xtask bench`: benchmarks, each against its baseline in the same run.
 
+mod learning;
 pub(crate) mod peers;
 mod wasm;
 
@@ -37,6 +38,8 @@ enum Runner {
     Target(&'static str),
     /// [`peers`].
     Peers,
+    /// [`learning`].
+    Learning,
     /// [`wasm`], these cases.
     Wasm(wasm::Group),
 }
@@ -52,6 +55,21 @@ const BENCHES: &[Bench] = &[
         name: "shfrs",
         what: "predicted sets as WebAssembly in Chromium and on this machine, against targets",
         runner: Runner::Wasm(wasm::SHFRS),
+    },
+    Bench {
+        name: "learning",
+        what: "the paper's comparison against scikit-learn (Python, installed on first use)",
+        runner: Runner::Learning,
+    },
+    Bench {
+        name: "learn",
+        what: "training and inference of each model on real rows",
+        runner: Runner::Target("sidestep"),
+    },
+    Bench {
+        name: "learn_svm",
+        what: "support vector machines: grids, fits, inference",
+        runner: Runner::Target("sidestep"),
     },
     Bench {
         name: "peers",
@@ -82,6 +100,7 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> 
                 answer_of(&mut workspace.cargo(target_arguments(package, bench, options.quick)))?
             }
             Runner::Peers => peers::run(workspace, options.quick)?,
+            Runner::Learning => learning::run(workspace)?,
             // Quick as it is.
             Runner::Wasm(group) => wasm::run(workspace, group)?,
         };

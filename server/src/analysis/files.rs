@@ -87,12 +87,13 @@ fn table1(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
     write(out, &with_sets(&["model", "experiment"]), rows)
 }
 
+/// A form of a distance: its name, and which it is.
+type Form = (&'static str, fn(&Distances) -> Option<f64>);
+
 fn table2(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
     let optional = |number: Option<f64>| number.map_or_else(String::new, places);
-    let start: [(&str, fn(&Distances) -> Option<f64>); 2] =
-        [("penalised", |d| Some(d.start_penalised)), ("both", |d| d.start_both)];
-    let end: [(&str, fn(&Distances) -> Option<f64>); 2] =
-        [("penalised", |d| Some(d.end_penalised)), ("both", |d| d.end_both)];
+    let start: [Form; 2] = [("penalised", |d| Some(d.start_penalised)), ("both", |d| d.start_both)];
+    let end: [Form; 2] = [("penalised", |d| Some(d.end_penalised)), ("both", |d| d.end_both)];
     let mut rows = Vec::new();
     for model in ModelName::ALL {
         let distances = PAPERS_SETS.map(|set| analysis.comparison.distances(model, set));

@@ -102,7 +102,7 @@ pub async fn run(args: AnalyzeArgs) -> Result<(), CommandError> {
     let settings =
         Settings { leakage: args.leakage, ..Settings::new().map_err(CommandError::failure)? };
     let results = in_threads(args.threads, &interrupt, {
-        let (scene, cache, stop) = (scene.clone(), cache, interrupt.stop.clone());
+        let (scene, cache, stop) = (scene, cache, interrupt.stop.clone());
         move |bar| {
             let step = |progress: Progress| {
                 bar.set_length(progress.of as u64);
@@ -162,7 +162,7 @@ impl AnalyzeArgs {
         let study = studies::find(&mut *store.reader().await?, &self.study)
             .await?
             .ok_or_else(|| CommandError::Input(format!("{source}: no such study in {url}")))?;
-        let scene = study.config.parameters.clone();
+        let scene = study.config.parameters;
         let invented = participants::are_synthetic(&mut *store.reader().await?, study.id).await?;
         let mut octets = Vec::new();
         let mut pieces = std::pin::pin!(exports::stream(store.clone(), study));

@@ -7,7 +7,7 @@ use sidestep::bounds::InputBounds;
 use sidestep::invalid::{Invalid, positive};
 use sidestep::math::PI;
 use sidestep::reach::polygon::{bounding_box, signed_area, signed_distance};
-use sidestep::reach::{PolygonSettings, ReachableSet, Tolerance};
+use sidestep::reach::{PolygonSettings, PositionUncertainty, ReachableSet, StartSet, Tolerance};
 use sidestep::vehicle::Pose;
 
 /// Reachable sets under bounds on the turn rate, and whether states are in them.
@@ -21,8 +21,11 @@ use sidestep::vehicle::Pose;
 /// then. The tolerance is how far a state may lie outside and still count as inside; the
 /// accuracy, m, is how far edges of polygons may lie from the true boundary. Conservative polygons,
 /// areas and boxes are a little larger, so as to contain the whole set; queries are about the exact
-/// set anyway. Known gap: bounds that miss 0 by 0.0001 to 0.001 rad/s, or leave no choice in many
-/// steps, may in rare cases give a set that is too small, conservative or not.
+/// set anyway.
+/// An uncertain start adds "start": {"disc": r, "heading": δ} or {"box": [along, across],
+/// "heading": δ}, each of which may be left out: positions at most r m from "initial", or half a length
+/// and half a width along and across its heading, and headings at most δ rad from it. Sets are
+/// then what any of these poses leads to.
 ///
 /// The answer: {"sets": [{"steps": [{"step", "t", "area", "bbox": [x0, y0, x1, y1],
 /// "polygon": [[x, y], …]}, …], "tube": {"area", "bbox", "polygon"},
@@ -44,11 +47,22 @@ struct Input {
     dt: f64,
     turn_rate: (f64, f64),
     initial: Pose,
+    start: Option<StartInput>,
     sets: Vec<SetInput>,
     tolerance: Option<ToleranceInput>,
     accuracy: Option<f64>,
     #[serde(default)]
     conservative: bool,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct StartInput {
+    disc: Option<f64>,
+    #[serde(rename = "box")]
+    sides: Option<[f64; 2]>,
+    #[serde(default)]
+    heading: f64,
 }
 
 #[derive(Deserialize)]
@@ -138,11 +152,33 @@ fn answer(input: &Input) -> Result<Answer, Invalid> {
     if input.sets.is_empty() {
         return Err(Invalid::new("sets", "at least one set", "none"));
     }
+    let start = start(input)?;
     let sets = input.sets.iter().enumerate().map(|(j, set)| {
-        set_answer(input, set, settings, tolerance)
+        set_answer(input, start, set, settings, tolerance)
             .map_err(|invalid| invalid.within(&format!("sets[{j}]")))
     });
     Ok(Answer { sets: sets.collect::<Result<_, _>>()? })
+}
+
+fn start(input: &Input) -> Result<StartSet, Invalid> {
+    let Some(given) = &input.start else {
+        return Ok(input.initial.into());
+    };
+    let position = match (given.disc, given.sides) {
+        (None, None) => PositionUncertainty::None,
+        (Some(radius_m), None) => PositionUncertainty::Disc { radius_m },
+        (None, Some([along_m, across_m])) => PositionUncertainty::Box { along_m, across_m },
+        (Some(_), Some(_)) => return Err(Invalid::new("start", "a disc or a box", "both")),
+    };
+    StartSet::new(input.initial, position, given.heading).map_err(|invalid| {
+        let field = match invalid.field.as_str() {
+            "radius_m" => "start.disc",
+            "along_m" => "start.box[0]",
+            "across_m" => "start.box[1]",
+            _ => "start.heading",
+        };
+        Invalid { field: field.to_owned(), ..invalid }
+    })
 }
 
 fn tolerance(given: Option<&ToleranceInput>) -> Result<Tolerance, Invalid> {
@@ -160,12 +196,13 @@ fn tolerance(given: Option<&ToleranceInput>) -> Result<Tolerance, Invalid> {
 
 fn set_answer(
     input: &Input,
+    start: StartSet,
     given: &SetInput,
     settings: PolygonSettings,
     tolerance: Tolerance,
 ) -> Result<SetAnswer, Invalid> {
     let bounds = InputBounds::new(given.lo.clone(), given.hi.clone(), input.turn_rate)?;
-    let set = ReachableSet::new(input.initial, &bounds, input.speed, input.dt)?;
+    let set = ReachableSet::new(start, &bounds, input.speed, input.dt)?;
     let polygons: Vec<_> = (0..=set.steps()).map(|step| set.step_polygon(step, settings)).collect();
     let queries = given.queries.iter().enumerate().map(|(q, query)| {
         let Some(polygon) = polygons.get(query.step) else {

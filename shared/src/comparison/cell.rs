@@ -90,10 +90,12 @@ pub enum ModelName {
     Dt,
     /// Multinomial logistic regression.
     Lr,
+    /// Gradient-boosted trees: beyond the paper, and judged by roll-outs only.
+    Boosted,
 }
 
 impl ModelName {
-    /// Every one, in the order of tables.
+    /// Those of the comparison, in the order of tables.
     pub const ALL: [Self; 5] = [Self::Svm, Self::SvmRbf, Self::SvmLinear, Self::Dt, Self::Lr];
 
     /// The three of the paper's tables.
@@ -108,6 +110,7 @@ impl ModelName {
             Self::SvmLinear => "svm_linear",
             Self::Dt => "dt",
             Self::Lr => "lr",
+            Self::Boosted => "boosted",
         }
     }
 }
@@ -149,6 +152,27 @@ impl NamedSet {
             Ok(Self { name, features: FeatureSet::of(&names)? })
         };
         BODY_FRAME_SETS.into_iter().map(set).collect()
+    }
+}
+
+/// What the human did before: a model of this set has a memory, and fed with what it said
+/// itself it can hold a key and let it go.
+const HISTORY: [&str; 3] = ["turned_1", "turned_2", "turned_5"];
+
+/// The name of the set with everything: both safety levels, distance, the body frame and
+/// [`HISTORY`].
+pub const HISTORY_SET: &str = "hrd_body_history";
+
+impl NamedSet {
+    /// [`HISTORY_SET`].
+    ///
+    /// # Errors
+    /// Never: the names are those of the table.
+    pub fn with_history() -> Result<Self, Invalid> {
+        let [body, _] = BODY_FRAME_SETS;
+        let mut names: Vec<String> = FeatureSet::subset(body.1)?.into();
+        names.extend(["robot_ahead", "robot_left"].iter().chain(&HISTORY).map(|&n| n.to_owned()));
+        Ok(Self { name: HISTORY_SET, features: FeatureSet::of(&names)? })
     }
 }
 

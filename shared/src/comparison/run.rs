@@ -1,7 +1,7 @@
 //! The whole comparison.
 
 use super::baseline::Baseline;
-use super::cell::{Cell, Experiment, ModelName, NamedSet};
+use super::cell::{BODY_FRAME_SETS, Cell, Experiment, ModelName, NamedSet};
 use super::fit::{Family, Grids, fit};
 use super::rollout::{Horizon, Simple, rollouts, together};
 use super::split::{LEAST_TASKS, Split};
@@ -44,7 +44,12 @@ pub struct Settings {
     pub leakage: bool,
     /// Steps of roll-outs, at least 1.
     pub horizon: usize,
+    /// The set of models with a memory.
+    pub history: NamedSet,
 }
+
+/// The sets on which the paper's models are rolled out.
+const ROLLED_OUT: [&str; 4] = ["hrd", "d", "hrd_body", "d_body"];
 
 impl Settings {
     /// The paper's sets, two of them with the body frame, the protocol's grids, T = 10.
@@ -54,7 +59,15 @@ impl Settings {
     pub fn new() -> Result<Self, Invalid> {
         let mut sets = NamedSet::papers()?;
         sets.extend(NamedSet::with_body_frame()?);
-        Ok(Self { sets, grids: Grids::default(), leakage: false, horizon: 10 })
+        let history = NamedSet::with_history()?;
+        Ok(Self { sets, grids: Grids::default(), leakage: false, horizon: 10, history })
+    }
+
+    /// Models beyond the paper: with a memory, or boosted, or both.
+    fn beyond(&self) -> impl Iterator<Item = (&NamedSet, Family)> {
+        let body = self.sets.iter().find(|set| set.name == BODY_FRAME_SETS[0].0);
+        let with_memory = [Family::Logistic, Family::Boosted].map(|family| (&self.history, family));
+        body.map(|set| (set, Family::Boosted)).into_iter().chain(with_memory)
     }
 }
 
@@ -164,15 +177,21 @@ pub fn run(
     }
     let mut units = Vec::new();
     for (participant, person) in people.iter().enumerate() {
+        let mut add = |role, set, family| {
+            let split = match role {
+                Role::Leaking => Split::leaking(&person.data),
+                _ => Split::grouped(&person.data),
+            };
+            units.push(Unit { participant, person, set, family, split, role });
+        };
         for set in &settings.sets {
-            for family in Family::ALL {
-                let split = Split::grouped(&person.data);
-                units.push(Unit { participant, person, set, family, split, leaking: false });
-            }
+            Family::PAPERS.into_iter().for_each(|family| add(Role::Compared, set, family));
         }
-        for family in Family::ALL.into_iter().filter(|_| settings.leakage) {
-            let (set, split) = (&settings.sets[0], Split::leaking(&person.data));
-            units.push(Unit { participant, person, set, family, split, leaking: true });
+        for (set, family) in settings.beyond() {
+            add(Role::Beyond, set, family);
+        }
+        for family in Family::PAPERS.into_iter().filter(|_| settings.leakage) {
+            add(Role::Leaking, &settings.sets[0], family);
         }
     }
     let done = AtomicUsize::new(0);
@@ -185,9 +204,13 @@ pub fn run(
         }
     };
     let found = each(&units, work)?;
-    let (mut cells, mut leaking) = (Vec::new(), Vec::new());
+    let (mut cells, mut beyond, mut leaking) = (Vec::new(), Vec::new(), Vec::new());
     for (unit, found) in units.iter().zip(found) {
-        if unit.leaking { leaking.extend(found) } else { cells.extend(found) }
+        match unit.role {
+            Role::Compared => cells.extend(found),
+            Role::Beyond => beyond.extend(found),
+            Role::Leaking => leaking.extend(found),
+        }
     }
     with_choice(&mut cells, settings);
     let comparison =
@@ -198,7 +221,7 @@ pub fn run(
         Experiment::ALL.map(|experiment| Baseline::of(&person.data, &split, experiment, i))
     });
     let baselines = baselines.collect();
-    let rollouts = all_rollouts(&people, &comparison, scene, safety, settings)?;
+    let rollouts = all_rollouts(&people, &comparison, &beyond, scene, safety, settings)?;
     Ok(Results { comparison, baselines, rollouts, leakage, exclusions })
 }
 
@@ -250,7 +273,18 @@ struct Unit<'a> {
     set: &'a NamedSet,
     family: Family,
     split: Split,
-    leaking: bool,
+    role: Role,
+}
+
+/// What a piece of work is for.
+#[derive(Clone, Copy)]
+enum Role {
+    /// The tables.
+    Compared,
+    /// Roll-outs only.
+    Beyond,
+    /// Showing what leaks.
+    Leaking,
 }
 
 impl Unit<'_> {
@@ -332,10 +366,12 @@ fn compared(comparison: &Comparison, mut leaking: Vec<Cell>, settings: &Settings
     models.flat_map(|model| Experiment::ALL.map(|experiment| both((model, experiment)))).collect()
 }
 
-/// Of the paper's models in experiment I on every set, then of simple drivers.
+/// Of the models in experiment I on [`ROLLED_OUT`] sets, of those beyond the paper, and of simple
+/// drivers.
 fn all_rollouts(
     people: &[&Person],
     comparison: &Comparison,
+    beyond: &[Cell],
     scene: &SceneParameters,
     safety: &SafetyFunctions,
     settings: &Settings,
@@ -345,19 +381,29 @@ fn all_rollouts(
         let all = &people[i].trajectories;
         &all[super::split::first_test_task(all.len())..]
     };
-    let mut learned = Vec::new();
+    let mut learned: Vec<Vec<&Cell>> = Vec::new();
     for model in ModelName::PAPERS {
-        learned.extend(settings.sets.iter().map(|set| (model, set.name)));
+        for set in ROLLED_OUT {
+            learned.push(comparison.of(model, Experiment::Which, set).collect());
+        }
     }
-    let mut all = each(&learned, |&(model, features)| {
-        let of_person = |cell: &Cell| {
+    for (set, family) in settings.beyond() {
+        let own = |cell: &&Cell| {
+            (cell.model, cell.experiment) == (family.model(), Experiment::Which)
+                && cell.features == set.name
+        };
+        learned.push(beyond.iter().filter(own).collect());
+    }
+    learned.retain(|cells| !cells.is_empty());
+    let mut all = each(&learned, |cells| {
+        let of_person = |cell: &&Cell| {
             let predictor = Predictor::try_from(cell.predictor.clone())?;
             let human = PredictedHuman::new(&predictor, safety, scene)?;
             rollouts(&human, test(cell.participant), &motion, settings.horizon)
         };
-        let cells = comparison.of(model, Experiment::Which, features);
-        let parts: Vec<Vec<Horizon>> = cells.map(of_person).collect::<Result<_, Invalid>>()?;
-        let (driver, features) = (model.word().to_owned(), features.to_owned());
+        let parts: Vec<Vec<Horizon>> =
+            cells.iter().map(of_person).collect::<Result<_, Invalid>>()?;
+        let (driver, features) = (cells[0].model.word().to_owned(), cells[0].features.clone());
         Ok::<_, Invalid>(RolloutsOf { driver, features, horizons: together(&parts) })
     })?;
     for simple in [Simple::Held, Simple::Straight] {

@@ -29,6 +29,37 @@ pub(super) struct Costate {
     /// Which bound holds just after this instant; at the end, and after a
     /// straight arc, `Side::Straight`.
     side: Side,
+    /// The last jump.
+    jump: Jump,
+    /// Shifting the last two jumps so that the end stays on its line along θ moves it by
+    /// minus this (times a square): below 0, the path is not the farthest on that line, not even among
+    /// its neighbours.
+    pub(super) firmness: f64,
+    /// The step of the last jump but one.
+    pub(super) before_last: Option<usize>,
+}
+
+/// Where the rate jumps.
+#[derive(Clone, Copy, Debug)]
+struct Jump {
+    /// How far remains to be driven along θ, s.
+    rest: f64,
+    /// How much a shift by a given angle costs along θ, 1/s: |sin φ| by the width of the bounds.
+    cost: f64,
+}
+
+/// An instant: so many seconds after the beginning of a step. The order is that of time.
+#[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
+pub(super) struct Instant {
+    pub(super) step: usize,
+    pub(super) seconds: f64,
+}
+
+impl Instant {
+    /// The beginning of a step; of the one after the last, the end.
+    pub(super) fn beginning(step: usize) -> Self {
+        Self { step, seconds: 0.0 }
+    }
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -49,7 +80,18 @@ impl Costate {
     /// The end of the extremal that arrives with heading θ + `phi`.
     pub(super) fn end(phi: f64) -> Self {
         let rest = Complex::new(0.0, 0.0);
-        Self { phi, facing: unit(phi), rest, switches: 0, side: Side::Straight }
+        let jump = Jump { rest: 0.0, cost: 0.0 };
+        let facing = unit(phi);
+        Self {
+            phi,
+            facing,
+            rest,
+            switches: 0,
+            side: Side::Straight,
+            jump,
+            firmness: 0.0,
+            before_last: None,
+        }
     }
 
     /// `seconds` earlier, having turned at `rate`.
@@ -64,53 +106,71 @@ impl Costate {
         Self { phi: self.phi - turn.rate * seconds, facing, rest, ..self }
     }
 
-    /// The same extremal at the beginning of step `first`, if this is the end of
-    /// step `last` (counted from 0).
-    pub(super) fn back(self, paths: &Paths, first: usize, last: usize) -> Self {
-        self.back_from(paths, first, last, paths.step_s)
-    }
-
-    /// The same extremal at the beginning of step `first`, if this is `seconds`
-    /// after the beginning of step `last`.
-    pub(super) fn back_from(
-        mut self,
-        paths: &Paths,
-        first: usize,
-        last: usize,
-        seconds: f64,
-    ) -> Self {
-        for step in (first..=last).rev() {
-            let mut left = if step == last { seconds } else { paths.step_s };
-            loop {
-                if self.rest.im.abs() < ZERO_COSTATE {
-                    self.rest.im = 0.0;
-                }
-                let side = self.side_before(paths.lo[step], paths.hi[step]);
-                let jumps = side != self.side && self.side != Side::Straight;
-                self.switches += usize::from(jumps);
-                if self.switches > MOST_SWITCHES * (last + 1) {
-                    return self;
-                }
-                self.side = side;
-                let whole = match side {
-                    Side::Low => paths.low.turn(step),
-                    Side::Straight => Turn::straight(paths.step_s),
-                    Side::High => paths.high.turn(step),
-                };
-                let rate = whole.rate;
-                let turn = if left == paths.step_s { whole } else { Turn::new(rate, left) };
-                let earlier = self.before_turn(turn, left);
-                let switch = if self.keeps_sign(&earlier) { None } else { self.switch(rate, left) };
-                let Some(seconds) = switch else {
-                    self = earlier;
-                    break;
-                };
-                self = self.before(rate, seconds);
-                self.rest.im = 0.0;
-                left -= seconds;
+    /// The same extremal at an earlier instant, if this is at `from`.
+    pub(super) fn back(mut self, paths: &Paths, from: Instant, to: Instant) -> Self {
+        let most = MOST_SWITCHES * paths.steps();
+        for step in (to.step..=from.step).rev() {
+            let begin = if step == to.step { to.seconds } else { 0.0 };
+            let end = if step == from.step { from.seconds } else { paths.step_s };
+            if begin < end {
+                self = self.through(paths, step, end - begin, most);
             }
         }
         self
+    }
+
+    /// The same extremal at the start, if this is at `from`.
+    pub(super) fn to_start(self, paths: &Paths, from: Instant) -> Self {
+        self.back(paths, from, Instant::beginning(0))
+    }
+
+    /// `left` seconds earlier in step `step`; anything if there are more than `most` jumps.
+    fn through(mut self, paths: &Paths, step: usize, mut left: f64, most: usize) -> Self {
+        loop {
+            if self.rest.im.abs() < ZERO_COSTATE {
+                self.rest.im = 0.0;
+            }
+            let side = self.side_before(paths.lo[step], paths.hi[step]);
+            let jumps = side != self.side && self.side != Side::Straight;
+            if jumps {
+                self.note_jump(step, paths.hi[step] - paths.lo[step]);
+                if self.switches > most {
+                    return self;
+                }
+            }
+            self.side = side;
+            let whole = match side {
+                Side::Low => paths.low.turn(step),
+                Side::Straight => Turn::straight(paths.step_s),
+                Side::High => paths.high.turn(step),
+            };
+            let rate = whole.rate;
+            let turn = if left == paths.step_s { whole } else { Turn::new(rate, left) };
+            let earlier = self.before_turn(turn, left);
+            let switch = if self.keeps_sign(&earlier) { None } else { self.switch(rate, left) };
+            let Some(seconds) = switch else {
+                return earlier;
+            };
+            self = self.before(rate, seconds);
+            self.rest.im = 0.0;
+            left -= seconds;
+        }
+    }
+
+    /// Notes that the rate jumps here, in step `step`, between bounds of this width.
+    fn note_jump(&mut self, step: usize, width: f64) {
+        let jump = Jump { rest: self.rest.re, cost: self.facing.im.abs() / width };
+        self.switches += 1;
+        if self.switches == 2 {
+            self.before_last = Some(step);
+            // What is driven between the jumps is turned by 1/(jump.rest − last.rest), what is
+            // driven after the last by −1/last.rest, here without these denominators.
+            let (before, after) = (jump.rest, self.jump.rest);
+            self.firmness = jump.cost * after * after
+                + self.jump.cost * before * before
+                + (before - after) * after * before;
+        }
+        self.jump = jump;
     }
 
     /// Whether p certainly does not pass zero between this instant and an earlier
@@ -125,6 +185,18 @@ impl Costate {
         } else {
             im * earlier.rest.im > 0.0 && (im * growth >= 0.0 || im * before < 0.0)
         }
+    }
+
+    /// Whether two extremals at the same instant differ by less than `by`, rad and s.
+    pub(super) fn is_near(&self, other: &Self, by: f64) -> bool {
+        (self.phi - other.phi).abs() < by && (self.rest - other.rest).norm_sqr() < by * by
+    }
+
+    /// An extremal between two that are close, at `share` of the way to the other.
+    pub(super) fn between(&self, other: &Self, share: f64) -> Self {
+        let phi = self.phi + share * (other.phi - self.phi);
+        let rest = self.rest + (other.rest - self.rest) * share;
+        Self { phi, facing: unit(phi), rest, ..*self }
     }
 
     /// Where the extremal ends, seen from its start, if this is its start. Its
@@ -230,7 +302,7 @@ mod tests {
             let bounds = InputBounds::new(lo, hi, (-0.5, 0.5)).unwrap();
             let paths = Paths::new(&bounds, 0.2);
             for phi in [-0.2, -0.05, 0.02, 0.1, 0.3] {
-                let start = Costate::end(phi).back(&paths, 0, 5);
+                let start = Costate::end(phi).to_start(&paths, Instant::beginning(6));
                 let Sample { point, direction } = start.sample();
                 let reached = (point * direction.conj()).re;
                 assert!(reached >= best_of_many(&paths, direction, &mut rng) - 1e-12);

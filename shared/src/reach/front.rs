@@ -1,8 +1,9 @@
 //! The front of a planar set: the ends of the paths that get farthest, from the
 //! lowest-rate path's end to the highest-rate path's.
 
+use super::parting::MOST_PARTINGS;
 use super::paths::{Path, Paths, Turn};
-use super::sampling::{pieces, sample, space};
+use super::sampling::{Sample, pieces, sample, space, triangle_height};
 use super::singular::{self, Piece};
 use nalgebra::Complex;
 
@@ -75,10 +76,21 @@ fn extremals(
     singular::pieces(paths, steps, family);
     let each = least_pieces.div_ceil(family.len().max(1));
     // The family runs from left to right.
+    let mut before: Option<(&Piece, Sample)> = None;
     for piece in family.iter().rev() {
-        let curve = |parameter: f64| piece.start(paths, steps, parameter).sample();
-        points.push(curve(piece.to).point);
-        sample(&curve, (piece.to, piece.from), each, tolerance, points);
+        let curve = |parameter: f64| piece.start(paths, parameter).sample();
+        let begin = curve(piece.to);
+        if let Some((right, end)) = before
+            && triangle_height(end, begin) > tolerance
+        {
+            right.neighbours(piece, paths).bridge(paths, tolerance, MOST_PARTINGS, points);
+        }
+        points.push(begin.point);
+        let leap = |from: f64, to: f64, points: &mut Vec<Complex<f64>>| {
+            piece.between(from, to).bridge(paths, tolerance, MOST_PARTINGS, points);
+        };
+        sample(&curve, (piece.to, piece.from), each, tolerance, &leap, points);
+        before = Some((piece, curve(piece.from)));
     }
 }
 

@@ -20,6 +20,7 @@
 //! by less than 1 cm.
 
 mod buffer;
+mod origins;
 mod parts;
 mod pocket;
 mod ridge;
@@ -31,6 +32,7 @@ use super::paths::unit;
 use crate::math::TAU;
 use crate::vehicle::Pose;
 use nalgebra::Complex;
+use origins::Origins;
 use slice::Slice;
 
 /// How far a state may lie from a reachable one and still count as inside.
@@ -75,9 +77,6 @@ pub enum Side {
 /// Inputs may leave their bounds by so much, rad/s: rounding errors.
 const INPUT_ROUNDING: f64 = 1e-12;
 
-/// So much farther than needed, s, distances are sought, to be sure of those that matter.
-const GUARD: f64 = 1e-6;
-
 impl ReachableSet {
     /// Is `state` (world frame) reached after exactly `step` steps, or no farther
     /// than `tolerance` from a state that is? A state that is not finite is not.
@@ -86,36 +85,20 @@ impl ReachableSet {
     /// turns and in others only one, few states at the rear may be missed: none by 2 mm up
     /// to step 10 or 5 mm up to step 15 in 2.7·10⁵ random ones.
     ///
+    /// If the start is a set, `state` is inside if some pose of it leads there, and may
+    /// be if one leads to within 10⁻⁴ s of travel of it.
+    ///
     /// # Panics
     /// If `step` > [`Self::steps`].
     #[must_use]
     pub fn contains_state(&self, step: usize, state: Pose, tolerance: Tolerance) -> bool {
         assert!(step <= self.steps(), "step {step} of {}", self.steps());
-        let position = self.local(state);
-        let near = tolerance.position_m / self.speed_mps;
-        let seconds = step as f64 * self.paths.step_s;
-        let away = position.norm_sqr();
-        if away.is_nan() || away > (seconds + near) * (seconds + near) {
-            return false;
-        }
-        let turn = tolerance.heading_rad;
-        let range = self.end_headings(step);
-        self.branches(step, state, turn).any(|heading| {
-            let slice =
-                |heading: f64| Slice::new(&self.paths, step, heading.clamp(range.0, range.1));
-            // Turned by `turn`, no path ends farther away than this.
-            let reach = near + turn * seconds + GUARD;
-            let distance = slice(heading).outside_by(position, near, reach);
-            distance <= near
-                || (distance < reach
-                    && [heading - turn, heading + turn]
-                        .into_iter()
-                        .any(|heading| slice(heading).outside_by(position, near, reach) <= near))
-        })
+        Origins::new(self, step, state, tolerance).any()
     }
 
     /// How far inside the states reached after exactly `step` steps `state`
-    /// (world frame) is. Not a number for a state that is not finite.
+    /// (world frame) is. Not a number for a state that is not finite. If the start is a
+    /// set, only from the pose in its middle.
     ///
     /// # Panics
     /// If `step` > [`Self::steps`].

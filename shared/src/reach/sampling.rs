@@ -31,10 +31,6 @@ impl PolygonSettings {
 
     /// The same, but with polygons that contain the whole set, and exceed it by at most
     /// [`Self::accuracy_m`] (besides holes, which are filled).
-    ///
-    /// Known gap: where bounds forbid straight driving by very little (10⁻⁴ to 10⁻³ rad/s) or
-    /// leave no choice in many steps, the front itself may be wrong, and this polygon with it:
-    /// 7 of 8,000 sets made to be hard (docs/decisions/0007).
     #[must_use]
     pub fn conservative(self) -> Self {
         Self { conservative: true, ..self }
@@ -82,43 +78,47 @@ const MOST_HALVINGS: u32 = 64;
 
 /// Appends points of `curve` for parameters in (from, to], so close that its
 /// chords stay within `tolerance` of it. Between neighbours the curve is taken
-/// to turn one way only, so it lies in the triangle of chord and tangents.
+/// to turn one way only, so it lies in the triangle of chord and tangents. Where two
+/// neighbouring numbers give points that are farther apart, `leap` is asked to append what
+/// lies between, without the ends.
 pub(super) fn sample(
     curve: &impl Fn(f64) -> Sample,
     (from, to): (f64, f64),
     pieces: usize,
     tolerance: f64,
+    leap: &impl Fn(f64, f64, &mut Vec<Complex<f64>>),
     points: &mut Vec<Complex<f64>>,
 ) {
     let mut start = (from, curve(from));
     for i in 1..=pieces {
         let parameter = from + (to - from) * (i as f64 / pieces as f64);
         let end = (parameter, curve(parameter));
-        halve(curve, start, end, tolerance, MOST_HALVINGS, points);
+        halve(curve, (start, end), tolerance, MOST_HALVINGS, leap, points);
         start = end;
     }
 }
 
 fn halve(
     curve: &impl Fn(f64) -> Sample,
-    start: (f64, Sample),
-    end: (f64, Sample),
+    (start, end): ((f64, Sample), (f64, Sample)),
     tolerance: f64,
     halvings: u32,
+    leap: &impl Fn(f64, f64, &mut Vec<Complex<f64>>),
     points: &mut Vec<Complex<f64>>,
 ) {
-    if halvings == 0 || triangle_height(start.1, end.1) <= tolerance {
+    if triangle_height(start.1, end.1) <= tolerance {
         points.push(end.1.point);
         return;
     }
     let parameter = 0.5 * (start.0 + end.0);
-    if parameter == start.0 || parameter == end.0 {
+    if halvings == 0 || parameter == start.0 || parameter == end.0 {
+        leap(start.0, end.0, points);
         points.push(end.1.point);
         return;
     }
     let middle = (parameter, curve(parameter));
-    halve(curve, start, middle, tolerance, halvings - 1, points);
-    halve(curve, middle, end, tolerance, halvings - 1, points);
+    halve(curve, (start, middle), tolerance, halvings - 1, leap, points);
+    halve(curve, (middle, end), tolerance, halvings - 1, leap, points);
 }
 
 /// Most that the height of a triangle can be whose base is the chord and whose
@@ -166,10 +166,30 @@ pub(super) fn space(points: &mut Vec<Complex<f64>>, from: usize) {
     }
 }
 
+/// The nearer vertex of the edge that comes nearest to `point`, if it comes nearer than
+/// `within`.
+pub(super) fn vertex_beside<'a>(
+    point: Complex<f64>,
+    curves: impl Iterator<Item = &'a [Complex<f64>]>,
+    within: f64,
+) -> Option<Complex<f64>> {
+    let edges = curves.flat_map(|curve| curve.windows(2).map(|edge| (edge[0], edge[1])));
+    let distances = edges.map(|(a, b)| {
+        let (along, to) = (b - a, point - a);
+        let share = ((to * along.conj()).re / along.norm_sqr()).clamp(0.0, 1.0);
+        let nearer = if share < 0.5 { a } else { b };
+        ((to - along * share).norm_sqr(), nearer)
+    });
+    let nearest = distances.min_by(|a, b| a.0.total_cmp(&b.0));
+    nearest.filter(|(distance, _)| *distance < within * within).map(|(_, vertex)| vertex)
+}
+
 /// Several curves in one piece of memory.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Curves {
     points: Vec<Complex<f64>>,
+    /// End headings from which a search for curves begins (`zigzag`).
+    pub(super) nodes: Vec<(f64, usize)>,
     /// Where each curve begins.
     starts: Vec<usize>,
 }
@@ -224,7 +244,7 @@ mod tests {
         };
         for tolerance in [1e-2, 1e-3, 1e-5] {
             let mut points = vec![circle(0.0).point];
-            sample(&circle, (0.0, PI), 3, tolerance, &mut points);
+            sample(&circle, (0.0, PI), 3, tolerance, &|_, _, _| {}, &mut points);
             for pair in points.windows(2) {
                 let middle = (pair[0] + pair[1]) * 0.5;
                 assert!(1.0 - hypot(middle.re, middle.im) <= tolerance);

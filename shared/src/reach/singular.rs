@@ -8,8 +8,9 @@
 //! instant at which some extremal, coming backward, meets φ = 0 and p = 0 while
 //! straight is admissible, and it stops where straight is not admissible.
 
-use super::extremal::Costate;
+use super::extremal::{Costate, Instant};
 use super::front::end_range;
+use super::parting::{MOST_PARTINGS, Neighbours};
 use super::paths::Paths;
 use crate::math::cos;
 use nalgebra::Complex;
@@ -19,6 +20,8 @@ use nalgebra::Complex;
 pub(super) struct Piece {
     pub(super) from: f64,
     pub(super) to: f64,
+    /// Where its extremals lie side by side.
+    origin: Instant,
     kind: Kind,
 }
 
@@ -29,27 +32,45 @@ enum Kind {
     /// Turned at `rate` in step `step` for the first `parameter` seconds of it,
     /// then ran straight along the singular extremal. What remained to be driven
     /// at the beginning of the step, had it been straight: `rest`.
-    Fan { step: usize, rate: f64, rest: f64 },
+    Fan { rate: f64, rest: f64 },
+    /// Between two that are about to part, at the share of the way named by the parameter.
+    Between { first: Costate, last: Costate },
 }
 
 impl Piece {
-    /// The extremal named by `parameter`, at the beginning of step `first`; the
-    /// horizon has `steps` steps.
-    fn at(&self, paths: &Paths, steps: usize, first: usize, parameter: f64) -> Costate {
-        let (costate, end) = match self.kind {
-            Kind::End => (Costate::end(parameter), steps),
-            Kind::Fan { step, rate, rest } => {
+    /// The extremal named by `parameter`, at its origin.
+    fn at_origin(&self, parameter: f64) -> Costate {
+        match self.kind {
+            Kind::End => Costate::end(parameter),
+            Kind::Fan { rate, rest } => {
                 let mut leaving = Costate::end(0.0);
                 leaving.rest = Complex::new(rest - parameter, 0.0);
-                (leaving.before(rate, parameter), step)
+                leaving.before(rate, parameter)
             }
-        };
-        if end > first { costate.back(paths, first, end - 1) } else { costate }
+            Kind::Between { first, last } => first.between(&last, parameter),
+        }
+    }
+
+    /// The extremal named by `parameter`, at an instant not after the origin.
+    fn at(&self, paths: &Paths, instant: Instant, parameter: f64) -> Costate {
+        self.at_origin(parameter).back(paths, self.origin, instant)
     }
 
     /// The extremal named by `parameter`, at the start.
-    pub(super) fn start(&self, paths: &Paths, steps: usize, parameter: f64) -> Costate {
-        self.at(paths, steps, 0, parameter)
+    pub(super) fn start(&self, paths: &Paths, parameter: f64) -> Costate {
+        self.at_origin(parameter).to_start(paths, self.origin)
+    }
+
+    /// Two of its extremals.
+    pub(super) fn between(&self, from: f64, to: f64) -> Neighbours {
+        let [first, last] = [from, to].map(|parameter| self.at_origin(parameter));
+        Neighbours { first, last, at: self.origin }
+    }
+
+    /// Its first and the last one of the piece to the left.
+    pub(super) fn neighbours(&self, left: &Self, paths: &Paths) -> Neighbours {
+        let at = if self.origin < left.origin { self.origin } else { left.origin };
+        Neighbours { first: self.at(paths, at, self.from), last: left.at(paths, at, left.to), at }
     }
 }
 
@@ -57,15 +78,16 @@ impl Piece {
 /// They replace what is in `family`.
 pub(super) fn pieces(paths: &Paths, steps: usize, family: &mut Vec<Piece>) {
     let (left, right) = end_range(paths, steps);
+    let end = |from, to| Piece { from, to, origin: Instant::beginning(steps), kind: Kind::End };
     family.clear();
     if left < -GAP {
-        family.push(Piece { from: left, to: -GAP, kind: Kind::End });
+        family.push(end(left, -GAP));
     }
     // Where the singular extremal sits in the family, and what remains to be
     // driven along it from the end of the step looked at.
     let mut singular = Some((family.len(), 0.0));
     if right > GAP {
-        family.push(Piece { from: GAP, to: right, kind: Kind::End });
+        family.push(end(GAP, right));
     }
     for step in (0..steps).rev() {
         if !paths.straight_admissible(step) {
@@ -75,16 +97,17 @@ pub(super) fn pieces(paths: &Paths, steps: usize, family: &mut Vec<Piece>) {
         let (place, rest, last) = match singular {
             Some((place, rest)) => (place, rest + paths.step_s, paths.step_s),
             None => {
-                let Some(onset) = onset(paths, steps, step, family) else {
+                let Some(onset) = onset(paths, step, family) else {
                     continue;
                 };
-                (onset.split(family), onset.rest, onset.seconds)
+                (onset.place, onset.rest, onset.seconds)
             }
         };
         singular = Some((place, rest));
         // The earlier one leaves, the nearer to φ = 0.
         let (lo, hi) = (paths.lo[step], paths.hi[step]);
-        let fan = |from, to, rate| Piece { from, to, kind: Kind::Fan { step, rate, rest } };
+        let origin = Instant::beginning(step);
+        let fan = |from, to, rate| Piece { from, to, origin, kind: Kind::Fan { rate, rest } };
         if lo < 0.0 {
             family.insert(place, fan(GAP, last, lo));
         }
@@ -97,9 +120,8 @@ pub(super) fn pieces(paths: &Paths, steps: usize, family: &mut Vec<Piece>) {
 
 /// The extremal that becomes singular in some step.
 struct Onset {
-    piece: usize,
-    /// In that piece; or between it and the next one.
-    parameter: Option<f64>,
+    /// In the family: the first piece to the right of it.
+    place: usize,
     /// Seconds from the beginning of the step to the onset.
     seconds: f64,
     /// What remains to be driven from the beginning of the step on, straight
@@ -107,80 +129,91 @@ struct Onset {
     rest: f64,
 }
 
-/// The family stops this far, rad or s, on both sides of a singular extremal, so
-/// that rounding does not send a neighbour to the wrong side. The gap is bridged
-/// by a chord. Only where a bound is so close to zero as `paths` allows does it span
-/// more than 10⁻⁵ rad: at most 10⁻² rad, which is 10⁻⁵ of the way from the front.
+/// The family stops this far, rad or s or as a share, on both sides of a singular
+/// extremal, so that rounding does not send a neighbour to the wrong side.
 const GAP: f64 = 1e-12;
 
-impl Onset {
-    /// By an extremal at the end of a step with these bounds, if φ vanishes in it.
-    fn meeting(
-        met: Costate,
-        (lo, hi): (f64, f64),
-        step_s: f64,
-        piece: usize,
-        parameter: Option<f64>,
-    ) -> Option<Self> {
-        let rate = if met.phi > 0.0 { hi } else { lo };
-        let turning = if rate == 0.0 { 0.0 } else { met.phi / rate };
-        let seconds = step_s - turning;
-        let rest = met.before(rate, turning).rest.re + seconds;
-        (seconds > 0.0).then_some(Self { piece, parameter, seconds, rest })
-    }
-
-    /// Splits the family at this extremal; answers the place between.
-    fn split(&self, family: &mut Vec<Piece>) -> usize {
-        let Some(parameter) = self.parameter else {
-            return self.piece + 1;
-        };
-        let left = &mut family[self.piece];
-        let gap = GAP.copysign(left.to - left.from);
-        let mut right = *left;
-        left.to = parameter - gap;
-        right.from = parameter + gap;
-        family.insert(self.piece + 1, right);
-        self.piece + 1
-    }
-}
+/// To this value of p, s, no rounding sends a neighbour of a singular extremal to the wrong
+/// side.
+const CLEAR: f64 = 1e-12;
 
 /// Which extremal of the family, if any, becomes singular in step `step`, where
-/// straight is admissible, if none is at its end.
-fn onset(paths: &Paths, steps: usize, step: usize, family: &[Piece]) -> Option<Onset> {
-    let (lo, hi) = (paths.lo[step], paths.hi[step]);
-    let at_end = |piece: &Piece, parameter| piece.at(paths, steps, step + 1, parameter);
-    let value = |piece: &Piece, parameter| p_at_zero(at_end(piece, parameter), lo, hi);
+/// straight is admissible, if none is at its end. The family is split there.
+fn onset(paths: &Paths, step: usize, family: &mut Vec<Piece>) -> Option<Onset> {
+    let bounds = (paths.lo[step], paths.hi[step]);
+    let end = Instant::beginning(step + 1);
+    let value = |piece: &Piece, parameter| p_at_zero(piece.at(paths, end, parameter), bounds);
     let inside = family
         .iter()
         .position(|piece| value(piece, piece.from) >= 0.0 && value(piece, piece.to) < 0.0);
-    let (place, above, below, parameter) = if let Some(place) = inside {
-        let piece = &family[place];
-        let (mut from, mut to) = (piece.from, piece.to);
-        for _ in 0..MOST_BISECTIONS {
-            let middle = 0.5 * (from + to);
-            if value(piece, middle) >= 0.0 {
-                from = middle;
-            } else {
-                to = middle;
-            }
-        }
-        (place, at_end(piece, from), at_end(piece, to), Some(from))
-    } else {
+    let mut place = match inside {
+        Some(place) => split(paths, step, family, place),
         // In the gap between two pieces.
-        let place = family.windows(2).position(|pair| {
-            value(&pair[0], pair[0].to) >= 0.0 && value(&pair[1], pair[1].from) < 0.0
-        })?;
-        let (left, right) = (&family[place], &family[place + 1]);
-        (place, at_end(left, left.to), at_end(right, right.from), None)
+        None => {
+            1 + family.windows(2).position(|pair| {
+                value(&pair[0], pair[0].to) >= 0.0 && value(&pair[1], pair[1].from) < 0.0
+            })?
+        }
     };
-    // Extremals may part by more than numbers can tell: the nearer one is as good. But
-    // where the rate on its side is zero the value jumps, and none arrives.
-    let [more, less] = [above, below].map(|costate| p_at_zero(costate, lo, hi).abs());
+    // Between two that have parted by now there are others.
+    for _ in 0..MOST_PARTINGS {
+        let gap = family[place].neighbours(&family[place - 1], paths);
+        if gap.back(paths, end).are_one() {
+            break;
+        }
+        let Some(parting) = gap.before_parting(paths, end) else {
+            break;
+        };
+        // From left to right.
+        let kind = Kind::Between { first: parting.last, last: parting.first };
+        family.insert(place, Piece { from: 0.0, to: 1.0, origin: parting.at, kind });
+        place = split(paths, step, family, place);
+    }
+    let (left, right) = (&family[place - 1], &family[place]);
+    let [above, below] = [left.at(paths, end, left.to), right.at(paths, end, right.from)];
+    // Where the rate on one side is zero the value jumps, and none may arrive.
+    let [more, less] = [above, below].map(|costate| p_at_zero(costate, bounds).abs());
     if more.min(less) > NEAR && more.max(less) == f64::INFINITY {
         return None;
     }
     let met = if more <= less { above } else { below };
-    Onset::meeting(met, (lo, hi), paths.step_s, place, parameter)
+    let rate = if met.phi > 0.0 { bounds.1 } else { bounds.0 };
+    let turning = if rate == 0.0 { 0.0 } else { met.phi / rate };
+    let seconds = paths.step_s - turning;
+    let rest = met.before(rate, turning).rest.re + seconds;
+    (seconds > 0.0).then_some(Onset { place, seconds, rest })
+}
+
+/// Splits a piece where its extremal becomes singular in step `step`; answers the place of
+/// the right part.
+fn split(paths: &Paths, step: usize, family: &mut Vec<Piece>, place: usize) -> usize {
+    let bounds = (paths.lo[step], paths.hi[step]);
+    let end = Instant::beginning(step + 1);
+    let left = &mut family[place];
+    let (mut from, mut to) = (left.from, left.to);
+    for _ in 0..MOST_BISECTIONS {
+        let middle = 0.5 * (from + to);
+        if p_at_zero(left.at(paths, end, middle), bounds) >= 0.0 {
+            from = middle;
+        } else {
+            to = middle;
+        }
+    }
+    let mut right = *left;
+    let clear = |bound: f64, end_of_piece: f64| {
+        let mut gap = GAP.copysign(end_of_piece - bound);
+        while gap.abs() < (end_of_piece - bound).abs() {
+            if p_at_zero(right.at(paths, end, bound + gap), bounds).abs() >= CLEAR {
+                return bound + gap;
+            }
+            gap *= 4.0;
+        }
+        end_of_piece
+    };
+    left.to = clear(from, right.from);
+    right.from = clear(to, right.to);
+    family.insert(place + 1, right);
+    place + 1
 }
 
 /// Costates closer to zero than this, s, may stand for zero.
@@ -190,7 +223,7 @@ const MOST_BISECTIONS: u32 = 60;
 
 /// The value of p with which an extremal, going back from the end of a step in
 /// which straight is admissible, meets φ = 0. It falls as φ rises.
-fn p_at_zero(costate: Costate, lo: f64, hi: f64) -> f64 {
+fn p_at_zero(costate: Costate, (lo, hi): (f64, f64)) -> f64 {
     let p = -costate.rest.im;
     let (phi, rate) = (costate.phi, if costate.phi > 0.0 { hi } else { lo });
     if phi == 0.0 {

@@ -157,6 +157,44 @@ async fn conservative_polygons_are_a_little_larger() {
 }
 
 #[tokio::test]
+async fn an_uncertain_start_reaches_more() {
+    // A fifth of a metre ahead of what the pose itself leads to, and turned.
+    let mut document = reach();
+    document["sets"][0]["queries"] = json!([
+        { "step": 1, "state": [1.526, 2.288, 0.5] },
+        { "step": 1, "state": [1.35, 2.19, 0.9] },
+        { "step": 1, "state": [1.35, 2.19, 2.0] },
+    ]);
+    let exact = answer("reach", &document).await;
+    let full = |answer: &Value| -> Vec<bool> {
+        (0..3).map(|q| answer["sets"][0]["queries"][q]["full"].as_bool().unwrap()).collect()
+    };
+    let area = |answer: &Value| answer["sets"][0]["tube"]["area"].as_f64().unwrap();
+    assert_eq!(full(&exact), [false, false, false]);
+    for (start, inside) in [
+        (json!({ "disc": 0.25 }), [true, false, false]),
+        (json!({ "box": [0.25, 0.01] }), [true, false, false]),
+        (json!({ "box": [0.01, 0.25] }), [false, false, false]),
+        (json!({ "heading": 0.4 }), [false, true, false]),
+        (json!({ "disc": 0.25, "heading": 0.4 }), [true, true, false]),
+    ] {
+        document["start"] = start;
+        let found = answer("reach", &document).await;
+        assert_eq!(full(&found), inside, "{}", document["start"]);
+        assert!(area(&found) > area(&exact));
+    }
+    for (start, words) in [
+        (json!({ "disc": -1 }), "start.disc: expected"),
+        (json!({ "box": [1, -1] }), "start.box[1]: expected"),
+        (json!({ "heading": 4 }), "start.heading: expected 0 to π rad"),
+        (json!({ "disc": 1, "box": [1, 1] }), "start: expected a disc or a box"),
+    ] {
+        document["start"] = start;
+        refused("reach", &document.to_string(), words).await;
+    }
+}
+
+#[tokio::test]
 async fn reach_names_what_is_wrong() {
     let refuses = async |pointer: &str, value: Value, words: &str| {
         let mut document = reach();

@@ -163,7 +163,7 @@ struct Compared {
 fn compare(workspace: &Workspace, quick: bool) -> Result<(Vec<Compared>, Vec<anyhow::Error>)> {
     let mut build = workspace.cargo(["build", "--locked", "--release", "--package", "sidestep"]);
     stage("our solver", build.args(["--example", "air3d"]))?;
-    let python = environment(workspace).context(
+    let python = environment(workspace, "tests/peers/requirements.txt", "venv").context(
         "the peer is missing: its Python environment needs python3 (3.11 or newer, with venv) \
          and access to PyPI",
     );
@@ -186,11 +186,15 @@ fn compare(workspace: &Workspace, quick: bool) -> Result<(Vec<Compared>, Vec<any
     Ok((compared, missing))
 }
 
-/// The interpreter of an environment with the peer in it: made once, and again when the
-/// requirements have changed.
-fn environment(workspace: &Workspace) -> Result<PathBuf> {
-    let requirements = workspace.path("tests/peers/requirements.txt");
-    let folder = workspace.peers().join("venv");
+/// The interpreter of an environment, called `name`, with a peer in it: made once, and again when
+/// the requirements (a file's path in the workspace) have changed.
+pub(super) fn environment(
+    workspace: &Workspace,
+    requirements: &str,
+    name: &str,
+) -> Result<PathBuf> {
+    let requirements = workspace.path(requirements);
+    let folder = workspace.peers().join(name);
     // Copied when all is installed, so that half an environment is not taken for a whole.
     let installed = folder.join("requirements.txt");
     let interpreter = interpreter(&folder);
@@ -293,7 +297,7 @@ fn row(case: &Case, ours: &Ours, theirs: Option<&Theirs>) -> Row {
 }
 
 /// The rows in columns, two spaces apart.
-fn table(rows: &[Row]) -> String {
+pub(super) fn table<const N: usize>(rows: &[[String; N]]) -> String {
     let mut text = String::new();
     for row in rows {
         let mut line = String::new();

@@ -147,8 +147,7 @@ impl<'a> Objective<'a> {
     /// Loss, gradient and Hessian at `theta` for this C.
     pub(super) fn at(&mut self, theta: &DVector<f64>, c: f64) -> Point {
         let n = self.unknowns();
-        let mut sums = Sums { loss: 0.0, gradient: vec![0.0; n], hessian: vec![0.0; n * n] };
-        in_widest_lanes(Pass { objective: self, theta: theta.as_slice(), sums: &mut sums });
+        let sums = self.sums(theta);
         let slope = self.penalty_slope(theta);
         let loss = c * sums.loss + 0.5 * slope.dot(theta);
         let gradient = DVector::from_vec(sums.gradient) * c + slope;
@@ -157,14 +156,27 @@ impl<'a> Objective<'a> {
         self.add_penalty(&mut hessian, 1.0);
         Point { loss, gradient, hessian }
     }
+
+    fn sums(&mut self, theta: &DVector<f64>) -> Sums {
+        let mut sums = Sums::zero(self.unknowns());
+        in_widest_lanes(Pass { objective: self, theta: theta.as_slice(), sums: &mut sums });
+        sums
+    }
 }
 
 /// Sums over rows, without C and penalty.
+#[derive(Debug, PartialEq)]
 struct Sums {
     loss: f64,
     gradient: Vec<f64>,
     /// Column-major; the lower triangle is filled.
     hessian: Vec<f64>,
+}
+
+impl Sums {
+    fn zero(unknowns: usize) -> Self {
+        Self { loss: 0.0, gradient: vec![0.0; unknowns], hessian: vec![0.0; unknowns * unknowns] }
+    }
 }
 
 struct Pass<'a, 'b> {
@@ -445,6 +457,24 @@ mod tests {
                     assert!((slopes[j] - curvature).abs() < 1e-6 * (1.0 + curvature.abs()));
                 }
             }
+        }
+    }
+
+    #[test]
+    fn lanes_change_no_bit() {
+        let mut rng = SeededRng::new(5);
+        for classes in [2, 3] {
+            let (n, width) = (700, 7);
+            let values: Vec<f64> = (0..n * width).map(|_| rng.uniform(-2.0, 2.0)).collect();
+            let labels: Vec<usize> = (0..n).map(|_| rng.below(classes)).collect();
+            let samples = Samples::new(width, &values, &labels, classes).unwrap();
+            let mut objective = Objective::new(&samples);
+            let n = objective.unknowns();
+            let theta = DVector::from_fn(n, |_, _| rng.uniform(-1.0, 1.0));
+            let wide = objective.sums(&theta);
+            let mut narrow = Sums::zero(n);
+            Pass { objective: &mut objective, theta: theta.as_slice(), sums: &mut narrow }.run();
+            assert_eq!(wide, narrow);
         }
     }
 

@@ -1,5 +1,7 @@
 //! Kernel matrices in lanes.
 
+#![allow(clippy::needless_range_loop, reason = "a lane of several arrays at once")]
+
 use crate::predict::svm::exponential::{exp32, exp64};
 use crate::reachability::parallel::{Kernel, in_widest_lanes};
 use crate::reachability::real::Real;
@@ -217,12 +219,13 @@ impl<T: Entry> Kernel for Combine<'_, T> {
         let fours = fours.iter().map(|four| (four.map(|(i, _)| run(i)), four.map(|(_, s)| s)));
         let fours: Vec<_> = fours.collect();
         let rest: Vec<_> = rest.iter().map(|&(i, share)| (run(i), share)).collect();
-        for (runs, shares) in fours {
-            for (b, sums) in sums.iter_mut().enumerate() {
-                for (l, sum) in sums.0.iter_mut().enumerate() {
-                    for (run, share) in runs.iter().zip(shares) {
-                        *sum += share * run[b].0[l].to_f64();
-                    }
+        for ([first, second, third, fourth], shares) in fours {
+            let pairs = first.iter().zip(second).zip(third.iter().zip(fourth));
+            for (sums, ((first, second), (third, fourth))) in sums.iter_mut().zip(pairs) {
+                for l in 0..LANES {
+                    let product = |k: usize, block: &Block<T>| shares[k] * block.0[l].to_f64();
+                    sums.0[l] += (product(0, first) + product(1, second))
+                        + (product(2, third) + product(3, fourth));
                 }
             }
         }
@@ -251,7 +254,15 @@ impl<T: Entry> Kernel for Products<'_, T> {
         let row = self.gram.row(self.row);
         for (coefficients, out) in self.coefficients.iter().zip(self.out) {
             let mut sums = [0.0; LANES];
-            for (block, coefficients) in row.iter().zip(coefficients) {
+            let (fours, rest) = coefficients.as_chunks::<4>();
+            let (row_fours, row_rest) = row.as_chunks::<4>();
+            for (blocks, coefficients) in row_fours.iter().zip(fours) {
+                for l in 0..LANES {
+                    let product = |k: usize| coefficients[k].0[l] * blocks[k].0[l].to_f64();
+                    sums[l] += (product(0) + product(1)) + (product(2) + product(3));
+                }
+            }
+            for (block, coefficients) in row_rest.iter().zip(rest) {
                 for ((sum, entry), share) in sums.iter_mut().zip(block.0).zip(coefficients.0) {
                     *sum += share * entry.to_f64();
                 }

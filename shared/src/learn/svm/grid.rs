@@ -85,10 +85,11 @@ impl Cell {
     }
 }
 
-/// The cell of the greatest mean accuracy, the first on a tie.
+/// The cell of the greatest mean accuracy, the first on a tie. Means that differ by rounding
+/// only are a tie: one row more or less is far above it.
 #[must_use]
 pub fn best(cells: &[Cell]) -> Option<&Cell> {
-    let better = |best: &Cell, cell: &Cell| cell.mean_accuracy() > best.mean_accuracy();
+    let better = |best: &Cell, cell: &Cell| cell.mean_accuracy() > best.mean_accuracy() + 1e-12;
     cells.iter().reduce(|best, cell| if better(best, cell) { cell } else { best })
 }
 

@@ -9,7 +9,7 @@
 
 #![allow(clippy::needless_range_loop, reason = "a lane of several arrays at once")]
 
-use super::gram::{Block, LANES, entry, entry_mut};
+use super::gram::LANES;
 use crate::invalid::Invalid;
 use crate::reachability::parallel::{Kernel, in_widest_lanes};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
@@ -20,6 +20,11 @@ const SHARE: f64 = 0.995;
 const MEAN_PRODUCT: f64 = 1e-12;
 /// … or after so many steps; about fifteen do.
 const MAX_STEPS: usize = 200;
+
+/// Rows of a block: sums run over several rows in registers before they go to memory.
+const ROWS: usize = 4 * LANES;
+
+type Block = [f64; ROWS];
 
 /// w and b of a pair's machine.
 #[derive(Clone, Debug)]
@@ -56,7 +61,7 @@ pub(super) fn fit(width: usize, data: &[f64], sides: &[i8], c: f64) -> Result<Pl
         weights: theta.as_slice()[..width].to_vec(),
         intercept: theta[width],
         #[cfg(test)]
-        alpha: (0..state.count).map(|i| *entry(&state.alpha, i)).collect(),
+        alpha: state.alpha.as_flattened()[..state.count].to_vec(),
     })
 }
 
@@ -66,67 +71,71 @@ struct State {
     c: f64,
     /// w, then b.
     theta: DVector<f64>,
-    /// y times each feature, then y itself.
-    columns: Vec<Vec<Block<f64>>>,
+    /// For each block of rows y times each feature, then y itself.
+    columns: Vec<Block>,
     rows: Vec<Row>,
-    alpha: Vec<Block<f64>>,
+    alpha: Vec<Block>,
     /// C − α, kept apart: the difference would cancel.
-    room: Vec<Block<f64>>,
-    z: Vec<Block<f64>>,
-    u: Vec<Block<f64>>,
+    room: Vec<Block>,
+    z: Vec<Block>,
+    u: Vec<Block>,
 }
 
 /// What one pass leaves for the next, for a block of rows.
 #[derive(Clone, Copy)]
 struct Row {
     /// 1/α and 1/(C − α).
-    over_alpha: [f64; LANES],
-    over_room: [f64; LANES],
+    over_alpha: Block,
+    over_room: Block,
     /// 1/(z/α + u/(C − α)), or 0 for rows that fill up.
-    weight: [f64; LANES],
+    weight: Block,
     /// 1 − g.
-    lack: [f64; LANES],
+    lack: Block,
     /// Right hand sides of the two products.
-    p: [f64; LANES],
-    q: [f64; LANES],
+    p: Block,
+    q: Block,
     /// Changes of α, z and u.
-    alpha: [f64; LANES],
-    z: [f64; LANES],
-    u: [f64; LANES],
+    alpha: Block,
+    z: Block,
+    u: Block,
 }
 
 impl State {
     fn new(width: usize, data: &[f64], sides: &[i8], c: f64) -> Self {
         let mine: Vec<usize> = (0..sides.len()).filter(|&i| sides[i] != 0).collect();
         let count = mine.len();
-        let blocks = count.div_ceil(LANES);
-        let mut columns = vec![vec![Block::all(0.0); blocks]; width + 1];
+        let blocks = count.div_ceil(ROWS);
+        let stride = width + 1;
+        let mut columns = vec![[0.0; ROWS]; blocks * stride];
         for (k, &i) in mine.iter().enumerate() {
             let y = f64::from(sides[i]);
+            let columns = &mut columns[k / ROWS * stride..][..stride];
             for (column, &x) in columns.iter_mut().zip(&data[i * width..(i + 1) * width]) {
-                *entry_mut(column, k) = y * x;
+                column[k % ROWS] = y * x;
             }
-            *entry_mut(&mut columns[width], k) = y;
+            columns[width][k % ROWS] = y;
         }
         // In the middle of the box, on the plane Σ α y = 0.
         let first = mine.iter().filter(|&&i| sides[i] > 0).count() as f64 / count as f64;
-        let mut alpha = vec![Block::all(0.5 * c); blocks];
+        let mut alpha = vec![[0.5 * c; ROWS]; blocks];
         let mut theta = DVector::zeros(width + 1);
         for (k, &i) in mine.iter().enumerate() {
             let share = if sides[i] > 0 { 1.0 - first } else { first };
-            *entry_mut(&mut alpha, k) = c * share;
+            alpha.as_flattened_mut()[k] = c * share;
+            for (theta, column) in theta.iter_mut().take(width).zip(&columns[k / ROWS * stride..]) {
+                *theta += c * share * column[k % ROWS];
+            }
         }
-        for (j, column) in columns[..width].iter().enumerate() {
-            theta[j] = (0..count).map(|k| entry(column, k) * entry(&alpha, k)).sum();
-        }
-        let room = alpha.iter().map(|a| Block(core::array::from_fn(|l| c - a.0[l]))).collect();
-        let (mut z, mut u) = (vec![Block::all(1.0); blocks], vec![Block::all(1.0); blocks]);
+        let room = alpha.iter().map(|alpha| alpha.map(|alpha| c - alpha)).collect();
+        let (mut z, mut u) = (vec![[1.0; ROWS]; blocks], vec![[1.0; ROWS]; blocks]);
         for k in 0..count {
-            let margin = (0..width).map(|j| entry(&columns[j], k) * theta[j]).sum::<f64>() - 1.0;
-            *entry_mut(&mut z, k) = 1.0 + margin.max(0.0);
-            *entry_mut(&mut u, k) = 1.0 + (-margin).max(0.0);
+            let columns = &columns[k / ROWS * stride..];
+            let products = (0..width).map(|j| columns[j][k % ROWS] * theta[j]);
+            let margin = products.sum::<f64>() - 1.0;
+            z.as_flattened_mut()[k] = 1.0 + margin.max(0.0);
+            u.as_flattened_mut()[k] = 1.0 + (-margin).max(0.0);
         }
-        let zero = [0.0; LANES];
+        let zero = [0.0; ROWS];
         let row = Row {
             over_alpha: zero,
             over_room: zero,
@@ -181,42 +190,40 @@ impl State {
     #[inline(always)]
     fn linearise(&mut self) -> (f64, DMatrix<f64>) {
         let Self { theta, columns, rows, alpha, room, z, u, count, .. } = self;
-        let n = columns.len();
+        let n = theta.len();
         let mut sums = vec![[0.0; LANES]; n * (n + 1) / 2];
-        let mut gap = [0.0; LANES];
+        let mut gap = [0.0; ROWS];
         for (b, row) in rows.iter_mut().enumerate() {
-            let (alpha, room, z, u) = (&alpha[b].0, &room[b].0, &z[b].0, &u[b].0);
-            let mut margin = [0.0; LANES];
+            let (alpha, room, z, u) = (&alpha[b], &room[b], &z[b], &u[b]);
+            let columns = &columns[b * n..(b + 1) * n];
+            let mut margin = [0.0; ROWS];
             for (column, &theta) in columns.iter().zip(theta.iter()) {
-                for l in 0..LANES {
-                    margin[l] += theta * column[b].0[l];
+                for l in 0..ROWS {
+                    margin[l] += theta * column[l];
                 }
             }
             // Rows that fill up: 0 in place of 1.
-            let part: [f64; LANES] = if (b + 1) * LANES <= *count {
-                [1.0; LANES]
+            let part: Block = if (b + 1) * ROWS <= *count {
+                [1.0; ROWS]
             } else {
-                core::array::from_fn(|l| f64::from(u8::from(b * LANES + l < *count)))
+                core::array::from_fn(|l| f64::from(u8::from(b * ROWS + l < *count)))
             };
-            for l in 0..LANES {
+            for l in 0..ROWS {
                 row.over_alpha[l] = 1.0 / alpha[l];
                 row.over_room[l] = 1.0 / room[l];
                 row.weight[l] = part[l] / (z[l] * row.over_alpha[l] + u[l] * row.over_room[l]);
                 row.lack[l] = 1.0 - margin[l];
                 gap[l] += part[l] * (alpha[l] * z[l] + room[l] * u[l]);
             }
-            (row.p, row.q) = ([0.0; LANES], [0.0; LANES]);
-            let mut k = 0;
+            (row.p, row.q) = ([0.0; ROWS], [0.0; ROWS]);
+            let mut sums = sums.iter_mut();
             for (i, first) in columns.iter().enumerate() {
-                let mut weighted = first[b].0;
-                for l in 0..LANES {
+                let mut weighted = *first;
+                for l in 0..ROWS {
                     weighted[l] *= row.weight[l];
                 }
-                for second in &columns[..=i] {
-                    for l in 0..LANES {
-                        sums[k][l] += weighted[l] * second[b].0[l];
-                    }
-                    k += 1;
+                for (second, sum) in columns[..=i].iter().zip(&mut sums) {
+                    add_product(sum, &weighted, second);
                 }
             }
         }
@@ -238,20 +245,19 @@ impl State {
     /// The step of (w, b) for the present p and q.
     #[inline(always)]
     fn solve(&self, system: &Cholesky<f64, Dyn>) -> DVector<f64> {
-        let mut sums = vec![[0.0; LANES]; self.columns.len()];
-        for (b, row) in self.rows.iter().enumerate() {
-            let mut wanted = [0.0; LANES];
-            for l in 0..LANES {
+        let mut sums = vec![[0.0; LANES]; self.theta.len()];
+        let columns = self.columns.chunks_exact(self.theta.len());
+        for ((b, row), columns) in self.rows.iter().enumerate().zip(columns) {
+            let mut wanted = [0.0; ROWS];
+            for l in 0..ROWS {
                 let pull = row.p[l] * row.over_alpha[l] - row.q[l] * row.over_room[l];
-                wanted[l] = row.weight[l] * (row.lack[l] + pull) + self.alpha[b].0[l];
+                wanted[l] = row.weight[l] * (row.lack[l] + pull) + self.alpha[b][l];
             }
-            for (sum, column) in sums.iter_mut().zip(&self.columns) {
-                for l in 0..LANES {
-                    sum[l] += wanted[l] * column[b].0[l];
-                }
+            for (sum, column) in sums.iter_mut().zip(columns) {
+                add_product(sum, &wanted, column);
             }
         }
-        let mut right = DVector::from_iterator(sums.len(), sums.iter().map(total));
+        let mut right = DVector::from_iterator(sums.len(), sums.iter().map(|sum| total(sum)));
         for j in 0..sums.len() - 1 {
             right[j] -= self.theta[j];
         }
@@ -263,17 +269,18 @@ impl State {
     #[inline(always)]
     fn turn(&mut self, step: &DVector<f64>) -> (f64, f64) {
         let Self { columns, rows, z, u, .. } = self;
-        let mut fastest = [0.0; LANES];
-        let mut curvature = [0.0; LANES];
-        for (b, row) in rows.iter_mut().enumerate() {
-            let mut turn = [0.0; LANES];
+        let mut fastest = [0.0; ROWS];
+        let mut curvature = [0.0; ROWS];
+        let columns = columns.chunks_exact(step.len());
+        for ((b, row), columns) in rows.iter_mut().enumerate().zip(columns) {
+            let mut turn = [0.0; ROWS];
             for (column, &step) in columns.iter().zip(step.iter()) {
-                for l in 0..LANES {
-                    turn[l] += step * column[b].0[l];
+                for l in 0..ROWS {
+                    turn[l] += step * column[l];
                 }
             }
-            let (z, u) = (&z[b].0, &u[b].0);
-            for l in 0..LANES {
+            let (z, u) = (&z[b], &u[b]);
+            for l in 0..ROWS {
                 let (over_alpha, over_room) = (row.over_alpha[l], row.over_room[l]);
                 let pull = row.p[l] * over_alpha - row.q[l] * over_room;
                 let alpha = row.weight[l] * (row.lack[l] + pull - turn[l]);
@@ -297,7 +304,7 @@ impl State {
     #[inline(always)]
     fn correct(&mut self, mu: f64) {
         for row in &mut self.rows {
-            for l in 0..LANES {
+            for l in 0..ROWS {
                 row.p[l] = mu - row.alpha[l] * row.z[l];
                 row.q[l] = mu + row.alpha[l] * row.u[l];
             }
@@ -308,11 +315,11 @@ impl State {
     #[inline(always)]
     fn advance(&mut self, share: f64, step: &DVector<f64>) {
         for (b, row) in self.rows.iter().enumerate() {
-            for l in 0..LANES {
-                self.alpha[b].0[l] += share * row.alpha[l];
-                self.room[b].0[l] -= share * row.alpha[l];
-                self.z[b].0[l] += share * row.z[l];
-                self.u[b].0[l] += share * row.u[l];
+            for l in 0..ROWS {
+                self.alpha[b][l] += share * row.alpha[l];
+                self.room[b][l] -= share * row.alpha[l];
+                self.z[b][l] += share * row.z[l];
+                self.u[b][l] += share * row.u[l];
             }
         }
         for (theta, step) in self.theta.iter_mut().zip(step.iter()) {
@@ -321,8 +328,17 @@ impl State {
     }
 }
 
-/// The sum of the lanes, in order.
+/// Adds the products of two blocks of rows to their sums.
 #[inline(always)]
-fn total(lanes: &[f64; LANES]) -> f64 {
-    lanes.iter().sum()
+fn add_product(sums: &mut [f64; LANES], first: &Block, second: &Block) {
+    for l in 0..LANES {
+        let product = |part: usize| first[part * LANES + l] * second[part * LANES + l];
+        sums[l] += (product(0) + product(1)) + (product(2) + product(3));
+    }
+}
+
+/// The sum, in order.
+#[inline(always)]
+fn total(terms: &[f64]) -> f64 {
+    terms.iter().sum()
 }

@@ -14,7 +14,7 @@ const LEAST_PIVOT: f64 = 1e-7;
 /// Rows are filled up to a multiple of this.
 const WIDTH: usize = 8;
 /// Bounds that are met, one after another, before pairwise steps go on.
-const BOUNDS: usize = 1;
+const BOUNDS: usize = 4;
 
 /// A Cholesky factor and vectors, kept for their room.
 #[derive(Debug, Default)]

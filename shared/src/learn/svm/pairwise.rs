@@ -143,12 +143,11 @@ impl<T: Entry> Kernel for Pairwise<'_, T> {
     fn run(self) {
         let Self { dense, newton, tolerance, steps } = self;
         while *steps > 0 {
-            // About as long as a Newton step takes: neither then costs much more than the
-            // better of the two alone.
+            // Pairwise steps, which find out what is at a bound, for some time longer than a
+            // Newton step takes; it is for what they have not solved by then.
             let free = dense.variables.iter().filter(|variable| variable.is_free()).count();
-            let budget = (dense.variables.len() + free * free * free / 4000).min(*steps);
-            *steps -= budget;
-            if exchange(dense, tolerance, budget) {
+            let budget = 4 * dense.variables.len() + free * free * free / 1000;
+            if exchange(dense, tolerance, budget.min(*steps), steps) {
                 return;
             }
             newton.step(dense);
@@ -156,9 +155,15 @@ impl<T: Entry> Kernel for Pairwise<'_, T> {
     }
 }
 
-/// Pairwise steps until the tolerance is reached, which it answers, or `budget` of them.
+/// Pairwise steps until the tolerance is reached, which it answers, or `budget` of them;
+/// takes them off `steps`.
 #[inline(always)]
-fn exchange<T: Entry>(dense: &mut Dense<T>, tolerance: f64, budget: usize) -> bool {
+fn exchange<T: Entry>(
+    dense: &mut Dense<T>,
+    tolerance: f64,
+    budget: usize,
+    steps: &mut usize,
+) -> bool {
     let blocks = dense.variables.len().div_ceil(LANES).next_multiple_of(GROUP);
     let tolerance = T::from_f64(tolerance);
     let least = T::from_f64(LEAST_CURVATURE);
@@ -168,6 +173,7 @@ fn exchange<T: Entry>(dense: &mut Dense<T>, tolerance: f64, budget: usize) -> bo
         if top - bottom <= tolerance {
             return true;
         }
+        *steps -= 1;
         i = rising;
         j = partner(dense, blocks, i, top, least);
         let across = *entry(&dense.matrix[i * dense.stride..], j);

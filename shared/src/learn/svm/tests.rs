@@ -166,3 +166,22 @@ fn too_few_steps_are_an_error() {
     let sigmoids = vec![Sigmoid { a: -1.0, b: 0.0 }];
     assert_eq!(fit(4, &rows, task, settings, sigmoids).unwrap_err().field, "c");
 }
+
+#[test]
+fn the_first_of_equal_cells_is_best() {
+    let cell = |c: f64, accuracy: &[f64]| Cell {
+        kernel: Kernel::Linear,
+        c,
+        accuracy: accuracy.to_vec(),
+        decisions: vec![],
+    };
+    // The same numbers, whose sums round differently.
+    let cells = [
+        cell(1.0, &[0.5, 0.5, 0.5]),
+        cell(2.0, &[0.7, 0.1, 0.8]),
+        cell(3.0, &[0.8, 0.7, 0.1]),
+        cell(4.0, &[0.1, 0.8, 0.7]),
+    ];
+    assert_eq!(best(&cells).unwrap().c, 2.0);
+    assert!(best(&[]).is_none());
+}

@@ -100,9 +100,9 @@ these steps; a margin below 0 would be outside. Polygons are drawn to {} mm; how
 of exact ones (drawn to a tenth of that), and by how much they are larger (in % where the set has
 0.1 m² or more), is what being sure costs.
 
-Bounds made to be hard are another matter: of 8,000, with up to 50 steps, many without choice or
-within 10⁻³ rad/s of admitting straight driving, seven sets missed drives by more than the accuracy, up to
-2.6 m at 50 steps, and conservative polygons share that
+Bounds made to be hard are another matter: of 7,200, with up to 50 steps, many without choice or
+within 10⁻³ rad/s of admitting straight driving, one set missed drives that get as far as can be by
+more than the accuracy, 4.4 mm at 50 steps, and conservative polygons may share that
 ([decision 0007](../decisions/0007-reachable-sets.md)). This is open.
 
 {}

@@ -1,0 +1,192 @@
+//! `cargo xtask bench learning`: the paper's comparison of one participant by scikit-learn and by
+//! `sidestep analyze`, and of all eight by the latter alone.
+//!
+//! `tests/peers/learning.py` is the peer's side. What we do more, feature sets with the body
+//! frame, calibration, models beyond the paper, roll-outs and files, counts against us.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitCode, Stdio};
+use std::time::{Duration, Instant};
+use std::{fs, thread};
+
+use anyhow::{Context, Result, bail, ensure};
+use serde::Deserialize;
+
+use super::peers::{environment, table};
+use crate::workspace::{Workspace, output_of, stage};
+
+/// How many times as fast as the peer we mean to be at least.
+const RATIO: f64 = 15.0;
+
+/// Whole comparisons: threads, and the most seconds that they may take.
+const WHOLE: [(&str, f64); 2] = [("2", 20.0), ("1", 35.0)];
+
+/// The most memory that they may take, MB.
+const MEMORY_MB: f64 = 400.0;
+
+/// What the script prints, as far as it is used here.
+#[derive(Deserialize)]
+struct Theirs {
+    wall_s: f64,
+    fits: u32,
+    versions: Versions,
+}
+
+#[derive(Deserialize)]
+struct Versions {
+    scikit_learn: String,
+    numpy: String,
+}
+
+/// How long the command took and how much memory, MB, where the system tells.
+struct Ours {
+    wall_s: f64,
+    memory_mb: Option<f64>,
+}
+
+/// Measures and prints. Without Python or its packages our own figures still come, and then it
+/// fails; a missed target fails too.
+///
+/// # Errors
+/// When the program cannot be built or run.
+pub(super) fn run(workspace: &Workspace) -> Result<ExitCode> {
+    let mut build = workspace.cargo(["build", "--locked", "--release"]);
+    stage("sidestep", build.args(["--package", "sidestep-server"]))?;
+    let folder = tempfile::tempdir().context("a folder for results")?;
+    let data = |name: &str| workspace.path("shared/tests/data").join(name);
+    let (trials, features) = (data("trials.csv"), data("features.csv"));
+    let first = folder.path().join("first.csv");
+    fs::write(&first, of_first_participant(&fs::read_to_string(&trials)?))?;
+
+    let mut rows = vec![
+        ["what", "wall s", "peer's wall s", "ratio", "target", "memory MB", ""].map(str::to_owned),
+    ];
+    let ours = analyze(workspace, &first, &features, "2", &folder.path().join("first"))?;
+    let theirs = theirs(workspace, &features);
+    let mut kept = true;
+    let mut says = |kept_here: bool| {
+        kept &= kept_here;
+        if kept_here { String::new() } else { "MISSED".to_owned() }
+    };
+    let memory =
+        |ours: &Ours| ours.memory_mb.map_or_else(|| "-".to_owned(), |mb| format!("{mb:.0}"));
+    if let Ok(theirs) = &theirs {
+        let ratio = theirs.wall_s / ours.wall_s;
+        eprintln!(
+            "scikit-learn {}, numpy {}: {} fits in two processes",
+            theirs.versions.scikit_learn, theirs.versions.numpy, theirs.fits
+        );
+        rows.push([
+            "one participant, 2 threads".to_owned(),
+            format!("{:.2}", ours.wall_s),
+            format!("{:.1}", theirs.wall_s),
+            format!("{ratio:.1}"),
+            format!("≥ {RATIO}"),
+            memory(&ours),
+            says(ratio >= RATIO),
+        ]);
+    }
+    for (threads, most) in WHOLE {
+        let out = folder.path().join(threads);
+        let ours = analyze(workspace, &trials, &features, threads, &out)?;
+        let small = ours.memory_mb.is_none_or(|mb| mb <= MEMORY_MB);
+        rows.push([
+            format!(
+                "eight participants, {threads} thread{}",
+                if threads == "1" { "" } else { "s" }
+            ),
+            format!("{:.1}", ours.wall_s),
+            "-".to_owned(),
+            format!("{:.2}", ours.wall_s / most),
+            format!("≤ {most} s"),
+            memory(&ours),
+            says(ours.wall_s <= most && small),
+        ]);
+    }
+    print!("{}", table(&rows));
+    if let Err(error) = &theirs {
+        eprintln!("error: {error:#}");
+    }
+    Ok(if kept && theirs.is_ok() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+}
+
+/// The header, and the rows of the participant whose rows come first.
+fn of_first_participant(trials: &str) -> String {
+    let mut lines = trials.lines();
+    let header = lines.next().unwrap_or_default();
+    let name = |line: &str| line.split(',').next().map(str::to_owned);
+    let first = lines.clone().next().and_then(name);
+    let own = lines.filter(|line| name(line) == first);
+    std::iter::once(header).chain(own).flat_map(|line| [line, "\n"]).collect()
+}
+
+fn theirs(workspace: &Workspace, features: &Path) -> Result<Theirs> {
+    let python = environment(workspace, "tests/peers/learning-requirements.txt", "learning")
+        .context(
+            "the peer is missing: its Python environment needs python3 (3.11 or newer, with \
+             venv) and access to PyPI",
+        )?;
+    let mut script = Command::new(python);
+    script.arg(workspace.path("tests/peers/learning.py"));
+    script.arg("--features").arg(features).args(["--participant", "0", "--processes", "2"]);
+    let answer = output_of("the peer's script", &mut script)?;
+    serde_json::from_str(&answer).with_context(|| format!("the peer's script printed {answer:?}"))
+}
+
+/// Runs the command into a folder that is not there yet, so that nothing is kept from before.
+fn analyze(
+    workspace: &Workspace,
+    trials: &Path,
+    features: &Path,
+    threads: &str,
+    out: &PathBuf,
+) -> Result<Ours> {
+    ensure!(!out.exists(), "{} is there already", out.display());
+    let mut command = Command::new(workspace.server());
+    command.arg("analyze").arg("--trials").arg(trials).arg("--features").arg(features);
+    command.args(["--threads", threads]).arg("--out").arg(out).stdout(Stdio::null());
+    let start = Instant::now();
+    let mut child = command.spawn().context("cannot start sidestep")?;
+    let mut memory_mb = None;
+    let status = loop {
+        // The last reading before the end counts: the system keeps the highest.
+        memory_mb = peak_memory_mb(child.id()).or(memory_mb);
+        if let Some(status) = child.try_wait()? {
+            break status;
+        }
+        thread::sleep(Duration::from_millis(5));
+    };
+    let wall_s = start.elapsed().as_secs_f64();
+    if !status.success() {
+        bail!("sidestep analyze failed: {status}");
+    }
+    Ok(Ours { wall_s, memory_mb })
+}
+
+/// The most memory that a process has had at once so far, as Linux keeps it.
+fn peak_memory_mb(process: u32) -> Option<f64> {
+    let status = fs::read_to_string(format!("/proc/{process}/status")).ok()?;
+    let line = status.lines().find(|line| line.starts_with("VmHWM:"))?;
+    let kilobytes: f64 = line.split_whitespace().nth(1)?.parse().ok()?;
+    Some(kilobytes / 1024.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_participant_is_cut_out() {
+        let trials = "participant,trial\n7,0\n7,1\n70,0\n";
+        assert_eq!(of_first_participant(trials), "participant,trial\n7,0\n7,1\n");
+    }
+
+    #[test]
+    fn every_version_is_pinned() {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/peers/learning-requirements.txt");
+        let requirements = fs::read_to_string(path).expect("the file is committed");
+        let lines = requirements.lines().filter(|line| !line.starts_with('#'));
+        assert!(lines.clone().all(|line| line.contains("==")));
+        assert!(lines.clone().any(|line| line.starts_with("scikit-learn==1.9")));
+    }
+}
