@@ -14,7 +14,7 @@ use sidestep::comparison::cell::ModelName;
 fn mark(model: ModelName) -> Mark {
     match model {
         ModelName::Svm | ModelName::SvmRbf | ModelName::SvmLinear => Mark::Circle,
-        ModelName::Dt => Mark::Square,
+        ModelName::Dt | ModelName::Boosted => Mark::Square,
         ModelName::Lr => Mark::Triangle,
     }
 }
@@ -26,7 +26,7 @@ fn sign(model: ModelName) -> &'static str {
             "<line class=\"curve svm\" x1=\"0\" y1=\"6\" x2=\"26\" y2=\"6\"/>\
              <circle class=\"mark svm\" cx=\"13\" cy=\"6\" r=\"4\"/>"
         }
-        ModelName::Dt => {
+        ModelName::Dt | ModelName::Boosted => {
             "<line class=\"curve dt\" x1=\"0\" y1=\"6\" x2=\"26\" y2=\"6\"/>\
              <rect class=\"mark dt\" x=\"9.5\" y=\"2.5\" width=\"7\" height=\"7\"/>"
         }

@@ -18,7 +18,7 @@ pub(super) fn accuracies(model: ModelName, experiment: Experiment) -> Option<[f6
         (ModelName::Svm, Whether) => Some([83.89, 83.15, 81.12, 82.85, 79.62, 82.15, 70.72]),
         (ModelName::Dt, Whether) => Some([81.29, 78.58, 79.26, 80.55, 79.15, 78.5, 68.0]),
         (ModelName::Lr, Whether) => Some([81.70, 81.61, 78.79, 81.62, 77.54, 80.88, 71.35]),
-        (ModelName::SvmRbf | ModelName::SvmLinear, _) => None,
+        (ModelName::SvmRbf | ModelName::SvmLinear | ModelName::Boosted, _) => None,
     }
 }
 
@@ -31,6 +31,7 @@ pub(super) fn distances(model: ModelName, metric: Metric) -> Option<[f64; 7]> {
         (ModelName::Svm, Metric::End) => Some([6.7, 7.38, 8.67, 7.03, 8.78, 8.07, 15.94]),
         (ModelName::Dt, Metric::End) => Some([8.77, 9.09, 8.43, 8.02, 9.45, 9.25, 14.5]),
         (ModelName::Lr, Metric::End) => Some([7.67, 7.35, 9.17, 7.72, 9.96, 8.09, 17.57]),
-        (ModelName::SvmRbf | ModelName::SvmLinear, _) | (_, Metric::Accuracy) => None,
+        (ModelName::SvmRbf | ModelName::SvmLinear | ModelName::Boosted, _)
+        | (_, Metric::Accuracy) => None,
     }
 }

@@ -10,6 +10,7 @@ pub(in crate::analysis) fn model(model: ModelName) -> &'static str {
         ModelName::SvmLinear => "SVM (linear)",
         ModelName::Dt => "DT",
         ModelName::Lr => "LR",
+        ModelName::Boosted => "boosted trees",
     }
 }
 
@@ -21,6 +22,7 @@ pub(super) fn model_in_full(model: ModelName) -> &'static str {
         ModelName::SvmLinear => "the linear support vector machine",
         ModelName::Dt => "the decision tree",
         ModelName::Lr => "logistic regression",
+        ModelName::Boosted => "gradient-boosted trees",
     }
 }
 
