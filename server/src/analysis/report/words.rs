@@ -46,9 +46,11 @@ pub(super) fn class(experiment: Experiment, class: i8) -> &'static str {
 
 /// A feature set as HTML: B with its letters.
 pub(super) fn set(name: &str) -> String {
+    let (name, memory) =
+        name.strip_suffix("_history").map_or((name, ""), |name| (name, " + memory"));
     let (letters, body) = parts(name);
     let body = if body { " + body" } else { "" };
-    format!("<i>B</i><sub>{letters}</sub>{body}")
+    format!("<i>B</i><sub>{letters}</sub>{body}{memory}")
 }
 
 /// Its letters, and whether the robot's position in the human's body frame is in it.

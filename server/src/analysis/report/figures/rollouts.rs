@@ -5,8 +5,8 @@ use super::super::words;
 use super::{mark, sign};
 use crate::analysis::Analysis;
 use sidestep::comparison::RolloutsOf;
-use sidestep::comparison::cell::ModelName;
-use sidestep::comparison::rollout::{Horizon, Simple};
+use sidestep::comparison::cell::{HISTORY_SET, ModelName};
+use sidestep::comparison::rollout::Horizon;
 
 const HEIGHT: f64 = 240.0;
 
@@ -14,54 +14,94 @@ const HEIGHT: f64 = 240.0;
 struct Curve<'a> {
     class: &'static str,
     mark: Option<Mark>,
-    name: String,
+    name: &'static str,
     horizons: &'a [Horizon],
 }
 
-/// Against the horizon: accuracy, log loss and position error, on B_hrd.
+const HELD: &str = "<line class=\"curve held\" x1=\"0\" y1=\"6\" x2=\"26\" y2=\"6\"/>";
+const STRAIGHT: &str = "<line class=\"curve straight\" x1=\"0\" y1=\"6\" x2=\"26\" y2=\"6\"/>";
+const BOOSTED: &str = "<line class=\"curve boosted\" x1=\"0\" y1=\"6\" x2=\"26\" y2=\"6\"/>\
+                       <rect class=\"mark boosted\" x=\"9.5\" y=\"2.5\" width=\"7\" height=\"7\"/>";
+const MEMORY: &str = "<line class=\"curve memory\" x1=\"0\" y1=\"6\" x2=\"26\" y2=\"6\"/>\
+                      <circle class=\"mark memory\" cx=\"13\" cy=\"6\" r=\"4\"/>";
+
+/// What a curve is of: driver, feature set, class, mark and name.
+type Line = (&'static str, &'static str, &'static str, Option<Mark>, &'static str);
+
+/// Who does not think.
+const SIMPLE: [Line; 2] = [
+    ("held_input", "", "held", None, "held input"),
+    ("straight", "", "straight", None, "straight on"),
+];
+
+/// Who knows more than the paper's models.
+const BEYOND: [Line; 4] = [
+    ("svm", "hrd_body", "svm", Some(Mark::Circle), "SVM"),
+    ("boosted", "hrd_body", "boosted", Some(Mark::Square), "boosted trees"),
+    ("lr", HISTORY_SET, "lr", Some(Mark::Triangle), "LR with memory"),
+    ("boosted", HISTORY_SET, "memory", Some(Mark::Circle), "boosted trees with memory"),
+];
+
+/// Against the horizon: accuracy, position error and log loss; of the paper's models on B_hrd, and
+/// of those that know more.
 pub(in super::super) fn figure_of(analysis: &Analysis) -> String {
-    let curves = curves(&analysis.rollouts);
-    let step_s = analysis.context.step_s;
-    let accuracy = chart(&curves, step_s, "Accuracy", "accuracy (%)", |h| 100.0 * h.accuracy());
-    let distance = chart(
-        &curves,
-        step_s,
-        "Distance from where the human was",
-        "distance (m)",
-        Horizon::mean_distance_m,
-    );
-    let loss = chart(&curves, step_s, "Log loss", "log loss (nats)", Horizon::mean_log_loss);
-    let held = "<line class=\"curve held\" x1=\"0\" y1=\"6\" x2=\"26\" y2=\"6\"/>";
-    let straight = "<line class=\"curve straight\" x1=\"0\" y1=\"6\" x2=\"26\" y2=\"6\"/>";
+    let papers = ModelName::PAPERS
+        .map(|model| (model.word(), "hrd", model.word(), Some(mark(model)), words::model(model)));
+    let simple = [(HELD, "holds the last input"), (STRAIGHT, "drives straight on")];
     let names = ModelName::PAPERS.map(|model| (sign(model), words::model(model)));
-    let baselines = [(held, "holds the last input"), (straight, "drives straight on")];
-    let items: Vec<(&str, &str)> = names.into_iter().chain(baselines).collect();
+    let items: Vec<(&str, &str)> = names.into_iter().chain(simple).collect();
     let caption = format!(
-        "<b>Roll-outs</b> of models on {}, from every step of the test trials: each predicted input \
-         moves the human, and the next prediction is made from there. Less is better for distance \
-         and log loss. Windows overlap and are pooled over people, so that no test is made of them.",
+        "<b>Roll-outs</b> of the paper’s models on {}, from every step of the test trials: each \
+         predicted input moves the human, and the next prediction is made from there. Less is \
+         better for distance and log loss. Windows overlap and are pooled over people, so that no \
+         test is made of them.",
         words::set("hrd")
     );
-    figure(&[accuracy, distance, loss], &legend(&items), &caption)
+    let first = figure(&charts(analysis, &papers), &legend(&items), &caption);
+    let found = |line: &&Line| curve(&analysis.rollouts, line).is_some();
+    if BEYOND.iter().filter(found).count() < 2 {
+        return first;
+    }
+    let items = [
+        (sign(ModelName::Svm), "SVM"),
+        (BOOSTED, "boosted trees"),
+        (sign(ModelName::Lr), "LR with memory"),
+        (MEMORY, "boosted trees with memory"),
+        simple[0],
+        simple[1],
+    ];
+    let caption = format!(
+        "<b>Roll-outs beyond the paper</b>: on {}, and with a memory of the inputs held so far. \
+         Boosted trees: gradient-boosted decision trees.",
+        words::set("hrd_body")
+    );
+    first + &figure(&charts(analysis, &BEYOND), &legend(&items), &caption)
 }
 
-/// Of the paper's models on B_hrd, and of the simple drivers.
-fn curves(all: &[RolloutsOf]) -> Vec<Curve<'_>> {
-    let find = |driver: &str, features: &str| {
-        all.iter().find(|of| of.driver == driver && of.features == features)
-    };
-    let models = ModelName::PAPERS.into_iter().filter_map(|model| {
-        let horizons = &find(model.word(), "hrd")?.horizons;
-        let (class, name) = (model.word(), words::model(model).to_owned());
-        Some(Curve { class, mark: Some(mark(model)), name, horizons })
-    });
-    let simple =
-        [(Simple::Held, "held", "held input"), (Simple::Straight, "straight", "straight on")];
-    let simple = simple.into_iter().filter_map(|(driver, class, name)| {
-        let horizons = &find(driver.word(), "")?.horizons;
-        Some(Curve { class, mark: None, name: name.to_owned(), horizons })
-    });
-    models.chain(simple).collect()
+/// Of these and of the simple drivers.
+fn charts(analysis: &Analysis, lines: &[Line]) -> [String; 3] {
+    let all = lines.iter().chain(&SIMPLE);
+    let curves: Vec<Curve<'_>> = all.filter_map(|line| curve(&analysis.rollouts, line)).collect();
+    let step_s = analysis.context.step_s;
+    [
+        chart(&curves, step_s, "Accuracy", "accuracy (%)", |h| 100.0 * h.accuracy()),
+        chart(
+            &curves,
+            step_s,
+            "Distance from the person",
+            "distance (m)",
+            Horizon::mean_distance_m,
+        ),
+        chart(&curves, step_s, "Log loss", "log loss (nats)", Horizon::mean_log_loss),
+    ]
+}
+
+fn curve<'a>(
+    all: &'a [RolloutsOf],
+    &(driver, features, class, mark, name): &Line,
+) -> Option<Curve<'a>> {
+    let of = all.iter().find(|of| of.driver == driver && of.features == features)?;
+    Some(Curve { class, mark, name, horizons: &of.horizons })
 }
 
 fn chart(
