@@ -52,7 +52,7 @@ use extremal::{Costate, Instant};
 use grow::Brush;
 use nalgebra::Complex;
 use outline::Outliner;
-use paths::{Path, Paths, Turn, unit};
+use paths::{Path, Paths, unit};
 use sampling::{Curves, pieces, sample};
 use singular::Piece;
 
@@ -369,7 +369,7 @@ fn path(
         let rate = path.turn(step).rate;
         // Finer than the front: to the area both sides add what the front takes away.
         let count = pieces(step_s, rate.abs(), 0.5 * tolerance, least);
-        let turn = Turn::new(rate, step_s / count as f64);
+        let turn = path.piece(step, count);
         let (mut point, mut facing) = (path.point(step), path.facing(step));
         for _ in 0..count {
             points.push(point);

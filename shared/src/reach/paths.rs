@@ -13,10 +13,11 @@ const SMALL: f64 = 0.25;
 /// e^{i·angle}.
 pub(super) fn unit(angle: f64) -> Complex<f64> {
     if angle.abs() < SMALL {
-        // The next terms are below 10⁻¹⁷.
+        // The next terms are below 10⁻¹⁷. Products, since quotients take several times as long.
         let a2 = angle * angle;
-        let cos = 1.0 - a2 / 90.0 * (1.0 - a2 / 132.0);
-        let cos = 1.0 - a2 / 2.0 * (1.0 - a2 / 12.0 * (1.0 - a2 / 30.0 * (1.0 - a2 / 56.0 * cos)));
+        let cos = 1.0 - a2 * (1.0 / 90.0) * (1.0 - a2 * (1.0 / 132.0));
+        let cos = 1.0 - a2 * (1.0 / 30.0) * (1.0 - a2 * (1.0 / 56.0) * cos);
+        let cos = 1.0 - a2 * 0.5 * (1.0 - a2 * (1.0 / 12.0) * cos);
         return Complex::new(cos, angle * small_sinc(a2));
     }
     let (sin, cos) = sin_cos(angle);
@@ -25,8 +26,8 @@ pub(super) fn unit(angle: f64) -> Complex<f64> {
 
 /// sin(x)/x of x² = `x2` < [`SMALL`]².
 fn small_sinc(x2: f64) -> f64 {
-    let rest = 1.0 - x2 / 72.0 * (1.0 - x2 / 110.0);
-    1.0 - x2 / 6.0 * (1.0 - x2 / 20.0 * (1.0 - x2 / 42.0 * rest))
+    let rest = 1.0 - x2 * (1.0 / 72.0) * (1.0 - x2 * (1.0 / 110.0));
+    1.0 - x2 * (1.0 / 6.0) * (1.0 - x2 * (1.0 / 20.0) * (1.0 - x2 * (1.0 / 42.0) * rest))
 }
 
 /// Displacement along an arc that starts in direction `heading`, rad, and turns
@@ -60,6 +61,15 @@ impl Turn {
         let half = unit(0.5 * rate * seconds);
         let moved = half * chord(0.5 * rate * seconds, seconds);
         Self { rate, turned: half * half, moved }
+    }
+
+    /// The turn at `rate` whose arc, carried on straight from both of its ends, meets itself
+    /// `z`/2 from either of them: z = (2/rate)·tan(rate·seconds/2).
+    pub(super) fn of_tangent(rate: f64, z: f64) -> Self {
+        let tan = 0.5 * rate * z;
+        let along = Complex::new(1.0, tan);
+        let square = 1.0 / (1.0 + tan * tan);
+        Self { rate, turned: along * along * square, moved: along * (z * square) }
     }
 
     pub(super) fn straight(seconds: f64) -> Self {
@@ -111,6 +121,14 @@ impl Path {
     /// A step as a whole.
     pub(super) fn turn(&self, step: usize) -> Turn {
         self.steps[step]
+    }
+
+    /// The first of `count` equal pieces of a step.
+    pub(super) fn piece(&self, step: usize, count: usize) -> Turn {
+        match count {
+            1 => self.steps[step],
+            _ => Turn::new(self.rates[step], self.step_s / count as f64),
+        }
     }
 
     /// e^{i·heading} after `step` steps.
