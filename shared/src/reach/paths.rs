@@ -77,12 +77,15 @@ impl Turn {
     }
 }
 
+/// Curves are rarely cut into more pieces a step than this; fewer are computed once.
+const MOST_KEPT: usize = 4;
+
 /// A path whose rate is constant in each step.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Path {
     step_s: f64,
-    /// Each step as a whole.
-    steps: Vec<Turn>,
+    /// The first of so many equal pieces of each step: of one, two and so on.
+    steps: Vec<[Turn; MOST_KEPT]>,
     rates: Vec<f64>,
     /// At the start and after each step.
     headings: Vec<f64>,
@@ -96,7 +99,8 @@ impl Path {
         self.rates.clear();
         self.rates.extend_from_slice(rates);
         self.steps.clear();
-        self.steps.extend(rates.iter().map(|&rate| Turn::new(rate, step_s)));
+        let pieces = |rate: f64| move |i: usize| Turn::new(rate, step_s / (i + 1) as f64);
+        self.steps.extend(rates.iter().map(|&rate| core::array::from_fn(pieces(rate))));
         let (mut heading, mut point) = (0.0, Complex::new(0.0, 0.0));
         self.headings.clear();
         self.headings.push(heading);
@@ -120,14 +124,14 @@ impl Path {
 
     /// A step as a whole.
     pub(super) fn turn(&self, step: usize) -> Turn {
-        self.steps[step]
+        self.steps[step][0]
     }
 
-    /// The first of `count` equal pieces of a step.
+    /// The first of `count` ≥ 1 equal pieces of a step.
     pub(super) fn piece(&self, step: usize, count: usize) -> Turn {
-        match count {
-            1 => self.steps[step],
-            _ => Turn::new(self.rates[step], self.step_s / count as f64),
+        match self.steps[step].get(count - 1) {
+            Some(turn) => *turn,
+            None => Turn::new(self.rates[step], self.step_s / count as f64),
         }
     }
 
