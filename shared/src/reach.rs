@@ -52,7 +52,7 @@ use extremal::{Costate, Instant};
 use grow::Brush;
 use nalgebra::Complex;
 use outline::Outliner;
-use paths::{Path, Paths, Turn, unit};
+use paths::{Path, Paths, unit};
 use sampling::{Curves, pieces, sample};
 use singular::Piece;
 
@@ -79,41 +79,78 @@ pub struct Workspace {
     brush: Vec<Complex<f64>>,
 }
 
+/// Beyond this, m, double precision leaves too little of a set's own size.
+const MOST_M: f64 = 1e6;
+
+/// Likewise of headings, rad.
+const MOST_RAD: f64 = 1e4;
+
+/// Longest step, m.
+const MOST_STEP_M: f64 = 100.0;
+
+/// Accepts starts whose coordinates leave enough digits to what is added to them.
+fn checked(start: StartSet) -> Result<StartSet, Invalid> {
+    start.pose.check().map_err(|invalid| invalid.within("start"))?;
+    let Pose { x, y, psi } = start.pose;
+    for (name, value, most) in [("x", x, MOST_M), ("y", y, MOST_M), ("psi", psi, MOST_RAD)] {
+        if value.abs() > most {
+            let expected = format!("a number from -{most} to {most}");
+            return Err(Invalid::new(format!("start.{name}"), expected, value));
+        }
+    }
+    Ok(start)
+}
+
+/// Accepts bounds under which the vehicle turns by half a turn a step at most: what the geometry
+/// of extremals is made for.
+fn turns_little(bounds: &InputBounds, step_s: f64) -> Result<(), Invalid> {
+    for (name, rates) in [("lo", bounds.lo()), ("hi", bounds.hi())] {
+        if let Some(i) = rates.iter().position(|rate| rate.abs() * step_s > PI) {
+            let expected = format!("at most half a turn in a step of {step_s} s");
+            let found = format!("{} rad/s", rates[i]);
+            return Err(Invalid::new(format!("{name}[{i}]"), expected, found));
+        }
+    }
+    Ok(())
+}
+
 impl ReachableSet {
     /// The set from `start` (world frame; a [`Pose`] or a [`StartSet`]) under `bounds`,
     /// at `speed_mps` m/s, each step of the bounds lasting `step_s` s. Bounds that
     /// forbid to drive straight by less than 10⁻⁴ rad/s are taken to allow it.
     ///
     /// # Errors
-    /// [`Invalid`] if the start is not finite, or speed or step is not finite and > 0.
+    /// [`Invalid`] if speed or step is not > 0, the start is beyond 10⁶ m or 10⁴ rad, a step
+    /// is longer than 100 m, or the vehicle can turn by more than half a turn in it.
     pub fn new(
         start: impl Into<StartSet>,
         bounds: &InputBounds,
         speed_mps: f64,
         step_s: f64,
     ) -> Result<Self, Invalid> {
-        let start_set = start.into();
-        start_set.pose.check().map_err(|invalid| invalid.within("start"))?;
-        Ok(Self {
-            start: start_set.pose,
-            start_set,
-            speed_mps: positive("speed_mps", speed_mps)?,
-            paths: Paths::new(bounds, positive("step_s", step_s)?),
-        })
+        let start_set = checked(start.into())?;
+        let step_m = positive("speed_mps", speed_mps)? * positive("step_s", step_s)?;
+        if step_m > MOST_STEP_M {
+            let expected = format!("a speed that makes steps of {MOST_STEP_M} m at most");
+            return Err(Invalid::new("speed_mps", expected, format!("{step_m} m")));
+        }
+        turns_little(bounds, step_s)?;
+        let paths = Paths::new(bounds, step_s);
+        Ok(Self { start: start_set.pose, start_set, speed_mps, paths })
     }
 
     /// The set from another start under other bounds, speed and step as before, in the
     /// memory of this one. In case of an error this one stays.
     ///
     /// # Errors
-    /// [`Invalid`] if the start is not finite.
+    /// [`Invalid`] as of [`Self::new`].
     pub fn reset(
         &mut self,
         start: impl Into<StartSet>,
         bounds: &InputBounds,
     ) -> Result<(), Invalid> {
-        let start_set = start.into();
-        start_set.pose.check().map_err(|invalid| invalid.within("start"))?;
+        let start_set = checked(start.into())?;
+        turns_little(bounds, self.paths.step_s)?;
         (self.start, self.start_set) = (start_set.pose, start_set);
         self.paths.reset(bounds, self.paths.step_s);
         Ok(())
@@ -369,7 +406,7 @@ fn path(
         let rate = path.turn(step).rate;
         // Finer than the front: to the area both sides add what the front takes away.
         let count = pieces(step_s, rate.abs(), 0.5 * tolerance, least);
-        let turn = Turn::new(rate, step_s / count as f64);
+        let turn = path.piece(step, count);
         let (mut point, mut facing) = (path.point(step), path.facing(step));
         for _ in 0..count {
             points.push(point);

@@ -77,6 +77,12 @@ struct Answer<'a> {
     human_high: Vec<Pose>,
 }
 
+/// Highest speed, m/s, and longest step, s.
+const MOST_SPEED_OR_STEP: f64 = 1e4;
+
+/// Farthest coordinate, m, and largest heading, rad.
+const MOST_COORDINATE: f64 = 1e6;
+
 /// Most steps ahead.
 const MOST_STEPS: usize = 3000;
 
@@ -144,6 +150,13 @@ impl Problem {
     fn new(input: &Input, predictor: &Predictor) -> Result<Self, Invalid> {
         let now = JointState { human: input.human, robot: input.robot };
         now.check()?;
+        for (name, pose) in [("human", now.human), ("robot", now.robot)] {
+            let coordinates: [f64; 3] = pose.into();
+            if let Some(i) = coordinates.iter().position(|c| c.abs() > MOST_COORDINATE) {
+                let expected = format!("a number from -{MOST_COORDINATE} to {MOST_COORDINATE}");
+                return Err(Invalid::new(format!("{name}[{i}]"), expected, coordinates[i]));
+            }
+        }
         for (i, state) in input.history.iter().enumerate() {
             state.check().map_err(|invalid| invalid.within(&format!("history[{i}]")))?;
         }
@@ -214,13 +227,24 @@ fn motion(input: &Input) -> Result<Motion, Invalid> {
         step_s: input.dt,
     };
     motion.check().map_err(named)?;
+    for (name, value) in [
+        ("speed", motion.human_speed_mps),
+        ("robot_speed", motion.robot_speed_mps),
+        ("dt", motion.step_s),
+    ] {
+        if value > MOST_SPEED_OR_STEP {
+            let expected = format!("at most {MOST_SPEED_OR_STEP}");
+            return Err(Invalid::new(name, expected, value));
+        }
+    }
     Ok(motion)
 }
 
 /// The library's names as those of the document.
-fn named(invalid: Invalid) -> Invalid {
+pub(super) fn named(invalid: Invalid) -> Invalid {
     let field = match invalid.field.as_str() {
-        "human_speed_mps" => "speed",
+        "human_speed_mps" | "speed_mps" => "speed",
+        "start.x" | "start.y" | "start.psi" => "human",
         "human_turn_rate" => "turn_rate",
         "robot_speed_mps" => "robot_speed",
         "step_s" => "dt",

@@ -3,6 +3,7 @@
 use super::bounds::{self, Prediction};
 use super::game::FunctionArgs;
 use super::json_file::Document;
+use super::reach::MOST_STEPS;
 use super::solving::Interrupt;
 use super::{CommandError, print_json, unwritable};
 use crate::figure::{RegionsPanel, shown_steps};
@@ -92,6 +93,11 @@ async fn regions(files: &[PathBuf]) -> Result<String, CommandError> {
         let document = Document(file);
         let Prediction { now, motion, danger_radius_m, bounds } =
             bounds::prediction(document).await?;
+        if bounds.raw.len() > MOST_STEPS {
+            let expected = format!("at most {MOST_STEPS} steps in a picture");
+            let invalid = Invalid::new("k", expected, bounds.raw.len());
+            return Err(document.complain(&invalid));
+        }
         let alike = (shown_steps(bounds.raw.len()), motion.step_s, bounds.sets.len());
         let first = first.get_or_insert_with(|| alike.clone());
         if *first != alike {
@@ -102,7 +108,7 @@ async fn regions(files: &[PathBuf]) -> Result<String, CommandError> {
         let title = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let (sets, shown) = (&bounds.sets, &first.0);
         let panel = RegionsPanel::new(title, now, sets, &motion, danger_radius_m, shown);
-        panels.push(panel.map_err(|invalid| document.complain(&invalid))?);
+        panels.push(panel.map_err(|invalid| document.complain(&bounds::named(invalid)))?);
     }
     let Some((shown, step_s, sets)) = first else {
         let message =

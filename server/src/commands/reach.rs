@@ -25,8 +25,8 @@ use sidestep::vehicle::Pose;
 /// queries are about the exact set anyway. Bounds that miss straight driving by less than 1e-4 rad/s
 /// are taken to admit it.
 /// An uncertain start adds "start": {"disc": r, "heading": δ} or {"box": [along, across],
-/// "heading": δ}, each of which may be left out: positions at most r m from "initial", or half a length
-/// and half a width along and across its heading, and headings at most δ rad from it. Sets are
+/// "heading": δ}, each of which may be left out: positions at most r m from "initial", or at most so
+/// many m along and across its heading to either side, and headings at most δ rad from it. Sets are
 /// then what any of these poses leads to. With headings uncertain, a query "full" may take a second.
 ///
 /// The answer: {"sets": [{"steps": [{"step", "t", "area", "bbox": [x0, y0, x1, y1],
@@ -123,6 +123,20 @@ struct QueryAnswer {
     full: bool,
 }
 
+/// Most steps of a set: the polygons of all steps grow with the square of their number.
+pub(super) const MOST_STEPS: usize = 300;
+
+/// The library's names as those of the document.
+fn named(invalid: Invalid) -> Invalid {
+    let field = match invalid.field.as_str() {
+        "speed_mps" => "speed",
+        "step_s" => "dt",
+        "start.x" | "start.y" | "start.psi" => "initial",
+        other => other,
+    };
+    Invalid { field: field.to_owned(), ..invalid }
+}
+
 /// Reads, computes and answers.
 ///
 /// # Errors
@@ -143,6 +157,12 @@ fn answer(input: &Input) -> Result<Answer, Invalid> {
         let found = format!("[{least}, {most}] for {} s", input.dt);
         return Err(Invalid::new("turn_rate", "at most half a turn a step", found));
     }
+    for (j, set) in input.sets.iter().enumerate() {
+        if set.lo.len() > MOST_STEPS {
+            let expected = format!("at most {MOST_STEPS} steps");
+            return Err(Invalid::new(format!("sets[{j}].lo"), expected, set.lo.len()));
+        }
+    }
     let settings = PolygonSettings::default();
     let settings = match input.accuracy {
         None => settings,
@@ -156,8 +176,11 @@ fn answer(input: &Input) -> Result<Answer, Invalid> {
     }
     let start = start(input)?;
     let sets = input.sets.iter().enumerate().map(|(j, set)| {
-        set_answer(input, start, set, settings, tolerance)
-            .map_err(|invalid| invalid.within(&format!("sets[{j}]")))
+        set_answer(input, start, set, settings, tolerance).map_err(|invalid| {
+            let named = named(invalid.clone());
+            // What is not of one set alone has a name of its own.
+            if named == invalid { named.within(&format!("sets[{j}]")) } else { named }
+        })
     });
     Ok(Answer { sets: sets.collect::<Result<_, _>>()? })
 }
@@ -206,6 +229,9 @@ fn set_answer(
     let bounds = InputBounds::new(given.lo.clone(), given.hi.clone(), input.turn_rate)?;
     let set = ReachableSet::new(start, &bounds, input.speed, input.dt)?;
     let polygons: Vec<_> = (0..=set.steps()).map(|step| set.step_polygon(step, settings)).collect();
+    // Queries are about the exact set; conservative polygons do not tell.
+    let mut exact: Vec<Option<Vec<[f64; 2]>>> = vec![None; polygons.len()];
+    let exact_settings = PolygonSettings::new(settings.accuracy_m(), settings.least_pieces())?;
     let queries = given.queries.iter().enumerate().map(|(q, query)| {
         let Some(polygon) = polygons.get(query.step) else {
             let expected = format!("a step from 0 to {}", set.steps());
@@ -213,8 +239,8 @@ fn set_answer(
         };
         let position = query.state.position();
         let margin = if input.conservative {
-            let exact = set.step_polygon(query.step, PolygonSettings::default());
-            signed_distance(&exact, position)
+            let make = || set.step_polygon(query.step, exact_settings);
+            signed_distance(exact[query.step].get_or_insert_with(make), position)
         } else {
             signed_distance(polygon, position)
         };
@@ -234,5 +260,6 @@ fn set_answer(
 
 fn area(polygon: Vec<[f64; 2]>) -> Area {
     let bbox = bounding_box(&polygon).unwrap_or([f64::NAN; 4]);
-    Area { area: signed_area(&polygon), bbox, polygon }
+    // A set without width has no area, and not a little less.
+    Area { area: signed_area(&polygon).max(0.0), bbox, polygon }
 }

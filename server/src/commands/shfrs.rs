@@ -5,6 +5,7 @@ mod report;
 
 use super::bounds::safety_functions;
 use super::game::GameArgs;
+use super::json_file::Document;
 use super::solving::{Interrupt, bar};
 use super::{CommandError, print_json, trials_file, unwritable};
 use crate::synthetic;
@@ -166,6 +167,7 @@ pub async fn run(args: ShfrsArgs) -> Result<(), CommandError> {
         let found = format!("{training} to train, {calibration} to calibrate, {test} to test");
         return Err(flagged(Invalid::new("calibration", expected, found)));
     }
+    enough(&questions, sizes[1], recorded.len())?;
     let given = given.map(|predictor| {
         let path = args.predictor.as_deref().unwrap_or(Path::new(""));
         (predictor, path.display().to_string())
@@ -354,15 +356,40 @@ impl ShfrsArgs {
     }
 }
 
+/// Accepts so many trials, `calibration` of them to calibrate with, if they are enough for every
+/// guarantee that is asked for, and else says how many are: before anything is computed.
+fn enough(questions: &Questions, calibration: usize, trials: usize) -> Result<(), CommandError> {
+    let mut most: Option<(usize, &str, f64)> = None;
+    for guarantee in &questions.guarantees {
+        for &p in &questions.probabilities {
+            let needed = guarantee.needed(p).map_err(flagged)?;
+            if most.is_none_or(|(most, ..)| needed > most) {
+                most = Some((needed, guarantee.word(), p));
+            }
+        }
+    }
+    match most {
+        Some((needed, word, p)) if calibration < needed => {
+            let share = questions.split.calibration;
+            let expected = format!(
+                "at least {} for p = {p} ({word}), so that {needed} are left to calibrate with",
+                (needed as f64 / share).ceil()
+            );
+            Err(CommandError::Input(format!(
+                "--trials: expected {expected}, found {trials} tasks ({calibration} to calibrate with)"
+            )))
+        }
+        _ => Ok(()),
+    }
+}
+
 /// A complaint of the library in terms of the command line.
 fn flagged(invalid: Invalid) -> CommandError {
     CommandError::Input(format!("--{invalid}"))
 }
 
 fn read_predictor(path: &Path) -> Result<Predictor, CommandError> {
-    let complain =
-        |e: &dyn std::fmt::Display| CommandError::Input(format!("{}: {e}", path.display()));
-    let text = fs::read_to_string(path).map_err(|e| complain(&format!("cannot read: {e}")))?;
-    let file: PredictorFile = serde_json::from_str(&text).map_err(|e| complain(&e))?;
-    Predictor::try_from(file).map_err(|e| complain(&e))
+    let document = Document(path);
+    let file: PredictorFile = document.read()?;
+    Predictor::try_from(file).map_err(|invalid| document.complain(&invalid))
 }

@@ -31,9 +31,9 @@ pub(super) struct Costate {
     side: Side,
     /// The last jump.
     jump: Jump,
-    /// Shifting the last two jumps so that the end stays on its line along θ moves it by
-    /// minus this (times a square): below 0, the path is not the farthest on that line, not even among
-    /// its neighbours.
+    /// Shifting two jumps, one after the other, so that the end stays on its line along θ moves
+    /// it by minus this (times a square), or more: below 0, the path is not the farthest on that
+    /// line, not even among its neighbours.
     pub(super) firmness: f64,
     /// The step of the last jump but one.
     pub(super) before_last: Option<usize>,
@@ -95,15 +95,17 @@ impl Costate {
     }
 
     /// `seconds` earlier, having turned at `rate`.
-    pub(super) fn before(self, rate: f64, seconds: f64) -> Self {
-        self.before_turn(Turn::new(rate, seconds), seconds)
+    pub(super) fn before(mut self, rate: f64, seconds: f64) -> Self {
+        (self.facing, self.rest) = self.seen_before(&Turn::new(rate, seconds));
+        self.phi -= rate * seconds;
+        self
     }
 
-    fn before_turn(self, turn: Turn, seconds: f64) -> Self {
+    /// `facing` and `rest` before a turn.
+    fn seen_before(&self, turn: &Turn) -> (Complex<f64>, Complex<f64>) {
         // An arc seen backward turns the other way: conjugates.
-        let facing = self.facing * turn.turned.conj();
         let rest = self.rest + self.facing * turn.moved.conj();
-        Self { phi: self.phi - turn.rate * seconds, facing, rest, ..self }
+        (self.facing * turn.turned.conj(), rest)
     }
 
     /// The same extremal at an earlier instant, if this is at `from`.
@@ -113,10 +115,15 @@ impl Costate {
             let begin = if step == to.step { to.seconds } else { 0.0 };
             let end = if step == from.step { from.seconds } else { paths.step_s };
             if begin < end {
-                self = self.through(paths, step, end - begin, most);
+                self.through(paths, step, end - begin, most);
             }
         }
         self
+    }
+
+    /// The same extremal at the beginning of step `step`, if this is at its end.
+    pub(super) fn back_a_step(&mut self, paths: &Paths, step: usize) {
+        self.through(paths, step, paths.step_s, MOST_SWITCHES * paths.steps());
     }
 
     /// The same extremal at the start, if this is at `from`.
@@ -125,7 +132,7 @@ impl Costate {
     }
 
     /// `left` seconds earlier in step `step`; anything if there are more than `most` jumps.
-    fn through(mut self, paths: &Paths, step: usize, mut left: f64, most: usize) -> Self {
+    fn through(&mut self, paths: &Paths, step: usize, mut left: f64, most: usize) {
         loop {
             if self.rest.im.abs() < ZERO_COSTATE {
                 self.rest.im = 0.0;
@@ -135,7 +142,7 @@ impl Costate {
             if jumps {
                 self.note_jump(step, paths.hi[step] - paths.lo[step]);
                 if self.switches > most {
-                    return self;
+                    return;
                 }
             }
             self.side = side;
@@ -146,12 +153,16 @@ impl Costate {
             };
             let rate = whole.rate;
             let turn = if left == paths.step_s { whole } else { Turn::new(rate, left) };
-            let earlier = self.before_turn(turn, left);
-            let switch = if self.keeps_sign(&earlier) { None } else { self.switch(rate, left) };
-            let Some(seconds) = switch else {
-                return earlier;
+            let (facing, rest) = self.seen_before(&turn);
+            let kept = (rate * left).abs() < 1.5 && self.keeps_sign(facing, rest);
+            let switch = if kept { None } else { self.switch(rate, left) };
+            let Some((seconds, turn)) = switch else {
+                (self.facing, self.rest) = (facing, rest);
+                self.phi -= rate * left;
+                return;
             };
-            self = self.before(rate, seconds);
+            (self.facing, self.rest) = self.seen_before(&turn);
+            self.phi -= rate * seconds;
             self.rest.im = 0.0;
             left -= seconds;
         }
@@ -163,27 +174,28 @@ impl Costate {
         self.switches += 1;
         if self.switches == 2 {
             self.before_last = Some(step);
+        }
+        if self.switches > 1 {
             // What is driven between the jumps is turned by 1/(jump.rest − last.rest), what is
             // driven after the last by −1/last.rest, here without these denominators.
             let (before, after) = (jump.rest, self.jump.rest);
-            self.firmness = jump.cost * after * after
+            let firmness = jump.cost * after * after
                 + self.jump.cost * before * before
                 + (before - after) * after * before;
+            self.firmness = self.firmness.min(firmness);
         }
         self.jump = jump;
     }
 
     /// Whether p certainly does not pass zero between this instant and an earlier
-    /// one, less than half a turn away: Im(rest) is monotone between them, or
-    /// bulges away from zero.
-    fn keeps_sign(&self, earlier: &Self) -> bool {
-        let (im, growth, before) = (self.rest.im, self.facing.im, earlier.facing.im);
-        if (self.phi - earlier.phi).abs() > 1.5 {
-            false
-        } else if im == 0.0 {
+    /// one, less than half a turn away, with these `facing` and `rest`: Im(rest) is monotone
+    /// between them, or bulges away from zero.
+    fn keeps_sign(&self, facing: Complex<f64>, rest: Complex<f64>) -> bool {
+        let (im, growth, before) = (self.rest.im, self.facing.im, facing.im);
+        if im == 0.0 {
             growth * before > 0.0
         } else {
-            im * earlier.rest.im > 0.0 && (im * growth >= 0.0 || im * before < 0.0)
+            im * rest.im > 0.0 && (im * growth >= 0.0 || im * before < 0.0)
         }
     }
 
@@ -227,13 +239,13 @@ impl Costate {
     }
 
     /// Turning at `rate`, how many seconds before this instant, if fewer than
-    /// `left`, p passes zero.
+    /// `left`, p passes zero, and the turn until then.
     ///
     /// With z = (2/rate)·tan(rate·seconds/2), Im(rest) vanishes where
     /// a·z² − b·z − Im(rest) = 0, a = (rate/2)·(cos φ − rate·Im(rest)/2), b = sin φ.
     /// Unlike the difference of two arc cosines, its roots keep all their digits
     /// where φ and the rate are close to zero.
-    fn switch(&self, rate: f64, left: f64) -> Option<f64> {
+    fn switch(&self, rate: f64, left: f64) -> Option<(f64, Turn)> {
         let im = self.rest.im;
         if im.abs() >= left {
             return None;
@@ -247,9 +259,33 @@ impl Costate {
         let q = b + discriminant.sqrt().copysign(b);
         // At Im(rest) = 0 the root z = 0 is this instant itself.
         let roots = [0.5 * q / a, if im == 0.0 { f64::NAN } else { -2.0 * im / q }];
+        if rate.abs() * left < BRIEF {
+            let nearest = |z: f64, other: f64| if 0.0 < other && other < z { other } else { z };
+            let z = roots.into_iter().fold(f64::INFINITY, nearest);
+            // The tangent of half the turn is little more than that itself.
+            if z > 1.05 * left {
+                return None;
+            }
+            let seconds = z * brief_atan(0.5 * rate * z);
+            return (seconds < left).then(|| (seconds, Turn::of_tangent(rate, z)));
+        }
         let seconds = roots.map(|z| seconds(z, rate)).into_iter().fold(f64::INFINITY, f64::min);
-        (seconds < left).then_some(seconds)
+        (seconds < left).then(|| (seconds, Turn::new(rate, seconds)))
     }
+}
+
+/// Turns by less than this, rad, need no arc tangent, and none of their roots comes after half
+/// a circle.
+const BRIEF: f64 = 0.3;
+
+/// atan(x)/x for |x| < 0.16, to all digits.
+fn brief_atan(x: f64) -> f64 {
+    let x2 = x * x;
+    let mut sum = 0.0;
+    for odd in [1.0 / 19.0, 1.0 / 17.0, 1.0 / 15.0, 1.0 / 13.0, 1.0 / 11.0, 1.0 / 9.0, 1.0 / 7.0] {
+        sum = odd - x2 * sum;
+    }
+    1.0 - x2 * (1.0 / 3.0 - x2 * (1.0 / 5.0 - x2 * sum))
 }
 
 /// The first time > 0 at which (2/rate)·tan(rate·time/2) is `z`, s; infinite if
@@ -286,6 +322,14 @@ mod tests {
             best = best.max((end * direction.conj()).re);
         }
         best
+    }
+
+    #[test]
+    fn a_brief_arc_tangent_has_all_digits() {
+        for i in 1..1600 {
+            let x = f64::from(i) * 1e-4;
+            assert!((brief_atan(x) * x / atan2(x, 1.0) - 1.0).abs() < 5e-16, "{x}");
+        }
     }
 
     #[test]

@@ -2,7 +2,7 @@
 //! lowest-rate path's end to the highest-rate path's.
 
 use super::parting::MOST_PARTINGS;
-use super::paths::{Path, Paths, Turn};
+use super::paths::{Path, Paths};
 use super::sampling::{Sample, pieces, sample, space, triangle_height};
 use super::singular::{self, Piece};
 use nalgebra::Complex;
@@ -53,7 +53,7 @@ fn turn_then_straight(
         let bend = rate * rate * (straight_s + step_s);
         let count = pieces(step_s, bend, tolerance, least);
         let piece_s = step_s / count as f64;
-        let turn = Turn::new(rate, piece_s);
+        let turn = path.piece(step, count);
         let (mut point, mut facing) = (path.point(step), path.facing(step));
         for _ in 0..count {
             points.push(point + facing * straight_s);

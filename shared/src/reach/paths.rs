@@ -13,10 +13,11 @@ const SMALL: f64 = 0.25;
 /// e^{i·angle}.
 pub(super) fn unit(angle: f64) -> Complex<f64> {
     if angle.abs() < SMALL {
-        // The next terms are below 10⁻¹⁷.
+        // The next terms are below 10⁻¹⁷. Products, since quotients take several times as long.
         let a2 = angle * angle;
-        let cos = 1.0 - a2 / 90.0 * (1.0 - a2 / 132.0);
-        let cos = 1.0 - a2 / 2.0 * (1.0 - a2 / 12.0 * (1.0 - a2 / 30.0 * (1.0 - a2 / 56.0 * cos)));
+        let cos = 1.0 - a2 * (1.0 / 90.0) * (1.0 - a2 * (1.0 / 132.0));
+        let cos = 1.0 - a2 * (1.0 / 30.0) * (1.0 - a2 * (1.0 / 56.0) * cos);
+        let cos = 1.0 - a2 * 0.5 * (1.0 - a2 * (1.0 / 12.0) * cos);
         return Complex::new(cos, angle * small_sinc(a2));
     }
     let (sin, cos) = sin_cos(angle);
@@ -25,8 +26,8 @@ pub(super) fn unit(angle: f64) -> Complex<f64> {
 
 /// sin(x)/x of x² = `x2` < [`SMALL`]².
 fn small_sinc(x2: f64) -> f64 {
-    let rest = 1.0 - x2 / 72.0 * (1.0 - x2 / 110.0);
-    1.0 - x2 / 6.0 * (1.0 - x2 / 20.0 * (1.0 - x2 / 42.0 * rest))
+    let rest = 1.0 - x2 * (1.0 / 72.0) * (1.0 - x2 * (1.0 / 110.0));
+    1.0 - x2 * (1.0 / 6.0) * (1.0 - x2 * (1.0 / 20.0) * (1.0 - x2 * (1.0 / 42.0) * rest))
 }
 
 /// Displacement along an arc that starts in direction `heading`, rad, and turns
@@ -62,17 +63,29 @@ impl Turn {
         Self { rate, turned: half * half, moved }
     }
 
+    /// The turn at `rate` whose arc, carried on straight from both of its ends, meets itself
+    /// `z`/2 from either of them: z = (2/rate)·tan(rate·seconds/2).
+    pub(super) fn of_tangent(rate: f64, z: f64) -> Self {
+        let tan = 0.5 * rate * z;
+        let along = Complex::new(1.0, tan);
+        let square = 1.0 / (1.0 + tan * tan);
+        Self { rate, turned: along * along * square, moved: along * (z * square) }
+    }
+
     pub(super) fn straight(seconds: f64) -> Self {
         Self { rate: 0.0, turned: Complex::new(1.0, 0.0), moved: Complex::new(seconds, 0.0) }
     }
 }
 
+/// Curves are rarely cut into more pieces a step than this; fewer are computed once.
+const MOST_KEPT: usize = 4;
+
 /// A path whose rate is constant in each step.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Path {
     step_s: f64,
-    /// Each step as a whole.
-    steps: Vec<Turn>,
+    /// The first of so many equal pieces of each step: of one, two and so on.
+    steps: Vec<[Turn; MOST_KEPT]>,
     rates: Vec<f64>,
     /// At the start and after each step.
     headings: Vec<f64>,
@@ -86,7 +99,8 @@ impl Path {
         self.rates.clear();
         self.rates.extend_from_slice(rates);
         self.steps.clear();
-        self.steps.extend(rates.iter().map(|&rate| Turn::new(rate, step_s)));
+        let pieces = |rate: f64| move |i: usize| Turn::new(rate, step_s / (i + 1) as f64);
+        self.steps.extend(rates.iter().map(|&rate| core::array::from_fn(pieces(rate))));
         let (mut heading, mut point) = (0.0, Complex::new(0.0, 0.0));
         self.headings.clear();
         self.headings.push(heading);
@@ -110,7 +124,15 @@ impl Path {
 
     /// A step as a whole.
     pub(super) fn turn(&self, step: usize) -> Turn {
-        self.steps[step]
+        self.steps[step][0]
+    }
+
+    /// The first of `count` ≥ 1 equal pieces of a step.
+    pub(super) fn piece(&self, step: usize, count: usize) -> Turn {
+        match self.steps[step].get(count - 1) {
+            Some(turn) => *turn,
+            None => Turn::new(self.rates[step], self.step_s / count as f64),
+        }
     }
 
     /// e^{i·heading} after `step` steps.

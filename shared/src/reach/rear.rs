@@ -5,7 +5,7 @@
 //! the line through its end more often, and the traced extremals with two jumps and
 //! more are added. Such a path stays back only if it jumps where the bounds are narrow.
 
-use super::paths::{Path, Paths, Turn};
+use super::paths::{Path, Paths};
 use super::sampling::{Curves, pieces};
 use super::zigzag;
 use nalgebra::Complex;
@@ -56,8 +56,7 @@ fn one_jump(
         let slant = (ahead.im / length).abs() + (width + other.rate.abs()) * step_s;
         let bend = width * (width * (length + step_s) + slant);
         let count = pieces(step_s, bend, tolerance, least);
-        let piece_s = step_s / count as f64;
-        let (turn, other) = (Turn::new(turn.rate, piece_s), Turn::new(other.rate, piece_s));
+        let (turn, other) = (first.piece(step, count), last.piece(step, count));
         // What comes after the jump is turned by how far the headings differ.
         let back = other.turned.conj();
         let (mut point, mut facing) = (first.point(step), first.facing(step));

@@ -141,7 +141,10 @@ pub(super) fn triangle_height(a: Sample, b: Sample) -> f64 {
 /// of `tolerance` of it, if its second derivative across them is at most `bend`. Half: what
 /// errors do to areas then is small as well.
 pub(super) fn pieces(seconds: f64, bend: f64, tolerance: f64, least: usize) -> usize {
-    ((seconds * (bend / (4.0 * tolerance)).sqrt()).ceil() as usize).max(least)
+    let fewest = seconds * (bend / (4.0 * tolerance)).sqrt();
+    // Rounded up, without the call that rounding is on plain processors.
+    let below = fewest as usize;
+    (below + usize::from((below as f64) < fewest)).max(least)
 }
 
 /// Points nearer to each other than this, s, differ by rounding errors only.

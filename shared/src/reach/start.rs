@@ -38,7 +38,7 @@ impl StartSet {
     /// its own by at most `heading_rad`, 0 to π.
     ///
     /// # Errors
-    /// [`Invalid`] if the pose is not finite, a length is not finite and ≥ 0, or the
+    /// [`Invalid`] if the pose is not finite, a length is not from 0 to 10⁴ m, or the
     /// angle is not in its range.
     pub fn new(
         pose: Pose,
@@ -97,11 +97,14 @@ impl From<Pose> for StartSet {
     }
 }
 
-/// Refuses what is not a finite number ≥ 0.
+/// Largest uncertainty of a position, m.
+const MOST_M: f64 = 1e4;
+
+/// Refuses what is not a number from 0 to [`MOST_M`].
 pub(super) fn non_negative(field: &str, value: f64) -> Result<f64, Invalid> {
-    if value.is_finite() && value >= 0.0 {
+    if (0.0..=MOST_M).contains(&value) {
         Ok(value)
     } else {
-        Err(Invalid::new(field, "a finite number ≥ 0", value))
+        Err(Invalid::new(field, format!("a number from 0 to {MOST_M}"), value))
     }
 }
