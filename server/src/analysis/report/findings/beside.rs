@@ -149,8 +149,8 @@ pub(super) fn baseline(analysis: &Analysis) -> Option<Finding> {
             "Every model beats always saying the person’s commonest input.".to_owned()
         }
         Verdict::Shown => format!(
-            "Against always saying the person’s commonest input: {}.",
-            in_words(&entries, "better are", "worse are")
+            "Always saying the person’s commonest input {}.",
+            in_words(&entries, "is beaten by", "beats")
         ),
         Verdict::Hint => {
             let [up, down] = ways(&entries, |entry| entry.paired.p);
