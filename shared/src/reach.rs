@@ -18,7 +18,7 @@
 //! direction; the rear is the lower envelope of its families. Beyond, the set is
 //! what the curves enclose (`outline`).
 //!
-//! A polygon lies in the set, within the accuracy asked for, or, if conservative,
+//! A polygon follows the set to either side within the accuracy asked for, or, if conservative,
 //! around it (`grow`). The start may be uncertain ([`StartSet`]). With a [`Workspace`]
 //! and [`ReachableSet::reset`] nothing is allocated from the second time on.
 

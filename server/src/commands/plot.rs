@@ -29,7 +29,7 @@ pub struct PlotArgs {
     #[arg(long, value_name = "M,…", value_delimiter = ',', allow_hyphen_values = true)]
     #[arg(default_values_t = [0.0, 1.0, 2.0])]
     levels: Vec<f64>,
-    /// Regions: documents of `sidestep bounds`, one panel each; may be given several times.
+    /// Regions: documents that `sidestep bounds` reads, one panel each; may be given several times.
     #[arg(long, value_name = "FILE.json")]
     input: Vec<PathBuf>,
 }

@@ -19,13 +19,15 @@ use sidestep::vehicle::Pose;
 /// "conservative": false}.
 /// Queries and what follows them may be left out; the numbers shown are what is taken
 /// then. The tolerance is how far a state may lie outside and still count as inside; the
-/// accuracy, m, is how far edges of polygons may lie from the true boundary. Conservative polygons,
-/// areas and boxes are a little larger, so as to contain the whole set; queries are about the exact
-/// set anyway.
+/// accuracy, m, is how far edges of polygons may lie from the true boundary, to either side; holes
+/// are filled. Conservative polygons, areas and boxes are a little larger, so as to contain the whole
+/// set (docs/validation/shfrs.md has what was tried, and the one set that is known to stick out);
+/// queries are about the exact set anyway. Bounds that miss straight driving by less than 1e-4 rad/s
+/// are taken to admit it.
 /// An uncertain start adds "start": {"disc": r, "heading": δ} or {"box": [along, across],
 /// "heading": δ}, each of which may be left out: positions at most r m from "initial", or half a length
 /// and half a width along and across its heading, and headings at most δ rad from it. Sets are
-/// then what any of these poses leads to.
+/// then what any of these poses leads to. With headings uncertain, a query "full" may take a second.
 ///
 /// The answer: {"sets": [{"steps": [{"step", "t", "area", "bbox": [x0, y0, x1, y1],
 /// "polygon": [[x, y], …]}, …], "tube": {"area", "bbox", "polygon"},

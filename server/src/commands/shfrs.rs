@@ -7,6 +7,7 @@ use super::bounds::safety_functions;
 use super::game::GameArgs;
 use super::solving::{Interrupt, bar};
 use super::{CommandError, print_json, trials_file, unwritable};
+use crate::synthetic;
 use crate::training::{self, Driven};
 use analysis::{Analysis, Questions};
 use sidestep::bounds::{ActionChoice, BoundsSettings, Rollout};
@@ -29,14 +30,15 @@ use tokio::sync::oneshot;
 ///
 /// Trajectories (tasks only) are parted at random into training, calibration and test. On the
 /// training part the choice of actions is tuned, and the predictor trained if none is given;
-/// on the calibration part ε is found; the test part says what was reached. A predictor that
+/// on the calibration part ε is found; the test part says what was reached. Which actions count
+/// (τ, or k for each step) and ε together are what is tuned: ε = 0 with a low τ is a usual answer. A predictor that
 /// is given must not have been trained on trajectories of the calibration and test parts.
 ///
 /// Writes to DIR: regions.csv (p of sets and regions with intervals, by choice of windows),
 /// tuning.csv (ε_1 by probability and guarantee), pareto.csv and pareto.svg (coverage against
 /// area of SHFRS and of simpler predictions), danger.csv (bounds on the probability that the
 /// human comes within the radius of the robot, by test trajectory), regions.svg (predictions
-/// in the colours of the paper), predictor.json (what was used) and shfrs.json (all numbers
+/// in the colours of the paper; the circle is the danger zone of the robot now), predictor.json (what was used) and shfrs.json (all numbers
 /// with their settings, tolerances and guarantees in words). Lengths in m, areas in m², times
 /// in s, ε and turn rates in rad/s. In GAME the human is the evader, the robot the pursuer.
 #[derive(Clone, Debug, clap::Args)]
@@ -144,7 +146,7 @@ const SEQUENCE: usize = 101;
 pub async fn run(args: ShfrsArgs) -> Result<(), CommandError> {
     let interrupt = Interrupt::listen();
     let parameters = trials_file::scene(args.game)?;
-    let recorded = args.recorded(&parameters)?;
+    let (recorded, synthetic) = args.recorded(&parameters)?;
     let given = args.predictor.as_deref().map(read_predictor).transpose()?;
     let questions = args.questions()?;
     let longest = recorded.iter().map(|recorded| recorded.trajectory.steps()).max().unwrap_or(0);
@@ -157,6 +159,13 @@ pub async fn run(args: ShfrsArgs) -> Result<(), CommandError> {
 
     let safety = safety_functions(&parameters, &interrupt).await?;
     let parts = questions.split.parts(recorded.len()).map_err(flagged)?;
+    let sizes = [&parts.training, &parts.calibration, &parts.test].map(Vec::len);
+    if sizes.contains(&0) {
+        let expected = "shares (with --training) that leave something in all three parts";
+        let [training, calibration, test] = sizes;
+        let found = format!("{training} to train, {calibration} to calibrate, {test} to test");
+        return Err(flagged(Invalid::new("calibration", expected, found)));
+    }
     let given = given.map(|predictor| {
         let path = args.predictor.as_deref().unwrap_or(Path::new(""));
         (predictor, path.display().to_string())
@@ -176,8 +185,9 @@ pub async fn run(args: ShfrsArgs) -> Result<(), CommandError> {
             .map_err(|invalid| CommandError::Input(format!("predictor: {invalid}")))?;
         let prediction = Prediction::new(&parameters, &human);
         let regions = args.bounds_settings(predictor.classes().len())?;
-        let analysis =
+        let mut analysis =
             Analysis::of(&recorded, &parts, prediction, &regions, &questions, &origin, &shown)?;
+        analysis.synthetic = synthetic;
         Ok((analysis, PredictorFile::from(&predictor)))
     };
     let found = unless_stopped(work, &interrupt).await;
@@ -193,6 +203,7 @@ pub async fn run(args: ShfrsArgs) -> Result<(), CommandError> {
         "calibration": calibration,
         "test": test,
         "predictor": analysis.predictor,
+        "synthetic": analysis.synthetic.is_some(),
     }))
 }
 
@@ -233,10 +244,14 @@ struct Recorded {
 }
 
 impl ShfrsArgs {
-    fn recorded(&self, parameters: &SceneParameters) -> Result<Vec<Recorded>, CommandError> {
+    fn recorded(
+        &self,
+        parameters: &SceneParameters,
+    ) -> Result<(Vec<Recorded>, Option<String>), CommandError> {
         let name = self.trials.display();
         let complain = |e: &dyn std::fmt::Display| CommandError::Input(format!("{name}: {e}"));
         let people = trials_file::tasks(&self.trials, parameters)?;
+        let synthetic = synthetic::recognised(&people);
         for wanted in &self.participant {
             if !people.iter().any(|person| person.name == *wanted) {
                 let found = people.iter().map(|person| person.name.as_str()).collect::<Vec<_>>();
@@ -261,7 +276,7 @@ impl ShfrsArgs {
                 });
             }
         }
-        Ok(recorded)
+        Ok((recorded, synthetic))
     }
 
     /// A predictor trained on the training part, and in words what it is.

@@ -58,6 +58,8 @@ pub(super) struct Analysis {
     pub(super) regions: Vec<Regions>,
     /// Which trajectories the regions' probabilities are from.
     pub(super) regions_from: String,
+    /// Why the trials are known not to be people's, if they are.
+    pub(super) synthetic: Option<String>,
     pub(super) tuning: Vec<Tuned>,
     pub(super) pareto: Pareto,
     pub(super) danger: Danger,
@@ -183,6 +185,7 @@ impl Analysis {
             },
             regions: found,
             regions_from: "the calibration and test parts".to_owned(),
+            synthetic: None,
             tuning,
             pareto,
             danger,
@@ -222,6 +225,7 @@ fn compare<M: ActionModel + Sync>(
     families.push(Box::new(Gaussian::learn(Nominal::Held, parameters, &windows)?));
     let mode = Mode::MostLikely(prediction.model);
     families.push(Box::new(PerModeEmpirical::learn(mode, parameters, &windows)?));
+    families.push(Box::new(PerModeEmpirical::learn(Mode::<&M>::Held, parameters, &windows)?));
     let settings = ParetoSettings::new(
         questions.probabilities.clone(),
         questions.confidence,

@@ -63,8 +63,9 @@ pub(super) fn write(
 
 fn note(analysis: &Analysis) -> String {
     let n = analysis.participants;
+    let kind = if analysis.synthetic.is_some() { "SYNTHETIC " } else { "" };
     format!(
-        "{n} participant{}  ·  predictor: {}",
+        "{n} {kind}participant{}  ·  predictor: {}",
         if n == 1 { "" } else { "s" },
         analysis.predictor
     )
