@@ -9,7 +9,10 @@ use sidestep::comparison::tables::Metric;
 
 /// The document's part with both tables.
 pub(super) fn tables(analysis: &Analysis) -> String {
-    let first = format!("% Tables I and II as of {}.\n", escaped(SOURCE));
+    let first = format!(
+        "% In the form of Tables I and II of {}; the numbers are of these data.\n",
+        escaped(SOURCE)
+    );
     [first, accuracy(analysis), distances(analysis)].join("\n")
 }
 

@@ -19,7 +19,8 @@ pub(super) use tables::{both_avoid, penalised};
 pub(super) use words::model as model_word;
 
 use super::Analysis;
-use html::{count, details, escaped, grouped};
+use html::{count, details, escaped, grouped, listed};
+use sidestep::comparison::fit::Grids;
 
 /// The design tokens come first in the program's own style sheet, up to this.
 const AFTER_TOKENS: &str = "*, *::before";
@@ -32,10 +33,10 @@ pub(super) fn html(analysis: &Analysis) -> String {
     let body = [
         header(analysis),
         findings(analysis),
+        cautions(analysis),
         papers_tables(analysis),
         pictures(analysis),
         numbers(analysis),
-        cautions(analysis),
         method(analysis),
     ];
     format!(
@@ -186,16 +187,20 @@ fn cautions(analysis: &Analysis) -> String {
 }
 
 fn method(analysis: &Analysis) -> String {
+    let grids = Grids::default();
+    let depth = |depth: &Option<usize>| depth.map_or("any".to_owned(), |depth| depth.to_string());
+    let depths: Vec<String> = grids.tree_depth.iter().map(depth).collect();
     let content = format!(
         "<p><b>Split.</b> Only tasks count. A person’s last fifth of the trials tests; the rest \
          trains. Hyper-parameters are chosen by five-fold cross-validation over whole trials \
-         (trial number modulo five, so that no trial is in two folds), features are standardised \
+         (a person’s trials are dealt to the folds in turn, so that no trial is in two), features are standardised \
          within the fold, the first of equals in the order of the grid is taken, and the model is \
          trained anew on all training trials. Nothing is random: there is no seed.</p>\n\
-         <p><b>Grids.</b> SVM with radial basis functions: C 0.1, 1, 10, 100 and γ 0.01, 0.03, 0.1, \
-         0.3; linear SVM: C 0.01, 0.1, 1, 10; decision tree: depth 2, 3, 4, 6, 8 or any, at least \
-         1, 5, 10 or 20 rows a leaf; logistic regression: C 0.001, 0.01 … 100. Probabilities of the \
-         SVM are calibrated on held-out folds (Platt), those of the tree smoothed (Laplace).</p>\n\
+         <p><b>Grids.</b> SVM with radial basis functions: C {rbf_c} and γ {rbf_gamma}; linear SVM: \
+         C {linear_c}; decision tree: depth {depth}, at least {leaf} rows a leaf; logistic \
+         regression: C {logistic_c}; boosted trees, in roll-outs only: depth {boosted}. \
+         Probabilities of the SVM are calibrated on held-out folds (Platt), those of the tree \
+         smoothed (Laplace).</p>\n\
          <p><b>Features.</b> <i>B</i>: |Δx|, |Δy| and Δψ in the world’s frame, cos Δψ and sin Δψ; \
          with <i>V</i><sub>HR</sub> (h), <i>V</i><sub>RH</sub> (r) and the distance (d), m. A safety \
          level is how far the other side can be kept from the danger zone’s edge ({radius} m) when \
@@ -211,7 +216,14 @@ fn method(analysis: &Analysis) -> String {
          independent. Holm’s correction is over all tests of a metric. The interval of a gain holds \
          every shift that the paired test does not reject at 5 % (Hodges and Lehmann), without \
          correction.</p>\n",
-        radius = analysis.context.radius_m
+        radius = analysis.context.radius_m,
+        rbf_c = tried(&grids.rbf_c),
+        rbf_gamma = tried(&grids.rbf_gamma),
+        linear_c = tried(&grids.linear_c),
+        depth = tried(&depths),
+        leaf = tried(&grids.tree_leaf),
+        logistic_c = tried(&grids.logistic_c),
+        boosted = tried(&grids.boosted_depth),
     );
     let files = details(
         "The numbers behind this page",
@@ -220,4 +232,9 @@ fn method(analysis: &Analysis) -> String {
          for a paper; models/ has every predictor.</p>\n",
     );
     section("method", "How it was done", &format!("{content}{files}"))
+}
+
+/// "0.1, 1 and 10".
+fn tried<T: ToString>(values: &[T]) -> String {
+    listed(&values.iter().map(T::to_string).collect::<Vec<_>>())
 }

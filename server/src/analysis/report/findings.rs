@@ -88,7 +88,10 @@ pub(super) fn findings(analysis: &Analysis) -> Vec<Finding> {
 fn tests<'a>(analysis: &'a Analysis, metric: Metric, pair: (&str, &str)) -> (Vec<&'a Test>, usize) {
     let family = analysis.tests.iter().filter(|test| test.metric == metric);
     let of_pair = family.clone().filter(|test| (test.first, test.second) == pair);
-    (of_pair.collect(), family.count())
+    let mut of_pair: Vec<&Test> = of_pair.collect();
+    // In the order in which everything else is told.
+    of_pair.sort_by_key(|test| test.experiment);
+    (of_pair, family.count())
 }
 
 /// "SVM I".

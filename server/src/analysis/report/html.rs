@@ -121,7 +121,7 @@ pub(super) fn gains(all: &[(String, String, f64, f64)]) -> String {
     let one = |(name, gain, p, holm): &(String, String, f64, f64)| {
         let class = if *holm < super::compare::LEVEL { " class=\"below\"" } else { "" };
         format!(
-            "<li{class}><span>{name}</span><b>{gain}</b><small>{}, Holm {}</small></li>\n",
+            "<li{class}><span>{name}</span><b>{gain}</b><small>{}<br/>Holm {}</small></li>\n",
             p_is(*p),
             p_value(*holm)
         )

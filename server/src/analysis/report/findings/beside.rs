@@ -120,7 +120,7 @@ pub(super) fn body_frame(analysis: &Analysis) -> Option<Finding> {
         "<p>The paper’s features do not say on which side the robot is; safety levels do in part. \
          Points of accuracy of {} (distance and body frame) over {}; paired Wilcoxon over people, \
          and after Holm over {all} tests:</p>\n{}<p>Once the body frame is known, {more}. Points of \
-         {} over {}, likewise:</p>\n{}<p>A gain over distance alone is therefore no evidence that \
+         {} over {}, likewise:</p>\n{}<p>A gain over distance alone is by itself no evidence that \
          people reckon with safety levels.</p>\n",
         words::set("d_body"),
         words::set("hrd"),
@@ -149,8 +149,8 @@ pub(super) fn baseline(analysis: &Analysis) -> Option<Finding> {
             "Every model beats always saying the person’s commonest input.".to_owned()
         }
         Verdict::Shown => format!(
-            "Against always saying the person’s commonest input: {}.",
-            in_words(&entries, "better are", "worse are")
+            "Always saying the person’s commonest input {}.",
+            in_words(&entries, "is beaten by", "beats")
         ),
         Verdict::Hint => {
             let [up, down] = ways(&entries, |entry| entry.paired.p);
