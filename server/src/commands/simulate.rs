@@ -59,7 +59,7 @@ struct Destination {
     /// then (rad/s, left is positive); - writes it to stdout, and no summary.
     #[arg(long, value_name = "FILE.csv")]
     out: Option<String>,
-    /// Address of a running server, http://HOST[:PORT]: the people enrol there, drive every
+    /// Address of a running server, http://HOST:PORT (or without a port): the people enrol there, drive every
     /// scene of their plans and complete. Only plain http is spoken.
     #[arg(long, value_name = "URL")]
     url: Option<String>,

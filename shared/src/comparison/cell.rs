@@ -160,7 +160,7 @@ impl NamedSet {
 const HISTORY: [&str; 3] = ["turned_1", "turned_2", "turned_5"];
 
 /// The name of the set with everything: both safety levels, distance, the body frame and
-/// [`HISTORY`].
+/// what the human did before.
 pub const HISTORY_SET: &str = "hrd_body_history";
 
 impl NamedSet {
