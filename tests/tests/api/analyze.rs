@@ -135,7 +135,9 @@ async fn neither_order_nor_threads_nor_the_cache_change_an_octet() {
         assert_eq!(code, Some(0), "{said}");
         let found = contents(&out);
         let names: Vec<&str> = found.iter().map(|(name, _)| name.as_str()).collect();
-        for wanted in ["cells.csv", "table1.csv", "tests.csv", "models/lr-1-hrd-0.json"] {
+        for wanted in
+            ["cells.csv", "table1.csv", "report.html", "tables.tex", "models/lr-1-hrd-0.json"]
+        {
             assert!(names.contains(&wanted), "{names:?}");
         }
         assert!(names.iter().all(|name| !name.starts_with(".sidestep")), "{names:?}");

@@ -158,11 +158,12 @@ async fn conservative_polygons_are_a_little_larger() {
 
 #[tokio::test]
 async fn an_uncertain_start_reaches_more() {
-    // A fifth of a metre ahead of what the pose itself leads to, and turned.
+    // A fifth of a metre ahead of where driving straight leads to; straight on with a heading that
+    // is 0.4 rad off; and one that nothing leads to.
     let mut document = reach();
     document["sets"][0]["queries"] = json!([
         { "step": 1, "state": [1.526, 2.288, 0.5] },
-        { "step": 1, "state": [1.35, 2.19, 0.9] },
+        { "step": 1, "state": [1.2486, 2.3133, 0.9] },
         { "step": 1, "state": [1.35, 2.19, 2.0] },
     ]);
     let exact = answer("reach", &document).await;
@@ -185,6 +186,7 @@ async fn an_uncertain_start_reaches_more() {
     }
     for (start, words) in [
         (json!({ "disc": -1 }), "start.disc: expected"),
+        (json!({ "disc": 1e200 }), "start.disc: expected a number from 0 to 10000"),
         (json!({ "box": [1, -1] }), "start.box[1]: expected"),
         (json!({ "heading": 4 }), "start.heading: expected 0 to π rad"),
         (json!({ "disc": 1, "box": [1, 1] }), "start: expected a disc or a box"),
@@ -211,6 +213,12 @@ async fn reach_names_what_is_wrong() {
     refuses("/turn_rate", json!([0.5, -0.5]), "turn_rate: expected").await;
     refuses("/turn_rate", json!([-90, 90]), "turn_rate: expected at most half a turn").await;
     refuses("/speed", json!(0), "speed: expected a finite number > 0, found 0").await;
+    // What no picture could show, and no double hold.
+    refuses("/speed", json!(1e30), "speed: expected a speed that makes steps of 100 m").await;
+    refuses("/initial", json!([1e14, 0, 0]), "initial: expected a number from -1000000").await;
+    refuses("/initial", json!([0, 0, 1e25]), "initial: expected a number from -10000").await;
+    let long = json!({ "lo": [0.0].repeat(301), "hi": [0.1].repeat(301) });
+    refuses("/sets/0", long, "sets[0].lo: expected at most 300 steps, found 301").await;
     refuses("/dt", json!(-1), "dt: expected").await;
     refuses("/initial", json!([0, 0]), "initial").await;
     let query = "/sets/0/queries/0/step";
@@ -305,7 +313,12 @@ async fn bounds_names_what_is_wrong() {
         document["predictor"][name] = value;
         refused("bounds", &document.to_string(), words).await;
     };
-    refuses_predictor("kind", json!("oracle"), "predictor.kind: expected logistic or").await;
+    refuses_predictor(
+        "kind",
+        json!("oracle"),
+        "predictor.kind: expected boosted, logistic, svm, tree or constant",
+    )
+    .await;
     refuses_predictor("classes", json!([-2, 0, 1]), "predictor.classes[0]: expected -1").await;
     refuses_predictor("actions", json!([-0.5, 0.0, 0.7]), "predictor.actions[2]: expected").await;
     refuses_predictor("probabilities", json!([1, 1, 1]), "predictor.probabilities").await;

@@ -119,11 +119,13 @@ async fn what_makes_no_sense_is_refused_in_words() {
         (&["--probability", "NaN"], "--probability"),
         (&["--guarantee", "pac", "--delta", "0"], "--delta"),
         (&["--training", "0.9", "--calibration", "0.5"], "--calibration"),
+        (&["--training", "0.5", "--calibration", "0.5"], "--calibration: expected shares"),
         (&["--confidence", "1"], "--confidence"),
         (&["--participant", "nobody"], "expected one of 0, 1, 2, 3, 4, 5, 6, 7, found nobody"),
         (
             &["--participant", "2", "--probability", "0.99"],
-            "calibration trajectories: expected at least 99 for p = 0.99 (conformal), found 15",
+            "--trials: expected at least 997 for p = 0.99 (pac), so that 299 are left to calibrate with, \
+             found 50 tasks (15 to calibrate with)",
         ),
         (&["--features", "hrd,speed"], "--features"),
         (&["--predictor", "nowhere.json"], "nowhere.json: cannot read"),
