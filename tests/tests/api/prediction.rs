@@ -217,7 +217,7 @@ async fn reach_names_what_is_wrong() {
     refuses("/speed", json!(1e30), "speed: expected a speed that makes steps of 100 m").await;
     refuses("/initial", json!([1e14, 0, 0]), "initial: expected a number from -1000000").await;
     refuses("/initial", json!([0, 0, 1e25]), "initial: expected a number from -10000").await;
-    let long = json!({ "lo": [0.0].repeat(301), "hi": [0.1].repeat(301) });
+    let long = json!({ "lo": vec![0.0; 301], "hi": vec![0.1; 301] });
     refuses("/sets/0", long, "sets[0].lo: expected at most 300 steps, found 301").await;
     refuses("/dt", json!(-1), "dt: expected").await;
     refuses("/initial", json!([0, 0]), "initial").await;
