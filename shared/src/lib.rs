@@ -70,6 +70,9 @@
 
 pub mod invalid;
 pub mod math;
+mod real;
+mod parallel;
+mod each;
 pub mod stats;
 pub mod reachability;
 pub mod vehicle;
@@ -78,12 +81,11 @@ pub mod trial;
 pub mod study;
 pub mod synthetic;
 pub mod features;
-pub mod comparison;
 pub mod dataset;
-mod each;
 pub mod predict;
 pub mod learn;
 pub mod bounds;
 pub mod reach;
 pub mod shfrs;
+pub mod comparison;
 pub mod api;

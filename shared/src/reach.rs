@@ -48,7 +48,7 @@ use crate::math::PI;
 use crate::vehicle::Pose;
 use core::f64::consts::FRAC_PI_2;
 use envelope::Envelope;
-use extremal::{Costate, Instant};
+use extremal::{Costate, PathTime};
 use grow::Brush;
 use nalgebra::Complex;
 use outline::Outliner;
@@ -430,7 +430,7 @@ fn sideways(
     points.push(Complex::new(0.0, 0.0));
     for step in 0..paths.steps() {
         let curve =
-            |seconds: f64| Costate::end(phi).to_start(paths, Instant { step, seconds }).sample();
+            |seconds: f64| Costate::end(phi).to_start(paths, PathTime { step, seconds }).sample();
         sample(&curve, (0.0, paths.step_s), each, tolerance, &|_, _, _| {}, points);
     }
     sampling::space(points, 0);

@@ -2,9 +2,7 @@
 
 mod exact;
 mod pursuit;
-pub(crate) mod real;
 mod grid;
-pub(crate) mod parallel;
 mod game;
 mod scheme;
 pub mod cartesian;
@@ -18,14 +16,14 @@ mod transport;
 mod value_function;
 mod solve;
 
+pub use crate::parallel::default_threads;
+pub use crate::real::Real;
 pub use exact::{ExactState, ExactValue};
 pub use game::{Game, TERMS};
 pub use games::{DoubleIntegrator, DubinsCar, RelativeDubins};
 pub use grid::{Axis, Boundary, Grid};
 pub use level_set::{CurveSettings, radial_level_curve};
-pub use parallel::default_threads;
 pub use pursuit::{Player, PursuitGame};
-pub use real::Real;
 pub use sampled::{Nodes, SampledState, SampledValue};
 pub use scheme::Scheme;
 pub use solve::{Accuracy, CartesianGrid, Method, Options, Precision, Solved, solve};

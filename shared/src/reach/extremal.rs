@@ -50,12 +50,12 @@ struct Jump {
 
 /// An instant: so many seconds after the beginning of a step. The order is that of time.
 #[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
-pub(super) struct Instant {
+pub(super) struct PathTime {
     pub(super) step: usize,
     pub(super) seconds: f64,
 }
 
-impl Instant {
+impl PathTime {
     /// The beginning of a step; of the one after the last, the end.
     pub(super) fn beginning(step: usize) -> Self {
         Self { step, seconds: 0.0 }
@@ -109,7 +109,7 @@ impl Costate {
     }
 
     /// The same extremal at an earlier instant, if this is at `from`.
-    pub(super) fn back(mut self, paths: &Paths, from: Instant, to: Instant) -> Self {
+    pub(super) fn back(mut self, paths: &Paths, from: PathTime, to: PathTime) -> Self {
         let most = MOST_SWITCHES * paths.steps();
         for step in (to.step..=from.step).rev() {
             let begin = if step == to.step { to.seconds } else { 0.0 };
@@ -127,8 +127,8 @@ impl Costate {
     }
 
     /// The same extremal at the start, if this is at `from`.
-    pub(super) fn to_start(self, paths: &Paths, from: Instant) -> Self {
-        self.back(paths, from, Instant::beginning(0))
+    pub(super) fn to_start(self, paths: &Paths, from: PathTime) -> Self {
+        self.back(paths, from, PathTime::beginning(0))
     }
 
     /// `left` seconds earlier in step `step`; anything if there are more than `most` jumps.
@@ -346,7 +346,7 @@ mod tests {
             let bounds = InputBounds::new(lo, hi, (-0.5, 0.5)).unwrap();
             let paths = Paths::new(&bounds, 0.2);
             for phi in [-0.2, -0.05, 0.02, 0.1, 0.3] {
-                let start = Costate::end(phi).to_start(&paths, Instant::beginning(6));
+                let start = Costate::end(phi).to_start(&paths, PathTime::beginning(6));
                 let Sample { point, direction } = start.sample();
                 let reached = (point * direction.conj()).re;
                 assert!(reached >= best_of_many(&paths, direction, &mut rng) - 1e-12);

@@ -8,7 +8,7 @@
 //! where they are just about to part, and those between them are named anew there, by how
 //! far they are from one to the other.
 
-use super::extremal::{Costate, Instant};
+use super::extremal::{Costate, PathTime};
 use super::paths::Paths;
 use super::sampling::{sample, triangle_height};
 use nalgebra::Complex;
@@ -18,7 +18,7 @@ use nalgebra::Complex;
 pub(super) struct Neighbours {
     pub(super) first: Costate,
     pub(super) last: Costate,
-    pub(super) at: Instant,
+    pub(super) at: PathTime,
 }
 
 /// Extremals this close, rad and s, are as good as any between them: an end moves by no more.
@@ -40,7 +40,7 @@ impl Neighbours {
     }
 
     /// The two at an earlier instant.
-    pub(super) fn back(&self, paths: &Paths, to: Instant) -> Self {
+    pub(super) fn back(&self, paths: &Paths, to: PathTime) -> Self {
         let [first, last] = [self.first, self.last].map(|one| one.back(paths, self.at, to));
         Self { first, last, at: to }
     }
@@ -52,25 +52,25 @@ impl Neighbours {
 
     /// The two just before they part, going back to `until` at the most; nothing if they
     /// have parted already.
-    pub(super) fn before_parting(&self, paths: &Paths, until: Instant) -> Option<Self> {
+    pub(super) fn before_parting(&self, paths: &Paths, until: PathTime) -> Option<Self> {
         if !self.first.is_near(&self.last, NEIGHBOURING) {
             return None;
         }
         let mut together = *self;
         for step in (until.step..=self.at.step).rev() {
             let begin = if step == until.step { until.seconds } else { 0.0 };
-            let earlier = together.back(paths, Instant { step, seconds: begin });
+            let earlier = together.back(paths, PathTime { step, seconds: begin });
             if earlier.are_one() {
                 together = earlier;
                 continue;
             }
             let mut apart = begin;
             if together.at.step > step {
-                together.at = Instant { step, seconds: paths.step_s };
+                together.at = PathTime { step, seconds: paths.step_s };
             }
             while together.at.seconds - apart > INSTANT {
                 let middle = 0.5 * (together.at.seconds + apart);
-                let halfway = together.back(paths, Instant { step, seconds: middle });
+                let halfway = together.back(paths, PathTime { step, seconds: middle });
                 if halfway.are_one() {
                     together = halfway;
                 } else {
@@ -90,7 +90,7 @@ impl Neighbours {
         partings: u32,
         points: &mut Vec<Complex<f64>>,
     ) {
-        let Some(parting) = self.before_parting(paths, Instant::beginning(0)) else {
+        let Some(parting) = self.before_parting(paths, PathTime::beginning(0)) else {
             return;
         };
         let curve = |share: f64| parting.between(share).to_start(paths, parting.at).sample();

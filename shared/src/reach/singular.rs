@@ -8,7 +8,7 @@
 //! instant at which some extremal, coming backward, meets φ = 0 and p = 0 while
 //! straight is admissible, and it stops where straight is not admissible.
 
-use super::extremal::{Costate, Instant};
+use super::extremal::{Costate, PathTime};
 use super::front::end_range;
 use super::parting::{MOST_PARTINGS, Neighbours};
 use super::paths::Paths;
@@ -21,7 +21,7 @@ pub(super) struct Piece {
     pub(super) from: f64,
     pub(super) to: f64,
     /// Where its extremals lie side by side.
-    origin: Instant,
+    origin: PathTime,
     kind: Kind,
 }
 
@@ -52,7 +52,7 @@ impl Piece {
     }
 
     /// The extremal named by `parameter`, at an instant not after the origin.
-    fn at(&self, paths: &Paths, instant: Instant, parameter: f64) -> Costate {
+    fn at(&self, paths: &Paths, instant: PathTime, parameter: f64) -> Costate {
         self.at_origin(parameter).back(paths, self.origin, instant)
     }
 
@@ -78,7 +78,7 @@ impl Piece {
 /// They replace what is in `family`.
 pub(super) fn pieces(paths: &Paths, steps: usize, family: &mut Vec<Piece>) {
     let (left, right) = end_range(paths, steps);
-    let end = |from, to| Piece { from, to, origin: Instant::beginning(steps), kind: Kind::End };
+    let end = |from, to| Piece { from, to, origin: PathTime::beginning(steps), kind: Kind::End };
     family.clear();
     if left < -GAP {
         family.push(end(left, -GAP));
@@ -106,7 +106,7 @@ pub(super) fn pieces(paths: &Paths, steps: usize, family: &mut Vec<Piece>) {
         singular = Some((place, rest));
         // The earlier one leaves, the nearer to φ = 0.
         let (lo, hi) = (paths.lo[step], paths.hi[step]);
-        let origin = Instant::beginning(step);
+        let origin = PathTime::beginning(step);
         let fan = |from, to, rate| Piece { from, to, origin, kind: Kind::Fan { rate, rest } };
         if lo < 0.0 {
             family.insert(place, fan(GAP, last, lo));
@@ -141,7 +141,7 @@ const CLEAR: f64 = 1e-12;
 /// straight is admissible, if none is at its end. The family is split there.
 fn onset(paths: &Paths, step: usize, family: &mut Vec<Piece>) -> Option<Onset> {
     let bounds = (paths.lo[step], paths.hi[step]);
-    let end = Instant::beginning(step + 1);
+    let end = PathTime::beginning(step + 1);
     let value = |piece: &Piece, parameter| p_at_zero(piece.at(paths, end, parameter), bounds);
     let inside = family
         .iter()
@@ -188,7 +188,7 @@ fn onset(paths: &Paths, step: usize, family: &mut Vec<Piece>) -> Option<Onset> {
 /// the right part.
 fn split(paths: &Paths, step: usize, family: &mut Vec<Piece>, place: usize) -> usize {
     let bounds = (paths.lo[step], paths.hi[step]);
-    let end = Instant::beginning(step + 1);
+    let end = PathTime::beginning(step + 1);
     let left = &mut family[place];
     let (mut from, mut to) = (left.from, left.to);
     for _ in 0..MOST_BISECTIONS {

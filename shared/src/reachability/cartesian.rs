@@ -13,9 +13,9 @@ mod march;
 
 use super::game::Game;
 use super::grid::Grid;
-use super::real::Real;
 use super::scheme::{Eno2, Eno3, Scheme, Upwind, Weno5};
 use super::{Progress, SolveError};
+use crate::real::Real;
 use core::ops::ControlFlow;
 use march::march;
 

@@ -1,6 +1,6 @@
 //! A differential game (or control problem) as the solver sees it.
 
-use super::real::Real;
+use crate::real::Real;
 
 /// How many numbers a game may derive from one coordinate.
 pub const TERMS: usize = 3;

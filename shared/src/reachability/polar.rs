@@ -26,10 +26,10 @@ mod sweep;
 
 use super::grid::check_memory;
 use super::pursuit::{Player, PursuitGame};
-use super::real::Real;
 use super::{Progress, SolveError};
 use crate::invalid::{Invalid, positive};
 use crate::math::{exp, ln, power_of_two_near};
+use crate::real::Real;
 use core::ops::ControlFlow;
 use level::{Evader, Level};
 

@@ -4,7 +4,7 @@
 //! chapter 3; Jiang and Peng (2000) for WENO5. Each kernel is straight-line code
 //! without branches, so that a loop over cells becomes lanes.
 
-use super::real::Real;
+use crate::real::Real;
 use serde::{Deserialize, Serialize};
 
 /// The approximation of the spatial derivatives and the Runge–Kutta method that

@@ -8,7 +8,7 @@
 
 use crate::learn::samples::Samples;
 use crate::math::{exp, ln};
-use crate::reachability::parallel::{Kernel, in_widest_lanes};
+use crate::parallel::{Kernel, in_widest_lanes};
 use nalgebra::{DMatrix, DVector};
 
 /// Partial sums of a sum over rows.

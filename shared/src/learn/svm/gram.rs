@@ -2,9 +2,9 @@
 
 #![allow(clippy::needless_range_loop, reason = "a lane of several arrays at once")]
 
+use crate::parallel::{Kernel, in_widest_lanes};
 use crate::predict::svm::exponential::{exp32, exp64};
-use crate::reachability::parallel::{Kernel, in_widest_lanes};
-use crate::reachability::real::Real;
+use crate::real::Real;
 
 /// Entries of a block. Work is done block by block whatever the machine's own lane width.
 pub(super) const LANES: usize = 16;

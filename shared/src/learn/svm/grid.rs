@@ -8,8 +8,8 @@ use super::pairwise::Dense;
 use super::smo::Smo;
 use super::{Task, check, linear, order, sides, standardised};
 use crate::invalid::{Invalid, length, positive};
+use crate::parallel::in_widest_lanes;
 use crate::predict::svm::{Kernel, pair_count, pairs, vote};
-use crate::reachability::parallel::in_widest_lanes;
 
 /// The kernels to try.
 #[derive(Clone, Debug, PartialEq)]

@@ -11,7 +11,7 @@
 
 use super::gram::LANES;
 use crate::invalid::Invalid;
-use crate::reachability::parallel::{Kernel, in_widest_lanes};
+use crate::parallel::{Kernel, in_widest_lanes};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 /// Of the way to the nearest bound, the share that a step goes at most.

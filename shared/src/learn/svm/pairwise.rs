@@ -11,8 +11,8 @@
 
 use super::gram::{Block, Entry, LANES, entry, entry_mut};
 use super::newton::Newton;
-use crate::reachability::parallel::Kernel;
-use crate::reachability::real::Real;
+use crate::parallel::Kernel;
+use crate::real::Real;
 
 /// What a curvature counts as at least (identical rows have none), as in libsvm.
 const LEAST_CURVATURE: f64 = 1e-12;

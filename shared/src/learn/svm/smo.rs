@@ -12,7 +12,7 @@ use super::gram::{Block, Combine, Entry, Gram, LANES, entry, entry_mut};
 use super::newton::Newton;
 use super::pairwise::{Dense, Pairwise, Variable};
 use crate::invalid::Invalid;
-use crate::reachability::parallel::{Kernel, in_widest_lanes};
+use crate::parallel::{Kernel, in_widest_lanes};
 use core::ops::Range;
 
 /// Rows of either kind that join the small problem at a time.

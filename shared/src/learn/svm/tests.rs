@@ -2,7 +2,7 @@ use super::gram::{Entry, entry};
 use super::smo::Machine;
 use super::*;
 use crate::math::SeededRng;
-use crate::reachability::parallel::Kernel as _;
+use crate::parallel::Kernel as _;
 
 /// Two overlapping clouds with rows of a third class among them, and some rows twice.
 fn clouds(seed: u64, count: usize, width: usize) -> (Vec<f64>, Vec<i8>) {
@@ -150,7 +150,7 @@ fn lanes_change_no_bit() {
     let (mut first, mut second) = (zero.clone(), zero);
     let combine = |sums| gram::Combine { gram: &wide, rows: &shares, first: 0, sums };
     combine(&mut first[..]).run();
-    crate::reachability::parallel::in_widest_lanes(combine(&mut second[..]));
+    crate::parallel::in_widest_lanes(combine(&mut second[..]));
     let bits =
         |sums: &[gram::Block<f64>]| gram::entries(sums).map(|x| x.to_bits()).collect::<Vec<_>>();
     assert_eq!(bits(&first), bits(&second));

@@ -1,7 +1,7 @@
 //! Support vectors in lanes: each kernel value is computed once for all pairs.
 
 use super::exponential::exp64;
-use crate::reachability::parallel::{Kernel, in_widest_lanes};
+use crate::parallel::{Kernel, in_widest_lanes};
 
 /// Vectors side by side. Sums run within a lane and then over the lanes in order, so that
 /// the machine's own lane width changes nothing.

@@ -2,10 +2,10 @@
 
 use super::super::game::{Game, TERMS};
 use super::super::grid::Grid;
-use super::super::parallel::Kernel;
-use super::super::real::Real;
 use super::super::scheme::Stencil;
 use super::layout::Layout;
+use crate::parallel::Kernel;
+use crate::real::Real;
 
 /// Cells of a block: a few cache lines of every row that a stencil reads.
 pub(super) const BLOCK: usize = 256;

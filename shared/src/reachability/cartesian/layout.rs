@@ -1,8 +1,8 @@
 //! How the nodes of a grid lie in memory, with their ghosts.
 
 use super::super::grid::{Boundary, Grid};
-use super::super::real::Real;
 use super::kernel::BLOCK;
+use crate::real::Real;
 
 /// How the axes lie in memory, ghosts included.
 #[derive(Clone, Copy)]

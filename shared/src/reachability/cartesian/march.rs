@@ -2,14 +2,14 @@
 
 use super::super::game::{Game, TERMS};
 use super::super::grid::{Grid, check_memory};
-use super::super::parallel::{Workers, in_widest_lanes};
-use super::super::real::Real;
 use super::super::scheme::Stencil;
 use super::super::{Progress, SolveError};
 use super::kernel::{BLOCK, Base, Stage, Tables, Task};
 use super::layout::{Layout, each_interior, fill_ghosts};
 use super::{Direction, Horizon, Kind, Problem, Region, Settings, Solution};
 use crate::invalid::Invalid;
+use crate::parallel::{Workers, in_widest_lanes};
+use crate::real::Real;
 use core::ops::ControlFlow;
 use core::sync::atomic::{AtomicUsize, Ordering};
 

@@ -1,7 +1,7 @@
 //! A point mass that is steered towards a target.
 
 use crate::reachability::game::{Game, TERMS};
-use crate::reachability::real::Real;
+use crate::real::Real;
 
 /// ẋ = v, v̇ = u with |u| ≤ `acceleration`: state (x, v), m and m/s. The input
 /// minimises V, so {V ≤ 0} is what can be brought to the target.

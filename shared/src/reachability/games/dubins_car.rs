@@ -2,7 +2,7 @@
 
 use crate::math::sin_cos;
 use crate::reachability::game::{Game, TERMS};
-use crate::reachability::real::Real;
+use crate::real::Real;
 
 /// ẋ = v cos ψ, ẏ = v sin ψ, ψ̇ = u with `turn_rate_radps.0` ≤ u ≤ `turn_rate_radps.1`:
 /// state (x, y, ψ), m, m, rad. The input minimises V, so that {V ≤ 0} is what can be

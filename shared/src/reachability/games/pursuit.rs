@@ -3,7 +3,7 @@
 use crate::math::sin_cos;
 use crate::reachability::game::{Game, TERMS};
 use crate::reachability::pursuit::PursuitGame;
-use crate::reachability::real::Real;
+use crate::real::Real;
 
 /// The relative motion of two Dubins vehicles, Cartesian: state (x, y, ψ) of the
 /// pursuer in the evader's frame, m, m, rad.

@@ -1,12 +1,12 @@
 //! One grid of a polar solve: its rows with their ghosts, and how they are filled from a
 //! coarser grid, swept and finished.
 
-use super::super::parallel::in_widest_lanes;
 use super::super::pursuit::PursuitGame;
-use super::super::real::Real;
 use super::sweep::{SAFE, Sweep};
 use super::{RangeAxis, Solution, WINDOW};
 use crate::math::{TAU, sin_cos};
+use crate::parallel::in_widest_lanes;
+use crate::real::Real;
 use core::ops::ControlFlow;
 
 /// Sweeps over a sheet.

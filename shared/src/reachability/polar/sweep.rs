@@ -1,9 +1,9 @@
 //! One pass of Gauss–Seidel over the rows of a grid: what takes the time.
 
-use super::super::parallel::Kernel;
-use super::super::real::Real;
 use super::level::{Evader, Level, PAD};
 use crate::math::TAU;
+use crate::parallel::Kernel;
+use crate::real::Real;
 
 /// A deficit of this share of the radius counts as none: the range need not close.
 pub(super) const SAFE: f64 = 1.0 / 3000.0;
