@@ -27,21 +27,11 @@ const PAPERS: [(&str, &str); 8] = [
     ("distance", "d"),
 ];
 
-/// Every feature there is, in the order of the table.
-///
-/// # Panics
-/// Never: the table has features, each once.
-#[must_use]
-pub fn all_features() -> FeatureSet {
-    let names: Vec<&str> = FEATURES.iter().map(|feature| feature.name).collect();
-    FeatureSet::of(&names).expect("the table is well-formed")
-}
-
 /// The rows of a person's trials, with every feature.
 #[must_use]
 pub fn dataset(person: &Person, safety: &SafetyFunctions) -> Dataset {
     let trials = person.trials.iter().map(|trial| (&trial.inputs[..], &trial.states[..]));
-    Dataset::from_trials(&all_features(), safety, trials)
+    Dataset::from_trials(&FeatureSet::all(), safety, trials)
 }
 
 /// Writes the file.

@@ -132,6 +132,12 @@ impl FeatureSet {
         Ok(Self(chosen))
     }
 
+    /// Every feature there is, in the order of the table.
+    #[must_use]
+    pub fn all() -> Self {
+        Self((0..FEATURES.len()).collect())
+    }
+
     /// The chosen entries of the table.
     pub fn features(&self) -> impl ExactSizeIterator<Item = &'static Feature> {
         self.0.iter().map(|&index| &FEATURES[index])
