@@ -3,15 +3,17 @@
 mod best;
 mod cache;
 mod context;
+mod excluded;
 mod files;
 mod latex;
 mod report;
 
 pub use cache::FolderCache;
 pub use context::{Context, DecisionMap};
+pub use excluded::Excluded;
 
 use crate::features_csv::{self, FeatureRows};
-use crate::trials_csv::{self, LineError};
+use crate::trials_csv::{self, Fault, LineError};
 use sidestep::comparison::ablation::{Ablation, ablation};
 use sidestep::comparison::cell::{Experiment, ModelName};
 use sidestep::comparison::metrics::Predictions;
@@ -143,34 +145,50 @@ impl Analysis {
     }
 }
 
-/// People as the comparison takes them, with the features of `given` in place of computed ones.
+/// People as the comparison takes them, with the features of `given` in place of computed ones,
+/// and who is left out because their features are no numbers or do not go with their trials.
 ///
 /// # Errors
-/// [`PeopleError`] for a trial that cannot be one, or features that do not go with it.
+/// [`PeopleError`] for a trial that cannot be one, or for features that go with nobody's trials.
 pub fn people(
     file: &[trials_csv::Person],
     scene: &SceneParameters,
     safety: &SafetyFunctions,
     given: Option<&FeatureRows>,
-) -> Result<Vec<Person>, PeopleError> {
-    let person = |person: &trials_csv::Person| {
-        let mut data = features_csv::dataset(person, safety);
-        if let Some(given) = given {
-            given.replace(person, &mut data).map_err(PeopleError::Features)?;
+) -> Result<(Vec<Person>, Vec<Excluded>), PeopleError> {
+    let mut people = Vec::new();
+    let mut excluded = Vec::new();
+    let mut first = None;
+    for person in file {
+        let mut data = match features_csv::dataset(person, safety) {
+            Ok(data) => data,
+            Err(error) => {
+                let participant = person.name.clone();
+                excluded.push(Excluded::by_trials(Fault { participant, error }));
+                continue;
+            }
+        };
+        if let Some(Err(error)) = given.map(|given| given.replace(person, &mut data)) {
+            excluded.push(Excluded::by_features(&person.name, &error));
+            first.get_or_insert(error);
+            continue;
         }
         let trajectory = |trial: &trials_csv::FileTrial| {
             let rates = trial.inputs.iter().map(|&input| scene.human.turn_rate(input));
             Trajectory::new(trial.states.clone(), rates.collect())
                 .map_err(|what| PeopleError::Trials(LineError { line: trial.line, what }))
         };
-        Ok(Person {
+        people.push(Person {
             name: person.name.clone(),
             numbers: person.trials.iter().map(|trial| trial.number).collect(),
             trajectories: person.trials.iter().map(trajectory).collect::<Result<_, _>>()?,
             data,
-        })
-    };
-    file.iter().map(person).collect()
+        });
+    }
+    match first {
+        Some(error) if people.is_empty() => Err(PeopleError::Features(error)),
+        _ => Ok((people, excluded)),
+    }
 }
 
 /// Which file is wrong, and where.

@@ -4,10 +4,10 @@ use super::bounds::safety_functions;
 use super::game::GameArgs;
 use super::solving::{Interrupt, bar};
 use super::{CommandError, print_json, trials_file, unwritable};
-use crate::analysis::{Analysis, Context, FolderCache, PeopleError, people};
+use crate::analysis::{Analysis, Context, Excluded, FolderCache, PeopleError, people};
 use crate::features_csv::{self, FeatureRows};
 use crate::store::{Missing, Store, participants, studies};
-use crate::trials_csv::Person;
+use crate::trials_csv::Contents;
 use crate::whole_folder::Draft;
 use crate::{exports, synthetic};
 use futures_util::StreamExt;
@@ -27,8 +27,15 @@ use tokio::sync::oneshot;
 /// the robot's position in the human's body frame), experiment (1: right, straight or left; 2:
 /// avoid or not) and model (svm_rbf, svm_linear, svm: the better of both in cross-validation, dt,
 /// lr), hyper-parameters are chosen by five-fold cross-validation over whole trials of the first
-/// four fifths of the tasks, and the model is tested on the last fifth. People with fewer than
-/// five tasks or one kind of input are left out, and named.
+/// four fifths of the tasks, and the model is tested on the last fifth.
+///
+/// People with fewer than five tasks or one kind of input are left out, and so is who has a wrong
+/// row: a value that cannot be, a step that is missing, there twice or out of order, or features
+/// that do not go with the trials. They are named with line and reason on stderr, in the printed
+/// line and in the report, and all others are compared. A file is refused as a whole (exit code 2)
+/// where it cannot be told whose its rows are: without a column that is needed, with a row of more
+/// or fewer fields than the header or without a participant, or as text that is not UTF-8; and
+/// where nobody is left.
 ///
 /// Writes to --out: cells.csv (every fit), table1.csv (mean accuracy, per cent) and table2.csv
 /// (D_start and D_end, steps) as in the paper, tests.csv, ablation.csv, calibration.csv,
@@ -85,19 +92,27 @@ struct Source {
 pub async fn run(args: AnalyzeArgs) -> Result<(), CommandError> {
     let start = Instant::now();
     let (source, scene, file, synthetic) = args.tasks().await?;
+    let say = |excluded: &[Excluded]| {
+        excluded.iter().for_each(|who| eprintln!("sidestep: {source}: left out: {who}"));
+    };
+    let Contents { people: file, faults } = file;
+    let mut excluded: Vec<Excluded> = faults.into_iter().map(Excluded::by_trials).collect();
+    say(&excluded);
     let given = args.features.as_deref().map(read_features).transpose()?;
     let draft = Draft::begin(&args.out).map_err(|e| unwritable(&args.out, &e))?;
     let kept = args.out.join(".cache");
     let cache = FolderCache::open(&kept).map_err(|e| unwritable(&kept, &e))?;
     let interrupt = Interrupt::listen();
     let safety = safety_functions(&scene, &interrupt).await?;
-    let people = people(&file, &scene, &safety, given.as_ref()).map_err(|error| {
+    let (people, without) = people(&file, &scene, &safety, given.as_ref()).map_err(|error| {
         let features = args.features.as_deref().unwrap_or(Path::new("")).display().to_string();
         match error {
             PeopleError::Trials(error) => CommandError::Input(format!("{source}: {error}")),
             PeopleError::Features(error) => CommandError::Input(format!("{features}: {error}")),
         }
     })?;
+    say(&without);
+    excluded.extend(without);
     let synthetic = if args.synthetic { Some("by --synthetic".to_owned()) } else { synthetic };
     let settings =
         Settings { leakage: args.leakage, ..Settings::new().map_err(CommandError::failure)? };
@@ -115,20 +130,19 @@ pub async fn run(args: AnalyzeArgs) -> Result<(), CommandError> {
             Ok((results, context, cache))
         }
     });
-    let (results, context, cache) = match results.await? {
+    let (mut results, context, cache) = match results.await? {
         Ok(found) => found,
         Err(RunError::Stopped) => return Err(interrupt.check().err().unwrap_or_else(stopped)),
         Err(RunError::Invalid(invalid)) => {
             return Err(CommandError::Input(format!("{source}: {invalid}")));
         }
     };
+    let file = if args.source.trials.is_some() { &file[..] } else { &[] };
+    let unfit = Excluded::by_comparison(&results.exclusions, file);
+    say(&unfit);
+    results.exclusions.splice(..0, excluded.iter().map(Into::into));
+    excluded.extend(unfit);
     let analysis = Analysis::of(results, synthetic, context).map_err(CommandError::failure)?;
-    for exclusion in &analysis.exclusions {
-        eprintln!(
-            "sidestep: left out: participant {}: {}",
-            exclusion.participant, exclusion.reason
-        );
-    }
     analysis.write(draft.path()).map_err(|e| unwritable(&args.out, &e))?;
     let kept_or = |e| interrupt.check().err().unwrap_or_else(|| unwritable(&args.out, &e));
     draft.keep(&interrupt.stop).map_err(kept_or)?;
@@ -137,14 +151,14 @@ pub async fn run(args: AnalyzeArgs) -> Result<(), CommandError> {
     print_json(&serde_json::json!({
         "folder": args.out,
         "participants": analysis.comparison.participants.len(),
-        "excluded": analysis.exclusions,
+        "excluded": excluded,
         "cells": analysis.comparison.cells.len(),
         "synthetic": analysis.synthetic.is_some(),
         "wall_s": start.elapsed().as_secs_f64(),
     }))
 }
 
-type Tasks = (String, SceneParameters, Vec<Person>, Option<String>);
+type Tasks = (String, SceneParameters, Contents, Option<String>);
 
 impl AnalyzeArgs {
     /// Whence the trials are, what was driven with, the tasks, and why they are known to be
@@ -152,9 +166,11 @@ impl AnalyzeArgs {
     async fn tasks(&self) -> Result<Tasks, CommandError> {
         if let Some(path) = &self.source.trials {
             let scene = trials_file::scene(self.game)?;
-            let people = trials_file::tasks(path, &scene)?;
-            let synthetic = synthetic::recognised(&people);
-            return Ok((path.display().to_string(), scene, people, synthetic));
+            let source = path.display().to_string();
+            let text = trials_file::open(path, &source)?;
+            let tasks = trials_file::each_ones_tasks(text, &source, &scene)?;
+            let synthetic = synthetic::recognised(&tasks.people);
+            return Ok((source, scene, tasks, synthetic));
         }
         let url = self.source.database.clone().unwrap_or_default();
         let source = format!("--study {}", self.study);
@@ -170,10 +186,10 @@ impl AnalyzeArgs {
             octets.extend_from_slice(&piece?);
         }
         store.close().await;
-        let people = trials_file::tasks_in(&octets[..], &source, &scene)?;
+        let tasks = trials_file::each_ones_tasks(&octets[..], &source, &scene)?;
         let said = invented.then(|| "participants of `sidestep simulate`".to_owned());
-        let synthetic = said.or_else(|| synthetic::recognised(&people));
-        Ok((source, scene, people, synthetic))
+        let synthetic = said.or_else(|| synthetic::recognised(&tasks.people));
+        Ok((source, scene, tasks, synthetic))
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::CommandError;
 use super::game::GameArgs;
-use crate::trials_csv::{self, Person};
+use crate::trials_csv::{self, Contents, Person};
 use sidestep::reachability::Player;
 use sidestep::scene::SceneParameters;
 use sidestep::trial::Phase;
@@ -35,28 +35,57 @@ pub(super) fn scene(game: GameArgs) -> Result<SceneParameters, CommandError> {
 /// [`CommandError::Input`] naming the file, the line and what is wrong, or that there is no task.
 pub(super) fn tasks(path: &Path, scene: &SceneParameters) -> Result<Vec<Person>, CommandError> {
     let name = path.display().to_string();
-    let file =
-        File::open(path).map_err(|e| CommandError::Input(format!("{name}: cannot read: {e}")))?;
-    tasks_in(BufReader::new(file), &name, scene)
+    let complain = |e: &dyn std::fmt::Display| CommandError::Input(format!("{name}: {e}"));
+    let mut people = trials_csv::read(open(path, &name)?, scene).map_err(|e| complain(&e))?;
+    only_tasks(&mut people);
+    people.retain(|person| !person.trials.is_empty());
+    if people.is_empty() {
+        return Err(complain(&NO_TASK));
+    }
+    Ok(people)
 }
 
-/// The same of text that is called `name` in complaints.
+/// The tasks in text that is called `name` in complaints. Who drove none is there without any,
+/// and who has a wrong row is a fault.
 ///
 /// # Errors
-/// As of [`tasks`].
-pub(super) fn tasks_in(
+/// [`CommandError::Input`] naming the file, the line and what is wrong where it cannot be told
+/// whose the rows are or everybody's are wrong, or that there is no task.
+pub(super) fn each_ones_tasks(
     text: impl Read,
     name: &str,
     scene: &SceneParameters,
-) -> Result<Vec<Person>, CommandError> {
+) -> Result<Contents, CommandError> {
     let complain = |e: &dyn std::fmt::Display| CommandError::Input(format!("{name}: {e}"));
-    let mut people = trials_csv::read(text, scene).map_err(|e| complain(&e))?;
-    for person in &mut people {
+    let mut contents = trials_csv::read_each(text, scene).map_err(|e| complain(&e))?;
+    if let ([], [first, others @ ..]) = (&contents.people[..], &contents.faults[..]) {
+        let others = match others.len() {
+            0 => String::new(),
+            n => format!(" (and faults of {n} more participants, so that nobody is left)"),
+        };
+        return Err(complain(&format!("{}{others}", first.error)));
+    }
+    only_tasks(&mut contents.people);
+    if contents.people.iter().all(|person| person.trials.is_empty()) {
+        return Err(complain(&NO_TASK));
+    }
+    Ok(contents)
+}
+
+const NO_TASK: &str = "expected at least one task, found none";
+
+fn only_tasks(people: &mut [Person]) {
+    for person in people {
         person.trials.retain(|trial| trial.phase == Phase::Task);
     }
-    people.retain(|person| !person.trials.is_empty());
-    if people.is_empty() {
-        return Err(complain(&"expected at least one task, found none"));
-    }
-    Ok(people)
+}
+
+/// Opens the file that is called `name` in complaints.
+///
+/// # Errors
+/// [`CommandError::Input`] if it cannot be read.
+pub(super) fn open(path: &Path, name: &str) -> Result<BufReader<File>, CommandError> {
+    File::open(path)
+        .map(BufReader::new)
+        .map_err(|e| CommandError::Input(format!("{name}: cannot read: {e}")))
 }
