@@ -20,8 +20,8 @@ use std::io::Read;
 pub struct Person {
     /// As the file calls them.
     pub name: String,
-    /// Line of their first row.
-    pub line: u64,
+    /// Line of their first row, where they are from a file.
+    pub line: Option<u64>,
     /// In the order of phases, then of the file's numbers.
     pub trials: Vec<FileTrial>,
     /// Whether a column `synthetic` says that nobody drove this.
@@ -145,7 +145,7 @@ pub fn read_each(file: impl Read, parameters: &SceneParameters) -> Result<Conten
         };
         let place = *person_of.entry(name.clone()).or_insert(people.len());
         if place == people.len() {
-            people.push(Person { name, line, trials: Vec::new(), synthetic: false });
+            people.push(Person { name, line: Some(line), trials: Vec::new(), synthetic: false });
         }
         people[place].trials.push(trial);
         people[place].synthetic |= synthetic;

@@ -1,9 +1,8 @@
 //! Who is left out, and where in the trials it shows.
 
-use crate::trials_csv::{Fault, LineError, Person};
+use crate::trials_csv::{Fault, LineError};
 use serde::Serialize;
 use sidestep::comparison::Exclusion;
-use std::collections::HashMap;
 use std::fmt;
 
 /// Somebody who is left out.
@@ -13,60 +12,48 @@ pub struct Excluded {
     pub participant: String,
     /// Why.
     pub reason: String,
-    /// Where in the file of trials: the line that is wrong, or that of their first row where all
-    /// of them together are; nothing where the trials are right or are no file.
+    /// The line that is wrong, where it is one of a file of trials.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub line: Option<u64>,
+    /// The line of their first row, where all of them together are the reason. It depends on the
+    /// order of the rows, which changes nothing in the files of an analysis: only messages tell it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub first_line: Option<u64>,
 }
 
 impl Excluded {
-    /// Rows of theirs are wrong.
+    /// For a reason that is in no line.
     #[must_use]
-    pub fn by_trials(fault: Fault) -> Self {
-        let Fault { participant, error: LineError { line, what } } = fault;
-        Self { participant, reason: what.to_string(), line: Some(line) }
+    pub fn new(participant: &str, reason: String) -> Self {
+        Self { participant: participant.to_owned(), reason, line: None, first_line: None }
     }
 
-    /// The file of features does not go with their trials.
+    /// As the report tells it: the line that is wrong, and why.
     #[must_use]
-    pub fn by_features(participant: &str, error: &LineError) -> Self {
-        let reason = format!("features: {error}");
-        Self { participant: participant.to_owned(), reason, line: None }
+    pub fn why(&self) -> String {
+        match self.line {
+            Some(line) => format!("line {line}: {}", self.reason),
+            None => self.reason.clone(),
+        }
     }
+}
 
-    /// The comparison left them out, who are among the people of this file.
-    #[must_use]
-    pub fn by_comparison(exclusions: &[Exclusion], file: &[Person]) -> Vec<Self> {
-        let lines: HashMap<&str, u64> =
-            file.iter().map(|person| (person.name.as_str(), person.line)).collect();
-        let one = |Exclusion { participant, reason }: &Exclusion| Self {
-            participant: participant.clone(),
-            reason: reason.clone(),
-            line: lines.get(participant.as_str()).copied(),
-        };
-        exclusions.iter().map(one).collect()
+/// A row or a trial of theirs is wrong.
+impl From<Fault> for Excluded {
+    fn from(Fault { participant, error: LineError { line, what } }: Fault) -> Self {
+        Self { line: Some(line), ..Self::new(&participant, what.to_string()) }
+    }
+}
+
+impl From<Exclusion> for Excluded {
+    fn from(Exclusion { participant, reason }: Exclusion) -> Self {
+        Self::new(&participant, reason)
     }
 }
 
 impl fmt::Display for Excluded {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "participant {}: ", self.participant)?;
-        if let Some(line) = self.line {
-            write!(f, "line {line}: ")?;
-        }
-        f.write_str(&self.reason)
-    }
-}
-
-/// As the report tells it, whose lines are those that are wrong themselves: others depend on the
-/// order of the rows, which changes nothing.
-impl From<&Excluded> for Exclusion {
-    fn from(excluded: &Excluded) -> Self {
-        let Excluded { participant, reason, line } = excluded;
-        let reason = match line {
-            Some(line) => format!("line {line}: {reason}"),
-            None => reason.clone(),
-        };
-        Self { participant: participant.clone(), reason }
+        write!(f, "participant {}: {}", self.participant, self.why())?;
+        self.first_line.map_or(Ok(()), |line| write!(f, " (their rows begin in line {line})"))
     }
 }

@@ -1,9 +1,9 @@
 //! Tables I and II as LaTeX, laid out as in the paper; nothing but the standard classes is
 //! needed.
 
-use super::Analysis;
 use super::best::is_best;
 use super::report::{SOURCE, both_avoid, model_word, penalised};
+use super::{Analysis, Excluded};
 use sidestep::comparison::cell::{Experiment, ModelName, PAPERS_SETS};
 use sidestep::comparison::tables::Metric;
 
@@ -72,9 +72,8 @@ fn people(analysis: &Analysis) -> String {
         ));
     }
     if !analysis.exclusions.is_empty() {
-        let one = |who: &sidestep::comparison::Exclusion| {
-            format!("{} ({})", escaped(&who.participant), escaped(&who.reason))
-        };
+        let one =
+            |who: &Excluded| format!("{} ({})", escaped(&who.participant), escaped(&who.why()));
         let all: Vec<String> = analysis.exclusions.iter().map(one).collect();
         said.push_str(&format!(" Left out: {}.", all.join("; ")));
     }

@@ -4,20 +4,19 @@ use super::bounds::safety_functions;
 use super::game::GameArgs;
 use super::solving::{Interrupt, bar};
 use super::{CommandError, print_json, trials_file, unwritable};
-use crate::analysis::{Analysis, Context, Excluded, FolderCache, PeopleError, people};
+use crate::analysis::{CompareError, Excluded, FolderCache, Tasks};
 use crate::features_csv::{self, FeatureRows};
-use crate::store::{Missing, Store, participants, studies};
+use crate::store::{Missing, Store, studies};
+use crate::synthetic;
 use crate::trials_csv::Contents;
 use crate::whole_folder::Draft;
-use crate::{exports, synthetic};
-use futures_util::StreamExt;
 use indicatif::ProgressBar;
-use sidestep::comparison::{self, Progress, RunError, Settings};
-use sidestep::scene::SceneParameters;
+use sidestep::comparison::{Progress, Settings};
 use std::fs::File;
 use std::io::BufReader;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Instant;
 use tokio::sync::oneshot;
 
@@ -91,58 +90,44 @@ struct Source {
 /// database refuses (failure).
 pub async fn run(args: AnalyzeArgs) -> Result<(), CommandError> {
     let start = Instant::now();
-    let (source, scene, file, synthetic) = args.tasks().await?;
+    let (source, mut tasks) = args.tasks().await?;
+    if args.synthetic {
+        tasks.synthetic = Some("by --synthetic".to_owned());
+    }
     let say = |excluded: &[Excluded]| {
         excluded.iter().for_each(|who| eprintln!("sidestep: {source}: left out: {who}"));
     };
-    let Contents { people: file, faults } = file;
-    let mut excluded: Vec<Excluded> = faults.into_iter().map(Excluded::by_trials).collect();
-    say(&excluded);
+    say(&tasks.exclusions);
+    let said = tasks.exclusions.len();
     let given = args.features.as_deref().map(read_features).transpose()?;
     let draft = Draft::begin(&args.out).map_err(|e| unwritable(&args.out, &e))?;
     let kept = args.out.join(".cache");
-    let cache = FolderCache::open(&kept).map_err(|e| unwritable(&kept, &e))?;
+    let cache = Arc::new(FolderCache::open(&kept).map_err(|e| unwritable(&kept, &e))?);
     let interrupt = Interrupt::listen();
-    let safety = safety_functions(&scene, &interrupt).await?;
-    let (people, without) = people(&file, &scene, &safety, given.as_ref()).map_err(|error| {
-        let features = args.features.as_deref().unwrap_or(Path::new("")).display().to_string();
-        match error {
-            PeopleError::Trials(error) => CommandError::Input(format!("{source}: {error}")),
-            PeopleError::Features(error) => CommandError::Input(format!("{features}: {error}")),
-        }
-    })?;
-    say(&without);
-    excluded.extend(without);
-    let synthetic = if args.synthetic { Some("by --synthetic".to_owned()) } else { synthetic };
+    let safety = safety_functions(&tasks.scene, &interrupt).await?;
     let settings =
         Settings { leakage: args.leakage, ..Settings::new().map_err(CommandError::failure)? };
-    let results = in_threads(args.threads, &interrupt, {
-        let (scene, cache, stop) = (scene, cache, interrupt.stop.clone());
+    let compared = in_threads(args.threads, &interrupt, {
+        let (cache, stop) = (Arc::clone(&cache), interrupt.stop.clone());
         move |bar| {
             let step = |progress: Progress| {
                 bar.set_length(progress.of as u64);
                 bar.set_position(progress.done as u64);
                 if stop.is_wanted() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
             };
-            let results =
-                comparison::run(&people, &scene, &safety, &settings, Some(&cache), &step)?;
-            let context = Context::of(&results, &people, &scene, &safety)?;
-            Ok((results, context, cache))
+            tasks.compare(&safety, given.as_ref(), &settings, &*cache, &step)
         }
     });
-    let (mut results, context, cache) = match results.await? {
-        Ok(found) => found,
-        Err(RunError::Stopped) => return Err(interrupt.check().err().unwrap_or_else(stopped)),
-        Err(RunError::Invalid(invalid)) => {
-            return Err(CommandError::Input(format!("{source}: {invalid}")));
+    let analysis = match compared.await? {
+        Ok(analysis) => analysis,
+        Err(CompareError::Stopped) => return Err(interrupt.check().err().unwrap_or_else(stopped)),
+        Err(error @ CompareError::Features(_)) => {
+            let file = args.features.as_deref().unwrap_or(Path::new("")).display().to_string();
+            return Err(CommandError::Input(format!("{file}: {error}")));
         }
+        Err(error) => return Err(CommandError::Input(format!("{source}: {error}"))),
     };
-    let file = if args.source.trials.is_some() { &file[..] } else { &[] };
-    let unfit = Excluded::by_comparison(&results.exclusions, file);
-    say(&unfit);
-    results.exclusions.splice(..0, excluded.iter().map(Into::into));
-    excluded.extend(unfit);
-    let analysis = Analysis::of(results, synthetic, context).map_err(CommandError::failure)?;
+    say(&analysis.exclusions[said..]);
     analysis.write(draft.path()).map_err(|e| unwritable(&args.out, &e))?;
     let kept_or = |e| interrupt.check().err().unwrap_or_else(|| unwritable(&args.out, &e));
     draft.keep(&interrupt.stop).map_err(kept_or)?;
@@ -151,26 +136,23 @@ pub async fn run(args: AnalyzeArgs) -> Result<(), CommandError> {
     print_json(&serde_json::json!({
         "folder": args.out,
         "participants": analysis.comparison.participants.len(),
-        "excluded": excluded,
+        "excluded": analysis.exclusions,
         "cells": analysis.comparison.cells.len(),
         "synthetic": analysis.synthetic.is_some(),
         "wall_s": start.elapsed().as_secs_f64(),
     }))
 }
 
-type Tasks = (String, SceneParameters, Contents, Option<String>);
-
 impl AnalyzeArgs {
-    /// Whence the trials are, what was driven with, the tasks, and why they are known to be
-    /// synthetic, if they are.
-    async fn tasks(&self) -> Result<Tasks, CommandError> {
+    /// Whence the tasks are, and they.
+    async fn tasks(&self) -> Result<(String, Tasks), CommandError> {
         if let Some(path) = &self.source.trials {
             let scene = trials_file::scene(self.game)?;
-            let source = path.display().to_string();
-            let text = trials_file::open(path, &source)?;
-            let tasks = trials_file::each_ones_tasks(text, &source, &scene)?;
-            let synthetic = synthetic::recognised(&tasks.people);
-            return Ok((source, scene, tasks, synthetic));
+            let Contents { people, faults } = trials_file::each_ones_tasks(path, &scene)?;
+            let exclusions = faults.into_iter().map(Excluded::from).collect();
+            let synthetic = synthetic::recognised(&people);
+            let tasks = Tasks { people, exclusions, scene, synthetic };
+            return Ok((path.display().to_string(), tasks));
         }
         let url = self.source.database.clone().unwrap_or_default();
         let source = format!("--study {}", self.study);
@@ -178,18 +160,9 @@ impl AnalyzeArgs {
         let study = studies::find(&mut *store.reader().await?, &self.study)
             .await?
             .ok_or_else(|| CommandError::Input(format!("{source}: no such study in {url}")))?;
-        let scene = study.config.parameters;
-        let invented = participants::are_synthetic(&mut *store.reader().await?, study.id).await?;
-        let mut octets = Vec::new();
-        let mut pieces = std::pin::pin!(exports::stream(store.clone(), study));
-        while let Some(piece) = pieces.next().await {
-            octets.extend_from_slice(&piece?);
-        }
+        let tasks = Tasks::of_study(&store, &study).await?;
         store.close().await;
-        let tasks = trials_file::each_ones_tasks(&octets[..], &source, &scene)?;
-        let said = invented.then(|| "participants of `sidestep simulate`".to_owned());
-        let synthetic = said.or_else(|| synthetic::recognised(&tasks.people));
-        Ok((source, scene, tasks, synthetic))
+        Ok((source, tasks))
     }
 }
 

@@ -8,7 +8,7 @@ use sidestep::scene::SceneParameters;
 use sidestep::trial::Phase;
 use sidestep::vehicle::VehicleModel;
 use std::fs::File;
-use std::io::{BufReader, Read};
+use std::io::BufReader;
 use std::path::Path;
 
 /// The paper's scene with the vehicles of `game`: the human is the evader.
@@ -34,40 +34,37 @@ pub(super) fn scene(game: GameArgs) -> Result<SceneParameters, CommandError> {
 /// # Errors
 /// [`CommandError::Input`] naming the file, the line and what is wrong, or that there is no task.
 pub(super) fn tasks(path: &Path, scene: &SceneParameters) -> Result<Vec<Person>, CommandError> {
-    let name = path.display().to_string();
-    let complain = |e: &dyn std::fmt::Display| CommandError::Input(format!("{name}: {e}"));
-    let mut people = trials_csv::read(open(path, &name)?, scene).map_err(|e| complain(&e))?;
+    let mut people = trials_csv::read(open(path)?, scene).map_err(|e| complaint(path, &e))?;
     only_tasks(&mut people);
     people.retain(|person| !person.trials.is_empty());
     if people.is_empty() {
-        return Err(complain(&NO_TASK));
+        return Err(complaint(path, &NO_TASK));
     }
     Ok(people)
 }
 
-/// The tasks in text that is called `name` in complaints. Who drove none is there without any,
-/// and who has a wrong row is a fault.
+/// The same where faults of one person are no others': who drove no task is there without any, and
+/// who has a wrong row is a fault.
 ///
 /// # Errors
 /// [`CommandError::Input`] naming the file, the line and what is wrong where it cannot be told
 /// whose the rows are or everybody's are wrong, or that there is no task.
 pub(super) fn each_ones_tasks(
-    text: impl Read,
-    name: &str,
+    path: &Path,
     scene: &SceneParameters,
 ) -> Result<Contents, CommandError> {
-    let complain = |e: &dyn std::fmt::Display| CommandError::Input(format!("{name}: {e}"));
-    let mut contents = trials_csv::read_each(text, scene).map_err(|e| complain(&e))?;
+    let mut contents =
+        trials_csv::read_each(open(path)?, scene).map_err(|e| complaint(path, &e))?;
     if let ([], [first, others @ ..]) = (&contents.people[..], &contents.faults[..]) {
         let others = match others.len() {
             0 => String::new(),
-            n => format!(" (and faults of {n} more participants, so that nobody is left)"),
+            n => format!(" (and there are faults of {n} more, so that nobody is left)"),
         };
-        return Err(complain(&format!("{}{others}", first.error)));
+        return Err(complaint(path, &format!("{}{others}", first.error)));
     }
     only_tasks(&mut contents.people);
     if contents.people.iter().all(|person| person.trials.is_empty()) {
-        return Err(complain(&NO_TASK));
+        return Err(complaint(path, &NO_TASK));
     }
     Ok(contents)
 }
@@ -80,12 +77,11 @@ fn only_tasks(people: &mut [Person]) {
     }
 }
 
-/// Opens the file that is called `name` in complaints.
-///
-/// # Errors
-/// [`CommandError::Input`] if it cannot be read.
-pub(super) fn open(path: &Path, name: &str) -> Result<BufReader<File>, CommandError> {
-    File::open(path)
-        .map(BufReader::new)
-        .map_err(|e| CommandError::Input(format!("{name}: cannot read: {e}")))
+fn open(path: &Path) -> Result<BufReader<File>, CommandError> {
+    let file = File::open(path).map_err(|e| complaint(path, &format!("cannot read: {e}")))?;
+    Ok(BufReader::new(file))
+}
+
+fn complaint(path: &Path, what: &dyn std::fmt::Display) -> CommandError {
+    CommandError::Input(format!("{}: {what}", path.display()))
 }

@@ -2,8 +2,8 @@
 
 use super::html::{details, escaped, fixed, p_value, signed, table};
 use super::{published, words};
-use crate::analysis::Analysis;
 use crate::analysis::best::is_best;
+use crate::analysis::{Analysis, Excluded};
 use sidestep::comparison::avoidance::Distances;
 use sidestep::comparison::cell::{BODY_FRAME_SETS, Experiment, ModelName, PAPERS_SETS};
 use sidestep::comparison::tables::Metric;
@@ -214,8 +214,8 @@ pub(super) fn leakage(analysis: &Analysis) -> String {
 
 /// Who was left out, and why.
 pub(super) fn exclusions(analysis: &Analysis) -> String {
-    let one = |who: &sidestep::comparison::Exclusion| {
-        format!("<li><b>{}</b>: {}</li>\n", escaped(&who.participant), escaped(&who.reason))
+    let one = |who: &Excluded| {
+        format!("<li><b>{}</b>: {}</li>\n", escaped(&who.participant), escaped(&who.why()))
     };
     let all: String = analysis.exclusions.iter().map(one).collect();
     format!("<ul class=\"exclusions\">\n{all}</ul>\n")
