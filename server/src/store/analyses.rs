@@ -266,15 +266,15 @@ pub struct Job {
 /// How often an analysis is begun before it is taken for one that brings the server down.
 const MOST_ATTEMPTS: i64 = 3;
 
-/// Puts back into the queue what was being made when the server ended, unless that has
-/// happened too often.
+/// Puts back into the queue what was begun and did not come to an end, because the server ended
+/// or the database failed, unless that has happened too often.
 ///
 /// # Errors
 /// If the database cannot be written.
 pub async fn recover(db: &mut Db, now_ms: i64) -> Result<(), sqlx::Error> {
     sqlx::query(
         "UPDATE analysis SET state = 'failed', ended_at_ms = $1, message = \
-             'the server ended ' || attempts || ' times while this was made; see its log' \
+             'begun ' || attempts || ' times without coming to an end; see the server''s log' \
          WHERE state = 'running' AND attempts >= $2",
     )
     .bind(now_ms)
