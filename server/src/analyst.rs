@@ -157,7 +157,7 @@ impl Worker {
             Ok(analysis) => {
                 let result = AnalysisResult {
                     participants: analysis.comparison.participants.len(),
-                    excluded: analysis.exclusions.clone(),
+                    excluded: analysis.exclusions.iter().map(Into::into).collect(),
                     cells: analysis.comparison.cells.len(),
                     synthetic: analysis.synthetic.clone(),
                 };

@@ -51,6 +51,13 @@ impl From<Exclusion> for Excluded {
     }
 }
 
+/// As the HTTP interface tells it.
+impl From<&Excluded> for Exclusion {
+    fn from(excluded: &Excluded) -> Self {
+        Self { participant: excluded.participant.clone(), reason: excluded.why() }
+    }
+}
+
 impl fmt::Display for Excluded {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "participant {}: {}", self.participant, self.why())?;
