@@ -84,7 +84,7 @@ impl Analysis {
             let all = Predictions::together(experiment.classes(), of);
             ("constant", experiment, "none", all)
         });
-        let sets = self.sets();
+        let sets = self.comparison.sets();
         let entries = ModelName::ALL.into_iter().flat_map(|model| {
             Experiment::ALL.into_iter().map(move |experiment| (model, experiment))
         });
@@ -96,19 +96,6 @@ impl Analysis {
             })
         });
         baseline.chain(models)
-    }
-
-    /// The names of the feature sets, in order.
-    #[must_use]
-    pub fn sets(&self) -> Vec<&str> {
-        let first = self.comparison.cells.first();
-        let one = |cell: &&sidestep::comparison::cell::Cell| {
-            first.is_some_and(|first| {
-                (cell.model, cell.experiment, cell.participant)
-                    == (first.model, first.experiment, first.participant)
-            })
-        };
-        self.comparison.cells.iter().filter(one).map(|cell| cell.features.as_str()).collect()
     }
 
     /// Gives every file to `put`: its name, parts of which are joined by `/`, and what writes it.
