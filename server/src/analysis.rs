@@ -22,6 +22,9 @@ use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
+/// Writes one file.
+pub type Content<'a> = &'a dyn Fn(&mut dyn Write) -> io::Result<()>;
+
 /// Everything that is told.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Analysis {
@@ -104,7 +107,7 @@ impl Analysis {
     /// What `put` says.
     pub fn each_file(
         &self,
-        put: &mut dyn FnMut(&str, &dyn Fn(&mut dyn Write) -> io::Result<()>) -> io::Result<()>,
+        put: &mut dyn FnMut(&str, Content<'_>) -> io::Result<()>,
     ) -> io::Result<()> {
         for (name, table) in files::TABLES {
             put(name, &|out| table(self, out))?;
