@@ -24,6 +24,9 @@ use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
+/// Writes one file.
+pub type Content<'a> = &'a dyn Fn(&mut dyn Write) -> io::Result<()>;
+
 /// Everything that is told.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Analysis {
@@ -86,7 +89,7 @@ impl Analysis {
             let all = Predictions::together(experiment.classes(), of);
             ("constant", experiment, "none", all)
         });
-        let sets = self.sets();
+        let sets = self.comparison.sets();
         let entries = ModelName::ALL.into_iter().flat_map(|model| {
             Experiment::ALL.into_iter().map(move |experiment| (model, experiment))
         });
@@ -100,26 +103,13 @@ impl Analysis {
         baseline.chain(models)
     }
 
-    /// The names of the feature sets, in order.
-    #[must_use]
-    pub fn sets(&self) -> Vec<&str> {
-        let first = self.comparison.cells.first();
-        let one = |cell: &&sidestep::comparison::cell::Cell| {
-            first.is_some_and(|first| {
-                (cell.model, cell.experiment, cell.participant)
-                    == (first.model, first.experiment, first.participant)
-            })
-        };
-        self.comparison.cells.iter().filter(one).map(|cell| cell.features.as_str()).collect()
-    }
-
     /// Gives every file to `put`: its name, parts of which are joined by `/`, and what writes it.
     ///
     /// # Errors
     /// What `put` says.
     pub fn each_file(
         &self,
-        put: &mut dyn FnMut(&str, &dyn Fn(&mut dyn Write) -> io::Result<()>) -> io::Result<()>,
+        put: &mut dyn FnMut(&str, Content<'_>) -> io::Result<()>,
     ) -> io::Result<()> {
         for (name, table) in files::TABLES {
             put(name, &|out| table(self, out))?;

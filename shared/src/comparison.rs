@@ -12,11 +12,13 @@ pub mod baseline;
 pub mod cell;
 pub mod fit;
 pub mod metrics;
+mod request;
 pub mod rollout;
 mod run;
 pub mod split;
 pub mod tables;
 
+pub use request::Request;
 pub use run::{
     Cache, Exclusion, Leakage, Person, Progress, Results, RolloutsOf, RunError, Settings, run,
 };

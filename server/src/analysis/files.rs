@@ -160,7 +160,7 @@ fn ablation(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
         vec![
             row.model.to_owned(),
             row.experiment.number().to_string(),
-            row.features.to_owned(),
+            row.features.clone(),
             places(row.accuracy),
             places(row.log_loss),
             places(row.gain_over_d),

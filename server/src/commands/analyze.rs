@@ -2,6 +2,7 @@
 
 use super::bounds::safety_functions;
 use super::game::GameArgs;
+use super::json_file::Document;
 use super::solving::{Interrupt, bar};
 use super::{CommandError, print_json, trials_file, unwritable};
 use crate::analysis::{CompareError, Excluded, FolderCache, Tasks};
@@ -11,7 +12,8 @@ use crate::synthetic;
 use crate::trials_csv::Contents;
 use crate::whole_folder::Draft;
 use indicatif::ProgressBar;
-use sidestep::comparison::{Progress, Settings};
+use sidestep::comparison::{Progress, Request};
+use sidestep::invalid::Invalid;
 use std::fs::File;
 use std::io::BufReader;
 use std::ops::ControlFlow;
@@ -57,6 +59,13 @@ pub struct AnalyzeArgs {
     /// computed ones, and must have a row for every step.
     #[arg(long, value_name = "FILE.csv")]
     features: Option<PathBuf>,
+    /// What else is to be compared, as JSON: {"sets": {"NAME": ["v_h", "distance", …], …},
+    /// "grids": {"rbf_c": […], "rbf_gamma": […], "linear_c": […], "tree_depth": [3, null],
+    /// "tree_leaf": […], "logistic_c": […], "boosted_depth": […]}, "leakage": true,
+    /// "synthetic": true}. Sets come beside the paper's, of any features of `sidestep features`;
+    /// grids take the place of the protocol's. Everything may be left out; - reads stdin.
+    #[arg(long, value_name = "FILE.json")]
+    settings: Option<PathBuf>,
     /// Also split by time step, which is wrong, to show by how much it deceives (leakage.csv).
     #[arg(long)]
     leakage: bool,
@@ -90,9 +99,13 @@ struct Source {
 /// database refuses (failure).
 pub async fn run(args: AnalyzeArgs) -> Result<(), CommandError> {
     let start = Instant::now();
+    let request = args.request()?;
+    let complain =
+        |e: Invalid| Document(args.settings.as_deref().unwrap_or(Path::new(""))).complain(&e);
+    let settings = request.settings().map_err(complain)?;
     let (source, mut tasks) = args.tasks().await?;
-    if args.synthetic {
-        tasks.synthetic = Some("by --synthetic".to_owned());
+    if request.synthetic {
+        tasks.synthetic = Some("said by the experimenter".to_owned());
     }
     let say = |excluded: &[Excluded]| {
         excluded.iter().for_each(|who| eprintln!("sidestep: {source}: left out: {who}"));
@@ -105,8 +118,6 @@ pub async fn run(args: AnalyzeArgs) -> Result<(), CommandError> {
     let cache = Arc::new(FolderCache::open(&kept).map_err(|e| unwritable(&kept, &e))?);
     let interrupt = Interrupt::listen();
     let safety = safety_functions(&tasks.scene, &interrupt).await?;
-    let settings =
-        Settings { leakage: args.leakage, ..Settings::new().map_err(CommandError::failure)? };
     let compared = in_threads(args.threads, &interrupt, {
         let (cache, stop) = (Arc::clone(&cache), interrupt.stop.clone());
         move |bar| {
@@ -144,6 +155,17 @@ pub async fn run(args: AnalyzeArgs) -> Result<(), CommandError> {
 }
 
 impl AnalyzeArgs {
+    /// What is asked for, by the file and by flags.
+    fn request(&self) -> Result<Request, CommandError> {
+        let said = self.settings.as_deref().map(|path| Document(path).read()).transpose()?;
+        let said: Request = said.unwrap_or_default();
+        Ok(Request {
+            leakage: said.leakage || self.leakage,
+            synthetic: said.synthetic || self.synthetic,
+            ..said
+        })
+    }
+
     /// Whence the tasks are, and they.
     async fn tasks(&self) -> Result<(String, Tasks), CommandError> {
         if let Some(path) = &self.source.trials {

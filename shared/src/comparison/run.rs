@@ -295,14 +295,14 @@ impl Unit<'_> {
             // Names and places are no part of what was computed.
             for cell in &mut cells {
                 cell.participant = self.participant;
-                cell.features = self.set.name.to_owned();
+                cell.features.clone_from(&self.set.name);
             }
             return Ok(cells);
         }
-        let cells = fit(self.family, &data, &self.split, grids, self.set.name, self.participant)
+        let cells = fit(self.family, &data, &self.split, grids, &self.set.name, self.participant)
             .map_err(|e| {
-                e.within(&format!("participant {}, {}", self.person.name, self.set.name))
-            })?;
+            e.within(&format!("participant {}, {}", self.person.name, self.set.name))
+        })?;
         if let Some(cache) = cache {
             cache.put(&key, &cells);
         }
@@ -352,7 +352,7 @@ fn compared(comparison: &Comparison, mut leaking: Vec<Cell>, settings: &Settings
     }
     with_choice(&mut leaking, settings);
     let leaking = Comparison { participants: comparison.participants.clone(), cells: leaking };
-    let set = settings.sets[0].name;
+    let set = &settings.sets[0].name;
     let accuracy = |of: &Comparison, model, experiment| {
         mean(of.of(model, experiment, set).map(|cell| 100.0 * cell.test.accuracy()))
     };

@@ -114,7 +114,7 @@ pub(super) fn ablation(analysis: &Analysis) -> String {
     let rows = analysis.ablation.iter().map(|row| {
         let model = ModelName::ALL.into_iter().find(|model| model.word() == row.model);
         let (name, set) = match model {
-            Some(model) => (words::model(model).to_owned(), words::set(row.features)),
+            Some(model) => (words::model(model).to_owned(), words::set(&row.features)),
             None => ("commonest input".to_owned(), "–".to_owned()),
         };
         let over_itself = model.is_none() || row.features == "d";
