@@ -16,7 +16,7 @@ use crate::scene::SceneParameters;
 use crate::shfrs::PredictedHuman;
 use crate::shfrs::window::Trajectory;
 use core::ops::ControlFlow;
-use core::sync::atomic::{AtomicUsize, Ordering};
+use core::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
@@ -195,12 +195,20 @@ pub fn run(
         }
     }
     let done = AtomicUsize::new(0);
+    let stopped = AtomicBool::new(false);
     let work = |unit: &Unit<'_>| -> Result<Vec<Cell>, RunError> {
+        // What waits for a thread would else be computed first.
+        if stopped.load(Ordering::Relaxed) {
+            return Err(RunError::Stopped);
+        }
         let cells = unit.cells(&settings.grids, cache)?;
         let done = done.fetch_add(1, Ordering::Relaxed) + 1;
         match progress(Progress { done, of: units.len() }) {
             ControlFlow::Continue(()) => Ok(cells),
-            ControlFlow::Break(()) => Err(RunError::Stopped),
+            ControlFlow::Break(()) => {
+                stopped.store(true, Ordering::Relaxed);
+                Err(RunError::Stopped)
+            }
         }
     };
     let found = each(&units, work)?;
