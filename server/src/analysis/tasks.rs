@@ -93,14 +93,14 @@ impl Tasks {
             // Numbers count all phases, as in exports.
             let numbered = (0..).zip(driven);
             let tasks = numbered.filter(|(_, trial)| trial.head.phase == Phase::Task);
-            let trials: Vec<FileTrial> =
-                tasks.map(|(number, trial)| file_trial(number, trial)).collect();
-            people.push(trials_csv::Person { name, line: None, trials, synthetic: false });
+            let mut synthetic = false;
+            let trials: Vec<FileTrial> = tasks
+                .inspect(|(_, trial)| synthetic |= trial.is_synthetic())
+                .map(|(number, trial)| file_trial(number, trial))
+                .collect();
+            people.push(trials_csv::Person { name, line: None, trials, synthetic });
         }
-        let mut db = store.reader().await?;
-        let invented = participants::are_synthetic(&mut db, study.id).await?;
-        let said = invented.then(|| "participants of `sidestep simulate`".to_owned());
-        let synthetic = said.or_else(|| synthetic::recognised(&people));
+        let synthetic = synthetic::recognised(&people);
         Ok(Self { people, exclusions, scene, synthetic })
     }
 
