@@ -1,0 +1,139 @@
+//! What of a comparison is kept is not computed again, what changed is, and what is broken off
+//! stops.
+
+use sidestep::comparison::cell::{Cell, NamedSet};
+use sidestep::comparison::{Cache, Person, Progress, Results, RunError, Settings, run};
+use sidestep::dataset::Dataset;
+use sidestep::features::{FeatureSet, SafetyFunctions};
+use sidestep::scene::SceneParameters;
+use sidestep::shfrs::window::Trajectory;
+use sidestep::synthetic::{Keys, SyntheticParticipant};
+use sidestep::vehicle::TurnInput;
+use std::collections::HashMap;
+use std::ops::ControlFlow;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// Keeps everything, and counts what it was given since it was last asked.
+#[derive(Default)]
+struct Counting {
+    kept: Mutex<HashMap<String, Vec<Cell>>>,
+    computed: AtomicUsize,
+}
+
+impl Counting {
+    fn computed(&self) -> usize {
+        self.computed.swap(0, Ordering::Relaxed)
+    }
+}
+
+impl Cache for Counting {
+    fn get(&self, key: &str) -> Option<Vec<Cell>> {
+        self.kept.lock().unwrap().get(key).cloned()
+    }
+
+    fn put(&self, key: &str, cells: &[Cell]) {
+        self.kept.lock().unwrap().insert(key.to_owned(), cells.to_vec());
+        self.computed.fetch_add(1, Ordering::Relaxed);
+    }
+}
+
+struct Study {
+    scene: SceneParameters,
+    safety: SafetyFunctions,
+    people: Vec<Person>,
+}
+
+impl Study {
+    /// Two people with five tasks each.
+    fn new() -> Self {
+        let scene = SceneParameters::default();
+        let safety = SafetyFunctions::solve(&scene, &mut |_| ControlFlow::Continue(())).unwrap();
+        let person = |number: u64| {
+            let driver = SyntheticParticipant::new(7, number);
+            let drives: Vec<_> =
+                (0..5).map(|trial| driver.own_trial(trial, Keys::Clock).1).collect();
+            let rows = drives.iter().map(|drive| (&drive.inputs[..], &drive.states[..]));
+            let data = Dataset::from_trials(&FeatureSet::all(), &safety, rows);
+            let trajectory = |drive: &sidestep::synthetic::SyntheticDrive| {
+                let rates = drive.inputs.iter().map(|&input| scene.human.turn_rate(input));
+                Trajectory::new(drive.states.clone(), rates.collect()).unwrap()
+            };
+            let trajectories = drives.iter().map(trajectory).collect();
+            Person { name: number.to_string(), numbers: (0..5).collect(), data, trajectories }
+        };
+        let people = vec![person(0), person(1)];
+        Self { scene, safety, people }
+    }
+
+    fn run(
+        &self,
+        settings: &Settings,
+        cache: &Counting,
+        progress: &(dyn Fn(Progress) -> ControlFlow<()> + Sync),
+    ) -> Result<Results, RunError> {
+        run(&self.people, &self.scene, &self.safety, settings, Some(cache), progress)
+    }
+}
+
+const fn go_on(_: Progress) -> ControlFlow<()> {
+    ControlFlow::Continue(())
+}
+
+#[test]
+fn only_what_changed_is_computed_again() {
+    let study = Study::new();
+    let cache = Counting::default();
+    let mut settings = Settings::new().unwrap();
+    let first = study.run(&settings, &cache, &go_on).unwrap();
+    // For each person four families on nine sets, and three models beyond the paper.
+    assert_eq!(cache.computed(), 2 * (4 * 9 + 3));
+    assert_eq!(study.run(&settings, &cache, &go_on).unwrap(), first);
+    assert_eq!(cache.computed(), 0);
+
+    // Another grid: one family, on every set.
+    settings.grids.tree_depth.pop();
+    study.run(&settings, &cache, &go_on).unwrap();
+    assert_eq!(cache.computed(), 2 * 9);
+
+    // Another set: that alone, in each family.
+    let features = FeatureSet::of(&["distance", "robot_ahead", "robot_left"]).unwrap();
+    settings.sets.push(NamedSet { name: "place".into(), features });
+    let further = study.run(&settings, &cache, &go_on).unwrap();
+    assert_eq!(cache.computed(), 2 * 4);
+    assert_eq!(further.comparison.cells.len(), 2 * 2 * 5 * 10);
+
+    // Leakage beside: the other split of one set.
+    settings.leakage = true;
+    study.run(&settings, &cache, &go_on).unwrap();
+    assert_eq!(cache.computed(), 2 * 4);
+
+    // One label of one person.
+    let mut other = Study::new();
+    let label = &mut other.people[1].data.labels[0];
+    *label = if *label == TurnInput::Left { TurnInput::Right } else { TurnInput::Left };
+    other.run(&settings, &cache, &go_on).unwrap();
+    assert_eq!(cache.computed(), 4 * 10 + 3 + 4);
+
+    // All that was before is still known.
+    assert_eq!(study.run(&Settings::new().unwrap(), &cache, &go_on).unwrap(), first);
+    assert_eq!(cache.computed(), 0);
+}
+
+#[test]
+fn what_is_broken_off_computes_no_more_than_had_begun() {
+    let study = Study::new();
+    let cache = Counting::default();
+    let settings = Settings::new().unwrap();
+    let enough = |progress: Progress| {
+        if progress.done >= 5 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    };
+    assert_eq!(study.run(&settings, &cache, &enough), Err(RunError::Stopped));
+    // Each thread may have been at one more.
+    let computed = cache.computed();
+    let threads = std::thread::available_parallelism().unwrap().get();
+    assert!((5..5 + threads).contains(&computed), "{computed}");
+    // And what was computed is taken up.
+    study.run(&settings, &cache, &go_on).unwrap();
+    assert_eq!(cache.computed(), 78 - computed);
+}
