@@ -2,19 +2,13 @@
 
 mod learning;
 
-use learning::{Lr, PEOPLE, WIDTH, classes, peer, peer_by_newton, person, said};
+use learning::apart::{self, furthest};
+use learning::{PEOPLE, WIDTH, classes, person};
 use sidestep::learn::logistic::{LogisticSettings, fit, fit_path};
 use sidestep::learn::samples::Samples;
 use sidestep::math::SeededRng;
 use sidestep::predict::logistic::Logistic;
 use sidestep::predict::scale::Scale;
-
-fn furthest<'a>(
-    found: impl IntoIterator<Item = &'a f64>,
-    expected: impl IntoIterator<Item = &'a f64>,
-) -> f64 {
-    found.into_iter().zip(expected).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
-}
 
 fn numbers(model: &Logistic) -> Vec<f64> {
     let weights = model.coefficients().concat();
@@ -26,44 +20,12 @@ fn numbers(model: &Logistic) -> Vec<f64> {
 const SOLVER_STOPS_SHORT: f64 = 7e-6;
 
 fn agrees_with_scikit_learn(experiment: usize) {
-    for participant in 0..PEOPLE {
-        let (training, test) = person(participant, experiment);
-        let peer = peer(participant, experiment);
-        let scale = Scale::fit(WIDTH, &training.values);
-        assert!(furthest(scale.mean(), &peer.mean) < 1e-9);
-        assert!(furthest(scale.scale(), &peer.scale) < 1e-9);
-        let standard = training.on(&scale);
-        let samples = standard.samples(experiment);
-        let check = |model: &Logistic, expected: &Lr, tolerance: f64| {
-            // Of two classes, scikit-learn writes down the second's weights only.
-            let skip = classes(experiment) - expected.coef.len();
-            let found = model.coefficients()[skip..].concat();
-            let apart = furthest(&found, expected.coef.iter().flatten());
-            assert!(apart < tolerance, "{participant}: weights {apart:e} apart");
-            let apart = furthest(&model.intercepts()[skip..], &expected.intercept);
-            assert!(apart < tolerance, "{participant}: intercepts {apart:e} apart");
-        };
-        for c in [1e-3, 1.0, 1e2] {
-            let model = fit(&samples, c, LogisticSettings::default()).expect("a fit");
-            check(&model, &peer_by_newton(participant, experiment, c), 1e-9);
-        }
-        let model = fit(&samples, 1.0, LogisticSettings::default()).expect("a fit");
-        check(&model, &peer.lr, SOLVER_STOPS_SHORT);
-
-        let rows = said(participant, experiment);
-        assert_eq!(rows.len(), 500);
-        let mut found = vec![0.0; classes(experiment)];
-        for ((place, values), row) in
-            test.places.iter().zip(test.values.chunks_exact(WIDTH)).zip(&rows)
-        {
-            assert_eq!((place.0 as f64, place.1 as f64), (row["trial"], row["step"]));
-            model.probabilities_into(&scale, values, &mut found);
-            assert!((found.iter().sum::<f64>() - 1.0).abs() < 1e-12);
-            for (class, p) in found.iter().enumerate() {
-                assert!((p - row[&format!("lr_p{class}")]).abs() < 1e-6);
-            }
-        }
-    }
+    let apart = apart::logistic(experiment);
+    assert!(apart.scale < 1e-9, "{:e}", apart.scale);
+    assert!(apart.newton < 1e-9, "{:e}", apart.newton);
+    assert!(apart.lbfgs < SOLVER_STOPS_SHORT, "{:e}", apart.lbfgs);
+    assert!(apart.probability < 1e-6, "{:e}", apart.probability);
+    assert_eq!(apart.probabilities, 500 * PEOPLE * classes(experiment));
 }
 
 #[test]
