@@ -6,21 +6,18 @@ mod context;
 mod files;
 mod latex;
 mod report;
+mod tasks;
 
 pub use cache::FolderCache;
 pub use context::{Context, DecisionMap};
+pub use tasks::{CompareError, Tasks};
 
-use crate::features_csv::{self, FeatureRows};
-use crate::trials_csv::{self, LineError};
 use sidestep::comparison::ablation::{Ablation, ablation};
 use sidestep::comparison::cell::{Experiment, ModelName};
 use sidestep::comparison::metrics::Predictions;
 use sidestep::comparison::tables::{Comparison, Test};
-use sidestep::comparison::{Exclusion, Leakage, Person, Results, RolloutsOf};
-use sidestep::features::SafetyFunctions;
+use sidestep::comparison::{Exclusion, Leakage, Results, RolloutsOf};
 use sidestep::invalid::Invalid;
-use sidestep::scene::SceneParameters;
-use sidestep::shfrs::window::Trajectory;
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
@@ -114,70 +111,38 @@ impl Analysis {
         self.comparison.cells.iter().filter(one).map(|cell| cell.features.as_str()).collect()
     }
 
+    /// Gives every file to `put`: its name, parts of which are joined by `/`, and what writes it.
+    ///
+    /// # Errors
+    /// What `put` says.
+    pub fn each_file(
+        &self,
+        put: &mut dyn FnMut(&str, &dyn Fn(&mut dyn Write) -> io::Result<()>) -> io::Result<()>,
+    ) -> io::Result<()> {
+        for (name, table) in files::TABLES {
+            put(name, &|out| table(self, out))?;
+        }
+        put("report.html", &|out| out.write_all(report::html(self).as_bytes()))?;
+        put("tables.tex", &|out| out.write_all(latex::tables(self).as_bytes()))?;
+        for cell in &self.comparison.cells {
+            let person = files::file_name(&self.comparison.participants[cell.participant].name);
+            let (model, experiment) = (cell.model.word(), cell.experiment.number());
+            let name = format!("models/{model}-{experiment}-{}-{person}.json", cell.features);
+            put(&name, &|out| Ok(serde_json::to_writer(out, &cell.predictor)?))?;
+        }
+        Ok(())
+    }
+
     /// Writes every file into `folder`, which is there.
     ///
     /// # Errors
     /// What the disk says.
     pub fn write(&self, folder: &Path) -> io::Result<()> {
-        for (name, table) in files::TABLES {
+        std::fs::create_dir(folder.join("models"))?;
+        self.each_file(&mut |name, write| {
             let mut out = BufWriter::new(File::create(folder.join(name))?);
-            table(self, &mut out)?;
-            out.flush()?;
-        }
-        std::fs::write(folder.join("report.html"), report::html(self))?;
-        std::fs::write(folder.join("tables.tex"), latex::tables(self))?;
-        let models = folder.join("models");
-        std::fs::create_dir(&models)?;
-        for cell in &self.comparison.cells {
-            let person = files::file_name(&self.comparison.participants[cell.participant].name);
-            let name = format!(
-                "{}-{}-{}-{person}.json",
-                cell.model.word(),
-                cell.experiment.number(),
-                cell.features
-            );
-            let out = BufWriter::new(File::create(models.join(name))?);
-            serde_json::to_writer(out, &cell.predictor)?;
-        }
-        Ok(())
-    }
-}
-
-/// People as the comparison takes them, with the features of `given` in place of computed ones.
-///
-/// # Errors
-/// [`PeopleError`] for a trial that cannot be one, or features that do not go with it.
-pub fn people(
-    file: &[trials_csv::Person],
-    scene: &SceneParameters,
-    safety: &SafetyFunctions,
-    given: Option<&FeatureRows>,
-) -> Result<Vec<Person>, PeopleError> {
-    let person = |person: &trials_csv::Person| {
-        let mut data = features_csv::dataset(person, safety);
-        if let Some(given) = given {
-            given.replace(person, &mut data).map_err(PeopleError::Features)?;
-        }
-        let trajectory = |trial: &trials_csv::FileTrial| {
-            let rates = trial.inputs.iter().map(|&input| scene.human.turn_rate(input));
-            Trajectory::new(trial.states.clone(), rates.collect())
-                .map_err(|what| PeopleError::Trials(LineError { line: trial.line, what }))
-        };
-        Ok(Person {
-            name: person.name.clone(),
-            numbers: person.trials.iter().map(|trial| trial.number).collect(),
-            trajectories: person.trials.iter().map(trajectory).collect::<Result<_, _>>()?,
-            data,
+            write(&mut out)?;
+            out.flush()
         })
-    };
-    file.iter().map(person).collect()
-}
-
-/// Which file is wrong, and where.
-#[derive(Debug)]
-pub enum PeopleError {
-    /// The trials.
-    Trials(LineError),
-    /// The features.
-    Features(LineError),
+    }
 }

@@ -5,14 +5,16 @@ use crate::metrics::{self, Metrics};
 use crate::site::Site;
 use crate::store::Store;
 use crate::throttle::Throttle;
-use crate::{guard, laboratory, participants, session, site, studies, trials, value_functions};
+use crate::{
+    analyses, guard, laboratory, participants, session, site, studies, trials, value_functions,
+};
 use axum::Router;
 use axum::http::StatusCode;
 use axum::middleware::{from_fn, from_fn_with_state};
 use axum::routing::{get, post, put};
 use sidestep::api::{SelfCheck, routes};
 use std::sync::Arc;
-use tokio::sync::OnceCell;
+use tokio::sync::{Notify, OnceCell};
 use tower_http::catch_panic::CatchPanicLayer;
 use tower_http::compression::CompressionLayer;
 
@@ -29,6 +31,8 @@ pub struct App {
     pub throttle: Throttle,
     /// Counts for `/metrics`.
     pub metrics: Metrics,
+    /// Tells the analyst that there is something in the queue.
+    pub analysis_asked: Arc<Notify>,
     /// Computed when it is first asked for.
     pub self_check: OnceCell<SelfCheck>,
 }
@@ -53,6 +57,10 @@ pub fn router(app: Arc<App>, site: &Site) -> Router {
         .route(&routes::admin_predictor("{trial_id}"), get(laboratory::predictor))
         .route(routes::SELF_CHECK, get(laboratory::self_check))
         .route(&routes::exports("{slug}"), get(laboratory::export))
+        .route(&routes::admin_analyses("{slug}"), get(analyses::list).post(analyses::ask))
+        .route(&routes::admin_analysis("{id}"), get(analyses::show).delete(analyses::delete))
+        .route(&routes::cancel_analysis("{id}"), post(analyses::cancel))
+        .route(&routes::analysis_file("{id}", "{*name}"), get(analyses::file))
         .route("/healthz", get(metrics::healthz))
         .route("/readyz", get(metrics::readyz))
         .route("/metrics", get(metrics::show))

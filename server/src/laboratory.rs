@@ -40,11 +40,25 @@ pub async fn studies(
     Ok(Json(counts.into_iter().map(summary).collect()))
 }
 
-/// The query of a page of trials.
+/// The query of a page of a list.
 #[derive(Debug, Deserialize)]
 pub struct PageParams {
     limit: Option<i64>,
     before: Option<i64>,
+}
+
+impl PageParams {
+    /// At most how many, and from before which.
+    ///
+    /// # Errors
+    /// [`Invalid`] for a limit that is none.
+    pub fn checked(&self) -> Result<(i64, i64), Invalid> {
+        let limit = self.limit.unwrap_or(50);
+        if !(1..=500).contains(&limit) {
+            return Err(Invalid::new("limit", "a whole number from 1 to 500", limit));
+        }
+        Ok((limit, self.before.unwrap_or(i64::MAX)))
+    }
 }
 
 /// `GET /api/v1/admin/studies/{slug}/trials?limit=&before=`: newest first.
@@ -54,14 +68,9 @@ pub async fn trials(
     PathText(slug): PathText,
     Params(params): Params<PageParams>,
 ) -> Result<Json<TrialPage>, ApiError> {
-    let limit = params.limit.unwrap_or(50);
-    if !(1..=500).contains(&limit) {
-        let expected = "a whole number from 1 to 500";
-        return Err(Invalid::new("limit", expected, limit).into());
-    }
+    let (limit, before) = params.checked()?;
     let mut db = app.store.reader().await?;
     let study = named(&mut db, &slug).await?;
-    let before = params.before.unwrap_or(i64::MAX);
     // One more than asked for tells whether there is a further page.
     let mut heads = trials::page(&mut db, study.id, before, limit + 1).await?;
     let more = heads.len() as i64 > limit;

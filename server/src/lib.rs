@@ -1,11 +1,14 @@
 //! The Sidestep server and command line.
 //!
 //! A resource is one vertical slice ([`studies`], [`participants`], [`trials`],
-//! [`value_functions`], [`laboratory`], [`exports`]); [`app`] holds the one table
-//! of routes; [`store`] is the only place that speaks SQL; each subcommand is one
-//! module of [`commands`]; [`safety`] solves value functions in the background.
+//! [`value_functions`], [`laboratory`], [`exports`], [`analyses`]); [`app`] holds the one
+//! table of routes; [`store`] is the only place that speaks SQL; each subcommand is one
+//! module of [`commands`]; in the background [`safety`] solves value functions and
+//! [`analyst`] makes analyses.
 
+pub mod analyses;
 pub mod analysis;
+pub mod analyst;
 pub mod app;
 pub mod auth;
 pub mod clock;

@@ -122,16 +122,9 @@ async fn solve_all(store: &Store, stop: &Arc<AtomicBool>) -> anyhow::Result<()> 
     let unsolved = value_functions::unsolved(&mut *store.reader().await?).await?;
     for (hash, config) in unsolved {
         let begin = Instant::now();
-        let (parameters, watched) = (config.parameters, Arc::clone(stop));
-        let solved = tokio::task::spawn_blocking(move || solve(&parameters, &watched));
-        let study = config.slug;
-        match solved.await.context("solving")? {
-            Ok(solutions) => {
-                let mut db = store.write().await?;
-                for Solution { evader, id, octets } in &solutions {
-                    value_functions::put(&mut db, &hash, *evader, id, octets).await?;
-                }
-                db.commit().await?;
+        let study = &config.slug;
+        match solve_and_keep(store, &hash, &config, stop).await? {
+            Ok(()) => {
                 let ms = begin.elapsed().as_millis();
                 tracing::info!(study, ms, "value functions solved");
             }
@@ -142,4 +135,46 @@ async fn solve_all(store: &Store, stop: &Arc<AtomicBool>) -> anyhow::Result<()> 
         }
     }
     Ok(())
+}
+
+async fn solve_and_keep(
+    store: &Store,
+    hash: &str,
+    config: &StudyConfig,
+    stop: &Arc<AtomicBool>,
+) -> anyhow::Result<Result<(), SolveError>> {
+    let (parameters, watched) = (config.parameters, Arc::clone(stop));
+    let solved = tokio::task::spawn_blocking(move || solve(&parameters, &watched));
+    let solutions = match solved.await.context("solving")? {
+        Ok(solutions) => solutions,
+        Err(error) => return Ok(Err(error)),
+    };
+    let mut db = store.write().await?;
+    for Solution { evader, id, octets } in &solutions {
+        value_functions::put(&mut db, hash, *evader, id, octets).await?;
+    }
+    db.commit().await?;
+    Ok(Ok(()))
+}
+
+/// The functions of a configuration: as they are kept, or else solved now, and kept.
+///
+/// # Errors
+/// Outside: if the database fails, or what it holds is damaged. Inside: for vehicles that have
+/// none, or if `stop` was set.
+pub async fn ensure(
+    store: &Store,
+    config: &StudyConfig,
+    stop: &Arc<AtomicBool>,
+) -> anyhow::Result<Result<SafetyFunctions, SolveError>> {
+    let hash = config.hash();
+    let kept = stored(&mut *store.reader().await?, &hash).await?;
+    if let Some(functions) = kept {
+        return Ok(Ok(functions.decode()?));
+    }
+    if let Err(error) = solve_and_keep(store, &hash, config, stop).await? {
+        return Ok(Err(error));
+    }
+    let kept = stored(&mut *store.reader().await?, &hash).await?;
+    Ok(Ok(kept.context("value functions that were just kept")?.decode()?))
 }

@@ -6,6 +6,7 @@
 //! lock when it begins, so what it reads cannot change before it commits.
 
 pub mod admin;
+pub mod analyses;
 pub mod octets;
 pub mod participants;
 pub mod scenes;

@@ -1,5 +1,12 @@
 //! What client and server say to each other: wire types, limits and routes.
 
+mod analyses;
+
+pub use analyses::{
+    AnalysisDetail, AnalysisFile, AnalysisPage, AnalysisProgress, AnalysisRequest, AnalysisResult,
+    AnalysisState, AnalysisSummary,
+};
+
 use crate::invalid::{Invalid, finite, length};
 use crate::predict::PredictorFile;
 use crate::scene::{Evader, JointState, Scene, SceneParameters};
@@ -68,6 +75,26 @@ pub mod routes {
     #[must_use]
     pub fn admin_predictor(trial_id: &str) -> String {
         format!("/api/v1/admin/trials/{trial_id}/predictor")
+    }
+    /// The analyses of a study, newest first; another one is asked for here.
+    #[must_use]
+    pub fn admin_analyses(slug: &str) -> String {
+        format!("/api/v1/admin/studies/{slug}/analyses")
+    }
+    /// One analysis.
+    #[must_use]
+    pub fn admin_analysis(id: &str) -> String {
+        format!("/api/v1/admin/analyses/{id}")
+    }
+    /// The end of an analysis that is not wanted any more.
+    #[must_use]
+    pub fn cancel_analysis(id: &str) -> String {
+        format!("/api/v1/admin/analyses/{id}/cancel")
+    }
+    /// One file of an analysis.
+    #[must_use]
+    pub fn analysis_file(id: &str, name: &str) -> String {
+        format!("/api/v1/admin/analyses/{id}/files/{name}")
     }
     /// The server's own simulation fingerprint.
     pub const SELF_CHECK: &str = "/api/v1/admin/self-check";

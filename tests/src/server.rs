@@ -93,6 +93,7 @@ impl Server {
             site: Some(site),
             new_admin_key: false,
             no_solve: false,
+            analysis_threads: None,
         };
         let server = Stopped { folder, args, key: String::new() }.start_with(None, change).await;
         assert!(server.running.new_key.is_some(), "a key at the first start");

@@ -4,20 +4,18 @@ use super::bounds::safety_functions;
 use super::game::GameArgs;
 use super::solving::{Interrupt, bar};
 use super::{CommandError, print_json, trials_file, unwritable};
-use crate::analysis::{Analysis, Context, FolderCache, PeopleError, people};
+use crate::analysis::{CompareError, FolderCache, Tasks};
 use crate::features_csv::{self, FeatureRows};
-use crate::store::{Missing, Store, participants, studies};
-use crate::trials_csv::Person;
+use crate::store::{Missing, Store, studies};
+use crate::synthetic;
 use crate::whole_folder::Draft;
-use crate::{exports, synthetic};
-use futures_util::StreamExt;
 use indicatif::ProgressBar;
-use sidestep::comparison::{self, Progress, RunError, Settings};
-use sidestep::scene::SceneParameters;
+use sidestep::comparison::{Progress, Settings};
 use std::fs::File;
 use std::io::BufReader;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Instant;
 use tokio::sync::oneshot;
 
@@ -84,45 +82,38 @@ struct Source {
 /// database refuses (failure).
 pub async fn run(args: AnalyzeArgs) -> Result<(), CommandError> {
     let start = Instant::now();
-    let (source, scene, file, synthetic) = args.tasks().await?;
+    let (source, mut tasks) = args.tasks().await?;
+    if args.synthetic {
+        tasks.synthetic = Some("by --synthetic".to_owned());
+    }
     let given = args.features.as_deref().map(read_features).transpose()?;
     let draft = Draft::begin(&args.out).map_err(|e| unwritable(&args.out, &e))?;
     let kept = args.out.join(".cache");
-    let cache = FolderCache::open(&kept).map_err(|e| unwritable(&kept, &e))?;
+    let cache = Arc::new(FolderCache::open(&kept).map_err(|e| unwritable(&kept, &e))?);
     let interrupt = Interrupt::listen();
-    let safety = safety_functions(&scene, &interrupt).await?;
-    let people = people(&file, &scene, &safety, given.as_ref()).map_err(|error| {
-        let features = args.features.as_deref().unwrap_or(Path::new("")).display().to_string();
-        match error {
-            PeopleError::Trials(error) => CommandError::Input(format!("{source}: {error}")),
-            PeopleError::Features(error) => CommandError::Input(format!("{features}: {error}")),
-        }
-    })?;
-    let synthetic = if args.synthetic { Some("by --synthetic".to_owned()) } else { synthetic };
+    let safety = safety_functions(&tasks.scene, &interrupt).await?;
     let settings =
         Settings { leakage: args.leakage, ..Settings::new().map_err(CommandError::failure)? };
-    let results = in_threads(args.threads, &interrupt, {
-        let (scene, cache, stop) = (scene, cache, interrupt.stop.clone());
+    let compared = in_threads(args.threads, &interrupt, {
+        let (cache, stop) = (Arc::clone(&cache), interrupt.stop.clone());
         move |bar| {
             let step = |progress: Progress| {
                 bar.set_length(progress.of as u64);
                 bar.set_position(progress.done as u64);
                 if stop.is_wanted() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
             };
-            let results =
-                comparison::run(&people, &scene, &safety, &settings, Some(&cache), &step)?;
-            let context = Context::of(&results, &people, &scene, &safety)?;
-            Ok((results, context, cache))
+            tasks.compare(&safety, given.as_ref(), &settings, &*cache, &step)
         }
     });
-    let (results, context, cache) = match results.await? {
-        Ok(found) => found,
-        Err(RunError::Stopped) => return Err(interrupt.check().err().unwrap_or_else(stopped)),
-        Err(RunError::Invalid(invalid)) => {
-            return Err(CommandError::Input(format!("{source}: {invalid}")));
+    let analysis = match compared.await? {
+        Ok(analysis) => analysis,
+        Err(CompareError::Stopped) => return Err(interrupt.check().err().unwrap_or_else(stopped)),
+        Err(error @ CompareError::Features(_)) => {
+            let file = args.features.as_deref().unwrap_or(Path::new("")).display().to_string();
+            return Err(CommandError::Input(format!("{file}: {error}")));
         }
+        Err(error) => return Err(CommandError::Input(format!("{source}: {error}"))),
     };
-    let analysis = Analysis::of(results, synthetic, context).map_err(CommandError::failure)?;
     for exclusion in &analysis.exclusions {
         eprintln!(
             "sidestep: left out: participant {}: {}",
@@ -144,17 +135,15 @@ pub async fn run(args: AnalyzeArgs) -> Result<(), CommandError> {
     }))
 }
 
-type Tasks = (String, SceneParameters, Vec<Person>, Option<String>);
-
 impl AnalyzeArgs {
-    /// Whence the trials are, what was driven with, the tasks, and why they are known to be
-    /// synthetic, if they are.
-    async fn tasks(&self) -> Result<Tasks, CommandError> {
+    /// Whence the tasks are, and they.
+    async fn tasks(&self) -> Result<(String, Tasks), CommandError> {
         if let Some(path) = &self.source.trials {
             let scene = trials_file::scene(self.game)?;
             let people = trials_file::tasks(path, &scene)?;
             let synthetic = synthetic::recognised(&people);
-            return Ok((path.display().to_string(), scene, people, synthetic));
+            let tasks = Tasks { people, exclusions: Vec::new(), scene, synthetic };
+            return Ok((path.display().to_string(), tasks));
         }
         let url = self.source.database.clone().unwrap_or_default();
         let source = format!("--study {}", self.study);
@@ -162,18 +151,9 @@ impl AnalyzeArgs {
         let study = studies::find(&mut *store.reader().await?, &self.study)
             .await?
             .ok_or_else(|| CommandError::Input(format!("{source}: no such study in {url}")))?;
-        let scene = study.config.parameters;
-        let invented = participants::are_synthetic(&mut *store.reader().await?, study.id).await?;
-        let mut octets = Vec::new();
-        let mut pieces = std::pin::pin!(exports::stream(store.clone(), study));
-        while let Some(piece) = pieces.next().await {
-            octets.extend_from_slice(&piece?);
-        }
+        let tasks = Tasks::of_study(&store, &study).await?;
         store.close().await;
-        let people = trials_file::tasks_in(&octets[..], &source, &scene)?;
-        let said = invented.then(|| "participants of `sidestep simulate`".to_owned());
-        let synthetic = said.or_else(|| synthetic::recognised(&people));
-        Ok((source, scene, people, synthetic))
+        Ok((source, tasks))
     }
 }
 

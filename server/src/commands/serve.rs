@@ -1,6 +1,7 @@
 //! `sidestep serve`.
 
 use super::{CommandError, print_line};
+use crate::analyst::Analyst;
 use crate::app::{App, router};
 use crate::auth::first_key;
 use crate::clock::now_ms;
@@ -17,7 +18,7 @@ use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::Arc;
 use tokio::net::TcpListener;
-use tokio::sync::oneshot;
+use tokio::sync::{Notify, oneshot};
 use tokio::task::JoinHandle;
 
 /// Serve participants and the laboratory.
@@ -47,6 +48,9 @@ pub struct ServeArgs {
     /// vehicles then solves its own each time, and their predictors learn nothing.
     #[arg(long)]
     pub no_solve: bool,
+    /// Threads that make analyses [default: all processors but one, at least one].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub analysis_threads: Option<u16>,
 }
 
 /// A server that accepts requests.
@@ -60,6 +64,7 @@ pub struct Running {
     pub new_key: Option<String>,
     store: Store,
     solver: Option<Solver>,
+    analyst: Analyst,
     stop: oneshot::Sender<()>,
     task: JoinHandle<()>,
 }
@@ -108,12 +113,14 @@ pub async fn start(args: &ServeArgs, key: Option<&str>) -> Result<Running, Comma
         Some(_) => None,
         None => first_key(&store, args.new_admin_key).await.map_err(CommandError::failure)?,
     };
+    let analysis_asked = Arc::new(Notify::new());
     let app = Arc::new(App {
         store: store.clone(),
         default_study: study.clone(),
         environment_key,
         throttle: Throttle::default(),
         metrics: Metrics::default(),
+        analysis_asked: Arc::clone(&analysis_asked),
         self_check: tokio::sync::OnceCell::new(),
     });
     let (stop, stopped) = oneshot::channel::<()>();
@@ -123,8 +130,9 @@ pub async fn start(args: &ServeArgs, key: Option<&str>) -> Result<Running, Comma
         let _ = stopped.await;
     }));
     let solver = (!args.no_solve).then(|| Solver::start(store.clone()));
+    let analyst = Analyst::start(store.clone(), analysis_asked, args.analysis_threads);
     tracing::info!(%address, study, "serving");
-    Ok(Running { address, study, new_key, store, solver, stop, task })
+    Ok(Running { address, study, new_key, store, solver, analyst, stop, task })
 }
 
 impl Running {
@@ -152,6 +160,7 @@ impl Running {
         if let Some(solver) = self.solver {
             solver.stop().await;
         }
+        self.analyst.stop().await;
         if let Err(error) = self.task.await {
             tracing::error!(%error, "the server ended badly");
         }

@@ -8,7 +8,7 @@ use sidestep::scene::SceneParameters;
 use sidestep::trial::Phase;
 use sidestep::vehicle::VehicleModel;
 use std::fs::File;
-use std::io::{BufReader, Read};
+use std::io::BufReader;
 use std::path::Path;
 
 /// The paper's scene with the vehicles of `game`: the human is the evader.
@@ -34,23 +34,10 @@ pub(super) fn scene(game: GameArgs) -> Result<SceneParameters, CommandError> {
 /// # Errors
 /// [`CommandError::Input`] naming the file, the line and what is wrong, or that there is no task.
 pub(super) fn tasks(path: &Path, scene: &SceneParameters) -> Result<Vec<Person>, CommandError> {
-    let name = path.display().to_string();
-    let file =
-        File::open(path).map_err(|e| CommandError::Input(format!("{name}: cannot read: {e}")))?;
-    tasks_in(BufReader::new(file), &name, scene)
-}
-
-/// The same of text that is called `name` in complaints.
-///
-/// # Errors
-/// As of [`tasks`].
-pub(super) fn tasks_in(
-    text: impl Read,
-    name: &str,
-    scene: &SceneParameters,
-) -> Result<Vec<Person>, CommandError> {
+    let name = path.display();
     let complain = |e: &dyn std::fmt::Display| CommandError::Input(format!("{name}: {e}"));
-    let mut people = trials_csv::read(text, scene).map_err(|e| complain(&e))?;
+    let file = File::open(path).map_err(|e| complain(&format!("cannot read: {e}")))?;
+    let mut people = trials_csv::read(BufReader::new(file), scene).map_err(|e| complain(&e))?;
     for person in &mut people {
         person.trials.retain(|trial| trial.phase == Phase::Task);
     }

@@ -1,6 +1,6 @@
 //! Participants and their tokens.
 
-use super::Db;
+use super::{Db, analyses};
 
 /// A participant.
 #[derive(Clone, Debug, sqlx::FromRow)]
@@ -187,12 +187,13 @@ pub async fn withdraw(db: &mut Db, participant_id: &str, now_ms: i64) -> Result<
     .map(drop)
 }
 
-/// Deletes what a withdrawn participant drove and said. What stays is a number
-/// that took part and left, so that counts remain true.
+/// Deletes what a withdrawn participant drove and said, and what was found from it. What
+/// stays is a number that took part and left, so that counts remain true.
 ///
 /// # Errors
 /// If the database cannot be written.
 pub async fn delete_data(db: &mut Db, participant_id: &str) -> Result<(), sqlx::Error> {
+    analyses::withdraw(db, participant_id).await?;
     for statement in [
         "DELETE FROM trial WHERE trial_id IN \
              (SELECT trial_id FROM scene WHERE participant_id = $1)",

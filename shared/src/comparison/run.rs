@@ -17,7 +17,7 @@ use crate::shfrs::PredictedHuman;
 use crate::shfrs::window::Trajectory;
 use core::ops::ControlFlow;
 use core::sync::atomic::{AtomicUsize, Ordering};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 /// One person's tasks, in the order of their numbers.
@@ -72,7 +72,7 @@ impl Settings {
 }
 
 /// Somebody whose data cannot be learned from.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Exclusion {
     /// As the data call them.
     pub participant: String,

@@ -3,6 +3,7 @@
 // Helpers outside `#[test]` functions are tests too.
 #![allow(clippy::unwrap_used)]
 
+mod analyses;
 mod analyze;
 mod bad_input;
 mod files;

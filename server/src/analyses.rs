@@ -1,0 +1,235 @@
+//! Analyses of a study: asked for, watched, cancelled, fetched. The analyst makes them.
+
+use crate::app::App;
+use crate::auth::Admin;
+use crate::clock::now_ms;
+use crate::error::ApiError;
+use crate::json::JsonBody;
+use crate::laboratory::PageParams;
+use crate::params::{Params, PathText};
+use crate::store::Db;
+use crate::store::analyses::{self, StoredAnalysis};
+use crate::studies::named;
+use anyhow::Context;
+use axum::Json;
+use axum::extract::{Path, State};
+use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use flate2::read::GzDecoder;
+use sidestep::api::{
+    AnalysisDetail, AnalysisPage, AnalysisProgress, AnalysisRequest, AnalysisState, AnalysisSummary,
+};
+use std::io::Read;
+use std::sync::Arc;
+use uuid::Uuid;
+
+/// Most analyses that wait at a time.
+const LONGEST_QUEUE: i64 = 100;
+
+/// `POST /api/v1/admin/studies/{slug}/analyses`: 201 for a new one; 200 for one that waits and
+/// was asked for in the same words, since it would find the same.
+pub async fn ask(
+    _: Admin,
+    State(app): State<Arc<App>>,
+    PathText(slug): PathText,
+    JsonBody(request): JsonBody<AnalysisRequest>,
+) -> Result<(StatusCode, Json<AnalysisSummary>), ApiError> {
+    let mut db = app.store.write().await?;
+    let study = named(&mut db, &slug).await?;
+    let (status, id) = match analyses::waiting(&mut db, study.id, request).await? {
+        Some(id) => (StatusCode::OK, id),
+        None => {
+            if analyses::queue_length(&mut db).await? >= LONGEST_QUEUE {
+                let message = format!("{LONGEST_QUEUE} analyses wait already; cancel some");
+                return Err(ApiError::conflict("queue_full", message));
+            }
+            let id = Uuid::new_v4().to_string();
+            analyses::insert(&mut db, &id, study.id, request, now_ms()).await?;
+            (StatusCode::CREATED, id)
+        }
+    };
+    let asked = stored(&mut db, &id).await?;
+    db.commit().await?;
+    app.analysis_asked.notify_one();
+    Ok((status, Json(summary(asked))))
+}
+
+/// `GET /api/v1/admin/studies/{slug}/analyses?limit=&before=`: newest first.
+pub async fn list(
+    _: Admin,
+    State(app): State<Arc<App>>,
+    PathText(slug): PathText,
+    Params(params): Params<PageParams>,
+) -> Result<Json<AnalysisPage>, ApiError> {
+    let (limit, before) = params.checked()?;
+    let mut db = app.store.reader().await?;
+    let study = named(&mut db, &slug).await?;
+    // One more than asked for tells whether there is a further page.
+    let mut found = analyses::page(&mut db, study.id, before, limit + 1).await?;
+    let more = found.len() as i64 > limit;
+    found.truncate(limit as usize);
+    Ok(Json(AnalysisPage {
+        next_before: found.last().filter(|_| more).map(|last| last.sequence),
+        analyses: found.into_iter().map(summary).collect(),
+    }))
+}
+
+/// `GET /api/v1/admin/analyses/{id}`.
+pub async fn show(
+    _: Admin,
+    State(app): State<Arc<App>>,
+    PathText(id): PathText,
+) -> Result<Json<AnalysisDetail>, ApiError> {
+    let mut db = app.store.reader().await?;
+    let summary = summary(stored(&mut db, &id).await?);
+    let files = analyses::files(&mut db, &id).await?;
+    Ok(Json(AnalysisDetail { summary, files }))
+}
+
+/// `POST /api/v1/admin/analyses/{id}/cancel`: can be repeated; 409 for one that is over by
+/// itself.
+pub async fn cancel(
+    _: Admin,
+    State(app): State<Arc<App>>,
+    PathText(id): PathText,
+) -> Result<Json<AnalysisSummary>, ApiError> {
+    let mut db = app.store.write().await?;
+    analyses::cancel(&mut db, &id, now_ms()).await?;
+    let now = stored(&mut db, &id).await?;
+    db.commit().await?;
+    if now.state == AnalysisState::Cancelled {
+        return Ok(Json(summary(now)));
+    }
+    let message = format!("this analysis is over: it is {}", now.state.word());
+    Err(ApiError::conflict("over", message))
+}
+
+/// `DELETE /api/v1/admin/analyses/{id}`, with its files; one that is being made is cancelled.
+pub async fn delete(
+    _: Admin,
+    State(app): State<Arc<App>>,
+    PathText(id): PathText,
+) -> Result<StatusCode, ApiError> {
+    let mut db = app.store.write().await?;
+    let deleted = analyses::delete(&mut db, &id).await?;
+    db.commit().await?;
+    if deleted { Ok(StatusCode::NO_CONTENT) } else { Err(ApiError::not_found("analysis")) }
+}
+
+/// What a report may do when it is looked at: show itself, and nothing else.
+const REPORTS_POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; \
+                              base-uri 'none'; form-action 'none'; frame-ancestors 'self'";
+
+/// `GET /api/v1/admin/analyses/{id}/files/{name}`: reports to be looked at, all else to be
+/// saved.
+pub async fn file(
+    _: Admin,
+    State(app): State<Arc<App>>,
+    path: Result<Path<(String, String)>, axum::extract::rejection::PathRejection>,
+    headers: HeaderMap,
+) -> Result<Response, ApiError> {
+    let not_found = || ApiError::not_found("file of an analysis");
+    let Path((id, name)) = path.map_err(|_| not_found())?;
+    let mut db = app.store.reader().await?;
+    let packed = analyses::file(&mut db, &id, &name).await?.ok_or_else(not_found)?;
+    drop(db);
+    let packed_will_do = accepts_gzip(&headers);
+    let octets = match packed_will_do {
+        true => packed,
+        false => {
+            tokio::task::spawn_blocking(move || unpacked(&packed)).await.context("unpacking")??
+        }
+    };
+    let mut answer = octets.into_response();
+    let mut set = |name, value: &str| {
+        // Names are those that the program gave: no header is refused.
+        if let Ok(value) = HeaderValue::from_str(value) {
+            answer.headers_mut().insert(name, value);
+        }
+    };
+    set(header::CONTENT_TYPE, media_type(&name));
+    set(header::VARY, "accept-encoding");
+    if packed_will_do {
+        set(header::CONTENT_ENCODING, "gzip");
+    }
+    if name.ends_with(".html") {
+        set(header::CONTENT_SECURITY_POLICY, REPORTS_POLICY);
+    } else {
+        let last = name.rsplit('/').next().unwrap_or(&name);
+        set(header::CONTENT_DISPOSITION, &format!("attachment; filename=\"{last}\""));
+    }
+    Ok(answer)
+}
+
+fn unpacked(packed: &[u8]) -> anyhow::Result<Vec<u8>> {
+    let mut octets = Vec::new();
+    GzDecoder::new(packed).read_to_end(&mut octets).context("a file of an analysis")?;
+    Ok(octets)
+}
+
+fn accepts_gzip(headers: &HeaderMap) -> bool {
+    let codings = headers.get_all(header::ACCEPT_ENCODING).iter();
+    let mut codings = codings.filter_map(|value| value.to_str().ok()).flat_map(|v| v.split(','));
+    codings.any(|coding| {
+        let (name, weight) = coding.split_once(';').unwrap_or((coding, ""));
+        let refused = weight.trim().strip_prefix("q=").and_then(|q| q.parse().ok()) == Some(0.0);
+        name.trim().eq_ignore_ascii_case("gzip") && !refused
+    })
+}
+
+fn media_type(name: &str) -> &'static str {
+    match name.rsplit('.').next() {
+        Some("csv") => "text/csv; charset=utf-8",
+        Some("html") => "text/html; charset=utf-8",
+        Some("json") => "application/json",
+        Some("tex") => "text/x-tex; charset=utf-8",
+        _ => "application/octet-stream",
+    }
+}
+
+async fn stored(db: &mut Db, id: &str) -> Result<StoredAnalysis, ApiError> {
+    analyses::find(db, id).await?.ok_or_else(|| ApiError::not_found("analysis"))
+}
+
+fn summary(stored: StoredAnalysis) -> AnalysisSummary {
+    let running = stored.state == AnalysisState::Running;
+    let progress = running.then(|| {
+        let (done, of) = (stored.done.unsigned_abs(), stored.of.unsigned_abs());
+        let elapsed_ms = stored.started_at_ms.map(|start| (now_ms() - start).max(0));
+        let left_s = elapsed_ms.filter(|_| done > 0).map(|elapsed_ms| {
+            1e-3 * elapsed_ms as f64 * of.saturating_sub(done) as f64 / done as f64
+        });
+        AnalysisProgress { done, of, left_s }
+    });
+    AnalysisSummary {
+        id: stored.id,
+        study: stored.study,
+        request: stored.request,
+        state: stored.state,
+        progress,
+        created_at_ms: stored.created_at_ms,
+        started_at_ms: stored.started_at_ms,
+        ended_at_ms: stored.ended_at_ms,
+        message: stored.message,
+        result: stored.result,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn codings_that_are_refused_are_not_sent() {
+        let accepts = |value: &'static str| {
+            let headers = [(header::ACCEPT_ENCODING, HeaderValue::from_static(value))];
+            accepts_gzip(&headers.into_iter().collect())
+        };
+        assert!(accepts("gzip"));
+        assert!(accepts("br, GZIP;q=0.5"));
+        assert!(!accepts("br, gzip;q=0"));
+        assert!(!accepts("gzip; q=0.0"));
+        assert!(!accepts("identity"));
+        assert!(!accepts_gzip(&HeaderMap::new()));
+    }
+}

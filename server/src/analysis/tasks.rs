@@ -1,0 +1,154 @@
+//! What is compared: people's tasks, from a file or a study.
+
+use super::{Analysis, Context};
+use crate::features_csv::{self, FeatureRows};
+use crate::store::studies::{self, Study};
+use crate::store::trials::{self, StoredTrial};
+use crate::store::{Store, participants};
+use crate::synthetic;
+use crate::trials_csv::{self, FileTrial, LineError};
+use sidestep::comparison::{self, Cache, Exclusion, Person, Progress, RunError, Settings};
+use sidestep::features::SafetyFunctions;
+use sidestep::invalid::Invalid;
+use sidestep::scene::SceneParameters;
+use sidestep::shfrs::window::Trajectory;
+use sidestep::trial::Phase;
+use std::ops::ControlFlow;
+
+/// Everybody's tasks.
+#[derive(Clone, Debug)]
+pub struct Tasks {
+    /// With at least one task each.
+    pub people: Vec<trials_csv::Person>,
+    /// Who is not among them though they drove, and why.
+    pub exclusions: Vec<Exclusion>,
+    /// What was driven with.
+    pub scene: SceneParameters,
+    /// Why the data are known to be synthetic, if they are.
+    pub synthetic: Option<String>,
+}
+
+/// Why there is no analysis.
+#[derive(Debug, thiserror::Error)]
+pub enum CompareError {
+    /// A trial cannot be one.
+    #[error("{0}")]
+    Trials(LineError),
+    /// The features do not go with the trials.
+    #[error("{0}")]
+    Features(LineError),
+    /// Something else in the data, or the settings.
+    #[error(transparent)]
+    Invalid(#[from] Invalid),
+    /// It was broken off.
+    #[error("stopped")]
+    Stopped,
+}
+
+impl From<RunError> for CompareError {
+    fn from(error: RunError) -> Self {
+        match error {
+            RunError::Invalid(invalid) => Self::Invalid(invalid),
+            RunError::Stopped => Self::Stopped,
+        }
+    }
+}
+
+impl Tasks {
+    /// Of everybody in a study whose data are not deleted. Who enrolled under other parameters
+    /// than the study's present ones is left out: their trials are not those of the others.
+    ///
+    /// # Errors
+    /// If the database cannot be read.
+    pub async fn of_study(store: &Store, study: &Study) -> Result<Self, sqlx::Error> {
+        let scene = study.config.parameters;
+        let (mut people, mut exclusions) = (Vec::new(), Vec::new());
+        let ids = participants::ids(&mut *store.reader().await?, study.id).await?;
+        for id in ids {
+            // A connection for each person: a long read would keep the log from being written back.
+            let mut db = store.reader().await?;
+            let driven = trials::of_participant(&mut db, &id).await?;
+            let Some(first) = driven.first() else { continue };
+            let name = first.head.participant_number.to_string();
+            let own = studies::config(&mut db, &first.config_hash).await?.parameters;
+            if own != scene {
+                let reason = "enrolled under other parameters than the study's present ones";
+                exclusions.push(Exclusion { participant: name, reason: reason.to_owned() });
+                continue;
+            }
+            // Numbers count all phases, as in exports.
+            let numbered = (0..).zip(driven);
+            let tasks = numbered.filter(|(_, trial)| trial.head.phase == Phase::Task);
+            let trials: Vec<FileTrial> =
+                tasks.map(|(number, trial)| file_trial(number, trial)).collect();
+            if !trials.is_empty() {
+                people.push(trials_csv::Person { name, trials, synthetic: false });
+            }
+        }
+        let mut db = store.reader().await?;
+        let invented = participants::are_synthetic(&mut db, study.id).await?;
+        let said = invented.then(|| "participants of `sidestep simulate`".to_owned());
+        let synthetic = said.or_else(|| synthetic::recognised(&people));
+        Ok(Self { people, exclusions, scene, synthetic })
+    }
+
+    /// Compares, with the features of `given` in place of computed ones.
+    ///
+    /// # Errors
+    /// [`CompareError`] if the data cannot be compared, or `progress` breaks it off.
+    pub fn compare(
+        &self,
+        safety: &SafetyFunctions,
+        given: Option<&FeatureRows>,
+        settings: &Settings,
+        cache: &dyn Cache,
+        progress: &(dyn Fn(Progress) -> ControlFlow<()> + Sync),
+    ) -> Result<Analysis, CompareError> {
+        let person = |person| self.person(person, safety, given);
+        let people: Vec<Person> = self.people.iter().map(person).collect::<Result<_, _>>()?;
+        let results =
+            comparison::run(&people, &self.scene, safety, settings, Some(cache), progress)?;
+        let context = Context::of(&results, &people, &self.scene, safety)?;
+        let mut analysis = Analysis::of(results, self.synthetic.clone(), context)?;
+        analysis.exclusions.splice(0..0, self.exclusions.iter().cloned());
+        Ok(analysis)
+    }
+
+    fn person(
+        &self,
+        person: &trials_csv::Person,
+        safety: &SafetyFunctions,
+        given: Option<&FeatureRows>,
+    ) -> Result<Person, CompareError> {
+        let mut data = features_csv::dataset(person, safety);
+        if let Some(given) = given {
+            given.replace(person, &mut data).map_err(CompareError::Features)?;
+        }
+        let trajectory = |trial: &FileTrial| {
+            let rates = trial.inputs.iter().map(|&input| self.scene.human.turn_rate(input));
+            Trajectory::new(trial.states.clone(), rates.collect())
+                .map_err(|what| CompareError::Trials(LineError { line: trial.line, what }))
+        };
+        Ok(Person {
+            name: person.name.clone(),
+            numbers: person.trials.iter().map(|trial| trial.number).collect(),
+            trajectories: person.trials.iter().map(trajectory).collect::<Result<_, _>>()?,
+            data,
+        })
+    }
+}
+
+/// A stored trial as an export of the study would have it.
+fn file_trial(number: u64, trial: StoredTrial) -> FileTrial {
+    FileTrial {
+        line: number,
+        number,
+        phase: trial.head.phase,
+        trial_id: Some(trial.head.trial_id),
+        inputs: trial.inputs,
+        states: trial.states,
+        started_at_ms: trial.started_at_ms,
+        sampled_at_ms: trial.sampled_at_ms,
+        flags: trial.head.flags,
+    }
+}

@@ -1,0 +1,376 @@
+//! Makes the analyses that are asked for, one after the other, off the request path.
+//!
+//! What the database says of an analysis is the truth: whoever cancels or deletes one, or deletes
+//! data that it holds, changes its row, and the analyst notices when it next says how far it is.
+
+use crate::analysis::{Analysis, CompareError, Tasks};
+use crate::clock::now_ms;
+use crate::safety;
+use crate::store::analyses::{self, Job};
+use crate::store::{Store, studies};
+use anyhow::Context;
+use flate2::Compression;
+use flate2::read::GzDecoder;
+use flate2::write::GzEncoder;
+use sidestep::api::AnalysisResult;
+use sidestep::comparison::cell::Cell;
+use sidestep::comparison::{Cache, Progress, Settings};
+use sidestep::features::SafetyFunctions;
+use sidestep::reachability::SolveError;
+use std::collections::HashSet;
+use std::io::{self, Write};
+use std::ops::ControlFlow;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+use tokio::runtime::Handle;
+use tokio::sync::{Notify, oneshot, watch};
+use tokio::task::JoinHandle;
+
+/// How often the row of what is being made is brought up to date.
+const TICK: Duration = Duration::from_millis(500);
+
+/// How long it waits after a failure of the database.
+const PAUSE: Duration = Duration::from_secs(5);
+
+/// Files of an analysis that are written in one transaction: others want to write too.
+const FILES_AT_ONCE: usize = 32;
+
+/// Works in the background until it is stopped.
+#[derive(Debug)]
+pub struct Analyst {
+    stop: watch::Sender<bool>,
+    task: JoinHandle<()>,
+}
+
+impl Analyst {
+    /// Begins with what was left over when the server last ended. `asked` tells that there is
+    /// something new in the queue.
+    #[must_use]
+    pub fn start(store: Store, asked: Arc<Notify>, threads: Option<u16>) -> Self {
+        let (stop, stopped) = watch::channel(false);
+        let task = tokio::spawn(async move {
+            let worker = Worker { store, asked, stopped, threads };
+            worker.run().await;
+        });
+        Self { stop, task }
+    }
+
+    /// Breaks off what is under way; it is taken up again at the next start.
+    pub async fn stop(self) {
+        self.stop.send_replace(true);
+        if let Err(error) = self.task.await {
+            tracing::error!(%error, "the analyst ended badly");
+        }
+    }
+}
+
+struct Worker {
+    store: Store,
+    asked: Arc<Notify>,
+    stopped: watch::Receiver<bool>,
+    threads: Option<u16>,
+}
+
+/// How making an analysis came to an end.
+enum Ending {
+    /// With what it found, or why it found nothing.
+    Over(Result<Box<Analysis>, String>),
+    /// It is not wanted any more.
+    Unwanted,
+    /// The server stops.
+    BrokenOff,
+}
+
+impl Worker {
+    async fn run(&self) {
+        let mut recovered = false;
+        while !self.is_stopped() {
+            match self.next(&mut recovered).await {
+                Ok(true) => {}
+                Ok(false) => {
+                    tokio::select! {
+                        () = self.asked.notified() => {}
+                        () = self.stopped() => {}
+                    }
+                }
+                Err(error) => {
+                    tracing::error!(error = format!("{error:#}"), "making an analysis");
+                    tokio::select! {
+                        () = tokio::time::sleep(PAUSE) => {}
+                        () = self.stopped() => {}
+                    }
+                }
+            }
+        }
+    }
+
+    fn is_stopped(&self) -> bool {
+        // An analyst that was let go stops too.
+        *self.stopped.borrow() || self.stopped.has_changed().is_err()
+    }
+
+    /// Once the server stops.
+    async fn stopped(&self) {
+        let _ = self.stopped.clone().wait_for(|stopped| *stopped).await;
+    }
+
+    /// Makes the next analysis; whether there was one. After an error of the database what was
+    /// begun is put back first.
+    async fn next(&self, recovered: &mut bool) -> anyhow::Result<bool> {
+        let mut db = self.store.write().await?;
+        if !*recovered {
+            analyses::recover(&mut db, now_ms()).await?;
+        }
+        let job = analyses::begin(&mut db, now_ms()).await?;
+        db.commit().await?;
+        *recovered = true;
+        let Some(job) = job else { return Ok(false) };
+        // Whatever fails from here on is put back.
+        *recovered = false;
+        self.make(&job).await?;
+        *recovered = true;
+        Ok(true)
+    }
+
+    async fn make(&self, job: &Job) -> anyhow::Result<()> {
+        tracing::info!(study = job.study, "an analysis begins");
+        let kept = Arc::new(StoredCells {
+            store: self.store.clone(),
+            job: job.clone(),
+            runtime: Handle::current(),
+            used: Mutex::default(),
+        });
+        let found = match self.compared(job, &kept).await? {
+            Ending::Over(found) => found,
+            Ending::Unwanted => {
+                tracing::info!(study = job.study, "an analysis is not wanted any more");
+                return Ok(());
+            }
+            Ending::BrokenOff => {
+                let mut db = self.store.write().await?;
+                analyses::give_back(&mut db, job).await?;
+                return Ok(db.commit().await?);
+            }
+        };
+        let ending = match found {
+            Ok(analysis) => {
+                let result = AnalysisResult {
+                    participants: analysis.comparison.participants.len(),
+                    excluded: analysis.exclusions.clone(),
+                    cells: analysis.comparison.cells.len(),
+                    synthetic: analysis.synthetic.clone(),
+                };
+                self.keep(job, analysis).await?;
+                Ok(result)
+            }
+            Err(message) => Err(message),
+        };
+        let used = kept.used.lock().unwrap_or_else(|broken| broken.into_inner()).clone();
+        let mut db = self.store.write().await?;
+        if analyses::end(&mut db, job, &ending, now_ms()).await? && ending.is_ok() {
+            analyses::keep_cells_only(&mut db, job.study_id, &used).await?;
+        }
+        db.commit().await?;
+        match ending {
+            Ok(_) => tracing::info!(study = job.study, "an analysis is done"),
+            Err(reason) => tracing::warn!(study = job.study, reason, "an analysis failed"),
+        }
+        Ok(())
+    }
+
+    /// Gathers the data and compares on threads of its own, telling the database how far it is.
+    async fn compared(&self, job: &Job, kept: &Arc<StoredCells>) -> anyhow::Result<Ending> {
+        let stop = Arc::new(AtomicBool::new(false));
+        let progress = Arc::new([AtomicUsize::new(0), AtomicUsize::new(0)]);
+        let work = self.work(job, Arc::clone(kept), Arc::clone(&stop), Arc::clone(&progress));
+        let mut work = std::pin::pin!(work);
+        let mut unwanted = false;
+        let found = loop {
+            tokio::select! {
+                found = &mut work => break found?,
+                () = self.stopped(), if !stop.load(Ordering::Relaxed) => {
+                    stop.store(true, Ordering::Relaxed);
+                }
+                () = tokio::time::sleep(TICK), if !unwanted => {
+                    let [done, of] = [0, 1].map(|i: usize| progress[i].load(Ordering::Relaxed));
+                    match self.note(job, done, of).await {
+                        Ok(wanted) => unwanted = !wanted,
+                        // The next time it may be known.
+                        Err(error) => tracing::warn!(%error, "progress was not noted"),
+                    }
+                    if unwanted {
+                        stop.store(true, Ordering::Relaxed);
+                    }
+                }
+            }
+        };
+        Ok(match found {
+            Some(found) => Ending::Over(found),
+            None if unwanted => Ending::Unwanted,
+            None => Ending::BrokenOff,
+        })
+    }
+
+    async fn note(&self, job: &Job, done: usize, of: usize) -> Result<bool, sqlx::Error> {
+        let mut db = self.store.write().await?;
+        let wanted = analyses::note_progress(&mut db, job, done, of).await?;
+        db.commit().await?;
+        Ok(wanted)
+    }
+
+    /// What was found, or why nothing was; nothing at all once `stop` is set.
+    async fn work(
+        &self,
+        job: &Job,
+        kept: Arc<StoredCells>,
+        stop: Arc<AtomicBool>,
+        progress: Arc<[AtomicUsize; 2]>,
+    ) -> anyhow::Result<Option<Result<Box<Analysis>, String>>> {
+        let study = studies::find(&mut *self.store.reader().await?, &job.study).await?;
+        let study = study.context("the study of an analysis")?;
+        let mut tasks = Tasks::of_study(&self.store, &study).await?;
+        if job.request.synthetic {
+            tasks.synthetic = Some("said by the experimenter".to_owned());
+        }
+        let safety = match safety::ensure(&self.store, &study.config, &stop).await? {
+            Ok(safety) => safety,
+            Err(SolveError::Cancelled) => return Ok(None),
+            Err(SolveError::Invalid(invalid)) => return Ok(Some(Err(invalid.to_string()))),
+        };
+        let settings = Settings { leakage: job.request.leakage, ..Settings::new()? };
+        let step = move |now: Progress| {
+            progress[0].fetch_max(now.done, Ordering::Relaxed);
+            progress[1].store(now.of, Ordering::Relaxed);
+            match stop.load(Ordering::Relaxed) {
+                true => ControlFlow::Break(()),
+                false => ControlFlow::Continue(()),
+            }
+        };
+        Ok(match self.on_threads(tasks, safety, settings, kept, step).await? {
+            None => Some(Err("the comparison failed; see the server's log".to_owned())),
+            Some(Ok(analysis)) => Some(Ok(Box::new(analysis))),
+            Some(Err(CompareError::Stopped)) => None,
+            Some(Err(error)) => Some(Err(error.to_string())),
+        })
+    }
+
+    /// Compares on a pool of its own, so that requests keep theirs; nothing if that panicked.
+    async fn on_threads(
+        &self,
+        tasks: Tasks,
+        safety: SafetyFunctions,
+        settings: Settings,
+        kept: Arc<StoredCells>,
+        step: impl Fn(Progress) -> ControlFlow<()> + Send + Sync + 'static,
+    ) -> anyhow::Result<Option<Result<Analysis, CompareError>>> {
+        // One processor is left to the requests.
+        let spare = || std::thread::available_parallelism().map_or(1, |all| (all.get() - 1).max(1));
+        let threads = self.threads.map_or_else(spare, usize::from);
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build()?;
+        let (answer, answered) = oneshot::channel();
+        std::thread::Builder::new().name("analyst".to_owned()).spawn(move || {
+            let found = pool.install(|| tasks.compare(&safety, None, &settings, &*kept, &step));
+            // Nobody waits any more only when the server is over.
+            let _ = answer.send(found);
+        })?;
+        Ok(answered.await.ok())
+    }
+
+    /// Writes the files down, compressed, a few at a time.
+    async fn keep(&self, job: &Job, analysis: Box<Analysis>) -> anyhow::Result<()> {
+        let (files, mut packed) =
+            tokio::sync::mpsc::channel::<(String, usize, Vec<u8>)>(FILES_AT_ONCE);
+        let packing = tokio::task::spawn_blocking(move || {
+            analysis.each_file(&mut |name, write| {
+                let mut out = Counted { out: gzip(), octets: 0 };
+                write(&mut out)?;
+                let file = (name.to_owned(), out.octets, out.out.finish()?);
+                files.blocking_send(file).map_err(|_| io::Error::other("nobody takes the files"))
+            })
+        });
+        let mut batch = Vec::new();
+        while packed.recv_many(&mut batch, FILES_AT_ONCE).await > 0 {
+            let mut db = self.store.write().await?;
+            for (name, size, octets) in batch.drain(..) {
+                if !analyses::put_file(&mut db, job, &name, size, &octets).await? {
+                    // Not wanted any more: the rest need not be packed.
+                    return Ok(());
+                }
+            }
+            db.commit().await?;
+        }
+        Ok(packing.await.context("packing the files")??)
+    }
+}
+
+fn gzip() -> GzEncoder<Vec<u8>> {
+    GzEncoder::new(Vec::new(), Compression::fast())
+}
+
+/// Counts what goes through.
+struct Counted<W> {
+    out: W,
+    octets: usize,
+}
+
+impl<W: Write> Write for Counted<W> {
+    fn write(&mut self, octets: &[u8]) -> io::Result<usize> {
+        let written = self.out.write(octets)?;
+        self.octets += written;
+        Ok(written)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.out.flush()
+    }
+}
+
+/// Cells of the study in the database, for threads that compute.
+struct StoredCells {
+    store: Store,
+    job: Job,
+    runtime: Handle,
+    used: Mutex<HashSet<String>>,
+}
+
+impl StoredCells {
+    fn note(&self, key: &str) {
+        // A thread that panicked has left the set as good as it was.
+        self.used.lock().unwrap_or_else(|broken| broken.into_inner()).insert(key.to_owned());
+    }
+
+    async fn read(&self, key: &str) -> Result<Option<Vec<u8>>, sqlx::Error> {
+        analyses::cells(&mut *self.store.reader().await?, self.job.study_id, key).await
+    }
+
+    async fn write(&self, key: &str, octets: &[u8]) -> Result<(), sqlx::Error> {
+        let mut db = self.store.write().await?;
+        analyses::put_cells(&mut db, &self.job, key, octets).await?;
+        db.commit().await
+    }
+}
+
+impl Cache for StoredCells {
+    fn get(&self, key: &str) -> Option<Vec<Cell>> {
+        let octets = self.runtime.block_on(self.read(key)).ok()??;
+        let cells =
+            serde_json::from_reader(io::BufReader::new(GzDecoder::new(&octets[..]))).ok()?;
+        self.note(key);
+        Some(cells)
+    }
+
+    fn put(&self, key: &str, cells: &[Cell]) {
+        self.note(key);
+        let mut out = gzip();
+        let packed = serde_json::to_writer(&mut out, cells).map_err(io::Error::from);
+        let kept = packed
+            .and_then(|()| out.finish())
+            .map_err(sqlx::Error::Io)
+            .and_then(|octets| self.runtime.block_on(self.write(key, &octets)));
+        if let Err(error) = kept {
+            // Nothing is lost but time.
+            tracing::warn!(%error, "cells of an analysis were not kept");
+        }
+    }
+}

@@ -1,0 +1,332 @@
+//! Analyses as jobs of the server: asked for, watched, cancelled, kept, withdrawn.
+
+use reqwest::Method;
+use serde_json::json;
+use sidestep::api::{
+    AnalysisDetail, AnalysisPage, AnalysisRequest, AnalysisState, AnalysisSummary, routes,
+};
+use sidestep::vehicle::TurnInput;
+use sidestep_tests::{Answer, Driver, Server, sidestep, upload};
+use sqlx::{Connection, SqliteConnection};
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::time::{Duration, Instant};
+use tempfile::TempDir;
+
+const TASKS: usize = 8;
+
+/// A study of eight tasks.
+const STUDY: &str = r#"phases = [{ phase = "task", scenes = 8 }]"#;
+
+/// Someone who holds keys for half a second or so, and lets them go.
+async fn drive(server: &Server, who: u64) -> Driver {
+    let driver = Driver::enrol(server).await;
+    let mut state = who.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
+    for (id, scene) in driver.scenes() {
+        let mut inputs = Vec::new();
+        while inputs.len() < 50 {
+            state ^= state << 13;
+            state ^= state >> 7;
+            state ^= state << 17;
+            let input = TurnInput::ALL[(state % 3) as usize];
+            inputs.extend(std::iter::repeat_n(input, 1 + (state >> 8) as usize % 6));
+        }
+        inputs.truncate(50);
+        let answer = driver.send(server, &id, &upload(&scene, inputs)).await;
+        assert_eq!(answer.status, 201, "{}", answer.body);
+    }
+    driver
+}
+
+async fn post(server: &Server, route: &str, body: serde_json::Value) -> Answer {
+    let request = server.request(Method::POST, route).bearer_auth(&server.key);
+    Answer::of(request.json(&body)).await
+}
+
+async fn ask(server: &Server, body: serde_json::Value) -> AnalysisSummary {
+    post(server, &routes::admin_analyses("default"), body).await.into(201)
+}
+
+async fn show(server: &Server, id: &str) -> AnalysisDetail {
+    server.admin(&routes::admin_analysis(id)).await.into(200)
+}
+
+/// The analysis, once it is as wanted.
+async fn until(
+    server: &Server,
+    id: &str,
+    wanted: impl Fn(&AnalysisSummary) -> bool,
+) -> AnalysisDetail {
+    let begun = Instant::now();
+    loop {
+        let now = show(server, id).await;
+        if wanted(&now.summary) {
+            return now;
+        }
+        assert!(begun.elapsed() < Duration::from_secs(120), "{now:?}");
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    }
+}
+
+async fn done(server: &Server, id: &str) -> AnalysisDetail {
+    let detail = until(server, id, |now| now.state.is_over()).await;
+    assert_eq!(detail.summary.state, AnalysisState::Done, "{:?}", detail.summary.message);
+    detail
+}
+
+async fn file(server: &Server, id: &str, name: &str) -> reqwest::Response {
+    let request = server.request(Method::GET, &routes::analysis_file(id, name));
+    request.bearer_auth(&server.key).send().await.unwrap()
+}
+
+/// Every file below a folder but the cache, by name.
+fn contents(root: &Path, folder: &Path, found: &mut BTreeMap<String, Vec<u8>>) {
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.file_name().unwrap() == ".cache" {
+        } else if path.is_dir() {
+            contents(root, &path, found);
+        } else {
+            let name = path.strip_prefix(root).unwrap().to_str().unwrap().to_owned();
+            found.insert(name, std::fs::read(&path).unwrap());
+        }
+    }
+}
+
+/// So many rows of a table, read behind the server's back.
+async fn count(server: &Server, table: &str) -> i64 {
+    let mut db = SqliteConnection::connect(&server.database()).await.unwrap();
+    let query = sqlx::AssertSqlSafe(format!("SELECT count(*) FROM {table}"));
+    let rows = sqlx::query_scalar(query).fetch_one(&mut db).await.unwrap();
+    db.close().await.unwrap();
+    rows
+}
+
+#[tokio::test]
+async fn a_study_is_analysed_as_by_the_command() {
+    let server = Server::with_study(STUDY).await;
+    for who in 1..=2 {
+        drive(&server, who).await;
+    }
+    let asked = ask(&server, json!({ "leakage": true })).await;
+    assert_eq!(asked.study, "default");
+    assert_eq!(asked.request, AnalysisRequest { leakage: true, synthetic: false });
+    let running = until(&server, &asked.id, |now| {
+        now.state.is_over() || now.progress.is_some_and(|p| p.done > 0 && p.of > 0)
+    });
+    let running = running.await;
+    if let Some(progress) = running.summary.progress {
+        assert!(progress.done <= progress.of && progress.left_s.unwrap() >= 0.0, "{progress:?}");
+        assert!(running.files.is_empty());
+    }
+    let detail = done(&server, &asked.id).await;
+    let result = detail.summary.result.as_ref().unwrap();
+    assert_eq!((result.participants, &result.synthetic), (2, &None));
+    assert_eq!(detail.summary.progress, None);
+
+    // File by file what the command writes, of the database and of the export.
+    let folder = TempDir::new().unwrap();
+    let trials = folder.path().join("trials.csv");
+    std::fs::write(&trials, server.export("default").await).unwrap();
+    let database = server.database();
+    let sources = [["--database", &database], ["--trials", trials.to_str().unwrap()]];
+    for (i, source) in sources.into_iter().enumerate() {
+        let out = folder.path().join(format!("out{i}"));
+        let args = [&["analyze", "--leakage"], &source[..], &["--out", out.to_str().unwrap()]];
+        let output = sidestep(&args.concat()).await;
+        assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+        let mut files = BTreeMap::new();
+        contents(&out, &out, &mut files);
+        let named: Vec<_> = detail.files.iter().map(|file| file.name.clone()).collect();
+        assert_eq!(named, files.keys().cloned().collect::<Vec<_>>());
+        for (kept, (name, octets)) in detail.files.iter().zip(&files) {
+            assert_eq!(kept.octets, octets.len() as u64, "{name}");
+            let fetched = file(&server, &asked.id, name).await.bytes().await.unwrap();
+            assert!(fetched == octets[..], "{name}");
+        }
+    }
+
+    // Reports may be looked at, and do nothing else; the rest is for saving.
+    let report = file(&server, &asked.id, "report.html").await;
+    let policy = report.headers()["content-security-policy"].to_str().unwrap().to_owned();
+    assert!(policy.contains("default-src 'none'") && !policy.contains("script"), "{policy}");
+    assert_eq!(report.headers()["cache-control"], "no-store");
+    let table = file(&server, &asked.id, "table1.csv").await;
+    assert_eq!(table.headers()["content-disposition"], "attachment; filename=\"table1.csv\"");
+    assert_eq!(table.headers()["content-type"], "text/csv; charset=utf-8");
+    let plain = table.bytes().await.unwrap();
+    let request = server.request(Method::GET, &routes::analysis_file(&asked.id, "table1.csv"));
+    let request = request.bearer_auth(&server.key).header("accept-encoding", "gzip");
+    let packed = request.send().await.unwrap();
+    assert_eq!(packed.headers()["content-encoding"], "gzip");
+    assert_ne!(packed.bytes().await.unwrap(), plain);
+    for name in ["nothing.csv", "../../etc/passwd", "models", "models%2f..%2ftable1.csv"] {
+        assert_eq!(file(&server, &asked.id, name).await.status(), 404, "{name}");
+    }
+
+    // A second one with the same data finds every cell there, and the same again.
+    let cells = count(&server, "analysis_cell").await;
+    assert!(cells > 0);
+    let again = ask(&server, json!({ "leakage": true })).await;
+    assert_ne!(again.id, asked.id);
+    let second = done(&server, &again.id).await;
+    assert_eq!(second.files, detail.files);
+    assert_eq!(count(&server, "analysis_cell").await, cells);
+
+    // The list, newest first, page by page.
+    let route = routes::admin_analyses("default");
+    let page: AnalysisPage = server.admin(&format!("{route}?limit=1")).await.into(200);
+    assert_eq!(page.analyses[0], second.summary);
+    let before = page.next_before.unwrap();
+    let page: AnalysisPage = server.admin(&format!("{route}?before={before}")).await.into(200);
+    assert_eq!((&page.analyses[..], page.next_before), (&[detail.summary.clone()][..], None));
+
+    // It outlives the server, and goes when it is deleted.
+    let server = server.restarted().await;
+    assert_eq!(show(&server, &asked.id).await, detail);
+    let request = server.request(Method::DELETE, &routes::admin_analysis(&asked.id));
+    assert_eq!(Answer::of(request.bearer_auth(&server.key)).await.status, 204);
+    server.admin(&routes::admin_analysis(&asked.id)).await.problem(404, "not_found", None);
+    assert_eq!(file(&server, &asked.id, "table1.csv").await.status(), 404);
+    assert_eq!(count(&server, "analysis_file").await, second.files.len() as i64);
+}
+
+#[tokio::test]
+async fn a_queue_that_can_be_cancelled_and_outlives_the_server() {
+    let server = Server::with_study_and(STUDY, |args| args.analysis_threads = Some(1)).await;
+    for who in 1..=4 {
+        drive(&server, who).await;
+    }
+    let first = ask(&server, json!({})).await;
+    until(&server, &first.id, |now| now.progress.is_some_and(|p| p.done >= 10)).await;
+    // Behind it: asked for twice in the same words, one waits.
+    let second = ask(&server, json!({ "leakage": true })).await;
+    assert_eq!((second.state, second.progress), (AnalysisState::Queued, None));
+    let route = routes::admin_analyses("default");
+    let same: AnalysisSummary =
+        post(&server, &route, json!({ "leakage": true, "synthetic": false })).await.into(200);
+    assert_eq!(same.id, second.id);
+    let third = ask(&server, json!({ "synthetic": true })).await;
+
+    // The server ends and starts again: the first goes on with what it had.
+    let kept = count(&server, "analysis_cell").await;
+    assert!(kept >= 10, "{kept}");
+    let server = server.restarted().await;
+    assert!(count(&server, "analysis_cell").await >= kept);
+    until(&server, &first.id, |now| now.state == AnalysisState::Running).await;
+
+    // One that waits and one that is being made are cancelled alike, also twice.
+    for id in [&second.id, &first.id] {
+        for _ in 0..2 {
+            let now: AnalysisSummary =
+                post(&server, &routes::cancel_analysis(id), json!({})).await.into(200);
+            assert_eq!((now.state, now.ended_at_ms.is_some()), (AnalysisState::Cancelled, true));
+        }
+    }
+    // The next one's turn has come, with the cells that the first one left.
+    let detail = done(&server, &third.id).await;
+    let told = detail.summary.result.unwrap().synthetic.unwrap();
+    assert!(told.contains("experimenter"), "{told}");
+    let late = post(&server, &routes::cancel_analysis(&third.id), json!({})).await;
+    assert!(late.problem(409, "over", None).contains("done"));
+    assert_eq!(show(&server, &first.id).await.files, []);
+}
+
+#[tokio::test]
+async fn who_withdraws_their_data_withdraws_them_from_analyses_too() {
+    let server = Server::with_study(STUDY).await;
+    let stays = drive(&server, 1).await;
+    let leaves = drive(&server, 2).await;
+    let before = ask(&server, json!({})).await;
+    assert_eq!(done(&server, &before.id).await.summary.result.unwrap().participants, 2);
+    let during = ask(&server, json!({ "leakage": true })).await;
+    until(&server, &during.id, |now| now.state != AnalysisState::Queued).await;
+
+    // Who leaves and lets their data be used changes nothing.
+    assert_eq!(stays.withdraw(&server, "keep").await.status, 204);
+    assert_eq!(show(&server, &before.id).await.summary.state, AnalysisState::Done);
+    assert_eq!(leaves.withdraw(&server, "delete").await.status, 204);
+    let gone = show(&server, &before.id).await;
+    assert_eq!((gone.summary.state, gone.summary.result), (AnalysisState::Withdrawn, None));
+    assert_eq!(gone.files, []);
+    assert_eq!(file(&server, &before.id, "predictions.csv").await.status(), 404);
+    // What was being made at that moment is made anew without them, or was made and is gone.
+    let found = until(&server, &during.id, |now| now.state.is_over()).await;
+    match found.summary.state {
+        AnalysisState::Done => assert_eq!(found.summary.result.unwrap().participants, 1),
+        other => assert_eq!(other, AnalysisState::Withdrawn),
+    }
+    let after = ask(&server, json!({})).await;
+    assert_eq!(done(&server, &after.id).await.summary.result.unwrap().participants, 1);
+    assert_eq!(count(&server, "analysis_file WHERE analysis = 1").await, 0);
+}
+
+#[tokio::test]
+async fn people_who_cannot_be_compared_are_named() {
+    let server = Server::with_study(STUDY).await;
+    let nobody = ask(&server, json!({})).await;
+    let failed = until(&server, &nobody.id, |now| now.state.is_over()).await.summary;
+    assert_eq!(failed.state, AnalysisState::Failed);
+    assert!(failed.message.unwrap().contains("nobody"));
+
+    // One drove under another radius; one has too few tasks, and one never turned.
+    drive(&server, 1).await;
+    let changed = format!("{STUDY}\n[parameters]\ndanger_radius_m = 2.5\n");
+    std::fs::write(server.path("study.toml"), changed).unwrap();
+    let server = server.restarted().await;
+    drive(&server, 2).await;
+    Driver::enrol(&server).await.drive(&server, 4).await;
+    let straight = Driver::enrol(&server).await;
+    for (id, scene) in straight.scenes() {
+        let trial = upload(&scene, vec![TurnInput::Straight; 50]);
+        assert_eq!(straight.send(&server, &id, &trial).await.status, 201);
+    }
+    assert_eq!(straight.scenes().len(), TASKS);
+    let result = ask(&server, json!({})).await;
+    let result = done(&server, &result.id).await.summary.result.unwrap();
+    assert_eq!(result.participants, 1);
+    let reasons = ["other parameters", "4 tasks", "one kind of input"];
+    assert_eq!(result.excluded.len(), reasons.len());
+    for ((who, exclusion), reason) in ["1", "3", "4"].iter().zip(&result.excluded).zip(reasons) {
+        assert_eq!(exclusion.participant, *who);
+        assert!(exclusion.reason.contains(reason), "{exclusion:?}");
+    }
+}
+
+#[tokio::test]
+async fn bad_requests_are_explained() {
+    let server = Server::with_study(STUDY).await;
+    let route = routes::admin_analyses("default");
+    let wrong = |body| post(&server, &route, body);
+    wrong(json!({ "leakage": 1 })).await.problem(422, "invalid", Some("leakage"));
+    wrong(json!({ "grid": [] })).await.problem(422, "invalid", Some("grid"));
+    wrong(json!([])).await.problem(422, "invalid", Some(""));
+    let absent = routes::admin_analyses("absent");
+    post(&server, &absent, json!({})).await.problem(404, "not_found", None);
+    server.admin(&absent).await.problem(404, "not_found", None);
+    for query in ["limit=0", "limit=501"] {
+        let answer = server.admin(&format!("{route}?{query}")).await;
+        answer.problem(422, "invalid", Some("limit"));
+    }
+    let id = "8a4e6f1c-0000-4000-8000-000000000000";
+    for gone in [id, "%2e%2e", "x"] {
+        server.admin(&routes::admin_analysis(gone)).await.problem(404, "not_found", None);
+        let cancelled = post(&server, &routes::cancel_analysis(gone), json!({})).await;
+        cancelled.problem(404, "not_found", None);
+        let request = server.request(Method::DELETE, &routes::admin_analysis(gone));
+        let deleted = Answer::of(request.bearer_auth(&server.key)).await;
+        deleted.problem(404, "not_found", None);
+    }
+    // Nobody else sees anything.
+    for (method, route) in [
+        (Method::GET, route.clone()),
+        (Method::POST, route),
+        (Method::GET, routes::admin_analysis(id)),
+        (Method::DELETE, routes::admin_analysis(id)),
+        (Method::POST, routes::cancel_analysis(id)),
+        (Method::GET, routes::analysis_file(id, "report.html")),
+    ] {
+        let answer = Answer::of(server.request(method, &route).json(&json!({}))).await;
+        answer.problem(401, "unauthorized", None);
+    }
+}
