@@ -4,6 +4,10 @@ mod learning;
 
 use learning::apart::{self, furthest};
 use learning::{PEOPLE, WIDTH, classes, person};
+use linfa::DatasetBase;
+use linfa::traits::Fit;
+use linfa_logistic::{LogisticRegression, MultiLogisticRegression};
+use ndarray::{Array1, Array2};
 use sidestep::learn::logistic::{LogisticSettings, fit, fit_path};
 use sidestep::learn::samples::Samples;
 use sidestep::math::SeededRng;
@@ -36,6 +40,51 @@ fn which_way_agrees_with_scikit_learn() {
 #[test]
 fn whether_agrees_with_scikit_learn() {
     agrees_with_scikit_learn(2);
+}
+
+/// Another library's solver, L-BFGS to a gradient of 10⁻⁹ (or as far as its line search gets), on
+/// the same rows. Its penalty is 1/C, as ours without one on intercepts.
+#[test]
+fn linfa_finds_the_same_models() {
+    let mut apart = 0.0_f64;
+    for (participant, c) in [(0, 0.1), (3, 1.0), (6, 10.0)] {
+        for experiment in [1, 2] {
+            let rows = person(participant, experiment).0;
+            let scale = Scale::fit(WIDTH, &rows.values);
+            let rows = rows.on(&scale);
+            let model = fit(&rows.samples(experiment), c, LogisticSettings::default()).unwrap();
+            let shape = (rows.labels.len(), WIDTH);
+            let values = Array2::from_shape_vec(shape, rows.values.clone()).unwrap();
+            let data = DatasetBase::new(values, Array1::from(rows.labels.clone()));
+            let (weights, intercepts) = if experiment == 1 {
+                let other = MultiLogisticRegression::default()
+                    .alpha(1.0 / c)
+                    .max_iterations(10_000)
+                    .gradient_tolerance(1e-9)
+                    .fit(&data)
+                    .unwrap();
+                assert_eq!(other.classes(), [0, 1, 2]);
+                // Features × classes.
+                let weights = other.params().t().iter().copied().collect();
+                (weights, other.intercept().to_vec())
+            } else {
+                let other = LogisticRegression::default()
+                    .alpha(1.0 / c)
+                    .max_iterations(10_000)
+                    .gradient_tolerance(1e-9)
+                    .fit(&data)
+                    .unwrap();
+                let sign = if other.labels().pos.class == 1 { 1.0 } else { -1.0 };
+                let weights: Vec<f64> = other.params().iter().map(|w| sign * w).collect();
+                (weights, vec![sign * other.intercept()])
+            };
+            let skip = classes(experiment) - intercepts.len();
+            let found = model.coefficients()[skip..].concat();
+            apart = apart.max(furthest(&found, &weights));
+            apart = apart.max(furthest(&model.intercepts()[skip..], &intercepts));
+        }
+    }
+    assert!(apart < 1e-6, "{apart:e}");
 }
 
 const STRENGTHS: [f64; 6] = [1e-3, 1e-2, 1e-1, 1.0, 1e1, 1e2];

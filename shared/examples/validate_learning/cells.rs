@@ -67,7 +67,10 @@ const ROWS: [f64; 2] = [2000.0, 500.0];
 impl Right {
     fn of(cv_accuracy: f64, test_accuracy: f64) -> Self {
         let [cv, test] = ROWS;
-        Self { cv: (cv * cv_accuracy).round() as usize, test: (test * test_accuracy).round() as usize }
+        Self {
+            cv: (cv * cv_accuracy).round() as usize,
+            test: (test * test_accuracy).round() as usize,
+        }
     }
 }
 
@@ -107,7 +110,8 @@ pub(crate) fn check(comparison: &Comparison, people: &[Person]) -> Result<Check,
     let again: Vec<Again> = lines(include_str!("../../tests/data/sklearn_again.csv"))?;
     let mut check = Check { models: Vec::new(), different: Vec::new() };
     for theirs in reference()? {
-        let ours = comparison.cells.iter().find(|cell| is(cell, &theirs)).ok_or("a cell is missing")?;
+        let ours =
+            comparison.cells.iter().find(|cell| is(cell, &theirs)).ok_or("a cell is missing")?;
         let last = check.models.last();
         if last.is_none_or(|of| of.model != theirs.model) {
             check.models.push(OfModel { model: theirs.model.clone(), cells: 0, equal: 0 });
@@ -128,7 +132,10 @@ pub(crate) fn check(comparison: &Comparison, people: &[Person]) -> Result<Check,
                             .is_ok_and(|of: Value| same_numbers(&of, &wanted))
                 };
                 let again = again.iter().find(same).ok_or_else(|| {
-                    format!("sklearn_again.csv lacks {} {hyperparameters}: see that script", theirs.model)
+                    format!(
+                        "sklearn_again.csv lacks {} {hyperparameters}: see that script",
+                        theirs.model
+                    )
                 })?;
                 Ok(Choice {
                     hyperparameters: wanted,
@@ -140,7 +147,8 @@ pub(crate) fn check(comparison: &Comparison, people: &[Person]) -> Result<Check,
                     ],
                 })
             };
-            let (reference, own) = (choice(&theirs.hyperparameters)?, choice(&ours.hyperparameters)?);
+            let (reference, own) =
+                (choice(&theirs.hyperparameters)?, choice(&ours.hyperparameters)?);
             check.different.push(Different {
                 model: theirs.model,
                 experiment: theirs.experiment,

@@ -40,10 +40,8 @@ pub(crate) fn logistic(experiment: usize) -> LogisticApart {
         let (training, test) = person(participant, experiment);
         let peer = peer(participant, experiment);
         let scale = Scale::fit(WIDTH, &training.values);
-        let of_scale = f64::max(
-            furthest(scale.mean(), &peer.mean),
-            furthest(scale.scale(), &peer.scale),
-        );
+        let of_scale =
+            f64::max(furthest(scale.mean(), &peer.mean), furthest(scale.scale(), &peer.scale));
         apart.scale = apart.scale.max(of_scale);
         let standard = training.on(&scale);
         let samples = standard.samples(experiment);
@@ -104,9 +102,7 @@ pub(crate) fn machines(experiment: usize) -> MachinesApart {
         let settings = SvmSettings::new(kernel, 1.0);
         let (scale, svm) =
             svm::fit(WIDTH, &training.values, task, settings, sigmoids).expect("machines");
-        for (values, row) in
-            test.values.chunks_exact(WIDTH).zip(said(participant, experiment))
-        {
+        for (values, row) in test.values.chunks_exact(WIDTH).zip(said(participant, experiment)) {
             // Of two classes scikit-learn turns the sign: positive for the second.
             let sign = if k == 2 { -1.0 } else { 1.0 };
             for (pair, decision) in svm.decisions(&scale, values).iter().enumerate() {
