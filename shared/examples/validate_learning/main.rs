@@ -8,7 +8,6 @@
 mod cells;
 mod fingerprints;
 mod people;
-mod ranks;
 mod tables;
 #[path = "../../tests/learning/mod.rs"]
 mod learning;
@@ -16,6 +15,7 @@ mod learning;
 use std::error::Error;
 
 use learning::apart::{self, LogisticApart, MachinesApart, TreesApart};
+use learning::ranks::{self, RanksApart};
 use serde::Serialize;
 
 /// Everything that the page says. Pairs are experiment I and II.
@@ -26,7 +26,7 @@ struct Report {
     trees: [TreesApart; 2],
     cells: cells::Check,
     tables: Vec<tables::Table>,
-    ranks: ranks::Check,
+    ranks: RanksApart,
     fingerprints: fingerprints::Count,
 }
 
@@ -41,14 +41,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     let cells = cells::check(&comparison, &people)?;
     let tables = tables::check(&comparison)?;
     step("tests of differences");
-    let ranks = ranks::check()?;
+    let ranks = ranks::ranks();
     let fingerprints = fingerprints::count()?;
     let report = Report { logistic, machines, trees, cells, tables, ranks, fingerprints };
     println!("{}", serde_json::to_string(&report)?);
     Ok(())
-}
-
-/// The lines of a reference table.
-fn lines<T: serde::de::DeserializeOwned>(text: &str) -> Result<Vec<T>, csv::Error> {
-    csv::Reader::from_reader(text.as_bytes()).into_deserialize().collect()
 }

@@ -1,7 +1,7 @@
 //! How far our models are from scikit-learn's of the same rows and settings, B_hrd of all people.
 //! Tests bound these numbers; `cargo xtask validate learning` prints them.
 
-use super::{Lr, PEOPLE, WIDTH, classes, lowest_class, peer, peer_by_newton, person, said};
+use super::{Lr, PEOPLE, WIDTH, classes, lines, lowest_class, peer, peer_by_newton, person, said};
 use serde::{Deserialize, Serialize};
 use sidestep::learn::logistic::{LogisticSettings, fit};
 use sidestep::learn::svm::{self, SvmSettings, Task};
@@ -143,9 +143,8 @@ struct Place {
 }
 
 pub(crate) fn trees(experiment: usize) -> TreesApart {
-    let ties = include_str!("../data/sklearn_tree_ties.csv").as_bytes();
-    let ties = csv::Reader::from_reader(ties).into_deserialize();
-    let ties: HashSet<Place> = ties.collect::<Result<_, _>>().expect("places of rows");
+    let ties = lines::<Place>(include_str!("../data/sklearn_tree_ties.csv"));
+    let ties: HashSet<Place> = ties.into_iter().collect();
     let settings = TreeSettings { max_depth: Some(6), min_leaf: 5 };
     let mut apart = TreesApart::default();
     for participant in 0..PEOPLE {

@@ -3,6 +3,7 @@
 #![allow(dead_code, reason = "each test uses some of it")]
 
 pub(crate) mod apart;
+pub(crate) mod ranks;
 
 use serde::Deserialize;
 use sidestep::learn::samples::Samples;
@@ -22,6 +23,12 @@ struct FeatureRow {
     features: [f64; WIDTH],
     y1: i8,
     y2: i8,
+}
+
+/// The lines of a reference table.
+pub(crate) fn lines<T: serde::de::DeserializeOwned>(text: &str) -> Vec<T> {
+    let lines = csv::Reader::from_reader(text.as_bytes()).into_deserialize();
+    lines.collect::<Result<_, _>>().expect("lines of a table")
 }
 
 /// Rows of one person, and their class in experiment I or II.
