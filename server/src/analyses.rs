@@ -17,8 +17,9 @@ use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use flate2::read::GzDecoder;
 use sidestep::api::{
-    AnalysisDetail, AnalysisPage, AnalysisProgress, AnalysisRequest, AnalysisState, AnalysisSummary,
+    AnalysisDetail, AnalysisPage, AnalysisProgress, AnalysisState, AnalysisSummary,
 };
+use sidestep::comparison::Request;
 use std::io::Read;
 use std::sync::Arc;
 use uuid::Uuid;
@@ -32,11 +33,12 @@ pub async fn ask(
     _: Admin,
     State(app): State<Arc<App>>,
     PathText(slug): PathText,
-    JsonBody(request): JsonBody<AnalysisRequest>,
+    JsonBody(request): JsonBody<Request>,
 ) -> Result<(StatusCode, Json<AnalysisSummary>), ApiError> {
+    request.settings()?;
     let mut db = app.store.write().await?;
     let study = named(&mut db, &slug).await?;
-    let (status, id) = match analyses::waiting(&mut db, study.id, request).await? {
+    let (status, id) = match analyses::waiting(&mut db, study.id, &request).await? {
         Some(id) => (StatusCode::OK, id),
         None => {
             if analyses::queue_length(&mut db).await? >= LONGEST_QUEUE {
@@ -44,7 +46,7 @@ pub async fn ask(
                 return Err(ApiError::conflict("queue_full", message));
             }
             let id = Uuid::new_v4().to_string();
-            analyses::insert(&mut db, &id, study.id, request, now_ms()).await?;
+            analyses::insert(&mut db, &id, study.id, &request, now_ms()).await?;
             (StatusCode::CREATED, id)
         }
     };

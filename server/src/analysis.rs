@@ -3,6 +3,7 @@
 mod best;
 mod cache;
 mod context;
+mod excluded;
 mod files;
 mod latex;
 mod report;
@@ -10,17 +11,21 @@ mod tasks;
 
 pub use cache::FolderCache;
 pub use context::{Context, DecisionMap};
+pub use excluded::Excluded;
 pub use tasks::{CompareError, Tasks};
 
 use sidestep::comparison::ablation::{Ablation, ablation};
 use sidestep::comparison::cell::{Experiment, ModelName};
 use sidestep::comparison::metrics::Predictions;
 use sidestep::comparison::tables::{Comparison, Test};
-use sidestep::comparison::{Exclusion, Leakage, Results, RolloutsOf};
+use sidestep::comparison::{Leakage, Results, RolloutsOf};
 use sidestep::invalid::Invalid;
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
+
+/// Writes one file.
+pub type Content<'a> = &'a dyn Fn(&mut dyn Write) -> io::Result<()>;
 
 /// Everything that is told.
 #[derive(Clone, Debug, PartialEq)]
@@ -38,7 +43,7 @@ pub struct Analysis {
     /// What a split by time step would claim; empty unless asked for.
     pub leakage: Vec<Leakage>,
     /// Who was left out.
-    pub exclusions: Vec<Exclusion>,
+    pub exclusions: Vec<Excluded>,
     /// Why the data are known to be synthetic, if they are.
     pub synthetic: Option<String>,
     /// What the cells do not tell.
@@ -69,7 +74,7 @@ impl Analysis {
             baselines,
             rollouts,
             leakage,
-            exclusions,
+            exclusions: exclusions.into_iter().map(Excluded::from).collect(),
             synthetic,
             context,
         })
@@ -84,7 +89,7 @@ impl Analysis {
             let all = Predictions::together(experiment.classes(), of);
             ("constant", experiment, "none", all)
         });
-        let sets = self.sets();
+        let sets = self.comparison.sets();
         let entries = ModelName::ALL.into_iter().flat_map(|model| {
             Experiment::ALL.into_iter().map(move |experiment| (model, experiment))
         });
@@ -98,26 +103,13 @@ impl Analysis {
         baseline.chain(models)
     }
 
-    /// The names of the feature sets, in order.
-    #[must_use]
-    pub fn sets(&self) -> Vec<&str> {
-        let first = self.comparison.cells.first();
-        let one = |cell: &&sidestep::comparison::cell::Cell| {
-            first.is_some_and(|first| {
-                (cell.model, cell.experiment, cell.participant)
-                    == (first.model, first.experiment, first.participant)
-            })
-        };
-        self.comparison.cells.iter().filter(one).map(|cell| cell.features.as_str()).collect()
-    }
-
     /// Gives every file to `put`: its name, parts of which are joined by `/`, and what writes it.
     ///
     /// # Errors
     /// What `put` says.
     pub fn each_file(
         &self,
-        put: &mut dyn FnMut(&str, &dyn Fn(&mut dyn Write) -> io::Result<()>) -> io::Result<()>,
+        put: &mut dyn FnMut(&str, Content<'_>) -> io::Result<()>,
     ) -> io::Result<()> {
         for (name, table) in files::TABLES {
             put(name, &|out| table(self, out))?;

@@ -157,7 +157,7 @@ impl Worker {
             Ok(analysis) => {
                 let result = AnalysisResult {
                     participants: analysis.comparison.participants.len(),
-                    excluded: analysis.exclusions.clone(),
+                    excluded: analysis.exclusions.iter().map(Into::into).collect(),
                     cells: analysis.comparison.cells.len(),
                     synthetic: analysis.synthetic.clone(),
                 };
@@ -238,7 +238,11 @@ impl Worker {
             Err(SolveError::Cancelled) => return Ok(None),
             Err(SolveError::Invalid(invalid)) => return Ok(Some(Err(invalid.to_string()))),
         };
-        let settings = Settings { leakage: job.request.leakage, ..Settings::new()? };
+        let settings = match job.request.settings() {
+            Ok(settings) => settings,
+            // Only one that an earlier version accepted.
+            Err(invalid) => return Ok(Some(Err(invalid.to_string()))),
+        };
         let step = move |now: Progress| {
             progress[0].fetch_max(now.done, Ordering::Relaxed);
             progress[1].store(now.of, Ordering::Relaxed);

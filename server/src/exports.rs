@@ -13,7 +13,7 @@ use sidestep::scene::SceneParameters;
 
 /// The columns, in order. The first eleven are what every tool reads; README and
 /// data dictionary describe them all.
-pub const COLUMNS: [&str; 21] = [
+pub const COLUMNS: [&str; 22] = [
     "participant",
     "trial",
     "step",
@@ -35,6 +35,7 @@ pub const COLUMNS: [&str; 21] = [
     "started_at_ms",
     "sampled_at_ms",
     "received_at_ms",
+    "synthetic",
 ];
 
 /// Accepts the formats that there are.
@@ -113,6 +114,7 @@ fn write_trial(
 ) -> csv::Result<()> {
     let head = &trial.head;
     let started_at_ms = trial.started_at_ms.map(|t| t.to_string());
+    let synthetic = if trial.is_synthetic() { "1" } else { "0" };
     for (step, (input, state)) in trial.inputs.iter().zip(&trial.states).enumerate() {
         let sampled = trial.sampled_at_ms.as_ref().map(|times| times[step].to_string());
         let ([hx, hy, hpsi], [rx, ry, rpsi]) = (state.human.into(), state.robot.into());
@@ -135,6 +137,7 @@ fn write_trial(
         writer.write_field(started_at_ms.as_deref().unwrap_or(""))?;
         writer.write_field(sampled.as_deref().unwrap_or(""))?;
         writer.write_field(head.received_at_ms.to_string())?;
+        writer.write_field(synthetic)?;
         writer.write_record(None::<&[u8]>)?;
     }
     Ok(())

@@ -7,6 +7,7 @@ use sidestep::features::{FEATURES, FeatureSet, SafetyFunctions};
 use sidestep::invalid::{Invalid, finite};
 use sidestep::vehicle::TurnInput;
 use std::collections::HashMap;
+use std::collections::hash_map::Entry;
 use std::io::{self, Read, Write};
 
 /// Columns that say whose row it is.
@@ -28,44 +29,65 @@ const PAPERS: [(&str, &str); 8] = [
 ];
 
 /// The rows of a person's trials, with every feature.
-#[must_use]
-pub fn dataset(person: &Person, safety: &SafetyFunctions) -> Dataset {
+///
+/// # Errors
+/// [`LineError`] for a trial with a feature that is too large for a number.
+pub fn dataset(person: &Person, safety: &SafetyFunctions) -> Result<Dataset, LineError> {
     let trials = person.trials.iter().map(|trial| (&trial.inputs[..], &trial.states[..]));
-    Dataset::from_trials(&FeatureSet::all(), safety, trials)
+    let data = Dataset::from_trials(&FeatureSet::all(), safety, trials);
+    let Some(place) = data.values.iter().position(|value| !value.is_finite()) else {
+        return Ok(data);
+    };
+    let (row, feature) = (place / FEATURES.len(), &FEATURES[place % FEATURES.len()]);
+    let trial = &person.trials[data.trials[row]];
+    let step = data.trials[..row].iter().rev().take_while(|of| **of == data.trials[row]).count();
+    let found = format!("{} in step {step} of trial {}", data.values[place], trial.number);
+    let what = Invalid::new(feature.name, "poses whose features are finite numbers", found);
+    Err(LineError { line: trial.line, what })
+}
+
+/// Why features are not written.
+#[derive(Debug, thiserror::Error)]
+pub enum WriteError {
+    /// The disk does not let them.
+    #[error(transparent)]
+    Disk(#[from] io::Error),
+    /// They are no numbers.
+    #[error(transparent)]
+    Trials(#[from] LineError),
 }
 
 /// Writes the file.
 ///
 /// # Errors
-/// What the disk says.
-pub fn write(out: impl Write, people: &[Person], safety: &SafetyFunctions) -> io::Result<()> {
+/// [`WriteError`] for what the disk says, or a trial that has no features.
+pub fn write(
+    out: impl Write,
+    people: &[Person],
+    safety: &SafetyFunctions,
+) -> Result<(), WriteError> {
     let mut out = Writer::from_writer(out);
     let further = || FEATURES[PAPERS.len()..].iter().map(|feature| feature.name);
     let papers = PAPERS.iter().map(|(name, _)| *name);
-    out.write_record(ROW.into_iter().chain(papers).chain(["turn", "avoid"]).chain(further()))?;
+    let header = ROW.into_iter().chain(papers).chain(["turn", "avoid"]).chain(further());
+    out.write_record(header).map_err(io::Error::from)?;
     for person in people {
-        let data = dataset(person, safety);
+        let data = dataset(person, safety)?;
         let mut rows = data.values.chunks_exact(FEATURES.len());
         for trial in &person.trials {
             let number = trial.number.to_string();
             for ((step, input), row) in trial.inputs.iter().enumerate().zip(&mut rows) {
-                out.write_field(&person.name)?;
-                out.write_field(&number)?;
-                out.write_field(step.to_string())?;
-                let mut fields = row.iter().map(f64::to_string);
-                for field in fields.by_ref().take(PAPERS.len()) {
-                    out.write_field(field)?;
-                }
-                out.write_field(input.sign().to_string())?;
-                out.write_field(if *input == TurnInput::Straight { "0" } else { "1" })?;
-                for field in fields {
-                    out.write_field(field)?;
-                }
-                out.write_record(None::<&[u8]>)?;
+                let turns = *input != TurnInput::Straight;
+                let label = [input.sign().to_string(), u8::from(turns).to_string()];
+                let (papers, further) = row.split_at(PAPERS.len());
+                let first = [person.name.clone(), number.clone(), step.to_string()];
+                let fields = first.into_iter().chain(papers.iter().map(f64::to_string));
+                let fields = fields.chain(label).chain(further.iter().map(f64::to_string));
+                out.write_record(fields).map_err(io::Error::from)?;
             }
         }
     }
-    out.flush()
+    Ok(out.flush()?)
 }
 
 /// What a features.csv holds: features of rows by whose they are.
@@ -74,6 +96,8 @@ pub struct FeatureRows {
     /// The features that it has.
     pub features: FeatureSet,
     rows: HashMap<Key, FileRow>,
+    /// Of each participant with a row that is wrong, the first.
+    faults: HashMap<String, LineError>,
 }
 
 /// Participant, trial and step.
@@ -87,10 +111,11 @@ struct FileRow {
 }
 
 /// Reads either form, by its header: this program's, or the reference's
-/// `apx,apy,dpsi,cosd,sind,vh,vr,d,y1`. Other columns are left out.
+/// `apx,apy,dpsi,cosd,sind,vh,vr,d,y1`. Other columns are left out. A value that cannot be and a row
+/// that is there twice are one participant's fault, and told by [`FeatureRows::replace`].
 ///
 /// # Errors
-/// [`LineError`] for a missing column, a value that cannot be or a row that is there twice.
+/// [`LineError`] for a missing column, or text that is no table.
 pub fn read(file: impl Read) -> Result<FeatureRows, LineError> {
     let at = |line: u64| move |what: Invalid| LineError { line, what };
     let broken = |error: csv::Error| {
@@ -100,26 +125,42 @@ pub fn read(file: impl Read) -> Result<FeatureRows, LineError> {
     let mut reader = csv::Reader::from_reader(file);
     let header = reader.headers().map_err(broken)?.clone();
     let columns = Columns::of(&header).map_err(at(1))?;
-    let mut rows = HashMap::new();
+    let mut rows: HashMap<Key, FileRow> = HashMap::new();
+    let mut faults = HashMap::new();
     let mut record = StringRecord::new();
     while reader.read_record(&mut record).map_err(broken)? {
         let line = record.position().map_or(0, csv::Position::line);
-        let (key, turn, values) = columns.row(&record).map_err(at(line))?;
-        let again = format!("participant {}, trial {}, step {}", key.0, key.1, key.2);
-        if let Some(before) = rows.insert(key, FileRow { line, turn, values }) {
-            let found = format!("{again} again, after line {}", before.line);
-            return Err(at(line)(Invalid::new("row", "each step once", found)));
+        let mut fault = |what| {
+            let participant = columns.participant(&record).to_owned();
+            faults.entry(participant).or_insert(LineError { line, what });
+        };
+        match columns.row(&record) {
+            Ok((key, turn, values)) => match rows.entry(key) {
+                Entry::Vacant(place) => {
+                    place.insert(FileRow { line, turn, values });
+                }
+                Entry::Occupied(place) => {
+                    let ((_, trial, step), before) = (place.key(), place.get().line);
+                    let found = format!("trial {trial}, step {step} again, after line {before}");
+                    fault(Invalid::new("row", "each step once", found));
+                }
+            },
+            Err(what) => fault(what),
         }
     }
-    Ok(FeatureRows { features: columns.features, rows })
+    Ok(FeatureRows { features: columns.features, rows, faults })
 }
 
 impl FeatureRows {
     /// Replaces what `data`, the rows of `person`, has of these features.
     ///
     /// # Errors
-    /// [`LineError`] for a step that the file lacks, or where it has another label.
+    /// [`LineError`] for the person's first row that is wrong, a step that the file lacks, or one
+    /// with another label.
     pub fn replace(&self, person: &Person, data: &mut Dataset) -> Result<(), LineError> {
+        if let Some(error) = self.faults.get(&person.name) {
+            return Err(error.clone());
+        }
         let width = data.features.len();
         let known: Vec<&str> = data.features.features().map(|feature| feature.name).collect();
         let place = |name: &str| known.iter().position(|other| *other == name);
@@ -190,6 +231,10 @@ impl Columns {
         Ok(Self { row, turn: find(&TURN)?, features: FeatureSet::of(&features)?, places })
     }
 
+    fn participant<'a>(&self, record: &'a StringRecord) -> &'a str {
+        record.get(self.row[0]).unwrap_or("").trim()
+    }
+
     fn row(&self, record: &StringRecord) -> Result<(Key, TurnInput, Vec<f64>), Invalid> {
         let field = |place: usize| record.get(place).unwrap_or("").trim();
         let wrong = |name: &str, expected: &str, text: &str| {
@@ -211,7 +256,7 @@ impl Columns {
             let value = text.parse().map_err(|_| wrong(feature.name, "a number", text))?;
             finite(feature.name, value)
         });
-        let key = (field(self.row[0]).to_owned(), count(1)?, count(2)?);
+        let key = (self.participant(record).to_owned(), count(1)?, count(2)?);
         Ok((key, turn, values.collect::<Result<_, _>>()?))
     }
 }

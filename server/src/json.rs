@@ -76,6 +76,10 @@ pub fn parse<T: DeserializeOwned>(octets: &[u8]) -> Result<T, ApiError> {
     check_nesting(text)?;
     serde_json::from_str::<IgnoredAny>(text)
         .map_err(|e| ApiError::malformed(format!("the body is not JSON: {e}")))?;
+    // A list would be taken for an object's fields in their order.
+    if !text.trim_start().starts_with('{') {
+        return Err(Invalid::new("", "an object", "something else").into());
+    }
     let mut reader = serde_json::Deserializer::from_str(text);
     serde_path_to_error::deserialize(&mut reader).map_err(complaint)
 }
@@ -146,6 +150,7 @@ mod tests {
         check::<Enrolment>(b"{\"consent\":1}", 422, Some("consent"));
         check::<Enrolment>(b"{\"consent\":true,\"extra\":1}", 422, Some("extra"));
         check::<Enrolment>(b"[]", 422, Some(""));
+        check::<Enrolment>(b" [true, null]", 422, Some(""));
         check::<TrialUpload>(b"{\"started_at_ms\":1e999}", 422, Some("started_at_ms"));
         check::<TrialUpload>(b"{\"inputs\":[0,2]}", 422, Some("inputs[1]"));
         let state = b"{\"states\":[{\"human\":[0,0,\"x\"],\"robot\":[0,0,0]}]}";

@@ -1,4 +1,8 @@
 //! Reading trials.csv: rows in, whole trials out, or a complaint with its line.
+//!
+//! What tells whose a row is must be right everywhere, or the whole file is refused: it is
+//! comma-separated UTF-8 text with as many fields in every row as the header has, and each row
+//! names a participant. Anything else that is wrong is wrong with one person's rows.
 
 mod row;
 
@@ -16,6 +20,8 @@ use std::io::Read;
 pub struct Person {
     /// As the file calls them.
     pub name: String,
+    /// Line of their first row, where they are from a file.
+    pub line: Option<u64>,
     /// In the order of phases, then of the file's numbers.
     pub trials: Vec<FileTrial>,
     /// Whether a column `synthetic` says that nobody drove this.
@@ -46,7 +52,7 @@ pub struct FileTrial {
 }
 
 /// A complaint about a line.
-#[derive(Debug, PartialEq, Eq, thiserror::Error)]
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("line {line}: {what}")]
 pub struct LineError {
     /// From 1; the header is line 1.
@@ -55,24 +61,62 @@ pub struct LineError {
     pub what: Invalid,
 }
 
-/// The people of a file, in the order of their first rows. Where the rows of a trial stand
-/// together they must be in order; where they are scattered, as in a file that was sorted by
-/// something else, their order tells nothing.
+/// What a file holds.
+#[derive(Debug)]
+pub struct Contents {
+    /// Everybody whose rows are right, in the order of their first rows.
+    pub people: Vec<Person>,
+    /// Everybody else, in the order of lines.
+    pub faults: Vec<Fault>,
+}
+
+/// Somebody whose rows are wrong.
+#[derive(Debug, PartialEq, Eq)]
+pub struct Fault {
+    /// As the file calls them.
+    pub participant: String,
+    /// The first row that is wrong by itself or, where none is, the first trial that is wrong as
+    /// a whole.
+    pub error: LineError,
+}
+
+/// The people of a file, in the order of their first rows, if everybody's rows are right.
 ///
 /// # Errors
-/// [`LineError`] for a missing column, a value that cannot be, or a trial whose
-/// steps are not 0, 1, 2, … to the end.
+/// [`LineError`] as of [`read_each`], or the first of its faults.
 pub fn read(file: impl Read, parameters: &SceneParameters) -> Result<Vec<Person>, LineError> {
+    let Contents { people, faults } = read_each(file, parameters)?;
+    faults.into_iter().next().map_or(Ok(people), |fault| Err(fault.error))
+}
+
+/// Everybody in a file, and whose rows are wrong: a value that cannot be, or a trial whose
+/// steps are not 0, 1, 2, … to the end. Where the rows of a trial stand together they must be in
+/// order; where they are scattered, as in a file that was sorted by something else, their order
+/// tells nothing.
+///
+/// # Errors
+/// [`LineError`] where it cannot be told whose the rows are: a missing column, text that is not
+/// UTF-8, a row with another number of fields than the header, or without a participant; and
+/// where there is no row.
+pub fn read_each(file: impl Read, parameters: &SceneParameters) -> Result<Contents, LineError> {
     let mut reader = csv::Reader::from_reader(file);
     let header = reader.headers().map_err(broken)?.clone();
     let columns = Columns::of(&header).map_err(at(1))?;
     let mut trials: Vec<Rows> = Vec::new();
     let mut places: HashMap<(String, u64), usize> = HashMap::new();
+    let mut faults: HashMap<String, LineError> = HashMap::new();
     let mut previous = None;
     let mut record = StringRecord::new();
     while reader.read_record(&mut record).map_err(broken)? {
         let line = record.position().map_or(0, csv::Position::line);
-        let row = Row::parse(&columns, &record, parameters).map_err(at(line))?;
+        let participant = columns.participant(&record).map_err(at(line))?;
+        let row = match Row::parse(&columns, &record, participant, parameters) {
+            Ok(row) => row,
+            Err(what) => {
+                faults.entry(participant.to_owned()).or_insert(LineError { line, what });
+                continue;
+            }
+        };
         let place = *places.entry((row.participant.clone(), row.trial)).or_insert(trials.len());
         if place == trials.len() {
             trials.push(Rows::default());
@@ -81,25 +125,39 @@ pub fn read(file: impl Read, parameters: &SceneParameters) -> Result<Vec<Person>
         trials[place].rows.push((line, row));
         previous = Some(place);
     }
-    if trials.is_empty() {
+    if trials.is_empty() && faults.is_empty() {
         return Err(at(1)(Invalid::new("file", "at least one trial", "no row")));
     }
     let mut people: Vec<Person> = Vec::new();
     let mut person_of: HashMap<String, usize> = HashMap::new();
     for rows in trials {
-        let (name, synthetic) = (rows.rows[0].1.participant.clone(), rows.rows[0].1.synthetic);
-        let trial = rows.trial(parameters)?;
+        let (line, first) = &rows.rows[0];
+        let (line, name, synthetic) = (*line, first.participant.clone(), first.synthetic);
+        if faults.contains_key(&name) {
+            continue;
+        }
+        let trial = match rows.trial(parameters) {
+            Ok(trial) => trial,
+            Err(error) => {
+                faults.insert(name, error);
+                continue;
+            }
+        };
         let place = *person_of.entry(name.clone()).or_insert(people.len());
         if place == people.len() {
-            people.push(Person { name, trials: Vec::new(), synthetic: false });
+            people.push(Person { name, line: Some(line), trials: Vec::new(), synthetic: false });
         }
         people[place].trials.push(trial);
         people[place].synthetic |= synthetic;
     }
+    people.retain(|person| !faults.contains_key(&person.name));
     for person in &mut people {
         person.trials.sort_by_key(|trial| (trial.phase, trial.number));
     }
-    Ok(people)
+    let fault = |(participant, error)| Fault { participant, error };
+    let mut faults: Vec<Fault> = faults.into_iter().map(fault).collect();
+    faults.sort_by_key(|fault| fault.error.line);
+    Ok(Contents { people, faults })
 }
 
 fn at(line: u64) -> impl Fn(Invalid) -> LineError {
@@ -113,6 +171,7 @@ fn broken(error: csv::Error) -> LineError {
             format!("{len} fields under {expected_len} columns")
         }
         csv::ErrorKind::Utf8 { .. } => "octets that are not UTF-8".to_owned(),
+        csv::ErrorKind::Io(error) => error.to_string(),
         other => format!("{other:?}"),
     };
     at(line)(Invalid::new("row", "comma-separated UTF-8 text", found))

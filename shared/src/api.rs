@@ -3,8 +3,8 @@
 mod analyses;
 
 pub use analyses::{
-    AnalysisDetail, AnalysisFile, AnalysisPage, AnalysisProgress, AnalysisRequest, AnalysisResult,
-    AnalysisState, AnalysisSummary,
+    AnalysisDetail, AnalysisFile, AnalysisPage, AnalysisProgress, AnalysisResult, AnalysisState,
+    AnalysisSummary,
 };
 
 use crate::invalid::{Invalid, finite, length};

@@ -13,12 +13,14 @@ pub mod cell;
 mod fingerprint;
 pub mod fit;
 pub mod metrics;
+mod request;
 pub mod rollout;
 mod run;
 pub mod split;
 pub mod tables;
 
 pub use fingerprint::learning_fingerprints;
+pub use request::Request;
 pub use run::{
     Cache, Exclusion, Leakage, Person, Progress, Results, RolloutsOf, RunError, Settings, run,
 };

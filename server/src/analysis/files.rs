@@ -2,6 +2,7 @@
 
 use super::Analysis;
 use csv::Writer;
+use sha2::{Digest, Sha256};
 use sidestep::comparison::avoidance::Distances;
 use sidestep::comparison::cell::{Experiment, ModelName, PAPERS_SETS};
 use sidestep::comparison::metrics::Predictions;
@@ -159,7 +160,7 @@ fn ablation(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
         vec![
             row.model.to_owned(),
             row.experiment.number().to_string(),
-            row.features.to_owned(),
+            row.features.clone(),
             places(row.accuracy),
             places(row.log_loss),
             places(row.gain_over_d),
@@ -265,11 +266,37 @@ fn predictions(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
 }
 
 /// A name as part of a file's name: octets of what is not a letter, digit, point, dash or
-/// underscore are written as in addresses, %20, so that no two names become one.
+/// underscore are written as in addresses, %20, so that no two names become one. What would be too
+/// long for a file system is cut, and told apart by the beginning of its hash.
 pub(super) fn file_name(name: &str) -> String {
     let part = |c: char| match c {
         c if c.is_alphanumeric() || ".-_".contains(c) => c.to_string(),
         c => c.to_string().bytes().map(|octet| format!("%{octet:02X}")).collect(),
     };
-    name.chars().map(part).collect()
+    let all: String = name.chars().map(part).collect();
+    if all.len() <= LONGEST {
+        return all;
+    }
+    let hash = hex::encode(Sha256::digest(name));
+    let cut = all.floor_char_boundary(LONGEST - 1 - HASH_DIGITS);
+    format!("{}~{}", &all[..cut], &hash[..HASH_DIGITS])
+}
+
+/// Octets of a name in a file's name: file systems have room for 255, with the model and the rest.
+const LONGEST: usize = 160;
+
+/// Of the hash of a name that is cut.
+const HASH_DIGITS: usize = 16;
+
+#[cfg(test)]
+mod tests {
+    use super::{LONGEST, file_name};
+
+    #[test]
+    fn names_become_names_of_files_of_their_own() {
+        assert_eq!(["p 7", "../é", "7"].map(file_name), ["p%207", "..%2Fé", "7"]);
+        let long = |end: &str| file_name(&format!("{}{end}", "漢 ".repeat(63)));
+        assert!(long("a").len() <= LONGEST && long("a") != long("b"));
+        assert_eq!(file_name(&"x".repeat(LONGEST)), "x".repeat(LONGEST));
+    }
 }

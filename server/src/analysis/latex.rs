@@ -1,9 +1,9 @@
 //! Tables I and II as LaTeX, laid out as in the paper; nothing but the standard classes is
 //! needed.
 
-use super::Analysis;
 use super::best::is_best;
 use super::report::{SOURCE, both_avoid, model_word, penalised};
+use super::{Analysis, Excluded};
 use sidestep::comparison::cell::{Experiment, ModelName, PAPERS_SETS};
 use sidestep::comparison::tables::Metric;
 
@@ -13,11 +13,13 @@ pub(super) fn tables(analysis: &Analysis) -> String {
         "% In the form of Tables I and II of {}; the numbers are of these data.\n",
         escaped(SOURCE)
     );
-    [first, accuracy(analysis), distances(analysis)].join("\n")
+    let tables = [accuracy(analysis), distances(analysis)].join("\n");
+    let own = if tables.contains("\\orcode") { OR_CODE } else { "" };
+    format!("{first}{own}\n{tables}")
 }
 
-/// A text with everything escaped that LaTeX would read. What has no name in plain LaTeX is left
-/// as it is, for inputenc or a Unicode engine; line ends become spaces.
+/// A text with everything escaped that LaTeX would read. A character that LaTeX's own fonts lack is
+/// shown by an engine that knows Unicode, and by its number elsewhere ([`OR_CODE`]).
 fn escaped(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
@@ -26,14 +28,32 @@ fn escaped(text: &str) -> String {
             '{' | '}' | '$' | '&' | '#' | '_' | '%' => out.extend(['\\', c]),
             '~' => out.push_str("\\textasciitilde{}"),
             '^' => out.push_str("\\textasciicircum{}"),
+            // In the standard fonts' first encoding these three are other characters.
+            '<' | '>' | '|' => out.extend(['$', c, '$']),
+            '≤' => out.push_str("$\\le$"),
+            '≥' => out.push_str("$\\ge$"),
             '“' => out.push_str("``"),
             '”' => out.push_str("''"),
+            '‘' => out.push('`'),
+            '’' => out.push('\''),
+            '–' => out.push_str("--"),
+            '…' => out.push_str("\\ldots{}"),
             c if c.is_whitespace() || c.is_control() => out.push(' '),
-            c => out.push(c),
+            c if c.is_ascii() || is_accented(c) => out.push(c),
+            c => out.push_str(&format!("\\orcode{{{c}}}{{{:04X}}}", u32::from(c))),
         }
     }
     out
 }
+
+/// Whether it is a letter of the Latin-1 block that every font has.
+fn is_accented(c: char) -> bool {
+    ('À'..='ÿ').contains(&c) && !"×÷ÐðÞþ".contains(c)
+}
+
+/// A character, or its number where the engine does not know Unicode.
+const OR_CODE: &str =
+    "\\providecommand{\\orcode}[2]{\\ifdefined\\Umathcode#1\\else\\texttt{U+#2}\\fi}\n";
 
 fn row(name: &str, numbers: &[Option<f64>], less_is_better: bool) -> String {
     let entry = |(number, best): (&Option<f64>, bool)| match number {
@@ -72,9 +92,8 @@ fn people(analysis: &Analysis) -> String {
         ));
     }
     if !analysis.exclusions.is_empty() {
-        let one = |who: &sidestep::comparison::Exclusion| {
-            format!("{} ({})", escaped(&who.participant), escaped(&who.reason))
-        };
+        let one =
+            |who: &Excluded| format!("{} ({})", escaped(&who.participant), escaped(&who.why()));
         let all: Vec<String> = analysis.exclusions.iter().map(one).collect();
         said.push_str(&format!(" Left out: {}.", all.join("; ")));
     }
@@ -140,5 +159,7 @@ mod tests {
         let expected = "\\textbackslash{}input\\{x\\} 100\\% \\& \\$a\\_b\\textasciicircum{}c\\# \
                         \\textasciitilde{} ";
         assert_eq!(text, expected);
+        assert_eq!(escaped("a<b|c ≥ 1…"), "a$<$b$|$c $\\ge$ 1\\ldots{}");
+        assert_eq!(escaped("Zoë ψ"), "Zoë \\orcode{ψ}{03C8}");
     }
 }

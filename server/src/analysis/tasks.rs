@@ -1,13 +1,13 @@
 //! What is compared: people's tasks, from a file or a study.
 
-use super::{Analysis, Context};
+use super::{Analysis, Context, Excluded};
 use crate::features_csv::{self, FeatureRows};
 use crate::store::studies::{self, Study};
 use crate::store::trials::{self, StoredTrial};
 use crate::store::{Store, participants};
 use crate::synthetic;
-use crate::trials_csv::{self, FileTrial, LineError};
-use sidestep::comparison::{self, Cache, Exclusion, Person, Progress, RunError, Settings};
+use crate::trials_csv::{self, Fault, FileTrial, LineError};
+use sidestep::comparison::{self, Cache, Person, Progress, RunError, Settings};
 use sidestep::features::SafetyFunctions;
 use sidestep::invalid::Invalid;
 use sidestep::scene::SceneParameters;
@@ -18,10 +18,10 @@ use std::ops::ControlFlow;
 /// Everybody's tasks.
 #[derive(Clone, Debug)]
 pub struct Tasks {
-    /// With at least one task each.
+    /// With all their tasks; who has too few for a comparison is left out by it.
     pub people: Vec<trials_csv::Person>,
     /// Who is not among them though they drove, and why.
-    pub exclusions: Vec<Exclusion>,
+    pub exclusions: Vec<Excluded>,
     /// What was driven with.
     pub scene: SceneParameters,
     /// Why the data are known to be synthetic, if they are.
@@ -43,6 +43,20 @@ pub enum CompareError {
     /// It was broken off.
     #[error("stopped")]
     Stopped,
+}
+
+impl CompareError {
+    /// As a reason to leave somebody out.
+    fn exclusion(&self, participant: &str) -> Excluded {
+        match self {
+            Self::Trials(error) => {
+                let (participant, error) = (participant.to_owned(), error.clone());
+                Excluded::from(Fault { participant, error })
+            }
+            Self::Features(error) => Excluded::new(participant, format!("features: {error}")),
+            other => Excluded::new(participant, other.to_string()),
+        }
+    }
 }
 
 impl From<RunError> for CompareError {
@@ -73,26 +87,25 @@ impl Tasks {
             let own = studies::config(&mut db, &first.config_hash).await?.parameters;
             if own != scene {
                 let reason = "enrolled under other parameters than the study's present ones";
-                exclusions.push(Exclusion { participant: name, reason: reason.to_owned() });
+                exclusions.push(Excluded::new(&name, reason.to_owned()));
                 continue;
             }
             // Numbers count all phases, as in exports.
             let numbered = (0..).zip(driven);
             let tasks = numbered.filter(|(_, trial)| trial.head.phase == Phase::Task);
-            let trials: Vec<FileTrial> =
-                tasks.map(|(number, trial)| file_trial(number, trial)).collect();
-            if !trials.is_empty() {
-                people.push(trials_csv::Person { name, trials, synthetic: false });
-            }
+            let mut synthetic = false;
+            let trials: Vec<FileTrial> = tasks
+                .inspect(|(_, trial)| synthetic |= trial.is_synthetic())
+                .map(|(number, trial)| file_trial(number, trial))
+                .collect();
+            people.push(trials_csv::Person { name, line: None, trials, synthetic });
         }
-        let mut db = store.reader().await?;
-        let invented = participants::are_synthetic(&mut db, study.id).await?;
-        let said = invented.then(|| "participants of `sidestep simulate`".to_owned());
-        let synthetic = said.or_else(|| synthetic::recognised(&people));
+        let synthetic = synthetic::recognised(&people);
         Ok(Self { people, exclusions, scene, synthetic })
     }
 
-    /// Compares, with the features of `given` in place of computed ones.
+    /// Compares, with the features of `given` in place of computed ones. Who has no features, or
+    /// others than their trials, is left out.
     ///
     /// # Errors
     /// [`CompareError`] if the data cannot be compared, or `progress` breaks it off.
@@ -104,13 +117,30 @@ impl Tasks {
         cache: &dyn Cache,
         progress: &(dyn Fn(Progress) -> ControlFlow<()> + Sync),
     ) -> Result<Analysis, CompareError> {
-        let person = |person| self.person(person, safety, given);
-        let people: Vec<Person> = self.people.iter().map(person).collect::<Result<_, _>>()?;
+        let mut exclusions = self.exclusions.clone();
+        let mut people = Vec::new();
+        let mut first = None;
+        for file in &self.people {
+            match self.person(file, safety, given) {
+                Ok(person) => people.push(person),
+                Err(error) => {
+                    exclusions.push(error.exclusion(&file.name));
+                    first.get_or_insert(error);
+                }
+            }
+        }
+        if let (Some(error), true) = (first, people.is_empty()) {
+            return Err(error);
+        }
         let results =
             comparison::run(&people, &self.scene, safety, settings, Some(cache), progress)?;
         let context = Context::of(&results, &people, &self.scene, safety)?;
         let mut analysis = Analysis::of(results, self.synthetic.clone(), context)?;
-        analysis.exclusions.splice(0..0, self.exclusions.iter().cloned());
+        for unfit in &mut analysis.exclusions {
+            let file = self.people.iter().find(|person| person.name == unfit.participant);
+            unfit.first_line = file.and_then(|person| person.line);
+        }
+        analysis.exclusions.splice(0..0, exclusions);
         Ok(analysis)
     }
 
@@ -120,7 +150,7 @@ impl Tasks {
         safety: &SafetyFunctions,
         given: Option<&FeatureRows>,
     ) -> Result<Person, CompareError> {
-        let mut data = features_csv::dataset(person, safety);
+        let mut data = features_csv::dataset(person, safety).map_err(CompareError::Trials)?;
         if let Some(given) = given {
             given.replace(person, &mut data).map_err(CompareError::Features)?;
         }

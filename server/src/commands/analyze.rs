@@ -2,15 +2,18 @@
 
 use super::bounds::safety_functions;
 use super::game::GameArgs;
+use super::json_file::Document;
 use super::solving::{Interrupt, bar};
 use super::{CommandError, print_json, trials_file, unwritable};
-use crate::analysis::{CompareError, FolderCache, Tasks};
+use crate::analysis::{CompareError, Excluded, FolderCache, Tasks};
 use crate::features_csv::{self, FeatureRows};
 use crate::store::{Missing, Store, studies};
 use crate::synthetic;
+use crate::trials_csv::Contents;
 use crate::whole_folder::Draft;
 use indicatif::ProgressBar;
-use sidestep::comparison::{Progress, Settings};
+use sidestep::comparison::{Progress, Request};
+use sidestep::invalid::Invalid;
 use std::fs::File;
 use std::io::BufReader;
 use std::ops::ControlFlow;
@@ -25,8 +28,15 @@ use tokio::sync::oneshot;
 /// the robot's position in the human's body frame), experiment (1: right, straight or left; 2:
 /// avoid or not) and model (svm_rbf, svm_linear, svm: the better of both in cross-validation, dt,
 /// lr), hyper-parameters are chosen by five-fold cross-validation over whole trials of the first
-/// four fifths of the tasks, and the model is tested on the last fifth. People with fewer than
-/// five tasks or one kind of input are left out, and named.
+/// four fifths of the tasks, and the model is tested on the last fifth.
+///
+/// People with fewer than five tasks or one kind of input are left out, and so is who has a wrong
+/// row: a value that cannot be, a step that is missing, there twice or out of order, or features
+/// that do not go with the trials. They are named with line and reason on stderr, in the printed
+/// line and in the report, and all others are compared. A file is refused as a whole (exit code 2)
+/// where it cannot be told whose its rows are: without a column that is needed, with a row of more
+/// or fewer fields than the header or without a participant, or as text that is not UTF-8; and
+/// where nobody is left.
 ///
 /// Writes to --out: cells.csv (every fit), table1.csv (mean accuracy, per cent) and table2.csv
 /// (D_start and D_end, steps) as in the paper, tests.csv, ablation.csv, calibration.csv,
@@ -49,6 +59,13 @@ pub struct AnalyzeArgs {
     /// computed ones, and must have a row for every step.
     #[arg(long, value_name = "FILE.csv")]
     features: Option<PathBuf>,
+    /// What else is to be compared, as JSON: {"sets": {"NAME": ["v_h", "distance", …], …},
+    /// "grids": {"rbf_c": […], "rbf_gamma": […], "linear_c": […], "tree_depth": [3, null],
+    /// "tree_leaf": […], "logistic_c": […], "boosted_depth": […]}, "leakage": true,
+    /// "synthetic": true}. Sets come beside the paper's, of any features of `sidestep features`;
+    /// grids take the place of the protocol's. Everything may be left out; - reads stdin.
+    #[arg(long, value_name = "FILE.json")]
+    settings: Option<PathBuf>,
     /// Also split by time step, which is wrong, to show by how much it deceives (leakage.csv).
     #[arg(long)]
     leakage: bool,
@@ -82,18 +99,25 @@ struct Source {
 /// database refuses (failure).
 pub async fn run(args: AnalyzeArgs) -> Result<(), CommandError> {
     let start = Instant::now();
+    let request = args.request()?;
+    let complain =
+        |e: Invalid| Document(args.settings.as_deref().unwrap_or(Path::new(""))).complain(&e);
+    let settings = request.settings().map_err(complain)?;
     let (source, mut tasks) = args.tasks().await?;
-    if args.synthetic {
-        tasks.synthetic = Some("by --synthetic".to_owned());
+    if request.synthetic {
+        tasks.synthetic = Some("said by the experimenter".to_owned());
     }
+    let say = |excluded: &[Excluded]| {
+        excluded.iter().for_each(|who| eprintln!("sidestep: {source}: left out: {who}"));
+    };
+    say(&tasks.exclusions);
+    let said = tasks.exclusions.len();
     let given = args.features.as_deref().map(read_features).transpose()?;
     let draft = Draft::begin(&args.out).map_err(|e| unwritable(&args.out, &e))?;
     let kept = args.out.join(".cache");
     let cache = Arc::new(FolderCache::open(&kept).map_err(|e| unwritable(&kept, &e))?);
     let interrupt = Interrupt::listen();
     let safety = safety_functions(&tasks.scene, &interrupt).await?;
-    let settings =
-        Settings { leakage: args.leakage, ..Settings::new().map_err(CommandError::failure)? };
     let compared = in_threads(args.threads, &interrupt, {
         let (cache, stop) = (Arc::clone(&cache), interrupt.stop.clone());
         move |bar| {
@@ -114,12 +138,7 @@ pub async fn run(args: AnalyzeArgs) -> Result<(), CommandError> {
         }
         Err(error) => return Err(CommandError::Input(format!("{source}: {error}"))),
     };
-    for exclusion in &analysis.exclusions {
-        eprintln!(
-            "sidestep: left out: participant {}: {}",
-            exclusion.participant, exclusion.reason
-        );
-    }
+    say(&analysis.exclusions[said..]);
     analysis.write(draft.path()).map_err(|e| unwritable(&args.out, &e))?;
     let kept_or = |e| interrupt.check().err().unwrap_or_else(|| unwritable(&args.out, &e));
     draft.keep(&interrupt.stop).map_err(kept_or)?;
@@ -136,13 +155,25 @@ pub async fn run(args: AnalyzeArgs) -> Result<(), CommandError> {
 }
 
 impl AnalyzeArgs {
+    /// What is asked for, by the file and by flags.
+    fn request(&self) -> Result<Request, CommandError> {
+        let said = self.settings.as_deref().map(|path| Document(path).read()).transpose()?;
+        let said: Request = said.unwrap_or_default();
+        Ok(Request {
+            leakage: said.leakage || self.leakage,
+            synthetic: said.synthetic || self.synthetic,
+            ..said
+        })
+    }
+
     /// Whence the tasks are, and they.
     async fn tasks(&self) -> Result<(String, Tasks), CommandError> {
         if let Some(path) = &self.source.trials {
             let scene = trials_file::scene(self.game)?;
-            let people = trials_file::tasks(path, &scene)?;
+            let Contents { people, faults } = trials_file::each_ones_tasks(path, &scene)?;
+            let exclusions = faults.into_iter().map(Excluded::from).collect();
             let synthetic = synthetic::recognised(&people);
-            let tasks = Tasks { people, exclusions: Vec::new(), scene, synthetic };
+            let tasks = Tasks { people, exclusions, scene, synthetic };
             return Ok((path.display().to_string(), tasks));
         }
         let url = self.source.database.clone().unwrap_or_default();

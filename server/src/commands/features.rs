@@ -4,9 +4,8 @@ use super::bounds::safety_functions;
 use super::game::GameArgs;
 use super::solving::Interrupt;
 use super::{CommandError, print_json, trials_file, unwritable};
-use crate::features_csv;
+use crate::features_csv::{self, WriteError};
 use crate::whole_file;
-use std::io;
 use std::path::PathBuf;
 
 /// Compute what predictors may look at, for every step of recorded tasks.
@@ -20,7 +19,8 @@ use std::path::PathBuf;
 /// turned_5, turned (rad), how far the human turned left in the step before, in the one before
 /// that, in the last five and since the beginning.
 ///
-/// Prints one line of JSON: how many participants, trials and steps there are.
+/// A wrong row refuses the whole file, with its line: unlike analyze, which leaves out whom it
+/// belongs to. Prints one line of JSON: how many participants, trials and steps there are.
 #[derive(Clone, Debug, clap::Args)]
 pub struct FeaturesArgs {
     /// CSV file with at least the columns
@@ -44,11 +44,16 @@ pub async fn run(args: FeaturesArgs) -> Result<(), CommandError> {
     let people = trials_file::tasks(&args.trials, &scene)?;
     let interrupt = Interrupt::listen();
     let safety = safety_functions(&scene, &interrupt).await?;
-    let written = whole_file::write(&args.out, &interrupt.stop, |out| -> io::Result<()> {
+    let written = whole_file::write(&args.out, &interrupt.stop, |out| {
         features_csv::write(out, &people, &safety)
     });
     interrupt.check()?;
-    written.map_err(|e| unwritable(&args.out, &e))?;
+    written.map_err(|error| match error {
+        WriteError::Disk(error) => unwritable(&args.out, &error),
+        WriteError::Trials(error) => {
+            CommandError::Input(format!("{}: {error}", args.trials.display()))
+        }
+    })?;
     let trials = people.iter().flat_map(|person| &person.trials);
     print_json(&serde_json::json!({
         "participants": people.len(),

@@ -9,6 +9,7 @@ use crate::store::scenes::{self, PlannedRow};
 use crate::store::studies::{self, Study};
 use crate::store::trials::{self, NewTrial};
 use crate::store::{Db, Missing, Store};
+use crate::synthetic;
 use crate::trials_csv::{self, FileTrial, LineError, Person};
 use serde::Serialize;
 use sha2::{Digest, Sha256};
@@ -144,6 +145,10 @@ async fn insert(
     };
     participants::insert(db, &new).await?;
     let parameters = &study.config.parameters;
+    let display = match synthetic::recognised(std::slice::from_ref(person)) {
+        Some(_) => r#"{"synthetic":true}"#,
+        None => "{}",
+    };
     let mut in_phase = BTreeMap::new();
     for (ordinal, trial) in (0..).zip(&person.trials) {
         let trial_id = match &trial.trial_id {
@@ -172,7 +177,7 @@ async fn insert(
                 states: &trial.states,
                 sampled_at_ms: trial.sampled_at_ms.as_deref(),
                 key_events: "[]",
-                display: "{}",
+                display,
                 flags: &flags,
                 outcome: outcome(parameters, &trial.inputs, &trial.states),
             },

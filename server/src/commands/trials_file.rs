@@ -2,7 +2,7 @@
 
 use super::CommandError;
 use super::game::GameArgs;
-use crate::trials_csv::{self, Person};
+use crate::trials_csv::{self, Contents, Person};
 use sidestep::reachability::Player;
 use sidestep::scene::SceneParameters;
 use sidestep::trial::Phase;
@@ -34,16 +34,54 @@ pub(super) fn scene(game: GameArgs) -> Result<SceneParameters, CommandError> {
 /// # Errors
 /// [`CommandError::Input`] naming the file, the line and what is wrong, or that there is no task.
 pub(super) fn tasks(path: &Path, scene: &SceneParameters) -> Result<Vec<Person>, CommandError> {
-    let name = path.display();
-    let complain = |e: &dyn std::fmt::Display| CommandError::Input(format!("{name}: {e}"));
-    let file = File::open(path).map_err(|e| complain(&format!("cannot read: {e}")))?;
-    let mut people = trials_csv::read(BufReader::new(file), scene).map_err(|e| complain(&e))?;
-    for person in &mut people {
-        person.trials.retain(|trial| trial.phase == Phase::Task);
-    }
+    let mut people = trials_csv::read(open(path)?, scene).map_err(|e| complaint(path, &e))?;
+    only_tasks(&mut people);
     people.retain(|person| !person.trials.is_empty());
     if people.is_empty() {
-        return Err(complain(&"expected at least one task, found none"));
+        return Err(complaint(path, &NO_TASK));
     }
     Ok(people)
+}
+
+/// The same where faults of one person are no others': who drove no task is there without any, and
+/// who has a wrong row is a fault.
+///
+/// # Errors
+/// [`CommandError::Input`] naming the file, the line and what is wrong where it cannot be told
+/// whose the rows are or everybody's are wrong, or that there is no task.
+pub(super) fn each_ones_tasks(
+    path: &Path,
+    scene: &SceneParameters,
+) -> Result<Contents, CommandError> {
+    let mut contents =
+        trials_csv::read_each(open(path)?, scene).map_err(|e| complaint(path, &e))?;
+    if let ([], [first, others @ ..]) = (&contents.people[..], &contents.faults[..]) {
+        let others = match others.len() {
+            0 => String::new(),
+            n => format!(" (and there are faults of {n} more, so that nobody is left)"),
+        };
+        return Err(complaint(path, &format!("{}{others}", first.error)));
+    }
+    only_tasks(&mut contents.people);
+    if contents.people.iter().all(|person| person.trials.is_empty()) {
+        return Err(complaint(path, &NO_TASK));
+    }
+    Ok(contents)
+}
+
+const NO_TASK: &str = "expected at least one task, found none";
+
+fn only_tasks(people: &mut [Person]) {
+    for person in people {
+        person.trials.retain(|trial| trial.phase == Phase::Task);
+    }
+}
+
+fn open(path: &Path) -> Result<BufReader<File>, CommandError> {
+    let file = File::open(path).map_err(|e| complaint(path, &format!("cannot read: {e}")))?;
+    Ok(BufReader::new(file))
+}
+
+fn complaint(path: &Path, what: &dyn std::fmt::Display) -> CommandError {
+    CommandError::Input(format!("{}: {what}", path.display()))
 }

@@ -1,7 +1,8 @@
 //! Analyses: the queue, their files, and cells that the next one need not compute again.
 
 use super::{Db, undecodable, unknown_word};
-use sidestep::api::{AnalysisFile, AnalysisRequest, AnalysisResult, AnalysisState};
+use sidestep::api::{AnalysisFile, AnalysisResult, AnalysisState};
+use sidestep::comparison::Request;
 use std::collections::HashSet;
 
 /// An analysis without its files.
@@ -14,7 +15,7 @@ pub struct StoredAnalysis {
     /// The study's name.
     pub study: String,
     /// What was asked for.
-    pub request: AnalysisRequest,
+    pub request: Request,
     /// What has become of it.
     pub state: AnalysisState,
     /// Pieces of work that are done.
@@ -79,7 +80,7 @@ pub async fn insert(
     db: &mut Db,
     id: &str,
     study_id: i64,
-    request: AnalysisRequest,
+    request: &Request,
     now_ms: i64,
 ) -> Result<(), sqlx::Error> {
     sqlx::query(
@@ -88,7 +89,7 @@ pub async fn insert(
     )
     .bind(id)
     .bind(study_id)
-    .bind(serde_json::to_string(&request).map_err(undecodable)?)
+    .bind(serde_json::to_string(request).map_err(undecodable)?)
     .bind(now_ms)
     .execute(db)
     .await
@@ -102,13 +103,13 @@ pub async fn insert(
 pub async fn waiting(
     db: &mut Db,
     study_id: i64,
-    request: AnalysisRequest,
+    request: &Request,
 ) -> Result<Option<String>, sqlx::Error> {
     sqlx::query_scalar(
         "SELECT id FROM analysis WHERE study_id = $1 AND request = $2 AND state = 'queued'",
     )
     .bind(study_id)
-    .bind(serde_json::to_string(&request).map_err(undecodable)?)
+    .bind(serde_json::to_string(request).map_err(undecodable)?)
     .fetch_optional(db)
     .await
 }
@@ -260,7 +261,7 @@ pub struct Job {
     /// Its name.
     pub study: String,
     /// What was asked for.
-    pub request: AnalysisRequest,
+    pub request: Request,
 }
 
 /// How often an analysis is begun before it is taken for one that brings the server down.

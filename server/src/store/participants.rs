@@ -224,18 +224,3 @@ pub async fn ids(db: &mut Db, study_id: i64) -> Result<Vec<String>, sqlx::Error>
 pub async fn count(db: &mut Db) -> Result<i64, sqlx::Error> {
     sqlx::query_scalar("SELECT count(*) FROM participant").fetch_one(db).await
 }
-
-/// Whether somebody in a study is a participant of `sidestep simulate`, by the external id.
-///
-/// # Errors
-/// If the database cannot be read.
-pub async fn are_synthetic(db: &mut Db, study_id: i64) -> Result<bool, sqlx::Error> {
-    let some: Option<i64> = sqlx::query_scalar(
-        "SELECT number FROM participant WHERE study_id = $1 AND external_id LIKE 'synthetic-%' \
-         LIMIT 1",
-    )
-    .bind(study_id)
-    .fetch_optional(db)
-    .await?;
-    Ok(some.is_some())
-}

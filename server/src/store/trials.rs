@@ -3,6 +3,7 @@
 use super::octets::{pack, pack_inputs, pack_states, unpack, unpack_inputs, unpack_states};
 use super::scenes::SceneColumns;
 use super::{Db, undecodable, unknown_word};
+use serde::Deserialize;
 use sidestep::scene::{JointState, Scene};
 use sidestep::trial::{Flag, Outcome, Phase};
 use sidestep::vehicle::TurnInput;
@@ -84,6 +85,20 @@ pub struct StoredTrial {
     pub display: String,
     /// SHA-256 of the content when it was stored.
     pub content_hash: Vec<u8>,
+}
+
+impl StoredTrial {
+    /// What an upload's display, or a file when it was imported, says of who drove.
+    #[must_use]
+    pub fn is_synthetic(&self) -> bool {
+        #[derive(Deserialize)]
+        struct Said {
+            #[serde(default)]
+            synthetic: serde_json::Value,
+        }
+        let said = serde_json::from_str(&self.display);
+        said.is_ok_and(|said: Said| said.synthetic == serde_json::Value::Bool(true))
+    }
 }
 
 #[derive(sqlx::FromRow)]

@@ -32,7 +32,9 @@ impl Columns {
         for (wanted, place) in COLUMNS.iter().zip(&mut required) {
             *place = find(wanted).ok_or_else(|| {
                 let expected = format!("the columns {}", COLUMNS[..11].join(","));
-                Invalid::new("header", expected, format!("no column {wanted}"))
+                // Shows at once what separates them, if it is no comma.
+                let found: String = names.join(",").chars().take(60).collect();
+                Invalid::new("header", expected, format!("no column {wanted} in {found:?}"))
             })?;
         }
         Ok(Self {
@@ -44,6 +46,19 @@ impl Columns {
             sampled_at_ms: find("sampled_at_ms"),
             synthetic: find("synthetic"),
         })
+    }
+
+    /// Whose row it is.
+    pub(super) fn participant<'a>(&self, record: &'a StringRecord) -> Result<&'a str, Invalid> {
+        let name = record.get(self.required[0]).unwrap_or("").trim();
+        let characters = name.chars().count();
+        if (1..=MAX_NAME_CHARS).contains(&characters) {
+            return Ok(name);
+        }
+        let expected = format!("a name or number of at most {MAX_NAME_CHARS} characters");
+        let found =
+            if characters == 0 { "nothing".to_owned() } else { format!("{characters} characters") };
+        Err(Invalid::new("participant", expected, found))
     }
 }
 
@@ -67,6 +82,7 @@ impl Row {
     pub(super) fn parse(
         columns: &Columns,
         record: &StringRecord,
+        participant: &str,
         parameters: &SceneParameters,
     ) -> Result<Self, Invalid> {
         let field = |i: usize| record.get(columns.required[i]).unwrap_or("").trim();
@@ -76,11 +92,6 @@ impl Row {
             (!text.is_empty()).then_some(text)
         };
         let time = |name, place| optional(place).map(|text| number(name, text)).transpose();
-        let participant = field(0);
-        if !(1..=MAX_NAME_CHARS).contains(&participant.chars().count()) {
-            let found = format!("{} characters", participant.chars().count());
-            return Err(Invalid::new("participant", "a name or number", found));
-        }
         Ok(Self {
             participant: participant.to_owned(),
             trial: count("trial", field(1))?,

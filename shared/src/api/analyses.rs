@@ -1,20 +1,7 @@
-//! Analyses that the server makes: asked for, queued, run, kept.
+//! Analyses that the server makes: asked for with a [`Request`], queued, run, kept.
 
-use crate::comparison::Exclusion;
+use crate::comparison::{Exclusion, Request};
 use serde::{Deserialize, Serialize};
-
-/// Body that asks for an analysis of a study as it will be when its turn comes.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct AnalysisRequest {
-    /// Whether a split by time step is tried too, to show by how much it deceives.
-    #[serde(default)]
-    pub leakage: bool,
-    /// Whether the report is to say that the data are synthetic. Those of `sidestep simulate`
-    /// say so themselves.
-    #[serde(default)]
-    pub synthetic: bool,
-}
 
 /// What has become of an analysis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -99,7 +86,7 @@ pub struct AnalysisSummary {
     /// The study's name in addresses.
     pub study: String,
     /// What was asked for.
-    pub request: AnalysisRequest,
+    pub request: Request,
     /// What has become of it.
     pub state: AnalysisState,
     /// How far it is; absent unless it is running.

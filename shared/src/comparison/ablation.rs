@@ -1,7 +1,7 @@
 //! What of the gain a body frame alone explains, and how far a split that leaks deceives.
 
 use super::Results;
-use super::cell::{BODY_FRAME_SETS, Cell, Experiment, ModelName};
+use super::cell::{BODY_FRAME_SETS, Cell, Experiment, ModelName, PAPERS_SETS};
 use super::metrics::Predictions;
 use super::tables::mean;
 use crate::invalid::Invalid;
@@ -16,7 +16,7 @@ pub struct Ablation {
     /// What is predicted.
     pub experiment: Experiment,
     /// The set's name; `none` for the baseline.
-    pub features: &'static str,
+    pub features: String,
     /// Mean over people of the test accuracy, in per cent.
     pub accuracy: f64,
     /// Over all test rows, nats.
@@ -28,7 +28,7 @@ pub struct Ablation {
 }
 
 /// The baseline, then for each model and experiment B_d and B_hrd, each without and with the
-/// robot's position in the human's body frame.
+/// robot's position in the human's body frame, and every set that was asked for beside.
 ///
 /// # Errors
 /// [`Invalid`] if there is nobody.
@@ -40,7 +40,7 @@ pub fn ablation(results: &Results) -> Result<Vec<Ablation>, Invalid> {
         rows.push(Ablation {
             model: "constant",
             experiment,
-            features: "none",
+            features: "none".to_owned(),
             accuracy: mean(tests.iter().map(|test| 100.0 * test.accuracy())),
             log_loss: log_loss(experiment, tests),
             gain_over_d: 0.0,
@@ -55,20 +55,23 @@ pub fn ablation(results: &Results) -> Result<Vec<Ablation>, Invalid> {
                 cells.iter().map(|cell| 100.0 * cell.test.accuracy()).collect()
             };
             let of_d = accuracies(&cells("d"));
-            for (with, without) in BODY_FRAME_SETS.into_iter().rev() {
-                for features in [without, with] {
-                    let cells = cells(features);
-                    let own = accuracies(&cells);
-                    rows.push(Ablation {
-                        model: model.word(),
-                        experiment,
-                        features,
-                        accuracy: mean(own.iter().copied()),
-                        log_loss: log_loss(experiment, cells.iter().map(|cell| &cell.test)),
-                        gain_over_d: mean(own.iter().copied()) - mean(of_d.iter().copied()),
-                        wilcoxon_persons: wilcoxon(&own, &of_d)?,
-                    });
-                }
+            let pairs = BODY_FRAME_SETS.into_iter().rev();
+            let known = pairs.flat_map(|(with, without)| [without, with]);
+            let further = results.comparison.sets().into_iter().filter(|set| {
+                !PAPERS_SETS.contains(set) && BODY_FRAME_SETS.iter().all(|(body, _)| body != set)
+            });
+            for features in known.chain(further) {
+                let cells = cells(features);
+                let own = accuracies(&cells);
+                rows.push(Ablation {
+                    model: model.word(),
+                    experiment,
+                    features: features.to_owned(),
+                    accuracy: mean(own.iter().copied()),
+                    log_loss: log_loss(experiment, cells.iter().map(|cell| &cell.test)),
+                    gain_over_d: mean(own.iter().copied()) - mean(of_d.iter().copied()),
+                    wilcoxon_persons: wilcoxon(&own, &of_d)?,
+                });
             }
         }
     }

@@ -119,7 +119,7 @@ impl ModelName {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NamedSet {
     /// As tables call it.
-    pub name: &'static str,
+    pub name: String,
     /// What is in it.
     pub features: FeatureSet,
 }
@@ -137,7 +137,8 @@ impl NamedSet {
     /// # Errors
     /// Never: the names are those of the table.
     pub fn papers() -> Result<Vec<Self>, Invalid> {
-        let set = |name| Ok(Self { name, features: FeatureSet::subset(name)? });
+        let set =
+            |name: &str| Ok(Self { name: name.to_owned(), features: FeatureSet::subset(name)? });
         PAPERS_SETS.into_iter().map(set).collect()
     }
 
@@ -146,10 +147,10 @@ impl NamedSet {
     /// # Errors
     /// Never: the names are those of the table.
     pub fn with_body_frame() -> Result<Vec<Self>, Invalid> {
-        let set = |(name, papers)| {
+        let set = |(name, papers): (&str, _)| {
             let mut names: Vec<String> = FeatureSet::subset(papers)?.into();
             names.extend(["robot_ahead", "robot_left"].map(str::to_owned));
-            Ok(Self { name, features: FeatureSet::of(&names)? })
+            Ok(Self { name: name.to_owned(), features: FeatureSet::of(&names)? })
         };
         BODY_FRAME_SETS.into_iter().map(set).collect()
     }
@@ -172,7 +173,7 @@ impl NamedSet {
         let [body, _] = BODY_FRAME_SETS;
         let mut names: Vec<String> = FeatureSet::subset(body.1)?.into();
         names.extend(["robot_ahead", "robot_left"].iter().chain(&HISTORY).map(|&n| n.to_owned()));
-        Ok(Self { name: HISTORY_SET, features: FeatureSet::of(&names)? })
+        Ok(Self { name: HISTORY_SET.to_owned(), features: FeatureSet::of(&names)? })
     }
 }
 

@@ -22,6 +22,7 @@ use serde_json::json;
 /// The hyper-parameters to try. On a tie the first in their order is taken: C before γ, depth
 /// before leaf.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct Grids {
     /// C of machines with radial basis functions.
     pub rbf_c: Vec<f64>,

@@ -16,7 +16,7 @@ use crate::scene::SceneParameters;
 use crate::shfrs::PredictedHuman;
 use crate::shfrs::window::Trajectory;
 use core::ops::ControlFlow;
-use core::sync::atomic::{AtomicUsize, Ordering};
+use core::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
@@ -195,12 +195,20 @@ pub fn run(
         }
     }
     let done = AtomicUsize::new(0);
+    let stopped = AtomicBool::new(false);
     let work = |unit: &Unit<'_>| -> Result<Vec<Cell>, RunError> {
+        // What waits for a thread would else be computed first.
+        if stopped.load(Ordering::Relaxed) {
+            return Err(RunError::Stopped);
+        }
         let cells = unit.cells(&settings.grids, cache)?;
         let done = done.fetch_add(1, Ordering::Relaxed) + 1;
         match progress(Progress { done, of: units.len() }) {
             ControlFlow::Continue(()) => Ok(cells),
-            ControlFlow::Break(()) => Err(RunError::Stopped),
+            ControlFlow::Break(()) => {
+                stopped.store(true, Ordering::Relaxed);
+                Err(RunError::Stopped)
+            }
         }
     };
     let found = each(&units, work)?;
@@ -295,14 +303,14 @@ impl Unit<'_> {
             // Names and places are no part of what was computed.
             for cell in &mut cells {
                 cell.participant = self.participant;
-                cell.features = self.set.name.to_owned();
+                cell.features.clone_from(&self.set.name);
             }
             return Ok(cells);
         }
-        let cells = fit(self.family, &data, &self.split, grids, self.set.name, self.participant)
+        let cells = fit(self.family, &data, &self.split, grids, &self.set.name, self.participant)
             .map_err(|e| {
-                e.within(&format!("participant {}, {}", self.person.name, self.set.name))
-            })?;
+            e.within(&format!("participant {}, {}", self.person.name, self.set.name))
+        })?;
         if let Some(cache) = cache {
             cache.put(&key, &cells);
         }
@@ -352,7 +360,7 @@ fn compared(comparison: &Comparison, mut leaking: Vec<Cell>, settings: &Settings
     }
     with_choice(&mut leaking, settings);
     let leaking = Comparison { participants: comparison.participants.clone(), cells: leaking };
-    let set = settings.sets[0].name;
+    let set = &settings.sets[0].name;
     let accuracy = |of: &Comparison, model, experiment| {
         mean(of.of(model, experiment, set).map(|cell| 100.0 * cell.test.accuracy()))
     };

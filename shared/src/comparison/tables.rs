@@ -102,6 +102,19 @@ pub const PAIRS: [(&str, &str); 8] = [
 ];
 
 impl Comparison {
+    /// The names of the feature sets, in order.
+    #[must_use]
+    pub fn sets(&self) -> Vec<&str> {
+        let first = self.cells.first();
+        let one = |cell: &&Cell| {
+            first.is_some_and(|first| {
+                (cell.model, cell.experiment, cell.participant)
+                    == (first.model, first.experiment, first.participant)
+            })
+        };
+        self.cells.iter().filter(one).map(|cell| cell.features.as_str()).collect()
+    }
+
     /// The cells of one model, experiment and feature set, a person each, in order.
     pub fn of<'a>(
         &'a self,

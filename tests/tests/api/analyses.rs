@@ -2,9 +2,8 @@
 
 use reqwest::Method;
 use serde_json::json;
-use sidestep::api::{
-    AnalysisDetail, AnalysisPage, AnalysisRequest, AnalysisState, AnalysisSummary, routes,
-};
+use sidestep::api::{AnalysisDetail, AnalysisPage, AnalysisState, AnalysisSummary, routes};
+use sidestep::comparison::Request;
 use sidestep::vehicle::TurnInput;
 use sidestep_tests::{Answer, Driver, Server, sidestep, upload};
 use sqlx::{Connection, SqliteConnection};
@@ -110,7 +109,7 @@ async fn a_study_is_analysed_as_by_the_command() {
     }
     let asked = ask(&server, json!({ "leakage": true })).await;
     assert_eq!(asked.study, "default");
-    assert_eq!(asked.request, AnalysisRequest { leakage: true, synthetic: false });
+    assert_eq!(asked.request, Request { leakage: true, ..Request::default() });
     let running = until(&server, &asked.id, |now| {
         now.state.is_over() || now.progress.is_some_and(|p| p.done > 0 && p.of > 0)
     });
@@ -173,13 +172,29 @@ async fn a_study_is_analysed_as_by_the_command() {
     assert_eq!(second.files, detail.files);
     assert_eq!(count(&server, "analysis_cell").await, cells);
 
+    // Another set and another grid: only what is new is computed, and told beside the rest.
+    let slopes = json!({ "slopes": ["v_h", "dv_h_ahead", "dv_h_left"] });
+    let wider = ask(&server, json!({ "sets": slopes, "grids": { "tree_leaf": [7] } })).await;
+    let wider = done(&server, &wider.id).await.summary;
+    assert_eq!(wider.request.sets["slopes"].len(), 3);
+    let cells_csv = file(&server, &wider.id, "cells.csv").await.text().await.unwrap();
+    for part in ["lr,1,slopes,1,", "dt,2,slopes,2,", "\"\"min_samples_leaf\"\":7"] {
+        assert!(cells_csv.contains(part), "{part}");
+    }
+    assert!(!cells_csv.contains("\"\"min_samples_leaf\"\":5"));
+    let ablation = file(&server, &wider.id, "ablation.csv").await.text().await.unwrap();
+    assert!(ablation.contains("slopes"));
+    let report = file(&server, &wider.id, "report.html").await.text().await.unwrap();
+    assert!(report.contains("<code>slopes</code>"));
+
     // The list, newest first, page by page.
     let route = routes::admin_analyses("default");
     let page: AnalysisPage = server.admin(&format!("{route}?limit=1")).await.into(200);
-    assert_eq!(page.analyses[0], second.summary);
+    assert_eq!(page.analyses[0], wider);
     let before = page.next_before.unwrap();
     let page: AnalysisPage = server.admin(&format!("{route}?before={before}")).await.into(200);
-    assert_eq!((&page.analyses[..], page.next_before), (&[detail.summary.clone()][..], None));
+    let earlier = [second.summary.clone(), detail.summary.clone()];
+    assert_eq!((page.analyses, page.next_before), (earlier.to_vec(), None));
 
     // It outlives the server, and goes when it is deleted.
     let server = server.restarted().await;
@@ -188,7 +203,9 @@ async fn a_study_is_analysed_as_by_the_command() {
     assert_eq!(Answer::of(request.bearer_auth(&server.key)).await.status, 204);
     server.admin(&routes::admin_analysis(&asked.id)).await.problem(404, "not_found", None);
     assert_eq!(file(&server, &asked.id, "table1.csv").await.status(), 404);
-    assert_eq!(count(&server, "analysis_file").await, second.files.len() as i64);
+    let files = show(&server, &second.summary.id).await.files.len()
+        + show(&server, &wider.id).await.files.len();
+    assert_eq!(count(&server, "analysis_file").await, files as i64);
 }
 
 #[tokio::test]
@@ -300,6 +317,10 @@ async fn bad_requests_are_explained() {
     let wrong = |body| post(&server, &route, body);
     wrong(json!({ "leakage": 1 })).await.problem(422, "invalid", Some("leakage"));
     wrong(json!({ "grid": [] })).await.problem(422, "invalid", Some("grid"));
+    let grids = json!({ "grids": { "tree_leaf": [0] } });
+    wrong(grids).await.problem(422, "invalid", Some("grids.tree_leaf"));
+    let sets = json!({ "sets": { "mine": ["v_h", "v_x"] } });
+    wrong(sets).await.problem(422, "invalid", Some("sets.mine.features[1]"));
     wrong(json!([])).await.problem(422, "invalid", Some(""));
     let absent = routes::admin_analyses("absent");
     post(&server, &absent, json!({})).await.problem(404, "not_found", None);

@@ -1,18 +1,21 @@
 //! analyze: the whole comparison, against scikit-learn's of the same data.
 
 use serde_json::Value;
-use sidestep_tests::sidestep;
+#[cfg(unix)]
+use sidestep_tests::process::interrupted;
+use sidestep_tests::{Server, sidestep};
 use std::collections::HashMap;
 use std::fs;
 use std::path::Path;
+use std::time::SystemTime;
 use tempfile::TempDir;
 
-fn data(name: &str) -> String {
+pub(crate) fn data(name: &str) -> String {
     format!("{}/../shared/tests/data/{name}", env!("CARGO_MANIFEST_DIR"))
 }
 
 /// Runs the command and gives its exit code, stdout and stderr.
-async fn analyze(args: &[&str], out: &Path) -> (Option<i32>, String, String) {
+pub(crate) async fn analyze(args: &[&str], out: &Path) -> (Option<i32>, String, String) {
     let all = [&["analyze"], args, &["--out", out.to_str().unwrap()]].concat();
     let output = sidestep(&all).await;
     let text = |octets| String::from_utf8(octets).unwrap();
@@ -20,12 +23,12 @@ async fn analyze(args: &[&str], out: &Path) -> (Option<i32>, String, String) {
 }
 
 /// A table: its header and its rows, by name.
-fn table(path: impl AsRef<Path>) -> Vec<HashMap<String, String>> {
+pub(crate) fn table(path: impl AsRef<Path>) -> Vec<HashMap<String, String>> {
     let mut reader = csv::Reader::from_path(path).unwrap();
     reader.deserialize().map(Result::unwrap).collect()
 }
 
-fn number(row: &HashMap<String, String>, column: &str) -> f64 {
+pub(crate) fn number(row: &HashMap<String, String>, column: &str) -> f64 {
     row[column].parse().unwrap()
 }
 
@@ -73,7 +76,7 @@ async fn the_comparison_is_that_of_scikit_learn() {
 }
 
 /// Rows of the reference's trials: of these people, and so many tasks of each.
-fn some_trials(people: &[&str], tasks: u64) -> (String, Vec<String>) {
+pub(crate) fn some_trials(people: &[&str], tasks: u64) -> (String, Vec<String>) {
     let text = fs::read_to_string(data("trials.csv")).unwrap();
     let mut lines = text.lines().map(str::to_owned);
     let header = lines.next().unwrap();
@@ -85,14 +88,14 @@ fn some_trials(people: &[&str], tasks: u64) -> (String, Vec<String>) {
     (header, lines.filter(wanted).collect())
 }
 
-fn written(folder: &TempDir, name: &str, header: &str, rows: &[String]) -> String {
+pub(crate) fn written(folder: &TempDir, name: &str, header: &str, rows: &[String]) -> String {
     let path = folder.path().join(name);
     fs::write(&path, format!("{header}\n{}\n", rows.join("\n"))).unwrap();
     path.to_str().unwrap().to_owned()
 }
 
 /// Every file below a folder but the cache, by name, with its octets.
-fn contents(folder: &Path) -> Vec<(String, Vec<u8>)> {
+pub(crate) fn contents(folder: &Path) -> Vec<(String, Vec<u8>)> {
     let mut found = Vec::new();
     for entry in fs::read_dir(folder).unwrap() {
         let (path, name) = entry.map(|e| (e.path(), e.file_name())).unwrap();
@@ -151,66 +154,194 @@ async fn neither_order_nor_threads_nor_the_cache_change_an_octet() {
     assert!(number(rbf, "leaking_accuracy") > number(rbf, "grouped_accuracy") + 5.0, "{rbf:?}");
 }
 
-#[tokio::test]
-async fn who_cannot_be_learned_from_is_named_and_left_out() {
-    let folder = TempDir::new().unwrap();
-    let (header, mut rows) = some_trials(&["0"], 6);
-    rows.extend(some_trials(&["1"], 4).1);
-    let idle = some_trials(&["2"], 6).1.into_iter().map(|row| {
-        let (start, _) = row.rsplit_once(',').unwrap();
-        format!("{start},0.0")
-    });
-    rows.extend(idle);
-    let trials = written(&folder, "trials.csv", &header, &rows);
-    let out = folder.path().join("out");
-    let (code, line, said) = analyze(&["--trials", &trials], &out).await;
+/// A study of two people with six tasks each, and its analysis in `out`.
+async fn analysed(folder: &TempDir, out: &Path) -> String {
+    let (header, rows) = some_trials(&["0", "3"], 6);
+    let trials = written(folder, "trials.csv", &header, &rows);
+    let (code, _, said) = analyze(&["--trials", &trials], out).await;
     assert_eq!(code, Some(0), "{said}");
-    assert!(said.contains("participant 1: 4 tasks, at least 5 are needed"), "{said}");
-    assert!(said.contains("participant 2: one kind of input only"), "{said}");
-    let line: Value = serde_json::from_str(&line).unwrap();
-    assert_eq!((&line["participants"], line["excluded"].as_array().unwrap().len()), (&1.into(), 2));
-    assert!(table(out.join("cells.csv")).iter().all(|row| row["participant"] == "0"));
+    trials
+}
 
-    let alone = written(&folder, "alone.csv", &header, &some_trials(&["1"], 4).1);
-    let (code, _, said) = analyze(&["--trials", &alone], &out).await;
-    assert_eq!(code, Some(2), "{said}");
-    assert!(said.contains("participants: expected somebody"), "{said}");
+/// Ctrl-C leaves a former result, or no result; what was fitted until then is kept.
+#[cfg(unix)]
+#[tokio::test]
+async fn an_analysis_that_is_interrupted_changes_nothing() {
+    let folder = TempDir::new().unwrap();
+    let [former, none] = ["former", "none"].map(|name| folder.path().join(name));
+    let small = analysed(&folder, &former).await;
+    let before = contents(&former);
+    for (signal, out) in [("INT", &former), ("TERM", &none)] {
+        let all = data("trials.csv");
+        let args = ["analyze", "--trials", &all, "--out", out.to_str().unwrap()];
+        let output = interrupted(&args, signal).await;
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert_eq!((output.status.code(), output.stdout.len()), (Some(1), 0), "{said}");
+        assert!(said.contains("nothing was written"), "{said}");
+    }
+    assert!(contents(&former) == before);
+    assert_eq!(contents(&none), []);
+    let names = |out: &Path| -> Vec<_> {
+        fs::read_dir(out).unwrap().map(|entry| entry.unwrap().file_name()).collect()
+    };
+    assert_eq!(names(&none), [".cache"], "and no temporary folder");
+    // What was there is still good for a run of what it was.
+    let (code, _, said) = analyze(&["--trials", &small], &former).await;
+    assert_eq!(code, Some(0), "{said}");
+    assert!(contents(&former) == before);
+}
+
+/// When each file of the cache was written, by name.
+fn kept(out: &Path) -> HashMap<String, SystemTime> {
+    let time = |entry: fs::DirEntry| {
+        (entry.file_name().into_string().unwrap(), entry.metadata().unwrap().modified().unwrap())
+    };
+    fs::read_dir(out.join(".cache")).unwrap().map(|entry| time(entry.unwrap())).collect()
 }
 
 #[tokio::test]
-async fn bad_files_are_refused_with_their_lines() {
+async fn only_what_changed_is_fitted_again() {
     let folder = TempDir::new().unwrap();
-    let (header, rows) = some_trials(&["0"], 6);
     let out = folder.path().join("out");
-    let refused = async |header: &str, rows: &[String], words: &str| {
-        let trials = written(&folder, "trials.csv", header, rows);
-        let (code, line, said) = analyze(&["--trials", &trials], &out).await;
-        assert_eq!((code, line.as_str()), (Some(2), ""), "{said}");
-        assert!(said.contains(words), "{said}");
-    };
-    refused(&header.replace("hpsi", "heading"), &rows, "no column hpsi").await;
-    let mut changed = rows.clone();
-    changed.swap(3, 4);
-    refused(&header, &changed, "line 5: step: expected 3, found 4").await;
-    let mut changed = rows.clone();
-    changed[9] = changed[8].clone();
-    refused(&header, &changed, "line 11: step: expected 9, found 8").await;
-    let mut changed = rows.clone();
-    changed.pop();
-    refused(&header, &changed, "expected 50 entries, found 49").await;
-    let mut changed = rows.clone();
-    changed[7] = changed[7].rsplit_once(',').unwrap().0.to_owned() + ",0.2";
-    refused(&header, &changed, "line 9: omega").await;
+    let trials = analysed(&folder, &out).await;
+    let first = kept(&out);
+    let before = contents(&out);
+    let (code, _, _) = analyze(&["--trials", &trials], &out).await;
+    assert_eq!((code, kept(&out)), (Some(0), first.clone()));
+    assert!(contents(&out) == before);
 
-    // Features of other rows than the trials'.
-    let trials = written(&folder, "trials.csv", &header, &rows);
+    // Another input in the last step of person 3: everything of theirs is fitted again.
+    let (header, mut rows) = some_trials(&["0", "3"], 6);
+    let last = rows.pop().unwrap();
+    let (start, omega) = last.rsplit_once(',').unwrap();
+    let other = if omega.parse::<f64>().unwrap() == 0.5 { "0.0" } else { "0.5" };
+    rows.push(format!("{start},{other}"));
+    let changed = written(&folder, "changed.csv", &header, &rows);
+    let (code, _, said) = analyze(&["--trials", &changed], &out).await;
+    assert_eq!(code, Some(0), "{said}");
+    let second = kept(&out);
+    let same = second.iter().filter(|(name, time)| first.get(*name) == Some(time)).count();
+    assert_eq!((second.len(), 2 * same), (first.len(), first.len()));
+
+    // A file of the cache that was broken off is not believed.
+    for name in second.keys().take(3) {
+        fs::write(out.join(".cache").join(name), "[{").unwrap();
+    }
+    let (code, _, said) = analyze(&["--trials", &trials], &out).await;
+    assert_eq!(code, Some(0), "{said}");
+    assert!(contents(&out) == before);
+}
+
+/// The features of `sidestep features` are those that analyze computes, to the last bit.
+#[tokio::test]
+async fn features_of_a_file_change_nothing() {
+    let folder = TempDir::new().unwrap();
+    let [computed, read] = ["computed", "read"].map(|name| folder.path().join(name));
+    let trials = analysed(&folder, &computed).await;
     let features = folder.path().join("features.csv");
-    let text = fs::read_to_string(data("features.csv")).unwrap();
-    let lines: Vec<&str> = text.lines().collect();
     let features = features.to_str().unwrap();
-    fs::write(features, lines[..120].join("\n")).unwrap();
-    let (code, _, said) = analyze(&["--trials", &trials, "--features", features], &out).await;
-    assert_eq!(code, Some(2), "{said}");
-    assert!(said.contains("participant 0, trial 2, step 19"), "{said}");
-    assert!(!out.join("cells.csv").exists());
+    let output = sidestep(&["features", "--trials", &trials, "--out", features]).await;
+    assert!(output.status.success());
+    let (code, _, said) = analyze(&["--trials", &trials, "--features", features], &read).await;
+    assert_eq!(code, Some(0), "{said}");
+    assert!(contents(&computed) == contents(&read));
+}
+
+/// The tables of a folder, without what tells where the trials are from.
+fn tables(out: &Path) -> Vec<(String, Vec<u8>)> {
+    let mut all = contents(out);
+    all.retain(|(name, _)| name.ends_with(".csv") || name.starts_with("models/"));
+    all
+}
+
+#[tokio::test]
+async fn a_study_in_a_database_is_analysed_as_its_export() {
+    let study = r#"
+title = "Six"
+phases = [{ phase = "practice", scenes = 1 }, { phase = "task", scenes = 6 }]
+"#;
+    let server = Server::with_study(study).await;
+    let simulated =
+        sidestep(&["simulate", "--participants", "2", "--seed", "5", "--url", &server.origin])
+            .await;
+    assert!(simulated.status.success(), "{}", String::from_utf8_lossy(&simulated.stderr));
+    let folder = TempDir::new().unwrap();
+    let [stored, exported] = ["stored", "exported"].map(|name| folder.path().join(name));
+    let database = server.database();
+    let (code, said, complaints) = analyze(&["--database", &database], &stored).await;
+    assert_eq!((code, complaints.as_str()), (Some(0), ""));
+    let said: Value = serde_json::from_str(&said).unwrap();
+    assert_eq!((&said["participants"], &said["synthetic"]), (&2.into(), &true.into()));
+    assert!(fs::read_to_string(stored.join("report.html")).unwrap().contains("class=\"banner\""));
+
+    let trials = folder.path().join("trials.csv");
+    fs::write(&trials, server.export("default").await).unwrap();
+    let (code, _, said) = analyze(&["--trials", trials.to_str().unwrap()], &exported).await;
+    assert_eq!(code, Some(0), "{said}");
+    assert!(tables(&stored).len() > 100 && tables(&stored) == tables(&exported));
+
+    for (flags, words) in [
+        (&["--database", &database, "--study", "other"][..], "no such study"),
+        (&["--database", "sqlite:/nowhere/at.db"], "nowhere"),
+        (&["--database", &database, "--trials", "trials.csv"], "--trials"),
+        (&["--database", &database, "--radius", "2"], "--radius"),
+        (&[], "--trials"),
+    ] {
+        let (code, printed, said) = analyze(flags, &folder.path().join("no")).await;
+        assert_ne!(code, Some(0));
+        assert!(printed.is_empty() && said.contains(words), "{flags:?}: {said}");
+        assert!(!folder.path().join("no").exists());
+    }
+}
+
+/// Computed participants are told apart from people, whose trials get no banner.
+#[tokio::test]
+async fn synthetic_data_are_recognised() {
+    let folder = TempDir::new().unwrap();
+    let banner = async |name: &str, trials: &str, flags: &[&str]| {
+        let out = folder.path().join(name);
+        let (code, said, complaints) =
+            analyze(&[&["--trials", trials], flags].concat(), &out).await;
+        assert_eq!(code, Some(0), "{complaints}");
+        let said: Value = serde_json::from_str(&said).unwrap();
+        let report = fs::read_to_string(out.join("report.html")).unwrap();
+        let latex = fs::read_to_string(out.join("tables.tex")).unwrap();
+        let shown = report.contains("class=\"banner\"");
+        assert_eq!((&said["synthetic"], latex.contains("Synthetic")), (&shown.into(), shown));
+        shown
+    };
+    let (header, rows) = some_trials(&["0"], 6);
+    let reference = written(&folder, "reference.csv", &header, &rows);
+    assert!(banner("reference", &reference, &[]).await);
+    // By another name and a little to the side nobody knows them, unless it is said.
+    let moved: Vec<String> = rows
+        .iter()
+        .map(|row| {
+            let mut fields: Vec<String> = row.split(',').map(str::to_owned).collect();
+            fields[0] = "Ada".to_owned();
+            for place in [4, 7] {
+                fields[place] = (fields[place].parse::<f64>().unwrap() + 1.0).to_string();
+            }
+            fields.join(",")
+        })
+        .collect();
+    let moved = written(&folder, "moved.csv", &header, &moved);
+    assert!(!banner("moved", &moved, &[]).await);
+    assert!(banner("said", &moved, &["--synthetic"]).await);
+    let simulated = folder.path().join("simulated.csv");
+    let simulated = simulated.to_str().unwrap();
+    let output = sidestep(&[
+        "simulate",
+        "--participants",
+        "1",
+        "--seed",
+        "9",
+        "--tasks",
+        "6",
+        "--out",
+        simulated,
+    ])
+    .await;
+    assert!(output.status.success());
+    assert!(banner("simulated", simulated, &[]).await);
 }

@@ -5,7 +5,9 @@
 
 mod analyses;
 mod analyze;
+mod analyze_input;
 mod bad_input;
+mod features;
 mod files;
 mod laboratory;
 mod participation;

@@ -64,6 +64,20 @@ async fn drives_on_the_clock_are_imported_without_a_flag() {
     let imported: Value = serde_json::from_slice(&imported.stdout).unwrap();
     let expected = json!({ "participants": 3, "trials": 18, "flagged": 0, "skipped": 0 });
     assert_eq!(imported, expected);
+    // What nobody drove stays known as such, in the study and in its export.
+    let copy = folder.path().join("copy");
+    let export =
+        ["export", "--database", &database, "--study", "default", "--format", "csv", "--out"];
+    let exported = sidestep(&[&export[..], &[text(&copy)]].concat()).await;
+    assert_eq!(exported.status.code(), Some(0));
+    let copy = copy.join("trials.csv");
+    let sources = [["--database", &database], ["--trials", text(&copy)]];
+    for (i, source) in sources.into_iter().enumerate() {
+        let analysis = folder.path().join(i.to_string());
+        let args = [&["analyze"], &source[..], &["--out", text(&analysis)]].concat();
+        let done: Value = serde_json::from_slice(&sidestep(&args).await.stdout).unwrap();
+        assert_eq!((&done["synthetic"], &done["participants"]), (&json!(true), &json!(3)));
+    }
     // The scenes are the reference's.
     let start = |file: &str| -> Vec<f64> {
         let row = file.lines().nth(1).unwrap().split(',').skip(4).take(6);

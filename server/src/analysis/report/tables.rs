@@ -2,8 +2,8 @@
 
 use super::html::{details, escaped, fixed, p_value, signed, table};
 use super::{published, words};
-use crate::analysis::Analysis;
 use crate::analysis::best::is_best;
+use crate::analysis::{Analysis, Excluded};
 use sidestep::comparison::avoidance::Distances;
 use sidestep::comparison::cell::{BODY_FRAME_SETS, Experiment, ModelName, PAPERS_SETS};
 use sidestep::comparison::tables::Metric;
@@ -114,7 +114,7 @@ pub(super) fn ablation(analysis: &Analysis) -> String {
     let rows = analysis.ablation.iter().map(|row| {
         let model = ModelName::ALL.into_iter().find(|model| model.word() == row.model);
         let (name, set) = match model {
-            Some(model) => (words::model(model).to_owned(), words::set(row.features)),
+            Some(model) => (words::model(model).to_owned(), words::set(&row.features)),
             None => ("commonest input".to_owned(), "–".to_owned()),
         };
         let over_itself = model.is_none() || row.features == "d";
@@ -214,8 +214,8 @@ pub(super) fn leakage(analysis: &Analysis) -> String {
 
 /// Who was left out, and why.
 pub(super) fn exclusions(analysis: &Analysis) -> String {
-    let one = |who: &sidestep::comparison::Exclusion| {
-        format!("<li><b>{}</b>: {}</li>\n", escaped(&who.participant), escaped(&who.reason))
+    let one = |who: &Excluded| {
+        format!("<li><b>{}</b>: {}</li>\n", escaped(&who.participant), escaped(&who.why()))
     };
     let all: String = analysis.exclusions.iter().map(one).collect();
     format!("<ul class=\"exclusions\">\n{all}</ul>\n")

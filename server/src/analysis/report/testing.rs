@@ -109,7 +109,7 @@ fn cell(
     Cell {
         model,
         experiment,
-        features: set.name.to_owned(),
+        features: set.name.clone(),
         participant,
         cv_accuracy: 0.5,
         hyperparameters: "{}".to_owned(),

@@ -1,6 +1,8 @@
 //! What models, experiments and feature sets are called.
 
-use sidestep::comparison::cell::{Experiment, ModelName};
+use sidestep::comparison::cell::{
+    BODY_FRAME_SETS, Experiment, HISTORY_SET, ModelName, PAPERS_SETS,
+};
 
 /// As the paper writes it.
 pub(in crate::analysis) fn model(model: ModelName) -> &'static str {
@@ -44,8 +46,12 @@ pub(super) fn class(experiment: Experiment, class: i8) -> &'static str {
     }
 }
 
-/// A feature set as HTML: B with its letters.
+/// A feature set as HTML: B with its letters, or the name that somebody gave it.
 pub(super) fn set(name: &str) -> String {
+    let known = BODY_FRAME_SETS.map(|(set, _)| set);
+    if !PAPERS_SETS.iter().chain(&known).chain(&[HISTORY_SET]).any(|set| *set == name) {
+        return format!("<code>{name}</code>");
+    }
     let (name, memory) =
         name.strip_suffix("_history").map_or((name, ""), |name| (name, " + memory"));
     let (letters, body) = parts(name);

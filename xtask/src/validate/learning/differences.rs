@@ -73,7 +73,7 @@ impl Why {
         match self {
             Self::StopsEarly => {
                 "the same setting; the reference's solver stops before its optimum, and taken to the \
-                 end it gets exactly as many rows right as we do"
+                 end it gets exactly as many test rows right as we do"
             }
             Self::Tie => {
                 "two settings that are equally good in cross-validation once the solver is taken to \

@@ -16,7 +16,7 @@ type Columns<'a> = Vec<(&'a str, Vec<f64>)>;
 
 /// Accuracy of each model in both experiments.
 pub(in super::super) fn accuracies(analysis: &Analysis) -> String {
-    let sets = analysis.sets();
+    let sets = analysis.comparison.sets();
     let mut plots = Vec::new();
     for experiment in Experiment::ALL {
         let baselines = analysis.person_baselines(experiment);
@@ -45,7 +45,7 @@ pub(in super::super) fn accuracies(analysis: &Analysis) -> String {
 
 /// D_start and D_end of each model.
 pub(in super::super) fn distances(analysis: &Analysis) -> String {
-    let sets = analysis.sets();
+    let sets = analysis.comparison.sets();
     let mut plots = Vec::new();
     for (metric, word) in [(Metric::Start, "first"), (Metric::End, "last")] {
         for model in ModelName::PAPERS {

@@ -1,0 +1,162 @@
+//! What may be asked of a comparison: further feature sets, other grids, and whether leakage is
+//! shown.
+
+use super::Settings;
+use super::cell::NamedSet;
+use super::fit::Grids;
+use crate::features::FeatureSet;
+use crate::invalid::{Invalid, positive};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// What is asked for, as JSON; everything may be left out.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Request {
+    /// Whether a split by time step is tried too, to show by how much it deceives.
+    pub leakage: bool,
+    /// Whether the report is to say that the data are synthetic. Those of `sidestep simulate`
+    /// say so themselves.
+    pub synthetic: bool,
+    /// Further feature sets beside the paper's: features by name under a name of one's own.
+    pub sets: BTreeMap<String, Vec<String>>,
+    /// Hyper-parameters to try; what is left out is the protocol's.
+    pub grids: Grids,
+}
+
+/// Most further sets.
+const MOST_SETS: usize = 32;
+
+/// Most values of a hyper-parameter.
+const MOST_VALUES: usize = 64;
+
+impl Request {
+    /// The settings that this asks for: the protocol's where nothing is said.
+    ///
+    /// # Errors
+    /// [`Invalid`] naming the set or grid that cannot be.
+    pub fn settings(&self) -> Result<Settings, Invalid> {
+        let protocol = Settings::new()?;
+        if self.sets.len() > MOST_SETS {
+            let expected = format!("at most {MOST_SETS}");
+            return Err(Invalid::new("sets", expected, self.sets.len()));
+        }
+        let mut sets = protocol.sets.clone();
+        for (name, features) in &self.sets {
+            let field = format!("sets.{name}");
+            let plain = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_';
+            if !(1..=40).contains(&name.len()) || !name.chars().all(plain) {
+                let expected = "names of 1 to 40 of a to z, 0 to 9 and _";
+                return Err(Invalid::new("sets", expected, format!("{name:?}")));
+            }
+            if sets.iter().chain([&protocol.history]).any(|set| set.name == *name) {
+                let expected = "a name that no set of the protocol has";
+                return Err(Invalid::new(field, expected, name));
+            }
+            let features = FeatureSet::of(features).map_err(|e| e.within(&field))?;
+            sets.push(NamedSet { name: name.clone(), features });
+        }
+        check(&self.grids).map_err(|e| e.within("grids"))?;
+        Ok(Settings { sets, grids: self.grids.clone(), leakage: self.leakage, ..protocol })
+    }
+}
+
+fn check(grids: &Grids) -> Result<(), Invalid> {
+    for (name, values) in [
+        ("rbf_c", &grids.rbf_c),
+        ("rbf_gamma", &grids.rbf_gamma),
+        ("linear_c", &grids.linear_c),
+        ("logistic_c", &grids.logistic_c),
+    ] {
+        check_values(name, values)?;
+        for (i, &value) in values.iter().enumerate() {
+            let field = format!("{name}[{i}]");
+            positive(&field, value)?;
+            if !(1e-6..=1e6).contains(&value) {
+                return Err(Invalid::new(field, "a number from 1e-6 to 1e6", value));
+            }
+        }
+    }
+    check_values("tree_depth", &grids.tree_depth)?;
+    check_counts("tree_depth", grids.tree_depth.iter().flatten(), 64)?;
+    check_values("tree_leaf", &grids.tree_leaf)?;
+    check_counts("tree_leaf", &grids.tree_leaf, 1_000_000)?;
+    check_values("boosted_depth", &grids.boosted_depth)?;
+    check_counts("boosted_depth", &grids.boosted_depth, 8)
+}
+
+fn check_values<T: PartialEq>(name: &str, values: &[T]) -> Result<(), Invalid> {
+    if !(1..=MOST_VALUES).contains(&values.len()) {
+        let expected = format!("1 to {MOST_VALUES} values");
+        return Err(Invalid::new(name, expected, values.len()));
+    }
+    let twice = (1..values.len()).find(|&i| values[..i].contains(&values[i]));
+    match twice {
+        Some(i) => Err(Invalid::new(format!("{name}[{i}]"), "a further value", "one given before")),
+        None => Ok(()),
+    }
+}
+
+fn check_counts<'a>(
+    name: &str,
+    counts: impl IntoIterator<Item = &'a usize>,
+    most: usize,
+) -> Result<(), Invalid> {
+    match counts.into_iter().find(|count| !(1..=most).contains(*count)) {
+        Some(count) => Err(Invalid::new(name, format!("whole numbers from 1 to {most}"), count)),
+        None => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn settings(json: &str) -> Result<Settings, Invalid> {
+        serde_json::from_str::<Request>(json).unwrap().settings()
+    }
+
+    #[test]
+    fn nothing_asks_for_the_protocol() {
+        assert_eq!(settings("{}").unwrap(), Settings::new().unwrap());
+        assert_eq!(serde_json::from_str::<Request>("{}").unwrap(), Request::default());
+    }
+
+    #[test]
+    fn sets_are_added_and_grids_replaced() {
+        let asked = r#"{"sets": {"slopes": ["v_h", "dv_h_ahead"], "far": ["distance"]},
+                        "grids": {"rbf_c": [2], "tree_depth": [3, null]}, "leakage": true}"#;
+        let (found, protocol) = (settings(asked).unwrap(), Settings::new().unwrap());
+        let names: Vec<&str> = found.sets.iter().map(|set| set.name.as_str()).collect();
+        assert_eq!(names[protocol.sets.len()..], ["far", "slopes"]);
+        assert_eq!(found.sets[..protocol.sets.len()], protocol.sets);
+        assert_eq!((&found.grids.rbf_c[..], found.leakage), (&[2.0][..], true));
+        assert_eq!(found.grids.tree_depth, [Some(3), None]);
+        assert_eq!(found.grids.rbf_gamma, protocol.grids.rbf_gamma);
+    }
+
+    #[test]
+    fn what_cannot_be_is_named() {
+        for (asked, field) in [
+            (r#"{"sets": {"hrd": ["v_h"]}}"#, "sets.hrd"),
+            (r#"{"sets": {"hrd_body_history": ["v_h"]}}"#, "sets.hrd_body_history"),
+            (r#"{"sets": {"../x": ["v_h"]}}"#, "sets"),
+            (r#"{"sets": {"": ["v_h"]}}"#, "sets"),
+            (r#"{"grids": {"rbf_c": []}}"#, "grids.rbf_c"),
+            (r#"{"grids": {"linear_c": [1, 0]}}"#, "grids.linear_c[1]"),
+            (r#"{"grids": {"rbf_gamma": [1e9]}}"#, "grids.rbf_gamma[0]"),
+            (r#"{"grids": {"logistic_c": [1, 2, 1]}}"#, "grids.logistic_c[2]"),
+            (r#"{"grids": {"tree_depth": [null, 0]}}"#, "grids.tree_depth"),
+            (r#"{"grids": {"tree_leaf": [0]}}"#, "grids.tree_leaf"),
+            (r#"{"grids": {"boosted_depth": [9]}}"#, "grids.boosted_depth"),
+        ] {
+            assert_eq!(settings(asked).unwrap_err().field, field, "{asked}");
+        }
+        for (asked, field) in [
+            (r#"{"sets": {"mine": []}}"#, "sets.mine"),
+            (r#"{"sets": {"mine": ["v_h", "speed"]}}"#, "sets.mine"),
+        ] {
+            assert!(settings(asked).unwrap_err().field.starts_with(field), "{asked}");
+        }
+    }
+}

@@ -1,0 +1,264 @@
+//! analyze: what is wrong with one person leaves out that person, and what is wrong with a file
+//! refuses it.
+
+use crate::analyze::{analyze, data, some_trials, table, written};
+use serde_json::Value;
+use sidestep_tests::sidestep;
+use std::fs;
+use tempfile::TempDir;
+
+/// The first line of person 1 in a file of persons 0 and 1 with six tasks each.
+const FIRST: usize = 302;
+
+fn changed(row: &str, column: usize, text: &str) -> String {
+    let mut fields: Vec<&str> = row.split(',').collect();
+    fields[column] = text;
+    fields.join(",")
+}
+
+#[tokio::test]
+async fn who_has_a_wrong_row_is_named_and_all_others_are_compared() {
+    let folder = TempDir::new().unwrap();
+    let out = folder.path().join("out");
+    let (header, good) = some_trials(&["0", "1"], 6);
+    let own = good.iter().position(|row| row.starts_with("1,")).unwrap();
+    assert_eq!(own + 2, FIRST);
+    type Change = fn(&mut Vec<String>);
+    let cases: [(Change, u64, &str); 15] = [
+        (|own| drop(own.pop()), 600, "step: expected 50 entries, found 49"),
+        (|own| own.truncate(251), 552, "step: expected 50 entries, found 1"),
+        (|own| drop(own.remove(9)), 311, "step: expected 9, found 10"),
+        (
+            |own| own.push(changed(&changed(&own[299], 2, "50"), 3, "10")),
+            602,
+            "step: expected 50 steps a trial, found a further row, 50",
+        ),
+        (|own| own.swap(9, 10), 311, "step: expected 9, found 10"),
+        (|own| own.insert(10, own[9].clone()), 312, "step: expected 10, found 9"),
+        (|own| own[20] = changed(&own[20], 10, "0.3"), 322, "omega: expected -0.5, 0 or 0.5"),
+        (|own| own[20] = changed(&own[20], 4, "nan"), 322, "hx: expected a finite number"),
+        (|own| own[20] = changed(&own[20], 9, "-inf"), 322, "rpsi: expected a finite number"),
+        (|own| own[20] = changed(&own[20], 4, "left"), 322, "hx: expected a number, found"),
+        (|own| own[20] = changed(&own[20], 4, ""), 322, "hx: expected a number, found"),
+        (|own| own[20] = changed(&own[20], 4, "1e300"), 302, "found inf in step 20 of trial 0"),
+        (|own| own[20] = changed(&own[20], 1, "-1"), 322, "trial: expected a whole number"),
+        (|own| own[20] = changed(&own[20], 3, "9"), 322, "t: expected 4 (steps of 0.2 s)"),
+        // The first of several.
+        (
+            |own| {
+                own[70] = changed(&own[70], 4, "x");
+                own[60] = changed(&own[60], 5, "y");
+            },
+            362,
+            "hy: expected a number",
+        ),
+    ];
+    for (change, line, words) in cases {
+        let mut rows = good.clone();
+        let mut wrong = rows.split_off(own);
+        change(&mut wrong);
+        rows.extend(wrong);
+        let trials = written(&folder, "trials.csv", &header, &rows);
+        let (code, printed, said) = analyze(&["--trials", &trials], &out).await;
+        assert_eq!(code, Some(0), "{words}: {said}");
+        let start = format!("{trials}: left out: participant 1: line {line}: ");
+        assert!(said.contains(&start) && said.contains(words), "{words}: {said}");
+        assert_eq!(said.trim_end().lines().count(), 1, "{said}");
+        let printed: Value = serde_json::from_str(&printed).unwrap();
+        let [excluded] = &printed["excluded"].as_array().unwrap()[..] else {
+            panic!("{printed}");
+        };
+        assert_eq!((&excluded["participant"], &excluded["line"]), (&"1".into(), &line.into()));
+        assert!(excluded["reason"].as_str().unwrap().contains(words), "{excluded}");
+        for file in ["report.html", "tables.tex"] {
+            let text = fs::read_to_string(out.join(file)).unwrap();
+            assert!(text.contains(&format!("line {line}: ")), "{file}");
+        }
+        let cells = table(out.join("cells.csv"));
+        assert!(cells.len() == 90 && cells.iter().all(|row| row["participant"] == "0"));
+    }
+}
+
+#[tokio::test]
+async fn who_cannot_be_learned_from_is_named_and_left_out() {
+    let folder = TempDir::new().unwrap();
+    let (header, mut rows) = some_trials(&["0"], 6);
+    rows.extend(some_trials(&["1"], 4).1);
+    let idle = some_trials(&["2"], 6).1;
+    rows.extend(idle.iter().map(|row| changed(row, 10, "0.0")));
+    let task = |row: &String| format!("{row},task");
+    let mut rows: Vec<String> = rows.iter().map(task).collect();
+    rows.extend(some_trials(&["3"], 6).1.iter().map(|row| format!("{row},practice")));
+    let trials = written(&folder, "trials.csv", &format!("{header},phase"), &rows);
+    let out = folder.path().join("out");
+    let (code, line, said) = analyze(&["--trials", &trials], &out).await;
+    assert_eq!(code, Some(0), "{said}");
+    let expected = [
+        "participant 1: 4 tasks, at least 5 are needed (their rows begin in line 302)",
+        "participant 2: one kind of input only in the training tasks (straight) (their rows begin \
+         in line 502)",
+        "participant 3: 0 tasks, at least 5 are needed (their rows begin in line 802)",
+    ];
+    for (said, expected) in said.lines().zip(expected) {
+        assert!(said.ends_with(expected), "{said}");
+    }
+    assert_eq!(said.lines().count(), 3, "{said}");
+    let line: Value = serde_json::from_str(&line).unwrap();
+    let lines = line["excluded"].as_array().unwrap().iter().map(|one| one["first_line"].as_u64());
+    assert_eq!(lines.collect::<Vec<_>>(), [Some(302), Some(502), Some(802)]);
+    assert_eq!(line["participants"], 1);
+    assert!(table(out.join("cells.csv")).iter().all(|row| row["participant"] == "0"));
+    let report = fs::read_to_string(out.join("report.html")).unwrap();
+    assert!(report.contains("3 people were left out:"));
+
+    let alone = written(&folder, "alone.csv", &header, &some_trials(&["1"], 4).1);
+    let (code, _, said) = analyze(&["--trials", &alone], &out).await;
+    assert_eq!(code, Some(2), "{said}");
+    assert!(said.contains("participants: expected somebody"), "{said}");
+}
+
+#[tokio::test]
+async fn files_are_refused_where_it_cannot_be_told_whose_the_rows_are() {
+    let folder = TempDir::new().unwrap();
+    let (header, rows) = some_trials(&["0", "1"], 6);
+    let out = folder.path().join("out");
+    let trials = folder.path().join("trials.csv");
+    let path = trials.to_str().unwrap();
+    let refused = async |octets: Vec<u8>, words: &str| {
+        fs::write(&trials, octets).unwrap();
+        let (code, line, said) = analyze(&["--trials", path], &out).await;
+        assert_eq!((code, line.as_str()), (Some(2), ""), "{said}");
+        assert!(said.contains(&format!("trials.csv: {words}")), "{words}: {said}");
+        assert_eq!(said.trim_end().lines().count(), 1, "{said}");
+        assert!(!out.exists());
+    };
+    let text = |header: &str, rows: &[String]| format!("{header}\n{}\n", rows.join("\n"));
+    let all = text(&header, &rows);
+    let with = |line: usize, row: &str| {
+        let mut rows = rows.clone();
+        rows[line - 2] = row.to_owned();
+        text(&header, &rows).into_bytes()
+    };
+    refused(Vec::new(), "line 1: header: expected the columns participant,").await;
+    refused(header.clone().into(), "line 1: file: expected at least one trial, found no row").await;
+    let columns =
+        "line 1: header: expected the columns participant,trial,step,t,hx,hy,hpsi,rx,ry,rpsi,omega";
+    let heading = text(&header.replace("hpsi", "heading"), &rows);
+    refused(heading.into(), &format!("{columns}, found no column hpsi")).await;
+    let semicolons = format!("{columns}, found no column participant in \"participant;trial;");
+    refused(all.replace(',', ";").into(), &semicolons).await;
+    let twice = all.replacen("omega", "hx", 1);
+    refused(twice.into(), "line 1: header: expected each column once").await;
+    let (start, _) = rows[400].rsplit_once(',').unwrap();
+    refused(with(402, start), "line 402: row: expected comma-separated UTF-8 text, found 10").await;
+    let long = format!("{},1", rows[400]);
+    refused(with(402, &long), "line 402: row: expected comma-separated UTF-8 text, found 12").await;
+    let open = changed(&rows[400], 4, "\"1");
+    refused(with(402, &open), "line 402: row: expected comma-separated UTF-8 text").await;
+    let nobody = changed(&rows[400], 0, " ");
+    refused(with(402, &nobody), "line 402: participant: expected a name or number").await;
+    let long = changed(&rows[400], 0, &"7".repeat(1_000_000));
+    refused(with(402, &long), "line 402: participant: expected a name or number").await;
+    let mut octets = all.clone().into_bytes();
+    octets.insert(all.len() - 3, 0xff);
+    refused(octets, "line 601: row: expected comma-separated UTF-8 text, found octets").await;
+    let practice: Vec<String> = rows.iter().map(|row| format!("{row},practice")).collect();
+    let practice = text(&format!("{header},phase"), &practice);
+    refused(practice.into(), "expected at least one task, found none").await;
+    // Everybody's are wrong.
+    let other: Vec<String> = rows.iter().map(|row| changed(row, 10, "7")).collect();
+    let words = "line 2: omega: expected -0.5, 0 or 0.5, found 7 (and there are faults of 1 more";
+    refused(text(&header, &other).into(), words).await;
+
+    let (code, _, said) = analyze(&["--trials", "nowhere.csv"], &out).await;
+    assert_eq!(code, Some(2), "{said}");
+    assert!(said.contains("nowhere.csv: cannot read"), "{said}");
+    fs::write(&trials, &all).unwrap();
+    let (code, printed, said) = analyze(&["--trials", path], &trials).await;
+    assert_eq!((code, printed.as_str()), (Some(1), ""), "{said}");
+    assert!(said.contains("cannot write"), "{said}");
+}
+
+/// As other programs write them: a mark of the octets' order, line ends, quotes, order of columns.
+#[tokio::test]
+async fn other_writers_files_are_read() {
+    let folder = TempDir::new().unwrap();
+    let (header, rows) = some_trials(&["0"], 5);
+    let plain = written(&folder, "plain.csv", &header, &rows);
+    let [first, second] = ["first", "second"].map(|name| folder.path().join(name));
+    let (code, _, said) = analyze(&["--trials", &plain], &first).await;
+    assert_eq!(code, Some(0), "{said}");
+    let other = |line: &str| {
+        let fields: Vec<String> = line.rsplit(',').map(|field| format!("\"{field}\"")).collect();
+        format!("{},\"a, b\"\r\n", fields.join(", ").replace("\", \"", "\",\""))
+    };
+    let lines: Vec<String> = rows.iter().map(|row| other(row)).collect();
+    let header = other(&header).replace("a, b", "further");
+    let path = folder.path().join("other.csv");
+    fs::write(&path, format!("\u{feff}{header}{}", lines.concat())).unwrap();
+    let (code, _, said) = analyze(&["--trials", path.to_str().unwrap()], &second).await;
+    assert_eq!(code, Some(0), "{said}");
+    let cells = |out: &std::path::Path| fs::read(out.join("cells.csv")).unwrap();
+    assert!(cells(&first) == cells(&second));
+}
+
+#[tokio::test]
+async fn features_that_do_not_go_with_somebodys_trials_leave_them_out() {
+    let folder = TempDir::new().unwrap();
+    let out = folder.path().join("out");
+    let (header, rows) = some_trials(&["0", "1"], 6);
+    let trials = written(&folder, "trials.csv", &header, &rows);
+    let features = folder.path().join("features.csv");
+    let features = features.to_str().unwrap();
+    let output = sidestep(&["features", "--trials", &trials, "--out", features]).await;
+    assert!(output.status.success());
+    let good = fs::read_to_string(features).unwrap();
+    let good: Vec<String> = good.lines().map(str::to_owned).collect();
+    let other = |turn: &str| if turn == "0" { "1" } else { "0" };
+    let turn = good[FIRST].split(',').nth(11).unwrap();
+    let cases = [
+        (vec![(FIRST, changed(&good[FIRST], 8, "NaN"))], "line 303: v_h: expected a finite"),
+        (vec![(FIRST, changed(&good[FIRST], 8, "?"))], "line 303: v_h: expected a number"),
+        (vec![(FIRST, changed(&good[FIRST], 11, other(turn)))], "line 303: turn: expected"),
+        (vec![(FIRST, good[FIRST - 1].clone())], "line 303: row: expected each step once"),
+        (vec![(FIRST, changed(&good[FIRST], 2, "70"))], "participant 1, trial 0, step 1"),
+    ];
+    for (changes, words) in cases {
+        let mut lines = good.clone();
+        for (place, line) in changes {
+            lines[place] = line;
+        }
+        fs::write(features, lines.join("\n")).unwrap();
+        let args = ["--trials", &trials, "--features", features];
+        let (code, printed, said) = analyze(&args, &out).await;
+        assert_eq!(code, Some(0), "{said}");
+        assert!(
+            said.contains("left out: participant 1: features: ") && said.contains(words),
+            "{said}"
+        );
+        let printed: Value = serde_json::from_str(&printed).unwrap();
+        assert_eq!(printed["excluded"][0]["participant"], "1");
+        assert_eq!(printed["participants"], 1);
+    }
+
+    // Of nobody's trials; no table.
+    let (code, _, said) =
+        analyze(&["--trials", &trials, "--features", &data("features.csv")], &out).await;
+    assert_eq!(code, Some(0), "the reference's go with its trials: {said}");
+    let none = folder.path().join("none");
+    for (text, words) in [
+        (
+            good[..1].join("\n"),
+            "features.csv: line 1: row: expected participant 0, trial 0, step 0",
+        ),
+        (good.join("\n").replacen("v_h", "safety", 1), "features.csv: line 1: header: expected"),
+        (String::new(), "features.csv: line 1: header: expected"),
+    ] {
+        fs::write(features, text).unwrap();
+        let args = ["--trials", &trials, "--features", features];
+        let (code, printed, said) = analyze(&args, &none).await;
+        assert_eq!((code, printed.as_str()), (Some(2), ""), "{said}");
+        assert!(said.contains(words), "{words}: {said}");
+        assert!(!none.join("cells.csv").exists());
+    }
+}
