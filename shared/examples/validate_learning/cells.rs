@@ -186,7 +186,7 @@ fn under(setting: &Value, cell: &Cell, person: &Person) -> Result<Cell, Box<dyn 
     let sets = NamedSet::papers()?;
     let set = sets.iter().find(|set| set.name == cell.features).ok_or("no such set")?;
     let data = person.data.select(&set.features)?;
-    let cells = fit(family, &data, &Split::grouped(&data), &grids, set.name, cell.participant)?;
+    let cells = fit(family, &data, &Split::grouped(&data), &grids, &set.name, cell.participant)?;
     let place = Experiment::ALL.iter().position(|one| *one == cell.experiment);
     Ok(cells[place.ok_or("no such experiment")?].clone())
 }

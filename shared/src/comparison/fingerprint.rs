@@ -43,12 +43,12 @@ pub fn learning_fingerprints() -> Result<Vec<(String, String)>, SolveError> {
             found.push((format!("{levels}, {stage}"), hex(&hash.finalize())));
         };
         add("features".to_owned(), of_numbers(all.values.iter().chain(&others.values)));
-        let papers = NamedSet { name: "hrd", features: FeatureSet::subset("hrd")? };
+        let papers = NamedSet { name: "hrd".to_owned(), features: FeatureSet::subset("hrd")? };
         for set in [papers, NamedSet::with_history()?] {
             let (data, others) = (all.select(&set.features)?, others.select(&set.features)?);
             for family in Family::PAPERS.into_iter().chain([Family::Boosted]) {
                 let split = Split::grouped(&data);
-                let cells = fit(family, &data, &split, &small_grids(), set.name, 0)?;
+                let cells = fit(family, &data, &split, &small_grids(), &set.name, 0)?;
                 let (mut trained, mut predicted) = (Sha256::new(), Sha256::new());
                 for cell in &cells {
                     // Every number of the text is the shortest that reads back as the same bits.
