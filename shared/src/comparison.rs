@@ -10,6 +10,7 @@ pub mod ablation;
 pub mod avoidance;
 pub mod baseline;
 pub mod cell;
+mod fingerprint;
 pub mod fit;
 pub mod metrics;
 mod request;
@@ -18,6 +19,7 @@ mod run;
 pub mod split;
 pub mod tables;
 
+pub use fingerprint::learning_fingerprints;
 pub use request::Request;
 pub use run::{
     Cache, Exclusion, Leakage, Person, Progress, Results, RolloutsOf, RunError, Settings, run,

@@ -2,19 +2,17 @@
 
 mod learning;
 
-use learning::{Lr, PEOPLE, WIDTH, classes, peer, peer_by_newton, person, said};
+use learning::apart::{self, furthest};
+use learning::{PEOPLE, WIDTH, classes, person};
+use linfa::DatasetBase;
+use linfa::traits::Fit;
+use linfa_logistic::{LogisticRegression, MultiLogisticRegression};
+use ndarray::{Array1, Array2};
 use sidestep::learn::logistic::{LogisticSettings, fit, fit_path};
 use sidestep::learn::samples::Samples;
 use sidestep::math::SeededRng;
 use sidestep::predict::logistic::Logistic;
 use sidestep::predict::scale::Scale;
-
-fn furthest<'a>(
-    found: impl IntoIterator<Item = &'a f64>,
-    expected: impl IntoIterator<Item = &'a f64>,
-) -> f64 {
-    found.into_iter().zip(expected).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
-}
 
 fn numbers(model: &Logistic) -> Vec<f64> {
     let weights = model.coefficients().concat();
@@ -26,44 +24,12 @@ fn numbers(model: &Logistic) -> Vec<f64> {
 const SOLVER_STOPS_SHORT: f64 = 7e-6;
 
 fn agrees_with_scikit_learn(experiment: usize) {
-    for participant in 0..PEOPLE {
-        let (training, test) = person(participant, experiment);
-        let peer = peer(participant, experiment);
-        let scale = Scale::fit(WIDTH, &training.values);
-        assert!(furthest(scale.mean(), &peer.mean) < 1e-9);
-        assert!(furthest(scale.scale(), &peer.scale) < 1e-9);
-        let standard = training.on(&scale);
-        let samples = standard.samples(experiment);
-        let check = |model: &Logistic, expected: &Lr, tolerance: f64| {
-            // Of two classes, scikit-learn writes down the second's weights only.
-            let skip = classes(experiment) - expected.coef.len();
-            let found = model.coefficients()[skip..].concat();
-            let apart = furthest(&found, expected.coef.iter().flatten());
-            assert!(apart < tolerance, "{participant}: weights {apart:e} apart");
-            let apart = furthest(&model.intercepts()[skip..], &expected.intercept);
-            assert!(apart < tolerance, "{participant}: intercepts {apart:e} apart");
-        };
-        for c in [1e-3, 1.0, 1e2] {
-            let model = fit(&samples, c, LogisticSettings::default()).expect("a fit");
-            check(&model, &peer_by_newton(participant, experiment, c), 1e-9);
-        }
-        let model = fit(&samples, 1.0, LogisticSettings::default()).expect("a fit");
-        check(&model, &peer.lr, SOLVER_STOPS_SHORT);
-
-        let rows = said(participant, experiment);
-        assert_eq!(rows.len(), 500);
-        let mut found = vec![0.0; classes(experiment)];
-        for ((place, values), row) in
-            test.places.iter().zip(test.values.chunks_exact(WIDTH)).zip(&rows)
-        {
-            assert_eq!((place.0 as f64, place.1 as f64), (row["trial"], row["step"]));
-            model.probabilities_into(&scale, values, &mut found);
-            assert!((found.iter().sum::<f64>() - 1.0).abs() < 1e-12);
-            for (class, p) in found.iter().enumerate() {
-                assert!((p - row[&format!("lr_p{class}")]).abs() < 1e-6);
-            }
-        }
-    }
+    let apart = apart::logistic(experiment);
+    assert!(apart.scale < 1e-9, "{:e}", apart.scale);
+    assert!(apart.newton < 1e-9, "{:e}", apart.newton);
+    assert!(apart.lbfgs < SOLVER_STOPS_SHORT, "{:e}", apart.lbfgs);
+    assert!(apart.probability < 1e-6, "{:e}", apart.probability);
+    assert_eq!(apart.probabilities, 500 * PEOPLE * classes(experiment));
 }
 
 #[test]
@@ -74,6 +40,51 @@ fn which_way_agrees_with_scikit_learn() {
 #[test]
 fn whether_agrees_with_scikit_learn() {
     agrees_with_scikit_learn(2);
+}
+
+/// Another library's solver, L-BFGS to a gradient of 10⁻⁹ (or as far as its line search gets), on
+/// the same rows. Its penalty is 1/C, as ours without one on intercepts.
+#[test]
+fn linfa_finds_the_same_models() {
+    let mut apart = 0.0_f64;
+    for (participant, c) in [(0, 0.1), (3, 1.0), (6, 10.0)] {
+        for experiment in [1, 2] {
+            let rows = person(participant, experiment).0;
+            let scale = Scale::fit(WIDTH, &rows.values);
+            let rows = rows.on(&scale);
+            let model = fit(&rows.samples(experiment), c, LogisticSettings::default()).unwrap();
+            let shape = (rows.labels.len(), WIDTH);
+            let values = Array2::from_shape_vec(shape, rows.values.clone()).unwrap();
+            let data = DatasetBase::new(values, Array1::from(rows.labels.clone()));
+            let (weights, intercepts) = if experiment == 1 {
+                let other = MultiLogisticRegression::default()
+                    .alpha(1.0 / c)
+                    .max_iterations(10_000)
+                    .gradient_tolerance(1e-9)
+                    .fit(&data)
+                    .unwrap();
+                assert_eq!(other.classes(), [0, 1, 2]);
+                // Features × classes.
+                let weights = other.params().t().iter().copied().collect();
+                (weights, other.intercept().to_vec())
+            } else {
+                let other = LogisticRegression::default()
+                    .alpha(1.0 / c)
+                    .max_iterations(10_000)
+                    .gradient_tolerance(1e-9)
+                    .fit(&data)
+                    .unwrap();
+                let sign = if other.labels().pos.class == 1 { 1.0 } else { -1.0 };
+                let weights: Vec<f64> = other.params().iter().map(|w| sign * w).collect();
+                (weights, vec![sign * other.intercept()])
+            };
+            let skip = classes(experiment) - intercepts.len();
+            let found = model.coefficients()[skip..].concat();
+            apart = apart.max(furthest(&found, &weights));
+            apart = apart.max(furthest(&model.intercepts()[skip..], &intercepts));
+        }
+    }
+    assert!(apart < 1e-6, "{apart:e}");
 }
 
 const STRENGTHS: [f64; 6] = [1e-3, 1e-2, 1e-1, 1.0, 1e1, 1e2];

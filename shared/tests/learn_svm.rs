@@ -1,6 +1,9 @@
 //! Support vector machines against scikit-learn's on recorded rows, and against libsvm-rs on
 //! random ones.
 
+mod learning;
+
+use learning::apart;
 use libsvm_rs::{KernelType, SvmNode, SvmParameter, SvmProblem, SvmType};
 use sidestep::learn::svm::{
     Grid, Kernels, SvmSettings, Task, best, calibrate, cross_validate, fit, fit_calibrated,
@@ -48,49 +51,18 @@ fn plain(classes: usize) -> Vec<Sigmoid> {
     vec![Sigmoid { a: -1.0, b: 0.0 }; pair_count(classes)]
 }
 
-/// `svc_pred`, decision values and `svc_cal_p*` of a row, by its experiment.
-const PREDICTED: usize = 9;
-const DECISIONS: usize = 10;
+/// `svc_cal_p*` of a row.
 const CALIBRATED: usize = 13;
 
 #[test]
 fn scikit_learns_machines_are_found_again() {
-    let features = numbers(include_str!("data/features.csv"));
-    let models: serde_json::Value =
-        serde_json::from_str(include_str!("data/sk_open_hrd_models.json")).unwrap();
-    let expected = [
-        numbers(include_str!("data/sk_open_hrd_exp1.csv")),
-        numbers(include_str!("data/sk_open_hrd_exp2.csv")),
-    ];
-    let (mut rows, mut different, mut farthest) = (0, 0, 0.0f64);
-    for number in 0..8 {
-        let (training, test) = participant(&features, number);
-        for (experiment, expected) in [1, 2].into_iter().zip(&expected) {
-            let model = &models[format!("p{number}_exp{experiment}")]["svc"];
-            let kernel = Kernel::Rbf { gamma: model["gamma"].as_f64().unwrap() };
-            let (labels, classes) =
-                if experiment == 1 { (&training.turn, 3) } else { (&training.avoid, 2) };
-            let task = Task { labels, classes };
-            let settings = SvmSettings::new(kernel, 1.0);
-            let (scale, svm) =
-                fit(WIDTH, &training.values, task, settings, plain(classes)).unwrap();
-            let expected = expected.iter().filter(|row| row[0] as usize == number);
-            for (row, expected) in test.values.chunks(WIDTH).zip(expected) {
-                let decisions = svm.decisions(&scale, row);
-                // Of two classes scikit-learn turns the sign: positive for the second.
-                let sign = if classes == 2 { -1.0 } else { 1.0 };
-                for (decision, expected) in decisions.iter().zip(&expected[DECISIONS..]) {
-                    farthest = farthest.max((sign * decision - expected).abs());
-                }
-                let class = svm.class(&scale, row) as f64 - if classes == 3 { 1.0 } else { 0.0 };
-                rows += 1;
-                different += usize::from(class != expected[PREDICTED]);
-            }
-        }
+    let both = [1, 2].map(apart::machines);
+    assert_eq!(both.iter().map(|apart| apart.rows).sum::<usize>(), 8000);
+    let different: usize = both.iter().map(|apart| apart.different).sum();
+    assert!(different <= 10, "{different} of 8000 predictions differ");
+    for apart in both {
+        assert!(apart.decision < 1e-5, "decision values differ by {}", apart.decision);
     }
-    assert_eq!(rows, 8000);
-    assert!(different <= 10, "{different} of {rows} predictions differ");
-    assert!(farthest < 1e-5, "decision values differ by {farthest}");
 }
 
 /// scikit-learn's probabilities are one class against the rest, ours pairs of classes, coupled;

@@ -2,52 +2,21 @@
 
 mod learning;
 
-use learning::{PEOPLE, WIDTH, classes, person, said};
+use learning::{PEOPLE, WIDTH, apart, person};
 use proptest::prelude::*;
 use sidestep::learn::samples::Samples;
 use sidestep::learn::tree::{TreeSettings, grow, grow_each};
 use sidestep::math::SeededRng;
-use sidestep::predict::scale::Scale;
 use sidestep::predict::tree::{Tree, TreeFile};
-use std::collections::HashSet;
-
-/// What scikit-learn was asked for.
-const SETTINGS: TreeSettings = TreeSettings { max_depth: Some(6), min_leaf: 5 };
 
 /// The reference's trees were compared with five others of random tie-breaks; more find more.
 /// Rows on which none of a thousand trees disagrees must be equal here too.
 fn agrees_with_scikit_learn(experiment: usize) {
-    let ties: HashSet<[usize; 4]> =
-        csv::Reader::from_reader(include_str!("data/sklearn_tree_ties.csv").as_bytes())
-            .into_deserialize()
-            .collect::<Result<_, _>>()
-            .expect("places of rows");
-    for participant in 0..PEOPLE {
-        let (training, test) = person(participant, experiment);
-        let scale = Scale::fit(WIDTH, &training.values);
-        let standard = training.on(&scale);
-        let tree = grow(&standard.samples(experiment), SETTINGS).expect("a tree").unscaled(&scale);
-        let mut p = vec![0.0; classes(experiment)];
-        let rows = said(participant, experiment);
-        for (values, row) in test.values.chunks_exact(WIDTH).zip(&rows) {
-            tree.probabilities_into(values, &mut p);
-            assert!((p.iter().sum::<f64>() - 1.0).abs() < 1e-12);
-            let place = [participant, experiment, row["trial"] as usize, row["step"] as usize];
-            if ties.contains(&place) {
-                continue;
-            }
-            assert_eq!(row["dt_tie_ambiguous"], 0.0, "{place:?}");
-            // Classes are −1, 0, 1 in experiment I and 0, 1 in experiment II.
-            let lowest = if experiment == 1 { -1.0 } else { 0.0 };
-            assert_eq!(tree.class(values) as f64 + lowest, row["dt_pred"], "{place:?}");
-            let counts = tree.counts_at(values);
-            let n = f64::from(counts.iter().sum::<u32>());
-            for (class, &count) in counts.iter().enumerate() {
-                let expected = row[&format!("dt_p{class}")];
-                assert!((f64::from(count) / n - expected).abs() < 1e-8, "{place:?}");
-            }
-        }
-    }
+    let apart = apart::trees(experiment);
+    assert_eq!(apart.rows, 500 * PEOPLE);
+    assert_eq!(apart.different, 0);
+    assert!(apart.share < 1e-8, "{:e}", apart.share);
+    assert!(apart.ties <= 200, "{} rows are not compared", apart.ties);
 }
 
 #[test]

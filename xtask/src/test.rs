@@ -1,13 +1,14 @@
 //! `cargo xtask test`: every test there is, with all that they need.
 
-use std::env;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
+use std::{env, fs};
 
 use anyhow::{Context, Result, bail};
 
-use crate::build;
+use crate::build::{self, build_client, build_solver};
+use crate::site::bundle;
 use crate::workspace::{Workspace, answer_of, stage};
 
 /// Run every test, after installing what they need where that is possible.
@@ -47,6 +48,7 @@ const CHROMIUM: Requirement = Requirement {
 pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> {
     let programs = provide(REQUIREMENTS)?;
     build::run(workspace, &build::Options::default())?;
+    let pages = fingerprint_pages(workspace)?;
 
     eprintln!("==> tests");
     let mut tests = workspace.cargo(["test", "--locked", "--release", "--workspace"]);
@@ -56,10 +58,35 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> 
     if env::var_os("PROPTEST_RNG_SEED").is_none() {
         tests.env("PROPTEST_RNG_SEED", "2019");
     }
-    for (variable, program) in programs {
-        tests.env(variable, program);
+    for (variable, path) in programs.into_iter().chain(pages) {
+        tests.env(variable, path);
     }
     answer_of(&mut tests)
+}
+
+/// The example of the client that says what WebAssembly computes.
+const FINGERPRINT: &str = "fingerprint";
+
+/// Pages with that example, compiled as either part of the site is, and the variables that tell
+/// the tests where they are.
+fn fingerprint_pages(workspace: &Workspace) -> Result<Vec<(&'static str, PathBuf)>> {
+    let sides = [
+        ("SIDESTEP_FINGERPRINT_PAGE", "fingerprint-page.html", build_client(workspace)),
+        ("SIDESTEP_FINGERPRINT_SOLVER", "fingerprint-solver.html", build_solver(workspace)),
+    ];
+    let folder = workspace.browser_pages();
+    fs::create_dir_all(&folder)
+        .with_context(|| format!("cannot make the folder {}", folder.display()))?;
+    let mut pages = Vec::new();
+    for (variable, name, mut build) in sides {
+        stage(name, build.args(["--example", FINGERPRINT]))?;
+        let compiled = workspace.compiled_client(&format!("examples/{FINGERPRINT}"));
+        let text = bundle(FINGERPRINT, &compiled)?.page()?;
+        let path = folder.join(name);
+        fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))?;
+        pages.push((variable, path));
+    }
+    Ok(pages)
 }
 
 /// Finds every requirement, installing those that are missing.

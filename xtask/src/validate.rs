@@ -3,6 +3,7 @@
 //! For each page of `docs/validation` an example of the library computes and prints numbers;
 //! here they become the page and its pictures. Nothing is measured here.
 
+mod learning;
 mod reachability;
 mod shfrs;
 mod words;
@@ -16,8 +17,8 @@ use serde::de::DeserializeOwned;
 
 use crate::workspace::{Workspace, output_of, stage};
 
-/// Measure value functions and reachable sets against closed forms, references and peers; write
-/// the pages of docs/validation.
+/// Measure value functions, reachable sets and learning against closed forms, references and
+/// peers; write the pages of docs/validation.
 #[derive(clap::Args)]
 pub(crate) struct Options {
     /// The page to write anew; all of them if none is named.
@@ -35,6 +36,8 @@ enum Page {
     Reachability,
     /// Reachable sets and their probabilities: shfrs.md.
     Shfrs,
+    /// Models, the comparison and its tests: learning.md.
+    Learning,
 }
 
 /// Measures and writes.
@@ -48,6 +51,9 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<()> {
     }
     if wanted(Page::Shfrs) {
         shfrs::run(workspace)?;
+    }
+    if wanted(Page::Learning) {
+        learning::run(workspace)?;
     }
     Ok(())
 }

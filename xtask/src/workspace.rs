@@ -87,6 +87,11 @@ impl Workspace {
         self.target.join("bench")
     }
 
+    /// Pages that tests open from files.
+    pub(crate) fn browser_pages(&self) -> PathBuf {
+        self.target.join("browser-pages")
+    }
+
     /// A cargo call with `arguments`, in the root of the workspace.
     pub(crate) fn cargo<'a>(&self, arguments: impl IntoIterator<Item = &'a str>) -> Command {
         let mut command = cargo_in(&self.root);

@@ -2,6 +2,9 @@
 //! (`tests/data/README.md`).
 #![allow(dead_code, reason = "each test uses some of it")]
 
+pub(crate) mod apart;
+pub(crate) mod ranks;
+
 use serde::Deserialize;
 use sidestep::learn::samples::Samples;
 use sidestep::predict::scale::Scale;
@@ -20,6 +23,12 @@ struct FeatureRow {
     features: [f64; WIDTH],
     y1: i8,
     y2: i8,
+}
+
+/// The lines of a reference table.
+pub(crate) fn lines<T: serde::de::DeserializeOwned>(text: &str) -> Vec<T> {
+    let lines = csv::Reader::from_reader(text.as_bytes()).into_deserialize();
+    lines.collect::<Result<_, _>>().expect("lines of a table")
 }
 
 /// Rows of one person, and their class in experiment I or II.
@@ -56,6 +65,11 @@ pub(crate) fn classes(experiment: usize) -> usize {
     if experiment == 1 { 3 } else { 2 }
 }
 
+/// The class with label 0: −1, 0, 1 in experiment I and 0, 1 in experiment II.
+pub(crate) fn lowest_class(experiment: usize) -> f64 {
+    if experiment == 1 { -1.0 } else { 0.0 }
+}
+
 /// Trials 0–39 and 40–49 of a person, raw.
 pub(crate) fn person(participant: usize, experiment: usize) -> (Rows, Rows) {
     let mut reader = csv::Reader::from_reader(include_str!("../data/features.csv").as_bytes());
@@ -76,7 +90,7 @@ pub(crate) struct Peer {
     pub(crate) mean: Vec<f64>,
     pub(crate) scale: Vec<f64>,
     pub(crate) lr: Lr,
-    pub(crate) dt: Dt,
+    pub(crate) svc: Svc,
 }
 
 #[derive(Deserialize)]
@@ -86,10 +100,8 @@ pub(crate) struct Lr {
 }
 
 #[derive(Deserialize)]
-pub(crate) struct Dt {
-    pub(crate) nodes: usize,
-    pub(crate) feature: Vec<i64>,
-    pub(crate) threshold: Vec<f64>,
+pub(crate) struct Svc {
+    pub(crate) gamma: f64,
 }
 
 /// scikit-learn's model of a person.

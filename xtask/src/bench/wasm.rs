@@ -153,7 +153,7 @@ fn in_browser(bundle: &Bundle, group: &str, folder: &Path) -> Result<Figures> {
     let chromium = chromium()?;
     let page = folder.join("wasm.html");
     fs::create_dir_all(folder)
-        .and_then(|()| fs::write(&page, page_of(bundle)?))
+        .and_then(|()| fs::write(&page, bundle.page()?))
         .with_context(|| format!("cannot write {}", page.display()))?;
     let mut command = Command::new(chromium);
     command.args(["--headless=new", "--no-sandbox", "--disable-gpu", "--no-first-run"]);
@@ -167,15 +167,6 @@ fn in_browser(bundle: &Bundle, group: &str, folder: &Path) -> Result<Figures> {
     }
     let text = String::from_utf8(output.stdout).context("Chromium printed no UTF-8")?;
     figures(body_of(&text)?)
-}
-
-/// A page with the program in it, since a page from a file may load no other file. All
-/// runs before the page counts as loaded, which is when Chromium prints it.
-fn page_of(bundle: &Bundle) -> std::io::Result<String> {
-    let octets = serde_json::to_string(&bundle.wasm)?;
-    let start = format!("initSync({{ module: new Uint8Array({octets}) }});");
-    let script = format!("<script type=module>\n{}\n{start}\n</script>", bundle.js.trim_end());
-    Ok(format!("<!doctype html>\n<head><meta charset=utf-8>\n{script}\n</head>\n<body></body>\n"))
 }
 
 /// The text of a page whose body has no elements.
@@ -274,12 +265,7 @@ mod tests {
 
     #[test]
     fn the_answer_is_the_body_of_the_page() {
-        let bundle = Bundle { entry: EXAMPLE, js: "'<body>';".to_owned(), wasm: vec![0, 97] };
-        let page = page_of(&bundle).expect("a page");
-        assert!(
-            page.contains("'<body>';\ninitSync({ module: new Uint8Array([0,97]) });"),
-            "{page}"
-        );
+        let page = "<script>'<body>';</script>\n<body></body>\n";
         let page = page.replace("<body>", &format!("<body>{NATIVE}"));
         assert_eq!(body_of(&page).expect("a body"), NATIVE);
         let error = figures("panicked").expect_err("that is no list");

@@ -55,6 +55,20 @@ pub(crate) fn bundle(entry: &'static str, compiled: &Path) -> Result<Bundle> {
 }
 
 impl Bundle {
+    /// A page with the program in it, since a page from a file may load no other file. All
+    /// runs before the page counts as loaded.
+    ///
+    /// # Errors
+    /// Never: octets can be written as JSON.
+    pub(crate) fn page(&self) -> serde_json::Result<String> {
+        let octets = serde_json::to_string(&self.wasm)?;
+        let start = format!("initSync({{ module: new Uint8Array({octets}) }});");
+        let script = format!("<script type=module>\n{}\n{start}\n</script>", self.js.trim_end());
+        Ok(format!(
+            "<!doctype html>\n<head><meta charset=utf-8>\n{script}\n</head>\n<body></body>\n"
+        ))
+    }
+
     /// The script that loads the wasm under the name `wasm` and starts it.
     ///
     /// The call that starts it is part of the file because the site's security
@@ -90,6 +104,14 @@ mod tests {
             .script_for("lab-12.wasm")
             .expect("a script of the usual form");
         assert_eq!(script, "new URL('lab-12.wasm', import.meta.url);\nawait __wbg_init();\n");
+    }
+
+    #[test]
+    fn a_page_from_a_file_has_all_in_it() {
+        let bundle = Bundle { wasm: vec![0, 97], ..bundle_with("'<body>';\n") };
+        let page = bundle.page().expect("a page");
+        let start = "'<body>';\ninitSync({ module: new Uint8Array([0,97]) });";
+        assert!(page.contains(start), "{page}");
     }
 
     #[test]
