@@ -1,6 +1,9 @@
 //! What of a comparison is kept is not computed again, what changed is, and what is broken off
 //! stops.
 
+// Helpers outside `#[test]` functions are tests too.
+#![allow(clippy::unwrap_used)]
+
 use sidestep::comparison::cell::{Cell, NamedSet};
 use sidestep::comparison::{Cache, Person, Progress, Results, RunError, Settings, run};
 use sidestep::dataset::Dataset;
