@@ -39,7 +39,8 @@ impl Variable {
 #[derive(Clone, Debug)]
 pub(super) struct Dense<T> {
     pub(super) variables: Vec<Variable>,
-    /// Blocks of a row of `matrix`.
+    /// Blocks from a row of `matrix` to the next: one more than there is room for, so that a
+    /// column's entries do not all fall into the same few sets of a cache.
     pub(super) stride: usize,
     /// K among the variables.
     pub(super) matrix: Vec<Block<T>>,
@@ -82,12 +83,14 @@ impl<T: Entry> Dense<T> {
     pub(super) fn widen(&mut self, count: usize) {
         let none = Variable { beta: 0.0, lower: 0.0, upper: 0.0 };
         self.variables.resize(count, none);
-        if count > self.stride * LANES {
-            let (old, stride) = (self.stride, (2 * self.stride).max(16));
-            let mut matrix = vec![Block::all(T::ZERO); stride * stride * LANES];
-            for i in 0..old * LANES {
-                matrix[i * stride..i * stride + old]
-                    .copy_from_slice(&self.matrix[i * old..(i + 1) * old]);
+        let old = self.stride;
+        let room = old.saturating_sub(1);
+        if count > room * LANES {
+            let stride = (2 * room).max(16) + 1;
+            let mut matrix = vec![Block::all(T::ZERO); (stride - 1) * LANES * stride];
+            for i in 0..room * LANES {
+                matrix[i * stride..i * stride + room]
+                    .copy_from_slice(&self.matrix[i * old..i * old + room]);
             }
             (self.matrix, self.stride) = (matrix, stride);
             let never = Block::all(T::from_f64(f64::NEG_INFINITY));
