@@ -4,15 +4,15 @@
 //! Criterion reports every measurement with its spread. The table at the end is made of
 //! the fastest samples of this run, which other work on the machine disturbs least.
 
-#![allow(clippy::print_stdout, reason = "a benchmark answers on standard output")]
+mod fastest;
 
 use std::hint::black_box;
 use std::ops::ControlFlow;
 use std::thread;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-use criterion::measurement::WallTime;
-use criterion::{BenchmarkGroup, Criterion, SamplingMode, Throughput};
+use criterion::{Criterion, SamplingMode, Throughput};
+use fastest::Fastest;
 use sidestep::math::{SeededRng, TAU};
 use sidestep::reachability::cartesian::{
     Direction, Horizon, Kind, Problem, Region, Settings, solve,
@@ -49,7 +49,7 @@ fn main() {
     sampled(&mut criterion, &mut fastest);
     cartesian(&mut criterion, &mut fastest);
     criterion.final_summary();
-    fastest.print_ratios();
+    fastest.print_ratios(RATIOS, BUDGETS);
 }
 
 /// The closed form at every node of a 61×61×48 grid.
@@ -173,90 +173,4 @@ fn cartesian(criterion: &mut Criterion, fastest: &mut Fastest) {
         });
     }
     group.finish();
-}
-
-/// The fastest sample of each measurement of this run.
-#[derive(Default)]
-struct Fastest(Vec<Sample>);
-
-struct Sample {
-    name: &'static str,
-    /// What one call works on: states, or 1 for a solve.
-    items: usize,
-    /// Of one call, s.
-    seconds: f64,
-}
-
-impl Fastest {
-    /// Measures `work`, called `group/name`, under its name without the group's.
-    fn measure(
-        &mut self,
-        group: &mut BenchmarkGroup<'_, WallTime>,
-        name: &'static str,
-        items: usize,
-        mut work: impl FnMut(),
-    ) {
-        let short = name.split_once('/').map_or(name, |(_, short)| short);
-        let mut seconds = f64::INFINITY;
-        group.bench_function(short, |bencher| {
-            bencher.iter_custom(|calls| {
-                let start = Instant::now();
-                for _ in 0..calls {
-                    work();
-                }
-                let took = start.elapsed();
-                seconds = seconds.min(took.as_secs_f64() / calls as f64);
-                took
-            });
-        });
-        // A filter on the command line may have left it out.
-        if seconds.is_finite() {
-            self.0.push(Sample { name, items, seconds });
-        }
-    }
-
-    fn of(&self, name: &str) -> Option<&Sample> {
-        self.0.iter().find(|sample| sample.name == name)
-    }
-
-    fn print_ratios(&self) {
-        let head = ["fastest sample", "time", "budget", "baseline", "ratio"];
-        println!(
-            "\n{:28} {:>12} {:>18}   {:26} {:>6}",
-            head[0], head[1], head[2], head[3], head[4]
-        );
-        for sample in &self.0 {
-            let budget = BUDGETS.iter().find(|(name, _)| *name == sample.name);
-            let budget = budget.map_or_else(String::new, |(_, limit)| {
-                let verdict = if sample.each() <= *limit { "met" } else { "MISSED" };
-                format!("{} {verdict}", time(*limit))
-            });
-            let bases = RATIOS.iter().filter(|(name, _)| *name == sample.name);
-            let mut ratios: Vec<String> = bases
-                .filter_map(|(_, base)| self.of(base))
-                .map(|base| format!("{:26} {:6.2}", base.name, base.each() / sample.each()))
-                .collect();
-            if ratios.is_empty() {
-                ratios.push(String::new());
-            }
-            for ratio in ratios {
-                println!("{:28} {:>12} {budget:>18}   {ratio}", sample.name, time(sample.each()));
-            }
-        }
-    }
-}
-
-impl Sample {
-    /// Of one item, s.
-    fn each(&self) -> f64 {
-        self.seconds / self.items as f64
-    }
-}
-
-fn time(seconds: f64) -> String {
-    match seconds {
-        s if s < 1e-6 => format!("{:.1} ns", 1e9 * s),
-        s if s < 1e-3 => format!("{:.1} µs", 1e6 * s),
-        s => format!("{:.1} ms", 1e3 * s),
-    }
 }

@@ -62,6 +62,11 @@ const BENCHES: &[Bench] = &[
         runner: Runner::Learning,
     },
     Bench {
+        name: "features",
+        what: "features of a million steps, two threads against one and state by state",
+        runner: Runner::Target("sidestep"),
+    },
+    Bench {
         name: "learn",
         what: "training and inference of each model on real rows",
         runner: Runner::Target("sidestep"),

@@ -11,6 +11,8 @@
 
 mod bins;
 mod booster;
+mod grower;
+mod newton;
 
 use super::samples::Samples;
 use crate::invalid::{Invalid, length, positive};

@@ -109,15 +109,15 @@ pub fn fit(
         }
         Kernel::Rbf { gamma } => {
             positive("gamma", gamma)?;
-            let mut gram = Gram::<f64>::empty();
-            gram.become_squares(width, &rows, labels.len());
-            gram.apply_rbf(gamma);
+            let mut gram = Gram::<f64>::empty(false);
+            gram.set_data(width, &rows, labels.len());
+            gram.set_gamma(gamma);
             let mut dense = Dense::new();
             let mut dual = Vec::new();
             let mut intercepts = Vec::new();
             for (first, second) in pairs(task.classes) {
                 let sides = sides(&labels, first, second);
-                let mut smo = Smo::new(&gram, &sides, settings.c, None, &mut dense);
+                let mut smo = Smo::new(&mut gram, &sides, settings.c, None, &mut dense);
                 let machine = smo.solve(settings.c, settings.tolerance, settings.max_steps)?;
                 intercepts.push(machine.intercept);
                 dual.push(gram::entries(&machine.beta).copied().collect::<Vec<f64>>());

@@ -3,10 +3,14 @@
 use crate::invalid::Invalid;
 use crate::learn::samples::Samples;
 use crate::learn::tree::grower::Columns;
+use core::ops::Range;
 
-/// Rows with the number of their bin in place of each value.
+/// The bins of each row.
 pub(super) struct Bins {
-    columns: Columns,
+    /// Rows × columns: the bin, counted through all columns.
+    cells: Vec<u32>,
+    /// Where each column's bins begin, and where the last one's end.
+    begins: Vec<usize>,
     /// For each column, the threshold between each bin and the next.
     edges: Vec<Vec<f64>>,
 }
@@ -19,7 +23,8 @@ impl Bins {
     pub(super) fn new(samples: &Samples<'_>, most: usize) -> Result<Self, Invalid> {
         let (width, rows) = (samples.width(), samples.labels().len());
         let exact = Columns::new(samples)?;
-        let mut numbers = vec![0.0; width * rows];
+        let mut cells = vec![0; width * rows];
+        let mut begins = vec![0];
         let mut edges = Vec::with_capacity(width);
         for column in 0..width {
             let (mut between, mut ends) = (Vec::new(), Vec::new());
@@ -33,26 +38,45 @@ impl Bins {
                     full = (end / share + 1) * share;
                 }
             }
+            let begin = begins[column];
             let mut bin = 0;
             for (i, row) in exact.rows(column).enumerate() {
                 if ends.get(bin) == Some(&i) {
                     bin += 1;
                 }
-                numbers[row * width + column] = bin as f64;
+                cells[row * width + column] = (begin + bin) as u32;
             }
+            begins.push(begin + between.len() + 1);
             edges.push(between);
         }
-        let binned = Samples::new(width, &numbers, samples.labels(), samples.classes())?;
-        Ok(Self { columns: Columns::new(&binned)?, edges })
+        Ok(Self { cells, begins, edges })
     }
 
-    pub(super) fn columns(&self) -> &Columns {
-        &self.columns
+    pub(super) fn columns(&self) -> usize {
+        self.edges.len()
     }
 
-    /// The feature's threshold where a tree parts bins at `number`.
-    pub(super) fn threshold(&self, column: usize, number: f64) -> f64 {
-        self.edges[column][number as usize]
+    /// Bins of all columns together.
+    pub(super) fn count(&self) -> usize {
+        self.begins[self.edges.len()]
+    }
+
+    /// The bins of a column.
+    pub(super) fn range(&self, column: usize) -> Range<usize> {
+        self.begins[column]..self.begins[column + 1]
+    }
+
+    /// The bins that a row is in, one a column.
+    #[inline(always)]
+    pub(super) fn of(&self, row: usize) -> &[u32] {
+        let width = self.edges.len();
+        &self.cells[row * width..(row + 1) * width]
+    }
+
+    /// The feature's threshold between two of its bins, of which those in between are empty:
+    /// after the bin in the middle.
+    pub(super) fn threshold(&self, column: usize, last: usize, next: usize) -> f64 {
+        self.edges[column][(last + next) / 2]
     }
 }
 

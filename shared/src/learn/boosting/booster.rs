@@ -2,18 +2,19 @@
 
 use super::BoostingSettings;
 use super::bins::Bins;
+use super::grower::{Grower, Limits};
+use super::newton::{Newton, Sums, in_quanta};
 use crate::invalid::Invalid;
 use crate::learn::samples::Samples;
-use crate::learn::tree::grower::{Criterion, Limits, grow};
 use crate::math::{exp, ln};
 use crate::predict::boosting::{Boosted, Summand, scores_of};
-use crate::predict::tree::Questions;
+use crate::predict::tree::{DEEPEST, Node, Questions};
 
 /// A model that gets better.
 pub(super) struct Booster<'a> {
     labels: &'a [usize],
     bins: Bins,
-    limits: Limits,
+    grower: Grower,
     rate: f64,
     intercepts: Vec<f64>,
     trees: Vec<Summand>,
@@ -38,7 +39,10 @@ impl<'a> Booster<'a> {
         Ok(Self {
             labels: samples.labels(),
             bins: Bins::new(samples, settings.bins)?,
-            limits: Limits::new(Some(settings.depth), &[settings.min_leaf])?,
+            grower: Grower::new(Limits {
+                depth: settings.depth.min(DEEPEST),
+                leaf: settings.min_leaf,
+            }),
             rate: settings.rate,
             trees: Vec::new(),
             scores: intercepts.repeat(n),
@@ -86,24 +90,13 @@ impl<'a> Booster<'a> {
 
     /// A tree of Newton steps, times the rate, for features as they are. Notes each row's leaf.
     fn tree(&mut self) -> Summand {
-        let (bins, leaf_of) = (&self.bins, &mut self.leaf_of);
-        let mut grown = grow(bins.columns(), &self.newton, &self.limits, &mut |_, leaf, rows| {
-            for row in rows {
-                leaf_of[row] = leaf;
-            }
-        });
-        // One least leaf was asked for, so there is one tree.
-        let grown = grown.remove(0);
-        let mut nodes = grown.nodes;
-        let mut values = vec![0.0; nodes.len()];
-        for ((node, value), total) in nodes.iter_mut().zip(&mut values).zip(grown.totals) {
-            if node.is_leaf() {
-                *value = self.rate * self.newton.step(total);
-            } else {
-                node.threshold = bins.threshold(node.feature as usize, node.threshold);
-            }
-        }
-        Summand { questions: Questions::new(nodes), values }
+        let grown = self.grower.grow(&self.bins, &self.newton, &mut self.leaf_of);
+        let value = |(node, sums): (&Node, Sums)| match node.is_leaf() {
+            true => self.rate * self.newton.step(sums),
+            false => 0.0,
+        };
+        let values = grown.nodes.iter().zip(grown.sums).map(value).collect();
+        Summand { questions: Questions::new(grown.nodes), values }
     }
 }
 
@@ -133,76 +126,6 @@ pub(super) fn to_shares(scores: &mut [f64]) -> f64 {
     top + ln(total)
 }
 
-/// One unit of a rounded slope.
-const QUANTUM: f64 = 1.0 / (1u64 << 40) as f64;
-
-/// With at most 2²¹ rows and slopes from −1 to 1, sums stay below 2⁶¹.
-fn in_quanta(value: f64) -> i64 {
-    (value / QUANTUM).round() as i64
-}
-
-/// How much a split lowers the deviance, to second order.
-struct Newton {
-    /// Slope and curvature of each row's deviance by the score, in quanta.
-    slopes: Vec<[i64; 2]>,
-    penalty: f64,
-}
-
-impl Newton {
-    /// G² / (H + λ): twice what one leaf gains.
-    fn gain(&self, [slope, curvature]: [i64; 2]) -> f64 {
-        let slope = slope as f64 * QUANTUM;
-        let whole = curvature as f64 * QUANTUM + self.penalty;
-        if whole > 0.0 { slope * slope / whole } else { 0.0 }
-    }
-
-    /// −G / (H + λ): the Newton step of a leaf.
-    fn step(&self, [slope, curvature]: [i64; 2]) -> f64 {
-        let whole = curvature as f64 * QUANTUM + self.penalty;
-        if whole > 0.0 { -(slope as f64 * QUANTUM) / whole } else { 0.0 }
-    }
-}
-
-impl Criterion for Newton {
-    type Total = [i64; 2];
-    /// On the left, and in all.
-    type Scan = ([i64; 2], [i64; 2]);
-    type Score = f64;
-
-    fn total(&self, rows: impl Iterator<Item = usize>) -> [i64; 2] {
-        rows.fold([0; 2], |[g, h], row| [g + self.slopes[row][0], h + self.slopes[row][1]])
-    }
-
-    fn is_done(&self, _: &[i64; 2]) -> bool {
-        false
-    }
-
-    fn begin(&self, total: &[i64; 2]) -> Self::Scan {
-        ([0; 2], *total)
-    }
-
-    #[inline(always)]
-    fn pass(&self, (left, _): &mut Self::Scan, row: usize) {
-        let [slope, curvature] = self.slopes[row];
-        left[0] += slope;
-        left[1] += curvature;
-    }
-
-    #[inline(always)]
-    fn score(&self, (left, all): &Self::Scan) -> f64 {
-        self.gain(*left) + self.gain([all[0] - left[0], all[1] - left[1]])
-    }
-
-    #[inline(always)]
-    fn is_better(&self, score: &f64, than: &f64) -> bool {
-        score > than
-    }
-
-    fn is_worth_it(&self, score: &f64, total: &[i64; 2]) -> bool {
-        *score > self.gain(*total)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -229,14 +152,5 @@ mod tests {
                 assert!(((p_high - p_low) / (2.0 * h) - p[i] * (1.0 - p[i])).abs() < 1e-10);
             }
         }
-    }
-
-    #[test]
-    fn a_leaf_takes_the_newton_step() {
-        let newton = Newton { slopes: vec![[in_quanta(0.25), in_quanta(0.5)]; 4], penalty: 1.0 };
-        let total = newton.total(0..4);
-        assert_eq!(newton.step(total), -1.0 / 3.0);
-        assert_eq!(newton.gain(total), 1.0 / 3.0);
-        assert!(!newton.is_worth_it(&newton.gain(total), &total));
     }
 }

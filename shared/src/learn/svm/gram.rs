@@ -1,4 +1,4 @@
-//! Kernel matrices in lanes.
+//! Kernel matrices in lanes, a row when it is wanted.
 
 #![allow(clippy::needless_range_loop, reason = "a lane of several arrays at once")]
 
@@ -57,18 +57,100 @@ impl Entry for f64 {
     }
 }
 
-/// A matrix of a number for each of some rows of data and each of the first `columns` of
-/// them (those that are trained on; the others are held out).
+/// Rows of a matrix, each computed when it is wanted first: many never are.
 #[derive(Clone, Debug)]
-pub(super) struct Gram<T> {
-    columns: usize,
+struct Lazy<T> {
+    /// Where the row of this number begins, in rows; [`NOWHERE`] before it is computed.
+    place: Vec<u32>,
     data: Vec<Block<T>>,
 }
 
+const NOWHERE: u32 = u32::MAX;
+
+impl<T: Entry> Lazy<T> {
+    fn empty() -> Self {
+        Self { place: Vec::new(), data: Vec::new() }
+    }
+
+    /// Forgets all rows. Makes room for all `rows`, of which the system gives what is used.
+    fn reset(&mut self, rows: usize, blocks: usize) {
+        self.place.clear();
+        self.place.resize(rows, NOWHERE);
+        self.data.clear();
+        self.data.reserve_exact(rows * blocks);
+    }
+
+    fn has(&self, i: usize) -> bool {
+        self.place[i] != NOWHERE
+    }
+
+    #[inline(always)]
+    fn row(&self, i: usize, blocks: usize) -> &[Block<T>] {
+        &self.data[self.place[i] as usize * blocks..][..blocks]
+    }
+
+    /// A new row, all zero.
+    fn add(&mut self, i: usize, blocks: usize) -> &mut [Block<T>] {
+        let begin = self.data.len();
+        self.place[i] = (begin / blocks) as u32;
+        self.data.resize(begin + blocks, Block::all(T::ZERO));
+        &mut self.data[begin..]
+    }
+}
+
+/// The kernel exp(−γ · squared distance) between some rows of data and the first `columns` of
+/// them (those that are trained on; the others are held out), row by row as they are wanted.
+#[derive(Clone, Debug)]
+pub(super) struct Gram<T> {
+    width: usize,
+    columns: usize,
+    gamma: T,
+    /// Row-major.
+    data: Vec<f64>,
+    /// Block by block of the first `columns` rows, feature by feature.
+    by_block: Vec<Block<T>>,
+    /// Squared distances, kept where several γ follow each other.
+    squares: Option<Lazy<T>>,
+    kernel: Lazy<T>,
+}
+
 impl<T: Entry> Gram<T> {
-    /// Room for matrices to come.
-    pub(super) fn empty() -> Self {
-        Self { columns: 0, data: Vec::new() }
+    /// Room for matrices to come: of several γ on the same data, or of one.
+    pub(super) fn empty(of_several: bool) -> Self {
+        Self {
+            width: 0,
+            columns: 0,
+            gamma: T::ZERO,
+            data: Vec::new(),
+            by_block: Vec::new(),
+            squares: of_several.then(Lazy::empty),
+            kernel: Lazy::empty(),
+        }
+    }
+
+    /// Goes over to the rows `data` (row-major, `width` columns); [`Self::set_gamma`] follows.
+    pub(super) fn set_data(&mut self, width: usize, data: &[f64], columns: usize) {
+        (self.width, self.columns) = (width, columns);
+        self.data.clear();
+        self.data.extend_from_slice(data);
+        let entry =
+            |i: usize, j: usize| T::from_f64(if i < columns { data[i * width + j] } else { 0.0 });
+        let block = |b: usize, j: usize| Block(core::array::from_fn(|l| entry(b * LANES + l, j)));
+        self.by_block.clear();
+        for b in 0..self.blocks() {
+            self.by_block.extend((0..width).map(|j| block(b, j)));
+        }
+        let (rows, blocks) = (data.len() / width, self.blocks());
+        if let Some(squares) = &mut self.squares {
+            squares.reset(rows, blocks);
+        }
+        self.kernel.reset(rows, blocks);
+    }
+
+    /// Goes over to another γ.
+    pub(super) fn set_gamma(&mut self, gamma: f64) {
+        self.gamma = T::from_f64(gamma);
+        self.kernel.reset(self.data.len() / self.width, self.blocks());
     }
 
     /// Rows (and columns) that are trained on.
@@ -81,124 +163,104 @@ impl<T: Entry> Gram<T> {
         self.columns.div_ceil(LANES)
     }
 
-    /// A row; what stands behind its last column means nothing.
-    #[inline(always)]
-    pub(super) fn row(&self, i: usize) -> &[Block<T>] {
-        &self.data[i * self.blocks()..(i + 1) * self.blocks()]
-    }
-
-    fn resize(&mut self, rows: usize, columns: usize) {
-        self.columns = columns;
-        self.data.resize(rows * self.blocks(), Block::all(T::ZERO));
-    }
-
-    /// Becomes the squared distances of the rows `data` (row-major, `width` columns).
-    pub(super) fn become_squares(&mut self, width: usize, data: &[f64], columns: usize) {
-        self.resize(data.len() / width, columns);
-        let by_column = transposed(width, data, columns);
-        in_widest_lanes(Squares { width, data, by_column: &by_column, gram: self });
-    }
-
-    /// Becomes the inner products of the rows.
-    #[cfg(test)]
-    pub(super) fn become_products(&mut self, width: usize, data: &[f64], columns: usize) {
-        self.resize(data.len() / width, columns);
-        let blocks = self.blocks();
-        for (i, row) in self.data.chunks_mut(blocks).enumerate() {
-            for j in 0..columns {
-                let (a, b) = (&data[i * width..][..width], &data[j * width..][..width]);
-                row[j / LANES].0[j % LANES] =
-                    T::from_f64(a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>());
-            }
+    /// Computes a row unless it is there.
+    pub(super) fn want(&mut self, i: usize) {
+        if !self.kernel.has(i) {
+            let Self { width, gamma, data, by_block, squares, kernel, .. } = self;
+            let out = kernel.add(i, by_block.len() / *width);
+            let row = &data[i * *width..(i + 1) * *width];
+            in_widest_lanes(Fresh { gamma: *gamma, i, row, by_block, squares, out });
         }
     }
 
-    /// From squares to exp(−γ · squares).
-    pub(super) fn apply_rbf(&mut self, gamma: f64) {
-        let gamma = T::from_f64(gamma);
-        in_widest_lanes(InPlace { gamma, data: &mut self.data });
+    /// A row that was wanted; what stands behind its last column means nothing.
+    #[inline(always)]
+    pub(super) fn row(&self, i: usize) -> &[Block<T>] {
+        self.kernel.row(i, self.blocks())
+    }
+
+    /// Computes a row into `out` and keeps nothing but the distances.
+    pub(super) fn row_into(&mut self, i: usize, out: &mut [Block<T>]) {
+        let Self { width, gamma, data, by_block, squares, .. } = self;
+        let row = &data[i * *width..(i + 1) * *width];
+        in_widest_lanes(Fresh { gamma: *gamma, i, row, by_block, squares, out });
     }
 
     /// The same in the lanes that the build assumes.
     #[cfg(test)]
-    pub(super) fn apply_rbf_plainly(&mut self, gamma: f64) {
-        InPlace { gamma: T::from_f64(gamma), data: &mut self.data }.run();
+    pub(super) fn row_into_plainly(&mut self, i: usize, out: &mut [Block<T>]) {
+        let Self { width, gamma, data, by_block, squares, .. } = self;
+        let row = &data[i * *width..(i + 1) * *width];
+        Fresh { gamma: *gamma, i, row, by_block, squares, out }.run();
     }
 
-    /// Becomes exp(−γ · squares).
-    pub(super) fn become_rbf(&mut self, squares: &Self, gamma: f64) {
-        self.columns = squares.columns;
-        self.data.resize(squares.data.len(), Block::all(T::ZERO));
-        let gamma = T::from_f64(gamma);
-        in_widest_lanes(Exponentials { squares: &squares.data, gamma, data: &mut self.data });
+    /// All inner products of the rows, in place of a kernel.
+    #[cfg(test)]
+    pub(super) fn of_products(width: usize, data: &[f64]) -> Self {
+        let mut gram = Self::empty(false);
+        gram.set_data(width, data, data.len() / width);
+        for (i, a) in data.chunks_exact(width).enumerate() {
+            let blocks = gram.blocks();
+            let row = gram.kernel.add(i, blocks);
+            for (j, b) in data.chunks_exact(width).enumerate() {
+                let product = a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+                *entry_mut(row, j) = T::from_f64(product);
+            }
+        }
+        gram
     }
 }
 
-/// Feature by feature, the blocks of the first `columns` rows.
-fn transposed<T: Entry>(width: usize, data: &[f64], columns: usize) -> Vec<Vec<Block<T>>> {
-    let entry =
-        |i: usize, j: usize| T::from_f64(if i < columns { data[i * width + j] } else { 0.0 });
-    let block = |b: usize, j: usize| Block(core::array::from_fn(|l| entry(b * LANES + l, j)));
-    (0..width).map(|j| (0..columns.div_ceil(LANES)).map(|b| block(b, j)).collect()).collect()
+/// Row `i` of the kernel, by the squared distances, which are computed unless they are there.
+struct Fresh<'a, T> {
+    gamma: T,
+    i: usize,
+    row: &'a [f64],
+    by_block: &'a [Block<T>],
+    squares: &'a mut Option<Lazy<T>>,
+    out: &'a mut [Block<T>],
 }
 
-struct Squares<'a, T> {
-    width: usize,
-    data: &'a [f64],
-    by_column: &'a [Vec<Block<T>>],
-    gram: &'a mut Gram<T>,
-}
-
-impl<T: Entry> Kernel for Squares<'_, T> {
+impl<T: Entry> Kernel for Fresh<'_, T> {
     #[inline(always)]
     fn run(self) {
-        let Self { width, data, by_column, gram } = self;
-        let blocks = gram.blocks();
-        for (row, data) in gram.data.chunks_exact_mut(blocks).zip(data.chunks_exact(width)) {
-            for (b, out) in row.iter_mut().enumerate() {
-                let mut sum = [T::ZERO; LANES];
-                for (column, &x) in by_column.iter().zip(data) {
-                    let x = T::from_f64(x);
-                    for (sum, &y) in sum.iter_mut().zip(&column[b].0) {
-                        *sum += (x - y) * (x - y);
+        let Self { gamma, i, row, by_block, squares, out } = self;
+        match squares {
+            None => {
+                distances(row, by_block, out);
+                for out in out {
+                    for entry in &mut out.0 {
+                        *entry = (-gamma * *entry).exp();
                     }
                 }
-                *out = Block(sum);
+            }
+            Some(squares) => {
+                let blocks = out.len();
+                if !squares.has(i) {
+                    distances(row, by_block, squares.add(i, blocks));
+                }
+                for (out, square) in out.iter_mut().zip(squares.row(i, blocks)) {
+                    for (out, &square) in out.0.iter_mut().zip(&square.0) {
+                        *out = (-gamma * square).exp();
+                    }
+                }
             }
         }
     }
 }
 
-struct Exponentials<'a, T> {
-    squares: &'a [Block<T>],
-    gamma: T,
-    data: &'a mut [Block<T>],
-}
-
-impl<T: Entry> Kernel for Exponentials<'_, T> {
-    #[inline(always)]
-    fn run(self) {
-        for (out, square) in self.data.iter_mut().zip(self.squares) {
-            for (out, &square) in out.0.iter_mut().zip(&square.0) {
-                *out = (-self.gamma * square).exp();
+/// Squared distances of `row` from all columns.
+#[inline(always)]
+fn distances<T: Entry>(row: &[f64], by_block: &[Block<T>], out: &mut [Block<T>]) {
+    for (out, features) in out.iter_mut().zip(by_block.chunks_exact(row.len())) {
+        let mut sum = [T::ZERO; LANES];
+        for (column, &x) in features.iter().zip(row) {
+            let x = T::from_f64(x);
+            for (sum, &y) in sum.iter_mut().zip(&column.0) {
+                *sum += (x - y) * (x - y);
             }
         }
-    }
-}
-
-struct InPlace<'a, T> {
-    gamma: T,
-    data: &'a mut [Block<T>],
-}
-
-impl<T: Entry> Kernel for InPlace<'_, T> {
-    #[inline(always)]
-    fn run(self) {
-        for block in self.data {
-            for entry in &mut block.0 {
-                *entry = (-self.gamma * *entry).exp();
-            }
-        }
+        *out = Block(sum);
     }
 }
 
@@ -239,35 +301,65 @@ impl<T: Entry> Kernel for Combine<'_, T> {
     }
 }
 
-/// Inner products of held-out rows with coefficient vectors, on runs of blocks.
+/// Blocks of which coefficients are kept or left out together.
+const GROUP: usize = 4;
+/// Rows that are multiplied together: each coefficient is read once for all of them.
+pub(super) const TOGETHER: usize = 4;
+
+/// Coefficients without the groups of blocks that are zero.
+#[derive(Clone, Debug)]
+pub(super) struct Sparse {
+    groups: Vec<(usize, [Block<f64>; GROUP])>,
+    /// Blocks behind the last whole group.
+    rest: Vec<Block<f64>>,
+}
+
+impl Sparse {
+    pub(super) fn new(blocks: &[Block<f64>]) -> Self {
+        let (groups, rest) = blocks.as_chunks::<GROUP>();
+        let counts = |group: &[Block<f64>]| entries(group).any(|&entry| entry != 0.0);
+        let groups = groups.iter().copied().enumerate().filter(|(_, group)| counts(group));
+        Self { groups: groups.collect(), rest: rest.to_vec() }
+    }
+}
+
+/// Inner products of rows with coefficients.
 pub(super) struct Products<'a, T> {
-    pub(super) gram: &'a Gram<T>,
-    pub(super) row: usize,
-    /// Blocks of one machine after the other.
-    pub(super) coefficients: &'a [Vec<Block<f64>>],
-    pub(super) out: &'a mut [f64],
+    /// Blocks of a row.
+    pub(super) blocks: usize,
+    /// [`TOGETHER`] rows.
+    pub(super) rows: &'a [Block<T>],
+    pub(super) coefficients: &'a [Sparse],
+    /// Of each row, for each of the coefficients.
+    pub(super) out: &'a mut [[f64; TOGETHER]],
 }
 
 impl<T: Entry> Kernel for Products<'_, T> {
     #[inline(always)]
     fn run(self) {
-        let row = self.gram.row(self.row);
-        for (coefficients, out) in self.coefficients.iter().zip(self.out) {
-            let mut sums = [0.0; LANES];
-            let (fours, rest) = coefficients.as_chunks::<4>();
-            let (row_fours, row_rest) = row.as_chunks::<4>();
-            for (blocks, coefficients) in row_fours.iter().zip(fours) {
-                for l in 0..LANES {
-                    let product = |k: usize| coefficients[k].0[l] * blocks[k].0[l].to_f64();
-                    sums[l] += (product(0) + product(1)) + (product(2) + product(3));
+        let Self { blocks, rows, coefficients, out } = self;
+        let rows: [&[Block<T>]; TOGETHER] =
+            core::array::from_fn(|r| &rows[r * blocks..(r + 1) * blocks]);
+        let rows = rows.map(|row| row.as_chunks::<GROUP>());
+        for (coefficients, out) in coefficients.iter().zip(out) {
+            let mut sums = [[0.0; LANES]; TOGETHER];
+            for (place, shares) in &coefficients.groups {
+                for (sums, (groups, _)) in sums.iter_mut().zip(&rows) {
+                    let group = &groups[*place];
+                    for l in 0..LANES {
+                        let product = |k: usize| shares[k].0[l] * group[k].0[l].to_f64();
+                        sums[l] += (product(0) + product(1)) + (product(2) + product(3));
+                    }
                 }
             }
-            for (block, coefficients) in row_rest.iter().zip(rest) {
-                for ((sum, entry), share) in sums.iter_mut().zip(block.0).zip(coefficients.0) {
-                    *sum += share * entry.to_f64();
+            for (sums, (_, rest)) in sums.iter_mut().zip(&rows) {
+                for (block, shares) in rest.iter().zip(&coefficients.rest) {
+                    for ((sum, entry), share) in sums.iter_mut().zip(block.0).zip(shares.0) {
+                        *sum += share * entry.to_f64();
+                    }
                 }
             }
-            *out = sums.iter().sum();
+            *out = sums.map(|sums| sums.iter().sum());
         }
     }
 }

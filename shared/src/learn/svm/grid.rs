@@ -3,9 +3,9 @@
 //! A fold's distances serve every γ; a kernel matrix serves every C, pair of classes and
 //! task, and decides the held-out rows too. Each C starts where the last ended.
 
-use super::gram::{Block, Gram, Products};
+use super::gram::{Block, Gram, Products, Sparse, TOGETHER};
 use super::pairwise::Dense;
-use super::smo::Smo;
+use super::smo::{Machine, Smo};
 use super::{Task, check, linear, order, sides, standardised};
 use crate::invalid::{Invalid, length, positive};
 use crate::parallel::in_widest_lanes;
@@ -96,8 +96,8 @@ pub fn best(cells: &[Cell]) -> Option<&Cell> {
 /// Tries all settings on all tasks: for each task its cells, C by C, and within a C γ by γ.
 ///
 /// `rows` are raw features (row-major, `width` columns), standardised by the training rows of
-/// each fold; `folds` has a number a row. Memory: two matrices of all rows × training rows in
-/// f32.
+/// each fold; `folds` has a number a row. Memory: at most two matrices of all rows ×
+/// training rows in f32.
 ///
 /// # Errors
 /// [`Invalid`] if lengths do not fit, a number is not finite or not > 0 where it must be,
@@ -130,7 +130,7 @@ pub fn cross_validate(
     };
     let mut cells: Vec<Vec<Cell>> = tasks.iter().map(empty).collect();
     let order = order(width, rows, tasks);
-    let (mut squares, mut gram) = (Gram::<f32>::empty(), Gram::empty());
+    let mut gram = Gram::<f32>::empty(true);
     let mut dense = Dense::new();
     for &fold in &numbers {
         let (held_out, trained): (Vec<usize>, Vec<usize>) =
@@ -147,20 +147,22 @@ pub fn cross_validate(
                 }
             }
             Kernels::Rbf(gammas) => {
-                squares.become_squares(width, &data, trained.len());
+                gram.set_data(width, &data, trained.len());
                 // Of each task and pair, the last kernel's solution for the first C.
                 let mut starts: Vec<Vec<Start>> =
                     tasks.iter().map(|task| vec![None; pair_count(task.classes)]).collect();
                 for (k, &gamma) in gammas.iter().enumerate() {
-                    gram.become_rbf(&squares, gamma);
-                    for ((task, cells), starts) in tasks.iter().zip(&mut cells).zip(&mut starts) {
+                    gram.set_gamma(gamma);
+                    let mut machines = Machines::default();
+                    for (t, (task, starts)) in tasks.iter().zip(&mut starts).enumerate() {
                         let labels: Vec<usize> = trained.iter().map(|&i| task.labels[i]).collect();
-                        let cells = cells.iter_mut().skip(k).step_by(gammas.len());
-                        let mut cells: Vec<&mut Cell> = cells.collect();
-                        let problem =
-                            Radial { gram: &gram, labels: &labels, classes: task.classes, grid };
-                        problem.fill(&held_out, &mut cells, starts, &mut dense)?;
+                        let problem = Radial { labels: &labels, classes: task.classes, grid };
+                        problem.solve(&mut gram, starts, &mut dense, &mut |pair, c, machine| {
+                            machines
+                                .add(Place { task: t, pair, cell: c * gammas.len() + k }, machine);
+                        })?;
                     }
+                    machines.decide(&mut gram, &held_out, tasks, &mut cells);
                 }
             }
         }
@@ -215,33 +217,30 @@ fn constant(sides: &[i8]) -> Option<f64> {
 /// A solution that another problem may start from.
 type Start = Option<Vec<Block<f64>>>;
 
-/// One task on one kernel matrix.
+/// One task.
 struct Radial<'a> {
-    gram: &'a Gram<f32>,
     labels: &'a [usize],
     classes: usize,
     grid: &'a Grid,
 }
 
+/// A machine, or what it always says.
+type Trained = Result<Machine, f64>;
+
 impl Radial<'_> {
-    /// Trains for each C and fills in the decisions of held-out rows, a cell a C.
-    fn fill(
+    /// Trains for each pair and C, and hands over what came out with the places of both.
+    fn solve(
         &self,
-        held_out: &[usize],
-        cells: &mut [&mut Cell],
+        gram: &mut Gram<f32>,
         starts: &mut [Start],
         dense: &mut Dense<f32>,
+        trained: &mut dyn FnMut(usize, usize, Trained),
     ) -> Result<(), Invalid> {
-        let (gram, grid) = (self.gram, self.grid);
-        let count = pair_count(self.classes);
-        // Pair by pair, C by C.
-        let mut beta: Vec<Vec<Block<f64>>> = Vec::new();
-        let mut intercepts = Vec::new();
-        for ((first, second), start) in pairs(self.classes).zip(starts) {
+        let grid = self.grid;
+        for ((pair, (first, second)), start) in pairs(self.classes).enumerate().zip(starts) {
             let sides = sides(self.labels, first, second);
             if let Some(constant) = constant(&sides) {
-                beta.extend(grid.c.iter().map(|_| Vec::new()));
-                intercepts.extend(grid.c.iter().map(|_| constant));
+                (0..grid.c.len()).for_each(|k| trained(pair, k, Err(constant)));
                 continue;
             }
             let mut smo = Smo::new(gram, &sides, grid.c[0], start.as_deref(), dense);
@@ -250,18 +249,63 @@ impl Radial<'_> {
                 if k == 0 {
                     *start = Some(machine.beta.clone());
                 }
-                beta.push(machine.beta);
-                intercepts.push(machine.intercept);
-            }
-        }
-        let mut sums = vec![0.0; beta.len()];
-        for (row, &i) in (gram.columns()..).zip(held_out) {
-            in_widest_lanes(Products { gram, row, coefficients: &beta, out: &mut sums });
-            for (k, (sum, intercept)) in sums.iter().zip(&intercepts).enumerate() {
-                let (pair, cell) = (k / grid.c.len(), k % grid.c.len());
-                cells[cell].decisions[i * count + pair] = sum + intercept;
+                trained(pair, k, Ok(machine));
             }
         }
         Ok(())
+    }
+}
+
+/// What a machine belongs to.
+struct Place {
+    task: usize,
+    pair: usize,
+    cell: usize,
+}
+
+/// The machines of all tasks on one kernel matrix.
+#[derive(Default)]
+struct Machines {
+    places: Vec<Place>,
+    coefficients: Vec<Sparse>,
+    intercepts: Vec<f64>,
+}
+
+impl Machines {
+    fn add(&mut self, place: Place, trained: Trained) {
+        self.places.push(place);
+        let (coefficients, intercept) = match &trained {
+            Ok(machine) => (Sparse::new(&machine.beta), machine.intercept),
+            Err(constant) => (Sparse::new(&[]), *constant),
+        };
+        self.coefficients.push(coefficients);
+        self.intercepts.push(intercept);
+    }
+
+    /// Fills in the decisions of the held-out rows, which `gram` has after the trained ones.
+    fn decide(
+        &self,
+        gram: &mut Gram<f32>,
+        held_out: &[usize],
+        tasks: &[Task<'_>],
+        cells: &mut [Vec<Cell>],
+    ) {
+        let (first, blocks) = (gram.columns(), gram.blocks());
+        let mut rows = vec![Block::all(0.0); TOGETHER * blocks];
+        let mut sums = vec![[0.0; TOGETHER]; self.places.len()];
+        for (part, held_out) in held_out.chunks(TOGETHER).enumerate() {
+            for (r, row) in rows.chunks_exact_mut(blocks).take(held_out.len()).enumerate() {
+                gram.row_into(first + part * TOGETHER + r, row);
+            }
+            let coefficients = &self.coefficients;
+            in_widest_lanes(Products { blocks, rows: &rows, coefficients, out: &mut sums });
+            for ((place, sums), intercept) in self.places.iter().zip(&sums).zip(&self.intercepts) {
+                let count = pair_count(tasks[place.task].classes);
+                let decisions = &mut cells[place.task][place.cell].decisions;
+                for (&i, sum) in held_out.iter().zip(sums) {
+                    decisions[i * count + place.pair] = sum + intercept;
+                }
+            }
+        }
     }
 }

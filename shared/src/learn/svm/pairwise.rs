@@ -39,11 +39,16 @@ impl Variable {
 #[derive(Clone, Debug)]
 pub(super) struct Dense<T> {
     pub(super) variables: Vec<Variable>,
-    /// Blocks of a row of `matrix`.
+    /// Blocks from a row of `matrix` to the next: one more than there is room for, so that a
+    /// column's entries do not all fall into the same few sets of a cache.
     pub(super) stride: usize,
     /// K among the variables.
     pub(super) matrix: Vec<Block<T>>,
-    /// Room for a row of it.
+    /// One over the curvature K_ii + K_jj − 2 K_ij of an exchange, laid out like `matrix`: rows
+    /// that are `ready`. Many steps raise the same few variables, and dividing takes longest.
+    inverse: Vec<Block<T>>,
+    ready: Vec<bool>,
+    /// Room for a row of `matrix`.
     gathered: Vec<T>,
     /// K_ii.
     pub(super) diagonal: Vec<Block<T>>,
@@ -62,6 +67,8 @@ impl<T: Entry> Dense<T> {
             variables: Vec::new(),
             stride: 0,
             matrix: Vec::new(),
+            inverse: Vec::new(),
+            ready: Vec::new(),
             gathered: Vec::new(),
             diagonal: Vec::new(),
             slope: Vec::new(),
@@ -82,13 +89,17 @@ impl<T: Entry> Dense<T> {
     pub(super) fn widen(&mut self, count: usize) {
         let none = Variable { beta: 0.0, lower: 0.0, upper: 0.0 };
         self.variables.resize(count, none);
-        if count > self.stride * LANES {
-            let (old, stride) = (self.stride, (2 * self.stride).max(16));
-            let mut matrix = vec![Block::all(T::ZERO); stride * stride * LANES];
-            for i in 0..old * LANES {
-                matrix[i * stride..i * stride + old]
-                    .copy_from_slice(&self.matrix[i * old..(i + 1) * old]);
+        let old = self.stride;
+        let room = old.saturating_sub(1);
+        if count > room * LANES {
+            let stride = (2 * room).max(16) + 1;
+            let mut matrix = vec![Block::all(T::ZERO); (stride - 1) * LANES * stride];
+            for i in 0..room * LANES {
+                matrix[i * stride..i * stride + room]
+                    .copy_from_slice(&self.matrix[i * old..i * old + room]);
             }
+            self.inverse.resize(matrix.len(), Block::all(T::ZERO));
+            self.ready.resize((stride - 1) * LANES, false);
             (self.matrix, self.stride) = (matrix, stride);
             let never = Block::all(T::from_f64(f64::NEG_INFINITY));
             self.diagonal.resize(stride, Block::all(T::ZERO));
@@ -101,6 +112,7 @@ impl<T: Entry> Dense<T> {
     /// Fills in the kernel of variable `slot` with all `members`, from its row of the whole
     /// matrix.
     pub(super) fn fill(&mut self, slot: usize, members: &[usize], row: &[Block<T>]) {
+        self.ready.fill(false);
         self.gathered.clear();
         self.gathered.extend(members.iter().map(|&member| *entry(row, member)));
         let own = &mut self.matrix[slot * self.stride..(slot + 1) * self.stride];
@@ -175,7 +187,10 @@ fn exchange<T: Entry>(
         }
         *steps -= 1;
         i = rising;
-        j = partner(dense, blocks, i, top, least);
+        if !dense.ready[i] {
+            invert(dense, blocks, i, least);
+        }
+        j = partner(dense, blocks, i, top);
         let across = *entry(&dense.matrix[i * dense.stride..], j);
         let curvature = *entry(&dense.diagonal, i) + *entry(&dense.diagonal, j);
         let curvature = (curvature - across - across).larger(least);
@@ -243,29 +258,40 @@ fn move_on<T: Entry>(
     (greatest, reduced(bottom, T::smaller), at)
 }
 
+/// Makes row `i` of the inverse curvatures ready.
+#[inline(always)]
+fn invert<T: Entry>(dense: &mut Dense<T>, blocks: usize, i: usize, least: T) {
+    let row = i * dense.stride..i * dense.stride + blocks;
+    let own = *entry(&dense.diagonal, i);
+    let one = T::from_f64(1.0);
+    let rows = dense.inverse[row.clone()].iter_mut().zip(&dense.matrix[row]);
+    for ((inverse, across), diagonal) in rows.zip(&dense.diagonal[..blocks]) {
+        for l in 0..LANES {
+            let across = across.0[l];
+            inverse.0[l] = one / (own + diagonal.0[l] - across - across).larger(least);
+        }
+    }
+    dense.ready[i] = true;
+}
+
 /// The variable that may fall, has a slope below `top`, and whose exchange with `i` gains
 /// most: (top − v_j)² / (K_ii + K_jj − 2 K_ij).
 #[inline(always)]
-fn partner<T: Entry>(dense: &Dense<T>, blocks: usize, i: usize, top: T, least: T) -> usize {
-    let row = &dense.matrix[i * dense.stride..i * dense.stride + blocks];
+fn partner<T: Entry>(dense: &Dense<T>, blocks: usize, i: usize, top: T) -> usize {
+    let inverse = &dense.inverse[i * dense.stride..i * dense.stride + blocks];
     let (slope, fall) = (&dense.slope[..blocks], &dense.fall[..blocks]);
-    let diagonal = &dense.diagonal[..blocks];
-    let own = diagonal[i / LANES].0[i % LANES];
     let mut most = [T::from_f64(-1.0); LANES];
     let mut place = [T::ZERO; LANES];
     let mut here = T::ZERO;
     let one = T::from_f64(1.0);
     let groups = slope.as_chunks::<GROUP>().0.iter().zip(fall.as_chunks::<GROUP>().0);
-    let rows = row.as_chunks::<GROUP>().0.iter().zip(diagonal.as_chunks::<GROUP>().0);
-    for ((slope, fall), (row, diagonal)) in groups.zip(rows) {
+    for ((slope, fall), inverse) in groups.zip(inverse.as_chunks::<GROUP>().0) {
         for l in 0..LANES {
             let mut best = T::from_f64(-1.0);
             let (mut at, mut now) = (here, here);
             for g in 0..GROUP {
                 let lack = (top - slope[g].0[l] + fall[g].0[l]).larger(T::ZERO);
-                let across = row[g].0[l];
-                let curvature = (own + diagonal[g].0[l] - across - across).larger(least);
-                let gain = lack * lack / curvature;
+                let gain = lack * lack * inverse[g].0[l];
                 let better = gain > best;
                 best = if better { gain } else { best };
                 at = if better { now } else { at };

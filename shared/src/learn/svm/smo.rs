@@ -32,7 +32,7 @@ pub(super) struct Machine {
 
 /// The problem of one pair, and how far it is solved.
 pub(super) struct Smo<'a, T> {
-    gram: &'a Gram<T>,
+    gram: &'a mut Gram<T>,
     /// 1 or −1 for the two classes, 0 for rows of others.
     sides: &'a [i8],
     /// Where the pair's rows are, in blocks.
@@ -63,7 +63,7 @@ impl<'a, T: Entry> Smo<'a, T> {
     /// C. It starts from a solution `start` of a similar problem with the same sides and C, or
     /// from as many rows at the bound as there are of the smaller class.
     pub(super) fn new(
-        gram: &'a Gram<T>,
+        gram: &'a mut Gram<T>,
         sides: &'a [i8],
         c: f64,
         start: Option<&[Block<f64>]>,
@@ -101,6 +101,7 @@ impl<'a, T: Entry> Smo<'a, T> {
             smo.set(i, *entry(&smo.rows.beta, i));
             if *entry(&smo.rows.beta, i) != 0.0 {
                 held.push((i, -entry(&smo.rows.beta, i)));
+                smo.gram.want(i);
             }
         }
         smo.combine(&held);
@@ -265,6 +266,7 @@ impl<'a, T: Entry> Smo<'a, T> {
     fn place(&mut self, slot: usize, row: usize) {
         self.members[slot] = row;
         self.joined[row] = true;
+        self.gram.want(row);
         self.dense.fill(slot, &self.members, self.gram.row(row));
     }
 
