@@ -168,11 +168,13 @@ impl Worker {
         };
         let used = kept.used.lock().unwrap_or_else(|broken| broken.into_inner()).clone();
         let mut db = self.store.write().await?;
-        if analyses::end(&mut db, job, &ending, now_ms()).await? && ending.is_ok() {
+        let wanted = analyses::end(&mut db, job, &ending, now_ms()).await?;
+        if wanted && ending.is_ok() {
             analyses::keep_cells_only(&mut db, job.study_id, &used).await?;
         }
         db.commit().await?;
         match ending {
+            _ if !wanted => tracing::info!(study = job.study, "an analysis came too late"),
             Ok(_) => tracing::info!(study = job.study, "an analysis is done"),
             Err(reason) => tracing::warn!(study = job.study, reason, "an analysis failed"),
         }
