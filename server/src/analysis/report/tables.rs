@@ -117,15 +117,14 @@ pub(super) fn ablation(analysis: &Analysis) -> String {
             Some(model) => (words::model(model).to_owned(), words::set(&row.features)),
             None => ("commonest input".to_owned(), "–".to_owned()),
         };
-        let over_itself = model.is_none() || row.features == "d";
-        let test = |text: String| if over_itself { "–".to_owned() } else { text };
+        let none = || "–".to_owned();
         vec![
             format!("{name} ({})", row.experiment.numeral()),
             set,
             fixed(row.accuracy, 2),
             fixed(row.log_loss, 3),
-            test(signed(row.gain_over_d, 2)),
-            test(p_value(row.wilcoxon_persons)),
+            row.over_d.map_or_else(none, |(gain, _)| signed(gain, 2)),
+            row.over_d.map_or_else(none, |(_, p)| p_value(p)),
         ]
     });
     let columns = [
