@@ -79,8 +79,7 @@ fn as_fast(people: &[Person], scene: &SceneParameters) -> Result<(), String> {
         // Whoever turns all the time moves along a chord.
         let half = 0.5 * vehicle.turn_rate_radps * scene.step_s;
         let straight = vehicle.speed_mps * scene.step_s;
-        let turning =
-            if half < 1e-9 { straight } else { straight * (sin_cos(half).0 / half).abs() };
+        let turning = straight * sinc(half).abs();
         if !(0.99 * turning..=1.01 * straight).contains(&median) {
             let who = if role == "evader" { "the human" } else { "the robot" };
             let speed = median / scene.step_s;
