@@ -18,7 +18,7 @@ use sidestep::comparison::ablation::{Ablation, ablation};
 use sidestep::comparison::cell::{Experiment, ModelName};
 use sidestep::comparison::metrics::Predictions;
 use sidestep::comparison::tables::{Comparison, Test};
-use sidestep::comparison::{Leakage, Results, RolloutsOf};
+use sidestep::comparison::{Leakage, Results, RolloutsOf, Settings};
 use sidestep::invalid::Invalid;
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
@@ -48,10 +48,12 @@ pub struct Analysis {
     pub synthetic: Option<String>,
     /// What the cells do not tell.
     pub context: Context,
+    /// The sets and grids that were compared.
+    pub settings: Settings,
 }
 
 impl Analysis {
-    /// Of these results.
+    /// Of these results, found with `settings`.
     ///
     /// # Errors
     /// [`Invalid`] if there is nobody.
@@ -59,6 +61,7 @@ impl Analysis {
         results: Results,
         synthetic: Option<String>,
         context: Context,
+        settings: Settings,
     ) -> Result<Self, Invalid> {
         let ablation = ablation(&results)?;
         let tests = results.comparison.tests()?;
@@ -77,6 +80,7 @@ impl Analysis {
             exclusions: exclusions.into_iter().map(Excluded::from).collect(),
             synthetic,
             context,
+            settings,
         })
     }
 
@@ -111,7 +115,7 @@ impl Analysis {
         &self,
         put: &mut dyn FnMut(&str, Content<'_>) -> io::Result<()>,
     ) -> io::Result<()> {
-        for (name, table) in files::TABLES {
+        for (name, table) in files::tables(self) {
             put(name, &|out| table(self, out))?;
         }
         put("report.html", &|out| out.write_all(report::html(self).as_bytes()))?;

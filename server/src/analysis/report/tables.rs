@@ -1,5 +1,6 @@
 //! The tables of the report.
 
+use super::compare::too_few;
 use super::html::{details, escaped, fixed, p_value, signed, table};
 use super::{published, words};
 use crate::analysis::best::is_best;
@@ -7,6 +8,10 @@ use crate::analysis::{Analysis, Excluded};
 use sidestep::comparison::avoidance::Distances;
 use sidestep::comparison::cell::{BODY_FRAME_SETS, Experiment, ModelName, PAPERS_SETS};
 use sidestep::comparison::tables::Metric;
+
+/// In place of p-values that could not be below 0.05.
+const NO_TEST: &str =
+    "With fewer than six people the paired test cannot give p &lt; 0.05: no p-value.";
 
 fn headed(first: &str, more: &[&str]) -> Vec<String> {
     let sets = PAPERS_SETS.iter().map(|set| words::set(set));
@@ -111,6 +116,7 @@ pub(in crate::analysis) fn both_avoid(of: &Distances, metric: Metric) -> Option<
 
 /// What a body frame explains.
 pub(super) fn ablation(analysis: &Analysis) -> String {
+    let few = too_few(analysis.people());
     let rows = analysis.ablation.iter().map(|row| {
         let model = ModelName::ALL.into_iter().find(|model| model.word() == row.model);
         let (name, set) = match model {
@@ -118,14 +124,14 @@ pub(super) fn ablation(analysis: &Analysis) -> String {
             None => ("commonest input".to_owned(), "–".to_owned()),
         };
         let over_itself = model.is_none() || row.features == "d";
-        let test = |text: String| if over_itself { "–".to_owned() } else { text };
+        let unless = |not: bool, text: String| if not { "–".to_owned() } else { text };
         vec![
             format!("{name} ({})", row.experiment.numeral()),
             set,
             fixed(row.accuracy, 2),
             fixed(row.log_loss, 3),
-            test(signed(row.gain_over_d, 2)),
-            test(p_value(row.wilcoxon_persons)),
+            unless(over_itself, signed(row.gain_over_d, 2)),
+            unless(over_itself || few, p_value(row.wilcoxon_persons)),
         ]
     });
     let columns = [
@@ -136,14 +142,17 @@ pub(super) fn ablation(analysis: &Analysis) -> String {
         "gain over <i>B</i><sub>d</sub> (points)",
         "paired Wilcoxon p",
     ];
-    let caption = "<b>Ablation.</b> The baseline, and the same models with and without safety \
-                   levels and the robot’s position in the human’s body frame. p-values are of one \
-                   test each, without correction.";
-    table(caption, "numbers", &columns.map(str::to_owned), &rows.collect::<Vec<_>>())
+    let p_values = if few { NO_TEST } else { "p-values are of one test each, without correction." };
+    let caption = format!(
+        "<b>Ablation.</b> The baseline, and the same models with and without safety levels and the \
+         robot’s position in the human’s body frame. {p_values}"
+    );
+    table(&caption, "numbers", &columns.map(str::to_owned), &rows.collect::<Vec<_>>())
 }
 
 /// Every test, a table each metric.
 pub(super) fn tests(analysis: &Analysis) -> String {
+    let few = too_few(analysis.people());
     let metrics = [
         (Metric::Accuracy, "Accuracy", "points"),
         (Metric::Start, "<i>D</i><sub>start</sub>", "steps"),
@@ -164,7 +173,11 @@ pub(super) fn tests(analysis: &Analysis) -> String {
                 format!("{} ({})", words::model(test.model), test.experiment.numeral()),
                 format!("{} over {}", words::set(test.first), words::set(test.second)),
                 signed(test.gain, 2),
-                p(test.wilcoxon_persons, test.wilcoxon_persons_holm),
+                if few {
+                    "–".to_owned()
+                } else {
+                    p(test.wilcoxon_persons, test.wilcoxon_persons_holm)
+                },
                 p(test.mann_whitney_persons, test.mann_whitney_persons_holm),
                 p(test.mann_whitney_trajectories, test.mann_whitney_trajectories_holm),
             ]
@@ -182,7 +195,8 @@ pub(super) fn tests(analysis: &Analysis) -> String {
         let caption = format!(
             "<b>{name}</b>: p-values, below each the same after Holm over the {count} tests of its \
              column; <b>bold</b> where that is below 0.05. Trials of a person are not independent: \
-             the last column is too sure."
+             the last column is too sure. {}",
+            if few { NO_TEST } else { "" }
         );
         details(
             &format!("All {count} tests of {name}"),
