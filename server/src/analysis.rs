@@ -18,7 +18,7 @@ use sidestep::comparison::ablation::{Ablation, ablation};
 use sidestep::comparison::cell::{Experiment, ModelName};
 use sidestep::comparison::metrics::Predictions;
 use sidestep::comparison::tables::{Comparison, Test};
-use sidestep::comparison::{Leakage, Results, RolloutsOf};
+use sidestep::comparison::{Leakage, Results, RolloutsOf, Settings};
 use sidestep::invalid::Invalid;
 use sidestep::predict::PredictorFile;
 use std::fs::File;
@@ -49,10 +49,12 @@ pub struct Analysis {
     pub synthetic: Option<String>,
     /// What the cells do not tell.
     pub context: Context,
+    /// The sets and grids that were compared.
+    pub settings: Settings,
 }
 
 impl Analysis {
-    /// Of these results.
+    /// Of these results, found with `settings`.
     ///
     /// # Errors
     /// [`Invalid`] if there is nobody.
@@ -60,6 +62,7 @@ impl Analysis {
         results: Results,
         synthetic: Option<String>,
         context: Context,
+        settings: Settings,
     ) -> Result<Self, Invalid> {
         let ablation = ablation(&results)?;
         let tests = results.comparison.tests()?;
@@ -78,6 +81,7 @@ impl Analysis {
             exclusions: exclusions.into_iter().map(Excluded::from).collect(),
             synthetic,
             context,
+            settings,
         })
     }
 
@@ -112,7 +116,7 @@ impl Analysis {
         &self,
         put: &mut dyn FnMut(&str, Content<'_>) -> io::Result<()>,
     ) -> io::Result<()> {
-        for (name, table) in files::TABLES {
+        for (name, table) in files::tables(self) {
             put(name, &|out| table(self, out))?;
         }
         put("report.html", &|out| out.write_all(report::html(self).as_bytes()))?;

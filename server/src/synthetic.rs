@@ -8,12 +8,12 @@ use sidestep::synthetic::{Keys, SyntheticParticipant};
 /// The seed of the project's reference data, whose files do not say what they are.
 const REFERENCE_SEED: u64 = 20_180_918;
 
-/// Why these people's trials are known to be synthetic, if they are: the data say so, or they
-/// are those of the reference, which are driven again to see.
+/// Why these people's trials are known to be synthetic, if they are: they are
+/// marked, or those of the reference, which are driven again to see.
 #[must_use]
 pub fn recognised(people: &[Person]) -> Option<String> {
     if people.iter().any(|person| person.synthetic) {
-        return Some("the data say so".to_owned());
+        return Some("the file or the server marks them as synthetic".to_owned());
     }
     let known = people.iter().any(is_of_the_reference);
     known.then(|| format!("the same as those of seed {REFERENCE_SEED}"))

@@ -8,8 +8,8 @@ use sidestep::comparison::cell::{Experiment, ModelName, PAPERS_SETS};
 use sidestep::comparison::metrics::Predictions;
 use std::io::{self, Write};
 
-/// Every table: the name of its file, and what writes it.
-pub(super) const TABLES: [(&str, Table); 9] = [
+/// Of every analysis.
+const TABLES: [(&str, Table); 8] = [
     ("cells.csv", cells),
     ("table1.csv", table1),
     ("table2.csv", table2),
@@ -17,11 +17,19 @@ pub(super) const TABLES: [(&str, Table); 9] = [
     ("ablation.csv", ablation),
     ("calibration.csv", calibration),
     ("rollouts.csv", rollouts),
-    ("leakage.csv", leakage),
     ("predictions.csv", predictions),
 ];
 
-type Table = fn(&Analysis, &mut dyn Write) -> io::Result<()>;
+/// Of those in which it was asked for.
+const LEAKAGE: (&str, Table) = ("leakage.csv", leakage);
+
+/// Every table of this analysis: the name of its file, and what writes it.
+pub(super) fn tables(analysis: &Analysis) -> impl Iterator<Item = (&'static str, Table)> {
+    let leakage = (!analysis.leakage.is_empty()).then_some(LEAKAGE);
+    TABLES.into_iter().chain(leakage)
+}
+
+pub(super) type Table = fn(&Analysis, &mut dyn Write) -> io::Result<()>;
 
 /// Rows of strings as CSV.
 fn write(
@@ -126,6 +134,7 @@ fn tests(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
         "mann_whitney_persons_holm",
         "mann_whitney_trajectories_holm",
         "wilcoxon_persons_holm",
+        "typical_gain",
     ];
     let rows = analysis.tests.iter().map(|test| {
         vec![
@@ -141,6 +150,7 @@ fn tests(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
             p_value(test.mann_whitney_persons_holm),
             p_value(test.mann_whitney_trajectories_holm),
             p_value(test.wilcoxon_persons_holm),
+            places(test.typical_gain),
         ]
     });
     write(out, &header, rows)

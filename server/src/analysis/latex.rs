@@ -87,7 +87,7 @@ fn people(analysis: &Analysis) -> String {
     let mut said = format!("{who}, each with models of their own.");
     if let Some(why) = &analysis.synthetic {
         said.push_str(&format!(
-            " \\textbf{{Synthetic data}} (known from: {}): nothing here is about people.",
+            " \\textbf{{Synthetic data}} ({}): nothing here is about people.",
             escaped(why)
         ));
     }

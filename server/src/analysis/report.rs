@@ -6,6 +6,7 @@ mod compare;
 mod figures;
 mod findings;
 mod html;
+mod method;
 mod published;
 mod tables;
 #[cfg(test)]
@@ -19,8 +20,8 @@ pub(super) use tables::{both_avoid, penalised};
 pub(super) use words::model as model_word;
 
 use super::Analysis;
-use html::{count, details, escaped, grouped, listed};
-use sidestep::comparison::fit::Grids;
+use html::{count, escaped, grouped};
+use sidestep::comparison::cell::ModelName;
 
 /// The design tokens come first in the program's own style sheet, up to this.
 const AFTER_TOKENS: &str = "*, *::before";
@@ -37,7 +38,7 @@ pub(super) fn html(analysis: &Analysis) -> String {
         papers_tables(analysis),
         pictures(analysis),
         numbers(analysis),
-        method(analysis),
+        method::section_of(analysis),
     ];
     format!(
         "<!DOCTYPE html>\n<html lang=\"en\" xmlns=\"http://www.w3.org/1999/xhtml\">\n<head>\n\
@@ -61,6 +62,8 @@ fn header(analysis: &Analysis) -> String {
     let steps: usize =
         comparison.participants.iter().map(|of| of.test_trials.len() * of.steps).sum();
     let who = count(analysis.people(), "person", "people");
+    // `svm` is the better of its two kinds, no further model.
+    let trained = comparison.cells.iter().filter(|cell| cell.model != ModelName::Svm).count();
     let facts = [
         (who, "each with models of their own".to_owned()),
         (
@@ -72,7 +75,7 @@ fn header(analysis: &Analysis) -> String {
             format!("of {} s predicted by each kind of model", analysis.context.step_s),
         ),
         (
-            count(comparison.cells.len(), "model", "models"),
+            count(trained, "model", "models"),
             "of a person, feature set, kind and experiment".to_owned(),
         ),
     ];
@@ -83,7 +86,7 @@ fn header(analysis: &Analysis) -> String {
     let banner = analysis.synthetic.as_deref().map_or_else(String::new, |why| {
         format!(
             "<aside class=\"banner\" role=\"note\"><b>Synthetic data: nothing here is about \
-             people.</b> The trials were driven by computed participants (known from: {}). What is \
+             people.</b> The trials were driven by computed participants ({}). What is \
              found says how well models recover a program’s rules, and can rehearse an analysis, \
              no more.</aside>\n",
             escaped(why)
@@ -101,8 +104,9 @@ fn header(analysis: &Analysis) -> String {
          <h1>Do safety levels help to predict people?</h1>\n\
          <p class=\"lead\">People steered a vehicle past a robot that does not give way. Models \
          predict from the situation which input a person holds (experiment I: right, straight or \
-         left) or whether they turn at all (experiment II). Some know only the distance \
-         <i>d</i>; others also the safety levels <i>V</i><sub>HR</sub> (<i>h</i>, the human’s) and \
+         left) or whether they turn at all (experiment II). All know the geometry: how far \
+         apart the two are along each axis of the world, and the difference of their headings. \
+         Some add only the distance <i>d</i> (“distance alone” below), others also the safety levels <i>V</i><sub>HR</sub> (<i>h</i>, the human’s) and \
          <i>V</i><sub>RH</sub> (<i>r</i>, the robot’s): how near a collision would come if the \
          other side forced it.</p>\n{banner}<ul class=\"facts\">\n{facts}</ul>\n{left_out}</header>\n"
     )
@@ -121,8 +125,11 @@ fn findings(analysis: &Analysis) -> String {
     };
     let all: String = findings::findings(analysis).iter().map(one).collect();
     let note = "<p class=\"quiet\"><b>shown</b>: p &lt; 0.05 in the paired Wilcoxon test over \
-                people, two-sided, after Holm’s correction. <b>A hint only</b>: p &lt; 0.05 before \
-                correction. “No difference was shown” does not mean that there is none.</p>\n";
+                people, two-sided, after Holm’s correction, in at least one of \
+                the comparisons below the sentence. <b>A hint only</b>: in none after correction, \
+                but in at least one before. <b>No difference shown</b>: in none; that does not mean \
+                that there is none. <b>Too few people</b>: with fewer than six the test cannot give \
+                p &lt; 0.05, so that no p-values are shown.</p>\n";
     let gains = figures::gains::figure_of(analysis);
     section(
         "found",
@@ -184,57 +191,4 @@ fn cautions(analysis: &Analysis) -> String {
          difference between them.</li>\n</ul>\n"
     );
     section("not", "What not to conclude", &content)
-}
-
-fn method(analysis: &Analysis) -> String {
-    let grids = Grids::default();
-    let depth = |depth: &Option<usize>| depth.map_or("any".to_owned(), |depth| depth.to_string());
-    let depths: Vec<String> = grids.tree_depth.iter().map(depth).collect();
-    let content = format!(
-        "<p><b>Split.</b> Only tasks count. A person’s last fifth of the trials tests; the rest \
-         trains. Hyper-parameters are chosen by five-fold cross-validation over whole trials \
-         (a person’s trials are dealt to the folds in turn, so that no trial is in two), features are standardised \
-         within the fold, the first of equals in the order of the grid is taken, and the model is \
-         trained anew on all training trials. Nothing is random: there is no seed.</p>\n\
-         <p><b>Grids.</b> SVM with radial basis functions: C {rbf_c} and γ {rbf_gamma}; linear SVM: \
-         C {linear_c}; decision tree: depth {depth}, at least {leaf} rows a leaf; logistic \
-         regression: C {logistic_c}; boosted trees, in roll-outs only: depth {boosted}. \
-         Probabilities of the SVM are calibrated on held-out folds (Platt), those of the tree \
-         smoothed (Laplace).</p>\n\
-         <p><b>Features.</b> <i>B</i>: |Δx|, |Δy| and Δψ in the world’s frame, cos Δψ and sin Δψ; \
-         with <i>V</i><sub>HR</sub> (h), <i>V</i><sub>RH</sub> (r) and the distance (d), m. A safety \
-         level is how far the other side can be kept from the danger zone’s edge ({radius} m) when \
-         it does its worst; at 0 or below a collision can be forced.</p>\n\
-         <p><b>Measures.</b> Accuracy: share of steps where the predicted class was the person’s. \
-         <i>D</i><sub>start</sub>, <i>D</i><sub>end</sub>: distance of the first and last step of \
-         avoidance of model and person. Log loss: mean −ln of the probability of what was done; 0 \
-         is perfect. Expected calibration error: over ten bins of the highest probability, the mean \
-         distance of that probability from the share right.</p>\n\
-         <p><b>Tests.</b> Two-sided; exact up to 60 numbers. The paired Wilcoxon test over people \
-         fits this design. The Mann–Whitney tests are shown because the paper’s claims rest on \
-         such; over people it ignores the pairing, over trials it takes trials of a person for \
-         independent. Holm’s correction is over all tests of a metric. The interval of a gain holds \
-         every shift that the paired test does not reject at 5 % (Hodges and Lehmann), without \
-         correction.</p>\n",
-        radius = analysis.context.radius_m,
-        rbf_c = tried(&grids.rbf_c),
-        rbf_gamma = tried(&grids.rbf_gamma),
-        linear_c = tried(&grids.linear_c),
-        depth = tried(&depths),
-        leaf = tried(&grids.tree_leaf),
-        logistic_c = tried(&grids.logistic_c),
-        boosted = tried(&grids.boosted_depth),
-    );
-    let files = details(
-        "The numbers behind this page",
-        "<p>cells.csv (every model), table1.csv, table2.csv, tests.csv, ablation.csv, \
-         calibration.csv, rollouts.csv, leakage.csv and predictions.csv beside this file; tables.tex \
-         for a paper; models/ has every predictor.</p>\n",
-    );
-    section("method", "How it was done", &format!("{content}{files}"))
-}
-
-/// "0.1, 1 and 10".
-fn tried<T: ToString>(values: &[T]) -> String {
-    listed(&values.iter().map(T::to_string).collect::<Vec<_>>())
 }

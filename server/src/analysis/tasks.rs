@@ -135,7 +135,8 @@ impl Tasks {
         let results =
             comparison::run(&people, &self.scene, safety, settings, Some(cache), progress)?;
         let context = Context::of(&results, &people, &self.scene, safety)?;
-        let mut analysis = Analysis::of(results, self.synthetic.clone(), context)?;
+        let mut analysis =
+            Analysis::of(results, self.synthetic.clone(), context, settings.clone())?;
         for unfit in &mut analysis.exclusions {
             let file = self.people.iter().find(|person| person.name == unfit.participant);
             unfit.first_line = file.and_then(|person| person.line);

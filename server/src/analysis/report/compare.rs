@@ -47,6 +47,11 @@ pub(super) fn least_p(people: usize) -> f64 {
     (2.0 * 0.5f64.powi(people.min(1000) as i32)).min(1.0)
 }
 
+/// Whether no paired test of so many people can show anything.
+pub(super) fn too_few(people: usize) -> bool {
+    least_p(people) >= LEVEL
+}
+
 /// The fewest people with whom the smallest p-value, times `tests`, is below [`LEVEL`].
 pub(super) fn people_needed(tests: usize) -> usize {
     (1..60).find(|n| least_p(*n) * tests.max(1) as f64 <= LEVEL).unwrap_or(60)

@@ -2,8 +2,8 @@
 
 mod beside;
 
-use super::compare::{LEVEL, Paired, least_p, mean, people_needed};
-use super::html::{count, fixed, gains, listed, p_is, p_value, signed};
+use super::compare::{LEVEL, Paired, least_p, mean, people_needed, too_few};
+use super::html::{Gain, count, fixed, gains, listed, p_is, p_value, signed};
 use super::words;
 use crate::analysis::Analysis;
 use sidestep::comparison::cell::{Experiment, ModelName};
@@ -19,9 +19,9 @@ pub(super) struct Finding {
 /// How sure it is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Verdict {
-    /// p below 5 % after correction for every test of its family.
+    /// p below 5 % for some of the card's tests, after correction for all of their family.
     Shown,
-    /// p below 5 % for some tests, but not after correction.
+    /// p below 5 % for some of the card's tests, but for none after correction.
     Hint,
     /// No p below 5 %.
     NotShown,
@@ -53,14 +53,14 @@ impl Verdict {
         }
     }
 
-    /// Of p-values of `people` people, each with itself after correction.
+    /// Of all p-values of a card, of `people` people, each with itself after correction.
     fn of(people: usize, p_values: impl Iterator<Item = (f64, f64)>) -> Self {
         let (raw, corrected) = p_values.fold((1.0f64, 1.0f64), |(raw, corrected), (p, after)| {
             (raw.min(p), corrected.min(after))
         });
         if corrected < LEVEL {
             Self::Shown
-        } else if least_p(people) >= LEVEL {
+        } else if too_few(people) {
             Self::TooFew
         } else if raw < LEVEL {
             Self::Hint
@@ -74,7 +74,8 @@ impl Verdict {
 pub(super) fn findings(analysis: &Analysis) -> Vec<Finding> {
     let all = [
         safety_over_distance(analysis),
-        beside::body_frame(analysis),
+        beside::body_frame_instead(analysis),
+        beside::body_frame_too(analysis),
         beside::baseline(analysis),
         start_and_end(analysis),
         which_level(analysis),
@@ -109,7 +110,7 @@ fn headline(verdict: Verdict, tests: &[&Test], what: &str, over: &str) -> String
         tests
             .iter()
             .copied()
-            .filter(move |test| test.wilcoxon_persons_holm < LEVEL && sign * test.gain > 0.0)
+            .filter(move |test| test.wilcoxon_persons_holm < LEVEL && sign * test.typical_gain > 0.0)
     };
     let (better, worse) = (shown(1.0).count(), shown(-1.0).count());
     match verdict {
@@ -129,7 +130,7 @@ fn headline(verdict: Verdict, tests: &[&Test], what: &str, over: &str) -> String
         ),
         Verdict::Hint => {
             let below = tests.iter().copied().filter(|test| test.wilcoxon_persons < LEVEL);
-            let up = below.clone().filter(|test| test.gain > 0.0).count();
+            let up = below.clone().filter(|test| test.typical_gain > 0.0).count();
             let (all, of) = (below.count(), tests.len());
             let way = match up {
                 0 => "worse",
@@ -159,7 +160,7 @@ fn power(people: usize, family: usize) -> String {
     let least = least_p(people);
     let after = (least * family as f64).min(1.0);
     let who = count(people, "person", "people");
-    if least >= LEVEL {
+    if too_few(people) {
         return format!(
             "With {who} the paired test cannot reach p &lt; 0.05 at all: its smallest p-value is \
              {least:.3}. It takes six people, and {} after correction for {family} tests.",
@@ -187,15 +188,34 @@ fn safety_over_distance(analysis: &Analysis) -> Option<Finding> {
     let paired = Paired::of(&with, &without)?;
     let n = analysis.people();
     let interval = paired.interval.map_or_else(String::new, |[low, high]| {
-        format!("; 95 % interval of the typical gain {} to {}", signed(low, 1), signed(high, 1))
+        format!(
+            "; typical gain {}, with a 95 % interval of {} to {}: the median of the means of all \
+             pairs of people’s gains (Hodges and Lehmann)",
+            signed(first.typical_gain, 1),
+            signed(low, 1),
+            signed(high, 1)
+        )
     });
+    let sure = if too_few(n) {
+        String::new()
+    } else {
+        format!(
+            " (better for {better} of {n} people{interval}; paired Wilcoxon over people {p}, after \
+             Holm over {family} tests {holm}; Mann–Whitney over people, which ignores that they are \
+             the same people and has {hardly} power with n = {n}, {u}, after Holm {u_holm})",
+            better = paired.better(),
+            p = p_is(first.wilcoxon_persons),
+            holm = p_value(first.wilcoxon_persons_holm),
+            hardly = if n < 12 { "hardly any" } else { "less" },
+            u = p_is(first.mann_whitney_persons),
+            u_holm = p_value(first.mann_whitney_persons_holm),
+        )
+    };
     let more = if first.gain < 0.0 { "fewer" } else { "more" };
     let main = format!(
         "With safety levels and distance ({hrd}) {model} predicts {gain} points {more} of the steps \
-         right than with distance alone ({d}) in experiment {numeral}: {with} against {without} % \
-         (better for {better} of {n} people{interval}; paired Wilcoxon over people {p}, after Holm \
-         over {family} tests {holm}; Mann–Whitney over people, which ignores that they are the same \
-         people and has {hardly} power with n = {n}, {u}, after Holm {u_holm}).",
+         right than with distance alone ({d}) in experiment {numeral}: {with} against {without} \
+         %{sure}.",
         hrd = words::set("hrd"),
         d = words::set("d"),
         model = words::model_in_full(first.model),
@@ -203,32 +223,55 @@ fn safety_over_distance(analysis: &Analysis) -> Option<Finding> {
         numeral = first.experiment.numeral(),
         with = fixed(mean(&with), 1),
         without = fixed(mean(&without), 1),
-        better = paired.better(),
-        p = p_is(first.wilcoxon_persons),
-        holm = p_value(first.wilcoxon_persons_holm),
-        hardly = if n < 12 { "hardly any" } else { "less" },
-        u = p_is(first.mann_whitney_persons),
-        u_holm = p_value(first.mann_whitney_persons_holm),
     );
     let headline = headline(verdict, &tests, "Safety levels", "distance alone");
     let body = format!(
-        "<p>{main}</p>\n<p>Points of accuracy that safety levels gain; paired Wilcoxon over {}, and \
-         after Holm over {family} tests:</p>\n{}<p>{}</p>\n",
-        count(n, "person", "people"),
-        gains_of(&tests, points),
+        "<p>{main}</p>\n<p>Points of accuracy that safety levels gain{}:</p>\n{}<p>{}</p>\n",
+        by(n, family),
+        gains_of(n, &tests, points),
         power(n, family)
-    );
+    ) + &contrary(n, &tests);
     Some(Finding { verdict, headline, body: body.replace("<p></p>\n", "") })
 }
 
-/// The gains of some tests, as HTML.
-fn gains_of(tests: &[&Test], gain: impl Fn(&Test) -> String) -> String {
-    let one = |test: &&Test| {
-        let name = match test.metric {
+/// Says of which tests below [`LEVEL`] the mean points the other way than the typical gain, in a
+/// paragraph; nothing where there is none.
+fn contrary(people: usize, tests: &[&Test]) -> String {
+    let turned = tests.iter().copied().filter(|test| {
+        test.wilcoxon_persons < LEVEL && test.gain * test.typical_gain <= 0.0 && !too_few(people)
+    });
+    let turned: Vec<&Test> = turned.collect();
+    if turned.is_empty() {
+        return String::new();
+    }
+    format!(
+        "<p>In {} the mean points the other way than most people’s gains: a few people change by \
+         more than all others together. The test, and what is said above, are about the typical \
+         gain.</p>\n",
+        names(turned.into_iter())
+    )
+}
+
+/// What the p-values beside some gains are of, after "; "; nothing where none are shown.
+fn by(people: usize, family: usize) -> String {
+    if too_few(people) {
+        return String::new();
+    }
+    format!(
+        "; paired Wilcoxon over {}, and after Holm over {family} tests",
+        count(people, "person", "people")
+    )
+}
+
+/// The gains of some tests of so many people, as HTML.
+fn gains_of(people: usize, tests: &[&Test], gain: impl Fn(&Test) -> String) -> String {
+    let one = |test: &&Test| Gain {
+        name: match test.metric {
             Metric::Accuracy => name(test.model, test.experiment),
             Metric::Start | Metric::End => words::model(test.model).to_owned(),
-        };
-        (name, gain(test), test.wilcoxon_persons, test.wilcoxon_persons_holm)
+        },
+        gain: gain(test),
+        p_values: (!too_few(people)).then_some([test.wilcoxon_persons, test.wilcoxon_persons_holm]),
     };
     gains(&tests.iter().map(one).collect::<Vec<_>>())
 }
@@ -247,14 +290,16 @@ fn start_and_end(analysis: &Analysis) -> Option<Finding> {
             format!("{} steps <span>({seconds} s)</span>", signed(test.gain, 1))
         };
         body.push_str(&format!(
-            "<p>By so much nearer is the {word} step of avoidance with {} than with {} (penalised; \
-             paired Wilcoxon over people, and after Holm over {family} tests):</p>\n{}",
+            "<p>By so much nearer is the {word} step of avoidance with {} than with {}, \
+             penalised{}:</p>\n{}",
             words::set("hrd"),
             words::set("d"),
-            gains_of(&tests, steps)
+            by(analysis.people(), family),
+            gains_of(analysis.people(), &tests, steps)
         ));
         p_values
             .extend(tests.iter().map(|test| (test.wilcoxon_persons, test.wilcoxon_persons_holm)));
+        body.push_str(&contrary(analysis.people(), &tests));
         all.extend(tests);
     }
     if all.is_empty() {
@@ -266,7 +311,7 @@ fn start_and_end(analysis: &Analysis) -> Option<Finding> {
             let shown = all.iter().filter(|test| test.wilcoxon_persons_holm < LEVEL);
             let said = shown.map(|test| {
                 let place = if test.metric == Metric::Start { "start" } else { "end" };
-                let way = if test.gain > 0.0 { "better" } else { "worse" };
+                let way = if test.typical_gain > 0.0 { "better" } else { "worse" };
                 format!("{} ({place}, {way})", words::model(test.model))
             });
             format!(
@@ -276,13 +321,18 @@ fn start_and_end(analysis: &Analysis) -> Option<Finding> {
         }
         Verdict::Hint => {
             let below = || all.iter().filter(|test| test.wilcoxon_persons < LEVEL);
-            let nearer = below().filter(|test| test.gain > 0.0).count();
+            let nearer = below().filter(|test| test.typical_gain > 0.0).count();
             format!(
                 "With safety levels the start or end of avoidance looks nearer in {nearer} and \
                  further off in {} of {} comparisons with distance alone, but not after correction.",
                 below().count() - nearer,
                 all.len()
             )
+        }
+        Verdict::TooFew => {
+            "Too few people to show whether safety levels change how well the start \
+                            or end of avoidance is found."
+                .to_owned()
         }
         _ => "When avoidance starts or ends: no difference between safety levels and distance \
               alone was shown."
@@ -300,19 +350,23 @@ fn which_level(analysis: &Analysis) -> Option<Finding> {
     let p_values = tests.iter().map(|test| (test.wilcoxon_persons, test.wilcoxon_persons_holm));
     let verdict = Verdict::of(analysis.people(), p_values);
     let headline = match verdict {
-        Verdict::NotShown | Verdict::TooFew => {
+        Verdict::TooFew => {
+            "Too few people to show whether the human’s or the robot’s safety level says more."
+                .to_owned()
+        }
+        Verdict::NotShown => {
             "Whether the human’s or the robot’s safety level says more: no difference was shown."
                 .to_owned()
         }
         _ => headline(verdict, &tests, "Human’s safety levels", "the robot’s"),
     };
     let body = format!(
-        "<p>Points of accuracy of {} over {}; paired Wilcoxon over people, and after Holm over \
-         {family} tests. The paper finds the robot’s level the better one in general, without a \
-         test of it.</p>\n{}",
+        "<p>Points of accuracy of {} over {}{}. The paper finds the robot’s level the better one in \
+         general, without a test of it.</p>\n{}",
         words::set("h"),
         words::set("r"),
-        gains_of(&tests, points)
+        by(analysis.people(), family),
+        gains_of(analysis.people(), &tests, points)
     );
     Some(Finding { verdict, headline, body })
 }

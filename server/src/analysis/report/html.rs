@@ -115,16 +115,26 @@ fn without_tags(html: &str) -> String {
     out
 }
 
-/// Gains side by side, each with its name, how much it is, and the p-value of the paired test before
-/// and after Holm's correction.
-pub(super) fn gains(all: &[(String, String, f64, f64)]) -> String {
-    let one = |(name, gain, p, holm): &(String, String, f64, f64)| {
-        let class = if *holm < super::compare::LEVEL { " class=\"below\"" } else { "" };
-        format!(
-            "<li{class}><span>{name}</span><b>{gain}</b><small>{}<br/>Holm {}</small></li>\n",
-            p_is(*p),
-            p_value(*holm)
-        )
+/// How much something gains.
+pub(super) struct Gain {
+    /// In which model.
+    pub(super) name: String,
+    /// HTML.
+    pub(super) gain: String,
+    /// Of the paired test, before and after Holm's correction; none where people are too few for
+    /// it to show anything.
+    pub(super) p_values: Option<[f64; 2]>,
+}
+
+/// Gains side by side.
+pub(super) fn gains(all: &[Gain]) -> String {
+    let one = |of: &Gain| {
+        let is_below = of.p_values.is_some_and(|[_, holm]| holm < super::compare::LEVEL);
+        let class = if is_below { " class=\"below\"" } else { "" };
+        let sure = of.p_values.map_or_else(String::new, |[p, holm]| {
+            format!("<small>{}<br/>Holm {}</small>", p_is(p), p_value(holm))
+        });
+        format!("<li{class}><span>{}</span><b>{}</b>{sure}</li>\n", of.name, of.gain)
     };
     format!("<ul class=\"gains\">\n{}</ul>\n", all.iter().map(one).collect::<String>())
 }

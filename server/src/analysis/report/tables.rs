@@ -1,5 +1,6 @@
 //! The tables of the report.
 
+use super::compare::too_few;
 use super::html::{details, escaped, fixed, p_value, signed, table};
 use super::{published, words};
 use crate::analysis::best::is_best;
@@ -7,6 +8,10 @@ use crate::analysis::{Analysis, Excluded};
 use sidestep::comparison::avoidance::Distances;
 use sidestep::comparison::cell::{BODY_FRAME_SETS, Experiment, ModelName, PAPERS_SETS};
 use sidestep::comparison::tables::Metric;
+
+/// In place of p-values that could not be below 0.05.
+const NO_TEST: &str =
+    "With fewer than six people the paired test cannot give p &lt; 0.05: no p-value.";
 
 fn headed(first: &str, more: &[&str]) -> Vec<String> {
     let sets = PAPERS_SETS.iter().map(|set| words::set(set));
@@ -111,6 +116,7 @@ pub(in crate::analysis) fn both_avoid(of: &Distances, metric: Metric) -> Option<
 
 /// What a body frame explains.
 pub(super) fn ablation(analysis: &Analysis) -> String {
+    let few = too_few(analysis.people());
     let rows = analysis.ablation.iter().map(|row| {
         let model = ModelName::ALL.into_iter().find(|model| model.word() == row.model);
         let (name, set) = match model {
@@ -124,7 +130,7 @@ pub(super) fn ablation(analysis: &Analysis) -> String {
             fixed(row.accuracy, 2),
             fixed(row.log_loss, 3),
             row.over_d.map_or_else(none, |(gain, _)| signed(gain, 2)),
-            row.over_d.map_or_else(none, |(_, p)| p_value(p)),
+            row.over_d.filter(|_| !few).map_or_else(none, |(_, p)| p_value(p)),
         ]
     });
     let columns = [
@@ -135,14 +141,17 @@ pub(super) fn ablation(analysis: &Analysis) -> String {
         "gain over <i>B</i><sub>d</sub> (points)",
         "paired Wilcoxon p",
     ];
-    let caption = "<b>Ablation.</b> The baseline, and the same models with and without safety \
-                   levels and the robot’s position in the human’s body frame. p-values are of one \
-                   test each, without correction.";
-    table(caption, "numbers", &columns.map(str::to_owned), &rows.collect::<Vec<_>>())
+    let p_values = if few { NO_TEST } else { "p-values are of one test each, without correction." };
+    let caption = format!(
+        "<b>Ablation.</b> The baseline, and the same models with and without safety levels and the \
+         robot’s position in the human’s body frame. {p_values}"
+    );
+    table(&caption, "numbers", &columns.map(str::to_owned), &rows.collect::<Vec<_>>())
 }
 
 /// Every test, a table each metric.
 pub(super) fn tests(analysis: &Analysis) -> String {
+    let few = too_few(analysis.people());
     let metrics = [
         (Metric::Accuracy, "Accuracy", "points"),
         (Metric::Start, "<i>D</i><sub>start</sub>", "steps"),
@@ -163,7 +172,11 @@ pub(super) fn tests(analysis: &Analysis) -> String {
                 format!("{} ({})", words::model(test.model), test.experiment.numeral()),
                 format!("{} over {}", words::set(test.first), words::set(test.second)),
                 signed(test.gain, 2),
-                p(test.wilcoxon_persons, test.wilcoxon_persons_holm),
+                if few {
+                    "–".to_owned()
+                } else {
+                    p(test.wilcoxon_persons, test.wilcoxon_persons_holm)
+                },
                 p(test.mann_whitney_persons, test.mann_whitney_persons_holm),
                 p(test.mann_whitney_trajectories, test.mann_whitney_trajectories_holm),
             ]
@@ -181,7 +194,8 @@ pub(super) fn tests(analysis: &Analysis) -> String {
         let caption = format!(
             "<b>{name}</b>: p-values, below each the same after Holm over the {count} tests of its \
              column; <b>bold</b> where that is below 0.05. Trials of a person are not independent: \
-             the last column is too sure."
+             the last column is too sure. {}",
+            if few { NO_TEST } else { "" }
         );
         details(
             &format!("All {count} tests of {name}"),

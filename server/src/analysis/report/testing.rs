@@ -6,7 +6,7 @@ use sidestep::comparison::cell::{Cell, Experiment, ModelName, NamedSet};
 use sidestep::comparison::metrics::Predictions;
 use sidestep::comparison::rollout::Horizon;
 use sidestep::comparison::tables::{Comparison, Participant};
-use sidestep::comparison::{Exclusion, Leakage, Results, RolloutsOf};
+use sidestep::comparison::{Exclusion, Leakage, Results, RolloutsOf, Settings};
 use sidestep::predict::{Predictor, PredictorFile};
 
 /// Steps of a trial.
@@ -69,7 +69,8 @@ pub(super) fn made_up(people: usize, synthetic: Option<&str>) -> Analysis {
         boundary: vec![vec![[3.0, 0.0], [0.0, 3.0], [-3.0, 0.0], [0.0, -3.0]]],
     };
     let context = Context { trials: 7 * people, step_s: 0.2, radius_m: 3.0, maps: vec![map] };
-    Analysis::of(results, synthetic.map(str::to_owned), context).unwrap()
+    let settings = Settings::new().unwrap();
+    Analysis::of(results, synthetic.map(str::to_owned), context, settings).unwrap()
 }
 
 /// What a model says that misses the last steps of the turn.

@@ -46,8 +46,8 @@ fn table(analysis: &Analysis, model: ModelName, experiment: Experiment) -> Strin
     };
     let rows: String = all.classes.iter().zip(all.confusion()).map(row).collect();
     format!(
-        "<table class=\"confusion\">\n<caption>{} {}</caption>\n<thead><tr><th scope=\"col\">did ↓ \
-         predicted →</th>{columns}</tr></thead>\n<tbody>\n{rows}</tbody>\n</table>\n",
+        "<table class=\"confusion\">\n<caption>{} {}</caption>\n<thead><tr><th scope=\"col\" \
+         class=\"corner\">did ↓<br/>predicted →</th>{columns}</tr></thead>\n<tbody>\n{rows}</tbody>\n</table>\n",
         words::model(model),
         experiment.numeral()
     )

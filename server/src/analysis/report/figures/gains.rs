@@ -6,11 +6,11 @@ use super::super::words;
 use crate::analysis::Analysis;
 use sidestep::comparison::cell::{Experiment, ModelName};
 
-/// Which sets are compared, and how a chart is headed.
+/// Which sets are compared, as in the findings, and how a chart is headed.
 const PAIRS: [(&str, &str, &str); 3] = [
     ("hrd", "d", "Safety levels over distance alone"),
-    ("d_body", "d", "Body frame over distance alone"),
-    ("hrd", "d_body", "Safety levels over body frame"),
+    ("d_body", "hrd", "Body frame over safety levels"),
+    ("hrd_body", "d_body", "Safety levels beside body frame"),
 ];
 
 const ROW: f64 = 30.0;

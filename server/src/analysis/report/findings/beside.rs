@@ -1,9 +1,9 @@
 //! Findings beside the paper's own tests: the body frame, baselines, roll-outs, calibration.
 
-use super::super::compare::{LEVEL, Paired};
-use super::super::html::{fixed, gains, grouped, listed, signed};
+use super::super::compare::{LEVEL, Paired, too_few};
+use super::super::html::{Gain, fixed, gains, grouped, listed, signed};
 use super::super::words;
-use super::{Finding, Verdict, name, power};
+use super::{Finding, Verdict, by, name, power};
 use crate::analysis::Analysis;
 use sidestep::comparison::RolloutsOf;
 use sidestep::comparison::cell::{Experiment, HISTORY_SET, ModelName};
@@ -42,10 +42,11 @@ fn verdict(people: usize, entries: &[Entry]) -> Verdict {
     Verdict::of(people, entries.iter().map(|entry| (entry.paired.p, entry.holm)))
 }
 
-fn said(entries: &[Entry]) -> String {
-    let one = |entry: &Entry| {
-        let gain = signed(entry.paired.mean, 1);
-        (entry.name.clone(), gain, entry.paired.p, entry.holm)
+fn said(people: usize, entries: &[Entry]) -> String {
+    let one = |entry: &Entry| Gain {
+        name: entry.name.clone(),
+        gain: signed(entry.paired.mean, 1),
+        p_values: (!too_few(people)).then_some([entry.paired.p, entry.holm]),
     };
     gains(&entries.iter().map(one).collect::<Vec<_>>())
 }
@@ -72,62 +73,94 @@ fn in_words(entries: &[Entry], better: &str, worse: &str) -> String {
     said.map(|(what, names)| format!("{what} {}", listed(names))).collect::<Vec<_>>().join("; ")
 }
 
-/// How many of them are up and how many down, by this p-value.
-fn ways(entries: &[Entry], p: fn(&Entry) -> f64) -> [usize; 2] {
-    let below = || entries.iter().filter(|entry| p(entry) < LEVEL);
+/// How many of them are up and how many down, with p below 5 % before correction.
+fn ways(entries: &[Entry]) -> [usize; 2] {
+    let below = || entries.iter().filter(|entry| entry.paired.p < LEVEL);
     [1.0, -1.0].map(|sign| below().filter(|entry| sign * entry.paired.mean > 0.0).count())
 }
 
+/// One feature set over another.
+fn sets(analysis: &Analysis, first: &str, second: &str) -> Vec<Entry> {
+    let of = |set| move |model, experiment| analysis.person_accuracies(model, experiment, set);
+    family(of(first), of(second))
+}
+
 /// Whether knowing on which side the robot is does as well as the safety levels.
-pub(super) fn body_frame(analysis: &Analysis) -> Option<Finding> {
-    let of = |set: &'static str| {
-        move |model, experiment| analysis.person_accuracies(model, experiment, set)
-    };
-    let instead = family(of("d_body"), of("hrd"));
-    let added = family(of("hrd_body"), of("d_body"));
-    if instead.is_empty() || added.is_empty() {
+pub(super) fn body_frame_instead(analysis: &Analysis) -> Option<Finding> {
+    let entries = sets(analysis, "d_body", "hrd");
+    if entries.is_empty() {
         return None;
     }
-    let verdict = verdict(analysis.people(), &instead);
-    let all = instead.len();
-    let higher = instead.iter().filter(|entry| entry.paired.mean > 0.0).count();
+    let people = analysis.people();
+    let verdict = verdict(people, &entries);
+    let all = entries.len();
     let headline = match verdict {
         Verdict::Shown => {
             format!(
                 "Knowing where the robot is in the human’s body frame, instead of the safety \
                  levels, predicts {}.",
-                in_words(&instead, "better in", "worse in")
+                in_words(&entries, "better in", "worse in")
             )
         }
         Verdict::Hint => {
-            let [up, down] = ways(&instead, |entry| entry.paired.p);
+            let [up, down] = ways(&entries);
+            let higher = entries.iter().filter(|entry| entry.paired.mean > 0.0).count();
             format!(
                 "Knowing where the robot is in the human’s body frame predicts more on average than \
                  the safety levels in {higher} of {all} comparisons ({up} with p &lt; 0.05 for it, \
                  {down} against it, none after correction)."
             )
         }
+        Verdict::TooFew => "Too few people to show a difference between a body frame and the \
+                            safety levels."
+            .to_owned(),
         _ => "Between a body frame and the safety levels no difference was shown.".to_owned(),
-    };
-    let [up, down] = ways(&added, |entry| entry.holm);
-    let more = match (up, down) {
-        (0, 0) => "that the safety levels add anything to it was not shown",
-        (_, 0) => "safety levels add to it in some",
-        (0, _) => "safety levels take away from it in some",
-        _ => "safety levels add to it in some and take away in others",
     };
     let body = format!(
         "<p>The paper’s features do not say on which side the robot is; safety levels do in part. \
-         Points of accuracy of {} (distance and body frame) over {}; paired Wilcoxon over people, \
-         and after Holm over {all} tests:</p>\n{}<p>Once the body frame is known, {more}. Points of \
-         {} over {}, likewise:</p>\n{}<p>A gain over distance alone is by itself no evidence that \
-         people reckon with safety levels.</p>\n",
+         Points of accuracy of {} (distance and body frame) over {}{}:</p>\n{}<p>A gain over \
+         distance alone is by itself no evidence that people reckon with safety levels.</p>\n",
         words::set("d_body"),
         words::set("hrd"),
-        said(&instead),
+        by(people, all),
+        said(people, &entries)
+    );
+    Some(Finding { verdict, headline, body })
+}
+
+/// Whether the safety levels still help where it is known on which side the robot is.
+pub(super) fn body_frame_too(analysis: &Analysis) -> Option<Finding> {
+    let entries = sets(analysis, "hrd_body", "d_body");
+    if entries.is_empty() {
+        return None;
+    }
+    let people = analysis.people();
+    let verdict = verdict(people, &entries);
+    let all = entries.len();
+    let headline = match verdict {
+        Verdict::Shown => format!(
+            "Once the body frame is known, the safety levels {}.",
+            in_words(&entries, "add to it in", "take away from it in")
+        ),
+        Verdict::Hint => {
+            let [up, down] = ways(&entries);
+            format!(
+                "Once the body frame is known, the safety levels look better in {up} and worse in \
+                 {down} of {all} comparisons, but not after correction."
+            )
+        }
+        Verdict::TooFew => {
+            "Too few people to show whether the safety levels add anything to a body frame."
+                .to_owned()
+        }
+        _ => "That the safety levels add anything to a body frame was not shown.".to_owned(),
+    };
+    let body = format!(
+        "<p>Points of accuracy of {} over {}{}:</p>\n{}",
         words::set("hrd_body"),
         words::set("d_body"),
-        said(&added)
+        by(people, all),
+        said(people, &entries)
     );
     Some(Finding { verdict, headline, body })
 }
@@ -153,21 +186,24 @@ pub(super) fn baseline(analysis: &Analysis) -> Option<Finding> {
             in_words(&entries, "is beaten by", "beats")
         ),
         Verdict::Hint => {
-            let [up, down] = ways(&entries, |entry| entry.paired.p);
+            let [up, down] = ways(&entries);
             format!(
                 "Against always saying the person’s commonest input: {up} of {all} comparisons with \
                  p &lt; 0.05 for the model, {down} against it, none after correction."
             )
         }
+        Verdict::TooFew => "Too few people to show whether models beat always saying the person’s \
+                            commonest input."
+            .to_owned(),
         _ => {
             "That models beat always saying the person’s commonest input was not shown.".to_owned()
         }
     };
     let body = format!(
-        "<p>Points of accuracy on {} over the baseline; paired Wilcoxon over people, and after Holm \
-         over {all} tests:</p>\n{}<p>{}</p>\n",
+        "<p>Points of accuracy on {} over the baseline{}:</p>\n{}<p>{}</p>\n",
         words::set("hrd"),
-        said(&entries),
+        by(people, all),
+        said(people, &entries),
         power(people, all)
     );
     Some(Finding { verdict, headline, body: body.replace("<p></p>\n", "") })
