@@ -28,21 +28,28 @@ const PAPERS: [(&str, &str); 8] = [
     ("distance", "d"),
 ];
 
+/// Largest feature, in its unit: sums of squares of many stay far from overflow.
+const LARGEST: f64 = 1e9;
+
+fn is_usable(feature: f64) -> bool {
+    (-LARGEST..=LARGEST).contains(&feature)
+}
+
 /// The rows of a person's trials, with every feature.
 ///
 /// # Errors
-/// [`LineError`] for a trial with a feature that is too large for a number.
+/// [`LineError`] for a trial with a feature that is larger than any distance can be.
 pub fn dataset(person: &Person, safety: &SafetyFunctions) -> Result<Dataset, LineError> {
     let trials = person.trials.iter().map(|trial| (&trial.inputs[..], &trial.states[..]));
     let data = Dataset::from_trials(&FeatureSet::all(), safety, trials);
-    let Some(place) = data.values.iter().position(|value| !value.is_finite()) else {
+    let Some(place) = data.values.iter().position(|value| !is_usable(*value)) else {
         return Ok(data);
     };
     let (row, feature) = (place / FEATURES.len(), &FEATURES[place % FEATURES.len()]);
     let trial = &person.trials[data.trials[row]];
     let step = data.trials[..row].iter().rev().take_while(|of| **of == data.trials[row]).count();
     let found = format!("{} in step {step} of trial {}", data.values[place], trial.number);
-    let what = Invalid::new(feature.name, "poses whose features are finite numbers", found);
+    let what = Invalid::new(feature.name, "features of at most 1e9", found);
     Err(LineError { line: trial.line, what })
 }
 
@@ -178,6 +185,12 @@ impl FeatureRows {
                 if found.turn != input {
                     let expected = format!("{}, as in the trials", input.sign());
                     let what = Invalid::new(TURN[0], expected, found.turn.sign());
+                    return Err(LineError { line: found.line, what });
+                }
+                if let Some(large) = found.values.iter().position(|v| !is_usable(*v)) {
+                    let names: Vec<String> = self.features.clone().into();
+                    let what =
+                        Invalid::new(&names[large], "a number of at most 1e9", found.values[large]);
                     return Err(LineError { line: found.line, what });
                 }
                 for (place, value) in places.iter().zip(&found.values) {

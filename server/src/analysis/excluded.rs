@@ -41,7 +41,8 @@ impl Excluded {
 /// A row or a trial of theirs is wrong.
 impl From<Fault> for Excluded {
     fn from(Fault { participant, error: LineError { line, what } }: Fault) -> Self {
-        Self { line: Some(line), ..Self::new(&participant, what.to_string()) }
+        // Rows of a database are in no line.
+        Self { line: (line > 0).then_some(line), ..Self::new(&participant, what.to_string()) }
     }
 }
 
@@ -60,7 +61,8 @@ impl From<&Excluded> for Exclusion {
 
 impl fmt::Display for Excluded {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "participant {}: {}", self.participant, self.why())?;
+        // Names may hold what a terminal would obey.
+        write!(f, "participant {}: {}", self.participant.escape_debug(), self.why())?;
         self.first_line.map_or(Ok(()), |line| write!(f, " (their rows begin in line {line})"))
     }
 }

@@ -169,10 +169,10 @@ impl Tasks {
     }
 }
 
-/// A stored trial as an export of the study would have it.
+/// A stored trial as an export of the study would have it, but for its line: it is in none.
 fn file_trial(number: u64, trial: StoredTrial) -> FileTrial {
     FileTrial {
-        line: number,
+        line: 0,
         number,
         phase: trial.head.phase,
         trial_id: Some(trial.head.trial_id),

@@ -41,9 +41,10 @@ use tokio::sync::oneshot;
 /// Writes to --out: cells.csv (every fit), table1.csv (mean accuracy, per cent) and table2.csv
 /// (D_start and D_end, steps) as in the paper, tests.csv, ablation.csv, calibration.csv,
 /// rollouts.csv (predictors fed with what they said), predictions.csv, leakage.csv with
-/// --leakage, models/ (a predictor.json for each fit), report.html and tables.tex. The same input gives the same
-/// bytes whatever the number of threads or the order of people. Fits are kept in
-/// --out/.cache and used again where nothing they depend on has changed. Prints one line of JSON.
+/// --leakage, models/ (a predictor.json for each fit; what was in it before is deleted),
+/// report.html and tables.tex. The same input gives the same bytes whatever the number of threads
+/// or the order of people. Fits are kept in --out/.cache and used again where nothing they depend
+/// on has changed. Prints one line of JSON.
 #[derive(Clone, Debug, clap::Args)]
 pub struct AnalyzeArgs {
     #[command(flatten)]
@@ -64,7 +65,8 @@ pub struct AnalyzeArgs {
     /// "tree_leaf": […], "logistic_c": […], "boosted_depth": […]}, "leakage": true,
     /// "synthetic": true}. Sets come beside the paper's, of any features that `sidestep features
     /// --help` names; a set is the whole list, so name abs_dx, abs_dy, dpsi, cos_dpsi and sin_dpsi
-    /// too where it is to have the paper's B. Grids take the place of the protocol's. Everything may be left out; - reads stdin.
+    /// too where it is to have the paper's B. Grids take the place of the protocol's. Everything
+    /// may be left out; - reads stdin.
     #[arg(long, value_name = "FILE.json")]
     settings: Option<PathBuf>,
     /// Also split by time step, which is wrong, to show by how much it deceives (leakage.csv).

@@ -41,9 +41,10 @@ pub struct SimulateArgs {
         conflicts_with = "url"
     )]
     tasks: u64,
-    /// When the vehicle follows the keys.
-    #[arg(long, value_name = "WHEN", value_enum, default_value_t = KeysArg::Clock)]
-    keys: KeysArg,
+    /// When the vehicle follows the keys [default: free with --out, as in the project's reference
+    /// data; clock with --url].
+    #[arg(long, value_name = "WHEN", value_enum)]
+    keys: Option<KeysArg>,
     #[command(flatten)]
     destination: Destination,
     /// Name of the server's study in addresses.
@@ -73,11 +74,19 @@ already_stored.
 With --keys clock (one input a step, as in the study) states replay exactly from the inputs, and \
 have as many digits as bring the same bits back. With --keys free the keys count at once, every \
 0.05 s, as in the project's reference data: states do not replay from the inputs, headings are \
-not wrapped, numbers have nine significant digits, and lines end with CR LF.
+not wrapped, numbers have nine significant digits, and lines end with CR LF. A column synthetic \
+says that nobody drove; only the reference's own file, of seed 20180918 with free keys, lacks it.
 
 Through a server every person has the external id synthetic-SEED-NUMBER, and the display of every \
 trial says \"synthetic\": true. A run that broke off goes on where it stopped when it is started \
 again; people who are complete are left alone.";
+
+impl SimulateArgs {
+    fn keys(&self) -> KeysArg {
+        let usual = if self.destination.url.is_some() { KeysArg::Clock } else { KeysArg::Free };
+        self.keys.unwrap_or(usual)
+    }
+}
 
 /// When the vehicle follows the keys.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]

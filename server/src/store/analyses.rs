@@ -228,8 +228,9 @@ async fn delete_files(db: &mut Db, sequence: i64) -> Result<(), sqlx::Error> {
         .map(drop)
 }
 
-/// Deletes what was found from somebody's data: files, and cells of the study. What is being
-/// made begins anew, without them.
+/// Deletes what was found from somebody's data, while they are still there: files, and cells of
+/// the study. What is being made begins anew, without them. Of somebody who drove nothing,
+/// nothing was found.
 ///
 /// # Errors
 /// If the database cannot be written.
@@ -238,11 +239,12 @@ pub async fn withdraw(db: &mut Db, participant_id: &str) -> Result<(), sqlx::Err
         "DELETE FROM analysis_file WHERE analysis IN \
              (SELECT analysis FROM analysis_participant WHERE participant_id = $1)",
         "DELETE FROM analysis_cell WHERE study_id = \
-             (SELECT study_id FROM participant WHERE id = $1)",
+             (SELECT study_id FROM participant WHERE id = $1) AND EXISTS (SELECT 1 FROM trial \
+             JOIN scene ON scene.trial_id = trial.trial_id WHERE scene.participant_id = $1)",
         "UPDATE analysis SET state = 'withdrawn', result = NULL WHERE state = 'done' AND sequence \
              IN (SELECT analysis FROM analysis_participant WHERE participant_id = $1)",
-        "UPDATE analysis SET state = 'queued', started_at_ms = NULL, attempts = 0, done = 0, \
-             total = 0 WHERE state = 'running' AND sequence \
+        "UPDATE analysis SET state = 'queued', started_at_ms = NULL, done = 0, total = 0 \
+             WHERE state = 'running' AND sequence \
              IN (SELECT analysis FROM analysis_participant WHERE participant_id = $1)",
         "DELETE FROM analysis_participant WHERE participant_id = $1",
     ] {
@@ -256,6 +258,8 @@ pub async fn withdraw(db: &mut Db, participant_id: &str) -> Result<(), sqlx::Err
 pub struct Job {
     /// Which.
     pub sequence: i64,
+    /// Which time it was begun: whoever begins it again makes this one unwanted.
+    pub attempt: i64,
     /// Of which study: its row.
     pub study_id: i64,
     /// Its name.
@@ -293,16 +297,16 @@ pub async fn recover(db: &mut Db, now_ms: i64) -> Result<(), sqlx::Error> {
 /// # Errors
 /// If the database cannot be written.
 pub async fn begin(db: &mut Db, now_ms: i64) -> Result<Option<Job>, sqlx::Error> {
-    let row: Option<(i64, i64, String)> = sqlx::query_as(
+    let row: Option<(i64, i64, i64, String)> = sqlx::query_as(
         "UPDATE analysis SET state = 'running', attempts = attempts + 1, started_at_ms = $1, \
              done = 0, total = 0 \
          WHERE sequence = (SELECT min(sequence) FROM analysis WHERE state = 'queued') \
-         RETURNING sequence, study_id, request",
+         RETURNING sequence, attempts, study_id, request",
     )
     .bind(now_ms)
     .fetch_optional(&mut *db)
     .await?;
-    let Some((sequence, study_id, request)) = row else {
+    let Some((sequence, attempt, study_id, request)) = row else {
         return Ok(None);
     };
     delete_files(db, sequence).await?;
@@ -311,7 +315,9 @@ pub async fn begin(db: &mut Db, now_ms: i64) -> Result<Option<Job>, sqlx::Error>
         "INSERT INTO analysis_participant (analysis, participant_id) \
          SELECT analysis.sequence, participant.id FROM analysis \
          JOIN participant ON participant.study_id = analysis.study_id \
-         WHERE analysis.sequence = $1 AND participant.data_deleted = 0",
+         WHERE analysis.sequence = $1 AND EXISTS (SELECT 1 FROM trial \
+             JOIN scene ON scene.trial_id = trial.trial_id \
+             WHERE scene.participant_id = participant.id)",
     ] {
         sqlx::query(statement).bind(sequence).execute(&mut *db).await?;
     }
@@ -320,7 +326,7 @@ pub async fn begin(db: &mut Db, now_ms: i64) -> Result<Option<Job>, sqlx::Error>
         .fetch_one(db)
         .await?;
     let request = serde_json::from_str(&request).map_err(undecodable)?;
-    Ok(Some(Job { sequence, study_id, study, request }))
+    Ok(Some(Job { sequence, attempt, study_id, study, request }))
 }
 
 /// Notes how far it is. Whether it is still wanted.
@@ -334,11 +340,13 @@ pub async fn note_progress(
     of: usize,
 ) -> Result<bool, sqlx::Error> {
     sqlx::query(
-        "UPDATE analysis SET done = $2, total = $3 WHERE sequence = $1 AND state = 'running'",
+        "UPDATE analysis SET done = $2, total = $3 \
+         WHERE sequence = $1 AND state = 'running' AND attempts = $4",
     )
     .bind(job.sequence)
     .bind(done as i64)
     .bind(of as i64)
+    .bind(job.attempt)
     .execute(db)
     .await
     .map(|updated| updated.rows_affected() > 0)
@@ -357,12 +365,14 @@ pub async fn put_file(
 ) -> Result<bool, sqlx::Error> {
     sqlx::query(
         "INSERT INTO analysis_file (analysis, name, size, octets) \
-         SELECT sequence, $2, $3, $4 FROM analysis WHERE sequence = $1 AND state = 'running'",
+         SELECT sequence, $2, $3, $4 FROM analysis \
+         WHERE sequence = $1 AND state = 'running' AND attempts = $5",
     )
     .bind(job.sequence)
     .bind(name)
     .bind(size as i64)
     .bind(octets)
+    .bind(job.attempt)
     .execute(db)
     .await
     .map(|inserted| inserted.rows_affected() > 0)
@@ -387,13 +397,14 @@ pub async fn end(
     };
     sqlx::query(
         "UPDATE analysis SET state = $2, ended_at_ms = $3, message = $4, result = $5 \
-         WHERE sequence = $1 AND state = 'running'",
+         WHERE sequence = $1 AND state = 'running' AND attempts = $6",
     )
     .bind(job.sequence)
     .bind(state.word())
     .bind(now_ms)
     .bind(ending.as_ref().err())
     .bind(result)
+    .bind(job.attempt)
     .execute(db)
     .await
     .map(|updated| updated.rows_affected() > 0)
@@ -406,9 +417,10 @@ pub async fn end(
 pub async fn give_back(db: &mut Db, job: &Job) -> Result<(), sqlx::Error> {
     sqlx::query(
         "UPDATE analysis SET state = 'queued', attempts = attempts - 1, started_at_ms = NULL \
-         WHERE sequence = $1 AND state = 'running'",
+         WHERE sequence = $1 AND state = 'running' AND attempts = $2",
     )
     .bind(job.sequence)
+    .bind(job.attempt)
     .execute(db)
     .await
     .map(drop)
@@ -439,12 +451,14 @@ pub async fn put_cells(
 ) -> Result<(), sqlx::Error> {
     sqlx::query(
         "INSERT INTO analysis_cell (study_id, key, octets) \
-         SELECT study_id, $2, $3 FROM analysis WHERE sequence = $1 AND state = 'running' \
+         SELECT study_id, $2, $3 FROM analysis \
+         WHERE sequence = $1 AND state = 'running' AND attempts = $4 \
          ON CONFLICT (study_id, key) DO NOTHING",
     )
     .bind(job.sequence)
     .bind(key)
     .bind(octets)
+    .bind(job.attempt)
     .execute(db)
     .await
     .map(drop)

@@ -72,8 +72,8 @@ fn check(grids: &Grids) -> Result<(), Invalid> {
         for (i, &value) in values.iter().enumerate() {
             let field = format!("{name}[{i}]");
             positive(&field, value)?;
-            if !(1e-6..=1e6).contains(&value) {
-                return Err(Invalid::new(field, "a number from 1e-6 to 1e6", value));
+            if !(1e-4..=1e3).contains(&value) {
+                return Err(Invalid::new(field, "a number from 0.0001 to 1000", value));
             }
         }
     }
@@ -81,6 +81,10 @@ fn check(grids: &Grids) -> Result<(), Invalid> {
     check_counts("tree_depth", grids.tree_depth.iter().flatten(), 64)?;
     check_values("tree_leaf", &grids.tree_leaf)?;
     check_counts("tree_leaf", &grids.tree_leaf, 1_000_000)?;
+    if !grids.tree_leaf.is_sorted() {
+        let found = format!("{:?}", grids.tree_leaf);
+        return Err(Invalid::new("tree_leaf", "whole numbers in rising order", found));
+    }
     check_values("boosted_depth", &grids.boosted_depth)?;
     check_counts("boosted_depth", &grids.boosted_depth, 8)
 }
@@ -148,6 +152,7 @@ mod tests {
             (r#"{"grids": {"logistic_c": [1, 2, 1]}}"#, "grids.logistic_c[2]"),
             (r#"{"grids": {"tree_depth": [null, 0]}}"#, "grids.tree_depth"),
             (r#"{"grids": {"tree_leaf": [0]}}"#, "grids.tree_leaf"),
+            (r#"{"grids": {"tree_leaf": [8, 7]}}"#, "grids.tree_leaf"),
             (r#"{"grids": {"boosted_depth": [9]}}"#, "grids.boosted_depth"),
         ] {
             assert_eq!(settings(asked).unwrap_err().field, field, "{asked}");

@@ -259,6 +259,12 @@ async fn who_withdraws_their_data_withdraws_them_from_analyses_too() {
     let during = ask(&server, json!({ "leakage": true })).await;
     until(&server, &during.id, |now| now.state != AnalysisState::Queued).await;
 
+    // Who drove nothing takes nothing with them.
+    let passing = Driver::enrol(&server).await;
+    let cells = count(&server, "analysis_cell").await;
+    assert_eq!(passing.withdraw(&server, "delete").await.status, 204);
+    assert_eq!(show(&server, &before.id).await.summary.state, AnalysisState::Done);
+    assert!(count(&server, "analysis_cell").await >= cells);
     // Who leaves and lets their data be used changes nothing.
     assert_eq!(stays.withdraw(&server, "keep").await.status, 204);
     assert_eq!(show(&server, &before.id).await.summary.state, AnalysisState::Done);

@@ -24,7 +24,7 @@ async fn who_has_a_wrong_row_is_named_and_all_others_are_compared() {
     let own = good.iter().position(|row| row.starts_with("1,")).unwrap();
     assert_eq!(own + 2, FIRST);
     type Change = fn(&mut Vec<String>);
-    let cases: [(Change, u64, &str); 15] = [
+    let cases: [(Change, u64, &str); 16] = [
         (|own| drop(own.pop()), 600, "step: expected 50 entries, found 49"),
         (|own| own.truncate(251), 552, "step: expected 50 entries, found 1"),
         (|own| drop(own.remove(9)), 311, "step: expected 9, found 10"),
@@ -41,6 +41,7 @@ async fn who_has_a_wrong_row_is_named_and_all_others_are_compared() {
         (|own| own[20] = changed(&own[20], 4, "left"), 322, "hx: expected a number, found"),
         (|own| own[20] = changed(&own[20], 4, ""), 322, "hx: expected a number, found"),
         (|own| own[20] = changed(&own[20], 4, "1e300"), 302, "found inf in step 20 of trial 0"),
+        (|own| own[20] = changed(&own[20], 4, "5e153"), 302, "expected features of at most 1e9"),
         (|own| own[20] = changed(&own[20], 1, "-1"), 322, "trial: expected a whole number"),
         (|own| own[20] = changed(&own[20], 3, "9"), 322, "t: expected 4 (steps of 0.2 s)"),
         // The first of several.

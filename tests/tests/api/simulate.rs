@@ -35,7 +35,7 @@ async fn the_reference_octet_for_octet() {
     let folder = TempDir::new().unwrap();
     let out = folder.path().join("trials.csv");
     let reference = std::fs::read_to_string(REFERENCE).unwrap();
-    let args = ["--seed", "20180918", "--keys", "free", "--participants"];
+    let args = ["--seed", "20180918", "--participants"];
     let done = summary(&[&args[..], &["8", "--out", text(&out)]].concat()).await;
     assert!(std::fs::read_to_string(&out).unwrap() == reference);
     assert_eq!(done["rows"], 20_000);
@@ -51,8 +51,8 @@ async fn the_reference_octet_for_octet() {
 async fn drives_on_the_clock_are_imported_without_a_flag() {
     let folder = TempDir::new().unwrap();
     let out = folder.path().join("trials.csv");
-    let args = ["--participants", "3", "--seed", "20180918", "--tasks", "6", "--out", text(&out)];
-    let done = summary(&args).await;
+    let people = ["--participants", "3", "--seed", "20180918", "--tasks", "6"];
+    let done = summary(&[&people[..], &["--keys", "clock", "--out", text(&out)]].concat()).await;
     let expected = json!({
         "synthetic": true, "participants": 3, "trials": 18, "rows": 900, "keys": "clock",
         "flags": {}, "file": out,

@@ -4,7 +4,7 @@ use crate::analysis::Analysis;
 use sidestep::comparison::avoidance::{Avoidance, Distances};
 use sidestep::comparison::cell::{Cell, Experiment, ModelName};
 use sidestep::comparison::tables::Metric;
-use sidestep::stats::rank::wilcoxon;
+use sidestep::stats::rank::{hodges_lehmann, wilcoxon};
 
 /// A difference is shown where the p-value is below this.
 pub(super) const LEVEL: f64 = 0.05;
@@ -16,6 +16,8 @@ pub(super) struct Paired {
     pub(super) gains: Vec<f64>,
     /// Their mean.
     pub(super) mean: f64,
+    /// The typical one (Hodges–Lehmann), which the test is about.
+    pub(super) typical: f64,
     /// What the paired test at 5 % does not reject as the typical gain; none where people are too
     /// few for it to reject anything.
     pub(super) interval: Option<[f64; 2]>,
@@ -29,7 +31,7 @@ impl Paired {
         let p = wilcoxon(first, second).ok()?;
         let gains: Vec<f64> = first.iter().zip(second).map(|(a, b)| a - b).collect();
         let mean = mean(&gains);
-        Some(Self { interval: interval(&gains), gains, mean, p })
+        Some(Self { interval: interval(&gains), typical: hodges_lehmann(&gains), gains, mean, p })
     }
 
     /// How many people gain.

@@ -3,6 +3,7 @@
 use super::super::solving::Interrupt;
 use super::super::{CommandError, print_json, unwritable};
 use super::{FlagCounts, KeysArg, SimulateArgs, bar};
+use crate::synthetic::REFERENCE_SEED;
 use crate::whole_file;
 use sidestep::scene::SceneParameters;
 use sidestep::synthetic::SyntheticParticipant;
@@ -33,7 +34,7 @@ pub(super) fn write(args: &SimulateArgs, out: &str) -> Result<(), CommandError> 
         "participants": args.participants,
         "trials": trials,
         "rows": trials * SceneParameters::default().steps as u64,
-        "keys": match args.keys { KeysArg::Clock => "clock", KeysArg::Free => "free" },
+        "keys": match args.keys() { KeysArg::Clock => "clock", KeysArg::Free => "free" },
         "flags": flags,
         "file": path,
     }))
@@ -44,17 +45,17 @@ fn content(args: &SimulateArgs, out: &mut dyn Write) -> io::Result<FlagCounts> {
     let mut flags = FlagCounts::default();
     let bar = bar(args.participants * args.tasks);
     // As exports of a study, or as the reference data.
-    let (print, end): (fn(f64) -> String, _) = match args.keys {
+    let (print, end): (fn(f64) -> String, _) = match args.keys() {
         KeysArg::Clock => (exact, "\n"),
         KeysArg::Free => (nine_digits, "\r\n"),
     };
-    // The reference's file, octet for octet, does not say what it is; others do.
-    let says = args.keys == KeysArg::Clock;
+    // The reference's file, octet for octet, does not say what it is; all others do.
+    let says = args.keys() == KeysArg::Clock || args.seed != REFERENCE_SEED;
     write!(out, "{HEADER}{}{end}", if says { ",synthetic" } else { "" })?;
     for number in 0..args.participants {
         let participant = SyntheticParticipant::new(args.seed, number);
         for trial in 0..args.tasks {
-            let (scene, drive) = participant.own_trial(trial, args.keys.into());
+            let (scene, drive) = participant.own_trial(trial, args.keys().into());
             flags.count(&parameters, &scene, &drive);
             for (step, (input, state)) in drive.inputs.iter().zip(&drive.states).enumerate() {
                 // To the nanosecond: 0.6 rather than 0.6000000000000001.

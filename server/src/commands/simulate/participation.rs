@@ -27,7 +27,7 @@ pub(super) async fn take_part(args: &SimulateArgs, url: &str) -> Result<(), Comm
     let bad = |flag: &str, expected: &str, found: &str| {
         CommandError::Input(format!("--{flag}: expected {expected}, found {found}"))
     };
-    if args.keys != KeysArg::Clock {
+    if args.keys() != KeysArg::Clock {
         let expected = "clock with --url, since a study samples keys at each step's beginning";
         return Err(bad("keys", expected, "free"));
     }

@@ -53,7 +53,7 @@ fn said(people: usize, entries: &[Entry]) -> String {
 
 /// The names of those that are shown to be up (1) or down (−1), and of those that are neither.
 fn shown(entries: &[Entry], sign: f64) -> Vec<String> {
-    let is = |entry: &&Entry| entry.holm < LEVEL && sign * entry.paired.mean > 0.0;
+    let is = |entry: &&Entry| entry.holm < LEVEL && sign * entry.paired.typical > 0.0;
     entries.iter().filter(is).map(|entry| entry.name.clone()).collect()
 }
 
@@ -76,7 +76,7 @@ fn in_words(entries: &[Entry], better: &str, worse: &str) -> String {
 /// How many of them are up and how many down, with p below 5 % before correction.
 fn ways(entries: &[Entry]) -> [usize; 2] {
     let below = || entries.iter().filter(|entry| entry.paired.p < LEVEL);
-    [1.0, -1.0].map(|sign| below().filter(|entry| sign * entry.paired.mean > 0.0).count())
+    [1.0, -1.0].map(|sign| below().filter(|entry| sign * entry.paired.typical > 0.0).count())
 }
 
 /// One feature set over another.
@@ -104,7 +104,7 @@ pub(super) fn body_frame_instead(analysis: &Analysis) -> Option<Finding> {
         }
         Verdict::Hint => {
             let [up, down] = ways(&entries);
-            let higher = entries.iter().filter(|entry| entry.paired.mean > 0.0).count();
+            let higher = entries.iter().filter(|entry| entry.paired.typical > 0.0).count();
             format!(
                 "Knowing where the robot is in the human’s body frame predicts more on average than \
                  the safety levels in {higher} of {all} comparisons ({up} with p &lt; 0.05 for it, \
