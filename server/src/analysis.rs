@@ -20,6 +20,7 @@ use sidestep::comparison::metrics::Predictions;
 use sidestep::comparison::tables::{Comparison, Test};
 use sidestep::comparison::{Leakage, Results, RolloutsOf, Settings};
 use sidestep::invalid::Invalid;
+use sidestep::predict::PredictorFile;
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
@@ -124,7 +125,9 @@ impl Analysis {
             let person = files::file_name(&self.comparison.participants[cell.participant].name);
             let (model, experiment) = (cell.model.word(), cell.experiment.number());
             let name = format!("models/{model}-{experiment}-{}-{person}.json", cell.features);
-            put(&name, &|out| Ok(serde_json::to_writer(out, &cell.predictor)?))?;
+            let predictor =
+                PredictorFile { experiment: Some(experiment), ..cell.predictor.clone() };
+            put(&name, &|out| Ok(serde_json::to_writer(out, &predictor)?))?;
         }
         Ok(())
     }

@@ -146,6 +146,10 @@ pub struct PredictorFile {
     pub format: String,
     /// `boosted`, `logistic`, `svm`, `tree` or `constant`.
     pub kind: String,
+    /// What the classes tell, where the file says so: 1 which way somebody turns, 2 whether they
+    /// turn at all.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub experiment: Option<u8>,
     /// Names of the features, in the order of the columns.
     pub features: Vec<String>,
     /// What is told apart: −1 right, 0 straight, 1 left.
@@ -202,6 +206,7 @@ impl From<&Predictor> for PredictorFile {
         let mut file = Self {
             format: FORMAT.to_owned(),
             kind: String::new(),
+            experiment: None,
             features: predictor.features.clone().into(),
             classes: predictor.classes.clone(),
             actions: predictor.actions.clone(),
@@ -259,6 +264,23 @@ impl From<&Predictor> for PredictorFile {
             }
         }
         file
+    }
+}
+
+impl PredictorFile {
+    /// The predictor, if its classes can be turns.
+    ///
+    /// # Errors
+    /// [`Invalid`] for a file that says that they cannot, or one that is no predictor.
+    pub fn of_turns(self) -> Result<Predictor, Invalid> {
+        match self.experiment {
+            None | Some(1) => self.try_into(),
+            Some(2) => {
+                let expected = "1, a model that tells which way somebody turns";
+                Err(Invalid::new("experiment", expected, "2, one that tells only whether"))
+            }
+            Some(other) => Err(Invalid::new("experiment", "1 or 2, or nothing", other)),
+        }
     }
 }
 

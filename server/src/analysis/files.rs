@@ -134,6 +134,7 @@ fn tests(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
         "mann_whitney_persons_holm",
         "mann_whitney_trajectories_holm",
         "wilcoxon_persons_holm",
+        "typical_gain",
     ];
     let rows = analysis.tests.iter().map(|test| {
         vec![
@@ -149,6 +150,7 @@ fn tests(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
             p_value(test.mann_whitney_persons_holm),
             p_value(test.mann_whitney_trajectories_holm),
             p_value(test.wilcoxon_persons_holm),
+            places(test.typical_gain),
         ]
     });
     write(out, &header, rows)
@@ -159,7 +161,7 @@ fn ablation(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
         "model",
         "experiment",
         "features",
-        "test_accuracy",
+        "accuracy_percent",
         "log_loss",
         "gain_over_d",
         "wilcoxon_persons",
@@ -171,8 +173,8 @@ fn ablation(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
             row.features.clone(),
             places(row.accuracy),
             places(row.log_loss),
-            places(row.gain_over_d),
-            p_value(row.wilcoxon_persons),
+            row.over_d.map_or(String::new(), |(gain, _)| places(gain)),
+            row.over_d.map_or(String::new(), |(_, p)| p_value(p)),
         ]
     });
     write(out, &header, rows)
@@ -197,7 +199,8 @@ fn calibration(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
 }
 
 fn rollouts(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
-    let header = ["driver", "features", "horizon", "windows", "accuracy", "log_loss", "distance_m"];
+    let header =
+        ["driver", "features", "horizon", "windows", "accuracy_percent", "log_loss", "distance_m"];
     let rows = analysis.rollouts.iter().flat_map(|of| {
         of.horizons.iter().enumerate().map(|(i, horizon)| {
             vec![
@@ -223,7 +226,7 @@ fn leakage(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
             places(found.leaking),
         ]
     });
-    write(out, &["model", "experiment", "grouped_accuracy", "leaking_accuracy"], rows)
+    write(out, &["model", "experiment", "grouped_percent", "leaking_percent"], rows)
 }
 
 fn predictions(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {

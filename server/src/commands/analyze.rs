@@ -1,9 +1,9 @@
 //! `sidestep analyze`.
 
 use super::bounds::safety_functions;
-use super::game::GameArgs;
 use super::json_file::Document;
 use super::solving::{Interrupt, bar};
+use super::trials_file::SceneArgs;
 use super::{CommandError, print_json, trials_file, unwritable};
 use crate::analysis::{CompareError, Excluded, FolderCache, Tasks};
 use crate::features_csv::{self, FeatureRows};
@@ -62,8 +62,9 @@ pub struct AnalyzeArgs {
     /// What else is to be compared, as JSON: {"sets": {"NAME": ["v_h", "distance", …], …},
     /// "grids": {"rbf_c": […], "rbf_gamma": […], "linear_c": […], "tree_depth": [3, null],
     /// "tree_leaf": […], "logistic_c": […], "boosted_depth": […]}, "leakage": true,
-    /// "synthetic": true}. Sets come beside the paper's, of any features of `sidestep features`;
-    /// grids take the place of the protocol's. Everything may be left out; - reads stdin.
+    /// "synthetic": true}. Sets come beside the paper's, of any features that `sidestep features
+    /// --help` names; a set is the whole list, so name abs_dx, abs_dy, dpsi, cos_dpsi and sin_dpsi
+    /// too where it is to have the paper's B. Grids take the place of the protocol's. Everything may be left out; - reads stdin.
     #[arg(long, value_name = "FILE.json")]
     settings: Option<PathBuf>,
     /// Also split by time step, which is wrong, to show by how much it deceives (leakage.csv).
@@ -74,7 +75,7 @@ pub struct AnalyzeArgs {
     synthetic: bool,
     /// The vehicles; the human is the evader. With --database the study's own.
     #[command(flatten)]
-    game: GameArgs,
+    scene: SceneArgs,
     /// Folder for the files, made where there is none.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
@@ -88,7 +89,7 @@ struct Source {
     #[arg(long, value_name = "FILE.csv")]
     trials: Option<PathBuf>,
     /// Database: sqlite: and a file.
-    #[arg(long, value_name = "URL", conflicts_with = "GameArgs")]
+    #[arg(long, value_name = "URL", conflicts_with_all = ["GameArgs", "SceneArgs"])]
     database: Option<String>,
 }
 
@@ -169,7 +170,7 @@ impl AnalyzeArgs {
     /// Whence the tasks are, and they.
     async fn tasks(&self) -> Result<(String, Tasks), CommandError> {
         if let Some(path) = &self.source.trials {
-            let scene = trials_file::scene(self.game)?;
+            let scene = self.scene.scene()?;
             let Contents { people, faults } = trials_file::each_ones_tasks(path, &scene)?;
             let exclusions = faults.into_iter().map(Excluded::from).collect();
             let synthetic = synthetic::recognised(&people);

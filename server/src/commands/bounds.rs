@@ -126,7 +126,7 @@ const DANGER_RADIUS_M: f64 = 3.0;
 
 async fn predicted(document: Document<'_>, input: &Input) -> Result<PredictedBounds, CommandError> {
     let complain = |invalid: Invalid| document.complain(&invalid);
-    let predictor = Predictor::try_from(input.predictor.clone())
+    let predictor = (input.predictor.clone().of_turns())
         .map_err(|invalid| complain(invalid.within("predictor")))?;
     let problem = Problem::new(input, &predictor).map_err(complain)?;
     let scene = match predictor.features().of_game() {

@@ -1,8 +1,8 @@
 //! `sidestep features`.
 
 use super::bounds::safety_functions;
-use super::game::GameArgs;
 use super::solving::Interrupt;
+use super::trials_file::SceneArgs;
 use super::{CommandError, print_json, trials_file, unwritable};
 use crate::features_csv::{self, WriteError};
 use crate::whole_file;
@@ -15,7 +15,8 @@ use std::path::PathBuf;
 /// safety levels; distance (m); turn (-1 right, 0, 1 left) and avoid (0 or 1): the input held in
 /// the step; then every further feature: robot_ahead, robot_left (m), the robot in the human's
 /// frame; closest_time (s), closest_distance, closest_left (m), the closest approach if both
-/// drove straight on; dv_h_… and dv_r_…, the slopes of the safety levels; turned_1, turned_2,
+/// drove straight on; dv_h_ahead, dv_h_left, dv_h_turn, dv_r_ahead, dv_r_left,
+/// dv_r_turn, the slopes of the safety levels; turned_1, turned_2,
 /// turned_5, turned (rad), how far the human turned left in the step before, in the one before
 /// that, in the last five and since the beginning.
 ///
@@ -28,7 +29,7 @@ pub struct FeaturesArgs {
     #[arg(long, value_name = "FILE.csv")]
     trials: PathBuf,
     #[command(flatten)]
-    game: GameArgs,
+    scene: SceneArgs,
     /// File to write.
     #[arg(long, value_name = "FILE.csv")]
     out: PathBuf,
@@ -39,7 +40,7 @@ pub struct FeaturesArgs {
 /// # Errors
 /// [`CommandError`] for a bad flag or line (input), or a file that cannot be written (failure).
 pub async fn run(args: FeaturesArgs) -> Result<(), CommandError> {
-    let scene = trials_file::scene(args.game)?;
+    let scene = args.scene.scene()?;
     whole_file::check(&args.out).map_err(|e| unwritable(&args.out, &e))?;
     let people = trials_file::tasks(&args.trials, &scene)?;
     let interrupt = Interrupt::listen();

@@ -4,9 +4,9 @@ mod analysis;
 mod report;
 
 use super::bounds::safety_functions;
-use super::game::GameArgs;
 use super::json_file::Document;
 use super::solving::{Interrupt, bar};
+use super::trials_file::SceneArgs;
 use super::{CommandError, print_json, trials_file, unwritable};
 use crate::synthetic;
 use crate::training::{self, Driven};
@@ -63,7 +63,7 @@ pub struct ShfrsArgs {
     #[arg(long, value_name = "NAME")]
     participant: Vec<String>,
     #[command(flatten)]
-    game: GameArgs,
+    scene: SceneArgs,
     /// By how much each set widens the bounds, rad/s, ascending; the last one must admit every
     /// turn rate.
     #[arg(long, value_name = "RAD/S,…", value_delimiter = ',', allow_hyphen_values = true)]
@@ -146,7 +146,7 @@ const SEQUENCE: usize = 101;
 /// (input), or a file that cannot be written (failure).
 pub async fn run(args: ShfrsArgs) -> Result<(), CommandError> {
     let interrupt = Interrupt::listen();
-    let parameters = trials_file::scene(args.game)?;
+    let parameters = args.scene.scene()?;
     let (recorded, synthetic) = args.recorded(&parameters)?;
     let given = args.predictor.as_deref().map(read_predictor).transpose()?;
     let questions = args.questions()?;
@@ -391,5 +391,5 @@ fn flagged(invalid: Invalid) -> CommandError {
 fn read_predictor(path: &Path) -> Result<Predictor, CommandError> {
     let document = Document(path);
     let file: PredictorFile = document.read()?;
-    Predictor::try_from(file).map_err(|invalid| document.complain(&invalid))
+    file.of_turns().map_err(|invalid| document.complain(&invalid))
 }

@@ -21,10 +21,9 @@ pub struct Ablation {
     pub accuracy: f64,
     /// Over all test rows, nats.
     pub log_loss: f64,
-    /// Points of accuracy over the same model on B_d; for the baseline over itself, 0.
-    pub gain_over_d: f64,
-    /// Paired p-value over people of that gain.
-    pub wilcoxon_persons: f64,
+    /// Points of accuracy over the same model on B_d, and the paired p-value over people of that
+    /// gain; nothing for the baseline and for B_d itself.
+    pub over_d: Option<(f64, f64)>,
 }
 
 /// The baseline, then for each model and experiment B_d and B_hrd, each without and with the
@@ -43,8 +42,7 @@ pub fn ablation(results: &Results) -> Result<Vec<Ablation>, Invalid> {
             features: "none".to_owned(),
             accuracy: mean(tests.iter().map(|test| 100.0 * test.accuracy())),
             log_loss: log_loss(experiment, tests),
-            gain_over_d: 0.0,
-            wilcoxon_persons: 1.0,
+            over_d: None,
         });
     }
     for model in ModelName::PAPERS {
@@ -69,8 +67,13 @@ pub fn ablation(results: &Results) -> Result<Vec<Ablation>, Invalid> {
                     features: features.to_owned(),
                     accuracy: mean(own.iter().copied()),
                     log_loss: log_loss(experiment, cells.iter().map(|cell| &cell.test)),
-                    gain_over_d: mean(own.iter().copied()) - mean(of_d.iter().copied()),
-                    wilcoxon_persons: wilcoxon(&own, &of_d)?,
+                    over_d: match features {
+                        "d" => None,
+                        _ => {
+                            let gain = mean(own.iter().copied()) - mean(of_d.iter().copied());
+                            Some((gain, wilcoxon(&own, &of_d)?))
+                        }
+                    },
                 });
             }
         }

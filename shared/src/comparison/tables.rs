@@ -4,7 +4,7 @@ use super::avoidance::{Avoidance, Distances};
 use super::cell::{Cell, Experiment, ModelName, PAPERS_SETS};
 use super::metrics::Predictions;
 use crate::invalid::Invalid;
-use crate::stats::rank::{holm, mann_whitney, wilcoxon};
+use crate::stats::rank::{hodges_lehmann, holm, mann_whitney, wilcoxon};
 use serde::Serialize;
 
 /// A person whose models are compared.
@@ -74,6 +74,9 @@ pub struct Test {
     pub second: &'static str,
     /// Mean over people of how much better the first is: points of accuracy, or steps.
     pub gain: f64,
+    /// The typical gain of a person (Hodges–Lehmann), which the paired test is about. A few people
+    /// can turn the mean the other way.
+    pub typical_gain: f64,
     /// p-value over people: one number each.
     pub mann_whitney_persons: f64,
     /// p-value over test trajectories of all people. These are not independent.
@@ -230,13 +233,19 @@ impl Comparison {
         };
         let (one_persons, other_persons) = (persons(&one), persons(&other));
         let higher = mean(one_persons.iter().copied()) - mean(other_persons.iter().copied());
+        let pairs = one_persons.iter().zip(&other_persons);
+        let differences: Vec<f64> = pairs.map(|(a, b)| a - b).collect();
+        let better = |difference: f64| {
+            if metric.less_is_better() { -difference } else { difference }
+        };
         Ok(Test {
             model,
             experiment,
             metric,
             first,
             second,
-            gain: if metric.less_is_better() { -higher } else { higher },
+            gain: better(higher),
+            typical_gain: better(hodges_lehmann(&differences)),
             mann_whitney_persons: mann_whitney(&one_persons, &other_persons)?,
             mann_whitney_trajectories: mann_whitney(&one.concat(), &other.concat())?,
             wilcoxon_persons: wilcoxon(&one_persons, &other_persons)?,

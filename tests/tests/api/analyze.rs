@@ -151,7 +151,7 @@ async fn neither_order_nor_threads_nor_the_cache_change_an_octet() {
     // Rows of one trial on both sides let a model know the answers.
     let leaks = table(folder.path().join("a").join("leakage.csv"));
     let rbf = leaks.iter().find(|row| row["model"] == "svm" && row["experiment"] == "1").unwrap();
-    assert!(number(rbf, "leaking_accuracy") > number(rbf, "grouped_accuracy") + 5.0, "{rbf:?}");
+    assert!(number(rbf, "leaking_percent") > number(rbf, "grouped_percent") + 5.0, "{rbf:?}");
 }
 
 /// A study of two people with six tasks each, and its analysis in `out`.

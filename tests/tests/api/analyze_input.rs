@@ -262,3 +262,44 @@ async fn features_that_do_not_go_with_somebodys_trials_leave_them_out() {
         assert!(!none.join("cells.csv").exists());
     }
 }
+
+/// Safety levels of other vehicles than those that were driven would look like results.
+#[tokio::test]
+async fn trials_of_other_vehicles_are_not_taken_for_these() {
+    let folder = TempDir::new().unwrap();
+    let out = folder.path().join("out");
+    let (header, rows) = some_trials(&["0", "1"], 6);
+    let trials = written(&folder, "trials.csv", &header, &rows);
+    for (flag, speed, words) in [
+        ("--evader-speed", "1.5", "the human to move 0.3000 m in a step (--evader-speed 1.5)"),
+        ("--pursuer-speed", "3", "the robot to move 0.6000 m in a step (--pursuer-speed 3)"),
+    ] {
+        let (code, printed, said) = analyze(&["--trials", &trials, flag, speed], &out).await;
+        assert_eq!((code, printed.as_str()), (Some(2), ""), "{said}");
+        assert!(said.contains(words) && said.contains(&format!("{flag} 2.0000 fits")), "{said}");
+        let features = folder.path().join("features.csv");
+        let args = ["features", "--trials", &trials, flag, speed, "--out"];
+        let output = sidestep(&[&args[..], &[features.to_str().unwrap()]].concat()).await;
+        assert_eq!((output.status.code(), features.exists()), (Some(2), false));
+    }
+    // Trials of another length and clock are, once it is said.
+    let short: Vec<String> = (rows.iter())
+        .filter(|row| row.split(',').nth(2).unwrap().parse::<u64>().unwrap() < 40)
+        .cloned()
+        .collect();
+    let trials = written(&folder, "short.csv", &header, &short);
+    let (code, _, said) = analyze(&["--trials", &trials], &out).await;
+    assert_eq!(code, Some(2), "{said}");
+    assert!(said.contains("expected 50 entries, found 40"), "{said}");
+    let (code, _, said) = analyze(&["--trials", &trials, "--trial-steps", "40"], &out).await;
+    assert_eq!(code, Some(0), "{said}");
+    for (args, field) in [
+        (["--trial-steps", "0"], "--trial-steps"),
+        (["--step", "-1"], "--step"),
+        (["--step", "inf"], "--step"),
+    ] {
+        let (code, _, said) = analyze(&[&["--trials", &trials], &args[..]].concat(), &out).await;
+        assert_eq!(code, Some(2), "{said}");
+        assert!(said.contains(&format!("sidestep: {field}: expected")), "{said}");
+    }
+}

@@ -307,6 +307,14 @@ async fn bounds_names_what_is_wrong() {
     refuses("turn_rate", json!([0.5, -0.5]), "turn_rate: expected").await;
     refuses("turn_rate", json!([0.1, 0.5]), "predictor.classes[1]: expected").await;
     refuses("human", json!([0, "x", 0]), "human[1]: expected f64").await;
+    // Whether somebody turns is not which way.
+    let mut whether = bounds()["predictor"].clone();
+    whether["experiment"] = json!(1);
+    let mut document = bounds();
+    document["predictor"] = whether.clone();
+    assert_eq!(answer("bounds", &document).await, answer("bounds", &bounds()).await);
+    whether["experiment"] = json!(2);
+    refuses("predictor", whether, "predictor.experiment: expected 1, a model").await;
     refuses("speeed", json!(2), "speeed").await;
     let refuses_predictor = async |name: &str, value: Value, words: &str| {
         let mut document = bounds();

@@ -110,7 +110,7 @@ fn headline(verdict: Verdict, tests: &[&Test], what: &str, over: &str) -> String
         tests
             .iter()
             .copied()
-            .filter(move |test| test.wilcoxon_persons_holm < LEVEL && sign * test.gain > 0.0)
+            .filter(move |test| test.wilcoxon_persons_holm < LEVEL && sign * test.typical_gain > 0.0)
     };
     let (better, worse) = (shown(1.0).count(), shown(-1.0).count());
     match verdict {
@@ -130,7 +130,7 @@ fn headline(verdict: Verdict, tests: &[&Test], what: &str, over: &str) -> String
         ),
         Verdict::Hint => {
             let below = tests.iter().copied().filter(|test| test.wilcoxon_persons < LEVEL);
-            let up = below.clone().filter(|test| test.gain > 0.0).count();
+            let up = below.clone().filter(|test| test.typical_gain > 0.0).count();
             let (all, of) = (below.count(), tests.len());
             let way = match up {
                 0 => "worse",
@@ -189,8 +189,9 @@ fn safety_over_distance(analysis: &Analysis) -> Option<Finding> {
     let n = analysis.people();
     let interval = paired.interval.map_or_else(String::new, |[low, high]| {
         format!(
-            "; 95 % interval of the typical gain {} to {}, where the typical gain is the median of \
-             the means of all pairs of people’s gains (Hodges and Lehmann)",
+            "; typical gain {}, with a 95 % interval of {} to {}: the median of the means of all \
+             pairs of people’s gains (Hodges and Lehmann)",
+            signed(first.typical_gain, 1),
             signed(low, 1),
             signed(high, 1)
         )
@@ -229,8 +230,26 @@ fn safety_over_distance(analysis: &Analysis) -> Option<Finding> {
         by(n, family),
         gains_of(n, &tests, points),
         power(n, family)
-    );
+    ) + &contrary(n, &tests);
     Some(Finding { verdict, headline, body: body.replace("<p></p>\n", "") })
+}
+
+/// Says of which tests below [`LEVEL`] the mean points the other way than the typical gain, in a
+/// paragraph; nothing where there is none.
+fn contrary(people: usize, tests: &[&Test]) -> String {
+    let turned = tests.iter().copied().filter(|test| {
+        test.wilcoxon_persons < LEVEL && test.gain * test.typical_gain <= 0.0 && !too_few(people)
+    });
+    let turned: Vec<&Test> = turned.collect();
+    if turned.is_empty() {
+        return String::new();
+    }
+    format!(
+        "<p>In {} the mean points the other way than most people’s gains: a few people change by \
+         more than all others together. The test, and what is said above, are about the typical \
+         gain.</p>\n",
+        names(turned.into_iter())
+    )
 }
 
 /// What the p-values beside some gains are of, after "; "; nothing where none are shown.
@@ -280,6 +299,7 @@ fn start_and_end(analysis: &Analysis) -> Option<Finding> {
         ));
         p_values
             .extend(tests.iter().map(|test| (test.wilcoxon_persons, test.wilcoxon_persons_holm)));
+        body.push_str(&contrary(analysis.people(), &tests));
         all.extend(tests);
     }
     if all.is_empty() {
@@ -291,7 +311,7 @@ fn start_and_end(analysis: &Analysis) -> Option<Finding> {
             let shown = all.iter().filter(|test| test.wilcoxon_persons_holm < LEVEL);
             let said = shown.map(|test| {
                 let place = if test.metric == Metric::Start { "start" } else { "end" };
-                let way = if test.gain > 0.0 { "better" } else { "worse" };
+                let way = if test.typical_gain > 0.0 { "better" } else { "worse" };
                 format!("{} ({place}, {way})", words::model(test.model))
             });
             format!(
@@ -301,7 +321,7 @@ fn start_and_end(analysis: &Analysis) -> Option<Finding> {
         }
         Verdict::Hint => {
             let below = || all.iter().filter(|test| test.wilcoxon_persons < LEVEL);
-            let nearer = below().filter(|test| test.gain > 0.0).count();
+            let nearer = below().filter(|test| test.typical_gain > 0.0).count();
             format!(
                 "With safety levels the start or end of avoidance looks nearer in {nearer} and \
                  further off in {} of {} comparisons with distance alone, but not after correction.",

@@ -123,15 +123,14 @@ pub(super) fn ablation(analysis: &Analysis) -> String {
             Some(model) => (words::model(model).to_owned(), words::set(&row.features)),
             None => ("commonest input".to_owned(), "–".to_owned()),
         };
-        let over_itself = model.is_none() || row.features == "d";
-        let unless = |not: bool, text: String| if not { "–".to_owned() } else { text };
+        let none = || "–".to_owned();
         vec![
             format!("{name} ({})", row.experiment.numeral()),
             set,
             fixed(row.accuracy, 2),
             fixed(row.log_loss, 3),
-            unless(over_itself, signed(row.gain_over_d, 2)),
-            unless(over_itself || few, p_value(row.wilcoxon_persons)),
+            row.over_d.map_or_else(none, |(gain, _)| signed(gain, 2)),
+            row.over_d.filter(|_| !few).map_or_else(none, |(_, p)| p_value(p)),
         ]
     });
     let columns = [
