@@ -107,10 +107,9 @@ fn names<'a>(tests: impl Iterator<Item = &'a Test>) -> String {
 /// What the verdict on some tests comes to, of "safety levels" over "distance alone".
 fn headline(verdict: Verdict, tests: &[&Test], what: &str, over: &str) -> String {
     let shown = |sign: f64| {
-        tests
-            .iter()
-            .copied()
-            .filter(move |test| test.wilcoxon_persons_holm < LEVEL && sign * test.typical_gain > 0.0)
+        tests.iter().copied().filter(move |test| {
+            test.wilcoxon_persons_holm < LEVEL && sign * test.typical_gain > 0.0
+        })
     };
     let (better, worse) = (shown(1.0).count(), shown(-1.0).count());
     match verdict {
