@@ -124,7 +124,7 @@ fn findings(analysis: &Analysis) -> String {
         )
     };
     let all: String = findings::findings(analysis).iter().map(one).collect();
-    let note = "<p class=\"quiet\"><b>shown</b>: p &lt; 0.05 in the paired Wilcoxon test over \
+    let note = "<p class=\"quiet\"><b>Shown</b>: p &lt; 0.05 in the paired Wilcoxon test over \
                 people, two-sided, after Holm’s correction, in at least one of \
                 the comparisons below the sentence. <b>A hint only</b>: in none after correction, \
                 but in at least one before. <b>No difference shown</b>: in none; that does not mean \
