@@ -174,6 +174,7 @@ fn normal_two_sided(deviation: f64, variance: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::math::SeededRng;
 
     #[test]
     fn the_typical_difference_is_no_mean() {
@@ -187,7 +188,6 @@ mod tests {
         assert!(gains.iter().sum::<f64>() < 0.0);
         assert_eq!(hodges_lehmann(&gains), 2.0);
     }
-    use crate::math::SeededRng;
 
     fn close(found: f64, expected: f64, relative: f64) {
         assert!((found / expected - 1.0).abs() < relative, "{found} {expected}");
