@@ -15,6 +15,8 @@ CREATE TABLE analysis (
     -- Pieces of work.
     done INTEGER NOT NULL DEFAULT 0,
     total INTEGER NOT NULL DEFAULT 0,
+    -- Those of the done ones that were not kept from before: they tell how long the rest takes.
+    fresh INTEGER NOT NULL DEFAULT 0,
     created_at_ms INTEGER NOT NULL,
     started_at_ms INTEGER,
     ended_at_ms INTEGER,

@@ -198,8 +198,9 @@ fn summary(stored: StoredAnalysis) -> AnalysisSummary {
     let progress = running.then(|| {
         let (done, of) = (stored.done.unsigned_abs(), stored.of.unsigned_abs());
         let elapsed_ms = stored.started_at_ms.map(|start| (now_ms() - start).max(0));
-        let left_s = elapsed_ms.filter(|_| done > 0).map(|elapsed_ms| {
-            1e-3 * elapsed_ms as f64 * of.saturating_sub(done) as f64 / done as f64
+        // What was kept from before took no time.
+        let left_s = elapsed_ms.filter(|_| stored.fresh > 0).map(|elapsed_ms| {
+            1e-3 * elapsed_ms as f64 * of.saturating_sub(done) as f64 / stored.fresh as f64
         });
         AnalysisProgress { done, of, left_s }
     });

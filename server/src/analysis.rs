@@ -21,6 +21,7 @@ use sidestep::comparison::tables::{Comparison, Test};
 use sidestep::comparison::{Leakage, Results, RolloutsOf, Settings};
 use sidestep::invalid::Invalid;
 use sidestep::predict::PredictorFile;
+use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
@@ -45,6 +46,8 @@ pub struct Analysis {
     pub leakage: Vec<Leakage>,
     /// Who was left out.
     pub exclusions: Vec<Excluded>,
+    /// How many of the trials that are compared have a flag that casts doubt on them, by its word.
+    pub flagged: BTreeMap<String, usize>,
     /// Why the data are known to be synthetic, if they are.
     pub synthetic: Option<String>,
     /// What the cells do not tell.
@@ -79,6 +82,7 @@ impl Analysis {
             rollouts,
             leakage,
             exclusions: exclusions.into_iter().map(Excluded::from).collect(),
+            flagged: BTreeMap::new(),
             synthetic,
             context,
             settings,

@@ -140,6 +140,7 @@ impl Worker {
             job: job.clone(),
             runtime: Handle::current(),
             used: Mutex::default(),
+            fresh: AtomicUsize::new(0),
         });
         let found = match self.compared(job, &kept).await? {
             Ending::Over(found) => found,
@@ -158,6 +159,7 @@ impl Worker {
                 let result = AnalysisResult {
                     participants: analysis.comparison.participants.len(),
                     excluded: analysis.exclusions.iter().map(Into::into).collect(),
+                    flagged: analysis.flagged.clone(),
                     cells: analysis.comparison.cells.len(),
                     synthetic: analysis.synthetic.clone(),
                 };
@@ -196,7 +198,8 @@ impl Worker {
                 }
                 () = tokio::time::sleep(TICK), if !unwanted => {
                     let [done, of] = [0, 1].map(|i: usize| progress[i].load(Ordering::Relaxed));
-                    match self.note(job, done, of).await {
+                    let fresh = kept.fresh.load(Ordering::Relaxed);
+                    match self.note(job, [done, of, fresh]).await {
                         Ok(wanted) => unwanted = !wanted,
                         // The next time it may be known.
                         Err(error) => tracing::warn!(%error, "progress was not noted"),
@@ -214,9 +217,9 @@ impl Worker {
         })
     }
 
-    async fn note(&self, job: &Job, done: usize, of: usize) -> Result<bool, sqlx::Error> {
+    async fn note(&self, job: &Job, progress: [usize; 3]) -> Result<bool, sqlx::Error> {
         let mut db = self.store.write().await?;
-        let wanted = analyses::note_progress(&mut db, job, done, of).await?;
+        let wanted = analyses::note_progress(&mut db, job, progress).await?;
         db.commit().await?;
         Ok(wanted)
     }
@@ -338,6 +341,8 @@ struct StoredCells {
     job: Job,
     runtime: Handle,
     used: Mutex<HashSet<String>>,
+    /// How often something was kept that was not there before.
+    fresh: AtomicUsize,
 }
 
 impl StoredCells {
@@ -368,6 +373,7 @@ impl Cache for StoredCells {
 
     fn put(&self, key: &str, cells: &[Cell]) {
         self.note(key);
+        self.fresh.fetch_add(1, Ordering::Relaxed);
         let mut out = gzip();
         let packed = serde_json::to_writer(&mut out, cells).map_err(io::Error::from);
         let kept = packed

@@ -20,7 +20,7 @@ pub(super) use tables::{both_avoid, penalised};
 pub(super) use words::model as model_word;
 
 use super::Analysis;
-use html::{count, escaped, grouped};
+use html::{count, escaped, grouped, listed};
 use sidestep::comparison::cell::ModelName;
 
 /// The design tokens come first in the program's own style sheet, up to this.
@@ -99,6 +99,16 @@ fn header(analysis: &Analysis) -> String {
         let list = tables::exclusions(analysis);
         format!("<aside class=\"left-out\" role=\"note\"><b>{who} left out:</b>\n{list}</aside>\n")
     };
+    let flagged = analysis.flagged.iter().map(|(flag, n)| format!("{n} {flag}"));
+    let flagged = flagged.collect::<Vec<_>>();
+    let flagged = if flagged.is_empty() {
+        String::new()
+    } else {
+        format!(
+            "<p class=\"quiet\">Among the trials that are compared some are flagged: {}.</p>\n",
+            listed(&flagged)
+        )
+    };
     format!(
         "<header>\n<p class=\"kicker\">Sidestep · the comparison of Shih (2019) on these data</p>\n\
          <h1>Do safety levels help to predict people?</h1>\n\
@@ -108,7 +118,7 @@ fn header(analysis: &Analysis) -> String {
          apart the two are along each axis of the world, and the difference of their headings. \
          Some add only the distance <i>d</i> (“distance alone” below), others also the safety levels <i>V</i><sub>HR</sub> (<i>h</i>, the human’s) and \
          <i>V</i><sub>RH</sub> (<i>r</i>, the robot’s): how near a collision would come if the \
-         other side forced it.</p>\n{banner}<ul class=\"facts\">\n{facts}</ul>\n{left_out}</header>\n"
+         other side forced it.</p>\n{banner}<ul class=\"facts\">\n{facts}</ul>\n{left_out}{flagged}</header>\n"
     )
 }
 

@@ -12,7 +12,8 @@ use sidestep::features::SafetyFunctions;
 use sidestep::invalid::Invalid;
 use sidestep::scene::SceneParameters;
 use sidestep::shfrs::window::Trajectory;
-use sidestep::trial::Phase;
+use sidestep::trial::{Flag, Phase};
+use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 
 /// Everybody's tasks.
@@ -142,7 +143,20 @@ impl Tasks {
             unfit.first_line = file.and_then(|person| person.line);
         }
         analysis.exclusions.splice(0..0, exclusions);
+        analysis.flagged = self.flagged(&analysis);
         Ok(analysis)
+    }
+
+    /// Flags of the trials that `analysis` compares. That a trial was imported casts no doubt on it.
+    fn flagged(&self, analysis: &Analysis) -> BTreeMap<String, usize> {
+        let compared = &analysis.comparison.participants;
+        let kept = |file: &&trials_csv::Person| compared.iter().any(|who| who.name == file.name);
+        let trials = self.people.iter().filter(kept).flat_map(|person| &person.trials);
+        let mut flagged = BTreeMap::new();
+        for flag in trials.flat_map(|trial| &trial.flags).filter(|flag| **flag != Flag::Imported) {
+            *flagged.entry(flag.word().to_owned()).or_insert(0) += 1;
+        }
+        flagged
     }
 
     fn person(

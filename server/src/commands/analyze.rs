@@ -151,6 +151,7 @@ pub async fn run(args: AnalyzeArgs) -> Result<(), CommandError> {
         "folder": args.out,
         "participants": analysis.comparison.participants.len(),
         "excluded": analysis.exclusions,
+        "flagged": analysis.flagged,
         "cells": analysis.comparison.cells.len(),
         "synthetic": analysis.synthetic.is_some(),
         "wall_s": start.elapsed().as_secs_f64(),

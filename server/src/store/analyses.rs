@@ -22,6 +22,8 @@ pub struct StoredAnalysis {
     pub done: i64,
     /// All of them; 0 before they are counted.
     pub of: i64,
+    /// Those of the done ones that were not kept from before.
+    pub fresh: i64,
     /// When it was asked for.
     pub created_at_ms: i64,
     /// When it began.
@@ -43,6 +45,7 @@ struct Columns {
     state: String,
     done: i64,
     total: i64,
+    fresh: i64,
     created_at_ms: i64,
     started_at_ms: Option<i64>,
     ended_at_ms: Option<i64>,
@@ -64,6 +67,7 @@ impl TryFrom<Columns> for StoredAnalysis {
             study: row.study,
             done: row.done,
             of: row.total,
+            fresh: row.fresh,
             created_at_ms: row.created_at_ms,
             started_at_ms: row.started_at_ms,
             ended_at_ms: row.ended_at_ms,
@@ -299,7 +303,7 @@ pub async fn recover(db: &mut Db, now_ms: i64) -> Result<(), sqlx::Error> {
 pub async fn begin(db: &mut Db, now_ms: i64) -> Result<Option<Job>, sqlx::Error> {
     let row: Option<(i64, i64, i64, String)> = sqlx::query_as(
         "UPDATE analysis SET state = 'running', attempts = attempts + 1, started_at_ms = $1, \
-             done = 0, total = 0 \
+             done = 0, total = 0, fresh = 0 \
          WHERE sequence = (SELECT min(sequence) FROM analysis WHERE state = 'queued') \
          RETURNING sequence, attempts, study_id, request",
     )
@@ -336,17 +340,17 @@ pub async fn begin(db: &mut Db, now_ms: i64) -> Result<Option<Job>, sqlx::Error>
 pub async fn note_progress(
     db: &mut Db,
     job: &Job,
-    done: usize,
-    of: usize,
+    [done, of, fresh]: [usize; 3],
 ) -> Result<bool, sqlx::Error> {
     sqlx::query(
-        "UPDATE analysis SET done = $2, total = $3 \
+        "UPDATE analysis SET done = $2, total = $3, fresh = $5 \
          WHERE sequence = $1 AND state = 'running' AND attempts = $4",
     )
     .bind(job.sequence)
     .bind(done as i64)
     .bind(of as i64)
     .bind(job.attempt)
+    .bind(fresh as i64)
     .execute(db)
     .await
     .map(|updated| updated.rows_affected() > 0)

@@ -2,6 +2,7 @@
 
 use crate::comparison::{Exclusion, Request};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 
 /// What has become of an analysis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -60,7 +61,8 @@ pub struct AnalysisProgress {
     pub done: u64,
     /// All of them; they take about equally long.
     pub of: u64,
-    /// Time left, s, if the rest goes on as so far; absent before anything is done.
+    /// Time left, s, if the rest goes on as so far; absent before
+    /// anything is computed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub left_s: Option<f64>,
 }
@@ -72,6 +74,8 @@ pub struct AnalysisResult {
     pub participants: usize,
     /// Who was left out, and why.
     pub excluded: Vec<Exclusion>,
+    /// How many of the trials that are compared have a flag that casts doubt on them, by its word.
+    pub flagged: BTreeMap<String, usize>,
     /// Models that were trained and tested.
     pub cells: usize,
     /// Why the data are known to be synthetic, if they are.

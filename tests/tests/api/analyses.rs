@@ -121,6 +121,7 @@ async fn a_study_is_analysed_as_by_the_command() {
     let detail = done(&server, &asked.id).await;
     let result = detail.summary.result.as_ref().unwrap();
     assert_eq!((result.participants, &result.synthetic), (2, &None));
+    assert!(result.flagged.is_empty());
     assert_eq!(detail.summary.progress, None);
 
     // File by file what the command writes, of the database and of the export.
@@ -305,9 +306,19 @@ async fn people_who_cannot_be_compared_are_named() {
         assert_eq!(straight.send(&server, &id, &trial).await.status, 201);
     }
     assert_eq!(straight.scenes().len(), TASKS);
+    // One drove somewhere else than was planned in one trial: compared, and said.
+    let elsewhere = Driver::enrol(&server).await;
+    for (i, (id, mut scene)) in elsewhere.scenes().into_iter().enumerate() {
+        scene.human.x += if i == 3 { 1.0 } else { 0.0 };
+        let mut inputs = vec![TurnInput::Straight; 50];
+        inputs[5 + i..20 + i].fill(TurnInput::Left);
+        let answer = elsewhere.send(&server, &id, &upload(&scene, inputs)).await;
+        assert_eq!(answer.status, 201);
+    }
     let result = ask(&server, json!({})).await;
     let result = done(&server, &result.id).await.summary.result.unwrap();
-    assert_eq!(result.participants, 1);
+    assert_eq!(result.participants, 2);
+    assert_eq!(result.flagged.get("start_mismatch"), Some(&1), "{:?}", result.flagged);
     let reasons = ["other parameters", "4 tasks", "one kind of input"];
     assert_eq!(result.excluded.len(), reasons.len());
     for ((who, exclusion), reason) in ["1", "3", "4"].iter().zip(&result.excluded).zip(reasons) {

@@ -155,8 +155,11 @@ fn synthetic_data_and_those_left_out_are_named() {
     assert!(said.contains("<img src=x onerror=alert(2)> & \"co\": 3 tasks, at least 5 are needed"));
     let mut nobody = made_up(6, None);
     nobody.exclusions.clear();
+    nobody.flagged.insert("replay_mismatch".to_owned(), 3);
     nobody.leakage.clear();
     let nobody = html(&nobody);
+    assert!(nobody.contains("some are flagged: 3 replay_mismatch."));
+    assert!(!said.contains("are flagged"));
     assert!(nobody.contains("Nobody was left out.") && !nobody.contains("Leakage"));
 }
 
