@@ -107,7 +107,8 @@ impl Row {
             flags: optional(columns.flags).map_or(Ok(Vec::new()), flags)?,
             started_at_ms: time("started_at_ms", columns.started_at_ms)?,
             sampled_at_ms: time("sampled_at_ms", columns.sampled_at_ms)?,
-            synthetic: optional(columns.synthetic).is_some_and(|word| word != "0"),
+            synthetic: optional(columns.synthetic)
+                .is_some_and(|word| !matches!(word, "0" | "false")),
         })
     }
 }
