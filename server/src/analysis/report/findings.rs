@@ -229,17 +229,19 @@ fn safety_over_distance(analysis: &Analysis) -> Option<Finding> {
         by(n, family),
         gains_of(n, &tests, points),
         power(n, family)
-    ) + &contrary(n, &tests);
+    ) + &contrary(n, tests.iter().map(ways));
     Some(Finding { verdict, headline, body: body.replace("<p></p>\n", "") })
 }
 
-/// Says of which tests below [`LEVEL`] the mean points the other way than the typical gain, in a
-/// paragraph; nothing where there is none.
-fn contrary(people: usize, tests: &[&Test]) -> String {
-    let turned = tests.iter().copied().filter(|test| {
-        test.wilcoxon_persons < LEVEL && test.gain * test.typical_gain <= 0.0 && !too_few(people)
-    });
-    let turned: Vec<&Test> = turned.collect();
+/// A comparison's name, p-value, and mean and typical gain.
+pub(super) type Ways = (String, f64, [f64; 2]);
+
+/// Says of which comparisons below [`LEVEL`] the mean points the other way than the typical gain,
+/// in a paragraph; nothing where there is none.
+pub(super) fn contrary(people: usize, comparisons: impl Iterator<Item = Ways>) -> String {
+    let turned = comparisons
+        .filter(|(_, p, [mean, typical])| *p < LEVEL && mean * typical <= 0.0 && !too_few(people));
+    let turned: Vec<String> = turned.map(|(name, ..)| name).collect();
     if turned.is_empty() {
         return String::new();
     }
@@ -247,8 +249,13 @@ fn contrary(people: usize, tests: &[&Test]) -> String {
         "<p>In {} the mean points the other way than most people’s gains: a few people change by \
          more than all others together. The test, and what is said above, are about the typical \
          gain.</p>\n",
-        names(turned.into_iter())
+        listed(&turned)
     )
+}
+
+fn ways(test: &&Test) -> Ways {
+    let gains = [test.gain, test.typical_gain];
+    (name(test.model, test.experiment), test.wilcoxon_persons, gains)
 }
 
 /// What the p-values beside some gains are of, after "; "; nothing where none are shown.
@@ -298,7 +305,7 @@ fn start_and_end(analysis: &Analysis) -> Option<Finding> {
         ));
         p_values
             .extend(tests.iter().map(|test| (test.wilcoxon_persons, test.wilcoxon_persons_holm)));
-        body.push_str(&contrary(analysis.people(), &tests));
+        body.push_str(&contrary(analysis.people(), tests.iter().map(ways)));
         all.extend(tests);
     }
     if all.is_empty() {

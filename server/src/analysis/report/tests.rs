@@ -244,3 +244,17 @@ fn latex_has_the_best_in_bold_and_says_who() {
     assert_eq!(count("\\begin{tabular}"), 2);
     assert_eq!(count("{"), count("}"));
 }
+
+#[test]
+fn a_mean_that_points_the_other_way_is_told() {
+    let said = |people, p, gains| {
+        findings::contrary(people, std::iter::once(("DT II".to_owned(), p, gains)))
+    };
+    assert!(said(20, 0.001, [-2.8, 2.0]).contains("In DT II the mean points the other way"));
+    assert!(said(20, 0.001, [0.0, 2.0]).contains("DT II"));
+    for nothing in
+        [said(20, 0.001, [2.8, 2.0]), said(20, 0.06, [-2.8, 2.0]), said(5, 0.001, [-2.8, 2.0])]
+    {
+        assert_eq!(nothing, "");
+    }
+}

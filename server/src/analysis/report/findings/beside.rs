@@ -3,7 +3,7 @@
 use super::super::compare::{LEVEL, Paired, too_few};
 use super::super::html::{Gain, fixed, gains, grouped, listed, signed};
 use super::super::words;
-use super::{Finding, Verdict, by, name, power};
+use super::{Finding, Verdict, by, contrary, name, power};
 use crate::analysis::Analysis;
 use sidestep::comparison::RolloutsOf;
 use sidestep::comparison::cell::{Experiment, HISTORY_SET, ModelName};
@@ -42,13 +42,23 @@ fn verdict(people: usize, entries: &[Entry]) -> Verdict {
     Verdict::of(people, entries.iter().map(|entry| (entry.paired.p, entry.holm)))
 }
 
-fn said(people: usize, entries: &[Entry]) -> String {
+/// The finding that these entries make: their gains, of which `about` says what they are, and
+/// what comes `after`, as HTML.
+fn told(people: usize, entries: &[Entry], headline: String, about: &str, after: &str) -> Finding {
     let one = |entry: &Entry| Gain {
         name: entry.name.clone(),
         gain: signed(entry.paired.mean, 1),
         p_values: (!too_few(people)).then_some([entry.paired.p, entry.holm]),
     };
-    gains(&entries.iter().map(one).collect::<Vec<_>>())
+    let gains = gains(&entries.iter().map(one).collect::<Vec<_>>());
+    let way = |entry: &Entry| {
+        let Paired { p, mean, typical, .. } = entry.paired;
+        (entry.name.clone(), p, [mean, typical])
+    };
+    let contrary = contrary(people, entries.iter().map(way));
+    let by = by(people, entries.len());
+    let body = format!("<p>{about}{by}:</p>\n{gains}{contrary}{after}");
+    Finding { verdict: verdict(people, entries), headline, body }
 }
 
 /// The names of those that are shown to be up (1) or down (−1), and of those that are neither.
@@ -92,9 +102,8 @@ pub(super) fn body_frame_instead(analysis: &Analysis) -> Option<Finding> {
         return None;
     }
     let people = analysis.people();
-    let verdict = verdict(people, &entries);
     let all = entries.len();
-    let headline = match verdict {
+    let headline = match verdict(people, &entries) {
         Verdict::Shown => {
             format!(
                 "Knowing where the robot is in the human’s body frame, instead of the safety \
@@ -104,7 +113,7 @@ pub(super) fn body_frame_instead(analysis: &Analysis) -> Option<Finding> {
         }
         Verdict::Hint => {
             let [up, down] = ways(&entries);
-            let higher = entries.iter().filter(|entry| entry.paired.typical > 0.0).count();
+            let higher = entries.iter().filter(|entry| entry.paired.mean > 0.0).count();
             format!(
                 "Knowing where the robot is in the human’s body frame predicts more on average than \
                  the safety levels in {higher} of {all} comparisons ({up} with p &lt; 0.05 for it, \
@@ -116,16 +125,15 @@ pub(super) fn body_frame_instead(analysis: &Analysis) -> Option<Finding> {
             .to_owned(),
         _ => "Between a body frame and the safety levels no difference was shown.".to_owned(),
     };
-    let body = format!(
-        "<p>The paper’s features do not say on which side the robot is; safety levels do in part. \
-         Points of accuracy of {} (distance and body frame) over {}{}:</p>\n{}<p>A gain over \
-         distance alone is by itself no evidence that people reckon with safety levels.</p>\n",
+    let about = format!(
+        "The paper’s features do not say on which side the robot is; safety levels do in part. \
+         Points of accuracy of {} (distance and body frame) over {}",
         words::set("d_body"),
         words::set("hrd"),
-        by(people, all),
-        said(people, &entries)
     );
-    Some(Finding { verdict, headline, body })
+    let after = "<p>A gain over distance alone is by itself no evidence that people reckon with \
+                 safety levels.</p>\n";
+    Some(told(people, &entries, headline, &about, after))
 }
 
 /// Whether the safety levels still help where it is known on which side the robot is.
@@ -135,9 +143,8 @@ pub(super) fn body_frame_too(analysis: &Analysis) -> Option<Finding> {
         return None;
     }
     let people = analysis.people();
-    let verdict = verdict(people, &entries);
     let all = entries.len();
-    let headline = match verdict {
+    let headline = match verdict(people, &entries) {
         Verdict::Shown => format!(
             "Once the body frame is known, the safety levels {}.",
             in_words(&entries, "add to it in", "take away from it in")
@@ -155,14 +162,9 @@ pub(super) fn body_frame_too(analysis: &Analysis) -> Option<Finding> {
         }
         _ => "That the safety levels add anything to a body frame was not shown.".to_owned(),
     };
-    let body = format!(
-        "<p>Points of accuracy of {} over {}{}:</p>\n{}",
-        words::set("hrd_body"),
-        words::set("d_body"),
-        by(people, all),
-        said(people, &entries)
-    );
-    Some(Finding { verdict, headline, body })
+    let about =
+        format!("Points of accuracy of {} over {}", words::set("hrd_body"), words::set("d_body"));
+    Some(told(people, &entries, headline, &about, ""))
 }
 
 /// Whether models beat the person's commonest input.
@@ -175,9 +177,8 @@ pub(super) fn baseline(analysis: &Analysis) -> Option<Finding> {
         return None;
     }
     let people = analysis.people();
-    let verdict = verdict(people, &entries);
     let all = entries.len();
-    let headline = match verdict {
+    let headline = match verdict(people, &entries) {
         Verdict::Shown if shown(&entries, 1.0).len() == all => {
             "Every model beats always saying the person’s commonest input.".to_owned()
         }
@@ -199,14 +200,9 @@ pub(super) fn baseline(analysis: &Analysis) -> Option<Finding> {
             "That models beat always saying the person’s commonest input was not shown.".to_owned()
         }
     };
-    let body = format!(
-        "<p>Points of accuracy on {} over the baseline{}:</p>\n{}<p>{}</p>\n",
-        words::set("hrd"),
-        by(people, all),
-        said(people, &entries),
-        power(people, all)
-    );
-    Some(Finding { verdict, headline, body: body.replace("<p></p>\n", "") })
+    let about = format!("Points of accuracy on {} over the baseline", words::set("hrd"));
+    let after = format!("<p>{}</p>\n", power(people, all)).replace("<p></p>\n", "");
+    Some(told(people, &entries, headline, &about, &after))
 }
 
 /// Models that know more than the paper's: driver, feature set and name.
