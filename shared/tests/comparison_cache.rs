@@ -1,5 +1,5 @@
-//! What of a comparison is kept is not computed again, what changed is, and what is broken off
-//! stops.
+//! What of a comparison is kept is not computed again, what changed is, what is broken off
+//! stops, and who cannot be compared is left out.
 
 // Helpers outside `#[test]` functions are tests too.
 #![allow(clippy::unwrap_used)]
@@ -121,6 +121,35 @@ fn only_what_changed_is_computed_again() {
     // All that was before is still known.
     assert_eq!(study.run(&Settings::new().unwrap(), &cache, &go_on).unwrap(), first);
     assert_eq!(cache.computed(), 0);
+}
+
+#[test]
+fn who_cannot_be_fitted_is_left_out_and_the_others_are_compared() {
+    let mut study = Study::new();
+    let settings = Settings::new().unwrap();
+    // The second person always turns, the first has a feature that is no number.
+    let mut third = study.people[1].clone();
+    third.name = "2".to_owned();
+    study.people.push(third);
+    for label in &mut study.people[1].data.labels {
+        *label = if *label == TurnInput::Straight { TurnInput::Right } else { *label };
+    }
+    let distance = study.people[0].data.features.features().position(|f| f.name == "distance");
+    study.people[0].data.values[distance.unwrap()] = f64::NAN;
+    let found = study.run(&settings, &Counting::default(), &go_on).unwrap();
+    let reasons: Vec<_> =
+        found.exclusions.iter().map(|e| (&e.participant[..], &e.reason[..])).collect();
+    let [("0", no_number), ("1", turns)] = reasons[..] else { panic!("{reasons:?}") };
+    assert!(no_number.starts_with("svm_rbf on hrd: rows[0]"), "{no_number}");
+    assert_eq!(turns, "a turn in every step of the training tasks");
+
+    study.people.drain(..2);
+    let alone = study.run(&settings, &Counting::default(), &go_on).unwrap();
+    assert_eq!(found, Results { exclusions: found.exclusions.clone(), ..alone });
+
+    study.people[0].data.values.fill(f64::NAN);
+    let nobody = study.run(&settings, &Counting::default(), &go_on).unwrap_err().to_string();
+    assert!(nobody.contains("somebody") && nobody.contains("2: svm_rbf on hrd"), "{nobody}");
 }
 
 #[test]

@@ -15,6 +15,7 @@ use crate::predict::Predictor;
 use crate::scene::SceneParameters;
 use crate::shfrs::PredictedHuman;
 use crate::shfrs::window::Trajectory;
+use crate::vehicle::TurnInput;
 use core::ops::ControlFlow;
 use core::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use serde::{Deserialize, Serialize};
@@ -119,6 +120,12 @@ pub struct Results {
     pub exclusions: Vec<Exclusion>,
 }
 
+impl Exclusion {
+    fn new(person: &Person, reason: String) -> Self {
+        Self { participant: person.name.clone(), reason }
+    }
+}
+
 /// How far it is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Progress {
@@ -149,7 +156,7 @@ pub enum RunError {
 }
 
 /// Results depend on what this names too: to be changed with anything that changes them.
-const METHOD: &str = "sidestep-comparison/2";
+const METHOD: &str = "sidestep-comparison/3";
 
 /// Compares. People are taken in the order of their names (numbers by size), and the same
 /// results come out whatever the order they are given in.
@@ -164,17 +171,8 @@ pub fn run(
     cache: Option<&dyn Cache>,
     progress: &(dyn Fn(Progress) -> ControlFlow<()> + Sync),
 ) -> Result<Results, RunError> {
-    let (people, exclusions) = included(people);
-    if people.is_empty() {
-        let reasons: Vec<String> =
-            exclusions.iter().map(|e| format!("{}: {}", e.participant, e.reason)).collect();
-        return Err(Invalid::new(
-            "participants",
-            "somebody whose data can be learned from",
-            if reasons.is_empty() { "nobody".to_owned() } else { reasons.join("; ") },
-        )
-        .into());
-    }
+    let (people, mut exclusions) = included(people);
+    let people = somebody(people, &exclusions)?;
     let mut units = Vec::new();
     for (participant, person) in people.iter().enumerate() {
         let mut add = |role, set, family| {
@@ -196,12 +194,12 @@ pub fn run(
     }
     let done = AtomicUsize::new(0);
     let stopped = AtomicBool::new(false);
-    let work = |unit: &Unit<'_>| -> Result<Vec<Cell>, RunError> {
+    let work = |unit: &Unit<'_>| -> Result<Result<Vec<Cell>, Invalid>, RunError> {
         // What waits for a thread would else be computed first.
         if stopped.load(Ordering::Relaxed) {
             return Err(RunError::Stopped);
         }
-        let cells = unit.cells(&settings.grids, cache)?;
+        let cells = unit.cells(&settings.grids, cache);
         let done = done.fetch_add(1, Ordering::Relaxed) + 1;
         match progress(Progress { done, of: units.len() }) {
             ControlFlow::Continue(()) => Ok(cells),
@@ -212,8 +210,21 @@ pub fn run(
         }
     };
     let found = each(&units, work)?;
+    let failed = failures(&units, &found, people.len());
+    let mut kept = Vec::new();
+    for (person, failed) in people.iter().zip(&failed) {
+        match failed {
+            None => kept.push(*person),
+            Some(reason) => exclusions.push(Exclusion::new(person, reason.clone())),
+        }
+    }
+    exclusions.sort_by(|a, b| order(&a.participant).cmp(&order(&b.participant)));
+    let people = somebody(kept, &exclusions)?;
     let (mut cells, mut beyond, mut leaking) = (Vec::new(), Vec::new(), Vec::new());
     for (unit, found) in units.iter().zip(found) {
+        let (Ok(mut found), None) = (found, &failed[unit.participant]) else { continue };
+        let before = failed[..unit.participant].iter().flatten().count();
+        found.iter_mut().for_each(|cell| cell.participant -= before);
         match unit.role {
             Role::Compared => cells.extend(found),
             Role::Beyond => beyond.extend(found),
@@ -242,24 +253,58 @@ fn participant(person: &Person) -> Participant {
     }
 }
 
+/// The place of a name: numbers by size, then other names.
+fn order(name: &str) -> (bool, Option<u64>, &str) {
+    let number = name.parse().ok();
+    (number.is_none(), number, name)
+}
+
 /// People in order, and those who cannot be learned from.
 fn included(people: &[Person]) -> (Vec<&Person>, Vec<Exclusion>) {
     let mut ordered: Vec<&Person> = people.iter().collect();
-    ordered.sort_by(|a, b| {
-        let number = |person: &Person| person.name.parse::<u64>().ok();
-        // Numbers come before names.
-        let none_last = |number: Option<u64>| (number.is_none(), number);
-        (none_last(number(a)), &a.name).cmp(&(none_last(number(b)), &b.name))
-    });
+    ordered.sort_by(|a, b| order(&a.name).cmp(&order(&b.name)));
     let mut exclusions = Vec::new();
     ordered.retain(|person| {
         let reason = reason_against(person);
         let kept = reason.is_none();
-        exclusions
-            .extend(reason.map(|reason| Exclusion { participant: person.name.clone(), reason }));
+        exclusions.extend(reason.map(|reason| Exclusion::new(person, reason)));
         kept
     });
     (ordered, exclusions)
+}
+
+/// These people.
+///
+/// # Errors
+/// [`Invalid`] with everybody's reason if there are none.
+fn somebody<'a>(
+    people: Vec<&'a Person>,
+    exclusions: &[Exclusion],
+) -> Result<Vec<&'a Person>, Invalid> {
+    if !people.is_empty() {
+        return Ok(people);
+    }
+    let reasons: Vec<String> =
+        exclusions.iter().map(|e| format!("{}: {}", e.participant, e.reason)).collect();
+    let found = if reasons.is_empty() { "nobody".to_owned() } else { reasons.join("; ") };
+    Err(Invalid::new("participants", "somebody whose data can be learned from", found))
+}
+
+/// Of each person the first model that could not be fitted, and why. Without it they are left
+/// out whole, so that all means are over the same people.
+fn failures(
+    units: &[Unit<'_>],
+    found: &[Result<Vec<Cell>, Invalid>],
+    people: usize,
+) -> Vec<Option<String>> {
+    let mut failed = vec![None; people];
+    for (unit, found) in units.iter().zip(found) {
+        if let Err(error) = found {
+            let (model, set) = (unit.family.model().word(), &unit.set.name);
+            failed[unit.participant].get_or_insert_with(|| format!("{model} on {set}: {error}"));
+        }
+    }
+    failed
 }
 
 fn reason_against(person: &Person) -> Option<String> {
@@ -268,10 +313,13 @@ fn reason_against(person: &Person) -> Option<String> {
         return Some(format!("{tasks} tasks, at least {LEAST_TASKS} are needed"));
     }
     let split = Split::grouped(&person.data);
-    let mut inputs = split.training.iter().map(|&row| person.data.labels[row]);
-    let first = inputs.next()?;
-    let one = inputs.all(|input| input == first);
-    one.then(|| format!("one kind of input only in the training tasks ({})", first.word()))
+    let inputs = || split.training.iter().map(|&row| person.data.labels[row]);
+    let first = inputs().next()?;
+    if inputs().all(|input| input == first) {
+        return Some(format!("one kind of input only in the training tasks ({})", first.word()));
+    }
+    let always = inputs().all(|input| input != TurnInput::Straight);
+    always.then(|| "a turn in every step of the training tasks".to_owned())
 }
 
 /// One piece of work.
@@ -307,10 +355,7 @@ impl Unit<'_> {
             }
             return Ok(cells);
         }
-        let cells = fit(self.family, &data, &self.split, grids, &self.set.name, self.participant)
-            .map_err(|e| {
-            e.within(&format!("participant {}, {}", self.person.name, self.set.name))
-        })?;
+        let cells = fit(self.family, &data, &self.split, grids, &self.set.name, self.participant)?;
         if let Some(cache) = cache {
             cache.put(&key, &cells);
         }

@@ -5,7 +5,11 @@
 //! z and u ≥ 0. Newton steps towards products μ in place of 0 leave, once α, z and u are
 //! eliminated, a linear system for (w, b) alone (Ferris and Munson 2002, "Interior-point
 //! methods for massive support vector machines"). A predictor and a corrector choose μ
-//! (Mehrotra 1992).
+//! (Mehrotra 1992). The corrector is made for a whole step, and where little of one can be gone it
+//! may lead round in circles (Cartis 2009, "Some disadvantages of a Mehrotra-type primal-dual
+//! corrector interior point algorithm for linear programming"). So, once a step has not lessened
+//! the sum of products, steps are plain and short enough for the path's neighbourhood, along
+//! which it falls for certain (Wright 1997, "Primal-dual interior-point methods", chapter 5).
 
 #![allow(clippy::needless_range_loop, reason = "a lane of several arrays at once")]
 
@@ -16,6 +20,12 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 /// Of the way to the nearest bound, the share that a step goes at most.
 const SHARE: f64 = 0.995;
+/// The mean of products that plain steps go towards, as a share of the present one.
+const PLAIN_CENTRE: (f64, f64) = (0.1, 0.8);
+/// Plain steps leave no product below this share of their mean.
+const NEIGHBOURHOOD: f64 = 1e-4;
+/// They lessen the sum by this share of what they go, at least.
+const DECREASE: f64 = 0.01;
 /// It ends where the products' mean is below this times 1 + C …
 const MEAN_PRODUCT: f64 = 1e-12;
 /// … or after so many steps; about fifteen do.
@@ -161,6 +171,7 @@ impl Kernel for Fit<'_> {
     fn run(self) {
         let state = self.state;
         let products = 2.0 * state.count as f64;
+        let (mut last, mut circling) = (f64::INFINITY, false);
         for _ in 0..MAX_STEPS {
             let (gap, system) = state.linearise();
             if !gap.is_finite() {
@@ -170,6 +181,8 @@ impl Kernel for Fit<'_> {
                 *self.converged = true;
                 return;
             }
+            circling |= gap >= last;
+            last = gap;
             let Some(system) = system.cholesky() else { return };
             // Predictor: towards products of 0.
             let step = state.solve(&system);
@@ -177,10 +190,23 @@ impl Kernel for Fit<'_> {
             let share = longest.min(1.0);
             let reached = ((1.0 - share) * gap + share * share * curvature).max(0.0) / gap;
             // Corrector: as central as the predictor had little way, and with its curvature.
-            state.correct(reached * reached * reached * gap / products);
+            let centre = reached * reached * reached;
+            if circling {
+                let (least, most) = PLAIN_CENTRE;
+                state.aim(centre.clamp(least, most) * gap / products, 0.0);
+            } else {
+                state.aim(centre * gap / products, 1.0);
+            }
             let step = state.solve(&system);
             let (longest, _) = state.turn(&step);
-            state.advance((SHARE * longest).min(1.0), &step);
+            let mut share = (SHARE * longest).min(1.0);
+            if circling {
+                // Too short for rounding to tell, none is worth more than another.
+                while share > f64::EPSILON && !state.stays_near(share, gap) {
+                    share *= 0.8;
+                }
+            }
+            state.advance(share, &step);
         }
     }
 }
@@ -300,15 +326,33 @@ impl State {
         (1.0 / fastest.into_iter().fold(0.0, f64::max), total(&curvature))
     }
 
-    /// Right hand sides for products μ, less what the present changes add in second order.
+    /// Right hand sides for products μ, less so much of what the present changes add in second
+    /// order.
     #[inline(always)]
-    fn correct(&mut self, mu: f64) {
+    fn aim(&mut self, mu: f64, second_order: f64) {
         for row in &mut self.rows {
             for l in 0..ROWS {
-                row.p[l] = mu - row.alpha[l] * row.z[l];
-                row.q[l] = mu + row.alpha[l] * row.u[l];
+                row.p[l] = mu - second_order * row.alpha[l] * row.z[l];
+                row.q[l] = mu + second_order * row.alpha[l] * row.u[l];
             }
         }
+    }
+
+    /// Whether a share of the changes leaves no product far behind their mean, and lessens their
+    /// sum, now `gap`.
+    fn stays_near(&self, share: f64, gap: f64) -> bool {
+        let (mut least, mut sum) = (f64::INFINITY, 0.0);
+        for (b, row) in self.rows.iter().enumerate() {
+            for l in 0..ROWS.min(self.count - b * ROWS) {
+                let change = share * row.alpha[l];
+                let first = (self.alpha[b][l] + change) * (self.z[b][l] + share * row.z[l]);
+                let second = (self.room[b][l] - change) * (self.u[b][l] + share * row.u[l]);
+                least = least.min(first).min(second);
+                sum += first + second;
+            }
+        }
+        let mean = sum / (2.0 * self.count as f64);
+        least >= NEIGHBOURHOOD * mean && sum <= (1.0 - DECREASE * share) * gap
     }
 
     /// Goes a share of the changes.

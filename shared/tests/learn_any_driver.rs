@@ -1,0 +1,118 @@
+//! Every model can be fitted to whoever drives: at random, by rules that features tell apart
+//! perfectly, hardly ever turning, in few tasks.
+
+// Helpers outside `#[test]` functions are tests too.
+#![allow(clippy::unwrap_used)]
+
+use sidestep::comparison::cell::NamedSet;
+use sidestep::comparison::fit::{Family, Grids, fit};
+use sidestep::comparison::split::Split;
+use sidestep::dataset::Dataset;
+use sidestep::features::{FeatureSet, SafetyFunctions};
+use sidestep::math::SeededRng;
+use sidestep::scene::{EncounterRange, JointState, SceneParameters, generate};
+use sidestep::trial::simulate;
+use sidestep::vehicle::TurnInput;
+use std::ops::ControlFlow;
+
+#[derive(Clone, Copy, Debug)]
+enum Driver {
+    /// Holds a key at random, for up to six steps.
+    Random,
+    /// Straight on while the robot is far, then away from the side it is on.
+    Rule,
+    /// One step in fifty.
+    Rare,
+    /// Away from the robot's side while it is ahead, with a random input now and then.
+    Mixed,
+}
+
+impl Driver {
+    const ALL: [Self; 4] = [Self::Random, Self::Rule, Self::Rare, Self::Mixed];
+
+    /// An input, and for how many steps it is held.
+    fn input(self, state: &JointState, rng: &mut SeededRng) -> (TurnInput, usize) {
+        let [ahead, left, _] = state.robot_seen_by_human();
+        let away = if left > 0.0 { TurnInput::Right } else { TurnInput::Left };
+        match self {
+            Self::Random => (TurnInput::ALL[rng.below(3)], 1 + rng.below(6)),
+            Self::Rule if state.distance_m() > 6.0 => (TurnInput::Straight, 1),
+            Self::Rule => (away, 1),
+            Self::Rare if rng.below(50) > 0 => (TurnInput::Straight, 1),
+            Self::Rare => (TurnInput::ALL[2 * rng.below(2)], 1),
+            Self::Mixed if rng.below(20) == 0 => (TurnInput::ALL[rng.below(3)], 1),
+            Self::Mixed if ahead < 2.0 => (TurnInput::Straight, 1),
+            Self::Mixed => (away, 1),
+        }
+    }
+}
+
+fn drives(driver: Driver, tasks: usize, seed: u64, safety: &SafetyFunctions) -> Dataset {
+    let parameters = SceneParameters::default();
+    let mut rng = SeededRng::new(seed);
+    let scenes = generate(&parameters, &EncounterRange::default(), tasks, seed).unwrap();
+    let drive = |(scene, _): &(sidestep::scene::Scene, _)| {
+        let mut states = vec![scene.start()];
+        let mut inputs = Vec::new();
+        while inputs.len() < 50 {
+            let (input, steps) = driver.input(states.last().unwrap(), &mut rng);
+            inputs.resize((inputs.len() + steps).min(50), input);
+            states = simulate(&parameters, scene.start(), &inputs);
+        }
+        (inputs, states)
+    };
+    let drives: Vec<_> = scenes.iter().map(drive).collect();
+    let trials = drives.iter().map(|(inputs, states)| (&inputs[..], &states[..]));
+    Dataset::from_trials(&FeatureSet::all(), safety, trials)
+}
+
+/// Fits `families` on `sets` to every kind of driver, for each of these seeds.
+fn fitted(seeds: impl IntoIterator<Item = u64>, families: &[Family], sets: &[NamedSet]) {
+    let parameters = SceneParameters::default();
+    let safety = SafetyFunctions::solve(&parameters, &mut |_| ControlFlow::Continue(())).unwrap();
+    for seed in seeds {
+        for driver in Driver::ALL {
+            let data = drives(driver, [8, 5, 14][seed as usize % 3], seed, &safety);
+            let split = Split::grouped(&data);
+            let kinds = |straight: bool| {
+                split
+                    .training
+                    .iter()
+                    .any(|&row| (data.labels[row] == TurnInput::Straight) == straight)
+            };
+            if !kinds(true) || !kinds(false) {
+                continue;
+            }
+            for set in sets {
+                let data = data.select(&set.features).unwrap();
+                for &family in families {
+                    let cells = fit(family, &data, &split, &Grids::default(), &set.name, 0);
+                    let context = || format!("seed {seed}, {driver:?}, {family:?} on {}", set.name);
+                    let cells = cells.unwrap_or_else(|error| panic!("{}: {error}", context()));
+                    for cell in cells {
+                        let p = &cell.test.probabilities;
+                        assert!(p.iter().all(|p| (0.0..=1.0).contains(p)), "{}", context());
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn every_model_is_fitted_whoever_drives() {
+    let all = NamedSet { name: "all".to_owned(), features: FeatureSet::all() };
+    let papers = NamedSet::papers().unwrap().swap_remove(0);
+    let [body, _] = NamedSet::with_body_frame().unwrap().try_into().unwrap();
+    let families: Vec<_> = Family::PAPERS.into_iter().chain([Family::Boosted]).collect();
+    fitted(0..3, &families, &[papers, body, all]);
+}
+
+/// With each of these seeds linear machines whose steps are always corrected in full go in circles.
+#[test]
+fn every_linear_machine_is_fitted_whoever_drives() {
+    let mut sets = NamedSet::papers().unwrap();
+    sets.extend(NamedSet::with_body_frame().unwrap());
+    sets.push(NamedSet::with_history().unwrap());
+    fitted([36, 48, 60, 81, 105, 127, 136, 140, 146, 149, 151], &[Family::Linear], &sets);
+}
