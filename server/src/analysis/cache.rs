@@ -1,6 +1,7 @@
 //! Cells kept in a folder, by what they were computed from.
 
 use crate::whole_file::{self, Stop};
+use sha2::{Digest, Sha256};
 use sidestep::comparison::Cache;
 use sidestep::comparison::cell::Cell;
 use std::collections::HashSet;
@@ -9,7 +10,8 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
-/// One file a key. What cannot be read counts as not there: it is computed anew.
+/// One file a key: the cells, and in a last line their SHA-256. What cannot be read or was changed
+/// counts as not there: it is computed anew.
 pub struct FolderCache {
     folder: PathBuf,
     used: Mutex<HashSet<String>>,
@@ -53,10 +55,15 @@ impl FolderCache {
     }
 }
 
+fn sha256(text: &str) -> String {
+    hex::encode(Sha256::digest(text))
+}
+
 impl Cache for FolderCache {
     fn get(&self, key: &str) -> Option<Vec<Cell>> {
-        let text = fs::read(self.path(key)).ok()?;
-        let cells = serde_json::from_slice(&text).ok()?;
+        let text = fs::read_to_string(self.path(key)).ok()?;
+        let (cells, hash) = text.rsplit_once('\n')?;
+        let cells = (hash == sha256(cells)).then(|| serde_json::from_str(cells).ok())??;
         self.note(key);
         Some(cells)
     }
@@ -64,7 +71,8 @@ impl Cache for FolderCache {
     fn put(&self, key: &str, cells: &[Cell]) {
         self.note(key);
         let written = whole_file::write(&self.path(key), &Stop::default(), |out| {
-            serde_json::to_writer(out, cells).map_err(io::Error::from)
+            let cells = serde_json::to_string(cells)?;
+            write!(out, "{cells}\n{}", sha256(&cells))
         });
         if let Err(error) = written {
             // Nothing is lost but time.

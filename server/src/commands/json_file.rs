@@ -71,6 +71,10 @@ impl Document<'_> {
         read.map_err(|e| refused(&format!("cannot read: {e}")))?;
         // First whether it is JSON at all: only then a complaint about a field helps.
         serde_json::from_str::<IgnoredAny>(&text).map_err(|e| refused(&format!("no JSON: {e}")))?;
+        // A list would be taken for an object's fields in their order.
+        if text.trim_start().starts_with('[') {
+            return Err(refused(&"expected an object, {…}, found a list"));
+        }
         let mut reader = serde_json::Deserializer::from_str(&text);
         serde_path_to_error::deserialize(&mut reader).map_err(|e| refused(&complaint(e)))
     }

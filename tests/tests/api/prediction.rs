@@ -236,6 +236,7 @@ async fn reach_names_what_is_wrong() {
     refused("reach", "{\"speed\": NaN}", "no JSON").await;
     refused("reach", "{}", "missing field").await;
     refused("reach", &"[".repeat(100_000), "no JSON").await;
+    refused("reach", "[2, 0.2]", "expected an object").await;
     let output = sidestep(&["reach", "--input", "/nowhere/reach.json"]).await;
     assert_eq!(output.status.code(), Some(2));
 }
