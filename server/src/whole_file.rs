@@ -75,6 +75,11 @@ fn beside(path: &Path) -> io::Result<NamedTempFile> {
         Some(folder) if folder != Path::new("") => folder,
         _ => Path::new("."),
     };
+    if !folder.is_dir() {
+        // Else the complaint would be about a temporary file.
+        let said = format!("there is no folder {}", folder.display());
+        return Err(io::Error::new(io::ErrorKind::NotFound, said));
+    }
     let mut builder = tempfile::Builder::new();
     builder.prefix(".sidestep-");
     // As any new file, not readable by its owner alone.

@@ -190,7 +190,7 @@ async fn bad_input_is_named() {
     assert!(!out.exists());
     let nowhere = folder.path().join("no").join("trials.csv");
     let args = [&people[..], &["--out", text(&nowhere)]].concat();
-    fails(&args, 1, &["trials.csv: cannot write"]).await;
+    fails(&args, 1, &["trials.csv: cannot write: there is no folder"]).await;
 }
 
 #[tokio::test]
