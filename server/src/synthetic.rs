@@ -15,8 +15,18 @@ const REFERENCE_PEOPLE: core::ops::Range<u64> = 0..8;
 /// marked, or those of the reference, which are driven again to see.
 #[must_use]
 pub fn recognised(people: &[Person]) -> Option<String> {
-    if people.iter().any(|person| person.synthetic) {
-        return Some("the file or the server marks them as synthetic".to_owned());
+    let marked: Vec<&str> =
+        people.iter().filter(|person| person.synthetic).map(|person| &person.name[..]).collect();
+    if marked.len() == people.len() && !people.is_empty() {
+        return Some("the file or the server marks all of them as synthetic".to_owned());
+    }
+    if !marked.is_empty() {
+        let (some, all) = (marked.len(), people.len());
+        // Who they are, as long as that can be read.
+        let names = if some <= 12 { format!(": {}", marked.join(", ")) } else { String::new() };
+        return Some(format!(
+            "the file or the server marks {some} of {all} people as synthetic{names}"
+        ));
     }
     let known = people.iter().any(is_of_the_reference);
     known.then(|| format!("the same as those of seed {REFERENCE_SEED}"))

@@ -18,10 +18,8 @@ use sidestep::vehicle::Pose;
 pub struct Context {
     /// Tasks of all people who are compared, those for training among them.
     pub trials: usize,
-    /// Length of a step, s.
-    pub step_s: f64,
-    /// Radius of the danger zone, m.
-    pub radius_m: f64,
+    /// The vehicles, steps and danger radius of all of them.
+    pub scene: SceneParameters,
     /// What people's models decide, a map for each feature set and relative heading.
     pub maps: Vec<DecisionMap>,
 }
@@ -98,7 +96,7 @@ impl Context {
                 maps.push(DecisionMap { features, heading, encounter, probabilities, boundary });
             }
         }
-        Ok(Self { trials, step_s: scene.step_s, radius_m: scene.danger_radius_m, maps })
+        Ok(Self { trials, scene: *scene, maps })
     }
 }
 

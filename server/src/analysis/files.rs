@@ -1,19 +1,22 @@
 //! The tables of an analysis as CSV. Same results, same bytes.
 
 use super::Analysis;
+use super::report::{Paired, families};
 use csv::Writer;
 use sha2::{Digest, Sha256};
 use sidestep::comparison::avoidance::Distances;
 use sidestep::comparison::cell::{Experiment, ModelName, PAPERS_SETS};
 use sidestep::comparison::metrics::Predictions;
+use sidestep::comparison::tables::Metric;
 use std::io::{self, Write};
 
 /// Of every analysis.
-const TABLES: [(&str, Table); 8] = [
+const TABLES: [(&str, Table); 9] = [
     ("cells.csv", cells),
     ("table1.csv", table1),
     ("table2.csv", table2),
     ("tests.csv", tests),
+    ("beside.csv", beside),
     ("ablation.csv", ablation),
     ("calibration.csv", calibration),
     ("rollouts.csv", rollouts),
@@ -135,8 +138,20 @@ fn tests(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
         "mann_whitney_trajectories_holm",
         "wilcoxon_persons_holm",
         "typical_gain",
+        "gain_low",
+        "gain_high",
     ];
     let rows = analysis.tests.iter().map(|test| {
+        let of = |set| match test.metric {
+            Metric::Accuracy => analysis.person_accuracies(test.model, test.experiment, set),
+            metric => analysis.person_metric(metric, test.model, set),
+        };
+        let (first, second) = (of(test.first), of(test.second));
+        let paired = match test.metric.less_is_better() {
+            true => Paired::of(&second, &first),
+            false => Paired::of(&first, &second),
+        };
+        let [low, high] = ends(paired.and_then(|paired| paired.interval));
         vec![
             test.model.word().to_owned(),
             test.experiment.number().to_string(),
@@ -151,7 +166,49 @@ fn tests(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
             p_value(test.mann_whitney_trajectories_holm),
             p_value(test.wilcoxon_persons_holm),
             places(test.typical_gain),
+            low,
+            high,
         ]
+    });
+    write(out, &header, rows)
+}
+
+/// Of an interval; nothing where people are too few for one.
+fn ends(interval: Option<[f64; 2]>) -> [String; 2] {
+    interval.map_or_else(Default::default, |ends| ends.map(places))
+}
+
+/// The report's comparisons that are not the paper's.
+fn beside(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
+    let header = [
+        "model",
+        "experiment",
+        "first",
+        "second",
+        "gain",
+        "typical_gain",
+        "gain_low",
+        "gain_high",
+        "wilcoxon_persons",
+        "wilcoxon_persons_holm",
+    ];
+    let families = families(analysis);
+    let rows = families.iter().flat_map(|(first, second, entries)| {
+        entries.iter().map(move |entry| {
+            let [low, high] = ends(entry.paired.interval);
+            vec![
+                entry.model.word().to_owned(),
+                entry.experiment.number().to_string(),
+                (*first).to_owned(),
+                (*second).to_owned(),
+                places(entry.paired.mean),
+                places(entry.paired.typical),
+                low,
+                high,
+                p_value(entry.paired.p),
+                p_value(entry.holm),
+            ]
+        })
     });
     write(out, &header, rows)
 }

@@ -143,7 +143,7 @@ fn distances(analysis: &Analysis) -> String {
         "$D_{{start}}$ ($D_s$) and $D_{{end}}$ ($D_e$) in steps of {} s, mean over test trials; the \
          best of each row in bold. No avoidance counts as one past the last step or as step $-1$; \
          \\emph{{both}}: over the $n$ trials in which human and model avoid. {}",
-        analysis.context.step_s,
+        analysis.context.scene.step_s,
         people(analysis)
     );
     table(&caption, "tab:se_diff", &rows)

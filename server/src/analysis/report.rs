@@ -15,6 +15,8 @@ mod testing;
 mod tests;
 mod words;
 
+pub(super) use compare::Paired;
+pub(super) use findings::families;
 pub(super) use published::SOURCE;
 pub(super) use tables::{both_avoid, penalised};
 pub(super) use words::model as model_word;
@@ -72,7 +74,7 @@ fn header(analysis: &Analysis) -> String {
         ),
         (
             count(steps, "step", "steps"),
-            format!("of {} s predicted by each kind of model", analysis.context.step_s),
+            format!("of {} s predicted by each kind of model", analysis.context.scene.step_s),
         ),
         (
             count(trained, "model", "models"),
@@ -86,7 +88,7 @@ fn header(analysis: &Analysis) -> String {
     let banner = analysis.synthetic.as_deref().map_or_else(String::new, |why| {
         format!(
             "<aside class=\"banner\" role=\"note\"><b>Synthetic data: nothing here is about \
-             people.</b> The trials were driven by computed participants ({}). What is \
+             people.</b> Trials were driven by computed participants ({}). What is \
              found says how well models recover a program’s rules, and can rehearse an analysis, \
              no more.</aside>\n",
             escaped(why)
@@ -117,8 +119,10 @@ fn header(analysis: &Analysis) -> String {
          left) or whether they turn at all (experiment II). All know the geometry: how far \
          apart the two are along each axis of the world, and the difference of their headings. \
          Some add only the distance <i>d</i> (“distance alone” below), others also the safety levels <i>V</i><sub>HR</sub> (<i>h</i>, the human’s) and \
-         <i>V</i><sub>RH</sub> (<i>r</i>, the robot’s): how near a collision would come if the \
-         other side forced it.</p>\n{banner}<ul class=\"facts\">\n{facts}</ul>\n{left_out}{flagged}</header>\n"
+         <i>V</i><sub>RH</sub> (<i>r</i>, the robot’s): how near a \
+         collision would come if the other side forced it, in metres; at 0 or below it can. Beside \
+         the paper, models are also told where the robot is in the human’s <i>body frame</i>: how \
+         far ahead and how far to the left.</p>\n{banner}<ul class=\"facts\">\n{facts}</ul>\n{left_out}{flagged}</header>\n"
     )
 }
 
@@ -137,7 +141,7 @@ fn findings(analysis: &Analysis) -> String {
     let note = "<p class=\"quiet\"><b>Shown</b>: p &lt; 0.05 in the paired Wilcoxon test over \
                 people, two-sided, after Holm’s correction, in at least one of \
                 the comparisons below the sentence. <b>A hint only</b>: in none after correction, \
-                but in at least one before. <b>No difference shown</b>: in none; that does not mean \
+                but in at least one before, which of six tests chance alone often gives. <b>No difference shown</b>: in none; that does not mean \
                 that there is none. <b>Too few people</b>: with fewer than six the test cannot give \
                 p &lt; 0.05, so that no p-values are shown.</p>\n";
     let gains = figures::gains::figure_of(analysis);

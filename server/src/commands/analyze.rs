@@ -39,7 +39,7 @@ use tokio::sync::oneshot;
 /// where nobody is left.
 ///
 /// Writes to --out: cells.csv (every fit), table1.csv (mean accuracy, per cent) and table2.csv
-/// (D_start and D_end, steps) as in the paper, tests.csv, ablation.csv, calibration.csv,
+/// (D_start and D_end, steps) as in the paper, tests.csv, beside.csv, ablation.csv, calibration.csv,
 /// rollouts.csv (predictors fed with what they said), predictions.csv, leakage.csv with
 /// --leakage, models/ (a predictor.json for each fit; what was in it before is deleted),
 /// report.html and tables.tex. The same input gives the same bytes whatever the number of threads

@@ -11,23 +11,23 @@ pub(super) const LEVEL: f64 = 0.05;
 
 /// How much better the first of two is, person by person.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Paired {
+pub(in crate::analysis) struct Paired {
     /// A number each person, in order; more is better.
-    pub(super) gains: Vec<f64>,
+    pub(in crate::analysis) gains: Vec<f64>,
     /// Their mean.
-    pub(super) mean: f64,
+    pub(in crate::analysis) mean: f64,
     /// The typical one (Hodges–Lehmann), which the test is about.
-    pub(super) typical: f64,
+    pub(in crate::analysis) typical: f64,
     /// What the paired test at 5 % does not reject as the typical gain; none where people are too
     /// few for it to reject anything.
-    pub(super) interval: Option<[f64; 2]>,
+    pub(in crate::analysis) interval: Option<[f64; 2]>,
     /// Of Wilcoxon's signed-rank test.
-    pub(super) p: f64,
+    pub(in crate::analysis) p: f64,
 }
 
 impl Paired {
     /// Of these numbers of the same people; none if there are none.
-    pub(super) fn of(first: &[f64], second: &[f64]) -> Option<Self> {
+    pub(in crate::analysis) fn of(first: &[f64], second: &[f64]) -> Option<Self> {
         let p = wilcoxon(first, second).ok()?;
         let gains: Vec<f64> = first.iter().zip(second).map(|(a, b)| a - b).collect();
         let mean = mean(&gains);
@@ -87,7 +87,7 @@ fn interval(differences: &[f64]) -> Option<[f64; 2]> {
 
 impl Analysis {
     /// Accuracy of each person's model, in per cent.
-    pub(super) fn person_accuracies(
+    pub(in crate::analysis) fn person_accuracies(
         &self,
         model: ModelName,
         experiment: Experiment,
@@ -104,7 +104,12 @@ impl Analysis {
     }
 
     /// D_start or D_end of each person's model, penalised, in steps; or the accuracy.
-    pub(super) fn person_metric(&self, metric: Metric, model: ModelName, set: &str) -> Vec<f64> {
+    pub(in crate::analysis) fn person_metric(
+        &self,
+        metric: Metric,
+        model: ModelName,
+        set: &str,
+    ) -> Vec<f64> {
         let of = |cell: &Cell| {
             let steps = self.comparison.participants[cell.participant].steps.max(1);
             let avoids = |classes: &[i8]| Avoidance::of(classes.iter().map(|&class| class != 0));

@@ -2,6 +2,8 @@
 
 mod beside;
 
+pub(in crate::analysis) use beside::families;
+
 use super::compare::{LEVEL, Paired, least_p, mean, people_needed, too_few};
 use super::html::{Gain, count, fixed, gains, listed, p_is, p_value, signed};
 use super::words;
@@ -188,8 +190,7 @@ fn safety_over_distance(analysis: &Analysis) -> Option<Finding> {
     let n = analysis.people();
     let interval = paired.interval.map_or_else(String::new, |[low, high]| {
         format!(
-            "; typical gain {}, with a 95 % interval of {} to {}: the median of the means of all \
-             pairs of people’s gains (Hodges and Lehmann)",
+            "; typical gain {}, with a 95 % interval of {} to {}",
             signed(first.typical_gain, 1),
             signed(low, 1),
             signed(high, 1)
@@ -292,11 +293,11 @@ fn start_and_end(analysis: &Analysis) -> Option<Finding> {
     for (metric, word) in [(Metric::Start, "first"), (Metric::End, "last")] {
         let (tests, family) = tests(analysis, metric, ("hrd", "d"));
         let steps = |test: &Test| {
-            let seconds = signed(test.gain * analysis.context.step_s, 2);
+            let seconds = signed(test.gain * analysis.context.scene.step_s, 2);
             format!("{} steps <span>({seconds} s)</span>", signed(test.gain, 1))
         };
         body.push_str(&format!(
-            "<p>By so much nearer is the {word} step of avoidance with {} than with {}, \
+            "<p>How much nearer the {word} step of avoidance is with {} than with {}, \
              penalised{}:</p>\n{}",
             words::set("hrd"),
             words::set("d"),
@@ -328,11 +329,14 @@ fn start_and_end(analysis: &Analysis) -> Option<Finding> {
         Verdict::Hint => {
             let below = || all.iter().filter(|test| test.wilcoxon_persons < LEVEL);
             let nearer = below().filter(|test| test.typical_gain > 0.0).count();
+            let said = super::words::either(
+                (nearer, "nearer"),
+                (below().count() - nearer, "further off"),
+                all.len(),
+            );
             format!(
-                "With safety levels the start or end of avoidance looks nearer in {nearer} and \
-                 further off in {} of {} comparisons with distance alone, but not after correction.",
-                below().count() - nearer,
-                all.len()
+                "With safety levels the start or end of avoidance looks {said} than with distance \
+                 alone, but not after correction."
             )
         }
         Verdict::TooFew => {
@@ -364,7 +368,7 @@ fn which_level(analysis: &Analysis) -> Option<Finding> {
             "Whether the human’s or the robot’s safety level says more: no difference was shown."
                 .to_owned()
         }
-        _ => headline(verdict, &tests, "Human’s safety levels", "the robot’s"),
+        _ => headline(verdict, &tests, "The human’s safety levels", "the robot’s"),
     };
     let body = format!(
         "<p>Points of accuracy of {} over {}{}. The paper finds the robot’s level the better one in \

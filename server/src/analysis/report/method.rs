@@ -3,8 +3,9 @@
 use super::html::{details, listed};
 use super::section;
 use crate::analysis::Analysis;
-use sidestep::comparison::cell::{BODY_FRAME_SETS, PAPERS_SETS};
+use sidestep::comparison::cell::{BODY_FRAME_SETS, Cell, ModelName, PAPERS_SETS};
 use sidestep::comparison::fit::Grids;
+use sidestep::vehicle::VehicleModel;
 
 /// The section.
 pub(super) fn section_of(analysis: &Analysis) -> String {
@@ -18,7 +19,8 @@ pub(super) fn section_of(analysis: &Analysis) -> String {
          <p><b>Features.</b> <i>B</i>: |Δx|, |Δy| and Δψ in the world’s frame, cos Δψ and sin Δψ; \
          with <i>V</i><sub>HR</sub> (h), <i>V</i><sub>RH</sub> (r) and the distance (d), m. A safety \
          level is how far the other side can be kept from the danger zone’s edge ({radius} m) when \
-         it does its worst; at 0 or below a collision can be forced.</p>\n\
+         it does its worst; at 0 or below a collision can be forced. They are those of these vehicles: \
+         {vehicles}.</p>\n\
          {own}\
          <p><b>Measures.</b> Accuracy: share of steps where the predicted class was the person’s. \
          <i>D</i><sub>start</sub>, <i>D</i><sub>end</sub>: distance of the first and last step of \
@@ -29,15 +31,25 @@ pub(super) fn section_of(analysis: &Analysis) -> String {
          fits this design. The Mann–Whitney tests are shown because the paper’s claims rest on \
          such; over people it ignores the pairing, over trials it takes trials of a person for \
          independent. Holm’s correction is over all tests of a metric that are in tests.csv. Three \
-         comparisons are not there, each a family of six tests of its own with its own correction: \
-         body frame over safety levels, safety levels added to the body frame, and models over the \
-         commonest input. The interval of a gain holds every shift that the paired test does not \
-         reject at 5 % (Hodges and Lehmann), without correction.</p>\n",
-        grids = grids(&analysis.settings.grids),
-        radius = analysis.context.radius_m,
+         comparisons are in beside.csv, each a family of six tests of its own with its own \
+         correction: body frame over safety levels, safety levels added to the body frame, and \
+         models over the commonest input. The typical gain is the median of the means of all pairs of people’s gains (Hodges and Lehmann); its interval holds every shift that the paired test does not \
+         reject at 5 %, without correction.</p>\n",
+        grids = grids(&analysis.settings.grids) + &at_the_end(analysis),
+        radius = analysis.context.scene.danger_radius_m,
+        vehicles = vehicles(analysis),
         own = own_sets(analysis),
     );
     section("method", "How it was done", &format!("{content}{}", files(analysis)))
+}
+
+/// Whose safety levels are computed.
+fn vehicles(analysis: &Analysis) -> String {
+    let one = |who: &str, vehicle: &VehicleModel| {
+        format!("the {who} {} m/s and ±{} rad/s", vehicle.speed_mps, vehicle.turn_rate_radps)
+    };
+    let scene = &analysis.context.scene;
+    [one("human", &scene.human), one("robot", &scene.robot)].join(", ")
 }
 
 /// The grids that were tried; what is not the protocol's is marked.
@@ -66,6 +78,34 @@ fn grids(used: &Grids) -> String {
             "<b>Not all are the protocol’s</b>: numbers are not to be compared with those of other \
              grids."
         },
+    )
+}
+
+/// Whose C is often the greatest that was tried, so that a greater one may do better.
+fn at_the_end(analysis: &Analysis) -> String {
+    let Grids { rbf_c, linear_c, logistic_c, .. } = &analysis.settings.grids;
+    let grids = [
+        (ModelName::SvmRbf, rbf_c, "machines with radial basis functions"),
+        (ModelName::SvmLinear, linear_c, "linear machines"),
+        (ModelName::Lr, logistic_c, "logistic regressions"),
+    ];
+    let often = grids.into_iter().filter_map(|(model, grid, name)| {
+        let greatest = grid.iter().copied().reduce(f64::max).filter(|_| grid.len() > 1)?;
+        let chosen = |cell: &&Cell| {
+            let settings = serde_json::from_str::<serde_json::Value>(&cell.hyperparameters);
+            settings.is_ok_and(|settings| settings["C"] == greatest)
+        };
+        let all = || analysis.comparison.cells.iter().filter(|cell| cell.model == model);
+        let (at_end, of) = (all().filter(chosen).count(), all().count());
+        (5 * at_end > of).then(|| format!("C = {greatest} for {at_end} of {of} {name}"))
+    });
+    let often: Vec<String> = often.collect();
+    if often.is_empty() {
+        return String::new();
+    }
+    format!(
+        "<p>Often the greatest C did best: {}. A grid that goes further may do better still.</p>\n",
+        listed(&often)
     )
 }
 
@@ -109,7 +149,7 @@ fn files(analysis: &Analysis) -> String {
         "The numbers behind this page",
         &format!(
             "<p>cells.csv (every model of the comparison), table1.csv, table2.csv, tests.csv, \
-             ablation.csv, calibration.csv, rollouts.csv{leakage} and predictions.csv beside this \
+             beside.csv, ablation.csv, calibration.csv, rollouts.csv{leakage} and predictions.csv beside this \
              file; tables.tex for a paper; models/ has every predictor of the comparison. Boosted \
              trees and models with a memory, which are in the roll-outs only, are not kept.</p>\n"
         ),

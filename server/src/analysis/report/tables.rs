@@ -99,7 +99,7 @@ pub(super) fn distances(analysis: &Analysis) -> String {
          which human and model avoid; a model that seldom avoids looks good there. The paper does \
          not say which it used. <b>Bold</b>: best of the row; with different n a best of “both \
          avoid” means little.",
-        analysis.context.step_s
+        analysis.context.scene.step_s
     );
     table(&caption, "numbers triples", &headed("", &[]), &rows)
 }
@@ -161,12 +161,11 @@ pub(super) fn tests(analysis: &Analysis) -> String {
         let tests = || analysis.tests.iter().filter(|test| test.metric == metric);
         let rows = tests().map(|test| {
             let p = |p: f64, holm: f64| {
-                let entry = format!("{}<small>{}</small>", p_value(p), p_value(holm));
-                if holm < super::compare::LEVEL {
-                    format!("<strong>{entry}</strong>")
-                } else {
-                    entry
-                }
+                let after = match holm < super::compare::LEVEL {
+                    true => format!("<strong>{}</strong>", p_value(holm)),
+                    false => p_value(holm),
+                };
+                format!("{}<small>{after}</small>", p_value(p))
             };
             vec![
                 format!("{} ({})", words::model(test.model), test.experiment.numeral()),
@@ -218,11 +217,14 @@ pub(super) fn leakage(analysis: &Analysis) -> String {
             signed(row.leaking - row.grouped, 2),
         ]
     });
-    let columns = ["model", "whole trials (%)", "single steps (%)", "deceit (points)"];
-    let caption = "<b>Leakage.</b> Accuracy on the first feature set when whole trials are held \
-                   back, as everywhere else in this report, and when single steps are, so that \
-                   their neighbours are learned from.";
-    table(caption, "numbers", &columns.map(str::to_owned), &rows.collect::<Vec<_>>())
+    let columns = ["model", "whole trials (%)", "single steps (%)", "overstated by (points)"];
+    let first =
+        analysis.settings.sets.first().map_or_else(String::new, |set| words::set(&set.name));
+    let caption = format!(
+        "<b>Leakage.</b> Accuracy on {first} when whole trials are held back, as everywhere else in \
+         this report, and when single steps are, so that their neighbours are learned from."
+    );
+    table(&caption, "numbers", &columns.map(str::to_owned), &rows.collect::<Vec<_>>())
 }
 
 /// Who was left out, and why.

@@ -8,6 +8,7 @@ use sidestep::comparison::rollout::Horizon;
 use sidestep::comparison::tables::{Comparison, Participant};
 use sidestep::comparison::{Exclusion, Leakage, Results, RolloutsOf, Settings};
 use sidestep::predict::{Predictor, PredictorFile};
+use sidestep::scene::SceneParameters;
 
 /// Steps of a trial.
 const STEPS: usize = 10;
@@ -68,7 +69,8 @@ pub(super) fn made_up(people: usize, synthetic: Option<&str>) -> Analysis {
             .collect(),
         boundary: vec![vec![[3.0, 0.0], [0.0, 3.0], [-3.0, 0.0], [0.0, -3.0]]],
     };
-    let context = Context { trials: 7 * people, step_s: 0.2, radius_m: 3.0, maps: vec![map] };
+    let context =
+        Context { trials: 7 * people, scene: SceneParameters::default(), maps: vec![map] };
     let settings = Settings::new().unwrap();
     Analysis::of(results, synthetic.map(str::to_owned), context, settings).unwrap()
 }

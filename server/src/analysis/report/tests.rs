@@ -7,6 +7,7 @@ use crate::analysis::{Analysis, Content, latex};
 use resvg::usvg::roxmltree::{self, Document, ParsingOptions};
 use sidestep::comparison::Request;
 use sidestep::comparison::cell::{Experiment, ModelName};
+use std::collections::{BTreeMap, BTreeSet};
 
 fn read(html: &str) -> Document<'_> {
     let options = ParsingOptions { allow_dtd: true, ..ParsingOptions::default() };
@@ -122,8 +123,9 @@ fn words_follow_the_numbers() {
     let seven = said(7);
     assert!(seven.contains("10.0 points more of the steps right"), "{seven}");
     assert!(seven.contains("better for 7 of 7 people"));
+    assert!(seven.contains("typical gain +10.0, with a 95 % interval of +10.0 to +10.0;"));
     assert!(
-        seven.contains("typical gain +10.0, with a 95 % interval of +10.0 to +10.0: the median")
+        seven.contains("of these vehicles: the human 2 m/s and ±0.5 rad/s, the robot 2 m/s and")
     );
     assert!(seven.contains("p = 0.016, after Holm over 48 tests 0.750"));
     assert!(seven.contains("look better than distance alone in 6 of 6 comparisons, but not after"));
@@ -180,7 +182,7 @@ fn what_safety_levels_add_to_the_body_frame_is_an_answer_of_its_own() {
     // 2/2⁷, times 6 by Holm.
     let added = of("Once the body frame is known");
     assert_eq!(added.verdict, findings::Verdict::Hint);
-    assert!(added.headline.contains("better in 1 and worse in 0 of 6 comparisons"));
+    assert!(added.headline.contains("look better in 1 of 6 comparisons than without"));
     assert!(added.body.contains("p = 0.016<br/>Holm 0.094"));
     assert_eq!(of("Between a body frame").verdict, findings::Verdict::NotShown);
 }
@@ -211,6 +213,56 @@ fn what_was_asked_for_is_told() {
         names.iter().any(|name| name == "leakage.csv")
     };
     assert_eq!([files(&analysis), files(&made_up(6, None))], [false, true]);
+}
+
+/// What the report says in words and pictures is in tables too.
+#[test]
+fn intervals_and_families_are_in_files() {
+    let rows = |people: usize, wanted: &str| -> Vec<BTreeMap<String, String>> {
+        let mut text = Vec::new();
+        let mut put = |name: &str, content: Content<'_>| match name == wanted {
+            true => content(&mut text),
+            false => Ok(()),
+        };
+        made_up(people, None).each_file(&mut put).unwrap();
+        csv::Reader::from_reader(&text[..]).deserialize().map(Result::unwrap).collect()
+    };
+    for (file, count) in [("tests.csv", 48 + 2 * 24), ("beside.csv", 18)] {
+        let found = rows(7, file);
+        assert_eq!(found.len(), count, "{file}");
+        for row in found {
+            let number = |column: &str| row[column].parse::<f64>().unwrap();
+            let interval = number("gain_low")..=number("gain_high");
+            assert!(interval.contains(&number("typical_gain")), "{row:?}");
+            // The interval is what the test does not reject.
+            assert_eq!(number("wilcoxon_persons") < 0.05, !interval.contains(&0.0), "{row:?}");
+        }
+        assert!(rows(5, file).iter().all(|row| row["gain_low"].is_empty()));
+    }
+    // 7 people gain, or save, the same each.
+    let of = |metric: &str| {
+        let mut all = rows(7, "tests.csv").into_iter();
+        all.find(|row| row["metric"] == metric && row["second"] == "d").unwrap()
+    };
+    assert_eq!(of("accuracy")["gain_low"], "10.0000");
+    assert_eq!(of("D_end")["gain_high"], of("D_end")["typical_gain"]);
+    let beside = rows(7, "beside.csv");
+    let pairs: BTreeSet<_> =
+        beside.iter().map(|row| (&row["first"][..], &row["second"][..])).collect();
+    assert_eq!(pairs, [("d_body", "hrd"), ("hrd", "none"), ("hrd_body", "d_body")].into());
+}
+
+#[test]
+fn a_grid_that_ends_too_early_is_told() {
+    let mut analysis = made_up(6, None);
+    let said = |analysis: &Analysis| words(&read(&html(analysis)));
+    assert!(!said(&analysis).contains("Often the greatest C"));
+    let linear = analysis.comparison.cells.iter_mut().filter(|c| c.model == ModelName::SvmLinear);
+    for (i, cell) in linear.enumerate() {
+        cell.hyperparameters = if i % 2 == 0 { "{\"C\":10.0}" } else { "{\"C\":1.0}" }.to_owned();
+    }
+    let told = "Often the greatest C did best: C = 10 for 54 of 108 linear machines.";
+    assert!(said(&analysis).contains(told), "{}", said(&analysis));
 }
 
 /// Of five names in two experiments on nine sets, SVM is the better of two others.

@@ -46,6 +46,14 @@ pub(super) fn class(experiment: Experiment, class: i8) -> &'static str {
     }
 }
 
+/// "better in 4 of 6 comparisons", or "better in 3 and worse in 1 of 6 comparisons".
+pub(super) fn either(first: (usize, &str), second: (usize, &str), of: usize) -> String {
+    match (first, second) {
+        ((n, way), (0, _)) | ((0, _), (n, way)) => format!("{way} in {n} of {of} comparisons"),
+        ((n, way), (m, other)) => format!("{way} in {n} and {other} in {m} of {of} comparisons"),
+    }
+}
+
 /// A feature set as HTML: B with its letters, or the name that somebody gave it.
 pub(super) fn set(name: &str) -> String {
     let known = BODY_FRAME_SETS.map(|(set, _)| set);

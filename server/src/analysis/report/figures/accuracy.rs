@@ -60,7 +60,7 @@ pub(in super::super) fn distances(analysis: &Analysis) -> String {
          and last step (<i>D</i><sub>end</sub>) of avoidance is from the human’s: a dot is the mean \
          over a person’s test trials, penalised (no avoidance counts as one past the last step, or \
          as step −1). A step is {} s. Less is better.",
-        analysis.context.step_s
+        analysis.context.scene.step_s
     );
     drawn(&plots, "distance (steps)", &[], &caption)
 }

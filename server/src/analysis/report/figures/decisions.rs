@@ -14,7 +14,8 @@ const MARGINS: [f64; 4] = [46.0, 26.0, 12.0, 40.0];
 /// Maps of the probability of a turn.
 pub(in super::super) fn figure_of(analysis: &Analysis) -> String {
     let maps = analysis.context.maps.iter().filter(|map| !map.probabilities.is_empty());
-    let charts: Vec<String> = maps.map(|map| chart(map, analysis.context.radius_m)).collect();
+    let charts: Vec<String> =
+        maps.map(|map| chart(map, analysis.context.scene.danger_radius_m)).collect();
     if charts.is_empty() {
         return String::new();
     }

@@ -12,10 +12,29 @@ use sidestep::comparison::rollout::{Horizon, Simple};
 use sidestep::stats::rank::holm;
 
 /// A comparison of a model and experiment, with its p-value after Holm over its family.
-struct Entry {
-    name: String,
-    paired: Paired,
-    holm: f64,
+pub(in crate::analysis) struct Entry {
+    pub(in crate::analysis) model: ModelName,
+    pub(in crate::analysis) experiment: Experiment,
+    pub(in crate::analysis) paired: Paired,
+    pub(in crate::analysis) holm: f64,
+}
+
+impl Entry {
+    fn name(&self) -> String {
+        name(self.model, self.experiment)
+    }
+}
+
+/// The families of tests that are not of the paper: what is compared with what, and each model
+/// and experiment. The last is the baseline, of no features.
+pub(in crate::analysis) fn families(
+    analysis: &Analysis,
+) -> [(&'static str, &'static str, Vec<Entry>); 3] {
+    [
+        ("d_body", "hrd", sets(analysis, "d_body", "hrd")),
+        ("hrd_body", "d_body", sets(analysis, "hrd_body", "d_body")),
+        ("hrd", "none", over_baseline(analysis)),
+    ]
 }
 
 /// Every model and experiment, `first` over `second`.
@@ -27,8 +46,7 @@ fn family(
     for experiment in Experiment::ALL {
         for model in ModelName::PAPERS {
             let paired = Paired::of(&first(model, experiment), &second(model, experiment));
-            let name = name(model, experiment);
-            entries.extend(paired.map(|paired| Entry { name, paired, holm: 1.0 }));
+            entries.extend(paired.map(|paired| Entry { model, experiment, paired, holm: 1.0 }));
         }
     }
     let p_values: Vec<f64> = entries.iter().map(|entry| entry.paired.p).collect();
@@ -46,14 +64,14 @@ fn verdict(people: usize, entries: &[Entry]) -> Verdict {
 /// what comes `after`, as HTML.
 fn told(people: usize, entries: &[Entry], headline: String, about: &str, after: &str) -> Finding {
     let one = |entry: &Entry| Gain {
-        name: entry.name.clone(),
+        name: entry.name(),
         gain: signed(entry.paired.mean, 1),
         p_values: (!too_few(people)).then_some([entry.paired.p, entry.holm]),
     };
     let gains = gains(&entries.iter().map(one).collect::<Vec<_>>());
     let way = |entry: &Entry| {
         let Paired { p, mean, typical, .. } = entry.paired;
-        (entry.name.clone(), p, [mean, typical])
+        (entry.name(), p, [mean, typical])
     };
     let contrary = contrary(people, entries.iter().map(way));
     let by = by(people, entries.len());
@@ -64,12 +82,12 @@ fn told(people: usize, entries: &[Entry], headline: String, about: &str, after: 
 /// The names of those that are shown to be up (1) or down (−1), and of those that are neither.
 fn shown(entries: &[Entry], sign: f64) -> Vec<String> {
     let is = |entry: &&Entry| entry.holm < LEVEL && sign * entry.paired.typical > 0.0;
-    entries.iter().filter(is).map(|entry| entry.name.clone()).collect()
+    entries.iter().filter(is).map(Entry::name).collect()
 }
 
 fn not_shown(entries: &[Entry]) -> Vec<String> {
     let is = |entry: &&Entry| entry.holm >= LEVEL;
-    entries.iter().filter(is).map(|entry| entry.name.clone()).collect()
+    entries.iter().filter(is).map(Entry::name).collect()
 }
 
 /// "better in SVM I and DT I; worse in LR I; no difference was shown in DT II".
@@ -93,6 +111,14 @@ fn ways(entries: &[Entry]) -> [usize; 2] {
 fn sets(analysis: &Analysis, first: &str, second: &str) -> Vec<Entry> {
     let of = |set| move |model, experiment| analysis.person_accuracies(model, experiment, set);
     family(of(first), of(second))
+}
+
+/// B_hrd over the person's commonest input.
+fn over_baseline(analysis: &Analysis) -> Vec<Entry> {
+    family(
+        |model, experiment| analysis.person_accuracies(model, experiment, "hrd"),
+        |_, experiment| analysis.person_baselines(experiment),
+    )
 }
 
 /// Whether knowing on which side the robot is does as well as the safety levels.
@@ -151,9 +177,10 @@ pub(super) fn body_frame_too(analysis: &Analysis) -> Option<Finding> {
         ),
         Verdict::Hint => {
             let [up, down] = ways(&entries);
+            let said = words::either((up, "better"), (down, "worse"), all);
             format!(
-                "Once the body frame is known, the safety levels look better in {up} and worse in \
-                 {down} of {all} comparisons, but not after correction."
+                "Once the body frame is known, predictions with the safety levels look {said} than \
+                 without, but not after correction."
             )
         }
         Verdict::TooFew => {
@@ -169,10 +196,7 @@ pub(super) fn body_frame_too(analysis: &Analysis) -> Option<Finding> {
 
 /// Whether models beat the person's commonest input.
 pub(super) fn baseline(analysis: &Analysis) -> Option<Finding> {
-    let entries = family(
-        |model, experiment| analysis.person_accuracies(model, experiment, "hrd"),
-        |_, experiment| analysis.person_baselines(experiment),
-    );
+    let entries = over_baseline(analysis);
     if entries.is_empty() {
         return None;
     }
@@ -230,7 +254,7 @@ pub(super) fn rollouts(analysis: &Analysis) -> Option<Finding> {
     if models.is_empty() {
         return None;
     }
-    let seconds = fixed(analysis.context.step_s * steps as f64, 1);
+    let seconds = fixed(analysis.context.scene.step_s * steps as f64, 1);
     let beyond: Vec<(&str, &Horizon)> = BEYOND
         .into_iter()
         .filter_map(|(driver, set, name)| Some((name, furthest(driver, set)?)))
