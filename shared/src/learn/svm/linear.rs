@@ -8,8 +8,9 @@
 //! (Mehrotra 1992). The corrector is made for a whole step, and where little of one can be gone it
 //! may lead round in circles (Cartis 2009, "Some disadvantages of a Mehrotra-type primal-dual
 //! corrector interior point algorithm for linear programming"). So, once a step has not lessened
-//! the sum of products, steps are plain and short enough for the path's neighbourhood, along
-//! which it falls for certain (Wright 1997, "Primal-dual interior-point methods", chapter 5).
+//! the sum of products, steps are plain and short enough to stay in a neighbourhood of the path
+//! that holds the present point, along which the sum falls for certain (Wright 1997, "Primal-dual
+//! interior-point methods", chapter 5).
 
 #![allow(clippy::needless_range_loop, reason = "a lane of several arrays at once")]
 
@@ -22,7 +23,8 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 const SHARE: f64 = 0.995;
 /// The mean of products that plain steps go towards, as a share of the present one.
 const PLAIN_CENTRE: (f64, f64) = (0.1, 0.8);
-/// Plain steps leave no product below this share of their mean.
+/// Plain steps leave no product below this share of their mean, or below the share that the least
+/// had when they began: from outside its neighbourhood no step might be found.
 const NEIGHBOURHOOD: f64 = 1e-4;
 /// They lessen the sum by this share of what they go, at least.
 const DECREASE: f64 = 0.01;
@@ -171,7 +173,8 @@ impl Kernel for Fit<'_> {
     fn run(self) {
         let state = self.state;
         let products = 2.0 * state.count as f64;
-        let (mut last, mut circling) = (f64::INFINITY, false);
+        // Of plain steps, once they have begun.
+        let (mut last, mut neighbourhood) = (f64::INFINITY, None);
         for _ in 0..MAX_STEPS {
             let (gap, system) = state.linearise();
             if !gap.is_finite() {
@@ -181,7 +184,10 @@ impl Kernel for Fit<'_> {
                 *self.converged = true;
                 return;
             }
-            circling |= gap >= last;
+            if gap >= last && neighbourhood.is_none() {
+                let present = state.least_product() / (gap / products);
+                neighbourhood = Some(NEIGHBOURHOOD.min(0.999 * present));
+            }
             last = gap;
             let Some(system) = system.cholesky() else { return };
             // Predictor: towards products of 0.
@@ -191,7 +197,7 @@ impl Kernel for Fit<'_> {
             let reached = ((1.0 - share) * gap + share * share * curvature).max(0.0) / gap;
             // Corrector: as central as the predictor had little way, and with its curvature.
             let centre = reached * reached * reached;
-            if circling {
+            if neighbourhood.is_some() {
                 let (least, most) = PLAIN_CENTRE;
                 state.aim(centre.clamp(least, most) * gap / products, 0.0);
             } else {
@@ -200,9 +206,9 @@ impl Kernel for Fit<'_> {
             let step = state.solve(&system);
             let (longest, _) = state.turn(&step);
             let mut share = (SHARE * longest).min(1.0);
-            if circling {
+            if let Some(neighbourhood) = neighbourhood {
                 // Too short for rounding to tell, none is worth more than another.
-                while share > f64::EPSILON && !state.stays_near(share, gap) {
+                while share > f64::EPSILON && !state.stays_in(neighbourhood, share, gap) {
                     share *= 0.8;
                 }
             }
@@ -338,9 +344,17 @@ impl State {
         }
     }
 
-    /// Whether a share of the changes leaves no product far behind their mean, and lessens their
-    /// sum, now `gap`.
-    fn stays_near(&self, share: f64, gap: f64) -> bool {
+    fn least_product(&self) -> f64 {
+        let places = (0..self.count).map(|k| (k / ROWS, k % ROWS));
+        let product = |(b, l): (usize, usize)| {
+            (self.alpha[b][l] * self.z[b][l]).min(self.room[b][l] * self.u[b][l])
+        };
+        places.map(product).fold(f64::INFINITY, f64::min)
+    }
+
+    /// Whether a share of the changes leaves no product further behind their mean than
+    /// `neighbourhood` says, and lessens their sum, now `gap`.
+    fn stays_in(&self, neighbourhood: f64, share: f64, gap: f64) -> bool {
         let (mut least, mut sum) = (f64::INFINITY, 0.0);
         for (b, row) in self.rows.iter().enumerate() {
             for l in 0..ROWS.min(self.count - b * ROWS) {
@@ -352,7 +366,7 @@ impl State {
             }
         }
         let mean = sum / (2.0 * self.count as f64);
-        least >= NEIGHBOURHOOD * mean && sum <= (1.0 - DECREASE * share) * gap
+        least >= neighbourhood * mean && sum <= (1.0 - DECREASE * share) * gap
     }
 
     /// Goes a share of the changes.

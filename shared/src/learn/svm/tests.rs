@@ -161,6 +161,26 @@ fn linear_machines_do_not_go_in_circles() {
     }
 }
 
+/// One row against all others, told by a feature that only a row or two have: circling begins far
+/// from the path, outside of the usual neighbourhood.
+#[test]
+fn linear_machines_of_a_single_row_are_fitted() {
+    for count in [200, 1280, 1878, 1950, 2000, 2500, 2999] {
+        for width in [1, 2, 3] {
+            let mut rows = vec![0.0; count * width];
+            (0..width).for_each(|i| rows[i * width + i] = 1.0);
+            let order: Vec<usize> = (0..count).collect();
+            let (_, rows) = standardised(width, &rows, &order, &order);
+            for turns in 1..=3 {
+                let sides: Vec<i8> = (0..count).map(|i| if i < turns { 1 } else { -1 }).collect();
+                for c in [0.01, 0.1, 1.0, 10.0] {
+                    check_plane(width, &rows, &sides, c, 1e-7);
+                }
+            }
+        }
+    }
+}
+
 #[test]
 fn lanes_change_no_bit() {
     let (rows, sides) = clouds(10, 150, 5);
