@@ -1,6 +1,7 @@
 //! features.csv: a row a step, written and read.
 
-use crate::trials_csv::{LineError, Person};
+use crate::csv_lines::{LineError, Records};
+use crate::trials_csv::Person;
 use csv::{StringRecord, Writer};
 use sidestep::dataset::Dataset;
 use sidestep::features::{FEATURES, FeatureSet, SafetyFunctions};
@@ -125,23 +126,16 @@ struct FileRow {
 /// [`LineError`] for a missing column, or text that is no table.
 pub fn read(file: impl Read) -> Result<FeatureRows, LineError> {
     let at = |line: u64| move |what: Invalid| LineError { line, what };
-    let broken = |error: csv::Error| {
-        let line = error.position().map_or(1, csv::Position::line);
-        at(line)(Invalid::new("row", "comma-separated UTF-8 text", error))
-    };
-    let mut reader = csv::Reader::from_reader(file);
-    let header = reader.headers().map_err(broken)?.clone();
+    let (mut records, header) = Records::of(file)?;
     let columns = Columns::of(&header).map_err(at(1))?;
     let mut rows: HashMap<Key, FileRow> = HashMap::new();
     let mut faults = HashMap::new();
-    let mut record = StringRecord::new();
-    while reader.read_record(&mut record).map_err(broken)? {
-        let line = record.position().map_or(0, csv::Position::line);
+    while let Some((line, record)) = records.next()? {
         let mut fault = |what| {
-            let participant = columns.participant(&record).to_owned();
+            let participant = columns.participant(record).to_owned();
             faults.entry(participant).or_insert(LineError { line, what });
         };
-        match columns.row(&record) {
+        match columns.row(record) {
             Ok((key, turn, values)) => match rows.entry(key) {
                 Entry::Vacant(place) => {
                     place.insert(FileRow { line, turn, values });

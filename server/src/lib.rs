@@ -15,6 +15,7 @@ pub mod clock;
 pub mod commands;
 pub mod config;
 pub mod content;
+pub mod csv_lines;
 pub mod error;
 pub mod exports;
 pub mod features_csv;

@@ -6,7 +6,7 @@
 
 mod row;
 
-use csv::StringRecord;
+use crate::csv_lines::{LineError, Records};
 use row::{Columns, Row};
 use sidestep::invalid::{Invalid, length};
 use sidestep::scene::{JointState, SceneParameters};
@@ -51,16 +51,6 @@ pub struct FileTrial {
     pub flags: Vec<Flag>,
 }
 
-/// A complaint about a line.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("line {line}: {what}")]
-pub struct LineError {
-    /// From 1; the header is line 1.
-    pub line: u64,
-    /// Field, expected and found.
-    pub what: Invalid,
-}
-
 /// What a file holds.
 #[derive(Debug)]
 pub struct Contents {
@@ -99,18 +89,15 @@ pub fn read(file: impl Read, parameters: &SceneParameters) -> Result<Vec<Person>
 /// UTF-8, a row with another number of fields than the header, or without a participant; and
 /// where there is no row.
 pub fn read_each(file: impl Read, parameters: &SceneParameters) -> Result<Contents, LineError> {
-    let mut reader = csv::Reader::from_reader(file);
-    let header = reader.headers().map_err(broken)?.clone();
+    let (mut records, header) = Records::of(file)?;
     let columns = Columns::of(&header).map_err(at(1))?;
     let mut trials: Vec<Rows> = Vec::new();
     let mut places: HashMap<(String, u64), usize> = HashMap::new();
     let mut faults: HashMap<String, LineError> = HashMap::new();
     let mut previous = None;
-    let mut record = StringRecord::new();
-    while reader.read_record(&mut record).map_err(broken)? {
-        let line = record.position().map_or(0, csv::Position::line);
-        let participant = columns.participant(&record).map_err(at(line))?;
-        let row = match Row::parse(&columns, &record, participant, parameters) {
+    while let Some((line, record)) = records.next()? {
+        let participant = columns.participant(record).map_err(at(line))?;
+        let row = match Row::parse(&columns, record, participant, parameters) {
             Ok(row) => row,
             Err(what) => {
                 faults.entry(participant.to_owned()).or_insert(LineError { line, what });
@@ -162,19 +149,6 @@ pub fn read_each(file: impl Read, parameters: &SceneParameters) -> Result<Conten
 
 fn at(line: u64) -> impl Fn(Invalid) -> LineError {
     move |what| LineError { line, what }
-}
-
-fn broken(error: csv::Error) -> LineError {
-    let line = error.position().map_or(1, csv::Position::line);
-    let found = match error.kind() {
-        csv::ErrorKind::UnequalLengths { expected_len, len, .. } => {
-            format!("{len} fields under {expected_len} columns")
-        }
-        csv::ErrorKind::Utf8 { .. } => "octets that are not UTF-8".to_owned(),
-        csv::ErrorKind::Io(error) => error.to_string(),
-        other => format!("{other:?}"),
-    };
-    at(line)(Invalid::new("row", "comma-separated UTF-8 text", found))
 }
 
 /// The rows of one trial with their lines, as the file has them; at least one.

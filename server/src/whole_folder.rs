@@ -30,16 +30,36 @@ impl Draft {
     }
 
     /// Puts every file and folder of the draft in its place, and what was there under the same
-    /// name away; all else stays. Once this has begun it is not stopped.
+    /// name or one of `obsolete` away; all else stays. Once this has begun it is not stopped.
     ///
     /// # Errors
-    /// What the disk says, or that it was stopped before; then nothing has changed.
-    pub fn keep(self, stop: &Stop) -> io::Result<()> {
+    /// What the disk says, that a folder is where a file is to be or the other way round, or that
+    /// it was stopped before; then nothing has changed.
+    pub fn keep(self, obsolete: &[&str], stop: &Stop) -> io::Result<()> {
         synced(self.path())?;
+        for entry in fs::read_dir(self.path())? {
+            let entry = entry?;
+            let found = self.folder.join(entry.file_name()).symlink_metadata();
+            if found.is_ok_and(|found| found.is_dir() != entry.path().is_dir()) {
+                let name = entry.file_name().display().to_string();
+                let [there, new] = match entry.path().is_dir() {
+                    true => ["file", "folder"],
+                    false => ["folder", "file"],
+                };
+                let said = format!("there is a {there} {name} where a {new} is to be");
+                return Err(io::Error::new(io::ErrorKind::AlreadyExists, said));
+            }
+        }
         if stop.is_wanted() {
             return Err(io::Error::other("stopped"));
         }
         let old = tempfile::Builder::new().prefix(".sidestep-").tempdir_in(&self.folder)?;
+        for name in obsolete {
+            let place = self.folder.join(name);
+            if place.symlink_metadata().is_ok() && !self.path().join(name).exists() {
+                fs::rename(&place, old.path().join(name))?;
+            }
+        }
         for entry in fs::read_dir(self.path())? {
             let entry = entry?;
             let place = self.folder.join(entry.file_name());
@@ -85,12 +105,32 @@ mod tests {
             fs::write(draft.path().join("table.csv"), text).unwrap();
             fs::create_dir(draft.path().join("models")).unwrap();
             fs::write(draft.path().join("models").join(text), text).unwrap();
-            draft.keep(&Stop::default()).unwrap();
+            draft.keep(&[], &Stop::default()).unwrap();
             fs::write(folder.join("notes.txt"), "mine").unwrap();
         }
         assert_eq!(names(&folder), ["models", "notes.txt", "table.csv"]);
         assert_eq!(names(&folder.join("models")), ["second"]);
         assert_eq!(fs::read_to_string(folder.join("table.csv")).unwrap(), "second");
+    }
+
+    #[test]
+    fn what_is_obsolete_goes_and_what_is_of_another_kind_stays() {
+        let root = TempDir::new().unwrap();
+        fs::write(root.path().join("former.csv"), "old").unwrap();
+        fs::write(root.path().join("table.csv"), "old").unwrap();
+        let draft = |name: &str| {
+            let draft = Draft::begin(root.path()).unwrap();
+            fs::write(draft.path().join(name), "new").unwrap();
+            draft.keep(&["former.csv", "table.csv", "none.csv"], &Stop::default())
+        };
+        draft("table.csv").unwrap();
+        assert_eq!(names(root.path()), ["table.csv"]);
+        assert_eq!(fs::read_to_string(root.path().join("table.csv")).unwrap(), "new");
+
+        fs::create_dir(root.path().join("report.html")).unwrap();
+        let refused = draft("report.html").unwrap_err().to_string();
+        assert_eq!(refused, "there is a folder report.html where a file is to be");
+        assert_eq!(names(root.path()), ["report.html", "table.csv"]);
     }
 
     #[test]
@@ -101,7 +141,7 @@ mod tests {
         let draft = Draft::begin(root.path()).unwrap();
         fs::write(draft.path().join("table.csv"), "new").unwrap();
         stop.now();
-        assert!(draft.keep(&stop).is_err());
+        assert!(draft.keep(&["table.csv"], &stop).is_err());
         assert_eq!(names(root.path()), ["table.csv"]);
         assert_eq!(fs::read_to_string(root.path().join("table.csv")).unwrap(), "old");
     }

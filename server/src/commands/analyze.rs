@@ -144,7 +144,8 @@ pub async fn run(args: AnalyzeArgs) -> Result<(), CommandError> {
     say(&analysis.exclusions[said..]);
     analysis.write(draft.path()).map_err(|e| unwritable(&args.out, &e))?;
     let kept_or = |e| interrupt.check().err().unwrap_or_else(|| unwritable(&args.out, &e));
-    draft.keep(&interrupt.stop).map_err(kept_or)?;
+    // Of a former analysis in this folder, whose other files are replaced.
+    draft.keep(&["leakage.csv"], &interrupt.stop).map_err(kept_or)?;
     // Only once the folder is complete: a failure before leaves all that was computed.
     cache.forget_unused().map_err(|e| unwritable(&kept, &e))?;
     print_json(&serde_json::json!({

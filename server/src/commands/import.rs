@@ -3,6 +3,7 @@
 use super::{CommandError, print_json};
 use crate::clock::now_ms;
 use crate::content;
+use crate::csv_lines::LineError;
 use crate::safety;
 use crate::store::participants::{self, NewParticipant};
 use crate::store::scenes::{self, PlannedRow};
@@ -10,7 +11,7 @@ use crate::store::studies::{self, Study};
 use crate::store::trials::{self, NewTrial};
 use crate::store::{Db, Missing, Store};
 use crate::synthetic;
-use crate::trials_csv::{self, FileTrial, LineError, Person};
+use crate::trials_csv::{self, FileTrial, Person};
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 use sidestep::invalid::Invalid;

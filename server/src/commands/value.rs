@@ -3,9 +3,9 @@
 use super::game::FunctionArgs;
 use super::solving::Interrupt;
 use super::{CommandError, print_json, unwritable};
-use crate::trials_csv::LineError;
+use crate::csv_lines::{LineError, Records};
 use crate::whole_file;
-use csv::{ReaderBuilder, StringRecord, Writer};
+use csv::{StringRecord, Writer};
 use sidestep::invalid::Invalid;
 use sidestep::reachability::{ValueFunction, ValueState};
 use std::io;
@@ -110,26 +110,9 @@ impl From<Invalid> for Fault {
 /// Hands every state of the file to `each`.
 fn read(file: &[u8], mut each: impl FnMut([f64; 3]) -> Result<(), Fault>) -> Result<(), Fault> {
     let at = |line: u64| move |what: Invalid| Fault::Line(LineError { line, what });
-    let mut lines = Lines { file, gone: 0, line: 1 };
-    // Flexible, so that a row of another length is complained about in our words.
-    let mut reader = ReaderBuilder::new().flexible(true).from_reader(file);
-    let broken = |lines: &mut Lines<'_>, error: csv::Error| {
-        let line = error.position().map_or(1, |position| lines.line_of(position));
-        let found = match error.kind() {
-            csv::ErrorKind::Utf8 { .. } => "octets that are not UTF-8".to_owned(),
-            _ => error.to_string(),
-        };
-        at(line)(Invalid::new("row", "comma-separated UTF-8 text", found))
-    };
-    let header = reader.headers().map_err(|e| broken(&mut lines, e))?.clone();
+    let (mut records, header) = Records::of(file).map_err(Fault::Line)?;
     let columns = columns(&header).map_err(at(1))?;
-    let mut record = StringRecord::new();
-    while reader.read_record(&mut record).map_err(|e| broken(&mut lines, e))? {
-        let line = record.position().map_or(1, |position| lines.line_of(position));
-        if record.len() != header.len() {
-            let expected = format!("{} fields, as in the header", header.len());
-            return Err(at(line)(Invalid::new("row", expected, record.len())));
-        }
+    while let Some((line, record)) = records.next().map_err(Fault::Line)? {
         let mut state = [0.0; 3];
         for (d, name) in COLUMNS.into_iter().enumerate() {
             let text = record[columns[d]].trim();
@@ -146,27 +129,6 @@ fn read(file: &[u8], mut each: impl FnMut([f64; 3]) -> Result<(), Fault>) -> Res
         })?;
     }
     Ok(())
-}
-
-/// Counts lines; the reader's own count leaves out those that are empty.
-struct Lines<'a> {
-    file: &'a [u8],
-    /// Octets that are counted, and the line they lead to.
-    gone: usize,
-    line: u64,
-}
-
-impl Lines<'_> {
-    /// The line on which the record begins that the reader began to look for here.
-    fn line_of(&mut self, position: &csv::Position) -> u64 {
-        let rest = &self.file[(position.byte() as usize).min(self.file.len())..];
-        let blank = rest.iter().take_while(|octet| matches!(octet, b'\r' | b'\n')).count();
-        let begin = self.file.len() - rest.len() + blank;
-        let passed = &self.file[self.gone.min(begin)..begin];
-        self.line += passed.iter().filter(|octet| **octet == b'\n').count() as u64;
-        self.gone = begin;
-        self.line
-    }
 }
 
 /// Where x, y and psi are.

@@ -217,6 +217,9 @@ struct ClosestApproach {
     left_m: f64,
 }
 
+/// Vehicles whose relative speed is below this share of the sum of both are side by side.
+const SIDE_BY_SIDE: f64 = 1e-6;
+
 /// The speeds are those of the game in which the human evades.
 fn closest_approach(history: &[JointState], safety: &SafetyFunctions) -> ClosestApproach {
     let game = safety.human.game();
@@ -224,8 +227,10 @@ fn closest_approach(history: &[JointState], safety: &SafetyFunctions) -> Closest
     let robot = game.pursuer.speed_mps;
     let (vx, vy) = (robot * cos(psi) - game.evader.speed_mps, robot * sin(psi));
     let square = vx * vx + vy * vy;
-    // Side by side at one speed they are as close now as ever.
-    let time_s = if square > 0.0 { (-(x * vx + y * vy) / square).max(0.0) } else { 0.0 };
+    // Side by side at one speed they are as close now as ever. So they are where rounding alone
+    // makes a difference: else the time would be some 10¹⁶ s.
+    let least = SIDE_BY_SIDE * (robot + game.evader.speed_mps);
+    let time_s = if square > least * least { (-(x * vx + y * vy) / square).max(0.0) } else { 0.0 };
     ClosestApproach { time_s, ahead_m: x + vx * time_s, left_m: y + vy * time_s }
 }
 
@@ -278,6 +283,23 @@ mod tests {
             let left = at(compute("closest_time", &[state], &safety)).robot_seen_by_human()[1];
             assert!((compute("closest_left", &[state], &safety) - left).abs() < 1e-9);
         }
+    }
+
+    /// Three turns of 0.1 rad end beside a robot at 0.3 rad but for rounding.
+    #[test]
+    fn vehicles_side_by_side_are_closest_now() {
+        let parameters = SceneParameters::default();
+        let safety = safety(&parameters);
+        let robot = Pose::new(4.0, 1.0, 0.3);
+        let mut state = JointState { human: Pose::new(0.0, 0.0, 0.0), robot };
+        for _ in 0..3 {
+            state = state.advance(&parameters, TurnInput::Left, 0.2);
+            state.robot = robot;
+        }
+        assert!(state.human.psi != 0.3 && (state.human.psi - 0.3).abs() < 1e-15);
+        assert_eq!(compute("closest_time", &[state], &safety), 0.0);
+        let apart = compute("closest_distance", &[state], &safety) - state.distance_m();
+        assert!(apart.abs() < 1e-12, "{apart}");
     }
 
     /// Against differences of V along the axes that the names tell.

@@ -151,11 +151,18 @@ async fn files_are_refused_where_it_cannot_be_told_whose_the_rows_are() {
     let twice = all.replacen("omega", "hx", 1);
     refused(twice.into(), "line 1: header: expected each column once").await;
     let (start, _) = rows[400].rsplit_once(',').unwrap();
-    refused(with(402, start), "line 402: row: expected comma-separated UTF-8 text, found 10").await;
+    refused(with(402, start), "line 402: row: expected 11 fields, as in the header, found 10")
+        .await;
     let long = format!("{},1", rows[400]);
-    refused(with(402, &long), "line 402: row: expected comma-separated UTF-8 text, found 12").await;
+    refused(with(402, &long), "line 402: row: expected 11 fields, as in the header, found 12")
+        .await;
     let open = changed(&rows[400], 4, "\"1");
-    refused(with(402, &open), "line 402: row: expected comma-separated UTF-8 text").await;
+    refused(with(402, &open), "line 402: row: expected 11 fields, as in the header").await;
+    // Lines are counted as an editor does: CR LF and empty lines too.
+    let other_ends = String::from_utf8(with(402, start)).unwrap().replace('\n', "\r\n");
+    refused(other_ends.into(), "line 402: row: expected 11 fields, as in the header").await;
+    let spaced = String::from_utf8(with(402, start)).unwrap().replacen('\n', "\n\n\n", 1);
+    refused(spaced.into(), "line 404: row: expected 11 fields, as in the header").await;
     let nobody = changed(&rows[400], 0, " ");
     refused(with(402, &nobody), "line 402: participant: expected a name or number").await;
     let long = changed(&rows[400], 0, &"7".repeat(1_000_000));
