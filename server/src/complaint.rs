@@ -1,5 +1,7 @@
 //! What serde complains of, in words of the document instead of Rust's.
 
+use std::borrow::Cow;
+
 /// A complaint of serde_json or toml in the order of every other one: expected, found.
 /// `invalid type: string "x", expected struct Pose at line 1 column 3` becomes
 /// `expected an object, {…}, found string "x" (line 1 column 3)`; what has no such form stays
@@ -23,8 +25,12 @@ pub fn plain(message: &str) -> String {
 }
 
 /// The names of Rust's types as what is to be written.
-fn expectation(expected: &str) -> &str {
-    match expected {
+fn expectation(expected: &str) -> Cow<'_, str> {
+    let entries = ["an array of length ", "a tuple of size "];
+    if let Some(count) = entries.iter().find_map(|kind| expected.strip_prefix(kind)) {
+        return format!("a list of {count}").into();
+    }
+    Cow::Borrowed(match expected {
         "f64" => "a number",
         "u8" | "u16" | "u32" | "u64" | "usize" => "a whole number ≥ 0",
         "i8" | "i16" | "i32" | "i64" => "a whole number",
@@ -32,7 +38,7 @@ fn expectation(expected: &str) -> &str {
         "a map" => "an object, {…}",
         other if other.starts_with("struct ") => "an object, {…}",
         other => other,
-    }
+    })
 }
 
 fn finding(found: &str) -> &str {
@@ -68,7 +74,7 @@ mod tests {
         assert_eq!(said::<Vec<f64>>("{}"), "expected a list, […], found an object (line 1");
         assert_eq!(said::<bool>("[1]"), "expected a boolean, found a list (line 1");
         let toml = toml::from_str::<JointState>("human = 1").unwrap_err();
-        assert_eq!(plain(toml.message()), "expected an array of length 3, found integer `1`");
+        assert_eq!(plain(toml.message()), "expected a list of 3, found integer `1`");
         assert_eq!(plain("missing field `speed`"), "missing field `speed`");
     }
 }

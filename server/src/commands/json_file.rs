@@ -107,7 +107,7 @@ mod tests {
         // Which column it is depends on how serde_json was built.
         let expected = "[1][1]: expected a number, found string \"x\" (line 1 column ";
         assert!(said("[[1,2],[3,\"x\"]]").starts_with(expected));
-        assert!(said("[[1]]").starts_with("[0]: expected an array of length 2, found 1"));
+        assert!(said("[[1]]").starts_with("[0]: expected a list of 2, found 1"));
         assert!(said("{}").starts_with("the document: expected a list, […], found an object"));
     }
 }
