@@ -106,8 +106,8 @@ const MOST_STEPS: usize = 3000;
 /// that cannot be written (failure).
 pub async fn run(args: BoundsArgs) -> Result<(), CommandError> {
     let document = args.files.document();
-    let input: Input = args.files.read()?;
     let given = args.predictor.read([document])?;
+    let input: Input = args.files.read()?;
     let predictor = Given::of(document, &input, given.as_ref())?;
     let found = predicted(document, &input, &predictor).await?;
     args.files.answer(&Answer::from(&found))
