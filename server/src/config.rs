@@ -1,5 +1,6 @@
 //! Study files: TOML laid over the paper's protocol.
 
+use crate::complaint::plain;
 use sidestep::study::StudyConfig;
 use std::path::Path;
 use toml::{Table, Value};
@@ -28,7 +29,7 @@ fn parse_study(text: &str) -> Result<StudyConfig, String> {
     let study: StudyConfig =
         serde_path_to_error::deserialize(Value::Table(whole)).map_err(|error| {
             let field = error.path().to_string();
-            format!("{field}: {}", one_line(error.inner().message()))
+            format!("{field}: {}", plain(&one_line(error.inner().message())))
         })?;
     study.check().map_err(|invalid| invalid.to_string())?;
     Ok(study)
@@ -79,6 +80,7 @@ mod tests {
         check("slug = 7", &["slug", "string"]);
         check("slug = \"Pilot 2\"", &["slug", "lower-case", "Pilot 2"]);
         check("[parameters.human]\nspeed_mps = -2.0", &["parameters.human.speed_mps"]);
+        check("parameters = 3", &["parameters: expected an object, {…}, found integer `3`"]);
         check("phases = [{ phase = \"nap\", scenes = 2 }]", &["phases[0].phase"]);
     }
 }

@@ -1,5 +1,6 @@
 //! Request bodies: JSON in, a typed value out, or a complaint that says where.
 
+use crate::complaint::plain;
 use crate::error::ApiError;
 use axum::body::{Body, Bytes};
 use axum::extract::{FromRequest, Request};
@@ -120,7 +121,7 @@ fn complaint(error: serde_path_to_error::Error<serde_json::Error>) -> ApiError {
         return Invalid::new(field, expected, "one that is too large").into();
     }
     // Our own types already say "expected …, found …" (after ": "); serde says it in its way.
-    let message = message.trim_start_matches(": ").to_owned();
+    let message = plain(message.trim_start_matches(": "));
     let problem =
         sidestep::api::Problem { code: "invalid".to_owned(), message, field: Some(field) };
     ApiError::Problem { status: StatusCode::UNPROCESSABLE_ENTITY, problem }

@@ -13,6 +13,7 @@ pub mod app;
 pub mod auth;
 pub mod clock;
 pub mod commands;
+pub mod complaint;
 pub mod config;
 pub mod content;
 pub mod csv_lines;

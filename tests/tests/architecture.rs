@@ -199,11 +199,25 @@ fn documents_name_files_that_exist() {
     }
 }
 
+/// Lines of the `sh` blocks, without what `cat` writes to a file up to a line `END`.
+fn commands(document: &str) -> Vec<&str> {
+    let blocks = document.split("```sh\n").skip(1).filter_map(|rest| rest.split("```").next());
+    let mut lines = blocks.flat_map(str::lines);
+    let mut commands = Vec::new();
+    while let Some(line) = lines.next() {
+        if line.starts_with("cat > ") && line.ends_with(" <<'END'") {
+            assert!(lines.any(|line| line == "END"), "{line}: no END");
+        } else {
+            commands.push(line);
+        }
+    }
+    commands
+}
+
 #[test]
 fn commands_of_the_readme_exist() {
     let readme = read("README.md");
-    let blocks = readme.split("```sh\n").skip(1).filter_map(|rest| rest.split("```").next());
-    let lines: Vec<_> = blocks.flat_map(str::lines).collect();
+    let lines = commands(&readme);
     assert!(lines.contains(&"cargo xtask serve"));
     assert!(lines.contains(&"cargo xtask test"));
     let xtask = read("xtask/src/main.rs");

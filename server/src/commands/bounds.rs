@@ -15,11 +15,13 @@ use sidestep::reachability::{Options, ValueFunction};
 use sidestep::scene::{Evader, JointState, SceneParameters};
 use sidestep::shfrs::PredictedHuman;
 use sidestep::vehicle::{Pose, VehicleModel};
+use std::path::PathBuf;
 
 /// Bounds on the human's turn rate for the coming steps (Algorithm 1).
 ///
 /// The input, in m, s and rad, headings counter-clockwise from +x:
-/// {"human": [x, y, psi], "robot": [x, y, psi], "predictor": {…, as in predictor.json},
+/// {"human": [x, y, psi], "robot": [x, y, psi], "predictor": {…, as in predictor.json, which
+/// docs/predictor.md describes; or left out for --predictor},
 /// "epsilon": [rad/s, one a set, ascending], "k": [one a step] or "tau": 0.1 with
 /// "steps": T, "rollout": "paper" or "base", "speed": 2, "dt": 0.2,
 /// "turn_rate": [-0.5, 0.5]}. The robot drives straight on. May be left out:
@@ -38,6 +40,17 @@ use sidestep::vehicle::{Pose, VehicleModel};
 pub struct BoundsArgs {
     #[command(flatten)]
     files: JsonArgs,
+    #[command(flatten)]
+    predictor: PredictorArgs,
+}
+
+/// A predictor that is not in the document.
+#[derive(Clone, Debug, clap::Args)]
+pub(super) struct PredictorArgs {
+    /// The predictor, where documents leave "predictor" out: a predictor.json, such as a model of
+    /// `sidestep analyze`.
+    #[arg(long = "predictor", value_name = "FILE.json")]
+    file: Option<PathBuf>,
 }
 
 #[derive(Deserialize)]
@@ -45,7 +58,7 @@ pub struct BoundsArgs {
 struct Input {
     human: Pose,
     robot: Pose,
-    predictor: PredictorFile,
+    predictor: Option<PredictorFile>,
     epsilon: Vec<f64>,
     k: Option<Vec<usize>>,
     tau: Option<f64>,
@@ -92,10 +105,81 @@ const MOST_STEPS: usize = 3000;
 /// [`CommandError`] for a document that is wrong, naming the field (input), or an answer
 /// that cannot be written (failure).
 pub async fn run(args: BoundsArgs) -> Result<(), CommandError> {
+    let document = args.files.document();
+    let given = args.predictor.read([document])?;
     let input: Input = args.files.read()?;
-    let found = predicted(args.files.document(), &input).await?;
+    let predictor = Given::of(document, &input, given.as_ref())?;
+    let found = predicted(document, &input, &predictor).await?;
     args.files.answer(&Answer::from(&found))
 }
+
+/// A predictor, and whence: complaints about it name that.
+#[derive(Clone)]
+pub(super) struct Given<'a> {
+    predictor: Predictor,
+    document: Document<'a>,
+    /// The field of the document that holds it; nothing where the document is it.
+    field: Option<&'static str>,
+}
+
+impl PredictorArgs {
+    /// Whether there is one.
+    pub(super) fn is_given(&self) -> bool {
+        self.file.is_some()
+    }
+
+    /// Reads it, if there is one, for these documents.
+    ///
+    /// # Errors
+    /// [`CommandError`] (input) for a file that is no predictor of turns, or stdin where a
+    /// document comes from there.
+    pub(super) fn read<'a>(
+        &'a self,
+        documents: impl IntoIterator<Item = Document<'a>>,
+    ) -> Result<Option<Given<'a>>, CommandError> {
+        let Some(document) = self.file.as_deref().map(Document) else { return Ok(None) };
+        if document.is_stdin() && documents.into_iter().any(Document::is_stdin) {
+            let message = "--predictor: expected a file beside --input -, found - again";
+            return Err(CommandError::Input(message.to_owned()));
+        }
+        let file: PredictorFile = document.read()?;
+        let predictor = file.of_turns().map_err(|invalid| document.complain(&invalid))?;
+        Ok(Some(Given { predictor, document, field: None }))
+    }
+}
+
+impl<'a> Given<'a> {
+    /// The document's own predictor, or the one beside it: there must be exactly one.
+    fn of(
+        document: Document<'a>,
+        input: &Input,
+        beside: Option<&Given<'a>>,
+    ) -> Result<Self, CommandError> {
+        let one = "a predictor here or in --predictor FILE.json";
+        let complain = |found| document.complain(&Invalid::new(FIELD, one, found));
+        match (&input.predictor, beside) {
+            (Some(_), Some(_)) => Err(complain("both")),
+            (None, None) => Err(complain("neither")),
+            (None, Some(given)) => Ok(given.clone()),
+            (Some(file), None) => {
+                let predictor = (file.clone().of_turns())
+                    .map_err(|invalid| document.complain(&invalid.within(FIELD)))?;
+                Ok(Self { predictor, document, field: Some(FIELD) })
+            }
+        }
+    }
+
+    fn complain(&self, invalid: Invalid) -> CommandError {
+        let invalid = match self.field {
+            Some(field) => invalid.within(field),
+            None => invalid,
+        };
+        self.document.complain(&invalid)
+    }
+}
+
+/// Where a document has its predictor.
+const FIELD: &str = "predictor";
 
 /// Bounds that were predicted, with what they are about.
 pub(super) struct Prediction {
@@ -105,13 +189,18 @@ pub(super) struct Prediction {
     pub(super) bounds: PredictedBounds,
 }
 
-/// Reads a document of this command and runs Algorithm 1 on it.
+/// Reads a document of this command and runs Algorithm 1 on it, with its predictor or the one
+/// that is given beside it.
 ///
 /// # Errors
 /// [`CommandError`] naming the file and the field that is wrong.
-pub(super) async fn prediction(document: Document<'_>) -> Result<Prediction, CommandError> {
+pub(super) async fn prediction(
+    document: Document<'_>,
+    beside: Option<&Given<'_>>,
+) -> Result<Prediction, CommandError> {
     let input: Input = document.read()?;
-    let bounds = predicted(document, &input).await?;
+    let predictor = Given::of(document, &input, beside)?;
+    let bounds = predicted(document, &input, &predictor).await?;
     let complain = |invalid: Invalid| document.complain(&invalid);
     let radius_m = input.danger_radius.unwrap_or(DANGER_RADIUS_M);
     Ok(Prediction {
@@ -124,18 +213,21 @@ pub(super) async fn prediction(document: Document<'_>) -> Result<Prediction, Com
 
 const DANGER_RADIUS_M: f64 = 3.0;
 
-async fn predicted(document: Document<'_>, input: &Input) -> Result<PredictedBounds, CommandError> {
+async fn predicted(
+    document: Document<'_>,
+    input: &Input,
+    given: &Given<'_>,
+) -> Result<PredictedBounds, CommandError> {
     let complain = |invalid: Invalid| document.complain(&invalid);
-    let predictor = (input.predictor.clone().of_turns())
-        .map_err(|invalid| complain(invalid.within("predictor")))?;
-    let problem = Problem::new(input, &predictor).map_err(complain)?;
+    let predictor = &given.predictor;
+    let problem = Problem::new(input, predictor).map_err(complain)?;
     let scene = match predictor.features().of_game() {
         Some(feature) => problem.scene(input, feature.name).map_err(complain)?,
         // Nothing looks at its game.
         None => SceneParameters::default(),
     };
     let safety = safety_functions(&scene, &Interrupt::listen()).await?;
-    problem.bounds(&predictor, &safety).map_err(complain)
+    problem.bounds(predictor, &safety).map_err(|invalid| given.complain(invalid))
 }
 
 /// What is left once the input is checked.
@@ -194,26 +286,25 @@ impl Problem {
         })
     }
 
+    /// Runs Algorithm 1. What it complains of is the predictor's.
     fn bounds(
         &self,
         predictor: &Predictor,
         safety: &SafetyFunctions,
     ) -> Result<PredictedBounds, Invalid> {
-        let human = PredictedHuman::within(predictor, safety, self.motion.human_turn_rate)
-            .map_err(|invalid| invalid.within("predictor"))?;
+        let human = PredictedHuman::within(predictor, safety, self.motion.human_turn_rate)?;
         let (least, most) = self.motion.human_turn_rate;
         if predictor.actions().is_none()
             && let Some(a) = human.actions().iter().position(|rate| !(least..=most).contains(rate))
         {
             let expected = format!("classes whose turn rates are from {least} to {most} rad/s");
             let found = format!("{} rad/s", human.actions()[a]);
-            return Err(Invalid::new(format!("predictor.classes[{a}]"), expected, found));
+            return Err(Invalid::new(format!("classes[{a}]"), expected, found));
         }
         let robot_drives_straight = |_: &[JointState]| 0.0;
         Algorithm1::default()
             .run(&self.history, &self.motion, &human, robot_drives_straight, &self.settings)
             .cloned()
-            .map_err(|invalid| invalid.within("predictor"))
     }
 }
 

@@ -1,6 +1,7 @@
 //! Commands that turn one JSON document into another one.
 
 use super::{CommandError, print_json, print_line, unwritable};
+use crate::complaint::plain;
 use crate::whole_file::{self, Stop};
 use serde::Serialize;
 use serde::de::{DeserializeOwned, IgnoredAny};
@@ -55,7 +56,7 @@ impl Document<'_> {
         if self.is_stdin() { "stdin".to_owned() } else { self.0.display().to_string() }
     }
 
-    fn is_stdin(self) -> bool {
+    pub(super) fn is_stdin(self) -> bool {
         self.0 == Path::new("-")
     }
 
@@ -89,23 +90,7 @@ impl Document<'_> {
 fn complaint(error: serde_path_to_error::Error<serde_json::Error>) -> String {
     let path = error.path().to_string();
     let field = if path == "." { "the document".to_owned() } else { path };
-    let message = error.into_inner().to_string();
-    let kinds = [
-        "invalid type: ",
-        "invalid value: ",
-        "invalid length ",
-        "unknown variant ",
-        "unknown field ",
-    ];
-    for kind in kinds {
-        if let Some((found, expected)) =
-            message.strip_prefix(kind).and_then(|rest| rest.split_once(", expected "))
-        {
-            let (expected, place) = expected.rsplit_once(" at line ").unwrap_or((expected, "?"));
-            return format!("{field}: expected {expected}, found {found} (line {place})");
-        }
-    }
-    format!("{field}: {message}")
+    format!("{field}: {}", plain(&error.into_inner().to_string()))
 }
 
 #[cfg(test)]
@@ -120,9 +105,9 @@ mod tests {
             complaint(read.unwrap_err())
         };
         // Which column it is depends on how serde_json was built.
-        let expected = "[1][1]: expected f64, found string \"x\" (line 1 column ";
+        let expected = "[1][1]: expected a number, found string \"x\" (line 1 column ";
         assert!(said("[[1,2],[3,\"x\"]]").starts_with(expected));
-        assert!(said("[[1]]").starts_with("[0]: expected an array of length 2, found 1"));
-        assert!(said("{}").starts_with("the document: expected a sequence, found map"));
+        assert!(said("[[1]]").starts_with("[0]: expected a list of 2, found 1"));
+        assert!(said("{}").starts_with("the document: expected a list, […], found an object"));
     }
 }

@@ -1,6 +1,6 @@
 //! `sidestep plot`.
 
-use super::bounds::{self, Prediction};
+use super::bounds::{self, Prediction, PredictorArgs};
 use super::game::FunctionArgs;
 use super::json_file::Document;
 use super::reach::MOST_STEPS;
@@ -33,6 +33,8 @@ pub struct PlotArgs {
     /// Regions: documents that `sidestep bounds` reads, one panel each; may be given several times.
     #[arg(long, value_name = "FILE.json")]
     input: Vec<PathBuf>,
+    #[command(flatten)]
+    predictor: PredictorArgs,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -61,7 +63,7 @@ pub async fn run(args: PlotArgs) -> Result<(), CommandError> {
     whole_file::check(&args.out).map_err(|e| unwritable(&args.out, &e))?;
     let interrupt = Interrupt::listen();
     let svg = match args.kind {
-        Kind::Regions => regions(&args.input).await?,
+        Kind::Regions => regions(&args.input, &args.predictor).await?,
         Kind::Slices | Kind::Tube => level_sets(&args, &interrupt).await?,
     };
     let octets =
@@ -86,13 +88,14 @@ async fn level_sets(args: &PlotArgs, interrupt: &Interrupt) -> Result<String, Co
     svg.map_err(CommandError::failure)
 }
 
-async fn regions(files: &[PathBuf]) -> Result<String, CommandError> {
+async fn regions(files: &[PathBuf], predictor: &PredictorArgs) -> Result<String, CommandError> {
+    let given = predictor.read(files.iter().map(|file| Document(file)))?;
     let mut panels = Vec::new();
     let mut first: Option<(Vec<usize>, f64, usize)> = None;
     for file in files {
         let document = Document(file);
         let Prediction { now, motion, danger_radius_m, bounds } =
-            bounds::prediction(document).await?;
+            bounds::prediction(document, given.as_ref()).await?;
         if bounds.raw.len() > MOST_STEPS {
             let expected = format!("at most {MOST_STEPS} steps in a picture");
             let invalid = Invalid::new("k", expected, bounds.raw.len());
@@ -139,6 +142,10 @@ fn is_png(out: &Path) -> Result<bool, CommandError> {
 fn check(args: &PlotArgs) -> Result<(), CommandError> {
     if args.kind != Kind::Regions && !args.input.is_empty() {
         let message = "--input: expected only with --kind regions";
+        return Err(CommandError::Input(message.to_owned()));
+    }
+    if args.kind != Kind::Regions && args.predictor.is_given() {
+        let message = "--predictor: expected only with --kind regions";
         return Err(CommandError::Input(message.to_owned()));
     }
     let refuse = |flag: &str, expected: &str, found: &dyn std::fmt::Display| {

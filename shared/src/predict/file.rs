@@ -10,9 +10,10 @@ use crate::features::FeatureSet;
 use crate::invalid::{Invalid, length};
 use serde::{Deserialize, Serialize};
 
-/// A predictor's file form, `predictor.json`. A logistic model that was trained
-/// elsewhere can be written so and used everywhere.
+/// A predictor's file form, `predictor.json`; docs/predictor.md describes it for users. A
+/// logistic model that was trained elsewhere can be written so and used everywhere.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(expecting = "an object, {…}, as in a predictor.json")]
 pub struct PredictorFile {
     /// Always [`FORMAT`].
     pub format: String,

@@ -204,7 +204,7 @@ async fn reach_names_what_is_wrong() {
         refused("reach", &document.to_string(), words).await;
     };
     refuses("/sets/0/hi/1", json!(0.6), "sets[0].hi[1]: expected a turn rate from").await;
-    refuses("/sets/0/hi/1", json!("x"), "sets[0].hi[1]: expected f64, found string").await;
+    refuses("/sets/0/hi/1", json!("x"), "sets[0].hi[1]: expected a number, found string").await;
     let swapped = json!({ "lo": [0, 0.2], "hi": [0, 0.1] });
     refuses("/sets/0", swapped, "sets[0].lo[1]: expected at most hi[1] = 0.1").await;
     refuses("/sets/0/lo", json!([]), "sets[0].lo: expected at least one step").await;
@@ -307,7 +307,7 @@ async fn bounds_names_what_is_wrong() {
     refuses("speed", json!(-2), "speed: expected").await;
     refuses("turn_rate", json!([0.5, -0.5]), "turn_rate: expected").await;
     refuses("turn_rate", json!([0.1, 0.5]), "predictor.classes[1]: expected").await;
-    refuses("human", json!([0, "x", 0]), "human[1]: expected f64").await;
+    refuses("human", json!([0, "x", 0]), "human[1]: expected a number").await;
     // Whether somebody turns is not which way.
     let mut whether = bounds()["predictor"].clone();
     whether["experiment"] = json!(1);
@@ -332,4 +332,118 @@ async fn bounds_names_what_is_wrong() {
     refuses_predictor("actions", json!([-0.5, 0.0, 0.7]), "predictor.actions[2]: expected").await;
     refuses_predictor("probabilities", json!([1, 1, 1]), "predictor.probabilities").await;
     refuses_predictor("features", json!(["age"]), "predictor.features[0]: expected").await;
+}
+
+/// `bounds` on a document and a predictor.json beside it, if there is one: exit code, stdout,
+/// stderr.
+async fn bounds_with(document: &Value, predictor: Option<&Value>) -> (Option<i32>, String, String) {
+    let folder = TempDir::new().unwrap();
+    let file = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let (given, beside) = (file("given.json"), file("beside.json"));
+    std::fs::write(&given, document.to_string()).unwrap();
+    let mut args = vec!["bounds", "--input", &given];
+    if let Some(predictor) = predictor {
+        std::fs::write(&beside, predictor.to_string()).unwrap();
+        args.extend(["--predictor", &beside]);
+    }
+    let output = sidestep(&args).await;
+    let text = |octets| String::from_utf8(octets).unwrap();
+    (output.status.code(), text(output.stdout), text(output.stderr))
+}
+
+/// A document without a predictor, and the predictor.
+fn parted(mut document: Value) -> (Value, Value) {
+    let predictor = document.as_object_mut().unwrap().remove("predictor").unwrap();
+    (document, predictor)
+}
+
+#[tokio::test]
+async fn a_predictor_beside_the_document_says_the_same_as_one_in_it() {
+    let mut document = bounds();
+    document["predictor"] = json!({
+        "format": "sidestep-predictor/1", "kind": "logistic", "features": ["distance", "v_h"],
+        "mean": [10, 1], "scale": [2, 1], "classes": [-1, 0, 1],
+        "coefficients": [[-0.3, 1], [1, 0], [0, -1]], "intercepts": [0, 0.5, 0],
+    });
+    let within = answer("bounds", &document).await;
+    let (document, predictor) = parted(document);
+    let (code, out, said) = bounds_with(&document, Some(&predictor)).await;
+    assert_eq!((code, said.as_str()), (Some(0), ""));
+    assert_eq!(serde_json::from_str::<Value>(&out).unwrap(), within);
+}
+
+#[tokio::test]
+async fn there_is_one_predictor() {
+    let (alone, predictor) = parted(bounds());
+    let refuses = async |document: &Value, predictor: Option<&Value>, words: &str| {
+        let (code, out, said) = bounds_with(document, predictor).await;
+        assert_eq!((code, out.as_str()), (Some(2), ""), "{said}");
+        assert!(said.contains(words), "{words}: {said}");
+        assert_eq!(said.trim_end().lines().count(), 1, "{said}");
+    };
+    let one = "given.json: predictor: expected a predictor here or in --predictor FILE.json";
+    refuses(&bounds(), Some(&predictor), &format!("{one}, found both")).await;
+    refuses(&alone, None, &format!("{one}, found neither")).await;
+    // What is wrong with the predictor is told of its own file.
+    let with = |name: &str, value: Value| {
+        let mut predictor = predictor.clone();
+        predictor[name] = value;
+        predictor
+    };
+    let which = "beside.json: experiment: expected 1, a model that tells which way";
+    refuses(&alone, Some(&with("experiment", json!(2))), which).await;
+    let kind = "beside.json: kind: expected boosted, logistic, svm, tree or constant";
+    refuses(&alone, Some(&with("kind", json!("oracle"))), kind).await;
+    let class = "beside.json: classes[0]: expected -1";
+    refuses(&alone, Some(&with("classes", json!([-2, 0, 1]))), class).await;
+    let rate = "beside.json: actions[2]: expected a turn rate";
+    refuses(&alone, Some(&with("actions", json!([-0.5, 0, 0.7]))), rate).await;
+    refuses(&alone, Some(&json!([1])), "beside.json: expected an object").await;
+    // What is wrong with the document, of the document.
+    let mut document = alone.clone();
+    document["speed"] = json!(-2);
+    refuses(&document, Some(&predictor), "given.json: speed: expected").await;
+    // A path is not the predictor.
+    let mut path = alone.clone();
+    path["predictor"] = json!("model.json");
+    let object = "given.json: predictor: expected an object, {…}, as in a predictor.json, \
+                  found string \"model.json\" (line 1";
+    refuses(&path, None, object).await;
+
+    let folder = TempDir::new().unwrap();
+    let given = folder.path().join("given.json");
+    std::fs::write(&given, alone.to_string()).unwrap();
+    let given = given.to_str().unwrap();
+    let output =
+        sidestep(&["bounds", "--input", given, "--predictor", "/nowhere/model.json"]).await;
+    assert_eq!(output.status.code(), Some(2));
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(said.contains("/nowhere/model.json: cannot read: "), "{said}");
+    let output = sidestep(&["bounds", "--input", "-", "--predictor", "-"]).await;
+    assert_eq!(output.status.code(), Some(2));
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(said.contains("--predictor: expected a file beside --input -"), "{said}");
+}
+
+#[tokio::test]
+async fn regions_are_drawn_with_a_predictor_beside_the_document() {
+    let folder = TempDir::new().unwrap();
+    let file = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let draw = async |document: &Value, further: &[&str]| {
+        std::fs::write(file("bounds.json"), document.to_string()).unwrap();
+        let (input, out) = (file("bounds.json"), file("regions.svg"));
+        let mut args = vec!["plot", "--kind", "regions", "--input", &input, "--out", &out];
+        args.extend(further);
+        let output = sidestep(&args).await;
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        std::fs::read(&out).unwrap()
+    };
+    let within = draw(&bounds(), &[]).await;
+    let (document, predictor) = parted(bounds());
+    let model = file("model.json");
+    std::fs::write(&model, predictor.to_string()).unwrap();
+    assert!(draw(&document, &["--predictor", &model]).await == within);
+    let out = file("slices.svg");
+    let output = sidestep(&["plot", "--predictor", &model, "--out", &out]).await;
+    assert_eq!(output.status.code(), Some(2));
 }
