@@ -41,7 +41,7 @@ impl<R: Read> Records<R> {
     /// # Errors
     /// [`LineError`] for text that is not UTF-8, or a row with another number of fields than the
     /// header has.
-    pub fn next(&mut self) -> Result<Option<(u64, &StringRecord)>, LineError> {
+    pub fn read(&mut self) -> Result<Option<(u64, &StringRecord)>, LineError> {
         match self.reader.read_record(&mut self.record) {
             Ok(false) => Ok(None),
             Ok(true) => {
@@ -126,7 +126,7 @@ mod tests {
     fn lines(text: &str) -> Result<Vec<(u64, String)>, LineError> {
         let (mut records, _) = Records::of(text.as_bytes())?;
         let mut found = Vec::new();
-        while let Some((line, record)) = records.next()? {
+        while let Some((line, record)) = records.read()? {
             found.push((line, record[0].to_owned()));
         }
         Ok(found)
@@ -145,8 +145,8 @@ mod tests {
         let said = "line 4: row: expected 2 fields, as in the header, found 1";
         assert_eq!(short.to_string(), said);
         let (mut records, _) = Records::of(&b"a\r\n1\r\n\xff\r\n"[..]).unwrap();
-        records.next().unwrap();
-        assert_eq!(records.next().unwrap_err().line, 3);
+        records.read().unwrap();
+        assert_eq!(records.read().unwrap_err().line, 3);
         let (_, header) = Records::of(&b""[..]).unwrap();
         assert!(header.is_empty());
     }

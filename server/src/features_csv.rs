@@ -130,7 +130,7 @@ pub fn read(file: impl Read) -> Result<FeatureRows, LineError> {
     let columns = Columns::of(&header).map_err(at(1))?;
     let mut rows: HashMap<Key, FileRow> = HashMap::new();
     let mut faults = HashMap::new();
-    while let Some((line, record)) = records.next()? {
+    while let Some((line, record)) = records.read()? {
         let mut fault = |what| {
             let participant = columns.participant(record).to_owned();
             faults.entry(participant).or_insert(LineError { line, what });

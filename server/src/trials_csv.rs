@@ -95,7 +95,7 @@ pub fn read_each(file: impl Read, parameters: &SceneParameters) -> Result<Conten
     let mut places: HashMap<(String, u64), usize> = HashMap::new();
     let mut faults: HashMap<String, LineError> = HashMap::new();
     let mut previous = None;
-    while let Some((line, record)) = records.next()? {
+    while let Some((line, record)) = records.read()? {
         let participant = columns.participant(record).map_err(at(line))?;
         let row = match Row::parse(&columns, record, participant, parameters) {
             Ok(row) => row,

@@ -112,7 +112,7 @@ fn read(file: &[u8], mut each: impl FnMut([f64; 3]) -> Result<(), Fault>) -> Res
     let at = |line: u64| move |what: Invalid| Fault::Line(LineError { line, what });
     let (mut records, header) = Records::of(file).map_err(Fault::Line)?;
     let columns = columns(&header).map_err(at(1))?;
-    while let Some((line, record)) = records.next().map_err(Fault::Line)? {
+    while let Some((line, record)) = records.read().map_err(Fault::Line)? {
         let mut state = [0.0; 3];
         for (d, name) in COLUMNS.into_iter().enumerate() {
             let text = record[columns[d]].trim();
