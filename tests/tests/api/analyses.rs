@@ -382,8 +382,8 @@ async fn bad_requests_are_explained() {
 async fn a_level_that_did_not_converge_is_said_everywhere() {
     let robot = "robot = { speed_mps = 1.5, turn_rate_radps = 0.8 }";
     let server = Server::with_study(&format!("{STUDY}\n[parameters]\n{robot}\n")).await;
-    let mut parameters = SceneParameters::default();
-    parameters.robot = VehicleModel { speed_mps: 1.5, turn_rate_radps: 0.8 };
+    let slower = VehicleModel { speed_mps: 1.5, turn_rate_radps: 0.8 };
+    let parameters = SceneParameters { robot: slower, ..SceneParameters::default() };
     for who in 1..=2 {
         drive_with(&parameters, &server, who).await;
     }
