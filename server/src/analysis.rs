@@ -19,6 +19,7 @@ use sidestep::comparison::cell::{Experiment, ModelName};
 use sidestep::comparison::metrics::Predictions;
 use sidestep::comparison::tables::{Comparison, Test};
 use sidestep::comparison::{Leakage, Results, RolloutsOf, Settings};
+use sidestep::features::SafetyQuality;
 use sidestep::invalid::Invalid;
 use sidestep::predict::PredictorFile;
 use std::collections::BTreeMap;
@@ -48,6 +49,9 @@ pub struct Analysis {
     pub exclusions: Vec<Excluded>,
     /// How many of the trials that are compared have a flag that casts doubt on them, by its word.
     pub flagged: BTreeMap<String, usize>,
+    /// How both safety levels came about, and how much they differ over the steps that are
+    /// compared; none where that was not looked at.
+    pub safety: Option<SafetyQuality>,
     /// Why the data are known to be synthetic, if they are.
     pub synthetic: Option<String>,
     /// What the cells do not tell.
@@ -83,6 +87,7 @@ impl Analysis {
             leakage,
             exclusions: exclusions.into_iter().map(Excluded::from).collect(),
             flagged: BTreeMap::new(),
+            safety: None,
             synthetic,
             context,
             settings,

@@ -75,16 +75,20 @@ struct Solution {
     octets: Vec<u8>,
 }
 
-fn solve(parameters: &SceneParameters, stop: &AtomicBool) -> Result<[Solution; 2], SolveError> {
+/// The functions, and what is to be said of those that did not converge.
+type Solutions = ([Solution; 2], Vec<String>);
+
+fn solve(parameters: &SceneParameters, stop: &AtomicBool) -> Result<Solutions, SolveError> {
     let mut progress = |_| match stop.load(Ordering::Relaxed) {
         true => ControlFlow::Break(()),
         false => ControlFlow::Continue(()),
     };
     let functions = SafetyFunctions::solve(parameters, &mut progress)?;
-    Ok(Evader::ALL.map(|evader| {
+    let solutions = Evader::ALL.map(|evader| {
         let function = functions.of(evader);
         Solution { evader, id: function.id(), octets: function.encode() }
-    }))
+    });
+    Ok((solutions, functions.complaints()))
 }
 
 /// Solves in the background what configurations lack.
@@ -145,10 +149,13 @@ async fn solve_and_keep(
 ) -> anyhow::Result<Result<(), SolveError>> {
     let (parameters, watched) = (config.parameters, Arc::clone(stop));
     let solved = tokio::task::spawn_blocking(move || solve(&parameters, &watched));
-    let solutions = match solved.await.context("solving")? {
+    let (solutions, complaints) = match solved.await.context("solving")? {
         Ok(solutions) => solutions,
         Err(error) => return Ok(Err(error)),
     };
+    for complaint in complaints {
+        tracing::warn!(study = config.slug, complaint, "a value function did not converge");
+    }
     let mut db = store.write().await?;
     for Solution { evader, id, octets } in &solutions {
         value_functions::put(&mut db, hash, *evader, id, octets).await?;

@@ -1,8 +1,10 @@
 //! What a predictor may look at: features of the joint states so far (`features/table.rs` has
 //! them all), and ordered choices of them.
 
+mod levels;
 mod table;
 
+pub use levels::{LevelQuality, SafetyQuality};
 pub use table::{Compute, FEATURES, Feature};
 
 use crate::invalid::Invalid;
@@ -157,6 +159,16 @@ impl FeatureSet {
         }
     }
 
+    /// Whether one of them is the safety level of `evader` or a slope of it.
+    #[must_use]
+    pub fn has_level(&self, evader: Evader) -> bool {
+        let (level, slopes) = match evader {
+            Evader::Human => ("v_h", "dv_h_"),
+            Evader::Robot => ("v_r", "dv_r_"),
+        };
+        self.features().any(|of| of.name == level || of.name.starts_with(slopes))
+    }
+
     /// How many.
     #[must_use]
     pub fn len(&self) -> usize {
@@ -233,6 +245,19 @@ mod tests {
         let equal = level(&parameters);
         parameters.robot.speed_mps = 1.5;
         assert!(level(&parameters) > equal + 0.1);
+    }
+
+    #[test]
+    fn which_sets_have_which_level() {
+        let [human, robot] = Evader::ALL;
+        let of = |set: &FeatureSet| [set.has_level(human), set.has_level(robot)];
+        let papers = ["hrd", "hr", "hd", "rd", "h", "r", "d"];
+        for letters in papers {
+            let set = FeatureSet::subset(letters).unwrap();
+            assert_eq!(of(&set), [letters.contains('h'), letters.contains('r')], "{letters}");
+        }
+        assert_eq!(of(&FeatureSet::of(&["dv_r_turn"]).unwrap()), [false, true]);
+        assert_eq!(of(&FeatureSet::all()), [true; 2]);
     }
 
     #[test]

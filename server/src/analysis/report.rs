@@ -5,6 +5,7 @@ mod chart;
 mod compare;
 mod figures;
 mod findings;
+mod levels;
 mod html;
 mod method;
 mod published;
@@ -94,6 +95,7 @@ fn header(analysis: &Analysis) -> String {
             escaped(why)
         )
     });
+    let doubts = levels::banner_of(analysis);
     let left_out = if analysis.exclusions.is_empty() {
         "<p class=\"quiet\">Nobody was left out.</p>\n".to_owned()
     } else {
@@ -122,7 +124,7 @@ fn header(analysis: &Analysis) -> String {
          <i>V</i><sub>RH</sub> (<i>r</i>, the robot’s): how near a \
          collision would come if the other side forced it, in metres; at 0 or below it can. Beside \
          the paper, models are also told where the robot is in the human’s <i>body frame</i>: how \
-         far ahead and how far to the left.</p>\n{banner}<ul class=\"facts\">\n{facts}</ul>\n{left_out}{flagged}</header>\n"
+         far ahead and how far to the left.</p>\n{banner}{doubts}<ul class=\"facts\">\n{facts}</ul>\n{left_out}{flagged}</header>\n"
     )
 }
 

@@ -9,7 +9,7 @@ use crate::store::{Store, participants};
 use crate::synthetic;
 use crate::trials_csv::{self, Fault, FileTrial};
 use sidestep::comparison::{self, Cache, Person, Progress, RunError, Settings};
-use sidestep::features::SafetyFunctions;
+use sidestep::features::{SafetyFunctions, SafetyQuality};
 use sidestep::invalid::Invalid;
 use sidestep::scene::SceneParameters;
 use sidestep::shfrs::window::Trajectory;
@@ -145,6 +145,7 @@ impl Tasks {
         }
         analysis.exclusions.splice(0..0, exclusions);
         analysis.flagged = self.flagged(&analysis);
+        analysis.safety = Some(quality(&analysis, &people, safety));
         Ok(analysis)
     }
 
@@ -182,6 +183,22 @@ impl Tasks {
             data,
         })
     }
+}
+
+/// Of the levels that `analysis` compares.
+fn quality(analysis: &Analysis, people: &[Person], safety: &SafetyFunctions) -> SafetyQuality {
+    let compared = &analysis.comparison.participants;
+    let kept = |person: &&Person| compared.iter().any(|who| who.name == person.name);
+    let levels = |name: &str| -> Vec<f64> {
+        let column = |person: &Person| {
+            let features = &person.data.features;
+            let place = features.features().position(|feature| feature.name == name);
+            let values = person.data.values.chunks_exact(features.len());
+            values.filter_map(|row| place.map(|place| row[place])).collect::<Vec<_>>()
+        };
+        people.iter().filter(kept).flat_map(column).collect()
+    };
+    SafetyQuality::of(safety, [&levels("v_h"), &levels("v_r")])
 }
 
 /// A stored trial as an export of the study would have it, but for its line: it is in none.

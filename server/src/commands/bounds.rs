@@ -2,7 +2,7 @@
 
 use super::CommandError;
 use super::json_file::{Document, JsonArgs};
-use super::solving::{Interrupt, solved};
+use super::solving::{Interrupt, solved_silently};
 use serde::{Deserialize, Serialize};
 use sidestep::bounds::{
     ActionChoice, ActionModel, Algorithm1, BoundsSettings, InputBounds, Motion, PredictedBounds,
@@ -367,7 +367,8 @@ fn choice(input: &Input) -> Result<ActionChoice, Invalid> {
     }
 }
 
-/// Both value functions; only those of unequal vehicles take their time.
+/// Both value functions; only those of unequal vehicles take their time. Says which did not
+/// converge.
 pub(super) async fn safety_functions(
     parameters: &SceneParameters,
     interrupt: &Interrupt,
@@ -378,11 +379,15 @@ pub(super) async fn safety_functions(
         functions.push(match (game.exact(), functions.first()) {
             (Ok(exact), _) => ValueFunction::Exact(exact),
             (Err(_), Some(human)) if game_r == game_h => ValueFunction::clone(human),
-            (Err(_), _) => solved(game, Options::default(), interrupt).await?.0.function,
+            (Err(_), _) => solved_silently(game, Options::default(), interrupt).await?.0.function,
         });
     }
     let robot = functions.remove(1);
-    Ok(SafetyFunctions { human: functions.remove(0), robot })
+    let safety = SafetyFunctions { human: functions.remove(0), robot };
+    for complaint in safety.complaints() {
+        eprintln!("sidestep: {complaint}");
+    }
+    Ok(safety)
 }
 
 impl<'a> From<&'a PredictedBounds> for Answer<'a> {

@@ -54,8 +54,27 @@ async fn signalled() {
     }
 }
 
-/// Solves, with a progress bar if stderr is a terminal; also how long it took, s.
+/// Solves, with a progress bar if stderr is a terminal; also how long it took, s. Says so where
+/// the solution did not settle.
 pub(super) async fn solved(
+    game: PursuitGame,
+    options: Options,
+    interrupt: &Interrupt,
+) -> Result<(Solved, f64), CommandError> {
+    let (solved, wall_s) = solved_silently(game, options, interrupt).await?;
+    if solved.converged == Some(false) {
+        eprintln!(
+            "sidestep: not converged: V still moves by {:.1e} {}; it may be too high, above all \
+             far away",
+            solved.residual,
+            if solved.method == Method::Polar { "m in 16 sweeps" } else { "m/s" }
+        );
+    }
+    Ok((solved, wall_s))
+}
+
+/// Likewise, for who complains in words of its own.
+pub(super) async fn solved_silently(
     game: PursuitGame,
     options: Options,
     interrupt: &Interrupt,
@@ -87,17 +106,7 @@ pub(super) async fn solved(
         .map_err(|_| CommandError::Failure("the solver failed; see above".to_owned()))?;
     interrupt.check()?;
     match result {
-        Ok(solved) => {
-            if solved.converged == Some(false) {
-                eprintln!(
-                    "sidestep: not converged: V still moves by {:.1e} {}; it may be too high, \
-                     above all far away",
-                    solved.residual,
-                    if solved.method == Method::Polar { "m in 16 sweeps" } else { "m/s" }
-                );
-            }
-            Ok((solved, wall_s))
-        }
+        Ok(solved) => Ok((solved, wall_s)),
         Err(SolveError::Invalid(invalid)) => Err(flagged(invalid)),
         Err(SolveError::Cancelled) => Err(stopped()),
     }

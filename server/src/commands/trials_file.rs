@@ -85,8 +85,10 @@ fn as_fast(people: &[Person], scene: &SceneParameters) -> Result<(), String> {
             let speed = median / scene.step_s;
             return Err(format!(
                 "expected {who} to move {straight:.4} m in a step (--{role}-speed {}), found a \
-                 median of {median:.4} m: --{role}-speed {speed:.4} fits these trials",
-                vehicle.speed_mps
+                 median of {median:.4} m: --{role}-speed {speed:.4} fits these trials. How fast it \
+                 may turn is not seen here, but safety levels depend on it: give \
+                 --{role}-turn-rate too where that is not {} rad/s",
+                vehicle.speed_mps, vehicle.turn_rate_radps
             ));
         }
     }

@@ -1,6 +1,7 @@
 //! Analyses that the server makes: asked for with a [`Request`], queued, run, kept.
 
 use crate::comparison::{Exclusion, Request};
+use crate::features::SafetyQuality;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -68,7 +69,7 @@ pub struct AnalysisProgress {
 }
 
 /// What an analysis is about, once it is done.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct AnalysisResult {
     /// People who were compared.
     pub participants: usize,
@@ -76,6 +77,10 @@ pub struct AnalysisResult {
     pub excluded: Vec<Exclusion>,
     /// How many of the trials that are compared have a flag that casts doubt on them, by its word.
     pub flagged: BTreeMap<String, usize>,
+    /// How both safety levels came about, and how much they differ over the steps that are
+    /// compared; absent of an analysis that an earlier version made.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub safety: Option<SafetyQuality>,
     /// Models that were trained and tested.
     pub cells: usize,
     /// Why the data are known to be synthetic, if they are.

@@ -29,6 +29,8 @@ pub struct SampledValue {
     nodes: Nodes,
     /// Seconds of the game that are solved; infinite for the converged value.
     horizon_s: f64,
+    /// See [`SampledValue::unsettled_m`].
+    unsettled_m: Option<f64>,
     table: Table,
     sheet: Option<Sheet>,
     /// For polar nodes, to find the cell of a range.
@@ -125,7 +127,7 @@ impl SampledValue {
         };
         let finder = RangeFinder::new(&nodes);
         let bearings = BearingFinder::new();
-        Ok(Self { game, nodes, horizon_s, table, sheet, finder, bearings })
+        Ok(Self { game, nodes, horizon_s, unsettled_m: None, table, sheet, finder, bearings })
     }
 
     /// A function sampled on nodes.
@@ -169,7 +171,21 @@ impl SampledValue {
             range_nodes: range.nodes,
             angle_nodes: solution.angle_nodes,
         };
-        Self::new(game, nodes, f64::INFINITY, &solution.deficit, Some(&solution.sheet))
+        let sheet = Some(&solution.sheet[..]);
+        let function = Self::new(game, nodes, f64::INFINITY, &solution.deficit, sheet)?;
+        Ok(function.unsettled((!solution.converged).then_some(solution.drift_m)))
+    }
+
+    /// How much the function still moved in [`polar::WINDOW`] sweeps when the polar solver
+    /// gave up, m, averaged over its rows; none if it settled, or another method found it.
+    #[must_use]
+    pub fn unsettled_m(&self) -> Option<f64> {
+        self.unsettled_m
+    }
+
+    /// The same function, of a solve that gave up while it still moved so much.
+    pub(super) fn unsettled(self, unsettled_m: Option<f64>) -> Self {
+        Self { unsettled_m, ..self }
     }
 
     /// What the Cartesian solver found on a grid of x, y, ψ.

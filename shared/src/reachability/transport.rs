@@ -9,7 +9,7 @@ use super::exact::ExactValue;
 use super::pursuit::PursuitGame;
 use super::sampled::{Nodes, SampledValue};
 use super::value_function::ValueFunction;
-use crate::invalid::Invalid;
+use crate::invalid::{Invalid, positive};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
@@ -34,6 +34,9 @@ enum Header {
         nodes: Nodes,
         /// None for the converged value, since JSON has no infinity.
         horizon_s: Option<f64>,
+        /// [`SampledValue::unsettled_m`]; absent where there is none.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        unsettled_m: Option<f64>,
         /// Whether a sheet follows the deficits: its differences to them.
         sheet: bool,
         octets: usize,
@@ -73,6 +76,7 @@ pub(super) fn encode(function: &ValueFunction) -> Vec<u8> {
                 game: sampled.game(),
                 nodes: sampled.nodes(),
                 horizon_s: horizon_s.is_finite().then_some(horizon_s),
+                unsettled_m: sampled.unsettled_m(),
                 sheet,
                 octets: body.len(),
             });
@@ -95,7 +99,8 @@ pub(super) fn decode(octets: &[u8]) -> Result<ValueFunction, Invalid> {
         Header::Exact { speed_mps, turn_rate_radps, radius_m, .. } => {
             ExactValue::new(speed_mps, turn_rate_radps, radius_m).map(ValueFunction::Exact)
         }
-        Header::Sampled { game, nodes, horizon_s, sheet, octets: length, .. } => {
+        Header::Sampled { game, nodes, horizon_s, unsettled_m, sheet, octets: length, .. } => {
+            unsettled_m.map(|moved| positive("unsettled_m", moved)).transpose()?;
             nodes.check()?;
             let mut rest = octets.get(end + 1..).unwrap_or_default();
             crate::invalid::length("value function octets", length, rest.len())?;
@@ -134,7 +139,7 @@ pub(super) fn decode(octets: &[u8]) -> Result<ValueFunction, Invalid> {
             }
             let horizon_s = horizon_s.unwrap_or(f64::INFINITY);
             let sampled = SampledValue::new(game, nodes, horizon_s, &deficit, sheet.as_deref())?;
-            Ok(ValueFunction::Sampled(Arc::new(sampled)))
+            Ok(ValueFunction::Sampled(Arc::new(sampled.unsettled(unsettled_m))))
         }
     }
 }
@@ -261,6 +266,21 @@ mod tests {
         for (a, b) in a.deficit().zip(b.deficit()) {
             assert!(f64::from((a - b).abs()) <= 0.5 * QUANTUM_M + 1e-5, "{a} {b}");
         }
+    }
+
+    #[test]
+    fn whether_it_settled_is_told_with_it() {
+        let settled = sampled();
+        let ValueFunction::Sampled(function) = &settled else { panic!("it is sampled") };
+        let restless = SampledValue::clone(function).unsettled(Some(1.25e-3));
+        let restless = ValueFunction::Sampled(Arc::new(restless));
+        let again = |function: &ValueFunction| ValueFunction::decode(&function.encode()).unwrap();
+        assert_eq!(again(&restless).unsettled_m(), Some(1.25e-3));
+        assert_eq!(again(&settled).unsettled_m(), None);
+        assert_ne!(restless.id(), settled.id());
+        // Those that settled have the octets that they always had.
+        let header = settled.encode();
+        assert!(!String::from_utf8_lossy(&header[..300]).contains("unsettled"));
     }
 
     #[test]

@@ -54,6 +54,17 @@ impl ValueFunction {
         }
     }
 
+    /// How much V still moved in [`super::polar::WINDOW`] sweeps, m, when the solver gave up;
+    /// none if it settled. How far V is from the value that it was on its way to, this does not
+    /// say: in a chase that can be much more.
+    #[must_use]
+    pub fn unsettled_m(&self) -> Option<f64> {
+        match self {
+            Self::Exact(_) => None,
+            Self::Sampled(sampled) => sampled.unsettled_m(),
+        }
+    }
+
     /// V, m, at the pursuer's pose (x, y, ψ) in the evader's frame; ≤ 0 means
     /// that a capture can be forced. NaN for what is no state.
     #[must_use]

@@ -4,8 +4,10 @@ use reqwest::Method;
 use serde_json::json;
 use sidestep::api::{AnalysisDetail, AnalysisPage, AnalysisState, AnalysisSummary, routes};
 use sidestep::comparison::Request;
-use sidestep::vehicle::TurnInput;
-use sidestep_tests::{Answer, Driver, Server, sidestep, upload};
+use sidestep::features::SafetyQuality;
+use sidestep::scene::{Evader, SceneParameters};
+use sidestep::vehicle::{TurnInput, VehicleModel};
+use sidestep_tests::{Answer, Driver, Server, sidestep, upload, upload_with};
 use sqlx::{Connection, SqliteConnection};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -19,6 +21,11 @@ const STUDY: &str = r#"phases = [{ phase = "task", scenes = 8 }]"#;
 
 /// Someone who holds keys for half a second or so, and lets them go.
 async fn drive(server: &Server, who: u64) -> Driver {
+    drive_with(&SceneParameters::default(), server, who).await
+}
+
+/// The same, with other vehicles.
+async fn drive_with(parameters: &SceneParameters, server: &Server, who: u64) -> Driver {
     let driver = Driver::enrol(server).await;
     let mut state = who.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
     for (id, scene) in driver.scenes() {
@@ -31,7 +38,8 @@ async fn drive(server: &Server, who: u64) -> Driver {
             inputs.extend(std::iter::repeat_n(input, 1 + (state >> 8) as usize % 6));
         }
         inputs.truncate(50);
-        let answer = driver.send(server, &id, &upload(&scene, inputs)).await;
+        let trial = upload_with(parameters, &scene, inputs);
+        let answer = driver.send(server, &id, &trial).await;
         assert_eq!(answer.status, 201, "{}", answer.body);
     }
     driver
@@ -366,5 +374,48 @@ async fn bad_requests_are_explained() {
     ] {
         let answer = Answer::of(server.request(method, &route).json(&json!({}))).await;
         answer.problem(401, "unauthorized", None);
+    }
+}
+
+/// A human who is faster than the robot: V_RH is a chase, whose solve gives up.
+#[tokio::test]
+async fn a_level_that_did_not_converge_is_said_everywhere() {
+    let robot = "robot = { speed_mps = 1.5, turn_rate_radps = 0.8 }";
+    let server = Server::with_study(&format!("{STUDY}\n[parameters]\n{robot}\n")).await;
+    let slower = VehicleModel { speed_mps: 1.5, turn_rate_radps: 0.8 };
+    let parameters = SceneParameters { robot: slower, ..SceneParameters::default() };
+    for who in 1..=2 {
+        drive_with(&parameters, &server, who).await;
+    }
+    let asked = ask(&server, json!({})).await;
+    let result = done(&server, &asked.id).await.summary.result.unwrap();
+    let safety = result.safety.unwrap();
+    assert!(safety.v_hr.is_sound() && safety.v_hr.spread_m > 0.5, "{safety:?}");
+    assert!(!safety.v_rh.converged && safety.v_rh.spread_m < 0.3, "{safety:?}");
+    assert!(safety.v_rh.last_change_m.unwrap() > 1e-4, "{safety:?}");
+    let report = file(&server, &asked.id, "report.html").await.text().await.unwrap();
+
+    // The command says it, of the same study.
+    let folder = TempDir::new().unwrap();
+    let out = folder.path().join("out");
+    let args = ["analyze", "--database", &server.database(), "--out", out.to_str().unwrap()];
+    let output = sidestep(&args).await;
+    let complaints = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(0), "{complaints}");
+    let game = "V_RH did not converge (the robot evades with 1.5 m/s and 0.8 rad/s, the human \
+                pursues with 2 m/s and 0.5 rad/s)";
+    assert!(complaints.contains(game) && !complaints.contains("V_HR"), "{complaints}");
+    let mut printed: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let printed: SafetyQuality = serde_json::from_value(printed["safety"].take()).unwrap();
+    assert_eq!(printed.v_rh.last_change_m, safety.v_rh.last_change_m);
+    for evader in Evader::ALL {
+        // The server keeps values in whole millimetres.
+        let [kept, own] = [&safety, &printed].map(|of| of.level(evader).spread_m);
+        assert!((kept - own).abs() < 1e-3, "{kept} {own}");
+    }
+    let own = std::fs::read_to_string(out.join("report.html")).unwrap();
+    for report in [report, own] {
+        assert!(report.contains("<i>V</i><sub>RH</sub> did not converge."));
+        assert!(!report.contains("<i>V</i><sub>HR</sub> did not converge."));
     }
 }

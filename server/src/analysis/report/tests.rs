@@ -7,6 +7,7 @@ use crate::analysis::{Analysis, Content, latex};
 use resvg::usvg::roxmltree::{self, Document, ParsingOptions};
 use sidestep::comparison::Request;
 use sidestep::comparison::cell::{Experiment, ModelName};
+use sidestep::features::{LevelQuality, SafetyQuality};
 use std::collections::{BTreeMap, BTreeSet};
 
 fn read(html: &str) -> Document<'_> {
@@ -143,6 +144,41 @@ fn words_follow_the_numbers() {
     ));
     assert!(!many.contains("nothing could have passed"));
     assert!(many.contains("no difference was shown"), "h and r are the same");
+}
+
+#[test]
+fn a_level_that_says_nothing_has_a_warning() {
+    let sound =
+        LevelQuality { converged: true, last_change_m: None, spread_m: 2.0, accuracy_m: 0.02 };
+    let said = |v_hr: LevelQuality, v_rh: LevelQuality| {
+        let quality = SafetyQuality { v_hr, v_rh };
+        html(&Analysis { safety: Some(quality), ..made_up(6, None) })
+    };
+    // Nothing else of the report changes, whatever the levels are.
+    assert_eq!(said(sound, sound), html(&made_up(6, None)));
+    let restless =
+        LevelQuality { converged: false, last_change_m: Some(1.3e-3), spread_m: 0.1, ..sound };
+    let flat = LevelQuality { spread_m: 0.004, ..sound };
+
+    let robot = said(sound, restless);
+    let document = read(&robot);
+    assert_eq!(with_class(&document, "banner"), 1);
+    let text = words(&document);
+    for part in ["VRH did not converge", "1.3 mm in the last 16 sweeps", "0.10 m"] {
+        assert!(text.contains(part), "{part}");
+    }
+    let named = |text: &str| {
+        let (_, sets) = text.split_once("The sets with it: ").unwrap();
+        sets.split_once('.').unwrap().0.to_owned()
+    };
+    assert!(named(&text).starts_with("Bhrd, Bhr, Brd, Br"), "{text}");
+    assert!(!text.contains("VHR did not") && !text.contains("nearly the same in all steps"));
+
+    let human = said(flat, sound);
+    let text = words(&read(&human));
+    assert!(text.contains("VHR is nearly the same in all steps"), "{text}");
+    assert!(named(&text).starts_with("Bhrd, Bhr, Bhd, Bh"), "{text}");
+    assert_eq!(with_class(&read(&said(flat, restless)), "banner"), 2);
 }
 
 #[test]
