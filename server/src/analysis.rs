@@ -49,6 +49,9 @@ pub struct Analysis {
     pub exclusions: Vec<Excluded>,
     /// How many of the trials that are compared have a flag that casts doubt on them, by its word.
     pub flagged: BTreeMap<String, usize>,
+    /// Who of those that are compared has the same trials as somebody else: one person under
+    /// several names would count as so many.
+    pub same_trials: Vec<String>,
     /// How both safety levels came about, and how much they differ over the steps that are
     /// compared; none where that was not looked at.
     pub safety: Option<SafetyQuality>,
@@ -87,6 +90,7 @@ impl Analysis {
             leakage,
             exclusions: exclusions.into_iter().map(Excluded::from).collect(),
             flagged: BTreeMap::new(),
+            same_trials: Vec::new(),
             safety: None,
             synthetic,
             context,

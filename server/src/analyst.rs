@@ -160,6 +160,7 @@ impl Worker {
                     participants: analysis.comparison.participants.len(),
                     excluded: analysis.exclusions.iter().map(Into::into).collect(),
                     flagged: analysis.flagged.clone(),
+                    same_trials: analysis.same_trials.clone(),
                     safety: analysis.safety,
                     cells: analysis.comparison.cells.len(),
                     synthetic: analysis.synthetic.clone(),

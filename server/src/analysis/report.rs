@@ -103,6 +103,18 @@ fn header(analysis: &Analysis) -> String {
         let list = tables::exclusions(analysis);
         format!("<aside class=\"left-out\" role=\"note\"><b>{who} left out:</b>\n{list}</aside>\n")
     };
+    let same = analysis.same_trials.iter().map(|name| escaped(name)).collect::<Vec<_>>();
+    let same = if same.is_empty() {
+        String::new()
+    } else {
+        format!(
+            "<aside class=\"banner\" role=\"note\"><b>{} have the same trials as somebody \
+             else</b>: {}. Where one person is in the data under several names, p-values and \
+             intervals take them for several, and say too much.</aside>\n",
+            count(same.len(), "person", "people"),
+            listed(&same)
+        )
+    };
     let flagged = analysis.flagged.iter().map(|(flag, n)| format!("{n} {flag}"));
     let flagged = flagged.collect::<Vec<_>>();
     let flagged = if flagged.is_empty() {
@@ -124,7 +136,7 @@ fn header(analysis: &Analysis) -> String {
          <i>V</i><sub>RH</sub> (<i>r</i>, the robot’s): how near a \
          collision would come if the other side forced it, in metres; at 0 or below it can. Beside \
          the paper, models are also told where the robot is in the human’s <i>body frame</i>: how \
-         far ahead and how far to the left.</p>\n{banner}{doubts}<ul class=\"facts\">\n{facts}</ul>\n{left_out}{flagged}</header>\n"
+         far ahead and how far to the left.</p>\n{banner}{doubts}{same}<ul class=\"facts\">\n{facts}</ul>\n{left_out}{flagged}</header>\n"
     )
 }
 

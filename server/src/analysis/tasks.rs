@@ -11,7 +11,7 @@ use crate::trials_csv::{self, Fault, FileTrial};
 use sidestep::comparison::{self, Cache, Person, Progress, RunError, Settings};
 use sidestep::features::{SafetyFunctions, SafetyQuality};
 use sidestep::invalid::Invalid;
-use sidestep::scene::SceneParameters;
+use sidestep::scene::{JointState, SceneParameters};
 use sidestep::shfrs::window::Trajectory;
 use sidestep::trial::{Flag, Phase};
 use std::collections::BTreeMap;
@@ -145,6 +145,7 @@ impl Tasks {
         }
         analysis.exclusions.splice(0..0, exclusions);
         analysis.flagged = self.flagged(&analysis);
+        analysis.same_trials = self.same_trials(&analysis);
         analysis.safety = Some(quality(&analysis, &people, safety));
         Ok(analysis)
     }
@@ -159,6 +160,31 @@ impl Tasks {
             *flagged.entry(flag.word().to_owned()).or_insert(0) += 1;
         }
         flagged
+    }
+
+    /// Who of those that `analysis` compares has the same trials as somebody else, to the last bit.
+    fn same_trials(&self, analysis: &Analysis) -> Vec<String> {
+        let trials = |name: &str| {
+            let mut all = Vec::new();
+            let person = self.people.iter().find(|person| person.name == name);
+            for trial in person.iter().flat_map(|person| &person.trials) {
+                all.extend(trial.inputs.iter().map(|input| f64::from(input.sign()).to_bits()));
+                for JointState { human, robot } in &trial.states {
+                    let numbers = [human.x, human.y, human.psi, robot.x, robot.y, robot.psi];
+                    all.extend(numbers.map(f64::to_bits));
+                }
+            }
+            all
+        };
+        let mut who: BTreeMap<Vec<u64>, Vec<usize>> = BTreeMap::new();
+        let compared = &analysis.comparison.participants;
+        for (place, participant) in compared.iter().enumerate() {
+            who.entry(trials(&participant.name)).or_default().push(place);
+        }
+        let mut several: Vec<usize> =
+            who.into_values().filter(|places| places.len() > 1).flatten().collect();
+        several.sort_unstable();
+        several.into_iter().map(|place| compared[place].name.clone()).collect()
     }
 
     fn person(

@@ -153,6 +153,7 @@ pub async fn run(args: AnalyzeArgs) -> Result<(), CommandError> {
         "participants": analysis.comparison.participants.len(),
         "excluded": analysis.exclusions,
         "flagged": analysis.flagged,
+        "same_trials": analysis.same_trials,
         "safety": analysis.safety,
         "cells": analysis.comparison.cells.len(),
         "synthetic": analysis.synthetic.is_some(),

@@ -77,6 +77,9 @@ pub struct AnalysisResult {
     pub excluded: Vec<Exclusion>,
     /// How many of the trials that are compared have a flag that casts doubt on them, by its word.
     pub flagged: BTreeMap<String, usize>,
+    /// Who of those that are compared has the same trials as somebody else.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub same_trials: Vec<String>,
     /// How both safety levels came about, and how much they differ over the steps that are
     /// compared; absent of an analysis that an earlier version made.
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -2,7 +2,7 @@
 //! refuses it.
 
 use crate::analyze::{analyze, data, some_trials, table, written};
-use serde_json::Value;
+use serde_json::{Value, json};
 use sidestep_tests::sidestep;
 use std::fs;
 use tempfile::TempDir;
@@ -116,6 +116,24 @@ async fn who_cannot_be_learned_from_is_named_and_left_out() {
     let (code, _, said) = analyze(&["--trials", &alone], &out).await;
     assert_eq!(code, Some(2), "{said}");
     assert!(said.contains("participants: expected somebody"), "{said}");
+}
+
+#[tokio::test]
+async fn one_person_under_several_names_is_told() {
+    let folder = TempDir::new().unwrap();
+    let (header, mut rows) = some_trials(&["0", "1"], 6);
+    let twin = some_trials(&["0"], 6).1;
+    rows.extend(twin.iter().map(|row| changed(row, 0, "<twin>")));
+    let trials = written(&folder, "trials.csv", &header, &rows);
+    let out = folder.path().join("out");
+    let (code, line, said) = analyze(&["--trials", &trials], &out).await;
+    assert_eq!(code, Some(0), "{said}");
+    let line: Value = serde_json::from_str(&line).unwrap();
+    assert_eq!((&line["participants"], &line["same_trials"]), (&3.into(), &json!(["0", "<twin>"])));
+    let report = fs::read_to_string(out.join("report.html")).unwrap();
+    assert!(
+        report.contains("2 people have the same trials as somebody else</b>: 0 and &lt;twin&gt;.")
+    );
 }
 
 #[tokio::test]
