@@ -30,17 +30,16 @@ pub struct SimulateArgs {
     /// same however many there are.
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     seed: u64,
-    /// Trials of each person in the file, 1 to 1000, in scenes of the paper's study; a server's
-    /// study has its own.
+    /// Tasks of each person, 1 to 1000. In a file they are in scenes of the paper's study [default:
+    /// 50]; a server's study has its own, of which a person then drives no more than so many and,
+    /// if there are more, does not complete [default: all].
     #[arg(
         long,
         value_name = "N",
-        default_value_t = 50,
         value_parser = clap::value_parser!(u64).range(1..=1000),
-        allow_negative_numbers = true,
-        conflicts_with = "url"
+        allow_negative_numbers = true
     )]
-    tasks: u64,
+    tasks: Option<u64>,
     /// When the vehicle follows the keys [default: free with --out, as in the project's reference
     /// data; clock with --url].
     #[arg(long, value_name = "WHEN", value_enum)]
@@ -60,8 +59,8 @@ struct Destination {
     /// then (rad/s, left is positive); - writes it to stdout, and no summary.
     #[arg(long, value_name = "FILE.csv")]
     out: Option<String>,
-    /// Address of a running server, http://HOST:PORT (or without a port): the people enrol there, drive every
-    /// scene of their plans and complete. Only plain http is spoken.
+    /// Address of a running server, http://HOST:PORT (or without a port): the people enrol there, drive the
+    /// scenes of their plans and complete. Only plain http is spoken.
     #[arg(long, value_name = "URL")]
     url: Option<String>,
 }
@@ -82,6 +81,11 @@ trial says \"synthetic\": true. A run that broke off goes on where it stopped wh
 again; people who are complete are left alone.";
 
 impl SimulateArgs {
+    /// Trials of each person in a file.
+    fn trials(&self) -> u64 {
+        self.tasks.unwrap_or(50)
+    }
+
     fn keys(&self) -> KeysArg {
         let usual = if self.destination.url.is_some() { KeysArg::Clock } else { KeysArg::Free };
         self.keys.unwrap_or(usual)

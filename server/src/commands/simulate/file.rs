@@ -28,7 +28,7 @@ pub(super) fn write(args: &SimulateArgs, out: &str) -> Result<(), CommandError> 
         Ok(())
     })
     .map_err(|e: io::Error| interrupt.check().err().unwrap_or_else(|| unwritable(path, &e)))?;
-    let trials = args.participants * args.tasks;
+    let trials = args.participants * args.trials();
     print_json(&serde_json::json!({
         "synthetic": true,
         "participants": args.participants,
@@ -43,7 +43,7 @@ pub(super) fn write(args: &SimulateArgs, out: &str) -> Result<(), CommandError> 
 fn content(args: &SimulateArgs, out: &mut dyn Write) -> io::Result<FlagCounts> {
     let parameters = SceneParameters::default();
     let mut flags = FlagCounts::default();
-    let bar = bar(args.participants * args.tasks);
+    let bar = bar(args.participants * args.trials());
     // As exports of a study, or as the reference data.
     let (print, end): (fn(f64) -> String, _) = match args.keys() {
         KeysArg::Clock => (exact, "\n"),
@@ -54,7 +54,7 @@ fn content(args: &SimulateArgs, out: &mut dyn Write) -> io::Result<FlagCounts> {
     write!(out, "{HEADER}{}{end}", if says { ",synthetic" } else { "" })?;
     for number in 0..args.participants {
         let participant = SyntheticParticipant::new(args.seed, number);
-        for trial in 0..args.tasks {
+        for trial in 0..args.trials() {
             let (scene, drive) = participant.own_trial(trial, args.keys().into());
             flags.count(&parameters, &scene, &drive);
             for (step, (input, state)) in drive.inputs.iter().zip(&drive.states).enumerate() {

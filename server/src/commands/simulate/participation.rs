@@ -14,6 +14,7 @@ use sidestep::api::{
 use sidestep::scene::SceneParameters;
 use sidestep::study::StudyConfig;
 use sidestep::synthetic::{KeyChange, Keys, SyntheticDrive, SyntheticParticipant};
+use sidestep::trial::Phase;
 use sidestep::vehicle::TurnInput;
 use std::collections::HashSet;
 use std::error::Error;
@@ -37,7 +38,13 @@ pub(super) async fn take_part(args: &SimulateArgs, url: &str) -> Result<(), Comm
         .ok_or_else(|| bad("url", "an address such as http://127.0.0.1:8080", url))?
         .map_err(CommandError::failure)?;
     let study = server.study(&args.study).await?;
-    let mut done = Done { bar: bar(0), trials: 0, already_stored: 0, flags: FlagCounts::default() };
+    let mut done = Done {
+        most: args.tasks.unwrap_or(u64::MAX),
+        bar: bar(0),
+        trials: 0,
+        already_stored: 0,
+        flags: FlagCounts::default(),
+    };
     for number in 0..args.participants {
         let person = SyntheticParticipant::new(args.seed, number);
         let name = format!("synthetic-{}-{number}", args.seed);
@@ -57,6 +64,8 @@ pub(super) async fn take_part(args: &SimulateArgs, url: &str) -> Result<(), Comm
 
 /// What has been done so far.
 struct Done {
+    /// Tasks of each person, at the most.
+    most: u64,
     bar: ProgressBar,
     /// Stored now or before.
     trials: u64,
@@ -66,7 +75,8 @@ struct Done {
 }
 
 impl Done {
-    /// From enrolment to completion; what the server has already is not sent again.
+    /// From enrolment to completion, or to the last task that is wanted; what the server has
+    /// already is not sent again.
     async fn person(
         &mut self,
         server: &Server,
@@ -88,8 +98,18 @@ impl Done {
         let known = mine(Method::GET, routes::ME);
         let known: Progress = server.ask("the state of a participation", known).await?;
         let stored: HashSet<String> = known.stored.into_iter().collect();
-        self.bar.set_length(people * me.plan.scenes().count() as u64);
-        for (trial, (_, planned)) in (0..).zip(me.plan.scenes()) {
+        let mut tasks = 0;
+        // Numbers count all phases, whatever is left out.
+        let wanted: Vec<_> = (0..)
+            .zip(me.plan.scenes())
+            .filter(|(_, (phase, _))| {
+                tasks += u64::from(phase.phase == Phase::Task);
+                phase.phase != Phase::Task || tasks <= self.most
+            })
+            .collect();
+        let all = wanted.len() == me.plan.scenes().count();
+        self.bar.set_length(people * wanted.len() as u64);
+        for (trial, (_, planned)) in wanted {
             if stored.contains(&planned.trial_id) {
                 self.already_stored += 1;
             } else {
@@ -103,7 +123,7 @@ impl Done {
             self.trials += 1;
             self.bar.inc(1);
         }
-        if known.completion_code.is_none() {
+        if all && known.completion_code.is_none() {
             let complete = mine(Method::POST, routes::COMPLETE);
             server.ask::<Completed>("the completion", complete).await?;
         }
