@@ -1,7 +1,7 @@
 //! Whether trials were driven by synthetic participants, so that nobody takes what is found in
 //! them for something about people.
 
-use crate::trials_csv::{FileTrial, Person};
+use crate::formats::trials_csv::{FileTrial, Person};
 use sidestep::scene::JointState;
 use sidestep::synthetic::{Keys, SyntheticParticipant};
 

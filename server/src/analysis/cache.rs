@@ -1,6 +1,6 @@
 //! Cells kept in a folder, by what they were computed from.
 
-use crate::whole_file::{self, Stop};
+use crate::formats::atomic_file::{self, Stop};
 use sha2::{Digest, Sha256};
 use sidestep::comparison::Cache;
 use sidestep::comparison::cell::Cell;
@@ -70,7 +70,7 @@ impl Cache for FolderCache {
 
     fn put(&self, key: &str, cells: &[Cell]) {
         self.note(key);
-        let written = whole_file::write(&self.path(key), &Stop::default(), |out| {
+        let written = atomic_file::write(&self.path(key), &Stop::default(), |out| {
             let cells = serde_json::to_string(cells)?;
             write!(out, "{cells}\n{}", sha256(&cells))
         });

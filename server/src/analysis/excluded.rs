@@ -1,7 +1,7 @@
 //! Who is left out, and where in the trials it shows.
 
-use crate::csv_lines::LineError;
-use crate::trials_csv::Fault;
+use crate::formats::csv_lines::LineError;
+use crate::formats::trials_csv::Fault;
 use serde::Serialize;
 use sidestep::comparison::Exclusion;
 use std::fmt;

@@ -1,13 +1,13 @@
 //! What is compared: people's tasks, from a file or a study.
 
 use super::{Analysis, Context, Excluded};
-use crate::csv_lines::LineError;
-use crate::features_csv::{self, FeatureRows};
+use crate::formats::csv_lines::LineError;
+use crate::formats::features_csv::{self, FeatureRows};
+use crate::formats::trials_csv::{self, Fault, FileTrial};
 use crate::store::studies::{self, Study};
 use crate::store::trials::{self, StoredTrial};
 use crate::store::{Store, participants};
 use crate::synthetic;
-use crate::trials_csv::{self, Fault, FileTrial};
 use sidestep::comparison::{self, Cache, Person, Progress, RunError, Settings};
 use sidestep::features::{SafetyFunctions, SafetyQuality};
 use sidestep::invalid::Invalid;

@@ -1,7 +1,7 @@
 //! `sidestep export`.
 
 use super::{CommandError, print_json};
-use crate::exports;
+use crate::formats::exports;
 use crate::store::{Missing, Store, studies};
 use futures_util::StreamExt;
 use std::io::Write;

@@ -4,8 +4,8 @@ use super::bounds::safety_functions;
 use super::solving::Interrupt;
 use super::trials_file::SceneArgs;
 use super::{CommandError, print_json, trials_file, unwritable};
-use crate::features_csv::{self, WriteError};
-use crate::whole_file;
+use crate::formats::atomic_file;
+use crate::formats::features_csv::{self, WriteError};
 use std::path::PathBuf;
 
 /// Compute what predictors may look at, for every step of recorded tasks.
@@ -41,11 +41,11 @@ pub struct FeaturesArgs {
 /// [`CommandError`] for a bad flag or line (input), or a file that cannot be written (failure).
 pub async fn run(args: FeaturesArgs) -> Result<(), CommandError> {
     let scene = args.scene.scene()?;
-    whole_file::check(&args.out).map_err(|e| unwritable(&args.out, &e))?;
+    atomic_file::check(&args.out).map_err(|e| unwritable(&args.out, &e))?;
     let people = trials_file::tasks(&args.trials, &scene)?;
     let interrupt = Interrupt::listen();
     let safety = safety_functions(&scene, &interrupt).await?;
-    let written = whole_file::write(&args.out, &interrupt.stop, |out| {
+    let written = atomic_file::write(&args.out, &interrupt.stop, |out| {
         features_csv::write(out, &people, &safety)
     });
     interrupt.check()?;

@@ -2,7 +2,7 @@
 
 use super::CommandError;
 use super::solving::{self, Interrupt, flagged};
-use crate::npz;
+use crate::formats::npz;
 use sidestep::reachability::{Accuracy, Options, Player, PursuitGame, ValueFunction};
 use std::fs::File;
 use std::io::BufReader;

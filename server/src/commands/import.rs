@@ -3,15 +3,15 @@
 use super::{CommandError, print_json};
 use crate::clock::now_ms;
 use crate::content;
-use crate::csv_lines::LineError;
-use crate::safety;
+use crate::formats::csv_lines::LineError;
+use crate::formats::trials_csv::{self, FileTrial, Person};
+use crate::jobs::safety;
 use crate::store::participants::{self, NewParticipant};
 use crate::store::scenes::{self, PlannedRow};
 use crate::store::studies::{self, Study};
 use crate::store::trials::{self, NewTrial};
 use crate::store::{Db, Missing, Store};
 use crate::synthetic;
-use crate::trials_csv::{self, FileTrial, Person};
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 use sidestep::invalid::Invalid;

@@ -1,8 +1,8 @@
 //! Commands that turn one JSON document into another one.
 
 use super::{CommandError, print_json, print_line, unwritable};
-use crate::complaint::plain;
-use crate::whole_file::{self, Stop};
+use crate::formats::atomic_file::{self, Stop};
+use crate::formats::complaint::plain;
 use serde::Serialize;
 use serde::de::{DeserializeOwned, IgnoredAny};
 use sidestep::invalid::Invalid;
@@ -24,7 +24,7 @@ impl JsonArgs {
     /// Reads the document, once it is known that the answer can be written.
     pub(super) fn read<T: DeserializeOwned>(&self) -> Result<T, CommandError> {
         if let Some(out) = &self.out {
-            whole_file::check(out).map_err(|e| unwritable(out, &e))?;
+            atomic_file::check(out).map_err(|e| unwritable(out, &e))?;
         }
         self.document().read()
     }
@@ -40,7 +40,7 @@ impl JsonArgs {
         let Some(out) = &self.out else {
             return print_line(&line);
         };
-        whole_file::write(out, &Stop::default(), |file| writeln!(file, "{line}"))
+        atomic_file::write(out, &Stop::default(), |file| writeln!(file, "{line}"))
             .map_err(|e: std::io::Error| unwritable(out, &e))?;
         print_json(&serde_json::json!({ "file": out, "octets": line.len() + 1 }))
     }

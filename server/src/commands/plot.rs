@@ -6,8 +6,9 @@ use super::json_file::Document;
 use super::reach::MOST_STEPS;
 use super::solving::Interrupt;
 use super::{CommandError, print_json, unwritable};
+use crate::figure;
 use crate::figure::{RegionsPanel, shown_steps};
-use crate::{figure, whole_file};
+use crate::formats::atomic_file;
 use sidestep::invalid::Invalid;
 use std::path::{Path, PathBuf};
 
@@ -60,7 +61,7 @@ const LEVELS: usize = 20;
 pub async fn run(args: PlotArgs) -> Result<(), CommandError> {
     let as_png = is_png(&args.out)?;
     check(&args)?;
-    whole_file::check(&args.out).map_err(|e| unwritable(&args.out, &e))?;
+    atomic_file::check(&args.out).map_err(|e| unwritable(&args.out, &e))?;
     let interrupt = Interrupt::listen();
     let svg = match args.kind {
         Kind::Regions => regions(&args.input, &args.predictor).await?,
@@ -68,7 +69,7 @@ pub async fn run(args: PlotArgs) -> Result<(), CommandError> {
     };
     let octets =
         if as_png { figure::png(&svg).map_err(CommandError::failure)? } else { svg.into_bytes() };
-    whole_file::write(&args.out, &interrupt.stop, |out| out.write_all(&octets))
+    atomic_file::write(&args.out, &interrupt.stop, |out| out.write_all(&octets))
         .map_err(|e| interrupt.check().err().unwrap_or_else(|| unwritable(&args.out, &e)))?;
     print_json(&serde_json::json!({ "file": args.out, "octets": octets.len() }))
 }

@@ -1,17 +1,20 @@
 //! `sidestep serve`.
 
 use super::{CommandError, print_line};
-use crate::analyst::Analyst;
-use crate::app::{App, router};
-use crate::auth::first_key;
 use crate::clock::now_ms;
-use crate::config::read_study;
-use crate::metrics::Metrics;
-use crate::safety::Solver;
-use crate::site::{Site, default_folder};
+use crate::formats::study_toml::read_study;
+use crate::http::app::App;
+use crate::http::auth::first_key;
+use crate::http::listen;
+use crate::http::metrics::Metrics;
+use crate::http::routes::router;
+use crate::http::site::{Site, default_folder};
+use crate::http::throttle::Throttle;
+use crate::jobs::analyst::Analyst;
+use crate::jobs::safety;
+use crate::jobs::safety::Solver;
+use crate::secrets;
 use crate::store::{Missing, Store, studies};
-use crate::throttle::Throttle;
-use crate::{listen, safety, secrets};
 use sidestep::study::StudyConfig;
 use std::fmt::Write;
 use std::net::SocketAddr;

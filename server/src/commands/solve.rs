@@ -3,7 +3,7 @@
 use super::game::{AccuracyArg, GameArgs};
 use super::solving::{self, Interrupt, flagged};
 use super::{CommandError, print_json, unwritable};
-use crate::{npz, whole_file};
+use crate::formats::{atomic_file, npz};
 use serde::Serialize;
 use sidestep::invalid::Invalid;
 use sidestep::reachability::{CartesianGrid, Method, Options, Precision, Scheme, default_threads};
@@ -142,10 +142,10 @@ pub async fn run(args: SolveArgs) -> Result<(), CommandError> {
         let expected = "none with method cartesian (see --grid and --domain)";
         return Err(flagged(Invalid::new("range_m", expected, range)));
     }
-    whole_file::check(&args.out).map_err(|e| unwritable(&args.out, &e))?;
+    atomic_file::check(&args.out).map_err(|e| unwritable(&args.out, &e))?;
     let interrupt = Interrupt::listen();
     let (solved, wall_s) = solving::solved(game, options, &interrupt).await?;
-    whole_file::write(&args.out, &interrupt.stop, |out| {
+    atomic_file::write(&args.out, &interrupt.stop, |out| {
         npz::write(out, &solved.samples, solved.method)
     })
     .map_err(|e| interrupt.check().err().unwrap_or_else(|| unwritable(&args.out, &e)))?;

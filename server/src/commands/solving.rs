@@ -1,7 +1,7 @@
 //! Solving at a terminal: a bar that shows how far it is, and a way to stop it.
 
 use super::CommandError;
-use crate::whole_file::Stop;
+use crate::formats::atomic_file::Stop;
 use indicatif::{ProgressBar, ProgressStyle};
 use sidestep::invalid::Invalid;
 use sidestep::reachability::{Method, Options, PursuitGame, SolveError, Solved, solve};

@@ -3,7 +3,7 @@
 use super::CommandError;
 use super::game::GameArgs;
 use super::solving::flagged;
-use crate::trials_csv::{self, Contents, FileTrial, Person};
+use crate::formats::trials_csv::{self, Contents, FileTrial, Person};
 use sidestep::invalid::Invalid;
 use sidestep::math::{hypot, sinc};
 use sidestep::reachability::Player;

@@ -3,8 +3,8 @@
 use super::game::FunctionArgs;
 use super::solving::Interrupt;
 use super::{CommandError, print_json, unwritable};
-use crate::csv_lines::{LineError, Records};
-use crate::whole_file;
+use crate::formats::atomic_file;
+use crate::formats::csv_lines::{LineError, Records};
 use csv::{StringRecord, Writer};
 use sidestep::invalid::Invalid;
 use sidestep::reachability::{ValueFunction, ValueState};
@@ -55,11 +55,11 @@ pub async fn run(args: ValueArgs) -> Result<(), CommandError> {
     let name = args.states.display().to_string();
     let states = std::fs::read(&args.states)
         .map_err(|e| CommandError::Input(format!("{name}: cannot read: {e}")))?;
-    whole_file::check(&args.out).map_err(|e| unwritable(&args.out, &e))?;
+    atomic_file::check(&args.out).map_err(|e| unwritable(&args.out, &e))?;
     let interrupt = Interrupt::listen();
     let function = args.function.function(&interrupt).await?;
     let (mut rows, mut outside) = (0_u64, 0_u64);
-    whole_file::write(&args.out, &interrupt.stop, |out| -> Result<(), Fault> {
+    atomic_file::write(&args.out, &interrupt.stop, |out| -> Result<(), Fault> {
         let mut writer = Writer::from_writer(out);
         writer.write_record(COLUMNS.iter().chain(&RESULTS))?;
         read(&states, |state| {

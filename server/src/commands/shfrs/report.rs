@@ -4,7 +4,7 @@ use super::super::solving::Interrupt;
 use super::super::{CommandError, unwritable};
 use super::analysis::Analysis;
 use crate::figure;
-use crate::whole_file::{self, Stop};
+use crate::formats::atomic_file::{self, Stop};
 use csv::Writer;
 use sidestep::predict::PredictorFile;
 use sidestep::shfrs::probability::Regions;
@@ -26,7 +26,7 @@ pub(super) const FILES: [&str; 8] = [
 pub(super) fn check(folder: &Path) -> Result<(), CommandError> {
     FILES.into_iter().try_for_each(|name| {
         let path = folder.join(name);
-        whole_file::check(&path).map_err(|e| unwritable(&path, &e))
+        atomic_file::check(&path).map_err(|e| unwritable(&path, &e))
     })
 }
 
@@ -55,7 +55,7 @@ pub(super) fn write(
     interrupt.check()?;
     for (name, text) in FILES.into_iter().zip(texts) {
         let path = folder.join(name);
-        whole_file::write(&path, &Stop::default(), |out| out.write_all(text.as_bytes()))
+        atomic_file::write(&path, &Stop::default(), |out| out.write_all(text.as_bytes()))
             .map_err(|e| unwritable(&path, &e))?;
     }
     Ok(())

@@ -3,8 +3,8 @@
 use super::super::solving::Interrupt;
 use super::super::{CommandError, print_json, unwritable};
 use super::{FlagCounts, KeysArg, SimulateArgs, bar};
+use crate::formats::atomic_file;
 use crate::synthetic::REFERENCE_SEED;
-use crate::whole_file;
 use sidestep::scene::SceneParameters;
 use sidestep::synthetic::SyntheticParticipant;
 use std::io::{self, BufWriter, Write};
@@ -23,7 +23,7 @@ pub(super) fn write(args: &SimulateArgs, out: &str) -> Result<(), CommandError> 
     let path = Path::new(out);
     let interrupt = Interrupt::listen();
     let mut flags = FlagCounts::default();
-    whole_file::write(path, &interrupt.stop, |file| {
+    atomic_file::write(path, &interrupt.stop, |file| {
         flags = content(args, file)?;
         Ok(())
     })

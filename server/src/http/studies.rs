@@ -1,8 +1,8 @@
 //! What anyone may know of a study.
 
-use crate::app::App;
-use crate::error::ApiError;
-use crate::params::PathText;
+use crate::http::app::App;
+use crate::http::error::ApiError;
+use crate::http::params::PathText;
 use crate::store::Db;
 use crate::store::studies::{Study, find};
 use axum::Json;

@@ -6,7 +6,7 @@
 
 mod row;
 
-use crate::csv_lines::{LineError, Records};
+use crate::formats::csv_lines::{LineError, Records};
 use row::{Columns, Row};
 use sidestep::invalid::{Invalid, length};
 use sidestep::scene::{JointState, SceneParameters};

@@ -1,8 +1,8 @@
 //! What applies to every request: where it may come from, how long it may take,
 //! and what every answer carries.
 
-use crate::app::App;
-use crate::error::ApiError;
+use crate::http::app::App;
+use crate::http::error::ApiError;
 use axum::extract::{MatchedPath, Request, State};
 use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, Response, StatusCode, header};
 use axum::middleware::Next;

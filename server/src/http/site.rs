@@ -1,7 +1,7 @@
 //! The client bundle: pages that are asked for anew each time, and assets whose
 //! names change with their content.
 
-use crate::app::App;
+use crate::http::app::App;
 use axum::Router;
 use axum::extract::{Request, State};
 use axum::http::{HeaderValue, StatusCode, header};
@@ -83,7 +83,7 @@ async fn keep_forever(request: Request, next: Next) -> Response {
         status if status.is_success() => {
             with_cache_control(answer, "public, max-age=31536000, immutable")
         }
-        StatusCode::NOT_FOUND => crate::error::ApiError::not_found("file").into_response(),
+        StatusCode::NOT_FOUND => crate::http::error::ApiError::not_found("file").into_response(),
         _ => answer,
     }
 }

@@ -1,15 +1,15 @@
 //! Analyses of a study: asked for, watched, cancelled, fetched. The analyst makes them.
 
-use crate::app::App;
-use crate::auth::Admin;
 use crate::clock::now_ms;
-use crate::error::ApiError;
-use crate::json::JsonBody;
-use crate::laboratory::PageParams;
-use crate::params::{Params, PathText};
+use crate::http::app::App;
+use crate::http::auth::Admin;
+use crate::http::error::ApiError;
+use crate::http::json::JsonBody;
+use crate::http::laboratory::PageParams;
+use crate::http::params::{Params, PathText};
+use crate::http::studies::named;
 use crate::store::Db;
 use crate::store::analyses::{self, StoredAnalysis};
-use crate::studies::named;
 use anyhow::Context;
 use axum::Json;
 use axum::extract::{Path, State};

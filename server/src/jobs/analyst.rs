@@ -5,7 +5,7 @@
 
 use crate::analysis::{Analysis, CompareError, Tasks};
 use crate::clock::now_ms;
-use crate::safety;
+use crate::jobs::safety;
 use crate::store::analyses::{self, Job};
 use crate::store::{Store, studies};
 use anyhow::Context;

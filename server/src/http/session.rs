@@ -1,11 +1,11 @@
 //! Signing in to the laboratory, and out.
 
-use crate::app::App;
-use crate::auth::{Admin, COOKIE, address, check_key, session_cookie};
 use crate::clock::now_ms;
-use crate::error::ApiError;
-use crate::json::JsonBody;
-use crate::listen::Client;
+use crate::http::app::App;
+use crate::http::auth::{Admin, COOKIE, address, check_key, session_cookie};
+use crate::http::error::ApiError;
+use crate::http::json::JsonBody;
+use crate::http::listen::Client;
 use crate::secrets;
 use crate::store::admin;
 use axum::extract::State;

@@ -1,7 +1,7 @@
 //! Request bodies: JSON in, a typed value out, or a complaint that says where.
 
-use crate::complaint::plain;
-use crate::error::ApiError;
+use crate::formats::complaint::plain;
+use crate::http::error::ApiError;
 use axum::body::{Body, Bytes};
 use axum::extract::{FromRequest, Request};
 use axum::http::{StatusCode, header};

@@ -1,9 +1,9 @@
 //! Who is asking: participants by token, experimenters by key or cookie.
 
-use crate::app::App;
 use crate::clock::now_ms;
-use crate::error::ApiError;
-use crate::listen::Client;
+use crate::http::app::App;
+use crate::http::error::ApiError;
+use crate::http::listen::Client;
 use crate::secrets;
 use crate::store::participants::{self, Participant};
 use crate::store::{Store, admin};

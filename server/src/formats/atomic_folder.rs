@@ -1,6 +1,6 @@
 //! Folders whose new content is there whole or not at all.
 
-use crate::whole_file::Stop;
+use crate::formats::atomic_file::Stop;
 use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};

@@ -1,16 +1,16 @@
 //! A participation from enrolment to its end.
 
-use crate::app::App;
-use crate::auth::{Me, MeOrGone};
 use crate::clock::now_ms;
-use crate::error::ApiError;
-use crate::json::JsonBody;
-use crate::params::{Params, PathText};
+use crate::http::app::App;
+use crate::http::auth::{Me, MeOrGone};
+use crate::http::error::ApiError;
+use crate::http::json::JsonBody;
+use crate::http::params::{Params, PathText};
+use crate::http::studies::named;
 use crate::secrets;
 use crate::store::participants::{self, NewParticipant, Participant};
 use crate::store::scenes::{self, PlannedRow};
 use crate::store::{Db, studies};
-use crate::studies::named;
 use anyhow::Context;
 use axum::Json;
 use axum::extract::State;

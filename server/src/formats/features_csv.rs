@@ -1,7 +1,7 @@
 //! features.csv: a row a step, written and read.
 
-use crate::csv_lines::{LineError, Records};
-use crate::trials_csv::Person;
+use crate::formats::csv_lines::{LineError, Records};
+use crate::formats::trials_csv::Person;
 use csv::{StringRecord, Writer};
 use sidestep::dataset::Dataset;
 use sidestep::features::{FEATURES, FeatureSet, SafetyFunctions};

@@ -1,6 +1,6 @@
 //! One row of trials.csv: its columns, and what each may hold.
 
-use crate::exports::COLUMNS;
+use crate::formats::exports::COLUMNS;
 use csv::StringRecord;
 use sidestep::api::MAX_NAME_CHARS;
 use sidestep::invalid::{Invalid, finite};

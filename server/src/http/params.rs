@@ -1,6 +1,6 @@
 //! Parts of addresses: what does not parse is answered like everything else.
 
-use crate::error::ApiError;
+use crate::http::error::ApiError;
 use axum::extract::{FromRequestParts, Path, Query};
 use axum::http::request::Parts;
 use serde::de::DeserializeOwned;

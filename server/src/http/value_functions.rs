@@ -1,8 +1,8 @@
 //! Octets of value functions, for ever the same under an address.
 
-use crate::app::App;
-use crate::error::ApiError;
-use crate::params::PathText;
+use crate::http::app::App;
+use crate::http::error::ApiError;
+use crate::http::params::PathText;
 use crate::store::value_functions::find;
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode, header};

@@ -1,6 +1,6 @@
 //! Study files: TOML laid over the paper's protocol.
 
-use crate::complaint::plain;
+use crate::formats::complaint::plain;
 use sidestep::study::StudyConfig;
 use std::path::Path;
 use toml::{Table, Value};

@@ -1,7 +1,7 @@
 //! Liveness, readiness and counts, for whoever operates the server.
 
-use crate::app::App;
-use crate::error::ApiError;
+use crate::http::app::App;
+use crate::http::error::ApiError;
 use crate::store::{participants, trials};
 use axum::extract::State;
 use axum::http::{StatusCode, header};

@@ -1,41 +1,20 @@
-//! What handlers share, and the one table of routes.
+//! The one table of routes.
 
-use crate::error::ApiError;
-use crate::metrics::{self, Metrics};
-use crate::site::Site;
-use crate::store::Store;
-use crate::throttle::Throttle;
-use crate::{
-    analyses, guard, laboratory, participants, session, site, studies, trials, value_functions,
+use crate::http::app::App;
+use crate::http::error::ApiError;
+use crate::http::site::Site;
+use crate::http::{
+    analyses, guard, laboratory, metrics, participants, session, site, studies, trials,
+    value_functions,
 };
 use axum::Router;
 use axum::http::StatusCode;
 use axum::middleware::{from_fn, from_fn_with_state};
 use axum::routing::{get, post, put};
-use sidestep::api::{SelfCheck, routes};
+use sidestep::api::routes;
 use std::sync::Arc;
-use tokio::sync::{Notify, OnceCell};
 use tower_http::catch_panic::CatchPanicLayer;
 use tower_http::compression::CompressionLayer;
-
-/// What handlers share.
-#[derive(Debug)]
-pub struct App {
-    /// The database.
-    pub store: Store,
-    /// The study that `/start` leads to.
-    pub default_study: String,
-    /// Hash of the key that the environment gave; if there is one, only it is valid.
-    pub environment_key: Option<[u8; 32]>,
-    /// Against guessing of keys.
-    pub throttle: Throttle,
-    /// Counts for `/metrics`.
-    pub metrics: Metrics,
-    /// Tells the analyst that there is something in the queue.
-    pub analysis_asked: Arc<Notify>,
-    /// Computed when it is first asked for.
-    pub self_check: OnceCell<SelfCheck>,
-}
 
 /// Every route there is. Addresses come from the shared table with their
 /// parameters left open.

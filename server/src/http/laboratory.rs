@@ -1,14 +1,15 @@
 //! What the experimenter sees.
 
-use crate::app::App;
-use crate::auth::Admin;
-use crate::error::ApiError;
-use crate::exports;
-use crate::params::{Params, PathText};
+use crate::formats::exports;
+use crate::http::app::App;
+use crate::http::auth::Admin;
+use crate::http::error::ApiError;
+use crate::http::params::{Params, PathText};
+use crate::http::studies::named;
+use crate::http::training;
+use crate::jobs::safety;
 use crate::store::trials::{self, StoredTrial, TrialHead};
 use crate::store::{Db, studies, value_functions};
-use crate::studies::named;
-use crate::{safety, training};
 use anyhow::Context;
 use axum::Json;
 use axum::body::Body;

@@ -1,12 +1,12 @@
 //! The one way into the database for what a participant drove.
 
-use crate::app::App;
-use crate::auth::Me;
 use crate::clock::now_ms;
 use crate::content;
-use crate::error::ApiError;
-use crate::json::JsonBody;
-use crate::params::PathText;
+use crate::http::app::App;
+use crate::http::auth::Me;
+use crate::http::error::ApiError;
+use crate::http::json::JsonBody;
+use crate::http::params::PathText;
 use crate::store::participants::is_withdrawn;
 use crate::store::scenes;
 use crate::store::studies;

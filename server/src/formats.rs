@@ -1,0 +1,11 @@
+//! The files that the program reads and writes, and how they come to be whole.
+
+pub mod atomic_file;
+pub mod atomic_folder;
+pub mod complaint;
+pub mod csv_lines;
+pub mod exports;
+pub mod features_csv;
+pub mod npz;
+pub mod study_toml;
+pub mod trials_csv;

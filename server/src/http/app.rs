@@ -1,0 +1,27 @@
+//! What handlers share.
+
+use crate::http::metrics::Metrics;
+use crate::http::throttle::Throttle;
+use crate::store::Store;
+use sidestep::api::SelfCheck;
+use std::sync::Arc;
+use tokio::sync::{Notify, OnceCell};
+
+/// What handlers share.
+#[derive(Debug)]
+pub struct App {
+    /// The database.
+    pub store: Store,
+    /// The study that `/start` leads to.
+    pub default_study: String,
+    /// Hash of the key that the environment gave; if there is one, only it is valid.
+    pub environment_key: Option<[u8; 32]>,
+    /// Against guessing of keys.
+    pub throttle: Throttle,
+    /// Counts for `/metrics`.
+    pub metrics: Metrics,
+    /// Tells the analyst that there is something in the queue.
+    pub analysis_asked: Arc<Notify>,
+    /// Computed when it is first asked for.
+    pub self_check: OnceCell<SelfCheck>,
+}
