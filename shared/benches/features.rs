@@ -10,9 +10,10 @@ use criterion::{Criterion, SamplingMode};
 use fastest::Fastest;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use sidestep::dataset::Dataset;
-use sidestep::features::{FeatureSet, SafetyFunctions};
+use sidestep::features::FeatureSet;
 use sidestep::math::{PI, SeededRng};
 use sidestep::reachability::{Method, Options, solve};
+use sidestep::safety::SafetyLevels;
 use sidestep::scene::{Evader, JointState, SceneParameters};
 use sidestep::vehicle::{Pose, TurnInput};
 
@@ -46,7 +47,7 @@ fn main() {
     let mut fastest = Fastest::default();
     let parameters = SceneParameters::default();
     let trials = trials(&parameters);
-    let exact = SafetyFunctions::solve(&parameters, &mut |_| ControlFlow::Continue(()))
+    let exact = SafetyLevels::solve(&parameters, &mut |_| ControlFlow::Continue(()))
         .expect("the closed form");
     let sampled = sampled(&parameters);
     let all = FeatureSet::all();
@@ -94,15 +95,15 @@ fn trials(parameters: &SceneParameters) -> Vec<Trial> {
 }
 
 /// The same game as the closed form's, on the nodes of the polar method.
-fn sampled(parameters: &SceneParameters) -> SafetyFunctions {
+fn sampled(parameters: &SceneParameters) -> SafetyLevels {
     let options = Options { method: Some(Method::Polar), ..Options::default() };
     let game = parameters.game(Evader::Human);
     let solved = solve(game, &options, &mut |_| ControlFlow::Continue(()));
     let function = solved.expect("a game that can be solved").function;
-    SafetyFunctions { human: function.clone(), robot: function }
+    SafetyLevels { human: function.clone(), robot: function }
 }
 
-fn state_by_state(set: &FeatureSet, safety: &SafetyFunctions, trials: &[Trial]) {
+fn state_by_state(set: &FeatureSet, safety: &SafetyLevels, trials: &[Trial]) {
     let mut row = vec![0.0; set.len()];
     for (inputs, states) in trials {
         for step in 0..inputs.len() {
@@ -112,7 +113,7 @@ fn state_by_state(set: &FeatureSet, safety: &SafetyFunctions, trials: &[Trial]) 
     }
 }
 
-fn datasets(pool: &ThreadPool, set: &FeatureSet, safety: &SafetyFunctions, trials: &[Trial]) {
+fn datasets(pool: &ThreadPool, set: &FeatureSet, safety: &SafetyLevels, trials: &[Trial]) {
     pool.install(|| {
         let trials = trials.iter().map(|(inputs, states)| (&inputs[..], &states[..]));
         black_box(Dataset::from_trials(set, safety, trials));

@@ -1,8 +1,9 @@
 //! Datasets: trials turned into labelled rows.
 
 use crate::each::each;
-use crate::features::{FeatureSet, SafetyFunctions};
+use crate::features::FeatureSet;
 use crate::invalid::Invalid;
+use crate::safety::SafetyLevels;
 use crate::scene::JointState;
 use crate::vehicle::TurnInput;
 
@@ -25,7 +26,7 @@ impl Dataset {
     #[must_use]
     pub fn from_trials<'a>(
         features: &FeatureSet,
-        safety: &SafetyFunctions,
+        safety: &SafetyLevels,
         trials: impl IntoIterator<Item = (&'a [TurnInput], &'a [JointState])>,
     ) -> Self {
         let width = features.len();

@@ -1,80 +1,14 @@
 //! What a predictor may look at: features of the joint states so far (`features/table.rs` has
 //! them all), and ordered choices of them.
 
-mod levels;
 mod table;
 
-pub use levels::{LevelQuality, SafetyQuality};
 pub use table::{Compute, FEATURES, Feature};
 
 use crate::invalid::Invalid;
-use crate::reachability::{Options, Progress, PursuitGame, SolveError, ValueFunction, solve};
-use crate::scene::{Evader, JointState, SceneParameters};
-use core::ops::ControlFlow;
+use crate::safety::SafetyLevels;
+use crate::scene::{Evader, JointState};
 use serde::{Deserialize, Serialize};
-
-/// The value function that safety levels of this game are read from: the closed form
-/// where there is one, else solved with the settings that server and browser share, so
-/// that both come to the same octets.
-///
-/// # Errors
-/// [`SolveError`] for a game that cannot be solved, or when `progress` breaks it off.
-pub fn safety_function(
-    game: PursuitGame,
-    progress: &mut dyn FnMut(Progress) -> ControlFlow<()>,
-) -> Result<ValueFunction, SolveError> {
-    if let Ok(exact) = game.exact() {
-        return Ok(ValueFunction::Exact(exact));
-    }
-    solve(game, &Options::default(), progress).map(|solved| solved.function)
-}
-
-/// The value functions that safety levels are read from.
-#[derive(Clone, Debug, PartialEq)]
-pub struct SafetyFunctions {
-    /// V_HR: the human evades, argument is the robot in the human's frame.
-    pub human: ValueFunction,
-    /// V_RH: the robot evades, argument is the human in the robot's frame.
-    pub robot: ValueFunction,
-}
-
-impl SafetyFunctions {
-    /// Both functions of these vehicles; one solve where one serves both roles.
-    ///
-    /// # Errors
-    /// As of [`safety_function`].
-    pub fn solve(
-        parameters: &SceneParameters,
-        progress: &mut dyn FnMut(Progress) -> ControlFlow<()>,
-    ) -> Result<Self, SolveError> {
-        let [game_h, game_r] = Evader::ALL.map(|evader| parameters.game(evader));
-        let human = safety_function(game_h, progress)?;
-        let robot =
-            if game_r == game_h { human.clone() } else { safety_function(game_r, progress)? };
-        Ok(Self { human, robot })
-    }
-
-    /// The function of `evader`.
-    #[must_use]
-    pub fn of(&self, evader: Evader) -> &ValueFunction {
-        match evader {
-            Evader::Human => &self.human,
-            Evader::Robot => &self.robot,
-        }
-    }
-
-    /// V_HR of a state, m.
-    #[must_use]
-    pub fn human_level(&self, state: &JointState) -> f64 {
-        self.human.value(state.robot_seen_by_human())
-    }
-
-    /// V_RH of a state, m.
-    #[must_use]
-    pub fn robot_level(&self, state: &JointState) -> f64 {
-        self.robot.value(state.human_seen_by_robot())
-    }
-}
 
 /// An ordered choice of features.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -153,7 +87,7 @@ impl FeatureSet {
     /// Writes the features to `row`, which is as long as the set. `history` has the joint
     /// states from the beginning of the trial on, one a step, and ends with the present one;
     /// it is never empty.
-    pub fn compute_into(&self, history: &[JointState], safety: &SafetyFunctions, row: &mut [f64]) {
+    pub fn compute_into(&self, history: &[JointState], safety: &SafetyLevels, row: &mut [f64]) {
         for (feature, value) in self.features().zip(row) {
             *value = feature.value(history, safety);
         }
@@ -208,43 +142,6 @@ mod tests {
         assert_eq!(names("").len(), 5);
         assert!(FeatureSet::subset("dh").is_err());
         assert!(FeatureSet::subset("hh").is_err());
-    }
-
-    fn solved(parameters: &SceneParameters) -> SafetyFunctions {
-        SafetyFunctions::solve(parameters, &mut |_| ControlFlow::Continue(())).unwrap()
-    }
-
-    #[test]
-    fn equal_vehicles_share_the_closed_form() {
-        let safety = solved(&SceneParameters::default());
-        assert_eq!(safety.human, safety.robot);
-        assert!(matches!(safety.human, ValueFunction::Exact(_)));
-    }
-
-    #[test]
-    fn different_vehicles_have_a_function_each() {
-        let mut parameters = SceneParameters::default();
-        parameters.robot.turn_rate_radps = 0.35;
-        let safety = solved(&parameters);
-        for evader in Evader::ALL {
-            assert_eq!(safety.of(evader).game(), parameters.game(evader));
-        }
-        assert_ne!(safety.human.id(), safety.robot.id());
-        let stopped = SafetyFunctions::solve(&parameters, &mut |_| ControlFlow::Break(()));
-        assert_eq!(stopped, Err(SolveError::Cancelled));
-    }
-
-    #[test]
-    fn a_slower_robot_is_less_dangerous() {
-        let level = |parameters: &SceneParameters| {
-            let game = parameters.game(Evader::Human);
-            let function = safety_function(game, &mut |_| ControlFlow::Continue(())).unwrap();
-            function.value([6.0, 0.5, core::f64::consts::PI])
-        };
-        let mut parameters = SceneParameters::default();
-        let equal = level(&parameters);
-        parameters.robot.speed_mps = 1.5;
-        assert!(level(&parameters) > equal + 0.1);
     }
 
     #[test]

@@ -80,6 +80,7 @@ pub mod scene;
 pub mod trial;
 pub mod study;
 pub mod synthetic;
+pub mod safety;
 pub mod features;
 pub mod dataset;
 pub mod predict;

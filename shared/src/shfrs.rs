@@ -18,17 +18,18 @@ pub mod window;
 use crate::bounds::{
     ActionChoice, ActionModel, Algorithm1, BoundsSettings, InputBounds, Motion, Rollout,
 };
-use crate::features::{FEATURES, SafetyFunctions};
+use crate::features::FEATURES;
 use crate::invalid::Invalid;
 use crate::predict::Predictor;
 use crate::reach::polygon::signed_area;
 use crate::reach::{PolygonSettings, ReachableSet, Workspace};
+use crate::safety::SafetyLevels;
 use crate::scene::{JointState, SceneParameters};
 
 /// A predictor as the learned function G of Algorithm 1.
 pub struct PredictedHuman<'a> {
     predictor: &'a Predictor,
-    safety: &'a SafetyFunctions,
+    safety: &'a SafetyLevels,
     actions: Vec<f64>,
 }
 
@@ -42,7 +43,7 @@ impl<'a> PredictedHuman<'a> {
     /// As of [`Self::within`].
     pub fn new(
         predictor: &'a Predictor,
-        safety: &'a SafetyFunctions,
+        safety: &'a SafetyLevels,
         parameters: &SceneParameters,
     ) -> Result<Self, Invalid> {
         let rate = parameters.human.turn_rate_radps;
@@ -57,7 +58,7 @@ impl<'a> PredictedHuman<'a> {
     /// [`Invalid`] if it says nothing and has other classes than these.
     pub fn within(
         predictor: &'a Predictor,
-        safety: &'a SafetyFunctions,
+        safety: &'a SafetyLevels,
         turn_rate: (f64, f64),
     ) -> Result<Self, Invalid> {
         let rate = |(i, &class): (usize, &i8)| match class {
@@ -242,10 +243,10 @@ mod tests {
     use crate::features::FeatureSet;
     use crate::vehicle::Pose;
 
-    fn setup(probabilities: [f64; 3]) -> (SceneParameters, SafetyFunctions, Predictor) {
+    fn setup(probabilities: [f64; 3]) -> (SceneParameters, SafetyLevels, Predictor) {
         let parameters = SceneParameters::default();
         let progress = &mut |_| core::ops::ControlFlow::Continue(());
-        let safety = SafetyFunctions::solve(&parameters, progress).unwrap();
+        let safety = SafetyLevels::solve(&parameters, progress).unwrap();
         let features = FeatureSet::subset("hrd").unwrap();
         let predictor =
             Predictor::constant(features, vec![-1, 0, 1], probabilities.to_vec()).unwrap();

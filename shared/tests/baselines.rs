@@ -4,12 +4,13 @@
 
 use sidestep::bounds::ActionChoice;
 use sidestep::dataset::Dataset;
-use sidestep::features::{FeatureSet, SafetyFunctions};
+use sidestep::features::FeatureSet;
 use sidestep::learn::logistic::{LogisticSettings, fit};
 use sidestep::learn::samples::Samples;
 use sidestep::math::SeededRng;
 use sidestep::predict::Predictor;
 use sidestep::predict::scale::Scale;
+use sidestep::safety::SafetyLevels;
 use sidestep::scene::{JointState, SceneParameters};
 use sidestep::shfrs::PredictedHuman;
 use sidestep::shfrs::baselines::{
@@ -78,7 +79,7 @@ fn split(seed: u64) -> Split {
     }
 }
 
-fn train(safety: &SafetyFunctions, drives: &[Drive]) -> Predictor {
+fn train(safety: &SafetyLevels, drives: &[Drive]) -> Predictor {
     let features = FeatureSet::subset("hrd").expect("a feature set");
     let rows = drives.iter().map(|(inputs, states)| (&inputs[..], &states[..]));
     let data = Dataset::from_trials(&features, safety, rows);
@@ -94,11 +95,10 @@ fn train(safety: &SafetyFunctions, drives: &[Drive]) -> Predictor {
 
 /// The comparison of every family on the split and the windows of `seed`.
 fn compare(seed: u64, points: usize) -> Pareto {
-    static SAFETY: OnceLock<SafetyFunctions> = OnceLock::new();
+    static SAFETY: OnceLock<SafetyLevels> = OnceLock::new();
     let parameters = SceneParameters::default();
     let safety = SAFETY.get_or_init(|| {
-        SafetyFunctions::solve(&parameters, &mut |_| ControlFlow::Continue(()))
-            .expect("a closed form")
+        SafetyLevels::solve(&parameters, &mut |_| ControlFlow::Continue(())).expect("a closed form")
     });
     let Split { training, calibration, test } = split(seed);
     let predictor = train(safety, &training);

@@ -7,7 +7,8 @@
 use sidestep::comparison::cell::{Cell, NamedSet};
 use sidestep::comparison::{Cache, Person, Progress, Results, RunError, Settings, run};
 use sidestep::dataset::Dataset;
-use sidestep::features::{FeatureSet, SafetyFunctions};
+use sidestep::features::FeatureSet;
+use sidestep::safety::SafetyLevels;
 use sidestep::scene::SceneParameters;
 use sidestep::shfrs::window::Trajectory;
 use sidestep::synthetic::{Keys, SyntheticParticipant};
@@ -43,7 +44,7 @@ impl Cache for Counting {
 
 struct Study {
     scene: SceneParameters,
-    safety: SafetyFunctions,
+    safety: SafetyLevels,
     people: Vec<Person>,
 }
 
@@ -51,7 +52,7 @@ impl Study {
     /// Two people with five tasks each.
     fn new() -> Self {
         let scene = SceneParameters::default();
-        let safety = SafetyFunctions::solve(&scene, &mut |_| ControlFlow::Continue(())).unwrap();
+        let safety = SafetyLevels::solve(&scene, &mut |_| ControlFlow::Continue(())).unwrap();
         let person = |number: u64| {
             let driver = SyntheticParticipant::new(7, number);
             let drives: Vec<_> =

@@ -4,10 +4,11 @@
 use core::ops::ControlFlow;
 use peak_alloc::PeakAlloc;
 use sidestep::bounds::{Algorithm1, Motion};
-use sidestep::features::{FeatureSet, SafetyFunctions};
+use sidestep::features::FeatureSet;
 use sidestep::predict::Predictor;
 use sidestep::predict::logistic::Logistic;
 use sidestep::predict::scale::Scale;
+use sidestep::safety::SafetyLevels;
 use sidestep::scene::{JointState, SceneParameters};
 use sidestep::shfrs::{PredictedHuman, ShfrsPredictor, ShfrsSettings};
 use sidestep::vehicle::{Pose, TurnInput};
@@ -18,7 +19,7 @@ static MEMORY: PeakAlloc = PeakAlloc;
 #[test]
 fn a_frame_allocates_nothing() {
     let parameters = SceneParameters::default();
-    let safety = SafetyFunctions::solve(&parameters, &mut |_| ControlFlow::Continue(())).unwrap();
+    let safety = SafetyLevels::solve(&parameters, &mut |_| ControlFlow::Continue(())).unwrap();
     let scale = Scale::new(vec![1.0; 8], vec![2.0; 8]).unwrap();
     let model = Logistic::new(8, &[vec![0.1; 8], vec![0.2; 8], vec![-0.3; 8]], vec![0.0; 3]);
     let features = FeatureSet::subset("hrd").unwrap();

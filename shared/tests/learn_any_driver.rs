@@ -8,8 +8,9 @@ use sidestep::comparison::cell::NamedSet;
 use sidestep::comparison::fit::{Family, Grids, fit};
 use sidestep::comparison::split::Split;
 use sidestep::dataset::Dataset;
-use sidestep::features::{FeatureSet, SafetyFunctions};
+use sidestep::features::FeatureSet;
 use sidestep::math::SeededRng;
+use sidestep::safety::SafetyLevels;
 use sidestep::scene::{EncounterRange, JointState, SceneParameters, generate};
 use sidestep::trial::simulate;
 use sidestep::vehicle::TurnInput;
@@ -47,7 +48,7 @@ impl Driver {
     }
 }
 
-fn drives(driver: Driver, tasks: usize, seed: u64, safety: &SafetyFunctions) -> Dataset {
+fn drives(driver: Driver, tasks: usize, seed: u64, safety: &SafetyLevels) -> Dataset {
     let parameters = SceneParameters::default();
     let mut rng = SeededRng::new(seed);
     let scenes = generate(&parameters, &EncounterRange::default(), tasks, seed).unwrap();
@@ -69,7 +70,7 @@ fn drives(driver: Driver, tasks: usize, seed: u64, safety: &SafetyFunctions) -> 
 /// Fits `families` on `sets` to every kind of driver, for each of these seeds.
 fn fitted(seeds: impl IntoIterator<Item = u64>, families: &[Family], sets: &[NamedSet]) {
     let parameters = SceneParameters::default();
-    let safety = SafetyFunctions::solve(&parameters, &mut |_| ControlFlow::Continue(())).unwrap();
+    let safety = SafetyLevels::solve(&parameters, &mut |_| ControlFlow::Continue(())).unwrap();
     for seed in seeds {
         for driver in Driver::ALL {
             let data = drives(driver, [8, 5, 14][seed as usize % 3], seed, &safety);

@@ -3,12 +3,13 @@
 
 use sidestep::bounds::{ActionChoice, Rollout};
 use sidestep::dataset::Dataset;
-use sidestep::features::{FeatureSet, SafetyFunctions};
+use sidestep::features::FeatureSet;
 use sidestep::invalid::Invalid;
 use sidestep::learn::logistic::{LogisticSettings, fit};
 use sidestep::learn::samples::Samples;
 use sidestep::predict::Predictor;
 use sidestep::predict::scale::Scale;
+use sidestep::safety::SafetyLevels;
 use sidestep::scene::{JointState, SceneParameters};
 use sidestep::shfrs::PredictedHuman;
 use sidestep::shfrs::guarantee::Guarantee;
@@ -27,7 +28,7 @@ type Drive = (Vec<TurnInput>, Vec<JointState>);
 /// other 30 of each: 240 trajectories that it has not seen.
 struct Data {
     parameters: SceneParameters,
-    safety: SafetyFunctions,
+    safety: SafetyLevels,
     predictor: Predictor,
     unseen: Vec<Trajectory>,
 }
@@ -53,7 +54,7 @@ fn data() -> &'static Data {
     DATA.get_or_init(|| {
         let parameters = SceneParameters::default();
         let progress = &mut |_| ControlFlow::Continue(());
-        let safety = SafetyFunctions::solve(&parameters, progress).expect("good data");
+        let safety = SafetyLevels::solve(&parameters, progress).expect("good data");
         let features = FeatureSet::subset("hrd").expect("good data");
         let (seen, unseen): (Vec<_>, Vec<_>) =
             drives().into_iter().partition(|(trial, _)| *trial < 20);

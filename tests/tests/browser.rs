@@ -2,7 +2,7 @@
 
 use reqwest::Method;
 use sidestep::api::{StudyInfo, StudySummary, TrialDetail, TrialPage, routes};
-use sidestep::features::safety_function;
+use sidestep::safety::value_function;
 use sidestep::scene::Evader;
 use sidestep::trial::simulation_fingerprint;
 use sidestep::vehicle::TurnInput;
@@ -326,7 +326,7 @@ async fn unequal_vehicles_have_level_sets_from_either_solver() {
                return [hex, octets.length, ms] }})()"
             ))
             .await;
-        let native = safety_function(game, &mut |_| ControlFlow::Continue(()));
+        let native = value_function(game, &mut |_| ControlFlow::Continue(()));
         assert_eq!(hash, native.expect("a solution").id());
         eprintln!(
             "{evader:?}: {octets} octets, {ms:.0} ms in the browser, the worker's start included"

@@ -10,7 +10,7 @@ pub mod trajectory;
 
 use crate::shape::Shape;
 use sidestep::api::TrialDetail;
-use sidestep::features::SafetyFunctions;
+use sidestep::safety::SafetyLevels;
 use sidestep::scene::JointState;
 use sidestep::shfrs::Shfrs;
 
@@ -23,7 +23,7 @@ pub struct Moment<'a> {
     /// Where the vehicles are.
     pub state: JointState,
     /// Where safety levels are read from, once it is there.
-    pub safety: Option<&'a SafetyFunctions>,
+    pub safety: Option<&'a SafetyLevels>,
     /// The predicted sets, once there is a predictor.
     pub shfrs: Option<&'a Shfrs>,
     /// Whether these are shown for each step instead of for the whole time ahead.

@@ -5,11 +5,11 @@ use rayon::prelude::*;
 use sidestep::comparison::cell::{Cell, Experiment, ModelName};
 use sidestep::comparison::tables::Comparison;
 use sidestep::comparison::{Person, Results};
-use sidestep::features::SafetyFunctions;
 use sidestep::invalid::Invalid;
 use sidestep::math::{PI, sin_cos};
 use sidestep::predict::Predictor;
 use sidestep::reachability::CurveSettings;
+use sidestep::safety::SafetyLevels;
 use sidestep::scene::{Evader, JointState, SceneParameters};
 use sidestep::vehicle::Pose;
 
@@ -82,7 +82,7 @@ impl Context {
         results: &Results,
         people: &[Person],
         scene: &SceneParameters,
-        safety: &SafetyFunctions,
+        safety: &SafetyLevels,
     ) -> Result<Self, Invalid> {
         let compared = &results.comparison.participants;
         let kept = |person: &&Person| compared.iter().any(|other| other.name == person.name);
@@ -105,7 +105,7 @@ fn probabilities(
     comparison: &Comparison,
     features: &str,
     heading: f64,
-    safety: &SafetyFunctions,
+    safety: &SafetyLevels,
 ) -> Result<Vec<f64>, Invalid> {
     let cells = comparison.of(MAPPED_MODEL, MAPPED_EXPERIMENT, features);
     let predictor = |cell: &Cell| Predictor::try_from(cell.predictor.clone());

@@ -9,8 +9,8 @@ use crate::store::trials::{self, StoredTrial};
 use crate::store::{Store, participants};
 use crate::synthetic;
 use sidestep::comparison::{self, Cache, Person, Progress, RunError, Settings};
-use sidestep::features::{SafetyFunctions, SafetyQuality};
 use sidestep::invalid::Invalid;
+use sidestep::safety::{SafetyLevels, SafetyQuality};
 use sidestep::scene::{JointState, SceneParameters};
 use sidestep::shfrs::window::Trajectory;
 use sidestep::trial::{Flag, Phase};
@@ -113,7 +113,7 @@ impl Tasks {
     /// [`CompareError`] if the data cannot be compared, or `progress` breaks it off.
     pub fn compare(
         &self,
-        safety: &SafetyFunctions,
+        safety: &SafetyLevels,
         given: Option<&FeatureRows>,
         settings: &Settings,
         cache: &dyn Cache,
@@ -190,7 +190,7 @@ impl Tasks {
     fn person(
         &self,
         person: &trials_csv::Person,
-        safety: &SafetyFunctions,
+        safety: &SafetyLevels,
         given: Option<&FeatureRows>,
     ) -> Result<Person, CompareError> {
         let mut data = features_csv::dataset(person, safety).map_err(CompareError::Trials)?;
@@ -212,7 +212,7 @@ impl Tasks {
 }
 
 /// Of the levels that `analysis` compares.
-fn quality(analysis: &Analysis, people: &[Person], safety: &SafetyFunctions) -> SafetyQuality {
+fn quality(analysis: &Analysis, people: &[Person], safety: &SafetyLevels) -> SafetyQuality {
     let compared = &analysis.comparison.participants;
     let kept = |person: &&Person| compared.iter().any(|who| who.name == person.name);
     let levels = |name: &str| -> Vec<f64> {

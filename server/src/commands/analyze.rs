@@ -1,6 +1,6 @@
 //! `sidestep analyze`.
 
-use super::bounds::safety_functions;
+use super::bounds::safety_levels;
 use super::json_file::Document;
 use super::solving::{Interrupt, bar};
 use super::trials_file::SceneArgs;
@@ -120,7 +120,7 @@ pub async fn run(args: AnalyzeArgs) -> Result<(), CommandError> {
     let kept = args.out.join(".cache");
     let cache = Arc::new(FolderCache::open(&kept).map_err(|e| unwritable(&kept, &e))?);
     let interrupt = Interrupt::listen();
-    let safety = safety_functions(&tasks.scene, &interrupt).await?;
+    let safety = safety_levels(&tasks.scene, &interrupt).await?;
     let compared = in_threads(args.threads, &interrupt, {
         let (cache, stop) = (Arc::clone(&cache), interrupt.stop.clone());
         move |bar| {

@@ -8,10 +8,10 @@ use sidestep::bounds::{
     ActionChoice, ActionModel, Algorithm1, BoundsSettings, InputBounds, Motion, PredictedBounds,
     Rollout,
 };
-use sidestep::features::SafetyFunctions;
 use sidestep::invalid::{Invalid, positive};
 use sidestep::predict::{Predictor, PredictorFile};
 use sidestep::reachability::{Options, ValueFunction};
+use sidestep::safety::SafetyLevels;
 use sidestep::scene::{Evader, JointState, SceneParameters};
 use sidestep::shfrs::PredictedHuman;
 use sidestep::vehicle::{Pose, VehicleModel};
@@ -226,7 +226,7 @@ async fn predicted(
         // Nothing looks at its game.
         None => SceneParameters::default(),
     };
-    let safety = safety_functions(&scene, &Interrupt::listen()).await?;
+    let safety = safety_levels(&scene, &Interrupt::listen()).await?;
     problem.bounds(predictor, &safety).map_err(|invalid| given.complain(invalid))
 }
 
@@ -290,7 +290,7 @@ impl Problem {
     fn bounds(
         &self,
         predictor: &Predictor,
-        safety: &SafetyFunctions,
+        safety: &SafetyLevels,
     ) -> Result<PredictedBounds, Invalid> {
         let human = PredictedHuman::within(predictor, safety, self.motion.human_turn_rate)?;
         let (least, most) = self.motion.human_turn_rate;
@@ -369,10 +369,10 @@ fn choice(input: &Input) -> Result<ActionChoice, Invalid> {
 
 /// Both value functions; only those of unequal vehicles take their time. Says which did not
 /// converge.
-pub(super) async fn safety_functions(
+pub(super) async fn safety_levels(
     parameters: &SceneParameters,
     interrupt: &Interrupt,
-) -> Result<SafetyFunctions, CommandError> {
+) -> Result<SafetyLevels, CommandError> {
     let [game_h, game_r] = Evader::ALL.map(|evader| parameters.game(evader));
     let mut functions = Vec::with_capacity(2);
     for game in [game_h, game_r] {
@@ -383,7 +383,7 @@ pub(super) async fn safety_functions(
         });
     }
     let robot = functions.remove(1);
-    let safety = SafetyFunctions { human: functions.remove(0), robot };
+    let safety = SafetyLevels { human: functions.remove(0), robot };
     for complaint in safety.complaints() {
         eprintln!("sidestep: {complaint}");
     }

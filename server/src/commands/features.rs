@@ -1,6 +1,6 @@
 //! `sidestep features`.
 
-use super::bounds::safety_functions;
+use super::bounds::safety_levels;
 use super::solving::Interrupt;
 use super::trials_file::SceneArgs;
 use super::{CommandError, print_json, trials_file, unwritable};
@@ -44,7 +44,7 @@ pub async fn run(args: FeaturesArgs) -> Result<(), CommandError> {
     atomic_file::check(&args.out).map_err(|e| unwritable(&args.out, &e))?;
     let people = trials_file::tasks(&args.trials, &scene)?;
     let interrupt = Interrupt::listen();
-    let safety = safety_functions(&scene, &interrupt).await?;
+    let safety = safety_levels(&scene, &interrupt).await?;
     let written = atomic_file::write(&args.out, &interrupt.stop, |out| {
         features_csv::write(out, &people, &safety)
     });

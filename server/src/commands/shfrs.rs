@@ -3,7 +3,7 @@
 mod analysis;
 mod report;
 
-use super::bounds::safety_functions;
+use super::bounds::safety_levels;
 use super::json_file::Document;
 use super::solving::{Interrupt, bar};
 use super::trials_file::SceneArgs;
@@ -12,9 +12,10 @@ use crate::http::training::{self, Driven};
 use crate::synthetic;
 use analysis::{Analysis, Questions};
 use sidestep::bounds::{ActionChoice, BoundsSettings, Rollout};
-use sidestep::features::{FeatureSet, SafetyFunctions};
+use sidestep::features::FeatureSet;
 use sidestep::invalid::Invalid;
 use sidestep::predict::{Predictor, PredictorFile};
+use sidestep::safety::SafetyLevels;
 use sidestep::scene::SceneParameters;
 use sidestep::shfrs::PredictedHuman;
 use sidestep::shfrs::guarantee::Guarantee;
@@ -158,7 +159,7 @@ pub async fn run(args: ShfrsArgs) -> Result<(), CommandError> {
     fs::create_dir_all(&args.out).map_err(|e| unwritable(&args.out, &e))?;
     report::check(&args.out)?;
 
-    let safety = safety_functions(&parameters, &interrupt).await?;
+    let safety = safety_levels(&parameters, &interrupt).await?;
     let parts = questions.split.parts(recorded.len()).map_err(flagged)?;
     let sizes = [&parts.training, &parts.calibration, &parts.test].map(Vec::len);
     if sizes.contains(&0) {
@@ -284,7 +285,7 @@ impl ShfrsArgs {
     /// A predictor trained on the training part, and in words what it is.
     fn trained(
         &self,
-        safety: &SafetyFunctions,
+        safety: &SafetyLevels,
         recorded: &[Recorded],
         training: &[usize],
     ) -> Result<(Predictor, String), CommandError> {

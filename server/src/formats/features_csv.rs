@@ -4,8 +4,9 @@ use crate::formats::csv_lines::{LineError, Records};
 use crate::formats::trials_csv::Person;
 use csv::{StringRecord, Writer};
 use sidestep::dataset::Dataset;
-use sidestep::features::{FEATURES, FeatureSet, SafetyFunctions};
+use sidestep::features::{FEATURES, FeatureSet};
 use sidestep::invalid::{Invalid, finite};
+use sidestep::safety::SafetyLevels;
 use sidestep::vehicle::TurnInput;
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
@@ -40,7 +41,7 @@ fn is_usable(feature: f64) -> bool {
 ///
 /// # Errors
 /// [`LineError`] for a trial with a feature that is larger than any distance can be.
-pub fn dataset(person: &Person, safety: &SafetyFunctions) -> Result<Dataset, LineError> {
+pub fn dataset(person: &Person, safety: &SafetyLevels) -> Result<Dataset, LineError> {
     let trials = person.trials.iter().map(|trial| (&trial.inputs[..], &trial.states[..]));
     let data = Dataset::from_trials(&FeatureSet::all(), safety, trials);
     let Some(place) = data.values.iter().position(|value| !is_usable(*value)) else {
@@ -69,11 +70,7 @@ pub enum WriteError {
 ///
 /// # Errors
 /// [`WriteError`] for what the disk says, or a trial that has no features.
-pub fn write(
-    out: impl Write,
-    people: &[Person],
-    safety: &SafetyFunctions,
-) -> Result<(), WriteError> {
+pub fn write(out: impl Write, people: &[Person], safety: &SafetyLevels) -> Result<(), WriteError> {
     let mut out = Writer::from_writer(out);
     let further = || FEATURES[PAPERS.len()..].iter().map(|feature| feature.name);
     let papers = PAPERS.iter().map(|(name, _)| *name);

@@ -2,12 +2,13 @@
 
 use sidestep::api::TrainedPredictor;
 use sidestep::dataset::Dataset;
-use sidestep::features::{FeatureSet, SafetyFunctions};
+use sidestep::features::FeatureSet;
 use sidestep::invalid::Invalid;
 use sidestep::learn::logistic::{LogisticSettings, fit};
 use sidestep::learn::samples::Samples;
 use sidestep::predict::Predictor;
 use sidestep::predict::scale::Scale;
+use sidestep::safety::SafetyLevels;
 use sidestep::scene::JointState;
 use sidestep::vehicle::TurnInput;
 
@@ -25,7 +26,7 @@ const MIN_TRIALS: usize = 5;
 /// [`Invalid`] only for features or probabilities that do not fit, our own fault.
 pub fn train(
     features: &FeatureSet,
-    safety: Option<&SafetyFunctions>,
+    safety: Option<&SafetyLevels>,
     trials: &[Driven],
 ) -> Result<TrainedPredictor, Invalid> {
     let learned = enough(trials).and_then(|()| {
@@ -57,7 +58,7 @@ fn enough(trials: &[Driven]) -> Result<(), String> {
 /// Only inputs that occur are classes: nothing is known of the others.
 fn learn(
     features: &FeatureSet,
-    safety: &SafetyFunctions,
+    safety: &SafetyLevels,
     trials: &[Driven],
 ) -> Result<Predictor, Invalid> {
     let rows = trials.iter().map(|(inputs, states)| (&inputs[..], &states[..]));
@@ -105,8 +106,8 @@ mod tests {
     use sidestep::trial::simulate;
     use std::ops::ControlFlow;
 
-    fn solved(parameters: &SceneParameters) -> SafetyFunctions {
-        SafetyFunctions::solve(parameters, &mut |_| ControlFlow::Continue(())).unwrap()
+    fn solved(parameters: &SceneParameters) -> SafetyLevels {
+        SafetyLevels::solve(parameters, &mut |_| ControlFlow::Continue(())).unwrap()
     }
 
     fn driven(count: usize, turn: TurnInput) -> Vec<Driven> {

@@ -15,8 +15,8 @@ use flate2::write::GzEncoder;
 use sidestep::api::AnalysisResult;
 use sidestep::comparison::cell::Cell;
 use sidestep::comparison::{Cache, Progress, Settings};
-use sidestep::features::SafetyFunctions;
 use sidestep::reachability::SolveError;
+use sidestep::safety::SafetyLevels;
 use std::collections::HashSet;
 use std::io::{self, Write};
 use std::ops::ControlFlow;
@@ -270,7 +270,7 @@ impl Worker {
     async fn on_threads(
         &self,
         tasks: Tasks,
-        safety: SafetyFunctions,
+        safety: SafetyLevels,
         settings: Settings,
         kept: Arc<StoredCells>,
         step: impl Fn(Progress) -> ControlFlow<()> + Send + Sync + 'static,

@@ -3,9 +3,9 @@
 
 use crate::store::{Db, Store, value_functions};
 use anyhow::Context;
-use sidestep::features::SafetyFunctions;
 use sidestep::invalid::Invalid;
 use sidestep::reachability::{SolveError, ValueFunction};
+use sidestep::safety::SafetyLevels;
 use sidestep::scene::{Evader, SceneParameters};
 use sidestep::study::StudyConfig;
 use std::ops::ControlFlow;
@@ -59,9 +59,9 @@ impl StoredFunctions {
     ///
     /// # Errors
     /// [`Invalid`] if they are damaged.
-    pub fn decode(&self) -> Result<SafetyFunctions, Invalid> {
+    pub fn decode(&self) -> Result<SafetyLevels, Invalid> {
         let [human, robot] = &self.0;
-        Ok(SafetyFunctions {
+        Ok(SafetyLevels {
             human: ValueFunction::decode(human)?,
             robot: ValueFunction::decode(robot)?,
         })
@@ -83,7 +83,7 @@ fn solve(parameters: &SceneParameters, stop: &AtomicBool) -> Result<Solutions, S
         true => ControlFlow::Break(()),
         false => ControlFlow::Continue(()),
     };
-    let functions = SafetyFunctions::solve(parameters, &mut progress)?;
+    let functions = SafetyLevels::solve(parameters, &mut progress)?;
     let solutions = Evader::ALL.map(|evader| {
         let function = functions.of(evader);
         Solution { evader, id: function.id(), octets: function.encode() }
@@ -173,7 +173,7 @@ pub async fn ensure(
     store: &Store,
     config: &StudyConfig,
     stop: &Arc<AtomicBool>,
-) -> anyhow::Result<Result<SafetyFunctions, SolveError>> {
+) -> anyhow::Result<Result<SafetyLevels, SolveError>> {
     let hash = config.hash();
     let kept = stored(&mut *store.reader().await?, &hash).await?;
     if let Some(functions) = kept {

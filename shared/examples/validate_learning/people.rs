@@ -8,7 +8,8 @@ use sidestep::comparison::cell::NamedSet;
 use sidestep::comparison::tables::Comparison;
 use sidestep::comparison::{Person, Settings, run};
 use sidestep::dataset::Dataset;
-use sidestep::features::{FeatureSet, SafetyFunctions};
+use sidestep::features::FeatureSet;
+use sidestep::safety::SafetyLevels;
 use sidestep::scene::SceneParameters;
 use sidestep::shfrs::window::Trajectory;
 
@@ -34,7 +35,7 @@ const TASKS: usize = 50;
 /// features are computed.
 pub(crate) fn people() -> Result<Vec<Person>, Box<dyn Error>> {
     let parameters = SceneParameters::default();
-    let safety = SafetyFunctions::solve(&parameters, &mut |_| ControlFlow::Continue(()))?;
+    let safety = SafetyLevels::solve(&parameters, &mut |_| ControlFlow::Continue(()))?;
     let all = FeatureSet::all();
     let names: Vec<&str> = all.features().map(|feature| feature.name).collect();
     let given = FeatureSet::subset("hrd")?;
@@ -77,7 +78,7 @@ pub(crate) fn people() -> Result<Vec<Person>, Box<dyn Error>> {
 /// The comparison of the paper's seven sets with the protocol's grids.
 pub(crate) fn compared(people: &[Person]) -> Result<Comparison, Box<dyn Error>> {
     let parameters = SceneParameters::default();
-    let safety = SafetyFunctions::solve(&parameters, &mut |_| ControlFlow::Continue(()))?;
+    let safety = SafetyLevels::solve(&parameters, &mut |_| ControlFlow::Continue(()))?;
     let settings = Settings { sets: NamedSet::papers()?, ..Settings::new()? };
     let go_on = |_| ControlFlow::Continue(());
     Ok(run(people, &parameters, &safety, &settings, None, &go_on)?.comparison)

@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 
 use serde::Serialize;
 use sidestep::bounds::ActionChoice;
-use sidestep::features::SafetyFunctions;
+use sidestep::safety::SafetyLevels;
 use sidestep::scene::SceneParameters;
 use sidestep::shfrs::PredictedHuman;
 use sidestep::shfrs::baselines::{
@@ -74,7 +74,7 @@ fn choices() -> Vec<(&'static str, Vec<ActionChoice>)> {
 fn table(
     drives: &[people::Drive],
     seed: u64,
-    safety: &SafetyFunctions,
+    safety: &SafetyLevels,
     parameters: &SceneParameters,
 ) -> Result<Table, Box<dyn Error>> {
     let (predictor, sample) = people::split(drives, seed, safety, parameters)?;
@@ -131,7 +131,7 @@ fn table(
 pub(crate) fn check() -> Result<Check, Box<dyn Error>> {
     let drives = people::drives()?;
     let parameters = SceneParameters::default();
-    let safety = SafetyFunctions::solve(&parameters, &mut |_| ControlFlow::Continue(()))?;
+    let safety = SafetyLevels::solve(&parameters, &mut |_| ControlFlow::Continue(()))?;
     let tables = (0..SPLITS).map(|seed| table(&drives, seed, &safety, &parameters));
     let tables: Vec<Table> = tables.collect::<Result<_, _>>()?;
     let row = |(i, (family, cells)): (usize, &(String, Vec<Cell>))| {

@@ -3,12 +3,13 @@
 use std::error::Error;
 
 use sidestep::dataset::Dataset;
-use sidestep::features::{FeatureSet, SafetyFunctions};
+use sidestep::features::FeatureSet;
 use sidestep::learn::logistic::{LogisticSettings, fit};
 use sidestep::learn::samples::Samples;
 use sidestep::math::SeededRng;
 use sidestep::predict::Predictor;
 use sidestep::predict::scale::Scale;
+use sidestep::safety::SafetyLevels;
 use sidestep::scene::{JointState, SceneParameters};
 use sidestep::shfrs::tuning::Sample;
 use sidestep::shfrs::window::Trajectory;
@@ -52,7 +53,7 @@ fn trajectory(
 pub(crate) fn split(
     drives: &[Drive],
     seed: u64,
-    safety: &SafetyFunctions,
+    safety: &SafetyLevels,
     parameters: &SceneParameters,
 ) -> Result<(Predictor, Sample), Box<dyn Error>> {
     let order = SeededRng::new(seed).permutation(drives.len());

@@ -1,7 +1,7 @@
 //! Analyses that the server makes: asked for with a [`Request`], queued, run, kept.
 
 use crate::comparison::{Exclusion, Request};
-use crate::features::SafetyQuality;
+use crate::safety::SafetyQuality;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 

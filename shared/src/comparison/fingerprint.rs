@@ -4,9 +4,10 @@ use super::cell::NamedSet;
 use super::fit::{Family, Grids, fit};
 use super::split::Split;
 use crate::dataset::Dataset;
-use crate::features::{FeatureSet, SafetyFunctions};
+use crate::features::FeatureSet;
 use crate::predict::{Predictor, PredictorFile};
 use crate::reachability::{SolveError, hex};
+use crate::safety::SafetyLevels;
 use crate::scene::SceneParameters;
 use crate::synthetic::{Keys, SyntheticDrive, SyntheticParticipant};
 use core::ops::ControlFlow;
@@ -36,7 +37,7 @@ pub fn learning_fingerprints() -> Result<Vec<(String, String)>, SolveError> {
     unequal.robot.turn_rate_radps = 0.35;
     let mut found = Vec::new();
     for (levels, parameters) in [("closed form", equal), ("sampled", unequal)] {
-        let safety = SafetyFunctions::solve(&parameters, &mut |_| ControlFlow::Continue(()))?;
+        let safety = SafetyLevels::solve(&parameters, &mut |_| ControlFlow::Continue(()))?;
         let all = rows(&safety, &parameters, 0..TASKS.0);
         let others = rows(&safety, &parameters, TASKS.0..TASKS.0 + TASKS.1);
         let mut add = |stage: String, hash: Sha256| {
@@ -71,7 +72,7 @@ pub fn learning_fingerprints() -> Result<Vec<(String, String)>, SolveError> {
 
 /// Every feature of these tasks.
 fn rows(
-    safety: &SafetyFunctions,
+    safety: &SafetyLevels,
     parameters: &SceneParameters,
     tasks: core::ops::Range<u64>,
 ) -> Dataset {

@@ -9,9 +9,9 @@ use super::tables::{Comparison, Participant, mean};
 use crate::bounds::Motion;
 use crate::dataset::Dataset;
 use crate::each::each;
-use crate::features::SafetyFunctions;
 use crate::invalid::Invalid;
 use crate::predict::Predictor;
+use crate::safety::SafetyLevels;
 use crate::scene::SceneParameters;
 use crate::shfrs::PredictedHuman;
 use crate::shfrs::window::Trajectory;
@@ -166,7 +166,7 @@ const METHOD: &str = "sidestep-comparison/3";
 pub fn run(
     people: &[Person],
     scene: &SceneParameters,
-    safety: &SafetyFunctions,
+    safety: &SafetyLevels,
     settings: &Settings,
     cache: Option<&dyn Cache>,
     progress: &(dyn Fn(Progress) -> ControlFlow<()> + Sync),
@@ -426,7 +426,7 @@ fn all_rollouts(
     comparison: &Comparison,
     beyond: &[Cell],
     scene: &SceneParameters,
-    safety: &SafetyFunctions,
+    safety: &SafetyLevels,
     settings: &Settings,
 ) -> Result<Vec<RolloutsOf>, Invalid> {
     let motion = Motion::from(scene);

@@ -5,8 +5,8 @@
 //! safety level), r is V_RH (the robot's). The human's body frame has its x-axis along the
 //! human's heading and its y-axis to the left.
 
-use super::SafetyFunctions;
 use crate::math::{cos, hypot, sin, wrap_angle};
+use crate::safety::SafetyLevels;
 use crate::scene::JointState;
 use Compute::{FromGame, FromMotion};
 
@@ -28,13 +28,13 @@ pub enum Compute {
     /// From the states alone.
     FromMotion(fn(&[JointState]) -> f64),
     /// From the states and the game that the vehicles play: its speeds and safety levels.
-    FromGame(fn(&[JointState], &SafetyFunctions) -> f64),
+    FromGame(fn(&[JointState], &SafetyLevels) -> f64),
 }
 
 impl Feature {
     /// Its value in the last state of `history`, which is not empty.
     #[must_use]
-    pub fn value(&self, history: &[JointState], safety: &SafetyFunctions) -> f64 {
+    pub fn value(&self, history: &[JointState], safety: &SafetyLevels) -> f64 {
         match self.compute {
             FromMotion(compute) => compute(history),
             FromGame(compute) => compute(history, safety),
@@ -221,7 +221,7 @@ struct ClosestApproach {
 const SIDE_BY_SIDE: f64 = 1e-6;
 
 /// The speeds are those of the game in which the human evades.
-fn closest_approach(history: &[JointState], safety: &SafetyFunctions) -> ClosestApproach {
+fn closest_approach(history: &[JointState], safety: &SafetyLevels) -> ClosestApproach {
     let game = safety.human.game();
     let [x, y, psi] = now(history).robot_seen_by_human();
     let robot = game.pursuer.speed_mps;
@@ -242,11 +242,11 @@ mod tests {
     use crate::vehicle::{Pose, TurnInput};
     use core::ops::ControlFlow;
 
-    fn safety(parameters: &SceneParameters) -> SafetyFunctions {
-        SafetyFunctions::solve(parameters, &mut |_| ControlFlow::Continue(())).unwrap()
+    fn safety(parameters: &SceneParameters) -> SafetyLevels {
+        SafetyLevels::solve(parameters, &mut |_| ControlFlow::Continue(())).unwrap()
     }
 
-    fn compute(name: &str, history: &[JointState], safety: &SafetyFunctions) -> f64 {
+    fn compute(name: &str, history: &[JointState], safety: &SafetyLevels) -> f64 {
         let feature = FEATURES.iter().find(|feature| feature.name == name).unwrap();
         feature.value(history, safety)
     }

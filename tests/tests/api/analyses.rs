@@ -4,7 +4,7 @@ use reqwest::Method;
 use serde_json::json;
 use sidestep::api::{AnalysisDetail, AnalysisPage, AnalysisState, AnalysisSummary, routes};
 use sidestep::comparison::Request;
-use sidestep::features::SafetyQuality;
+use sidestep::safety::SafetyQuality;
 use sidestep::scene::{Evader, SceneParameters};
 use sidestep::vehicle::{TurnInput, VehicleModel};
 use sidestep_tests::{Answer, Driver, Server, sidestep, upload, upload_with};

@@ -3,8 +3,8 @@
 use reqwest::Method;
 use sha2::{Digest, Sha256};
 use sidestep::api::{StudyInfo, TrainedPredictor, TrialDetail, routes};
-use sidestep::features::safety_function;
 use sidestep::reachability::{ValueFunction, hex};
+use sidestep::safety::value_function;
 use sidestep::scene::{Evader, SceneParameters};
 use sidestep::vehicle::TurnInput;
 use sidestep_tests::server::{SHORT_STUDY, UNEQUAL_STUDY};
@@ -74,7 +74,7 @@ async fn unequal_vehicles_are_solved_and_served() {
         assert_eq!(function.game(), trial.parameters.game(evader));
         // What a browser would come to by itself.
         let game = trial.parameters.game(evader);
-        let here = safety_function(game, &mut |_| ControlFlow::Continue(())).unwrap();
+        let here = value_function(game, &mut |_| ControlFlow::Continue(())).unwrap();
         assert_eq!(here.id(), id);
         for coding in ["br", "gzip"] {
             let request = server.request(Method::GET, &address).header("accept-encoding", coding);

@@ -7,10 +7,10 @@ use crate::people;
 use sidestep::bounds::{
     ActionModel, Algorithm1, BoundsSettings, InputBounds, Motion, Rollout, input_bounds,
 };
-use sidestep::features::SafetyFunctions;
 use sidestep::invalid::Invalid;
 use sidestep::math::SeededRng;
 use sidestep::reach::{PolygonSettings, ReachableSet, Tolerance, Workspace};
+use sidestep::safety::SafetyLevels;
 use sidestep::scene::{JointState, SceneParameters};
 use sidestep::shfrs::guarantee::Guarantee;
 use sidestep::shfrs::prediction::Prediction;
@@ -51,7 +51,7 @@ pub(crate) fn measure(figures: &mut Figures<'_>) -> Result<(), Box<dyn Error>> {
     membership(figures)?;
 
     let parameters = SceneParameters::default();
-    let safety = SafetyFunctions::solve(&parameters, &mut |_| ControlFlow::Continue(()))?;
+    let safety = SafetyLevels::solve(&parameters, &mut |_| ControlFlow::Continue(()))?;
     let (predictor, sample) = people::split(&people::drives()?, 1, &safety, &parameters)?;
     let human = PredictedHuman::new(&predictor, &safety, &parameters)?;
     let moments = moments(&sample.test);

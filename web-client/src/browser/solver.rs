@@ -9,8 +9,8 @@
 use crate::json;
 use crate::runtime::Solving;
 use js_sys::{Array, Uint8Array};
-use sidestep::features::safety_function;
 use sidestep::reachability::{Progress, PursuitGame, ValueFunction};
+use sidestep::safety::value_function;
 use std::ops::ControlFlow;
 use std::rc::Rc;
 use wasm_bindgen::prelude::*;
@@ -102,5 +102,5 @@ fn solved(scope: &DedicatedWorkerGlobalScope) -> Result<ValueFunction, String> {
         }
         ControlFlow::Continue(())
     };
-    safety_function(game, &mut progress).map_err(|error| error.to_string())
+    value_function(game, &mut progress).map_err(|error| error.to_string())
 }

@@ -11,9 +11,9 @@ use crate::shape::{Picture, Shape, Window};
 use crate::view::{Node, el, subscripted};
 use sidestep::api::{TrainedPredictor, TrialDetail};
 use sidestep::bounds::ActionModel as _;
-use sidestep::features::SafetyFunctions;
 use sidestep::invalid::Invalid;
 use sidestep::predict::Predictor;
+use sidestep::safety::SafetyLevels;
 use sidestep::scene::{Evader, JointState};
 use sidestep::shfrs::{PredictedHuman, ShfrsPredictor, ShfrsSettings};
 use sidestep::vehicle::TurnInput;
@@ -22,7 +22,7 @@ use sidestep::vehicle::TurnInput;
 pub struct Replay {
     trial: TrialDetail,
     sources: Sources,
-    safety: Option<SafetyFunctions>,
+    safety: Option<SafetyLevels>,
     /// V_HR and V_RH of each state, m.
     levels: Vec<(f64, f64)>,
     learned: Option<Learned>,
@@ -319,7 +319,7 @@ impl Replay {
         let step = self.step();
         let state = self.state();
         let metres = |value: f64| format!("{value:.2} m").replace('-', "−");
-        let level = |read: fn(&SafetyFunctions, &JointState) -> f64| match &self.safety {
+        let level = |read: fn(&SafetyLevels, &JointState) -> f64| match &self.safety {
             Some(safety) => metres(read(safety, &state)),
             None if self.sources.missing().is_some() => "—".to_owned(),
             None => "…".to_owned(),
@@ -327,8 +327,8 @@ impl Replay {
         let input = self.trial.inputs.get(step).map_or("—", |input| input.word());
         let row = |name: Node, value: String| el("div").child(name).child(el("dd").text(value));
         let facts = el("dl").class("facts").children([
-            row(subscripted("dt", "V", "HR"), level(SafetyFunctions::human_level)),
-            row(subscripted("dt", "V", "RH"), level(SafetyFunctions::robot_level)),
+            row(subscripted("dt", "V", "HR"), level(SafetyLevels::human_level)),
+            row(subscripted("dt", "V", "RH"), level(SafetyLevels::robot_level)),
             row(el("dt").text("distance"), metres(state.distance_m())),
             row(el("dt").text("input"), input.to_owned()),
         ]);

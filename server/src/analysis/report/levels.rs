@@ -3,7 +3,7 @@
 use super::Analysis;
 use super::html::{fixed, listed};
 use super::words;
-use sidestep::features::LevelQuality;
+use sidestep::safety::LevelQuality;
 use sidestep::scene::Evader;
 
 /// A warning for each level that is not sound; nothing where both are.

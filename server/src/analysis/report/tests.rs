@@ -7,7 +7,7 @@ use crate::analysis::{Analysis, Content, latex};
 use resvg::usvg::roxmltree::{self, Document, ParsingOptions};
 use sidestep::comparison::Request;
 use sidestep::comparison::cell::{Experiment, ModelName};
-use sidestep::features::{LevelQuality, SafetyQuality};
+use sidestep::safety::{LevelQuality, SafetyQuality};
 use std::collections::{BTreeMap, BTreeSet};
 
 fn read(html: &str) -> Document<'_> {

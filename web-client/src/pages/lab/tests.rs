@@ -4,8 +4,8 @@ use super::Lab;
 use crate::runtime::{Answer, App, Command, Event, Request, Solving, Surroundings, Tag};
 use crate::shape::{Ink, Shape};
 use sidestep::api::{TrialDetail, TrialSummary, routes};
-use sidestep::features::{SafetyFunctions, safety_function};
 use sidestep::reachability::{PursuitGame, ValueFunction};
+use sidestep::safety::{SafetyLevels, value_function};
 use sidestep::scene::{Evader, Scene, SceneParameters};
 use sidestep::trial::{Phase, outcome, simulate, verify};
 use sidestep::vehicle::{Pose, TurnInput};
@@ -20,9 +20,8 @@ fn unequal() -> SceneParameters {
 }
 
 /// Its functions, solved once for all tests.
-static SOLVED: LazyLock<SafetyFunctions> = LazyLock::new(|| {
-    SafetyFunctions::solve(&unequal(), &mut |_| ControlFlow::Continue(())).unwrap()
-});
+static SOLVED: LazyLock<SafetyLevels> =
+    LazyLock::new(|| SafetyLevels::solve(&unequal(), &mut |_| ControlFlow::Continue(())).unwrap());
 
 fn trial(parameters: SceneParameters, ids: [Option<String>; 2]) -> TrialDetail {
     let scene = Scene::new(&parameters, Pose::new(-8.0, 0.0, 0.0), Pose::new(8.0, 1.0, 3.1));
@@ -292,7 +291,7 @@ fn the_solver_comes_to_what_the_server_has() {
     // What the page is given to solve, solved as the worker does.
     let session = Session::open(&trial(unequal(), [None, None]));
     for (evader, game) in session.solving {
-        let function = safety_function(game, &mut |_| ControlFlow::Continue(())).unwrap();
+        let function = value_function(game, &mut |_| ControlFlow::Continue(())).unwrap();
         assert_eq!(function.id(), SOLVED.of(evader).id());
     }
 }

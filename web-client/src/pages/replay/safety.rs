@@ -4,8 +4,8 @@
 use crate::runtime::{Command, Failure, Request, Solving, Tag};
 use crate::view::{Node, el};
 use sidestep::api::{TrialDetail, routes};
-use sidestep::features::SafetyFunctions;
 use sidestep::reachability::ValueFunction;
+use sidestep::safety::SafetyLevels;
 use sidestep::scene::Evader;
 
 /// The functions of both roles, or how far each has come.
@@ -135,7 +135,7 @@ impl Sources {
     }
 
     /// Both functions, once they are here.
-    pub(super) fn functions(&self) -> Option<SafetyFunctions> {
+    pub(super) fn functions(&self) -> Option<SafetyLevels> {
         let known = |source: &Source| match &source.state {
             State::Known(function) => Some(function.clone()),
             _ => None,
@@ -145,7 +145,7 @@ impl Sources {
             Some(robot) => known(robot)?,
             None => human.clone(),
         };
-        Some(SafetyFunctions { human, robot })
+        Some(SafetyLevels { human, robot })
     }
 
     /// Why there will be no functions, if one did not come.

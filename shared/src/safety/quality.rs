@@ -1,6 +1,6 @@
 //! How far safety levels can be trusted to tell states apart.
 
-use super::SafetyFunctions;
+use super::SafetyLevels;
 use crate::reachability::{PursuitGame, QUANTUM_M, ValueFunction};
 use crate::scene::Evader;
 use serde::{Deserialize, Serialize};
@@ -71,7 +71,7 @@ pub struct SafetyQuality {
 impl SafetyQuality {
     /// Of the levels that `safety` gives: V_HR and V_RH in the steps, m.
     #[must_use]
-    pub fn of(safety: &SafetyFunctions, [human, robot]: [&[f64]; 2]) -> Self {
+    pub fn of(safety: &SafetyLevels, [human, robot]: [&[f64]; 2]) -> Self {
         Self {
             v_hr: LevelQuality::of(&safety.human, human),
             v_rh: LevelQuality::of(&safety.robot, robot),
@@ -88,7 +88,7 @@ impl SafetyQuality {
     }
 }
 
-impl SafetyFunctions {
+impl SafetyLevels {
     /// What there is to say of functions that did not settle: a sentence or two of each, with its
     /// game and what it means.
     #[must_use]
@@ -127,13 +127,13 @@ mod tests {
     use crate::scene::SceneParameters;
     use core::ops::ControlFlow;
 
-    fn equal() -> SafetyFunctions {
-        SafetyFunctions::solve(&SceneParameters::default(), &mut |_| ControlFlow::Continue(()))
+    fn equal() -> SafetyLevels {
+        SafetyLevels::solve(&SceneParameters::default(), &mut |_| ControlFlow::Continue(()))
             .unwrap()
     }
 
     /// V_RH of a slower robot that turns better, broken off after few sweeps over a small grid.
-    fn broken_off() -> SafetyFunctions {
+    fn broken_off() -> SafetyLevels {
         let game = PursuitGame {
             evader: Player { speed_mps: 1.5, turn_rate_radps: 0.8 },
             pursuer: Player { speed_mps: 2.0, turn_rate_radps: 0.5 },
@@ -149,7 +149,7 @@ mod tests {
             polar::solve::<f32>(&game, &settings, &mut |_| ControlFlow::Continue(())).unwrap();
         assert!(!solution.converged);
         let sampled = crate::reachability::SampledValue::from_polar(game, &solution).unwrap();
-        SafetyFunctions { robot: ValueFunction::Sampled(sampled.into()), ..equal() }
+        SafetyLevels { robot: ValueFunction::Sampled(sampled.into()), ..equal() }
     }
 
     #[test]
