@@ -18,9 +18,10 @@ use sidestep::reachability::cartesian::{
     Direction, Horizon, Kind, Problem, Region, Settings, solve,
 };
 use sidestep::reachability::{
-    self, Axis, CurveSettings, ExactValue, Grid, Method, Options, Player, PursuitGame,
-    RelativeDubins, Scheme, ValueFunction,
+    self, Axis, CurveSettings, ExactValue, Grid, Method, Options, PursuitGame, RelativeDubins,
+    Scheme, ValueFunction,
 };
+use sidestep::vehicle::VehicleModel;
 
 /// What is compared: measurement and baseline. More than 1 means faster than the baseline.
 const RATIOS: &[(&str, &str)] = &[
@@ -106,8 +107,8 @@ fn curves(function: &ValueFunction) {
 
 /// The paper's game by the polar solver, to 40 m, and what is made of it.
 fn sampled(criterion: &mut Criterion, fastest: &mut Fastest) {
-    let player = Player { speed_mps: 2.0, turn_rate_radps: 0.5 };
-    let game = PursuitGame { evader: player, pursuer: player, radius_m: 3.0 };
+    let vehicle = VehicleModel { speed_mps: 2.0, turn_rate_radps: 0.5 };
+    let game = PursuitGame { evader: vehicle, pursuer: vehicle, radius_m: 3.0 };
     let options =
         Options { method: Some(Method::Polar), range_m: Some(40.0), ..Options::default() };
     let solve = || {
@@ -138,8 +139,8 @@ fn sampled(criterion: &mut Criterion, fastest: &mut Fastest) {
 
 /// Mitchell's game on 51×40×50 nodes over 2.8 s.
 fn cartesian(criterion: &mut Criterion, fastest: &mut Fastest) {
-    let player = Player { speed_mps: 5.0, turn_rate_radps: 1.0 };
-    let game = PursuitGame { evader: player, pursuer: player, radius_m: 5.0 };
+    let vehicle = VehicleModel { speed_mps: 5.0, turn_rate_radps: 1.0 };
+    let game = PursuitGame { evader: vehicle, pursuer: vehicle, radius_m: 5.0 };
     let target = |state| game.target(state);
     let axes = [
         Axis::bounded(-6.0, 20.0, 51),

@@ -23,7 +23,7 @@ pub use game::{Game, TERMS};
 pub use games::{DoubleIntegrator, DubinsCar, RelativeDubins};
 pub use grid::{Axis, Boundary, Grid};
 pub use level_set::{CurveSettings, radial_level_curve};
-pub use pursuit::{Player, PursuitGame};
+pub use pursuit::PursuitGame;
 pub use sampled::{Nodes, SampledState, SampledValue};
 pub use scheme::Scheme;
 pub use solve::{Accuracy, CartesianGrid, Method, Options, Precision, Solved, solve};

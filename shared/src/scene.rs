@@ -2,7 +2,7 @@
 
 use crate::invalid::{Invalid, positive};
 use crate::math::{PI, SeededRng, TAU, hypot, sin_cos, wrap_angle};
-use crate::reachability::{Player, PursuitGame};
+use crate::reachability::PursuitGame;
 use crate::vehicle::dubins::relative_state;
 use crate::vehicle::{Pose, TurnInput, VehicleModel};
 use serde::{Deserialize, Serialize};
@@ -64,14 +64,9 @@ impl SceneParameters {
     /// same play the same game in both roles.
     #[must_use]
     pub fn game(&self, evader: Evader) -> PursuitGame {
-        let player = |vehicle: VehicleModel| Player {
-            speed_mps: vehicle.speed_mps,
-            turn_rate_radps: vehicle.turn_rate_radps,
-        };
-        let (human, robot) = (player(self.human), player(self.robot));
         let (evader, pursuer) = match evader {
-            Evader::Human => (human, robot),
-            Evader::Robot => (robot, human),
+            Evader::Human => (self.human, self.robot),
+            Evader::Robot => (self.robot, self.human),
         };
         PursuitGame { evader, pursuer, radius_m: self.danger_radius_m }
     }

@@ -4,15 +4,16 @@
 
 use core::ops::ControlFlow;
 use peak_alloc::PeakAlloc;
-use sidestep::reachability::{Player, PursuitGame, polar};
+use sidestep::reachability::{PursuitGame, polar};
+use sidestep::vehicle::VehicleModel;
 
 #[global_allocator]
 static MEMORY: PeakAlloc = PeakAlloc;
 
 #[test]
 fn the_polar_solver_takes_three_arrays_of_its_grid() {
-    let player = Player { speed_mps: 2.0, turn_rate_radps: 0.5 };
-    let game = PursuitGame { evader: player, pursuer: player, radius_m: 3.0 };
+    let vehicle = VehicleModel { speed_mps: 2.0, turn_rate_radps: 0.5 };
+    let game = PursuitGame { evader: vehicle, pursuer: vehicle, radius_m: 3.0 };
     let settings = polar::Settings::default();
     let grid = settings.range_nodes * settings.angle_nodes * settings.angle_nodes;
     MEMORY.reset_peak_usage();

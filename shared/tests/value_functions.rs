@@ -6,14 +6,16 @@ use core::ops::ControlFlow;
 use sidestep::math::{PI, SeededRng, TAU, atan2, hypot, sin_cos};
 use sidestep::reachability::polar;
 use sidestep::reachability::{
-    Accuracy, CartesianGrid, CurveSettings, Method, Nodes, Options, Player, Precision, PursuitGame,
+    Accuracy, CartesianGrid, CurveSettings, Method, Nodes, Options, Precision, PursuitGame,
     SampledValue, Scheme, SolveError, Solved, ValueFunction, solve,
 };
+use sidestep::vehicle::VehicleModel;
 use std::sync::OnceLock;
 
 fn game(evader: [f64; 2], pursuer: [f64; 2], radius_m: f64) -> PursuitGame {
-    let player = |[speed_mps, turn_rate_radps]: [f64; 2]| Player { speed_mps, turn_rate_radps };
-    PursuitGame { evader: player(evader), pursuer: player(pursuer), radius_m }
+    let vehicle =
+        |[speed_mps, turn_rate_radps]: [f64; 2]| VehicleModel { speed_mps, turn_rate_radps };
+    PursuitGame { evader: vehicle(evader), pursuer: vehicle(pursuer), radius_m }
 }
 
 fn paper() -> PursuitGame {

@@ -3,7 +3,8 @@
 use super::CommandError;
 use super::solving::{self, Interrupt, flagged};
 use crate::formats::npz;
-use sidestep::reachability::{Accuracy, Options, Player, PursuitGame, ValueFunction};
+use sidestep::reachability::{Accuracy, Options, PursuitGame, ValueFunction};
+use sidestep::vehicle::VehicleModel;
 use std::fs::File;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
@@ -39,10 +40,10 @@ impl GameArgs {
     /// # Errors
     /// [`CommandError::Input`] naming the flag that is not a finite number > 0.
     pub fn game(self) -> Result<PursuitGame, CommandError> {
-        let player = |speed_mps, turn_rate_radps| Player { speed_mps, turn_rate_radps };
+        let vehicle = |speed_mps, turn_rate_radps| VehicleModel { speed_mps, turn_rate_radps };
         let game = PursuitGame {
-            evader: player(self.evader_speed, self.evader_turn_rate),
-            pursuer: player(self.pursuer_speed, self.pursuer_turn_rate),
+            evader: vehicle(self.evader_speed, self.evader_turn_rate),
+            pursuer: vehicle(self.pursuer_speed, self.pursuer_turn_rate),
             radius_m: self.radius,
         };
         game.check().map_err(flagged)

@@ -6,7 +6,6 @@ use super::solving::flagged;
 use crate::formats::trials_csv::{self, Contents, FileTrial, Person};
 use sidestep::invalid::Invalid;
 use sidestep::math::{hypot, sinc};
-use sidestep::reachability::Player;
 use sidestep::scene::{JointState, SceneParameters};
 use sidestep::trial::Phase;
 use sidestep::vehicle::{Pose, VehicleModel};
@@ -35,13 +34,9 @@ impl SceneArgs {
     /// [`CommandError::Input`] naming the flag that is wrong.
     pub(super) fn scene(self) -> Result<SceneParameters, CommandError> {
         let game = self.game.game()?;
-        let vehicle = |player: Player| VehicleModel {
-            speed_mps: player.speed_mps,
-            turn_rate_radps: player.turn_rate_radps,
-        };
         let scene = SceneParameters {
-            human: vehicle(game.evader),
-            robot: vehicle(game.pursuer),
+            human: game.evader,
+            robot: game.pursuer,
             danger_radius_m: game.radius_m,
             step_s: self.step,
             steps: self.trial_steps,

@@ -331,13 +331,14 @@ fn values<R: Read + Seek, T: npyz::AutoSerialize + npyz::Deserialize>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use sidestep::reachability::{CartesianGrid, Options, Player, Precision, Scheme, solve};
+    use sidestep::reachability::{CartesianGrid, Options, Precision, Scheme, solve};
+    use sidestep::vehicle::VehicleModel;
     use std::io::Cursor;
     use std::ops::ControlFlow;
 
     fn game(pursuer_turn_rate_radps: f64) -> PursuitGame {
-        let evader = Player { speed_mps: 2.0, turn_rate_radps: 0.5 };
-        let pursuer = Player { speed_mps: 2.0, turn_rate_radps: pursuer_turn_rate_radps };
+        let evader = VehicleModel { speed_mps: 2.0, turn_rate_radps: 0.5 };
+        let pursuer = VehicleModel { speed_mps: 2.0, turn_rate_radps: pursuer_turn_rate_radps };
         PursuitGame { evader, pursuer, radius_m: 3.0 }
     }
 

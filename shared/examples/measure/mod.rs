@@ -8,12 +8,13 @@ use sidestep::math::TAU;
 use sidestep::reachability::cartesian::{
     Direction, Horizon, Kind, Problem, Region, Settings, Solution, solve,
 };
-use sidestep::reachability::{Axis, ExactValue, Grid, Player, PursuitGame, RelativeDubins};
+use sidestep::reachability::{Axis, ExactValue, Grid, PursuitGame, RelativeDubins};
+use sidestep::vehicle::VehicleModel;
 
 /// *mitchell*: Mitchell, Bayen and Tomlin (2005).
 pub(crate) const MITCHELL: PursuitGame = {
-    let player = Player { speed_mps: 5.0, turn_rate_radps: 1.0 };
-    PursuitGame { evader: player, pursuer: player, radius_m: 5.0 }
+    let vehicle = VehicleModel { speed_mps: 5.0, turn_rate_radps: 1.0 };
+    PursuitGame { evader: vehicle, pursuer: vehicle, radius_m: 5.0 }
 };
 /// Seconds of the game that peers solve. Optimal play ends within π s.
 pub(crate) const HORIZON_S: f64 = 2.8;

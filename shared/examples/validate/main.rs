@@ -19,14 +19,15 @@ use std::error::Error;
 use std::ops::ControlFlow;
 
 use serde::Serialize;
-use sidestep::reachability::{Options, Player, PursuitGame, Solved, solve};
+use sidestep::reachability::{Options, PursuitGame, Solved, solve};
+use sidestep::vehicle::VehicleModel;
 
 use measure::MITCHELL;
 
 /// The game of the study: v = 2 m/s, ω = 0.5 rad/s, R = 3 m, both.
 const PAPER: PursuitGame = {
-    let player = Player { speed_mps: 2.0, turn_rate_radps: 0.5 };
-    PursuitGame { evader: player, pursuer: player, radius_m: 3.0 }
+    let vehicle = VehicleModel { speed_mps: 2.0, turn_rate_radps: 0.5 };
+    PursuitGame { evader: vehicle, pursuer: vehicle, radius_m: 3.0 }
 };
 
 /// Everything that the page says.

@@ -5,7 +5,8 @@ use std::error::Error;
 
 use serde::Serialize;
 use sidestep::math::{exp, sin_cos};
-use sidestep::reachability::{Accuracy, Method, Nodes, Options, Player, PursuitGame, Solved};
+use sidestep::reachability::{Accuracy, Method, Nodes, Options, PursuitGame, Solved};
+use sidestep::vehicle::VehicleModel;
 
 use crate::errors::{Errors, random_states};
 use crate::{PAPER, solved};
@@ -129,7 +130,7 @@ pub(crate) struct Chase {
 
 /// Measures how slowly a long chase converges.
 pub(crate) fn chase() -> Result<Chase, Box<dyn Error>> {
-    let faster = Player { speed_mps: 1.05 * PAPER.pursuer.speed_mps, ..PAPER.pursuer };
+    let faster = VehicleModel { speed_mps: 1.05 * PAPER.pursuer.speed_mps, ..PAPER.pursuer };
     let [equal, chase] = [PAPER, PursuitGame { pursuer: faster, ..PAPER }]
         .map(|game| by_polar(game, Accuracy::Standard).map(|s| (s.steps, s.residual)));
     let most_sweeps = sidestep::reachability::polar::Settings::default().most_sweeps;

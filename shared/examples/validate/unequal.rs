@@ -3,17 +3,16 @@
 use std::error::Error;
 
 use serde::Serialize;
-use sidestep::reachability::{
-    Accuracy, CartesianGrid, Options, Player, Precision, PursuitGame, Scheme,
-};
+use sidestep::reachability::{Accuracy, CartesianGrid, Options, Precision, PursuitGame, Scheme};
+use sidestep::vehicle::VehicleModel;
 
 use crate::errors::{Errors, numbers, random_states};
 use crate::polar::{STATES, by_polar};
 use crate::solved;
 
 const GAME: PursuitGame = PursuitGame {
-    evader: Player { speed_mps: 2.0, turn_rate_radps: 0.5 },
-    pursuer: Player { speed_mps: 1.5, turn_rate_radps: 0.8 },
+    evader: VehicleModel { speed_mps: 2.0, turn_rate_radps: 0.5 },
+    pursuer: VehicleModel { speed_mps: 1.5, turn_rate_radps: 0.8 },
     radius_m: 3.0,
 };
 

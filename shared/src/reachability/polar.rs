@@ -25,11 +25,12 @@ mod level;
 mod sweep;
 
 use super::grid::check_memory;
-use super::pursuit::{Player, PursuitGame};
+use super::pursuit::PursuitGame;
 use super::{Progress, SolveError};
 use crate::invalid::{Invalid, positive};
 use crate::math::{exp, ln, power_of_two_near};
 use crate::real::Real;
+use crate::vehicle::VehicleModel;
 use core::ops::ControlFlow;
 use level::{Evader, Level};
 
@@ -156,30 +157,30 @@ pub fn solve<T: Real>(
     // The half turn and its copy, the full turn of the sheet and its copy.
     check_memory(nodes, 6, size_of::<T>(), settings.memory_limit_bytes)?;
 
-    // Lengths in units of about R/3 and time so that the faster player has a speed
+    // Lengths in units of about R/3 and time so that the faster vehicle has a speed
     // between 1 and 2: what is small is small for any vehicle, and powers of two round
     // nothing.
     let unit = game.length_unit_m();
     let fastest = game.evader.speed_mps.max(game.pursuer.speed_mps) / unit;
     let rate = power_of_two_near(fastest);
-    let scaled = |player: Player| Player {
-        speed_mps: player.speed_mps / unit / rate,
-        turn_rate_radps: player.turn_rate_radps / rate,
+    let scaled = |vehicle: VehicleModel| VehicleModel {
+        speed_mps: vehicle.speed_mps / unit / rate,
+        turn_rate_radps: vehicle.turn_rate_radps / rate,
     };
     let small = PursuitGame {
         evader: scaled(game.evader),
         pursuer: scaled(game.pursuer),
         radius_m: game.radius_m / unit,
     };
-    for (name, player) in [("evader", small.evader), ("pursuer", small.pursuer)] {
+    for (name, vehicle) in [("evader", small.evader), ("pursuer", small.pursuer)] {
         let smallest = f64::from(f32::MIN_POSITIVE);
-        if player.speed_mps < smallest || player.turn_rate_radps < smallest {
+        if vehicle.speed_mps < smallest || vehicle.turn_rate_radps < smallest {
             let expected = "a speed and a turn rate that single precision can tell from zero \
-                            beside those of the other player";
+                            beside those of the other vehicle";
             let found = format!(
                 "{} m/s, {} rad/s",
-                player.speed_mps * unit * rate,
-                player.turn_rate_radps * rate
+                vehicle.speed_mps * unit * rate,
+                vehicle.turn_rate_radps * rate
             );
             return Err(Invalid::new(name, expected, found).into());
         }

@@ -3,26 +3,17 @@
 use super::exact::ExactValue;
 use crate::invalid::{Invalid, positive};
 use crate::math::{hypot, power_of_two_near, sin_cos};
+use crate::vehicle::VehicleModel;
 use serde::{Deserialize, Serialize};
-
-/// What one player can do.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Player {
-    /// Constant speed, m/s.
-    pub speed_mps: f64,
-    /// Largest turn rate either way, rad/s.
-    pub turn_rate_radps: f64,
-}
 
 /// An evader, a pursuer and the range at which the evader is caught.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PursuitGame {
     /// Maximises the least range.
-    pub evader: Player,
+    pub evader: VehicleModel,
     /// Minimises the least range.
-    pub pursuer: Player,
+    pub pursuer: VehicleModel,
     /// Danger radius R, m.
     pub radius_m: f64,
 }
@@ -33,10 +24,8 @@ impl PursuitGame {
     /// # Errors
     /// [`Invalid`] naming the one that is not a finite number > 0.
     pub fn check(self) -> Result<Self, Invalid> {
-        for (name, player) in [("evader", self.evader), ("pursuer", self.pursuer)] {
-            positive("speed_mps", player.speed_mps).map_err(|e| e.within(name))?;
-            positive("turn_rate_radps", player.turn_rate_radps).map_err(|e| e.within(name))?;
-        }
+        self.evader.check().map_err(|e| e.within("evader"))?;
+        self.pursuer.check().map_err(|e| e.within("pursuer"))?;
         positive("radius_m", self.radius_m)?;
         Ok(self)
     }
@@ -48,7 +37,7 @@ impl PursuitGame {
         power_of_two_near(self.radius_m / 3.0)
     }
 
-    /// Whether both players can do the same, so that the closed form applies.
+    /// Whether both vehicles can do the same, so that the closed form applies.
     #[must_use]
     pub fn identical(&self) -> bool {
         self.evader == self.pursuer
@@ -57,12 +46,12 @@ impl PursuitGame {
     /// The closed form of this game.
     ///
     /// # Errors
-    /// [`Invalid`] if the players differ or a parameter is not finite and > 0.
+    /// [`Invalid`] if the vehicles differ or a parameter is not finite and > 0.
     pub fn exact(self) -> Result<ExactValue, Invalid> {
         self.check()?;
         if !self.identical() {
-            let Player { speed_mps: v, turn_rate_radps: w } = self.pursuer;
-            let Player { speed_mps: ve, turn_rate_radps: we } = self.evader;
+            let VehicleModel { speed_mps: v, turn_rate_radps: w } = self.pursuer;
+            let VehicleModel { speed_mps: ve, turn_rate_radps: we } = self.evader;
             return Err(Invalid::new(
                 "method",
                 "polar or cartesian, since there is no closed form unless evader and pursuer \

@@ -11,6 +11,7 @@ use super::value_function::ValueFunction;
 use super::{MEMORY_LIMIT_BYTES, Progress, SolveError, default_threads};
 use crate::invalid::{Invalid, positive};
 use crate::math::{PI, TAU};
+use crate::vehicle::VehicleModel;
 use core::ops::ControlFlow;
 use std::sync::Arc;
 
@@ -295,7 +296,7 @@ fn settled(game: &PursuitGame) -> f64 {
 
 /// Turning radius of the wider turning vehicle, m.
 fn widest_turn(game: &PursuitGame) -> f64 {
-    let radius = |player: super::Player| player.speed_mps / player.turn_rate_radps;
+    let radius = |vehicle: VehicleModel| vehicle.speed_mps / vehicle.turn_rate_radps;
     radius(game.evader).max(radius(game.pursuer))
 }
 

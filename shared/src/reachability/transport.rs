@@ -236,12 +236,12 @@ fn take(octets: &mut &[u8]) -> Option<u64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::reachability::pursuit::Player;
+    use crate::vehicle::VehicleModel;
 
     fn sampled() -> ValueFunction {
         let game = PursuitGame {
-            evader: Player { speed_mps: 2.0, turn_rate_radps: 0.5 },
-            pursuer: Player { speed_mps: 1.5, turn_rate_radps: 0.8 },
+            evader: VehicleModel { speed_mps: 2.0, turn_rate_radps: 0.5 },
+            pursuer: VehicleModel { speed_mps: 1.5, turn_rate_radps: 0.8 },
             radius_m: 3.0,
         };
         let nodes = Nodes::Polar { knee_m: 3.0, range_m: 40.0, range_nodes: 9, angle_nodes: 12 };

@@ -3,11 +3,12 @@
 use super::contour::{Lattice, closed_curves};
 use super::exact::ExactValue;
 use super::level_set::{CurveSettings, radial_level_curve};
-use super::pursuit::{Player, PursuitGame};
+use super::pursuit::PursuitGame;
 use super::sampled::{SampledState, SampledValue, Slice};
 use super::transport;
 use crate::invalid::Invalid;
 use crate::math::{TAU, hypot, sin_cos};
+use crate::vehicle::VehicleModel;
 use sha2::{Digest, Sha256};
 use std::sync::Arc;
 
@@ -44,11 +45,11 @@ impl ValueFunction {
     pub fn game(&self) -> PursuitGame {
         match self {
             Self::Exact(exact) => {
-                let player = Player {
+                let vehicle = VehicleModel {
                     speed_mps: exact.speed_mps(),
                     turn_rate_radps: exact.turn_rate_radps(),
                 };
-                PursuitGame { evader: player, pursuer: player, radius_m: exact.radius_m() }
+                PursuitGame { evader: vehicle, pursuer: vehicle, radius_m: exact.radius_m() }
             }
             Self::Sampled(sampled) => sampled.game(),
         }
@@ -78,7 +79,7 @@ impl ValueFunction {
         }
     }
 
-    /// Value, gradient and both players' optimal turns.
+    /// Value, gradient and both vehicles' optimal turns.
     #[must_use]
     pub fn state(&self, relative: [f64; 3]) -> ValueState {
         if !relative.iter().all(|coordinate| coordinate.is_finite()) {

@@ -123,8 +123,9 @@ impl SafetyLevels {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::reachability::{Player, Solved, polar, solve};
+    use crate::reachability::{Solved, polar, solve};
     use crate::scene::SceneParameters;
+    use crate::vehicle::VehicleModel;
     use core::ops::ControlFlow;
 
     fn equal() -> SafetyLevels {
@@ -135,8 +136,8 @@ mod tests {
     /// V_RH of a slower robot that turns better, broken off after few sweeps over a small grid.
     fn broken_off() -> SafetyLevels {
         let game = PursuitGame {
-            evader: Player { speed_mps: 1.5, turn_rate_radps: 0.8 },
-            pursuer: Player { speed_mps: 2.0, turn_rate_radps: 0.5 },
+            evader: VehicleModel { speed_mps: 1.5, turn_rate_radps: 0.8 },
+            pursuer: VehicleModel { speed_mps: 2.0, turn_rate_radps: 0.5 },
             radius_m: 3.0,
         };
         let settings = polar::Settings {

@@ -22,9 +22,10 @@ use sidestep::reachability::cartesian::{
     Direction, Horizon, Kind, Problem, Region, Settings, Solution, solve,
 };
 use sidestep::reachability::{
-    Axis, Boundary, DoubleIntegrator, Game, Grid, Player, PursuitGame, Real, RelativeDubins,
-    Scheme, SolveError, TERMS,
+    Axis, Boundary, DoubleIntegrator, Game, Grid, PursuitGame, Real, RelativeDubins, Scheme,
+    SolveError, TERMS,
 };
+use sidestep::vehicle::VehicleModel;
 use steepening::{SECONDS, Steepening, exact};
 
 const BACKWARD: Direction = Direction::Backward;

@@ -127,9 +127,9 @@ pub(crate) fn zero_level_errors(
 /// Mitchell, Bayen and Tomlin 2005 (air3D), as peers solve it.
 #[test]
 fn the_pursuit_game_has_its_volume_and_its_zero_level() {
-    let player = Player { speed_mps: 5.0, turn_rate_radps: 1.0 };
-    let game = PursuitGame { evader: player, pursuer: player, radius_m: 5.0 };
-    let exact = game.exact().expect("identical players");
+    let vehicle = VehicleModel { speed_mps: 5.0, turn_rate_radps: 1.0 };
+    let game = PursuitGame { evader: vehicle, pursuer: vehicle, radius_m: 5.0 };
+    let exact = game.exact().expect("identical vehicles");
     let axes = [
         Axis::bounded(-6.0, 20.0, 51),
         Axis::bounded(-10.0, 10.0, 40),

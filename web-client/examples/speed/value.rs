@@ -2,9 +2,8 @@
 
 use super::Figures;
 use sidestep::math::{SeededRng, TAU};
-use sidestep::reachability::{
-    self, CurveSettings, ExactValue, Method, Options, Player, PursuitGame,
-};
+use sidestep::reachability::{self, CurveSettings, ExactValue, Method, Options, PursuitGame};
+use sidestep::vehicle::VehicleModel;
 use std::error::Error;
 use std::hint::black_box;
 use std::ops::ControlFlow;
@@ -15,8 +14,8 @@ const CURVES: usize = 24;
 const STATES: usize = 4096;
 
 pub(crate) fn measure(figures: &mut Figures<'_>) -> Result<(), Box<dyn Error>> {
-    let player = Player { speed_mps: 2.0, turn_rate_radps: 0.5 };
-    let game = PursuitGame { evader: player, pursuer: player, radius_m: 3.0 };
+    let vehicle = VehicleModel { speed_mps: 2.0, turn_rate_radps: 0.5 };
+    let game = PursuitGame { evader: vehicle, pursuer: vehicle, radius_m: 3.0 };
     let options = Options {
         method: Some(Method::Polar),
         range_m: Some(40.0),
