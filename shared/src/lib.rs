@@ -74,6 +74,7 @@ mod real;
 mod parallel;
 mod each;
 pub mod stats;
+pub mod chart;
 pub mod vehicle;
 pub mod reachability;
 pub mod scene;

@@ -1,0 +1,149 @@
+//! The colours of pages, charts and pictures.
+//!
+//! `static/style.css` declares the same colours under the same names as custom properties; a test
+//! compares the two.
+
+/// A colour: one of the design, with its value on light and on dark ground, or any other.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Colour {
+    /// Its custom property in the style sheet, without the dashes.
+    pub name: Option<&'static str>,
+    /// Red, green and blue on light ground.
+    pub light: [u8; 3],
+    /// Red, green and blue on dark ground.
+    pub dark: [u8; 3],
+}
+
+/// A colour with an opacity.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ink {
+    /// Which colour.
+    pub colour: Colour,
+    /// 0 to 1.
+    pub opacity: f64,
+}
+
+const fn rgb(hex: u32) -> [u8; 3] {
+    [(hex >> 16) as u8, (hex >> 8) as u8, hex as u8]
+}
+
+const fn named(name: &'static str, light: u32, dark: u32) -> Colour {
+    Colour { name: Some(name), light: rgb(light), dark: rgb(dark) }
+}
+
+/// What charts are drawn on.
+pub const SURFACE: Colour = named("surface", 0xff_ffff, 0x1d_2024);
+/// Frames and zero lines.
+pub const LINE: Colour = named("line", 0xe4_e2dd, 0x30_343a);
+/// Grid lines.
+pub const GRID: Colour = named("grid", 0xef_edea, 0x21_2429);
+/// Words.
+pub const TEXT: Colour = named("text", 0x1c_1e22, 0xec_eef1);
+/// Words and lines of less weight.
+pub const MUTED: Colour = named("muted", 0x6a_6d73, 0x9a_a0a8);
+/// What stands out.
+pub const ACCENT: Colour = named("accent", 0x2d_6fe0, 0x7a_a7ff);
+/// The human's vehicle.
+pub const HUMAN: Colour = named("human", 0x2d_6fe0, 0x6e_a0ff);
+/// The robot's vehicle.
+pub const ROBOT: Colour = named("robot", 0xe0_453a, 0xff_6a5e);
+/// Predicted regions from the innermost outwards: red, yellow, green, blue, purple, as in the
+/// paper.
+pub const REGIONS: [Colour; 5] = [
+    named("region-1", 0xe2_504a, 0xe4_574f),
+    named("region-2", 0xe6_bd3c, 0xdf_b73f),
+    named("region-3", 0x46_a063, 0x41_9a5e),
+    named("region-4", 0x44_77d3, 0x45_76d0),
+    named("region-5", 0x93_67cf, 0x86_59c4),
+];
+/// Series that are compared: blue, vermilion, green, purple, ochre and slate after Okabe and Ito
+/// (2008), dark enough for words on light ground. Most people tell them apart.
+pub const SERIES: [Colour; 6] = [
+    named("series-1", 0x00_72b2, 0x5c_b8f0),
+    named("series-2", 0xc0_5600, 0xf0_a13c),
+    named("series-3", 0x00_795a, 0x3f_cf9f),
+    named("series-4", 0xa0_347a, 0xe5_8cc6),
+    named("series-5", 0x8a_6500, 0xe3_cb52),
+    named("series-6", 0x4a_5a78, 0xa9_b8d8),
+];
+/// The deepest tone of a map.
+pub const MAP: Colour = named("map", 0x6a_3fb0, 0xb7_9bf0);
+
+impl Colour {
+    /// A colour that is not of the design, such as a tone of a shaded surface.
+    #[must_use]
+    pub const fn rgb([red, green, blue]: [u8; 3]) -> Self {
+        Self { name: None, light: [red, green, blue], dark: [red, green, blue] }
+    }
+
+    /// The colour that is `share` (0 to 1) of the way to another.
+    #[must_use]
+    pub fn towards(self, other: Self, share: f64) -> Self {
+        let mix = |a: [u8; 3], b: [u8; 3]| {
+            [0, 1, 2].map(|c| {
+                let (a, b) = (f64::from(a[c]), f64::from(b[c]));
+                (a + share.clamp(0.0, 1.0) * (b - a)).round() as u8
+            })
+        };
+        Self { name: None, light: mix(self.light, other.light), dark: mix(self.dark, other.dark) }
+    }
+
+    /// With an opacity from 0 to 1.
+    #[must_use]
+    pub const fn at(self, opacity: f64) -> Ink {
+        Ink { colour: self, opacity }
+    }
+}
+
+impl From<Colour> for Ink {
+    fn from(colour: Colour) -> Self {
+        colour.at(1.0)
+    }
+}
+
+/// The colour of region `j`, from 0, of `count`: red inside, purple outside; blends of neighbours
+/// where there are more regions than colours.
+#[must_use]
+pub fn region(j: usize, count: usize) -> Colour {
+    if count <= REGIONS.len() {
+        return REGIONS[j.min(REGIONS.len() - 1)];
+    }
+    let at = (REGIONS.len() - 1) as f64 * j as f64 / (count - 1) as f64;
+    let from = (at as usize).min(REGIONS.len() - 2);
+    let share = at - from as f64;
+    match share {
+        0.0 => REGIONS[from],
+        1.0 => REGIONS[from + 1],
+        _ => REGIONS[from].towards(REGIONS[from + 1], share),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_style_sheet_has_the_same_colours() {
+        let style = include_str!("../../../static/style.css");
+        let (light, dark) = style.split_once("prefers-color-scheme: dark").unwrap();
+        let dark = dark.split_once("*, *::before").unwrap().0;
+        let single = [SURFACE, LINE, GRID, TEXT, MUTED, ACCENT, HUMAN, ROBOT, MAP];
+        for colour in single.into_iter().chain(REGIONS).chain(SERIES) {
+            let name = colour.name.unwrap();
+            for (sheet, [r, g, b]) in [(light, colour.light), (dark, colour.dark)] {
+                let line = format!("--{name}: #{r:02x}{g:02x}{b:02x};");
+                assert!(sheet.contains(&line), "static/style.css: expected {line}");
+            }
+        }
+    }
+
+    #[test]
+    fn more_regions_than_colours_are_blends() {
+        assert_eq!(
+            [region(0, 9), region(4, 9), region(8, 9)],
+            [REGIONS[0], REGIONS[2], REGIONS[4]]
+        );
+        assert_eq!(region(1, 9).light, [0xe4, 0x87, 0x43]);
+        assert_eq!(region(2, 3), REGIONS[2]);
+    }
+}

@@ -1,0 +1,502 @@
+//! A chart: two axes and what is between them.
+
+use super::axis::{Axis, Tick, fixed, number};
+use super::clip::{line_inside, polygon_inside};
+use super::colours::{ACCENT, GRID, LINE, MUTED, SURFACE, TEXT};
+use super::drawing::{Align, Drawing, Pen, Point};
+use super::layers::{Area, Cells, Layer, Note, Series, Swarm};
+use super::legend::LegendItem;
+use super::text::width_of;
+
+/// A chart as data.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Chart {
+    /// Above it.
+    pub title: String,
+    /// What it shows, for readers who do not see it.
+    pub description: String,
+    /// To the right.
+    pub x: Axis,
+    /// Upwards.
+    pub y: Axis,
+    /// From the lowest to the topmost.
+    pub layers: Vec<Layer>,
+}
+
+/// Where the axes of a chart are in a drawing, px.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Frame {
+    /// From the left of the drawing.
+    pub left: f64,
+    /// From its top.
+    pub top: f64,
+    /// Of the x axis.
+    pub width: f64,
+    /// Of the y axis.
+    pub height: f64,
+}
+
+/// Numbers as text, for readers who do not see a chart.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Table {
+    /// The chart's title.
+    pub caption: String,
+    /// Names of the columns, with their units.
+    pub columns: Vec<String>,
+    /// As many entries each as there are columns; the first one heads the row.
+    pub rows: Vec<Vec<String>>,
+}
+
+/// px.
+const TICK_LETTERS: f64 = 11.0;
+const NAME_LETTERS: f64 = 11.5;
+const TITLE_LETTERS: f64 = 13.0;
+
+impl Chart {
+    /// With axes and nothing between them.
+    #[must_use]
+    pub fn new(title: &str, description: &str, x: Axis, y: Axis) -> Self {
+        let (title, description) = (title.to_owned(), description.to_owned());
+        Self { title, description, x, y, layers: Vec::new() }
+    }
+
+    /// A layer on top of the others.
+    pub fn add(&mut self, layer: impl Into<Layer>) {
+        self.layers.push(layer.into());
+    }
+
+    /// A drawing of this size, px, with just the room that the labels need.
+    #[must_use]
+    pub fn drawing(&self, size: [f64; 2]) -> Drawing {
+        let mut drawing = Drawing::new(&self.title, &self.description, size);
+        self.draw(&mut drawing, self.frame_within(size));
+        drawing
+    }
+
+    /// The frame whose labels fill a drawing of this size, px.
+    #[must_use]
+    pub fn frame_within(&self, [width, height]: [f64; 2]) -> Frame {
+        let widths = |axis: &Axis| {
+            axis.labels
+                .iter()
+                .flat_map(|(_, label)| label.split('\n'))
+                .map(|label| width_of(label, TICK_LETTERS, false))
+                .fold(0.0, f64::max)
+        };
+        let left = widths(&self.y) + 10.0;
+        let right = if self.x.of_categories { 4.0 } else { (0.5 * widths(&self.x)).max(6.0) };
+        let [above, below] = self.room();
+        Frame { left, top: above, width: width - left - right, height: height - above - below }
+    }
+
+    /// What title, names and labels need above and below the frame, px.
+    #[must_use]
+    pub fn room(&self) -> [f64; 2] {
+        let title = if self.title.is_empty() { 0.0 } else { 22.0 };
+        let name = if self.y.title().is_empty() { 0.0 } else { 18.0 };
+        let lines = self.x.labels.iter().map(|(_, label)| label.split('\n').count()).max();
+        let below = if self.x.title().is_empty() { 0.0 } else { 20.0 };
+        [title + name + 6.0, 9.0 + 13.0 * lines.unwrap_or(0) as f64 + below]
+    }
+
+    /// Draws axes, layers, title and names.
+    pub fn draw(&self, drawing: &mut Drawing, frame: Frame) {
+        let [above, _] = self.room();
+        let top = frame.top - above + 8.0;
+        drawing.bold(&self.title, [frame.left, top], TITLE_LETTERS, TEXT, Align::Left);
+        self.draw_axes(drawing, frame);
+        self.draw_layers(drawing, frame);
+    }
+
+    fn draw_axes(&self, drawing: &mut Drawing, frame: Frame) {
+        let Frame { left, top, width, height } = frame;
+        let (right, bottom) = (left + width, top + height);
+        let rule = |axis: &Axis, value: f64| {
+            let pen = Pen::new(if value == 0.0 && !axis.logarithmic { LINE } else { GRID }, 1.0);
+            (!axis.of_categories).then_some(pen)
+        };
+        for Tick { value, share, .. } in self.x.ticks() {
+            if let Some(pen) = rule(&self.x, value) {
+                let x = left + share * width;
+                drawing.line([[x, top], [x, bottom]], pen);
+            }
+        }
+        for Tick { value, share, .. } in self.y.ticks() {
+            if let Some(pen) = rule(&self.y, value) {
+                let y = bottom - share * height;
+                drawing.line([[left, y], [right, y]], pen);
+            }
+        }
+        let corners = [[left, top], [right, top], [right, bottom], [left, bottom]];
+        drawing.polygon(corners, None, Some(Pen::new(LINE, 1.0)));
+        let colour = |axis: &Axis| if axis.of_categories { TEXT } else { MUTED };
+        for Tick { share, label, .. } in self.x.ticks() {
+            for (line, label) in label.split('\n').enumerate() {
+                let at = [left + share * width, bottom + 12.0 + 13.0 * line as f64];
+                drawing.text(label, at, TICK_LETTERS, colour(&self.x), Align::Centre);
+            }
+        }
+        for Tick { share, label, .. } in self.y.ticks() {
+            let at = [left - 6.0, bottom - share * height];
+            drawing.text(&label, at, TICK_LETTERS, colour(&self.y), Align::Right);
+        }
+        let [_, below] = self.room();
+        let middle = left + 0.5 * width;
+        drawing.text(
+            &self.x.title(),
+            [middle, bottom + below - 7.0],
+            NAME_LETTERS,
+            MUTED,
+            Align::Centre,
+        );
+        drawing.text(&self.y.title(), [left, top - 12.0], NAME_LETTERS, MUTED, Align::Left);
+    }
+
+    /// Draws the layers alone, cut off at the frame.
+    pub fn draw_layers(&self, drawing: &mut Drawing, frame: Frame) {
+        for layer in &self.layers {
+            match layer {
+                Layer::Series(series) => self.series(drawing, frame, series),
+                Layer::Swarm(swarm) => self.swarm(drawing, frame, swarm),
+                Layer::Area(area) => self.area(drawing, frame, area),
+                Layer::Cells(cells) => self.cells(drawing, frame, cells),
+                Layer::Note(note) => self.note(drawing, frame, note),
+            }
+        }
+    }
+
+    /// Where a point of the axes is in the drawing, px.
+    #[must_use]
+    pub fn place(&self, frame: Frame, [x, y]: Point) -> Point {
+        [
+            frame.left + frame.width * self.x.share(x),
+            frame.top + frame.height * (1.0 - self.y.share(y)),
+        ]
+    }
+
+    fn placed(&self, frame: Frame, points: &[Point]) -> Vec<Point> {
+        points.iter().map(|point| self.place(frame, *point)).collect()
+    }
+
+    fn series(&self, drawing: &mut Drawing, frame: Frame, series: &Series) {
+        let points: Vec<Point> =
+            series.points.iter().map(|datum| self.place(frame, datum.at)).collect();
+        if let Some(pen) = series.line {
+            for piece in line_inside(&points, frame.edges()) {
+                drawing.line(piece, pen);
+            }
+        }
+        let Some((mark, ink)) = series.mark else {
+            return;
+        };
+        let edge = Some(Pen::new(SURFACE, 1.0));
+        for (datum, at) in series.points.iter().zip(points) {
+            if frame.holds(at) {
+                mark.draw(drawing, at, datum.radius, ink, edge);
+                drawing.saying(&datum.says);
+            }
+        }
+    }
+
+    fn swarm(&self, drawing: &mut Drawing, frame: Frame, swarm: &Swarm) {
+        let upright = self.x.of_categories;
+        let along = |category: f64, value: f64| {
+            self.place(frame, if upright { [category, value] } else { [value, category] })
+        };
+        let length = if upright { frame.width } else { frame.height };
+        let room = 0.5 * length / swarm.groups.len().max(1) as f64;
+        let aside = |[x, y]: Point, by: f64| if upright { [x + by, y] } else { [x, y + by] };
+        for (i, group) in swarm.groups.iter().enumerate() {
+            let place = i as f64 + 0.5;
+            let many = group.values.len();
+            let radius = if many <= 20 { 2.6 } else { 1.7 };
+            for (j, value) in group.values.iter().enumerate().filter(|(_, value)| value.is_finite())
+            {
+                let at = aside(along(place, *value), 0.6 * room * spread(j, many));
+                swarm.mark.draw(drawing, at, radius, swarm.ink, None);
+                drawing.saying(&fixed(*value, swarm.places));
+            }
+            if group.values.is_empty() || !group.mean.is_finite() {
+                continue;
+            }
+            let mean = along(place, group.mean);
+            if !swarm.intervals {
+                drawing
+                    .line([aside(mean, -0.8 * room), aside(mean, 0.8 * room)], Pen::new(TEXT, 2.5));
+                continue;
+            }
+            if let Some([low, high]) = group.interval {
+                drawing.line([along(place, low), along(place, high)], Pen::new(ACCENT, 2.5));
+            }
+            super::Mark::Diamond.draw(
+                drawing,
+                mean,
+                4.4,
+                ACCENT.into(),
+                Some(Pen::new(SURFACE, 1.0)),
+            );
+        }
+    }
+
+    fn area(&self, drawing: &mut Drawing, frame: Frame, area: &Area) {
+        let points = self.placed(frame, &area.points);
+        if points.iter().all(|point| frame.holds(*point)) {
+            return drawing.polygon(points, area.fill, area.edge);
+        }
+        if area.fill.is_some() {
+            drawing.polygon(polygon_inside(&points, frame.edges()), area.fill, None);
+        }
+        if let Some(pen) = area.edge {
+            let closed: Vec<Point> = points.iter().chain(points.first()).copied().collect();
+            for piece in line_inside(&closed, frame.edges()) {
+                drawing.line(piece, pen);
+            }
+        }
+    }
+
+    fn cells(&self, drawing: &mut Drawing, frame: Frame, cells: &Cells) {
+        let [left, top, right, bottom] = frame.edges();
+        let placed = cells.boxes.iter().map(|&[x0, y0, x1, y1]| {
+            let ([ax, ay], [bx, by]) = (self.place(frame, [x0, y0]), self.place(frame, [x1, y1]));
+            [
+                ax.min(bx).max(left),
+                ay.min(by).max(top),
+                ax.max(bx).min(right),
+                ay.max(by).min(bottom),
+            ]
+        });
+        let boxes = placed.filter(|[left, top, right, bottom]| left < right && top < bottom);
+        drawing.boxes(boxes.collect(), cells.ink);
+    }
+
+    fn note(&self, drawing: &mut Drawing, frame: Frame, note: &Note) {
+        let [x, y] = self.place(frame, note.at);
+        if frame.holds([x, y]) {
+            note.sign.draw(drawing, [x + note.offset[0], y + note.offset[1]], note.colour);
+        }
+    }
+
+    /// What the named layers' signs mean.
+    #[must_use]
+    pub fn legend(&self) -> Vec<LegendItem> {
+        LegendItem::of_layers(&self.layers)
+    }
+
+    /// The numbers of swarms and of series with names: a row for each category or number of the x
+    /// axis, in ascending order.
+    #[must_use]
+    pub fn table(&self) -> Table {
+        let swarms: Vec<&Swarm> = self
+            .layers
+            .iter()
+            .filter_map(|layer| match layer {
+                Layer::Swarm(swarm) => Some(swarm),
+                _ => None,
+            })
+            .collect();
+        let (columns, rows) =
+            if swarms.is_empty() { self.series_table() } else { self.swarm_table(&swarms) };
+        Table { caption: self.title.clone(), columns, rows }
+    }
+
+    fn swarm_table(&self, swarms: &[&Swarm]) -> (Vec<String>, Vec<Vec<String>>) {
+        let (categories, values) =
+            if self.x.of_categories { (&self.x, &self.y) } else { (&self.y, &self.x) };
+        let title = values.title();
+        let mut columns = vec![categories.title()];
+        let labels = categories.labels.iter().map(|(_, label)| vec![label.replace('\n', " ")]);
+        let mut rows: Vec<Vec<String>> = labels.collect();
+        for swarm in swarms {
+            columns.extend(["mean", "least", "greatest"].map(|of| format!("{of} {title}")));
+            if swarm.intervals {
+                columns.push(format!("95 % interval, {title}"));
+            }
+            columns.push("number".to_owned());
+            for (row, group) in rows.iter_mut().zip(&swarm.groups) {
+                let shown = |value: f64| {
+                    if value.is_finite() { fixed(value, swarm.places) } else { String::new() }
+                };
+                let least = group.values.iter().copied().fold(f64::INFINITY, f64::min);
+                let most = group.values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+                row.extend([group.mean, least, most].map(shown));
+                if swarm.intervals {
+                    let [low, high] = group.interval.unwrap_or([f64::NAN; 2]).map(shown);
+                    row.push(if low.is_empty() { low } else { format!("{low} to {high}") });
+                }
+                row.push(group.values.len().to_string());
+            }
+        }
+        (columns, rows)
+    }
+
+    fn series_table(&self) -> (Vec<String>, Vec<Vec<String>>) {
+        let series: Vec<&Series> = self
+            .layers
+            .iter()
+            .filter_map(|layer| match layer {
+                Layer::Series(series) if !series.name.is_empty() => Some(series),
+                _ => None,
+            })
+            .collect();
+        let data = series.iter().flat_map(|series| &series.points);
+        let mut all: Vec<f64> = data.map(|datum| datum.at[0]).filter(|x| x.is_finite()).collect();
+        all.sort_by(f64::total_cmp);
+        all.dedup();
+        let column = |series: &&Series| {
+            let unit =
+                if self.y.unit.is_empty() { String::new() } else { format!(" ({})", self.y.unit) };
+            format!("{}{unit}", series.name)
+        };
+        let columns = [self.x.title()].into_iter().chain(series.iter().map(column)).collect();
+        let row = |x: f64| {
+            let entry = |series: &&Series| {
+                let mut here = series.points.iter().filter(|datum| datum.at[0] == x);
+                here.next().map(|datum| number(datum.at[1])).unwrap_or_default()
+            };
+            [number(x)].into_iter().chain(series.iter().map(entry)).collect()
+        };
+        (columns, all.into_iter().map(row).collect())
+    }
+}
+
+impl Frame {
+    /// Left, top, right and bottom, px.
+    #[must_use]
+    pub fn edges(&self) -> [f64; 4] {
+        [self.left, self.top, self.left + self.width, self.top + self.height]
+    }
+
+    /// Whether a point is inside or at an edge.
+    #[must_use]
+    pub fn holds(&self, [x, y]: Point) -> bool {
+        const ROUNDING: f64 = 1e-6;
+        let [left, top, right, bottom] = self.edges();
+        (left - ROUNDING..=right + ROUNDING).contains(&x)
+            && (top - ROUNDING..=bottom + ROUNDING).contains(&y)
+    }
+}
+
+/// From −1 to 1, so that dots do not hide each other: the same for a number's place everywhere.
+fn spread(place: usize, count: usize) -> f64 {
+    if count < 2 {
+        return 0.0;
+    }
+    // Neighbours far apart.
+    let place = (place * 5 + place / 7) % count;
+    2.0 * place as f64 / (count - 1) as f64 - 1.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Form, Group, Mark, colours, disc};
+    use super::*;
+
+    fn frame() -> Frame {
+        Frame { left: 40.0, top: 20.0, width: 300.0, height: 150.0 }
+    }
+
+    fn chart() -> Chart {
+        let (x, y) =
+            (Axis::linear("time", "s", [0.0, 10.0], 5), Axis::linear("share", "", [0.0, 1.0], 5));
+        Chart::new("title", "description", x, y)
+    }
+
+    #[test]
+    fn numbers_are_where_the_axes_say() {
+        let chart = chart();
+        assert_eq!(chart.place(frame(), [0.0, 0.0]), [40.0, 170.0]);
+        assert_eq!(chart.place(frame(), [10.0, 1.0]), [340.0, 20.0]);
+        let svg = chart.drawing([340.0, 200.0]).svg();
+        for word in
+            ["<title>title</title>", "<desc>description</desc>", ">time (s)<", ">share<", ">0.4<"]
+        {
+            assert!(svg.contains(word), "{word} in {svg}");
+        }
+    }
+
+    #[test]
+    fn nothing_is_drawn_outside_of_the_frame() {
+        let mut chart = chart();
+        chart.add(
+            Series::line("far", [[-5.0, 0.5], [20.0, 0.5]], colours::HUMAN, 1.0)
+                .marked(Mark::Square),
+        );
+        let fill = Some(colours::ROBOT.into());
+        let edge = Some(Pen::new(colours::ROBOT, 1.0));
+        chart.add(Area { name: "zone".into(), points: disc([10.0, 0.5], 0.4), fill, edge });
+        chart.add(Cells {
+            ink: colours::MAP.into(),
+            boxes: vec![[9.0, 0.9, 12.0, 1.3], [11.0, 0.0, 12.0, 1.0]],
+        });
+        let mut drawing = Drawing::new("", "", [400.0, 200.0]);
+        chart.draw_layers(&mut drawing, frame());
+        let mut points = Vec::new();
+        for shape in &drawing.shapes {
+            match &shape.form {
+                Form::Line(of) | Form::Polygon(of) => points.extend(of.clone()),
+                Form::Boxes(of) => {
+                    points.extend(of.iter().flat_map(|&[l, t, r, b]| [[l, t], [r, b]]))
+                }
+                other => panic!("{other:?}"),
+            }
+        }
+        assert!(points.len() > 100 && points.iter().all(|point| frame().holds(*point)));
+        // Both marks were outside, and so was a cell.
+        assert_eq!(drawing.shapes.len(), 4);
+    }
+
+    #[test]
+    fn named_layers_are_in_legend_and_table() {
+        let mut chart = chart();
+        chart.add(Series::line("a", [[0.0, 0.25], [5.0, 0.5]], colours::HUMAN, 2.0));
+        chart.add(Series::line("b", [[5.0, 1.0], [10.0, 0.0]], colours::ROBOT, 2.0));
+        chart.add(Series::line("", [[0.0, 0.0], [10.0, 1.0]], colours::MUTED, 1.0));
+        assert_eq!(
+            chart.legend().iter().map(|item| &item.text[..]).collect::<Vec<_>>(),
+            ["a", "b"]
+        );
+        let Table { columns, rows, .. } = chart.table();
+        assert_eq!(columns, ["time (s)", "a", "b"]);
+        assert_eq!(rows, [["0", "0.25", ""], ["5", "0.5", "1"], ["10", "", "0"]]);
+    }
+
+    #[test]
+    fn a_swarm_has_a_place_for_each_category() {
+        let groups = vec![
+            Group { values: vec![1.0, 3.0], mean: 2.0, interval: Some([0.5, 3.5]) },
+            Group { values: vec![], mean: f64::NAN, interval: None },
+        ];
+        let ink = colours::SERIES[0].at(0.5);
+        let swarm = Swarm {
+            name: "a person".into(),
+            groups,
+            mark: Mark::Circle,
+            ink,
+            intervals: true,
+            places: 1,
+        };
+        let names = Axis::categories("model", ["SVM", "LR"]).downwards();
+        let mut chart = Chart::new("", "", Axis::round("gain", "points", [0.0, 4.0], 4), names);
+        chart.add(swarm);
+        let Table { columns, rows, .. } = chart.table();
+        assert_eq!(
+            columns[1..],
+            [
+                "mean gain (points)",
+                "least gain (points)",
+                "greatest gain (points)",
+                "95 % interval, gain (points)",
+                "number"
+            ]
+        );
+        assert_eq!(rows[0], ["SVM", "2.0", "1.0", "3.0", "0.5 to 3.5", "2"]);
+        assert_eq!(rows[1], ["LR", "", "", "", "", "0"]);
+        assert_eq!(chart.legend().len(), 2);
+        let mut drawing = Drawing::new("", "", [400.0, 200.0]);
+        chart.draw_layers(&mut drawing, frame());
+        // Two dots, an interval and a diamond, all in the upper half.
+        assert_eq!(drawing.shapes.len(), 4);
+        let Form::Line(interval) = &drawing.shapes[2].form else { panic!("an interval") };
+        assert!(interval.iter().all(|[_, y]| (y - 57.5).abs() < 1e-9), "{interval:?}");
+    }
+}
