@@ -1,4 +1,5 @@
 //! Long work off the request path: value functions that a study lacks, and analyses.
 
-pub mod analyst;
+pub mod fit_cache;
+pub mod analysis_worker;
 pub mod safety;

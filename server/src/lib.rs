@@ -5,13 +5,14 @@
 //! [`commands`] has one module a subcommand.
 
 pub mod clock;
+pub mod threads;
 pub mod secrets;
 pub mod content;
 pub mod store;
 pub mod synthetic;
 pub mod formats;
 pub mod figure;
-pub mod analysis;
+pub mod report;
 pub mod jobs;
 pub mod http;
 pub mod commands;

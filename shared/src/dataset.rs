@@ -1,8 +1,8 @@
 //! Datasets: trials turned into labelled rows.
 
-use crate::each::each;
 use crate::features::FeatureSet;
 use crate::invalid::Invalid;
+use crate::parallel_map::parallel_map;
 use crate::safety::SafetyLevels;
 use crate::scene::JointState;
 use crate::vehicle::TurnInput;
@@ -38,7 +38,7 @@ impl Dataset {
             }
             Ok::<_, core::convert::Infallible>(values)
         };
-        let Ok(values) = each(&trials, rows);
+        let Ok(values) = parallel_map(&trials, rows);
         let labels = trials.iter().flat_map(|(inputs, states)| inputs.iter().take(states.len()));
         let of_trial = |(trial, values): (usize, &Vec<f64>)| [trial].repeat(values.len() / width);
         Self {

@@ -72,7 +72,7 @@ pub mod invalid;
 pub mod math;
 mod real;
 mod parallel;
-mod each;
+mod parallel_map;
 pub mod stats;
 pub mod chart;
 pub mod vehicle;

@@ -5,13 +5,14 @@ use super::json_file::Document;
 use super::solving::{Interrupt, bar};
 use super::trials_file::SceneArgs;
 use super::{CommandError, print_json, trials_file, unwritable};
-use crate::analysis::{CompareError, Excluded, FolderCache, Tasks};
 use crate::formats::atomic_folder::Draft;
 use crate::formats::features_csv::{self, FeatureRows};
 use crate::formats::trials_csv::Contents;
+use crate::jobs::fit_cache::FolderCache;
+use crate::report::{CompareError, Excluded, Tasks};
 use crate::store::{Missing, Store, studies};
 use crate::synthetic;
-use indicatif::ProgressBar;
+use crate::threads;
 use sidestep::comparison::{Progress, Request};
 use sidestep::invalid::Invalid;
 use std::fs::File;
@@ -20,7 +21,6 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
-use tokio::sync::oneshot;
 
 /// The paper's comparison: do safety levels help to predict people?
 ///
@@ -121,18 +121,26 @@ pub async fn run(args: AnalyzeArgs) -> Result<(), CommandError> {
     let cache = Arc::new(FolderCache::open(&kept).map_err(|e| unwritable(&kept, &e))?);
     let interrupt = Interrupt::listen();
     let safety = safety_levels(&tasks.scene, &interrupt).await?;
-    let compared = in_threads(args.threads, &interrupt, {
-        let (cache, stop) = (Arc::clone(&cache), interrupt.stop.clone());
-        move |bar| {
+    interrupt.check()?;
+    let bar = bar(0, "comparing [{bar:40}] {pos}/{len}  {elapsed_precise}  {eta} left");
+    let work = {
+        let (cache, token, bar) = (Arc::clone(&cache), interrupt.token.clone(), bar.clone());
+        move || {
             let step = |progress: Progress| {
                 bar.set_length(progress.of as u64);
                 bar.set_position(progress.done as u64);
-                if stop.is_wanted() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+                if token.is_cancelled() {
+                    ControlFlow::Break(())
+                } else {
+                    ControlFlow::Continue(())
+                }
             };
             tasks.compare(&safety, given.as_ref(), &settings, &*cache, &step)
         }
-    });
-    let analysis = match compared.await? {
+    };
+    let compared = threads::run("analyze", args.threads.map(usize::from), work).await;
+    bar.finish_and_clear();
+    let analysis = match compared.map_err(CommandError::failure)? {
         Ok(analysis) => analysis,
         Err(CompareError::Stopped) => return Err(interrupt.check().err().unwrap_or_else(stopped)),
         Err(error @ CompareError::Features(_)) => {
@@ -145,7 +153,7 @@ pub async fn run(args: AnalyzeArgs) -> Result<(), CommandError> {
     analysis.write(draft.path()).map_err(|e| unwritable(&args.out, &e))?;
     let kept_or = |e| interrupt.check().err().unwrap_or_else(|| unwritable(&args.out, &e));
     // Of a former analysis in this folder, whose other files are replaced.
-    draft.keep(&["leakage.csv"], &interrupt.stop).map_err(kept_or)?;
+    draft.keep(&["leakage.csv"], &interrupt.token).map_err(kept_or)?;
     // Only once the folder is complete: a failure before leaves all that was computed.
     cache.forget_unused().map_err(|e| unwritable(&kept, &e))?;
     print_json(&serde_json::json!({
@@ -204,30 +212,4 @@ fn read_features(path: &Path) -> Result<FeatureRows, CommandError> {
         |e: &dyn std::fmt::Display| CommandError::Input(format!("{}: {e}", path.display()));
     let file = File::open(path).map_err(|e| complain(&format!("cannot read: {e}")))?;
     features_csv::read(BufReader::new(file)).map_err(|e| complain(&e))
-}
-
-/// Does `work` in a pool of so many threads, with a progress bar if stderr is a terminal.
-async fn in_threads<T: Send + 'static>(
-    threads: Option<u16>,
-    interrupt: &Interrupt,
-    work: impl FnOnce(&ProgressBar) -> T + Send + 'static,
-) -> Result<T, CommandError> {
-    interrupt.check()?;
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(threads.map_or(0, usize::from))
-        .build()
-        .map_err(|e| CommandError::Failure(format!("cannot start threads: {e}")))?;
-    let (answer, answered) = oneshot::channel();
-    // A thread of its own: a runtime would wait for a blocking task at its end.
-    std::thread::Builder::new()
-        .name("analyze".to_owned())
-        .spawn(move || {
-            let bar = bar(0, "comparing [{bar:40}] {pos}/{len}  {elapsed_precise}  {eta} left");
-            let found = pool.install(|| work(&bar));
-            bar.finish_and_clear();
-            // Nobody waits any more only when the command is over.
-            let _ = answer.send(found);
-        })
-        .map_err(|e| CommandError::Failure(format!("cannot start a thread: {e}")))?;
-    answered.await.map_err(|_| CommandError::Failure("the comparison failed; see above".to_owned()))
 }

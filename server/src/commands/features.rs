@@ -45,7 +45,7 @@ pub async fn run(args: FeaturesArgs) -> Result<(), CommandError> {
     let people = trials_file::tasks(&args.trials, &scene)?;
     let interrupt = Interrupt::listen();
     let safety = safety_levels(&scene, &interrupt).await?;
-    let written = atomic_file::write(&args.out, &interrupt.stop, |out| {
+    let written = atomic_file::write(&args.out, &interrupt.token, |out| {
         features_csv::write(out, &people, &safety)
     });
     interrupt.check()?;

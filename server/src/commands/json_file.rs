@@ -1,13 +1,14 @@
 //! Commands that turn one JSON document into another one.
 
 use super::{CommandError, print_json, print_line, unwritable};
-use crate::formats::atomic_file::{self, Stop};
+use crate::formats::atomic_file;
 use crate::formats::complaint::plain;
 use serde::Serialize;
 use serde::de::{DeserializeOwned, IgnoredAny};
 use sidestep::invalid::Invalid;
 use std::io::Read;
 use std::path::{Path, PathBuf};
+use tokio_util::sync::CancellationToken;
 
 /// Where a document comes from and where the answer goes.
 #[derive(Clone, Debug, clap::Args)]
@@ -40,7 +41,7 @@ impl JsonArgs {
         let Some(out) = &self.out else {
             return print_line(&line);
         };
-        atomic_file::write(out, &Stop::default(), |file| writeln!(file, "{line}"))
+        atomic_file::write(out, &CancellationToken::new(), |file| writeln!(file, "{line}"))
             .map_err(|e: std::io::Error| unwritable(out, &e))?;
         print_json(&serde_json::json!({ "file": out, "octets": line.len() + 1 }))
     }

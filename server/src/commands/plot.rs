@@ -69,7 +69,7 @@ pub async fn run(args: PlotArgs) -> Result<(), CommandError> {
     };
     let octets =
         if as_png { figure::png(&svg).map_err(CommandError::failure)? } else { svg.into_bytes() };
-    atomic_file::write(&args.out, &interrupt.stop, |out| out.write_all(&octets))
+    atomic_file::write(&args.out, &interrupt.token, |out| out.write_all(&octets))
         .map_err(|e| interrupt.check().err().unwrap_or_else(|| unwritable(&args.out, &e)))?;
     print_json(&serde_json::json!({ "file": args.out, "octets": octets.len() }))
 }

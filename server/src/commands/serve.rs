@@ -10,7 +10,7 @@ use crate::http::metrics::Metrics;
 use crate::http::routes::router;
 use crate::http::site::{Site, default_folder};
 use crate::http::throttle::Throttle;
-use crate::jobs::analyst::Analyst;
+use crate::jobs::analysis_worker::AnalysisWorker;
 use crate::jobs::safety;
 use crate::jobs::safety::Solver;
 use crate::secrets;
@@ -67,7 +67,7 @@ pub struct Running {
     pub new_key: Option<String>,
     store: Store,
     solver: Option<Solver>,
-    analyst: Analyst,
+    analysis_worker: AnalysisWorker,
     stop: oneshot::Sender<()>,
     task: JoinHandle<()>,
 }
@@ -133,9 +133,10 @@ pub async fn start(args: &ServeArgs, key: Option<&str>) -> Result<Running, Comma
         let _ = stopped.await;
     }));
     let solver = (!args.no_solve).then(|| Solver::start(store.clone()));
-    let analyst = Analyst::start(store.clone(), analysis_asked, args.analysis_threads);
+    let analysis_worker =
+        AnalysisWorker::start(store.clone(), analysis_asked, args.analysis_threads);
     tracing::info!(%address, study, "serving");
-    Ok(Running { address, study, new_key, store, solver, analyst, stop, task })
+    Ok(Running { address, study, new_key, store, solver, analysis_worker, stop, task })
 }
 
 impl Running {
@@ -163,7 +164,7 @@ impl Running {
         if let Some(solver) = self.solver {
             solver.stop().await;
         }
-        self.analyst.stop().await;
+        self.analysis_worker.stop().await;
         if let Err(error) = self.task.await {
             tracing::error!(%error, "the server ended badly");
         }

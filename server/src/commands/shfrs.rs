@@ -1,7 +1,7 @@
 //! `sidestep shfrs`.
 
-mod analysis;
-mod report;
+mod evaluation;
+mod files;
 
 use super::bounds::safety_levels;
 use super::json_file::Document;
@@ -10,7 +10,8 @@ use super::trials_file::SceneArgs;
 use super::{CommandError, print_json, trials_file, unwritable};
 use crate::http::training::{self, Driven};
 use crate::synthetic;
-use analysis::{Analysis, Questions};
+use crate::threads;
+use evaluation::{Evaluation, Questions};
 use sidestep::bounds::{ActionChoice, BoundsSettings, Rollout};
 use sidestep::features::FeatureSet;
 use sidestep::invalid::Invalid;
@@ -25,7 +26,6 @@ use sidestep::shfrs::window::{Trajectory, WindowChoice};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
-use tokio::sync::oneshot;
 
 /// Stochastic human forward reachable sets of recorded trials: the probabilities of regions,
 /// tuning with a guarantee, and what other predictions of the same coverage cost.
@@ -157,7 +157,7 @@ pub async fn run(args: ShfrsArgs) -> Result<(), CommandError> {
         return Err(flagged(Invalid::new("steps", expected, args.steps)));
     }
     fs::create_dir_all(&args.out).map_err(|e| unwritable(&args.out, &e))?;
-    report::check(&args.out)?;
+    files::check(&args.out)?;
 
     let safety = safety_levels(&parameters, &interrupt).await?;
     let parts = questions.split.parts(recorded.len()).map_err(flagged)?;
@@ -175,7 +175,7 @@ pub async fn run(args: ShfrsArgs) -> Result<(), CommandError> {
     });
     let counts = [recorded.len(), parts.training.len(), parts.calibration.len(), parts.test.len()];
     let out = args.out.clone();
-    let bar = bar(Analysis::stages(&questions), BAR);
+    let bar = bar(Evaluation::stages(&questions), BAR);
     bar.enable_steady_tick(TICK);
     let shown = bar.clone();
     let work = move || {
@@ -188,55 +188,33 @@ pub async fn run(args: ShfrsArgs) -> Result<(), CommandError> {
             .map_err(|invalid| CommandError::Input(format!("predictor: {invalid}")))?;
         let prediction = Prediction::new(&parameters, &human);
         let regions = args.bounds_settings(predictor.classes().len())?;
-        let mut analysis =
-            Analysis::of(&recorded, &parts, prediction, &regions, &questions, &origin, &shown)?;
-        analysis.synthetic = synthetic;
-        Ok((analysis, PredictorFile::from(&predictor)))
+        let mut evaluation =
+            Evaluation::of(&recorded, &parts, prediction, &regions, &questions, &origin, &shown)?;
+        evaluation.synthetic = synthetic;
+        Ok::<_, CommandError>((evaluation, PredictorFile::from(&predictor)))
     };
-    let found = unless_stopped(work, &interrupt).await;
+    let found = interrupt.unless_stopped(threads::run("shfrs", None, work)).await;
     bar.finish_and_clear();
-    let (analysis, predictor) = found?;
-    report::write(&out, &analysis, &predictor, &interrupt)?;
+    let (evaluation, predictor) = found?.map_err(CommandError::failure)??;
+    files::write(&out, &evaluation, &predictor, &interrupt)?;
     let [trajectories, training, calibration, test] = counts;
     print_json(&serde_json::json!({
         "folder": out,
-        "files": report::FILES,
+        "files": files::FILES,
         "trajectories": trajectories,
         "training": training,
         "calibration": calibration,
         "test": test,
-        "predictor": analysis.predictor,
-        "synthetic": analysis.synthetic.is_some(),
+        "predictor": evaluation.predictor,
+        "synthetic": evaluation.synthetic.is_some(),
     }))
 }
 
 /// What is shown on the way.
 const BAR: &str = "[{bar:40}] {pos:>2}/{len}  {elapsed_precise}  {msg}";
 
-/// How often the time on the bar goes on, and how soon Ctrl-C is heeded.
+/// How often the elapsed time on the bar is renewed.
 const TICK: Duration = Duration::from_millis(100);
-
-/// Does `work`, which writes nothing, on a thread of its own; leaves it to itself as soon as
-/// the user wants no result any more.
-async fn unless_stopped<T: Send + 'static>(
-    work: impl FnOnce() -> Result<T, CommandError> + Send + 'static,
-    interrupt: &Interrupt,
-) -> Result<T, CommandError> {
-    let (answer, mut answered) = oneshot::channel();
-    std::thread::Builder::new()
-        .name("analysis".to_owned())
-        // Nobody waits any more only when the command is over.
-        .spawn(move || drop(answer.send(work())))
-        .map_err(|e| CommandError::Failure(format!("cannot start a thread: {e}")))?;
-    loop {
-        let found = tokio::time::timeout(TICK, &mut answered).await;
-        interrupt.check()?;
-        if let Ok(found) = found {
-            let failed = "the analysis failed; see above";
-            return found.map_err(|_| CommandError::Failure(failed.to_owned()))?;
-        }
-    }
-}
 
 /// A trial of the file.
 struct Recorded {
@@ -318,7 +296,7 @@ impl ShfrsArgs {
                 return Err(CommandError::Input(message));
             }
             (Some(k), None) => ActionChoice::TopK(k.clone()),
-            (None, None) => analysis::choice_of_the_paper(self.steps, actions),
+            (None, None) => evaluation::choice_of_the_paper(self.steps, actions),
         };
         let rollout = match self.rollout {
             RolloutArg::Paper => Rollout::Paper,

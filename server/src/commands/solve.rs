@@ -145,7 +145,7 @@ pub async fn run(args: SolveArgs) -> Result<(), CommandError> {
     atomic_file::check(&args.out).map_err(|e| unwritable(&args.out, &e))?;
     let interrupt = Interrupt::listen();
     let (solved, wall_s) = solving::solved(game, options, &interrupt).await?;
-    atomic_file::write(&args.out, &interrupt.stop, |out| {
+    atomic_file::write(&args.out, &interrupt.token, |out| {
         npz::write(out, &solved.samples, solved.method)
     })
     .map_err(|e| interrupt.check().err().unwrap_or_else(|| unwritable(&args.out, &e)))?;

@@ -1,35 +1,48 @@
 //! Solving at a terminal: a bar that shows how far it is, and a way to stop it.
 
 use super::CommandError;
-use crate::formats::atomic_file::Stop;
+use crate::threads;
 use indicatif::{ProgressBar, ProgressStyle};
 use sidestep::invalid::Invalid;
 use sidestep::reachability::{Method, Options, PursuitGame, SolveError, Solved, solve};
 use std::ops::ControlFlow;
 use std::time::Instant;
-use tokio::sync::oneshot;
+use tokio_util::sync::CancellationToken;
 
 /// Ctrl-C (SIGINT) and SIGTERM of a command that is to leave nothing half-done.
 pub(super) struct Interrupt {
-    /// Set by the first of them.
-    pub(super) stop: Stop,
+    /// Cancelled by the first of them.
+    pub(super) token: CancellationToken,
 }
 
 impl Interrupt {
-    /// From now on the signals only set [`Interrupt::stop`].
+    /// From now on the signals only cancel [`Interrupt::token`].
     pub(super) fn listen() -> Self {
-        let stop = Stop::default();
-        let heard = stop.clone();
+        let token = CancellationToken::new();
+        let heard = token.clone();
         tokio::spawn(async move {
             signalled().await;
-            heard.now();
+            heard.cancel();
         });
-        Self { stop }
+        Self { token }
     }
 
-    /// The complaint to end with, once stopped.
+    /// The result of `work`, or the error to end with if a signal comes first. The work is then
+    /// left to itself, so it must not write anything.
+    pub(super) async fn unless_stopped<T>(
+        &self,
+        work: impl Future<Output = T>,
+    ) -> Result<T, CommandError> {
+        tokio::select! {
+            biased;
+            () = self.token.cancelled() => Err(stopped()),
+            found = work => Ok(found),
+        }
+    }
+
+    /// The error to end with, once stopped.
     pub(super) fn check(&self) -> Result<(), CommandError> {
-        if self.stop.is_wanted() { Err(stopped()) } else { Ok(()) }
+        if self.token.is_cancelled() { Err(stopped()) } else { Ok(()) }
     }
 }
 
@@ -79,31 +92,24 @@ pub(super) async fn solved_silently(
     options: Options,
     interrupt: &Interrupt,
 ) -> Result<(Solved, f64), CommandError> {
-    let (answer, answered) = oneshot::channel();
-    let stop = interrupt.stop.clone();
-    // A thread of its own: a runtime would wait for a blocking task at its end.
-    std::thread::Builder::new()
-        .name("solve".to_owned())
-        .spawn(move || {
-            let bar = bar(
-                BAR_STEPS,
-                "solving [{bar:40}] {percent:>3} %  {elapsed_precise}  still moves {msg}",
-            );
-            let start = Instant::now();
-            let result = solve(game, &options, &mut |progress| {
-                bar.set_position((progress.done.clamp(0.0, 1.0) * BAR_STEPS as f64) as u64);
-                bar.set_message(format!("{:.1e}", progress.residual));
-                if stop.is_wanted() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-            });
-            let wall_s = start.elapsed().as_secs_f64();
-            bar.finish_and_clear();
-            // Nobody waits any more only when the command is over.
-            let _ = answer.send((result, wall_s));
-        })
-        .map_err(|e| CommandError::Failure(format!("cannot start a thread: {e}")))?;
-    let (result, wall_s) = answered
-        .await
-        .map_err(|_| CommandError::Failure("the solver failed; see above".to_owned()))?;
+    let token = interrupt.token.clone();
+    let work = move || {
+        let bar = bar(
+            BAR_STEPS,
+            "solving [{bar:40}] {percent:>3} %  {elapsed_precise}  still moves {msg}",
+        );
+        let start = Instant::now();
+        let result = solve(game, &options, &mut |progress| {
+            bar.set_position((progress.done.clamp(0.0, 1.0) * BAR_STEPS as f64) as u64);
+            bar.set_message(format!("{:.1e}", progress.residual));
+            if token.is_cancelled() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        });
+        let wall_s = start.elapsed().as_secs_f64();
+        bar.finish_and_clear();
+        (result, wall_s)
+    };
+    let (result, wall_s) =
+        threads::run("solve", None, work).await.map_err(CommandError::failure)?;
     interrupt.check()?;
     match result {
         Ok(solved) => Ok((solved, wall_s)),

@@ -59,7 +59,7 @@ pub async fn run(args: ValueArgs) -> Result<(), CommandError> {
     let interrupt = Interrupt::listen();
     let function = args.function.function(&interrupt).await?;
     let (mut rows, mut outside) = (0_u64, 0_u64);
-    atomic_file::write(&args.out, &interrupt.stop, |out| -> Result<(), Fault> {
+    atomic_file::write(&args.out, &interrupt.token, |out| -> Result<(), Fault> {
         let mut writer = Writer::from_writer(out);
         writer.write_record(COLUMNS.iter().chain(&RESULTS))?;
         read(&states, |state| {

@@ -2,32 +2,14 @@
 
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use tempfile::NamedTempFile;
-
-/// Whether the user wants no result any more.
-#[derive(Clone, Debug, Default)]
-pub struct Stop(Arc<AtomicBool>);
-
-impl Stop {
-    /// From now on.
-    pub fn now(&self) {
-        self.0.store(true, Ordering::Relaxed);
-    }
-
-    /// Whether it was said.
-    #[must_use]
-    pub fn is_wanted(&self) -> bool {
-        self.0.load(Ordering::Relaxed)
-    }
-}
+use tokio_util::sync::CancellationToken;
 
 /// Checks that a file could be written at `path`, so that long work does not end in a
 /// complaint that could have come first.
 ///
 /// # Errors
-/// What the disk says.
+/// The disk's error.
 pub fn check(path: &Path) -> io::Result<()> {
     if path.is_dir() {
         return Err(io::Error::new(io::ErrorKind::IsADirectory, "it is a folder"));
@@ -44,21 +26,21 @@ pub fn check(path: &Path) -> io::Result<()> {
 /// when everything is on the disk.
 ///
 /// # Errors
-/// What the disk says, or that it was stopped; the temporary file is gone then and
+/// The disk's error, or that `cancel` was cancelled; the temporary file is gone then and
 /// what was at `path` is untouched.
 pub fn write<E: From<io::Error>>(
     path: &Path,
-    stop: &Stop,
+    cancel: &CancellationToken,
     content: impl FnOnce(&mut dyn WriteSeek) -> Result<(), E>,
 ) -> Result<(), E> {
     check(path)?;
     let mut file = beside(path)?;
-    let mut out = BufWriter::new(Stoppable { out: file.as_file_mut(), stop });
+    let mut out = BufWriter::new(Cancellable { out: file.as_file_mut(), cancel });
     content(&mut out)?;
     out.flush()?;
     drop(out);
     file.as_file().sync_all()?;
-    if stop.is_wanted() {
+    if cancel.is_cancelled() {
         return Err(stopped().into());
     }
     file.persist(path).map_err(|e| e.error)?;
@@ -88,14 +70,14 @@ fn beside(path: &Path) -> io::Result<NamedTempFile> {
     builder.tempfile_in(folder)
 }
 
-struct Stoppable<'a, W> {
+struct Cancellable<'a, W> {
     out: W,
-    stop: &'a Stop,
+    cancel: &'a CancellationToken,
 }
 
-impl<W: Write> Write for Stoppable<'_, W> {
-    fn write(&mut self, octets: &[u8]) -> io::Result<usize> {
-        if self.stop.is_wanted() { Err(stopped()) } else { self.out.write(octets) }
+impl<W: Write> Write for Cancellable<'_, W> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        if self.cancel.is_cancelled() { Err(stopped()) } else { self.out.write(bytes) }
     }
 
     fn flush(&mut self) -> io::Result<()> {
@@ -103,7 +85,7 @@ impl<W: Write> Write for Stoppable<'_, W> {
     }
 }
 
-impl<W: io::Seek> io::Seek for Stoppable<'_, W> {
+impl<W: io::Seek> io::Seek for Cancellable<'_, W> {
     fn seek(&mut self, position: io::SeekFrom) -> io::Result<u64> {
         self.out.seek(position)
     }
@@ -126,15 +108,15 @@ mod tests {
     fn whole_or_not_at_all() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("file");
-        let stop = Stop::default();
-        write::<io::Error>(&path, &stop, |out| out.write_all(b"first")).unwrap();
-        let broken = write::<io::Error>(&path, &stop, |out| {
+        let cancel = CancellationToken::new();
+        write::<io::Error>(&path, &cancel, |out| out.write_all(b"first")).unwrap();
+        let broken = write::<io::Error>(&path, &cancel, |out| {
             out.write_all(b"second")?;
             Err(io::Error::other("broken"))
         });
         assert!(broken.is_err());
-        let stopped = write::<io::Error>(&path, &stop, |out| {
-            stop.now();
+        let stopped = write::<io::Error>(&path, &cancel, |out| {
+            cancel.cancel();
             out.write_all(b"third")
         });
         assert!(stopped.is_err());

@@ -1,10 +1,10 @@
 //! Folders whose new content is there whole or not at all.
 
-use crate::formats::atomic_file::Stop;
 use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
+use tokio_util::sync::CancellationToken;
 
 /// New content for a folder, gathered beside what is there until it is complete.
 pub struct Draft {
@@ -35,7 +35,7 @@ impl Draft {
     /// # Errors
     /// What the disk says, that a folder is where a file is to be or the other way round, or that
     /// it was stopped before; then nothing has changed.
-    pub fn keep(self, obsolete: &[&str], stop: &Stop) -> io::Result<()> {
+    pub fn keep(self, obsolete: &[&str], cancel: &CancellationToken) -> io::Result<()> {
         synced(self.path())?;
         for entry in fs::read_dir(self.path())? {
             let entry = entry?;
@@ -50,7 +50,7 @@ impl Draft {
                 return Err(io::Error::new(io::ErrorKind::AlreadyExists, said));
             }
         }
-        if stop.is_wanted() {
+        if cancel.is_cancelled() {
             return Err(io::Error::other("stopped"));
         }
         let old = tempfile::Builder::new().prefix(".sidestep-").tempdir_in(&self.folder)?;
@@ -105,7 +105,7 @@ mod tests {
             fs::write(draft.path().join("table.csv"), text).unwrap();
             fs::create_dir(draft.path().join("models")).unwrap();
             fs::write(draft.path().join("models").join(text), text).unwrap();
-            draft.keep(&[], &Stop::default()).unwrap();
+            draft.keep(&[], &CancellationToken::new()).unwrap();
             fs::write(folder.join("notes.txt"), "mine").unwrap();
         }
         assert_eq!(names(&folder), ["models", "notes.txt", "table.csv"]);
@@ -121,7 +121,7 @@ mod tests {
         let draft = |name: &str| {
             let draft = Draft::begin(root.path()).unwrap();
             fs::write(draft.path().join(name), "new").unwrap();
-            draft.keep(&["former.csv", "table.csv", "none.csv"], &Stop::default())
+            draft.keep(&["former.csv", "table.csv", "none.csv"], &CancellationToken::new())
         };
         draft("table.csv").unwrap();
         assert_eq!(names(root.path()), ["table.csv"]);
@@ -137,10 +137,10 @@ mod tests {
     fn a_stop_leaves_what_was_there() {
         let root = TempDir::new().unwrap();
         fs::write(root.path().join("table.csv"), "old").unwrap();
-        let stop = Stop::default();
+        let stop = CancellationToken::new();
         let draft = Draft::begin(root.path()).unwrap();
         fs::write(draft.path().join("table.csv"), "new").unwrap();
-        stop.now();
+        stop.cancel();
         assert!(draft.keep(&["table.csv"], &stop).is_err());
         assert_eq!(names(root.path()), ["table.csv"]);
         assert_eq!(fs::read_to_string(root.path().join("table.csv")).unwrap(), "old");

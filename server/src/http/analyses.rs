@@ -1,4 +1,4 @@
-//! Analyses of a study: asked for, watched, cancelled, fetched. The analyst makes them.
+//! Analyses of a study: asked for, watched, cancelled, fetched. The analysis worker makes them.
 
 use crate::clock::now_ms;
 use crate::http::app::App;

@@ -20,7 +20,7 @@ pub struct App {
     pub throttle: Throttle,
     /// Counts for `/metrics`.
     pub metrics: Metrics,
-    /// Tells the analyst that there is something in the queue.
+    /// Tells the analysis worker that there is something in the queue.
     pub analysis_asked: Arc<Notify>,
     /// Computed when it is first asked for.
     pub self_check: OnceCell<SelfCheck>,

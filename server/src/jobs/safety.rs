@@ -9,10 +9,9 @@ use sidestep::safety::SafetyLevels;
 use sidestep::scene::{Evader, SceneParameters};
 use sidestep::study::StudyConfig;
 use std::ops::ControlFlow;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 use tokio::task::JoinHandle;
+use tokio_util::sync::CancellationToken;
 
 /// Keeps the functions of a configuration that takes no solve, so that they are there
 /// before the first request. Others are left to [`Solver`].
@@ -78,8 +77,11 @@ struct Solution {
 /// The functions, and what is to be said of those that did not converge.
 type Solutions = ([Solution; 2], Vec<String>);
 
-fn solve(parameters: &SceneParameters, stop: &AtomicBool) -> Result<Solutions, SolveError> {
-    let mut progress = |_| match stop.load(Ordering::Relaxed) {
+fn solve(
+    parameters: &SceneParameters,
+    cancel: &CancellationToken,
+) -> Result<Solutions, SolveError> {
+    let mut progress = |_| match cancel.is_cancelled() {
         true => ControlFlow::Break(()),
         false => ControlFlow::Continue(()),
     };
@@ -94,7 +96,7 @@ fn solve(parameters: &SceneParameters, stop: &AtomicBool) -> Result<Solutions, S
 /// Solves in the background what configurations lack.
 #[derive(Debug)]
 pub struct Solver {
-    stop: Arc<AtomicBool>,
+    cancel: CancellationToken,
     task: JoinHandle<()>,
 }
 
@@ -103,31 +105,31 @@ impl Solver {
     /// browsers that need it try themselves.
     #[must_use]
     pub fn start(store: Store) -> Self {
-        let stop = Arc::new(AtomicBool::new(false));
-        let watched = Arc::clone(&stop);
+        let cancel = CancellationToken::new();
+        let watched = cancel.clone();
         let task = tokio::spawn(async move {
             if let Err(error) = solve_all(&store, &watched).await {
                 tracing::error!(error = format!("{error:#}"), "solving value functions");
             }
         });
-        Self { stop, task }
+        Self { cancel, task }
     }
 
     /// Breaks off what is under way; it begins anew at the next start.
     pub async fn stop(self) {
-        self.stop.store(true, Ordering::Relaxed);
+        self.cancel.cancel();
         if let Err(error) = self.task.await {
             tracing::error!(%error, "the solver ended badly");
         }
     }
 }
 
-async fn solve_all(store: &Store, stop: &Arc<AtomicBool>) -> anyhow::Result<()> {
+async fn solve_all(store: &Store, cancel: &CancellationToken) -> anyhow::Result<()> {
     let unsolved = value_functions::unsolved(&mut *store.reader().await?).await?;
     for (hash, config) in unsolved {
         let begin = Instant::now();
         let study = &config.slug;
-        match solve_and_keep(store, &hash, &config, stop).await? {
+        match solve_and_keep(store, &hash, &config, cancel).await? {
             Ok(()) => {
                 let ms = begin.elapsed().as_millis();
                 tracing::info!(study, ms, "value functions solved");
@@ -145,9 +147,9 @@ async fn solve_and_keep(
     store: &Store,
     hash: &str,
     config: &StudyConfig,
-    stop: &Arc<AtomicBool>,
+    cancel: &CancellationToken,
 ) -> anyhow::Result<Result<(), SolveError>> {
-    let (parameters, watched) = (config.parameters, Arc::clone(stop));
+    let (parameters, watched) = (config.parameters, cancel.clone());
     let solved = tokio::task::spawn_blocking(move || solve(&parameters, &watched));
     let (solutions, complaints) = match solved.await.context("solving")? {
         Ok(solutions) => solutions,
@@ -168,18 +170,18 @@ async fn solve_and_keep(
 ///
 /// # Errors
 /// Outside: if the database fails, or what it holds is damaged. Inside: for vehicles that have
-/// none, or if `stop` was set.
+/// none, or if `cancel` was cancelled.
 pub async fn ensure(
     store: &Store,
     config: &StudyConfig,
-    stop: &Arc<AtomicBool>,
+    cancel: &CancellationToken,
 ) -> anyhow::Result<Result<SafetyLevels, SolveError>> {
     let hash = config.hash();
     let kept = stored(&mut *store.reader().await?, &hash).await?;
     if let Some(functions) = kept {
         return Ok(Ok(functions.decode()?));
     }
-    if let Err(error) = solve_and_keep(store, &hash, config, stop).await? {
+    if let Err(error) = solve_and_keep(store, &hash, config, cancel).await? {
         return Ok(Err(error));
     }
     let kept = stored(&mut *store.reader().await?, &hash).await?;

@@ -88,7 +88,7 @@ pub(crate) fn check(comparison: &Comparison) -> Result<Vec<Table>, Box<dyn Error
         let ours = PAPERS_SETS.into_iter().map(distance).collect::<Result<_, _>>()?;
         let row = Row {
             model: model.word().to_owned(),
-            experiment: Experiment::Whether.number(),
+            experiment: Experiment::Avoidance.number(),
             ours,
             reference: line.numbers(),
         };

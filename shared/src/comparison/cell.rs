@@ -12,14 +12,14 @@ use serde::{Deserialize, Serialize};
 #[serde(into = "u8", try_from = "u8")]
 pub enum Experiment {
     /// Experiment I: which input; −1 right, 0 straight, 1 left.
-    Which,
+    TurnDirection,
     /// Experiment II: whether there is one; 0 straight, 1 either turn.
-    Whether,
+    Avoidance,
 }
 
 impl Experiment {
     /// Both.
-    pub const ALL: [Self; 2] = [Self::Which, Self::Whether];
+    pub const ALL: [Self; 2] = [Self::TurnDirection, Self::Avoidance];
 
     /// 1 or 2.
     #[must_use]
@@ -31,8 +31,8 @@ impl Experiment {
     #[must_use]
     pub fn numeral(self) -> &'static str {
         match self {
-            Self::Which => "I",
-            Self::Whether => "II",
+            Self::TurnDirection => "I",
+            Self::Avoidance => "II",
         }
     }
 
@@ -40,8 +40,8 @@ impl Experiment {
     #[must_use]
     pub fn classes(self) -> &'static [i8] {
         match self {
-            Self::Which => &[-1, 0, 1],
-            Self::Whether => &[0, 1],
+            Self::TurnDirection => &[-1, 0, 1],
+            Self::Avoidance => &[0, 1],
         }
     }
 
@@ -49,8 +49,8 @@ impl Experiment {
     #[must_use]
     pub fn class(self, input: TurnInput) -> i8 {
         match self {
-            Self::Which => input.sign(),
-            Self::Whether => input.sign().abs(),
+            Self::TurnDirection => input.sign(),
+            Self::Avoidance => input.sign().abs(),
         }
     }
 }
@@ -58,8 +58,8 @@ impl Experiment {
 impl From<Experiment> for u8 {
     fn from(experiment: Experiment) -> Self {
         match experiment {
-            Experiment::Which => 1,
-            Experiment::Whether => 2,
+            Experiment::TurnDirection => 1,
+            Experiment::Avoidance => 2,
         }
     }
 }
@@ -69,8 +69,8 @@ impl TryFrom<u8> for Experiment {
 
     fn try_from(number: u8) -> Result<Self, Invalid> {
         match number {
-            1 => Ok(Self::Which),
-            2 => Ok(Self::Whether),
+            1 => Ok(Self::TurnDirection),
+            2 => Ok(Self::Avoidance),
             _ => Err(Invalid::new("experiment", "1 or 2", number)),
         }
     }

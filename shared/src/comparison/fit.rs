@@ -112,7 +112,7 @@ pub fn fit(
     participant: usize,
 ) -> Result<Vec<Cell>, Invalid> {
     let experiments = match family {
-        Family::Boosted => &[Experiment::Which][..],
+        Family::Boosted => &[Experiment::TurnDirection][..],
         _ => &Experiment::ALL,
     };
     let problems: Vec<Problem<'_>> =

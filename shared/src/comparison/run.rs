@@ -8,8 +8,8 @@ use super::split::{LEAST_TASKS, Split};
 use super::tables::{Comparison, Participant, mean};
 use crate::bounds::Motion;
 use crate::dataset::Dataset;
-use crate::each::each;
 use crate::invalid::Invalid;
+use crate::parallel_map::parallel_map;
 use crate::predict::Predictor;
 use crate::safety::SafetyLevels;
 use crate::scene::SceneParameters;
@@ -209,7 +209,7 @@ pub fn run(
             }
         }
     };
-    let found = each(&units, work)?;
+    let found = parallel_map(&units, work)?;
     let failed = failures(&units, &found, people.len());
     let mut kept = Vec::new();
     for (person, failed) in people.iter().zip(&failed) {
@@ -437,18 +437,18 @@ fn all_rollouts(
     let mut learned: Vec<Vec<&Cell>> = Vec::new();
     for model in ModelName::PAPERS {
         for set in ROLLED_OUT {
-            learned.push(comparison.of(model, Experiment::Which, set).collect());
+            learned.push(comparison.of(model, Experiment::TurnDirection, set).collect());
         }
     }
     for (set, family) in settings.beyond() {
         let own = |cell: &&Cell| {
-            (cell.model, cell.experiment) == (family.model(), Experiment::Which)
+            (cell.model, cell.experiment) == (family.model(), Experiment::TurnDirection)
                 && cell.features == set.name
         };
         learned.push(beyond.iter().filter(own).collect());
     }
     learned.retain(|cells| !cells.is_empty());
-    let mut all = each(&learned, |cells| {
+    let mut all = parallel_map(&learned, |cells| {
         let of_person = |cell: &&Cell| {
             let predictor = Predictor::try_from(cell.predictor.clone())?;
             let human = PredictedHuman::new(&predictor, safety, scene)?;

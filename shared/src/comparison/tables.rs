@@ -142,7 +142,7 @@ impl Comparison {
     /// One entry of the paper's Table II: both distances over all test trajectories.
     #[must_use]
     pub fn distances(&self, model: ModelName, features: &str) -> Distances {
-        let cells = self.of(model, Experiment::Whether, features);
+        let cells = self.of(model, Experiment::Avoidance, features);
         let all: Vec<_> = cells.flat_map(|cell| self.avoidances(cell)).collect();
         Distances::of(self.steps(), &all)
     }
@@ -192,7 +192,7 @@ impl Comparison {
             let begin = tests.len();
             for model in ModelName::PAPERS {
                 for experiment in Experiment::ALL {
-                    if metric != Metric::Accuracy && experiment == Experiment::Which {
+                    if metric != Metric::Accuracy && experiment == Experiment::TurnDirection {
                         continue;
                     }
                     for (first, second) in PAIRS {

@@ -7,8 +7,8 @@ use super::prediction::{Prediction, same_steps};
 use super::widened::tube_area_m2;
 use super::window::{Trajectory, Window, WindowChoice};
 use crate::bounds::{ActionModel, BoundsSettings, InputBounds};
-use crate::each::each;
 use crate::invalid::Invalid;
+use crate::parallel_map::parallel_map;
 use crate::reach::ReachableSet;
 use crate::stats::{Estimate, Tally, open_probability, share};
 use crate::vehicle::Pose;
@@ -120,7 +120,7 @@ pub fn regions(
         return Err(Invalid::new(format!("epsilon[{}]", sets - 1), expected, last));
     }
     let windows = choice.windows(trajectories, settings.steps());
-    let judged = each(&windows, |windows| {
+    let judged = parallel_map(&windows, |windows| {
         windows.iter().map(|window| judge(window, &prediction, settings)).collect::<Result<_, _>>()
     })?;
     let first: Vec<Vec<usize>> = judged

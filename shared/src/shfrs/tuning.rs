@@ -11,9 +11,9 @@ use super::scores::{Scores, single};
 use super::widened::{least_widening, tube_area_m2, widened, widening_between};
 use super::window::{Trajectory, Window, WindowChoice};
 use crate::bounds::{ActionChoice, ActionModel, BoundsSettings, Rollout};
-use crate::each::each;
 use crate::invalid::Invalid;
 use crate::math::SeededRng;
+use crate::parallel_map::parallel_map;
 use crate::stats::{Estimate, Tally, beta_quantile, open_probability, share};
 use serde::Serialize;
 
@@ -213,7 +213,7 @@ pub fn tune(
     let chosen = &families[least_area(&training, &prediction, &families, &ranks)?];
     let (epsilon, rollout) = match settings.guarantee {
         Guarantee::Conformal | Guarantee::Pac { .. } => {
-            let scores = each(&calibration, |window| {
+            let scores = parallel_map(&calibration, |window| {
                 let base = prediction.bounds(window.history(), chosen)?.raw;
                 least_widening(&base, window, prediction.parameters, prediction.tolerance)
             })?;
@@ -234,7 +234,7 @@ pub fn tune(
     let used = prediction.settings(vec![epsilon], chosen.choice(), rollout)?;
     let tally = Tally { hits: inside(&test, &prediction, &used)?, of: test.len() };
     let measured = if test.is_empty() { &calibration } else { &test };
-    let areas = each(measured, |window| {
+    let areas = parallel_map(measured, |window| {
         tube_area_m2(&prediction.bounds(window.history(), &used)?.sets[0], prediction.parameters)
     })?;
     Ok(Tuned {
@@ -301,7 +301,7 @@ fn inside(
     if settings.epsilon()[0] >= prediction.full_range() {
         return Ok(windows.len());
     }
-    let held = each(windows, |window| {
+    let held = parallel_map(windows, |window| {
         holds(&prediction.bounds(window.history(), settings)?.sets[0], window, prediction)
     })?;
     Ok(held.into_iter().filter(|&held| held).count())
@@ -346,7 +346,7 @@ fn least_area(
 ) -> Result<usize, Invalid> {
     let (parameters, tolerance) = (prediction.parameters, prediction.tolerance);
     // For each window its different bases, and which of them each candidate has.
-    let (mut bases, of): (Vec<Vec<Base>>, Vec<Vec<usize>>) = each(windows, |window| {
+    let (mut bases, of): (Vec<Vec<Base>>, Vec<Vec<usize>>) = parallel_map(windows, |window| {
         let (mut bases, mut of) = (Vec::<Base>::new(), Vec::with_capacity(families.len()));
         for family in families {
             let bounds = prediction.bounds(window.history(), family)?.raw;
@@ -378,7 +378,7 @@ fn least_area(
         })
     };
     let all: Vec<usize> = (0..families.len()).collect();
-    let at_least = each(&all, |&candidate| {
+    let at_least = parallel_map(&all, |&candidate| {
         area(&bases, candidate, &ranked(&bases, candidate, |base| base.least))
     })?;
     let mut order = all;
@@ -397,7 +397,7 @@ fn least_area(
                 base.least < base.most && low.iter().zip(&high).any(may_be)
             })
             .collect();
-        let scores = each(&open, |&i| {
+        let scores = parallel_map(&open, |&i| {
             let base = &bases[i][of[i][candidate]].bounds;
             least_widening(base, &windows[i], parameters, tolerance)
         })?;

@@ -23,7 +23,7 @@ pub(super) fn write(args: &SimulateArgs, out: &str) -> Result<(), CommandError> 
     let path = Path::new(out);
     let interrupt = Interrupt::listen();
     let mut flags = FlagCounts::default();
-    atomic_file::write(path, &interrupt.stop, |file| {
+    atomic_file::write(path, &interrupt.token, |file| {
         flags = content(args, file)?;
         Ok(())
     })

@@ -4,7 +4,7 @@ use super::super::compare::{LEVEL, Paired, too_few};
 use super::super::html::{Gain, fixed, gains, grouped, listed, signed};
 use super::super::words;
 use super::{Finding, Verdict, by, contrary, name, power};
-use crate::analysis::Analysis;
+use crate::report::Analysis;
 use sidestep::comparison::RolloutsOf;
 use sidestep::comparison::cell::{Experiment, HISTORY_SET, ModelName};
 use sidestep::comparison::metrics::{Calibration, Predictions};
@@ -12,11 +12,11 @@ use sidestep::comparison::rollout::{Horizon, Simple};
 use sidestep::stats::rank::holm;
 
 /// A comparison of a model and experiment, with its p-value after Holm over its family.
-pub(in crate::analysis) struct Entry {
-    pub(in crate::analysis) model: ModelName,
-    pub(in crate::analysis) experiment: Experiment,
-    pub(in crate::analysis) paired: Paired,
-    pub(in crate::analysis) holm: f64,
+pub(in crate::report) struct Entry {
+    pub(in crate::report) model: ModelName,
+    pub(in crate::report) experiment: Experiment,
+    pub(in crate::report) paired: Paired,
+    pub(in crate::report) holm: f64,
 }
 
 impl Entry {
@@ -27,7 +27,7 @@ impl Entry {
 
 /// The families of tests that are not of the paper: what is compared with what, and each model
 /// and experiment. The last is the baseline, of no features.
-pub(in crate::analysis) fn families(
+pub(in crate::report) fn families(
     analysis: &Analysis,
 ) -> [(&'static str, &'static str, Vec<Entry>); 3] {
     [

@@ -3,7 +3,7 @@
 use super::super::chart::{Axis, Chart, Margins, Mark, figure, legend};
 use super::super::words;
 use super::{mark, sign};
-use crate::analysis::Analysis;
+use crate::report::Analysis;
 use sidestep::comparison::RolloutsOf;
 use sidestep::comparison::cell::{HISTORY_SET, ModelName};
 use sidestep::comparison::rollout::Horizon;

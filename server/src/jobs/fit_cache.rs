@@ -1,6 +1,6 @@
 //! Cells kept in a folder, by what they were computed from.
 
-use crate::formats::atomic_file::{self, Stop};
+use crate::formats::atomic_file;
 use sha2::{Digest, Sha256};
 use sidestep::comparison::Cache;
 use sidestep::comparison::cell::Cell;
@@ -9,6 +9,7 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
+use tokio_util::sync::CancellationToken;
 
 /// One file a key: the cells, and in a last line their SHA-256. What cannot be read or was changed
 /// counts as not there: it is computed anew.
@@ -70,7 +71,7 @@ impl Cache for FolderCache {
 
     fn put(&self, key: &str, cells: &[Cell]) {
         self.note(key);
-        let written = atomic_file::write(&self.path(key), &Stop::default(), |out| {
+        let written = atomic_file::write(&self.path(key), &CancellationToken::new(), |out| {
             let cells = serde_json::to_string(cells)?;
             write!(out, "{cells}\n{}", sha256(&cells))
         });

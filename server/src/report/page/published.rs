@@ -5,19 +5,19 @@ use sidestep::comparison::cell::{Experiment, ModelName};
 use sidestep::comparison::tables::Metric;
 
 /// Where the numbers are from.
-pub(in crate::analysis) const SOURCE: &str = "J. C. Shih, “Predicting Stochastic Human Forward Reachable Sets \
+pub(in crate::report) const SOURCE: &str = "J. C. Shih, “Predicting Stochastic Human Forward Reachable Sets \
                                  Based on Learned Human Behavior” (2019)";
 
 /// A row of Table I: accuracy in per cent on the sets hrd, hr, hd, rd, h, r, d.
 pub(super) fn accuracies(model: ModelName, experiment: Experiment) -> Option<[f64; 7]> {
-    use Experiment::{Whether, Which};
+    use Experiment::{Avoidance, TurnDirection};
     match (model, experiment) {
-        (ModelName::Svm, Which) => Some([78.67, 78.46, 76.56, 76.74, 75.11, 76.33, 69.75]),
-        (ModelName::Dt, Which) => Some([75.77, 74.24, 73.65, 75.27, 71.37, 73.65, 68.68]),
-        (ModelName::Lr, Which) => Some([77.73, 77.4, 74.71, 77.38, 73.31, 76.61, 69.15]),
-        (ModelName::Svm, Whether) => Some([83.89, 83.15, 81.12, 82.85, 79.62, 82.15, 70.72]),
-        (ModelName::Dt, Whether) => Some([81.29, 78.58, 79.26, 80.55, 79.15, 78.5, 68.0]),
-        (ModelName::Lr, Whether) => Some([81.70, 81.61, 78.79, 81.62, 77.54, 80.88, 71.35]),
+        (ModelName::Svm, TurnDirection) => Some([78.67, 78.46, 76.56, 76.74, 75.11, 76.33, 69.75]),
+        (ModelName::Dt, TurnDirection) => Some([75.77, 74.24, 73.65, 75.27, 71.37, 73.65, 68.68]),
+        (ModelName::Lr, TurnDirection) => Some([77.73, 77.4, 74.71, 77.38, 73.31, 76.61, 69.15]),
+        (ModelName::Svm, Avoidance) => Some([83.89, 83.15, 81.12, 82.85, 79.62, 82.15, 70.72]),
+        (ModelName::Dt, Avoidance) => Some([81.29, 78.58, 79.26, 80.55, 79.15, 78.5, 68.0]),
+        (ModelName::Lr, Avoidance) => Some([81.70, 81.61, 78.79, 81.62, 77.54, 80.88, 71.35]),
         (ModelName::SvmRbf | ModelName::SvmLinear | ModelName::Boosted, _) => None,
     }
 }

@@ -5,7 +5,7 @@ use sidestep::comparison::cell::{
 };
 
 /// As the paper writes it.
-pub(in crate::analysis) fn model(model: ModelName) -> &'static str {
+pub(in crate::report) fn model(model: ModelName) -> &'static str {
     match model {
         ModelName::Svm => "SVM",
         ModelName::SvmRbf => "SVM (RBF)",
@@ -31,8 +31,8 @@ pub(super) fn model_in_full(model: ModelName) -> &'static str {
 /// What is predicted.
 pub(super) fn question(experiment: Experiment) -> &'static str {
     match experiment {
-        Experiment::Which => "right, straight or left",
-        Experiment::Whether => "turn or not",
+        Experiment::TurnDirection => "right, straight or left",
+        Experiment::Avoidance => "turn or not",
     }
 }
 
@@ -40,9 +40,9 @@ pub(super) fn question(experiment: Experiment) -> &'static str {
 pub(super) fn class(experiment: Experiment, class: i8) -> &'static str {
     match (experiment, class) {
         (_, 0) => "straight",
-        (Experiment::Whether, _) => "turn",
-        (Experiment::Which, ..0) => "right",
-        (Experiment::Which, _) => "left",
+        (Experiment::Avoidance, _) => "turn",
+        (Experiment::TurnDirection, ..0) => "right",
+        (Experiment::TurnDirection, _) => "left",
     }
 }
 

@@ -1,6 +1,6 @@
 //! A small made-up analysis.
 
-use crate::analysis::{Analysis, Context, DecisionMap};
+use crate::report::{Analysis, Context, DecisionMap};
 use sidestep::comparison::baseline::Baseline;
 use sidestep::comparison::cell::{Cell, Experiment, ModelName, NamedSet};
 use sidestep::comparison::metrics::Predictions;
@@ -54,7 +54,7 @@ pub(super) fn made_up(people: usize, synthetic: Option<&str>) -> Analysis {
         rollouts: ["svm", "dt", "lr", "held_input", "straight"].map(rollouts).to_vec(),
         leakage: vec![Leakage {
             model: ModelName::Svm,
-            experiment: Experiment::Which,
+            experiment: Experiment::TurnDirection,
             grouped: 70.25,
             leaking: 91.5,
         }],

@@ -5,7 +5,7 @@ use super::super::compare::mean;
 use super::super::words;
 use super::gains::{dot_radius, spread};
 use super::mark;
-use crate::analysis::Analysis;
+use crate::report::Analysis;
 use sidestep::comparison::cell::{Experiment, ModelName};
 use sidestep::comparison::tables::Metric;
 

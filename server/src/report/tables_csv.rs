@@ -1,7 +1,7 @@
 //! The tables of an analysis as CSV. Same results, same bytes.
 
 use super::Analysis;
-use super::report::{Paired, families};
+use super::page::{Paired, families};
 use csv::Writer;
 use sha2::{Digest, Sha256};
 use sidestep::comparison::avoidance::Distances;
@@ -313,8 +313,8 @@ fn predictions(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
         {
             let of = |class: i8| test.classes.iter().position(|c| *c == class).map(|k| row[k]);
             let probabilities = match cell.experiment {
-                Experiment::Which => [of(-1), of(0), of(1), None],
-                Experiment::Whether => [None, of(0), None, of(1)],
+                Experiment::TurnDirection => [of(-1), of(0), of(1), None],
+                Experiment::Avoidance => [None, of(0), None, of(1)],
             };
             out.write_field(cell.model.word())?;
             out.write_field(cell.experiment.number().to_string())?;

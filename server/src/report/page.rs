@@ -33,7 +33,7 @@ const AFTER_TOKENS: &str = "*, *::before";
 pub(super) fn html(analysis: &Analysis) -> String {
     let everything = include_str!("../../../static/style.css");
     let tokens = everything.split_once(AFTER_TOKENS).map_or("", |(tokens, _)| tokens);
-    let style = include_str!("report/style.css");
+    let style = include_str!("page/style.css");
     let body = [
         header(analysis),
         findings(analysis),

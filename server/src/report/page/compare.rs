@@ -1,6 +1,6 @@
 //! Two lists of numbers, one each a person: how far they are apart, and how sure that is.
 
-use crate::analysis::Analysis;
+use crate::report::Analysis;
 use sidestep::comparison::avoidance::{Avoidance, Distances};
 use sidestep::comparison::cell::{Cell, Experiment, ModelName};
 use sidestep::comparison::tables::Metric;
@@ -11,23 +11,23 @@ pub(super) const LEVEL: f64 = 0.05;
 
 /// How much better the first of two is, person by person.
 #[derive(Clone, Debug, PartialEq)]
-pub(in crate::analysis) struct Paired {
+pub(in crate::report) struct Paired {
     /// A number each person, in order; more is better.
-    pub(in crate::analysis) gains: Vec<f64>,
+    pub(in crate::report) gains: Vec<f64>,
     /// Their mean.
-    pub(in crate::analysis) mean: f64,
+    pub(in crate::report) mean: f64,
     /// The typical one (Hodges–Lehmann), which the test is about.
-    pub(in crate::analysis) typical: f64,
+    pub(in crate::report) typical: f64,
     /// What the paired test at 5 % does not reject as the typical gain; none where people are too
     /// few for it to reject anything.
-    pub(in crate::analysis) interval: Option<[f64; 2]>,
+    pub(in crate::report) interval: Option<[f64; 2]>,
     /// Of Wilcoxon's signed-rank test.
-    pub(in crate::analysis) p: f64,
+    pub(in crate::report) p: f64,
 }
 
 impl Paired {
     /// Of these numbers of the same people; none if there are none.
-    pub(in crate::analysis) fn of(first: &[f64], second: &[f64]) -> Option<Self> {
+    pub(in crate::report) fn of(first: &[f64], second: &[f64]) -> Option<Self> {
         let p = wilcoxon(first, second).ok()?;
         let gains: Vec<f64> = first.iter().zip(second).map(|(a, b)| a - b).collect();
         let mean = mean(&gains);
@@ -87,7 +87,7 @@ fn interval(differences: &[f64]) -> Option<[f64; 2]> {
 
 impl Analysis {
     /// Accuracy of each person's model, in per cent.
-    pub(in crate::analysis) fn person_accuracies(
+    pub(in crate::report) fn person_accuracies(
         &self,
         model: ModelName,
         experiment: Experiment,
@@ -99,12 +99,12 @@ impl Analysis {
 
     /// Accuracy of each person's commonest input, in per cent.
     pub(super) fn person_baselines(&self, experiment: Experiment) -> Vec<f64> {
-        let place = usize::from(experiment == Experiment::Whether);
+        let place = usize::from(experiment == Experiment::Avoidance);
         self.baselines[place].iter().map(|test| 100.0 * test.accuracy()).collect()
     }
 
     /// D_start or D_end of each person's model, penalised, in steps; or the accuracy.
-    pub(in crate::analysis) fn person_metric(
+    pub(in crate::report) fn person_metric(
         &self,
         metric: Metric,
         model: ModelName,
@@ -122,7 +122,7 @@ impl Analysis {
                 Metric::End => found.end_penalised,
             }
         };
-        self.comparison.of(model, Experiment::Whether, set).map(of).collect()
+        self.comparison.of(model, Experiment::Avoidance, set).map(of).collect()
     }
 
     /// How many people are compared.

@@ -3,7 +3,7 @@
 use super::super::chart::{Axis, Chart, Margins, figure, legend};
 use super::super::words;
 use super::{mark, sign};
-use crate::analysis::Analysis;
+use crate::report::Analysis;
 use sidestep::comparison::cell::{Experiment, ModelName};
 use sidestep::comparison::metrics::Predictions;
 

@@ -2,8 +2,8 @@
 
 use super::super::chart::{Axis, Chart, Margins, WIDTH, figure, legend, px};
 use super::super::words;
-use crate::analysis::Analysis;
-use crate::analysis::context::{DecisionMap, MAPPED_MODEL};
+use crate::report::Analysis;
+use crate::report::context::{DecisionMap, MAPPED_MODEL};
 use sidestep::math::{PI, TAU, sin_cos};
 
 /// Tones of the map.

@@ -1,13 +1,14 @@
 //! Makes the analyses that are asked for, one after the other, off the request path.
 //!
 //! What the database says of an analysis is the truth: whoever cancels or deletes one, or deletes
-//! data that it holds, changes its row, and the analyst notices when it next says how far it is.
+//! data that it holds, changes its row, and the worker notices when it next says how far it is.
 
-use crate::analysis::{Analysis, CompareError, Tasks};
 use crate::clock::now_ms;
 use crate::jobs::safety;
+use crate::report::{Analysis, CompareError, Tasks};
 use crate::store::analyses::{self, Job};
 use crate::store::{Store, studies};
+use crate::threads::{self, ThreadError};
 use anyhow::Context;
 use flate2::Compression;
 use flate2::read::GzDecoder;
@@ -20,12 +21,13 @@ use sidestep::safety::SafetyLevels;
 use std::collections::HashSet;
 use std::io::{self, Write};
 use std::ops::ControlFlow;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 use tokio::runtime::Handle;
-use tokio::sync::{Notify, oneshot, watch};
+use tokio::sync::Notify;
 use tokio::task::JoinHandle;
+use tokio_util::sync::CancellationToken;
 
 /// How often the row of what is being made is brought up to date.
 const TICK: Duration = Duration::from_millis(500);
@@ -38,29 +40,27 @@ const FILES_AT_ONCE: usize = 32;
 
 /// Works in the background until it is stopped.
 #[derive(Debug)]
-pub struct Analyst {
-    stop: watch::Sender<bool>,
+pub struct AnalysisWorker {
+    cancel: CancellationToken,
     task: JoinHandle<()>,
 }
 
-impl Analyst {
+impl AnalysisWorker {
     /// Begins with what was left over when the server last ended. `asked` tells that there is
     /// something new in the queue.
     #[must_use]
     pub fn start(store: Store, asked: Arc<Notify>, threads: Option<u16>) -> Self {
-        let (stop, stopped) = watch::channel(false);
-        let task = tokio::spawn(async move {
-            let worker = Worker { store, asked, stopped, threads };
-            worker.run().await;
-        });
-        Self { stop, task }
+        let cancel = CancellationToken::new();
+        let worker = Worker { store, asked, cancel: cancel.clone(), threads };
+        let task = tokio::spawn(async move { worker.run().await });
+        Self { cancel, task }
     }
 
     /// Breaks off what is under way; it is taken up again at the next start.
     pub async fn stop(self) {
-        self.stop.send_replace(true);
+        self.cancel.cancel();
         if let Err(error) = self.task.await {
-            tracing::error!(%error, "the analyst ended badly");
+            tracing::error!(%error, "the worker ended badly");
         }
     }
 }
@@ -68,7 +68,7 @@ impl Analyst {
 struct Worker {
     store: Store,
     asked: Arc<Notify>,
-    stopped: watch::Receiver<bool>,
+    cancel: CancellationToken,
     threads: Option<u16>,
 }
 
@@ -85,34 +85,24 @@ enum Ending {
 impl Worker {
     async fn run(&self) {
         let mut recovered = false;
-        while !self.is_stopped() {
+        while !self.cancel.is_cancelled() {
             match self.next(&mut recovered).await {
                 Ok(true) => {}
                 Ok(false) => {
                     tokio::select! {
                         () = self.asked.notified() => {}
-                        () = self.stopped() => {}
+                        () = self.cancel.cancelled() => {}
                     }
                 }
                 Err(error) => {
                     tracing::error!(error = format!("{error:#}"), "making an analysis");
                     tokio::select! {
                         () = tokio::time::sleep(PAUSE) => {}
-                        () = self.stopped() => {}
+                        () = self.cancel.cancelled() => {}
                     }
                 }
             }
         }
-    }
-
-    fn is_stopped(&self) -> bool {
-        // An analyst that was let go stops too.
-        *self.stopped.borrow() || self.stopped.has_changed().is_err()
-    }
-
-    /// Once the server stops.
-    async fn stopped(&self) {
-        let _ = self.stopped.clone().wait_for(|stopped| *stopped).await;
     }
 
     /// Makes the next analysis; whether there was one. After an error of the database what was
@@ -187,17 +177,15 @@ impl Worker {
 
     /// Gathers the data and compares on threads of its own, telling the database how far it is.
     async fn compared(&self, job: &Job, kept: &Arc<StoredCells>) -> anyhow::Result<Ending> {
-        let stop = Arc::new(AtomicBool::new(false));
+        // Cancelled with the worker, or alone if the analysis is not wanted any more.
+        let cancel = self.cancel.child_token();
         let progress = Arc::new([AtomicUsize::new(0), AtomicUsize::new(0)]);
-        let work = self.work(job, Arc::clone(kept), Arc::clone(&stop), Arc::clone(&progress));
+        let work = self.work(job, Arc::clone(kept), cancel.clone(), Arc::clone(&progress));
         let mut work = std::pin::pin!(work);
         let mut unwanted = false;
         let found = loop {
             tokio::select! {
                 found = &mut work => break found?,
-                () = self.stopped(), if !stop.load(Ordering::Relaxed) => {
-                    stop.store(true, Ordering::Relaxed);
-                }
                 () = tokio::time::sleep(TICK), if !unwanted => {
                     let [done, of] = [0, 1].map(|i: usize| progress[i].load(Ordering::Relaxed));
                     let fresh = kept.fresh.load(Ordering::Relaxed);
@@ -207,7 +195,7 @@ impl Worker {
                         Err(error) => tracing::warn!(%error, "progress was not noted"),
                     }
                     if unwanted {
-                        stop.store(true, Ordering::Relaxed);
+                        cancel.cancel();
                     }
                 }
             }
@@ -226,12 +214,12 @@ impl Worker {
         Ok(wanted)
     }
 
-    /// What was found, or why nothing was; nothing at all once `stop` is set.
+    /// What was found, or why nothing was; none once `cancel` is cancelled.
     async fn work(
         &self,
         job: &Job,
         kept: Arc<StoredCells>,
-        stop: Arc<AtomicBool>,
+        cancel: CancellationToken,
         progress: Arc<[AtomicUsize; 2]>,
     ) -> anyhow::Result<Option<Result<Box<Analysis>, String>>> {
         let study = studies::find(&mut *self.store.reader().await?, &job.study).await?;
@@ -240,7 +228,7 @@ impl Worker {
         if job.request.synthetic {
             tasks.synthetic = Some("said by the experimenter".to_owned());
         }
-        let safety = match safety::ensure(&self.store, &study.config, &stop).await? {
+        let safety = match safety::ensure(&self.store, &study.config, &cancel).await? {
             Ok(safety) => safety,
             Err(SolveError::Cancelled) => return Ok(None),
             Err(SolveError::Invalid(invalid)) => return Ok(Some(Err(invalid.to_string()))),
@@ -253,7 +241,7 @@ impl Worker {
         let step = move |now: Progress| {
             progress[0].fetch_max(now.done, Ordering::Relaxed);
             progress[1].store(now.of, Ordering::Relaxed);
-            match stop.load(Ordering::Relaxed) {
+            match cancel.is_cancelled() {
                 true => ControlFlow::Break(()),
                 false => ControlFlow::Continue(()),
             }
@@ -278,14 +266,12 @@ impl Worker {
         // One processor is left to the requests.
         let spare = || std::thread::available_parallelism().map_or(1, |all| (all.get() - 1).max(1));
         let threads = self.threads.map_or_else(spare, usize::from);
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build()?;
-        let (answer, answered) = oneshot::channel();
-        std::thread::Builder::new().name("analyst".to_owned()).spawn(move || {
-            let found = pool.install(|| tasks.compare(&safety, None, &settings, &*kept, &step));
-            // Nobody waits any more only when the server is over.
-            let _ = answer.send(found);
-        })?;
-        Ok(answered.await.ok())
+        let work = move || tasks.compare(&safety, None, &settings, &*kept, &step);
+        match threads::run("analysis", Some(threads), work).await {
+            Ok(found) => Ok(Some(found)),
+            Err(ThreadError::Panicked) => Ok(None),
+            Err(error) => Err(error.into()),
+        }
     }
 
     /// Writes the files down, compressed, a few at a time.

@@ -3,8 +3,8 @@
 use super::compare::too_few;
 use super::html::{details, escaped, fixed, p_value, signed, table};
 use super::{published, words};
-use crate::analysis::best::is_best;
-use crate::analysis::{Analysis, Excluded};
+use crate::report::best::is_best;
+use crate::report::{Analysis, Excluded};
 use sidestep::comparison::avoidance::Distances;
 use sidestep::comparison::cell::{BODY_FRAME_SETS, Experiment, ModelName, PAPERS_SETS};
 use sidestep::comparison::tables::Metric;
@@ -105,12 +105,12 @@ pub(super) fn distances(analysis: &Analysis) -> String {
 }
 
 /// Of one form.
-pub(in crate::analysis) fn penalised(of: &Distances, metric: Metric) -> Option<f64> {
+pub(in crate::report) fn penalised(of: &Distances, metric: Metric) -> Option<f64> {
     Some(if metric == Metric::End { of.end_penalised } else { of.start_penalised })
 }
 
 /// Of the other.
-pub(in crate::analysis) fn both_avoid(of: &Distances, metric: Metric) -> Option<f64> {
+pub(in crate::report) fn both_avoid(of: &Distances, metric: Metric) -> Option<f64> {
     if metric == Metric::End { of.end_both } else { of.start_both }
 }
 

@@ -49,7 +49,7 @@ impl Questions {
 
 /// Everything that was found.
 #[derive(Serialize)]
-pub(super) struct Analysis {
+pub(super) struct Evaluation {
     /// Where the predictor comes from.
     pub(super) predictor: String,
     pub(super) participants: usize,
@@ -110,7 +110,7 @@ fn region_windows(seed: u64) -> [WindowChoice; 3] {
     [WindowChoice::EveryStep, WindowChoice::RandomOne { seed }, WindowChoice::AvoidanceOnset]
 }
 
-impl Analysis {
+impl Evaluation {
     /// How many steps of a progress bar [`Self::of`] takes.
     pub(super) fn stages(questions: &Questions) -> u64 {
         let tuned = questions.guarantees.len() * questions.probabilities.len();

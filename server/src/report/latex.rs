@@ -2,7 +2,7 @@
 //! needed.
 
 use super::best::is_best;
-use super::report::{SOURCE, both_avoid, model_word, penalised};
+use super::page::{SOURCE, both_avoid, model_word, penalised};
 use super::{Analysis, Excluded};
 use sidestep::comparison::cell::{Experiment, ModelName, PAPERS_SETS};
 use sidestep::comparison::tables::Metric;
@@ -111,7 +111,7 @@ fn accuracy(analysis: &Analysis) -> String {
         }
     }
     let baseline = Experiment::ALL.map(|experiment| {
-        let all = &analysis.baselines[usize::from(experiment == Experiment::Whether)];
+        let all = &analysis.baselines[usize::from(experiment == Experiment::Avoidance)];
         let mean =
             all.iter().map(|of| 100.0 * of.accuracy()).sum::<f64>() / all.len().max(1) as f64;
         format!("{mean:.2} in experiment {}", experiment.numeral())

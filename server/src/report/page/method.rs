@@ -2,7 +2,7 @@
 
 use super::html::{details, listed};
 use super::section;
-use crate::analysis::Analysis;
+use crate::report::Analysis;
 use sidestep::comparison::cell::{BODY_FRAME_SETS, Cell, ModelName, PAPERS_SETS};
 use sidestep::comparison::fit::Grids;
 use sidestep::vehicle::VehicleModel;

@@ -3,7 +3,7 @@
 use super::compare::mean;
 use super::testing::made_up;
 use super::{findings, html};
-use crate::analysis::{Analysis, Content, latex};
+use crate::report::{Analysis, Content, latex};
 use resvg::usvg::roxmltree::{self, Document, ParsingOptions};
 use sidestep::comparison::Request;
 use sidestep::comparison::cell::{Experiment, ModelName};
@@ -113,7 +113,7 @@ fn it_tells_the_numbers_of_the_tables() {
     // No turn at all is no pair: 7 people, 14 trials, all found.
     assert!(words(&read(&html)).contains("mean over 14 test trials"));
     assert!(html.contains("<td>70.25</td><td>91.50</td><td>+21.25</td>"));
-    let baselines = analysis.person_baselines(Experiment::Which);
+    let baselines = analysis.person_baselines(Experiment::TurnDirection);
     assert!((mean(&baselines) - 60.0).abs() < 1e-9);
 }
 
@@ -208,7 +208,7 @@ fn what_safety_levels_add_to_the_body_frame_is_an_answer_of_its_own() {
     let mut analysis = made_up(7, None);
     let better = made_up(7, None).comparison;
     for (cell, of_hrd) in analysis.comparison.cells.iter_mut().zip(&better.cells) {
-        let is_svm = (cell.model, cell.experiment) == (ModelName::Svm, Experiment::Which);
+        let is_svm = (cell.model, cell.experiment) == (ModelName::Svm, Experiment::TurnDirection);
         if is_svm && cell.features == "hrd_body" {
             cell.test.predicted.clone_from(&of_hrd.test.truth);
         }

@@ -1,15 +1,13 @@
 //! The paper's comparison of one study, and the files that tell of it.
 
 mod best;
-mod cache;
 mod context;
 mod excluded;
-mod files;
 mod latex;
-mod report;
+mod page;
+mod tables_csv;
 mod tasks;
 
-pub use cache::FolderCache;
 pub use context::{Context, DecisionMap};
 pub use excluded::Excluded;
 pub use tasks::{CompareError, Tasks};
@@ -129,13 +127,14 @@ impl Analysis {
         &self,
         put: &mut dyn FnMut(&str, Content<'_>) -> io::Result<()>,
     ) -> io::Result<()> {
-        for (name, table) in files::tables(self) {
+        for (name, table) in tables_csv::tables(self) {
             put(name, &|out| table(self, out))?;
         }
-        put("report.html", &|out| out.write_all(report::html(self).as_bytes()))?;
+        put("report.html", &|out| out.write_all(page::html(self).as_bytes()))?;
         put("tables.tex", &|out| out.write_all(latex::tables(self).as_bytes()))?;
         for cell in &self.comparison.cells {
-            let person = files::file_name(&self.comparison.participants[cell.participant].name);
+            let person =
+                tables_csv::file_name(&self.comparison.participants[cell.participant].name);
             let (model, experiment) = (cell.model.word(), cell.experiment.number());
             let name = format!("models/{model}-{experiment}-{}-{person}.json", cell.features);
             let predictor =

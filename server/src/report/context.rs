@@ -45,7 +45,7 @@ pub struct DecisionMap {
 /// Which model's maps.
 pub(super) const MAPPED_MODEL: ModelName = ModelName::Svm;
 /// Of which experiment.
-pub(super) const MAPPED_EXPERIMENT: Experiment = Experiment::Whether;
+pub(super) const MAPPED_EXPERIMENT: Experiment = Experiment::Avoidance;
 
 const SETS: [&str; 2] = ["hrd", "d"];
 const ENCOUNTERS: [(f64, &str); 2] = [(PI, "head-on"), (0.5 * PI, "crossing from the right")];

@@ -2,7 +2,7 @@
 
 use super::super::html::grouped;
 use super::super::words;
-use crate::analysis::Analysis;
+use crate::report::Analysis;
 use sidestep::comparison::cell::{Experiment, ModelName};
 use sidestep::comparison::metrics::Predictions;
 

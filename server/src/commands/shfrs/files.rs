@@ -2,13 +2,14 @@
 
 use super::super::solving::Interrupt;
 use super::super::{CommandError, unwritable};
-use super::analysis::Analysis;
+use super::evaluation::Evaluation;
 use crate::figure;
-use crate::formats::atomic_file::{self, Stop};
+use crate::formats::atomic_file;
 use csv::Writer;
 use sidestep::predict::PredictorFile;
 use sidestep::shfrs::probability::Regions;
 use std::path::Path;
+use tokio_util::sync::CancellationToken;
 
 /// In the order in which they are written.
 pub(super) const FILES: [&str; 8] = [
@@ -34,7 +35,7 @@ pub(super) fn check(folder: &Path) -> Result<(), CommandError> {
 /// runs must not lie beside each other.
 pub(super) fn write(
     folder: &Path,
-    analysis: &Analysis,
+    analysis: &Evaluation,
     predictor: &PredictorFile,
     interrupt: &Interrupt,
 ) -> Result<(), CommandError> {
@@ -55,13 +56,13 @@ pub(super) fn write(
     interrupt.check()?;
     for (name, text) in FILES.into_iter().zip(texts) {
         let path = folder.join(name);
-        atomic_file::write(&path, &Stop::default(), |out| out.write_all(text.as_bytes()))
+        atomic_file::write(&path, &CancellationToken::new(), |out| out.write_all(text.as_bytes()))
             .map_err(|e| unwritable(&path, &e))?;
     }
     Ok(())
 }
 
-fn note(analysis: &Analysis) -> String {
+fn note(analysis: &Evaluation) -> String {
     let n = analysis.participants;
     let kind = if analysis.synthetic.is_some() { "SYNTHETIC " } else { "" };
     format!(
@@ -72,7 +73,7 @@ fn note(analysis: &Analysis) -> String {
 }
 
 /// How many families of the Pareto table are SHFRS.
-fn featured(analysis: &Analysis) -> usize {
+fn featured(analysis: &Evaluation) -> usize {
     analysis.pareto.curves.iter().filter(|curve| curve.family.starts_with("SHFRS")).count()
 }
 
@@ -129,7 +130,7 @@ fn regions_csv(regions: &[Regions]) -> Result<String, CommandError> {
     })
 }
 
-fn tuning_csv(analysis: &Analysis) -> Result<String, CommandError> {
+fn tuning_csv(analysis: &Evaluation) -> Result<String, CommandError> {
     csv_text(|writer| {
         writer.write_record([
             "guarantee",
@@ -163,7 +164,7 @@ fn tuning_csv(analysis: &Analysis) -> Result<String, CommandError> {
     })
 }
 
-fn danger_csv(analysis: &Analysis) -> Result<String, CommandError> {
+fn danger_csv(analysis: &Evaluation) -> Result<String, CommandError> {
     csv_text(|writer| {
         writer.write_record([
             "participant",
@@ -186,7 +187,7 @@ fn danger_csv(analysis: &Analysis) -> Result<String, CommandError> {
     })
 }
 
-fn regions_svg(analysis: &Analysis) -> Result<String, CommandError> {
+fn regions_svg(analysis: &Evaluation) -> Result<String, CommandError> {
     // The probabilities of windows from every step: those that a live display has.
     let Some(found) = analysis.regions.first() else {
         return Err(CommandError::Failure("no trajectory is long enough".to_owned()));

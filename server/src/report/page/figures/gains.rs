@@ -3,7 +3,7 @@
 use super::super::chart::{Anchor, Axis, Chart, Margins, Mark, figure, legend};
 use super::super::compare::Paired;
 use super::super::words;
-use crate::analysis::Analysis;
+use crate::report::Analysis;
 use sidestep::comparison::cell::{Experiment, ModelName};
 
 /// Which sets are compared, as in the findings, and how a chart is headed.

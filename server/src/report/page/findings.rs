@@ -2,12 +2,12 @@
 
 mod beside;
 
-pub(in crate::analysis) use beside::families;
+pub(in crate::report) use beside::families;
 
 use super::compare::{LEVEL, Paired, least_p, mean, people_needed, too_few};
 use super::html::{Gain, count, fixed, gains, listed, p_is, p_value, signed};
 use super::words;
-use crate::analysis::Analysis;
+use crate::report::Analysis;
 use sidestep::comparison::cell::{Experiment, ModelName};
 use sidestep::comparison::tables::{Metric, Test};
 

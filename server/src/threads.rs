@@ -1,0 +1,58 @@
+//! Long computations on a thread of their own.
+
+use tokio::sync::oneshot;
+
+/// Why a computation gave no result.
+#[derive(Debug, thiserror::Error)]
+pub enum ThreadError {
+    /// The system gives no further thread.
+    #[error("cannot start a thread: {0}")]
+    Start(String),
+    /// It panicked; the panic's message is on stderr.
+    #[error("the computation failed; see the message above")]
+    Panicked,
+}
+
+/// Runs `work` on a thread called `name` and waits for its result. Inside, parallel loops use
+/// `threads` threads; none stands for one per processor.
+///
+/// It is no blocking task of the runtime: a runtime waits for those when it ends, but work whose
+/// caller has stopped waiting should not keep a command from ending.
+///
+/// # Errors
+/// [`ThreadError`] if no thread can be started, or `work` panicked.
+pub async fn run<T: Send + 'static>(
+    name: &str,
+    threads: Option<usize>,
+    work: impl FnOnce() -> T + Send + 'static,
+) -> Result<T, ThreadError> {
+    let start = |error: &dyn std::fmt::Display| ThreadError::Start(error.to_string());
+    let pool = threads.map(|n| rayon::ThreadPoolBuilder::new().num_threads(n).build());
+    let pool = pool.transpose().map_err(|e| start(&e))?;
+    let (answer, answered) = oneshot::channel();
+    std::thread::Builder::new()
+        .name(name.to_owned())
+        .spawn(move || {
+            let found = match pool {
+                Some(pool) => pool.install(work),
+                None => work(),
+            };
+            // The receiver is gone only if the caller has stopped waiting.
+            let _ = answer.send(found);
+        })
+        .map_err(|e| start(&e))?;
+    answered.await.map_err(|_| ThreadError::Panicked)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[tokio::test]
+    async fn results_come_back_and_panics_are_errors() {
+        let threads = run("test", Some(3), rayon::current_num_threads).await.unwrap();
+        assert_eq!(threads, 3);
+        let panicked = run("test", None, || panic!("on purpose")).await;
+        assert!(matches!(panicked, Err::<(), _>(ThreadError::Panicked)));
+    }
+}
