@@ -6,7 +6,7 @@
 mod canvas;
 mod pareto;
 mod regions;
-mod roomiest;
+mod label_position;
 mod slices;
 mod tube;
 

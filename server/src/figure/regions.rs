@@ -4,7 +4,7 @@ use super::canvas::{
     Align, Canvas, DrawError, GRID, HUMAN, LINE, MUTED, REGIONS, ROBOT, SURFACE, TEXT, number,
     page, ticks,
 };
-use super::roomiest::roomiest;
+use super::label_position::roomiest;
 use plotters::prelude::{Color, RGBColor};
 use sidestep::bounds::{InputBounds, Motion};
 use sidestep::invalid::Invalid;
