@@ -1,18 +1,18 @@
-//! Synthetic participants: a published-models driver of the study's vehicle, for
-//! testing software.
+//! Synthetic participants: simulated drivers of the study's vehicle, built from published
+//! models, for testing software.
 //!
 //! Version 1 of the participant model of the project's learning reference: a delayed, noisy
 //! leaky accumulator (after Markkula 2014) of three drives from studies of people walking:
 //! minimum predicted distance (Olivier et al. 2012), constancy of bearing (Cutting, Vishton and
 //! Braren 1995; Ondřej et al. 2010) and a repeller of distance and angle (Fajen and Warren
-//! 2003). It never sees a safety level. The numbers of each person are a modelling choice, not
-//! a measurement: what is found on these drives says nothing about people.
+//! 2003). The model never sees a safety level. Each person's parameters are a modelling choice, not
+//! a measurement: results on these drives say nothing about people.
 
-mod decision;
+mod stream;
+mod person;
 mod encounter;
 mod perception;
-mod person;
-mod stream;
+mod decision;
 
 pub use person::Person;
 
@@ -24,15 +24,15 @@ use stream::Stream;
 /// When the vehicle follows the keys.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Keys {
-    /// At once. States do not replay from one input a step, since keys change within steps;
-    /// headings are not wrapped.
+    /// At once. Keys change within steps, so the states cannot be replayed from one input per
+    /// step; headings are not wrapped.
     Free,
-    /// At the beginning of each step, as in the study: states are exactly those that
-    /// [`JointState::advance`] leads through.
+    /// At the beginning of each step, as in the study: the states are exactly those that
+    /// [`JointState::advance`] gives.
     Clock,
 }
 
-/// What the keys asked for from some time on.
+/// A change of the held key.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct KeyChange {
     /// Time after the start of the scene, ms.
@@ -46,39 +46,40 @@ pub struct KeyChange {
 pub struct SyntheticDrive {
     /// The key held at the beginning of each step.
     pub inputs: Vec<TurnInput>,
-    /// Before each step, and after the last.
+    /// The states before each step and after the last.
     pub states: Vec<JointState>,
     /// When each input was sampled: the beginning of its step, ms after the scene's start.
     pub sampled_at_ms: Vec<f64>,
-    /// Every change of the keys, in order of time; before the first none is held.
+    /// Every key change, in order of time; no key is held before the first.
     pub key_changes: Vec<KeyChange>,
 }
 
-/// Perception and decision are renewed this often, s, or as often as divides a step evenly.
+/// Interval at which perception and decision are updated, s; it is rounded so that it divides a
+/// step evenly.
 const TICK_S: f64 = 0.05;
 
-/// Most ticks of a step: with steps of more than 50 s, ticks are longer.
+/// Maximum number of ticks in a step; steps longer than 50 s have longer ticks.
 const MAX_TICKS: f64 = 1000.0;
 
-/// One of the people that a seed stands for.
+/// One person of the population that a seed defines.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SyntheticParticipant {
     seed: u64,
     number: u64,
-    /// What tells this person from others.
+    /// The parameters of this person.
     pub person: Person,
 }
 
 impl SyntheticParticipant {
-    /// Person `number`, from 0, of the people that `seed` stands for. How many there are
-    /// changes nothing for any of them.
+    /// Person `number`, from 0, of the population that `seed` defines. A person does not depend
+    /// on the size of the population.
     #[must_use]
     pub fn new(seed: u64, number: u64) -> Self {
         Self { seed, number, person: Person::draw(&mut Stream::of_person(seed, number)) }
     }
 
-    /// Draws trial `trial`, from 0, of the paper's study as the reference does, and drives it.
-    /// With [`Keys::Free`] and seed 20180918 these are the reference's drives.
+    /// Draws the scene of trial `trial`, from 0, of the paper's study as the reference does, and
+    /// drives it. With [`Keys::Free`] and seed 20180918 the result is the reference's drive.
     #[must_use]
     pub fn own_trial(&self, trial: u64, keys: Keys) -> (Scene, SyntheticDrive) {
         let parameters = SceneParameters::default();
@@ -141,7 +142,7 @@ impl SyntheticParticipant {
                 };
             }
             if keys == Keys::Clock {
-                // The step as a whole: ticks may add up to another last digit.
+                // The whole step at once: the sum of its ticks may differ in the last digit.
                 state = begin.advance(parameters, held, parameters.step_s);
             }
             drive.inputs.push(held);
@@ -153,7 +154,7 @@ impl SyntheticParticipant {
     }
 }
 
-/// As [`JointState::advance`], with headings that go on counting, as in the reference.
+/// As [`JointState::advance`], but without wrapping the headings, as in the reference.
 fn advance_unwrapped(
     parameters: &SceneParameters,
     state: JointState,

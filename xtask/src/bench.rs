@@ -52,6 +52,11 @@ const BENCHES: &[Bench] = &[
         runner: Runner::Target("sidestep"),
     },
     Bench {
+        name: "scenes",
+        what: "drawing a participant's scenes, against the plain rules",
+        runner: Runner::Target("sidestep"),
+    },
+    Bench {
         name: "shfrs",
         what: "predicted sets as WebAssembly in Chromium and on this machine, against targets",
         runner: Runner::Wasm(wasm::SHFRS),

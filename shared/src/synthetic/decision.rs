@@ -1,4 +1,4 @@
-//! From what is seen to a key that is held: noisy leaky accumulation with two thresholds.
+//! Which key a person holds, given what they see: a noisy leaky accumulator with two thresholds.
 
 use super::perception::{Percept, Sight, logistic};
 use super::person::Person;
@@ -11,15 +11,15 @@ use std::collections::VecDeque;
 /// Time constants of the errors of perception and of the activation, s.
 const NOISE_S: f64 = 0.6;
 const LEAK_S: f64 = 0.35;
-/// Shortest time that a key is held or left alone, s. Times are multiples of the tick in
-/// doubles, so that three ticks may fall short of it by a last digit and a fourth is needed: the
-/// reference's drives depend on that.
+/// Minimum time between pressing and releasing a key, s. Times are multiples of the tick in
+/// floating point: three ticks may fall short of it in the last digit, and then a fourth is
+/// needed. The reference's drives depend on that.
 const REFRACTORY_S: f64 = 0.15;
-/// How far to both sides a person imagines to turn, rad, when choosing one.
+/// A person who chooses a side compares imagined turns by this angle to either side, rad.
 const IMAGINED_RAD: f64 = 0.4;
 /// How strongly the side chosen last is preferred.
 const STICKINESS: f64 = 2.0;
-/// A prediction worse by this than when the key went down may change a mind, m.
+/// A person may change sides once the predicted distance has fallen by this since the press, m.
 const WORSE_M: f64 = 0.5;
 
 /// A person at the keys, during one trial.
@@ -28,7 +28,7 @@ pub(super) struct Decision<'a> {
     parameters: &'a SceneParameters,
     tick_s: f64,
     stream: Stream,
-    /// What was to be seen, from a lag ago to now.
+    /// The states from one lag of perception ago to now.
     seen: VecDeque<JointState>,
     lag_ticks: usize,
     noise: [f64; 2],
@@ -53,9 +53,9 @@ struct Press {
     since_s: f64,
     /// The predicted distance when it went down, m.
     predicted_m: f64,
-    /// By how much it is held longer than needed, s; none for a lapse, whose end nothing moves.
+    /// How much longer than needed it is held, s; none for a lapse, whose end is fixed.
     overhold_s: Option<f64>,
-    /// When it is let go, s, once that is decided.
+    /// When it is released, s, once that is decided.
     until_s: Option<f64>,
 }
 
@@ -80,14 +80,14 @@ impl<'a> Decision<'a> {
         }
     }
 
-    /// The key that is held from `t_s` to the next tick. To be asked tick by tick; the order
-    /// of the draws is the reference's.
+    /// The key that is held from `t_s` to the next tick. Call it once for each tick, in order;
+    /// it draws random numbers in the reference's order.
     pub(super) fn key(&mut self, t_s: f64, state: &JointState) -> TurnInput {
         self.seen.push_back(*state);
         if self.seen.len() > self.lag_ticks + 1 {
             self.seen.pop_front();
         }
-        // Before a lag is over, the scene is seen as it began.
+        // During the first lag, the person sees the initial state.
         let delayed = *self.seen.front().unwrap_or(state);
         let keep = exp(-self.tick_s / NOISE_S);
         for noise in &mut self.noise {
@@ -121,7 +121,7 @@ impl<'a> Decision<'a> {
         }
     }
 
-    /// Chooses a side, at random with what speaks for each.
+    /// Chooses a side at random, weighted by the predicted distances, bearing, bias and habit.
     fn press(&mut self, t_s: f64, delayed: &JointState, sight: &Sight, percept: &Percept) -> Press {
         let passing = |turned| Sight::of(self.parameters, delayed, turned).predicted_m;
         let for_left = self.person.side_by_distance
@@ -140,7 +140,7 @@ impl<'a> Decision<'a> {
         }
     }
 
-    /// A turn for no reason, which is no choice of a side.
+    /// A turn without a reason. It does not influence later choices of a side.
     fn lapse(&mut self, t_s: f64, percept: &Percept) -> Press {
         Press {
             side: side(self.stream.unit() < 0.5),

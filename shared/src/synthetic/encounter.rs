@@ -1,14 +1,14 @@
-//! The reference's own scenes, by rejection. The study's are those of [`crate::scene`].
+//! The reference's own scenes, drawn by rejection. Studies use those of [`crate::scene`].
 
 use super::stream::Stream;
 use crate::math::{PI, hypot, sin_cos};
 use crate::scene::{JointState, Scene, SceneParameters};
 use crate::vehicle::{Pose, TurnInput};
 
-/// How finely distances are looked at, s.
+/// Interval between two checked distances, s.
 const LOOK_S: f64 = 0.05;
 
-/// The next scene that the rules admit.
+/// The next admissible scene.
 pub(super) fn draw(parameters: &SceneParameters, stream: &mut Stream) -> Scene {
     loop {
         let drawn = Drawn::next(stream);
@@ -28,7 +28,7 @@ struct Drawn {
     closest_s: f64,
     /// At which signed distance, m.
     miss_m: f64,
-    /// Where the robot is half-way, m.
+    /// The position of the robot halfway, m.
     centre: [f64; 2],
 }
 
@@ -43,8 +43,8 @@ impl Drawn {
         }
     }
 
-    /// None where the two start too near, too far or nearly parallel, where there is too
-    /// little time, or where the danger zone is missed anyway or cannot be escaped.
+    /// The scene; none if the vehicles start too close, too far apart or nearly parallel, if the
+    /// human reaches the danger zone too early, misses it anyway or cannot escape it.
     fn scene(&self, parameters: &SceneParameters) -> Option<Scene> {
         let radius = parameters.danger_radius_m;
         let human_psi = self.robot_psi + self.approach_rad;

@@ -4,20 +4,20 @@ use super::person::Person;
 use crate::math::{asin, atan2, exp, hypot, sin_cos, wrap_angle};
 use crate::scene::{JointState, SceneParameters};
 
-/// What there is to see, if both vehicles drive on straight.
+/// What a person sees, assuming that both vehicles drive on straight.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Sight {
     /// Distance, m.
     pub(super) distance_m: f64,
-    /// Time to the closest approach, s; negative where it is over.
+    /// Time to the closest approach, s; negative once it is past.
     pub(super) closest_s: f64,
-    /// Distance then, m, or the present one where it is over.
+    /// Distance at that time, m; the present distance once it is past.
     pub(super) predicted_m: f64,
     /// Rate of the robot's bearing in the world, rad/s.
     pub(super) bearing_rate_radps: f64,
     /// Speed of the robot relative to the human, m/s.
     pub(super) closing_mps: f64,
-    /// Where the robot is off the human's heading, rad, to the left.
+    /// Direction of the robot relative to the human's heading, rad, positive to the left.
     pub(super) bearing_rad: f64,
 }
 
@@ -42,7 +42,7 @@ impl Sight {
             distance_m,
             closest_s,
             predicted_m: if closest_s > 0.0 { cross.abs() / closing_mps } else { distance_m },
-            // One on top of the other has no bearing: any finite rate will do.
+            // At distance zero there is no bearing: any finite rate will do.
             bearing_rate_radps: cross / (distance_m * distance_m).max(1e-12),
             closing_mps,
             bearing_rad: wrap_angle(atan2(ry, rx) - heading),
@@ -55,12 +55,12 @@ pub(super) fn logistic(x: f64) -> f64 {
     1.0 / (1.0 + exp(-x))
 }
 
-/// What is made of it.
+/// What the person concludes from it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Percept {
     /// Predicted smallest distance, with the error of the perceived headings, m.
     pub(super) predicted_m: f64,
-    /// How much there is to act, in [0, 1].
+    /// Drive to act, in [0, 1].
     pub(super) drive: f64,
 }
 

@@ -1,16 +1,16 @@
-//! What tells one synthetic person from another.
+//! The parameters of a synthetic person.
 
 use super::stream::Stream;
 
-/// A person of the model, with the range that each number is drawn from; uniformly, unless it
-/// says otherwise.
+/// The parameters of a person, each with its range. They are drawn uniformly unless stated
+/// otherwise.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Person {
     /// Lag of perception, s: 0.2–0.4.
     pub lag_s: f64,
     /// Times to closest approach beyond this matter little, s: 4.2–7.
     pub horizon_s: f64,
-    /// By how much the predicted distance should exceed the danger radius, m: 0.6–2.2.
+    /// How far the predicted distance should exceed the danger radius, m: 0.6–2.2.
     pub margin_m: f64,
     /// Factor of the threshold of bearing rates, rad·s^0.5: 1.2–2.2.
     pub bearing_threshold: f64,
@@ -26,7 +26,7 @@ pub struct Person {
     pub time_noise: f64,
     /// Activation above which a key goes down: 0.4–0.6.
     pub press_above: f64,
-    /// Activation below which it is let go: 0.35–0.7 of [`Self::press_above`].
+    /// Activation below which the key is released: 0.35–0.7 of [`Self::press_above`].
     pub release_below: f64,
     /// Noise of the activation, 1/√s: 0.15–0.35.
     pub activation_noise: f64,
@@ -36,9 +36,9 @@ pub struct Person {
     pub side_by_distance: f64,
     /// Preference for turning away from where the robot is seen: 0–1.5.
     pub side_by_bearing: f64,
-    /// Rate of turns for no reason, 1/s: 0–0.02.
+    /// Rate of turns without a reason, 1/s: 0–0.02.
     pub lapses_per_s: f64,
-    /// Rate of changes of mind, where things get worse, 1/s: 0–0.25.
+    /// Rate of side changes while the predicted distance falls, 1/s: 0–0.25.
     pub reversals_per_s: f64,
     /// Weights of the three drives (predicted distance, bearing, repeller), which add up to 1:
     /// exponential, of means in the proportion 1.2 : 1.2 : 0.8.

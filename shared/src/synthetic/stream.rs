@@ -6,17 +6,17 @@ use crate::math::{TAU, cos, ln};
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Stream(u64);
 
-/// What tells the streams of people and of trials apart: odd, so that none coincide.
+/// Multipliers that keep the streams of people and trials apart: odd, so that no two coincide.
 const OF_PERSON: u64 = 0xD134_2543_DE82_EF95;
 const OF_TRIAL: u64 = 0xAF25_1AF3_B0F0_25B5;
 
 impl Stream {
-    /// From which a person's parameters are drawn.
+    /// The stream from which a person's parameters are drawn.
     pub(super) fn of_person(seed: u64, person: u64) -> Self {
         Self::of(seed, person, 1)
     }
 
-    /// From which everything of a trial is drawn; both numbers from 0.
+    /// The stream from which everything in a trial is drawn; both numbers count from 0.
     pub(super) fn of_trial(seed: u64, person: u64, trial: u64) -> Self {
         Self::of(seed, person, trial.wrapping_add(2))
     }
@@ -46,7 +46,7 @@ impl Stream {
         low + (high - low) * self.unit()
     }
 
-    /// Exponential of that mean.
+    /// Exponentially distributed with this mean.
     pub(super) fn exponential(&mut self, mean: f64) -> f64 {
         -mean * ln(1.0 - self.unit())
     }

@@ -1,0 +1,411 @@
+//! Which scenes a study admits.
+//!
+//! [`is_admissible`] is the definition: it drives each escape step by step, as a trial would.
+//! [`SceneRules`] gives the same answers a thousand times sooner, from the geometry of straight
+//! lines and one turn. It answers only where rounding cannot matter and asks the definition
+//! otherwise, so that a seed keeps its scenes bit for bit.
+
+use super::parameters::{Evader, SceneParameters};
+use super::state::{JointState, SAMPLES_PER_STEP, Scene, closest_within_step};
+use crate::math::{hypot, sin_cos};
+use crate::reachability::ExactValue;
+use crate::vehicle::{Pose, TurnInput};
+
+/// Bounds within which encounters are drawn. A closing speed that is too small
+/// (nearly parallel headings) would need starts that are far apart.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EncounterRange {
+    /// Least |approach angle|, rad.
+    pub min_approach_rad: f64,
+    /// Greatest |miss distance| as a share of R_c.
+    pub max_miss_share: f64,
+    /// Least time to the danger zone, s.
+    pub min_entry_s: f64,
+    /// Greatest time to the danger zone, s.
+    pub max_entry_s: f64,
+    /// Least and greatest distance at the start, m.
+    pub start_distance_m: (f64, f64),
+    /// By how much an escape must clear the danger zone, m.
+    pub escape_clearance_m: f64,
+    /// Before this time an escape does not begin, s: a person needs to react.
+    pub escape_delay_s: f64,
+}
+
+impl Default for EncounterRange {
+    fn default() -> Self {
+        Self {
+            min_approach_rad: 0.35,
+            max_miss_share: 0.85,
+            min_entry_s: 2.0,
+            max_entry_s: 8.0,
+            start_distance_m: (7.0, 24.0),
+            escape_clearance_m: 0.3,
+            escape_delay_s: 1.0,
+        }
+    }
+}
+
+/// An escape is one turn from the delay on, held for 1, 2, … or this many seconds.
+const LONGEST_ESCAPE_S: usize = 5;
+
+/// The steps in which an escape may turn: the step in which it begins, and the steps of a
+/// second. A step longer than a second counts as one.
+fn escape_steps(parameters: &SceneParameters, range: &EncounterRange) -> (usize, usize) {
+    let begin = (range.escape_delay_s / parameters.step_s).ceil() as usize;
+    let second = (1.0 / parameters.step_s).round().max(1.0) as usize;
+    (begin, second)
+}
+
+/// Whether a scene keeps the study's rules: it starts outside the danger zone
+/// with time to react, runs into it if nobody turns, and can be escaped from.
+#[must_use]
+pub fn is_admissible(parameters: &SceneParameters, range: &EncounterRange, scene: &Scene) -> bool {
+    let distance = scene.start().distance_m();
+    if distance < range.start_distance_m.0 || distance > range.start_distance_m.1 {
+        return false;
+    }
+    let radius = parameters.danger_radius_m;
+    if closest_with_manoeuvre(parameters, scene, TurnInput::Straight, 0, 0) > radius {
+        return false;
+    }
+    // Where V_HR takes a solve, the escape below has to do: drawing scenes waits for nothing.
+    if let Ok(value) = parameters.game(Evader::Human).exact()
+        && value.value(scene.start().robot_seen_by_human()) <= 0.0
+    {
+        return false;
+    }
+    let (begin, second) = escape_steps(parameters, range);
+    (1..=LONGEST_ESCAPE_S).any(|seconds| {
+        [TurnInput::Left, TurnInput::Right].into_iter().any(|input| {
+            let end = begin.saturating_add(second.saturating_mul(seconds));
+            closest_with_manoeuvre(parameters, scene, input, begin, end)
+                > radius + range.escape_clearance_m
+        })
+    })
+}
+
+/// Smallest distance, m, when the human turns with `input` from `begin` to `end`
+/// (steps) and otherwise drives straight.
+fn closest_with_manoeuvre(
+    parameters: &SceneParameters,
+    scene: &Scene,
+    input: TurnInput,
+    begin: usize,
+    end: usize,
+) -> f64 {
+    let mut state = scene.start();
+    let mut closest = state.distance_m();
+    for step in 0..parameters.steps {
+        let held = if (begin..end).contains(&step) { input } else { TurnInput::Straight };
+        closest = closest.min(closest_within_step(parameters, state, held));
+        state = state.advance(parameters, held, parameters.step_s);
+    }
+    closest
+}
+
+/// A length, as a share of the lengths of a scene, that is far beyond what rounding may add up
+/// to in 3000 steps (about 10⁻¹¹).
+const ROUNDING: f64 = 1e-9;
+
+/// How all sampled distances of a stretch compare with a limit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Distances {
+    /// All are greater.
+    Above,
+    /// One is smaller.
+    Below,
+    /// One is so close to the limit that rounding decides.
+    Unclear,
+}
+
+/// The rules of [`is_admissible`], with everything computed that all scenes share.
+///
+/// It works in the human's frame at the start (x ahead, y to the left), where all escapes to
+/// one side follow the same path until they end.
+#[derive(Clone, Debug)]
+pub struct SceneRules<'a> {
+    parameters: &'a SceneParameters,
+    range: &'a EncounterRange,
+    /// V_HR, where it has a closed form.
+    value: Option<ExactValue>,
+    /// The step in which an escape begins.
+    begin: usize,
+    /// Steps of a second.
+    second: usize,
+    /// The human at the beginning of each step of a turn to the left.
+    turn: Vec<Placed>,
+    /// The way since the beginning of a step of that turn, m, at each sample: ahead and left.
+    within_step: [[f64; 2]; SAMPLES_PER_STEP + 1],
+}
+
+/// A vehicle with the cosine and sine of its heading.
+#[derive(Clone, Copy, Debug)]
+struct Placed {
+    position: [f64; 2],
+    heading: [f64; 2],
+}
+
+impl Placed {
+    fn of(pose: Pose) -> Self {
+        let (sin, cos) = sin_cos(pose.psi);
+        Self { position: pose.position(), heading: [cos, sin] }
+    }
+
+    /// As seen in a mirror along the human's first heading.
+    fn mirrored(self) -> Self {
+        let ([x, y], [cos, sin]) = (self.position, self.heading);
+        Self { position: [x, -y], heading: [cos, -sin] }
+    }
+
+    /// Where it is after driving straight for `way_m`.
+    fn ahead(self, way_m: f64) -> Self {
+        let ([x, y], [cos, sin]) = (self.position, self.heading);
+        Self { position: [x + way_m * cos, y + way_m * sin], heading: self.heading }
+    }
+}
+
+impl<'a> SceneRules<'a> {
+    /// The rules of a study.
+    #[must_use]
+    pub fn new(parameters: &'a SceneParameters, range: &'a EncounterRange) -> Self {
+        let human = &parameters.human;
+        let (begin, second) = escape_steps(parameters, range);
+        let begin = begin.min(parameters.steps);
+        let turning = second.saturating_mul(LONGEST_ESCAPE_S).min(parameters.steps - begin);
+        let start = Pose::new(human.speed_mps * begin as f64 * parameters.step_s, 0.0, 0.0);
+        let turned = |from, seconds| human.advance(from, TurnInput::Left, seconds);
+        let turn = (0..=turning).map(|step| turned(start, step as f64 * parameters.step_s));
+        let within_step = std::array::from_fn(|sample| {
+            let share = sample as f64 / SAMPLES_PER_STEP as f64;
+            turned(Pose::new(0.0, 0.0, 0.0), share * parameters.step_s).position()
+        });
+        Self {
+            parameters,
+            range,
+            value: parameters.game(Evader::Human).exact().ok(),
+            begin,
+            second,
+            turn: turn.map(Placed::of).collect(),
+            within_step,
+        }
+    }
+
+    /// The answer of [`is_admissible`].
+    #[must_use]
+    pub fn admit(&self, scene: &Scene) -> bool {
+        let start = scene.start();
+        let distance = start.distance_m();
+        let (least, greatest) = self.range.start_distance_m;
+        if distance < least || distance > greatest {
+            return false;
+        }
+        let clear = self.judge(&start);
+        clear.unwrap_or_else(|| is_admissible(self.parameters, self.range, scene))
+    }
+
+    /// The answer for a start at a permitted distance; none where rounding decides it.
+    fn judge(&self, start: &JointState) -> Option<bool> {
+        let parameters = self.parameters;
+        let relative = start.robot_seen_by_human();
+        let human = Placed::of(Pose::new(0.0, 0.0, 0.0));
+        let robot = Placed::of(Pose::from(relative));
+        let margin = self.rounding_m(start);
+
+        let radius = parameters.danger_radius_m;
+        match self.straight([human, robot], parameters.steps, radius, margin) {
+            Distances::Above => return Some(false),
+            Distances::Below => {}
+            Distances::Unclear => return None,
+        }
+        let limit = radius + self.range.escape_clearance_m;
+        match self.straight([human, robot], self.begin, limit, margin) {
+            Distances::Above => {}
+            Distances::Below => return Some(false),
+            Distances::Unclear => return None,
+        }
+        if self.value.is_some_and(|value| value.value(relative) <= 0.0) {
+            return Some(false);
+        }
+        let robot = robot.ahead(parameters.robot.speed_mps * self.begin_s());
+        let sides = [robot, robot.mirrored()].map(|robot| self.escape(robot, limit, margin));
+        if sides.contains(&Distances::Above) {
+            Some(true)
+        } else if sides.contains(&Distances::Unclear) {
+            None
+        } else {
+            Some(false)
+        }
+    }
+
+    /// Time at which an escape begins, s.
+    fn begin_s(&self) -> f64 {
+        self.begin as f64 * self.parameters.step_s
+    }
+
+    /// Time between two sampled distances, s.
+    fn sample_s(&self) -> f64 {
+        self.parameters.step_s / SAMPLES_PER_STEP as f64
+    }
+
+    /// How far a distance may be off by rounding, here and in [`is_admissible`], m.
+    fn rounding_m(&self, start: &JointState) -> f64 {
+        let SceneParameters { human, robot, .. } = self.parameters;
+        let duration_s = self.parameters.duration_s();
+        let [hx, hy] = start.human.position().map(f64::abs);
+        let [rx, ry] = start.robot.position().map(f64::abs);
+        let lengths = hx + hy + rx + ry + (human.speed_mps + robot.speed_mps) * duration_s;
+        let angles =
+            start.human.psi.abs() + start.robot.psi.abs() + human.turn_rate_radps * duration_s;
+        ROUNDING * lengths * (1.0 + angles)
+    }
+
+    /// Distances while both drive straight for so many steps. The squared distance is a
+    /// parabola, so that a sample beside its vertex is the closest.
+    fn straight(
+        &self,
+        [human, robot]: [Placed; 2],
+        steps: usize,
+        limit: f64,
+        margin: f64,
+    ) -> Distances {
+        let [x, y] = difference(robot.position, human.position);
+        let way = |placed: Placed, speed: f64| placed.heading.map(|part| speed * part);
+        let [wx, wy] = difference(
+            way(robot, self.parameters.robot.speed_mps),
+            way(human, self.parameters.human.speed_mps),
+        );
+        let square = wx * wx + wy * wy;
+        let vertex_s = if square > 0.0 { -(x * wx + y * wy) / square } else { 0.0 };
+        let last = (steps * SAMPLES_PER_STEP) as f64;
+        let before = (vertex_s / self.sample_s()).clamp(0.0, last).floor();
+        let after = (before + 1.0).min(last);
+        let closest = [before, after]
+            .map(|sample| sample * self.sample_s())
+            .map(|s| hypot(x + s * wx, y + s * wy));
+        compare(closest[0].min(closest[1]), limit, margin)
+    }
+
+    /// Distances of the best escape to the left, from the `robot` as it begins: above the limit
+    /// if those of one escape all are.
+    fn escape(&self, robot: Placed, limit: f64, margin: f64) -> Distances {
+        let SceneParameters { human, robot: model, .. } = self.parameters;
+        let closing_m = (human.speed_mps + model.speed_mps) * self.sample_s();
+        let robot_at =
+            |sample: usize| robot.ahead(model.speed_mps * sample as f64 * self.sample_s());
+        let mut best = Distances::Below;
+        let mut sample = 0;
+        for seconds in 1..=LONGEST_ESCAPE_S {
+            let end = (self.second.saturating_mul(seconds)).min(self.turn.len() - 1);
+            while sample <= end * SAMPLES_PER_STEP {
+                let [x, y] = difference(robot_at(sample).position, self.turned(sample));
+                let distance = hypot(x, y);
+                match compare(distance, limit, margin) {
+                    Distances::Above => {}
+                    // Longer turns come this way too.
+                    Distances::Below => return best,
+                    Distances::Unclear => return Distances::Unclear,
+                }
+                // Before so many samples they cannot be as close as the limit.
+                let free = (distance - limit - margin) / closing_m;
+                sample = sample.saturating_add((free as usize).max(1));
+            }
+            let both = [self.turn[end], robot_at(end * SAMPLES_PER_STEP)];
+            let left = self.parameters.steps - self.begin - end;
+            match self.straight(both, left, limit, margin) {
+                Distances::Above => return Distances::Above,
+                Distances::Below => {}
+                Distances::Unclear => best = Distances::Unclear,
+            }
+        }
+        best
+    }
+
+    /// The human's position so many samples after the turn to the left began.
+    fn turned(&self, sample: usize) -> [f64; 2] {
+        let Placed { position: [x, y], heading: [cos, sin] } = self.turn[sample / SAMPLES_PER_STEP];
+        let [ahead, left] = self.within_step[sample % SAMPLES_PER_STEP];
+        [x + cos * ahead - sin * left, y + sin * ahead + cos * left]
+    }
+}
+
+fn difference(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
+    [a[0] - b[0], a[1] - b[1]]
+}
+
+/// A smallest distance that may be off by `margin`; what is no number is unclear.
+fn compare(closest: f64, limit: f64, margin: f64) -> Distances {
+    if closest > limit + margin {
+        Distances::Above
+    } else if closest < limit - margin {
+        Distances::Below
+    } else {
+        Distances::Unclear
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::design::{Encounter, place};
+    use super::*;
+    use crate::math::SeededRng;
+    use crate::vehicle::VehicleModel;
+
+    /// A study of vehicles, radius and clock at random.
+    fn study(rng: &mut SeededRng) -> SceneParameters {
+        let mut vehicle = || VehicleModel {
+            speed_mps: rng.uniform(0.5, 4.0),
+            turn_rate_radps: rng.uniform(0.05, 2.0),
+        };
+        let (human, robot) = (vehicle(), vehicle());
+        SceneParameters {
+            human,
+            robot,
+            danger_radius_m: rng.uniform(0.5, 4.0),
+            step_s: rng.uniform(0.1, 1.3),
+            steps: 1 + rng.below(40),
+        }
+    }
+
+    fn encounter(parameters: &SceneParameters, rng: &mut SeededRng) -> Scene {
+        let encounter = Encounter {
+            approach_rad: rng.uniform(-3.1, 3.1),
+            miss_m: parameters.danger_radius_m * rng.uniform(-1.1, 1.1),
+            entry_s: rng.uniform(0.5, 9.0),
+        };
+        place(parameters, encounter, rng.uniform(-3.1, 3.1))
+    }
+
+    #[test]
+    fn the_fast_answer_is_the_plain_one() {
+        let mut rng = SeededRng::new(3);
+        let range = EncounterRange { start_distance_m: (0.0, 60.0), ..EncounterRange::default() };
+        let (mut judged, mut admitted) = (0, 0);
+        for _ in 0..60 {
+            let parameters = study(&mut rng);
+            let rules = SceneRules::new(&parameters, &range);
+            for _ in 0..10 {
+                let scene = encounter(&parameters, &mut rng);
+                let plain = is_admissible(&parameters, &range, &scene);
+                assert_eq!(rules.admit(&scene), plain, "{parameters:?} {scene:?}");
+                judged += usize::from(rules.judge(&scene.start()).is_some());
+                admitted += usize::from(plain);
+            }
+        }
+        assert!(judged >= 599, "{judged}");
+        assert!((100..500).contains(&admitted), "{admitted}");
+    }
+
+    #[test]
+    fn what_rounding_decides_is_left_to_the_plain_rules() {
+        let parameters = SceneParameters::default();
+        let range = EncounterRange::default();
+        let rules = SceneRules::new(&parameters, &range);
+        // The danger zone is just touched, at a sampled moment.
+        let encounter = Encounter { approach_rad: 2.0, miss_m: 3.0, entry_s: 5.0 };
+        let scene = place(&parameters, encounter, 0.4);
+        assert_eq!(rules.judge(&scene.start()), None);
+        assert_eq!(rules.admit(&scene), is_admissible(&parameters, &range, &scene));
+        let unknown = JointState { human: Pose::from([f64::NAN, 0.0, 0.0]), ..scene.start() };
+        assert_eq!(rules.judge(&unknown), None);
+    }
+}
