@@ -1,7 +1,6 @@
 //! Studies: what participants go through, as data.
 
 use crate::invalid::Invalid;
-use crate::reachability::hex;
 use crate::scene::{EncounterRange, Scene, SceneParameters, generate};
 use crate::trial::Phase;
 use serde::{Deserialize, Serialize};
@@ -97,7 +96,7 @@ impl StudyConfig {
     #[must_use]
     pub fn hash(&self) -> String {
         // Numbers, strings and lists always have a JSON form.
-        hex(&Sha256::digest(serde_json::to_vec(self).unwrap_or_default()))
+        hex::encode(Sha256::digest(serde_json::to_vec(self).unwrap_or_default()))
     }
 
     /// The scenes of one participant, phase by phase; the same seed gives the

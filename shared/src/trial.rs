@@ -1,7 +1,6 @@
 //! Trials: a driven scene, its replay, and what came of it.
 
 use crate::math::{SeededRng, hypot, wrap_angle};
-use crate::reachability::hex;
 use crate::scene::{JointState, Scene, SceneParameters, closest_within_step};
 use crate::vehicle::{Pose, TurnInput};
 use serde::{Deserialize, Serialize};
@@ -222,7 +221,7 @@ pub fn simulation_fingerprint(seed: u64, count: usize) -> String {
             }
         }
     }
-    hex(&hash.finalize())
+    hex::encode(hash.finalize())
 }
 
 #[cfg(test)]

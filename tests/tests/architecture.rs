@@ -84,6 +84,7 @@ fn the_library_is_pure() {
     ];
     never("shared/src", &impure, |_| false);
     let allowed = [
+        "hex",
         "libm",
         "nalgebra",
         "pulp",

@@ -6,7 +6,7 @@ use super::split::Split;
 use crate::dataset::Dataset;
 use crate::features::FeatureSet;
 use crate::predict::{Predictor, PredictorFile};
-use crate::reachability::{SolveError, hex};
+use crate::reachability::SolveError;
 use crate::safety::SafetyLevels;
 use crate::scene::SceneParameters;
 use crate::synthetic::{Keys, SyntheticDrive, SyntheticParticipant};
@@ -41,7 +41,7 @@ pub fn learning_fingerprints() -> Result<Vec<(String, String)>, SolveError> {
         let all = rows(&safety, &parameters, 0..TASKS.0);
         let others = rows(&safety, &parameters, TASKS.0..TASKS.0 + TASKS.1);
         let mut add = |stage: String, hash: Sha256| {
-            found.push((format!("{levels}, {stage}"), hex(&hash.finalize())));
+            found.push((format!("{levels}, {stage}"), hex::encode(hash.finalize())));
         };
         add("features".to_owned(), of_numbers(all.values.iter().chain(&others.values)));
         let papers = NamedSet { name: "hrd".to_owned(), features: FeatureSet::subset("hrd")? };

@@ -377,7 +377,7 @@ impl Unit<'_> {
             hash.update((rows.len() as u64).to_le_bytes());
             rows.iter().for_each(|&row| hash.update((row as u64).to_le_bytes()));
         }
-        crate::reachability::hex(&hash.finalize())
+        hex::encode(hash.finalize())
     }
 }
 

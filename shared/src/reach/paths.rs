@@ -46,13 +46,13 @@ fn chord(half_turn: f64, seconds: f64) -> f64 {
     }
 }
 
-/// What `seconds` of turning at a constant rate do.
+/// What turning at a constant rate for some time does.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Turn {
     pub(super) rate: f64,
-    /// By which angle the heading turns, e^{iα}.
+    /// The angle α by which the heading turns, as e^{iα}.
     pub(super) turned: Complex<f64>,
-    /// The displacement, if the heading was 0.
+    /// The displacement if the heading was 0, s of travel.
     pub(super) moved: Complex<f64>,
 }
 
@@ -84,7 +84,7 @@ const MOST_KEPT: usize = 4;
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Path {
     step_s: f64,
-    /// The first of so many equal pieces of each step: of one, two and so on.
+    /// The first of one, two, … equal pieces of each step.
     steps: Vec<[Turn; MOST_KEPT]>,
     rates: Vec<f64>,
     /// At the start and after each step.
@@ -157,9 +157,9 @@ impl Path {
     }
 }
 
-/// Bounds that keep a vehicle from driving straight by less than this, rad/s, are taken
-/// for zero: extremals would part there by more than numbers can tell. A step of
-/// 0.2 s gains 2·10⁻⁵ rad by it.
+/// Bounds that forbid driving straight by less than this, rad/s, are taken for zero: extremals
+/// would diverge there by more than numbers can tell. In a step of 0.2 s this allows 2·10⁻⁵ rad
+/// more.
 const NEARLY_ZERO: f64 = 1e-4;
 
 /// The bounds and their two outermost paths.
@@ -206,6 +206,17 @@ impl Paths {
     /// May one drive straight in each of the first `steps` steps?
     pub(super) fn straight_always(&self, steps: usize) -> bool {
         (0..steps).all(|step| self.straight_admissible(step))
+    }
+
+    /// The range of φ, rad (≤ 0 and ≥ 0), with which extremals of the front may end after
+    /// `steps` steps: below it the path keeps the highest rate throughout, above it the lowest.
+    /// Its ends are how far right the highest rates turn, from whichever step, to the end, and
+    /// how far left the lowest do.
+    pub(super) fn end_phi_range(&self, steps: usize) -> (f64, f64) {
+        let (high, low) = (self.high.heading(steps), self.low.heading(steps));
+        (0..steps).fold((0.0, 0.0), |(left, right): (f64, f64), step| {
+            (left.min(high - self.high.heading(step)), right.max(low - self.low.heading(step)))
+        })
     }
 
     /// Lowest and highest heading, rad, that occurs in the first `steps` steps.

@@ -4,18 +4,18 @@ use crate::invalid::Invalid;
 use crate::math::PI;
 use crate::vehicle::Pose;
 
-/// By how much a start position may differ from the one given.
+/// How far a start position may be from the one given.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum PositionUncertainty {
     /// Not at all.
     #[default]
     None,
-    /// By at most this, m, in any direction.
+    /// At most a radius, in any direction.
     Disc {
-        /// m.
+        /// The radius, m.
         radius_m: f64,
     },
-    /// By at most these along and across the given heading.
+    /// At most these lengths along and across the given heading.
     Box {
         /// Half the length, m.
         along_m: f64,
@@ -68,13 +68,13 @@ impl StartSet {
         self.pose
     }
 
-    /// By how much the position may differ.
+    /// How far the position may be from that of [`Self::pose`].
     #[must_use]
     pub fn position(&self) -> PositionUncertainty {
         self.position
     }
 
-    /// By how much, rad, the heading may differ to either side.
+    /// How much the heading may differ, rad, to either side.
     #[must_use]
     pub fn heading_rad(&self) -> f64 {
         self.heading_rad
@@ -90,7 +90,7 @@ impl StartSet {
     }
 }
 
-/// Exactly one pose, which is checked where it is used.
+/// Exactly one pose. It is checked where it is used.
 impl From<Pose> for StartSet {
     fn from(pose: Pose) -> Self {
         Self { pose, position: PositionUncertainty::None, heading_rad: 0.0 }
@@ -100,7 +100,7 @@ impl From<Pose> for StartSet {
 /// Largest uncertainty of a position, m.
 const MOST_M: f64 = 1e4;
 
-/// Refuses what is not a number from 0 to [`MOST_M`].
+/// Accepts a number from 0 to [`MOST_M`].
 pub(super) fn non_negative(field: &str, value: f64) -> Result<f64, Invalid> {
     if (0.0..=MOST_M).contains(&value) {
         Ok(value)

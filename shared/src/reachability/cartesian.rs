@@ -7,14 +7,15 @@
 //! derivatives included, so there are no derivative arrays. The run passes over
 //! ghost nodes; what it computes there is replaced when the ghosts are filled.
 
-mod kernel;
 mod layout;
+mod kernel;
 mod march;
 
 use super::game::Game;
 use super::grid::Grid;
+use super::progress::{MEMORY_LIMIT_BYTES, Progress, SolveError};
 use super::scheme::{Eno2, Eno3, Scheme, Upwind, Weno5};
-use super::{Progress, SolveError};
+use crate::parallel::default_threads;
 use crate::real::Real;
 use core::ops::ControlFlow;
 use march::march;
@@ -115,9 +116,9 @@ impl Settings {
     pub fn of(scheme: Scheme) -> Self {
         Self {
             scheme,
-            threads: super::default_threads(),
+            threads: default_threads(),
             cfl: scheme.cfl(),
-            memory_limit_bytes: super::MEMORY_LIMIT_BYTES,
+            memory_limit_bytes: MEMORY_LIMIT_BYTES,
         }
     }
 }

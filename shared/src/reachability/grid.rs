@@ -133,28 +133,3 @@ impl<const D: usize> Grid<D> {
         Ok(())
     }
 }
-
-/// Refuses a solve that needs more memory than `limit_bytes`, before any is taken.
-///
-/// # Errors
-/// [`Invalid`] with the estimate.
-pub(super) fn check_memory(
-    nodes: usize,
-    arrays: usize,
-    size: usize,
-    limit_bytes: u64,
-) -> Result<(), Invalid> {
-    let needed = (nodes as u64).saturating_mul(arrays as u64).saturating_mul(size as u64);
-    if needed <= limit_bytes {
-        return Ok(());
-    }
-    let mebibytes = |bytes: u64| format!("{:.0} MiB", bytes as f64 / f64::from(1 << 20));
-    // Both products saturate.
-    let about = if needed == u64::MAX { "more than" } else { "about" };
-    let nodes = if nodes == usize::MAX { format!("more than {nodes}") } else { nodes.to_string() };
-    Err(Invalid::new(
-        "grid",
-        format!("at most {} of memory", mebibytes(limit_bytes)),
-        format!("{nodes} nodes, which need {about} {}", mebibytes(needed)),
-    ))
-}

@@ -21,18 +21,22 @@
 //! time step, new values are used at once (Gauss–Seidel), the sweeps change
 //! direction, rows that rest are skipped, and coarser grids give the first guess.
 
+mod range;
 mod level;
 mod sweep;
+mod kink;
 
-use super::grid::check_memory;
+use super::progress::{MEMORY_LIMIT_BYTES, Progress, SolveError, check_memory};
 use super::pursuit::PursuitGame;
-use super::{Progress, SolveError};
 use crate::invalid::{Invalid, positive};
-use crate::math::{exp, ln, power_of_two_near};
+use crate::math::power_of_two_near;
 use crate::real::Real;
 use crate::vehicle::VehicleModel;
 use core::ops::ControlFlow;
 use level::{Evader, Level};
+
+pub use range::RangeAxis;
+pub use sweep::WINDOW;
 
 /// Nodes in polar coordinates, and how far the solve goes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -60,39 +64,8 @@ impl Default for Settings {
             angle_nodes: 96,
             tolerance: 1e-4,
             most_sweeps: 2000,
-            memory_limit_bytes: super::MEMORY_LIMIT_BYTES,
+            memory_limit_bytes: MEMORY_LIMIT_BYTES,
         }
-    }
-}
-
-/// The range axis r = c (eˢ − 1), s = 0, h, 2h, …
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct RangeAxis {
-    /// c, m: where the axis turns from linear to logarithmic.
-    pub knee_m: f64,
-    /// h.
-    pub step: f64,
-    /// Number of nodes.
-    pub nodes: usize,
-}
-
-impl RangeAxis {
-    /// `nodes` nodes from 0 to `range_m`.
-    #[must_use]
-    pub fn new(knee_m: f64, range_m: f64, nodes: usize) -> Self {
-        Self { knee_m, step: ln(1.0 + range_m / knee_m) / (nodes - 1) as f64, nodes }
-    }
-
-    /// Range of node `i`, m.
-    #[must_use]
-    pub fn node(&self, i: usize) -> f64 {
-        self.knee_m * (exp(i as f64 * self.step) - 1.0)
-    }
-
-    /// Fractional node index of a range, m.
-    #[must_use]
-    pub fn position(&self, range_m: f64) -> f64 {
-        ln(1.0 + range_m / self.knee_m) / self.step
     }
 }
 
@@ -157,7 +130,7 @@ pub fn solve<T: Real>(
     // The half turn and its copy, the full turn of the sheet and its copy.
     check_memory(nodes, 6, size_of::<T>(), settings.memory_limit_bytes)?;
 
-    // Lengths in units of about R/3 and time so that the faster vehicle has a speed
+    // Lengths in units of about R/3 and time so that the faster player has a speed
     // between 1 and 2: what is small is small for any vehicle, and powers of two round
     // nothing.
     let unit = game.length_unit_m();
@@ -172,15 +145,15 @@ pub fn solve<T: Real>(
         pursuer: scaled(game.pursuer),
         radius_m: game.radius_m / unit,
     };
-    for (name, vehicle) in [("evader", small.evader), ("pursuer", small.pursuer)] {
+    for (name, player) in [("evader", small.evader), ("pursuer", small.pursuer)] {
         let smallest = f64::from(f32::MIN_POSITIVE);
-        if vehicle.speed_mps < smallest || vehicle.turn_rate_radps < smallest {
+        if player.speed_mps < smallest || player.turn_rate_radps < smallest {
             let expected = "a speed and a turn rate that single precision can tell from zero \
-                            beside those of the other vehicle";
+                            beside those of the other player";
             let found = format!(
                 "{} m/s, {} rad/s",
-                vehicle.speed_mps * unit * rate,
-                vehicle.turn_rate_radps * rate
+                player.speed_mps * unit * rate,
+                player.turn_rate_radps * rate
             );
             return Err(Invalid::new(name, expected, found).into());
         }
@@ -253,9 +226,6 @@ fn pace(game: &PursuitGame) -> f64 {
 const PAPERS_PACE: f64 = 0.22;
 /// Below this single precision no longer sees what a sweep changes.
 const SLOWEST_PACE: f64 = 0.02;
-
-/// Sweeps between two looks at the drift.
-pub const WINDOW: usize = 16;
 
 /// Coarse to fine.
 fn levels(settings: &Settings) -> Vec<(usize, usize)> {

@@ -8,12 +8,14 @@ mod slice;
 pub use nodes::Nodes;
 pub(super) use slice::Slice;
 
+use super::cartesian;
 use super::grid::Axis;
 use super::polar;
 use super::pursuit::PursuitGame;
 use super::table::Table;
 use crate::invalid::Invalid;
 use crate::math::{TAU, hypot, sin_cos, wrap_positive};
+use crate::real::Real;
 use finders::{BearingFinder, RangeFinder};
 use sheet::Sheet;
 
@@ -192,10 +194,10 @@ impl SampledValue {
     ///
     /// # Errors
     /// [`Invalid`] if it is not finite, or the grid is none of x, y, ψ.
-    pub fn from_cartesian<T: super::Real>(
+    pub fn from_cartesian<T: Real>(
         game: PursuitGame,
         horizon_s: f64,
-        solution: &super::cartesian::Solution<T, 3>,
+        solution: &cartesian::Solution<T, 3>,
     ) -> Result<Self, Invalid> {
         let [x, y, psi] = solution.grid.axes;
         let deficit: Vec<f32> = solution
@@ -366,15 +368,6 @@ impl SampledValue {
         }
         let angle = third[1] - third[0];
         volume * angle * (second[1] - second[0])
-    }
-
-    /// V at a node of the heading axis of the table and of the two others; for
-    /// drawing slices without looking anything up.
-    pub(super) fn slice(&self, psi: f64) -> Slice<'_> {
-        let n = self.nodes.shape()[2];
-        let (k, share) = split(wrap_positive(psi) * n as f64 / TAU, n);
-        let (mirrored, mirrored_share) = split(wrap_positive(-psi) * n as f64 / TAU, n);
-        Slice { function: self, heading: [(k, share), (mirrored, mirrored_share)] }
     }
 }
 

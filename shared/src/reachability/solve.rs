@@ -4,13 +4,15 @@ use super::cartesian::{self, Direction, Horizon, Kind, Problem, Region};
 use super::games::RelativeDubins;
 use super::grid::{Axis, Grid};
 use super::polar;
+use super::progress::{MEMORY_LIMIT_BYTES, Progress, SolveError, check_memory};
 use super::pursuit::PursuitGame;
 use super::sampled::{Nodes, SampledValue};
 use super::scheme::Scheme;
 use super::value_function::ValueFunction;
-use super::{MEMORY_LIMIT_BYTES, Progress, SolveError, default_threads};
 use crate::invalid::{Invalid, positive};
 use crate::math::{PI, TAU};
+use crate::parallel::default_threads;
+use crate::real::Real;
 use crate::vehicle::VehicleModel;
 use core::ops::ControlFlow;
 use std::sync::Arc;
@@ -190,12 +192,7 @@ pub fn solve(
                 None => polar_nodes(&game, options)?,
             };
             nodes.check()?;
-            super::grid::check_memory(
-                nodes.count(),
-                3,
-                size_of::<f32>(),
-                options.memory_limit_bytes,
-            )?;
+            check_memory(nodes.count(), 3, size_of::<f32>(), options.memory_limit_bytes)?;
             let samples = Arc::new(SampledValue::sampled(game, nodes, |state| exact.value(state))?);
             let function = ValueFunction::Exact(exact);
             Ok(Solved {
@@ -255,7 +252,7 @@ pub fn solve(
     }
 }
 
-fn march<T: super::Real>(
+fn march<T: Real>(
     game: PursuitGame,
     grid: &CartesianGrid,
     options: &Options,

@@ -11,6 +11,7 @@ use super::sampled::{Nodes, SampledValue};
 use super::value_function::ValueFunction;
 use crate::invalid::{Invalid, positive};
 use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
 use std::sync::Arc;
 
 /// Deficits are stored in multiples of this, m, for a radius between 2.1 m and 4.2 m, and
@@ -43,7 +44,29 @@ enum Header {
     },
 }
 
-pub(super) fn encode(function: &ValueFunction) -> Vec<u8> {
+impl ValueFunction {
+    /// The octets under which this function is stored and served.
+    #[must_use]
+    pub fn encode(&self) -> Vec<u8> {
+        encode(self)
+    }
+
+    /// The function that [`Self::encode`] wrote.
+    ///
+    /// # Errors
+    /// [`Invalid`] if the octets are no such function, truncated, or of another version.
+    pub fn decode(octets: &[u8]) -> Result<Self, Invalid> {
+        decode(octets)
+    }
+
+    /// Content hash (SHA-256, hexadecimal) of the octets: the function's address.
+    #[must_use]
+    pub fn id(&self) -> String {
+        hex::encode(Sha256::digest(self.encode()))
+    }
+}
+
+fn encode(function: &ValueFunction) -> Vec<u8> {
     let format = FORMAT.to_owned();
     match function {
         ValueFunction::Exact(exact) => line(&Header::Exact {
@@ -87,7 +110,7 @@ pub(super) fn encode(function: &ValueFunction) -> Vec<u8> {
     }
 }
 
-pub(super) fn decode(octets: &[u8]) -> Result<ValueFunction, Invalid> {
+fn decode(octets: &[u8]) -> Result<ValueFunction, Invalid> {
     let end = octets.iter().position(|octet| *octet == b'\n').unwrap_or(octets.len());
     let header: Header = serde_json::from_slice(&octets[..end])
         .map_err(|e| Invalid::new("value function", FORMAT, e))?;

@@ -3,7 +3,7 @@
 use reqwest::Method;
 use sha2::{Digest, Sha256};
 use sidestep::api::{StudyInfo, TrainedPredictor, TrialDetail, routes};
-use sidestep::reachability::{ValueFunction, hex};
+use sidestep::reachability::ValueFunction;
 use sidestep::safety::value_function;
 use sidestep::scene::{Evader, SceneParameters};
 use sidestep::vehicle::TurnInput;
@@ -69,7 +69,7 @@ async fn unequal_vehicles_are_solved_and_served() {
         let cache = answer.headers()["cache-control"].to_str().unwrap();
         assert_eq!(cache, "public, max-age=31536000, immutable");
         let octets = answer.bytes().await.unwrap();
-        assert_eq!(hex(&Sha256::digest(&octets)), id);
+        assert_eq!(hex::encode(Sha256::digest(&octets)), id);
         let function = ValueFunction::decode(&octets).unwrap();
         assert_eq!(function.game(), trial.parameters.game(evader));
         // What a browser would come to by itself.

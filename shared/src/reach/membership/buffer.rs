@@ -1,11 +1,11 @@
-//! Memory of one test: on the stack, unless there are very many steps.
+//! Memory of one query: on the stack, unless there are very many steps.
 
 use core::ops::{Deref, DerefMut};
 
-/// So many elements need no allocation.
+/// Up to this many elements need no allocation.
 const INLINE: usize = 130;
 
-/// Elements whose number is fixed, all of them the default at first.
+/// A fixed number of elements, initially the default.
 #[derive(Clone, Debug)]
 pub(super) struct Buffer<T> {
     inline: [T; INLINE],

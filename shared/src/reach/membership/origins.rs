@@ -1,34 +1,35 @@
 //! Does any pose of an uncertain start lead to a state?
 //!
-//! All poses of a range of headings and of a box of positions are asked at once: from the one in
-//! the middle the state is some distance off the reachable ones. From another, that
-//! turns by δ and shifts by s, paths to the same end heading follow by at most |s| + δ·(time
-//! travelled): their headings need to change by no more than δ anywhere. So the whole range
-//! is decided, or halved.
+//! All poses of a range of headings and a box of positions are decided at once: from the pose in
+//! the middle the state is some distance from the reachable ones. From a pose that is turned by δ
+//! and shifted by s, paths to the same end heading end at most |s| + δ·(time travelled) away from
+//! those, since their headings need not change by more than δ anywhere. So the whole range is
+//! decided, or halved.
 
-use super::super::ReachableSet;
 use super::super::paths::unit;
+use super::super::set::ReachableSet;
 use super::Tolerance;
 use super::slice::Slice;
 use crate::math::TAU;
 use crate::vehicle::Pose;
 use nalgebra::Complex;
 
-/// So much farther than needed, s, distances are sought, to be sure of those that matter.
+/// Distances are sought this much farther than needed, s, so that rounding decides nothing.
 const GUARD: f64 = 1e-6;
 
-/// Poses whose paths end no farther apart, s, are not told apart.
+/// Poses whose paths end no farther apart than this, s, count as one.
 const SAME_POSE: f64 = 1e-4;
 
-/// A state, and what is asked about it.
+/// The question whether a start leads to a state.
 pub(super) struct Origins<'a> {
     set: &'a ReachableSet,
     step: usize,
     seconds: f64,
-    /// As seen from the pose in the middle, s.
+    /// Of the state, seen from the pose in the middle, s and rad.
     position: Complex<f64>,
     heading: f64,
-    /// How near suffices: s, with the disc of positions in which the start may be, and rad.
+    /// The tolerated distance, s, including the disc of positions in which the start may be, and
+    /// the tolerated turn, rad.
     near: f64,
     turn: f64,
 }
@@ -60,7 +61,7 @@ impl<'a> Origins<'a> {
         }
     }
 
-    /// Whether any pose of the start leads to the state, or near enough.
+    /// Whether any pose of the start leads to the state within the tolerance.
     pub(super) fn any(&self) -> bool {
         let half = self.set.start_set.extents().1.map(|length| length / self.set.speed_mps);
         let away = self.position.norm_sqr();
@@ -70,7 +71,7 @@ impl<'a> Origins<'a> {
         }
         let most = self.set.start_set.heading_rad;
         let (low, high) = self.set.end_headings(self.step);
-        // The state's heading may stand for several; each admits some headings at the start.
+        // The state's heading is known up to whole turns; each admits some headings at the start.
         let first = ((low - self.turn - most - self.heading) / TAU).ceil();
         let turns = (0..).map(|turns| TAU * (first + f64::from(turns)));
         turns.take_while(|turns| self.heading + turns <= high + self.turn + most).any(|turns| {
@@ -82,7 +83,7 @@ impl<'a> Origins<'a> {
         })
     }
 
-    /// Whether any of these poses does, if the state's heading stands for `heading`.
+    /// Whether any of these poses does, if the state's heading, not wrapped, is `heading`.
     fn any_of(&self, cell: Cell, heading: f64) -> bool {
         let (from, to) = cell.headings;
         let turned = self.seconds * 0.5 * (to - from);
@@ -115,15 +116,15 @@ impl<'a> Origins<'a> {
         halves.into_iter().any(|cell| self.any_of(cell, heading))
     }
 
-    /// How far off a position is those reached from the pose in the middle with a heading, or
-    /// with one that differs by as much as is tolerated. Some number above `reach` if it is more.
+    /// Distance of a position from those reached from the pose in the middle with a heading, or
+    /// with one that differs by what is tolerated; some number above `reach` if it is more.
     fn distance(&self, position: Complex<f64>, heading: f64, reach: f64) -> f64 {
         let (low, high) = self.set.end_headings(self.step);
         let to = |heading: f64, reach: f64| {
             let slice = Slice::new(&self.set.paths, self.step, heading.clamp(low, high));
             slice.outside_by(position, self.near, reach + GUARD)
         };
-        // Turned by so much, no path ends farther away than this.
+        // The end of a path moves by at most this when it is turned by what is tolerated.
         let turned = reach + self.turn * self.seconds;
         let distance = to(heading, turned);
         if distance <= self.near || distance > turned {

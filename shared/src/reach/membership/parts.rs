@@ -1,13 +1,13 @@
-//! The steps with a choice, cut into parts, and paths that turn at one rate in each.
+//! Paths that turn at one rate in each quarter of a step.
 
 use super::super::paths::{Paths, Turn, unit};
-use super::slice::Slice;
+use super::span::Span;
 use nalgebra::Complex;
 
 /// Parts of a step.
 pub(super) const PARTS: usize = 4;
 
-/// The parts of a slice's steps with a choice.
+/// The steps with a choice, cut into parts.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Parts<'a> {
     paths: &'a Paths,
@@ -21,24 +21,24 @@ pub(super) struct Parts<'a> {
     point: Complex<f64>,
     /// Heading where the last part ends.
     pub(super) end_heading: f64,
-    /// What is driven afterwards.
+    /// The way driven afterwards.
     rest: Complex<f64>,
 }
 
 impl<'a> Parts<'a> {
-    pub(super) fn new(slice: &Slice<'a>) -> Self {
-        let (paths, low) = (slice.paths, &slice.paths.low);
-        let end_heading = slice.last_heading();
-        let rest = low.point(slice.steps) - low.point(slice.last);
+    pub(super) fn new(span: Span<'a>) -> Self {
+        let (paths, low) = (span.paths, &span.paths.low);
+        let end_heading = span.last_heading();
+        let rest = low.point(span.steps) - low.point(span.last);
         Self {
             paths,
-            first: slice.first,
-            count: (slice.last - slice.first) * PARTS,
+            first: span.first,
+            count: (span.last - span.first) * PARTS,
             seconds: paths.step_s / PARTS as f64,
-            heading: low.heading(slice.first),
-            point: low.point(slice.first),
+            heading: low.heading(span.first),
+            point: low.point(span.first),
             end_heading,
-            rest: unit(end_heading - low.heading(slice.last)) * rest,
+            rest: unit(end_heading - low.heading(span.last)) * rest,
         }
     }
 
@@ -48,7 +48,7 @@ impl<'a> Parts<'a> {
         (self.paths.lo[step] * self.seconds, self.paths.hi[step] * self.seconds)
     }
 
-    /// Where a path with these headings after each part ends. `each` is told the
+    /// Where the path with these headings after each part ends. `each` is called with the
     /// displacement in each part.
     pub(super) fn drive(
         &self,
@@ -68,7 +68,7 @@ impl<'a> Parts<'a> {
         point + self.rest
     }
 
-    /// The same; fills in where the middle of each part is.
+    /// The same; writes the middle of each part to `middles`.
     pub(super) fn drive_between(
         &self,
         headings: impl Iterator<Item = f64>,

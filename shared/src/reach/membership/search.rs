@@ -1,11 +1,11 @@
-//! How near a curve comes to a position, and how it winds about it, from as few
-//! of its points as decide that.
+//! How near a curve comes to a position and how it winds about it, computing only as many
+//! of its points as that takes.
 
 use nalgebra::Complex;
 
-/// A curve that is known point by point, and how well chords follow it.
+/// A curve whose points can be computed one by one, with a bound on how far it is from chords.
 pub(super) trait Arc {
-    /// A point of the curve, with what is needed to tell the deviation.
+    /// A point of the curve, with what the bound needs.
     type Knot: Copy;
 
     /// The point at a parameter.
@@ -18,29 +18,29 @@ pub(super) trait Arc {
     fn deviation(&self, a: Self::Knot, b: Self::Knot) -> f64;
 }
 
-/// What is known about the curves looked at so far.
+/// What is known about the curves followed so far.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Search {
     position: Complex<f64>,
-    /// The distance found, if below what was of interest.
+    /// The smallest distance found, or the reach if none is below it.
     pub(super) distance: f64,
-    /// The parameter where it was found, nearly.
+    /// About the parameter where it was found.
     pub(super) nearest: f64,
-    /// No nearer point need be found than one at this distance.
+    /// The search ends when a point at this distance or nearer is found.
     enough: f64,
-    /// How often the curve passes the ray to the right of the position, upward
-    /// less downward. Meaningless once `found`.
+    /// How often the curves cross the ray to the right of the position, upward
+    /// minus downward. Meaningless once `found`.
     pub(super) crossings: i32,
 }
 
-/// Chords that follow the curve so closely, s, are taken for it.
+/// A chord that follows the curve this closely, s, replaces it.
 const EXACT: f64 = 2e-7;
 
 /// A parameter range is halved at most this often.
 const MOST_HALVINGS: u32 = 48;
 
 impl Search {
-    /// Distances from `reach` on are of no interest.
+    /// A search for distances below `reach`.
     pub(super) fn new(position: Complex<f64>, enough: f64, reach: f64) -> Self {
         Self { position, distance: reach, nearest: f64::NAN, enough, crossings: 0 }
     }
@@ -65,7 +65,7 @@ impl Search {
         }
     }
 
-    /// The winding of the short way between two points that mean the same, one of them rounded.
+    /// Adds the crossing of a short way between two points that differ by rounding.
     pub(super) fn join(&mut self, from: Complex<f64>, to: Complex<f64>) {
         self.crossings += crossing(self.position, from, to);
     }
@@ -83,7 +83,8 @@ impl Search {
         let ((from, start), (to, end)) = (A::place(a), A::place(b));
         let deviation = arc.deviation(a, b);
         let (distance, share) = to_segment(self.position, start, end);
-        // Off the curve and its chord and all between, they wind alike.
+        // From here the position is outside of all that curve and chord enclose: both cross
+        // the ray alike.
         let clear = distance > deviation && distance - deviation >= self.distance;
         if clear || deviation <= EXACT || halvings == 0 {
             if distance < self.distance {
@@ -111,8 +112,8 @@ fn to_segment(position: Complex<f64>, start: Complex<f64>, end: Complex<f64>) ->
     ((from - chord * share).norm_sqr().sqrt(), share)
 }
 
-/// Whether the segment passes the ray to the right of the position: 1 upward,
-/// −1 downward.
+/// Whether the segment crosses the ray to the right of the position: 1 upward,
+/// −1 downward, else 0.
 fn crossing(position: Complex<f64>, start: Complex<f64>, end: Complex<f64>) -> i32 {
     let (above, below) = (start.im > position.im, end.im > position.im);
     if above == below {
@@ -127,4 +128,13 @@ fn crossing(position: Complex<f64>, start: Complex<f64>, end: Complex<f64>) -> i
     } else {
         0
     }
+}
+
+/// How far a curve that turns one way only, by `turn` rad, may be from its chord.
+pub(super) fn deviation_of_turn(a: Complex<f64>, b: Complex<f64>, turn: f64) -> f64 {
+    if turn.abs() > 1.0 {
+        return f64::INFINITY;
+    }
+    // tan(x/2)/2 ≤ 0.2732 x up to x = 1.
+    0.2732 * (b - a).norm_sqr().sqrt() * turn.abs()
 }

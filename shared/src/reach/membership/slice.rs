@@ -1,44 +1,40 @@
 //! The positions reached after some steps with one end heading: their boundary.
 //!
-//! Between the lowest and the highest path that end with heading ψ there are
-//! three curves of paths, in seconds of travel and the human's frame:
+//! Three curves of paths run from the lowest to the highest path that end with heading ψ:
 //!
-//! * **window of lo**: the highest rates, but the lowest between two jumps. The
-//!   jumps' distance is fixed by ψ, so one number is free;
+//! * **window of lo**: bang-bang paths with the highest rates except for the lowest between two
+//!   switches. ψ fixes the time between the switches, so one number is free;
 //! * **window of hi**: likewise with the bounds exchanged;
-//! * **front**: turn toward a direction at full rate, go straight, turn to ψ at
-//!   full rate; where straight is not always admissible, see `ridge`.
+//! * **front**: turn toward a direction at full rate, go straight, turn to ψ at full rate
+//!   (where straight is not always admissible, see `mixed_front`).
 //!
-//! If every step turns left, the windows of lo get farthest; if every step turns
-//! right, those of hi. Otherwise both are rears. (Pontryagin: the rate is hi on the left of
-//! some line, lo on its right; for constant bounds, Patsko, Pyatko and Fedotov
-//! 2003, "Three-dimensional reachability set for a nonlinear control system".)
+//! If every step turns left, the windows of lo get farthest; if every step turns right, those
+//! of hi. Otherwise both windows are rears, and paths with more switches may stay still farther back
+//! (`multi_switch`). By Pontryagin's principle the rate is hi on the left of some line and lo on
+//! its right; for constant bounds see Patsko, Pyatko and Fedotov 2003, "Three-dimensional
+//! reachability set for a nonlinear control system". Lengths are in seconds of travel, in the
+//! human's frame.
 
 use super::super::paths::{Path, Paths, unit};
+use super::mixed_front::MixedFront;
+use super::multi_switch::Loop;
 use super::parts::Parts;
-use super::pocket::Pocket;
-use super::ridge::Ridge;
-use super::search::{Arc, Search};
+use super::search::{Arc, Search, deviation_of_turn};
+use super::span::Span;
 use nalgebra::Complex;
 
 /// The slice of end heading `heading`.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Slice<'a> {
-    pub(super) paths: &'a Paths,
-    pub(super) steps: usize,
-    /// The first step with a choice, and the one after the last: those before and after them
-    /// move and turn everything as one.
-    pub(super) first: usize,
-    pub(super) last: usize,
-    heading: f64,
-    /// How much lower than under the highest rates throughout, rad.
+    span: Span<'a>,
+    /// How much lower the end heading is than under the highest rates throughout, rad.
     below_high: f64,
-    /// How much higher than under the lowest rates throughout, rad.
+    /// How much higher it is than under the lowest rates throughout, rad.
     above_low: f64,
     kind: Kind,
 }
 
-/// What the front consists of.
+/// Which turns the bounds admit, which decides what the front consists of.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Kind {
     AlwaysLeft,
@@ -54,17 +50,17 @@ pub(super) enum Curve {
     LoWindow,
     HiWindow,
     Straight,
-    Ridge,
-    Pocket,
+    MixedFront,
+    MultiSwitch,
 }
 
-/// More jumps than two are looked into only so near the other curves: share of the time
-/// travelled, times the square of what the highest rate turns by in it, rad. They have been
-/// seen to gain 0.0018.
-const SLIVER: f64 = 0.002;
+/// Paths with more than two switches are sought this near the other curves only: share of the
+/// time travelled, times the square of the angle, rad, that the highest rate turns by in it. They
+/// were seen to gain 0.0018.
+const MOST_GAIN: f64 = 0.002;
 
-/// A pocket is opened so wide, s.
-const POCKET_S: f64 = 0.04;
+/// Width of a loop of such paths, s.
+const LOOP_S: f64 = 0.04;
 
 const WINDOWS: [Curve; 2] = [Curve::LoWindow, Curve::HiWindow];
 
@@ -72,27 +68,20 @@ impl<'a> Slice<'a> {
     /// The slice after `steps` steps; `heading`, rad and not wrapped, must be
     /// admissible.
     pub(super) fn new(paths: &'a Paths, steps: usize, heading: f64) -> Self {
-        let choice = |step: &usize| paths.lo[*step] < paths.hi[*step];
-        let first = (0..steps).find(choice).unwrap_or(0);
-        let last = (first..steps).rfind(choice).map_or(first, |step| step + 1);
-        let bounds = || paths.lo[first..last].iter().zip(&paths.hi[first..last]);
-        let kind = if bounds().all(|(lo, _)| *lo >= 0.0) {
+        let span = Span::new(paths, steps, heading);
+        let kind = if span.bounds().all(|(lo, _)| lo >= 0.0) {
             Kind::AlwaysLeft
-        } else if bounds().all(|(_, hi)| *hi <= 0.0) {
+        } else if span.bounds().all(|(_, hi)| hi <= 0.0) {
             Kind::AlwaysRight
-        } else if bounds().all(|(lo, hi)| *lo < 0.0 && 0.0 < *hi) {
+        } else if span.bounds().all(|(lo, hi)| lo < 0.0 && 0.0 < hi) {
             Kind::BothWays
-        } else if bounds().all(|(lo, hi)| *lo <= 0.0 && 0.0 <= *hi) {
+        } else if span.bounds().all(|(lo, hi)| lo <= 0.0 && 0.0 <= hi) {
             Kind::StraightAdmissible
         } else {
             Kind::Mixed
         };
         Self {
-            paths,
-            steps,
-            first,
-            last,
-            heading,
+            span,
             below_high: (paths.high.heading(steps) - heading).max(0.0),
             above_low: (heading - paths.low.heading(steps)).max(0.0),
             kind,
@@ -105,41 +94,40 @@ impl<'a> Slice<'a> {
             Kind::AlwaysLeft => Curve::LoWindow,
             Kind::AlwaysRight => Curve::HiWindow,
             Kind::BothWays | Kind::StraightAdmissible => Curve::Straight,
-            Kind::Mixed => Curve::Ridge,
+            Kind::Mixed => Curve::MixedFront,
         }
     }
 
-    /// The curves that matter in every case.
+    /// The curves other than those of `multi_switch`.
     fn curves(&self) -> impl Iterator<Item = Curve> {
         let front = match self.kind {
             Kind::AlwaysLeft | Kind::AlwaysRight => None,
             Kind::BothWays | Kind::StraightAdmissible => Some(Curve::Straight),
-            Kind::Mixed => Some(Curve::Ridge),
+            Kind::Mixed => Some(Curve::MixedFront),
         };
         WINDOWS.into_iter().chain(front)
     }
 
-    /// May more jumps than two stay farther back?
-    fn has_pockets(&self) -> bool {
+    /// Whether paths with more than two switches may stay farther back.
+    fn needs_more_switches(&self) -> bool {
         matches!(self.kind, Kind::StraightAdmissible | Kind::Mixed)
     }
 
-    /// How far from the other curves, s, pockets are looked into.
-    fn sliver(&self) -> f64 {
-        let steps = self.first..self.last;
-        let rates = self.paths.lo[steps.clone()].iter().chain(&self.paths.hi[steps.clone()]);
+    /// How far from the other curves, s, such paths are sought.
+    fn most_gain(&self) -> f64 {
+        let rates = self.span.bounds().flat_map(|(lo, hi)| [lo, hi]);
         let fastest = rates.fold(0.0, |most: f64, rate| most.max(rate.abs()));
-        let seconds = steps.len() as f64 * self.paths.step_s;
-        SLIVER * seconds * (fastest * seconds) * (fastest * seconds)
+        let seconds = (self.span.last - self.span.first) as f64 * self.span.paths.step_s;
+        MOST_GAIN * seconds * (fastest * seconds) * (fastest * seconds)
     }
 
-    /// Distance of a position from the slice, s; 0 inside. Not searched for below
-    /// `enough`; if it is at least `reach`, some number from there on.
+    /// Distance of a position from the slice, s; 0 inside. A distance of `enough` or less ends
+    /// the search; if it is `reach` or more, the answer is some number from `reach` on.
     pub(super) fn outside_by(&self, position: Complex<f64>, enough: f64, reach: f64) -> f64 {
         let mut nearest = f64::INFINITY;
         let mut winding = None;
-        let depth = enough + self.sliver();
-        let reach = if self.has_pockets() { reach.max(depth) } else { reach };
+        let depth = enough + self.most_gain();
+        let reach = if self.needs_more_switches() { reach.max(depth) } else { reach };
         let mut windows = [None; 2];
         for (i, curve) in self.curves().enumerate() {
             let search = self.search(curve, position, enough, reach);
@@ -154,12 +142,12 @@ impl<'a> Slice<'a> {
                 *window = Some(search);
             }
         }
-        if self.has_pockets() {
+        if self.needs_more_switches() {
             for (curve, window) in WINDOWS.into_iter().zip(windows) {
                 let Some(window) = window.filter(|window| window.distance < depth) else {
                     continue;
                 };
-                let search = self.pocket(curve, &window, position, enough, reach);
+                let search = self.more_switches(curve, &window, position, enough, reach);
                 if search.found() {
                     return search.distance;
                 }
@@ -179,20 +167,21 @@ impl<'a> Slice<'a> {
         for (place, curve) in found.iter_mut().zip(self.curves()) {
             *place = Some((curve, self.search(curve, position, 0.0, f64::INFINITY)));
         }
-        if self.has_pockets() {
+        if self.needs_more_switches() {
             for (i, curve) in WINDOWS.into_iter().enumerate() {
                 let Some((_, window)) = found[i] else { continue };
-                if window.distance < self.sliver() {
-                    let mut pocket = self.pocket(curve, &window, position, 0.0, f64::INFINITY);
-                    // The window with the pocket in it.
-                    pocket.crossings += window.crossings;
-                    found[3 + i] = Some((Curve::Pocket, pocket));
+                if window.distance < self.most_gain() {
+                    let mut search =
+                        self.more_switches(curve, &window, position, 0.0, f64::INFINITY);
+                    // The window with the loop joined to it.
+                    search.crossings += window.crossings;
+                    found[3 + i] = Some((Curve::MultiSwitch, search));
                 }
             }
         }
         let found = || found.iter().flatten();
         let nearer = |a: (f64, Curve), b: (f64, Curve)| if b.0 < a.0 { b } else { a };
-        // What two curves surround is inside, so far as neither is met.
+        // A position that two curves surround is inside, as far as the nearer of the two.
         let pairs = found().flat_map(|(first, a)| {
             found()
                 .filter(|(_, b)| a.crossings != b.crossings)
@@ -207,8 +196,9 @@ impl<'a> Slice<'a> {
         })
     }
 
-    /// What is found about the pocket of a window near the position.
-    fn pocket(
+    /// What is found about the loop of paths with more switches next to a window, near the
+    /// position.
+    fn more_switches(
         &self,
         curve: Curve,
         found: &Search,
@@ -222,19 +212,20 @@ impl<'a> Slice<'a> {
             _ => (self.hi_window(), self.below_high),
         };
         let knot = window.knot(found.nearest);
-        let apart = 0.5 * POCKET_S / (knot.to - knot.from).max(POCKET_S);
+        let apart = 0.5 * LOOP_S / (knot.to - knot.from).max(LOOP_S);
         let parameters = [-apart, 0.0, apart].map(|by| (found.nearest + by).clamp(0.0, most));
         let headings = |parameter: f64, path: &mut [f64]| window.headings(parameter, path);
-        // In the middle of what is near enough, or far beyond if all of the distance matters.
+        // To the middle of what is near enough, or as far as possible if the distance itself
+        // matters.
         let beyond = if reach.is_finite() { -0.5 * enough } else { f64::INFINITY };
-        let pocket = Pocket::new(self, headings, parameters, position, beyond);
-        search.follow(&pocket, [0.0, 1.0, 2.0, 3.0]);
+        let found = Loop::new(self.span, headings, parameters, position, beyond);
+        search.follow(&found, [0.0, 1.0, 2.0, 3.0]);
         search
     }
 
     fn search(&self, curve: Curve, position: Complex<f64>, enough: f64, reach: f64) -> Search {
         let mut search = Search::new(position, enough, reach);
-        let paths = self.paths;
+        let paths = self.span.paths;
         match curve {
             Curve::LoWindow => {
                 search.follow(&self.lo_window(), [0.0, self.above_low]);
@@ -245,25 +236,25 @@ impl<'a> Slice<'a> {
             Curve::Straight => {
                 let lowest = paths.low.at(self.apart_by(self.below_high)).1;
                 let highest = paths.high.at(self.apart_by(self.above_low)).1;
-                let start = paths.low.heading(self.first);
-                let mut directions = [lowest, start, self.last_heading(), highest];
+                let start = paths.low.heading(self.span.first);
+                let mut directions = [lowest, start, self.span.last_heading(), highest];
                 directions.sort_by(f64::total_cmp);
                 for direction in &mut directions {
                     *direction = direction.clamp(lowest.min(highest), highest);
                 }
                 search.follow(&Straight { slice: self }, directions);
             }
-            Curve::Ridge | Curve::Pocket => {
-                let ridge = Ridge::new(self);
-                let (lowest, highest) = ridge.directions();
-                self.joined(&mut search, &ridge, [lowest, highest]);
+            Curve::MixedFront | Curve::MultiSwitch => {
+                let front = MixedFront::new(self.span);
+                let (lowest, highest) = front.directions();
+                self.joined(&mut search, &front, [lowest, highest]);
             }
         }
         search
     }
 
-    /// Follows a curve of paths that change their rate between parts of a step only: the
-    /// lowest and the highest of these end beside the true ones.
+    /// Follows a curve of paths that change their rate between parts of a step only, and joins
+    /// its ends, which are a little off, to those of the windows.
     fn joined<A: Arc>(
         &self,
         search: &mut Search,
@@ -282,32 +273,26 @@ impl<'a> Slice<'a> {
     }
 
     fn lo_window(&self) -> Window<'_> {
-        let (outer, inner) = (&self.paths.high, &self.paths.low);
+        let (outer, inner) = (&self.span.paths.high, &self.span.paths.low);
         Window { slice: self, outer, inner, width: self.below_high, sign: 1.0 }
     }
 
     fn hi_window(&self) -> Window<'_> {
-        let (outer, inner) = (&self.paths.low, &self.paths.high);
+        let (outer, inner) = (&self.span.paths.low, &self.span.paths.high);
         Window { slice: self, outer, inner, width: self.above_low, sign: -1.0 }
-    }
-
-    /// Heading after the last step with a choice, rad.
-    pub(super) fn last_heading(&self) -> f64 {
-        let low = &self.paths.low;
-        self.heading - (low.heading(self.steps) - low.heading(self.last))
     }
 
     /// When the two outermost paths' headings have come to differ by `turn`.
     fn apart_by(&self, turn: f64) -> Moment {
-        let (low, high) = (&self.paths.low, &self.paths.high);
+        let (low, high) = (&self.span.paths.low, &self.span.paths.high);
         self.instant(turn, |step| high.heading(step) - low.heading(step))
     }
 
-    /// When a quantity, given at the beginning of each step, linear between and
-    /// never falling, reaches `value`; the limits of the horizon if it does not.
+    /// When a quantity reaches `value` that never falls and is linear between its values `at` the
+    /// beginning of each step; an end of the steps with a choice if it does not.
     fn instant(&self, value: f64, at: impl Fn(usize) -> f64) -> Moment {
-        let (mut first, mut last) = (self.first, self.last);
-        // at(first) ≤ value < at(last), as far as there are such.
+        let (mut first, mut last) = (self.span.first, self.span.last);
+        // at(first) ≤ value < at(last), if there are such steps.
         while first + 1 < last {
             let middle = usize::midpoint(first, last);
             if at(middle) <= value {
@@ -316,7 +301,7 @@ impl<'a> Slice<'a> {
                 last = middle;
             }
         }
-        let step_s = self.paths.step_s;
+        let step_s = self.span.paths.step_s;
         let (from, to) = (at(first), at(last));
         let share = if to > from { ((value - from) / (to - from)).clamp(0.0, 1.0) } else { 0.0 };
         Moment { step: first, seconds: share * step_s, time: (first as f64 + share) * step_s }
@@ -363,7 +348,7 @@ struct Window<'a> {
 impl Window<'_> {
     /// Fills in the headings after each part of the path named by the parameter.
     fn headings(&self, parameter: f64, path: &mut [f64]) {
-        let parts = Parts::new(self.slice);
+        let parts = Parts::new(self.slice.span);
         let (mut low, mut high) = (parts.heading, parts.heading);
         for (part, heading) in path.iter_mut().enumerate() {
             let (lo, hi) = parts.turns(part);
@@ -382,7 +367,7 @@ impl Arc for Window<'_> {
         let (from, to) = (slice.apart_by(parameter), slice.apart_by(parameter + self.width));
         let before = self.outer.at(from).0;
         let stretch = self.inner.at(to).0 - self.inner.at(from).0;
-        let after = self.outer.point(slice.steps) - self.outer.at(to).0;
+        let after = self.outer.point(slice.span.steps) - self.outer.at(to).0;
         let point =
             before + unit(self.sign * parameter) * stretch + unit(-self.sign * self.width) * after;
         Knot { parameter, point, from: from.time, to: to.time }
@@ -416,13 +401,13 @@ impl Arc for Straight<'_> {
 
     fn knot(&self, direction: f64) -> Knot {
         let slice = self.slice;
-        let (low, high) = (&slice.paths.low, &slice.paths.high);
+        let (low, high) = (&slice.span.paths.low, &slice.span.paths.high);
         let falling = |heading: f64| slice.instant(-heading, |step| -low.heading(step));
         let rising = |heading: f64| slice.instant(heading, |step| high.heading(step));
-        let start = low.heading(slice.first);
+        let start = low.heading(slice.span.first);
         let (mut from, toward) =
             if direction >= start { (rising(direction), high) } else { (falling(direction), low) };
-        let (mut to, path, turn) = if direction >= slice.last_heading() {
+        let (mut to, path, turn) = if direction >= slice.span.last_heading() {
             (falling(direction - slice.above_low), low, slice.above_low)
         } else {
             (rising(direction + slice.below_high), high, -slice.below_high)
@@ -437,7 +422,7 @@ impl Arc for Straight<'_> {
             }
         }
         let first = toward.at(from).0;
-        let last = unit(turn) * (path.point(slice.steps) - path.at(to).0);
+        let last = unit(turn) * (path.point(slice.span.steps) - path.at(to).0);
         let straight_s = to.time - from.time;
         let point = first + unit(direction) * straight_s + last;
         Knot { parameter: direction, point, from: from.time, to: to.time }
@@ -449,15 +434,6 @@ impl Arc for Straight<'_> {
 
     /// The curve turns one way, as its parameter does.
     fn deviation(&self, a: Knot, b: Knot) -> f64 {
-        triangle(a.point, b.point, b.parameter - a.parameter)
+        deviation_of_turn(a.point, b.point, b.parameter - a.parameter)
     }
-}
-
-/// How far a curve that turns one way, by `turn` rad, may be from its chord.
-pub(super) fn triangle(a: Complex<f64>, b: Complex<f64>, turn: f64) -> f64 {
-    if turn.abs() > 1.0 {
-        return f64::INFINITY;
-    }
-    // tan(x/2)/2 ≤ 0.2732 x up to x = 1.
-    0.2732 * (b - a).norm_sqr().sqrt() * turn.abs()
 }

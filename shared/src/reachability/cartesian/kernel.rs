@@ -3,12 +3,9 @@
 use super::super::game::{Game, TERMS};
 use super::super::grid::Grid;
 use super::super::scheme::Stencil;
-use super::layout::Layout;
+use super::layout::{BLOCK, Layout};
 use crate::parallel::Kernel;
 use crate::real::Real;
-
-/// Cells of a block: a few cache lines of every row that a stencil reads.
-pub(super) const BLOCK: usize = 256;
 
 /// Terms of the game, tabulated.
 pub(super) struct Tables<T, const D: usize> {

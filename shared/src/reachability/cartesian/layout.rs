@@ -1,8 +1,11 @@
 //! How the nodes of a grid lie in memory, with their ghosts.
 
 use super::super::grid::{Boundary, Grid};
-use super::kernel::BLOCK;
 use crate::real::Real;
+
+/// Cells of a block, which is computed at once: a few cache lines of every row that a stencil
+/// reads.
+pub(super) const BLOCK: usize = 256;
 
 /// How the axes lie in memory, ghosts included.
 #[derive(Clone, Copy)]

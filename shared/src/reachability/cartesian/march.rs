@@ -1,11 +1,11 @@
 //! Steps in time, from the target to the horizon.
 
 use super::super::game::{Game, TERMS};
-use super::super::grid::{Grid, check_memory};
+use super::super::grid::Grid;
+use super::super::progress::{Progress, SolveError, check_memory};
 use super::super::scheme::Stencil;
-use super::super::{Progress, SolveError};
-use super::kernel::{BLOCK, Base, Stage, Tables, Task};
-use super::layout::{Layout, each_interior, fill_ghosts};
+use super::kernel::{Base, Stage, Tables, Task};
+use super::layout::{BLOCK, Layout, each_interior, fill_ghosts};
 use super::{Direction, Horizon, Kind, Problem, Region, Settings, Solution};
 use crate::invalid::Invalid;
 use crate::parallel::{Workers, in_widest_lanes};

@@ -2,11 +2,15 @@
 
 use super::level::{Evader, Level, PAD};
 use crate::math::TAU;
-use crate::parallel::Kernel;
+use crate::parallel::{Kernel, in_widest_lanes};
 use crate::real::Real;
+use core::ops::ControlFlow;
 
 /// A deficit of this share of the radius counts as none: the range need not close.
 pub(super) const SAFE: f64 = 1.0 / 3000.0;
+
+/// Sweeps between two measurements of the drift.
+pub const WINDOW: usize = 16;
 
 /// One pass over all rows.
 pub(super) struct Sweep<'a, T> {
@@ -53,6 +57,26 @@ impl<T: Real> Kernel for Sweep<'_, T> {
 }
 
 impl<T: Real> Level<T> {
+    /// Sweeps until the mean drift of the rows is at most `tolerance`, m, or `most_sweeps` are
+    /// done. `report` gets the drift and the number of sweeps, and may stop it.
+    pub(super) fn converge(
+        &mut self,
+        tolerance: f64,
+        most_sweeps: usize,
+        report: &mut dyn FnMut(f64, usize) -> ControlFlow<()>,
+    ) -> ControlFlow<()> {
+        while self.sweeps < most_sweeps && self.drift_m > tolerance {
+            in_widest_lanes(Sweep { level: self, rest: T::from_f64(tolerance), full: None });
+            if self.sweeps.is_multiple_of(WINDOW) {
+                let sum: f64 = self.drift.iter().map(|drift| drift.abs().to_f64()).sum();
+                self.drift_m = sum / (self.drift.len() * self.angle_nodes) as f64;
+                self.drift.fill(T::ZERO);
+            }
+            report(self.drift_m, self.sweeps)?;
+        }
+        ControlFlow::Continue(())
+    }
+
     /// Whether anything in the stencil of a row has moved since.
     fn is_active(&self, i: usize, k: usize, rest: T) -> bool {
         let bearings = self.bearings();

@@ -1,12 +1,24 @@
 //! The nodes of one heading, for drawing.
 
-use super::{Nodes, SampledValue};
+use super::{Nodes, SampledValue, split};
+use crate::math::{TAU, wrap_positive};
+
+impl SampledValue {
+    /// V at a node of the heading axis of the table and of the two others; for
+    /// drawing slices without looking anything up.
+    pub(in super::super) fn slice(&self, psi: f64) -> Slice<'_> {
+        let n = self.nodes.shape()[2];
+        let (k, share) = split(wrap_positive(psi) * n as f64 / TAU, n);
+        let (mirrored, mirrored_share) = split(wrap_positive(-psi) * n as f64 / TAU, n);
+        Slice { function: self, heading: [(k, share), (mirrored, mirrored_share)] }
+    }
+}
 
 /// All nodes of one heading.
 pub(in super::super) struct Slice<'a> {
-    pub(super) function: &'a SampledValue,
+    function: &'a SampledValue,
     /// Cell and share of ψ, and of −ψ for bearings below 0.
-    pub(super) heading: [(usize, f64); 2],
+    heading: [(usize, f64); 2],
 }
 
 impl Slice<'_> {

@@ -1,16 +1,16 @@
-//! Extremals that part faster than the digits of a number can tell.
+//! Extremals that diverge beyond double precision.
 //!
-//! Going back, two extremals that pass the switch from the highest to the lowest rate one
-//! after the other drift apart, the faster the closer to straight they are there: where
-//! bounds miss straight driving by 10⁻⁴ rad/s, several thousand times in one step. After a
-//! few such steps the numbers that name two neighbours at the end differ in their last bit,
-//! and metres of the front lie between where they came from. So such neighbours are followed back to
-//! where they are just about to part, and those between them are named anew there, by how
-//! far they are from one to the other.
+//! Traced backward, two extremals that switch from the highest to the lowest rate one shortly
+//! after the other diverge, the faster the closer to straight they are there: where bounds
+//! forbid straight driving by 10⁻⁴ rad/s, several thousand times in one step. After a few such
+//! steps the parameters of two neighbours at the end differ in their last bit, and metres of the
+//! front lie between their starts. So such neighbours are followed back to where they are just
+//! about to diverge, and the extremals between them get a new parameter there: the share of the
+//! way from one to the other.
 
+use super::super::paths::Paths;
+use super::super::sampling::{sample, triangle_height};
 use super::extremal::{Costate, PathTime};
-use super::paths::Paths;
-use super::sampling::{sample, triangle_height};
 use nalgebra::Complex;
 
 /// Two neighbouring extremals at the same instant.
@@ -21,16 +21,16 @@ pub(super) struct Neighbours {
     pub(super) at: PathTime,
 }
 
-/// Extremals this close, rad and s, are as good as any between them: an end moves by no more.
+/// Extremals closer than this, rad and s, stand for all between them: an end moves by no more.
 const CLOSE: f64 = 1e-9;
 
-/// Closer than this they still are neighbours: they have been found to be so one by one.
+/// Closer than this, rad and s, two extremals that are neighbours in the family have not diverged.
 const NEIGHBOURING: f64 = 1e-5;
 
-/// Neighbours are followed from one parting to the next at most so often.
-pub(super) const MOST_PARTINGS: u32 = 16;
+/// Neighbours are followed from one divergence to the next at most this often.
+pub(super) const MOST_DIVERGENCES: u32 = 16;
 
-/// The instant of parting is found to this, s: a parting takes longer.
+/// The instant of divergence is found to this, s: a divergence takes longer.
 const INSTANT: f64 = 1e-13;
 
 impl Neighbours {
@@ -45,14 +45,14 @@ impl Neighbours {
         Self { first, last, at: to }
     }
 
-    /// Whether there is nothing between them that matters.
+    /// Whether nothing between them matters.
     pub(super) fn are_one(&self) -> bool {
         self.first.is_near(&self.last, CLOSE)
     }
 
-    /// The two just before they part, going back to `until` at the most; nothing if they
-    /// have parted already.
-    pub(super) fn before_parting(&self, paths: &Paths, until: PathTime) -> Option<Self> {
+    /// The two just before they diverge, going back to `until` at the most; none if they
+    /// have diverged already.
+    pub(super) fn before_divergence(&self, paths: &Paths, until: PathTime) -> Option<Self> {
         if !self.first.is_near(&self.last, NEIGHBOURING) {
             return None;
         }
@@ -82,28 +82,28 @@ impl Neighbours {
         Some(together)
     }
 
-    /// Appends the ends of the extremals between the two, without theirs.
+    /// Appends the ends of the extremals between the two, without those of the two, following
+    /// them through at most `divergences` further divergences.
     pub(super) fn bridge(
         &self,
         paths: &Paths,
         tolerance: f64,
-        partings: u32,
+        divergences: u32,
         points: &mut Vec<Complex<f64>>,
     ) {
-        let Some(parting) = self.before_parting(paths, PathTime::beginning(0)) else {
+        let Some(close) = self.before_divergence(paths, PathTime::beginning(0)) else {
             return;
         };
-        let curve = |share: f64| parting.between(share).to_start(paths, parting.at).sample();
-        let leap = |from: f64, to: f64, points: &mut Vec<Complex<f64>>| {
-            let nearer =
-                Self { first: parting.between(from), last: parting.between(to), at: parting.at };
-            // Otherwise they part at once.
-            if parting.at < self.at && partings > 0 {
-                nearer.bridge(paths, tolerance, partings - 1, points);
+        let curve = |share: f64| close.between(share).to_start(paths, close.at).sample();
+        let bridge = |from: f64, to: f64, points: &mut Vec<Complex<f64>>| {
+            let nearer = Self { first: close.between(from), last: close.between(to), at: close.at };
+            // Otherwise they diverge at once.
+            if close.at < self.at && divergences > 0 {
+                nearer.bridge(paths, tolerance, divergences - 1, points);
             }
         };
         if triangle_height(curve(0.0), curve(1.0)) > tolerance {
-            sample(&curve, (0.0, 1.0), 1, tolerance, &leap, points);
+            sample(&curve, (0.0, 1.0), 1, tolerance, &bridge, points);
         }
     }
 }

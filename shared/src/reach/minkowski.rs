@@ -1,7 +1,6 @@
-//! Sets grown on all sides: Minkowski sums with a disc or a box, and unions over
-//! rotations about the start.
+//! Minkowski sums with a disc or a box, and unions over rotations about the start.
 
-use super::Workspace;
+use super::boundary::Workspace;
 use super::outline::Outliner;
 use super::paths::unit;
 use super::start::non_negative;
@@ -11,10 +10,10 @@ use nalgebra::Complex;
 
 type Point = Complex<f64>;
 
-/// Every position no farther than `radius_m` from a simple polygon, its inside
-/// included (vertices counter-clockwise, m, the first not repeated; one vertex is a
-/// point, two a line). With the danger radius and the positions that the human can
-/// reach it is where the robot would be too near. The polygon found contains the sum and
+/// The Minkowski sum of a simple polygon and a disc: every position no farther than `radius_m`
+/// from the polygon, its inside included (vertices counter-clockwise, m, the first not repeated;
+/// one vertex is a point, two a line). With the danger radius and the positions that the human
+/// can reach, it is where the robot would be too near. The polygon returned contains the sum and
 /// exceeds it by at most `accuracy_m` (10⁻⁶ to 1 m); holes are filled.
 ///
 /// # Errors
@@ -30,7 +29,7 @@ pub fn minkowski_disc(
     Ok(grown)
 }
 
-/// The same as [`minkowski_disc`], replacing what is in `grown`.
+/// The same as [`minkowski_disc`], replacing the contents of `grown`.
 ///
 /// # Errors
 /// As [`minkowski_disc`].
@@ -63,7 +62,7 @@ pub fn minkowski_disc_into(
     Ok(())
 }
 
-/// The boundary without crossings, counter-clockwise.
+/// Replaces a closed boundary by its outline, without crossings and counter-clockwise.
 pub(super) fn tidy(boundary: &mut Vec<Point>, outliner: &mut Outliner) {
     outliner.clear();
     outliner.add_closed(boundary);
@@ -71,20 +70,20 @@ pub(super) fn tidy(boundary: &mut Vec<Point>, outliner: &mut Outliner) {
     outliner.outline(boundary);
 }
 
-/// A disc round a box, by which a set is grown.
+/// The Minkowski sum of a disc and a box, with which a set is summed in turn.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Brush {
     /// Of the disc.
     pub(super) radius: f64,
     /// Half the length and width of the box.
     pub(super) half: [f64; 2],
-    /// Whether the polygon that stands for the disc contains it, or lies in it.
+    /// Whether the polygon that replaces the disc contains it; otherwise it lies in it.
     pub(super) outside: bool,
 }
 
 impl Brush {
-    /// Replaces the boundary in the workspace, which is tidy, by that of its Minkowski
-    /// sum with the brush, whose disc is met within `tolerance`.
+    /// Replaces the boundary in the workspace, which must be [`tidy`], by that of its Minkowski
+    /// sum with the brush. The disc is followed within `tolerance`.
     pub(super) fn sweep(self, tolerance: f64, workspace: &mut Workspace) {
         if self.radius == 0.0 && self.half == [0.0; 2] {
             return;
@@ -120,9 +119,9 @@ impl Brush {
     }
 }
 
-/// The convolution of a polygon without crossings, counter-clockwise, with a convex
-/// one as [`Brush::vertices`] makes it: it winds about each position of the
-/// Minkowski sum at least once, and about no other (Guibas, Ramshaw and Stolfi 1983).
+/// Replaces `curve` by the convolution of a polygon without crossings, counter-clockwise, with a
+/// convex one from [`Brush::vertices`]: it winds about each position of the Minkowski sum at
+/// least once, and about no other (Guibas, Ramshaw and Stolfi 1983).
 fn convolve(polygon: &[Point], brush: &[Point], curve: &mut Vec<Point>) {
     curve.clear();
     let [.., last] = *polygon else {
@@ -134,8 +133,8 @@ fn convolve(polygon: &[Point], brush: &[Point], curve: &mut Vec<Point>) {
     }
     let k = brush.len() as f64;
     let edge = |i: usize| polygon[(i + 1) % polygon.len()] - polygon[i];
-    // An edge in this direction is shifted by the vertex between the brush's edges to
-    // both sides of it.
+    // An edge in this direction is shifted by the vertex between the two edges of the brush
+    // whose directions enclose its own.
     let shift = |direction: f64| (direction * k / TAU).ceil() as i64;
     let mut before = edge(polygon.len() - 1);
     let mut direction = atan2(before.im, before.re);
@@ -143,7 +142,7 @@ fn convolve(polygon: &[Point], brush: &[Point], curve: &mut Vec<Point>) {
     for (i, &point) in polygon.iter().enumerate() {
         let after = edge(i);
         let turn = after * before.conj();
-        // A spike is walked round its outside.
+        // At a spike the curve goes round its tip.
         direction += if turn.im == 0.0 && turn.re < 0.0 { PI } else { atan2(turn.im, turn.re) };
         let to = shift(direction);
         let mut push =
@@ -157,13 +156,13 @@ fn convolve(polygon: &[Point], brush: &[Point], curve: &mut Vec<Point>) {
     }
 }
 
-/// Replaces the boundary in the workspace, which is tidy, by that of the union of the
-/// set turned about the origin by every angle up to `angle` to both sides. Arcs are met
+/// Replaces the boundary in the workspace, which must be [`tidy`], by that of the union of the
+/// set rotated about the origin by every angle up to `angle` to both sides. Arcs are followed
 /// within `tolerance`.
 ///
-/// Where no edge at either end of the turn bounds the union, a point of the set does
-/// whose distance from the origin is the largest or smallest of its neighbourhood.
-pub(super) fn turn(angle: f64, tolerance: f64, workspace: &mut Workspace) {
+/// The union is bounded by edges of the set at both ends of the rotation and by arcs of those
+/// points whose distance from the origin is a local maximum or minimum along the boundary.
+pub(super) fn rotate(angle: f64, tolerance: f64, workspace: &mut Workspace) {
     let Workspace { boundary, curve, outliner, .. } = workspace;
     outliner.clear();
     let ends = [unit(-angle), unit(angle)];

@@ -1,19 +1,19 @@
 //! The front of a slice where straight is admissible in some steps only.
 //!
-//! For each direction α, the path with ∫cos(θ − α) largest among those that turn
-//! at one rate in each part of a step. The integrand is concave, so
-//! dynamic programming needs no table: what can still be gained from part k on is
-//! largest at one heading, the *ridge*, and the best path turns toward the next ridge
-//! as far as it may. Were the integrand −w(θ − α)²/2, the gain's slope would be linear between
-//! a few knots; those below the ridge move by the highest turn from part to part, those
-//! above it by the lowest, so that each part costs a few operations. With w = sin φ/φ of
-//! the path found last, φ = θ − α, this parabola touches the cosine from below, so that
-//! each round gains, and in the end the path is the best.
+//! For each direction α this finds the path with the largest ∫cos(θ − α) among those that turn at
+//! one rate in each part of a step. The integrand is concave, so dynamic programming needs no
+//! table: the gain still possible from part k on (the value function) has its maximum at one
+//! heading, and the best path turns as far as it may toward the maximum of the next part. For the
+//! integrand −w(θ − α)²/2 the slope of the value function is linear between a few knots; from part
+//! to part those below the maximum move by the highest turn, those above it by the lowest, so
+//! that each part costs a few operations. With w = sin φ/φ of the path found last, φ = θ − α,
+//! this parabola touches the cosine from below: each round gains, and the rounds converge to the
+//! best path.
 
 use super::buffer::Buffer;
 use super::parts::Parts;
-use super::search::Arc;
-use super::slice::{Slice, triangle};
+use super::search::{Arc, deviation_of_turn};
+use super::span::Span;
 use crate::math::PI;
 use core::cell::RefCell;
 use nalgebra::Complex;
@@ -21,30 +21,30 @@ use nalgebra::Complex;
 /// Parabolas are fitted at most so often.
 const MOST_ROUNDS: usize = 6;
 
-/// Weights that change by no more are good enough.
+/// Rounds end when no weight changes by more than this.
 const SAME_WEIGHT: f64 = 5e-3;
 
-/// The front of a slice.
-pub(super) struct Ridge<'a> {
+/// The front of a slice, in order of the direction α.
+pub(super) struct MixedFront<'a> {
     parts: Parts<'a>,
     scratch: RefCell<Scratch>,
 }
 
-/// A stretch on which the gain's slope is linear.
+/// A range of headings in which the slope of the value function is linear.
 #[derive(Clone, Copy, Debug, Default)]
 struct Stretch {
-    /// In headings, rad.
+    /// Width of the range, rad.
     length: f64,
-    /// How fast the slope falls with the heading, less the sum of the weights before.
+    /// How fast the slope falls with the heading, minus the sum of the weights before.
     fall: f64,
 }
 
 struct Scratch {
-    /// Headings after each part that are best to have there.
-    ridges: Buffer<f64>,
+    /// The best heading after each part: the maximum of its value function.
+    best: Buffer<f64>,
     headings: Buffer<f64>,
     weights: Buffer<f64>,
-    /// Below and above the ridge, the nearest last.
+    /// Ranges below and above the maximum, the nearest last.
     below: Buffer<Stretch>,
     above: Buffer<Stretch>,
 }
@@ -56,12 +56,12 @@ pub(super) struct Knot {
     point: Complex<f64>,
 }
 
-impl<'a> Ridge<'a> {
-    pub(super) fn new(slice: &Slice<'a>) -> Self {
-        let parts = Parts::new(slice);
+impl<'a> MixedFront<'a> {
+    pub(super) fn new(span: Span<'a>) -> Self {
+        let parts = Parts::new(span);
         let count = parts.count;
         let scratch = Scratch {
-            ridges: Buffer::new(count),
+            best: Buffer::new(count),
             headings: Buffer::new(count),
             weights: Buffer::new(count),
             below: Buffer::new(2 * count),
@@ -96,41 +96,41 @@ impl<'a> Ridge<'a> {
 }
 
 impl Scratch {
-    /// Fills in the ridges of the parabolas with these weights.
-    fn find_ridges(&mut self, parts: &Parts<'_>, direction: f64) {
-        let Self { ridges, weights, below, above, .. } = self;
+    /// Fills in the best headings for the parabolas with these weights.
+    fn find_best(&mut self, parts: &Parts<'_>, direction: f64) {
+        let Self { best, weights, below, above, .. } = self;
         let last = parts.count - 1;
         let (mut count_below, mut count_above) = (0, 0);
-        let mut ridge = parts.end_heading;
+        let mut maximum = parts.end_heading;
         let mut sum = 0.0;
-        ridges[last] = ridge;
+        best[last] = maximum;
         for part in (1..=last).rev() {
             let (lo, hi) = parts.turns(part);
-            // No gain between these two.
-            let (from, to) = (ridge - hi, ridge - lo);
+            // Between these two the value function is constant.
+            let (from, to) = (maximum - hi, maximum - lo);
             let weight = weights[part - 1];
             let flat = Stretch { length: to - from, fall: -sum };
             sum += weight;
             let (mut slope, stack, other, count, others, sign);
             if direction <= from {
-                (ridge, slope, sign) = (from, weight * (from - direction), -1.0);
+                (maximum, slope, sign) = (from, weight * (from - direction), -1.0);
                 (stack, other) = (&mut *below, &mut *above);
                 (count, others) = (&mut count_below, &mut count_above);
                 other[*others] = flat;
                 *others += 1;
             } else if direction >= to {
-                (ridge, slope, sign) = (to, weight * (direction - to), 1.0);
+                (maximum, slope, sign) = (to, weight * (direction - to), 1.0);
                 (stack, other) = (&mut *above, &mut *below);
                 (count, others) = (&mut count_above, &mut count_below);
                 other[*others] = flat;
                 *others += 1;
             } else {
-                ridge = direction;
+                maximum = direction;
                 below[count_below] = Stretch { length: direction - from, ..flat };
                 above[count_above] = Stretch { length: to - direction, ..flat };
                 count_below += 1;
                 count_above += 1;
-                ridges[part - 1] = ridge;
+                best[part - 1] = maximum;
                 continue;
             }
             // Toward where the slope vanishes, or the last heading that still leads to the end.
@@ -140,7 +140,7 @@ impl Scratch {
                 let passed = Stretch { length: length.min(way), fall };
                 other[*others] = passed;
                 *others += 1;
-                ridge += sign * passed.length;
+                maximum += sign * passed.length;
                 if way < length {
                     stack[*count - 1].length -= way;
                     break;
@@ -148,29 +148,29 @@ impl Scratch {
                 slope -= length * (fall + sum);
                 *count -= 1;
             }
-            ridges[part - 1] = ridge;
+            best[part - 1] = maximum;
         }
     }
 
-    /// Fills in the headings of the path that keeps to the ridges.
+    /// Fills in the headings of the path that turns toward the best headings.
     fn follow(&mut self, parts: &Parts<'_>) {
         let mut heading = parts.heading;
         for part in 0..parts.count {
             let (lo, hi) = parts.turns(part);
-            heading += (self.ridges[part] - heading).clamp(lo, hi);
+            heading += (self.best[part] - heading).clamp(lo, hi);
             self.headings[part] = heading;
         }
     }
 }
 
-impl Arc for Ridge<'_> {
+impl Arc for MixedFront<'_> {
     type Knot = Knot;
 
     fn knot(&self, direction: f64) -> Knot {
         let mut scratch = self.scratch.borrow_mut();
         scratch.weights.fill(1.0);
         for _ in 0..MOST_ROUNDS {
-            scratch.find_ridges(&self.parts, direction);
+            scratch.find_best(&self.parts, direction);
             scratch.follow(&self.parts);
             let Scratch { headings, weights, .. } = &mut *scratch;
             let mut changed = 0.0_f64;
@@ -193,7 +193,7 @@ impl Arc for Ridge<'_> {
 
     /// The curve turns one way, as its direction does.
     fn deviation(&self, a: Knot, b: Knot) -> f64 {
-        triangle(a.point, b.point, b.direction - a.direction)
+        deviation_of_turn(a.point, b.point, b.direction - a.direction)
     }
 }
 

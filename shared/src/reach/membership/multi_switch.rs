@@ -1,54 +1,55 @@
-//! The rear of a slice where more than two jumps of the rate stay farther back.
+//! The rear of a slice where paths with more than two switches stay farther back.
 //!
 //! Wanted is the path that ends farthest out along a direction, on the line through the
-//! position asked for. From the path of a window that ends nearest on, each round asks what
-//! turning in each part of the horizon does to the end, to first order, and gives the parts
-//! beyond some line the highest rate, as many as the end heading asks for, the others the
-//! lowest. That line's direction is chosen such that the path ends where it should sideways.
-//! As the rear is where a concave function is least, a round gains more than its first order.
+//! position asked about. The conditional-gradient method (Frank and Wolfe 1956) starts from the path
+//! of a window that ends nearest: each round finds, to first order, how turning in each part of the
+//! horizon moves the end, and gives the parts beyond some line the highest rate, as many as the
+//! end heading demands, and the others the lowest. The direction of that line is chosen so that the
+//! path ends where it should sideways. Because a concave function is minimised, a round gains more
+//! than its first order.
 //!
-//! The paths between the one found and the window's to both sides of the nearest (headings
-//! interpolated) are all admissible, so that the three make a loop like that of two curves.
+//! The paths between the one found and those of the window to both sides of the nearest (headings
+//! interpolated) are all admissible, so the three form a loop of reachable positions.
 
 use super::super::paths::unit;
 use super::buffer::Buffer;
 use super::parts::Parts;
 use super::search::Arc;
-use super::slice::Slice;
+use super::span::Span;
 use nalgebra::Complex;
 
 /// A path is improved at most so often.
 const MOST_ROUNDS: usize = 6;
 
-/// Gains below this, s, are not worth another round.
+/// Rounds end when one gains less than this, s.
 const LEAST_GAIN: f64 = 1e-6;
 
-/// If only a given distance matters: all rounds that follow are taken to gain no more than
-/// so many times what one has.
+/// If only a given distance matters: all later rounds together are assumed to gain at most this
+/// multiple of what one gained.
 const MOST_GROWTH: f64 = 30.0;
 
-/// The line may be turned so far from the direction of interest, rad.
+/// The line is turned at most this far from the direction of interest, rad.
 const MOST_TILT: f64 = 1.3;
 
-/// Steps, rad, in which the direction is looked for at first.
+/// Steps, rad, in which the direction is sought at first.
 const TILT_STEP: f64 = 0.35;
 
-/// Directions closer than this, rad, are not told apart.
+/// Directions closer than this, rad, count as equal.
 const LEAST_TILT: f64 = 3e-3;
 
-/// Paths on both sides of the line whose ends are so near each other, s, are interpolated:
-/// that costs less than 10⁻⁵ s.
+/// Paths on both sides of the line whose ends are this near each other, s, are interpolated,
+/// at a loss of less than 10⁻⁵ s.
 const SAME_END: f64 = 5e-3;
 
-/// Its direction is sought in so many trials at most.
+/// The direction of the line is sought in at most this many trials.
 const MOST_TRIALS: usize = 24;
 
-/// Ends that are so near, s, to where they should be sideways are on the line.
+/// Ends this near, s, to where they should be sideways are on the line.
 const ON_LINE: f64 = 1e-5;
 
-/// Three paths and those between them. The parameter is 0 and 3 for the first, 1 for the
-/// second, 2 for the third.
-pub(super) struct Pocket<'a> {
+/// The loop of three paths and those between them. The parameter is 0 and 3 for the first, 1 for
+/// the second, 2 for the third.
+pub(super) struct Loop<'a> {
     parts: Parts<'a>,
     headings: [Buffer<f64>; 3],
 }
@@ -60,28 +61,27 @@ pub(super) struct Knot {
     point: Complex<f64>,
 }
 
-/// Which parts to turn more in: what decides it, and the part.
+/// A part, and how much turning more in it moves the end.
 type Rank = (f64, usize);
 
-impl<'a> Pocket<'a> {
-    /// The loop of a window's paths at three parameters, the middle one of which is improved
-    /// until it ends `enough`, s, beyond `position` as seen from where it ended, or as far as
-    /// it gets.
+impl<'a> Loop<'a> {
+    /// The loop of a window's paths at three parameters. The middle one is improved until it ends
+    /// `enough`, s, beyond `position`, seen from where it ended, or as far out as it gets.
     pub(super) fn new(
-        slice: &Slice<'a>,
+        span: Span<'a>,
         headings: impl Fn(f64, &mut [f64]),
         parameters: [f64; 3],
         position: Complex<f64>,
         enough: f64,
     ) -> Self {
-        let parts = Parts::new(slice);
-        let mut pocket =
+        let parts = Parts::new(span);
+        let mut found =
             Self { parts, headings: core::array::from_fn(|_| Buffer::new(parts.count)) };
-        for (parameter, path) in parameters.into_iter().zip(&mut pocket.headings) {
+        for (parameter, path) in parameters.into_iter().zip(&mut found.headings) {
             headings(parameter, path);
         }
-        pocket.improve(position, enough);
-        pocket
+        found.improve(position, enough);
+        found
     }
 
     /// Improves the middle path until it ends `enough` beyond the position.
@@ -117,7 +117,7 @@ impl<'a> Pocket<'a> {
     }
 }
 
-/// The line on which paths are to end, as far out as can be.
+/// The line on which paths are to end, as far out as possible.
 struct Line<'a> {
     parts: &'a Parts<'a>,
     position: Complex<f64>,
@@ -125,13 +125,13 @@ struct Line<'a> {
 }
 
 impl Line<'_> {
-    /// A position, as seen from that on the line: how far out, and how far left.
+    /// A position relative to that on the line: how far out (real), and how far left.
     fn seen(&self, end: Complex<f64>) -> Complex<f64> {
         (end - self.position) * self.outward.conj()
     }
 
-    /// To first order the farthest path that ends on the line, from where the middles of the
-    /// parts of a path are; nothing if there is none.
+    /// To first order the farthest path that ends on the line, given the middles of the parts of
+    /// a path; none if there is none.
     fn farther(&self, middles: &[Complex<f64>]) -> Option<Buffer<f64>> {
         let mut ranks = Buffer::new(self.parts.count);
         // Tilted to the right, paths end more to the right.
@@ -168,7 +168,7 @@ impl Line<'_> {
     }
 }
 
-/// A path to one side of the line, or to the other.
+/// A path, and on which side of the line it ends.
 struct Trial {
     tilt: f64,
     /// How far left of the line it ends, s.
@@ -176,8 +176,8 @@ struct Trial {
     path: Buffer<f64>,
 }
 
-/// Fills in the headings of the path to the end heading that turns most in those parts whose
-/// middles are farthest to the left of `direction`, to where turning more moves the end.
+/// Fills in the headings of the path to the end heading that turns most in the parts whose
+/// middles are farthest to the left of `direction`, since turning more there moves the end along it.
 fn turn_most(
     parts: &Parts<'_>,
     middles: &[Complex<f64>],
@@ -208,7 +208,7 @@ fn turn_most(
     }
 }
 
-impl Arc for Pocket<'_> {
+impl Arc for Loop<'_> {
     type Knot = Knot;
 
     fn knot(&self, place: f64) -> Knot {
@@ -221,10 +221,10 @@ impl Arc for Pocket<'_> {
         (knot.place, knot.point)
     }
 
-    /// Between two paths the second derivative is at most ∫δ² for headings that differ by δ.
+    /// Between two paths whose headings differ by δ, the second derivative is at most ∫δ².
     fn deviation(&self, a: Knot, b: Knot) -> f64 {
         let (first, second, _) = self.knot_between(a.place.min(b.place));
-        // Linear between, a square's mean is no more than that of its ends'.
+        // Headings are linear in the share: the mean square is at most that of the whole.
         let apart: f64 = first.iter().zip(second).map(|(a, b)| (b - a) * (b - a)).sum();
         0.125 * (b.place - a.place) * (b.place - a.place) * self.parts.seconds * apart
     }

@@ -1,71 +1,71 @@
-//! Paths of the rear whose rate jumps more than once.
+//! Extremals of the rear whose rate switches more than once.
 //!
-//! They zigzag about the direction back, φ = π. Where both jumps are between wide bounds, shifting them
-//! together gets farther back, so such a path is no rear (the *firmness* of
-//! [`Costate`]). Those left have a jump where bounds are narrow, and come in short stretches of end
-//! headings φ. So that none is overlooked, the search is begun from where the last jump changes
-//! its step, and goes on while the jump before leaves out a step.
+//! They run to and fro about the direction back, φ = π. Where both switches are between wide
+//! bounds, shifting the two switching times together gets farther back, so such a path does not
+//! bound the set (the second variation of [`Costate`] is below 0). The others have a switch where
+//! bounds are narrow, and exist for short ranges of end headings φ only. So that none is overlooked,
+//! the search begins where the last switch passes from one step to the next, and goes on while
+//! the switch before it skips a step.
 
+use super::super::paths::{Path, Paths};
+use super::super::sampling::{Curves, Sample, triangle_height};
 use super::extremal::Costate;
-use super::front::end_range;
-use super::paths::{Path, Paths};
-use super::sampling::{Curves, Sample, triangle_height};
 use crate::math::{PI, TAU, atan2};
 
-/// Bounds that always admit straight driving are wide if the rates span at most so many times
-/// their width: no jump between them belongs to a rear with more than one. At 2.5
-/// times, two jumps have been seen to gain 0.3 mm in 2 s; at 2 times, nothing.
+/// Bounds that always admit straight driving are wide if the rates span at most this many times
+/// their width: no switch between them belongs to a path of the rear with more than one. At 2.5
+/// times, two switches were seen to gain 0.3 mm in 2 s; at 2 times, nothing.
 const WIDE: f64 = 2.0;
 
-/// More jumps than one gain at most this share of the time travelled, times the square of
-/// what the highest rate turns by in it, rad. They have been seen to gain 0.0015.
+/// More switches than one gain at most this share of the time travelled, times the square of
+/// the angle, rad, that the highest rate turns by in it. They were seen to gain 0.0015.
 const MOST_GAIN: f64 = 0.002;
 
-/// Where straight driving is always admissible and bounds are less lopsided than this on average
-/// (0: as wide to both sides; 1: no width to one), nothing has been seen to be gained up to 0.4.
-const LOPSIDED: f64 = 0.3;
+/// Where straight driving is always admissible and bounds are less asymmetric than this on average
+/// (0: as wide to both sides; 1: no width to one side), nothing is gained: up to 0.4, no gain was seen.
+const ASYMMETRY: f64 = 0.3;
 
-/// Beyond, gains have been seen to rise with how lopsided bounds are at most 1.35 times as
-/// steeply as in proportion up to [`MOST_GAIN`].
+/// Beyond, gains were seen to rise with the asymmetry at most 1.35 times as steeply as in
+/// proportion up to [`MOST_GAIN`].
 const STEEPNESS: f64 = 1.5;
 
-/// Extremals with more jumps than this, and one a step besides, are not looked at.
-const MOST_JUMPS: usize = 3;
+/// Extremals with more switches than this, and one a step besides, are not looked at.
+const MOST_SWITCHES: usize = 3;
 
-/// A stretch of end headings is halved at most this often. Where ends leap, more would
-/// only come closer to the leap.
+/// A range of end headings is halved at most this often. Where the ends jump, more would
+/// only come closer to the jump.
 const MOST_HALVINGS: u32 = 20;
 
-/// Where the extremals worth looking at stop, it is found to this much of the tolerance by
-/// the time travelled, rad. Up to 8 nothing has been seen to be lost, at 32 the first places.
+/// The end of a range of end headings is found to this multiple of the tolerance divided by the
+/// time travelled, rad. Up to 8 nothing was seen to be lost; at 32 the first places were.
 const EDGE: f64 = 3.0;
 
-/// Nearer than this, rad, to φ = π at its end no extremal is traced: exactly
-/// there, it may tremble without end.
+/// No extremal is traced that ends nearer than this, rad, to φ = π: exactly there, it may
+/// chatter without end.
 const AT_REST: f64 = 1e-6;
 
-/// Appends the ends of the extremals with more than one jump, so far as they may stay
-/// farther back than those with one by more than half of `tolerance`.
-pub(super) fn more_jumps(paths: &Paths, steps: usize, tolerance: f64, curves: &mut Curves) {
+/// Appends the ends of the extremals with more than one switch that may stay farther back than
+/// those with one by more than half of `tolerance`.
+pub(super) fn append(paths: &Paths, steps: usize, tolerance: f64, curves: &mut Curves) {
     let search = Search::new(paths, steps, tolerance);
     if search.gain() <= 0.5 * tolerance {
         return;
     }
-    let (left, right) = end_range(paths, steps);
+    let (left, right) = paths.end_phi_range(steps);
     let mut nodes = core::mem::take(&mut curves.nodes);
     let ends = [(&paths.low, right, PI - AT_REST), (&paths.high, left + TAU, PI + AT_REST)];
     for (path, far, near) in ends {
-        last_jumps(path, steps, (far, near), &mut nodes);
+        last_switches(path, steps, (far, near), &mut nodes);
         let mut start = search.trace(near);
         for &(phi, step) in &nodes {
             if (phi - start.phi).abs() < AT_REST {
                 continue;
             }
             let end = search.trace(phi);
-            let matters = search.narrow(step) || search.leaves_out(start, end);
+            let matters = search.narrow(step) || search.skips(start, end);
             if matters || start.more || end.more {
                 // Several times what a smooth curve as long as the horizon takes. Where the
-                // ends of extremals that tremble run wild, there is no end to it.
+                // ends of extremals chatter, there is no end to it.
                 let mut traces = 64 + (2.0 * (search.seconds / tolerance).sqrt()) as usize;
                 search.connect(start, end, (MOST_HALVINGS, &mut traces), curves);
             }
@@ -75,15 +75,21 @@ pub(super) fn more_jumps(paths: &Paths, steps: usize, tolerance: f64, curves: &m
     curves.nodes = nodes;
 }
 
-/// The end headings to begin a search from, from near φ = π on, and the step of the last
-/// jump before: until there it stays in that step. After it, `path` is followed.
-fn last_jumps(path: &Path, steps: usize, (far, near): (f64, f64), nodes: &mut Vec<(f64, usize)>) {
+/// Replaces `nodes` by the end headings to begin a search from, in order from `near` on, and
+/// the step of the last switch: up to that heading it stays in that step. After the switch,
+/// `path` is followed.
+fn last_switches(
+    path: &Path,
+    steps: usize,
+    (far, near): (f64, f64),
+    nodes: &mut Vec<(f64, usize)>,
+) {
     let (end, facing) = (path.point(steps), path.facing(steps));
     let side = (far - near).signum();
     let reach = |phi: f64| (phi - near) * side;
     nodes.clear();
     nodes.extend((0..steps).filter_map(|step| {
-        // The way from the jump to the end leads straight back along θ.
+        // The way from the switch to the end leads straight back along θ.
         let back = (path.point(step) - end) * facing.conj();
         let phi = -atan2(back.im, back.re);
         let phi = if phi < 0.0 { phi + TAU } else { phi };
@@ -98,11 +104,11 @@ fn last_jumps(path: &Path, steps: usize, (far, near): (f64, f64), nodes: &mut Ve
 struct Trace {
     /// At the end, rad.
     phi: f64,
-    /// Whether it has few enough jumps, and may be the farthest back.
-    tame: bool,
-    /// Whether it has more than one besides.
+    /// Whether it has few enough switches, and may be the farthest back.
+    candidate: bool,
+    /// Whether it is a candidate with more than one switch.
     more: bool,
-    /// One more than the step of the last jump but one; 0 without.
+    /// One more than the step of the last switch but one; 0 without.
     before_last: usize,
     sample: Sample,
 }
@@ -127,14 +133,14 @@ impl<'a> Search<'a> {
         Self { paths, steps, seconds, tolerance, straight, rates: (left, right) }
     }
 
-    /// May a jump between the bounds of this step belong to one of these paths? Where straight
-    /// driving is not always admissible, any may.
+    /// Whether a switch between the bounds of this step may belong to one of these paths. Where
+    /// straight driving is not always admissible, any may.
     fn narrow(&self, step: usize) -> bool {
         let width = self.paths.hi[step] - self.paths.lo[step];
         !self.straight || WIDE * width < self.rates.0 + self.rates.1
     }
 
-    /// At most so much, s, do these paths stay farther back.
+    /// The most, s, by which these paths stay farther back.
     fn gain(&self) -> f64 {
         let turn = self.rates.0.max(self.rates.1) * self.seconds;
         let most = MOST_GAIN * self.seconds * turn * turn;
@@ -143,35 +149,35 @@ impl<'a> Search<'a> {
         }
         let bounds = self.paths.lo.iter().zip(&self.paths.hi).take(self.steps);
         let quarter = 0.25 * (self.rates.0 + self.rates.1);
-        let lopsided: f64 = bounds.map(|(lo, hi)| (1.0 - hi.min(-lo) / quarter).max(0.0)).sum();
-        let beyond = (lopsided / self.steps as f64 - LOPSIDED).max(0.0) / (1.0 - LOPSIDED);
+        let asymmetry: f64 = bounds.map(|(lo, hi)| (1.0 - hi.min(-lo) / quarter).max(0.0)).sum();
+        let beyond = (asymmetry / self.steps as f64 - ASYMMETRY).max(0.0) / (1.0 - ASYMMETRY);
         most * (STEEPNESS * beyond).min(1.0)
     }
 
     fn trace(&self, phi: f64) -> Trace {
         let mut costate = Costate::end(phi);
-        let mut tame = true;
+        let mut candidate = true;
         for step in (0..self.steps).rev() {
             costate.back_a_step(self.paths, step);
-            if costate.firmness < 0.0 || costate.switches > MOST_JUMPS + self.steps {
-                tame = false;
+            if costate.second_variation < 0.0 || costate.switches > MOST_SWITCHES + self.steps {
+                candidate = false;
                 break;
             }
         }
-        let more = tame && costate.switches > 1;
+        let more = candidate && costate.switches > 1;
         let before_last = costate.before_last.map_or(0, |step| step + 1);
-        Trace { phi, tame, more, before_last, sample: costate.sample() }
+        Trace { phi, candidate, more, before_last, sample: costate.sample() }
     }
 
-    /// Whether between two the last jump but one passes over steps with narrow bounds.
-    fn leaves_out(&self, start: Trace, end: Trace) -> bool {
+    /// Whether between two the last switch but one skips steps with narrow bounds.
+    fn skips(&self, start: Trace, end: Trace) -> bool {
         let (a, b) = (start.before_last, end.before_last);
         (a.min(b) + 1..a.max(b)).any(|place| self.narrow(place - 1))
     }
 
     /// Appends the ends of the extremals between two, without those with too many
-    /// jumps, and without the places where the ends leap: there an extremal passes
-    /// near a straight one, and its neighbours part. At most `traces` are made.
+    /// switches, and without the places where the ends jump: there an extremal passes
+    /// near a singular one, and its neighbours diverge. At most `traces` are made.
     fn connect(
         &self,
         start: Trace,
@@ -179,7 +185,7 @@ impl<'a> Search<'a> {
         (halvings, traces): (u32, &mut usize),
         curves: &mut Curves,
     ) {
-        let edge = !(start.tame && end.tame)
+        let edge = !(start.candidate && end.candidate)
             && (start.phi - end.phi).abs() * self.seconds < EDGE * self.tolerance;
         if edge || halvings == 0 || *traces == 0 {
             return;
@@ -191,7 +197,7 @@ impl<'a> Search<'a> {
         let any = three.iter().any(|trace| trace.more);
         // The ends of the extremals may run away and come back: the middle tells.
         if any
-            && three.iter().all(|trace| trace.tame)
+            && three.iter().all(|trace| trace.candidate)
             && close(start, end)
             && close(start, middle)
             && close(middle, end)
@@ -204,7 +210,7 @@ impl<'a> Search<'a> {
             return;
         }
         for (a, b) in [(start, middle), (middle, end)] {
-            if any || self.leaves_out(a, b) {
+            if any || self.skips(a, b) {
                 self.connect(a, b, (halvings - 1, traces), curves);
             }
         }

@@ -1,9 +1,9 @@
 //! The front of a planar set: the ends of the paths that get farthest, from the
 //! lowest-rate path's end to the highest-rate path's.
 
-use super::parting::MOST_PARTINGS;
-use super::paths::{Path, Paths};
-use super::sampling::{Sample, pieces, sample, space, triangle_height};
+use super::super::paths::{Path, Paths};
+use super::super::sampling::{Sample, pieces, sample, space, triangle_height};
+use super::divergence::MOST_DIVERGENCES;
 use super::singular::{self, Piece};
 use nalgebra::Complex;
 
@@ -83,25 +83,15 @@ fn extremals(
         if let Some((right, end)) = before
             && triangle_height(end, begin) > tolerance
         {
-            right.neighbours(piece, paths).bridge(paths, tolerance, MOST_PARTINGS, points);
+            right.neighbours(piece, paths).bridge(paths, tolerance, MOST_DIVERGENCES, points);
         }
         points.push(begin.point);
-        let leap = |from: f64, to: f64, points: &mut Vec<Complex<f64>>| {
-            piece.between(from, to).bridge(paths, tolerance, MOST_PARTINGS, points);
+        let bridge = |from: f64, to: f64, points: &mut Vec<Complex<f64>>| {
+            piece.between(from, to).bridge(paths, tolerance, MOST_DIVERGENCES, points);
         };
-        sample(&curve, (piece.to, piece.from), each, tolerance, &leap, points);
+        sample(&curve, (piece.to, piece.from), each, tolerance, &bridge, points);
         before = Some((piece, curve(piece.from)));
     }
-}
-
-/// Backward from the end of step `steps` − 1, the largest |φ| at which a front
-/// extremal may end: beyond it the path keeps the highest rate throughout
-/// (left, φ < 0), or the lowest (right, φ > 0).
-pub(super) fn end_range(paths: &Paths, steps: usize) -> (f64, f64) {
-    let (high, low) = (paths.high.heading(steps), paths.low.heading(steps));
-    (0..steps).fold((0.0, 0.0), |(left, right): (f64, f64), step| {
-        (left.min(high - paths.high.heading(step)), right.max(low - paths.low.heading(step)))
-    })
 }
 
 #[cfg(test)]

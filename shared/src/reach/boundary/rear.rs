@@ -1,13 +1,13 @@
 //! The rear of a planar set: the ends of the paths that stay farthest back.
 //!
-//! Nothing is gained by driving straight here: the rate jumps between its
-//! bounds. One jump is enough where the bounds are even; otherwise a path may have to cross
-//! the line through its end more often, and the traced extremals with two jumps and
-//! more are added. Such a path stays back only if it jumps where the bounds are narrow.
+//! Nothing is gained by driving straight here: these paths are bang-bang, their rate switches
+//! between its bounds. One switch is enough where the bounds are the same in every step;
+//! otherwise a path may have to cross the line through its end more often, and the extremals
+//! with two switches and more are added.
 
-use super::paths::{Path, Paths};
-use super::sampling::{Curves, pieces};
-use super::zigzag;
+use super::super::paths::{Path, Paths};
+use super::super::sampling::{Curves, pieces};
+use super::multi_switch;
 use nalgebra::Complex;
 
 /// Appends curves, the first from right to left, that contain the rear after
@@ -24,15 +24,15 @@ pub(super) fn candidates(
     let least = least_pieces.div_ceil(steps);
     for (first, last) in [(high, low), (low, high)] {
         let points = curves.begin();
-        one_jump(first, last, steps, least, tolerance, points);
+        one_switch(first, last, steps, least, tolerance, points);
         curves.space_last();
     }
-    zigzag::more_jumps(paths, steps, tolerance, curves);
+    multi_switch::append(paths, steps, tolerance, curves);
 }
 
-/// Drive along `first`, then with the rates of `last`, for every instant of the
-/// jump: the curve runs from the end of `last` to the end of `first`.
-fn one_jump(
+/// Appends the ends of the paths that follow `first`, then take the rates of `last`, for every
+/// switching time: the curve runs from the end of `last` to the end of `first`.
+fn one_switch(
     first: &Path,
     last: &Path,
     steps: usize,
@@ -57,7 +57,7 @@ fn one_jump(
         let bend = width * (width * (length + step_s) + slant);
         let count = pieces(step_s, bend, tolerance, least);
         let (turn, other) = (first.piece(step, count), last.piece(step, count));
-        // What comes after the jump is turned by how far the headings differ.
+        // What comes after the switch is turned by how far the headings differ.
         let back = other.turned.conj();
         let (mut point, mut facing) = (first.point(step), first.facing(step));
         let mut seen = ahead;

@@ -8,10 +8,10 @@
 //! for the highest rate, p < 0 for the lowest. At the end p = 0, and going back
 //! along an arc both φ and rest have a closed form, so each extremal is exact;
 //! one number (φ at the end) names it. An arc with p = 0 throughout is straight,
-//! with φ = 0.
+//! with φ = 0: a singular arc.
 
-use super::paths::{Paths, Turn, unit};
-use super::sampling::Sample;
+use super::super::paths::{Paths, Turn, unit};
+use super::super::sampling::Sample;
 use crate::math::{PI, atan2};
 use nalgebra::Complex;
 
@@ -24,31 +24,31 @@ pub(super) struct Costate {
     facing: Complex<f64>,
     /// What remains to be driven, in the frame turned by θ, seconds of travel.
     pub(super) rest: Complex<f64>,
-    /// How often the rate jumps between the bounds from here to the end.
+    /// How often the rate switches between the bounds from here to the end.
     pub(super) switches: usize,
     /// Which bound holds just after this instant; at the end, and after a
     /// straight arc, `Side::Straight`.
     side: Side,
-    /// The last jump.
-    jump: Jump,
-    /// Shifting two jumps, one after the other, so that the end stays on its line along θ moves
-    /// it by minus this (times a square), or more: below 0, the path is not the farthest on that
-    /// line, not even among its neighbours.
-    pub(super) firmness: f64,
-    /// The step of the last jump but one.
+    /// The switch traced last, the earliest in time.
+    switch: Switch,
+    /// The second variation: shifting two neighbouring switching times so that the end stays on
+    /// its line along θ moves it back by this (times a square), or less. Below 0 the path is not
+    /// even locally the farthest on that line.
+    pub(super) second_variation: f64,
+    /// The step of the last switch but one.
     pub(super) before_last: Option<usize>,
 }
 
-/// Where the rate jumps.
+/// Where the rate switches from one bound to the other.
 #[derive(Clone, Copy, Debug)]
-struct Jump {
+struct Switch {
     /// How far remains to be driven along θ, s.
     rest: f64,
     /// How much a shift by a given angle costs along θ, 1/s: |sin φ| by the width of the bounds.
     cost: f64,
 }
 
-/// An instant: so many seconds after the beginning of a step. The order is that of time.
+/// An instant: `seconds` after the beginning of a step. The order is that of time.
 #[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
 pub(super) struct PathTime {
     pub(super) step: usize,
@@ -72,7 +72,7 @@ enum Side {
 /// Costates closer to zero than this, s, are rounding errors of zero.
 const ZERO_COSTATE: f64 = 1e-15;
 
-/// More jumps a step than this are not traced further: only a path that trembles
+/// More switches a step than this are not traced further: only a path that chatters
 /// about φ = π has so many.
 const MOST_SWITCHES: usize = 8;
 
@@ -80,7 +80,7 @@ impl Costate {
     /// The end of the extremal that arrives with heading θ + `phi`.
     pub(super) fn end(phi: f64) -> Self {
         let rest = Complex::new(0.0, 0.0);
-        let jump = Jump { rest: 0.0, cost: 0.0 };
+        let switch = Switch { rest: 0.0, cost: 0.0 };
         let facing = unit(phi);
         Self {
             phi,
@@ -88,8 +88,8 @@ impl Costate {
             rest,
             switches: 0,
             side: Side::Straight,
-            jump,
-            firmness: 0.0,
+            switch,
+            second_variation: 0.0,
             before_last: None,
         }
     }
@@ -131,16 +131,16 @@ impl Costate {
         self.back(paths, from, PathTime::beginning(0))
     }
 
-    /// `left` seconds earlier in step `step`; anything if there are more than `most` jumps.
+    /// `left` seconds earlier in step `step`; meaningless if there are more than `most` switches.
     fn through(&mut self, paths: &Paths, step: usize, mut left: f64, most: usize) {
         loop {
             if self.rest.im.abs() < ZERO_COSTATE {
                 self.rest.im = 0.0;
             }
             let side = self.side_before(paths.lo[step], paths.hi[step]);
-            let jumps = side != self.side && self.side != Side::Straight;
-            if jumps {
-                self.note_jump(step, paths.hi[step] - paths.lo[step]);
+            let switches = side != self.side && self.side != Side::Straight;
+            if switches {
+                self.note_switch(step, paths.hi[step] - paths.lo[step]);
                 if self.switches > most {
                     return;
                 }
@@ -155,8 +155,8 @@ impl Costate {
             let turn = if left == paths.step_s { whole } else { Turn::new(rate, left) };
             let (facing, rest) = self.seen_before(&turn);
             let kept = (rate * left).abs() < 1.5 && self.keeps_sign(facing, rest);
-            let switch = if kept { None } else { self.switch(rate, left) };
-            let Some((seconds, turn)) = switch else {
+            let crossing = if kept { None } else { self.back_to_zero(rate, left) };
+            let Some((seconds, turn)) = crossing else {
                 (self.facing, self.rest) = (facing, rest);
                 self.phi -= rate * left;
                 return;
@@ -168,23 +168,23 @@ impl Costate {
         }
     }
 
-    /// Notes that the rate jumps here, in step `step`, between bounds of this width.
-    fn note_jump(&mut self, step: usize, width: f64) {
-        let jump = Jump { rest: self.rest.re, cost: self.facing.im.abs() / width };
+    /// Notes that the rate switches here, in step `step`, between bounds of this width.
+    fn note_switch(&mut self, step: usize, width: f64) {
+        let switch = Switch { rest: self.rest.re, cost: self.facing.im.abs() / width };
         self.switches += 1;
         if self.switches == 2 {
             self.before_last = Some(step);
         }
         if self.switches > 1 {
-            // What is driven between the jumps is turned by 1/(jump.rest − last.rest), what is
-            // driven after the last by −1/last.rest, here without these denominators.
-            let (before, after) = (jump.rest, self.jump.rest);
-            let firmness = jump.cost * after * after
-                + self.jump.cost * before * before
+            // What is driven between the switches is turned by 1/(before − after), what is
+            // driven after the later one by −1/after, here without these denominators.
+            let (before, after) = (switch.rest, self.switch.rest);
+            let variation = switch.cost * after * after
+                + self.switch.cost * before * before
                 + (before - after) * after * before;
-            self.firmness = self.firmness.min(firmness);
+            self.second_variation = self.second_variation.min(variation);
         }
-        self.jump = jump;
+        self.switch = switch;
     }
 
     /// Whether p certainly does not pass zero between this instant and an earlier
@@ -238,14 +238,14 @@ impl Costate {
         }
     }
 
-    /// Turning at `rate`, how many seconds before this instant, if fewer than
-    /// `left`, p passes zero, and the turn until then.
+    /// Turning at `rate`: how many seconds before this instant p passes zero, if fewer than
+    /// `left`, and the turn until then.
     ///
     /// With z = (2/rate)·tan(rate·seconds/2), Im(rest) vanishes where
     /// a·z² − b·z − Im(rest) = 0, a = (rate/2)·(cos φ − rate·Im(rest)/2), b = sin φ.
     /// Unlike the difference of two arc cosines, its roots keep all their digits
     /// where φ and the rate are close to zero.
-    fn switch(&self, rate: f64, left: f64) -> Option<(f64, Turn)> {
+    fn back_to_zero(&self, rate: f64, left: f64) -> Option<(f64, Turn)> {
         let im = self.rest.im;
         if im.abs() >= left {
             return None;
@@ -275,7 +275,7 @@ impl Costate {
 }
 
 /// Turns by less than this, rad, need no arc tangent, and none of their roots comes after half
-/// a circle.
+/// a turn.
 const BRIEF: f64 = 0.3;
 
 /// atan(x)/x for |x| < 0.16, to all digits.
@@ -304,7 +304,7 @@ fn seconds(z: f64, rate: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::paths::arc;
+    use super::super::super::paths::arc;
     use super::*;
     use crate::bounds::InputBounds;
     use crate::math::SeededRng;

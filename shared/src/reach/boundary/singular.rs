@@ -8,10 +8,9 @@
 //! instant at which some extremal, coming backward, meets φ = 0 and p = 0 while
 //! straight is admissible, and it stops where straight is not admissible.
 
+use super::super::paths::Paths;
+use super::divergence::{MOST_DIVERGENCES, Neighbours};
 use super::extremal::{Costate, PathTime};
-use super::front::end_range;
-use super::parting::{MOST_PARTINGS, Neighbours};
-use super::paths::Paths;
 use crate::math::cos;
 use nalgebra::Complex;
 
@@ -33,7 +32,7 @@ enum Kind {
     /// then ran straight along the singular extremal. What remained to be driven
     /// at the beginning of the step, had it been straight: `rest`.
     Fan { rate: f64, rest: f64 },
-    /// Between two that are about to part, at the share of the way named by the parameter.
+    /// Between two that are about to diverge, at the share of the way that the parameter names.
     Between { first: Costate, last: Costate },
 }
 
@@ -74,10 +73,10 @@ impl Piece {
     }
 }
 
-/// The front's extremals for a horizon of `steps` steps, φ rising (left to right).
-/// They replace what is in `family`.
+/// Replaces `family` by the front's extremals for a horizon of `steps` steps, φ rising (left
+/// to right).
 pub(super) fn pieces(paths: &Paths, steps: usize, family: &mut Vec<Piece>) {
-    let (left, right) = end_range(paths, steps);
+    let (left, right) = paths.end_phi_range(steps);
     let end = |from, to| Piece { from, to, origin: PathTime::beginning(steps), kind: Kind::End };
     family.clear();
     if left < -GAP {
@@ -137,8 +136,8 @@ const GAP: f64 = 1e-12;
 /// side.
 const CLEAR: f64 = 1e-12;
 
-/// Which extremal of the family, if any, becomes singular in step `step`, where
-/// straight is admissible, if none is at its end. The family is split there.
+/// If no extremal of the family is singular at the end of step `step`, in which straight is
+/// admissible: the one that becomes singular in it, if any. The family is split there.
 fn onset(paths: &Paths, step: usize, family: &mut Vec<Piece>) -> Option<Onset> {
     let bounds = (paths.lo[step], paths.hi[step]);
     let end = PathTime::beginning(step + 1);
@@ -155,18 +154,18 @@ fn onset(paths: &Paths, step: usize, family: &mut Vec<Piece>) -> Option<Onset> {
             })?
         }
     };
-    // Between two that have parted by now there are others.
-    for _ in 0..MOST_PARTINGS {
+    // Between two that have diverged by now there are others.
+    for _ in 0..MOST_DIVERGENCES {
         let gap = family[place].neighbours(&family[place - 1], paths);
         if gap.back(paths, end).are_one() {
             break;
         }
-        let Some(parting) = gap.before_parting(paths, end) else {
+        let Some(close) = gap.before_divergence(paths, end) else {
             break;
         };
         // From left to right.
-        let kind = Kind::Between { first: parting.last, last: parting.first };
-        family.insert(place, Piece { from: 0.0, to: 1.0, origin: parting.at, kind });
+        let kind = Kind::Between { first: close.last, last: close.first };
+        family.insert(place, Piece { from: 0.0, to: 1.0, origin: close.at, kind });
         place = split(paths, step, family, place);
     }
     let (left, right) = (&family[place - 1], &family[place]);
@@ -184,7 +183,7 @@ fn onset(paths: &Paths, step: usize, family: &mut Vec<Piece>) -> Option<Onset> {
     (seconds > 0.0).then_some(Onset { place, seconds, rest })
 }
 
-/// Splits a piece where its extremal becomes singular in step `step`; answers the place of
+/// Splits a piece where its extremal becomes singular in step `step`; returns the place of
 /// the right part.
 fn split(paths: &Paths, step: usize, family: &mut Vec<Piece>, place: usize) -> usize {
     let bounds = (paths.lo[step], paths.hi[step]);

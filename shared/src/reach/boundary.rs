@@ -1,0 +1,169 @@
+//! The boundary of the planar set from one start pose, from its families of paths.
+//!
+//! * The **front** is reached by paths that get as far as possible in some direction: turn
+//!   toward it, then go straight (`front`; where straight is not always admissible, the
+//!   extremals of `singular`, and where these diverge faster than numbers can tell,
+//!   `divergence`).
+//! * The **rear** is reached by bang-bang paths, whose rate switches between the bounds
+//!   (`rear`; more than once, `multi_switch`).
+//! * The **tube**, the union over all instants, lies between the path at the lowest rates, the
+//!   final front, and the path at the highest rates. Where headings span more than π/2, the
+//!   ends of extremals that arrive at a right angle to their direction bound it as well.
+//!
+//! While all admissible headings lie within ±π/2 of a common direction (15 steps of 0.2 s at
+//! ±0.5 rad/s), front and rear are graphs over the line across that direction, and the rear is
+//! the lower `envelope` of its families. Beyond, the set is what the curves enclose (`outline`).
+
+mod extremal;
+mod divergence;
+mod singular;
+mod front;
+mod multi_switch;
+mod rear;
+mod envelope;
+
+use super::outline::Outliner;
+use super::paths::{Path, Paths, unit};
+use super::sampling::{self, Curves, pieces, sample};
+use crate::math::PI;
+use core::f64::consts::FRAC_PI_2;
+use envelope::Envelope;
+use extremal::{Costate, PathTime};
+use nalgebra::Complex;
+use singular::Piece;
+
+/// Memory that polygons are made in. Once it is large enough, nothing is allocated.
+#[derive(Clone, Debug, Default)]
+pub struct Workspace {
+    /// The boundary being made, in the human's frame, seconds of travel.
+    pub(super) boundary: Vec<Complex<f64>>,
+    pub(super) curve: Vec<Complex<f64>>,
+    pub(super) brush: Vec<Complex<f64>>,
+    pub(super) outliner: Outliner,
+    curves: Curves,
+    family: Vec<Piece>,
+    envelope: Envelope,
+}
+
+impl Workspace {
+    /// Replaces the boundary by that of the set after `step` steps. The polygon follows it
+    /// within `tolerance`, s, and each of its curves gets at least `least` edges.
+    pub(super) fn draw_step(&mut self, paths: &Paths, step: usize, least: usize, tolerance: f64) {
+        let Self { boundary, curves, family, envelope, outliner, .. } = self;
+        boundary.clear();
+        if step == 0 {
+            boundary.push(Complex::new(0.0, 0.0));
+            return;
+        }
+        curves.clear();
+        front::front(paths, step, least, tolerance, family, boundary);
+        rear::candidates(paths, step, least, tolerance, curves);
+        if let Some(direction) = common_direction(paths, step) {
+            let (turned, back) = (unit(-direction), unit(direction));
+            envelope.clear();
+            for curve in curves.iter() {
+                envelope.add(curve.iter().map(|point| point * turned));
+            }
+            if let [_, inner @ .., _] = envelope.points() {
+                boundary.extend(inner.iter().rev().map(|point| point * back));
+            }
+        } else {
+            outliner.clear();
+            outliner.add(boundary);
+            curves.iter().for_each(|curve| outliner.add(curve));
+            boundary.truncate(1);
+            outliner.outline(boundary);
+        }
+    }
+
+    /// Replaces the boundary by that of the tube over all steps; see [`Self::draw_step`].
+    pub(super) fn draw_tube(&mut self, paths: &Paths, least: usize, tolerance: f64) {
+        let Self { boundary, curve, curves, family, outliner, .. } = self;
+        let steps = paths.steps();
+        boundary.clear();
+        outermost(&paths.low, steps, least, tolerance, boundary);
+        front::front(paths, steps, least, tolerance, family, boundary);
+        curve.clear();
+        outermost(&paths.high, steps, least, tolerance, curve);
+        boundary.extend(curve.iter().rev());
+        boundary.dedup();
+        let common = common_direction(paths, steps).is_some();
+        if common && paths.straight_always(steps) {
+            return;
+        }
+        outliner.clear();
+        outliner.add(boundary);
+        curves.clear();
+        if !common {
+            rear::candidates(paths, steps, least, tolerance, curves);
+            curves.iter().for_each(|curve| outliner.add(curve));
+        }
+        let (low, high) = paths.heading_range(steps);
+        if high - low > FRAC_PI_2 {
+            // Turning so far, one can get farther sideways than along the two
+            // outermost paths.
+            for phi in [-FRAC_PI_2, FRAC_PI_2] {
+                curve.clear();
+                sideways(paths, phi, least, tolerance, curve);
+                // The last of these is an end of the set after the last step as well. There
+                // it must not stop short of the chords, or what it encloses is lost.
+                let ends = core::iter::once(boundary.as_slice()).chain(curves.iter());
+                let end = curve[curve.len() - 1];
+                curve.extend(sampling::vertex_beside(end, ends, 2.0 * tolerance));
+                outliner.add(curve);
+            }
+        }
+        boundary.truncate(1);
+        outliner.outline(boundary);
+    }
+}
+
+/// The middle of all admissible headings of the first `steps` steps, rad in the human's frame,
+/// if none of them is π/2 or more away from it.
+fn common_direction(paths: &Paths, steps: usize) -> Option<f64> {
+    let (low, high) = paths.heading_range(steps);
+    (high - low < PI - 1e-6).then_some(0.5 * (low + high))
+}
+
+/// Appends one of the two outermost paths, from the start on.
+fn outermost(
+    path: &Path,
+    steps: usize,
+    least_pieces: usize,
+    tolerance: f64,
+    points: &mut Vec<Complex<f64>>,
+) {
+    let (step_s, least) = (path.step_s(), least_pieces.div_ceil(steps));
+    for step in 0..steps {
+        let rate = path.turn(step).rate;
+        // Finer than the front: to the area both sides add what the front takes away.
+        let count = pieces(step_s, rate.abs(), 0.5 * tolerance, least);
+        let turn = path.piece(step, count);
+        let (mut point, mut facing) = (path.point(step), path.facing(step));
+        for _ in 0..count {
+            points.push(point);
+            point += facing * turn.moved;
+            facing *= turn.turned;
+        }
+    }
+    points.push(path.point(steps));
+}
+
+/// Appends, at every instant, the end of the extremal that arrives at a right angle to
+/// its direction, φ = ±π/2: where the time is free, the boundary consists of these.
+fn sideways(
+    paths: &Paths,
+    phi: f64,
+    least_pieces: usize,
+    tolerance: f64,
+    points: &mut Vec<Complex<f64>>,
+) {
+    let each = least_pieces.div_ceil(paths.steps());
+    points.push(Complex::new(0.0, 0.0));
+    for step in 0..paths.steps() {
+        let curve =
+            |seconds: f64| Costate::end(phi).to_start(paths, PathTime { step, seconds }).sample();
+        sample(&curve, (0.0, paths.step_s), each, tolerance, &|_, _, _| {}, points);
+    }
+    sampling::space(points, 0);
+}

@@ -1,0 +1,88 @@
+//! The kink where the evader may turn either way, kept sharp by two smooth sheets.
+
+use super::Solution;
+use super::level::{Evader, Level, PAD};
+use super::sweep::{SAFE, Sweep};
+use crate::math::TAU;
+use crate::parallel::in_widest_lanes;
+use crate::real::Real;
+
+/// Sweeps over a sheet.
+const SHEET_SWEEPS: usize = 12;
+
+/// The kink of the full game is blurred by at most this share of a cell: where the
+/// sheets say less, the evader has something better than a single turn.
+const KINK_BLUR: f64 = 0.2;
+
+/// Sheets that differ by more than this many cells are no longer close to the kink.
+const KINK_NEAR: f64 = 4.0;
+
+impl<T: Real> Level<T> {
+    /// The game in which the evader turns right or goes straight until it is safe
+    /// in the full game, that is `self`.
+    pub(super) fn right_sheet(&self) -> Self {
+        let (n, ranges) = (self.angle_nodes, self.range.nodes);
+        let mut sheet = Self::new(&self.game, self.range_m, ranges, n, Evader::Right);
+        for i in 0..ranges {
+            for k in 0..n {
+                let at = sheet.at(i, k) + PAD;
+                self.copy_row(i, k, &mut sheet.values[at..at + n]);
+                sheet.spread(i, k);
+            }
+        }
+        // The full game is right wherever the evader turns right anyway, so only a
+        // few cells beyond the kink have to find their values.
+        let rest = T::from_f64(SAFE * self.game.radius_m);
+        for _ in 0..SHEET_SWEEPS {
+            in_widest_lanes(Sweep { level: &mut sheet, rest, full: Some(self) });
+        }
+        sheet
+    }
+
+    /// Puts the sheet in where it explains the full game, near the kink.
+    pub(super) fn finish(mut self, mut sheet: Self) -> Solution<T> {
+        let (n, ranges) = (self.angle_nodes, self.range.nodes);
+        for i in 0..ranges {
+            let next = self.ranges[(i + 1).min(ranges - 1)] - self.ranges[i];
+            let cell = next.max(self.ranges[i] * TAU / n as f64);
+            let (near, blur) = (T::from_f64(KINK_NEAR * cell), T::from_f64(KINK_BLUR * cell));
+            for k in 0..=n / 2 {
+                // Rows on the mirror hold each state twice.
+                let own_mirror = k == 0 || k == n / 2;
+                for j in 0..if own_mirror { n / 2 + 1 } else { n } {
+                    let at = self.at(i, k) + PAD + j;
+                    let right = sheet.at(i, k) + PAD + j;
+                    let left = sheet.at(i, (n - k) % n) + PAD + (n - j) % n;
+                    let full = self.values[at];
+                    let (a, b) = (sheet.values[right], sheet.values[left]);
+                    let both = a.larger(b);
+                    let explained = (full - both).abs() <= blur && (a - b).abs() <= near;
+                    if explained {
+                        self.values[at] = both;
+                        if own_mirror {
+                            let twin = self.at(i, k) + PAD + (n - j) % n;
+                            self.values[twin] = both;
+                        }
+                    } else {
+                        sheet.values[right] = full;
+                        sheet.values[left] = full;
+                    }
+                }
+            }
+        }
+        // One after the other, so that no more than three full grids exist.
+        let deficit = self.inside();
+        self.values = Vec::new();
+        let sheet = sheet.inside();
+        Solution {
+            range: self.range,
+            range_m: self.range_m,
+            angle_nodes: self.angle_nodes,
+            deficit,
+            sheet,
+            sweeps: self.sweeps,
+            drift_m: self.drift_m,
+            converged: self.converged,
+        }
+    }
+}

@@ -1,0 +1,52 @@
+//! How a solve reports, what it may take, and why it ends without a solution.
+
+use crate::invalid::Invalid;
+
+/// How far a solve has come.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Progress {
+    /// Share of the steps done, 0 … 1. If the march may end earlier, it is the share of the most
+    /// steps that there can be.
+    pub done: f64,
+    /// Largest change of V per second when last measured.
+    pub residual: f64,
+}
+
+/// Why there is no solution.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum SolveError {
+    /// The problem cannot be solved as stated.
+    #[error(transparent)]
+    Invalid(#[from] Invalid),
+    /// The caller stopped the solve.
+    #[error("the solve was cancelled")]
+    Cancelled,
+}
+
+/// Memory that a solve may take unless told otherwise: 8 GiB; in a browser 1 GiB.
+pub const MEMORY_LIMIT_BYTES: u64 = if cfg!(target_arch = "wasm32") { 1 << 30 } else { 8 << 30 };
+
+/// Refuses a solve that needs more memory than `limit_bytes`, before any is taken.
+///
+/// # Errors
+/// [`Invalid`] with the estimate.
+pub(super) fn check_memory(
+    nodes: usize,
+    arrays: usize,
+    size: usize,
+    limit_bytes: u64,
+) -> Result<(), Invalid> {
+    let needed = (nodes as u64).saturating_mul(arrays as u64).saturating_mul(size as u64);
+    if needed <= limit_bytes {
+        return Ok(());
+    }
+    let mebibytes = |bytes: u64| format!("{:.0} MiB", bytes as f64 / f64::from(1 << 20));
+    // Both products saturate.
+    let about = if needed == u64::MAX { "more than" } else { "about" };
+    let nodes = if nodes == usize::MAX { format!("more than {nodes}") } else { nodes.to_string() };
+    Err(Invalid::new(
+        "grid",
+        format!("at most {} of memory", mebibytes(limit_bytes)),
+        format!("{nodes} nodes, which need {about} {}", mebibytes(needed)),
+    ))
+}

@@ -1,0 +1,260 @@
+//! Level curves of a value function at one heading, for drawing.
+
+use super::contour::{Lattice, closed_curves};
+use super::level_set::{CurveSettings, radial_level_curve};
+use super::sampled::{SampledState, SampledValue, Slice};
+use super::value_function::ValueFunction;
+use crate::math::{TAU, hypot, sin_cos};
+
+impl ValueFunction {
+    /// {V = `level`} at relative heading `psi`: closed polygons in the evader's frame,
+    /// m, with {V ≤ level} on their left. `level` must be above −R. A set that leaves
+    /// the grid is closed along the grid's edge.
+    #[must_use]
+    pub fn level_curves(
+        &self,
+        psi: f64,
+        level: f64,
+        settings: CurveSettings,
+    ) -> Vec<Vec<[f64; 2]>> {
+        // Below lies the point r = 0 only, and no curve.
+        if !psi.is_finite() || !level.is_finite() || level <= -self.game().radius_m {
+            return Vec::new();
+        }
+        match self {
+            Self::Exact(exact) => vec![radial_level_curve(
+                |x, y| exact.value([x, y, psi]),
+                level,
+                exact.radius_m() + level,
+                exact.range_bound_m(level),
+                settings,
+            )],
+            Self::Sampled(sampled) => {
+                let lattice = SliceLattice::new(sampled, psi, level);
+                let mut curves = closed_curves(&lattice);
+                for curve in &mut curves {
+                    *curve = smoothed(curve, sampled, psi, level, settings);
+                }
+                curves
+            }
+        }
+    }
+}
+
+/// The nodes of one heading, with a ring around them that is outside.
+struct SliceLattice<'a> {
+    function: &'a SampledValue,
+    slice: Slice<'a>,
+    psi: f64,
+    level: f64,
+    /// Points of the nodes along both indices: ranges and bearings, or x and y.
+    axes: [Vec<f64>; 2],
+    polar: bool,
+    values: Vec<f64>,
+}
+
+impl<'a> SliceLattice<'a> {
+    fn new(function: &'a SampledValue, psi: f64, level: f64) -> Self {
+        let slice = function.slice(psi);
+        let [rows, columns] = slice.size();
+        let [first, second, _] = function.nodes().coordinates();
+        let polar = slice.is_polar();
+        let second = if polar {
+            (0..columns).map(|j| TAU * j as f64 / columns as f64).collect()
+        } else {
+            second
+        };
+        let mut lattice =
+            Self { function, slice, psi, level, axes: [first, second], polar, values: Vec::new() };
+        lattice.values = (0..rows * columns)
+            .map(|n| {
+                let node = [n / columns, n % columns];
+                let [x, y] = lattice.point(node);
+                let range = if polar { lattice.axes[0][node[0]] } else { hypot(x, y) };
+                lattice.slice.value(node, range)
+            })
+            .collect();
+        lattice
+    }
+
+    /// Ring nodes before the first one of each index.
+    fn ring(&self) -> [usize; 2] {
+        if self.polar { [0, 0] } else { [1, 1] }
+    }
+
+    /// The real node nearest to a lattice node, and whether it is that node.
+    fn node(&self, lattice: [usize; 2]) -> ([usize; 2], bool) {
+        let size = self.slice.size();
+        let ring = self.ring();
+        let node = core::array::from_fn(|d| lattice[d].saturating_sub(ring[d]).min(size[d] - 1));
+        let real = (0..2).all(|d| node[d] + ring[d] == lattice[d]);
+        (node, real)
+    }
+
+    fn point(&self, [i, j]: [usize; 2]) -> [f64; 2] {
+        let (first, second) = (self.axes[0][i], self.axes[1][j]);
+        if self.polar {
+            let (sin, cos) = sin_cos(second);
+            [first * cos, first * sin]
+        } else {
+            [first, second]
+        }
+    }
+
+    fn excess_at(&self, [x, y]: [f64; 2]) -> f64 {
+        self.function.state([x, y, self.psi]).value - self.level
+    }
+}
+
+impl Lattice for SliceLattice<'_> {
+    fn size(&self) -> [usize; 2] {
+        let [rows, columns] = self.slice.size();
+        if self.polar { [rows + 1, columns] } else { [rows + 2, columns + 2] }
+    }
+
+    fn wraps(&self) -> bool {
+        self.polar
+    }
+
+    fn inside(&self, lattice: [usize; 2]) -> bool {
+        let ([i, j], real) = self.node(lattice);
+        real && self.values[i * self.slice.size()[1] + j] <= self.level
+    }
+
+    fn joins(&self, [i, j]: [usize; 2]) -> bool {
+        let columns = self.size()[1];
+        let corners = [[i, j], [i + 1, (j + 1) % columns]].map(|n| self.point(self.node(n).0));
+        let middle = [0, 1].map(|d| 0.5 * (corners[0][d] + corners[1][d]));
+        self.excess_at(middle) <= 0.0
+    }
+
+    fn crossing(&self, inside: [usize; 2], outside: [usize; 2]) -> [f64; 2] {
+        let ((from, _), (to, real)) = (self.node(inside), self.node(outside));
+        let columns = self.slice.size()[1];
+        let [a, b] = [from, to].map(|node| self.point(node));
+        if !real {
+            return a;
+        }
+        let [mut low, mut high] =
+            [from, to].map(|[i, j]| self.values[i * columns + j] - self.level);
+        let (mut s, mut t) = (0.0, 1.0);
+        let mut point = a;
+        // Regula falsi; what is between two nodes is nearly straight.
+        for _ in 0..3 {
+            let share = if high > low { s - low * (t - s) / (high - low) } else { s };
+            point = [0, 1].map(|d| a[d] + share * (b[d] - a[d]));
+            let excess = self.excess_at(point);
+            if excess.abs() < 1e-4 * self.function.game().length_unit_m() {
+                break;
+            }
+            if excess <= 0.0 {
+                (s, low) = (share, excess);
+            } else {
+                (t, high) = (share, excess);
+            }
+        }
+        point
+    }
+}
+
+/// The curve with points added between its own, moved onto the level along the
+/// gradient, and with the sharp corners that fall between nodes.
+fn smoothed(
+    curve: &[[f64; 2]],
+    function: &SampledValue,
+    psi: f64,
+    level: f64,
+    settings: CurveSettings,
+) -> Vec<[f64; 2]> {
+    let on_level_m = ON_LEVEL_M * function.game().length_unit_m();
+    let state = |[x, y]: [f64; 2]| function.state([x, y, psi]);
+    let states: Vec<_> = curve.iter().map(|point| state(*point)).collect();
+    let mut smooth = Vec::with_capacity(3 * curve.len());
+    for i in 0..curve.len() {
+        let next = (i + 1) % curve.len();
+        smooth.push(curve[i]);
+        // Where the set is cut off by the grid, its edge is the curve.
+        let on_level = |state: &SampledState| (state.value - level).abs() < on_level_m;
+        let pieces = Pieces { spacing_m: settings.spacing_m, level };
+        if !on_level(&states[i]) || !on_level(&states[next]) {
+            pieces.add(&mut smooth, curve[i], curve[next], |_| None);
+            continue;
+        }
+        let tip = tip([curve[i], curve[next]], [&states[i], &states[next]]);
+        // A corner is one if the chord misses the level and the corner does not. Where
+        // the tangents meet is close to it; the level is met on the way there.
+        let miss = |point: [f64; 2]| state(point).value - level;
+        let middle = [0, 1].map(|d| 0.5 * (curve[i][d] + curve[next][d]));
+        let from = miss(middle);
+        let tip = tip.map(|tip| {
+            let change = miss(tip) - from;
+            let share = if change == 0.0 { 1.0 } else { (-from / change).clamp(0.0, 1.5) };
+            [0, 1].map(|d| middle[d] + share * (tip[d] - middle[d]))
+        });
+        match tip.filter(|tip| miss(*tip).abs() < 0.5 * from.abs()) {
+            Some(tip) => {
+                pieces.add(&mut smooth, curve[i], tip, |point| Some(state(point)));
+                smooth.push(tip);
+                pieces.add(&mut smooth, tip, curve[next], |point| Some(state(point)));
+            }
+            None => pieces.add(&mut smooth, curve[i], curve[next], |point| Some(state(point))),
+        }
+    }
+    smooth
+}
+
+/// A point of a curve is on its level to this, m (for a radius of about 3 m), unless it
+/// is on the grid's edge.
+const ON_LEVEL_M: f64 = 0.02;
+
+/// Where the tangents of a curve at both ends of a chord meet, if they turn by more than
+/// a sixth of a right angle and meet close by: a corner that the chord cuts off.
+fn tip(ends: [[f64; 2]; 2], states: [&SampledState; 2]) -> Option<[f64; 2]> {
+    let [[ax, ay, _], [bx, by, _]] = states.map(|state| state.gradient);
+    let (turn, along) = (ax * by - ay * bx, ax * bx + ay * by);
+    if turn.abs() < 0.26 * along.abs() {
+        return None;
+    }
+    // gᵢ · (p − pᵢ) = 0 for both ends.
+    let (a, b) = (ax * ends[0][0] + ay * ends[0][1], bx * ends[1][0] + by * ends[1][1]);
+    let tip = [(a * by - b * ay) / turn, (ax * b - bx * a) / turn];
+    let chord = hypot(ends[1][0] - ends[0][0], ends[1][1] - ends[0][1]);
+    let near = ends.iter().all(|end| hypot(tip[0] - end[0], tip[1] - end[1]) < 1.5 * chord);
+    near.then_some(tip)
+}
+
+/// How a chord is divided.
+struct Pieces {
+    spacing_m: f64,
+    level: f64,
+}
+
+impl Pieces {
+    /// Adds points between `from` and `to`, moved onto the level along the gradient
+    /// where `state` gives one.
+    fn add(
+        &self,
+        curve: &mut Vec<[f64; 2]>,
+        from: [f64; 2],
+        to: [f64; 2],
+        state: impl Fn([f64; 2]) -> Option<SampledState>,
+    ) {
+        let length = hypot(to[0] - from[0], to[1] - from[1]);
+        let pieces = ((length / self.spacing_m).ceil() as usize).clamp(1, 4);
+        for piece in 1..pieces {
+            let share = piece as f64 / pieces as f64;
+            let mut point = [0, 1].map(|d| from[d] + share * (to[d] - from[d]));
+            if let Some(state) = state(point) {
+                let [gx, gy, _] = state.gradient;
+                let excess = state.value - self.level;
+                let steepness = gx * gx + gy * gy;
+                // On a kink the chord is best.
+                if excess.abs() < 0.5 * length * steepness.sqrt() {
+                    let step = excess / steepness;
+                    point = [point[0] - step * gx, point[1] - step * gy];
+                }
+            }
+            curve.push(point);
+        }
+    }
+}
