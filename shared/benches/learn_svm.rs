@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use sidestep::learn::svm::{
-    Grid, Kernels, SvmSettings, Task, best, calibrate, cross_validate, fit,
+    Grid, Kernels, SvmSettings, Target, best, calibrate, cross_validate, fit,
 };
 use sidestep::math::SeededRng;
 use sidestep::predict::scale::Scale;
@@ -58,15 +58,15 @@ fn people() -> Vec<Person> {
 fn compare(person: &Person, set: &[usize], kernels: Kernels) {
     let row = |row: &[f64]| set.iter().map(|&j| row[j]).collect::<Vec<f64>>();
     let values: Vec<f64> = person.values.chunks(WIDTH).flat_map(row).collect();
-    let tasks =
-        [Task { labels: &person.turn, classes: 3 }, Task { labels: &person.avoid, classes: 2 }];
+    let targets =
+        [Target { labels: &person.turn, classes: 3 }, Target { labels: &person.avoid, classes: 2 }];
     let grid = Grid::new(kernels);
-    let cells = cross_validate(set.len(), &values, &person.folds, &tasks, &grid).expect("cells");
-    for (task, cells) in tasks.into_iter().zip(&cells) {
+    let cells = cross_validate(set.len(), &values, &person.folds, &targets, &grid).expect("cells");
+    for (target, cells) in targets.into_iter().zip(&cells) {
         let cell = best(cells).expect("a cell");
-        let sigmoids = calibrate(task, &cell.decisions).expect("sigmoids");
+        let sigmoids = calibrate(target, &cell.decisions).expect("sigmoids");
         let settings = SvmSettings::new(cell.kernel, cell.c);
-        black_box(fit(set.len(), &values, task, settings, sigmoids).expect("a fit"));
+        black_box(fit(set.len(), &values, target, settings, sigmoids).expect("a fit"));
     }
 }
 
@@ -127,7 +127,7 @@ fn inference(criterion: &mut Criterion) {
     let row = rows(1, WIDTH).remove(0);
     let mut group = criterion.benchmark_group("svm inference");
     for (name, svm) in [("2,000 support vectors", radial), ("linear", linear)] {
-        let svm = svm.expect("machines");
+        let svm = svm.expect("an SVM");
         let mut probabilities = [0.0; 3];
         group.bench_function(name, |bencher| {
             bencher.iter(|| {

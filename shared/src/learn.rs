@@ -1,9 +1,9 @@
-//! Training: how the models of [`crate::predict`] come about.
+//! Training of the models of [`crate::predict`].
 //!
 //! Nothing here is random, and all of it runs on one thread.
 
-pub mod boosting;
-pub mod logistic;
 pub mod samples;
-pub mod svm;
+pub mod logistic;
 pub mod tree;
+pub mod boosting;
+pub mod svm;

@@ -109,9 +109,9 @@ fn every_model_is_fitted_whoever_drives() {
     fitted(0..3, &families, &[papers, body, all]);
 }
 
-/// With each of these seeds linear machines whose steps are always corrected in full go in circles.
+/// With each of these seeds linear SVMs whose steps are always corrected in full go in circles.
 #[test]
-fn every_linear_machine_is_fitted_whoever_drives() {
+fn every_linear_svm_is_fitted_whoever_drives() {
     let mut sets = NamedSet::papers().unwrap();
     sets.extend(NamedSet::with_body_frame().unwrap());
     sets.push(NamedSet::with_history().unwrap());

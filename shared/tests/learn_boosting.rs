@@ -62,10 +62,10 @@ fn the_first_round_is_the_best_stump() {
     let score = ln((ones + 1.0) / (31.0 - ones));
     assert!((file.intercepts[0] - score).abs() < 1e-15);
     let p = (ones + 1.0) / 32.0;
-    // Σ of slopes and curvatures of some rows.
+    // Σ of gradients and Hessians of some rows.
     let sums = |rows: &[usize]| {
-        let slope: f64 = rows.iter().map(|&i| p - labels[i] as f64).sum();
-        (slope, rows.len() as f64 * p * (1.0 - p) + settings.penalty)
+        let gradient: f64 = rows.iter().map(|&i| p - labels[i] as f64).sum();
+        (gradient, rows.len() as f64 * p * (1.0 - p) + settings.penalty)
     };
     let mut best = (f64::NEG_INFINITY, 0, 0.0, [0.0; 2]);
     for column in 0..2 {

@@ -6,7 +6,7 @@ mod learning;
 use learning::apart;
 use libsvm_rs::{KernelType, SvmNode, SvmParameter, SvmProblem, SvmType};
 use sidestep::learn::svm::{
-    Grid, Kernels, SvmSettings, Task, best, calibrate, cross_validate, fit, fit_calibrated,
+    Grid, Kernels, SvmSettings, Target, best, calibrate, cross_validate, fit, fit_calibrated,
 };
 use sidestep::math::{SeededRng, ln};
 use sidestep::predict::svm::{Kernel, Sigmoid, pair_count, pairs};
@@ -55,8 +55,8 @@ fn plain(classes: usize) -> Vec<Sigmoid> {
 const CALIBRATED: usize = 13;
 
 #[test]
-fn scikit_learns_machines_are_found_again() {
-    let both = [1, 2].map(apart::machines);
+fn scikit_learns_svms_are_found_again() {
+    let both = [1, 2].map(apart::svms);
     assert_eq!(both.iter().map(|apart| apart.rows).sum::<usize>(), 8000);
     let different: usize = both.iter().map(|apart| apart.different).sum();
     assert!(different <= 10, "{different} of 8000 predictions differ");
@@ -89,9 +89,9 @@ fn probabilities_do_as_well_as_scikit_learns() {
             };
             let folds: Vec<usize> = training.trial.iter().map(|trial| trial % 5).collect();
             let settings = SvmSettings::new(Kernel::Rbf { gamma: gamma.unwrap() }, 1.0);
-            let task = Task { labels, classes };
+            let target = Target { labels, classes };
             let (scale, svm) =
-                fit_calibrated(WIDTH, &training.values, task, &folds, settings).unwrap();
+                fit_calibrated(WIDTH, &training.values, target, &folds, settings).unwrap();
             let expected = expected.iter().filter(|row| row[0] as usize == number);
             for ((row, &truth), expected) in test.values.chunks(WIDTH).zip(truth).zip(expected) {
                 let mut p = vec![0.0; classes];
@@ -106,7 +106,7 @@ fn probabilities_do_as_well_as_scikit_learns() {
             }
         }
         assert!(ours / rows < theirs / rows + 1e-3);
-        // Theirs are machines to 10⁻³, on rows standardised by all folds together.
+        // Theirs are solved to 10⁻³, on rows standardised by all folds together.
         assert!(classes == 3 || farthest < 5e-3, "{farthest}");
     }
 }
@@ -130,12 +130,12 @@ fn random_rows(seed: u64, count: usize, width: usize, classes: usize) -> (Vec<f6
 }
 
 #[test]
-fn libsvm_finds_the_same_machines() {
+fn libsvm_finds_the_same_svms() {
     libsvm_rs::set_quiet(true);
     for seed in 0..12 {
         let (width, classes) = (2 + seed as usize % 3, 2 + seed as usize % 3);
         let (values, labels) = random_rows(seed, 70, width, classes);
-        let task = Task { labels: &labels, classes };
+        let target = Target { labels: &labels, classes };
         for (kernel, c) in [
             (Kernel::Linear, 0.1),
             (Kernel::Linear, 5.0),
@@ -144,7 +144,7 @@ fn libsvm_finds_the_same_machines() {
             (Kernel::Rbf { gamma: 5.0 }, 0.1),
         ] {
             let settings = SvmSettings { tolerance: 1e-9, ..SvmSettings::new(kernel, c) };
-            let (scale, svm) = fit(width, &values, task, settings, plain(classes)).unwrap();
+            let (scale, svm) = fit(width, &values, target, settings, plain(classes)).unwrap();
             let nodes = |row: &[f64]| -> Vec<SvmNode> {
                 let value = |(j, &x): (usize, &f64)| SvmNode {
                     index: j as i32 + 1,
@@ -208,9 +208,9 @@ fn the_order_of_rows_changes_no_bit() {
     let shuffled_folds: Vec<usize> = order.iter().map(|&i| folds[i]).collect();
     for kernels in [Kernels::Linear, Kernels::Rbf(vec![0.1, 1.0])] {
         let grid = Grid::new(kernels);
-        let task = Task { labels: &labels, classes };
-        let cells = cross_validate(width, &values, &folds, &[task], &grid).unwrap().remove(0);
-        let other = Task { labels: &shuffled_labels, classes };
+        let target = Target { labels: &labels, classes };
+        let cells = cross_validate(width, &values, &folds, &[target], &grid).unwrap().remove(0);
+        let other = Target { labels: &shuffled_labels, classes };
         let others =
             cross_validate(width, &shuffled, &shuffled_folds, &[other], &grid).unwrap().remove(0);
         for (cell, other) in cells.iter().zip(&others) {
@@ -220,10 +220,10 @@ fn the_order_of_rows_changes_no_bit() {
             }
         }
         let chosen = best(&cells).unwrap();
-        let sigmoids = calibrate(task, &chosen.decisions).unwrap();
+        let sigmoids = calibrate(target, &chosen.decisions).unwrap();
         assert_eq!(sigmoids, calibrate(other, &best(&others).unwrap().decisions).unwrap());
         let settings = SvmSettings::new(chosen.kernel, chosen.c);
-        let first = fit(width, &values, task, settings, sigmoids.clone()).unwrap();
+        let first = fit(width, &values, target, settings, sigmoids.clone()).unwrap();
         let second = fit(width, &shuffled, other, settings, sigmoids).unwrap();
         assert_eq!(first, second);
     }
@@ -235,12 +235,12 @@ fn a_cell_of_a_grid_is_a_fit_of_its_own() {
     let (values, labels) = random_rows(4, 90, width, classes);
     let avoid: Vec<usize> = labels.iter().map(|&label| usize::from(label != 1)).collect();
     let folds: Vec<usize> = (0..labels.len()).map(|i| i / 3 % 4).collect();
-    let tasks = [Task { labels: &labels, classes }, Task { labels: &avoid, classes: 2 }];
+    let targets = [Target { labels: &labels, classes }, Target { labels: &avoid, classes: 2 }];
     for kernels in [Kernels::Linear, Kernels::Rbf(vec![0.03, 0.3, 3.0])] {
         let grid = Grid { tolerance: 1e-4, ..Grid::new(kernels) };
-        let cells = cross_validate(width, &values, &folds, &tasks, &grid).unwrap();
-        for (task, cells) in tasks.iter().zip(&cells) {
-            let pairs = pair_count(task.classes);
+        let cells = cross_validate(width, &values, &folds, &targets, &grid).unwrap();
+        for (target, cells) in targets.iter().zip(&cells) {
+            let pairs = pair_count(target.classes);
             for cell in cells {
                 for fold in 0..4 {
                     let (held, trained): (Vec<usize>, Vec<usize>) =
@@ -248,11 +248,11 @@ fn a_cell_of_a_grid_is_a_fit_of_its_own() {
                     let row = |i: usize| &values[i * width..(i + 1) * width];
                     let training: Vec<f64> =
                         trained.iter().flat_map(|&i| row(i).to_vec()).collect();
-                    let known: Vec<usize> = trained.iter().map(|&i| task.labels[i]).collect();
-                    let part = Task { labels: &known, classes: task.classes };
+                    let known: Vec<usize> = trained.iter().map(|&i| target.labels[i]).collect();
+                    let part = Target { labels: &known, classes: target.classes };
                     let settings = SvmSettings::new(cell.kernel, cell.c);
                     let (scale, svm) =
-                        fit(width, &training, part, settings, plain(task.classes)).unwrap();
+                        fit(width, &training, part, settings, plain(target.classes)).unwrap();
                     let mut right = 0;
                     for &i in &held {
                         let decisions = svm.decisions(&scale, row(i));
@@ -260,7 +260,7 @@ fn a_cell_of_a_grid_is_a_fit_of_its_own() {
                         for (a, b) in decisions.iter().zip(found) {
                             assert!((a - b).abs() < 2e-3, "{:?} {} {a} {b}", cell.kernel, cell.c);
                         }
-                        right += usize::from(svm.class(&scale, row(i)) == task.labels[i]);
+                        right += usize::from(svm.class(&scale, row(i)) == target.labels[i]);
                     }
                     let share = right as f64 / held.len() as f64;
                     assert!((cell.accuracy[fold] - share).abs() <= 1.01 / held.len() as f64);
@@ -276,7 +276,7 @@ fn poor_data() {
         [SvmSettings::new(Kernel::Linear, 1.0), SvmSettings::new(Kernel::Rbf { gamma: 0.5 }, 1.0)];
     for settings in settings {
         let train = |width: usize, values: &[f64], labels: &[usize]| {
-            fit(width, values, Task { labels, classes: 2 }, settings, plain(2))
+            fit(width, values, Target { labels, classes: 2 }, settings, plain(2))
         };
         assert_eq!(train(1, &[1.0, 2.0], &[0, 0]).unwrap_err().field, "labels");
         assert_eq!(train(1, &[1.0, f64::NAN], &[0, 1]).unwrap_err().field, "rows[1][0]");
@@ -299,17 +299,17 @@ fn poor_data() {
         assert_eq!(svm.class(&scale, &[3.0]), 1);
         // C and tolerance.
         let bad = |settings: SvmSettings| {
-            let task = Task { labels: &[0, 1], classes: 2 };
-            fit(1, &[1.0, 2.0], task, settings, plain(2)).unwrap_err().field
+            let target = Target { labels: &[0, 1], classes: 2 };
+            fit(1, &[1.0, 2.0], target, settings, plain(2)).unwrap_err().field
         };
         assert_eq!(bad(SvmSettings { c: 0.0, ..settings }), "c");
         assert_eq!(bad(SvmSettings { tolerance: f64::NAN, ..settings }), "tolerance");
     }
     let none = SvmSettings { kernel: Kernel::Rbf { gamma: 0.0 }, ..settings[0] };
-    let task = Task { labels: &[0, 1], classes: 2 };
-    assert_eq!(fit(1, &[1.0, 2.0], task, none, plain(2)).unwrap_err().field, "gamma");
+    let target = Target { labels: &[0, 1], classes: 2 };
+    assert_eq!(fit(1, &[1.0, 2.0], target, none, plain(2)).unwrap_err().field, "gamma");
     assert_eq!(
-        fit(1, &[1.0, 2.0], task, settings[1], plain(3)).unwrap_err().field,
+        fit(1, &[1.0, 2.0], target, settings[1], plain(3)).unwrap_err().field,
         "sigmoids",
         "one a pair"
     );
@@ -317,23 +317,23 @@ fn poor_data() {
 
 #[test]
 fn a_class_that_a_fold_lacks() {
-    // Class 2 occurs in fold 0 only: machines of the others do not know it.
+    // Class 2 occurs in fold 0 only: SVMs of the others do not know it.
     let values: Vec<f64> = (0..12).map(f64::from).collect();
     let labels = [0, 1, 2, 2, 0, 1, 0, 1, 0, 1, 0, 1];
     let folds = [0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2];
-    let task = Task { labels: &labels, classes: 3 };
+    let target = Target { labels: &labels, classes: 3 };
     for kernels in [Kernels::Linear, Kernels::Rbf(vec![0.5])] {
         let grid = Grid::new(kernels);
-        let cells = cross_validate(1, &values, &folds, &[task], &grid).unwrap().remove(0);
+        let cells = cross_validate(1, &values, &folds, &[target], &grid).unwrap().remove(0);
         for cell in &cells {
             for held in cell.decisions[..4 * 3].chunks(3) {
                 assert_eq!(held[1..], [1.0, 1.0], "0 and 1 against what was not there");
             }
-            let sigmoids = calibrate(task, &cell.decisions).unwrap();
+            let sigmoids = calibrate(target, &cell.decisions).unwrap();
             assert!(sigmoids.iter().all(|s| s.a.is_finite() && s.b.is_finite()));
         }
         let complain = |folds: &[usize], grid: &Grid| {
-            cross_validate(1, &values, folds, &[task], grid).unwrap_err().field
+            cross_validate(1, &values, folds, &[target], grid).unwrap_err().field
         };
         assert_eq!(complain(&[4; 12], &grid), "folds");
         assert_eq!(complain(&folds[..11], &grid), "rows");
@@ -341,6 +341,6 @@ fn a_class_that_a_fold_lacks() {
         assert_eq!(complain(&folds, &Grid { c: vec![1.0, -1.0], ..grid.clone() }), "c[1]");
     }
     let grid = Grid::new(Kernels::Rbf(vec![0.5, 0.0]));
-    assert_eq!(cross_validate(1, &values, &folds, &[task], &grid).unwrap_err().field, "gamma[1]");
-    assert_eq!(calibrate(task, &[0.0]).unwrap_err().field, "decisions");
+    assert_eq!(cross_validate(1, &values, &folds, &[target], &grid).unwrap_err().field, "gamma[1]");
+    assert_eq!(calibrate(target, &[0.0]).unwrap_err().field, "decisions");
 }

@@ -14,7 +14,7 @@ mod learning;
 
 use std::error::Error;
 
-use learning::apart::{self, LogisticApart, MachinesApart, TreesApart};
+use learning::apart::{self, LogisticApart, SvmsApart, TreesApart};
 use learning::ranks::{self, RanksApart};
 use serde::Serialize;
 
@@ -22,7 +22,7 @@ use serde::Serialize;
 #[derive(Serialize)]
 struct Report {
     logistic: [LogisticApart; 2],
-    machines: [MachinesApart; 2],
+    machines: [SvmsApart; 2],
     trees: [TreesApart; 2],
     cells: cells::Check,
     tables: Vec<tables::Table>,
@@ -34,7 +34,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let step = |name: &str| eprintln!("    {name}");
     step("models");
     let (logistic, machines, trees) =
-        ([1, 2].map(apart::logistic), [1, 2].map(apart::machines), [1, 2].map(apart::trees));
+        ([1, 2].map(apart::logistic), [1, 2].map(apart::svms), [1, 2].map(apart::trees));
     step("comparison");
     let people = people::people()?;
     let comparison = people::compared(&people)?;

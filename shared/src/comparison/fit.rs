@@ -8,7 +8,7 @@ use crate::invalid::Invalid;
 use crate::learn::boosting::{self, BoostingSettings};
 use crate::learn::logistic::{LogisticSettings, fit_path};
 use crate::learn::samples::Samples;
-use crate::learn::svm::{self, Grid, Kernels, SvmSettings, Task};
+use crate::learn::svm::{self, Grid, Kernels, SvmSettings, Target};
 use crate::learn::tree;
 use crate::predict::boosting::Boosted;
 use crate::predict::logistic::Logistic;
@@ -383,16 +383,16 @@ fn machines(
 ) -> Result<Vec<Chosen>, Invalid> {
     let width = data.features.len();
     let grid = Grid { c: strengths.to_vec(), ..Grid::new(kernels) };
-    let tasks: Vec<Task<'_>> = problems
+    let tasks: Vec<Target<'_>> = problems
         .iter()
-        .map(|problem| Task {
+        .map(|problem| Target {
             labels: &problem.training.labels,
             classes: problem.training.classes.len(),
         })
         .collect();
     let values = &problems[0].training.values;
     let cells = svm::cross_validate(width, values, &split.folds, &tasks, &grid)?;
-    let chosen = |((problem, task), cells): ((&Problem<'_>, &Task<'_>), &Vec<svm::Cell>)| {
+    let chosen = |((problem, task), cells): ((&Problem<'_>, &Target<'_>), &Vec<svm::GridCell>)| {
         let best = svm::best(cells).ok_or_else(|| Invalid::new("grid", "at least one", "none"))?;
         let sigmoids = svm::calibrate(*task, &best.decisions)?;
         let settings = SvmSettings::new(best.kernel, best.c);

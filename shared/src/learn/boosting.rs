@@ -1,83 +1,34 @@
 //! Gradient-boosted trees for the multinomial deviance (Friedman 2001, with Newton steps and a
 //! penalty on leaves as in Chen and Guestrin 2016).
 //!
-//! In each round a small tree for each class's score is fitted to the slope of the deviance
-//! where the model stands, and a share (`rate`) of its Newton step is added. Columns are cut
+//! In each round a small tree for each class's score is fitted to the gradient of the deviance
+//! at the present scores, and a share (`rate`) of its Newton step is added. Columns are cut
 //! into quantile bins first. Nothing is random.
 //!
-//! Slopes and curvatures are rounded to multiples of 2⁻⁴⁰ and added as integers, so that sums,
+//! Gradients and Hessians are rounded to multiples of 2⁻⁴⁰ and added as integers, so that sums,
 //! and with them every split, depend on sets of rows and not on their order: permuting rows
 //! changes no bit of a model. Ties go as in [`tree`](super::tree).
 
+mod settings;
 mod bins;
-mod booster;
-mod grower;
 mod newton;
+mod grower;
+mod booster;
 
 use super::samples::Samples;
-use crate::invalid::{Invalid, length, positive};
+use crate::invalid::{Invalid, length};
 use crate::predict::boosting::{Boosted, Summand};
 use booster::{Booster, to_shares};
+pub use settings::BoostingSettings;
 
-/// How trees are boosted.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct BoostingSettings {
-    /// Trees for each score, at the most.
-    pub rounds: usize,
-    /// Where folds choose: how many rounds in a row may fail to lower the log loss before no
-    /// more are tried.
-    pub patience: usize,
-    /// Depth of the trees.
-    pub depth: usize,
-    /// Share of each Newton step that is taken.
-    pub rate: f64,
-    /// Rows at a leaf at the least.
-    pub min_leaf: usize,
-    /// λ ≥ 0 of the penalty ½ λ w² on the value w of each leaf.
-    pub penalty: f64,
-    /// Bins of each column at the most.
-    pub bins: usize,
-}
-
-impl Default for BoostingSettings {
-    fn default() -> Self {
-        Self {
-            rounds: 200,
-            patience: 20,
-            depth: 3,
-            rate: 0.1,
-            min_leaf: 10,
-            penalty: 1.0,
-            bins: 64,
-        }
-    }
-}
-
-impl BoostingSettings {
-    fn check(&self) -> Result<(), Invalid> {
-        positive("rate", self.rate)?;
-        if !(self.penalty.is_finite() && self.penalty >= 0.0) {
-            return Err(Invalid::new("penalty", "a finite number ≥ 0", self.penalty));
-        }
-        for (field, found, least) in
-            [("depth", self.depth, 1), ("min_leaf", self.min_leaf, 1), ("bins", self.bins, 2)]
-        {
-            if found < least {
-                return Err(Invalid::new(field, format!("at least {least}"), found));
-            }
-        }
-        Ok(())
-    }
-}
-
-/// What grouped cross-validation chose.
+/// The choice of grouped cross-validation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Chosen {
     /// Depth of the trees.
     pub depth: usize,
     /// Rounds.
     pub rounds: usize,
-    /// Mean of −log P(class) over the rows that were left out.
+    /// Mean of −log P(class) over the held-out rows.
     pub log_loss: f64,
 }
 
@@ -96,13 +47,13 @@ pub fn fit(samples: &Samples<'_>, settings: &BoostingSettings) -> Result<Boosted
     Ok(booster.finish())
 }
 
-/// Chooses depth and rounds by the log loss on rows left out, one fold after another, and
-/// boosts with them on all rows. `folds` has the fold of each row, from 0; rows of one trial
+/// Chooses depth and rounds by the log loss on held-out rows, one fold after another, then boosts
+/// with them on all rows. `folds` has the fold of each row, from 0; rows of one trial
 /// must be in one fold. Ties go to fewer rounds, then to the depth that is named first.
 ///
 /// # Errors
-/// As for [`fit`], or if `folds` is not as long as the rows, there are fewer than two folds or
-/// one is empty, or `depths` is.
+/// The errors of [`fit`], or [`Invalid`] if `folds` is not as long as the rows, there are fewer
+/// than two folds or one is empty, or `depths` is empty.
 pub fn fit_by_folds(
     samples: &Samples<'_>,
     folds: &[usize],
@@ -132,7 +83,7 @@ struct Part {
     labels: Vec<usize>,
 }
 
-/// For each fold, the rows that are kept and those that are left out.
+/// For each fold, the rows that train and those that are held out.
 fn parts(samples: &Samples<'_>, folds: &[usize]) -> Result<Vec<[Part; 2]>, Invalid> {
     let count = folds.iter().max().map_or(0, |last| last + 1);
     if count < 2 {
@@ -153,8 +104,8 @@ fn parts(samples: &Samples<'_>, folds: &[usize]) -> Result<Vec<[Part; 2]>, Inval
     (0..count).map(part).collect()
 }
 
-/// The rounds with the lowest log loss on what was left out. All folds go on together, so that
-/// none goes further than is worth it.
+/// The number of rounds with the lowest log loss on held-out rows. All folds advance together, so
+/// that none is trained longer than needed.
 fn best_rounds(
     samples: &Samples<'_>,
     parts: &[[Part; 2]],
@@ -186,7 +137,7 @@ fn best_rounds(
     Ok(best)
 }
 
-/// Scores of rows that take no part in the training.
+/// Scores of held-out rows.
 struct LeftOut<'a> {
     part: &'a Part,
     width: usize,
@@ -201,7 +152,7 @@ impl<'a> LeftOut<'a> {
         Self { part, width, outputs: intercepts.len(), scores }
     }
 
-    /// Adds what a round's trees say.
+    /// Adds the values of a round's trees.
     fn add(&mut self, trees: &[Summand]) {
         let rows = self.part.values.chunks_exact(self.width);
         for (row, scores) in rows.zip(self.scores.chunks_exact_mut(self.outputs)) {

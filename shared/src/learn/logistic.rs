@@ -3,7 +3,7 @@
 //! Minimises C · Σ over rows of −log P(class) + ½ · Σ over weights of w², intercepts
 //! unpenalised: the objective of scikit-learn's `LogisticRegression`. As there, two classes
 //! have **one** vector of weights, log P(second) − log P(first), and three or more have one
-//! each, of which the penalty makes the sum zero. (Two vectors for two classes would be
+//! each, whose sum the penalty makes zero. (Two vectors for two classes would be
 //! penalised half as much.) The intercepts of three or more classes, which only matter by
 //! their differences, sum to zero.
 //!
@@ -18,14 +18,14 @@ use crate::predict::logistic::Logistic;
 use nalgebra::DVector;
 use objective::{Objective, Point};
 
-/// When a fit is good enough.
+/// The stopping rule of a fit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LogisticSettings {
     /// The last Newton step is the one whose squared decrement, gᵀ H⁻¹ g, is at most this
     /// times 1 + C. Since H ⪰ 1 for the weights, √(tolerance · (1 + C)) bounds that step, and
     /// its square, times the rows' typical length, what is still missing after it.
     pub tolerance: f64,
-    /// Newton steps at the most for each C. The problem is strictly convex: about ten do.
+    /// Most Newton steps for each C. The problem is strictly convex: about ten do.
     pub max_steps: usize,
 }
 
@@ -45,8 +45,8 @@ pub fn fit(samples: &Samples<'_>, c: f64, settings: LogisticSettings) -> Result<
     models.pop().ok_or_else(|| Invalid::new("c", "at least one", "none"))
 }
 
-/// Trains with each of several penalties, in the order given. Each fit begins where the one
-/// before suggests, which in rising or falling order saves about half of the work.
+/// Trains with each of several penalties, in the order given. Each fit starts from a prediction
+/// that the one before makes, which saves about half of the work if the order rises or falls.
 ///
 /// # Errors
 /// As for [`fit`].
@@ -116,7 +116,7 @@ fn minimise(
     Err(Invalid::new("rows", "a problem that converges", found))
 }
 
-/// One row of weights and one intercept a class; of two classes, the first has zeros.
+/// One row of weights and one intercept for each class; with two classes, the first has zeros.
 fn model(objective: &Objective<'_>, theta: &DVector<f64>) -> Result<Logistic, Invalid> {
     let width = objective.width();
     let mut blocks: Vec<Vec<f64>> =
@@ -136,7 +136,7 @@ fn model(objective: &Objective<'_>, theta: &DVector<f64>) -> Result<Logistic, In
 }
 
 impl Objective<'_> {
-    /// The best weights if no feature said anything: all zero, intercepts from `counts`.
+    /// The best weights if no feature were informative: all zero, intercepts from `counts`.
     fn intercepts_only(&self, counts: &[usize]) -> DVector<f64> {
         let logs: Vec<f64> = counts.iter().map(|&count| ln(count as f64)).collect();
         let mut theta = DVector::zeros(self.unknowns());

@@ -1,14 +1,14 @@
 //! Decision trees: CART with Gini impurity.
 //!
-//! A node is split where the impurity falls most; of splits that are equally good (compared
-//! exactly, in integers) the one on the feature of lowest index, and there of lowest threshold,
-//! so that a tree depends on nothing but its rows, not even on their order. A node becomes a
+//! A node is split where the impurity falls most. Among splits that are equally good (compared
+//! exactly, in integers) the feature of lowest index wins, then the lowest threshold, so that a
+//! tree depends only on the set of its rows, not on their order. A node becomes a
 //! leaf when it is pure, has no split that leaves enough rows on both sides, or is as deep as
-//! trees may be. A split need not lower the impurity (two features that say something only
-//! together do not at first).
+//! trees may be. A split need not lower the impurity: two features that are informative only
+//! together do not lower it at first.
 //!
 //! Numbers are as in scikit-learn: features are rounded to single precision, values closer than
-//! 10⁻⁷ are never parted, and thresholds are midpoints. (scikit-learn breaks ties at random.)
+//! 10⁻⁷ are never separated, and thresholds are midpoints. (scikit-learn breaks ties at random.)
 
 pub(super) mod grower;
 
@@ -20,10 +20,10 @@ use grower::{Columns, Criterion, Limits, grow as grow_with};
 /// How far a tree grows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TreeSettings {
-    /// The most questions that a row is asked; nothing for as many as it takes, up to
+    /// The greatest depth; none for as deep as the rows allow, up to
     /// [`DEEPEST`](crate::predict::tree::DEEPEST).
     pub max_depth: Option<usize>,
-    /// Rows at a leaf at the least.
+    /// Fewest rows of a leaf.
     pub min_leaf: usize,
 }
 
@@ -37,12 +37,12 @@ pub fn grow(samples: &Samples<'_>, settings: TreeSettings) -> Result<Tree, Inval
     trees.pop().ok_or_else(|| Invalid::new("min_leaf", "at least one", "none"))
 }
 
-/// Grows a tree for each of several leaf sizes (in rising order), which share the work as long
-/// as they ask the same questions. Those that grow on are what each would be on its own;
-/// [`Tree::truncated`] gives those of lower depth.
+/// Grows a tree for each of several smallest leaves (in rising order). They share the work while
+/// their splits agree; each result is the tree that [`grow`] gives. [`Tree::truncated`] gives the
+/// trees of lower depth.
 ///
 /// # Errors
-/// As for [`grow`], or if `min_leaves` do not rise.
+/// The errors of [`grow`], and [`Invalid`] if `min_leaves` do not rise.
 pub fn grow_each(
     samples: &Samples<'_>,
     max_depth: Option<usize>,
@@ -75,8 +75,8 @@ struct Sides {
     right_rows: u64,
 }
 
-/// Σ of squared counts by rows, of both sides together: what is greatest where the impurity is
-/// least. A fraction: with n ≤ 2²¹ rows the numerator is at most n³/4.
+/// Σ of squared counts divided by rows, over both sides: greatest where the impurity is least. A
+/// fraction: with n ≤ 2²¹ rows the numerator is at most n³/4.
 #[derive(Clone, Copy)]
 struct Concentration {
     numerator: u64,

@@ -4,7 +4,7 @@
 use super::{Lr, PEOPLE, WIDTH, classes, lines, lowest_class, peer, peer_by_newton, person, said};
 use serde::{Deserialize, Serialize};
 use sidestep::learn::logistic::{LogisticSettings, fit};
-use sidestep::learn::svm::{self, SvmSettings, Task};
+use sidestep::learn::svm::{self, SvmSettings, Target};
 use sidestep::learn::tree::{TreeSettings, grow};
 use sidestep::predict::logistic::Logistic;
 use sidestep::predict::scale::Scale;
@@ -81,7 +81,7 @@ pub(crate) fn logistic(experiment: usize) -> LogisticApart {
 
 /// Differences of support vector machines, RBF, C = 1.
 #[derive(Default, Serialize)]
-pub(crate) struct MachinesApart {
+pub(crate) struct SvmsApart {
     /// Test rows.
     pub(crate) rows: usize,
     /// Of them, how many are predicted otherwise.
@@ -90,18 +90,18 @@ pub(crate) struct MachinesApart {
     pub(crate) decision: f64,
 }
 
-pub(crate) fn machines(experiment: usize) -> MachinesApart {
-    let mut apart = MachinesApart::default();
+pub(crate) fn svms(experiment: usize) -> SvmsApart {
+    let mut apart = SvmsApart::default();
     let k = classes(experiment);
     for participant in 0..PEOPLE {
         let (training, test) = person(participant, experiment);
         let kernel = Kernel::Rbf { gamma: peer(participant, experiment).svc.gamma };
-        let task = Task { labels: &training.labels, classes: k };
+        let target = Target { labels: &training.labels, classes: k };
         // No probabilities are asked for.
         let sigmoids = vec![Sigmoid { a: -1.0, b: 0.0 }; pair_count(k)];
         let settings = SvmSettings::new(kernel, 1.0);
         let (scale, svm) =
-            svm::fit(WIDTH, &training.values, task, settings, sigmoids).expect("machines");
+            svm::fit(WIDTH, &training.values, target, settings, sigmoids).expect("an SVM");
         for (values, row) in test.values.chunks_exact(WIDTH).zip(said(participant, experiment)) {
             // Of two classes scikit-learn turns the sign: positive for the second.
             let sign = if k == 2 { -1.0 } else { 1.0 };

@@ -16,7 +16,7 @@ pub(super) struct Bins {
 }
 
 impl Bins {
-    /// At most `most` ≥ 2 bins a column; values that a tree would not part are in one.
+    /// At most `most` ≥ 2 bins a column; values that a tree would not separate share one.
     ///
     /// # Errors
     /// As for [`Columns::new`].

@@ -1,16 +1,16 @@
 //! Round after round of Newton trees.
 
-use super::BoostingSettings;
 use super::bins::Bins;
 use super::grower::{Grower, Limits};
 use super::newton::{Newton, Sums, in_quanta};
+use super::settings::BoostingSettings;
 use crate::invalid::Invalid;
 use crate::learn::samples::Samples;
 use crate::math::{exp, ln};
 use crate::predict::boosting::{Boosted, Summand, scores_of};
 use crate::predict::tree::{DEEPEST, Node, Questions};
 
-/// A model that gets better.
+/// A model that grows by a round of trees at a time.
 pub(super) struct Booster<'a> {
     labels: &'a [usize],
     bins: Bins,
@@ -47,7 +47,7 @@ impl<'a> Booster<'a> {
             trees: Vec::new(),
             scores: intercepts.repeat(n),
             shares: vec![0.0; n * intercepts.len()],
-            newton: Newton { slopes: vec![[0; 2]; n], penalty: settings.penalty },
+            newton: Newton { derivatives: vec![[0; 2]; n], penalty: settings.penalty },
             leaf_of: vec![0; n],
             intercepts,
         })
@@ -73,10 +73,11 @@ impl<'a> Booster<'a> {
             // With two classes, the one score is the second's.
             let class = if outputs == 1 { 1 } else { output };
             let shares = self.shares.iter().skip(output).step_by(outputs);
-            for ((slopes, &label), p) in self.newton.slopes.iter_mut().zip(self.labels).zip(shares)
+            for ((derivatives, &label), p) in
+                self.newton.derivatives.iter_mut().zip(self.labels).zip(shares)
             {
                 let own = if label == class { 1.0 } else { 0.0 };
-                *slopes = [in_quanta(p - own), in_quanta(p * (1.0 - p))];
+                *derivatives = [in_quanta(p - own), in_quanta(p * (1.0 - p))];
             }
             let tree = self.tree();
             let scores = self.scores.iter_mut().skip(output).step_by(outputs);
@@ -131,7 +132,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn slopes_are_those_of_the_deviance() {
+    fn derivatives_are_those_of_the_deviance() {
         for count in [1, 3] {
             let mut scores = vec![0.3, -0.9, 0.4];
             scores.truncate(count);

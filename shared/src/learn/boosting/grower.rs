@@ -1,9 +1,9 @@
 //! Grows the trees of boosting from histograms.
 //!
-//! A node's histogram has, for each bin of each column, the sums of its rows' slopes and
-//! curvatures and their number. All splits are tried on it. Of two children, the rows of the
-//! smaller are gone through; the other has what remains of the parent's. Sums are integers, so
-//! that both ways give the same. Ties go as in [`tree`](super::super::tree): to the column of
+//! A node's histogram has, for each bin of each column, the sums of its rows' gradients and
+//! Hessians and their number. All splits are tried on it. Of two children, only the smaller
+//! one's rows are summed; the other gets the rest of the parent's sums. Sums are integers, so that
+//! both ways give the same result. Ties go as in [`tree`](super::super::tree): to the column of
 //! lowest index, and there to the lowest threshold.
 
 use super::bins::Bins;
@@ -62,7 +62,7 @@ pub(super) struct Grown {
     pub(super) sums: Vec<Sums>,
 }
 
-/// What trees grow in, kept from one to the next for its room.
+/// Memory that trees grow in, reused from one to the next.
 pub(super) struct Grower {
     limits: Limits,
     /// Node after node, the rows of each together.
@@ -76,7 +76,7 @@ impl Grower {
         Self { limits, rows: Vec::new(), spare: Vec::new() }
     }
 
-    /// Grows a tree, and notes the leaf of each row in `leaf_of`.
+    /// Grows a tree, and writes the leaf of each row to `leaf_of`.
     pub(super) fn grow(&mut self, bins: &Bins, newton: &Newton, leaf_of: &mut [usize]) -> Grown {
         let mut rows = core::mem::take(&mut self.rows);
         rows.clear();
@@ -137,7 +137,7 @@ impl Growing<'_> {
         place as u32
     }
 
-    /// Histograms of two children where they may be split: their parent's is no more needed.
+    /// Histograms of two children that may be split; their parent's is needed no more.
     fn children(
         &mut self,
         left: &[u32],
@@ -170,7 +170,7 @@ impl Growing<'_> {
         bins.clear();
         bins.resize(self.bins.count(), Bin::default());
         for &row in rows {
-            let own = Bin { sums: self.newton.slopes[row as usize], rows: 1 };
+            let own = Bin { sums: self.newton.derivatives[row as usize], rows: 1 };
             for &bin in self.bins.of(row as usize) {
                 bins[bin as usize] += own;
             }
@@ -203,7 +203,7 @@ impl Growing<'_> {
         best.filter(|best| best.score > self.newton.gain(sums))
     }
 
-    /// Puts rows that go left before the others; returns how many they are.
+    /// Puts rows that go left before the others; returns their number.
     fn part(&self, rows: &mut [u32], split: Split) -> usize {
         let last = self.bins.range(split.column).start + split.last;
         let mut end = 0;
@@ -240,9 +240,9 @@ mod tests {
             ([0; 2], *total)
         }
         fn pass(&self, (left, _): &mut (Sums, Sums), row: usize) {
-            let [slope, curvature] = self.slopes[row];
-            left[0] += slope;
-            left[1] += curvature;
+            let [gradient, hessian] = self.derivatives[row];
+            left[0] += gradient;
+            left[1] += hessian;
         }
         fn score(&self, (left, all): &(Sums, Sums)) -> f64 {
             self.gain(*left) + self.gain([all[0] - left[0], all[1] - left[1]])
@@ -270,15 +270,16 @@ mod tests {
             let labels = vec![0; rows];
             let samples = Samples::new(width, &values, &labels, 2).unwrap();
             let cut = Bins::new(&samples, bins).unwrap();
-            let mut slope = || {
-                // Rough slopes, so that splits tie.
+            let mut gradient = || {
+                // Coarse gradients, so that splits tie.
                 let p = (rng.unit() * 8.0).round() / 8.0;
                 [
                     super::super::newton::in_quanta(p - 0.5),
                     super::super::newton::in_quanta(p * (1.0 - p)),
                 ]
             };
-            let newton = Newton { slopes: (0..rows).map(|_| slope()).collect(), penalty: 1.0 };
+            let newton =
+                Newton { derivatives: (0..rows).map(|_| gradient()).collect(), penalty: 1.0 };
 
             let numbers: Vec<f64> = (0..rows)
                 .flat_map(|row| {

@@ -1,40 +1,42 @@
 //! Newton steps of the deviance, in integers.
 
-/// One unit of a rounded slope.
+/// The unit that gradients and Hessians are rounded to.
 const QUANTUM: f64 = 1.0 / (1u64 << 40) as f64;
 
-/// Sums of slopes and of curvatures, in quanta.
+/// Sums of gradients and of Hessians, in quanta.
 pub(super) type Sums = [i64; 2];
 
-/// With at most 2²¹ rows and slopes from −1 to 1, sums stay below 2⁶¹.
+/// With at most 2²¹ rows and gradients from −1 to 1, sums stay below 2⁶¹.
 pub(super) fn in_quanta(value: f64) -> i64 {
     (value / QUANTUM).round() as i64
 }
 
 /// How much a split lowers the deviance, to second order.
 pub(super) struct Newton {
-    /// Slope and curvature of each row's deviance by the score.
-    pub(super) slopes: Vec<Sums>,
+    /// Gradient and Hessian of each row's deviance with respect to the score.
+    pub(super) derivatives: Vec<Sums>,
     pub(super) penalty: f64,
 }
 
 impl Newton {
     /// Of these rows.
     pub(super) fn total(&self, rows: impl Iterator<Item = usize>) -> Sums {
-        rows.fold([0; 2], |[g, h], row| [g + self.slopes[row][0], h + self.slopes[row][1]])
+        rows.fold([0; 2], |[g, h], row| {
+            [g + self.derivatives[row][0], h + self.derivatives[row][1]]
+        })
     }
 
     /// G² / (H + λ): twice what one leaf gains.
-    pub(super) fn gain(&self, [slope, curvature]: Sums) -> f64 {
-        let slope = slope as f64 * QUANTUM;
-        let whole = curvature as f64 * QUANTUM + self.penalty;
-        if whole > 0.0 { slope * slope / whole } else { 0.0 }
+    pub(super) fn gain(&self, [gradient, hessian]: Sums) -> f64 {
+        let gradient = gradient as f64 * QUANTUM;
+        let whole = hessian as f64 * QUANTUM + self.penalty;
+        if whole > 0.0 { gradient * gradient / whole } else { 0.0 }
     }
 
     /// −G / (H + λ): the Newton step of a leaf.
-    pub(super) fn step(&self, [slope, curvature]: Sums) -> f64 {
-        let whole = curvature as f64 * QUANTUM + self.penalty;
-        if whole > 0.0 { -(slope as f64 * QUANTUM) / whole } else { 0.0 }
+    pub(super) fn step(&self, [gradient, hessian]: Sums) -> f64 {
+        let whole = hessian as f64 * QUANTUM + self.penalty;
+        if whole > 0.0 { -(gradient as f64 * QUANTUM) / whole } else { 0.0 }
     }
 }
 
@@ -44,7 +46,8 @@ mod tests {
 
     #[test]
     fn a_leaf_takes_the_newton_step() {
-        let newton = Newton { slopes: vec![[in_quanta(0.25), in_quanta(0.5)]; 4], penalty: 1.0 };
+        let newton =
+            Newton { derivatives: vec![[in_quanta(0.25), in_quanta(0.5)]; 4], penalty: 1.0 };
         let total = newton.total(0..4);
         assert_eq!(newton.step(total), -1.0 / 3.0);
         assert_eq!(newton.gain(total), 1.0 / 3.0);

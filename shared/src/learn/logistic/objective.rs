@@ -14,7 +14,7 @@ use nalgebra::{DMatrix, DVector};
 /// Partial sums of a sum over rows.
 const LANES: usize = 8;
 
-/// Rows at a time: what is computed of them stays in the nearest cache.
+/// Rows at a time: their intermediate results stay in the first-level cache.
 const CHUNK: usize = 256;
 
 /// Loss, gradient and Hessian somewhere.
@@ -25,7 +25,7 @@ pub(super) struct Point {
     pub(super) hessian: DMatrix<f64>,
 }
 
-/// What is minimised, for any C.
+/// The objective function, for any C.
 pub(super) struct Objective<'a> {
     labels: &'a [usize],
     classes: usize,
@@ -41,22 +41,22 @@ pub(super) struct Objective<'a> {
     scratch: Scratch,
 }
 
-/// Of one chunk of rows: arrays of [`CHUNK`] each. What it holds of rows behind the last one
-/// is of no consequence, since their columns are zero.
+/// Arrays of [`CHUNK`] entries for one chunk of rows. Entries after the last row do not matter,
+/// since their columns are zero.
 struct Scratch {
     /// Blocks × rows, and for three or more classes the last class's.
     scores: Vec<f64>,
-    /// Classes × rows: probabilities. Of two classes, only the second's are computed.
+    /// Classes × rows: probabilities. With two classes, only the second's are computed.
     shares: Vec<f64>,
     /// Rows: the highest score.
     tops: Vec<f64>,
     /// Rows: Σ of exp(score − top), then its inverse.
     totals: Vec<f64>,
-    /// Blocks × rows: slope of the loss by the block's score.
-    slopes: Vec<f64>,
+    /// Blocks × rows: gradient of the loss with respect to the block's score.
+    gradients: Vec<f64>,
     /// Pairs of blocks × rows (lower triangle): second derivatives.
-    curvatures: Vec<f64>,
-    /// A column times a curvature.
+    hessians: Vec<f64>,
+    /// A column times a second derivative.
     weighted: Vec<f64>,
 }
 
@@ -82,8 +82,8 @@ impl<'a> Objective<'a> {
             shares: arrays(classes),
             tops: arrays(1),
             totals: arrays(1),
-            slopes: arrays(blocks),
-            curvatures: arrays(blocks * (blocks + 1) / 2),
+            gradients: arrays(blocks),
+            hessians: arrays(blocks * (blocks + 1) / 2),
             weighted: arrays(1),
         };
         let labels = samples.labels();
@@ -102,13 +102,13 @@ impl<'a> Objective<'a> {
         self.blocks * self.stride
     }
 
-    /// Second derivative of the penalty by the same weight of two blocks.
+    /// Second derivative of the penalty with respect to the same weight of two blocks.
     fn penalty(&self, a: usize, b: usize) -> f64 {
         if self.classes > 2 && a == b { 2.0 } else { 1.0 }
     }
 
     /// The penalty's gradient: its Hessian times `theta`.
-    fn penalty_slope(&self, theta: &DVector<f64>) -> DVector<f64> {
+    fn penalty_gradient(&self, theta: &DVector<f64>) -> DVector<f64> {
         DVector::from_fn(self.unknowns(), |i, _| {
             let (a, j) = (i / self.stride, i % self.stride);
             if j == self.width() {
@@ -130,15 +130,15 @@ impl<'a> Objective<'a> {
         }
     }
 
-    /// Where Newton's method goes from the minimum `theta` of one C when that is multiplied by
-    /// `ratio`, with the Hessian that was found near that minimum: no pass over the rows.
+    /// The Newton step from the minimum `theta` of one C when C is multiplied by `ratio`, with
+    /// the Hessian near that minimum: it needs no pass over the rows.
     pub(super) fn carried_over(
         &self,
         theta: &DVector<f64>,
         point: &Point,
         ratio: f64,
     ) -> Option<DVector<f64>> {
-        let pull = self.penalty_slope(theta) * (ratio - 1.0);
+        let pull = self.penalty_gradient(theta) * (ratio - 1.0);
         let mut hessian = &point.hessian * ratio;
         self.add_penalty(&mut hessian, 1.0 - ratio);
         Some(theta + hessian.cholesky()?.solve(&pull))
@@ -148,9 +148,9 @@ impl<'a> Objective<'a> {
     pub(super) fn at(&mut self, theta: &DVector<f64>, c: f64) -> Point {
         let n = self.unknowns();
         let sums = self.sums(theta);
-        let slope = self.penalty_slope(theta);
-        let loss = c * sums.loss + 0.5 * slope.dot(theta);
-        let gradient = DVector::from_vec(sums.gradient) * c + slope;
+        let penalty = self.penalty_gradient(theta);
+        let loss = c * sums.loss + 0.5 * penalty.dot(theta);
+        let gradient = DVector::from_vec(sums.gradient) * c + penalty;
         let mut hessian = DMatrix::from_vec(n, n, sums.hessian) * c;
         hessian.fill_upper_triangle_with_lower_triangle();
         self.add_penalty(&mut hessian, 1.0);
@@ -211,13 +211,13 @@ impl Kernel for Pass<'_, '_> {
                 scratch.of_several(here, blocks, rows, &wanted)
             };
             for a in 0..blocks {
-                let slopes = &scratch.slopes[a * CHUNK..][..rows];
-                dots(slopes, &column, &mut self.sums.gradient[a * stride..][..stride]);
+                let gradients = &scratch.gradients[a * CHUNK..][..rows];
+                dots(gradients, &column, &mut self.sums.gradient[a * stride..][..stride]);
                 for b in 0..=a {
-                    let curvatures = &scratch.curvatures[(a * (a + 1) / 2 + b) * CHUNK..][..rows];
+                    let hessians = &scratch.hessians[(a * (a + 1) / 2 + b) * CHUNK..][..rows];
                     for j in 0..stride {
                         let weighted = &mut scratch.weighted[..rows];
-                        for ((w, x), c) in weighted.iter_mut().zip(column(j)).zip(curvatures) {
+                        for ((w, x), c) in weighted.iter_mut().zip(column(j)).zip(hessians) {
                             *w = x * c;
                         }
                         // Column j of block b, rows of block a: a symmetric block of which
@@ -234,7 +234,7 @@ impl Kernel for Pass<'_, '_> {
 }
 
 impl Scratch {
-    /// The loss of some rows by their scores; fills slopes and curvatures.
+    /// The loss of some rows, given their scores; fills gradients and Hessians.
     #[inline(always)]
     fn of_two(&mut self, labels: &[usize], wanted: &[f64]) -> f64 {
         let rows = wanted.len();
@@ -242,14 +242,14 @@ impl Scratch {
         for (total, score) in totals.iter_mut().zip(scores) {
             *total = exp(-score.abs());
         }
-        let derivatives = self.slopes.iter_mut().zip(&mut self.curvatures);
-        for (((&score, &small), wanted), (slope, curvature)) in
+        let derivatives = self.gradients.iter_mut().zip(&mut self.hessians);
+        for (((&score, &small), wanted), (gradient, hessian)) in
             scores.iter().zip(&*totals).zip(wanted).zip(derivatives)
         {
             let inverse = 1.0 / (1.0 + small);
             let share = if score > 0.0 { inverse } else { small * inverse };
-            *slope = share - wanted;
-            *curvature = small * inverse * inverse;
+            *gradient = share - wanted;
+            *hessian = small * inverse * inverse;
         }
         let mut loss = Loss::default();
         for ((&label, &score), &small) in labels.iter().zip(scores).zip(&*totals) {
@@ -308,20 +308,20 @@ impl Scratch {
         let share = |class: usize| &self.shares[class * CHUNK..][..rows];
         let last = share(blocks);
         for a in 0..blocks {
-            let slopes = &mut self.slopes[a * CHUNK..][..rows];
+            let gradients = &mut self.gradients[a * CHUNK..][..rows];
             let missed = wanted(a).iter().zip(wanted(blocks));
-            for (((slope, p), last), (own, other)) in
-                slopes.iter_mut().zip(share(a)).zip(last).zip(missed)
+            for (((gradient, p), last), (own, other)) in
+                gradients.iter_mut().zip(share(a)).zip(last).zip(missed)
             {
-                *slope = (p - own) - (last - other);
+                *gradient = (p - own) - (last - other);
             }
             for b in 0..=a {
                 let same = if a == b { 1.0 } else { 0.0 };
-                let curvatures = &mut self.curvatures[(a * (a + 1) / 2 + b) * CHUNK..][..rows];
-                for (((curvature, p), q), last) in
-                    curvatures.iter_mut().zip(share(a)).zip(share(b)).zip(last)
+                let hessians = &mut self.hessians[(a * (a + 1) / 2 + b) * CHUNK..][..rows];
+                for (((hessian, p), q), last) in
+                    hessians.iter_mut().zip(share(a)).zip(share(b)).zip(last)
                 {
-                    *curvature = same * p + last - (p - last) * (q - last);
+                    *hessian = same * p + last - (p - last) * (q - last);
                 }
             }
         }
@@ -329,7 +329,7 @@ impl Scratch {
     }
 }
 
-/// Σ of terms and of logarithms: that of a product is cheaper than those of its factors.
+/// Σ of terms and of logarithms: one logarithm of a product is cheaper than one of each factor.
 struct Loss {
     sum: f64,
     product: f64,
@@ -449,12 +449,12 @@ mod tests {
                     theta
                 };
                 let (high, low) = (objective.at(&moved(1.0), 0.7), objective.at(&moved(-1.0), 0.7));
-                let slope = (high.loss - low.loss) / (2.0 * h);
-                assert!((slope - point.gradient[i]).abs() < 1e-7 * (1.0 + slope.abs()));
-                let slopes = (high.gradient - low.gradient) / (2.0 * h);
+                let change = (high.loss - low.loss) / (2.0 * h);
+                assert!((change - point.gradient[i]).abs() < 1e-7 * (1.0 + change.abs()));
+                let changes = (high.gradient - low.gradient) / (2.0 * h);
                 for j in 0..unknowns {
-                    let curvature = point.hessian[(i, j)];
-                    assert!((slopes[j] - curvature).abs() < 1e-6 * (1.0 + curvature.abs()));
+                    let hessian = point.hessian[(i, j)];
+                    assert!((changes[j] - hessian).abs() < 1e-6 * (1.0 + hessian.abs()));
                 }
             }
         }

@@ -1,4 +1,4 @@
-//! Kernel matrices in lanes, a row when it is wanted.
+//! Kernel matrices in lanes. A row is computed when it is needed first.
 
 #![allow(clippy::needless_range_loop, reason = "a lane of several arrays at once")]
 
@@ -6,7 +6,7 @@ use crate::parallel::{Kernel, in_widest_lanes};
 use crate::predict::svm::exponential::{exp32, exp64};
 use crate::real::Real;
 
-/// Entries of a block. Work is done block by block whatever the machine's own lane width.
+/// Entries of a block. Work is done block by block whatever the processor's own lane width.
 pub(super) const LANES: usize = 16;
 
 /// A block of a row, on a cache line of its own.
@@ -57,7 +57,7 @@ impl Entry for f64 {
     }
 }
 
-/// Rows of a matrix, each computed when it is wanted first: many never are.
+/// Rows of a matrix, each computed when it is needed first: many never are.
 #[derive(Clone, Debug)]
 struct Lazy<T> {
     /// Where the row of this number begins, in rows; [`NOWHERE`] before it is computed.
@@ -72,7 +72,7 @@ impl<T: Entry> Lazy<T> {
         Self { place: Vec::new(), data: Vec::new() }
     }
 
-    /// Forgets all rows. Makes room for all `rows`, of which the system gives what is used.
+    /// Forgets all rows. Reserves address space for all `rows`; only used rows take memory.
     fn reset(&mut self, rows: usize, blocks: usize) {
         self.place.clear();
         self.place.resize(rows, NOWHERE);
@@ -115,7 +115,7 @@ pub(super) struct Gram<T> {
 }
 
 impl<T: Entry> Gram<T> {
-    /// Room for matrices to come: of several γ on the same data, or of one.
+    /// Memory for the next matrices: for several γ on the same data, or for one.
     pub(super) fn empty(of_several: bool) -> Self {
         Self {
             width: 0,
@@ -128,7 +128,7 @@ impl<T: Entry> Gram<T> {
         }
     }
 
-    /// Goes over to the rows `data` (row-major, `width` columns); [`Self::set_gamma`] follows.
+    /// Changes to the rows `data` (row-major, `width` columns); [`Self::set_gamma`] follows.
     pub(super) fn set_data(&mut self, width: usize, data: &[f64], columns: usize) {
         (self.width, self.columns) = (width, columns);
         self.data.clear();
@@ -147,7 +147,7 @@ impl<T: Entry> Gram<T> {
         self.kernel.reset(rows, blocks);
     }
 
-    /// Goes over to another γ.
+    /// Changes to another γ.
     pub(super) fn set_gamma(&mut self, gamma: f64) {
         self.gamma = T::from_f64(gamma);
         self.kernel.reset(self.data.len() / self.width, self.blocks());
@@ -173,7 +173,7 @@ impl<T: Entry> Gram<T> {
         }
     }
 
-    /// A row that was wanted; what stands behind its last column means nothing.
+    /// A row that was computed; entries after its last column have no meaning.
     #[inline(always)]
     pub(super) fn row(&self, i: usize) -> &[Block<T>] {
         self.kernel.row(i, self.blocks())
@@ -186,7 +186,7 @@ impl<T: Entry> Gram<T> {
         in_widest_lanes(Fresh { gamma: *gamma, i, row, by_block, squares, out });
     }
 
-    /// The same in the lanes that the build assumes.
+    /// The same with the lane width of the build.
     #[cfg(test)]
     pub(super) fn row_into_plainly(&mut self, i: usize, out: &mut [Block<T>]) {
         let Self { width, gamma, data, by_block, squares, .. } = self;
@@ -194,7 +194,7 @@ impl<T: Entry> Gram<T> {
         Fresh { gamma: *gamma, i, row, by_block, squares, out }.run();
     }
 
-    /// All inner products of the rows, in place of a kernel.
+    /// All inner products of the rows, instead of a kernel.
     #[cfg(test)]
     pub(super) fn of_products(width: usize, data: &[f64]) -> Self {
         let mut gram = Self::empty(false);
@@ -211,7 +211,7 @@ impl<T: Entry> Gram<T> {
     }
 }
 
-/// Row `i` of the kernel, by the squared distances, which are computed unless they are there.
+/// Row `i` of the kernel, from the squared distances, which are computed if they are missing.
 struct Fresh<'a, T> {
     gamma: T,
     i: usize,

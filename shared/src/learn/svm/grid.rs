@@ -1,12 +1,13 @@
 //! Cross-validation of many settings at once.
 //!
-//! A fold's distances serve every γ; a kernel matrix serves every C, pair of classes and
-//! task, and decides the held-out rows too. Each C starts where the last ended.
+//! The distances of a fold serve every γ; a kernel matrix serves every C, pair of classes and
+//! target, and the held-out rows too. Each C starts from the solution of the one before.
 
+use super::dense::Dense;
 use super::gram::{Block, Gram, Products, Sparse, TOGETHER};
-use super::pairwise::Dense;
-use super::smo::{Machine, Smo};
-use super::{Task, check, linear, order, sides, standardised};
+use super::linear;
+use super::rows::{Target, check, order, sides, standardised};
+use super::smo::{DualSolution, Smo};
 use crate::invalid::{Invalid, length, positive};
 use crate::parallel::in_widest_lanes;
 use crate::predict::svm::{Kernel, pair_count, pairs, vote};
@@ -25,16 +26,16 @@ pub enum Kernels {
 pub struct Grid {
     /// Linear, or the γ.
     pub kernels: Kernels,
-    /// The C, best in rising order: each starts where the last ended.
+    /// The values of C, best in rising order: each starts from the solution of the one before.
     pub c: Vec<f64>,
-    /// Stop where the conditions of the optimum hold to this (radial basis functions).
+    /// Stop when the optimality conditions hold to this (radial basis functions).
     pub tolerance: f64,
-    /// Pairwise steps of a fit at the most (radial basis functions).
+    /// Most pairwise steps of a fit (radial basis functions).
     pub max_steps: usize,
 }
 
 impl Grid {
-    /// C of 0.01, 0.1, 1 and 10 for linear machines and of 0.1, 1, 10 and 100 for radial
+    /// C of 0.01, 0.1, 1 and 10 for linear SVMs and of 0.1, 1, 10 and 100 for radial
     /// basis functions, with libsvm's tolerance 10⁻³.
     #[must_use]
     pub fn new(kernels: Kernels) -> Self {
@@ -62,22 +63,22 @@ impl Grid {
     }
 }
 
-/// How one setting does on held-out rows.
+/// The result of one setting on held-out rows.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Cell {
+pub struct GridCell {
     /// The kernel.
     pub kernel: Kernel,
     /// C.
     pub c: f64,
-    /// Share of the held-out rows whose label is predicted (by votes), a fold, in rising order
-    /// of the folds' numbers.
+    /// For each fold, in rising order of their numbers: the share of the held-out rows whose
+    /// label is predicted (by votes).
     pub accuracy: Vec<f64>,
-    /// Decision values of each row by the machines of the folds that it is not in (rows ×
-    /// pairs, row-major). Where a pair's class is missing there, 1 or −1 for the other.
+    /// Decision values of each row from the SVMs that were trained without its fold (rows × pairs,
+    /// row-major); if a class of the pair is missing there, 1 or −1 for the other.
     pub decisions: Vec<f64>,
 }
 
-impl Cell {
+impl GridCell {
     /// Mean over folds.
     #[must_use]
     pub fn mean_accuracy(&self) -> f64 {
@@ -85,18 +86,19 @@ impl Cell {
     }
 }
 
-/// The cell of the greatest mean accuracy, the first on a tie. Means that differ by rounding
-/// only are a tie: one row more or less is far above it.
+/// The cell with the highest mean accuracy, the first on a tie. Means that differ only by rounding
+/// are a tie: a difference of one row is far larger.
 #[must_use]
-pub fn best(cells: &[Cell]) -> Option<&Cell> {
-    let better = |best: &Cell, cell: &Cell| cell.mean_accuracy() > best.mean_accuracy() + 1e-12;
+pub fn best(cells: &[GridCell]) -> Option<&GridCell> {
+    let better =
+        |best: &GridCell, cell: &GridCell| cell.mean_accuracy() > best.mean_accuracy() + 1e-12;
     cells.iter().reduce(|best, cell| if better(best, cell) { cell } else { best })
 }
 
-/// Tries all settings on all tasks: for each task its cells, C by C, and within a C γ by γ.
+/// Tries all settings on all targets: for each target its cells, C by C, and within a C γ by γ.
 ///
 /// `rows` are raw features (row-major, `width` columns), standardised by the training rows of
-/// each fold; `folds` has a number a row. Memory: at most two matrices of all rows ×
+/// each fold; `folds` has the number of each row's fold. Memory: at most two matrices of all rows ×
 /// training rows in f32.
 ///
 /// # Errors
@@ -106,10 +108,10 @@ pub fn cross_validate(
     width: usize,
     rows: &[f64],
     folds: &[usize],
-    tasks: &[Task<'_>],
+    targets: &[Target<'_>],
     grid: &Grid,
-) -> Result<Vec<Vec<Cell>>, Invalid> {
-    check(width, rows, tasks)?;
+) -> Result<Vec<Vec<GridCell>>, Invalid> {
+    check(width, rows, targets)?;
     length("rows", width * folds.len(), rows.len())?;
     grid.check()?;
     let mut numbers = folds.to_vec();
@@ -123,13 +125,14 @@ pub fn cross_validate(
         Kernels::Rbf(gammas) => gammas.iter().map(|&gamma| Kernel::Rbf { gamma }).collect(),
     };
     let settings = grid.c.iter().flat_map(|&c| kernels.iter().map(move |&kernel| (c, kernel)));
-    let empty = |task: &Task<'_>| -> Vec<Cell> {
-        let decisions = vec![0.0; folds.len() * pair_count(task.classes)];
-        let cell = |(c, kernel)| Cell { kernel, c, accuracy: vec![], decisions: decisions.clone() };
+    let empty = |target: &Target<'_>| -> Vec<GridCell> {
+        let decisions = vec![0.0; folds.len() * pair_count(target.classes)];
+        let cell =
+            |(c, kernel)| GridCell { kernel, c, accuracy: vec![], decisions: decisions.clone() };
         settings.clone().map(cell).collect()
     };
-    let mut cells: Vec<Vec<Cell>> = tasks.iter().map(empty).collect();
-    let order = order(width, rows, tasks);
+    let mut cells: Vec<Vec<GridCell>> = targets.iter().map(empty).collect();
+    let order = order(width, rows, targets);
     let mut gram = Gram::<f32>::empty(true);
     let mut dense = Dense::new();
     for &fold in &numbers {
@@ -139,38 +142,46 @@ pub fn cross_validate(
         let (_, data) = standardised(width, rows, &trained, &all);
         match &grid.kernels {
             Kernels::Linear => {
-                for (task, cells) in tasks.iter().zip(&mut cells) {
-                    let labels: Vec<usize> = trained.iter().map(|&i| task.labels[i]).collect();
+                for (target, cells) in targets.iter().zip(&mut cells) {
+                    let labels: Vec<usize> = trained.iter().map(|&i| target.labels[i]).collect();
                     for cell in cells {
-                        planes(width, &data, &labels, task.classes, &held_out, cell)?;
+                        planes(width, &data, &labels, target.classes, &held_out, cell)?;
                     }
                 }
             }
             Kernels::Rbf(gammas) => {
                 gram.set_data(width, &data, trained.len());
-                // Of each task and pair, the last kernel's solution for the first C.
+                // Of each target and pair, the last kernel's solution for the first C.
                 let mut starts: Vec<Vec<Start>> =
-                    tasks.iter().map(|task| vec![None; pair_count(task.classes)]).collect();
+                    targets.iter().map(|target| vec![None; pair_count(target.classes)]).collect();
                 for (k, &gamma) in gammas.iter().enumerate() {
                     gram.set_gamma(gamma);
-                    let mut machines = Machines::default();
-                    for (t, (task, starts)) in tasks.iter().zip(&mut starts).enumerate() {
-                        let labels: Vec<usize> = trained.iter().map(|&i| task.labels[i]).collect();
-                        let problem = Radial { labels: &labels, classes: task.classes, grid };
-                        problem.solve(&mut gram, starts, &mut dense, &mut |pair, c, machine| {
-                            machines
-                                .add(Place { task: t, pair, cell: c * gammas.len() + k }, machine);
-                        })?;
+                    let mut svms = TrainedSvms::default();
+                    for (t, (target, starts)) in targets.iter().zip(&mut starts).enumerate() {
+                        let labels: Vec<usize> =
+                            trained.iter().map(|&i| target.labels[i]).collect();
+                        let problem = Radial { labels: &labels, classes: target.classes, grid };
+                        problem.solve(
+                            &mut gram,
+                            starts,
+                            &mut dense,
+                            &mut |pair, c, solution| {
+                                svms.add(
+                                    Place { target: t, pair, cell: c * gammas.len() + k },
+                                    solution,
+                                );
+                            },
+                        )?;
                     }
-                    machines.decide(&mut gram, &held_out, tasks, &mut cells);
+                    svms.decide(&mut gram, &held_out, targets, &mut cells);
                 }
             }
         }
-        for (task, cells) in tasks.iter().zip(&mut cells) {
-            let pairs = pair_count(task.classes);
+        for (target, cells) in targets.iter().zip(&mut cells) {
+            let pairs = pair_count(target.classes);
             for cell in cells {
                 let decided = |i: usize| cell.decisions[i * pairs..][..pairs].iter().copied();
-                let right = |&&i: &&usize| vote(task.classes, decided(i)) == task.labels[i];
+                let right = |&&i: &&usize| vote(target.classes, decided(i)) == target.labels[i];
                 let right = held_out.iter().filter(right).count();
                 cell.accuracy.push(right as f64 / held_out.len() as f64);
             }
@@ -179,7 +190,7 @@ pub fn cross_validate(
     Ok(cells)
 }
 
-/// Linear machines for a cell's C: fills in the decisions of the held-out rows, which `data`
+/// Linear SVMs for a cell's C: fills in the decisions of the held-out rows, which `data`
 /// has after the trained ones.
 fn planes(
     width: usize,
@@ -187,7 +198,7 @@ fn planes(
     labels: &[usize],
     classes: usize,
     held_out: &[usize],
-    cell: &mut Cell,
+    cell: &mut GridCell,
 ) -> Result<(), Invalid> {
     let (trained, others) = data.split_at(width * labels.len());
     let count = pair_count(classes);
@@ -206,7 +217,7 @@ fn planes(
     Ok(())
 }
 
-/// The decision value where not both sides occur.
+/// The decision value if only one side occurs.
 fn constant(sides: &[i8]) -> Option<f64> {
     match (sides.contains(&1), sides.contains(&-1)) {
         (true, true) => None,
@@ -217,18 +228,18 @@ fn constant(sides: &[i8]) -> Option<f64> {
 /// A solution that another problem may start from.
 type Start = Option<Vec<Block<f64>>>;
 
-/// One task.
+/// One target.
 struct Radial<'a> {
     labels: &'a [usize],
     classes: usize,
     grid: &'a Grid,
 }
 
-/// A machine, or what it always says.
-type Trained = Result<Machine, f64>;
+/// A solution, or the one decision value of rows that are all of one side.
+type Trained = Result<DualSolution, f64>;
 
 impl Radial<'_> {
-    /// Trains for each pair and C, and hands over what came out with the places of both.
+    /// Trains for each pair and C, and passes each solution on with the indices of both.
     fn solve(
         &self,
         gram: &mut Gram<f32>,
@@ -245,37 +256,37 @@ impl Radial<'_> {
             }
             let mut smo = Smo::new(gram, &sides, grid.c[0], start.as_deref(), dense);
             for (k, &c) in grid.c.iter().enumerate() {
-                let machine = smo.solve(c, grid.tolerance, grid.max_steps)?;
+                let solution = smo.solve(c, grid.tolerance, grid.max_steps)?;
                 if k == 0 {
-                    *start = Some(machine.beta.clone());
+                    *start = Some(solution.beta.clone());
                 }
-                trained(pair, k, Ok(machine));
+                trained(pair, k, Ok(solution));
             }
         }
         Ok(())
     }
 }
 
-/// What a machine belongs to.
+/// What a solution belongs to.
 struct Place {
-    task: usize,
+    target: usize,
     pair: usize,
     cell: usize,
 }
 
-/// The machines of all tasks on one kernel matrix.
+/// The SVMs of all targets on one kernel matrix.
 #[derive(Default)]
-struct Machines {
+struct TrainedSvms {
     places: Vec<Place>,
     coefficients: Vec<Sparse>,
     intercepts: Vec<f64>,
 }
 
-impl Machines {
+impl TrainedSvms {
     fn add(&mut self, place: Place, trained: Trained) {
         self.places.push(place);
         let (coefficients, intercept) = match &trained {
-            Ok(machine) => (Sparse::new(&machine.beta), machine.intercept),
+            Ok(solution) => (Sparse::new(&solution.beta), solution.intercept),
             Err(constant) => (Sparse::new(&[]), *constant),
         };
         self.coefficients.push(coefficients);
@@ -287,8 +298,8 @@ impl Machines {
         &self,
         gram: &mut Gram<f32>,
         held_out: &[usize],
-        tasks: &[Task<'_>],
-        cells: &mut [Vec<Cell>],
+        targets: &[Target<'_>],
+        cells: &mut [Vec<GridCell>],
     ) {
         let (first, blocks) = (gram.columns(), gram.blocks());
         let mut rows = vec![Block::all(0.0); TOGETHER * blocks];
@@ -300,8 +311,8 @@ impl Machines {
             let coefficients = &self.coefficients;
             in_widest_lanes(Products { blocks, rows: &rows, coefficients, out: &mut sums });
             for ((place, sums), intercept) in self.places.iter().zip(&sums).zip(&self.intercepts) {
-                let count = pair_count(tasks[place.task].classes);
-                let decisions = &mut cells[place.task][place.cell].decisions;
+                let count = pair_count(targets[place.target].classes);
+                let decisions = &mut cells[place.target][place.cell].decisions;
                 for (&i, sum) in held_out.iter().zip(sums) {
                     decisions[i * count + place.pair] = sum + intercept;
                 }

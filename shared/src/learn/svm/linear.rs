@@ -1,16 +1,16 @@
-//! Linear machines: an interior point method on the dual, for many rows of few features.
+//! Linear SVMs: an interior point method on the dual, for many rows of few features.
 //!
 //! With g_i = y_i (w·x_i + b), the conditions of the optimum are w = Σ α_i y_i x_i,
 //! Σ α_i y_i = 0, g_i − 1 = z_i − u_i, α_i z_i = 0 and (C − α_i) u_i = 0 with all of α, C − α,
 //! z and u ≥ 0. Newton steps towards products μ in place of 0 leave, once α, z and u are
 //! eliminated, a linear system for (w, b) alone (Ferris and Munson 2002, "Interior-point
 //! methods for massive support vector machines"). A predictor and a corrector choose μ
-//! (Mehrotra 1992). The corrector is made for a whole step, and where little of one can be gone it
-//! may lead round in circles (Cartis 2009, "Some disadvantages of a Mehrotra-type primal-dual
-//! corrector interior point algorithm for linear programming"). So, once a step has not lessened
-//! the sum of products, steps are plain and short enough to stay in a neighbourhood of the path
-//! that holds the present point, along which the sum falls for certain (Wright 1997, "Primal-dual
-//! interior-point methods", chapter 5).
+//! (Mehrotra 1992). The corrector assumes a full step; if only a small part of one is feasible, the
+//! iteration may cycle (Cartis 2009, "Some disadvantages of a Mehrotra-type primal-dual
+//! corrector interior point algorithm for linear programming"). Therefore, once a step has not
+//! reduced the sum of products, steps have no corrector and are short enough to stay in a
+//! neighbourhood of the central path that contains the present point, where the sum always falls
+//! (Wright 1997, "Primal-dual interior-point methods", chapter 5).
 
 #![allow(clippy::needless_range_loop, reason = "a lane of several arrays at once")]
 
@@ -19,16 +19,16 @@ use crate::invalid::Invalid;
 use crate::parallel::{Kernel, in_widest_lanes};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
-/// Of the way to the nearest bound, the share that a step goes at most.
+/// A step goes at most this share of the way to the nearest bound.
 const SHARE: f64 = 0.995;
-/// The mean of products that plain steps go towards, as a share of the present one.
+/// The mean of products that plain steps aim at, as a share of the present mean.
 const PLAIN_CENTRE: (f64, f64) = (0.1, 0.8);
-/// Plain steps leave no product below this share of their mean, or below the share that the least
-/// had when they began: from outside its neighbourhood no step might be found.
+/// Plain steps leave no product below this share of the mean, or below the share that the smallest
+/// product had when they began: outside that neighbourhood there might be no such step.
 const NEIGHBOURHOOD: f64 = 1e-4;
-/// They lessen the sum by this share of what they go, at least.
+/// They reduce the sum by at least this share of the step length.
 const DECREASE: f64 = 0.01;
-/// It ends where the products' mean is below this times 1 + C …
+/// The iteration ends when the mean of products is below this times 1 + C …
 const MEAN_PRODUCT: f64 = 1e-12;
 /// … or after so many steps; about fifteen do.
 const MAX_STEPS: usize = 200;
@@ -38,12 +38,12 @@ const ROWS: usize = 4 * LANES;
 
 type Block = [f64; ROWS];
 
-/// w and b of a pair's machine.
+/// w and b of a pair's SVM.
 #[derive(Clone, Debug)]
 pub(super) struct Plane {
     pub(super) weights: Vec<f64>,
     pub(super) intercept: f64,
-    /// The dual variables that show it to be the optimum, α.
+    /// The dual variables α, which certify the optimum.
     #[cfg(test)]
     pub(super) alpha: Vec<f64>,
 }
@@ -55,7 +55,7 @@ impl Plane {
     }
 }
 
-/// The machine of the rows `data` (row-major, `width` columns, standardised) with sides 1 or
+/// The SVM of the rows `data` (row-major, `width` columns, standardised) with sides 1 or
 /// −1, both of which occur, or 0 for rows that are no part of it.
 ///
 /// # Errors
@@ -77,7 +77,7 @@ pub(super) fn fit(width: usize, data: &[f64], sides: &[i8], c: f64) -> Result<Pl
     })
 }
 
-/// Arrays by row, in blocks. Rows that only fill up the last block have y = 0 and take no part.
+/// Arrays by row, in blocks. Padding rows, which fill the last block, have y = 0 and no effect.
 struct State {
     count: usize,
     c: f64,
@@ -99,7 +99,7 @@ struct Row {
     /// 1/α and 1/(C − α).
     over_alpha: Block,
     over_room: Block,
-    /// 1/(z/α + u/(C − α)), or 0 for rows that fill up.
+    /// 1/(z/α + u/(C − α)), or 0 for padding rows.
     weight: Block,
     /// 1 − g.
     lack: Block,
@@ -173,7 +173,7 @@ impl Kernel for Fit<'_> {
     fn run(self) {
         let state = self.state;
         let products = 2.0 * state.count as f64;
-        // Of plain steps, once they have begun.
+        // The neighbourhood of plain steps, once they have begun.
         let (mut last, mut neighbourhood) = (f64::INFINITY, None);
         for _ in 0..MAX_STEPS {
             let (gap, system) = state.linearise();
@@ -195,7 +195,7 @@ impl Kernel for Fit<'_> {
             let (longest, curvature) = state.turn(&step);
             let share = longest.min(1.0);
             let reached = ((1.0 - share) * gap + share * share * curvature).max(0.0) / gap;
-            // Corrector: as central as the predictor had little way, and with its curvature.
+            // Corrector: the shorter the predictor's step, the more central; with its second order.
             let centre = reached * reached * reached;
             if neighbourhood.is_some() {
                 let (least, most) = PLAIN_CENTRE;
@@ -207,7 +207,7 @@ impl Kernel for Fit<'_> {
             let (longest, _) = state.turn(&step);
             let mut share = (SHARE * longest).min(1.0);
             if let Some(neighbourhood) = neighbourhood {
-                // Too short for rounding to tell, none is worth more than another.
+                // Steps this short differ only by rounding.
                 while share > f64::EPSILON && !state.stays_in(neighbourhood, share, gap) {
                     share *= 0.8;
                 }
@@ -234,7 +234,7 @@ impl State {
                     margin[l] += theta * column[l];
                 }
             }
-            // Rows that fill up: 0 in place of 1.
+            // Padding rows: 0 instead of 1.
             let part: Block = if (b + 1) * ROWS <= *count {
                 [1.0; ROWS]
             } else {
@@ -317,7 +317,7 @@ impl State {
                 let pull = row.p[l] * over_alpha - row.q[l] * over_room;
                 let alpha = row.weight[l] * (row.lack[l] + pull - turn[l]);
                 row.alpha[l] = alpha;
-                // Rows that fill up have no weight, and stay.
+                // Padding rows have no weight, and stay.
                 let part = if row.weight[l] > 0.0 { 1.0 } else { 0.0 };
                 row.z[l] = part * (row.p[l] * over_alpha - z[l] - z[l] * over_alpha * alpha);
                 row.u[l] = part * (row.q[l] * over_room - u[l] + u[l] * over_room * alpha);
@@ -332,8 +332,8 @@ impl State {
         (1.0 / fastest.into_iter().fold(0.0, f64::max), total(&curvature))
     }
 
-    /// Right hand sides for products μ, less so much of what the present changes add in second
-    /// order.
+    /// Right-hand sides for products μ, less a share of the second-order terms of the present
+    /// changes.
     #[inline(always)]
     fn aim(&mut self, mu: f64, second_order: f64) {
         for row in &mut self.rows {
@@ -369,7 +369,7 @@ impl State {
         least >= neighbourhood * mean && sum <= (1.0 - DECREASE * share) * gap
     }
 
-    /// Goes a share of the changes.
+    /// Takes a share of the changes.
     #[inline(always)]
     fn advance(&mut self, share: f64, step: &DVector<f64>) {
         for (b, row) in self.rows.iter().enumerate() {

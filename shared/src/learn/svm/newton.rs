@@ -5,8 +5,8 @@
 //! singular (great C, small γ), which is where few variables are free and the system is small.
 //! A share ≤ 1 of Δ never makes the objective worse.
 
+use super::dense::Dense;
 use super::gram::{Entry, LANES, entry};
-use super::pairwise::Dense;
 
 /// A variable whose pivot is below this stays where it is: it is nearly a combination of
 /// others, by the rounding of single precision.
@@ -103,7 +103,7 @@ impl Newton {
     fn direction<T: Entry>(&mut self, dense: &Dense<T>) {
         let k = self.free.len();
         self.step.clear();
-        self.step.extend(self.free.iter().map(|&i| entry(&dense.slope, i).to_f64()));
+        self.step.extend(self.free.iter().map(|&i| entry(&dense.gradient, i).to_f64()));
         self.step.resize(self.stride, 0.0);
         self.unit.clear();
         self.unit.resize(k, 1.0);
@@ -140,9 +140,9 @@ impl Newton {
             dense.variables[i] = variable;
             dense.set_masks(i);
             let row = &dense.matrix[i * dense.stride..i * dense.stride + blocks];
-            for (slope, row) in dense.slope[..blocks].iter_mut().zip(row) {
-                for (slope, &across) in slope.0.iter_mut().zip(&row.0) {
-                    *slope = *slope - change * across;
+            for (gradient, row) in dense.gradient[..blocks].iter_mut().zip(row) {
+                for (gradient, &across) in gradient.0.iter_mut().zip(&row.0) {
+                    *gradient = *gradient - change * across;
                 }
             }
         }

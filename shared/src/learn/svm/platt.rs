@@ -1,4 +1,4 @@
-//! Platt scaling: the sigmoid that makes held-out decision values probabilities.
+//! Platt scaling: the sigmoid that turns held-out decision values into probabilities.
 //!
 //! Lin, Lin and Weng (2007), "A note on Platt's probabilistic outputs for support vector
 //! machines": cross entropy with Laplace-smoothed targets, minimised by Newton's method with
@@ -7,13 +7,13 @@
 use crate::math::{exp, ln};
 use crate::predict::svm::Sigmoid;
 
-/// What is added to the Hessian's diagonal: constant decision values have none in one direction.
+/// Added to the Hessian's diagonal, since constant decision values make the Hessian singular.
 const RIDGE: f64 = 1e-12;
-/// It ends where no slope exceeds this times the number of values.
+/// Newton's method ends when no component of the gradient exceeds this times the number of values.
 const TOLERANCE: f64 = 1e-12;
-/// Newton steps at the most: about six do.
+/// Most Newton steps: about six are needed.
 const MAX_STEPS: usize = 100;
-/// Shares of a step below this end it: the loss is flat to rounding.
+/// Newton's method ends when a step is halved below this share: the loss is flat to rounding.
 const LEAST_SHARE: f64 = 1e-10;
 
 /// The sigmoid of (decision value, whether the first class is true) of held-out rows. Without
@@ -36,12 +36,12 @@ pub(super) fn sigmoid(decisions: &[(f64, bool)]) -> Sigmoid {
         let (mut haa, mut hab, mut hbb, mut ga, mut gb) = (RIDGE, 0.0, RIDGE, 0.0, 0.0);
         for &(f, is_first) in decisions {
             let p = Sigmoid { a, b }.probability(f);
-            let (curvature, slope) = (p * (1.0 - p), target(is_first) - p);
-            haa += f * f * curvature;
-            hab += f * curvature;
-            hbb += curvature;
-            ga += f * slope;
-            gb += slope;
+            let (hessian, gradient) = (p * (1.0 - p), target(is_first) - p);
+            haa += f * f * hessian;
+            hab += f * hessian;
+            hbb += hessian;
+            ga += f * gradient;
+            gb += gradient;
         }
         if ga.abs().max(gb.abs()) <= TOLERANCE * decisions.len() as f64 {
             break;

@@ -1,30 +1,31 @@
-//! One pair of classes: the dual problem on a kernel matrix, by small problems of the rows
+//! One pair of classes: the dual problem on a kernel matrix, solved by small problems of the rows
 //! that matter.
 //!
-//! Most rows stay at a bound, so the steps are taken on a dense copy of the few whose place
-//! is open ([`Pairwise`]). Then the slopes of all rows are brought up to date, those that
-//! break the conditions most join the few, and so on until none does. Solutions for a lower C
-//! are a start for the next: multiplied by the ratio of the two, bounds stay bounds.
+//! Most rows stay at a bound, so steps are taken on a dense copy of the few rows that are not
+//! settled ([`Pairwise`]). Then the gradients of all rows are updated, the rows that violate the
+//! optimality conditions most join the few, and so on until no row violates them. The solution for
+//! a lower C is a start for the next C: multiplied by the ratio of the two, bounds stay bounds.
 
 #![allow(clippy::needless_range_loop, reason = "a lane of several arrays at once")]
 
+use super::dense::{Dense, Variable};
 use super::gram::{Block, Combine, Entry, Gram, LANES, entry, entry_mut};
 use super::newton::Newton;
-use super::pairwise::{Dense, Pairwise, Variable};
+use super::pairwise::Pairwise;
 use crate::invalid::Invalid;
 use crate::parallel::{Kernel, in_widest_lanes};
 use core::ops::Range;
 
 /// Rows of either kind that join the small problem at a time.
 const JOIN: usize = 24;
-/// Rows of the small problem from which on settled ones make room for those that join.
+/// From this many rows on, settled rows leave the small problem when others join.
 const FULL: usize = 48;
-/// The small problem is solved to this share of the present gap: it is soon another one.
+/// The small problem is solved to this share of the present gap, since it changes soon.
 const SHARE: f64 = 0.1;
 
-/// A pair's machine: decision f = Σ β_i K(x_i, x) + intercept.
+/// The SVM of a pair: decision f = Σ β_i K(x_i, x) + intercept.
 #[derive(Clone, Debug)]
-pub(super) struct Machine {
+pub(super) struct DualSolution {
     /// In blocks, one entry a row that is trained on.
     pub(super) beta: Vec<Block<f64>>,
     pub(super) intercept: f64,
@@ -51,7 +52,7 @@ pub(super) struct Smo<'a, T> {
 struct Rows {
     beta: Vec<Block<f64>>,
     /// v_i = y_i − Σ K_ij β_j.
-    slope: Vec<Block<f64>>,
+    gradient: Vec<Block<f64>>,
     /// 0 where β may rise, −∞ where not.
     rise: Vec<Block<f64>>,
     /// 0 where β may fall, −∞ where not.
@@ -81,7 +82,7 @@ impl<'a, T: Entry> Smo<'a, T> {
         let zero = vec![Block::all(0.0); gram.blocks()];
         let never = vec![Block::all(f64::NEG_INFINITY); gram.blocks()];
         let beta = start.map_or_else(|| balanced(sides, c), <[Block<f64>]>::to_vec);
-        let rows = Rows { beta, slope: zero, rise: never.clone(), fall: never };
+        let rows = Rows { beta, gradient: zero, rise: never.clone(), fall: never };
         let joined = vec![false; sides.len()];
         dense.clear();
         let mut smo = Self {
@@ -97,7 +98,7 @@ impl<'a, T: Entry> Smo<'a, T> {
         };
         let mut held = Vec::new();
         for (i, &side) in sides.iter().enumerate() {
-            *entry_mut(&mut smo.rows.slope, i) = f64::from(side);
+            *entry_mut(&mut smo.rows.gradient, i) = f64::from(side);
             smo.set(i, *entry(&smo.rows.beta, i));
             if *entry(&smo.rows.beta, i) != 0.0 {
                 held.push((i, -entry(&smo.rows.beta, i)));
@@ -117,12 +118,12 @@ impl<'a, T: Entry> Smo<'a, T> {
         c: f64,
         tolerance: f64,
         mut steps: usize,
-    ) -> Result<Machine, Invalid> {
+    ) -> Result<DualSolution, Invalid> {
         self.stretch(c);
         loop {
             let (top, bottom) = self.extremes();
             if top - bottom <= tolerance {
-                return Ok(self.machine(top, bottom));
+                return Ok(self.solution(top, bottom));
             }
             if steps == 0 {
                 return Err(Invalid::new("c", "a problem that the steps allowed solve", c));
@@ -159,7 +160,7 @@ impl<'a, T: Entry> Smo<'a, T> {
         *entry_mut(&mut self.rows.fall, i) = mask(beta > lower);
     }
 
-    /// Goes over to another C.
+    /// Changes to another C.
     fn stretch(&mut self, c: f64) {
         if c == self.c {
             return;
@@ -169,7 +170,7 @@ impl<'a, T: Entry> Smo<'a, T> {
         for (i, &side) in self.sides.iter().enumerate() {
             let (beta, (lower, upper)) = (*entry(&self.rows.beta, i), self.bounds(i));
             let bound = *entry(&self.rows.rise, i) != 0.0 || *entry(&self.rows.fall, i) != 0.0;
-            // What was at a bound is so exactly.
+            // Variables at a bound stay exactly there.
             self.set(
                 i,
                 match beta {
@@ -179,38 +180,38 @@ impl<'a, T: Entry> Smo<'a, T> {
                     _ => (factor * beta).clamp(lower, upper),
                 },
             );
-            let slope = entry_mut(&mut self.rows.slope, i);
-            *slope = f64::from(side) - factor * (f64::from(side) - *slope);
+            let gradient = entry_mut(&mut self.rows.gradient, i);
+            *gradient = f64::from(side) - factor * (f64::from(side) - *gradient);
         }
     }
 
-    /// Adds shares of rows of the kernel matrix to the slopes.
+    /// Adds shares of rows of the kernel matrix to the gradients.
     fn combine(&mut self, rows: &[(usize, f64)]) {
         for run in &self.runs {
-            let sums = &mut self.rows.slope[run.clone()];
+            let sums = &mut self.rows.gradient[run.clone()];
             in_widest_lanes(Combine { gram: self.gram, rows, first: run.start, sums });
         }
     }
 
-    /// Calls `visit(row, slope, may rise, may fall)` for each row of the problem.
+    /// Calls `visit(row, gradient, may rise, may fall)` for each row of the problem.
     fn each(&self, mut visit: impl FnMut(usize, f64, bool, bool)) {
         for (i, &side) in self.sides.iter().enumerate() {
             if side != 0 {
                 let may = |mask: &[Block<f64>]| *entry(mask, i) == 0.0;
-                let slope = *entry(&self.rows.slope, i);
-                visit(i, slope, may(&self.rows.rise), may(&self.rows.fall));
+                let gradient = *entry(&self.rows.gradient, i);
+                visit(i, gradient, may(&self.rows.rise), may(&self.rows.fall));
             }
         }
     }
 
-    /// The greatest slope that may rise, and the least that may fall.
+    /// The greatest gradient that may rise, and the least that may fall.
     fn extremes(&self) -> (f64, f64) {
         let mut extremes = (f64::NEG_INFINITY, f64::INFINITY);
         in_widest_lanes(Extremes { rows: &self.rows, runs: &self.runs, extremes: &mut extremes });
         extremes
     }
 
-    /// The rows outside the small problem that break the conditions most, of either kind.
+    /// The rows outside the small problem that violate the conditions most, of either kind.
     fn violators(&self, middle: f64) -> Vec<usize> {
         let mut found = Vec::new();
         in_widest_lanes(Violators {
@@ -221,7 +222,7 @@ impl<'a, T: Entry> Smo<'a, T> {
         });
         found.retain(|&(_, i)| !self.joined[i]);
         let (mut rising, mut falling): (Vec<_>, Vec<_>) =
-            found.into_iter().partition(|&(_, i)| *entry(&self.rows.slope, i) > middle);
+            found.into_iter().partition(|&(_, i)| *entry(&self.rows.gradient, i) > middle);
         let mut most = Vec::new();
         for kind in [&mut rising, &mut falling] {
             let by_size =
@@ -236,13 +237,13 @@ impl<'a, T: Entry> Smo<'a, T> {
         most
     }
 
-    /// Takes rows into the small problem, in the place of settled ones where it is full.
+    /// Adds rows to the small problem; if it is full, they replace settled rows.
     fn join(&mut self, rows: &[usize], middle: f64) {
         let mut rows = rows.iter().copied();
         if self.members.len() >= FULL {
             for slot in 0..self.members.len() {
                 let i = self.members[slot];
-                let open = if *entry(&self.rows.slope, i) > middle {
+                let open = if *entry(&self.rows.gradient, i) > middle {
                     *entry(&self.rows.rise, i)
                 } else {
                     *entry(&self.rows.fall, i)
@@ -275,11 +276,11 @@ impl<'a, T: Entry> Smo<'a, T> {
         for (slot, &i) in self.members.iter().enumerate() {
             let (lower, upper) = self.bounds(i);
             let variable = Variable { beta: *entry(&self.rows.beta, i), lower, upper };
-            self.dense.set(slot, variable, *entry(&self.rows.slope, i));
+            self.dense.set(slot, variable, *entry(&self.rows.gradient, i));
         }
     }
 
-    /// Takes over what the small problem found, and brings all slopes up to date.
+    /// Takes over the solution of the small problem, and updates all gradients.
     fn unload(&mut self) {
         let mut changes = Vec::new();
         for slot in 0..self.members.len() {
@@ -293,16 +294,16 @@ impl<'a, T: Entry> Smo<'a, T> {
         self.combine(&changes);
     }
 
-    fn machine(&self, top: f64, bottom: f64) -> Machine {
+    fn solution(&self, top: f64, bottom: f64) -> DualSolution {
         let (mut sum, mut count) = (0.0, 0.0);
-        self.each(|_, slope, rise, fall| {
+        self.each(|_, gradient, rise, fall| {
             if rise && fall {
-                sum += slope;
+                sum += gradient;
                 count += 1.0;
             }
         });
         let intercept = if count > 0.0 { sum / count } else { 0.5 * (top + bottom) };
-        Machine { beta: self.rows.beta.clone(), intercept }
+        DualSolution { beta: self.rows.beta.clone(), intercept }
     }
 }
 
@@ -320,7 +321,7 @@ fn balanced(sides: &[i8], c: f64) -> Vec<Block<f64>> {
     beta
 }
 
-/// The greatest slope that may rise and the least that may fall, on runs of blocks.
+/// The greatest gradient that may rise and the least that may fall, on runs of blocks.
 struct Extremes<'a> {
     rows: &'a Rows,
     runs: &'a [Range<usize>],
@@ -334,9 +335,9 @@ impl Kernel for Extremes<'_> {
         for run in self.runs {
             let rows = self.rows;
             let (rise, fall) = (&rows.rise[run.clone()], &rows.fall[run.clone()]);
-            for ((slope, rise), fall) in rows.slope[run.clone()].iter().zip(rise).zip(fall) {
+            for ((gradient, rise), fall) in rows.gradient[run.clone()].iter().zip(rise).zip(fall) {
                 for l in 0..LANES {
-                    let (up, down) = (slope.0[l] + rise.0[l], slope.0[l] - fall.0[l]);
+                    let (up, down) = (gradient.0[l] + rise.0[l], gradient.0[l] - fall.0[l]);
                     top[l] = if up > top[l] { up } else { top[l] };
                     bottom[l] = if down < bottom[l] { down } else { bottom[l] };
                 }
@@ -347,7 +348,7 @@ impl Kernel for Extremes<'_> {
     }
 }
 
-/// The rows that break the conditions, and by how much their slopes are away from the middle.
+/// The rows that violate the conditions, and by how much their gradients differ from the middle.
 struct Violators<'a> {
     rows: &'a Rows,
     runs: &'a [Range<usize>],
@@ -358,13 +359,13 @@ struct Violators<'a> {
 impl Kernel for Violators<'_> {
     #[inline(always)]
     fn run(self) {
-        let Rows { slope, rise, fall, .. } = self.rows;
+        let Rows { gradient, rise, fall, .. } = self.rows;
         for b in self.runs.iter().flat_map(Clone::clone) {
             let mut lack = [0.0; LANES];
             let mut most = 0.0;
             for l in 0..LANES {
-                let up = slope[b].0[l] - self.middle + rise[b].0[l];
-                let down = self.middle - slope[b].0[l] + fall[b].0[l];
+                let up = gradient[b].0[l] - self.middle + rise[b].0[l];
+                let down = self.middle - gradient[b].0[l] + fall[b].0[l];
                 lack[l] = if up > down { up } else { down };
                 most = if lack[l] > most { lack[l] } else { most };
             }

@@ -1,5 +1,5 @@
 use super::gram::{Entry, entry};
-use super::smo::Machine;
+use super::smo::DualSolution;
 use super::*;
 use crate::math::SeededRng;
 use crate::parallel::Kernel as _;
@@ -21,27 +21,27 @@ fn clouds(seed: u64, count: usize, width: usize) -> (Vec<f64>, Vec<i8>) {
 }
 
 /// How far the conditions of the optimum are from holding, with everything computed anew:
-/// greatest slope that may rise less the least that may fall; and |Σ β|.
-fn breach<T: Entry>(gram: &Gram<T>, sides: &[i8], machine: &Machine, c: f64) -> (f64, f64) {
+/// greatest gradient that may rise less the least that may fall; and |Σ β|.
+fn breach<T: Entry>(gram: &Gram<T>, sides: &[i8], solution: &DualSolution, c: f64) -> (f64, f64) {
     let (mut top, mut bottom) = (f64::NEG_INFINITY, f64::INFINITY);
     let mut total = 0.0;
     for (i, &side) in sides.iter().enumerate() {
-        let beta = *entry(&machine.beta, i);
+        let beta = *entry(&solution.beta, i);
         let (lower, upper) = (c * f64::from(side.min(0)), c * f64::from(side.max(0)));
         assert!((lower..=upper).contains(&beta), "{beta}");
         total += beta;
         let sum: f64 = (0..sides.len())
-            .map(|j| entry(gram.row(i), j).to_f64() * entry(&machine.beta, j))
+            .map(|j| entry(gram.row(i), j).to_f64() * entry(&solution.beta, j))
             .sum();
-        let slope = f64::from(side) - sum;
+        let gradient = f64::from(side) - sum;
         if beta < upper {
-            top = top.max(slope);
+            top = top.max(gradient);
         }
         if beta > lower {
-            bottom = bottom.min(slope);
+            bottom = bottom.min(gradient);
         }
         if lower < beta && beta < upper {
-            let inside = machine.intercept - slope;
+            let inside = solution.intercept - gradient;
             assert!(inside.abs() <= 1e-3, "free rows are on the margin: {inside}");
         }
     }
@@ -57,10 +57,10 @@ fn check_conditions<T: Entry>(tolerance: f64) {
         let mut dense = Dense::new();
         let mut smo = Smo::new(&mut gram, &sides, 0.1, None, &mut dense);
         let strengths = [0.1, 1.0, 10.0, 100.0, 1000.0];
-        let machines = strengths.map(|c| smo.solve(c, tolerance, 10_000_000).unwrap());
+        let solutions = strengths.map(|c| smo.solve(c, tolerance, 10_000_000).unwrap());
         (0..sides.len()).for_each(|i| gram.want(i));
-        for (c, machine) in strengths.into_iter().zip(&machines) {
-            let (gap, total) = breach(&gram, &sides, machine, c);
+        for (c, solution) in strengths.into_iter().zip(&solutions) {
+            let (gap, total) = breach(&gram, &sides, solution, c);
             assert!(gap <= 1.01 * tolerance, "γ {gamma}, C {c}: {gap}");
             assert!(total <= 1e-10 * c, "γ {gamma}, C {c}: Σ β = {total}");
         }
@@ -78,7 +78,7 @@ fn conditions_of_the_optimum_hold_in_double_precision() {
 }
 
 #[test]
-fn linear_machines_are_those_of_pairwise_steps() {
+fn linear_svms_are_those_of_pairwise_steps() {
     for (seed, width) in [(5, 1), (6, 3), (7, 9)] {
         let (mut rows, sides) = clouds(seed, 120, width);
         // A feature twice, and a constant one.
@@ -90,15 +90,16 @@ fn linear_machines_are_those_of_pairwise_steps() {
         let mut gram = Gram::<f64>::of_products(width, &rows);
         for c in [0.01, 0.1, 1.0, 10.0] {
             let mut dense = Dense::new();
-            let machine = Smo::new(&mut gram, &sides, c, None, &mut dense)
+            let solution = Smo::new(&mut gram, &sides, c, None, &mut dense)
                 .solve(c, 1e-10, 10_000_000)
                 .unwrap();
             let plane = linear::fit(width, &rows, &sides, c).unwrap();
             for i in 0..sides.len() {
-                let sum: f64 =
-                    (0..sides.len()).map(|j| entry(gram.row(i), j) * entry(&machine.beta, j)).sum();
+                let sum: f64 = (0..sides.len())
+                    .map(|j| entry(gram.row(i), j) * entry(&solution.beta, j))
+                    .sum();
                 let decision = plane.decision(&rows[i * width..(i + 1) * width]);
-                let apart = sum + machine.intercept - decision;
+                let apart = sum + solution.intercept - decision;
                 assert!(apart.abs() < 1e-7, "width {width}, C {c}: {apart}");
             }
         }
@@ -129,7 +130,7 @@ fn check_plane(width: usize, rows: &[f64], sides: &[i8], c: f64, rounding: f64) 
 }
 
 #[test]
-fn conditions_of_the_optimum_hold_for_linear_machines() {
+fn conditions_of_the_optimum_hold_for_linear_svms() {
     for (seed, width) in [(8, 2), (9, 8)] {
         let (rows, sides) = clouds(seed, 400, width);
         for c in [0.01, 1.0, 100.0] {
@@ -141,7 +142,7 @@ fn conditions_of_the_optimum_hold_for_linear_machines() {
 /// With few rows of features that nearly depend on each other, steps that are corrected in full
 /// go round in circles: for the first three of these they do.
 #[test]
-fn linear_machines_do_not_go_in_circles() {
+fn linear_svms_do_not_go_in_circles() {
     let check = |seed, count, width, c| {
         let (mut rows, sides) = clouds(seed, count, width);
         for row in rows.chunks_mut(width) {
@@ -164,7 +165,7 @@ fn linear_machines_do_not_go_in_circles() {
 /// One row against all others, told by a feature that only a row or two have: circling begins far
 /// from the path, outside of the usual neighbourhood.
 #[test]
-fn linear_machines_of_a_single_row_are_fitted() {
+fn linear_svms_of_a_single_row_are_fitted() {
     for count in [200, 1280, 1878, 1950, 2000, 2500, 2999] {
         for width in [1, 2, 3] {
             let mut rows = vec![0.0; count * width];
@@ -218,14 +219,14 @@ fn too_few_steps_are_an_error() {
     let labels: Vec<usize> = sides.iter().map(|&side| usize::from(side > 0)).collect();
     let settings =
         SvmSettings { max_steps: 5, ..SvmSettings::new(Kernel::Rbf { gamma: 0.1 }, 100.0) };
-    let task = Task { labels: &labels, classes: 2 };
+    let target = Target { labels: &labels, classes: 2 };
     let sigmoids = vec![Sigmoid { a: -1.0, b: 0.0 }];
-    assert_eq!(fit(4, &rows, task, settings, sigmoids).unwrap_err().field, "c");
+    assert_eq!(fit(4, &rows, target, settings, sigmoids).unwrap_err().field, "c");
 }
 
 #[test]
 fn the_first_of_equal_cells_is_best() {
-    let cell = |c: f64, accuracy: &[f64]| Cell {
+    let cell = |c: f64, accuracy: &[f64]| GridCell {
         kernel: Kernel::Linear,
         c,
         accuracy: accuracy.to_vec(),

@@ -1,8 +1,8 @@
-//! Grows trees by exhaustive search of splits, whatever makes one better than another.
+//! Grows trees by exhaustive search of splits, for any criterion.
 //!
 //! Each column is sorted once; a node holds its rows in the order of every column, and a split
-//! parts each of these lists stably. Trees that differ in their least leaf only are grown
-//! together until their best splits differ.
+//! divides each of these lists, keeping their order. Trees that differ only in their smallest
+//! allowed leaf are grown together until their best splits differ.
 
 use crate::invalid::Invalid;
 use crate::learn::samples::Samples;
@@ -11,33 +11,33 @@ use crate::predict::tree::{DEEPEST, Node};
 /// More rows would overflow the sums of a criterion.
 const MOST_ROWS: usize = 1 << 21;
 
-/// Values closer than this are not parted (single precision, as in scikit-learn: where values
-/// are so large that it rounds away, only equal ones are not).
+/// No split falls between values closer than this (single precision, as in scikit-learn: between
+/// values so large that this rounds to 0, only equal ones are not separated).
 const CLOSE: f32 = 1e-7;
 
-/// What makes a split good. The results of all functions must depend on sets of rows only, not
+/// The criterion of a split. The results of all functions must depend only on sets of rows, not
 /// on their order.
 pub(crate) trait Criterion {
-    /// What is known of a node's rows together.
+    /// The summary of a node's rows.
     type Total;
-    /// What is known of the rows on both sides of a split that moves to the right.
+    /// The summary of both sides of a split while it moves to the right.
     type Scan;
     /// How good a split is.
     type Score: Copy;
 
-    /// Of these rows.
+    /// The summary of these rows.
     fn total(&self, rows: impl Iterator<Item = usize>) -> Self::Total;
-    /// Whether such a node needs no split.
+    /// Whether a node with this summary needs no split.
     fn is_done(&self, total: &Self::Total) -> bool;
     /// All of a node's rows on the right.
     fn begin(&self, total: &Self::Total) -> Self::Scan;
     /// Moves a row from the right to the left.
     fn pass(&self, scan: &mut Self::Scan, row: usize);
-    /// How good the split is here, with at least one row on each side.
+    /// The score of the split here, with at least one row on each side.
     fn score(&self, scan: &Self::Scan) -> Self::Score;
-    /// Whether one is better than another, strictly.
+    /// Whether one score is strictly better than another.
     fn is_better(&self, score: &Self::Score, than: &Self::Score) -> bool;
-    /// Whether the best split of a node of this total is made.
+    /// Whether a node with this summary is split, given the score of its best split.
     fn is_worth_it(&self, _score: &Self::Score, _total: &Self::Total) -> bool {
         true
     }
@@ -51,7 +51,7 @@ struct Entry {
 }
 
 impl Entry {
-    /// Whether a value that is not less is too near to be parted from this.
+    /// Whether a value that is not less is too close to be separated from this one.
     #[inline(always)]
     fn is_close_to(self, next: Self) -> bool {
         next.value <= self.value + CLOSE
@@ -125,7 +125,7 @@ impl Columns {
 /// How far trees grow.
 pub(crate) struct Limits {
     depth: usize,
-    /// The least leaf of each tree, rising.
+    /// The smallest allowed leaf of each tree, in rising order.
     leaves: Vec<usize>,
 }
 
@@ -147,7 +147,7 @@ pub(crate) struct Grown<T> {
     pub(crate) totals: Vec<T>,
 }
 
-/// The best split of a node for some least leaf.
+/// The best split of a node for one of the trees.
 #[derive(Clone, Copy)]
 struct Best<S> {
     score: S,
@@ -158,7 +158,7 @@ struct Best<S> {
 }
 
 /// A node that waits for its split.
-struct Task {
+struct OpenNode {
     /// Its rows in the order of each column, column after column; of one column only, where
     /// it is known to be a leaf.
     entries: Vec<Entry>,
@@ -171,8 +171,8 @@ struct Task {
     is_right: bool,
 }
 
-/// Grows a tree for each least leaf. `at_leaf(tree, node, rows)` is told which rows come to
-/// each leaf.
+/// Grows a tree for each of the limits' smallest leaves. `at_leaf(tree, node, rows)` learns which
+/// rows come to each leaf.
 pub(crate) fn grow<C: Criterion>(
     columns: &Columns,
     criterion: &C,
@@ -188,7 +188,7 @@ where
         return grown;
     }
     let mut goes_left = vec![false; columns.rows];
-    let mut waiting = vec![Task {
+    let mut waiting = vec![OpenNode {
         entries: columns.entries.clone(),
         rows: columns.rows,
         depth: 0,
@@ -196,32 +196,32 @@ where
         parents: Vec::new(),
         is_right: false,
     }];
-    while let Some(task) = waiting.pop() {
-        let first = &task.entries[..task.rows];
+    while let Some(open) = waiting.pop() {
+        let first = &open.entries[..open.rows];
         let total = criterion.total(first.iter().map(|entry| entry.row as usize));
-        let mut places = Vec::with_capacity(task.trees.len());
-        for (i, &tree) in task.trees.iter().enumerate() {
+        let mut places = Vec::with_capacity(open.trees.len());
+        for (i, &tree) in open.trees.iter().enumerate() {
             let Grown { nodes, totals } = &mut grown[tree];
             places.push(nodes.len());
-            if let Some(&parent) = task.parents.get(i) {
+            if let Some(&parent) = open.parents.get(i) {
                 let child = nodes.len() as u32;
                 let parent = &mut nodes[parent];
-                *(if task.is_right { &mut parent.right } else { &mut parent.left }) = child;
+                *(if open.is_right { &mut parent.right } else { &mut parent.left }) = child;
             }
             nodes.push(Node::LEAF);
             totals.push(total.clone());
         }
-        let leaves: Vec<usize> = task.trees.iter().map(|&tree| limits.leaves[tree]).collect();
-        let best = if task.depth == limits.depth || criterion.is_done(&total) {
+        let leaves: Vec<usize> = open.trees.iter().map(|&tree| limits.leaves[tree]).collect();
+        let best = if open.depth == limits.depth || criterion.is_done(&total) {
             vec![None; leaves.len()]
         } else {
-            best_splits(criterion, &task, &total, &leaves)
+            best_splits(criterion, &open, &total, &leaves)
         };
         let mut i = 0;
         while i < best.len() {
             let Some(split) = best[i] else {
                 let rows = &mut first.iter().map(|entry| entry.row as usize);
-                at_leaf(task.trees[i], places[i], rows);
+                at_leaf(open.trees[i], places[i], rows);
                 i += 1;
                 continue;
             };
@@ -230,26 +230,26 @@ where
                 other.is_some_and(|o| (o.column, o.left) == (split.column, split.left))
             };
             let end = i + best[i..].iter().take_while(|other| same(other)).count();
-            for (tree, &place) in task.trees[i..end].iter().zip(&places[i..end]) {
+            for (tree, &place) in open.trees[i..end].iter().zip(&places[i..end]) {
                 let node = &mut grown[*tree].nodes[place];
                 (node.feature, node.threshold) = (split.column as u32, split.threshold);
             }
-            let column = &task.entries[split.column * task.rows..][..task.rows];
+            let column = &open.entries[split.column * open.rows..][..open.rows];
             for (i, entry) in column.iter().enumerate() {
                 goes_left[entry.row as usize] = i < split.left;
             }
-            // The last one in is the next one out: left children first, as in preorder.
+            // Last in, first out: left children come first, as in preorder.
             for is_right in [true, false] {
                 let rows = if is_right { &column[split.left..] } else { &column[..split.left] };
-                let is_leaf = task.depth + 1 == limits.depth || rows.len() < 2 * leaves[i];
-                waiting.push(Task {
+                let is_leaf = open.depth + 1 == limits.depth || rows.len() < 2 * leaves[i];
+                waiting.push(OpenNode {
                     entries: match is_leaf {
                         true => rows.to_vec(),
-                        false => part(&task.entries, &goes_left, !is_right, task.rows, rows.len()),
+                        false => part(&open.entries, &goes_left, !is_right, open.rows, rows.len()),
                     },
                     rows: rows.len(),
-                    depth: task.depth + 1,
-                    trees: task.trees[i..end].to_vec(),
+                    depth: open.depth + 1,
+                    trees: open.trees[i..end].to_vec(),
                     parents: places[i..end].to_vec(),
                     is_right,
                 });
@@ -260,32 +260,32 @@ where
     grown
 }
 
-/// For each least leaf (rising), the best split that leaves so many rows on both sides.
+/// For each smallest leaf (rising), the best split that leaves at least so many rows on both sides.
 fn best_splits<C: Criterion>(
     criterion: &C,
-    task: &Task,
+    open: &OpenNode,
     total: &C::Total,
     leaves: &[usize],
 ) -> Vec<Option<Best<C::Score>>> {
     let mut best: Vec<Option<Best<C::Score>>> = vec![None; leaves.len()];
     let least = leaves[0];
-    if task.rows < 2 * least {
+    if open.rows < 2 * least {
         return best;
     }
-    for (column, entries) in task.entries.chunks_exact(task.rows).enumerate() {
-        if entries[0].is_close_to(entries[task.rows - 1]) {
+    for (column, entries) in open.entries.chunks_exact(open.rows).enumerate() {
+        if entries[0].is_close_to(entries[open.rows - 1]) {
             continue;
         }
         let mut scan = criterion.begin(total);
         for (left, pair) in (1..).zip(entries.windows(2)) {
             criterion.pass(&mut scan, pair[0].row as usize);
-            let smaller = left.min(task.rows - left);
+            let smaller = left.min(open.rows - left);
             if smaller < least || pair[0].is_close_to(pair[1]) {
                 continue;
             }
             let score = criterion.score(&scan);
-            // What does not beat the best of larger leaves does not beat that of smaller ones,
-            // which is at least as good.
+            // A split that is no better than the best for larger leaves is no better than the
+            // best for smaller leaves, which is at least as good.
             for (best, _) in best.iter_mut().zip(leaves).rev().filter(|(_, l)| **l <= smaller) {
                 if best.is_some_and(|best| !criterion.is_better(&score, &best.score)) {
                     break;
@@ -303,7 +303,7 @@ fn best_splits<C: Criterion>(
 
 /// What goes to one side of each of the lists of `rows` entries: `kept` of each.
 fn part(entries: &[Entry], goes_left: &[bool], left: bool, rows: usize, kept: usize) -> Vec<Entry> {
-    // One place more, for what does not belong: writing it costs less than guessing.
+    // One more place, for entries of the other side: writing them costs less than a branch.
     let mut side = vec![Entry { value: 0.0, row: 0 }; entries.len() / rows * kept + 1];
     let mut end = 0;
     for entry in entries {

@@ -1,0 +1,126 @@
+//! The small dense problem that pairwise and Newton steps work on: its variables, its part of the
+//! kernel matrix, and the gradient.
+
+use super::gram::{Block, Entry, LANES, entry, entry_mut};
+
+/// A variable of the small problem.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Variable {
+    pub(super) beta: f64,
+    pub(super) lower: f64,
+    pub(super) upper: f64,
+}
+
+impl Variable {
+    /// Whether it may both rise and fall.
+    pub(super) fn is_free(self) -> bool {
+        self.lower < self.beta && self.beta < self.upper
+    }
+}
+
+/// Arrays by variable, in blocks; entries after the last variable can neither rise nor fall.
+#[derive(Clone, Debug)]
+pub(super) struct Dense<T> {
+    pub(super) variables: Vec<Variable>,
+    /// Blocks from a row of `matrix` to the next: one more than there is room for, so that a
+    /// column's entries do not all fall into the same few sets of a cache.
+    pub(super) stride: usize,
+    /// K among the variables.
+    pub(super) matrix: Vec<Block<T>>,
+    /// One over the curvature K_ii + K_jj − 2 K_ij of an exchange, laid out like `matrix`: rows
+    /// that are `ready`. Many steps raise the same few variables, and division takes longest.
+    pub(super) inverse: Vec<Block<T>>,
+    pub(super) ready: Vec<bool>,
+    /// Room for a row of `matrix`.
+    gathered: Vec<T>,
+    /// K_ii.
+    pub(super) diagonal: Vec<Block<T>>,
+    /// v.
+    pub(super) gradient: Vec<Block<T>>,
+    /// 0 where β may rise, −∞ where not.
+    pub(super) rise: Vec<Block<T>>,
+    /// 0 where β may fall, −∞ where not.
+    pub(super) fall: Vec<Block<T>>,
+}
+
+impl<T: Entry> Dense<T> {
+    /// No variables.
+    pub(super) fn new() -> Self {
+        Self {
+            variables: Vec::new(),
+            stride: 0,
+            matrix: Vec::new(),
+            inverse: Vec::new(),
+            ready: Vec::new(),
+            gathered: Vec::new(),
+            diagonal: Vec::new(),
+            gradient: Vec::new(),
+            rise: Vec::new(),
+            fall: Vec::new(),
+        }
+    }
+
+    /// Removes all variables, and keeps the memory.
+    pub(super) fn clear(&mut self) {
+        self.variables.clear();
+        let never = T::from_f64(f64::NEG_INFINITY);
+        self.rise.fill(Block::all(never));
+        self.fall.fill(Block::all(never));
+    }
+
+    /// Makes room for `count` variables, one more than before; their values must be filled in.
+    pub(super) fn widen(&mut self, count: usize) {
+        let none = Variable { beta: 0.0, lower: 0.0, upper: 0.0 };
+        self.variables.resize(count, none);
+        let old = self.stride;
+        let room = old.saturating_sub(1);
+        if count > room * LANES {
+            let stride = (2 * room).max(16) + 1;
+            let mut matrix = vec![Block::all(T::ZERO); (stride - 1) * LANES * stride];
+            for i in 0..room * LANES {
+                matrix[i * stride..i * stride + room]
+                    .copy_from_slice(&self.matrix[i * old..i * old + room]);
+            }
+            self.inverse.resize(matrix.len(), Block::all(T::ZERO));
+            self.ready.resize((stride - 1) * LANES, false);
+            (self.matrix, self.stride) = (matrix, stride);
+            let never = Block::all(T::from_f64(f64::NEG_INFINITY));
+            self.diagonal.resize(stride, Block::all(T::ZERO));
+            self.gradient.resize(stride, Block::all(T::ZERO));
+            self.rise.resize(stride, never);
+            self.fall.resize(stride, never);
+        }
+    }
+
+    /// Fills in the kernel of variable `slot` with all `members`, from its row of the whole
+    /// matrix.
+    pub(super) fn fill(&mut self, slot: usize, members: &[usize], row: &[Block<T>]) {
+        self.ready.fill(false);
+        self.gathered.clear();
+        self.gathered.extend(members.iter().map(|&member| *entry(row, member)));
+        let own = &mut self.matrix[slot * self.stride..(slot + 1) * self.stride];
+        for (block, gathered) in own.iter_mut().zip(self.gathered.chunks(LANES)) {
+            block.0[..gathered.len()].copy_from_slice(gathered);
+        }
+        let (block, lane) = (slot / LANES, slot % LANES);
+        for (row, &across) in self.matrix.chunks_exact_mut(self.stride).zip(&self.gathered) {
+            row[block].0[lane] = across;
+        }
+        *entry_mut(&mut self.diagonal, slot) = *entry(row, members[slot]);
+    }
+
+    /// Sets variable `i`.
+    pub(super) fn set(&mut self, i: usize, variable: Variable, gradient: f64) {
+        self.variables[i] = variable;
+        self.gradient[i / LANES].0[i % LANES] = T::from_f64(gradient);
+        self.set_masks(i);
+    }
+
+    #[inline(always)]
+    pub(super) fn set_masks(&mut self, i: usize) {
+        let Variable { beta, lower, upper } = self.variables[i];
+        let mask = |may: bool| if may { T::ZERO } else { T::from_f64(f64::NEG_INFINITY) };
+        self.rise[i / LANES].0[i % LANES] = mask(beta < upper);
+        self.fall[i / LANES].0[i % LANES] = mask(beta > lower);
+    }
+}

@@ -1,0 +1,69 @@
+//! The rows that SVMs are trained on: their classes, checks, order and standardisation.
+
+use crate::invalid::{Invalid, finite, length};
+use crate::predict::scale::Scale;
+
+/// The classes that a classifier learns to predict.
+#[derive(Clone, Copy, Debug)]
+pub struct Target<'a> {
+    /// The class of each row, 0 … `classes` − 1.
+    pub labels: &'a [usize],
+    /// How many there are, at least 2.
+    pub classes: usize,
+}
+
+/// 1 for rows of the first class, −1 for the second, 0 for others.
+pub(super) fn sides(labels: &[usize], first: usize, second: usize) -> Vec<i8> {
+    let side = |&label: &usize| i8::from(label == first) - i8::from(label == second);
+    labels.iter().map(side).collect()
+}
+
+/// Lengths, labels and numbers.
+pub(super) fn check(width: usize, rows: &[f64], targets: &[Target<'_>]) -> Result<(), Invalid> {
+    for target in targets {
+        length("rows", width * target.labels.len(), rows.len())?;
+        if target.classes < 2 {
+            return Err(Invalid::new("classes", "at least 2", target.classes));
+        }
+        for (i, &label) in target.labels.iter().enumerate() {
+            if label >= target.classes {
+                let expected = format!("a label below {}", target.classes);
+                return Err(Invalid::new(format!("labels[{i}]"), expected, label));
+            }
+        }
+    }
+    for (i, &value) in rows.iter().enumerate() {
+        finite(&format!("rows[{}][{}]", i / width, i % width), value)?;
+    }
+    Ok(())
+}
+
+/// The order in which rows are computed with: by labels, then by features. Rows that are
+/// equal in all of it may change places without any effect.
+pub(super) fn order(width: usize, rows: &[f64], targets: &[Target<'_>]) -> Vec<usize> {
+    let row = |i: usize| &rows[i * width..(i + 1) * width];
+    let mut order: Vec<usize> = (0..rows.len() / width.max(1)).collect();
+    order.sort_by(|&a, &b| {
+        let labels = |i: usize| targets.iter().map(move |target| target.labels[i]);
+        let features = || {
+            let pairs = row(a).iter().zip(row(b)).map(|(a, b)| a.total_cmp(b));
+            pairs.fold(core::cmp::Ordering::Equal, core::cmp::Ordering::then)
+        };
+        labels(a).cmp(labels(b)).then_with(features)
+    });
+    order
+}
+
+/// The scale of the rows `fitted`, and the rows `wanted` on it.
+pub(super) fn standardised(
+    width: usize,
+    rows: &[f64],
+    fitted: &[usize],
+    wanted: &[usize],
+) -> (Scale, Vec<f64>) {
+    let row = |&i: &usize| rows[i * width..(i + 1) * width].iter().copied().enumerate();
+    let raw: Vec<f64> = fitted.iter().flat_map(row).map(|(_, x)| x).collect();
+    let scale = Scale::fit(width, &raw);
+    let rows = wanted.iter().flat_map(row).map(|(j, x)| scale.apply(j, x)).collect();
+    (scale, rows)
+}
