@@ -8,34 +8,35 @@ use serde::Serialize;
 use sidestep::scene::SceneParameters;
 use sidestep::trial::{Flag, flags, outcome};
 
-/// Check a database: is the file sound, and does every trial still replay as it did?
+/// Check a database: whether the file is sound, and whether every trial replays as when it was
+/// stored.
 ///
 /// Prints a JSON summary; exit code 1 if anything is wrong.
 #[derive(Clone, Debug, clap::Args)]
 pub struct CheckArgs {
-    /// Database: sqlite: and a file.
+    /// Database: sqlite: followed by a file.
     #[arg(long, value_name = "URL", default_value = "sqlite:sidestep.db")]
     pub database: String,
 }
 
-/// What a check found.
+/// The result of a check.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Report {
-    /// Studies looked at.
+    /// Studies that were checked.
     pub studies: usize,
-    /// People looked at.
+    /// Participants that were checked.
     pub participants: usize,
     /// Trials replayed.
     pub trials: usize,
-    /// Trials that are flagged, which is no fault of the database.
+    /// Trials with flags; these are not errors of the database.
     pub flagged: usize,
-    /// Damaged pages and references to nothing.
+    /// Damaged pages and references to rows that do not exist.
     pub damage: Vec<String>,
-    /// Trials that are not what they were when they were stored.
+    /// Trials that differ from what was stored.
     pub wrong: Vec<Wrong>,
 }
 
-/// A trial that is not as it was stored.
+/// A trial that differs from what was stored.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Wrong {
     /// The trial.

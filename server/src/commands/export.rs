@@ -11,7 +11,7 @@ use tempfile::NamedTempFile;
 /// Write a study's trials to files.
 #[derive(Clone, Debug, clap::Args)]
 pub struct ExportArgs {
-    /// Database: sqlite: and a file.
+    /// Database: sqlite: followed by a file.
     #[arg(long, value_name = "URL", default_value = "sqlite:sidestep.db")]
     pub database: String,
     /// Name of the study in addresses.
@@ -20,7 +20,7 @@ pub struct ExportArgs {
     /// Format: csv.
     #[arg(long, value_name = "FORMAT", default_value = "csv")]
     pub format: String,
-    /// Folder for the files, made where there is none: trials.csv.
+    /// Folder for trials.csv; it is created if it does not exist.
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
 }

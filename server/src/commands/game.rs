@@ -28,7 +28,7 @@ pub struct GameArgs {
     #[arg(long, help_heading = "Game", value_name = "RAD/S", default_value_t = 0.5)]
     #[arg(allow_negative_numbers = true)]
     pub pursuer_turn_rate: f64,
-    /// Danger radius, m: a range of that or less is a collision.
+    /// Danger radius, m: the vehicles collide at this range or less.
     #[arg(long, help_heading = "Game", value_name = "M", default_value_t = 3.0)]
     #[arg(allow_negative_numbers = true)]
     pub radius: f64,
@@ -55,20 +55,20 @@ impl GameArgs {
 pub struct FunctionArgs {
     #[command(flatten)]
     game: GameArgs,
-    /// File of `sidestep solve`; says which game it is, so not together with GAME.
+    /// File of `sidestep solve`. It defines the game, so GAME cannot be given as well.
     #[arg(long, value_name = "FILE.npz", conflicts_with = "GameArgs")]
     value_function: Option<PathBuf>,
-    /// Grid on which a game of unequal vehicles is solved (equal ones need none).
+    /// Accuracy of the grid for unequal vehicles (equal vehicles need no grid).
     #[arg(long, value_enum, default_value = "standard", conflicts_with = "value_function")]
     accuracy: AccuracyArg,
 }
 
-/// How fine a grid.
+/// The accuracy of a grid.
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
 pub enum AccuracyArg {
-    /// For a look: tenths of a metre near kinks.
+    /// For a first look: errors of tenths of a metre near kinks.
     Draft,
-    /// For studies: centimetres near V = 0.
+    /// For studies: errors of centimetres near V = 0.
     Standard,
     /// For reference values.
     Fine,
@@ -85,7 +85,7 @@ impl From<AccuracyArg> for Accuracy {
 }
 
 impl FunctionArgs {
-    /// The value function: read, in closed form, or solved for.
+    /// The value function: read from the file, in closed form, or solved.
     ///
     /// # Errors
     /// [`CommandError::Input`] naming the flag or the file and what is wrong in it;

@@ -23,17 +23,17 @@ use std::fs::File;
 use std::path::PathBuf;
 use uuid::Uuid;
 
-/// Read trials from a file into a study: all of it or nothing.
+/// Import trials from a file into a study: the whole file or nothing.
 ///
-/// People whom the same file brought before are skipped. States that do not
-/// replay from the inputs are kept and flagged.
+/// Participants that were imported from the same file before are skipped. States that do
+/// not replay from the inputs are kept and flagged.
 #[derive(Clone, Debug, clap::Args)]
 pub struct ImportArgs {
-    /// Database: sqlite: and a file, made where there is none.
+    /// Database: sqlite: followed by a file, which is created if it does not exist.
     #[arg(long, value_name = "URL", default_value = "sqlite:sidestep.db")]
     pub database: String,
-    /// Name of the study in addresses; made with the paper's protocol where there
-    /// is none.
+    /// Name of the study in addresses; the study is created with the paper's protocol if it
+    /// does not exist.
     #[arg(long, value_name = "SLUG", default_value = "default")]
     pub study: String,
     /// CSV file with at least the columns
@@ -42,24 +42,24 @@ pub struct ImportArgs {
     pub trials: PathBuf,
 }
 
-/// What an import did.
+/// The counts of an import.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Imported {
-    /// People who are new.
+    /// Participants who were imported.
     pub participants: usize,
     /// Their trials.
     pub trials: usize,
-    /// Trials of which something was flagged beside being imported.
+    /// Trials with a flag other than that they were imported.
     pub flagged: usize,
-    /// People of the file who were here already.
+    /// Participants of the file who had been imported before.
     pub skipped: usize,
 }
 
 /// Imports and prints the counts.
 ///
 /// # Errors
-/// [`CommandError`] for a file that is no trials.csv (input, with the line) or
-/// what the database refuses (failure).
+/// [`CommandError`] for a file that is not a trials.csv (input, with the line), or a
+/// database that refuses (failure).
 pub async fn run(args: ImportArgs) -> Result<(), CommandError> {
     let name = args.trials.display().to_string();
     let file = File::open(&args.trials)

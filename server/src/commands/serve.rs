@@ -26,32 +26,32 @@ use tokio::task::JoinHandle;
 
 /// Serve participants and the laboratory.
 ///
-/// Needs nothing but a database file, which is made at the first start. The
-/// experimenter's key is printed then, once; with SIDESTEP_ADMIN_KEY set (16
-/// characters or more), that key is valid instead.
+/// Needs only a database file, which the first start creates. The first start also prints
+/// the experimenter's key, once. If SIDESTEP_ADMIN_KEY is set (at least 16 characters), that
+/// key is valid instead.
 #[derive(Clone, Debug, clap::Args)]
 pub struct ServeArgs {
     /// Address and port; port 0 takes any free one.
     #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:8080")]
     pub listen: String,
-    /// Database: sqlite: and a file, made where there is none.
+    /// Database: sqlite: followed by a file, which is created if it does not exist.
     #[arg(long, value_name = "URL", default_value = "sqlite:sidestep.db")]
     pub database: String,
-    /// Study file, TOML; what it leaves out is as in the paper [default: the study
+    /// Study file, TOML; missing fields take the paper's values [default: the study
     /// `default`, the paper's protocol].
     #[arg(long, value_name = "FILE")]
     pub study: Option<PathBuf>,
-    /// Folder of the client bundle [default: `site` beside the executable].
+    /// Folder with the built client [default: `site` beside the executable].
     #[arg(long = "static", value_name = "DIR")]
     pub site: Option<PathBuf>,
-    /// Make another experimenter's key; the former one and all sessions end.
+    /// Create a new experimenter's key; the old key and all sessions become invalid.
     #[arg(long)]
     pub new_admin_key: bool,
-    /// Solve no value functions here: a browser that replays a trial of unequal
-    /// vehicles then solves its own each time, and their predictors learn nothing.
+    /// Solve no value functions on the server. For unequal vehicles, browsers then solve
+    /// them at each replay, and predictors fall back to input frequencies.
     #[arg(long)]
     pub no_solve: bool,
-    /// Threads that make analyses [default: all processors but one, at least one].
+    /// Threads for analyses [default: all processors but one, at least one].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub analysis_threads: Option<u16>,
 }

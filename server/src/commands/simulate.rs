@@ -13,12 +13,12 @@ use std::collections::BTreeMap;
 
 /// Let synthetic participants drive: into a file, or through a running server.
 ///
-/// They are computed after published models of people walking, each with a character drawn at
-/// random, and never see a safety level. They test software, and say nothing about people.
+/// Each follows published models of walking people with randomly drawn parameters, and never sees
+/// a safety level. They test the software; they are not evidence about people.
 #[derive(Clone, Debug, clap::Args)]
 #[command(after_long_help = OUTPUT)]
 pub struct SimulateArgs {
-    /// How many people, 1 to 10000.
+    /// Number of participants, 1 to 10000.
     #[arg(
         long,
         value_name = "N",
@@ -26,13 +26,13 @@ pub struct SimulateArgs {
         allow_negative_numbers = true
     )]
     participants: u64,
-    /// Whole number from 0 to 2^64 - 1 that names the people: the first person of a seed is the
-    /// same however many there are.
+    /// Seed, a whole number from 0 to 2^64 - 1. Participant n of a seed is the same whatever
+    /// --participants is.
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     seed: u64,
-    /// Tasks of each person, 1 to 1000. In a file they are in scenes of the paper's study [default:
-    /// 50]; a server's study has its own, of which a person then drives no more than so many and,
-    /// if there are more, does not complete [default: all].
+    /// Tasks of each participant, 1 to 1000. With --out the scenes are those of the paper's study
+    /// [default: 50]. With --url the server's study has its own scenes; a participant who drives
+    /// fewer than all of them does not complete [default: all].
     #[arg(
         long,
         value_name = "N",
@@ -40,7 +40,7 @@ pub struct SimulateArgs {
         allow_negative_numbers = true
     )]
     tasks: Option<u64>,
-    /// When the vehicle follows the keys [default: free with --out, as in the project's reference
+    /// When a new input takes effect [default: free with --out, as in the project's reference
     /// data; clock with --url].
     #[arg(long, value_name = "WHEN", value_enum)]
     keys: Option<KeysArg>,
@@ -51,16 +51,16 @@ pub struct SimulateArgs {
     study: String,
 }
 
-/// Where the drives go: one of the two.
+/// The destination of the trials: one of the two.
 #[derive(Clone, Debug, clap::Args)]
 #[group(required = true, multiple = false)]
 struct Destination {
-    /// CSV file to write, one row a step: the state before it (m, rad), and the turn rate held
-    /// then (rad/s, left is positive); - writes it to stdout, and no summary.
+    /// CSV file to write, one row for each step: the state before it (m, rad), and the turn rate
+    /// held in it (rad/s, left is positive); - writes it to stdout, without the summary.
     #[arg(long, value_name = "FILE.csv")]
     out: Option<String>,
-    /// Address of a running server, http://HOST:PORT (or without a port): the people enrol there, drive the
-    /// scenes of their plans and complete. Only plain http is spoken.
+    /// Address of a running server, http://HOST[:PORT]: the participants enrol there, drive the
+    /// scenes of their plans and complete. Only plain HTTP is supported.
     #[arg(long, value_name = "URL")]
     url: Option<String>,
 }
@@ -81,7 +81,7 @@ trial says \"synthetic\": true. A run that broke off goes on where it stopped wh
 again; people who are complete are left alone.";
 
 impl SimulateArgs {
-    /// Trials of each person in a file.
+    /// Trials of each participant in a file.
     fn trials(&self) -> u64 {
         self.tasks.unwrap_or(50)
     }
@@ -92,7 +92,7 @@ impl SimulateArgs {
     }
 }
 
-/// When the vehicle follows the keys.
+/// When a new input takes effect.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum KeysArg {
     /// At the beginning of each step, as in the study.
@@ -110,11 +110,11 @@ impl From<KeysArg> for synthetic::Keys {
     }
 }
 
-/// Simulates and prints what was done.
+/// Simulates and prints a summary.
 ///
 /// # Errors
-/// [`CommandError`] for bad flags or an unknown study (input), or what the disk, the network or
-/// the server refuse (failure).
+/// [`CommandError`] for bad flags or an unknown study (input), or a failure of the disk, the
+/// network or the server.
 pub async fn run(args: SimulateArgs) -> Result<(), CommandError> {
     match (&args.destination.out, &args.destination.url) {
         (Some(out), _) => file::write(&args, out),
@@ -125,13 +125,13 @@ pub async fn run(args: SimulateArgs) -> Result<(), CommandError> {
     }
 }
 
-/// How many trials have each flag, by its word.
+/// The number of trials with each flag, by its word.
 #[derive(Debug, Default, serde::Serialize)]
 #[serde(transparent)]
 struct FlagCounts(BTreeMap<&'static str, u64>);
 
 impl FlagCounts {
-    /// Counts what a server is going to see in this drive.
+    /// Counts the flags that a server will set for this trial.
     fn count(&mut self, parameters: &SceneParameters, scene: &Scene, drive: &SyntheticDrive) {
         for flag in flags(parameters, scene, &drive.inputs, &drive.states, &drive.sampled_at_ms) {
             *self.0.entry(flag.word()).or_default() += 1;

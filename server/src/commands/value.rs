@@ -13,22 +13,22 @@ use std::path::PathBuf;
 
 /// Evaluate the value function, its gradient and both optimal turns at given states.
 ///
-/// Prints one line of JSON: how many states there are, and how many of them are
-/// outside the grid that was solved.
+/// Prints one line of JSON: the number of states, and how many of them are outside the solved
+/// grid.
 #[derive(Clone, Debug, clap::Args)]
 pub struct ValueArgs {
     #[command(flatten)]
     function: FunctionArgs,
     /// CSV file with the columns x, y (m) and psi (rad) in any order: the pursuer in
-    /// the evader's frame. Other columns are left out.
+    /// the evader's frame. Other columns are ignored.
     #[arg(long, value_name = "FILE.csv")]
     states: PathBuf,
-    /// File to write, one row a state in the same order: x, y, psi, value (m),
+    /// File to write, one row for each state in the same order: x, y, psi, value (m),
     /// dvalue_dx, dvalue_dy (m/m), dvalue_dpsi (m/rad), evader_turn, pursuer_turn
-    /// (rad/s, positive to the left, 0 where any turn is as good or straight is best),
-    /// exact (1 from the closed form, 0 from a grid), inside (1 on the grid that was
-    /// solved; outside, V is the range margin plus what the nearest point of the grid's
-    /// edge lacks of its own).
+    /// (rad/s, positive to the left; 0 if all turns are equally good or straight is best),
+    /// exact (1 from the closed form, 0 from a grid), inside (1 inside the solved grid;
+    /// outside, V is the range margin plus the difference between V and the range margin at
+    /// the nearest point of the grid).
     #[arg(long, value_name = "FILE.csv")]
     out: PathBuf,
 }
