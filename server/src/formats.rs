@@ -2,7 +2,6 @@
 
 pub mod atomic_file;
 pub mod atomic_folder;
-pub mod complaint;
 pub mod csv_lines;
 pub mod exports;
 pub mod features_csv;

@@ -1,4 +1,4 @@
-//! What client and server say to each other: wire types, limits and routes.
+//! The interface between client and server: wire types, limits and routes.
 
 mod analyses;
 
@@ -15,12 +15,12 @@ use crate::trial::{Flag, Outcome, Phase, Replay};
 use crate::vehicle::{Pose, TurnInput};
 use serde::{Deserialize, Serialize};
 
-/// Version of everything in this module; a client that was built for another one
+/// Version of everything in this module; a client that was built for another version
 /// must be reloaded.
 pub const SCHEMA_VERSION: u32 = 1;
 
-/// Largest request body, octets. A trial is about 10,000.
-pub const MAX_BODY_OCTETS: usize = 262_144;
+/// Largest request body, bytes. A trial is about 10,000.
+pub const MAX_BODY_BYTES: usize = 262_144;
 
 /// Most key events of a trial: ten seconds of the fastest hammering, many times over.
 pub const MAX_KEY_EVENTS: usize = 2_000;
@@ -28,8 +28,8 @@ pub const MAX_KEY_EVENTS: usize = 2_000;
 /// Longest name of a key, external id or locale, characters.
 pub const MAX_NAME_CHARS: usize = 128;
 
-/// Largest free-form object (screen, display) as JSON, octets.
-pub const MAX_OBJECT_OCTETS: usize = 8_192;
+/// Largest free-form object (screen, display) as JSON, bytes.
+pub const MAX_OBJECT_BYTES: usize = 8_192;
 
 /// Every route, relative to the server's origin.
 pub mod routes {
@@ -43,7 +43,7 @@ pub mod routes {
     pub fn participants(slug: &str) -> String {
         format!("/api/v1/studies/{slug}/participants")
     }
-    /// Where the participant is.
+    /// The progress of the participant.
     pub const ME: &str = "/api/v1/participants/me";
     /// The end of a participation.
     pub const COMPLETE: &str = "/api/v1/participants/me/complete";
@@ -52,7 +52,7 @@ pub mod routes {
     pub fn my_trial(trial_id: &str) -> String {
         format!("/api/v1/participants/me/trials/{trial_id}")
     }
-    /// Octets of a value function.
+    /// The bytes of a value function.
     #[must_use]
     pub fn value_function(id: &str) -> String {
         format!("/api/v1/value-functions/{id}")
@@ -71,12 +71,12 @@ pub mod routes {
     pub fn admin_trial(trial_id: &str) -> String {
         format!("/api/v1/admin/trials/{trial_id}")
     }
-    /// The predictor trained on what this participant had driven before a trial.
+    /// The predictor trained on this participant's trials before this one.
     #[must_use]
     pub fn admin_predictor(trial_id: &str) -> String {
         format!("/api/v1/admin/trials/{trial_id}/predictor")
     }
-    /// The analyses of a study, newest first; another one is asked for here.
+    /// The analyses of a study, newest first; a POST requests a new one.
     #[must_use]
     pub fn admin_analyses(slug: &str) -> String {
         format!("/api/v1/admin/studies/{slug}/analyses")
@@ -86,7 +86,7 @@ pub mod routes {
     pub fn admin_analysis(id: &str) -> String {
         format!("/api/v1/admin/analyses/{id}")
     }
-    /// The end of an analysis that is not wanted any more.
+    /// Cancels an analysis.
     #[must_use]
     pub fn cancel_analysis(id: &str) -> String {
         format!("/api/v1/admin/analyses/{id}/cancel")
@@ -98,7 +98,7 @@ pub mod routes {
     }
     /// The server's own simulation fingerprint.
     pub const SELF_CHECK: &str = "/api/v1/admin/self-check";
-    /// A study's trials as a file, without the query that says of which format.
+    /// A study's trials as a file, without the query that names the format.
     #[must_use]
     pub fn exports(slug: &str) -> String {
         format!("/api/v1/admin/studies/{slug}/export")
@@ -149,7 +149,7 @@ pub struct Enrolment {
     /// Language, such as `en-GB`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub locale: Option<String>,
-    /// What is known of the screen: any small object.
+    /// Facts about the screen: any small object.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub screen: Option<serde_json::Map<String, serde_json::Value>>,
 }
@@ -188,12 +188,12 @@ fn check_object(
     field: &str,
     object: &serde_json::Map<String, serde_json::Value>,
 ) -> Result<(), Invalid> {
-    let octets = serde_json::to_string(object).map_or(usize::MAX, |text| text.len());
-    if octets <= MAX_OBJECT_OCTETS {
+    let bytes = serde_json::to_string(object).map_or(usize::MAX, |text| text.len());
+    if bytes <= MAX_OBJECT_BYTES {
         Ok(())
     } else {
-        let expected = format!("an object of at most {MAX_OBJECT_OCTETS} octets of JSON");
-        Err(Invalid::new(field, expected, format!("{octets} octets")))
+        let expected = format!("an object of at most {MAX_OBJECT_BYTES} bytes of JSON");
+        Err(Invalid::new(field, expected, format!("{bytes} bytes")))
     }
 }
 
@@ -236,7 +236,7 @@ pub struct PlannedPhase {
 /// One scene of a plan.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PlannedScene {
-    /// Under which its trial is stored.
+    /// The id under which its trial is stored.
     pub trial_id: String,
     /// Place within its phase, from 0.
     pub index: usize,
@@ -256,7 +256,7 @@ impl PlannedScene {
     }
 }
 
-/// Where a participant is.
+/// The progress of a participant.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Progress {
     /// Who the participant is here.
@@ -296,17 +296,17 @@ pub struct TrialUpload {
     pub inputs: Vec<TurnInput>,
     /// The states as shown: before each step, and after the last.
     pub states: Vec<JointState>,
-    /// When each input was really sampled, ms after the scene's start.
+    /// When each input was actually sampled, ms after the scene's start.
     pub sampled_at_ms: Vec<f64>,
-    /// What the keys did.
+    /// Key events, in order of time.
     pub key_events: Vec<KeyEvent>,
-    /// What is known of the display: any small object.
+    /// Facts about the display: any small object.
     pub display: serde_json::Map<String, serde_json::Value>,
 }
 
 impl TrialUpload {
-    /// Accepts a body that is a trial of this study at all. Whether it replays is
-    /// for [`flags`](crate::trial::flags) to say.
+    /// Accepts a body that can be a trial of this study. [`flags`](crate::trial::flags) says
+    /// whether it replays.
     ///
     /// # Errors
     /// [`Invalid`] naming the field.
@@ -335,7 +335,7 @@ impl TrialUpload {
     }
 }
 
-/// Accepts finite times of which none is before the one ahead of it.
+/// Accepts finite times that never decrease.
 fn check_rising(field: &str, times: impl Iterator<Item = f64>) -> Result<(), Invalid> {
     let mut last = f64::NEG_INFINITY;
     for (i, time) in times.enumerate() {
@@ -372,10 +372,10 @@ pub struct SignIn {
     pub key: String,
 }
 
-/// Answer to a sign-in, and to the question whether one is signed in.
+/// Answer to a sign-in, and to a check of the session.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Session {
-    /// Always true: who is not signed in gets 401.
+    /// Always true: without a session the answer is 401.
     pub signed_in: bool,
 }
 
@@ -416,7 +416,7 @@ pub struct TrialSummary {
     pub index: usize,
     /// When the server stored it, ms since 1970.
     pub received_at_ms: i64,
-    /// What came of it.
+    /// Its outcome.
     pub outcome: Outcome,
     /// What an analyst should know.
     pub flags: Vec<Flag>,
@@ -430,16 +430,16 @@ pub struct TrialDetail {
     pub summary: TrialSummary,
     /// The study's name in addresses.
     pub study: String,
-    /// Vehicles, danger radius and clock it was driven with. They make the two games
-    /// ([`SceneParameters::game`]) that a browser solves where there is no id below.
+    /// Vehicles, danger radius and clock of the trial. They define the two games
+    /// ([`SceneParameters::game`]) that a browser solves if the server has no id below.
     pub parameters: SceneParameters,
-    /// What it started from.
+    /// The scene that was driven.
     pub scene: Scene,
     /// The input held in each step.
     pub inputs: Vec<TurnInput>,
     /// Before each step, and after the last.
     pub states: Vec<JointState>,
-    /// How the states compare with those that the inputs lead to.
+    /// The differences between the states and the replay of the inputs.
     pub replay: Replay,
     /// Id of the value function V_HR; null while the server has none.
     pub value_function_hr: Option<String>,
@@ -458,18 +458,18 @@ impl TrialDetail {
     }
 }
 
-/// A predictor and where it comes from.
+/// A predictor and how it was trained.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TrainedPredictor {
     /// The predictor, as in a `predictor.json`.
     pub predictor: PredictorFile,
-    /// On how many trials it was trained.
+    /// The number of trials that it was trained on.
     pub trials: usize,
-    /// Why it is not the learned model, where it is not.
+    /// Why it is not the learned model; none if it is.
     pub fallback: Option<String>,
 }
 
-/// A machine's simulation, summed up.
+/// The fingerprint of a computer's simulation.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SelfCheck {
     /// Seed of the random trials.

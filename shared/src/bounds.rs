@@ -21,7 +21,7 @@ impl Clone for InputBounds {
         Self { lo: self.lo.clone(), hi: self.hi.clone() }
     }
 
-    /// Keeps the memory that is there.
+    /// Reuses the memory of `self`.
     fn clone_from(&mut self, other: &Self) {
         self.lo.clone_from(&other.lo);
         self.hi.clone_from(&other.hi);
@@ -33,7 +33,7 @@ impl InputBounds {
     ///
     /// # Errors
     /// [`Invalid`] if the lists are empty or differ in length, a bound is not
-    /// finite or outside the turn rate, `lo[i] > hi[i]`, or the turn rate is no range.
+    /// finite or outside the turn rate, `lo[i] > hi[i]`, or the turn rate is not a range.
     pub fn new(lo: Vec<f64>, hi: Vec<f64>, turn_rate: (f64, f64)) -> Result<Self, Invalid> {
         check_range("turn_rate", turn_rate)?;
         if lo.is_empty() {
@@ -106,8 +106,8 @@ impl<M: ActionModel + ?Sized> ActionModel for &M {
     }
 }
 
-/// How both vehicles can move, as the roll-outs need it. Turn rates are ranges, rad/s,
-/// and need not be the same to both sides.
+/// The motion of both vehicles in roll-outs. Turn rates are ranges, rad/s, which need not be
+/// symmetric.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Motion {
     /// The human's speed, m/s.
@@ -123,7 +123,7 @@ pub struct Motion {
 }
 
 impl Motion {
-    /// Accepts speeds and a step > 0 and ranges that are none the wrong way round.
+    /// Accepts speeds and a step > 0, and ranges whose lower end comes first.
     ///
     /// # Errors
     /// [`Invalid`] naming the field.
@@ -150,7 +150,7 @@ impl From<&SceneParameters> for Motion {
     }
 }
 
-/// Which actions are likely enough to count.
+/// The actions that are likely enough to count.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ActionChoice {
     /// The k most likely at each coming step; every action that ties with the
@@ -183,7 +183,7 @@ impl fmt::Display for ActionChoice {
 pub enum Rollout {
     /// The bounds of F_1, widened by ε_1, as the paper prints it.
     Paper,
-    /// The bounds before widening. Only so do regions grow with ε_1 for certain.
+    /// The bounds before widening: regions are then guaranteed to grow with ε_1.
     Base,
 }
 
@@ -198,7 +198,7 @@ impl Rollout {
     }
 }
 
-/// What Algorithm 1 is run with.
+/// The settings of Algorithm 1.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BoundsSettings {
     epsilon: Vec<f64>,
@@ -254,7 +254,7 @@ impl BoundsSettings {
         Ok(Self { epsilon, choice, rollout, actions })
     }
 
-    /// How many steps ahead, T.
+    /// The number of steps ahead, T.
     #[must_use]
     pub fn steps(&self) -> usize {
         match &self.choice {
@@ -281,7 +281,7 @@ impl BoundsSettings {
         self.rollout
     }
 
-    /// How many actions the model has to have, M.
+    /// The number of actions that the model must have, M.
     #[must_use]
     pub fn actions(&self) -> usize {
         self.actions

@@ -33,18 +33,20 @@ impl Dataset {
         let trials: Vec<_> = trials.into_iter().collect();
         let rows = |&(inputs, states): &(&[TurnInput], &[JointState])| {
             let mut values = vec![0.0; inputs.len().min(states.len()) * width];
-            for (step, row) in values.chunks_exact_mut(width).enumerate() {
+            for (step, row) in values.chunks_exact_mut(width.max(1)).enumerate() {
                 features.compute_into(&states[..=step], safety, row);
             }
             Ok::<_, core::convert::Infallible>(values)
         };
         let Ok(values) = parallel_map(&trials, rows);
         let labels = trials.iter().flat_map(|(inputs, states)| inputs.iter().take(states.len()));
-        let of_trial = |(trial, values): (usize, &Vec<f64>)| [trial].repeat(values.len() / width);
+        let of_trial = |(trial, &(inputs, states)): (usize, &(&[TurnInput], &[JointState]))| {
+            [trial].repeat(inputs.len().min(states.len()))
+        };
         Self {
             features: features.clone(),
             labels: labels.copied().collect(),
-            trials: values.iter().enumerate().flat_map(of_trial).collect(),
+            trials: trials.iter().enumerate().flat_map(of_trial).collect(),
             values: values.concat(),
         }
     }

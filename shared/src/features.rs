@@ -1,5 +1,5 @@
-//! What a predictor may look at: features of the joint states so far (`features/table.rs` has
-//! them all), and ordered choices of them.
+//! The inputs of predictors: features of the joint states so far (`features/table.rs` has
+//! them all), and ordered sets of them.
 
 mod table;
 
@@ -68,6 +68,12 @@ impl FeatureSet {
         Ok(Self(chosen))
     }
 
+    /// No feature, for a predictor that looks at none.
+    #[must_use]
+    pub fn none() -> Self {
+        Self(Vec::new())
+    }
+
     /// Every feature there is, in the order of the table.
     #[must_use]
     pub fn all() -> Self {
@@ -103,13 +109,13 @@ impl FeatureSet {
         self.features().any(|of| of.name == level || of.name.starts_with(slopes))
     }
 
-    /// How many.
+    /// The number of features.
     #[must_use]
     pub fn len(&self) -> usize {
         self.0.len()
     }
 
-    /// Never: a set has at least one feature.
+    /// Whether there are none.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()

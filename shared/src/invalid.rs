@@ -1,10 +1,14 @@
 //! The one shape of a complaint about input.
 
+use core::fmt;
+
 /// A value that cannot be accepted: which field, what was expected there and
 /// what was found instead. Every parser of this crate answers with it, so that
 /// each edge (HTTP, command line, files) can say the same three things.
+///
+/// Written with `{:#}` its parts are divided by [`SEPARATOR`], so that they come whole through
+/// errors that only carry text, such as serde's.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{field}: expected {expected}, found {found}")]
 pub struct Invalid {
     /// Path of the field, as its author wrote it: `states[17].human`.
     pub field: String,
@@ -12,6 +16,22 @@ pub struct Invalid {
     pub expected: String,
     /// What was there.
     pub found: String,
+}
+
+/// The unit separator of ASCII, which no field has in its name.
+pub const SEPARATOR: char = '\u{1f}';
+
+impl fmt::Display for Invalid {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { field, expected, found } = self;
+        if out.alternate() {
+            return write!(out, "{field}{SEPARATOR}{expected}{SEPARATOR}{found}");
+        }
+        if !field.is_empty() {
+            write!(out, "{field}: ")?;
+        }
+        write!(out, "expected {expected}, found {found}")
+    }
 }
 
 impl Invalid {
@@ -75,5 +95,7 @@ mod tests {
         assert_eq!(complaint.to_string(), "states[3]: expected a finite number, found NaN");
         let complaint = positive("speed_mps", -1.0).unwrap_err().within("human");
         assert_eq!(complaint.field, "human.speed_mps");
+        let whole = Invalid::new("", "an object", "a list");
+        assert_eq!(whole.to_string(), "expected an object, found a list");
     }
 }

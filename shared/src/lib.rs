@@ -8,28 +8,43 @@
 //! integers; seconds appear only at the edges. A turn to the left is positive.
 //!
 //! # Glossary
+//! One word for each idea, in code, files and documents.
+//!
 //! | word | meaning |
 //! |---|---|
+//! | human, robot | the two vehicles; the human avoids, the robot drives straight to its goal |
+//! | VehicleModel | speed and largest turn rate of a vehicle, a Dubins car |
 //! | Pose | position and heading of a vehicle |
-//! | TurnInput | what the keys ask for: Right −ω, Straight 0, Left +ω |
-//! | Scene | where both vehicles start, and the robot's goal |
 //! | JointState | the poses of human and robot at one instant |
+//! | TurnInput | the held key: Right −ω, Straight 0, Left +ω |
+//! | Scene | where both vehicles start, and the robot's goal |
 //! | Step | 0.2 s with one held input |
-//! | Trial | a driven scene: inputs and the states they led through |
+//! | Trial | a driven scene: its inputs, and the states that they led through |
+//! | Trajectory | the part of a trial that predictions need: joint states, and the turn rates held between them |
+//! | Window | a stretch of a trajectory, on which a prediction is made and judged |
 //! | Phase | familiarisation, practice or task |
-//! | danger zone | disc of radius R_c around the robot |
-//! | safety level | metres; ≤ 0 means that the other vehicle can force a collision |
+//! | Participant | a person who drives; a row is one step of a participant's trial |
+//! | danger zone | the disc of radius R_c around the robot |
+//! | PursuitGame | an evader, a pursuer and a radius; the evader maximises the least distance |
+//! | ValueFunction | V of a game: the least distance under optimal play, less the radius, m |
+//! | SafetyLevels | V_HR (the human evades) and V_RH (the robot evades); at ≤ 0 m the other vehicle can force a collision |
+//! | level set | the curve on which V has one value |
+//! | feature | a number computed from the joint states so far; a predictor's input |
+//! | label, class | the input that was held, as the number that a predictor learns |
+//! | experiment | 1 predicts the turn direction, 2 avoidance (whether the human turns at all) |
+//! | Predictor | a trained model with its features: a probability for each class |
 //! | InputBounds | lowest and highest turn rate of each coming step (Algorithm 1) |
-//! | ReachableSet | every position reachable under such bounds |
-//! | SHFRS | nested reachable sets with probabilities |
-//! | Trajectory | a recorded trial: joint states, and the turn rates held between them |
-//! | Window | a stretch of a trajectory, from which a prediction is made and judged |
+//! | ReachableSet | every state that is reachable under such bounds |
+//! | tube | every position reachable within the steps ahead |
+//! | SHFRS | stochastic human forward reachable sets: nested reachable sets with probabilities |
+//! | region | what one of the nested sets adds to the set inside it |
 //! | Family | predicted sets that grow with a level (for SHFRS the level is ε) |
-//! | score | the least level whose set a window's trajectory stays inside |
+//! | score | the least level whose set contains a window's trajectory |
+//! | coverage | the share of windows whose trajectory a set contains |
 //!
 //! # Example
-//! Where a human may be in the next two seconds who turns left as likely as not, whatever the
-//! robot does: bounds on the turn rate by Algorithm 1, and the exact set under them.
+//! A human turns left or drives straight on, each with probability ½. Where may this human be in the
+//! next two seconds? Algorithm 1 gives bounds on the turn rate, and the exact set under them follows.
 //! ```
 //! use sidestep::bounds::{ActionChoice, ActionModel, BoundsSettings, Rollout, input_bounds};
 //! use sidestep::reach::{PolygonSettings, ReachableSet, Tolerance};
@@ -66,9 +81,10 @@
 //!
 //! # Purity and module order
 //! Nothing here knows of clocks, files, sockets or browsers, and no module uses
-//! one that is declared below it.
+//! a module that is declared below it.
 
 pub mod invalid;
+pub mod document;
 pub mod math;
 mod real;
 mod parallel;

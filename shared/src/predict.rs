@@ -1,23 +1,24 @@
 //! Predictors: numbers in, a probability for each class out. Nothing here knows
-//! what a feature or a class means.
+//! what a feature or a class means. A kind of model has its own file with its file form;
+//! `predict/file.rs` puts them together as predictor.json.
 
-pub mod boosting;
-mod file;
-pub mod logistic;
 pub mod scale;
-pub mod svm;
+pub mod logistic;
 pub mod tree;
+pub mod boosting;
+pub mod svm;
+mod file;
 
 use crate::features::FeatureSet;
 use crate::invalid::{Invalid, finite, length};
 use boosting::Boosted;
-pub use file::{FORMAT, PredictorFile};
+pub use file::{ModelFile, PredictorFile};
 use logistic::Logistic;
 use scale::Scale;
 use svm::Svm;
 use tree::Tree;
 
-/// A trained model with the features it wants.
+/// A trained model with the features that it needs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Predictor {
     features: FeatureSet,
@@ -61,7 +62,7 @@ impl Predictor {
         Self { features, classes, actions: None, model: Model::Tree(model) }
     }
 
-    /// The same probabilities whatever the features.
+    /// The same probabilities for all features, of which there may be none.
     ///
     /// # Errors
     /// [`Invalid`] if there is not one probability ≥ 0 a class, summing to 1.
@@ -102,20 +103,20 @@ impl Predictor {
         self.actions.as_deref()
     }
 
-    /// What it looks at.
+    /// The features that it needs.
     #[must_use]
     pub fn features(&self) -> &FeatureSet {
         &self.features
     }
 
-    /// What it tells apart, in rising order.
+    /// The classes, in rising order.
     #[must_use]
     pub fn classes(&self) -> &[i8] {
         &self.classes
     }
 
-    /// The class that the model names, given a row of raw features: the likeliest, the first on a
-    /// tie; of an SVM the one with the most votes.
+    /// The class that the model predicts, given a row of raw features: the likeliest, the first on a
+    /// tie; for an SVM the class with the most votes.
     #[must_use]
     pub fn class(&self, row: &[f64]) -> i8 {
         if let Model::Svm(scale, model) = &self.model {
@@ -142,169 +143,191 @@ impl Predictor {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::document::from_value;
+    use serde_json::{Value, json};
 
-    fn file() -> PredictorFile {
-        let text = r#"{"format":"sidestep-predictor/1","kind":"logistic",
-            "features":["distance","v_h"],"mean":[10,1],"scale":[2,1],"classes":[-1,0,1],
-            "coefficients":[[0,1],[1,0],[0,-1]],"intercepts":[0,0.5,0]}"#;
-        serde_json::from_str(text).unwrap()
+    /// One file of each kind, SVMs of both kernels. Numbers as serde_json writes them.
+    fn files() -> [Value; 6] {
+        let logistic = r#"{"format":"sidestep-predictor/1","kind":"logistic",
+            "features":["distance","v_h"],"classes":[-1,0,1],"actions":[-0.3,0.1,0.6],
+            "mean":[10.0,1.0],"scale":[2.0,1.0],
+            "coefficients":[[0.0,1.0],[1.0,0.0],[0.0,-1.0]],"intercepts":[0.0,0.5,0.0]}"#;
+        let linear = r#"{"format":"sidestep-predictor/1","kind":"svm","experiment":1,
+            "features":["distance","v_h"],"classes":[-1,0,1],"mean":[10.0,1.0],"scale":[2.0,1.0],
+            "coefficients":[[1.0,2.0],[0.0,1.0],[3.0,-1.0]],"intercepts":[0.0,0.5,0.0],
+            "kernel":"linear","sigmoids":[[-1.0,0.0],[-2.0,0.1],[-1.0,0.2]]}"#;
+        let rbf = r#"{"format":"sidestep-predictor/1","kind":"svm",
+            "features":["distance","v_h"],"classes":[-1,0,1],"mean":[10.0,1.0],"scale":[2.0,1.0],
+            "intercepts":[0.0,0.5,0.0],"kernel":"rbf","gamma":0.5,
+            "support_vectors":[[0.0,1.0],[1.0,0.5]],
+            "dual_coefficients":[[1.0,-1.0],[0.5,0.0],[0.0,-2.0]],
+            "sigmoids":[[-1.0,0.0],[-2.0,0.1],[-1.0,0.2]]}"#;
+        let boosted = r#"{"format":"sidestep-predictor/1","kind":"boosted","features":["v_h"],
+            "classes":[0,1],"boosted":{"intercepts":[0.0],"trees":[{"feature":[0,0,0],
+            "threshold":[0.5,0.0,0.0],"left":[1,0,0],"right":[2,0,0],"value":[0.0,1.0,-1.0]}]}}"#;
+        let tree = r#"{"format":"sidestep-predictor/1","kind":"tree",
+            "features":["distance","v_h"],"classes":[-1,0,1],"tree":{"feature":[1,0,0],
+            "threshold":[0.5,0.0,0.0],"left":[1,0,0],"right":[2,0,0],
+            "counts":[[2,3,1],[2,0,1],[0,3,0]]}}"#;
+        let constant = r#"{"format":"sidestep-predictor/1","kind":"constant","features":[],
+            "classes":[-1,0,1],"probabilities":[0.2,0.5,0.3]}"#;
+        let texts = [logistic, linear, rbf, boosted, tree, constant];
+        texts.map(|text| {
+            // What is written has the fields in this order, without space.
+            let text: String = text.split_whitespace().collect();
+            let file: PredictorFile = serde_json::from_str(&text).unwrap();
+            assert_eq!(serde_json::to_string(&file).unwrap(), text);
+            serde_json::from_str(&text).unwrap()
+        })
+    }
+
+    fn read(document: &Value) -> Result<Predictor, Invalid> {
+        from_value::<PredictorFile>(document)?.try_into()
+    }
+
+    fn probabilities<const N: usize>(document: &Value, row: &[f64]) -> [f64; N] {
+        let mut p = [0.0; N];
+        read(document).unwrap().probabilities_into(row, &mut p);
+        p
+    }
+
+    /// The field that is complained of once `pointer` has another value; nothing removes it.
+    fn field(document: &Value, pointer: &str, value: impl Into<Option<Value>>) -> String {
+        let mut document = document.clone();
+        match value.into() {
+            Some(value) => match document.pointer_mut(pointer) {
+                Some(place) => *place = value,
+                None => document[&pointer[1..]] = value,
+            },
+            None => drop(document.as_object_mut().unwrap().remove(&pointer[1..])),
+        }
+        read(&document).unwrap_err().field
     }
 
     #[test]
     fn a_file_survives_a_round_trip() {
-        let predictor = Predictor::try_from(file()).unwrap();
-        assert_eq!(PredictorFile::from(&predictor), file());
-        let mut p = [0.0; 3];
-        predictor.probabilities_into(&[10.0, 1.0], &mut p);
-        assert!((p.iter().sum::<f64>() - 1.0).abs() < 1e-15);
-        assert!((p[1] / p[0] - crate::math::exp(0.5)).abs() < 1e-12);
-    }
-
-    #[test]
-    fn actions_survive_too() {
-        let mut file = file();
-        file.actions = Some(vec![-0.3, 0.1, 0.6]);
-        let predictor = Predictor::try_from(file.clone()).unwrap();
-        assert_eq!(predictor.actions(), file.actions.as_deref());
-        assert_eq!(PredictorFile::from(&predictor), file);
-    }
-
-    #[test]
-    fn boosted_trees_are_a_predictor() {
-        let text = r#"{"format":"sidestep-predictor/1","kind":"boosted","features":["v_h"],
-            "classes":[0,1],"boosted":{"intercepts":[0],"trees":[{"feature":[0,0,0],
-            "threshold":[0.5,0,0],"left":[1,0,0],"right":[2,0,0],"value":[0,1,-1]}]}}"#;
-        let file: PredictorFile = serde_json::from_str(text).unwrap();
-        let predictor = Predictor::try_from(file.clone()).unwrap();
-        assert_eq!(PredictorFile::from(&predictor), file);
-        let mut p = [0.0; 2];
-        predictor.probabilities_into(&[0.4], &mut p);
-        assert!((p[1] / p[0] - crate::math::exp(1.0)).abs() < 1e-14);
-        let complain = |change: fn(&mut PredictorFile)| {
-            let mut file = file.clone();
-            change(&mut file);
-            Predictor::try_from(file).unwrap_err().field
-        };
-        assert_eq!(complain(|f| f.boosted = None), "boosted");
-        assert_eq!(complain(|f| f.classes = vec![-1, 0, 1]), "boosted.intercepts");
-        let bad = |f: &mut PredictorFile| {
-            if let Some(boosted) = &mut f.boosted {
-                boosted.trees[0].questions.left[0] = 7;
-            }
-        };
-        assert_eq!(complain(bad), "boosted.trees[0].left[0]");
-    }
-
-    #[test]
-    fn a_tree_is_a_predictor() {
-        let text = r#"{"format":"sidestep-predictor/1","kind":"tree","features":["distance","v_h"],
-            "classes":[-1,0,1],"tree":{"feature":[1,0,0],"threshold":[0.5,0,0],"left":[1,0,0],
-            "right":[2,0,0],"counts":[[2,3,1],[2,0,1],[0,3,0]]}}"#;
-        let file: PredictorFile = serde_json::from_str(text).unwrap();
-        let predictor = Predictor::try_from(file.clone()).unwrap();
-        assert_eq!(PredictorFile::from(&predictor), file);
-        let mut p = [0.0; 3];
-        predictor.probabilities_into(&[9.0, 0.4], &mut p);
-        assert_eq!(p, [0.5, 1.0 / 6.0, 2.0 / 6.0]);
-        let complain = |change: fn(&mut PredictorFile)| {
-            let mut file = file.clone();
-            change(&mut file);
-            Predictor::try_from(file).unwrap_err().field
-        };
-        assert_eq!(complain(|f| f.tree = None), "tree");
-        assert_eq!(complain(|f| f.classes = vec![0, 1]), "tree.counts[0]");
-        assert_eq!(complain(|f| f.features = vec!["v_h".into()]), "tree.feature[0]");
-    }
-
-    #[test]
-    fn complaints_name_the_field() {
-        let complain = |change: fn(&mut PredictorFile)| {
-            let mut file = file();
-            change(&mut file);
-            Predictor::try_from(file).unwrap_err().field
-        };
-        assert_eq!(complain(|f| f.format = "x".into()), "format");
-        assert_eq!(complain(|f| f.kind = "oracle".into()), "kind");
-        assert_eq!(complain(|f| f.features[1] = "speed".into()), "features[1]");
-        assert_eq!(complain(|f| f.classes = vec![1, 0, -1]), "classes");
-        assert_eq!(complain(|f| f.scale = Some(vec![1.0, 0.0])), "scale[1]");
-        assert_eq!(complain(|f| f.mean = None), "mean");
-        assert_eq!(complain(|f| f.actions = Some(vec![0.0, 0.5])), "actions");
-        assert_eq!(complain(|f| f.actions = Some(vec![0.0, 0.5, 0.5])), "actions");
-        assert_eq!(complain(|f| f.actions = Some(vec![0.0, f64::NAN, 0.5])), "actions[1]");
-        assert_eq!(complain(|f| f.intercepts = Some(vec![0.0])), "intercepts");
-        assert_eq!(complain(|f| f.coefficients = Some(vec![vec![0.0; 2]; 2])), "coefficients");
-        assert_eq!(
-            complain(|f| f.coefficients = Some(vec![vec![0.0, f64::NAN]; 3])),
-            "coefficients[0][1]"
-        );
-    }
-
-    fn rbf() -> PredictorFile {
-        let text = r#"{"format":"sidestep-predictor/1","kind":"svm","features":["distance","v_h"],
-            "mean":[10,1],"scale":[2,1],"classes":[-1,0,1],"kernel":"rbf","gamma":0.5,
-            "support_vectors":[[0,1],[1,0.5]],"dual_coefficients":[[1,-1],[0.5,0],[0,-2]],
-            "intercepts":[0,0.5,0],"sigmoids":[[-1,0],[-2,0.1],[-1,0.2]]}"#;
-        serde_json::from_str(text).unwrap()
-    }
-
-    #[test]
-    fn support_vector_machines_survive_a_round_trip() {
-        let mut linear = rbf();
-        (linear.kernel, linear.coefficients) =
-            (Some("linear".into()), Some(vec![vec![1.0, 2.0], vec![0.0, 1.0], vec![3.0, -1.0]]));
-        (linear.gamma, linear.support_vectors, linear.dual_coefficients) = (None, None, None);
-        for file in [rbf(), linear] {
+        for document in files() {
+            let mut file: PredictorFile = from_value(&document).unwrap();
             let predictor = Predictor::try_from(file.clone()).unwrap();
+            file.experiment = None;
             assert_eq!(PredictorFile::from(&predictor), file);
-            let mut p = [0.0; 3];
-            predictor.probabilities_into(&[10.0, 1.0], &mut p);
-            assert!((p.iter().sum::<f64>() - 1.0).abs() < 1e-15);
         }
     }
 
     #[test]
-    fn complaints_about_support_vector_machines_name_the_field() {
-        let complain = |change: fn(&mut PredictorFile)| {
-            let mut file = rbf();
-            change(&mut file);
+    fn each_kind_is_a_predictor() {
+        let [logistic, linear, rbf, boosted, tree, constant] = files();
+        assert_eq!(read(&logistic).unwrap().actions(), Some(&[-0.3, 0.1, 0.6][..]));
+        let p: [f64; 3] = probabilities(&logistic, &[10.0, 1.0]);
+        assert!((p.iter().sum::<f64>() - 1.0).abs() < 1e-15);
+        assert!((p[1] / p[0] - crate::math::exp(0.5)).abs() < 1e-12);
+        for svm in [linear, rbf] {
+            let p: [f64; 3] = probabilities(&svm, &[10.0, 1.0]);
+            assert!((p.iter().sum::<f64>() - 1.0).abs() < 1e-15);
+        }
+        let p: [f64; 2] = probabilities(&boosted, &[0.4]);
+        assert!((p[1] / p[0] - crate::math::exp(1.0)).abs() < 1e-14);
+        assert_eq!(probabilities(&tree, &[9.0, 0.4]), [0.5, 1.0 / 6.0, 2.0 / 6.0]);
+        assert_eq!(probabilities(&constant, &[]), [0.2, 0.5, 0.3]);
+    }
+
+    #[test]
+    fn fields_of_other_kinds_and_unknown_fields_are_ignored() {
+        let [logistic, .., constant] = files();
+        let mut document = constant.clone();
+        document["mean"] = json!([1, 2]);
+        document["trained_by"] = json!("R");
+        assert_eq!(read(&document), read(&constant));
+        let mut document = logistic.clone();
+        (document["experiment"], document["tree"]) = (Value::Null, Value::Null);
+        assert_eq!(read(&document), read(&logistic));
+    }
+
+    #[test]
+    fn complaints_name_the_field() {
+        let [logistic, _, _, boosted, tree, constant] = files();
+        let complain = |pointer: &str, value: Value| field(&logistic, pointer, value);
+        assert_eq!(complain("/format", json!("x")), "format");
+        assert_eq!(complain("/kind", json!("oracle")), "kind");
+        assert_eq!(complain("/kind", json!("tree")), "tree");
+        assert_eq!(complain("/features/1", json!("speed")), "features[1]");
+        assert_eq!(complain("/features/1", json!(2)), "features[1]");
+        assert_eq!(complain("/features", json!([])), "features");
+        assert_eq!(complain("/classes", json!([1, 0, -1])), "classes");
+        assert_eq!(complain("/scale/1", json!(0)), "scale[1]");
+        assert_eq!(complain("/mean", Value::Null), "mean");
+        assert_eq!(field(&logistic, "/mean", None), "mean");
+        assert_eq!(complain("/actions", json!([0, 0.5])), "actions");
+        assert_eq!(complain("/actions", json!([0, 0.5, 0.5])), "actions");
+        assert_eq!(complain("/actions/1", json!("left")), "actions[1]");
+        assert_eq!(complain("/intercepts", json!([0])), "intercepts");
+        assert_eq!(complain("/coefficients", json!([[0, 0], [0, 0]])), "coefficients");
+        assert_eq!(complain("/coefficients/0/1", json!("x")), "coefficients[0][1]");
+        let scaled = complain("/mean", json!([10.0]));
+        assert_eq!(scaled, "scale");
+        assert_eq!(field(&boosted, "/boosted", None), "boosted");
+        assert_eq!(field(&boosted, "/classes", json!([-1, 0, 1])), "boosted.intercepts");
+        let bad = field(&boosted, "/boosted/trees/0/left/0", json!(7));
+        assert_eq!(bad, "boosted.trees[0].left[0]");
+        assert_eq!(field(&tree, "/tree", None), "tree");
+        assert_eq!(field(&tree, "/classes", json!([0, 1])), "tree.counts[0]");
+        assert_eq!(field(&tree, "/features", json!(["v_h"])), "tree.feature[0]");
+        assert_eq!(field(&constant, "/probabilities", json!([0.5, 0.5])), "probabilities");
+        assert_eq!(field(&constant, "/classes", json!([])), "classes");
+        let said = read(&json!("model.json")).unwrap_err().to_string();
+        let expected = "expected an object, {…}, as in a predictor.json, found \"model.json\"";
+        assert_eq!(said, expected);
+    }
+
+    /// JSON has no NaN and no infinity, but the library's types have.
+    #[test]
+    fn numbers_that_are_not_finite_are_refused() {
+        let complain = |document: &Value, change: fn(&mut ModelFile)| {
+            let mut file: PredictorFile = from_value(document).unwrap();
+            change(&mut file.model);
             Predictor::try_from(file).unwrap_err().field
         };
-        assert_eq!(complain(|f| f.kernel = None), "kernel");
-        assert_eq!(complain(|f| f.kernel = Some("poly".into())), "kernel");
-        assert_eq!(complain(|f| f.kernel = Some("linear".into())), "coefficients");
-        assert_eq!(complain(|f| f.gamma = None), "gamma");
-        assert_eq!(complain(|f| f.gamma = Some(0.0)), "gamma");
-        assert_eq!(complain(|f| f.mean = Some(vec![0.0])), "scale");
-        assert_eq!(complain(|f| f.support_vectors = None), "support_vectors");
-        assert_eq!(
-            complain(|f| f.support_vectors = Some(vec![vec![0.0; 2], vec![0.0; 3]])),
-            "support_vectors[1]"
-        );
-        assert_eq!(complain(|f| f.dual_coefficients = None), "dual_coefficients");
-        assert_eq!(
-            complain(|f| f.dual_coefficients = Some(vec![vec![0.0; 2]; 2])),
-            "dual_coefficients"
-        );
-        assert_eq!(
-            complain(|f| f.dual_coefficients = Some(vec![vec![0.0, f64::NAN]; 3])),
-            "dual_coefficients[0][1]"
-        );
-        assert_eq!(complain(|f| f.intercepts = Some(vec![0.0; 2])), "intercepts");
-        assert_eq!(complain(|f| f.sigmoids = None), "sigmoids");
-        assert_eq!(complain(|f| f.sigmoids = Some(vec![[0.0, 0.0]; 2])), "sigmoids");
-        assert_eq!(
-            complain(|f| f.sigmoids = Some(vec![[0.0, f64::INFINITY]; 3])),
-            "sigmoids[0][1]"
-        );
-        assert_eq!(
-            complain(|f| {
-                f.classes = vec![0];
-                f.intercepts = Some(vec![]);
-                f.sigmoids = Some(vec![]);
-                f.dual_coefficients = Some(vec![]);
-            }),
-            "classes"
-        );
+        let [logistic, _, rbf, ..] = files();
+        let nan = |model: &mut ModelFile| {
+            if let ModelFile::Logistic(model) = model {
+                model.coefficients[0][1] = f64::NAN;
+            }
+        };
+        assert_eq!(complain(&logistic, nan), "coefficients[0][1]");
+        let infinite = |model: &mut ModelFile| {
+            if let ModelFile::Svm(svm::SvmFile::Rbf(model)) = model {
+                model.sigmoids[0][1] = f64::INFINITY;
+            }
+        };
+        assert_eq!(complain(&rbf, infinite), "sigmoids[0][1]");
+        let mut file: PredictorFile = from_value(&logistic).unwrap();
+        file.actions = Some(vec![0.0, f64::NAN, 0.5]);
+        assert_eq!(Predictor::try_from(file).unwrap_err().field, "actions[1]");
+    }
+
+    #[test]
+    fn complaints_about_support_vector_machines_name_the_field() {
+        let [_, linear, rbf, ..] = files();
+        let complain = |pointer: &str, value: Value| field(&rbf, pointer, value);
+        assert_eq!(field(&rbf, "/kernel", None), "kernel");
+        assert_eq!(complain("/kernel", json!("poly")), "kernel");
+        assert_eq!(complain("/kernel", json!("linear")), "coefficients");
+        assert_eq!(field(&linear, "/kernel", json!("rbf")), "gamma");
+        assert_eq!(complain("/gamma", json!(0)), "gamma");
+        assert_eq!(complain("/mean", json!([0])), "scale");
+        assert_eq!(field(&rbf, "/support_vectors", None), "support_vectors");
+        let uneven = json!([[0, 0], [0, 0, 0]]);
+        assert_eq!(complain("/support_vectors", uneven), "support_vectors[1]");
+        assert_eq!(field(&rbf, "/dual_coefficients", None), "dual_coefficients");
+        assert_eq!(complain("/dual_coefficients", json!([[0, 0], [0, 0]])), "dual_coefficients");
+        assert_eq!(complain("/dual_coefficients/0/1", json!([])), "dual_coefficients[0][1]");
+        assert_eq!(complain("/intercepts", json!([0, 0])), "intercepts");
+        assert_eq!(field(&rbf, "/sigmoids", None), "sigmoids");
+        assert_eq!(complain("/sigmoids", json!([[0, 0], [0, 0]])), "sigmoids");
+        let mut alone = rbf.clone();
+        for name in ["intercepts", "sigmoids", "dual_coefficients"] {
+            alone[name] = json!([]);
+        }
+        assert_eq!(field(&alone, "/classes", json!([0])), "classes");
     }
 }

@@ -1,4 +1,4 @@
-//! Studies: what participants go through, as data.
+//! Studies as data: the phases and parameters of an experiment.
 
 use crate::invalid::Invalid;
 use crate::scene::{EncounterRange, Scene, SceneParameters, generate};
@@ -103,13 +103,13 @@ impl StudyConfig {
     /// same scenes everywhere.
     ///
     /// # Errors
-    /// [`Invalid`] if the parameters leave the human no escape.
+    /// [`Invalid`] if no scene with these parameters leaves the human an escape.
     pub fn plan(&self, seed: u64) -> Result<Vec<(PhaseConfig, Vec<Scene>)>, Invalid> {
         let range = EncounterRange::default();
         (0u64..)
             .zip(&self.phases)
             .map(|(i, phase)| {
-                // An odd multiplier keeps the phases' streams apart.
+                // An odd multiplier gives each phase its own random stream.
                 let seed = seed.wrapping_add((i + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15));
                 let scenes = generate(&self.parameters, &range, phase.scenes, seed)?;
                 Ok((*phase, scenes.into_iter().map(|(scene, _)| scene).collect()))

@@ -1,4 +1,4 @@
-//! Vehicles: where they are, what they are asked to do, how they move.
+//! Vehicles: their poses, inputs and motion.
 
 pub mod dubins;
 
@@ -57,7 +57,7 @@ impl From<Pose> for [f64; 3] {
     }
 }
 
-/// What the human asks of the vehicle for one step. On the wire: −1, 0, 1.
+/// The turn that the keys ask for in one step. On the wire: −1, 0, 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(try_from = "i64", into = "i8")]
 pub enum TurnInput {
@@ -134,7 +134,7 @@ impl VehicleModel {
         Ok(())
     }
 
-    /// The turn rate, rad/s, that an input asks for.
+    /// The turn rate of an input, rad/s.
     #[must_use]
     pub fn turn_rate(&self, input: TurnInput) -> f64 {
         f64::from(input.sign()) * self.turn_rate_radps

@@ -1,8 +1,7 @@
 //! `sidestep analyze`.
 
-use super::bounds::safety_levels;
 use super::json_file::Document;
-use super::solving::{Interrupt, bar};
+use super::solving::{Interrupt, bar, safety_levels};
 use super::trials_file::SceneArgs;
 use super::{CommandError, print_json, trials_file, unwritable};
 use crate::formats::atomic_folder::Draft;

@@ -1,27 +1,26 @@
 //! `sidestep features`.
 
-use super::bounds::safety_levels;
-use super::solving::Interrupt;
+use super::solving::{Interrupt, safety_levels};
 use super::trials_file::SceneArgs;
 use super::{CommandError, print_json, trials_file, unwritable};
 use crate::formats::atomic_file;
 use crate::formats::features_csv::{self, WriteError};
 use std::path::PathBuf;
 
-/// Compute what predictors may look at, for every step of recorded tasks.
+/// Compute the features of predictors for every step of recorded tasks.
 ///
-/// Writes one row a step, in the order of the trials: participant, trial, step; abs_dx, abs_dy
-/// (m), dpsi (rad), cos_dpsi, sin_dpsi: human less robot in the world frame; v_h, v_r (m): the
-/// safety levels; distance (m); turn (-1 right, 0, 1 left) and avoid (0 or 1): the input held in
-/// the step; then every further feature: robot_ahead, robot_left (m), the robot in the human's
-/// frame; closest_time (s), closest_distance, closest_left (m), the closest approach if both
-/// drove straight on; dv_h_ahead, dv_h_left, dv_h_turn, dv_r_ahead, dv_r_left,
-/// dv_r_turn, the slopes of the safety levels; turned_1, turned_2,
-/// turned_5, turned (rad), how far the human turned left in the step before, in the one before
-/// that, in the last five and since the beginning.
+/// Writes one row for each step, in the order of the trials: participant, trial, step; abs_dx,
+/// abs_dy (m), dpsi (rad), cos_dpsi, sin_dpsi: human minus robot in the world frame; v_h, v_r (m):
+/// the safety levels; distance (m); turn (-1 right, 0, 1 left) and avoid (0 or 1): the input held
+/// in the step. Then every further feature: robot_ahead, robot_left (m): the robot in the human's
+/// frame; closest_time (s), closest_distance, closest_left (m): the closest approach if both drove
+/// straight on; dv_h_ahead, dv_h_left (m/m), dv_h_turn (m/rad), dv_r_ahead, dv_r_left, dv_r_turn:
+/// the gradients of the safety levels; turned_1, turned_2, turned_5, turned (rad): how far the
+/// human turned left in the last step, in the step before it, in the last five steps and since
+/// the trial began.
 ///
-/// A wrong row refuses the whole file, with its line: unlike analyze, which leaves out whom it
-/// belongs to. Prints one line of JSON: how many participants, trials and steps there are.
+/// An invalid row makes the whole file invalid; the error names its line. (analyze excludes only
+/// the participant.) Prints one line of JSON: the numbers of participants, trials and steps.
 #[derive(Clone, Debug, clap::Args)]
 pub struct FeaturesArgs {
     /// CSV file with at least the columns

@@ -1,10 +1,10 @@
-//! Commands that turn one JSON document into another one.
+//! JSON documents of commands: where they come from and where the answer goes.
 
 use super::{CommandError, print_json, print_line, unwritable};
 use crate::formats::atomic_file;
-use crate::formats::complaint::plain;
 use serde::Serialize;
-use serde::de::{DeserializeOwned, IgnoredAny};
+use serde::de::DeserializeOwned;
+use sidestep::document::{Unread, object_from_json};
 use sidestep::invalid::Invalid;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -16,17 +16,26 @@ pub struct JsonArgs {
     /// JSON file to read; - reads stdin.
     #[arg(long, value_name = "FILE.json")]
     input: PathBuf,
-    /// File for the answer, one line of JSON; without it the answer goes to stdout.
+    /// File to write the answer to, as one line of JSON [default: stdout].
     #[arg(long, value_name = "FILE.json")]
     out: Option<PathBuf>,
 }
 
 impl JsonArgs {
+    /// Refuses an answer that could not be written, before any work is done.
+    ///
+    /// # Errors
+    /// [`CommandError`] naming the file.
+    pub(super) fn check_out(&self) -> Result<(), CommandError> {
+        match &self.out {
+            Some(out) => atomic_file::check(out).map_err(|e| unwritable(out, &e)),
+            None => Ok(()),
+        }
+    }
+
     /// Reads the document, once it is known that the answer can be written.
     pub(super) fn read<T: DeserializeOwned>(&self) -> Result<T, CommandError> {
-        if let Some(out) = &self.out {
-            atomic_file::check(out).map_err(|e| unwritable(out, &e))?;
-        }
+        self.check_out()?;
         self.document().read()
     }
 
@@ -52,7 +61,7 @@ impl JsonArgs {
 pub(super) struct Document<'a>(pub(super) &'a Path);
 
 impl Document<'_> {
-    /// What complaints call it.
+    /// The name that errors give it.
     fn name(self) -> String {
         if self.is_stdin() { "stdin".to_owned() } else { self.0.display().to_string() }
     }
@@ -71,44 +80,14 @@ impl Document<'_> {
             std::fs::read_to_string(self.0).map(|content| text = content)
         };
         read.map_err(|e| refused(&format!("cannot read: {e}")))?;
-        // First whether it is JSON at all: only then a complaint about a field helps.
-        serde_json::from_str::<IgnoredAny>(&text).map_err(|e| refused(&format!("no JSON: {e}")))?;
-        // A list would be taken for an object's fields in their order.
-        if text.trim_start().starts_with('[') {
-            return Err(refused(&"expected an object, {…}, found a list"));
-        }
-        let mut reader = serde_json::Deserializer::from_str(&text);
-        serde_path_to_error::deserialize(&mut reader).map_err(|e| refused(&complaint(e)))
+        object_from_json(&text).map_err(|unread| match unread {
+            Unread::NotJson(why) => refused(&format!("not JSON: {why}")),
+            Unread::Invalid(invalid) => self.complain(&invalid),
+        })
     }
 
-    /// A complaint about a field of it.
+    /// An error about a field of the document.
     pub(super) fn complain(self, invalid: &Invalid) -> CommandError {
         CommandError::Input(format!("{}: {invalid}", self.name()))
-    }
-}
-
-/// In the order of every complaint: field, expected, found.
-fn complaint(error: serde_path_to_error::Error<serde_json::Error>) -> String {
-    let path = error.path().to_string();
-    let field = if path == "." { "the document".to_owned() } else { path };
-    format!("{field}: {}", plain(&error.into_inner().to_string()))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn complaints_say_where() {
-        let said = |text: &str| {
-            let mut reader = serde_json::Deserializer::from_str(text);
-            let read: Result<Vec<[f64; 2]>, _> = serde_path_to_error::deserialize(&mut reader);
-            complaint(read.unwrap_err())
-        };
-        // Which column it is depends on how serde_json was built.
-        let expected = "[1][1]: expected a number, found string \"x\" (line 1 column ";
-        assert!(said("[[1,2],[3,\"x\"]]").starts_with(expected));
-        assert!(said("[[1]]").starts_with("[0]: expected a list of 2, found 1"));
-        assert!(said("{}").starts_with("the document: expected a list, […], found an object"));
     }
 }

@@ -1,8 +1,8 @@
 //! `sidestep plot`.
 
-use super::bounds::{self, Prediction, PredictorArgs};
 use super::game::FunctionArgs;
 use super::json_file::Document;
+use super::prediction::{Prediction, PredictorArgs, named};
 use super::reach::MOST_STEPS;
 use super::solving::Interrupt;
 use super::{CommandError, print_json, unwritable};
@@ -12,26 +12,26 @@ use crate::formats::atomic_file;
 use sidestep::invalid::Invalid;
 use std::path::{Path, PathBuf};
 
-/// Draw level sets of the value function, or predicted regions.
+/// Draw level sets of the value function, or predicted regions, as SVG or PNG.
 #[derive(Clone, Debug, clap::Args)]
 pub struct PlotArgs {
     #[command(flatten)]
     function: FunctionArgs,
-    /// File to write; its ending says which format: .svg or .png.
+    /// File to write; its ending (.svg or .png) selects the format.
     #[arg(long, value_name = "FILE.svg|FILE.png")]
     out: PathBuf,
-    /// What is drawn.
+    /// The figure to draw.
     #[arg(long, value_enum, default_value = "slices")]
     kind: Kind,
     /// Slices: relative headings, degrees.
     #[arg(long, value_name = "DEG,…", value_delimiter = ',', allow_hyphen_values = true)]
     #[arg(default_values_t = [0.0, 45.0, 90.0, 135.0, 180.0])]
     psi: Vec<f64>,
-    /// Slices: levels of V, m, from the lowest up.
+    /// Slices: levels of V, m, in rising order.
     #[arg(long, value_name = "M,…", value_delimiter = ',', allow_hyphen_values = true)]
     #[arg(default_values_t = [0.0, 1.0, 2.0])]
     levels: Vec<f64>,
-    /// Regions: documents that `sidestep bounds` reads, one panel each; may be given several times.
+    /// Regions: a document for `sidestep bounds`; repeat the flag for more panels.
     #[arg(long, value_name = "FILE.json")]
     input: Vec<PathBuf>,
     #[command(flatten)]
@@ -40,12 +40,12 @@ pub struct PlotArgs {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 enum Kind {
-    /// Curves of equal V in the evader's frame, one panel a relative heading.
+    /// Curves of equal V in the evader's frame, one panel for each relative heading.
     Slices,
-    /// The surface V = 0 over the plane, relative heading upwards.
+    /// The surface V = 0 over the plane, with the relative heading upwards.
     Tube,
-    /// Where the human may be: the sets of `sidestep bounds` in the colours of the paper, all
-    /// positions within the steps ahead above, those at single steps below.
+    /// The predicted positions of the human: the sets of `sidestep bounds` in the paper's
+    /// colours. Above: all positions within the steps ahead; below: those at single steps.
     Regions,
 }
 
@@ -56,8 +56,8 @@ const LEVELS: usize = 20;
 /// Draws and writes the file.
 ///
 /// # Errors
-/// [`CommandError`] for flags or a file that cannot be (input), or a figure that
-/// cannot be written (failure).
+/// [`CommandError`] for wrong flags or files (input), or a figure that cannot be written
+/// (failure).
 pub async fn run(args: PlotArgs) -> Result<(), CommandError> {
     let as_png = is_png(&args.out)?;
     check(&args)?;
@@ -92,34 +92,34 @@ async fn level_sets(args: &PlotArgs, interrupt: &Interrupt) -> Result<String, Co
 async fn regions(files: &[PathBuf], predictor: &PredictorArgs) -> Result<String, CommandError> {
     let given = predictor.read(files.iter().map(|file| Document(file)))?;
     let mut panels = Vec::new();
-    let mut first: Option<(Vec<usize>, f64, usize)> = None;
+    let mut first: Option<(usize, f64, usize)> = None;
     for file in files {
         let document = Document(file);
         let Prediction { now, motion, danger_radius_m, bounds } =
-            bounds::prediction(document, given.as_ref()).await?;
+            Prediction::of(document, given.as_ref()).await?;
         if bounds.raw.len() > MOST_STEPS {
             let expected = format!("at most {MOST_STEPS} steps in a picture");
             let invalid = Invalid::new("k", expected, bounds.raw.len());
             return Err(document.complain(&invalid));
         }
-        let alike = (shown_steps(bounds.raw.len()), motion.step_s, bounds.sets.len());
-        let first = first.get_or_insert_with(|| alike.clone());
-        if *first != alike {
-            let expected = "as many steps and sets, and the same dt, as the first --input";
-            let found = "others";
-            return Err(document.complain(&Invalid::new("the document", expected, found)));
+        let alike = (bounds.raw.len(), motion.step_s, bounds.sets.len());
+        let first = *first.get_or_insert(alike);
+        let shown = shown_steps(bounds.raw.len());
+        if (shown_steps(first.0), first.1, first.2) != (shown.clone(), alike.1, alike.2) {
+            let words = |(steps, dt, sets)| format!("{steps} steps of {dt} s and {sets} sets");
+            let expected = format!("{}, as in the first --input", words(first));
+            return Err(document.complain(&Invalid::new("", expected, words(alike))));
         }
         let title = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        let (sets, shown) = (&bounds.sets, &first.0);
-        let panel = RegionsPanel::new(title, now, sets, &motion, danger_radius_m, shown);
-        panels.push(panel.map_err(|invalid| document.complain(&bounds::named(invalid)))?);
+        let panel = RegionsPanel::new(title, now, &bounds.sets, &motion, danger_radius_m, &shown);
+        panels.push(panel.map_err(|invalid| document.complain(&named(invalid)))?);
     }
-    let Some((shown, step_s, sets)) = first else {
+    let Some((steps, step_s, sets)) = first else {
         let message =
             "--input: expected a document of `sidestep bounds` for each panel, found none";
         return Err(CommandError::Input(message.to_owned()));
     };
-    let times: Vec<f64> = shown.into_iter().map(|step| step as f64 * step_s).collect();
+    let times: Vec<f64> = shown_steps(steps).into_iter().map(|step| step as f64 * step_s).collect();
     let names: Vec<String> = (1..=sets).map(|j| format!("F{j}")).collect();
     let note = "Region j is what set j adds to set j − 1; circle: the robot's danger zone";
     figure::regions("Where the human may be", note, &panels, &times, &names)

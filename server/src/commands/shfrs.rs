@@ -3,9 +3,8 @@
 mod evaluation;
 mod files;
 
-use super::bounds::safety_levels;
 use super::json_file::Document;
-use super::solving::{Interrupt, bar};
+use super::solving::{Interrupt, bar, safety_levels};
 use super::trials_file::SceneArgs;
 use super::{CommandError, print_json, trials_file, unwritable};
 use crate::http::training::{self, Driven};

@@ -4,7 +4,11 @@ use super::CommandError;
 use crate::threads;
 use indicatif::{ProgressBar, ProgressStyle};
 use sidestep::invalid::Invalid;
-use sidestep::reachability::{Method, Options, PursuitGame, SolveError, Solved, solve};
+use sidestep::reachability::{
+    Method, Options, PursuitGame, SolveError, Solved, ValueFunction, solve,
+};
+use sidestep::safety::SafetyLevels;
+use sidestep::scene::{Evader, SceneParameters};
 use std::ops::ControlFlow;
 use std::time::Instant;
 use tokio_util::sync::CancellationToken;
@@ -115,6 +119,33 @@ pub(super) async fn solved_silently(
         Ok(solved) => Ok((solved, wall_s)),
         Err(SolveError::Invalid(invalid)) => Err(flagged(invalid)),
         Err(SolveError::Cancelled) => Err(stopped()),
+    }
+}
+
+/// The safety levels of both vehicles; only unequal vehicles need a solve. Reports a value
+/// function that did not converge.
+pub(super) async fn safety_levels(
+    parameters: &SceneParameters,
+    interrupt: &Interrupt,
+) -> Result<SafetyLevels, CommandError> {
+    let [game_h, game_r] = Evader::ALL.map(|evader| parameters.game(evader));
+    let human = value_function(game_h, interrupt).await?;
+    let robot =
+        if game_r == game_h { human.clone() } else { value_function(game_r, interrupt).await? };
+    let safety = SafetyLevels { human, robot };
+    for complaint in safety.complaints() {
+        eprintln!("sidestep: {complaint}");
+    }
+    Ok(safety)
+}
+
+async fn value_function(
+    game: PursuitGame,
+    interrupt: &Interrupt,
+) -> Result<ValueFunction, CommandError> {
+    match game.exact() {
+        Ok(exact) => Ok(ValueFunction::Exact(exact)),
+        Err(_) => Ok(solved_silently(game, Options::default(), interrupt).await?.0.function),
     }
 }
 

@@ -9,6 +9,7 @@
 
 use npyz::WriterBuilder;
 use serde::{Deserialize, Serialize};
+use sidestep::document::from_value;
 use sidestep::invalid::Invalid;
 use sidestep::reachability::{
     MEMORY_LIMIT_BYTES, Method, Nodes, PursuitGame, SampledValue, ValueFunction,
@@ -267,11 +268,7 @@ fn read_meta<R: Read + Seek>(archive: &mut ZipArchive<R>) -> Result<Meta, Invali
     if found != FORMAT {
         return Err(Invalid::new("meta.format", format!("{FORMAT:?}"), found));
     }
-    let meta: Meta = serde_path_to_error::deserialize(&json).map_err(|e| {
-        let path = e.path().to_string();
-        let field = if path == "." { "meta".to_owned() } else { format!("meta.{path}") };
-        Invalid::new(field, format!("a field of {FORMAT}"), e.inner())
-    })?;
+    let meta: Meta = from_value(&json).map_err(|e| e.within("meta"))?;
     let coordinates = match meta.nodes {
         Nodes::Polar { .. } => "polar",
         Nodes::Cartesian { .. } => "cartesian",

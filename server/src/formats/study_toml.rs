@@ -1,6 +1,7 @@
 //! Study files: TOML laid over the paper's protocol.
 
-use crate::formats::complaint::plain;
+use serde::Deserialize;
+use sidestep::document::from_value;
 use sidestep::study::StudyConfig;
 use std::path::Path;
 use toml::{Table, Value};
@@ -26,11 +27,14 @@ fn parse_study(text: &str) -> Result<StudyConfig, String> {
     let mut whole =
         Table::try_from(StudyConfig::default()).map_err(|e| one_line(&e.to_string()))?;
     lay_over(&mut whole, given);
-    let study: StudyConfig =
-        serde_path_to_error::deserialize(Value::Table(whole)).map_err(|error| {
-            let field = error.path().to_string();
-            format!("{field}: {}", plain(&one_line(error.inner().message())))
-        })?;
+    let study = StudyConfig::deserialize(Value::Table(whole.clone())).or_else(|error| {
+        let document = serde_json::to_value(whole).map_err(|e| one_line(&e.to_string()))?;
+        match from_value::<StudyConfig>(&document) {
+            Err(invalid) => Err(invalid.to_string()),
+            // TOML has numbers and dates that JSON has not.
+            Ok(_) => Err(one_line(&error.to_string())),
+        }
+    })?;
     study.check().map_err(|invalid| invalid.to_string())?;
     Ok(study)
 }
@@ -80,7 +84,7 @@ mod tests {
         check("slug = 7", &["slug", "string"]);
         check("slug = \"Pilot 2\"", &["slug", "lower-case", "Pilot 2"]);
         check("[parameters.human]\nspeed_mps = -2.0", &["parameters.human.speed_mps"]);
-        check("parameters = 3", &["parameters: expected an object, {…}, found integer `3`"]);
+        check("parameters = 3", &["parameters: expected an object, {…}, found 3"]);
         check("phases = [{ phase = \"nap\", scenes = 2 }]", &["phases[0].phase"]);
     }
 }

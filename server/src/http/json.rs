@@ -1,19 +1,18 @@
-//! Request bodies: JSON in, a typed value out, or a complaint that says where.
+//! Request bodies: JSON in, a typed value out, or an error that names the field.
 
-use crate::formats::complaint::plain;
 use crate::http::error::ApiError;
 use axum::body::{Body, Bytes};
 use axum::extract::{FromRequest, Request};
 use axum::http::{StatusCode, header};
 use futures_util::StreamExt;
-use serde::de::{DeserializeOwned, IgnoredAny};
-use sidestep::api::MAX_BODY_OCTETS;
-use sidestep::invalid::Invalid;
+use serde::de::DeserializeOwned;
+use sidestep::api::MAX_BODY_BYTES;
+use sidestep::document::{Unread, object_from_json};
 
 /// A request body of type `T`.
 ///
-/// Answers 415 to another media type or a compressed body, 413 to one that is
-/// too long, 400 to what is no JSON (or nested more than 64 deep), and 422
+/// Answers 415 to another media type or a compressed body, 413 to a body that is
+/// too long, 400 to one that is not JSON (or nested more than 64 deep), and 422
 /// naming the field to JSON of another shape or a number that is out of range.
 pub struct JsonBody<T>(pub T);
 
@@ -22,8 +21,8 @@ impl<T: DeserializeOwned, S: Send + Sync> FromRequest<S> for JsonBody<T> {
 
     async fn from_request(request: Request, _: &S) -> Result<Self, ApiError> {
         check_headers(&request)?;
-        let octets = read(request.into_body()).await?;
-        parse(&octets).map(Self)
+        let bytes = read(request.into_body()).await?;
+        parse(&bytes).map(Self)
     }
 }
 
@@ -40,91 +39,42 @@ fn check_headers(request: &Request) -> Result<(), ApiError> {
         return unsupported("content_type", "send Content-Type: application/json");
     }
     let announced = text(header::CONTENT_LENGTH).and_then(|length| length.parse::<u64>().ok());
-    if announced.is_some_and(|length| length > MAX_BODY_OCTETS as u64) {
+    if announced.is_some_and(|length| length > MAX_BODY_BYTES as u64) {
         return Err(too_large());
     }
     Ok(())
 }
 
 fn too_large() -> ApiError {
-    let message = format!("a body may have at most {MAX_BODY_OCTETS} octets");
+    let message = format!("a body may have at most {MAX_BODY_BYTES} bytes");
     ApiError::new(StatusCode::PAYLOAD_TOO_LARGE, "too_large", message)
 }
 
 /// Reads at most the limit, whatever length was announced or not.
 async fn read(body: Body) -> Result<Vec<u8>, ApiError> {
-    let mut octets = Vec::new();
+    let mut bytes = Vec::new();
     let mut chunks = body.into_data_stream();
     while let Some(chunk) = chunks.next().await {
         let chunk: Bytes = chunk.map_err(|_| ApiError::malformed("the body broke off"))?;
-        if octets.len() + chunk.len() > MAX_BODY_OCTETS {
+        if bytes.len() + chunk.len() > MAX_BODY_BYTES {
             return Err(too_large());
         }
-        octets.extend_from_slice(&chunk);
+        bytes.extend_from_slice(&chunk);
     }
-    Ok(octets)
+    Ok(bytes)
 }
 
-/// One JSON value of type `T` and nothing after it.
+/// One JSON object of type `T` and nothing after it.
 ///
 /// # Errors
 /// 400 or 422, as [`JsonBody`] says.
-pub fn parse<T: DeserializeOwned>(octets: &[u8]) -> Result<T, ApiError> {
-    let text = std::str::from_utf8(octets)
+pub fn parse<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, ApiError> {
+    let text = std::str::from_utf8(bytes)
         .map_err(|e| ApiError::malformed(format!("the body is not UTF-8: {e}")))?;
-    // First whether it is JSON at all, then whether it is a `T`: otherwise the answer
-    // to a broken body would depend on what comes first in it.
-    check_nesting(text)?;
-    serde_json::from_str::<IgnoredAny>(text)
-        .map_err(|e| ApiError::malformed(format!("the body is not JSON: {e}")))?;
-    // A list would be taken for an object's fields in their order.
-    if !text.trim_start().starts_with('{') {
-        return Err(Invalid::new("", "an object", "something else").into());
-    }
-    let mut reader = serde_json::Deserializer::from_str(text);
-    serde_path_to_error::deserialize(&mut reader).map_err(complaint)
-}
-
-/// No body of ours is nested deeper than a handful; a hundred thousand brackets
-/// are an attempt on the stack.
-fn check_nesting(text: &str) -> Result<(), ApiError> {
-    const DEEPEST: usize = 64;
-    let (mut depth, mut in_string, mut escaped) = (0usize, false, false);
-    for octet in text.bytes() {
-        match octet {
-            _ if escaped => escaped = false,
-            b'\\' if in_string => escaped = true,
-            b'"' => in_string = !in_string,
-            b'[' | b'{' if !in_string => depth += 1,
-            b']' | b'}' if !in_string => depth = depth.saturating_sub(1),
-            _ => {}
-        }
-        if depth > DEEPEST {
-            let message = format!("the body is nested more than {DEEPEST} deep");
-            return Err(ApiError::malformed(message));
-        }
-    }
-    Ok(())
-}
-
-fn complaint(error: serde_path_to_error::Error<serde_json::Error>) -> ApiError {
-    let path = error.path().to_string();
-    let field = if path == "." { String::new() } else { path };
-    let inner = error.into_inner();
-    let message = inner.to_string();
-    let out_of_range = message.starts_with("number out of range");
-    if !inner.is_data() && !out_of_range {
-        return ApiError::malformed(format!("the body is not JSON: {message}"));
-    }
-    if out_of_range {
-        let expected = "a number that a double can hold";
-        return Invalid::new(field, expected, "one that is too large").into();
-    }
-    // Our own types already say "expected …, found …" (after ": "); serde says it in its way.
-    let message = plain(message.trim_start_matches(": "));
-    let problem =
-        sidestep::api::Problem { code: "invalid".to_owned(), message, field: Some(field) };
-    ApiError::Problem { status: StatusCode::UNPROCESSABLE_ENTITY, problem }
+    object_from_json(text).map_err(|unread| match unread {
+        Unread::NotJson(why) => ApiError::malformed(format!("the body is not JSON: {why}")),
+        Unread::Invalid(invalid) => invalid.into(),
+    })
 }
 
 #[cfg(test)]
@@ -150,6 +100,7 @@ mod tests {
         check::<Enrolment>(b"{\"consent\":NaN}", 400, None);
         check::<Enrolment>(b"{\"consent\":1}", 422, Some("consent"));
         check::<Enrolment>(b"{\"consent\":true,\"extra\":1}", 422, Some("extra"));
+        check::<Enrolment>(b"{}", 422, Some("consent"));
         check::<Enrolment>(b"[]", 422, Some(""));
         check::<Enrolment>(b" [true, null]", 422, Some(""));
         check::<TrialUpload>(b"{\"started_at_ms\":1e999}", 422, Some("started_at_ms"));

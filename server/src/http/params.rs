@@ -1,9 +1,12 @@
-//! Parts of addresses: what does not parse is answered like everything else.
+//! Parts of addresses; errors name the part that is wrong.
 
 use crate::http::error::ApiError;
 use axum::extract::{FromRequestParts, Path, Query};
+use axum::http::Uri;
 use axum::http::request::Parts;
 use serde::de::DeserializeOwned;
+use serde_json::Value;
+use sidestep::document::from_value;
 use sidestep::invalid::Invalid;
 
 /// The one open part of a route's address.
@@ -27,18 +30,59 @@ pub struct Params<T>(pub T);
 impl<T: DeserializeOwned, S: Send + Sync> FromRequestParts<S> for Params<T> {
     type Rejection = ApiError;
 
-    async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Self, ApiError> {
-        Query::<T>::from_request_parts(parts, state).await.map(|Query(value)| Self(value)).map_err(
-            |rejection| {
-                // The text begins with "Failed to deserialize query string: FIELD: …".
-                let text = rejection.body_text();
-                let mut parts = text.splitn(3, ": ").skip(1);
-                let (field, found) = match (parts.next(), parts.next()) {
-                    (Some(field), Some(found)) => (field.to_owned(), found.to_owned()),
-                    _ => ("query".to_owned(), text.clone()),
-                };
-                Invalid::new(field, "a query as documented", found).into()
-            },
-        )
+    async fn from_request_parts(parts: &mut Parts, _: &S) -> Result<Self, ApiError> {
+        Ok(Self(parse(&parts.uri)?))
+    }
+}
+
+fn parse<T: DeserializeOwned>(uri: &Uri) -> Result<T, Invalid> {
+    if let Ok(Query(value)) = Query::<T>::try_from_uri(uri) {
+        return Ok(value);
+    }
+    // Which parameter is wrong: the query as an object, with numbers where they are.
+    let pairs = Query::<Vec<(String, String)>>::try_from_uri(uri).map(|Query(pairs)| pairs);
+    let number = |text: String| text.parse::<i64>().map_or_else(|_| text.into(), Value::from);
+    let object = pairs.unwrap_or_default().into_iter().map(|(name, text)| (name, number(text)));
+    from_value::<T>(&object.collect())?;
+    Err(Invalid::new("query", "each parameter once", "one of them twice"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde::Deserialize;
+
+    #[derive(Debug, PartialEq, Deserialize)]
+    struct Page {
+        limit: Option<u8>,
+        order: Order,
+        title: Option<String>,
+    }
+
+    #[derive(Debug, PartialEq, Deserialize)]
+    #[serde(rename_all = "lowercase")]
+    enum Order {
+        Up,
+        Down,
+    }
+
+    #[test]
+    fn complaints_name_the_parameter() {
+        let read = |query: &str| parse::<Page>(&format!("/trials?{query}").parse().unwrap());
+        let page = Page { limit: Some(3), order: Order::Up, title: Some("7".to_owned()) };
+        assert_eq!(read("limit=3&order=up&title=7"), Ok(page));
+        let said = |query: &str| read(query).unwrap_err().to_string();
+        assert_eq!(said("order=x"), "order: expected up or down, found \"x\"");
+        assert_eq!(said("order=1"), "order: expected up or down, found 1");
+        assert_eq!(said("limit=3"), "order: expected a value, found nothing");
+        assert_eq!(
+            said("limit=many&order=up"),
+            "limit: expected a whole number ≥ 0, found \"many\""
+        );
+        assert_eq!(said("limit=-1&order=up"), "limit: expected a whole number ≥ 0, found -1");
+        assert_eq!(
+            said("order=up&order=up"),
+            "query: expected each parameter once, found one of them twice"
+        );
     }
 }

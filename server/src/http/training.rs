@@ -102,6 +102,7 @@ fn frequencies(features: &FeatureSet, trials: &[Driven]) -> Result<Predictor, In
 #[cfg(test)]
 mod tests {
     use super::*;
+    use sidestep::predict::ModelFile;
     use sidestep::scene::{EncounterRange, SceneParameters, generate};
     use sidestep::trial::simulate;
     use std::ops::ControlFlow;
@@ -134,7 +135,7 @@ mod tests {
         let safety = solved(&SceneParameters::default());
         let trained = train(&hrd(), Some(&safety), &driven(5, TurnInput::Left)).unwrap();
         assert_eq!(trained.fallback, None);
-        assert_eq!(trained.predictor.kind, "logistic");
+        assert!(matches!(trained.predictor.model, ModelFile::Logistic(_)));
         assert_eq!(trained.predictor.classes, [0, 1]);
         assert_eq!(trained.trials, 5);
     }
@@ -144,9 +145,11 @@ mod tests {
         let safety = solved(&SceneParameters::default());
         let check = |trials: &[Driven], probabilities: [f64; 3], word: &str| {
             let trained = train(&hrd(), Some(&safety), trials).unwrap();
-            assert_eq!(trained.predictor.kind, "constant");
             assert_eq!(trained.predictor.classes, [-1, 0, 1]);
-            assert_eq!(trained.predictor.probabilities.unwrap(), probabilities);
+            assert_eq!(
+                trained.predictor.model,
+                ModelFile::Constant { probabilities: probabilities.to_vec() }
+            );
             assert!(trained.fallback.unwrap().contains(word));
         };
         check(&[], [0.2, 0.6, 0.2], "(0 of 5)");

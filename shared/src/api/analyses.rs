@@ -1,26 +1,26 @@
-//! Analyses that the server makes: asked for with a [`Request`], queued, run, kept.
+//! Analyses on the server: requested by a [`Request`], queued, run, kept.
 
 use crate::comparison::{Exclusion, Request};
 use crate::safety::SafetyQuality;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// What has become of an analysis.
+/// The state of an analysis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum AnalysisState {
-    /// It waits for others to end.
+    /// It waits for other analyses to end.
     Queued,
-    /// It is being made. After a restart of the server it is queued again, and takes up what
-    /// was computed before.
+    /// It is running. After a restart of the server it is queued again, and continues with
+    /// what was computed before.
     Running,
-    /// Its files can be fetched.
+    /// It is done; its files can be fetched.
     Done,
-    /// It could not be made; its message says why.
+    /// It failed; its message says why.
     Failed,
-    /// The experimenter did not want it any more.
+    /// The experimenter cancelled it.
     Cancelled,
-    /// Its files are deleted: somebody whose data they hold withdrew them.
+    /// Its files are deleted, because a participant whose data they hold withdrew.
     Withdrawn,
 }
 
@@ -29,7 +29,7 @@ impl AnalysisState {
     pub const ALL: [Self; 6] =
         [Self::Queued, Self::Running, Self::Done, Self::Failed, Self::Cancelled, Self::Withdrawn];
 
-    /// As it is stored and sent.
+    /// The word that is stored and sent.
     #[must_use]
     pub fn word(self) -> &'static str {
         match self {
@@ -42,46 +42,45 @@ impl AnalysisState {
         }
     }
 
-    /// The state of that word.
+    /// The state with this word.
     #[must_use]
     pub fn from_word(word: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|state| state.word() == word)
     }
 
-    /// Whether nothing more will happen to it by itself.
+    /// Whether this state is final.
     #[must_use]
     pub fn is_over(self) -> bool {
         !matches!(self, Self::Queued | Self::Running)
     }
 }
 
-/// How far an analysis is.
+/// The progress of an analysis.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct AnalysisProgress {
     /// Pieces of work that are done.
     pub done: u64,
-    /// All of them; they take about equally long.
+    /// All pieces of work; they take about equally long.
     pub of: u64,
-    /// Time left, s, if the rest goes on as so far; absent before
-    /// anything is computed.
+    /// Estimated time left, s; absent before anything is computed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub left_s: Option<f64>,
 }
 
-/// What an analysis is about, once it is done.
+/// The outcome of an analysis in brief.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct AnalysisResult {
-    /// People who were compared.
+    /// Participants who were compared.
     pub participants: usize,
-    /// Who was left out, and why.
+    /// Participants who were excluded, and why.
     pub excluded: Vec<Exclusion>,
-    /// How many of the trials that are compared have a flag that casts doubt on them, by its word.
+    /// The number of compared trials with each flag that casts doubt on them, by its word.
     pub flagged: BTreeMap<String, usize>,
-    /// Who of those that are compared has the same trials as somebody else.
+    /// Compared participants whose trials equal those of another participant.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub same_trials: Vec<String>,
-    /// How both safety levels came about, and how much they differ over the steps that are
-    /// compared; absent of an analysis that an earlier version made.
+    /// The quality of both safety levels over the steps that are compared; absent in analyses
+    /// of an earlier version.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub safety: Option<SafetyQuality>,
     /// Models that were trained and tested.
@@ -97,14 +96,14 @@ pub struct AnalysisSummary {
     pub id: String,
     /// The study's name in addresses.
     pub study: String,
-    /// What was asked for.
+    /// The request.
     pub request: Request,
-    /// What has become of it.
+    /// Its state.
     pub state: AnalysisState,
-    /// How far it is; absent unless it is running.
+    /// Its progress; absent unless it is running.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub progress: Option<AnalysisProgress>,
-    /// When it was asked for, ms since 1970.
+    /// When it was requested, ms since 1970.
     pub created_at_ms: i64,
     /// When it began, ms since 1970.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -115,7 +114,7 @@ pub struct AnalysisSummary {
     /// Why it failed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub message: Option<String>,
-    /// What it is about, once it is done.
+    /// Its outcome in brief, once it is done.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub result: Option<AnalysisResult>,
 }

@@ -5,7 +5,7 @@ use crate::invalid::Invalid;
 use crate::scene::{JointState, SceneParameters};
 use crate::vehicle::dubins;
 
-/// What Algorithm 1 finds.
+/// The result of Algorithm 1.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PredictedBounds {
     /// The bounds of each set F_j.
@@ -18,7 +18,7 @@ pub struct PredictedBounds {
     pub high: Vec<JointState>,
 }
 
-/// Algorithm 1 of the paper with its scratch: once it has run, runs with no more states,
+/// Algorithm 1 of the paper with its working memory: after one run, runs with no more states,
 /// steps, sets and actions allocate nothing.
 #[derive(Clone, Debug, Default)]
 pub struct Algorithm1 {
@@ -34,13 +34,13 @@ impl Algorithm1 {
     ///
     /// `history` is every joint state of the trial up to now, at least one.
     /// `robot_action` gives the robot's turn rate, rad/s, from the states so far
-    /// (`getRobotAction`); like the model it is asked along both roll-outs, and gives the
-    /// same answer for the same states. Indices count from the present step.
+    /// (`getRobotAction`); like the model, it is evaluated along both roll-outs, and returns the
+    /// same value for the same states. Indices count from the present step.
     ///
     /// # Errors
     /// [`Invalid`] if there is no state; a coordinate is not finite; a part of `motion` is
-    /// wrong; an action, or the robot's, is outside the vehicle's turn rate; the model has
-    /// not as many actions as the settings were made for; or its probabilities are not
+    /// wrong; an action of the human or the robot is outside the vehicle's turn rate; the model's
+    /// number of actions differs from the settings'; or its probabilities are not
     /// numbers ≥ 0 that sum to 1 within 10⁻⁶.
     pub fn run(
         &mut self,
@@ -54,7 +54,7 @@ impl Algorithm1 {
         self.start(history, settings.epsilon.len());
         for i in 0..settings.steps() {
             let mut raw = self.likely.range(model, &self.low, settings, i)?;
-            // While the roll-outs are the same, so is what is likely in them.
+            // While the roll-outs are the same, so are their likely actions.
             let parted = self.low != self.high;
             if parted {
                 let other = self.likely.range(model, &self.high, settings, i)?;
@@ -107,7 +107,7 @@ impl Algorithm1 {
 /// [`Algorithm1::run`] once, for the vehicles of `parameters`.
 ///
 /// # Errors
-/// As of [`Algorithm1::run`].
+/// The errors of [`Algorithm1::run`].
 pub fn input_bounds(
     history: &[JointState],
     parameters: &SceneParameters,
@@ -145,7 +145,7 @@ fn check(
     Ok(())
 }
 
-/// The bounds moved apart by `epsilon` on both sides, but not out of `range`.
+/// The bounds widened by `epsilon` on both sides, but not beyond `range`.
 fn widened((lo, hi): (f64, f64), epsilon: f64, range: (f64, f64)) -> (f64, f64) {
     ((lo - epsilon).max(range.0), (hi + epsilon).min(range.1))
 }
@@ -169,7 +169,7 @@ fn advance(path: &mut Vec<JointState>, human_turn: f64, robot_turn: f64, motion:
     }
 }
 
-/// How far probabilities may be from summing to 1.
+/// How far the sum of probabilities may be from 1.
 const SUM_TOLERANCE: f64 = 1e-6;
 
 /// Finds the actions that count (getTopKPredictedHumanActions).
@@ -270,7 +270,7 @@ mod tests {
         assert_eq!(raw([0.4, 0.2, 0.4], 1), (-0.5, 0.5));
         assert_eq!(raw([0.6, 0.2, 0.2], 2), (-0.5, 0.5));
         assert_eq!(raw([0.2, 0.6, 0.2], 1), (0.0, 0.0));
-        // None is likely enough to be the second one: all tie with it.
+        // The second likeliest has probability 0, so all actions tie with it.
         assert_eq!(raw([1.0, 0.0, 0.0], 2), (-0.5, 0.5));
     }
 

@@ -16,7 +16,7 @@ pub struct Feature {
     pub name: &'static str,
     /// Unit; "1" for a pure number.
     pub unit: &'static str,
-    /// What it tells.
+    /// What it means, in a few words.
     pub meaning: &'static str,
     /// Its value.
     pub compute: Compute,
@@ -196,8 +196,8 @@ fn heading_difference(history: &[JointState]) -> f64 {
     wrap_angle(state.human.psi - state.robot.psi)
 }
 
-/// How far the human turned left from `first` to `last` steps ago, rad. In one step a
-/// vehicle turns by less than half a circle, so that the sum knows of full circles.
+/// How far the human turned left from `first` to `last` steps ago, rad. In one step a vehicle turns
+/// by less than half a circle, so the sum counts full circles.
 fn turned(history: &[JointState], first: usize, last: usize) -> f64 {
     let recent = history.iter().rev().skip(first).take(last - first + 1);
     let headings = recent.map(|state| state.human.psi);
@@ -217,7 +217,7 @@ struct ClosestApproach {
     left_m: f64,
 }
 
-/// Vehicles whose relative speed is below this share of the sum of both are side by side.
+/// Vehicles whose relative speed is below this share of the sum of both speeds drive side by side.
 const SIDE_BY_SIDE: f64 = 1e-6;
 
 /// The speeds are those of the game in which the human evades.
@@ -227,8 +227,8 @@ fn closest_approach(history: &[JointState], safety: &SafetyLevels) -> ClosestApp
     let robot = game.pursuer.speed_mps;
     let (vx, vy) = (robot * cos(psi) - game.evader.speed_mps, robot * sin(psi));
     let square = vx * vx + vy * vy;
-    // Side by side at one speed they are as close now as ever. So they are where rounding alone
-    // makes a difference: else the time would be some 10¹⁶ s.
+    // Side by side at one speed they stay as close as they are now. A relative speed that is only
+    // rounding would give a time of some 10¹⁶ s.
     let least = SIDE_BY_SIDE * (robot + game.evader.speed_mps);
     let time_s = if square > least * least { (-(x * vx + y * vy) / square).max(0.0) } else { 0.0 };
     ClosestApproach { time_s, ahead_m: x + vx * time_s, left_m: y + vy * time_s }
@@ -264,7 +264,7 @@ mod tests {
     fn the_closest_approach_is_the_least_distance_of_straight_drives() {
         let mut parameters = SceneParameters::default();
         parameters.robot.speed_mps = 1.3;
-        // Speeds are all that is asked of it.
+        // Only the speeds matter here.
         let safety = safety(&parameters);
         let mut rng = SeededRng::new(5);
         let mut pose =

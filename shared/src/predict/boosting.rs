@@ -1,4 +1,4 @@
-//! Gradient-boosted trees: scores are sums of what many small trees say.
+//! Gradient-boosted trees: a score is the sum of the values of many small trees.
 //! [`learn::boosting`](crate::learn::boosting) trains them.
 
 use super::logistic::softmax;
@@ -10,14 +10,14 @@ use serde::{Deserialize, Serialize};
 /// Trees whose leaves hold numbers.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Boosted {
-    /// The score of each class before any tree; of two classes, that of the second only: the
+    /// The score of each class before any tree; with two classes, only the second's: the
     /// first's is 0.
     intercepts: Vec<f64>,
     /// Tree i adds to the score with index i modulo the number of scores.
     trees: Vec<Summand>,
 }
 
-/// A tree, and at each node (of which leaves count) what it adds to a score.
+/// A tree, and for each node (only leaves matter) the value that it adds to a score.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Summand {
     pub(crate) questions: Questions,
@@ -25,7 +25,7 @@ pub(crate) struct Summand {
 }
 
 impl Summand {
-    /// What it adds for `row`.
+    /// The value that it adds for `row`.
     pub(crate) fn value(&self, row: &[f64]) -> f64 {
         self.values[self.questions.leaf(row)]
     }
@@ -34,7 +34,7 @@ impl Summand {
 /// The file form of [`Boosted`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct BoostedFile {
-    /// The score of each class before any tree; of two classes, of the second only (the
+    /// The score of each class before any tree; with two classes, only the second's (the
     /// first's is 0).
     pub intercepts: Vec<f64>,
     /// Round after round, a tree for each intercept.
@@ -47,7 +47,7 @@ pub struct SummandFile {
     /// The questions.
     #[serde(flatten)]
     pub questions: QuestionsFile,
-    /// One entry a node: what is added to the score at a leaf; 0 at others.
+    /// One entry for each node: the value that a leaf adds to the score; 0 at other nodes.
     pub value: Vec<f64>,
 }
 
@@ -61,17 +61,17 @@ impl From<&Boosted> for BoostedFile {
     }
 }
 
-/// How many scores decide between so many classes.
+/// The number of scores for this number of classes.
 pub(crate) fn scores_of(classes: usize) -> usize {
     if classes == 2 { 1 } else { classes }
 }
 
 impl BoostedFile {
-    /// The model, for `width` features and so many classes.
+    /// The model, for `width` features and `classes` classes.
     ///
     /// # Errors
-    /// [`Invalid`] if there is not an intercept a score, a round lacks trees, a tree is none
-    /// (see [`QuestionsFile`]) or a number is not finite.
+    /// [`Invalid`] if there is not one intercept for each score, a round lacks trees, a tree is not
+    /// valid (see [`QuestionsFile`]) or a number is not finite.
     pub fn check(&self, width: usize, classes: usize) -> Result<Boosted, Invalid> {
         let scores = scores_of(classes);
         length("intercepts", scores, self.intercepts.len())?;
@@ -108,7 +108,7 @@ impl Boosted {
         Self { intercepts, trees }
     }
 
-    /// How many times each score was improved.
+    /// The number of rounds: trees of each score.
     #[must_use]
     pub fn rounds(&self) -> usize {
         self.trees.len() / self.intercepts.len()

@@ -1,156 +1,190 @@
 //! predictor.json.
 
 use super::boosting::BoostedFile;
-use super::logistic::Logistic;
-use super::scale::Scale;
-use super::svm::{self, Sigmoid, Svm};
+use super::logistic::LogisticFile;
+use super::svm::SvmFile;
 use super::tree::TreeFile;
 use super::{Model, Predictor};
+use crate::document::from_value;
 use crate::features::FeatureSet;
-use crate::invalid::{Invalid, length};
-use serde::{Deserialize, Serialize};
+use crate::invalid::Invalid;
+use serde::de::{DeserializeOwned, Error};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use serde_json::Value;
 
 /// A predictor's file form, `predictor.json`; docs/predictor.md describes it for users. A
 /// logistic model that was trained elsewhere can be written so and used everywhere.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(expecting = "an object, {…}, as in a predictor.json")]
+#[derive(Clone, Debug, PartialEq)]
 pub struct PredictorFile {
-    /// Always [`FORMAT`].
-    pub format: String,
-    /// `boosted`, `logistic`, `svm`, `tree` or `constant`.
-    pub kind: String,
-    /// What the classes tell, where the file says so: 1 which way somebody turns, 2 whether they
-    /// turn at all.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    /// What the classes mean, where the file says so: 1 the direction of a turn, 2 whether the
+    /// human avoids.
     pub experiment: Option<u8>,
     /// Names of the features, in the order of the columns.
     pub features: Vec<String>,
-    /// What is told apart: −1 right, 0 straight, 1 left.
+    /// The classes: −1 right, 0 straight, 1 left.
     pub classes: Vec<i8>,
     /// The turn rate of each class, rad/s, in rising order; without it a class is
     /// multiplied by the vehicle's turn rate.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub actions: Option<Vec<f64>>,
-    /// Logistic, SVM: what is subtracted from each feature.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub mean: Option<Vec<f64>>,
-    /// Logistic, SVM: what each feature is then divided by.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub scale: Option<Vec<f64>>,
-    /// Logistic: a row of weights a class. Linear SVM: a row a pair of classes.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub coefficients: Option<Vec<Vec<f64>>>,
-    /// Logistic: an offset a class. SVM: an offset a pair of classes.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub intercepts: Option<Vec<f64>>,
-    /// SVM: `linear` or `rbf`. Pairs of classes are in the order (first, second), (first,
-    /// third), …, (second, third), …; a positive decision value speaks for the pair's first.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub kernel: Option<String>,
-    /// SVM with kernel `rbf`: γ of exp(−γ |x − z|²), on standardised features.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub gamma: Option<f64>,
-    /// SVM with kernel `rbf`: vectors × features, standardised.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub support_vectors: Option<Vec<Vec<f64>>>,
-    /// SVM with kernel `rbf`: pairs × support vectors, α times +1 or −1.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub dual_coefficients: Option<Vec<Vec<f64>>>,
-    /// SVM: a and b of each pair; 1 / (1 + exp(a·f + b)) is the probability of the pair's
-    /// first class.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub sigmoids: Option<Vec<[f64; 2]>>,
-    /// Boosted: first scores and trees.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub boosted: Option<BoostedFile>,
-    /// Tree: the nodes.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub tree: Option<TreeFile>,
-    /// Constant: a probability a class.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub probabilities: Option<Vec<f64>>,
+    /// The model, by its kind.
+    pub model: ModelFile,
 }
 
-/// The version of the file form that is read and written.
-pub const FORMAT: &str = "sidestep-predictor/1";
+/// The fields of a predictor.json that depend on its kind.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(untagged)]
+pub enum ModelFile {
+    /// `"kind": "boosted"`.
+    Boosted {
+        /// First scores and trees.
+        boosted: BoostedFile,
+    },
+    /// `"kind": "logistic"`.
+    Logistic(LogisticFile),
+    /// `"kind": "svm"`.
+    Svm(SvmFile),
+    /// `"kind": "tree"`.
+    Tree {
+        /// The nodes.
+        tree: TreeFile,
+    },
+    /// `"kind": "constant"`.
+    Constant {
+        /// A probability for each class.
+        probabilities: Vec<f64>,
+    },
+}
+
+/// The version of the file form.
+#[derive(Serialize, Deserialize)]
+enum Format {
+    #[serde(rename = "sidestep-predictor/1")]
+    V1,
+}
+
+/// The kinds, as files name them.
+#[derive(Clone, Copy, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum Kind {
+    Boosted,
+    Logistic,
+    Svm,
+    Tree,
+    Constant,
+}
+
+/// The fields of every kind, first in the file.
+#[derive(Serialize, Deserialize)]
+#[serde(expecting = "an object, {…}, as in a predictor.json")]
+struct Head {
+    format: Format,
+    kind: Kind,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    experiment: Option<u8>,
+    features: Vec<String>,
+    classes: Vec<i8>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    actions: Option<Vec<f64>>,
+}
+
+impl ModelFile {
+    fn kind(&self) -> Kind {
+        match self {
+            Self::Boosted { .. } => Kind::Boosted,
+            Self::Logistic(_) => Kind::Logistic,
+            Self::Svm(_) => Kind::Svm,
+            Self::Tree { .. } => Kind::Tree,
+            Self::Constant { .. } => Kind::Constant,
+        }
+    }
+
+    /// Reads the fields of `kind`; others are ignored.
+    fn read(kind: Kind, document: &Value) -> Result<Self, Invalid> {
+        Ok(match kind {
+            Kind::Boosted => Self::Boosted { boosted: field(document, "boosted")? },
+            Kind::Logistic => Self::Logistic(from_value(document)?),
+            Kind::Svm => Self::Svm(SvmFile::read(document)?),
+            Kind::Tree => Self::Tree { tree: field(document, "tree")? },
+            Kind::Constant => Self::Constant { probabilities: field(document, "probabilities")? },
+        })
+    }
+}
+
+/// One field of a document.
+fn field<T: DeserializeOwned>(document: &Value, name: &str) -> Result<T, Invalid> {
+    match document.get(name) {
+        None | Some(Value::Null) => Err(Invalid::new(name, "a value", "nothing")),
+        Some(value) => from_value(value).map_err(|invalid| invalid.within(name)),
+    }
+}
+
+impl<'de> Deserialize<'de> for PredictorFile {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let document = Value::deserialize(deserializer)?;
+        let read = |document: &Value| {
+            let Head { format: Format::V1, kind, experiment, features, classes, actions } =
+                from_value(document)?;
+            let model = ModelFile::read(kind, document)?;
+            Ok(Self { experiment, features, classes, actions, model })
+        };
+        read(&document).map_err(|invalid: Invalid| D::Error::custom(invalid))
+    }
+}
+
+impl Serialize for PredictorFile {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        #[derive(Serialize)]
+        struct Document<'a> {
+            #[serde(flatten)]
+            head: Head,
+            #[serde(flatten)]
+            model: &'a ModelFile,
+        }
+        let head = Head {
+            format: Format::V1,
+            kind: self.model.kind(),
+            experiment: self.experiment,
+            features: self.features.clone(),
+            classes: self.classes.clone(),
+            actions: self.actions.clone(),
+        };
+        Document { head, model: &self.model }.serialize(serializer)
+    }
+}
 
 impl From<&Predictor> for PredictorFile {
     fn from(predictor: &Predictor) -> Self {
-        let mut file = Self {
-            format: FORMAT.to_owned(),
-            kind: String::new(),
+        Self {
             experiment: None,
             features: predictor.features.clone().into(),
             classes: predictor.classes.clone(),
             actions: predictor.actions.clone(),
-            mean: None,
-            scale: None,
-            coefficients: None,
-            intercepts: None,
-            kernel: None,
-            gamma: None,
-            support_vectors: None,
-            dual_coefficients: None,
-            sigmoids: None,
-            boosted: None,
-            tree: None,
-            probabilities: None,
-        };
-        match &predictor.model {
-            Model::Boosted(model) => {
-                file.kind = "boosted".to_owned();
-                file.boosted = Some(model.into());
-            }
-            Model::Logistic(scale, model) => {
-                file.kind = "logistic".to_owned();
-                file.mean = Some(scale.mean().to_vec());
-                file.scale = Some(scale.scale().to_vec());
-                file.coefficients = Some(model.coefficients());
-                file.intercepts = Some(model.intercepts().to_vec());
-            }
-            Model::Svm(scale, model) => {
-                file.kind = "svm".to_owned();
-                file.mean = Some(scale.mean().to_vec());
-                file.scale = Some(scale.scale().to_vec());
-                match model.kernel() {
-                    svm::Kernel::Linear => {
-                        file.kernel = Some("linear".to_owned());
-                        file.coefficients = Some(model.coefficients());
-                    }
-                    svm::Kernel::Rbf { gamma } => {
-                        file.kernel = Some("rbf".to_owned());
-                        file.gamma = Some(gamma);
-                        file.support_vectors = Some(model.support_vectors());
-                        file.dual_coefficients = Some(model.dual_coefficients());
-                    }
+            model: match &predictor.model {
+                Model::Boosted(model) => ModelFile::Boosted { boosted: model.into() },
+                Model::Logistic(scale, model) => {
+                    ModelFile::Logistic(LogisticFile::of(scale, model))
                 }
-                file.intercepts = Some(model.intercepts().to_vec());
-                file.sigmoids = Some(model.sigmoids().iter().map(|s| [s.a, s.b]).collect());
-            }
-            Model::Tree(model) => {
-                file.kind = "tree".to_owned();
-                file.tree = Some(model.into());
-            }
-            Model::Constant(probabilities) => {
-                file.kind = "constant".to_owned();
-                file.probabilities = Some(probabilities.clone());
-            }
+                Model::Svm(scale, model) => ModelFile::Svm(SvmFile::of(scale, model)),
+                Model::Tree(model) => ModelFile::Tree { tree: model.into() },
+                Model::Constant(probabilities) => {
+                    ModelFile::Constant { probabilities: probabilities.clone() }
+                }
+            },
         }
-        file
     }
 }
 
 impl PredictorFile {
-    /// The predictor, if its classes can be turns.
+    /// The predictor, if its classes are turns.
     ///
     /// # Errors
-    /// [`Invalid`] for a file that says that they cannot, or one that is no predictor.
+    /// [`Invalid`] if the file says that its classes are not turns, or if it is wrong.
     pub fn of_turns(self) -> Result<Predictor, Invalid> {
         match self.experiment {
             None | Some(1) => self.try_into(),
             Some(2) => {
-                let expected = "1, a model that tells which way somebody turns";
-                Err(Invalid::new("experiment", expected, "2, one that tells only whether"))
+                let expected = "1, a model of the turn direction";
+                Err(Invalid::new("experiment", expected, "2, a model of avoidance"))
             }
             Some(other) => Err(Invalid::new("experiment", "1 or 2, or nothing", other)),
         }
@@ -161,80 +195,39 @@ impl TryFrom<PredictorFile> for Predictor {
     type Error = Invalid;
 
     fn try_from(file: PredictorFile) -> Result<Self, Invalid> {
-        if file.format != FORMAT {
-            return Err(Invalid::new("format", FORMAT, file.format));
-        }
-        let features = FeatureSet::of(&file.features)?;
-        if file.classes.is_empty() || !file.classes.is_sorted_by(|a, b| a < b) {
+        let PredictorFile { features, classes, actions, model, .. } = file;
+        let features = match model {
+            // Its probabilities depend on no feature.
+            ModelFile::Constant { .. } if features.is_empty() => FeatureSet::none(),
+            _ => FeatureSet::of(&features)?,
+        };
+        if classes.is_empty() || !classes.is_sorted_by(|a, b| a < b) {
             let expected = "at least one class, in rising order";
-            return Err(Invalid::new("classes", expected, format!("{:?}", file.classes)));
+            return Err(Invalid::new("classes", expected, format!("{classes:?}")));
         }
-        let missing = |field: &str| {
-            Invalid::new(field, format!("its contents, for kind {:?}", file.kind), "nothing")
-        };
-        let predictor = match file.kind.as_str() {
-            "boosted" => {
-                let model = file.boosted.ok_or_else(|| missing("boosted"))?;
-                let model = model.check(features.len(), file.classes.len());
-                Self::boosted(features, file.classes, model.map_err(|e| e.within("boosted"))?)
+        let (width, count) = (features.len(), classes.len());
+        let predictor = match model {
+            ModelFile::Boosted { boosted } => {
+                let model = boosted.check(width, count).map_err(|e| e.within("boosted"))?;
+                Self::boosted(features, classes, model)
             }
-            "logistic" => {
-                let scale = Scale::new(
-                    file.mean.ok_or_else(|| missing("mean"))?,
-                    file.scale.ok_or_else(|| missing("scale"))?,
-                )?;
-                length("mean", features.len(), scale.mean().len())?;
-                let coefficients = file.coefficients.ok_or_else(|| missing("coefficients"))?;
-                let intercepts = file.intercepts.ok_or_else(|| missing("intercepts"))?;
-                length("coefficients", file.classes.len(), coefficients.len())?;
-                let model = Logistic::new(features.len(), &coefficients, intercepts)?;
-                Self::logistic(features, file.classes, scale, model)
+            ModelFile::Logistic(file) => {
+                let (scale, model) = file.check(width, count)?;
+                Self::logistic(features, classes, scale, model)
             }
-            "svm" => {
-                let scale = Scale::new(
-                    file.mean.ok_or_else(|| missing("mean"))?,
-                    file.scale.ok_or_else(|| missing("scale"))?,
-                )?;
-                length("mean", features.len(), scale.mean().len())?;
-                let intercepts = file.intercepts.ok_or_else(|| missing("intercepts"))?;
-                let sigmoids = file.sigmoids.ok_or_else(|| missing("sigmoids"))?;
-                let sigmoids = sigmoids.into_iter().map(|[a, b]| Sigmoid { a, b }).collect();
-                let (width, classes) = (features.len(), file.classes.len());
-                let model = match file.kernel.as_deref() {
-                    Some("linear") => {
-                        let weights = file.coefficients.ok_or_else(|| missing("coefficients"))?;
-                        Svm::linear(width, classes, &weights, intercepts, sigmoids)?
-                    }
-                    Some("rbf") => {
-                        let gamma = file.gamma.ok_or_else(|| missing("gamma"))?;
-                        let vectors =
-                            file.support_vectors.ok_or_else(|| missing("support_vectors"))?;
-                        let dual =
-                            file.dual_coefficients.ok_or_else(|| missing("dual_coefficients"))?;
-                        Svm::rbf(width, classes, gamma, &vectors, &dual, intercepts, sigmoids)?
-                    }
-                    other => {
-                        let found = other.unwrap_or("nothing");
-                        return Err(Invalid::new("kernel", "linear or rbf", found));
-                    }
-                };
-                Self::svm(features, file.classes, scale, model)
+            ModelFile::Svm(file) => {
+                let (scale, model) = file.check(width, count)?;
+                Self::svm(features, classes, scale, model)
             }
-            "tree" => {
-                let tree = file.tree.ok_or_else(|| missing("tree"))?;
-                let tree = tree.check(features.len(), file.classes.len());
-                Self::tree(features, file.classes, tree.map_err(|e| e.within("tree"))?)
+            ModelFile::Tree { tree } => {
+                let model = tree.check(width, count).map_err(|e| e.within("tree"))?;
+                Self::tree(features, classes, model)
             }
-            "constant" => {
-                let probabilities = file.probabilities.ok_or_else(|| missing("probabilities"))?;
-                Self::constant(features, file.classes, probabilities)?
-            }
-            other => {
-                let expected = "boosted, logistic, svm, tree or constant";
-                return Err(Invalid::new("kind", expected, other));
+            ModelFile::Constant { probabilities } => {
+                Self::constant(features, classes, probabilities)?
             }
         };
-        match file.actions {
+        match actions {
             Some(actions) => predictor.with_actions(actions),
             None => Ok(predictor),
         }

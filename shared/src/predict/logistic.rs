@@ -4,6 +4,7 @@
 use super::scale::Scale;
 use crate::invalid::{Invalid, finite, length};
 use crate::math::exp;
+use serde::{Deserialize, Serialize};
 
 /// A row of weights and an intercept for each class. Of two classes that were trained here,
 /// the first has zeros and the second the weights of its log-odds.
@@ -13,6 +14,42 @@ pub struct Logistic {
     /// Row-major: classes × (weights …, intercept).
     weights: Vec<f64>,
     intercepts: Vec<f64>,
+}
+
+/// The file form of a [`Logistic`] on standardised features.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LogisticFile {
+    /// What is subtracted from each feature.
+    pub mean: Vec<f64>,
+    /// What each feature is then divided by.
+    pub scale: Vec<f64>,
+    /// Classes × features: weights.
+    pub coefficients: Vec<Vec<f64>>,
+    /// An offset for each class.
+    pub intercepts: Vec<f64>,
+}
+
+impl LogisticFile {
+    /// The file form of a model and its scale.
+    pub(super) fn of(scale: &Scale, model: &Logistic) -> Self {
+        Self {
+            mean: scale.mean().to_vec(),
+            scale: scale.scale().to_vec(),
+            coefficients: model.coefficients(),
+            intercepts: model.intercepts().to_vec(),
+        }
+    }
+
+    /// The scale and the model, for `width` features and `classes` classes.
+    ///
+    /// # Errors
+    /// [`Invalid`] if a length is wrong or a number is not finite.
+    pub(super) fn check(self, width: usize, classes: usize) -> Result<(Scale, Logistic), Invalid> {
+        let scale = Scale::new(self.mean, self.scale)?;
+        length("mean", width, scale.mean().len())?;
+        length("coefficients", classes, self.coefficients.len())?;
+        Ok((scale, Logistic::new(width, &self.coefficients, self.intercepts)?))
+    }
 }
 
 impl Logistic {

@@ -4,13 +4,18 @@
 //! (0, 1), (0, 2), …, (1, 2), …. The class with the most votes wins, the first of them on a
 //! tie. Signs, order and votes are libsvm's.
 
+mod pairs;
 mod coupling;
 pub(crate) mod exponential;
 mod support;
 
 use super::scale::Scale;
+use crate::document::from_value;
 use crate::invalid::{Invalid, finite, length, positive};
 use crate::math::exp;
+pub use pairs::{pair_count, pairs, vote};
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
 use support::Support;
 
 /// What stands for the inner product of two standardised rows.
@@ -44,48 +49,154 @@ impl Sigmoid {
     }
 }
 
-/// A machine and a sigmoid for each pair of classes.
+/// A binary SVM and a sigmoid for each pair of classes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Svm {
     width: usize,
     classes: usize,
-    machines: Machines,
+    pairwise: Pairwise,
     /// One a pair.
     intercepts: Vec<f64>,
     /// One a pair.
     sigmoids: Vec<Sigmoid>,
 }
 
+/// The SVMs of all pairs.
 #[derive(Clone, Debug, PartialEq)]
-enum Machines {
+enum Pairwise {
     /// Row-major: pairs × features.
     Linear(Vec<f64>),
     Rbf(Support),
 }
 
-/// How many pairs there are of `classes` classes.
-#[must_use]
-pub fn pair_count(classes: usize) -> usize {
-    classes * classes.saturating_sub(1) / 2
+/// The file form of an [`Svm`] on standardised features; its `kernel` says which.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(untagged)]
+pub enum SvmFile {
+    /// `"kernel": "linear"`.
+    Linear(LinearSvmFile),
+    /// `"kernel": "rbf"`.
+    Rbf(RbfSvmFile),
 }
 
-/// The pairs of classes in order.
-pub fn pairs(classes: usize) -> impl Iterator<Item = (usize, usize)> {
-    (0..classes).flat_map(move |a| (a + 1..classes).map(move |b| (a, b)))
+/// The kernel as files name it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum KernelWord {
+    Linear,
+    Rbf,
 }
 
-/// The class with the most votes, the first of them on a tie, from one decision value a pair.
-#[must_use]
-pub fn vote(classes: usize, decisions: impl IntoIterator<Item = f64>) -> usize {
-    let mut votes = vec![0usize; classes];
-    for ((a, b), decision) in pairs(classes).zip(decisions) {
-        votes[if decision > 0.0 { a } else { b }] += 1;
+/// The file form of a linear [`Svm`]. Pairs of classes are in the order (first, second), (first,
+/// third), …, (second, third), …; a positive decision value is a vote for the pair's first class.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LinearSvmFile {
+    /// What is subtracted from each feature.
+    pub mean: Vec<f64>,
+    /// What each feature is then divided by.
+    pub scale: Vec<f64>,
+    /// Pairs × features: weights.
+    pub coefficients: Vec<Vec<f64>>,
+    /// An offset for each pair.
+    pub intercepts: Vec<f64>,
+    kernel: KernelWord,
+    /// a and b of each pair: 1 / (1 + exp(a·f + b)) is the probability of the pair's first class.
+    pub sigmoids: Vec<[f64; 2]>,
+}
+
+/// The file form of an [`Svm`] with radial basis functions; pairs as in [`LinearSvmFile`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RbfSvmFile {
+    /// What is subtracted from each feature.
+    pub mean: Vec<f64>,
+    /// What each feature is then divided by.
+    pub scale: Vec<f64>,
+    /// An offset for each pair.
+    pub intercepts: Vec<f64>,
+    kernel: KernelWord,
+    /// γ of exp(−γ |x − z|²), on standardised features.
+    pub gamma: f64,
+    /// Vectors × features, standardised.
+    pub support_vectors: Vec<Vec<f64>>,
+    /// Pairs × support vectors: α times +1 or −1.
+    pub dual_coefficients: Vec<Vec<f64>>,
+    /// As in [`LinearSvmFile`].
+    pub sigmoids: Vec<[f64; 2]>,
+}
+
+impl SvmFile {
+    /// The file form of a model and its scale.
+    pub(super) fn of(scale: &Scale, model: &Svm) -> Self {
+        let (mean, scale) = (scale.mean().to_vec(), scale.scale().to_vec());
+        let intercepts = model.intercepts.clone();
+        let sigmoids = model.sigmoids.iter().map(|sigmoid| [sigmoid.a, sigmoid.b]).collect();
+        match model.kernel() {
+            Kernel::Linear => Self::Linear(LinearSvmFile {
+                mean,
+                scale,
+                coefficients: model.coefficients(),
+                intercepts,
+                kernel: KernelWord::Linear,
+                sigmoids,
+            }),
+            Kernel::Rbf { gamma } => Self::Rbf(RbfSvmFile {
+                mean,
+                scale,
+                intercepts,
+                kernel: KernelWord::Rbf,
+                gamma,
+                support_vectors: model.support_vectors(),
+                dual_coefficients: model.dual_coefficients(),
+                sigmoids,
+            }),
+        }
     }
-    (0..classes).rev().max_by_key(|&class| votes[class]).unwrap_or(0)
+
+    /// Reads the fields of the kernel that the document names.
+    pub(super) fn read(document: &Value) -> Result<Self, Invalid> {
+        #[derive(Deserialize)]
+        struct Which {
+            kernel: KernelWord,
+        }
+        Ok(match from_value::<Which>(document)?.kernel {
+            KernelWord::Linear => Self::Linear(from_value(document)?),
+            KernelWord::Rbf => Self::Rbf(from_value(document)?),
+        })
+    }
+
+    /// The scale and the model, for `width` features and `classes` classes.
+    ///
+    /// # Errors
+    /// [`Invalid`] if a length is wrong, a number is not finite or γ is not > 0.
+    pub(super) fn check(self, width: usize, classes: usize) -> Result<(Scale, Svm), Invalid> {
+        let scaled = |mean, scale| {
+            let scale = Scale::new(mean, scale)?;
+            length("mean", width, scale.mean().len())?;
+            Ok(scale)
+        };
+        let sigmoids = |pairs: Vec<[f64; 2]>| pairs.into_iter().map(|[a, b]| Sigmoid { a, b });
+        match self {
+            Self::Linear(file) => {
+                let scale = scaled(file.mean, file.scale)?;
+                let sigmoids = sigmoids(file.sigmoids).collect();
+                let svm =
+                    Svm::linear(width, classes, &file.coefficients, file.intercepts, sigmoids)?;
+                Ok((scale, svm))
+            }
+            Self::Rbf(file) => {
+                let scale = scaled(file.mean, file.scale)?;
+                let sigmoids = sigmoids(file.sigmoids).collect();
+                let (vectors, dual) = (&file.support_vectors, &file.dual_coefficients);
+                let (gamma, intercepts) = (file.gamma, file.intercepts);
+                let svm = Svm::rbf(width, classes, gamma, vectors, dual, intercepts, sigmoids)?;
+                Ok((scale, svm))
+            }
+        }
+    }
 }
 
 impl Svm {
-    /// Linear machines: for each pair of classes a row of `width` weights, an intercept and
+    /// Linear SVMs: for each pair of classes a row of `width` weights, an intercept and
     /// a sigmoid.
     ///
     /// # Errors
@@ -99,10 +210,10 @@ impl Svm {
     ) -> Result<Self, Invalid> {
         length("coefficients", pair_count(classes), coefficients.len())?;
         let weights = flat("coefficients", width, coefficients)?;
-        Self::new(width, classes, Machines::Linear(weights), intercepts, sigmoids)
+        Self::new(width, classes, Pairwise::Linear(weights), intercepts, sigmoids)
     }
 
-    /// Machines with radial basis functions: f = Σ over support vectors of their dual
+    /// SVMs with radial basis functions: f = Σ over support vectors of their dual
     /// coefficient times exp(−γ |x − vector|²), plus the intercept.
     /// `support_vectors` are rows of `width` standardised features, shared by all pairs;
     /// `dual_coefficients` has a row for each pair, with an entry for each vector.
@@ -124,13 +235,13 @@ impl Svm {
         let dual = flat("dual_coefficients", support_vectors.len(), dual_coefficients)?;
         let support =
             Support::new(gamma, width, support_vectors.len(), &vectors, &dual, intercepts.len());
-        Self::new(width, classes, Machines::Rbf(support), intercepts, sigmoids)
+        Self::new(width, classes, Pairwise::Rbf(support), intercepts, sigmoids)
     }
 
     fn new(
         width: usize,
         classes: usize,
-        machines: Machines,
+        pairwise: Pairwise,
         intercepts: Vec<f64>,
         sigmoids: Vec<Sigmoid>,
     ) -> Result<Self, Invalid> {
@@ -146,43 +257,44 @@ impl Svm {
             finite(&format!("sigmoids[{pair}][0]"), sigmoid.a)?;
             finite(&format!("sigmoids[{pair}][1]"), sigmoid.b)?;
         }
-        Ok(Self { width, classes, machines, intercepts, sigmoids })
+        Ok(Self { width, classes, pairwise, intercepts, sigmoids })
     }
 
     /// The kernel.
     #[must_use]
     pub fn kernel(&self) -> Kernel {
-        match &self.machines {
-            Machines::Linear(_) => Kernel::Linear,
-            Machines::Rbf(support) => Kernel::Rbf { gamma: support.gamma() },
+        match &self.pairwise {
+            Pairwise::Linear(_) => Kernel::Linear,
+            Pairwise::Rbf(support) => Kernel::Rbf { gamma: support.gamma() },
         }
     }
 
-    /// Linear machines: weights, a row a pair. Empty for others.
+    /// Linear SVMs: weights, a row for each pair. Empty for other kernels.
     #[must_use]
     pub fn coefficients(&self) -> Vec<Vec<f64>> {
-        match &self.machines {
-            Machines::Linear(weights) => weights.chunks(self.width).map(<[f64]>::to_vec).collect(),
-            Machines::Rbf(_) => Vec::new(),
+        match &self.pairwise {
+            Pairwise::Linear(weights) => weights.chunks(self.width).map(<[f64]>::to_vec).collect(),
+            Pairwise::Rbf(_) => Vec::new(),
         }
     }
 
-    /// Standardised support vectors, one a row. Empty for linear machines, whose weights
-    /// say all of it.
+    /// Standardised support vectors, one a row. Empty for linear SVMs, which keep only their
+    /// weights.
     #[must_use]
     pub fn support_vectors(&self) -> Vec<Vec<f64>> {
-        match &self.machines {
-            Machines::Linear(_) => Vec::new(),
-            Machines::Rbf(support) => support.vectors(),
+        match &self.pairwise {
+            Pairwise::Linear(_) => Vec::new(),
+            Pairwise::Rbf(support) => support.vectors(),
         }
     }
 
-    /// Dual coefficients: a row a pair, an entry a support vector. Empty for linear machines.
+    /// Dual coefficients: a row for each pair, an entry for each support vector. Empty for linear
+    /// SVMs.
     #[must_use]
     pub fn dual_coefficients(&self) -> Vec<Vec<f64>> {
-        match &self.machines {
-            Machines::Linear(_) => Vec::new(),
-            Machines::Rbf(support) => support.dual(),
+        match &self.pairwise {
+            Pairwise::Linear(_) => Vec::new(),
+            Pairwise::Rbf(support) => support.dual(),
         }
     }
 
@@ -203,13 +315,13 @@ impl Svm {
     pub fn decisions(&self, scale: &Scale, row: &[f64]) -> Vec<f64> {
         let row: Vec<f64> = row.iter().enumerate().map(|(j, &x)| scale.apply(j, x)).collect();
         let mut decisions = self.intercepts.clone();
-        match &self.machines {
-            Machines::Linear(weights) => {
+        match &self.pairwise {
+            Pairwise::Linear(weights) => {
                 for (decision, weights) in decisions.iter_mut().zip(weights.chunks(self.width)) {
                     *decision = weights.iter().zip(&row).fold(*decision, |sum, (w, x)| sum + w * x);
                 }
             }
-            Machines::Rbf(support) => support.add_to(&row, &mut decisions),
+            Pairwise::Rbf(support) => support.add_to(&row, &mut decisions),
         }
         decisions
     }

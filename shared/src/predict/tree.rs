@@ -5,7 +5,7 @@ use super::scale::Scale;
 use crate::invalid::{Invalid, finite, length};
 use serde::{Deserialize, Serialize};
 
-/// No tree is deeper: what a prediction costs is bounded.
+/// The deepest tree, which bounds the cost of a prediction.
 pub const DEEPEST: usize = 1000;
 
 /// One question, or a leaf.
@@ -13,9 +13,9 @@ pub const DEEPEST: usize = 1000;
 pub(crate) struct Node {
     pub(crate) threshold: f64,
     pub(crate) feature: u32,
-    /// Where rows go whose feature is ≤ threshold; 0, which is the root, at a leaf.
+    /// The node for rows whose feature is ≤ threshold; 0, which is the root, at a leaf.
     pub(crate) left: u32,
-    /// Where the others go.
+    /// The node for the other rows.
     pub(crate) right: u32,
 }
 
@@ -32,7 +32,7 @@ impl Node {
 pub(crate) struct Questions(Vec<Node>);
 
 impl Questions {
-    /// The questions of nodes in an order that is known to be right.
+    /// The questions of nodes whose order is known to be valid.
     pub(crate) fn new(nodes: Vec<Node>) -> Self {
         Self(nodes)
     }
@@ -50,7 +50,7 @@ impl Questions {
         at
     }
 
-    /// Where `row` goes from a node; nothing from a leaf.
+    /// The next node of `row`; none from a leaf.
     fn next(&self, at: usize, row: &[f64]) -> Option<usize> {
         let node = &self.0[at];
         let left = row[node.feature as usize] <= node.threshold;
@@ -86,13 +86,13 @@ impl Questions {
 /// their parents.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct QuestionsFile {
-    /// Which feature is asked for; 0 at leaves.
+    /// The index of the feature; 0 at leaves.
     pub feature: Vec<u32>,
     /// A row goes left if the feature is at most this; 0 at leaves.
     pub threshold: Vec<f64>,
-    /// The node where it goes then; 0 at leaves.
+    /// The left child; 0 at leaves.
     pub left: Vec<u32>,
-    /// The node where it goes otherwise; 0 at leaves.
+    /// The right child; 0 at leaves.
     pub right: Vec<u32>,
 }
 
@@ -109,12 +109,12 @@ impl From<&Questions> for QuestionsFile {
 }
 
 impl QuestionsFile {
-    /// The questions about `width` features, known to be a tree.
+    /// The questions about `width` features, checked to be a tree.
     ///
     /// # Errors
     /// [`Invalid`] if a list is not as long as the others, a feature does not exist, a
-    /// threshold is not finite, a child does not come after its parent or has several, a node
-    /// is nobody's child, or the tree is deeper than [`DEEPEST`].
+    /// threshold is not finite, a child does not come after its parent or has several parents, a
+    /// node has no parent, or the tree is deeper than [`DEEPEST`].
     pub(crate) fn check(&self, width: usize) -> Result<Questions, Invalid> {
         let count = self.feature.len();
         if count == 0 {
@@ -165,7 +165,7 @@ impl QuestionsFile {
 pub struct Tree {
     questions: Questions,
     classes: usize,
-    /// Nodes × classes: rows of each class that came by in training.
+    /// Nodes × classes: training rows of each class that passed the node.
     counts: Vec<u32>,
 }
 
@@ -175,7 +175,7 @@ pub struct TreeFile {
     /// The questions.
     #[serde(flatten)]
     pub questions: QuestionsFile,
-    /// Nodes × classes: how many rows of each class came by in training.
+    /// Nodes × classes: training rows of each class that passed the node.
     pub counts: Vec<Vec<u32>>,
 }
 
@@ -187,11 +187,11 @@ impl From<&Tree> for TreeFile {
 }
 
 impl TreeFile {
-    /// The tree, for `width` features and so many classes.
+    /// The tree, for `width` features and `classes` classes.
     ///
     /// # Errors
-    /// [`Invalid`] if the questions are not a tree's (see there), or counts are not of each
-    /// class at each node, those of children adding up to their parent's.
+    /// [`Invalid`] if the questions are not a tree, a count is missing, or the counts of children
+    /// do not add up to their parent's.
     pub fn check(&self, width: usize, classes: usize) -> Result<Tree, Invalid> {
         let questions = self.questions.check(width)?;
         length("counts", questions.0.len(), self.counts.len())?;
@@ -218,43 +218,43 @@ impl Tree {
         Self { questions: Questions::new(nodes), classes, counts }
     }
 
-    /// How many nodes, leaves included.
+    /// Number of nodes, leaves included.
     #[must_use]
     pub fn nodes(&self) -> usize {
         self.questions.0.len()
     }
 
-    /// How many leaves.
+    /// Number of leaves.
     #[must_use]
     pub fn leaves(&self) -> usize {
         self.nodes().div_ceil(2)
     }
 
-    /// The most questions that a row is asked.
+    /// Depth: the most questions on the way to a leaf.
     #[must_use]
     pub fn depth(&self) -> usize {
         self.questions.depths().into_iter().max().unwrap_or(0)
     }
 
-    /// Rows of each class that came to a node in training.
+    /// Training rows of each class that passed a node.
     fn counts(&self, node: usize) -> &[u32] {
         &self.counts[node * self.classes..][..self.classes]
     }
 
-    /// The class of most rows at a node; of several, the lowest.
+    /// The most frequent class at a node, the lowest on a tie.
     fn majority(&self, node: usize) -> usize {
         let counts = self.counts(node);
         let most = counts.iter().max().unwrap_or(&0);
         counts.iter().position(|count| count == most).unwrap_or(0)
     }
 
-    /// The class of most training rows at the leaf that `row` comes to; of several, the lowest.
+    /// The most frequent class of training rows at the leaf of `row`, the lowest on a tie.
     #[must_use]
     pub fn class(&self, row: &[f64]) -> usize {
         self.majority(self.questions.leaf(row))
     }
 
-    /// How many training rows of each class came to the leaf that `row` comes to.
+    /// The number of training rows of each class at the leaf of `row`.
     #[must_use]
     pub fn counts_at(&self, row: &[f64]) -> &[u32] {
         self.counts(self.questions.leaf(row))
@@ -286,11 +286,11 @@ impl Tree {
         }
     }
 
-    /// The tree that had been grown to this depth.
+    /// The tree cut off at this depth.
     #[must_use]
     pub fn truncated(&self, depth: usize) -> Self {
         let depths = self.questions.depths();
-        // Where each kept node goes.
+        // The new index of each node that is kept.
         let mut kept = 0;
         let mut places = vec![0; self.nodes()];
         for (place, _) in places.iter_mut().zip(&depths).filter(|(_, d)| **d <= depth) {

@@ -1,34 +1,34 @@
-//! How far safety levels can be trusted to tell states apart.
+//! How well safety levels distinguish states, and whether they converged.
 
 use super::SafetyLevels;
 use crate::reachability::{PursuitGame, QUANTUM_M, ValueFunction};
 use crate::scene::Evader;
 use serde::{Deserialize, Serialize};
 
-/// What a level on a grid is right to, m, for a radius of about 3 m: the 99th percentile of the
+/// The accuracy of a level on a grid, m, for a radius of about 3 m: the 99th percentile of the
 /// polar solver's error in the paper's game is 1.7 cm (docs/validation/reachability.md).
 const GRID_ACCURACY_M: f64 = 0.02;
 
-/// How a safety level came about, and how much it differs over the steps that are compared.
+/// The convergence of a safety level, and its spread over the steps that are compared.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LevelQuality {
-    /// Whether the solve ended because its value function had settled; always, of a closed form.
+    /// Whether the value function converged; a closed form always has.
     pub converged: bool,
     /// If not: how much it still moved in the last 16 sweeps, m, averaged over the grid's rows.
-    /// What was missing may be several hundred times as much.
+    /// Its distance from the converged value may be several hundred times as much.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub last_change_m: Option<f64>,
     /// Standard deviation of the level over the steps, m.
     pub spread_m: f64,
-    /// What the level is right to where it converged, m.
+    /// The accuracy of the level if it converged, m.
     pub accuracy_m: f64,
 }
 
 impl LevelQuality {
-    /// Of the level that `function` gives, which is `levels` (m) in the steps.
+    /// The quality of the level that `function` gives; `levels` are its values in the steps, m.
     #[must_use]
     pub fn of(function: &ValueFunction, levels: &[f64]) -> Self {
-        // What is told of a closed form is not affected by differences that are not even stored.
+        // For a closed form, differences below the storage quantum do not count.
         let accuracy = match function {
             ValueFunction::Exact(_) => QUANTUM_M,
             ValueFunction::Sampled(_) => GRID_ACCURACY_M,
@@ -45,21 +45,21 @@ impl LevelQuality {
         }
     }
 
-    /// Whether it differs between steps by less than it is wrong by. Models see it standardised,
-    /// so that they would see its errors as large as any feature.
+    /// Whether it varies between steps by less than its error. Models see it standardised, which
+    /// would make its errors as large as any feature.
     #[must_use]
     pub fn is_nearly_constant(&self) -> bool {
         self.spread_m < self.accuracy_m
     }
 
-    /// Whether what models make of it is to be believed.
+    /// Whether conclusions may be drawn from models that use it.
     #[must_use]
     pub fn is_sound(&self) -> bool {
         self.converged && !self.is_nearly_constant()
     }
 }
 
-/// Both levels.
+/// The quality of both levels.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SafetyQuality {
     /// V_HR: the human evades.
@@ -69,7 +69,8 @@ pub struct SafetyQuality {
 }
 
 impl SafetyQuality {
-    /// Of the levels that `safety` gives: V_HR and V_RH in the steps, m.
+    /// The quality of the levels that `safety` gives: `human` has V_HR and `robot` V_RH in the
+    /// steps, m.
     #[must_use]
     pub fn of(safety: &SafetyLevels, [human, robot]: [&[f64]; 2]) -> Self {
         Self {
@@ -78,7 +79,7 @@ impl SafetyQuality {
         }
     }
 
-    /// That of `evader`.
+    /// The quality of the level of `evader`.
     #[must_use]
     pub fn level(&self, evader: Evader) -> &LevelQuality {
         match evader {
@@ -89,8 +90,7 @@ impl SafetyQuality {
 }
 
 impl SafetyLevels {
-    /// What there is to say of functions that did not settle: a sentence or two of each, with its
-    /// game and what it means.
+    /// A warning for each value function that did not converge: its game, and what that means.
     #[must_use]
     pub fn complaints(&self) -> Vec<String> {
         let complaint = |evader: Evader| {
@@ -102,8 +102,8 @@ impl SafetyLevels {
                 Evader::Robot => ("V_RH", "robot", "human"),
             };
             let chase = if chases.speed_mps > flees.speed_mps {
-                ". So it is where a faster pursuer can try again and again; the true level is then \
-                 low, and nearly the same in most states"
+                ". This is expected when the pursuer is faster: it can always try again, so the \
+                 true level is low almost everywhere"
             } else {
                 ""
             };
@@ -111,8 +111,7 @@ impl SafetyLevels {
                 "{name} did not converge (the {who} evades with {} m/s and {} rad/s, the {other} \
                  pursues with {} m/s and {} rad/s): it still moved by {moved:.1e} m in the last 16 \
                  sweeps and may be too high by decimetres{chase}. Differences between its values \
-                 are partly the solver's, not the game's: conclude nothing from features and sets \
-                 that have it",
+                 come partly from the solver: conclude nothing from features and sets that use it",
                 flees.speed_mps, flees.turn_rate_radps, chases.speed_mps, chases.turn_rate_radps,
             ))
         };

@@ -233,9 +233,9 @@ async fn reach_names_what_is_wrong() {
     refused("reach", &with("tolerance", tolerance), "tolerance.position: expected").await;
     refused("reach", &with("accuracy", json!(0)), "accuracy: expected").await;
     refused("reach", &with("acuracy", json!(1)), "acuracy").await;
-    refused("reach", "{\"speed\": NaN}", "no JSON").await;
-    refused("reach", "{}", "missing field").await;
-    refused("reach", &"[".repeat(100_000), "no JSON").await;
+    refused("reach", "{\"speed\": NaN}", "not JSON").await;
+    refused("reach", "{}", "speed: expected a value, found nothing").await;
+    refused("reach", &"[".repeat(100_000), "not JSON").await;
     refused("reach", "[2, 0.2]", "expected an object").await;
     let output = sidestep(&["reach", "--input", "/nowhere/reach.json"]).await;
     assert_eq!(output.status.code(), Some(2));
@@ -281,7 +281,10 @@ async fn bounds_with_other_actions_an_adaptive_set_and_unequal_vehicles() {
     // Only features that need the value functions need vehicles that have one.
     document["predictor"]["features"] = json!(["distance", "v_r"]);
     refused("bounds", &document.to_string(), "turn_rate: expected the same to both sides").await;
+    // A constant predictor needs no features at all.
     let mut document = bounds();
+    document["predictor"]["features"] = json!([]);
+    assert_eq!(answer("bounds", &document).await, answer("bounds", &bounds()).await);
     document["predictor"]["features"] = json!(["v_h"]);
     document["robot_turn_rate"] = json!(0.35);
     assert_eq!(answer("bounds", &document).await["raw"], json!([[-0.5, 0.0], [-0.5, -0.5]]));
@@ -303,7 +306,7 @@ async fn bounds_names_what_is_wrong() {
     refuses("k", Value::Null, "k: expected k, or tau with steps, found neither").await;
     refuses("tau", json!(0.1), "tau: expected nothing beside k").await;
     refuses("steps", json!(5), "steps: expected 2").await;
-    refuses("rollout", json!("printed"), "rollout: expected `paper` or `base`").await;
+    refuses("rollout", json!("printed"), "rollout: expected paper or base").await;
     refuses("speed", json!(-2), "speed: expected").await;
     refuses("turn_rate", json!([0.5, -0.5]), "turn_rate: expected").await;
     refuses("turn_rate", json!([0.1, 0.5]), "predictor.classes[1]: expected").await;
@@ -390,7 +393,7 @@ async fn there_is_one_predictor() {
         predictor[name] = value;
         predictor
     };
-    let which = "beside.json: experiment: expected 1, a model that tells which way";
+    let which = "beside.json: experiment: expected 1, a model of the turn direction";
     refuses(&alone, Some(&with("experiment", json!(2))), which).await;
     let kind = "beside.json: kind: expected boosted, logistic, svm, tree or constant";
     refuses(&alone, Some(&with("kind", json!("oracle"))), kind).await;
@@ -407,7 +410,7 @@ async fn there_is_one_predictor() {
     let mut path = alone.clone();
     path["predictor"] = json!("model.json");
     let object = "given.json: predictor: expected an object, {…}, as in a predictor.json, \
-                  found string \"model.json\" (line 1";
+                  found \"model.json\"";
     refuses(&path, None, object).await;
 
     let folder = TempDir::new().unwrap();
@@ -422,7 +425,7 @@ async fn there_is_one_predictor() {
     let output = sidestep(&["bounds", "--input", "-", "--predictor", "-"]).await;
     assert_eq!(output.status.code(), Some(2));
     let said = String::from_utf8(output.stderr).unwrap();
-    assert!(said.contains("--predictor: expected a file beside --input -"), "{said}");
+    assert!(said.contains("--predictor and --input cannot both read stdin"), "{said}");
 }
 
 #[tokio::test]
@@ -443,6 +446,19 @@ async fn regions_are_drawn_with_a_predictor_beside_the_document() {
     let model = file("model.json");
     std::fs::write(&model, predictor.to_string()).unwrap();
     assert!(draw(&document, &["--predictor", &model]).await == within);
+    // Panels share their axes: what differs is named.
+    let mut other = bounds();
+    (other["k"], other["dt"]) = (json!([1]), json!(0.5));
+    std::fs::write(file("other.json"), other.to_string()).unwrap();
+    let (first, second, out) = (file("bounds.json"), file("other.json"), file("both.svg"));
+    std::fs::write(&first, bounds().to_string()).unwrap();
+    let flags = ["plot", "--kind", "regions", "--input", &first, "--input", &second];
+    let output = sidestep(&[&flags[..], &["--out", &out]].concat()).await;
+    assert_eq!(output.status.code(), Some(2));
+    let said = String::from_utf8(output.stderr).unwrap();
+    let words = "other.json: expected 2 steps of 0.2 s and 3 sets, as in the first --input, \
+                 found 1 steps of 0.5 s and 3 sets";
+    assert!(said.contains(words), "{said}");
     let out = file("slices.svg");
     let output = sidestep(&["plot", "--predictor", &model, "--out", &out]).await;
     assert_eq!(output.status.code(), Some(2));

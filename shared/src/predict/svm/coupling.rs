@@ -5,9 +5,9 @@
 //! Σ over pairs of (r_ba p_a − r_ab p_b)², where r_ab is the probability of a among {a, b}.
 //! Its conditions are linear: Q p = λ 1 and Σ p = 1.
 
-use super::pairs;
+use super::pairs::pairs;
 
-/// Probabilities nearer to 0 or 1 than this count as this near, as in libsvm: with all r
+/// Probabilities are kept at least this far from 0 and 1, as in libsvm: with all r
 /// inside (0, 1) the system has exactly one solution, and it is positive.
 const EDGE: f64 = 1e-7;
 

@@ -1,5 +1,5 @@
 //! eˣ for x ≤ 0 in lanes: additions, multiplications and a shift, the same bits in every
-//! lane width and in WebAssembly. `libm` branches, which no lane does.
+//! lane width and in WebAssembly. `libm` branches, and lanes cannot.
 //!
 //! x = n·ln 2 + r with |r| ≤ ½ ln 2; eʳ by its Taylor polynomial, 2ⁿ by its exponent.
 

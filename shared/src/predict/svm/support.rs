@@ -4,7 +4,7 @@ use super::exponential::exp64;
 use crate::parallel::{Kernel, in_widest_lanes};
 
 /// Vectors side by side. Sums run within a lane and then over the lanes in order, so that
-/// the machine's own lane width changes nothing.
+/// the processor's own lane width changes nothing.
 const LANES: usize = 8;
 
 type Lanes = [f64; LANES];
@@ -16,7 +16,7 @@ pub(super) struct Support {
     count: usize,
     /// Blocks of vectors × features; vectors beyond the last are zero.
     vectors: Vec<Lanes>,
-    /// Blocks of vectors × pairs; beyond the last zero.
+    /// Blocks of vectors × pairs; zero beyond the last vector.
     dual: Vec<Lanes>,
     pairs: usize,
 }

@@ -1,7 +1,7 @@
 use super::*;
 use crate::math::SeededRng;
 
-fn machine(classes: usize, width: usize, count: usize) -> Svm {
+fn random_svm(classes: usize, width: usize, count: usize) -> Svm {
     let mut rng = SeededRng::new(5);
     let mut rows = |n: usize, width: usize| -> Vec<Vec<f64>> {
         (0..n).map(|_| (0..width).map(|_| rng.uniform(-2.0, 2.0)).collect()).collect()
@@ -15,7 +15,7 @@ fn machine(classes: usize, width: usize, count: usize) -> Svm {
 #[test]
 fn decisions_are_the_plain_sums() {
     for (classes, width, count) in [(2, 1, 1), (3, 8, 21), (4, 3, 16), (3, 2, 0)] {
-        let svm = machine(classes, width, count);
+        let svm = random_svm(classes, width, count);
         let scale = Scale::new(vec![0.5; width], vec![2.0; width]).unwrap();
         let row: Vec<f64> = (0..width).map(|j| j as f64 - 1.2).collect();
         let decisions = svm.decisions(&scale, &row);
@@ -97,7 +97,7 @@ fn coupling_of_contradictory_pairs_has_the_least_cost() {
 
 #[test]
 fn probabilities_sum_to_one() {
-    let svm = machine(3, 4, 30);
+    let svm = random_svm(3, 4, 30);
     let scale = Scale::new(vec![0.0; 4], vec![1.0; 4]).unwrap();
     let mut p = [0.0; 3];
     svm.probabilities_into(&scale, &[0.3, -1.0, 0.2, 1.0], &mut p);

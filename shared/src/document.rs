@@ -1,0 +1,423 @@
+//! Documents (JSON, TOML, queries) as typed values. What does not fit is told as every other
+//! complaint: field, expected, found. The complaint is built from what serde reports in parts, so
+//! that no English sentence of a parser is ever taken apart.
+
+use crate::invalid::{Invalid, SEPARATOR};
+use core::fmt;
+use serde::de::value::{MapAccessDeserializer, StrDeserializer};
+use serde::de::{
+    DeserializeOwned, DeserializeSeed, Deserializer, Expected, IgnoredAny, MapAccess, SeqAccess,
+    Unexpected, Visitor,
+};
+use serde::forward_to_deserialize_any;
+use serde_json::{Map, Value};
+
+/// Why a text was not read.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum Unread {
+    /// It is not JSON: what the parser says, with line and column.
+    #[error("{0}")]
+    NotJson(String),
+    /// It is JSON, but not of the wanted shape.
+    #[error(transparent)]
+    Invalid(#[from] Invalid),
+}
+
+/// Deepest nesting of lists and objects that is read. Documents are a handful deep; a hundred
+/// thousand brackets are an attempt on the stack.
+const DEEPEST: usize = 64;
+
+/// One JSON value of type `T`, and nothing after it.
+///
+/// # Errors
+/// [`Unread`]; it depends on the whole text whether it is JSON, so that the complaint about a
+/// broken text does not depend on what comes first in it.
+pub fn from_json<T: DeserializeOwned>(text: &str) -> Result<T, Unread> {
+    if nesting(text) > DEEPEST {
+        return Err(Unread::NotJson(format!("nested more than {DEEPEST} deep")));
+    }
+    let error = match serde_json::from_str(text) {
+        Ok(value) => return Ok(value),
+        Err(error) => error,
+    };
+    serde_json::from_str::<IgnoredAny>(text).map_err(|e| Unread::NotJson(e.to_string()))?;
+    let mut reader = serde_json::Deserializer::from_str(text);
+    // JSON's grammar has numbers that no double can hold.
+    let value: Value = serde_path_to_error::deserialize(&mut reader).map_err(|e| {
+        let expected = "a number that a double can hold";
+        Invalid::new(e.path().to_string(), expected, "one that is too large")
+    })?;
+    match from_value::<T>(&value) {
+        Err(invalid) => Err(invalid.into()),
+        // A value has each field once, and a text may have it twice.
+        Ok(_) => Err(Invalid::new("", "each field once", error).into()),
+    }
+}
+
+/// One JSON object as a `T`, and nothing after it. (serde would take a list for an object's fields
+/// in their order.)
+///
+/// # Errors
+/// As for [`from_json`], and [`Invalid`] for another value.
+pub fn object_from_json<T: DeserializeOwned>(text: &str) -> Result<T, Unread> {
+    if text.trim_start().starts_with('{') {
+        return from_json(text);
+    }
+    let value: Value = from_json(text)?;
+    Err(Invalid::new("", "an object, {…}", found_value(&value)).into())
+}
+
+/// How deep lists and objects are nested in a JSON text.
+fn nesting(text: &str) -> usize {
+    let (mut depth, mut deepest, mut in_string, mut escaped) = (0usize, 0, false, false);
+    for byte in text.bytes() {
+        match byte {
+            _ if escaped => escaped = false,
+            b'\\' if in_string => escaped = true,
+            b'"' => in_string = !in_string,
+            b'[' | b'{' if !in_string => depth += 1,
+            b']' | b'}' if !in_string => depth = depth.saturating_sub(1),
+            _ => {}
+        }
+        deepest = deepest.max(depth);
+    }
+    deepest
+}
+
+/// A value as a `T`.
+///
+/// # Errors
+/// [`Invalid`] naming the field within the value; the empty field is the value itself.
+pub fn from_value<T: DeserializeOwned>(value: &Value) -> Result<T, Invalid> {
+    T::deserialize(Node(value)).map_err(|Misfit(invalid)| invalid)
+}
+
+/// A value of the document that is being read.
+struct Node<'a>(&'a Value);
+
+impl<'de> Deserializer<'de> for Node<'de> {
+    type Error = Misfit;
+
+    fn deserialize_any<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Misfit> {
+        match self.0 {
+            Value::Null => visitor.visit_unit(),
+            Value::Bool(flag) => visitor.visit_bool(*flag),
+            Value::Number(number) => {
+                if let Some(whole) = number.as_u64() {
+                    visitor.visit_u64(whole)
+                } else if let Some(whole) = number.as_i64() {
+                    visitor.visit_i64(whole)
+                } else {
+                    visitor.visit_f64(number.as_f64().unwrap_or(f64::NAN))
+                }
+            }
+            Value::String(text) => visitor.visit_borrowed_str(text),
+            Value::Array(list) => {
+                let mut entries = Entries { list, next: 0 };
+                let value = visitor.visit_seq(&mut entries)?;
+                let read = entries.next;
+                if read < list.len() {
+                    let expected = format!("a list of {read}");
+                    let found = format!("a list of {}", list.len());
+                    return Err(Misfit(Invalid::new("", expected, found)));
+                }
+                Ok(value)
+            }
+            Value::Object(object) => visitor.visit_map(Fields::of(object)),
+        }
+    }
+
+    fn deserialize_option<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Misfit> {
+        match self.0 {
+            Value::Null => visitor.visit_none(),
+            _ => visitor.visit_some(self),
+        }
+    }
+
+    fn deserialize_newtype_struct<V: Visitor<'de>>(
+        self,
+        _: &'static str,
+        visitor: V,
+    ) -> Result<V::Value, Misfit> {
+        visitor.visit_newtype_struct(self)
+    }
+
+    /// A word, or an object whose one field is the word.
+    fn deserialize_enum<V: Visitor<'de>>(
+        self,
+        _: &'static str,
+        variants: &'static [&'static str],
+        visitor: V,
+    ) -> Result<V::Value, Misfit> {
+        match self.0 {
+            Value::String(word) => visitor.visit_enum(StrDeserializer::new(word)),
+            Value::Object(object) => {
+                visitor.visit_enum(MapAccessDeserializer::new(Fields::of(object)))
+            }
+            other => Err(Misfit(Invalid::new("", one_of(variants), found_value(other)))),
+        }
+    }
+
+    forward_to_deserialize_any! {
+        bool i8 i16 i32 i64 i128 u8 u16 u32 u64 u128 f32 f64 char str string bytes byte_buf unit
+        unit_struct seq tuple tuple_struct map struct identifier ignored_any
+    }
+}
+
+/// The entries of a list that are still to be read.
+struct Entries<'a> {
+    list: &'a [Value],
+    next: usize,
+}
+
+impl<'de> SeqAccess<'de> for Entries<'de> {
+    type Error = Misfit;
+
+    fn next_element_seed<S: DeserializeSeed<'de>>(
+        &mut self,
+        seed: S,
+    ) -> Result<Option<S::Value>, Misfit> {
+        let at = self.next;
+        let Some(value) = self.list.get(at) else { return Ok(None) };
+        self.next += 1;
+        seed.deserialize(Node(value)).map(Some).map_err(|misfit| misfit.within(&format!("[{at}]")))
+    }
+}
+
+/// The fields of an object that are still to be read.
+struct Fields<'a> {
+    rest: serde_json::map::Iter<'a>,
+    value: Option<(&'a str, &'a Value)>,
+}
+
+impl<'a> Fields<'a> {
+    fn of(object: &'a Map<String, Value>) -> Self {
+        Self { rest: object.iter(), value: None }
+    }
+}
+
+impl<'de> MapAccess<'de> for Fields<'de> {
+    type Error = Misfit;
+
+    fn next_key_seed<S: DeserializeSeed<'de>>(
+        &mut self,
+        seed: S,
+    ) -> Result<Option<S::Value>, Misfit> {
+        let Some((name, value)) = self.rest.next() else { return Ok(None) };
+        self.value = Some((name, value));
+        seed.deserialize(StrDeserializer::new(name)).map(Some)
+    }
+
+    fn next_value_seed<S: DeserializeSeed<'de>>(&mut self, seed: S) -> Result<S::Value, Misfit> {
+        let (name, value) = self.value.take().unwrap_or(("", &Value::Null));
+        seed.deserialize(Node(value)).map_err(|misfit| misfit.within(name))
+    }
+}
+
+/// A complaint on its way through serde.
+#[derive(Debug)]
+struct Misfit(Invalid);
+
+impl Misfit {
+    fn within(self, parent: &str) -> Self {
+        Self(self.0.within(parent))
+    }
+}
+
+impl fmt::Display for Misfit {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.fmt(out)
+    }
+}
+
+impl core::error::Error for Misfit {}
+
+impl serde::de::Error for Misfit {
+    /// [`Invalid`] comes through in its parts.
+    fn custom<T: fmt::Display>(message: T) -> Self {
+        let text = format!("{message:#}");
+        let mut parts = text.splitn(3, SEPARATOR);
+        Self(match (parts.next(), parts.next(), parts.next()) {
+            (Some(field), Some(expected), Some(found)) => Invalid::new(field, expected, found),
+            _ => Invalid::new("", text, "something else"),
+        })
+    }
+
+    fn invalid_type(found: Unexpected<'_>, expected: &dyn Expected) -> Self {
+        Self(Invalid::new("", expectation(expected), finding(found)))
+    }
+
+    fn invalid_value(found: Unexpected<'_>, expected: &dyn Expected) -> Self {
+        Self::invalid_type(found, expected)
+    }
+
+    fn invalid_length(length: usize, expected: &dyn Expected) -> Self {
+        Self(Invalid::new("", expectation(expected), format!("a list of {length}")))
+    }
+
+    fn unknown_variant(variant: &str, expected: &'static [&'static str]) -> Self {
+        Self(Invalid::new("", one_of(expected), format!("{variant:?}")))
+    }
+
+    fn unknown_field(field: &str, expected: &'static [&'static str]) -> Self {
+        Self(Invalid::new(field, format!("one of the fields {}", one_of(expected)), "another one"))
+    }
+
+    fn missing_field(field: &'static str) -> Self {
+        Self(Invalid::new(field, "a value", "nothing"))
+    }
+}
+
+/// What a visitor expects, in words of the document: serde names Rust's types.
+fn expectation(expected: &dyn Expected) -> String {
+    let expected = expected.to_string();
+    let entries = ["an array of length ", "a tuple of size "];
+    if let Some(count) = entries.iter().find_map(|kind| expected.strip_prefix(kind)) {
+        return format!("a list of {count}");
+    }
+    match expected.as_str() {
+        "f32" | "f64" => "a number",
+        "u8" | "u16" | "u32" | "u64" | "usize" => "a whole number ≥ 0",
+        "i8" | "i16" | "i32" | "i64" => "a whole number",
+        "a boolean" => "true or false",
+        "a sequence" => "a list, […]",
+        "a map" => "an object, {…}",
+        other if other.starts_with("struct ") => "an object, {…}",
+        other => other,
+    }
+    .to_owned()
+}
+
+/// What a visitor was shown, as it stands in the document.
+fn finding(found: Unexpected<'_>) -> String {
+    match found {
+        Unexpected::Bool(flag) => flag.to_string(),
+        Unexpected::Unsigned(number) => number.to_string(),
+        Unexpected::Signed(number) => number.to_string(),
+        Unexpected::Float(number) => number.to_string(),
+        Unexpected::Str(text) => format!("{text:?}"),
+        Unexpected::Unit | Unexpected::Option => "nothing".to_owned(),
+        Unexpected::Seq => "a list".to_owned(),
+        Unexpected::Map => "an object".to_owned(),
+        other => other.to_string(),
+    }
+}
+
+fn found_value(value: &Value) -> String {
+    match value {
+        Value::Null => "nothing".to_owned(),
+        Value::Array(_) => "a list".to_owned(),
+        other => other.to_string(),
+    }
+}
+
+/// `a, b or c`.
+fn one_of(words: &[&str]) -> String {
+    match words {
+        [] => "nothing".to_owned(),
+        [only] => (*only).to_owned(),
+        [first @ .., last] => format!("{} or {last}", first.join(", ")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::JointState;
+    use crate::vehicle::{Pose, TurnInput};
+    use serde::Deserialize;
+
+    #[derive(Debug, PartialEq, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    struct Plan {
+        turns: Vec<TurnInput>,
+        pace: Option<Pace>,
+        start: Option<JointState>,
+        steps: u8,
+    }
+
+    #[derive(Debug, PartialEq, Deserialize)]
+    #[serde(rename_all = "lowercase")]
+    enum Pace {
+        Slow,
+        Fast,
+        At(f64),
+    }
+
+    #[test]
+    fn what_fits_is_read() {
+        let text = r#"{"turns": [-1, 1], "pace": {"at": 2}, "steps": 3}"#;
+        let plan = Plan {
+            turns: vec![TurnInput::Right, TurnInput::Left],
+            pace: Some(Pace::At(2.0)),
+            start: None,
+            steps: 3,
+        };
+        let value = serde_json::from_str(text).unwrap();
+        assert_eq!(from_value::<Plan>(&value), Ok(plan));
+        assert!(from_json::<Plan>(text).is_ok());
+    }
+
+    #[test]
+    fn complaints_name_field_expected_and_found() {
+        let said = |text: &str| from_json::<Plan>(text).unwrap_err().to_string();
+        let cases = [
+            (r#"{"turns": []}"#, "steps: expected a value, found nothing"),
+            (
+                r#"{"turns": [0, 7]}"#,
+                "turns[1]: expected -1 (right), 0 (straight) or 1 (left), found 7",
+            ),
+            (r#"{"turns": [0.5]}"#, "turns[0]: expected a whole number, found 0.5"),
+            (r#"{"steps": -1}"#, "steps: expected a whole number ≥ 0, found -1"),
+            (r#"{"steps": 256}"#, "steps: expected a whole number ≥ 0, found 256"),
+            (r#"{"steps": "3"}"#, "steps: expected a whole number ≥ 0, found \"3\""),
+            (r#"{"steps": null}"#, "steps: expected a whole number ≥ 0, found nothing"),
+            (r#"{"pace": "quick"}"#, "pace: expected slow, fast or at, found \"quick\""),
+            (r#"{"pace": 3}"#, "pace: expected slow, fast or at, found 3"),
+            (r#"{"turns": {}}"#, "turns: expected a list, […], found an object"),
+            (
+                r#"{"start": {"human": [0, 0], "robot": [0, 0, 0]}}"#,
+                "start.human: expected a list of 3, found a list of 2",
+            ),
+            (
+                r#"{"start": {"human": [0, 0, 0, 0], "robot": [0, 0, 0]}}"#,
+                "start.human: expected a list of 3, found a list of 4",
+            ),
+            (
+                r#"{"start": {"human": [0, "x", 0], "robot": [0, 0, 0]}}"#,
+                "start.human[1]: expected a number, found \"x\"",
+            ),
+            (r#"{"start": "here"}"#, "start: expected an object, {…}, found \"here\""),
+            (
+                r#"{"stops": 3}"#,
+                "stops: expected one of the fields turns, pace, start or steps, found another one",
+            ),
+            ("3", "expected an object, {…}, found 3"),
+            (
+                r#"{"steps": 1e999}"#,
+                "steps: expected a number that a double can hold, found one that is too large",
+            ),
+        ];
+        for (text, expected) in cases {
+            assert_eq!(said(text), expected, "{text}");
+        }
+        let list = object_from_json::<Plan>(" [[], null, null, 3]").unwrap_err().to_string();
+        assert_eq!(list, "expected an object, {…}, found a list");
+        let twice = said(r#"{"turns": [], "steps": 1, "steps": 1}"#);
+        assert!(twice.starts_with("expected each field once, found "), "{twice}");
+    }
+
+    #[test]
+    fn a_text_that_is_not_json_is_told_before_its_shape() {
+        let check = |text: &str, words: &str| match from_json::<Pose>(text) {
+            Err(Unread::NotJson(said)) => assert!(said.contains(words), "{said}"),
+            other => panic!("{text}: {other:?}"),
+        };
+        check("[\"x\"", "line 1 column");
+        check("[0, 0, 0] x", "line 1 column");
+        check("NaN", "line 1 column");
+        check(&"[".repeat(100_000), "nested more than 64 deep");
+        let brackets_in_text = format!("\"{}\\\"[\"", "[".repeat(100));
+        assert_eq!(from_json::<String>(&brackets_in_text).map(|text| text.len()), Ok(102));
+    }
+}
