@@ -34,7 +34,7 @@ fn a_feature_is_one_entry() {
         }),
     };
     let safety = safety();
-    assert!((bearing.value(&[now()], &safety) - (4.0_f64 / 3.0).atan()).abs() < 1e-15);
+    assert!((bearing.value(&[now()], &safety) - sidestep::math::atan2(4.0, 3.0)).abs() < 1e-15);
     // Whatever is in the table can be named in a set, in a predictor.json and in a dataset.
     for feature in FEATURES {
         let set = FeatureSet::of(&[feature.name]).expect("a feature of the table");
