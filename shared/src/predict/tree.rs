@@ -403,7 +403,7 @@ mod tests {
         assert_eq!(
             complain(|f| (f.questions.left[2], f.questions.right[2]) = (0, 0)),
             "left[3]",
-            "nobody's child"
+            "no parent"
         );
         assert_eq!(complain(|f| f.counts.truncate(4)), "counts");
         assert_eq!(complain(|f| f.counts[3].truncate(2)), "counts[3]");

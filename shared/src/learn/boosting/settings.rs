@@ -7,7 +7,7 @@ use crate::invalid::{Invalid, positive};
 pub struct BoostingSettings {
     /// Most trees for each score.
     pub rounds: usize,
-    /// In cross-validation: stop after so many rounds in a row that do not lower the log loss.
+    /// In cross-validation: stop after this many rounds in a row that do not lower the log loss.
     pub patience: usize,
     /// Depth of the trees.
     pub depth: usize,

@@ -30,7 +30,7 @@ const NEIGHBOURHOOD: f64 = 1e-4;
 const DECREASE: f64 = 0.01;
 /// The iteration ends when the mean of products is below this times 1 + C …
 const MEAN_PRODUCT: f64 = 1e-12;
-/// … or after so many steps; about fifteen do.
+/// … or after this many steps; about fifteen are needed.
 const MAX_STEPS: usize = 200;
 
 /// Rows of a block: sums run over several rows in registers before they go to memory.
