@@ -32,22 +32,41 @@ pub async fn sidestep(args: &[&str]) -> Output {
     command.kill_on_drop(true).output().await.expect("sidestep")
 }
 
-/// Runs the command, and sends it `signal` (as kill names it) after 0.7 s, in which it must
-/// not have ended; what it said to that.
+/// Runs the command, sends it `signal` (`INT` or `TERM`) as soon as it catches that signal and
+/// `is_due` holds, and returns what it said.
 ///
 /// # Panics
-/// If it cannot be run or does not end within a minute.
+/// If the command cannot be run, ends before the signal, or does not end within a minute of it.
 #[cfg(unix)]
-pub async fn interrupted(args: &[&str], signal: &str) -> Output {
+pub async fn interrupted(args: &[&str], signal: &str, is_due: impl Fn() -> bool) -> Output {
     let mut command = Command::new(binary());
     command.args(args).stdout(Stdio::piped()).stderr(Stdio::piped()).kill_on_drop(true);
-    let child = command.spawn().expect("sidestep");
-    tokio::time::sleep(Duration::from_millis(700)).await;
-    let kill = format!("kill -{signal} {}", child.id().expect("it has not ended"));
+    let mut child = command.spawn().expect("sidestep");
+    let process = child.id().expect("it has just begun");
+    while !(catches(process, signal) && is_due()) {
+        let ended = child.try_wait().expect("its state");
+        assert!(ended.is_none(), "it ended before the signal: {ended:?}");
+        tokio::time::sleep(Duration::from_millis(5)).await;
+    }
+    let kill = format!("kill -{signal} {process}");
     let killed = std::process::Command::new("sh").args(["-c", &kill]).status();
     assert!(killed.is_ok_and(|status| status.success()), "{kill}");
     let output = tokio::time::timeout(Duration::from_secs(60), child.wait_with_output()).await;
     output.expect("it ends").expect("its output")
+}
+
+/// Whether a process has a handler for the signal; Linux tells.
+#[cfg(unix)]
+fn catches(process: u32, signal: &str) -> bool {
+    let number = match signal {
+        "INT" => 2,
+        "TERM" => 15,
+        other => panic!("expected INT or TERM, found {other}"),
+    };
+    let status = std::fs::read_to_string(format!("/proc/{process}/status")).unwrap_or_default();
+    let caught = status.lines().find_map(|line| line.strip_prefix("SigCgt:"));
+    let mask = caught.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok());
+    mask.is_some_and(|mask| mask >> (number - 1) & 1 == 1)
 }
 
 /// `sidestep serve` with its own folder; killed when dropped.

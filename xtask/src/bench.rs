@@ -1,7 +1,7 @@
 //! `cargo xtask bench`: benchmarks, each against its baseline in the same run.
 
-mod learning;
 pub(crate) mod peers;
+mod learning;
 mod wasm;
 
 use std::process::ExitCode;
@@ -34,8 +34,8 @@ struct Bench {
 /// What runs a benchmark.
 #[derive(Debug, PartialEq)]
 enum Runner {
-    /// The `[[bench]]` target of that name in this package.
-    Target(&'static str),
+    /// The library's `[[bench]]` target of that name.
+    Target,
     /// [`peers`].
     Peers,
     /// [`learning`].
@@ -49,12 +49,12 @@ const BENCHES: &[Bench] = &[
     Bench {
         name: "reachability",
         what: "batch against one state at a time, two threads against one",
-        runner: Runner::Target("sidestep"),
+        runner: Runner::Target,
     },
     Bench {
         name: "scenes",
         what: "drawing a participant's scenes, against the plain rules",
-        runner: Runner::Target("sidestep"),
+        runner: Runner::Target,
     },
     Bench {
         name: "shfrs",
@@ -69,17 +69,17 @@ const BENCHES: &[Bench] = &[
     Bench {
         name: "features",
         what: "features of a million steps, two threads against one and state by state",
-        runner: Runner::Target("sidestep"),
+        runner: Runner::Target,
     },
     Bench {
         name: "learn",
         what: "training and inference of each model on real rows",
-        runner: Runner::Target("sidestep"),
+        runner: Runner::Target,
     },
     Bench {
         name: "learn_svm",
         what: "support vector machines: grids, fits, inference",
-        runner: Runner::Target("sidestep"),
+        runner: Runner::Target,
     },
     Bench {
         name: "peers",
@@ -106,8 +106,9 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> 
     for bench in chosen {
         eprintln!("==> {}: {}", bench.name, bench.what);
         let code = match bench.runner {
-            Runner::Target(package) => {
-                answer_of(&mut workspace.cargo(target_arguments(package, bench, options.quick)))?
+            Runner::Target => {
+                let mut cargo = workspace.compile("bench");
+                answer_of(cargo.args(arguments(bench.name, options.quick)))?
             }
             Runner::Peers => peers::run(workspace, options.quick)?,
             Runner::Learning => learning::run(workspace)?,
@@ -121,11 +122,10 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> 
     Ok(ExitCode::SUCCESS)
 }
 
-/// What cargo is called with for a `[[bench]]` target.
-fn target_arguments(package: &'static str, bench: &Bench, quick: bool) -> Vec<&'static str> {
-    let mut arguments = vec!["bench", "--locked", "--package", package, "--bench", bench.name];
+/// What cargo is called with for the `[[bench]]` target `name`.
+fn arguments(name: &'static str, quick: bool) -> Vec<&'static str> {
     // Criterion's switches. What an earlier run took says little: baselines are in each run.
-    arguments.extend(["--", "--discard-baseline"]);
+    let mut arguments = vec!["--bench", name, "--", "--discard-baseline"];
     if quick {
         arguments.push("--quick");
     }
@@ -153,14 +153,12 @@ fn nothing_to_run(benches: &[Bench], name: Option<&str>) -> String {
 
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
+
     use super::*;
 
     const TABLE: &[Bench] = &[
-        Bench {
-            name: "solve",
-            what: "parallel against one thread",
-            runner: Runner::Target("sidestep"),
-        },
+        Bench { name: "solve", what: "parallel against one thread", runner: Runner::Target },
         Bench { name: "reach", what: "fast against plain", runner: Runner::Peers },
     ];
 
@@ -179,20 +177,17 @@ mod tests {
     }
 
     #[test]
-    fn a_target_is_called_by_its_name_in_its_package() {
-        let call = target_arguments("sidestep", &TABLE[0], false).join(" ");
-        assert_eq!(call, "bench --locked --package sidestep --bench solve -- --discard-baseline");
-        let quick = target_arguments("sidestep", &TABLE[0], true).join(" ");
+    fn a_target_is_called_by_its_name() {
+        assert_eq!(arguments("solve", false).join(" "), "--bench solve -- --discard-baseline");
+        let quick = arguments("solve", true).join(" ");
         assert!(quick.ends_with(" --quick"), "{quick}");
     }
 
     #[test]
     fn every_target_of_the_table_has_its_source() {
-        for bench in BENCHES {
-            let Runner::Target(package) = bench.runner else { continue };
-            let folder = if package == "sidestep" { "shared" } else { package };
-            let source = format!("{}/../{folder}/benches", env!("CARGO_MANIFEST_DIR"));
-            let source = std::path::Path::new(&source).join(bench.name).with_extension("rs");
+        for bench in BENCHES.iter().filter(|bench| bench.runner == Runner::Target) {
+            let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/benches");
+            let source = folder.join(bench.name).with_extension("rs");
             assert!(source.is_file(), "{}", source.display());
         }
     }

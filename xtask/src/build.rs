@@ -1,12 +1,11 @@
 //! `cargo xtask build`: the client's bundle and the server, ready to run.
 
-use std::process::Command;
 use std::time::{Duration, Instant};
 
 use anyhow::Result;
 
-use crate::site::{self, ENTRIES, PAGE_ENTRIES, PARTICIPANT_BUDGET, PageSize, SOLVER};
-use crate::workspace::{WASM_TARGET, Workspace, stage};
+use crate::site::{self, ENTRIES, PARTICIPANT_BUDGET, PageSize};
+use crate::workspace::{Workspace, stage};
 
 /// Build client and server (release), ready to run from any working directory.
 ///
@@ -25,11 +24,9 @@ pub(crate) struct Options {
 pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<()> {
     workspace.ensure_wasm_target()?;
 
-    let mut client = build_client(workspace);
-    client.args(PAGE_ENTRIES.iter().flat_map(|entry| ["--bin", entry]));
+    let mut client = workspace.compile_for_browsers("build");
+    client.args(ENTRIES.iter().flat_map(|entry| ["--bin", entry]));
     let mut times = vec![("client", stage("client", &mut client)?)];
-    let mut solver = build_solver(workspace);
-    times.push(("solver", stage("solver", solver.args(["--bin", SOLVER]))?));
 
     let start = Instant::now();
     let mut bundles = Vec::new();
@@ -41,32 +38,12 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<()> {
     times.push(("site", start.elapsed()));
 
     if !options.client_only {
-        // All members are named so that cargo settles on the same features of the
-        // same dependencies as for the tests, and does not compile them twice.
-        let arguments = ["build", "--locked", "--release", "--workspace", "--bin", "sidestep"];
-        times.push(("server", stage("server", &mut workspace.cargo(arguments))?));
+        let mut server = workspace.compile("build");
+        times.push(("server", stage("server", server.args(["--bin", "sidestep"]))?));
     }
 
     report(&site::page_sizes(&composed, &sizes), &times);
     Ok(())
-}
-
-/// A build of the web client; what of it is to be added.
-pub(crate) fn build_client(workspace: &Workspace) -> Command {
-    let mut client = workspace.cargo(["build", "--locked", "--profile", "client"]);
-    client.args(["--target", WASM_TARGET, "--package", "sidestep-web"]);
-    client
-}
-
-/// The same, as the solver is built.
-///
-/// Pages are to be small; the solver is to be fast, and every browser of these days has
-/// lanes of 128 bits. Lanes change no bit of any result.
-pub(crate) fn build_solver(workspace: &Workspace) -> Command {
-    let mut solver = build_client(workspace);
-    solver.args(["--config", "profile.client.opt-level=3"]);
-    solver.env("CARGO_TARGET_WASM32_UNKNOWN_UNKNOWN_RUSTFLAGS", "-C target-feature=+simd128");
-    solver
 }
 
 /// Prints the two tables.

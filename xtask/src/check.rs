@@ -2,33 +2,29 @@
 
 use anyhow::Result;
 
-use crate::workspace::{WASM_TARGET, Workspace, stage};
+use crate::site::ENTRIES;
+use crate::workspace::{Workspace, stage};
 
 /// Runs the stages, quickest first, and stops at the first that fails.
-///
-/// All of them use the profile in which tests and client are built afterwards:
-/// procedural macros and build scripts (SQLite in C) are then compiled once.
 ///
 /// # Errors
 /// Naming the stage that failed.
 pub(crate) fn run(workspace: &Workspace) -> Result<()> {
-    stage("format", &mut workspace.cargo(["fmt", "--all", "--check"]))?;
+    stage("format", workspace.format().arg("--check"))?;
 
-    let mut clippy = workspace.cargo(["clippy", "--locked", "--release", "--workspace"]);
-    clippy.args(["--all-targets", "--", "--deny", "warnings"]);
-    stage("clippy", &mut clippy)?;
+    let mut clippy = workspace.compile("clippy");
+    stage("clippy", clippy.args(["--all-targets", "--", "--deny", "warnings"]))?;
 
     workspace.ensure_wasm_target()?;
-    let mut clippy = workspace.cargo(["clippy", "--locked", "--profile", "client"]);
-    clippy.args(["--package", "sidestep", "--package", "sidestep-web"]);
-    clippy.args(["--target", WASM_TARGET, "--", "--deny", "warnings"]);
-    stage("clippy for the browser", &mut clippy)?;
+    let mut clippy = workspace.compile_for_browsers("clippy");
+    clippy.args(ENTRIES.iter().flat_map(|entry| ["--bin", entry]));
+    stage("clippy for browsers", clippy.args(["--", "--deny", "warnings"]))?;
 
     // Two calls, because the server's program and the library are both called
     // `sidestep`: cargo cannot place both, and the library's pages are to remain.
     for (name, kind) in [("docs of programs", "--bins"), ("docs of libraries", "--lib")] {
-        let mut docs = workspace.cargo(["doc", "--locked", "--release", "--workspace", kind]);
-        docs.args(["--no-deps", "--document-private-items"]);
+        let mut docs = workspace.compile("doc");
+        docs.args([kind, "--no-deps", "--document-private-items"]);
         docs.env("RUSTDOCFLAGS", "--deny warnings");
         stage(name, &mut docs)?;
     }

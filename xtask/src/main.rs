@@ -9,14 +9,15 @@
 
 #![allow(clippy::print_stdout, reason = "a command-line tool answers on standard output")]
 
-mod bench;
+mod site;
+mod workspace;
 mod build;
 mod check;
+mod search;
 mod serve;
-mod site;
 mod test;
+mod bench;
 mod validate;
-mod workspace;
 
 use std::process::ExitCode;
 
@@ -41,6 +42,7 @@ enum Task {
     Test(test::Options),
     /// Check formatting, lints (native and browser) and documentation, without running anything.
     Check,
+    Search(search::Options),
     Bench(bench::Options),
     Validate(validate::Options),
 }
@@ -63,6 +65,7 @@ fn run(task: Task) -> anyhow::Result<ExitCode> {
         Task::Build(options) => build::run(&workspace, &options).map(|()| ExitCode::SUCCESS),
         Task::Test(options) => test::run(&workspace, &options),
         Task::Check => check::run(&workspace).map(|()| ExitCode::SUCCESS),
+        Task::Search(options) => search::run(&workspace, &options),
         Task::Bench(options) => bench::run(&workspace, &options),
         Task::Validate(options) => validate::run(&workspace, &options).map(|()| ExitCode::SUCCESS),
     }

@@ -11,7 +11,6 @@
 //! for ever. A page names an asset as `{{style.css}}` or `{{participant.js}}`.
 
 mod bundle;
-mod css;
 mod hashed;
 mod placeholders;
 mod publish;
@@ -114,8 +113,7 @@ pub(crate) fn compose(sources: Files, bundles: Vec<Bundle>) -> Result<Site> {
     for (name, content) in sheets {
         let text = utf8(&name, content)?;
         let filled = placeholders::fill(&name, &text, &assets)?;
-        let small = css::minify(&filled.text);
-        add_asset(&mut files, &mut assets, name, small.into_bytes());
+        add_asset(&mut files, &mut assets, name, filled.text.into_bytes());
     }
     for bundle in bundles {
         let wasm = hashed::name(&format!("{}.wasm", bundle.entry), &bundle.wasm);
@@ -267,7 +265,7 @@ mod tests {
         let icon = asset(&site, "icons/robot", ".svg");
         assert_eq!(
             text(&site, asset(&site, "style", ".css")),
-            format!("a{{background:url(/{icon})}}")
+            format!("a {{ background: url(/{icon}) }}")
         );
     }
 

@@ -7,14 +7,14 @@ use std::{env, fs};
 
 use anyhow::{Context, Result, bail};
 
-use crate::build::{self, build_client, build_solver};
+use crate::build;
 use crate::site::bundle;
 use crate::workspace::{Workspace, answer_of, stage};
 
 /// Run every test, after installing what they need where that is possible.
 #[derive(clap::Args)]
 pub(crate) struct Options {
-    /// Passed on to `cargo test`, as in `-- --test browser` or `-- -p sidestep`.
+    /// Passed on to `cargo test`, as in `-- --test browser`.
     #[arg(last = true)]
     arguments: Vec<OsString>,
 }
@@ -48,45 +48,39 @@ const CHROMIUM: Requirement = Requirement {
 pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> {
     let programs = provide(REQUIREMENTS)?;
     build::run(workspace, &build::Options::default())?;
-    let pages = fingerprint_pages(workspace)?;
+    let page = fingerprint_page(workspace)?;
 
+    let tests = |arguments: &[OsString]| {
+        let mut tests = workspace.compile("test");
+        tests.args(arguments).envs(programs.clone()).env("SIDESTEP_BIN", workspace.server());
+        answer_of(tests.env("SIDESTEP_FINGERPRINT_PAGE", &page))
+    };
     eprintln!("==> tests");
-    let mut tests = workspace.cargo(["test", "--locked", "--release", "--workspace"]);
-    tests.args(&options.arguments).env("SIDESTEP_BIN", workspace.server());
-    // The same code passes or fails alike every time; another seed in this variable
-    // looks elsewhere.
-    if env::var_os("PROPTEST_RNG_SEED").is_none() {
-        tests.env("PROPTEST_RNG_SEED", "2019");
+    if !options.arguments.is_empty() {
+        return tests(&options.arguments);
     }
-    for (variable, path) in programs.into_iter().chain(pages) {
-        tests.env(variable, path);
+    // Without a selection cargo would also compile every example, and run nothing of it.
+    let code = tests(&["--lib", "--bins", "--tests"].map(OsString::from))?;
+    if code != ExitCode::SUCCESS {
+        return Ok(code);
     }
-    answer_of(&mut tests)
+    tests(&[OsString::from("--doc")])
 }
 
 /// The example of the client that says what WebAssembly computes.
 const FINGERPRINT: &str = "fingerprint";
 
-/// Pages with that example, compiled as either part of the site is, and the variables that tell
-/// the tests where they are.
-fn fingerprint_pages(workspace: &Workspace) -> Result<Vec<(&'static str, PathBuf)>> {
-    let sides = [
-        ("SIDESTEP_FINGERPRINT_PAGE", "fingerprint-page.html", build_client(workspace)),
-        ("SIDESTEP_FINGERPRINT_SOLVER", "fingerprint-solver.html", build_solver(workspace)),
-    ];
-    let folder = workspace.browser_pages();
-    fs::create_dir_all(&folder)
-        .with_context(|| format!("cannot make the folder {}", folder.display()))?;
-    let mut pages = Vec::new();
-    for (variable, name, mut build) in sides {
-        stage(name, build.args(["--example", FINGERPRINT]))?;
-        let compiled = workspace.compiled_client(&format!("examples/{FINGERPRINT}"));
-        let text = bundle(FINGERPRINT, &compiled)?.page()?;
-        let path = folder.join(name);
-        fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))?;
-        pages.push((variable, path));
-    }
-    Ok(pages)
+/// Builds a page with that example in it.
+fn fingerprint_page(workspace: &Workspace) -> Result<PathBuf> {
+    let mut build = workspace.compile_for_browsers("build");
+    stage(FINGERPRINT, build.args(["--example", FINGERPRINT]))?;
+    let compiled = workspace.compiled_client(&format!("examples/{FINGERPRINT}"));
+    let text = bundle(FINGERPRINT, &compiled)?.page()?;
+    let path = workspace.browser_pages().join("fingerprint.html");
+    fs::create_dir_all(workspace.browser_pages())
+        .and_then(|()| fs::write(&path, text))
+        .with_context(|| format!("cannot write {}", path.display()))?;
+    Ok(path)
 }
 
 /// Finds every requirement, installing those that are missing.

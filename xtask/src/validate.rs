@@ -3,10 +3,10 @@
 //! For each page of `docs/validation` an example of the library computes and prints numbers;
 //! here they become the page and its pictures. Nothing is measured here.
 
+mod words;
 mod learning;
 mod reachability;
 mod shfrs;
-mod words;
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -65,8 +65,7 @@ fn folder(workspace: &Workspace) -> PathBuf {
 
 /// What an example of the library prints.
 fn measured<R: DeserializeOwned>(workspace: &Workspace, example: &str) -> Result<R> {
-    let mut build = workspace.cargo(["build", "--locked", "--release", "--package", "sidestep"]);
-    stage("library", build.args(["--example", example]))?;
+    stage("library", workspace.compile("build").args(["--example", example]))?;
     eprintln!("==> measurements");
     let what = format!("the example {example}");
     let answer = output_of(&what, &mut Command::new(workspace.example(example)))?;

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, Result, bail};
 
 /// The target triple that browsers run.
-pub(crate) const WASM_TARGET: &str = "wasm32-unknown-unknown";
+const WASM_TARGET: &str = "wasm32-unknown-unknown";
 
 /// The folders that every command works in.
 pub(crate) struct Workspace {
@@ -58,7 +58,7 @@ impl Workspace {
 
     /// What cargo compiled `entry` of the web client to.
     pub(crate) fn compiled_client(&self, entry: &str) -> PathBuf {
-        self.target.join(WASM_TARGET).join("client").join(entry).with_extension("wasm")
+        self.target.join(WASM_TARGET).join("release").join(entry).with_extension("wasm")
     }
 
     /// The folder that the server serves.
@@ -92,11 +92,28 @@ impl Workspace {
         self.target.join("browser-pages")
     }
 
-    /// A cargo call with `arguments`, in the root of the workspace.
-    pub(crate) fn cargo<'a>(&self, arguments: impl IntoIterator<Item = &'a str>) -> Command {
-        let mut command = cargo_in(&self.root);
-        command.args(arguments);
-        command
+    /// A call of a cargo command that compiles, such as `build` or `test`.
+    ///
+    /// Each of them selects all members and the same profile. Cargo then settles on the same
+    /// features of the same dependencies for all of them and compiles no dependency twice.
+    pub(crate) fn compile(&self, command: &str) -> Command {
+        let mut cargo = cargo_in(&self.root);
+        cargo.args([command, "--locked", "--profile", "release", "--workspace"]);
+        cargo
+    }
+
+    /// The same for browsers, with the settings of `.cargo/client.toml`.
+    pub(crate) fn compile_for_browsers(&self, command: &str) -> Command {
+        let mut cargo = self.compile(command);
+        cargo.args(["--target", WASM_TARGET, "--config"]).arg(self.path(".cargo/client.toml"));
+        cargo
+    }
+
+    /// `cargo fmt` for all members.
+    pub(crate) fn format(&self) -> Command {
+        let mut cargo = cargo_in(&self.root);
+        cargo.args(["fmt", "--all"]);
+        cargo
     }
 
     /// Adds the standard library for browsers to the toolchain, if it is missing:
@@ -196,7 +213,72 @@ fn shown(command: &Command) -> String {
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeSet;
+    use std::hash::{DefaultHasher, Hash, Hasher};
+
     use super::*;
+
+    /// What identifies the compiled dependencies of a call of cargo: package, target, features
+    /// and settings, and the same of all that they need in turn.
+    fn dependencies(cargo: &mut Command) -> BTreeSet<String> {
+        // Cargo tells its plan to nightly toolchains alone, or to those that call themselves so.
+        cargo.args(["-Zunstable-options", "--unit-graph"]).env("RUSTC_BOOTSTRAP", "1");
+        let graph = output_of("cargo", cargo).expect("a plan");
+        let graph: serde_json::Value = serde_json::from_str(&graph).expect("JSON");
+        let units = graph["units"].as_array().expect("units");
+        let mut names = vec![None; units.len()];
+        (0..units.len())
+            .filter(|&at| !units[at]["pkg_id"].as_str().expect("an id").starts_with("path+"))
+            .map(|at| identity(units, at, &mut names))
+            .collect()
+    }
+
+    fn identity(units: &[serde_json::Value], at: usize, known: &mut [Option<String>]) -> String {
+        if let Some(known) = &known[at] {
+            return known.clone();
+        }
+        let unit = &units[at];
+        let needed = unit["dependencies"].as_array().expect("a list").iter().map(|one| {
+            let at = one["index"].as_u64().expect("an index") as usize;
+            identity(units, at, known)
+        });
+        let mut needed: Vec<String> = needed.collect();
+        needed.sort();
+        let mut profile = unit["profile"].clone();
+        profile["name"] = serde_json::Value::Null;
+        let own = [&unit["target"], &profile, &unit["platform"], &unit["features"]];
+        let mut hasher = DefaultHasher::new();
+        (own.map(ToString::to_string), needed).hash(&mut hasher);
+        let package = unit["pkg_id"].as_str().expect("an id").rsplit('/').next();
+        let package = package.expect("a last part");
+        let name = format!("{package} {} {:x}", unit["mode"], hasher.finish());
+        known[at] = Some(name.clone());
+        name
+    }
+
+    #[test]
+    fn no_command_compiles_a_dependency_that_another_compiled_otherwise() {
+        let workspace = Workspace::locate().expect("the workspace");
+        let plan = |command: &str, further: &[&str]| {
+            dependencies(workspace.compile(command).args(further))
+        };
+        let mut own = cargo_in(&workspace.root);
+        let calls = [
+            ("cargo xtask", dependencies(own.args(["build", "--release", "--bin", "xtask"]))),
+            ("the server", plan("build", &["--bin", "sidestep"])),
+            ("a benchmark", plan("bench", &["--bench", "learn"])),
+            ("an example", plan("build", &["--example", "speed"])),
+        ];
+        let tests = plan("test", &["--lib", "--bins", "--tests"]);
+        for (call, needed) in calls {
+            let other: Vec<_> = needed.difference(&tests).collect();
+            assert!(other.is_empty(), "{call} and the tests need other variants of {other:?}");
+        }
+        let linted = plan("check", &["--all-targets"]);
+        let documented = plan("doc", &["--lib", "--no-deps"]);
+        let other: Vec<_> = documented.difference(&linted).collect();
+        assert!(other.is_empty(), "docs and lints need other variants of {other:?}");
+    }
 
     #[test]
     fn a_failed_stage_is_named() {

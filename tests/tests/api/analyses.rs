@@ -118,14 +118,19 @@ async fn a_study_is_analysed_as_by_the_command() {
     let asked = ask(&server, json!({ "leakage": true })).await;
     assert_eq!(asked.study, "default");
     assert_eq!(asked.request, Request { leakage: true, ..Request::default() });
-    let running = until(&server, &asked.id, |now| {
-        now.state.is_over() || now.progress.is_some_and(|p| p.done > 0 && p.of > 0)
-    });
-    let running = running.await;
-    if let Some(progress) = running.summary.progress {
-        assert!(progress.done <= progress.of && progress.left_s.unwrap() >= 0.0, "{progress:?}");
-        assert!(running.files.is_empty());
+    let mut progress = Vec::new();
+    loop {
+        let now = show(&server, &asked.id).await;
+        if now.summary.state.is_over() {
+            break;
+        }
+        assert!(now.files.is_empty());
+        progress.extend(now.summary.progress.filter(|progress| progress.done > 0));
+        tokio::time::sleep(Duration::from_millis(5)).await;
     }
+    assert!(!progress.is_empty(), "it takes seconds, and never tells how far it is");
+    assert!(progress.iter().all(|now| now.done <= now.of && now.left_s.unwrap() >= 0.0));
+    assert!(progress.is_sorted_by_key(|now| now.done), "{progress:?}");
     let detail = done(&server, &asked.id).await;
     let result = detail.summary.result.as_ref().unwrap();
     assert_eq!((result.participants, &result.synthetic), (2, &None));

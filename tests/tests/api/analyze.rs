@@ -174,7 +174,7 @@ async fn an_analysis_that_is_interrupted_changes_nothing() {
     for (signal, out) in [("INT", &former), ("TERM", &none)] {
         let all = data("trials.csv");
         let args = ["analyze", "--trials", &all, "--out", out.to_str().unwrap()];
-        let output = interrupted(&args, signal).await;
+        let output = interrupted(&args, signal, || out.join(".cache").is_dir()).await;
         let said = String::from_utf8(output.stderr).unwrap();
         assert_eq!((output.status.code(), output.stdout.len()), (Some(1), 0), "{said}");
         assert!(said.contains("nothing was written"), "{said}");

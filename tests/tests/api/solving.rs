@@ -425,7 +425,7 @@ async fn a_solve_that_is_interrupted_leaves_nothing() {
         // Minutes of work.
         let grid = ["solve", "--grid", "301,301,200", "--domain", "-20,20,-20,20"];
         let args = [&grid[..], &["--threads", "1", "--out", &out]].concat();
-        let output = interrupted(&args, signal).await;
+        let output = interrupted(&args, signal, || true).await;
         assert_eq!(output.status.code(), Some(1), "{signal}");
         let said = String::from_utf8(output.stderr).unwrap();
         assert!(said.contains("nothing was written"), "{said}");

@@ -50,8 +50,7 @@ struct Ours {
 /// # Errors
 /// When the program cannot be built or run.
 pub(super) fn run(workspace: &Workspace) -> Result<ExitCode> {
-    let mut build = workspace.cargo(["build", "--locked", "--release"]);
-    stage("sidestep", build.args(["--package", "sidestep-server"]))?;
+    stage("server", workspace.compile("build").args(["--bin", "sidestep"]))?;
     let folder = tempfile::tempdir().context("a folder for results")?;
     let data = |name: &str| workspace.path("shared/tests/data").join(name);
     let (trials, features) = (data("trials.csv"), data("features.csv"));

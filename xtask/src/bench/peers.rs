@@ -161,7 +161,7 @@ struct Compared {
 
 /// Runs the comparisons; also says what was missing.
 fn compare(workspace: &Workspace, quick: bool) -> Result<(Vec<Compared>, Vec<anyhow::Error>)> {
-    let mut build = workspace.cargo(["build", "--locked", "--release", "--package", "sidestep"]);
+    let mut build = workspace.compile("build");
     stage("our solver", build.args(["--example", "air3d"]))?;
     let python = environment(workspace, "tests/peers/requirements.txt", "venv").context(
         "the peer is missing: its Python environment needs python3 (3.11 or newer, with venv) \

@@ -11,7 +11,6 @@ use std::process::{Command, ExitCode, Stdio};
 
 use anyhow::{Context, Result, bail};
 
-use crate::build::{build_client, build_solver};
 use crate::site::{Bundle, bundle};
 use crate::test::chromium;
 use crate::workspace::{Workspace, cannot_start, output_of, stage};
@@ -53,23 +52,12 @@ impl Case {
 pub(super) struct Group {
     /// As the example calls it.
     name: &'static str,
-    /// How it is shipped to browsers.
-    shipped: Shipped,
     cases: &'static [Case],
-}
-
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Shipped {
-    /// In the laboratory's page: small.
-    Page,
-    /// In the solver: fast.
-    Solver,
 }
 
 /// The value function.
 pub(super) const VALUE: Group = Group {
     name: "value",
-    shipped: Shipped::Solver,
     cases: &[
         Case::new("polar standard solve").native(0.1).wasm(0.5),
         Case::new("level curve").wasm(1e-3),
@@ -82,7 +70,6 @@ pub(super) const VALUE: Group = Group {
 /// Predicted sets.
 pub(super) const SHFRS: Group = Group {
     name: "shfrs",
-    shipped: Shipped::Page,
     cases: &[
         Case::new("polygons, 0 inside").native(1e-4).wasm(2e-4),
         Case::new("polygons, 0 inside, fresh memory").against("polygons, 0 inside"),
@@ -118,14 +105,9 @@ type Figures = Vec<(String, f64)>;
 /// # Errors
 /// When either side cannot be built, or the one of this machine cannot be run.
 pub(super) fn run(workspace: &Workspace, group: Group) -> Result<ExitCode> {
-    // Of the whole workspace, so that the tests' dependencies serve here too.
-    let mut build = workspace.cargo(["build", "--locked", "--release", "--workspace"]);
-    stage("native", build.args(["--example", EXAMPLE]))?;
+    stage("native", workspace.compile("build").args(["--example", EXAMPLE]))?;
     workspace.ensure_wasm_target()?;
-    let mut build = match group.shipped {
-        Shipped::Page => build_client(workspace),
-        Shipped::Solver => build_solver(workspace),
-    };
+    let mut build = workspace.compile_for_browsers("build");
     stage("WebAssembly", build.args(["--example", EXAMPLE]))?;
     let compiled = workspace.compiled_client(&format!("examples/{EXAMPLE}"));
     let bundle = bundle(EXAMPLE, &compiled)?;

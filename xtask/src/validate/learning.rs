@@ -4,9 +4,9 @@
 //! The example `validate_learning` of the library computes and prints numbers; here they become
 //! the page ([`page`]).
 
+mod report;
 mod differences;
 mod page;
-mod report;
 
 use anyhow::Result;
 

@@ -5,10 +5,10 @@
 //! there, except those of [`peers`], which take minutes to measure and depend on the machine:
 //! they are kept in `docs/validation/peers.json`.
 
-mod figures;
-mod page;
 mod peers;
 mod report;
+mod figures;
+mod page;
 
 use anyhow::{Context, Result};
 

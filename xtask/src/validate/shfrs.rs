@@ -4,8 +4,8 @@
 //! the page ([`page`]). The paper's Figure 3 is rebuilt by the program itself ([`figure3`]).
 
 mod figure3;
-mod page;
 mod report;
+mod page;
 
 use anyhow::Result;
 

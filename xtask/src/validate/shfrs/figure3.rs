@@ -75,8 +75,7 @@ struct Tube {
 /// # Errors
 /// When it cannot be built, refuses an input, or a file cannot be read or written.
 pub(super) fn panels(workspace: &Workspace) -> Result<Vec<Panel>> {
-    let package = ["build", "--locked", "--release", "--package", "sidestep-server"];
-    stage("program", &mut workspace.cargo(package))?;
+    stage("server", workspace.compile("build").args(["--bin", "sidestep"]))?;
     eprintln!("==> Figure 3");
     let folder = folder(workspace);
     let inputs = folder.join(FOLDER);
