@@ -93,6 +93,7 @@ fn the_library_is_pure() {
         "rayon",
         "serde",
         "serde_json",
+        "serde_path_to_error",
         "sha2",
         "special",
         "thiserror",
