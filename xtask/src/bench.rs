@@ -34,7 +34,7 @@ struct Bench {
 /// What runs a benchmark.
 #[derive(Debug, PartialEq)]
 enum Runner {
-    /// The library's `[[bench]]` target of that name.
+    /// The `[[bench]]` target of that name.
     Target,
     /// [`peers`].
     Peers,
@@ -79,6 +79,11 @@ const BENCHES: &[Bench] = &[
     Bench {
         name: "learn_svm",
         what: "support vector machines: grids, fits, inference",
+        runner: Runner::Target,
+    },
+    Bench {
+        name: "uploads",
+        what: "a server under load and killed under load, against SQLite alone",
         runner: Runner::Target,
     },
     Bench {
@@ -185,10 +190,13 @@ mod tests {
 
     #[test]
     fn every_target_of_the_table_has_its_source() {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
         for bench in BENCHES.iter().filter(|bench| bench.runner == Runner::Target) {
-            let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/benches");
-            let source = folder.join(bench.name).with_extension("rs");
-            assert!(source.is_file(), "{}", source.display());
+            let sources = ["shared", "server"].map(|member| {
+                let source = folder.join(member).join("benches").join(bench.name);
+                [source.with_extension("rs"), source.join("main.rs")]
+            });
+            assert!(sources.iter().flatten().any(|source| source.is_file()), "{}", bench.name);
         }
     }
 }

@@ -1,0 +1,89 @@
+//! HTTP/1.1 on a connection that is kept, with as little work as possible.
+
+use std::io::{Error, ErrorKind, Result, Write};
+use std::net::SocketAddr;
+
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::net::TcpStream;
+
+/// A connection to the server.
+pub(crate) struct Connection {
+    stream: TcpStream,
+    /// The request that is sent, and the answer to it.
+    request: Vec<u8>,
+    answer: Vec<u8>,
+}
+
+/// An answer.
+pub(crate) struct Answer<'a> {
+    pub(crate) status: u16,
+    /// When to ask again, s.
+    pub(crate) retry_after_s: Option<u64>,
+    pub(crate) body: &'a [u8],
+}
+
+impl Connection {
+    pub(crate) async fn open(address: SocketAddr) -> Result<Self> {
+        let stream = TcpStream::connect(address).await?;
+        stream.set_nodelay(true)?;
+        Ok(Self { stream, request: Vec::new(), answer: Vec::new() })
+    }
+
+    /// Sends a request with a JSON body and reads its answer.
+    pub(crate) async fn send(
+        &mut self,
+        method: &str,
+        route: &str,
+        token: Option<&str>,
+        body: &[u8],
+    ) -> Result<Answer<'_>> {
+        self.request.clear();
+        let length = body.len();
+        write!(
+            self.request,
+            "{method} {route} HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\n\
+             Content-Length: {length}\r\n"
+        )?;
+        if let Some(token) = token {
+            write!(self.request, "Authorization: Bearer {token}\r\n")?;
+        }
+        self.request.extend_from_slice(b"\r\n");
+        self.request.extend_from_slice(body);
+        self.stream.write_all(&self.request).await?;
+
+        self.answer.clear();
+        let (head, body) = loop {
+            if let Some(parts) = whole(&self.answer)? {
+                break parts;
+            }
+            if self.stream.read_buf(&mut self.answer).await? == 0 {
+                return Err(ErrorKind::UnexpectedEof.into());
+            }
+        };
+        let head = std::str::from_utf8(&self.answer[..head]).map_err(Error::other)?;
+        let status = head.split(' ').nth(1).and_then(|word| word.parse().ok());
+        Ok(Answer {
+            status: status.ok_or_else(|| Error::other("no status"))?,
+            retry_after_s: header(head, "retry-after").and_then(|text| text.parse().ok()),
+            body: &self.answer[body.0..body.1],
+        })
+    }
+}
+
+/// The end of an answer's head and where its body lies, if all of it is there.
+fn whole(answer: &[u8]) -> Result<Option<(usize, (usize, usize))>> {
+    let Some(head) = answer.windows(4).position(|four| four == b"\r\n\r\n") else {
+        return Ok(None);
+    };
+    let text = std::str::from_utf8(&answer[..head]).map_err(Error::other)?;
+    let length: Option<usize> = header(text, "content-length").and_then(|text| text.parse().ok());
+    let length = length.ok_or_else(|| Error::other("an answer without Content-Length"))?;
+    let end = head + 4 + length;
+    Ok((answer.len() >= end).then_some((head, (head + 4, end))))
+}
+
+fn header<'a>(head: &'a str, name: &str) -> Option<&'a str> {
+    let fields = head.lines().skip(1).filter_map(|line| line.split_once(':'));
+    let mut fields = fields.filter(|(key, _)| key.eq_ignore_ascii_case(name));
+    fields.next().map(|(_, value)| value.trim())
+}
