@@ -13,10 +13,10 @@ mod prediction;
 pub mod bounds;
 pub mod reach;
 pub mod plot;
+mod trials_file;
 pub mod shfrs;
 pub mod features;
 pub mod analyze;
-mod trials_file;
 pub mod simulate;
 
 use crate::store::OpenError;

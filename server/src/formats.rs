@@ -4,7 +4,7 @@ pub mod atomic_file;
 pub mod atomic_folder;
 pub mod csv_lines;
 pub mod exports;
-pub mod features_csv;
 pub mod npz;
 pub mod study_toml;
 pub mod trials_csv;
+pub mod features_csv;
