@@ -7,7 +7,8 @@ use sidestep_server::commands::{
 };
 use std::io::IsTerminal;
 use std::process::ExitCode;
-use tracing_subscriber::EnvFilter;
+use tracing_subscriber::filter::Targets;
+use tracing_subscriber::prelude::*;
 
 /// Collects, checks and serves studies of how people avoid a robot.
 #[derive(Debug, Parser)]
@@ -71,12 +72,13 @@ async fn call(command: Command) -> Result<(), CommandError> {
 
 fn log_to_stderr() {
     // Statements are not logged: what is bound to them is nobody's business.
-    let filter =
-        EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("info,sqlx=error"));
-    tracing_subscriber::fmt()
-        .with_env_filter(filter)
+    let default = Targets::new()
+        .with_default(tracing::Level::INFO)
+        .with_target("sqlx", tracing::Level::ERROR);
+    let wanted = std::env::var("RUST_LOG").ok().and_then(|text| text.parse::<Targets>().ok());
+    let lines = tracing_subscriber::fmt::layer()
         .with_writer(std::io::stderr)
         .with_ansi(std::io::stderr().is_terminal())
-        .with_target(false)
-        .init();
+        .with_target(false);
+    tracing_subscriber::registry().with(lines).with(wanted.unwrap_or(default)).init();
 }

@@ -14,12 +14,11 @@ use sidestep_tests::{Answer, Driver, Server, upload};
 #[tokio::test]
 async fn signing_in_and_out() {
     let server = Server::with_study(SHORT_STUDY).await;
-    let browser = reqwest::Client::builder().cookie_store(true).build().unwrap();
-    let address = format!("{}{}", server.origin, routes::SESSION);
-    assert_eq!(Answer::of(browser.get(&address)).await.status, 401);
-    let wrong = browser.post(&address).json(&json!({ "key": "guess" }));
+    let request = |method, route| server.request(method, route);
+    assert_eq!(Answer::of(request(Method::GET, routes::SESSION)).await.status, 401);
+    let wrong = request(Method::POST, routes::SESSION).json(&json!({ "key": "guess" }));
     Answer::of(wrong).await.problem(401, "unauthorized", None);
-    let right = browser.post(&address).json(&json!({ "key": server.key }));
+    let right = request(Method::POST, routes::SESSION).json(&json!({ "key": server.key }));
     let answer = right.send().await.unwrap();
     assert_eq!(answer.status(), 200);
     let cookie = answer.headers()["set-cookie"].to_str().unwrap().to_owned();
@@ -27,15 +26,18 @@ async fn signing_in_and_out() {
         assert!(cookie.contains(part), "{cookie}");
     }
     assert!(!cookie.contains(&server.key));
-    assert_eq!(Answer::of(browser.get(&address)).await.status, 200);
-    let studies = format!("{}{}", server.origin, routes::ADMIN_STUDIES);
-    assert_eq!(Answer::of(browser.get(&studies)).await.status, 200);
-    assert_eq!(Answer::of(browser.delete(&address)).await.status, 204);
-    assert_eq!(Answer::of(browser.get(&studies)).await.status, 401);
-    // The old cookie is worth nothing, also to someone who kept it.
     let kept = cookie.split(';').next().unwrap();
-    let again = server.request(Method::GET, routes::SESSION).header("cookie", kept);
-    assert_eq!(Answer::of(again).await.status, 401);
+    let with_cookie = |method, route| request(method, route).header("cookie", kept);
+    assert_eq!(Answer::of(with_cookie(Method::GET, routes::SESSION)).await.status, 200);
+    assert_eq!(Answer::of(with_cookie(Method::GET, routes::ADMIN_STUDIES)).await.status, 200);
+    let out = with_cookie(Method::DELETE, routes::SESSION).send().await.unwrap();
+    assert_eq!(out.status(), 204);
+    let removed = out.headers()["set-cookie"].to_str().unwrap();
+    assert!(removed.contains("Max-Age=0") && removed.contains("Path=/"), "{removed}");
+    // The old cookie is worth nothing to someone who kept it.
+    for route in [routes::SESSION, routes::ADMIN_STUDIES] {
+        assert_eq!(Answer::of(with_cookie(Method::GET, route)).await.status, 401);
+    }
 }
 
 #[tokio::test]
