@@ -237,6 +237,18 @@ impl Tab {
         self.until(&format!("Number({element}?.dataset.step) >= {step}")).await;
     }
 
+    /// Waits until the browser has painted the page as it is now.
+    ///
+    /// # Panics
+    /// If it paints nothing.
+    pub async fn until_painted(&self) {
+        // The second frame begins once the first is done; by then it is known what still moves.
+        let painted = "new Promise(done => requestAnimationFrame(() => requestAnimationFrame(() => \
+                       Promise.allSettled(document.getAnimations().map(a => a.finished)) \
+                       .then(() => requestAnimationFrame(() => done(true))))))";
+        assert!(self.eval::<bool>(painted).await);
+    }
+
     /// Presses a key down.
     pub async fn key_down(&self, key: &str) {
         self.key(key, DispatchKeyEventType::RawKeyDown).await;
@@ -271,12 +283,12 @@ impl Tab {
     /// # Panics
     /// If it cannot be taken or kept.
     pub async fn picture(&self, name: &str) -> RgbaImage {
-        let octets = self.page.screenshot(ScreenshotParams::builder().build()).await;
-        let octets = octets.expect("a picture");
+        let bytes = self.page.screenshot(ScreenshotParams::builder().build()).await;
+        let bytes = bytes.expect("a picture");
         let folder = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../target/screenshots"));
         std::fs::create_dir_all(&folder).expect("a folder");
-        std::fs::write(folder.join(format!("{name}.png")), &octets).expect("a file");
-        image::load_from_memory(&octets).expect("a PNG").into_rgba8()
+        std::fs::write(folder.join(format!("{name}.png")), &bytes).expect("a file");
+        image::load_from_memory(&bytes).expect("a PNG").into_rgba8()
     }
 
     /// Checks that the page has complained of nothing, and that nothing is cut off

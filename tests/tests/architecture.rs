@@ -125,8 +125,6 @@ const NOT_YET_IN_ORDER: &[(&str, usize)] = &[
     ("server/src/synthetic", 1),
     ("shared/src/comparison", 13),
     ("shared/src/shfrs", 27),
-    ("web-client/src/overlays", 1),
-    ("web-client/src/pages", 1),
 ];
 
 #[test]

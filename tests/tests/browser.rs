@@ -46,7 +46,7 @@ async fn until_saved(tab: &Tab) {
 
 async fn until_waiting(tab: &Tab) {
     let saved = Tab::at("saved");
-    tab.until(&format!("{saved}?.textContent.includes('1 scene waits')")).await;
+    tab.until(&format!("{saved}?.textContent.includes('1 scene not uploaded yet')")).await;
 }
 
 async fn until_predicted(tab: &Tab) {
@@ -220,11 +220,94 @@ async fn wrong_addresses_and_keys_are_answered_in_words() {
     let server = Server::with_client(SHORT_STUDY).await;
     let browser = Browser::start().await;
     let tab = browser.open(&format!("{}/lab#key=not-the-key-at-all", server.origin)).await;
-    assert!(!tab.words("trouble").await.is_empty());
+    assert_eq!(tab.words("trouble").await, "That key is not valid.");
+    // What was typed is still there after an answer, and so is the focus.
+    let key = Tab::at("key");
+    tab.run(&format!("{key}.value = 'neither is this'")).await;
+    tab.press("sign-in").await;
+    tab.until(&format!("{} && !{}.disabled", Tab::at("trouble"), Tab::at("sign-in"))).await;
+    assert_eq!(tab.eval::<String>(&format!("{key}.value")).await, "neither is this");
+    // The right link, pasted while the page is open.
+    tab.run(&format!("location.hash = '#key={}'", server.key)).await;
+    tab.until("document.querySelector('.empty')").await;
+    let address: String = tab.eval("location.href").await;
+    assert!(!address.contains('#'), "{address}");
+    tab.press("sign-out").await;
+    tab.until("location.pathname === '/'").await;
     let status: u64 = tab.eval("fetch('/api/v1/admin/studies').then(r => r.status)").await;
     assert_eq!(status, 401);
     let nowhere = browser.open(&format!("{}/s/no-such-study", server.origin)).await;
-    assert!(nowhere.words("stuck").await.contains("study"));
+    assert!(nowhere.words("stuck").await.contains("Study not found"));
+    browser.close().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_browser_that_stores_nothing_still_completes() {
+    let server = Server::with_client(r#"phases = [{ phase = "task", scenes = 1 }]"#).await;
+    let browser = Browser::start().await;
+    let tab = browser.open("about:blank").await;
+    tab.before_pages(
+        "Storage.prototype.setItem = () => { \
+         throw new DOMException('no room', 'QuotaExceededError') };",
+    )
+    .await;
+    tab.go(&format!("{}/s/default", server.origin)).await;
+    tab.press("consent").await;
+    assert!(tab.words("not-kept").await.contains("no storage left"));
+    tab.press("continue").await;
+    drive(&tab, "a").await;
+    assert!(tab.words("completion-code").await.len() >= 8);
+    assert_eq!(stored(&server).await.len(), 1);
+    tab.is_well().await;
+    browser.close().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn the_laboratory_goes_from_page_to_page_without_loading() {
+    let server = Server::with_client(SHORT_STUDY).await;
+    let driver = Driver::enrol(&server).await;
+    driver.drive(&server, 2).await;
+    // A second study, with other words.
+    let study = "slug = \"second\"\ntitle = \"Pilot\"\n";
+    std::fs::write(server.path("study.toml"), study).expect("a study file");
+    let server = server.restarted().await;
+    let browser = Browser::start().await;
+    let tab = browser.open("about:blank").await;
+    sign_in(&tab, &server).await;
+    tab.run("window.loadedOnce = true").await;
+    let title = "document.title";
+    assert_eq!(tab.eval::<String>(title).await, "Short · Sidestep laboratory");
+    let times: Vec<String> =
+        tab.eval("[...document.querySelectorAll('time')].map(t => t.textContent)").await;
+    assert!(times.len() == 2 && times.iter().all(|time| time.len() > 8), "{times:?}");
+
+    // To a replay, whose heading takes the focus, and back.
+    tab.press("replay-link").await;
+    until_predicted(&tab).await;
+    assert!(tab.eval::<String>(title).await.starts_with("default / participant 1"));
+    assert_eq!(tab.eval::<String>("document.activeElement.tagName").await, "H1");
+    // The canvas has the pixels of its size, whatever changes that.
+    let canvas = Tab::at("replay");
+    let fits = format!("{canvas}.height === {canvas}.clientHeight");
+    tab.until(&fits).await;
+    let before: usize = tab.eval(&format!("{canvas}.height")).await;
+    tab.run("document.querySelector('details').open = true").await;
+    tab.until(&format!("{fits} && {canvas}.height < {before}")).await;
+    tab.run("history.back()").await;
+    tab.until(&Tab::at("trials")).await;
+
+    // To the other study, and to an address without a page.
+    let choose = "(s => { s.value = 'second'; \
+                  s.dispatchEvent(new Event('input', {bubbles: true})) })";
+    tab.run(&format!("{choose}({})", Tab::at("study"))).await;
+    tab.until("document.querySelector('.empty')").await;
+    assert_eq!(tab.eval::<String>(title).await, "Pilot · Sidestep laboratory");
+    assert_eq!(tab.eval::<String>("location.search").await, "?study=second");
+    take(&tab, "studies").await;
+    assert!(tab.eval::<bool>("window.loadedOnce").await);
+    tab.go(&format!("{}/lab/nothing", server.origin)).await;
+    assert!(tab.words("stuck").await.contains("no page at this address"));
+    tab.is_well().await;
     browser.close().await;
 }
 
@@ -252,8 +335,7 @@ async fn seek(tab: &Tab, step: usize) {
 async fn take(tab: &Tab, name: &str) {
     for (size, dark) in [(WIDE, false), (WIDE, true), (NARROW, false), (NARROW, true)] {
         tab.look(size, dark).await;
-        // Time for a frame in the new look.
-        tokio::time::sleep(Duration::from_millis(150)).await;
+        tab.until_painted().await;
         let scheme = if dark { "dark" } else { "light" };
         tab.picture(&format!("{name}-{}-{scheme}", size.0)).await;
         tab.is_well().await;
@@ -303,17 +385,17 @@ async fn unequal_vehicles_have_level_sets_from_either_solver() {
     draws_level_sets(&tab).await;
     take(&tab, "replay-solved-here").await;
 
-    // The octets are those of the native library, bit for bit.
+    // The bytes are those of the native library, bit for bit.
     let trial: TrialDetail = server.admin(&routes::admin_trial(&id)).await.into(200);
     for evader in Evader::ALL {
         assert_eq!(trial.value_function(evader), None);
         let game = trial.parameters.game(evader);
         let text = serde_json::to_string(&game).expect("a game as JSON");
-        let (hash, octets, ms): (String, usize, f64) = tab
+        let (hash, bytes, ms): (String, usize, f64) = tab
             .eval(&format!(
                 "(async () => {{ \
                const begun = performance.now(); \
-               const octets = await new Promise((done, failed) => {{ \
+               const bytes = await new Promise((done, failed) => {{ \
                  const program = document.getElementById('app').dataset.solver; \
                  const worker = new Worker(program, {{type: 'module', name: '{text}'}}); \
                  worker.onerror = failed; \
@@ -321,15 +403,15 @@ async fn unequal_vehicles_have_level_sets_from_either_solver() {
                    if (data instanceof Uint8Array) done(data); \
                    if (typeof data === 'string') failed(new Error(data)); }} }}); \
                const ms = performance.now() - begun; \
-               const hash = new Uint8Array(await crypto.subtle.digest('SHA-256', octets)); \
+               const hash = new Uint8Array(await crypto.subtle.digest('SHA-256', bytes)); \
                const hex = [...hash].map(o => o.toString(16).padStart(2, '0')).join(''); \
-               return [hex, octets.length, ms] }})()"
+               return [hex, bytes.length, ms] }})()"
             ))
             .await;
         let native = value_function(game, &mut |_| ControlFlow::Continue(()));
         assert_eq!(hash, native.expect("a solution").id());
         eprintln!(
-            "{evader:?}: {octets} octets, {ms:.0} ms in the browser, the worker's start included"
+            "{evader:?}: {bytes} bytes, {ms:.0} ms in the browser, the worker's start included"
         );
     }
     tab.is_well().await;
@@ -443,7 +525,7 @@ async fn every_page_fits_its_window() {
     // The browser itself notes the 401 that the page asked for.
     for (size, name) in [(WIDE, "sign-in-1280-light"), (NARROW, "sign-in-390-light")] {
         tab.look(size, false).await;
-        tokio::time::sleep(Duration::from_millis(150)).await;
+        tab.until_painted().await;
         tab.picture(name).await;
     }
     browser.close().await;

@@ -1,22 +1,26 @@
-//! The only part that touches the browser: it brings events to a page, applies
+//! The only part that touches the browser: it brings messages to a page, applies
 //! the page's commands, and shows its view and picture.
 
+mod address;
 mod canvas;
 mod dom;
+mod fields;
 mod listen;
 mod net;
 pub mod solver;
+mod storage;
 
-use crate::runtime::{App, Command, Event, Solving, Surroundings};
-use crate::view::Node;
-use std::cell::RefCell;
+use self::dom::Dom;
+use crate::runtime::{Command, Commands, Event, Page, PageContext, Solving};
+use std::any::Any;
+use std::cell::{Cell, RefCell};
 use std::collections::VecDeque;
 use std::rc::Rc;
 use wasm_bindgen::prelude::*;
 use web_sys::{Document, HtmlElement, Window};
 
-/// Starts a page and keeps it until the tab is closed.
-pub fn run(app: impl App + 'static) {
+/// Opens a page and keeps it until the tab is closed.
+pub fn run<P: Page + 'static>(open: fn(PageContext) -> (P, Commands<P::Msg>)) {
     std::panic::set_hook(Box::new(|panic| {
         web_sys::console::error_1(&format!("Sidestep stopped: {panic}").into());
         show_crash();
@@ -25,22 +29,28 @@ pub fn run(app: impl App + 'static) {
         web_sys::console::error_1(&"Sidestep found no element with the id 'app'".into());
         return;
     };
-    let shell = Rc::new(RefCell::new(Shell {
-        app: Box::new(app),
+    let (page, commands) = open(context(&window));
+    let shell = Shell {
+        page,
+        dom: Dom::new(&document, &root),
         window,
         document,
         root,
-        shown: None,
         painter: canvas::Painter::default(),
+        title: String::new(),
         frame_requested: false,
         on_frame: None,
+        on_resize: None,
         listeners: Vec::new(),
-        solvers: Vec::new(),
-    }));
-    let pump = Pump { shell, queue: Rc::default(), busy: Rc::default() };
+        underway: Vec::new(),
+        started: 0,
+    };
+    let pump =
+        Pump { shell: Rc::new(RefCell::new(shell)), queue: Rc::default(), busy: Rc::default() };
     pump.listen();
-    let surroundings = pump.shell.borrow().surroundings();
-    pump.dispatch(Event::Opened(surroundings));
+    pump.busy.set(true);
+    pump.apply(commands);
+    pump.work();
 }
 
 fn place() -> Option<(Window, Document, HtmlElement)> {
@@ -59,169 +69,262 @@ fn show_crash() {
     }
 }
 
-struct Shell {
-    app: Box<dyn App>,
+/// What a page is told when it opens.
+fn context(window: &Window) -> PageContext {
+    let screen = window.screen().ok();
+    let number =
+        |value: Result<JsValue, JsValue>| value.ok().and_then(|v| v.as_f64()).unwrap_or(0.0);
+    let width = screen.as_ref().and_then(|screen| screen.width().ok()).unwrap_or(0);
+    let height = screen.as_ref().and_then(|screen| screen.height().ok()).unwrap_or(0);
+    PageContext {
+        address: address::current(window),
+        kept: storage::all(window).unwrap_or_default(),
+        locale: window.navigator().language().unwrap_or_default(),
+        screen: vec![
+            ("screen_width_px", width.into()),
+            ("screen_height_px", height.into()),
+            ("window_width_px", number(window.inner_width())),
+            ("window_height_px", number(window.inner_height())),
+            ("device_pixel_ratio", window.device_pixel_ratio()),
+        ],
+        time_origin_ms: window.performance().map_or(0.0, |clock| clock.time_origin()),
+    }
+}
+
+struct Shell<P: Page> {
+    page: P,
     window: Window,
     document: Document,
     root: HtmlElement,
-    shown: Option<Node>,
+    dom: Dom<P::Msg>,
     painter: canvas::Painter,
+    /// The document's title.
+    title: String,
     frame_requested: bool,
     on_frame: Option<Closure<dyn FnMut()>>,
+    on_resize: Option<canvas::SizeWatcher>,
     listeners: Vec<listen::Listener>,
-    /// At work, or done.
-    solvers: Vec<solver::Solver>,
+    underway: Vec<Underway>,
+    /// How many requests, timers and solves were started.
+    started: u32,
 }
 
-impl Shell {
+/// A request, timer or solve.
+struct Underway {
+    name: &'static str,
+    /// Tells it from others of that name: what was given up may still report.
+    number: u32,
+    /// Gives it up when it is dropped.
+    _work: Box<dyn Any>,
+}
+
+impl<P: Page> Shell<P> {
     /// Milliseconds on the page's clock.
     fn now_ms(&self) -> f64 {
         self.window.performance().map_or(0.0, |clock| clock.now())
     }
 
-    fn surroundings(&self) -> Surroundings {
-        let location = self.window.location();
-        let screen = self.window.screen().ok();
-        let number =
-            |value: Result<JsValue, JsValue>| value.ok().and_then(|v| v.as_f64()).unwrap_or(0.0);
-        Surroundings {
-            path: location.pathname().unwrap_or_default(),
-            query: net::decode_query(&location.search().unwrap_or_default()),
-            fragment: location.hash().unwrap_or_default().trim_start_matches('#').to_owned(),
-            kept: self.kept().unwrap_or_default(),
-            locale: self.window.navigator().language().unwrap_or_default(),
-            screen: vec![
-                (
-                    "screen_width_px",
-                    screen.as_ref().and_then(|s| s.width().ok()).unwrap_or(0).into(),
-                ),
-                (
-                    "screen_height_px",
-                    screen.as_ref().and_then(|s| s.height().ok()).unwrap_or(0).into(),
-                ),
-                ("window_width_px", number(self.window.inner_width())),
-                ("window_height_px", number(self.window.inner_height())),
-                ("device_pixel_ratio", self.window.device_pixel_ratio()),
-            ],
-            time_origin_ms: self.window.performance().map_or(0.0, |clock| clock.time_origin()),
-        }
-    }
-
-    fn kept(&self) -> Option<Vec<(String, String)>> {
-        let storage = self.window.local_storage().ok()??;
-        let names = (0..storage.length().ok()?).filter_map(|i| storage.key(i).ok()?);
-        let ours = names.filter(|name| name.starts_with("sidestep."));
-        Some(ours.filter_map(|name| Some((name.clone(), storage.get_item(&name).ok()??))).collect())
-    }
-
     /// Brings the document and the canvas up to date.
     fn show(&mut self) {
-        let view = self.app.view();
-        if self.shown.as_ref() != Some(&view) {
-            dom::patch_root(&self.document, &self.root, self.shown.as_ref(), &view);
-            self.shown = Some(view);
+        self.dom.show(self.page.view());
+        let title = self.page.title();
+        if self.title != title {
+            self.document.set_title(&title);
+            self.title = title;
         }
-        if let Some(picture) = self.app.picture() {
-            self.painter.paint(&self.window, &self.document, &picture);
-        }
+        self.paint();
     }
 
-    fn keep(&self, name: &str, text: &str) {
-        let storage = self.window.local_storage().ok().flatten();
-        let kept = storage.and_then(|storage| storage.set_item(name, text).ok());
-        if kept.is_none() {
-            // Private windows may refuse; the trial is still in memory and on its way.
-            web_sys::console::warn_1(
-                &"this browser keeps nothing: do not close the page before all is saved".into(),
-            );
-        }
-    }
-}
-
-/// Takes events one at a time, in the order in which they came.
-#[derive(Clone)]
-pub(crate) struct Pump {
-    shell: Rc<RefCell<Shell>>,
-    queue: Rc<RefCell<VecDeque<Event>>>,
-    busy: Rc<RefCell<bool>>,
-}
-
-impl Pump {
-    /// Handles an event now, or right after the one that is being handled.
-    pub(crate) fn dispatch(&self, event: Event) {
-        self.queue.borrow_mut().push_back(event);
-        if self.busy.replace(true) {
-            return;
-        }
-        loop {
-            let event = self.queue.borrow_mut().pop_front();
-            let Some(event) = event else { break };
-            let commands = self.shell.borrow_mut().app.handle(event);
-            for command in commands {
-                self.apply(command);
+    fn paint(&mut self) {
+        if let Some(picture) = self.page.picture() {
+            let canvas = self.painter.paint(&self.window, &self.document, &picture);
+            if let (Some(canvas), Some(watcher)) = (canvas, &mut self.on_resize) {
+                watcher.watch(&canvas);
             }
         }
+    }
+
+    /// Gives up what has this name, and makes room for its successor, whose number this is.
+    fn begin(&mut self, name: &'static str) -> u32 {
+        self.underway.retain(|underway| underway.name != name);
+        self.started += 1;
+        self.started
+    }
+
+    fn holds(&self, number: u32) -> bool {
+        self.underway.iter().any(|underway| underway.number == number)
+    }
+
+    fn end(&mut self, number: u32) {
+        self.underway.retain(|underway| underway.number != number);
+    }
+}
+
+/// Messages with when their causes happened, on the page's clock.
+type Queue<M> = RefCell<VecDeque<(M, f64)>>;
+
+/// Takes messages one at a time, in the order in which they came.
+struct Pump<P: Page> {
+    shell: Rc<RefCell<Shell<P>>>,
+    queue: Rc<Queue<P::Msg>>,
+    busy: Rc<Cell<bool>>,
+}
+
+impl<P: Page> Clone for Pump<P> {
+    fn clone(&self) -> Self {
+        Self {
+            shell: Rc::clone(&self.shell),
+            queue: Rc::clone(&self.queue),
+            busy: Rc::clone(&self.busy),
+        }
+    }
+}
+
+impl<P: Page + 'static> Pump<P> {
+    /// Gives the page a message now, or right after those that came before.
+    fn dispatch(&self, message: P::Msg, t_ms: f64) {
+        self.queue.borrow_mut().push_back((message, t_ms));
+        if !self.busy.replace(true) {
+            self.work();
+        }
+    }
+
+    /// Gives the page a message whose cause happens now.
+    fn dispatch_now(&self, message: P::Msg) {
+        let now_ms = self.shell.borrow().now_ms();
+        self.dispatch(message, now_ms);
+    }
+
+    /// Tells the page of an event, if it wants to know.
+    fn tell(&self, event: &Event, t_ms: f64) {
+        let message = self.shell.borrow().page.hear(event);
+        if let Some(message) = message {
+            self.dispatch(message, t_ms);
+        }
+    }
+
+    /// Works through the queue, and shows what came of it.
+    fn work(&self) {
+        loop {
+            let next = self.queue.borrow_mut().pop_front();
+            let Some((message, t_ms)) = next else { break };
+            let commands = self.shell.borrow_mut().page.update(message, t_ms);
+            self.apply(commands);
+        }
         self.shell.borrow_mut().show();
-        self.busy.replace(false);
+        self.busy.set(false);
         self.request_frame();
     }
 
-    fn apply(&self, command: Command) {
+    fn apply(&self, commands: Commands<P::Msg>) {
+        for command in commands {
+            self.apply_one(command);
+        }
+    }
+
+    fn apply_one(&self, command: Command<P::Msg>) {
         let mut shell = self.shell.borrow_mut();
         match command {
             Command::Send(request) => {
+                let name = request.name;
+                let number = shell.begin(name);
+                let (sent, answer, then) = net::send(&shell.window, request);
+                shell.underway.push(Underway { name, number, _work: Box::new(sent) });
                 let pump = self.clone();
                 wasm_bindgen_futures::spawn_local(async move {
-                    let tag = request.tag.clone();
-                    let answer = net::send(request).await;
-                    pump.dispatch(Event::Answered(tag, answer));
+                    let answer = answer.await;
+                    pump.finish(number, || then(answer));
                 });
             }
-            Command::Solve { evader, game } => {
+            Command::Wake { timer, after_ms, message } => {
+                let number = shell.begin(timer);
+                shell.underway.push(Underway { name: timer, number, _work: Box::new(()) });
                 let pump = self.clone();
-                let report = move |solving| pump.dispatch(Event::Solving(evader, solving));
+                let wake = Closure::once_into_js(move || pump.finish(number, || message));
+                let _ = shell.window.set_timeout_with_callback_and_timeout_and_arguments_0(
+                    wake.unchecked_ref(),
+                    after_ms as i32,
+                );
+            }
+            // Of a page that does not solve, all this is left out of the program.
+            Command::Solve { .. } if !P::SOLVES => {}
+            Command::Solve { name, game, then } => {
+                let number = shell.begin(name);
                 let address = shell.root.get_attribute("data-solver").unwrap_or_default();
+                let (pump, report) = (self.clone(), Rc::clone(&then));
+                let report = move |solving| {
+                    let is_over = !matches!(solving, Solving::Done(_));
+                    if is_over {
+                        pump.finish(number, || report(solving));
+                    } else if pump.shell.borrow().holds(number) {
+                        pump.dispatch_now(report(solving));
+                    }
+                };
                 match solver::Solver::start(&address, &game, report) {
-                    Ok(solver) => shell.solvers.push(solver),
+                    Ok(solver) => {
+                        let _work = Box::new(solver);
+                        shell.underway.push(Underway { name, number, _work });
+                    }
                     Err(_) => {
                         let why = "This browser cannot start the solver.".to_owned();
-                        self.queue
-                            .borrow_mut()
-                            .push_back(Event::Solving(evader, Solving::Failed(why)));
+                        let message = then(Solving::Failed(why));
+                        self.queue.borrow_mut().push_back((message, shell.now_ms()));
                     }
                 }
             }
-            Command::StopSolving => shell.solvers.clear(),
-            Command::Keep(name, text) => shell.keep(&name, &text),
-            Command::Forget(name) => {
-                if let Ok(Some(storage)) = shell.window.local_storage() {
-                    // What is not there cannot fail to be removed.
-                    let _ = storage.remove_item(&name);
-                }
+            Command::Cancel(name) => shell.underway.retain(|underway| underway.name != name),
+            Command::CancelAll => shell.underway.clear(),
+            Command::Keep { name, text, then } => {
+                let message = then(storage::keep(&shell.window, &name, &text));
+                self.queue.borrow_mut().push_back((message, shell.now_ms()));
             }
-            Command::WakeAfter(ms) => {
-                let pump = self.clone();
-                let wake = Closure::once_into_js(move || pump.dispatch(Event::Woken));
-                let _ = shell.window.set_timeout_with_callback_and_timeout_and_arguments_0(
-                    wake.unchecked_ref(),
-                    ms as i32,
-                );
+            Command::Forget(name) => storage::forget(&shell.window, &name),
+            Command::ReplaceAddress(url) => address::replace(&shell.window, &url),
+            Command::Visit(url) => {
+                let now_ms = shell.now_ms();
+                drop(shell);
+                self.visit(&url, now_ms);
             }
-            Command::ReplaceAddress(url) => {
-                if let Ok(history) = shell.window.history() {
-                    let _ = history.replace_state_with_url(&JsValue::NULL, "", Some(&url));
-                }
-            }
-            Command::GoTo(url) => {
+            Command::Leave(url) => {
                 let _ = shell.window.location().assign(&url);
             }
         }
     }
 
+    /// Ends a request, timer or solve with a message, unless it was given up.
+    fn finish(&self, number: u32, message: impl FnOnce() -> P::Msg) {
+        {
+            let mut shell = self.shell.borrow_mut();
+            if !shell.holds(number) {
+                return;
+            }
+            shell.end(number);
+        }
+        self.dispatch_now(message());
+    }
+
+    /// Goes to an address of this page without loading it; whether the page shows it.
+    fn visit(&self, url: &str, t_ms: f64) -> bool {
+        if !P::NAVIGATES {
+            return false;
+        }
+        let (window, message) = {
+            let shell = self.shell.borrow();
+            let message = address::of_url(&shell.window, url)
+                .and_then(|address| shell.page.hear(&Event::Address(address)));
+            (shell.window.clone(), message)
+        };
+        let Some(message) = message else { return false };
+        address::push(&window, url);
+        window.scroll_to_with_x_and_y(0.0, 0.0);
+        self.dispatch(message, t_ms);
+        true
+    }
+
     /// Asks for a frame if the page wants one.
     fn request_frame(&self) {
         let mut shell = self.shell.borrow_mut();
-        if shell.frame_requested || !shell.app.wants_frames() {
+        if shell.frame_requested || !shell.page.wants_frames() {
             return;
         }
         if shell.on_frame.is_none() {
@@ -240,9 +343,9 @@ impl Pump {
             shell.frame_requested = false;
             shell.now_ms()
         };
-        self.dispatch(Event::Frame(begun));
+        self.tell(&Event::Frame, begun);
         let mut shell = self.shell.borrow_mut();
         let took = shell.now_ms() - begun;
-        shell.app.frame_took(took);
+        shell.page.frame_took(took);
     }
 }

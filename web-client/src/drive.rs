@@ -1,6 +1,6 @@
 //! A scene that is being driven: steps from the clock, smooth motion in between.
 
-use crate::input::{BLUR, input_at};
+use crate::input::{BLUR, HeldKeys, input_at};
 use serde_json::{Map, Value};
 use sidestep::api::{KeyEvent, MAX_KEY_EVENTS, TrialUpload};
 use sidestep::scene::{JointState, Scene, SceneParameters};
@@ -36,20 +36,15 @@ struct FrameTimes {
 
 impl Drive {
     /// A scene that starts at `start_ms` on the page's clock, which is
-    /// `started_at_ms` since 1970. `held` are the keys that are down
-    /// already, in the order in which they were pressed.
+    /// `started_at_ms` since 1970. `held` are the keys that are down already.
     #[must_use]
     pub fn new(
         parameters: SceneParameters,
         scene: &Scene,
         start_ms: f64,
         started_at_ms: f64,
-        held: impl IntoIterator<Item = (f64, String)>,
+        held: &HeldKeys,
     ) -> Self {
-        let key_events = held
-            .into_iter()
-            .map(|(t_ms, key)| KeyEvent { t_ms: t_ms - start_ms, key, down: true })
-            .collect();
         Self {
             parameters,
             start_ms,
@@ -57,7 +52,7 @@ impl Drive {
             inputs: Vec::with_capacity(parameters.steps),
             states: vec![scene.start()],
             sampled_at_ms: Vec::with_capacity(parameters.steps),
-            key_events,
+            key_events: held.presses(start_ms),
             frames: FrameTimes::default(),
         }
     }
@@ -109,7 +104,8 @@ impl Drive {
         };
         let step = self.inputs.len() - 1;
         let begun = self.start_ms + step as f64 * self.step_ms();
-        let into = ((now_ms - begun) / 1000.0).clamp(0.0, self.parameters.step_s);
+        // `clamp` would bring code to print both ends, a tenth of the page's download.
+        let into = ((now_ms - begun) / 1000.0).max(0.0).min(self.parameters.step_s);
         self.states[step].advance(&self.parameters, input, into)
     }
 
@@ -179,9 +175,16 @@ mod tests {
         generate(&SceneParameters::default(), &EncounterRange::default(), 1, 4).unwrap()[0].0
     }
 
+    fn held(key: &str, since_ms: f64) -> HeldKeys {
+        let mut held = HeldKeys::default();
+        held.change(since_ms, key, true);
+        held
+    }
+
     /// Drives with frames at the given times; keys at theirs.
     fn drive(frames: impl Iterator<Item = f64>, keys: &[(f64, &str, bool)]) -> TrialUpload {
-        let mut drive = Drive::new(SceneParameters::default(), &scene(), 1000.0, 1.7e12, []);
+        let mut drive =
+            Drive::new(SceneParameters::default(), &scene(), 1000.0, 1.7e12, &HeldKeys::default());
         let mut keys = keys.iter().peekable();
         for now in frames {
             while let Some((t, key, down)) = keys.next_if(|(t, ..)| *t <= now) {
@@ -229,8 +232,8 @@ mod tests {
 
     #[test]
     fn a_key_pressed_before_the_first_frame_waits_for_the_second_step() {
-        let held = [(1005.0, "d".to_owned())];
-        let mut drive = Drive::new(SceneParameters::default(), &scene(), 1000.0, 1.7e12, held);
+        let held = held("d", 1005.0);
+        let mut drive = Drive::new(SceneParameters::default(), &scene(), 1000.0, 1.7e12, &held);
         drive.tick(1012.0);
         drive.tick(1212.0);
         assert_eq!(drive.inputs, [TurnInput::Straight, TurnInput::Right]);
@@ -257,22 +260,15 @@ mod tests {
 
     #[test]
     fn motion_between_steps_is_continuous() {
-        let mut drive =
-            Drive::new(SceneParameters::default(), &scene(), 0.0, 0.0, [(-50.0, "a".to_owned())]);
+        let begin =
+            || Drive::new(SceneParameters::default(), &scene(), 0.0, 0.0, &held("a", -50.0));
+        let mut drive = begin();
         drive.tick(200.0);
         let (before, after) = (drive.states[1], drive.state_at(200.0));
         assert_eq!(before, after);
-        let almost = {
-            let mut drive = Drive::new(
-                SceneParameters::default(),
-                &scene(),
-                0.0,
-                0.0,
-                [(-50.0, "a".to_owned())],
-            );
-            drive.tick(199.9);
-            drive.state_at(199.9)
-        };
+        let mut earlier = begin();
+        earlier.tick(199.9);
+        let almost = earlier.state_at(199.9);
         assert!(almost.distance_m() - before.distance_m() < 1e-3);
         assert_eq!(drive.inputs[0], TurnInput::Left, "a key held before the start counts");
     }

@@ -16,23 +16,46 @@ pub fn turn_of_key(key: &str) -> Option<TurnInput> {
     }
 }
 
-/// The input at time `t_ms`, given what the keys did (in order of time). Of two
-/// held keys the one pressed later wins; when it is released, the other counts
-/// again.
-#[must_use]
-pub fn input_at(events: &[KeyEvent], t_ms: f64) -> TurnInput {
-    let mut held: Vec<&str> = Vec::new();
-    for event in events.iter().take_while(|event| event.t_ms <= t_ms) {
-        if event.key == BLUR {
-            held.clear();
-            continue;
-        }
-        held.retain(|key| *key != event.key);
-        if event.down {
-            held.push(&event.key);
+/// The keys that are down, in the order in which they were pressed, with when that was.
+#[derive(Clone, Debug, Default)]
+pub struct HeldKeys(Vec<(f64, String)>);
+
+impl HeldKeys {
+    /// A key went down or up; with [`BLUR`], all went up.
+    pub fn change(&mut self, t_ms: f64, key: &str, down: bool) {
+        self.0.retain(|(_, held)| held != key && key != BLUR);
+        if down {
+            self.0.push((t_ms, key.to_owned()));
         }
     }
-    held.last().and_then(|key| turn_of_key(key)).unwrap_or(TurnInput::Straight)
+
+    /// What they ask for. Of two held keys the one pressed later wins; when it is released,
+    /// the other counts again.
+    #[must_use]
+    pub fn turn(&self) -> TurnInput {
+        self.0.last().and_then(|(_, key)| turn_of_key(key)).unwrap_or(TurnInput::Straight)
+    }
+
+    /// Their presses as the first events of a scene that starts at `start_ms`.
+    #[must_use]
+    pub fn presses(&self, start_ms: f64) -> Vec<KeyEvent> {
+        let press = |(t_ms, key): &(f64, String)| KeyEvent {
+            t_ms: t_ms - start_ms,
+            key: key.clone(),
+            down: true,
+        };
+        self.0.iter().map(press).collect()
+    }
+}
+
+/// The input at time `t_ms`, given what the keys did (in order of time).
+#[must_use]
+pub fn input_at(events: &[KeyEvent], t_ms: f64) -> TurnInput {
+    let mut held = HeldKeys::default();
+    for event in events.iter().take_while(|event| event.t_ms <= t_ms) {
+        held.change(event.t_ms, &event.key, event.down);
+    }
+    held.turn()
 }
 
 #[cfg(test)]

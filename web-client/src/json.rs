@@ -30,6 +30,12 @@ pub fn write<T: Serialize>(value: &T) -> String {
     text
 }
 
+/// A number as people write it: `3`, `2.5`. The browser formats it, for the same reason.
+#[must_use]
+pub fn number(number: f64) -> String {
+    write::shown(number)
+}
+
 /// A value is not of the wanted shape. It says no more, because formatting
 /// messages that nobody sees is a good part of what is saved here.
 #[derive(Debug, PartialEq, Eq)]

@@ -1,11 +1,14 @@
 //! Sidestep in the browser.
 //!
-//! A page is an [`App`](runtime::App): events in, commands out, and a pure
-//! description of what to show ([`view`], [`shape`]). Only [`browser`] touches the
-//! browser, so that every page can be driven natively in tests.
+//! A page is a [`Page`](runtime::Page): it takes messages of its own type, answers with
+//! commands, and describes what to show ([`view`], [`shape`]). [`diff`] turns two views into
+//! edits of the document. Only [`browser`] touches the browser, so that every page can be driven
+//! natively in tests.
 
 pub mod shape;
+pub mod form;
 pub mod view;
+pub mod diff;
 pub mod json;
 pub mod runtime;
 pub mod input;

@@ -1,11 +1,11 @@
 //! What can be laid over a scene: one layer a file, one line a layer in
 //! [`LAYERS`], painted in that order.
 
+pub mod stage;
 pub mod danger_zone;
-pub mod future;
 pub mod level_set;
 pub mod shfrs;
-pub mod stage;
+pub mod future;
 pub mod trajectory;
 
 use crate::shape::Shape;
@@ -32,12 +32,16 @@ pub struct Moment<'a> {
 
 /// Something that can be shown or hidden.
 pub struct Layer {
-    /// Word of the switch.
+    /// Name of its switch for tests.
     pub name: &'static str,
-    /// What the switch says, and its subscript.
-    pub label: (&'static str, &'static str, &'static str),
+    /// What the switch calls it.
+    pub label: &'static str,
+    /// Subscript of V where the layer is the set {V ≤ 0}.
+    pub level: Option<&'static str>,
     /// What it tells, for a tooltip.
     pub meaning: &'static str,
+    /// Style class of the colour that it is drawn in.
+    pub swatch: &'static str,
     /// Whether it is shown at first.
     pub shown: bool,
     /// What it draws.
@@ -48,43 +52,55 @@ pub struct Layer {
 pub static LAYERS: &[Layer] = &[
     Layer {
         name: "v-hr",
-        label: ("V", "HR", " = 0"),
-        meaning: "From a robot inside this line, at its heading, the human cannot escape for certain",
+        label: "human at risk",
+        level: Some("HR"),
+        meaning: "If the robot is inside this line, it can force a collision",
+        swatch: "outline human",
         shown: true,
         shapes: level_set::human,
     },
     Layer {
         name: "v-rh",
-        label: ("V", "RH", " = 0"),
-        meaning: "From a human inside this line, at their heading, the robot could not escape for certain",
+        label: "robot at risk",
+        level: Some("RH"),
+        meaning: "If the human is inside this line, they can force a collision",
+        swatch: "outline robot",
         shown: true,
         shapes: level_set::robot,
     },
     Layer {
         name: "danger-zone",
-        label: ("danger zone", "", ""),
+        label: "danger zone",
+        level: None,
         meaning: "Positions closer to the robot than the danger radius",
+        swatch: "zone",
         shown: true,
         shapes: danger_zone::shapes,
     },
     Layer {
         name: "shfrs",
-        label: ("SHFRS", "", ""),
-        meaning: "Where the human may be within the next two seconds",
+        label: "predicted sets",
+        level: None,
+        meaning: "SHFRS: where the human may be within the next two seconds",
+        swatch: "regions",
         shown: true,
         shapes: shfrs::shapes,
     },
     Layer {
         name: "future",
-        label: ("future", "", ""),
-        meaning: "Where the human really went",
+        label: "future",
+        level: None,
+        meaning: "The path that the human took from here",
+        swatch: "future",
         shown: true,
         shapes: future::shapes,
     },
     Layer {
         name: "trail",
-        label: ("trail", "", ""),
-        meaning: "Where both have come from",
+        label: "trail",
+        level: None,
+        meaning: "The paths of both vehicles so far",
+        swatch: "trail",
         shown: true,
         shapes: trajectory::shapes,
     },

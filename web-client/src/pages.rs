@@ -1,5 +1,6 @@
 //! The pages, one state machine each.
 
-pub mod lab;
+mod notice;
 pub mod participant;
 pub mod replay;
+pub mod lab;

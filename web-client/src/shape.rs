@@ -6,7 +6,7 @@ use sidestep::vehicle::Pose;
 /// A colour by what it stands for. The style sheet says what it looks like, in
 /// light and in dark.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Ink {
+pub enum ColourToken {
     /// The human's vehicle.
     Human,
     /// The robot.
@@ -23,7 +23,7 @@ pub enum Ink {
     Region(usize),
 }
 
-impl Ink {
+impl ColourToken {
     /// The style sheet's custom property.
     #[must_use]
     pub fn property(self) -> &'static str {
@@ -42,7 +42,7 @@ impl Ink {
         }
     }
 
-    /// Every ink, for reading the style sheet once.
+    /// Every colour, for reading the style sheet once.
     pub const ALL: [Self; 11] = [
         Self::Human,
         Self::Robot,
@@ -62,7 +62,7 @@ impl Ink {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stroke {
     /// Its colour.
-    pub ink: Ink,
+    pub colour: ColourToken,
     /// Its width, CSS pixels.
     pub width_px: f64,
     /// Lengths of dash and gap, CSS pixels.
@@ -72,26 +72,26 @@ pub struct Stroke {
 impl Stroke {
     /// A continuous line.
     #[must_use]
-    pub fn solid(ink: Ink, width_px: f64) -> Self {
-        Self { ink, width_px, dash_px: None }
+    pub fn solid(colour: ColourToken, width_px: f64) -> Self {
+        Self { colour, width_px, dash_px: None }
     }
 
     /// A broken line.
     #[must_use]
-    pub fn dashed(ink: Ink, width_px: f64, dash_px: (f64, f64)) -> Self {
-        Self { ink, width_px, dash_px: Some(dash_px) }
+    pub fn dashed(colour: ColourToken, width_px: f64, dash_px: (f64, f64)) -> Self {
+        Self { colour, width_px, dash_px: Some(dash_px) }
     }
 }
 
 /// Something to draw. Positions are world coordinates, m.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Shape {
-    /// A closed polygon: filled with an ink at an opacity, outlined, or both.
+    /// A closed polygon: filled with a colour at an opacity, outlined, or both.
     Polygon {
         /// Its corners.
         points: Vec<[f64; 2]>,
         /// Colour and opacity of the inside.
-        fill: Option<(Ink, f64)>,
+        fill: Option<(ColourToken, f64)>,
         /// The outline.
         stroke: Option<Stroke>,
     },
@@ -109,7 +109,7 @@ pub enum Shape {
         /// Its radius, m.
         radius_m: f64,
         /// Colour and opacity of the inside.
-        fill: Option<(Ink, f64)>,
+        fill: Option<(ColourToken, f64)>,
         /// The outline.
         stroke: Option<Stroke>,
     },
@@ -118,7 +118,7 @@ pub enum Shape {
         /// Where it is and heads.
         pose: Pose,
         /// Its colour.
-        ink: Ink,
+        colour: ColourToken,
     },
     /// A filled square.
     Square {
@@ -127,7 +127,7 @@ pub enum Shape {
         /// Its side, m.
         side_m: f64,
         /// Its colour.
-        ink: Ink,
+        colour: ColourToken,
     },
     /// Lines every so many metres over the whole view, and a scale bar.
     Grid {

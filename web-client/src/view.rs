@@ -1,33 +1,86 @@
-//! What a page shows, as plain data: a tree of elements that
-//! [`browser`](crate::browser) brings to the document with the fewest changes.
+//! What a page shows, as plain data: a tree of elements whose controls carry the page's
+//! messages. [`browser`](crate::browser) brings the document to it with the fewest changes.
 
-/// An element.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Node {
+use crate::form::{FieldValue, Form};
+use sidestep::chart::Element;
+use std::rc::Rc;
+
+/// An element. `M` is the page's message type.
+#[derive(Clone)]
+pub struct Node<M> {
     /// Name of the element.
     pub tag: &'static str,
     /// Attributes by name.
     pub attributes: Vec<(&'static str, String)>,
-    /// What it holds.
-    pub children: Vec<Child>,
+    /// What it holds, in order.
+    pub children: Vec<Child<M>>,
+    /// What the page is told when the element is used.
+    pub handler: Option<Handler<M>>,
+    /// Tells it from its siblings; see [`Self::key`].
+    key: Option<String>,
+    /// See [`Self::focus`].
+    pub takes_focus: bool,
 }
 
 /// What an element holds.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Child {
+#[derive(Clone)]
+pub enum Child<M> {
     /// Another element.
-    Node(Node),
-    /// Words.
+    Node(Node<M>),
+    /// Text.
     Text(String),
+    /// A moment, ms since 1970, shown as local date and time.
+    Moment(i64),
+}
+
+/// Which message the page is sent when an element is used.
+#[derive(Clone)]
+pub enum Handler<M> {
+    /// The element was pressed.
+    Press(M),
+    /// A field has a new value.
+    Input(Rc<dyn Fn(FieldValue) -> M>),
+    /// A form was submitted.
+    Submit(Rc<dyn Fn(Form) -> M>),
+}
+
+/// How an element is used.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Use {
+    /// Pressed with pointer or keyboard.
+    Press,
+    /// A field changed.
+    Input,
+    /// A form submitted.
+    Submit,
+}
+
+impl<M> Handler<M> {
+    /// The use that it waits for.
+    #[must_use]
+    pub fn waits_for(&self) -> Use {
+        match self {
+            Self::Press(_) => Use::Press,
+            Self::Input(_) => Use::Input,
+            Self::Submit(_) => Use::Submit,
+        }
+    }
 }
 
 /// An element of this name.
 #[must_use]
-pub fn el(tag: &'static str) -> Node {
-    Node { tag, attributes: Vec::new(), children: Vec::new() }
+pub fn el<M>(tag: &'static str) -> Node<M> {
+    Node {
+        tag,
+        attributes: Vec::new(),
+        children: Vec::new(),
+        handler: None,
+        key: None,
+        takes_focus: false,
+    }
 }
 
-impl Node {
+impl<M> Node<M> {
     /// With an attribute, instead of one of the same name.
     #[must_use]
     pub fn attr(mut self, name: &'static str, value: impl ToString) -> Self {
@@ -54,59 +107,241 @@ impl Node {
         self.attr("data-testid", name)
     }
 
-    /// A press on it is reported to the page as
-    /// [`Event::Action`](crate::runtime::Event::Action) with this word.
+    /// With a key that no sibling has. An element keeps its place in the document, with its
+    /// focus, scrolling and input, wherever its key moves among the siblings; an element with
+    /// another key is made anew.
     #[must_use]
-    pub fn action(self, word: &str) -> Self {
-        self.attr("data-action", word)
+    pub fn key(mut self, key: impl ToString) -> Self {
+        self.key = Some(key.to_string());
+        self
     }
 
-    /// With words.
+    /// Takes the keyboard focus when it appears. A heading can, so that screen readers begin
+    /// there on a new page.
     #[must_use]
-    pub fn text(mut self, words: impl Into<String>) -> Self {
-        self.children.push(Child::Text(words.into()));
+    pub fn focus(mut self) -> Self {
+        self.takes_focus = true;
+        self
+    }
+
+    /// Sends `message` when it is pressed.
+    #[must_use]
+    pub fn on_press(mut self, message: M) -> Self {
+        self.handler = Some(Handler::Press(message));
+        self
+    }
+
+    /// Sends a message with the new value of this field whenever that changes.
+    #[must_use]
+    pub fn on_input(mut self, message: impl Fn(FieldValue) -> M + 'static) -> Self {
+        self.handler = Some(Handler::Input(Rc::new(message)));
+        self
+    }
+
+    /// Sends a message with all values of this form when it is submitted.
+    #[must_use]
+    pub fn on_submit(mut self, message: impl Fn(Form) -> M + 'static) -> Self {
+        self.handler = Some(Handler::Submit(Rc::new(message)));
+        self
+    }
+
+    /// With text.
+    #[must_use]
+    pub fn text(mut self, text: impl Into<String>) -> Self {
+        self.children.push(Child::Text(text.into()));
+        self
+    }
+
+    /// With a local date and time, of ms since 1970.
+    #[must_use]
+    pub fn moment(mut self, ms: i64) -> Self {
+        self.children.push(Child::Moment(ms));
         self
     }
 
     /// With an element inside.
     #[must_use]
-    pub fn child(mut self, node: Node) -> Self {
+    pub fn child(mut self, node: Self) -> Self {
         self.children.push(Child::Node(node));
         self
     }
 
     /// With elements inside.
     #[must_use]
-    pub fn children(mut self, nodes: impl IntoIterator<Item = Node>) -> Self {
+    pub fn children(mut self, nodes: impl IntoIterator<Item = Self>) -> Self {
         self.children.extend(nodes.into_iter().map(Child::Node));
         self
     }
 
-    /// All the words in it, for tests.
+    /// What tells it from its siblings besides its place: its key, else the name under which
+    /// tests find it.
+    #[must_use]
+    pub fn identity(&self) -> Option<&str> {
+        self.key.as_deref().or_else(|| self.attribute("data-testid"))
+    }
+
+    /// The value of an attribute.
+    #[must_use]
+    pub fn attribute(&self, name: &str) -> Option<&str> {
+        self.attributes.iter().find(|(known, _)| *known == name).map(|(_, value)| value.as_str())
+    }
+
+    /// The same with the messages of a page that this one is part of.
+    #[must_use]
+    pub fn map<N: 'static>(self, lift: &Rc<dyn Fn(M) -> N>) -> Node<N>
+    where
+        M: 'static,
+    {
+        let lifted = |child| match child {
+            Child::Node(node) => Child::Node(node.map(lift)),
+            Child::Text(text) => Child::Text(text),
+            Child::Moment(ms) => Child::Moment(ms),
+        };
+        let lift = Rc::clone(lift);
+        Node {
+            tag: self.tag,
+            attributes: self.attributes,
+            children: self.children.into_iter().map(lifted).collect(),
+            handler: self.handler.map(|handler| match handler {
+                Handler::Press(message) => Handler::Press(lift(message)),
+                Handler::Input(make) => Handler::Input(Rc::new(move |value| lift(make(value)))),
+                Handler::Submit(make) => Handler::Submit(Rc::new(move |form| lift(make(form)))),
+            }),
+            key: self.key,
+            takes_focus: self.takes_focus,
+        }
+    }
+}
+
+/// Reading a view, as tests do.
+impl<M: Clone> Node<M> {
+    /// All text in it.
     #[must_use]
     pub fn words(&self) -> String {
         let words = self.children.iter().map(|child| match child {
             Child::Text(text) => text.clone(),
+            Child::Moment(ms) => ms.to_string(),
             Child::Node(node) => node.words(),
         });
         words.collect::<Vec<_>>().join(" ")
     }
 
-    /// The first element in it with that test name, for tests.
+    /// The first element in it with that test name.
     #[must_use]
-    pub fn find(&self, test_id: &str) -> Option<&Node> {
-        if self.attributes.iter().any(|(name, value)| *name == "data-testid" && value == test_id) {
+    pub fn find(&self, test_id: &str) -> Option<&Self> {
+        if self.attribute("data-testid") == Some(test_id) {
             return Some(self);
         }
         self.children.iter().find_map(|child| match child {
             Child::Node(node) => node.find(test_id),
-            Child::Text(_) => None,
+            Child::Text(_) | Child::Moment(_) => None,
         })
     }
+
+    /// The message of the element with that test name when it is pressed, if it can be.
+    #[must_use]
+    pub fn press(&self, test_id: &str) -> Option<M> {
+        let node = self.find(test_id)?;
+        match &node.handler {
+            Some(Handler::Press(message)) if node.attribute("disabled").is_none() => {
+                Some(message.clone())
+            }
+            _ => None,
+        }
+    }
+
+    /// The message of the field with that test name when it gets this value.
+    #[must_use]
+    pub fn enter(&self, test_id: &str, value: FieldValue) -> Option<M> {
+        match &self.find(test_id)?.handler {
+            Some(Handler::Input(make)) => Some(make(value)),
+            _ => None,
+        }
+    }
+
+    /// The message of the form with that test name when it is submitted with these values.
+    #[must_use]
+    pub fn submit(&self, test_id: &str, form: Form) -> Option<M> {
+        match &self.find(test_id)?.handler {
+            Some(Handler::Submit(make)) => Some(make(form)),
+            _ => None,
+        }
+    }
+}
+
+/// The innermost handler for this use on the way from `children` along `path` (places among
+/// siblings), and how many steps of the path lead to it.
+#[must_use]
+pub fn handler_along<'a, M>(
+    children: &'a [Child<M>],
+    path: &[usize],
+    used: Use,
+) -> Option<(usize, &'a Handler<M>)> {
+    let mut children = children;
+    let mut found = None;
+    for (depth, &place) in path.iter().enumerate() {
+        let Some(Child::Node(node)) = children.get(place) else { break };
+        if let Some(handler) = node.handler.as_ref().filter(|h| h.waits_for() == used) {
+            found = Some((depth + 1, handler));
+        }
+        children = &node.children;
+    }
+    found
 }
 
 /// A letter with a subscript, such as V with HR.
 #[must_use]
-pub fn subscripted(tag: &'static str, letter: &str, below: &str) -> Node {
+pub fn subscripted<M>(tag: &'static str, letter: &str, below: &str) -> Node<M> {
     el(tag).text(letter).child(el("sub").text(below))
+}
+
+/// A drawing of the library as elements of a page.
+#[must_use]
+pub fn drawn<M>(element: Element) -> Node<M> {
+    let mut node = el(element.name).children(element.children.into_iter().map(drawn));
+    node.attributes = element.attributes;
+    if element.text.is_empty() { node } else { node.text(element.text) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_innermost_control_hears_a_use() {
+        let form: Node<&str> = el("form").on_submit(|_| "sent").child(
+            el("p")
+                .on_press("paragraph")
+                .child(el("b").text("bold"))
+                .child(el("button").on_press("button").child(el("svg"))),
+        );
+        let view = [Child::Node(form)];
+        let heard = |path: &[usize], used| match handler_along(&view, path, used)? {
+            (depth, Handler::Press(message)) => Some((depth, *message)),
+            (depth, Handler::Submit(make)) => Some((depth, make(Form::default()))),
+            (_, Handler::Input(_)) => None,
+        };
+        assert_eq!(heard(&[0, 0, 1, 0], Use::Press), Some((3, "button")));
+        assert_eq!(heard(&[0, 0, 0, 0], Use::Press), Some((2, "paragraph")));
+        assert_eq!(heard(&[0, 0, 1, 0], Use::Submit), Some((1, "sent")));
+        assert_eq!(heard(&[0, 0, 1, 0], Use::Input), None);
+        assert_eq!(heard(&[0], Use::Press), None);
+        assert_eq!(heard(&[7, 0], Use::Press), None);
+    }
+
+    #[test]
+    fn a_part_of_a_page_sends_the_page_s_messages() {
+        #[derive(Clone, Debug, PartialEq)]
+        enum Whole {
+            Part(f64),
+        }
+        let part: Node<f64> = el("div")
+            .child(el("button").test_id("press").on_press(1.0))
+            .child(el("input").test_id("type").on_input(|value| value.number().unwrap_or(0.0)));
+        let lift: Rc<dyn Fn(f64) -> Whole> = Rc::new(Whole::Part);
+        let whole = part.map(&lift);
+        assert_eq!(whole.press("press"), Some(Whole::Part(1.0)));
+        let typed = FieldValue::Number(Some(2.5));
+        assert_eq!(whole.enter("type", typed), Some(Whole::Part(2.5)));
+    }
 }

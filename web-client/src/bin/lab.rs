@@ -1,5 +1,5 @@
 //! Entry of the laboratory.
 
 fn main() {
-    sidestep_web::browser::run(sidestep_web::pages::lab::Lab::new());
+    sidestep_web::browser::run(sidestep_web::pages::lab::Lab::open);
 }

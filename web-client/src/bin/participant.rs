@@ -1,5 +1,5 @@
 //! Entry of the participant's page.
 
 fn main() {
-    sidestep_web::browser::run(sidestep_web::pages::participant::Participant::new());
+    sidestep_web::browser::run(sidestep_web::pages::participant::Participant::open);
 }

@@ -1,15 +1,15 @@
 //! Paints pictures.
 
-use crate::shape::{Camera, Ink, Picture, Shape, Stroke, VEHICLE_LENGTH_M};
+use crate::shape::{Camera, ColourToken, Picture, Shape, Stroke, VEHICLE_LENGTH_M};
 use sidestep::math::{TAU, sin_cos};
 use sidestep::vehicle::Pose;
 use wasm_bindgen::prelude::*;
-use web_sys::{CanvasRenderingContext2d, Document, HtmlCanvasElement, Window};
+use web_sys::{CanvasRenderingContext2d, Document, HtmlCanvasElement, ResizeObserver, Window};
 
 /// Paints, with the colours of the style sheet.
 #[derive(Default)]
 pub(super) struct Painter {
-    colours: Vec<(Ink, String)>,
+    colours: Vec<(ColourToken, String)>,
     font: String,
 }
 
@@ -24,25 +24,25 @@ impl Painter {
         let Some(style) = style else { return };
         let read =
             |name: &str| style.get_property_value(name).unwrap_or_default().trim().to_owned();
-        self.colours = Ink::ALL.map(|ink| (ink, read(ink.property()))).to_vec();
+        self.colours = ColourToken::ALL.map(|colour| (colour, read(colour.property()))).to_vec();
         self.font = format!("12px {}", read("font-family"));
     }
 
-    fn colour(&self, ink: Ink) -> &str {
-        self.colours.iter().find(|(known, _)| *known == ink).map_or("", |(_, colour)| colour)
+    fn colour(&self, colour: ColourToken) -> &str {
+        self.colours.iter().find(|(known, _)| *known == colour).map_or("", |(_, colour)| colour)
     }
 
-    /// Paints a picture on its canvas, if that is in the document.
-    pub(super) fn paint(&mut self, window: &Window, document: &Document, picture: &Picture) {
-        let element = document.get_element_by_id(picture.canvas);
-        let Some(canvas) = element.and_then(|e| e.dyn_into::<HtmlCanvasElement>().ok()) else {
-            return;
-        };
-        let context = canvas.get_context("2d").ok().flatten();
-        let Some(context) = context.and_then(|c| c.dyn_into::<CanvasRenderingContext2d>().ok())
-        else {
-            return;
-        };
+    /// Paints a picture on its canvas and returns that, if it is in the document.
+    pub(super) fn paint(
+        &mut self,
+        window: &Window,
+        document: &Document,
+        picture: &Picture,
+    ) -> Option<HtmlCanvasElement> {
+        let canvas: HtmlCanvasElement =
+            document.get_element_by_id(picture.canvas)?.dyn_into().ok()?;
+        let context = canvas.get_context("2d").ok().flatten()?;
+        let context: CanvasRenderingContext2d = context.dyn_into().ok()?;
         if self.colours.is_empty() {
             self.read_style(window, document);
         }
@@ -67,6 +67,32 @@ impl Painter {
         };
         for shape in &picture.shapes {
             brush.shape(shape);
+        }
+        Some(canvas)
+    }
+}
+
+/// Calls back when the canvas that it watches has another size, whatever the reason.
+pub(super) struct SizeWatcher {
+    observer: ResizeObserver,
+    watched: Option<HtmlCanvasElement>,
+    _callback: Closure<dyn FnMut()>,
+}
+
+impl SizeWatcher {
+    /// Watches nothing yet.
+    pub(super) fn new(callback: impl FnMut() + 'static) -> Option<Self> {
+        let callback = Closure::<dyn FnMut()>::new(callback);
+        let observer = ResizeObserver::new(callback.as_ref().unchecked_ref()).ok()?;
+        Some(Self { observer, watched: None, _callback: callback })
+    }
+
+    /// Watches this canvas alone from now on.
+    pub(super) fn watch(&mut self, canvas: &HtmlCanvasElement) {
+        if self.watched.as_ref() != Some(canvas) {
+            self.observer.disconnect();
+            self.observer.observe(canvas);
+            self.watched = Some(canvas.clone());
         }
     }
 }
@@ -93,11 +119,11 @@ impl Brush<'_> {
                 self.circle(self.camera.to_px(*centre), radius_m * self.camera.scale);
                 self.fill_and_stroke(*fill, *stroke);
             }
-            Shape::Vehicle { pose, ink } => self.vehicle(*pose, *ink),
-            Shape::Square { centre, side_m, ink } => {
+            Shape::Vehicle { pose, colour } => self.vehicle(*pose, *colour),
+            Shape::Square { centre, side_m, colour } => {
                 let side = (side_m * self.camera.scale).max(9.0);
                 let [x, y] = self.camera.to_px(*centre);
-                self.context.set_fill_style_str(self.painter.colour(*ink));
+                self.context.set_fill_style_str(self.painter.colour(*colour));
                 self.context.fill_rect(x - 0.5 * side, y - 0.5 * side, side, side);
             }
             Shape::Grid { every_m } => self.grid(*every_m),
@@ -117,10 +143,10 @@ impl Brush<'_> {
         let _ = self.context.arc(x, y, radius, 0.0, TAU);
     }
 
-    fn fill_and_stroke(&self, fill: Option<(Ink, f64)>, stroke: Option<Stroke>) {
-        if let Some((ink, opacity)) = fill {
+    fn fill_and_stroke(&self, fill: Option<(ColourToken, f64)>, stroke: Option<Stroke>) {
+        if let Some((colour, opacity)) = fill {
             self.context.set_global_alpha(opacity);
-            self.context.set_fill_style_str(self.painter.colour(ink));
+            self.context.set_fill_style_str(self.painter.colour(colour));
             self.context.fill();
             self.context.set_global_alpha(1.0);
         }
@@ -131,7 +157,7 @@ impl Brush<'_> {
                 dash.push(&gap.into());
             }
             let _ = self.context.set_line_dash(&dash);
-            self.context.set_stroke_style_str(self.painter.colour(stroke.ink));
+            self.context.set_stroke_style_str(self.painter.colour(stroke.colour));
             self.context.set_line_width(stroke.width_px);
             self.context.set_line_join("round");
             self.context.stroke();
@@ -139,7 +165,7 @@ impl Brush<'_> {
     }
 
     /// Tail dot, shaft and head.
-    fn vehicle(&self, pose: Pose, ink: Ink) {
+    fn vehicle(&self, pose: Pose, colour: ColourToken) {
         let length = (VEHICLE_LENGTH_M * self.camera.scale).max(26.0);
         let [x, y] = self.camera.to_px(pose.position());
         let (sin, cos) = sin_cos(pose.psi);
@@ -147,7 +173,7 @@ impl Brush<'_> {
         let at = |along: f64, left: f64| {
             (x + length * (along * cos - left * sin), y - length * (along * sin + left * cos))
         };
-        self.context.set_fill_style_str(self.painter.colour(ink));
+        self.context.set_fill_style_str(self.painter.colour(colour));
         self.circle([x, y], 0.085 * length);
         self.context.fill();
         self.context.begin_path();
@@ -188,15 +214,15 @@ impl Brush<'_> {
                 self.context.line_to(to.0, to.1);
             }
         }
-        self.fill_and_stroke(None, Some(Stroke::solid(Ink::Grid, 1.0)));
+        self.fill_and_stroke(None, Some(Stroke::solid(ColourToken::Grid, 1.0)));
         let (left, bottom, length) = (22.0, height - 18.0, step_m * self.camera.scale);
         self.context.begin_path();
         self.context.move_to(left, bottom);
         self.context.line_to(left + length, bottom);
-        self.fill_and_stroke(None, Some(Stroke::solid(Ink::Muted, 1.5)));
+        self.fill_and_stroke(None, Some(Stroke::solid(ColourToken::Muted, 1.5)));
         self.context.set_font(&self.painter.font);
         self.context.set_text_align("center");
-        self.context.set_fill_style_str(self.painter.colour(Ink::Muted));
+        self.context.set_fill_style_str(self.painter.colour(ColourToken::Muted));
         let _ = self.context.fill_text(&format!("{every_m} m"), left + 0.5 * length, bottom - 6.0);
     }
 }

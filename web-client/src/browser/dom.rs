@@ -1,131 +1,208 @@
-//! Brings the document to what a view describes, changing only what differs, so
-//! that focus, scrolling and a dragged slider survive.
+//! Brings the document to what a view describes, by the edits that [`diff`] finds.
 
-use crate::view::{Child, Node};
+use crate::diff::{self, Edit};
+use crate::view::{Child, Handler, Node, Use, handler_along};
+use js_sys::{Function, Reflect};
 use wasm_bindgen::prelude::*;
-use web_sys::{Document, Element, HtmlElement, HtmlInputElement};
+use web_sys::{Document, Element, FocusOptions, HtmlElement};
 
 const SVG: &str = "http://www.w3.org/2000/svg";
 
-/// Makes `node` the only child of `root`, given what was shown before.
-pub(super) fn patch_root(document: &Document, root: &Element, shown: Option<&Node>, node: &Node) {
-    let result = match (shown, root.first_element_child()) {
-        (Some(shown), Some(element)) if shown.tag == node.tag => {
-            patch(document, &element, shown, node)
+/// What is shown, and the objects of the document that show it.
+pub(super) struct Dom<M> {
+    document: Document,
+    root: Mounted,
+    shown: Vec<Child<M>>,
+}
+
+/// An object of the document with those of its children that are ours: a translator or another
+/// extension may have put its own among them.
+struct Mounted {
+    object: web_sys::Node,
+    children: Vec<Mounted>,
+}
+
+impl<M> Dom<M> {
+    /// Nothing is shown in `root` yet.
+    pub(super) fn new(document: &Document, root: &HtmlElement) -> Self {
+        let root = Mounted { object: root.clone().into(), children: Vec::new() };
+        Self { document: document.clone(), root, shown: Vec::new() }
+    }
+
+    /// Shows a view instead of the last one.
+    pub(super) fn show(&mut self, view: Node<M>) {
+        let new = vec![Child::Node(view)];
+        let edits = diff::children(&self.shown, &new);
+        if !edits.is_empty() {
+            let active = self.document.active_element();
+            let mut hand = Hand { document: &self.document, focus: None };
+            if hand.apply(&mut self.root, &edits).is_err() {
+                // Something else has changed the document: it is made anew.
+                self.root.object.set_text_content(None);
+                self.root.children.clear();
+                if let Err(error) = hand.apply(&mut self.root, &diff::children(&[], &new)) {
+                    web_sys::console::error_2(&"the page could not be shown:".into(), &error);
+                }
+            }
+            // An element that was moved has lost the focus in some browsers.
+            let active = active.filter(|active| {
+                active.is_connected() && self.document.active_element().as_ref() != Some(active)
+            });
+            if let Some(element) = hand.focus.or(active) {
+                focus(&element);
+            }
         }
-        _ => {
-            root.set_text_content(None);
-            create(document, node, false).and_then(|element| root.append_child(&element).map(drop))
+        self.shown = new;
+    }
+
+    /// The handler for a use of `target`, and the element that has it.
+    pub(super) fn handler(
+        &self,
+        target: &web_sys::Node,
+        used: Use,
+    ) -> Option<(&Handler<M>, Element)> {
+        let mut path = Vec::new();
+        let mut way = vec![&self.root];
+        let mut at = &self.root;
+        while let Some(place) =
+            at.children.iter().position(|child| child.object.contains(Some(target)))
+        {
+            at = &at.children[place];
+            path.push(place);
+            way.push(at);
         }
-    };
-    if let Err(error) = result {
-        web_sys::console::error_2(&"the page could not be shown:".into(), &error);
-    }
-    focus_new(root);
-}
-
-/// Gives the keyboard to the element that asks for it, once.
-fn focus_new(root: &Element) {
-    let wanted = root.query_selector("[data-autofocus='']").ok().flatten();
-    if let Some(element) = wanted.and_then(|e| e.dyn_into::<HtmlElement>().ok()) {
-        let _ = element.set_attribute("data-autofocus", "done");
-        let _ = element.focus();
+        let (depth, handler) = handler_along(&self.shown, &path, used)?;
+        Some((handler, way[depth].object.clone().dyn_into().ok()?))
     }
 }
 
-fn create(document: &Document, node: &Node, inside_svg: bool) -> Result<Element, JsValue> {
-    let svg = inside_svg || node.tag == "svg";
-    let element = if svg {
-        document.create_element_ns(Some(SVG), node.tag)?
-    } else {
-        document.create_element(node.tag)?
-    };
-    for (name, value) in &node.attributes {
-        set(&element, name, value)?;
+fn focus(element: &Element) {
+    if let Some(element) = element.dyn_ref::<HtmlElement>() {
+        let options = FocusOptions::new();
+        options.set_prevent_scroll(true);
+        let _ = element.focus_with_options(&options);
     }
-    for child in &node.children {
-        element.append_child(&create_child(document, child, svg)?)?;
-    }
-    Ok(element)
 }
 
-fn create_child(document: &Document, child: &Child, svg: bool) -> Result<web_sys::Node, JsValue> {
-    Ok(match child {
-        Child::Text(text) => document.create_text_node(text).into(),
-        Child::Node(node) => create(document, node, svg)?.into(),
-    })
+/// Carries out edits.
+struct Hand<'a> {
+    document: &'a Document,
+    /// The new element that takes the focus.
+    focus: Option<Element>,
 }
 
-fn set(element: &Element, name: &str, value: &str) -> Result<(), JsValue> {
+impl Hand<'_> {
+    fn apply<M>(&mut self, parent: &mut Mounted, edits: &[Edit<'_, M>]) -> Result<(), JsValue> {
+        let object = parent.object.clone();
+        for edit in edits {
+            match edit {
+                Edit::Remove(place) => {
+                    object.remove_child(&parent.children.remove(*place).object)?;
+                }
+                Edit::Insert(place, child) => {
+                    let is_svg = object.dyn_ref::<Element>().is_some_and(is_svg);
+                    let child = self.create(child, is_svg)?;
+                    let next = parent.children.get(*place).map(|next| &next.object);
+                    object.insert_before(&child.object, next)?;
+                    parent.children.insert(*place, child);
+                }
+                Edit::Move(from, to) => {
+                    let child = parent.children.remove(*from);
+                    move_before(&object, &child.object, &parent.children[*to].object)?;
+                    parent.children.insert(*to, child);
+                }
+                Edit::Text(place, child) => {
+                    parent.children[*place].object.set_node_value(Some(&words(child)));
+                }
+                Edit::Patch(place, patch) => {
+                    let child = &mut parent.children[*place];
+                    if let Some(element) = child.object.dyn_ref::<Element>() {
+                        for (name, value) in &patch.attributes {
+                            set(element, name, *value)?;
+                        }
+                    }
+                    self.apply(child, &patch.children)?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn create<M>(&mut self, child: &Child<M>, inside_svg: bool) -> Result<Mounted, JsValue> {
+        let Child::Node(node) = child else {
+            let text = self.document.create_text_node(&words(child));
+            return Ok(Mounted { object: text.into(), children: Vec::new() });
+        };
+        let is_svg = inside_svg || node.tag == "svg";
+        let element = if is_svg {
+            self.document.create_element_ns(Some(SVG), node.tag)?
+        } else {
+            self.document.create_element(node.tag)?
+        };
+        for (name, value) in &node.attributes {
+            set(&element, name, Some(value))?;
+        }
+        let mut children = Vec::with_capacity(node.children.len());
+        for child in &node.children {
+            let child = self.create(child, is_svg)?;
+            element.append_child(&child.object)?;
+            children.push(child);
+        }
+        if node.takes_focus {
+            self.focus = Some(element.clone());
+        }
+        Ok(Mounted { object: element.into(), children })
+    }
+}
+
+fn is_svg(element: &Element) -> bool {
+    element.namespace_uri().as_deref() == Some(SVG)
+}
+
+/// The text of a child that is no element.
+fn words<M>(child: &Child<M>) -> String {
+    match child {
+        Child::Text(text) => text.clone(),
+        Child::Moment(ms) => {
+            let date = js_sys::Date::new(&(*ms as f64).into());
+            date.to_locale_string("default", &JsValue::UNDEFINED).into()
+        }
+        Child::Node(_) => String::new(),
+    }
+}
+
+/// Moves an object among its siblings, with its focus and scrolling where the browser can.
+fn move_before(
+    parent: &web_sys::Node,
+    object: &web_sys::Node,
+    next: &web_sys::Node,
+) -> Result<(), JsValue> {
+    let method = Reflect::get(parent, &"moveBefore".into()).unwrap_or(JsValue::UNDEFINED);
+    match method.dyn_ref::<Function>() {
+        Some(method) => method.call2(parent, object, next).map(drop),
+        None => parent.insert_before(object, Some(next)).map(drop),
+    }
+}
+
+/// Sets an attribute, or removes it where there is no value.
+fn set(element: &Element, name: &str, value: Option<&str>) -> Result<(), JsValue> {
     match name {
         // The content security policy forbids style attributes, not the style object.
         "style" => {
             if let Some(element) = element.dyn_ref::<HtmlElement>() {
-                element.style().set_css_text(value);
+                element.style().set_css_text(value.unwrap_or_default());
             }
-            Ok(())
+            return Ok(());
         }
-        // Local date and time.
-        "data-ms" => {
-            let date = js_sys::Date::new(&js_sys::parse_float(value).into());
-            element.set_attribute("datetime", &String::from(date.to_iso_string()))?;
-            let words = date.to_locale_string("default", &JsValue::UNDEFINED);
-            element.set_text_content(Some(&String::from(words)));
-            Ok(())
+        // Of a field that was used, the attribute is but the value that it began with.
+        "value" => drop(Reflect::set(element, &name.into(), &value.unwrap_or_default().into())),
+        "checked" | "selected" => {
+            drop(Reflect::set(element, &name.into(), &value.is_some().into()))
         }
-        _ => {
-            if let ("value", Some(input)) = (name, element.dyn_ref::<HtmlInputElement>()) {
-                input.set_value(value);
-            }
-            element.set_attribute(name, value)
-        }
+        _ => {}
     }
-}
-
-fn patch(document: &Document, element: &Element, old: &Node, new: &Node) -> Result<(), JsValue> {
-    for (name, value) in &new.attributes {
-        let same = old.attributes.iter().any(|(n, v)| n == name && v == value);
-        if !same {
-            set(element, name, value)?;
-        }
+    match value {
+        Some(value) => element.set_attribute(name, value),
+        None => element.remove_attribute(name),
     }
-    for (name, _) in &old.attributes {
-        if !new.attributes.iter().any(|(n, _)| n == name) {
-            element.remove_attribute(name)?;
-        }
-    }
-    let svg = element.namespace_uri().as_deref() == Some(SVG);
-    let nodes = element.child_nodes();
-    for (i, child) in new.children.iter().enumerate() {
-        let at = nodes.get(i as u32);
-        match (old.children.get(i), child, at) {
-            (Some(before), after, Some(_)) if before == after => {}
-            (Some(Child::Text(_)), Child::Text(text), Some(node)) => {
-                node.set_node_value(Some(text))
-            }
-            (Some(Child::Node(before)), Child::Node(after), Some(node))
-                if before.tag == after.tag && identity(before) == identity(after) =>
-            {
-                patch(document, node.unchecked_ref(), before, after)?;
-            }
-            (_, after, Some(node)) => {
-                element.replace_child(&create_child(document, after, svg)?, &node)?;
-            }
-            (_, after, None) => {
-                element.append_child(&create_child(document, after, svg)?)?;
-            }
-        }
-    }
-    while nodes.length() as usize > new.children.len() {
-        if let Some(last) = element.last_child() {
-            element.remove_child(&last)?;
-        }
-    }
-    Ok(())
-}
-
-/// An element that stands for something else is made anew and not bent into it.
-fn identity(node: &Node) -> Option<&str> {
-    let names = ["id", "data-testid"];
-    node.attributes.iter().find(|(name, _)| names.contains(name)).map(|(_, value)| value.as_str())
 }

@@ -1,9 +1,12 @@
 //! Listeners on the document, removed when dropped.
 
-use super::Pump;
-use crate::runtime::Event;
+use super::canvas::SizeWatcher;
+use super::{Pump, address, fields};
+use crate::runtime::{Event, Page};
+use crate::view::{Handler, Use};
 use wasm_bindgen::prelude::*;
-use web_sys::{Element, EventTarget, HtmlInputElement, KeyboardEvent};
+use wasm_bindgen_futures::spawn_local;
+use web_sys::{Element, EventTarget, KeyboardEvent, MouseEvent, Node};
 
 /// A callback on a target for as long as this value lives.
 pub(super) struct Listener {
@@ -33,7 +36,7 @@ impl Drop for Listener {
     }
 }
 
-impl Pump {
+impl<P: Page + 'static> Pump<P> {
     /// Listens to everything that a page can be told of.
     pub(super) fn listen(&self) {
         let (window, document, root) = {
@@ -48,47 +51,61 @@ impl Pump {
                 }
             }
         };
-        let blur = || {
+        let focus_lost = || {
             let pump = self.clone();
-            move |event: web_sys::Event| pump.dispatch(Event::Blur(event.time_stamp()))
+            move |event: web_sys::Event| pump.tell(&Event::FocusLost, event.time_stamp())
         };
         let hidden = {
             let (pump, document) = (self.clone(), document.clone());
             move |event: web_sys::Event| {
                 if document.hidden() {
-                    pump.dispatch(Event::Blur(event.time_stamp()));
+                    pump.tell(&Event::FocusLost, event.time_stamp());
                 }
             }
         };
-        let redraw = || {
+        let repaint = || {
             let pump = self.clone();
             move |_: web_sys::Event| {
-                pump.shell.borrow_mut().painter.forget_style();
-                pump.shell.borrow_mut().show();
+                let mut shell = pump.shell.borrow_mut();
+                shell.painter.forget_style();
+                shell.paint();
             }
-        };
-        let action = |name: &'static str| {
-            let pump = self.clone();
-            move |event: web_sys::Event| pump.action(&event, name)
         };
         let online = {
             let pump = self.clone();
-            move |_: web_sys::Event| pump.dispatch(Event::Woken)
+            move |event: web_sys::Event| pump.tell(&Event::Online, event.time_stamp())
+        };
+        let address = || {
+            let pump = self.clone();
+            move |event: web_sys::Event| {
+                let address = address::current(&pump.shell.borrow().window);
+                pump.tell(&Event::Address(address), event.time_stamp());
+            }
+        };
+        let used = |used: Use| {
+            let pump = self.clone();
+            move |event: web_sys::Event| pump.used(&event, used)
         };
         let dark = window.match_media("(prefers-color-scheme: dark)").ok().flatten();
         let listeners = [
             Listener::new(&window, "keydown", key(true)),
             Listener::new(&window, "keyup", key(false)),
-            Listener::new(&window, "blur", blur()),
+            Listener::new(&window, "blur", focus_lost()),
             Listener::new(&document, "visibilitychange", hidden),
-            Listener::new(&window, "resize", redraw()),
+            Listener::new(&window, "resize", repaint()),
             Listener::new(&window, "online", online),
-            Listener::new(&root, "click", action("click")),
-            Listener::new(&root, "input", action("input")),
-            Listener::new(&root, "submit", action("submit")),
-            dark.and_then(|query| Listener::new(&query, "change", redraw())),
+            P::NAVIGATES.then(|| Listener::new(&window, "popstate", address())).flatten(),
+            P::NAVIGATES.then(|| Listener::new(&window, "hashchange", address())).flatten(),
+            Listener::new(&root, "click", used(Use::Press)),
+            Listener::new(&root, "input", used(Use::Input)),
+            Listener::new(&root, "submit", used(Use::Submit)),
+            dark.and_then(|query| Listener::new(&query, "change", repaint())),
         ];
-        self.shell.borrow_mut().listeners = listeners.into_iter().flatten().collect();
+        let pump = self.clone();
+        let on_resize = SizeWatcher::new(move || pump.shell.borrow_mut().paint());
+        let mut shell = self.shell.borrow_mut();
+        shell.listeners = listeners.into_iter().flatten().collect();
+        shell.on_resize = on_resize;
     }
 
     fn key(&self, event: &KeyboardEvent, down: bool) {
@@ -96,39 +113,57 @@ impl Pump {
             return;
         }
         let key = event.key();
-        if self.shell.borrow().app.owns_key(&key) {
+        if self.shell.borrow().page.owns_key(&key) {
             event.prevent_default();
         }
         if !event.repeat() {
-            self.dispatch(Event::Key { t_ms: event.time_stamp(), key, down });
+            self.tell(&Event::Key { key, down }, event.time_stamp());
         }
     }
 
-    /// Reports a press, a change or a submission under the word of the element.
-    fn action(&self, event: &web_sys::Event, name: &str) {
-        let target = event.target().and_then(|target| target.dyn_into::<Element>().ok());
-        let Some(element) = target.and_then(|e| e.closest("[data-action]").ok().flatten()) else {
-            return;
+    /// Finds the message of the control that was used.
+    fn used(&self, event: &web_sys::Event, used: Use) {
+        let target = event.target().and_then(|target| target.dyn_into::<Node>().ok());
+        let Some(target) = target else { return };
+        let t_ms = event.time_stamp();
+        let found = {
+            let shell = self.shell.borrow();
+            let found = shell.dom.handler(&target, used);
+            found.map(|(handler, element)| (handler.clone(), element))
         };
-        let expected = match element.tag_name().as_str() {
-            "FORM" => "submit",
-            "INPUT" => "input",
-            _ => "click",
-        };
-        if expected != name {
+        let pump = self.clone();
+        match found {
+            None if P::NAVIGATES && used == Use::Press => self.link(event, &target),
+            None => {}
+            Some((Handler::Press(message), _)) => self.dispatch(message, t_ms),
+            Some((Handler::Input(make), field)) => spawn_local(async move {
+                if let Some(value) = fields::value(&field).await {
+                    pump.dispatch(make(value), t_ms);
+                }
+            }),
+            Some((Handler::Submit(make), form)) => {
+                event.prevent_default();
+                spawn_local(async move {
+                    let form = fields::form(&form).await;
+                    pump.dispatch(make(form), t_ms);
+                });
+            }
+        }
+    }
+
+    /// Follows a link to another address of this page without loading it.
+    fn link(&self, event: &web_sys::Event, target: &Node) {
+        let element = target.dyn_ref::<Element>();
+        let link = element.and_then(|element| element.closest("a[href]").ok().flatten());
+        let (Some(link), Some(press)) = (link, event.dyn_ref::<MouseEvent>()) else { return };
+        let is_plain = press.button() == 0
+            && !(press.ctrl_key() || press.meta_key() || press.shift_key() || press.alt_key());
+        if !is_plain || link.has_attribute("target") || link.has_attribute("download") {
             return;
         }
-        if name == "submit" {
+        let url = link.get_attribute("href").unwrap_or_default();
+        if self.visit(&url, event.time_stamp()) {
             event.prevent_default();
         }
-        let field = match element.tag_name().as_str() {
-            "FORM" => element.query_selector("input").ok().flatten(),
-            _ => Some(element.clone()),
-        };
-        let value =
-            field.and_then(|e| e.dyn_into::<HtmlInputElement>().ok()).map(|input| input.value());
-        let word = element.get_attribute("data-action").unwrap_or_default();
-        let t_ms = event.time_stamp();
-        self.dispatch(Event::Action { word, value: value.unwrap_or_default(), t_ms });
     }
 }

@@ -1,51 +1,72 @@
-//! Requests to the server, and the address.
+//! Requests to the server.
 
-use crate::runtime::{Answer, Request};
+use crate::runtime::{Answer, Request, Then};
 use js_sys::Uint8Array;
 use wasm_bindgen::prelude::*;
 use wasm_bindgen_futures::JsFuture;
-use web_sys::{AbortSignal, RequestInit, Response};
+use web_sys::{AbortController, RequestInit, Response, Window};
 
 /// A request that takes longer is given up, ms.
-const PATIENCE_MS: u32 = 15_000;
+const PATIENCE_MS: i32 = 15_000;
 
-/// Sends a request; whatever goes wrong on the way counts as unreachable.
-pub(super) async fn send(request: Request) -> Answer {
-    exchange(request).await.unwrap_or(Answer::Unreachable)
+/// A request on its way. Dropping it gives it up.
+pub(super) struct Sent(Option<AbortController>);
+
+impl Drop for Sent {
+    fn drop(&mut self) {
+        if let Some(controller) = &self.0 {
+            // After an answer this changes nothing.
+            controller.abort();
+        }
+    }
 }
 
-async fn exchange(request: Request) -> Result<Answer, JsValue> {
-    let window = web_sys::window().ok_or(JsValue::NULL)?;
+/// Sends a request. Whatever goes wrong on the way counts as unreachable.
+pub(super) fn send<M>(
+    window: &Window,
+    request: Request<M>,
+) -> (Sent, impl Future<Output = Answer> + 'static, Then<Answer, M>)
+where
+    M: 'static,
+{
+    let Request { method, url, token, body, then, .. } = request;
+    let controller = AbortController::new().ok();
+    if let Some(controller) = controller.clone() {
+        let give_up = Closure::once_into_js(move || controller.abort());
+        let _ = window.set_timeout_with_callback_and_timeout_and_arguments_0(
+            give_up.unchecked_ref(),
+            PATIENCE_MS,
+        );
+    }
     let init = RequestInit::new();
-    init.set_method(request.method);
-    init.set_signal(Some(&AbortSignal::timeout_with_u32(PATIENCE_MS)));
-    if let Some(body) = &request.body {
+    init.set_method(method);
+    init.set_signal(controller.as_ref().map(AbortController::signal).as_ref());
+    let window = window.clone();
+    let answer = async move {
+        exchange(&window, &init, &url, token, body).await.unwrap_or(Answer::Unreachable)
+    };
+    (Sent(controller), answer, then)
+}
+
+async fn exchange(
+    window: &Window,
+    init: &RequestInit,
+    url: &str,
+    token: Option<String>,
+    body: Option<String>,
+) -> Result<Answer, JsValue> {
+    if let Some(body) = &body {
         init.set_body(&JsValue::from_str(body));
     }
-    let prepared = web_sys::Request::new_with_str_and_init(&request.url, &init)?;
-    if request.body.is_some() {
+    let prepared = web_sys::Request::new_with_str_and_init(url, init)?;
+    if body.is_some() {
         prepared.headers().set("Content-Type", "application/json")?;
     }
-    if let Some(token) = &request.token {
+    if let Some(token) = &token {
         prepared.headers().set("Authorization", &format!("Bearer {token}"))?;
     }
     let response: Response =
         JsFuture::from(window.fetch_with_request(&prepared)).await?.dyn_into()?;
     let body = JsFuture::from(response.array_buffer()?).await?;
     Ok(Answer::Received { status: response.status(), body: Uint8Array::new(&body).to_vec() })
-}
-
-/// Names and values of an address's query.
-pub(super) fn decode_query(query: &str) -> Vec<(String, String)> {
-    let decode = |text: &str| {
-        let spaced = text.replace('+', " ");
-        js_sys::decode_uri_component(&spaced).map(String::from).unwrap_or(spaced)
-    };
-    let pairs = query.trim_start_matches('?').split('&').filter(|pair| !pair.is_empty());
-    pairs
-        .map(|pair| {
-            let (name, value) = pair.split_once('=').unwrap_or((pair, ""));
-            (decode(name), decode(value))
-        })
-        .collect()
 }

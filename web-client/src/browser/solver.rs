@@ -3,7 +3,7 @@
 //!
 //! Its name is the game, as JSON, so that nothing has to be sent to a worker that is
 //! still loading. It answers with numbers (the share that is done), and in the end
-//! with octets or, where there is no solution, with a text that says why. It ends
+//! with bytes or, where there is no solution, with a text that says why. It ends
 //! with the page at the latest: the browser sees to that.
 
 use crate::json;
@@ -41,8 +41,8 @@ impl Solver {
                 let message = event.data();
                 if let Some(share) = message.as_f64() {
                     report(Solving::Done(share));
-                } else if let Some(octets) = message.dyn_ref::<Uint8Array>() {
-                    report(Solving::Solved(octets.to_vec()));
+                } else if let Some(bytes) = message.dyn_ref::<Uint8Array>() {
+                    report(Solving::Solved(bytes.to_vec()));
                 } else {
                     report(Solving::Failed(message.as_string().unwrap_or_default()));
                 }
@@ -51,7 +51,7 @@ impl Solver {
         let on_error = Closure::<dyn FnMut(web_sys::Event)>::new(move |event: web_sys::Event| {
             // It is said on the page, and not a second time on the console.
             event.prevent_default();
-            let why = "The solver could not be loaded, or broke off. Check the connection.";
+            let why = "The solver could not be loaded, or stopped. Check the internet connection.";
             report(Solving::Failed(why.to_owned()));
         });
         worker.set_onmessage(Some(on_message.as_ref().unchecked_ref()));
@@ -78,9 +78,9 @@ pub fn work() {
     }));
     let sent = match solved(&scope) {
         Ok(function) => {
-            let octets = Uint8Array::from(function.encode().as_slice());
-            let moved = Array::of1(&octets.buffer());
-            scope.post_message_with_transfer(&octets, &moved)
+            let bytes = Uint8Array::from(function.encode().as_slice());
+            let moved = Array::of1(&bytes.buffer());
+            scope.post_message_with_transfer(&bytes, &moved)
         }
         Err(why) => scope.post_message(&why.into()),
     };

@@ -16,7 +16,19 @@ fn digits(number: f64) -> String {
     if number == 0.0 && number.is_sign_negative() {
         return "-0.0".to_owned();
     }
+    shown(number)
+}
+
+/// As JavaScript writes a number.
+#[cfg(target_arch = "wasm32")]
+pub(super) fn shown(number: f64) -> String {
     js_sys::Number::from(number).to_string_with_radix(10).map(String::from).unwrap_or_default()
+}
+
+/// The same where there is no browser, for numbers of usual size.
+#[cfg(not(target_arch = "wasm32"))]
+pub(super) fn shown(number: f64) -> String {
+    number.to_string()
 }
 
 /// The shortest digits that read back as `number`, where there is no browser.

@@ -1,7 +1,7 @@
 //! Where the vehicles really went.
 
 use super::Moment;
-use crate::shape::{Ink, Shape, Stroke};
+use crate::shape::{ColourToken, Shape, Stroke};
 
 /// A dotted line ahead of the human, a fainter one ahead of the robot.
 #[must_use]
@@ -10,7 +10,13 @@ pub fn shapes(moment: &Moment<'_>) -> Vec<Shape> {
     let human = [moment.state].iter().chain(ahead).map(|state| state.human.position()).collect();
     let robot = vec![moment.state.robot.position(), moment.trial.scene.goal];
     vec![
-        Shape::Polyline { points: robot, stroke: Stroke::dashed(Ink::Robot, 1.0, (1.0, 4.0)) },
-        Shape::Polyline { points: human, stroke: Stroke::dashed(Ink::Future, 2.0, (2.0, 3.0)) },
+        Shape::Polyline {
+            points: robot,
+            stroke: Stroke::dashed(ColourToken::Robot, 1.0, (1.0, 4.0)),
+        },
+        Shape::Polyline {
+            points: human,
+            stroke: Stroke::dashed(ColourToken::Future, 2.0, (2.0, 3.0)),
+        },
     ]
 }

@@ -1,7 +1,7 @@
 //! The predicted sets, in the paper's colours.
 
 use super::Moment;
-use crate::shape::{Ink, Shape, Stroke};
+use crate::shape::{ColourToken, Shape, Stroke};
 
 /// F_F … F_1 from the largest to the smallest, so that what stays visible of each
 /// is its region S_j. One tube each, or one area a step from the first on.
@@ -11,17 +11,17 @@ pub fn shapes(moment: &Moment<'_>) -> Vec<Shape> {
     let regions = sets.iter().enumerate().rev();
     regions
         .flat_map(|(j, set)| {
-            let ink = Ink::Region(j);
+            let colour = ColourToken::Region(j);
             // A tube is parted from the next by the ground. The set at a step is thinner than
             // such a line would be; its own colour about it keeps it in sight.
             let (polygons, stroke) = if moment.by_step {
-                (set.steps.as_slice(), Stroke::solid(ink, 1.5))
+                (set.steps.as_slice(), Stroke::solid(colour, 1.5))
             } else {
-                (core::slice::from_ref(&set.tube), Stroke::solid(Ink::Ground, 0.75))
+                (core::slice::from_ref(&set.tube), Stroke::solid(ColourToken::Ground, 0.75))
             };
             polygons.iter().map(move |points| Shape::Polygon {
                 points: points.clone(),
-                fill: Some((ink, 1.0)),
+                fill: Some((colour, 1.0)),
                 stroke: Some(stroke),
             })
         })

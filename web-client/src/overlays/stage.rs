@@ -1,6 +1,6 @@
 //! The scene itself: both vehicles and the goal.
 
-use crate::shape::{Ink, Shape, Stroke};
+use crate::shape::{ColourToken, Shape, Stroke};
 use sidestep::scene::{JointState, Scene};
 use sidestep::vehicle::Pose;
 
@@ -11,9 +11,9 @@ const GOAL_SIDE_M: f64 = 0.85;
 #[must_use]
 pub fn vehicles_and_goal(scene: &Scene, state: JointState) -> Vec<Shape> {
     vec![
-        Shape::Square { centre: scene.goal, side_m: GOAL_SIDE_M, ink: Ink::Robot },
-        Shape::Vehicle { pose: state.robot, ink: Ink::Robot },
-        Shape::Vehicle { pose: state.human, ink: Ink::Human },
+        Shape::Square { centre: scene.goal, side_m: GOAL_SIDE_M, colour: ColourToken::Robot },
+        Shape::Vehicle { pose: state.robot, colour: ColourToken::Robot },
+        Shape::Vehicle { pose: state.human, colour: ColourToken::Human },
     ]
 }
 
@@ -23,7 +23,7 @@ pub fn danger_zone(robot: Pose, radius_m: f64) -> Shape {
     Shape::Disc {
         centre: robot.position(),
         radius_m,
-        fill: Some((Ink::Robot, 0.07)),
-        stroke: Some(Stroke::solid(Ink::Robot, 1.0)),
+        fill: Some((ColourToken::Robot, 0.07)),
+        stroke: Some(Stroke::solid(ColourToken::Robot, 1.0)),
     }
 }

@@ -1,273 +1,329 @@
-//! The laboratory: sign-in, stored trials, replay, and the machine's self-check.
+//! The laboratory: signing in and out, and one of its pages at a time, as the address says.
 
-mod view;
+mod hosted;
+mod self_check;
+mod trials;
+mod routes;
 #[cfg(test)]
 mod tests;
 
-use super::replay::Replay;
+use self::hosted::{AnyMsg, Hosted};
+use self::routes::{ROUTES, Route};
+use super::notice;
+use crate::form::Form;
 use crate::json;
-use crate::runtime::{Answer, App, Command, Event, Failure, Request, Surroundings, Tag};
+use crate::runtime::{Address, Answer, Command, Commands, Event, Page, PageContext, Request};
 use crate::shape::Picture;
-use crate::view::Node;
-use sidestep::api::{SelfCheck, SignIn, StudySummary, TrialPage, TrialSummary, routes};
-use sidestep::trial::simulation_fingerprint;
+use crate::view::{self, el};
+use sidestep::api::{SignIn, routes as api};
+use std::rc::Rc;
 
-/// The laboratory's pages.
-#[derive(Default)]
+type Node = view::Node<Msg>;
+
+/// The laboratory.
 pub struct Lab {
-    place: Place,
-    now_ms: f64,
-    key: String,
+    address: Address,
+    state: State,
+    /// How many pages were opened. A message for one that was left is dropped.
+    visits: u32,
+    /// What went wrong with signing in or out.
     trouble: Option<String>,
-    studies: Vec<StudySummary>,
-    trials: Vec<TrialSummary>,
-    next_before: Option<i64>,
-    page: Page,
-}
-
-/// What the address asks for.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-enum Place {
-    #[default]
-    Trials,
-    Replay(String),
-    SelfCheck,
-    Unknown,
 }
 
 /// What is shown.
-#[derive(Default)]
-enum Page {
-    #[default]
-    Loading,
-    SignIn {
+enum State {
+    /// Not known yet whether somebody is signed in.
+    Asking,
+    SignedOut {
+        /// A key is on its way to the server.
         busy: bool,
     },
-    Trials,
-    Replay(Box<Replay>),
-    SelfCheck {
-        here: String,
-        server: SelfCheck,
-    },
-    Stuck(String),
+    /// No page has this address.
+    Nowhere,
+    Open(&'static Route, Box<dyn Hosted>),
 }
 
-const PAGE_LENGTH: usize = 100;
+/// What the laboratory can be told.
+#[derive(Clone)]
+pub enum Msg {
+    /// Another address is to be shown.
+    Address(Address),
+    /// The server told whether somebody is signed in.
+    Session(Answer),
+    /// The form with the key was submitted.
+    SignIn(Form),
+    /// The server answered the sign-in.
+    SignedIn(Answer),
+    /// The user wants to leave.
+    SignOut,
+    /// The server answered the sign-out.
+    SignedOut(Answer),
+    /// The server does not know the session any more.
+    SessionEnded,
+    /// A message of the page of this visit.
+    Page(u32, AnyMsg),
+}
 
 impl Lab {
-    /// The page before it is opened.
+    /// The laboratory as it opens.
     #[must_use]
-    pub fn new() -> Self {
-        Self::default()
+    pub fn open(context: PageContext) -> (Self, Commands<Msg>) {
+        let mut lab =
+            Self { address: context.address, state: State::Asking, visits: 0, trouble: None };
+        let commands = lab.key_of_address().unwrap_or_else(|| {
+            vec![Command::Send(Request::get("session", api::SESSION, Msg::Session))]
+        });
+        (lab, commands)
     }
 
-    fn open(&mut self, surroundings: &Surroundings) -> Vec<Command> {
-        let path = surroundings.path.trim_end_matches('/');
-        self.place = match path.strip_prefix("/lab").unwrap_or_default() {
-            "" => Place::Trials,
-            "/self-check" => Place::SelfCheck,
-            rest => rest
-                .strip_prefix("/replay/")
-                .map_or(Place::Unknown, |id| Place::Replay(id.to_owned())),
+    /// Signs in with the key in the address, if there is one. The key leaves the address at
+    /// once, and with it history and screenshots.
+    fn key_of_address(&mut self) -> Option<Commands<Msg>> {
+        let key = self.address.fragment.strip_prefix("key=")?.to_owned();
+        self.address.fragment.clear();
+        let mut commands = vec![Command::ReplaceAddress(self.address.path.clone())];
+        commands.extend(self.sign_in(&key));
+        Some(commands)
+    }
+
+    fn sign_in(&mut self, key: &str) -> Commands<Msg> {
+        self.state = State::SignedOut { busy: true };
+        let body = Some(json::write(&SignIn { key: key.trim().to_owned() }));
+        let request = Request::get("session", api::SESSION, Msg::SignedIn);
+        vec![Command::CancelAll, Command::Send(Request { method: "POST", body, ..request })]
+    }
+
+    fn address_changed(&mut self, address: Address) -> Commands<Msg> {
+        let is_same = (&address.path, &address.query) == (&self.address.path, &self.address.query);
+        self.address = address;
+        if let Some(commands) = self.key_of_address() {
+            return commands;
+        }
+        match self.state {
+            State::Open(..) if is_same => Vec::new(),
+            State::Open(..) | State::Nowhere => self.show_address(),
+            State::Asking | State::SignedOut { .. } => Vec::new(),
+        }
+    }
+
+    /// Opens the page that the address names; whatever another page asked for is given up.
+    fn show_address(&mut self) -> Commands<Msg> {
+        self.trouble = None;
+        self.visits += 1;
+        let found =
+            ROUTES.iter().find_map(|route| Some((route, route.matches(&self.address.path)?)));
+        let Some((route, id)) = found else {
+            self.state = State::Nowhere;
+            return vec![Command::CancelAll];
         };
-        if let Some(key) = surroundings.fragment.strip_prefix("key=") {
-            // The key leaves the address at once, and with it history and screenshots.
-            let clean = Command::ReplaceAddress(surroundings.path.clone());
-            return [clean].into_iter().chain(self.sign_in(key)).collect();
-        }
-        vec![Command::Send(Request::get(Tag::Session, routes::SESSION))]
+        let (page, commands) = (route.open)(&self.address, id);
+        self.state = State::Open(route, page);
+        let commands = self.lifted(commands);
+        [Command::CancelAll].into_iter().chain(commands).collect()
     }
 
-    fn sign_in(&mut self, key: &str) -> Vec<Command> {
-        self.page = Page::SignIn { busy: true };
-        self.key = key.trim().to_owned();
-        let body = Some(json::write(&SignIn { key: self.key.clone() }));
-        let url = routes::SESSION.to_owned();
-        vec![Command::Send(Request { tag: Tag::Session, method: "POST", url, token: None, body })]
+    /// The page's commands, whose messages come back to this visit of it. A session that has
+    /// ended is not the page's matter.
+    fn lifted(&self, commands: Commands<AnyMsg>) -> Commands<Msg> {
+        let visit = self.visits;
+        let lift = move |message| Msg::Page(visit, message);
+        let lifted = commands.into_iter().map(|command| match command.map(lift) {
+            Command::Send(Request { name, method, url, token, body, then }) => {
+                let then = Box::new(|answer: Answer| match answer.status() {
+                    Some(401) => Msg::SessionEnded,
+                    _ => then(answer),
+                });
+                Command::Send(Request { name, method, url, token, body, then })
+            }
+            other => other,
+        });
+        lifted.collect()
     }
 
-    /// The laboratory is open: asks for what the address names.
-    fn enter(&mut self) -> Vec<Command> {
-        self.page = Page::Loading;
-        let request = match &self.place {
-            Place::Trials => Request::get(Tag::Studies, routes::ADMIN_STUDIES),
-            Place::Replay(id) => Request::get(Tag::Trial, routes::admin_trial(id)),
-            Place::SelfCheck => Request::get(Tag::SelfCheck, routes::SELF_CHECK),
-            Place::Unknown => {
-                self.page = Page::Stuck("There is no such page in the laboratory.".to_owned());
-                return Vec::new();
-            }
-        };
-        vec![Command::Send(request)]
-    }
-
-    fn list(&self) -> Vec<Command> {
-        let Some(study) = self.studies.first() else {
-            return Vec::new();
-        };
-        let mut url = format!("{}?limit={PAGE_LENGTH}", routes::admin_trials(&study.slug));
-        if let Some(before) = self.next_before {
-            url.push_str(&format!("&before={before}"));
-        }
-        vec![Command::Send(Request::get(Tag::Trials, url))]
-    }
-
-    fn answered(&mut self, tag: Tag, answer: &Answer) -> Result<Vec<Command>, Failure> {
-        match tag {
-            Tag::Session => {
-                answer.octets()?;
-                self.trouble = None;
-                Ok(self.enter())
-            }
-            Tag::Studies => {
-                self.studies = answer.read()?;
-                // A study is shown with its trials: an empty table would say that there are none.
-                if self.studies.is_empty() {
-                    self.page = Page::Trials;
-                }
-                Ok(self.list())
-            }
-            Tag::Trials => {
-                let mut page: TrialPage = answer.read()?;
-                self.trials.append(&mut page.trials);
-                self.next_before = page.next_before;
-                self.page = Page::Trials;
-                Ok(Vec::new())
-            }
-            Tag::Trial => {
-                let mut replay = Replay::new(answer.read()?);
-                let predictor = routes::admin_predictor(&replay.trial().summary.trial_id);
-                let predictor = Command::Send(Request::get(Tag::Predictor, predictor));
-                let commands = replay.begin().into_iter().chain([predictor]).collect();
-                self.page = Page::Replay(Box::new(replay));
-                Ok(commands)
-            }
-            Tag::ValueFunction(evader) => {
-                let octets = answer.octets()?;
-                if let Page::Replay(replay) = &mut self.page {
-                    replay.take_value_function(evader, Ok(octets));
-                }
-                Ok(Vec::new())
-            }
-            Tag::Predictor => {
-                let trained = answer.read()?;
-                if let Page::Replay(replay) = &mut self.page {
-                    replay.take_predictor(trained);
-                }
-                Ok(Vec::new())
-            }
-            Tag::SelfCheck => {
-                let server: SelfCheck = answer.read()?;
-                let here = simulation_fingerprint(server.seed, server.trials);
-                self.page = Page::SelfCheck { here, server };
-                Ok(Vec::new())
-            }
-            _ => Ok(Vec::new()),
-        }
-    }
-
-    fn failed(&mut self, tag: &Tag, failure: &Failure) {
-        match (tag, failure) {
-            // Not signed in yet is no trouble; a wrong key is.
-            (_, Failure::Refused { status: 401, problem }) => {
-                let tried = matches!(self.page, Page::SignIn { busy: true });
-                self.trouble = tried.then(|| problem.message.clone());
-                self.page = Page::SignIn { busy: false };
-            }
-            (Tag::ValueFunction(evader), failure) => {
-                if let Page::Replay(replay) = &mut self.page {
-                    replay.take_value_function(*evader, Err(failure));
-                }
-            }
-            (Tag::Predictor, _) => {
-                if let Page::Replay(replay) = &mut self.page {
-                    replay.trouble = Some(failure.sentence());
-                }
-            }
-            _ if matches!(self.page, Page::SignIn { .. }) => {
-                self.trouble = Some(failure.sentence());
-                self.page = Page::SignIn { busy: false };
-            }
-            _ => self.page = Page::Stuck(failure.sentence()),
-        }
-    }
-
-    fn act(&mut self, word: &str, value: &str) -> Vec<Command> {
-        match (word, &mut self.page) {
-            ("sign-in", Page::SignIn { .. }) => return self.sign_in(value),
-            ("sign-out", _) => {
-                let url = routes::SESSION.to_owned();
-                let request =
-                    Request { tag: Tag::Session, method: "DELETE", url, token: None, body: None };
-                return vec![Command::Send(request), Command::GoTo("/".to_owned())];
-            }
-            ("more", Page::Trials) => return self.list(),
-            (_, Page::Replay(replay)) => return replay.act(word, value, self.now_ms),
-            _ => {}
-        }
-        Vec::new()
+    /// Shows the sign-in form.
+    fn ask_for_key(&mut self, trouble: Option<String>) -> Commands<Msg> {
+        self.trouble = trouble;
+        self.state = State::SignedOut { busy: false };
+        vec![Command::CancelAll]
     }
 }
 
-impl Lab {
-    fn take(&mut self, event: Event) -> Vec<Command> {
-        match event {
-            Event::Opened(surroundings) => self.open(&surroundings),
-            Event::Frame(now_ms) => {
-                self.now_ms = now_ms;
-                if let Page::Replay(replay) = &mut self.page {
-                    replay.frame(now_ms);
+impl Page for Lab {
+    type Msg = Msg;
+
+    const NAVIGATES: bool = true;
+    const SOLVES: bool = true;
+
+    fn update(&mut self, message: Msg, now_ms: f64) -> Commands<Msg> {
+        match message {
+            Msg::Address(address) => self.address_changed(address),
+            Msg::Session(answer) => match answer.bytes() {
+                Ok(_) => self.show_address(),
+                // Not signed in yet is no trouble.
+                Err(failure) if failure.status() == 401 => self.ask_for_key(None),
+                Err(failure) => self.ask_for_key(Some(failure.sentence())),
+            },
+            Msg::SignIn(form) => self.sign_in(form.text("key")),
+            Msg::SignedIn(answer) => match answer.bytes() {
+                Ok(_) => self.show_address(),
+                Err(failure) if failure.status() == 401 => {
+                    self.ask_for_key(Some("That key is not valid.".to_owned()))
                 }
-                Vec::new()
+                Err(failure) => self.ask_for_key(Some(failure.sentence())),
+            },
+            Msg::SignOut => {
+                let request = Request::get("session", api::SESSION, Msg::SignedOut);
+                vec![Command::Send(Request { method: "DELETE", ..request })]
             }
-            Event::Action { word, value, t_ms } => {
-                self.now_ms = t_ms;
-                self.act(&word, &value)
-            }
-            Event::Answered(tag, answer) => {
-                self.answered(tag.clone(), &answer).unwrap_or_else(|failure| {
-                    self.failed(&tag, &failure);
+            Msg::SignedOut(answer) => match answer.bytes() {
+                Err(failure) if failure.status() != 401 => {
+                    let why = failure.sentence();
+                    self.trouble = Some(format!("You are still signed in. {why}"));
                     Vec::new()
-                })
-            }
-            Event::Solving(evader, solving) => {
-                if let Page::Replay(replay) = &mut self.page {
-                    replay.take_solving(evader, solving);
                 }
-                Vec::new()
+                _ => vec![Command::CancelAll, Command::Leave("/".to_owned())],
+            },
+            Msg::SessionEnded => {
+                let why = "Your session has ended. Please sign in again.";
+                self.ask_for_key(Some(why.to_owned()))
             }
-            Event::Key { .. } | Event::Blur(_) | Event::Woken => Vec::new(),
+            Msg::Page(visit, message) => match &mut self.state {
+                State::Open(_, page) if visit == self.visits => {
+                    let commands = page.update(message, now_ms);
+                    self.lifted(commands)
+                }
+                // Of a page that was left.
+                _ => Vec::new(),
+            },
         }
-    }
-}
-
-impl App for Lab {
-    fn handle(&mut self, event: Event) -> Vec<Command> {
-        let replayed = matches!(self.page, Page::Replay(_));
-        let mut commands = self.take(event);
-        if replayed && !matches!(self.page, Page::Replay(_)) {
-            // Nobody waits for the solution any more.
-            commands.push(Command::StopSolving);
-        }
-        commands
     }
 
     fn view(&self) -> Node {
-        view::page(self)
+        let content = match &self.state {
+            State::Asking => notice::loading(),
+            State::SignedOut { busy } => self.sign_in_form(*busy),
+            State::Nowhere => {
+                notice::stuck("Page not found", "The laboratory has no page at this address.")
+            }
+            State::Open(_, page) => {
+                let visit = self.visits;
+                let lift: Rc<dyn Fn(AnyMsg) -> Msg> =
+                    Rc::new(move |message| Msg::Page(visit, message));
+                page.view().map(&lift).key(visit)
+            }
+        };
+        el("div").class("lab").child(self.header()).children(self.alert()).child(content)
+    }
+
+    fn title(&self) -> String {
+        let title = match &self.state {
+            State::Asking => None,
+            State::SignedOut { .. } => Some("Sign in".to_owned()),
+            State::Nowhere => Some("Page not found".to_owned()),
+            State::Open(_, page) => Some(page.title()),
+        };
+        title.map_or_else(String::new, |title| format!("{title} · ")) + "Sidestep laboratory"
+    }
+
+    fn hear(&self, event: &Event) -> Option<Msg> {
+        if let Event::Address(address) = event {
+            let is_ours = address.path == "/lab" || address.path.starts_with("/lab/");
+            return is_ours.then(|| Msg::Address(address.clone()));
+        }
+        let State::Open(_, page) = &self.state else { return None };
+        page.hear(event).map(|message| Msg::Page(self.visits, message))
     }
 
     fn picture(&self) -> Option<Picture> {
-        match &self.page {
-            Page::Replay(replay) => Some(replay.picture()),
+        match &self.state {
+            State::Open(_, page) => page.picture(),
             _ => None,
         }
     }
 
     fn wants_frames(&self) -> bool {
-        matches!(&self.page, Page::Replay(replay) if replay.is_playing())
+        matches!(&self.state, State::Open(_, page) if page.wants_frames())
+    }
+}
+
+impl Lab {
+    fn header(&self) -> Node {
+        let brand = el("a").class("brand").attr("href", "/").text("Sidestep");
+        let header = el("header").class("top").child(brand);
+        let (current, about) = match &self.state {
+            State::Asking | State::SignedOut { .. } => return header,
+            State::Nowhere => (None, String::new()),
+            // The navigation says where one is, unless the page is not in it.
+            State::Open(route, page) if route.nav.is_none() => (None, page.title()),
+            State::Open(route, _) => (Some(route.path), String::new()),
+        };
+        let links = ROUTES.iter().filter_map(|route| {
+            let is_current = current == Some(route.path);
+            Some(
+                el("a")
+                    .attr("href", route.path)
+                    .attr_if(is_current, "aria-current", "page")
+                    .text(route.nav?),
+            )
+        });
+        let sign_out = el("button")
+            .class("plain")
+            .attr("type", "button")
+            .test_id("sign-out")
+            .on_press(Msg::SignOut)
+            .text("Sign out");
+        header.child(el("nav").attr("aria-label", "Laboratory").children(links)).child(
+            el("span").class("end").child(el("span").class("quiet").text(about)).child(sign_out),
+        )
     }
 
-    fn owns_key(&self, _key: &str) -> bool {
-        false
+    /// What went wrong, on every page but the sign-in form, which says it itself.
+    fn alert(&self) -> Option<Node> {
+        let text = self.trouble.as_ref()?;
+        let is_signed_in = matches!(self.state, State::Open(..) | State::Nowhere);
+        is_signed_in.then(|| trouble(text))
     }
+
+    fn sign_in_form(&self, busy: bool) -> Node {
+        let key = el("input")
+            .attr("id", "key")
+            .attr("name", "key")
+            .attr("type", "password")
+            .attr("autocomplete", "current-password")
+            .attr("required", "")
+            .focus()
+            .test_id("key");
+        let submit = el("button")
+            .class("primary")
+            .attr("type", "submit")
+            .attr_if(busy, "disabled", "")
+            .test_id("sign-in")
+            .text("Sign in");
+        el("main")
+            .class("card")
+            .key("sign-in")
+            .child(el("h1").text("Laboratory"))
+            .child(el("p").text(
+                "Sign in with the experimenter’s key. The server printed it, with a sign-in \
+                 link, when it was started for the first time.",
+            ))
+            .child(
+                el("form")
+                    .test_id("sign-in-form")
+                    .on_submit(Msg::SignIn)
+                    .child(el("label").attr("for", "key").text("Experimenter’s key"))
+                    .child(key)
+                    .child(submit),
+            )
+            .children(self.trouble.as_deref().map(trouble))
+            .child(
+                el("p")
+                    .class("quiet")
+                    .text("Lost the key? Restart the server with --new-admin-key."),
+            )
+    }
+}
+
+fn trouble(text: &str) -> Node {
+    el("p").class("trouble").attr("role", "alert").test_id("trouble").text(text)
 }

@@ -2,18 +2,22 @@
 //! the completion code. Safety levels are never shown here.
 
 mod view;
+#[cfg(test)]
+mod tests;
 
 use crate::drive::{Drive, json_object};
-use crate::input::turn_of_key;
+use crate::input::{BLUR, HeldKeys, turn_of_key};
 use crate::json;
-use crate::outbox::{Outbox, Settled};
+use crate::outbox::{self, Outbox, UploadOutcome};
 use crate::overlays::stage;
-use crate::runtime::{Answer, App, Command, Event, Failure, Request, Surroundings, Tag};
+use crate::runtime::{
+    Answer, Command, Commands, Event, Failure, NotKept, Page, PageContext, Request,
+};
 use crate::shape::{Picture, Shape, Window};
 use crate::view::Node;
 use serde::{Deserialize, Serialize};
 use sidestep::api::{
-    Completed, Enrolled, Enrolment, Plan, PlannedScene, Progress, SCHEMA_VERSION, StudyInfo, routes,
+    Completed, Enrolled, Enrolment, PlannedScene, Progress, SCHEMA_VERSION, StudyInfo, routes,
 };
 use sidestep::scene::{JointState, Scene};
 use sidestep::trial::Phase;
@@ -21,24 +25,75 @@ use sidestep::trial::Phase;
 /// For this long the scene stands still before it starts, ms.
 const STILL_MS: f64 = 800.0;
 
+/// Pause before the server is asked again, ms.
+const RETRY_MS: f64 = 2000.0;
+
 /// Half the side of the part of the world that is always seen, m.
 const WINDOW_HALF_M: f64 = 15.0;
 
 /// The participant's page.
 #[derive(Default)]
 pub struct Participant {
-    surroundings: Surroundings,
+    context: PageContext,
     slug: String,
+    /// Time of the last message, on the page's clock.
     now_ms: f64,
     study: Option<StudyInfo>,
     session: Option<Session>,
-    course: Vec<Leg>,
+    plan: Vec<PlannedTrial>,
+    /// Ids of the trials that the server has.
     stored: Vec<String>,
     outbox: Outbox,
-    held: Vec<(f64, String)>,
+    held: HeldKeys,
+    /// What went wrong last, if it still matters.
     trouble: Option<String>,
-    retry: Option<Request>,
+    /// Why this browser does not keep what it was given, if so.
+    not_kept: Option<NotKept>,
+    /// A trial that the server refused and that is driven again.
+    refused: Option<String>,
+    /// The server has said once that trials are missing, although all seemed stored.
+    was_incomplete: bool,
+    /// What is asked again after a pause.
+    retry: Option<fn(&Self) -> Command<Msg>>,
     stage: Stage,
+}
+
+/// What the participant's page can be told.
+#[derive(Clone, Debug)]
+pub enum Msg {
+    /// The server described the study.
+    Study(Answer),
+    /// The participant agreed to take part.
+    Consent,
+    /// The server answered the enrolment.
+    Enrolled(Answer),
+    /// The browser keeps the participant's token, or does not.
+    SessionKept(Result<(), NotKept>),
+    /// The server told which trials it has.
+    Progress(Answer),
+    /// The instructions were read.
+    Continue,
+    /// The next scene is to start.
+    Start,
+    /// A frame is about to be shown.
+    Frame,
+    /// A key went down or up.
+    Key {
+        /// Its name.
+        key: String,
+        /// Down or up.
+        down: bool,
+    },
+    /// The window lost the keyboard.
+    FocusLost,
+    /// Something happened to what waits to be sent.
+    Outbox(outbox::Msg),
+    /// It is time to ask the server again.
+    Retry,
+    /// The network is back.
+    Online,
+    /// The server answered the completion.
+    Completed(Answer),
 }
 
 /// Who the participant is; kept in the browser.
@@ -48,13 +103,20 @@ struct Session {
     token: String,
 }
 
-/// One scene of the course.
+/// A trial of the plan, with what its phase says.
 #[derive(Clone, Debug)]
-struct Leg {
+struct PlannedTrial {
     phase: Phase,
     show_danger_zone: bool,
+    /// How many scenes its phase has.
     of_phase: usize,
-    planned: PlannedScene,
+    scene: PlannedScene,
+}
+
+impl PlannedTrial {
+    fn id(&self) -> &str {
+        &self.scene.trial_id
+    }
 }
 
 /// Where the participant is.
@@ -62,338 +124,413 @@ struct Leg {
 enum Stage {
     #[default]
     Loading,
-    /// Nothing can be done here; why.
-    Stuck(String),
+    /// Nothing can be done here: heading and reason.
+    Stuck(&'static str, String),
     Welcome,
     Enrolling,
     Instructions,
     /// Before a scene.
     Ready,
-    /// The scene is shown but stands still, since this time.
-    Still(f64),
-    Driving(Box<Drive>),
+    /// A scene is shown but stands still, since this time.
+    Still(Box<PlannedTrial>, f64),
+    Driving(Box<PlannedTrial>, Box<Drive>),
     /// All is driven; the last trials are on their way.
     Finishing,
     Done(String),
 }
 
 impl Participant {
-    /// The page before it is opened.
+    /// The page as it opens.
     #[must_use]
-    pub fn new() -> Self {
-        Self::default()
+    pub fn open(context: PageContext) -> (Self, Commands<Msg>) {
+        let slug = context.address.path.strip_prefix("/s/").unwrap_or_default();
+        let slug = slug.trim_end_matches('/').to_owned();
+        let page = Self { context, slug, ..Self::default() };
+        let commands = vec![page.ask_study()];
+        (page, commands)
     }
 
     fn session_name(&self) -> String {
         format!("sidestep.session.{}", self.slug)
     }
 
-    fn open(&mut self, surroundings: Surroundings) -> Vec<Command> {
-        let slug = surroundings.path.strip_prefix("/s/").unwrap_or_default();
-        self.slug = slug.trim_end_matches('/').to_owned();
-        self.surroundings = surroundings;
-        vec![Command::Send(Request::get(Tag::Study, routes::study(&self.slug)))]
+    fn token(&self) -> Option<String> {
+        self.session.as_ref().map(|session| session.token.clone())
     }
 
-    fn kept(&self, name: &str) -> Option<&str> {
-        let mut kept = self.surroundings.kept.iter();
-        kept.find(|(key, _)| key == name).map(|(_, text)| text.as_str())
+    fn ask_study(&self) -> Command<Msg> {
+        Command::Send(Request::get("study", routes::study(&self.slug), Msg::Study))
     }
 
-    fn study_arrived(&mut self, study: StudyInfo) -> Vec<Command> {
+    fn ask_progress(&self) -> Command<Msg> {
+        let request = Request::get("progress", routes::ME, Msg::Progress);
+        Command::Send(Request { token: self.token(), ..request })
+    }
+
+    fn ask_code(&self) -> Command<Msg> {
+        let request = Request::get("complete", routes::COMPLETE, Msg::Completed);
+        Command::Send(Request { method: "POST", token: self.token(), ..request })
+    }
+
+    fn study_arrived(&mut self, study: StudyInfo) -> Commands<Msg> {
         if study.schema_version != SCHEMA_VERSION {
-            self.stage = Stage::Stuck("This page is out of date. Please reload it.".to_owned());
+            let why = "It has changed on the server. Please reload it.";
+            self.stage = Stage::Stuck("This page is out of date", why.to_owned());
             return Vec::new();
         }
         self.study = Some(study);
-        let session = self.kept(&self.session_name()).and_then(|text| json::read(text.as_bytes()));
-        match session {
-            Some(session) => self.ask_where_we_are(session),
-            None => {
-                self.stage = Stage::Welcome;
-                Vec::new()
-            }
+        let name = self.session_name();
+        let kept = self.context.kept.iter().find(|(key, _)| *key == name);
+        self.session = kept.and_then(|(_, text)| json::read(text.as_bytes()));
+        if self.session.is_some() {
+            return vec![self.ask_progress()];
         }
+        self.stage = Stage::Welcome;
+        Vec::new()
     }
 
-    fn ask_where_we_are(&mut self, session: Session) -> Vec<Command> {
-        let mut request = Request::get(Tag::Me, routes::ME);
-        request.token = Some(session.token.clone());
-        self.session = Some(session);
-        vec![Command::Send(request)]
-    }
-
-    fn enrol(&mut self) -> Vec<Command> {
+    fn enrol(&mut self) -> Commands<Msg> {
         self.stage = Stage::Enrolling;
-        let query = &self.surroundings.query;
-        let external_id =
-            query.iter().find(|(name, _)| name == "external_id").map(|(_, id)| id.clone());
-        let locale = Some(self.surroundings.locale.clone()).filter(|locale| !locale.is_empty());
-        let screen = json_object(&self.surroundings.screen);
-        let body = Enrolment { consent: true, external_id, locale, screen: Some(screen) };
-        vec![Command::Send(Request {
-            tag: Tag::Enrol,
-            method: "POST",
-            url: routes::participants(&self.slug),
-            token: None,
-            body: Some(json::write(&body)),
-        })]
+        let body = Enrolment {
+            consent: true,
+            external_id: self.context.address.parameter("external_id").map(str::to_owned),
+            locale: Some(self.context.locale.clone()).filter(|locale| !locale.is_empty()),
+            screen: Some(json_object(&self.context.screen)),
+        };
+        let request = Request::get("enrol", routes::participants(&self.slug), Msg::Enrolled);
+        let body = Some(json::write(&body));
+        vec![Command::Send(Request { method: "POST", body, ..request })]
     }
 
-    fn enrolled(&mut self, enrolled: Enrolled) -> Vec<Command> {
+    fn enrolled(&mut self, enrolled: Enrolled) -> Commands<Msg> {
         let session = Session { participant_id: enrolled.participant_id, token: enrolled.token };
         let text = json::write(&session);
-        let keep = Command::Keep(self.session_name(), text);
+        self.session = Some(session);
+        let then = Box::new(Msg::SessionKept);
+        let keep = Command::Keep { name: self.session_name(), text, then };
         // Somebody who comes back by their external id may have stored trials.
-        [keep].into_iter().chain(self.ask_where_we_are(session)).collect()
+        vec![keep, self.ask_progress()]
     }
 
-    fn take_course(&mut self, plan: &Plan) {
-        self.course = plan
-            .scenes()
-            .map(|(phase, planned)| Leg {
+    fn progress_arrived(&mut self, progress: Progress) -> Commands<Msg> {
+        let planned =
+            |(phase, scene): (&sidestep::api::PlannedPhase, &PlannedScene)| PlannedTrial {
                 phase: phase.phase,
                 show_danger_zone: phase.show_danger_zone,
                 of_phase: phase.scenes.len(),
-                planned: planned.clone(),
-            })
-            .collect();
-    }
-
-    fn progress_arrived(&mut self, progress: &Progress) -> Vec<Command> {
-        self.take_course(&progress.plan);
-        self.stored.clone_from(&progress.stored);
-        if let Some(code) = &progress.completion_code {
-            self.stage = Stage::Done(code.clone());
+                scene: scene.clone(),
+            };
+        let is_first = self.plan.is_empty();
+        self.plan = progress.plan.scenes().map(planned).collect();
+        self.stored = progress.stored;
+        if let Some(code) = progress.completion_code {
+            self.stage = Stage::Done(code);
             return Vec::new();
         }
-        let ids: Vec<_> = self.course.iter().map(|leg| leg.planned.trial_id.clone()).collect();
-        if let Some(session) = &self.session {
+        let mut commands = Vec::new();
+        if is_first && let Some(session) = &self.session {
+            let ids: Vec<_> = self.plan.iter().map(|trial| trial.id().to_owned()).collect();
             let (id, token) = (&session.participant_id, &session.token);
-            self.outbox = Outbox::restore(id, token, &ids, &self.surroundings.kept);
+            self.outbox = Outbox::restore(id, token, &ids, &self.context.kept);
         }
-        let begun = !self.stored.is_empty() || !self.outbox.is_empty();
-        self.stage = if begun { Stage::Ready } else { Stage::Instructions };
-        let send = self.outbox.send();
-        send.into_iter().chain(self.after_the_last()).collect()
-    }
-
-    /// The next scene to drive: the first that is neither stored nor waiting.
-    fn next(&self) -> Option<&Leg> {
-        self.course.iter().find(|leg| {
-            let id = &leg.planned.trial_id;
-            !self.stored.contains(id) && !self.outbox.holds(id)
-        })
-    }
-
-    /// When all is driven and stored, asks for the code.
-    fn after_the_last(&mut self) -> Vec<Command> {
-        if self.course.is_empty() || self.next().is_some() || matches!(self.stage, Stage::Done(_)) {
-            return Vec::new();
+        for id in &self.stored {
+            commands.extend(self.outbox.drop_stored(id).map(|command| command.map(Msg::Outbox)));
         }
-        self.stage = Stage::Finishing;
-        if !self.outbox.is_empty() {
-            return Vec::new();
+        if !self.wants_frames() {
+            let begun = !is_first || !self.stored.is_empty() || !self.outbox.is_empty();
+            self.stage = if begun { Stage::Ready } else { Stage::Instructions };
         }
-        let token = self.session.as_ref().map(|session| session.token.clone());
-        let url = routes::COMPLETE.to_owned();
-        vec![Command::Send(Request { tag: Tag::Complete, method: "POST", url, token, body: None })]
-    }
-
-    fn scene_over(&mut self) -> Vec<Command> {
-        let Stage::Driving(drive) = std::mem::replace(&mut self.stage, Stage::Ready) else {
-            return Vec::new();
-        };
-        let Some(trial_id) = self.next().map(|leg| leg.planned.trial_id.clone()) else {
-            return Vec::new();
-        };
-        let upload = drive.into_upload(&self.surroundings.screen);
-        let body = json::write(&upload);
-        let mut commands = self.outbox.add(&trial_id, body);
-        commands.extend(self.after_the_last());
+        commands.extend(self.go_on());
         commands
     }
 
-    fn frame(&mut self, now_ms: f64) -> Vec<Command> {
-        self.now_ms = now_ms;
-        match &mut self.stage {
-            Stage::Still(since) if now_ms - *since >= STILL_MS => {
-                let start_ms = *since + STILL_MS;
-                let (Some(study), Some(leg)) = (&self.study, self.next()) else {
-                    return Vec::new();
-                };
-                let origin = self.surroundings.time_origin_ms;
-                let held = self.held.clone();
-                let scene = leg.planned.scene();
-                let mut drive =
-                    Drive::new(study.parameters, &scene, start_ms, origin + start_ms, held);
-                drive.tick(now_ms);
-                self.stage = Stage::Driving(Box::new(drive));
-                Vec::new()
+    /// The next trial to drive: the first that is neither stored nor waiting.
+    fn next(&self) -> Option<&PlannedTrial> {
+        self.plan.iter().find(|trial| !self.is_driven(trial))
+    }
+
+    fn is_driven(&self, trial: &PlannedTrial) -> bool {
+        self.is_stored(trial) || self.outbox.holds(trial.id())
+    }
+
+    fn is_stored(&self, trial: &PlannedTrial) -> bool {
+        self.stored.iter().any(|id| id == trial.id())
+    }
+
+    /// Sends what waits and, once all is driven and stored, asks for the code.
+    fn go_on(&mut self) -> Commands<Msg> {
+        let awaited = self.plan.iter().find(|trial| !self.is_stored(trial)).map(PlannedTrial::id);
+        let send = self.outbox.send(awaited).map(|command| command.map(Msg::Outbox));
+        let mut commands: Vec<_> = send.into_iter().collect();
+        let over = !self.plan.is_empty() && self.next().is_none() && !self.wants_frames();
+        if over && !matches!(self.stage, Stage::Done(_) | Stage::Stuck(..)) {
+            self.stage = Stage::Finishing;
+            if self.outbox.is_empty() {
+                commands.push(self.ask_code());
             }
-            Stage::Driving(drive) => {
-                if drive.tick(now_ms) {
-                    self.scene_over()
-                } else {
-                    Vec::new()
-                }
-            }
-            _ => Vec::new(),
         }
+        commands
+    }
+
+    fn scene_over(&mut self, trial: &PlannedTrial, drive: Drive) -> Commands<Msg> {
+        self.stage = Stage::Ready;
+        let upload = drive.into_upload(&self.context.screen);
+        let kept = self.outbox.add(trial.id(), json::write(&upload));
+        let kept = kept.into_iter().map(|command| command.map(Msg::Outbox));
+        kept.chain(self.go_on()).collect()
+    }
+
+    fn frame(&mut self) -> Commands<Msg> {
+        let now_ms = self.now_ms;
+        match std::mem::take(&mut self.stage) {
+            Stage::Still(trial, since) if now_ms - since >= STILL_MS => {
+                let start_ms = since + STILL_MS;
+                let started_at_ms = self.context.time_origin_ms + start_ms;
+                let parameters = self.study.as_ref().map(|study| study.parameters);
+                let scene = trial.scene.scene();
+                let parameters = parameters.unwrap_or_default();
+                let mut drive = Drive::new(parameters, &scene, start_ms, started_at_ms, &self.held);
+                drive.tick(now_ms);
+                self.stage = Stage::Driving(trial, Box::new(drive));
+            }
+            Stage::Driving(trial, mut drive) => {
+                if drive.tick(now_ms) {
+                    return self.scene_over(&trial, *drive);
+                }
+                self.stage = Stage::Driving(trial, drive);
+            }
+            other => self.stage = other,
+        }
+        Vec::new()
     }
 
     fn key(&mut self, t_ms: f64, key: &str, down: bool) {
-        if turn_of_key(key).is_none() {
-            return;
-        }
-        self.held.retain(|(_, held)| held != key);
-        if down {
-            self.held.push((t_ms, key.to_owned()));
-        }
-        if let Stage::Driving(drive) = &mut self.stage {
+        self.held.change(t_ms, key, down);
+        if let Stage::Driving(_, drive) = &mut self.stage {
             drive.key(t_ms, key, down);
         }
     }
 
-    fn act(&mut self, word: &str) -> Vec<Command> {
-        match (word, &self.stage) {
-            ("consent", Stage::Welcome) => self.enrol(),
-            ("continue", Stage::Instructions) => {
-                self.stage = Stage::Ready;
-                Vec::new()
-            }
-            ("start", Stage::Ready) => {
-                self.stage = Stage::Still(self.now_ms);
-                Vec::new()
-            }
-            _ => Vec::new(),
+    fn outbox(&mut self, message: outbox::Msg) -> Commands<Msg> {
+        if let outbox::Msg::Kept(_, Err(reason)) = &message {
+            self.not_kept = Some(*reason);
         }
-    }
-
-    fn answered(&mut self, tag: Tag, answer: &Answer) -> Vec<Command> {
-        self.trouble = None;
-        let taken = match tag {
-            Tag::Study => answer.read().map(|study| self.study_arrived(study)),
-            Tag::Enrol => answer.read().map(|enrolled| self.enrolled(enrolled)),
-            Tag::Me => answer.read().map(|progress: Progress| self.progress_arrived(&progress)),
-            Tag::Complete => answer.read().map(|completed: Completed| {
-                self.stage = Stage::Done(completed.completion_code);
-                Vec::new()
-            }),
-            Tag::Upload(id) => {
-                let (settled, mut commands) = self.outbox.answered(&id, answer);
-                match settled {
-                    Settled::Stored => self.stored.push(id),
-                    Settled::Later => {}
-                    Settled::Refused(why) => {
-                        self.stored.push(id);
-                        self.trouble = Some(format!("One scene was not accepted: {why}"));
-                    }
-                }
-                commands.extend(self.after_the_last());
+        let (outcome, commands) = self.outbox.update(message);
+        let mut commands: Vec<_> =
+            commands.into_iter().map(|command| command.map(Msg::Outbox)).collect();
+        match outcome {
+            None => {}
+            Some(UploadOutcome::Stored(id)) => {
+                self.trouble = None;
+                self.stored.push(id);
+            }
+            Some(UploadOutcome::StoredBefore(id)) => {
+                self.stored.push(id);
+                let words =
+                    "You already completed this scene in another tab; that version was kept.";
+                self.trouble = Some(words.to_owned());
+            }
+            Some(UploadOutcome::OutOfOrder) => {
+                commands.push(self.ask_progress());
                 return commands;
             }
-            _ => Ok(Vec::new()),
-        };
-        taken.unwrap_or_else(|failure| self.failed(tag, failure))
-    }
-
-    fn failed(&mut self, tag: Tag, failure: Failure) -> Vec<Command> {
-        let forgotten = matches!(&failure, Failure::Refused { status: 401 | 404, .. });
-        match tag {
-            // The server does not know this participant any more: begin afresh.
-            Tag::Me if forgotten => {
-                self.session = None;
-                self.stage = Stage::Welcome;
-                vec![Command::Forget(self.session_name())]
+            // Not stored, so that it is driven again: without it there is no code.
+            Some(UploadOutcome::Refused(id, why)) => {
+                if self.refused.replace(id.clone()) == Some(id) {
+                    let why = format!(
+                        "The server refused the same scene twice. {why} Please tell the \
+                         researchers. Your recording is kept in this browser."
+                    );
+                    self.stage = Stage::Stuck("This scene cannot be stored", why);
+                    return commands;
+                }
+                self.trouble = Some(format!(
+                    "The server did not accept this scene. {why} Please drive it again."
+                ));
+                if matches!(self.stage, Stage::Finishing) {
+                    self.stage = Stage::Ready;
+                }
             }
-            _ if failure.is_passing() => {
-                self.trouble = Some(failure.sentence());
-                self.retry = Some(match tag {
-                    Tag::Study => Request::get(Tag::Study, routes::study(&self.slug)),
-                    Tag::Enrol => {
-                        self.stage = Stage::Welcome;
-                        return Vec::new();
-                    }
-                    Tag::Complete => Request {
-                        method: "POST",
-                        token: self.session.as_ref().map(|s| s.token.clone()),
-                        ..Request::get(Tag::Complete, routes::COMPLETE)
-                    },
-                    _ => Request {
-                        token: self.session.as_ref().map(|s| s.token.clone()),
-                        ..Request::get(Tag::Me, routes::ME)
-                    },
-                });
-                vec![Command::WakeAfter(2000.0)]
-            }
-            _ => {
-                self.stage = Stage::Stuck(failure.sentence());
-                Vec::new()
+            Some(UploadOutcome::Ended(why)) => {
+                self.stage = Stage::Stuck("Your participation has ended", why);
+                return commands;
             }
         }
+        commands.extend(self.go_on());
+        commands
     }
 
-    fn woken(&mut self) -> Vec<Command> {
-        let retry = self.retry.take().map(Command::Send);
-        retry.into_iter().chain(self.outbox.send()).collect()
+    /// Asks again after a pause.
+    fn ask_later(&mut self, failure: &Failure, ask: fn(&Self) -> Command<Msg>) -> Commands<Msg> {
+        self.trouble = Some(failure.sentence());
+        self.retry = Some(ask);
+        vec![Command::Wake { timer: "retry", after_ms: RETRY_MS, message: Msg::Retry }]
+    }
+
+    fn stuck(&mut self, heading: &'static str, failure: &Failure) -> Commands<Msg> {
+        self.stage = Stage::Stuck(heading, failure.sentence());
+        Vec::new()
+    }
+
+    fn study_failed(&mut self, failure: &Failure) -> Commands<Msg> {
+        if failure.is_temporary() {
+            return self.ask_later(failure, Self::ask_study);
+        }
+        if failure.status() == 404 {
+            let why = "Please check the link that you were given.";
+            self.stage = Stage::Stuck("Study not found", why.to_owned());
+            return Vec::new();
+        }
+        self.stuck("The study cannot be shown", failure)
+    }
+
+    fn enrolment_failed(&mut self, failure: &Failure) -> Commands<Msg> {
+        if failure.is_temporary() {
+            self.trouble = Some(failure.sentence());
+            self.stage = Stage::Welcome;
+            return Vec::new();
+        }
+        self.stuck("You cannot take part", failure)
+    }
+
+    fn progress_failed(&mut self, failure: &Failure) -> Commands<Msg> {
+        if failure.is_temporary() {
+            return self.ask_later(failure, Self::ask_progress);
+        }
+        // The server does not know this participant any more: begin afresh.
+        if matches!(failure.status(), 401 | 404) {
+            self.session = None;
+            self.stage = Stage::Welcome;
+            return vec![Command::Forget(self.session_name())];
+        }
+        self.stuck("Your participation has ended", failure)
+    }
+
+    fn completion_failed(&mut self, failure: &Failure) -> Commands<Msg> {
+        if failure.is_temporary() {
+            return self.ask_later(failure, Self::ask_code);
+        }
+        // The server lacks trials that this page took for stored: it knows which.
+        if failure.code() == "incomplete" && !std::mem::replace(&mut self.was_incomplete, true) {
+            return vec![self.ask_progress()];
+        }
+        self.stuck("There is no completion code yet", failure)
     }
 }
 
-impl App for Participant {
-    fn handle(&mut self, event: Event) -> Vec<Command> {
-        match event {
-            Event::Opened(surroundings) => self.open(surroundings),
-            Event::Frame(now_ms) => self.frame(now_ms),
-            Event::Key { t_ms, key, down } => {
-                self.now_ms = t_ms.max(self.now_ms);
-                self.key(t_ms, &key, down);
+impl Page for Participant {
+    type Msg = Msg;
+
+    fn update(&mut self, message: Msg, now_ms: f64) -> Commands<Msg> {
+        // A key may have gone down a little before the last frame; what is shown never goes back.
+        self.now_ms = now_ms.max(self.now_ms);
+        if matches!(message, Msg::Study(_) | Msg::Enrolled(_) | Msg::Progress(_)) {
+            self.trouble = None;
+        }
+        match message {
+            Msg::Frame => self.frame(),
+            Msg::Key { key, down } => {
+                self.key(now_ms, &key, down);
                 Vec::new()
             }
-            Event::Blur(t_ms) => {
-                self.held.clear();
-                if let Stage::Driving(drive) = &mut self.stage {
-                    drive.blur(t_ms);
+            Msg::FocusLost => {
+                self.key(now_ms, BLUR, false);
+                Vec::new()
+            }
+            Msg::Study(answer) => match answer.read() {
+                Ok(study) => self.study_arrived(study),
+                Err(failure) => self.study_failed(&failure),
+            },
+            Msg::Consent => self.enrol(),
+            Msg::Enrolled(answer) => match answer.read() {
+                Ok(enrolled) => self.enrolled(enrolled),
+                Err(failure) => self.enrolment_failed(&failure),
+            },
+            Msg::SessionKept(kept) => {
+                self.not_kept = kept.err();
+                Vec::new()
+            }
+            Msg::Progress(answer) => match answer.read() {
+                Ok(progress) => self.progress_arrived(progress),
+                Err(failure) => self.progress_failed(&failure),
+            },
+            Msg::Continue => {
+                self.stage = Stage::Ready;
+                Vec::new()
+            }
+            Msg::Start => {
+                if let (Stage::Ready, Some(next)) = (&self.stage, self.next()) {
+                    self.stage = Stage::Still(Box::new(next.clone()), self.now_ms);
+                    self.trouble = None;
                 }
                 Vec::new()
             }
-            Event::Action { word, t_ms, .. } => {
-                self.now_ms = t_ms.max(self.now_ms);
-                self.act(&word)
+            Msg::Outbox(message) => self.outbox(message),
+            Msg::Retry => {
+                let retry = self.retry.take().map(|ask| ask(self));
+                retry.into_iter().collect()
             }
-            Event::Answered(tag, answer) => self.answered(tag, &answer),
-            Event::Woken => self.woken(),
-            Event::Solving(..) => Vec::new(),
+            Msg::Online => {
+                self.outbox.resume();
+                let retry = self.retry.take().map(|ask| ask(self));
+                retry.into_iter().chain(self.go_on()).collect()
+            }
+            Msg::Completed(answer) => match answer.read() {
+                Ok(Completed { completion_code }) => {
+                    self.trouble = None;
+                    self.stage = Stage::Done(completion_code);
+                    Vec::new()
+                }
+                Err(failure) => self.completion_failed(&failure),
+            },
         }
     }
 
-    fn view(&self) -> Node {
+    fn view(&self) -> Node<Msg> {
         view::page(self)
     }
 
+    fn title(&self) -> String {
+        self.study.as_ref().map_or_else(|| "Sidestep".to_owned(), |study| study.title.clone())
+    }
+
+    fn hear(&self, event: &Event) -> Option<Msg> {
+        match event {
+            Event::Frame => Some(Msg::Frame),
+            Event::Key { key, down } => {
+                turn_of_key(key).map(|_| Msg::Key { key: key.clone(), down: *down })
+            }
+            Event::FocusLost => Some(Msg::FocusLost),
+            Event::Online => Some(Msg::Online),
+            Event::Address(_) => None,
+        }
+    }
+
     fn picture(&self) -> Option<Picture> {
-        let study = self.study.as_ref()?;
-        let leg = self.next()?;
-        let (state, step) = match &self.stage {
-            Stage::Still(_) => (leg.planned.scene().start(), 0),
-            Stage::Driving(drive) => (drive.state_at(self.now_ms), drive.step_at(self.now_ms)),
+        let parameters = self.study.as_ref()?.parameters;
+        let (trial, state, step) = match &self.stage {
+            Stage::Still(trial, _) => (trial, trial.scene.scene().start(), 0),
+            Stage::Driving(trial, drive) => {
+                (trial, drive.state_at(self.now_ms), drive.step_at(self.now_ms))
+            }
             _ => return None,
         };
-        let zone = leg.show_danger_zone.then_some(study.parameters.danger_radius_m);
+        let scene = trial.scene.scene();
+        let zone = trial.show_danger_zone.then_some(parameters.danger_radius_m);
         Some(Picture {
             canvas: "scene",
-            window: window(&leg.planned.scene(), state),
-            shapes: shapes(&leg.planned.scene(), state, zone),
+            window: window(&scene, state),
+            shapes: shapes(&scene, state, zone),
             attributes: vec![
                 ("data-step", step.to_string()),
-                ("data-phase", leg.phase.word().to_owned()),
-                ("data-trial", leg.planned.trial_id.clone()),
+                ("data-phase", trial.phase.word().to_owned()),
+                ("data-trial", trial.id().to_owned()),
             ],
         })
     }
 
     fn wants_frames(&self) -> bool {
-        matches!(self.stage, Stage::Still(_) | Stage::Driving(_))
+        matches!(self.stage, Stage::Still(..) | Stage::Driving(..))
     }
 
     fn owns_key(&self, key: &str) -> bool {
@@ -401,7 +538,7 @@ impl App for Participant {
     }
 
     fn frame_took(&mut self, ms: f64) {
-        if let Stage::Driving(drive) = &mut self.stage {
+        if let Stage::Driving(_, drive) = &mut self.stage {
             drive.frame_took(ms);
         }
     }
@@ -419,6 +556,3 @@ fn window(scene: &Scene, state: JointState) -> Window {
     let fixed = [scene.human.position(), scene.robot.position(), scene.goal, human];
     fixed.into_iter().fold(Window::square(WINDOW_HALF_M), |window, p| window.including(p, 2.5))
 }
-
-#[cfg(test)]
-mod tests;

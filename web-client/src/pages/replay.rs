@@ -3,13 +3,15 @@
 
 mod chart;
 mod safety;
+mod view;
 
 use self::safety::Sources;
+use super::notice;
 use crate::overlays::{LAYERS, Moment, stage};
-use crate::runtime::{Command, Failure, Solving};
+use crate::runtime::{Answer, Command, Commands, Event, Failure, Page, Request, Solving};
 use crate::shape::{Picture, Shape, Window};
-use crate::view::{Node, el, subscripted};
-use sidestep::api::{TrainedPredictor, TrialDetail};
+use crate::view::Node;
+use sidestep::api::{TrainedPredictor, TrialDetail, routes};
 use sidestep::bounds::ActionModel as _;
 use sidestep::invalid::Invalid;
 use sidestep::predict::Predictor;
@@ -18,7 +20,109 @@ use sidestep::scene::{Evader, JointState};
 use sidestep::shfrs::{PredictedHuman, ShfrsPredictor, ShfrsSettings};
 use sidestep::vehicle::TurnInput;
 
-/// The state of a replay.
+/// The page of one trial.
+pub enum ReplayPage {
+    /// The trial is on its way.
+    Loading,
+    /// There is nothing to replay, for this reason.
+    Failed(String),
+    /// The trial is here.
+    Open(Box<Replay>),
+}
+
+/// What the replay can be told.
+#[derive(Clone, Debug)]
+pub enum Msg {
+    /// The server sent the trial.
+    Trial(Answer),
+    /// The server sent the predictor.
+    Predictor(Answer),
+    /// The server sent the value function of this vehicle's safety level.
+    ValueFunction(Evader, Answer),
+    /// The solver beside the page reports on the value function of this vehicle.
+    Solving(Evader, Solving),
+    /// Solving is to end.
+    StopSolving,
+    /// What is missing is to be asked for, or solved, again.
+    SolveAgain,
+    /// Plays, or pauses.
+    Play,
+    /// Goes to this step.
+    Seek(usize),
+    /// Shows sets for each step, or for the whole time ahead.
+    ByStep,
+    /// Shows or hides the layer at this place in [`LAYERS`].
+    Layer(usize),
+    /// A frame is about to be shown.
+    Frame,
+}
+
+impl ReplayPage {
+    /// The page as it opens.
+    #[must_use]
+    pub fn open(trial_id: &str) -> (Self, Commands<Msg>) {
+        let ask = Request::get("trial", routes::admin_trial(trial_id), Msg::Trial);
+        (Self::Loading, vec![Command::Send(ask)])
+    }
+}
+
+impl Page for ReplayPage {
+    type Msg = Msg;
+
+    fn update(&mut self, message: Msg, now_ms: f64) -> Commands<Msg> {
+        match (message, self) {
+            (Msg::Trial(answer), page) => match answer.read() {
+                Ok(trial) => {
+                    let (replay, commands) = Replay::open(trial);
+                    *page = Self::Open(Box::new(replay));
+                    commands
+                }
+                Err(failure) => {
+                    let why = match failure.status() {
+                        404 => "There is no such trial. It may have been withdrawn.".to_owned(),
+                        _ => failure.sentence(),
+                    };
+                    *page = Self::Failed(why);
+                    Vec::new()
+                }
+            },
+            (message, Self::Open(replay)) => replay.update(message, now_ms),
+            _ => Vec::new(),
+        }
+    }
+
+    fn view(&self) -> Node<Msg> {
+        match self {
+            Self::Loading => notice::loading(),
+            Self::Failed(why) => notice::stuck("Nothing to replay", why),
+            Self::Open(replay) => view::page(replay),
+        }
+    }
+
+    fn title(&self) -> String {
+        match self {
+            Self::Open(replay) => replay.title(),
+            _ => "Replay".to_owned(),
+        }
+    }
+
+    fn hear(&self, event: &Event) -> Option<Msg> {
+        (*event == Event::Frame).then_some(Msg::Frame)
+    }
+
+    fn picture(&self) -> Option<Picture> {
+        match self {
+            Self::Open(replay) => Some(replay.picture()),
+            _ => None,
+        }
+    }
+
+    fn wants_frames(&self) -> bool {
+        matches!(self, Self::Open(replay) if replay.is_playing())
+    }
+}
+
+/// A trial that is replayed.
 pub struct Replay {
     trial: TrialDetail,
     sources: Sources,
@@ -30,7 +134,10 @@ pub struct Replay {
     time_s: f64,
     /// Time of the last frame while it plays, ms.
     playing_since: Option<f64>,
+    /// Which of [`LAYERS`] are shown.
     shown: Vec<bool>,
+    /// What each of them draws at this moment; nothing for those that are hidden.
+    drawn: Vec<Vec<Shape>>,
     window: Window,
     /// The states up to now, and whoever predicts from them: kept from frame to frame.
     history: Vec<JointState>,
@@ -41,7 +148,7 @@ pub struct Replay {
     /// Whether sets are drawn for each step instead of for the whole time ahead.
     by_step: bool,
     /// What is wrong, if something is.
-    pub trouble: Option<String>,
+    trouble: Option<String>,
 }
 
 struct Learned {
@@ -53,12 +160,11 @@ struct Learned {
 
 impl Replay {
     /// The replay of a trial, at its start.
-    #[must_use]
-    pub fn new(trial: TrialDetail) -> Self {
+    fn open(trial: TrialDetail) -> (Self, Commands<Msg>) {
         let everything = trial.states.iter().flat_map(|s| [s.human.position(), s.robot.position()]);
         let window = Window::around(everything.chain([trial.scene.goal]), 3.5)
             .unwrap_or_else(|| Window::square(15.0));
-        Self {
+        let mut replay = Self {
             sources: Sources::new(&trial),
             trial,
             safety: None,
@@ -67,36 +173,66 @@ impl Replay {
             time_s: 0.0,
             playing_since: None,
             shown: LAYERS.iter().map(|layer| layer.shown).collect(),
+            drawn: Vec::new(),
             window,
             history: Vec::new(),
             predictor: ShfrsPredictor::default(),
             prediction: None,
             by_step: false,
             trouble: None,
+        };
+        let mut commands = replay.sources.begin(&replay.trial);
+        let predictor = routes::admin_predictor(&replay.trial.summary.trial_id);
+        commands.push(Command::Send(Request::get("predictor", predictor, Msg::Predictor)));
+        replay.draw();
+        (replay, commands)
+    }
+
+    fn update(&mut self, message: Msg, now_ms: f64) -> Commands<Msg> {
+        let mut commands = Vec::new();
+        match message {
+            Msg::Trial(_) => {}
+            Msg::Predictor(answer) => self.take_predictor(answer.read()),
+            Msg::ValueFunction(evader, answer) => {
+                self.sources.take_answer(evader, answer.bytes());
+                self.take_safety();
+            }
+            Msg::Solving(evader, solving) => {
+                self.sources.take_solving(evader, solving);
+                self.take_safety();
+            }
+            Msg::StopSolving => commands = self.sources.stop(),
+            Msg::SolveAgain => commands = self.sources.retry(&self.trial),
+            Msg::Play if self.is_playing() => self.playing_since = None,
+            Msg::Play => {
+                if self.time_s >= self.duration_s() {
+                    self.seek(0.0);
+                }
+                self.playing_since = Some(now_ms);
+            }
+            Msg::Seek(step) => {
+                self.playing_since = None;
+                self.seek(step as f64 * self.trial.parameters.step_s);
+            }
+            Msg::ByStep => {
+                self.by_step = !self.by_step;
+                self.predict();
+            }
+            Msg::Layer(place) => {
+                if let Some(shown) = self.shown.get_mut(place) {
+                    *shown = !*shown;
+                }
+            }
+            Msg::Frame => self.play_to(now_ms),
         }
+        self.draw();
+        commands
     }
 
-    /// The trial.
-    #[must_use]
-    pub fn trial(&self) -> &TrialDetail {
-        &self.trial
-    }
-
-    /// Asks for the value functions, or for their solution.
-    pub fn begin(&mut self) -> Vec<Command> {
-        self.sources.begin(&self.trial)
-    }
-
-    /// Takes what the server sent as the value function of `evader`, or why it did not.
-    pub fn take_value_function(&mut self, evader: Evader, answer: Result<&[u8], &Failure>) {
-        self.sources.take_answer(evader, answer);
-        self.take_safety();
-    }
-
-    /// Takes what the solver says of the value function of `evader`.
-    pub fn take_solving(&mut self, evader: Evader, solving: Solving) {
-        self.sources.take_solving(evader, solving);
-        self.take_safety();
+    fn title(&self) -> String {
+        let TrialDetail { study, summary, .. } = &self.trial;
+        let (number, phase) = (summary.participant_number, summary.phase.word());
+        format!("{study} / participant {number} / {phase} {}", summary.index + 1)
     }
 
     /// Puts the value functions to use, once both are here.
@@ -108,22 +244,30 @@ impl Replay {
             let level = |s: &JointState| (safety.human_level(s), safety.robot_level(s));
             self.levels = self.trial.states.iter().map(level).collect();
             self.safety = Some(safety);
-            self.update();
+            self.predict();
         }
     }
 
-    /// Takes the predictor.
-    pub fn take_predictor(&mut self, trained: TrainedPredictor) {
-        let TrainedPredictor { predictor, trials, fallback } = trained;
-        let learned = Predictor::try_from(predictor).and_then(|predictor| {
-            let settings = ShfrsSettings::paper(predictor.classes().len())?;
-            Ok(Learned { predictor, trials, fallback, settings })
+    /// Whether the solve of this vehicle's safety level had not settled when it ended, so that
+    /// the level proves nothing.
+    fn is_doubtful(&self, evader: Evader) -> bool {
+        self.safety.as_ref().is_some_and(|safety| safety.of(evader).unsettled_m().is_some())
+    }
+
+    fn take_predictor(&mut self, trained: Result<TrainedPredictor, Failure>) {
+        let trained = trained.map_err(|failure| failure.sentence());
+        let learned = trained.and_then(|TrainedPredictor { predictor, trials, fallback }| {
+            let learned = Predictor::try_from(predictor).and_then(|predictor| {
+                let settings = ShfrsSettings::paper(predictor.classes().len())?;
+                Ok(Learned { predictor, trials, fallback, settings })
+            });
+            learned.map_err(|invalid| invalid.to_string())
         });
         match learned {
             Ok(learned) => self.learned = Some(learned),
-            Err(invalid) => self.trouble = Some(invalid.to_string()),
+            Err(why) => self.trouble = Some(format!("No predicted sets. {why}")),
         }
-        self.update();
+        self.predict();
     }
 
     /// Length of the trial, s.
@@ -132,8 +276,7 @@ impl Replay {
     }
 
     /// The present step; the number of steps at the end.
-    #[must_use]
-    pub fn step(&self) -> usize {
+    fn step(&self) -> usize {
         // The tolerance keeps a time that is a whole number of steps in its own step.
         ((self.time_s / self.trial.parameters.step_s + 1e-9) as usize).min(self.trial.inputs.len())
     }
@@ -152,63 +295,26 @@ impl Replay {
 
     fn seek(&mut self, time_s: f64) {
         self.time_s = time_s.clamp(0.0, self.duration_s());
-        self.update();
+        self.predict();
     }
 
-    /// Whether it plays.
-    #[must_use]
-    pub fn is_playing(&self) -> bool {
+    fn is_playing(&self) -> bool {
         self.playing_since.is_some()
     }
 
     /// Plays on to `now_ms` on the page's clock.
-    pub fn frame(&mut self, now_ms: f64) {
-        let Some(last) = self.playing_since.replace(now_ms) else {
-            self.playing_since = None;
-            return;
-        };
+    fn play_to(&mut self, now_ms: f64) {
+        let Some(last) = self.playing_since else { return };
+        self.playing_since = Some(now_ms);
         self.seek(self.time_s + (now_ms - last).max(0.0) / 1000.0);
         if self.time_s >= self.duration_s() {
             self.playing_since = None;
         }
     }
 
-    /// Takes a press.
-    pub fn act(&mut self, word: &str, value: &str, now_ms: f64) -> Vec<Command> {
-        let step_s = self.trial.parameters.step_s;
-        match word {
-            "stop-solving" => return self.sources.stop(),
-            "solve-again" => return self.sources.retry(&self.trial),
-            "play" if self.is_playing() => self.playing_since = None,
-            "play" => {
-                if self.time_s >= self.duration_s() {
-                    self.seek(0.0);
-                }
-                self.playing_since = Some(now_ms);
-            }
-            "seek" => {
-                self.playing_since = None;
-                if let Ok(step) = value.parse::<f64>() {
-                    self.seek(step * step_s);
-                }
-            }
-            "by-step" => {
-                self.by_step = !self.by_step;
-                self.update();
-            }
-            layer => {
-                let at = LAYERS.iter().position(|known| known.name == layer);
-                if let Some(shown) = at.and_then(|at| self.shown.get_mut(at)) {
-                    *shown = !*shown;
-                }
-            }
-        }
-        Vec::new()
-    }
-
     /// Predicts anew for the present moment.
-    fn update(&mut self) {
-        match self.predict() {
+    fn predict(&mut self) {
+        match self.predicted() {
             Ok(prediction) => self.prediction = prediction,
             Err(invalid) => {
                 self.prediction = None;
@@ -218,7 +324,7 @@ impl Replay {
     }
 
     /// How likely each input is; also predicts the sets.
-    fn predict(&mut self) -> Result<Option<Vec<(TurnInput, f64)>>, Invalid> {
+    fn predicted(&mut self) -> Result<Option<Vec<(TurnInput, f64)>>, Invalid> {
         let state = self.state();
         let step = self.step();
         let (Some(learned), Some(safety)) = (&mut self.learned, &self.safety) else {
@@ -241,9 +347,8 @@ impl Replay {
         Ok(Some(probabilities))
     }
 
-    /// What is drawn.
-    #[must_use]
-    pub fn picture(&self) -> Picture {
+    /// Works out what the chosen layers show at this moment.
+    fn draw(&mut self) {
         let moment = Moment {
             trial: &self.trial,
             step: self.step(),
@@ -252,13 +357,17 @@ impl Replay {
             shfrs: self.prediction.as_ref().map(|_| self.predictor.shfrs()),
             by_step: self.by_step,
         };
+        let shapes = LAYERS
+            .iter()
+            .zip(&self.shown)
+            .map(|(layer, &shown)| if shown { (layer.shapes)(&moment) } else { Vec::new() });
+        self.drawn = shapes.collect();
+    }
+
+    fn picture(&self) -> Picture {
         let mut shapes = vec![Shape::Grid { every_m: 5 }];
-        for (layer, shown) in LAYERS.iter().zip(&self.shown) {
-            if *shown {
-                shapes.extend((layer.shapes)(&moment));
-            }
-        }
-        shapes.extend(stage::vehicles_and_goal(&self.trial.scene, moment.state));
+        shapes.extend(self.drawn.iter().flatten().cloned());
+        shapes.extend(stage::vehicles_and_goal(&self.trial.scene, self.state()));
         Picture {
             canvas: "replay",
             window: self.window,
@@ -269,261 +378,4 @@ impl Replay {
             ],
         }
     }
-
-    /// What is shown around the canvas.
-    #[must_use]
-    pub fn view(&self) -> Node {
-        el("main")
-            .class("replay")
-            .child(self.scene_view())
-            .child(self.panel())
-            .child(self.timeline())
-    }
-
-    fn scene_view(&self) -> Node {
-        let layers = LAYERS.iter().zip(&self.shown).map(|(layer, shown)| {
-            let (letter, below, rest) = layer.label;
-            let label = if below.is_empty() {
-                el("span").text(letter)
-            } else {
-                subscripted("span", letter, below)
-            };
-            switch(layer.name, layer.meaning, *shown)
-                .test_id(&format!("layer-{}", layer.name))
-                .child(label.text(rest))
-        });
-        let meaning =
-            "SHFRS: where the human may be after each step, instead of within all of them";
-        let by_step = switch("by-step", meaning, self.by_step).test_id("by-step").text("per step");
-        let switches = layers.chain([by_step]);
-        el("section")
-            .class("view")
-            .child(
-                el("div")
-                    .class("switches")
-                    .attr("role", "group")
-                    .attr("aria-label", "Layers")
-                    .children(switches),
-            )
-            .child(
-                el("canvas")
-                    .attr("id", "replay")
-                    .test_id("replay")
-                    .attr("role", "img")
-                    .attr("aria-label", "The trial seen from above, with the chosen layers"),
-            )
-            .children(self.sources.notice())
-    }
-
-    fn panel(&self) -> Node {
-        let step = self.step();
-        let state = self.state();
-        let metres = |value: f64| format!("{value:.2} m").replace('-', "−");
-        let level = |read: fn(&SafetyLevels, &JointState) -> f64| match &self.safety {
-            Some(safety) => metres(read(safety, &state)),
-            None if self.sources.missing().is_some() => "—".to_owned(),
-            None => "…".to_owned(),
-        };
-        let input = self.trial.inputs.get(step).map_or("—", |input| input.word());
-        let row = |name: Node, value: String| el("div").child(name).child(el("dd").text(value));
-        let facts = el("dl").class("facts").children([
-            row(subscripted("dt", "V", "HR"), level(SafetyLevels::human_level)),
-            row(subscripted("dt", "V", "RH"), level(SafetyLevels::robot_level)),
-            row(el("dt").text("distance"), metres(state.distance_m())),
-            row(el("dt").text("input"), input.to_owned()),
-        ]);
-        el("aside")
-            .class("panel")
-            .child(
-                el("h1")
-                    .text(format!("Step {step}"))
-                    .child(el("small").text(format!("t = {:.1} s", self.time_s))),
-            )
-            .child(facts)
-            .children(self.prediction.as_ref().map(|probabilities| self.next_input(probabilities)))
-            .children(self.prediction.as_ref().map(|_| self.regions()))
-            .child(self.evidence())
-            .children(
-                self.trouble
-                    .as_ref()
-                    .map(|text| el("p").class("trouble").attr("role", "alert").text(text)),
-            )
-    }
-
-    fn next_input(&self, probabilities: &[(TurnInput, f64)]) -> Node {
-        let source =
-            self.learned.as_ref().map_or_else(String::new, |learned| match &learned.fallback {
-                None => format!("logistic, B_hrd, trained on the {} trials before", learned.trials),
-                Some(why) => format!("{why}: frequencies of the inputs so far"),
-            });
-        let bars = probabilities.iter().map(|(input, p)| {
-            let percent = 100.0 * p;
-            el("div")
-                .child(el("dt").text(input.word()))
-                .child(
-                    el("dd")
-                        .class("bar")
-                        .attr("aria-hidden", "true")
-                        .child(el("i").attr("style", format!("width:{percent:.1}%"))),
-                )
-                .child(el("dd").text(format!("{percent:.0} %")))
-        });
-        el("section")
-            .test_id("prediction")
-            .child(el("h2").text("Next input"))
-            .child(el("p").class("quiet").test_id("predictor").text(source))
-            .child(el("dl").class("bars").children(bars))
-    }
-
-    fn regions(&self) -> Node {
-        let head = ["set", "ε / rad s⁻¹", "tube / m²"]
-            .map(|words| el("th").attr("scope", "col").text(words));
-        let rows = self.predictor.shfrs().sets.iter().enumerate().map(|(j, set)| {
-            let name = subscripted("th", "F", &(j + 1).to_string()).attr("scope", "row");
-            let name = Node {
-                children: [crate::view::Child::Node(
-                    el("i").class(&format!("swatch region-{}", j + 1)),
-                )]
-                .into_iter()
-                .chain(name.children)
-                .collect(),
-                ..name
-            };
-            el("tr")
-                .child(name)
-                .child(el("td").text(format!("{:.2}", set.epsilon)))
-                .child(el("td").text(format!("{:.2}", set.area_m2)))
-        });
-        let ahead = if self.by_step { "next 2 s, per step" } else { "next 2 s" };
-        el("section").child(el("h2").text("Predicted sets").child(el("small").text(ahead))).child(
-            el("table")
-                .class("regions")
-                .test_id("regions")
-                .child(el("thead").child(el("tr").children(head)))
-                .child(el("tbody").children(rows)),
-        )
-    }
-
-    /// What came of the trial, and whether it can be trusted.
-    fn evidence(&self) -> Node {
-        let summary = &self.trial.summary;
-        let closest = format!("{:.2} m", summary.outcome.closest_m);
-        let danger = summary
-            .outcome
-            .first_step_in_danger
-            .map_or_else(|| "never".to_owned(), |step| format!("from step {step}"));
-        let replay = if self.trial.replay.exact {
-            "exact".to_owned()
-        } else {
-            format!("off by up to {:.2e} m", self.trial.replay.max_position_error_m)
-        };
-        let flags: Vec<_> =
-            summary.flags.iter().map(|flag| flag.word().replace('_', " ")).collect();
-        let flags = if flags.is_empty() { "none".to_owned() } else { flags.join(", ") };
-        let row = |name: &str, value: String| {
-            el("div").child(el("dt").text(name)).child(el("dd").text(value))
-        };
-        el("section").child(el("h2").text("Trial")).child(el("dl").class("facts").children([
-            row("closest", closest),
-            row("in danger zone", danger),
-            row("replay", replay),
-            row("safety levels", self.sources.words().to_owned()).test_id("safety-levels"),
-            row("flags", flags),
-        ]))
-    }
-
-    fn timeline(&self) -> Node {
-        let steps = self.trial.inputs.len();
-        let words = if self.is_playing() { "Pause" } else { "Play" };
-        let icon = if self.is_playing() { "M6 5h4v14H6zM14 5h4v14h-4z" } else { "M8 5v14l11-7z" };
-        let legend = [("human", "V", "HR"), ("robot", "V", "RH"), ("range", "distance − R", "c")];
-        let legend = legend.into_iter().map(|(class, letter, below)| {
-            el("span").class(&format!("key {class}")).child(subscripted("span", letter, below))
-        });
-        el("section")
-            .class("timeline")
-            .child(
-                el("div")
-                    .class("controls")
-                    .child(
-                        el("button")
-                            .class("play")
-                            .attr("type", "button")
-                            .attr("aria-label", words)
-                            .action("play")
-                            .test_id("play")
-                            .child(
-                                el("svg")
-                                    .attr("viewBox", "0 0 24 24")
-                                    .attr("aria-hidden", "true")
-                                    .child(el("path").attr("d", icon)),
-                            ),
-                    )
-                    .child(el("span").class("time").text(format!("{:.1} s", self.time_s)))
-                    .child(
-                        el("span")
-                            .class("legend")
-                            .children(legend)
-                            .child(el("span").class("key input").text("turning")),
-                    ),
-            )
-            .child(
-                el("div").class("chart").child(self.chart()).child(
-                    el("input")
-                        .attr("type", "range")
-                        .attr("min", 0)
-                        .attr("max", steps)
-                        .attr("step", 1)
-                        .attr("value", self.step())
-                        .attr("aria-label", "Step")
-                        .attr("data-action", "seek")
-                        .test_id("slider"),
-                ),
-            )
-            .child(self.table())
-    }
-
-    /// Safety levels, range and input over time.
-    fn chart(&self) -> Node {
-        chart::draw(&self.trial, &self.levels, self.time_s)
-    }
-
-    /// The chart's numbers.
-    fn table(&self) -> Node {
-        let head = ["step", "t / s", "V_HR / m", "V_RH / m", "distance / m", "input"];
-        let head = head.map(|words| el("th").attr("scope", "col").text(words));
-        let rows = self.trial.inputs.iter().zip(&self.trial.states).enumerate().map(
-            |(i, (input, state))| {
-                let level = |pick: fn(&(f64, f64)) -> f64| {
-                    self.levels.get(i).map_or_else(String::new, |v| format!("{:.3}", pick(v)))
-                };
-                let cells = [
-                    i.to_string(),
-                    format!("{:.1}", i as f64 * self.trial.parameters.step_s),
-                    level(|v| v.0),
-                    level(|v| v.1),
-                    format!("{:.3}", state.distance_m()),
-                    input.word().to_owned(),
-                ];
-                el("tr").children(cells.map(|words| el("td").text(words)))
-            },
-        );
-        el("details").class("table-twin").child(el("summary").text("Numbers")).child(
-            el("div").class("scroll").child(
-                el("table")
-                    .child(el("thead").child(el("tr").children(head)))
-                    .child(el("tbody").children(rows)),
-            ),
-        )
-    }
-}
-
-/// A button that stays down: `action` is its word.
-fn switch(action: &str, meaning: &str, is_on: bool) -> Node {
-    el("button")
-        .class("switch")
-        .attr("type", "button")
-        .attr("aria-pressed", is_on)
-        .attr("title", meaning)
-        .action(action)
 }

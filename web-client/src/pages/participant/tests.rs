@@ -1,10 +1,12 @@
-//! A whole participation without a browser: events in, commands out.
+//! A whole participation without a browser.
 
-use super::Participant;
-use crate::runtime::{Answer, App, Command, Event, Request, Surroundings, Tag};
+use super::{Msg, Participant};
+use crate::runtime::{
+    Address, Answer, Command, Commands, Event, NotKept, Page, PageContext, Request,
+};
 use sidestep::api::{
     Completed, Enrolled, Plan, PlannedPhase, PlannedScene, Problem, Progress, SCHEMA_VERSION,
-    StudyInfo, TrialUpload,
+    StudyInfo, TrialStored, TrialUpload, routes,
 };
 use sidestep::scene::{EncounterRange, SceneParameters, generate};
 use sidestep::study::StudyConfig;
@@ -16,8 +18,11 @@ use std::collections::BTreeMap;
 struct Session {
     page: Participant,
     kept: BTreeMap<String, String>,
-    asked: Vec<Request>,
-    woken: usize,
+    /// Why the browser keeps nothing, if it does not.
+    refuses: Option<NotKept>,
+    asked: Vec<Request<Msg>>,
+    /// Timers that are set, with their messages.
+    timers: Vec<(&'static str, Msg)>,
     now_ms: f64,
 }
 
@@ -47,16 +52,21 @@ fn progress(stored: &[&str]) -> Progress {
 
 impl Session {
     fn open(kept: BTreeMap<String, String>) -> Self {
-        let page = Participant::new();
-        let mut session = Self { page, kept, asked: Vec::new(), woken: 0, now_ms: 0.0 };
-        let surroundings = Surroundings {
-            path: "/s/default".into(),
-            kept: session.kept.clone().into_iter().collect(),
+        Self::open_study(kept, StudyConfig::default())
+    }
+
+    fn open_study(kept: BTreeMap<String, String>, study: StudyConfig) -> Self {
+        let address = Address { path: "/s/default".into(), ..Address::default() };
+        let context = PageContext {
+            address,
+            kept: kept.clone().into_iter().collect(),
             time_origin_ms: 1.7e12,
-            ..Surroundings::default()
+            ..PageContext::default()
         };
-        session.tell(Event::Opened(surroundings));
-        let study = StudyConfig::default();
+        let (page, commands) = Participant::open(context);
+        let (asked, timers) = (Vec::new(), Vec::new());
+        let mut session = Self { page, kept, refuses: None, asked, timers, now_ms: 0.0 };
+        session.apply(commands);
         let info = StudyInfo {
             schema_version: SCHEMA_VERSION,
             slug: study.slug,
@@ -64,51 +74,78 @@ impl Session {
             parameters: study.parameters,
             phases: study.phases,
         };
-        session.answer(Tag::Study, 200, &info);
+        session.answer("study", 200, &info);
         session
     }
 
-    fn tell(&mut self, event: Event) {
-        for command in self.page.handle(event) {
+    fn apply(&mut self, commands: Commands<Msg>) {
+        for command in commands {
             match command {
-                Command::Send(request) => self.asked.push(request),
-                Command::Keep(name, text) => drop(self.kept.insert(name, text)),
+                Command::Send(request) => {
+                    self.asked.retain(|earlier| earlier.name != request.name);
+                    self.asked.push(request);
+                }
+                Command::Keep { name, text, then } => {
+                    let kept = self.refuses.map_or(Ok(()), Err);
+                    if kept.is_ok() {
+                        self.kept.insert(name, text);
+                    }
+                    self.tell(then(kept));
+                }
                 Command::Forget(name) => drop(self.kept.remove(&name)),
-                Command::WakeAfter(_) => self.woken += 1,
-                Command::ReplaceAddress(_) | Command::GoTo(_) => panic!("a participant stays"),
-                Command::Solve { .. } | Command::StopSolving => panic!("no safety levels here"),
+                Command::Wake { timer, message, .. } => self.timers.push((timer, message)),
+                _ => panic!("a participant stays, and sees no safety levels"),
             }
         }
     }
 
-    fn asked_for(&mut self, tag: &Tag) -> Request {
-        let at = self.asked.iter().position(|request| request.tag == *tag);
-        let at = at.unwrap_or_else(|| panic!("{tag:?} was not asked for: {:?}", self.asked));
-        self.asked.remove(at)
+    fn tell(&mut self, message: Msg) {
+        let commands = self.page.update(message, self.now_ms);
+        self.apply(commands);
     }
 
-    fn answer(&mut self, tag: Tag, status: u16, body: &impl serde::Serialize) {
-        self.asked_for(&tag);
+    fn hear(&mut self, event: &Event) {
+        let message = self.page.hear(event).unwrap();
+        self.tell(message);
+    }
+
+    /// Ends the pause of a timer.
+    fn wake(&mut self, timer: &str) {
+        let at = self.timers.iter().position(|(name, _)| *name == timer).unwrap();
+        let (_, message) = self.timers.remove(at);
+        self.tell(message);
+    }
+
+    fn asked_for(&mut self, name: &str) -> Request<Msg> {
+        let at = self.asked.iter().position(|request| request.name == name);
+        let names: Vec<_> = self.asked.iter().map(|request| request.name).collect();
+        self.asked.remove(at.unwrap_or_else(|| panic!("no {name} in {names:?}")))
+    }
+
+    fn answer(&mut self, name: &str, status: u16, body: &impl serde::Serialize) {
+        let request = self.asked_for(name);
         let body = serde_json::to_vec(body).unwrap();
-        self.tell(Event::Answered(tag, Answer::Received { status, body }));
+        self.tell((request.then)(Answer::Received { status, body }));
     }
 
-    fn press(&mut self, word: &str) {
-        assert!(self.page.view().find(word).is_some(), "no {word} in: {}", self.words());
-        let t_ms = self.now_ms;
-        self.tell(Event::Action { word: word.into(), value: String::new(), t_ms });
+    fn press(&mut self, name: &str) {
+        let message = self.page.view().press(name);
+        let message = message.unwrap_or_else(|| panic!("no {name} in: {}", self.words()));
+        self.tell(message);
     }
 
     fn words(&self) -> String {
         self.page.view().words()
     }
 
+    fn shows(&self, name: &str) -> bool {
+        self.page.view().find(name).is_some()
+    }
+
     fn begin(&mut self) {
         self.press("consent");
-        let enrolled =
-            Enrolled { participant_id: "p".into(), token: "secret".into(), plan: plan() };
-        self.answer(Tag::Enrol, 201, &enrolled);
-        self.answer(Tag::Me, 200, &progress(&[]));
+        self.answer("enrol", 201, &enrolled());
+        self.answer("progress", 200, &progress(&[]));
         self.press("continue");
     }
 
@@ -121,29 +158,46 @@ impl Session {
             self.now_ms += 16.0;
             for (at, down) in [(3800.0, true), (5800.0, false)] {
                 if (before..self.now_ms).contains(&(begun + at)) {
-                    let t_ms = begun + at;
-                    self.tell(Event::Key { t_ms, key: "ArrowLeft".into(), down });
+                    let frame_ms = std::mem::replace(&mut self.now_ms, begun + at);
+                    self.hear(&Event::Key { key: "ArrowLeft".into(), down });
+                    self.now_ms = frame_ms;
                 }
             }
-            self.tell(Event::Frame(self.now_ms));
+            self.hear(&Event::Frame);
             assert!(self.now_ms < begun + 20_000.0, "the scene does not end");
         }
     }
 
-    fn uploaded(&mut self, id: &str) -> TrialUpload {
-        let request = self.asked_for(&Tag::Upload(id.into()));
+    /// The upload that is on its way, which must be that of this trial.
+    fn uploaded(&self, id: &str) -> TrialUpload {
+        let request = self.asked.iter().find(|request| request.name == "upload").unwrap();
+        assert_eq!(request.url, routes::my_trial(id));
         assert_eq!((request.method, request.token.as_deref()), ("PUT", Some("secret")));
-        serde_json::from_str(&request.body.unwrap()).unwrap()
+        serde_json::from_str(request.body.as_ref().unwrap()).unwrap()
     }
 
     fn stored(&mut self, id: &str) {
-        let body = br#"{"trial_id":"x","next":null}"#.to_vec();
-        self.tell(Event::Answered(Tag::Upload(id.into()), Answer::Received { status: 201, body }));
+        self.uploaded(id);
+        let stored = TrialStored { trial_id: id.into(), next: None };
+        self.answer("upload", 201, &stored);
     }
+
+    fn unreachable(&mut self, name: &str) {
+        let request = self.asked_for(name);
+        self.tell((request.then)(Answer::Unreachable));
+    }
+}
+
+fn enrolled() -> Enrolled {
+    Enrolled { participant_id: "p".into(), token: "secret".into(), plan: plan() }
 }
 
 fn refusal(code: &str) -> Problem {
     Problem { code: code.into(), message: format!("{code} it is"), field: None }
+}
+
+fn code() -> Completed {
+    Completed { completion_code: "ABC".into() }
 }
 
 #[test]
@@ -161,10 +215,9 @@ fn from_consent_to_the_code() {
     session.stored("t0");
     assert!(session.words().contains("✓ saved"));
     session.drive();
-    session.uploaded("t1");
-    assert!(session.words().contains("Sending your last scenes"));
+    assert!(session.words().contains("Uploading your last scenes"));
     session.stored("t1");
-    session.answer(Tag::Complete, 200, &Completed { completion_code: "ABC".into() });
+    session.answer("complete", 200, &code());
     assert!(session.words().contains("ABC"));
     assert_eq!(session.kept.keys().collect::<Vec<_>>(), ["sidestep.session.default"]);
 }
@@ -174,15 +227,26 @@ fn a_reload_sends_what_waits_and_goes_on() {
     let mut session = Session::open(BTreeMap::new());
     session.begin();
     session.drive();
-    session.uploaded("t0");
-    session.tell(Event::Answered(Tag::Upload("t0".into()), Answer::Unreachable));
-    assert_eq!(session.woken, 1);
-    assert!(session.words().contains("1 scene waits"));
+    session.unreachable("upload");
+    assert_eq!(session.timers.len(), 1);
+    assert!(session.words().contains("1 scene not uploaded yet; it is safe in this browser."));
     let mut session = Session::open(session.kept);
-    session.answer(Tag::Me, 200, &progress(&[]));
-    session.uploaded("t0");
+    session.answer("progress", 200, &progress(&[]));
     session.stored("t0");
     assert!(session.words().contains("Task 2 of 2"), "{}", session.words());
+}
+
+#[test]
+fn an_upload_is_tried_again_after_a_pause_or_when_the_network_is_back() {
+    let mut session = Session::open(BTreeMap::new());
+    session.begin();
+    session.drive();
+    session.unreachable("upload");
+    assert!(session.asked.is_empty());
+    session.wake("upload-retry");
+    session.unreachable("upload");
+    session.hear(&Event::Online);
+    session.stored("t0");
 }
 
 #[test]
@@ -190,8 +254,8 @@ fn a_server_that_forgot_us_lets_us_begin_afresh() {
     let mut session = Session::open(BTreeMap::new());
     session.begin();
     let mut session = Session::open(session.kept);
-    session.answer(Tag::Me, 401, &refusal("unauthorised"));
-    assert!(session.page.view().find("consent").is_some());
+    session.answer("progress", 401, &refusal("unauthorised"));
+    assert!(session.shows("consent"));
     assert!(session.kept.is_empty());
 }
 
@@ -199,11 +263,25 @@ fn a_server_that_forgot_us_lets_us_begin_afresh() {
 fn a_failing_server_is_asked_again() {
     let mut session = Session::open(BTreeMap::new());
     session.press("consent");
-    session.answer(Tag::Enrol, 503, &refusal("storage"));
-    assert!(session.words().contains("storage it is"));
+    session.answer("enrol", 503, &refusal("storage"));
+    assert!(session.words().contains("Storage it is."));
     session.press("consent");
-    session.answer(Tag::Enrol, 403, &refusal("closed"));
-    assert!(session.page.view().find("stuck").is_some());
+    session.answer("enrol", 201, &enrolled());
+    session.answer("progress", 503, &refusal("storage"));
+    session.wake("retry");
+    session.answer("progress", 200, &progress(&["t0", "t1"]));
+    session.unreachable("complete");
+    session.wake("retry");
+    session.answer("complete", 200, &code());
+    assert!(session.words().contains("ABC"));
+}
+
+#[test]
+fn a_study_that_takes_nobody_says_so() {
+    let mut session = Session::open(BTreeMap::new());
+    session.press("consent");
+    session.answer("enrol", 403, &refusal("closed"));
+    assert!(session.shows("stuck"));
 }
 
 #[test]
@@ -211,12 +289,146 @@ fn leaving_the_window_releases_the_keys() {
     let mut session = Session::open(BTreeMap::new());
     session.begin();
     session.press("start");
-    session.tell(Event::Key { t_ms: 100.0, key: "d".into(), down: true });
-    session.tell(Event::Frame(900.0));
-    session.tell(Event::Blur(2850.0));
-    session.tell(Event::Frame(11_000.0));
+    let mut at = |t_ms: f64, event: Event| {
+        session.now_ms = t_ms;
+        session.hear(&event);
+    };
+    at(100.0, Event::Key { key: "d".into(), down: true });
+    at(900.0, Event::Frame);
+    at(2850.0, Event::FocusLost);
+    at(11_000.0, Event::Frame);
     let trial = session.uploaded("t0");
     let rights = trial.inputs.iter().filter(|&&input| input == TurnInput::Right).count();
     assert_eq!(rights, 11, "steps 0 to 10 began before the window was left at 2.05 s");
     assert_eq!(trial.key_events.last().unwrap().key, "blur");
+}
+
+#[test]
+fn a_refused_trial_is_driven_again_and_the_code_comes() {
+    let mut session = Session::open(BTreeMap::new());
+    session.begin();
+    session.drive();
+    session.stored("t0");
+    session.drive();
+    session.answer("upload", 422, &refusal("invalid"));
+    assert!(session.asked.is_empty(), "no code is asked for while a trial is missing");
+    assert!(session.words().contains("did not accept this scene. Invalid it is."));
+    assert!(session.kept.contains_key("sidestep.refused.p.t1"));
+    session.drive();
+    session.stored("t1");
+    session.answer("complete", 200, &code());
+    assert!(session.words().contains("ABC"));
+}
+
+#[test]
+fn a_trial_that_is_refused_twice_ends_with_its_reason() {
+    let mut session = Session::open(BTreeMap::new());
+    session.begin();
+    for _ in 0..2 {
+        session.drive();
+        session.answer("upload", 422, &refusal("invalid"));
+    }
+    assert!(session.page.view().find("stuck").unwrap().words().contains("Invalid it is."));
+}
+
+#[test]
+fn a_refusal_during_the_next_scene_leaves_that_one_alone() {
+    let mut session = Session::open(BTreeMap::new());
+    session.begin();
+    session.drive();
+    session.press("start");
+    let driven = session.page.picture().unwrap().attributes;
+    session.answer("upload", 422, &refusal("invalid"));
+    assert_eq!(session.page.picture().unwrap().attributes, driven);
+    session.now_ms += 900.0;
+    session.hear(&Event::Frame);
+    session.now_ms += 11_000.0;
+    session.hear(&Event::Frame);
+    assert!(session.kept.contains_key("sidestep.outbox.p.t1"));
+    // The first is driven again, and both are sent in order.
+    session.drive();
+    session.stored("t0");
+    session.stored("t1");
+    session.answer("complete", 200, &code());
+}
+
+#[test]
+fn a_scene_of_another_tab_counts() {
+    let mut session = Session::open(BTreeMap::new());
+    session.begin();
+    session.drive();
+    session.answer("upload", 409, &refusal("different_content"));
+    let words = "You already completed this scene in another tab; that version was kept.";
+    assert!(session.words().contains(words));
+    assert!(session.words().contains("Task 2 of 2"));
+    session.drive();
+    session.stored("t1");
+    session.answer("complete", 200, &code());
+    assert!(session.words().contains("ABC"));
+}
+
+#[test]
+fn a_server_that_lacks_trials_says_which() {
+    let mut session = Session::open(BTreeMap::new());
+    session.press("consent");
+    session.answer("enrol", 201, &enrolled());
+    session.answer("progress", 200, &progress(&["t0", "t1"]));
+    session.answer("complete", 409, &refusal("incomplete"));
+    session.answer("progress", 200, &progress(&["t0"]));
+    assert!(session.words().contains("Task 2 of 2"), "{}", session.words());
+    session.drive();
+    session.answer("upload", 409, &refusal("out_of_order"));
+    session.answer("progress", 200, &progress(&["t0"]));
+    session.wake("upload-retry");
+    session.stored("t1");
+    // Once is enough: a server that goes on saying so is not asked for ever.
+    session.answer("complete", 409, &refusal("incomplete"));
+    assert!(session.shows("stuck"));
+}
+
+#[test]
+fn a_browser_that_keeps_nothing_says_so_and_goes_on() {
+    for reason in [NotKept::Full, NotKept::Denied] {
+        let mut session = Session::open(BTreeMap::new());
+        session.refuses = Some(reason);
+        session.begin();
+        let told = session.page.view().find("not-kept").unwrap().words();
+        assert!(told.contains(reason.sentence()) && told.contains("Keep this page open"));
+        session.drive();
+        session.unreachable("upload");
+        assert!(session.words().contains("1 scene not uploaded yet; keep this page open."));
+        session.wake("upload-retry");
+        session.stored("t0");
+        session.drive();
+        session.stored("t1");
+        session.answer("complete", 200, &code());
+        assert!(!session.shows("not-kept"));
+    }
+}
+
+#[test]
+fn the_consent_button_waits_for_a_press_of_its_own() {
+    let session = Session::open(BTreeMap::new());
+    let view = session.page.view();
+    assert!(!view.find("consent").unwrap().takes_focus);
+}
+
+#[test]
+fn the_instructions_are_those_of_the_study() {
+    let words = |study: StudyConfig| {
+        let mut session = Session::open_study(BTreeMap::new(), study);
+        session.press("consent");
+        session.answer("enrol", 201, &enrolled());
+        session.answer("progress", 200, &progress(&[]));
+        session.words()
+    };
+    let paper = words(StudyConfig::default());
+    assert!(paper.contains("A scene takes 10 seconds."), "{paper}");
+    assert!(paper.contains("The warm-up scenes show it"), "{paper}");
+    let mut study = StudyConfig::default();
+    study.parameters.steps = 40;
+    study.phases.retain(|phase| phase.phase == Phase::Task);
+    let other = words(study);
+    assert!(other.contains("A scene takes 8 seconds."), "{other}");
+    assert!(other.contains("the scenes do not"), "{other}");
 }

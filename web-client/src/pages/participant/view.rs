@@ -1,44 +1,53 @@
 //! What a participant sees around the canvas.
 
-use super::{Leg, Participant, Stage};
-use crate::view::{Node, el};
+use super::{Msg, Participant, PlannedTrial, Stage};
+use crate::json::number;
+use crate::view::{self, el};
+use sidestep::api::StudyInfo;
+use sidestep::study::PhaseConfig;
 use sidestep::trial::Phase;
+
+type Node = view::Node<Msg>;
 
 pub(super) fn page(page: &Participant) -> Node {
     let content = match &page.stage {
-        Stage::Loading => note("Loading…", &[], None),
-        Stage::Stuck(why) => note("This does not work", &[why], None).test_id("stuck"),
+        Stage::Loading => note("Loading…", &[]),
+        Stage::Stuck(heading, why) => note(heading, &[why]).test_id("stuck"),
         Stage::Welcome | Stage::Enrolling => welcome(page),
         Stage::Instructions => instructions(page),
         Stage::Ready => ready(page),
-        Stage::Still(_) | Stage::Driving(_) => scene(page),
+        Stage::Still(trial, _) | Stage::Driving(trial, _) => scene(page, trial),
         Stage::Finishing => finishing(page),
         Stage::Done(code) => done(code),
     };
-    let trouble = page
-        .trouble
-        .as_ref()
-        .map(|text| el("p").class("trouble").attr("role", "alert").test_id("trouble").text(text));
-    el("div").class("participant").child(content).children(trouble)
+    let alert = |name: &str, text: String| {
+        el("p").class("trouble").attr("role", "alert").test_id(name).text(text)
+    };
+    let is_done = matches!(page.stage, Stage::Done(_));
+    let not_kept = page.not_kept.filter(|_| !is_done).map(|reason| {
+        let advice = "Keep this page open until you have your completion code.";
+        alert("not-kept", format!("{} {advice}", reason.sentence()))
+    });
+    let trouble = page.trouble.as_ref().map(|text| alert("trouble", text.clone()));
+    el("div").class("participant").child(content).children(trouble).children(not_kept)
 }
 
+/// A card of its own, so that its heading takes the focus when it comes.
 fn card(heading: &str) -> Node {
-    el("main").class("card").child(el("h1").text(heading))
+    let title = el("h1").attr("tabindex", -1).focus().text(heading);
+    el("main").class("card").key(heading).child(title)
 }
 
-fn note(heading: &str, lines: &[&str], action: Option<Node>) -> Node {
-    let lines = lines.iter().map(|line| el("p").text(*line));
-    card(heading).children(lines).children(action)
+fn note(heading: &str, lines: &[&str]) -> Node {
+    card(heading).children(lines.iter().map(|line| el("p").text(*line)))
 }
 
-fn button(words: &str, action: &str) -> Node {
-    el("button")
-        .class("primary")
-        .attr("type", "button")
-        .attr("data-autofocus", "")
-        .action(action)
-        .test_id(action)
-        .text(words)
+fn button(words: &str, name: &str, message: Msg) -> Node {
+    el("button").class("primary").attr("type", "button").test_id(name).on_press(message).text(words)
+}
+
+fn kbd(key: &str) -> Node {
+    el("kbd").text(key)
 }
 
 fn welcome(page: &Participant) -> Node {
@@ -48,34 +57,84 @@ fn welcome(page: &Participant) -> Node {
         (study.title.as_str(), scenes, (driving_s / 60.0).ceil() as usize)
     });
     let busy = matches!(page.stage, Stage::Enrolling);
+    let (scenes, minutes) = (count(scenes, "short scene"), count(minutes, "minute"));
     let facts = [
-        format!("You will drive {scenes} short scenes. That takes about {minutes} minutes, and you may pause between scenes."),
+        format!(
+            "You will drive {scenes}. That takes about {minutes}, and you may pause between scenes."
+        ),
         "You need a keyboard with arrow keys.".to_owned(),
-        "We record how the vehicles move, which of the steering keys you press and when, your language and the size of your screen. We do not ask for your name.".to_owned(),
+        "We record how the vehicles move, which steering keys you press and when, your language \
+         and your screen size. We do not ask for your name."
+            .to_owned(),
         "Taking part is voluntary. You can stop at any time by closing this page.".to_owned(),
     ];
     card(title)
         .child(el("p").class("lead").text("A study of how people keep clear of a robot."))
         .child(el("ul").children(facts.into_iter().map(|fact| el("li").text(fact))))
-        .child(button("I agree and want to take part", "consent").attr_if(busy, "disabled", ""))
+        .child(
+            button("I agree and want to take part", "consent", Msg::Consent)
+                .attr_if(busy, "disabled", ""),
+        )
+}
+
+/// A number with its noun.
+fn count(n: usize, noun: &str) -> String {
+    format!("{n} {noun}{}", if n == 1 { "" } else { "s" })
 }
 
 fn instructions(page: &Participant) -> Node {
-    let radius = page.study.as_ref().map_or(0.0, |study| study.parameters.danger_radius_m);
+    let (radius, zone, duration) = page.study.as_ref().map_or((0.0, "", 0.0), |study| {
+        (study.parameters.danger_radius_m, zone_words(study), study.parameters.duration_s())
+    });
+    let (radius, duration) = (number(radius), number(duration));
     card("How it works")
         .child(picture())
-        .child(el("ul").children([
-            el("li").child(el("strong").class("human").text("You steer the blue vehicle."))
-                .text(" It never stops: hold ").child(el("kbd").text("←")).text(" to turn left, ")
-                .child(el("kbd").text("→")).text(" to turn right, no key to go straight. ")
-                .child(el("kbd").text("A")).text(" and ").child(el("kbd").text("D")).text(" work too."),
-            el("li").child(el("strong").class("robot").text("The red robot drives straight to the red square."))
-                .text(" It does not see you and will not avoid you."),
-            el("li").text(format!("Keep out of the robot’s danger zone: the disc of {radius} m around it, shown above and in the first scenes only.")),
-            el("li").text("If nobody turns, you will collide. Steer from when you feel danger until you think that you will stay clear without steering."),
-            el("li").text("The tail of each arrow, its dot, marks the exact position. A scene takes ten seconds."),
-        ]))
-        .child(button("I am ready", "continue"))
+        .child(
+            el("ul").children([
+                el("li")
+                    .child(el("strong").class("human").text("You steer the blue vehicle."))
+                    .text(" It never stops. Hold ")
+                    .child(kbd("←"))
+                    .text(" to turn left, ")
+                    .child(kbd("→"))
+                    .text(" to turn right, and no key to go straight. ")
+                    .child(kbd("A"))
+                    .text(" and ")
+                    .child(kbd("D"))
+                    .text(" work too. If you hold two keys, the one pressed last counts."),
+                el("li")
+                    .child(
+                        el("strong")
+                            .class("robot")
+                            .text("The red robot drives straight to the red square."),
+                    )
+                    .text(" It does not see you and will not avoid you."),
+                el("li").text(format!(
+                    "Keep out of the robot’s danger zone: the disc of {radius} m around it. {zone}"
+                )),
+                el("li").text(
+                    "If nobody turns, you will collide. Start steering when you feel in danger; \
+                     stop when you think you will stay clear.",
+                ),
+                el("li").text(format!(
+                    "The dot at the tail of each arrow marks its exact position. A scene takes \
+                     {duration} seconds."
+                )),
+            ]),
+        )
+        .child(button("I am ready", "continue", Msg::Continue))
+}
+
+/// In which scenes the danger zone is drawn.
+fn zone_words(study: &StudyInfo) -> &'static str {
+    let shown = |phase: &&PhaseConfig| phase.show_danger_zone;
+    let shown: Vec<_> = study.phases.iter().filter(shown).map(|phase| phase.phase).collect();
+    match shown[..] {
+        [] => "The picture above shows it; the scenes do not.",
+        [Phase::Familiarisation] => "The warm-up scenes show it; the later ones do not.",
+        _ if shown.len() == study.phases.len() => "Every scene shows it.",
+        _ => "Only some scenes show it.",
+    }
 }
 
 /// A still of a scene, with the danger zone.
@@ -87,107 +146,140 @@ fn picture() -> Node {
             .child(el("circle").attr("r", "4.5"))
             .child(el("path").attr("d", "M0-1.6H34V-7L50 0L34 7V1.6H0Z"))
     };
-    el("svg").class("still").attr("viewBox", "0 0 480 150").attr("role", "img")
-        .attr("aria-label", "The robot with its danger zone on the left drives to its goal on the right; your vehicle comes from below.")
+    let words = "The robot, with its danger zone, drives from the left to its goal on the right. \
+                 Your vehicle comes from below.";
+    el("svg")
+        .class("still")
+        .attr("viewBox", "0 0 480 150")
+        .attr("role", "img")
+        .attr("aria-label", words)
         .child(el("circle").class("zone").attr("cx", "110").attr("cy", "60").attr("r", "46"))
         .child(el("path").class("way").attr("d", "M160 64L412 87"))
-        .child(el("rect").class("goal").attr("x", "412").attr("y", "79").attr("width", "17").attr("height", "17"))
+        .child(
+            el("rect")
+                .class("goal")
+                .attr("x", "412")
+                .attr("y", "79")
+                .attr("width", "17")
+                .attr("height", "17"),
+        )
         .child(arrow("robot", "translate(110 60) rotate(5)"))
         .child(arrow("human", "translate(300 140) rotate(-112)"))
 }
 
-fn phase_words(leg: &Leg) -> String {
-    let name = match leg.phase {
+fn phase_words(trial: &PlannedTrial) -> String {
+    let name = match trial.phase {
         Phase::Familiarisation => "Warm-up",
         Phase::Practice => "Practice",
         Phase::Task => "Task",
     };
-    format!("{name} {} of {}", leg.planned.index + 1, leg.of_phase)
+    format!("{name} {} of {}", trial.scene.index + 1, trial.of_phase)
+}
+
+/// What to know before this scene.
+fn hint(page: &Participant, trial: &PlannedTrial) -> String {
+    if trial.scene.index > 0 {
+        return "Take your time, then start.".to_owned();
+    }
+    let purpose = match trial.phase {
+        Phase::Familiarisation => "Try the keys.",
+        Phase::Practice => "These scenes are for practice.",
+        Phase::Task if trial.id() == page.plan[0].id() => "Every scene counts.",
+        Phase::Task => "Practice is over. From now on, every scene counts.",
+    };
+    let before = page.plan.iter().take_while(|other| other.id() != trial.id()).last();
+    let zone = match (before.is_some_and(|trial| trial.show_danger_zone), trial.show_danger_zone) {
+        (true, false) => " The danger zone is no longer shown.",
+        (false, true) => " The danger zone is drawn around the robot.",
+        _ => "",
+    };
+    format!("{purpose}{zone}")
 }
 
 fn ready(page: &Participant) -> Node {
-    let Some(leg) = page.next() else {
-        return note("One moment…", &[], None);
+    let Some(trial) = page.next() else {
+        return note("One moment…", &[]);
     };
-    let hint = match (leg.phase, leg.planned.index) {
-        (Phase::Familiarisation, 0) => "Try the keys. The danger zone is drawn around the robot.",
-        (Phase::Practice, 0) => {
-            "From now on the danger zone is not drawn. These scenes are for practice."
-        }
-        (Phase::Task, 0) => "Practice is over. From here on every scene counts.",
-        _ => "Take your time, then start.",
-    };
-    el("div").class("stage").child(bar(page, Some(leg))).child(
-        note(&phase_words(leg), &[hint], Some(button("Start", "start"))).class("card small").child(
-            el("p")
-                .class("quiet")
-                .text("Press ")
-                .child(el("kbd").text("Space"))
-                .text(" or the button. The scene stands still for a moment, then moves."),
-        ),
-    )
+    let phase = phase_words(trial);
+    let start = button("Start", "start", Msg::Start).focus();
+    let help = el("p")
+        .class("quiet")
+        .text("Press ")
+        .child(kbd("Space"))
+        .text(" or the button. After a short pause, the scene starts.");
+    let card = el("main")
+        .class("card small")
+        .key(&phase)
+        .child(el("h1").text(phase))
+        .child(el("p").text(hint(page, trial)))
+        .child(start)
+        .child(help);
+    el("div").class("stage").child(bar(page, Some(trial))).child(card)
 }
 
-fn scene(page: &Participant) -> Node {
+fn scene(page: &Participant, trial: &PlannedTrial) -> Node {
     let words = "Two vehicles seen from above: yours is blue, the robot is red.";
+    let canvas = el("canvas")
+        .attr("id", "scene")
+        .test_id("scene")
+        .attr("role", "img")
+        .attr("aria-label", words);
+    let heading = el("h1").class("unseen").text(phase_words(trial));
     el("div")
         .class("stage")
-        .child(bar(page, page.next()))
-        .child(
-            el("canvas")
-                .attr("id", "scene")
-                .test_id("scene")
-                .attr("role", "img")
-                .attr("aria-label", words),
-        )
+        .child(bar(page, Some(trial)))
+        .child(el("main").class("field").key("scene").child(heading).child(canvas))
         .child(el("footer").class("keys").attr("aria-hidden", "true").children([
-            el("span").child(el("kbd").text("←")).text(" turn left"),
+            el("span").child(kbd("←")).text(" turn left"),
             el("span").text("no key: straight"),
-            el("span").child(el("kbd").text("→")).text(" turn right"),
+            el("span").child(kbd("→")).text(" turn right"),
         ]))
 }
 
-fn bar(page: &Participant, leg: Option<&Leg>) -> Node {
-    let done = page.course.iter().filter(|leg| {
-        let id = &leg.planned.trial_id;
-        page.stored.contains(id) || page.outbox.holds(id)
-    });
+fn bar(page: &Participant, trial: Option<&PlannedTrial>) -> Node {
+    let done = page.plan.iter().filter(|trial| page.is_driven(trial)).count();
     el("header")
         .class("bar")
-        .child(el("span").text(leg.map(phase_words).unwrap_or_default()))
+        .child(el("span").text(trial.map(phase_words).unwrap_or_default()))
         .child(
             el("progress")
-                .attr("max", page.course.len())
-                .attr("value", done.count())
+                .attr("max", page.plan.len())
+                .attr("value", done)
                 .attr("aria-label", "Scenes driven"),
         )
         .child(saved(page))
 }
 
+/// Whether what was driven is stored.
 fn saved(page: &Participant) -> Node {
     let waiting = page.outbox.len();
-    let (class, words) = match (waiting, page.outbox.is_struggling()) {
-        (0, _) if page.stored.is_empty() => ("quiet", String::new()),
-        (0, _) => ("saved", "✓ saved".to_owned()),
-        (_, false) => ("quiet", "saving…".to_owned()),
-        (1, true) => ("waiting", "1 scene waits in this browser".to_owned()),
-        (n, true) => ("waiting", format!("{n} scenes wait in this browser")),
+    let (class, words) = if waiting == 0 {
+        ("saved", if page.stored.is_empty() { "" } else { "✓ saved" }.to_owned())
+    } else if !page.outbox.is_struggling() {
+        ("quiet", "saving…".to_owned())
+    } else {
+        let place = match (page.outbox.is_safe(), waiting) {
+            (true, 1) => "it is safe in this browser.",
+            (true, _) => "they are safe in this browser.",
+            (false, _) => "keep this page open.",
+        };
+        ("waiting", format!("{} not uploaded yet; {place}", count(waiting, "scene")))
     };
     el("span").class(class).attr("role", "status").test_id("saved").text(words)
 }
 
 fn finishing(page: &Participant) -> Node {
-    let waiting = format!("{} still to be sent.", page.outbox.len());
-    note("Sending your last scenes…", &["Please keep this page open.", &waiting], None)
-        .child(saved(page))
+    let waiting = match page.outbox.len() {
+        0 => "All scenes are uploaded. Your completion code is on its way.".to_owned(),
+        n => format!("{} left to upload. Please keep this page open.", count(n, "scene")),
+    };
+    card("Uploading your last scenes…").child(el("p").text(waiting)).child(saved(page))
 }
 
 fn done(code: &str) -> Node {
     card("Thank you!")
         .child(
-            el("p").text(
-                "You have driven every scene, and all of them are stored. Your completion code:",
-            ),
+            el("p").text("You have driven every scene, and all are stored. Your completion code:"),
         )
         .child(el("p").class("code").test_id("completion-code").text(code))
         .child(el("p").class("quiet").text("You may close this page."))

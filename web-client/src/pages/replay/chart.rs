@@ -1,89 +1,125 @@
-//! Safety levels, range and input over time.
+//! Safety levels, distance and input over time.
 
-use crate::view::{Node, el};
-use sidestep::api::TrialDetail;
-use sidestep::scene::JointState;
+use super::{Msg, Replay};
+use crate::view::{self, drawn, el};
+use sidestep::chart::{
+    Axis, Chart, ColourStyle, Drawing, Frame, LegendItem, Pen, Series, Table, colours,
+};
+use sidestep::scene::Evader;
 use sidestep::vehicle::TurnInput;
+
+type Node = view::Node<Msg>;
 
 const WIDTH: f64 = 1000.0;
 const HEIGHT: f64 = 130.0;
-/// Part of the height for the input's strip and the time axis.
-const FOOT: f64 = 34.0;
+const FRAME: Frame = Frame { left: 0.0, top: 4.0, width: WIDTH, height: 96.0 };
+/// The line of the strip above which left turns are, and below which right turns are.
+const MIDDLE: f64 = 116.0;
+/// Height of the bar of a turn.
+const BAR: f64 = 7.0;
+const LEFT: colours::Colour = colours::HUMAN;
+const RIGHT: colours::Colour = colours::SERIES[1];
 
-/// The chart stretches to its place, so that words stay outside of it.
-pub(super) fn draw(trial: &TrialDetail, levels: &[(f64, f64)], time_s: f64) -> Node {
-    let steps = trial.inputs.len() as f64;
+/// The lines as data.
+pub(super) fn lines(replay: &Replay) -> Chart {
+    let Replay { trial, levels, .. } = replay;
+    let time = |i: usize| i as f64 * trial.parameters.step_s;
     let radius = trial.parameters.danger_radius_m;
-    let ranges: Vec<f64> =
-        trial.states.iter().map(JointState::distance_m).map(|d| d - radius).collect();
-    let of_levels = levels.iter().flat_map(|&(a, b)| [a, b]);
-    let all = ranges.iter().copied().chain(of_levels);
-    let (low, high) = all.fold((-1.0f64, 1.0f64), |(low, high), v| (low.min(v), high.max(v)));
-    let x = |i: f64| i / steps * WIDTH;
-    let y = |v: f64| (HEIGHT - FOOT) * (1.0 - (v - low) / (high - low)) + 4.0;
-    let line = |class: &str, values: &mut dyn Iterator<Item = f64>| {
-        let points: Vec<_> =
-            values.enumerate().map(|(i, v)| format!("{:.1},{:.2}", x(i as f64), y(v))).collect();
-        el("polyline").class(class).attr("points", points.join(" "))
+    let pen = |evader, colour| match replay.is_doubtful(evader) {
+        true => Pen::new(colours::MUTED, 2.0).dashed(1.0, 4.0),
+        false => Pen::new(colour, 2.0),
     };
-    let rule = |class: &str, v: f64| {
-        el("line")
-            .class(class)
-            .attr("x1", 0)
-            .attr("x2", WIDTH)
-            .attr("y1", format!("{:.2}", y(v)))
-            .attr("y2", format!("{:.2}", y(v)))
+    let level = |evader, name: &str, colour, pick: fn(&(f64, f64)) -> f64| {
+        let points = levels.iter().enumerate().map(|(i, levels)| [time(i), pick(levels)]);
+        Series::drawn(name, points, pen(evader, colour))
     };
-    let every = if high - low > 12.0 { 5.0 } else { 2.0 };
-    let ticks: Vec<f64> =
-        (-20..=20).map(|i| f64::from(i) * every).filter(|v| (low..=high).contains(v)).collect();
-    let rules = ticks.iter().map(|&v| rule(if v == 0.0 { "zero" } else { "rule" }, v));
-    let inputs = trial.inputs.iter().enumerate().map(|(i, input)| {
-        let (class, dy) = match input {
-            TurnInput::Left => ("turn left", 0.0),
-            TurnInput::Straight => ("turn straight", 4.0),
-            TurnInput::Right => ("turn right", 6.0),
+    let states = trial.states.iter().enumerate();
+    let range = states.map(|(i, state)| [time(i), state.distance_m() - radius]);
+    let range =
+        Series::drawn("distance − radius", range, Pen::new(colours::MUTED, 1.25).dashed(4.0, 3.0));
+    let human = level(Evader::Human, "human’s safety level", colours::HUMAN, |v| v.0);
+    let robot = level(Evader::Robot, "robot’s safety level", colours::ROBOT, |v| v.1);
+    let series = [range, robot, human];
+    let values = series.iter().flat_map(|series| &series.points).map(|datum| datum.at[1]);
+    let ends = values.fold([-1.0f64, 1.0], |[low, high], v| [low.min(v), high.max(v)]);
+    let x = Axis::time("time", [0.0, replay.duration_s()], 10);
+    let mut chart = Chart::new("", "", x, Axis::linear("", "m", ends, 5));
+    for series in series {
+        chart.add(series);
+    }
+    chart
+}
+
+/// The chart. It stretches to its place, so that words stay outside of its drawing.
+pub(super) fn draw(replay: &Replay, chart: &Chart) -> Node {
+    let mut drawing = Drawing::new("", "", [WIDTH, HEIGHT]);
+    for tick in chart.y.ticks() {
+        let colour = if tick.value == 0.0 { colours::MUTED } else { colours::LINE };
+        let [_, y] = chart.place(FRAME, [0.0, tick.value]);
+        drawing.line([[0.0, y], [WIDTH, y]], Pen::new(colour, 1.0));
+    }
+    chart.draw_layers(&mut drawing, FRAME);
+    let inputs = &replay.trial.inputs;
+    let width = WIDTH / inputs.len() as f64;
+    let bars = |held: TurnInput, top: f64, height: f64| {
+        let steps = inputs.iter().enumerate().filter(|(_, input)| **input == held);
+        let bar = |(i, _)| {
+            let left = i as f64 * width;
+            [left + 1.0, top, left + width - 1.0, top + height]
         };
-        let height = if *input == TurnInput::Straight { 2.0 } else { 6.0 };
-        el("rect")
-            .class(class)
-            .attr("x", format!("{:.2}", x(i as f64) + 1.0))
-            .attr("y", HEIGHT - FOOT + 12.0 + dy - 1.0)
-            .attr("width", format!("{:.2}", WIDTH / steps - 2.0))
-            .attr("height", height)
-    });
-    let cursor = x(time_s / trial.parameters.step_s);
-    let svg = el("svg")
-        .attr("viewBox", format!("0 0 {WIDTH} {HEIGHT}"))
-        .attr("preserveAspectRatio", "none")
-        .attr("aria-hidden", "true")
-        .children(rules)
-        .child(line("range", &mut ranges.into_iter()))
-        .child(line("robot", &mut levels.iter().map(|v| v.1)))
-        .child(line("human", &mut levels.iter().map(|v| v.0)))
-        .children(inputs)
-        .child(
-            el("line")
-                .class("cursor")
-                .attr("x1", format!("{cursor:.1}"))
-                .attr("x2", format!("{cursor:.1}"))
-                .attr("y1", 0)
-                .attr("y2", HEIGHT - 14.0),
-        );
-    let percent = |v: f64| format!("top:{:.2}%", 100.0 * y(v) / HEIGHT);
-    let unit = |v: f64| {
-        if v == ticks[ticks.len() - 1] { format!("{v:.0} m") } else { format!("{v:.0}") }
+        steps.map(bar).collect::<Vec<_>>()
     };
-    let values =
-        ticks.iter().map(|&v| el("span").class("y").attr("style", percent(v)).text(unit(v)));
-    let duration = steps * trial.parameters.step_s;
-    let seconds = (0..=10).map(|i| f64::from(i) * duration / 10.0);
-    let seconds = seconds.map(|s| {
-        let words = if s == duration { format!("{s:.0} s") } else { format!("{s:.0}") };
-        el("span")
-            .class("x")
-            .attr("style", format!("left:{:.2}%", 100.0 * s / duration))
-            .text(words)
+    drawing.boxes(bars(TurnInput::Left, MIDDLE - BAR, BAR), LEFT);
+    drawing.boxes(bars(TurnInput::Straight, MIDDLE - 0.5, 1.0), colours::LINE);
+    drawing.boxes(bars(TurnInput::Right, MIDDLE, BAR), RIGHT);
+    let now = WIDTH * chart.x.share(replay.time_s);
+    drawing.line([[now, 0.0], [now, MIDDLE + BAR]], Pen::new(colours::TEXT, 1.5));
+    let svg = drawn(drawing.element(ColourStyle::Properties))
+        .attr("preserveAspectRatio", "none")
+        .attr("aria-hidden", "true");
+
+    let label = |class: &str, style: String, words: String| {
+        el("span").class(class).attr("style", style).text(words)
+    };
+    let top = |y: f64| format!("top:{:.2}%", 100.0 * y / HEIGHT);
+    // The unit stands at the last label alone.
+    let last = chart.y.ticks().count();
+    let y_labels = chart.y.ticks().zip(1..).map(|(tick, n)| {
+        let unit = if n == last { " m" } else { "" };
+        let [_, y] = chart.place(FRAME, [0.0, tick.value]);
+        label("y", top(y), format!("{}{unit}", tick.label))
     });
-    el("div").class("plot").child(svg).children(values).children(seconds)
+    let sides = [("left", MIDDLE - 0.8 * BAR), ("right", MIDDLE + 0.8 * BAR)];
+    let sides = sides.map(|(side, y)| label("y", top(y), side.to_owned()));
+    let last = chart.x.ticks().count();
+    let x_labels = chart.x.ticks().zip(1..).map(|(tick, n)| {
+        let unit = if n == last { format!(" {}", chart.x.unit) } else { String::new() };
+        let left = format!("left:{:.2}%", 100.0 * tick.share);
+        label("x", left, format!("{}{unit}", tick.label))
+    });
+    el("div").class("plot").child(svg).children(y_labels).children(sides).children(x_labels)
+}
+
+/// What the signs mean.
+pub(super) fn legend(chart: &Chart) -> Node {
+    let mut items = chart.legend();
+    items.reverse();
+    items.push(LegendItem::area("turns left", Some(LEFT.into()), None));
+    items.push(LegendItem::area("turns right", Some(RIGHT.into()), None));
+    let items = items.into_iter().map(|item| {
+        let sign = drawn(item.sign.element(ColourStyle::Properties)).attr("aria-hidden", "true");
+        el("span").class("key").child(sign).child(el("span").text(item.text))
+    });
+    el("span").class("legend").children(items)
+}
+
+/// The chart's numbers, and the input held from each time on.
+pub(super) fn table(replay: &Replay, chart: &Chart) -> Table {
+    let mut table = chart.table();
+    table.columns.push("input".to_owned());
+    let inputs = replay.trial.inputs.iter().map(|input| input.word());
+    for (row, input) in table.rows.iter_mut().zip(inputs.chain([""])) {
+        row.push(input.to_owned());
+    }
+    table
 }

@@ -1,12 +1,16 @@
-//! How a replay comes by its value functions: from the server, where it has solved
-//! them, else from a solver beside this page.
+//! Where a replay gets its value functions: from the server if it has solved them, else from
+//! a solver beside this page.
 
-use crate::runtime::{Command, Failure, Request, Solving, Tag};
-use crate::view::{Node, el};
+use super::Msg;
+use crate::runtime::{Command, Commands, Failure, Request, Solving};
+use crate::view::{self, el};
 use sidestep::api::{TrialDetail, routes};
 use sidestep::reachability::ValueFunction;
 use sidestep::safety::SafetyLevels;
 use sidestep::scene::Evader;
+use std::rc::Rc;
+
+type Node = view::Node<Msg>;
 
 /// The functions of both roles, or how far each has come.
 pub(super) struct Sources {
@@ -48,22 +52,32 @@ impl Source {
     }
 
     /// Begins, or begins again.
-    fn ask(&mut self, trial: &TrialDetail) -> Command {
+    fn ask(&mut self, trial: &TrialDetail) -> Command<Msg> {
         self.state = State::Underway(0.0);
-        match trial.value_function(self.evader) {
+        let evader = self.evader;
+        match trial.value_function(evader) {
             Some(id) => {
-                let tag = Tag::ValueFunction(self.evader);
-                Command::Send(Request::get(tag, routes::value_function(id)))
+                let url = routes::value_function(id);
+                let then = move |answer| Msg::ValueFunction(evader, answer);
+                Command::Send(Request::get(self.name(), url, then))
             }
             None => {
-                let game = trial.parameters.game(self.evader);
-                Command::Solve { evader: self.evader, game }
+                let then = Rc::new(move |solving| Msg::Solving(evader, solving));
+                Command::Solve { name: self.name(), game: trial.parameters.game(evader), then }
             }
         }
     }
 
-    fn take_octets(&mut self, octets: &[u8]) {
-        self.state = match ValueFunction::decode(octets) {
+    /// The name of its request or solve.
+    fn name(&self) -> &'static str {
+        match self.evader {
+            Evader::Human => "value-function-human",
+            Evader::Robot => "value-function-robot",
+        }
+    }
+
+    fn take_bytes(&mut self, bytes: &[u8]) {
+        self.state = match ValueFunction::decode(bytes) {
             Ok(function) => State::Known(function),
             Err(invalid) => State::Missing(invalid.to_string()),
         };
@@ -89,38 +103,40 @@ impl Sources {
     }
 
     /// Asks for everything.
-    pub(super) fn begin(&mut self, trial: &TrialDetail) -> Vec<Command> {
+    pub(super) fn begin(&mut self, trial: &TrialDetail) -> Commands<Msg> {
         self.all_mut().map(|source| source.ask(trial)).collect()
     }
 
     /// Asks again for what is missing.
-    pub(super) fn retry(&mut self, trial: &TrialDetail) -> Vec<Command> {
+    pub(super) fn retry(&mut self, trial: &TrialDetail) -> Commands<Msg> {
         let missing = self.all_mut().filter(|source| matches!(source.state, State::Missing(_)));
         missing.map(|source| source.ask(trial)).collect()
     }
 
     /// Gives up what is being solved here.
-    pub(super) fn stop(&mut self) -> Vec<Command> {
-        for source in self.all_mut() {
-            if source.origin == Origin::Here && matches!(source.state, State::Underway(_)) {
-                source.state = State::Missing("The solve was stopped.".to_owned());
-            }
-        }
-        vec![Command::StopSolving]
+    pub(super) fn stop(&mut self) -> Commands<Msg> {
+        let solving = self.all_mut().filter(|source| {
+            source.origin == Origin::Here && matches!(source.state, State::Underway(_))
+        });
+        let stop = |source: &mut Source| {
+            source.state = State::Missing("The solve was stopped.".to_owned());
+            Command::Cancel(source.name())
+        };
+        solving.map(stop).collect()
     }
 
     /// What the server sent for `evader`, or why it did not.
-    pub(super) fn take_answer(&mut self, evader: Evader, answer: Result<&[u8], &Failure>) {
+    pub(super) fn take_answer(&mut self, evader: Evader, answer: Result<&[u8], Failure>) {
         let asked = self.all_mut().find(|s| s.evader == evader && s.origin == Origin::Server);
         if let Some(source) = asked {
             match answer {
-                Ok(octets) => source.take_octets(octets),
+                Ok(bytes) => source.take_bytes(bytes),
                 Err(failure) => source.state = State::Missing(failure.sentence()),
             }
         }
     }
 
-    /// What the solver says of `evader`; it may come too late.
+    /// What the solver reports on `evader`; it may come too late.
     pub(super) fn take_solving(&mut self, evader: Evader, solving: Solving) {
         let waits = |s: &&mut Source| {
             s.evader == evader && s.origin == Origin::Here && matches!(s.state, State::Underway(_))
@@ -128,7 +144,7 @@ impl Sources {
         if let Some(source) = self.all_mut().find(waits) {
             match solving {
                 Solving::Done(share) => source.state = State::Underway(share),
-                Solving::Solved(octets) => source.take_octets(&octets),
+                Solving::Solved(bytes) => source.take_bytes(&bytes),
                 Solving::Failed(why) => source.state = State::Missing(why),
             }
         }
@@ -172,7 +188,7 @@ impl Sources {
         }
     }
 
-    /// What is to be said over the scene: progress, or what went wrong.
+    /// The note over the scene: progress, or what went wrong.
     pub(super) fn notice(&self) -> Option<Node> {
         if let Some(why) = self.missing() {
             return Some(trouble(why));
@@ -207,9 +223,9 @@ fn progress(percent: u32) -> Node {
         .child(
             el("p")
                 .child(el("span").class("quiet").text(
-                    "The server has none for these vehicles yet, so this browser works them out.",
+                    "The server has not solved these vehicles’ games yet, so this browser does.",
                 ))
-                .child(button("stop-solving", "Stop")),
+                .child(button("stop-solving", "Stop", Msg::StopSolving)),
         )
 }
 
@@ -223,12 +239,12 @@ fn trouble(why: &str) -> Node {
                 .child(
                     el("span")
                         .class("quiet")
-                        .text("Level sets and predicted sets are not drawn without them."),
+                        .text("Level sets and predicted sets cannot be drawn without them."),
                 )
-                .child(button("solve-again", "Try again")),
+                .child(button("solve-again", "Try again", Msg::SolveAgain)),
         )
 }
 
-fn button(word: &str, words: &str) -> Node {
-    el("button").class("plain").attr("type", "button").action(word).test_id(word).text(words)
+fn button(name: &str, words: &str, message: Msg) -> Node {
+    el("button").class("plain").attr("type", "button").test_id(name).on_press(message).text(words)
 }

@@ -1,0 +1,269 @@
+//! What a replay shows around the canvas.
+
+use super::chart;
+use super::{Msg, Replay};
+use crate::overlays::LAYERS;
+use crate::view::{self, el, subscripted};
+use sidestep::chart::Table;
+use sidestep::safety::SafetyLevels;
+use sidestep::scene::{Evader, JointState};
+use sidestep::vehicle::TurnInput;
+
+type Node = view::Node<Msg>;
+
+pub(super) fn page(replay: &Replay) -> Node {
+    el("main").class("replay").children([scene(replay), panel(replay), timeline(replay)])
+}
+
+fn scene(replay: &Replay) -> Node {
+    let switches = LAYERS.iter().enumerate().map(|(place, layer)| {
+        let shown = replay.shown[place];
+        let swatch = el("i").class(&format!("swatch {}", layer.swatch));
+        let mut button = switch(layer.meaning, shown, Msg::Layer(place))
+            .test_id(&format!("layer-{}", layer.name))
+            .child(swatch)
+            .child(el("span").text(layer.label));
+        if let Some(below) = layer.level {
+            button = button.child(subscripted("span", "V", below).text(" ≤ 0"));
+            // Without a word one would look for the line.
+            let is_empty = shown && replay.safety.is_some() && replay.drawn[place].is_empty();
+            button = button.children(is_empty.then(|| el("span").text("(nowhere now)")));
+        }
+        button
+    });
+    let meaning = "Predicted sets: show where the human may be at each step instead of within \
+                   the whole time ahead";
+    let by_step = switch(meaning, replay.by_step, Msg::ByStep).test_id("by-step").text("per step");
+    let switches = el("div")
+        .class("switches")
+        .attr("role", "group")
+        .attr("aria-label", "Layers")
+        .children(switches)
+        .child(by_step);
+    let canvas = el("canvas")
+        .attr("id", "replay")
+        .test_id("replay")
+        .attr("role", "img")
+        .attr("aria-label", "The trial seen from above, with the chosen layers");
+    el("section")
+        .class("view")
+        .attr("aria-label", "Scene")
+        .child(switches)
+        .child(canvas)
+        .children(replay.sources.notice())
+}
+
+/// A button that stays down.
+fn switch(meaning: &str, is_on: bool, message: Msg) -> Node {
+    el("button")
+        .class("switch")
+        .attr("type", "button")
+        .attr("aria-pressed", is_on)
+        .attr("title", meaning)
+        .on_press(message)
+}
+
+fn panel(replay: &Replay) -> Node {
+    let heading = el("h1")
+        .attr("tabindex", -1)
+        .focus()
+        .text(format!("Step {}", replay.step()))
+        .child(el("small").text(format!("t = {:.1} s", replay.time_s)));
+    let trouble = replay.trouble.as_ref();
+    // It scrolls, so that the keyboard must be able to reach it.
+    el("aside")
+        .class("panel")
+        .attr("tabindex", 0)
+        .attr("aria-label", "Numbers at this step")
+        .child(heading)
+        .child(facts(replay))
+        .children(doubt(replay))
+        .children(replay.prediction.as_ref().map(|probabilities| inputs(replay, probabilities)))
+        .children(replay.prediction.as_ref().map(|_| regions(replay)))
+        .child(outcome(replay))
+        .children(trouble.map(|text| el("p").class("trouble").attr("role", "alert").text(text)))
+}
+
+/// A length in metres, with a proper minus sign.
+fn metres(value: f64, decimals: usize) -> String {
+    format!("{value:.decimals$} m").replace('-', "−")
+}
+
+fn facts(replay: &Replay) -> Node {
+    let state = replay.state();
+    let level = |evader, words: &str, below: &str| {
+        let name = el("dt").text(words).child(subscripted("span", "V", below));
+        let value = match &replay.safety {
+            Some(safety) if replay.is_doubtful(evader) => {
+                let value = metres(level_of(safety, evader, &state), 1);
+                el("dd").class("doubtful").text(format!("≈ {value}"))
+            }
+            Some(safety) => el("dd").text(metres(level_of(safety, evader, &state), 2)),
+            None if replay.sources.missing().is_some() => el("dd").text("—"),
+            None => el("dd").text("…"),
+        };
+        el("div").child(name).child(value)
+    };
+    let input = replay.trial.inputs.get(replay.step()).map_or("—", |input| input.word());
+    el("dl").class("facts").children([
+        level(Evader::Human, "human’s safety ", "HR"),
+        level(Evader::Robot, "robot’s safety ", "RH"),
+        row("distance", metres(state.distance_m(), 2)),
+        row("input", input.to_owned()),
+    ])
+}
+
+fn level_of(safety: &SafetyLevels, evader: Evader, state: &JointState) -> f64 {
+    match evader {
+        Evader::Human => safety.human_level(state),
+        Evader::Robot => safety.robot_level(state),
+    }
+}
+
+fn row(name: &str, value: String) -> Node {
+    el("div").child(el("dt").text(name)).child(el("dd").text(value))
+}
+
+/// A warning about levels that prove nothing.
+fn doubt(replay: &Replay) -> Option<Node> {
+    let doubtful = [(Evader::Human, "HR"), (Evader::Robot, "RH")];
+    let mut doubtful =
+        doubtful.into_iter().filter(|(evader, _)| replay.is_doubtful(*evader)).peekable();
+    doubtful.peek()?;
+    let mut words = el("p").class("waiting").attr("role", "note").test_id("not-converged");
+    for (place, (_, below)) in doubtful.enumerate() {
+        words =
+            words.text(if place > 0 { " and " } else { "" }).child(subscripted("b", "V", below));
+    }
+    Some(words.text(
+        " did not converge: the solver stopped while the values still changed, so they may be \
+         too high by decimetres. Draw no conclusion from them, nor from the predicted sets that \
+         use them.",
+    ))
+}
+
+fn inputs(replay: &Replay, probabilities: &[(TurnInput, f64)]) -> Node {
+    let source = replay.learned.as_ref().map_or_else(String::new, |learned| {
+        match (&learned.fallback, learned.trials) {
+            (None, 1) => "Logistic regression (B_hrd), trained on the trial before".to_owned(),
+            (None, n) => format!("Logistic regression (B_hrd), trained on the {n} trials before"),
+            (Some(why), _) => format!("Frequencies of the inputs so far: {why}"),
+        }
+    });
+    let bars = probabilities.iter().map(|(input, p)| {
+        let percent = 100.0 * p;
+        let bar = el("i").attr("style", format!("width:{percent:.1}%"));
+        el("div")
+            .child(el("dt").text(input.word()))
+            .child(el("dd").class("bar").attr("aria-hidden", "true").child(bar))
+            .child(el("dd").text(format!("{percent:.0} %")))
+    });
+    el("section")
+        .test_id("prediction")
+        .child(el("h2").text("Next input"))
+        .child(el("p").class("quiet").test_id("predictor").text(source))
+        .child(el("dl").class("bars").children(bars))
+}
+
+fn regions(replay: &Replay) -> Node {
+    let head = ["set", "ε / rad s⁻¹", "tube / m²"];
+    let head = head.map(|words| el("th").attr("scope", "col").text(words));
+    let rows = replay.predictor.shfrs().sets.iter().zip(1..).map(|(set, j)| {
+        let swatch = el("i").class(&format!("swatch region-{j}"));
+        let name = el("th")
+            .attr("scope", "row")
+            .child(swatch)
+            .text("F")
+            .child(el("sub").text(j.to_string()));
+        el("tr")
+            .child(name)
+            .child(el("td").text(format!("{:.2}", set.epsilon)))
+            .child(el("td").text(format!("{:.2}", set.area_m2)))
+    });
+    let ahead = if replay.by_step { "next 2 s, per step" } else { "next 2 s" };
+    el("section").child(el("h2").text("Predicted sets").child(el("small").text(ahead))).child(
+        el("table")
+            .class("regions")
+            .test_id("regions")
+            .child(el("thead").child(el("tr").children(head)))
+            .child(el("tbody").children(rows)),
+    )
+}
+
+/// How the trial ended, and whether it can be trusted.
+fn outcome(replay: &Replay) -> Node {
+    let summary = &replay.trial.summary;
+    let danger = summary.outcome.first_step_in_danger;
+    let danger = danger.map_or_else(|| "never".to_owned(), |step| format!("from step {step}"));
+    let check = &replay.trial.replay;
+    let exact = if check.exact {
+        "exact".to_owned()
+    } else {
+        format!("differs by up to {:.2e} m", check.max_position_error_m)
+    };
+    let flags: Vec<_> = summary.flags.iter().map(|flag| flag.word().replace('_', " ")).collect();
+    let flags = if flags.is_empty() { "none".to_owned() } else { flags.join(", ") };
+    el("section").child(el("h2").text("Trial")).child(el("dl").class("facts").children([
+        row("closest", metres(summary.outcome.closest_m, 2)),
+        row("in danger zone", danger),
+        row("replay", exact),
+        row("safety levels", replay.sources.words().to_owned()).test_id("safety-levels"),
+        row("flags", flags),
+    ]))
+}
+
+fn timeline(replay: &Replay) -> Node {
+    let lines = chart::lines(replay);
+    let (words, icon) = match replay.is_playing() {
+        true => ("Pause", "M6 5h4v14H6zM14 5h4v14h-4z"),
+        false => ("Play", "M8 5v14l11-7z"),
+    };
+    let icon = el("svg")
+        .attr("viewBox", "0 0 24 24")
+        .attr("aria-hidden", "true")
+        .child(el("path").attr("d", icon));
+    let play = el("button")
+        .class("play")
+        .attr("type", "button")
+        .attr("aria-label", words)
+        .test_id("play")
+        .on_press(Msg::Play)
+        .child(icon);
+    let controls = el("div")
+        .class("controls")
+        .child(play)
+        .child(el("span").class("time").text(format!("{:.1} s", replay.time_s)))
+        .child(chart::legend(&lines));
+    let slider = el("input")
+        .attr("type", "range")
+        .attr("min", 0)
+        .attr("max", replay.trial.inputs.len())
+        .attr("step", 1)
+        .attr("value", replay.step())
+        .attr("aria-label", "Step")
+        .test_id("slider")
+        .on_input(|value| Msg::Seek(value.number().unwrap_or(0.0) as usize));
+    el("section")
+        .class("timeline")
+        .attr("aria-label", "Timeline")
+        .child(controls)
+        .child(el("div").class("chart").child(chart::draw(replay, &lines)).child(slider))
+        .child(table(chart::table(replay, &lines)))
+}
+
+/// The chart's numbers.
+fn table(table: Table) -> Node {
+    let head = table.columns.into_iter().map(|words| el("th").attr("scope", "col").text(words));
+    let row =
+        |cells: Vec<String>| el("tr").children(cells.into_iter().map(|words| el("td").text(words)));
+    let rows = el("table")
+        .child(el("thead").child(el("tr").children(head)))
+        .child(el("tbody").children(table.rows.into_iter().map(row)));
+    let scroll = el("div")
+        .class("scroll")
+        .attr("tabindex", 0)
+        .attr("role", "region")
+        .attr("aria-label", "Numbers of every step")
+        .child(rows);
+    el("details").class("table-twin").child(el("summary").text("Numbers")).child(scroll)
+}
