@@ -70,9 +70,7 @@ async fn call(command: Command) -> Result<(), CommandError> {
 }
 
 fn log_to_stderr() {
-    // Statements are not logged: what is bound to them is nobody's business.
-    let filter =
-        EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("info,sqlx=error"));
+    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("info"));
     tracing_subscriber::fmt()
         .with_env_filter(filter)
         .with_writer(std::io::stderr)

@@ -130,7 +130,13 @@ impl Participant {
             query.iter().find(|(name, _)| name == "external_id").map(|(_, id)| id.clone());
         let locale = Some(self.surroundings.locale.clone()).filter(|locale| !locale.is_empty());
         let screen = json_object(&self.surroundings.screen);
-        let body = Enrolment { consent: true, external_id, locale, screen: Some(screen) };
+        let body = Enrolment {
+            consent: true,
+            external_id,
+            request_id: None,
+            locale,
+            screen: Some(screen),
+        };
         vec![Command::Send(Request {
             tag: Tag::Enrol,
             method: "POST",
