@@ -23,7 +23,7 @@ use std::time::{Duration, Instant};
 use tokio::sync::oneshot;
 
 /// Operations that may wait in a lane before further ones are refused.
-pub(super) const QUEUE: usize = 1_024;
+const QUEUE: usize = 1_024;
 
 /// Operations that are committed together.
 const BATCH: usize = 64;
