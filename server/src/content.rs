@@ -131,40 +131,57 @@ mod tests {
     use super::*;
     use sidestep::vehicle::Pose;
 
-    fn hashes(change: impl Fn(&mut Content<'_>)) -> [String; 2] {
-        let states = [[0.1, -2.5, 3.0, 1e21, -0.0, 4.0], [1.0 / 3.0, 1e-7, 2.0, 5e-324, 7.5, -3.0]];
+    fn with(check: impl Fn(&Content<'_>)) {
+        let states = [[0.1, -2.5, 3.0, 1e21, -0.0, 2.0], [1.0 / 3.0, 1e-7, 2.0, 5e-324, 7.5, -3.0]];
         let states = states.map(|[a, b, c, d, e, f]| JointState {
             human: Pose::from([a, b, c]),
             robot: Pose::from([d, e, f]),
         });
-        let mut content = Content {
+        check(&Content {
             started_at_ms: Some(1_760_000_000_123.25),
             inputs: &[TurnInput::Right],
             states: &states,
             sampled_at_ms: Some(&[3.7]),
             key_events: r#"[{"t_ms":-1.0,"key":"ArrowLeft","down":true}]"#,
             display: r#"{"refresh_hz":60.0}"#,
-        };
-        change(&mut content);
-        [Recipe::UploadJson, Recipe::PackedBytes].map(|recipe| hex::encode(recipe.hash(&content)))
+        });
     }
 
     #[test]
     fn recipes_never_change() {
-        // The first is what the first version made of the same upload; both are in databases.
-        let pinned = [
-            "bf87686a818c1152a1ce3ead38c6be35dac9ddf2818c6f438cf0aa10301c9cf5",
-            "41425848f4b00e3db760de35faa2f6404f07edc93a271c412a87845314793068",
-        ];
-        assert_eq!(hashes(|_| ()), pinned);
-        assert_eq!(hashes(|c| c.display = "{}")[1], pinned[1]);
-        for change in [
-            (|c| c.started_at_ms = Some(0.0)) as fn(&mut Content<'_>),
-            |c| c.display = "{}",
-            |c| c.key_events = "[]",
-            |c| c.inputs = &[TurnInput::Left],
-        ] {
-            assert_ne!(hashes(change)[0], pinned[0]);
-        }
+        // What the first version sent to its hash for this upload; such hashes are in databases.
+        let text = concat!(
+            r#"{"started_at_ms":1760000000123.25,"inputs":[-1],"#,
+            r#""states":[{"human":[0.1,-2.5,3.0],"robot":[1e21,-0.0,2.0]},"#,
+            r#"{"human":[0.3333333333333333,1e-7,2.0],"robot":[5e-324,7.5,-3.0]}],"#,
+            r#""sampled_at_ms":[3.7],"key_events":[{"t_ms":-1.0,"key":"ArrowLeft","down":true}],"#,
+            r#""display":{"refresh_hz":60.0}}"#,
+        );
+        with(|content| {
+            let mut written = Vec::new();
+            upload_json(&mut written, content).unwrap();
+            assert_eq!(String::from_utf8(written).unwrap(), text);
+            let hash = <[u8; 32]>::from(Sha256::digest(text));
+            assert_eq!(Recipe::UploadJson.hash(content), hash);
+            let packed = hex::encode(Recipe::PackedBytes.hash(content));
+            assert_eq!(packed, "b3eb326cd883b3f94eaef5ad88718566b10ff35e91f85931c9a55e235c3f1cf5");
+        });
+    }
+
+    #[test]
+    fn a_hash_covers_what_its_recipe_says() {
+        with(|content| {
+            for (other, packed_too) in [
+                (Content { started_at_ms: Some(0.0), ..*content }, false),
+                (Content { display: "{}", ..*content }, false),
+                (Content { key_events: "[]", ..*content }, false),
+                (Content { inputs: &[TurnInput::Left], ..*content }, true),
+                (Content { sampled_at_ms: None, ..*content }, true),
+            ] {
+                let differs = |recipe: Recipe| recipe.hash(&other) != recipe.hash(content);
+                assert!(differs(Recipe::UploadJson));
+                assert_eq!(differs(Recipe::PackedBytes), packed_too);
+            }
+        });
     }
 }
