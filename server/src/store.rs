@@ -133,9 +133,10 @@ impl Store {
         drop(untouching);
         let mut db = connection::writing(file.path()).map_err(sqlite)?;
         migrations::apply(&mut db).map_err(misfit)?;
-        let writer = Writer::start(file.clone()).map_err(|error| unusable(error.to_string()))?;
+        let unstarted = |error: StoreError| unusable(error.to_string());
+        let writer = Writer::start(file.clone()).map_err(unstarted)?;
         let open = Open {
-            readers: Arc::new(Readers::new(file.path().to_owned())),
+            readers: Arc::new(Readers::new(file.clone()).map_err(unstarted)?),
             writer: Arc::new(writer),
             configs: RwLock::default(),
             lock: Mutex::default(),

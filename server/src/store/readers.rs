@@ -2,8 +2,8 @@
 
 use super::connection;
 use super::error::StoreError;
+use super::file::{DatabaseFile, Identity};
 use rusqlite::Connection;
-use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 use tokio::sync::Semaphore;
 
@@ -13,16 +13,19 @@ const LONG_READS: usize = 4;
 /// Connections that only read.
 #[derive(Debug)]
 pub(super) struct Readers {
-    path: PathBuf,
+    file: DatabaseFile,
+    expected: Identity,
     /// None once the store is closed.
     idle: Mutex<Option<Vec<Connection>>>,
     long: Arc<Semaphore>,
 }
 
 impl Readers {
-    pub(super) fn new(path: PathBuf) -> Self {
+    /// Reads in the file that is there now, and in no other one that comes in its place.
+    pub(super) fn new(file: DatabaseFile) -> Result<Self, StoreError> {
+        let expected = file.identity()?;
         let idle = Mutex::new(Some(Vec::new()));
-        Self { path, idle, long: Arc::new(Semaphore::new(LONG_READS)) }
+        Ok(Self { file, expected, idle, long: Arc::new(Semaphore::new(LONG_READS)) })
     }
 
     /// Reads a few rows here and now. Readers wait for nobody in WAL mode, and a handful of
@@ -69,7 +72,8 @@ impl Readers {
         };
         match idle {
             Some(db) => Ok(db),
-            None => Ok(connection::reading(&self.path)?),
+            None if self.file.identity()? != self.expected => Err(StoreError::Gone),
+            None => Ok(connection::reading(self.file.path())?),
         }
     }
 
