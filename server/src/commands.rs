@@ -19,7 +19,7 @@ pub mod features;
 pub mod analyze;
 pub mod simulate;
 
-use crate::store::OpenError;
+use crate::store::{OpenError, StoreError};
 use serde::Serialize;
 use std::io::Write;
 use std::path::Path;
@@ -61,9 +61,9 @@ impl From<OpenError> for CommandError {
     }
 }
 
-impl From<sqlx::Error> for CommandError {
-    fn from(error: sqlx::Error) -> Self {
-        Self::Failure(format!("the database: {error}"))
+impl From<StoreError> for CommandError {
+    fn from(error: StoreError) -> Self {
+        Self::failure(error)
     }
 }
 

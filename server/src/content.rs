@@ -1,51 +1,187 @@
-//! The hash of a trial's content: it tells the same upload again from another
-//! one, and a sound row from a damaged one.
+//! What a trial consists of, and its hash: it tells the same upload again from another one, and
+//! a sound row from a damaged one.
+//!
+//! A hash says by which recipe it was made ([`Recipe`]), and a row keeps the number of its recipe.
+//! A recipe is never changed and knows nothing of the types on the wire: a new field of an upload
+//! leaves every stored hash as it is. A field that the hash must cover needs another recipe.
 
-use crate::store::octets::{pack, pack_inputs, pack_states};
-use crate::store::trials::StoredTrial;
+use crate::store::bytes::{pack, pack_inputs, pack_states};
 use sha2::{Digest, Sha256};
-use sidestep::api::TrialUpload;
 use sidestep::scene::JointState;
 use sidestep::vehicle::TurnInput;
+use std::io::{self, Write};
 
-/// Hash of an upload as it was understood, so that spaces and the order of fields
-/// make no difference.
-///
-/// # Errors
-/// If it has no JSON form, which is for numbers that are not finite.
-pub fn of_upload(upload: &TrialUpload) -> serde_json::Result<[u8; 32]> {
-    serde_json::to_vec(upload).map(|octets| Sha256::digest(octets).into())
+/// What was driven, and what is known of it, as it is stored.
+#[derive(Clone, Copy, Debug)]
+pub struct Content<'a> {
+    /// The participant's clock at the start, where it is known.
+    pub started_at_ms: Option<f64>,
+    /// The input held in each step.
+    pub inputs: &'a [TurnInput],
+    /// Before each step, and after the last.
+    pub states: &'a [JointState],
+    /// When each input was sampled, where it is known, ms after the start.
+    pub sampled_at_ms: Option<&'a [f64]>,
+    /// What the keys did, as JSON.
+    pub key_events: &'a str,
+    /// What is known of the display, as JSON.
+    pub display: &'a str,
 }
 
-/// Hash of a trial that was read from a file.
-#[must_use]
-pub fn of_import(
-    inputs: &[TurnInput],
-    states: &[JointState],
-    sampled_at_ms: Option<&[f64]>,
-) -> [u8; 32] {
-    let mut hash = Sha256::new();
-    hash.update(pack_inputs(inputs));
-    hash.update(pack_states(states));
-    hash.update(pack(sampled_at_ms.unwrap_or_default().iter().copied()));
-    hash.finalize().into()
+/// How a content hash is made.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Recipe {
+    /// 1, for uploads: the JSON of all of it, in the field order of the first version.
+    UploadJson,
+    /// 2, for trials of files: inputs, states and sampling times as they are in the database.
+    PackedBytes,
 }
 
-/// Hash of a stored row, by the recipe that it was stored with.
-///
-/// # Errors
-/// If its JSON columns do not parse.
-pub fn of_stored(trial: &StoredTrial, imported: bool) -> serde_json::Result<[u8; 32]> {
-    if imported {
-        let times = trial.sampled_at_ms.as_deref();
-        return Ok(of_import(&trial.inputs, &trial.states, times));
+impl Recipe {
+    /// Its number in the database.
+    #[must_use]
+    pub fn number(self) -> i64 {
+        match self {
+            Self::UploadJson => 1,
+            Self::PackedBytes => 2,
+        }
     }
-    of_upload(&TrialUpload {
-        started_at_ms: trial.started_at_ms.unwrap_or_default(),
-        inputs: trial.inputs.clone(),
-        states: trial.states.clone(),
-        sampled_at_ms: trial.sampled_at_ms.clone().unwrap_or_default(),
-        key_events: serde_json::from_str(&trial.key_events)?,
-        display: serde_json::from_str(&trial.display)?,
-    })
+
+    /// The recipe of that number.
+    #[must_use]
+    pub fn from_number(number: i64) -> Option<Self> {
+        [Self::UploadJson, Self::PackedBytes].into_iter().find(|recipe| recipe.number() == number)
+    }
+
+    /// SHA-256 of the content.
+    #[must_use]
+    pub fn hash(self, content: &Content<'_>) -> [u8; 32] {
+        let mut hash = Hashed(Sha256::new());
+        let written = match self {
+            Self::UploadJson => upload_json(&mut hash, content),
+            Self::PackedBytes => packed_bytes(&mut hash, content),
+        };
+        debug_assert!(written.is_ok(), "a hash takes every byte");
+        hash.0.finalize().into()
+    }
+}
+
+/// Recipe 1. Numbers are written as `serde_json` does: the shortest decimal that reads back as
+/// the same bits, with a point or an exponent. Key events and display are the texts of the row.
+fn upload_json(out: &mut impl Write, content: &Content<'_>) -> io::Result<()> {
+    out.write_all(b"{\"started_at_ms\":")?;
+    number(out, content.started_at_ms.unwrap_or_default())?;
+    out.write_all(b",\"inputs\":")?;
+    list(out, content.inputs, |out, input| write!(out, "{}", input.sign()))?;
+    out.write_all(b",\"states\":")?;
+    list(out, content.states, |out, state| {
+        out.write_all(b"{\"human\":")?;
+        list(out, &<[f64; 3]>::from(state.human), |out, x| number(out, *x))?;
+        out.write_all(b",\"robot\":")?;
+        list(out, &<[f64; 3]>::from(state.robot), |out, x| number(out, *x))?;
+        out.write_all(b"}")
+    })?;
+    out.write_all(b",\"sampled_at_ms\":")?;
+    list(out, content.sampled_at_ms.unwrap_or_default(), |out, t| number(out, *t))?;
+    write!(out, ",\"key_events\":{},\"display\":{}}}", content.key_events, content.display)
+}
+
+/// Recipe 2.
+fn packed_bytes(out: &mut impl Write, content: &Content<'_>) -> io::Result<()> {
+    out.write_all(&pack_inputs(content.inputs))?;
+    out.write_all(&pack_states(content.states))?;
+    out.write_all(&pack(content.sampled_at_ms.unwrap_or_default().iter().copied()))
+}
+
+fn number(out: &mut impl Write, number: f64) -> io::Result<()> {
+    Ok(serde_json::to_writer(out, &number)?)
+}
+
+fn list<W: Write, T>(
+    out: &mut W,
+    items: &[T],
+    mut write: impl FnMut(&mut W, &T) -> io::Result<()>,
+) -> io::Result<()> {
+    out.write_all(b"[")?;
+    for (i, item) in items.iter().enumerate() {
+        if i > 0 {
+            out.write_all(b",")?;
+        }
+        write(out, item)?;
+    }
+    out.write_all(b"]")
+}
+
+/// A hash that is written to.
+struct Hashed(Sha256);
+
+impl Write for Hashed {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.0.update(bytes);
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use sidestep::vehicle::Pose;
+
+    fn with(check: impl Fn(&Content<'_>)) {
+        let states = [[0.1, -2.5, 3.0, 1e21, -0.0, 2.0], [1.0 / 3.0, 1e-7, 2.0, 5e-324, 7.5, -3.0]];
+        let states = states.map(|[a, b, c, d, e, f]| JointState {
+            human: Pose::from([a, b, c]),
+            robot: Pose::from([d, e, f]),
+        });
+        check(&Content {
+            started_at_ms: Some(1_760_000_000_123.25),
+            inputs: &[TurnInput::Right],
+            states: &states,
+            sampled_at_ms: Some(&[3.7]),
+            key_events: r#"[{"t_ms":-1.0,"key":"ArrowLeft","down":true}]"#,
+            display: r#"{"refresh_hz":60.0}"#,
+        });
+    }
+
+    #[test]
+    fn recipes_never_change() {
+        // What the first version sent to its hash for this upload; such hashes are in databases.
+        let text = concat!(
+            r#"{"started_at_ms":1760000000123.25,"inputs":[-1],"#,
+            r#""states":[{"human":[0.1,-2.5,3.0],"robot":[1e21,-0.0,2.0]},"#,
+            r#"{"human":[0.3333333333333333,1e-7,2.0],"robot":[5e-324,7.5,-3.0]}],"#,
+            r#""sampled_at_ms":[3.7],"key_events":[{"t_ms":-1.0,"key":"ArrowLeft","down":true}],"#,
+            r#""display":{"refresh_hz":60.0}}"#,
+        );
+        with(|content| {
+            let mut written = Vec::new();
+            upload_json(&mut written, content).unwrap();
+            assert_eq!(String::from_utf8(written).unwrap(), text);
+            let hash = <[u8; 32]>::from(Sha256::digest(text));
+            assert_eq!(Recipe::UploadJson.hash(content), hash);
+            let packed = hex::encode(Recipe::PackedBytes.hash(content));
+            assert_eq!(packed, "b3eb326cd883b3f94eaef5ad88718566b10ff35e91f85931c9a55e235c3f1cf5");
+        });
+    }
+
+    #[test]
+    fn a_hash_covers_what_its_recipe_says() {
+        with(|content| {
+            for (other, packed_too) in [
+                (Content { started_at_ms: Some(0.0), ..*content }, false),
+                (Content { display: "{}", ..*content }, false),
+                (Content { key_events: "[]", ..*content }, false),
+                (Content { inputs: &[TurnInput::Left], ..*content }, true),
+                (Content { sampled_at_ms: None, ..*content }, true),
+            ] {
+                let differs = |recipe: Recipe| recipe.hash(&other) != recipe.hash(content);
+                assert!(differs(Recipe::UploadJson));
+                assert_eq!(differs(Recipe::PackedBytes), packed_too);
+            }
+        });
+    }
 }

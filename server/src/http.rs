@@ -6,6 +6,7 @@ pub mod json;
 pub mod params;
 pub mod metrics;
 pub mod throttle;
+pub mod bounded;
 pub mod app;
 pub mod auth;
 pub mod guard;

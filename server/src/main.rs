@@ -71,10 +71,7 @@ async fn call(command: Command) -> Result<(), CommandError> {
 }
 
 fn log_to_stderr() {
-    // Statements are not logged: what is bound to them is nobody's business.
-    let default = Targets::new()
-        .with_default(tracing::Level::INFO)
-        .with_target("sqlx", tracing::Level::ERROR);
+    let default = Targets::new().with_default(tracing::Level::INFO);
     let wanted = std::env::var("RUST_LOG").ok().and_then(|text| text.parse::<Targets>().ok());
     let lines = tracing_subscriber::fmt::layer()
         .with_writer(std::io::stderr)

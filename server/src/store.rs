@@ -1,36 +1,61 @@
-//! The only place that speaks SQL: opening a database, and one module an aggregate.
+//! The only place that speaks SQL: what the program asks of a database, as operations.
 //!
-//! Reads and writes go through separate pools. SQLite has one writer at a time
-//! anyway; a single writing connection queues writers here, fairly, instead of
-//! letting them fail with "database is locked". A transaction takes the write
-//! lock when it begins, so what it reads cannot change before it commits.
+//! [`Store`] has one method for each operation; a module holds those of one aggregate. Their
+//! arguments and results are values of the domain, an outcome is an enum, and [`StoreError`] says
+//! in the domain's words why nothing could be done. No connection, transaction or error code
+//! leaves this folder, so that another database is another implementation of the same methods
+//! that passes the same tests (`store/tests.rs`).
+//!
+//! Reads ([`readers`]) and writes ([`writer`]) go separate ways: SQLite has one writer at a time
+//! anyway, and in WAL mode readers wait for nobody.
 
+mod error;
+mod file;
+mod connection;
+mod migrations;
+mod readers;
+mod writer;
+pub mod bytes;
 pub mod admin;
-pub mod analyses;
-pub mod octets;
-pub mod participants;
-pub mod scenes;
 pub mod studies;
-pub mod trials;
 pub mod value_functions;
+pub mod scenes;
+pub mod trials;
+pub mod participants;
+pub mod imports;
+pub mod analyses;
+#[cfg(test)]
+mod tests;
 
-use sqlx::migrate::{MigrateError, Migrator};
-use sqlx::pool::PoolConnection;
-use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePoolOptions, SqliteSynchronous};
-use sqlx::{Sqlite, SqlitePool, Transaction};
-use std::str::FromStr;
+pub use error::StoreError;
+pub use file::LEAST_FREE_BYTES;
+pub use migrations::Misfit;
+
+use file::DatabaseFile;
+use readers::Readers;
+use rusqlite::Connection;
+use sidestep::study::StudyConfig;
+use std::collections::HashMap;
+use std::fs::File;
+use std::sync::{Arc, Mutex, PoisonError, RwLock};
 use std::time::Duration;
-
-/// One connection, or a transaction on it.
-pub type Db = sqlx::SqliteConnection;
-
-static MIGRATIONS: Migrator = sqlx::migrate!("../migrations/sqlite");
+use writer::{Lane, Writer};
 
 /// A database that is open and up to date.
 #[derive(Clone, Debug)]
 pub struct Store {
-    write: SqlitePool,
-    read: SqlitePool,
+    open: Arc<Open>,
+}
+
+#[derive(Debug)]
+struct Open {
+    file: DatabaseFile,
+    readers: Arc<Readers>,
+    writer: Arc<Writer>,
+    /// Configurations by their hash: they never change.
+    configs: RwLock<HashMap<String, Arc<StudyConfig>>>,
+    /// Held by a server.
+    lock: Mutex<Option<File>>,
 }
 
 /// What to do where there is no database yet.
@@ -51,7 +76,7 @@ pub enum OpenError {
         /// As given.
         url: String,
         /// What is wrong with it.
-        found: String,
+        found: &'static str,
     },
     /// It cannot be opened or made.
     #[error("{file}: cannot open the database: {reason}; check the path and that it is writable")]
@@ -61,77 +86,93 @@ pub enum OpenError {
         /// What the system said.
         reason: String,
     },
-    /// It is a database, but not of this version.
-    #[error("{file}: cannot bring the database up to date: {reason}")]
+    /// It is not of this version and cannot be brought there.
+    #[error("{file}: cannot use the database: {reason}")]
     Version {
         /// The file.
         file: String,
         /// What does not fit.
-        reason: MigrateError,
+        reason: Misfit,
     },
+    /// Another server works with it.
+    #[error(
+        "{0}: another 'sidestep serve' uses this database; stop it first or give this one its own \
+         file"
+    )]
+    Served(String),
 }
 
 impl Store {
-    /// Opens the database at `url` (`sqlite:FILE`) and applies what migrations it lacks.
+    /// Opens the database at `url` (`sqlite:FILE`) and brings it up to date.
     ///
     /// # Errors
-    /// [`OpenError`], in one line.
+    /// [`OpenError`], in one line. The file is then as it was.
     pub async fn open(url: &str, missing: Missing) -> Result<Self, OpenError> {
-        let options = options(url)?.create_if_missing(missing == Missing::Create);
-        let file = options.get_filename().display().to_string();
-        let unusable =
-            |error: sqlx::Error| OpenError::Unusable { file: file.clone(), reason: reason(&error) };
-        let write = SqlitePoolOptions::new()
-            .max_connections(1)
-            .acquire_timeout(Duration::from_secs(20))
-            .connect_with(options.clone())
-            .await
-            .map_err(unusable)?;
-        MIGRATIONS.run(&write).await.map_err(|reason| {
-            let file = file.clone();
-            OpenError::Version { file, reason }
-        })?;
-        // A connection that never writes cannot be made to by a slip in a query.
-        let read = SqlitePoolOptions::new()
-            .max_connections(4)
-            .acquire_timeout(Duration::from_secs(20))
-            .connect_with(options.pragma("query_only", "ON"))
-            .await
-            .map_err(unusable)?;
-        Ok(Self { write, read })
+        let file = address(url)?;
+        let opening = tokio::task::spawn_blocking(move || Self::open_file(file, missing));
+        opening.await.unwrap_or_else(|error| {
+            let file = url.to_owned();
+            Err(OpenError::Unusable { file, reason: error.to_string() })
+        })
     }
 
-    /// A connection that only reads.
-    ///
-    /// # Errors
-    /// If none becomes free or can be opened.
-    pub async fn reader(&self) -> Result<PoolConnection<Sqlite>, sqlx::Error> {
-        self.read.acquire().await
+    fn open_file(file: DatabaseFile, missing: Missing) -> Result<Self, OpenError> {
+        let name = || file.path().display().to_string();
+        let unusable = |reason: String| OpenError::Unusable { file: name(), reason };
+        let sqlite = |error: rusqlite::Error| unusable(error::reason(&error));
+        let misfit = |reason: Misfit| match reason {
+            Misfit::Unusable(error) => sqlite(error),
+            reason => OpenError::Version { file: name(), reason },
+        };
+        if missing == Missing::Create {
+            file.create().map_err(|error| unusable(error.to_string()))?;
+        }
+        // A file that this program cannot use is left alone to the last byte.
+        let untouching = connection::untouching(file.path()).map_err(sqlite)?;
+        migrations::check(&untouching).map_err(misfit)?;
+        drop(untouching);
+        let mut db = connection::writing(file.path()).map_err(sqlite)?;
+        migrations::apply(&mut db).map_err(misfit)?;
+        let unstarted = |error: StoreError| unusable(error.to_string());
+        let writer = Writer::start(file.clone()).map_err(unstarted)?;
+        let open = Open {
+            readers: Arc::new(Readers::new(file.clone()).map_err(unstarted)?),
+            writer: Arc::new(writer),
+            configs: RwLock::default(),
+            lock: Mutex::default(),
+            file,
+        };
+        Ok(Self { open: Arc::new(open) })
     }
 
-    /// A transaction that holds the write lock. Dropped without a commit, it never was.
+    /// Makes sure that no other server works with this database until it is closed: two of them
+    /// would begin each other's analyses. Commands may read and write beside a server.
     ///
     /// # Errors
-    /// If the lock or the connection cannot be had.
-    pub async fn write(&self) -> Result<Transaction<'static, Sqlite>, sqlx::Error> {
-        self.write.begin_with("BEGIN IMMEDIATE").await
+    /// [`OpenError::Served`] if another one does.
+    pub fn serve_alone(&self) -> Result<(), OpenError> {
+        let name = || self.open.file.path().display().to_string();
+        let lock = self
+            .open
+            .file
+            .lock()
+            .map_err(|error| OpenError::Unusable { file: name(), reason: error.to_string() })?;
+        let lock = lock.ok_or_else(|| OpenError::Served(name()))?;
+        *self.open.lock.lock().unwrap_or_else(PoisonError::into_inner) = Some(lock);
+        Ok(())
     }
 
-    /// Whether the database answers.
+    /// Whether a write could be made now: one is begun and committed, the file is the one that
+    /// was opened, and there are [`LEAST_FREE_BYTES`] of room.
     ///
     /// # Errors
-    /// If it does not.
-    pub async fn ping(&self) -> Result<(), sqlx::Error> {
-        sqlx::query("SELECT 1 FROM study LIMIT 1").fetch_optional(&self.read).await.map(drop)
-    }
-
-    /// Takes deleted content out of the write-ahead log too. Deleted rows are
-    /// overwritten in the database itself (`secure_delete`).
-    ///
-    /// # Errors
-    /// If the log cannot be written back.
-    pub async fn forget(&self) -> Result<(), sqlx::Error> {
-        sqlx::query("PRAGMA wal_checkpoint(TRUNCATE)").execute(&self.write).await.map(drop)
+    /// What stands in the way.
+    pub async fn ready(&self) -> Result<(), StoreError> {
+        const PATIENCE: Duration = Duration::from_secs(2);
+        let begun = self.write(|db| Ok(db.query_row("SELECT 1", [], |_| Ok(()))?));
+        tokio::time::timeout(PATIENCE, begun).await.unwrap_or(Err(StoreError::Locked))?;
+        let free = self.open.file.free_bytes()?;
+        if free < LEAST_FREE_BYTES { Err(StoreError::Full) } else { Ok(()) }
     }
 
     /// What SQLite itself finds wrong with the file: damaged pages and references
@@ -139,66 +180,64 @@ impl Store {
     ///
     /// # Errors
     /// If the check cannot be run.
-    pub async fn damage(&self) -> Result<Vec<String>, sqlx::Error> {
-        let found: Vec<String> =
-            sqlx::query_scalar("PRAGMA integrity_check").fetch_all(&self.read).await?;
-        let dangling: Vec<(String, Option<i64>, String, i64)> =
-            sqlx::query_as("PRAGMA foreign_key_check").fetch_all(&self.read).await?;
-        let dangling = dangling.into_iter().map(|(table, row, parent, _)| {
-            format!("{table}: row {} refers to nothing in {parent}", row.unwrap_or(-1))
-        });
-        let found = found.into_iter().filter(|line| line != "ok");
-        Ok(found.chain(dangling).collect())
+    pub async fn damage(&self) -> Result<Vec<String>, StoreError> {
+        self.read_long(connection::damage).await
     }
 
     /// Waits for what is under way, writes the log back and closes.
     pub async fn close(&self) {
-        self.read.close().await;
-        self.write.close().await;
+        let open = Arc::clone(&self.open);
+        let closing = tokio::task::spawn_blocking(move || {
+            open.readers.close();
+            open.writer.close();
+            // Last: closing any handle of the file gives up SQLite's locks on it.
+            open.lock.lock().unwrap_or_else(PoisonError::into_inner).take();
+        });
+        if let Err(error) = closing.await {
+            tracing::error!(%error, "closing the database");
+        }
+    }
+
+    /// A few rows, at once.
+    fn read<T>(
+        &self,
+        read: impl FnOnce(&Connection) -> Result<T, StoreError>,
+    ) -> Result<T, StoreError> {
+        self.open.readers.short(read)
+    }
+
+    /// Any number of rows, as they are at one instant.
+    async fn read_long<T: Send + 'static>(
+        &self,
+        read: impl FnOnce(&Connection) -> Result<T, StoreError> + Send + 'static,
+    ) -> Result<T, StoreError> {
+        self.open.readers.long(read).await
+    }
+
+    /// An operation that a request waits for: its result is returned after the commit.
+    async fn write<T: Send + 'static>(
+        &self,
+        work: impl FnOnce(&Connection) -> Result<T, StoreError> + Send + 'static,
+    ) -> Result<T, StoreError> {
+        self.open.writer.run(Lane::Request, work).await
+    }
+
+    /// An operation that no request waits for, and that no request may have to wait for long.
+    async fn write_behind<T: Send + 'static>(
+        &self,
+        work: impl FnOnce(&Connection) -> Result<T, StoreError> + Send + 'static,
+    ) -> Result<T, StoreError> {
+        self.open.writer.run(Lane::Background, work).await
     }
 }
 
-fn options(url: &str) -> Result<SqliteConnectOptions, OpenError> {
-    let complain =
-        |found: &str| OpenError::Address { url: url.to_owned(), found: found.to_owned() };
+fn address(url: &str) -> Result<DatabaseFile, OpenError> {
     if url.starts_with("postgres:") || url.starts_with("postgresql:") {
         return Err(OpenError::Address {
             // Such an address may hold a password: it is not repeated.
             url: "postgres:…".to_owned(),
-            found: "a PostgreSQL address, and this build speaks SQLite only".to_owned(),
+            found: "a PostgreSQL address, and this build speaks SQLite only",
         });
     }
-    let Some(file) = url.strip_prefix("sqlite:") else {
-        return Err(complain("another kind of address"));
-    };
-    if file.is_empty() || file.contains(":memory:") || file.contains("mode=memory") {
-        return Err(complain("no file; results must survive a restart"));
-    }
-    let options = SqliteConnectOptions::from_str(url).map_err(|e| complain(&reason(&e)))?;
-    Ok(options
-        .journal_mode(SqliteJournalMode::Wal)
-        // An acknowledged trial survives a power cut, not only a crash.
-        .synchronous(SqliteSynchronous::Full)
-        .foreign_keys(true)
-        .busy_timeout(Duration::from_secs(10))
-        .pragma("secure_delete", "ON"))
-}
-
-/// What the database said, in one line.
-fn reason(error: &sqlx::Error) -> String {
-    let text = match error {
-        sqlx::Error::Database(database) => database.message().to_owned(),
-        other => other.to_string(),
-    };
-    text.replace('\n', " ")
-}
-
-/// Wraps what is wrong with a stored value as an error of its query.
-fn undecodable(error: impl std::error::Error + Send + Sync + 'static) -> sqlx::Error {
-    sqlx::Error::Decode(Box::new(error))
-}
-
-/// As [`undecodable`], for a word that is not in its table.
-fn unknown_word(word: &str) -> sqlx::Error {
-    sqlx::Error::Decode(format!("unknown word {word:?}").into())
+    DatabaseFile::of_url(url).map_err(|found| OpenError::Address { url: url.to_owned(), found })
 }

@@ -25,6 +25,9 @@ pub const MAX_BODY_BYTES: usize = 262_144;
 /// Most key events of a trial: ten seconds of the fastest hammering, many times over.
 pub const MAX_KEY_EVENTS: usize = 2_000;
 
+/// Shortest name of an enrolment's request, bytes.
+pub const MIN_REQUEST_ID_BYTES: usize = 16;
+
 /// Longest name of a key, external id or locale, characters.
 pub const MAX_NAME_CHARS: usize = 128;
 
@@ -146,6 +149,10 @@ pub struct Enrolment {
     /// Who this is at the recruiting service; the same id resumes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub external_id: Option<String>,
+    /// A secret name that the client draws for this enrolment, such as a random UUID: sent again
+    /// after a lost answer, it is the same participant.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub request_id: Option<String>,
     /// Language, such as `en-GB`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub locale: Option<String>,
@@ -166,6 +173,13 @@ impl Enrolment {
         for (field, text) in [("external_id", &self.external_id), ("locale", &self.locale)] {
             if let Some(text) = text {
                 check_name(field, text)?;
+            }
+        }
+        if let Some(id) = &self.request_id {
+            check_name("request_id", id)?;
+            if id.len() < MIN_REQUEST_ID_BYTES {
+                let expected = format!("{MIN_REQUEST_ID_BYTES} bytes or more that nobody guesses");
+                return Err(Invalid::new("request_id", expected, format!("{} bytes", id.len())));
             }
         }
         self.screen.as_ref().map_or(Ok(()), |screen| check_object("screen", screen))

@@ -14,6 +14,18 @@ pub use server::Server;
 
 use serde_json::Value;
 
+/// The database at `url`, behind the server's back.
+///
+/// # Panics
+/// If it cannot be opened.
+#[must_use]
+pub fn behind(url: &str) -> rusqlite::Connection {
+    let file = url.trim_start_matches("sqlite:");
+    let db = rusqlite::Connection::open(file).expect("a database");
+    db.busy_timeout(std::time::Duration::from_secs(10)).expect("a timeout");
+    db
+}
+
 /// The answer to a request: status, and the body as JSON (null where it is none).
 #[derive(Debug)]
 pub struct Answer {

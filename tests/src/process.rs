@@ -87,10 +87,24 @@ impl Process {
     /// # Panics
     /// If it does not become ready.
     pub async fn start(folder: &TempDir, further: &[&str]) -> Self {
+        Self::launch(Command::new(binary()), folder, further).await
+    }
+
+    /// As [`Self::start`], through another program that runs the command that it is given.
+    ///
+    /// # Panics
+    /// If it does not become ready.
+    pub async fn start_through(launcher: &[&str], folder: &TempDir) -> Self {
+        let mut command = Command::new(launcher[0]);
+        command.args(&launcher[1..]).arg(binary());
+        Self::launch(command, folder, &[]).await
+    }
+
+    async fn launch(mut command: Command, folder: &TempDir, further: &[&str]) -> Self {
         let site = folder.path().join("site");
         write_site(&site);
         let database = format!("sqlite:{}", folder.path().join("sidestep.db").display());
-        let mut child = Command::new(binary())
+        let mut child = command
             .args(["serve", "--listen", "127.0.0.1:0", "--database", &database])
             .arg("--static")
             .arg(&site)
@@ -113,6 +127,15 @@ impl Process {
             }
         };
         Self { origin, announcement, child, _stdout: lines }
+    }
+
+    /// The number of the process.
+    ///
+    /// # Panics
+    /// If it has ended.
+    #[must_use]
+    pub fn id(&self) -> u32 {
+        self.child.id().expect("a running process")
     }
 
     /// SIGKILL, as a power cut or an operator's last resort would.

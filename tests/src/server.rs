@@ -78,6 +78,15 @@ impl Server {
         Self::first(TempDir::new().expect("a folder"), study, site, change).await
     }
 
+    /// As [`Self::with_study`], on a copy of a database.
+    pub async fn with_database(study: &str, database: &Path) -> Self {
+        let folder = TempDir::new().expect("a folder");
+        let site = folder.path().join("site");
+        write_site(&site);
+        std::fs::copy(database, folder.path().join("sidestep.db")).expect("a copy");
+        Self::first(folder, study, site, |_| ()).await
+    }
+
     async fn first(
         folder: TempDir,
         study: &str,
@@ -165,6 +174,12 @@ impl Server {
 }
 
 impl Stopped {
+    /// A path in the server's own folder.
+    #[must_use]
+    pub fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
     /// Starts the server, again at the address that it had.
     ///
     /// # Panics

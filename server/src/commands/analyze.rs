@@ -9,7 +9,7 @@ use crate::formats::features_csv::{self, FeatureRows};
 use crate::formats::trials_csv::Contents;
 use crate::jobs::fit_cache::FolderCache;
 use crate::report::{CompareError, Excluded, Tasks};
-use crate::store::{Missing, Store, studies};
+use crate::store::{Missing, Store};
 use crate::synthetic;
 use crate::threads;
 use sidestep::comparison::{Progress, Request};
@@ -193,7 +193,8 @@ impl AnalyzeArgs {
         let url = self.source.database.clone().unwrap_or_default();
         let source = format!("--study {}", self.study);
         let store = Store::open(&url, Missing::Refuse).await?;
-        let study = studies::find(&mut *store.reader().await?, &self.study)
+        let study = store
+            .study(&self.study)
             .await?
             .ok_or_else(|| CommandError::Input(format!("{source}: no such study in {url}")))?;
         let tasks = Tasks::of_study(&store, &study).await?;

@@ -1,9 +1,8 @@
 //! `sidestep check`.
 
 use super::{CommandError, print_json};
-use crate::content;
 use crate::store::trials::StoredTrial;
-use crate::store::{Missing, Store, participants, studies, trials};
+use crate::store::{Missing, Store};
 use serde::Serialize;
 use sidestep::scene::SceneParameters;
 use sidestep::trial::{Flag, flags, outcome};
@@ -64,16 +63,15 @@ pub async fn run(args: CheckArgs) -> Result<(), CommandError> {
 
 async fn report(store: &Store) -> Result<Report, CommandError> {
     let mut report = Report { damage: store.damage().await?, ..Report::default() };
-    let mut db = store.reader().await?;
-    for counts in studies::counts(&mut db).await? {
+    for counts in store.studies().await? {
         report.studies += 1;
-        let Some(study) = studies::find(&mut db, &counts.slug).await? else {
+        let Some(study) = store.study(&counts.slug).await? else {
             continue;
         };
-        for id in participants::ids(&mut db, study.id).await? {
+        for id in store.participant_ids(study.id).await? {
             report.participants += 1;
-            for trial in trials::of_participant(&mut db, &id).await? {
-                let config = studies::config(&mut db, &trial.config_hash).await?;
+            for trial in store.trials_of(&id).await? {
+                let config = store.config(&trial.config_hash).await?;
                 report.trials += 1;
                 report.flagged += usize::from(!trial.head.flags.is_empty());
                 if let Some(what) = fault(&config.parameters, &trial) {
@@ -97,17 +95,17 @@ fn fault(parameters: &SceneParameters, trial: &StoredTrial) -> Option<String> {
         ));
     }
     let stored = &trial.head.flags;
-    let imported = stored.contains(&Flag::Imported);
-    match content::of_stored(trial, imported) {
-        Ok(hash) if trial.content_hash == hash => {}
-        Ok(_) => return Some("the content is not that of its hash".to_owned()),
-        Err(error) => return Some(format!("the content does not parse: {error}")),
+    if trial.content_hash != trial.recipe.hash(&trial.content()) {
+        return Some("the content is not that of its hash".to_owned());
     }
     let times = trial.sampled_at_ms.as_deref().unwrap_or_default();
     let found = flags(parameters, &trial.scene, inputs, states, times);
     // A file's trial keeps flags for which the evidence is not in the file.
-    let agree =
-        if imported { found.iter().all(|flag| stored.contains(flag)) } else { found == *stored };
+    let agree = if stored.contains(&Flag::Imported) {
+        found.iter().all(|flag| stored.contains(flag))
+    } else {
+        found == *stored
+    };
     if !agree {
         return Some(format!("expected flags {found:?}, found {stored:?}"));
     }

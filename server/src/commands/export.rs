@@ -2,7 +2,7 @@
 
 use super::{CommandError, print_json};
 use crate::formats::exports;
-use crate::store::{Missing, Store, studies};
+use crate::store::{Missing, Store};
 use futures_util::StreamExt;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -34,11 +34,10 @@ pub async fn run(args: ExportArgs) -> Result<(), CommandError> {
     exports::check_format(&args.format)
         .map_err(|invalid| CommandError::Input(format!("--{invalid}")))?;
     let store = Store::open(&args.database, Missing::Refuse).await?;
-    let study =
-        studies::find(&mut *store.reader().await?, &args.study).await?.ok_or_else(|| {
-            let (slug, database) = (&args.study, &args.database);
-            CommandError::Input(format!("--study {slug}: no such study in {database}"))
-        })?;
+    let study = store.study(&args.study).await?.ok_or_else(|| {
+        let (slug, database) = (&args.study, &args.database);
+        CommandError::Input(format!("--study {slug}: no such study in {database}"))
+    })?;
     let unwritable = |path: &Path, error: &dyn std::fmt::Display| {
         CommandError::Failure(format!("{}: cannot write: {error}", path.display()))
     };

@@ -2,15 +2,14 @@
 
 use super::{CommandError, print_json};
 use crate::clock::now_ms;
-use crate::content;
+use crate::content::Recipe;
 use crate::formats::csv_lines::LineError;
 use crate::formats::trials_csv::{self, FileTrial, Person};
 use crate::jobs::safety;
-use crate::store::participants::{self, NewParticipant};
-use crate::store::scenes::{self, PlannedRow};
-use crate::store::studies::{self, Study};
-use crate::store::trials::{self, NewTrial};
-use crate::store::{Db, Missing, Store};
+use crate::store::imports::{Import, NewImport};
+use crate::store::scenes::PlannedRow;
+use crate::store::trials::NewTrial;
+use crate::store::{Missing, Store};
 use crate::synthetic;
 use serde::Serialize;
 use sha2::{Digest, Sha256};
@@ -21,6 +20,7 @@ use sidestep::trial::{Flag, flags, outcome};
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::path::PathBuf;
+use std::sync::Arc;
 use uuid::Uuid;
 
 /// Import trials from a file into a study: the whole file or nothing.
@@ -69,138 +69,108 @@ pub async fn run(args: ImportArgs) -> Result<(), CommandError> {
         CommandError::Input(format!("--study: expected {}, found {}", e.expected, e.found))
     })?;
     let store = Store::open(&args.database, Missing::Create).await?;
-    // Read before the write lock is taken: a server may be collecting meanwhile.
-    let known = studies::find(&mut *store.reader().await?, &args.study).await?;
-    let config = known.map_or(wanted, |study| study.config);
+    let known = store.study(&args.study).await?;
+    let config = known.map_or_else(|| Arc::new(wanted), |study| study.config);
     let complain = |error: LineError| CommandError::Input(format!("{name}: {error}"));
     let people =
         trials_csv::read(std::io::BufReader::new(file), &config.parameters).map_err(complain)?;
-    let mut db = store.write().await?;
-    let study = found_or_made(&mut db, &config).await?;
-    let mut done = Imported::default();
-    for person in &people {
-        let hash = hash(person);
-        if participants::is_imported(&mut db, study.id, &hash).await? {
-            done.skipped += 1;
-            continue;
+    // Everything is worked out before anything is written: a server may be collecting meanwhile.
+    let new: Vec<_> = people.iter().map(|person| import_of(&config.parameters, person)).collect();
+    let slug = config.slug.clone();
+    let ids: Vec<_> = new.iter().map(|person| person.id.clone()).collect();
+    let flagged = |person: &NewImport| {
+        // One flag says that the trial was imported.
+        person.trials.iter().filter(|(_, trial)| trial.flags.len() > 1).count()
+    };
+    let counts: Vec<_> = new.iter().map(|person| (person.trials.len(), flagged(person))).collect();
+    let skipped = match store.import(config, new, now_ms()).await? {
+        Import::Done { skipped } => skipped,
+        Import::StudyChanged => {
+            let message = format!("study {slug} was changed meanwhile; try again");
+            return Err(CommandError::Failure(message));
         }
-        done.participants += 1;
-        insert(&mut db, &study, person, &hash, &mut done).await?.map_err(complain)?;
+        Import::TrialKnown { trial_id } => {
+            let expected = "trials that are not in this database yet";
+            let what = Invalid::new("trial_id", expected, &trial_id);
+            let trials = people.iter().flat_map(|person| &person.trials);
+            let line = trials.filter(|trial| trial.trial_id.as_ref() == Some(&trial_id)).last();
+            return Err(complain(LineError { line: line.map_or(0, |trial| trial.line), what }));
+        }
+    };
+    if let Some(study) = store.study(&slug).await? {
+        safety::keep_exact(&store, &study).await?;
     }
-    db.commit().await?;
     store.close().await;
+    let mut done = Imported { skipped: skipped.len(), ..Imported::default() };
+    for (_, (trials, flagged)) in ids.iter().zip(counts).filter(|(id, _)| !skipped.contains(id)) {
+        done.participants += 1;
+        done.trials += trials;
+        done.flagged += flagged;
+    }
     if done.skipped > 0 {
-        let (skipped, slug) = (done.skipped, &study.slug);
+        let skipped = done.skipped;
         eprintln!("{name}: {skipped} participants were in study {slug} already and were skipped");
     }
     print_json(&done)
 }
 
-/// The study, as it was when the file was read with its parameters.
-async fn found_or_made(db: &mut Db, config: &StudyConfig) -> Result<Study, CommandError> {
-    if let Some(study) = studies::find(db, &config.slug).await? {
-        if study.config.parameters == config.parameters {
-            return Ok(study);
-        }
-        let message = format!("study {} was changed meanwhile; try again", config.slug);
-        return Err(CommandError::Failure(message));
-    }
-    studies::put(db, config, now_ms()).await?;
-    safety::keep_exact(db, config).await?;
-    let found = studies::find(db, &config.slug).await?;
-    found.ok_or_else(|| CommandError::Failure("the study that was made is not there".to_owned()))
-}
-
-/// Of the person's name in the file and all their trials.
-fn hash(person: &Person) -> String {
-    let mut hash = Sha256::new();
-    hash.update(person.name.as_bytes());
-    for trial in &person.trials {
-        hash.update(trial.phase.word());
-        hash.update(trial.number.to_le_bytes());
-        hash.update(content_hash(trial));
-    }
-    hex::encode(hash.finalize())
-}
-
-fn content_hash(trial: &FileTrial) -> [u8; 32] {
-    content::of_import(&trial.inputs, &trial.states, trial.sampled_at_ms.as_deref())
-}
-
-/// One person with plan and trials. The inner error is the file's.
-async fn insert(
-    db: &mut Db,
-    study: &Study,
-    person: &Person,
-    import_hash: &str,
-    done: &mut Imported,
-) -> Result<Result<(), LineError>, CommandError> {
-    let id = Uuid::new_v4().to_string();
-    let new = NewParticipant {
-        id: &id,
-        study_id: study.id,
-        config_hash: &study.config.hash(),
-        import_hash: Some(import_hash),
-        enrolled_at_ms: now_ms(),
-        ..NewParticipant::default()
-    };
-    participants::insert(db, &new).await?;
-    let parameters = &study.config.parameters;
+/// A person of the file, as they are stored.
+fn import_of(parameters: &SceneParameters, person: &Person) -> NewImport {
     let display = match synthetic::recognised(std::slice::from_ref(person)) {
         Some(_) => r#"{"synthetic":true}"#,
         None => "{}",
     };
     let mut in_phase = BTreeMap::new();
-    for (ordinal, trial) in (0..).zip(&person.trials) {
-        let trial_id = match &trial.trial_id {
-            Some(trial_id) if scenes::exists(db, trial_id).await? => {
-                let expected = "trials that are not in this database yet";
-                let what = Invalid::new("trial_id", expected, trial_id);
-                let line = trial.line;
-                return Ok(Err(LineError { line, what }));
-            }
-            Some(trial_id) => trial_id.clone(),
-            None => Uuid::new_v4().to_string(),
-        };
+    let mut hash = Sha256::new();
+    hash.update(person.name.as_bytes());
+    let trials = (0..).zip(&person.trials).map(|(ordinal, trial)| {
         let index = in_phase.entry(trial.phase).or_insert(0);
-        let row = planned(parameters, &trial_id, ordinal, *index, trial);
+        let row = planned(parameters, ordinal, *index, trial);
         *index += 1;
-        scenes::insert(db, &id, &row).await?;
-        let flags = flags_of(parameters, &row.scene, trial);
-        trials::insert(
-            db,
-            &NewTrial {
-                trial_id: &trial_id,
-                content_hash: content_hash(trial),
-                received_at_ms: now_ms(),
-                started_at_ms: trial.started_at_ms,
-                inputs: &trial.inputs,
-                states: &trial.states,
-                sampled_at_ms: trial.sampled_at_ms.as_deref(),
-                key_events: "[]",
-                display,
-                flags: &flags,
-                outcome: outcome(parameters, &trial.inputs, &trial.states),
-            },
-        )
-        .await?;
-        done.trials += 1;
-        done.flagged += usize::from(flags.len() > 1);
-    }
-    Ok(Ok(()))
+        let new = imported(parameters, &row, trial, display);
+        hash.update(trial.phase.word());
+        hash.update(trial.number.to_le_bytes());
+        hash.update(new.content_hash);
+        (row, new)
+    });
+    let trials = trials.collect();
+    NewImport { id: Uuid::new_v4().to_string(), hash: hex::encode(hash.finalize()), trials }
+}
+
+fn imported(
+    parameters: &SceneParameters,
+    row: &PlannedRow,
+    trial: &FileTrial,
+    display: &str,
+) -> NewTrial {
+    let mut new = NewTrial {
+        trial_id: row.trial_id.clone(),
+        recipe: Recipe::PackedBytes,
+        content_hash: [0; 32],
+        received_at_ms: now_ms(),
+        started_at_ms: trial.started_at_ms,
+        inputs: trial.inputs.clone(),
+        states: trial.states.clone(),
+        sampled_at_ms: trial.sampled_at_ms.clone(),
+        key_events: "[]".to_owned(),
+        display: display.to_owned(),
+        flags: flags_of(parameters, &row.scene, trial),
+        outcome: outcome(parameters, &trial.inputs, &trial.states),
+    };
+    new.content_hash = new.recipe.hash(&new.content());
+    new
 }
 
 /// A file holds no plan: the scene is what was driven from.
 fn planned(
     parameters: &SceneParameters,
-    trial_id: &str,
     ordinal: i64,
     index: usize,
     trial: &FileTrial,
 ) -> PlannedRow {
     let start = trial.states[0];
     PlannedRow {
-        trial_id: trial_id.to_owned(),
+        trial_id: trial.trial_id.clone().unwrap_or_else(|| Uuid::new_v4().to_string()),
         ordinal,
         phase: trial.phase,
         index,

@@ -5,6 +5,7 @@ use crate::clock::now_ms;
 use crate::formats::study_toml::read_study;
 use crate::http::app::App;
 use crate::http::auth::first_key;
+use crate::http::bounded::Bounded;
 use crate::http::listen;
 use crate::http::metrics::Metrics;
 use crate::http::routes::router;
@@ -14,7 +15,7 @@ use crate::jobs::analysis_worker::AnalysisWorker;
 use crate::jobs::safety;
 use crate::jobs::safety::Solver;
 use crate::secrets;
-use crate::store::{Missing, Store, studies};
+use crate::store::{Missing, Store};
 use sidestep::study::StudyConfig;
 use std::fmt::Write;
 use std::net::SocketAddr;
@@ -55,6 +56,9 @@ pub struct ServeArgs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub analysis_threads: Option<u16>,
 }
+
+/// Enrolments that may wait for their scenes: a lecture hall, twice over.
+const PLANS_WAITING: usize = 2_000;
 
 /// A server that accepts requests.
 #[derive(Debug)]
@@ -111,6 +115,7 @@ pub async fn start(args: &ServeArgs, key: Option<&str>) -> Result<Running, Comma
     let address = listener.local_addr().map_err(CommandError::failure)?;
 
     let store = Store::open(&args.database, Missing::Create).await?;
+    store.serve_alone()?;
     let study = prepare(&store, given).await?;
     let new_key = match environment_key {
         Some(_) => None,
@@ -122,6 +127,7 @@ pub async fn start(args: &ServeArgs, key: Option<&str>) -> Result<Running, Comma
         default_study: study.clone(),
         environment_key,
         throttle: Throttle::default(),
+        drawing: Bounded::new(PLANS_WAITING),
         metrics: Metrics::default(),
         analysis_asked: Arc::clone(&analysis_asked),
         self_check: tokio::sync::OnceCell::new(),
@@ -175,27 +181,18 @@ impl Running {
 /// Makes or updates the study, keeps its value functions if they take no solve, and
 /// returns its name.
 async fn prepare(store: &Store, given: Option<StudyConfig>) -> Result<String, CommandError> {
-    let mut db = store.write().await?;
     let config = match given {
-        Some(config) => {
-            studies::put(&mut db, &config, now_ms()).await?;
-            config
-        }
+        Some(config) => config,
+        // Without a file, an existing default study stays as it was made.
         None => {
-            // Without a file, an existing default study stays as it was made.
             let config = StudyConfig::default();
-            match studies::find(&mut db, &config.slug).await? {
-                Some(study) => study.config,
-                None => {
-                    studies::put(&mut db, &config, now_ms()).await?;
-                    config
-                }
-            }
+            let known = store.study(&config.slug).await?;
+            known.map_or(config, |study| (*study.config).clone())
         }
     };
-    safety::keep_exact(&mut db, &config).await?;
-    db.commit().await?;
-    Ok(config.slug)
+    let study = store.put_study(&config, now_ms()).await?;
+    safety::keep_exact(store, &study).await?;
+    Ok(study.slug)
 }
 
 fn checked_key(key: &str) -> Result<[u8; 32], CommandError> {

@@ -4,9 +4,9 @@
 //! long read keeps the write-ahead log from being written back. A file holds
 //! each person as they were at one instant.
 
-use crate::store::studies::{self, Study};
-use crate::store::trials::{self, StoredTrial, flag_words};
-use crate::store::{Store, participants};
+use crate::store::studies::StoredStudy;
+use crate::store::trials::{StoredTrial, flag_words};
+use crate::store::{Store, StoreError};
 use futures_util::stream::{self, Stream};
 use sidestep::invalid::Invalid;
 use sidestep::scene::SceneParameters;
@@ -50,8 +50,8 @@ pub fn check_format(format: &str) -> Result<(), Invalid> {
 /// download breaks off instead of ending as if it were whole.
 pub fn stream(
     store: Store,
-    study: Study,
-) -> impl Stream<Item = Result<Vec<u8>, sqlx::Error>> + Send + 'static {
+    study: StoredStudy,
+) -> impl Stream<Item = Result<Vec<u8>, StoreError>> + Send + 'static {
     enum Stage {
         Header,
         People(std::vec::IntoIter<String>),
@@ -61,7 +61,7 @@ pub fn stream(
         let (store, study_id) = (store.clone(), study.id);
         async move {
             match stage {
-                Stage::Header => match people(&store, study_id).await {
+                Stage::Header => match store.participant_ids(study_id).await {
                     Ok(ids) => Some((Ok(header()), Stage::People(ids.into_iter()))),
                     Err(error) => Some((Err(error), Stage::End)),
                 },
@@ -81,27 +81,21 @@ fn header() -> Vec<u8> {
     line.into_bytes()
 }
 
-async fn people(store: &Store, study_id: i64) -> Result<Vec<String>, sqlx::Error> {
-    participants::ids(&mut *store.reader().await?, study_id).await
-}
-
 /// The rows of one person. The trial's number counts what is exported, from 0
 /// through all phases, so that (participant, trial) names a trial.
-async fn person(store: &Store, participant_id: &str) -> Result<Vec<u8>, sqlx::Error> {
-    let mut db = store.reader().await?;
-    let driven = trials::of_participant(&mut db, participant_id).await?;
+async fn person(store: &Store, participant_id: &str) -> Result<Vec<u8>, StoreError> {
+    let driven = store.trials_of(participant_id).await?;
     let Some(first) = driven.first() else {
         return Ok(Vec::new());
     };
-    let parameters = studies::config(&mut db, &first.config_hash).await?.parameters;
+    let parameters = store.config(&first.config_hash).await?.parameters;
     let mut writer = csv::Writer::from_writer(Vec::new());
     for (number, trial) in driven.iter().enumerate() {
         write_trial(&mut writer, &parameters, number, trial).map_err(|error| {
-            let error = format!("trial {}: {error}", trial.head.trial_id);
-            sqlx::Error::Decode(error.into())
+            StoreError::Corrupt(format!("trial {}: {error}", trial.head.trial_id))
         })?;
     }
-    writer.into_inner().map_err(|error| sqlx::Error::Io(error.into_error()))
+    writer.into_inner().map_err(|error| StoreError::Defect(error.to_string()))
 }
 
 /// One row a step: the state before it and the input held in it. Numbers are

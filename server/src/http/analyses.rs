@@ -8,8 +8,7 @@ use crate::http::json::JsonBody;
 use crate::http::laboratory::PageParams;
 use crate::http::params::{Params, PathText};
 use crate::http::studies::named;
-use crate::store::Db;
-use crate::store::analyses::{self, StoredAnalysis};
+use crate::store::analyses::{Asked, LONGEST_QUEUE, StoredAnalysis};
 use anyhow::Context;
 use axum::Json;
 use axum::extract::{Path, State};
@@ -24,9 +23,6 @@ use std::io::Read;
 use std::sync::Arc;
 use uuid::Uuid;
 
-/// Most analyses that wait at a time.
-const LONGEST_QUEUE: i64 = 100;
-
 /// `POST /api/v1/admin/studies/{slug}/analyses`: 201 for a new one; 200 for one that waits and
 /// was asked for in the same words, since it would find the same.
 pub async fn ask(
@@ -36,24 +32,18 @@ pub async fn ask(
     JsonBody(request): JsonBody<Request>,
 ) -> Result<(StatusCode, Json<AnalysisSummary>), ApiError> {
     request.settings()?;
-    let mut db = app.store.write().await?;
-    let study = named(&mut db, &slug).await?;
-    let (status, id) = match analyses::waiting(&mut db, study.id, &request).await? {
-        Some(id) => (StatusCode::OK, id),
-        None => {
-            if analyses::queue_length(&mut db).await? >= LONGEST_QUEUE {
-                let message = format!("{LONGEST_QUEUE} analyses wait already; cancel some");
-                return Err(ApiError::conflict("queue_full", message));
-            }
-            let id = Uuid::new_v4().to_string();
-            analyses::insert(&mut db, &id, study.id, &request, now_ms()).await?;
-            (StatusCode::CREATED, id)
+    let study = named(&app.store, &slug).await?;
+    let id = Uuid::new_v4().to_string();
+    let (status, asked) = match app.store.ask_analysis(id, study.id, &request, now_ms()).await? {
+        Asked::New(asked) => (StatusCode::CREATED, asked),
+        Asked::Waiting(asked) => (StatusCode::OK, asked),
+        Asked::QueueFull => {
+            let message = format!("{LONGEST_QUEUE} analyses wait already; cancel some");
+            return Err(ApiError::conflict("queue_full", message));
         }
     };
-    let asked = stored(&mut db, &id).await?;
-    db.commit().await?;
     app.analysis_asked.notify_one();
-    Ok((status, Json(summary(asked))))
+    Ok((status, Json(summary(*asked))))
 }
 
 /// `GET /api/v1/admin/studies/{slug}/analyses?limit=&before=`: newest first.
@@ -64,10 +54,9 @@ pub async fn list(
     Params(params): Params<PageParams>,
 ) -> Result<Json<AnalysisPage>, ApiError> {
     let (limit, before) = params.checked()?;
-    let mut db = app.store.reader().await?;
-    let study = named(&mut db, &slug).await?;
+    let study = named(&app.store, &slug).await?;
     // One more than asked for tells whether there is a further page.
-    let mut found = analyses::page(&mut db, study.id, before, limit + 1).await?;
+    let mut found = app.store.analyses_page(study.id, before, limit + 1).await?;
     let more = found.len() as i64 > limit;
     found.truncate(limit as usize);
     Ok(Json(AnalysisPage {
@@ -82,10 +71,8 @@ pub async fn show(
     State(app): State<Arc<App>>,
     PathText(id): PathText,
 ) -> Result<Json<AnalysisDetail>, ApiError> {
-    let mut db = app.store.reader().await?;
-    let summary = summary(stored(&mut db, &id).await?);
-    let files = analyses::files(&mut db, &id).await?;
-    Ok(Json(AnalysisDetail { summary, files }))
+    let (analysis, files) = app.store.analysis(&id).await?.ok_or_else(unknown)?;
+    Ok(Json(AnalysisDetail { summary: summary(analysis), files }))
 }
 
 /// `POST /api/v1/admin/analyses/{id}/cancel`: can be repeated; 409 for one that is over by
@@ -95,10 +82,7 @@ pub async fn cancel(
     State(app): State<Arc<App>>,
     PathText(id): PathText,
 ) -> Result<Json<AnalysisSummary>, ApiError> {
-    let mut db = app.store.write().await?;
-    analyses::cancel(&mut db, &id, now_ms()).await?;
-    let now = stored(&mut db, &id).await?;
-    db.commit().await?;
+    let now = app.store.cancel_analysis(&id, now_ms()).await?.ok_or_else(unknown)?;
     if now.state == AnalysisState::Cancelled {
         return Ok(Json(summary(now)));
     }
@@ -112,10 +96,8 @@ pub async fn delete(
     State(app): State<Arc<App>>,
     PathText(id): PathText,
 ) -> Result<StatusCode, ApiError> {
-    let mut db = app.store.write().await?;
-    let deleted = analyses::delete(&mut db, &id).await?;
-    db.commit().await?;
-    if deleted { Ok(StatusCode::NO_CONTENT) } else { Err(ApiError::not_found("analysis")) }
+    let deleted = app.store.delete_analysis(&id).await?;
+    if deleted { Ok(StatusCode::NO_CONTENT) } else { Err(unknown()) }
 }
 
 /// What a report may do when it is looked at: show itself, and nothing else.
@@ -132,9 +114,7 @@ pub async fn file(
 ) -> Result<Response, ApiError> {
     let not_found = || ApiError::not_found("file of an analysis");
     let Path((id, name)) = path.map_err(|_| not_found())?;
-    let mut db = app.store.reader().await?;
-    let packed = analyses::file(&mut db, &id, &name).await?.ok_or_else(not_found)?;
-    drop(db);
+    let packed = app.store.analysis_file(&id, &name).await?.ok_or_else(not_found)?;
     let packed_will_do = accepts_gzip(&headers);
     let octets = match packed_will_do {
         true => packed,
@@ -189,8 +169,8 @@ fn media_type(name: &str) -> &'static str {
     }
 }
 
-async fn stored(db: &mut Db, id: &str) -> Result<StoredAnalysis, ApiError> {
-    analyses::find(db, id).await?.ok_or_else(|| ApiError::not_found("analysis"))
+fn unknown() -> ApiError {
+    ApiError::not_found("analysis")
 }
 
 fn summary(stored: StoredAnalysis) -> AnalysisSummary {

@@ -1,5 +1,6 @@
 //! What handlers share.
 
+use crate::http::bounded::Bounded;
 use crate::http::metrics::Metrics;
 use crate::http::throttle::Throttle;
 use crate::store::Store;
@@ -18,6 +19,8 @@ pub struct App {
     pub environment_key: Option<[u8; 32]>,
     /// Against guessing of keys.
     pub throttle: Throttle,
+    /// Draws the scenes of plans.
+    pub drawing: Bounded,
     /// Counts for `/metrics`.
     pub metrics: Metrics,
     /// Tells the analysis worker that there is something in the queue.

@@ -4,11 +4,15 @@ use crate::clock::now_ms;
 use crate::http::app::App;
 use crate::http::error::ApiError;
 use crate::http::listen::Client;
+use crate::http::params::PathText;
 use crate::secrets;
-use crate::store::participants::{self, Participant};
-use crate::store::{Store, admin};
+use crate::store::Store;
+use crate::store::participants::Participant;
+use crate::store::trials::Assignment;
 use axum::extract::FromRequestParts;
 use axum::http::{HeaderMap, header, request::Parts};
+use sidestep::scene::Scene;
+use sidestep::study::StudyConfig;
 use std::net::{IpAddr, Ipv4Addr};
 use std::sync::Arc;
 use subtle::ConstantTimeEq;
@@ -22,6 +26,19 @@ pub struct Me(pub Participant);
 /// A participant with a valid token, withdrawn or not.
 pub struct MeOrGone(pub Participant);
 
+/// A participant with a valid token who has not withdrawn, and the trial in the address, which is
+/// of their plan. Known before the body is read: nobody else may send one.
+pub struct Assigned {
+    /// Who.
+    pub participant_id: String,
+    /// The configuration they were enrolled under.
+    pub config: Arc<StudyConfig>,
+    /// The trial.
+    pub trial_id: String,
+    /// What was assigned.
+    pub scene: Scene,
+}
+
 /// An experimenter with a valid cookie or key.
 pub struct Admin;
 
@@ -31,8 +48,7 @@ impl FromRequestParts<Arc<App>> for MeOrGone {
     async fn from_request_parts(parts: &mut Parts, app: &Arc<App>) -> Result<Self, ApiError> {
         let token = bearer(&parts.headers).ok_or_else(ApiError::unauthorized)?;
         // Looking up a hash of 256 random bits says nothing by its timing.
-        let mut db = app.store.reader().await?;
-        let found = participants::by_token(&mut db, &secrets::hash(token)).await?;
+        let found = app.store.participant(secrets::hash(token)).await?;
         found.map(Self).ok_or_else(ApiError::unauthorized)
     }
 }
@@ -49,13 +65,30 @@ impl FromRequestParts<Arc<App>> for Me {
     }
 }
 
+impl FromRequestParts<Arc<App>> for Assigned {
+    type Rejection = ApiError;
+
+    async fn from_request_parts(parts: &mut Parts, app: &Arc<App>) -> Result<Self, ApiError> {
+        let token = bearer(&parts.headers).ok_or_else(ApiError::unauthorized)?;
+        let token = secrets::hash(token);
+        let PathText(trial_id) = PathText::from_request_parts(parts, app).await?;
+        let found = app.store.assignment(token, &trial_id).await?;
+        let Assignment { participant, config, scene } = found.ok_or_else(ApiError::unauthorized)?;
+        if participant.withdrawn_at_ms.is_some() {
+            return Err(ApiError::withdrawn());
+        }
+        // Another person's trial is answered like one that does not exist.
+        let scene = scene.ok_or_else(|| ApiError::not_found("trial of yours"))?;
+        Ok(Self { participant_id: participant.id, config, trial_id, scene })
+    }
+}
+
 impl FromRequestParts<Arc<App>> for Admin {
     type Rejection = ApiError;
 
     async fn from_request_parts(parts: &mut Parts, app: &Arc<App>) -> Result<Self, ApiError> {
         if let Some(cookie) = session_cookie(&parts.headers) {
-            let mut db = app.store.reader().await?;
-            if admin::has_session(&mut db, &secrets::hash(cookie), now_ms()).await? {
+            if app.store.has_session(secrets::hash(cookie), now_ms()).await? {
                 return Ok(Self);
             }
         }
@@ -83,7 +116,7 @@ pub async fn check_key(app: &App, key: &str, address: IpAddr) -> Result<(), ApiE
     let presented = secrets::hash(key);
     let valid = match app.environment_key {
         Some(hash) => vec![hash.to_vec()],
-        None => admin::keys(&mut *app.store.reader().await?).await?,
+        None => app.store.keys().await?,
     };
     if valid.iter().any(|hash| bool::from(hash.ct_eq(&presented))) {
         return Ok(());
@@ -116,14 +149,9 @@ fn bearer(headers: &HeaderMap) -> Option<&str> {
 /// # Errors
 /// If the database cannot be written.
 pub async fn first_key(store: &Store, make_another: bool) -> Result<Option<String>, ApiError> {
-    let mut db = store.write().await?;
-    if !make_another && !admin::keys(&mut db).await?.is_empty() {
-        return Ok(None);
-    }
     let key = secrets::token()?;
-    admin::replace_key(&mut db, &secrets::hash(&key), now_ms()).await?;
-    db.commit().await?;
-    Ok(Some(key))
+    let kept = store.put_key(secrets::hash(&key), make_another, now_ms()).await?;
+    Ok(kept.then_some(key))
 }
 
 #[cfg(test)]

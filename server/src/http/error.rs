@@ -1,5 +1,6 @@
 //! The one error of every handler, and the body it becomes.
 
+use crate::store::StoreError;
 use axum::Json;
 use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
@@ -20,6 +21,9 @@ pub enum ApiError {
     /// Too many wrong keys; try again after so many seconds.
     #[error("too many wrong keys")]
     Throttled(u64),
+    /// Nothing could be stored or read now; try again.
+    #[error("{0}")]
+    Unavailable(StoreError),
     /// Our own fault: logged, never sent.
     #[error("{0:#}")]
     Internal(#[from] anyhow::Error),
@@ -72,30 +76,17 @@ impl From<Invalid> for ApiError {
     }
 }
 
-impl From<sqlx::Error> for ApiError {
-    /// A full disk, a locked or vanished database: 503, so that the client keeps
-    /// what it has and tries again. Anything else is our fault.
-    fn from(error: sqlx::Error) -> Self {
-        if is_storage_trouble(&error) {
-            tracing::error!(%error, "the database cannot be used now");
-            let message = "the database cannot be used now; try again later";
-            return Self::new(StatusCode::SERVICE_UNAVAILABLE, "storage", message);
-        }
-        Self::Internal(error.into())
+impl From<StoreError> for ApiError {
+    /// What is over by itself or by the operator's doing, such as a full disk: 503, so that the
+    /// client keeps what it has and tries again. Anything else is our fault.
+    fn from(error: StoreError) -> Self {
+        if error.is_temporary() { Self::Unavailable(error) } else { Self::Internal(error.into()) }
     }
 }
 
-fn is_storage_trouble(error: &sqlx::Error) -> bool {
-    // SQLite's primary result codes: busy, locked, readonly, I/O error, full, cannot open.
-    const TROUBLE: [i64; 6] = [5, 6, 8, 10, 13, 14];
-    match error {
-        sqlx::Error::PoolTimedOut | sqlx::Error::PoolClosed | sqlx::Error::Io(_) => true,
-        sqlx::Error::Database(database) => database
-            .code()
-            .and_then(|code| code.parse::<i64>().ok())
-            .is_some_and(|code| TROUBLE.contains(&(code & 0xff))),
-        _ => false,
-    }
+/// When to try again after a 503, s: a queue is shorter soon, a disk is not.
+fn retry_after_s(error: &StoreError) -> u64 {
+    if *error == StoreError::Busy { 1 } else { 5 }
 }
 
 impl IntoResponse for ApiError {
@@ -114,6 +105,19 @@ impl IntoResponse for ApiError {
                 let status = StatusCode::TOO_MANY_REQUESTS;
                 let mut answer = Self::new(status, "throttled", message).into_response();
                 answer.headers_mut().insert(header::RETRY_AFTER, HeaderValue::from(seconds));
+                answer
+            }
+            Self::Unavailable(error) => {
+                let (code, message) = match error {
+                    StoreError::Busy => ("busy", "too many requests wait already"),
+                    _ => ("storage", "the server cannot store anything now"),
+                };
+                tracing::warn!(%error, "answered with 503");
+                let message = format!("{message}; nothing was stored, try again later");
+                let status = StatusCode::SERVICE_UNAVAILABLE;
+                let mut answer = Self::new(status, code, message).into_response();
+                let seconds = HeaderValue::from(retry_after_s(&error));
+                answer.headers_mut().insert(header::RETRY_AFTER, seconds);
                 answer
             }
             Self::Internal(error) => {

@@ -8,8 +8,9 @@ use crate::http::params::{Params, PathText};
 use crate::http::studies::named;
 use crate::http::training;
 use crate::jobs::safety;
-use crate::store::trials::{self, StoredTrial, TrialHead};
-use crate::store::{Db, studies, value_functions};
+use crate::store::Store;
+use crate::store::studies::StudyCounts;
+use crate::store::trials::{StoredTrial, TrialHead};
 use anyhow::Context;
 use axum::Json;
 use axum::body::Body;
@@ -31,14 +32,13 @@ pub async fn studies(
     _: Admin,
     State(app): State<Arc<App>>,
 ) -> Result<Json<Vec<StudySummary>>, ApiError> {
-    let counts = studies::counts(&mut *app.store.reader().await?).await?;
-    let summary = |row: studies::StudyCounts| StudySummary {
+    let summary = |row: StudyCounts| StudySummary {
         slug: row.slug,
         title: row.title,
-        participants: row.participants.unsigned_abs(),
-        trials: row.trials.unsigned_abs(),
+        participants: row.participants,
+        trials: row.trials,
     };
-    Ok(Json(counts.into_iter().map(summary).collect()))
+    Ok(Json(app.store.studies().await?.into_iter().map(summary).collect()))
 }
 
 /// The query of a page of a list.
@@ -70,10 +70,9 @@ pub async fn trials(
     Params(params): Params<PageParams>,
 ) -> Result<Json<TrialPage>, ApiError> {
     let (limit, before) = params.checked()?;
-    let mut db = app.store.reader().await?;
-    let study = named(&mut db, &slug).await?;
+    let study = named(&app.store, &slug).await?;
     // One more than asked for tells whether there is a further page.
-    let mut heads = trials::page(&mut db, study.id, before, limit + 1).await?;
+    let mut heads = app.store.trials_page(study.id, before, limit + 1).await?;
     let more = heads.len() as i64 > limit;
     heads.truncate(limit as usize);
     Ok(Json(TrialPage {
@@ -88,15 +87,14 @@ pub async fn trial(
     State(app): State<Arc<App>>,
     PathText(trial_id): PathText,
 ) -> Result<Json<TrialDetail>, ApiError> {
-    let mut db = app.store.reader().await?;
-    let trial = stored(&mut db, &trial_id).await?;
-    let parameters = studies::config(&mut db, &trial.config_hash).await?.parameters;
+    let trial = stored(&app.store, &trial_id).await?;
+    let parameters = app.store.config(&trial.config_hash).await?.parameters;
     let start = trial.states.first().copied();
     let start = start.unwrap_or_else(|| trial.scene.start());
     let replay = verify(&parameters, start, &trial.inputs, &trial.states);
     let hash = &trial.config_hash;
-    let value_function_hr = value_functions::id_of(&mut db, hash, Evader::Human).await?;
-    let value_function_rh = value_functions::id_of(&mut db, hash, Evader::Robot).await?;
+    let value_function_hr = app.store.value_function_id(hash, Evader::Human).await?;
+    let value_function_rh = app.store.value_function_id(hash, Evader::Robot).await?;
     Ok(Json(TrialDetail {
         summary: summary(trial.head),
         study: trial.study,
@@ -117,11 +115,9 @@ pub async fn predictor(
     State(app): State<Arc<App>>,
     PathText(trial_id): PathText,
 ) -> Result<Json<TrainedPredictor>, ApiError> {
-    let mut db = app.store.reader().await?;
-    let trial = stored(&mut db, &trial_id).await?;
-    let functions = safety::stored(&mut db, &trial.config_hash).await?;
-    let driven = trials::of_participant(&mut db, &trial.head.participant_id).await?;
-    drop(db);
+    let trial = stored(&app.store, &trial_id).await?;
+    let functions = safety::stored(&app.store, &trial.config_hash).await?;
+    let driven = app.store.trials_of(&trial.head.participant_id).await?;
     let earlier: Vec<_> = driven
         .into_iter()
         .filter(|other| other.head.ordinal < trial.head.ordinal)
@@ -168,7 +164,7 @@ pub async fn export(
     Params(params): Params<ExportParams>,
 ) -> Result<impl IntoResponse, ApiError> {
     exports::check_format(&params.format)?;
-    let study = named(&mut *app.store.reader().await?, &slug).await?;
+    let study = named(&app.store, &slug).await?;
     let name = format!("attachment; filename=\"{slug}-trials.csv\"");
     let body = Body::from_stream(exports::stream(app.store.clone(), study));
     let headers = [
@@ -178,8 +174,8 @@ pub async fn export(
     Ok((headers, body))
 }
 
-async fn stored(db: &mut Db, trial_id: &str) -> Result<StoredTrial, ApiError> {
-    trials::find(db, trial_id).await?.ok_or_else(|| ApiError::not_found("trial"))
+async fn stored(store: &Store, trial_id: &str) -> Result<StoredTrial, ApiError> {
+    store.trial(trial_id).await?.ok_or_else(|| ApiError::not_found("trial"))
 }
 
 fn summary(head: TrialHead) -> TrialSummary {

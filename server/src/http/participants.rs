@@ -8,9 +8,9 @@ use crate::http::json::JsonBody;
 use crate::http::params::{Params, PathText};
 use crate::http::studies::named;
 use crate::secrets;
-use crate::store::participants::{self, NewParticipant, Participant};
-use crate::store::scenes::{self, PlannedRow};
-use crate::store::{Db, studies};
+use crate::store::participants::{self, Completion, Known, NewParticipant, Participant};
+use crate::store::scenes::PlannedRow;
+use crate::store::{Store, StoreError};
 use anyhow::Context;
 use axum::Json;
 use axum::extract::State;
@@ -21,78 +21,64 @@ use sidestep::study::StudyConfig;
 use std::sync::Arc;
 use uuid::Uuid;
 
-/// `POST /api/v1/studies/{slug}/participants`: 201 for someone new; 200 with the
-/// same plan and a further token for a known external id.
+/// `POST /api/v1/studies/{slug}/participants`: 201 for someone new; 200 with the same plan and a
+/// further token for whoever is known by external id or request id.
 pub async fn enrol(
     State(app): State<Arc<App>>,
     PathText(slug): PathText,
     JsonBody(body): JsonBody<Enrolment>,
 ) -> Result<(StatusCode, Json<Enrolled>), ApiError> {
     body.check()?;
-    let study = named(&mut *app.store.reader().await?, &slug).await?;
-    // Drawing scenes takes a while: not under the write lock, and not on this thread.
+    let study = named(&app.store, &slug).await?;
+    let known = Known {
+        request_hash: body.request_id.as_deref().map(secrets::hash),
+        external_id: body.external_id,
+    };
     let seed = secrets::seed()?;
-    let config = study.config.clone();
-    let scenes = tokio::task::spawn_blocking(move || plan_rows(&config, seed))
-        .await
-        .context("drawing scenes")??;
-
-    let mut db = app.store.write().await?;
-    if let Some(external_id) = &body.external_id
-        && let Some(known) = participants::by_external_id(&mut db, study.id, external_id).await?
-    {
-        if known.withdrawn_at_ms.is_some() {
-            return Err(ApiError::withdrawn());
-        }
-        let token = give_token(&mut db, &known.id).await?;
-        let (plan, _) = plan_of(&mut db, &known).await?;
-        db.commit().await?;
-        return Ok((StatusCode::OK, Json(enrolled(known.id, token, plan))));
-    }
-    let id = Uuid::new_v4().to_string();
-    let screen =
-        body.screen.as_ref().map(serde_json::to_string).transpose().context("a screen as JSON")?;
-    let config_hash = study.config.hash();
+    let scenes = if app.store.is_known(study.id, &known).await? {
+        None
+    } else {
+        let config = Arc::clone(&study.config);
+        Some(app.drawing.run(move || plan_rows(&config, seed)).await??)
+    };
+    let (id, token) = (Uuid::new_v4().to_string(), secrets::token()?);
+    let plan = plan(&study.config, scenes.as_deref().unwrap_or_default());
+    let screen = body.screen.as_ref().map(serde_json::to_string).transpose();
     let new = NewParticipant {
-        id: &id,
+        id: id.clone(),
         study_id: study.id,
-        external_id: body.external_id.as_deref(),
-        config_hash: &config_hash,
-        seed: Some(seed),
-        import_hash: None,
-        locale: body.locale.as_deref(),
-        screen: screen.as_deref(),
+        known,
+        config_hash: study.config_hash,
+        seed,
+        locale: body.locale,
+        screen: screen.context("a screen as JSON")?,
+        plan: scenes,
         enrolled_at_ms: now_ms(),
     };
-    participants::insert(&mut db, &new).await?;
-    for scene in &scenes {
-        scenes::insert(&mut db, &id, scene).await?;
+    match app.store.enrol(new, secrets::hash(&token)).await? {
+        participants::Enrolment::New => Ok((StatusCode::CREATED, Json(enrolled(id, token, plan)))),
+        participants::Enrolment::Known(known) => {
+            let (plan, _) = plan_of(&app.store, &known).await?;
+            Ok((StatusCode::OK, Json(enrolled(known.id, token, plan))))
+        }
+        participants::Enrolment::Withdrawn => Err(ApiError::withdrawn()),
+        // Whoever was known is gone since: the next attempt is a new enrolment.
+        participants::Enrolment::Unplanned => Err(StoreError::Locked.into()),
     }
-    let token = give_token(&mut db, &id).await?;
-    db.commit().await?;
-    let plan = plan(&study.config, &scenes);
-    Ok((StatusCode::CREATED, Json(enrolled(id, token, plan))))
 }
 
 fn enrolled(participant_id: String, token: String, plan: Plan) -> Enrolled {
     Enrolled { participant_id, token, plan }
 }
 
-async fn give_token(db: &mut Db, participant_id: &str) -> Result<String, ApiError> {
-    let token = secrets::token()?;
-    participants::add_token(db, participant_id, &secrets::hash(&token), now_ms()).await?;
-    Ok(token)
-}
-
 /// `GET /api/v1/participants/me`.
 pub async fn show(State(app): State<Arc<App>>, Me(me): Me) -> Result<Json<Progress>, ApiError> {
-    let mut db = app.store.reader().await?;
-    let (plan, rows) = plan_of(&mut db, &me).await?;
-    let config = studies::config(&mut db, &me.config_hash).await?;
+    let config = app.store.config(&me.config_hash).await?;
+    let (plan, rows) = plan_of(&app.store, &me).await?;
     let id = |row: &PlannedRow| row.trial_id.clone();
     Ok(Json(Progress {
         participant_id: me.id,
-        study: config.slug,
+        study: config.slug.clone(),
         plan,
         stored: rows.iter().filter(|row| row.stored).map(id).collect(),
         next: rows.iter().find(|row| !row.stored).map(id),
@@ -105,20 +91,15 @@ pub async fn complete(
     State(app): State<Arc<App>>,
     Me(me): Me,
 ) -> Result<Json<Completed>, ApiError> {
-    let mut db = app.store.write().await?;
-    let rows = scenes::of_participant(&mut db, &me.id).await?;
-    let missing = rows.iter().filter(|row| !row.stored).count();
-    if missing > 0 {
-        let message = format!("{missing} of {} trials are not stored yet", rows.len());
-        return Err(ApiError::conflict("incomplete", message));
-    }
-    if participants::is_withdrawn(&mut db, &me.id).await? {
-        return Err(ApiError::withdrawn());
-    }
     let code = secrets::completion_code()?;
-    let completion_code = participants::complete(&mut db, &me.id, &code, now_ms()).await?;
-    db.commit().await?;
-    Ok(Json(Completed { completion_code }))
+    match app.store.complete(&me.id, code, now_ms()).await? {
+        Completion::Complete { code } => Ok(Json(Completed { completion_code: code })),
+        Completion::Incomplete { missing, of } => {
+            let message = format!("{missing} of {of} trials are not stored yet");
+            Err(ApiError::conflict("incomplete", message))
+        }
+        Completion::Withdrawn => Err(ApiError::withdrawn()),
+    }
 }
 
 /// What becomes of the data of someone who withdraws.
@@ -144,18 +125,7 @@ pub async fn withdraw(
     MeOrGone(me): MeOrGone,
     Params(params): Params<WithdrawParams>,
 ) -> Result<StatusCode, ApiError> {
-    let mut db = app.store.write().await?;
-    participants::withdraw(&mut db, &me.id, now_ms()).await?;
-    if params.data == Fate::Delete {
-        participants::delete_data(&mut db, &me.id).await?;
-    }
-    db.commit().await?;
-    if params.data == Fate::Delete
-        && let Err(error) = app.store.forget().await
-    {
-        // The rows are gone; their octets leave the log with the next checkpoint.
-        tracing::warn!(%error, "the write-ahead log was not written back");
-    }
+    app.store.withdraw(&me.id, params.data == Fate::Delete, now_ms()).await?;
     Ok(StatusCode::NO_CONTENT)
 }
 
@@ -178,11 +148,11 @@ fn plan_rows(config: &StudyConfig, seed: u64) -> anyhow::Result<Vec<PlannedRow>>
 }
 
 async fn plan_of(
-    db: &mut Db,
+    store: &Store,
     participant: &Participant,
 ) -> Result<(Plan, Vec<PlannedRow>), ApiError> {
-    let config = studies::config(db, &participant.config_hash).await?;
-    let rows = scenes::of_participant(db, &participant.id).await?;
+    let config = store.config(&participant.config_hash).await?;
+    let rows = store.plan(&participant.id).await?;
     Ok((plan(&config, &rows), rows))
 }
 

@@ -61,3 +61,75 @@ async fn method_not_allowed() -> ApiError {
     let message = "this address has no such method; see Allow";
     ApiError::new(StatusCode::METHOD_NOT_ALLOWED, "method_not_allowed", message)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::http::bounded::Bounded;
+    use crate::store::{Missing, Store};
+    use axum::body::Body;
+    use axum::http::{Request, header};
+    use axum::response::Response;
+    use sidestep::study::StudyConfig;
+    use tempfile::TempDir;
+    use tower::ServiceExt;
+
+    /// A server without sockets, whose store and drawing of plans can be held up.
+    async fn served(folder: &TempDir, plans_waiting: usize) -> (Store, Router) {
+        std::fs::create_dir_all(folder.path().join("assets")).unwrap();
+        for page in ["index", "participant", "lab"] {
+            std::fs::write(folder.path().join(format!("{page}.html")), "").unwrap();
+        }
+        let url = format!("sqlite:{}", folder.path().join("test.db").display());
+        let store = Store::open(&url, Missing::Create).await.unwrap();
+        store.put_study(&StudyConfig::default(), 0).await.unwrap();
+        let app = App {
+            store: store.clone(),
+            default_study: "default".to_owned(),
+            environment_key: None,
+            throttle: Default::default(),
+            drawing: Bounded::new(plans_waiting),
+            metrics: Default::default(),
+            analysis_asked: Arc::default(),
+            self_check: Default::default(),
+        };
+        (store, router(Arc::new(app), &Site::open(folder.path()).unwrap()))
+    }
+
+    async fn enrol(router: &Router) -> Response {
+        let request = Request::post(routes::participants("default"))
+            .header(header::CONTENT_TYPE, "application/json")
+            .body(Body::from("{\"consent\":true}"));
+        router.clone().oneshot(request.unwrap()).await.unwrap()
+    }
+
+    async fn is_busy(router: &Router) {
+        let refused = enrol(router).await;
+        assert_eq!(refused.status(), StatusCode::SERVICE_UNAVAILABLE);
+        assert_eq!(refused.headers()[header::RETRY_AFTER], "1");
+        let body = axum::body::to_bytes(refused.into_body(), 10_000).await.unwrap();
+        let problem: sidestep::api::Problem = serde_json::from_slice(&body).unwrap();
+        assert_eq!(problem.code, "busy");
+    }
+
+    #[tokio::test]
+    async fn a_full_queue_of_writes_is_a_503_with_retry_after() {
+        let folder = TempDir::new().unwrap();
+        let (store, router) = served(&folder, 10).await;
+        let held = store.stuffed().await;
+        is_busy(&router).await;
+        drop(held);
+        while store.ready().await.is_err() {
+            tokio::task::yield_now().await;
+        }
+        assert_eq!(store.counts().await, Ok([0, 0]), "who was refused is not there");
+        assert_eq!(enrol(&router).await.status(), StatusCode::CREATED);
+    }
+
+    #[tokio::test]
+    async fn enrolments_beyond_those_that_may_wait_are_a_503_with_retry_after() {
+        let folder = TempDir::new().unwrap();
+        let (_store, router) = served(&folder, 0).await;
+        is_busy(&router).await;
+    }
+}

@@ -7,7 +7,6 @@ use crate::http::error::ApiError;
 use crate::http::json::JsonBody;
 use crate::http::listen::Client;
 use crate::secrets;
-use crate::store::admin;
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{AppendHeaders, IntoResponse, IntoResponseParts};
@@ -26,9 +25,7 @@ pub async fn sign_in(
     check_key(&app, &body.key, address(client.map(|Extension(it)| it))).await?;
     let cookie = secrets::token()?;
     let expires_at_ms = now_ms() + LIFETIME_S * 1000;
-    let mut db = app.store.write().await?;
-    admin::add_session(&mut db, &secrets::hash(&cookie), now_ms(), expires_at_ms).await?;
-    db.commit().await?;
+    app.store.add_session(secrets::hash(&cookie), now_ms(), expires_at_ms).await?;
     let cookie = set_cookie(&cookie, LIFETIME_S);
     Ok((cookie, Json(Session { signed_in: true })))
 }
@@ -44,9 +41,7 @@ pub async fn sign_out(
     headers: HeaderMap,
 ) -> Result<impl IntoResponse, ApiError> {
     if let Some(cookie) = session_cookie(&headers) {
-        let mut db = app.store.write().await?;
-        admin::end_session(&mut db, &secrets::hash(cookie)).await?;
-        db.commit().await?;
+        app.store.end_session(secrets::hash(cookie)).await?;
     }
     Ok((StatusCode::NO_CONTENT, set_cookie("", 0)))
 }

@@ -3,8 +3,8 @@
 use crate::http::app::App;
 use crate::http::error::ApiError;
 use crate::http::params::PathText;
-use crate::store::Db;
-use crate::store::studies::{Study, find};
+use crate::store::Store;
+use crate::store::studies::StoredStudy;
 use axum::Json;
 use axum::extract::State;
 use sidestep::api::{SCHEMA_VERSION, StudyInfo};
@@ -15,13 +15,13 @@ pub async fn show(
     State(app): State<Arc<App>>,
     PathText(slug): PathText,
 ) -> Result<Json<StudyInfo>, ApiError> {
-    let study = named(&mut *app.store.reader().await?, &slug).await?;
+    let study = named(&app.store, &slug).await?;
     Ok(Json(StudyInfo {
         schema_version: SCHEMA_VERSION,
         slug: study.slug,
-        title: study.config.title,
+        title: study.config.title.clone(),
         parameters: study.config.parameters,
-        phases: study.config.phases,
+        phases: study.config.phases.clone(),
     }))
 }
 
@@ -29,6 +29,6 @@ pub async fn show(
 ///
 /// # Errors
 /// 404 if there is none.
-pub async fn named(db: &mut Db, slug: &str) -> Result<Study, ApiError> {
-    find(db, slug).await?.ok_or_else(|| ApiError::not_found("study"))
+pub async fn named(store: &Store, slug: &str) -> Result<StoredStudy, ApiError> {
+    store.study(slug).await?.ok_or_else(|| ApiError::not_found("study"))
 }

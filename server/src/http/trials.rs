@@ -1,16 +1,12 @@
 //! The one way into the database for what a participant drove.
 
 use crate::clock::now_ms;
-use crate::content;
+use crate::content::Recipe;
 use crate::http::app::App;
-use crate::http::auth::Me;
+use crate::http::auth::Assigned;
 use crate::http::error::ApiError;
 use crate::http::json::JsonBody;
-use crate::http::params::PathText;
-use crate::store::participants::is_withdrawn;
-use crate::store::scenes;
-use crate::store::studies;
-use crate::store::trials::{NewTrial, content_hash, insert};
+use crate::store::trials::{NewTrial, PutTrial};
 use anyhow::Context;
 use axum::Json;
 use axum::extract::State;
@@ -24,87 +20,50 @@ use std::sync::Arc;
 /// 200 the same again; 409 other content, or a trial before its turn.
 pub async fn store(
     State(app): State<Arc<App>>,
-    Me(me): Me,
-    PathText(trial_id): PathText,
+    Assigned { participant_id, config, trial_id, scene }: Assigned,
     JsonBody(upload): JsonBody<TrialUpload>,
 ) -> Result<(StatusCode, Json<TrialStored>), ApiError> {
-    let (parameters, scene) = {
-        let mut db = app.store.reader().await?;
-        let config = studies::config(&mut db, &me.config_hash).await?;
-        // Another person's trial is answered like one that does not exist.
-        let scene = scenes::find(&mut db, &me.id, &trial_id)
-            .await?
-            .ok_or_else(|| ApiError::not_found("trial of yours"))?;
-        (config.parameters, scene)
-    };
-    upload.check(&parameters)?;
-    let recording = Recording::of(&upload, &parameters, &scene)?;
-
-    let mut db = app.store.write().await?;
-    if is_withdrawn(&mut db, &me.id).await? {
-        return Err(ApiError::withdrawn());
-    }
-    // What is stored is read again under the lock: a copy may have come first.
-    let status = if let Some(stored) = content_hash(&mut db, &trial_id).await? {
-        if stored != recording.content_hash {
+    upload.check(&config.parameters)?;
+    let trial = recorded(trial_id.clone(), upload, &config.parameters, &scene)?;
+    let (status, next) = match app.store.put_trial(&participant_id, trial).await? {
+        PutTrial::Stored { next } => (StatusCode::CREATED, next),
+        PutTrial::Same { next } => (StatusCode::OK, next),
+        PutTrial::Different => {
             let message = "this trial is stored with other content, which is kept";
             return Err(ApiError::conflict("different_content", message));
         }
-        StatusCode::OK
-    } else {
-        let next = scenes::next(&mut db, &me.id).await?;
-        if let Some(next) = next.filter(|next| *next != trial_id) {
+        PutTrial::OutOfOrder { next } => {
             let message = format!("the next trial is {next}; send it first");
             return Err(ApiError::conflict("out_of_order", message));
         }
-        insert(&mut db, &recording.row(&trial_id, &upload)).await?;
-        StatusCode::CREATED
+        PutTrial::Withdrawn => return Err(ApiError::withdrawn()),
+        PutTrial::Unknown => return Err(ApiError::not_found("trial of yours")),
     };
-    let next = scenes::next(&mut db, &me.id).await?;
-    db.commit().await?;
     Ok((status, Json(TrialStored { trial_id, next })))
 }
 
-/// What is worked out of an upload before the write lock is taken.
-struct Recording {
-    content_hash: [u8; 32],
-    key_events: String,
-    display: String,
-    flags: Vec<sidestep::trial::Flag>,
-    outcome: sidestep::trial::Outcome,
-}
-
-impl Recording {
-    /// The hash is of the content as it was understood, so spaces and the order
-    /// of fields make no difference.
-    fn of(
-        upload: &TrialUpload,
-        parameters: &SceneParameters,
-        scene: &Scene,
-    ) -> Result<Self, ApiError> {
-        let TrialUpload { inputs, states, sampled_at_ms, .. } = upload;
-        Ok(Self {
-            content_hash: content::of_upload(upload).context("an upload as JSON")?,
-            key_events: serde_json::to_string(&upload.key_events).context("key events as JSON")?,
-            display: serde_json::to_string(&upload.display).context("a display as JSON")?,
-            flags: flags(parameters, scene, inputs, states, sampled_at_ms),
-            outcome: outcome(parameters, inputs, states),
-        })
-    }
-
-    fn row<'a>(&'a self, trial_id: &'a str, upload: &'a TrialUpload) -> NewTrial<'a> {
-        NewTrial {
-            trial_id,
-            content_hash: self.content_hash,
-            received_at_ms: now_ms(),
-            started_at_ms: Some(upload.started_at_ms),
-            inputs: &upload.inputs,
-            states: &upload.states,
-            sampled_at_ms: Some(&upload.sampled_at_ms),
-            key_events: &self.key_events,
-            display: &self.display,
-            flags: &self.flags,
-            outcome: self.outcome,
-        }
-    }
+/// From what came over the wire to what is stored, with all that is worked out of it.
+fn recorded(
+    trial_id: String,
+    upload: TrialUpload,
+    parameters: &SceneParameters,
+    scene: &Scene,
+) -> Result<NewTrial, ApiError> {
+    let TrialUpload { started_at_ms, inputs, states, sampled_at_ms, key_events, display } = upload;
+    let mut trial = NewTrial {
+        trial_id,
+        recipe: Recipe::UploadJson,
+        content_hash: [0; 32],
+        received_at_ms: now_ms(),
+        started_at_ms: Some(started_at_ms),
+        key_events: serde_json::to_string(&key_events).context("key events as JSON")?,
+        display: serde_json::to_string(&display).context("a display as JSON")?,
+        flags: flags(parameters, scene, &inputs, &states, &sampled_at_ms),
+        outcome: outcome(parameters, &inputs, &states),
+        inputs,
+        states,
+        sampled_at_ms: Some(sampled_at_ms),
+    };
+    trial.content_hash = trial.recipe.hash(&trial.content());
+    Ok(trial)
 }

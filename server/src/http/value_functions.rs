@@ -1,9 +1,8 @@
-//! Octets of value functions, for ever the same under an address.
+//! Bytes of value functions: what is under an address never changes.
 
 use crate::http::app::App;
 use crate::http::error::ApiError;
 use crate::http::params::PathText;
-use crate::store::value_functions::find;
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
@@ -17,10 +16,9 @@ pub async fn show(
     PathText(id): PathText,
     headers: HeaderMap,
 ) -> Result<Response, ApiError> {
-    let octets = find(&mut *app.store.reader().await?, &id)
-        .await?
-        .ok_or_else(|| ApiError::not_found("value function"))?;
-    // Weak, because the same octets travel under several codings.
+    let found = app.store.value_function(&id).await?;
+    let bytes = found.ok_or_else(|| ApiError::not_found("value function"))?;
+    // Weak, because the same bytes travel under several codings.
     let tag = format!("W/\"{id}\"");
     let cached = headers
         .get(header::IF_NONE_MATCH)
@@ -31,5 +29,5 @@ pub async fn show(
         return Ok((StatusCode::NOT_MODIFIED, fixed).into_response());
     }
     let kind = [(header::CONTENT_TYPE, "application/octet-stream")];
-    Ok((fixed, kind, octets).into_response())
+    Ok((fixed, kind, bytes).into_response())
 }

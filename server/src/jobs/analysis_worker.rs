@@ -6,8 +6,8 @@
 use crate::clock::now_ms;
 use crate::jobs::safety;
 use crate::report::{Analysis, CompareError, Tasks};
-use crate::store::analyses::{self, Job};
-use crate::store::{Store, studies};
+use crate::store::Store;
+use crate::store::analyses::Job;
 use crate::threads::{self, ThreadError};
 use anyhow::Context;
 use flate2::Compression;
@@ -35,8 +35,8 @@ const TICK: Duration = Duration::from_millis(500);
 /// How long it waits after a failure of the database.
 const PAUSE: Duration = Duration::from_secs(5);
 
-/// Files of an analysis that are written in one transaction: others want to write too.
-const FILES_AT_ONCE: usize = 32;
+/// Files that may wait to be written.
+const FILES_AHEAD: usize = 4;
 
 /// Works in the background until it is stopped.
 #[derive(Debug)]
@@ -108,12 +108,10 @@ impl Worker {
     /// Makes the next analysis; whether there was one. After an error of the database what was
     /// begun is put back first.
     async fn next(&self, recovered: &mut bool) -> anyhow::Result<bool> {
-        let mut db = self.store.write().await?;
         if !*recovered {
-            analyses::recover(&mut db, now_ms()).await?;
+            self.store.recover_analyses(now_ms()).await?;
         }
-        let job = analyses::begin(&mut db, now_ms()).await?;
-        db.commit().await?;
+        let job = self.store.begin_analysis(now_ms()).await?;
         *recovered = true;
         let Some(job) = job else { return Ok(false) };
         // Whatever fails from here on is put back.
@@ -139,9 +137,7 @@ impl Worker {
                 return Ok(());
             }
             Ending::BrokenOff => {
-                let mut db = self.store.write().await?;
-                analyses::give_back(&mut db, job).await?;
-                return Ok(db.commit().await?);
+                return Ok(self.store.give_back_analysis(job).await?);
             }
         };
         let ending = match found {
@@ -161,12 +157,7 @@ impl Worker {
             Err(message) => Err(message),
         };
         let used = kept.used.lock().unwrap_or_else(|broken| broken.into_inner()).clone();
-        let mut db = self.store.write().await?;
-        let wanted = analyses::end(&mut db, job, &ending, now_ms()).await?;
-        if wanted && ending.is_ok() {
-            analyses::keep_cells_only(&mut db, job.study_id, &used).await?;
-        }
-        db.commit().await?;
+        let wanted = self.store.end_analysis(job, &ending, used, now_ms()).await?;
         match ending {
             _ if !wanted => tracing::info!(study = job.study, "an analysis came too late"),
             Ok(_) => tracing::info!(study = job.study, "an analysis is done"),
@@ -189,7 +180,7 @@ impl Worker {
                 () = tokio::time::sleep(TICK), if !unwanted => {
                     let [done, of] = [0, 1].map(|i: usize| progress[i].load(Ordering::Relaxed));
                     let fresh = kept.fresh.load(Ordering::Relaxed);
-                    match self.note(job, [done, of, fresh]).await {
+                    match self.store.note_progress(job, [done, of, fresh]).await {
                         Ok(wanted) => unwanted = !wanted,
                         // The next time it may be known.
                         Err(error) => tracing::warn!(%error, "progress was not noted"),
@@ -207,13 +198,6 @@ impl Worker {
         })
     }
 
-    async fn note(&self, job: &Job, progress: [usize; 3]) -> Result<bool, sqlx::Error> {
-        let mut db = self.store.write().await?;
-        let wanted = analyses::note_progress(&mut db, job, progress).await?;
-        db.commit().await?;
-        Ok(wanted)
-    }
-
     /// What was found, or why nothing was; none once `cancel` is cancelled.
     async fn work(
         &self,
@@ -222,13 +206,13 @@ impl Worker {
         cancel: CancellationToken,
         progress: Arc<[AtomicUsize; 2]>,
     ) -> anyhow::Result<Option<Result<Box<Analysis>, String>>> {
-        let study = studies::find(&mut *self.store.reader().await?, &job.study).await?;
+        let study = self.store.study(&job.study).await?;
         let study = study.context("the study of an analysis")?;
         let mut tasks = Tasks::of_study(&self.store, &study).await?;
         if job.request.synthetic {
             tasks.synthetic = Some("said by the experimenter".to_owned());
         }
-        let safety = match safety::ensure(&self.store, &study.config, &cancel).await? {
+        let safety = match safety::ensure(&self.store, &study, &cancel).await? {
             Ok(safety) => safety,
             Err(SolveError::Cancelled) => return Ok(None),
             Err(SolveError::Invalid(invalid)) => return Ok(Some(Err(invalid.to_string()))),
@@ -274,10 +258,10 @@ impl Worker {
         }
     }
 
-    /// Writes the files down, compressed, a few at a time.
+    /// Writes the files down, compressed, one by one.
     async fn keep(&self, job: &Job, analysis: Box<Analysis>) -> anyhow::Result<()> {
         let (files, mut packed) =
-            tokio::sync::mpsc::channel::<(String, usize, Vec<u8>)>(FILES_AT_ONCE);
+            tokio::sync::mpsc::channel::<(String, usize, Vec<u8>)>(FILES_AHEAD);
         let packing = tokio::task::spawn_blocking(move || {
             analysis.each_file(&mut |name, write| {
                 let mut out = Counted { out: gzip(), octets: 0 };
@@ -286,16 +270,11 @@ impl Worker {
                 files.blocking_send(file).map_err(|_| io::Error::other("nobody takes the files"))
             })
         });
-        let mut batch = Vec::new();
-        while packed.recv_many(&mut batch, FILES_AT_ONCE).await > 0 {
-            let mut db = self.store.write().await?;
-            for (name, size, octets) in batch.drain(..) {
-                if !analyses::put_file(&mut db, job, &name, size, &octets).await? {
-                    // Not wanted any more: the rest need not be packed.
-                    return Ok(());
-                }
+        while let Some((name, size, bytes)) = packed.recv().await {
+            if !self.store.put_analysis_file(job, &name, size, bytes).await? {
+                // Not wanted any more: the rest need not be packed.
+                return Ok(());
             }
-            db.commit().await?;
         }
         Ok(packing.await.context("packing the files")??)
     }
@@ -338,23 +317,13 @@ impl StoredCells {
         // A thread that panicked has left the set as good as it was.
         self.used.lock().unwrap_or_else(|broken| broken.into_inner()).insert(key.to_owned());
     }
-
-    async fn read(&self, key: &str) -> Result<Option<Vec<u8>>, sqlx::Error> {
-        analyses::cells(&mut *self.store.reader().await?, self.job.study_id, key).await
-    }
-
-    async fn write(&self, key: &str, octets: &[u8]) -> Result<(), sqlx::Error> {
-        let mut db = self.store.write().await?;
-        analyses::put_cells(&mut db, &self.job, key, octets).await?;
-        db.commit().await
-    }
 }
 
 impl Cache for StoredCells {
     fn get(&self, key: &str) -> Option<Vec<Cell>> {
-        let octets = self.runtime.block_on(self.read(key)).ok()??;
-        let cells =
-            serde_json::from_reader(io::BufReader::new(GzDecoder::new(&octets[..]))).ok()?;
+        let kept = self.runtime.block_on(self.store.cells(self.job.study_id, key));
+        let bytes = kept.ok()??;
+        let cells = serde_json::from_reader(io::BufReader::new(GzDecoder::new(&bytes[..]))).ok()?;
         self.note(key);
         Some(cells)
     }
@@ -364,10 +333,10 @@ impl Cache for StoredCells {
         self.fresh.fetch_add(1, Ordering::Relaxed);
         let mut out = gzip();
         let packed = serde_json::to_writer(&mut out, cells).map_err(io::Error::from);
-        let kept = packed
-            .and_then(|()| out.finish())
-            .map_err(sqlx::Error::Io)
-            .and_then(|octets| self.runtime.block_on(self.write(key, &octets)));
+        let kept =
+            packed.and_then(|()| out.finish()).map_err(anyhow::Error::from).and_then(|bytes| {
+                Ok(self.runtime.block_on(self.store.put_cells(&self.job, key, bytes))?)
+            });
         if let Err(error) = kept {
             // Nothing is lost but time.
             tracing::warn!(%error, "cells of an analysis were not kept");

@@ -1,7 +1,9 @@
 //! The value functions behind the safety levels of a configuration: solved once, off
 //! the request path, and kept for ever.
 
-use crate::store::{Db, Store, value_functions};
+use crate::store::studies::StoredStudy;
+use crate::store::value_functions::NewValueFunction;
+use crate::store::{Store, StoreError};
 use anyhow::Context;
 use sidestep::invalid::Invalid;
 use sidestep::reachability::{SolveError, ValueFunction};
@@ -18,39 +20,37 @@ use tokio_util::sync::CancellationToken;
 ///
 /// # Errors
 /// If the database cannot be written.
-pub async fn keep_exact(db: &mut Db, config: &StudyConfig) -> Result<(), sqlx::Error> {
+pub async fn keep_exact(store: &Store, study: &StoredStudy) -> Result<(), StoreError> {
     // Equal vehicles: one closed form serves both roles.
-    let Ok(exact) = config.parameters.game(Evader::Human).exact() else {
+    let Ok(exact) = study.config.parameters.game(Evader::Human).exact() else {
         return Ok(());
     };
     let function = ValueFunction::Exact(exact);
-    let (hash, id, octets) = (config.hash(), function.id(), function.encode());
-    for evader in Evader::ALL {
-        value_functions::put(db, &hash, evader, &id, &octets).await?;
-    }
-    Ok(())
+    let (id, bytes) = (function.id(), function.encode());
+    let kept = |evader| NewValueFunction { evader, id: id.clone(), bytes: bytes.clone() };
+    store.put_value_functions(&study.config_hash, Evader::ALL.map(kept).into()).await
 }
 
-/// The functions that a configuration's safety levels are read from, as octets; none
+/// The functions that a configuration's safety levels are read from, as bytes; none
 /// while one of them is not solved.
 ///
 /// # Errors
 /// If the database cannot be read.
 pub async fn stored(
-    db: &mut Db,
+    store: &Store,
     config_hash: &str,
-) -> Result<Option<StoredFunctions>, sqlx::Error> {
-    let mut octets = Vec::new();
+) -> Result<Option<StoredFunctions>, StoreError> {
+    let mut bytes = Vec::new();
     for evader in Evader::ALL {
-        let Some(id) = value_functions::id_of(db, config_hash, evader).await? else {
+        let Some(id) = store.value_function_id(config_hash, evader).await? else {
             return Ok(None);
         };
-        octets.extend(value_functions::find(db, &id).await?);
+        bytes.extend(store.value_function(&id).await?);
     }
-    Ok(<[Vec<u8>; 2]>::try_from(octets).ok().map(StoredFunctions))
+    Ok(<[Vec<u8>; 2]>::try_from(bytes).ok().map(StoredFunctions))
 }
 
-/// Octets of V_HR and V_RH.
+/// Bytes of V_HR and V_RH.
 pub struct StoredFunctions([Vec<u8>; 2]);
 
 impl StoredFunctions {
@@ -67,15 +67,8 @@ impl StoredFunctions {
     }
 }
 
-/// A value function as it is kept.
-struct Solution {
-    evader: Evader,
-    id: String,
-    octets: Vec<u8>,
-}
-
-/// The functions, and what is to be said of those that did not converge.
-type Solutions = ([Solution; 2], Vec<String>);
+/// The functions, and warnings about those that did not converge.
+type Solutions = (Vec<NewValueFunction>, Vec<String>);
 
 fn solve(
     parameters: &SceneParameters,
@@ -88,9 +81,9 @@ fn solve(
     let functions = SafetyLevels::solve(parameters, &mut progress)?;
     let solutions = Evader::ALL.map(|evader| {
         let function = functions.of(evader);
-        Solution { evader, id: function.id(), octets: function.encode() }
+        NewValueFunction { evader, id: function.id(), bytes: function.encode() }
     });
-    Ok((solutions, functions.complaints()))
+    Ok((solutions.into(), functions.complaints()))
 }
 
 /// Solves in the background what configurations lack.
@@ -125,8 +118,7 @@ impl Solver {
 }
 
 async fn solve_all(store: &Store, cancel: &CancellationToken) -> anyhow::Result<()> {
-    let unsolved = value_functions::unsolved(&mut *store.reader().await?).await?;
-    for (hash, config) in unsolved {
+    for (hash, config) in store.unsolved().await? {
         let begin = Instant::now();
         let study = &config.slug;
         match solve_and_keep(store, &hash, &config, cancel).await? {
@@ -158,32 +150,28 @@ async fn solve_and_keep(
     for complaint in complaints {
         tracing::warn!(study = config.slug, complaint, "a value function did not converge");
     }
-    let mut db = store.write().await?;
-    for Solution { evader, id, octets } in &solutions {
-        value_functions::put(&mut db, hash, *evader, id, octets).await?;
-    }
-    db.commit().await?;
+    store.put_value_functions(hash, solutions).await?;
     Ok(Ok(()))
 }
 
-/// The functions of a configuration: as they are kept, or else solved now, and kept.
+/// The functions of a study's configuration: as they are kept, or else solved now, and kept.
 ///
 /// # Errors
 /// Outside: if the database fails, or what it holds is damaged. Inside: for vehicles that have
 /// none, or if `cancel` was cancelled.
 pub async fn ensure(
     store: &Store,
-    config: &StudyConfig,
+    study: &StoredStudy,
     cancel: &CancellationToken,
 ) -> anyhow::Result<Result<SafetyLevels, SolveError>> {
-    let hash = config.hash();
-    let kept = stored(&mut *store.reader().await?, &hash).await?;
+    let hash = &study.config_hash;
+    let kept = stored(store, hash).await?;
     if let Some(functions) = kept {
         return Ok(Ok(functions.decode()?));
     }
-    if let Err(error) = solve_and_keep(store, &hash, config, cancel).await? {
+    if let Err(error) = solve_and_keep(store, hash, &study.config, cancel).await? {
         return Ok(Err(error));
     }
-    let kept = stored(&mut *store.reader().await?, &hash).await?;
+    let kept = stored(store, hash).await?;
     Ok(Ok(kept.context("value functions that were just kept")?.decode()?))
 }

@@ -4,9 +4,9 @@ use super::{Analysis, Context, Excluded};
 use crate::formats::csv_lines::LineError;
 use crate::formats::features_csv::{self, FeatureRows};
 use crate::formats::trials_csv::{self, Fault, FileTrial};
-use crate::store::studies::{self, Study};
-use crate::store::trials::{self, StoredTrial};
-use crate::store::{Store, participants};
+use crate::store::studies::StoredStudy;
+use crate::store::trials::StoredTrial;
+use crate::store::{Store, StoreError};
 use crate::synthetic;
 use sidestep::comparison::{self, Cache, Person, Progress, RunError, Settings};
 use sidestep::invalid::Invalid;
@@ -76,17 +76,15 @@ impl Tasks {
     ///
     /// # Errors
     /// If the database cannot be read.
-    pub async fn of_study(store: &Store, study: &Study) -> Result<Self, sqlx::Error> {
+    pub async fn of_study(store: &Store, study: &StoredStudy) -> Result<Self, StoreError> {
         let scene = study.config.parameters;
         let (mut people, mut exclusions) = (Vec::new(), Vec::new());
-        let ids = participants::ids(&mut *store.reader().await?, study.id).await?;
-        for id in ids {
-            // A connection for each person: a long read would keep the log from being written back.
-            let mut db = store.reader().await?;
-            let driven = trials::of_participant(&mut db, &id).await?;
+        // Participant by participant: a long read would keep the log from being written back.
+        for id in store.participant_ids(study.id).await? {
+            let driven = store.trials_of(&id).await?;
             let Some(first) = driven.first() else { continue };
             let name = first.head.participant_number.to_string();
-            let own = studies::config(&mut db, &first.config_hash).await?.parameters;
+            let own = store.config(&first.config_hash).await?.parameters;
             if own != scene {
                 let reason = "enrolled under other parameters than the study's present ones";
                 exclusions.push(Excluded::new(&name, reason.to_owned()));

@@ -1,70 +1,91 @@
 //! The experimenter's keys and sessions: hashes only.
 
-use super::Db;
+use super::{Store, StoreError};
+use rusqlite::{OptionalExtension, params};
 
-/// Hashes of the keys that are valid.
-///
-/// # Errors
-/// If the database cannot be read.
-pub async fn keys(db: &mut Db) -> Result<Vec<Vec<u8>>, sqlx::Error> {
-    sqlx::query_scalar("SELECT hash FROM admin_key").fetch_all(db).await
-}
-
-/// Makes a key with that hash the only one, and ends every session: whoever asks
-/// for a new key has lost the old one, or fears that someone else has it.
-///
-/// # Errors
-/// If the database cannot be written.
-pub async fn replace_key(db: &mut Db, hash: &[u8; 32], now_ms: i64) -> Result<(), sqlx::Error> {
-    for statement in ["DELETE FROM admin_key", "DELETE FROM session"] {
-        sqlx::query(statement).execute(&mut *db).await?;
+impl Store {
+    /// Hashes of the keys that are valid.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub async fn keys(&self) -> Result<Vec<Vec<u8>>, StoreError> {
+        self.read(|db| {
+            let mut statement = db.prepare_cached("SELECT hash FROM admin_key")?;
+            Ok(statement.query_map([], |row| row.get(0))?.collect::<Result<_, _>>()?)
+        })
     }
-    sqlx::query("INSERT INTO admin_key (hash, created_at_ms) VALUES ($1, $2)")
-        .bind(&hash[..])
-        .bind(now_ms)
-        .execute(db)
-        .await
-        .map(drop)
-}
 
-/// Begins a session, and forgets those that are over.
-///
-/// # Errors
-/// If the database cannot be written.
-pub async fn add_session(
-    db: &mut Db,
-    hash: &[u8; 32],
-    now_ms: i64,
-    expires_at_ms: i64,
-) -> Result<(), sqlx::Error> {
-    sqlx::query("DELETE FROM session WHERE expires_at_ms <= $1")
-        .bind(now_ms)
-        .execute(&mut *db)
-        .await?;
-    sqlx::query("INSERT INTO session (hash, expires_at_ms) VALUES ($1, $2)")
-        .bind(&hash[..])
-        .bind(expires_at_ms)
-        .execute(db)
+    /// Keeps a key with that hash, unless there is one and no `other` is wanted. It is then the
+    /// only one, and every session ends: whoever asks for another key has lost the former one, or
+    /// fears that someone else has it. Returns whether it is kept.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub async fn put_key(
+        &self,
+        hash: [u8; 32],
+        other: bool,
+        now_ms: i64,
+    ) -> Result<bool, StoreError> {
+        self.write(move |db| {
+            let there =
+                db.query_row("SELECT 1 FROM admin_key LIMIT 1", [], |_| Ok(())).optional()?;
+            if there.is_some() && !other {
+                return Ok(false);
+            }
+            db.execute("DELETE FROM admin_key", [])?;
+            db.execute("DELETE FROM session", [])?;
+            db.execute(
+                "INSERT INTO admin_key (hash, created_at_ms) VALUES (?1, ?2)",
+                params![hash, now_ms],
+            )?;
+            Ok(true)
+        })
         .await
-        .map(drop)
-}
+    }
 
-/// Whether a session with that hash goes on.
-///
-/// # Errors
-/// If the database cannot be read.
-pub async fn has_session(db: &mut Db, hash: &[u8; 32], now_ms: i64) -> Result<bool, sqlx::Error> {
-    sqlx::query_scalar("SELECT count(*) > 0 FROM session WHERE hash = $1 AND expires_at_ms > $2")
-        .bind(&hash[..])
-        .bind(now_ms)
-        .fetch_one(db)
+    /// Begins a session, and forgets those that are over.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub async fn add_session(
+        &self,
+        hash: [u8; 32],
+        now_ms: i64,
+        expires_at_ms: i64,
+    ) -> Result<(), StoreError> {
+        self.write(move |db| {
+            db.execute("DELETE FROM session WHERE expires_at_ms <= ?1", [now_ms])?;
+            db.execute(
+                "INSERT INTO session (hash, expires_at_ms) VALUES (?1, ?2)",
+                params![hash, expires_at_ms],
+            )?;
+            Ok(())
+        })
         .await
-}
+    }
 
-/// Ends a session.
-///
-/// # Errors
-/// If the database cannot be written.
-pub async fn end_session(db: &mut Db, hash: &[u8; 32]) -> Result<(), sqlx::Error> {
-    sqlx::query("DELETE FROM session WHERE hash = $1").bind(&hash[..]).execute(db).await.map(drop)
+    /// Whether a session with that hash goes on.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub async fn has_session(&self, hash: [u8; 32], now_ms: i64) -> Result<bool, StoreError> {
+        self.read(|db| {
+            let query = "SELECT 1 FROM session WHERE hash = ?1 AND expires_at_ms > ?2";
+            let mut statement = db.prepare_cached(query)?;
+            Ok(statement.exists(params![hash, now_ms])?)
+        })
+    }
+
+    /// Ends a session.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub async fn end_session(&self, hash: [u8; 32]) -> Result<(), StoreError> {
+        self.write(move |db| {
+            db.execute("DELETE FROM session WHERE hash = ?1", [hash])?;
+            Ok(())
+        })
+        .await
+    }
 }

@@ -1,9 +1,11 @@
-//! Participants and their tokens.
+//! Participants: enrolment, tokens, completion, withdrawal.
 
-use super::{Db, analyses};
+use super::scenes::{self, PlannedRow};
+use super::{Store, StoreError, analyses};
+use rusqlite::{Connection, OptionalExtension, Row, params};
 
 /// A participant.
-#[derive(Clone, Debug, sqlx::FromRow)]
+#[derive(Clone, Debug)]
 pub struct Participant {
     /// Who, here.
     pub id: String,
@@ -19,208 +21,309 @@ pub struct Participant {
     pub withdrawn_at_ms: Option<i64>,
 }
 
-/// Someone to be written down.
+impl Participant {
+    /// Of the columns id, `study_id`, number, `config_hash`, `completion_code` and
+    /// `withdrawn_at_ms`.
+    pub(super) fn of(row: &Row<'_>) -> rusqlite::Result<Self> {
+        Ok(Self {
+            id: row.get(0)?,
+            study_id: row.get(1)?,
+            number: row.get(2)?,
+            config_hash: row.get(3)?,
+            completion_code: row.get(4)?,
+            withdrawn_at_ms: row.get(5)?,
+        })
+    }
+}
+
+/// How somebody who enrols can be known already.
 #[derive(Clone, Debug, Default)]
-pub struct NewParticipant<'a> {
+pub struct Known {
+    /// The recruiting service's name for the person.
+    pub external_id: Option<String>,
+    /// Hash of the name that the client gave to its request.
+    pub request_hash: Option<[u8; 32]>,
+}
+
+/// Someone who enrols.
+#[derive(Clone, Debug)]
+pub struct NewParticipant {
     /// Who, here.
-    pub id: &'a str,
+    pub id: String,
     /// The study's row.
     pub study_id: i64,
-    /// The recruiting service's name for the person.
-    pub external_id: Option<&'a str>,
+    /// How they can be known already.
+    pub known: Known,
     /// The configuration they are enrolled under.
-    pub config_hash: &'a str,
+    pub config_hash: String,
     /// Seed of the scenes.
-    pub seed: Option<u64>,
-    /// SHA-256 of what was read from a file.
-    pub import_hash: Option<&'a str>,
+    pub seed: u64,
     /// Language.
-    pub locale: Option<&'a str>,
+    pub locale: Option<String>,
     /// The screen, as JSON.
-    pub screen: Option<&'a str>,
+    pub screen: Option<String>,
+    /// What they are to drive; none for somebody who is thought to be known.
+    pub plan: Option<Vec<PlannedRow>>,
     /// Now.
     pub enrolled_at_ms: i64,
 }
 
-/// Writes a participant down under the study's next number, which is returned.
-///
-/// # Errors
-/// If the external id or import is known in this study, or the database cannot be written.
-pub async fn insert(db: &mut Db, new: &NewParticipant<'_>) -> Result<i64, sqlx::Error> {
-    sqlx::query_scalar(
-        "INSERT INTO participant (id, study_id, number, external_id, config_hash, seed, \
-             import_hash, locale, screen, enrolled_at_ms) \
-         SELECT $1, $2, coalesce(max(number), 0) + 1, $3, $4, $5, $6, $7, $8, $9 \
-         FROM participant WHERE study_id = $2 \
-         RETURNING number",
-    )
-    .bind(new.id)
-    .bind(new.study_id)
-    .bind(new.external_id)
-    .bind(new.config_hash)
-    .bind(new.seed.map(u64::cast_signed))
-    .bind(new.import_hash)
-    .bind(new.locale)
-    .bind(new.screen)
-    .bind(new.enrolled_at_ms)
-    .fetch_one(db)
-    .await
+/// What became of an enrolment. Its token is valid unless the participant has withdrawn.
+#[derive(Clone, Debug)]
+pub enum Enrolment {
+    /// They are new.
+    New,
+    /// They were enrolled before, and keep their plan.
+    Known(Participant),
+    /// They have withdrawn.
+    Withdrawn,
+    /// They are new and there is no plan for them; nothing was stored.
+    Unplanned,
 }
 
-/// The participant whom a recruiting service knows by that id.
-///
-/// # Errors
-/// If the database cannot be read.
-pub async fn by_external_id(
-    db: &mut Db,
-    study_id: i64,
-    external_id: &str,
-) -> Result<Option<Participant>, sqlx::Error> {
-    sqlx::query_as(
-        "SELECT id, study_id, number, config_hash, completion_code, withdrawn_at_ms \
-         FROM participant WHERE study_id = $1 AND external_id = $2",
-    )
-    .bind(study_id)
-    .bind(external_id)
-    .fetch_optional(db)
-    .await
+/// What became of a completion.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Completion {
+    /// Every trial is stored; the code is that of the first completion.
+    Complete {
+        /// The code.
+        code: String,
+    },
+    /// Trials are missing.
+    Incomplete {
+        /// How many.
+        missing: usize,
+        /// Of how many.
+        of: usize,
+    },
+    /// The participant has withdrawn.
+    Withdrawn,
 }
 
-/// Whether a person with that content was read from a file before.
-///
-/// # Errors
-/// If the database cannot be read.
-pub async fn is_imported(db: &mut Db, study_id: i64, hash: &str) -> Result<bool, sqlx::Error> {
-    sqlx::query_scalar(
-        "SELECT count(*) > 0 FROM participant WHERE study_id = $1 AND import_hash = $2",
-    )
-    .bind(study_id)
-    .bind(hash)
-    .fetch_one(db)
-    .await
-}
+const COLUMNS: &str =
+    "participant.id, study_id, number, config_hash, completion_code, withdrawn_at_ms";
 
-/// The participant to whom a token with that hash was given.
-///
-/// # Errors
-/// If the database cannot be read.
-pub async fn by_token(
-    db: &mut Db,
-    token_hash: &[u8; 32],
-) -> Result<Option<Participant>, sqlx::Error> {
-    sqlx::query_as(
-        "SELECT id, study_id, number, config_hash, completion_code, withdrawn_at_ms \
-         FROM participant WHERE id = \
-             (SELECT participant_id FROM participant_token WHERE hash = $1)",
-    )
-    .bind(&token_hash[..])
-    .fetch_optional(db)
-    .await
-}
-
-/// Lets a token with that hash speak for a participant, beside those given before.
-///
-/// # Errors
-/// If the database cannot be written.
-pub async fn add_token(
-    db: &mut Db,
-    participant_id: &str,
-    token_hash: &[u8; 32],
-    now_ms: i64,
-) -> Result<(), sqlx::Error> {
-    sqlx::query(
-        "INSERT INTO participant_token (hash, participant_id, created_at_ms) VALUES ($1, $2, $3)",
-    )
-    .bind(&token_hash[..])
-    .bind(participant_id)
-    .bind(now_ms)
-    .execute(db)
-    .await
-    .map(drop)
-}
-
-/// Whether a participant has withdrawn, read under the write lock.
-///
-/// # Errors
-/// If the database cannot be read.
-pub async fn is_withdrawn(db: &mut Db, participant_id: &str) -> Result<bool, sqlx::Error> {
-    sqlx::query_scalar("SELECT withdrawn_at_ms IS NOT NULL FROM participant WHERE id = $1")
-        .bind(participant_id)
-        .fetch_one(db)
-        .await
-}
-
-/// Marks a participation complete, unless it is, and returns its code: the first one.
-///
-/// # Errors
-/// If the database cannot be written.
-pub async fn complete(
-    db: &mut Db,
-    participant_id: &str,
-    code: &str,
-    now_ms: i64,
-) -> Result<String, sqlx::Error> {
-    sqlx::query_scalar(
-        "UPDATE participant SET completion_code = coalesce(completion_code, $2), \
-             completed_at_ms = coalesce(completed_at_ms, $3) WHERE id = $1 \
-         RETURNING completion_code",
-    )
-    .bind(participant_id)
-    .bind(code)
-    .bind(now_ms)
-    .fetch_one(db)
-    .await
-}
-
-/// Notes a withdrawal; a second one changes nothing.
-///
-/// # Errors
-/// If the database cannot be written.
-pub async fn withdraw(db: &mut Db, participant_id: &str, now_ms: i64) -> Result<(), sqlx::Error> {
-    sqlx::query(
-        "UPDATE participant SET withdrawn_at_ms = coalesce(withdrawn_at_ms, $2) WHERE id = $1",
-    )
-    .bind(participant_id)
-    .bind(now_ms)
-    .execute(db)
-    .await
-    .map(drop)
-}
-
-/// Deletes what a withdrawn participant drove and said, and what was found from it. What
-/// stays is a number that took part and left, so that counts remain true.
-///
-/// # Errors
-/// If the database cannot be written.
-pub async fn delete_data(db: &mut Db, participant_id: &str) -> Result<(), sqlx::Error> {
-    analyses::withdraw(db, participant_id).await?;
-    for statement in [
-        "DELETE FROM trial WHERE trial_id IN \
-             (SELECT trial_id FROM scene WHERE participant_id = $1)",
-        "DELETE FROM scene WHERE participant_id = $1",
-        "UPDATE participant SET data_deleted = 1, external_id = NULL, locale = NULL, \
-             screen = NULL, seed = NULL WHERE id = $1",
-    ] {
-        sqlx::query(statement).bind(participant_id).execute(&mut *db).await?;
+impl Store {
+    /// The participant to whom a token with that hash was given.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub async fn participant(
+        &self,
+        token_hash: [u8; 32],
+    ) -> Result<Option<Participant>, StoreError> {
+        self.read(|db| {
+            let mut statement = db.prepare_cached(&format!(
+                "SELECT {COLUMNS} FROM participant_token \
+                 JOIN participant ON participant.id = participant_token.participant_id \
+                 WHERE participant_token.hash = ?1"
+            ))?;
+            Ok(statement.query_row([token_hash], Participant::of).optional()?)
+        })
     }
+
+    /// Whether somebody who enrols is known: then no plan need be drawn for them. Only
+    /// [`Store::enrol`] says for certain.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub async fn is_known(&self, study_id: i64, known: &Known) -> Result<bool, StoreError> {
+        self.read(|db| Ok(find(db, study_id, known)?.is_some()))
+    }
+
+    /// Writes a participant down with their plan, under the study's next number, or finds the one
+    /// they are. Either way a token with that hash speaks for them from now on, beside those that
+    /// were given before.
+    ///
+    /// # Errors
+    /// [`StoreError`]. Then nothing was stored.
+    pub async fn enrol(
+        &self,
+        new: NewParticipant,
+        token_hash: [u8; 32],
+    ) -> Result<Enrolment, StoreError> {
+        self.write(move |db| {
+            if let Some(known) = find(db, new.study_id, &new.known)? {
+                if known.withdrawn_at_ms.is_some() {
+                    return Ok(Enrolment::Withdrawn);
+                }
+                add_token(db, &known.id, token_hash, new.enrolled_at_ms)?;
+                return Ok(Enrolment::Known(known));
+            }
+            let Some(plan) = &new.plan else { return Ok(Enrolment::Unplanned) };
+            insert(db, &new)?;
+            for scene in plan {
+                scenes::insert(db, &new.id, scene)?;
+            }
+            add_token(db, &new.id, token_hash, new.enrolled_at_ms)?;
+            Ok(Enrolment::New)
+        })
+        .await
+    }
+
+    /// A participant's whole plan, in order.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub async fn plan(&self, participant_id: &str) -> Result<Vec<PlannedRow>, StoreError> {
+        self.read(|db| scenes::plan(db, participant_id))
+    }
+
+    /// Marks a participation complete, if nothing is missing.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub async fn complete(
+        &self,
+        participant_id: &str,
+        code: String,
+        now_ms: i64,
+    ) -> Result<Completion, StoreError> {
+        let id = participant_id.to_owned();
+        self.write(move |db| {
+            let (of, stored, withdrawn): (i64, i64, bool) = db.query_row(
+                "SELECT (SELECT count(*) FROM scene WHERE participant_id = ?1), \
+                     (SELECT count(*) FROM scene JOIN trial ON trial.trial_id = scene.trial_id \
+                      WHERE participant_id = ?1), \
+                     (SELECT withdrawn_at_ms IS NOT NULL FROM participant WHERE id = ?1)",
+                [&id],
+                |row| Ok((row.get(0)?, row.get(1)?, row.get(2)?)),
+            )?;
+            if withdrawn {
+                return Ok(Completion::Withdrawn);
+            }
+            if stored < of {
+                let [missing, of] = [of - stored, of].map(|n| n.unsigned_abs() as usize);
+                return Ok(Completion::Incomplete { missing, of });
+            }
+            let code = db.query_row(
+                "UPDATE participant SET completion_code = coalesce(completion_code, ?2), \
+                     completed_at_ms = coalesce(completed_at_ms, ?3) WHERE id = ?1 \
+                 RETURNING completion_code",
+                params![id, code, now_ms],
+                |row| row.get(0),
+            )?;
+            Ok(Completion::Complete { code })
+        })
+        .await
+    }
+
+    /// Notes a withdrawal; a second one changes nothing. With `delete`, what the participant drove
+    /// and said goes, with everything that was found from it; what stays is a number that took
+    /// part and left, so that counts remain true. Deleted rows are overwritten at once, and leave
+    /// the write-ahead log as soon as nobody reads in it.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub async fn withdraw(
+        &self,
+        participant_id: &str,
+        delete: bool,
+        now_ms: i64,
+    ) -> Result<(), StoreError> {
+        let id = participant_id.to_owned();
+        self.write(move |db| {
+            db.execute(
+                "UPDATE participant SET withdrawn_at_ms = coalesce(withdrawn_at_ms, ?2) \
+                 WHERE id = ?1",
+                params![id, now_ms],
+            )?;
+            if !delete {
+                return Ok(());
+            }
+            analyses::withdraw(db, &id)?;
+            for statement in [
+                "DELETE FROM trial WHERE trial_id IN \
+                     (SELECT trial_id FROM scene WHERE participant_id = ?1)",
+                "DELETE FROM scene WHERE participant_id = ?1",
+                "UPDATE participant SET data_deleted = 1, external_id = NULL, locale = NULL, \
+                     screen = NULL, seed = NULL, request_hash = NULL WHERE id = ?1",
+            ] {
+                db.execute(statement, [&id])?;
+            }
+            Ok(())
+        })
+        .await?;
+        if delete {
+            self.open.writer.empty_log();
+        }
+        Ok(())
+    }
+
+    /// Ids of a study's participants in the order of their numbers.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub async fn participant_ids(&self, study_id: i64) -> Result<Vec<String>, StoreError> {
+        self.read_long(move |db| {
+            let query = "SELECT id FROM participant WHERE study_id = ?1 ORDER BY number";
+            let mut statement = db.prepare_cached(query)?;
+            Ok(statement.query_map([study_id], |row| row.get(0))?.collect::<Result<_, _>>()?)
+        })
+        .await
+    }
+
+    /// How many participants and trials there are in all studies.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub async fn counts(&self) -> Result<[i64; 2], StoreError> {
+        self.read_long(|db| {
+            let query = "SELECT (SELECT count(*) FROM participant), (SELECT count(*) FROM trial)";
+            Ok(db.query_row(query, [], |row| Ok([row.get(0)?, row.get(1)?]))?)
+        })
+        .await
+    }
+}
+
+fn find(db: &Connection, study_id: i64, known: &Known) -> Result<Option<Participant>, StoreError> {
+    let by = |column: &str, value: &dyn rusqlite::ToSql| {
+        let query =
+            format!("SELECT {COLUMNS} FROM participant WHERE study_id = ?1 AND {column} = ?2");
+        let mut statement = db.prepare_cached(&query)?;
+        statement.query_row(params![study_id, value], Participant::of).optional()
+    };
+    if let Some(external_id) = &known.external_id
+        && let Some(found) = by("external_id", external_id)?
+    {
+        return Ok(Some(found));
+    }
+    Ok(match &known.request_hash {
+        Some(request_hash) => by("request_hash", request_hash)?,
+        None => None,
+    })
+}
+
+fn insert(db: &Connection, new: &NewParticipant) -> Result<(), StoreError> {
+    db.prepare_cached(
+        "INSERT INTO participant (id, study_id, number, external_id, request_hash, config_hash, \
+             seed, locale, screen, enrolled_at_ms) \
+         SELECT ?1, ?2, coalesce(max(number), 0) + 1, ?3, ?4, ?5, ?6, ?7, ?8, ?9 \
+         FROM participant WHERE study_id = ?2",
+    )?
+    .execute(params![
+        new.id,
+        new.study_id,
+        new.known.external_id,
+        new.known.request_hash,
+        new.config_hash,
+        new.seed.cast_signed(),
+        new.locale,
+        new.screen,
+        new.enrolled_at_ms,
+    ])?;
     Ok(())
 }
 
-/// Ids of a study's participants in the order of their numbers.
-///
-/// # Errors
-/// If the database cannot be read.
-pub async fn ids(db: &mut Db, study_id: i64) -> Result<Vec<String>, sqlx::Error> {
-    sqlx::query_scalar("SELECT id FROM participant WHERE study_id = $1 ORDER BY number")
-        .bind(study_id)
-        .fetch_all(db)
-        .await
-}
-
-/// How many people there are in all studies.
-///
-/// # Errors
-/// If the database cannot be read.
-pub async fn count(db: &mut Db) -> Result<i64, sqlx::Error> {
-    sqlx::query_scalar("SELECT count(*) FROM participant").fetch_one(db).await
+fn add_token(
+    db: &Connection,
+    participant_id: &str,
+    token_hash: [u8; 32],
+    now_ms: i64,
+) -> Result<(), StoreError> {
+    db.prepare_cached(
+        "INSERT INTO participant_token (hash, participant_id, created_at_ms) VALUES (?1, ?2, ?3)",
+    )?
+    .execute(params![token_hash, participant_id, now_ms])?;
+    Ok(())
 }

@@ -1,6 +1,7 @@
 //! What participants are to drive.
 
-use super::{Db, unknown_word};
+use super::StoreError;
+use rusqlite::{Connection, OptionalExtension, Row, params};
 use sidestep::scene::Scene;
 use sidestep::trial::Phase;
 use sidestep::vehicle::Pose;
@@ -22,150 +23,82 @@ pub struct PlannedRow {
     pub stored: bool,
 }
 
-/// The columns of a scene.
-#[derive(sqlx::FromRow)]
-pub(super) struct SceneColumns {
-    pub(super) ordinal: i64,
-    pub(super) phase: String,
-    pub(super) idx: i64,
-    human_x: f64,
-    human_y: f64,
-    human_psi: f64,
-    robot_x: f64,
-    robot_y: f64,
-    robot_psi: f64,
-    goal_x: f64,
-    goal_y: f64,
+/// The columns that [`scene_of`] reads.
+pub(super) const SCENE: &str = "human_x, human_y, human_psi, robot_x, robot_y, robot_psi, \
+                                goal_x, goal_y";
+
+/// The scene in the columns [`SCENE`], of which the first is at `at`.
+pub(super) fn scene_of(row: &Row<'_>, at: usize) -> rusqlite::Result<Scene> {
+    let number = |i: usize| row.get::<_, f64>(at + i);
+    Ok(Scene {
+        human: Pose::from([number(0)?, number(1)?, number(2)?]),
+        robot: Pose::from([number(3)?, number(4)?, number(5)?]),
+        goal: [number(6)?, number(7)?],
+    })
 }
 
-impl SceneColumns {
-    pub(super) fn scene(&self) -> Scene {
-        Scene {
-            human: Pose::from([self.human_x, self.human_y, self.human_psi]),
-            robot: Pose::from([self.robot_x, self.robot_y, self.robot_psi]),
-            goal: [self.goal_x, self.goal_y],
-        }
-    }
-
-    pub(super) fn phase(&self) -> Result<Phase, sqlx::Error> {
-        Phase::from_word(&self.phase).ok_or_else(|| unknown_word(&self.phase))
-    }
-
-    pub(super) fn index(&self) -> usize {
-        usize::try_from(self.idx).unwrap_or_default()
-    }
-}
-
-#[derive(sqlx::FromRow)]
-struct Row {
-    trial_id: String,
-    stored: bool,
-    #[sqlx(flatten)]
-    columns: SceneColumns,
+pub(super) fn phase_of(word: &str) -> Result<Phase, StoreError> {
+    Phase::from_word(word).ok_or_else(|| StoreError::unknown_word(word))
 }
 
 /// Writes a planned scene down.
-///
-/// # Errors
-/// If the database cannot be written.
-pub async fn insert(
-    db: &mut Db,
+pub(super) fn insert(
+    db: &Connection,
     participant_id: &str,
     planned: &PlannedRow,
-) -> Result<(), sqlx::Error> {
+) -> Result<(), StoreError> {
     let Scene { human, robot, goal } = planned.scene;
-    sqlx::query(
+    db.prepare_cached(
         "INSERT INTO scene (trial_id, participant_id, ordinal, phase, idx, human_x, human_y, \
              human_psi, robot_x, robot_y, robot_psi, goal_x, goal_y) \
-         VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13)",
-    )
-    .bind(&planned.trial_id)
-    .bind(participant_id)
-    .bind(planned.ordinal)
-    .bind(planned.phase.word())
-    .bind(planned.index as i64)
-    .bind(human.x)
-    .bind(human.y)
-    .bind(human.psi)
-    .bind(robot.x)
-    .bind(robot.y)
-    .bind(robot.psi)
-    .bind(goal[0])
-    .bind(goal[1])
-    .execute(db)
-    .await
-    .map(drop)
-}
-
-/// A scene of a participant's plan; nobody else's.
-///
-/// # Errors
-/// If the database cannot be read.
-pub async fn find(
-    db: &mut Db,
-    participant_id: &str,
-    trial_id: &str,
-) -> Result<Option<Scene>, sqlx::Error> {
-    let row: Option<SceneColumns> =
-        sqlx::query_as("SELECT * FROM scene WHERE trial_id = $1 AND participant_id = $2")
-            .bind(trial_id)
-            .bind(participant_id)
-            .fetch_optional(db)
-            .await?;
-    Ok(row.map(|row| row.scene()))
-}
-
-/// Whether anyone's plan has that trial.
-///
-/// # Errors
-/// If the database cannot be read.
-pub async fn exists(db: &mut Db, trial_id: &str) -> Result<bool, sqlx::Error> {
-    sqlx::query_scalar("SELECT count(*) > 0 FROM scene WHERE trial_id = $1")
-        .bind(trial_id)
-        .fetch_one(db)
-        .await
+         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13)",
+    )?
+    .execute(params![
+        planned.trial_id,
+        participant_id,
+        planned.ordinal,
+        planned.phase.word(),
+        planned.index as i64,
+        human.x,
+        human.y,
+        human.psi,
+        robot.x,
+        robot.y,
+        robot.psi,
+        goal[0],
+        goal[1],
+    ])?;
+    Ok(())
 }
 
 /// The first trial of a participant's plan that is not stored.
-///
-/// # Errors
-/// If the database cannot be read.
-pub async fn next(db: &mut Db, participant_id: &str) -> Result<Option<String>, sqlx::Error> {
-    sqlx::query_scalar(
-        "SELECT trial_id FROM scene WHERE participant_id = $1 \
+pub(super) fn next(db: &Connection, participant_id: &str) -> Result<Option<String>, StoreError> {
+    let mut statement = db.prepare_cached(
+        "SELECT trial_id FROM scene WHERE participant_id = ?1 \
              AND NOT EXISTS (SELECT 1 FROM trial WHERE trial.trial_id = scene.trial_id) \
          ORDER BY ordinal LIMIT 1",
-    )
-    .bind(participant_id)
-    .fetch_optional(db)
-    .await
+    )?;
+    Ok(statement.query_row([participant_id], |row| row.get(0)).optional()?)
 }
 
 /// A participant's whole plan, in order.
-///
-/// # Errors
-/// If the database cannot be read.
-pub async fn of_participant(
-    db: &mut Db,
-    participant_id: &str,
-) -> Result<Vec<PlannedRow>, sqlx::Error> {
-    let rows: Vec<Row> = sqlx::query_as(
-        "SELECT scene.*, trial.trial_id IS NOT NULL AS stored FROM scene \
-         LEFT JOIN trial ON trial.trial_id = scene.trial_id \
-         WHERE scene.participant_id = $1 ORDER BY scene.ordinal",
-    )
-    .bind(participant_id)
-    .fetch_all(db)
-    .await?;
-    let planned = |row: Row| {
-        Ok(PlannedRow {
-            ordinal: row.columns.ordinal,
-            phase: row.columns.phase()?,
-            index: row.columns.index(),
-            scene: row.columns.scene(),
-            trial_id: row.trial_id,
-            stored: row.stored,
-        })
-    };
-    rows.into_iter().map(planned).collect()
+pub(super) fn plan(db: &Connection, participant_id: &str) -> Result<Vec<PlannedRow>, StoreError> {
+    let mut statement = db.prepare_cached(&format!(
+        "SELECT scene.trial_id, ordinal, phase, idx, trial.trial_id IS NOT NULL, {SCENE} \
+         FROM scene LEFT JOIN trial ON trial.trial_id = scene.trial_id \
+         WHERE scene.participant_id = ?1 ORDER BY ordinal"
+    ))?;
+    let mut rows = statement.query([participant_id])?;
+    let mut plan = Vec::new();
+    while let Some(row) = rows.next()? {
+        plan.push(PlannedRow {
+            trial_id: row.get(0)?,
+            ordinal: row.get(1)?,
+            phase: phase_of(&row.get::<_, String>(2)?)?,
+            index: usize::try_from(row.get::<_, i64>(3)?).map_err(StoreError::corrupt)?,
+            stored: row.get(4)?,
+            scene: scene_of(row, 5)?,
+        });
+    }
+    Ok(plan)
 }

@@ -1,103 +1,156 @@
 //! Studies and their configurations.
+//!
+//! A configuration is known by the SHA-256 of the JSON that was stored. The hash is computed when
+//! new JSON is stored, here, and nowhere else: it travels with what is read. A configuration that
+//! an earlier version stored keeps its hash, though this version would write it otherwise.
 
-use super::{Db, undecodable};
+use super::{Store, StoreError};
+use rusqlite::{Connection, OptionalExtension, params};
+use sha2::{Digest, Sha256};
 use sidestep::study::StudyConfig;
+use std::sync::{Arc, PoisonError};
 
 /// A study with the configuration that new participants get.
 #[derive(Clone, Debug)]
-pub struct Study {
+pub struct StoredStudy {
     /// Row.
     pub id: i64,
     /// Name in addresses.
     pub slug: String,
     /// What new participants go through.
-    pub config: StudyConfig,
+    pub config: Arc<StudyConfig>,
+    /// The name of that configuration in the database.
+    pub config_hash: String,
 }
 
 /// How much a study holds.
-#[derive(Clone, Debug, sqlx::FromRow)]
+#[derive(Clone, Debug)]
 pub struct StudyCounts {
     /// Name in addresses.
     pub slug: String,
     /// Name shown to people, from the present configuration.
     pub title: String,
     /// People who enrolled or were read from files.
-    pub participants: i64,
+    pub participants: u64,
     /// Trials stored.
-    pub trials: i64,
+    pub trials: u64,
+}
+
+impl Store {
+    /// The study of that name.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub async fn study(&self, slug: &str) -> Result<Option<StoredStudy>, StoreError> {
+        self.read(|db| find(db, slug))
+    }
+
+    /// The configuration of that hash: what a participant was enrolled under.
+    ///
+    /// # Errors
+    /// [`StoreError`], also if it is not there.
+    pub async fn config(&self, hash: &str) -> Result<Arc<StudyConfig>, StoreError> {
+        self.read(|db| self.config_in(db, hash))
+    }
+
+    /// The configuration of that hash, parsed once in the store's life.
+    pub(super) fn config_in(
+        &self,
+        db: &Connection,
+        hash: &str,
+    ) -> Result<Arc<StudyConfig>, StoreError> {
+        let configs = &self.open.configs;
+        if let Some(known) = configs.read().unwrap_or_else(PoisonError::into_inner).get(hash) {
+            return Ok(Arc::clone(known));
+        }
+        let config = Arc::new(config(db, hash)?);
+        let mut configs = configs.write().unwrap_or_else(PoisonError::into_inner);
+        configs.insert(hash.to_owned(), Arc::clone(&config));
+        Ok(config)
+    }
+
+    /// Makes a study, or gives an existing one this configuration for people to come.
+    /// Those who are enrolled keep theirs.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub async fn put_study(
+        &self,
+        new: &StudyConfig,
+        now_ms: i64,
+    ) -> Result<StoredStudy, StoreError> {
+        let new = Arc::new(new.clone());
+        self.write(move |db| put(db, &new, now_ms)).await
+    }
+
+    /// Every study with its counts, oldest first.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub async fn studies(&self) -> Result<Vec<StudyCounts>, StoreError> {
+        self.read_long(|db| {
+            let mut statement = db.prepare_cached(
+                "SELECT study.slug, study_config.json ->> '$.title', \
+                     (SELECT count(*) FROM participant WHERE participant.study_id = study.id), \
+                     (SELECT count(*) FROM trial WHERE trial.study_id = study.id) \
+                 FROM study JOIN study_config ON study_config.hash = study.config_hash \
+                 ORDER BY study.id",
+            )?;
+            let counts = statement.query_map([], |row| {
+                Ok(StudyCounts {
+                    slug: row.get(0)?,
+                    title: row.get(1)?,
+                    participants: row.get::<_, i64>(2)?.unsigned_abs(),
+                    trials: row.get::<_, i64>(3)?.unsigned_abs(),
+                })
+            })?;
+            Ok(counts.collect::<Result<_, _>>()?)
+        })
+        .await
+    }
 }
 
 /// The study of that name.
-///
-/// # Errors
-/// If the database cannot be read.
-pub async fn find(db: &mut Db, slug: &str) -> Result<Option<Study>, sqlx::Error> {
-    let row: Option<(i64, String, String)> = sqlx::query_as(
-        "SELECT study.id, study.slug, study_config.json FROM study \
-         JOIN study_config ON study_config.hash = study.config_hash WHERE study.slug = $1",
-    )
-    .bind(slug)
-    .fetch_optional(db)
-    .await?;
-    row.map(|(id, slug, json)| {
-        let config = serde_json::from_str(&json).map_err(undecodable)?;
-        Ok(Study { id, slug, config })
-    })
-    .transpose()
+pub(super) fn find(db: &Connection, slug: &str) -> Result<Option<StoredStudy>, StoreError> {
+    let mut statement =
+        db.prepare_cached("SELECT id, slug, config_hash FROM study WHERE slug = ?1")?;
+    let row =
+        statement.query_row([slug], |row| Ok((row.get(0)?, row.get(1)?, row.get::<_, String>(2)?)));
+    let Some((id, slug, config_hash)) = row.optional()? else { return Ok(None) };
+    let config = Arc::new(config(db, &config_hash)?);
+    Ok(Some(StoredStudy { id, slug, config, config_hash }))
 }
 
-/// The configuration of that hash: what a participant was enrolled under.
-///
-/// # Errors
-/// If it is not there or the database cannot be read.
-pub async fn config(db: &mut Db, hash: &str) -> Result<StudyConfig, sqlx::Error> {
-    let json: String = sqlx::query_scalar("SELECT json FROM study_config WHERE hash = $1")
-        .bind(hash)
-        .fetch_one(db)
-        .await?;
-    serde_json::from_str(&json).map_err(undecodable)
+fn config(db: &Connection, hash: &str) -> Result<StudyConfig, StoreError> {
+    let mut statement = db.prepare_cached("SELECT json FROM study_config WHERE hash = ?1")?;
+    let json: String = statement.query_row([hash], |row| row.get(0))?;
+    let faulty = |error| StoreError::Corrupt(format!("configuration {hash}: {error}"));
+    serde_json::from_str(&json).map_err(faulty)
 }
 
-/// Makes a study, or gives an existing one this configuration for people to come.
-/// Those who are enrolled keep theirs.
-///
-/// # Errors
-/// If the database cannot be written.
-pub async fn put(db: &mut Db, config: &StudyConfig, now_ms: i64) -> Result<(), sqlx::Error> {
-    let json = serde_json::to_string(config).map_err(undecodable)?;
-    sqlx::query(
-        "INSERT INTO study_config (hash, json) VALUES ($1, $2) ON CONFLICT (hash) DO NOTHING",
-    )
-    .bind(config.hash())
-    .bind(json)
-    .execute(&mut *db)
-    .await?;
-    sqlx::query(
-        "INSERT INTO study (slug, config_hash, created_at_ms) VALUES ($1, $2, $3) \
-         ON CONFLICT (slug) DO UPDATE SET config_hash = excluded.config_hash",
-    )
-    .bind(&config.slug)
-    .bind(config.hash())
-    .bind(now_ms)
-    .execute(db)
-    .await?;
-    Ok(())
-}
-
-/// Every study with its counts, oldest first.
-///
-/// # Errors
-/// If the database cannot be read.
-pub async fn counts(db: &mut Db) -> Result<Vec<StudyCounts>, sqlx::Error> {
-    sqlx::query_as(
-        "SELECT study.slug, study_config.json ->> '$.title' AS title, \
-             (SELECT count(*) FROM participant WHERE participant.study_id = study.id) \
-                 AS participants, \
-             (SELECT count(*) FROM trial JOIN scene ON scene.trial_id = trial.trial_id \
-                 JOIN participant ON participant.id = scene.participant_id \
-                 WHERE participant.study_id = study.id) AS trials \
-         FROM study JOIN study_config ON study_config.hash = study.config_hash ORDER BY study.id",
-    )
-    .fetch_all(db)
-    .await
+/// Stores a configuration under the hash of its JSON, unless the study has an equal one.
+pub(super) fn put(
+    db: &Connection,
+    new: &Arc<StudyConfig>,
+    now_ms: i64,
+) -> Result<StoredStudy, StoreError> {
+    // Equal in meaning, though an earlier version may have written it otherwise.
+    if let Some(known) = find(db, &new.slug)?
+        && known.config == *new
+    {
+        return Ok(known);
+    }
+    let json = serde_json::to_string(&**new).map_err(StoreError::corrupt)?;
+    let hash = hex::encode(Sha256::digest(json.as_bytes()));
+    db.execute(
+        "INSERT INTO study_config (hash, json) VALUES (?1, ?2) ON CONFLICT (hash) DO NOTHING",
+        params![hash, json],
+    )?;
+    let id = db.query_row(
+        "INSERT INTO study (slug, config_hash, created_at_ms) VALUES (?1, ?2, ?3) \
+         ON CONFLICT (slug) DO UPDATE SET config_hash = excluded.config_hash RETURNING id",
+        params![new.slug, hash, now_ms],
+        |row| row.get(0),
+    )?;
+    Ok(StoredStudy { id, slug: new.slug.clone(), config: Arc::clone(new), config_hash: hash })
 }

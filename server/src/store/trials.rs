@@ -1,44 +1,103 @@
 //! Trials as they were driven.
 
-use super::octets::{pack, pack_inputs, pack_states, unpack, unpack_inputs, unpack_states};
-use super::scenes::SceneColumns;
-use super::{Db, undecodable, unknown_word};
+use super::bytes::{pack, pack_inputs, pack_states, unpack, unpack_inputs, unpack_states};
+use super::participants::Participant;
+use super::scenes::{self, SCENE, phase_of, scene_of};
+use super::{Store, StoreError};
+use crate::content::{Content, Recipe};
+use rusqlite::{Connection, OptionalExtension, Row, params};
 use serde::Deserialize;
 use sidestep::scene::{JointState, Scene};
+use sidestep::study::StudyConfig;
 use sidestep::trial::{Flag, Outcome, Phase};
 use sidestep::vehicle::TurnInput;
+use std::sync::Arc;
 
 /// A trial to be stored.
 #[derive(Clone, Debug)]
-pub struct NewTrial<'a> {
+pub struct NewTrial {
     /// The planned scene that was driven.
-    pub trial_id: &'a str,
-    /// SHA-256 of the content.
+    pub trial_id: String,
+    /// By which recipe the content is hashed.
+    pub recipe: Recipe,
+    /// Hash of the content.
     pub content_hash: [u8; 32],
     /// Now.
     pub received_at_ms: i64,
     /// The participant's clock, where it is known.
     pub started_at_ms: Option<f64>,
     /// The input held in each step.
-    pub inputs: &'a [TurnInput],
+    pub inputs: Vec<TurnInput>,
     /// Before each step, and after the last.
-    pub states: &'a [JointState],
+    pub states: Vec<JointState>,
     /// When each input was sampled, where it is known.
-    pub sampled_at_ms: Option<&'a [f64]>,
+    pub sampled_at_ms: Option<Vec<f64>>,
     /// What the keys did, as JSON.
-    pub key_events: &'a str,
+    pub key_events: String,
     /// The display, as JSON.
-    pub display: &'a str,
+    pub display: String,
     /// What an analyst should know.
-    pub flags: &'a [Flag],
+    pub flags: Vec<Flag>,
     /// What came of it.
     pub outcome: Outcome,
+}
+
+impl NewTrial {
+    /// What is hashed.
+    #[must_use]
+    pub fn content(&self) -> Content<'_> {
+        Content {
+            started_at_ms: self.started_at_ms,
+            inputs: &self.inputs,
+            states: &self.states,
+            sampled_at_ms: self.sampled_at_ms.as_deref(),
+            key_events: &self.key_events,
+            display: &self.display,
+        }
+    }
+}
+
+/// What a participant is about to send: who they are and what was assigned.
+#[derive(Clone, Debug)]
+pub struct Assignment {
+    /// Who.
+    pub participant: Participant,
+    /// The configuration they were enrolled under.
+    pub config: Arc<StudyConfig>,
+    /// The scene of the trial; none if it is not of their plan.
+    pub scene: Option<Scene>,
+}
+
+/// What became of an upload.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum PutTrial {
+    /// It is stored.
+    Stored {
+        /// The trial that comes next; none after the last.
+        next: Option<String>,
+    },
+    /// The same content was stored before.
+    Same {
+        /// The trial that comes next; none after the last.
+        next: Option<String>,
+    },
+    /// Other content is stored, and stays.
+    Different,
+    /// Another trial comes first.
+    OutOfOrder {
+        /// Which.
+        next: String,
+    },
+    /// The participant has withdrawn; nothing is stored any more.
+    Withdrawn,
+    /// It is not of this participant's plan.
+    Unknown,
 }
 
 /// Which trial it is, and what came of it.
 #[derive(Clone, Debug)]
 pub struct TrialHead {
-    /// Rises with every trial stored.
+    /// Rises with every trial stored; never used twice.
     pub sequence: i64,
     /// The trial.
     pub trial_id: String,
@@ -83,11 +142,26 @@ pub struct StoredTrial {
     pub key_events: String,
     /// The display, as JSON.
     pub display: String,
-    /// SHA-256 of the content when it was stored.
-    pub content_hash: Vec<u8>,
+    /// By which recipe the content was hashed.
+    pub recipe: Recipe,
+    /// Hash of the content when it was stored.
+    pub content_hash: [u8; 32],
 }
 
 impl StoredTrial {
+    /// What is hashed.
+    #[must_use]
+    pub fn content(&self) -> Content<'_> {
+        Content {
+            started_at_ms: self.started_at_ms,
+            inputs: &self.inputs,
+            states: &self.states,
+            sampled_at_ms: self.sampled_at_ms.as_deref(),
+            key_events: &self.key_events,
+            display: &self.display,
+        }
+    }
+
     /// What an upload's display, or a file when it was imported, says of who drove.
     #[must_use]
     pub fn is_synthetic(&self) -> bool {
@@ -101,79 +175,158 @@ impl StoredTrial {
     }
 }
 
-#[derive(sqlx::FromRow)]
-struct HeadColumns {
-    sequence: i64,
-    trial_id: String,
-    participant_id: String,
-    participant_number: i64,
-    received_at_ms: i64,
-    flags: String,
-    closest_m: f64,
-    first_step_in_danger: Option<i64>,
-    avoidance_first: Option<i64>,
-    avoidance_last: Option<i64>,
-    #[sqlx(flatten)]
-    scene: SceneColumns,
-}
-
-#[derive(sqlx::FromRow)]
-struct WholeColumns {
-    #[sqlx(flatten)]
-    head: HeadColumns,
-    study: String,
-    config_hash: String,
-    started_at_ms: Option<f64>,
-    inputs: Vec<u8>,
-    states: Vec<u8>,
-    sampled_at_ms: Option<Vec<u8>>,
-    key_events: String,
-    display: String,
-    content_hash: Vec<u8>,
-}
-
-impl TryFrom<HeadColumns> for TrialHead {
-    type Error = sqlx::Error;
-
-    fn try_from(row: HeadColumns) -> Result<Self, sqlx::Error> {
-        let step = |column: Option<i64>| column.and_then(|step| usize::try_from(step).ok());
-        Ok(Self {
-            ordinal: row.scene.ordinal,
-            phase: row.scene.phase()?,
-            index: row.scene.index(),
-            flags: flags(&row.flags)?,
-            outcome: Outcome {
-                closest_m: row.closest_m,
-                first_step_in_danger: step(row.first_step_in_danger),
-                avoidance: step(row.avoidance_first).zip(step(row.avoidance_last)),
-            },
-            sequence: row.sequence,
-            trial_id: row.trial_id,
-            participant_id: row.participant_id,
-            participant_number: row.participant_number,
-            received_at_ms: row.received_at_ms,
+impl Store {
+    /// Who has the token with that hash, and what was assigned to them under `trial_id`; none for
+    /// an unknown token.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub async fn assignment(
+        &self,
+        token_hash: [u8; 32],
+        trial_id: &str,
+    ) -> Result<Option<Assignment>, StoreError> {
+        self.read(|db| {
+            let mut statement = db.prepare_cached(&format!(
+                "SELECT participant.id, study_id, number, config_hash, completion_code, \
+                     withdrawn_at_ms, scene.trial_id IS NOT NULL, {SCENE} \
+                 FROM participant_token \
+                 JOIN participant ON participant.id = participant_token.participant_id \
+                 LEFT JOIN scene ON scene.trial_id = ?2 AND scene.participant_id = participant.id \
+                 WHERE participant_token.hash = ?1"
+            ))?;
+            let found = statement.query_row(params![token_hash, trial_id], |row| {
+                let scene = if row.get(6)? { Some(scene_of(row, 7)?) } else { None };
+                Ok((Participant::of(row)?, scene))
+            });
+            let Some((participant, scene)) = found.optional()? else { return Ok(None) };
+            let config = self.config_in(db, &participant.config_hash)?;
+            Ok(Some(Assignment { participant, config, scene }))
         })
+    }
+
+    /// Stores a participant's trial, if it is its turn. What is stored never changes.
+    ///
+    /// # Errors
+    /// [`StoreError`]. Then nothing was stored.
+    pub async fn put_trial(
+        &self,
+        participant_id: &str,
+        trial: NewTrial,
+    ) -> Result<PutTrial, StoreError> {
+        let participant_id = participant_id.to_owned();
+        self.write(move |db| put(db, &participant_id, &trial)).await
+    }
+
+    /// At most `limit` trials of a study, newest first, from before `before`.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub async fn trials_page(
+        &self,
+        study_id: i64,
+        before: i64,
+        limit: i64,
+    ) -> Result<Vec<TrialHead>, StoreError> {
+        self.read_long(move |db| {
+            let mut statement = db.prepare_cached(&format!(
+                "SELECT {HEAD} FROM stored_trial WHERE study_id = ?1 AND sequence < ?2 \
+                 ORDER BY sequence DESC LIMIT ?3"
+            ))?;
+            let mut rows = statement.query(params![study_id, before, limit])?;
+            let mut heads = Vec::new();
+            while let Some(row) = rows.next()? {
+                heads.push(head_of(row)?);
+            }
+            Ok(heads)
+        })
+        .await
+    }
+
+    /// The trial of that id.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub async fn trial(&self, trial_id: &str) -> Result<Option<StoredTrial>, StoreError> {
+        let trial_id = trial_id.to_owned();
+        let found = self.read_long(move |db| whole(db, "trial_id", &trial_id)).await?;
+        Ok(found.into_iter().next())
+    }
+
+    /// Everything that a participant drove, in the plan's order.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub async fn trials_of(&self, participant_id: &str) -> Result<Vec<StoredTrial>, StoreError> {
+        let participant_id = participant_id.to_owned();
+        self.read_long(move |db| whole(db, "participant_id", &participant_id)).await
     }
 }
 
-impl TryFrom<WholeColumns> for StoredTrial {
-    type Error = sqlx::Error;
+/// The columns that [`head_of`] reads.
+const HEAD: &str = "sequence, trial_id, participant_id, participant_number, ordinal, phase, idx, \
+                    received_at_ms, flags, closest_m, first_step_in_danger, avoidance_first, \
+                    avoidance_last";
 
-    fn try_from(row: WholeColumns) -> Result<Self, sqlx::Error> {
-        Ok(Self {
-            scene: row.head.scene.scene(),
-            head: row.head.try_into()?,
-            study: row.study,
-            config_hash: row.config_hash,
-            started_at_ms: row.started_at_ms,
-            inputs: unpack_inputs(&row.inputs).map_err(undecodable)?,
-            states: unpack_states(&row.states),
-            sampled_at_ms: row.sampled_at_ms.as_deref().map(unpack),
-            key_events: row.key_events,
-            display: row.display,
-            content_hash: row.content_hash,
-        })
+fn head_of(row: &Row<'_>) -> Result<TrialHead, StoreError> {
+    let step = |column: usize| -> Result<Option<usize>, StoreError> {
+        let step: Option<i64> = row.get(column)?;
+        step.map(usize::try_from).transpose().map_err(StoreError::corrupt)
+    };
+    Ok(TrialHead {
+        sequence: row.get(0)?,
+        trial_id: row.get(1)?,
+        participant_id: row.get(2)?,
+        participant_number: row.get(3)?,
+        ordinal: row.get(4)?,
+        phase: phase_of(&row.get::<_, String>(5)?)?,
+        index: usize::try_from(row.get::<_, i64>(6)?).map_err(StoreError::corrupt)?,
+        received_at_ms: row.get(7)?,
+        flags: flags(&row.get::<_, String>(8)?)?,
+        outcome: Outcome {
+            closest_m: row.get(9)?,
+            first_step_in_danger: step(10)?,
+            avoidance: step(11)?.zip(step(12)?),
+        },
+    })
+}
+
+/// The trials with that value in a column, in the plan's order.
+fn whole(
+    db: &Connection,
+    column: &'static str,
+    value: &str,
+) -> Result<Vec<StoredTrial>, StoreError> {
+    let mut statement = db.prepare_cached(&format!(
+        "SELECT {HEAD}, study, config_hash, started_at_ms, inputs, states, sampled_at_ms, \
+             key_events, display, content_version, content_hash, {SCENE} \
+         FROM stored_trial WHERE {column} = ?1 ORDER BY ordinal"
+    ))?;
+    let mut rows = statement.query([value])?;
+    let mut trials = Vec::new();
+    while let Some(row) = rows.next()? {
+        let sampled_at_ms: Option<Vec<u8>> = row.get(18)?;
+        trials.push(StoredTrial {
+            head: head_of(row)?,
+            study: row.get(13)?,
+            config_hash: row.get(14)?,
+            started_at_ms: row.get(15)?,
+            inputs: unpack_inputs(&row.get::<_, Vec<u8>>(16)?).map_err(StoreError::corrupt)?,
+            states: unpack_states(&row.get::<_, Vec<u8>>(17)?),
+            sampled_at_ms: sampled_at_ms.as_deref().map(unpack),
+            key_events: row.get(19)?,
+            display: row.get(20)?,
+            recipe: recipe(row.get(21)?)?,
+            content_hash: row.get(22)?,
+            scene: scene_of(row, 23)?,
+        });
     }
+    Ok(trials)
+}
+
+fn recipe(number: i64) -> Result<Recipe, StoreError> {
+    let unknown = || StoreError::Corrupt(format!("unknown content version {number}"));
+    Recipe::from_number(number).ok_or_else(unknown)
 }
 
 /// Flags as they are stored and exported: words joined by semicolons.
@@ -183,109 +336,110 @@ pub fn flag_words(flags: &[Flag]) -> String {
     words.join(";")
 }
 
-fn flags(words: &str) -> Result<Vec<Flag>, sqlx::Error> {
-    let known = |word| Flag::from_word(word).ok_or_else(|| unknown_word(word));
+fn flags(words: &str) -> Result<Vec<Flag>, StoreError> {
+    let known = |word| Flag::from_word(word).ok_or_else(|| StoreError::unknown_word(word));
     words.split(';').filter(|word| !word.is_empty()).map(known).collect()
 }
 
-/// Stores a trial.
-///
-/// # Errors
-/// If its scene has one, or the database cannot be written.
-pub async fn insert(db: &mut Db, new: &NewTrial<'_>) -> Result<(), sqlx::Error> {
+/// What is known of a trial's place under the write lock.
+struct Place {
+    study_id: i64,
+    withdrawn: bool,
+    stored: Option<(i64, [u8; 32])>,
+    /// Whether the trial ahead of it is stored, or there is none. Trials are only stored in
+    /// order, so then everything ahead is.
+    its_turn: bool,
+    next: Option<String>,
+}
+
+fn put(db: &Connection, participant_id: &str, trial: &NewTrial) -> Result<PutTrial, StoreError> {
+    let mut statement = db.prepare_cached(
+        "SELECT participant.study_id, participant.withdrawn_at_ms IS NOT NULL, \
+             trial.content_version, trial.content_hash, \
+             scene.ordinal = 0 OR EXISTS (SELECT 1 FROM scene AS ahead \
+                 JOIN trial ON trial.trial_id = ahead.trial_id \
+                 WHERE ahead.participant_id = ?1 AND ahead.ordinal = scene.ordinal - 1), \
+             (SELECT after.trial_id FROM scene AS after \
+                 WHERE after.participant_id = ?1 AND after.ordinal = scene.ordinal + 1) \
+         FROM scene JOIN participant ON participant.id = scene.participant_id \
+         LEFT JOIN trial ON trial.trial_id = scene.trial_id \
+         WHERE scene.trial_id = ?2 AND scene.participant_id = ?1",
+    )?;
+    let place = statement.query_row(params![participant_id, trial.trial_id], |row| {
+        let version: Option<i64> = row.get(2)?;
+        Ok(Place {
+            study_id: row.get(0)?,
+            withdrawn: row.get(1)?,
+            stored: match version {
+                Some(version) => Some((version, row.get(3)?)),
+                None => None,
+            },
+            its_turn: row.get(4)?,
+            next: row.get(5)?,
+        })
+    });
+    let Some(place) = place.optional()? else {
+        return Ok(match is_withdrawn(db, participant_id)? {
+            true => PutTrial::Withdrawn,
+            false => PutTrial::Unknown,
+        });
+    };
+    if place.withdrawn {
+        return Ok(PutTrial::Withdrawn);
+    }
+    if let Some((version, hash)) = place.stored {
+        let recipe = recipe(version)?;
+        let same = match recipe == trial.recipe {
+            true => trial.content_hash,
+            false => recipe.hash(&trial.content()),
+        };
+        return Ok(match hash == same {
+            true => PutTrial::Same { next: scenes::next(db, participant_id)? },
+            false => PutTrial::Different,
+        });
+    }
+    if !place.its_turn {
+        let next = scenes::next(db, participant_id)?;
+        let next = next.ok_or_else(|| StoreError::corrupt("a plan without a next trial"))?;
+        return Ok(PutTrial::OutOfOrder { next });
+    }
+    insert(db, place.study_id, trial)?;
+    Ok(PutTrial::Stored { next: place.next })
+}
+
+fn is_withdrawn(db: &Connection, participant_id: &str) -> Result<bool, StoreError> {
+    let query = "SELECT withdrawn_at_ms IS NOT NULL FROM participant WHERE id = ?1";
+    let found = db.prepare_cached(query)?.query_row([participant_id], |row| row.get(0));
+    Ok(found.optional()?.unwrap_or(false))
+}
+
+/// Writes a trial down.
+pub(super) fn insert(db: &Connection, study_id: i64, new: &NewTrial) -> Result<(), StoreError> {
     let step = |step: Option<usize>| step.map(|step| step as i64);
     let avoidance = new.outcome.avoidance;
-    sqlx::query(
-        "INSERT INTO trial (trial_id, content_hash, received_at_ms, started_at_ms, inputs, states, \
-             sampled_at_ms, key_events, display, flags, closest_m, first_step_in_danger, \
-             avoidance_first, avoidance_last) \
-         VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13, $14)",
-    )
-    .bind(new.trial_id)
-    .bind(&new.content_hash[..])
-    .bind(new.received_at_ms)
-    .bind(new.started_at_ms)
-    .bind(pack_inputs(new.inputs))
-    .bind(pack_states(new.states))
-    .bind(new.sampled_at_ms.map(|times| pack(times.iter().copied())))
-    .bind(new.key_events)
-    .bind(new.display)
-    .bind(flag_words(new.flags))
-    .bind(new.outcome.closest_m)
-    .bind(step(new.outcome.first_step_in_danger))
-    .bind(step(avoidance.map(|(first, _)| first)))
-    .bind(step(avoidance.map(|(_, last)| last)))
-    .execute(db)
-    .await
-    .map(drop)
-}
-
-/// The content hash of a trial, if it is stored.
-///
-/// # Errors
-/// If the database cannot be read.
-pub async fn content_hash(db: &mut Db, trial_id: &str) -> Result<Option<Vec<u8>>, sqlx::Error> {
-    sqlx::query_scalar("SELECT content_hash FROM trial WHERE trial_id = $1")
-        .bind(trial_id)
-        .fetch_optional(db)
-        .await
-}
-
-/// At most `limit` trials of a study, newest first, from before `before`.
-///
-/// # Errors
-/// If the database cannot be read.
-pub async fn page(
-    db: &mut Db,
-    study_id: i64,
-    before: i64,
-    limit: i64,
-) -> Result<Vec<TrialHead>, sqlx::Error> {
-    let rows: Vec<HeadColumns> = sqlx::query_as(
-        "SELECT * FROM stored_trial WHERE study_id = $1 AND sequence < $2 \
-         ORDER BY sequence DESC LIMIT $3",
-    )
-    .bind(study_id)
-    .bind(before)
-    .bind(limit)
-    .fetch_all(db)
-    .await?;
-    rows.into_iter().map(TrialHead::try_from).collect()
-}
-
-/// The trial of that id.
-///
-/// # Errors
-/// If the database cannot be read.
-pub async fn find(db: &mut Db, trial_id: &str) -> Result<Option<StoredTrial>, sqlx::Error> {
-    let row: Option<WholeColumns> =
-        sqlx::query_as("SELECT * FROM stored_trial WHERE trial_id = $1")
-            .bind(trial_id)
-            .fetch_optional(db)
-            .await?;
-    row.map(StoredTrial::try_from).transpose()
-}
-
-/// Everything that a participant drove, in the plan's order.
-///
-/// # Errors
-/// If the database cannot be read.
-pub async fn of_participant(
-    db: &mut Db,
-    participant_id: &str,
-) -> Result<Vec<StoredTrial>, sqlx::Error> {
-    let rows: Vec<WholeColumns> =
-        sqlx::query_as("SELECT * FROM stored_trial WHERE participant_id = $1 ORDER BY ordinal")
-            .bind(participant_id)
-            .fetch_all(db)
-            .await?;
-    rows.into_iter().map(StoredTrial::try_from).collect()
-}
-
-/// How many trials there are in all studies.
-///
-/// # Errors
-/// If the database cannot be read.
-pub async fn count(db: &mut Db) -> Result<i64, sqlx::Error> {
-    sqlx::query_scalar("SELECT count(*) FROM trial").fetch_one(db).await
+    db.prepare_cached(
+        "INSERT INTO trial (trial_id, study_id, content_version, content_hash, received_at_ms, \
+             started_at_ms, inputs, states, sampled_at_ms, key_events, display, flags, closest_m, \
+             first_step_in_danger, avoidance_first, avoidance_last) \
+         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13, ?14, ?15, ?16)",
+    )?
+    .execute(params![
+        new.trial_id,
+        study_id,
+        new.recipe.number(),
+        new.content_hash,
+        new.received_at_ms,
+        new.started_at_ms,
+        pack_inputs(&new.inputs),
+        pack_states(&new.states),
+        new.sampled_at_ms.as_ref().map(|times| pack(times.iter().copied())),
+        new.key_events,
+        new.display,
+        flag_words(&new.flags),
+        new.outcome.closest_m,
+        step(new.outcome.first_step_in_danger),
+        step(avoidance.map(|(first, _)| first)),
+        step(avoidance.map(|(_, last)| last)),
+    ])?;
+    Ok(())
 }

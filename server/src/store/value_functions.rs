@@ -1,83 +1,98 @@
-//! Octets of value functions, and which of them a configuration's safety levels are
+//! Bytes of value functions, and which of them a configuration's safety levels are
 //! read from.
 
-use super::{Db, undecodable};
+use super::{Store, StoreError};
+use rusqlite::{OptionalExtension, params};
 use sidestep::scene::Evader;
 use sidestep::study::StudyConfig;
+use std::sync::Arc;
 
-/// Keeps octets under their id, and says that the safety level of `evader` is read
-/// from them. Where there is a function already, that one stands.
-///
-/// # Errors
-/// If the configuration is not there or the database cannot be written.
-pub async fn put(
-    db: &mut Db,
-    config_hash: &str,
-    evader: Evader,
-    id: &str,
-    octets: &[u8],
-) -> Result<(), sqlx::Error> {
-    sqlx::query(
-        "INSERT INTO value_function (id, octets) VALUES ($1, $2) ON CONFLICT (id) DO NOTHING",
-    )
-    .bind(id)
-    .bind(octets)
-    .execute(&mut *db)
-    .await?;
-    sqlx::query(
-        "INSERT INTO safety_function (config_hash, evader, value_function_id) \
-         VALUES ($1, $2, $3) ON CONFLICT (config_hash, evader) DO NOTHING",
-    )
-    .bind(config_hash)
-    .bind(evader.word())
-    .bind(id)
-    .execute(db)
-    .await
-    .map(drop)
+/// A value function as it is kept.
+#[derive(Clone, Debug)]
+pub struct NewValueFunction {
+    /// Whose safety level is read from it.
+    pub evader: Evader,
+    /// SHA-256 of the bytes.
+    pub id: String,
+    /// Its encoded form.
+    pub bytes: Vec<u8>,
 }
 
-/// The octets of that id.
-///
-/// # Errors
-/// If the database cannot be read.
-pub async fn find(db: &mut Db, id: &str) -> Result<Option<Vec<u8>>, sqlx::Error> {
-    sqlx::query_scalar("SELECT octets FROM value_function WHERE id = $1")
-        .bind(id)
-        .fetch_optional(db)
+impl Store {
+    /// Keeps value functions under their ids, and notes which safety levels of a configuration
+    /// are read from them. Where there is a function already, that one stands.
+    ///
+    /// # Errors
+    /// [`StoreError`], also if there is no such configuration.
+    pub async fn put_value_functions(
+        &self,
+        config_hash: &str,
+        functions: Vec<NewValueFunction>,
+    ) -> Result<(), StoreError> {
+        let config_hash = config_hash.to_owned();
+        self.write_behind(move |db| {
+            for NewValueFunction { evader, id, bytes } in &functions {
+                db.execute(
+                    "INSERT INTO value_function (id, octets) VALUES (?1, ?2) \
+                     ON CONFLICT (id) DO NOTHING",
+                    params![id, bytes],
+                )?;
+                db.execute(
+                    "INSERT INTO safety_function (config_hash, evader, value_function_id) \
+                     VALUES (?1, ?2, ?3) ON CONFLICT (config_hash, evader) DO NOTHING",
+                    params![config_hash, evader.word(), id],
+                )?;
+            }
+            Ok(())
+        })
         .await
-}
+    }
 
-/// The id of the function that the safety level of `evader` is read from.
-///
-/// # Errors
-/// If the database cannot be read.
-pub async fn id_of(
-    db: &mut Db,
-    config_hash: &str,
-    evader: Evader,
-) -> Result<Option<String>, sqlx::Error> {
-    sqlx::query_scalar(
-        "SELECT value_function_id FROM safety_function WHERE config_hash = $1 AND evader = $2",
-    )
-    .bind(config_hash)
-    .bind(evader.word())
-    .fetch_optional(db)
-    .await
-}
+    /// The bytes of that id.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub async fn value_function(&self, id: &str) -> Result<Option<Vec<u8>>, StoreError> {
+        let id = id.to_owned();
+        self.read_long(move |db| {
+            let query = "SELECT octets FROM value_function WHERE id = ?1";
+            Ok(db.prepare_cached(query)?.query_row([id], |row| row.get(0)).optional()?)
+        })
+        .await
+    }
 
-/// Every configuration that lacks a function, with its hash.
-///
-/// # Errors
-/// If the database cannot be read.
-pub async fn unsolved(db: &mut Db) -> Result<Vec<(String, StudyConfig)>, sqlx::Error> {
-    let rows: Vec<(String, String)> = sqlx::query_as(
-        "SELECT hash, json FROM study_config WHERE \
-             (SELECT count(*) FROM safety_function WHERE config_hash = hash) < 2",
-    )
-    .fetch_all(db)
-    .await?;
-    let parsed = |(hash, json): (String, String)| {
-        Ok((hash, serde_json::from_str(&json).map_err(undecodable)?))
-    };
-    rows.into_iter().map(parsed).collect()
+    /// The id of the function that the safety level of `evader` is read from.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub async fn value_function_id(
+        &self,
+        config_hash: &str,
+        evader: Evader,
+    ) -> Result<Option<String>, StoreError> {
+        self.read(|db| {
+            let mut statement = db.prepare_cached(
+                "SELECT value_function_id FROM safety_function \
+                 WHERE config_hash = ?1 AND evader = ?2",
+            )?;
+            let found = statement.query_row([config_hash, evader.word()], |row| row.get(0));
+            Ok(found.optional()?)
+        })
+    }
+
+    /// Every configuration that lacks a function, with its hash.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub async fn unsolved(&self) -> Result<Vec<(String, Arc<StudyConfig>)>, StoreError> {
+        self.read(|db| {
+            let mut statement = db.prepare(
+                "SELECT hash FROM study_config WHERE \
+                     (SELECT count(*) FROM safety_function WHERE config_hash = hash) < 2",
+            )?;
+            let hashes = statement.query_map([], |row| row.get::<_, String>(0))?;
+            let hashes = hashes.collect::<Result<Vec<_>, _>>()?;
+            hashes.into_iter().map(|hash| Ok((hash.clone(), self.config_in(db, &hash)?))).collect()
+        })
+    }
 }

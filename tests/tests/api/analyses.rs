@@ -7,8 +7,7 @@ use sidestep::comparison::Request;
 use sidestep::safety::SafetyQuality;
 use sidestep::scene::{Evader, SceneParameters};
 use sidestep::vehicle::{TurnInput, VehicleModel};
-use sidestep_tests::{Answer, Driver, Server, sidestep, upload, upload_with};
-use sqlx::{Connection, SqliteConnection};
+use sidestep_tests::{Answer, Driver, Server, behind, sidestep, upload, upload_with};
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -101,12 +100,9 @@ fn contents(root: &Path, folder: &Path, found: &mut BTreeMap<String, Vec<u8>>) {
 }
 
 /// So many rows of a table, read behind the server's back.
-async fn count(server: &Server, table: &str) -> i64 {
-    let mut db = SqliteConnection::connect(&server.database()).await.unwrap();
-    let query = sqlx::AssertSqlSafe(format!("SELECT count(*) FROM {table}"));
-    let rows = sqlx::query_scalar(query).fetch_one(&mut db).await.unwrap();
-    db.close().await.unwrap();
-    rows
+fn count(server: &Server, table: &str) -> i64 {
+    let query = format!("SELECT count(*) FROM {table}");
+    behind(&server.database()).query_row(&query, [], |row| row.get(0)).unwrap()
 }
 
 #[tokio::test]
@@ -178,13 +174,13 @@ async fn a_study_is_analysed_as_by_the_command() {
     }
 
     // A second one with the same data finds every cell there, and the same again.
-    let cells = count(&server, "analysis_cell").await;
+    let cells = count(&server, "analysis_cell");
     assert!(cells > 0);
     let again = ask(&server, json!({ "leakage": true })).await;
     assert_ne!(again.id, asked.id);
     let second = done(&server, &again.id).await;
     assert_eq!(second.files, detail.files);
-    assert_eq!(count(&server, "analysis_cell").await, cells);
+    assert_eq!(count(&server, "analysis_cell"), cells);
 
     // Another set and another grid: only what is new is computed, and told beside the rest.
     let slopes = json!({ "slopes": ["v_h", "dv_h_ahead", "dv_h_left"] });
@@ -219,7 +215,7 @@ async fn a_study_is_analysed_as_by_the_command() {
     assert_eq!(file(&server, &asked.id, "table1.csv").await.status(), 404);
     let files = show(&server, &second.summary.id).await.files.len()
         + show(&server, &wider.id).await.files.len();
-    assert_eq!(count(&server, "analysis_file").await, files as i64);
+    assert_eq!(count(&server, "analysis_file"), files as i64);
 }
 
 #[tokio::test]
@@ -240,10 +236,10 @@ async fn a_queue_that_can_be_cancelled_and_outlives_the_server() {
     let third = ask(&server, json!({ "synthetic": true })).await;
 
     // The server ends and starts again: the first goes on with what it had.
-    let kept = count(&server, "analysis_cell").await;
+    let kept = count(&server, "analysis_cell");
     assert!(kept >= 10, "{kept}");
     let server = server.restarted().await;
-    assert!(count(&server, "analysis_cell").await >= kept);
+    assert!(count(&server, "analysis_cell") >= kept);
     until(&server, &first.id, |now| now.state == AnalysisState::Running).await;
 
     // One that waits and one that is being made are cancelled alike, also twice.
@@ -275,10 +271,10 @@ async fn who_withdraws_their_data_withdraws_them_from_analyses_too() {
 
     // Who drove nothing takes nothing with them.
     let passing = Driver::enrol(&server).await;
-    let cells = count(&server, "analysis_cell").await;
+    let cells = count(&server, "analysis_cell");
     assert_eq!(passing.withdraw(&server, "delete").await.status, 204);
     assert_eq!(show(&server, &before.id).await.summary.state, AnalysisState::Done);
-    assert!(count(&server, "analysis_cell").await >= cells);
+    assert!(count(&server, "analysis_cell") >= cells);
     // Who leaves and lets their data be used changes nothing.
     assert_eq!(stays.withdraw(&server, "keep").await.status, 204);
     assert_eq!(show(&server, &before.id).await.summary.state, AnalysisState::Done);
@@ -295,7 +291,7 @@ async fn who_withdraws_their_data_withdraws_them_from_analyses_too() {
     }
     let after = ask(&server, json!({})).await;
     assert_eq!(done(&server, &after.id).await.summary.result.unwrap().participants, 1);
-    assert_eq!(count(&server, "analysis_file WHERE analysis = 1").await, 0);
+    assert_eq!(count(&server, "analysis_file WHERE analysis = 1"), 0);
 }
 
 #[tokio::test]

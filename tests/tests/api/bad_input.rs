@@ -56,7 +56,7 @@ async fn bodies_that_are_no_trial() {
             |t| t["key_events"] = json!([{ "t_ms": 1, "key": "a\nb", "down": true }]),
             "key_events[0].key",
         ),
-        (|t| t["key_events"] = json!([{ "t_ms": 1, "key": "a" }]), "key_events[0]"),
+        (|t| t["key_events"] = json!([{ "t_ms": 1, "key": "a" }]), "key_events[0].down"),
         (|t| t["display"] = json!({ "x": "y".repeat(9000) }), "display"),
         (|t| t["display"] = json!(1), "display"),
         (|t| t["extra"] = json!(1), "extra"),
@@ -105,7 +105,7 @@ async fn enrolments_that_are_none() {
     let long = "x".repeat(129);
     let table = [
         (json!({ "consent": false }), "consent"),
-        (json!({}), ""),
+        (json!({}), "consent"),
         (json!({ "consent": true, "external_id": "" }), "external_id"),
         (json!({ "consent": true, "external_id": long }), "external_id"),
         (json!({ "consent": true, "external_id": "a\r\nSet-Cookie: b" }), "external_id"),

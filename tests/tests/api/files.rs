@@ -3,7 +3,7 @@
 use sidestep::scene::JointState;
 use sidestep::vehicle::Pose;
 use sidestep_tests::server::SHORT_STUDY;
-use sidestep_tests::{Driver, Process, Server, driven, sidestep};
+use sidestep_tests::{Driver, Process, Server, behind, driven, sidestep};
 use std::path::Path;
 use std::process::Output;
 use tempfile::TempDir;
@@ -236,13 +236,8 @@ async fn a_check_finds_what_was_tampered_with() {
     let sound = json(&sidestep(&["check", "--database", &database]).await);
     assert_eq!((&sound["trials"], &sound["flagged"]), (&1.into(), &1.into()));
 
-    let pool = sqlx::SqlitePool::connect(&database).await.unwrap();
-    sqlx::query("UPDATE trial SET inputs = $1")
-        .bind([vec![0; 49], vec![1]].concat())
-        .execute(&pool)
-        .await
-        .unwrap();
-    pool.close().await;
+    let inputs = [vec![0; 49], vec![1]].concat();
+    behind(&database).execute("UPDATE trial SET inputs = ?1", [inputs]).unwrap();
     let output = sidestep(&["check", "--database", &database]).await;
     assert_eq!(output.status.code(), Some(1));
     let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();

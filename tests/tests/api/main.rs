@@ -7,6 +7,8 @@ mod analyses;
 mod analyze;
 mod analyze_input;
 mod bad_input;
+mod database;
+mod trouble;
 mod features;
 mod files;
 mod laboratory;

@@ -8,8 +8,7 @@ use sidestep::safety::value_function;
 use sidestep::scene::{Evader, SceneParameters};
 use sidestep::vehicle::TurnInput;
 use sidestep_tests::server::{SHORT_STUDY, UNEQUAL_STUDY};
-use sidestep_tests::{Driver, Server, upload_with};
-use sqlx::{Connection, Executor, SqliteConnection};
+use sidestep_tests::{Driver, Server, behind, upload_with};
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
@@ -107,22 +106,16 @@ async fn a_server_that_is_not_to_solve_says_so() {
 }
 
 #[tokio::test]
-async fn a_database_of_the_former_version_gets_its_functions() {
+async fn a_database_that_lacks_its_functions_gets_them() {
     for study in [SHORT_STUDY, UNEQUAL_STUDY] {
         let server = Server::with_study(study).await;
         let ids = drive(&server).await;
         let before = solved(&server, &ids[0]).await;
         let database = server.database();
         let stopped = server.stop().await;
-        let mut db = SqliteConnection::connect(&database).await.unwrap();
-        for statement in [
-            "DROP TABLE safety_function",
-            "DELETE FROM value_function",
-            "DELETE FROM _sqlx_migrations WHERE version = 2",
-        ] {
-            db.execute(statement).await.unwrap();
-        }
-        db.close().await.unwrap();
+        behind(&database)
+            .execute_batch("DELETE FROM safety_function; DELETE FROM value_function;")
+            .unwrap();
         let server = stopped.start().await;
         assert_eq!(solved(&server, &ids[0]).await, before);
     }

@@ -6,8 +6,7 @@ use sidestep::api::{TrialDetail, TrialPage, routes};
 use sidestep::trial::Phase;
 use sidestep::vehicle::TurnInput;
 use sidestep_tests::server::SHORT_STUDY;
-use sidestep_tests::{Answer, Server, sidestep};
-use sqlx::{Connection, SqliteConnection};
+use sidestep_tests::{Answer, Server, behind, sidestep};
 use std::path::Path;
 use tempfile::TempDir;
 
@@ -99,16 +98,15 @@ async fn people_take_part_through_the_server() {
         "url": server.origin, "study": "default",
     });
     assert_eq!(summary(&[&args[..], &["2", "--tasks", "2"]].concat()).await, expected);
-    let complete = async || -> i64 {
-        let mut db = SqliteConnection::connect(&server.database()).await.unwrap();
+    let complete = || -> i64 {
         let query = "SELECT count(completed_at_ms) FROM participant";
-        sqlx::query_scalar(query).fetch_one(&mut db).await.unwrap()
+        behind(&server.database()).query_row(query, [], |row| row.get(0)).unwrap()
     };
-    assert_eq!(complete().await, 0);
+    assert_eq!(complete(), 0);
     expected["trials"] = json!(10);
     expected["already_stored"] = json!(8);
     assert_eq!(summary(&[&args[..], &["2", "--tasks", "50"]].concat()).await, expected);
-    assert_eq!(complete().await, 2);
+    assert_eq!(complete(), 2);
 
     let admin = |route: &str| {
         Answer::of(server.request(Method::GET, route).bearer_auth(server.key.as_str()))

@@ -194,6 +194,7 @@ impl Participant {
         let body = Enrolment {
             consent: true,
             external_id: self.context.address.parameter("external_id").map(str::to_owned),
+            request_id: None,
             locale: Some(self.context.locale.clone()).filter(|locale| !locale.is_empty()),
             screen: Some(json_object(&self.context.screen)),
         };

@@ -88,6 +88,7 @@ impl Done {
         let body = Enrolment {
             consent: true,
             external_id: Some(name),
+            request_id: None,
             locale: None,
             screen: Some(synthetic()),
         };

@@ -1,0 +1,67 @@
+//! Work of the processor that requests ask for: a few pieces at a time, a few more that wait.
+
+use crate::http::error::ApiError;
+use crate::store::StoreError;
+use anyhow::Context;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use tokio::sync::Semaphore;
+
+/// Runs pieces of work on threads of their own: as many at a time as leave a processor to the
+/// other requests. Who asks and goes away before their turn costs nothing.
+#[derive(Debug)]
+pub struct Bounded {
+    turns: Arc<Semaphore>,
+    waiting: AtomicUsize,
+    most_waiting: usize,
+}
+
+impl Bounded {
+    /// At most `most_waiting` pieces wait for their turn; further ones are refused.
+    #[must_use]
+    pub fn new(most_waiting: usize) -> Self {
+        let processors = std::thread::available_parallelism().map_or(1, usize::from);
+        let turns = Arc::new(Semaphore::new((processors - 1).max(1)));
+        Self { turns, waiting: AtomicUsize::new(0), most_waiting }
+    }
+
+    /// The result of `work`, when it had its turn.
+    ///
+    /// # Errors
+    /// 503 if too many wait already.
+    pub async fn run<T: Send + 'static>(
+        &self,
+        work: impl FnOnce() -> T + Send + 'static,
+    ) -> Result<T, ApiError> {
+        let waiting = Waiting::among(&self.waiting);
+        if waiting.ahead >= self.most_waiting {
+            return Err(StoreError::Busy.into());
+        }
+        let turn = Arc::clone(&self.turns).acquire_owned().await.context("a turn")?;
+        drop(waiting);
+        let done = tokio::task::spawn_blocking(move || {
+            // Kept until the work is done, whether or not somebody still waits for it.
+            let _turn = turn;
+            work()
+        });
+        Ok(done.await.context("work for a request")?)
+    }
+}
+
+/// One of those who wait, until it is dropped.
+struct Waiting<'a> {
+    all: &'a AtomicUsize,
+    ahead: usize,
+}
+
+impl<'a> Waiting<'a> {
+    fn among(all: &'a AtomicUsize) -> Self {
+        Self { all, ahead: all.fetch_add(1, Ordering::Relaxed) }
+    }
+}
+
+impl Drop for Waiting<'_> {
+    fn drop(&mut self) {
+        self.all.fetch_sub(1, Ordering::Relaxed);
+    }
+}

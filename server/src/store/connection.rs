@@ -1,0 +1,82 @@
+//! Connections as this program wants them.
+
+use super::error::{StoreError, reason};
+use rusqlite::{Connection, OpenFlags};
+use std::path::Path;
+use std::time::Duration;
+
+/// How long a write waits for another process that writes.
+const WRITE_PATIENCE: Duration = Duration::from_secs(5);
+
+/// How long a read waits; it is on a thread that serves requests.
+const READ_PATIENCE: Duration = Duration::from_millis(250);
+
+/// Pages of the write-ahead log that are written back to the database at a time.
+const CHECKPOINT_PAGES: i64 = 4_000;
+
+/// A connection that only reads, and changes nothing even when it is closed.
+pub(super) fn untouching(path: &Path) -> rusqlite::Result<Connection> {
+    let flags = OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_NO_MUTEX;
+    let db = Connection::open_with_flags(path, flags)?;
+    db.busy_timeout(WRITE_PATIENCE)?;
+    Ok(db)
+}
+
+/// A connection that writes. There must be a file: one that vanished is not made anew.
+pub(super) fn writing(path: &Path) -> rusqlite::Result<Connection> {
+    let flags = OpenFlags::SQLITE_OPEN_READ_WRITE | OpenFlags::SQLITE_OPEN_NO_MUTEX;
+    let db = Connection::open_with_flags(path, flags)?;
+    db.busy_timeout(WRITE_PATIENCE)?;
+    db.pragma_update(None, "journal_mode", "WAL")?;
+    // An acknowledged trial survives a power cut, not only a crash.
+    db.pragma_update(None, "synchronous", "FULL")?;
+    db.pragma_update(None, "foreign_keys", true)?;
+    // Deleted rows are overwritten.
+    db.pragma_update(None, "secure_delete", true)?;
+    db.pragma_update(None, "wal_autocheckpoint", CHECKPOINT_PAGES)?;
+    db.set_prepared_statement_cache_capacity(128);
+    Ok(db)
+}
+
+/// A connection that cannot be made to write by a slip in a query.
+pub(super) fn reading(path: &Path) -> rusqlite::Result<Connection> {
+    let flags = OpenFlags::SQLITE_OPEN_READ_WRITE | OpenFlags::SQLITE_OPEN_NO_MUTEX;
+    let db = Connection::open_with_flags(path, flags)?;
+    db.busy_timeout(READ_PATIENCE)?;
+    db.pragma_update(None, "query_only", true)?;
+    db.set_prepared_statement_cache_capacity(64);
+    Ok(db)
+}
+
+/// Writes the whole log back and empties it, unless somebody reads; whether that was done.
+pub(super) fn empty_log(db: &Connection) -> Result<bool, StoreError> {
+    db.busy_timeout(Duration::ZERO)?;
+    let busy = db.query_row("PRAGMA wal_checkpoint(TRUNCATE)", [], |row| row.get::<_, bool>(0));
+    db.busy_timeout(WRITE_PATIENCE)?;
+    match busy.map_err(StoreError::from) {
+        Err(StoreError::Locked) => Ok(false),
+        busy => Ok(!busy?),
+    }
+}
+
+/// What SQLite itself finds wrong with the file: damaged pages and references to nothing.
+pub(super) fn damage(db: &Connection) -> Result<Vec<String>, StoreError> {
+    let mut found: Vec<String> = db
+        .prepare("PRAGMA integrity_check")?
+        .query_map([], |row| row.get(0))?
+        .collect::<Result<_, _>>()?;
+    found.retain(|line| line != "ok");
+    found.extend(dangling(db).map_err(|error| StoreError::Corrupt(reason(&error)))?);
+    Ok(found)
+}
+
+/// References to nothing.
+pub(super) fn dangling(db: &Connection) -> rusqlite::Result<Vec<String>> {
+    let mut statement = db.prepare("PRAGMA foreign_key_check")?;
+    let lines = statement.query_map([], |row| {
+        let (table, parent): (String, String) = (row.get(0)?, row.get(2)?);
+        let row: Option<i64> = row.get(1)?;
+        Ok(format!("{table}: row {} refers to nothing in {parent}", row.unwrap_or(-1)))
+    })?;
+    lines.collect()
+}

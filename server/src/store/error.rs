@@ -1,0 +1,92 @@
+//! Why the database did not do what was asked, without a word of SQL.
+
+use rusqlite::ErrorCode;
+
+/// Why the database did not do what was asked.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum StoreError {
+    /// Too many writes wait already.
+    #[error("too many writes wait for the database")]
+    Busy,
+    /// Another process holds the write lock for too long.
+    #[error("another process holds the database's write lock")]
+    Locked,
+    /// There is no room left.
+    #[error("the disk is full")]
+    Full,
+    /// The file at the database's path is not the one that was opened.
+    #[error("the database file was deleted, moved or replaced")]
+    Gone,
+    /// The file cannot be read or written now, or the store was closed.
+    #[error("the database cannot be used: {0}")]
+    Unavailable(String),
+    /// The file is damaged, or holds what this version cannot read.
+    #[error("the database is damaged: {0}")]
+    Corrupt(String),
+    /// A fault of this program.
+    #[error("a database operation failed: {0}")]
+    Defect(String),
+}
+
+impl StoreError {
+    /// Whether the same request may succeed later without a change of the program or the file.
+    #[must_use]
+    pub fn is_temporary(&self) -> bool {
+        !matches!(self, Self::Corrupt(_) | Self::Defect(_))
+    }
+
+    /// Whether a transaction in which this happened may be lost.
+    pub(super) fn ends_transaction(&self) -> bool {
+        matches!(self, Self::Full | Self::Gone | Self::Unavailable(_))
+    }
+
+    /// What is wrong with a stored value.
+    pub(super) fn corrupt(what: impl std::fmt::Display) -> Self {
+        Self::Corrupt(what.to_string())
+    }
+
+    /// A stored word that is not in its table.
+    pub(super) fn unknown_word(word: &str) -> Self {
+        Self::Corrupt(format!("unknown word {word:?}"))
+    }
+}
+
+impl From<rusqlite::Error> for StoreError {
+    fn from(error: rusqlite::Error) -> Self {
+        use rusqlite::Error::{
+            FromSqlConversionFailure, IntegralValueOutOfRange, InvalidColumnType, Utf8Error,
+        };
+        match error.sqlite_error_code() {
+            Some(ErrorCode::DatabaseBusy | ErrorCode::DatabaseLocked) => Self::Locked,
+            Some(ErrorCode::DiskFull) => Self::Full,
+            Some(
+                ErrorCode::SystemIoFailure
+                | ErrorCode::CannotOpen
+                | ErrorCode::ReadOnly
+                | ErrorCode::PermissionDenied
+                | ErrorCode::OutOfMemory
+                | ErrorCode::FileLockingProtocolFailed
+                | ErrorCode::OperationInterrupted,
+            ) => Self::Unavailable(reason(&error)),
+            Some(ErrorCode::DatabaseCorrupt | ErrorCode::NotADatabase) => {
+                Self::Corrupt(reason(&error))
+            }
+            _ => match error {
+                FromSqlConversionFailure(..)
+                | IntegralValueOutOfRange(..)
+                | InvalidColumnType(..)
+                | Utf8Error(..) => Self::corrupt(error),
+                _ => Self::Defect(reason(&error)),
+            },
+        }
+    }
+}
+
+/// What SQLite said, in one line.
+pub(super) fn reason(error: &rusqlite::Error) -> String {
+    let text = match error {
+        rusqlite::Error::SqliteFailure(_, Some(message)) => message.clone(),
+        other => other.to_string(),
+    };
+    text.replace('\n', " ")
+}

@@ -1,0 +1,85 @@
+//! The database's file: its address, whose it is, and whether it is still the same.
+
+use super::StoreError;
+use rustix::fs::statvfs;
+use std::fs::{File, OpenOptions, TryLockError};
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// With less room than this the server says that it is not ready, bytes.
+pub const LEAST_FREE_BYTES: u64 = 4 << 20;
+
+/// A file of a database, and its write-ahead log beside it.
+#[derive(Clone, Debug)]
+pub(super) struct DatabaseFile {
+    path: PathBuf,
+    log: PathBuf,
+}
+
+/// Which file it is, whatever it is called: device and number.
+pub(super) type Identity = (u64, u64);
+
+impl DatabaseFile {
+    /// The file of an address `sqlite:FILE`, or what was found instead.
+    pub(super) fn of_url(url: &str) -> Result<Self, &'static str> {
+        let Some(name) = url.strip_prefix("sqlite:") else {
+            return Err("another kind of address");
+        };
+        let name = name.strip_prefix("//").unwrap_or(name);
+        if name.is_empty() || name.contains(":memory:") || name.contains("mode=memory") {
+            return Err("no file; results must survive a restart");
+        }
+        Ok(Self { path: name.into(), log: format!("{name}-wal").into() })
+    }
+
+    pub(super) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Makes an empty file where there is none. It will hold names that recruiting services
+    /// gave, so nobody else may read it; SQLite gives its log the same permissions.
+    pub(super) fn create(&self) -> io::Result<()> {
+        let mut options = OpenOptions::new();
+        options.write(true).create_new(true);
+        #[cfg(unix)]
+        std::os::unix::fs::OpenOptionsExt::mode(&mut options, 0o600);
+        match options.open(&self.path) {
+            Err(error) if error.kind() == io::ErrorKind::AlreadyExists => Ok(()),
+            made => made.map(drop),
+        }
+    }
+
+    /// Which file is at the database's path now.
+    pub(super) fn identity(&self) -> Result<Identity, StoreError> {
+        identity(&self.path)
+    }
+
+    /// Which file is at the path of the database's log now.
+    pub(super) fn log_identity(&self) -> Result<Identity, StoreError> {
+        identity(&self.log)
+    }
+
+    /// Room that is left where the file is, bytes.
+    pub(super) fn free_bytes(&self) -> Result<u64, StoreError> {
+        let folder = self.path.parent().filter(|folder| !folder.as_os_str().is_empty());
+        let found = statvfs(folder.unwrap_or(Path::new(".")));
+        let found = found.map_err(|error| StoreError::Unavailable(error.to_string()))?;
+        Ok(found.f_bavail.saturating_mul(found.f_frsize))
+    }
+
+    /// A lock that one server holds as long as it runs; none if another one has it. SQLite's
+    /// own locks are of another kind, so that commands can work beside the server.
+    pub(super) fn lock(&self) -> io::Result<Option<File>> {
+        let file = File::open(&self.path)?;
+        match file.try_lock() {
+            Ok(()) => Ok(Some(file)),
+            Err(TryLockError::WouldBlock) => Ok(None),
+            Err(TryLockError::Error(error)) => Err(error),
+        }
+    }
+}
+
+fn identity(path: &Path) -> Result<Identity, StoreError> {
+    let found = rustix::fs::stat(path).map_err(|_| StoreError::Gone)?;
+    Ok((found.st_dev, found.st_ino))
+}

@@ -1,0 +1,102 @@
+//! Trials that come from a file.
+
+use super::scenes::{self, PlannedRow};
+use super::studies;
+use super::trials::{self, NewTrial};
+use super::{Store, StoreError};
+use rusqlite::{Connection, params};
+use sidestep::study::StudyConfig;
+use std::collections::HashSet;
+use std::sync::Arc;
+
+/// Somebody whose trials come from a file.
+#[derive(Clone, Debug)]
+pub struct NewImport {
+    /// Who, here.
+    pub id: String,
+    /// SHA-256 of what the file says of them: read again, it is the same person.
+    pub hash: String,
+    /// What they drove, in order; the scene of each is what it began with.
+    pub trials: Vec<(PlannedRow, NewTrial)>,
+}
+
+/// What became of an import.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Import {
+    /// Everybody who was not there before is there now.
+    Done {
+        /// Ids of those who were there already.
+        skipped: Vec<String>,
+    },
+    /// The study's parameters are no longer those that the file was read with; nothing was
+    /// imported.
+    StudyChanged,
+    /// A trial with this id is there already, of somebody else; nothing was imported.
+    TrialKnown {
+        /// Which.
+        trial_id: String,
+    },
+}
+
+impl Store {
+    /// Imports people into the study of `config`'s name, which is made where there is none.
+    ///
+    /// # Errors
+    /// [`StoreError`]. Then nothing was imported.
+    pub async fn import(
+        &self,
+        config: Arc<StudyConfig>,
+        people: Vec<NewImport>,
+        now_ms: i64,
+    ) -> Result<Import, StoreError> {
+        self.write_behind(move |db| import(db, &config, &people, now_ms)).await
+    }
+}
+
+fn import(
+    db: &Connection,
+    config: &Arc<StudyConfig>,
+    people: &[NewImport],
+    now_ms: i64,
+) -> Result<Import, StoreError> {
+    let present = studies::find(db, &config.slug)?;
+    let study = match present {
+        Some(study) if study.config.parameters != config.parameters => {
+            return Ok(Import::StudyChanged);
+        }
+        Some(study) => study,
+        None => studies::put(db, config, now_ms)?,
+    };
+    let mut is_there =
+        db.prepare("SELECT 1 FROM participant WHERE study_id = ?1 AND import_hash = ?2")?;
+    let mut is_planned = db.prepare("SELECT 1 FROM scene WHERE trial_id = ?1")?;
+    // All is looked at before anything is written, so that a refusal leaves nothing behind.
+    let (mut skipped, mut new, mut ids) = (Vec::new(), Vec::new(), HashSet::new());
+    for person in people {
+        if is_there.exists(params![study.id, person.hash])? {
+            skipped.push(person.id.clone());
+            continue;
+        }
+        for (scene, _) in &person.trials {
+            let trial_id = &scene.trial_id;
+            if !ids.insert(trial_id) || is_planned.exists([trial_id])? {
+                return Ok(Import::TrialKnown { trial_id: trial_id.clone() });
+            }
+        }
+        new.push(person);
+    }
+    for person in new {
+        db.prepare_cached(
+            "INSERT INTO participant (id, study_id, number, config_hash, import_hash, \
+                 enrolled_at_ms) \
+             SELECT ?1, ?2, coalesce(max(number), 0) + 1, ?3, ?4, ?5 \
+             FROM participant WHERE study_id = ?2",
+        )?
+        .execute(params![person.id, study.id, study.config_hash, person.hash, now_ms])?;
+        for (scene, trial) in &person.trials {
+            scenes::insert(db, &person.id, scene)?;
+            trials::insert(db, study.id, trial)?;
+        }
+    }
+    Ok(Import::Done { skipped })
+}

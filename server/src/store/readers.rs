@@ -1,0 +1,90 @@
+//! Reading: short reads on the thread that asks, long ones on threads that may take their time.
+
+use super::connection;
+use super::error::StoreError;
+use super::file::{DatabaseFile, Identity};
+use rusqlite::Connection;
+use std::sync::{Arc, Mutex, PoisonError};
+use tokio::sync::Semaphore;
+
+/// Long reads that run at a time.
+const LONG_READS: usize = 4;
+
+/// Connections that only read.
+#[derive(Debug)]
+pub(super) struct Readers {
+    file: DatabaseFile,
+    expected: Identity,
+    /// None once the store is closed.
+    idle: Mutex<Option<Vec<Connection>>>,
+    long: Arc<Semaphore>,
+}
+
+impl Readers {
+    /// Reads in the file that is there now, and in no other one that comes in its place.
+    pub(super) fn new(file: DatabaseFile) -> Result<Self, StoreError> {
+        let expected = file.identity()?;
+        let idle = Mutex::new(Some(Vec::new()));
+        Ok(Self { file, expected, idle, long: Arc::new(Semaphore::new(LONG_READS)) })
+    }
+
+    /// Reads a few rows here and now. Readers wait for nobody in WAL mode, and a handful of
+    /// rows takes some microseconds: less than handing the work to another thread.
+    pub(super) fn short<T>(
+        &self,
+        read: impl FnOnce(&Connection) -> Result<T, StoreError>,
+    ) -> Result<T, StoreError> {
+        let db = self.take()?;
+        let found = read(&db);
+        if !found.as_ref().err().is_some_and(StoreError::ends_transaction) {
+            self.give_back(db);
+        }
+        found
+    }
+
+    /// Reads any number of rows as they are at one instant.
+    pub(super) async fn long<T: Send + 'static>(
+        self: &Arc<Self>,
+        read: impl FnOnce(&Connection) -> Result<T, StoreError> + Send + 'static,
+    ) -> Result<T, StoreError> {
+        let permit = Arc::clone(&self.long).acquire_owned().await.map_err(|_| closed())?;
+        let readers = Arc::clone(self);
+        let reading = tokio::task::spawn_blocking(move || {
+            // Whoever asked may have gone: the permit stays with the work.
+            let _permit = permit;
+            readers.short(|db| {
+                let instant = db.unchecked_transaction()?;
+                read(&instant)
+            })
+        });
+        reading.await.map_err(|error| StoreError::Defect(error.to_string()))?
+    }
+
+    pub(super) fn close(&self) {
+        self.long.close();
+        self.idle.lock().unwrap_or_else(PoisonError::into_inner).take();
+    }
+
+    fn take(&self) -> Result<Connection, StoreError> {
+        let idle = {
+            let mut idle = self.idle.lock().unwrap_or_else(PoisonError::into_inner);
+            idle.as_mut().ok_or_else(closed)?.pop()
+        };
+        match idle {
+            Some(db) => Ok(db),
+            None if self.file.identity()? != self.expected => Err(StoreError::Gone),
+            None => Ok(connection::reading(self.file.path())?),
+        }
+    }
+
+    fn give_back(&self, db: Connection) {
+        let mut idle = self.idle.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(idle) = idle.as_mut() {
+            idle.push(db);
+        }
+    }
+}
+
+fn closed() -> StoreError {
+    StoreError::Unavailable("it was closed".to_owned())
+}

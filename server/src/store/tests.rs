@@ -1,0 +1,291 @@
+//! What every store must do, told by its operations alone: another database passes the same.
+//! The tests of the writer at the end are of this one.
+
+use super::participants::{Completion, Enrolment, Known, NewParticipant};
+use super::scenes::PlannedRow;
+use super::trials::{NewTrial, PutTrial};
+use super::{Missing, Store, StoreError};
+use crate::content::Recipe;
+use sidestep::comparison::Request;
+use sidestep::scene::{Scene, SceneParameters};
+use sidestep::study::StudyConfig;
+use sidestep::trial::{Phase, outcome, simulate};
+use sidestep::vehicle::{Pose, TurnInput};
+use std::pin::Pin;
+use std::sync::{Arc, Mutex, mpsc};
+use std::task::{Context, Poll, Waker};
+use tempfile::TempDir;
+
+/// A store in a folder of its own.
+async fn store() -> (TempDir, Store) {
+    let folder = TempDir::new().unwrap();
+    let url = format!("sqlite:{}", folder.path().join("test.db").display());
+    let store = Store::open(&url, Missing::Create).await.unwrap();
+    (folder, store)
+}
+
+/// Somebody with a plan of two tasks, whose trials are called after them.
+async fn someone(store: &Store, name: &str, known: Known) -> Enrolment {
+    let study = store.put_study(&StudyConfig::default(), 0).await.unwrap();
+    let scene = Scene {
+        human: Pose::from([0.0, 0.0, 0.0]),
+        robot: Pose::from([15.0, 10.0, -2.0]),
+        goal: [5.0, -5.0],
+    };
+    let planned = |index: usize| PlannedRow {
+        trial_id: format!("{name}-{index}"),
+        ordinal: index as i64,
+        phase: Phase::Task,
+        index,
+        scene,
+        stored: false,
+    };
+    let new = NewParticipant {
+        id: name.to_owned(),
+        study_id: study.id,
+        known,
+        config_hash: study.config_hash,
+        seed: 1,
+        locale: None,
+        screen: None,
+        plan: Some(vec![planned(0), planned(1)]),
+        enrolled_at_ms: 1,
+    };
+    store.enrol(new, token(name)).await.unwrap()
+}
+
+fn token(name: &str) -> [u8; 32] {
+    crate::secrets::hash(name)
+}
+
+fn trial(trial_id: &str, turn: TurnInput) -> NewTrial {
+    let parameters = SceneParameters::default();
+    let start = sidestep::scene::JointState {
+        human: Pose::from([0.0, 0.0, 0.0]),
+        robot: Pose::from([15.0, 10.0, -2.0]),
+    };
+    let inputs = vec![turn; 50];
+    let states = simulate(&parameters, start, &inputs);
+    let mut trial = NewTrial {
+        trial_id: trial_id.to_owned(),
+        recipe: Recipe::UploadJson,
+        content_hash: [0; 32],
+        received_at_ms: 5,
+        started_at_ms: Some(7.0),
+        outcome: outcome(&parameters, &inputs, &states),
+        inputs,
+        states,
+        sampled_at_ms: Some((0..50).map(f64::from).collect()),
+        key_events: "[]".to_owned(),
+        display: "{}".to_owned(),
+        flags: Vec::new(),
+    };
+    trial.content_hash = trial.recipe.hash(&trial.content());
+    trial
+}
+
+#[tokio::test]
+async fn trials_are_stored_once_and_in_order() {
+    let (_folder, store) = store().await;
+    someone(&store, "ada", Known::default()).await;
+    let put = async |who: &str, id: &str, turn| store.put_trial(who, trial(id, turn)).await;
+    let (left, right) = (TurnInput::Left, TurnInput::Right);
+    let next = |id: &str| Some(id.to_owned());
+    let early = PutTrial::OutOfOrder { next: "ada-0".to_owned() };
+    assert_eq!(put("ada", "ada-1", left).await, Ok(early));
+    assert_eq!(put("ada", "ada-0", left).await, Ok(PutTrial::Stored { next: next("ada-1") }));
+    assert_eq!(put("ada", "ada-0", left).await, Ok(PutTrial::Same { next: next("ada-1") }));
+    assert_eq!(put("ada", "ada-0", right).await, Ok(PutTrial::Different));
+    assert_eq!(put("ada", "ada-1", right).await, Ok(PutTrial::Stored { next: None }));
+    assert_eq!(put("ada", "bob-0", right).await, Ok(PutTrial::Unknown));
+    let stored = store.trials_of("ada").await.unwrap();
+    assert_eq!(stored.len(), 2);
+    assert_eq!(stored[0].inputs, trial("ada-0", left).inputs);
+    assert_eq!(stored[0].content_hash, stored[0].recipe.hash(&stored[0].content()));
+    store.withdraw("ada", false, 9).await.unwrap();
+    assert_eq!(put("ada", "ada-0", left).await, Ok(PutTrial::Withdrawn));
+    store.withdraw("ada", true, 10).await.unwrap();
+    assert_eq!(put("ada", "ada-0", left).await, Ok(PutTrial::Withdrawn));
+    assert_eq!(store.counts().await, Ok([1, 0]));
+}
+
+#[tokio::test]
+async fn an_upload_is_compared_by_the_recipe_of_the_row() {
+    let (_folder, store) = store().await;
+    someone(&store, "ada", Known::default()).await;
+    let mut stored = trial("ada-0", TurnInput::Left);
+    stored.recipe = Recipe::PackedBytes;
+    stored.content_hash = stored.recipe.hash(&stored.content());
+    store.put_trial("ada", stored).await.unwrap();
+    let same = store.put_trial("ada", trial("ada-0", TurnInput::Left)).await.unwrap();
+    assert_eq!(same, PutTrial::Same { next: Some("ada-1".to_owned()) });
+    let other = store.put_trial("ada", trial("ada-0", TurnInput::Right)).await.unwrap();
+    assert_eq!(other, PutTrial::Different);
+}
+
+#[tokio::test]
+async fn whoever_is_known_keeps_their_plan() {
+    let (_folder, store) = store().await;
+    let named = |external: Option<&str>, request: Option<&str>| Known {
+        external_id: external.map(str::to_owned),
+        request_hash: request.map(token),
+    };
+    let is = |outcome: Enrolment| match outcome {
+        Enrolment::New => "new".to_owned(),
+        Enrolment::Known(known) => known.id,
+        Enrolment::Withdrawn => "withdrawn".to_owned(),
+        Enrolment::Unplanned => "unplanned".to_owned(),
+    };
+    assert_eq!(is(someone(&store, "a", named(Some("x"), Some("r"))).await), "new");
+    assert_eq!(is(someone(&store, "b", named(Some("x"), None)).await), "a");
+    assert_eq!(is(someone(&store, "c", named(None, Some("r"))).await), "a");
+    assert_eq!(is(someone(&store, "d", named(Some("y"), Some("s"))).await), "new");
+    // Every token that was given speaks for them.
+    for name in ["a", "b", "c"] {
+        assert_eq!(store.participant(token(name)).await.unwrap().unwrap().id, "a");
+    }
+    let found = store.assignment(token("c"), "a-1").await.unwrap().unwrap();
+    assert!(found.participant.id == "a" && found.scene.is_some());
+    assert!(store.assignment(token("c"), "d-0").await.unwrap().unwrap().scene.is_none());
+    store.withdraw("a", false, 1).await.unwrap();
+    assert_eq!(is(someone(&store, "e", named(None, Some("r"))).await), "withdrawn");
+    store.withdraw("a", true, 1).await.unwrap();
+    assert_eq!(is(someone(&store, "f", named(Some("x"), Some("r"))).await), "new");
+    assert_eq!(store.participant(token("f")).await.unwrap().unwrap().number, 3);
+}
+
+#[tokio::test]
+async fn a_completion_keeps_its_first_code() {
+    let (_folder, store) = store().await;
+    someone(&store, "ada", Known::default()).await;
+    let complete = async |code: &str| store.complete("ada", code.to_owned(), 1).await.unwrap();
+    assert_eq!(complete("A").await, Completion::Incomplete { missing: 2, of: 2 });
+    for id in ["ada-0", "ada-1"] {
+        store.put_trial("ada", trial(id, TurnInput::Left)).await.unwrap();
+    }
+    for code in ["A", "B"] {
+        assert_eq!(complete(code).await, Completion::Complete { code: "A".to_owned() });
+    }
+    store.withdraw("ada", false, 1).await.unwrap();
+    assert_eq!(complete("C").await, Completion::Withdrawn);
+}
+
+#[tokio::test]
+async fn a_job_that_is_not_wanted_any_more_writes_nothing() {
+    let (_folder, store) = store().await;
+    someone(&store, "ada", Known::default()).await;
+    store.put_trial("ada", trial("ada-0", TurnInput::Left)).await.unwrap();
+    let study = store.study("default").await.unwrap().unwrap();
+    let request = Request::default();
+    store.ask_analysis("first".to_owned(), study.id, &request, 1).await.unwrap();
+    let job = store.begin_analysis(2).await.unwrap().unwrap();
+    let long = vec![7; 3 << 20];
+    assert!(store.put_analysis_file(&job, "long", 5, long.clone()).await.unwrap());
+    store.withdraw("ada", true, 3).await.unwrap();
+    assert!(!store.note_progress(&job, [1, 2, 1]).await.unwrap());
+    assert!(!store.put_analysis_file(&job, "more", 5, vec![1]).await.unwrap());
+    store.put_cells(&job, "key", vec![1]).await.unwrap();
+    assert_eq!(store.cells(study.id, "key").await.unwrap(), None);
+    let failed = Err("no data".to_owned());
+    assert!(!store.end_analysis(&job, &failed, Default::default(), 4).await.unwrap());
+    let again = store.begin_analysis(5).await.unwrap().unwrap();
+    assert_eq!((again.sequence, again.attempt), (job.sequence, 2));
+    assert!(store.put_analysis_file(&again, "long", 5, long).await.unwrap());
+}
+
+#[tokio::test]
+async fn what_one_operation_does_wrong_costs_no_other() {
+    let (_folder, store) = store().await;
+    // All of these are committed together.
+    let held = store.held().await;
+    let paper = StudyConfig::default();
+    let sound = store.put_study(&paper, 1);
+    let other = StudyConfig { slug: "other".to_owned(), ..StudyConfig::default() };
+    let breaks = store.write(|db| {
+        db.execute("DELETE FROM study", [])?;
+        Err::<(), _>(StoreError::Defect("half way".to_owned()))
+    });
+    let panics = store.write(|db| -> Result<(), StoreError> {
+        db.execute("DELETE FROM study", [])?;
+        panic!("on purpose")
+    });
+    let last = store.put_study(&other, 1);
+    let release = async {
+        drop(held);
+    };
+    let (sound, broken, panicked, last, ()) = tokio::join!(sound, breaks, panics, last, release);
+    assert!(sound.is_ok() && last.is_ok());
+    assert_eq!(broken, Err(StoreError::Defect("half way".to_owned())));
+    assert!(matches!(panicked, Err(StoreError::Defect(_))), "{panicked:?}");
+    assert_eq!(store.studies().await.unwrap().len(), 2);
+}
+
+/// The first step of an operation: it waits in the queue, or is refused.
+fn begun<T>(operation: &mut Pin<Box<impl Future<Output = T>>>) -> Poll<T> {
+    operation.as_mut().poll(&mut Context::from_waker(Waker::noop()))
+}
+
+impl Store {
+    /// Keeps the writer busy until what is returned is dropped.
+    async fn held(&self) -> mpsc::Sender<()> {
+        let (go, wait) = mpsc::channel::<()>();
+        let (begin, began) = tokio::sync::oneshot::channel();
+        let work = move |_: &rusqlite::Connection| {
+            let _ = begin.send(());
+            let _ = wait.recv();
+            Ok(())
+        };
+        let store = self.clone();
+        tokio::spawn(async move { store.write(work).await });
+        began.await.unwrap();
+        go
+    }
+
+    /// As [`Self::held`], with a full queue of what nobody waits for any more.
+    pub(crate) async fn stuffed(&self) -> mpsc::Sender<()> {
+        let held = self.held().await;
+        while begun(&mut Box::pin(self.write(|_| Ok(())))).is_pending() {}
+        held
+    }
+}
+
+#[tokio::test]
+async fn a_full_queue_is_refused_at_once() {
+    let (_folder, store) = store().await;
+    let held = store.stuffed().await;
+    assert_eq!(store.write(|_| Ok(())).await, Err(StoreError::Busy));
+    assert_eq!(store.ready().await, Err(StoreError::Busy));
+    drop(held);
+    while store.ready().await.is_err() {
+        tokio::task::yield_now().await;
+    }
+}
+
+#[tokio::test]
+async fn requests_wait_for_one_piece_of_background_work_at_most() {
+    let (_folder, store) = store().await;
+    let held = store.held().await;
+    let order = Arc::new(Mutex::new(Vec::new()));
+    let noted = |what: &'static str| {
+        let order = Arc::clone(&order);
+        move |_: &rusqlite::Connection| {
+            order.lock().unwrap().push(what);
+            Ok(())
+        }
+    };
+    let mut jobs: Vec<_> = (0..20).map(|_| Box::pin(store.write_behind(noted("job")))).collect();
+    let mut requests: Vec<_> = (0..64).map(|_| Box::pin(store.write(noted("request")))).collect();
+    assert!(jobs.iter_mut().all(|job| begun(job).is_pending()));
+    assert!(requests.iter_mut().all(|request| begun(request).is_pending()));
+    drop(held);
+    for request in requests {
+        assert_eq!(request.await, Ok(()));
+    }
+    for job in jobs {
+        assert_eq!(job.await, Ok(()));
+    }
+    let order = order.lock().unwrap();
+    let first_65 = order[..65].iter().filter(|&&what| what == "job").count();
+    assert!(first_65 <= 1, "{order:?}");
+    assert_eq!(order.len(), 84);
+}

@@ -1,0 +1,348 @@
+//! The one writer: a thread with the only connection that writes.
+//!
+//! Operations wait in a bounded queue. The writer takes what waits, runs each operation in a
+//! savepoint of one transaction, commits once, and only then answers: one wait for the disk
+//! serves many requests. After anything that may have cost the transaction the connection is
+//! thrown away and everything in it is refused, so that a full disk or an I/O error is over as
+//! soon as its cause is.
+//!
+//! There are two lanes. What requests ask for goes first; background work (files and cells of an
+//! analysis, value functions) follows in transactions of its own, one operation between two
+//! batches, so that requests wait for one piece of it at most.
+
+use super::connection;
+use super::error::StoreError;
+use super::file::{DatabaseFile, Identity};
+use rusqlite::Connection;
+use std::collections::VecDeque;
+use std::fmt;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+use tokio::sync::oneshot;
+
+/// Operations that may wait in a lane before further ones are refused.
+const QUEUE: usize = 1_024;
+
+/// Operations that are committed together.
+const BATCH: usize = 64;
+
+/// Between two background operations while requests wait.
+const BACKGROUND_PAUSE: Duration = Duration::from_millis(50);
+
+/// Between two attempts to empty the log.
+const EMPTY_LOG_PAUSE: Duration = Duration::from_millis(200);
+
+/// Who waits for an operation.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Lane {
+    /// A request.
+    Request,
+    /// A job in the background.
+    Background,
+}
+
+/// An operation in the queue.
+trait Operation: Send {
+    /// Whether somebody still waits for its answer.
+    fn is_wanted(&self) -> bool;
+    /// Runs within a savepoint, which is rolled back on an error.
+    fn run(&mut self, db: &Connection) -> Result<(), StoreError>;
+    /// Answers, once it is known whether the transaction was committed.
+    fn answer(self: Box<Self>, committed: Result<(), StoreError>);
+}
+
+struct Waiting<T, W> {
+    work: Option<W>,
+    found: Option<Result<T, StoreError>>,
+    answer: oneshot::Sender<Result<T, StoreError>>,
+}
+
+impl<T, W> Operation for Waiting<T, W>
+where
+    T: Send,
+    W: FnOnce(&Connection) -> Result<T, StoreError> + Send,
+{
+    fn is_wanted(&self) -> bool {
+        !self.answer.is_closed()
+    }
+
+    fn run(&mut self, db: &Connection) -> Result<(), StoreError> {
+        let Some(work) = self.work.take() else { return Ok(()) };
+        let found = catch_unwind(AssertUnwindSafe(|| work(db)));
+        let found = found.unwrap_or_else(|_| Err(StoreError::Defect("it panicked".to_owned())));
+        let error = found.as_ref().err().cloned();
+        self.found = Some(found);
+        error.map_or(Ok(()), Err)
+    }
+
+    fn answer(self: Box<Self>, committed: Result<(), StoreError>) {
+        let Self { found, answer, .. } = *self;
+        let never_ran = || Err(StoreError::Unavailable("it was closed".to_owned()));
+        // Whoever does not listen any more has seen no acknowledgement.
+        let _ = answer.send(committed.and_then(|()| found.unwrap_or_else(never_ran)));
+    }
+}
+
+type Batch = Vec<Box<dyn Operation>>;
+
+#[derive(Default)]
+struct Lanes {
+    requests: VecDeque<Box<dyn Operation>>,
+    background: VecDeque<Box<dyn Operation>>,
+    /// When to try to empty the log, if that is wanted.
+    empty_log_at: Option<Instant>,
+    closed: bool,
+}
+
+struct Queue {
+    lanes: Mutex<Lanes>,
+    changed: Condvar,
+}
+
+/// What the thread does next.
+enum Next {
+    Write(Lane, Batch),
+    EmptyLog,
+    Stop,
+}
+
+impl Queue {
+    fn lanes(&self) -> MutexGuard<'_, Lanes> {
+        self.lanes.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn push(&self, lane: Lane, operation: Box<dyn Operation>) -> Result<(), StoreError> {
+        let mut lanes = self.lanes();
+        if lanes.closed {
+            return Err(StoreError::Unavailable("it was closed".to_owned()));
+        }
+        let queue = match lane {
+            Lane::Request => &mut lanes.requests,
+            Lane::Background => &mut lanes.background,
+        };
+        if queue.len() >= QUEUE {
+            return Err(StoreError::Busy);
+        }
+        queue.push_back(operation);
+        self.changed.notify_one();
+        Ok(())
+    }
+
+    /// Waits for something to do. What was pushed before the end is still done.
+    fn next(&self, last_background: Instant) -> Next {
+        let mut lanes = self.lanes();
+        loop {
+            let now = Instant::now();
+            if lanes.empty_log_at.is_some_and(|at| at <= now) {
+                lanes.empty_log_at = None;
+                return Next::EmptyLog;
+            }
+            let others_turn = lanes.requests.is_empty()
+                || now.duration_since(last_background) >= BACKGROUND_PAUSE;
+            if others_turn && let Some(operation) = lanes.background.pop_front() {
+                return Next::Write(Lane::Background, vec![operation]);
+            }
+            if !lanes.requests.is_empty() {
+                let count = lanes.requests.len().min(BATCH);
+                let batch = lanes.requests.drain(..count).collect();
+                return Next::Write(Lane::Request, batch);
+            }
+            if lanes.closed {
+                return Next::Stop;
+            }
+            lanes = match lanes.empty_log_at {
+                Some(at) => {
+                    let waited = self.changed.wait_timeout(lanes, at.duration_since(now));
+                    waited.unwrap_or_else(PoisonError::into_inner).0
+                }
+                None => self.changed.wait(lanes).unwrap_or_else(PoisonError::into_inner),
+            };
+        }
+    }
+
+    /// Everything that waits.
+    fn drain(&self) -> Batch {
+        let mut lanes = self.lanes();
+        let Lanes { requests, background, .. } = &mut *lanes;
+        requests.drain(..).chain(background.drain(..)).collect()
+    }
+}
+
+/// The writer's handle.
+pub(super) struct Writer {
+    queue: Arc<Queue>,
+    thread: Mutex<Option<JoinHandle<()>>>,
+}
+
+impl fmt::Debug for Writer {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Writer").finish_non_exhaustive()
+    }
+}
+
+impl Writer {
+    /// Starts the thread. Whatever is at the database's path must stay the same file.
+    pub(super) fn start(file: DatabaseFile) -> Result<Self, StoreError> {
+        let expected = file.identity()?;
+        let db = Some(open(&file, expected)?);
+        let queue = Arc::new(Queue { lanes: Mutex::default(), changed: Condvar::new() });
+        let thread = Thread { queue: Arc::clone(&queue), file, expected, db };
+        let thread = std::thread::Builder::new()
+            .name("store-writer".to_owned())
+            .spawn(move || thread.run())
+            .map_err(|error| StoreError::Unavailable(error.to_string()))?;
+        Ok(Self { queue, thread: Mutex::new(Some(thread)) })
+    }
+
+    /// Runs an operation and returns what it found, after the commit.
+    pub(super) async fn run<T: Send + 'static>(
+        &self,
+        lane: Lane,
+        work: impl FnOnce(&Connection) -> Result<T, StoreError> + Send + 'static,
+    ) -> Result<T, StoreError> {
+        let (answer, answered) = oneshot::channel();
+        let waiting = Waiting { work: Some(work), found: None, answer };
+        self.queue.push(lane, Box::new(waiting))?;
+        answered.await.unwrap_or_else(|_| Err(StoreError::Defect("the writer ended".to_owned())))
+    }
+
+    /// Empties the write-ahead log as soon as nobody reads in it.
+    pub(super) fn empty_log(&self) {
+        let mut lanes = self.queue.lanes();
+        lanes.empty_log_at.get_or_insert_with(Instant::now);
+        self.queue.changed.notify_one();
+    }
+
+    /// Does what waits, and ends the thread.
+    pub(super) fn close(&self) {
+        self.queue.lanes().closed = true;
+        self.queue.changed.notify_one();
+        let thread = self.thread.lock().unwrap_or_else(PoisonError::into_inner).take();
+        if let Some(thread) = thread
+            && thread.join().is_err()
+        {
+            tracing::error!("the database's writer ended badly");
+        }
+    }
+}
+
+impl Drop for Writer {
+    fn drop(&mut self) {
+        self.close();
+    }
+}
+
+struct Thread {
+    queue: Arc<Queue>,
+    file: DatabaseFile,
+    /// The file that was opened first: no other one is ever written to.
+    expected: Identity,
+    /// None after trouble: the next batch opens another one.
+    db: Option<Open>,
+}
+
+/// A connection with the log that it writes to.
+struct Open {
+    db: Connection,
+    log: Identity,
+}
+
+impl Thread {
+    fn run(mut self) {
+        let mut last_background = Instant::now();
+        loop {
+            match self.queue.next(last_background) {
+                Next::Write(lane, batch) => {
+                    self.write(batch);
+                    if lane == Lane::Background {
+                        last_background = Instant::now();
+                    }
+                }
+                Next::EmptyLog => self.empty_log(),
+                Next::Stop => return,
+            }
+        }
+    }
+
+    /// Commits a batch, or refuses all of it.
+    fn write(&mut self, mut batch: Batch) {
+        batch.retain(|operation| operation.is_wanted());
+        if batch.is_empty() {
+            return;
+        }
+        let committed = self.commit(&mut batch);
+        if let Err(error) = &committed {
+            tracing::error!(%error, writes = batch.len(), "nothing was stored");
+            if error.is_temporary() {
+                // What waits would fail alike, only later.
+                batch.extend(self.queue.drain());
+            }
+        }
+        for operation in batch {
+            operation.answer(committed.clone());
+        }
+    }
+
+    /// The connection is put back only if all went well: a new one knows nothing of a
+    /// transaction that went wrong.
+    fn commit(&mut self, batch: &mut Batch) -> Result<(), StoreError> {
+        let open = match self.db.take() {
+            Some(open) => open,
+            None => open(&self.file, self.expected)?,
+        };
+        open.db.execute_batch("BEGIN IMMEDIATE")?;
+        run(&open.db, batch)?;
+        open.db.execute_batch("COMMIT")?;
+        // What was written to a deleted file is gone, whatever SQLite says.
+        if self.file.identity()? != self.expected || self.file.log_identity()? != open.log {
+            return Err(StoreError::Gone);
+        }
+        self.db = Some(open);
+        Ok(())
+    }
+
+    fn empty_log(&mut self) {
+        let emptied = self.db.as_ref().map_or(Ok(false), |open| connection::empty_log(&open.db));
+        if let Err(error) = &emptied {
+            tracing::warn!(%error, "the write-ahead log was not written back");
+        }
+        if emptied != Ok(true) {
+            self.queue.lanes().empty_log_at = Some(Instant::now() + EMPTY_LOG_PAUSE);
+        }
+    }
+}
+
+/// Opens the file if it is the expected one.
+fn open(file: &DatabaseFile, expected: Identity) -> Result<Open, StoreError> {
+    if file.identity()? != expected {
+        return Err(StoreError::Gone);
+    }
+    let db = connection::writing(file.path())?;
+    // The log is there once something was read.
+    db.query_row("SELECT count(*) FROM study", [], |_| Ok(()))?;
+    let log = file.log_identity()?;
+    Ok(Open { db, log })
+}
+
+/// Runs each operation in a savepoint: what one of them does wrong is undone, and the others
+/// stay. An error is one of the whole transaction.
+fn run(db: &Connection, batch: &mut Batch) -> Result<(), StoreError> {
+    for operation in batch {
+        db.prepare_cached("SAVEPOINT operation")?.execute([])?;
+        let done = operation.run(db);
+        if db.is_autocommit() {
+            let lost = || StoreError::Unavailable("a transaction was rolled back".to_owned());
+            return Err(done.err().unwrap_or_else(lost));
+        }
+        if let Err(error) = done {
+            if error.ends_transaction() {
+                return Err(error);
+            }
+            db.prepare_cached("ROLLBACK TO operation")?.execute([])?;
+        }
+        db.prepare_cached("RELEASE operation")?.execute([])?;
+    }
+    Ok(())
+}

@@ -1,0 +1,251 @@
+//! Databases that this version did not make, and identities that last.
+
+use reqwest::Method;
+use serde_json::{Value, json};
+use sidestep::api::{
+    AnalysisDetail, AnalysisPage, Enrolled, Progress, TrialDetail, TrialPage, routes,
+};
+use sidestep::scene::{Evader, SceneParameters};
+use sidestep_tests::server::SHORT_STUDY;
+use sidestep_tests::{Answer, Driver, Server, behind, driven, driven_with, sidestep};
+use std::path::{Path, PathBuf};
+use tempfile::TempDir;
+
+fn old(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("data/old-database").join(name)
+}
+
+fn facts() -> Value {
+    serde_json::from_slice(&std::fs::read(old("facts.json")).unwrap()).unwrap()
+}
+
+/// A participant of the old database, with what their browser knows.
+struct Known<'a> {
+    server: &'a Server,
+    facts: Value,
+}
+
+impl<'a> Known<'a> {
+    fn new(server: &'a Server, name: &str) -> Self {
+        Self { server, facts: facts()["participants"][name].clone() }
+    }
+
+    async fn ask(&self, method: Method, route: &str, body: Option<&Value>) -> Answer {
+        let request = self.server.request(method, route);
+        let request = request.bearer_auth(self.facts["token"].as_str().unwrap());
+        Answer::of(match body {
+            Some(body) => request.json(body),
+            None => request,
+        })
+        .await
+    }
+
+    async fn me(&self) -> Answer {
+        self.ask(Method::GET, routes::ME, None).await
+    }
+
+    /// Drives the next trial with these vehicles.
+    async fn goes_on(&self, parameters: &SceneParameters) {
+        let before: Progress = self.me().await.into(200);
+        let next = before.next.unwrap();
+        let scene = before.plan.scenes().find(|(_, scene)| scene.trial_id == next).unwrap().1;
+        let trial = serde_json::to_value(driven_with(parameters, &scene.scene())).unwrap();
+        let answer = self.ask(Method::PUT, &routes::my_trial(&next), Some(&trial)).await;
+        assert_eq!(answer.status, 201, "{}", answer.body);
+        let after: Progress = self.me().await.into(200);
+        assert_eq!(after.stored, [before.stored, vec![next.clone()]].concat());
+        let detail: TrialDetail = self.server.admin(&routes::admin_trial(&next)).await.into(200);
+        assert_eq!((detail.replay.exact, detail.parameters), (true, *parameters));
+        assert!(detail.value_function(Evader::Human).is_some());
+    }
+}
+
+async fn enrol(server: &Server, slug: &str, body: Value) -> Answer {
+    let request = server.request(Method::POST, &routes::participants(slug));
+    Answer::of(request.json(&body)).await
+}
+
+#[tokio::test]
+async fn a_database_of_the_version_before_goes_on() {
+    let server = Server::with_database(SHORT_STUDY, &old("sidestep.db")).await;
+    let exported = server.export("first").await;
+    let old_facts = facts();
+    let incomplete = Known::new(&server, "incomplete");
+
+    // The same upload again is still the same, and another one is another one.
+    let me: Progress = incomplete.me().await.into(200);
+    assert_eq!(json!(me.stored), incomplete.facts["stored"]);
+    let mut upload = incomplete.facts["upload"].clone();
+    let route = routes::my_trial(&me.stored[1]);
+    assert_eq!(incomplete.ask(Method::PUT, &route, Some(&upload)).await.status, 200);
+    upload["display"]["refresh_hz"] = json!(75.0);
+    let other = incomplete.ask(Method::PUT, &route, Some(&upload)).await;
+    other.problem(409, "different_content", None);
+    assert_eq!(server.export("first").await, exported);
+
+    // Participants go on and return; new ones enrol.
+    incomplete.goes_on(&SceneParameters::default()).await;
+    let mut faster = SceneParameters::default();
+    for vehicle in [&mut faster.human, &mut faster.robot] {
+        (vehicle.speed_mps, vehicle.turn_rate_radps) = (2.5, 0.6);
+    }
+    faster.danger_radius_m = 2.5;
+    Known::new(&server, "second").goes_on(&faster).await;
+    let again = enrol(&server, "first", json!({ "consent": true, "external_id": "P-17" })).await;
+    let again: Enrolled = again.into(200);
+    assert_eq!(json!(again.participant_id), incomplete.facts["participant_id"]);
+    assert_eq!(again.plan, me.plan);
+    for (slug, scenes) in [("first", 6), ("second", 2), ("default", 5)] {
+        let enrolled: Enrolled = enrol(&server, slug, json!({ "consent": true })).await.into(201);
+        assert_eq!(enrolled.plan.scenes().count(), scenes, "{slug}");
+    }
+    let complete = Known::new(&server, "complete");
+    let code = complete.ask(Method::POST, routes::COMPLETE, None).await;
+    assert_eq!(code.body["completion_code"], complete.facts["completion_code"]);
+    for gone in ["withdrawn", "deleted"] {
+        Known::new(&server, gone).me().await.problem(410, "withdrawn", None);
+    }
+
+    // The laboratory finds what was there.
+    let page: TrialPage = server.admin(&routes::admin_trials("first")).await.into(200);
+    assert_eq!(page.trials.len() * 50, server.export("first").await.lines().count() - 1);
+    let id = old_facts["analysis"]["id"].as_str().unwrap();
+    let page: AnalysisPage = server.admin(&routes::admin_analyses("first")).await.into(200);
+    assert_eq!(page.analyses.iter().map(|a| &a.id[..]).collect::<Vec<_>>(), [id]);
+    let detail: AnalysisDetail = server.admin(&routes::admin_analysis(id)).await.into(200);
+    for file in &detail.files {
+        let route = routes::analysis_file(id, &file.name);
+        let answer = server.request(Method::GET, &route).bearer_auth(&server.key);
+        let bytes = answer.send().await.unwrap().bytes().await.unwrap();
+        assert_eq!(bytes.len() as u64, file.octets, "{}", file.name);
+    }
+    assert_eq!(detail.files.len(), 13);
+
+    // Every row is what it was, in the database as it is now.
+    let checked = sidestep(&["check", "--database", &server.database()]).await;
+    let report: Value = serde_json::from_slice(&checked.stdout).unwrap();
+    assert_eq!(report["wrong"], json!([]));
+    assert_eq!((&report["damage"], &report["trials"]), (&json!([]), &json!(21)));
+    assert!(server.restarted().await.export("first").await.starts_with("participant,"));
+}
+
+#[tokio::test]
+async fn a_configuration_is_known_by_what_was_stored() {
+    let server = Server::with_study(SHORT_STUDY).await;
+    let database = server.database();
+    let stopped = server.stop().await;
+    // Without a field that this version writes, and in another order: as if the field were new.
+    let otherwise = r#"{ "title": "Short", "slug": "default",
+        "phases": [{ "phase": "task", "scenes": 2 }],
+        "parameters": { "steps": 50, "step_s": 0.2, "danger_radius_m": 3.0,
+            "robot": { "turn_rate_radps": 0.5, "speed_mps": 2.0 },
+            "human": { "turn_rate_radps": 0.5, "speed_mps": 2.0 } } }"#;
+    let hash = "0123456789abcdef".repeat(4);
+    let db = behind(&database);
+    db.execute("INSERT INTO study_config VALUES (?1, ?2)", [&hash, otherwise]).unwrap();
+    db.execute("UPDATE study SET config_hash = ?1", [&hash]).unwrap();
+    drop(db);
+    let same = "title = \"Short\"\nphases = [{ phase = \"task\", scenes = 2 }]\n";
+    std::fs::write(stopped.path("study.toml"), same).unwrap();
+    let server = stopped.start().await;
+    let driver = Driver::enrol(&server).await;
+    driver.drive(&server, 2).await;
+    let db = behind(&database);
+    let under = "SELECT count(*) FROM participant WHERE config_hash = ?1";
+    let count: i64 = db.query_row(under, [&hash], |row| row.get(0)).unwrap();
+    let configs: i64 =
+        db.query_row("SELECT count(*) FROM study_config", [], |row| row.get(0)).unwrap();
+    assert_eq!((count, configs), (1, 2), "an equal configuration is not stored again");
+    let detail: TrialDetail =
+        server.admin(&routes::admin_trial(&driver.scenes()[0].0)).await.into(200);
+    assert!(detail.value_function(Evader::Human).is_some());
+}
+
+#[tokio::test]
+async fn numbers_are_never_used_twice() {
+    let server = Server::with_database(SHORT_STUDY, &old("sidestep.db")).await;
+    let highest = |table: &str| -> i64 {
+        let query = format!("SELECT seq FROM sqlite_sequence WHERE name = '{table}'");
+        behind(&server.database()).query_row(&query, [], |row| row.get(0)).unwrap()
+    };
+    let before = highest("analysis");
+    let id = facts()["analysis"]["id"].as_str().unwrap().to_owned();
+    let delete = server.request(Method::DELETE, &routes::admin_analysis(&id));
+    assert_eq!(Answer::of(delete.bearer_auth(&server.key)).await.status, 204);
+    let ask = server.request(Method::POST, &routes::admin_analyses("second"));
+    let asked = Answer::of(ask.bearer_auth(&server.key).json(&json!({}))).await;
+    assert_eq!(asked.status, 201, "{}", asked.body);
+    assert_eq!(highest("analysis"), before + 1);
+
+    let body = json!({ "consent": true });
+    let driver = Driver { enrolled: enrol(&server, "first", body.clone()).await.into(201) };
+    driver.drive(&server, 1).await;
+    let before = highest("trial");
+    assert_eq!(driver.withdraw(&server, "delete").await.status, 204);
+    let driver = Driver { enrolled: enrol(&server, "first", body).await.into(201) };
+    driver.drive(&server, 1).await;
+    assert_eq!(highest("trial"), before + 1);
+}
+
+/// What is refused stays as it was to the last byte; the line says why.
+async fn is_refused(change: &str, words: &[&str]) {
+    let folder = TempDir::new().unwrap();
+    let file = folder.path().join("sidestep.db");
+    std::fs::copy(old("sidestep.db"), &file).unwrap();
+    let database = format!("sqlite:{}", file.display());
+    behind(&database).execute_batch(change).unwrap();
+    let before = std::fs::read(&file).unwrap();
+    let out = folder.path().join("out").display().to_string();
+    for args in [
+        &["check", "--database", &database][..],
+        &["export", "--database", &database, "--study", "first", "--out", &out],
+    ] {
+        let output = sidestep(args).await;
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(1), "{said}");
+        assert_eq!(said.trim_end().lines().count(), 1, "{said}");
+        for word in [&["sidestep.db"], words].concat() {
+            assert!(said.contains(word), "{word} in {said}");
+        }
+        assert!(std::fs::read(&file).unwrap() == before, "{args:?} wrote to the file");
+    }
+}
+
+#[tokio::test]
+async fn what_cannot_be_used_stays_as_it_was() {
+    let newer = "INSERT INTO _sqlx_migrations \
+                 VALUES (99, 'later', '2030-01-01', 1, x'00', 0)";
+    is_refused(newer, &["newer version of Sidestep", "99", "update"]).await;
+    let other = "UPDATE _sqlx_migrations SET checksum = x'00' WHERE version = 2";
+    is_refused(other, &["migration 2", "another build"]).await;
+    is_refused("DROP TABLE _sqlx_migrations", &["another program"]).await;
+    // The fourth migration fails half way: its first statements are undone.
+    let in_the_way = "CREATE TABLE new_analysis (x)";
+    is_refused(in_the_way, &["migration 4 failed", "nothing was changed"]).await;
+}
+
+#[tokio::test]
+async fn an_enrolment_repeated_after_a_lost_answer_is_one_participant() {
+    let server = Server::with_study(SHORT_STUDY).await;
+    let body = json!({ "consent": true, "request_id": "3f0e2d6c-7a44-4c3e-9b1e-000000000001" });
+    let asked = (0..8).map(|_| enrol(&server, "default", body.clone()));
+    let answers = futures_util::future::join_all(asked).await;
+    assert_eq!(answers.iter().filter(|a| a.status == 201).count(), 1);
+    let enrolled: Vec<Enrolled> =
+        answers.into_iter().map(|a| serde_json::from_value(a.body).unwrap()).collect();
+    for again in &enrolled {
+        assert_eq!(again.participant_id, enrolled[0].participant_id);
+        assert_eq!(again.plan, enrolled[0].plan);
+    }
+    // Each token is good, whichever answer arrived.
+    let driver = Driver { enrolled: enrolled[7].clone() };
+    let (trial_id, scene) = driver.scenes()[0].clone();
+    assert_eq!(driver.send(&server, &trial_id, &driven(&scene)).await.status, 201);
+    let other = json!({ "consent": true, "request_id": "3f0e2d6c-7a44-4c3e-9b1e-000000000002" });
+    assert_eq!(enrol(&server, "default", other).await.status, 201);
+    let short = json!({ "consent": true, "request_id": "1" });
+    enrol(&server, "default", short).await.problem(422, "invalid", Some("request_id"));
+    let query = "SELECT count(*) FROM participant";
+    let people: i64 = behind(&server.database()).query_row(query, [], |row| row.get(0)).unwrap();
+    assert_eq!(people, 2);
+}
