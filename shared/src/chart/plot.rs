@@ -351,7 +351,7 @@ impl Chart {
         let row = |x: f64| {
             let entry = |series: &&Series| {
                 let mut here = series.points.iter().filter(|datum| datum.at[0] == x);
-                here.next().map(|datum| number(datum.at[1])).unwrap_or_default()
+                here.next().map(|datum| brief(datum.at[1])).unwrap_or_default()
             };
             [number(x)].into_iter().chain(series.iter().map(entry)).collect()
         };
@@ -373,6 +373,15 @@ impl Frame {
         let [left, top, right, bottom] = self.edges();
         (left - ROUNDING..=right + ROUNDING).contains(&x)
             && (top - ROUNDING..=bottom + ROUNDING).contains(&y)
+    }
+}
+
+/// To four significant digits.
+fn brief(value: f64) -> String {
+    if value.is_finite() {
+        number(format!("{value:.3e}").parse().unwrap_or(value))
+    } else {
+        String::new()
     }
 }
 

@@ -109,8 +109,7 @@ the barrier's points are rounded to 10⁻⁶ m. The volume is by quadrature over
 }
 
 fn slices(report: &Report) -> String {
-    let headings: Vec<_> =
-        report.slices.iter().map(|slice| format!("{:.0}°", slice.psi_deg)).collect();
+    let headings: Vec<_> = report.slices_deg.iter().map(|psi| format!("{psi:.0}°")).collect();
     format!(
         "## The same set three times
 
