@@ -116,12 +116,12 @@ pub fn regions(
     let width = (panels.len() as f64 * cell).max(460.0);
 
     let mut drawing = headed(heading, &[note], width);
-    let top = drawing.size[1] + 62.0;
+    let top = drawing.size[1] + 76.0;
     let mut bottom = top;
     for (i, panel) in panels.iter().enumerate() {
         let left = MARGIN + ROOM[0] + i as f64 * cell;
         let frame = Frame { left, top, width: SIDE, height };
-        let [title, areas] = [top - 66.0, top - 46.0];
+        let [title, areas] = [top - 60.0, top - 40.0];
         drawing.bold(&panel.title, [left, title], 13.5, colours::TEXT, Align::Left);
         let each = panel.sets.iter().map(|set| format!("{:.2}", signed_area(&set.tube)));
         let text = format!("areas {} m²", each.collect::<Vec<_>>().join(", "));
@@ -295,7 +295,7 @@ impl Steps {
                 (ranges().fold(f64::INFINITY, f64::min), ranges().fold(0.0, f64::max));
             let room = 0.12 * (high - low);
             let mut x = Axis::linear("bearing to the right", "°", ends, 7);
-            let mut y = Axis::linear("range", "m", [low - room, high + room], 2);
+            let mut y = Axis::linear("range", "m", [low - room, high + room], 3);
             let (first, last) = (i == 0, i + 1 == times_s.len());
             if !first {
                 x.name = String::new();

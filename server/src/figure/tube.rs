@@ -85,7 +85,9 @@ impl Surface {
         tiles.sort_by(|a, b| a.0.total_cmp(&b.0));
         let edge = Pen::new(EDGE, 1.0);
         for (_, i, flat, colour) in &tiles {
-            drawing.polygon(grown(flat), Some((*colour).into()), None);
+            // An edge of the same colour, so that no ground shows between neighbours.
+            let seam = Pen::new(*colour, 0.7);
+            drawing.polygon(*flat, Some((*colour).into()), Some(seam));
             // On both sides, since the later one covers half of the line.
             if *i > 0 && i.is_multiple_of(RING) {
                 drawing.line(&flat[..2], edge);
@@ -150,16 +152,6 @@ fn evenly(curve: &[Point], bearing: f64, radius_m: f64) -> Vec<Point> {
 fn area(points: &[[f64; 2]; 4]) -> f64 {
     let next = points.iter().cycle().skip(1);
     points.iter().zip(next).map(|(a, b)| a[0] * b[1] - a[1] * b[0]).sum()
-}
-
-/// A little larger, so that no background shows between neighbours.
-fn grown(points: &[[f64; 2]; 4]) -> [[f64; 2]; 4] {
-    let middle = [0, 1].map(|d| points.iter().map(|p| 0.25 * p[d]).sum::<f64>());
-    points.map(|p| {
-        let (dx, dy) = (p[0] - middle[0], p[1] - middle[1]);
-        let by = 0.3 / dx.hypot(dy).max(0.3);
-        [p[0] + by * dx, p[1] + by * dy]
-    })
 }
 
 /// From (x, y, ψ) to the page, without perspective.
