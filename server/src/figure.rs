@@ -1,45 +1,45 @@
-//! Figures of value functions, as SVG or PNG.
+//! Figures of the command line: level sets, predicted regions, coverage against area.
 //!
-//! The SVG is drawn with plotters; the PNG is that SVG rendered by resvg with the fonts
-//! in `fonts/`, so that both show the same and neither needs a font on the machine.
+//! Each is a [`Drawing`], which writes itself as SVG and which [`png`] paints with the fonts in
+//! `fonts/`, so that neither needs a font on the machine.
 
-mod canvas;
-mod pareto;
-mod regions;
 mod label_position;
+mod pareto;
+mod png;
+mod regions;
 mod slices;
 mod tube;
 
-use resvg::{tiny_skia, usvg};
+use sidestep::chart::{Align, Drawing, colours};
 use sidestep::reachability::ValueFunction;
-use std::sync::Arc;
 
-pub use canvas::DrawError;
 pub use pareto::pareto;
+pub use png::png;
 pub use regions::{DangerZone, DrawnSet, RegionsPanel, regions, shown_steps};
 pub use slices::slices;
 pub use tube::tube;
 
-/// Pixels of a PNG for each one of the SVG.
-const PNG_SCALE: f32 = 2.0;
+/// Why there is no figure.
+#[derive(Debug, thiserror::Error)]
+#[error("cannot draw: {0}")]
+pub struct DrawError(pub String);
 
-/// An SVG as a PNG of twice its size.
-///
-/// # Errors
-/// [`DrawError`] if the SVG cannot be read or the picture is too large.
-pub fn png(svg: &str) -> Result<Vec<u8>, DrawError> {
-    let mut options = usvg::Options::default();
-    let fonts = Arc::make_mut(&mut options.fontdb);
-    fonts.load_font_data(include_bytes!("figure/fonts/DejaVuSans.ttf").to_vec());
-    fonts.load_font_data(include_bytes!("figure/fonts/DejaVuSans-Bold.ttf").to_vec());
-    let tree = usvg::Tree::from_str(svg, &options).map_err(|e| DrawError(e.to_string()))?;
-    let size = tree.size();
-    let pixels = |length: f32| (length * PNG_SCALE).ceil() as u32;
-    let mut pixmap = tiny_skia::Pixmap::new(pixels(size.width()), pixels(size.height()))
-        .ok_or_else(|| DrawError("the picture is too large".to_owned()))?;
-    let scale = tiny_skia::Transform::from_scale(PNG_SCALE, PNG_SCALE);
-    resvg::render(&tree, scale, &mut pixmap.as_mut());
-    pixmap.encode_png().map_err(|e| DrawError(e.to_string()))
+/// Around every figure, px.
+const MARGIN: f64 = 28.0;
+
+/// A page with a heading and notes below it. It is as high as these, and `width` px wide between
+/// its margins, or wider for long notes.
+fn headed(heading: &str, notes: &[&str], width: f64) -> Drawing {
+    const NOTE: f64 = 12.0;
+    let widths = notes.iter().map(|note| sidestep::chart::width_of(note, NOTE, false));
+    let width = widths.fold(width, f64::max) + 2.0 * MARGIN;
+    let mut drawing = Drawing::new(heading, "", [width, 58.0 + 18.0 * notes.len() as f64]);
+    drawing.bold(heading, [MARGIN, 34.0], 20.0, colours::TEXT, Align::Left);
+    for (i, note) in notes.iter().enumerate() {
+        let at = [MARGIN, 60.0 + 18.0 * i as f64];
+        drawing.text(note, at, NOTE, colours::MUTED, Align::Left);
+    }
+    drawing
 }
 
 /// One line that says which function it is.

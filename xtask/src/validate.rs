@@ -1,7 +1,7 @@
 //! `cargo xtask validate`: measures what the library computes and writes what it found.
 //!
-//! For each page of `docs/validation` an example of the library computes and prints numbers;
-//! here they become the page and its pictures. Nothing is measured here.
+//! For each page of `docs/validation` an example of the library computes, draws the pictures and
+//! prints numbers; here these become the page. Nothing is measured here.
 
 mod words;
 mod learning;

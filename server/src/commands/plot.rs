@@ -9,6 +9,7 @@ use super::{CommandError, print_json, unwritable};
 use crate::figure;
 use crate::figure::{RegionsPanel, shown_steps};
 use crate::formats::atomic_file;
+use sidestep::chart::{Drawing, number};
 use sidestep::invalid::Invalid;
 use std::path::{Path, PathBuf};
 
@@ -63,18 +64,21 @@ pub async fn run(args: PlotArgs) -> Result<(), CommandError> {
     check(&args)?;
     atomic_file::check(&args.out).map_err(|e| unwritable(&args.out, &e))?;
     let interrupt = Interrupt::listen();
-    let svg = match args.kind {
+    let drawing = match args.kind {
         Kind::Regions => regions(&args.input, &args.predictor).await?,
         Kind::Slices | Kind::Tube => level_sets(&args, &interrupt).await?,
     };
-    let octets =
-        if as_png { figure::png(&svg).map_err(CommandError::failure)? } else { svg.into_bytes() };
-    atomic_file::write(&args.out, &interrupt.token, |out| out.write_all(&octets))
+    let bytes = if as_png {
+        figure::png(&drawing).map_err(CommandError::failure)?
+    } else {
+        drawing.svg().into_bytes()
+    };
+    atomic_file::write(&args.out, &interrupt.token, |out| out.write_all(&bytes))
         .map_err(|e| interrupt.check().err().unwrap_or_else(|| unwritable(&args.out, &e)))?;
-    print_json(&serde_json::json!({ "file": args.out, "octets": octets.len() }))
+    print_json(&serde_json::json!({ "file": args.out, "octets": bytes.len() }))
 }
 
-async fn level_sets(args: &PlotArgs, interrupt: &Interrupt) -> Result<String, CommandError> {
+async fn level_sets(args: &PlotArgs, interrupt: &Interrupt) -> Result<Drawing, CommandError> {
     let function = args.function.function(interrupt).await?;
     let radius_m = function.game().radius_m;
     if let Some(low) = args.levels.iter().find(|level| **level <= -radius_m) {
@@ -82,20 +86,20 @@ async fn level_sets(args: &PlotArgs, interrupt: &Interrupt) -> Result<String, Co
             format!("--levels: expected numbers above -{radius_m} (minus the radius), found {low}");
         return Err(CommandError::Input(message));
     }
-    let svg = match args.kind {
+    Ok(match args.kind {
         Kind::Tube => figure::tube(&function),
         _ => figure::slices(&function, &args.psi, &args.levels),
-    };
-    svg.map_err(CommandError::failure)
+    })
 }
 
-async fn regions(files: &[PathBuf], predictor: &PredictorArgs) -> Result<String, CommandError> {
+async fn regions(files: &[PathBuf], predictor: &PredictorArgs) -> Result<Drawing, CommandError> {
     let given = predictor.read(files.iter().map(|file| Document(file)))?;
     let mut panels = Vec::new();
+    let mut epsilons: Vec<Vec<f64>> = Vec::new();
     let mut first: Option<(usize, f64, usize)> = None;
     for file in files {
         let document = Document(file);
-        let Prediction { now, motion, danger_radius_m, bounds } =
+        let Prediction { now, motion, danger_radius_m, epsilon, bounds } =
             Prediction::of(document, given.as_ref()).await?;
         if bounds.raw.len() > MOST_STEPS {
             let expected = format!("at most {MOST_STEPS} steps in a picture");
@@ -104,15 +108,16 @@ async fn regions(files: &[PathBuf], predictor: &PredictorArgs) -> Result<String,
         }
         let alike = (bounds.raw.len(), motion.step_s, bounds.sets.len());
         let first = *first.get_or_insert(alike);
-        let shown = shown_steps(bounds.raw.len());
-        if (shown_steps(first.0), first.1, first.2) != (shown.clone(), alike.1, alike.2) {
+        if first != alike {
             let words = |(steps, dt, sets)| format!("{steps} steps of {dt} s and {sets} sets");
             let expected = format!("{}, as in the first --input", words(first));
             return Err(document.complain(&Invalid::new("", expected, words(alike))));
         }
         let title = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let shown = shown_steps(alike.0);
         let panel = RegionsPanel::new(title, now, &bounds.sets, &motion, danger_radius_m, &shown);
         panels.push(panel.map_err(|invalid| document.complain(&named(invalid)))?);
+        epsilons.push(epsilon);
     }
     let Some((steps, step_s, sets)) = first else {
         let message =
@@ -120,10 +125,17 @@ async fn regions(files: &[PathBuf], predictor: &PredictorArgs) -> Result<String,
         return Err(CommandError::Input(message.to_owned()));
     };
     let times: Vec<f64> = shown_steps(steps).into_iter().map(|step| step as f64 * step_s).collect();
-    let names: Vec<String> = (1..=sets).map(|j| format!("F{j}")).collect();
-    let note = "Region j is what set j adds to set j − 1; circle: the robot's danger zone";
+    let names: Vec<String> = (0..sets).map(|j| region_name(j, &epsilons)).collect();
+    let note = "Region j: positions that set j adds to set j − 1; circle: the robot’s danger zone";
     figure::regions("Where the human may be", note, &panels, &times, &names)
         .map_err(CommandError::failure)
+}
+
+/// "F2: ε = 0.15 rad/s"; where panels differ, the ε of each in their order.
+fn region_name(j: usize, epsilons: &[Vec<f64>]) -> String {
+    let mut values: Vec<String> = epsilons.iter().map(|of| number(of[j])).collect();
+    values.dedup();
+    format!("F{}: ε = {} rad/s", j + 1, values.join(", "))
 }
 
 fn is_png(out: &Path) -> Result<bool, CommandError> {

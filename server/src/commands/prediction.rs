@@ -135,6 +135,8 @@ pub(super) struct Prediction {
     pub(super) now: JointState,
     pub(super) motion: Motion,
     pub(super) danger_radius_m: f64,
+    /// By how much each set widens the bounds, rad/s.
+    pub(super) epsilon: Vec<f64>,
     pub(super) bounds: PredictedBounds,
 }
 
@@ -164,6 +166,7 @@ impl Prediction {
             now: JointState { human: input.human, robot: input.robot },
             motion: problem.motion,
             danger_radius_m: problem.danger_radius_m,
+            epsilon: input.epsilon,
             bounds,
         })
     }

@@ -1,4 +1,4 @@
-//! Where a label fits best.
+//! Where a label has most room.
 
 use sidestep::reach::polygon::{bounding_box, signed_distance};
 
@@ -8,7 +8,11 @@ const SPACING: f64 = 3.0;
 /// The point inside `outer` and outside `inner` that is farthest from both edges, if it is
 /// at least `least` from them. Points are [right, down] in pixels; either polygon may be
 /// empty. Good to the distance of the points that are tried.
-pub(super) fn roomiest(outer: &[[f64; 2]], inner: &[[f64; 2]], least: f64) -> Option<[f64; 2]> {
+pub(super) fn label_position(
+    outer: &[[f64; 2]],
+    inner: &[[f64; 2]],
+    least: f64,
+) -> Option<[f64; 2]> {
     let [left, top, right, bottom] = bounding_box(outer)?;
     let tried = |low: f64, high: f64| {
         (0..=((high - low) / SPACING) as usize).map(move |i| low + SPACING * i as f64)
@@ -26,7 +30,7 @@ mod tests {
     const SQUARE: [[f64; 2]; 4] = [[0.0, 0.0], [40.0, 0.0], [40.0, 40.0], [0.0, 40.0]];
 
     fn check(inner: &[[f64; 2]], least: f64, expected: Option<[f64; 2]>) {
-        let found = roomiest(&SQUARE, inner, least);
+        let found = label_position(&SQUARE, inner, least);
         assert_eq!(found.is_some(), expected.is_some(), "{found:?}");
         for (found, expected) in found.into_iter().flatten().zip(expected.into_iter().flatten()) {
             assert!((found - expected).abs() <= SPACING, "{found} {expected}");
@@ -37,7 +41,9 @@ mod tests {
     fn the_middle_of_what_is_free() {
         check(&[], 5.0, Some([20.0, 20.0]));
         let left = [[0.0, 0.0], [20.0, 0.0], [20.0, 40.0], [0.0, 40.0]];
-        assert!(roomiest(&SQUARE, &left, 8.0).is_some_and(|[x, _]| (x - 30.0).abs() <= SPACING));
+        assert!(
+            label_position(&SQUARE, &left, 8.0).is_some_and(|[x, _]| (x - 30.0).abs() <= SPACING)
+        );
     }
 
     #[test]
@@ -46,6 +52,6 @@ mod tests {
         let most = [[1.0, 1.0], [39.0, 1.0], [39.0, 39.0], [1.0, 39.0]];
         check(&most, 2.0, None);
         check(&SQUARE, 0.5, None);
-        assert_eq!(roomiest(&[[0.0, 0.0], [9.0, 9.0]], &[], 1.0), None);
+        assert_eq!(label_position(&[[0.0, 0.0], [9.0, 9.0]], &[], 1.0), None);
     }
 }

@@ -1,32 +1,28 @@
-//! Predicted regions in the colours of the paper: the tube above, the sets at steps below.
+//! Predicted regions in the colours of the paper: the tube above, the sets at single steps below.
 
-use super::canvas::{
-    Align, Canvas, DrawError, GRID, HUMAN, LINE, MUTED, REGIONS, ROBOT, SURFACE, TEXT, number,
-    page, ticks,
-};
-use super::label_position::roomiest;
-use plotters::prelude::{Color, RGBColor};
+use super::label_position::label_position;
+use super::{DrawError, MARGIN, headed};
 use sidestep::bounds::{InputBounds, Motion};
+use sidestep::chart::{
+    Align, Area, Axis, Chart, Drawing, Frame, LegendItem, Note, Pen, Series, Sign, colours, disc,
+    number,
+};
 use sidestep::invalid::Invalid;
-use sidestep::math::{PI, TAU, sin_cos};
+use sidestep::math::{PI, atan2, hypot, wrap_angle};
 use sidestep::reach::polygon::signed_area;
 use sidestep::reach::{PolygonSettings, ReachableSet};
 use sidestep::scene::JointState;
 use sidestep::vehicle::Pose;
 use sidestep::vehicle::dubins::relative_state;
 
-const MARGIN: f64 = 28.0;
-const HEADER: f64 = 84.0;
-/// Of the legend: what is above its first row, and a row.
-const LEGEND: f64 = 34.0;
-const ROW: f64 = 24.0;
-/// Least width between the margins, for the heading.
-const NARROWEST: f64 = 460.0;
-/// About the mean width of a letter of 12 pixels.
-const LETTER: f64 = 6.4;
-/// Width of what is plotted in, and the room around it: left, right, above, below.
+/// Width of a frame, and the room to its left and right, px.
 const SIDE: f64 = 300.0;
-const ROOM: [f64; 4] = [38.0, 12.0, 66.0, 34.0];
+const ROOM: [f64; 2] = [46.0, 44.0];
+/// Height of the frame of a single step, and between two of them, px.
+const STEP: f64 = 46.0;
+const BETWEEN: f64 = 14.0;
+/// Around a numeral, px.
+const NUMERAL_ROOM: f64 = 7.4;
 
 /// One prediction.
 #[derive(Clone, Debug, PartialEq)]
@@ -59,11 +55,12 @@ pub struct DangerZone {
     pub radius_m: f64,
 }
 
-/// Which of `steps` steps are shown: every second one, or all of a few.
+/// Which of `steps` steps are shown: the last one, and back from there every second one, or all of
+/// a few.
 #[must_use]
 pub fn shown_steps(steps: usize) -> Vec<usize> {
     let every = if steps < 4 { 1 } else { steps.div_ceil(10).next_multiple_of(2) };
-    (1..=steps).filter(|step| step % every == 0).collect()
+    (1..=steps).filter(|step| (steps - step) % every == 0).collect()
 }
 
 impl RegionsPanel {
@@ -97,42 +94,50 @@ impl RegionsPanel {
     }
 }
 
-/// The SVG of `panels`, side by side: region j is what set j adds to set j − 1, from red
-/// inside to purple outside. `times_s` are those of the shown steps, `regions` names each
-/// region in the legend, such as its probability; `note` says what the data are.
+/// `panels` side by side: region j is what set j adds to set j − 1, from red inside to purple
+/// outside. `times_s` are those of the shown steps, `regions` names each region in the legend, such
+/// as its ε or its probability; `note` says what the data are.
 ///
 /// # Errors
-/// [`DrawError`] if there is no panel, a panel has not as many sets as there are names or a
-/// set not as many steps as there are times, or plotters cannot draw it.
+/// [`DrawError`] if there is no panel, or a panel has not as many sets as there are names or a
+/// set not as many steps as there are times.
 pub fn regions(
     heading: &str,
     note: &str,
     panels: &[RegionsPanel],
     times_s: &[f64],
     regions: &[String],
-) -> Result<String, DrawError> {
+) -> Result<Drawing, DrawError> {
     check(panels, times_s, regions)?;
     let window = Window::around(panels);
-    let high = SIDE * window.high() / window.wide();
-    let cell = [ROOM[0] + SIDE + ROOM[1], 2.0 * (high + ROOM[3]) + ROOM[2] + 30.0];
-    let inner = (panels.len() as f64 * cell[0]).max(NARROWEST).max(LETTER * letters(note));
-    let legend = Legend::new(regions, inner - ROOM[0]);
-    let size = [inner + 2.0 * MARGIN, HEADER + cell[1] + legend.height()];
-    page(heading, size, |canvas| {
-        canvas.bold(heading, [MARGIN, 34.0], 20.0, TEXT, Align::Left)?;
-        canvas.text(note, [MARGIN, 58.0], 12.0, MUTED, Align::Left)?;
-        let left = MARGIN + ROOM[0];
-        for (i, panel) in panels.iter().enumerate() {
-            let left = left + i as f64 * cell[0];
-            let above = Plot { canvas, panel, window: &window, corner: [left, HEADER + ROOM[2]] };
-            above.titles()?;
-            above.tube()?;
-            let top = HEADER + ROOM[2] + high + ROOM[3] + 30.0;
-            let below = Plot { corner: [left, top], ..above };
-            below.steps(times_s)?;
-        }
-        legend.draw(canvas, [left, HEADER + cell[1] + LEGEND])
-    })
+    let height = SIDE * window.high() / window.wide();
+    let steps = Steps::new(panels, times_s);
+    let cell = ROOM[0] + SIDE + ROOM[1];
+    let width = (panels.len() as f64 * cell).max(460.0);
+
+    let mut drawing = headed(heading, &[note], width);
+    let top = drawing.size[1] + 76.0;
+    let mut bottom = top;
+    for (i, panel) in panels.iter().enumerate() {
+        let left = MARGIN + ROOM[0] + i as f64 * cell;
+        let frame = Frame { left, top, width: SIDE, height };
+        let [title, areas] = [top - 60.0, top - 40.0];
+        drawing.bold(&panel.title, [left, title], 13.5, colours::TEXT, Align::Left);
+        let each = panel.sets.iter().map(|set| format!("{:.2}", signed_area(&set.tube)));
+        let text = format!("areas {} m²", each.collect::<Vec<_>>().join(", "));
+        drawing.text(&text, [left, areas], 11.5, colours::MUTED, Align::Left);
+        let chart = tube(panel, &window, frame);
+        chart.draw(&mut drawing, frame);
+        let below = top + height + chart.room()[1] + 26.0;
+        bottom = steps.draw(&mut drawing, panel, times_s, [left, below]);
+    }
+    let items: Vec<LegendItem> = (regions.iter().enumerate())
+        .map(|(j, name)| LegendItem::region(name, j + 1, colours::region(j, regions.len())))
+        .collect();
+    let at = [MARGIN + ROOM[0], bottom + 24.0];
+    let legend = drawing.legend(&items, at, drawing.size[0] - 2.0 * MARGIN - ROOM[0]);
+    drawing.size[1] = at[1] + legend + 10.0;
+    Ok(drawing)
 }
 
 fn check(panels: &[RegionsPanel], times_s: &[f64], regions: &[String]) -> Result<(), DrawError> {
@@ -152,29 +157,17 @@ fn check(panels: &[RegionsPanel], times_s: &[f64], regions: &[String]) -> Result
     Ok(())
 }
 
-/// The colour of region `j`, from 0, of `count`: red inside, purple outside.
-fn color(j: usize, count: usize) -> RGBColor {
-    match count {
-        0..=5 => REGIONS[j],
-        // More regions than colours: blends of neighbours.
-        _ => {
-            let at = (REGIONS.len() - 1) as f64 * j as f64 / (count - 1) as f64;
-            let from = (at as usize).min(REGIONS.len() - 2);
-            let share = at - from as f64;
-            let (a, b) = (REGIONS[from], REGIONS[from + 1]);
-            let mix = |a: u8, b: u8| (f64::from(a) * (1.0 - share) + f64::from(b) * share) as u8;
-            RGBColor(mix(a.0, b.0), mix(a.1, b.1), mix(a.2, b.2))
-        }
-    }
-}
-
 /// From the world to the human's point of view: to the right and ahead, m.
 fn seen(start: Pose, [x, y]: [f64; 2]) -> [f64; 2] {
     let [ahead, left, _] = relative_state(start, Pose::new(x, y, 0.0));
     [-left, ahead]
 }
 
-/// What part of the plane all panels show.
+fn all_seen(start: Pose, polygon: &[[f64; 2]]) -> Vec<[f64; 2]> {
+    polygon.iter().map(|&point| seen(start, point)).collect()
+}
+
+/// What part of the plane all panels show, m.
 struct Window {
     x: [f64; 2],
     y: [f64; 2],
@@ -190,8 +183,8 @@ impl Window {
                 y = [y[0].min(py), y[1].max(py)];
             }
         }
-        // The same on either side, with room for the times beside the steps.
-        let reach = (1.3 * x[1].max(-x[0])).max(0.45 * (y[1] - y[0])).max(0.1);
+        // The same on either side.
+        let reach = (1.1 * x[1].max(-x[0])).max(0.45 * (y[1] - y[0])).max(0.1);
         let room = 0.06 * (y[1] - y[0]).max(reach);
         Self { x: [-reach, reach], y: [y[0] - room, y[1] + room] }
     }
@@ -205,200 +198,134 @@ impl Window {
     }
 }
 
-/// A place for one view of a panel.
-#[derive(Clone, Copy)]
-struct Plot<'a, 'b> {
-    canvas: &'a Canvas<'b>,
-    panel: &'a RegionsPanel,
-    window: &'a Window,
-    /// Top left.
-    corner: [f64; 2],
+/// Every position within the steps ahead, as the human sees it.
+fn tube(panel: &RegionsPanel, window: &Window, frame: Frame) -> Chart {
+    let x = Axis::linear("to the right", "m", window.x, 7);
+    let y = Axis::linear("ahead", "m", window.y, 7);
+    let mut chart = Chart::new("", "", x, y);
+    let tubes = panel.sets.iter().map(|set| all_seen(panel.start, &set.tube));
+    let tubes: Vec<Vec<[f64; 2]>> = tubes.collect();
+    add_sets(&mut chart, &tubes, Pen::new(colours::SURFACE.at(0.75), 0.8));
+    add_danger_zone(&mut chart, panel);
+    // A number in each region that has room for it.
+    let placed = tubes
+        .iter()
+        .map(|tube| tube.iter().map(|point| chart.place(frame, *point)).collect::<Vec<_>>());
+    let placed: Vec<_> = placed.collect();
+    for (j, tube) in placed.iter().enumerate() {
+        let within = if j == 0 { &[][..] } else { &placed[j - 1] };
+        if let Some([right, down]) = label_position(tube, within, NUMERAL_ROOM) {
+            let at = [
+                window.x[0] + window.wide() * (right - frame.left) / frame.width,
+                window.y[1] - window.high() * (down - frame.top) / frame.height,
+            ];
+            chart.add(Note::sign(Sign::Numeral(j + 1), at, colours::TEXT));
+        }
+    }
+    add_human(&mut chart);
+    chart
 }
 
-impl Plot<'_, '_> {
-    fn pixels_per_m(&self) -> f64 {
-        SIDE / self.window.wide()
+/// The largest set first: the others lie within. `edge` parts the regions for readers who do not
+/// tell the colours apart; a set without choice is only a path, drawn in its colour.
+fn add_sets(chart: &mut Chart, sets: &[Vec<[f64; 2]>], edge: Pen) {
+    for (j, points) in sets.iter().enumerate().rev() {
+        let colour = colours::region(j, sets.len());
+        let is_path = points.len() < 3 || signed_area(points).abs() < 1e-6;
+        let edge = if is_path { Pen::new(colour, 2.0) } else { edge };
+        let fill = Some(colour.into());
+        let (name, points) = (String::new(), points.clone());
+        chart.add(Area { name, points, fill, edge: Some(edge) });
     }
+}
 
-    /// A point as the human sees it.
-    fn place(&self, [x, y]: [f64; 2]) -> [f64; 2] {
-        let scale = self.pixels_per_m();
-        [
-            self.corner[0] + scale * (x - self.window.x[0]),
-            self.corner[1] + scale * (self.window.y[1] - y),
-        ]
-    }
+fn add_human(chart: &mut Chart) {
+    let here = || Series::line("", [[0.0, 0.0]], colours::HUMAN, 1.0).without_line();
+    let mut human = here();
+    human.mark = Some((sidestep::chart::Mark::Circle, colours::HUMAN.into()));
+    human.points[0].radius = 4.0;
+    chart.add(human);
+}
 
-    fn placed(&self, polygon: &[[f64; 2]]) -> Vec<[f64; 2]> {
-        polygon.iter().map(|&point| self.place(seen(self.panel.start, point))).collect()
-    }
+/// As much of the robot and its danger zone as is in sight.
+fn add_danger_zone(chart: &mut Chart, panel: &RegionsPanel) {
+    let Some(DangerZone { robot, radius_m }) = panel.robot else {
+        return;
+    };
+    let at = seen(panel.start, robot.position());
+    // Seen on every region, the red one too.
+    let edge = Some(Pen::new(colours::ROBOT, 1.6).halo(1.0));
+    let points = disc(at, radius_m);
+    chart.add(Area { name: String::new(), points, fill: None, edge });
+    let heading = robot.psi - panel.start.psi + 0.5 * PI;
+    chart.add(Note::sign(Sign::Vehicle(heading, 15.0), at, colours::ROBOT));
+}
 
-    fn titles(&self) -> Result<(), DrawError> {
-        let [x, y] = [self.corner[0], self.corner[1] - ROOM[2]];
-        self.canvas.bold(&self.panel.title, [x, y + 12.0], 13.5, TEXT, Align::Left)?;
-        let areas = self.panel.sets.iter().map(|set| format!("{:.2}", signed_area(&set.tube)));
-        let areas = format!("tubes of {} m²", areas.collect::<Vec<_>>().join(" / "));
-        self.canvas.text(&areas, [x, y + 32.0], 11.5, MUTED, Align::Left)
-    }
+/// How the sets at single steps are drawn. In the plane they are slivers, thinner than a line; so
+/// they are unrolled: bearing to the right, range upwards, each step with a scale of its own.
+struct Steps {
+    /// Farthest bearing, degrees.
+    bearing: f64,
+}
 
-    /// The largest set first: the others lie within.
-    fn tube(&self) -> Result<(), DrawError> {
-        self.axes()?;
-        let count = self.panel.sets.len();
-        for (j, set) in self.panel.sets.iter().enumerate().rev() {
-            let polygon = self.placed(&set.tube);
-            if polygon.len() > 2 {
-                self.canvas.fill(&polygon, color(j, count).mix(1.0))?;
-            }
-            // Parts the regions for those who do not tell the colours apart.
-            self.canvas.outline(&polygon, SURFACE.mix(0.75), 0.8)?;
-            if polygon.len() > 1 && signed_area(&set.tube).abs() < 1e-6 {
-                // No choice: the set is but a path.
-                self.canvas.stroke(&polygon, color(j, count).mix(1.0), 2.0)?;
-            }
-        }
-        self.danger_zone()?;
-        self.numerals()?;
-        self.human()
-    }
-
-    /// A number in each region that has room for it.
-    fn numerals(&self) -> Result<(), DrawError> {
-        let tubes: Vec<_> = self.panel.sets.iter().map(|set| self.placed(&set.tube)).collect();
-        for (j, tube) in tubes.iter().enumerate() {
-            let within = if j == 0 { &[][..] } else { &tubes[j - 1] };
-            if let Some(at) = roomiest(tube, within, NUMERAL + 1.0) {
-                numeral(self.canvas, j, at)?;
-            }
-        }
-        Ok(())
-    }
-
-    fn steps(&self, times_s: &[f64]) -> Result<(), DrawError> {
-        self.axes()?;
-        let count = self.panel.sets.len();
-        for (i, time) in times_s.iter().enumerate() {
-            for (j, set) in self.panel.sets.iter().enumerate().rev() {
-                let polygon = self.placed(&set.steps[i]);
-                // Early sets are thinner than a line.
-                self.canvas.outline(&polygon, color(j, count).mix(1.0), 0.7)?;
-                if polygon.len() > 2 {
-                    self.canvas.fill(&polygon, color(j, count).mix(1.0))?;
-                }
-            }
-            let widest = self.panel.sets.last().map(|set| self.placed(&set.steps[i]));
-            let right = widest.iter().flatten().copied().max_by(|a, b| a[0].total_cmp(&b[0]));
-            if let Some([x, y]) = right {
-                let text = format!("{} s", number(*time));
-                self.canvas.text(&text, [x + 6.0, y], 10.5, MUTED, Align::Left)?;
-            }
-        }
-        self.danger_zone()?;
-        self.human()
-    }
-
-    fn human(&self) -> Result<(), DrawError> {
-        let at = self.place([0.0, 0.0]);
-        self.canvas.disc(at, 4.6, SURFACE.mix(1.0))?;
-        self.canvas.disc(at, 3.4, HUMAN.mix(1.0))
-    }
-
-    /// As much of the robot and its danger zone as is in sight.
-    fn danger_zone(&self) -> Result<(), DrawError> {
-        let Some(DangerZone { robot, radius_m }) = self.panel.robot else {
-            return Ok(());
+impl Steps {
+    fn new(panels: &[RegionsPanel], times_s: &[f64]) -> Self {
+        let bearing = |panel: &RegionsPanel| {
+            let sets = panel.sets.iter().flat_map(|set| set.steps.iter().take(times_s.len()));
+            let unrolled = sets.flat_map(|polygon| unrolled(panel.start, polygon));
+            unrolled.map(|[bearing, _]| bearing.abs()).fold(0.0, f64::max)
         };
-        let [x, y] = seen(self.panel.start, robot.position());
-        let point = |i: u32| {
-            let (sin, cos) = sin_cos(f64::from(i) * TAU / 360.0);
-            [x + radius_m * cos, y + radius_m * sin]
-        };
-        let Window { x: [x0, x1], y: [y0, y1] } = *self.window;
-        let inside = |[x, y]: [f64; 2]| x0 < x && x < x1 && y0 < y && y < y1;
-        // Pieces of the circle between where it leaves the window and comes back.
-        let circle: Vec<[f64; 2]> = (0..=360).map(point).collect();
-        for piece in circle.split(|&point| !inside(point)).filter(|piece| piece.len() > 1) {
-            let piece: Vec<[f64; 2]> = piece.iter().map(|&point| self.place(point)).collect();
-            // White beside it: it is seen on every region, the red one too.
-            self.canvas.stroke(&piece, SURFACE.mix(0.8), 3.6)?;
-            self.canvas.stroke(&piece, ROBOT.mix(1.0), 1.6)?;
-        }
-        if inside([x, y]) {
-            let heading = robot.psi - self.panel.start.psi + 0.5 * PI;
-            self.canvas.vehicle(self.place([x, y]), heading, 15.0, ROBOT)?;
-        }
-        Ok(())
+        Self { bearing: 1.06 * panels.iter().map(bearing).fold(1.0, f64::max) }
     }
 
-    fn axes(&self) -> Result<(), DrawError> {
-        let Window { x: [x0, x1], y: [y0, y1] } = *self.window;
-        let shade = |at: f64| if at == 0.0 { LINE } else { GRID };
-        for x in ticks(x0, x1, 7) {
-            let ends = [[x, y0], [x, y1]].map(|p| self.place(p));
-            self.canvas.stroke(&ends, shade(x).mix(1.0), 1.0)?;
-            let [px, py] = ends[0];
-            self.canvas.text(&number(x), [px, py + 12.0], 10.5, MUTED, Align::Centre)?;
+    /// Draws the steps from the last one down to the first one; returns where they end.
+    fn draw(
+        &self,
+        drawing: &mut Drawing,
+        panel: &RegionsPanel,
+        times_s: &[f64],
+        [left, mut top]: [f64; 2],
+    ) -> f64 {
+        let ends = [-self.bearing, self.bearing];
+        for (i, time) in times_s.iter().enumerate().rev() {
+            let sets: Vec<Vec<[f64; 2]>> =
+                (panel.sets.iter()).map(|set| unrolled(panel.start, &set.steps[i])).collect();
+            let ranges = || sets.iter().flatten().map(|[_, range]| *range);
+            let (low, high) =
+                (ranges().fold(f64::INFINITY, f64::min), ranges().fold(0.0, f64::max));
+            let room = 0.12 * (high - low);
+            let mut x = Axis::linear("bearing to the right", "°", ends, 7);
+            let mut y = Axis::linear("range", "m", [low - room, high + room], 3);
+            let (first, last) = (i == 0, i + 1 == times_s.len());
+            if !first {
+                x.name = String::new();
+                x.unit = String::new();
+                x.labels.iter_mut().for_each(|(_, label)| label.clear());
+            }
+            if !last {
+                y.name = String::new();
+                y.unit = String::new();
+            }
+            let mut chart = Chart::new("", "", x, y);
+            add_sets(&mut chart, &sets, Pen::new(colours::SURFACE.at(0.75), 0.6));
+            chart.draw(drawing, Frame { left, top, width: SIDE, height: STEP });
+            let at = [left + SIDE + 8.0, top + 0.5 * STEP];
+            drawing.text(&format!("{} s", number(*time)), at, 11.0, colours::TEXT, Align::Left);
+            top += STEP + if first { chart.room()[1] } else { BETWEEN };
         }
-        for y in ticks(y0, y1, 7) {
-            let ends = [[x0, y], [x1, y]].map(|p| self.place(p));
-            self.canvas.stroke(&ends, shade(y).mix(1.0), 1.0)?;
-            let [px, py] = ends[0];
-            self.canvas.text(&number(y), [px - 6.0, py], 10.5, MUTED, Align::Right)?;
-        }
-        let frame = [[x0, y0], [x1, y0], [x1, y1], [x0, y1]].map(|p| self.place(p));
-        self.canvas.outline(&frame, LINE.mix(1.0), 1.0)?;
-        let [right, bottom] = self.place([x1, y0]);
-        self.canvas.text("to the right (m)", [right, bottom + 27.0], 10.5, MUTED, Align::Right)?;
-        let [left, top] = self.place([x0, y1]);
-        self.canvas.text("ahead (m)", [left, top - 9.0], 10.5, MUTED, Align::Left)
+        top
     }
 }
 
-fn letters(text: &str) -> f64 {
-    text.chars().count() as f64
-}
-
-/// The number of region `j`, from 0, on its colour: who does not tell colours apart reads it.
-fn numeral(canvas: &Canvas<'_>, j: usize, at: [f64; 2]) -> Result<(), DrawError> {
-    canvas.disc(at, NUMERAL, SURFACE.mix(0.92))?;
-    canvas.bold(&(j + 1).to_string(), at, 9.5, TEXT, Align::Centre)
-}
-
-/// Radius of the disc below a number.
-const NUMERAL: f64 = 6.4;
-
-/// The names of the regions, in as few rows of equal columns as they fit in.
-struct Legend<'a> {
-    regions: &'a [String],
-    columns: usize,
-    column: f64,
-}
-
-impl<'a> Legend<'a> {
-    fn new(regions: &'a [String], width: f64) -> Self {
-        let longest = regions.iter().map(|text| letters(text)).fold(0.0, f64::max);
-        let column = 28.0 + LETTER * longest + 22.0;
-        let most = ((width / column) as usize).max(1);
-        let rows = regions.len().div_ceil(most).max(1);
-        Self { regions, columns: regions.len().div_ceil(rows).max(1), column }
-    }
-
-    fn height(&self) -> f64 {
-        LEGEND + ROW * self.regions.len().div_ceil(self.columns) as f64
-    }
-
-    fn draw(&self, canvas: &Canvas<'_>, [left, top]: [f64; 2]) -> Result<(), DrawError> {
-        for (j, text) in self.regions.iter().enumerate() {
-            let x = left + self.column * (j % self.columns) as f64;
-            let y = top + ROW * (j / self.columns) as f64;
-            let [right, up, down] = [x + 20.0, y - 9.0, y + 9.0];
-            let sign = [[x, up], [right, up], [right, down], [x, down]];
-            canvas.fill(&sign, color(j, self.regions.len()).mix(1.0))?;
-            numeral(canvas, j, [x + 10.0, y])?;
-            canvas.text(text, [x + 28.0, y], 12.0, TEXT, Align::Left)?;
-        }
-        Ok(())
-    }
+/// Bearing to the right, degrees, and range, m, from the start. Bearings go on beyond ±180°.
+fn unrolled(start: Pose, polygon: &[[f64; 2]]) -> Vec<[f64; 2]> {
+    let mut bearing = 0.0;
+    let mut unroll = |point: &[f64; 2]| {
+        let [right, ahead] = seen(start, *point);
+        bearing += wrap_angle(atan2(right, ahead) - bearing);
+        [bearing * 180.0 / PI, hypot(right, ahead)]
+    };
+    polygon.iter().map(&mut unroll).collect()
 }
 
 #[cfg(test)]
@@ -438,19 +365,22 @@ mod tests {
     #[test]
     fn every_region_is_drawn_in_both_views_of_each_panel() {
         let panels = [panel(Pose::new(0.0, 0.0, 0.5 * PI)), panel(Pose::new(3.0, 1.0, 2.0))];
-        let svg = regions("Regions", "a made-up human", &panels, &TIMES_S, &names()).unwrap();
-        // Two panels with five tubes and twenty-five steps each, and the robot; five signs.
-        let fills = |color: &str| svg.matches(&format!("fill=\"{color}\"")).count();
-        for color in ["#E2504A", "#E6BD3C", "#46A063", "#4477D3", "#9367CF"] {
-            assert!(fills(color) > 2 * 6, "{color}: {}", fills(color));
+        let drawing = regions("Regions", "a made-up human", &panels, &TIMES_S, &names()).unwrap();
+        // Two panels with a tube and five steps each, and a sign.
+        let fill = |j: usize| Some(colours::REGIONS[j].into());
+        for j in 0..5 {
+            let with_fill = drawing.shapes.iter().filter(|shape| shape.fill == fill(j));
+            assert_eq!(with_fill.count(), 2 * 6 + 1, "{j}");
         }
         // From large to small: purple lies below red.
-        assert!(svg.find("#9367CF") < svg.find("#E2504A"));
-        for text in ["Regions", "a made-up human", "p = 0.3", "0.4 s", "2 s", "1.22 / "] {
+        let first = |j| drawing.shapes.iter().position(|shape| shape.fill == fill(j));
+        assert!(first(4) < first(0));
+        let svg = drawing.svg();
+        for text in ["Regions", "a made-up human", "p = 0.3", "0.4 s", "2 s", "areas 1.22, "] {
             assert!(svg.contains(text), "{text}");
         }
         assert!(!svg.contains("NaN") && !svg.contains("inf"));
-        assert!(png(&svg).unwrap().starts_with(b"\x89PNG"));
+        assert!(png(&drawing).unwrap().starts_with(b"\x89PNG"));
     }
 
     /// Wherever the human is, the picture of the same prediction is the same.
@@ -477,9 +407,20 @@ mod tests {
     }
 
     #[test]
-    fn more_regions_than_colours_are_blends() {
-        assert_eq!(color(0, 9), REGIONS[0]);
-        assert_eq!(color(8, 9), REGIONS[4]);
-        assert_eq!(color(4, 9), REGIONS[2]);
+    fn the_last_step_is_shown() {
+        assert_eq!(shown_steps(7), [1, 3, 5, 7]);
+        assert_eq!(shown_steps(10), [2, 4, 6, 8, 10]);
+        assert_eq!(shown_steps(3), [1, 2, 3]);
+        assert_eq!(shown_steps(25), [1, 5, 9, 13, 17, 21, 25]);
+        assert!(shown_steps(0).is_empty());
+    }
+
+    #[test]
+    fn bearings_go_on_behind_the_human() {
+        let start = Pose::new(0.0, 0.0, 0.5 * PI);
+        let around = unrolled(start, &[[0.0, 2.0], [1.0, 0.0], [0.1, -1.0], [-0.1, -1.0]]);
+        let bearings: Vec<f64> = around.iter().map(|[bearing, _]| bearing.round()).collect();
+        assert_eq!(bearings, [0.0, 90.0, 174.0, 186.0]);
+        assert!((around[0][1] - 2.0).abs() < 1e-12);
     }
 }

@@ -1,7 +1,6 @@
 //! The report: one HTML file that needs nothing else, for whoever wants to know what was found.
 //! Same results, same bytes.
 
-mod chart;
 mod compare;
 mod figures;
 mod findings;

@@ -26,34 +26,34 @@ const NODES: [usize; 5] = [80, 160, 320, 640, 1280];
 #[derive(Serialize)]
 pub(crate) struct Check {
     horizon_s: f64,
-    air3d: Vec<Air3d>,
+    pub(crate) air3d: Vec<Air3d>,
     /// What the same measures say of the closed form on each grid.
-    exact: Vec<Air3d>,
+    pub(crate) exact: Vec<Air3d>,
     /// WENO5 on 51×40×50 nodes, solved for π s.
     converged: Accuracy,
-    orders: Vec<Order>,
+    pub(crate) orders: Vec<Order>,
 }
 
 /// One solve of air3D.
 #[derive(Serialize)]
 pub(crate) struct Air3d {
-    scheme: &'static str,
+    pub(crate) scheme: &'static str,
     nodes: [usize; 3],
-    dx_m: f64,
+    pub(crate) dx_m: f64,
     cfl: f64,
     steps: usize,
-    accuracy: Accuracy,
+    pub(crate) accuracy: Accuracy,
 }
 
 /// Errors of a scheme on finer and finer grids.
 #[derive(Serialize)]
 pub(crate) struct Order {
-    scheme: &'static str,
+    pub(crate) scheme: &'static str,
     /// Share of the largest stable step; `advised` if it is the library's own choice.
     cfl: f64,
-    advised: bool,
+    pub(crate) advised: bool,
     /// Spacing, rad, and mean error.
-    errors: Vec<(f64, f64)>,
+    pub(crate) errors: Vec<(f64, f64)>,
 }
 
 /// Measures the Cartesian solver.

@@ -9,12 +9,14 @@
 mod cartesian;
 mod closed_form;
 mod errors;
+mod figures;
 #[path = "../measure/mod.rs"]
 mod measure;
 mod pictures;
 mod polar;
 mod unequal;
 
+use std::collections::BTreeMap;
 use std::error::Error;
 use std::ops::ControlFlow;
 
@@ -39,8 +41,11 @@ struct Report {
     cartesian: cartesian::Check,
     unequal: unequal::Check,
     traced: errors::Errors,
-    slices: Vec<pictures::Slice>,
+    /// Relative headings of the slices that are drawn, degrees.
+    slices_deg: Vec<f64>,
     error_map: pictures::ErrorMap,
+    /// SVG by the file's name.
+    figures: BTreeMap<&'static str, String>,
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -58,8 +63,19 @@ fn main() -> Result<(), Box<dyn Error>> {
     step("pictures");
     let (traced, slices) = (pictures::traced()?, pictures::slices()?);
     let error_map = pictures::error_map()?;
-    let report =
-        Report { closed_form, polar, chase, cartesian, unequal, traced, slices, error_map };
+    let figures = figures::all(&slices, &polar, &error_map, &cartesian);
+    let slices_deg = slices.iter().map(|slice| slice.psi_deg).collect();
+    let report = Report {
+        closed_form,
+        polar,
+        chase,
+        cartesian,
+        unequal,
+        traced,
+        slices_deg,
+        error_map,
+        figures,
+    };
     println!("{}", serde_json::to_string(&report)?);
     Ok(())
 }

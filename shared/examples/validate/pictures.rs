@@ -18,28 +18,28 @@ use crate::{PAPER, solved};
 type Curve = Vec<[f64; 2]>;
 
 /// {V = 0} of *mitchell* at one relative heading, found along rays from the evader.
-#[derive(Serialize)]
 pub(crate) struct Slice {
-    psi_deg: f64,
-    exact: Vec<Curve>,
+    pub(crate) psi_deg: f64,
+    pub(crate) exact: Vec<Curve>,
     /// Standard accuracy.
-    polar: Vec<Curve>,
+    pub(crate) polar: Vec<Curve>,
     /// WENO5 on 51×40×50 nodes, T = 2.8 s.
-    cartesian: Vec<Curve>,
+    pub(crate) cartesian: Vec<Curve>,
     /// The point of the closed form's curve that is farthest from the evader, m.
-    tip: [f64; 2],
+    pub(crate) tip: [f64; 2],
 }
 
 /// |polar − closed form| of *paper* at ψ = π, standard accuracy.
 #[derive(Serialize)]
 pub(crate) struct ErrorMap {
     /// First x, first y (of the centres of square cells) and their side, m.
-    origin: [f64; 2],
-    cell_m: f64,
+    pub(crate) origin: [f64; 2],
+    pub(crate) cell_m: f64,
     /// Errors, m: one row for every y.
-    rows: Vec<Vec<f32>>,
+    pub(crate) rows: Vec<Vec<f32>>,
     /// {V = 0} of the closed form.
-    zero: Vec<Curve>,
+    #[serde(skip)]
+    pub(crate) zero: Vec<Curve>,
 }
 
 const CURVES: CurveSettings =

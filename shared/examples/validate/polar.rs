@@ -14,8 +14,8 @@ use crate::{PAPER, solved};
 /// What was found for one game and accuracy. Lengths are in metres.
 #[derive(Clone, Serialize)]
 pub(crate) struct Check {
-    game: &'static str,
-    accuracy: &'static str,
+    pub(crate) game: &'static str,
+    pub(crate) accuracy: &'static str,
     /// Nodes of range and of each angle's full turn.
     nodes: [usize; 2],
     range_m: f64,
@@ -27,7 +27,8 @@ pub(crate) struct Check {
     /// By how much the volume of {V ≤ 0} is larger than the closed form's.
     volume_percent: f64,
     /// Of the random states: (error, share of the states with a larger one).
-    exceedance: Vec<(f64, f64)>,
+    #[serde(skip)]
+    pub(crate) exceedance: Vec<(f64, f64)>,
 }
 
 /// Random states, within 5 turning radii: {V = 0} reaches to 3.6 at most.

@@ -112,16 +112,23 @@ impl LegendItem {
 }
 
 impl Drawing {
-    /// Draws items in equal columns and as few rows as `width` (px) allows. `at` is the left end of
-    /// the first row, half way up. Returns the height of all rows, px.
+    /// Draws items in one row, or in equal columns and as few rows as `width` (px) allows. `at` is
+    /// the left end of the first row, half way up. Returns the height of all rows, px.
     pub fn legend(&mut self, items: &[LegendItem], [left, top]: [f64; 2], width: f64) -> f64 {
-        let widest =
-            items.iter().map(|item| width_of(&item.text, LETTERS, false)).fold(0.0, f64::max);
-        let column = SIGN[0] + GAP + widest + APART;
-        let rows = items.len().div_ceil(((width + APART) / column).max(1.0) as usize);
-        let columns = items.len().div_ceil(rows.max(1)).max(1);
+        let lengths =
+            items.iter().map(|item| SIGN[0] + GAP + width_of(&item.text, LETTERS, false) + APART);
+        let lengths: Vec<f64> = lengths.collect();
+        let column = lengths.iter().copied().fold(1.0, f64::max);
+        let in_one_row = lengths.iter().sum::<f64>() <= width + APART;
+        let most = if in_one_row { items.len() } else { ((width + APART) / column) as usize };
+        let rows = items.len().div_ceil(most.max(1)).max(1);
+        let columns = items.len().div_ceil(rows).max(1);
         for (i, item) in items.iter().enumerate() {
-            let x = left + column * (i % columns) as f64;
+            let x = if in_one_row {
+                left + lengths[..i].iter().sum::<f64>()
+            } else {
+                left + column * (i % columns) as f64
+            };
             let y = top + ROW * (i / columns) as f64;
             self.place(&item.sign, [x, y - 0.5 * SIGN[1]]);
             self.text(&item.text, [x + SIGN[0] + GAP, y], LETTERS, TEXT, Align::Left);

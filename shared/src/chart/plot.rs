@@ -92,10 +92,10 @@ impl Chart {
     /// What title, names and labels need above and below the frame, px.
     #[must_use]
     pub fn room(&self) -> [f64; 2] {
-        let title = if self.title.is_empty() { 0.0 } else { 22.0 };
+        let title = if self.title.is_empty() { 0.0 } else { 20.0 };
         let name = if self.y.title().is_empty() { 0.0 } else { 18.0 };
         let lines = self.x.labels.iter().map(|(_, label)| label.split('\n').count()).max();
-        let below = if self.x.title().is_empty() { 0.0 } else { 20.0 };
+        let below = if self.x.title().is_empty() { 0.0 } else { 18.0 };
         [title + name + 6.0, 9.0 + 13.0 * lines.unwrap_or(0) as f64 + below]
     }
 
@@ -144,7 +144,7 @@ impl Chart {
         let middle = left + 0.5 * width;
         drawing.text(
             &self.x.title(),
-            [middle, bottom + below - 7.0],
+            [middle, bottom + below - 6.0],
             NAME_LETTERS,
             MUTED,
             Align::Centre,
@@ -351,7 +351,7 @@ impl Chart {
         let row = |x: f64| {
             let entry = |series: &&Series| {
                 let mut here = series.points.iter().filter(|datum| datum.at[0] == x);
-                here.next().map(|datum| number(datum.at[1])).unwrap_or_default()
+                here.next().map(|datum| brief(datum.at[1])).unwrap_or_default()
             };
             [number(x)].into_iter().chain(series.iter().map(entry)).collect()
         };
@@ -373,6 +373,15 @@ impl Frame {
         let [left, top, right, bottom] = self.edges();
         (left - ROUNDING..=right + ROUNDING).contains(&x)
             && (top - ROUNDING..=bottom + ROUNDING).contains(&y)
+    }
+}
+
+/// To four significant digits.
+fn brief(value: f64) -> String {
+    if value.is_finite() {
+        number(format!("{value:.3e}").parse().unwrap_or(value))
+    } else {
+        String::new()
     }
 }
 

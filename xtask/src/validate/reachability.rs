@@ -1,13 +1,12 @@
 //! `docs/validation/reachability.md`: what the value functions are worth.
 //!
-//! The example `validate` of the library computes and prints numbers; here they become
-//! the page ([`page`]) and its pictures ([`figures`]). Every number on the page comes from
+//! The example `validate` of the library computes, draws the pictures and prints numbers, which
+//! become the page ([`page`]) here. Every number on the page comes from
 //! there, except those of [`peers`], which take minutes to measure and depend on the machine:
 //! they are kept in `docs/validation/peers.json`.
 
 mod peers;
 mod report;
-mod figures;
 mod page;
 
 use anyhow::{Context, Result};
@@ -31,8 +30,8 @@ pub(super) fn run(workspace: &Workspace, again: bool) -> Result<()> {
         write(&peers_path, &peers.text()?)?;
     }
 
-    for figure in figures::FIGURES {
-        write(&folder.join(figure.file), &(figure.draw)(&report)?)?;
+    for (file, svg) in &report.figures {
+        write(&folder.join(file), svg)?;
     }
     let page = folder.join("reachability.md");
     write(&page, &page::page(&report, &peers))?;

@@ -48,8 +48,7 @@ pub(super) fn write(
         rows_csv(&analysis.pareto.rows)?,
         danger_csv(analysis)?,
         regions_svg(analysis)?,
-        figure::pareto(&analysis.pareto, featured(analysis), &note(analysis))
-            .map_err(CommandError::failure)?,
+        figure::pareto(&analysis.pareto, featured(analysis), &note(analysis)).svg(),
         json(serde_json::to_string_pretty(predictor))?,
         json(serde_json::to_string_pretty(analysis))?,
     ];
@@ -206,5 +205,6 @@ fn regions_svg(analysis: &Evaluation) -> Result<String, CommandError> {
         &analysis.panel_times_s,
         &names,
     )
+    .map(|drawing| drawing.svg())
     .map_err(CommandError::failure)
 }

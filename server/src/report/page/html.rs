@@ -1,5 +1,7 @@
 //! Texts and numbers as HTML.
 
+pub(super) use sidestep::chart::fixed;
+
 /// A text with everything escaped that means something in HTML and XML, attributes included.
 /// Control characters, which XML forbids, become U+FFFD.
 pub(super) fn escaped(text: &str) -> String {
@@ -20,17 +22,7 @@ pub(super) fn escaped(text: &str) -> String {
     out
 }
 
-/// With so many places and a typographer's minus; never −0.
-pub(super) fn fixed(number: f64, places: usize) -> String {
-    let text = format!("{number:.places$}");
-    match text.strip_prefix('-') {
-        Some(size) if size.chars().all(|c| c == '0' || c == '.') => size.to_owned(),
-        Some(size) => format!("−{size}"),
-        None => text,
-    }
-}
-
-/// Likewise, with + before what is more than nothing.
+/// With that many decimal places, and a sign unless it is nothing.
 pub(super) fn signed(number: f64, places: usize) -> String {
     let text = fixed(number, places);
     let is_nothing = text.chars().all(|c| "0.".contains(c));

@@ -4,7 +4,7 @@ use super::compare::mean;
 use super::testing::made_up;
 use super::{findings, html};
 use crate::report::{Analysis, Content, latex};
-use resvg::usvg::roxmltree::{self, Document, ParsingOptions};
+use roxmltree::{Document, ParsingOptions};
 use sidestep::comparison::Request;
 use sidestep::comparison::cell::{Experiment, ModelName};
 use sidestep::safety::{LevelQuality, SafetyQuality};

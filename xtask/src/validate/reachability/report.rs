@@ -1,11 +1,10 @@
 //! What the library's example `validate` prints. Units and meanings are stated there.
 
+use std::collections::BTreeMap;
+
 use serde::Deserialize;
 
 use crate::bench::peers::Accuracy;
-
-/// A curve or line, point by point.
-pub(super) type Curve = Vec<(f64, f64)>;
 
 #[derive(Deserialize)]
 pub(super) struct Report {
@@ -15,8 +14,9 @@ pub(super) struct Report {
     pub(super) cartesian: Cartesian,
     pub(super) unequal: Unequal,
     pub(super) traced: Errors,
-    pub(super) slices: Vec<Slice>,
+    pub(super) slices_deg: Vec<f64>,
     pub(super) error_map: ErrorMap,
+    pub(super) figures: BTreeMap<String, String>,
 }
 
 #[derive(Deserialize)]
@@ -65,7 +65,6 @@ pub(super) struct Polar {
     pub(super) random: Errors,
     pub(super) at_nodes: Errors,
     pub(super) volume_percent: f64,
-    pub(super) exceedance: Curve,
 }
 
 #[derive(Deserialize)]
@@ -100,7 +99,7 @@ pub(super) struct Order {
     pub(super) scheme: String,
     pub(super) cfl: f64,
     pub(super) advised: bool,
-    pub(super) errors: Curve,
+    pub(super) errors: Vec<(f64, f64)>,
 }
 
 #[derive(Deserialize)]
@@ -116,18 +115,8 @@ pub(super) struct Unequal {
 }
 
 #[derive(Deserialize)]
-pub(super) struct Slice {
-    pub(super) psi_deg: f64,
-    pub(super) exact: Vec<Curve>,
-    pub(super) polar: Vec<Curve>,
-    pub(super) cartesian: Vec<Curve>,
-    pub(super) tip: (f64, f64),
-}
-
-#[derive(Deserialize)]
 pub(super) struct ErrorMap {
     pub(super) origin: (f64, f64),
     pub(super) cell_m: f64,
     pub(super) rows: Vec<Vec<f64>>,
-    pub(super) zero: Vec<Curve>,
 }

@@ -1,17 +1,16 @@
 //! A dot for each person on each feature set.
 
-use super::super::chart::{Anchor, Axis, Chart, Margins, figure, legend};
 use super::super::compare::mean;
 use super::super::words;
-use super::gains::{dot_radius, spread};
-use super::mark;
+use super::{figure, look, reference};
 use crate::report::Analysis;
+use sidestep::chart::{Axis, Chart, Group, Swarm, fixed};
 use sidestep::comparison::cell::{Experiment, ModelName};
 use sidestep::comparison::tables::Metric;
 
 const HEIGHT: f64 = 220.0;
 
-/// A chart's numbers: the name of each set and a number each person.
+/// The name of each set, and a number of each person.
 type Columns<'a> = Vec<(&'a str, Vec<f64>)>;
 
 /// Accuracy of each model in both experiments.
@@ -34,13 +33,10 @@ pub(in super::super) fn accuracies(analysis: &Analysis) -> String {
     }
     let caption = "<b>Accuracy for each feature set.</b> Share of the test steps that are \
                    predicted right. Each dot is a person’s own model, a person always at the same \
-                   place in a column; bars are means over people. “body” adds the robot’s position \
+                   place in a column; bars are means over people. Dashed: always the \
+                   person’s most frequent input (mean). “body” adds the robot’s position \
                    in the human’s body frame.";
-    let base = (
-        "<line class=\"baseline\" x1=\"0\" y1=\"6\" x2=\"26\" y2=\"6\"/>",
-        "always the person’s commonest input (mean)",
-    );
-    drawn(&plots, "accuracy (%)", &[base], caption)
+    drawn(&plots, ["accuracy", "%"], caption)
 }
 
 /// D_start and D_end of each model.
@@ -62,7 +58,7 @@ pub(in super::super) fn distances(analysis: &Analysis) -> String {
          as step −1). A step is {} s. Less is better.",
         analysis.context.scene.step_s
     );
-    drawn(&plots, "distance (steps)", &[], &caption)
+    drawn(&plots, ["distance", "steps"], &caption)
 }
 
 struct Plot<'a> {
@@ -72,60 +68,41 @@ struct Plot<'a> {
     baseline: Option<f64>,
 }
 
-fn drawn(plots: &[Plot<'_>], unit: &str, more: &[(&str, &str)], caption: &str) -> String {
+fn drawn(plots: &[Plot<'_>], [name, unit]: [&str; 2], caption: &str) -> String {
     let all = || {
         let numbers = plots.iter().flat_map(|plot| plot.columns.iter().flat_map(|(_, of)| of));
         numbers.copied().chain(plots.iter().filter_map(|plot| plot.baseline))
     };
     let (low, high) = (all().fold(f64::INFINITY, f64::min), all().fold(0.0, f64::max));
     let from = if plots.iter().any(|plot| plot.baseline.is_some()) { low.min(high) } else { 0.0 };
-    let axis = Axis::round(from, high, 5, unit);
-    let charts: Vec<String> = plots.iter().map(|plot| chart(plot, axis.clone())).collect();
-    let mut items = vec![
-        ("<circle class=\"dot\" cx=\"13\" cy=\"6\" r=\"3\"/>", "a person"),
-        ("<line class=\"mean\" x1=\"3\" y1=\"6\" x2=\"23\" y2=\"6\"/>", "mean over people"),
-    ];
-    items.extend(more);
-    figure(&charts, &legend(&items), caption)
+    let axis = Axis::round(name, unit, [from, high], 5);
+    let charts: Vec<Chart> = plots.iter().map(|plot| chart(plot, axis.clone())).collect();
+    figure(&charts, HEIGHT, caption)
 }
 
-fn chart(plot: &Plot<'_>, y: Axis) -> String {
-    let count = plot.columns.len().max(1) as f64;
-    let x = Axis::exact(0.0, count, vec![], "");
+fn chart(plot: &Plot<'_>, y: Axis) -> Chart {
     let said: Vec<String> =
-        plot.columns.iter().map(|(set, of)| format!("{set} {:.1}", mean(of))).collect();
+        plot.columns.iter().map(|(set, of)| format!("{set} {}", fixed(mean(of), 1))).collect();
     let description = format!("Means over people by feature set: {}.", said.join(", "));
-    let margins = Margins([46.0, 26.0, 4.0, 36.0]);
-    let mut chart = Chart::new(&plot.heading, &description, HEIGHT, margins, (x, y));
-    let [left, _, right, bottom] = chart.edges();
-    if let Some(baseline) = plot.baseline {
-        let level = chart.y(baseline);
-        chart.segment("baseline", [left, level], [right, level]);
-    }
-    let class = plot.model.word();
-    for (i, (set, people)) in plot.columns.iter().enumerate() {
-        let middle = chart.x(i as f64 + 0.5);
+    let sets = plot.columns.iter().map(|(set, _)| {
         let (letters, body) = words::parts(set);
-        chart.text("category", [middle, bottom + 14.0], Anchor::Middle, letters);
-        if body {
-            chart.text("category", [middle, bottom + 27.0], Anchor::Middle, "body");
-        }
-        let width = 0.5 * (right - left) / count;
-        for (person, number) in people.iter().enumerate() {
-            let at = [middle + 0.62 * width * spread(person, people.len()), chart.y(*number)];
-            let says = format!("{number:.1}");
-            chart.mark(
-                &format!("dot {class}"),
-                mark(plot.model),
-                at,
-                dot_radius(people.len()),
-                &says,
-            );
-        }
-        if !people.is_empty() {
-            let level = chart.y(mean(people));
-            chart.segment("mean", [middle - 0.8 * width, level], [middle + 0.8 * width, level]);
-        }
+        if body { format!("{letters}\nbody") } else { letters.to_owned() }
+    });
+    let mut chart = Chart::new(&plot.heading, &description, Axis::categories("", sets), y);
+    if let Some(baseline) = plot.baseline {
+        let ends = chart.x.ends.map(|x| [x, baseline]);
+        chart.add(reference("", ends));
     }
-    chart.finished()
+    let (colour, mark) = look(plot.model);
+    let group =
+        |(_, of): &(_, Vec<f64>)| Group { values: of.clone(), mean: mean(of), interval: None };
+    chart.add(Swarm {
+        name: "a person".to_owned(),
+        groups: plot.columns.iter().map(group).collect(),
+        mark,
+        ink: colour.at(0.55),
+        intervals: false,
+        places: 1,
+    });
+    chart
 }

@@ -1,45 +1,30 @@
 //! What the models decide, wherever the robot is.
 
-use super::super::chart::{Axis, Chart, Margins, WIDTH, figure, legend, px};
 use super::super::words;
+use super::{WIDTH, drawn};
 use crate::report::Analysis;
 use crate::report::context::{DecisionMap, MAPPED_MODEL};
-use sidestep::math::{PI, TAU, sin_cos};
+use sidestep::chart::{Area, Axis, Cells, Chart, Drawing, Ink, Note, Pen, Sign, colours, disc};
+use sidestep::math::PI;
 
 /// Tones of the map.
 const TONES: usize = 10;
 
-const MARGINS: [f64; 4] = [46.0, 26.0, 12.0, 40.0];
-
 /// Maps of the probability of a turn.
 pub(in super::super) fn figure_of(analysis: &Analysis) -> String {
     let maps = analysis.context.maps.iter().filter(|map| !map.probabilities.is_empty());
-    let charts: Vec<String> =
+    let charts: Vec<Chart> =
         maps.map(|map| chart(map, analysis.context.scene.danger_radius_m)).collect();
     if charts.is_empty() {
         return String::new();
     }
     let tones: String = (0..TONES)
-        .map(|tone| {
-            format!("<span style=\"--tone:{}%\"></span>", 100 * (2 * tone + 1) / (2 * TONES))
-        })
+        .map(|tone| format!("<span style=\"--tone:{:.0}%\"></span>", 100.0 * opacity(tone)))
         .collect();
     let scale = format!(
         "<p class=\"scale\"><span>turn: 0 %</span><span class=\"tones\" aria-hidden=\"true\">{tones}\
          </span><span>100 %</span></p>\n"
     );
-    let signs = legend(&[
-        (
-            "<line class=\"barrier\" x1=\"0\" y1=\"6\" x2=\"26\" y2=\"6\"/>",
-            "<i>V</i><sub>HR</sub> = 0: inside, the robot could force a collision",
-        ),
-        ("<circle class=\"danger\" cx=\"13\" cy=\"6\" r=\"5\"/>", "danger zone"),
-        ("<polygon class=\"human\" points=\"13,0 17.5,11 13,9 8.5,11\"/>", "human"),
-        (
-            "<polyline class=\"robot\" points=\"3,6 21,6\"/><polygon class=\"robot\" points=\"25,6 18,2.5 18,9.5\"/>",
-            "robot’s heading",
-        ),
-    ]);
     let caption = format!(
         "<b>Where people’s models turn.</b> The probability of a turn that {} (experiment II) gives \
          for a robot at each place around the human, who heads up; mean over people and over eight \
@@ -50,80 +35,71 @@ pub(in super::super) fn figure_of(analysis: &Analysis) -> String {
         words::set("hrd"),
         words::set("d")
     );
-    figure(&charts, &format!("{scale}{signs}"), &caption)
-        .replace("class=\"charts\"", "class=\"charts two\"")
+    let drawings: Vec<Drawing> = charts.iter().map(square).collect();
+    let figure = drawn(&charts, &drawings, "charts two", &caption);
+    figure.replacen("<ul class=\"legend\">", &format!("{scale}<ul class=\"legend\">"), 1)
 }
 
-fn chart(map: &DecisionMap, radius_m: f64) -> String {
+/// A metre is as long along both axes.
+fn square(chart: &Chart) -> Drawing {
+    let side = chart.frame_within([WIDTH, WIDTH]).width;
+    let [above, below] = chart.room();
+    chart.drawing([WIDTH, above + side + below])
+}
+
+fn opacity(tone: usize) -> f64 {
+    (2 * tone + 1) as f64 / (2 * TONES) as f64
+}
+
+fn chart(map: &DecisionMap, radius_m: f64) -> Chart {
     let side_m = DecisionMap::SIDE as f64 * DecisionMap::CELL_M;
-    let side = WIDTH - MARGINS[0] - MARGINS[2];
-    let height = side + MARGINS[1] + MARGINS[3];
-    let ticks = |from: f64| -> Vec<f64> {
-        (-40..40)
-            .map(|i| 4.0 * f64::from(i))
-            .filter(|t| (from..=from + side_m).contains(t))
-            .collect()
-    };
     // To the right is what is less to the left.
     let right = -(DecisionMap::RIGHT_M + side_m);
-    let x = Axis::exact(right, right + side_m, ticks(right), "robot to the right (m)");
+    let x = Axis::linear("robot to the right", "m", [right, right + side_m], 6);
     let behind = DecisionMap::BEHIND_M;
-    let y = Axis::exact(behind, behind + side_m, ticks(behind), "robot ahead (m)");
+    let y = Axis::linear("robot ahead", "m", [behind, behind + side_m], 6);
     let heading = format!("{}: robot {}", map.features, map.encounter);
-    let mut chart = Chart::new(&heading, &described(map), height, Margins(MARGINS), (x, y));
-    let edges = chart.edges();
-    tones(&mut chart, map);
-    let place = |chart: &Chart, [ahead, left]: [f64; 2]| chart.at([-left, ahead]);
-    for curve in &map.boundary {
-        let points: Vec<_> = curve.iter().map(|point| place(&chart, *point)).collect();
-        chart.polygon("halo", &points);
-        chart.polygon("barrier", &points);
+    let mut chart = Chart::new(&heading, &described(map), x, y);
+    for (tone, boxes) in tones(map).into_iter().enumerate() {
+        chart.add(Cells { ink: colours::MAP.at(opacity(tone)), boxes });
     }
-    let zone = (0..48).map(|i| {
-        let (sin, cos) = sin_cos(f64::from(i) * TAU / 48.0);
-        place(&chart, [radius_m * cos, radius_m * sin])
-    });
-    let zone: Vec<_> = zone.collect();
-    chart.polygon("danger", &zone);
-    let [x, y] = place(&chart, [0.0, 0.0]);
-    chart.polygon("human", &[[x, y - 11.0], [x + 7.0, y + 8.0], [x, y + 4.0], [x - 7.0, y + 8.0]]);
-    arrow(&mut chart, [edges[2] - 24.0, edges[1] + 24.0], map.heading);
-    chart.finished()
+    let mut outline = |name: &str, points, edge| {
+        let (name, fill) = (name.to_owned(), None::<Ink>);
+        chart.add(Area { name, points, fill, edge: Some(edge) });
+    };
+    for curve in &map.boundary {
+        let points = curve.iter().map(|[ahead, left]| [-left, *ahead]).collect();
+        let edge = Pen::new(colours::TEXT, 2.0).halo(1.5);
+        outline("V_HR = 0: inside, the robot could force a collision", points, edge);
+    }
+    let dashed = Pen::new(colours::TEXT, 1.2).dashed(3.0, 2.5);
+    outline("danger zone", disc([0.0, 0.0], radius_m), dashed);
+    chart.add(Note::sign(Sign::Vehicle(0.5 * PI, 17.0), [0.0, 0.0], colours::HUMAN));
+    // The robot's heading, as the human who heads up sees it.
+    let arrow = Sign::Arrow(map.heading + 0.5 * PI, 28.0);
+    let corner = Note::sign(arrow, [right + side_m, behind + side_m], colours::ROBOT);
+    chart.add(Note { offset: [-24.0, 24.0], ..corner });
+    chart
 }
 
-/// Cells of one tone as one path, neighbours in a row as one piece; counted in cells, so that no
-/// seam shows.
-fn tones(chart: &mut Chart, map: &DecisionMap) {
+/// The cells of each tone, neighbours in a row as one.
+fn tones(map: &DecisionMap) -> Vec<Vec<[f64; 4]>> {
     let tone = |p: f64| ((p * TONES as f64) as usize).min(TONES - 1);
-    let mut paths = vec![String::new(); TONES];
+    let mut boxes = vec![Vec::new(); TONES];
     for (row, cells) in map.probabilities.chunks(DecisionMap::SIDE).enumerate() {
+        let at = |begin: f64, i: usize| begin + DecisionMap::CELL_M * i as f64;
+        let (below, above) = (at(DecisionMap::BEHIND_M, row), at(DecisionMap::BEHIND_M, row + 1));
         let mut column = 0;
         while column < cells.len() {
             let of = tone(cells[column]);
             let run = cells[column..].iter().take_while(|p| tone(**p) == of).count();
-            // Columns go to the left, and rows up.
-            let (x, y) = (DecisionMap::SIDE - column - run, DecisionMap::SIDE - 1 - row);
-            paths[of].push_str(&format!("M{x} {y}h{run}v1h-{run}z"));
+            // Columns go to the left.
+            let ends = [column, column + run].map(|i| -at(DecisionMap::RIGHT_M, i));
+            boxes[of].push([ends[1], below, ends[0], above]);
             column += run;
         }
     }
-    let [left, top, right, _] = chart.edges();
-    let scale = (right - left) / DecisionMap::SIDE as f64;
-    chart.raw(&format!("<g transform=\"translate({} {}) scale({scale})\">", px(left), px(top)));
-    for (tone, path) in paths.iter().enumerate().filter(|(_, path)| !path.is_empty()) {
-        let opacity = (2 * tone + 1) as f64 / (2 * TONES) as f64;
-        chart.raw(&format!("<path class=\"tone\" fill-opacity=\"{opacity}\" d=\"{path}\"/>"));
-    }
-    chart.raw("</g>");
-}
-
-/// The robot's heading, as the human who heads up sees it.
-fn arrow(chart: &mut Chart, [x, y]: [f64; 2], heading: f64) {
-    let (sin, cos) = sin_cos(heading + 0.5 * PI);
-    let at =
-        |along: f64, aside: f64| [x + along * cos - aside * sin, y - along * sin - aside * cos];
-    chart.segment("robot", at(-14.0, 0.0), at(6.0, 0.0));
-    chart.polygon("robot", &[at(15.0, 0.0), at(4.0, 5.5), at(4.0, -5.5)]);
+    boxes
 }
 
 fn described(map: &DecisionMap) -> String {

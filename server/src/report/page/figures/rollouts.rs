@@ -1,55 +1,48 @@
 //! How predictions fare that are fed with what they said.
 
-use super::super::chart::{Axis, Chart, Margins, Mark, figure, legend};
 use super::super::words;
-use super::{mark, sign};
+use super::{figure, look};
 use crate::report::Analysis;
+use sidestep::chart::{Axis, Chart, Mark, Pen, Series, colours};
 use sidestep::comparison::RolloutsOf;
 use sidestep::comparison::cell::{HISTORY_SET, ModelName};
 use sidestep::comparison::rollout::Horizon;
 
-const HEIGHT: f64 = 240.0;
+const HEIGHT: f64 = 250.0;
 
-/// A curve: its class, mark and name, and its roll-outs.
-struct Curve<'a> {
-    class: &'static str,
-    mark: Option<Mark>,
+/// A curve: driver, feature set, name, pen and mark.
+#[derive(Clone, Copy)]
+struct Line {
+    driver: &'static str,
+    features: &'static str,
     name: &'static str,
-    horizons: &'a [Horizon],
+    pen: Pen,
+    mark: Option<Mark>,
 }
 
-const HELD: &str = "<line class=\"curve held\" x1=\"0\" y1=\"6\" x2=\"26\" y2=\"6\"/>";
-const STRAIGHT: &str = "<line class=\"curve straight\" x1=\"0\" y1=\"6\" x2=\"26\" y2=\"6\"/>";
-const BOOSTED: &str = "<line class=\"curve boosted\" x1=\"0\" y1=\"6\" x2=\"26\" y2=\"6\"/>\
-                       <rect class=\"mark boosted\" x=\"9.5\" y=\"2.5\" width=\"7\" height=\"7\"/>";
-const MEMORY: &str = "<line class=\"curve memory\" x1=\"0\" y1=\"6\" x2=\"26\" y2=\"6\"/>\
-                      <circle class=\"mark memory\" cx=\"13\" cy=\"6\" r=\"4\"/>";
+impl Line {
+    /// Of a model on a feature set.
+    fn of(model: ModelName, features: &'static str) -> Self {
+        let (colour, mark) = look(model);
+        let (driver, name, pen) = (model.word(), words::model(model), Pen::new(colour, 2.0));
+        Self { driver, features, name, pen, mark: Some(mark) }
+    }
 
-/// What a curve is of: driver, feature set, class, mark and name.
-type Line = (&'static str, &'static str, &'static str, Option<Mark>, &'static str);
+    /// Of a driver who does not think.
+    fn simple(driver: &'static str, name: &'static str, dash: f64) -> Self {
+        let pen = Pen::new(colours::MUTED, 2.0).dashed(dash, 3.0);
+        Self { driver, features: "", name, pen, mark: None }
+    }
 
-/// Who does not think.
-const SIMPLE: [Line; 2] = [
-    ("held_input", "", "held", None, "held input"),
-    ("straight", "", "straight", None, "straight on"),
-];
-
-/// Who knows more than the paper's models.
-const BEYOND: [Line; 4] = [
-    ("svm", "hrd_body", "svm", Some(Mark::Circle), "SVM"),
-    ("boosted", "hrd_body", "boosted", Some(Mark::Square), "boosted trees"),
-    ("lr", HISTORY_SET, "lr", Some(Mark::Triangle), "LR with memory"),
-    ("boosted", HISTORY_SET, "memory", Some(Mark::Circle), "boosted trees with memory"),
-];
+    fn horizons<'a>(&self, all: &'a [RolloutsOf]) -> Option<&'a [Horizon]> {
+        let of = all.iter().find(|of| of.driver == self.driver && of.features == self.features)?;
+        Some(&of.horizons)
+    }
+}
 
 /// Against the horizon: accuracy, position error and log loss; of the paper's models on B_hrd, and
 /// of those that know more.
 pub(in super::super) fn figure_of(analysis: &Analysis) -> String {
-    let papers = ModelName::PAPERS
-        .map(|model| (model.word(), "hrd", model.word(), Some(mark(model)), words::model(model)));
-    let simple = [(HELD, "holds the last input"), (STRAIGHT, "drives straight on")];
-    let names = ModelName::PAPERS.map(|model| (sign(model), words::model(model)));
-    let items: Vec<(&str, &str)> = names.into_iter().chain(simple).collect();
     let caption = format!(
         "<b>Roll-outs</b> of the paper’s models on {}, from every step of the test trials: each \
          predicted input moves the human, and the next prediction is made from there. Less is \
@@ -57,88 +50,82 @@ pub(in super::super) fn figure_of(analysis: &Analysis) -> String {
          test is made of them.",
         words::set("hrd")
     );
-    let first = figure(&charts(analysis, &papers), &legend(&items), &caption);
-    let found = |line: &&Line| curve(&analysis.rollouts, line).is_some();
-    if BEYOND.iter().filter(found).count() < 2 {
+    let papers = ModelName::PAPERS.map(|model| Line::of(model, "hrd"));
+    let first = figure(&charts(analysis, &papers), HEIGHT, &caption);
+    let memory = Pen::new(colours::SERIES[3], 2.0).dashed(9.0, 4.0);
+    let beyond = [
+        Line::of(ModelName::Svm, "hrd_body"),
+        Line::of(ModelName::Boosted, "hrd_body"),
+        Line { name: "LR with memory", ..Line::of(ModelName::Lr, HISTORY_SET) },
+        Line {
+            name: "boosted trees with memory",
+            pen: memory,
+            mark: Some(Mark::Diamond),
+            ..Line::of(ModelName::Boosted, HISTORY_SET)
+        },
+    ];
+    let found = |line: &&Line| line.horizons(&analysis.rollouts).is_some();
+    if beyond.iter().filter(found).count() < 2 {
         return first;
     }
-    let items = [
-        (sign(ModelName::Svm), "SVM"),
-        (BOOSTED, "boosted trees"),
-        (sign(ModelName::Lr), "LR with memory"),
-        (MEMORY, "boosted trees with memory"),
-        simple[0],
-        simple[1],
-    ];
     let caption = format!(
         "<b>Roll-outs beyond the paper</b>: on {}, and with a memory of the inputs held so far. \
          Boosted trees: gradient-boosted decision trees.",
         words::set("hrd_body")
     );
-    first + &figure(&charts(analysis, &BEYOND), &legend(&items), &caption)
+    first + &figure(&charts(analysis, &beyond), HEIGHT, &caption)
 }
 
 /// Of these and of the simple drivers.
-fn charts(analysis: &Analysis, lines: &[Line]) -> [String; 3] {
-    let all = lines.iter().chain(&SIMPLE);
-    let curves: Vec<Curve<'_>> = all.filter_map(|line| curve(&analysis.rollouts, line)).collect();
+fn charts(analysis: &Analysis, lines: &[Line]) -> [Chart; 3] {
+    let simple = [
+        Line::simple("held_input", "holds the last input", 6.0),
+        Line::simple("straight", "drives straight on", 2.0),
+    ];
+    let all = lines.iter().copied().chain(simple);
+    let curves: Vec<(Line, &[Horizon])> =
+        all.filter_map(|line| Some((line, line.horizons(&analysis.rollouts)?))).collect();
     let step_s = analysis.context.scene.step_s;
     [
-        chart(&curves, step_s, "Accuracy", "accuracy (%)", |h| 100.0 * h.accuracy()),
-        chart(
-            &curves,
-            step_s,
-            "Distance from the person",
-            "distance (m)",
-            Horizon::mean_distance_m,
-        ),
-        chart(&curves, step_s, "Log loss", "log loss (nats)", Horizon::mean_log_loss),
+        chart(&curves, step_s, "Accuracy", ["accuracy", "%"], |h| 100.0 * h.accuracy()),
+        chart(&curves, step_s, "Distance from the person", ["distance", "m"], |h| {
+            h.mean_distance_m()
+        }),
+        chart(&curves, step_s, "Log loss", ["log loss", "nats"], |h| h.mean_log_loss()),
     ]
 }
 
-fn curve<'a>(
-    all: &'a [RolloutsOf],
-    &(driver, features, class, mark, name): &Line,
-) -> Option<Curve<'a>> {
-    let of = all.iter().find(|of| of.driver == driver && of.features == features)?;
-    Some(Curve { class, mark, name, horizons: &of.horizons })
-}
-
 fn chart(
-    curves: &[Curve<'_>],
+    curves: &[(Line, &[Horizon])],
     step_s: f64,
     heading: &str,
-    unit: &str,
+    [name, unit]: [&str; 2],
     value: fn(&Horizon) -> f64,
-) -> String {
-    let all = || curves.iter().flat_map(|curve| curve.horizons).map(value);
+) -> Chart {
+    let all = || curves.iter().flat_map(|(_, horizons)| *horizons).map(value);
     let (low, high) = (all().fold(f64::INFINITY, f64::min), all().fold(0.0, f64::max));
     // Shares are told apart from where they are; a distance from nothing.
-    let low = if unit.contains('%') { low.min(high) } else { 0.0 };
-    let steps = curves.iter().map(|curve| curve.horizons.len()).max().unwrap_or(1);
-    let x = Axis::round(0.0, step_s * steps as f64, 5, "time ahead (s)");
+    let low = if unit == "%" { low.min(high) } else { 0.0 };
+    let steps = curves.iter().map(|(_, horizons)| horizons.len()).max().unwrap_or(1);
+    let end_s = step_s * steps as f64;
     let said = curves
         .iter()
-        .filter_map(|curve| Some(format!("{} {:.2}", curve.name, value(curve.horizons.last()?))));
-    let description = format!(
-        "{unit} {:.1} s ahead: {}.",
-        step_s * steps as f64,
-        said.collect::<Vec<_>>().join(", ")
-    );
-    let margins = Margins([46.0, 26.0, 12.0, 40.0]);
-    let axes = (x, Axis::round(low, high, 5, unit));
-    let mut chart = Chart::new(heading, &description, HEIGHT, margins, axes);
-    for curve in curves {
+        .filter_map(|(line, of)| Some(format!("{} {:.2}", line.name, value(of.last()?))));
+    let said = said.collect::<Vec<_>>().join(", ");
+    let description = format!("{name} ({unit}) {end_s:.1} s ahead: {said}.");
+    let (x, y) =
+        (Axis::time("time ahead", [0.0, end_s], 5), Axis::round(name, unit, [low, high], 5));
+    let mut chart = Chart::new(heading, &description, x, y);
+    for (line, horizons) in curves {
         let point = |(i, h): (usize, &Horizon)| [step_s * (i + 1) as f64, value(h)];
-        let points: Vec<[f64; 2]> = curve.horizons.iter().enumerate().map(point).collect();
-        let line: Vec<[f64; 2]> = points.iter().map(|point| chart.at(*point)).collect();
-        chart.line(&format!("curve {}", curve.class), &line);
-        for ([seconds, value], at) in points.iter().zip(&line) {
-            if let Some(mark) = curve.mark {
-                let says = format!("{}, {seconds:.1} s: {value:.2}", curve.name);
-                chart.mark(&format!("mark {}", curve.class), mark, *at, 3.2, &says);
-            }
-        }
+        let points = horizons.iter().enumerate().map(point);
+        let series = Series::drawn(line.name, points, line.pen);
+        let says =
+            |[seconds, value]: [f64; 2]| format!("{}, {seconds:.1} s: {value:.2}", line.name);
+        chart.add(match line.mark {
+            Some(mark) => series.marked(mark).saying(says),
+            None => series,
+        });
     }
-    chart.finished()
+    chart
 }
