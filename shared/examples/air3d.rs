@@ -79,9 +79,9 @@ fn main() -> Result<(), Box<dyn Error>> {
         wall_s,
         steps,
         axes: grid.axes.map(|axis| (axis.node(0), axis.node(axis.nodes as isize - 1), axis.nodes)),
-        accuracy: Accuracy::new(&exact, &grid, &values),
+        accuracy: Accuracy::new(&exact, &grid, &values)?,
         apart_m: peer.as_ref().map(apart),
-        peer: peer.map(|values| Accuracy::new(&exact, &grid, &values)),
+        peer: peer.map(|values| Accuracy::new(&exact, &grid, &values)).transpose()?,
     };
     println!("{}", serde_json::to_string(&report)?);
     Ok(())
@@ -94,11 +94,11 @@ fn grid_of(nodes: &str) -> Result<Grid<3>, Box<dyn Error>> {
 }
 
 /// The values of a NumPy file of 32-bit floats in C order, which must have this shape.
-fn npy(octets: &[u8], shape: &[usize; 3]) -> Result<Vec<f32>, String> {
-    let version_1 = octets.get(..10).filter(|start| start.starts_with(b"\x93NUMPY\x01"));
+fn npy(bytes: &[u8], shape: &[usize; 3]) -> Result<Vec<f32>, String> {
+    let version_1 = bytes.get(..10).filter(|start| start.starts_with(b"\x93NUMPY\x01"));
     let start = version_1.ok_or("expected a NumPy file of version 1")?;
     let end = 10 + usize::from(u16::from_le_bytes([start[8], start[9]]));
-    let header = octets.get(10..end).ok_or("expected the whole header")?;
+    let header = bytes.get(10..end).ok_or("expected the whole header")?;
     let header = String::from_utf8_lossy(header);
     let [x, y, psi] = shape;
     let expected =
@@ -106,9 +106,9 @@ fn npy(octets: &[u8], shape: &[usize; 3]) -> Result<Vec<f32>, String> {
     if header.trim() != expected {
         return Err(format!("expected {expected}, found {}", header.trim()));
     }
-    let values: Vec<f32> = octets[end..]
+    let values: Vec<f32> = bytes[end..]
         .chunks_exact(4)
-        .map(|octets| f32::from_le_bytes([octets[0], octets[1], octets[2], octets[3]]))
+        .map(|bytes| f32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]))
         .collect();
     let nodes = shape.iter().product::<usize>();
     if values.len() != nodes {

@@ -5,7 +5,7 @@
 //! the last place for a few per cent of arguments.
 
 pub use core::f64::consts::{PI, TAU};
-pub use libm::{acos, asin, atan2, cos, exp, hypot, log as ln, sin};
+pub use libm::{acos, asin, atan2, cbrt, cos, exp, hypot, log as ln, sin};
 
 use rand_chacha::ChaCha8Rng;
 use rand_core::{Rng, SeedableRng};
@@ -27,7 +27,7 @@ pub fn wrap_angle(angle: f64) -> f64 {
     if wrapped <= -PI { wrapped + TAU } else { wrapped.min(PI) }
 }
 
-/// The same angle in [0, 2π); NaN for what is no angle.
+/// The same angle in [0, 2π); NaN if it is not finite.
 #[must_use]
 pub fn wrap_positive(angle: f64) -> f64 {
     if (0.0..TAU).contains(&angle) {
@@ -92,7 +92,7 @@ impl SeededRng {
         low + (high - low) * self.unit()
     }
 
-    /// Uniform in 0 … n − 1. The bias, at most n·2⁻⁶⁴, is of no consequence here.
+    /// Uniform in 0 … n − 1, with a bias of at most n·2⁻⁶⁴, which does not matter here.
     pub fn below(&mut self, n: usize) -> usize {
         ((u128::from(self.0.next_u64()) * n as u128) >> 64) as usize
     }

@@ -1,7 +1,7 @@
 //! Threads and lanes: the two ways in which a kernel uses the machine.
 //!
 //! Neither changes a bit of any result: cells are computed independently of each
-//! other, from arrays that nobody writes meanwhile, by IEEE operations in one order.
+//! other, from arrays that do not change meanwhile, by IEEE operations in one order.
 
 /// How many threads a solve uses when none is named.
 #[must_use]
@@ -55,7 +55,7 @@ impl Workers {
     }
 }
 
-/// A piece of work that is compiled once for every lane width.
+/// Work that is compiled once for every lane width.
 pub(crate) trait Kernel {
     /// Must be `#[inline(always)]`, with all that it calls.
     fn run(self);

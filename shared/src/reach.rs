@@ -13,10 +13,13 @@
 //! # Where conservative polygons were shown to hold
 //! At turn rates of at most 0.5 rad/s, steps of 0.2 s (0.1 rad a step) and up to 15 steps, no
 //! random drive left a conservative polygon: 23,428 random bounds with 60 drives each.
-//! **Outside this range they can miss reachable positions**: at large turns per step, by up to
-//! 4.5 cm in 6 steps of ±1.5 rad, and by more over more steps (21.6 cm in 9, 0.53 m in 10
-//! such steps, at 2 m/s and 10 m/s); 17 of 8,478 random bounds of six such classes were affected.
-//! `shared/tests/reach_known_failures.rs` has the smallest cases.
+//! **Outside this range they can miss reachable positions**: at 10 m/s and up to 1.5 rad in a
+//! step of 0.5 s, by 1.1 cm in 3 steps, 4.5 cm in 6 and 39 cm in 9. 17 of 8,478 random bounds
+//! of six classes with larger turns or more steps were affected, the worst by 0.53 m in 10 steps.
+//! `shared/tests/reach_known_failures.rs` has some of these cases.
+//!
+//! Polygons that are not conservative can pass inside a reachable position by a little more than
+//! the accuracy: 0.147 mm at 0.1 mm was seen at the paper's rates.
 
 mod paths;
 mod sampling;

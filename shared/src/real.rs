@@ -52,7 +52,7 @@ macro_rules! real {
             const ZERO: Self = 0.0;
             const HALF: Self = 0.5;
             #[inline(always)]
-            #[allow(clippy::cast_possible_truncation, reason = "rounding is what it is for")]
+            #[allow(clippy::cast_possible_truncation, reason = "its purpose is to round")]
             fn from_f64(value: f64) -> Self {
                 value as $type
             }

@@ -507,3 +507,65 @@ fn a_bearing_is_continuous_around_the_evader() {
         last = Some(value);
     }
 }
+
+/// Mitchell, Bayen and Tomlin (2005).
+fn mitchell() -> PursuitGame {
+    game([5.0, 1.0], [5.0, 1.0], 5.0)
+}
+
+/// The volume is that of the interpolated function, on coarse nodes too: sums along one axis had
+/// 0.2 % too much there.
+#[test]
+fn the_volume_on_coarse_nodes_is_right() {
+    let grid = CartesianGrid {
+        nodes: [51, 40, 50],
+        domain_m: [-6.0, 20.0, -10.0, 10.0],
+        scheme: Scheme::Weno5,
+        precision: Precision::F32,
+    };
+    let exact = solved(
+        mitchell(),
+        &Options { method: Some(Method::Exact), grid: Some(grid), ..Options::default() },
+    );
+    let options = Options { horizon_s: 2.8, grid: Some(grid), ..Options::default() };
+    let off = |solved: &Solved| 100.0 * (solved.samples.volume() / 885.81943 - 1.0);
+    let (exact, weno5) = (off(&exact), off(&solved(mitchell(), &options)));
+    eprintln!("volume: closed form {exact:+.3} %, WENO5 {weno5:+.3} %");
+    assert!(exact.abs() < 0.06, "{exact} %");
+    assert!(weno5.abs() < 0.1, "{weno5} %");
+}
+
+/// A finite horizon within which optimal play ends has the closed form's value. The domain just
+/// holds what matters, and a finer grid is better.
+#[test]
+fn a_grid_for_a_finite_horizon_holds_what_matters() {
+    let exact = mitchell().exact().unwrap();
+    let errors = |accuracy| {
+        let options = Options { horizon_s: 3.2, accuracy, ..Options::default() };
+        let solved = solved(mitchell(), &options);
+        let mut rng = SeededRng::new(41);
+        let mut errors = Vec::new();
+        while errors.len() < 20_000 {
+            let [x, y] = [rng.uniform(-12.0, 25.0), rng.uniform(-20.0, 20.0)];
+            let state = [x, y, rng.uniform(0.0, TAU)];
+            let truth = exact.value(state);
+            if truth.abs() > 1.0 {
+                continue;
+            }
+            let found = solved.function.state(state);
+            assert!(found.inside, "{state:?}");
+            errors.push((found.value - truth).abs());
+        }
+        let most = errors.iter().copied().fold(0.0, f64::max);
+        let quantiles = [0.5, 0.9, 0.99].map(|share| quantile(&mut errors, share));
+        eprintln!(
+            "{accuracy:?}: {quantiles:.3?}, at most {most:.3} m, {:?}",
+            solved.samples.nodes()
+        );
+        (quantiles[2], most)
+    };
+    let (draft, standard) = (errors(Accuracy::Draft), errors(Accuracy::Standard));
+    assert!(standard.0 < 0.5 * draft.0 && standard.1 < draft.1, "{draft:?} {standard:?}");
+    // On ±37 m, where a range that closes at full speed all the time would reach, 0.18 m.
+    assert!(standard.0 < 0.09, "{standard:?}");
+}

@@ -106,7 +106,8 @@ impl FunctionArgs {
     }
 }
 
-/// The value function in a file.
+/// The value function in a file. Says so on stderr if its solve did not converge, or the file
+/// does not tell.
 ///
 /// # Errors
 /// [`CommandError::Input`] naming the file and what is wrong in it.
@@ -114,8 +115,21 @@ pub fn read(path: &Path) -> Result<ValueFunction, CommandError> {
     let name = path.display();
     let complain = |e: &dyn std::fmt::Display| CommandError::Input(format!("{name}: {e}"));
     let file = File::open(path).map_err(|e| complain(&format!("cannot read: {e}")))?;
-    npz::read(BufReader::new(file)).map_err(|e| match e.field.is_empty() {
+    let stored = npz::read(BufReader::new(file)).map_err(|e| match e.field.is_empty() {
         true => complain(&format!("expected {}, found {}", e.expected, e.found)),
         false => complain(&e),
-    })
+    })?;
+    let unlimited =
+        matches!(&stored.function, ValueFunction::Sampled(f) if f.horizon_s().is_infinite());
+    match stored.converged {
+        Some(false) => eprintln!(
+            "sidestep: {name}: the solve did not converge: V may be too high, above all far away"
+        ),
+        None if unlimited => eprintln!(
+            "sidestep: {name}: does not say whether its solve converged (an earlier version wrote \
+             it); solve again to know"
+        ),
+        _ => {}
+    }
+    Ok(stored.function)
 }

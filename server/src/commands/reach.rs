@@ -10,32 +10,37 @@ use sidestep::reach::polygon::{bounding_box, signed_area, signed_distance};
 use sidestep::reach::{PolygonSettings, PositionUncertainty, ReachableSet, StartSet, Tolerance};
 use sidestep::vehicle::Pose;
 
-/// Reachable sets under bounds on the turn rate, and whether states are in them.
+/// Compute reachable sets under bounds on the turn rate, and whether states are in them.
 ///
 /// The input, in m, s and rad, headings counter-clockwise from +x:
 /// {"speed": 2, "dt": 0.2, "turn_rate": [-0.5, 0.5], "initial": [x, y, psi],
 /// "sets": [{"lo": [a rate a step], "hi": […], "queries": [{"step": n, "state": [x, y, psi]}]}],
 /// "tolerance": {"position": 0.005, "heading": 0.002}, "accuracy": 0.0001,
 /// "conservative": false}.
-/// Queries and what follows them may be left out; the numbers shown are what is taken
-/// then. The tolerance is how far a state may lie outside and still count as inside; the
-/// accuracy, m, is how far edges of polygons may lie from the true boundary, to either side; holes
-/// are filled. Conservative polygons, areas and boxes are a little larger, so as to contain the whole
-/// set (docs/validation/shfrs.md has what was tried, and the one set that is known to stick out);
-/// queries are about the exact set anyway. Bounds that miss straight driving by less than 1e-4 rad/s
-/// are taken to admit it.
-/// An uncertain start adds "start": {"disc": r, "heading": δ} or {"box": [along, across],
-/// "heading": δ}, each of which may be left out: positions at most r m from "initial", or at most so
-/// many m along and across its heading to either side, and headings at most δ rad from it. Sets are
-/// then what any of these poses leads to. With headings uncertain, a query "full" may take a second.
+/// "queries", "tolerance", "accuracy" and "conservative" are optional; the defaults are shown. A
+/// state counts as inside if it is at most the tolerance outside. Edges of polygons are at most the
+/// accuracy, m, off the true boundary, to either side; holes are filled. Bounds that forbid straight
+/// driving by less than 1e-4 rad/s are taken to allow it.
 ///
-/// The answer: {"sets": [{"steps": [{"step", "t", "area", "bbox": [x0, y0, x1, y1],
-/// "polygon": [[x, y], …]}, …], "tube": {"area", "bbox", "polygon"},
-/// "queries": [{"planar", "full"}]}]}, in world coordinates. Steps are 1 to T: the positions
-/// reachable after exactly so many. The tube is the union over the whole time. Polygons are
-/// counter-clockwise and closed without repeating their first vertex; a set that is a
-/// single position has one vertex. A query is true in "planar" if its position is reachable
-/// after that step (0 to T) with any heading, in "full" if it is with its heading.
+/// Conservative polygons, areas and boxes are a little larger, so that they contain the whole
+/// set; queries are about the exact set all the same. No random drive left a conservative polygon at
+/// up to 15 steps of at most 0.1 rad each (0.5 rad/s for 0.2 s). At larger turns per step, or over
+/// more steps, conservative polygons and "full" can miss reachable states
+/// (docs/validation/shfrs.md).
+///
+/// An uncertain start adds "start": {"disc": r, "heading": δ} or {"box": [along, across],
+/// "heading": δ}, with each part optional: positions at most r m from "initial", or at most
+/// these lengths, m, along and across its heading to either side, and headings at most δ rad from it.
+/// The sets then hold what any of these poses leads to. With an uncertain heading, a "full" query
+/// may take a second.
+///
+/// The answer, in world coordinates: {"sets": [{"steps": [{"step", "t", "area", "bbox": [x0, y0,
+/// x1, y1], "polygon": [[x, y], …]}, …], "tube": {"area", "bbox", "polygon"},
+/// "queries": [{"planar", "full"}]}]}. Steps 1 to T hold the positions reachable after exactly
+/// that many steps; the tube is the union over the whole time. Polygons are
+/// counter-clockwise, and their first vertex is not repeated; a set that is a single position has
+/// one vertex. For a query, "planar" tells whether its position is reachable after that step
+/// (0 to T) with any heading, "full" whether it is with the heading given.
 #[derive(Clone, Debug, clap::Args)]
 pub struct ReachArgs {
     #[command(flatten)]
@@ -123,10 +128,10 @@ struct QueryAnswer {
     full: bool,
 }
 
-/// Most steps of a set: the polygons of all steps grow with the square of their number.
+/// Most steps of a set: the size of all polygons grows with the square of their number.
 pub(super) const MOST_STEPS: usize = 300;
 
-/// The library's names as those of the document.
+/// The complaint with the document's name of the field.
 fn named(invalid: Invalid) -> Invalid {
     let field = match invalid.field.as_str() {
         "speed_mps" => "speed",
@@ -178,7 +183,7 @@ fn answer(input: &Input) -> Result<Answer, Invalid> {
     let sets = input.sets.iter().enumerate().map(|(j, set)| {
         set_answer(input, start, set, settings, tolerance).map_err(|invalid| {
             let named = named(invalid.clone());
-            // What is not of one set alone has a name of its own.
+            // Fields that do not belong to one set have names of their own.
             if named == invalid { named.within(&format!("sets[{j}]")) } else { named }
         })
     });
@@ -229,7 +234,7 @@ fn set_answer(
     let bounds = InputBounds::new(given.lo.clone(), given.hi.clone(), input.turn_rate)?;
     let set = ReachableSet::new(start, &bounds, input.speed, input.dt)?;
     let polygons: Vec<_> = (0..=set.steps()).map(|step| set.step_polygon(step, settings)).collect();
-    // Queries are about the exact set; conservative polygons do not tell.
+    // Queries are about the exact set, which conservative polygons exceed.
     let mut exact: Vec<Option<Vec<[f64; 2]>>> = vec![None; polygons.len()];
     let exact_settings = PolygonSettings::new(settings.accuracy_m(), settings.least_pieces())?;
     let queries = given.queries.iter().enumerate().map(|(q, query)| {
@@ -260,6 +265,6 @@ fn set_answer(
 
 fn area(polygon: Vec<[f64; 2]>) -> Area {
     let bbox = bounding_box(&polygon).unwrap_or([f64::NAN; 4]);
-    // A set without width has no area, and not a little less.
+    // Rounding must not give a set without width a negative area.
     Area { area: signed_area(&polygon).max(0.0), bbox, polygon }
 }

@@ -11,12 +11,12 @@ use std::path::PathBuf;
 
 /// Solve the pursuit game and write its value function to a NumPy archive.
 ///
-/// V(x, y, psi) in metres: the largest range margin (range - radius) that the evader
+/// V(x, y, psi) in metres is the largest range margin (range - radius) that the evader
 /// can keep; V <= 0 where the pursuer can force a collision. Prints one line of JSON:
 /// method, grid (shape of the array value), steps (time steps, or sweeps over the finest
 /// grid), wall_s, threads, converged_residual (how much V still moves: m/s, or m in 16
-/// sweeps of the polar method), converged (null for a finite horizon), volume of
-/// {V <= 0} over the grid's domain in m^2 rad.
+/// sweeps of the polar method), converged (null for a finite horizon), and volume (of
+/// {V <= 0} over the grid's domain, between the nodes too, in m^2 rad).
 #[derive(Clone, Debug, clap::Args)]
 pub struct SolveArgs {
     #[command(flatten)]
@@ -28,7 +28,8 @@ pub struct SolveArgs {
     /// Horizon, s; inf for the converged value. Finite ones need method cartesian.
     #[arg(long, value_name = "S", default_value_t = f64::INFINITY, allow_negative_numbers = true)]
     horizon: f64,
-    /// Grid by accuracy.
+    /// Grid by accuracy. A Cartesian grid holds the states where a draft finds V at most half
+    /// the radius.
     #[arg(long, value_enum, default_value = "standard", conflicts_with = "grid")]
     accuracy: AccuracyArg,
     /// Largest range of the polar grid, m [default: radius + 3 pi times the wider

@@ -10,7 +10,7 @@
 use npyz::WriterBuilder;
 use serde::{Deserialize, Serialize};
 use sidestep::document::from_value;
-use sidestep::invalid::Invalid;
+use sidestep::invalid::{Invalid, positive};
 use sidestep::reachability::{
     MEMORY_LIMIT_BYTES, Method, Nodes, PursuitGame, SampledValue, ValueFunction,
 };
@@ -33,7 +33,7 @@ const STORED: &str = "value: V in metres, the largest range margin (range - radi
 /// Most entries of an array whose length is not known beforehand.
 const SHORT: usize = 1 << 16;
 
-/// Most octets in front of an array's values.
+/// Most bytes before an array's values.
 const HEADER_LIMIT: u64 = 1 << 16;
 
 /// What `meta` says.
@@ -53,6 +53,21 @@ struct Meta {
     nodes: Nodes,
     /// Whether there is an array `sheet`.
     sheet: bool,
+    /// Whether the solve converged; null for a finite horizon, absent in older files.
+    #[serde(default)]
+    converged: Option<bool>,
+    /// If it did not: [`SampledValue::unsettled_m`].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    unsettled_m: Option<f64>,
+}
+
+/// A value function from a file.
+#[derive(Debug)]
+pub struct Stored {
+    /// The function.
+    pub function: ValueFunction,
+    /// Whether its solve converged; none for a finite horizon, or if the file does not say.
+    pub converged: Option<bool>,
 }
 
 /// Where nodes lie and how their values are laid out in a file.
@@ -136,10 +151,12 @@ fn meta(samples: &SampledValue, method: Method) -> Meta {
         horizon: horizon_s.is_finite().then_some(horizon_s),
         nodes: samples.nodes(),
         sheet: samples.sheet().is_some(),
+        converged: horizon_s.is_infinite().then(|| samples.unsettled_m().is_none()),
+        unsettled_m: samples.unsettled_m(),
     }
 }
 
-/// Writes the archive; the same function gives the same octets.
+/// Writes the archive; the same function gives the same bytes.
 ///
 /// # Errors
 /// What `out` says.
@@ -176,10 +193,10 @@ fn array<T: npyz::AutoSerialize>(
     shape: &[usize],
     values: impl Iterator<Item = T>,
 ) -> io::Result<()> {
-    let octets = shape.iter().product::<usize>() as u64 * size_of::<T>() as u64;
+    let bytes = shape.iter().product::<usize>() as u64 * size_of::<T>() as u64;
     let options = SimpleFileOptions::default()
         .compression_method(CompressionMethod::Deflated)
-        .large_file(octets > u64::from(u32::MAX) / 2);
+        .large_file(bytes > u64::from(u32::MAX) / 2);
     archive.start_file(format!("{name}.npy"), options)?;
     let shape: Vec<u64> = shape.iter().map(|n| *n as u64).collect();
     let mut writer =
@@ -194,7 +211,7 @@ fn array<T: npyz::AutoSerialize>(
 /// # Errors
 /// [`Invalid`] naming the array or the field of `meta` that is missing, truncated, of
 /// another version or shape, or not a number.
-pub fn read(file: impl Read + Seek) -> Result<ValueFunction, Invalid> {
+pub fn read(file: impl Read + Seek) -> Result<Stored, Invalid> {
     let mut archive =
         ZipArchive::new(file).map_err(|e| Invalid::new("", "a NumPy archive (.npz), whole", e))?;
     let meta = read_meta(&mut archive)?;
@@ -254,16 +271,18 @@ pub fn read(file: impl Read + Seek) -> Result<ValueFunction, Invalid> {
     if meta.method == Method::Exact.name() {
         return game
             .exact()
-            .map(ValueFunction::Exact)
+            .map(|exact| Stored { function: ValueFunction::Exact(exact), converged: Some(true) })
             .map_err(|e| Invalid { field: "meta.method".to_owned(), ..e });
     }
-    Ok(ValueFunction::Sampled(Arc::new(samples)))
+    let moved = meta.unsettled_m.map(|moved| positive("meta.unsettled_m", moved)).transpose()?;
+    let function = ValueFunction::Sampled(Arc::new(samples.unsettled(moved)));
+    Ok(Stored { function, converged: meta.converged })
 }
 
 fn read_meta<R: Read + Seek>(archive: &mut ZipArchive<R>) -> Result<Meta, Invalid> {
-    let octets: Vec<u8> = values(archive, "meta", None)?;
+    let bytes: Vec<u8> = values(archive, "meta", None)?;
     let json: serde_json::Value =
-        serde_json::from_slice(&octets).map_err(|e| Invalid::new("meta", "JSON", e))?;
+        serde_json::from_slice(&bytes).map_err(|e| Invalid::new("meta", "JSON", e))?;
     let found = json.get("format").cloned().unwrap_or_default();
     if found != FORMAT {
         return Err(Invalid::new("meta.format", format!("{FORMAT:?}"), found));
@@ -296,10 +315,10 @@ fn values<R: Read + Seek, T: npyz::AutoSerialize + npyz::Deserialize>(
         .map_err(|e| Invalid::new(name, "an array of that name", e))?;
     let count = shape.map_or(SHORT, |shape| shape.iter().product());
     let limit = (count * size_of::<T>()) as u64 + HEADER_LIMIT;
-    let mut octets = Vec::new();
+    let mut bytes = Vec::new();
     // To the end, where the check sum is compared.
-    file.take(limit).read_to_end(&mut octets).map_err(broken)?;
-    let mut rest = &octets[..];
+    file.take(limit).read_to_end(&mut bytes).map_err(broken)?;
+    let mut rest = &bytes[..];
     let array = npyz::NpyFile::new(&mut rest).map_err(broken)?;
     let wanted = T::default_dtype().descr();
     let found = array.dtype().descr();
@@ -320,7 +339,7 @@ fn values<R: Read + Seek, T: npyz::AutoSerialize + npyz::Deserialize>(
     }
     let values = array.into_vec().map_err(broken)?;
     if !rest.is_empty() {
-        return Err(Invalid::new(name, "its end", format!("{} octets more", rest.len())));
+        return Err(Invalid::new(name, "its end", format!("{} bytes more", rest.len())));
     }
     Ok(values)
 }
@@ -348,10 +367,10 @@ mod tests {
         .unwrap()
     }
 
-    fn octets(samples: &SampledValue, method: Method) -> Vec<u8> {
-        let mut octets = Cursor::new(Vec::new());
-        write(&mut octets, samples, method).unwrap();
-        octets.into_inner()
+    fn bytes(samples: &SampledValue, method: Method) -> Vec<u8> {
+        let mut bytes = Cursor::new(Vec::new());
+        write(&mut bytes, samples, method).unwrap();
+        bytes.into_inner()
     }
 
     fn close(a: &SampledValue, b: &SampledValue) {
@@ -364,16 +383,16 @@ mod tests {
     #[test]
     fn polar_values_come_back() {
         let samples = polar();
-        let again = read(Cursor::new(octets(&samples, Method::Polar))).unwrap();
-        let ValueFunction::Sampled(again) = again else { panic!("sampled") };
+        let again = read(Cursor::new(bytes(&samples, Method::Polar))).unwrap();
+        let ValueFunction::Sampled(again) = again.function else { panic!("sampled") };
         close(&samples, &again);
-        assert_eq!(octets(&samples, Method::Polar), octets(&again, Method::Polar), "a fixed point");
+        assert_eq!(bytes(&samples, Method::Polar), bytes(&again, Method::Polar), "a fixed point");
     }
 
     #[test]
     fn bearings_are_a_full_turn() {
         let samples = polar();
-        let file = octets(&samples, Method::Polar);
+        let file = bytes(&samples, Method::Polar);
         let mut archive = ZipArchive::new(Cursor::new(file)).unwrap();
         let axes: Vec<Vec<f64>> = [("axis0", 17), ("axis1", 12), ("axis2", 12)]
             .map(|(name, n)| values(&mut archive, name, Some(&[n])).unwrap())
@@ -398,8 +417,8 @@ mod tests {
         let options =
             Options { horizon_s: 0.5, grid: Some(grid), threads: 1, ..Options::default() };
         let solved = solve(game(0.75), &options, &mut |_| ControlFlow::Continue(())).unwrap();
-        let again = read(Cursor::new(octets(&solved.samples, solved.method))).unwrap();
-        let ValueFunction::Sampled(again) = again else { panic!("sampled") };
+        let again = read(Cursor::new(bytes(&solved.samples, solved.method))).unwrap();
+        let ValueFunction::Sampled(again) = again.function else { panic!("sampled") };
         close(&solved.samples, &again);
     }
 
@@ -407,24 +426,40 @@ mod tests {
     fn the_closed_form_comes_back() {
         let options = Options::default();
         let solved = solve(game(0.5), &options, &mut |_| ControlFlow::Continue(())).unwrap();
-        let again = read(Cursor::new(octets(&solved.samples, solved.method))).unwrap();
-        assert_eq!(again, solved.function);
+        let again = read(Cursor::new(bytes(&solved.samples, solved.method))).unwrap();
+        assert_eq!((again.function, again.converged), (solved.function, Some(true)));
+    }
+
+    #[test]
+    fn whether_the_solve_converged_is_stored() {
+        let converged = |samples: &SampledValue| {
+            let stored = read(Cursor::new(bytes(samples, Method::Polar))).unwrap();
+            (stored.converged, stored.function.unsettled_m())
+        };
+        assert_eq!(converged(&polar()), (Some(true), None));
+        assert_eq!(converged(&polar().unsettled(Some(0.25))), (Some(false), Some(0.25)));
+        // Older files do not say.
+        let older = changed_meta(|m| drop(m.as_object_mut().unwrap().remove("converged"))).unwrap();
+        assert_eq!((older.converged, older.function.unsettled_m()), (None, None));
     }
 
     #[test]
     fn a_truncated_file_is_refused() {
-        let whole = octets(&polar(), Method::Polar);
+        let whole = bytes(&polar(), Method::Polar);
         for end in (0..whole.len()).step_by(97) {
-            assert!(read(Cursor::new(&whole[..end])).is_err(), "{end} octets");
+            assert!(read(Cursor::new(&whole[..end])).is_err(), "{end} bytes");
         }
         let mut flipped = whole.clone();
         flipped[2000] ^= 0x10;
         assert!(read(Cursor::new(&flipped)).is_err(), "the check sum tells");
     }
 
-    /// The archive with one array replaced.
-    fn with(name: &str, change: impl FnOnce(&mut ZipWriter<Cursor<Vec<u8>>>)) -> Invalid {
-        let mut from = ZipArchive::new(Cursor::new(octets(&polar(), Method::Polar))).unwrap();
+    /// What is read from the archive with one array replaced.
+    fn changed(
+        name: &str,
+        change: impl FnOnce(&mut ZipWriter<Cursor<Vec<u8>>>),
+    ) -> Result<Stored, Invalid> {
+        let mut from = ZipArchive::new(Cursor::new(bytes(&polar(), Method::Polar))).unwrap();
         let mut to = ZipWriter::new(Cursor::new(Vec::new()));
         for i in 0..from.len() {
             let file = from.by_index_raw(i).unwrap();
@@ -433,14 +468,22 @@ mod tests {
             }
         }
         change(&mut to);
-        read(to.finish().unwrap()).unwrap_err()
+        read(to.finish().unwrap())
     }
 
-    fn with_meta(change: impl FnOnce(&mut serde_json::Value)) -> Invalid {
+    fn with(name: &str, change: impl FnOnce(&mut ZipWriter<Cursor<Vec<u8>>>)) -> Invalid {
+        changed(name, change).unwrap_err()
+    }
+
+    fn changed_meta(change: impl FnOnce(&mut serde_json::Value)) -> Result<Stored, Invalid> {
         let mut json = serde_json::to_value(meta(&polar(), Method::Polar)).unwrap();
         change(&mut json);
         let text = json.to_string().into_bytes();
-        with("meta", |to| array(to, "meta", &[text.len()], text.iter().copied()).unwrap())
+        changed("meta", |to| array(to, "meta", &[text.len()], text.iter().copied()).unwrap())
+    }
+
+    fn with_meta(change: impl FnOnce(&mut serde_json::Value)) -> Invalid {
+        changed_meta(change).unwrap_err()
     }
 
     #[test]

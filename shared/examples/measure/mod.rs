@@ -4,11 +4,14 @@ use std::error::Error;
 use std::ops::ControlFlow;
 
 use serde::Serialize;
+use sidestep::invalid::Invalid;
 use sidestep::math::TAU;
 use sidestep::reachability::cartesian::{
     Direction, Horizon, Kind, Problem, Region, Settings, Solution, solve,
 };
-use sidestep::reachability::{Axis, ExactValue, Grid, PursuitGame, RelativeDubins};
+use sidestep::reachability::{
+    Axis, ExactValue, Grid, Nodes, PursuitGame, RelativeDubins, SampledValue,
+};
 use sidestep::vehicle::VehicleModel;
 
 /// *mitchell*: Mitchell, Bayen and Tomlin (2005).
@@ -58,18 +61,17 @@ pub(crate) struct Accuracy {
     pub(crate) mean_dx: f64,
     /// The largest of these.
     pub(crate) max_dx: f64,
-    /// Volume of the set, in percent more than the closed form's. Polygons cut corners: on
-    /// 51×40×50 nodes the closed form itself has −0.14.
+    /// Volume of the set ([`SampledValue::volume`]), in percent more than the closed form's.
     pub(crate) volume_percent: f64,
 }
 
 impl Accuracy {
     /// Traces the zero level of every slice of equal ψ, cell by cell.
-    pub(crate) fn new(exact: &ExactValue, grid: &Grid<3>, values: &[f32]) -> Self {
+    pub(crate) fn new(exact: &ExactValue, grid: &Grid<3>, values: &[f32]) -> Result<Self, Invalid> {
         let [x, y, psi] = grid.axes;
         let value =
             |i: usize, j: usize, k: usize| f64::from(values[(i * y.nodes + j) * psi.nodes + k]);
-        let (mut off, mut cells) = (Vec::new(), 0.0);
+        let mut off = Vec::new();
         for (i, j, k) in (0..grid.len()).map(|at| grid.index(at).into()) {
             let here = value(i, j, k);
             for [di, dj] in [[1, 0], [0, 1]] {
@@ -84,36 +86,18 @@ impl Accuracy {
                     off.push(exact.value([px + share * dx, py + share * dy, ppsi]).abs());
                 }
             }
-            if i + 1 < x.nodes && j + 1 < y.nodes {
-                let corners = [[0, 0], [1, 0], [1, 1], [0, 1]];
-                cells += area_inside(corners.map(|[di, dj]| value(i + di, j + dj, k)));
-            }
         }
+        let deficit = |(at, v): (usize, &f32)| {
+            (f64::from(*v) - MITCHELL.target(grid.node(grid.index(at)))) as f32
+        };
+        let deficit: Vec<f32> = values.iter().enumerate().map(deficit).collect();
+        let samples =
+            SampledValue::new(MITCHELL, Nodes::Cartesian { x, y, psi }, HORIZON_S, &deficit, None)?;
         let dx = x.spacing();
-        Self {
+        Ok(Self {
             mean_dx: off.iter().sum::<f64>() / off.len() as f64 / dx,
             max_dx: off.iter().copied().fold(0.0, f64::max) / dx,
-            volume_percent: 100.0 * (cells * grid.cell_volume() / VOLUME - 1.0),
-        }
+            volume_percent: 100.0 * (samples.volume() / VOLUME - 1.0),
+        })
     }
-}
-
-/// The part of a unit square where values are ≤ 0: the polygon of the corners inside and
-/// the zeros on the edges. `values` are those at the corners, counter-clockwise.
-fn area_inside(values: [f64; 4]) -> f64 {
-    const CORNERS: [[f64; 2]; 4] = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
-    let mut polygon = Vec::with_capacity(8);
-    for from in 0..4 {
-        let to = (from + 1) % 4;
-        if values[from] <= 0.0 {
-            polygon.push(CORNERS[from]);
-        }
-        if (values[from] <= 0.0) != (values[to] <= 0.0) {
-            let share = values[from] / (values[from] - values[to]);
-            let along = |d: usize| CORNERS[from][d] + share * (CORNERS[to][d] - CORNERS[from][d]);
-            polygon.push([along(0), along(1)]);
-        }
-    }
-    let next = polygon.iter().cycle().skip(1);
-    polygon.iter().zip(next).map(|(a, b)| 0.5 * (a[0] * b[1] - a[1] * b[0])).sum()
 }

@@ -66,19 +66,19 @@ pub(crate) fn check() -> Result<Check, Box<dyn Error>> {
         for scheme in SCHEMES {
             let settings = Settings::of(scheme);
             let solution = measure::solve_over(&grid, &settings, HORIZON_S)?;
-            let accuracy = Accuracy::new(&truth, &grid, &solution.values);
+            let accuracy = Accuracy::new(&truth, &grid, &solution.values)?;
             let (cfl, steps) = (settings.cfl, solution.steps);
             air3d.push(Air3d { scheme: scheme.name(), nodes, dx_m, cfl, steps, accuracy });
         }
         let value = |at| truth.value(grid.node(grid.index(at))) as f32;
         let values: Vec<f32> = (0..grid.len()).map(value).collect();
-        let accuracy = Accuracy::new(&truth, &grid, &values);
+        let accuracy = Accuracy::new(&truth, &grid, &values)?;
         exact.push(Air3d { scheme: "exact", nodes, dx_m, cfl: 0.0, steps: 0, accuracy });
     }
 
     let grid = measure::air3d_grid(GRIDS[1]);
     let solution = measure::solve_over(&grid, &Settings::of(Scheme::Weno5), 0.5 * TAU)?;
-    let converged = Accuracy::new(&truth, &grid, &solution.values);
+    let converged = Accuracy::new(&truth, &grid, &solution.values)?;
 
     let mut orders = Vec::new();
     for scheme in SCHEMES {

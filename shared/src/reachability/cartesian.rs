@@ -84,7 +84,7 @@ pub struct Problem<'a, const D: usize, G> {
     pub grid: Grid<D>,
     /// l(x): the target is {l ≤ 0}; V starts as l.
     pub target: Region<'a, D>,
-    /// What may not be entered: positive inside, V ≥ obstacle (reach-avoid).
+    /// The states that may not be entered: positive inside, V ≥ obstacle (reach-avoid).
     pub obstacle: Option<Region<'a, D>>,
     /// Tube or set.
     pub kind: Kind,
@@ -106,7 +106,7 @@ pub struct Settings {
     /// may choose stencils that are stable only up to 0.5 (of second order) or 0.37 (of
     /// third); with longer steps V stays bounded, but not everywhere of that order.
     pub cfl: f64,
-    /// Refuse anything that would take more memory.
+    /// Refuse to take more memory than this.
     pub memory_limit_bytes: u64,
 }
 

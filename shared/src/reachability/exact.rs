@@ -9,7 +9,7 @@
 //! well as it can. V has a kink where they meet; elsewhere the larger is smooth.
 
 use crate::invalid::{Invalid, finite, length, positive};
-use crate::math::{PI, atan2, sin_cos, wrap_positive};
+use crate::math::{PI, atan2, hypot, sin_cos, wrap_positive};
 
 /// Sheets closer than this, in turning radii, count as equal: some
 /// hundreds of times their rounding error at a range of a thousand turning radii.
@@ -19,6 +19,9 @@ const KINK: f64 = 1e-9;
 /// one; this is 1 − cos δ, the size of its switching function |∂V/∂ψ|/ρ there.
 /// Held until the end, at most π/ω later, that costs less than 2·10⁻⁸ ρ.
 const ALIGNED: f64 = 5e-9;
+
+/// Below this, squares of ranges in turning radii lose digits.
+const LEAST_SQUARE: f64 = 1e-280;
 
 /// The value function of two vehicles with the same speed and largest turn rate.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -124,7 +127,7 @@ impl ExactValue {
         }
     }
 
-    /// The analysis where the range will never be smaller than it is.
+    /// The analysis where the range is at its smallest already.
     fn at_its_smallest(&self, view: &Halfway, y: f64) -> ExactState {
         let Halfway { ahead, right, sin_half, cos_half, range, .. } = *view;
         // At range zero every direction is as good; the gradient is then zero.
@@ -183,7 +186,7 @@ impl ExactValue {
     }
 }
 
-/// What the game of two identical vehicles is like at one relative state.
+/// Value, gradient and optimal turns of the game of two identical vehicles at one state.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ExactState {
     /// V, m, the same bits as [`ExactValue::value`].
@@ -245,14 +248,16 @@ impl Halfway {
         let (x, y) = (x / turning_radius_m, y / turning_radius_m);
         let half = 0.5 * wrap_positive(psi);
         let (sin_half, cos_half) = sin_cos(half);
+        let square = x * x + y * y;
         Self {
             ahead: x * cos_half + y * sin_half,
             right: x * sin_half - y * cos_half,
             half,
             sin_half,
             cos_half,
-            // Exactly rounded operations only, several times faster than hypot.
-            range: (x * x + y * y).sqrt(),
+            // Exactly rounded operations only, several times faster than hypot, which is needed
+            // where the square underflows: vehicles that hardly turn.
+            range: if square > LEAST_SQUARE { square.sqrt() } else { hypot(x, y) },
         }
     }
 
@@ -295,7 +300,7 @@ struct Sheet {
 }
 
 impl Sheet {
-    /// Of the state `ahead`, `right` > 0, h; `rest` = π − h.
+    /// At the state `ahead`, `right` > 0, h; `rest` = π − h.
     ///
     /// `#[inline]`: the value alone needs neither the direction nor its division.
     #[inline]
@@ -350,7 +355,7 @@ fn slope([ahead, right]: [f64; 2], sin_half: f64, cos_half: f64) -> [f64; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::{SeededRng, TAU, acos, hypot};
+    use crate::math::{SeededRng, TAU, acos};
 
     fn paper() -> ExactValue {
         ExactValue::new(2.0, 0.5, 3.0).unwrap()
@@ -407,6 +412,26 @@ mod tests {
     fn spot_values_of_the_reference() {
         assert!((paper().value([10.0, 0.0, PI]) + 2.14801).abs() < 5e-6);
         assert!((paper().value([30.0, 5.0, 3.5]) - 17.17630).abs() < 5e-6);
+    }
+
+    /// Vehicles that cannot turn drive straight on: the smallest range is that of two lines.
+    #[test]
+    fn vehicles_that_hardly_turn_drive_straight() {
+        let mut rng = SeededRng::new(12);
+        for turn_rate in [1e-20, 1e-120, 1e-160, 1e-200, 1e-300] {
+            let game = ExactValue::new(1.0, turn_rate, 1.0).unwrap();
+            assert!((game.value([2.0, 1.0, -1.0]) - 0.275_732).abs() < 1e-5, "{turn_rate:e}");
+            for _ in 0..1000 {
+                let [x, y, psi] = [3.0, 3.0, 3.0].map(|most| rng.uniform(-most, most));
+                // Relative velocity of the pursuer, and when it is nearest.
+                let (sin, cos) = sin_cos(psi);
+                let (vx, vy) = (cos - 1.0, sin);
+                let time = (-(x * vx + y * vy) / (vx * vx + vy * vy)).max(0.0);
+                let expected = hypot(x + time * vx, y + time * vy) - 1.0;
+                let found = game.value([x, y, psi]);
+                assert!((found - expected).abs() < 1e-9, "{turn_rate:e} {x} {y} {psi}: {found}");
+            }
+        }
     }
 
     #[test]

@@ -9,8 +9,8 @@ use serde::{Deserialize, Serialize};
 pub enum Boundary {
     /// The axis closes on itself; the upper end is not a node.
     Periodic,
-    /// Values continue with the slope at the edge, turned so that they move away
-    /// from zero: nothing that enters from outside can look like a target.
+    /// Values continue with the slope at the edge, with the sign that moves them away from zero:
+    /// nothing that enters from outside can look like a target.
     Extrapolate,
 }
 

@@ -1,4 +1,4 @@
-//! Level sets of a value function as closed curves, for drawing.
+//! Level curves of functions that meet every ray from the origin once, for drawing.
 
 use crate::math::{TAU, hypot, sin_cos};
 

@@ -52,7 +52,7 @@ pub struct Settings {
     pub tolerance: f64,
     /// At most this many sweeps over any grid.
     pub most_sweeps: usize,
-    /// Refuse anything that would take more memory.
+    /// Refuse to take more memory than this.
     pub memory_limit_bytes: u64,
 }
 
@@ -88,9 +88,9 @@ pub struct Solution<T> {
     pub sheet: Vec<T>,
     /// Sweeps over the finest grid.
     pub sweeps: usize,
-    /// How much a row still drifts in [`WINDOW`] sweeps, its signed changes summed
-    /// and averaged, and that averaged over the rows, m. Cells on a kink that
-    /// flicker between both sides cancel out.
+    /// How much the rows still drift in [`WINDOW`] sweeps, m: the signed changes of a row are
+    /// summed and averaged over its cells, their magnitudes averaged over the rows. Cells on a
+    /// kink that flicker between both sides cancel out.
     pub drift_m: f64,
     /// Whether that was within the tolerance.
     ///
@@ -148,8 +148,8 @@ pub fn solve<T: Real>(
     for (name, player) in [("evader", small.evader), ("pursuer", small.pursuer)] {
         let smallest = f64::from(f32::MIN_POSITIVE);
         if player.speed_mps < smallest || player.turn_rate_radps < smallest {
-            let expected = "a speed and a turn rate that single precision can tell from zero \
-                            beside those of the other player";
+            let expected = "a speed and a turn rate that single precision can distinguish from \
+                            zero beside those of the other vehicle";
             let found = format!(
                 "{} m/s, {} rad/s",
                 player.speed_mps * unit * rate,
@@ -161,14 +161,20 @@ pub fn solve<T: Real>(
     let pace = pace(&small);
     if pace < SLOWEST_PACE {
         let turns = |evader: f64, pursuer: f64| 2.0 * evader + pursuer;
-        let most =
-            turns(game.evader.turn_rate_radps, game.pursuer.turn_rate_radps) * pace / SLOWEST_PACE;
-        let expected = format!(
-            "turn rates that the grid can follow: twice the evader's and the pursuer's together \
-             at most about {most:.0} rad/s"
-        );
+        // Both follow from pace = fastest/R/(turns + closing/R) ≥ SLOWEST_PACE·PAPERS_PACE.
+        let fastest = game.evader.speed_mps.max(game.pursuer.speed_mps);
+        let closing = game.evader.speed_mps + game.pursuer.speed_mps;
         let found = turns(game.evader.turn_rate_radps, game.pursuer.turn_rate_radps);
-        return Err(Invalid::new("turn_rate_radps", expected, found).into());
+        let least = SLOWEST_PACE * PAPERS_PACE;
+        let most = (fastest / least - closing) / game.radius_m;
+        let radius = (fastest / least - closing) / found;
+        let expected = format!(
+            "turn rates that the polar grid can follow at a radius of {} m: twice the evader's \
+             plus the pursuer's at most {most:.3} rad/s (or a radius of at most {radius:.3} m, or \
+             method cartesian)",
+            game.radius_m
+        );
+        return Err(Invalid::new("turn_rate_radps", expected, format!("{found} rad/s")).into());
     }
 
     let levels = levels(settings);
@@ -211,7 +217,7 @@ pub fn solve<T: Real>(
     }
 }
 
-/// How much of a game [`WINDOW`] sweeps cover, against what they cover of the paper's: at
+/// The share of a game's time that [`WINDOW`] sweeps cover, relative to the paper's game: at
 /// most 1. A cell's time step is short where an angle may change quickly.
 fn pace(game: &PursuitGame) -> f64 {
     let PursuitGame { evader, pursuer, radius_m } = *game;

@@ -1,9 +1,10 @@
-//! A value function that a solver left on a grid.
+//! A value function on the nodes of a solved grid.
 
 mod finders;
 mod nodes;
 mod sheet;
 mod slice;
+mod volume;
 
 pub use nodes::Nodes;
 pub(super) use slice::Slice;
@@ -14,15 +15,14 @@ use super::polar;
 use super::pursuit::PursuitGame;
 use super::table::Table;
 use crate::invalid::Invalid;
-use crate::math::{TAU, hypot, sin_cos, wrap_positive};
+use crate::math::{TAU, sin_cos, wrap_positive};
 use crate::real::Real;
 use finders::{BearingFinder, RangeFinder};
 use sheet::Sheet;
 
-/// A value function on a grid, and between and beyond its nodes.
+/// A value function on a grid, interpolated between its nodes and extended beyond them.
 ///
-/// What is stored is the deficit W = V − (r − R), and the range part is added
-/// exactly. Outside the grid the deficit is that of the nearest point of its boundary
+/// Stored is the deficit W = V − (r − R); the range part is added exactly. Outside the grid the deficit is that of the nearest point of its boundary
 /// (in polar coordinates: at the same bearing and heading), so that V grows with the
 /// range as it must.
 #[derive(Clone, Debug, PartialEq)]
@@ -164,7 +164,7 @@ impl SampledValue {
     /// What the polar solver found.
     ///
     /// # Errors
-    /// [`Invalid`] if it is not finite.
+    /// [`Invalid`] if a value is not finite.
     pub fn from_polar(game: PursuitGame, solution: &polar::Solution<f32>) -> Result<Self, Invalid> {
         let range = solution.range;
         let nodes = Nodes::Polar {
@@ -178,22 +178,24 @@ impl SampledValue {
         Ok(function.unsettled((!solution.converged).then_some(solution.drift_m)))
     }
 
-    /// How much the function still moved in [`polar::WINDOW`] sweeps when the polar solver
-    /// gave up, m, averaged over its rows; none if it settled, or another method found it.
+    /// How much the function still moved when the solver gave up, m; none if it settled, or the
+    /// horizon is finite. Of the polar method in [`polar::WINDOW`] sweeps, averaged over its rows;
+    /// of the Cartesian one in a second of the game, at most.
     #[must_use]
     pub fn unsettled_m(&self) -> Option<f64> {
         self.unsettled_m
     }
 
-    /// The same function, of a solve that gave up while it still moved so much.
-    pub(super) fn unsettled(self, unsettled_m: Option<f64>) -> Self {
+    /// The same function, from a solve that gave up while it still moved by this, m.
+    #[must_use]
+    pub fn unsettled(self, unsettled_m: Option<f64>) -> Self {
         Self { unsettled_m, ..self }
     }
 
     /// What the Cartesian solver found on a grid of x, y, ψ.
     ///
     /// # Errors
-    /// [`Invalid`] if it is not finite, or the grid is none of x, y, ψ.
+    /// [`Invalid`] if a value is not finite, or the grid is not one of x, y, ψ.
     pub fn from_cartesian<T: Real>(
         game: PursuitGame,
         horizon_s: f64,
@@ -218,7 +220,7 @@ impl SampledValue {
         self.game
     }
 
-    /// The nodes.
+    /// Where its values are.
     #[must_use]
     pub fn nodes(&self) -> Nodes {
         self.nodes
@@ -236,6 +238,31 @@ impl SampledValue {
         (0..n0 * n1 * n2).map(move |p| self.table.node([p / (n1 * n2), p / n2 % n1, p % n2]))
     }
 
+    /// A box that holds every state where V is at most `level`, widened by a cell: lowest and
+    /// highest x and highest |y|, m, within the nodes' domain. Cartesian nodes only.
+    pub(super) fn extent(&self, level: f64) -> [f64; 3] {
+        let Nodes::Cartesian { x, y, .. } = self.nodes else {
+            unreachable!("a draft has Cartesian nodes");
+        };
+        let [rows, columns, headings] = self.nodes.shape();
+        let mut found = [0.0, 0.0, 0.0_f64];
+        for (i, j) in (0..rows).flat_map(|i| (0..columns).map(move |j| (i, j))) {
+            let [at_x, at_y] = [x.node(i as isize), y.node(j as isize)];
+            let margin = self.game.target([at_x, at_y, 0.0]);
+            let low = |k: usize| margin + f64::from(self.table.node([i, j, k])) <= level;
+            if (0..headings).any(low) {
+                let [low, high, side] = found;
+                found = [low.min(at_x), high.max(at_x), side.max(at_y.abs())];
+            }
+        }
+        let [low, high, side] = found;
+        [
+            (low - x.spacing()).max(x.low),
+            (high + x.spacing()).min(x.high),
+            (side + y.spacing()).min(y.high),
+        ]
+    }
+
     /// The stored sheet, row-major over range, bearing (a full turn) and heading.
     pub fn sheet(&self) -> Option<impl Iterator<Item = f32> + '_> {
         let [n0, _, n] = self.nodes.shape();
@@ -243,7 +270,7 @@ impl SampledValue {
         Some((0..n0 * n * n).map(move |p| table.node([p / (n * n), p / n % n, p % n])))
     }
 
-    /// Deficit and its slopes, per cell, at a place of the table.
+    /// Deficit and its derivatives, per cell, at `share` of cell `index`.
     #[inline]
     fn deficit_at(&self, index: [usize; 3], share: [f64; 3]) -> (f64, [f64; 3]) {
         let cells = self.table.cells();
@@ -265,7 +292,8 @@ impl SampledValue {
         }
     }
 
-    /// V, gradient and coverage at the pursuer's pose in the evader's frame.
+    /// V, its gradient, and whether the grid covers the state: the pursuer's pose in the evader's
+    /// frame.
     #[must_use]
     pub fn state(&self, [x, y, psi]: [f64; 3]) -> SampledState {
         let range = (x * x + y * y).sqrt();
@@ -310,65 +338,6 @@ impl SampledValue {
         };
         SampledState { value, gradient, inside }
     }
-
-    /// Volume of {V ≤ 0} over the nodes' domain, m²·rad.
-    ///
-    /// Along the first axis the ends of the set are found between the nodes; the
-    /// other two are summed, which is accurate for sets that end inside the domain.
-    #[must_use]
-    pub fn volume(&self) -> f64 {
-        let [n0, n1, n2] = self.nodes.shape();
-        let [first, second, third] = self.nodes.coordinates();
-        let mut volume = 0.0;
-        for (j, b) in second.iter().enumerate() {
-            for k in 0..n2 {
-                let range = |a: f64| match self.nodes {
-                    Nodes::Polar { .. } => a,
-                    Nodes::Cartesian { .. } => hypot(a, *b),
-                };
-                let (cell, share) =
-                    if j == self.table.cells()[1] { (j - 1, 1.0) } else { (j, 0.0) };
-                let value = |i: usize, t: f64| {
-                    let at = first[i] + t * (first[i + 1] - first[i]);
-                    let (deficit, _) = self.deficit_at([i, cell, k], [t, share, 0.0]);
-                    (at, range(at) - self.game.radius_m + deficit)
-                };
-                // ∫ da, or ∫ r dr, over the parts where V ≤ 0.
-                let upto = |a: f64| match self.nodes {
-                    Nodes::Polar { .. } => 0.5 * a * a,
-                    Nodes::Cartesian { .. } => a,
-                };
-                let mut line = 0.0;
-                for i in 0..n0 - 1 {
-                    let (low, high) = (value(i, 0.0), value(i, 1.0));
-                    if low.1 > 0.0 && high.1 > 0.0 {
-                        continue;
-                    }
-                    let pieces = if low.1 <= 0.0 && high.1 <= 0.0 { 1 } else { PIECES };
-                    let mut from = low;
-                    for piece in 1..=pieces {
-                        let to = value(i, f64::from(piece) / f64::from(pieces));
-                        let end = || from.0 + (to.0 - from.0) * from.1 / (from.1 - to.1);
-                        line += match (from.1 <= 0.0, to.1 <= 0.0) {
-                            (true, true) => upto(to.0) - upto(from.0),
-                            (true, false) => upto(end()) - upto(from.0),
-                            (false, true) => upto(to.0) - upto(end()),
-                            (false, false) => 0.0,
-                        };
-                        from = to;
-                    }
-                }
-                // Bearings strictly between 0 and π stand for their mirror images too.
-                let weight = match self.nodes {
-                    Nodes::Polar { .. } if j > 0 && j + 1 < n1 => 2.0,
-                    _ => 1.0,
-                };
-                volume += weight * line;
-            }
-        }
-        let angle = third[1] - third[0];
-        volume * angle * (second[1] - second[0])
-    }
 }
 
 /// Cell and share of a position in units of cells, 0 … `cells`.
@@ -376,6 +345,3 @@ fn split(position: f64, cells: usize) -> (usize, f64) {
     let cell = (position as usize).min(cells - 1);
     (cell, position - cell as f64)
 }
-
-/// Pieces of a cell in which an end of the set is looked for.
-const PIECES: u32 = 8;

@@ -9,7 +9,8 @@ use crate::math::{TAU, hypot, sin_cos};
 impl ValueFunction {
     /// {V = `level`} at relative heading `psi`: closed polygons in the evader's frame,
     /// m, with {V ≤ level} on their left. `level` must be above −R. A set that leaves
-    /// the grid is closed along the grid's edge.
+    /// the grid is closed along the grid's edge. Empty if the set is, or if `psi` or `level` is
+    /// not finite or `level` is at most −R, where the set is at most the point r = 0.
     #[must_use]
     pub fn level_curves(
         &self,
@@ -17,7 +18,6 @@ impl ValueFunction {
         level: f64,
         settings: CurveSettings,
     ) -> Vec<Vec<[f64; 2]>> {
-        // Below lies the point r = 0 only, and no curve.
         if !psi.is_finite() || !level.is_finite() || level <= -self.game().radius_m {
             return Vec::new();
         }
@@ -41,13 +41,13 @@ impl ValueFunction {
     }
 }
 
-/// The nodes of one heading, with a ring around them that is outside.
+/// The nodes of one heading, inside a ring of nodes that count as outside.
 struct SliceLattice<'a> {
     function: &'a SampledValue,
     slice: Slice<'a>,
     psi: f64,
     level: f64,
-    /// Points of the nodes along both indices: ranges and bearings, or x and y.
+    /// Coordinates of the nodes along both indices: ranges and bearings, or x and y.
     axes: [Vec<f64>; 2],
     polar: bool,
     values: Vec<f64>,
@@ -157,8 +157,8 @@ impl Lattice for SliceLattice<'_> {
     }
 }
 
-/// The curve with points added between its own, moved onto the level along the
-/// gradient, and with the sharp corners that fall between nodes.
+/// The curve refined: with points between its own, moved onto the level along the gradient, and
+/// with the sharp corners that lie between nodes.
 fn smoothed(
     curve: &[[f64; 2]],
     function: &SampledValue,
@@ -173,7 +173,7 @@ fn smoothed(
     for i in 0..curve.len() {
         let next = (i + 1) % curve.len();
         smooth.push(curve[i]);
-        // Where the set is cut off by the grid, its edge is the curve.
+        // Where the grid cuts off the set, the grid's edge is the curve.
         let on_level = |state: &SampledState| (state.value - level).abs() < on_level_m;
         let pieces = Pieces { spacing_m: settings.spacing_m, level };
         if !on_level(&states[i]) || !on_level(&states[next]) {
@@ -203,8 +203,8 @@ fn smoothed(
     smooth
 }
 
-/// A point of a curve is on its level to this, m (for a radius of about 3 m), unless it
-/// is on the grid's edge.
+/// Points of a curve are on its level within this, m (for a radius of about 3 m), unless they
+/// are on the grid's edge.
 const ON_LEVEL_M: f64 = 0.02;
 
 /// Where the tangents of a curve at both ends of a chord meet, if they turn by more than

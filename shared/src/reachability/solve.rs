@@ -1,4 +1,4 @@
-//! From a pursuit game to its value function, by whichever method fits.
+//! From a pursuit game to its value function, by the method that fits.
 
 use super::cartesian::{self, Direction, Horizon, Kind, Problem, Region};
 use super::games::RelativeDubins;
@@ -10,7 +10,7 @@ use super::sampled::{Nodes, SampledValue};
 use super::scheme::Scheme;
 use super::value_function::ValueFunction;
 use crate::invalid::{Invalid, positive};
-use crate::math::{PI, TAU};
+use crate::math::{PI, TAU, cbrt};
 use crate::parallel::default_threads;
 use crate::real::Real;
 use crate::vehicle::VehicleModel;
@@ -50,7 +50,8 @@ impl Method {
     }
 }
 
-/// Grids of growing size, each with about twice as many nodes an axis.
+/// Grids of growing size, each with about twice as many nodes an axis. A Cartesian one just holds
+/// the states where V is at most half the radius, as far as a draft can tell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Accuracy {
     /// For a look: tenths of a metre near kinks.
@@ -97,7 +98,7 @@ impl CartesianGrid {
     }
 }
 
-/// What is asked of [`solve`].
+/// How [`solve`] is to find a value function.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Options {
     /// None: the best one ([`Method::choose`]).
@@ -112,7 +113,7 @@ pub struct Options {
     pub range_m: Option<f64>,
     /// Threads of the Cartesian method.
     pub threads: usize,
-    /// Refuse anything that would take more memory.
+    /// Refuse to take more memory than this.
     pub memory_limit_bytes: u64,
 }
 
@@ -133,7 +134,7 @@ impl Default for Options {
 /// A value function and how it was found.
 #[derive(Clone, Debug)]
 pub struct Solved {
-    /// The function: the closed form, or what the solver left.
+    /// The function: the closed form, or interpolated between the nodes of the solver.
     pub function: ValueFunction,
     /// The function on its nodes; the closed form is sampled on those that the
     /// other methods would use.
@@ -147,9 +148,8 @@ pub struct Solved {
     /// How much the solution still moves: Cartesian max |∂V/∂τ|, m/s; polar the
     /// drift in [`polar::WINDOW`] sweeps, m; 0 for the closed form.
     pub residual: f64,
-    /// Whether the solution had settled when the solve ended; none for a finite horizon,
-    /// where it need not. A chase by a barely faster pursuer can take longer than a
-    /// solve may.
+    /// Whether the solution had settled when the solve ended; none for a finite horizon. A
+    /// chase by a barely faster pursuer can take longer than a solve may.
     pub converged: Option<bool>,
 }
 
@@ -215,7 +215,7 @@ pub fn solve(
             else {
                 unreachable!("polar_nodes are polar");
             };
-            // As far as the errors of the grid, which fall with its square.
+            // In proportion to the errors of the grid, which fall with the square of its spacing.
             let tolerance = polar::Settings::default().tolerance
                 * match options.accuracy {
                     Accuracy::Draft => 4.0,
@@ -238,15 +238,22 @@ pub fn solve(
             Ok(Solved { function, samples, method: chosen, steps, threads: 1, residual, converged })
         }
         Method::Cartesian => {
-            let grid = options.grid.unwrap_or_else(|| default_grid(&game, options));
-            let (samples, steps, residual) = match grid.precision {
-                Precision::F32 => march::<f32>(game, &grid, options, progress)?,
-                Precision::F64 => march::<f64>(game, &grid, options, progress)?,
+            let (grid, begun) = match options.grid {
+                Some(grid) => (grid, 0.0),
+                None => (default_grid(game, options, progress)?, DRAFT_SHARE),
             };
-            let samples = Arc::new(samples);
+            let report = &mut |report: Progress| {
+                progress(Progress { done: begun + (1.0 - begun) * report.done, ..report })
+            };
+            let (samples, steps, residual) = match grid.precision {
+                Precision::F32 => march::<f32>(game, &grid, options, report)?,
+                Precision::F64 => march::<f64>(game, &grid, options, report)?,
+            };
+            let converged = horizon_s.is_infinite().then(|| residual <= settled(&game));
+            let moved = (converged == Some(false)).then_some(residual);
+            let samples = Arc::new(samples.unsettled(moved));
             let function = ValueFunction::Sampled(samples.clone());
             let threads = options.threads;
-            let converged = horizon_s.is_infinite().then(|| residual <= settled(&game));
             Ok(Solved { function, samples, method: chosen, steps, threads, residual, converged })
         }
     }
@@ -262,8 +269,8 @@ fn march<T: Real>(
     let horizon = if options.horizon_s.is_finite() {
         Horizon::Finite(options.horizon_s)
     } else {
-        // Optimal play of equal vehicles ends within half a turn; slower turns and
-        // chases get several times that before the march gives up.
+        // Optimal play of equal vehicles ends within half a turn. Chases may take several times
+        // as long before the march gives up.
         let slowest = game.evader.turn_rate_radps.min(game.pursuer.turn_rate_radps);
         Horizon::Converged { tolerance: settled(&game), longest_s: 8.0 * PI / slowest }
     };
@@ -316,15 +323,58 @@ fn polar_nodes(game: &PursuitGame, options: &Options) -> Result<Nodes, Invalid> 
     Ok(Nodes::Polar { knee_m: game.radius_m, range_m, range_nodes, angle_nodes })
 }
 
-fn default_grid(game: &PursuitGame, options: &Options) -> CartesianGrid {
+/// A grid that just holds the states that matter, with as many nodes as `options.accuracy` asks
+/// for.
+///
+/// A draft on a domain that certainly holds {V ≤ 0} shows where V is at most a margin c. Optimal
+/// paths from {V ≤ c} stay in it, so V needs no states outside. The same spacing h is then used
+/// along x and y, and along ψ h over the largest |∂V/∂ψ|, twice a turning radius: there V changes
+/// by as much as along h.
+fn default_grid(
+    game: PursuitGame,
+    options: &Options,
+    progress: &mut dyn FnMut(Progress) -> ControlFlow<()>,
+) -> Result<CartesianGrid, SolveError> {
     // What can reach the danger zone within the horizon, or within half a turn.
     let longest = PI / game.evader.turn_rate_radps.min(game.pursuer.turn_rate_radps);
     let closing = game.evader.speed_mps + game.pursuer.speed_mps;
-    let far = (game.radius_m + closing * options.horizon_s.min(longest)).ceil();
+    let far = game.radius_m + closing * options.horizon_s.min(longest);
+    let draft = CartesianGrid {
+        nodes: DRAFT_NODES,
+        domain_m: [-far, far, -far, far],
+        scheme: Scheme::Eno2,
+        precision: Precision::F32,
+    };
+    let (samples, ..) = march::<f32>(game, &draft, options, &mut |report| {
+        progress(Progress { done: DRAFT_SHARE * report.done, ..report })
+    })?;
+    let [x0, x1, y1] = samples.extent(MARGIN * game.radius_m);
     let (nodes, scheme) = match options.accuracy {
-        Accuracy::Draft => ([41, 41, 32], Scheme::Eno2),
+        Accuracy::Draft => (DRAFT_NODES, Scheme::Eno2),
         Accuracy::Standard => ([81, 81, 64], Scheme::Weno5),
         Accuracy::Fine => ([161, 161, 128], Scheme::Weno5),
     };
-    CartesianGrid { nodes, domain_m: [-far, far, -far, far], scheme, precision: Precision::F32 }
+    let count: f64 = nodes.iter().map(|n| *n as f64).product();
+    let sides = [x1 - x0, 2.0 * y1, TAU * 2.0 * widest_turn(&game)];
+    let spacing = cbrt(sides.iter().product::<f64>() / count);
+    let along = |side: f64| ((side / spacing).round() as usize).max(LEAST_CELLS);
+    // Headings of a quarter turn and their mirror images are nodes.
+    let headings = along(sides[2]).clamp(nodes[2] / 2, 4 * nodes[2]).next_multiple_of(4);
+    let spacing = (sides[0] * sides[1] * headings as f64 / count).sqrt();
+    let along = |side: f64| ((side / spacing).round() as usize).max(LEAST_CELLS);
+    Ok(CartesianGrid {
+        nodes: [along(sides[0]) + 1, along(sides[1]) + 1, headings],
+        domain_m: [x0, x1, -y1, y1],
+        scheme,
+        precision: Precision::F32,
+    })
 }
+
+/// Nodes of a draft.
+const DRAFT_NODES: [usize; 3] = [41, 41, 32];
+/// The domain holds the states where V is at most this share of the radius.
+const MARGIN: f64 = 0.5;
+/// Least number of cells of an axis.
+const LEAST_CELLS: usize = 24;
+/// Share of a solve that its draft is reported as.
+const DRAFT_SHARE: f64 = 0.05;

@@ -1,15 +1,15 @@
 //! Interpolation in a table of three axes.
 
-/// Entries before the first and behind the last cell of each axis, so that no
-/// stencil has to ask where it is.
+/// Ghost entries before the first and behind the last cell of each axis, so that every stencil
+/// lies in the table.
 const BEFORE: usize = 1;
 const BEHIND: usize = 2;
 
 /// One number for each of the four edges of a cell along one axis.
 type Four = [f32; 4];
 
-/// The four edges of a cell along one axis, all at once: what lies before them, their
-/// ends and what lies behind them. The last argument has the strides of the other axes.
+/// The four edges of a cell along one axis at once: the entries before them, at both ends and
+/// behind them. The last argument has the strides of the other axes.
 #[inline(always)]
 fn edges(values: &[f32], cell: usize, stride: usize, [slow, fast]: [usize; 2]) -> [Four; 4] {
     let mut edges = [[0.0; 4]; 4];

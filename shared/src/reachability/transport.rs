@@ -1,9 +1,9 @@
-//! The octets of a value function: small, and the same for the same function.
+//! The bytes of a value function: few, and the same for the same function.
 //!
 //! The closed form is a line of JSON with its parameters. A sampled function is a
-//! line of JSON (with `"octets"`, the length of what follows) and then its deficits in
-//! whole [`QUANTUM_M`]: the difference to what the neighbours towards the origin
-//! predict, as variable-length integers (7 bits an octet, low first, zigzag sign).
+//! line of JSON (with `"bytes"`, the number of bytes that follow) and then its deficits in
+//! whole [`QUANTUM_M`]: the difference to the prediction from the neighbours towards the
+//! origin, as variable-length integers (7 bits a byte, low first, zigzag sign).
 
 use super::exact::ExactValue;
 use super::pursuit::PursuitGame;
@@ -14,8 +14,8 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use std::sync::Arc;
 
-/// Deficits are stored in multiples of this, m, for a radius between 2.1 m and 4.2 m, and
-/// of as many times [`PursuitGame::length_unit_m`] for others: an error of half as much.
+/// Deficits are stored in multiples of this, m, times [`PursuitGame::length_unit_m`] (1 for a
+/// radius between 2.1 m and 4.2 m): an error of at most half of it.
 pub const QUANTUM_M: f64 = 0.001;
 
 const FORMAT: &str = "sidestep-value-function/1";
@@ -40,12 +40,13 @@ enum Header {
         unsettled_m: Option<f64>,
         /// Whether a sheet follows the deficits: its differences to them.
         sheet: bool,
-        octets: usize,
+        #[serde(rename = "octets")]
+        bytes: usize,
     },
 }
 
 impl ValueFunction {
-    /// The octets under which this function is stored and served.
+    /// The bytes in which this function is stored and served.
     #[must_use]
     pub fn encode(&self) -> Vec<u8> {
         encode(self)
@@ -54,12 +55,12 @@ impl ValueFunction {
     /// The function that [`Self::encode`] wrote.
     ///
     /// # Errors
-    /// [`Invalid`] if the octets are no such function, truncated, or of another version.
-    pub fn decode(octets: &[u8]) -> Result<Self, Invalid> {
-        decode(octets)
+    /// [`Invalid`] if the bytes are no such function, truncated, or of another version.
+    pub fn decode(bytes: &[u8]) -> Result<Self, Invalid> {
+        decode(bytes)
     }
 
-    /// Content hash (SHA-256, hexadecimal) of the octets: the function's address.
+    /// Content hash (SHA-256, hexadecimal) of the bytes: the function's address.
     #[must_use]
     pub fn id(&self) -> String {
         hex::encode(Sha256::digest(self.encode()))
@@ -94,25 +95,25 @@ fn encode(function: &ValueFunction) -> Vec<u8> {
                 }
             }
             let horizon_s = sampled.horizon_s();
-            let mut octets = line(&Header::Sampled {
+            let mut bytes = line(&Header::Sampled {
                 format,
                 game: sampled.game(),
                 nodes: sampled.nodes(),
                 horizon_s: horizon_s.is_finite().then_some(horizon_s),
                 unsettled_m: sampled.unsettled_m(),
                 sheet,
-                octets: body.len(),
+                bytes: body.len(),
             });
-            octets.push(b'\n');
-            octets.extend(body);
-            octets
+            bytes.push(b'\n');
+            bytes.extend(body);
+            bytes
         }
     }
 }
 
-fn decode(octets: &[u8]) -> Result<ValueFunction, Invalid> {
-    let end = octets.iter().position(|octet| *octet == b'\n').unwrap_or(octets.len());
-    let header: Header = serde_json::from_slice(&octets[..end])
+fn decode(bytes: &[u8]) -> Result<ValueFunction, Invalid> {
+    let end = bytes.iter().position(|byte| *byte == b'\n').unwrap_or(bytes.len());
+    let header: Header = serde_json::from_slice(&bytes[..end])
         .map_err(|e| Invalid::new("value function", FORMAT, e))?;
     let (Header::Exact { format, .. } | Header::Sampled { format, .. }) = &header;
     if format != FORMAT {
@@ -122,14 +123,14 @@ fn decode(octets: &[u8]) -> Result<ValueFunction, Invalid> {
         Header::Exact { speed_mps, turn_rate_radps, radius_m, .. } => {
             ExactValue::new(speed_mps, turn_rate_radps, radius_m).map(ValueFunction::Exact)
         }
-        Header::Sampled { game, nodes, horizon_s, unsettled_m, sheet, octets: length, .. } => {
+        Header::Sampled { game, nodes, horizon_s, unsettled_m, sheet, bytes: length, .. } => {
             unsettled_m.map(|moved| positive("unsettled_m", moved)).transpose()?;
             nodes.check()?;
-            let mut rest = octets.get(end + 1..).unwrap_or_default();
-            crate::invalid::length("value function octets", length, rest.len())?;
-            // Every value takes an octet at least, so this bounds what is allocated.
+            let mut rest = bytes.get(end + 1..).unwrap_or_default();
+            crate::invalid::length("value function bytes", length, rest.len())?;
+            // Every value takes an byte at least, so this bounds what is allocated.
             if nodes.count() > rest.len() {
-                let expected = format!("at least {} octets of values", nodes.count());
+                let expected = format!("at least {} bytes of values", nodes.count());
                 return Err(Invalid::new("value function", expected, rest.len()));
             }
             let predicted = Predictor::new(nodes.shape());
@@ -145,7 +146,7 @@ fn decode(octets: &[u8]) -> Result<ValueFunction, Invalid> {
             let sheet = if sheet {
                 let count = mirror.count();
                 if count > rest.len() {
-                    let expected = format!("at least {count} octets of the sheet");
+                    let expected = format!("at least {count} bytes of the sheet");
                     return Err(Invalid::new("value function", expected, rest.len()));
                 }
                 let values = (0..count).map(|position| {
@@ -157,7 +158,7 @@ fn decode(octets: &[u8]) -> Result<ValueFunction, Invalid> {
                 None
             };
             if !rest.is_empty() {
-                let found = format!("{} octets more", rest.len());
+                let found = format!("{} bytes more", rest.len());
                 return Err(Invalid::new("value function", "its end", found));
             }
             let horizon_s = horizon_s.unwrap_or(f64::INFINITY);
@@ -188,7 +189,7 @@ fn line(header: &Header) -> Vec<u8> {
     serde_json::to_vec(header).unwrap_or_default()
 }
 
-/// What the entries before it say of an entry: the corner of the parallelepiped.
+/// The prediction of an entry from those before it: the corner of the parallelepiped.
 struct Predictor {
     strides: [usize; 3],
     shape: [usize; 3],
@@ -218,36 +219,36 @@ impl Predictor {
     }
 }
 
-fn put(octets: &mut Vec<u8>, mut value: u64) {
+fn put(bytes: &mut Vec<u8>, mut value: u64) {
     while value >= 0x80 {
-        octets.push(value as u8 | 0x80);
+        bytes.push(value as u8 | 0x80);
         value >>= 7;
     }
-    octets.push(value as u8);
+    bytes.push(value as u8);
 }
 
-fn put_signed(octets: &mut Vec<u8>, value: i64) {
-    put(octets, ((value << 1) ^ (value >> 63)) as u64);
+fn put_signed(bytes: &mut Vec<u8>, value: i64) {
+    put(bytes, ((value << 1) ^ (value >> 63)) as u64);
 }
 
-/// The number of steps that is `base` and the next difference.
-fn take_step(octets: &mut &[u8], what: &str, position: usize, base: i64) -> Result<i64, Invalid> {
+/// `base` plus the next difference.
+fn take_step(bytes: &mut &[u8], what: &str, position: usize, base: i64) -> Result<i64, Invalid> {
     let field = || format!("{what}[{position}]");
-    let folded = take(octets).ok_or_else(|| Invalid::new(field(), "a whole number", "its end"))?;
+    let folded = take(bytes).ok_or_else(|| Invalid::new(field(), "a whole number", "its end"))?;
     let difference = (folded >> 1) as i64 ^ -((folded & 1) as i64);
     let step = base.wrapping_add(difference);
-    // What any deficit in metres stays far within.
+    // Far more than any deficit in metres.
     if step.unsigned_abs() > 1 << 40 {
         return Err(Invalid::new(field(), "a deficit", step));
     }
     Ok(step)
 }
 
-fn take(octets: &mut &[u8]) -> Option<u64> {
+fn take(bytes: &mut &[u8]) -> Option<u64> {
     let mut value = 0_u64;
     for shift in (0..63).step_by(7) {
-        let (first, rest) = octets.split_first()?;
-        *octets = rest;
+        let (first, rest) = bytes.split_first()?;
+        *bytes = rest;
         value |= u64::from(first & 0x7f) << shift;
         if first & 0x80 == 0 {
             return Some(value);
@@ -276,7 +277,7 @@ mod tests {
     }
 
     #[test]
-    fn octets_survive_a_round_trip() {
+    fn bytes_survive_a_round_trip() {
         let exact = ValueFunction::Exact(ExactValue::new(2.0, 0.3, 3.0).unwrap());
         assert_eq!(exact, ValueFunction::decode(&exact.encode()).unwrap());
         assert_eq!(exact.id().len(), 64);
@@ -292,7 +293,7 @@ mod tests {
     }
 
     #[test]
-    fn whether_it_settled_is_told_with_it() {
+    fn whether_it_settled_is_stored() {
         let settled = sampled();
         let ValueFunction::Sampled(function) = &settled else { panic!("it is sampled") };
         let restless = SampledValue::clone(function).unsettled(Some(1.25e-3));
@@ -301,26 +302,26 @@ mod tests {
         assert_eq!(again(&restless).unsettled_m(), Some(1.25e-3));
         assert_eq!(again(&settled).unsettled_m(), None);
         assert_ne!(restless.id(), settled.id());
-        // Those that settled have the octets that they always had.
+        // Functions that settled keep their bytes, and so their id.
         let header = settled.encode();
         assert!(!String::from_utf8_lossy(&header[..300]).contains("unsettled"));
     }
 
     #[test]
-    fn other_octets_are_refused() {
+    fn other_bytes_are_refused() {
         assert!(ValueFunction::decode(b"\x93NUMPY").is_err());
         assert!(ValueFunction::decode(b"").is_err());
         let text = br#"{"method":"exact","format":"sidestep-value-function/9","speed_mps":2,"turn_rate_radps":1,"radius_m":3}"#;
         assert_eq!(ValueFunction::decode(text).unwrap_err().field, "format");
-        let octets = sampled().encode();
-        for end in 0..octets.len() {
-            assert!(ValueFunction::decode(&octets[..end]).is_err(), "{end} octets");
+        let bytes = sampled().encode();
+        for end in 0..bytes.len() {
+            assert!(ValueFunction::decode(&bytes[..end]).is_err(), "{end} bytes");
         }
-        let mut longer = octets.clone();
+        let mut longer = bytes.clone();
         longer.push(0);
         assert!(ValueFunction::decode(&longer).is_err());
-        // A header that promises more than there is must not allocate it.
-        let text = String::from_utf8_lossy(&octets[..120]).replace("\"range_nodes\":9", "");
+        // A header that promises more than follows must not cause an allocation of it.
+        let text = String::from_utf8_lossy(&bytes[..120]).replace("\"range_nodes\":9", "");
         assert!(ValueFunction::decode(text.as_bytes()).is_err());
     }
 }

@@ -1,4 +1,4 @@
-//! A value function as the rest of the program sees it, however it was found.
+//! A value function as the rest of the program sees it, whichever method found it.
 
 use super::exact::ExactValue;
 use super::pursuit::PursuitGame;
@@ -15,7 +15,7 @@ pub enum ValueFunction {
     Sampled(Arc<SampledValue>),
 }
 
-/// All that is known of the game at a relative state.
+/// Value, gradient and optimal turns at a relative state.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ValueState {
     /// V, m.
@@ -28,8 +28,8 @@ pub struct ValueState {
     pub pursuer_turn: f64,
     /// Whether these come from the closed form.
     pub exact: bool,
-    /// Whether the state is where the function was solved; outside, V is the range
-    /// margin plus the deficit at the nearest point of the boundary.
+    /// Whether the state lies within the solved grid; outside, V is the range margin (range
+    /// minus radius) plus the deficit at the nearest point of the grid's boundary.
     pub inside: bool,
 }
 
@@ -49,9 +49,9 @@ impl ValueFunction {
         }
     }
 
-    /// How much V still moved in [`super::polar::WINDOW`] sweeps, m, when the solver gave up;
-    /// none if it settled. How far V is from the value that it was on its way to, this does not
-    /// say: in a chase that can be much more.
+    /// How much V still moved when the solver gave up, m ([`SampledValue::unsettled_m`]); none if
+    /// it settled. The distance from the converged value is not known: in a chase it can be
+    /// much larger.
     #[must_use]
     pub fn unsettled_m(&self) -> Option<f64> {
         match self {
@@ -61,7 +61,7 @@ impl ValueFunction {
     }
 
     /// V, m, at the pursuer's pose (x, y, ψ) in the evader's frame; ≤ 0 means
-    /// that a capture can be forced. NaN for what is no state.
+    /// that a capture can be forced. NaN if a coordinate is not finite.
     #[must_use]
     pub fn value(&self, relative: [f64; 3]) -> f64 {
         if !relative.iter().all(|coordinate| coordinate.is_finite()) {

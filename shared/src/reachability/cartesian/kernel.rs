@@ -1,4 +1,4 @@
-//! One stage of a step on a run of nodes, in lanes: what takes the time.
+//! One Runge–Kutta stage on a run of nodes, in lanes. Most of a solve's time is spent here.
 
 use super::super::game::{Game, TERMS};
 use super::super::grid::Grid;
@@ -36,7 +36,7 @@ impl<T: Real, const D: usize> Tables<T, D> {
     }
 }
 
-/// What a stage adds the moved values to.
+/// What a stage combines the moved values with.
 #[derive(Clone, Copy)]
 pub(super) enum Base<'a, T> {
     /// Nothing: dst = moved.

@@ -85,7 +85,7 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Marcher<'_, T, D, G, S> {
         let (layout, grid) = (&self.layout, &self.problem.grid);
         let (lead, slice) = (layout.lead(), layout.slice_length());
         let inside = &mut destination[lead..lead + layout.slices() * slice];
-        // The first slice that holds something else than numbers.
+        // The first slice with a value that is not finite.
         let bad = AtomicUsize::new(usize::MAX);
         self.workers.for_chunks(inside, slice, |i, data| {
             each_interior(layout, i, |index, offset| {
@@ -102,7 +102,7 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Marcher<'_, T, D, G, S> {
         self.all_finite(name, destination, bad)
     }
 
-    /// Complains about the first node from slice `first` on whose value is no number.
+    /// Names the first node from slice `first` on whose value is not finite.
     fn all_finite(&self, name: &str, data: &[T], first: usize) -> Result<(), Invalid> {
         let (layout, mut complaint) = (&self.layout, None);
         for slice in first..layout.slices() {

@@ -31,7 +31,7 @@ pub(super) struct Level<T> {
     /// Entries of a row: one turn and `PAD` repeated ones at each end.
     pub(super) row: usize,
     pub(super) values: Vec<T>,
-    /// Largest change of each row when it was last updated.
+    /// Largest change of each row when last updated.
     pub(super) activity: Vec<T>,
     /// Signed change of each row since the last look, summed over its cells.
     pub(super) drift: Vec<T>,

@@ -23,7 +23,13 @@ impl RangeAxis {
     /// Range of node `i`, m.
     #[must_use]
     pub fn node(&self, i: usize) -> f64 {
-        self.knee_m * (exp(i as f64 * self.step) - 1.0)
+        self.at(i as f64)
+    }
+
+    /// Range at a fractional node index, m.
+    #[must_use]
+    pub fn at(&self, position: f64) -> f64 {
+        self.knee_m * (exp(position * self.step) - 1.0)
     }
 
     /// Fractional node index of a range, m.

@@ -1,4 +1,4 @@
-//! One pass of Gauss–Seidel over the rows of a grid: what takes the time.
+//! Gauss–Seidel sweeps over the rows of a grid. Most of a solve's time is spent here.
 
 use super::level::{Evader, Level, PAD};
 use crate::math::TAU;
@@ -77,7 +77,7 @@ impl<T: Real> Level<T> {
         ControlFlow::Continue(())
     }
 
-    /// Whether anything in the stencil of a row has moved since.
+    /// Whether anything in the stencil of a row moved when it was last updated.
     fn is_active(&self, i: usize, k: usize, rest: T) -> bool {
         let bearings = self.bearings();
         let moved = |i: usize, k: usize| self.activity[i * bearings + k] > rest;

@@ -222,9 +222,9 @@ fn cartesian(cartesian: &Cartesian) -> String {
 
 *mitchell* (\"air3D\") on x ∈ [−6, 20] m, y ∈ [−10, 10] m, ψ ∈ [0, 2π), T = {} s, in single
 precision. Errors of the zero level are |V| of the closed form at the places where the solution
-changes sign along the grid's lines of x and y, in spacings Δx. The volume is that of polygons
-through these places, which cut corners: the rows *closed form* are the exact values on the same
-nodes, measured in the same way, and show what is the measure's own. The closed form is the
+changes sign along the grid's lines of x and y, in spacings Δx. The volume is that of the function
+interpolated between the nodes, as `sidestep solve` prints it: the rows *closed form* are the exact
+values on the same nodes, measured in the same way, and show the measure's own error. The closed form is the
 converged value; solving for π s instead of {} s moves the volume from {} % to {} %
 (WENO5, 51×40×50).
 

@@ -1,0 +1,89 @@
+//! Reachable states that conservative polygons and membership are known to miss, at larger turns
+//! per step than the paper's. Each test asserts that the defect is still there; once it is mended,
+//! the case belongs to the tests of what holds.
+#![allow(clippy::unwrap_used, reason = "a test that panics has failed")]
+
+use sidestep::bounds::InputBounds;
+use sidestep::reach::polygon::signed_distance;
+use sidestep::reach::{PolygonSettings, ReachableSet, Tolerance};
+use sidestep::vehicle::{Pose, dubins};
+
+/// A drive with `inputs` within the bounds, at a speed, m/s, and step, s.
+struct Case {
+    speed_mps: f64,
+    step_s: f64,
+    lo: &'static [f64],
+    hi: &'static [f64],
+    inputs: &'static [f64],
+}
+
+impl Case {
+    fn set(&self) -> ReachableSet {
+        let admissible = |((lo, hi), input)| lo <= input && input <= hi;
+        assert!(self.lo.iter().zip(self.hi).zip(self.inputs).all(admissible));
+        let bounds = InputBounds::new(self.lo.to_vec(), self.hi.to_vec(), (-3.0, 3.0)).unwrap();
+        ReachableSet::new(Pose::new(0.0, 0.0, 0.0), &bounds, self.speed_mps, self.step_s).unwrap()
+    }
+
+    fn end(&self) -> Pose {
+        let step = |pose, rate: &f64| dubins::arc(pose, self.speed_mps, *rate, self.step_s);
+        self.inputs.iter().fold(Pose::new(0.0, 0.0, 0.0), step)
+    }
+
+    /// How far outside the conservative polygon of 1 mm accuracy the drive ends, m.
+    fn outside_m(&self) -> f64 {
+        let settings = PolygonSettings::new(1e-3, 16).unwrap().conservative();
+        let polygon = self.set().step_polygon(self.inputs.len(), settings);
+        -signed_distance(&polygon, self.end().position())
+    }
+}
+
+const THREE: Case = Case {
+    speed_mps: 10.0,
+    step_s: 0.5,
+    lo: &[-2.79, 2.12, -2.85],
+    hi: &[1.15, 2.86, -2.0],
+    inputs: &[-2.79, 2.86, -2.85],
+};
+const SIX: Case = Case {
+    speed_mps: 10.0,
+    step_s: 0.5,
+    lo: &[-1.97, 2.61, -1.67, 0.93, 0.1, -2.14],
+    hi: &[1.78, 2.74, 2.91, 1.75, 0.8, 0.8],
+    inputs: &[1.78, 2.61, 2.91, 1.75, 0.8, 0.8],
+};
+const NINE: Case = Case {
+    speed_mps: 10.0,
+    step_s: 0.5,
+    lo: &[0.0, -0.78, 0.0, 0.0, 0.0, -1.36, 0.0, 0.0, 1.33],
+    hi: &[0.0, 2.53, 0.0, 0.0, 0.0, -0.7, 0.0, 0.0, 2.53],
+    inputs: &[0.0, 2.53, 0.0, 0.0, 0.0, -1.36, 0.0, 0.0, 2.17],
+};
+
+/// At up to 1.5 rad a step. The paper's vehicles turn by at most 0.1 rad a step.
+#[test]
+fn conservative_polygons_miss_drives_at_large_turns_per_step() {
+    for (case, least_mm) in [(THREE, 10.0), (SIX, 40.0), (NINE, 350.0)] {
+        let outside_mm = 1e3 * case.outside_m();
+        eprintln!("{} steps: {outside_mm:.1} mm outside", case.inputs.len());
+        assert!(outside_mm > least_mm, "mended? {outside_mm} mm");
+    }
+}
+
+/// A state that a drive reaches counts as outside, although it is nearer to the set than the
+/// tolerance.
+#[test]
+fn membership_misses_states_at_large_turns_per_step() {
+    let five = Case {
+        speed_mps: 2.0,
+        step_s: 0.2,
+        lo: &[-2.27, 1.34, -1.81, -2.53, -2.17],
+        hi: &[1.25, 1.79, 2.16, -0.29, 0.48],
+        inputs: &[-2.27, 1.34, 2.16, -2.53, 0.48],
+    };
+    let set = five.set();
+    assert!(!set.contains_state(5, five.end(), Tolerance::default()), "mended?");
+    let margin_mm = 1e3 * set.state_margins(5, five.end()).position_m;
+    eprintln!("{margin_mm:.1} mm");
+    assert!((-5.0..-1.0).contains(&margin_mm), "{margin_mm}");
+}
