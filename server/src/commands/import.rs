@@ -3,20 +3,20 @@
 use super::{CommandError, print_json};
 use crate::clock::now_ms;
 use crate::content;
-use crate::formats::csv_lines::LineError;
-use crate::formats::trials_csv::{self, FileTrial, Person};
+use crate::formats::trials_csv;
 use crate::jobs::safety;
 use crate::store::participants::{self, NewParticipant};
 use crate::store::scenes::{self, PlannedRow};
 use crate::store::studies::{self, Study};
 use crate::store::trials::{self, NewTrial};
 use crate::store::{Db, Missing, Store};
-use crate::synthetic;
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 use sidestep::invalid::Invalid;
+use sidestep::recording::{Fault, RecordedParticipant, RecordedTrial};
 use sidestep::scene::{Scene, SceneParameters};
 use sidestep::study::StudyConfig;
+use sidestep::synthetic;
 use sidestep::trial::{Flag, flags, outcome};
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -72,9 +72,9 @@ pub async fn run(args: ImportArgs) -> Result<(), CommandError> {
     // Read before the write lock is taken: a server may be collecting meanwhile.
     let known = studies::find(&mut *store.reader().await?, &args.study).await?;
     let config = known.map_or(wanted, |study| study.config);
-    let complain = |error: LineError| CommandError::Input(format!("{name}: {error}"));
-    let people =
-        trials_csv::read(std::io::BufReader::new(file), &config.parameters).map_err(complain)?;
+    let complain = |error: &dyn std::fmt::Display| CommandError::Input(format!("{name}: {error}"));
+    let people = trials_csv::read(std::io::BufReader::new(file), &config.parameters)
+        .map_err(|error| complain(&error))?;
     let mut db = store.write().await?;
     let study = found_or_made(&mut db, &config).await?;
     let mut done = Imported::default();
@@ -85,7 +85,9 @@ pub async fn run(args: ImportArgs) -> Result<(), CommandError> {
             continue;
         }
         done.participants += 1;
-        insert(&mut db, &study, person, &hash, &mut done).await?.map_err(complain)?;
+        insert(&mut db, &study, person, &hash, &mut done)
+            .await?
+            .map_err(|fault| complain(&fault))?;
     }
     db.commit().await?;
     store.close().await;
@@ -112,7 +114,7 @@ async fn found_or_made(db: &mut Db, config: &StudyConfig) -> Result<Study, Comma
 }
 
 /// Of the person's name in the file and all their trials.
-fn hash(person: &Person) -> String {
+fn hash(person: &RecordedParticipant) -> String {
     let mut hash = Sha256::new();
     hash.update(person.name.as_bytes());
     for trial in &person.trials {
@@ -123,7 +125,7 @@ fn hash(person: &Person) -> String {
     hex::encode(hash.finalize())
 }
 
-fn content_hash(trial: &FileTrial) -> [u8; 32] {
+fn content_hash(trial: &RecordedTrial) -> [u8; 32] {
     content::of_import(&trial.inputs, &trial.states, trial.sampled_at_ms.as_deref())
 }
 
@@ -131,10 +133,10 @@ fn content_hash(trial: &FileTrial) -> [u8; 32] {
 async fn insert(
     db: &mut Db,
     study: &Study,
-    person: &Person,
+    person: &RecordedParticipant,
     import_hash: &str,
     done: &mut Imported,
-) -> Result<Result<(), LineError>, CommandError> {
+) -> Result<Result<(), Fault>, CommandError> {
     let id = Uuid::new_v4().to_string();
     let new = NewParticipant {
         id: &id,
@@ -156,8 +158,7 @@ async fn insert(
             Some(trial_id) if scenes::exists(db, trial_id).await? => {
                 let expected = "trials that are not in this database yet";
                 let what = Invalid::new("trial_id", expected, trial_id);
-                let line = trial.line;
-                return Ok(Err(LineError { line, what }));
+                return Ok(Err(Fault { line: trial.line, what }));
             }
             Some(trial_id) => trial_id.clone(),
             None => Uuid::new_v4().to_string(),
@@ -196,7 +197,7 @@ fn planned(
     trial_id: &str,
     ordinal: i64,
     index: usize,
-    trial: &FileTrial,
+    trial: &RecordedTrial,
 ) -> PlannedRow {
     let start = trial.states[0];
     PlannedRow {
@@ -211,7 +212,7 @@ fn planned(
 
 /// What the recording shows, what was known when it was exported, and that it was
 /// imported.
-fn flags_of(parameters: &SceneParameters, scene: &Scene, trial: &FileTrial) -> Vec<Flag> {
+fn flags_of(parameters: &SceneParameters, scene: &Scene, trial: &RecordedTrial) -> Vec<Flag> {
     let times = trial.sampled_at_ms.as_deref().unwrap_or_default();
     let mut flags = flags(parameters, scene, &trial.inputs, &trial.states, times);
     flags.extend(&trial.flags);

@@ -1,35 +1,46 @@
 //! A dot for each person on each feature set.
 
 use super::super::chart::{Anchor, Axis, Chart, Margins, figure, legend};
-use super::super::compare::mean;
 use super::super::words;
 use super::gains::{dot_radius, spread};
 use super::mark;
-use crate::report::Analysis;
+use sidestep::comparison::Analysis;
 use sidestep::comparison::cell::{Experiment, ModelName};
 use sidestep::comparison::tables::Metric;
 
 const HEIGHT: f64 = 220.0;
 
-/// A chart's numbers: the name of each set and a number each person.
-type Columns<'a> = Vec<(&'a str, Vec<f64>)>;
+/// A column of a chart: the name of its feature set, a number each person, and their mean.
+struct Column<'a> {
+    set: &'a str,
+    people: Vec<f64>,
+    mean: f64,
+}
 
 /// Accuracy of each model in both experiments.
 pub(in super::super) fn accuracies(analysis: &Analysis) -> String {
     let sets = analysis.comparison.sets();
     let mut plots = Vec::new();
     for experiment in Experiment::ALL {
-        let baselines = analysis.person_baselines(experiment);
         for model in ModelName::PAPERS {
-            let column = |set: &&'_ str| analysis.person_accuracies(model, experiment, set);
-            let columns = sets.iter().map(|set| (*set, column(set))).collect();
+            let means = analysis.comparison.accuracies(model, experiment, &sets);
+            let column = |(&set, mean)| {
+                let people = analysis.comparison.person_accuracies(model, experiment, set);
+                Column { set, people, mean }
+            };
+            let columns = sets.iter().zip(means).map(column).collect();
             let heading = format!(
                 "{} {}: {}",
                 words::model(model),
                 experiment.numeral(),
                 words::question(experiment)
             );
-            plots.push(Plot { model, heading, columns, baseline: Some(mean(&baselines)) });
+            plots.push(Plot {
+                model,
+                heading,
+                columns,
+                baseline: Some(analysis.baseline_accuracy(experiment)),
+            });
         }
     }
     let caption = "<b>Accuracy for each feature set.</b> Share of the test steps that are \
@@ -49,8 +60,21 @@ pub(in super::super) fn distances(analysis: &Analysis) -> String {
     let mut plots = Vec::new();
     for (metric, word) in [(Metric::Start, "first"), (Metric::End, "last")] {
         for model in ModelName::PAPERS {
-            let column = |set: &&'_ str| analysis.person_metric(metric, model, set);
-            let columns = sets.iter().map(|set| (*set, column(set))).collect();
+            let column = |&set| {
+                let people =
+                    analysis.comparison.person_metric(metric, model, Experiment::Avoidance, set);
+                Column {
+                    set,
+                    mean: analysis.comparison.person_mean(
+                        metric,
+                        model,
+                        Experiment::Avoidance,
+                        set,
+                    ),
+                    people,
+                }
+            };
+            let columns = sets.iter().map(column).collect();
             let heading = format!("{}: {word} step of avoidance", words::model(model));
             plots.push(Plot { model, heading, columns, baseline: None });
         }
@@ -60,7 +84,7 @@ pub(in super::super) fn distances(analysis: &Analysis) -> String {
          and last step (<i>D</i><sub>end</sub>) of avoidance is from the human’s: a dot is the mean \
          over a person’s test trials, penalised (no avoidance counts as one past the last step, or \
          as step −1). A step is {} s. Less is better.",
-        analysis.context.scene.step_s
+        analysis.data.scene.step_s
     );
     drawn(&plots, "distance (steps)", &[], &caption)
 }
@@ -68,13 +92,13 @@ pub(in super::super) fn distances(analysis: &Analysis) -> String {
 struct Plot<'a> {
     model: ModelName,
     heading: String,
-    columns: Columns<'a>,
+    columns: Vec<Column<'a>>,
     baseline: Option<f64>,
 }
 
 fn drawn(plots: &[Plot<'_>], unit: &str, more: &[(&str, &str)], caption: &str) -> String {
     let all = || {
-        let numbers = plots.iter().flat_map(|plot| plot.columns.iter().flat_map(|(_, of)| of));
+        let numbers = plots.iter().flat_map(|plot| plot.columns.iter().flat_map(|of| &of.people));
         numbers.copied().chain(plots.iter().filter_map(|plot| plot.baseline))
     };
     let (low, high) = (all().fold(f64::INFINITY, f64::min), all().fold(0.0, f64::max));
@@ -93,7 +117,7 @@ fn chart(plot: &Plot<'_>, y: Axis) -> String {
     let count = plot.columns.len().max(1) as f64;
     let x = Axis::exact(0.0, count, vec![], "");
     let said: Vec<String> =
-        plot.columns.iter().map(|(set, of)| format!("{set} {:.1}", mean(of))).collect();
+        plot.columns.iter().map(|of| format!("{} {:.1}", of.set, of.mean)).collect();
     let description = format!("Means over people by feature set: {}.", said.join(", "));
     let margins = Margins([46.0, 26.0, 4.0, 36.0]);
     let mut chart = Chart::new(&plot.heading, &description, HEIGHT, margins, (x, y));
@@ -103,7 +127,7 @@ fn chart(plot: &Plot<'_>, y: Axis) -> String {
         chart.segment("baseline", [left, level], [right, level]);
     }
     let class = plot.model.word();
-    for (i, (set, people)) in plot.columns.iter().enumerate() {
+    for (i, Column { set, people, mean }) in plot.columns.iter().enumerate() {
         let middle = chart.x(i as f64 + 0.5);
         let (letters, body) = words::parts(set);
         chart.text("category", [middle, bottom + 14.0], Anchor::Middle, letters);
@@ -123,7 +147,7 @@ fn chart(plot: &Plot<'_>, y: Axis) -> String {
             );
         }
         if !people.is_empty() {
-            let level = chart.y(mean(people));
+            let level = chart.y(*mean);
             chart.segment("mean", [middle - 0.8 * width, level], [middle + 0.8 * width, level]);
         }
     }

@@ -2,8 +2,8 @@
 
 use super::super::chart::{Axis, Chart, Margins, WIDTH, figure, legend, px};
 use super::super::words;
-use crate::report::Analysis;
-use crate::report::context::{DecisionMap, MAPPED_MODEL};
+use sidestep::comparison::Analysis;
+use sidestep::comparison::decision_map::{DecisionMap, MAPPED_MODEL};
 use sidestep::math::{PI, TAU, sin_cos};
 
 /// Tones of the map.
@@ -13,9 +13,9 @@ const MARGINS: [f64; 4] = [46.0, 26.0, 12.0, 40.0];
 
 /// Maps of the probability of a turn.
 pub(in super::super) fn figure_of(analysis: &Analysis) -> String {
-    let maps = analysis.context.maps.iter().filter(|map| !map.probabilities.is_empty());
+    let maps = analysis.maps.iter().filter(|map| !map.probabilities.is_empty());
     let charts: Vec<String> =
-        maps.map(|map| chart(map, analysis.context.scene.danger_radius_m)).collect();
+        maps.map(|map| chart(map, analysis.data.scene.danger_radius_m)).collect();
     if charts.is_empty() {
         return String::new();
     }

@@ -1,10 +1,9 @@
 //! How much one feature set gains over another: the answer in one picture.
 
 use super::super::chart::{Anchor, Axis, Chart, Margins, Mark, figure, legend};
-use super::super::compare::Paired;
 use super::super::words;
-use crate::report::Analysis;
-use sidestep::comparison::cell::{Experiment, ModelName};
+use sidestep::comparison::Analysis;
+use sidestep::comparison::gains::Gain;
 
 /// Which sets are compared, as in the findings, and how a chart is headed.
 const PAIRS: [(&str, &str, &str); 3] = [
@@ -17,24 +16,12 @@ const ROW: f64 = 30.0;
 
 /// The gains of each model and experiment, with a dot for each person.
 pub(in super::super) fn figure_of(analysis: &Analysis) -> String {
-    let rows = |first, second| -> Vec<(String, Paired)> {
-        let entries = Experiment::ALL.into_iter().flat_map(|experiment| {
-            ModelName::PAPERS.into_iter().map(move |model| (model, experiment))
-        });
-        entries
-            .filter_map(|(model, experiment)| {
-                let of = |set| analysis.person_accuracies(model, experiment, set);
-                let name = format!("{} {}", words::model(model), experiment.numeral());
-                Paired::of(&of(first), &of(second)).map(|paired| (name, paired))
-            })
-            .collect()
-    };
     let all: Vec<_> = PAIRS
         .into_iter()
-        .map(|(first, second, heading)| (heading, first, second, rows(first, second)))
+        .map(|(first, second, heading)| (heading, first, second, analysis.gains(first, second)))
         .filter(|(.., rows)| !rows.is_empty())
         .collect();
-    let every = || all.iter().flat_map(|(.., rows)| rows).flat_map(|(_, of)| &of.gains);
+    let every = || all.iter().flat_map(|(.., rows)| rows).flat_map(|gain| &gain.paired.gains);
     let low = every().copied().fold(0.0, f64::min);
     let high = every().copied().fold(0.0, f64::max);
     let charts: Vec<String> = all
@@ -60,20 +47,21 @@ pub(in super::super) fn figure_of(analysis: &Analysis) -> String {
     figure(&charts, &signs, caption)
 }
 
-fn chart(heading: &str, rows: &[(String, Paired)], axis: Axis) -> String {
+fn chart(heading: &str, rows: &[&Gain], axis: Axis) -> String {
     let height = 26.0 + ROW * rows.len() as f64 + 40.0;
     let none = Axis::exact(0.0, rows.len().max(1) as f64, vec![], "");
     let said: Vec<String> =
-        rows.iter().map(|(name, of)| format!("{name}: mean {:+.1}", of.mean)).collect();
+        rows.iter().map(|gain| format!("{}: mean {:+.1}", name(gain), gain.paired.mean)).collect();
     let description = format!("Mean gain in points. {}.", said.join("; "));
     let margins = Margins([50.0, 26.0, 12.0, 40.0]);
     let mut chart = Chart::new(heading, &description, height, margins, (axis, none));
     let [left, top, _, bottom] = chart.edges();
     let zero = chart.x(0.0);
     chart.segment("zero", [zero, top], [zero, bottom]);
-    for (i, (name, paired)) in rows.iter().enumerate() {
+    for (i, gain) in rows.iter().enumerate() {
+        let paired = &gain.paired;
         let middle = top + ROW * (i as f64 + 0.5);
-        chart.text("category", [left - 8.0, middle + 4.0], Anchor::End, name);
+        chart.text("category", [left - 8.0, middle + 4.0], Anchor::End, &name(gain));
         let people = paired.gains.len();
         for (person, gain) in paired.gains.iter().enumerate() {
             let at = [chart.x(*gain), middle + 8.0 * spread(person, people)];
@@ -87,6 +75,10 @@ fn chart(heading: &str, rows: &[(String, Paired)], axis: Axis) -> String {
         chart.polygon("diamond", &diamond);
     }
     chart.finished()
+}
+
+fn name(gain: &Gain) -> String {
+    words::model_in(gain.model, gain.experiment)
 }
 
 /// From −1 to 1, so that people's dots do not hide each other: the same for a person everywhere.

@@ -3,7 +3,7 @@
 use super::super::chart::{Axis, Chart, Margins, Mark, figure, legend};
 use super::super::words;
 use super::{mark, sign};
-use crate::report::Analysis;
+use sidestep::comparison::Analysis;
 use sidestep::comparison::RolloutsOf;
 use sidestep::comparison::cell::{HISTORY_SET, ModelName};
 use sidestep::comparison::rollout::Horizon;
@@ -82,7 +82,7 @@ pub(in super::super) fn figure_of(analysis: &Analysis) -> String {
 fn charts(analysis: &Analysis, lines: &[Line]) -> [String; 3] {
     let all = lines.iter().chain(&SIMPLE);
     let curves: Vec<Curve<'_>> = all.filter_map(|line| curve(&analysis.rollouts, line)).collect();
-    let step_s = analysis.context.scene.step_s;
+    let step_s = analysis.data.scene.step_s;
     [
         chart(&curves, step_s, "Accuracy", "accuracy (%)", |h| 100.0 * h.accuracy()),
         chart(
