@@ -14,7 +14,6 @@ pub mod studies;
 pub mod participants;
 pub mod trials;
 pub mod value_functions;
-pub mod training;
 pub mod session;
 pub mod laboratory;
 pub mod analyses;

@@ -4,7 +4,7 @@ mod analyses;
 
 pub use analyses::{
     AnalysisDetail, AnalysisFile, AnalysisPage, AnalysisProgress, AnalysisResult, AnalysisState,
-    AnalysisSummary,
+    AnalysisSummary, ExcludedParticipant,
 };
 
 use crate::invalid::{Invalid, finite, length};

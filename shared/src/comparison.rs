@@ -1,26 +1,33 @@
 //! The paper's comparison: does what is known of the danger help to predict a person?
 //!
-//! For every person, feature set, model and experiment a model is trained, with hyper-parameters
-//! chosen by cross-validation over whole trials, and tested on the person's last tasks
-//! ([`run()`]). From these cells come the paper's tables, tests of the differences
-//! ([`tables`]), the ablation, calibration and roll-outs. All of it is the same to the last bit
-//! whatever the order of rows and people and the number of threads.
+//! For every participant, feature set, model and experiment a model is trained, with
+//! hyper-parameters chosen by cross-validation over whole trials, and tested on the participant's
+//! last tasks ([`run()`]). From these cells [`analyse`] computes the paper's tables, the tests of
+//! differences, the ablation, calibration, roll-outs and the facts that were found: every number
+//! that a report prints. All of it is the same to the last bit whatever the order of rows and
+//! participants and the number of threads.
 
-pub mod ablation;
-pub mod avoidance;
-pub mod baseline;
-pub mod cell;
-mod fingerprint;
-pub mod fit;
 pub mod metrics;
-mod request;
-pub mod rollout;
-mod run;
+pub mod avoidance;
 pub mod split;
+pub mod cell;
+pub mod fit;
+mod settings;
+pub mod baseline;
+pub mod rollout;
 pub mod tables;
+mod plan;
+mod run;
+pub mod gains;
+pub mod differences;
+pub mod ablation;
+pub mod decision_map;
+pub mod findings;
+mod analysis;
+mod fingerprint;
 
+pub use analysis::{Analysis, AnalysisError, Counts, DataSummary, analyse};
 pub use fingerprint::learning_fingerprints;
-pub use request::Request;
-pub use run::{
-    Cache, Exclusion, Leakage, Person, Progress, Results, RolloutsOf, RunError, Settings, run,
-};
+pub use plan::{DataError, ParticipantData};
+pub use run::{Cache, Leakage, Progress, Results, RolloutsOf, RunError, run};
+pub use settings::{Request, Settings};

@@ -1,11 +1,20 @@
 //! Datasets: trials turned into labelled rows.
 
-use crate::features::FeatureSet;
+use crate::features::{FEATURES, FeatureSet};
 use crate::invalid::Invalid;
 use crate::parallel_map::parallel_map;
+use crate::recording::{Fault, RecordedParticipant};
 use crate::safety::SafetyLevels;
 use crate::scene::JointState;
 use crate::vehicle::TurnInput;
+use std::collections::HashMap;
+
+/// The largest feature, in its unit: sums of squares of many stay far from overflow.
+const LARGEST_FEATURE: f64 = 1e9;
+
+fn is_usable(feature: f64) -> bool {
+    (-LARGEST_FEATURE..=LARGEST_FEATURE).contains(&feature)
+}
 
 /// One row a step: the features of the state before it, and the input held in it.
 #[derive(Clone, Debug, PartialEq)]
@@ -22,6 +31,25 @@ pub struct Dataset {
 }
 
 impl Dataset {
+    /// The rows of a participant's trials, with every feature.
+    ///
+    /// # Errors
+    /// [`Fault`] for a trial with a feature above 10⁹, which no drive has.
+    pub fn of(participant: &RecordedParticipant, safety: &SafetyLevels) -> Result<Self, Fault> {
+        let trials = participant.trials.iter().map(|trial| (&trial.inputs[..], &trial.states[..]));
+        let data = Self::from_trials(&FeatureSet::all(), safety, trials);
+        let Some(place) = data.values.iter().position(|value| !is_usable(*value)) else {
+            return Ok(data);
+        };
+        let (row, feature) = (place / FEATURES.len(), &FEATURES[place % FEATURES.len()]);
+        let of_trial = data.trials[row];
+        let step = data.trials[..row].iter().rev().take_while(|of| **of == of_trial).count();
+        let trial = &participant.trials[of_trial];
+        let found = format!("{} in step {step} of trial {}", data.values[place], trial.number);
+        let what = Invalid::new(feature.name, "features of at most 1e9", found);
+        Err(Fault { line: trial.line, what })
+    }
+
     /// The rows of `trials`, each given by its inputs and its states.
     #[must_use]
     pub fn from_trials<'a>(
@@ -89,5 +117,86 @@ impl Dataset {
     #[must_use]
     pub fn class_counts(&self) -> [usize; 3] {
         TurnInput::ALL.map(|class| self.labels.iter().filter(|&&label| label == class).count())
+    }
+}
+
+/// A step of a participant's trial: name, number of the trial, and step.
+pub type StepKey = (String, u64, u64);
+
+/// Features of one step that were computed elsewhere.
+#[derive(Clone, Debug, PartialEq)]
+pub struct GivenRow {
+    /// The row's line in its file.
+    pub line: u64,
+    /// The label that the row has.
+    pub turn: TurnInput,
+    /// A value for each of the features.
+    pub values: Vec<f64>,
+}
+
+/// Features that were computed elsewhere, to be learned from in place of computed ones.
+#[derive(Clone, Debug, PartialEq)]
+pub struct GivenFeatures {
+    /// The features that each row has.
+    pub features: FeatureSet,
+    /// The row of each step.
+    pub rows: HashMap<StepKey, GivenRow>,
+    /// The first wrong row of each participant who has one.
+    pub faults: HashMap<String, Fault>,
+}
+
+impl GivenFeatures {
+    /// Writes these features over those of `data`, the rows of `participant`.
+    ///
+    /// # Errors
+    /// [`Fault`] for the participant's first wrong row, a step without a row, or a row with
+    /// another label than the step.
+    pub fn replace(
+        &self,
+        participant: &RecordedParticipant,
+        data: &mut Dataset,
+    ) -> Result<(), Fault> {
+        if let Some(fault) = self.faults.get(&participant.name) {
+            return Err(fault.clone());
+        }
+        let width = data.features.len();
+        let known: Vec<&str> = data.features.features().map(|feature| feature.name).collect();
+        let place = |name: &str| known.iter().position(|other| *other == name);
+        let places: Vec<Option<usize>> =
+            self.features.features().map(|feature| place(feature.name)).collect();
+        let mut rows = data.values.chunks_exact_mut(width);
+        for trial in &participant.trials {
+            for ((step, &input), row) in (0..).zip(&trial.inputs).zip(&mut rows) {
+                let key = (participant.name.clone(), trial.number, step);
+                let given = self.rows.get(&key).ok_or_else(|| {
+                    let expected =
+                        format!("participant {}, trial {}, step {step}", key.0, trial.number);
+                    Fault { line: None, what: Invalid::new("row", expected, "no such row") }
+                })?;
+                given.check(&self.features, input)?;
+                for (place, value) in places.iter().zip(&given.values) {
+                    if let Some(place) = place {
+                        row[*place] = *value;
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+impl GivenRow {
+    fn check(&self, features: &FeatureSet, input: TurnInput) -> Result<(), Fault> {
+        let fault = |what| Err(Fault { line: Some(self.line), what });
+        if self.turn != input {
+            let expected = format!("{}, as in the trials", input.sign());
+            return fault(Invalid::new("turn", expected, self.turn.sign()));
+        }
+        for (feature, &value) in features.features().zip(&self.values) {
+            if !is_usable(value) {
+                return fault(Invalid::new(feature.name, "a number of at most 1e9", value));
+            }
+        }
+        Ok(())
     }
 }

@@ -20,6 +20,7 @@
 //! | Scene | where both vehicles start, and the robot's goal |
 //! | Step | 0.2 s with one held input |
 //! | Trial | a driven scene: its inputs, and the states that they led through |
+//! | Recording | the trials of some participants, with where they come from |
 //! | Trajectory | the part of a trial that predictions need: joint states, and the turn rates held between them |
 //! | Window | a stretch of a trajectory, on which a prediction is made and judged |
 //! | Phase | familiarisation, practice or task |
@@ -95,6 +96,7 @@ pub mod vehicle;
 pub mod reachability;
 pub mod scene;
 pub mod trial;
+pub mod recording;
 pub mod study;
 pub mod synthetic;
 pub mod safety;
@@ -102,6 +104,7 @@ pub mod features;
 pub mod dataset;
 pub mod predict;
 pub mod learn;
+pub mod training;
 pub mod bounds;
 pub mod reach;
 pub mod shfrs;

@@ -13,10 +13,14 @@ mod person;
 mod encounter;
 mod perception;
 mod decision;
+mod reference;
 
 pub use person::Person;
+pub use reference::{REFERENCE_SEED, recognised};
 
+use crate::recording::{RecordedParticipant, RecordedTrial};
 use crate::scene::{JointState, Scene, SceneParameters};
+use crate::trial::{Phase, flags};
 use crate::vehicle::{Pose, TurnInput, VehicleModel, dubins};
 use decision::Decision;
 use stream::Stream;
@@ -86,6 +90,33 @@ impl SyntheticParticipant {
         let mut stream = Stream::of_trial(self.seed, self.number, trial);
         let scene = encounter::draw(&parameters, &mut stream);
         (scene, self.drive_on(stream, &parameters, &scene, keys))
+    }
+
+    /// The first `tasks` trials of the paper's study ([`Self::own_trial`]) as a recording has them.
+    #[must_use]
+    pub fn recorded(&self, tasks: u64, keys: Keys) -> RecordedParticipant {
+        let parameters = SceneParameters::default();
+        let trial = |number| {
+            let (scene, drive) = self.own_trial(number, keys);
+            let SyntheticDrive { inputs, states, sampled_at_ms, .. } = drive;
+            RecordedTrial {
+                line: None,
+                number,
+                phase: Phase::Task,
+                trial_id: None,
+                flags: flags(&parameters, &scene, &inputs, &states, &sampled_at_ms),
+                inputs,
+                states,
+                started_at_ms: None,
+                sampled_at_ms: Some(sampled_at_ms),
+            }
+        };
+        RecordedParticipant {
+            name: self.number.to_string(),
+            line: None,
+            trials: (0..tasks).map(trial).collect(),
+            marked_synthetic: true,
+        }
     }
 
     /// Drives a given scene, as trial `trial` of this person.

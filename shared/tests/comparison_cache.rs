@@ -5,12 +5,10 @@
 #![allow(clippy::unwrap_used)]
 
 use sidestep::comparison::cell::{Cell, NamedSet};
-use sidestep::comparison::{Cache, Person, Progress, Results, RunError, Settings, run};
-use sidestep::dataset::Dataset;
+use sidestep::comparison::{Cache, ParticipantData, Progress, Results, RunError, Settings, run};
 use sidestep::features::FeatureSet;
 use sidestep::safety::SafetyLevels;
 use sidestep::scene::SceneParameters;
-use sidestep::shfrs::window::Trajectory;
 use sidestep::synthetic::{Keys, SyntheticParticipant};
 use sidestep::vehicle::TurnInput;
 use std::collections::HashMap;
@@ -45,7 +43,7 @@ impl Cache for Counting {
 struct Study {
     scene: SceneParameters,
     safety: SafetyLevels,
-    people: Vec<Person>,
+    people: Vec<ParticipantData>,
 }
 
 impl Study {
@@ -54,17 +52,8 @@ impl Study {
         let scene = SceneParameters::default();
         let safety = SafetyLevels::solve(&scene, &mut |_| ControlFlow::Continue(())).unwrap();
         let person = |number: u64| {
-            let driver = SyntheticParticipant::new(7, number);
-            let drives: Vec<_> =
-                (0..5).map(|trial| driver.own_trial(trial, Keys::Clock).1).collect();
-            let rows = drives.iter().map(|drive| (&drive.inputs[..], &drive.states[..]));
-            let data = Dataset::from_trials(&FeatureSet::all(), &safety, rows);
-            let trajectory = |drive: &sidestep::synthetic::SyntheticDrive| {
-                let rates = drive.inputs.iter().map(|&input| scene.human.turn_rate(input));
-                Trajectory::new(drive.states.clone(), rates.collect()).unwrap()
-            };
-            let trajectories = drives.iter().map(trajectory).collect();
-            Person { name: number.to_string(), numbers: (0..5).collect(), data, trajectories }
+            let recorded = SyntheticParticipant::new(7, number).recorded(5, Keys::Clock);
+            ParticipantData::of(&recorded, &scene, &safety, None).unwrap()
         };
         let people = vec![person(0), person(1)];
         Self { scene, safety, people }

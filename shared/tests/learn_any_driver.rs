@@ -5,7 +5,7 @@
 #![allow(clippy::unwrap_used)]
 
 use sidestep::comparison::cell::NamedSet;
-use sidestep::comparison::fit::{Family, Grids, fit};
+use sidestep::comparison::fit::{Grids, ModelFamily, fit};
 use sidestep::comparison::split::Split;
 use sidestep::dataset::Dataset;
 use sidestep::features::FeatureSet;
@@ -68,7 +68,7 @@ fn drives(driver: Driver, tasks: usize, seed: u64, safety: &SafetyLevels) -> Dat
 }
 
 /// Fits `families` on `sets` to every kind of driver, for each of these seeds.
-fn fitted(seeds: impl IntoIterator<Item = u64>, families: &[Family], sets: &[NamedSet]) {
+fn fitted(seeds: impl IntoIterator<Item = u64>, families: &[ModelFamily], sets: &[NamedSet]) {
     let parameters = SceneParameters::default();
     let safety = SafetyLevels::solve(&parameters, &mut |_| ControlFlow::Continue(())).unwrap();
     for seed in seeds {
@@ -105,7 +105,7 @@ fn every_model_is_fitted_whoever_drives() {
     let all = NamedSet { name: "all".to_owned(), features: FeatureSet::all() };
     let papers = NamedSet::papers().unwrap().swap_remove(0);
     let [body, _] = NamedSet::with_body_frame().unwrap().try_into().unwrap();
-    let families: Vec<_> = Family::PAPERS.into_iter().chain([Family::Boosted]).collect();
+    let families: Vec<_> = ModelFamily::PAPERS.into_iter().chain([ModelFamily::Boosted]).collect();
     fitted(0..3, &families, &[papers, body, all]);
 }
 
@@ -115,5 +115,5 @@ fn every_linear_svm_is_fitted_whoever_drives() {
     let mut sets = NamedSet::papers().unwrap();
     sets.extend(NamedSet::with_body_frame().unwrap());
     sets.push(NamedSet::with_history().unwrap());
-    fitted([36, 48, 60, 81, 105, 127, 136, 140, 146, 149, 151], &[Family::Linear], &sets);
+    fitted([36, 48, 60, 81, 105, 127, 136, 140, 146, 149, 151], &[ModelFamily::Linear], &sets);
 }

@@ -5,45 +5,43 @@ use super::solving::{Interrupt, bar, safety_levels};
 use super::trials_file::SceneArgs;
 use super::{CommandError, print_json, trials_file, unwritable};
 use crate::formats::atomic_folder::Draft;
-use crate::formats::features_csv::{self, FeatureRows};
-use crate::formats::trials_csv::Contents;
+use crate::formats::features_csv;
+use crate::jobs::analysis::{AnalysisTask, TaskError};
 use crate::jobs::fit_cache::FolderCache;
-use crate::report::{CompareError, Excluded, Tasks};
 use crate::store::{Missing, Store};
-use crate::synthetic;
-use crate::threads;
-use sidestep::comparison::{Progress, Request};
-use sidestep::invalid::Invalid;
+use crate::{recordings, report};
+use sidestep::comparison::{AnalysisError, DataError, Progress, Request};
+use sidestep::dataset::GivenFeatures;
+use sidestep::recording::{Exclusion, Recording};
 use std::fs::File;
 use std::io::BufReader;
-use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
 /// The paper's comparison: do safety levels help to predict people?
 ///
-/// For every person, feature set (hrd, hr, hd, rd, h, r, d of the paper; hrd_body and d_body with
+/// For every participant, feature set (hrd, hr, hd, rd, h, r, d of the paper; hrd_body and d_body with
 /// the robot's position in the human's body frame), experiment (1: right, straight or left; 2:
 /// avoid or not) and model (svm_rbf, svm_linear, svm: the better of both in cross-validation, dt,
 /// lr), hyper-parameters are chosen by five-fold cross-validation over whole trials of the first
 /// four fifths of the tasks, and the model is tested on the last fifth.
 ///
-/// People with fewer than five tasks or one kind of input are left out, and so is who has a wrong
-/// row: a value that cannot be, a step that is missing, there twice or out of order, or features
-/// that do not go with the trials. They are named with line and reason on stderr, in the printed
-/// line and in the report, and all others are compared. A file is refused as a whole (exit code 2)
-/// where it cannot be told whose its rows are: without a column that is needed, with a row of more
-/// or fewer fields than the header or without a participant, or as text that is not UTF-8; and
-/// where nobody is left.
+/// Participants with fewer than five tasks, only one kind of input, or an invalid row (an
+/// impossible value, a step that is missing, repeated or out of order, features that do not go
+/// with the trials) are excluded. They are named with line and reason on stderr, in the printed
+/// line and in the report; all others are compared. The whole file is refused (exit code 2) if a
+/// row cannot be assigned to a participant (a missing column, more or fewer fields than the header,
+/// no participant, text that is not UTF-8), if headings do not point where the vehicles move (such
+/// as headings in degrees), or if nobody is left.
 ///
 /// Writes to --out: cells.csv (every fit), table1.csv (mean accuracy, per cent) and table2.csv
 /// (D_start and D_end, steps) as in the paper, tests.csv, beside.csv, ablation.csv, calibration.csv,
-/// rollouts.csv (predictors fed with what they said), predictions.csv, leakage.csv with
-/// --leakage, models/ (a predictor.json for each fit; what was in it before is deleted),
+/// rollouts.csv (predictors fed with their own predictions), predictions.csv, leakage.csv with
+/// --leakage, models/ (a predictor.json for each fit; its former content is deleted),
 /// report.html and tables.tex. The same input gives the same bytes whatever the number of threads
-/// or the order of people. Fits are kept in --out/.cache and used again where nothing they depend
-/// on has changed. Prints one line of JSON.
+/// or the order of participants. Fits are kept in --out/.cache and reused if nothing they depend on
+/// has changed. Prints one line of JSON.
 #[derive(Clone, Debug, clap::Args)]
 pub struct AnalyzeArgs {
     #[command(flatten)]
@@ -59,19 +57,18 @@ pub struct AnalyzeArgs {
     /// computed ones, and must have a row for every step.
     #[arg(long, value_name = "FILE.csv")]
     features: Option<PathBuf>,
-    /// What else is to be compared, as JSON: {"sets": {"NAME": ["v_h", "distance", …], …},
+    /// Further feature sets, grids and options, as JSON: {"sets": {"NAME": ["v_h", "distance", …], …},
     /// "grids": {"rbf_c": […], "rbf_gamma": […], "linear_c": […], "tree_depth": [3, null],
     /// "tree_leaf": […], "logistic_c": […], "boosted_depth": […]}, "leakage": true,
-    /// "synthetic": true}. Sets come beside the paper's, of any features that `sidestep features
-    /// --help` names; a set is the whole list, so name abs_dx, abs_dy, dpsi, cos_dpsi and sin_dpsi
-    /// too where it is to have the paper's B. Grids take the place of the protocol's. Everything
-    /// may be left out; - reads stdin.
+    /// "synthetic": true}. Sets are compared beside the paper's; `sidestep features --help` names
+    /// the features. A set is the whole list: include abs_dx, abs_dy, dpsi, cos_dpsi and sin_dpsi for
+    /// the paper's B. Grids replace the protocol's. Every field may be left out; - reads stdin.
     #[arg(long, value_name = "FILE.json")]
     settings: Option<PathBuf>,
-    /// Also split by time step, which is wrong, to show by how much it deceives (leakage.csv).
+    /// Also split by time step, which is wrong, to show how much it overstates (leakage.csv).
     #[arg(long)]
     leakage: bool,
-    /// Say that the data are synthetic. Files of `sidestep simulate` say so themselves.
+    /// Say in the report that the data are synthetic. Files of `sidestep simulate` say so themselves.
     #[arg(long)]
     synthetic: bool,
     /// The vehicles; the human is the evader. With --database the study's own.
@@ -97,82 +94,76 @@ struct Source {
 /// Compares and writes the folder.
 ///
 /// # Errors
-/// [`CommandError`] for bad flags or data, with file and line (input), or what the disk or the
-/// database refuses (failure).
+/// [`CommandError`] for bad flags or data, with file and line (input), or an error of the disk or
+/// the database (failure).
 pub async fn run(args: AnalyzeArgs) -> Result<(), CommandError> {
     let start = Instant::now();
     let request = args.request()?;
-    let complain =
-        |e: Invalid| Document(args.settings.as_deref().unwrap_or(Path::new(""))).complain(&e);
-    let settings = request.settings().map_err(complain)?;
-    let (source, mut tasks) = args.tasks().await?;
-    if request.synthetic {
-        tasks.synthetic = Some("said by the experimenter".to_owned());
-    }
-    let say = |excluded: &[Excluded]| {
-        excluded.iter().for_each(|who| eprintln!("sidestep: {source}: left out: {who}"));
+    let recording = args.recording().await?;
+    let origin = recording.provenance.origin.to_string();
+    let tell = |excluded: &[Exclusion]| {
+        excluded
+            .iter()
+            .for_each(|exclusion| eprintln!("sidestep: {origin}: excluded: {exclusion}"));
     };
-    say(&tasks.exclusions);
-    let said = tasks.exclusions.len();
+    tell(&recording.exclusions);
+    let told = recording.exclusions.len();
     let given = args.features.as_deref().map(read_features).transpose()?;
     let draft = Draft::begin(&args.out).map_err(|e| unwritable(&args.out, &e))?;
     let kept = args.out.join(".cache");
     let cache = Arc::new(FolderCache::open(&kept).map_err(|e| unwritable(&kept, &e))?);
     let interrupt = Interrupt::listen();
-    let safety = safety_levels(&tasks.scene, &interrupt).await?;
+    let safety = safety_levels(&recording.scene, &interrupt).await?;
     interrupt.check()?;
+    let task = AnalysisTask {
+        recording,
+        given,
+        safety,
+        request,
+        cache: Arc::clone(&cache),
+        threads: args.threads.map(usize::from),
+        cancel: interrupt.token.clone(),
+    };
     let bar = bar(0, "comparing [{bar:40}] {pos}/{len}  {elapsed_precise}  {eta} left");
-    let work = {
-        let (cache, token, bar) = (Arc::clone(&cache), interrupt.token.clone(), bar.clone());
-        move || {
-            let step = |progress: Progress| {
-                bar.set_length(progress.of as u64);
-                bar.set_position(progress.done as u64);
-                if token.is_cancelled() {
-                    ControlFlow::Break(())
-                } else {
-                    ControlFlow::Continue(())
-                }
-            };
-            tasks.compare(&safety, given.as_ref(), &settings, &*cache, &step)
-        }
+    let shown = bar.clone();
+    let progress = move |progress: Progress| {
+        shown.set_length(progress.of as u64);
+        shown.set_position(progress.done as u64);
     };
-    let compared = threads::run("analyze", args.threads.map(usize::from), work).await;
+    let found = task.run(progress).await;
     bar.finish_and_clear();
-    let analysis = match compared.map_err(CommandError::failure)? {
-        Ok(analysis) => analysis,
-        Err(CompareError::Stopped) => return Err(interrupt.check().err().unwrap_or_else(stopped)),
-        Err(error @ CompareError::Features(_)) => {
-            let file = args.features.as_deref().unwrap_or(Path::new("")).display().to_string();
-            return Err(CommandError::Input(format!("{file}: {error}")));
-        }
-        Err(error) => return Err(CommandError::Input(format!("{source}: {error}"))),
-    };
-    say(&analysis.exclusions[said..]);
-    analysis.write(draft.path()).map_err(|e| unwritable(&args.out, &e))?;
+    interrupt.check()?;
+    let analysis = found.map_err(|error| args.complain(&origin, &error))?;
+    tell(&analysis.data.exclusions[told..]);
+    report::write(&analysis, draft.path()).map_err(|e| unwritable(&args.out, &e))?;
     let kept_or = |e| interrupt.check().err().unwrap_or_else(|| unwritable(&args.out, &e));
     // Of a former analysis in this folder, whose other files are replaced.
     draft.keep(&["leakage.csv"], &interrupt.token).map_err(kept_or)?;
     // Only once the folder is complete: a failure before leaves all that was computed.
     cache.forget_unused().map_err(|e| unwritable(&kept, &e))?;
+    let data = &analysis.data;
     print_json(&serde_json::json!({
         "folder": args.out,
         "participants": analysis.comparison.participants.len(),
-        "excluded": analysis.exclusions,
-        "flagged": analysis.flagged,
-        "same_trials": analysis.same_trials,
-        "safety": analysis.safety,
+        "excluded": data.exclusions,
+        "flagged": data.flagged,
+        "same_trials": data.same_trials,
+        "safety": data.safety,
         "cells": analysis.comparison.cells.len(),
-        "synthetic": analysis.synthetic.is_some(),
+        "synthetic": data.synthetic.is_some(),
         "wall_s": start.elapsed().as_secs_f64(),
     }))
 }
 
 impl AnalyzeArgs {
-    /// What is asked for, by the file and by flags.
+    /// What is asked for by the settings file and by flags, checked before anything is computed.
     fn request(&self) -> Result<Request, CommandError> {
-        let said = self.settings.as_deref().map(|path| Document(path).read()).transpose()?;
-        let said: Request = said.unwrap_or_default();
+        let document = Document(self.settings.as_deref().unwrap_or(Path::new("")));
+        let said: Request = match self.settings {
+            Some(_) => document.read()?,
+            None => Request::default(),
+        };
+        said.settings().map_err(|invalid| document.complain(&invalid))?;
         Ok(Request {
             leakage: said.leakage || self.leakage,
             synthetic: said.synthetic || self.synthetic,
@@ -180,34 +171,37 @@ impl AnalyzeArgs {
         })
     }
 
-    /// Whence the tasks are, and they.
-    async fn tasks(&self) -> Result<(String, Tasks), CommandError> {
+    /// The tasks to compare.
+    async fn recording(&self) -> Result<Recording, CommandError> {
         if let Some(path) = &self.source.trials {
-            let scene = self.scene.scene()?;
-            let Contents { people, faults } = trials_file::each_ones_tasks(path, &scene)?;
-            let exclusions = faults.into_iter().map(Excluded::from).collect();
-            let synthetic = synthetic::recognised(&people);
-            let tasks = Tasks { people, exclusions, scene, synthetic };
-            return Ok((path.display().to_string(), tasks));
+            return trials_file::recording_of_the_faultless(path, &self.scene.scene()?);
         }
         let url = self.source.database.clone().unwrap_or_default();
-        let source = format!("--study {}", self.study);
         let store = Store::open(&url, Missing::Refuse).await?;
-        let study = store
-            .study(&self.study)
-            .await?
-            .ok_or_else(|| CommandError::Input(format!("{source}: no such study in {url}")))?;
-        let tasks = Tasks::of_study(&store, &study).await?;
+        let unknown = || format!("--study {}: no such study in {url}", self.study);
+        let study = store.study(&self.study).await?;
+        let study = study.ok_or_else(|| CommandError::Input(unknown()))?;
+        let recording = recordings::of_study(&store, &study).await?;
         store.close().await;
-        Ok((source, tasks))
+        Ok(recording)
+    }
+
+    /// The error in terms of the command line.
+    fn complain(&self, origin: &str, error: &TaskError) -> CommandError {
+        match error {
+            TaskError::Thread(_) | TaskError::Analysis(AnalysisError::Stopped) => {
+                CommandError::failure(error)
+            }
+            TaskError::Analysis(AnalysisError::Data(DataError::Features(fault))) => {
+                let file = self.features.as_deref().unwrap_or(Path::new("")).display();
+                CommandError::Input(format!("{file}: {fault}"))
+            }
+            error => CommandError::Input(format!("{origin}: {error}")),
+        }
     }
 }
 
-fn stopped() -> CommandError {
-    CommandError::Failure("stopped; nothing was written".to_owned())
-}
-
-fn read_features(path: &Path) -> Result<FeatureRows, CommandError> {
+fn read_features(path: &Path) -> Result<GivenFeatures, CommandError> {
     let complain =
         |e: &dyn std::fmt::Display| CommandError::Input(format!("{}: {e}", path.display()));
     let file = File::open(path).map_err(|e| complain(&format!("cannot read: {e}")))?;

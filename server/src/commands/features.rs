@@ -41,7 +41,7 @@ pub struct FeaturesArgs {
 pub async fn run(args: FeaturesArgs) -> Result<(), CommandError> {
     let scene = args.scene.scene()?;
     atomic_file::check(&args.out).map_err(|e| unwritable(&args.out, &e))?;
-    let people = trials_file::tasks(&args.trials, &scene)?;
+    let people = trials_file::recording(&args.trials, &scene)?.participants;
     let interrupt = Interrupt::listen();
     let safety = safety_levels(&scene, &interrupt).await?;
     let written = atomic_file::write(&args.out, &interrupt.token, |out| {

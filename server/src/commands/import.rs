@@ -3,19 +3,19 @@
 use super::{CommandError, print_json};
 use crate::clock::now_ms;
 use crate::content::Recipe;
-use crate::formats::csv_lines::LineError;
-use crate::formats::trials_csv::{self, FileTrial, Person};
+use crate::formats::trials_csv;
 use crate::jobs::safety;
 use crate::store::imports::{Import, NewImport};
 use crate::store::scenes::PlannedRow;
 use crate::store::trials::NewTrial;
 use crate::store::{Missing, Store};
-use crate::synthetic;
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 use sidestep::invalid::Invalid;
+use sidestep::recording::{Fault, RecordedParticipant, RecordedTrial};
 use sidestep::scene::{Scene, SceneParameters};
 use sidestep::study::StudyConfig;
+use sidestep::synthetic;
 use sidestep::trial::{Flag, flags, outcome};
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -71,9 +71,9 @@ pub async fn run(args: ImportArgs) -> Result<(), CommandError> {
     let store = Store::open(&args.database, Missing::Create).await?;
     let known = store.study(&args.study).await?;
     let config = known.map_or_else(|| Arc::new(wanted), |study| study.config);
-    let complain = |error: LineError| CommandError::Input(format!("{name}: {error}"));
-    let people =
-        trials_csv::read(std::io::BufReader::new(file), &config.parameters).map_err(complain)?;
+    let complain = |error: &dyn std::fmt::Display| CommandError::Input(format!("{name}: {error}"));
+    let people = trials_csv::read(std::io::BufReader::new(file), &config.parameters)
+        .map_err(|error| complain(&error))?;
     // Everything is worked out before anything is written: a server may be collecting meanwhile.
     let new: Vec<_> = people.iter().map(|person| import_of(&config.parameters, person)).collect();
     let slug = config.slug.clone();
@@ -92,9 +92,9 @@ pub async fn run(args: ImportArgs) -> Result<(), CommandError> {
         Import::TrialKnown { trial_id } => {
             let expected = "trials that are not in this database yet";
             let what = Invalid::new("trial_id", expected, &trial_id);
-            let trials = people.iter().flat_map(|person| &person.trials);
-            let line = trials.filter(|trial| trial.trial_id.as_ref() == Some(&trial_id)).last();
-            return Err(complain(LineError { line: line.map_or(0, |trial| trial.line), what }));
+            let mut trials = people.iter().flat_map(|person| &person.trials);
+            let trial = trials.rfind(|trial| trial.trial_id.as_ref() == Some(&trial_id));
+            return Err(complain(&Fault { line: trial.and_then(|trial| trial.line), what }));
         }
     };
     if let Some(study) = store.study(&slug).await? {
@@ -114,8 +114,8 @@ pub async fn run(args: ImportArgs) -> Result<(), CommandError> {
     print_json(&done)
 }
 
-/// A person of the file, as they are stored.
-fn import_of(parameters: &SceneParameters, person: &Person) -> NewImport {
+/// A participant of the file, as the store keeps them.
+fn import_of(parameters: &SceneParameters, person: &RecordedParticipant) -> NewImport {
     let display = match synthetic::recognised(std::slice::from_ref(person)) {
         Some(_) => r#"{"synthetic":true}"#,
         None => "{}",
@@ -140,7 +140,7 @@ fn import_of(parameters: &SceneParameters, person: &Person) -> NewImport {
 fn imported(
     parameters: &SceneParameters,
     row: &PlannedRow,
-    trial: &FileTrial,
+    trial: &RecordedTrial,
     display: &str,
 ) -> NewTrial {
     let mut new = NewTrial {
@@ -166,7 +166,7 @@ fn planned(
     parameters: &SceneParameters,
     ordinal: i64,
     index: usize,
-    trial: &FileTrial,
+    trial: &RecordedTrial,
 ) -> PlannedRow {
     let start = trial.states[0];
     PlannedRow {
@@ -181,7 +181,7 @@ fn planned(
 
 /// What the recording shows, what was known when it was exported, and that it was
 /// imported.
-fn flags_of(parameters: &SceneParameters, scene: &Scene, trial: &FileTrial) -> Vec<Flag> {
+fn flags_of(parameters: &SceneParameters, scene: &Scene, trial: &RecordedTrial) -> Vec<Flag> {
     let times = trial.sampled_at_ms.as_deref().unwrap_or_default();
     let mut flags = flags(parameters, scene, &trial.inputs, &trial.states, times);
     flags.extend(&trial.flags);

@@ -7,8 +7,6 @@ use super::json_file::Document;
 use super::solving::{Interrupt, bar, safety_levels};
 use super::trials_file::SceneArgs;
 use super::{CommandError, print_json, trials_file, unwritable};
-use crate::http::training::{self, Driven};
-use crate::synthetic;
 use crate::threads;
 use evaluation::{Evaluation, Questions};
 use sidestep::bounds::{ActionChoice, BoundsSettings, Rollout};
@@ -22,6 +20,7 @@ use sidestep::shfrs::guarantee::Guarantee;
 use sidestep::shfrs::prediction::Prediction;
 use sidestep::shfrs::tuning::Split;
 use sidestep::shfrs::window::{Trajectory, WindowChoice};
+use sidestep::training::{self, Driven, Trained};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -29,30 +28,31 @@ use std::time::Duration;
 /// Stochastic human forward reachable sets of recorded trials: the probabilities of regions,
 /// tuning with a guarantee, and what other predictions of the same coverage cost.
 ///
-/// Trajectories (tasks only) are parted at random into training, calibration and test. On the
-/// training part the choice of actions is tuned, and the predictor trained if none is given;
-/// on the calibration part ε is found; the test part says what was reached. Which actions count
-/// (τ, or k for each step) and ε together are what is tuned: ε = 0 with a low τ is a usual answer. A predictor that
-/// is given must not have been trained on trajectories of the calibration and test parts.
+/// Trajectories (tasks only) are split at random into training, calibration and test sets. The
+/// training set tunes the choice of actions, and trains the predictor unless one is given; the
+/// calibration set determines ε; the test set measures the coverage that was reached. Tuning
+/// chooses both which actions count (τ, or k for each step) and ε: ε = 0 with a low τ is a common
+/// result. A given predictor must not have been trained on the calibration or test set.
 ///
 /// Writes to DIR: regions.csv (p of sets and regions with intervals, by choice of windows),
 /// tuning.csv (ε_1 by probability and guarantee), pareto.csv and pareto.svg (coverage against
 /// area of SHFRS and of simpler predictions), danger.csv (bounds on the probability that the
-/// human comes within the radius of the robot, by test trajectory), regions.svg (predictions
-/// in the colours of the paper; the circle is the danger zone of the robot now), predictor.json (what was used) and shfrs.json (all numbers
-/// with their settings, tolerances and guarantees in words). Lengths in m, areas in m², times
+/// human comes within the radius of the robot, by test trajectory), regions.svg (predictions in the
+/// colours of the paper; the circle is the robot's present danger zone), predictor.json (the
+/// predictor that was used) and shfrs.json (all numbers with their settings, tolerances and
+/// guarantees in words). Lengths in m, areas in m², times
 /// in s, ε and turn rates in rad/s. In GAME the human is the evader, the robot the pursuer.
 #[derive(Clone, Debug, clap::Args)]
 pub struct ShfrsArgs {
     /// Recorded trials, as `sidestep export` writes them.
     #[arg(long, value_name = "FILE.csv")]
     trials: PathBuf,
-    /// Predictor of the human's next input; without it a logistic regression is trained on the
-    /// training part.
+    /// Predictor of the human's next input [default: a logistic regression trained on the training
+    /// set].
     #[arg(long, value_name = "FILE.json")]
     predictor: Option<PathBuf>,
-    /// What the predictor that is trained here looks at: names of features, or one of the
-    /// paper's sets (hrd, hr, …: B with safety levels and distance).
+    /// Features of the predictor that is trained here: names of features, or one of the paper's sets
+    /// (hrd, hr, …: B with safety levels and distance).
     #[arg(long, value_name = "NAME,…", value_delimiter = ',', conflicts_with = "predictor")]
     #[arg(default_values = ["hrd", "robot_ahead", "robot_left"])]
     features: Vec<String>,
@@ -85,7 +85,7 @@ pub struct ShfrsArgs {
     /// Tuning, Pareto and danger: which window of each trajectory.
     #[arg(long, value_enum, default_value = "random-one")]
     windows: WindowsArg,
-    /// Tuning and Pareto: probabilities that a trajectory is to stay inside F_1, in (0, 1).
+    /// Tuning and Pareto: wanted probabilities that a trajectory stays inside F_1, in (0, 1).
     #[arg(long, value_name = "P,…", value_delimiter = ',', allow_hyphen_values = true)]
     #[arg(default_values_t = [0.75, 0.9, 0.95])]
     probability: Vec<f64>,
@@ -93,16 +93,16 @@ pub struct ShfrsArgs {
     #[arg(long, value_enum, value_delimiter = ',')]
     #[arg(default_values = ["conformal", "pac"])]
     guarantee: Vec<GuaranteeArg>,
-    /// Tuning, pac and fixed-sequence: how often a calibration may fail, in (0, 1).
+    /// Tuning, pac and fixed-sequence: share of calibrations that may fail, in (0, 1).
     #[arg(long, value_name = "P", default_value_t = 0.05, allow_negative_numbers = true)]
     delta: f64,
-    /// Share of the trajectories for training, in (0, 1).
+    /// Share of the trajectories in the training set, in (0, 1).
     #[arg(long, value_name = "SHARE", default_value_t = 0.4, allow_negative_numbers = true)]
     training: f64,
-    /// Share of the trajectories for calibration, in (0, 1); what is left is for the test.
+    /// Share of the trajectories in the calibration set, in (0, 1); the rest is the test set.
     #[arg(long, value_name = "SHARE", default_value_t = 0.3, allow_negative_numbers = true)]
     calibration: f64,
-    /// Of the random parting and the random windows.
+    /// Seed of the random split and the random windows.
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
     /// Confidence of the intervals, in (0, 1).
@@ -114,13 +114,13 @@ pub struct ShfrsArgs {
 enum RolloutArg {
     /// Widened by ε_1, as the paper prints it.
     Paper,
-    /// Not widened: regions grow with ε_1 for certain.
+    /// Not widened; regions are guaranteed to grow with ε_1.
     Base,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 enum WindowsArg {
-    /// From a step drawn at random.
+    /// From a random step.
     RandomOne,
     /// From the first step in which the human turns.
     AvoidanceOnset,
@@ -130,9 +130,9 @@ enum WindowsArg {
 enum GuaranteeArg {
     /// On average over calibrations.
     Conformal,
-    /// But for a share δ of calibrations.
+    /// For each calibration, except a share δ of them.
     Pac,
-    /// The same with the paper's roll-outs, whose sets need not be nested.
+    /// As pac, with the paper's roll-outs, whose sets need not be nested.
     FixedSequence,
 }
 
@@ -161,13 +161,13 @@ pub async fn run(args: ShfrsArgs) -> Result<(), CommandError> {
     let safety = safety_levels(&parameters, &interrupt).await?;
     let parts = questions.split.parts(recorded.len()).map_err(flagged)?;
     let sizes = [&parts.training, &parts.calibration, &parts.test].map(Vec::len);
+    enough(&questions, sizes[1], recorded.len())?;
     if sizes.contains(&0) {
         let expected = "shares (with --training) that leave something in all three parts";
         let [training, calibration, test] = sizes;
         let found = format!("{training} to train, {calibration} to calibrate, {test} to test");
         return Err(flagged(Invalid::new("calibration", expected, found)));
     }
-    enough(&questions, sizes[1], recorded.len())?;
     let given = given.map(|predictor| {
         let path = args.predictor.as_deref().unwrap_or(Path::new(""));
         (predictor, path.display().to_string())
@@ -230,8 +230,8 @@ impl ShfrsArgs {
     ) -> Result<(Vec<Recorded>, Option<String>), CommandError> {
         let name = self.trials.display();
         let complain = |e: &dyn std::fmt::Display| CommandError::Input(format!("{name}: {e}"));
-        let people = trials_file::tasks(&self.trials, parameters)?;
-        let synthetic = synthetic::recognised(&people);
+        let recording = trials_file::recording(&self.trials, parameters)?;
+        let people = recording.participants;
         for wanted in &self.participant {
             if !people.iter().any(|person| person.name == *wanted) {
                 let found = people.iter().map(|person| person.name.as_str()).collect::<Vec<_>>();
@@ -245,9 +245,7 @@ impl ShfrsArgs {
                 continue;
             }
             for trial in person.trials {
-                let rates = trial.inputs.iter().map(|&input| parameters.human.turn_rate(input));
-                let trajectory = Trajectory::new(trial.states.clone(), rates.collect())
-                    .map_err(|e| complain(&format!("line {}: {e}", trial.line)))?;
+                let trajectory = Trajectory::of(&trial, parameters).map_err(|e| complain(&e))?;
                 recorded.push(Recorded {
                     participant: person.name.clone(),
                     trial: trial.number,
@@ -256,7 +254,7 @@ impl ShfrsArgs {
                 });
             }
         }
-        Ok((recorded, synthetic))
+        Ok((recorded, recording.provenance.synthetic))
     }
 
     /// A predictor trained on the training part, and in words what it is.
@@ -272,16 +270,15 @@ impl ShfrsArgs {
         });
         let features = FeatureSet::of(&names.collect::<Vec<String>>()).map_err(flagged)?;
         let driven: Vec<Driven> = training.iter().map(|&i| recorded[i].driven.clone()).collect();
-        let trained =
+        let Trained { predictor, fallback } =
             training::train(&features, Some(safety), &driven).map_err(CommandError::failure)?;
-        let what = match trained.fallback {
+        let what = match fallback {
             None => {
                 let (features, n) = (self.features.join(", "), driven.len());
                 format!("logistic regression on {features}, from {n} trajectories")
             }
             Some(reason) => format!("the frequencies of the inputs ({reason})"),
         };
-        let predictor = Predictor::try_from(trained.predictor).map_err(CommandError::failure)?;
         Ok((predictor, what))
     }
 
@@ -350,11 +347,11 @@ fn enough(questions: &Questions, calibration: usize, trials: usize) -> Result<()
         Some((needed, word, p)) if calibration < needed => {
             let share = questions.split.calibration;
             let expected = format!(
-                "at least {} for p = {p} ({word}), so that {needed} are left to calibrate with",
+                "at least {} tasks for p = {p} ({word}), so that {needed} are left to calibrate with",
                 (needed as f64 / share).ceil()
             );
             Err(CommandError::Input(format!(
-                "--trials: expected {expected}, found {trials} tasks ({calibration} to calibrate with)"
+                "--trials: expected {expected}, found {trials} ({calibration} to calibrate with)"
             )))
         }
         _ => Ok(()),

@@ -1,19 +1,23 @@
-//! The tasks in a trials.csv, for commands that learn from them.
+//! The tasks in a trials.csv as a recording, for commands that learn from them.
 
 use super::CommandError;
 use super::game::GameArgs;
 use super::solving::flagged;
-use crate::formats::trials_csv::{self, Contents, FileTrial, Person};
+use crate::formats::csv_lines::LineError;
+use crate::formats::trials_csv::{self, Contents, ParticipantFault};
 use sidestep::invalid::Invalid;
-use sidestep::math::{hypot, sinc};
+use sidestep::math::{PI, atan2, hypot, sinc, wrap_angle};
+use sidestep::recording::{
+    Exclusion, Origin, Provenance, RecordedParticipant, RecordedTrial, Recording,
+};
 use sidestep::scene::{JointState, SceneParameters};
-use sidestep::trial::Phase;
+use sidestep::synthetic;
 use sidestep::vehicle::{Pose, VehicleModel};
 use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
 
-/// What the trials of a file were driven with: the human is the evader.
+/// The vehicles and steps of a file's trials: the human is the evader.
 #[derive(Clone, Copy, Debug, clap::Args)]
 pub(super) struct SceneArgs {
     #[command(flatten)]
@@ -53,95 +57,159 @@ impl SceneArgs {
     }
 }
 
-/// Accepts trials whose vehicles are as fast as those of the scene: from others safety levels
-/// would be computed that nobody was in.
-fn as_fast(people: &[Person], scene: &SceneParameters) -> Result<(), String> {
-    type Vehicle = (&'static str, fn(&JointState) -> Pose, VehicleModel);
-    let vehicles: [Vehicle; 2] = [
-        ("evader", |state| state.human, scene.human),
-        ("pursuer", |state| state.robot, scene.robot),
+/// A vehicle of the recorded states: its name in messages and flags, the column of its heading,
+/// its pose, and how it drives.
+struct Driven {
+    who: &'static str,
+    role: &'static str,
+    heading: &'static str,
+    pose: fn(&JointState) -> Pose,
+    vehicle: VehicleModel,
+}
+
+/// Checks that the recorded states can be drives of the scene's vehicles: otherwise safety levels
+/// would be computed for states in which nobody was.
+fn check_motion(people: &[RecordedParticipant], scene: &SceneParameters) -> Result<(), String> {
+    let vehicles = [
+        Driven {
+            who: "the human",
+            role: "evader",
+            heading: "hpsi",
+            pose: |state| state.human,
+            vehicle: scene.human,
+        },
+        Driven {
+            who: "the robot",
+            role: "pursuer",
+            heading: "rpsi",
+            pose: |state| state.robot,
+            vehicle: scene.robot,
+        },
     ];
-    for (role, pose, vehicle) in vehicles {
-        // The state after the last step is the scene's own.
-        let recorded = |trial: &FileTrial| {
+    for driven in vehicles {
+        // The state after the last step is computed, not recorded.
+        let recorded = |trial: &RecordedTrial| {
             let states = &trial.states[..trial.inputs.len()];
-            states.windows(2).map(|s| distance(pose(&s[0]), pose(&s[1]))).collect::<Vec<f64>>()
+            let poses = states.windows(2).map(|s| ((driven.pose)(&s[0]), (driven.pose)(&s[1])));
+            poses.collect::<Vec<_>>()
         };
         let trials = people.iter().flat_map(|person| &person.trials);
-        let mut moved: Vec<f64> = trials.flat_map(recorded).collect();
-        moved.sort_by(f64::total_cmp);
-        let Some(&median) = moved.get(moved.len() / 2) else { continue };
-        // Whoever turns all the time moves along a chord.
-        let half = 0.5 * vehicle.turn_rate_radps * scene.step_s;
-        let straight = vehicle.speed_mps * scene.step_s;
-        let turning = straight * sinc(half).abs();
-        if !(0.99 * turning..=1.01 * straight).contains(&median) {
-            let who = if role == "evader" { "the human" } else { "the robot" };
-            let speed = median / scene.step_s;
-            return Err(format!(
-                "expected {who} to move {straight:.4} m in a step (--{role}-speed {}), found a \
-                 median of {median:.4} m: --{role}-speed {speed:.4} fits these trials. How fast it \
-                 may turn is not seen here, but safety levels depend on it: give \
-                 --{role}-turn-rate too where that is not {} rad/s",
-                vehicle.speed_mps, vehicle.turn_rate_radps
-            ));
-        }
+        let steps: Vec<(Pose, Pose)> = trials.flat_map(recorded).collect();
+        driven.check_speed(&steps, scene.step_s)?;
+        driven.check_headings(&steps, scene.step_s)?;
     }
     Ok(())
 }
 
-fn distance(from: Pose, to: Pose) -> f64 {
-    hypot(to.x - from.x, to.y - from.y)
+impl Driven {
+    /// Checks the median distance of a step.
+    fn check_speed(&self, steps: &[(Pose, Pose)], step_s: f64) -> Result<(), String> {
+        let mut moved: Vec<f64> =
+            steps.iter().map(|(from, to)| hypot(to.x - from.x, to.y - from.y)).collect();
+        moved.sort_by(f64::total_cmp);
+        let Some(&median) = moved.get(moved.len() / 2) else { return Ok(()) };
+        // A vehicle that turns all the time moves along a chord.
+        let half = 0.5 * self.vehicle.turn_rate_radps * step_s;
+        let straight = self.vehicle.speed_mps * step_s;
+        let turning = straight * sinc(half).abs();
+        if (0.99 * turning..=1.01 * straight).contains(&median) {
+            return Ok(());
+        }
+        let Self { who, role, vehicle, .. } = self;
+        let speed = median / step_s;
+        Err(format!(
+            "expected {who} to move {straight:.4} m in a step (--{role}-speed {}), found a median \
+             of {median:.4} m: --{role}-speed {speed:.4} fits these trials. The trials do not show \
+             the largest turn rate, on which safety levels depend: give --{role}-turn-rate too \
+             unless it is {} rad/s",
+            vehicle.speed_mps, vehicle.turn_rate_radps
+        ))
+    }
+
+    /// Checks that headings point where the vehicle moves. A heading in degrees does not, and no
+    /// other check would notice.
+    fn check_headings(&self, steps: &[(Pose, Pose)], step_s: f64) -> Result<(), String> {
+        let most = 0.5 * self.vehicle.turn_rate_radps * step_s + HEADING_TOLERANCE_RAD;
+        let off = |scale: f64| {
+            let is_off = |(from, to): &&(Pose, Pose)| {
+                let direction = atan2(to.y - from.y, to.x - from.x);
+                wrap_angle(direction - scale * from.psi).abs() > most
+            };
+            steps.iter().filter(is_off).count()
+        };
+        let most_off = steps.len() / 20;
+        let found = off(1.0);
+        if found <= most_off {
+            return Ok(());
+        }
+        let Self { who, heading, .. } = self;
+        let hint = match off(PI / 180.0) <= most_off {
+            true => "; the headings are in degrees: give radians",
+            false => "",
+        };
+        Err(format!(
+            "{heading}: expected headings in radians, counter-clockwise from +x, that point where \
+             {who} moves, found {found} of {} steps in which they do not{hint}",
+            steps.len()
+        ))
+    }
 }
 
-/// Everybody in the file with their tasks; who drove none is left out.
+/// How far a heading may be off, besides half of the largest turn in a step.
+const HEADING_TOLERANCE_RAD: f64 = 0.05;
+
+/// The tasks in the file of all participants, without those who drove none.
 ///
 /// # Errors
 /// [`CommandError::Input`] naming the file, the line and what is wrong, or that there is no task.
-pub(super) fn tasks(path: &Path, scene: &SceneParameters) -> Result<Vec<Person>, CommandError> {
-    let mut people = trials_csv::read(open(path)?, scene).map_err(|e| complaint(path, &e))?;
-    as_fast(&people, scene).map_err(|e| complaint(path, &e))?;
-    only_tasks(&mut people);
-    people.retain(|person| !person.trials.is_empty());
-    if people.is_empty() {
-        return Err(complaint(path, &NO_TASK));
-    }
-    Ok(people)
+pub(super) fn recording(path: &Path, scene: &SceneParameters) -> Result<Recording, CommandError> {
+    let people = trials_csv::read(open(path)?, scene).map_err(|e| faulty(path, &e))?;
+    let mut recording = tasks(path, scene, people, Vec::new())?;
+    recording.participants.retain(|person| !person.trials.is_empty());
+    Ok(recording)
 }
 
-/// The same where faults of one person are no others': who drove no task is there without any, and
-/// who has a wrong row is a fault.
+/// The tasks in the file of every participant. A participant with a wrong row is excluded, and one
+/// without a task has no trials.
 ///
 /// # Errors
-/// [`CommandError::Input`] naming the file, the line and what is wrong where it cannot be told
-/// whose the rows are or everybody's are wrong, or that there is no task.
-pub(super) fn each_ones_tasks(
+/// [`CommandError::Input`] naming the file, the line and what is wrong if a row cannot be assigned
+/// to a participant or everybody has a wrong row, or that there is no task.
+pub(super) fn recording_of_the_faultless(
     path: &Path,
     scene: &SceneParameters,
-) -> Result<Contents, CommandError> {
-    let mut contents =
-        trials_csv::read_each(open(path)?, scene).map_err(|e| complaint(path, &e))?;
-    if let ([], [first, others @ ..]) = (&contents.people[..], &contents.faults[..]) {
-        let others = match others.len() {
-            0 => String::new(),
-            n => format!(" (and there are faults of {n} more, so that nobody is left)"),
-        };
-        return Err(complaint(path, &format!("{}{others}", first.error)));
+) -> Result<Recording, CommandError> {
+    let Contents { participants, faults } =
+        trials_csv::read_each(open(path)?, scene).map_err(|e| faulty(path, &e))?;
+    if let ([], [first, others @ ..]) = (&participants[..], &faults[..]) {
+        return Err(match others.len() {
+            0 => faulty(path, &first.error),
+            n => {
+                let others = format!("; {n} more have faults too, so that nobody is left");
+                complaint(path, &format!("{}{}{others}", first.error, hint(&first.error)))
+            }
+        });
     }
-    as_fast(&contents.people, scene).map_err(|e| complaint(path, &e))?;
-    only_tasks(&mut contents.people);
-    if contents.people.iter().all(|person| person.trials.is_empty()) {
-        return Err(complaint(path, &NO_TASK));
-    }
-    Ok(contents)
+    let exclusion = |ParticipantFault { participant, error }: ParticipantFault| {
+        Exclusion::of_fault(&participant, &error.into())
+    };
+    tasks(path, scene, participants, faults.into_iter().map(exclusion).collect())
 }
 
-const NO_TASK: &str = "expected at least one task, found none";
-
-fn only_tasks(people: &mut [Person]) {
-    for person in people {
-        person.trials.retain(|trial| trial.phase == Phase::Task);
+fn tasks(
+    path: &Path,
+    scene: &SceneParameters,
+    mut participants: Vec<RecordedParticipant>,
+    exclusions: Vec<Exclusion>,
+) -> Result<Recording, CommandError> {
+    check_motion(&participants, scene).map_err(|e| complaint(path, &e))?;
+    participants.iter_mut().for_each(RecordedParticipant::keep_tasks);
+    if participants.iter().all(|person| person.trials.is_empty()) {
+        return Err(complaint(path, &"expected at least one task, found none"));
     }
+    let origin = Origin::File(path.display().to_string());
+    let provenance = Provenance { origin, synthetic: synthetic::recognised(&participants) };
+    Ok(Recording { provenance, scene: *scene, participants, exclusions })
 }
 
 fn open(path: &Path) -> Result<BufReader<File>, CommandError> {
@@ -151,4 +219,17 @@ fn open(path: &Path) -> Result<BufReader<File>, CommandError> {
 
 fn complaint(path: &Path, what: &dyn std::fmt::Display) -> CommandError {
     CommandError::Input(format!("{}: {what}", path.display()))
+}
+
+fn faulty(path: &Path, error: &LineError) -> CommandError {
+    complaint(path, &format!("{error}{}", hint(error)))
+}
+
+/// The flag to use where the file may be right and the flags are not.
+fn hint(error: &LineError) -> &'static str {
+    match error.what.field.as_str() {
+        "omega" => "; --evader-turn-rate sets the human's turn rate",
+        "t" => "; --step sets the length of a step",
+        _ => "",
+    }
 }

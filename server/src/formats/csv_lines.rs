@@ -5,6 +5,7 @@
 
 use csv::StringRecord;
 use sidestep::invalid::Invalid;
+use sidestep::recording::Fault;
 use std::collections::VecDeque;
 use std::io::{self, Read};
 
@@ -16,6 +17,12 @@ pub struct LineError {
     pub line: u64,
     /// Field, expected and found.
     pub what: Invalid,
+}
+
+impl From<LineError> for Fault {
+    fn from(LineError { line, what }: LineError) -> Self {
+        Self { line: Some(line), what }
+    }
 }
 
 /// The records of a file.
@@ -60,7 +67,7 @@ impl<R: Read> Records<R> {
                 let expected = format!("{expected_len} fields, as in the header");
                 Invalid::new("row", expected, len)
             }
-            csv::ErrorKind::Utf8 { .. } => not_text("octets that are not UTF-8".to_owned()),
+            csv::ErrorKind::Utf8 { .. } => not_text("bytes that are not UTF-8".to_owned()),
             csv::ErrorKind::Io(error) => not_text(error.to_string()),
             other => not_text(format!("{other:?}")),
         };
@@ -75,12 +82,12 @@ fn not_text(found: String) -> Invalid {
 /// Notes where lines begin that are not empty, as they are read.
 struct Watched<R> {
     file: R,
-    /// Octets that were read, and the line that they lead to.
+    /// Bytes that were read, and the line that they lead to.
     read: u64,
     line: u64,
     /// Whether there is nothing on that line yet.
     empty: bool,
-    /// The first octet of each line that is not empty, and its number, from the last that was
+    /// The first byte of each line that is not empty, and its number, from the last that was
     /// asked for on.
     begins: VecDeque<(u64, u64)>,
 }
@@ -90,9 +97,9 @@ impl<R> Watched<R> {
         Self { file, read: 0, line: 1, empty: true, begins: VecDeque::new() }
     }
 
-    /// The first line from this octet on that is not empty. Later ones are asked for later.
-    fn line_of(&mut self, octet: u64) -> u64 {
-        while self.begins.len() > 1 && self.begins[0].0 < octet {
+    /// The first line from this byte on that is not empty. Later ones are asked for later.
+    fn line_of(&mut self, byte: u64) -> u64 {
+        while self.begins.len() > 1 && self.begins[0].0 < byte {
             self.begins.pop_front();
         }
         self.begins.front().map_or(1, |(_, line)| *line)
@@ -102,8 +109,8 @@ impl<R> Watched<R> {
 impl<R: Read> Read for Watched<R> {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         let count = self.file.read(buffer)?;
-        for octet in &buffer[..count] {
-            match octet {
+        for byte in &buffer[..count] {
+            match byte {
                 b'\n' => (self.line, self.empty) = (self.line + 1, true),
                 b'\r' => {}
                 _ if self.empty => {

@@ -4,39 +4,13 @@
 //! long read keeps the write-ahead log from being written back. A file holds
 //! each person as they were at one instant.
 
+use crate::formats::trials_csv::COLUMNS;
 use crate::store::studies::StoredStudy;
 use crate::store::trials::{StoredTrial, flag_words};
 use crate::store::{Store, StoreError};
 use futures_util::stream::{self, Stream};
 use sidestep::invalid::Invalid;
 use sidestep::scene::SceneParameters;
-
-/// The columns, in order. The first eleven are what every tool reads; README and
-/// data dictionary describe them all.
-pub const COLUMNS: [&str; 22] = [
-    "participant",
-    "trial",
-    "step",
-    "t",
-    "hx",
-    "hy",
-    "hpsi",
-    "rx",
-    "ry",
-    "rpsi",
-    "omega",
-    "study",
-    "phase",
-    "phase_index",
-    "attempt",
-    "trial_id",
-    "participant_id",
-    "flags",
-    "started_at_ms",
-    "sampled_at_ms",
-    "received_at_ms",
-    "synthetic",
-];
 
 /// Accepts the formats that there are.
 ///

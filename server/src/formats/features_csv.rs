@@ -1,11 +1,11 @@
 //! features.csv: a row a step, written and read.
 
 use crate::formats::csv_lines::{LineError, Records};
-use crate::formats::trials_csv::Person;
 use csv::{StringRecord, Writer};
-use sidestep::dataset::Dataset;
+use sidestep::dataset::{Dataset, GivenFeatures, GivenRow, StepKey};
 use sidestep::features::{FEATURES, FeatureSet};
 use sidestep::invalid::{Invalid, finite};
+use sidestep::recording::{Fault, RecordedParticipant};
 use sidestep::safety::SafetyLevels;
 use sidestep::vehicle::TurnInput;
 use std::collections::HashMap;
@@ -30,54 +30,33 @@ const PAPERS: [(&str, &str); 8] = [
     ("distance", "d"),
 ];
 
-/// Largest feature, in its unit: sums of squares of many stay far from overflow.
-const LARGEST: f64 = 1e9;
-
-fn is_usable(feature: f64) -> bool {
-    (-LARGEST..=LARGEST).contains(&feature)
-}
-
-/// The rows of a person's trials, with every feature.
-///
-/// # Errors
-/// [`LineError`] for a trial with a feature that is larger than any distance can be.
-pub fn dataset(person: &Person, safety: &SafetyLevels) -> Result<Dataset, LineError> {
-    let trials = person.trials.iter().map(|trial| (&trial.inputs[..], &trial.states[..]));
-    let data = Dataset::from_trials(&FeatureSet::all(), safety, trials);
-    let Some(place) = data.values.iter().position(|value| !is_usable(*value)) else {
-        return Ok(data);
-    };
-    let (row, feature) = (place / FEATURES.len(), &FEATURES[place % FEATURES.len()]);
-    let trial = &person.trials[data.trials[row]];
-    let step = data.trials[..row].iter().rev().take_while(|of| **of == data.trials[row]).count();
-    let found = format!("{} in step {step} of trial {}", data.values[place], trial.number);
-    let what = Invalid::new(feature.name, "features of at most 1e9", found);
-    Err(LineError { line: trial.line, what })
-}
-
 /// Why features are not written.
 #[derive(Debug, thiserror::Error)]
 pub enum WriteError {
     /// The disk does not let them.
     #[error(transparent)]
     Disk(#[from] io::Error),
-    /// They are no numbers.
-    #[error(transparent)]
-    Trials(#[from] LineError),
+    /// A trial has no features.
+    #[error("{0}")]
+    Trials(Fault),
 }
 
 /// Writes the file.
 ///
 /// # Errors
 /// [`WriteError`] for what the disk says, or a trial that has no features.
-pub fn write(out: impl Write, people: &[Person], safety: &SafetyLevels) -> Result<(), WriteError> {
+pub fn write(
+    out: impl Write,
+    people: &[RecordedParticipant],
+    safety: &SafetyLevels,
+) -> Result<(), WriteError> {
     let mut out = Writer::from_writer(out);
     let further = || FEATURES[PAPERS.len()..].iter().map(|feature| feature.name);
     let papers = PAPERS.iter().map(|(name, _)| *name);
     let header = ROW.into_iter().chain(papers).chain(["turn", "avoid"]).chain(further());
     out.write_record(header).map_err(io::Error::from)?;
     for person in people {
-        let data = dataset(person, safety)?;
+        let data = Dataset::of(person, safety).map_err(WriteError::Trials)?;
         let mut rows = data.values.chunks_exact(FEATURES.len());
         for trial in &person.trials {
             let number = trial.number.to_string();
@@ -95,47 +74,27 @@ pub fn write(out: impl Write, people: &[Person], safety: &SafetyLevels) -> Resul
     Ok(out.flush()?)
 }
 
-/// What a features.csv holds: features of rows by whose they are.
-#[derive(Debug)]
-pub struct FeatureRows {
-    /// The features that it has.
-    pub features: FeatureSet,
-    rows: HashMap<Key, FileRow>,
-    /// Of each participant with a row that is wrong, the first.
-    faults: HashMap<String, LineError>,
-}
-
-/// Participant, trial and step.
-type Key = (String, u64, u64);
-
-#[derive(Debug)]
-struct FileRow {
-    line: u64,
-    turn: TurnInput,
-    values: Vec<f64>,
-}
-
 /// Reads either form, by its header: this program's, or the reference's
-/// `apx,apy,dpsi,cosd,sind,vh,vr,d,y1`. Other columns are left out. A value that cannot be and a row
-/// that is there twice are one participant's fault, and told by [`FeatureRows::replace`].
+/// `apx,apy,dpsi,cosd,sind,vh,vr,d,y1`. Other columns are ignored. A value that is impossible and a
+/// repeated row are one participant's faults, which [`GivenFeatures::replace`] tells.
 ///
 /// # Errors
 /// [`LineError`] for a missing column, or text that is no table.
-pub fn read(file: impl Read) -> Result<FeatureRows, LineError> {
+pub fn read(file: impl Read) -> Result<GivenFeatures, LineError> {
     let at = |line: u64| move |what: Invalid| LineError { line, what };
     let (mut records, header) = Records::of(file)?;
     let columns = Columns::of(&header).map_err(at(1))?;
-    let mut rows: HashMap<Key, FileRow> = HashMap::new();
+    let mut rows: HashMap<StepKey, GivenRow> = HashMap::new();
     let mut faults = HashMap::new();
     while let Some((line, record)) = records.read()? {
         let mut fault = |what| {
             let participant = columns.participant(record).to_owned();
-            faults.entry(participant).or_insert(LineError { line, what });
+            faults.entry(participant).or_insert(Fault { line: Some(line), what });
         };
         match columns.row(record) {
             Ok((key, turn, values)) => match rows.entry(key) {
                 Entry::Vacant(place) => {
-                    place.insert(FileRow { line, turn, values });
+                    place.insert(GivenRow { line, turn, values });
                 }
                 Entry::Occupied(place) => {
                     let ((_, trial, step), before) = (place.key(), place.get().line);
@@ -146,53 +105,7 @@ pub fn read(file: impl Read) -> Result<FeatureRows, LineError> {
             Err(what) => fault(what),
         }
     }
-    Ok(FeatureRows { features: columns.features, rows, faults })
-}
-
-impl FeatureRows {
-    /// Replaces what `data`, the rows of `person`, has of these features.
-    ///
-    /// # Errors
-    /// [`LineError`] for the person's first row that is wrong, a step that the file lacks, or one
-    /// with another label.
-    pub fn replace(&self, person: &Person, data: &mut Dataset) -> Result<(), LineError> {
-        if let Some(error) = self.faults.get(&person.name) {
-            return Err(error.clone());
-        }
-        let width = data.features.len();
-        let known: Vec<&str> = data.features.features().map(|feature| feature.name).collect();
-        let place = |name: &str| known.iter().position(|other| *other == name);
-        let places: Vec<Option<usize>> =
-            self.features.features().map(|feature| place(feature.name)).collect();
-        let mut rows = data.values.chunks_exact_mut(width);
-        for trial in &person.trials {
-            for ((step, &input), row) in (0..).zip(&trial.inputs).zip(&mut rows) {
-                let key = (person.name.clone(), trial.number, step);
-                let found = self.rows.get(&key).ok_or_else(|| {
-                    let expected =
-                        format!("participant {}, trial {}, step {step}", key.0, trial.number);
-                    LineError { line: 1, what: Invalid::new("row", expected, "no such row") }
-                })?;
-                if found.turn != input {
-                    let expected = format!("{}, as in the trials", input.sign());
-                    let what = Invalid::new(TURN[0], expected, found.turn.sign());
-                    return Err(LineError { line: found.line, what });
-                }
-                if let Some(large) = found.values.iter().position(|v| !is_usable(*v)) {
-                    let names: Vec<String> = self.features.clone().into();
-                    let what =
-                        Invalid::new(&names[large], "a number of at most 1e9", found.values[large]);
-                    return Err(LineError { line: found.line, what });
-                }
-                for (place, value) in places.iter().zip(&found.values) {
-                    if let Some(place) = place {
-                        row[*place] = *value;
-                    }
-                }
-            }
-        }
-        Ok(())
-    }
+    Ok(GivenFeatures { features: columns.features, rows, faults })
 }
 
 struct Columns {
@@ -239,7 +152,7 @@ impl Columns {
         record.get(self.row[0]).unwrap_or("").trim()
     }
 
-    fn row(&self, record: &StringRecord) -> Result<(Key, TurnInput, Vec<f64>), Invalid> {
+    fn row(&self, record: &StringRecord) -> Result<(StepKey, TurnInput, Vec<f64>), Invalid> {
         let field = |place: usize| record.get(place).unwrap_or("").trim();
         let wrong = |name: &str, expected: &str, text: &str| {
             let found: String = text.chars().take(60).collect();

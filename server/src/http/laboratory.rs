@@ -6,7 +6,6 @@ use crate::http::auth::Admin;
 use crate::http::error::ApiError;
 use crate::http::params::{Params, PathText};
 use crate::http::studies::named;
-use crate::http::training;
 use crate::jobs::safety;
 use crate::store::Store;
 use crate::store::studies::StudyCounts;
@@ -24,6 +23,7 @@ use sidestep::api::{
 use sidestep::features::FeatureSet;
 use sidestep::invalid::Invalid;
 use sidestep::scene::Evader;
+use sidestep::training::{self, Trained};
 use sidestep::trial::{simulation_fingerprint, verify};
 use std::sync::Arc;
 
@@ -123,13 +123,14 @@ pub async fn predictor(
         .filter(|other| other.head.ordinal < trial.head.ordinal)
         .map(|other| (other.inputs, other.states))
         .collect();
+    let trials = earlier.len();
     let train = move || {
         let safety = functions.map(|functions| functions.decode()).transpose()?;
         training::train(&FeatureSet::subset("hrd")?, safety.as_ref(), &earlier)
     };
-    let trained =
+    let Trained { predictor, fallback } =
         tokio::task::spawn_blocking(train).await.context("training")?.context("training")?;
-    Ok(Json(trained))
+    Ok(Json(TrainedPredictor { predictor: (&predictor).into(), trials, fallback }))
 }
 
 /// Seed and count of [`self_check`], which the browser's twin uses too.

@@ -4,30 +4,29 @@
 //! data that it holds, changes its row, and the worker notices when it next says how far it is.
 
 use crate::clock::now_ms;
+use crate::jobs::analysis::{AnalysisTask, TaskError};
 use crate::jobs::safety;
-use crate::report::{Analysis, CompareError, Tasks};
 use crate::store::Store;
 use crate::store::analyses::Job;
-use crate::threads::{self, ThreadError};
+use crate::threads::ThreadError;
+use crate::{recordings, report};
 use anyhow::Context;
 use flate2::Compression;
 use flate2::read::GzDecoder;
 use flate2::write::GzEncoder;
 use sidestep::api::AnalysisResult;
 use sidestep::comparison::cell::Cell;
-use sidestep::comparison::{Cache, Progress, Settings};
+use sidestep::comparison::{Analysis, AnalysisError, Cache, Progress};
 use sidestep::reachability::SolveError;
-use sidestep::safety::SafetyLevels;
 use std::collections::HashSet;
 use std::io::{self, Write};
-use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 use tokio::runtime::Handle;
 use tokio::sync::Notify;
 use tokio::task::JoinHandle;
-use tokio_util::sync::CancellationToken;
+use tokio_util::sync::{CancellationToken, DropGuard};
 
 /// How often the row of what is being made is brought up to date.
 const TICK: Duration = Duration::from_millis(500);
@@ -41,7 +40,7 @@ const FILES_AHEAD: usize = 4;
 /// Works in the background until it is stopped.
 #[derive(Debug)]
 pub struct AnalysisWorker {
-    cancel: CancellationToken,
+    cancel: DropGuard,
     task: JoinHandle<()>,
 }
 
@@ -53,12 +52,13 @@ impl AnalysisWorker {
         let cancel = CancellationToken::new();
         let worker = Worker { store, asked, cancel: cancel.clone(), threads };
         let task = tokio::spawn(async move { worker.run().await });
-        Self { cancel, task }
+        // A worker that is dropped without stopping ends too.
+        Self { cancel: cancel.drop_guard(), task }
     }
 
     /// Breaks off what is under way; it is taken up again at the next start.
     pub async fn stop(self) {
-        self.cancel.cancel();
+        drop(self.cancel);
         if let Err(error) = self.task.await {
             tracing::error!(%error, "the worker ended badly");
         }
@@ -144,12 +144,12 @@ impl Worker {
             Ok(analysis) => {
                 let result = AnalysisResult {
                     participants: analysis.comparison.participants.len(),
-                    excluded: analysis.exclusions.iter().map(Into::into).collect(),
-                    flagged: analysis.flagged.clone(),
-                    same_trials: analysis.same_trials.clone(),
-                    safety: analysis.safety,
+                    excluded: analysis.data.exclusions.iter().map(Into::into).collect(),
+                    flagged: analysis.data.flagged.clone(),
+                    same_trials: analysis.data.same_trials.clone(),
+                    safety: analysis.data.safety,
                     cells: analysis.comparison.cells.len(),
-                    synthetic: analysis.synthetic.clone(),
+                    synthetic: analysis.data.synthetic.clone(),
                 };
                 self.keep(job, analysis).await?;
                 Ok(result)
@@ -198,64 +198,40 @@ impl Worker {
         })
     }
 
-    /// What was found, or why nothing was; none once `cancel` is cancelled.
+    /// The analysis, or why there is none; nothing once `cancel` is cancelled.
     async fn work(
         &self,
         job: &Job,
-        kept: Arc<StoredCells>,
+        cache: Arc<StoredCells>,
         cancel: CancellationToken,
         progress: Arc<[AtomicUsize; 2]>,
     ) -> anyhow::Result<Option<Result<Box<Analysis>, String>>> {
         let study = self.store.study(&job.study).await?;
         let study = study.context("the study of an analysis")?;
-        let mut tasks = Tasks::of_study(&self.store, &study).await?;
-        if job.request.synthetic {
-            tasks.synthetic = Some("said by the experimenter".to_owned());
-        }
+        let recording = recordings::of_study(&self.store, &study).await?;
         let safety = match safety::ensure(&self.store, &study, &cancel).await? {
             Ok(safety) => safety,
             Err(SolveError::Cancelled) => return Ok(None),
             Err(SolveError::Invalid(invalid)) => return Ok(Some(Err(invalid.to_string()))),
         };
-        let settings = match job.request.settings() {
-            Ok(settings) => settings,
-            // Only one that an earlier version accepted.
-            Err(invalid) => return Ok(Some(Err(invalid.to_string()))),
-        };
+        // One processor is left to the requests.
+        let spare = || std::thread::available_parallelism().map_or(1, |all| (all.get() - 1).max(1));
+        let threads = Some(self.threads.map_or_else(spare, usize::from));
+        let request = job.request.clone();
+        let task = AnalysisTask { recording, given: None, safety, request, cache, threads, cancel };
         let step = move |now: Progress| {
             progress[0].fetch_max(now.done, Ordering::Relaxed);
             progress[1].store(now.of, Ordering::Relaxed);
-            match cancel.is_cancelled() {
-                true => ControlFlow::Break(()),
-                false => ControlFlow::Continue(()),
-            }
         };
-        Ok(match self.on_threads(tasks, safety, settings, kept, step).await? {
-            None => Some(Err("the comparison failed; see the server's log".to_owned())),
-            Some(Ok(analysis)) => Some(Ok(Box::new(analysis))),
-            Some(Err(CompareError::Stopped)) => None,
-            Some(Err(error)) => Some(Err(error.to_string())),
+        Ok(match task.run(step).await {
+            Ok(analysis) => Some(Ok(Box::new(analysis))),
+            Err(TaskError::Analysis(AnalysisError::Stopped)) => None,
+            Err(TaskError::Thread(ThreadError::Panicked)) => {
+                Some(Err("the comparison failed; see the server's log".to_owned()))
+            }
+            Err(TaskError::Thread(error)) => return Err(error.into()),
+            Err(error) => Some(Err(error.to_string())),
         })
-    }
-
-    /// Compares on a pool of its own, so that requests keep theirs; nothing if that panicked.
-    async fn on_threads(
-        &self,
-        tasks: Tasks,
-        safety: SafetyLevels,
-        settings: Settings,
-        kept: Arc<StoredCells>,
-        step: impl Fn(Progress) -> ControlFlow<()> + Send + Sync + 'static,
-    ) -> anyhow::Result<Option<Result<Analysis, CompareError>>> {
-        // One processor is left to the requests.
-        let spare = || std::thread::available_parallelism().map_or(1, |all| (all.get() - 1).max(1));
-        let threads = self.threads.map_or_else(spare, usize::from);
-        let work = move || tasks.compare(&safety, None, &settings, &*kept, &step);
-        match threads::run("analysis", Some(threads), work).await {
-            Ok(found) => Ok(Some(found)),
-            Err(ThreadError::Panicked) => Ok(None),
-            Err(error) => Err(error.into()),
-        }
     }
 
     /// Writes the files down, compressed, one by one.
@@ -263,10 +239,10 @@ impl Worker {
         let (files, mut packed) =
             tokio::sync::mpsc::channel::<(String, usize, Vec<u8>)>(FILES_AHEAD);
         let packing = tokio::task::spawn_blocking(move || {
-            analysis.each_file(&mut |name, write| {
-                let mut out = Counted { out: gzip(), octets: 0 };
+            report::each_file(&analysis, &mut |name, write| {
+                let mut out = Counted { out: gzip(), bytes: 0 };
                 write(&mut out)?;
-                let file = (name.to_owned(), out.octets, out.out.finish()?);
+                let file = (name.to_owned(), out.bytes, out.out.finish()?);
                 files.blocking_send(file).map_err(|_| io::Error::other("nobody takes the files"))
             })
         });
@@ -287,13 +263,13 @@ fn gzip() -> GzEncoder<Vec<u8>> {
 /// Counts what goes through.
 struct Counted<W> {
     out: W,
-    octets: usize,
+    bytes: usize,
 }
 
 impl<W: Write> Write for Counted<W> {
-    fn write(&mut self, octets: &[u8]) -> io::Result<usize> {
-        let written = self.out.write(octets)?;
-        self.octets += written;
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let written = self.out.write(bytes)?;
+        self.bytes += written;
         Ok(written)
     }
 

@@ -1,11 +1,11 @@
 //! Tables I and II as LaTeX, laid out as in the paper; nothing but the standard classes is
 //! needed.
 
-use super::best::is_best;
 use super::page::{SOURCE, both_avoid, model_word, penalised};
-use super::{Analysis, Excluded};
+use sidestep::comparison::Analysis;
 use sidestep::comparison::cell::{Experiment, ModelName, PAPERS_SETS};
-use sidestep::comparison::tables::Metric;
+use sidestep::comparison::tables::{Metric, are_best};
+use sidestep::recording::Exclusion;
 
 /// The document's part with both tables.
 pub(super) fn tables(analysis: &Analysis) -> String {
@@ -61,7 +61,7 @@ fn row(name: &str, numbers: &[Option<f64>], less_is_better: bool) -> String {
         Some(number) => format!("{number:.2}"),
         None => "--".to_owned(),
     };
-    let entries = numbers.iter().zip(is_best(numbers, less_is_better)).map(entry);
+    let entries = numbers.iter().zip(are_best(numbers, less_is_better)).map(entry);
     let entries: Vec<String> = entries.collect();
     line(name, &entries)
 }
@@ -85,17 +85,17 @@ fn people(analysis: &Analysis) -> String {
     let n = analysis.comparison.participants.len();
     let who = if n == 1 { "1 participant".to_owned() } else { format!("{n} participants") };
     let mut said = format!("{who}, each with models of their own.");
-    if let Some(why) = &analysis.synthetic {
+    if let Some(why) = &analysis.data.synthetic {
         said.push_str(&format!(
             " \\textbf{{Synthetic data}} ({}): nothing here is about people.",
             escaped(why)
         ));
     }
-    if !analysis.exclusions.is_empty() {
+    if !analysis.data.exclusions.is_empty() {
         let one =
-            |who: &Excluded| format!("{} ({})", escaped(&who.participant), escaped(&who.why()));
-        let all: Vec<String> = analysis.exclusions.iter().map(one).collect();
-        said.push_str(&format!(" Left out: {}.", all.join("; ")));
+            |who: &Exclusion| format!("{} ({})", escaped(&who.participant), escaped(&who.why()));
+        let all: Vec<String> = analysis.data.exclusions.iter().map(one).collect();
+        said.push_str(&format!(" Excluded: {}.", all.join("; ")));
     }
     said
 }
@@ -111,9 +111,7 @@ fn accuracy(analysis: &Analysis) -> String {
         }
     }
     let baseline = Experiment::ALL.map(|experiment| {
-        let all = &analysis.baselines[usize::from(experiment == Experiment::Avoidance)];
-        let mean =
-            all.iter().map(|of| 100.0 * of.accuracy()).sum::<f64>() / all.len().max(1) as f64;
+        let mean = analysis.baseline_accuracy(experiment);
         format!("{mean:.2} in experiment {}", experiment.numeral())
     });
     let caption = format!(
@@ -143,7 +141,7 @@ fn distances(analysis: &Analysis) -> String {
         "$D_{{start}}$ ($D_s$) and $D_{{end}}$ ($D_e$) in steps of {} s, mean over test trials; the \
          best of each row in bold. No avoidance counts as one past the last step or as step $-1$; \
          \\emph{{both}}: over the $n$ trials in which human and model avoid. {}",
-        analysis.context.scene.step_s,
+        analysis.data.scene.step_s,
         people(analysis)
     );
     table(&caption, "tab:se_diff", &rows)

@@ -1,7 +1,6 @@
 //! The report: one HTML file that needs nothing else, for whoever wants to know what was found.
 //! Same results, same bytes.
 
-mod compare;
 mod figures;
 mod findings;
 mod levels;
@@ -15,15 +14,12 @@ mod testing;
 mod tests;
 mod words;
 
-pub(super) use compare::Paired;
-pub(super) use findings::families;
 pub(super) use published::SOURCE;
 pub(super) use tables::{both_avoid, penalised};
 pub(super) use words::model as model_word;
 
-use super::Analysis;
 use html::{count, escaped, grouped, listed};
-use sidestep::comparison::cell::ModelName;
+use sidestep::comparison::Analysis;
 
 /// The design tokens come first in the program's own style sheet, up to this.
 const AFTER_TOKENS: &str = "*, *::before";
@@ -59,25 +55,20 @@ fn section(id: &str, title: &str, content: &str) -> String {
 }
 
 fn header(analysis: &Analysis) -> String {
-    let comparison = &analysis.comparison;
-    let tested: usize = comparison.participants.iter().map(|of| of.test_trials.len()).sum();
-    let steps: usize =
-        comparison.participants.iter().map(|of| of.test_trials.len() * of.steps).sum();
-    let who = count(analysis.people(), "person", "people");
-    // `svm` is the better of its two kinds, no further model.
-    let trained = comparison.cells.iter().filter(|cell| cell.model != ModelName::Svm).count();
+    let counts = analysis.counts();
+    let who = count(counts.participants, "person", "people");
     let facts = [
         (who, "each with models of their own".to_owned()),
         (
-            count(analysis.context.trials, "trial", "trials"),
-            format!("{} of them, each person’s last fifth, to test", grouped(tested)),
+            count(analysis.data.trials, "trial", "trials"),
+            format!("{} of them, each person’s last fifth, to test", grouped(counts.test_trials)),
         ),
         (
-            count(steps, "step", "steps"),
-            format!("of {} s predicted by each kind of model", analysis.context.scene.step_s),
+            count(counts.test_steps, "step", "steps"),
+            format!("of {} s predicted by each kind of model", analysis.data.scene.step_s),
         ),
         (
-            count(trained, "model", "models"),
+            count(counts.models, "model", "models"),
             "of a person, feature set, kind and experiment".to_owned(),
         ),
     ];
@@ -85,7 +76,7 @@ fn header(analysis: &Analysis) -> String {
         .iter()
         .map(|(number, what)| format!("<li><b>{number}</b><span>{what}</span></li>\n"))
         .collect();
-    let banner = analysis.synthetic.as_deref().map_or_else(String::new, |why| {
+    let banner = analysis.data.synthetic.as_deref().map_or_else(String::new, |why| {
         format!(
             "<aside class=\"banner\" role=\"note\"><b>Synthetic data: nothing here is about \
              people.</b> Trials were driven by computed participants ({}). What is \
@@ -95,14 +86,14 @@ fn header(analysis: &Analysis) -> String {
         )
     });
     let doubts = levels::banner_of(analysis);
-    let left_out = if analysis.exclusions.is_empty() {
-        "<p class=\"quiet\">Nobody was left out.</p>\n".to_owned()
+    let left_out = if analysis.data.exclusions.is_empty() {
+        "<p class=\"quiet\">Nobody was excluded.</p>\n".to_owned()
     } else {
-        let who = count(analysis.exclusions.len(), "person was", "people were");
+        let who = count(analysis.data.exclusions.len(), "person was", "people were");
         let list = tables::exclusions(analysis);
-        format!("<aside class=\"left-out\" role=\"note\"><b>{who} left out:</b>\n{list}</aside>\n")
+        format!("<aside class=\"left-out\" role=\"note\"><b>{who} excluded:</b>\n{list}</aside>\n")
     };
-    let same = analysis.same_trials.iter().map(|name| escaped(name)).collect::<Vec<_>>();
+    let same = analysis.data.same_trials.iter().map(|name| escaped(name)).collect::<Vec<_>>();
     let same = if same.is_empty() {
         String::new()
     } else {
@@ -114,7 +105,7 @@ fn header(analysis: &Analysis) -> String {
             listed(&same)
         )
     };
-    let flagged = analysis.flagged.iter().map(|(flag, n)| format!("{n} {flag}"));
+    let flagged = analysis.data.flagged.iter().map(|(flag, n)| format!("{n} {flag}"));
     let flagged = flagged.collect::<Vec<_>>();
     let flagged = if flagged.is_empty() {
         String::new()
@@ -144,8 +135,8 @@ fn findings(analysis: &Analysis) -> String {
         format!(
             "<li>\n<p class=\"headline\"><span class=\"verdict {}\">{}</span> {}</p>\n\
              <div class=\"body\">{}</div>\n</li>\n",
-            finding.verdict.class(),
-            finding.verdict.word(),
+            findings::verdict_class(finding.verdict),
+            findings::verdict_word(finding.verdict),
             finding.headline,
             finding.body
         )
@@ -198,7 +189,7 @@ fn numbers(analysis: &Analysis) -> String {
 
 /// What not to conclude.
 fn cautions(analysis: &Analysis) -> String {
-    let synthetic = if analysis.synthetic.is_some() {
+    let synthetic = if analysis.data.synthetic.is_some() {
         "<li>Anything about people: the data are synthetic.</li>\n"
     } else {
         ""

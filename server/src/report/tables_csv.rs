@@ -1,13 +1,12 @@
 //! The tables of an analysis as CSV. Same results, same bytes.
 
-use super::Analysis;
-use super::page::{Paired, families};
 use csv::Writer;
 use sha2::{Digest, Sha256};
+use sidestep::comparison::Analysis;
 use sidestep::comparison::avoidance::Distances;
 use sidestep::comparison::cell::{Experiment, ModelName, PAPERS_SETS};
-use sidestep::comparison::metrics::Predictions;
-use sidestep::comparison::tables::Metric;
+use sidestep::comparison::gains::Gain;
+use sidestep::comparison::tables::Pooled;
 use std::io::{self, Write};
 
 /// Of every analysis.
@@ -142,30 +141,22 @@ fn tests(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
         "gain_high",
     ];
     let rows = analysis.tests.iter().map(|test| {
-        let of = |set| match test.metric {
-            Metric::Accuracy => analysis.person_accuracies(test.model, test.experiment, set),
-            metric => analysis.person_metric(metric, test.model, set),
-        };
-        let (first, second) = (of(test.first), of(test.second));
-        let paired = match test.metric.less_is_better() {
-            true => Paired::of(&second, &first),
-            false => Paired::of(&first, &second),
-        };
-        let [low, high] = ends(paired.and_then(|paired| paired.interval));
+        let Gain { model, experiment, metric, paired, holm } = &test.gain;
+        let [low, high] = ends(paired.interval);
         vec![
-            test.model.word().to_owned(),
-            test.experiment.number().to_string(),
-            test.metric.word().to_owned(),
+            model.word().to_owned(),
+            experiment.number().to_string(),
+            metric.word().to_owned(),
             test.first.to_owned(),
             test.second.to_owned(),
-            places(test.gain),
+            places(paired.mean),
             p_value(test.mann_whitney_persons),
             p_value(test.mann_whitney_trajectories),
-            p_value(test.wilcoxon_persons),
+            p_value(paired.p),
             p_value(test.mann_whitney_persons_holm),
             p_value(test.mann_whitney_trajectories_holm),
-            p_value(test.wilcoxon_persons_holm),
-            places(test.typical_gain),
+            p_value(*holm),
+            places(paired.typical),
             low,
             high,
         ]
@@ -173,12 +164,12 @@ fn tests(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
     write(out, &header, rows)
 }
 
-/// Of an interval; nothing where people are too few for one.
+/// The ends of an interval; empty where participants are too few for one.
 fn ends(interval: Option<[f64; 2]>) -> [String; 2] {
     interval.map_or_else(Default::default, |ends| ends.map(places))
 }
 
-/// The report's comparisons that are not the paper's.
+/// The families of tests beside the paper's.
 fn beside(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
     let header = [
         "model",
@@ -192,21 +183,20 @@ fn beside(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
         "wilcoxon_persons",
         "wilcoxon_persons_holm",
     ];
-    let families = families(analysis);
-    let rows = families.iter().flat_map(|(first, second, entries)| {
-        entries.iter().map(move |entry| {
-            let [low, high] = ends(entry.paired.interval);
+    let rows = analysis.families.iter().flat_map(|family| {
+        family.gains.iter().map(|Gain { model, experiment, paired, holm, .. }| {
+            let [low, high] = ends(paired.interval);
             vec![
-                entry.model.word().to_owned(),
-                entry.experiment.number().to_string(),
-                (*first).to_owned(),
-                (*second).to_owned(),
-                places(entry.paired.mean),
-                places(entry.paired.typical),
+                model.word().to_owned(),
+                experiment.number().to_string(),
+                family.first.to_owned(),
+                family.second.to_owned(),
+                places(paired.mean),
+                places(paired.typical),
                 low,
                 high,
-                p_value(entry.paired.p),
-                p_value(entry.holm),
+                p_value(paired.p),
+                p_value(*holm),
             ]
         })
     });
@@ -225,7 +215,7 @@ fn ablation(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
     ];
     let rows = analysis.ablation.iter().map(|row| {
         vec![
-            row.model.to_owned(),
+            row.model.map_or("constant", ModelName::word).to_owned(),
             row.experiment.number().to_string(),
             row.features.clone(),
             places(row.accuracy),
@@ -240,19 +230,18 @@ fn ablation(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
 fn calibration(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
     let header =
         ["model", "experiment", "features", "rows", "log_loss", "brier", "calibration_error"];
-    let row = |(model, experiment, features, found): (&str, Experiment, &str, Predictions)| {
-        let summary = found.calibration();
+    let row = |of: &Pooled| {
         vec![
-            model.to_owned(),
-            experiment.number().to_string(),
-            features.to_owned(),
-            summary.rows.to_string(),
-            places(summary.log_loss),
-            places(summary.brier),
-            places(summary.calibration_error),
+            of.model.map_or("constant", ModelName::word).to_owned(),
+            of.experiment.number().to_string(),
+            of.features.clone(),
+            of.calibration.rows.to_string(),
+            places(of.calibration.log_loss),
+            places(of.calibration.brier),
+            places(of.calibration.calibration_error),
         ]
     };
-    write(out, &header, analysis.predictions_by_table_entry().map(row))
+    write(out, &header, analysis.pooled.iter().map(row))
 }
 
 fn rollouts(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
@@ -333,13 +322,13 @@ fn predictions(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
     out.flush()
 }
 
-/// A name as part of a file's name: octets of what is not a letter, digit, point, dash or
+/// A name as part of a file's name: bytes of what is not a letter, digit, point, dash or
 /// underscore are written as in addresses, %20, so that no two names become one. What would be too
 /// long for a file system is cut, and told apart by the beginning of its hash.
 pub(super) fn file_name(name: &str) -> String {
     let part = |c: char| match c {
         c if c.is_alphanumeric() || ".-_".contains(c) => c.to_string(),
-        c => c.to_string().bytes().map(|octet| format!("%{octet:02X}")).collect(),
+        c => c.to_string().bytes().map(|byte| format!("%{byte:02X}")).collect(),
     };
     let all: String = name.chars().map(part).collect();
     if all.len() <= LONGEST {
@@ -350,7 +339,7 @@ pub(super) fn file_name(name: &str) -> String {
     format!("{}~{}", &all[..cut], &hash[..HASH_DIGITS])
 }
 
-/// Octets of a name in a file's name: file systems have room for 255, with the model and the rest.
+/// Bytes of a name in a file's name: file systems have room for 255, with the model and the rest.
 const LONGEST: usize = 160;
 
 /// Of the hash of a name that is cut.

@@ -4,9 +4,9 @@ use std::error::Error;
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
-use sidestep::comparison::Person;
+use sidestep::comparison::ParticipantData;
 use sidestep::comparison::cell::{Cell, Experiment, ModelName, NamedSet};
-use sidestep::comparison::fit::{Family, Grids, fit};
+use sidestep::comparison::fit::{Grids, ModelFamily, fit};
 use sidestep::comparison::split::Split;
 use sidestep::comparison::tables::Comparison;
 
@@ -91,7 +91,10 @@ struct Again {
     test_most: usize,
 }
 
-pub(crate) fn check(comparison: &Comparison, people: &[Person]) -> Result<Check, Box<dyn Error>> {
+pub(crate) fn check(
+    comparison: &Comparison,
+    people: &[ParticipantData],
+) -> Result<Check, Box<dyn Error>> {
     let again: Vec<Again> = lines(include_str!("../../tests/data/sklearn_again.csv"));
     let mut check = Check { models: Vec::new(), different: Vec::new() };
     for theirs in reference() {
@@ -160,27 +163,27 @@ fn same_numbers(a: &Value, b: &Value) -> bool {
 }
 
 /// The cell as it is when nothing but this setting may be chosen.
-fn under(setting: &Value, cell: &Cell, person: &Person) -> Result<Cell, Box<dyn Error>> {
+fn under(setting: &Value, cell: &Cell, person: &ParticipantData) -> Result<Cell, Box<dyn Error>> {
     let number = |name: &str| setting[name].as_f64().ok_or_else(|| format!("{setting}: no {name}"));
     let whole = |name: &str| setting[name].as_u64().map(|n| n as usize);
     let mut grids = Grids::default();
     let family = match cell.model {
         ModelName::SvmRbf => {
             (grids.rbf_c, grids.rbf_gamma) = (vec![number("C")?], vec![number("gamma")?]);
-            Family::Rbf
+            ModelFamily::Rbf
         }
         ModelName::SvmLinear => {
             grids.linear_c = vec![number("C")?];
-            Family::Linear
+            ModelFamily::Linear
         }
         ModelName::Dt => {
             grids.tree_depth = vec![whole("max_depth")];
             grids.tree_leaf = vec![whole("min_samples_leaf").ok_or("a tree without leaves")?];
-            Family::Tree
+            ModelFamily::Tree
         }
         _ => {
             grids.logistic_c = vec![number("C")?];
-            Family::Logistic
+            ModelFamily::Logistic
         }
     };
     let sets = NamedSet::papers()?;

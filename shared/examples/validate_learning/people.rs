@@ -6,7 +6,7 @@ use std::ops::ControlFlow;
 use serde::Deserialize;
 use sidestep::comparison::cell::NamedSet;
 use sidestep::comparison::tables::Comparison;
-use sidestep::comparison::{Person, Settings, run};
+use sidestep::comparison::{ParticipantData, Settings, run};
 use sidestep::dataset::Dataset;
 use sidestep::features::FeatureSet;
 use sidestep::safety::SafetyLevels;
@@ -33,7 +33,7 @@ const TASKS: usize = 50;
 
 /// The people of trials.csv. Their B_hrd is that of features.csv, which scikit-learn saw; other
 /// features are computed.
-pub(crate) fn people() -> Result<Vec<Person>, Box<dyn Error>> {
+pub(crate) fn people() -> Result<Vec<ParticipantData>, Box<dyn Error>> {
     let parameters = SceneParameters::default();
     let safety = SafetyLevels::solve(&parameters, &mut |_| ControlFlow::Continue(()))?;
     let all = FeatureSet::all();
@@ -65,8 +65,9 @@ pub(crate) fn people() -> Result<Vec<Person>, Box<dyn Error>> {
             let rates = inputs.iter().map(|&input| parameters.human.turn_rate(input));
             Trajectory::new(states, rates.collect())
         };
-        people.push(Person {
+        people.push(ParticipantData {
             name: number.to_string(),
+            line: None,
             numbers: (0..TASKS as u64).collect(),
             data,
             trajectories: drives.iter().map(trajectory).collect::<Result<_, _>>()?,
@@ -76,7 +77,7 @@ pub(crate) fn people() -> Result<Vec<Person>, Box<dyn Error>> {
 }
 
 /// The comparison of the paper's seven sets with the protocol's grids.
-pub(crate) fn compared(people: &[Person]) -> Result<Comparison, Box<dyn Error>> {
+pub(crate) fn compared(people: &[ParticipantData]) -> Result<Comparison, Box<dyn Error>> {
     let parameters = SceneParameters::default();
     let safety = SafetyLevels::solve(&parameters, &mut |_| ControlFlow::Continue(()))?;
     let settings = Settings { sets: NamedSet::papers()?, ..Settings::new()? };

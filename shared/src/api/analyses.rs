@@ -1,6 +1,7 @@
 //! Analyses on the server: requested by a [`Request`], queued, run, kept.
 
-use crate::comparison::{Exclusion, Request};
+use crate::comparison::Request;
+use crate::recording::Exclusion;
 use crate::safety::SafetyQuality;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -73,7 +74,7 @@ pub struct AnalysisResult {
     /// Participants who were compared.
     pub participants: usize,
     /// Participants who were excluded, and why.
-    pub excluded: Vec<Exclusion>,
+    pub excluded: Vec<ExcludedParticipant>,
     /// The number of compared trials with each flag that casts doubt on them, by its word.
     pub flagged: BTreeMap<String, usize>,
     /// Compared participants whose trials equal those of another participant.
@@ -87,6 +88,21 @@ pub struct AnalysisResult {
     pub cells: usize,
     /// Why the data are known to be synthetic, if they are.
     pub synthetic: Option<String>,
+}
+
+/// A participant whose trials an analysis does not use.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ExcludedParticipant {
+    /// The participant's number in the study.
+    pub participant: String,
+    /// Why they are excluded.
+    pub reason: String,
+}
+
+impl From<&Exclusion> for ExcludedParticipant {
+    fn from(exclusion: &Exclusion) -> Self {
+        Self { participant: exclusion.participant.clone(), reason: exclusion.why() }
+    }
 }
 
 /// An analysis in a list.

@@ -1,23 +1,22 @@
-//! What of the gain a body frame alone explains, and how far a split that leaks deceives.
+//! How much of the gain a body frame alone explains.
 
-use super::Results;
 use super::cell::{BODY_FRAME_SETS, Cell, Experiment, ModelName, PAPERS_SETS};
 use super::metrics::Predictions;
+use super::run::Results;
 use super::tables::mean;
 use crate::invalid::Invalid;
 use crate::stats::rank::wilcoxon;
-use serde::Serialize;
 
 /// A model on a feature set, beside the same model on B_d; or the baseline.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Ablation {
-    /// A model's word, or `constant`.
-    pub model: &'static str,
+    /// What predicts; none for the baseline.
+    pub model: Option<ModelName>,
     /// What is predicted.
     pub experiment: Experiment,
     /// The set's name; `none` for the baseline.
     pub features: String,
-    /// Mean over people of the test accuracy, in per cent.
+    /// Mean over participants of the test accuracy, in per cent.
     pub accuracy: f64,
     /// Over all test rows, nats.
     pub log_loss: f64,
@@ -30,14 +29,14 @@ pub struct Ablation {
 /// robot's position in the human's body frame, and every set that was asked for beside.
 ///
 /// # Errors
-/// [`Invalid`] if there is nobody.
+/// [`Invalid`] if there is no participant.
 pub fn ablation(results: &Results) -> Result<Vec<Ablation>, Invalid> {
     let mut rows = Vec::new();
     for experiment in Experiment::ALL {
         let baselines = results.baselines.iter().filter(|of| of.experiment == experiment);
         let tests: Vec<&Predictions> = baselines.map(|baseline| &baseline.test).collect();
         rows.push(Ablation {
-            model: "constant",
+            model: None,
             experiment,
             features: "none".to_owned(),
             accuracy: mean(tests.iter().map(|test| 100.0 * test.accuracy())),
@@ -62,7 +61,7 @@ pub fn ablation(results: &Results) -> Result<Vec<Ablation>, Invalid> {
                 let cells = cells(features);
                 let own = accuracies(&cells);
                 rows.push(Ablation {
-                    model: model.word(),
+                    model: Some(model),
                     experiment,
                     features: features.to_owned(),
                     accuracy: mean(own.iter().copied()),

@@ -1,7 +1,7 @@
 //! Whether two machines learn and predict alike, bit for bit.
 
 use super::cell::NamedSet;
-use super::fit::{Family, Grids, fit};
+use super::fit::{Grids, ModelFamily, fit};
 use super::split::Split;
 use crate::dataset::Dataset;
 use crate::features::FeatureSet;
@@ -47,7 +47,7 @@ pub fn learning_fingerprints() -> Result<Vec<(String, String)>, SolveError> {
         let papers = NamedSet { name: "hrd".to_owned(), features: FeatureSet::subset("hrd")? };
         for set in [papers, NamedSet::with_history()?] {
             let (data, others) = (all.select(&set.features)?, others.select(&set.features)?);
-            for family in Family::PAPERS.into_iter().chain([Family::Boosted]) {
+            for family in ModelFamily::PAPERS.into_iter().chain([ModelFamily::Boosted]) {
                 let split = Split::grouped(&data);
                 let cells = fit(family, &data, &split, &small_grids(), &set.name, 0)?;
                 let (mut trained, mut predicted) = (Sha256::new(), Sha256::new());

@@ -24,11 +24,11 @@ use serde_json::json;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Grids {
-    /// C of machines with radial basis functions.
+    /// C of SVMs with radial basis functions.
     pub rbf_c: Vec<f64>,
     /// Their γ, per squared unit of standardised features.
     pub rbf_gamma: Vec<f64>,
-    /// C of linear machines.
+    /// C of linear SVMs.
     pub linear_c: Vec<f64>,
     /// Greatest depth of trees; none is no limit.
     pub tree_depth: Vec<Option<usize>>,
@@ -57,7 +57,7 @@ impl Default for Grids {
 
 /// Models that are trained together, and kept together in a [`super::Cache`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Family {
+pub enum ModelFamily {
     /// Support vector machines with radial basis functions.
     Rbf,
     /// Linear ones.
@@ -70,7 +70,7 @@ pub enum Family {
     Boosted,
 }
 
-impl Family {
+impl ModelFamily {
     /// The paper's.
     pub const PAPERS: [Self; 4] = [Self::Rbf, Self::Linear, Self::Tree, Self::Logistic];
 
@@ -104,7 +104,7 @@ impl Family {
 /// # Errors
 /// [`Invalid`] for grids that are empty or hold what cannot be, or a fit that fails.
 pub fn fit(
-    family: Family,
+    family: ModelFamily,
     data: &Dataset,
     split: &Split,
     grids: &Grids,
@@ -112,19 +112,21 @@ pub fn fit(
     participant: usize,
 ) -> Result<Vec<Cell>, Invalid> {
     let experiments = match family {
-        Family::Boosted => &[Experiment::TurnDirection][..],
+        ModelFamily::Boosted => &[Experiment::TurnDirection][..],
         _ => &Experiment::ALL,
     };
     let problems: Vec<Problem<'_>> =
         experiments.iter().map(|&experiment| Problem::new(data, split, experiment)).collect();
     let chosen = match family {
-        Family::Rbf => {
-            machines(data, split, &problems, Kernels::Rbf(grids.rbf_gamma.clone()), &grids.rbf_c)?
+        ModelFamily::Rbf => {
+            svms(data, split, &problems, Kernels::Rbf(grids.rbf_gamma.clone()), &grids.rbf_c)?
         }
-        Family::Linear => machines(data, split, &problems, Kernels::Linear, &grids.linear_c)?,
-        Family::Tree => each_of(&problems, |problem| problem.tree(grids))?,
-        Family::Logistic => each_of(&problems, |problem| problem.logistic(&grids.logistic_c))?,
-        Family::Boosted => each_of(&problems, |problem| problem.boosted(&grids.boosted_depth))?,
+        ModelFamily::Linear => svms(data, split, &problems, Kernels::Linear, &grids.linear_c)?,
+        ModelFamily::Tree => each_of(&problems, |problem| problem.tree(grids))?,
+        ModelFamily::Logistic => each_of(&problems, |problem| problem.logistic(&grids.logistic_c))?,
+        ModelFamily::Boosted => {
+            each_of(&problems, |problem| problem.boosted(&grids.boosted_depth))?
+        }
     };
     let cell = |(problem, chosen): (&Problem<'_>, Chosen)| Cell {
         model: family.model(),
@@ -269,17 +271,6 @@ fn rows(data: &Dataset, experiment: Experiment, rows: &[usize]) -> Rows {
     }
 }
 
-/// The rows on a scale of their own.
-fn standardised(width: usize, rows: &Rows) -> (Scale, Vec<f64>) {
-    let scale = Scale::fit(width, &rows.values);
-    let values = rows.values.chunks_exact(width).flat_map(|row| scaled(&scale, row)).collect();
-    (scale, values)
-}
-
-fn scaled(scale: &Scale, row: &[f64]) -> Vec<f64> {
-    row.iter().enumerate().map(|(j, &value)| scale.apply(j, value)).collect()
-}
-
 impl Problem<'_> {
     fn width(&self) -> usize {
         self.data.features.len()
@@ -287,7 +278,7 @@ impl Problem<'_> {
 
     fn logistic(&self, strengths: &[f64]) -> Result<Chosen, Invalid> {
         let train = |rows: &Rows, strengths: &[f64]| -> Result<Vec<(Scale, Logistic)>, Invalid> {
-            let (scale, values) = standardised(self.width(), rows);
+            let (scale, values) = Scale::standardised(self.width(), &rows.values);
             let samples = Samples::new(self.width(), &values, &rows.labels, rows.classes.len())?;
             let models = fit_path(&samples, strengths, LogisticSettings::default())?;
             Ok(models.into_iter().map(|model| (scale.clone(), model)).collect())
@@ -313,7 +304,7 @@ impl Problem<'_> {
     fn tree(&self, grids: &Grids) -> Result<Chosen, Invalid> {
         // Depth by depth, and within a depth leaf by leaf; one tree a leaf size serves all depths.
         let grow = |rows: &Rows, depth, leaves: &[usize]| -> Result<Vec<Tree>, Invalid> {
-            let (scale, values) = standardised(self.width(), rows);
+            let (scale, values) = Scale::standardised(self.width(), &rows.values);
             let samples = Samples::new(self.width(), &values, &rows.labels, rows.classes.len())?;
             let grown = tree::grow_each(&samples, depth, leaves)?;
             Ok(grown.iter().map(|tree| tree.unscaled(&scale)).collect())
@@ -344,7 +335,7 @@ impl Problem<'_> {
 
 impl Problem<'_> {
     fn boosted(&self, depths: &[usize]) -> Result<Chosen, Invalid> {
-        let (scale, values) = standardised(self.width(), &self.training);
+        let (scale, values) = Scale::standardised(self.width(), &self.training.values);
         let Rows { labels, classes, .. } = &self.training;
         let samples = Samples::new(self.width(), &values, labels, classes.len())?;
         let settings = BoostingSettings::default();
@@ -353,13 +344,13 @@ impl Problem<'_> {
         // Depth and rounds are chosen by the log loss; this is what they are worth otherwise.
         let settings = BoostingSettings { depth: chosen.depth, rounds: chosen.rounds, ..settings };
         let again = |rows: &Rows| -> Result<Vec<(Scale, usize, Boosted)>, Invalid> {
-            let (scale, values) = standardised(self.width(), rows);
+            let (scale, values) = Scale::standardised(self.width(), &rows.values);
             let samples = Samples::new(self.width(), &values, &rows.labels, rows.classes.len())?;
             Ok(vec![(scale, rows.classes.len(), boosting::fit(&samples, &settings)?)])
         };
         let says = |(scale, classes, model): &(Scale, usize, Boosted), row: &[f64]| {
             let mut p = vec![0.0; *classes];
-            model.probabilities_into(&scaled(scale, row), &mut p);
+            model.probabilities_into(&scale.row(row), &mut p);
             likeliest(&p)
         };
         let accuracy = self.validated(1, again, says)?;
@@ -373,8 +364,8 @@ impl Problem<'_> {
     }
 }
 
-/// Machines of both experiments, which share their kernels.
-fn machines(
+/// SVMs of both experiments, which share their kernels.
+fn svms(
     data: &Dataset,
     split: &Split,
     problems: &[Problem<'_>],

@@ -1,94 +1,47 @@
-//! The whole comparison.
+//! The whole comparison: [`Plan`] what to fit, execute it on all threads, assemble the results.
 
 use super::baseline::Baseline;
-use super::cell::{BODY_FRAME_SETS, Cell, Experiment, ModelName, NamedSet};
-use super::fit::{Family, Grids, fit};
+use super::cell::{Cell, Experiment, ModelName};
+use super::fit::fit;
+use super::plan::{Fit, ParticipantData, Plan, Purpose, key, order, somebody_left};
 use super::rollout::{Horizon, Simple, rollouts, together};
-use super::split::{LEAST_TASKS, Split};
-use super::tables::{Comparison, Participant, mean};
+use super::settings::Settings;
+use super::tables::{Comparison, mean};
 use crate::bounds::Motion;
-use crate::dataset::Dataset;
 use crate::invalid::Invalid;
 use crate::parallel_map::parallel_map;
 use crate::predict::Predictor;
+use crate::recording::Exclusion;
 use crate::safety::SafetyLevels;
 use crate::scene::SceneParameters;
 use crate::shfrs::PredictedHuman;
-use crate::shfrs::window::Trajectory;
-use crate::vehicle::TurnInput;
 use core::ops::ControlFlow;
 use core::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use serde::{Deserialize, Serialize};
-use sha2::{Digest, Sha256};
+use serde::Serialize;
 
-/// One person's tasks, in the order of their numbers.
+/// All results.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Person {
-    /// As the data call them.
-    pub name: String,
-    /// The number of each task.
-    pub numbers: Vec<u64>,
-    /// The rows of the tasks, with every feature that is compared.
-    pub data: Dataset,
-    /// The tasks as they were driven.
-    pub trajectories: Vec<Trajectory>,
+pub struct Results {
+    /// A cell for each model, experiment, feature set and participant.
+    pub comparison: Comparison,
+    /// An entry for each participant and experiment.
+    pub baselines: Vec<Baseline>,
+    /// Roll-outs of every model, and of simple drivers.
+    pub rollouts: Vec<RolloutsOf>,
+    /// What leaks on the first feature set; empty unless it was asked for.
+    pub leakage: Vec<Leakage>,
+    /// The participants who are excluded.
+    pub exclusions: Vec<Exclusion>,
 }
 
-/// What is compared.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Settings {
-    /// Feature sets: the paper's seven among them.
-    pub sets: Vec<NamedSet>,
-    /// Hyper-parameters to try.
-    pub grids: Grids,
-    /// Whether a split by time step is tried too, to show what leaks.
-    pub leakage: bool,
-    /// Steps of roll-outs, at least 1.
-    pub horizon: usize,
-    /// The set of models with a memory.
-    pub history: NamedSet,
-}
-
-/// The sets on which the paper's models are rolled out.
-const ROLLED_OUT: [&str; 4] = ["hrd", "d", "hrd_body", "d_body"];
-
-impl Settings {
-    /// The paper's sets, two of them with the body frame, the protocol's grids, T = 10.
-    ///
-    /// # Errors
-    /// Never: the names are those of the table.
-    pub fn new() -> Result<Self, Invalid> {
-        let mut sets = NamedSet::papers()?;
-        sets.extend(NamedSet::with_body_frame()?);
-        let history = NamedSet::with_history()?;
-        Ok(Self { sets, grids: Grids::default(), leakage: false, horizon: 10, history })
-    }
-
-    /// Models beyond the paper: with a memory, or boosted, or both.
-    fn beyond(&self) -> impl Iterator<Item = (&NamedSet, Family)> {
-        let body = self.sets.iter().find(|set| set.name == BODY_FRAME_SETS[0].0);
-        let with_memory = [Family::Logistic, Family::Boosted].map(|family| (&self.history, family));
-        body.map(|set| (set, Family::Boosted)).into_iter().chain(with_memory)
-    }
-}
-
-/// Somebody whose data cannot be learned from.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Exclusion {
-    /// As the data call them.
-    pub participant: String,
-    /// Why.
-    pub reason: String,
-}
-
-/// Who drives in roll-outs, and how that went.
+/// The roll-outs of one driver.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct RolloutsOf {
     /// A model's word or a simple driver's.
     pub driver: String,
     /// The name of its feature set; empty for a simple driver.
     pub features: String,
-    /// By number of steps ahead, over all people's test tasks.
+    /// By number of steps ahead, over all participants' test tasks.
     pub horizons: Vec<Horizon>,
 }
 
@@ -99,289 +52,186 @@ pub struct Leakage {
     pub model: ModelName,
     /// What is predicted.
     pub experiment: Experiment,
-    /// Mean over people of the test accuracy when whole trials are held back, in per cent.
+    /// Mean over participants of the test accuracy when whole trials are held back, in per cent.
     pub grouped: f64,
-    /// When single steps are held back.
+    /// The same when single steps are held back.
     pub leaking: f64,
 }
 
-/// All that is found.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Results {
-    /// A cell for each model, experiment, feature set and person.
-    pub comparison: Comparison,
-    /// An entry for each experiment and person.
-    pub baselines: Vec<Baseline>,
-    /// Of every model on every feature set, and of simple drivers.
-    pub rollouts: Vec<RolloutsOf>,
-    /// On the first feature set; empty unless it was asked for.
-    pub leakage: Vec<Leakage>,
-    /// Who was left out.
-    pub exclusions: Vec<Exclusion>,
-}
-
-impl Exclusion {
-    fn new(person: &Person, reason: String) -> Self {
-        Self { participant: person.name.clone(), reason }
+impl Leakage {
+    /// By how much the wrong split overstates the accuracy, in points.
+    #[must_use]
+    pub fn overstated(&self) -> f64 {
+        self.leaking - self.grouped
     }
 }
 
-/// How far it is.
+/// How many of the fits are done.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Progress {
-    /// Pieces of work that are done.
+    /// Fits that are done.
     pub done: usize,
-    /// All of them. They take about equally long.
+    /// All fits. They take about equally long.
     pub of: usize,
 }
 
-/// Where results are kept by what they were computed from.
+/// Keeps cells under a key that names everything they were computed from.
 pub trait Cache: Sync {
-    /// What was kept under this key.
+    /// The cells under this key, if they were kept.
     fn get(&self, key: &str) -> Option<Vec<Cell>>;
 
-    /// Keeps it, if that is possible.
+    /// Keeps cells, if that is possible.
     fn put(&self, key: &str, cells: &[Cell]);
 }
 
 /// Why there are no results.
 #[derive(Debug, PartialEq, Eq, thiserror::Error)]
 pub enum RunError {
-    /// Something in the data or settings.
+    /// The data or settings are wrong.
     #[error(transparent)]
     Invalid(#[from] Invalid),
-    /// It was broken off.
+    /// `progress` stopped it.
     #[error("stopped")]
     Stopped,
 }
 
-/// Results depend on what this names too: to be changed with anything that changes them.
-const METHOD: &str = "sidestep-comparison/3";
-
-/// Compares. People are taken in the order of their names (numbers by size), and the same
+/// Compares. Participants are taken in the order of their names (numbers by size), and the same
 /// results come out whatever the order they are given in.
 ///
 /// # Errors
-/// [`RunError`] if nobody is left to compare, or `progress` breaks it off.
+/// [`RunError`] if nobody is left to compare, or `progress` stops it.
 pub fn run(
-    people: &[Person],
+    participants: &[ParticipantData],
     scene: &SceneParameters,
     safety: &SafetyLevels,
     settings: &Settings,
     cache: Option<&dyn Cache>,
     progress: &(dyn Fn(Progress) -> ControlFlow<()> + Sync),
 ) -> Result<Results, RunError> {
-    let (people, mut exclusions) = included(people);
-    let people = somebody(people, &exclusions)?;
-    let mut units = Vec::new();
-    for (participant, person) in people.iter().enumerate() {
-        let mut add = |role, set, family| {
-            let split = match role {
-                Role::Leaking => Split::leaking(&person.data),
-                _ => Split::grouped(&person.data),
-            };
-            units.push(Unit { participant, person, set, family, split, role });
-        };
-        for set in &settings.sets {
-            Family::PAPERS.into_iter().for_each(|family| add(Role::Compared, set, family));
-        }
-        for (set, family) in settings.beyond() {
-            add(Role::Beyond, set, family);
-        }
-        for family in Family::PAPERS.into_iter().filter(|_| settings.leakage) {
-            add(Role::Leaking, &settings.sets[0], family);
-        }
-    }
+    let plan = Plan::new(participants, settings);
+    somebody_left(plan.participants.len(), &plan.exclusions)?;
+    let found = execute(&plan, settings, cache, progress)?;
+    Ok(assemble(&plan, found, scene, safety, settings)?)
+}
+
+/// The cells of a fit, or why it failed.
+type Fitted = Result<Vec<Cell>, Invalid>;
+
+/// Does every fit of the plan, in its order.
+fn execute(
+    plan: &Plan<'_>,
+    settings: &Settings,
+    cache: Option<&dyn Cache>,
+    progress: &(dyn Fn(Progress) -> ControlFlow<()> + Sync),
+) -> Result<Vec<Fitted>, RunError> {
     let done = AtomicUsize::new(0);
     let stopped = AtomicBool::new(false);
-    let work = |unit: &Unit<'_>| -> Result<Result<Vec<Cell>, Invalid>, RunError> {
-        // What waits for a thread would else be computed first.
+    parallel_map(&plan.fits, |fit| {
+        // Fits that still wait for a thread would otherwise be done first.
         if stopped.load(Ordering::Relaxed) {
             return Err(RunError::Stopped);
         }
-        let cells = unit.cells(&settings.grids, cache);
+        let cells = fitted(plan, fit, settings, cache);
         let done = done.fetch_add(1, Ordering::Relaxed) + 1;
-        match progress(Progress { done, of: units.len() }) {
+        match progress(Progress { done, of: plan.fits.len() }) {
             ControlFlow::Continue(()) => Ok(cells),
             ControlFlow::Break(()) => {
                 stopped.store(true, Ordering::Relaxed);
                 Err(RunError::Stopped)
             }
         }
-    };
-    let found = parallel_map(&units, work)?;
-    let failed = failures(&units, &found, people.len());
+    })
+}
+
+/// The cells of one fit, from the cache if they are there.
+fn fitted(
+    plan: &Plan<'_>,
+    planned: &Fit<'_>,
+    settings: &Settings,
+    cache: Option<&dyn Cache>,
+) -> Fitted {
+    let Fit { participant, set, family, .. } = *planned;
+    let (of, split) = plan.rows(planned);
+    let data = of.data.select(&set.features)?;
+    let key = key(family, &data, split, &settings.grids);
+    if let Some(mut cells) = cache.and_then(|cache| cache.get(&key)) {
+        // Names and places are no part of what was computed.
+        for cell in &mut cells {
+            cell.participant = participant;
+            cell.features.clone_from(&set.name);
+        }
+        return Ok(cells);
+    }
+    let cells = fit(family, &data, split, &settings.grids, &set.name, participant)?;
+    if let Some(cache) = cache {
+        cache.put(&key, &cells);
+    }
+    Ok(cells)
+}
+
+/// Puts the results together. Participants with a fit that failed are excluded whole, so that all
+/// means are over the same participants.
+fn assemble(
+    plan: &Plan<'_>,
+    found: Vec<Fitted>,
+    scene: &SceneParameters,
+    safety: &SafetyLevels,
+    settings: &Settings,
+) -> Result<Results, Invalid> {
+    let failed = failures(plan, &found);
+    let mut exclusions = plan.exclusions.clone();
     let mut kept = Vec::new();
-    for (person, failed) in people.iter().zip(&failed) {
+    // The place of each participant of the plan in the results, if they are not excluded.
+    let mut places = Vec::new();
+    for (planned, failed) in plan.participants.iter().zip(failed) {
+        places.push(failed.is_none().then_some(kept.len()));
         match failed {
-            None => kept.push(*person),
-            Some(reason) => exclusions.push(Exclusion::new(person, reason.clone())),
+            None => kept.push(planned),
+            Some(reason) => exclusions.push(planned.data.excluded(reason)),
         }
     }
     exclusions.sort_by(|a, b| order(&a.participant).cmp(&order(&b.participant)));
-    let people = somebody(kept, &exclusions)?;
+    somebody_left(kept.len(), &exclusions)?;
     let (mut cells, mut beyond, mut leaking) = (Vec::new(), Vec::new(), Vec::new());
-    for (unit, found) in units.iter().zip(found) {
-        let (Ok(mut found), None) = (found, &failed[unit.participant]) else { continue };
-        let before = failed[..unit.participant].iter().flatten().count();
-        found.iter_mut().for_each(|cell| cell.participant -= before);
-        match unit.role {
-            Role::Compared => cells.extend(found),
-            Role::Beyond => beyond.extend(found),
-            Role::Leaking => leaking.extend(found),
+    for (fit, found) in plan.fits.iter().zip(found) {
+        let (Ok(found), Some(participant)) = (found, places[fit.participant]) else { continue };
+        let found = found.into_iter().map(|cell| Cell { participant, ..cell });
+        match fit.purpose {
+            Purpose::Tables => cells.extend(found),
+            Purpose::Rollouts => beyond.extend(found),
+            Purpose::Leakage => leaking.extend(found),
         }
     }
     with_choice(&mut cells, settings);
-    let comparison =
-        Comparison { participants: people.iter().map(|p| participant(p)).collect(), cells };
-    let leakage = compared(&comparison, leaking, settings);
-    let baselines = people.iter().enumerate().flat_map(|(i, person)| {
-        let split = Split::grouped(&person.data);
-        Experiment::ALL.map(|experiment| Baseline::of(&person.data, &split, experiment, i))
+    let participants = kept.iter().map(|planned| planned.data.compared()).collect();
+    let comparison = Comparison { participants, cells };
+    let baselines = kept.iter().enumerate().flat_map(|(i, planned)| {
+        let (data, split) = (&planned.data.data, &planned.split);
+        Experiment::ALL.map(|experiment| Baseline::of(data, split, experiment, i))
     });
-    let baselines = baselines.collect();
-    let rollouts = all_rollouts(&people, &comparison, &beyond, scene, safety, settings)?;
-    Ok(Results { comparison, baselines, rollouts, leakage, exclusions })
+    let people: Vec<&ParticipantData> = kept.iter().map(|planned| planned.data).collect();
+    Ok(Results {
+        leakage: leakage(&comparison, leaking, settings),
+        baselines: baselines.collect(),
+        rollouts: all_rollouts(&people, &comparison, &beyond, scene, safety, settings)?,
+        exclusions,
+        comparison,
+    })
 }
 
-fn participant(person: &Person) -> Participant {
-    let tasks = person.trajectories.len();
-    Participant {
-        name: person.name.clone(),
-        test_trials: person.numbers[super::split::first_test_task(tasks)..].to_vec(),
-        steps: person.trajectories.first().map_or(0, Trajectory::steps),
-    }
-}
-
-/// The place of a name: numbers by size, then other names.
-fn order(name: &str) -> (bool, Option<u64>, &str) {
-    let number = name.parse().ok();
-    (number.is_none(), number, name)
-}
-
-/// People in order, and those who cannot be learned from.
-fn included(people: &[Person]) -> (Vec<&Person>, Vec<Exclusion>) {
-    let mut ordered: Vec<&Person> = people.iter().collect();
-    ordered.sort_by(|a, b| order(&a.name).cmp(&order(&b.name)));
-    let mut exclusions = Vec::new();
-    ordered.retain(|person| {
-        let reason = reason_against(person);
-        let kept = reason.is_none();
-        exclusions.extend(reason.map(|reason| Exclusion::new(person, reason)));
-        kept
-    });
-    (ordered, exclusions)
-}
-
-/// These people.
-///
-/// # Errors
-/// [`Invalid`] with everybody's reason if there are none.
-fn somebody<'a>(
-    people: Vec<&'a Person>,
-    exclusions: &[Exclusion],
-) -> Result<Vec<&'a Person>, Invalid> {
-    if !people.is_empty() {
-        return Ok(people);
-    }
-    let reasons: Vec<String> =
-        exclusions.iter().map(|e| format!("{}: {}", e.participant, e.reason)).collect();
-    let found = if reasons.is_empty() { "nobody".to_owned() } else { reasons.join("; ") };
-    Err(Invalid::new("participants", "somebody whose data can be learned from", found))
-}
-
-/// Of each person the first model that could not be fitted, and why. Without it they are left
-/// out whole, so that all means are over the same people.
-fn failures(
-    units: &[Unit<'_>],
-    found: &[Result<Vec<Cell>, Invalid>],
-    people: usize,
-) -> Vec<Option<String>> {
-    let mut failed = vec![None; people];
-    for (unit, found) in units.iter().zip(found) {
+/// The first model of each participant that could not be fitted, and why.
+fn failures(plan: &Plan<'_>, found: &[Fitted]) -> Vec<Option<String>> {
+    let mut failed = vec![None; plan.participants.len()];
+    for (fit, found) in plan.fits.iter().zip(found) {
         if let Err(error) = found {
-            let (model, set) = (unit.family.model().word(), &unit.set.name);
-            failed[unit.participant].get_or_insert_with(|| format!("{model} on {set}: {error}"));
+            let (model, set) = (fit.family.model().word(), &fit.set.name);
+            failed[fit.participant].get_or_insert_with(|| format!("{model} on {set}: {error}"));
         }
     }
     failed
 }
 
-fn reason_against(person: &Person) -> Option<String> {
-    let tasks = person.trajectories.len();
-    if tasks < LEAST_TASKS {
-        return Some(format!("{tasks} tasks, at least {LEAST_TASKS} are needed"));
-    }
-    let split = Split::grouped(&person.data);
-    let inputs = || split.training.iter().map(|&row| person.data.labels[row]);
-    let first = inputs().next()?;
-    if inputs().all(|input| input == first) {
-        return Some(format!("one kind of input only in the training tasks ({})", first.word()));
-    }
-    let always = inputs().all(|input| input != TurnInput::Straight);
-    always.then(|| "a turn in every step of the training tasks".to_owned())
-}
-
-/// One piece of work.
-struct Unit<'a> {
-    participant: usize,
-    person: &'a Person,
-    set: &'a NamedSet,
-    family: Family,
-    split: Split,
-    role: Role,
-}
-
-/// What a piece of work is for.
-#[derive(Clone, Copy)]
-enum Role {
-    /// The tables.
-    Compared,
-    /// Roll-outs only.
-    Beyond,
-    /// Showing what leaks.
-    Leaking,
-}
-
-impl Unit<'_> {
-    fn cells(&self, grids: &Grids, cache: Option<&dyn Cache>) -> Result<Vec<Cell>, Invalid> {
-        let data = self.person.data.select(&self.set.features)?;
-        let key = self.key(&data, grids);
-        if let Some(mut cells) = cache.and_then(|cache| cache.get(&key)) {
-            // Names and places are no part of what was computed.
-            for cell in &mut cells {
-                cell.participant = self.participant;
-                cell.features.clone_from(&self.set.name);
-            }
-            return Ok(cells);
-        }
-        let cells = fit(self.family, &data, &self.split, grids, &self.set.name, self.participant)?;
-        if let Some(cache) = cache {
-            cache.put(&key, &cells);
-        }
-        Ok(cells)
-    }
-
-    /// All that the cells depend on.
-    fn key(&self, data: &Dataset, grids: &Grids) -> String {
-        let mut hash = Sha256::new();
-        hash.update(METHOD);
-        hash.update(self.family.grid(grids));
-        for name in Vec::<String>::from(data.features.clone()) {
-            hash.update(name);
-            hash.update([0]);
-        }
-        data.values.iter().for_each(|value| hash.update(value.to_bits().to_le_bytes()));
-        data.labels.iter().for_each(|label| hash.update(label.sign().to_le_bytes()));
-        for rows in [&self.split.training, &self.split.folds, &self.split.test] {
-            hash.update((rows.len() as u64).to_le_bytes());
-            rows.iter().for_each(|&row| hash.update((row as u64).to_le_bytes()));
-        }
-        hex::encode(hash.finalize())
-    }
-}
-
-/// Adds the better of both machines, and puts the cells in order.
+/// Adds the better of both SVMs, and puts the cells in order.
 fn with_choice(cells: &mut Vec<Cell>, settings: &Settings) {
     let place = |cell: &Cell| {
         let set = settings.sets.iter().position(|set| set.name == cell.features);
@@ -399,7 +249,8 @@ fn with_choice(cells: &mut Vec<Cell>, settings: &Settings) {
     cells.sort_by_key(|cell| (cell.model, place(cell)));
 }
 
-fn compared(comparison: &Comparison, mut leaking: Vec<Cell>, settings: &Settings) -> Vec<Leakage> {
+/// What the cells of single steps held back claim, beside those of the comparison.
+fn leakage(comparison: &Comparison, mut leaking: Vec<Cell>, settings: &Settings) -> Vec<Leakage> {
     if leaking.is_empty() {
         return Vec::new();
     }
@@ -419,10 +270,13 @@ fn compared(comparison: &Comparison, mut leaking: Vec<Cell>, settings: &Settings
     models.flat_map(|model| Experiment::ALL.map(|experiment| both((model, experiment)))).collect()
 }
 
-/// Of the models in experiment I on [`ROLLED_OUT`] sets, of those beyond the paper, and of simple
-/// drivers.
+/// The sets on which the paper's models are rolled out.
+const ROLLED_OUT: [&str; 4] = ["hrd", "d", "hrd_body", "d_body"];
+
+/// Roll-outs of the paper's models in experiment I on the [`ROLLED_OUT`] sets, of those beyond
+/// the paper, and of simple drivers.
 fn all_rollouts(
-    people: &[&Person],
+    people: &[&ParticipantData],
     comparison: &Comparison,
     beyond: &[Cell],
     scene: &SceneParameters,
@@ -430,10 +284,7 @@ fn all_rollouts(
     settings: &Settings,
 ) -> Result<Vec<RolloutsOf>, Invalid> {
     let motion = Motion::from(scene);
-    let test = |i: usize| {
-        let all = &people[i].trajectories;
-        &all[super::split::first_test_task(all.len())..]
-    };
+    let test = |i: usize| people[i].test_trajectories();
     let mut learned: Vec<Vec<&Cell>> = Vec::new();
     for model in ModelName::PAPERS {
         for set in ROLLED_OUT {

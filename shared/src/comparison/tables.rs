@@ -1,28 +1,26 @@
-//! The paper's tables from cells, and tests of the differences.
+//! The paper's tables from cells.
 
 use super::avoidance::{Avoidance, Distances};
-use super::cell::{Cell, Experiment, ModelName, PAPERS_SETS};
-use super::metrics::Predictions;
-use crate::invalid::Invalid;
-use crate::stats::rank::{hodges_lehmann, holm, mann_whitney, wilcoxon};
+use super::cell::{Cell, Experiment, ModelName};
+use super::metrics::{BINS, Bin, Calibration, Predictions};
 use serde::Serialize;
 
-/// A person whose models are compared.
+/// A participant whose models are compared.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Participant {
-    /// As the data call them.
+pub struct ComparedParticipant {
+    /// The participant's name or number in the data.
     pub name: String,
-    /// The numbers of the tasks that test.
+    /// The numbers of the tasks that models are tested on.
     pub test_trials: Vec<u64>,
-    /// Steps of each of them.
+    /// Steps of each of these tasks.
     pub steps: usize,
 }
 
-/// All cells of all people.
+/// All cells of all participants.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Comparison {
-    /// Who is in it.
-    pub participants: Vec<Participant>,
+    /// The participants, in the order of the cells' numbers.
+    pub participants: Vec<ComparedParticipant>,
     /// In the order of models, experiments, feature sets and people.
     pub cells: Vec<Cell>,
 }
@@ -59,51 +57,6 @@ impl Metric {
     }
 }
 
-/// How two feature sets differ.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Test {
-    /// What predicts.
-    pub model: ModelName,
-    /// What is predicted.
-    pub experiment: Experiment,
-    /// What is compared.
-    pub metric: Metric,
-    /// The set that is said to be better.
-    pub first: &'static str,
-    /// The set that it is compared with.
-    pub second: &'static str,
-    /// Mean over people of how much better the first is: points of accuracy, or steps.
-    pub gain: f64,
-    /// The typical gain of a person (Hodges–Lehmann), which the paired test is about. A few people
-    /// can turn the mean the other way.
-    pub typical_gain: f64,
-    /// p-value over people: one number each.
-    pub mann_whitney_persons: f64,
-    /// p-value over test trajectories of all people. These are not independent.
-    pub mann_whitney_trajectories: f64,
-    /// p-value over people, paired: the test that fits this design.
-    pub wilcoxon_persons: f64,
-    /// [`Self::mann_whitney_persons`] after Holm.
-    pub mann_whitney_persons_holm: f64,
-    /// [`Self::mann_whitney_trajectories`] after Holm.
-    pub mann_whitney_trajectories_holm: f64,
-    /// [`Self::wilcoxon_persons`] after Holm.
-    pub wilcoxon_persons_holm: f64,
-}
-
-/// The comparisons that the paper's claims are about: each set with a safety level against
-/// distance alone, both levels against both and distance, and the one level against the other.
-pub const PAIRS: [(&str, &str); 8] = [
-    ("hrd", "d"),
-    ("hr", "d"),
-    ("hd", "d"),
-    ("rd", "d"),
-    ("h", "d"),
-    ("r", "d"),
-    ("hrd", "hr"),
-    ("h", "r"),
-];
-
 impl Comparison {
     /// The names of the feature sets, in order.
     #[must_use]
@@ -130,13 +83,55 @@ impl Comparison {
         })
     }
 
-    /// One row of the paper's Table I: mean over people of the accuracy, in per cent.
+    /// The test accuracy of each participant's model, in per cent.
+    #[must_use]
+    pub fn person_accuracies(
+        &self,
+        model: ModelName,
+        experiment: Experiment,
+        set: &str,
+    ) -> Vec<f64> {
+        self.of(model, experiment, set).map(|cell| 100.0 * cell.test.accuracy()).collect()
+    }
+
+    /// Accuracy (per cent), `D_start` or `D_end` (penalised, steps) of each participant's model.
+    /// The distances are those of experiment II.
+    #[must_use]
+    pub fn person_metric(
+        &self,
+        metric: Metric,
+        model: ModelName,
+        experiment: Experiment,
+        set: &str,
+    ) -> Vec<f64> {
+        let distances = |cell: &Cell| {
+            let steps = self.participants[cell.participant].steps.max(1);
+            Distances::of(steps, &self.avoidances(cell))
+        };
+        let cells = || self.of(model, Experiment::Avoidance, set);
+        match metric {
+            Metric::Accuracy => self.person_accuracies(model, experiment, set),
+            Metric::Start => cells().map(|cell| distances(cell).start_penalised).collect(),
+            Metric::End => cells().map(|cell| distances(cell).end_penalised).collect(),
+        }
+    }
+
+    /// The mean over participants of [`Self::person_metric`].
+    #[must_use]
+    pub fn person_mean(
+        &self,
+        metric: Metric,
+        model: ModelName,
+        experiment: Experiment,
+        set: &str,
+    ) -> f64 {
+        mean(self.person_metric(metric, model, experiment, set))
+    }
+
+    /// One row of the paper's Table I: mean over participants of the accuracy, in per cent.
     #[must_use]
     pub fn accuracies(&self, model: ModelName, experiment: Experiment, sets: &[&str]) -> Vec<f64> {
-        let mean = |set: &&str| {
-            mean(self.of(model, experiment, set).map(|cell| 100.0 * cell.test.accuracy()))
-        };
-        sets.iter().map(mean).collect()
+        sets.iter().map(|set| mean(self.person_accuracies(model, experiment, set))).collect()
     }
 
     /// One entry of the paper's Table II: both distances over all test trajectories.
@@ -147,13 +142,13 @@ impl Comparison {
         Distances::of(self.steps(), &all)
     }
 
-    /// The steps of a trajectory; all have the same number.
+    /// The number of steps of a trajectory; all have the same.
     #[must_use]
     pub fn steps(&self) -> usize {
         self.participants.iter().map(|person| person.steps).max().unwrap_or(0)
     }
 
-    /// Who avoids when, human and model, a test trajectory each.
+    /// When human and model avoid in each test trajectory.
     fn avoidances(&self, cell: &Cell) -> Vec<(Avoidance, Avoidance)> {
         let steps = self.participants[cell.participant].steps;
         let of = |classes: &[i8]| Avoidance::of(classes.iter().map(|&class| class != 0));
@@ -161,8 +156,8 @@ impl Comparison {
         humans.zip(cell.test.predicted.chunks(steps).map(of)).collect()
     }
 
-    /// The metric of each test trajectory of a cell.
-    fn by_trajectory(&self, metric: Metric, cell: &Cell) -> Vec<f64> {
+    /// The metric in each test trajectory of a cell.
+    pub(super) fn by_trajectory(&self, metric: Metric, cell: &Cell) -> Vec<f64> {
         let steps = self.participants[cell.participant].steps;
         let Predictions { truth, predicted, .. } = &cell.test;
         if metric == Metric::Accuracy {
@@ -180,93 +175,77 @@ impl Comparison {
         };
         self.avoidances(cell).into_iter().map(distance).collect()
     }
+}
 
-    /// Tests of every model, experiment, metric and pair of [`PAIRS`]. Holm's correction is over
-    /// all rows of a metric.
-    ///
-    /// # Errors
-    /// [`Invalid`] if there is nobody to compare.
-    pub fn tests(&self) -> Result<Vec<Test>, Invalid> {
-        let mut tests = Vec::new();
-        for metric in [Metric::Accuracy, Metric::Start, Metric::End] {
-            let begin = tests.len();
-            for model in ModelName::PAPERS {
-                for experiment in Experiment::ALL {
-                    if metric != Metric::Accuracy && experiment == Experiment::TurnDirection {
-                        continue;
-                    }
-                    for (first, second) in PAIRS {
-                        tests.push(self.test(model, experiment, metric, first, second)?);
-                    }
-                }
-            }
-            let family = &mut tests[begin..];
-            let corrected = |p: fn(&Test) -> f64, family: &[Test]| {
-                holm(&family.iter().map(p).collect::<Vec<f64>>())
-            };
-            let persons = corrected(|test| test.mann_whitney_persons, family);
-            let trajectories = corrected(|test| test.mann_whitney_trajectories, family);
-            let paired = corrected(|test| test.wilcoxon_persons, family);
-            for (i, test) in family.iter_mut().enumerate() {
-                test.mann_whitney_persons_holm = persons[i];
-                test.mann_whitney_trajectories_holm = trajectories[i];
-                test.wilcoxon_persons_holm = paired[i];
-            }
-        }
-        Ok(tests)
-    }
+/// What a model says of the test rows of all participants, summed up.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Pooled {
+    /// What predicts; none for the baseline.
+    pub model: Option<ModelName>,
+    /// What is predicted.
+    pub experiment: Experiment,
+    /// The name of the feature set; `none` for the baseline.
+    pub features: String,
+    /// How good the probabilities are.
+    pub calibration: Calibration,
+    /// The calibration curve.
+    pub bins: [Bin; BINS],
+    /// How often each class (rows) was predicted as each (columns).
+    pub confusion: Vec<Vec<usize>>,
+}
 
-    fn test(
-        &self,
-        model: ModelName,
+impl Pooled {
+    pub(super) fn of(
+        model: Option<ModelName>,
         experiment: Experiment,
-        metric: Metric,
-        first: &'static str,
-        second: &'static str,
-    ) -> Result<Test, Invalid> {
-        let of = |set| -> Vec<Vec<f64>> {
-            self.of(model, experiment, set).map(|cell| self.by_trajectory(metric, cell)).collect()
-        };
-        let (one, other) = (of(first), of(second));
-        let persons = |of: &[Vec<f64>]| -> Vec<f64> {
-            of.iter().map(|trajectories| mean(trajectories.iter().copied())).collect()
-        };
-        let (one_persons, other_persons) = (persons(&one), persons(&other));
-        let higher = mean(one_persons.iter().copied()) - mean(other_persons.iter().copied());
-        let pairs = one_persons.iter().zip(&other_persons);
-        let differences: Vec<f64> = pairs.map(|(a, b)| a - b).collect();
-        let better = |difference: f64| {
-            if metric.less_is_better() { -difference } else { difference }
-        };
-        Ok(Test {
+        features: &str,
+        all: &Predictions,
+    ) -> Self {
+        Self {
             model,
             experiment,
-            metric,
-            first,
-            second,
-            gain: better(higher),
-            typical_gain: better(hodges_lehmann(&differences)),
-            mann_whitney_persons: mann_whitney(&one_persons, &other_persons)?,
-            mann_whitney_trajectories: mann_whitney(&one.concat(), &other.concat())?,
-            wilcoxon_persons: wilcoxon(&one_persons, &other_persons)?,
-            mann_whitney_persons_holm: 1.0,
-            mann_whitney_trajectories_holm: 1.0,
-            wilcoxon_persons_holm: 1.0,
-        })
+            features: features.to_owned(),
+            calibration: all.calibration(),
+            bins: all.bins(),
+            confusion: all.confusion(),
+        }
     }
 
-    /// The best of the paper's sets in a row of numbers, one each: its place.
-    #[must_use]
-    pub fn best(numbers: &[f64], less_is_better: bool) -> Option<usize> {
-        let better = |a: f64, b: f64| if less_is_better { a < b } else { a > b };
-        (0..numbers.len().min(PAPERS_SETS.len()))
-            .filter(|&i| numbers[i].is_finite())
-            .reduce(|best, i| if better(numbers[i], numbers[best]) { i } else { best })
+    /// Whether it is of this model, experiment and feature set.
+    pub(super) fn is(&self, model: Option<ModelName>, experiment: Experiment, set: &str) -> bool {
+        (self.model, self.experiment, &self.features[..]) == (model, experiment, set)
     }
 }
 
-/// The mean; 0 of nothing.
-pub(super) fn mean(numbers: impl Iterator<Item = f64>) -> f64 {
-    let (sum, count) = numbers.fold((0.0, 0usize), |(sum, count), x| (sum + x, count + 1));
+/// Which of a row's numbers are the best: all that are equal to the best one, none if there is no
+/// number.
+#[must_use]
+pub fn are_best(numbers: &[Option<f64>], less_is_better: bool) -> Vec<bool> {
+    let sign = if less_is_better { -1.0 } else { 1.0 };
+    let of = |number: &Option<f64>| number.map(|number| sign * number).filter(|n| n.is_finite());
+    let best = numbers.iter().filter_map(of).fold(f64::NEG_INFINITY, f64::max);
+    // Means of equal shares may differ in their last digits.
+    numbers.iter().map(|number| of(number).is_some_and(|number| best - number < 1e-9)).collect()
+}
+
+/// The mean; 0 if there is no number.
+pub(super) fn mean(numbers: impl IntoIterator<Item = f64>) -> f64 {
+    let (sum, count) =
+        numbers.into_iter().fold((0.0, 0usize), |(sum, count), x| (sum + x, count + 1));
     sum / count.max(1) as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::are_best;
+
+    #[test]
+    fn the_best_and_all_its_equals() {
+        assert_eq!(
+            are_best(&[Some(1.0), Some(3.0), None, Some(3.0)], false),
+            [false, true, false, true]
+        );
+        assert_eq!(are_best(&[Some(1.0), Some(3.0), None], true), [true, false, false]);
+        assert_eq!(are_best(&[None, None], true), [false, false]);
+    }
 }

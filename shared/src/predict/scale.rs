@@ -48,6 +48,20 @@ impl Scale {
         Self { mean, scale }
     }
 
+    /// The scale of `rows`, and the rows on it.
+    #[must_use]
+    pub fn standardised(width: usize, rows: &[f64]) -> (Self, Vec<f64>) {
+        let scale = Self::fit(width, rows);
+        let values = rows.chunks_exact(width).flat_map(|row| scale.row(row)).collect();
+        (scale, values)
+    }
+
+    /// A row on the standard scale.
+    #[must_use]
+    pub fn row(&self, row: &[f64]) -> Vec<f64> {
+        row.iter().enumerate().map(|(j, &value)| self.apply(j, value)).collect()
+    }
+
     /// What is subtracted.
     #[must_use]
     pub fn mean(&self) -> &[f64] {

@@ -7,7 +7,8 @@
 
 use crate::invalid::{Invalid, length};
 use crate::math::SeededRng;
-use crate::scene::JointState;
+use crate::recording::{Fault, RecordedTrial};
+use crate::scene::{JointState, SceneParameters};
 
 /// One recorded trial: the states and the turn rates the human held between them.
 #[derive(Clone, Debug, PartialEq)]
@@ -35,6 +36,15 @@ impl Trajectory {
             return Err(Invalid::new(format!("turn_rates[{i}]"), "a finite number", turn_rates[i]));
         }
         Ok(Self { states, turn_rates })
+    }
+
+    /// A recorded trial, driven with the vehicles of `scene`.
+    ///
+    /// # Errors
+    /// [`Fault`] for a trial that [`Self::new`] refuses.
+    pub fn of(trial: &RecordedTrial, scene: &SceneParameters) -> Result<Self, Fault> {
+        let rates = trial.inputs.iter().map(|&input| scene.human.turn_rate(input)).collect();
+        Self::new(trial.states.clone(), rates).map_err(|what| Fault { line: trial.line, what })
     }
 
     /// Number of steps, ≥ 1.

@@ -62,7 +62,7 @@ async fn who_has_a_wrong_row_is_named_and_all_others_are_compared() {
         let trials = written(&folder, "trials.csv", &header, &rows);
         let (code, printed, said) = analyze(&["--trials", &trials], &out).await;
         assert_eq!(code, Some(0), "{words}: {said}");
-        let start = format!("{trials}: left out: participant 1: line {line}: ");
+        let start = format!("{trials}: excluded: participant 1: line {line}: ");
         assert!(said.contains(&start) && said.contains(words), "{words}: {said}");
         assert_eq!(said.trim_end().lines().count(), 1, "{said}");
         let printed: Value = serde_json::from_str(&printed).unwrap();
@@ -110,7 +110,7 @@ async fn who_cannot_be_learned_from_is_named_and_left_out() {
     assert_eq!(line["participants"], 1);
     assert!(table(out.join("cells.csv")).iter().all(|row| row["participant"] == "0"));
     let report = fs::read_to_string(out.join("report.html")).unwrap();
-    assert!(report.contains("3 people were left out:"));
+    assert!(report.contains("3 people were excluded:"));
 
     let alone = written(&folder, "alone.csv", &header, &some_trials(&["1"], 4).1);
     let (code, _, said) = analyze(&["--trials", &alone], &out).await;
@@ -166,6 +166,15 @@ async fn files_are_refused_where_it_cannot_be_told_whose_the_rows_are() {
     refused(heading.into(), &format!("{columns}, found no column hpsi")).await;
     let semicolons = format!("{columns}, found no column participant in \"participant;trial;");
     refused(all.replace(',', ";").into(), &semicolons).await;
+    refused(
+        all.replace(',', ";").into(),
+        &format!(
+            "{columns}, found no column participant in {:?}; \
+        separate columns by commas",
+            header.replace(',', ";").chars().take(60).collect::<String>()
+        ),
+    )
+    .await;
     let twice = all.replacen("omega", "hx", 1);
     refused(twice.into(), "line 1: header: expected each column once").await;
     let (start, _) = rows[400].rsplit_once(',').unwrap();
@@ -187,13 +196,14 @@ async fn files_are_refused_where_it_cannot_be_told_whose_the_rows_are() {
     refused(with(402, &long), "line 402: participant: expected a name or number").await;
     let mut octets = all.clone().into_bytes();
     octets.insert(all.len() - 3, 0xff);
-    refused(octets, "line 601: row: expected comma-separated UTF-8 text, found octets").await;
+    refused(octets, "line 601: row: expected comma-separated UTF-8 text, found bytes").await;
     let practice: Vec<String> = rows.iter().map(|row| format!("{row},practice")).collect();
     let practice = text(&format!("{header},phase"), &practice);
     refused(practice.into(), "expected at least one task, found none").await;
     // Everybody's are wrong.
     let other: Vec<String> = rows.iter().map(|row| changed(row, 10, "7")).collect();
-    let words = "line 2: omega: expected -0.5, 0 or 0.5, found 7 (and there are faults of 1 more";
+    let words = "line 2: omega: expected -0.5, 0 or 0.5, found 7; --evader-turn-rate sets the \
+                 human's turn rate; 1 more have faults too";
     refused(text(&header, &other).into(), words).await;
 
     let (code, _, said) = analyze(&["--trials", "nowhere.csv"], &out).await;
@@ -259,7 +269,7 @@ async fn features_that_do_not_go_with_somebodys_trials_leave_them_out() {
         let (code, printed, said) = analyze(&args, &out).await;
         assert_eq!(code, Some(0), "{said}");
         assert!(
-            said.contains("left out: participant 1: features: ") && said.contains(words),
+            said.contains("excluded: participant 1: features: ") && said.contains(words),
             "{said}"
         );
         let printed: Value = serde_json::from_str(&printed).unwrap();
@@ -273,10 +283,7 @@ async fn features_that_do_not_go_with_somebodys_trials_leave_them_out() {
     assert_eq!(code, Some(0), "the reference's go with its trials: {said}");
     let none = folder.path().join("none");
     for (text, words) in [
-        (
-            good[..1].join("\n"),
-            "features.csv: line 1: row: expected participant 0, trial 0, step 0",
-        ),
+        (good[..1].join("\n"), "features.csv: row: expected participant 0, trial 0, step 0"),
         (good.join("\n").replacen("v_h", "safety", 1), "features.csv: line 1: header: expected"),
         (String::new(), "features.csv: line 1: header: expected"),
     ] {
@@ -286,6 +293,35 @@ async fn features_that_do_not_go_with_somebodys_trials_leave_them_out() {
         assert_eq!((code, printed.as_str()), (Some(2), ""), "{said}");
         assert!(said.contains(words), "{words}: {said}");
         assert!(!none.join("cells.csv").exists());
+    }
+}
+
+/// Everything else fits: positions, speeds, inputs and the relative heading of the vehicles.
+#[tokio::test]
+async fn headings_in_degrees_are_refused() {
+    let folder = TempDir::new().unwrap();
+    let (header, rows) = some_trials(&["0", "1"], 6);
+    let degrees = |row: &String, columns: &[usize]| {
+        columns.iter().fold(row.clone(), |row, &column| {
+            let radians: f64 = row.split(',').nth(column).unwrap().parse().unwrap();
+            changed(&row, column, &radians.to_degrees().to_string())
+        })
+    };
+    for (columns, words) in [(&[6, 9][..], "hpsi: expected"), (&[6], "hpsi:"), (&[9], "rpsi:")] {
+        let wrong: Vec<String> = rows.iter().map(|row| degrees(row, columns)).collect();
+        let trials = written(&folder, "trials.csv", &header, &wrong);
+        let out = folder.path().join("out");
+        let path = out.to_str().unwrap();
+        let (code, line, said) = analyze(&["--trials", &trials], &out).await;
+        assert_eq!((code, line.as_str()), (Some(2), ""), "{said}");
+        assert!(said.contains(words) && said.contains("the headings are in degrees"), "{said}");
+        for command in ["shfrs", "features"] {
+            let output = sidestep(&[command, "--trials", &trials, "--out", path]).await;
+            let said = String::from_utf8_lossy(&output.stderr);
+            assert_eq!(output.status.code(), Some(2), "{command}: {said}");
+            assert!(said.contains("the headings are in degrees"), "{command}: {said}");
+        }
+        assert!(!out.exists());
     }
 }
 

@@ -4,13 +4,11 @@ use super::super::solving::Interrupt;
 use super::super::{CommandError, print_json, unwritable};
 use super::{FlagCounts, KeysArg, SimulateArgs, bar};
 use crate::formats::atomic_file;
-use crate::synthetic::REFERENCE_SEED;
+use crate::formats::trials_csv::{COLUMNS, REQUIRED};
 use sidestep::scene::SceneParameters;
-use sidestep::synthetic::SyntheticParticipant;
+use sidestep::synthetic::{REFERENCE_SEED, SyntheticParticipant};
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
-
-const HEADER: &str = "participant,trial,step,t,hx,hy,hpsi,rx,ry,rpsi,omega";
 
 /// Writes the file, whole or not at all, and prints the summary; `-` is stdout, and has none.
 pub(super) fn write(args: &SimulateArgs, out: &str) -> Result<(), CommandError> {
@@ -49,9 +47,10 @@ fn content(args: &SimulateArgs, out: &mut dyn Write) -> io::Result<FlagCounts> {
         KeysArg::Clock => (exact, "\n"),
         KeysArg::Free => (nine_digits, "\r\n"),
     };
-    // The reference's file, octet for octet, does not say what it is; all others do.
+    // The reference's file, byte for byte, does not say what it is; all others do.
     let says = args.keys() == KeysArg::Clock || args.seed != REFERENCE_SEED;
-    write!(out, "{HEADER}{}{end}", if says { ",synthetic" } else { "" })?;
+    let columns = COLUMNS[..REQUIRED].join(",");
+    write!(out, "{columns}{}{end}", if says { ",synthetic" } else { "" })?;
     for number in 0..args.participants {
         let participant = SyntheticParticipant::new(args.seed, number);
         for trial in 0..args.trials() {

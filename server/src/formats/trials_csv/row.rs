@@ -1,6 +1,6 @@
 //! One row of trials.csv: its columns, and what each may hold.
 
-use crate::formats::exports::COLUMNS;
+use super::{COLUMNS, REQUIRED};
 use csv::StringRecord;
 use sidestep::api::MAX_NAME_CHARS;
 use sidestep::invalid::{Invalid, finite};
@@ -10,7 +10,7 @@ use sidestep::vehicle::{Pose, TurnInput};
 
 /// Where each column is.
 pub(super) struct Columns {
-    required: [usize; 11],
+    required: [usize; REQUIRED],
     phase: Option<usize>,
     trial_id: Option<usize>,
     flags: Option<usize>,
@@ -28,13 +28,16 @@ impl Columns {
             let found = format!("{twice:?} again as column {}", i + 1);
             return Err(Invalid::new("header", "each column once", found));
         }
-        let mut required = [0; 11];
+        let mut required = [0; REQUIRED];
         for (wanted, place) in COLUMNS.iter().zip(&mut required) {
             *place = find(wanted).ok_or_else(|| {
-                let expected = format!("the columns {}", COLUMNS[..11].join(","));
-                // Shows at once what separates them, if it is no comma.
+                let expected = format!("the columns {}", COLUMNS[..REQUIRED].join(","));
                 let found: String = names.join(",").chars().take(60).collect();
-                Invalid::new("header", expected, format!("no column {wanted} in {found:?}"))
+                let hint = match names.len() == 1 && found.contains([';', '\t']) {
+                    true => "; separate columns by commas",
+                    false => "",
+                };
+                Invalid::new("header", expected, format!("no column {wanted} in {found:?}{hint}"))
             })?;
         }
         Ok(Self {
@@ -48,7 +51,7 @@ impl Columns {
         })
     }
 
-    /// Whose row it is.
+    /// The participant of a row.
     pub(super) fn participant<'a>(&self, record: &'a StringRecord) -> Result<&'a str, Invalid> {
         let name = record.get(self.required[0]).unwrap_or("").trim();
         let characters = name.chars().count();

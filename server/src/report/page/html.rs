@@ -2,6 +2,8 @@
 
 pub(super) use sidestep::chart::fixed;
 
+use sidestep::comparison::gains::LEVEL;
+
 /// A text with everything escaped that means something in HTML and XML, attributes included.
 /// Control characters, which XML forbids, become U+FFFD.
 pub(super) fn escaped(text: &str) -> String {
@@ -108,7 +110,7 @@ fn without_tags(html: &str) -> String {
 }
 
 /// How much something gains.
-pub(super) struct Gain {
+pub(super) struct GainItem {
     /// In which model.
     pub(super) name: String,
     /// HTML.
@@ -119,9 +121,9 @@ pub(super) struct Gain {
 }
 
 /// Gains side by side.
-pub(super) fn gains(all: &[Gain]) -> String {
-    let one = |of: &Gain| {
-        let is_below = of.p_values.is_some_and(|[_, holm]| holm < super::compare::LEVEL);
+pub(super) fn gains(all: &[GainItem]) -> String {
+    let one = |of: &GainItem| {
+        let is_below = of.p_values.is_some_and(|[_, holm]| holm < LEVEL);
         let class = if is_below { " class=\"below\"" } else { "" };
         let sure = of.p_values.map_or_else(String::new, |[p, holm]| {
             format!("<small>{}<br/>Holm {}</small>", p_is(p), p_value(holm))

@@ -1,14 +1,14 @@
 //! The warning where a safety level cannot tell states apart.
 
-use super::Analysis;
 use super::html::{fixed, listed};
 use super::words;
+use sidestep::comparison::Analysis;
 use sidestep::safety::LevelQuality;
 use sidestep::scene::Evader;
 
 /// A warning for each level that is not sound; nothing where both are.
 pub(super) fn banner_of(analysis: &Analysis) -> String {
-    let Some(quality) = &analysis.safety else { return String::new() };
+    let Some(quality) = &analysis.data.safety else { return String::new() };
     let unsound = Evader::ALL.into_iter().filter(|evader| !quality.level(*evader).is_sound());
     unsound.map(|evader| banner(analysis, evader, quality.level(evader))).collect()
 }

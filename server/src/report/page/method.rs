@@ -2,24 +2,24 @@
 
 use super::html::{details, listed};
 use super::section;
-use crate::report::Analysis;
-use sidestep::comparison::cell::{BODY_FRAME_SETS, Cell, ModelName, PAPERS_SETS};
+use sidestep::comparison::Analysis;
+use sidestep::comparison::cell::{BODY_FRAME_SETS, ModelName, PAPERS_SETS};
 use sidestep::comparison::fit::Grids;
 use sidestep::vehicle::VehicleModel;
 
 /// The section.
 pub(super) fn section_of(analysis: &Analysis) -> String {
     let content = format!(
-        "<p><b>Split.</b> Only tasks count. A person’s last fifth of the trials tests; the rest \
-         trains. Hyper-parameters are chosen by five-fold cross-validation over whole trials \
+        "<p><b>Split.</b> Only tasks count. Each person’s last 20 % of trials is the test set; the rest is the \
+         training set. Hyper-parameters are chosen by five-fold cross-validation over whole trials \
          (a person’s trials are dealt to the folds in turn, so that no trial is in two), features are standardised \
          within the fold, the first of equals in the order of the grid is taken, and the model is \
          trained anew on all training trials. Nothing is random: there is no seed.</p>\n\
          {grids}\
          <p><b>Features.</b> <i>B</i>: |Δx|, |Δy| and Δψ in the world’s frame, cos Δψ and sin Δψ; \
          with <i>V</i><sub>HR</sub> (h), <i>V</i><sub>RH</sub> (r) and the distance (d), m. A safety \
-         level is how far the other side can be kept from the danger zone’s edge ({radius} m) when \
-         it does its worst; at 0 or below a collision can be forced. They are those of these vehicles: \
+         level is the distance from the danger zone’s edge ({radius} m from the robot’s centre) that \
+         can be kept against the worst the other side can do; at 0 or below a collision can be forced. They are those of these vehicles: \
          {vehicles}.</p>\n\
          {own}\
          <p><b>Measures.</b> Accuracy: share of steps where the predicted class was the person’s. \
@@ -36,7 +36,7 @@ pub(super) fn section_of(analysis: &Analysis) -> String {
          models over the commonest input. The typical gain is the median of the means of all pairs of people’s gains (Hodges and Lehmann); its interval holds every shift that the paired test does not \
          reject at 5 %, without correction.</p>\n",
         grids = grids(&analysis.settings.grids) + &at_the_end(analysis),
-        radius = analysis.context.scene.danger_radius_m,
+        radius = analysis.data.scene.danger_radius_m,
         vehicles = vehicles(analysis),
         own = own_sets(analysis),
     );
@@ -48,7 +48,7 @@ fn vehicles(analysis: &Analysis) -> String {
     let one = |who: &str, vehicle: &VehicleModel| {
         format!("the {who} {} m/s and ±{} rad/s", vehicle.speed_mps, vehicle.turn_rate_radps)
     };
-    let scene = &analysis.context.scene;
+    let scene = &analysis.data.scene;
     [one("human", &scene.human), one("robot", &scene.robot)].join(", ")
 }
 
@@ -81,31 +81,23 @@ fn grids(used: &Grids) -> String {
     )
 }
 
-/// Whose C is often the greatest that was tried, so that a greater one may do better.
+/// The models whose C is often the greatest that was tried, so that a greater one may do better.
 fn at_the_end(analysis: &Analysis) -> String {
-    let Grids { rbf_c, linear_c, logistic_c, .. } = &analysis.settings.grids;
-    let grids = [
-        (ModelName::SvmRbf, rbf_c, "machines with radial basis functions"),
-        (ModelName::SvmLinear, linear_c, "linear machines"),
-        (ModelName::Lr, logistic_c, "logistic regressions"),
-    ];
-    let often = grids.into_iter().filter_map(|(model, grid, name)| {
-        let greatest = grid.iter().copied().reduce(f64::max).filter(|_| grid.len() > 1)?;
-        let chosen = |cell: &&Cell| {
-            let settings = serde_json::from_str::<serde_json::Value>(&cell.hyperparameters);
-            settings.is_ok_and(|settings| settings["C"] == greatest)
+    let edges = analysis.findings.grid_edges.iter().map(|edge| {
+        let name = match edge.model {
+            ModelName::SvmRbf => "SVMs with radial basis functions",
+            ModelName::SvmLinear => "linear SVMs",
+            _ => "logistic regressions",
         };
-        let all = || analysis.comparison.cells.iter().filter(|cell| cell.model == model);
-        let (at_end, of) = (all().filter(chosen).count(), all().count());
-        (5 * at_end > of).then(|| format!("C = {greatest} for {at_end} of {of} {name}"))
+        format!("C = {} for {} of {} {name}", edge.greatest, edge.chosen, edge.of)
     });
-    let often: Vec<String> = often.collect();
-    if often.is_empty() {
+    let edges: Vec<String> = edges.collect();
+    if edges.is_empty() {
         return String::new();
     }
     format!(
         "<p>Often the greatest C did best: {}. A grid that goes further may do better still.</p>\n",
-        listed(&often)
+        listed(&edges)
     )
 }
 

@@ -1,13 +1,14 @@
 //! The tables of the report.
 
-use super::compare::too_few;
 use super::html::{details, escaped, fixed, p_value, signed, table};
 use super::{published, words};
-use crate::report::best::is_best;
-use crate::report::{Analysis, Excluded};
+use sidestep::comparison::Analysis;
 use sidestep::comparison::avoidance::Distances;
 use sidestep::comparison::cell::{BODY_FRAME_SETS, Experiment, ModelName, PAPERS_SETS};
-use sidestep::comparison::tables::Metric;
+use sidestep::comparison::differences::Test;
+use sidestep::comparison::gains::{LEVEL, Power};
+use sidestep::comparison::tables::{Metric, are_best};
+use sidestep::recording::Exclusion;
 
 /// In place of p-values that could not be below 0.05.
 const NO_TEST: &str =
@@ -26,7 +27,7 @@ fn bold(numbers: &[Option<f64>], less_is_better: bool, places: usize) -> Vec<Str
         Some(number) => fixed(*number, places),
         None => "–".to_owned(),
     };
-    numbers.iter().zip(is_best(numbers, less_is_better)).map(entry).collect()
+    numbers.iter().zip(are_best(numbers, less_is_better)).map(entry).collect()
 }
 
 fn papers_row(numbers: Option<[f64; 7]>, less_is_better: bool) -> Vec<String> {
@@ -41,7 +42,7 @@ fn papers_row(numbers: Option<[f64; 7]>, less_is_better: bool) -> Vec<String> {
 pub(super) fn accuracy(analysis: &Analysis) -> String {
     let mut rows = Vec::new();
     for experiment in Experiment::ALL {
-        let baseline = super::compare::mean(&analysis.person_baselines(experiment));
+        let baseline = analysis.baseline_accuracy(experiment);
         for model in ModelName::PAPERS {
             let numeral = experiment.numeral();
             let name = format!("{} ({numeral})", words::model(model));
@@ -99,7 +100,7 @@ pub(super) fn distances(analysis: &Analysis) -> String {
          which human and model avoid; a model that seldom avoids looks good there. The paper does \
          not say which it used. <b>Bold</b>: best of the row; with different n a best of “both \
          avoid” means little.",
-        analysis.context.scene.step_s
+        analysis.data.scene.step_s
     );
     table(&caption, "numbers triples", &headed("", &[]), &rows)
 }
@@ -114,12 +115,16 @@ pub(in crate::report) fn both_avoid(of: &Distances, metric: Metric) -> Option<f6
     if metric == Metric::End { of.end_both } else { of.start_both }
 }
 
+/// Whether participants are too few for any paired test to show anything.
+pub(super) fn too_few(analysis: &Analysis) -> bool {
+    Power::of(analysis.comparison.participants.len(), 1).is_too_low()
+}
+
 /// What a body frame explains.
 pub(super) fn ablation(analysis: &Analysis) -> String {
-    let few = too_few(analysis.people());
+    let few = too_few(analysis);
     let rows = analysis.ablation.iter().map(|row| {
-        let model = ModelName::ALL.into_iter().find(|model| model.word() == row.model);
-        let (name, set) = match model {
+        let (name, set) = match row.model {
             Some(model) => (words::model(model).to_owned(), words::set(&row.features)),
             None => ("commonest input".to_owned(), "–".to_owned()),
         };
@@ -151,31 +156,28 @@ pub(super) fn ablation(analysis: &Analysis) -> String {
 
 /// Every test, a table each metric.
 pub(super) fn tests(analysis: &Analysis) -> String {
-    let few = too_few(analysis.people());
+    let few = too_few(analysis);
     let metrics = [
         (Metric::Accuracy, "Accuracy", "points"),
         (Metric::Start, "<i>D</i><sub>start</sub>", "steps"),
         (Metric::End, "<i>D</i><sub>end</sub>", "steps"),
     ];
     let one = |(metric, name, unit): (Metric, &str, &str)| {
-        let tests = || analysis.tests.iter().filter(|test| test.metric == metric);
-        let rows = tests().map(|test| {
+        let tests = || analysis.tests.iter().filter(|test| test.gain.metric == metric);
+        let rows = tests().map(|test: &Test| {
+            let of = &test.gain;
             let p = |p: f64, holm: f64| {
-                let after = match holm < super::compare::LEVEL {
+                let after = match holm < LEVEL {
                     true => format!("<strong>{}</strong>", p_value(holm)),
                     false => p_value(holm),
                 };
                 format!("{}<small>{after}</small>", p_value(p))
             };
             vec![
-                format!("{} ({})", words::model(test.model), test.experiment.numeral()),
+                format!("{} ({})", words::model(of.model), of.experiment.numeral()),
                 format!("{} over {}", words::set(test.first), words::set(test.second)),
-                signed(test.gain, 2),
-                if few {
-                    "–".to_owned()
-                } else {
-                    p(test.wilcoxon_persons, test.wilcoxon_persons_holm)
-                },
+                signed(of.paired.mean, 2),
+                if few { "–".to_owned() } else { p(of.paired.p, of.holm) },
                 p(test.mann_whitney_persons, test.mann_whitney_persons_holm),
                 p(test.mann_whitney_trajectories, test.mann_whitney_trajectories_holm),
             ]
@@ -214,7 +216,7 @@ pub(super) fn leakage(analysis: &Analysis) -> String {
             format!("{} ({})", words::model(row.model), row.experiment.numeral()),
             fixed(row.grouped, 2),
             fixed(row.leaking, 2),
-            signed(row.leaking - row.grouped, 2),
+            signed(row.overstated(), 2),
         ]
     });
     let columns = ["model", "whole trials (%)", "single steps (%)", "overstated by (points)"];
@@ -227,11 +229,11 @@ pub(super) fn leakage(analysis: &Analysis) -> String {
     table(&caption, "numbers", &columns.map(str::to_owned), &rows.collect::<Vec<_>>())
 }
 
-/// Who was left out, and why.
+/// The participants who are excluded, and why.
 pub(super) fn exclusions(analysis: &Analysis) -> String {
-    let one = |who: &Excluded| {
+    let one = |who: &Exclusion| {
         format!("<li><b>{}</b>: {}</li>\n", escaped(&who.participant), escaped(&who.why()))
     };
-    let all: String = analysis.exclusions.iter().map(one).collect();
+    let all: String = analysis.data.exclusions.iter().map(one).collect();
     format!("<ul class=\"exclusions\">\n{all}</ul>\n")
 }

@@ -1,14 +1,16 @@
 //! A small made-up analysis.
 
-use crate::report::{Analysis, Context, DecisionMap};
 use sidestep::comparison::baseline::Baseline;
 use sidestep::comparison::cell::{Cell, Experiment, ModelName, NamedSet};
+use sidestep::comparison::decision_map::DecisionMap;
 use sidestep::comparison::metrics::Predictions;
 use sidestep::comparison::rollout::Horizon;
-use sidestep::comparison::tables::{Comparison, Participant};
-use sidestep::comparison::{Exclusion, Leakage, Results, RolloutsOf, Settings};
+use sidestep::comparison::tables::{ComparedParticipant, Comparison};
+use sidestep::comparison::{Analysis, DataSummary, Leakage, Results, RolloutsOf, Settings};
 use sidestep::predict::{Predictor, PredictorFile};
+use sidestep::recording::Exclusion;
 use sidestep::scene::SceneParameters;
+use std::collections::BTreeMap;
 
 /// Steps of a trial.
 const STEPS: usize = 10;
@@ -18,6 +20,15 @@ const TRIALS: usize = 2;
 /// of each trial, others two, and everybody after the first one more; the first step of avoidance
 /// is found.
 pub(super) fn made_up(people: usize, synthetic: Option<&str>) -> Analysis {
+    made_up_but(people, synthetic, |_| {})
+}
+
+/// The same with results that `change` has changed.
+pub(super) fn made_up_but(
+    people: usize,
+    synthetic: Option<&str>,
+    change: impl FnOnce(&mut Results),
+) -> Analysis {
     let sets = NamedSet::papers().unwrap().into_iter().chain(NamedSet::with_body_frame().unwrap());
     let sets: Vec<NamedSet> = sets.collect();
     let mut cells = Vec::new();
@@ -31,7 +42,7 @@ pub(super) fn made_up(people: usize, synthetic: Option<&str>) -> Analysis {
             }
         }
     }
-    let participant = |i| Participant {
+    let participant = |i| ComparedParticipant {
         name: if i == 0 { "<script>alert(1)</script>".to_owned() } else { format!("person {i}") },
         test_trials: (40..).take(TRIALS).collect(),
         steps: STEPS,
@@ -44,11 +55,11 @@ pub(super) fn made_up(people: usize, synthetic: Option<&str>) -> Analysis {
             test: predictions(experiment, STEPS),
         })
     });
-    let excluded = Exclusion {
-        participant: "<img src=x onerror=alert(2)> & \"co\"".to_owned(),
-        reason: "3 tasks, at least 5 are needed".to_owned(),
-    };
-    let results = Results {
+    let excluded = Exclusion::new(
+        "<img src=x onerror=alert(2)> & \"co\"",
+        "3 tasks, at least 5 are needed".to_owned(),
+    );
+    let mut results = Results {
         comparison: Comparison { participants, cells },
         baselines: baselines.collect(),
         rollouts: ["svm", "dt", "lr", "held_input", "straight"].map(rollouts).to_vec(),
@@ -58,8 +69,9 @@ pub(super) fn made_up(people: usize, synthetic: Option<&str>) -> Analysis {
             grouped: 70.25,
             leaking: 91.5,
         }],
-        exclusions: vec![excluded],
+        exclusions: Vec::new(),
     };
+    change(&mut results);
     let map = DecisionMap {
         features: "hrd",
         heading: 3.0,
@@ -69,10 +81,16 @@ pub(super) fn made_up(people: usize, synthetic: Option<&str>) -> Analysis {
             .collect(),
         boundary: vec![vec![[3.0, 0.0], [0.0, 3.0], [-3.0, 0.0], [0.0, -3.0]]],
     };
-    let context =
-        Context { trials: 7 * people, scene: SceneParameters::default(), maps: vec![map] };
-    let settings = Settings::new().unwrap();
-    Analysis::of(results, synthetic.map(str::to_owned), context, settings).unwrap()
+    let data = DataSummary {
+        trials: 7 * people,
+        scene: SceneParameters::default(),
+        synthetic: synthetic.map(str::to_owned),
+        exclusions: vec![excluded],
+        flagged: BTreeMap::new(),
+        same_trials: Vec::new(),
+        safety: None,
+    };
+    Analysis::of(data, Settings::new().unwrap(), results, vec![map]).unwrap()
 }
 
 /// What a model says that misses the last steps of the turn.

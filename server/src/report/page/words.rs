@@ -16,6 +16,11 @@ pub(in crate::report) fn model(model: ModelName) -> &'static str {
     }
 }
 
+/// "SVM I".
+pub(super) fn model_in(of: ModelName, experiment: Experiment) -> String {
+    format!("{} {}", model(of), experiment.numeral())
+}
+
 /// In a sentence.
 pub(super) fn model_in_full(model: ModelName) -> &'static str {
     match model {

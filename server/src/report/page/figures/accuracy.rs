@@ -1,34 +1,45 @@
 //! A dot for each person on each feature set.
 
-use super::super::compare::mean;
 use super::super::words;
 use super::{figure, look, reference};
-use crate::report::Analysis;
 use sidestep::chart::{Axis, Chart, Group, Swarm, fixed};
+use sidestep::comparison::Analysis;
 use sidestep::comparison::cell::{Experiment, ModelName};
 use sidestep::comparison::tables::Metric;
 
 const HEIGHT: f64 = 220.0;
 
-/// The name of each set, and a number of each person.
-type Columns<'a> = Vec<(&'a str, Vec<f64>)>;
+/// A column of a chart: the name of its feature set, a number each person, and their mean.
+struct Column<'a> {
+    set: &'a str,
+    people: Vec<f64>,
+    mean: f64,
+}
 
 /// Accuracy of each model in both experiments.
 pub(in super::super) fn accuracies(analysis: &Analysis) -> String {
     let sets = analysis.comparison.sets();
     let mut plots = Vec::new();
     for experiment in Experiment::ALL {
-        let baselines = analysis.person_baselines(experiment);
         for model in ModelName::PAPERS {
-            let column = |set: &&'_ str| analysis.person_accuracies(model, experiment, set);
-            let columns = sets.iter().map(|set| (*set, column(set))).collect();
+            let means = analysis.comparison.accuracies(model, experiment, &sets);
+            let column = |(&set, mean)| {
+                let people = analysis.comparison.person_accuracies(model, experiment, set);
+                Column { set, people, mean }
+            };
+            let columns = sets.iter().zip(means).map(column).collect();
             let heading = format!(
                 "{} {}: {}",
                 words::model(model),
                 experiment.numeral(),
                 words::question(experiment)
             );
-            plots.push(Plot { model, heading, columns, baseline: Some(mean(&baselines)) });
+            plots.push(Plot {
+                model,
+                heading,
+                columns,
+                baseline: Some(analysis.baseline_accuracy(experiment)),
+            });
         }
     }
     let caption = "<b>Accuracy for each feature set.</b> Share of the test steps that are \
@@ -45,8 +56,21 @@ pub(in super::super) fn distances(analysis: &Analysis) -> String {
     let mut plots = Vec::new();
     for (metric, word) in [(Metric::Start, "first"), (Metric::End, "last")] {
         for model in ModelName::PAPERS {
-            let column = |set: &&'_ str| analysis.person_metric(metric, model, set);
-            let columns = sets.iter().map(|set| (*set, column(set))).collect();
+            let column = |&set| {
+                let people =
+                    analysis.comparison.person_metric(metric, model, Experiment::Avoidance, set);
+                Column {
+                    set,
+                    mean: analysis.comparison.person_mean(
+                        metric,
+                        model,
+                        Experiment::Avoidance,
+                        set,
+                    ),
+                    people,
+                }
+            };
+            let columns = sets.iter().map(column).collect();
             let heading = format!("{}: {word} step of avoidance", words::model(model));
             plots.push(Plot { model, heading, columns, baseline: None });
         }
@@ -56,7 +80,7 @@ pub(in super::super) fn distances(analysis: &Analysis) -> String {
          and last step (<i>D</i><sub>end</sub>) of avoidance is from the human’s: a dot is the mean \
          over a person’s test trials, penalised (no avoidance counts as one past the last step, or \
          as step −1). A step is {} s. Less is better.",
-        analysis.context.scene.step_s
+        analysis.data.scene.step_s
     );
     drawn(&plots, ["distance", "steps"], &caption)
 }
@@ -64,13 +88,13 @@ pub(in super::super) fn distances(analysis: &Analysis) -> String {
 struct Plot<'a> {
     model: ModelName,
     heading: String,
-    columns: Columns<'a>,
+    columns: Vec<Column<'a>>,
     baseline: Option<f64>,
 }
 
 fn drawn(plots: &[Plot<'_>], [name, unit]: [&str; 2], caption: &str) -> String {
     let all = || {
-        let numbers = plots.iter().flat_map(|plot| plot.columns.iter().flat_map(|(_, of)| of));
+        let numbers = plots.iter().flat_map(|plot| plot.columns.iter().flat_map(|of| &of.people));
         numbers.copied().chain(plots.iter().filter_map(|plot| plot.baseline))
     };
     let (low, high) = (all().fold(f64::INFINITY, f64::min), all().fold(0.0, f64::max));
@@ -82,9 +106,9 @@ fn drawn(plots: &[Plot<'_>], [name, unit]: [&str; 2], caption: &str) -> String {
 
 fn chart(plot: &Plot<'_>, y: Axis) -> Chart {
     let said: Vec<String> =
-        plot.columns.iter().map(|(set, of)| format!("{set} {}", fixed(mean(of), 1))).collect();
+        plot.columns.iter().map(|of| format!("{} {}", of.set, fixed(of.mean, 1))).collect();
     let description = format!("Means over people by feature set: {}.", said.join(", "));
-    let sets = plot.columns.iter().map(|(set, _)| {
+    let sets = plot.columns.iter().map(|Column { set, .. }| {
         let (letters, body) = words::parts(set);
         if body { format!("{letters}\nbody") } else { letters.to_owned() }
     });
@@ -95,7 +119,7 @@ fn chart(plot: &Plot<'_>, y: Axis) -> Chart {
     }
     let (colour, mark) = look(plot.model);
     let group =
-        |(_, of): &(_, Vec<f64>)| Group { values: of.clone(), mean: mean(of), interval: None };
+        |of: &Column<'_>| Group { values: of.people.clone(), mean: of.mean, interval: None };
     chart.add(Swarm {
         name: "a person".to_owned(),
         groups: plot.columns.iter().map(group).collect(),

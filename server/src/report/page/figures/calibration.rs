@@ -2,10 +2,9 @@
 
 use super::super::words;
 use super::{figure, look, reference};
-use crate::report::Analysis;
 use sidestep::chart::{Axis, Chart, Datum, Series};
+use sidestep::comparison::Analysis;
 use sidestep::comparison::cell::{Experiment, ModelName};
-use sidestep::comparison::metrics::Predictions;
 
 const HEIGHT: f64 = 300.0;
 const SET: &str = "hrd";
@@ -32,10 +31,9 @@ fn chart(analysis: &Analysis, experiment: Experiment) -> Chart {
     let x = Axis::linear("probability of the likeliest class", "", [from, 1.0], 10);
     let y = Axis::linear("share that was right", "", [0.0, 1.0], 5);
     let curves = ModelName::PAPERS.map(|model| {
-        let cells = analysis.comparison.of(model, experiment, SET);
-        let all = Predictions::together(experiment.classes(), cells.map(|cell| &cell.test));
-        let total = all.rows().max(1) as f64;
-        let kept = all.bins().into_iter().filter(|bin| bin.rows >= LEAST_ROWS);
+        let all = analysis.pooled(Some(model), experiment, SET);
+        let total = all.map_or(1, |of| of.calibration.rows).max(1) as f64;
+        let kept = all.into_iter().flat_map(|of| of.bins).filter(|bin| bin.rows >= LEAST_ROWS);
         let point = kept.map(|bin| {
             let n = bin.rows as f64;
             ([bin.confidence / n, bin.right as f64 / n], n / total, bin.rows)

@@ -2,9 +2,8 @@
 
 use super::super::html::grouped;
 use super::super::words;
-use crate::report::Analysis;
+use sidestep::comparison::Analysis;
 use sidestep::comparison::cell::{Experiment, ModelName};
-use sidestep::comparison::metrics::Predictions;
 
 const SET: &str = "hrd";
 
@@ -24,11 +23,12 @@ pub(in super::super) fn figure_of(analysis: &Analysis) -> String {
 }
 
 fn table(analysis: &Analysis, model: ModelName, experiment: Experiment) -> String {
-    let cells = analysis.comparison.of(model, experiment, SET);
-    let all = Predictions::together(experiment.classes(), cells.map(|cell| &cell.test));
+    let counts = analysis.pooled(Some(model), experiment, SET).map(|of| of.confusion.clone());
+    let counts = counts.unwrap_or_default();
+    let classes = experiment.classes();
     let name = |class: &i8| words::class(experiment, *class);
     let columns: String =
-        all.classes.iter().map(|class| format!("<th scope=\"col\">{}</th>", name(class))).collect();
+        classes.iter().map(|class| format!("<th scope=\"col\">{}</th>", name(class))).collect();
     let row = |(class, counts): (&i8, Vec<usize>)| {
         let total = counts.iter().sum::<usize>().max(1) as f64;
         let entry = |count: usize| {
@@ -44,7 +44,7 @@ fn table(analysis: &Analysis, model: ModelName, experiment: Experiment) -> Strin
         let entries: String = counts.into_iter().map(entry).collect();
         format!("<tr><th scope=\"row\">{}</th>{entries}</tr>\n", name(class))
     };
-    let rows: String = all.classes.iter().zip(all.confusion()).map(row).collect();
+    let rows: String = classes.iter().zip(counts).map(row).collect();
     format!(
         "<table class=\"confusion\">\n<caption>{} {}</caption>\n<thead><tr><th scope=\"col\" \
          class=\"corner\">did ↓<br/>predicted →</th>{columns}</tr></thead>\n<tbody>\n{rows}</tbody>\n</table>\n",

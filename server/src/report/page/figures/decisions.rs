@@ -2,9 +2,9 @@
 
 use super::super::words;
 use super::{WIDTH, drawn};
-use crate::report::Analysis;
-use crate::report::context::{DecisionMap, MAPPED_MODEL};
 use sidestep::chart::{Area, Axis, Cells, Chart, Drawing, Ink, Note, Pen, Sign, colours, disc};
+use sidestep::comparison::Analysis;
+use sidestep::comparison::decision_map::{DecisionMap, MAPPED_MODEL};
 use sidestep::math::PI;
 
 /// Tones of the map.
@@ -12,9 +12,9 @@ const TONES: usize = 10;
 
 /// Maps of the probability of a turn.
 pub(in super::super) fn figure_of(analysis: &Analysis) -> String {
-    let maps = analysis.context.maps.iter().filter(|map| !map.probabilities.is_empty());
+    let maps = analysis.maps.iter().filter(|map| !map.probabilities.is_empty());
     let charts: Vec<Chart> =
-        maps.map(|map| chart(map, analysis.context.scene.danger_radius_m)).collect();
+        maps.map(|map| chart(map, analysis.data.scene.danger_radius_m)).collect();
     if charts.is_empty() {
         return String::new();
     }

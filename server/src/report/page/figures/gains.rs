@@ -1,11 +1,10 @@
 //! How much one feature set gains over another: the answer in one picture.
 
-use super::super::compare::Paired;
 use super::super::words;
 use super::figure;
-use crate::report::Analysis;
 use sidestep::chart::{Axis, Chart, Group, Mark, Series, Swarm, colours};
-use sidestep::comparison::cell::{Experiment, ModelName};
+use sidestep::comparison::Analysis;
+use sidestep::comparison::gains::Gain;
 
 /// Which sets are compared, as in the findings, and how a chart is headed.
 const PAIRS: [(&str, &str, &str); 3] = [
@@ -18,24 +17,12 @@ const ROW: f64 = 30.0;
 
 /// The gains of each model and experiment, with a dot for each person.
 pub(in super::super) fn figure_of(analysis: &Analysis) -> String {
-    let rows = |first, second| -> Vec<(String, Paired)> {
-        let entries = Experiment::ALL.into_iter().flat_map(|experiment| {
-            ModelName::PAPERS.into_iter().map(move |model| (model, experiment))
-        });
-        entries
-            .filter_map(|(model, experiment)| {
-                let of = |set| analysis.person_accuracies(model, experiment, set);
-                let name = format!("{} {}", words::model(model), experiment.numeral());
-                Paired::of(&of(first), &of(second)).map(|paired| (name, paired))
-            })
-            .collect()
-    };
     let all: Vec<_> = PAIRS
         .into_iter()
-        .map(|(first, second, heading)| (heading, first, second, rows(first, second)))
+        .map(|(first, second, heading)| (heading, first, second, analysis.gains(first, second)))
         .filter(|(.., rows)| !rows.is_empty())
         .collect();
-    let every = || all.iter().flat_map(|(.., rows)| rows).flat_map(|(_, of)| &of.gains);
+    let every = || all.iter().flat_map(|(.., rows)| rows).flat_map(|gain| &gain.paired.gains);
     let low = every().copied().fold(0.0, f64::min);
     let high = every().copied().fold(0.0, f64::max);
     let charts: Vec<Chart> = all
@@ -53,18 +40,18 @@ pub(in super::super) fn figure_of(analysis: &Analysis) -> String {
     figure(&charts, 66.0 + ROW * rows, caption)
 }
 
-fn chart(heading: &str, rows: &[(String, Paired)], x: Axis) -> Chart {
+fn chart(heading: &str, rows: &[&Gain], x: Axis) -> Chart {
     let said: Vec<String> =
-        rows.iter().map(|(name, of)| format!("{name}: mean {:+.1}", of.mean)).collect();
+        rows.iter().map(|gain| format!("{}: mean {:+.1}", name(gain), gain.paired.mean)).collect();
     let description = format!("Mean gain in points. {}.", said.join("; "));
-    let y = Axis::categories("", rows.iter().map(|(name, _)| name.clone())).downwards();
+    let y = Axis::categories("", rows.iter().map(|gain| name(gain))).downwards();
     let mut chart = Chart::new(heading, &description, x, y);
     let zero = chart.y.ends.map(|y| [0.0, y]);
     chart.add(Series::line("", zero, colours::MUTED, 1.0));
-    let group = |(_, of): &(_, Paired)| Group {
-        values: of.gains.clone(),
-        mean: of.mean,
-        interval: of.interval,
+    let group = |gain: &&Gain| Group {
+        values: gain.paired.gains.clone(),
+        mean: gain.paired.mean,
+        interval: gain.paired.interval,
     };
     chart.add(Swarm {
         name: "a person".to_owned(),
@@ -75,4 +62,8 @@ fn chart(heading: &str, rows: &[(String, Paired)], x: Axis) -> Chart {
         places: 1,
     });
     chart
+}
+
+fn name(gain: &Gain) -> String {
+    words::model_in(gain.model, gain.experiment)
 }

@@ -2,8 +2,8 @@
 
 use super::super::words;
 use super::{figure, look};
-use crate::report::Analysis;
 use sidestep::chart::{Axis, Chart, Mark, Pen, Series, colours};
+use sidestep::comparison::Analysis;
 use sidestep::comparison::RolloutsOf;
 use sidestep::comparison::cell::{HISTORY_SET, ModelName};
 use sidestep::comparison::rollout::Horizon;
@@ -85,7 +85,7 @@ fn charts(analysis: &Analysis, lines: &[Line]) -> [Chart; 3] {
     let all = lines.iter().copied().chain(simple);
     let curves: Vec<(Line, &[Horizon])> =
         all.filter_map(|line| Some((line, line.horizons(&analysis.rollouts)?))).collect();
-    let step_s = analysis.context.scene.step_s;
+    let step_s = analysis.data.scene.step_s;
     [
         chart(&curves, step_s, "Accuracy", ["accuracy", "%"], |h| 100.0 * h.accuracy()),
         chart(&curves, step_s, "Distance from the person", ["distance", "m"], |h| {

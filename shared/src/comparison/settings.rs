@@ -1,26 +1,60 @@
-//! What may be asked of a comparison: further feature sets, other grids, and whether leakage is
-//! shown.
+//! What a comparison is asked for: feature sets, grids, and whether leakage is shown.
 
-use super::Settings;
-use super::cell::NamedSet;
-use super::fit::Grids;
+use super::cell::{BODY_FRAME_SETS, NamedSet};
+use super::fit::{Grids, ModelFamily};
 use crate::features::FeatureSet;
 use crate::invalid::{Invalid, positive};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// What is asked for, as JSON; everything may be left out.
+/// What a comparison fits and reports.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Settings {
+    /// Feature sets: the paper's seven among them.
+    pub sets: Vec<NamedSet>,
+    /// Hyper-parameters to try.
+    pub grids: Grids,
+    /// Whether models are fitted to a split by time step too, to show what leaks.
+    pub leakage: bool,
+    /// Steps of roll-outs, at least 1.
+    pub horizon: usize,
+    /// The feature set of models with a memory.
+    pub history: NamedSet,
+}
+
+impl Settings {
+    /// The protocol's: the paper's sets, two of them with the body frame, its grids, T = 10.
+    ///
+    /// # Errors
+    /// Never: the names are those of the table.
+    pub fn new() -> Result<Self, Invalid> {
+        let mut sets = NamedSet::papers()?;
+        sets.extend(NamedSet::with_body_frame()?);
+        let history = NamedSet::with_history()?;
+        Ok(Self { sets, grids: Grids::default(), leakage: false, horizon: 10, history })
+    }
+
+    /// Models beyond the paper: with a memory, or boosted, or both.
+    pub(super) fn beyond(&self) -> impl Iterator<Item = (&NamedSet, ModelFamily)> {
+        let body = self.sets.iter().find(|set| set.name == BODY_FRAME_SETS[0].0);
+        let with_memory =
+            [ModelFamily::Logistic, ModelFamily::Boosted].map(|family| (&self.history, family));
+        body.map(|set| (set, ModelFamily::Boosted)).into_iter().chain(with_memory)
+    }
+}
+
+/// The request for a comparison as JSON; every field may be left out.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Request {
-    /// Whether a split by time step is tried too, to show by how much it deceives.
+    /// Whether models are fitted to a split by time step too, to show how much it overstates.
     pub leakage: bool,
-    /// Whether the report is to say that the data are synthetic. Those of `sidestep simulate`
-    /// say so themselves.
+    /// Whether the report is to say that the data are synthetic. Files of `sidestep simulate` say
+    /// so themselves.
     pub synthetic: bool,
-    /// Further feature sets beside the paper's: features by name under a name of one's own.
+    /// Further feature sets beside the paper's: a name, and the names of its features.
     pub sets: BTreeMap<String, Vec<String>>,
-    /// Hyper-parameters to try; what is left out is the protocol's.
+    /// Hyper-parameters to try; the protocol's where left out.
     pub grids: Grids,
 }
 
@@ -31,10 +65,10 @@ const MOST_SETS: usize = 32;
 const MOST_VALUES: usize = 64;
 
 impl Request {
-    /// The settings that this asks for: the protocol's where nothing is said.
+    /// The settings that this asks for: the protocol's where it asks for nothing.
     ///
     /// # Errors
-    /// [`Invalid`] naming the set or grid that cannot be.
+    /// [`Invalid`] naming the set or grid that is wrong.
     pub fn settings(&self) -> Result<Settings, Invalid> {
         let protocol = Settings::new()?;
         if self.sets.len() > MOST_SETS {

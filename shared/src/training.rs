@@ -1,26 +1,33 @@
-//! A predictor from what one person drove: composes the library, decides nothing.
+//! A predictor of one person's turns from what they drove.
 
-use sidestep::api::TrainedPredictor;
-use sidestep::dataset::Dataset;
-use sidestep::features::FeatureSet;
-use sidestep::invalid::Invalid;
-use sidestep::learn::logistic::{LogisticSettings, fit};
-use sidestep::learn::samples::Samples;
-use sidestep::predict::Predictor;
-use sidestep::predict::scale::Scale;
-use sidestep::safety::SafetyLevels;
-use sidestep::scene::JointState;
-use sidestep::vehicle::TurnInput;
+use crate::dataset::Dataset;
+use crate::features::FeatureSet;
+use crate::invalid::Invalid;
+use crate::learn::logistic::{LogisticSettings, fit};
+use crate::learn::samples::Samples;
+use crate::predict::Predictor;
+use crate::predict::scale::Scale;
+use crate::safety::SafetyLevels;
+use crate::scene::JointState;
+use crate::vehicle::TurnInput;
 
-/// One trial to learn from.
+/// One trial to learn from: the input of each step, and the states before them.
 pub type Driven = (Vec<TurnInput>, Vec<JointState>);
+
+/// A predictor, and how it came about.
+#[derive(Clone, Debug)]
+pub struct Trained {
+    /// The predictor.
+    pub predictor: Predictor,
+    /// Why it only knows the frequencies of the inputs, if so.
+    pub fallback: Option<String>,
+}
 
 /// With fewer trials, a learned model says more about chance than about the person.
 const MIN_TRIALS: usize = 5;
 
-/// A logistic regression on `features` (experiment I: which way), or constant
-/// probabilities with the reason why: too little to learn from, or no value functions
-/// that safety levels could be read from.
+/// A logistic regression on `features` (experiment I: which way), or constant probabilities with
+/// the reason: too little to learn from, or no safety levels.
 ///
 /// # Errors
 /// [`Invalid`] only for features or probabilities that do not fit, our own fault.
@@ -28,17 +35,20 @@ pub fn train(
     features: &FeatureSet,
     safety: Option<&SafetyLevels>,
     trials: &[Driven],
-) -> Result<TrainedPredictor, Invalid> {
+) -> Result<Trained, Invalid> {
     let learned = enough(trials).and_then(|()| {
         let safety =
             safety.ok_or("this server has not solved the safety levels of these vehicles")?;
-        learn(features, safety, trials).map_err(|invalid| format!("the fit failed: {invalid}"))
+        let rows = trials.iter().map(|(inputs, states)| (&inputs[..], &states[..]));
+        logistic(&Dataset::from_trials(features, safety, rows))
+            .map_err(|invalid| format!("the fit failed: {invalid}"))
     });
-    let (predictor, fallback) = match learned {
-        Ok(predictor) => (predictor, None),
-        Err(reason) => (frequencies(features, trials)?, Some(reason)),
-    };
-    Ok(TrainedPredictor { predictor: (&predictor).into(), trials: trials.len(), fallback })
+    Ok(match learned {
+        Ok(predictor) => Trained { predictor, fallback: None },
+        Err(reason) => {
+            Trained { predictor: frequencies(features, trials)?, fallback: Some(reason) }
+        }
+    })
 }
 
 fn enough(trials: &[Driven]) -> Result<(), String> {
@@ -55,31 +65,25 @@ fn enough(trials: &[Driven]) -> Result<(), String> {
     Ok(())
 }
 
-/// Only inputs that occur are classes: nothing is known of the others.
-fn learn(
-    features: &FeatureSet,
-    safety: &SafetyLevels,
-    trials: &[Driven],
-) -> Result<Predictor, Invalid> {
-    let rows = trials.iter().map(|(inputs, states)| (&inputs[..], &states[..]));
-    let data = Dataset::from_trials(features, safety, rows);
+/// Logistic regression (C = 1) on standardised rows. Only inputs that occur are classes: nothing
+/// is known of the others.
+///
+/// # Errors
+/// [`Invalid`] if there is no row, or a number is not finite.
+pub fn logistic(data: &Dataset) -> Result<Predictor, Invalid> {
     let occurring: Vec<TurnInput> = TurnInput::ALL
         .into_iter()
         .zip(data.class_counts())
         .filter_map(|(input, count)| (count > 0).then_some(input))
         .collect();
-    let scale = Scale::fit(features.len(), &data.values);
-    let width = features.len();
-    let values: Vec<f64> = (0..)
-        .zip(&data.values)
-        .map(|(i, &value): (usize, _)| scale.apply(i % width, value))
-        .collect();
+    let width = data.features.len();
+    let (scale, values) = Scale::standardised(width, &data.values);
     let class = |label: &TurnInput| occurring.iter().position(|input| input == label);
     let labels: Vec<usize> = data.labels.iter().filter_map(class).collect();
     let samples = Samples::new(width, &values, &labels, occurring.len())?;
     let model = fit(&samples, 1.0, LogisticSettings::default())?;
     let classes = occurring.into_iter().map(TurnInput::sign).collect();
-    Ok(Predictor::logistic(features.clone(), classes, scale, model))
+    Ok(Predictor::logistic(data.features.clone(), classes, scale, model))
 }
 
 /// Inputs counted before any is seen: right, straight, left. Nothing is impossible
@@ -102,10 +106,9 @@ fn frequencies(features: &FeatureSet, trials: &[Driven]) -> Result<Predictor, In
 #[cfg(test)]
 mod tests {
     use super::*;
-    use sidestep::predict::ModelFile;
-    use sidestep::scene::{EncounterRange, SceneParameters, generate};
-    use sidestep::trial::simulate;
-    use std::ops::ControlFlow;
+    use crate::scene::{EncounterRange, SceneParameters, generate};
+    use crate::trial::simulate;
+    use core::ops::ControlFlow;
 
     fn solved(parameters: &SceneParameters) -> SafetyLevels {
         SafetyLevels::solve(parameters, &mut |_| ControlFlow::Continue(())).unwrap()
@@ -117,7 +120,7 @@ mod tests {
 
     fn driven_with(parameters: &SceneParameters, count: usize, turn: TurnInput) -> Vec<Driven> {
         let scenes = generate(parameters, &EncounterRange::default(), count, 3).unwrap();
-        let drive = |(scene, _): &(sidestep::scene::Scene, _)| {
+        let drive = |(scene, _): &(crate::scene::Scene, _)| {
             let mut inputs = vec![TurnInput::Straight; parameters.steps];
             inputs[10..25].fill(turn);
             let states = simulate(parameters, scene.start(), &inputs);
@@ -135,9 +138,7 @@ mod tests {
         let safety = solved(&SceneParameters::default());
         let trained = train(&hrd(), Some(&safety), &driven(5, TurnInput::Left)).unwrap();
         assert_eq!(trained.fallback, None);
-        assert!(matches!(trained.predictor.model, ModelFile::Logistic(_)));
-        assert_eq!(trained.predictor.classes, [0, 1]);
-        assert_eq!(trained.trials, 5);
+        assert_eq!(trained.predictor.classes(), [0, 1]);
     }
 
     #[test]
@@ -145,11 +146,9 @@ mod tests {
         let safety = solved(&SceneParameters::default());
         let check = |trials: &[Driven], probabilities: [f64; 3], word: &str| {
             let trained = train(&hrd(), Some(&safety), trials).unwrap();
-            assert_eq!(trained.predictor.classes, [-1, 0, 1]);
-            assert_eq!(
-                trained.predictor.model,
-                ModelFile::Constant { probabilities: probabilities.to_vec() }
-            );
+            let expected =
+                Predictor::constant(hrd(), vec![-1, 0, 1], probabilities.to_vec()).unwrap();
+            assert_eq!(trained.predictor, expected);
             assert!(trained.fallback.unwrap().contains(word));
         };
         check(&[], [0.2, 0.6, 0.2], "(0 of 5)");
@@ -165,7 +164,7 @@ mod tests {
         parameters.robot.turn_rate_radps = 0.35;
         let trials = driven_with(&parameters, 5, TurnInput::Left);
         let trained = train(&hrd(), Some(&solved(&parameters)), &trials).unwrap();
-        assert_eq!((trained.fallback, trained.predictor.features.len()), (None, 8));
+        assert_eq!((trained.fallback, trained.predictor.features().len()), (None, 8));
         // Until they are solved, the reason is said.
         let trained = train(&hrd(), None, &trials).unwrap();
         assert!(trained.fallback.unwrap().contains("not solved"));

@@ -1,30 +1,17 @@
-//! What the cells of a comparison do not tell: how much was driven, and what the models decide
-//! wherever the robot is.
+//! What the models decide wherever the robot is: maps of the probability of a turn.
 
-use rayon::prelude::*;
-use sidestep::comparison::cell::{Cell, Experiment, ModelName};
-use sidestep::comparison::tables::Comparison;
-use sidestep::comparison::{Person, Results};
-use sidestep::invalid::Invalid;
-use sidestep::math::{PI, sin_cos};
-use sidestep::predict::Predictor;
-use sidestep::reachability::CurveSettings;
-use sidestep::safety::SafetyLevels;
-use sidestep::scene::{Evader, JointState, SceneParameters};
-use sidestep::vehicle::Pose;
+use super::cell::{Cell, Experiment, ModelName};
+use super::tables::Comparison;
+use crate::invalid::Invalid;
+use crate::math::{PI, sin_cos};
+use crate::parallel_map::parallel_map;
+use crate::predict::Predictor;
+use crate::reachability::CurveSettings;
+use crate::safety::SafetyLevels;
+use crate::scene::{Evader, JointState};
+use crate::vehicle::Pose;
 
-/// Beside the results.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Context {
-    /// Tasks of all people who are compared, those for training among them.
-    pub trials: usize,
-    /// The vehicles, steps and danger radius of all of them.
-    pub scene: SceneParameters,
-    /// What people's models decide, a map for each feature set and relative heading.
-    pub maps: Vec<DecisionMap>,
-}
-
-/// How likely the models of all people hold a turn to be, wherever the robot is around the human.
+/// How likely the models find a turn, wherever the robot is around the human.
 /// Positions are in the human's frame, who is at the origin and heads along "ahead".
 #[derive(Clone, Debug, PartialEq)]
 pub struct DecisionMap {
@@ -35,17 +22,17 @@ pub struct DecisionMap {
     /// The same in words.
     pub encounter: &'static str,
     /// In each cell of a square of [`Self::SIDE`] × [`Self::SIDE`], by rows from behind to ahead
-    /// and in each from right to left: mean over people and eight headings in the world (the
+    /// and in each from right to left: mean over participants and eight headings in the world (the
     /// paper's features depend on them) of the probability of a turn.
     pub probabilities: Vec<f64>,
     /// {V_HR = 0}: closed curves of [ahead, left], m. Inside, the robot could force a collision.
     pub boundary: Vec<Vec<[f64; 2]>>,
 }
 
-/// Which model's maps.
-pub(super) const MAPPED_MODEL: ModelName = ModelName::Svm;
-/// Of which experiment.
-pub(super) const MAPPED_EXPERIMENT: Experiment = Experiment::Avoidance;
+/// The model whose maps are drawn.
+pub const MAPPED_MODEL: ModelName = ModelName::Svm;
+/// The experiment whose maps are drawn.
+const MAPPED_EXPERIMENT: Experiment = Experiment::Avoidance;
 
 const SETS: [&str; 2] = ["hrd", "d"];
 const ENCOUNTERS: [(f64, &str); 2] = [(PI, "head-on"), (0.5 * PI, "crossing from the right")];
@@ -73,34 +60,27 @@ impl DecisionMap {
     }
 }
 
-impl Context {
-    /// Of these results, found from these people, driving with `scene`.
-    ///
-    /// # Errors
-    /// Never: the results' predictors are valid.
-    pub fn of(
-        results: &Results,
-        people: &[Person],
-        scene: &SceneParameters,
-        safety: &SafetyLevels,
-    ) -> Result<Self, Invalid> {
-        let compared = &results.comparison.participants;
-        let kept = |person: &&Person| compared.iter().any(|other| other.name == person.name);
-        let trials = people.iter().filter(kept).map(|person| person.numbers.len()).sum();
-        let mut maps = Vec::new();
-        for features in SETS {
-            for (heading, encounter) in ENCOUNTERS {
-                let probabilities = probabilities(&results.comparison, features, heading, safety)?;
-                let curve = CurveSettings::default();
-                let boundary = safety.of(Evader::Human).level_curves(heading, 0.0, curve);
-                maps.push(DecisionMap { features, heading, encounter, probabilities, boundary });
-            }
+/// A map for each feature set and encounter.
+///
+/// # Errors
+/// Never: the comparison's predictors are valid.
+pub(super) fn decision_maps(
+    comparison: &Comparison,
+    safety: &SafetyLevels,
+) -> Result<Vec<DecisionMap>, Invalid> {
+    let mut maps = Vec::new();
+    for features in SETS {
+        for (heading, encounter) in ENCOUNTERS {
+            let probabilities = probabilities(comparison, features, heading, safety)?;
+            let curve = CurveSettings::default();
+            let boundary = safety.of(Evader::Human).level_curves(heading, 0.0, curve);
+            maps.push(DecisionMap { features, heading, encounter, probabilities, boundary });
         }
-        Ok(Self { trials, scene: *scene, maps })
     }
+    Ok(maps)
 }
 
-/// The cells of a map, a mean over people each; empty where there is no such model.
+/// The cells of a map, a mean over participants each; empty where there is no such model.
 fn probabilities(
     comparison: &Comparison,
     features: &str,
@@ -121,13 +101,14 @@ fn probabilities(
         let pairs = predictor.classes().iter().zip(p);
         pairs.filter(|(class, _)| **class != 0).map(|(_, p)| p).sum::<f64>()
     };
-    let mean = |cell: usize| {
+    let mean = |&cell: &usize| {
         let states = WORLD_HEADINGS.map(|world| state(DecisionMap::middle(cell), heading, world));
         let each = predictors.iter().flat_map(|of| states.map(|state| turns(of, state)));
-        each.sum::<f64>() / (predictors.len() * states.len()) as f64
+        Ok(each.sum::<f64>() / (predictors.len() * states.len()) as f64)
     };
     // Each cell is summed in the same order, whatever the number of threads.
-    Ok((0..DecisionMap::SIDE * DecisionMap::SIDE).into_par_iter().map(mean).collect())
+    let cells: Vec<usize> = (0..DecisionMap::SIDE * DecisionMap::SIDE).collect();
+    parallel_map(&cells, mean)
 }
 
 /// The human at the origin, heading along `world`, and the robot [ahead, left] of them.

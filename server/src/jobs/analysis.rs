@@ -1,0 +1,74 @@
+//! An analysis, from a recording to its numbers: the same for the command and the server.
+
+use crate::threads::{self, ThreadError};
+use sidestep::comparison::{Analysis, AnalysisError, Cache, Progress, Request, analyse};
+use sidestep::dataset::GivenFeatures;
+use sidestep::invalid::Invalid;
+use sidestep::recording::Recording;
+use sidestep::safety::SafetyLevels;
+use std::ops::ControlFlow;
+use std::sync::Arc;
+use tokio_util::sync::CancellationToken;
+
+/// What an analysis is made of.
+pub struct AnalysisTask<C> {
+    /// The tasks to compare.
+    pub recording: Recording,
+    /// Features to use in place of computed ones.
+    pub given: Option<GivenFeatures>,
+    /// The safety levels of the recording's vehicles.
+    pub safety: SafetyLevels,
+    /// What is asked for.
+    pub request: Request,
+    /// Keeps fits for the analyses to come.
+    pub cache: Arc<C>,
+    /// Threads to compute on; none stands for one per processor.
+    pub threads: Option<usize>,
+    /// Cancels the analysis.
+    pub cancel: CancellationToken,
+}
+
+/// Why there is no analysis.
+#[derive(Debug, thiserror::Error)]
+pub enum TaskError {
+    /// The request is wrong.
+    #[error(transparent)]
+    Request(Invalid),
+    /// The data cannot be compared, or the analysis was cancelled.
+    #[error(transparent)]
+    Analysis(#[from] AnalysisError),
+    /// The computation did not come to an end.
+    #[error(transparent)]
+    Thread(#[from] ThreadError),
+}
+
+impl<C: Cache + Send + 'static> AnalysisTask<C> {
+    /// Computes the analysis on threads of its own, and tells `progress` how far it is.
+    ///
+    /// # Errors
+    /// [`TaskError`] for a wrong request, data that cannot be compared, or a cancelled analysis.
+    pub async fn run(
+        mut self,
+        progress: impl Fn(Progress) + Send + Sync + 'static,
+    ) -> Result<Analysis, TaskError> {
+        let settings = self.request.settings().map_err(TaskError::Request)?;
+        if self.request.synthetic {
+            let said = "said by the experimenter".to_owned();
+            self.recording.provenance.synthetic = Some(said);
+        }
+        let Self { recording, given, safety, cache, threads, cancel, .. } = self;
+        let work = move || {
+            let step = |now| {
+                progress(now);
+                if cancel.is_cancelled() {
+                    ControlFlow::Break(())
+                } else {
+                    ControlFlow::Continue(())
+                }
+            };
+            let cache: Option<&dyn Cache> = Some(&*cache);
+            analyse(&recording, given.as_ref(), &safety, &settings, cache, &step)
+        };
+        Ok(threads::run("analysis", threads, work).await??)
+    }
+}

@@ -1,0 +1,61 @@
+//! Recordings from the rows of a study.
+
+use crate::store::studies::StoredStudy;
+use crate::store::trials::StoredTrial;
+use crate::store::{Store, StoreError};
+use sidestep::recording::{
+    Exclusion, Origin, Provenance, RecordedParticipant, RecordedTrial, Recording,
+};
+use sidestep::synthetic;
+use sidestep::trial::Phase;
+
+/// The tasks of all participants of a study whose data are not deleted. Participants who enrolled
+/// under other parameters than the study's present ones are excluded.
+///
+/// # Errors
+/// If the database cannot be read.
+pub async fn of_study(store: &Store, study: &StoredStudy) -> Result<Recording, StoreError> {
+    let scene = study.config.parameters;
+    let (mut participants, mut exclusions) = (Vec::new(), Vec::new());
+    // One participant at a time: a long read would keep the log from being written back.
+    for id in store.participant_ids(study.id).await? {
+        let driven = store.trials_of(&id).await?;
+        let Some(first) = driven.first() else { continue };
+        let name = first.head.participant_number.to_string();
+        if store.config(&first.config_hash).await?.parameters != scene {
+            let reason = "enrolled under other parameters than the study's present ones";
+            exclusions.push(Exclusion::new(&name, reason.to_owned()));
+            continue;
+        }
+        participants.push(participant(name, driven));
+    }
+    let origin = Origin::Study(study.slug.clone());
+    let provenance = Provenance { origin, synthetic: synthetic::recognised(&participants) };
+    Ok(Recording { provenance, scene, participants, exclusions })
+}
+
+/// One participant's tasks.
+fn participant(name: String, driven: Vec<StoredTrial>) -> RecordedParticipant {
+    // Numbers count all phases, as in exports.
+    let trials: Vec<RecordedTrial> =
+        (0..).zip(&driven).map(|(number, trial)| recorded(number, trial)).collect();
+    let mut participant = RecordedParticipant { name, line: None, trials, marked_synthetic: false };
+    participant.keep_tasks();
+    let is_marked = |trial: &StoredTrial| trial.head.phase == Phase::Task && trial.is_synthetic();
+    participant.marked_synthetic = driven.iter().any(is_marked);
+    participant
+}
+
+fn recorded(number: u64, trial: &StoredTrial) -> RecordedTrial {
+    RecordedTrial {
+        line: None,
+        number,
+        phase: trial.head.phase,
+        trial_id: Some(trial.head.trial_id.clone()),
+        inputs: trial.inputs.clone(),
+        states: trial.states.clone(),
+        started_at_ms: trial.started_at_ms,
+        sampled_at_ms: trial.sampled_at_ms.clone(),
+        flags: trial.head.flags.clone(),
+    }
+}

@@ -1,0 +1,329 @@
+//! An analysis: a comparison with everything that is computed from it. Reports, tables and pages
+//! only print what is here.
+
+use super::ablation::{Ablation, ablation};
+use super::baseline::Baseline;
+use super::cell::{Experiment, ModelName};
+use super::decision_map::{DecisionMap, decision_maps};
+use super::differences::{Test, tests};
+use super::findings::Findings;
+use super::gains::{Gain, GainFamily};
+use super::metrics::Predictions;
+use super::plan::{DataError, ParticipantData};
+use super::run::{Cache, Leakage, Progress, Results, RolloutsOf, RunError, run};
+use super::settings::Settings;
+use super::tables::{Comparison, Metric, Pooled, mean};
+use crate::dataset::GivenFeatures;
+use crate::invalid::Invalid;
+use crate::recording::{Exclusion, RecordedParticipant, Recording};
+use crate::safety::{SafetyLevels, SafetyQuality};
+use crate::scene::{JointState, SceneParameters};
+use crate::trial::Flag;
+use core::ops::ControlFlow;
+use std::collections::BTreeMap;
+
+/// A comparison with everything that is computed from it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Analysis {
+    /// The data that were compared.
+    pub data: DataSummary,
+    /// The sets and grids that were compared.
+    pub settings: Settings,
+    /// The cells.
+    pub comparison: Comparison,
+    /// The paper's tests of differences between feature sets.
+    pub tests: Vec<Test>,
+    /// Families of tests beside the paper's: the body frame over the safety levels, the safety
+    /// levels beside the body frame, and B_hrd over the commonest input.
+    pub families: [GainFamily; 3],
+    /// The baseline, and what a body frame explains.
+    pub ablation: Vec<Ablation>,
+    /// What the baseline says of each participant's test rows.
+    pub baselines: Vec<Baseline>,
+    /// The test rows of all participants together, for the baseline and each cell of the tables.
+    pub pooled: Vec<Pooled>,
+    /// Predictors fed with what they said.
+    pub rollouts: Vec<RolloutsOf>,
+    /// What a split by time step would claim; empty unless it was asked for.
+    pub leakage: Vec<Leakage>,
+    /// What the models decide, a map for each feature set and relative heading.
+    pub maps: Vec<DecisionMap>,
+    /// The facts that a report puts into words.
+    pub findings: Findings,
+}
+
+/// What the data of an analysis are.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DataSummary {
+    /// Tasks of all participants who are compared, those for training included.
+    pub trials: usize,
+    /// The vehicles, steps and danger radius of all of them.
+    pub scene: SceneParameters,
+    /// How the data are known to be synthetic, if they are.
+    pub synthetic: Option<String>,
+    /// The participants who are excluded.
+    pub exclusions: Vec<Exclusion>,
+    /// How many of the trials that are compared have a flag that casts doubt on them, by its word.
+    pub flagged: BTreeMap<String, usize>,
+    /// The participants who are compared and have the same trials as another one: one person under
+    /// several names would count several times.
+    pub same_trials: Vec<String>,
+    /// How both safety levels came about, and how much they differ over the steps that are
+    /// compared; none where nobody looked.
+    pub safety: Option<SafetyQuality>,
+}
+
+/// How much was driven and fitted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Counts {
+    /// Participants who are compared.
+    pub participants: usize,
+    /// Tasks that models are tested on.
+    pub test_trials: usize,
+    /// Steps of these tasks.
+    pub test_steps: usize,
+    /// Models that were trained; the better SVM is no further one.
+    pub models: usize,
+}
+
+/// Why there is no analysis.
+#[derive(Debug, PartialEq, Eq, thiserror::Error)]
+pub enum AnalysisError {
+    /// The first participant's data, if nobody's can be used.
+    #[error(transparent)]
+    Data(#[from] DataError),
+    /// Something else is wrong with the data or the settings.
+    #[error(transparent)]
+    Invalid(#[from] Invalid),
+    /// `progress` stopped it.
+    #[error("stopped")]
+    Stopped,
+}
+
+impl From<RunError> for AnalysisError {
+    fn from(error: RunError) -> Self {
+        match error {
+            RunError::Invalid(invalid) => Self::Invalid(invalid),
+            RunError::Stopped => Self::Stopped,
+        }
+    }
+}
+
+/// Compares the participants of a recording of tasks, with the features of `given` in place of
+/// computed ones. Participants whose data cannot be used are excluded.
+///
+/// # Errors
+/// [`AnalysisError`] if nobody is left to compare, or `progress` stops it.
+pub fn analyse(
+    recording: &Recording,
+    given: Option<&GivenFeatures>,
+    safety: &SafetyLevels,
+    settings: &Settings,
+    cache: Option<&dyn Cache>,
+    progress: &(dyn Fn(Progress) -> ControlFlow<()> + Sync),
+) -> Result<Analysis, AnalysisError> {
+    let scene = &recording.scene;
+    let mut exclusions = recording.exclusions.clone();
+    let (mut people, mut errors) = (Vec::new(), Vec::new());
+    for participant in &recording.participants {
+        match ParticipantData::of(participant, scene, safety, given) {
+            Ok(person) => people.push(person),
+            Err(error) => {
+                exclusions.push(error.exclusion(&participant.name));
+                errors.push(error);
+            }
+        }
+    }
+    if let (Some(error), true) = (errors.into_iter().next(), people.is_empty()) {
+        return Err(error.into());
+    }
+    let mut results = run(&people, scene, safety, settings, cache, progress)?;
+    exclusions.append(&mut results.exclusions);
+    let compared = |name: &str| results.comparison.participants.iter().any(|of| of.name == name);
+    let recorded: Vec<&RecordedParticipant> =
+        recording.participants.iter().filter(|of| compared(&of.name)).collect();
+    people.retain(|person| compared(&person.name));
+    let data = DataSummary {
+        trials: people.iter().map(|person| person.numbers.len()).sum(),
+        scene: *scene,
+        synthetic: recording.provenance.synthetic.clone(),
+        exclusions,
+        flagged: flagged(&recorded),
+        same_trials: same_trials(&recorded, &results.comparison),
+        safety: Some(quality(&people, safety)),
+    };
+    let maps = decision_maps(&results.comparison, safety)?;
+    Ok(Analysis::of(data, settings.clone(), results, maps)?)
+}
+
+impl Analysis {
+    /// Computes everything else from `results` and `maps`, which were found from `data` with
+    /// `settings`. The exclusions are those of `data`.
+    ///
+    /// # Errors
+    /// [`Invalid`] if there is no participant.
+    pub fn of(
+        data: DataSummary,
+        settings: Settings,
+        results: Results,
+        maps: Vec<DecisionMap>,
+    ) -> Result<Self, Invalid> {
+        let ablation = ablation(&results)?;
+        let Results { comparison, baselines, rollouts, leakage, .. } = results;
+        let tests = tests(&comparison)?;
+        let of_set = |set| {
+            let comparison = &comparison;
+            move |model, experiment| comparison.person_accuracies(model, experiment, set)
+        };
+        let of_baseline = |_, experiment| baseline_accuracies(&baselines, experiment);
+        let families = [
+            GainFamily::of(("d_body", "hrd"), of_set("d_body"), of_set("hrd")),
+            GainFamily::of(("hrd_body", "d_body"), of_set("hrd_body"), of_set("d_body")),
+            GainFamily::of(("hrd", "none"), of_set("hrd"), of_baseline),
+        ];
+        let pooled = pooled(&comparison, &baselines);
+        let findings =
+            Findings::of(&comparison, &tests, &families, &pooled, &rollouts, &settings.grids);
+        Ok(Self {
+            data,
+            settings,
+            comparison,
+            tests,
+            families,
+            ablation,
+            baselines,
+            pooled,
+            rollouts,
+            leakage,
+            maps,
+            findings,
+        })
+    }
+
+    /// How much was driven and fitted.
+    #[must_use]
+    pub fn counts(&self) -> Counts {
+        let participants = &self.comparison.participants;
+        let models = self.comparison.cells.iter().filter(|cell| cell.model != ModelName::Svm);
+        Counts {
+            participants: participants.len(),
+            test_trials: participants.iter().map(|of| of.test_trials.len()).sum(),
+            test_steps: participants.iter().map(|of| of.test_trials.len() * of.steps).sum(),
+            models: models.count(),
+        }
+    }
+
+    /// The test rows of all participants together for a model (none is the baseline) on a feature
+    /// set.
+    #[must_use]
+    pub fn pooled(
+        &self,
+        model: Option<ModelName>,
+        experiment: Experiment,
+        set: &str,
+    ) -> Option<&Pooled> {
+        self.pooled.iter().find(|of| of.is(model, experiment, set))
+    }
+
+    /// The gains in accuracy of one feature set over another, experiment I before II; empty where
+    /// the two are not compared.
+    #[must_use]
+    pub fn gains(&self, first: &str, second: &str) -> Vec<&Gain> {
+        let is = |a: &str, b: &str| (a, b) == (first, second);
+        let tests = self.tests.iter().filter(|test| test.gain.metric == Metric::Accuracy);
+        let tests = tests.filter(|test| is(test.first, test.second)).map(|test| &test.gain);
+        let families = self.families.iter().filter(|family| is(family.first, family.second));
+        let mut gains: Vec<&Gain> =
+            tests.chain(families.flat_map(|family| &family.gains)).collect();
+        gains.sort_by_key(|gain| gain.experiment);
+        gains
+    }
+
+    /// The test accuracy of each participant's commonest input, in per cent.
+    #[must_use]
+    pub fn person_baselines(&self, experiment: Experiment) -> Vec<f64> {
+        baseline_accuracies(&self.baselines, experiment)
+    }
+
+    /// The mean over participants of the test accuracy of the commonest input, in per cent.
+    #[must_use]
+    pub fn baseline_accuracy(&self, experiment: Experiment) -> f64 {
+        mean(self.person_baselines(experiment))
+    }
+}
+
+fn baseline_accuracies(baselines: &[Baseline], experiment: Experiment) -> Vec<f64> {
+    let own = baselines.iter().filter(|of| of.experiment == experiment);
+    own.map(|baseline| 100.0 * baseline.test.accuracy()).collect()
+}
+
+/// All participants' test rows together: for the baseline, then each model, experiment and
+/// feature set.
+fn pooled(comparison: &Comparison, baselines: &[Baseline]) -> Vec<Pooled> {
+    let mut pooled = Vec::new();
+    for experiment in Experiment::ALL {
+        let own = baselines.iter().filter(|of| of.experiment == experiment);
+        let all = Predictions::together(experiment.classes(), own.map(|of| &of.test));
+        pooled.push(Pooled::of(None, experiment, "none", &all));
+    }
+    for model in ModelName::ALL {
+        for experiment in Experiment::ALL {
+            for set in comparison.sets() {
+                let cells = comparison.of(model, experiment, set);
+                let tests = cells.map(|cell| &cell.test);
+                let all = Predictions::together(experiment.classes(), tests);
+                pooled.push(Pooled::of(Some(model), experiment, set, &all));
+            }
+        }
+    }
+    pooled
+}
+
+/// Flags of these trials, with how many have each. That a trial was imported casts no doubt on it.
+fn flagged(participants: &[&RecordedParticipant]) -> BTreeMap<String, usize> {
+    let trials = participants.iter().flat_map(|participant| &participant.trials);
+    let mut flagged = BTreeMap::new();
+    for flag in trials.flat_map(|trial| &trial.flags).filter(|flag| **flag != Flag::Imported) {
+        *flagged.entry(flag.word().to_owned()).or_insert(0) += 1;
+    }
+    flagged
+}
+
+/// The participants of `comparison` who have the same trials as another one, to the last bit.
+fn same_trials(participants: &[&RecordedParticipant], comparison: &Comparison) -> Vec<String> {
+    let bits = |name: &str| {
+        let mut all = Vec::new();
+        let of = participants.iter().find(|participant| participant.name == name);
+        for trial in of.iter().flat_map(|participant| &participant.trials) {
+            all.extend(trial.inputs.iter().map(|input| f64::from(input.sign()).to_bits()));
+            for JointState { human, robot } in &trial.states {
+                let numbers = [human.x, human.y, human.psi, robot.x, robot.y, robot.psi];
+                all.extend(numbers.map(f64::to_bits));
+            }
+        }
+        all
+    };
+    let mut places_by_bits: BTreeMap<Vec<u64>, Vec<usize>> = BTreeMap::new();
+    let compared = &comparison.participants;
+    for (place, participant) in compared.iter().enumerate() {
+        places_by_bits.entry(bits(&participant.name)).or_default().push(place);
+    }
+    let several = places_by_bits.into_values().filter(|places| places.len() > 1);
+    let mut several: Vec<usize> = several.flatten().collect();
+    several.sort_unstable();
+    several.into_iter().map(|place| compared[place].name.clone()).collect()
+}
+
+/// How much both safety levels of these participants' steps can be trusted.
+fn quality(people: &[ParticipantData], safety: &SafetyLevels) -> SafetyQuality {
+    let levels = |name: &str| -> Vec<f64> {
+        let column = |person: &ParticipantData| {
+            let features = &person.data.features;
+            let place = features.features().position(|feature| feature.name == name);
+            let values = person.data.values.chunks_exact(features.len());
+            values.filter_map(|row| place.map(|place| row[place])).collect::<Vec<_>>()
+        };
+        people.iter().flat_map(column).collect()
+    };
+    SafetyQuality::of(safety, [&levels("v_h"), &levels("v_r")])
+}

@@ -1,0 +1,333 @@
+//! What was found: the facts that a report puts into words.
+
+use super::cell::{Cell, Experiment, HISTORY_SET, ModelName};
+use super::differences::Test;
+use super::fit::Grids;
+use super::gains::{Gain, GainFamily, LEVEL, Power};
+use super::metrics::Calibration;
+use super::rollout::{Horizon, Simple};
+use super::run::RolloutsOf;
+use super::tables::{Comparison, Metric, Pooled};
+
+/// How sure an answer is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// p below 5 % in some of the tests, after correction for all of their family.
+    Shown,
+    /// p below 5 % in some of the tests, but in none after correction.
+    Hint,
+    /// No p below 5 %.
+    NotShown,
+    /// Fewer participants than any test needs.
+    TooFew,
+    /// No test is made.
+    Described,
+}
+
+impl Verdict {
+    fn of<'a>(power: Power, gains: impl IntoIterator<Item = &'a Gain>) -> Self {
+        let least = |(raw, corrected): (f64, f64), gain: &Gain| {
+            (raw.min(gain.paired.p), corrected.min(gain.holm))
+        };
+        let (raw, corrected) = gains.into_iter().fold((1.0, 1.0), least);
+        if corrected < LEVEL {
+            Self::Shown
+        } else if power.is_too_low() {
+            Self::TooFew
+        } else if raw < LEVEL {
+            Self::Hint
+        } else {
+            Self::NotShown
+        }
+    }
+}
+
+/// What some tests say together.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Answer {
+    /// How sure it is.
+    pub verdict: Verdict,
+    /// The gains in each model, experiment I before II; at least one.
+    pub gains: Vec<Gain>,
+    /// What the tests could have shown.
+    pub power: Power,
+}
+
+impl Answer {
+    /// None if there is no gain.
+    fn of(power: Power, gains: Vec<Gain>) -> Option<Self> {
+        let verdict = Verdict::of(power, &gains);
+        (!gains.is_empty()).then_some(Self { verdict, gains, power })
+    }
+
+    /// The gains that are shown to be up (`sign` 1) or down (−1), after correction.
+    pub fn shown(&self, sign: f64) -> impl Iterator<Item = &Gain> {
+        self.gains.iter().filter(move |gain| gain.is_shown(sign))
+    }
+
+    /// The gains that are not shown, after correction.
+    pub fn not_shown(&self) -> impl Iterator<Item = &Gain> {
+        self.gains.iter().filter(|gain| gain.holm >= LEVEL)
+    }
+
+    /// How many gains are up and how many down, with p below 5 % before correction.
+    #[must_use]
+    pub fn hinted(&self) -> [usize; 2] {
+        let below = || self.gains.iter().filter(|gain| gain.paired.p < LEVEL);
+        [1.0, -1.0].map(|sign| below().filter(|gain| sign * gain.paired.typical > 0.0).count())
+    }
+
+    /// How many gains have p below 5 % before correction.
+    #[must_use]
+    pub fn below_level(&self) -> usize {
+        self.gains.iter().filter(|gain| gain.paired.p < LEVEL).count()
+    }
+
+    /// How many gains are positive on average.
+    #[must_use]
+    pub fn higher_on_average(&self) -> usize {
+        self.gains.iter().filter(|gain| gain.paired.mean > 0.0).count()
+    }
+
+    /// The gains with p below 5 % whose mean points the other way than the typical gain; none
+    /// where no p-value is told.
+    pub fn contrary(&self) -> impl Iterator<Item = &Gain> {
+        let told = !self.power.is_too_low();
+        self.gains.iter().filter(move |gain| told && gain.paired.is_contrary())
+    }
+}
+
+/// Whether safety levels help beside distance, with the main comparison in full.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SafetyOverDistance {
+    /// All models and experiments.
+    pub answer: Answer,
+    /// The first model in experiment I.
+    pub main: Test,
+    /// Its mean accuracies with safety levels and with distance alone, in per cent.
+    pub accuracies: [f64; 2],
+}
+
+/// Whether safety levels change how well the start and end of avoidance are found.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StartAndEnd {
+    /// Over both.
+    pub verdict: Verdict,
+    /// The first steps of avoidance.
+    pub start: Answer,
+    /// The last steps.
+    pub end: Answer,
+}
+
+/// How many drivers do better than holding the last input.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Beaten {
+    /// Drivers who name the input more often right.
+    pub more_often_right: usize,
+    /// Drivers who come closer to where the person was.
+    pub closer: usize,
+    /// All drivers.
+    pub of: usize,
+}
+
+/// Roll-outs at the furthest horizon.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RolloutFacts {
+    /// How many steps ahead.
+    pub steps: usize,
+    /// The paper's models on B_hrd.
+    pub papers: Vec<(ModelName, Horizon)>,
+    /// How they do against holding the last input.
+    pub papers_beaten: Beaten,
+    /// The models of [`BEYOND`] that there are, each with its driver and feature set.
+    pub beyond: Vec<(&'static str, &'static str, Horizon)>,
+    /// How they do against holding the last input.
+    pub beyond_beaten: Beaten,
+    /// Holding the last input.
+    pub held: Horizon,
+    /// Driving straight on.
+    pub straight: Horizon,
+}
+
+/// Models that know more than the paper's: driver and feature set.
+pub const BEYOND: [(&str, &str); 4] =
+    [("svm", "hrd_body"), ("boosted", "hrd_body"), ("lr", HISTORY_SET), ("boosted", HISTORY_SET)];
+
+/// How well the probabilities on B_hrd are calibrated.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CalibrationFacts {
+    /// For each experiment and model of the paper.
+    pub entries: Vec<(ModelName, Experiment, Calibration)>,
+    /// The least and the largest calibration error of them.
+    pub errors: [f64; 2],
+}
+
+/// A model whose C is often the greatest that was tried, so that a greater one may do better.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GridEdge {
+    /// The model.
+    pub model: ModelName,
+    /// The greatest C of its grid.
+    pub greatest: f64,
+    /// How many of its cells chose it.
+    pub chosen: usize,
+    /// All of its cells.
+    pub of: usize,
+}
+
+/// All answers; none where there is nothing to answer from.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Findings {
+    /// B_hrd over B_d.
+    pub safety_over_distance: Option<SafetyOverDistance>,
+    /// The body frame instead of the safety levels.
+    pub body_frame_instead: Option<Answer>,
+    /// The safety levels beside the body frame.
+    pub body_frame_too: Option<Answer>,
+    /// B_hrd over the person's commonest input.
+    pub over_baseline: Option<Answer>,
+    /// B_hrd over B_d, for the first and last steps of avoidance.
+    pub start_and_end: Option<StartAndEnd>,
+    /// B_h over B_r.
+    pub which_level: Option<Answer>,
+    /// Predictors fed with what they said.
+    pub rollouts: Option<RolloutFacts>,
+    /// Whether the probabilities can be believed.
+    pub calibration: Option<CalibrationFacts>,
+    /// Grids that may be too short.
+    pub grid_edges: Vec<GridEdge>,
+}
+
+impl Findings {
+    /// From everything that was computed.
+    pub(super) fn of(
+        comparison: &Comparison,
+        tests: &[Test],
+        families: &[GainFamily; 3],
+        pooled: &[Pooled],
+        rollouts: &[RolloutsOf],
+        grids: &Grids,
+    ) -> Self {
+        let participants = comparison.participants.len();
+        let tested = |metric, pair| answer_of_tests(participants, tests, metric, pair);
+        let [instead, too, baseline] = families.each_ref().map(|family| {
+            Answer::of(Power::of(participants, family.gains.len()), family.gains.clone())
+        });
+        Self {
+            safety_over_distance: safety_over_distance(comparison, tests),
+            body_frame_instead: instead,
+            body_frame_too: too,
+            over_baseline: baseline,
+            start_and_end: tested(Metric::Start, ("hrd", "d"))
+                .zip(tested(Metric::End, ("hrd", "d")))
+                .map(|(start, end)| StartAndEnd {
+                    verdict: Verdict::of(start.power, start.gains.iter().chain(&end.gains)),
+                    start,
+                    end,
+                }),
+            which_level: tested(Metric::Accuracy, ("h", "r")),
+            rollouts: rollout_facts(rollouts),
+            calibration: calibration_facts(pooled),
+            grid_edges: grid_edges(comparison, grids),
+        }
+    }
+}
+
+/// The tests of one metric and pair, and how many are in the metric's family.
+fn of_pair<'a>(tests: &'a [Test], metric: Metric, pair: (&str, &str)) -> (Vec<&'a Test>, usize) {
+    let family = tests.iter().filter(|test| test.gain.metric == metric);
+    let of_pair = family.clone().filter(|test| (test.first, test.second) == pair);
+    let mut of_pair: Vec<&Test> = of_pair.collect();
+    // In the order in which everything else is told.
+    of_pair.sort_by_key(|test| test.gain.experiment);
+    (of_pair, family.count())
+}
+
+fn answer_of_tests(
+    participants: usize,
+    tests: &[Test],
+    metric: Metric,
+    pair: (&str, &str),
+) -> Option<Answer> {
+    let (of_pair, family) = of_pair(tests, metric, pair);
+    let gains = of_pair.into_iter().map(|test| test.gain.clone()).collect();
+    Answer::of(Power::of(participants, family), gains)
+}
+
+fn safety_over_distance(comparison: &Comparison, tests: &[Test]) -> Option<SafetyOverDistance> {
+    let pair = ("hrd", "d");
+    let (of_pair, _) = of_pair(tests, Metric::Accuracy, pair);
+    let main = (*of_pair.first()?).clone();
+    let sets = [main.first, main.second];
+    let accuracies = comparison.accuracies(main.gain.model, main.gain.experiment, &sets);
+    let answer = answer_of_tests(comparison.participants.len(), tests, Metric::Accuracy, pair)?;
+    Some(SafetyOverDistance { answer, main, accuracies: accuracies.try_into().ok()? })
+}
+
+fn rollout_facts(all: &[RolloutsOf]) -> Option<RolloutFacts> {
+    let furthest = |driver: &str, features: &str| -> Option<Horizon> {
+        let own = |of: &&RolloutsOf| of.driver == driver && of.features == features;
+        all.iter().find(own)?.horizons.last().copied()
+    };
+    let papers: Vec<_> = ModelName::PAPERS
+        .into_iter()
+        .filter_map(|model| Some((model, furthest(model.word(), "hrd")?)))
+        .collect();
+    let beyond: Vec<_> = BEYOND
+        .into_iter()
+        .filter_map(|(driver, set)| Some((driver, set, furthest(driver, set)?)))
+        .collect();
+    let held = furthest(Simple::Held.word(), "")?;
+    let beaten = |horizons: &mut dyn Iterator<Item = &Horizon>| {
+        let mut beaten = Beaten { more_often_right: 0, closer: 0, of: 0 };
+        for horizon in horizons {
+            beaten.more_often_right += usize::from(horizon.accuracy() > held.accuracy());
+            beaten.closer += usize::from(horizon.mean_distance_m() < held.mean_distance_m());
+            beaten.of += 1;
+        }
+        beaten
+    };
+    (!papers.is_empty()).then_some(RolloutFacts {
+        steps: all.first()?.horizons.len(),
+        papers_beaten: beaten(&mut papers.iter().map(|(_, horizon)| horizon)),
+        papers,
+        beyond_beaten: beaten(&mut beyond.iter().map(|(.., horizon)| horizon)),
+        beyond,
+        held,
+        straight: furthest(Simple::Straight.word(), "")?,
+    })
+}
+
+fn calibration_facts(pooled: &[Pooled]) -> Option<CalibrationFacts> {
+    let mut entries = Vec::new();
+    for experiment in Experiment::ALL {
+        for model in ModelName::PAPERS {
+            let is = |of: &&Pooled| of.is(Some(model), experiment, "hrd");
+            let found = pooled.iter().find(is).filter(|of| of.calibration.rows > 0);
+            entries.extend(found.map(|of| (model, experiment, of.calibration)));
+        }
+    }
+    let errors = || entries.iter().map(|(_, _, of)| of.calibration_error);
+    let errors = [errors().fold(f64::INFINITY, f64::min), errors().fold(0.0, f64::max)];
+    (!entries.is_empty()).then_some(CalibrationFacts { entries, errors })
+}
+
+fn grid_edges(comparison: &Comparison, grids: &Grids) -> Vec<GridEdge> {
+    let grids = [
+        (ModelName::SvmRbf, &grids.rbf_c),
+        (ModelName::SvmLinear, &grids.linear_c),
+        (ModelName::Lr, &grids.logistic_c),
+    ];
+    let edges = grids.into_iter().filter_map(|(model, grid)| {
+        let greatest = grid.iter().copied().reduce(f64::max).filter(|_| grid.len() > 1)?;
+        let chosen = |cell: &&Cell| {
+            let settings = serde_json::from_str::<serde_json::Value>(&cell.hyperparameters);
+            settings.is_ok_and(|settings| settings["C"] == greatest)
+        };
+        let cells = || comparison.cells.iter().filter(|cell| cell.model == model);
+        let (chosen, of) = (cells().filter(chosen).count(), cells().count());
+        // More often than if all five or so values did equally well.
+        (5 * chosen > of).then_some(GridEdge { model, greatest, chosen, of })
+    });
+    edges.collect()
+}

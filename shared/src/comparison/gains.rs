@@ -1,0 +1,214 @@
+//! How much better one of two feature sets is, participant by participant, and how sure that is.
+
+use super::cell::{Experiment, ModelName};
+use super::tables::{Metric, mean};
+use crate::stats::rank::{hodges_lehmann, holm, wilcoxon};
+
+/// A difference is shown where the p-value is below this.
+pub const LEVEL: f64 = 0.05;
+
+/// How much better the first of two lists of numbers is, a number each participant.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Paired {
+    /// The gain of each participant, in order; positive where the first is better.
+    pub gains: Vec<f64>,
+    /// Mean over participants.
+    pub mean: f64,
+    /// The typical gain (Hodges–Lehmann), which the paired test is about. A few participants can
+    /// turn the mean the other way.
+    pub typical: f64,
+    /// The typical gains that the paired test does not reject at 5 %; none where participants are
+    /// too few for it to reject anything.
+    pub interval: Option<[f64; 2]>,
+    /// p-value of Wilcoxon's signed-rank test, two-sided.
+    pub p: f64,
+}
+
+impl Paired {
+    /// Of these numbers of the same participants, more being better; none if there are none.
+    #[must_use]
+    pub fn of(first: &[f64], second: &[f64]) -> Option<Self> {
+        let p = wilcoxon(first, second).ok()?;
+        let gains: Vec<f64> = first.iter().zip(second).map(|(a, b)| a - b).collect();
+        let mean = mean(gains.iter().copied());
+        Some(Self { interval: interval(&gains), typical: hodges_lehmann(&gains), gains, mean, p })
+    }
+
+    /// How many participants gain.
+    #[must_use]
+    pub fn better(&self) -> usize {
+        self.gains.iter().filter(|gain| **gain > 1e-12).count()
+    }
+
+    /// Whether the mean points the other way than the typical gain, below [`LEVEL`].
+    #[must_use]
+    pub fn is_contrary(&self) -> bool {
+        self.p < LEVEL && self.mean * self.typical <= 0.0
+    }
+}
+
+/// All shifts of the differences that the test does not reject (Hodges and Lehmann, Annals of
+/// Mathematical Statistics 34, 1963): between two of the means of pairs of differences, where
+/// alone the rank sums change.
+fn interval(differences: &[f64]) -> Option<[f64; 2]> {
+    let pairs = differences.iter().enumerate();
+    let mut means: Vec<f64> =
+        pairs.flat_map(|(i, a)| differences[i..].iter().map(move |b| 0.5 * (a + b))).collect();
+    means.sort_by(f64::total_cmp);
+    means.dedup_by(|a, b| (*a - *b).abs() < 1e-9);
+    let rejected = |shift: f64| {
+        let shifted: Vec<f64> = differences.iter().map(|d| d - shift).collect();
+        wilcoxon(&shifted, &vec![0.0; shifted.len()]).is_ok_and(|p| p <= LEVEL)
+    };
+    let (first, last) = (*means.first()?, *means.last()?);
+    if !rejected(first - 1.0) || !rejected(last + 1.0) {
+        return None;
+    }
+    let between = |pair: &[f64]| rejected(0.5 * (pair[0] + pair[1]));
+    let gaps: Vec<&[f64]> = means.windows(2).collect();
+    // Rejected, then not, then rejected: only below and above the middle is it sorted.
+    let (below, above) = gaps.split_at(gaps.len() / 2);
+    let lowest = below.partition_point(|gap| between(gap));
+    let highest = gaps.len() / 2 + above.partition_point(|gap| !between(gap));
+    Some([means[lowest], means[highest]])
+}
+
+/// The gain of one feature set over another in one model and experiment.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Gain {
+    /// What predicts.
+    pub model: ModelName,
+    /// What is predicted.
+    pub experiment: Experiment,
+    /// What is compared: points of accuracy, or steps.
+    pub metric: Metric,
+    /// The gains of the participants, and the paired test of them.
+    pub paired: Paired,
+    /// The test's p-value after Holm's correction over its family.
+    pub holm: f64,
+}
+
+impl Gain {
+    /// Whether it is shown, after correction, that the first set is better (`sign` 1) or worse
+    /// (−1).
+    #[must_use]
+    pub fn is_shown(&self, sign: f64) -> bool {
+        self.holm < LEVEL && sign * self.paired.typical > 0.0
+    }
+}
+
+/// Tests that are corrected together: one feature set over another.
+#[derive(Clone, Debug, PartialEq)]
+pub struct GainFamily {
+    /// The set whose gain it is.
+    pub first: &'static str,
+    /// The set that it is compared with; `none` for the commonest input.
+    pub second: &'static str,
+    /// A gain for each experiment and model of the paper; none where there are no participants.
+    pub gains: Vec<Gain>,
+}
+
+impl GainFamily {
+    /// The gains in accuracy of `first` over `second`, whose numbers are given by model and
+    /// experiment, a number each participant.
+    pub(super) fn of(
+        (first, second): (&'static str, &'static str),
+        numbers_of_first: impl Fn(ModelName, Experiment) -> Vec<f64>,
+        numbers_of_second: impl Fn(ModelName, Experiment) -> Vec<f64>,
+    ) -> Self {
+        let mut gains = Vec::new();
+        for experiment in Experiment::ALL {
+            for model in ModelName::PAPERS {
+                let numbers =
+                    [numbers_of_first(model, experiment), numbers_of_second(model, experiment)];
+                let paired = Paired::of(&numbers[0], &numbers[1]);
+                let metric = Metric::Accuracy;
+                gains.extend(paired.map(|paired| Gain {
+                    model,
+                    experiment,
+                    metric,
+                    paired,
+                    holm: 1.0,
+                }));
+            }
+        }
+        let p_values: Vec<f64> = gains.iter().map(|gain| gain.paired.p).collect();
+        for (gain, p) in gains.iter_mut().zip(holm(&p_values)) {
+            gain.holm = p;
+        }
+        Self { first, second, gains }
+    }
+}
+
+/// What the paired test can show at all with some number of participants.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Power {
+    /// How many participants there are.
+    pub participants: usize,
+    /// How many tests are corrected together.
+    pub family: usize,
+    /// The smallest p-value that the test can give.
+    pub least_p: f64,
+    /// The same after Holm's correction over the family.
+    pub least_p_after_holm: f64,
+    /// The fewest participants with whom that is below [`LEVEL`].
+    pub needed: usize,
+}
+
+impl Power {
+    /// Of a family of so many tests.
+    #[must_use]
+    pub fn of(participants: usize, family: usize) -> Self {
+        let least = |people: usize| (2.0 * 0.5f64.powi(people.min(1000) as i32)).min(1.0);
+        let enough = |people: &usize| least(*people) * family.max(1) as f64 <= LEVEL;
+        Self {
+            participants,
+            family,
+            least_p: least(participants),
+            least_p_after_holm: (least(participants) * family as f64).min(1.0),
+            needed: (1..60).find(enough).unwrap_or(60),
+        }
+    }
+
+    /// Whether no paired test of so many participants can show anything.
+    #[must_use]
+    pub fn is_too_low(&self) -> bool {
+        self.least_p >= LEVEL
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Of 21 means of pairs none can be excluded with six participants, so that the interval is
+    /// the range of the gains.
+    #[test]
+    fn with_six_participants_the_interval_is_the_range() {
+        let gains = [1.0, 2.0, 4.0, 8.0, 16.0, 32.0];
+        let found = Paired::of(&gains, &[0.0; 6]).unwrap();
+        assert_eq!(found.interval, Some([1.0, 32.0]));
+        assert_eq!((found.p, found.mean, found.better()), (0.03125, 10.5, 6));
+        assert_eq!(Paired::of(&gains[..5], &[0.0; 5]).unwrap().interval, None);
+        assert_eq!(Paired::of(&[], &[]), None);
+    }
+
+    /// The interval holds just what a test of each shift does not reject.
+    #[test]
+    fn the_interval_is_what_the_test_does_not_reject() {
+        let gains = [3.0, -1.0, 2.5, 7.0, 0.5, 4.2, 3.3, 1.9, -0.4, 6.1];
+        let [low, high] = interval(&gains).unwrap();
+        let p = |shift: f64| wilcoxon(&gains.map(|gain| gain - shift), &[0.0; 10]).unwrap();
+        for i in 0..400 {
+            let shift = -3.0 + 0.0301 * f64::from(i);
+            assert_eq!(p(shift) > LEVEL, (low..=high).contains(&shift), "{shift}: {low} to {high}");
+        }
+    }
+
+    #[test]
+    fn participants_that_a_test_needs() {
+        assert_eq!([5, 6].map(|n| Power::of(n, 1).least_p), [0.0625, 0.03125]);
+        assert_eq!([5, 6].map(|n| Power::of(n, 1).is_too_low()), [true, false]);
+        assert_eq!([1, 48].map(|family| Power::of(9, family).needed), [6, 11]);
+    }
+}

@@ -1,0 +1,155 @@
+//! Recordings: what participants drove. A file of trials, a study's rows and the simulator all
+//! give a [`Recording`], and everything that learns or judges takes one.
+
+use crate::invalid::Invalid;
+use crate::scene::{JointState, SceneParameters};
+use crate::trial::{Flag, Phase};
+use crate::vehicle::TurnInput;
+use core::fmt;
+use serde::Serialize;
+
+/// The trials of some participants who drove under the same parameters.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Recording {
+    /// Where the trials come from.
+    pub provenance: Provenance,
+    /// The vehicles, steps and danger radius of all trials.
+    pub scene: SceneParameters,
+    /// Each participant with their trials.
+    pub participants: Vec<RecordedParticipant>,
+    /// Participants whose trials cannot be used.
+    pub exclusions: Vec<Exclusion>,
+}
+
+/// Where trials come from.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Provenance {
+    /// What kept them.
+    pub origin: Origin,
+    /// How the trials are known to be synthetic; none for people's.
+    pub synthetic: Option<String>,
+}
+
+/// What kept the trials of a recording.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Origin {
+    /// A file of trials, by its name.
+    File(String),
+    /// A study, by its name in addresses.
+    Study(String),
+}
+
+impl fmt::Display for Origin {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::File(name) => f.write_str(name),
+            Self::Study(slug) => write!(f, "study {slug}"),
+        }
+    }
+}
+
+/// One participant and the trials that they drove.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct RecordedParticipant {
+    /// The participant's name or number in the data.
+    pub name: String,
+    /// The line of their first row, in a file.
+    pub line: Option<u64>,
+    /// In the order of phases, then of numbers.
+    pub trials: Vec<RecordedTrial>,
+    /// Whether the data say that a program drove.
+    pub marked_synthetic: bool,
+}
+
+/// One driven scene.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RecordedTrial {
+    /// The line of its first row, in a file.
+    pub line: Option<u64>,
+    /// The trial's number, which no other trial of the participant has.
+    pub number: u64,
+    /// The phase of the study that it belongs to.
+    pub phase: Phase,
+    /// Its id, where it has one.
+    pub trial_id: Option<String>,
+    /// The input held in each step.
+    pub inputs: Vec<TurnInput>,
+    /// The joint state before each step, and the one after the last step.
+    pub states: Vec<JointState>,
+    /// The participant's clock at the start, ms since 1970, where it is known.
+    pub started_at_ms: Option<f64>,
+    /// When each input was sampled, ms after the start, where it is known.
+    pub sampled_at_ms: Option<Vec<f64>>,
+    /// What an analyst should know of it.
+    pub flags: Vec<Flag>,
+}
+
+impl RecordedParticipant {
+    /// Drops every trial that is not a task: only tasks are analysed.
+    pub fn keep_tasks(&mut self) {
+        self.trials.retain(|trial| trial.phase == Phase::Task);
+    }
+}
+
+/// Something wrong with a participant's data.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Fault {
+    /// The line that is wrong, in a file.
+    pub line: Option<u64>,
+    /// Field, expected and found.
+    pub what: Invalid,
+}
+
+impl fmt::Display for Fault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.line.map_or(Ok(()), |line| write!(f, "line {line}: "))?;
+        write!(f, "{}", self.what)
+    }
+}
+
+/// A participant whose trials are not used.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Exclusion {
+    /// The participant's name or number in the data.
+    pub participant: String,
+    /// Why they are excluded.
+    pub reason: String,
+    /// The line of the file of trials that is wrong, where a single line is.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub line: Option<u64>,
+    /// The line of their first row, where all rows together are the reason. It depends on the
+    /// order of the rows, which must not change the files of an analysis: only messages tell it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub first_line: Option<u64>,
+}
+
+impl Exclusion {
+    /// For a reason that no single line shows.
+    #[must_use]
+    pub fn new(participant: &str, reason: String) -> Self {
+        Self { participant: participant.to_owned(), reason, line: None, first_line: None }
+    }
+
+    /// For a fault in the participant's rows.
+    #[must_use]
+    pub fn of_fault(participant: &str, fault: &Fault) -> Self {
+        Self { line: fault.line, ..Self::new(participant, fault.what.to_string()) }
+    }
+
+    /// The reason, with the line that is wrong.
+    #[must_use]
+    pub fn why(&self) -> String {
+        match self.line {
+            Some(line) => format!("line {line}: {}", self.reason),
+            None => self.reason.clone(),
+        }
+    }
+}
+
+impl fmt::Display for Exclusion {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        // Names may hold what a terminal would obey.
+        write!(f, "participant {}: {}", self.participant.escape_debug(), self.why())?;
+        self.first_line.map_or(Ok(()), |line| write!(f, " (their rows begin in line {line})"))
+    }
+}

@@ -1,0 +1,54 @@
+//! Whether trials were driven by synthetic participants, so that nobody takes findings from them
+//! for findings about people.
+
+use super::{Keys, SyntheticParticipant};
+use crate::recording::{RecordedParticipant, RecordedTrial};
+use crate::scene::JointState;
+
+/// The seed of the project's reference data, whose file does not say that they are synthetic.
+pub const REFERENCE_SEED: u64 = 20_180_918;
+
+/// The numbers of the reference's participants, who may have other names in a copy.
+const REFERENCE_PARTICIPANTS: core::ops::Range<u64> = 0..8;
+
+/// How these participants' trials are known to be synthetic, if they are: the data say so, or
+/// they begin as trials of the reference, which are driven again to see.
+#[must_use]
+pub fn recognised(participants: &[RecordedParticipant]) -> Option<String> {
+    let marked: Vec<&str> =
+        participants.iter().filter(|of| of.marked_synthetic).map(|of| &of.name[..]).collect();
+    if marked.len() == participants.len() && !participants.is_empty() {
+        return Some("the file or the server marks all of them as synthetic".to_owned());
+    }
+    if !marked.is_empty() {
+        let (some, all) = (marked.len(), participants.len());
+        // Their names, as long as that can be read.
+        let names = if some <= 12 { format!(": {}", marked.join(", ")) } else { String::new() };
+        return Some(format!(
+            "the file or the server marks {some} of {all} people as synthetic{names}"
+        ));
+    }
+    let known = participants.iter().any(is_of_the_reference);
+    known.then(|| format!("the same as those of seed {REFERENCE_SEED}"))
+}
+
+fn is_of_the_reference(participant: &RecordedParticipant) -> bool {
+    let Some(trial) = participant.trials.first() else {
+        return false;
+    };
+    let own = participant.name.parse::<u64>().ok();
+    own.into_iter().chain(REFERENCE_PARTICIPANTS).any(|number| begins_as(number, trial))
+}
+
+/// Whether the trial begins as the trial of this number of the reference's participant.
+fn begins_as(participant: u64, trial: &RecordedTrial) -> bool {
+    let (scene, _) =
+        SyntheticParticipant::new(REFERENCE_SEED, participant).own_trial(trial.number, Keys::Free);
+    let numbers = |state: &JointState| {
+        let ([hx, hy, hpsi], [rx, ry, rpsi]) = (state.human.into(), state.robot.into());
+        [hx, hy, hpsi, rx, ry, rpsi]
+    };
+    let near = |(a, b): (f64, f64)| (a - b).abs() < 1e-6;
+    let (own, driven) = (numbers(&scene.start()), numbers(&trial.states[0]));
+    own.into_iter().zip(driven).all(near)
+}
