@@ -5,7 +5,7 @@
 //! A recipe is never changed and knows nothing of the types on the wire: a new field of an upload
 //! leaves every stored hash as it is. A field that the hash must cover needs another recipe.
 
-use crate::store::bytes::{pack, pack_inputs, pack_states};
+use crate::bytes::{pack, pack_inputs, pack_states};
 use sha2::{Digest, Sha256};
 use sidestep::scene::JointState;
 use sidestep::vehicle::TurnInput;
