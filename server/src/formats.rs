@@ -3,8 +3,8 @@
 pub mod atomic_file;
 pub mod atomic_folder;
 pub mod csv_lines;
-pub mod exports;
 pub mod npz;
 pub mod study_toml;
 pub mod trials_csv;
+pub mod exports;
 pub mod features_csv;

@@ -1,19 +1,19 @@
 //! Stochastic human forward reachable sets: from the states so far and a predictor
 //! to nested regions of the plane.
 
-pub mod baselines;
-pub mod danger;
+pub mod window;
 pub mod family;
-pub mod guarantee;
-pub mod pareto;
 pub mod prediction;
+pub mod widened;
+pub mod baselines;
 pub mod probability;
 pub mod scores;
+pub mod danger;
 #[cfg(test)]
 mod testing;
+pub mod guarantee;
+pub mod pareto;
 pub mod tuning;
-pub mod widened;
-pub mod window;
 
 use crate::bounds::{
     ActionChoice, ActionModel, Algorithm1, BoundsSettings, InputBounds, Motion, Rollout,

@@ -1,18 +1,18 @@
 //! The report: one HTML file that needs nothing else, for whoever wants to know what was found.
 //! Same results, same bytes.
 
-mod figures;
-mod findings;
-mod levels;
 mod html;
 mod method;
 mod published;
-mod tables;
+mod words;
+mod figures;
+mod findings;
+mod levels;
 #[cfg(test)]
 mod testing;
 #[cfg(test)]
 mod tests;
-mod words;
+mod tables;
 
 pub(super) use published::SOURCE;
 pub(super) use tables::{both_avoid, penalised};

@@ -6,10 +6,10 @@
 //! of recorded futures and know no vehicle model: [`Gaussian`] and [`PerModeEmpirical`].
 //! Those end in the worst-case set, so that every family has a level that holds all.
 
-mod empirical;
-mod gaussian;
 mod swept;
 mod widened;
+mod empirical;
+mod gaussian;
 
 pub use empirical::{Mode, PerModeEmpirical};
 pub use gaussian::Gaussian;
