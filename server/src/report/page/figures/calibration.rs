@@ -28,7 +28,7 @@ const LEAST_ROWS: usize = 20;
 fn chart(analysis: &Analysis, experiment: Experiment) -> Chart {
     let least = 1.0 / experiment.classes().len() as f64;
     let from = (10.0 * least).floor() / 10.0;
-    let x = Axis::linear("probability of the likeliest class", "", [from, 1.0], 10);
+    let x = Axis::linear("probability of the likeliest class", "", [from, 1.0], 8);
     let y = Axis::linear("share that was right", "", [0.0, 1.0], 5);
     let curves = ModelName::PAPERS.map(|model| {
         let all = analysis.pooled(Some(model), experiment, SET);

@@ -27,8 +27,9 @@ pub(in super::super) fn figure_of(analysis: &Analysis) -> String {
     );
     let caption = format!(
         "<b>Where people’s models turn.</b> The probability of a turn that {} (experiment II) gives \
-         for a robot at each place around the human, who heads up; mean over people and over eight \
-         headings in the world, as the paper’s features depend on these. Above on {}, which knows \
+         for a robot at each place around the human (blue), who heads up; the red arrow shows \
+         the robot’s heading. Mean over people and over eight headings in the world, as the \
+         paper’s features depend on these. Above on {}, which knows \
          both safety levels; below on {}, which cannot tell ahead from behind. Far from where \
          people drove, the models guess.",
         words::model_in_full(MAPPED_MODEL),
