@@ -1,7 +1,8 @@
-//! WebAssembly in a real browser computes what this machine does, bit for bit.
+//! WebAssembly in a real browser computes what this machine does, bit for bit, and its adapter
+//! delivers forms whole and moves elements without touching what is in them.
 
 use sidestep::comparison::learning_fingerprints;
-use sidestep_tests::Browser;
+use sidestep_tests::{Browser, Tab};
 
 /// Where the page with the program `web-client/examples/fingerprint.rs` is.
 const PAGE: &str = "SIDESTEP_FINGERPRINT_PAGE";
@@ -22,5 +23,64 @@ async fn the_browser_learns_and_predicts_as_this_machine_does() {
     let apart = here.iter().zip(&there).filter(|(here, there)| here != there);
     let apart: Vec<&str> = apart.map(|((stage, _), _)| stage.as_str()).collect();
     assert!(apart.is_empty(), "other bits in {apart:?}");
+    browser.close().await;
+}
+
+/// What the page `web-client/examples/forms.rs` was told last.
+async fn said(tab: &Tab, words: &str) {
+    tab.until(&format!("{}.textContent.includes({words:?})", Tab::at("said"))).await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn forms_arrive_whole_and_rows_keep_what_is_in_them() {
+    let path = std::env::var("SIDESTEP_FORMS_PAGE");
+    let path = path.expect("run the tests with `cargo xtask test`, which builds that page");
+    let browser = Browser::start().await;
+    let tab = browser.open(&format!("file://{path}")).await;
+    said(&tab, "woken 2").await;
+
+    // Every kind of field.
+    let fill = "(() => { \
+        const at = name => document.querySelector(`[data-testid=\"${name}\"]`); \
+        at('area').value = 'two\\nlines'; at('number').value = '2.5'; at('right').checked = true; \
+        at('one').value = 'b'; at('many').options[0].selected = at('many').options[2].selected = true; \
+        const given = new DataTransfer(); given.items.add(new File(['a,b'], 'trials.csv')); \
+        at('file').files = given.files; })()";
+    tab.run(fill).await;
+    tab.press("submit").await;
+    said(&tab, "Form(").await;
+    let expected = r#"Form([("text", Text("preset")), ("area", Text("two\nlines")), ("number", Number(Some(2.5))), ("empty", Number(None)), ("ticked", Checked(true)), ("unticked", Checked(false)), ("radio", Text("right")), ("one", Text("b")), ("many", Choices(["a", "c"])), ("file", Files([File { name: "trials.csv", bytes: [97, 44, 98] }]))])"#;
+    assert_eq!(tab.words("said").await, expected);
+    let live = Tab::at("live");
+    tab.run(&format!(
+        "{live}.value = 'c', {live}.dispatchEvent(new Event('input', {{bubbles: true}}))"
+    ))
+    .await;
+    said(&tab, "Text(\"c\")").await;
+
+    // A row that moves keeps its text, focus and selection.
+    let row = Tab::at("row-2");
+    tab.run(&format!("{row}.value = 'typed', {row}.focus(), {row}.setSelectionRange(1, 3)")).await;
+    tab.press("rotate").await;
+    tab.until(&format!("{}.firstChild.contains({row})", Tab::at("rows"))).await;
+    let kept = format!(
+        "[{row}.value, String(document.activeElement === {row}), `${{{row}.selectionStart}}–${{{row}.selectionEnd}}`]"
+    );
+    assert_eq!(tab.eval::<Vec<String>>(&kept).await, ["typed", "true", "1–3"]);
+
+    // Storage answers, also when it refuses.
+    tab.press("keep").await;
+    said(&tab, "Ok(())").await;
+    tab.run(
+        "Storage.prototype.setItem = () => { throw new DOMException('', 'QuotaExceededError') }",
+    )
+    .await;
+    tab.press("keep").await;
+    said(&tab, "Err(Full)").await;
+    tab.run("Storage.prototype.setItem = () => { throw new DOMException('', 'SecurityError') }")
+        .await;
+    tab.press("keep").await;
+    said(&tab, "Err(Denied)").await;
+    tab.is_well().await;
     browser.close().await;
 }

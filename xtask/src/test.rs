@@ -48,12 +48,15 @@ const CHROMIUM: Requirement = Requirement {
 pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> {
     let programs = provide(REQUIREMENTS)?;
     build::run(workspace, &build::Options::default())?;
-    let page = fingerprint_page(workspace)?;
+    let mut pages = Vec::new();
+    for (variable, example) in PAGES {
+        pages.push((*variable, example_page(workspace, example)?));
+    }
 
     let tests = |arguments: &[OsString]| {
         let mut tests = workspace.compile("test");
         tests.args(arguments).envs(programs.clone()).env("SIDESTEP_BIN", workspace.server());
-        answer_of(tests.env("SIDESTEP_FINGERPRINT_PAGE", &page))
+        answer_of(tests.envs(pages.clone()))
     };
     eprintln!("==> tests");
     if !options.arguments.is_empty() {
@@ -67,16 +70,18 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> 
     tests(&[OsString::from("--doc")])
 }
 
-/// The example of the client that says what WebAssembly computes.
-const FINGERPRINT: &str = "fingerprint";
+/// Examples of the client that tests open as pages, each with the variable that tells where its
+/// page is: what WebAssembly computes, and every kind of field.
+const PAGES: &[(&str, &str)] =
+    &[("SIDESTEP_FINGERPRINT_PAGE", "fingerprint"), ("SIDESTEP_FORMS_PAGE", "forms")];
 
-/// Builds a page with that example in it.
-fn fingerprint_page(workspace: &Workspace) -> Result<PathBuf> {
+/// Builds a page with an example in it.
+fn example_page(workspace: &Workspace, example: &'static str) -> Result<PathBuf> {
     let mut build = workspace.compile_for_browsers("build");
-    stage(FINGERPRINT, build.args(["--example", FINGERPRINT]))?;
-    let compiled = workspace.compiled_client(&format!("examples/{FINGERPRINT}"));
-    let text = bundle(FINGERPRINT, &compiled)?.page()?;
-    let path = workspace.browser_pages().join("fingerprint.html");
+    stage(example, build.args(["--example", example]))?;
+    let compiled = workspace.compiled_client(&format!("examples/{example}"));
+    let text = bundle(example, &compiled)?.page()?;
+    let path = workspace.browser_pages().join(example).with_extension("html");
     fs::create_dir_all(workspace.browser_pages())
         .and_then(|()| fs::write(&path, text))
         .with_context(|| format!("cannot write {}", path.display()))?;

@@ -285,8 +285,9 @@ fn an_address_without_a_page_says_so() {
     assert!(session.words("stuck").unwrap().contains("no page at this address"));
     session.go("/lab/self-check");
     assert_eq!(session.urls(), [routes::SELF_CHECK]);
-    assert_eq!(session.lab.hear(&Event::Address(address("/s/default"))).is_some(), false);
-    assert_eq!(session.lab.hear(&Event::Address(address("/laboratory"))).is_some(), false);
+    for elsewhere in ["/s/default", "/laboratory"] {
+        assert!(session.lab.hear(&Event::Address(address(elsewhere))).is_none(), "{elsewhere}");
+    }
 }
 
 #[test]
@@ -487,8 +488,7 @@ fn a_trial_that_is_not_there_says_so() {
 
 #[test]
 fn the_time_axis_has_round_ticks_for_any_duration() {
-    let mut parameters = SceneParameters::default();
-    parameters.steps = 40;
+    let parameters = SceneParameters { steps: 40, ..SceneParameters::default() };
     let session = Session::open(&trial(parameters, [None, None]));
     let words = session.lab.view().words();
     assert!(words.contains(" 0 1 2 3 4 5 6 7 8 s "), "{words}");
