@@ -204,7 +204,7 @@ async fn reach_names_what_is_wrong() {
         refused("reach", &document.to_string(), words).await;
     };
     refuses("/sets/0/hi/1", json!(0.6), "sets[0].hi[1]: expected a turn rate from").await;
-    refuses("/sets/0/hi/1", json!("x"), "sets[0].hi[1]: expected a number, found string").await;
+    refuses("/sets/0/hi/1", json!("x"), "sets[0].hi[1]: expected a number, found \"x\"").await;
     let swapped = json!({ "lo": [0, 0.2], "hi": [0, 0.1] });
     refuses("/sets/0", swapped, "sets[0].lo[1]: expected at most hi[1] = 0.1").await;
     refuses("/sets/0/lo", json!([]), "sets[0].lo: expected at least one step").await;

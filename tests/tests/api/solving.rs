@@ -382,7 +382,7 @@ async fn figures() {
         assert!(text.contains(word), "{word}");
     }
     assert!(!text.contains("NaN"));
-    for (kind, size) in [("slices", [1244, 735]), ("tube", [900, 960])] {
+    for (kind, size) in [("slices", [1226, 739]), ("tube", [900, 960])] {
         let png = folder.name("v.png");
         prints(&["plot", "--out", &png, "--kind", kind]).await;
         let picture = image::open(&png).unwrap().into_rgb8();
