@@ -159,7 +159,7 @@ impl Power {
     /// Of a family of so many tests.
     #[must_use]
     pub fn of(participants: usize, family: usize) -> Self {
-        let least = |people: usize| (2.0 * 0.5f64.powi(people.min(1000) as i32)).min(1.0);
+        let least = |people: usize| (0..people.min(1000)).fold(2.0, |p: f64, _| 0.5 * p).min(1.0);
         let enough = |people: &usize| least(*people) * family.max(1) as f64 <= LEVEL;
         Self {
             participants,
