@@ -88,7 +88,15 @@ fn context(window: &Window) -> PageContext {
             ("device_pixel_ratio", window.device_pixel_ratio()),
         ],
         time_origin_ms: window.performance().map_or(0.0, |clock| clock.time_origin()),
+        random_name: random_name(window),
     }
+}
+
+/// 32 random hexadecimal digits.
+fn random_name(window: &Window) -> Option<String> {
+    let mut bytes = [0; 16];
+    window.crypto().ok()?.get_random_values_with_u8_array(&mut bytes).ok()?;
+    Some(bytes.iter().map(|byte| format!("{byte:02x}")).collect())
 }
 
 struct Shell<P: Page> {

@@ -107,6 +107,8 @@ pub struct PageContext {
     pub screen: Vec<(&'static str, f64)>,
     /// Zero of the page's clock, ms since 1970.
     pub time_origin_ms: f64,
+    /// A name that nobody guesses and no other visit has; nothing if the browser draws none.
+    pub random_name: Option<String>,
 }
 
 /// What is to be done, in order.

@@ -194,7 +194,8 @@ impl Participant {
         let body = Enrolment {
             consent: true,
             external_id: self.context.address.parameter("external_id").map(str::to_owned),
-            request_id: None,
+            // An enrolment whose answer was lost is asked for again under the same name.
+            request_id: self.context.random_name.clone(),
             locale: Some(self.context.locale.clone()).filter(|locale| !locale.is_empty()),
             screen: Some(json_object(&self.context.screen)),
         };

@@ -5,8 +5,8 @@ use crate::runtime::{
     Address, Answer, Command, Commands, Event, NotKept, Page, PageContext, Request,
 };
 use sidestep::api::{
-    Completed, Enrolled, Plan, PlannedPhase, PlannedScene, Problem, Progress, SCHEMA_VERSION,
-    StudyInfo, TrialStored, TrialUpload, routes,
+    Completed, Enrolled, Enrolment, Plan, PlannedPhase, PlannedScene, Problem, Progress,
+    SCHEMA_VERSION, StudyInfo, TrialStored, TrialUpload, routes,
 };
 use sidestep::scene::{EncounterRange, SceneParameters, generate};
 use sidestep::study::StudyConfig;
@@ -61,6 +61,7 @@ impl Session {
             address,
             kept: kept.clone().into_iter().collect(),
             time_origin_ms: 1.7e12,
+            random_name: Some("0123456789abcdef".into()),
             ..PageContext::default()
         };
         let (page, commands) = Participant::open(context);
@@ -262,11 +263,18 @@ fn a_server_that_forgot_us_lets_us_begin_afresh() {
 #[test]
 fn a_failing_server_is_asked_again() {
     let mut session = Session::open(BTreeMap::new());
-    session.press("consent");
-    session.answer("enrol", 503, &refusal("storage"));
-    assert!(session.words().contains("Storage it is."));
-    session.press("consent");
-    session.answer("enrol", 201, &enrolled());
+    // Whether the first enrolment was stored is not known: the second has the same name.
+    let mut names = Vec::new();
+    for status in [503, 201] {
+        session.press("consent");
+        let body = session.asked[0].body.clone().unwrap();
+        names.push(serde_json::from_str::<Enrolment>(&body).unwrap().request_id.unwrap());
+        match status {
+            503 => session.answer("enrol", 503, &refusal("storage")),
+            _ => session.answer("enrol", 201, &enrolled()),
+        }
+    }
+    assert_eq!(names, ["0123456789abcdef"; 2]);
     session.answer("progress", 503, &refusal("storage"));
     session.wake("retry");
     session.answer("progress", 200, &progress(&["t0", "t1"]));
