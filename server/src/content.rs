@@ -5,7 +5,7 @@
 //! A recipe is never changed and knows nothing of the types on the wire: a new field of an upload
 //! leaves every stored hash as it is. A field that the hash must cover needs another recipe.
 
-use crate::store::bytes::{pack, pack_inputs, pack_states};
+use crate::bytes::{pack, pack_inputs, pack_states};
 use sha2::{Digest, Sha256};
 use sidestep::scene::JointState;
 use sidestep::vehicle::TurnInput;
@@ -152,7 +152,7 @@ mod tests {
         // What the first version sent to its hash for this upload; such hashes are in databases.
         let text = concat!(
             r#"{"started_at_ms":1760000000123.25,"inputs":[-1],"#,
-            r#""states":[{"human":[0.1,-2.5,3.0],"robot":[1e21,-0.0,2.0]},"#,
+            r#""states":[{"human":[0.1,-2.5,3.0],"robot":[1e+21,-0.0,2.0]},"#,
             r#"{"human":[0.3333333333333333,1e-7,2.0],"robot":[5e-324,7.5,-3.0]}],"#,
             r#""sampled_at_ms":[3.7],"key_events":[{"t_ms":-1.0,"key":"ArrowLeft","down":true}],"#,
             r#""display":{"refresh_hz":60.0}}"#,

@@ -7,6 +7,7 @@
 pub mod clock;
 pub mod threads;
 pub mod secrets;
+pub mod bytes;
 pub mod content;
 pub mod store;
 pub mod formats;

@@ -15,15 +15,14 @@ mod connection;
 mod migrations;
 mod readers;
 mod writer;
-pub mod bytes;
 pub mod admin;
 pub mod studies;
 pub mod value_functions;
-pub mod scenes;
-pub mod trials;
-pub mod participants;
-pub mod imports;
 pub mod analyses;
+pub mod scenes;
+pub mod participants;
+pub mod trials;
+pub mod imports;
 #[cfg(test)]
 mod tests;
 

@@ -1,9 +1,9 @@
 //! Trials as they were driven.
 
-use super::bytes::{pack, pack_inputs, pack_states, unpack, unpack_inputs, unpack_states};
 use super::participants::Participant;
 use super::scenes::{self, SCENE, phase_of, scene_of};
 use super::{Store, StoreError};
+use crate::bytes::{pack, pack_inputs, pack_states, unpack, unpack_inputs, unpack_states};
 use crate::content::{Content, Recipe};
 use rusqlite::{Connection, OptionalExtension, Row, params};
 use serde::Deserialize;

@@ -1,4 +1,4 @@
-//! Numbers as octets: compact, and the same bits when they come back.
+//! Numbers as bytes: compact, and the same bits when they come back.
 
 use sidestep::scene::JointState;
 use sidestep::vehicle::{Pose, TurnInput};
@@ -9,10 +9,10 @@ pub fn pack(numbers: impl IntoIterator<Item = f64>) -> Vec<u8> {
     numbers.into_iter().flat_map(f64::to_le_bytes).collect()
 }
 
-/// The numbers that [`pack`] packed; a rest of fewer than eight octets is dropped.
+/// The numbers that [`pack`] packed; a rest of fewer than eight bytes is dropped.
 #[must_use]
-pub fn unpack(octets: &[u8]) -> Vec<f64> {
-    let (chunks, _) = octets.as_chunks::<8>();
+pub fn unpack(bytes: &[u8]) -> Vec<f64> {
+    let (chunks, _) = bytes.as_chunks::<8>();
     chunks.iter().map(|&chunk| f64::from_le_bytes(chunk)).collect()
 }
 
@@ -27,8 +27,8 @@ pub fn pack_states(states: &[JointState]) -> Vec<u8> {
 
 /// The states that [`pack_states`] packed.
 #[must_use]
-pub fn unpack_states(octets: &[u8]) -> Vec<JointState> {
-    let numbers = unpack(octets);
+pub fn unpack_states(bytes: &[u8]) -> Vec<JointState> {
+    let numbers = unpack(bytes);
     let (states, _) = numbers.as_chunks::<6>();
     let state = |&[a, b, c, d, e, f]: &[f64; 6]| JointState {
         human: Pose::from([a, b, c]),
@@ -37,7 +37,7 @@ pub fn unpack_states(octets: &[u8]) -> Vec<JointState> {
     states.iter().map(state).collect()
 }
 
-/// One signed octet an input.
+/// One signed byte an input.
 #[must_use]
 pub fn pack_inputs(inputs: &[TurnInput]) -> Vec<u8> {
     inputs.iter().map(|input| input.sign().cast_unsigned()).collect()
@@ -46,9 +46,9 @@ pub fn pack_inputs(inputs: &[TurnInput]) -> Vec<u8> {
 /// The inputs that [`pack_inputs`] packed.
 ///
 /// # Errors
-/// If an octet is none of −1, 0, 1.
-pub fn unpack_inputs(octets: &[u8]) -> Result<Vec<TurnInput>, sidestep::invalid::Invalid> {
-    octets.iter().map(|octet| TurnInput::try_from(i64::from(octet.cast_signed()))).collect()
+/// If an byte is none of −1, 0, 1.
+pub fn unpack_inputs(bytes: &[u8]) -> Result<Vec<TurnInput>, sidestep::invalid::Invalid> {
+    bytes.iter().map(|byte| TurnInput::try_from(i64::from(byte.cast_signed()))).collect()
 }
 
 #[cfg(test)]
