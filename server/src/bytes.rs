@@ -46,7 +46,7 @@ pub fn pack_inputs(inputs: &[TurnInput]) -> Vec<u8> {
 /// The inputs that [`pack_inputs`] packed.
 ///
 /// # Errors
-/// If an byte is none of −1, 0, 1.
+/// If a byte is none of −1, 0, 1.
 pub fn unpack_inputs(bytes: &[u8]) -> Result<Vec<TurnInput>, sidestep::invalid::Invalid> {
     bytes.iter().map(|byte| TurnInput::try_from(i64::from(byte.cast_signed()))).collect()
 }

@@ -60,7 +60,7 @@ pub struct DangerZone {
 #[must_use]
 pub fn shown_steps(steps: usize) -> Vec<usize> {
     let every = if steps < 4 { 1 } else { steps.div_ceil(10).next_multiple_of(2) };
-    (1..=steps).filter(|step| (steps - step) % every == 0).collect()
+    (1..=steps).filter(|step| (steps - step).is_multiple_of(every)).collect()
 }
 
 impl RegionsPanel {

@@ -87,10 +87,10 @@ impl FromRequestParts<Arc<App>> for Admin {
     type Rejection = ApiError;
 
     async fn from_request_parts(parts: &mut Parts, app: &Arc<App>) -> Result<Self, ApiError> {
-        if let Some(cookie) = session_cookie(&parts.headers) {
-            if app.store.has_session(secrets::hash(cookie), now_ms()).await? {
-                return Ok(Self);
-            }
+        if let Some(cookie) = session_cookie(&parts.headers)
+            && app.store.has_session(secrets::hash(cookie), now_ms()).await?
+        {
+            return Ok(Self);
         }
         let key = bearer(&parts.headers).ok_or_else(ApiError::unauthorized)?;
         let client = parts.extensions.get::<Client>().copied();

@@ -224,7 +224,7 @@ fn convergence(check: &cartesian::Check) -> Drawing {
 
 /// How steep an order is: a triangle from a point to `times` its spacing.
 fn add_slope(chart: &mut Chart, order: i32, [x, y]: Point, times: f64) {
-    let (far, up) = (x * times, y * times.powi(order));
+    let (far, up) = (x * times, (0..order).fold(y, |up, _| up * times));
     let points = vec![[x, y], [far, y], [far, up]];
     let (fill, edge) = (None::<Ink>, Some(Pen::new(colours::MUTED, 1.0)));
     chart.add(Area { name: String::new(), points, fill, edge });
