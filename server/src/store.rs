@@ -6,7 +6,7 @@
 //! leaves this folder, so that another database is another implementation of the same methods
 //! that passes the same tests (`store/tests.rs`).
 //!
-//! Reads ([`readers`]) and writes ([`writer`]) go separate ways: SQLite has one writer at a time
+//! Reads (`readers`) and writes (`writer`) go separate ways: SQLite has one writer at a time
 //! anyway, and in WAL mode readers wait for nobody.
 
 mod error;
