@@ -1,6 +1,6 @@
 //! Figures of the command line: level sets, predicted regions, coverage against area.
 //!
-//! Each is a [`Drawing`], which writes itself as SVG and which [`png`] paints with the fonts in
+//! Each is a [`Drawing`], which writes itself as SVG and which [`png()`] paints with the fonts in
 //! `fonts/`, so that neither needs a font on the machine.
 
 mod label_position;

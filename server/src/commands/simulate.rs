@@ -59,7 +59,7 @@ struct Destination {
     /// held in it (rad/s, left is positive); - writes it to stdout, without the summary.
     #[arg(long, value_name = "FILE.csv")]
     out: Option<String>,
-    /// Address of a running server, http://HOST[:PORT]: the participants enrol there, drive the
+    /// Address of a running server, http://HOST:PORT: the participants enrol there, drive the
     /// scenes of their plans and complete. Only plain HTTP is supported.
     #[arg(long, value_name = "URL")]
     url: Option<String>,
