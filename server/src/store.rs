@@ -213,6 +213,14 @@ impl Store {
         self.open.readers.long(read).await
     }
 
+    /// As [`Self::write`], ahead of all others: for trials.
+    async fn write_first<T: Send + 'static>(
+        &self,
+        work: impl FnOnce(&Connection) -> Result<T, StoreError> + Send + 'static,
+    ) -> Result<T, StoreError> {
+        self.open.writer.run(Lane::Trial, work).await
+    }
+
     /// An operation that a request waits for: its result is returned after the commit.
     async fn write<T: Send + 'static>(
         &self,

@@ -262,6 +262,30 @@ async fn a_full_queue_is_refused_at_once() {
 }
 
 #[tokio::test]
+async fn trials_go_ahead_of_a_class_that_enrols() {
+    let (_folder, store) = store().await;
+    let held = store.held().await;
+    let order = Arc::new(Mutex::new(Vec::new()));
+    let noted = |what: &'static str| {
+        let order = Arc::clone(&order);
+        move |_: &rusqlite::Connection| {
+            order.lock().unwrap().push(what);
+            Ok(())
+        }
+    };
+    let mut class: Vec<_> = (0..600).map(|_| Box::pin(store.write(noted("class")))).collect();
+    assert!(class.iter_mut().all(|enrolment| begun(enrolment).is_pending()));
+    let mut trial = Box::pin(store.write_first(noted("trial")));
+    assert!(begun(&mut trial).is_pending());
+    drop(held);
+    assert_eq!(trial.await, Ok(()));
+    for enrolment in class {
+        assert_eq!(enrolment.await, Ok(()));
+    }
+    assert_eq!(order.lock().unwrap()[0], "trial");
+}
+
+#[tokio::test]
 async fn requests_wait_for_one_piece_of_background_work_at_most() {
     let (_folder, store) = store().await;
     let held = store.held().await;
@@ -274,7 +298,8 @@ async fn requests_wait_for_one_piece_of_background_work_at_most() {
         }
     };
     let mut jobs: Vec<_> = (0..20).map(|_| Box::pin(store.write_behind(noted("job")))).collect();
-    let mut requests: Vec<_> = (0..64).map(|_| Box::pin(store.write(noted("request")))).collect();
+    let mut requests: Vec<_> =
+        (0..64).map(|_| Box::pin(store.write_first(noted("request")))).collect();
     assert!(jobs.iter_mut().all(|job| begun(job).is_pending()));
     assert!(requests.iter_mut().all(|request| begun(request).is_pending()));
     drop(held);

@@ -215,7 +215,7 @@ impl Store {
         trial: NewTrial,
     ) -> Result<PutTrial, StoreError> {
         let participant_id = participant_id.to_owned();
-        self.write(move |db| put(db, &participant_id, &trial)).await
+        self.write_first(move |db| put(db, &participant_id, &trial)).await
     }
 
     /// At most `limit` trials of a study, newest first, from before `before`.

@@ -6,9 +6,10 @@
 //! thrown away and everything in it is refused, so that a full disk or an I/O error is over as
 //! soon as its cause is.
 //!
-//! There are two lanes. What requests ask for goes first; background work (files and cells of an
-//! analysis, value functions) follows in transactions of its own, one operation between two
-//! batches, so that requests wait for one piece of it at most.
+//! There are three lanes. Trials go first: a browser waits for each. Other requests follow, a few in
+//! each batch, so that a class that enrols at once holds up nobody who drives. Background work
+//! (files and cells of an analysis, value functions) has transactions of its own, one operation
+//! between two batches, so that requests wait for one piece of it at most.
 
 use super::connection;
 use super::error::StoreError;
@@ -25,8 +26,11 @@ use tokio::sync::oneshot;
 /// Operations that may wait in a lane before further ones are refused.
 const QUEUE: usize = 1_024;
 
-/// Operations that are committed together.
+/// Trials that are committed together.
 const BATCH: usize = 64;
+
+/// Other requests in the same batch. An enrolment writes a whole plan, as much as ten trials.
+const OTHERS: usize = 8;
 
 /// Between two background operations while requests wait.
 const BACKGROUND_PAUSE: Duration = Duration::from_millis(50);
@@ -37,7 +41,9 @@ const EMPTY_LOG_PAUSE: Duration = Duration::from_millis(200);
 /// Who waits for an operation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Lane {
-    /// A request.
+    /// A participant who sends a trial.
+    Trial,
+    /// Any other request.
     Request,
     /// A job in the background.
     Background,
@@ -89,6 +95,7 @@ type Batch = Vec<Box<dyn Operation>>;
 
 #[derive(Default)]
 struct Lanes {
+    trials: VecDeque<Box<dyn Operation>>,
     requests: VecDeque<Box<dyn Operation>>,
     background: VecDeque<Box<dyn Operation>>,
     /// When to try to empty the log, if that is wanted.
@@ -103,7 +110,8 @@ struct Queue {
 
 /// What the thread does next.
 enum Next {
-    Write(Lane, Batch),
+    Write(Batch),
+    Background(Batch),
     EmptyLog,
     Stop,
 }
@@ -119,6 +127,7 @@ impl Queue {
             return Err(StoreError::Unavailable("it was closed".to_owned()));
         }
         let queue = match lane {
+            Lane::Trial => &mut lanes.trials,
             Lane::Request => &mut lanes.requests,
             Lane::Background => &mut lanes.background,
         };
@@ -139,15 +148,17 @@ impl Queue {
                 lanes.empty_log_at = None;
                 return Next::EmptyLog;
             }
-            let others_turn = lanes.requests.is_empty()
-                || now.duration_since(last_background) >= BACKGROUND_PAUSE;
-            if others_turn && let Some(operation) = lanes.background.pop_front() {
-                return Next::Write(Lane::Background, vec![operation]);
+            let requested = !lanes.trials.is_empty() || !lanes.requests.is_empty();
+            let background_turn =
+                !requested || now.duration_since(last_background) >= BACKGROUND_PAUSE;
+            if background_turn && let Some(operation) = lanes.background.pop_front() {
+                return Next::Background(vec![operation]);
             }
-            if !lanes.requests.is_empty() {
-                let count = lanes.requests.len().min(BATCH);
-                let batch = lanes.requests.drain(..count).collect();
-                return Next::Write(Lane::Request, batch);
+            if requested {
+                let Lanes { trials, requests, .. } = &mut *lanes;
+                let trials = trials.drain(..trials.len().min(BATCH));
+                let others = requests.drain(..requests.len().min(OTHERS));
+                return Next::Write(trials.chain(others).collect());
             }
             if lanes.closed {
                 return Next::Stop;
@@ -165,8 +176,8 @@ impl Queue {
     /// Everything that waits.
     fn drain(&self) -> Batch {
         let mut lanes = self.lanes();
-        let Lanes { requests, background, .. } = &mut *lanes;
-        requests.drain(..).chain(background.drain(..)).collect()
+        let Lanes { trials, requests, background, .. } = &mut *lanes;
+        trials.drain(..).chain(requests.drain(..)).chain(background.drain(..)).collect()
     }
 }
 
@@ -254,11 +265,10 @@ impl Thread {
         let mut last_background = Instant::now();
         loop {
             match self.queue.next(last_background) {
-                Next::Write(lane, batch) => {
+                Next::Write(batch) => self.write(batch),
+                Next::Background(batch) => {
                     self.write(batch);
-                    if lane == Lane::Background {
-                        last_background = Instant::now();
-                    }
+                    last_background = Instant::now();
                 }
                 Next::EmptyLog => self.empty_log(),
                 Next::Stop => return,
