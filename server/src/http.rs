@@ -4,10 +4,12 @@
 pub mod error;
 pub mod json;
 pub mod params;
-pub mod metrics;
 pub mod throttle;
+pub mod answers;
 pub mod bounded;
+pub mod listen;
 pub mod app;
+pub mod metrics;
 pub mod auth;
 pub mod guard;
 pub mod studies;
@@ -19,4 +21,3 @@ pub mod laboratory;
 pub mod analyses;
 pub mod site;
 pub mod routes;
-pub mod listen;

@@ -114,29 +114,11 @@ fn client_and_server_do_not_know_each_other() {
     never("web-client/src", &["sidestep_server", "tokio", "rusqlite"], |_| false);
 }
 
-/// Folders with uses of modules that are declared further below, and how many at most: to be put
-/// in order.
-const NOT_YET_IN_ORDER: &[(&str, usize)] = &[("server/src/http", 3)];
-
 #[test]
 fn modules_use_only_those_above() {
     for package in ["shared", "server", "web-client", "xtask"] {
-        let folder = format!("{package}/src");
-        let uses = backward(&modules(&root().join(&folder)));
-        let folder_of = |line: &String| {
-            let first = line.split([':', ' ']).next().unwrap_or_default();
-            format!("{folder}/{first}")
-        };
-        let folders: BTreeSet<String> = uses.iter().map(folder_of).collect();
-        for name in folders {
-            let here: Vec<_> = uses.iter().filter(|line| folder_of(line) == name).collect();
-            let allowed = NOT_YET_IN_ORDER.iter().find(|(folder, _)| *folder == name);
-            let allowed = allowed.map_or(0, |(_, most)| *most);
-            assert!(
-                here.len() <= allowed,
-                "{name}: expected at most {allowed} uses of modules declared below, found {here:#?}"
-            );
-        }
+        let uses = backward(&modules(&root().join(package).join("src")));
+        assert!(uses.is_empty(), "{package}: uses of modules that are declared below: {uses:#?}");
     }
 }
 

@@ -7,7 +7,7 @@ use crate::http::app::App;
 use crate::http::auth::first_key;
 use crate::http::bounded::Bounded;
 use crate::http::listen;
-use crate::http::metrics::Metrics;
+use crate::http::answers::Answers;
 use crate::http::routes::router;
 use crate::http::site::{Site, default_folder};
 use crate::http::throttle::Throttle;
@@ -128,7 +128,7 @@ pub async fn start(args: &ServeArgs, key: Option<&str>) -> Result<Running, Comma
         environment_key,
         throttle: Throttle::default(),
         drawing: Bounded::new(PLANS_WAITING),
-        metrics: Metrics::default(),
+        answers: Answers::default(),
         analysis_asked: Arc::clone(&analysis_asked),
         self_check: tokio::sync::OnceCell::new(),
     });

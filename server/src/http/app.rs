@@ -1,7 +1,7 @@
 //! What handlers share.
 
+use crate::http::answers::Answers;
 use crate::http::bounded::Bounded;
-use crate::http::metrics::Metrics;
 use crate::http::throttle::Throttle;
 use crate::store::Store;
 use sidestep::api::SelfCheck;
@@ -22,7 +22,7 @@ pub struct App {
     /// Draws the scenes of plans.
     pub drawing: Bounded,
     /// Counts for `/metrics`.
-    pub metrics: Metrics,
+    pub answers: Answers,
     /// Tells the analysis worker that there is something in the queue.
     pub analysis_asked: Arc<Notify>,
     /// Computed when it is first asked for.

@@ -89,7 +89,7 @@ pub async fn observed(
     let method = request.method().clone();
     let route = request.extensions().get::<MatchedPath>().cloned();
     let answer = next.run(request).await;
-    app.metrics.count(answer.status());
+    app.answers.count(answer.status());
     let route = route.as_ref().map_or("(none)", MatchedPath::as_str);
     let (status, ms) = (answer.status().as_u16(), begin.elapsed().as_millis());
     tracing::info!(%method, route, status, ms, "request");

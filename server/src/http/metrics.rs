@@ -5,23 +5,8 @@ use crate::http::error::ApiError;
 use axum::extract::State;
 use axum::http::{StatusCode, header};
 use axum::response::IntoResponse;
-use std::collections::BTreeMap;
 use std::fmt::Write;
-use std::sync::{Arc, Mutex, PoisonError};
-
-/// Requests served since the start, by status.
-#[derive(Debug, Default)]
-pub struct Metrics {
-    requests: Mutex<BTreeMap<u16, u64>>,
-}
-
-impl Metrics {
-    /// Counts an answer.
-    pub fn count(&self, status: StatusCode) {
-        let mut requests = self.requests.lock().unwrap_or_else(PoisonError::into_inner);
-        *requests.entry(status.as_u16()).or_default() += 1;
-    }
-}
+use std::sync::Arc;
 
 /// `GET /healthz`: the process answers.
 pub async fn healthz() -> &'static str {
@@ -52,8 +37,7 @@ pub async fn show(State(app): State<Arc<App>>) -> Result<impl IntoResponse, ApiE
     let name = "sidestep_http_requests_total";
     let _ =
         write!(text, "# HELP {name} Requests answered since the start.\n# TYPE {name} counter\n");
-    let requests = app.metrics.requests.lock().unwrap_or_else(PoisonError::into_inner);
-    for (status, count) in requests.iter() {
+    for (status, count) in app.answers.by_status() {
         let _ = writeln!(text, "{name}{{status=\"{status}\"}} {count}");
     }
     let kind = "text/plain; version=0.0.4; charset=utf-8";

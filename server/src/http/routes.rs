@@ -89,7 +89,7 @@ mod tests {
             environment_key: None,
             throttle: Default::default(),
             drawing: Bounded::new(plans_waiting),
-            metrics: Default::default(),
+            answers: Default::default(),
             analysis_asked: Arc::default(),
             self_check: Default::default(),
         };
