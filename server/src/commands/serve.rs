@@ -3,11 +3,11 @@
 use super::{CommandError, print_line};
 use crate::clock::now_ms;
 use crate::formats::study_toml::read_study;
+use crate::http::answers::Answers;
 use crate::http::app::App;
 use crate::http::auth::first_key;
 use crate::http::bounded::Bounded;
 use crate::http::listen;
-use crate::http::answers::Answers;
 use crate::http::routes::router;
 use crate::http::site::{Site, default_folder};
 use crate::http::throttle::Throttle;
