@@ -1,22 +1,22 @@
-//! Numbers as bytes: compact, and the same bits when they come back.
+//! Numbers as bytes, bit for bit.
 
 use sidestep::scene::JointState;
 use sidestep::vehicle::{Pose, TurnInput};
 
-/// Little-endian doubles.
+/// Numbers as little-endian doubles.
 #[must_use]
 pub fn pack(numbers: impl IntoIterator<Item = f64>) -> Vec<u8> {
     numbers.into_iter().flat_map(f64::to_le_bytes).collect()
 }
 
-/// The numbers that [`pack`] packed; a rest of fewer than eight bytes is dropped.
+/// The numbers that [`pack`] wrote; fewer than eight bytes at the end are ignored.
 #[must_use]
 pub fn unpack(bytes: &[u8]) -> Vec<f64> {
     let (chunks, _) = bytes.as_chunks::<8>();
     chunks.iter().map(|&chunk| f64::from_le_bytes(chunk)).collect()
 }
 
-/// Six doubles a state.
+/// Each state as six doubles: x, y and heading of the human, then of the robot.
 #[must_use]
 pub fn pack_states(states: &[JointState]) -> Vec<u8> {
     pack(states.iter().flat_map(|state| {
@@ -25,7 +25,7 @@ pub fn pack_states(states: &[JointState]) -> Vec<u8> {
     }))
 }
 
-/// The states that [`pack_states`] packed.
+/// The states that [`pack_states`] wrote.
 #[must_use]
 pub fn unpack_states(bytes: &[u8]) -> Vec<JointState> {
     let numbers = unpack(bytes);
@@ -37,16 +37,16 @@ pub fn unpack_states(bytes: &[u8]) -> Vec<JointState> {
     states.iter().map(state).collect()
 }
 
-/// One signed byte an input.
+/// Each input as one signed byte: −1, 0 or 1.
 #[must_use]
 pub fn pack_inputs(inputs: &[TurnInput]) -> Vec<u8> {
     inputs.iter().map(|input| input.sign().cast_unsigned()).collect()
 }
 
-/// The inputs that [`pack_inputs`] packed.
+/// The inputs that [`pack_inputs`] wrote.
 ///
 /// # Errors
-/// If a byte is none of −1, 0, 1.
+/// [`Invalid`](sidestep::invalid::Invalid) if a byte is not −1, 0 or 1.
 pub fn unpack_inputs(bytes: &[u8]) -> Result<Vec<TurnInput>, sidestep::invalid::Invalid> {
     bytes.iter().map(|byte| TurnInput::try_from(i64::from(byte.cast_signed()))).collect()
 }

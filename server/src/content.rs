@@ -1,9 +1,9 @@
-//! What a trial consists of, and its hash: it tells the same upload again from another one, and
+//! The content of a trial and its hash, which distinguishes a repeated upload from another one, and
 //! a sound row from a damaged one.
 //!
-//! A hash says by which recipe it was made ([`Recipe`]), and a row keeps the number of its recipe.
-//! A recipe is never changed and knows nothing of the types on the wire: a new field of an upload
-//! leaves every stored hash as it is. A field that the hash must cover needs another recipe.
+//! A [`Recipe`] computes the hash, and each row stores the number of its recipe. A recipe never
+//! changes and does not read the wire types, so a new field of an upload changes no stored hash. If
+//! the hash must cover a new field, add a recipe.
 
 use crate::bytes::{pack, pack_inputs, pack_states};
 use sha2::{Digest, Sha256};
@@ -11,29 +11,29 @@ use sidestep::scene::JointState;
 use sidestep::vehicle::TurnInput;
 use std::io::{self, Write};
 
-/// What was driven, and what is known of it, as it is stored.
+/// What the database stores of a trial.
 #[derive(Clone, Copy, Debug)]
 pub struct Content<'a> {
-    /// The participant's clock at the start, where it is known.
+    /// When the trial started by the participant's clock, ms since 1970, if known.
     pub started_at_ms: Option<f64>,
-    /// The input held in each step.
+    /// The input in each step.
     pub inputs: &'a [TurnInput],
-    /// Before each step, and after the last.
+    /// The joint states before each step and after the last.
     pub states: &'a [JointState],
-    /// When each input was sampled, where it is known, ms after the start.
+    /// When each input was sampled, ms after the start, if known.
     pub sampled_at_ms: Option<&'a [f64]>,
-    /// What the keys did, as JSON.
+    /// The key events, as JSON.
     pub key_events: &'a str,
-    /// What is known of the display, as JSON.
+    /// The record of the display, as JSON.
     pub display: &'a str,
 }
 
-/// How a content hash is made.
+/// How a content hash is computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Recipe {
-    /// 1, for uploads: the JSON of all of it, in the field order of the first version.
+    /// 1, for uploads: the JSON of all fields, in the field order of the first version.
     UploadJson,
-    /// 2, for trials of files: inputs, states and sampling times as they are in the database.
+    /// 2, for trials from files: inputs, states and sampling times, as bytes in the database.
     PackedBytes,
 }
 
@@ -47,7 +47,7 @@ impl Recipe {
         }
     }
 
-    /// The recipe of that number.
+    /// The recipe with this number.
     #[must_use]
     pub fn from_number(number: i64) -> Option<Self> {
         [Self::UploadJson, Self::PackedBytes].into_iter().find(|recipe| recipe.number() == number)
@@ -66,8 +66,8 @@ impl Recipe {
     }
 }
 
-/// Recipe 1. Numbers are written as `serde_json` does: the shortest decimal that reads back as
-/// the same bits, with a point or an exponent. Key events and display are the texts of the row.
+/// Recipe 1. It writes numbers as `serde_json` does: the shortest decimal that reads back as the same
+/// bits, with a point or an exponent. Key events and display are the row's texts.
 fn upload_json(out: &mut impl Write, content: &Content<'_>) -> io::Result<()> {
     out.write_all(b"{\"started_at_ms\":")?;
     number(out, content.started_at_ms.unwrap_or_default())?;
@@ -112,7 +112,7 @@ fn list<W: Write, T>(
     out.write_all(b"]")
 }
 
-/// A hash that is written to.
+/// A hash as a writer.
 struct Hashed(Sha256);
 
 impl Write for Hashed {
@@ -149,7 +149,7 @@ mod tests {
 
     #[test]
     fn recipes_never_change() {
-        // What the first version sent to its hash for this upload; such hashes are in databases.
+        // The text that the first version hashed for this upload; such hashes are in databases.
         let text = concat!(
             r#"{"started_at_ms":1760000000123.25,"inputs":[-1],"#,
             r#""states":[{"human":[0.1,-2.5,3.0],"robot":[1e+21,-0.0,2.0]},"#,

@@ -1,8 +1,8 @@
 //! The Sidestep server and command line.
 //!
-//! [`store`] is the only place that speaks SQL; [`formats`] reads and writes files; [`jobs`]
-//! works in the background; [`http`] has one module a resource and the one table of routes;
-//! [`commands`] has one module a subcommand.
+//! [`store`] is the only module that speaks SQL; [`formats`] reads and writes files; [`report`] prints
+//! the files of an analysis; [`jobs`] works in the background; [`http`] has a module for each resource
+//! and the one table of routes; [`commands`] has a module for each subcommand.
 
 pub mod clock;
 pub mod threads;

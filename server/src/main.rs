@@ -1,4 +1,4 @@
-//! The `sidestep` command: parse, call, report.
+//! The command `sidestep`: parses the command line, calls a subcommand, reports errors.
 
 use clap::{Parser, Subcommand};
 use sidestep_server::commands::{

@@ -1,4 +1,4 @@
-//! Recordings from the rows of a study.
+//! The rows of a study as a recording.
 
 use crate::store::studies::StoredStudy;
 use crate::store::trials::StoredTrial;
@@ -9,15 +9,15 @@ use sidestep::recording::{
 use sidestep::synthetic;
 use sidestep::trial::Phase;
 
-/// The tasks of all participants of a study whose data are not deleted. Participants who enrolled
-/// under other parameters than the study's present ones are excluded.
+/// The tasks of all participants of a study whose data have not been deleted. Participants who
+/// enrolled under other parameters than the study has now are excluded.
 ///
 /// # Errors
-/// If the database cannot be read.
+/// [`StoreError`] if the database cannot be read.
 pub async fn of_study(store: &Store, study: &StoredStudy) -> Result<Recording, StoreError> {
     let scene = study.config.parameters;
     let (mut participants, mut exclusions) = (Vec::new(), Vec::new());
-    // One participant at a time: a long read would keep the log from being written back.
+    // One participant at a time, because a long read keeps SQLite from writing back its log.
     for id in store.participant_ids(study.id).await? {
         let driven = store.trials_of(&id).await?;
         let Some(first) = driven.first() else { continue };
@@ -36,7 +36,7 @@ pub async fn of_study(store: &Store, study: &StoredStudy) -> Result<Recording, S
 
 /// One participant's tasks.
 fn participant(name: String, driven: Vec<StoredTrial>) -> RecordedParticipant {
-    // Numbers count all phases, as in exports.
+    // Trials are numbered over all phases, as in exports.
     let trials: Vec<RecordedTrial> =
         (0..).zip(&driven).map(|(number, trial)| recorded(number, trial)).collect();
     let mut participant = RecordedParticipant { name, line: None, trials, marked_synthetic: false };

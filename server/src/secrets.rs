@@ -1,11 +1,11 @@
-//! Random secrets, and the hashes that are kept of them.
+//! Random secrets, and the hashes of secrets that the database stores.
 
 use sha2::{Digest, Sha256};
 
 /// A secret of 256 random bits, in hexadecimal digits.
 ///
 /// # Errors
-/// If the system has no randomness to give.
+/// If the system gives no random numbers.
 pub fn token() -> anyhow::Result<String> {
     random::<32>().map(hex::encode)
 }
@@ -13,32 +13,32 @@ pub fn token() -> anyhow::Result<String> {
 /// A seed of 64 random bits.
 ///
 /// # Errors
-/// If the system has no randomness to give.
+/// If the system gives no random numbers.
 pub fn seed() -> anyhow::Result<u64> {
     random().map(u64::from_le_bytes)
 }
 
-/// A code that people can copy by hand: ten characters out of 32, none of which
-/// is easily taken for another.
+/// A completion code that participants can copy by hand: ten characters out of 32, without
+/// characters that look alike.
 ///
 /// # Errors
-/// If the system has no randomness to give.
+/// If the system gives no random numbers.
 pub fn completion_code() -> anyhow::Result<String> {
     const LETTERS: &[u8; 32] = b"ABCDEFGHJKLMNPQRSTUVWXYZ23456789";
-    let letter = |octet: u8| char::from(LETTERS[usize::from(octet % 32)]);
+    let letter = |byte: u8| char::from(LETTERS[usize::from(byte % 32)]);
     Ok(random::<10>()?.map(letter).iter().collect())
 }
 
-/// What is stored of a secret. The secrets have 256 random bits (or are keys of
-/// at least 16 characters behind a throttle), so a fast hash will do.
+/// The hash that the database stores instead of a secret. A fast hash suffices: the secrets have 256
+/// random bits, or are keys of at least 16 characters behind a throttle.
 #[must_use]
 pub fn hash(secret: &str) -> [u8; 32] {
     Sha256::digest(secret.as_bytes()).into()
 }
 
 fn random<const N: usize>() -> anyhow::Result<[u8; N]> {
-    let mut octets = [0; N];
-    getrandom::fill(&mut octets)
+    let mut bytes = [0; N];
+    getrandom::fill(&mut bytes)
         .map_err(|e| anyhow::anyhow!("the system gives no random numbers: {e}"))?;
-    Ok(octets)
+    Ok(bytes)
 }

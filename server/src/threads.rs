@@ -1,23 +1,23 @@
-//! Long computations on a thread of their own.
+//! Long computations on threads of their own.
 
 use tokio::sync::oneshot;
 
 /// Why a computation gave no result.
 #[derive(Debug, thiserror::Error)]
 pub enum ThreadError {
-    /// The system gives no further thread.
+    /// The system cannot start another thread.
     #[error("cannot start a thread: {0}")]
     Start(String),
-    /// It panicked; the panic's message is on stderr.
+    /// The computation panicked; the panic's message is on stderr.
     #[error("the computation failed; see the message above")]
     Panicked,
 }
 
-/// Runs `work` on a thread called `name` and waits for its result. Inside, parallel loops use
-/// `threads` threads; none stands for one per processor.
+/// Runs `work` on a thread called `name` and waits for its result. Parallel loops in `work` use
+/// `threads` threads, or one for each processor if `threads` is none.
 ///
-/// It is no blocking task of the runtime: a runtime waits for those when it ends, but work whose
-/// caller has stopped waiting should not keep a command from ending.
+/// This is not a blocking task of the runtime, because a runtime waits for those when it ends. Work
+/// for which its caller no longer waits must not keep a command from ending.
 ///
 /// # Errors
 /// [`ThreadError`] if no thread can be started, or `work` panicked.

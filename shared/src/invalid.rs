@@ -1,13 +1,12 @@
-//! The one shape of a complaint about input.
+//! The error for invalid input.
 
 use core::fmt;
 
-/// A value that cannot be accepted: which field, what was expected there and
-/// what was found instead. Every parser of this crate answers with it, so that
-/// each edge (HTTP, command line, files) can say the same three things.
+/// A value that is not accepted: the field, what was expected and what was found. Every parser of
+/// this crate returns it, so that HTTP, command line and files all name these three.
 ///
-/// Written with `{:#}` its parts are divided by [`SEPARATOR`], so that they come whole through
-/// errors that only carry text, such as serde's.
+/// The format `{:#}` separates the parts by [`SEPARATOR`], so that a caller can recover them from an
+/// error that contains only text, such as serde's.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub struct Invalid {
     /// Path of the field, as its author wrote it: `states[17].human`.
@@ -18,7 +17,7 @@ pub struct Invalid {
     pub found: String,
 }
 
-/// The unit separator of ASCII, which no field has in its name.
+/// The unit separator of ASCII, which occurs in no field's name.
 pub const SEPARATOR: char = '\u{1f}';
 
 impl fmt::Display for Invalid {
@@ -35,7 +34,7 @@ impl fmt::Display for Invalid {
 }
 
 impl Invalid {
-    /// A complaint about `field`.
+    /// An error about `field`.
     pub fn new(
         field: impl Into<String>,
         expected: impl Into<String>,
@@ -44,7 +43,7 @@ impl Invalid {
         Self { field: field.into(), expected: expected.into(), found: found.to_string() }
     }
 
-    /// The same complaint, seen from the structure that holds the field.
+    /// The same error, with the field's path as seen from its parent.
     #[must_use]
     pub fn within(mut self, parent: &str) -> Self {
         let joint = if self.field.is_empty() || self.field.starts_with('[') { "" } else { "." };

@@ -1,14 +1,14 @@
-//! The one library behind Sidestep: the same code simulates a trial in the
-//! participant's browser, replays it on the server and analyses it afterwards.
+//! The library behind Sidestep. The participant's browser simulates trials with it, the server
+//! replays them with it, and analyses use it afterwards: the same code each time.
 //!
 //! # Conventions
-//! SI units and radians. World frame: x to the right, y up, heading
-//! counter-clockwise from +x and wrapped to (−π, π]. A *relative state* is the
-//! pursuer's pose in the evader's frame (x ahead, y to the left). Time steps are
-//! integers; seconds appear only at the edges. A turn to the left is positive.
+//! SI units and radians. World frame: x to the right, y up, heading counter-clockwise from +x and
+//! wrapped to (−π, π]. A *relative state* is the pursuer's pose in the evader's frame (x ahead, y to
+//! the left). Time steps are integers; seconds appear only at the edges. A turn to the left is
+//! positive.
 //!
 //! # Glossary
-//! One word for each idea, in code, files and documents.
+//! Code, files and documents use one word for each idea. Types have capital letters.
 //!
 //! | word | meaning |
 //! |---|---|
@@ -17,35 +17,44 @@
 //! | Pose | position and heading of a vehicle |
 //! | JointState | the poses of human and robot at one instant |
 //! | TurnInput | the held key: Right −ω, Straight 0, Left +ω |
-//! | Scene | where both vehicles start, and the robot's goal |
+//! | Scene | start poses of both vehicles, and the robot's goal |
 //! | Step | 0.2 s with one held input |
-//! | Trial | a driven scene: its inputs, and the states that they led through |
-//! | Recording | the trials of some participants, with where they come from |
-//! | Trajectory | the part of a trial that predictions need: joint states, and the turn rates held between them |
-//! | Window | a stretch of a trajectory, on which a prediction is made and judged |
-//! | Phase | familiarisation, practice or task |
-//! | Participant | a person who drives; a row is one step of a participant's trial |
+//! | Trial | a driven scene: its inputs and joint states |
+//! | Phase | familiarisation, practice or task; only tasks are analysed |
+//! | Participant | a person, or a synthetic participant, who drives |
+//! | Outcome | smallest distance, first step in the danger zone, first and last turn of a trial |
+//! | Flag | evidence about a trial that an analyst should know; it never changes the trial |
+//! | Recording | the trials of participants, with their origin |
+//! | Trajectory | the part of a trial that predictions need: joint states, and the turn rates between them |
+//! | Window | a part of a trajectory on which a prediction is made and judged |
 //! | danger zone | the disc of radius R_c around the robot |
-//! | PursuitGame | an evader, a pursuer and a radius; the evader maximises the least distance |
+//! | PursuitGame | an evader, a pursuer and a radius; the evader maximises the least distance, the pursuer minimises it |
 //! | ValueFunction | V of a game: the least distance under optimal play, less the radius, m |
 //! | SafetyLevels | V_HR (the human evades) and V_RH (the robot evades); at ≤ 0 m the other vehicle can force a collision |
 //! | level set | the curve on which V has one value |
+//! | row | one step of a trial, as features and a label |
 //! | feature | a number computed from the joint states so far; a predictor's input |
-//! | label, class | the input that was held, as the number that a predictor learns |
-//! | experiment | 1 predicts the turn direction, 2 avoidance (whether the human turns at all) |
+//! | label, class | the input of a step, as the number that a predictor learns |
+//! | experiment | 1 predicts the turn direction, 2 predicts avoidance (whether the human turns at all) |
 //! | Predictor | a trained model with its features: a probability for each class |
+//! | cell | one model of one participant, on one feature set in one experiment, with its accuracy |
+//! | roll-out | a simulation of the coming steps whose inputs are predictions |
 //! | InputBounds | lowest and highest turn rate of each coming step (Algorithm 1) |
-//! | ReachableSet | every state that is reachable under such bounds |
-//! | tube | every position reachable within the steps ahead |
+//! | extremal | a path whose end is on the boundary of a reachable set (Pontryagin's principle) |
+//! | switching time | when the turn rate of an extremal changes from one bound to the other |
+//! | front, rear | the boundary's parts that get farthest, and that stay farthest back |
+//! | ReachableSet | every state that is reachable under input bounds |
+//! | tube | every position that is reachable at any instant of the steps ahead |
 //! | SHFRS | stochastic human forward reachable sets: nested reachable sets with probabilities |
-//! | region | what one of the nested sets adds to the set inside it |
+//! | region | a nested set without the set inside it |
 //! | Family | predicted sets that grow with a level (for SHFRS the level is ε) |
 //! | score | the least level whose set contains a window's trajectory |
 //! | coverage | the share of windows whose trajectory a set contains |
 //!
 //! # Example
-//! A human turns left or drives straight on, each with probability ½. Where may this human be in the
-//! next two seconds? Algorithm 1 gives bounds on the turn rate, and the exact set under them follows.
+//! A human turns left or drives straight on, each with probability ½. Where can this human be within
+//! the next two seconds? Algorithm 1 gives bounds on the turn rate; [`reach`] computes the exact set
+//! under them.
 //! ```
 //! use sidestep::bounds::{ActionChoice, ActionModel, BoundsSettings, Rollout, input_bounds};
 //! use sidestep::reach::{PolygonSettings, ReachableSet, Tolerance};
@@ -81,8 +90,8 @@
 //! ```
 //!
 //! # Purity and module order
-//! Nothing here knows of clocks, files, sockets or browsers, and no module uses
-//! a module that is declared below it.
+//! No module knows of clocks, files, sockets or browsers, and no module uses a module that is
+//! declared below it.
 
 pub mod invalid;
 pub mod document;

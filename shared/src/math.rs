@@ -1,8 +1,8 @@
 //! Deterministic elementary functions, angles, and the seeded generator.
 //!
-//! Everything transcendental goes through `libm`, whose results are the same
-//! bits natively and in WebAssembly; the platform's own functions differ in
-//! the last place for a few per cent of arguments.
+//! All transcendental functions come from `libm`, which returns the same bits natively and in
+//! WebAssembly. The platforms' own functions differ in the last place for a few per cent of
+//! arguments.
 
 pub use core::f64::consts::{PI, TAU};
 pub use libm::{acos, asin, atan2, cbrt, cos, exp, hypot, log as ln, sin};
@@ -23,7 +23,7 @@ pub fn wrap_angle(angle: f64) -> f64 {
         return angle;
     }
     let wrapped = angle - TAU * ((angle - PI) / TAU).ceil();
-    // Rounding may leave the result one unit in the last place outside.
+    // Rounding may put the result one unit in the last place outside the interval.
     if wrapped <= -PI { wrapped + TAU } else { wrapped.min(PI) }
 }
 
@@ -44,8 +44,8 @@ pub fn wrap_positive(angle: f64) -> f64 {
     if !(0.0..TAU).contains(&wrapped) { 0.0 } else { wrapped }
 }
 
-/// The power of two close to a number > 0: their ratio is between 0.7 and 1.5. Dividing by
-/// it rounds nothing.
+/// A power of two near `value` > 0: `value` divided by it is between 0.7 and 1.5. Division by a power
+/// of two does not round.
 #[must_use]
 pub fn power_of_two_near(value: f64) -> f64 {
     let mut power = 1.0;
@@ -70,13 +70,13 @@ pub fn sinc(x: f64) -> f64 {
     }
 }
 
-/// A seeded source of randomness that gives the same stream everywhere
-/// (ChaCha with 8 rounds).
+/// A random generator that gives the same numbers for a seed on every platform (ChaCha with 8
+/// rounds).
 #[derive(Clone, Debug)]
 pub struct SeededRng(ChaCha8Rng);
 
 impl SeededRng {
-    /// The stream that belongs to `seed`.
+    /// The generator for `seed`.
     #[must_use]
     pub fn new(seed: u64) -> Self {
         Self(ChaCha8Rng::seed_from_u64(seed))
@@ -92,7 +92,7 @@ impl SeededRng {
         low + (high - low) * self.unit()
     }
 
-    /// Uniform in 0 … n − 1, with a bias of at most n·2⁻⁶⁴, which does not matter here.
+    /// Uniform in 0 … n − 1, with a negligible bias of at most n·2⁻⁶⁴.
     pub fn below(&mut self, n: usize) -> usize {
         ((u128::from(self.0.next_u64()) * n as u128) >> 64) as usize
     }

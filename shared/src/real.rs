@@ -1,11 +1,10 @@
-//! The two number types that a grid can be solved in.
+//! The two number types in which a grid can be solved.
 
 use core::fmt::Debug;
 use core::ops::{Add, AddAssign, Div, Mul, Neg, Sub};
 
-/// f32 or f64, with just the operations of the kernels. All of them are
-/// correctly rounded IEEE operations and none is contracted, so that every lane
-/// width, thread count and machine gives the same bits.
+/// f32 or f64, with the operations that the kernels need. All are correctly rounded IEEE operations
+/// and none is fused with another, so every lane width, thread count and machine gives the same bits.
 pub trait Real:
     Copy
     + PartialOrd
@@ -31,14 +30,14 @@ pub trait Real:
     /// |self|.
     #[must_use]
     fn abs(self) -> Self;
-    /// The larger; a plain compare and select, so that it is one instruction in
-    /// any lane width (`f64::max` treats NaN with more care).
+    /// The larger of the two. A plain comparison, which is one instruction in any lane width; unlike
+    /// `f64::max`, it does not avoid NaN.
     #[must_use]
     #[inline(always)]
     fn larger(self, other: Self) -> Self {
         if self > other { self } else { other }
     }
-    /// The smaller.
+    /// The smaller of the two.
     #[must_use]
     #[inline(always)]
     fn smaller(self, other: Self) -> Self {

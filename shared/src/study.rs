@@ -4,10 +4,9 @@ use crate::invalid::Invalid;
 use crate::scene::{EncounterRange, Scene, SceneParameters, generate};
 use crate::trial::Phase;
 use serde::{Deserialize, Serialize};
-use sha2::{Digest, Sha256};
 
-/// Everything that defines a study. The file form is TOML; a missing table or
-/// field takes the paper's value.
+/// The configuration of a study. Study files are TOML; a missing table or field takes the paper's
+/// value.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct StudyConfig {
@@ -17,7 +16,7 @@ pub struct StudyConfig {
     pub title: String,
     /// Vehicles, danger radius and clock.
     pub parameters: SceneParameters,
-    /// What a participant drives, in order.
+    /// The phases that a participant drives, in order.
     pub phases: Vec<PhaseConfig>,
 }
 
@@ -25,9 +24,9 @@ pub struct StudyConfig {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PhaseConfig {
-    /// Which phase.
+    /// Its name.
     pub phase: Phase,
-    /// How many scenes.
+    /// Number of scenes.
     pub scenes: usize,
     /// Whether the danger zone is drawn around the robot.
     #[serde(default)]
@@ -53,11 +52,11 @@ impl Default for StudyConfig {
     }
 }
 
-/// Most scenes of one phase: an hour of driving is 360.
+/// Most scenes in one phase; an hour of driving is 360.
 const MAX_SCENES: usize = 1000;
 
 impl StudyConfig {
-    /// Accepts a configuration that can be run.
+    /// Accepts a configuration that is valid.
     ///
     /// # Errors
     /// [`Invalid`] naming the field.
@@ -91,19 +90,11 @@ impl StudyConfig {
         Ok(())
     }
 
-    /// Content hash (SHA-256, hexadecimal): it changes when anything here does,
-    /// and is kept with each participant.
-    #[must_use]
-    pub fn hash(&self) -> String {
-        // Numbers, strings and lists always have a JSON form.
-        hex::encode(Sha256::digest(serde_json::to_vec(self).unwrap_or_default()))
-    }
-
-    /// The scenes of one participant, phase by phase; the same seed gives the
-    /// same scenes everywhere.
+    /// The scenes of one participant, phase by phase. The same seed gives the same scenes on every
+    /// platform.
     ///
     /// # Errors
-    /// [`Invalid`] if no scene with these parameters leaves the human an escape.
+    /// [`Invalid`] if no scene is found with these parameters in which the human can escape.
     pub fn plan(&self, seed: u64) -> Result<Vec<(PhaseConfig, Vec<Scene>)>, Invalid> {
         let range = EncounterRange::default();
         (0u64..)
@@ -131,15 +122,6 @@ mod tests {
         assert_eq!(counts, [(Phase::Familiarisation, 6), (Phase::Practice, 3), (Phase::Task, 50)]);
         assert_eq!(study.plan(1).unwrap(), plan);
         assert_ne!(study.plan(2).unwrap(), plan);
-    }
-
-    #[test]
-    fn the_hash_follows_the_content() {
-        let mut study = StudyConfig::default();
-        let hash = study.hash();
-        assert_eq!(hash, StudyConfig::default().hash());
-        study.parameters.danger_radius_m = 3.5;
-        assert_ne!(hash, study.hash());
     }
 
     #[test]

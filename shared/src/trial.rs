@@ -1,4 +1,4 @@
-//! Trials: a driven scene, its replay, and what came of it.
+//! Trials: a driven scene, its replay, its outcome and its flags.
 
 use crate::math::{SeededRng, hypot, wrap_angle};
 use crate::scene::{JointState, Scene, SceneParameters, closest_within_step};
@@ -39,7 +39,7 @@ impl Phase {
     }
 }
 
-/// The states that `inputs` lead through from `start`: one more than inputs.
+/// The states before each step and after the last, from `start` under `inputs`: one more than inputs.
 #[must_use]
 pub fn simulate(
     parameters: &SceneParameters,
@@ -56,20 +56,20 @@ pub fn simulate(
     states
 }
 
-/// How recorded states compare with those that the inputs lead to.
+/// A comparison of recorded states with those that follow from the inputs.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Replay {
-    /// Whether every number is the same bit for bit.
+    /// Whether all numbers agree bit for bit.
     pub exact: bool,
-    /// The first state that is not.
+    /// Index of the first state that differs.
     pub first_difference: Option<usize>,
     /// Largest distance between a recorded and a replayed position, m.
     pub max_position_error_m: f64,
-    /// Largest difference of heading, rad.
+    /// Largest difference of a recorded and a replayed heading, rad.
     pub max_heading_error_rad: f64,
 }
 
-/// Replays `inputs` from `start` and compares with the recorded `states`.
+/// Replays `inputs` from `start` and compares the result with the recorded `states`.
 #[must_use]
 pub fn verify(
     parameters: &SceneParameters,
@@ -100,18 +100,18 @@ pub fn verify(
     }
 }
 
-/// What came of a trial.
+/// The outcome of a trial.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Outcome {
     /// Smallest distance between the vehicles, m.
     pub closest_m: f64,
-    /// First step during which the human was in the danger zone.
+    /// First step during which the human was in the danger zone, if there was one.
     pub first_step_in_danger: Option<usize>,
-    /// First and last step with a turn.
+    /// First and last step in which the human turned, if there was one.
     pub avoidance: Option<(usize, usize)>,
 }
 
-/// What came of `inputs` along `states` (one more state than inputs).
+/// The outcome of `inputs` along `states` (one more than inputs).
 #[must_use]
 pub fn outcome(
     parameters: &SceneParameters,
@@ -139,11 +139,11 @@ pub fn outcome(
 pub enum Flag {
     /// The first state is not the scene's start.
     StartMismatch,
-    /// The states are not those that the inputs lead to.
+    /// The states do not follow from the inputs.
     ReplayMismatch,
-    /// An input was sampled more than 50 ms off its due time.
+    /// An input was sampled more than [`LATE_SAMPLE_MS`] before or after it was due.
     LateSample,
-    /// Read from a file, without evidence of timing and keys.
+    /// The trial was read from a file, without evidence of timing and keys.
     Imported,
 }
 
@@ -170,10 +170,11 @@ impl Flag {
     }
 }
 
-/// An input sampled later than this after its step's start is flagged, ms.
+/// Largest difference, ms, between when an input was sampled and when it was due, both counted from
+/// the first sample, that is not flagged.
 pub const LATE_SAMPLE_MS: f64 = 50.0;
 
-/// What a look at a recording shows, given the scene that was assigned.
+/// The flags of a trial that was driven in the assigned `scene`.
 #[must_use]
 pub fn flags(
     parameters: &SceneParameters,
@@ -200,8 +201,8 @@ pub fn flags(
     .collect()
 }
 
-/// SHA-256 of the states of `count` random trials: two machines that agree on it
-/// simulate alike, bit for bit.
+/// SHA-256 of the states of `count` random trials, in hexadecimal digits. Two machines that compute
+/// the same hash simulate with the same bits.
 #[must_use]
 pub fn simulation_fingerprint(seed: u64, count: usize) -> String {
     let parameters = SceneParameters::default();

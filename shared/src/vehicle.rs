@@ -45,7 +45,7 @@ impl Pose {
 }
 
 impl From<[f64; 3]> for Pose {
-    /// The numbers as they are: a stored state must survive a round trip bit for bit.
+    /// Keeps the numbers as they are: a stored state must survive a round trip bit for bit.
     fn from([x, y, psi]: [f64; 3]) -> Self {
         Self { x, y, psi }
     }
@@ -57,7 +57,7 @@ impl From<Pose> for [f64; 3] {
     }
 }
 
-/// The turn that the keys ask for in one step. On the wire: −1, 0, 1.
+/// The turn that the held key requests for one step. On the wire: −1, 0, 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(try_from = "i64", into = "i8")]
 pub enum TurnInput {
@@ -83,7 +83,7 @@ impl TurnInput {
         }
     }
 
-    /// The word shown to people.
+    /// Its word on pages and in reports.
     #[must_use]
     pub fn word(self) -> &'static str {
         match self {
@@ -113,7 +113,7 @@ impl TryFrom<i64> for TurnInput {
     }
 }
 
-/// What a vehicle can do: constant speed, bounded turn rate.
+/// A Dubins car: constant speed, bounded turn rate.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct VehicleModel {
@@ -140,7 +140,7 @@ impl VehicleModel {
         f64::from(input.sign()) * self.turn_rate_radps
     }
 
-    /// The pose after `seconds` under `input`.
+    /// The pose after `seconds` s under `input`.
     #[must_use]
     pub fn advance(&self, pose: Pose, input: TurnInput, seconds: f64) -> Pose {
         dubins::arc(pose, self.speed_mps, self.turn_rate(input), seconds)

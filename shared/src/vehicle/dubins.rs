@@ -1,14 +1,12 @@
 //! The Dubins car: ẋ = v cos ψ, ẏ = v sin ψ, ψ̇ = ω (the paper, eq. 4).
 //!
-//! Motion and the relative state of two such cars, side by side, because they
-//! must agree.
+//! The motion of one car and the relative state of two are in one file, because they must agree.
 
 use super::Pose;
 use crate::math::{sin_cos, sinc, wrap_angle};
 
-/// The exact circular arc: the pose after `seconds` at constant speed and turn
-/// rate. A chord of length v·τ·sinc(ωτ/2) in the direction ψ + ωτ/2, which is
-/// also right at ω = 0.
+/// The pose after `seconds` s at constant speed and turn rate: the end of an exact circular arc. Its
+/// chord has length v·τ·sinc(ωτ/2) and direction ψ + ωτ/2, which also holds at ω = 0.
 #[must_use]
 pub fn arc(pose: Pose, speed_mps: f64, turn_rate_radps: f64, seconds: f64) -> Pose {
     let half_turn = 0.5 * turn_rate_radps * seconds;
@@ -21,8 +19,8 @@ pub fn arc(pose: Pose, speed_mps: f64, turn_rate_radps: f64, seconds: f64) -> Po
     }
 }
 
-/// The other's pose in the frame of `evader` (x ahead, y to the left), heading
-/// difference in (−π, π]: the relative state of the pursuit game.
+/// The relative state of the pursuit game: the pursuer's pose in the evader's frame (x ahead, y to
+/// the left, m), and the pursuer's heading less the evader's in (−π, π], rad.
 #[must_use]
 pub fn relative_state(evader: Pose, pursuer: Pose) -> [f64; 3] {
     let (sin, cos) = sin_cos(evader.psi);
@@ -36,7 +34,7 @@ mod tests {
     use crate::math::{PI, hypot};
     use proptest::prelude::*;
 
-    /// Brute-force twin: many Euler steps.
+    /// The plain twin: many small steps.
     fn euler(mut pose: Pose, speed: f64, rate: f64, seconds: f64) -> Pose {
         let n = 200_000;
         let h = seconds / f64::from(n);
