@@ -1,7 +1,7 @@
 """The air3D game of Mitchell, Bayen and Tomlin (2005), solved by hj_reachability.
 
-Called by `cargo xtask bench peers`, which solves the same with Sidestep. Writes the values
-as float32 in C order and prints one JSON line: versions, nodes and the fastest wall time.
+`cargo xtask bench peers` calls this script and solves the same game with Sidestep. The script writes
+the values as float32 in C order and prints one line of JSON: versions, nodes and the fastest wall time.
 """
 
 import argparse
@@ -9,7 +9,7 @@ import json
 import os
 import time
 
-# As many cores as Sidestep gets threads. XLA asks for them when it is imported.
+# Use as many cores as Sidestep uses threads. XLA reads the number when it is imported.
 if hasattr(os, "sched_setaffinity"):
     os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[:2])
 
@@ -23,7 +23,7 @@ TURN_RATE_RADPS = 1.0
 RADIUS_M = 5.0
 HORIZON_S = 2.8
 CFL = 0.75
-# Compiles what the horizon above runs, since the horizon is an argument of it.
+# A solve with this horizon compiles the code for any horizon, because the horizon is an argument.
 WARM_UP_S = 1e-3
 
 

@@ -1,11 +1,11 @@
-"""Cells in which `sidestep analyze` and the reference differ, by scikit-learn again.
+"""Fits the cells in which `sidestep analyze` and the reference differ again with scikit-learn.
 
-Prints `shared/tests/data/sklearn_again.csv`: for each such cell two lines, the setting that the
-reference chose and the one that we did, each with the rows that are predicted right: of the 2,000
-training rows, where their fold is held out, and of the 500 test rows, after a refit. First by
-scikit-learn as the reference called it, then by solvers that go to the end (logistic regression:
-newton-cholesky, tol 1e-12; machines: tol 1e-6). Trees have no such solver: instead the fewest
-and the most over 50 random states, which choose among splits that are equally good.
+Prints `shared/tests/data/sklearn_again.csv`. Each such cell has two lines: the hyper-parameters that the
+reference chose, and those that Sidestep chose. Each line gives the numbers of rows predicted correctly,
+among the 2,000 training rows (each while its fold is held out) and among the 500 test rows (after a
+refit): first by scikit-learn as the reference called it, then by converged solvers (logistic regression:
+newton-cholesky, tol 1e-12; SVMs: tol 1e-6). For trees, which have no such solver, it gives the fewest
+and the most over 50 random states, which choose among equally good splits.
 
     sidestep analyze --trials trials.csv --features features.csv --out DIR    (in shared/tests/data)
     learning_again.py --data shared/tests/data --cells DIR/cells.csv > sklearn_again.csv
