@@ -9,24 +9,24 @@ use crate::scene::JointState;
 use crate::vehicle::TurnInput;
 use std::collections::HashMap;
 
-/// The largest feature, in its unit: sums of squares of many stay far from overflow.
+/// The largest feature, in its unit, so that sums of many squares stay far from overflow.
 const LARGEST_FEATURE: f64 = 1e9;
 
 fn is_usable(feature: f64) -> bool {
     (-LARGEST_FEATURE..=LARGEST_FEATURE).contains(&feature)
 }
 
-/// One row a step: the features of the state before it, and the input held in it.
+/// A row for each step: the features of the state before the step, and the input held in it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Dataset {
-    /// What the columns are.
+    /// The columns.
     pub features: FeatureSet,
     /// Row after row, each as long as `features`.
     pub values: Vec<f64>,
     /// The label of each row.
     pub labels: Vec<TurnInput>,
-    /// Which trial, from 0, each row comes from: rows of one trial must never be
-    /// split between training and testing.
+    /// The trial of each row, from 0. Rows of one trial must never be split between training and
+    /// testing.
     pub trials: Vec<usize>,
 }
 
@@ -79,10 +79,10 @@ impl Dataset {
         }
     }
 
-    /// The same rows with some of the features only.
+    /// The same rows with only these features.
     ///
     /// # Errors
-    /// [`Invalid`] for a feature that is not among the columns.
+    /// [`Invalid`] for a feature that is not a column.
     pub fn select(&self, features: &FeatureSet) -> Result<Self, Invalid> {
         let names: Vec<&str> = self.features.features().map(|feature| feature.name).collect();
         let place = |name: &str| {
@@ -101,13 +101,13 @@ impl Dataset {
         })
     }
 
-    /// How many rows.
+    /// The number of rows.
     #[must_use]
     pub fn len(&self) -> usize {
         self.labels.len()
     }
 
-    /// Whether there is no row.
+    /// Whether there are no rows.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.labels.is_empty()
@@ -134,7 +134,7 @@ pub struct GivenRow {
     pub values: Vec<f64>,
 }
 
-/// Features that were computed elsewhere, to be learned from in place of computed ones.
+/// Features that were computed elsewhere, which replace computed ones.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GivenFeatures {
     /// The features that each row has.

@@ -1,6 +1,6 @@
-//! Documents (JSON, TOML, queries) as typed values. What does not fit is told as every other
-//! complaint: field, expected, found. The complaint is built from what serde reports in parts, so
-//! that no English sentence of a parser is ever taken apart.
+//! Documents (JSON, TOML, queries) as typed values. A document that does not fit is an [`Invalid`] as
+//! everywhere: field, expected, found. It is built from the parts that serde reports, so that no code
+//! parses the English sentences of a parser.
 
 use crate::invalid::{Invalid, SEPARATOR};
 use core::fmt;

@@ -1,5 +1,5 @@
-//! The inputs of predictors: features of the joint states so far (`features/table.rs` has
-//! them all), and ordered sets of them.
+//! The inputs of predictors: features of the joint states so far (all in `features/table.rs`), and
+//! ordered sets of features.
 
 mod table;
 
@@ -85,21 +85,20 @@ impl FeatureSet {
         self.0.iter().map(|&index| &FEATURES[index])
     }
 
-    /// The first of them that depends on the game, if one does.
+    /// The first feature that depends on the game, if one does.
     pub fn of_game(&self) -> Option<&'static Feature> {
         self.features().find(|feature| matches!(feature.compute, Compute::FromGame(_)))
     }
 
-    /// Writes the features to `row`, which is as long as the set. `history` has the joint
-    /// states from the beginning of the trial on, one a step, and ends with the present one;
-    /// it is never empty.
+    /// Writes the features to `row`, which is as long as the set. `history` contains the joint states
+    /// from the beginning of the trial to the current one, one for each step; it is never empty.
     pub fn compute_into(&self, history: &[JointState], safety: &SafetyLevels, row: &mut [f64]) {
         for (feature, value) in self.features().zip(row) {
             *value = feature.value(history, safety);
         }
     }
 
-    /// Whether one of them is the safety level of `evader` or a slope of it.
+    /// Whether one feature is the safety level of `evader` or a component of its gradient.
     #[must_use]
     pub fn has_level(&self, evader: Evader) -> bool {
         let (level, slopes) = match evader {

@@ -1,9 +1,9 @@
 //! Threads and lanes: the two ways in which a kernel uses the machine.
 //!
-//! Neither changes a bit of any result: cells are computed independently of each
-//! other, from arrays that do not change meanwhile, by IEEE operations in one order.
+//! Neither changes a bit of any result: each cell is computed independently of the others, from
+//! arrays that do not change meanwhile, by IEEE operations in one order.
 
-/// How many threads a solve uses when none is named.
+/// The number of threads that a solve uses by default.
 #[must_use]
 pub fn default_threads() -> usize {
     #[cfg(not(target_arch = "wasm32"))]
@@ -19,8 +19,8 @@ pub(super) struct Workers {
 }
 
 impl Workers {
-    /// `threads` workers; one means the caller's own thread, which is also what is
-    /// used where the system gives none.
+    /// `threads` workers. One worker is the caller's own thread, as when the system cannot start
+    /// threads.
     pub(super) fn new(threads: usize) -> Self {
         #[cfg(not(target_arch = "wasm32"))]
         {
@@ -34,7 +34,7 @@ impl Workers {
         }
     }
 
-    /// Calls `work(i, chunk)` for the `i`-th run of `length` entries of `data`.
+    /// Calls `work(i, chunk)` for the `i`-th chunk of `length` entries of `data`.
     pub(super) fn for_chunks<T: Send>(
         &self,
         data: &mut [T],
@@ -57,12 +57,11 @@ impl Workers {
 
 /// Work that is compiled once for every lane width.
 pub(crate) trait Kernel {
-    /// Must be `#[inline(always)]`, with all that it calls.
+    /// Must be `#[inline(always)]`, and so must every function that it calls.
     fn run(self);
 }
 
-/// Runs `kernel` in the widest lanes that this machine has. In WebAssembly the
-/// width is that of the build.
+/// Runs `kernel` with the widest lanes of this machine. In WebAssembly the build decides the width.
 pub(crate) fn in_widest_lanes(kernel: impl Kernel) {
     #[cfg(not(target_arch = "wasm32"))]
     {

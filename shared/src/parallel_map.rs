@@ -1,4 +1,4 @@
-//! One function for each of many items, on all threads where there are any.
+//! One function for many items, on all threads.
 
 /// `work(item)` for each of `items`, in their order, whatever the number of threads.
 ///

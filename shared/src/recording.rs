@@ -1,5 +1,5 @@
-//! Recordings: what participants drove. A file of trials, a study's rows and the simulator all
-//! give a [`Recording`], and everything that learns or judges takes one.
+//! Recordings: the trials of participants. A file, a study in the database and the simulator give a
+//! [`Recording`]; training and analysis take one.
 
 use crate::invalid::Invalid;
 use crate::scene::{JointState, SceneParameters};
@@ -24,13 +24,13 @@ pub struct Recording {
 /// Where trials come from.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Provenance {
-    /// What kept them.
+    /// What they were read from.
     pub origin: Origin,
-    /// How the trials are known to be synthetic; none for people's.
+    /// Why the trials are known to be synthetic; none for trials of people.
     pub synthetic: Option<String>,
 }
 
-/// What kept the trials of a recording.
+/// What the trials of a recording were read from.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Origin {
     /// A file of trials, by its name.
@@ -57,7 +57,7 @@ pub struct RecordedParticipant {
     pub line: Option<u64>,
     /// In the order of phases, then of numbers.
     pub trials: Vec<RecordedTrial>,
-    /// Whether the data say that a program drove.
+    /// Whether the data say that the participant is synthetic.
     pub marked_synthetic: bool,
 }
 
@@ -76,11 +76,11 @@ pub struct RecordedTrial {
     pub inputs: Vec<TurnInput>,
     /// The joint state before each step, and the one after the last step.
     pub states: Vec<JointState>,
-    /// The participant's clock at the start, ms since 1970, where it is known.
+    /// When the trial started by the participant's clock, ms since 1970, if known.
     pub started_at_ms: Option<f64>,
-    /// When each input was sampled, ms after the start, where it is known.
+    /// When each input was sampled, ms after the start, if known.
     pub sampled_at_ms: Option<Vec<f64>>,
-    /// What an analyst should know of it.
+    /// Its flags.
     pub flags: Vec<Flag>,
 }
 
@@ -114,11 +114,11 @@ pub struct Exclusion {
     pub participant: String,
     /// Why they are excluded.
     pub reason: String,
-    /// The line of the file of trials that is wrong, where a single line is.
+    /// The line of the file that is wrong, if a single line is.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub line: Option<u64>,
-    /// The line of their first row, where all rows together are the reason. It depends on the
-    /// order of the rows, which must not change the files of an analysis: only messages tell it.
+    /// The line of their first row, if all rows together are the reason. It depends on the order of
+    /// the rows, which must not change the files of an analysis, so only messages contain it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub first_line: Option<u64>,
 }
@@ -148,7 +148,7 @@ impl Exclusion {
 
 impl fmt::Display for Exclusion {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        // Names may hold what a terminal would obey.
+        // Names may contain control sequences of a terminal.
         write!(f, "participant {}: {}", self.participant.escape_debug(), self.why())?;
         self.first_line.map_or(Ok(()), |line| write!(f, " (their rows begin in line {line})"))
     }

@@ -1,6 +1,6 @@
-//! Safety levels: how safe the human and the robot are from each other in a joint state, read from
-//! the value function of the game in which the one evades and the other pursues. A level is in m;
-//! at ≤ 0 the other vehicle can force a collision.
+//! Safety levels: how safe the human and the robot are from each other in a joint state. Each level is
+//! the value function of the game in which the one evades and the other pursues, in m; at ≤ 0 m the
+//! other vehicle can force a collision.
 
 mod quality;
 
@@ -10,9 +10,8 @@ use crate::reachability::{Options, Progress, PursuitGame, SolveError, ValueFunct
 use crate::scene::{Evader, JointState, SceneParameters};
 use core::ops::ControlFlow;
 
-/// The value function that the safety levels of `game` are read from: the closed form
-/// where there is one, else solved with the settings that server and browser share, so
-/// that both find the same bytes.
+/// The value function of `game`: the closed form if there is one, otherwise a solution with the
+/// settings that server and browser share, so that both obtain the same bytes.
 ///
 /// # Errors
 /// [`SolveError`] if the game cannot be solved, or if `progress` cancels the solve.
@@ -26,7 +25,7 @@ pub fn value_function(
     solve(game, &Options::default(), progress).map(|solved| solved.function)
 }
 
-/// The safety levels of both vehicles, as the value functions that they are read from.
+/// The value functions that give the safety levels of both vehicles.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SafetyLevels {
     /// V_HR: the human evades; its argument is the robot's pose in the human's frame.
@@ -36,7 +35,7 @@ pub struct SafetyLevels {
 }
 
 impl SafetyLevels {
-    /// Solves both games of these vehicles; only once where one function serves both roles.
+    /// Solves both games of these vehicles, or one if it serves both roles.
     ///
     /// # Errors
     /// The errors of [`value_function`].

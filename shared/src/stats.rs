@@ -1,8 +1,7 @@
-//! Shares, and how sure one may be of them: tails of the binomial distribution and
-//! confidence intervals.
+//! Proportions with confidence intervals, and tails of the beta, binomial and normal distributions.
 //!
-//! The incomplete beta function is that of the crate `special` (Algorithms AS 63 and
-//! AS 109), which computes with `libm` and so gives the same bits everywhere.
+//! The incomplete beta function comes from the crate `special` (Algorithms AS 63 and AS 109), which
+//! computes with `libm` and therefore returns the same bits on every platform.
 
 pub mod rank;
 
@@ -10,10 +9,10 @@ use crate::invalid::Invalid;
 use serde::{Deserialize, Serialize};
 use special::{Beta as _, Error as _};
 
-/// A share with its confidence interval. All three are from 0 to 1, low ≤ value ≤ high.
+/// A proportion with its confidence interval. All three numbers are from 0 to 1, low ≤ value ≤ high.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Estimate {
-    /// The share that was found.
+    /// The observed proportion.
     pub value: f64,
     /// Lower end of the interval.
     pub low: f64,
@@ -22,26 +21,26 @@ pub struct Estimate {
 }
 
 impl Estimate {
-    /// What is certain.
+    /// A proportion without uncertainty.
     #[must_use]
     pub fn exactly(value: f64) -> Self {
         Self { value, low: value, high: value }
     }
 }
 
-/// How many windows of one trajectory have some property.
+/// The number of windows of one trajectory that have some property.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Tally {
-    /// Windows that have it.
+    /// Windows with the property.
     pub hits: usize,
-    /// All its windows.
+    /// All windows of the trajectory.
     pub of: usize,
 }
 
 /// Accepts a probability strictly between 0 and 1.
 ///
 /// # Errors
-/// [`Invalid`] for anything else, NaN among it.
+/// [`Invalid`] for any other number, and for NaN.
 pub fn open_probability(field: &str, value: f64) -> Result<f64, Invalid> {
     if value > 0.0 && value < 1.0 {
         Ok(value)
@@ -50,11 +49,11 @@ pub fn open_probability(field: &str, value: f64) -> Result<f64, Invalid> {
     }
 }
 
-/// P(X ≤ x) of a beta distribution with parameters a, b > 0; 0 below it, 1 above it.
+/// P(X ≤ x) of a beta distribution with parameters a, b > 0: 0 for x < 0, 1 for x > 1.
 /// Relative error about 10⁻¹³ for parameters in the hundreds, 10⁻¹⁰ for 10⁵.
 #[must_use]
 pub fn beta_cdf(x: f64, a: f64, b: f64) -> f64 {
-    // Rounding may leave 1 − (what is above) a little off its range.
+    // Rounding may put the result slightly outside [0, 1].
     x.clamp(0.0, 1.0).inc_beta(a, b, a.ln_beta(b)).clamp(0.0, 1.0)
 }
 
@@ -80,11 +79,10 @@ pub fn binomial_at_least(hits: usize, of: usize, probability: f64) -> f64 {
     }
 }
 
-/// The exact confidence interval of a share after `hits` of `of` independent tries
-/// (Clopper and Pearson, Biometrika 1934): it covers the true share with at least the given
-/// `confidence`, in (0, 1), half of the rest on either side. Counts need not be whole, so
-/// that it also serves effective sample sizes; 0 ≤ `hits` ≤ `of`. Without a try it is all
-/// of [0, 1].
+/// The exact confidence interval of a proportion after `hits` of `of` independent trials (Clopper and
+/// Pearson, Biometrika 1934). It covers the true proportion with at least the given `confidence`, in
+/// (0, 1), and misses it equally often on either side. Counts need not be whole, because effective
+/// sample sizes are not; 0 ≤ `hits` ≤ `of`. Without a trial the interval is [0, 1].
 #[must_use]
 pub fn clopper_pearson(hits: f64, of: f64, confidence: f64) -> (f64, f64) {
     let tail = 0.5 * (1.0 - confidence);
@@ -94,19 +92,20 @@ pub fn clopper_pearson(hits: f64, of: f64, confidence: f64) -> (f64, f64) {
     (low, high)
 }
 
-/// The share of windows with some property, given the tally of each trajectory. Its interval
-/// takes the *trajectories* to be independent, whatever holds among their windows: it is
+/// The proportion of windows with some property, given the tally of each trajectory. Its interval
+/// assumes that the *trajectories* are independent and nothing about their windows: it is
 /// [`clopper_pearson`] at the effective sample size n* = (Σw_i)²/Σw_i² of trajectories with w_i
-/// windows (Kish, Survey Sampling, 1965), as if all windows of a trajectory were alike. That
-/// is the number of trajectories where all have equally many, and exact where they have one.
+/// windows (Kish, Survey Sampling, 1965), as if all windows of a trajectory agreed. If all
+/// trajectories have equally many windows, n* is the number of trajectories; if each has one window,
+/// the interval is exact.
 ///
-/// Korn and Graubard (Survey Methodology 24, 1998) estimate from the variance between
-/// trajectories how alike windows are, for a narrower interval. Where few trajectories miss in
-/// all their windows and the others hardly ever, too few are drawn to tell: in simulations
-/// with 30 trajectories it covered .75 where .90 was asked for, with 300 still .87. This one
-/// covers in all of them, at the cost of width where windows are little alike.
+/// Korn and Graubard (Survey Methodology 24, 1998) give a narrower interval: they estimate from the
+/// variance between trajectories how much windows agree. If a few trajectories miss in all their
+/// windows and the others hardly ever, samples contain too few of the former: in simulations with 30
+/// trajectories that interval covered .75 instead of .90, with 300 still only .87. The interval here
+/// covered in all simulations, but is wider if windows of a trajectory hardly agree.
 ///
-/// Without a window the share is unknown: value 0 in [0, 1].
+/// Without a window the proportion is unknown: value 0 in [0, 1].
 ///
 /// # Errors
 /// [`Invalid`] if `confidence` is not in (0, 1), or there are more hits than windows.

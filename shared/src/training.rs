@@ -1,4 +1,4 @@
-//! A predictor of one person's turns from what they drove.
+//! The predictor of one participant's turns, trained on their trials.
 
 use crate::dataset::Dataset;
 use crate::features::FeatureSet;
@@ -14,23 +14,23 @@ use crate::vehicle::TurnInput;
 /// One trial to learn from: the input of each step, and the states before them.
 pub type Driven = (Vec<TurnInput>, Vec<JointState>);
 
-/// A predictor, and how it came about.
+/// A predictor, and how it was trained.
 #[derive(Clone, Debug)]
 pub struct Trained {
     /// The predictor.
     pub predictor: Predictor,
-    /// Why it only knows the frequencies of the inputs, if so.
+    /// Why the predictor has only the frequencies of the inputs, if so.
     pub fallback: Option<String>,
 }
 
-/// With fewer trials, a learned model says more about chance than about the person.
+/// With fewer trials, a learned model says more about chance than about the participant.
 const MIN_TRIALS: usize = 5;
 
-/// A logistic regression on `features` (experiment I: which way), or constant probabilities with
-/// the reason: too little to learn from, or no safety levels.
+/// A logistic regression on `features` that predicts the turn direction (experiment 1), or constant
+/// probabilities with the reason: too few trials, or no safety levels.
 ///
 /// # Errors
-/// [`Invalid`] only for features or probabilities that do not fit, our own fault.
+/// [`Invalid`] for features or probabilities that do not fit, which is a defect of this library.
 pub fn train(
     features: &FeatureSet,
     safety: Option<&SafetyLevels>,

@@ -1,9 +1,8 @@
 //! The feature table.
 //!
-//! A feature is one line of [`FEATURES`]. World-frame differences are
-//! human − robot by component (the paper's B); subscript h is V_HR (the human's
-//! safety level), r is V_RH (the robot's). The human's body frame has its x-axis along the
-//! human's heading and its y-axis to the left.
+//! A feature is one entry of [`FEATURES`]. World-frame differences are human − robot by component (the
+//! paper's B). The subscript h stands for V_HR (the human's safety level), r for V_RH (the robot's).
+//! The x-axis of the human's body frame points along the human's heading, its y-axis to the left.
 
 use crate::math::{cos, hypot, sin, wrap_angle};
 use crate::safety::SafetyLevels;
@@ -22,8 +21,8 @@ pub struct Feature {
     pub compute: Compute,
 }
 
-/// How a feature is computed from the joint states so far, one a step: the last one is the
-/// present.
+/// How a feature is computed from the joint states so far, one for each step; the last one is the
+/// current state.
 pub enum Compute {
     /// From the states alone.
     FromMotion(fn(&[JointState]) -> f64),
@@ -32,7 +31,7 @@ pub enum Compute {
 }
 
 impl Feature {
-    /// Its value in the last state of `history`, which is not empty.
+    /// Its value in the last state of `history`, which must not be empty.
     #[must_use]
     pub fn value(&self, history: &[JointState], safety: &SafetyLevels) -> f64 {
         match self.compute {
@@ -127,37 +126,37 @@ pub static FEATURES: &[Feature] = &[
     Feature {
         name: "dv_h_ahead",
         unit: "m/m",
-        meaning: "slope of V_HR as the robot moves along the human's heading",
+        meaning: "derivative of V_HR as the robot moves along the human's heading",
         compute: FromGame(|h, v| v.human.state(now(h).robot_seen_by_human()).gradient[0]),
     },
     Feature {
         name: "dv_h_left",
         unit: "m/m",
-        meaning: "slope of V_HR as the robot moves to the human's left",
+        meaning: "derivative of V_HR as the robot moves to the human's left",
         compute: FromGame(|h, v| v.human.state(now(h).robot_seen_by_human()).gradient[1]),
     },
     Feature {
         name: "dv_h_turn",
         unit: "m/rad",
-        meaning: "slope of V_HR as the robot turns left",
+        meaning: "derivative of V_HR as the robot turns left",
         compute: FromGame(|h, v| v.human.state(now(h).robot_seen_by_human()).gradient[2]),
     },
     Feature {
         name: "dv_r_ahead",
         unit: "m/m",
-        meaning: "slope of V_RH as the human moves along the robot's heading",
+        meaning: "derivative of V_RH as the human moves along the robot's heading",
         compute: FromGame(|h, v| v.robot.state(now(h).human_seen_by_robot()).gradient[0]),
     },
     Feature {
         name: "dv_r_left",
         unit: "m/m",
-        meaning: "slope of V_RH as the human moves to the robot's left",
+        meaning: "derivative of V_RH as the human moves to the robot's left",
         compute: FromGame(|h, v| v.robot.state(now(h).human_seen_by_robot()).gradient[1]),
     },
     Feature {
         name: "dv_r_turn",
         unit: "m/rad",
-        meaning: "slope of V_RH as the human turns left",
+        meaning: "derivative of V_RH as the human turns left",
         compute: FromGame(|h, v| v.robot.state(now(h).human_seen_by_robot()).gradient[2]),
     },
     Feature {
@@ -186,7 +185,7 @@ pub static FEATURES: &[Feature] = &[
     },
 ];
 
-/// The present.
+/// The current state.
 fn now(history: &[JointState]) -> &JointState {
     &history[history.len() - 1]
 }
@@ -196,8 +195,8 @@ fn heading_difference(history: &[JointState]) -> f64 {
     wrap_angle(state.human.psi - state.robot.psi)
 }
 
-/// How far the human turned left from `first` to `last` steps ago, rad. In one step a vehicle turns
-/// by less than half a circle, so the sum counts full circles.
+/// How far the human turned left from `first` to `last` steps ago, rad. A vehicle turns by less than
+/// half a circle in one step, so the sum counts full circles.
 fn turned(history: &[JointState], first: usize, last: usize) -> f64 {
     let recent = history.iter().rev().skip(first).take(last - first + 1);
     let headings = recent.map(|state| state.human.psi);
@@ -208,16 +207,16 @@ fn turned(history: &[JointState], first: usize, last: usize) -> f64 {
         .fold(0.0, |sum, turn| sum + turn)
 }
 
-/// Where the robot comes closest to a human if both drive straight on.
+/// The closest approach if both vehicles drive straight on.
 struct ClosestApproach {
-    /// Time until then, ≥ 0 s.
+    /// Time until the closest approach, s, ≥ 0.
     time_s: f64,
-    /// The robot then in the human's body frame, m.
+    /// The robot's position in the human's body frame at that time, m.
     ahead_m: f64,
     left_m: f64,
 }
 
-/// Vehicles whose relative speed is below this share of the sum of both speeds drive side by side.
+/// Vehicles drive side by side if their relative speed is below this share of the sum of both speeds.
 const SIDE_BY_SIDE: f64 = 1e-6;
 
 /// The speeds are those of the game in which the human evades.
@@ -227,8 +226,8 @@ fn closest_approach(history: &[JointState], safety: &SafetyLevels) -> ClosestApp
     let robot = game.pursuer.speed_mps;
     let (vx, vy) = (robot * cos(psi) - game.evader.speed_mps, robot * sin(psi));
     let square = vx * vx + vy * vy;
-    // Side by side at one speed they stay as close as they are now. A relative speed that is only
-    // rounding would give a time of some 10¹⁶ s.
+    // Vehicles side by side stay as close as they are now. A relative speed that is only a rounding
+    // error would give a time of about 10¹⁶ s.
     let least = SIDE_BY_SIDE * (robot + game.evader.speed_mps);
     let time_s = if square > least * least { (-(x * vx + y * vy) / square).max(0.0) } else { 0.0 };
     ClosestApproach { time_s, ahead_m: x + vx * time_s, left_m: y + vy * time_s }

@@ -1,25 +1,24 @@
-//! Rank tests of whether one list of numbers tends to be higher than another, and Holm's
-//! correction for many of them.
+//! Rank tests of whether one list of numbers tends to be higher than another, and Holm's correction
+//! for several tests.
 //!
-//! Two-sided p-values. Where numbers are few they are exact, whatever the ties: all ways in which
-//! the ranks that were found could have fallen are counted, by dynamic programming. Where they
-//! are many, the normal approximation with the correction for ties, as of `scipy.stats`.
+//! p-values are two-sided. For few numbers they are exact, also with ties: dynamic programming counts
+//! all assignments of the observed ranks. For many numbers they are the normal approximation with the
+//! correction for ties, as in `scipy.stats`.
 
 use super::upper_tail;
 use crate::invalid::{Invalid, finite, length};
 
-/// As many numbers, both lists together, are counted exactly. Above, the normal approximation is
-/// good to some 10⁻³ of a p-value that is not tiny.
+/// Most numbers, of both lists together, for which p-values are exact. For more numbers, the normal
+/// approximation is accurate to about 10⁻³ of a p-value that is not tiny.
 const MOST_COUNTED: usize = 60;
 
-/// Numbers that differ by no more than this are tied: differences of equal shares must not be
-/// told apart by their rounding.
+/// Numbers that differ by at most this are tied, so that rounding does not separate equal
+/// proportions.
 const TIE: f64 = 1e-12;
 
-/// The p-value of the Mann–Whitney test (Annals of Mathematical Statistics 18, 1947): how
-/// likely numbers of one distribution, split at random, would give rank sums of the two lists at
-/// least as far apart. Exact up to 60 numbers; above, normal with corrections for ties and
-/// continuity. 1 where all numbers are the same.
+/// The p-value of the Mann–Whitney test (Annals of Mathematical Statistics 18, 1947): the probability
+/// that a random split of the numbers gives rank sums at least as far apart. Exact up to 60 numbers;
+/// above, normal with corrections for ties and continuity. 1 if all numbers are equal.
 ///
 /// # Errors
 /// [`Invalid`] if a list is empty or a number is not finite.
@@ -38,10 +37,10 @@ pub fn mann_whitney(first: &[f64], second: &[f64]) -> Result<f64, Invalid> {
     Ok(normal_two_sided((u - mean).abs() - 0.5, variance))
 }
 
-/// The p-value of Wilcoxon's signed-rank test (Biometrics Bulletin 1, 1945) for pairs, of which
-/// equal ones are left out: how likely the ranks of the differences, with signs thrown at random,
-/// would give a sum at least as far from its mean. Exact up to 60 pairs; above, normal with the
-/// correction for ties. 1 where all pairs are equal.
+/// The p-value of Wilcoxon's signed-rank test (Biometrics Bulletin 1, 1945) for pairs; equal pairs are
+/// omitted. It is the probability that random signs give the differences' ranks a sum at least as far
+/// from its mean. Exact up to 60 pairs; above, normal with the correction for ties. 1 if all pairs are
+/// equal.
 ///
 /// # Errors
 /// [`Invalid`] if the lists are empty or differ in length, or a number is not finite.
@@ -63,10 +62,10 @@ pub fn wilcoxon(first: &[f64], second: &[f64]) -> Result<f64, Invalid> {
     Ok(normal_two_sided((0.5 * sum as f64 - 0.25 * n * (n + 1.0)).abs(), variance))
 }
 
-/// The typical difference: the median of the means of all pairs of differences, each with itself
-/// too (Hodges and Lehmann, Annals of Mathematical Statistics 34, 1963). It is what
-/// [`wilcoxon`] is about: where that rejects, this has the sign of the larger rank sum. 0 of
-/// nothing.
+/// The Hodges–Lehmann estimate of a typical difference: the median of the means of all pairs of
+/// differences, each paired with itself too (Annals of Mathematical Statistics 34, 1963). It belongs
+/// to [`wilcoxon`]: if that test rejects, the estimate has the sign of the larger rank sum. 0 for an
+/// empty list.
 #[must_use]
 pub fn hodges_lehmann(differences: &[f64]) -> f64 {
     let pairs = differences.iter().enumerate();
@@ -80,8 +79,8 @@ pub fn hodges_lehmann(differences: &[f64]) -> f64 {
     }
 }
 
-/// p-values so corrected that the chance of any false alarm among all of them stays what one
-/// test has (Holm, Scandinavian Journal of Statistics 6, 1979), in the order given.
+/// p-values with Holm's correction (Scandinavian Journal of Statistics 6, 1979), in the given order:
+/// the probability of any false rejection among all tests is at most that of one test.
 #[must_use]
 pub fn holm(p_values: &[f64]) -> Vec<f64> {
     let n = p_values.len();
@@ -106,8 +105,8 @@ fn check(field: &str, numbers: &[f64]) -> Result<(), Invalid> {
     Ok(())
 }
 
-/// Twice the rank of each number, from 2; tied ones share the mean of their ranks, which
-/// doubling makes whole.
+/// Twice the rank of each number, from 2. Tied numbers share the mean of their ranks, which becomes
+/// whole by doubling.
 fn doubled_ranks(numbers: &[f64]) -> Vec<usize> {
     let mut order: Vec<usize> = (0..numbers.len()).collect();
     order.sort_by(|&i, &j| numbers[i].total_cmp(&numbers[j]));
@@ -129,11 +128,11 @@ fn tie_term(ranks: &[usize]) -> f64 {
     groups.map(|t| t * t * t - t).sum()
 }
 
-/// In how many ways `count` of the `ranks` have each sum. Counts stay far below the largest
-/// float and are exact below 2⁵³, relatively good to 10⁻¹⁴ above.
+/// The number of ways in which `count` of the `ranks` have each sum. Counts are exact below 2⁵³, have
+/// a relative error of 10⁻¹⁴ above, and stay far below the largest double.
 fn ways_to_choose(ranks: &[usize], count: usize) -> Vec<f64> {
     let most: usize = ranks.iter().sum();
-    // By how many were chosen, then by their sum.
+    // Indexed by how many ranks were chosen, then by their sum.
     let mut ways = vec![vec![0.0; most + 1]; count + 1];
     ways[0][0] = 1.0;
     for &rank in ranks {
@@ -147,7 +146,7 @@ fn ways_to_choose(ranks: &[usize], count: usize) -> Vec<f64> {
     ways.swap_remove(count)
 }
 
-/// In how many ways any of the `ranks`, those that get a plus, have each sum.
+/// The number of ways in which some of the `ranks`, those with a positive sign, have each sum.
 fn ways_to_sign(ranks: &[usize]) -> Vec<f64> {
     let mut ways = vec![0.0; ranks.iter().sum::<usize>() + 1];
     ways[0] = 1.0;
@@ -159,7 +158,7 @@ fn ways_to_sign(ranks: &[usize]) -> Vec<f64> {
     ways
 }
 
-/// Twice the smaller tail at `found`, itself counted.
+/// Twice the smaller tail at `found`, which both tails include.
 fn two_sided(ways: &[f64], found: usize) -> f64 {
     let total: f64 = ways.iter().sum();
     let below: f64 = ways[..=found].iter().sum();
