@@ -1,4 +1,4 @@
-//! Pursuit games: who can force a collision, and from where.
+//! From a pursuit game to its value function: from which states the pursuer can force a collision.
 
 mod progress;
 mod exact;

@@ -2,10 +2,10 @@
 //! Runge–Kutta in time, one to four dimensions.
 //!
 //! Mitchell, *A Toolbox of Level Set Methods* (2008) and Osher and Fedkiw (2003).
-//! Values live in one array with ghost nodes all around; a stage walks over the
-//! last two axes as one run of cells in blocks that stay in the first-level cache,
-//! derivatives included, so there are no derivative arrays. The run passes over
-//! ghost nodes; what it computes there is replaced when the ghosts are filled.
+//! One array holds the values, with ghost nodes all around. A stage walks over the last two axes as
+//! one run of cells, in blocks that fit into the first-level cache with their derivatives, so there
+//! are no arrays of derivatives. The run passes over ghost nodes; filling the ghosts later replaces
+//! what it computed there.
 
 mod layout;
 mod kernel;
@@ -20,7 +20,7 @@ use crate::real::Real;
 use core::ops::ControlFlow;
 use march::march;
 
-/// Whether passing through the target counts, or only being there at the end.
+/// Whether a state counts that passes through the target, or only one that ends in it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// States from which the target is reached at some time up to the horizon.
@@ -34,12 +34,12 @@ pub enum Kind {
 pub enum Direction {
     /// States that lead to the target.
     Backward,
-    /// States that the target (the initial set) leads to: the same game with the
-    /// velocities reversed, H(x, −p).
+    /// States that are reached from the target (the initial set): the same game with reversed
+    /// velocities, H(x, −p).
     Forward,
 }
 
-/// A function of the state, possibly of the time gone by as well.
+/// A function of the state, or of state and time.
 #[derive(Clone, Copy)]
 pub enum Region<'a, const D: usize> {
     /// Fixed.
@@ -66,8 +66,7 @@ impl<const D: usize> Region<'_, D> {
 pub enum Horizon {
     /// After this many seconds.
     Finite(f64),
-    /// When V changes nowhere by more than `tolerance` a second; gives up after
-    /// `longest_s`.
+    /// When V changes by at most `tolerance` per second everywhere, or after `longest_s`.
     Converged {
         /// Largest change of V, per second.
         tolerance: f64,
@@ -76,42 +75,42 @@ pub enum Horizon {
     },
 }
 
-/// What is to be solved.
+/// The problem to solve.
 pub struct Problem<'a, const D: usize, G> {
     /// The dynamics and the players.
     pub game: &'a G,
-    /// Where V is wanted.
+    /// The nodes on which V is computed.
     pub grid: Grid<D>,
     /// l(x): the target is {l ≤ 0}; V starts as l.
     pub target: Region<'a, D>,
-    /// The states that may not be entered: positive inside, V ≥ obstacle (reach-avoid).
+    /// The states that must not be entered: positive inside, V ≥ obstacle (reach-avoid).
     pub obstacle: Option<Region<'a, D>>,
     /// Tube or set.
     pub kind: Kind,
     /// Backward or forward.
     pub direction: Direction,
-    /// When to end.
+    /// When the march ends.
     pub horizon: Horizon,
 }
 
-/// How it is to be solved.
+/// How to solve it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
     /// Spatial derivatives (and the Runge–Kutta order that goes with them).
     pub scheme: Scheme,
-    /// Threads; results do not depend on it. 0 counts as 1; a thread beyond the nodes of
-    /// the first axis would have nothing to do and is not started.
+    /// Number of threads; results do not depend on it. 0 counts as 1; there are at most as many
+    /// threads as nodes of the first axis.
     pub threads: usize,
-    /// Share of the largest stable time step of first order, above 0 and at most 1. ENO
-    /// may choose stencils that are stable only up to 0.5 (of second order) or 0.37 (of
-    /// third); with longer steps V stays bounded, but not everywhere of that order.
+    /// Share of the largest stable time step of first order, above 0 and at most 1. ENO may choose
+    /// stencils that are stable only up to 0.5 (second order) or 0.37 (third order); with longer steps
+    /// V stays bounded, but loses that order in places.
     pub cfl: f64,
-    /// Refuse to take more memory than this.
+    /// A solve that needs more memory than this is refused.
     pub memory_limit_bytes: u64,
 }
 
 impl Settings {
-    /// `scheme` with the time step that suits it, on all threads.
+    /// `scheme` with its time step, on all threads.
     #[must_use]
     pub fn of(scheme: Scheme) -> Self {
         Self {
@@ -134,19 +133,19 @@ pub struct Solution<T, const D: usize> {
     pub steps: usize,
     /// Time marched, s.
     pub horizon_s: f64,
-    /// max |∂V/∂τ| at the end, per second: 0 would be a converged value.
+    /// max |∂V/∂τ| at the end, per second; 0 for a converged value.
     pub residual: f64,
 }
 
 /// Solves `problem`.
 ///
-/// `progress` is called after every step and may stop the solve.
+/// The solve calls `progress` after every step; it may cancel the solve.
 ///
 /// # Errors
 /// [`SolveError::Invalid`] for a grid that is too small for the scheme or too large
 /// for the memory, a horizon that is not > 0, a `cfl` outside (0, 1], a target, an
-/// obstacle or speed bounds that are not finite at a node (which is named), or a game
-/// that makes V so; [`SolveError::Cancelled`].
+/// obstacle or speed bounds that are not finite at a node (which is named), or a game that makes V
+/// infinite or NaN; [`SolveError::Cancelled`] if `progress` cancels it.
 pub fn solve<T: Real, const D: usize, G: Game<D>>(
     problem: &Problem<'_, D, G>,
     settings: &Settings,

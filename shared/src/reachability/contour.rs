@@ -8,15 +8,15 @@ pub(super) trait Lattice {
     fn wraps(&self) -> bool;
     /// Whether a node belongs to the region.
     fn inside(&self, node: [usize; 2]) -> bool;
-    /// Whether the region joins the two inside corners of a cell whose corners
-    /// alternate; the cell from `node` on.
+    /// Whether the region joins the two inside corners of a cell whose corners alternate between
+    /// inside and outside. `node` is the cell's first corner.
     fn joins(&self, node: [usize; 2]) -> bool;
     /// Where the region ends between a node inside and a neighbour outside.
     fn crossing(&self, inside: [usize; 2], outside: [usize; 2]) -> [f64; 2];
 }
 
-/// The boundary of the region: closed curves without repeated end point, the
-/// region on the left. Nodes at the lattice's own edge must be outside.
+/// The boundary of the region: closed curves without a repeated end point, with the region on their
+/// left. Nodes at the lattice's own edge must be outside.
 pub(super) fn closed_curves(lattice: &impl Lattice) -> Vec<Vec<[f64; 2]>> {
     let [rows, columns] = lattice.size();
     let inside: Vec<bool> =

@@ -11,8 +11,8 @@
 use crate::invalid::{Invalid, finite, length, positive};
 use crate::math::{PI, atan2, hypot, sin_cos, wrap_positive};
 
-/// Sheets closer than this, in turning radii, count as equal: some
-/// hundreds of times their rounding error at a range of a thousand turning radii.
+/// Sheets closer than this, in turning radii, count as equal. It is several hundred times their
+/// rounding error at a range of a thousand turning radii.
 const KINK: f64 = 1e-9;
 
 /// The pursuer goes straight when its heading is within δ = 10⁻⁴ rad of the best
@@ -66,7 +66,7 @@ impl ExactValue {
         self.metres(view.range.min(right.range.max(left.range)))
     }
 
-    /// [`Self::value`] of a state from outside.
+    /// [`Self::value`] of a state that may not be finite.
     ///
     /// # Errors
     /// [`Invalid`] naming the coordinate that is not finite.
@@ -127,10 +127,10 @@ impl ExactValue {
         }
     }
 
-    /// The analysis where the range is at its smallest already.
+    /// The analysis of a state whose range is already at its smallest.
     fn at_its_smallest(&self, view: &Halfway, y: f64) -> ExactState {
         let Halfway { ahead, right, sin_half, cos_half, range, .. } = *view;
-        // At range zero every direction is as good; the gradient is then zero.
+        // At range zero all directions are equally good, and the gradient is zero.
         let scale = if range > 0.0 { 1.0 / range } else { 0.0 };
         let direction = [ahead * scale, right * scale];
         let [dx, dy] = slope(direction, sin_half, cos_half);
@@ -255,8 +255,8 @@ impl Halfway {
             half,
             sin_half,
             cos_half,
-            // Exactly rounded operations only, several times faster than hypot, which is needed
-            // where the square underflows: vehicles that hardly turn.
+            // Correctly rounded operations, several times faster than hypot. Only where the square
+            // underflows, for vehicles that hardly turn, is hypot needed.
             range: if square > LEAST_SQUARE { square.sqrt() } else { hypot(x, y) },
         }
     }
@@ -302,7 +302,7 @@ struct Sheet {
 impl Sheet {
     /// At the state `ahead`, `right` > 0, h; `rest` = π − h.
     ///
-    /// `#[inline]`: the value alone needs neither the direction nor its division.
+    /// Inlined, because the value alone needs neither the direction nor its division.
     #[inline]
     fn new(ahead: f64, right: f64, sin_half: f64, cos_half: f64, rest: f64) -> Self {
         let a = right - 2.0 * cos_half;
@@ -324,7 +324,7 @@ impl Sheet {
                 direction: [cos_u / square, sin_u / square],
             }
         } else {
-            // Between the centres of the two turning circles, which same turns keep.
+            // The distance of the centres of the two turning circles, which equal turns preserve.
             let along = ahead + 2.0 * sin_half;
             let between = (along * along + right * right).sqrt();
             Self {

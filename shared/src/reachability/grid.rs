@@ -3,14 +3,14 @@
 use crate::invalid::{Invalid, finite};
 use serde::{Deserialize, Serialize};
 
-/// What lies beyond the ends of an axis.
+/// How values continue beyond the ends of an axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Boundary {
     /// The axis closes on itself; the upper end is not a node.
     Periodic,
-    /// Values continue with the slope at the edge, with the sign that moves them away from zero:
-    /// nothing that enters from outside can look like a target.
+    /// Values continue with the slope at the edge, with the sign that moves them away from zero, so
+    /// that nothing that enters from outside looks like a target.
     Extrapolate,
 }
 
@@ -19,11 +19,11 @@ pub enum Boundary {
 pub struct Axis {
     /// First node.
     pub low: f64,
-    /// Last node; of a periodic axis the node that would coincide with the first.
+    /// Last node; on a periodic axis the node that coincides with the first and is not stored.
     pub high: f64,
     /// Number of nodes.
     pub nodes: usize,
-    /// What lies beyond the ends.
+    /// How values continue beyond the ends.
     pub boundary: Boundary,
 }
 
@@ -40,7 +40,7 @@ impl Axis {
         Self { low, high, nodes, boundary: Boundary::Periodic }
     }
 
-    /// Distance of neighbouring nodes.
+    /// Distance between neighbouring nodes.
     #[must_use]
     pub fn spacing(&self) -> f64 {
         let gaps = match self.boundary {
@@ -93,13 +93,13 @@ impl<const D: usize> Grid<D> {
         self.axes.iter().fold(1, |n, axis| n.saturating_mul(axis.nodes))
     }
 
-    /// Whether there is no node.
+    /// Whether there are no nodes.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// Volume that belongs to a node: the product of the spacings.
+    /// Volume of the cell around a node: the product of the spacings.
     #[must_use]
     pub fn cell_volume(&self) -> f64 {
         self.axes.iter().map(Axis::spacing).product()

@@ -1,19 +1,19 @@
-//! Level curves of functions that meet every ray from the origin once, for drawing.
+//! Level curves that meet every ray from the origin once, for drawing.
 
 use crate::math::{TAU, hypot, sin_cos};
 
 /// How finely a curve is traced.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CurveSettings {
-    /// Rays of the first, even pass.
+    /// Rays of the first pass, evenly spaced.
     pub rays: usize,
     /// A ray is added where the curve leaves its chord by more than this, m.
     pub flatness_m: f64,
-    /// How often a gap between two rays may be halved.
+    /// Largest number of times that a gap between two rays is halved.
     pub max_depth: u32,
     /// Accuracy of each point along its ray, m.
     pub accuracy_m: f64,
-    /// Of curves through a grid: largest distance of neighbouring points, m.
+    /// For curves through a grid: largest distance between neighbouring points, m.
     pub spacing_m: f64,
 }
 
@@ -72,8 +72,8 @@ fn refine(
     }
     let angle = 0.5 * (from.0 + to.0);
     let middle = point(angle);
-    // The first two halvings are unconditional: a corner may hide between the
-    // ends of a gap whose middle happens to lie on the chord.
+    // The first two halvings are unconditional: the middle of a gap may lie on the chord although
+    // the curve has a corner in the gap.
     if settings.max_depth - depth >= 2
         && chord_distance(middle, from.1, to.1) <= settings.flatness_m
     {

@@ -1,14 +1,14 @@
-//! How a solve reports, what it may take, and why it ends without a solution.
+//! The progress of a solve, its memory limit, and why it ends without a solution.
 
 use crate::invalid::Invalid;
 
-/// How far a solve has come.
+/// The progress of a solve.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Progress {
-    /// Share of the steps done, 0 … 1. If the march may end earlier, it is the share of the most
-    /// steps that there can be.
+    /// Share of the steps done, 0 … 1. If the march may end early, the share of the most steps that
+    /// are possible.
     pub done: f64,
-    /// Largest change of V per second when last measured.
+    /// Largest change of V per second at the last measurement.
     pub residual: f64,
 }
 
@@ -23,10 +23,10 @@ pub enum SolveError {
     Cancelled,
 }
 
-/// Memory that a solve may take unless told otherwise: 8 GiB; in a browser 1 GiB.
+/// Default memory limit of a solve: 8 GiB; in a browser 1 GiB.
 pub const MEMORY_LIMIT_BYTES: u64 = if cfg!(target_arch = "wasm32") { 1 << 30 } else { 8 << 30 };
 
-/// Refuses a solve that needs more memory than `limit_bytes`, before any is taken.
+/// Refuses a solve that needs more memory than `limit_bytes`, before it allocates any.
 ///
 /// # Errors
 /// [`Invalid`] with the estimate.

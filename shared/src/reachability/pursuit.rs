@@ -22,7 +22,7 @@ impl PursuitGame {
     /// Checks every parameter.
     ///
     /// # Errors
-    /// [`Invalid`] naming the one that is not a finite number > 0.
+    /// [`Invalid`] naming the parameter that is not a finite number > 0.
     pub fn check(self) -> Result<Self, Invalid> {
         self.evader.check().map_err(|e| e.within("evader"))?;
         self.pursuer.check().map_err(|e| e.within("pursuer"))?;
@@ -30,14 +30,14 @@ impl PursuitGame {
         Ok(self)
     }
 
-    /// A power of two, m, close to a third of the radius: 1 for the paper's 3 m. What the
-    /// program treats as small is small against this, and dividing by it rounds nothing.
+    /// A power of two, m, near a third of the radius: 1 for the paper's 3 m. Lengths that the program
+    /// treats as small are small compared with it, and division by it does not round.
     #[must_use]
     pub fn length_unit_m(&self) -> f64 {
         power_of_two_near(self.radius_m / 3.0)
     }
 
-    /// Whether both vehicles can do the same, so that the closed form applies.
+    /// Whether both vehicles have the same speed and turn rate, so that the closed form applies.
     #[must_use]
     pub fn identical(&self) -> bool {
         self.evader == self.pursuer

@@ -22,39 +22,38 @@ use sheet::Sheet;
 
 /// A value function on a grid, interpolated between its nodes and extended beyond them.
 ///
-/// Stored is the deficit W = V − (r − R); the range part is added exactly. Outside the grid the deficit is that of the nearest point of its boundary
-/// (in polar coordinates: at the same bearing and heading), so that V grows with the
-/// range as it must.
+/// The table stores the deficit W = V − (r − R); the range part is added exactly. Outside the grid the
+/// deficit is that of the nearest point of its boundary (in polar coordinates at the same bearing and
+/// heading), so that V grows with the range.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SampledValue {
     game: PursuitGame,
     nodes: Nodes,
-    /// Seconds of the game that are solved; infinite for the converged value.
+    /// Horizon, s; infinite for the converged value.
     horizon_s: f64,
     /// See [`SampledValue::unsettled_m`].
     unsettled_m: Option<f64>,
     table: Table,
     sheet: Option<Sheet>,
-    /// For polar nodes, to find the cell of a range.
+    /// Finds the cell of a range, for polar nodes.
     finder: RangeFinder,
     bearings: BearingFinder,
 }
 
-/// Value, gradient, and whether the state lies on the grid.
+/// Value, gradient, and whether the state lies within the grid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SampledState {
     /// V, m.
     pub value: f64,
-    /// (∂V/∂x, ∂V/∂y, ∂V/∂ψ), m/m, m/m, m/rad: of the interpolant, so one-sided on
-    /// the faces of cells.
+    /// (∂V/∂x, ∂V/∂y, ∂V/∂ψ), m/m, m/m, m/rad, of the interpolant; one-sided on the faces of cells.
     pub gradient: [f64; 3],
     /// Whether the state is within the nodes.
     pub inside: bool,
 }
 
 impl SampledValue {
-    /// A value function from its deficit, row-major over [`Nodes::shape`], and, of
-    /// polar nodes, the sheet Q of [`polar::Solution::sheet`] if there is one.
+    /// A value function from its deficit, row-major over [`Nodes::shape`], and, for polar nodes, the
+    /// sheet Q of [`polar::Solution::sheet`] if there is one.
     ///
     /// # Errors
     /// [`Invalid`] for bad nodes, another number of values, or one that is not finite.
@@ -80,8 +79,8 @@ impl SampledValue {
         let table = match nodes {
             Nodes::Polar { angle_nodes: n, .. } => {
                 Table::new([n0 - 1, n / 2, n], |[i, j, k]| {
-                    // Mirror at bearings 0 and π; flat beyond the last range; odd
-                    // about r = 0, where W is 0.
+                    // Mirrored at bearings 0 and π, constant beyond the last range, odd about r = 0,
+                    // where W is 0.
                     let mirrored = j < 0 || j > n as isize / 2;
                     let (j, k) = if mirrored {
                         (turn(-j, n), turn(-k, n))
@@ -97,7 +96,7 @@ impl SampledValue {
             }
             Nodes::Cartesian { .. } => Table::new([n0 - 1, n1 - 1, n2], |[i, j, k]| {
                 let k = turn(k, n2);
-                // Linear beyond the ends: no bend in the last cells.
+                // Linear beyond the ends, so there is no curvature in the last cells.
                 let along = |i: isize, n: usize| {
                     let last = n as isize - 1;
                     let inner = i.clamp(0, last);
@@ -132,7 +131,7 @@ impl SampledValue {
         Ok(Self { game, nodes, horizon_s, unsettled_m: None, table, sheet, finder, bearings })
     }
 
-    /// A function sampled on nodes.
+    /// A function, sampled on nodes.
     ///
     /// # Errors
     /// As [`SampledValue::new`].
@@ -161,7 +160,7 @@ impl SampledValue {
         Self::new(game, nodes, f64::INFINITY, &deficit, None)
     }
 
-    /// What the polar solver found.
+    /// The polar solver's solution.
     ///
     /// # Errors
     /// [`Invalid`] if a value is not finite.
@@ -178,21 +177,22 @@ impl SampledValue {
         Ok(function.unsettled((!solution.converged).then_some(solution.drift_m)))
     }
 
-    /// How much the function still moved when the solver gave up, m; none if it settled, or the
-    /// horizon is finite. Of the polar method in [`polar::WINDOW`] sweeps, averaged over its rows;
-    /// of the Cartesian one in a second of the game, at most.
+    /// How much the function still changed when the solver stopped without converging, m; none if it
+    /// converged or the horizon is finite. For the polar method, the change in [`polar::WINDOW`]
+    /// sweeps, averaged over its rows; for the Cartesian one, the largest change in a second of the
+    /// game.
     #[must_use]
     pub fn unsettled_m(&self) -> Option<f64> {
         self.unsettled_m
     }
 
-    /// The same function, from a solve that gave up while it still moved by this, m.
+    /// The same function, from a solve that stopped while the function still changed by this, m.
     #[must_use]
     pub fn unsettled(self, unsettled_m: Option<f64>) -> Self {
         Self { unsettled_m, ..self }
     }
 
-    /// What the Cartesian solver found on a grid of x, y, ψ.
+    /// The Cartesian solver's solution on a grid of x, y, ψ.
     ///
     /// # Errors
     /// [`Invalid`] if a value is not finite, or the grid is not one of x, y, ψ.
@@ -220,13 +220,13 @@ impl SampledValue {
         self.game
     }
 
-    /// Where its values are.
+    /// The nodes.
     #[must_use]
     pub fn nodes(&self) -> Nodes {
         self.nodes
     }
 
-    /// Seconds of the game that are solved; infinite for the converged value.
+    /// Horizon, s; infinite for the converged value.
     #[must_use]
     pub fn horizon_s(&self) -> f64 {
         self.horizon_s
@@ -238,8 +238,8 @@ impl SampledValue {
         (0..n0 * n1 * n2).map(move |p| self.table.node([p / (n1 * n2), p / n2 % n1, p % n2]))
     }
 
-    /// A box that holds every state where V is at most `level`, widened by a cell: lowest and
-    /// highest x and highest |y|, m, within the nodes' domain. Cartesian nodes only.
+    /// A box that contains every state with V ≤ `level`, widened by a cell: lowest and highest x and
+    /// highest |y|, m, within the nodes' domain. For Cartesian nodes only.
     pub(super) fn extent(&self, level: f64) -> [f64; 3] {
         let Nodes::Cartesian { x, y, .. } = self.nodes else {
             unreachable!("a draft has Cartesian nodes");
@@ -325,7 +325,7 @@ impl SampledValue {
         let (deficit, slope) = self.deficit_at(index, share);
         let [w0, w1, w2]: [f64; 3] = core::array::from_fn(|d| slope[d] * scale[d]);
         let value = range - self.game.radius_m + deficit;
-        // Unit vector of the line of sight; ahead where there is none.
+        // Unit vector of the line of sight; straight ahead at range zero.
         let (cos, sin) = if range > 0.0 { (x / range, y / range) } else { (1.0, 0.0) };
         let gradient = match self.nodes {
             Nodes::Polar { .. } => {

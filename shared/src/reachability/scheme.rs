@@ -1,14 +1,13 @@
 //! One-sided first derivatives on a uniform axis: upwind, ENO2, ENO3, WENO5.
 //!
 //! Osher and Fedkiw, *Level Set Methods and Dynamic Implicit Surfaces* (2003),
-//! chapter 3; Jiang and Peng (2000) for WENO5. Each kernel is straight-line code
-//! without branches, so that a loop over cells becomes lanes.
+//! chapter 3; Jiang and Peng (2000) for WENO5. Each kernel has no branches, so that the compiler
+//! vectorises a loop over cells.
 
 use crate::real::Real;
 use serde::{Deserialize, Serialize};
 
-/// The approximation of the spatial derivatives and the Runge–Kutta method that
-/// goes with it.
+/// The approximation of the spatial derivatives, and the Runge–Kutta method of matching order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Scheme {
@@ -45,9 +44,8 @@ impl Scheme {
         }
     }
 
-    /// Share of the largest time step for which the scheme keeps its order: the
-    /// one-sided ENO stencils are linearly stable up to 0.5 (second order) and 0.377
-    /// (third order) only.
+    /// Share of the largest time step up to which the scheme keeps its order. The one-sided ENO
+    /// stencils are linearly stable only up to 0.5 (second order) and 0.377 (third order).
     #[must_use]
     pub fn cfl(self) -> f64 {
         match self {
@@ -74,9 +72,8 @@ pub(super) trait Stencil: Send + Sync {
     /// Nodes used on each side.
     const REACH: usize;
 
-    /// The left and right derivative, in units of `unit⁻¹` times the data: `v(k)`
-    /// is the value `k` nodes further on, `unit` what a difference of neighbours
-    /// is multiplied with so that it is of order one.
+    /// The left and right derivative, in units of `unit⁻¹` times the data. `v(k)` is the value `k`
+    /// nodes further on; a difference of neighbours times `unit` is of order one.
     fn pair<T: Real>(v: impl Fn(isize) -> T, unit: T) -> (T, T);
 }
 
@@ -180,8 +177,8 @@ impl Stencil for Weno5 {
     }
 }
 
-/// Keeps the weights finite where the data are straight; relative to
-/// differences of order one. With f32 its fourth power must stay a normal number.
+/// Keeps the weights finite where the data are linear, for differences of order one. Its fourth power
+/// must be a normal number in f32.
 const EPSILON: f64 = 3e-6;
 
 /// Σ wᵢ cᵢ/6 with the weights γᵢ/sᵢ² of γ = (1, 6, 3)/10, over one denominator, so that

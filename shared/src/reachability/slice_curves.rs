@@ -8,9 +8,9 @@ use crate::math::{TAU, hypot, sin_cos};
 
 impl ValueFunction {
     /// {V = `level`} at relative heading `psi`: closed polygons in the evader's frame,
-    /// m, with {V ≤ level} on their left. `level` must be above −R. A set that leaves
-    /// the grid is closed along the grid's edge. Empty if the set is, or if `psi` or `level` is
-    /// not finite or `level` is at most −R, where the set is at most the point r = 0.
+    /// m, with {V ≤ level} on their left. A set that leaves the grid is closed along the grid's edge.
+    /// There are no curves if the set is empty, if `psi` or `level` is not finite, or if `level` ≤ −R,
+    /// where the set is at most the point r = 0.
     #[must_use]
     pub fn level_curves(
         &self,
@@ -139,7 +139,7 @@ impl Lattice for SliceLattice<'_> {
             [from, to].map(|[i, j]| self.values[i * columns + j] - self.level);
         let (mut s, mut t) = (0.0, 1.0);
         let mut point = a;
-        // Regula falsi; what is between two nodes is nearly straight.
+        // Regula falsi: between two nodes the function is nearly linear.
         for _ in 0..3 {
             let share = if high > low { s - low * (t - s) / (high - low) } else { s };
             point = [0, 1].map(|d| a[d] + share * (b[d] - a[d]));
@@ -157,8 +157,8 @@ impl Lattice for SliceLattice<'_> {
     }
 }
 
-/// The curve refined: with points between its own, moved onto the level along the gradient, and
-/// with the sharp corners that lie between nodes.
+/// The refined curve: with further points, moved onto the level along the gradient, and with the sharp
+/// corners that lie between nodes.
 fn smoothed(
     curve: &[[f64; 2]],
     function: &SampledValue,
@@ -173,7 +173,7 @@ fn smoothed(
     for i in 0..curve.len() {
         let next = (i + 1) % curve.len();
         smooth.push(curve[i]);
-        // Where the grid cuts off the set, the grid's edge is the curve.
+        // Where the grid ends inside the set, the curve follows the grid's edge.
         let on_level = |state: &SampledState| (state.value - level).abs() < on_level_m;
         let pieces = Pieces { spacing_m: settings.spacing_m, level };
         if !on_level(&states[i]) || !on_level(&states[next]) {
@@ -181,8 +181,8 @@ fn smoothed(
             continue;
         }
         let tip = tip([curve[i], curve[next]], [&states[i], &states[next]]);
-        // A corner is one if the chord misses the level and the corner does not. Where
-        // the tangents meet is close to it; the level is met on the way there.
+        // It is a corner if the chord misses the level and the corner does not. The point where the
+        // tangents meet is near the corner; the level is reached on the way there.
         let miss = |point: [f64; 2]| state(point).value - level;
         let middle = [0, 1].map(|d| 0.5 * (curve[i][d] + curve[next][d]));
         let from = miss(middle);
@@ -215,7 +215,7 @@ fn tip(ends: [[f64; 2]; 2], states: [&SampledState; 2]) -> Option<[f64; 2]> {
     if turn.abs() < 0.26 * along.abs() {
         return None;
     }
-    // gᵢ · (p − pᵢ) = 0 for both ends.
+    // gᵢ · (p − pᵢ) = 0 at both ends.
     let (a, b) = (ax * ends[0][0] + ay * ends[0][1], bx * ends[1][0] + by * ends[1][1]);
     let tip = [(a * by - b * ay) / turn, (ax * b - bx * a) / turn];
     let chord = hypot(ends[1][0] - ends[0][0], ends[1][1] - ends[0][1]);
@@ -248,7 +248,7 @@ impl Pieces {
                 let [gx, gy, _] = state.gradient;
                 let excess = state.value - self.level;
                 let steepness = gx * gx + gy * gy;
-                // On a kink the chord is best.
+                // On a kink the chord is the best approximation.
                 if excess.abs() < 0.5 * length * steepness.sqrt() {
                     let step = excess / steepness;
                     point = [point[0] - step * gx, point[1] - step * gy];

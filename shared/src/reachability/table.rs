@@ -1,7 +1,7 @@
 //! Interpolation in a table of three axes.
 
-/// Ghost entries before the first and behind the last cell of each axis, so that every stencil
-/// lies in the table.
+/// Ghost entries before the first and after the last cell of each axis, so that every stencil lies
+/// within the table.
 const BEFORE: usize = 1;
 const BEHIND: usize = 2;
 
@@ -44,8 +44,8 @@ pub(super) struct Table {
 }
 
 impl Table {
-    /// A table of `cells` cells an axis; `value` gives the entry at any node from
-    /// −1 to `cells + 1` on each axis, and so decides what ghosts are.
+    /// A table with `cells` cells on each axis. `value` gives the entry at any node from −1 to
+    /// `cells + 1` on each axis, ghosts included.
     pub(super) fn new(cells: [usize; 3], value: impl Fn([isize; 3]) -> f32) -> Self {
         let padded = cells.map(|n| n + BEFORE + BEHIND);
         let strides = [padded[1] * padded[2], padded[2], 1];
@@ -75,8 +75,8 @@ impl Table {
         (0..3).map(|d| (index[d] + BEFORE) * self.strides[d]).sum()
     }
 
-    /// The value on the edge along axis 2 from `index`, at `share` of it: what
-    /// [`Table::interpolate`] gives there.
+    /// The value at `share` of the edge along axis 2 from `index`: the same as
+    /// [`Table::interpolate`] there.
     pub(super) fn on_edge(&self, index: [usize; 3], share: f64) -> f64 {
         let at = self.offset(index);
         let line = |k: usize| [self.values[at - 1 + k]; 4];
@@ -88,15 +88,15 @@ impl Table {
 
     /// Value and derivatives, per cell, at `share` (0 … 1 each) of cell `index`.
     ///
-    /// Trilinear, plus along each axis a parabola through a cell's edges with the
-    /// smaller of the second differences at its two ends: third order where the data
-    /// are smooth, no overshoot at a kink, and continuous everywhere, since on a
-    /// face only what lies in it counts.
+    /// Trilinear, plus a parabola along each axis, with the smaller of the second differences at
+    /// both ends of a cell's edges. This is third order where the data are smooth, does not overshoot
+    /// at a kink, and is continuous, because the interpolant on a face depends only on entries in the
+    /// face's plane.
     #[inline(always)]
     pub(super) fn interpolate(&self, index: [usize; 3], share: [f64; 3]) -> (f64, [f64; 3]) {
         let origin = self.offset(index);
         let [s0, s1, s2] = self.strides;
-        // One slice for the whole stencil: a single bounds check.
+        // One slice for the whole stencil, so that bounds are checked once.
         let values = &self.values[origin - s0..][..3 * s0 + s1 + s2 + 1];
         let here = s0;
         let [t0, t1, t2] = [share[0] as f32, share[1] as f32, share[2] as f32];

@@ -1,4 +1,4 @@
-//! A value function as the rest of the program sees it, whichever method found it.
+//! The value function of a pursuit game, whichever method computed it.
 
 use super::exact::ExactValue;
 use super::pursuit::PursuitGame;
@@ -34,7 +34,7 @@ pub struct ValueState {
 }
 
 impl ValueFunction {
-    /// The game that this is the value of.
+    /// The game.
     #[must_use]
     pub fn game(&self) -> PursuitGame {
         match self {
@@ -49,9 +49,9 @@ impl ValueFunction {
         }
     }
 
-    /// How much V still moved when the solver gave up, m ([`SampledValue::unsettled_m`]); none if
-    /// it settled. The distance from the converged value is not known: in a chase it can be
-    /// much larger.
+    /// How much V still changed when the solver stopped without converging, m
+    /// ([`SampledValue::unsettled_m`]); none if it converged. The difference from the converged value
+    /// is not known; in a chase it can be much larger.
     #[must_use]
     pub fn unsettled_m(&self) -> Option<f64> {
         match self {
@@ -60,8 +60,8 @@ impl ValueFunction {
         }
     }
 
-    /// V, m, at the pursuer's pose (x, y, ψ) in the evader's frame; ≤ 0 means
-    /// that a capture can be forced. NaN if a coordinate is not finite.
+    /// V, m, at the pursuer's pose (x, y, ψ) in the evader's frame. At ≤ 0 m the pursuer can force a
+    /// collision. NaN if a coordinate is not finite.
     #[must_use]
     pub fn value(&self, relative: [f64; 3]) -> f64 {
         if !relative.iter().all(|coordinate| coordinate.is_finite()) {

@@ -7,11 +7,11 @@ use super::layout::{BLOCK, Layout};
 use crate::parallel::Kernel;
 use crate::real::Real;
 
-/// Terms of the game, tabulated.
+/// The game's terms as tables.
 pub(super) struct Tables<T, const D: usize> {
-    /// Of the loop axes: by axis and node.
+    /// For the loop axes: by axis and node.
     pub(super) nodes: [Vec<[T; TERMS]>; D],
-    /// Of the run axes: by axis and term, one entry for each cell of a run.
+    /// For the run axes: by axis and term, one entry for each cell of a run.
     pub(super) runs: [[Vec<T>; TERMS]; D],
 }
 
@@ -36,12 +36,12 @@ impl<T: Real, const D: usize> Tables<T, D> {
     }
 }
 
-/// What a stage combines the moved values with.
+/// The values that a stage combines with the moved values.
 #[derive(Clone, Copy)]
 pub(super) enum Base<'a, T> {
-    /// Nothing: dst = moved.
+    /// None: dst = moved.
     Nothing,
-    /// What is in dst: dst = keep·dst + (1 − keep)·moved.
+    /// The values in dst: dst = keep·dst + (1 − keep)·moved.
     Own(T),
     /// Another array: dst = keep·other + (1 − keep)·moved.
     Other(T, &'a [T]),
@@ -52,7 +52,7 @@ pub(super) struct Stage<'a, T, const D: usize, G, S> {
     pub(super) game: &'a G,
     pub(super) layout: &'a Layout<D>,
     pub(super) tables: &'a Tables<T, D>,
-    /// What differences of neighbours are multiplied with, by axis.
+    /// Factors of the differences of neighbours, by axis.
     pub(super) units: [T; D],
     /// Half the scale of the data, for the mean of the two derivatives (negative
     /// for forward sets) and for their difference.
@@ -140,7 +140,7 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Stage<'_, T, D, G, S> {
                 }
             }
         }
-        // In this order, which keeps a NaN of the game's.
+        // This order of comparison preserves a NaN from the game.
         if let Some(ceiling) = self.ceiling {
             let ceiling = block(ceiling, at);
             for i in 0..BLOCK {
@@ -178,7 +178,7 @@ impl<T: Real, const D: usize, G: Game<D>, S: Stencil> Stage<'_, T, D, G, S> {
             }
             let mut gradient = [T::ZERO; D];
             let mut jump = [T::ZERO; D];
-            // Written out: a loop of this size would not be unrolled before lanes are made.
+            // Written out, because the compiler would not unroll a loop of this size before it vectorises.
             self.slope(&rows, 0, i, &mut gradient, &mut jump);
             if D > 1 {
                 self.slope(&rows, 1, i, &mut gradient, &mut jump);

@@ -3,7 +3,7 @@
 use super::super::grid::{Boundary, Grid};
 use crate::real::Real;
 
-/// Cells of a block, which is computed at once: a few cache lines of every row that a stencil
+/// Cells of a block, which is computed at once: it takes a few cache lines of every row that a stencil
 /// reads.
 pub(super) const BLOCK: usize = 256;
 
@@ -13,12 +13,12 @@ pub(super) struct Layout<const D: usize> {
     pub(super) reach: usize,
     pub(super) nodes: [usize; D],
     pub(super) strides: [usize; D],
-    /// Entries of an array, with room for the last block to run over.
+    /// Entries of an array, with room for the last block's excess.
     pub(super) length: usize,
 }
 
 impl<const D: usize> Layout<D> {
-    /// Axes that are walked as one run of cells; the others are loops.
+    /// The number of axes that form one run of cells; the others are loops.
     const RUN_AXES: usize = if D >= 3 { 2 } else { 1 };
     pub(super) const LOOP_AXES: usize = D - Self::RUN_AXES;
 

@@ -4,7 +4,7 @@ use crate::reachability::game::{Game, TERMS};
 use crate::real::Real;
 
 /// ẋ = v, v̇ = u with |u| ≤ `acceleration`: state (x, v), m and m/s. The input
-/// minimises V, so {V ≤ 0} is what can be brought to the target.
+/// minimises V, so {V ≤ 0} contains the states that can be steered to the target.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DoubleIntegrator {
     /// Largest acceleration, m/s².

@@ -1,12 +1,12 @@
-//! A vehicle at constant speed whose turn rate is its own choice.
+//! A vehicle with constant speed that chooses its turn rate.
 
 use crate::math::sin_cos;
 use crate::reachability::game::{Game, TERMS};
 use crate::real::Real;
 
 /// ẋ = v cos ψ, ẏ = v sin ψ, ψ̇ = u with `turn_rate_radps.0` ≤ u ≤ `turn_rate_radps.1`:
-/// state (x, y, ψ), m, m, rad. The input minimises V, so that {V ≤ 0} is what can be
-/// brought to the target or, forward, what can be reached from it.
+/// state (x, y, ψ), m, m, rad. The input minimises V, so {V ≤ 0} contains the states that can be
+/// steered to the target or, forward in time, the states that can be reached from it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DubinsCar {
     /// v, m/s.

@@ -1,4 +1,4 @@
-//! The kink where the evader may turn either way, kept sharp by two smooth sheets.
+//! The kink of V, where the evader may turn either way, as the larger of two smooth sheets.
 
 use super::Solution;
 use super::level::{Evader, Level, PAD};
@@ -10,16 +10,16 @@ use crate::real::Real;
 /// Sweeps over a sheet.
 const SHEET_SWEEPS: usize = 12;
 
-/// The kink of the full game is blurred by at most this share of a cell: where the
-/// sheets say less, the evader has something better than a single turn.
+/// The kink of the full game is blurred by at most this share of a cell. Where the sheets are lower by
+/// more, the evader has a better strategy than a single turn.
 const KINK_BLUR: f64 = 0.2;
 
-/// Sheets that differ by more than this many cells are no longer close to the kink.
+/// States in which the sheets differ by more than this many cells are not near the kink.
 const KINK_NEAR: f64 = 4.0;
 
 impl<T: Real> Level<T> {
-    /// The game in which the evader turns right or goes straight until it is safe
-    /// in the full game, that is `self`.
+    /// The game in which the evader turns right or goes straight until it is safe in the full game,
+    /// which is `self`.
     pub(super) fn right_sheet(&self) -> Self {
         let (n, ranges) = (self.angle_nodes, self.range.nodes);
         let mut sheet = Self::new(&self.game, self.range_m, ranges, n, Evader::Right);
@@ -30,8 +30,8 @@ impl<T: Real> Level<T> {
                 sheet.spread(i, k);
             }
         }
-        // The full game is right wherever the evader turns right anyway, so only a
-        // few cells beyond the kink have to find their values.
+        // Where the evader turns right in the full game, its values are already those of the sheet. So
+        // only a few cells beyond the kink need new values.
         let rest = T::from_f64(SAFE * self.game.radius_m);
         for _ in 0..SHEET_SWEEPS {
             in_widest_lanes(Sweep { level: &mut sheet, rest, full: Some(self) });
@@ -39,7 +39,7 @@ impl<T: Real> Level<T> {
         sheet
     }
 
-    /// Puts the sheet in where it explains the full game, near the kink.
+    /// Uses the sheet near the kink where it agrees with the full game.
     pub(super) fn finish(mut self, mut sheet: Self) -> Solution<T> {
         let (n, ranges) = (self.angle_nodes, self.range.nodes);
         for i in 0..ranges {
@@ -47,7 +47,7 @@ impl<T: Real> Level<T> {
             let cell = next.max(self.ranges[i] * TAU / n as f64);
             let (near, blur) = (T::from_f64(KINK_NEAR * cell), T::from_f64(KINK_BLUR * cell));
             for k in 0..=n / 2 {
-                // Rows on the mirror hold each state twice.
+                // Rows at bearings 0 and π contain each state twice, by mirror symmetry.
                 let own_mirror = k == 0 || k == n / 2;
                 for j in 0..if own_mirror { n / 2 + 1 } else { n } {
                     let at = self.at(i, k) + PAD + j;
@@ -70,7 +70,7 @@ impl<T: Real> Level<T> {
                 }
             }
         }
-        // One after the other, so that no more than three full grids exist.
+        // One after the other, so that at most three full grids exist at a time.
         let deficit = self.inside();
         self.values = Vec::new();
         let sheet = sheet.inside();

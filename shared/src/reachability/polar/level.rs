@@ -1,21 +1,20 @@
-//! One grid of a polar solve: its rows with their ghosts, and how they are filled from a
-//! coarser grid.
+//! One grid of a polar solve: its rows with their ghosts, and its first values from a coarser grid.
 
 use super::super::pursuit::PursuitGame;
 use super::range::RangeAxis;
 use crate::math::{TAU, sin_cos};
 use crate::real::Real;
 
-/// Ghost entries at each end of a row, so that shifted reads stay inside.
+/// Ghost entries at each end of a row, so that shifted reads stay within it.
 pub(super) const PAD: usize = 2;
 
-/// Which turns the evader may choose from.
+/// The turns that the evader may choose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Evader {
-    /// All; the value is symmetric and half a turn of bearings is solved.
+    /// All turns. The value is symmetric, so bearings of half a turn are solved.
     Free,
-    /// Right or straight until the range need not close any more; there is no
-    /// symmetry, and the bearings are a full turn.
+    /// Right or straight, until the range need not close any more. There is no symmetry, so bearings
+    /// of a full turn are solved.
     Right,
 }
 
@@ -26,14 +25,14 @@ pub(super) struct Level<T> {
     pub(super) range: RangeAxis,
     pub(super) range_m: f64,
     pub(super) angle_nodes: usize,
-    /// Bearing rows per range, with `PAD` mirrored or repeated ones at each end.
+    /// Bearing rows for each range, with `PAD` mirrored or repeated rows at each end.
     pub(super) rows: usize,
-    /// Entries of a row: one turn and `PAD` repeated ones at each end.
+    /// Entries of a row: one turn, and `PAD` repeated entries at each end.
     pub(super) row: usize,
     pub(super) values: Vec<T>,
-    /// Largest change of each row when last updated.
+    /// Largest change of each row at its last update.
     pub(super) activity: Vec<T>,
-    /// Signed change of each row since the last look, summed over its cells.
+    /// Signed change of each row since the last measurement, summed over its cells.
     pub(super) drift: Vec<T>,
     /// Of the angles j·2π/`angle_nodes`.
     pub(super) sin: Vec<T>,
@@ -94,7 +93,7 @@ impl<T: Real> Level<T> {
         self.rows - 2 * PAD
     }
 
-    /// Linear interpolation of a grid with (about) half as many nodes an axis.
+    /// The linear interpolation of a grid with about half as many nodes on each axis.
     pub(super) fn start_from(&mut self, coarse: &Self) {
         let angles = self.angle_nodes;
         for i in 1..self.range.nodes {
@@ -124,8 +123,8 @@ impl<T: Real> Level<T> {
         }
     }
 
-    /// Copies a row to its ghosts: round the turn, beyond the mirror and beyond
-    /// the ends of the range.
+    /// Copies a row to its ghosts: around the turn, beyond the mirror and beyond the ends of the
+    /// range.
     pub(super) fn spread(&mut self, i: usize, k: usize) {
         let (n, last) = (self.angle_nodes, self.bearings() - 1);
         let at = self.at(i, k);
@@ -157,7 +156,7 @@ impl<T: Real> Level<T> {
             }
         }
         if i == self.range.nodes - 1 {
-            // Beyond the last range the deficit stays what it is there.
+            // Beyond the last range the deficit is constant.
             for ghost in 1..=PAD {
                 let to = at + ghost * self.rows * self.row;
                 self.values.copy_within(at..at + self.row, to);
@@ -181,7 +180,7 @@ impl<T: Real> Level<T> {
         }
     }
 
-    /// Copies what is inside the ghosts.
+    /// A copy of the entries without the ghosts.
     pub(super) fn inside(&self) -> Vec<T> {
         let mut values = Vec::with_capacity(self.range.nodes * self.bearings() * self.angle_nodes);
         for i in 0..self.range.nodes {

@@ -5,7 +5,7 @@ use crate::math::{exp, ln};
 /// The range axis r = c (eˢ − 1), s = 0, h, 2h, …
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RangeAxis {
-    /// c, m: where the axis turns from linear to logarithmic.
+    /// c, m: the range at which the axis changes from linear to logarithmic.
     pub knee_m: f64,
     /// h.
     pub step: f64,

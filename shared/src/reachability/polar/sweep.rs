@@ -6,7 +6,7 @@ use crate::parallel::{Kernel, in_widest_lanes};
 use crate::real::Real;
 use core::ops::ControlFlow;
 
-/// A deficit of this share of the radius counts as none: the range need not close.
+/// A deficit up to this share of the radius counts as zero: the range need not close.
 pub(super) const SAFE: f64 = 1.0 / 3000.0;
 
 /// Sweeps between two measurements of the drift.
@@ -15,9 +15,9 @@ pub const WINDOW: usize = 16;
 /// One pass over all rows.
 pub(super) struct Sweep<'a, T> {
     pub(super) level: &'a mut Level<T>,
-    /// A row rests while nothing in its stencil moves by more than this.
+    /// A row is skipped while nothing in its stencil changes by more than this.
     pub(super) rest: T,
-    /// For a sheet: the full game, which it follows wherever that is safe.
+    /// For a sheet: the full game, whose values it takes where that game is safe.
     pub(super) full: Option<&'a Level<T>>,
 }
 
@@ -26,7 +26,7 @@ impl<T: Real> Kernel for Sweep<'_, T> {
     fn run(self) {
         let Self { level, rest, full } = self;
         let (ranges, bearings) = (level.range.nodes, level.bearings());
-        // What matters flows from small ranges outwards most of the time.
+        // Information mostly flows from small ranges outwards.
         let inwards = level.sweeps % 8 == 7;
         let backwards = level.sweeps % 2 == 1;
         let n = level.angle_nodes;
@@ -77,7 +77,7 @@ impl<T: Real> Level<T> {
         ControlFlow::Continue(())
     }
 
-    /// Whether anything in the stencil of a row moved when it was last updated.
+    /// Whether anything in the stencil of a row changed at its last update.
     fn is_active(&self, i: usize, k: usize, rest: T) -> bool {
         let bearings = self.bearings();
         let moved = |i: usize, k: usize| self.activity[i * bearings + k] > rest;
@@ -140,7 +140,7 @@ impl<T: Real> Level<T> {
             let slope = if opening > zero { range_out } else { range_in };
             let drift = (evader_aside + ahead_cos * sin[j] - ahead_sin * cos[j]) * per_range;
             let upwind = |speed: T, low: T, high: T| speed * if speed > zero { high } else { low };
-            // Linear in a between its ends and where an angle stands still.
+            // Linear in a between its ends and the values at which an angle is constant.
             let answer = |b: T| {
                 let with = |a: T| {
                     upwind(drift - a, bearing_in, bearing_out)
@@ -157,7 +157,7 @@ impl<T: Real> Level<T> {
             let speeds = opening.abs() * per_step
                 + (drift.abs() + evader_turn + evader_turn + pursuer_turn) * per_angle;
             let moved = w + cfl * rate / speeds;
-            // In this order NaN would survive, and be refused in the end.
+            // This order of comparison preserves NaN, which is refused at the end.
             let moved = lowest.larger(zero.smaller(moved));
             buffer[j] = moved;
         }
@@ -186,10 +186,10 @@ impl<T: Real> Level<T> {
     }
 }
 
-/// Cells that fit the widest lanes, of single precision.
+/// Cells in the widest lanes, in single precision.
 const LANES: usize = 16;
 
-/// Adds what each lane moved to `totals`, and keeps the largest.
+/// Adds each lane's change to `totals`, and keeps the largest.
 #[inline(always)]
 fn tally<T: Real>(
     new: &[T; LANES],
@@ -204,25 +204,25 @@ fn tally<T: Real>(
     }
 }
 
-/// Fewer cells than lanes, and zeros.
+/// Fewer cells than lanes, filled up with zeros.
 fn padded<T: Real>(cells: &[T]) -> [T; LANES] {
     let mut lanes = [T::ZERO; LANES];
     lanes[..cells.len()].copy_from_slice(cells);
     lanes
 }
 
-/// Share of the stable step. From about 0.8 on, sweeps no longer settle.
+/// Share of the stable time step. From about 0.8 on, sweeps no longer converge.
 const CFL: f64 = 0.6;
 
-/// Left and right differences (not divided) at the middle one of five values: third
-/// order where the data are smooth, like ENO2 where they are not.
+/// Left and right differences (undivided) at the middle of five values: third order where the data are
+/// smooth, as ENO2 elsewhere.
 #[inline(always)]
 fn one_sided<T: Real>(a: T, b: T, c: T, d: T, e: T) -> (T, T) {
     let (d0, d1, d2, d3) = (b - a, c - b, d - c, e - d);
     let (low, middle, high) = (d1 - d0, d2 - d1, d3 - d2);
     let third = T::from_f64(1.0 / 3.0);
     let two = T::from_f64(2.0);
-    // (outer + 2 inner)/3 is third order; never more than twice the smaller of both.
+    // (outer + 2 inner)/3 is third order; it is limited to twice the smaller of both.
     let limited = |outer: T, inner: T| {
         let bound = two * if outer.abs() < inner.abs() { outer } else { inner };
         let wanted = (outer + two * inner) * third;

@@ -1,9 +1,9 @@
-//! From a place to its cell, without logarithms and arc tangents.
+//! The cell of a position, without logarithms and arc tangents.
 
 use super::Nodes;
 use crate::math::{PI, sin_cos};
 
-/// From a range to its cell without a logarithm.
+/// Finds the cell of a range without a logarithm.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct RangeFinder {
     knee_m: f64,
@@ -50,8 +50,8 @@ impl RangeFinder {
             cell += 1;
         }
         let from = self.nodes_m[cell] + self.knee_m;
-        // ln((r + c)/(rᵢ + c)) as 2 artanh(z): the ratio is close to 1, so a few
-        // terms reach 10⁻¹².
+        // ln((r + c)/(rᵢ + c)) = 2 artanh(z). The ratio is close to 1, so a few terms suffice for
+        // 10⁻¹².
         let z = (range_m - self.nodes_m[cell]) / (range_m + self.knee_m + from);
         let z2 = z * z;
         let ln = 2.0 * z * (1.0 + z2 * (1.0 / 3.0 + z2 * (0.2 + z2 * (1.0 / 7.0 + z2 / 9.0))));
@@ -60,13 +60,12 @@ impl RangeFinder {
     }
 }
 
-/// Angles of the upper half plane without an arc tangent.
+/// Finds angles of the upper half plane without an arc tangent.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct BearingFinder {
-    /// (cos, sin, angle) of rays half a turn round.
+    /// (cos, sin, angle) of rays over half a turn.
     rays: Vec<[f64; 3]>,
-    /// By y/(|x| + y), which grows with the angle in each quadrant: the nearest ray in the
-    /// first quadrant.
+    /// The nearest ray in the first quadrant, by y/(|x| + y), which grows with the angle.
     nearest: Vec<u16>,
 }
 
@@ -100,7 +99,7 @@ impl BearingFinder {
         }
         let nearest = self.nearest[(y / sum * Self::ENTRIES as f64) as usize] as usize;
         let [cos, sin, angle] = self.rays[if x < 0.0 { Self::RAYS - nearest } else { nearest }];
-        // Turned onto the ray, what is left is small.
+        // The angle from the ray is small.
         let t = (y * cos - x * sin) / (x * cos + y * sin);
         let t2 = t * t;
         (angle + t * (1.0 - t2 * (1.0 / 3.0 - 0.2 * t2))).clamp(0.0, PI)

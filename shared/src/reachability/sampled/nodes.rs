@@ -1,4 +1,4 @@
-//! Where the values of a sampled function stand.
+//! The nodes of a sampled value function.
 
 use super::super::grid::{Axis, Boundary, Grid};
 use super::super::polar::RangeAxis;
@@ -38,13 +38,13 @@ impl Nodes {
         RangeAxis::new(knee_m, range_m, range_nodes)
     }
 
-    /// How many values are stored.
+    /// The number of stored values.
     #[must_use]
     pub fn count(&self) -> usize {
         self.shape().iter().fold(1, |n, m| n.saturating_mul(*m))
     }
 
-    /// Stored nodes by axis: of the bearings only those in [0, π].
+    /// The numbers of stored nodes by axis; only bearings in [0, π] are stored.
     #[must_use]
     pub fn shape(&self) -> [usize; 3] {
         match *self {
@@ -72,7 +72,7 @@ impl Nodes {
         }
     }
 
-    /// Checks that these can be nodes.
+    /// Checks the parameters.
     ///
     /// # Errors
     /// [`Invalid`] naming the parameter.
@@ -81,7 +81,7 @@ impl Nodes {
             Self::Polar { knee_m, range_m, range_nodes, angle_nodes } => {
                 crate::invalid::positive("knee_m", knee_m)?;
                 crate::invalid::positive("range_m", range_m)?;
-                // Beyond, no number of nodes would do, and their logarithms lose digits.
+                // Beyond, no number of nodes suffices, and logarithms lose digits.
                 let ratio = range_m / knee_m;
                 if !(1e-3..=1e6).contains(&ratio) {
                     let expected = format!("between 0.001 and 10⁶ times {knee_m} m");

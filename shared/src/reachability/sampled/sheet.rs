@@ -1,15 +1,14 @@
-//! The second sheet of a polar function, which keeps the evader's kink sharp.
+//! The second sheet of a polar value function, which keeps the kink of V sharp.
 
 use super::super::table::Table;
 
-/// V = max(Q(α, ψ), Q(−α, −ψ)) near the surface where the evader may turn either way:
-/// between nodes the two smooth sides keep the kink sharp that one table would cut off.
+/// V = max(Q(α, ψ), Q(−α, −ψ)) near the surface where the evader may turn either way. Between nodes,
+/// the two smooth functions keep the kink sharp, which one table would cut off.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Sheet {
     /// Deficits of Q; the bearings are a full turn.
     pub(super) table: Table,
-    /// A bit for each cell of the half turn: whether the kink runs through it or a
-    /// neighbour.
+    /// A bit for each cell of the half turn: whether the kink passes through it or a neighbour.
     kinked: Vec<u64>,
 }
 
@@ -33,13 +32,13 @@ impl Sheet {
             if !crosses([i, j, k]) {
                 continue;
             }
-            // The neighbours too: beyond them no stencil sees both sides, and one table
-            // and two give the same value on the face between.
+            // The neighbours are marked too: beyond them no stencil sees both sides, so one table and
+            // two give the same value on the face between.
             for i in i.saturating_sub(1)..=(i + 1).min(n0 - 1) {
                 for j in -1..=1 {
                     for k in [k + n2 - 1, k, k + 1] {
                         let (j, k) = match j + (cell / n2 % n1) as isize {
-                            // Through the mirror at bearings 0 and π.
+                            // Mirrored at bearings 0 and π.
                             j if j < 0 || j == n1 as isize => {
                                 (j.clamp(0, n1 as isize - 1) as usize, 2 * n2 - 1 - k % n2)
                             }

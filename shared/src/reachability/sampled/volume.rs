@@ -3,15 +3,16 @@
 use super::{Nodes, SampledValue};
 use crate::math::hypot;
 
-/// Pieces into which the side of a cell is cut where the boundary of the set may cross it.
+/// The number of pieces of a cell's side if the boundary of the set may cross the cell.
 const PIECES: usize = 4;
 
 impl SampledValue {
-    /// Volume over the nodes' domain, m²·rad, of the set where the interpolated V is ≤ 0.
+    /// Volume, m²·rad, of the set in the nodes' domain where the interpolated V is ≤ 0.
     ///
-    /// In every slice of equal heading, cells that the boundary may cross are cut into 4 × 4
-    /// pieces, and V is taken as linear on four triangles of each; the areas of the slices are
-    /// summed. On the 51×40×50 nodes of Mitchell's example the closed form's is met to 0.05 %.
+    /// In each slice of equal heading, cells that the boundary may cross are divided into 4 × 4 pieces,
+    /// and V is approximated as linear on four triangles of each piece. The volume is the sum of the
+    /// slices' areas. On the 51×40×50 nodes of Mitchell's example it differs from the closed form's by
+    /// less than 0.05 %.
     #[must_use]
     pub fn volume(&self) -> f64 {
         let [rows, columns, headings] = self.nodes.shape();
@@ -23,8 +24,8 @@ impl SampledValue {
         };
         let mut volume = 0.0;
         for [i, j] in (0..rows - 1).flat_map(|i| (0..columns - 1).map(move |j| [i, j])) {
-            // No farther apart than this are two points of the cell, m, and V changes by no more
-            // than the distance of two points.
+            // Two points of the cell are at most this far apart, m, and V changes by at most the
+            // distance of two points.
             let [a, b] = [i, j].map(|cell| cell * PIECES);
             let far = sides[0].points[a + PIECES];
             let across = sides[1].length(b) * if polar { far } else { 1.0 };
@@ -57,17 +58,17 @@ impl SampledValue {
                 }
             }
         }
-        // Of the bearings only half a turn is stored; the other half is its mirror image.
+        // Only half a turn of bearings is stored; the other half is its mirror image.
         let turns = if polar { 2.0 } else { 1.0 };
         turns * volume * core::f64::consts::TAU / headings as f64
     }
 }
 
-/// An axis in the plane, cut into pieces of its cells.
+/// An axis in the plane whose cells are divided into pieces.
 struct Side {
     points: Vec<f64>,
-    /// A function of the points whose differences, multiplied by those of the other side, are
-    /// areas: r²/2 of ranges.
+    /// A function of the points: its differences times those of the other axis are areas (r²/2 for
+    /// ranges).
     measures: Vec<f64>,
 }
 
@@ -110,13 +111,13 @@ impl Side {
     }
 }
 
-/// The coordinates of all pieces of an axis; `at` takes a fractional node.
+/// The coordinates of all pieces of an axis; `at` takes a fractional node index.
 fn pieces(nodes: usize, at: impl Fn(f64) -> f64) -> Vec<f64> {
     (0..=(nodes - 1) * PIECES).map(|piece| at(piece as f64 / PIECES as f64)).collect()
 }
 
-/// The share of a square where values are ≤ 0 that are linear on the four triangles around its
-/// middle. `ring` has the values at the corners, in order.
+/// The share of a square with values ≤ 0, for values that are linear on the four triangles around its
+/// middle. `ring` contains the values at the corners, in order.
 fn share_inside(ring: [f64; 4]) -> f64 {
     let middle = 0.25 * ring.iter().sum::<f64>();
     (0..4).map(|n| 0.25 * triangle_inside([ring[n], ring[(n + 1) % 4], middle])).sum()
