@@ -1,5 +1,4 @@
-//! Scenes: what a trial starts from, how its state advances, and how a participant's scenes
-//! are drawn.
+//! Scenes: the start of a trial, the motion of its vehicles, and the random scenes of a participant.
 
 mod parameters;
 mod state;

@@ -1,4 +1,4 @@
-//! Drawing a participant's scenes: random, and spread evenly over what matters.
+//! The scenes of a participant: random, and evenly spread over three coordinates of the encounter.
 
 use super::parameters::SceneParameters;
 use super::rules::{EncounterRange, SceneRules};
@@ -7,7 +7,7 @@ use crate::invalid::Invalid;
 use crate::math::{PI, SeededRng, TAU, hypot, sin_cos, wrap_angle};
 use crate::vehicle::Pose;
 
-/// The coordinates along which scenes are spread evenly.
+/// The coordinates of an encounter, along which scenes are evenly spread.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Encounter {
     /// Human's heading less the robot's, rad in (−π, π].
@@ -31,10 +31,10 @@ pub(super) fn place(parameters: &SceneParameters, encounter: Encounter, turn_rad
     let radius = parameters.danger_radius_m;
     let half_chord = (radius * radius - encounter.miss_m * encounter.miss_m).max(0.0).sqrt();
     let closest_s = encounter.entry_s + half_chord / w;
-    // Robot's start relative to the human's: the miss vector, taken back along w.
+    // The robot's start relative to the human's: the miss vector, moved back along w.
     let dx = -encounter.miss_m * wy / w - wx * closest_s;
     let dy = encounter.miss_m * wx / w - wy * closest_s;
-    // Centre the box around both straight paths, so that all of it can be seen.
+    // Centre the box around both straight paths, so that the canvas shows all of it.
     let ahead_h = parameters.human.speed_mps * parameters.duration_s();
     let ahead_r = parameters.goal_distance_m();
     let centre = |a: [f64; 4]| {
@@ -48,17 +48,16 @@ pub(super) fn place(parameters: &SceneParameters, encounter: Encounter, turn_rad
     Scene::new(parameters, human, Pose::new(dx - cx, dy - cy, robot_heading))
 }
 
-/// `count` scenes from a seed, spread evenly over approach angle, miss distance
-/// and entry time: a Latin hypercube, in which each of the three coordinates
-/// falls once into each of `count` equal strata. Where a cell of the hypercube
-/// has no admissible scene (say, a head-on encounter two seconds away), the
-/// approach stratum is kept and the other two are drawn anew.
+/// `count` scenes from a seed, evenly spread over approach angle, miss distance and entry time: a
+/// Latin hypercube, in which each of the three coordinates falls once into each of `count` equal
+/// strata. If a cell of the hypercube has no admissible scene (such as a head-on encounter two
+/// seconds away), the approach stratum is kept and the other two coordinates are drawn again.
 ///
-/// The same seed gives the same scenes everywhere.
+/// The same seed gives the same scenes on every platform.
 ///
 /// # Errors
-/// [`Invalid`] if no admissible scene is found for some stratum, which means
-/// that the parameters leave the human no escape.
+/// [`Invalid`] if no admissible scene is found for some stratum, which means that the human cannot
+/// escape with these parameters.
 pub fn generate(
     parameters: &SceneParameters,
     range: &EncounterRange,
@@ -69,7 +68,7 @@ pub fn generate(
     generate_with(parameters, range, count, seed, |scene| rules.admit(scene))
 }
 
-/// As [`generate`], with the rules applied by `admit`. With
+/// As [`generate`], but `admit` decides whether a scene is admissible. With
 /// [`is_admissible`](super::is_admissible) it gives the same scenes, slowly.
 ///
 /// # Errors
@@ -115,7 +114,7 @@ pub fn generate_with(
         .collect()
 }
 
-/// Maps [0, 1) to the approach angles whose size is at least the least one.
+/// Maps [0, 1) to the admitted approach angles.
 fn approach_angle(range: &EncounterRange, share: f64) -> f64 {
     let signed = 2.0 * share - 1.0;
     let size = range.min_approach_rad + (PI - range.min_approach_rad) * signed.abs();

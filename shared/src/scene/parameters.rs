@@ -1,12 +1,11 @@
-//! What every scene of a study has in common.
+//! The parameters that all scenes of a study share.
 
 use crate::invalid::{Invalid, positive};
 use crate::reachability::PursuitGame;
 use crate::vehicle::VehicleModel;
 use serde::{Deserialize, Serialize};
 
-/// What every scene of a study has in common: both vehicles, the danger radius
-/// and the clock.
+/// The parameters that all scenes of a study share: both vehicles, the danger radius and the steps.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SceneParameters {
@@ -18,7 +17,7 @@ pub struct SceneParameters {
     pub danger_radius_m: f64,
     /// Length of a step, s.
     pub step_s: f64,
-    /// Steps of a trial.
+    /// Number of steps of a trial.
     pub steps: usize,
 }
 
@@ -31,7 +30,7 @@ impl Default for SceneParameters {
 }
 
 impl SceneParameters {
-    /// Accepts parameters that make sense.
+    /// Accepts valid parameters.
     ///
     /// # Errors
     /// [`Invalid`] naming the field.
@@ -52,14 +51,14 @@ impl SceneParameters {
         self.steps as f64 * self.step_s
     }
 
-    /// How far the robot drives in a trial: its goal is exactly this far ahead, m.
+    /// How far the robot drives in a trial, m; its goal is exactly this far ahead.
     #[must_use]
     pub fn goal_distance_m(&self) -> f64 {
         self.robot.speed_mps * self.duration_s()
     }
 
-    /// The game whose value is the safety level of `evader`. Vehicles that can do the
-    /// same play the same game in both roles.
+    /// The game whose value is the safety level of `evader`. If both vehicles have the same speed and
+    /// turn rate, it is the same game in both roles.
     #[must_use]
     pub fn game(&self, evader: Evader) -> PursuitGame {
         let (evader, pursuer) = match evader {
@@ -70,7 +69,7 @@ impl SceneParameters {
     }
 }
 
-/// Whose safety level it is: that vehicle evades, the other one pursues.
+/// The vehicle that evades, whose safety level the game gives; the other vehicle pursues.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Evader {
     /// V_HR: the human evades the robot.

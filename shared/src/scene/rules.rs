@@ -1,9 +1,9 @@
 //! Which scenes a study admits.
 //!
 //! [`is_admissible`] is the definition: it drives each escape step by step, as a trial would.
-//! [`SceneRules`] gives the same answers a thousand times sooner, from the geometry of straight
-//! lines and one turn. It answers only where rounding cannot matter and asks the definition
-//! otherwise, so that a seed keeps its scenes bit for bit.
+//! [`SceneRules`] decides the same a thousand times faster, from the geometry of straight lines and
+//! one turn. Where rounding could matter it calls the definition, so that a seed keeps its scenes bit
+//! for bit.
 
 use super::parameters::{Evader, SceneParameters};
 use super::state::{JointState, SAMPLES_PER_STEP, Scene, closest_within_step};
@@ -11,8 +11,8 @@ use crate::math::{hypot, sin_cos};
 use crate::reachability::ExactValue;
 use crate::vehicle::{Pose, TurnInput};
 
-/// Bounds within which encounters are drawn. A closing speed that is too small
-/// (nearly parallel headings) would need starts that are far apart.
+/// The bounds of the encounters that are drawn. Nearly parallel headings are excluded: their closing
+/// speed is small, so the vehicles would have to start far apart.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EncounterRange {
     /// Least |approach angle|, rad.
@@ -25,9 +25,9 @@ pub struct EncounterRange {
     pub max_entry_s: f64,
     /// Least and greatest distance at the start, m.
     pub start_distance_m: (f64, f64),
-    /// By how much an escape must clear the danger zone, m.
+    /// Distance by which an escape must clear the danger zone, m.
     pub escape_clearance_m: f64,
-    /// Before this time an escape does not begin, s: a person needs to react.
+    /// No escape begins before this time, s, because a participant needs time to react.
     pub escape_delay_s: f64,
 }
 
@@ -48,16 +48,15 @@ impl Default for EncounterRange {
 /// An escape is one turn from the delay on, held for 1, 2, … or this many seconds.
 const LONGEST_ESCAPE_S: usize = 5;
 
-/// The steps in which an escape may turn: the step in which it begins, and the steps of a
-/// second. A step longer than a second counts as one.
+/// The step in which an escape begins, and the number of steps in a second, which is at least one.
 fn escape_steps(parameters: &SceneParameters, range: &EncounterRange) -> (usize, usize) {
     let begin = (range.escape_delay_s / parameters.step_s).ceil() as usize;
     let second = (1.0 / parameters.step_s).round().max(1.0) as usize;
     (begin, second)
 }
 
-/// Whether a scene keeps the study's rules: it starts outside the danger zone
-/// with time to react, runs into it if nobody turns, and can be escaped from.
+/// Whether a scene is admissible: it starts outside the danger zone with time to react, the human
+/// enters the zone without a turn, and the human can escape.
 #[must_use]
 pub fn is_admissible(parameters: &SceneParameters, range: &EncounterRange, scene: &Scene) -> bool {
     let distance = scene.start().distance_m();
@@ -68,7 +67,8 @@ pub fn is_admissible(parameters: &SceneParameters, range: &EncounterRange, scene
     if closest_with_manoeuvre(parameters, scene, TurnInput::Straight, 0, 0) > radius {
         return false;
     }
-    // Where V_HR takes a solve, the escape below has to do: drawing scenes waits for nothing.
+    // Drawing scenes does not wait for a solve. Without a closed form of V_HR, the escape below
+    // decides alone.
     if let Ok(value) = parameters.game(Evader::Human).exact()
         && value.value(scene.start().robot_seen_by_human()) <= 0.0
     {
@@ -103,22 +103,22 @@ fn closest_with_manoeuvre(
     closest
 }
 
-/// A length, as a share of the lengths of a scene, that is far beyond what rounding may add up
-/// to in 3000 steps (about 10⁻¹¹).
+/// A length, as a share of the lengths of a scene, that is far larger than the rounding errors of 3000
+/// steps (about 10⁻¹¹).
 const ROUNDING: f64 = 1e-9;
 
-/// How all sampled distances of a stretch compare with a limit.
+/// How all sampled distances of a part of a drive compare with a limit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Distances {
     /// All are greater.
     Above,
     /// One is smaller.
     Below,
-    /// One is so close to the limit that rounding decides.
+    /// One is so close to the limit that rounding would decide.
     Unclear,
 }
 
-/// The rules of [`is_admissible`], with everything computed that all scenes share.
+/// The rules of [`is_admissible`], with precomputed values that all scenes share.
 ///
 /// It works in the human's frame at the start (x ahead, y to the left), where all escapes to
 /// one side follow the same path until they end.
@@ -126,15 +126,15 @@ enum Distances {
 pub struct SceneRules<'a> {
     parameters: &'a SceneParameters,
     range: &'a EncounterRange,
-    /// V_HR, where it has a closed form.
+    /// V_HR, if it has a closed form.
     value: Option<ExactValue>,
     /// The step in which an escape begins.
     begin: usize,
-    /// Steps of a second.
+    /// Number of steps in a second.
     second: usize,
     /// The human at the beginning of each step of a turn to the left.
     turn: Vec<Placed>,
-    /// The way since the beginning of a step of that turn, m, at each sample: ahead and left.
+    /// The displacement since the beginning of a step of that turn, m, at each sample: ahead and left.
     within_step: [[f64; 2]; SAMPLES_PER_STEP + 1],
 }
 
@@ -151,7 +151,7 @@ impl Placed {
         Self { position: pose.position(), heading: [cos, sin] }
     }
 
-    /// As seen in a mirror along the human's first heading.
+    /// Its mirror image at the line of the human's first heading.
     fn mirrored(self) -> Self {
         let ([x, y], [cos, sin]) = (self.position, self.heading);
         Self { position: [x, -y], heading: [cos, -sin] }
@@ -190,7 +190,7 @@ impl<'a> SceneRules<'a> {
         }
     }
 
-    /// The answer of [`is_admissible`].
+    /// The result of [`is_admissible`].
     #[must_use]
     pub fn admit(&self, scene: &Scene) -> bool {
         let start = scene.start();
@@ -203,7 +203,7 @@ impl<'a> SceneRules<'a> {
         clear.unwrap_or_else(|| is_admissible(self.parameters, self.range, scene))
     }
 
-    /// The answer for a start at a permitted distance; none where rounding decides it.
+    /// The result for a start at an admissible distance; none if rounding would decide it.
     fn judge(&self, start: &JointState) -> Option<bool> {
         let parameters = self.parameters;
         let relative = start.robot_seen_by_human();
@@ -247,7 +247,7 @@ impl<'a> SceneRules<'a> {
         self.parameters.step_s / SAMPLES_PER_STEP as f64
     }
 
-    /// How far a distance may be off by rounding, here and in [`is_admissible`], m.
+    /// Bound on the rounding error of a distance, here and in [`is_admissible`], m.
     fn rounding_m(&self, start: &JointState) -> f64 {
         let SceneParameters { human, robot, .. } = self.parameters;
         let duration_s = self.parameters.duration_s();
@@ -259,8 +259,8 @@ impl<'a> SceneRules<'a> {
         ROUNDING * lengths * (1.0 + angles)
     }
 
-    /// Distances while both drive straight for so many steps. The squared distance is a
-    /// parabola, so that a sample beside its vertex is the closest.
+    /// Distances while both drive straight for that many steps. The squared distance is a parabola, so
+    /// the closest sample is next to its vertex.
     fn straight(
         &self,
         [human, robot]: [Placed; 2],
@@ -285,8 +285,8 @@ impl<'a> SceneRules<'a> {
         compare(closest[0].min(closest[1]), limit, margin)
     }
 
-    /// Distances of the best escape to the left, from the `robot` as it begins: above the limit
-    /// if those of one escape all are.
+    /// Distances of the best escape to the left, with the `robot` at the beginning of the escape: above
+    /// the limit if all distances of one escape are.
     fn escape(&self, robot: Placed, limit: f64, margin: f64) -> Distances {
         let SceneParameters { human, robot: model, .. } = self.parameters;
         let closing_m = (human.speed_mps + model.speed_mps) * self.sample_s();
@@ -301,11 +301,11 @@ impl<'a> SceneRules<'a> {
                 let distance = hypot(x, y);
                 match compare(distance, limit, margin) {
                     Distances::Above => {}
-                    // Longer turns come this way too.
+                    // Longer turns pass here too.
                     Distances::Below => return best,
                     Distances::Unclear => return Distances::Unclear,
                 }
-                // Before so many samples they cannot be as close as the limit.
+                // For this number of samples the vehicles cannot come as close as the limit.
                 let free = (distance - limit - margin) / closing_m;
                 sample = sample.saturating_add((free as usize).max(1));
             }
@@ -320,7 +320,7 @@ impl<'a> SceneRules<'a> {
         best
     }
 
-    /// The human's position so many samples after the turn to the left began.
+    /// The human's position that many samples after the beginning of the turn to the left.
     fn turned(&self, sample: usize) -> [f64; 2] {
         let Placed { position: [x, y], heading: [cos, sin] } = self.turn[sample / SAMPLES_PER_STEP];
         let [ahead, left] = self.within_step[sample % SAMPLES_PER_STEP];
@@ -332,7 +332,7 @@ fn difference(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
     [a[0] - b[0], a[1] - b[1]]
 }
 
-/// A smallest distance that may be off by `margin`; what is no number is unclear.
+/// Compares a smallest distance whose error is at most `margin` with the limit; NaN is unclear.
 fn compare(closest: f64, limit: f64, margin: f64) -> Distances {
     if closest > limit + margin {
         Distances::Above

@@ -1,4 +1,4 @@
-//! Where both vehicles are: at the start of a scene, and at each moment after it.
+//! The poses of both vehicles, at the start of a scene and at each later instant.
 
 use super::parameters::SceneParameters;
 use crate::invalid::Invalid;
@@ -7,7 +7,7 @@ use crate::vehicle::dubins::relative_state;
 use crate::vehicle::{Pose, TurnInput};
 use serde::{Deserialize, Serialize};
 
-/// Where both vehicles are at one instant. On the wire:
+/// The poses of both vehicles at one instant. On the wire:
 /// `{"human": [x, y, psi], "robot": [x, y, psi]}`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -19,7 +19,7 @@ pub struct JointState {
 }
 
 impl JointState {
-    /// The state after `seconds` with the human holding `input`; the robot never turns.
+    /// The state after `seconds` s in which the human holds `input`; the robot never turns.
     #[must_use]
     pub fn advance(&self, parameters: &SceneParameters, input: TurnInput, seconds: f64) -> Self {
         Self {
@@ -56,19 +56,19 @@ impl JointState {
     }
 }
 
-/// What a trial starts from.
+/// The start of a trial.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Scene {
     /// The human's vehicle at the start.
     pub human: Pose,
     /// The robot at the start, heading straight to its goal.
     pub robot: Pose,
-    /// The robot's goal, which it reaches as the trial ends, m.
+    /// The robot's goal, m, which it reaches at the end of the trial.
     pub goal: [f64; 2],
 }
 
 impl Scene {
-    /// A scene whose goal lies where this robot will be at the end.
+    /// A scene whose goal is where this robot is at the end of the trial.
     #[must_use]
     pub fn new(parameters: &SceneParameters, human: Pose, robot: Pose) -> Self {
         let (sin, cos) = sin_cos(robot.psi);
@@ -88,8 +88,8 @@ pub(super) const SAMPLES_PER_STEP: usize = 20;
 
 /// Smallest distance within a step, m.
 ///
-/// It is sampled at both ends and 19 times between, which for vehicles of a few m/s is within
-/// 0.1 mm of the continuous minimum wherever that is near the danger radius.
+/// The distance is sampled at both ends and 19 times between. For vehicles of a few m/s the result is
+/// within 0.1 mm of the continuous minimum where that is near the danger radius.
 #[must_use]
 pub fn closest_within_step(
     parameters: &SceneParameters,
