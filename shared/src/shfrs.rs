@@ -1,5 +1,5 @@
-//! Stochastic human forward reachable sets: from the states so far and a predictor
-//! to nested regions of the plane.
+//! Stochastic human forward reachable sets: nested regions of the plane, predicted from the states so
+//! far.
 
 pub mod window;
 pub mod family;
@@ -33,14 +33,14 @@ pub struct PredictedHuman<'a> {
     actions: Vec<f64>,
 }
 
-/// Features that a predictor can look at, at most: each is taken once.
+/// Most features of a predictor, which uses each at most once.
 const MOST_FEATURES: usize = FEATURES.len();
 
 impl<'a> PredictedHuman<'a> {
-    /// The human of these `parameters` as `predictor` sees them.
+    /// The human of these `parameters`, as predicted by `predictor`.
     ///
     /// # Errors
-    /// As of [`Self::within`].
+    /// The errors of [`Self::within`].
     pub fn new(
         predictor: &'a Predictor,
         safety: &'a SafetyLevels,
@@ -50,12 +50,12 @@ impl<'a> PredictedHuman<'a> {
         Self::within(predictor, safety, (-rate, rate))
     }
 
-    /// A human who turns at rates from `turn_rate.0` to `turn_rate.1`, rad/s, as
-    /// `predictor` sees them. If it does not say which turn rates its classes are, −1 is
-    /// the lowest one, 0 is straight and 1 is the highest one.
+    /// A human with turn rates from `turn_rate.0` to `turn_rate.1`, rad/s, as predicted by
+    /// `predictor`. If the predictor does not give the turn rates of its classes, −1 is the lowest
+    /// rate, 0 is straight and 1 is the highest rate.
     ///
     /// # Errors
-    /// [`Invalid`] if it says nothing and has other classes than these.
+    /// [`Invalid`] if the predictor gives no turn rates and has other classes than these.
     pub fn within(
         predictor: &'a Predictor,
         safety: &'a SafetyLevels,
@@ -96,19 +96,18 @@ impl ActionModel for PredictedHuman<'_> {
 /// How sets are predicted and drawn.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ShfrsSettings {
-    /// Of Algorithm 1.
+    /// Settings of Algorithm 1.
     pub bounds: BoundsSettings,
-    /// Of the polygons.
+    /// Settings of the polygons.
     pub polygon: PolygonSettings,
-    /// Whether polygons of the positions after each step are wanted beside the tube.
+    /// Whether to compute polygons of the positions after each step, besides the tube.
     pub by_step: bool,
 }
 
 impl ShfrsSettings {
-    /// The paper's (Figure 3, left): ε = 0, 0.15, 0.25, 0.4, 1.0 rad/s and
-    /// k = 2, 2, 1, 1 … over ten steps, with roll-outs that keep regions nested
-    /// when ε changes; drawn to 1 mm. A predictor that tells fewer than two actions apart is
-    /// asked for one.
+    /// The paper's settings (Figure 3, left): ε = 0, 0.15, 0.25, 0.4, 1.0 rad/s and k = 2, 2, 1, 1 …
+    /// over ten steps, with roll-outs that keep regions nested when ε changes, and polygons with an
+    /// accuracy of 1 mm. For a predictor with a single action, k = 1.
     ///
     /// # Errors
     /// [`Invalid`] if there is no action.
@@ -116,7 +115,7 @@ impl ShfrsSettings {
         let k = (0..10).map(|i| if i < 2 { actions.min(2) } else { 1 }).collect();
         let epsilon = vec![0.0, 0.15, 0.25, 0.4, 1.0];
         let bounds = BoundsSettings::new(epsilon, ActionChoice::TopK(k), Rollout::Base, actions)?;
-        // Far below a pixel at any zoom of a scene.
+        // Far less than a pixel at any zoom of a scene.
         Ok(Self { bounds, polygon: PolygonSettings::new(1e-3, 8)?, by_step: false })
     }
 }
@@ -124,22 +123,22 @@ impl ShfrsSettings {
 /// One of the nested sets F_1 ⊆ F_2 ⊆ …
 #[derive(Clone, Debug, PartialEq)]
 pub struct NestedSet {
-    /// By how much the bounds were widened, rad/s.
+    /// The widening ε of the bounds, rad/s.
     pub epsilon: f64,
     /// The bounds.
     pub bounds: InputBounds,
-    /// Every position reached within the steps ahead: a closed counter-clockwise
-    /// polygon in the world frame, m.
+    /// Every position reachable within the steps ahead: a closed counter-clockwise polygon in the world
+    /// frame, m.
     pub tube: Vec<[f64; 2]>,
     /// Area of the tube, m².
     pub area_m2: f64,
-    /// The positions reached after exactly 1 … T steps, each a polygon like the tube; empty
-    /// unless [`ShfrsSettings::by_step`].
+    /// The positions reachable after exactly 1 … T steps, each as a polygon like the tube; empty
+    /// without [`ShfrsSettings::by_step`].
     pub steps: Vec<Vec<[f64; 2]>>,
 }
 
 impl NestedSet {
-    /// Becomes the set `reachable` of these bounds.
+    /// Replaces this set by `reachable`, the set of these bounds.
     fn take(
         &mut self,
         epsilon: f64,
@@ -167,11 +166,11 @@ pub struct Shfrs {
     pub sets: Vec<NestedSet>,
 }
 
-/// Predicts sets frame by frame, keeping the memory of the frame before.
+/// Predicts sets frame by frame and reuses the memory of the last frame.
 #[derive(Clone, Debug, Default)]
 pub struct ShfrsPredictor {
     algorithm: Algorithm1,
-    /// Those of `shfrs`, and the speed and step that they were made for.
+    /// The reachable sets of `shfrs`, and their speed and step.
     reachable: Vec<ReachableSet>,
     made_for: Option<(f64, f64)>,
     workspace: Workspace,
@@ -179,7 +178,7 @@ pub struct ShfrsPredictor {
 }
 
 impl ShfrsPredictor {
-    /// The sets of the last frame that was predicted; none before the first one.
+    /// The sets of the last predicted frame; none before the first.
     #[must_use]
     pub fn shfrs(&self) -> &Shfrs {
         &self.shfrs
@@ -188,7 +187,7 @@ impl ShfrsPredictor {
     /// Predicts the sets from the joint states up to now. The robot drives straight on.
     ///
     /// # Errors
-    /// As of [`Algorithm1::run`].
+    /// The errors of [`Algorithm1::run`].
     pub fn predict(
         &mut self,
         history: &[JointState],
@@ -222,10 +221,10 @@ impl ShfrsPredictor {
     }
 }
 
-/// [`ShfrsPredictor::predict`] once.
+/// [`ShfrsPredictor::predict`] for a single frame.
 ///
 /// # Errors
-/// As of [`Algorithm1::run`].
+/// The errors of [`Algorithm1::run`].
 pub fn predict(
     history: &[JointState],
     parameters: &SceneParameters,

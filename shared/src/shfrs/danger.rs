@@ -1,24 +1,24 @@
-//! How likely the human is to come within R_c of the robot in the next steps.
+//! Bounds on the probability that the human comes within R_c of the robot in the coming steps.
 //!
-//! Let S be the score of the window that begins now: the least ε whose sets F_ε(t_i) hold what
-//! will come. Calibration gave the scores S_1 … S_n of other trajectories.
+//! Let S be the score of the window that begins now: the least ε whose sets F_ε(t_i) contain the
+//! future trajectory. S_1 … S_n are the scores of the calibration trajectories.
 //!
-//! * If F_ε(t_i) misses the robot's disc at every step, entering means S > ε. So with the
-//!   largest such ε, U = (1 + #{S_i > ε})/(n + 1).
-//! * If F_ε(t_i) lies inside the disc at some step, staying out means S > ε. So with the
+//! * If F_ε(t_i) misses the robot's disc at every step, the human can enter the disc only if S > ε. So
+//!   with the largest such ε, U = (1 + #{S_i > ε})/(n + 1).
+//! * If F_ε(t_i) lies inside the disc at some step, the human can stay out only if S > ε. So with the
 //!   largest such ε, L = 1 − (1 + #{S_i > ε})/(n + 1) = #{S_i ≤ ε}/(n + 1).
 //!
-//! # What the bounds are worth
-//! The conformal p-value P = (1 + #{S_i ≥ S})/(n + 1) is ≤ α with probability at most α if the
-//! trajectory now is exchangeable with the calibrated ones, for any α (Vovk, Gammerman and
-//! Shafer 2005). S > ε implies P ≤ (1 + #{S_i > ε})/(n + 1), however ε came about. Hence
+//! # What the bounds guarantee
+//! If the current trajectory is exchangeable with the calibration trajectories, the conformal p-value
+//! P = (1 + #{S_i ≥ S})/(n + 1) is ≤ α with probability at most α, for any α (Vovk, Gammerman and
+//! Shafer 2005). S > ε implies P ≤ (1 + #{S_i > ε})/(n + 1), however ε was chosen. Hence, for every α,
 //!
 //! * P(the human enters, and U ≤ α) ≤ α and
-//! * P(the human stays out, and L ≥ 1 − α) ≤ α for every α.
+//! * P(the human stays out, and L ≥ 1 − α) ≤ α.
 //!
-//! For an ε named beforehand, U and L also bound the mean frequencies: P(enters, and F_ε misses)
-//! ≤ E U. But ε follows from the scene, and if people are harder to predict just where the
-//! robot is near, U can be too small there: it is a marginal bound, not one for each scene.
+//! For an ε that is fixed beforehand, U and L also bound mean frequencies: P(the human enters, and F_ε
+//! misses) ≤ E U. But here ε depends on the scene. If people are harder to predict where the robot is
+//! near, U can be too small there: it is a marginal bound, not a bound for each scene.
 
 use super::prediction::Prediction;
 use super::scores::Scores;
@@ -32,7 +32,7 @@ use crate::scene::JointState;
 use crate::vehicle::Pose;
 use serde::Serialize;
 
-/// Bounds on the probability that the human is within R_c of the robot at the end of one of
+/// Bounds on the probability that the human is within R_c of the robot at the end of at least one of
 /// the coming steps.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct DangerBounds {
@@ -40,30 +40,30 @@ pub struct DangerBounds {
     pub low: f64,
     /// Upper bound U.
     pub high: f64,
-    /// The largest calibrated ε, rad/s, whose sets are inside the disc at some step; none if
-    /// not even the smallest one's are.
+    /// The largest calibrated ε, rad/s, whose set lies inside the disc at some step; none if not even
+    /// the smallest set does.
     pub epsilon_inside: Option<f64>,
-    /// The largest calibrated ε, rad/s, whose sets miss the disc at every step; none if not
-    /// even the smallest one's do.
+    /// The largest calibrated ε, rad/s, whose set misses the disc at every step; none if not even the
+    /// smallest set does.
     pub epsilon_missing: Option<f64>,
     /// Steps ahead, T.
     pub steps: usize,
-    /// Trajectories of the calibration, n.
+    /// Number of calibration trajectories, n.
     pub calibration: usize,
-    /// What the bounds are worth, in a sentence that belongs beside them.
+    /// What the bounds guarantee, in a sentence to print beside them.
     pub statement: String,
 }
 
-/// Where sets may be drawn too small, m: rears of sets that do not admit straight (reference:
-/// within 3.7 mm) and the polygons' chords.
+/// By how much polygons may be too small, m: at the rear of sets without straight driving (within
+/// 3.7 mm of the reference), and because of chords.
 const DRAWN_TOO_SMALL_M: f64 = 0.004;
 
-/// The bounds, from the joint states up to now. `scores` are those of `choice` (`base`
-/// roll-outs) on calibration trajectories, with the prediction's tolerance.
+/// The bounds for the joint states up to now. `scores` are the scores of `choice` (`base` roll-outs)
+/// on calibration trajectories, with the prediction's tolerance.
 ///
 /// # Errors
-/// [`Invalid`] if the prediction fails, or the robot's turns depend on what the human does:
-/// then it has no one future.
+/// [`Invalid`] if the prediction fails, or if the robot's turns depend on the human's actions, so
+/// that the robot has more than one future.
 pub fn danger_bounds(
     history: &[JointState],
     prediction: &Prediction<'_, impl ActionModel>,
@@ -88,7 +88,7 @@ pub fn danger_bounds(
     let sorted = scores.sorted();
     let missing = count_while(sorted, |epsilon| Ok(disc.missed_by(&set(epsilon)?)))?;
     let inside = count_while(sorted, |epsilon| Ok(disc.surrounds(&set(epsilon)?)))?;
-    // What no drive at all can do, or avoid, needs no statistics.
+    // If no drive can enter, or none can stay out, no statistics are needed.
     let everything = set(prediction.full_range())?;
     let n = sorted.len();
     let of_all = |count: usize| count as f64 / (n + 1) as f64;
@@ -124,7 +124,7 @@ fn robot_future(found: &PredictedBounds) -> Result<Vec<Pose>, Invalid> {
     Err(Invalid::new("robot_action", expected, "others in the high than in the low roll-out"))
 }
 
-/// How many of the scores, in rising order, satisfy what is true up to some level.
+/// The number of scores, in rising order, that satisfy a predicate that holds up to some level.
 fn count_while(
     sorted: &[f64],
     holds: impl Fn(f64) -> Result<bool, Invalid>,
@@ -141,19 +141,19 @@ fn count_while(
     Ok(yes)
 }
 
-/// The danger zone about the robot after each coming step.
+/// The danger zone around the robot after each coming step.
 struct Disc {
     robot: Vec<Pose>,
     radius_m: f64,
-    /// Sets are taken to be larger by so much all round.
+    /// Margin by which sets are enlarged on all sides.
     slack_m: f64,
-    /// How far the human drives in a step.
+    /// Distance that the human drives in a step.
     step_m: f64,
     polygon: PolygonSettings,
 }
 
 impl Disc {
-    /// Is no position of the set within the radius, at any step?
+    /// Whether no position of the set is within the radius at any step.
     fn missed_by(&self, set: &ReachableSet) -> bool {
         let outside = self.radius_m + self.slack_m;
         let start = set.start();
@@ -165,7 +165,7 @@ impl Disc {
         })
     }
 
-    /// Is every position of the set within the radius, at some step?
+    /// Whether every position of the set is within the radius at some step.
     fn surrounds(&self, set: &ReachableSet) -> bool {
         let inside = self.radius_m - self.slack_m;
         let near = |robot: &Pose, [x, y]: &[f64; 2]| hypot(x - robot.x, y - robot.y) <= inside;

@@ -1,19 +1,18 @@
-//! Nested families of predicted sets, one concept for SHFRS and what they are compared with.
+//! Nested families of predicted sets: one trait for SHFRS and for the baselines.
 
 use super::window::Window;
 use crate::invalid::Invalid;
 
-/// Sets that are predicted from what is known at the beginning of a window and grow with a
-/// *level*. For SHFRS with `base` roll-outs the level is ε, rad/s; another family names its
-/// own. Levels run from 0 to [`Family::most`], where the set holds every window.
+/// Sets that are predicted at the beginning of a window and grow with a *level*. For SHFRS with `base`
+/// roll-outs the level is ε, rad/s; other families have their own. Levels run from 0 to
+/// [`Family::most`], whose set contains every window.
 ///
-/// Whatever is tuned, tested or compared needs only these few answers, so a new predictor
-/// of sets is one file.
+/// Tuning, tests and comparisons use only these functions, so a new predictor of sets is one file.
 pub trait Family {
     /// The family in tables and files.
     fn name(&self) -> String;
 
-    /// What a level is, with its unit.
+    /// The name of its level, with unit.
     fn level_name(&self) -> &'static str {
         "ε (rad/s)"
     }
@@ -21,15 +20,15 @@ pub trait Family {
     /// The level of the largest set.
     fn most(&self) -> f64;
 
-    /// The score S of a window: the least level, from 0 to [`Self::most`], whose set its
-    /// trajectory stays inside at every step.
+    /// The score S of a window: the least level, from 0 to [`Self::most`], whose set contains the
+    /// window's trajectory at every step.
     ///
     /// # Errors
     /// [`Invalid`] if the prediction fails.
     fn score(&mut self, window: &Window<'_>) -> Result<f64, Invalid>;
 
-    /// Area, m², in the plane of the set of a level that is predicted for a window: of all
-    /// positions within its steps.
+    /// Area, m², of the set that is predicted for a window at a level: of all positions within the
+    /// window's steps.
     ///
     /// # Errors
     /// [`Invalid`] if the prediction fails.

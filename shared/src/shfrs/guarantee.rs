@@ -1,29 +1,29 @@
-//! What calibration can guarantee about sets for trajectories to come.
+//! What calibration guarantees about the sets of future trajectories.
 //!
-//! All of it is *marginal*: over trajectories that are exchangeable with those that were
-//! calibrated on, not for each scene or each person.
+//! All guarantees are *marginal*: they hold over trajectories that are exchangeable with the
+//! calibration trajectories, not for each scene or each participant.
 
 use super::scores::Scores;
 use crate::invalid::Invalid;
 use crate::math::ln;
 use crate::stats::{beta_cdf, binomial_at_least, open_probability};
 
-/// How a level is found on calibration trajectories.
+/// How calibration trajectories determine a level.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Guarantee {
-    /// Split conformal prediction: the ⌈(n + 1)p⌉-th score. The next trajectory is inside
-    /// with probability ≥ p, on average over calibrations.
+    /// Split conformal prediction: the ⌈(n + 1)p⌉-th score. The set contains the next trajectory with
+    /// probability ≥ p, on average over calibrations.
     Conformal,
     /// Probably approximately correct: the j-th score, j the least with
-    /// P(Beta(j, n + 1 − j) ≤ p) ≤ δ. All but a share δ of calibrations hold a share ≥ p of
-    /// the trajectories to come.
+    /// P(Beta(j, n + 1 − j) ≤ p) ≤ δ. For all but a share δ of calibrations, the sets contain a share
+    /// ≥ p of future trajectories.
     Pac {
         /// How often the calibration may fail, δ, in (0, 1).
         delta: f64,
     },
-    /// For sets that need not be nested (`paper` roll-outs): levels are tested one after the
-    /// other from the safest on, and the last one is taken before the first that
-    /// P(Bin(n, p) ≥ hits) > δ leaves in doubt. As `Pac`, whatever the sets are like.
+    /// For sets that need not be nested (`paper` roll-outs): levels are tested one after the other,
+    /// the safest first. The first level with P(Bin(n, p) ≥ hits) > δ fails, and the level before it
+    /// is used. The guarantee is that of `Pac`, for any sets.
     FixedSequence {
         /// How often the calibration may fail, δ, in (0, 1).
         delta: f64,
@@ -63,8 +63,8 @@ impl Guarantee {
         Ok(())
     }
 
-    /// How many calibration trajectories are needed at least for probability `p`: n ≥
-    /// p/(1 − p) for conformal prediction, pⁿ ≤ δ for the others.
+    /// The least number n of calibration trajectories for probability `p`: n ≥ p/(1 − p) for conformal
+    /// prediction, pⁿ ≤ δ for the others.
     ///
     /// # Errors
     /// [`Invalid`] if `p` or δ is not in (0, 1).
@@ -78,10 +78,10 @@ impl Guarantee {
         Ok((rounded_up(least) as usize).max(1))
     }
 
-    /// Accepts `n` calibration trajectories, if they are enough for probability `p`.
+    /// Accepts `n` calibration trajectories if they are enough for probability `p`.
     ///
     /// # Errors
-    /// [`Invalid`] that says how many are needed.
+    /// [`Invalid`] that states how many are needed.
     pub fn enough(&self, n: usize, p: f64) -> Result<(), Invalid> {
         let needed = self.needed(p)?;
         if n >= needed {
@@ -91,12 +91,12 @@ impl Guarantee {
         Err(Invalid::new("calibration trajectories", expected, n))
     }
 
-    /// Which of `n` scores in rising order is the level, from 1: with it, sets of a nested
-    /// family have the guarantee.
+    /// The rank, from 1, of the score that becomes the level among `n` scores in rising order, so that
+    /// the sets of a nested family have the guarantee.
     ///
     /// # Errors
-    /// [`Invalid`] if there are too few scores, a probability is not in (0, 1), or the
-    /// guarantee is not one of nested families.
+    /// [`Invalid`] if there are too few scores, a probability is not in (0, 1), or the guarantee is
+    /// not for nested families.
     pub fn rank(&self, n: usize, p: f64) -> Result<usize, Invalid> {
         self.enough(n, p)?;
         match *self {
@@ -117,12 +117,12 @@ impl Guarantee {
         }
     }
 
-    /// The parameters (a, b) of the Beta distribution of the share of trajectories that the
-    /// level of `n` scores is going to hold, (rank, n + 1 − rank): what a choice beforehand
-    /// has to expect. A fixed sequence goes as far as `Pac` would.
+    /// The parameters (a, b) = (rank, n + 1 − rank) of the Beta distribution of the share of
+    /// trajectories that the sets will contain at the level from `n` scores. A choice before the
+    /// calibration must assume this distribution. For a fixed sequence it is that of `Pac`.
     ///
     /// # Errors
-    /// As of [`Self::enough`].
+    /// The errors of [`Self::enough`].
     pub fn held(&self, n: usize, p: f64) -> Result<(f64, f64), Invalid> {
         let as_nested = match *self {
             Self::FixedSequence { delta, .. } => Self::Pac { delta },
@@ -132,15 +132,15 @@ impl Guarantee {
         Ok((rank as f64, (n + 1 - rank) as f64))
     }
 
-    /// The level that these calibration scores guarantee probability `p` with.
+    /// The level at which these calibration scores guarantee probability `p`.
     ///
     /// # Errors
-    /// As of [`Self::rank`].
+    /// The errors of [`Self::rank`].
     pub fn level(&self, scores: &Scores, p: f64) -> Result<f64, Invalid> {
         Ok(scores.ranked(self.rank(scores.len(), p)?))
     }
 
-    /// What is guaranteed, in a sentence that belongs beside every number.
+    /// The guarantee, in a sentence to print beside every number.
     #[must_use]
     pub fn statement(&self, p: f64, calibration: usize) -> String {
         let scope = "trajectories exchangeable with these, not for each scene or person";
@@ -160,11 +160,11 @@ impl Guarantee {
     }
 }
 
-/// Tests settings in their order, the safest first, and gives the place of the last one
-/// before the first failure. `hits(i)` is how many of `n` calibration trajectories setting i
-/// holds; it passes if P(Bin(n, p) ≥ hits) ≤ δ. Stopping at the first failure keeps the
-/// chance that *any* accepted setting holds less than p at δ at most (fixed-sequence testing,
-/// as in Angelopoulos et al., Learn then Test). The order must not depend on these
+/// Tests settings in their order, the safest first, and returns the index of the last one before the
+/// first failure. `hits(i)` is the number of the `n` calibration trajectories that setting i contains;
+/// the setting passes if P(Bin(n, p) ≥ hits) ≤ δ. Because testing stops at the first failure, the
+/// probability that *any* accepted setting contains a share below p is at most δ (fixed-sequence
+/// testing, as in Angelopoulos et al., Learn then Test). The order must not depend on these
 /// trajectories.
 ///
 /// # Errors

@@ -1,9 +1,8 @@
-//! Coverage against area: what families of predicted sets buy, on the same windows.
+//! Coverage against area of families of predicted sets, on the same windows.
 //!
-//! Levels are calibrated on trajectories of their own and judged on others. A calibrated
-//! level holds a new trajectory with probability ≥ p, on average over trajectories that are
-//! exchangeable with those it was calibrated on (split conformal prediction): not for each
-//! scene or person.
+//! Levels are calibrated on some trajectories and evaluated on others. The set of a calibrated level
+//! contains a new trajectory with probability ≥ p, on average over trajectories that are exchangeable
+//! with the calibration trajectories (split conformal prediction), not for each scene or participant.
 
 use super::family::Family;
 use super::guarantee::Guarantee;
@@ -13,7 +12,7 @@ use crate::invalid::Invalid;
 use crate::stats::{Tally, open_probability, share};
 use serde::Serialize;
 
-/// What families are compared by.
+/// The settings of a comparison.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ParetoSettings {
     targets: Vec<f64>,
@@ -24,10 +23,10 @@ pub struct ParetoSettings {
 }
 
 impl ParetoSettings {
-    /// `targets`: probabilities p in (0, 1) that a trajectory stays inside.
-    /// `confidence` of the intervals about a coverage, in (0, 1).
-    /// `choice` and `steps` ≥ 1 of the windows; one a trajectory at most.
-    /// `points` ≥ 2: how many of its levels a curve shows at the most.
+    /// `targets`: probabilities p in (0, 1) that a set contains a trajectory.
+    /// `confidence`: of the intervals of a coverage, in (0, 1).
+    /// `choice` and `steps` ≥ 1: the windows, at most one for each trajectory.
+    /// `points` ≥ 2: most levels that a curve shows.
     ///
     /// # Errors
     /// [`Invalid`] naming the field.
@@ -59,28 +58,28 @@ impl ParetoSettings {
 /// The comparison.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Pareto {
-    /// [`WindowChoice::word`]: which windows.
+    /// The choice of windows, [`WindowChoice::word`].
     pub window_choice: String,
     /// Steps of a window.
     pub steps: usize,
-    /// Trajectories with a window that levels were calibrated on.
+    /// Number of trajectories with a window for calibration.
     pub calibration_trajectories: usize,
-    /// Trajectories with a window that coverages and areas were found on.
+    /// Number of trajectories with a window for evaluation.
     pub test_trajectories: usize,
     /// Confidence of the intervals.
     pub confidence: f64,
-    /// For each family, in the order given, each target.
+    /// A row for each family, in the given order, and each target.
     pub rows: Vec<ParetoRow>,
-    /// For each family, in the order given.
+    /// A curve for each family, in the given order.
     pub curves: Vec<ParetoCurve>,
 }
 
-/// A family at the level that is calibrated for a target.
+/// A family at the level that was calibrated for a target.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ParetoRow {
     /// [`Family::name`].
     pub family: String,
-    /// The asked probability p.
+    /// The target probability p.
     pub target: f64,
     /// [`Family::level_name`].
     pub level_name: String,
@@ -89,7 +88,7 @@ pub struct ParetoRow {
     pub level: f64,
     /// Share of the test windows inside the set of that level.
     pub coverage: f64,
-    /// Lower end of the interval about `coverage` (Clopper and Pearson).
+    /// Lower end of the interval of `coverage` (Clopper and Pearson).
     pub coverage_low: f64,
     /// Upper end.
     pub coverage_high: f64,
@@ -102,14 +101,14 @@ pub struct ParetoRow {
 pub struct ParetoCurve {
     /// [`Family::name`].
     pub family: String,
-    /// By rising coverage.
+    /// Its points, in order of coverage.
     pub points: Vec<ParetoPoint>,
 }
 
 /// One level of a curve.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct ParetoPoint {
-    /// In the family's unit.
+    /// The level, in the family's unit.
     pub level: f64,
     /// Share of the test windows inside.
     pub coverage: f64,
@@ -117,12 +116,12 @@ pub struct ParetoPoint {
     pub mean_area_m2: f64,
 }
 
-/// Compares `families`, which have learned from other trajectories. Families are worked on
-/// in parallel where there are threads; the result does not depend on how many.
+/// Compares `families`, which were trained on other trajectories. Threads share the families; the
+/// result does not depend on their number.
 ///
 /// # Errors
-/// [`Invalid`] if no trajectory has such a window, there are too few for a target (it says how
-/// many are needed), or a prediction fails.
+/// [`Invalid`] if no trajectory has such a window, there are too few trajectories for a target (the
+/// error states how many are needed), or a prediction fails.
 pub fn pareto(
     families: &mut [Box<dyn Family + Send + '_>],
     calibration: &[Trajectory],
@@ -197,7 +196,7 @@ fn judge(
         })
     };
     let rows = settings.targets.iter().map(row).collect::<Result<_, Invalid>>()?;
-    // Levels that differ by rounding are one: of each such run the largest.
+    // Of levels that differ only by rounding, the largest stands for all.
     let mut levels: Vec<f64> = scores.sorted().iter().rev().copied().collect();
     levels.dedup_by(|smaller, larger| *larger - *smaller <= 1e-6 * family.most());
     levels.reverse();
@@ -226,7 +225,7 @@ fn mean_area(
     Ok(areas.sum::<Result<f64, Invalid>>()? / windows.len() as f64)
 }
 
-/// At most `most` of the values, evenly spread, both ends among them.
+/// At most `most` of the values, evenly spread, with both ends.
 fn thinned(values: &[f64], most: usize) -> impl Iterator<Item = f64> {
     let count = values.len().min(most);
     let last = values.len() - 1;

@@ -1,4 +1,4 @@
-//! What sets are predicted with, and the bounds that Algorithm 1 finds by it.
+//! The inputs of a prediction, and the bounds that Algorithm 1 computes from them.
 
 use super::window::Window;
 use crate::bounds::{
@@ -8,15 +8,15 @@ use crate::invalid::Invalid;
 use crate::reach::Tolerance;
 use crate::scene::{JointState, SceneParameters};
 
-/// The vehicles, the learned function G, and what the robot is going to do.
+/// The vehicles, the learned function G, and the robot's future.
 pub struct Prediction<'a, M> {
-    /// What the vehicles can do.
+    /// The motion of the vehicles.
     pub parameters: &'a SceneParameters,
-    /// How likely each action of the human is.
+    /// The probability of each action of the human.
     pub model: &'a M,
     /// The robot's turn rate, rad/s, from the states so far (getRobotAction).
     pub robot_action: &'a (dyn Fn(&[JointState]) -> f64 + Sync),
-    /// How far from a set a recorded state may lie and still count as inside.
+    /// Largest distance from a set at which a recorded state counts as inside.
     pub tolerance: Tolerance,
 }
 
@@ -29,7 +29,7 @@ impl<M> Clone for Prediction<'_, M> {
 impl<M> Copy for Prediction<'_, M> {}
 
 impl<'a, M: ActionModel> Prediction<'a, M> {
-    /// With a robot that drives straight on, and the tolerance that is usual.
+    /// A prediction with a robot that drives straight on, and the default tolerance.
     pub fn new(parameters: &'a SceneParameters, model: &'a M) -> Self {
         Self { parameters, model, robot_action: &|_| 0.0, tolerance: Tolerance::default() }
     }
@@ -41,8 +41,8 @@ impl<'a, M: ActionModel> Prediction<'a, M> {
         (-rate, rate)
     }
 
-    /// Difference between the highest and the lowest turn rate, rad/s: widened by so much,
-    /// any bounds admit every turn rate.
+    /// Difference between the highest and the lowest turn rate, rad/s. Bounds that are widened by it
+    /// admit every turn rate.
     #[must_use]
     pub fn full_range(&self) -> f64 {
         let (least, most) = self.turn_rate();
@@ -52,7 +52,7 @@ impl<'a, M: ActionModel> Prediction<'a, M> {
     /// Settings of Algorithm 1 for this model.
     ///
     /// # Errors
-    /// As of [`BoundsSettings::new`].
+    /// The errors of [`BoundsSettings::new`].
     pub fn settings(
         &self,
         epsilon: Vec<f64>,
@@ -62,10 +62,10 @@ impl<'a, M: ActionModel> Prediction<'a, M> {
         BoundsSettings::new(epsilon, choice.clone(), rollout, self.model.actions().len())
     }
 
-    /// Algorithm 1 from what is known after `history`.
+    /// The result of Algorithm 1 for the states up to the end of `history`.
     ///
     /// # Errors
-    /// As of [`input_bounds`].
+    /// The errors of [`input_bounds`].
     pub fn bounds(
         &self,
         history: &[JointState],
@@ -78,7 +78,7 @@ impl<'a, M: ActionModel> Prediction<'a, M> {
 /// Accepts a window that is as long as the prediction.
 ///
 /// # Errors
-/// [`Invalid`] for any other.
+/// [`Invalid`] for any other window.
 pub(super) fn same_steps(window: &Window<'_>, steps: usize) -> Result<(), Invalid> {
     if window.steps() == steps {
         Ok(())

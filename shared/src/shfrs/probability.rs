@@ -1,7 +1,8 @@
-//! How likely a trajectory is to stay inside each of the nested sets, from recorded ones.
+//! The probabilities that a trajectory stays inside each of the nested sets, estimated from recorded
+//! trajectories.
 //!
-//! Region j is what F_j has and F_{j−1} has not. A trajectory is inside F_j if it is at every
-//! step, and in region j if F_j is the first set that it is inside.
+//! Region j is F_j without F_{j−1}. A trajectory is inside F_j if it is inside at every step, and in
+//! region j if F_j is the smallest set that contains it.
 
 use super::prediction::{Prediction, same_steps};
 use super::widened::tube_area_m2;
@@ -17,25 +18,25 @@ use serde::Serialize;
 /// The probabilities of nested sets and of their regions.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Probabilities {
-    /// p_F: of being inside each set, from the smallest to the largest. The last one is 1 by
-    /// construction.
+    /// p_F: the probability that a trajectory is inside each set, from the smallest to the largest.
+    /// The last one is 1 by construction.
     pub inside: Vec<Estimate>,
-    /// p_S: of each region; they sum to 1.
+    /// p_S: the probability of each region; they sum to 1.
     pub region: Vec<Estimate>,
-    /// Windows that were looked at.
+    /// Number of windows.
     pub windows: usize,
-    /// Trajectories that they come from.
+    /// Number of trajectories of these windows.
     pub trajectories: usize,
     /// Confidence of the intervals.
     pub confidence: f64,
 }
 
-/// The probabilities, if `first[i]` has for each window of trajectory i the place, from 0, of
-/// the first of `sets` sets that it is inside. Intervals are as in [`share`]: trajectories
-/// are independent, windows are not.
+/// The probabilities, if `first[i]` gives for each window of trajectory i the index, from 0, of the
+/// smallest of `sets` sets that contains it. Intervals are as in [`share`]: trajectories are
+/// independent, windows are not.
 ///
 /// # Errors
-/// [`Invalid`] if there is no set or no window, a place is none, or `confidence` is not in
+/// [`Invalid`] if there is no set or no window, an index is too large, or `confidence` is not in
 /// (0, 1).
 pub fn probabilities(
     first: &[Vec<usize>],
@@ -75,23 +76,23 @@ pub fn probabilities(
     Ok(Probabilities { inside, region, windows, trajectories, confidence })
 }
 
-/// Nested sets with their probabilities on recorded trajectories, and all that these depend
-/// on.
+/// Nested sets with their probabilities on recorded trajectories, and the settings on which these
+/// depend.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Regions {
-    /// By how much each set widens the bounds, rad/s.
+    /// The widening ε of each set's bounds, rad/s.
     pub epsilon: Vec<f64>,
-    /// Which actions count, in words.
+    /// The choice of actions, in words.
     pub actions: String,
     /// `paper` or `base` roll-outs.
     pub rollout: String,
     /// Steps ahead, T.
     pub steps: usize,
-    /// [`WindowChoice::word`].
+    /// The choice of windows, [`WindowChoice::word`].
     pub window_choice: String,
-    /// So far outside, m, a recorded position still counted as inside.
+    /// Largest distance from the set, m, at which a recorded position counted as inside.
     pub tolerance_m: f64,
-    /// So far outside, rad, a recorded heading still counted as inside.
+    /// Largest difference, rad, at which a recorded heading counted as inside.
     pub tolerance_rad: f64,
     /// The probabilities.
     pub probabilities: Probabilities,
@@ -99,8 +100,8 @@ pub struct Regions {
     pub mean_area_m2: Vec<f64>,
 }
 
-/// Runs Algorithm 1 at every chosen window of `trajectories` and counts which of its sets hold
-/// what then came.
+/// Runs Algorithm 1 at every chosen window of `trajectories` and counts which sets contain the recorded
+/// future.
 ///
 /// # Errors
 /// [`Invalid`] if the last ε does not admit every turn rate, there is no window, `confidence`
@@ -147,7 +148,7 @@ pub fn regions(
     })
 }
 
-/// What became of one window.
+/// The result for one window.
 struct Judged {
     first: usize,
     area_m2: Vec<f64>,
@@ -164,8 +165,8 @@ fn judge(
     Ok(Judged { first: first_inside(window, prediction, &sets)?, area_m2 })
 }
 
-/// The place of the first set that a window's trajectory is inside. The sets are nested, the
-/// last one holds everything.
+/// The index of the smallest set that contains a window's trajectory. The sets are nested, and the last
+/// one contains every trajectory.
 fn first_inside(
     window: &Window<'_>,
     prediction: &Prediction<'_, impl ActionModel>,
@@ -179,10 +180,10 @@ fn first_inside(
     Ok(sets.len() - 1)
 }
 
-/// Is a window's trajectory inside the reachable set under `bounds` at every step?
+/// Whether a window's trajectory is inside the reachable set under `bounds` at every step.
 ///
 /// # Errors
-/// [`Invalid`] if the window has another number of steps, or a parameter is wrong.
+/// [`Invalid`] if the window has another number of steps, or a parameter is invalid.
 pub(super) fn holds(
     bounds: &InputBounds,
     window: &Window<'_>,

@@ -1,4 +1,4 @@
-//! SHFRS as a nested family, and scores in order.
+//! SHFRS as a nested family, and sorted scores.
 
 use super::family::Family;
 use super::prediction::{Prediction, same_steps};
@@ -7,8 +7,8 @@ use super::window::{Trajectory, Window, WindowChoice};
 use crate::bounds::{ActionChoice, ActionModel, BoundsSettings, Rollout};
 use crate::invalid::Invalid;
 
-/// The sets F(ε) of one choice of actions, with `base` roll-outs. The level is ε, rad/s; the
-/// largest is the range of the turn rate, so that F holds everything.
+/// The sets F(ε) for one choice of actions, with `base` roll-outs. The level is ε, rad/s; the largest
+/// level is the range of the turn rate, at which F contains every trajectory.
 pub struct ShfrsFamily<'a, M> {
     prediction: Prediction<'a, M>,
     base: BoundsSettings,
@@ -18,7 +18,7 @@ impl<'a, M: ActionModel> ShfrsFamily<'a, M> {
     /// The family of `choice`.
     ///
     /// # Errors
-    /// As of [`BoundsSettings::new`].
+    /// The errors of [`BoundsSettings::new`].
     pub fn new(prediction: Prediction<'a, M>, choice: &ActionChoice) -> Result<Self, Invalid> {
         Ok(Self { prediction, base: prediction.settings(vec![0.0], choice, Rollout::Base)? })
     }
@@ -53,15 +53,15 @@ impl<M: ActionModel> Family for ShfrsFamily<'_, M> {
     }
 }
 
-/// Scores of independent trajectories, one each, in rising order. Never empty.
+/// The scores of independent trajectories, one for each, in rising order. Never empty.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scores(Vec<f64>);
 
 impl Scores {
-    /// Takes scores in any order; how many do not fail to be finite and ≥ 0 must be all.
+    /// Scores in any order; all must be finite and ≥ 0.
     ///
     /// # Errors
-    /// [`Invalid`] if there is none, or one is negative or not finite.
+    /// [`Invalid`] if the list is empty, or a score is negative or not finite.
     pub fn new(mut scores: Vec<f64>) -> Result<Self, Invalid> {
         if scores.is_empty() {
             return Err(Invalid::new("scores", "at least one", "none"));
@@ -74,11 +74,11 @@ impl Scores {
         Ok(Self(scores))
     }
 
-    /// The scores of `trajectories` in `family`. Trajectories without a window are left out.
+    /// The scores of `trajectories` in `family`. Trajectories without a window are omitted.
     ///
     /// # Errors
-    /// [`Invalid`] if `choice` takes several windows of a trajectory, none has one, or the
-    /// prediction fails.
+    /// [`Invalid`] if `choice` takes several windows from a trajectory, no trajectory has a window, or
+    /// the prediction fails.
     pub fn of(
         family: &mut impl Family,
         trajectories: &[Trajectory],
@@ -91,20 +91,20 @@ impl Scores {
         Self::new(scores.collect::<Result<_, _>>()?)
     }
 
-    /// How many, n ≥ 1.
+    /// The number of scores, n ≥ 1.
     #[must_use]
     #[expect(clippy::len_without_is_empty, reason = "there is always one")]
     pub fn len(&self) -> usize {
         self.0.len()
     }
 
-    /// In rising order.
+    /// The scores in rising order.
     #[must_use]
     pub fn sorted(&self) -> &[f64] {
         &self.0
     }
 
-    /// The `rank`-th smallest, from 1 to n.
+    /// The `rank`-th smallest score, from 1 to n.
     ///
     /// # Panics
     /// For any other rank.
@@ -114,10 +114,10 @@ impl Scores {
     }
 }
 
-/// Accepts a choice of windows that are as independent as the trajectories.
+/// Accepts a choice with at most one window for each trajectory, so that windows are independent.
 ///
 /// # Errors
-/// [`Invalid`] if it takes several of one trajectory.
+/// [`Invalid`] for a choice with several windows for a trajectory.
 pub fn single(choice: WindowChoice) -> Result<(), Invalid> {
     if choice.is_single() {
         return Ok(());

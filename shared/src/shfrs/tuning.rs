@@ -1,8 +1,8 @@
 //! Tuning: the least area subject to p_{F_1} ≥ p, with a guarantee.
 //!
-//! Trajectories are parted into three. On the *training* part the choice of actions is made
-//! that needs the least area, and frozen. On the *calibration* part, which nothing was chosen
-//! by, ε_1 is found so that the guarantee holds. The *test* part says what was reached.
+//! Trajectories are split into three parts. The *training* part selects the choice of actions with the
+//! least area. The *calibration* part, which plays no role in that selection, determines ε_1 so that
+//! the guarantee holds. The *test* part measures coverage and area.
 
 use super::guarantee::{Guarantee, fixed_sequence};
 use super::prediction::Prediction;
@@ -17,14 +17,14 @@ use crate::parallel_map::parallel_map;
 use crate::stats::{Estimate, Tally, beta_quantile, open_probability, share};
 use serde::Serialize;
 
-/// How trajectories are parted. What is left of 1 is for the test.
+/// How trajectories are split. The rest of the shares is for the test.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Split {
     /// Share for training, in (0, 1).
     pub training: f64,
     /// Share for calibration, in (0, 1); with `training` at most 1.
     pub calibration: f64,
-    /// Of the generator that draws them.
+    /// Seed of the random split.
     pub seed: u64,
 }
 
@@ -35,7 +35,7 @@ impl Default for Split {
     }
 }
 
-/// Indices of things parted at random.
+/// A random split, as indices.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Parts {
     /// To choose by.
@@ -46,7 +46,7 @@ pub struct Parts {
     pub test: Vec<usize>,
 }
 
-/// Recorded trajectories in their three parts.
+/// Recorded trajectories, split into three parts.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sample {
     /// To choose by.
@@ -58,10 +58,10 @@ pub struct Sample {
 }
 
 impl Parts {
-    /// The trajectories in their parts.
+    /// The trajectories of each part.
     ///
     /// # Panics
-    /// If there are fewer of them than were parted.
+    /// If there are fewer trajectories than were split.
     #[must_use]
     pub fn sample(&self, trajectories: &[Trajectory]) -> Sample {
         let pick = |part: &[usize]| part.iter().map(|&i| trajectories[i].clone()).collect();
@@ -74,7 +74,7 @@ impl Parts {
 }
 
 impl Split {
-    /// Parts 0 … `n` − 1; shares are rounded to whole things.
+    /// Splits 0 … `n` − 1; shares are rounded to whole numbers.
     ///
     /// # Errors
     /// [`Invalid`] if a share is not in (0, 1), or both together are more than 1.
@@ -94,29 +94,29 @@ impl Split {
     }
 }
 
-/// What to tune for.
+/// The aim of tuning.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TuningSettings {
     /// Probability p that a trajectory stays inside F_1, in (0, 1).
     pub p: f64,
-    /// How sure that is to be.
+    /// The kind of guarantee.
     pub guarantee: Guarantee,
-    /// Which window of each trajectory; one at most.
+    /// The window of each trajectory; at most one.
     pub windows: WindowChoice,
-    /// What to choose from; all of the same number of steps. Usually [`candidates`].
+    /// The candidates, all with the same number of steps; usually [`candidates`].
     pub candidates: Vec<ActionChoice>,
-    /// Confidence of the interval about the coverage that is measured, in (0, 1).
+    /// Confidence of the interval of the measured coverage, in (0, 1).
     pub confidence: f64,
 }
 
-/// Probabilities τ of the adaptive sets that are tried. A finer grid fits the training part
-/// too closely: with every hundredth, tubes calibrated afterwards are larger, not smaller.
+/// Probabilities τ of the adaptive candidates. A finer grid overfits the training part: with steps of
+/// 0.01, the calibrated tubes are larger, not smaller.
 const TAUS: [f64; 14] =
     [0.005, 0.01, 0.02, 0.03, 0.05, 0.07, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.5];
 
-/// What is usually chosen from: adaptive sets with τ from 0.005 to 0.5, and every schedule of k that
-/// has all `actions` in the first a steps, half of them (rounded up) until b, then 1
-/// (for three actions: 3, 2, 1).
+/// The usual candidates: adaptive sets with τ from 0.005 to 0.5, and every schedule of k that counts all
+/// `actions` in the first a steps, half of them (rounded up) until step b, then 1 (for three actions:
+/// 3, 2, 1).
 #[must_use]
 pub fn candidates(actions: usize, steps: usize) -> Vec<ActionChoice> {
     let mut found: Vec<ActionChoice> =
@@ -141,44 +141,44 @@ pub fn candidates(actions: usize, steps: usize) -> Vec<ActionChoice> {
     found
 }
 
-/// A tuned setting and what is known of it.
+/// A tuned setting with its guarantee and its measured coverage and area.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Tuned {
-    /// Which actions count.
+    /// The choice of actions.
     #[serde(serialize_with = "in_words")]
     pub choice: ActionChoice,
     /// ε_1, rad/s.
     pub epsilon: f64,
     /// `base` or `paper` roll-outs.
     pub rollout: String,
-    /// The probability asked for, p.
+    /// The target probability, p.
     pub p: f64,
     /// [`Guarantee::word`].
     pub guarantee: String,
-    /// What is guaranteed, over what, by how many trajectories.
+    /// The guarantee in words, with its scope and the number of trajectories.
     pub statement: String,
-    /// [`WindowChoice::word`].
+    /// The choice of windows, [`WindowChoice::word`].
     pub window_choice: String,
     /// Steps ahead, T.
     pub steps: usize,
-    /// Trajectories that the choice was made on.
+    /// Number of training trajectories.
     pub training: usize,
-    /// Trajectories that ε_1 was calibrated on.
+    /// Number of calibration trajectories.
     pub calibration: usize,
-    /// Trajectories that coverage and area were measured on.
+    /// Number of test trajectories.
     pub test: usize,
-    /// Trajectories without a window, left out.
+    /// Number of trajectories without a window, which are omitted.
     pub without_window: usize,
-    /// Share of the test part that stays inside, with its interval.
+    /// Share of the test trajectories that stay inside, with its interval.
     pub coverage: Estimate,
     /// Confidence of that interval.
     pub confidence: f64,
-    /// Area of the tube of F_1, m²: mean over the test part; over the calibration part if
-    /// there is no test.
+    /// Mean area of the tube of F_1, m², over the test part, or over the calibration part if there is
+    /// no test part.
     pub mean_area_m2: f64,
-    /// So far outside, m, a recorded position still counted as inside.
+    /// Largest distance from the set, m, at which a recorded position counted as inside.
     pub tolerance_m: f64,
-    /// So far outside, rad, a recorded heading still counted as inside.
+    /// Largest difference, rad, at which a recorded heading counted as inside.
     pub tolerance_rad: f64,
 }
 
@@ -186,12 +186,12 @@ fn in_words<S: serde::Serializer>(choice: &ActionChoice, to: S) -> Result<S::Ok,
     to.collect_str(choice)
 }
 
-/// Tunes on recorded trajectories. The predictor must not have been trained on those for
-/// calibration or test; a guarantee says nothing otherwise.
+/// Tunes on recorded trajectories. The predictor must not have been trained on the calibration or test
+/// trajectories; otherwise there is no guarantee.
 ///
 /// # Errors
-/// [`Invalid`] if a setting is wrong, windows are not one a trajectory, or there are too few
-/// trajectories for the guarantee (it says how many are needed).
+/// [`Invalid`] if a setting is invalid, a trajectory may have several windows, or there are too few
+/// trajectories for the guarantee (the error states how many are needed).
 pub fn tune(
     sample: &Sample,
     prediction: Prediction<'_, impl ActionModel + Sync>,
@@ -258,7 +258,7 @@ pub fn tune(
     })
 }
 
-/// The share of trajectories with one window each.
+/// The share of trajectories that stay inside, with one window for each.
 fn share_of_one(Tally { hits, of }: Tally, confidence: f64) -> Result<Estimate, Invalid> {
     let tallies: Vec<Tally> =
         (0..of).map(|i| Tally { hits: usize::from(i < hits), of: 1 }).collect();
@@ -291,13 +291,13 @@ fn families(
     Ok(families)
 }
 
-/// How many windows stay inside F_1.
+/// The number of windows that stay inside F_1.
 fn inside(
     windows: &[Window<'_>],
     prediction: &Prediction<'_, impl ActionModel + Sync>,
     settings: &BoundsSettings,
 ) -> Result<usize, Invalid> {
-    // A set that admits every turn rate holds everything by definition.
+    // A set that admits every turn rate contains every trajectory by definition.
     if settings.epsilon()[0] >= prediction.full_range() {
         return Ok(windows.len());
     }
@@ -307,20 +307,20 @@ fn inside(
     Ok(held.into_iter().filter(|&held| held).count())
 }
 
-/// Bounds that candidates come to for one window, and what is known of their score.
+/// The bounds of some candidates for one window, and an interval for their score.
 struct Base {
     bounds: Vec<(f64, f64)>,
-    /// The score is from here
+    /// The least value that the score may have.
     least: f64,
-    /// to here; both are it, once it was computed.
+    /// The greatest value that the score may have; both are equal once it is computed.
     most: f64,
 }
 
-/// Where among `n` ≥ 1 training scores the level may come to lie that is going to hold a share
-/// of Beta distribution (a, b): the ranks of equally likely shares.
+/// The ranks among `n` ≥ 1 training scores at which the calibrated level may lie, for equally likely
+/// shares of the Beta distribution (a, b) of the share that it will contain.
 ///
-/// The area can leap from one score to the next, so the rank of the mean share alone would
-/// choose settings that are good there by a hair.
+/// The area can jump from one score to the next. The rank of the mean share alone would therefore
+/// select settings that happen to be good at that rank only.
 fn ranks((a, b): (f64, f64), n: usize) -> [usize; RANKS] {
     core::array::from_fn(|i| {
         let share = beta_quantile((i as f64 + 0.5) / RANKS as f64, a, b);
@@ -328,16 +328,16 @@ fn ranks((a, b): (f64, f64), n: usize) -> [usize; RANKS] {
     })
 }
 
-/// Equally likely shares that are looked at.
+/// Number of equally likely shares.
 const RANKS: usize = 9;
 
-/// The candidate whose tubes have the least area, summed over the training windows and over
-/// levels at each of the ascending `ranks` of its scores; the first of equals.
+/// The candidate whose tubes have the least area, summed over the training windows and over the levels
+/// at each of the ascending `ranks` of its scores; the first one on a tie.
 ///
-/// Scores are what takes time. So each gets bounds first, from turn rates and headings alone;
-/// these bound every candidate's level, and that its area from below. Candidates are then
-/// gone through from the least such area on, until the next one is more than the best; and of
-/// their scores only those are computed that may be the one at the rank.
+/// Computing scores takes most of the time. So each score first gets an interval from turn rates and
+/// headings alone. The intervals bound every candidate's level, and the level bounds its area from
+/// below. Candidates are then visited in order of this lower bound, until it exceeds the best area; and
+/// only those of their scores are computed that may have the rank.
 fn least_area(
     windows: &[Window<'_>],
     prediction: &Prediction<'_, impl ActionModel + Sync>,
@@ -345,7 +345,7 @@ fn least_area(
     ranks: &[usize],
 ) -> Result<usize, Invalid> {
     let (parameters, tolerance) = (prediction.parameters, prediction.tolerance);
-    // For each window its different bases, and which of them each candidate has.
+    // For each window its distinct bounds, and the index of each candidate's bounds.
     let (mut bases, of): (Vec<Vec<Base>>, Vec<Vec<usize>>) = parallel_map(windows, |window| {
         let (mut bases, mut of) = (Vec::<Base>::new(), Vec::with_capacity(families.len()));
         for family in families {
@@ -420,7 +420,7 @@ mod tests {
     use crate::scene::SceneParameters;
     use crate::shfrs::testing::{Always, drive};
 
-    /// Plain twin of [`least_area`]: every score of every candidate.
+    /// The plain twin of [`least_area`]: it computes every score of every candidate.
     fn plainly(
         windows: &[Window<'_>],
         prediction: &Prediction<'_, Always>,

@@ -1,5 +1,4 @@
-//! Bounds that are widened by ε: how far they must be for a recorded window, and how large
-//! the reachable set then is.
+//! Bounds that are widened by ε: the least ε for a recorded window, and the area of the reachable set.
 
 use super::prediction::same_steps;
 use super::window::Window;
@@ -11,14 +10,14 @@ use crate::reach::{PolygonSettings, ReachableSet, Tolerance};
 use crate::scene::SceneParameters;
 use crate::vehicle::Pose;
 
-/// Scores exceed the true least widening by no more, rad/s.
+/// Scores exceed the true least widening by at most this, rad/s.
 pub const RESOLUTION_RADPS: f64 = 1e-4;
 
 /// The bounds of each step, rad/s, lowered and raised by `epsilon` ≥ 0 within `turn_rate`.
 ///
 /// # Errors
-/// [`Invalid`] if there is no step, a bound is outside `turn_rate`, or a pair is the wrong
-/// way round.
+/// [`Invalid`] if there is no step, a bound is outside `turn_rate`, or a lower bound exceeds its upper
+/// bound.
 pub fn widened(
     base: &[(f64, f64)],
     epsilon: f64,
@@ -29,15 +28,15 @@ pub fn widened(
     InputBounds::new(lo, hi, turn_rate)
 }
 
-/// The least widening of `base`, rad/s, under which a window's trajectory is inside at every
-/// step, to [`RESOLUTION_RADPS`] from above.
+/// The least widening of `base`, rad/s, under which a window's trajectory is inside at every step, to
+/// [`RESOLUTION_RADPS`] from above.
 ///
-/// The state after a step is inside if the recorded turn rates up to there satisfy the bounds;
-/// else if it lies in the reachable set, within `tolerance`. Widened until it admits every
-/// turn rate, a set holds every trajectory by definition, so that there is always a least one.
+/// The state after a step is inside if the recorded turn rates up to that step satisfy the bounds, or
+/// if it lies in the reachable set, within `tolerance`. A set that admits every turn rate contains
+/// every trajectory by definition, so a least widening always exists.
 ///
 /// # Errors
-/// [`Invalid`] if `base` is not as long as the window or no bounds.
+/// [`Invalid`] if `base` is not as long as the window or not valid bounds.
 pub fn least_widening(
     base: &[(f64, f64)],
     window: &Window<'_>,
@@ -48,7 +47,7 @@ pub fn least_widening(
     let by_inputs = enough_by_inputs(base, window, range)?;
     let start = window.now().human;
     let mut least = 0.0;
-    // Later states need most: for the earlier ones there is then little left to ask.
+    // Later states need the most widening, so the earlier states then need few tests.
     for step in (1..=base.len()).rev() {
         let enough = by_inputs[step - 1];
         if enough <= least {
@@ -69,11 +68,11 @@ pub fn least_widening(
     Ok(least)
 }
 
-/// Between which two values [`least_widening`] is, from turn rates and headings alone: a few
-/// hundredths of its cost.
+/// An interval that contains [`least_widening`], from turn rates and headings alone, at a few per cent
+/// of its cost.
 ///
 /// # Errors
-/// As of [`least_widening`].
+/// The errors of [`least_widening`].
 pub fn widening_between(
     base: &[(f64, f64)],
     window: &Window<'_>,
@@ -101,8 +100,8 @@ fn turn_rates(parameters: &SceneParameters) -> (f64, f64) {
     (-rate, rate)
 }
 
-/// For each step the widening from which on the state after it is inside by the recorded turn
-/// rates, or because every turn rate is then admitted. They never fall.
+/// For each step, the widening from which on the state after the step is inside because of the recorded
+/// turn rates, or because every turn rate is admitted. These widenings never decrease.
 fn enough_by_inputs(
     base: &[(f64, f64)],
     window: &Window<'_>,
@@ -120,9 +119,8 @@ fn enough_by_inputs(
     Ok(held.collect())
 }
 
-/// At least how far, in an interval of widenings, bounds must be widened for the heading to
-/// change by `turned`, rad. Never too much; 0 more than the interval's beginning where turns
-/// may wind about.
+/// A lower bound, in an interval of widenings, of the widening with which the heading can change by
+/// `turned`, rad. It is the interval's beginning if turns may exceed a full circle.
 fn needed_by_heading(
     base: &[(f64, f64)],
     turned: f64,
@@ -144,9 +142,9 @@ fn needed_by_heading(
     first_true(within, |epsilon| Ok(admitted(epsilon))).map_or(within.0, |(below, _)| below)
 }
 
-/// Where a predicate that stays true once it is true becomes so: an interval, no longer than
-/// [`RESOLUTION_RADPS`], from where it is not yet true to where it is. It is taken to be true
-/// at the upper end of `within`; if it is at the lower end already, both ends are that.
+/// Where a monotone predicate becomes true: an interval, no longer than [`RESOLUTION_RADPS`], from a
+/// value at which it is false to one at which it is true. It is assumed to be true at the upper end of
+/// `within`. If it is true at the lower end, both ends are that end.
 fn first_true(
     within: (f64, f64),
     holds: impl Fn(f64) -> Result<bool, Invalid>,
@@ -168,9 +166,9 @@ fn first_true(
 
 /// Area, m², of all positions within the steps of `bounds`.
 ///
-/// Where straight is always admissible, and no heading is more than π off another, it is
-/// Σ c_i (hi_i − lo_i) with c_i = (v²/6)((T − t_i)³ − (T − t_{i+1})³), T and t in seconds;
-/// otherwise that of the polygon drawn to 0.1 mm.
+/// If straight driving is always admissible and headings differ by at most π, the area is
+/// Σ c_i (hi_i − lo_i) with c_i = (v²/6)((T − t_i)³ − (T − t_{i+1})³), T and t in seconds. Otherwise it
+/// is the area of the polygon with an accuracy of 0.1 mm.
 ///
 /// # Errors
 /// [`Invalid`] if a parameter is not finite and > 0.
@@ -202,7 +200,7 @@ mod tests {
         (0..steps).map(|_| pair()).map(|(a, b)| (a.min(b), a.max(b))).collect()
     }
 
-    /// Plain twin: is the trajectory inside at ε?
+    /// The plain twin: whether the trajectory is inside at ε.
     fn inside(base: &[(f64, f64)], window: &Window<'_>, epsilon: f64) -> bool {
         let bounds = widened(base, epsilon, RANGE).unwrap();
         let set = ReachableSet::new(window.now().human, &bounds, 2.0, 0.2).unwrap();
@@ -218,7 +216,7 @@ mod tests {
             let steps = 1 + rng.below(10);
             let base = random_base(&mut rng, steps);
             let held: Vec<f64> = (0..steps).map(|_| [-0.5, 0.0, 0.5][rng.below(3)]).collect();
-            // Half of the drives change their mind within a step, unseen.
+            // In half of the drives the input changes within a step, which the record does not show.
             let driven = held.iter().map(|&rate| {
                 if case % 2 == 0 || rng.unit() < 0.7 { rate } else { rate * rng.unit() }
             });

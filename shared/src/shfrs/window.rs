@@ -1,16 +1,15 @@
-//! Windows: the stretches of recorded trajectories on which sets are judged.
+//! Windows: the parts of recorded trajectories on which sets are evaluated.
 //!
-//! A window begins at a step T_c of a trajectory and looks T steps ahead. Windows of one
-//! trajectory depend on each other; trajectories are taken to be independent. So every
-//! result names the [`WindowChoice`] it was found with, and every guarantee needs a choice
-//! with one window a trajectory at most.
+//! A window begins at a step T_c of a trajectory and looks T steps ahead. Windows of one trajectory
+//! depend on each other; trajectories are assumed to be independent. Therefore every result names its
+//! [`WindowChoice`], and every guarantee needs a choice with at most one window for each trajectory.
 
 use crate::invalid::{Invalid, length};
 use crate::math::SeededRng;
 use crate::recording::{Fault, RecordedTrial};
 use crate::scene::{JointState, SceneParameters};
 
-/// One recorded trial: the states and the turn rates the human held between them.
+/// The joint states of a recorded trial, and the human's turn rates between them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Trajectory {
     states: Vec<JointState>,
@@ -18,12 +17,11 @@ pub struct Trajectory {
 }
 
 impl Trajectory {
-    /// `states[i]` is the joint state before step i, the last one that after the last
-    /// step; `turn_rates[i]`, rad/s, is what the human held in step i.
+    /// `states[i]` is the joint state before step i, and the last one is the state after the last
+    /// step; `turn_rates[i]`, rad/s, is the human's turn rate in step i.
     ///
     /// # Errors
-    /// [`Invalid`] if there is no step, the lengths do not go together, or a number is not
-    /// finite.
+    /// [`Invalid`] if there is no step, the lengths do not fit, or a number is not finite.
     pub fn new(states: Vec<JointState>, turn_rates: Vec<f64>) -> Result<Self, Invalid> {
         if turn_rates.is_empty() {
             return Err(Invalid::new("turn_rates", "at least one step", "none"));
@@ -38,7 +36,7 @@ impl Trajectory {
         Ok(Self { states, turn_rates })
     }
 
-    /// A recorded trial, driven with the vehicles of `scene`.
+    /// The trajectory of a recorded trial with the vehicles of `scene`.
     ///
     /// # Errors
     /// [`Fault`] for a trial that [`Self::new`] refuses.
@@ -59,13 +57,13 @@ impl Trajectory {
         &self.states
     }
 
-    /// What the human held in each step, rad/s.
+    /// The human's turn rate in each step, rad/s.
     #[must_use]
     pub fn turn_rates(&self) -> &[f64] {
         &self.turn_rates
     }
 
-    /// The first step in which the human turned.
+    /// The first step in which the human turned, if there was one.
     #[must_use]
     pub fn onset(&self) -> Option<usize> {
         self.turn_rates.iter().position(|&rate| rate != 0.0)
@@ -81,7 +79,7 @@ pub struct Window<'a> {
 }
 
 impl<'a> Window<'a> {
-    /// The window from `begin`, if so many steps are left there.
+    /// The window from `begin`, if that many steps are left.
     #[must_use]
     pub fn new(trajectory: &'a Trajectory, begin: usize, steps: usize) -> Option<Self> {
         let fits = steps > 0 && begin + steps <= trajectory.steps();
@@ -100,13 +98,13 @@ impl<'a> Window<'a> {
         self.begin
     }
 
-    /// The joint states up to and with the present one: what may be known.
+    /// The joint states up to the current one, which a prediction may use.
     #[must_use]
     pub fn history(&self) -> &'a [JointState] {
         &self.trajectory.states[..=self.begin]
     }
 
-    /// The turn rates held before now, rad/s.
+    /// The human's turn rates up to now, rad/s.
     #[must_use]
     pub fn past_turn_rates(&self) -> &'a [f64] {
         &self.trajectory.turn_rates[..self.begin]
@@ -118,31 +116,31 @@ impl<'a> Window<'a> {
         self.trajectory.states[self.begin]
     }
 
-    /// What came: the joint states after each of the steps.
+    /// The future: the joint states after each step.
     #[must_use]
     pub fn future(&self) -> &'a [JointState] {
         &self.trajectory.states[self.begin + 1..=self.begin + self.steps]
     }
 
-    /// The turn rates the human then held, rad/s.
+    /// The human's future turn rates, rad/s.
     #[must_use]
     pub fn turn_rates(&self) -> &'a [f64] {
         &self.trajectory.turn_rates[self.begin..self.begin + self.steps]
     }
 }
 
-/// Which windows of the trajectories are looked at.
+/// The choice of windows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WindowChoice {
-    /// One from every step that leaves room: many a trajectory.
+    /// One from every step with enough steps left: several for each trajectory.
     EveryStep,
-    /// One a trajectory, from a step drawn at random with this seed.
+    /// One for each trajectory, from a random step.
     RandomOne {
-        /// Of the generator.
+        /// Seed of the random steps.
         seed: u64,
     },
-    /// One a trajectory, from the first step in which the human turns; trajectories without
-    /// a turn, or with too few steps left, have none.
+    /// One for each trajectory, from the first step in which the human turns. Trajectories without a
+    /// turn, or with too few steps left, have none.
     AvoidanceOnset,
 }
 
@@ -157,14 +155,14 @@ impl WindowChoice {
         }
     }
 
-    /// At most one window a trajectory: as independent as the trajectories.
+    /// Whether there is at most one window for each trajectory, so that windows are independent.
     #[must_use]
     pub fn is_single(self) -> bool {
         self != Self::EveryStep
     }
 
-    /// The windows of `steps` ≥ 1 steps in each of the trajectories, one list a trajectory.
-    /// Which random window a trajectory gets depends on the seed and on its place alone.
+    /// The windows of `steps` ≥ 1 steps, a list for each trajectory. A trajectory's random window
+    /// depends only on the seed and on its index.
     #[must_use]
     pub fn windows(self, trajectories: &[Trajectory], steps: usize) -> Vec<Vec<Window<'_>>> {
         let mut rng = SeededRng::new(if let Self::RandomOne { seed } = self { seed } else { 0 });

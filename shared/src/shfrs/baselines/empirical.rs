@@ -1,4 +1,4 @@
-//! Sets of recorded futures, for each mode of behaviour.
+//! Empirical sets: hulls of recorded futures, for each mode of behaviour.
 
 use super::swept::{convex_hull, swept_area};
 use super::widened::worst_case_area;
@@ -10,11 +10,11 @@ use crate::scene::SceneParameters;
 use crate::shfrs::family::Family;
 use crate::shfrs::window::Window;
 
-/// What a window's mode of behaviour is read from.
+/// What determines a window's mode of behaviour.
 pub enum Mode<M> {
-    /// The action that the model finds most likely now.
+    /// The model's most likely action now.
     MostLikely(M),
-    /// The input of the last step before now: right, straight (also if there is none), left.
+    /// The input of the last step: right, straight (also if there is none), left.
     Held,
 }
 
@@ -47,19 +47,16 @@ impl<M: ActionModel> Mode<M> {
 /// human-in-the-loop predictions via empirical reachable sets* (IEEE Transactions on
 /// Intelligent Vehicles, 2018).
 ///
-/// Taken from there: modes of behaviour; for each mode the recorded futures, as positions in
-/// the human's frame; the set is what bounds the most representative share α of them, at each
-/// step.
-/// Not taken: which futures are kept is decided there by an integer program that minimises
-/// the area. Here they are ordered by how central they are (the root mean square distance over
-/// the steps from the mode's median path, the median taken of each coordinate), so that sets
-/// of all shares are nested; and their bound is the convex hull at each step, where they take
-/// the least and the greatest lateral position.
+/// As in that paper, each mode of behaviour has its recorded futures, as positions in the human's
+/// frame, and the set at each step bounds the most representative share α of them. Two things differ:
+/// the paper selects futures by an integer program that minimises the area, and bounds them by the
+/// least and the greatest lateral position. Here futures are ordered by the root mean square distance
+/// over the steps from the mode's median path (the median of each coordinate), so that the sets of all
+/// shares are nested, and the bound is the convex hull at each step.
 ///
-/// The level is the share α of a mode's n futures, counted as j/(n + 1). Level 1 is thus
-/// beyond all of them: the worst-case set. Only positions are tested, within 5 mm of the hull.
-/// The area is that of the union of the convex hulls of neighbouring steps' sets, from the
-/// present position on.
+/// The level is the share α of a mode's n futures, counted as j/(n + 1). At level 1 the set is the
+/// worst-case set. Only positions are tested, within 5 mm of the hull. The area is that of the union of
+/// the convex hulls of neighbouring steps' sets, from the current position on.
 pub struct PerModeEmpirical<M> {
     mode: Mode<M>,
     modes: Vec<Futures>,
@@ -68,19 +65,19 @@ pub struct PerModeEmpirical<M> {
     worst_case_area: f64,
 }
 
-/// How far outside of a hull a position still counts as inside, m.
+/// Largest distance from a hull, m, at which a position counts as inside.
 const TOLERANCE_M: f64 = 0.005;
 
 /// The recorded futures of one mode.
 struct Futures {
     count: usize,
-    /// For each step: hulls of the most central futures, each with the number of futures from
-    /// which on it is the hull, rising.
+    /// For each step, the hulls of the most central futures in order of size, each with the least number
+    /// of futures whose hull it is.
     hulls: Vec<Vec<(usize, Vec<[f64; 2]>)>>,
 }
 
 impl<M: ActionModel> PerModeEmpirical<M> {
-    /// Learns from `windows`, which are equally long.
+    /// Learns from `windows`, which have the same number of steps.
     ///
     /// # Errors
     /// [`Invalid`] if there is no window or their lengths differ.
@@ -127,7 +124,7 @@ impl Futures {
         })
     }
 
-    /// The least number of futures whose hull at a step holds a position.
+    /// The least number of futures whose hull at a step contains a position.
     fn least(&self, step: usize, position: [f64; 2]) -> Option<usize> {
         let hulls = &self.hulls[step];
         let holds = |hull: &[[f64; 2]]| signed_distance(hull, position) >= -TOLERANCE_M;
@@ -149,7 +146,7 @@ fn growing_hulls(points: impl Iterator<Item = [f64; 2]>) -> Vec<(usize, Vec<[f64
     hulls
 }
 
-/// The middle one, or the mean of the middle two; 0 of none.
+/// The median; 0 for an empty list.
 fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     match values.len() {
@@ -191,7 +188,7 @@ impl<M: ActionModel> Family for PerModeEmpirical<M> {
         if level >= 1.0 {
             return Ok(self.worst_case_area);
         }
-        // Counted as scores are, so that a score as the level keeps what it stands for.
+        // Counted as scores are, so that a score as the level keeps the same futures.
         let kept = (0..=futures.count).rev().find(|&j| share(j, futures.count) <= level);
         let Some(kept) = kept.filter(|&kept| kept > 0) else {
             return Ok(0.0);

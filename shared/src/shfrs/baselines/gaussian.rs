@@ -12,16 +12,15 @@ use crate::vehicle::Pose;
 use crate::vehicle::dubins::relative_state;
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 
-/// Ellipses of the future pose: its mean and covariance at each step, learned from recorded
-/// windows, as the difference from a [`Nominal`] drive in the nominal pose's frame.
+/// Ellipsoids of the future pose at each step: mean and covariance of its difference from a [`Nominal`]
+/// drive, in the nominal pose's frame, learned from recorded windows.
 ///
-/// The level is a Mahalanobis radius: a trajectory is inside if at every step its pose
-/// (x, y, ψ) is no farther from the mean. The covariances include 5 mm and 2 mrad, so that
-/// steps at which all futures agree have one that can be inverted. In the plane the set at a
-/// step is the shadow of its ellipsoid, an ellipse, and the area is that of the union of the
-/// convex hulls of neighbouring ellipses, from the present position on. From the radius on at
-/// which that is as large as the worst-case set of a human who goes straight, the set is the
-/// worst-case set.
+/// The level is a Mahalanobis radius. A trajectory is inside if its pose (x, y, ψ) is within this radius
+/// of the mean at every step. The covariances include 5 mm and 2 mrad, so that they can be inverted
+/// even if all futures agree at a step. In the plane the set at a step is the projection of the
+/// ellipsoid, an ellipse. The area is that of the union of the convex hulls of neighbouring ellipses,
+/// from the current position on. Beyond the radius at which this area equals that of the worst-case
+/// set of a human who drives straight, the set is the worst-case set.
 pub struct Gaussian {
     nominal: Nominal,
     parameters: SceneParameters,
@@ -31,7 +30,7 @@ pub struct Gaussian {
     worst_case_area: f64,
 }
 
-/// Of one step, in the nominal pose's frame: m, m, rad.
+/// The distribution at one step, in the nominal pose's frame: m, m, rad.
 struct Moments {
     mean: Vector3<f64>,
     /// The inverse covariance.
@@ -40,14 +39,14 @@ struct Moments {
     root: Matrix2<f64>,
 }
 
-/// Vertices of a polygon that stands for an ellipse; inscribed, it has 0.3 % less area.
+/// Vertices of the polygon inscribed in an ellipse; its area is 0.3 % smaller.
 const VERTICES: usize = 48;
 
 /// Added to each covariance: the tolerance of membership, squared.
 const TOLERANCE: [f64; 3] = [0.005 * 0.005, 0.005 * 0.005, 0.002 * 0.002];
 
 impl Gaussian {
-    /// Learns from `windows`, which are equally long.
+    /// Learns from `windows`, which have the same number of steps.
     ///
     /// # Errors
     /// [`Invalid`] if there are fewer than two windows or their lengths differ.
@@ -85,7 +84,7 @@ impl Gaussian {
     }
 }
 
-/// The human's pose after each step, seen from where the nominal drive leads.
+/// The human's pose after each step, relative to the nominal pose.
 fn differences_from(
     nominal: Nominal,
     parameters: &SceneParameters,
@@ -116,7 +115,7 @@ impl Moments {
 }
 
 impl Gaussian {
-    /// Area swept by the ellipses of `radius` about the nominal drive at `turn_rate`.
+    /// Area swept by the ellipses of `radius` along the nominal drive at `turn_rate`.
     fn ellipses_area(&self, turn_rate: f64, radius: f64) -> f64 {
         let SceneParameters { human, step_s, .. } = self.parameters;
         let poses = nominal_poses(human, turn_rate, self.moments.len(), step_s);

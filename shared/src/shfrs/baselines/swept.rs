@@ -1,12 +1,11 @@
 //! The area that convex sets sweep from step to step.
 //!
-//! Sets that are learned from positions exist at the steps only. Between two steps a human
-//! is taken to be in the convex hull of both sets, which is how the union over time is made
-//! comparable with a reachable tube. No vehicle model goes in, so it is an assumption: it is
-//! exact for a human whose path between two steps is a straight line.
+//! Sets that are learned from positions exist only at the steps. To compare their union over time with
+//! a reachable tube, the human is assumed to be in the convex hull of both sets between two steps. This
+//! assumption uses no vehicle model; it holds if the path between two steps is a straight line.
 
 /// The convex hull, counter-clockwise from its leftmost vertex (Andrew's monotone chain).
-/// Points inside an edge are left out; a point or a segment stays one.
+/// Points inside an edge are omitted; a point or a segment remains one.
 pub(super) fn convex_hull(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
     let mut points = points.to_vec();
     points.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
@@ -44,8 +43,8 @@ pub(super) fn swept_area(sets: &[Vec<[f64; 2]>]) -> f64 {
     union_area(&hulls)
 }
 
-/// Area of the union of convex polygons. Exact: between neighbouring abscissae of vertices
-/// and crossings the union's cross-section changes linearly, so its middle stands for it.
+/// Area of the union of convex polygons. It is exact: between neighbouring abscissae of vertices and
+/// crossings the union's cross-section is linear, so its middle gives the area.
 fn union_area(polygons: &[Vec<[f64; 2]>]) -> f64 {
     let mut cuts: Vec<f64> = polygons.iter().flatten().map(|p| p[0]).collect();
     for (i, a) in polygons.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! Reachable sets under guessed bounds, widened by ε.
+//! Reachable sets under simple bounds, widened by ε.
 
 use super::Nominal;
 use crate::bounds::{
@@ -11,8 +11,8 @@ use crate::shfrs::family::Family;
 use crate::shfrs::widened::{least_widening, tube_area_m2, widened};
 use crate::shfrs::window::Window;
 
-/// F of base bounds that are widened by the level ε, rad/s, and clipped to what the vehicle
-/// can do. `base` gives the lowest and highest turn rate of each step of a window, rad/s.
+/// The reachable sets under base bounds that are widened by the level ε, rad/s, within the vehicle's
+/// turn rates. `base` gives the lowest and highest turn rate of each step of a window, rad/s.
 struct WidenedInputs<B> {
     name: &'static str,
     parameters: SceneParameters,
@@ -20,7 +20,7 @@ struct WidenedInputs<B> {
     base: B,
 }
 
-/// Everything the human can reach. One set, whatever the level: coverage 1.
+/// Every position that the human can reach: one set for every level, with coverage 1.
 pub fn worst_case(parameters: &SceneParameters) -> impl Family + Send + use<> {
     let rate = parameters.human.turn_rate_radps;
     WidenedInputs {
@@ -31,13 +31,13 @@ pub fn worst_case(parameters: &SceneParameters) -> impl Family + Send + use<> {
     }
 }
 
-/// The human goes straight on, give or take ε: a cone about the present velocity.
+/// The human drives straight on, within ±ε: a cone around the current velocity.
 pub fn constant_velocity(parameters: &SceneParameters) -> impl Family + Send + use<> {
     let rate = parameters.human.turn_rate_radps;
     around(Nominal::Straight, "constant velocity", rate, parameters)
 }
 
-/// The human holds the input of the last step, give or take ε.
+/// The human holds the input of the last step, within ±ε.
 pub fn hold_the_input(parameters: &SceneParameters) -> impl Family + Send + use<> {
     let rate = parameters.human.turn_rate_radps;
     around(Nominal::Held, "hold the input", 2.0 * rate, parameters)
@@ -60,14 +60,13 @@ fn around(
 /// A nominal prediction with a bounded disturbance, after Govindarajan, Driggs-Campbell and
 /// Bajcsy, *Data-driven reachability analysis for human-in-the-loop systems* (CDC 2017).
 ///
-/// Taken from there: the human is a nominal model plus a disturbance of its input; the bound
-/// of the disturbance is found from recorded drives, as the smallest that the asked accuracy
-/// (coverage) allows; the prediction is the forward reachable set.
-/// Not taken: their driving scenario and vehicle model, several bounds at once, the second
-/// constraint on *risk*, and the level-set computation. Here the nominal model is `model`'s
-/// most likely action at each coming step, driven forward on its own predictions (both ways
-/// where actions tie), and the one bound is the level ε, rad/s. So it is Algorithm 1 with
-/// k = 1: a prediction *after* theirs, no reproduction.
+/// As in that paper, the human is a nominal model plus a disturbance of its input; the bound of the
+/// disturbance is the smallest one that gives the required accuracy (coverage) on recorded drives; and
+/// the prediction is the forward reachable set. This is no reproduction: it does not use the paper's
+/// driving scenario and vehicle model, several bounds at once, the second constraint on *risk*, or the
+/// level-set computation. Here the nominal model is the most likely action of `model` at each coming
+/// step, rolled out on its own predictions (in both directions where actions tie), and the single
+/// bound is the level ε, rad/s. So it is Algorithm 1 with k = 1.
 pub fn learned_disturbance<M: ActionModel + Send>(
     parameters: &SceneParameters,
     model: M,
@@ -104,7 +103,7 @@ impl<B: FnMut(&Window<'_>) -> Result<Vec<(f64, f64)>, Invalid>> Family for Widen
     }
 }
 
-/// Area, m², of everything the human can reach within `steps`.
+/// Area, m², of all positions that the human can reach within `steps`.
 ///
 /// # Errors
 /// [`Invalid`] if there is no step.
