@@ -255,7 +255,7 @@ impl<P: Page + 'static> Pump<P> {
                 );
             }
             // Of a page that does not solve, all this is left out of the program.
-            Command::Solve { .. } if !P::SOLVES => {}
+            Command::Solve { .. } if !P::solves() => {}
             Command::Solve { name, game, then } => {
                 let number = shell.begin(name);
                 let address = shell.root.get_attribute("data-solver").unwrap_or_default();
@@ -313,7 +313,7 @@ impl<P: Page + 'static> Pump<P> {
 
     /// Goes to an address of this page without loading it; whether the page shows it.
     fn visit(&self, url: &str, t_ms: f64) -> bool {
-        if !P::NAVIGATES {
+        if !P::navigates() {
             return false;
         }
         let (window, message) = {

@@ -23,7 +23,8 @@ pub struct HeldKeys(Vec<(f64, String)>);
 impl HeldKeys {
     /// A key went down or up; with [`BLUR`], all went up.
     pub fn change(&mut self, t_ms: f64, key: &str, down: bool) {
-        self.0.retain(|(_, held)| held != key && key != BLUR);
+        // Shift, pressed meanwhile, makes another name of the same key: "a" goes down, "A" up.
+        self.0.retain(|(_, held)| !held.eq_ignore_ascii_case(key) && key != BLUR);
         if down {
             self.0.push((t_ms, key.to_owned()));
         }
@@ -63,47 +64,45 @@ mod tests {
     use super::*;
     use TurnInput::{Left, Right, Straight};
 
-    fn check(events: &[(f64, &str, bool)], expected: &[(f64, TurnInput)]) {
-        let events: Vec<_> = events
-            .iter()
-            .map(|&(t_ms, key, down)| KeyEvent { t_ms, key: key.to_owned(), down })
-            .collect();
-        for &(t, input) in expected {
-            assert_eq!(input_at(&events, t), input, "at {t} ms");
+    #[test]
+    fn the_input_is_that_of_the_key_pressed_last() {
+        // What is said of the keys, what they did, and the input at some times.
+        type Case<'a> = (&'a str, &'a [(f64, &'a str, bool)], &'a [(f64, TurnInput)]);
+        let cases: [Case<'_>; 6] = [
+            (
+                "a held key turns until it is released",
+                &[(100.0, "ArrowLeft", true), (300.0, "ArrowLeft", false)],
+                &[(99.0, Straight), (100.0, Left), (299.0, Left), (300.0, Straight)],
+            ),
+            (
+                "the later press wins, and releasing it falls back",
+                &[(0.0, "a", true), (200.0, "ArrowRight", true), (400.0, "ArrowRight", false)],
+                &[(100.0, Left), (300.0, Right), (500.0, Left)],
+            ),
+            (
+                "releasing the earlier key changes nothing",
+                &[(0.0, "a", true), (200.0, "d", true), (400.0, "a", false)],
+                &[(300.0, Right), (500.0, Right)],
+            ),
+            (
+                "losing the keyboard releases all keys",
+                &[(0.0, "d", true), (100.0, BLUR, false)],
+                &[(50.0, Right), (150.0, Straight)],
+            ),
+            ("a key held before the start counts", &[(-300.0, "d", true)], &[(0.0, Right)]),
+            (
+                "a key is released whatever Shift has made of its name",
+                &[(0.0, "a", true), (100.0, "A", false), (200.0, "D", true), (300.0, "d", false)],
+                &[(50.0, Left), (150.0, Straight), (250.0, Right), (350.0, Straight)],
+            ),
+        ];
+        for (said, events, expected) in cases {
+            let event =
+                |&(t_ms, key, down): &(f64, &str, bool)| KeyEvent { t_ms, key: key.into(), down };
+            let events: Vec<_> = events.iter().map(event).collect();
+            for &(t, input) in expected {
+                assert_eq!(input_at(&events, t), input, "{said}: at {t} ms");
+            }
         }
-    }
-
-    #[test]
-    fn a_held_key_turns_until_it_is_released() {
-        check(
-            &[(100.0, "ArrowLeft", true), (300.0, "ArrowLeft", false)],
-            &[(99.0, Straight), (100.0, Left), (299.0, Left), (300.0, Straight)],
-        );
-    }
-
-    #[test]
-    fn the_later_press_wins_and_releasing_it_falls_back() {
-        check(
-            &[(0.0, "a", true), (200.0, "ArrowRight", true), (400.0, "ArrowRight", false)],
-            &[(100.0, Left), (300.0, Right), (500.0, Left)],
-        );
-    }
-
-    #[test]
-    fn releasing_the_earlier_key_changes_nothing() {
-        check(
-            &[(0.0, "a", true), (200.0, "d", true), (400.0, "a", false)],
-            &[(300.0, Right), (500.0, Right)],
-        );
-    }
-
-    #[test]
-    fn losing_the_keyboard_releases_all_keys() {
-        check(&[(0.0, "d", true), (100.0, BLUR, false)], &[(50.0, Right), (150.0, Straight)]);
-    }
-
-    #[test]
-    fn keys_held_before_the_start_count() {
-        check(&[(-300.0, "d", true)], &[(0.0, Right)]);
     }
 }

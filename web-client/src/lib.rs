@@ -11,6 +11,8 @@ pub mod view;
 pub mod diff;
 pub mod json;
 pub mod runtime;
+#[cfg(test)]
+mod testing;
 pub mod input;
 pub mod drive;
 pub mod outbox;

@@ -95,7 +95,7 @@ impl Outbox {
     }
 
     /// Keeps a trial until the server has it.
-    pub fn add(&mut self, trial_id: &str, body: String) -> Commands<Msg> {
+    pub fn add(&mut self, trial_id: &str, body: String) -> Command<Msg> {
         let id = trial_id.to_owned();
         let keep = Command::Keep {
             name: self.name(WAITING, trial_id),
@@ -103,7 +103,7 @@ impl Outbox {
             then: Box::new(|kept| Msg::Kept(id, kept)),
         };
         self.waiting.push(Waiting { trial_id: trial_id.to_owned(), body, kept: false });
-        vec![keep]
+        keep
     }
 
     /// Sends the trial that the server awaits, if it waits here and none is on its way.
@@ -133,52 +133,41 @@ impl Outbox {
                 if let Some(waiting) = waiting {
                     waiting.kept = kept.is_ok();
                 }
-                (None, Vec::new())
             }
-            Msg::SetAside(trial_id, kept) => {
-                // A trial that cannot be kept twice stays where it is.
-                let forget = kept.is_ok().then(|| Command::Forget(self.name(WAITING, &trial_id)));
-                (None, forget.into_iter().collect())
-            }
-            Msg::Retry => {
-                self.resume();
-                (None, Vec::new())
-            }
-            Msg::Uploaded(trial_id, answer) => self.uploaded(trial_id, &answer),
+            // A trial that cannot be kept twice stays where it is.
+            Msg::SetAside(_, Err(_)) => {}
+            Msg::SetAside(trial_id, Ok(())) => return (None, vec![self.forget(&trial_id)]),
+            Msg::Retry => self.resume(),
+            Msg::Uploaded(trial_id, answer) => return self.uploaded(trial_id, answer),
         }
+        (None, Vec::new())
     }
 
     fn uploaded(
         &mut self,
         trial_id: String,
-        answer: &Answer,
+        answer: Answer,
     ) -> (Option<UploadOutcome>, Commands<Msg>) {
         self.line = Line::Free;
-        let failure = match answer.bytes() {
-            Ok(_) => {
-                self.failures = 0;
-                self.waiting.retain(|waiting| waiting.trial_id != trial_id);
-                let forget = Command::Forget(self.name(WAITING, &trial_id));
-                return (Some(UploadOutcome::Stored(trial_id)), vec![forget]);
-            }
-            Err(failure) => failure,
+        let Err(failure) = answer else {
+            self.failures = 0;
+            let forget = self.drop_stored(&trial_id);
+            return (Some(UploadOutcome::Stored(trial_id)), forget.into_iter().collect());
         };
-        let is_early = failure.code() == "out_of_order";
+        let is_early = failure.code == "out_of_order";
         if is_early || failure.is_temporary() {
             let wake = self.pause();
             return (is_early.then_some(UploadOutcome::OutOfOrder), vec![wake]);
         }
-        match (failure.status(), failure.code()) {
-            (401 | 410, _) => (Some(UploadOutcome::Ended(failure.sentence())), Vec::new()),
-            (_, "different_content") => {
-                let commands = self.set_aside(&trial_id);
-                (Some(UploadOutcome::StoredBefore(trial_id)), commands)
-            }
-            _ => {
-                let commands = self.set_aside(&trial_id);
-                (Some(UploadOutcome::Refused(trial_id, failure.sentence())), commands)
-            }
+        if matches!(failure.status, 401 | 410) {
+            return (Some(UploadOutcome::Ended(failure.sentence)), Vec::new());
         }
+        let set_aside = self.set_aside(&trial_id);
+        let outcome = match failure.code.as_str() {
+            "different_content" => UploadOutcome::StoredBefore(trial_id),
+            _ => UploadOutcome::Refused(trial_id, failure.sentence),
+        };
+        (Some(outcome), set_aside.into_iter().collect())
     }
 
     /// Begins a pause, each twice as long as the one before.
@@ -190,15 +179,21 @@ impl Outbox {
         Command::Wake { timer: "upload-retry", after_ms, message: Msg::Retry }
     }
 
+    fn take(&mut self, trial_id: &str) -> Option<Waiting> {
+        let at = self.waiting.iter().position(|waiting| waiting.trial_id == trial_id)?;
+        Some(self.waiting.remove(at))
+    }
+
+    fn forget(&self, trial_id: &str) -> Command<Msg> {
+        Command::Forget(self.name(WAITING, trial_id))
+    }
+
     /// Moves a trial that the server does not want out of the way without losing it.
-    fn set_aside(&mut self, trial_id: &str) -> Commands<Msg> {
-        let Some(at) = self.waiting.iter().position(|waiting| waiting.trial_id == trial_id) else {
-            return Vec::new();
-        };
-        let refused = self.waiting.remove(at);
-        let name = self.name(REFUSED, trial_id);
-        let then = Box::new(|kept| Msg::SetAside(refused.trial_id, kept));
-        vec![Command::Keep { name, text: refused.body, then }]
+    fn set_aside(&mut self, trial_id: &str) -> Option<Command<Msg>> {
+        let Waiting { trial_id, body, .. } = self.take(trial_id)?;
+        let name = self.name(REFUSED, &trial_id);
+        let then = Box::new(|kept| Msg::SetAside(trial_id, kept));
+        Some(Command::Keep { name, text: body, then })
     }
 
     /// Ends the pause after a failed attempt, early if the network is back.
@@ -210,9 +205,7 @@ impl Outbox {
 
     /// The server has stored this trial, whoever sent it.
     pub fn drop_stored(&mut self, trial_id: &str) -> Option<Command<Msg>> {
-        let at = self.waiting.iter().position(|waiting| waiting.trial_id == trial_id)?;
-        self.waiting.remove(at);
-        Some(Command::Forget(self.name(WAITING, trial_id)))
+        self.take(trial_id).map(|_| self.forget(trial_id))
     }
 
     /// How many wait.
@@ -249,185 +242,168 @@ impl Outbox {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::collections::{BTreeMap, VecDeque};
+    use crate::runtime::Page;
+    use crate::testing::Session;
+    use crate::view::{Node, el};
 
-    /// An outbox with the browser's storage, which refuses when it is told to.
-    struct Browser {
+    /// A page with nothing but an outbox.
+    struct Alone {
         outbox: Outbox,
-        storage: BTreeMap<String, String>,
-        refuses: Option<NotKept>,
-        /// Addresses of uploads, and lengths of pauses.
-        sent: Vec<String>,
-        pauses: Vec<f64>,
+        outcomes: Vec<UploadOutcome>,
     }
 
-    impl Browser {
-        fn new() -> Self {
-            let outbox = Outbox::restore("p", "secret", &plan(), &[]);
-            let (storage, sent, pauses) = Default::default();
-            Self { outbox, storage, refuses: None, sent, pauses }
+    impl Page for Alone {
+        type Msg = Msg;
+
+        fn update(&mut self, message: Msg, _: f64) -> Commands<Msg> {
+            let (outcome, commands) = self.outbox.update(message);
+            self.outcomes.extend(outcome);
+            commands
         }
 
-        fn apply(&mut self, commands: Commands<Msg>) -> Vec<UploadOutcome> {
-            let mut outcomes = Vec::new();
-            let mut queue = VecDeque::from(commands);
-            while let Some(command) = queue.pop_front() {
-                match command {
-                    Command::Keep { name, text, then } => {
-                        let kept = self.refuses.map_or(Ok(()), Err);
-                        if kept.is_ok() {
-                            self.storage.insert(name, text);
-                        }
-                        let (outcome, commands) = self.outbox.update(then(kept));
-                        outcomes.extend(outcome);
-                        queue.extend(commands);
-                    }
-                    Command::Forget(name) => drop(self.storage.remove(&name)),
-                    Command::Send(request) => self.sent.push(request.url),
-                    Command::Wake { after_ms, .. } => self.pauses.push(after_ms),
-                    _ => panic!("the outbox asks for nothing else"),
-                }
-            }
-            outcomes
+        fn view(&self) -> Node<Msg> {
+            el("p")
         }
 
-        fn add(&mut self, trial_id: &str) {
-            let commands = self.outbox.add(trial_id, format!("{{{trial_id}}}"));
-            self.apply(commands);
+        fn title(&self) -> String {
+            String::new()
         }
-
-        fn send(&mut self, awaited: &str) -> bool {
-            let command = self.outbox.send(Some(awaited));
-            let sends = command.is_some();
-            self.apply(command.into_iter().collect());
-            sends
-        }
-
-        fn answer(&mut self, trial_id: &str, answer: Answer) -> Vec<UploadOutcome> {
-            let (outcome, commands) = self.outbox.update(Msg::Uploaded(trial_id.into(), answer));
-            let more = self.apply(commands);
-            outcome.into_iter().chain(more).collect()
-        }
-
-        fn names(&self) -> Vec<&str> {
-            self.storage.keys().map(String::as_str).collect()
-        }
-    }
-
-    fn received(status: u16, code: &str) -> Answer {
-        let body = format!(r#"{{"code":"{code}","message":"because"}}"#).into_bytes();
-        Answer::Received { status, body }
     }
 
     fn plan() -> Vec<String> {
         ["t1", "t2", "t3"].map(str::to_owned).to_vec()
     }
 
+    /// A browser that keeps these trials.
+    fn open(trials: &[&str]) -> Session<Alone> {
+        let outbox = Outbox::restore("p", "secret", &plan(), &[]);
+        let page = Alone { outbox, outcomes: Vec::new() };
+        let mut session = Session::new((page, Vec::new()), Default::default());
+        for trial in trials {
+            session.add(trial);
+        }
+        session
+    }
+
+    impl Session<Alone> {
+        fn add(&mut self, trial_id: &str) {
+            let keep = self.page.outbox.add(trial_id, format!("{{{trial_id}}}"));
+            self.apply(vec![keep]);
+        }
+
+        /// Sends the trial that the server awaits; whether that was possible.
+        fn upload(&mut self, awaited: &str) -> bool {
+            let send = self.page.outbox.send(Some(awaited));
+            let sends = send.is_some();
+            self.apply(send.into_iter().collect());
+            sends
+        }
+
+        /// The server answers the upload; what became of it.
+        fn refuse(&mut self, status: u16, code: &str) -> Option<UploadOutcome> {
+            let body = format!(r#"{{"code":"{code}","message":"because"}}"#);
+            self.answer("upload", status, body.as_bytes());
+            self.page.outcomes.pop()
+        }
+
+        fn names(&self) -> Vec<&str> {
+            self.kept.keys().map(String::as_str).collect()
+        }
+    }
+
     #[test]
     fn trials_are_sent_in_order_and_forgotten_when_stored() {
-        let mut browser = Browser::new();
-        browser.add("t1");
-        assert!(browser.send("t1"));
+        let mut browser = open(&["t1"]);
+        assert!(browser.upload("t1"));
         browser.add("t2");
-        assert!(!browser.send("t2"), "one at a time");
+        assert!(!browser.upload("t2"), "one at a time");
         assert_eq!(browser.names().len(), 2);
-        assert!(browser.outbox.is_safe());
-        let stored = browser.answer("t1", received(201, ""));
-        assert_eq!(stored, [UploadOutcome::Stored("t1".into())]);
-        assert!(browser.send("t2"));
-        browser.answer("t2", received(200, ""));
-        assert!(browser.outbox.is_empty() && browser.storage.is_empty());
-        assert_eq!(browser.sent, [routes::my_trial("t1"), routes::my_trial("t2")]);
+        assert!(browser.page.outbox.is_safe());
+        assert_eq!(browser.urls(), [routes::my_trial("t1")]);
+        browser.answer("upload", 201, b"");
+        assert_eq!(browser.page.outcomes, [UploadOutcome::Stored("t1".into())]);
+        assert!(browser.upload("t2"));
+        assert_eq!(browser.urls(), [routes::my_trial("t2")]);
+        browser.answer("upload", 200, b"");
+        assert!(browser.page.outbox.is_empty() && browser.kept.is_empty());
     }
 
     #[test]
     fn only_the_trial_that_the_server_awaits_is_sent() {
-        let mut browser = Browser::new();
-        browser.add("t2");
-        assert!(!browser.send("t1"));
+        let mut browser = open(&["t2"]);
+        assert!(!browser.upload("t1"));
         browser.add("t1");
-        assert!(browser.send("t1"));
+        assert!(browser.upload("t1"));
     }
 
     #[test]
     fn an_unreachable_server_loses_nothing_even_across_a_reload() {
-        let mut browser = Browser::new();
-        browser.add("t2");
-        browser.add("t1");
-        let answers =
-            [Answer::Unreachable, received(503, ""), received(500, ""), Answer::Unreachable];
-        for answer in answers {
-            assert!(browser.send("t2"));
-            assert_eq!(browser.answer("t2", answer), []);
-            assert!(!browser.send("t2"), "not before the pause is over");
-            browser.outbox.update(Msg::Retry);
+        let mut browser = open(&["t2", "t1"]);
+        for (status, pause_ms) in [(0, 500.0), (503, 1000.0), (500, 2000.0), (0, 4000.0)] {
+            assert!(browser.upload("t2"));
+            match status {
+                0 => browser.unreachable("upload"),
+                _ => assert_eq!(browser.refuse(status, ""), None),
+            }
+            assert!(!browser.upload("t2"), "not before the pause is over");
+            assert_eq!(browser.timers[0].1, pause_ms);
+            browser.wake("upload-retry");
         }
-        assert_eq!(browser.pauses, [500.0, 1000.0, 2000.0, 4000.0]);
-        assert!(browser.outbox.is_struggling());
+        assert!(browser.page.outbox.is_struggling() && browser.page.outcomes.is_empty());
         // A reload restores both.
-        let kept: Vec<_> = browser.storage.clone().into_iter().collect();
+        let kept: Vec<_> = browser.kept.into_iter().collect();
         let mut again = Outbox::restore("p", "fresh", &plan(), &kept);
         assert_eq!(again.len(), 2);
         assert!(again.is_safe() && again.send(Some("t1")).is_some());
-        assert!(Outbox::restore("somebody else", "t", &plan(), &kept).is_empty());
+        assert!(Outbox::restore("another", "t", &plan(), &kept).is_empty());
     }
 
     #[test]
     fn the_network_ends_a_pause_but_no_upload() {
-        let mut browser = Browser::new();
-        browser.add("t1");
-        browser.send("t1");
-        browser.outbox.resume();
-        assert!(!browser.send("t1"), "it is on its way");
-        browser.answer("t1", Answer::Unreachable);
-        browser.outbox.resume();
-        assert!(browser.send("t1"));
+        let mut browser = open(&["t1"]);
+        browser.upload("t1");
+        browser.page.outbox.resume();
+        assert!(!browser.upload("t1"), "it is on its way");
+        browser.unreachable("upload");
+        browser.page.outbox.resume();
+        assert!(browser.upload("t1"));
     }
 
     #[test]
     fn a_refused_trial_stays_in_the_browser() {
-        for (status, code) in [(409, "different_content"), (422, "invalid")] {
-            let mut browser = Browser::new();
-            browser.add("t1");
-            browser.send("t1");
-            let outcome = browser.answer("t1", received(status, code));
-            let expected = match status {
-                409 => UploadOutcome::StoredBefore("t1".into()),
-                _ => UploadOutcome::Refused("t1".into(), "Because.".into()),
-            };
-            assert_eq!(outcome, [expected]);
-            assert_eq!(browser.names(), ["sidestep.refused.p.t1"]);
-            assert!(browser.outbox.is_empty());
+        let before = UploadOutcome::StoredBefore("t1".into());
+        let refused = UploadOutcome::Refused("t1".into(), "Because.".into());
+        let early = UploadOutcome::OutOfOrder;
+        for (status, code, outcome, place) in [
+            (409, "different_content", before, "refused"),
+            (422, "invalid", refused, "refused"),
+            (409, "out_of_order", early.clone(), "outbox"),
+        ] {
+            let mut browser = open(&["t1"]);
+            browser.upload("t1");
+            let waits = outcome == early;
+            assert_eq!(browser.refuse(status, code), Some(outcome));
+            assert_eq!(browser.names(), [format!("sidestep.{place}.p.t1")]);
+            assert_eq!(browser.page.outbox.holds("t1"), waits);
         }
-    }
-
-    #[test]
-    fn a_trial_before_its_turn_goes_on_waiting() {
-        let mut browser = Browser::new();
-        browser.add("t1");
-        browser.send("t1");
-        let outcome = browser.answer("t1", received(409, "out_of_order"));
-        assert_eq!(outcome, [UploadOutcome::OutOfOrder]);
-        assert_eq!((browser.outbox.len(), browser.names().len()), (1, 1));
     }
 
     #[test]
     fn a_storage_that_refuses_is_noticed_and_loses_nothing() {
         for reason in [NotKept::Full, NotKept::Denied] {
-            let mut browser = Browser::new();
+            let mut browser = open(&[]);
             browser.refuses = Some(reason);
             browser.add("t1");
-            assert!(!browser.outbox.is_safe());
-            assert!(browser.send("t1"), "it is sent from memory");
-            browser.answer("t1", received(201, ""));
-            assert!(browser.outbox.is_safe() && browser.outbox.is_empty());
+            assert!(!browser.page.outbox.is_safe());
+            assert!(browser.upload("t1"), "it is sent from memory");
+            browser.answer("upload", 201, b"");
+            assert!(browser.page.outbox.is_safe() && browser.page.outbox.is_empty());
         }
         // Room for the trial, but not for a copy: the first is not forgotten.
-        let mut browser = Browser::new();
-        browser.add("t1");
+        let mut browser = open(&["t1"]);
         browser.refuses = Some(NotKept::Full);
-        browser.send("t1");
-        browser.answer("t1", received(422, "invalid"));
+        browser.upload("t1");
+        browser.refuse(422, "invalid");
         assert_eq!(browser.names(), ["sidestep.outbox.p.t1"]);
     }
 }

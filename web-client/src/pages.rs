@@ -1,6 +1,6 @@
 //! The pages, one state machine each.
 
-mod notice;
+mod parts;
 pub mod participant;
 pub mod replay;
 pub mod lab;

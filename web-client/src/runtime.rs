@@ -8,17 +8,29 @@ use sidestep::reachability::PursuitGame;
 use std::rc::Rc;
 
 /// A page: a state machine with a message type of its own. It never waits and never touches
-/// the browser, so that tests drive it natively.
+/// the browser, so that tests run it natively.
 pub trait Page {
     /// What it can be told.
     type Msg: Clone + 'static;
 
-    /// Whether it has several addresses. The adapter leaves out what a page does not need:
-    /// every participant downloads it.
-    const NAVIGATES: bool = false;
+    /// Whether it has several addresses. A function without a page, so that the compiler leaves
+    /// out of a program what its page does not need: every participant downloads it.
+    #[must_use]
+    fn navigates() -> bool
+    where
+        Self: Sized,
+    {
+        false
+    }
 
     /// Whether it solves games; else [`Command::Solve`] does nothing.
-    const SOLVES: bool = false;
+    #[must_use]
+    fn solves() -> bool
+    where
+        Self: Sized,
+    {
+        false
+    }
 
     /// Takes a message and says what is to be done. `now_ms` is when the message's cause
     /// happened, on the page's clock.
@@ -242,65 +254,60 @@ impl NotKept {
     }
 }
 
-/// What came of a request.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Answer {
-    /// The server answered.
-    Received {
-        /// Status code.
-        status: u16,
-        /// Bytes of the body.
-        body: Vec<u8>,
-    },
-    /// The server could not be reached.
-    Unreachable,
+/// What came of a request: the body of a 2xx answer, or why there is none.
+pub type Answer = Result<Vec<u8>, Failure>;
+
+/// Why a request brought nothing.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Failure {
+    /// Status of the refusal; 0 if the server could not be reached.
+    pub status: u16,
+    /// The server's word for what is wrong; empty if it gave none.
+    pub code: String,
+    /// A sentence for people.
+    pub sentence: String,
 }
 
-impl Answer {
-    /// The body of a 2xx answer, or what to tell the user.
-    ///
-    /// # Errors
-    /// [`Failure`] if the server was not reached, refused, or sent what this
-    /// page cannot read.
-    pub fn read<T: serde::de::DeserializeOwned>(&self) -> Result<T, Failure> {
-        crate::json::read(self.bytes()?).ok_or_else(|| Failure::Refused {
-            status: 200,
-            problem: Problem {
-                code: "unreadable".to_owned(),
-                message: "This page cannot read the server's answer. Please reload it.".to_owned(),
-                field: None,
-            },
-        })
-    }
-
-    /// The bytes of a 2xx answer.
-    ///
-    /// # Errors
-    /// [`Failure`] if the server was not reached or refused.
-    pub fn bytes(&self) -> Result<&[u8], Failure> {
-        match self {
-            Self::Unreachable => Err(Failure::Unreachable),
-            Self::Received { status: 200..=299, body } => Ok(body),
-            Self::Received { status, body } => {
-                let unknown = || Problem {
-                    code: "unknown".to_owned(),
-                    message: format!("The server answered with status {status}."),
-                    field: None,
-                };
-                let problem = crate::json::read(body).unwrap_or_else(unknown);
-                Err(Failure::Refused { status: *status, problem })
-            }
-        }
-    }
-
-    /// The status, if the server answered.
+impl Failure {
+    /// The server could not be reached.
     #[must_use]
-    pub fn status(&self) -> Option<u16> {
-        match self {
-            Self::Unreachable => None,
-            Self::Received { status, .. } => Some(*status),
-        }
+    pub fn unreachable() -> Self {
+        let sentence = "The server cannot be reached. Check the internet connection.";
+        Self { status: 0, code: String::new(), sentence: sentence.to_owned() }
     }
+
+    /// Whether the same request may succeed later.
+    #[must_use]
+    pub fn is_temporary(&self) -> bool {
+        self.status >= 500 || matches!(self.status, 0 | 408 | 429)
+    }
+}
+
+/// The answer that a response of the server is.
+///
+/// # Errors
+/// [`Failure`] if the server refused.
+pub fn answer(status: u16, body: Vec<u8>) -> Answer {
+    if (200..300).contains(&status) {
+        return Ok(body);
+    }
+    let (code, sentence) = match crate::json::read::<Problem>(&body) {
+        Some(problem) => (problem.code, sentence(problem.message)),
+        None => (String::new(), format!("The server answered with status {status}.")),
+    };
+    Err(Failure { status, code, sentence })
+}
+
+/// The value that the body of an answer holds.
+///
+/// # Errors
+/// [`Failure`] if the server was not reached, refused, or sent what this page cannot read.
+pub fn read<T: serde::de::DeserializeOwned>(answer: Answer) -> Result<T, Failure> {
+    crate::json::read(&answer?).ok_or_else(|| Failure {
+        status: 200,
+        code: String::new(),
+        sentence: "This page cannot read the server's answer. Please reload it.".to_owned(),
+    })
 }
 
 /// What a solver beside the page reports.
@@ -314,70 +321,15 @@ pub enum Solving {
     Failed(String),
 }
 
-/// Why a request brought nothing.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Failure {
-    /// The server could not be reached.
-    Unreachable,
-    /// The server said no.
-    Refused {
-        /// Status code.
-        status: u16,
-        /// Why.
-        problem: Problem,
-    },
-}
-
-impl Failure {
-    /// Whether the same request may succeed later.
-    #[must_use]
-    pub fn is_temporary(&self) -> bool {
-        match self {
-            Self::Unreachable => true,
-            Self::Refused { status, .. } => *status >= 500 || matches!(status, 408 | 429),
-        }
-    }
-
-    /// Status of the refusal; 0 if the server could not be reached.
-    #[must_use]
-    pub fn status(&self) -> u16 {
-        match self {
-            Self::Unreachable => 0,
-            Self::Refused { status, .. } => *status,
-        }
-    }
-
-    /// The server's word for what is wrong; empty if it could not be reached.
-    #[must_use]
-    pub fn code(&self) -> &str {
-        match self {
-            Self::Unreachable => "",
-            Self::Refused { problem, .. } => &problem.code,
-        }
-    }
-
-    /// A sentence for people.
-    #[must_use]
-    pub fn sentence(&self) -> String {
-        match self {
-            Self::Unreachable => {
-                "The server cannot be reached. Check the internet connection.".to_owned()
-            }
-            Self::Refused { problem, .. } => sentence(&problem.message),
-        }
-    }
-}
-
 /// A message with a capital letter and a full stop: the server's have neither.
-fn sentence(message: &str) -> String {
-    let mut sentence = message.to_owned();
-    if let Some(first) = sentence.get_mut(..1) {
+fn sentence(mut message: String) -> String {
+    if let Some(first) = message.get_mut(..1) {
         first.make_ascii_uppercase();
     }
-    if !sentence.ends_with(['.', '!', '?']) {
-        sentence.push('.');
+    if !message.ends_with(['.', '!', '?']) {
+        message.push('.');
     }
-    sentence
+    message
 }
 
 #[cfg(test)]
@@ -385,24 +337,22 @@ mod tests {
     use super::*;
 
     #[test]
-    fn messages_of_the_server_become_sentences() {
-        assert_eq!(sentence("the queue is full"), "The queue is full.");
-        assert_eq!(sentence("Signed out."), "Signed out.");
-        assert_eq!(sentence("ω is not finite"), "ω is not finite.");
-    }
-
-    #[test]
     fn an_answer_is_read_or_says_why_not() {
-        let received = |status, body: &[u8]| Answer::Received { status, body: body.to_vec() };
-        assert_eq!(received(200, b"[1,2]").read::<Vec<u32>>(), Ok(vec![1, 2]));
-        assert!(received(200, b"[1,").read::<Vec<u32>>().is_err());
-        let full = received(503, br#"{"code":"busy","message":"try again"}"#);
-        let failure = full.bytes().unwrap_err();
-        assert!(failure.is_temporary());
-        assert_eq!((failure.status(), failure.code()), (503, "busy"));
-        assert_eq!(failure.sentence(), "Try again.");
-        let unknown = received(418, b"<html>").bytes().unwrap_err();
-        assert!(!unknown.is_temporary() && unknown.sentence().contains("418"));
-        assert!(Answer::Unreachable.bytes().unwrap_err().is_temporary());
+        let received = |status, body: &[u8]| answer(status, body.to_vec());
+        assert_eq!(read(received(200, b"[1,2]")), Ok(vec![1, 2]));
+        assert!(read::<Vec<u32>>(received(200, b"[1,")).is_err());
+        let said = |message: &str| {
+            let problem = format!(r#"{{"code":"busy","message":"{message}"}}"#);
+            received(503, problem.as_bytes()).unwrap_err()
+        };
+        let full = said("the queue is full");
+        assert!(full.is_temporary());
+        assert_eq!((full.status, full.code.as_str()), (503, "busy"));
+        assert_eq!(full.sentence, "The queue is full.");
+        assert_eq!(said("Signed out.").sentence, "Signed out.");
+        assert_eq!(said("ω is not finite").sentence, "ω is not finite.");
+        let unknown = received(418, b"<html>").unwrap_err();
+        assert!(!unknown.is_temporary() && unknown.sentence.contains("418"));
+        assert!(Failure::unreachable().is_temporary());
     }
 }

@@ -1,137 +1,58 @@
-//! What is drawn on a canvas: shapes in world coordinates, and the camera that
-//! brings metres to pixels.
+//! What is drawn on a canvas: shapes in world coordinates, and the camera that brings metres to
+//! pixels. Colours and pens are those of charts.
 
+use sidestep::chart::{Colour, Ink, Pen};
 use sidestep::vehicle::Pose;
 
-/// A colour by what it stands for. The style sheet says what it looks like, in
-/// light and in dark.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum ColourToken {
-    /// The human's vehicle.
-    Human,
-    /// The robot.
-    Robot,
-    /// Things that will be.
-    Future,
-    /// Lines of the grid.
-    Grid,
-    /// Words and scales.
-    Muted,
-    /// What lies under everything.
-    Ground,
-    /// Region S_1 … S_5 of an SHFRS.
-    Region(usize),
-}
-
-impl ColourToken {
-    /// The style sheet's custom property.
-    #[must_use]
-    pub fn property(self) -> &'static str {
-        match self {
-            Self::Human => "--human",
-            Self::Robot => "--robot",
-            Self::Future => "--future",
-            Self::Grid => "--grid",
-            Self::Muted => "--muted",
-            Self::Ground => "--ground",
-            Self::Region(0) => "--region-1",
-            Self::Region(1) => "--region-2",
-            Self::Region(2) => "--region-3",
-            Self::Region(3) => "--region-4",
-            Self::Region(_) => "--region-5",
-        }
-    }
-
-    /// Every colour, for reading the style sheet once.
-    pub const ALL: [Self; 11] = [
-        Self::Human,
-        Self::Robot,
-        Self::Future,
-        Self::Grid,
-        Self::Muted,
-        Self::Ground,
-        Self::Region(0),
-        Self::Region(1),
-        Self::Region(2),
-        Self::Region(3),
-        Self::Region(4),
-    ];
-}
-
-/// How a line is drawn.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Stroke {
-    /// Its colour.
-    pub colour: ColourToken,
-    /// Its width, CSS pixels.
-    pub width_px: f64,
-    /// Lengths of dash and gap, CSS pixels.
-    pub dash_px: Option<(f64, f64)>,
-}
-
-impl Stroke {
-    /// A continuous line.
-    #[must_use]
-    pub fn solid(colour: ColourToken, width_px: f64) -> Self {
-        Self { colour, width_px, dash_px: None }
-    }
-
-    /// A broken line.
-    #[must_use]
-    pub fn dashed(colour: ColourToken, width_px: f64, dash_px: (f64, f64)) -> Self {
-        Self { colour, width_px, dash_px: Some(dash_px) }
-    }
-}
-
-/// Something to draw. Positions are world coordinates, m.
+/// Something to draw. Positions are world coordinates, m; widths and dashes of pens are CSS pixels.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Shape {
-    /// A closed polygon: filled with a colour at an opacity, outlined, or both.
+    /// A closed polygon.
     Polygon {
         /// Its corners.
         points: Vec<[f64; 2]>,
-        /// Colour and opacity of the inside.
-        fill: Option<(ColourToken, f64)>,
-        /// The outline.
-        stroke: Option<Stroke>,
+        /// What fills it.
+        fill: Ink,
+        /// How its edge is drawn.
+        outline: Pen,
     },
     /// An open line.
     Polyline {
         /// Its points.
         points: Vec<[f64; 2]>,
         /// How it is drawn.
-        stroke: Stroke,
+        pen: Pen,
     },
-    /// A disc or circle.
+    /// A disc.
     Disc {
-        /// Its middle.
+        /// Its centre.
         centre: [f64; 2],
         /// Its radius, m.
         radius_m: f64,
-        /// Colour and opacity of the inside.
-        fill: Option<(ColourToken, f64)>,
-        /// The outline.
-        stroke: Option<Stroke>,
+        /// What fills it.
+        fill: Ink,
+        /// How its edge is drawn.
+        outline: Pen,
     },
     /// A vehicle: an arrow whose tail marks the exact position.
     Vehicle {
-        /// Where it is and heads.
+        /// Its position and heading.
         pose: Pose,
         /// Its colour.
-        colour: ColourToken,
+        colour: Colour,
     },
     /// A filled square.
     Square {
-        /// Its middle.
+        /// Its centre.
         centre: [f64; 2],
         /// Its side, m.
         side_m: f64,
         /// Its colour.
-        colour: ColourToken,
+        colour: Colour,
     },
-    /// Lines every so many metres over the whole view, and a scale bar.
+    /// Grid lines over the whole view, and a scale bar.
     Grid {
-        /// Distance of the lines, m.
+        /// Distance between lines, m.
         every_m: u32,
     },
 }
@@ -139,7 +60,7 @@ pub enum Shape {
 /// Length of a vehicle's arrow, m.
 pub const VEHICLE_LENGTH_M: f64 = 1.9;
 
-/// A rectangle of the world that must be seen.
+/// A rectangle of the world that must be visible.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Window {
     /// Lower left corner, m.
@@ -163,21 +84,12 @@ impl Window {
             high: [self.high[0].max(x + margin_m), self.high[1].max(y + margin_m)],
         }
     }
-
-    /// The smallest window around some points, with a margin.
-    #[must_use]
-    pub fn around(points: impl IntoIterator<Item = [f64; 2]>, margin_m: f64) -> Option<Self> {
-        let mut points = points.into_iter();
-        let [x, y] = points.next()?;
-        let first = Self { low: [x, y], high: [x, y] }.including([x, y], margin_m);
-        Some(points.fold(first, |window, point| window.including(point, margin_m)))
-    }
 }
 
 /// From metres to CSS pixels: the same scale both ways, y up.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Camera {
-    /// Pixels a metre.
+    /// Pixels per metre.
     pub scale: f64,
     origin_px: [f64; 2],
     /// Width and height of the canvas, CSS pixels.
@@ -197,13 +109,13 @@ impl Camera {
         Self { scale, origin_px, size_px }
     }
 
-    /// Where a point of the world is on the canvas.
+    /// The place on the canvas, px, of a point of the world, m.
     #[must_use]
     pub fn to_px(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         [self.origin_px[0] + self.scale * x, self.origin_px[1] - self.scale * y]
     }
 
-    /// Which point of the world is there on the canvas.
+    /// The point of the world, m, at a place on the canvas, px.
     #[must_use]
     pub fn to_world(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         [(x - self.origin_px[0]) / self.scale, (self.origin_px[1] - y) / self.scale]
@@ -215,7 +127,7 @@ impl Camera {
 pub struct Picture {
     /// The canvas element's id.
     pub canvas: &'static str,
-    /// What must be seen.
+    /// What must be visible.
     pub window: Window,
     /// In order of painting.
     pub shapes: Vec<Shape>,
@@ -234,9 +146,8 @@ mod tests {
             let camera = Camera::showing(window, size);
             for corner in [window.low, window.high] {
                 let [x, y] = camera.to_px(corner);
-                assert!(
-                    (-1e-9..=size[0] + 1e-9).contains(&x) && (-1e-9..=size[1] + 1e-9).contains(&y)
-                );
+                assert!((-1e-9..=size[0] + 1e-9).contains(&x));
+                assert!((-1e-9..=size[1] + 1e-9).contains(&y));
                 let back = camera.to_world([x, y]);
                 assert!((back[0] - corner[0]).abs() < 1e-9 && (back[1] - corner[1]).abs() < 1e-9);
             }
@@ -249,6 +160,5 @@ mod tests {
     fn a_window_grows_around_points() {
         let window = Window::square(5.0).including([9.0, 0.0], 1.0);
         assert_eq!(window, Window { low: [-5.0, -5.0], high: [10.0, 5.0] });
-        assert_eq!(Window::around([], 1.0), None);
     }
 }

@@ -89,6 +89,12 @@ impl<M> Node<M> {
         self
     }
 
+    /// With attributes.
+    #[must_use]
+    pub fn attrs<const N: usize>(self, attributes: [(&'static str, &str); N]) -> Self {
+        attributes.into_iter().fold(self, |node, (name, value)| node.attr(name, value))
+    }
+
     /// With an attribute, if the condition holds.
     #[must_use]
     pub fn attr_if(self, condition: bool, name: &'static str, value: &str) -> Self {

@@ -6,26 +6,13 @@ use crate::runtime::{Event, Page};
 use crate::view::{Handler, Use};
 use wasm_bindgen::prelude::*;
 use wasm_bindgen_futures::spawn_local;
-use web_sys::{Element, EventTarget, KeyboardEvent, MouseEvent, Node};
+use web_sys::{Element, EventTarget, KeyboardEvent, MediaQueryList, MouseEvent, Node};
 
 /// A callback on a target for as long as this value lives.
 pub(super) struct Listener {
     target: EventTarget,
     name: &'static str,
     callback: Closure<dyn FnMut(web_sys::Event)>,
-}
-
-impl Listener {
-    fn new(
-        target: &EventTarget,
-        name: &'static str,
-        callback: impl FnMut(web_sys::Event) + 'static,
-    ) -> Option<Self> {
-        let callback = Closure::<dyn FnMut(web_sys::Event)>::new(callback);
-        let function = callback.as_ref().unchecked_ref();
-        target.add_event_listener_with_callback(name, function).ok()?;
-        Some(Self { target: target.clone(), name, callback })
-    }
 }
 
 impl Drop for Listener {
@@ -43,73 +30,58 @@ impl<P: Page + 'static> Pump<P> {
             let shell = self.shell.borrow();
             (shell.window.clone(), shell.document.clone(), shell.root.clone())
         };
-        let key = |down: bool| {
-            let pump = self.clone();
-            move |event: web_sys::Event| {
-                if let Some(event) = event.dyn_ref::<KeyboardEvent>() {
-                    pump.key(event, down);
-                }
+        self.on(&window, "keydown", |pump, event| pump.key(event, true));
+        self.on(&window, "keyup", |pump, event| pump.key(event, false));
+        self.on(&window, "blur", |pump, event| pump.tell(&Event::FocusLost, event.time_stamp()));
+        self.on(&document, "visibilitychange", |pump, event| {
+            if pump.shell.borrow().document.hidden() {
+                pump.tell(&Event::FocusLost, event.time_stamp());
             }
-        };
-        let focus_lost = || {
-            let pump = self.clone();
-            move |event: web_sys::Event| pump.tell(&Event::FocusLost, event.time_stamp())
-        };
-        let hidden = {
-            let (pump, document) = (self.clone(), document.clone());
-            move |event: web_sys::Event| {
-                if document.hidden() {
-                    pump.tell(&Event::FocusLost, event.time_stamp());
-                }
+        });
+        self.on(&window, "online", |pump, event| pump.tell(&Event::Online, event.time_stamp()));
+        self.on(&root, "click", |pump, event| pump.used(event, Use::Press));
+        self.on(&root, "input", |pump, event| pump.used(event, Use::Input));
+        self.on(&root, "submit", |pump, event| pump.used(event, Use::Submit));
+        if P::navigates() {
+            for name in ["popstate", "hashchange"] {
+                self.on(&window, name, |pump, event| {
+                    let address = address::current(&pump.shell.borrow().window);
+                    pump.tell(&Event::Address(address), event.time_stamp());
+                });
             }
-        };
-        let repaint = || {
-            let pump = self.clone();
-            move |_: web_sys::Event| {
+        }
+        // The size of a pixel changes with the zoom, which resizes the window.
+        self.on(&window, "resize", |pump, _| pump.shell.borrow_mut().paint());
+        if let Ok(Some(dark)) = window.match_media("(prefers-color-scheme: dark)") {
+            self.shell.borrow_mut().painter.set_dark(dark.matches());
+            self.on(&dark, "change", |pump, event| {
+                let query =
+                    event.target().and_then(|query| query.dyn_into::<MediaQueryList>().ok());
                 let mut shell = pump.shell.borrow_mut();
-                shell.painter.forget_style();
+                shell.painter.set_dark(query.is_some_and(|query| query.matches()));
                 shell.paint();
-            }
-        };
-        let online = {
-            let pump = self.clone();
-            move |event: web_sys::Event| pump.tell(&Event::Online, event.time_stamp())
-        };
-        let address = || {
-            let pump = self.clone();
-            move |event: web_sys::Event| {
-                let address = address::current(&pump.shell.borrow().window);
-                pump.tell(&Event::Address(address), event.time_stamp());
-            }
-        };
-        let used = |used: Use| {
-            let pump = self.clone();
-            move |event: web_sys::Event| pump.used(&event, used)
-        };
-        let dark = window.match_media("(prefers-color-scheme: dark)").ok().flatten();
-        let listeners = [
-            Listener::new(&window, "keydown", key(true)),
-            Listener::new(&window, "keyup", key(false)),
-            Listener::new(&window, "blur", focus_lost()),
-            Listener::new(&document, "visibilitychange", hidden),
-            Listener::new(&window, "resize", repaint()),
-            Listener::new(&window, "online", online),
-            P::NAVIGATES.then(|| Listener::new(&window, "popstate", address())).flatten(),
-            P::NAVIGATES.then(|| Listener::new(&window, "hashchange", address())).flatten(),
-            Listener::new(&root, "click", used(Use::Press)),
-            Listener::new(&root, "input", used(Use::Input)),
-            Listener::new(&root, "submit", used(Use::Submit)),
-            dark.and_then(|query| Listener::new(&query, "change", repaint())),
-        ];
+            });
+        }
         let pump = self.clone();
         let on_resize = SizeWatcher::new(move || pump.shell.borrow_mut().paint());
-        let mut shell = self.shell.borrow_mut();
-        shell.listeners = listeners.into_iter().flatten().collect();
-        shell.on_resize = on_resize;
+        self.shell.borrow_mut().on_resize = on_resize;
     }
 
-    fn key(&self, event: &KeyboardEvent, down: bool) {
-        if event.ctrl_key() || event.alt_key() || event.meta_key() {
+    /// Calls back whenever `target` reports the event of this name.
+    fn on(&self, target: &EventTarget, name: &'static str, hear: fn(&Self, &web_sys::Event)) {
+        let pump = self.clone();
+        let callback = Closure::<dyn FnMut(web_sys::Event)>::new(move |event| hear(&pump, &event));
+        let function = callback.as_ref().unchecked_ref();
+        if target.add_event_listener_with_callback(name, function).is_ok() {
+            let listener = Listener { target: target.clone(), name, callback };
+            self.shell.borrow_mut().listeners.push(listener);
+        }
+    }
+
+    fn key(&self, event: &web_sys::Event, down: bool) {
+        let Some(event) = event.dyn_ref::<KeyboardEvent>() else { return };
+        // With these the browser has commands of its own. A key that goes up is up all the same.
+        if down && (event.ctrl_key() || event.alt_key() || event.meta_key()) {
             return;
         }
         let key = event.key();
@@ -133,7 +105,7 @@ impl<P: Page + 'static> Pump<P> {
         };
         let pump = self.clone();
         match found {
-            None if P::NAVIGATES && used == Use::Press => self.link(event, &target),
+            None if P::navigates() && used == Use::Press => self.link(event, &target),
             None => {}
             Some((Handler::Press(message), _)) => self.dispatch(message, t_ms),
             Some((Handler::Input(make), field)) => spawn_local(async move {

@@ -1,6 +1,6 @@
 //! Requests to the server.
 
-use crate::runtime::{Answer, Request, Then};
+use crate::runtime::{Answer, Failure, Request, Then, answer};
 use js_sys::Uint8Array;
 use wasm_bindgen::prelude::*;
 use wasm_bindgen_futures::JsFuture;
@@ -22,13 +22,10 @@ impl Drop for Sent {
 }
 
 /// Sends a request. Whatever goes wrong on the way counts as unreachable.
-pub(super) fn send<M>(
+pub(super) fn send<M: 'static>(
     window: &Window,
     request: Request<M>,
-) -> (Sent, impl Future<Output = Answer> + 'static, Then<Answer, M>)
-where
-    M: 'static,
-{
+) -> (Sent, impl Future<Output = Answer> + 'static, Then<Answer, M>) {
     let Request { method, url, token, body, then, .. } = request;
     let controller = AbortController::new().ok();
     if let Some(controller) = controller.clone() {
@@ -43,7 +40,8 @@ where
     init.set_signal(controller.as_ref().map(AbortController::signal).as_ref());
     let window = window.clone();
     let answer = async move {
-        exchange(&window, &init, &url, token, body).await.unwrap_or(Answer::Unreachable)
+        let response = exchange(&window, &init, &url, token, body).await;
+        response.map_or_else(|_| Err(Failure::unreachable()), |(status, body)| answer(status, body))
     };
     (Sent(controller), answer, then)
 }
@@ -54,7 +52,7 @@ async fn exchange(
     url: &str,
     token: Option<String>,
     body: Option<String>,
-) -> Result<Answer, JsValue> {
+) -> Result<(u16, Vec<u8>), JsValue> {
     if let Some(body) = &body {
         init.set_body(&JsValue::from_str(body));
     }
@@ -68,5 +66,5 @@ async fn exchange(
     let response: Response =
         JsFuture::from(window.fetch_with_request(&prepared)).await?.dyn_into()?;
     let body = JsFuture::from(response.array_buffer()?).await?;
-    Ok(Answer::Received { status: response.status(), body: Uint8Array::new(&body).to_vec() })
+    Ok((response.status(), Uint8Array::new(&body).to_vec()))
 }

@@ -1,19 +1,20 @@
 //! The scene itself: both vehicles and the goal.
 
-use crate::shape::{ColourToken, Shape, Stroke};
+use crate::shape::Shape;
+use sidestep::chart::{Pen, colours};
 use sidestep::scene::{JointState, Scene};
 use sidestep::vehicle::Pose;
 
 /// Side of the goal's square, m.
 const GOAL_SIDE_M: f64 = 0.85;
 
-/// The red square, the red and the blue arrow.
+/// The red square, the red arrow and the blue arrow.
 #[must_use]
 pub fn vehicles_and_goal(scene: &Scene, state: JointState) -> Vec<Shape> {
     vec![
-        Shape::Square { centre: scene.goal, side_m: GOAL_SIDE_M, colour: ColourToken::Robot },
-        Shape::Vehicle { pose: state.robot, colour: ColourToken::Robot },
-        Shape::Vehicle { pose: state.human, colour: ColourToken::Human },
+        Shape::Square { centre: scene.goal, side_m: GOAL_SIDE_M, colour: colours::ROBOT },
+        Shape::Vehicle { pose: state.robot, colour: colours::ROBOT },
+        Shape::Vehicle { pose: state.human, colour: colours::HUMAN },
     ]
 }
 
@@ -23,7 +24,7 @@ pub fn danger_zone(robot: Pose, radius_m: f64) -> Shape {
     Shape::Disc {
         centre: robot.position(),
         radius_m,
-        fill: Some((ColourToken::Robot, 0.07)),
-        stroke: Some(Stroke::solid(ColourToken::Robot, 1.0)),
+        fill: colours::ROBOT.at(0.07),
+        outline: Pen::new(colours::ROBOT, 1.0),
     }
 }

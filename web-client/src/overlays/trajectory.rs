@@ -1,19 +1,20 @@
-//! Where both vehicles have come from.
+//! The paths that the vehicles took up to this moment.
 
 use super::Moment;
-use crate::shape::{ColourToken, Shape, Stroke};
+use crate::shape::Shape;
+use sidestep::chart::{Colour, Pen, colours};
+use sidestep::scene::JointState;
 
 /// A line behind each vehicle.
 #[must_use]
 pub fn shapes(moment: &Moment<'_>) -> Vec<Shape> {
-    let past = &moment.trial.states[..=moment.step.min(moment.trial.states.len() - 1)];
-    let line = |colour, points: Vec<[f64; 2]>| Shape::Polyline {
-        points,
-        stroke: Stroke::solid(colour, 2.0),
+    let past = moment.trial.states.iter().take(moment.step + 1).chain([&moment.state]);
+    let line = |colour: Colour, position: fn(&JointState) -> [f64; 2]| Shape::Polyline {
+        points: past.clone().map(position).collect(),
+        pen: Pen::new(colour, 2.0),
     };
-    let robot =
-        past.iter().map(|state| state.robot.position()).chain([moment.state.robot.position()]);
-    let human =
-        past.iter().map(|state| state.human.position()).chain([moment.state.human.position()]);
-    vec![line(ColourToken::Robot, robot.collect()), line(ColourToken::Human, human.collect())]
+    vec![
+        line(colours::ROBOT, |state| state.robot.position()),
+        line(colours::HUMAN, |state| state.human.position()),
+    ]
 }

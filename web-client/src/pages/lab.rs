@@ -7,12 +7,14 @@ mod routes;
 #[cfg(test)]
 mod tests;
 
-use self::hosted::{AnyMsg, Hosted};
+use self::hosted::{AnyMsg, AnyPage};
 use self::routes::{ROUTES, Route};
-use super::notice;
+use super::parts::{self, alert, button};
 use crate::form::Form;
 use crate::json;
-use crate::runtime::{Address, Answer, Command, Commands, Event, Page, PageContext, Request};
+use crate::runtime::{
+    Address, Answer, Command, Commands, Event, Failure, Page, PageContext, Request,
+};
 use crate::shape::Picture;
 use crate::view::{self, el};
 use sidestep::api::{SignIn, routes as api};
@@ -40,7 +42,7 @@ enum State {
     },
     /// No page has this address.
     Nowhere,
-    Open(&'static Route, Box<dyn Hosted>),
+    Open(&'static Route, AnyPage),
 }
 
 /// What the laboratory can be told.
@@ -48,12 +50,10 @@ enum State {
 pub enum Msg {
     /// Another address is to be shown.
     Address(Address),
-    /// The server told whether somebody is signed in.
+    /// The server told whether somebody is signed in, or whether a key is valid.
     Session(Answer),
     /// The form with the key was submitted.
     SignIn(Form),
-    /// The server answered the sign-in.
-    SignedIn(Answer),
     /// The user wants to leave.
     SignOut,
     /// The server answered the sign-out.
@@ -89,8 +89,8 @@ impl Lab {
     fn sign_in(&mut self, key: &str) -> Commands<Msg> {
         self.state = State::SignedOut { busy: true };
         let body = Some(json::write(&SignIn { key: key.trim().to_owned() }));
-        let request = Request::get("session", api::SESSION, Msg::SignedIn);
-        vec![Command::CancelAll, Command::Send(Request { method: "POST", body, ..request })]
+        let ask = Request::get("session", api::SESSION, Msg::Session);
+        vec![Command::CancelAll, Command::Send(Request { method: "POST", body, ..ask })]
     }
 
     fn address_changed(&mut self, address: Address) -> Commands<Msg> {
@@ -129,9 +129,9 @@ impl Lab {
         let lift = move |message| Msg::Page(visit, message);
         let lifted = commands.into_iter().map(|command| match command.map(lift) {
             Command::Send(Request { name, method, url, token, body, then }) => {
-                let then = Box::new(|answer: Answer| match answer.status() {
-                    Some(401) => Msg::SessionEnded,
-                    _ => then(answer),
+                let then = Box::new(|answer| match answer {
+                    Err(Failure { status: 401, .. }) => Msg::SessionEnded,
+                    answer => then(answer),
                 });
                 Command::Send(Request { name, method, url, token, body, then })
             }
@@ -151,34 +151,34 @@ impl Lab {
 impl Page for Lab {
     type Msg = Msg;
 
-    const NAVIGATES: bool = true;
-    const SOLVES: bool = true;
+    fn navigates() -> bool {
+        true
+    }
+
+    fn solves() -> bool {
+        true
+    }
 
     fn update(&mut self, message: Msg, now_ms: f64) -> Commands<Msg> {
         match message {
             Msg::Address(address) => self.address_changed(address),
-            Msg::Session(answer) => match answer.bytes() {
+            Msg::Session(answer) => match answer {
                 Ok(_) => self.show_address(),
-                // Not signed in yet is no trouble.
-                Err(failure) if failure.status() == 401 => self.ask_for_key(None),
-                Err(failure) => self.ask_for_key(Some(failure.sentence())),
+                Err(Failure { status: 401, .. }) => {
+                    // Not to be signed in yet is no trouble.
+                    let gave_key = matches!(self.state, State::SignedOut { .. });
+                    self.ask_for_key(gave_key.then(|| "That key is not valid.".to_owned()))
+                }
+                Err(failure) => self.ask_for_key(Some(failure.sentence)),
             },
             Msg::SignIn(form) => self.sign_in(form.text("key")),
-            Msg::SignedIn(answer) => match answer.bytes() {
-                Ok(_) => self.show_address(),
-                Err(failure) if failure.status() == 401 => {
-                    self.ask_for_key(Some("That key is not valid.".to_owned()))
-                }
-                Err(failure) => self.ask_for_key(Some(failure.sentence())),
-            },
             Msg::SignOut => {
-                let request = Request::get("session", api::SESSION, Msg::SignedOut);
-                vec![Command::Send(Request { method: "DELETE", ..request })]
+                let ask = Request::get("session", api::SESSION, Msg::SignedOut);
+                vec![Command::Send(Request { method: "DELETE", ..ask })]
             }
-            Msg::SignedOut(answer) => match answer.bytes() {
-                Err(failure) if failure.status() != 401 => {
-                    let why = failure.sentence();
-                    self.trouble = Some(format!("You are still signed in. {why}"));
+            Msg::SignedOut(answer) => match answer {
+                Err(failure) if failure.status != 401 => {
+                    self.trouble = Some(format!("You are still signed in. {}", failure.sentence));
                     Vec::new()
                 }
                 _ => vec![Command::CancelAll, Command::Leave("/".to_owned())],
@@ -200,10 +200,10 @@ impl Page for Lab {
 
     fn view(&self) -> Node {
         let content = match &self.state {
-            State::Asking => notice::loading(),
+            State::Asking => parts::loading(),
             State::SignedOut { busy } => self.sign_in_form(*busy),
             State::Nowhere => {
-                notice::stuck("Page not found", "The laboratory has no page at this address.")
+                parts::stuck("Page not found", "The laboratory has no page at this address.")
             }
             State::Open(_, page) => {
                 let visit = self.visits;
@@ -230,23 +230,26 @@ impl Page for Lab {
             let is_ours = address.path == "/lab" || address.path.starts_with("/lab/");
             return is_ours.then(|| Msg::Address(address.clone()));
         }
-        let State::Open(_, page) = &self.state else { return None };
-        page.hear(event).map(|message| Msg::Page(self.visits, message))
+        self.page()?.hear(event).map(|message| Msg::Page(self.visits, message))
     }
 
     fn picture(&self) -> Option<Picture> {
-        match &self.state {
-            State::Open(_, page) => page.picture(),
-            _ => None,
-        }
+        self.page()?.picture()
     }
 
     fn wants_frames(&self) -> bool {
-        matches!(&self.state, State::Open(_, page) if page.wants_frames())
+        self.page().is_some_and(|page| page.wants_frames())
     }
 }
 
 impl Lab {
+    fn page(&self) -> Option<&AnyPage> {
+        match &self.state {
+            State::Open(_, page) => Some(page),
+            _ => None,
+        }
+    }
+
     fn header(&self) -> Node {
         let brand = el("a").class("brand").attr("href", "/").text("Sidestep");
         let header = el("header").class("top").child(brand);
@@ -266,31 +269,22 @@ impl Lab {
                     .text(route.nav?),
             )
         });
-        let sign_out = el("button")
-            .class("plain")
-            .attr("type", "button")
-            .test_id("sign-out")
-            .on_press(Msg::SignOut)
-            .text("Sign out");
+        let sign_out = button("sign-out", Msg::SignOut).class("plain").text("Sign out");
         header.child(el("nav").attr("aria-label", "Laboratory").children(links)).child(
             el("span").class("end").child(el("span").class("quiet").text(about)).child(sign_out),
         )
     }
 
-    /// What went wrong, on every page but the sign-in form, which says it itself.
+    /// What went wrong. The sign-in form says it itself.
     fn alert(&self) -> Option<Node> {
-        let text = self.trouble.as_ref()?;
         let is_signed_in = matches!(self.state, State::Open(..) | State::Nowhere);
-        is_signed_in.then(|| trouble(text))
+        self.trouble.as_deref().filter(|_| is_signed_in).map(|why| alert("trouble", why))
     }
 
     fn sign_in_form(&self, busy: bool) -> Node {
         let key = el("input")
-            .attr("id", "key")
-            .attr("name", "key")
-            .attr("type", "password")
+            .attrs([("id", "key"), ("name", "key"), ("type", "password"), ("required", "")])
             .attr("autocomplete", "current-password")
-            .attr("required", "")
             .focus()
             .test_id("key");
         let submit = el("button")
@@ -299,6 +293,11 @@ impl Lab {
             .attr_if(busy, "disabled", "")
             .test_id("sign-in")
             .text("Sign in");
+        let form = el("form").test_id("sign-in-form").on_submit(Msg::SignIn).children([
+            el("label").attr("for", "key").text("Experimenter’s key"),
+            key,
+            submit,
+        ]);
         el("main")
             .class("card")
             .key("sign-in")
@@ -307,23 +306,12 @@ impl Lab {
                 "Sign in with the experimenter’s key. The server printed it, with a sign-in \
                  link, when it was started for the first time.",
             ))
-            .child(
-                el("form")
-                    .test_id("sign-in-form")
-                    .on_submit(Msg::SignIn)
-                    .child(el("label").attr("for", "key").text("Experimenter’s key"))
-                    .child(key)
-                    .child(submit),
-            )
-            .children(self.trouble.as_deref().map(trouble))
+            .child(form)
+            .children(self.trouble.as_deref().map(|why| alert("trouble", why)))
             .child(
                 el("p")
                     .class("quiet")
                     .text("Lost the key? Restart the server with --new-admin-key."),
             )
     }
-}
-
-fn trouble(text: &str) -> Node {
-    el("p").class("trouble").attr("role", "alert").test_id("trouble").text(text)
 }

@@ -11,7 +11,7 @@ use crate::json;
 use crate::outbox::{self, Outbox, UploadOutcome};
 use crate::overlays::stage;
 use crate::runtime::{
-    Answer, Command, Commands, Event, Failure, NotKept, Page, PageContext, Request,
+    Answer, Command, Commands, Event, Failure, NotKept, Page, PageContext, Request, read,
 };
 use crate::shape::{Picture, Shape, Window};
 use crate::view::Node;
@@ -61,6 +61,8 @@ pub struct Participant {
 /// What the participant's page can be told.
 #[derive(Clone, Debug)]
 pub enum Msg {
+    /// Something happened outside of what the page shows.
+    Event(Event),
     /// The server described the study.
     Study(Answer),
     /// The participant agreed to take part.
@@ -73,25 +75,12 @@ pub enum Msg {
     Progress(Answer),
     /// The instructions were read.
     Continue,
-    /// The next scene is to start.
+    /// The participant starts the next scene.
     Start,
-    /// A frame is about to be shown.
-    Frame,
-    /// A key went down or up.
-    Key {
-        /// Its name.
-        key: String,
-        /// Down or up.
-        down: bool,
-    },
-    /// The window lost the keyboard.
-    FocusLost,
-    /// Something happened to what waits to be sent.
+    /// Something happened to the trials that wait to be sent.
     Outbox(outbox::Msg),
     /// It is time to ask the server again.
     Retry,
-    /// The network is back.
-    Online,
     /// The server answered the completion.
     Completed(Answer),
 }
@@ -163,13 +152,13 @@ impl Participant {
     }
 
     fn ask_progress(&self) -> Command<Msg> {
-        let request = Request::get("progress", routes::ME, Msg::Progress);
-        Command::Send(Request { token: self.token(), ..request })
+        let ask = Request::get("progress", routes::ME, Msg::Progress);
+        Command::Send(Request { token: self.token(), ..ask })
     }
 
     fn ask_code(&self) -> Command<Msg> {
-        let request = Request::get("complete", routes::COMPLETE, Msg::Completed);
-        Command::Send(Request { method: "POST", token: self.token(), ..request })
+        let ask = Request::get("complete", routes::COMPLETE, Msg::Completed);
+        Command::Send(Request { method: "POST", token: self.token(), ..ask })
     }
 
     fn study_arrived(&mut self, study: StudyInfo) -> Commands<Msg> {
@@ -199,9 +188,8 @@ impl Participant {
             locale: Some(self.context.locale.clone()).filter(|locale| !locale.is_empty()),
             screen: Some(json_object(&self.context.screen)),
         };
-        let request = Request::get("enrol", routes::participants(&self.slug), Msg::Enrolled);
-        let body = Some(json::write(&body));
-        vec![Command::Send(Request { method: "POST", body, ..request })]
+        let ask = Request::get("enrol", routes::participants(&self.slug), Msg::Enrolled);
+        vec![Command::Send(Request { method: "POST", body: Some(json::write(&body)), ..ask })]
     }
 
     fn enrolled(&mut self, enrolled: Enrolled) -> Commands<Msg> {
@@ -236,7 +224,7 @@ impl Participant {
             self.outbox = Outbox::restore(id, token, &ids, &self.context.kept);
         }
         for id in &self.stored {
-            commands.extend(self.outbox.drop_stored(id).map(|command| command.map(Msg::Outbox)));
+            commands.extend(lifted(self.outbox.drop_stored(id)));
         }
         if !self.wants_frames() {
             let begun = !is_first || !self.stored.is_empty() || !self.outbox.is_empty();
@@ -262,8 +250,7 @@ impl Participant {
     /// Sends what waits and, once all is driven and stored, asks for the code.
     fn go_on(&mut self) -> Commands<Msg> {
         let awaited = self.plan.iter().find(|trial| !self.is_stored(trial)).map(PlannedTrial::id);
-        let send = self.outbox.send(awaited).map(|command| command.map(Msg::Outbox));
-        let mut commands: Vec<_> = send.into_iter().collect();
+        let mut commands: Vec<_> = lifted(self.outbox.send(awaited)).collect();
         let over = !self.plan.is_empty() && self.next().is_none() && !self.wants_frames();
         if over && !matches!(self.stage, Stage::Done(_) | Stage::Stuck(..)) {
             self.stage = Stage::Finishing;
@@ -277,9 +264,8 @@ impl Participant {
     fn scene_over(&mut self, trial: &PlannedTrial, drive: Drive) -> Commands<Msg> {
         self.stage = Stage::Ready;
         let upload = drive.into_upload(&self.context.screen);
-        let kept = self.outbox.add(trial.id(), json::write(&upload));
-        let kept = kept.into_iter().map(|command| command.map(Msg::Outbox));
-        kept.chain(self.go_on()).collect()
+        let keep = self.outbox.add(trial.id(), json::write(&upload));
+        lifted(Some(keep)).chain(self.go_on()).collect()
     }
 
     fn frame(&mut self) -> Commands<Msg> {
@@ -318,8 +304,7 @@ impl Participant {
             self.not_kept = Some(*reason);
         }
         let (outcome, commands) = self.outbox.update(message);
-        let mut commands: Vec<_> =
-            commands.into_iter().map(|command| command.map(Msg::Outbox)).collect();
+        let mut commands: Vec<_> = lifted(commands).collect();
         match outcome {
             None => {}
             Some(UploadOutcome::Stored(id)) => {
@@ -362,62 +347,88 @@ impl Participant {
         commands
     }
 
-    /// Asks again after a pause.
-    fn ask_later(&mut self, failure: &Failure, ask: fn(&Self) -> Command<Msg>) -> Commands<Msg> {
-        self.trouble = Some(failure.sentence());
+    /// Asks again after a pause if that may help; otherwise the participation ends here.
+    fn failed(
+        &mut self,
+        failure: Failure,
+        ask: fn(&Self) -> Command<Msg>,
+        heading: &'static str,
+    ) -> Commands<Msg> {
+        if !failure.is_temporary() {
+            self.stage = Stage::Stuck(heading, failure.sentence);
+            return Vec::new();
+        }
+        self.trouble = Some(failure.sentence);
         self.retry = Some(ask);
         vec![Command::Wake { timer: "retry", after_ms: RETRY_MS, message: Msg::Retry }]
     }
 
-    fn stuck(&mut self, heading: &'static str, failure: &Failure) -> Commands<Msg> {
-        self.stage = Stage::Stuck(heading, failure.sentence());
-        Vec::new()
-    }
-
-    fn study_failed(&mut self, failure: &Failure) -> Commands<Msg> {
-        if failure.is_temporary() {
-            return self.ask_later(failure, Self::ask_study);
-        }
-        if failure.status() == 404 {
+    fn study_failed(&mut self, failure: Failure) -> Commands<Msg> {
+        if failure.status == 404 {
             let why = "Please check the link that you were given.";
             self.stage = Stage::Stuck("Study not found", why.to_owned());
             return Vec::new();
         }
-        self.stuck("The study cannot be shown", failure)
+        self.failed(failure, Self::ask_study, "The study cannot be shown")
     }
 
-    fn enrolment_failed(&mut self, failure: &Failure) -> Commands<Msg> {
+    /// The participant decides when to try again.
+    fn enrolment_failed(&mut self, failure: Failure) -> Commands<Msg> {
         if failure.is_temporary() {
-            self.trouble = Some(failure.sentence());
+            self.trouble = Some(failure.sentence);
             self.stage = Stage::Welcome;
-            return Vec::new();
+        } else {
+            self.stage = Stage::Stuck("You cannot take part", failure.sentence);
         }
-        self.stuck("You cannot take part", failure)
+        Vec::new()
     }
 
-    fn progress_failed(&mut self, failure: &Failure) -> Commands<Msg> {
-        if failure.is_temporary() {
-            return self.ask_later(failure, Self::ask_progress);
-        }
+    fn progress_failed(&mut self, failure: Failure) -> Commands<Msg> {
         // The server does not know this participant any more: begin afresh.
-        if matches!(failure.status(), 401 | 404) {
+        if matches!(failure.status, 401 | 404) {
             self.session = None;
             self.stage = Stage::Welcome;
             return vec![Command::Forget(self.session_name())];
         }
-        self.stuck("Your participation has ended", failure)
+        self.failed(failure, Self::ask_progress, "Your participation has ended")
     }
 
-    fn completion_failed(&mut self, failure: &Failure) -> Commands<Msg> {
-        if failure.is_temporary() {
-            return self.ask_later(failure, Self::ask_code);
-        }
+    fn completion_failed(&mut self, failure: Failure) -> Commands<Msg> {
         // The server lacks trials that this page took for stored: it knows which.
-        if failure.code() == "incomplete" && !std::mem::replace(&mut self.was_incomplete, true) {
+        if failure.code == "incomplete" && !std::mem::replace(&mut self.was_incomplete, true) {
             return vec![self.ask_progress()];
         }
-        self.stuck("There is no completion code yet", failure)
+        self.failed(failure, Self::ask_code, "There is no completion code yet")
     }
+
+    /// Asks again what failed before.
+    fn ask_again(&mut self) -> Commands<Msg> {
+        let retry = self.retry.take().map(|ask| ask(self));
+        retry.into_iter().collect()
+    }
+
+    fn hear_event(&mut self, event: &Event, now_ms: f64) -> Commands<Msg> {
+        match event {
+            Event::Frame => return self.frame(),
+            Event::Key { key, down } => self.key(now_ms, key, *down),
+            Event::FocusLost => self.key(now_ms, BLUR, false),
+            Event::Online => {
+                self.outbox.resume();
+                let mut commands = self.ask_again();
+                commands.extend(self.go_on());
+                return commands;
+            }
+            Event::Address(_) => {}
+        }
+        Vec::new()
+    }
+}
+
+/// The outbox's commands as the page's.
+fn lifted(
+    commands: impl IntoIterator<Item = Command<outbox::Msg>>,
+) -> impl Iterator<Item = Command<Msg>> {
+    commands.into_iter().map(|command| command.map(Msg::Outbox))
 }
 
 impl Page for Participant {
@@ -430,62 +441,39 @@ impl Page for Participant {
             self.trouble = None;
         }
         match message {
-            Msg::Frame => self.frame(),
-            Msg::Key { key, down } => {
-                self.key(now_ms, &key, down);
-                Vec::new()
-            }
-            Msg::FocusLost => {
-                self.key(now_ms, BLUR, false);
-                Vec::new()
-            }
-            Msg::Study(answer) => match answer.read() {
-                Ok(study) => self.study_arrived(study),
-                Err(failure) => self.study_failed(&failure),
+            Msg::Event(event) => return self.hear_event(&event, now_ms),
+            Msg::Study(answer) => match read(answer) {
+                Ok(study) => return self.study_arrived(study),
+                Err(failure) => return self.study_failed(failure),
             },
-            Msg::Consent => self.enrol(),
-            Msg::Enrolled(answer) => match answer.read() {
-                Ok(enrolled) => self.enrolled(enrolled),
-                Err(failure) => self.enrolment_failed(&failure),
+            Msg::Consent => return self.enrol(),
+            Msg::Enrolled(answer) => match read(answer) {
+                Ok(enrolled) => return self.enrolled(enrolled),
+                Err(failure) => return self.enrolment_failed(failure),
             },
-            Msg::SessionKept(kept) => {
-                self.not_kept = kept.err();
-                Vec::new()
-            }
-            Msg::Progress(answer) => match answer.read() {
-                Ok(progress) => self.progress_arrived(progress),
-                Err(failure) => self.progress_failed(&failure),
+            Msg::SessionKept(kept) => self.not_kept = kept.err(),
+            Msg::Progress(answer) => match read(answer) {
+                Ok(progress) => return self.progress_arrived(progress),
+                Err(failure) => return self.progress_failed(failure),
             },
-            Msg::Continue => {
-                self.stage = Stage::Ready;
-                Vec::new()
-            }
+            Msg::Continue => self.stage = Stage::Ready,
             Msg::Start => {
                 if let (Stage::Ready, Some(next)) = (&self.stage, self.next()) {
                     self.stage = Stage::Still(Box::new(next.clone()), self.now_ms);
                     self.trouble = None;
                 }
-                Vec::new()
             }
-            Msg::Outbox(message) => self.outbox(message),
-            Msg::Retry => {
-                let retry = self.retry.take().map(|ask| ask(self));
-                retry.into_iter().collect()
-            }
-            Msg::Online => {
-                self.outbox.resume();
-                let retry = self.retry.take().map(|ask| ask(self));
-                retry.into_iter().chain(self.go_on()).collect()
-            }
-            Msg::Completed(answer) => match answer.read() {
+            Msg::Outbox(message) => return self.outbox(message),
+            Msg::Retry => return self.ask_again(),
+            Msg::Completed(answer) => match read(answer) {
                 Ok(Completed { completion_code }) => {
                     self.trouble = None;
                     self.stage = Stage::Done(completion_code);
-                    Vec::new()
                 }
-                Err(failure) => self.completion_failed(&failure),
+                Err(failure) => return self.completion_failed(failure),
             },
         }
+        Vec::new()
     }
 
     fn view(&self) -> Node<Msg> {
@@ -497,15 +485,12 @@ impl Page for Participant {
     }
 
     fn hear(&self, event: &Event) -> Option<Msg> {
-        match event {
-            Event::Frame => Some(Msg::Frame),
-            Event::Key { key, down } => {
-                turn_of_key(key).map(|_| Msg::Key { key: key.clone(), down: *down })
-            }
-            Event::FocusLost => Some(Msg::FocusLost),
-            Event::Online => Some(Msg::Online),
-            Event::Address(_) => None,
-        }
+        let matters = match event {
+            Event::Key { key, .. } => turn_of_key(key).is_some(),
+            Event::Address(_) => false,
+            Event::Frame | Event::FocusLost | Event::Online => true,
+        };
+        matters.then(|| Msg::Event(event.clone()))
     }
 
     fn picture(&self) -> Option<Picture> {

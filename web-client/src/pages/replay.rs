@@ -6,9 +6,9 @@ mod safety;
 mod view;
 
 use self::safety::Sources;
-use super::notice;
+use super::parts;
 use crate::overlays::{LAYERS, Moment, stage};
-use crate::runtime::{Answer, Command, Commands, Event, Failure, Page, Request, Solving};
+use crate::runtime::{Answer, Command, Commands, Event, Failure, Page, Request, Solving, read};
 use crate::shape::{Picture, Shape, Window};
 use crate::view::Node;
 use sidestep::api::{TrainedPredictor, TrialDetail, routes};
@@ -37,13 +37,11 @@ pub enum Msg {
     Trial(Answer),
     /// The server sent the predictor.
     Predictor(Answer),
-    /// The server sent the value function of this vehicle's safety level.
-    ValueFunction(Evader, Answer),
-    /// The solver beside the page reports on the value function of this vehicle.
-    Solving(Evader, Solving),
-    /// Solving is to end.
+    /// The server or the solver reports on the value function of this vehicle as the evader.
+    ValueFunction(Evader, Solving),
+    /// Stop solving.
     StopSolving,
-    /// What is missing is to be asked for, or solved, again.
+    /// Ask for, or solve, again what is missing.
     SolveAgain,
     /// Plays, or pauses.
     Play,
@@ -71,18 +69,15 @@ impl Page for ReplayPage {
 
     fn update(&mut self, message: Msg, now_ms: f64) -> Commands<Msg> {
         match (message, self) {
-            (Msg::Trial(answer), page) => match answer.read() {
+            (Msg::Trial(answer), page) => match read(answer) {
                 Ok(trial) => {
                     let (replay, commands) = Replay::open(trial);
                     *page = Self::Open(Box::new(replay));
                     commands
                 }
-                Err(failure) => {
-                    let why = match failure.status() {
-                        404 => "There is no such trial. It may have been withdrawn.".to_owned(),
-                        _ => failure.sentence(),
-                    };
-                    *page = Self::Failed(why);
+                Err(Failure { status, sentence, .. }) => {
+                    let why = "There is no such trial. Its participant may have withdrawn it.";
+                    *page = Self::Failed(if status == 404 { why.to_owned() } else { sentence });
                     Vec::new()
                 }
             },
@@ -93,8 +88,8 @@ impl Page for ReplayPage {
 
     fn view(&self) -> Node<Msg> {
         match self {
-            Self::Loading => notice::loading(),
-            Self::Failed(why) => notice::stuck("Nothing to replay", why),
+            Self::Loading => parts::loading(),
+            Self::Failed(why) => parts::stuck("Nothing to replay", why),
             Self::Open(replay) => view::page(replay),
         }
     }
@@ -161,9 +156,12 @@ struct Learned {
 impl Replay {
     /// The replay of a trial, at its start.
     fn open(trial: TrialDetail) -> (Self, Commands<Msg>) {
-        let everything = trial.states.iter().flat_map(|s| [s.human.position(), s.robot.position()]);
-        let window = Window::around(everything.chain([trial.scene.goal]), 3.5)
-            .unwrap_or_else(|| Window::square(15.0));
+        let positions = trial.states.iter().flat_map(|s| [s.human.position(), s.robot.position()]);
+        let goal = trial.scene.goal;
+        let window =
+            positions.chain([goal]).fold(Window { low: goal, high: goal }, |window, position| {
+                window.including(position, 3.5)
+            });
         let mut replay = Self {
             sources: Sources::new(&trial),
             trial,
@@ -192,13 +190,9 @@ impl Replay {
         let mut commands = Vec::new();
         match message {
             Msg::Trial(_) => {}
-            Msg::Predictor(answer) => self.take_predictor(answer.read()),
-            Msg::ValueFunction(evader, answer) => {
-                self.sources.take_answer(evader, answer.bytes());
-                self.take_safety();
-            }
-            Msg::Solving(evader, solving) => {
-                self.sources.take_solving(evader, solving);
+            Msg::Predictor(answer) => self.take_predictor(read(answer)),
+            Msg::ValueFunction(evader, solving) => {
+                self.sources.take(evader, solving);
                 self.take_safety();
             }
             Msg::StopSolving => commands = self.sources.stop(),
@@ -255,7 +249,7 @@ impl Replay {
     }
 
     fn take_predictor(&mut self, trained: Result<TrainedPredictor, Failure>) {
-        let trained = trained.map_err(|failure| failure.sentence());
+        let trained = trained.map_err(|failure| failure.sentence);
         let learned = trained.and_then(|TrainedPredictor { predictor, trials, fallback }| {
             let learned = Predictor::try_from(predictor).and_then(|predictor| {
                 let settings = ShfrsSettings::paper(predictor.classes().len())?;

@@ -1,6 +1,6 @@
 //! Which page of the laboratory an address names: one line a page.
 
-use super::hosted::{AnyMsg, Hosted, host};
+use super::hosted::{AnyMsg, AnyPage, host};
 use super::self_check::SelfCheckPage;
 use super::trials::Trials;
 use crate::pages::replay::ReplayPage;
@@ -16,7 +16,7 @@ pub(super) struct Route {
     pub(super) open: Open,
 }
 
-type Open = fn(&Address, &str) -> (Box<dyn Hosted>, Commands<AnyMsg>);
+type Open = fn(&Address, &str) -> (AnyPage, Commands<AnyMsg>);
 
 /// Every page, in the order of the navigation.
 #[rustfmt::skip]

@@ -1,7 +1,7 @@
-//! Whether this browser and the server simulate alike.
+//! Whether this browser and the server compute the same trials.
 
-use crate::pages::notice;
-use crate::runtime::{Answer, Command, Commands, Page, Request};
+use crate::pages::parts;
+use crate::runtime::{Answer, Command, Commands, Page, Request, read};
 use crate::view::{Node, el};
 use sidestep::api::{SelfCheck, routes};
 use sidestep::trial::simulation_fingerprint;
@@ -26,7 +26,7 @@ impl Page for SelfCheckPage {
     type Msg = Answer;
 
     fn update(&mut self, answer: Answer, _: f64) -> Commands<Answer> {
-        let server = answer.read::<SelfCheck>().map_err(|failure| failure.sentence());
+        let server = read::<SelfCheck>(answer).map_err(|failure| failure.sentence);
         self.compared =
             Some(server.map(|server| (simulation_fingerprint(server.seed, server.trials), server)));
         Vec::new()
@@ -34,8 +34,8 @@ impl Page for SelfCheckPage {
 
     fn view(&self) -> Node<Answer> {
         match &self.compared {
-            None => notice::loading(),
-            Some(Err(why)) => notice::stuck("No self-check", why),
+            None => parts::loading(),
+            Some(Err(why)) => parts::stuck("No self-check", why),
             Some(Ok((here, server))) => compared(here, server),
         }
     }
@@ -46,23 +46,23 @@ impl Page for SelfCheckPage {
 }
 
 fn compared(here: &str, server: &SelfCheck) -> Node<Answer> {
-    let same = here == server.fingerprint;
-    let verdict = if same {
-        "This browser and the server compute the same trials, bit for bit."
+    let (class, verdict) = if here == server.fingerprint {
+        ("saved", "This browser and the server compute the same trials, bit for bit.")
     } else {
-        "This browser and the server compute different trials. Please report both fingerprints."
+        (
+            "trouble",
+            "This browser and the server compute different trials. Please report both \
+             fingerprints.",
+        )
     };
     let row = |name: &str, id: &str, value: &str| {
-        el("div")
-            .child(el("dt").text(name))
-            .child(el("dd").child(el("code").test_id(id).text(value)))
+        let value = el("code").test_id(id).text(value);
+        el("div").child(el("dt").text(name)).child(el("dd").child(value))
     };
     el("main")
         .class("card wide")
-        .child(notice::heading_of_page("Self-check"))
-        .child(
-            el("p").class(if same { "saved" } else { "trouble" }).test_id("verdict").text(verdict),
-        )
+        .child(parts::heading("Self-check"))
+        .child(el("p").class(class).test_id("verdict").text(verdict))
         .child(el("p").class("quiet").text(format!(
             "Each fingerprint is the SHA-256 of all states of {} random trials (seed {}).",
             server.trials, server.seed

@@ -1,7 +1,7 @@
 //! The stored trials of a study, newest first, and the choice of the study.
 
-use crate::pages::notice;
-use crate::runtime::{Address, Answer, Command, Commands, Failure, Page, Request};
+use crate::pages::parts::{self, alert, button, cell, count};
+use crate::runtime::{Address, Answer, Command, Commands, Page, Request, read};
 use crate::view::{self, el};
 use sidestep::api::{StudySummary, TrialPage, TrialSummary, routes};
 
@@ -15,6 +15,8 @@ pub(super) struct Trials {
     trials: Vec<TrialSummary>,
     next_before: Option<i64>,
     state: State,
+    /// Why older trials did not come when they were last asked for.
+    trouble: Option<String>,
 }
 
 enum State {
@@ -53,6 +55,7 @@ impl Trials {
             trials: Vec::new(),
             next_before: None,
             state: State::Loading,
+            trouble: None,
         };
         (page, vec![Command::Send(Request::get("studies", routes::ADMIN_STUDIES, Msg::Studies))])
     }
@@ -92,10 +95,6 @@ impl Trials {
         // The study is shown with its trials: an empty table would say that there are none.
         self.ask_for_trials()
     }
-
-    fn failed(&mut self, failure: &Failure) {
-        self.state = State::Failed(failure.sentence());
-    }
 }
 
 impl Page for Trials {
@@ -103,22 +102,28 @@ impl Page for Trials {
 
     fn update(&mut self, message: Msg, _: f64) -> Commands<Msg> {
         match message {
-            Msg::Studies(answer) => match answer.read() {
+            Msg::Studies(answer) => match read(answer) {
                 Ok(studies) => return self.studies_arrived(studies),
-                Err(failure) => self.failed(&failure),
+                Err(failure) => self.state = State::Failed(failure.sentence),
             },
-            Msg::Listed(answer) => match answer.read::<TrialPage>() {
+            Msg::Listed(answer) => match read::<TrialPage>(answer) {
                 Ok(page) => {
                     self.trials.extend(page.trials);
                     self.next_before = page.next_before;
                     self.state = State::Listed;
                 }
-                Err(failure) => self.failed(&failure),
+                // What is shown stays.
+                Err(failure) if matches!(self.state, State::LoadingMore) => {
+                    self.state = State::Listed;
+                    self.trouble = Some(failure.sentence);
+                }
+                Err(failure) => self.state = State::Failed(failure.sentence),
             },
             Msg::Choose(slug) => return vec![Command::Visit(format!("/lab?study={slug}"))],
             // A second press asks for nothing more: the same rows would come twice.
             Msg::More if matches!(self.state, State::Listed) => {
                 self.state = State::LoadingMore;
+                self.trouble = None;
                 return self.ask_for_trials();
             }
             Msg::More => {}
@@ -128,9 +133,9 @@ impl Page for Trials {
 
     fn view(&self) -> Node {
         match (&self.state, self.study()) {
-            (State::Failed(why), _) => notice::stuck("No trials to show", why),
+            (State::Failed(why), _) => parts::stuck("No trials to show", why),
             (State::Listed | State::LoadingMore, Some(study)) => self.list(study),
-            _ => notice::loading(),
+            _ => parts::loading(),
         }
     }
 
@@ -146,6 +151,9 @@ impl Trials {
             count(study.participants, "participant"),
             count(study.trials, "stored trial")
         );
+        let title = el("div")
+            .child(parts::heading(&study.title))
+            .child(el("p").class("quiet").text(counts));
         let link = |href: String, name: &str, words: &str| {
             el("a").class("button").attr("href", href).test_id(name).text(words)
         };
@@ -153,50 +161,37 @@ impl Trials {
             .class("actions")
             .child(link(format!("/s/{}", study.slug), "drive", "Drive a scene"))
             .child(link(routes::export(&study.slug), "export", "Export CSV").attr("download", ""));
-        let head = el("div")
-            .class("page-head")
-            .child(
-                el("div")
-                    .child(notice::heading_of_page(&study.title))
-                    .child(el("p").class("quiet").text(counts)),
-            )
-            .child(actions);
         let more = self.next_before.map(|_| {
             let is_loading = matches!(self.state, State::LoadingMore);
-            el("button")
+            button("more", Msg::More)
                 .class("plain")
-                .attr("type", "button")
                 .attr_if(is_loading, "disabled", "")
-                .test_id("more")
-                .on_press(Msg::More)
                 .text(if is_loading { "Loading…" } else { "Show older trials" })
         });
         el("main")
             .class("page")
             .children(self.chooser(study))
-            .child(head)
+            .child(el("div").class("page-head").child(title).child(actions))
             .child(if self.trials.is_empty() { empty() } else { self.table() })
+            .children(self.trouble.as_deref().map(|why| alert("no-more", why)))
             .children(more)
     }
 
-    /// A list of all studies, where there are several.
+    /// A list of all studies, if there are several.
     fn chooser(&self, current: &StudySummary) -> Option<Node> {
         let option = |study: &StudySummary| {
-            let words = format!("{} ({})", study.title, count(study.trials, "trial"));
+            let trials = count(study.trials, "trial");
             el("option")
                 .attr("value", &study.slug)
                 .attr_if(study.slug == current.slug, "selected", "")
-                .text(words)
+                .text(format!("{} ({trials})", study.title))
         };
-        (self.studies.len() > 1).then(|| {
-            el("label").class("chooser").text("Study ").child(
-                el("select")
-                    .attr("name", "study")
-                    .test_id("study")
-                    .on_input(|value| Msg::Choose(value.text().to_owned()))
-                    .children(self.studies.iter().map(option)),
-            )
-        })
+        let choice = el("select")
+            .attr("name", "study")
+            .test_id("study")
+            .on_input(|value| Msg::Choose(value.text().to_owned()))
+            .children(self.studies.iter().map(option));
+        (self.studies.len() > 1).then(|| el("label").class("chooser").text("Study ").child(choice))
     }
 
     fn table(&self) -> Node {
@@ -210,55 +205,44 @@ impl Trials {
             "Flags",
             "Replay",
         ];
-        let columns = columns.map(|words| el("th").attr("scope", "col").text(words));
-        el("div").class("scroll").child(
-            el("table")
-                .class("trials")
-                .test_id("trials")
-                .child(el("thead").child(el("tr").children(columns)))
-                .child(el("tbody").children(self.trials.iter().map(row))),
-        )
+        let table = parts::table(columns, self.trials.iter().map(row));
+        el("div").class("scroll").child(table.class("trials").test_id("trials"))
     }
-}
-
-fn count(n: u64, noun: &str) -> String {
-    format!("{n} {noun}{}", if n == 1 { "" } else { "s" })
 }
 
 fn empty() -> Node {
     el("div").class("empty").child(el("p").text("No trials yet.")).child(
         el("p").class("quiet").text(
             "Drive a scene yourself, or send participants the address of the study. Their trials \
-         appear here, ready to replay.",
+             appear here, ready to replay.",
         ),
     )
 }
 
 fn row(trial: &TrialSummary) -> Node {
     let outcome = &trial.outcome;
-    let danger = outcome
-        .first_step_in_danger
-        .map_or_else(|| "not entered".to_owned(), |step| format!("from step {step}"));
-    let turned = outcome
-        .avoidance
-        .map_or_else(|| "never".to_owned(), |(first, last)| format!("steps {first}–{last}"));
-    let flags: Vec<_> = trial.flags.iter().map(|flag| flag.word().replace('_', " ")).collect();
-    let cell = |words: String| el("td").text(words);
+    let danger = match outcome.first_step_in_danger {
+        Some(step) => cell(format!("from step {step}")).class("robot"),
+        None => cell("not entered"),
+    };
+    let turned = match outcome.avoidance {
+        Some((first, last)) => format!("steps {first}–{last}"),
+        None => "never".to_owned(),
+    };
     let scene = format!("{} {}", trial.phase.word(), trial.index + 1);
-    let words = format!("Replay participant {}, {scene}", trial.participant_number);
     let replay = el("a")
         .attr("href", format!("/lab/replay/{}", trial.trial_id))
-        .attr("aria-label", words)
+        .attr("aria-label", format!("Replay participant {}, {scene}", trial.participant_number))
         .test_id("replay-link")
         .text("Replay");
     el("tr").key(&trial.trial_id).children([
         cell(trial.participant_number.to_string()),
         cell(scene),
         cell(format!("{:.2} m", outcome.closest_m)),
-        cell(danger).class(if outcome.first_step_in_danger.is_some() { "robot" } else { "" }),
+        danger,
         cell(turned),
         el("td").child(el("time").moment(trial.received_at_ms)),
-        cell(flags.join(", ")),
+        cell(parts::flags(&trial.flags)),
         el("td").child(replay),
     ])
 }

@@ -1,9 +1,8 @@
 //! A whole participation without a browser.
 
-use super::{Msg, Participant};
-use crate::runtime::{
-    Address, Answer, Command, Commands, Event, NotKept, Page, PageContext, Request,
-};
+use super::Participant;
+use crate::runtime::{Address, Event, NotKept, Page, PageContext};
+use crate::testing;
 use sidestep::api::{
     Completed, Enrolled, Enrolment, Plan, PlannedPhase, PlannedScene, Problem, Progress,
     SCHEMA_VERSION, StudyInfo, TrialStored, TrialUpload, routes,
@@ -14,17 +13,7 @@ use sidestep::trial::{Phase, verify};
 use sidestep::vehicle::TurnInput;
 use std::collections::BTreeMap;
 
-/// A participant's browser with a server of few lines.
-struct Session {
-    page: Participant,
-    kept: BTreeMap<String, String>,
-    /// Why the browser keeps nothing, if it does not.
-    refuses: Option<NotKept>,
-    asked: Vec<Request<Msg>>,
-    /// Timers that are set, with their messages.
-    timers: Vec<(&'static str, Msg)>,
-    now_ms: f64,
-}
+type Session = testing::Session<Participant>;
 
 fn plan() -> Plan {
     let scenes = generate(&SceneParameters::default(), &EncounterRange::default(), 2, 8).unwrap();
@@ -50,104 +39,50 @@ fn progress(stored: &[&str]) -> Progress {
     }
 }
 
+/// The page of a participant in a browser that has kept this, once the study is shown.
+fn open(kept: BTreeMap<String, String>, study: StudyConfig) -> Session {
+    let context = PageContext {
+        address: Address { path: "/s/default".into(), ..Address::default() },
+        kept: kept.clone().into_iter().collect(),
+        time_origin_ms: 1.7e12,
+        random_name: Some("0123456789abcdef".into()),
+        ..PageContext::default()
+    };
+    let mut session = Session::new(Participant::open(context), kept);
+    let info = StudyInfo {
+        schema_version: SCHEMA_VERSION,
+        slug: study.slug,
+        title: study.title,
+        parameters: study.parameters,
+        phases: study.phases,
+    };
+    session.send("study", 200, &info);
+    session
+}
+
+/// The same in a fresh browser.
+fn welcomed() -> Session {
+    open(BTreeMap::new(), StudyConfig::default())
+}
+
+/// After the instructions.
+fn begun() -> Session {
+    let mut session = welcomed();
+    session.begin();
+    session
+}
+
 impl Session {
-    fn open(kept: BTreeMap<String, String>) -> Self {
-        Self::open_study(kept, StudyConfig::default())
-    }
-
-    fn open_study(kept: BTreeMap<String, String>, study: StudyConfig) -> Self {
-        let address = Address { path: "/s/default".into(), ..Address::default() };
-        let context = PageContext {
-            address,
-            kept: kept.clone().into_iter().collect(),
-            time_origin_ms: 1.7e12,
-            random_name: Some("0123456789abcdef".into()),
-            ..PageContext::default()
-        };
-        let (page, commands) = Participant::open(context);
-        let (asked, timers) = (Vec::new(), Vec::new());
-        let mut session = Self { page, kept, refuses: None, asked, timers, now_ms: 0.0 };
-        session.apply(commands);
-        let info = StudyInfo {
-            schema_version: SCHEMA_VERSION,
-            slug: study.slug,
-            title: study.title,
-            parameters: study.parameters,
-            phases: study.phases,
-        };
-        session.answer("study", 200, &info);
-        session
-    }
-
-    fn apply(&mut self, commands: Commands<Msg>) {
-        for command in commands {
-            match command {
-                Command::Send(request) => {
-                    self.asked.retain(|earlier| earlier.name != request.name);
-                    self.asked.push(request);
-                }
-                Command::Keep { name, text, then } => {
-                    let kept = self.refuses.map_or(Ok(()), Err);
-                    if kept.is_ok() {
-                        self.kept.insert(name, text);
-                    }
-                    self.tell(then(kept));
-                }
-                Command::Forget(name) => drop(self.kept.remove(&name)),
-                Command::Wake { timer, message, .. } => self.timers.push((timer, message)),
-                _ => panic!("a participant stays, and sees no safety levels"),
-            }
-        }
-    }
-
-    fn tell(&mut self, message: Msg) {
-        let commands = self.page.update(message, self.now_ms);
-        self.apply(commands);
-    }
-
-    fn hear(&mut self, event: &Event) {
-        let message = self.page.hear(event).unwrap();
-        self.tell(message);
-    }
-
-    /// Ends the pause of a timer.
-    fn wake(&mut self, timer: &str) {
-        let at = self.timers.iter().position(|(name, _)| *name == timer).unwrap();
-        let (_, message) = self.timers.remove(at);
-        self.tell(message);
-    }
-
-    fn asked_for(&mut self, name: &str) -> Request<Msg> {
-        let at = self.asked.iter().position(|request| request.name == name);
-        let names: Vec<_> = self.asked.iter().map(|request| request.name).collect();
-        self.asked.remove(at.unwrap_or_else(|| panic!("no {name} in {names:?}")))
-    }
-
-    fn answer(&mut self, name: &str, status: u16, body: &impl serde::Serialize) {
-        let request = self.asked_for(name);
-        let body = serde_json::to_vec(body).unwrap();
-        self.tell((request.then)(Answer::Received { status, body }));
-    }
-
-    fn press(&mut self, name: &str) {
-        let message = self.page.view().press(name);
-        let message = message.unwrap_or_else(|| panic!("no {name} in: {}", self.words()));
-        self.tell(message);
-    }
-
-    fn words(&self) -> String {
-        self.page.view().words()
-    }
-
-    fn shows(&self, name: &str) -> bool {
-        self.page.view().find(name).is_some()
-    }
-
     fn begin(&mut self) {
-        self.press("consent");
-        self.answer("enrol", 201, &enrolled());
-        self.answer("progress", 200, &progress(&[]));
+        self.instructed();
         self.press("continue");
+    }
+
+    /// To the instructions.
+    fn instructed(&mut self) {
+        self.press("consent");
+        self.send("enrol", 201, &enrolled());
+        self.send("progress", 200, &progress(&[]));
     }
 
     /// Drives a scene with the left key held from 3 s to 5 s.
@@ -180,12 +115,13 @@ impl Session {
     fn stored(&mut self, id: &str) {
         self.uploaded(id);
         let stored = TrialStored { trial_id: id.into(), next: None };
-        self.answer("upload", 201, &stored);
+        self.send("upload", 201, &stored);
     }
 
-    fn unreachable(&mut self, name: &str) {
-        let request = self.asked_for(name);
-        self.tell((request.then)(Answer::Unreachable));
+    /// The completion code comes.
+    fn completed(&mut self) {
+        self.send("complete", 200, &Completed { completion_code: "ABC".into() });
+        assert!(self.text().contains("ABC"));
     }
 }
 
@@ -197,14 +133,9 @@ fn refusal(code: &str) -> Problem {
     Problem { code: code.into(), message: format!("{code} it is"), field: None }
 }
 
-fn code() -> Completed {
-    Completed { completion_code: "ABC".into() }
-}
-
 #[test]
 fn from_consent_to_the_code() {
-    let mut session = Session::open(BTreeMap::new());
-    session.begin();
+    let mut session = begun();
     session.drive();
     let trial = session.uploaded("t0");
     let parameters = SceneParameters::default();
@@ -214,33 +145,30 @@ fn from_consent_to_the_code() {
     let lefts: Vec<_> = (0..50).filter(|&i| trial.inputs[i] == TurnInput::Left).collect();
     assert_eq!(lefts, (15..25).collect::<Vec<_>>(), "held from 3 s to 5 s");
     session.stored("t0");
-    assert!(session.words().contains("✓ saved"));
+    assert!(session.text().contains("✓ saved"));
     session.drive();
-    assert!(session.words().contains("Uploading your last scenes"));
+    assert!(session.text().contains("Uploading your last scenes"));
     session.stored("t1");
-    session.answer("complete", 200, &code());
-    assert!(session.words().contains("ABC"));
+    session.completed();
     assert_eq!(session.kept.keys().collect::<Vec<_>>(), ["sidestep.session.default"]);
 }
 
 #[test]
 fn a_reload_sends_what_waits_and_goes_on() {
-    let mut session = Session::open(BTreeMap::new());
-    session.begin();
+    let mut session = begun();
     session.drive();
     session.unreachable("upload");
     assert_eq!(session.timers.len(), 1);
-    assert!(session.words().contains("1 scene not uploaded yet; it is safe in this browser."));
-    let mut session = Session::open(session.kept);
-    session.answer("progress", 200, &progress(&[]));
+    assert!(session.text().contains("1 scene not uploaded yet; it is safe in this browser."));
+    let mut session = open(session.kept, StudyConfig::default());
+    session.send("progress", 200, &progress(&[]));
     session.stored("t0");
-    assert!(session.words().contains("Task 2 of 2"), "{}", session.words());
+    assert!(session.text().contains("Task 2 of 2"), "{}", session.text());
 }
 
 #[test]
 fn an_upload_is_tried_again_after_a_pause_or_when_the_network_is_back() {
-    let mut session = Session::open(BTreeMap::new());
-    session.begin();
+    let mut session = begun();
     session.drive();
     session.unreachable("upload");
     assert!(session.asked.is_empty());
@@ -252,17 +180,16 @@ fn an_upload_is_tried_again_after_a_pause_or_when_the_network_is_back() {
 
 #[test]
 fn a_server_that_forgot_us_lets_us_begin_afresh() {
-    let mut session = Session::open(BTreeMap::new());
-    session.begin();
-    let mut session = Session::open(session.kept);
-    session.answer("progress", 401, &refusal("unauthorised"));
-    assert!(session.shows("consent"));
+    let session = begun();
+    let mut session = open(session.kept, StudyConfig::default());
+    session.send("progress", 401, &refusal("unauthorised"));
+    assert!(session.words("consent").is_some());
     assert!(session.kept.is_empty());
 }
 
 #[test]
 fn a_failing_server_is_asked_again() {
-    let mut session = Session::open(BTreeMap::new());
+    let mut session = welcomed();
     // Whether the first enrolment was stored is not known: the second has the same name.
     let mut names = Vec::new();
     for status in [503, 201] {
@@ -270,32 +197,30 @@ fn a_failing_server_is_asked_again() {
         let body = session.asked[0].body.clone().unwrap();
         names.push(serde_json::from_str::<Enrolment>(&body).unwrap().request_id.unwrap());
         match status {
-            503 => session.answer("enrol", 503, &refusal("storage")),
-            _ => session.answer("enrol", 201, &enrolled()),
+            503 => session.send("enrol", 503, &refusal("storage")),
+            _ => session.send("enrol", 201, &enrolled()),
         }
     }
     assert_eq!(names, ["0123456789abcdef"; 2]);
-    session.answer("progress", 503, &refusal("storage"));
+    session.send("progress", 503, &refusal("storage"));
     session.wake("retry");
-    session.answer("progress", 200, &progress(&["t0", "t1"]));
+    session.send("progress", 200, &progress(&["t0", "t1"]));
     session.unreachable("complete");
     session.wake("retry");
-    session.answer("complete", 200, &code());
-    assert!(session.words().contains("ABC"));
+    session.completed();
 }
 
 #[test]
 fn a_study_that_takes_nobody_says_so() {
-    let mut session = Session::open(BTreeMap::new());
+    let mut session = welcomed();
     session.press("consent");
-    session.answer("enrol", 403, &refusal("closed"));
-    assert!(session.shows("stuck"));
+    session.send("enrol", 403, &refusal("closed"));
+    assert!(session.words("stuck").is_some());
 }
 
 #[test]
 fn leaving_the_window_releases_the_keys() {
-    let mut session = Session::open(BTreeMap::new());
-    session.begin();
+    let mut session = begun();
     session.press("start");
     let mut at = |t_ms: f64, event: Event| {
         session.now_ms = t_ms;
@@ -313,40 +238,36 @@ fn leaving_the_window_releases_the_keys() {
 
 #[test]
 fn a_refused_trial_is_driven_again_and_the_code_comes() {
-    let mut session = Session::open(BTreeMap::new());
-    session.begin();
+    let mut session = begun();
     session.drive();
     session.stored("t0");
     session.drive();
-    session.answer("upload", 422, &refusal("invalid"));
+    session.send("upload", 422, &refusal("invalid"));
     assert!(session.asked.is_empty(), "no code is asked for while a trial is missing");
-    assert!(session.words().contains("did not accept this scene. Invalid it is."));
+    assert!(session.text().contains("did not accept this scene. Invalid it is."));
     assert!(session.kept.contains_key("sidestep.refused.p.t1"));
     session.drive();
     session.stored("t1");
-    session.answer("complete", 200, &code());
-    assert!(session.words().contains("ABC"));
+    session.completed();
 }
 
 #[test]
 fn a_trial_that_is_refused_twice_ends_with_its_reason() {
-    let mut session = Session::open(BTreeMap::new());
-    session.begin();
+    let mut session = begun();
     for _ in 0..2 {
         session.drive();
-        session.answer("upload", 422, &refusal("invalid"));
+        session.send("upload", 422, &refusal("invalid"));
     }
-    assert!(session.page.view().find("stuck").unwrap().words().contains("Invalid it is."));
+    assert!(session.words("stuck").unwrap().contains("Invalid it is."));
 }
 
 #[test]
 fn a_refusal_during_the_next_scene_leaves_that_one_alone() {
-    let mut session = Session::open(BTreeMap::new());
-    session.begin();
+    let mut session = begun();
     session.drive();
     session.press("start");
     let driven = session.page.picture().unwrap().attributes;
-    session.answer("upload", 422, &refusal("invalid"));
+    session.send("upload", 422, &refusal("invalid"));
     assert_eq!(session.page.picture().unwrap().attributes, driven);
     session.now_ms += 900.0;
     session.hear(&Event::Frame);
@@ -357,66 +278,64 @@ fn a_refusal_during_the_next_scene_leaves_that_one_alone() {
     session.drive();
     session.stored("t0");
     session.stored("t1");
-    session.answer("complete", 200, &code());
+    session.completed();
 }
 
 #[test]
 fn a_scene_of_another_tab_counts() {
-    let mut session = Session::open(BTreeMap::new());
-    session.begin();
+    let mut session = begun();
     session.drive();
-    session.answer("upload", 409, &refusal("different_content"));
+    session.send("upload", 409, &refusal("different_content"));
     let words = "You already completed this scene in another tab; that version was kept.";
-    assert!(session.words().contains(words));
-    assert!(session.words().contains("Task 2 of 2"));
+    assert!(session.text().contains(words));
+    assert!(session.text().contains("Task 2 of 2"));
     session.drive();
     session.stored("t1");
-    session.answer("complete", 200, &code());
-    assert!(session.words().contains("ABC"));
+    session.completed();
 }
 
 #[test]
 fn a_server_that_lacks_trials_says_which() {
-    let mut session = Session::open(BTreeMap::new());
+    let mut session = welcomed();
     session.press("consent");
-    session.answer("enrol", 201, &enrolled());
-    session.answer("progress", 200, &progress(&["t0", "t1"]));
-    session.answer("complete", 409, &refusal("incomplete"));
-    session.answer("progress", 200, &progress(&["t0"]));
-    assert!(session.words().contains("Task 2 of 2"), "{}", session.words());
+    session.send("enrol", 201, &enrolled());
+    session.send("progress", 200, &progress(&["t0", "t1"]));
+    session.send("complete", 409, &refusal("incomplete"));
+    session.send("progress", 200, &progress(&["t0"]));
+    assert!(session.text().contains("Task 2 of 2"), "{}", session.text());
     session.drive();
-    session.answer("upload", 409, &refusal("out_of_order"));
-    session.answer("progress", 200, &progress(&["t0"]));
+    session.send("upload", 409, &refusal("out_of_order"));
+    session.send("progress", 200, &progress(&["t0"]));
     session.wake("upload-retry");
     session.stored("t1");
     // Once is enough: a server that goes on saying so is not asked for ever.
-    session.answer("complete", 409, &refusal("incomplete"));
-    assert!(session.shows("stuck"));
+    session.send("complete", 409, &refusal("incomplete"));
+    assert!(session.words("stuck").is_some());
 }
 
 #[test]
 fn a_browser_that_keeps_nothing_says_so_and_goes_on() {
     for reason in [NotKept::Full, NotKept::Denied] {
-        let mut session = Session::open(BTreeMap::new());
+        let mut session = welcomed();
         session.refuses = Some(reason);
         session.begin();
-        let told = session.page.view().find("not-kept").unwrap().words();
+        let told = session.words("not-kept").unwrap();
         assert!(told.contains(reason.sentence()) && told.contains("Keep this page open"));
         session.drive();
         session.unreachable("upload");
-        assert!(session.words().contains("1 scene not uploaded yet; keep this page open."));
+        assert!(session.text().contains("1 scene not uploaded yet; keep this page open."));
         session.wake("upload-retry");
         session.stored("t0");
         session.drive();
         session.stored("t1");
-        session.answer("complete", 200, &code());
-        assert!(!session.shows("not-kept"));
+        session.completed();
+        assert!(session.words("not-kept").is_none());
     }
 }
 
 #[test]
 fn the_consent_button_waits_for_a_press_of_its_own() {
-    let session = Session::open(BTreeMap::new());
+    let session = welcomed();
     let view = session.page.view();
     assert!(!view.find("consent").unwrap().takes_focus);
 }
@@ -424,11 +343,9 @@ fn the_consent_button_waits_for_a_press_of_its_own() {
 #[test]
 fn the_instructions_are_those_of_the_study() {
     let words = |study: StudyConfig| {
-        let mut session = Session::open_study(BTreeMap::new(), study);
-        session.press("consent");
-        session.answer("enrol", 201, &enrolled());
-        session.answer("progress", 200, &progress(&[]));
-        session.words()
+        let mut session = open(BTreeMap::new(), study);
+        session.instructed();
+        session.text()
     };
     let paper = words(StudyConfig::default());
     assert!(paper.contains("A scene takes 10 seconds."), "{paper}");

@@ -2,6 +2,7 @@
 
 use super::{Msg, Participant, PlannedTrial, Stage};
 use crate::json::number;
+use crate::pages::parts::{self, alert, count};
 use crate::view::{self, el};
 use sidestep::api::StudyInfo;
 use sidestep::study::PhaseConfig;
@@ -20,30 +21,26 @@ pub(super) fn page(page: &Participant) -> Node {
         Stage::Finishing => finishing(page),
         Stage::Done(code) => done(code),
     };
-    let alert = |name: &str, text: String| {
-        el("p").class("trouble").attr("role", "alert").test_id(name).text(text)
-    };
     let is_done = matches!(page.stage, Stage::Done(_));
     let not_kept = page.not_kept.filter(|_| !is_done).map(|reason| {
         let advice = "Keep this page open until you have your completion code.";
-        alert("not-kept", format!("{} {advice}", reason.sentence()))
+        alert("not-kept", &format!("{} {advice}", reason.sentence()))
     });
-    let trouble = page.trouble.as_ref().map(|text| alert("trouble", text.clone()));
+    let trouble = page.trouble.as_deref().map(|why| alert("trouble", why));
     el("div").class("participant").child(content).children(trouble).children(not_kept)
 }
 
 /// A card of its own, so that its heading takes the focus when it comes.
 fn card(heading: &str) -> Node {
-    let title = el("h1").attr("tabindex", -1).focus().text(heading);
-    el("main").class("card").key(heading).child(title)
+    el("main").class("card").key(heading).child(parts::heading(heading))
 }
 
 fn note(heading: &str, lines: &[&str]) -> Node {
     card(heading).children(lines.iter().map(|line| el("p").text(*line)))
 }
 
-fn button(words: &str, name: &str, message: Msg) -> Node {
-    el("button").class("primary").attr("type", "button").test_id(name).on_press(message).text(words)
+fn button(test_id: &str, message: Msg, words: &str) -> Node {
+    parts::button(test_id, message).class("primary").text(words)
 }
 
 fn kbd(key: &str) -> Node {
@@ -68,18 +65,11 @@ fn welcome(page: &Participant) -> Node {
             .to_owned(),
         "Taking part is voluntary. You can stop at any time by closing this page.".to_owned(),
     ];
+    let consent = button("consent", Msg::Consent, "I agree and want to take part");
     card(title)
         .child(el("p").class("lead").text("A study of how people keep clear of a robot."))
-        .child(el("ul").children(facts.into_iter().map(|fact| el("li").text(fact))))
-        .child(
-            button("I agree and want to take part", "consent", Msg::Consent)
-                .attr_if(busy, "disabled", ""),
-        )
-}
-
-/// A number with its noun.
-fn count(n: usize, noun: &str) -> String {
-    format!("{n} {noun}{}", if n == 1 { "" } else { "s" })
+        .child(el("ul").children(facts.map(|fact| el("li").text(fact))))
+        .child(consent.attr_if(busy, "disabled", ""))
 }
 
 fn instructions(page: &Participant) -> Node {
@@ -87,42 +77,39 @@ fn instructions(page: &Participant) -> Node {
         (study.parameters.danger_radius_m, zone_words(study), study.parameters.duration_s())
     });
     let (radius, duration) = (number(radius), number(duration));
-    card("How it works")
-        .child(picture())
-        .child(
-            el("ul").children([
-                el("li")
-                    .child(el("strong").class("human").text("You steer the blue vehicle."))
-                    .text(" It never stops. Hold ")
-                    .child(kbd("←"))
-                    .text(" to turn left, ")
-                    .child(kbd("→"))
-                    .text(" to turn right, and no key to go straight. ")
-                    .child(kbd("A"))
-                    .text(" and ")
-                    .child(kbd("D"))
-                    .text(" work too. If you hold two keys, the one pressed last counts."),
-                el("li")
-                    .child(
-                        el("strong")
-                            .class("robot")
-                            .text("The red robot drives straight to the red square."),
-                    )
-                    .text(" It does not see you and will not avoid you."),
-                el("li").text(format!(
-                    "Keep out of the robot’s danger zone: the disc of {radius} m around it. {zone}"
-                )),
-                el("li").text(
-                    "If nobody turns, you will collide. Start steering when you feel in danger; \
-                     stop when you think you will stay clear.",
-                ),
-                el("li").text(format!(
-                    "The dot at the tail of each arrow marks its exact position. A scene takes \
-                     {duration} seconds."
-                )),
-            ]),
-        )
-        .child(button("I am ready", "continue", Msg::Continue))
+    let strong = |class: &str, words: &str| el("strong").class(class).text(words);
+    let points = [
+        el("li")
+            .child(strong("human", "You steer the blue vehicle."))
+            .text(" It never stops. Hold ")
+            .child(kbd("←"))
+            .text(" to turn left, ")
+            .child(kbd("→"))
+            .text(" to turn right, and no key to go straight. ")
+            .child(kbd("A"))
+            .text(" and ")
+            .child(kbd("D"))
+            .text(" work too. If you hold two keys, the one pressed last counts."),
+        el("li")
+            .child(strong("robot", "The red robot drives straight to the red square."))
+            .text(" It does not see you and will not avoid you."),
+        el("li").text(format!(
+            "Keep out of the robot’s danger zone: the disc of {radius} m around it. {zone}"
+        )),
+        el("li").text(
+            "If nobody turns, you will collide. Start steering when you feel in danger; stop \
+             when you think you will stay clear.",
+        ),
+        el("li").text(format!(
+            "The dot at the tail of each arrow marks its exact position. A scene takes \
+             {duration} seconds."
+        )),
+    ];
+    card("How it works").child(picture()).child(el("ul").children(points)).child(button(
+        "continue",
+        Msg::Continue,
+        "I am ready",
+    ))
 }
 
 /// In which scenes the danger zone is drawn.
@@ -148,21 +135,13 @@ fn picture() -> Node {
     };
     let words = "The robot, with its danger zone, drives from the left to its goal on the right. \
                  Your vehicle comes from below.";
+    let goal = [("x", "412"), ("y", "79"), ("width", "17"), ("height", "17")];
     el("svg")
         .class("still")
-        .attr("viewBox", "0 0 480 150")
-        .attr("role", "img")
-        .attr("aria-label", words)
-        .child(el("circle").class("zone").attr("cx", "110").attr("cy", "60").attr("r", "46"))
+        .attrs([("viewBox", "0 0 480 150"), ("role", "img"), ("aria-label", words)])
+        .child(el("circle").class("zone").attrs([("cx", "110"), ("cy", "60"), ("r", "46")]))
         .child(el("path").class("way").attr("d", "M160 64L412 87"))
-        .child(
-            el("rect")
-                .class("goal")
-                .attr("x", "412")
-                .attr("y", "79")
-                .attr("width", "17")
-                .attr("height", "17"),
-        )
+        .child(el("rect").class("goal").attrs(goal))
         .child(arrow("robot", "translate(110 60) rotate(5)"))
         .child(arrow("human", "translate(300 140) rotate(-112)"))
 }
@@ -201,7 +180,6 @@ fn ready(page: &Participant) -> Node {
         return note("One moment…", &[]);
     };
     let phase = phase_words(trial);
-    let start = button("Start", "start", Msg::Start).focus();
     let help = el("p")
         .class("quiet")
         .text("Press ")
@@ -212,22 +190,20 @@ fn ready(page: &Participant) -> Node {
         .key(&phase)
         .child(el("h1").text(phase))
         .child(el("p").text(hint(page, trial)))
-        .child(start)
+        .child(button("start", Msg::Start, "Start").focus())
         .child(help);
-    el("div").class("stage").child(bar(page, Some(trial))).child(card)
+    el("div").class("stage").child(bar(page, trial)).child(card)
 }
 
 fn scene(page: &Participant, trial: &PlannedTrial) -> Node {
-    let words = "Two vehicles seen from above: yours is blue, the robot is red.";
     let canvas = el("canvas")
-        .attr("id", "scene")
-        .test_id("scene")
-        .attr("role", "img")
-        .attr("aria-label", words);
+        .attrs([("id", "scene"), ("role", "img")])
+        .attr("aria-label", "Two vehicles seen from above: yours is blue, the robot is red.")
+        .test_id("scene");
     let heading = el("h1").class("unseen").text(phase_words(trial));
     el("div")
         .class("stage")
-        .child(bar(page, Some(trial)))
+        .child(bar(page, trial))
         .child(el("main").class("field").key("scene").child(heading).child(canvas))
         .child(el("footer").class("keys").attr("aria-hidden", "true").children([
             el("span").child(kbd("←")).text(" turn left"),
@@ -236,17 +212,16 @@ fn scene(page: &Participant, trial: &PlannedTrial) -> Node {
         ]))
 }
 
-fn bar(page: &Participant, trial: Option<&PlannedTrial>) -> Node {
+fn bar(page: &Participant, trial: &PlannedTrial) -> Node {
     let done = page.plan.iter().filter(|trial| page.is_driven(trial)).count();
+    let progress = el("progress")
+        .attr("max", page.plan.len())
+        .attr("value", done)
+        .attr("aria-label", "Scenes driven");
     el("header")
         .class("bar")
-        .child(el("span").text(trial.map(phase_words).unwrap_or_default()))
-        .child(
-            el("progress")
-                .attr("max", page.plan.len())
-                .attr("value", done)
-                .attr("aria-label", "Scenes driven"),
-        )
+        .child(el("span").text(phase_words(trial)))
+        .child(progress)
         .child(saved(page))
 }
 

@@ -1,8 +1,9 @@
-//! Where a replay gets its value functions: from the server if it has solved them, else from
-//! a solver beside this page.
+//! Where a replay gets its value functions: from the server if it has solved them, otherwise
+//! from a solver beside this page.
 
 use super::Msg;
-use crate::runtime::{Command, Commands, Failure, Request, Solving};
+use crate::pages::parts::button;
+use crate::runtime::{Answer, Command, Commands, Request, Solving};
 use crate::view::{self, el};
 use sidestep::api::{TrialDetail, routes};
 use sidestep::reachability::ValueFunction;
@@ -12,25 +13,15 @@ use std::rc::Rc;
 
 type Node = view::Node<Msg>;
 
-/// The functions of both roles, or how far each has come.
-pub(super) struct Sources {
-    human: Source,
-    /// None where the human's function serves both roles.
-    robot: Option<Source>,
-}
+/// The functions of both vehicles as evaders, or how far each has come. One alone serves both.
+pub(super) struct Sources(Vec<Source>);
 
-/// Where one function is to come from, and whether it has.
+/// Where one function comes from, and how far it has come.
 struct Source {
     evader: Evader,
-    origin: Origin,
+    /// Whether a solver beside this page finds it.
+    is_solved_here: bool,
     state: State,
-}
-
-/// Who finds a function.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Origin {
-    Server,
-    Here,
 }
 
 enum State {
@@ -43,27 +34,22 @@ enum State {
 }
 
 impl Source {
-    fn new(trial: &TrialDetail, evader: Evader) -> Self {
-        let origin = match trial.value_function(evader) {
-            Some(_) => Origin::Server,
-            None => Origin::Here,
-        };
-        Self { evader, origin, state: State::Underway(0.0) }
-    }
-
     /// Begins, or begins again.
     fn ask(&mut self, trial: &TrialDetail) -> Command<Msg> {
         self.state = State::Underway(0.0);
         let evader = self.evader;
+        let report = move |solving| Msg::ValueFunction(evader, solving);
         match trial.value_function(evader) {
             Some(id) => {
-                let url = routes::value_function(id);
-                let then = move |answer| Msg::ValueFunction(evader, answer);
-                Command::Send(Request::get(self.name(), url, then))
+                let then = move |answer: Answer| match answer {
+                    Ok(bytes) => report(Solving::Solved(bytes)),
+                    Err(failure) => report(Solving::Failed(failure.sentence)),
+                };
+                Command::Send(Request::get(self.name(), routes::value_function(id), then))
             }
             None => {
-                let then = Rc::new(move |solving| Msg::Solving(evader, solving));
-                Command::Solve { name: self.name(), game: trial.parameters.game(evader), then }
+                let game = trial.parameters.game(evader);
+                Command::Solve { name: self.name(), game, then: Rc::new(report) }
             }
         }
     }
@@ -76,48 +62,40 @@ impl Source {
         }
     }
 
-    fn take_bytes(&mut self, bytes: &[u8]) {
-        self.state = match ValueFunction::decode(bytes) {
-            Ok(function) => State::Known(function),
-            Err(invalid) => State::Missing(invalid.to_string()),
-        };
+    fn is_underway(&self) -> bool {
+        matches!(self.state, State::Underway(_))
     }
 }
 
 impl Sources {
-    /// Nothing is there, and nothing asked for.
+    /// Nothing is there, and nothing was asked for.
     pub(super) fn new(trial: &TrialDetail) -> Self {
-        let [human, robot] = Evader::ALL.map(|evader| Source::new(trial, evader));
-        let ids = Evader::ALL.map(|evader| trial.value_function(evader));
+        let [human, robot] = Evader::ALL.map(|evader| trial.value_function(evader));
         let games = Evader::ALL.map(|evader| trial.parameters.game(evader));
-        let same = ids[0] == ids[1] && (ids[0].is_some() || games[0] == games[1]);
-        Self { human, robot: (!same).then_some(robot) }
-    }
-
-    fn all(&self) -> impl Iterator<Item = &Source> {
-        [&self.human].into_iter().chain(&self.robot)
-    }
-
-    fn all_mut(&mut self) -> impl Iterator<Item = &mut Source> {
-        [&mut self.human].into_iter().chain(&mut self.robot)
+        let one_serves_both = human == robot && (human.is_some() || games[0] == games[1]);
+        let evaders = if one_serves_both { &Evader::ALL[..1] } else { &Evader::ALL };
+        let source = |&evader: &Evader| Source {
+            evader,
+            is_solved_here: trial.value_function(evader).is_none(),
+            state: State::Underway(0.0),
+        };
+        Self(evaders.iter().map(source).collect())
     }
 
     /// Asks for everything.
     pub(super) fn begin(&mut self, trial: &TrialDetail) -> Commands<Msg> {
-        self.all_mut().map(|source| source.ask(trial)).collect()
+        self.0.iter_mut().map(|source| source.ask(trial)).collect()
     }
 
     /// Asks again for what is missing.
     pub(super) fn retry(&mut self, trial: &TrialDetail) -> Commands<Msg> {
-        let missing = self.all_mut().filter(|source| matches!(source.state, State::Missing(_)));
+        let missing = self.0.iter_mut().filter(|s| matches!(s.state, State::Missing(_)));
         missing.map(|source| source.ask(trial)).collect()
     }
 
-    /// Gives up what is being solved here.
+    /// Cancels what is being solved here.
     pub(super) fn stop(&mut self) -> Commands<Msg> {
-        let solving = self.all_mut().filter(|source| {
-            source.origin == Origin::Here && matches!(source.state, State::Underway(_))
-        });
+        let solving = self.0.iter_mut().filter(|s| s.is_solved_here && s.is_underway());
         let stop = |source: &mut Source| {
             source.state = State::Missing("The solve was stopped.".to_owned());
             Command::Cancel(source.name())
@@ -125,28 +103,18 @@ impl Sources {
         solving.map(stop).collect()
     }
 
-    /// What the server sent for `evader`, or why it did not.
-    pub(super) fn take_answer(&mut self, evader: Evader, answer: Result<&[u8], Failure>) {
-        let asked = self.all_mut().find(|s| s.evader == evader && s.origin == Origin::Server);
-        if let Some(source) = asked {
-            match answer {
-                Ok(bytes) => source.take_bytes(bytes),
-                Err(failure) => source.state = State::Missing(failure.sentence()),
-            }
-        }
-    }
-
-    /// What the solver reports on `evader`; it may come too late.
-    pub(super) fn take_solving(&mut self, evader: Evader, solving: Solving) {
-        let waits = |s: &&mut Source| {
-            s.evader == evader && s.origin == Origin::Here && matches!(s.state, State::Underway(_))
-        };
-        if let Some(source) = self.all_mut().find(waits) {
-            match solving {
-                Solving::Done(share) => source.state = State::Underway(share),
-                Solving::Solved(bytes) => source.take_bytes(&bytes),
-                Solving::Failed(why) => source.state = State::Missing(why),
-            }
+    /// Takes what the server or the solver reports on `evader`; it may come too late.
+    pub(super) fn take(&mut self, evader: Evader, solving: Solving) {
+        let source = self.0.iter_mut().find(|s| s.evader == evader && s.is_underway());
+        if let Some(source) = source {
+            source.state = match solving {
+                Solving::Done(share) => State::Underway(share),
+                Solving::Solved(bytes) => match ValueFunction::decode(&bytes) {
+                    Ok(function) => State::Known(function),
+                    Err(invalid) => State::Missing(invalid.to_string()),
+                },
+                Solving::Failed(why) => State::Missing(why),
+            };
         }
     }
 
@@ -156,17 +124,14 @@ impl Sources {
             State::Known(function) => Some(function.clone()),
             _ => None,
         };
-        let human = known(&self.human)?;
-        let robot = match &self.robot {
-            Some(robot) => known(robot)?,
-            None => human.clone(),
-        };
+        let human = known(self.0.first()?)?;
+        let robot = self.0.get(1).map_or_else(|| Some(human.clone()), known)?;
         Some(SafetyLevels { human, robot })
     }
 
     /// Why there will be no functions, if one did not come.
     pub(super) fn missing(&self) -> Option<&str> {
-        self.all().find_map(|source| match &source.state {
+        self.0.iter().find_map(|source| match &source.state {
             State::Missing(why) => Some(why.as_str()),
             _ => None,
         })
@@ -174,14 +139,14 @@ impl Sources {
 
     /// Where they come from, for the facts of the trial.
     pub(super) fn words(&self) -> &'static str {
-        let any = |holds: fn(&Source) -> bool| self.all().any(holds);
+        let any = |holds: fn(&Source) -> bool| self.0.iter().any(holds);
         if self.missing().is_some() {
             "none"
-        } else if any(|s| matches!(s.state, State::Underway(_))) {
+        } else if any(Source::is_underway) {
             "…"
         } else if any(|s| matches!(s.state, State::Known(ValueFunction::Exact(_)))) {
             "closed form"
-        } else if any(|s| s.origin == Origin::Here) {
+        } else if any(|s| s.is_solved_here) {
             "solved in this browser"
         } else {
             "solved by the server"
@@ -193,58 +158,36 @@ impl Sources {
         if let Some(why) = self.missing() {
             return Some(trouble(why));
         }
-        let here = self.all().filter(|source| source.origin == Origin::Here);
-        let shares: Vec<f64> = here
-            .map(|source| match source.state {
-                State::Underway(share) => share,
-                _ => 1.0,
-            })
-            .collect();
-        let underway = shares.iter().any(|&share| share < 1.0);
+        let here = self.0.iter().filter(|source| source.is_solved_here);
+        let share = |source: &Source| match source.state {
+            State::Underway(share) => share,
+            _ => 1.0,
+        };
+        let shares: Vec<f64> = here.map(share).collect();
         let share = shares.iter().sum::<f64>() / shares.len() as f64;
-        underway.then(|| progress((100.0 * share) as u32))
+        shares.iter().any(|&share| share < 1.0).then(|| progress((100.0 * share) as u32))
     }
 }
 
 fn progress(percent: u32) -> Node {
+    let heading = el("p")
+        .child(el("span").attr("role", "status").text("Solving the safety levels"))
+        .child(el("span").test_id("solved-percent").text(format!("{percent} %")));
     let bar = el("progress")
-        .attr("max", 100)
-        .attr("value", percent)
-        .attr("aria-label", "Solving the safety levels");
-    el("div")
-        .class("notice")
-        .test_id("solving")
-        .child(
-            el("p")
-                .child(el("span").attr("role", "status").text("Solving the safety levels"))
-                .child(el("span").test_id("solved-percent").text(format!("{percent} %"))),
-        )
-        .child(bar)
-        .child(
-            el("p")
-                .child(el("span").class("quiet").text(
-                    "The server has not solved these vehicles’ games yet, so this browser does.",
-                ))
-                .child(button("stop-solving", "Stop", Msg::StopSolving)),
-        )
+        .attrs([("max", "100"), ("aria-label", "Solving the safety levels")])
+        .attr("value", percent);
+    let why = "The server has not yet solved the games of these vehicles, so this browser does.";
+    let stop = button("stop-solving", Msg::StopSolving).class("plain").text("Stop");
+    el("div").class("notice").test_id("solving").children([heading, bar, advice(why, stop)])
 }
 
 fn trouble(why: &str) -> Node {
-    el("div")
-        .class("notice lasting")
-        .test_id("unsolved")
-        .child(el("p").attr("role", "alert").text(format!("No safety levels. {why}")))
-        .child(
-            el("p")
-                .child(
-                    el("span")
-                        .class("quiet")
-                        .text("Level sets and predicted sets cannot be drawn without them."),
-                )
-                .child(button("solve-again", "Try again", Msg::SolveAgain)),
-        )
+    let what = el("p").attr("role", "alert").text(format!("No safety levels. {why}"));
+    let needs = "Level sets and predicted sets cannot be drawn without them.";
+    let again = button("solve-again", Msg::SolveAgain).class("plain").text("Try again");
+    el("div").class("notice lasting").test_id("unsolved").children([what, advice(needs, again)])
 }
 
-fn button(name: &str, words: &str, message: Msg) -> Node {
-    el("button").class("plain").attr("type", "button").test_id(name).on_press(message).text(words)
+fn advice(words: &str, action: Node) -> Node {
+    el("p").child(el("span").class("quiet").text(words)).child(action)
 }

@@ -3,8 +3,8 @@
 use super::chart;
 use super::{Msg, Replay};
 use crate::overlays::LAYERS;
+use crate::pages::parts::{self, alert, button, cell, fact};
 use crate::view::{self, el, subscripted};
-use sidestep::chart::Table;
 use sidestep::safety::SafetyLevels;
 use sidestep::scene::{Evader, JointState};
 use sidestep::vehicle::TurnInput;
@@ -19,32 +19,30 @@ fn scene(replay: &Replay) -> Node {
     let switches = LAYERS.iter().enumerate().map(|(place, layer)| {
         let shown = replay.shown[place];
         let swatch = el("i").class(&format!("swatch {}", layer.swatch));
-        let mut button = switch(layer.meaning, shown, Msg::Layer(place))
-            .test_id(&format!("layer-{}", layer.name))
+        let button = switch(&format!("layer-{}", layer.name), shown, Msg::Layer(place))
+            .attr("title", layer.meaning)
             .child(swatch)
             .child(el("span").text(layer.label));
-        if let Some(below) = layer.level {
-            button = button.child(subscripted("span", "V", below).text(" ≤ 0"));
-            // Without a word one would look for the line.
-            let is_empty = shown && replay.safety.is_some() && replay.drawn[place].is_empty();
-            button = button.children(is_empty.then(|| el("span").text("(nowhere now)")));
-        }
+        let Some(below) = layer.level else { return button };
+        // Without a word one would look for the line.
+        let is_empty = shown && replay.safety.is_some() && replay.drawn[place].is_empty();
         button
+            .child(subscripted("span", "V", below).text(" ≤ 0"))
+            .children(is_empty.then(|| el("span").text("(nowhere now)")))
     });
     let meaning = "Predicted sets: show where the human may be at each step instead of within \
                    the whole time ahead";
-    let by_step = switch(meaning, replay.by_step, Msg::ByStep).test_id("by-step").text("per step");
+    let by_step =
+        switch("by-step", replay.by_step, Msg::ByStep).attr("title", meaning).text("per step");
     let switches = el("div")
         .class("switches")
-        .attr("role", "group")
-        .attr("aria-label", "Layers")
+        .attrs([("role", "group"), ("aria-label", "Layers")])
         .children(switches)
         .child(by_step);
     let canvas = el("canvas")
-        .attr("id", "replay")
-        .test_id("replay")
-        .attr("role", "img")
-        .attr("aria-label", "The trial seen from above, with the chosen layers");
+        .attrs([("id", "replay"), ("role", "img")])
+        .attr("aria-label", "The trial seen from above, with the chosen layers")
+        .test_id("replay");
     el("section")
         .class("view")
         .attr("aria-label", "Scene")
@@ -54,34 +52,24 @@ fn scene(replay: &Replay) -> Node {
 }
 
 /// A button that stays down.
-fn switch(meaning: &str, is_on: bool, message: Msg) -> Node {
-    el("button")
-        .class("switch")
-        .attr("type", "button")
-        .attr("aria-pressed", is_on)
-        .attr("title", meaning)
-        .on_press(message)
+fn switch(test_id: &str, is_on: bool, message: Msg) -> Node {
+    button(test_id, message).class("switch").attr("aria-pressed", is_on)
 }
 
 fn panel(replay: &Replay) -> Node {
-    let heading = el("h1")
-        .attr("tabindex", -1)
-        .focus()
-        .text(format!("Step {}", replay.step()))
+    let heading = parts::heading(&format!("Step {}", replay.step()))
         .child(el("small").text(format!("t = {:.1} s", replay.time_s)));
-    let trouble = replay.trouble.as_ref();
     // It scrolls, so that the keyboard must be able to reach it.
     el("aside")
         .class("panel")
-        .attr("tabindex", 0)
-        .attr("aria-label", "Numbers at this step")
+        .attrs([("tabindex", "0"), ("aria-label", "Numbers at this step")])
         .child(heading)
         .child(facts(replay))
         .children(doubt(replay))
         .children(replay.prediction.as_ref().map(|probabilities| inputs(replay, probabilities)))
         .children(replay.prediction.as_ref().map(|_| regions(replay)))
         .child(outcome(replay))
-        .children(trouble.map(|text| el("p").class("trouble").attr("role", "alert").text(text)))
+        .children(replay.trouble.as_deref().map(|why| alert("trouble", why)))
 }
 
 /// A length in metres, with a proper minus sign.
@@ -108,8 +96,8 @@ fn facts(replay: &Replay) -> Node {
     el("dl").class("facts").children([
         level(Evader::Human, "human’s safety ", "HR"),
         level(Evader::Robot, "robot’s safety ", "RH"),
-        row("distance", metres(state.distance_m(), 2)),
-        row("input", input.to_owned()),
+        fact("distance", metres(state.distance_m(), 2)),
+        fact("input", input),
     ])
 }
 
@@ -118,10 +106,6 @@ fn level_of(safety: &SafetyLevels, evader: Evader, state: &JointState) -> f64 {
         Evader::Human => safety.human_level(state),
         Evader::Robot => safety.robot_level(state),
     }
-}
-
-fn row(name: &str, value: String) -> Node {
-    el("div").child(el("dt").text(name)).child(el("dd").text(value))
 }
 
 /// A warning about levels that prove nothing.
@@ -166,28 +150,19 @@ fn inputs(replay: &Replay, probabilities: &[(TurnInput, f64)]) -> Node {
 }
 
 fn regions(replay: &Replay) -> Node {
-    let head = ["set", "ε / rad s⁻¹", "tube / m²"];
-    let head = head.map(|words| el("th").attr("scope", "col").text(words));
     let rows = replay.predictor.shfrs().sets.iter().zip(1..).map(|(set, j)| {
         let swatch = el("i").class(&format!("swatch region-{j}"));
-        let name = el("th")
-            .attr("scope", "row")
-            .child(swatch)
-            .text("F")
-            .child(el("sub").text(j.to_string()));
+        let name = subscripted("span", "F", &j.to_string());
         el("tr")
-            .child(name)
-            .child(el("td").text(format!("{:.2}", set.epsilon)))
-            .child(el("td").text(format!("{:.2}", set.area_m2)))
+            .child(el("th").attr("scope", "row").child(swatch).child(name))
+            .child(cell(format!("{:.2}", set.epsilon)))
+            .child(cell(format!("{:.2}", set.area_m2)))
     });
+    let table = parts::table(["set", "ε / rad s⁻¹", "tube / m²"], rows);
     let ahead = if replay.by_step { "next 2 s, per step" } else { "next 2 s" };
-    el("section").child(el("h2").text("Predicted sets").child(el("small").text(ahead))).child(
-        el("table")
-            .class("regions")
-            .test_id("regions")
-            .child(el("thead").child(el("tr").children(head)))
-            .child(el("tbody").children(rows)),
-    )
+    el("section")
+        .child(el("h2").text("Predicted sets").child(el("small").text(ahead)))
+        .child(table.class("regions").test_id("regions"))
 }
 
 /// How the trial ended, and whether it can be trusted.
@@ -201,14 +176,13 @@ fn outcome(replay: &Replay) -> Node {
     } else {
         format!("differs by up to {:.2e} m", check.max_position_error_m)
     };
-    let flags: Vec<_> = summary.flags.iter().map(|flag| flag.word().replace('_', " ")).collect();
-    let flags = if flags.is_empty() { "none".to_owned() } else { flags.join(", ") };
+    let flags = Some(parts::flags(&summary.flags)).filter(|flags| !flags.is_empty());
     el("section").child(el("h2").text("Trial")).child(el("dl").class("facts").children([
-        row("closest", metres(summary.outcome.closest_m, 2)),
-        row("in danger zone", danger),
-        row("replay", exact),
-        row("safety levels", replay.sources.words().to_owned()).test_id("safety-levels"),
-        row("flags", flags),
+        fact("closest", metres(summary.outcome.closest_m, 2)),
+        fact("in danger zone", danger),
+        fact("replay", exact),
+        fact("safety levels", replay.sources.words()).test_id("safety-levels"),
+        fact("flags", flags.unwrap_or_else(|| "none".to_owned())),
     ]))
 }
 
@@ -219,51 +193,31 @@ fn timeline(replay: &Replay) -> Node {
         false => ("Play", "M8 5v14l11-7z"),
     };
     let icon = el("svg")
-        .attr("viewBox", "0 0 24 24")
-        .attr("aria-hidden", "true")
+        .attrs([("viewBox", "0 0 24 24"), ("aria-hidden", "true")])
         .child(el("path").attr("d", icon));
-    let play = el("button")
-        .class("play")
-        .attr("type", "button")
-        .attr("aria-label", words)
-        .test_id("play")
-        .on_press(Msg::Play)
-        .child(icon);
     let controls = el("div")
         .class("controls")
-        .child(play)
+        .child(button("play", Msg::Play).class("play").attr("aria-label", words).child(icon))
         .child(el("span").class("time").text(format!("{:.1} s", replay.time_s)))
         .child(chart::legend(&lines));
     let slider = el("input")
-        .attr("type", "range")
-        .attr("min", 0)
+        .attrs([("type", "range"), ("min", "0"), ("step", "1"), ("aria-label", "Step")])
         .attr("max", replay.trial.inputs.len())
-        .attr("step", 1)
         .attr("value", replay.step())
-        .attr("aria-label", "Step")
         .test_id("slider")
         .on_input(|value| Msg::Seek(value.number().unwrap_or(0.0) as usize));
+    let table = chart::table(replay, &lines);
+    let row = |cells: Vec<String>| el("tr").children(cells.into_iter().map(cell));
+    let numbers = el("div")
+        .class("scroll")
+        .attrs([("tabindex", "0"), ("role", "region"), ("aria-label", "Numbers of every step")])
+        .child(parts::table(table.columns, table.rows.into_iter().map(row)));
     el("section")
         .class("timeline")
         .attr("aria-label", "Timeline")
         .child(controls)
         .child(el("div").class("chart").child(chart::draw(replay, &lines)).child(slider))
-        .child(table(chart::table(replay, &lines)))
-}
-
-/// The chart's numbers.
-fn table(table: Table) -> Node {
-    let head = table.columns.into_iter().map(|words| el("th").attr("scope", "col").text(words));
-    let row =
-        |cells: Vec<String>| el("tr").children(cells.into_iter().map(|words| el("td").text(words)));
-    let rows = el("table")
-        .child(el("thead").child(el("tr").children(head)))
-        .child(el("tbody").children(table.rows.into_iter().map(row)));
-    let scroll = el("div")
-        .class("scroll")
-        .attr("tabindex", 0)
-        .attr("role", "region")
-        .attr("aria-label", "Numbers of every step")
-        .child(rows);
-    el("details").class("table-twin").child(el("summary").text("Numbers")).child(scroll)
+        .child(
+            el("details").class("table-twin").child(el("summary").text("Numbers")).child(numbers),
+        )
 }

@@ -1,0 +1,68 @@
+//! What several pages show alike.
+
+use crate::view::{Node, el};
+use sidestep::trial::Flag;
+
+/// While the server is asked.
+pub(super) fn loading<M>() -> Node<M> {
+    el("main").class("card").child(el("p").class("quiet").attr("role", "status").text("Loading…"))
+}
+
+/// When a page of the laboratory cannot be shown.
+pub(super) fn stuck<M>(title: &str, why: &str) -> Node<M> {
+    el("main")
+        .class("card")
+        .key("stuck")
+        .child(heading(title))
+        .child(el("p").test_id("stuck").text(why))
+        .child(el("p").child(el("a").attr("href", "/lab").text("Back to the trials")))
+}
+
+/// The heading of a page, which takes the focus when the page opens.
+pub(super) fn heading<M>(words: &str) -> Node<M> {
+    el("h1").attr("tabindex", -1).focus().text(words)
+}
+
+/// A button that sends `message`.
+pub(super) fn button<M>(test_id: &str, message: M) -> Node<M> {
+    el("button").attr("type", "button").test_id(test_id).on_press(message)
+}
+
+/// What went wrong. Screen readers read it out at once.
+pub(super) fn alert<M>(test_id: &str, text: &str) -> Node<M> {
+    el("p").class("trouble").attr("role", "alert").test_id(test_id).text(text)
+}
+
+/// A name and its value, for a list of facts.
+pub(super) fn fact<M>(name: &str, value: impl Into<String>) -> Node<M> {
+    el("div").child(el("dt").text(name)).child(el("dd").text(value))
+}
+
+/// A table with these column headings.
+pub(super) fn table<M>(
+    columns: impl IntoIterator<Item = impl Into<String>>,
+    rows: impl IntoIterator<Item = Node<M>>,
+) -> Node<M> {
+    let columns = columns.into_iter().map(|words| el("th").attr("scope", "col").text(words));
+    el("table")
+        .child(el("thead").child(el("tr").children(columns)))
+        .child(el("tbody").children(rows))
+}
+
+/// A cell of a table.
+pub(super) fn cell<M>(words: impl Into<String>) -> Node<M> {
+    el("td").text(words)
+}
+
+/// A number with its noun.
+pub(super) fn count(n: impl ToString, noun: &str) -> String {
+    let n = n.to_string();
+    let ending = if n == "1" { "" } else { "s" };
+    format!("{n} {noun}{ending}")
+}
+
+/// The flags of a trial in words; empty if it has none.
+pub(super) fn flags(flags: &[Flag]) -> String {
+    let words: Vec<_> = flags.iter().map(|flag| flag.word().replace('_', " ")).collect();
+    words.join(", ")
+}

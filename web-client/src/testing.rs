@@ -1,0 +1,166 @@
+//! A page in a browser of a few lines, whose server answers when the test says so.
+
+use crate::runtime::{
+    Answer, Command, Commands, Event, Failure, NotKept, Page, Request, Solving, answer,
+};
+use crate::view::Node;
+use sidestep::reachability::PursuitGame;
+use std::collections::BTreeMap;
+use std::rc::Rc;
+
+/// What a solver reports becomes this message.
+pub(crate) type Report<M> = Rc<dyn Fn(Solving) -> M>;
+
+/// A page, and what it has asked of the browser.
+pub(crate) struct Session<P: Page> {
+    pub(crate) page: P,
+    /// Time of the next message, on the page's clock.
+    pub(crate) now_ms: f64,
+    /// What the browser keeps.
+    pub(crate) kept: BTreeMap<String, String>,
+    /// Why it keeps nothing more, if it does not.
+    pub(crate) refuses: Option<NotKept>,
+    /// Requests without an answer yet.
+    pub(crate) asked: Vec<Request<P::Msg>>,
+    /// Timers that are set: name, duration in ms, message.
+    pub(crate) timers: Vec<(&'static str, f64, P::Msg)>,
+    /// What solvers work on, under the name of the solve.
+    pub(crate) solving: Vec<(&'static str, PursuitGame, Report<P::Msg>)>,
+    /// Addresses that were shown without leaving the document.
+    pub(crate) visited: Vec<String>,
+    /// Where the page left for.
+    pub(crate) left: Option<String>,
+}
+
+impl<P: Page> Session<P> {
+    /// A page that has just opened, in a browser that has `kept` this before.
+    pub(crate) fn new(
+        (page, commands): (P, Commands<P::Msg>),
+        kept: BTreeMap<String, String>,
+    ) -> Self {
+        let mut session = Self {
+            page,
+            now_ms: 0.0,
+            kept,
+            refuses: None,
+            asked: Vec::new(),
+            timers: Vec::new(),
+            solving: Vec::new(),
+            visited: Vec::new(),
+            left: None,
+        };
+        session.apply(commands);
+        session
+    }
+
+    pub(crate) fn apply(&mut self, commands: Commands<P::Msg>) {
+        for command in commands {
+            match command {
+                Command::Send(request) => {
+                    self.cancel(|name| name == request.name);
+                    self.asked.push(request);
+                }
+                Command::Wake { timer, after_ms, message } => {
+                    self.cancel(|name| name == timer);
+                    self.timers.push((timer, after_ms, message));
+                }
+                Command::Solve { name, game, then } => {
+                    self.cancel(|other| other == name);
+                    self.solving.push((name, game, then));
+                }
+                Command::Cancel(name) => self.cancel(|other| other == name),
+                Command::CancelAll => self.cancel(|_| true),
+                Command::Keep { name, text, then } => {
+                    let kept = self.refuses.map_or(Ok(()), Err);
+                    if kept.is_ok() {
+                        self.kept.insert(name, text);
+                    }
+                    self.tell(then(kept));
+                }
+                Command::Forget(name) => drop(self.kept.remove(&name)),
+                Command::Visit(url) | Command::ReplaceAddress(url) => self.visited.push(url),
+                Command::Leave(url) => self.left = Some(url),
+            }
+        }
+    }
+
+    fn cancel(&mut self, named: impl Fn(&str) -> bool) {
+        self.asked.retain(|request| !named(request.name));
+        self.timers.retain(|(name, ..)| !named(name));
+        self.solving.retain(|(name, ..)| !named(name));
+    }
+
+    pub(crate) fn tell(&mut self, message: P::Msg) {
+        let commands = self.page.update(message, self.now_ms);
+        self.apply(commands);
+    }
+
+    pub(crate) fn hear(&mut self, event: &Event) {
+        let message = self.page.hear(event).expect("the page wants to know");
+        self.tell(message);
+    }
+
+    /// The request of this name, taken off the list.
+    pub(crate) fn take(&mut self, name: &str) -> Request<P::Msg> {
+        let at = self.asked.iter().position(|request| request.name == name);
+        let names: Vec<_> = self.asked.iter().map(|request| request.name).collect();
+        self.asked.remove(at.unwrap_or_else(|| panic!("no {name} in {names:?}")))
+    }
+
+    fn reply(&mut self, name: &str, answer: Answer) {
+        let request = self.take(name);
+        self.tell((request.then)(answer));
+    }
+
+    /// The server answers the request of this name.
+    pub(crate) fn answer(&mut self, name: &str, status: u16, body: &[u8]) {
+        self.reply(name, answer(status, body.to_vec()));
+    }
+
+    /// The same with a value as JSON.
+    pub(crate) fn send(&mut self, name: &str, status: u16, body: &impl serde::Serialize) {
+        self.answer(name, status, &serde_json::to_vec(body).unwrap());
+    }
+
+    pub(crate) fn unreachable(&mut self, name: &str) {
+        self.reply(name, Err(Failure::unreachable()));
+    }
+
+    /// The time of a timer has come.
+    pub(crate) fn wake(&mut self, timer: &str) {
+        let at = self.timers.iter().position(|(name, ..)| *name == timer).expect("a timer");
+        let (.., message) = self.timers.remove(at);
+        self.tell(message);
+    }
+
+    /// The solver of this name reports.
+    pub(crate) fn solver(&mut self, name: &str, solving: Solving) {
+        let at = self.solving.iter().position(|(other, ..)| *other == name).expect("a solve");
+        let message = (self.solving[at].2)(solving.clone());
+        if !matches!(solving, Solving::Done(_)) {
+            self.solving.remove(at);
+        }
+        self.tell(message);
+    }
+
+    pub(crate) fn press(&mut self, test_id: &str) {
+        let view = self.page.view();
+        let message = view.press(test_id);
+        self.tell(message.unwrap_or_else(|| panic!("no {test_id} in: {}", view.words())));
+    }
+
+    /// All text that is shown.
+    pub(crate) fn text(&self) -> String {
+        self.page.view().words()
+    }
+
+    /// The text of the element with that test name, if it is shown.
+    pub(crate) fn words(&self, test_id: &str) -> Option<String> {
+        self.page.view().find(test_id).map(Node::words)
+    }
+
+    /// Addresses of the requests without an answer.
+    pub(crate) fn urls(&self) -> Vec<&str> {
+        self.asked.iter().map(|request| request.url.as_str()).collect()
+    }
+}
