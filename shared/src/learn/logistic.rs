@@ -21,11 +21,11 @@ use objective::{Objective, Point};
 /// The stopping rule of a fit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LogisticSettings {
-    /// The last Newton step is the one whose squared decrement, gᵀ H⁻¹ g, is at most this
-    /// times 1 + C. Since H ⪰ 1 for the weights, √(tolerance · (1 + C)) bounds that step, and
-    /// its square, times the rows' typical length, what is still missing after it.
+    /// The fit ends with the Newton step whose squared decrement, gᵀ H⁻¹ g, is at most this times
+    /// 1 + C. Since H ⪰ 1 for the weights, √(tolerance · (1 + C)) bounds that step, and its square,
+    /// times the rows' typical length, bounds the remaining error.
     pub tolerance: f64,
-    /// Most Newton steps for each C. The problem is strictly convex: about ten do.
+    /// Most Newton steps for each C. The problem is strictly convex; about ten suffice.
     pub max_steps: usize,
 }
 
@@ -45,11 +45,11 @@ pub fn fit(samples: &Samples<'_>, c: f64, settings: LogisticSettings) -> Result<
     models.pop().ok_or_else(|| Invalid::new("c", "at least one", "none"))
 }
 
-/// Trains with each of several penalties, in the order given. Each fit starts from a prediction
-/// that the one before makes, which saves about half of the work if the order rises or falls.
+/// Trains with each of several penalties, in the given order. Each fit starts from a prediction by the
+/// one before, which saves about half of the work if the penalties rise or fall.
 ///
 /// # Errors
-/// As for [`fit`].
+/// The errors of [`fit`].
 pub fn fit_path(
     samples: &Samples<'_>,
     strengths: &[f64],
@@ -98,8 +98,8 @@ fn minimise(
         if decrement <= settings.tolerance * (1.0 + c) {
             return Ok((theta - step, point));
         }
-        // Full steps converge near the solution; halving guards the way there. Near it the
-        // decrease drowns in the rounding of the loss, which the slack lets pass.
+        // Full steps converge near the solution; farther away steps are halved if necessary. Near the
+        // solution the decrease is smaller than the rounding of the loss, which the slack permits.
         let slack = 1e-12 * point.loss;
         let mut share = 1.0;
         loop {
@@ -136,7 +136,7 @@ fn model(objective: &Objective<'_>, theta: &DVector<f64>) -> Result<Logistic, In
 }
 
 impl Objective<'_> {
-    /// The best weights if no feature were informative: all zero, intercepts from `counts`.
+    /// The optimum without informative features: all weights zero, intercepts from `counts`.
     fn intercepts_only(&self, counts: &[usize]) -> DVector<f64> {
         let logs: Vec<f64> = counts.iter().map(|&count| ln(count as f64)).collect();
         let mut theta = DVector::zeros(self.unknowns());

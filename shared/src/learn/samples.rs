@@ -1,4 +1,4 @@
-//! What a model is trained on: rows of features, each with its class.
+//! Training data: rows of features, each with its class.
 
 use crate::invalid::{Invalid, finite, length};
 
@@ -12,7 +12,7 @@ pub struct Samples<'a> {
 }
 
 impl<'a> Samples<'a> {
-    /// Rows of `width` columns, row after row, and the class of each.
+    /// Rows of `width` columns (row-major) and the class of each row.
     ///
     /// # Errors
     /// [`Invalid`] if there is no column, row or class, a length does not fit, a number is not
@@ -39,13 +39,13 @@ impl<'a> Samples<'a> {
         Ok(Self { width, values, labels, classes })
     }
 
-    /// How many columns.
+    /// The number of columns.
     #[must_use]
     pub fn width(&self) -> usize {
         self.width
     }
 
-    /// How many classes there are, whether or not each occurs.
+    /// The number of classes, including those that do not occur.
     #[must_use]
     pub fn classes(&self) -> usize {
         self.classes
@@ -57,12 +57,12 @@ impl<'a> Samples<'a> {
         self.labels
     }
 
-    /// The rows, one after another.
+    /// The rows in order.
     pub fn rows(&self) -> std::slice::ChunksExact<'a, f64> {
         self.values.chunks_exact(self.width)
     }
 
-    /// How often each class occurs.
+    /// The number of rows of each class.
     #[must_use]
     pub fn counts(&self) -> Vec<usize> {
         let mut counts = vec![0; self.classes];

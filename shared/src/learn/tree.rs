@@ -1,11 +1,10 @@
 //! Decision trees: CART with Gini impurity.
 //!
-//! A node is split where the impurity falls most. Among splits that are equally good (compared
-//! exactly, in integers) the feature of lowest index wins, then the lowest threshold, so that a
-//! tree depends only on the set of its rows, not on their order. A node becomes a
-//! leaf when it is pure, has no split that leaves enough rows on both sides, or is as deep as
-//! trees may be. A split need not lower the impurity: two features that are informative only
-//! together do not lower it at first.
+//! A node is split where the impurity falls most. Among equally good splits (compared exactly, in
+//! integers) the feature of lowest index wins, then the lowest threshold, so a tree depends on the set
+//! of its rows and not on their order. A node becomes a leaf if it is pure, if no split leaves enough
+//! rows on both sides, or if it has the greatest depth. A split need not lower the impurity, because
+//! two features that are informative only together do not lower it at first.
 //!
 //! Numbers are as in scikit-learn: features are rounded to single precision, values closer than
 //! 10⁻⁷ are never separated, and thresholds are midpoints. (scikit-learn breaks ties at random.)
@@ -17,7 +16,7 @@ use crate::invalid::Invalid;
 use crate::predict::tree::Tree;
 use grower::{Columns, Criterion, Limits, grow as grow_with};
 
-/// How far a tree grows.
+/// The limits of a tree.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TreeSettings {
     /// The greatest depth; none for as deep as the rows allow, up to
@@ -37,8 +36,8 @@ pub fn grow(samples: &Samples<'_>, settings: TreeSettings) -> Result<Tree, Inval
     trees.pop().ok_or_else(|| Invalid::new("min_leaf", "at least one", "none"))
 }
 
-/// Grows a tree for each of several smallest leaves (in rising order). They share the work while
-/// their splits agree; each result is the tree that [`grow`] gives. [`Tree::truncated`] gives the
+/// Grows a tree for each of several smallest leaf sizes (in rising order). The trees share the work
+/// while their splits agree; each is the tree that [`grow`] returns. [`Tree::truncated`] gives the
 /// trees of lower depth.
 ///
 /// # Errors
@@ -75,8 +74,8 @@ struct Sides {
     right_rows: u64,
 }
 
-/// Σ of squared counts divided by rows, over both sides: greatest where the impurity is least. A
-/// fraction: with n ≤ 2²¹ rows the numerator is at most n³/4.
+/// Σ over both sides of squared counts divided by rows, as a fraction; it is greatest where the impurity
+/// is least. With n ≤ 2²¹ rows the numerator is at most n³/4.
 #[derive(Clone, Copy)]
 struct Concentration {
     numerator: u64,

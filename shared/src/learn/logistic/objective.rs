@@ -14,10 +14,10 @@ use nalgebra::{DMatrix, DVector};
 /// Partial sums of a sum over rows.
 const LANES: usize = 8;
 
-/// Rows at a time: their intermediate results stay in the first-level cache.
+/// Rows of a chunk, whose intermediate results fit into the first-level cache.
 const CHUNK: usize = 256;
 
-/// Loss, gradient and Hessian somewhere.
+/// Loss, gradient and Hessian at a point.
 pub(super) struct Point {
     pub(super) loss: f64,
     pub(super) gradient: DVector<f64>,
@@ -33,7 +33,7 @@ pub(super) struct Objective<'a> {
     blocks: usize,
     /// Weights and intercept of a block.
     stride: usize,
-    /// Columns of [`Self::padded`] rows each, the last all ones; zeros behind the last row.
+    /// Columns of [`Self::padded`] rows, the last column all ones; zeros after the last row.
     columns: Vec<f64>,
     /// Classes × rows: 1 where the row has the class.
     wanted: Vec<f64>,
@@ -130,8 +130,8 @@ impl<'a> Objective<'a> {
         }
     }
 
-    /// The Newton step from the minimum `theta` of one C when C is multiplied by `ratio`, with
-    /// the Hessian near that minimum: it needs no pass over the rows.
+    /// The Newton step from the minimum `theta` of one C when C is multiplied by `ratio`, with the
+    /// Hessian near that minimum. It needs no pass over the rows.
     pub(super) fn carried_over(
         &self,
         theta: &DVector<f64>,
@@ -220,8 +220,8 @@ impl Kernel for Pass<'_, '_> {
                         for ((w, x), c) in weighted.iter_mut().zip(column(j)).zip(hessians) {
                             *w = x * c;
                         }
-                        // Column j of block b, rows of block a: a symmetric block of which
-                        // those on the diagonal need only what is below it.
+                        // Column j of block b, rows of block a. Blocks on the diagonal are symmetric,
+                        // so only their lower triangle is computed.
                         let first = if a == b { j } else { 0 };
                         let at = (b * stride + j) * unknowns + a * stride;
                         let out = &mut self.sums.hessian[at + first..at + stride];
@@ -329,7 +329,7 @@ impl Scratch {
     }
 }
 
-/// Σ of terms and of logarithms: one logarithm of a product is cheaper than one of each factor.
+/// Σ of terms and of logarithms: the logarithm of a product is cheaper than that of each factor.
 struct Loss {
     sum: f64,
     product: f64,
@@ -401,7 +401,7 @@ mod tests {
     use super::*;
     use crate::math::SeededRng;
 
-    /// Σ −log P(label) and the penalty, straight from their definitions.
+    /// Σ −log P(label) and the penalty, by their definitions.
     fn plain_loss(samples: &Samples<'_>, theta: &DVector<f64>, c: f64) -> f64 {
         let stride = samples.width() + 1;
         let blocks: Vec<&[f64]> = theta.as_slice().chunks_exact(stride).collect();

@@ -1,5 +1,5 @@
-//! The small dense problem that pairwise and Newton steps work on: its variables, its part of the
-//! kernel matrix, and the gradient.
+//! The small dense problem for pairwise and Newton steps: its variables, its part of the kernel matrix,
+//! and its gradient.
 
 use super::gram::{Block, Entry, LANES, entry, entry_mut};
 
@@ -12,7 +12,7 @@ pub(super) struct Variable {
 }
 
 impl Variable {
-    /// Whether it may both rise and fall.
+    /// Whether it is free: it may both rise and fall.
     pub(super) fn is_free(self) -> bool {
         self.lower < self.beta && self.beta < self.upper
     }
@@ -22,16 +22,16 @@ impl Variable {
 #[derive(Clone, Debug)]
 pub(super) struct Dense<T> {
     pub(super) variables: Vec<Variable>,
-    /// Blocks from a row of `matrix` to the next: one more than there is room for, so that a
-    /// column's entries do not all fall into the same few sets of a cache.
+    /// Blocks from a row of `matrix` to the next: one more than the capacity, so that a column's entries
+    /// do not all map to the same few sets of a cache.
     pub(super) stride: usize,
     /// K among the variables.
     pub(super) matrix: Vec<Block<T>>,
-    /// One over the curvature K_ii + K_jj − 2 K_ij of an exchange, laid out like `matrix`: rows
-    /// that are `ready`. Many steps raise the same few variables, and division takes longest.
+    /// One over the curvature K_ii + K_jj − 2 K_ij of an exchange, laid out like `matrix`; only rows that
+    /// are `ready`. Many steps raise the same few variables, and division is the slowest operation.
     pub(super) inverse: Vec<Block<T>>,
     pub(super) ready: Vec<bool>,
-    /// Room for a row of `matrix`.
+    /// Memory for a row of `matrix`.
     gathered: Vec<T>,
     /// K_ii.
     pub(super) diagonal: Vec<Block<T>>,
@@ -68,7 +68,7 @@ impl<T: Entry> Dense<T> {
         self.fall.fill(Block::all(never));
     }
 
-    /// Makes room for `count` variables, one more than before; their values must be filled in.
+    /// Allocates memory for `count` variables, one more than before; the caller sets their values.
     pub(super) fn widen(&mut self, count: usize) {
         let none = Variable { beta: 0.0, lower: 0.0, upper: 0.0 };
         self.variables.resize(count, none);

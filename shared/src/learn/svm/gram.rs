@@ -1,4 +1,4 @@
-//! Kernel matrices in lanes. A row is computed when it is needed first.
+//! Kernel matrices in lanes. Each row is computed when it is first needed.
 
 #![allow(clippy::needless_range_loop, reason = "a lane of several arrays at once")]
 
@@ -6,7 +6,7 @@ use crate::parallel::{Kernel, in_widest_lanes};
 use crate::predict::svm::exponential::{exp32, exp64};
 use crate::real::Real;
 
-/// Entries of a block. Work is done block by block whatever the processor's own lane width.
+/// Entries of a block. Work is done block by block for any lane width of the processor.
 pub(super) const LANES: usize = 16;
 
 /// A block of a row, on a cache line of its own.
@@ -57,10 +57,10 @@ impl Entry for f64 {
     }
 }
 
-/// Rows of a matrix, each computed when it is needed first: many never are.
+/// Rows of a matrix, each computed when it is first needed; many never are.
 #[derive(Clone, Debug)]
 struct Lazy<T> {
-    /// Where the row of this number begins, in rows; [`NOWHERE`] before it is computed.
+    /// The place of each row in memory, in rows; [`NOWHERE`] before the row is computed.
     place: Vec<u32>,
     data: Vec<Block<T>>,
 }
@@ -98,8 +98,8 @@ impl<T: Entry> Lazy<T> {
     }
 }
 
-/// The kernel exp(−γ · squared distance) between some rows of data and the first `columns` of
-/// them (those that are trained on; the others are held out), row by row as they are wanted.
+/// The kernel exp(−γ · squared distance) between all rows of data and the first `columns` of them (the
+/// training rows; the others are held out), computed row by row as needed.
 #[derive(Clone, Debug)]
 pub(super) struct Gram<T> {
     width: usize,
@@ -109,7 +109,7 @@ pub(super) struct Gram<T> {
     data: Vec<f64>,
     /// Block by block of the first `columns` rows, feature by feature.
     by_block: Vec<Block<T>>,
-    /// Squared distances, kept where several γ follow each other.
+    /// Squared distances, kept if several γ follow each other.
     squares: Option<Lazy<T>>,
     kernel: Lazy<T>,
 }
@@ -153,7 +153,7 @@ impl<T: Entry> Gram<T> {
         self.kernel.reset(self.data.len() / self.width, self.blocks());
     }
 
-    /// Rows (and columns) that are trained on.
+    /// Number of training rows, which are the columns.
     pub(super) fn columns(&self) -> usize {
         self.columns
     }
@@ -173,13 +173,13 @@ impl<T: Entry> Gram<T> {
         }
     }
 
-    /// A row that was computed; entries after its last column have no meaning.
+    /// A computed row; entries after its last column have no meaning.
     #[inline(always)]
     pub(super) fn row(&self, i: usize) -> &[Block<T>] {
         self.kernel.row(i, self.blocks())
     }
 
-    /// Computes a row into `out` and keeps nothing but the distances.
+    /// Computes a row into `out` and keeps only the distances.
     pub(super) fn row_into(&mut self, i: usize, out: &mut [Block<T>]) {
         let Self { width, gamma, data, by_block, squares, .. } = self;
         let row = &data[i * *width..(i + 1) * *width];
@@ -301,16 +301,16 @@ impl<T: Entry> Kernel for Combine<'_, T> {
     }
 }
 
-/// Blocks of which coefficients are kept or left out together.
+/// Number of blocks whose coefficients are kept or omitted together.
 const GROUP: usize = 4;
-/// Rows that are multiplied together: each coefficient is read once for all of them.
+/// Number of rows that are multiplied together, so that each coefficient is read once for all.
 pub(super) const TOGETHER: usize = 4;
 
 /// Coefficients without the groups of blocks that are zero.
 #[derive(Clone, Debug)]
 pub(super) struct Sparse {
     groups: Vec<(usize, [Block<f64>; GROUP])>,
-    /// Blocks behind the last whole group.
+    /// Blocks after the last whole group.
     rest: Vec<Block<f64>>,
 }
 

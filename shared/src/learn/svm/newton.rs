@@ -1,22 +1,22 @@
 //! Newton steps on the free variables of a small problem.
 //!
-//! Once it is known which variables are at a bound, the optimum of the others is a linear
-//! system: K Δ + λ 1 = v and Σ Δ = 0. Pairwise steps converge slowly where K is nearly
-//! singular (great C, small γ), which is where few variables are free and the system is small.
-//! A share ≤ 1 of Δ never makes the objective worse.
+//! If the variables at a bound are known, the optimum of the others is the solution of a linear system:
+//! K Δ + λ 1 = v and Σ Δ = 0. Pairwise steps converge slowly if K is nearly singular (large C, small
+//! γ), but then few variables are free and the system is small. A share ≤ 1 of Δ never makes the
+//! objective worse.
 
 use super::dense::Dense;
 use super::gram::{Entry, LANES, entry};
 
-/// A variable whose pivot is below this stays where it is: it is nearly a combination of
-/// others, by the rounding of single precision.
+/// A variable whose pivot is below this does not move: within single precision it is a linear
+/// combination of others.
 const LEAST_PIVOT: f64 = 1e-7;
-/// Rows are filled up to a multiple of this.
+/// Rows are padded to a multiple of this.
 const WIDTH: usize = 8;
-/// Bounds that are met, one after another, before pairwise steps go on.
+/// Most bounds that are reached, one after another, before pairwise steps continue.
 const BOUNDS: usize = 4;
 
-/// A Cholesky factor and vectors, kept for their room.
+/// A Cholesky factor and vectors, whose memory is reused.
 #[derive(Debug, Default)]
 pub(super) struct Newton {
     /// The variables that move.
@@ -24,14 +24,14 @@ pub(super) struct Newton {
     /// Rows of the upper triangle, `stride` apart.
     factor: Vec<f64>,
     stride: usize,
-    /// One over the factor's diagonal; 0 for a variable that stays.
+    /// One over the factor's diagonal; 0 for a variable that does not move.
     inverse: Vec<f64>,
     step: Vec<f64>,
     unit: Vec<f64>,
 }
 
 impl Newton {
-    /// Moves the free variables to their optimum, or to the bounds that they meet.
+    /// Moves the free variables to their optimum, or to the bounds that they reach.
     #[inline(always)]
     pub(super) fn step<T: Entry>(&mut self, dense: &mut Dense<T>) {
         for _ in 0..BOUNDS {
@@ -46,8 +46,8 @@ impl Newton {
         }
     }
 
-    /// The Cholesky factor of K among the free variables. All of it is row by row, so that
-    /// lanes do the same as one after the other.
+    /// The Cholesky factor of K for the free variables. All operations are row by row, so that lanes
+    /// compute the same as scalar code.
     #[inline(always)]
     fn factorise<T: Entry>(&mut self, dense: &Dense<T>) {
         let Self { free, factor, stride, inverse, .. } = self;
@@ -84,7 +84,7 @@ impl Newton {
         }
     }
 
-    /// `out` becomes the solution of K x = `out`, with zeros for variables that stay.
+    /// Replaces `out` by the solution of K x = `out`, with zeros for variables that do not move.
     #[inline(always)]
     fn solve(factor: &[f64], stride: usize, inverse: &[f64], out: &mut [f64]) {
         for (k, &inverse) in inverse.iter().enumerate() {
@@ -116,7 +116,7 @@ impl Newton {
         }
     }
 
-    /// Takes the step as far as bounds allow. Whether one was met.
+    /// Takes the step as far as bounds allow. Returns whether a bound was reached.
     #[inline(always)]
     fn advance<T: Entry>(&mut self, dense: &mut Dense<T>) -> bool {
         let mut share = 1.0;

@@ -1,4 +1,4 @@
-//! Sequential minimal optimisation on a small dense problem: what takes the time.
+//! Sequential minimal optimisation on a small dense problem. Most of the time is spent here.
 //!
 //! The dual in β_i = y_i α_i: maximise Σ y_i β_i − ½ βᵀKβ with Σ β_i = 0 and β_i between
 //! 0 and y_i C. Its gradient is v_i = y_i − Σ_j K_ij β_j. A step raises one β_i and lowers one
@@ -15,10 +15,10 @@ use super::newton::Newton;
 use crate::parallel::Kernel;
 use crate::real::Real;
 
-/// What a curvature counts as at least (identical rows have none), as in libsvm.
+/// Least curvature that is used, as in libsvm; identical rows have curvature 0.
 const LEAST_CURVATURE: f64 = 1e-12;
 
-/// Blocks that are gone through together; the room for variables is a multiple of it.
+/// Number of blocks that are processed together; the capacity for variables is a multiple of it.
 const GROUP: usize = 4;
 
 /// Solves the small problem to the tolerance, or gives up after `steps` steps.
@@ -34,8 +34,8 @@ impl<T: Entry> Kernel for Pairwise<'_, T> {
     fn run(self) {
         let Self { dense, newton, tolerance, steps } = self;
         while *steps > 0 {
-            // Pairwise steps, which find out what is at a bound, for some time longer than a
-            // Newton step takes; it is for what they have not solved by then.
+            // Pairwise steps determine which variables are at a bound. They may take a little longer
+            // than a Newton step, which then solves the rest.
             let free = dense.variables.iter().filter(|variable| variable.is_free()).count();
             let budget = 4 * dense.variables.len() + free * free * free / 1000;
             if exchange(dense, tolerance, budget.min(*steps), steps) {
@@ -46,8 +46,8 @@ impl<T: Entry> Kernel for Pairwise<'_, T> {
     }
 }
 
-/// Pairwise steps until the tolerance is reached, which it answers, or `budget` of them;
-/// takes them off `steps`.
+/// Takes pairwise steps until the tolerance is reached, or `budget` steps, and subtracts them from
+/// `steps`. Returns whether the tolerance is reached.
 #[inline(always)]
 fn exchange<T: Entry>(
     dense: &mut Dense<T>,
@@ -77,7 +77,7 @@ fn exchange<T: Entry>(
         let wanted = ((top - *entry(&dense.gradient, j)) / curvature).to_f64();
         let (room_above, room_below) = (a.upper - a.beta, b.beta - b.lower);
         let taken = wanted.smaller(room_above).smaller(room_below);
-        // A bound that is reached is reached exactly.
+        // A variable that reaches a bound has exactly its value.
         dense.variables[i].beta = if taken == room_above { a.upper } else { a.beta + taken };
         dense.variables[j].beta = if taken == room_below { b.lower } else { b.beta - taken };
         step = T::from_f64(taken);
@@ -185,8 +185,8 @@ fn partner<T: Entry>(dense: &Dense<T>, blocks: usize, i: usize, top: T) -> usize
     first_greatest(&most, &place).1
 }
 
-/// The greatest of the lanes and its variable, the first on a tie; without branches, which
-/// nothing could predict.
+/// The greatest of the lanes and its variable, the first on a tie; without branches, which would be
+/// unpredictable.
 #[inline(always)]
 fn first_greatest<T: Entry>(values: &[T; LANES], place: &[T; LANES]) -> (T, usize) {
     let best = reduced(*values, T::larger);
@@ -199,7 +199,7 @@ fn first_greatest<T: Entry>(values: &[T; LANES], place: &[T; LANES]) -> (T, usiz
     (best, reduced(index, T::smaller).to_f64() as usize)
 }
 
-/// All lanes by an operation whose order does not matter.
+/// Combines all lanes by an operation whose order does not matter.
 #[inline(always)]
 fn reduced<T: Entry>(mut lanes: [T; LANES], operation: impl Fn(T, T) -> T) -> T {
     let mut width = LANES / 2;

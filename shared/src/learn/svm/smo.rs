@@ -1,10 +1,9 @@
-//! One pair of classes: the dual problem on a kernel matrix, solved by small problems of the rows
-//! that matter.
+//! One pair of classes: the dual problem on a kernel matrix, solved through small problems.
 //!
-//! Most rows stay at a bound, so steps are taken on a dense copy of the few rows that are not
-//! settled ([`Pairwise`]). Then the gradients of all rows are updated, the rows that violate the
-//! optimality conditions most join the few, and so on until no row violates them. The solution for
-//! a lower C is a start for the next C: multiplied by the ratio of the two, bounds stay bounds.
+//! Most rows stay at a bound, so steps are taken on a dense copy of the few other rows ([`Pairwise`]).
+//! Then the gradients of all rows are updated and the rows that violate the optimality conditions most
+//! join the copy, until no row violates them. The solution for a lower C, multiplied by the ratio of
+//! both C, is the start for the next C: variables at a bound stay at it.
 
 #![allow(clippy::needless_range_loop, reason = "a lane of several arrays at once")]
 
@@ -16,27 +15,27 @@ use crate::invalid::Invalid;
 use crate::parallel::{Kernel, in_widest_lanes};
 use core::ops::Range;
 
-/// Rows of either kind that join the small problem at a time.
+/// Number of rows of either kind that join the small problem at a time.
 const JOIN: usize = 24;
 /// From this many rows on, settled rows leave the small problem when others join.
 const FULL: usize = 48;
-/// The small problem is solved to this share of the present gap, since it changes soon.
+/// The small problem is solved to this share of the current gap, since the problem soon changes.
 const SHARE: f64 = 0.1;
 
 /// The SVM of a pair: decision f = Σ β_i K(x_i, x) + intercept.
 #[derive(Clone, Debug)]
 pub(super) struct DualSolution {
-    /// In blocks, one entry a row that is trained on.
+    /// In blocks, with an entry for each training row.
     pub(super) beta: Vec<Block<f64>>,
     pub(super) intercept: f64,
 }
 
-/// The problem of one pair, and how far it is solved.
+/// The problem of one pair, and its current solution.
 pub(super) struct Smo<'a, T> {
     gram: &'a mut Gram<T>,
     /// 1 or −1 for the two classes, 0 for rows of others.
     sides: &'a [i8],
-    /// Where the pair's rows are, in blocks.
+    /// The range of the pair's rows, in blocks.
     runs: Vec<Range<usize>>,
     c: f64,
     rows: Rows,
@@ -109,7 +108,7 @@ impl<'a, T: Entry> Smo<'a, T> {
         smo
     }
 
-    /// Solves for this C from where the last solution is.
+    /// Solves for this C, starting from the last solution.
     ///
     /// # Errors
     /// [`Invalid`] if `steps` steps do not reach the tolerance.
@@ -170,7 +169,7 @@ impl<'a, T: Entry> Smo<'a, T> {
         for (i, &side) in self.sides.iter().enumerate() {
             let (beta, (lower, upper)) = (*entry(&self.rows.beta, i), self.bounds(i));
             let bound = *entry(&self.rows.rise, i) != 0.0 || *entry(&self.rows.fall, i) != 0.0;
-            // Variables at a bound stay exactly there.
+            // Variables at a bound keep exactly its value.
             self.set(
                 i,
                 match beta {

@@ -11,8 +11,8 @@ use crate::predict::tree::{DEEPEST, Node};
 /// More rows would overflow the sums of a criterion.
 const MOST_ROWS: usize = 1 << 21;
 
-/// No split falls between values closer than this (single precision, as in scikit-learn: between
-/// values so large that this rounds to 0, only equal ones are not separated).
+/// No split separates values closer than this. (In single precision, as in scikit-learn: for large
+/// values it rounds to 0, so that only equal values are not separated.)
 const CLOSE: f32 = 1e-7;
 
 /// The criterion of a split. The results of all functions must depend only on sets of rows, not
@@ -22,7 +22,7 @@ pub(crate) trait Criterion {
     type Total;
     /// The summary of both sides of a split while it moves to the right.
     type Scan;
-    /// How good a split is.
+    /// The score of a split.
     type Score: Copy;
 
     /// The summary of these rows.
@@ -51,7 +51,7 @@ struct Entry {
 }
 
 impl Entry {
-    /// Whether a value that is not less is too close to be separated from this one.
+    /// Whether a value that is not less is too close to this one to be separated.
     #[inline(always)]
     fn is_close_to(self, next: Self) -> bool {
         next.value <= self.value + CLOSE
@@ -79,7 +79,7 @@ impl Columns {
             return Err(Invalid::new("rows", format!("at most {MOST_ROWS} rows"), rows));
         }
         let mut entries = Vec::with_capacity(rows * samples.width());
-        // Sign, exponent and fraction as one number in the order of the values, then the row.
+        // Sign, exponent and fraction as one integer, in the order of the values; then the row.
         let mut keys: Vec<u64> = Vec::with_capacity(rows);
         for j in 0..samples.width() {
             keys.clear();
@@ -113,7 +113,7 @@ impl Columns {
         self.column(column).iter().map(|entry| entry.row as usize)
     }
 
-    /// Where a column can be split: rows on the left, and the threshold.
+    /// The possible splits of a column: number of rows on the left, and threshold.
     pub(crate) fn partings(&self, column: usize) -> impl Iterator<Item = (usize, f64)> {
         let pairs = (1..).zip(self.column(column).windows(2));
         pairs
@@ -159,8 +159,8 @@ struct Best<S> {
 
 /// A node that waits for its split.
 struct OpenNode {
-    /// Its rows in the order of each column, column after column; of one column only, where
-    /// it is known to be a leaf.
+    /// Its rows in the order of each column, column after column; only one column if it is known to be
+    /// a leaf.
     entries: Vec<Entry>,
     rows: usize,
     depth: usize,
@@ -171,8 +171,8 @@ struct OpenNode {
     is_right: bool,
 }
 
-/// Grows a tree for each of the limits' smallest leaves. `at_leaf(tree, node, rows)` learns which
-/// rows come to each leaf.
+/// Grows a tree for each of the limits' smallest leaf sizes. `at_leaf(tree, node, rows)` receives the
+/// rows of each leaf.
 pub(crate) fn grow<C: Criterion>(
     columns: &Columns,
     criterion: &C,
@@ -260,7 +260,8 @@ where
     grown
 }
 
-/// For each smallest leaf (rising), the best split that leaves at least so many rows on both sides.
+/// For each smallest leaf size (rising), the best split that leaves at least that many rows on both
+/// sides.
 fn best_splits<C: Criterion>(
     criterion: &C,
     open: &OpenNode,
@@ -301,9 +302,9 @@ fn best_splits<C: Criterion>(
     best
 }
 
-/// What goes to one side of each of the lists of `rows` entries: `kept` of each.
+/// One side of each list of `rows` entries: `kept` entries of each.
 fn part(entries: &[Entry], goes_left: &[bool], left: bool, rows: usize, kept: usize) -> Vec<Entry> {
-    // One more place, for entries of the other side: writing them costs less than a branch.
+    // One more place for entries of the other side, because writing them costs less than a branch.
     let mut side = vec![Entry { value: 0.0, row: 0 }; entries.len() / rows * kept + 1];
     let mut end = 0;
     for entry in entries {
