@@ -1,19 +1,20 @@
-//! `cargo xtask validate`: measures what the library computes and writes what it found.
+//! `cargo xtask validate`: measures what the library computes and writes the pages about it.
 //!
-//! For each page of `docs/validation` an example of the library computes, draws the pictures and
-//! prints numbers; here these become the page. Nothing is measured here.
+//! Each page of `docs/validation` has an example of the library, which measures, draws the pictures
+//! and prints its numbers as JSON. They are kept in `docs/validation/measured`; a template in
+//! `docs/validation/templates` makes the page of them. Nothing is measured or worded here.
 
-mod words;
-mod learning;
-mod reachability;
-mod shfrs;
+mod figure3;
+mod peers;
+mod template;
 
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use anyhow::{Context, Result};
-use serde::de::DeserializeOwned;
+use clap::ValueEnum;
+use serde_json::Value;
 
 use crate::workspace::{Workspace, output_of, stage};
 
@@ -28,9 +29,12 @@ pub(crate) struct Options {
     /// else to do.
     #[arg(long)]
     peers: bool,
+    /// Measure nothing: write the pages from the numbers that are kept, after a change of wording.
+    #[arg(long, conflicts_with = "peers")]
+    kept: bool,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Page {
     /// Value functions: reachability.md.
     Reachability,
@@ -43,33 +47,93 @@ enum Page {
 /// Measures and writes.
 ///
 /// # Errors
-/// When the library cannot be built, a measurement fails or a file cannot be written.
+/// When the library or the program cannot be built, a measurement fails, a file cannot be written,
+/// or a template names a number that was not measured.
 pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<()> {
-    let wanted = |page| options.page.is_none_or(|only| only == page);
-    if wanted(Page::Reachability) {
-        reachability::run(workspace, options.peers)?;
-    }
-    if wanted(Page::Shfrs) {
-        shfrs::run(workspace)?;
-    }
-    if wanted(Page::Learning) {
-        learning::run(workspace)?;
+    let files = Files::of(workspace);
+    for page in Page::value_variants() {
+        if options.page.is_some_and(|only| only != *page) {
+            continue;
+        }
+        if !options.kept {
+            page.measure(workspace, &files, options.peers)?;
+        }
+        let path = files.page(*page);
+        write(&path, &page.text(&files)?)?;
+        println!("{}", path.display());
     }
     Ok(())
 }
 
-/// Where the pages and their pictures are.
-fn folder(workspace: &Workspace) -> PathBuf {
-    workspace.path("docs/validation")
+impl Page {
+    /// Measures, and keeps the numbers and the pictures.
+    fn measure(self, workspace: &Workspace, files: &Files, peers: bool) -> Result<()> {
+        let example = match self {
+            Self::Reachability => "validate",
+            Self::Shfrs => "validate_shfrs",
+            Self::Learning => "validate_learning",
+        };
+        stage("library", workspace.compile("build").args(["--example", example]))?;
+        eprintln!("==> measurements");
+        let mut found = answer(
+            &format!("the example {example}"),
+            &mut Command::new(workspace.example(example)),
+        )?;
+        match self {
+            Self::Reachability => {
+                for (file, svg) in found["figures"].take().as_object().into_iter().flatten() {
+                    write(&files.0.join(file), svg.as_str().context("a picture is no text")?)?;
+                }
+                found["peers"] = match peers {
+                    true => peers::measured(workspace)?,
+                    false => files.kept(self)?["peers"].take(),
+                };
+            }
+            Self::Shfrs => found["figure3"] = figure3::panels(workspace, files)?,
+            Self::Learning => {}
+        }
+        write(&files.measured(self), &format!("{found:#}\n"))
+    }
+
+    /// The page, from the kept numbers.
+    fn text(self, files: &Files) -> Result<String> {
+        let template = files.template(self);
+        template::filled(&read(&template)?, files.kept(self)?)
+            .with_context(|| template.display().to_string())
+    }
 }
 
-/// What an example of the library prints.
-fn measured<R: DeserializeOwned>(workspace: &Workspace, example: &str) -> Result<R> {
-    stage("library", workspace.compile("build").args(["--example", example]))?;
-    eprintln!("==> measurements");
-    let what = format!("the example {example}");
-    let answer = output_of(&what, &mut Command::new(workspace.example(example)))?;
-    serde_json::from_str(&answer).with_context(|| format!("{what} printed something else"))
+/// The folder of the pages and their pictures, `docs/validation`.
+struct Files(PathBuf);
+
+impl Files {
+    fn of(workspace: &Workspace) -> Self {
+        Self(workspace.path("docs/validation"))
+    }
+
+    fn page(&self, page: Page) -> PathBuf {
+        self.0.join(format!("{page:?}.md").to_lowercase())
+    }
+
+    fn template(&self, page: Page) -> PathBuf {
+        self.0.join("templates").join(format!("{page:?}.md").to_lowercase())
+    }
+
+    fn measured(&self, page: Page) -> PathBuf {
+        self.0.join("measured").join(format!("{page:?}.json").to_lowercase())
+    }
+
+    /// The numbers that were measured last.
+    fn kept(&self, page: Page) -> Result<Value> {
+        let path = self.measured(page);
+        serde_json::from_str(&read(&path)?).with_context(|| path.display().to_string())
+    }
+}
+
+/// The JSON that a program prints; `what` names it.
+fn answer(what: &str, program: &mut Command) -> Result<Value> {
+    let text = output_of(what, program)?;
+    serde_json::from_str(&text).with_context(|| format!("{what} printed something else than JSON"))
 }
 
 fn read(path: &Path) -> Result<String> {
@@ -78,4 +142,44 @@ fn read(path: &Path) -> Result<String> {
 
 fn write(path: &Path, text: &str) -> Result<()> {
     fs::write(path, text).with_context(|| format!("cannot write {}", path.display()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn files() -> Files {
+        Files(concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/validation").into())
+    }
+
+    #[test]
+    fn every_page_is_its_template_with_the_kept_numbers() {
+        for page in Page::value_variants() {
+            let text = page.text(&files()).expect("a page");
+            let committed = read(&files().page(*page)).expect("the page is committed");
+            assert!(text == committed, "{page:?}: call `cargo xtask validate --kept` and commit");
+        }
+    }
+
+    #[test]
+    fn every_picture_is_on_a_page() {
+        let page = |page: &Page| read(&files().page(*page)).expect("the page is committed");
+        let pages: String = Page::value_variants().iter().map(page).collect();
+        let entries = fs::read_dir(files().0).expect("the folder is committed");
+        let names = entries.map(|entry| entry.expect("an entry").file_name().into_string());
+        let names = names.map(|name| name.expect("a name")).filter(|name| name.ends_with(".svg"));
+        let pictures: Vec<String> = names.collect();
+        assert_eq!(pictures.len(), pages.matches("![").count());
+        for name in pictures {
+            assert!(pages.contains(&format!("]({name})")), "{name}");
+        }
+    }
+
+    #[test]
+    fn every_cell_that_differs_is_explained() {
+        let learning = files().kept(Page::Learning).expect("numbers");
+        let different = learning["cells"]["different"].as_array().expect("cells");
+        assert!(!different.is_empty());
+        assert!(different.iter().all(|cell| cell["why"] != "open"), "nothing explains a cell");
+    }
 }

@@ -22,7 +22,7 @@ pub(crate) const MITCHELL: PursuitGame = {
 /// Seconds of the game that peers solve. Optimal play ends within π s.
 pub(crate) const HORIZON_S: f64 = 2.8;
 /// Volume of {V ≤ 0} of the closed form, m²·rad.
-const VOLUME: f64 = 885.81943;
+pub(crate) const VOLUME: f64 = 885.81943;
 
 /// The domain that peers solve on, in so many nodes.
 pub(crate) fn air3d_grid([x, y, psi]: [usize; 3]) -> Grid<3> {

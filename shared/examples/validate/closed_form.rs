@@ -2,45 +2,19 @@
 
 use std::error::Error;
 
-use serde::Serialize;
+use serde_json::{Value, json};
 use sidestep::math::{PI, SeededRng, TAU, sin_cos};
 use sidestep::reachability::{ExactValue, PursuitGame};
 
+use crate::Known;
 use crate::errors::{Errors, numbers};
-
-/// What was found for one game.
-#[derive(Serialize)]
-pub(crate) struct Check {
-    game: &'static str,
-    parameters: PursuitGame,
-    /// |min(r − R − V, H)|, m or m/s, with the gradient that the closed form states.
-    residual: Errors,
-    /// The same with central differences of V for the gradient.
-    residual_of_differences: Errors,
-    /// Of these states, how many have V < r − R, so that the equation is H = 0.
-    closing: usize,
-    /// |V|, m, at points of the reference barriers.
-    barrier: Errors,
-    /// Largest error, m, at the reference states, and how many these are.
-    reference: (usize, f64),
-    /// Volume of {V ≤ 0}, m²·rad: by quadrature here, and of the reference.
-    volume: f64,
-    reference_volume: f64,
-}
 
 const STATES: usize = 100_000;
 
-/// Measures the closed form of `game`.
-pub(crate) fn check((name, game): (&'static str, PursuitGame)) -> Result<Check, Box<dyn Error>> {
+/// Measures the closed form of a game.
+pub(crate) fn check(known: &Known) -> Result<Value, Box<dyn Error>> {
+    let game = known.game;
     let exact = game.exact()?;
-    let (barrier, states, reference_volume) = if name == "paper" {
-        let barrier = include_str!("../../tests/data/barrier_paper.csv");
-        (barrier, include_str!("../../tests/data/states_paper.csv"), 358.14141)
-    } else {
-        let barrier = include_str!("../../tests/data/barrier_mitchell.csv");
-        (barrier, include_str!("../../tests/data/states_mitchell.csv"), 885.81943)
-    };
-
     let rho = exact.speed_mps() / exact.turn_rate_radps();
     let mut rng = SeededRng::new(1);
     let mut along = |span: f64| rng.uniform(-span, span);
@@ -65,20 +39,24 @@ pub(crate) fn check((name, game): (&'static str, PursuitGame)) -> Result<Check, 
     }
 
     let at = |row: &[f64]| exact.value([row[0], row[1], row[2]]);
-    let barrier = numbers(barrier)?.iter().map(|row| at(row).abs()).collect();
-    let states = numbers(states)?;
-    let off = states.iter().map(|row| (at(row) - row[3]).abs()).fold(0.0, f64::max);
-    Ok(Check {
-        game: name,
-        parameters: game,
-        residual: Errors::of(residual),
-        residual_of_differences: Errors::of(differences),
-        closing,
-        barrier: Errors::of(barrier),
-        reference: (states.len(), off),
-        volume: volume(&exact),
-        reference_volume,
-    })
+    let barrier = numbers(known.barrier)?.iter().map(|row| at(row).abs()).collect();
+    let states = numbers(known.states)?.iter().map(|row| (at(row) - row[3]).abs()).collect();
+    Ok(json!({
+        "game": known.name,
+        "parameters": game,
+        // |min(r − R − V, H)|, m or m/s: with the closed form's gradient, and with central
+        // differences of V instead.
+        "residual": Errors::of(residual),
+        "residual_of_differences": Errors::of(differences),
+        // States with V < r − R, where the equation is H = 0.
+        "closing": closing,
+        // |V| at points of the reference's barrier; errors at its states.
+        "barrier": Errors::of(barrier),
+        "states": Errors::of(states),
+        // Of {V ≤ 0}, m²·rad.
+        "volume": volume(&exact),
+        "reference_volume": known.volume,
+    }))
 }
 
 /// H(x, p): the evader's turn maximises, the pursuer's minimises.

@@ -1,13 +1,11 @@
 //! The pictures of the page, as SVG on white: legible on light and dark pages.
 
-use std::collections::BTreeMap;
-
 use sidestep::chart::{
     Align, Area, Axis, Cells, Chart, Colour, Drawing, Frame, Ink, Mark, Note, Pen, Point, Series,
     Sign, colours, number,
 };
 
-use crate::cartesian::{self, Air3d};
+use crate::cartesian;
 use crate::pictures::{ErrorMap, Slice};
 use crate::polar;
 
@@ -16,25 +14,8 @@ const ORANGE: Colour = colours::SERIES[1];
 const GREEN: Colour = colours::SERIES[2];
 const PURPLE: Colour = colours::SERIES[3];
 
-/// Every picture by its file's name, beside the page.
-pub(crate) fn all(
-    slices: &[Slice],
-    polar: &[polar::Check],
-    map: &ErrorMap,
-    cartesian: &cartesian::Check,
-) -> BTreeMap<&'static str, String> {
-    [
-        ("slices.svg", sliced(slices)),
-        ("polar-errors.svg", exceedance(polar)),
-        ("error-map.svg", error_map(map)),
-        ("convergence.svg", convergence(cartesian)),
-    ]
-    .map(|(file, drawing)| (file, drawing.svg()))
-    .into()
-}
-
 /// {V = 0} in the evader's frame: whole, and enlarged around its farthest point.
-fn sliced(slices: &[Slice]) -> Drawing {
+pub(crate) fn sliced(slices: &[Slice]) -> Drawing {
     // Under the others, so wide that it shows on both sides of them.
     let curves = [
         ("closed form", Pen::new(Colour::rgb([176, 196, 214]), 5.0)),
@@ -81,7 +62,7 @@ fn sliced(slices: &[Slice]) -> Drawing {
 }
 
 /// How many states have a larger error than …
-fn exceedance(checks: &[polar::Check]) -> Drawing {
+pub(crate) fn exceedance(checks: &[polar::Check]) -> Drawing {
     let errors = [(1e-4, "0.1 mm"), (1e-3, "1 mm"), (1e-2, "1 cm"), (1e-1, "10 cm"), (1.0, "1 m")];
     let labels = errors.map(|(at, label)| (at, label.to_owned())).into();
     let name = "error |V(polar) − V(closed form)|";
@@ -114,7 +95,7 @@ const LEVELS: [(f64, [u8; 3]); 7] = [
 ];
 
 /// Where the errors are: a map with a colour bar.
-fn error_map(map: &ErrorMap) -> Drawing {
+pub(crate) fn error_map(map: &ErrorMap) -> Drawing {
     let x = Axis::linear("x ahead", "m", [-6.0, 15.0], 12);
     let y = Axis::linear("y to the left", "m", [-8.0, 8.0], 8);
     let mut chart = Chart::new("", "", x, y);
@@ -125,7 +106,7 @@ fn error_map(map: &ErrorMap) -> Drawing {
             let ([x, y], at) = (map.origin, corner);
             [at(x, from), at(y, row), at(x, to), at(y, row + 1)]
         };
-        let boxes = runs(&map.rows, level as f32).into_iter().map(cell).collect();
+        let boxes = runs(&map.rows, level).into_iter().map(cell).collect();
         chart.add(Cells { ink: Colour::rgb(colour).into(), boxes });
     }
     for curve in &map.zero {
@@ -151,7 +132,7 @@ fn error_map(map: &ErrorMap) -> Drawing {
 }
 
 /// Row, first column and the one after the last of each stretch of errors of at least `level`.
-fn runs(rows: &[Vec<f32>], level: f32) -> Vec<[usize; 3]> {
+fn runs(rows: &[Vec<f64>], level: f64) -> Vec<[usize; 3]> {
     let mut runs = Vec::new();
     for (j, row) in rows.iter().enumerate() {
         let mut column = 0;
@@ -166,12 +147,12 @@ fn runs(rows: &[Vec<f32>], level: f32) -> Vec<[usize; 3]> {
 }
 
 /// Error against spacing, scheme by scheme: where V is smooth, and in air3D.
-fn convergence(check: &cartesian::Check) -> Drawing {
-    const SCHEMES: [(&str, &str, Colour, Mark); 4] = [
-        ("upwind", "upwind", ORANGE, Mark::Square),
-        ("eno2", "ENO2", GREEN, Mark::Triangle),
-        ("eno3", "ENO3", PURPLE, Mark::Diamond),
-        ("weno5", "WENO5", BLUE, Mark::Circle),
+pub(crate) fn convergence(check: &cartesian::Check) -> Drawing {
+    const SCHEMES: [(&str, Colour, Mark); 4] = [
+        ("upwind", ORANGE, Mark::Square),
+        ("ENO2", GREEN, Mark::Triangle),
+        ("ENO3", PURPLE, Mark::Diamond),
+        ("WENO5", BLUE, Mark::Circle),
     ];
     let mut drawing = Drawing::new("Error against spacing", "", [960.0, 440.0]);
     let x = Axis::logarithmic("spacing Δx", "rad", [0.0022, 0.1]);
@@ -180,12 +161,12 @@ fn convergence(check: &cartesian::Check) -> Drawing {
     let x = Axis::logarithmic("spacing Δx of x", "m", [0.2, 2.4]);
     let y = Axis::logarithmic("mean error of {V = 0}", "cm", [1e-2, 100.0]);
     let mut air3d = Chart::new("air3D", "", x, y);
-    let centimetres = |solves: &mut dyn Iterator<Item = &Air3d>| -> Vec<Point> {
-        let point = |of: &Air3d| [of.dx_m, 100.0 * of.accuracy.mean_dx * of.dx_m];
-        solves.map(point).collect()
+    let centimetres = |scheme: &str| -> Vec<Point> {
+        let solves = check.air3d.iter().filter(|of| of.scheme == scheme);
+        solves.map(|of| [of.dx_m, 100.0 * of.accuracy.mean_dx * of.dx_m]).collect()
     };
-    for (key, name, colour, mark) in SCHEMES {
-        let mut orders = check.orders.iter().filter(|of| of.advised && of.scheme == key);
+    for (name, colour, mark) in SCHEMES {
+        let mut orders = check.orders.iter().filter(|of| of.advised && of.scheme == name);
         let points: Vec<Point> = orders.next().map_or_else(Vec::new, |order| {
             order.errors.iter().map(|(spacing, error)| [*spacing, *error]).collect()
         });
@@ -193,12 +174,12 @@ fn convergence(check: &cartesian::Check) -> Drawing {
             smooth.add(Note::words(name, *last, [-8.0, 0.0], colour, Align::Right));
         }
         smooth.add(Series::line(name, points, colour, 1.8).marked(mark));
-        let points = centimetres(&mut check.air3d.iter().filter(|of| of.scheme == key));
+        let points = centimetres(name);
         if let Some(first) = points.first() {
             // The lines of two end close to each other.
-            let below = match key {
-                "eno3" => -5.0,
-                "weno5" => 6.0,
+            let below = match name {
+                "ENO3" => -5.0,
+                "WENO5" => 6.0,
                 _ => 0.0,
             };
             air3d.add(Note::words(name, *first, [9.0, below], colour, Align::Left));
@@ -208,7 +189,7 @@ fn convergence(check: &cartesian::Check) -> Drawing {
     for (order, at) in [(1, 4e-4), (2, 2.6e-6), (3, 2.2e-9)] {
         add_slope(&mut smooth, order, [0.011, at], 2.5);
     }
-    let exact = centimetres(&mut check.exact.iter());
+    let exact = centimetres(cartesian::EXACT);
     if let Some(first) = exact.first() {
         for (text, below) in [("closed form", -7.0), ("on the nodes", 7.0)] {
             air3d.add(Note::words(text, *first, [9.0, below], colours::MUTED, Align::Left));

@@ -1,26 +1,25 @@
-//! What the value functions of this library are worth, measured; one JSON object.
+//! How accurate the value functions of this library are; one JSON object of numbers and pictures.
 //! `cargo xtask validate` makes `docs/validation/reachability.md` of it.
 //!
 //! Nothing here is timed, and random states come from fixed seeds, so that the answer is
-//! the same every time.
+//! the same every time. Lengths are in metres where no unit is named.
 
 #![allow(clippy::print_stdout, reason = "its answer is what it prints")]
 
-mod cartesian;
-mod closed_form;
-mod errors;
-mod figures;
 #[path = "../measure/mod.rs"]
 mod measure;
-mod pictures;
+mod errors;
+mod closed_form;
 mod polar;
+mod cartesian;
 mod unequal;
+mod pictures;
+mod figures;
 
-use std::collections::BTreeMap;
 use std::error::Error;
 use std::ops::ControlFlow;
 
-use serde::Serialize;
+use serde_json::json;
 use sidestep::reachability::{Options, PursuitGame, Solved, solve};
 use sidestep::vehicle::VehicleModel;
 
@@ -32,51 +31,67 @@ const PAPER: PursuitGame = {
     PursuitGame { evader: vehicle, pursuer: vehicle, radius_m: 3.0 }
 };
 
-/// Everything that the page says.
-#[derive(Serialize)]
-struct Report {
-    closed_form: Vec<closed_form::Check>,
-    polar: Vec<polar::Check>,
-    chase: polar::Chase,
-    cartesian: cartesian::Check,
-    unequal: unequal::Check,
-    traced: errors::Errors,
-    /// Relative headings of the slices that are drawn, degrees.
-    slices_deg: Vec<f64>,
-    error_map: pictures::ErrorMap,
-    /// SVG by the file's name.
-    figures: BTreeMap<&'static str, String>,
+/// Identical vehicles, for which there is a closed form.
+struct Known {
+    name: &'static str,
+    game: PursuitGame,
+    /// Volume of {V ≤ 0} by the reference, m²·rad.
+    volume: f64,
+    /// Points of the reference's barrier; its states with their values.
+    barrier: &'static str,
+    states: &'static str,
 }
 
+const KNOWN: [Known; 2] = [
+    Known {
+        name: "paper",
+        game: PAPER,
+        volume: 358.14141,
+        barrier: include_str!("../../tests/data/barrier_paper.csv"),
+        states: include_str!("../../tests/data/states_paper.csv"),
+    },
+    Known {
+        name: "mitchell",
+        game: MITCHELL,
+        volume: measure::VOLUME,
+        barrier: include_str!("../../tests/data/barrier_mitchell.csv"),
+        states: include_str!("../../tests/data/states_mitchell.csv"),
+    },
+];
+
 fn main() -> Result<(), Box<dyn Error>> {
-    let [paper, mitchell] = [("paper", PAPER), ("mitchell", MITCHELL)];
     let step = |name: &str| eprintln!("    {name}");
     step("closed form");
-    let closed_form = vec![closed_form::check(paper)?, closed_form::check(mitchell)?];
+    let closed_form = KNOWN.iter().map(closed_form::check).collect::<Result<Vec<_>, _>>()?;
     step("polar solver");
-    let polar = [polar::check(paper)?, polar::check(mitchell)?].concat();
-    let chase = polar::chase()?;
+    let [paper, mitchell] = [polar::solutions(PAPER)?, polar::solutions(MITCHELL)?];
+    let polar = [polar::check(&KNOWN[0], &paper)?, polar::check(&KNOWN[1], &mitchell)?].concat();
+    let chase = polar::chase(&paper[polar::STANDARD])?;
     step("Cartesian solver");
     let cartesian = cartesian::check()?;
     step("unequal vehicles");
     let unequal = unequal::check()?;
     step("pictures");
-    let (traced, slices) = (pictures::traced()?, pictures::slices()?);
-    let error_map = pictures::error_map()?;
-    let figures = figures::all(&slices, &polar, &error_map, &cartesian);
-    let slices_deg = slices.iter().map(|slice| slice.psi_deg).collect();
-    let report = Report {
-        closed_form,
-        polar,
-        chase,
-        cartesian,
-        unequal,
-        traced,
-        slices_deg,
-        error_map,
-        figures,
-    };
-    println!("{}", serde_json::to_string(&report)?);
+    let traced = pictures::traced(&mitchell[polar::STANDARD]);
+    let slices = pictures::slices(&mitchell[polar::STANDARD])?;
+    let map = pictures::error_map(&paper[polar::STANDARD])?;
+    let report = json!({
+        "closed_form": closed_form,
+        "polar": polar,
+        "chase": chase,
+        "cartesian": cartesian,
+        "unequal": unequal,
+        "traced": traced,
+        "slices_deg": slices.iter().map(|slice| slice.psi_deg).collect::<Vec<_>>(),
+        "error_map": map,
+        "figures": {
+            "slices.svg": figures::sliced(&slices).svg(),
+            "polar-errors.svg": figures::exceedance(&polar).svg(),
+            "error-map.svg": figures::error_map(&map).svg(),
+            "convergence.svg": figures::convergence(&cartesian).svg(),
+        },
+    });
+    println!("{report}");
     Ok(())
 }
 

@@ -5,13 +5,12 @@ use std::error::Error;
 use serde::Serialize;
 use sidestep::math::{PI, TAU, hypot};
 use sidestep::reachability::{
-    Accuracy, CartesianGrid, CurveSettings, Options, Precision, Scheme, ValueFunction,
+    CartesianGrid, CurveSettings, Options, Precision, Scheme, Solved, ValueFunction,
     radial_level_curve,
 };
 
 use crate::errors::Errors;
 use crate::measure::{HORIZON_S, MITCHELL};
-use crate::polar::by_polar;
 use crate::{PAPER, solved};
 
 /// A closed curve in the evader's frame, m.
@@ -32,11 +31,17 @@ pub(crate) struct Slice {
 /// |polar − closed form| of *paper* at ψ = π, standard accuracy.
 #[derive(Serialize)]
 pub(crate) struct ErrorMap {
+    /// Of all cells, and where the largest is.
+    errors: Errors,
+    worst: [f64; 2],
     /// First x, first y (of the centres of square cells) and their side, m.
+    #[serde(skip)]
     pub(crate) origin: [f64; 2],
+    #[serde(skip)]
     pub(crate) cell_m: f64,
     /// Errors, m: one row for every y.
-    pub(crate) rows: Vec<Vec<f32>>,
+    #[serde(skip)]
+    pub(crate) rows: Vec<Vec<f64>>,
     /// {V = 0} of the closed form.
     #[serde(skip)]
     pub(crate) zero: Vec<Curve>,
@@ -45,10 +50,10 @@ pub(crate) struct ErrorMap {
 const CURVES: CurveSettings =
     CurveSettings { rays: 96, flatness_m: 0.002, max_depth: 9, accuracy_m: 1e-5, spacing_m: 0.1 };
 
-/// How far from {V = 0} of the same solution the curves are that are traced through its grid:
-/// |V|, m, on their points and the middles between these, at 24 headings of *mitchell*.
-pub(crate) fn traced() -> Result<Errors, Box<dyn Error>> {
-    let polar = by_polar(MITCHELL, Accuracy::Standard)?.function;
+/// How far curves that are traced through the grid of a solution are from its {V = 0}: |V|, m, on
+/// their points and midway between these, at 24 headings.
+pub(crate) fn traced(solved: &Solved) -> Errors {
+    let polar = &solved.function;
     let mut errors = Vec::new();
     for step in 0..24 {
         let psi = TAU * f64::from(step) / 24.0;
@@ -59,11 +64,11 @@ pub(crate) fn traced() -> Result<Errors, Box<dyn Error>> {
             }
         }
     }
-    Ok(Errors::of(errors))
+    Errors::of(errors)
 }
 
-/// Three slices.
-pub(crate) fn slices() -> Result<Vec<Slice>, Box<dyn Error>> {
+/// Three slices, by the polar solver as it was solved before.
+pub(crate) fn slices(polar: &Solved) -> Result<Vec<Slice>, Box<dyn Error>> {
     let grid = CartesianGrid {
         nodes: [51, 40, 50],
         domain_m: [-6.0, 20.0, -10.0, 10.0],
@@ -72,13 +77,12 @@ pub(crate) fn slices() -> Result<Vec<Slice>, Box<dyn Error>> {
     };
     let options = Options { horizon_s: HORIZON_S, grid: Some(grid), ..Options::default() };
     let cartesian = solved(MITCHELL, &options)?.function;
-    let polar = by_polar(MITCHELL, Accuracy::Standard)?.function;
     let exact = ValueFunction::Exact(MITCHELL.exact()?);
     let slice = |psi_deg: f64| {
         let psi = psi_deg * TAU / 360.0;
         // Along rays, which all leave the set once; the first part is inside in any case.
         let (inner, outer) = (0.5 * MITCHELL.radius_m, 30.0);
-        let [exact, polar, cartesian] = [&exact, &polar, &cartesian].map(|function| {
+        let [exact, polar, cartesian] = [&exact, &polar.function, &cartesian].map(|function| {
             let value = |x, y| function.value([x, y, psi]);
             vec![radial_level_curve(value, 0.0, inner, outer, CURVES)]
         });
@@ -91,16 +95,20 @@ pub(crate) fn slices() -> Result<Vec<Slice>, Box<dyn Error>> {
     Ok([60.0, 120.0, 180.0].map(slice).into())
 }
 
-/// The map.
-pub(crate) fn error_map() -> Result<ErrorMap, Box<dyn Error>> {
+/// The map of a solution of *paper*.
+pub(crate) fn error_map(polar: &Solved) -> Result<ErrorMap, Box<dyn Error>> {
     let (origin, cell_m, [columns, rows]) = ([-5.95, -7.95], 0.1, [210, 160]);
-    let polar = by_polar(PAPER, Accuracy::Standard)?.function;
     let exact = ValueFunction::Exact(PAPER.exact()?);
+    let at = |i: usize, j: usize| [origin[0] + cell_m * i as f64, origin[1] + cell_m * j as f64];
     let error = |i: usize, j: usize| {
-        let state = [origin[0] + cell_m * i as f64, origin[1] + cell_m * j as f64, PI];
-        (polar.value(state) - exact.value(state)).abs() as f32
+        let [x, y] = at(i, j);
+        (polar.function.value([x, y, PI]) - exact.value([x, y, PI])).abs()
     };
-    let rows = (0..rows).map(|j| (0..columns).map(|i| error(i, j)).collect()).collect();
+    let rows: Vec<Vec<f64>> =
+        (0..rows).map(|j| (0..columns).map(|i| error(i, j)).collect()).collect();
+    let errors = rows.concat();
+    let worst = (0..errors.len()).max_by(|a, b| errors[*a].total_cmp(&errors[*b])).unwrap_or(0);
+    let worst = at(worst % columns, worst / columns);
     let zero = exact.level_curves(PI, 0.0, CURVES);
-    Ok(ErrorMap { origin, cell_m, rows, zero })
+    Ok(ErrorMap { errors: Errors::of(errors), worst, origin, cell_m, rows, zero })
 }

@@ -4,14 +4,16 @@ use core::f64::consts::LN_10;
 use std::error::Error;
 
 use serde::Serialize;
+use serde_json::{Value, json};
 use sidestep::math::{exp, sin_cos};
+use sidestep::reachability::polar::Settings;
 use sidestep::reachability::{Accuracy, Method, Nodes, Options, PursuitGame, Solved};
 use sidestep::vehicle::VehicleModel;
 
 use crate::errors::{Errors, random_states};
-use crate::{PAPER, solved};
+use crate::{Known, PAPER, solved};
 
-/// What was found for one game and accuracy. Lengths are in metres.
+/// One accuracy of one game. Lengths are in metres.
 #[derive(Clone, Serialize)]
 pub(crate) struct Check {
     pub(crate) game: &'static str,
@@ -24,7 +26,7 @@ pub(crate) struct Check {
     /// Between the nodes and at them, of the states that count.
     random: Errors,
     at_nodes: Errors,
-    /// By how much the volume of {V ≤ 0} is larger than the closed form's.
+    /// How much larger the volume of {V ≤ 0} is than the closed form's.
     volume_percent: f64,
     /// Of the random states: (error, share of the states with a larger one).
     #[serde(skip)]
@@ -39,25 +41,28 @@ const NEAR_M: f64 = 0.5;
 /// stored as an exact 0 and would flatter the quantiles.
 const CLOSING_M: f64 = 1e-6;
 
-pub(crate) const ACCURACIES: [(&str, Accuracy); 3] =
+const ACCURACIES: [(&str, Accuracy); 3] =
     [("draft", Accuracy::Draft), ("standard", Accuracy::Standard), ("fine", Accuracy::Fine)];
+/// The place of the standard accuracy among these.
+pub(crate) const STANDARD: usize = 1;
 
 /// The converged value by the polar solver.
 pub(crate) fn by_polar(game: PursuitGame, accuracy: Accuracy) -> Result<Solved, Box<dyn Error>> {
     solved(game, &Options { method: Some(Method::Polar), accuracy, ..Options::default() })
 }
 
-/// Measures the polar solver on `game`.
-pub(crate) fn check(
-    (name, game): (&'static str, PursuitGame),
-) -> Result<Vec<Check>, Box<dyn Error>> {
-    let exact = game.exact()?;
+/// The same with each of the three accuracies.
+pub(crate) fn solutions(game: PursuitGame) -> Result<Vec<Solved>, Box<dyn Error>> {
+    ACCURACIES.iter().map(|(_, accuracy)| by_polar(game, *accuracy)).collect()
+}
+
+/// Measures the polar solver's solutions of a game.
+pub(crate) fn check(known: &Known, solutions: &[Solved]) -> Result<Vec<Check>, Box<dyn Error>> {
+    let (game, exact) = (known.game, known.game.exact()?);
     let rho = exact.speed_mps() / exact.turn_rate_radps();
     let random = random_states(1, STATES, 5.0 * rho);
-    let volume = if name == "paper" { 358.14141 } else { 885.81943 };
     let mut checks = Vec::new();
-    for (accuracy_name, accuracy) in ACCURACIES {
-        let solved = by_polar(game, accuracy)?;
+    for ((accuracy, _), solved) in ACCURACIES.into_iter().zip(solutions) {
         let Nodes::Polar { range_m, range_nodes, angle_nodes, .. } = solved.samples.nodes() else {
             unreachable!("the polar solver leaves polar nodes");
         };
@@ -84,8 +89,8 @@ pub(crate) fn check(
             }
         }
         checks.push(Check {
-            game: name,
-            accuracy: accuracy_name,
+            game: known.name,
+            accuracy,
             nodes: [range_nodes, angle_nodes],
             range_m,
             sweeps: solved.steps,
@@ -93,7 +98,7 @@ pub(crate) fn check(
             exceedance: exceedance(&errors),
             random: Errors::of(errors),
             at_nodes: Errors::of(at_nodes),
-            volume_percent: 100.0 * (solved.samples.volume() / volume - 1.0),
+            volume_percent: 100.0 * (solved.samples.volume() / known.volume - 1.0),
         });
     }
     Ok(checks)
@@ -118,22 +123,16 @@ fn exceedance(errors: &[f64]) -> Vec<(f64, f64)> {
     points
 }
 
-/// A pursuer that is a little faster than the evader: the chase is long.
-#[derive(Serialize)]
-pub(crate) struct Chase {
-    /// How much faster, percent.
-    faster_percent: f64,
-    /// Sweeps and drift, m, for equal speeds and for this one, standard accuracy.
-    equal: (usize, f64),
-    chase: (usize, f64),
-    most_sweeps: usize,
-}
-
-/// Measures how slowly a long chase converges.
-pub(crate) fn chase() -> Result<Chase, Box<dyn Error>> {
+/// How slowly a long chase converges: sweeps and drift with standard accuracy, for equal speeds and
+/// for a pursuer that is a little faster.
+pub(crate) fn chase(equal: &Solved) -> Result<Value, Box<dyn Error>> {
     let faster = VehicleModel { speed_mps: 1.05 * PAPER.pursuer.speed_mps, ..PAPER.pursuer };
-    let [equal, chase] = [PAPER, PursuitGame { pursuer: faster, ..PAPER }]
-        .map(|game| by_polar(game, Accuracy::Standard).map(|s| (s.steps, s.residual)));
-    let most_sweeps = sidestep::reachability::polar::Settings::default().most_sweeps;
-    Ok(Chase { faster_percent: 5.0, equal: equal?, chase: chase?, most_sweeps })
+    let chase = by_polar(PursuitGame { pursuer: faster, ..PAPER }, Accuracy::Standard)?;
+    let of = |solved: &Solved| json!({ "sweeps": solved.steps, "drift_m": solved.residual });
+    Ok(json!({
+        "faster_percent": 5,
+        "equal": of(equal),
+        "chase": of(&chase),
+        "gave_up": chase.steps >= Settings::default().most_sweeps,
+    }))
 }

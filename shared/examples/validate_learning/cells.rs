@@ -2,8 +2,8 @@
 
 use std::error::Error;
 
-use serde::{Deserialize, Serialize};
-use serde_json::Value;
+use serde::Deserialize;
+use serde_json::{Value, json};
 use sidestep::comparison::ParticipantData;
 use sidestep::comparison::cell::{Cell, Experiment, ModelName, NamedSet};
 use sidestep::comparison::fit::{Grids, ModelFamily, fit};
@@ -12,68 +12,10 @@ use sidestep::comparison::tables::Comparison;
 
 use crate::learning::lines;
 use crate::learning::ranks::{Reference, reference};
-
-/// How many cells are equal, and those that are not.
-#[derive(Serialize)]
-pub(crate) struct Check {
-    models: Vec<OfModel>,
-    different: Vec<Different>,
-}
-
-/// Cells of one model.
-#[derive(Serialize)]
-struct OfModel {
-    model: String,
-    cells: usize,
-    /// With the same test accuracy.
-    equal: usize,
-}
-
-/// A cell in which test accuracies differ: under the setting that the reference chose, and under
-/// the one that we did.
-#[derive(Serialize)]
-struct Different {
-    model: String,
-    experiment: u8,
-    features: String,
-    participant: usize,
-    reference: Choice,
-    ours: Choice,
-}
-
-/// One setting.
-#[derive(Serialize)]
-struct Choice {
-    hyperparameters: Value,
-    /// By our models.
-    ours: Right,
-    /// By scikit-learn as the reference called it.
-    scikit_learn: Right,
-    /// By scikit-learn to the end, or the fewest and most of many random states of trees.
-    to_the_end: [Right; 2],
-}
-
-/// Rows that are predicted right.
-#[derive(Serialize)]
-struct Right {
-    /// Of the training rows, where their fold is held out.
-    cv: usize,
-    /// Of the test rows.
-    test: usize,
-}
+use crate::learning::why::{Choice, Right, same_numbers, same_setting, why};
 
 /// Training and test rows of a person.
 const ROWS: [f64; 2] = [2000.0, 500.0];
-
-impl Right {
-    fn of(cv_accuracy: f64, test_accuracy: f64) -> Self {
-        let [cv, test] = ROWS;
-        Self {
-            cv: (cv * cv_accuracy).round() as usize,
-            test: (test * test_accuracy).round() as usize,
-        }
-    }
-}
 
 /// A setting of a cell that differs, by scikit-learn again (`tests/peers/learning_again.py`).
 #[derive(Deserialize)]
@@ -91,75 +33,89 @@ struct Again {
     test_most: usize,
 }
 
+/// How many cells of each model have the same test accuracy as the reference's, and those that have
+/// not: under the setting that the reference chose, and under the one that we did.
 pub(crate) fn check(
     comparison: &Comparison,
     people: &[ParticipantData],
-) -> Result<Check, Box<dyn Error>> {
+) -> Result<Value, Box<dyn Error>> {
     let again: Vec<Again> = lines(include_str!("../../tests/data/sklearn_again.csv"));
-    let mut check = Check { models: Vec::new(), different: Vec::new() };
-    for theirs in reference() {
-        let ours =
-            comparison.cells.iter().find(|cell| is(cell, &theirs)).ok_or("a cell is missing")?;
-        let last = check.models.last();
-        if last.is_none_or(|of| of.model != theirs.model) {
-            check.models.push(OfModel { model: theirs.model.clone(), cells: 0, equal: 0 });
-        }
-        let equal = (ours.test.accuracy() - theirs.test_accuracy).abs() < 1e-9;
-        if let Some(of) = check.models.last_mut() {
-            of.cells += 1;
-            of.equal += usize::from(equal);
-        }
-        if !equal {
-            let choice = |hyperparameters: &str| -> Result<Choice, Box<dyn Error>> {
-                let wanted: Value = serde_json::from_str(hyperparameters)?;
-                let cell = under(&wanted, ours, &people[ours.participant])?;
-                let same = |again: &&Again| {
-                    (&again.model, again.experiment, &again.features, again.participant)
-                        == (&theirs.model, theirs.experiment, &theirs.features, theirs.participant)
-                        && serde_json::from_str(&again.hyperparameters)
-                            .is_ok_and(|of: Value| same_numbers(&of, &wanted))
-                };
-                let again = again.iter().find(same).ok_or_else(|| {
-                    format!(
-                        "sklearn_again.csv lacks {} {hyperparameters}: see that script",
-                        theirs.model
-                    )
-                })?;
-                Ok(Choice {
-                    hyperparameters: wanted,
-                    ours: Right::of(cell.cv_accuracy, cell.test.accuracy()),
-                    scikit_learn: Right { cv: again.cv_right, test: again.test_right },
-                    to_the_end: [
-                        Right { cv: again.cv_least, test: again.test_least },
-                        Right { cv: again.cv_most, test: again.test_most },
-                    ],
-                })
-            };
-            let (reference, own) =
+    let (mut models, mut different) = (Vec::new(), Vec::new());
+    for of in reference().chunk_by(|a, b| a.model == b.model) {
+        let mut equal = 0;
+        for theirs in of {
+            let ours = comparison.cells.iter().find(|cell| is(cell, theirs));
+            let ours = ours.ok_or("a cell is missing")?;
+            if (ours.test.accuracy() - theirs.test_accuracy).abs() < 1e-9 {
+                equal += 1;
+                continue;
+            }
+            let choice = |setting: &str| choice(setting, ours, theirs, people, &again);
+            let (of_reference, own) =
                 (choice(&theirs.hyperparameters)?, choice(&ours.hyperparameters)?);
-            check.different.push(Different {
-                model: theirs.model,
-                experiment: theirs.experiment,
-                features: theirs.features,
-                participant: theirs.participant,
-                reference,
-                ours: own,
-            });
+            let why = why(&theirs.model, &of_reference, &own);
+            // One line for a setting that both chose.
+            let choices = match same_setting(&of_reference, &own) {
+                true => vec![("both", own)],
+                false => vec![("reference", of_reference), ("ours", own)],
+            };
+            different.push(json!({
+                "model": theirs.model,
+                "experiment": theirs.experiment,
+                "features": theirs.features,
+                "participant": theirs.participant,
+                "why": why,
+                "choices": choices,
+            }));
         }
+        models.push(json!({ "model": of[0].model, "cells": of.len(), "equal": equal }));
     }
-    Ok(check)
+    let sum = |what: &str| models.iter().filter_map(|of| of[what].as_u64()).sum::<u64>();
+    Ok(json!({
+        "cells": sum("cells"),
+        "equal": sum("equal"),
+        "models": models,
+        "different": different,
+    }))
+}
+
+/// What a setting gets right: by our models, and by scikit-learn.
+fn choice(
+    hyperparameters: &str,
+    ours: &Cell,
+    theirs: &Reference,
+    people: &[ParticipantData],
+    again: &[Again],
+) -> Result<Choice, Box<dyn Error>> {
+    let wanted: Value = serde_json::from_str(hyperparameters)?;
+    let cell = under(&wanted, ours, &people[ours.participant])?;
+    let same = |again: &&Again| {
+        (&again.model, again.experiment, &again.features, again.participant)
+            == (&theirs.model, theirs.experiment, &theirs.features, theirs.participant)
+            && serde_json::from_str(&again.hyperparameters)
+                .is_ok_and(|of: Value| same_numbers(&of, &wanted))
+    };
+    let again = again.iter().find(same).ok_or_else(|| {
+        format!("sklearn_again.csv lacks {} {hyperparameters}: see that script", theirs.model)
+    })?;
+    let [cv, test] = ROWS;
+    Ok(Choice {
+        hyperparameters: wanted,
+        ours: Right {
+            cv: (cv * cell.cv_accuracy).round() as usize,
+            test: (test * cell.test.accuracy()).round() as usize,
+        },
+        scikit_learn: Right { cv: again.cv_right, test: again.test_right },
+        to_the_end: [
+            Right { cv: again.cv_least, test: again.test_least },
+            Right { cv: again.cv_most, test: again.test_most },
+        ],
+    })
 }
 
 fn is(cell: &Cell, theirs: &Reference) -> bool {
     (cell.model.word(), cell.experiment.number(), cell.features.as_str(), cell.participant)
         == (&theirs.model, theirs.experiment, &theirs.features, theirs.participant)
-}
-
-/// Whether two objects have the same entries, 1 being 1.0.
-fn same_numbers(a: &Value, b: &Value) -> bool {
-    let (Some(a), Some(b)) = (a.as_object(), b.as_object()) else { return false };
-    a.len() == b.len()
-        && a.iter().all(|(name, a)| b.get(name).is_some_and(|b| a.as_f64() == b.as_f64()))
 }
 
 /// The cell as it is when nothing but this setting may be chosen.

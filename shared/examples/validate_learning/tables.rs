@@ -3,23 +3,17 @@
 use std::error::Error;
 
 use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
 use sidestep::comparison::cell::{Experiment, ModelName, PAPERS_SETS};
 use sidestep::comparison::tables::Comparison;
 
+use crate::learning::apart::furthest;
 use crate::learning::lines;
-
-/// Rows of one unit.
-#[derive(Serialize)]
-pub(crate) struct Table {
-    /// `accuracy`, or the metric and convention of Table II.
-    name: String,
-    rows: Vec<Row>,
-}
 
 /// One model: a number for each of the paper's sets.
 #[derive(Serialize)]
 struct Row {
-    model: String,
+    model: &'static str,
     /// 1 or 2.
     experiment: u8,
     ours: Vec<f64>,
@@ -59,17 +53,21 @@ struct Distance {
     convention: String,
 }
 
-pub(crate) fn check(comparison: &Comparison) -> Result<Vec<Table>, Box<dyn Error>> {
-    let mut tables = vec![Table { name: "accuracy".to_owned(), rows: Vec::new() }];
+/// The rows of one unit by its name, and the largest difference in them.
+fn table((name, rows): (String, Vec<Row>)) -> Value {
+    let largest = rows.iter().map(|row| furthest(&row.ours, &row.reference)).fold(0.0, f64::max);
+    json!({ "name": name, "largest": largest, "rows": rows })
+}
+
+/// Table I as `accuracy`; each metric and convention of Table II.
+pub(crate) fn check(comparison: &Comparison) -> Result<Vec<Value>, Box<dyn Error>> {
+    let mut tables: Vec<(String, Vec<Row>)> = vec![("accuracy".to_owned(), Vec::new())];
     let first: Vec<Line<Accuracy>> = lines(include_str!("../../tests/data/sklearn_table1.csv"));
     for line in &first {
         let Accuracy { model, experiment } = line.row;
-        tables[0].rows.push(Row {
-            model: model.word().to_owned(),
-            experiment: experiment.number(),
-            ours: comparison.accuracies(model, experiment, &PAPERS_SETS),
-            reference: line.numbers(),
-        });
+        let ours = comparison.accuracies(model, experiment, &PAPERS_SETS);
+        let (model, experiment) = (model.word(), experiment.number());
+        tables[0].1.push(Row { model, experiment, ours, reference: line.numbers() });
     }
     let second: Vec<Line<Distance>> = lines(include_str!("../../tests/data/sklearn_table2.csv"));
     for line in &second {
@@ -86,17 +84,13 @@ pub(crate) fn check(comparison: &Comparison) -> Result<Vec<Table>, Box<dyn Error
             }
         };
         let ours = PAPERS_SETS.into_iter().map(distance).collect::<Result<_, _>>()?;
-        let row = Row {
-            model: model.word().to_owned(),
-            experiment: Experiment::Avoidance.number(),
-            ours,
-            reference: line.numbers(),
-        };
-        let name = format!("{metric} {convention}");
-        match tables.iter_mut().find(|table| table.name == name) {
-            Some(table) => table.rows.push(row),
-            None => tables.push(Table { name, rows: vec![row] }),
+        let experiment = Experiment::Avoidance.number();
+        let row = Row { model: model.word(), experiment, ours, reference: line.numbers() };
+        let name = format!("{metric}, {convention}");
+        match tables.iter_mut().find(|table| table.0 == name) {
+            Some((_, rows)) => rows.push(row),
+            None => tables.push((name, vec![row])),
         }
     }
-    Ok(tables)
+    Ok(tables.into_iter().map(table).collect())
 }

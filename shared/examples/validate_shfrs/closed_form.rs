@@ -2,7 +2,7 @@
 
 use std::error::Error;
 
-use serde::Serialize;
+use serde_json::json;
 use sidestep::bounds::InputBounds;
 use sidestep::math::SeededRng;
 use sidestep::reach::PolygonSettings;
@@ -11,27 +11,15 @@ use sidestep::scene::SceneParameters;
 use sidestep::shfrs::widened::tube_area_m2;
 use sidestep::vehicle::Pose;
 
-use crate::RATE_RADPS;
 use crate::drives::{Kind, set};
+use crate::{Found, RATE_RADPS};
 
 const BOUNDS: usize = 1000;
 /// Steps at most.
 const STEPS: usize = 15;
 const ACCURACY_M: f64 = 1e-5;
 
-#[derive(Serialize)]
-pub(crate) struct Check {
-    bounds: usize,
-    steps: usize,
-    accuracy_m: f64,
-    /// Largest difference, m², and as a share of the area where that is at least 0.1 m².
-    worst_m2: f64,
-    worst_share: f64,
-    /// Everything that can be reached in ten steps: of the polygon, and in closed form, m².
-    everything_m2: (f64, f64),
-}
-
-pub(crate) fn check() -> Result<Check, Box<dyn Error>> {
+pub(crate) fn check() -> Found {
     let mut rng = SeededRng::new(63);
     let settings = PolygonSettings::new(ACCURACY_M, 4)?;
     let areas = |rates: &(Vec<f64>, Vec<f64>)| -> Result<(f64, f64), Box<dyn Error>> {
@@ -50,12 +38,14 @@ pub(crate) fn check() -> Result<Check, Box<dyn Error>> {
             worst_share = worst_share.max(error / exact);
         }
     }
-    Ok(Check {
-        bounds: BOUNDS,
-        steps: STEPS,
-        accuracy_m: ACCURACY_M,
-        worst_m2,
-        worst_share,
-        everything_m2,
-    })
+    Ok(json!({
+        "bounds": BOUNDS,
+        "steps": STEPS,
+        "accuracy_m": ACCURACY_M,
+        // Largest difference, and as a share of the area where that is at least 0.1 m².
+        "worst_m2": worst_m2,
+        "worst_share": worst_share,
+        // Everything that can be reached in ten steps: of the polygon, and in closed form.
+        "everything_m2": everything_m2,
+    }))
 }

@@ -1,10 +1,8 @@
 //! Do calibrated levels keep what they guarantee? Calibrations are drawn from a population
 //! whose shares are known, so that what a level holds is counted, not estimated.
 
-use std::error::Error;
-
 use rayon::prelude::*;
-use serde::Serialize;
+use serde_json::{Value, json};
 use sidestep::bounds::Rollout;
 use sidestep::invalid::Invalid;
 use sidestep::math::SeededRng;
@@ -17,41 +15,13 @@ use sidestep::shfrs::window::Trajectory;
 use sidestep::vehicle::Pose;
 
 use crate::reacting::{PREDICTED, Population, choice, window};
-use crate::{SPEED_MPS, STEP_S};
+use crate::{Found, SPEED_MPS, STEP_S};
 
 const POPULATION: usize = 4000;
 const CALIBRATIONS: usize = 1000;
 const DELTA: f64 = 0.05;
 /// Levels that a fixed sequence tests.
 const LEVELS: usize = 21;
-
-#[derive(Serialize)]
-pub(crate) struct Check {
-    population: usize,
-    calibrations: usize,
-    delta: f64,
-    levels: usize,
-    /// Pairs of neighbouring levels of which the smaller holds a drive that the larger does
-    /// not, over all drives: `paper` roll-outs are not nested.
-    not_nested: usize,
-    rows: Vec<Row>,
-}
-
-#[derive(Serialize)]
-pub(crate) struct Row {
-    p: f64,
-    n: usize,
-    /// Share of the population that a conformal level holds: mean over the calibrations, its
-    /// standard error, and what it is for scores without ties, rank/(n + 1).
-    conformal_mean: f64,
-    conformal_error: f64,
-    conformal_expected: f64,
-    /// Share of the calibrations whose level holds less than p; none where n is too small.
-    pac_failures: Option<f64>,
-    fixed_failures: Option<f64>,
-    /// How many trajectories these need.
-    pac_needs: usize,
-}
 
 /// Level i of a fixed sequence, rad/s, from the largest on.
 fn level(i: usize, most: f64) -> f64 {
@@ -85,7 +55,7 @@ struct Everyone {
     shares: Vec<f64>,
 }
 
-fn row(everyone: &Everyone, scores: &[f64], p: f64, n: usize) -> Result<Row, Invalid> {
+fn row(everyone: &Everyone, scores: &[f64], p: f64, n: usize) -> Result<Value, Invalid> {
     let mut rng = SeededRng::new(66);
     let holds = |level: f64| {
         let hits = everyone.sorted.partition_point(|&score| score <= level);
@@ -111,19 +81,23 @@ fn row(everyone: &Everyone, scores: &[f64], p: f64, n: usize) -> Result<Row, Inv
     let many = CALIBRATIONS as f64;
     let mean = sum / many;
     let share = |failed: usize| (n >= pac_needs).then_some(failed as f64 / many);
-    Ok(Row {
-        p,
-        n,
-        conformal_mean: mean,
-        conformal_error: ((squares / many - mean * mean) / many).sqrt(),
-        conformal_expected: Guarantee::Conformal.rank(n, p)? as f64 / (n + 1) as f64,
-        pac_failures: share(failed[0]),
-        fixed_failures: share(failed[1]),
-        pac_needs,
-    })
+    Ok(json!({
+        "p": p,
+        "n": n,
+        // Share of the population that a conformal level holds: mean over the calibrations, its
+        // standard error, and what it is for scores without ties.
+        "conformal_mean": mean,
+        "conformal_error": ((squares / many - mean * mean) / many).sqrt(),
+        "conformal_expected": Guarantee::Conformal.rank(n, p)? as f64 / (n + 1) as f64,
+        // Share of the calibrations whose level holds less than p; none where n is too small.
+        "pac_failures": share(failed[0]),
+        "fixed_failures": share(failed[1]),
+        // How many trajectories these need.
+        "pac_needs": pac_needs,
+    }))
 }
 
-pub(crate) fn check() -> Result<Check, Box<dyn Error>> {
+pub(crate) fn check() -> Found {
     let parameters = SceneParameters::default();
     let Population { drives, scores } = Population::new(POPULATION, &parameters)?;
     let held: Vec<Vec<bool>> =
@@ -131,7 +105,7 @@ pub(crate) fn check() -> Result<Check, Box<dyn Error>> {
     let share = |i: usize| held.iter().filter(|held| held[i]).count() as f64 / drives.len() as f64;
     let shares = (0..LEVELS).map(share).collect();
     let lost = |held: &Vec<bool>| held.windows(2).filter(|pair| pair[1] && !pair[0]).count();
-    let not_nested = held.iter().map(lost).sum();
+    let not_nested: usize = held.iter().map(lost).sum();
     let mut sorted = scores.clone();
     sorted.sort_by(f64::total_cmp);
     let everyone = Everyone { sorted, held, shares };
@@ -141,12 +115,16 @@ pub(crate) fn check() -> Result<Check, Box<dyn Error>> {
             rows.push(row(&everyone, &scores, p, n)?);
         }
     }
-    Ok(Check {
-        population: POPULATION,
-        calibrations: CALIBRATIONS,
-        delta: DELTA,
-        levels: LEVELS,
-        not_nested,
-        rows,
-    })
+    Ok(json!({
+        "population": POPULATION,
+        "calibrations": CALIBRATIONS,
+        "delta": DELTA,
+        "levels": LEVELS,
+        // Pairs of neighbouring levels of which the smaller holds a drive that the larger does
+        // not, over all drives: `paper` roll-outs are not nested.
+        "not_nested": not_nested,
+        // The binomial error of a share DELTA of the calibrations.
+        "failure_error": (DELTA * (1.0 - DELTA) / CALIBRATIONS as f64).sqrt(),
+        "rows": rows,
+    }))
 }

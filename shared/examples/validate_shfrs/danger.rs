@@ -1,9 +1,7 @@
 //! Bounds on the probability that the human comes too near, over made-up scenes.
 
-use std::error::Error;
-
 use rayon::prelude::*;
-use serde::Serialize;
+use serde_json::json;
 use sidestep::invalid::Invalid;
 use sidestep::math::SeededRng;
 use sidestep::scene::SceneParameters;
@@ -11,6 +9,7 @@ use sidestep::shfrs::danger::danger_bounds;
 use sidestep::shfrs::prediction::Prediction;
 use sidestep::shfrs::scores::Scores;
 
+use crate::Found;
 use crate::reacting::{PREDICTED, Population, choice};
 
 const SCENES: usize = 4000;
@@ -18,36 +17,10 @@ const SCENES: usize = 4000;
 const CALIBRATION: usize = 100;
 const ALPHAS: [f64; 5] = [0.05, 0.1, 0.2, 0.3, 0.5];
 
-#[derive(Serialize)]
-pub(crate) struct Check {
-    scenes: usize,
-    calibration: usize,
-    /// Means over the scenes: of the lower bound L, of how often the human entered, of the
-    /// upper bound U.
-    low: f64,
-    entered: f64,
-    high: f64,
-    /// Share of the scenes whose bounds are less than 0.1 apart.
-    narrow: f64,
-    rows: Vec<Row>,
-}
-
-#[derive(Serialize)]
-pub(crate) struct Row {
-    alpha: f64,
-    /// Share of the scenes in which the human entered although U ≤ α, and in which they
-    /// stayed out although L ≥ 1 − α.
-    entered_against: f64,
-    stayed_out_against: f64,
-    /// Share of the scenes with U ≤ α, and with L ≥ 1 − α.
-    said_out: f64,
-    said_in: f64,
-}
-
 /// Lower bound, upper bound, and whether the human entered.
 type Scene = (f64, f64, bool);
 
-pub(crate) fn check() -> Result<Check, Box<dyn Error>> {
+pub(crate) fn check() -> Found {
     let parameters = SceneParameters::default();
     let Population { drives, scores } = Population::new(SCENES, &parameters)?;
     // Each scene has a calibration of its own, among the others.
@@ -67,20 +40,30 @@ pub(crate) fn check() -> Result<Check, Box<dyn Error>> {
         scenes.iter().filter(|scene| of(scene)).count() as f64 / SCENES as f64
     };
     let mean = |of: &dyn Fn(&Scene) -> f64| scenes.iter().map(of).sum::<f64>() / SCENES as f64;
-    let row = |alpha: f64| Row {
-        alpha,
-        entered_against: share(&|&(_, high, entered)| entered && high <= alpha),
-        stayed_out_against: share(&|&(low, _, entered)| !entered && low >= 1.0 - alpha),
-        said_out: share(&|&(_, high, _)| high <= alpha),
-        said_in: share(&|&(low, _, _)| low >= 1.0 - alpha),
+    let row = |alpha: f64| {
+        json!({
+            "alpha": alpha,
+            // The binomial error of a share α of the scenes.
+            "error": (alpha * (1.0 - alpha) / SCENES as f64).sqrt(),
+            // Share of the scenes in which the human entered although U ≤ α, and in which they
+            // stayed out although L ≥ 1 − α.
+            "entered_against": share(&|&(_, high, entered)| entered && high <= alpha),
+            "stayed_out_against": share(&|&(low, _, entered)| !entered && low >= 1.0 - alpha),
+            // Share of the scenes with U ≤ α, and with L ≥ 1 − α.
+            "said_out": share(&|&(_, high, _)| high <= alpha),
+            "said_in": share(&|&(low, _, _)| low >= 1.0 - alpha),
+        })
     };
-    Ok(Check {
-        scenes: SCENES,
-        calibration: CALIBRATION,
-        low: mean(&|scene| scene.0),
-        entered: share(&|scene| scene.2),
-        high: mean(&|scene| scene.1),
-        narrow: share(&|scene| scene.1 - scene.0 < 0.1),
-        rows: ALPHAS.into_iter().map(row).collect(),
-    })
+    Ok(json!({
+        "scenes": SCENES,
+        "calibration": CALIBRATION,
+        // Means over the scenes: of the lower bound L, of how often the human entered, of the
+        // upper bound U.
+        "low": mean(&|scene| scene.0),
+        "entered": share(&|scene| scene.2),
+        "high": mean(&|scene| scene.1),
+        // Share of the scenes whose bounds are less than 0.1 apart.
+        "narrow": share(&|scene| scene.1 - scene.0 < 0.1),
+        "rows": ALPHAS.map(row),
+    }))
 }

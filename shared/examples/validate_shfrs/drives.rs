@@ -12,13 +12,14 @@ use crate::{RATE_RADPS, SPEED_MPS, STEP_S};
 /// What bounds admit. Their geometry differs: a straight extremal needs that straight is
 /// admitted, and the rear needs more than one jump where it is not.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
+#[serde(rename_all = "lowercase")]
 pub(crate) enum Kind {
     /// Every turn rate in every step.
     Everything,
     /// Straight in every step; sometimes nothing else.
     Straight,
     /// Turns to one side only, the same in every step.
+    #[serde(rename = "one side")]
     OneSide,
     /// Anything: signs change from step to step, and some steps leave no choice.
     Any,

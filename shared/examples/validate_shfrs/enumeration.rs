@@ -1,14 +1,12 @@
 //! Inputs that jump twice, all of them: does one end at every point of the boundary?
 
-use std::error::Error;
-
-use serde::Serialize;
+use serde_json::json;
 use sidestep::math::{SeededRng, hypot};
 use sidestep::reach::PolygonSettings;
 use sidestep::vehicle::{Pose, dubins};
 
 use crate::drives::{KINDS, Kind, Rates, set};
-use crate::{SPEED_MPS, STEP_S};
+use crate::{Found, SPEED_MPS, STEP_S};
 
 /// Steps, and into how many parts each is divided for the jumps to begin with. Over three
 /// steps two jumps suffice for any bounds; over ten, where straight is always admitted.
@@ -22,18 +20,6 @@ const NEAR_M: f64 = 1e-4;
 const LEAST_MOVE_S: f64 = 1e-5;
 /// Of how many sequences of rates.
 const NEAREST: usize = 6;
-
-#[derive(Serialize)]
-pub(crate) struct Check {
-    kind: Kind,
-    steps: usize,
-    bounds: usize,
-    inputs: usize,
-    /// Points of boundaries.
-    points: usize,
-    /// From a point of a boundary to the nearest end that was found, at most, m.
-    farthest_m: f64,
-}
 
 /// Three rates one after the other, each lowest (0), highest (2) or as straight as admitted (1),
 /// and the times of the two jumps, s.
@@ -112,7 +98,7 @@ fn distance(inputs: &[Vec<(Input, [f64; 2])>], point: [f64; 2], rates: &Rates, p
     best.iter().map(|(least, _)| *least).fold(f64::INFINITY, f64::min)
 }
 
-pub(crate) fn check() -> Result<Vec<Check>, Box<dyn Error>> {
+pub(crate) fn check() -> Found {
     let mut rng = SeededRng::new(62);
     let settings = PolygonSettings::new(1e-3, 2)?;
     let short = KINDS.map(|kind| (kind, SHORT));
@@ -121,18 +107,26 @@ pub(crate) fn check() -> Result<Vec<Check>, Box<dyn Error>> {
     for (kind, (steps, parts)) in short.into_iter().chain(long) {
         // There is but one set that admits everything.
         let bounds = if kind == Kind::Everything { 1 } else { BOUNDS };
-        let mut check = Check { kind, steps, bounds, inputs: 0, points: 0, farthest_m: 0.0 };
+        let (mut tried, mut points, mut farthest_m) = (0, 0, 0.0_f64);
         for _ in 0..bounds {
             let rates = kind.bounds(steps, &mut rng);
             let inputs = enumerated(&rates, parts);
-            check.inputs += inputs.iter().map(Vec::len).sum::<usize>();
+            tried += inputs.iter().map(Vec::len).sum::<usize>();
             let polygon = set(Pose::new(0.0, 0.0, 0.0), &rates)?.step_polygon(steps, settings);
-            check.points += polygon.len();
+            points += polygon.len();
             let part = STEP_S / parts as f64;
             let distances = polygon.iter().map(|&point| distance(&inputs, point, &rates, part));
-            check.farthest_m = distances.fold(check.farthest_m, f64::max);
+            farthest_m = distances.fold(farthest_m, f64::max);
         }
-        checks.push(check);
+        checks.push(json!({
+            "kind": kind,
+            "steps": steps,
+            "bounds": bounds,
+            "inputs": tried,
+            // Points of boundaries, and the largest distance of one to the nearest end.
+            "points": points,
+            "farthest_m": farthest_m,
+        }));
     }
-    Ok(checks)
+    Ok(checks.into())
 }

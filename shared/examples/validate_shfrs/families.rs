@@ -3,7 +3,7 @@
 use std::error::Error;
 use std::ops::ControlFlow;
 
-use serde::Serialize;
+use serde_json::json;
 use sidestep::bounds::ActionChoice;
 use sidestep::safety::SafetyLevels;
 use sidestep::scene::SceneParameters;
@@ -14,11 +14,13 @@ use sidestep::shfrs::baselines::{
 };
 use sidestep::shfrs::family::Family;
 use sidestep::shfrs::guarantee::Guarantee;
-use sidestep::shfrs::pareto::{ParetoSettings, pareto};
+use sidestep::shfrs::pareto::{ParetoRow, ParetoSettings, pareto};
 use sidestep::shfrs::prediction::Prediction;
 use sidestep::shfrs::tuning::{TuningSettings, candidates, tune};
 use sidestep::shfrs::window::{Window, WindowChoice};
+use sidestep::training::Driven;
 
+use crate::Found;
 use crate::people::{self, CALIBRATION, TRAINING};
 
 const STEPS: usize = 10;
@@ -26,34 +28,9 @@ const TARGETS: [f64; 3] = [0.75, 0.9, 0.95];
 const SPLITS: u64 = 12;
 const CONFIDENCE: f64 = 0.95;
 
-#[derive(Serialize)]
-pub(crate) struct Check {
-    drives: usize,
-    training: usize,
-    calibration: usize,
-    test: usize,
-    splits: u64,
-    steps: usize,
-    targets: [f64; 3],
-    confidence: f64,
-    families: Vec<Row>,
-}
-
-/// A family at the levels calibrated for each of the targets: means over the splits.
-#[derive(Serialize)]
-pub(crate) struct Row {
-    family: String,
-    cells: Vec<Cell>,
-}
-
-#[derive(Clone, Default, Serialize)]
-pub(crate) struct Cell {
-    area_m2: f64,
-    coverage: f64,
-    /// The interval about a coverage: means of its ends.
-    low: f64,
-    high: f64,
-}
+/// A family at the level calibrated for a target: area of the tube, m², share inside, and the lower
+/// and upper end of its interval.
+type Cell = [f64; 4];
 
 /// One family after the other, each with a cell a target.
 type Table = Vec<(String, Vec<Cell>)>;
@@ -72,7 +49,7 @@ fn choices() -> Vec<(&'static str, Vec<ActionChoice>)> {
 }
 
 fn table(
-    drives: &[people::Drive],
+    drives: &[Driven],
     seed: u64,
     safety: &SafetyLevels,
     parameters: &SceneParameters,
@@ -94,12 +71,7 @@ fn table(
             };
             let tuned = tune(&sample, prediction, &settings)?;
             let coverage = tuned.coverage;
-            cells.push(Cell {
-                area_m2: tuned.mean_area_m2,
-                coverage: coverage.value,
-                low: coverage.low,
-                high: coverage.high,
-            });
+            cells.push([tuned.mean_area_m2, coverage.value, coverage.low, coverage.high]);
         }
         found.push((name.to_owned(), cells));
     }
@@ -117,44 +89,53 @@ fn table(
     let settings = ParetoSettings::new(TARGETS.to_vec(), CONFIDENCE, windows, STEPS, 2)?;
     let compared = pareto(&mut families, &sample.calibration, &sample.test, &settings)?;
     for rows in compared.rows.chunks(TARGETS.len()) {
-        let cell = |row: &sidestep::shfrs::pareto::ParetoRow| Cell {
-            area_m2: row.mean_area_m2,
-            coverage: row.coverage,
-            low: row.coverage_low,
-            high: row.coverage_high,
-        };
+        let cell =
+            |row: &ParetoRow| [row.mean_area_m2, row.coverage, row.coverage_low, row.coverage_high];
         found.push((rows[0].family.clone(), rows.iter().map(cell).collect()));
     }
     Ok(found)
 }
 
-pub(crate) fn check() -> Result<Check, Box<dyn Error>> {
+pub(crate) fn check() -> Found {
     let drives = people::drives()?;
     let parameters = SceneParameters::default();
     let safety = SafetyLevels::solve(&parameters, &mut |_| ControlFlow::Continue(()))?;
     let tables = (0..SPLITS).map(|seed| table(&drives, seed, &safety, &parameters));
     let tables: Vec<Table> = tables.collect::<Result<_, _>>()?;
-    let row = |(i, (family, cells)): (usize, &(String, Vec<Cell>))| {
-        let mean = |j: usize, of: &dyn Fn(&Cell) -> f64| {
-            tables.iter().map(|table| of(&table[i].1[j])).sum::<f64>() / SPLITS as f64
-        };
-        let cell = |j| Cell {
-            area_m2: mean(j, &|cell| cell.area_m2),
-            coverage: mean(j, &|cell| cell.coverage),
-            low: mean(j, &|cell| cell.low),
-            high: mean(j, &|cell| cell.high),
-        };
-        Row { family: family.clone(), cells: (0..cells.len()).map(cell).collect() }
+    // A family's cell for a target: means over the splits.
+    let cell = |family: usize, target: usize| -> Cell {
+        std::array::from_fn(|i| {
+            tables.iter().map(|table| table[family].1[target][i]).sum::<f64>() / SPLITS as f64
+        })
     };
-    Ok(Check {
-        drives: drives.len(),
-        training: TRAINING,
-        calibration: CALIBRATION,
-        test: drives.len() - TRAINING - CALIBRATION,
-        splits: SPLITS,
-        steps: STEPS,
-        targets: TARGETS,
-        confidence: CONFIDENCE,
-        families: tables[0].iter().enumerate().map(row).collect(),
-    })
+    let names: Vec<&String> = tables[0].iter().map(|(name, _)| name).collect();
+    let row = |(family, name): (usize, &&String)| {
+        let cells = [0, 1, 2].map(|target| {
+            let [area_m2, coverage, low, high] = cell(family, target);
+            json!({ "area_m2": area_m2, "coverage": coverage, "low": low, "high": high })
+        });
+        json!({ "family": name, "cells": cells })
+    };
+    let least = |target: usize| {
+        let area = |family: &usize| cell(*family, target)[0];
+        (0..names.len()).min_by(|a, b| area(a).total_cmp(&area(b)))
+    };
+    let best: Vec<_> = (0..TARGETS.len()).map(|target| (least(target), TARGETS[target])).collect();
+    let run = |run: &[(Option<usize>, f64)]| {
+        let targets: Vec<f64> = run.iter().map(|(_, p)| *p).collect();
+        json!({ "family": run[0].0.map(|family| names[family]), "targets": targets })
+    };
+    Ok(json!({
+        "drives": drives.len(),
+        "training": TRAINING,
+        "calibration": CALIBRATION,
+        "test": drives.len() - TRAINING - CALIBRATION,
+        "splits": SPLITS,
+        "steps": STEPS,
+        "targets": TARGETS,
+        "confidence": CONFIDENCE,
+        "families": names.iter().enumerate().map(row).collect::<Vec<_>>(),
+        // The families of least area, and for which targets.
+        "least": best.chunk_by(|a, b| a.0 == b.0).map(run).collect::<Vec<_>>(),
+    }))
 }

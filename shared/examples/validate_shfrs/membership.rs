@@ -1,12 +1,11 @@
 //! Random admissible drives: is the state in which they end found to be reachable?
 
-use std::error::Error;
-
-use serde::Serialize;
+use serde_json::json;
 use sidestep::math::SeededRng;
 use sidestep::reach::Tolerance;
 
-use crate::drives::{KINDS, Kind, any_pose, drive, set};
+use crate::Found;
+use crate::drives::{KINDS, any_pose, drive, set};
 
 /// Steps ahead.
 const HORIZONS: [usize; 4] = [3, 10, 25, 50];
@@ -15,32 +14,13 @@ const BOUNDS: usize = 125;
 const DRIVES: usize = 50;
 const PARTS: usize = 4;
 
-#[derive(Serialize)]
-pub(crate) struct Check {
-    tolerance_m: f64,
-    tolerance_rad: f64,
-    rows: Vec<Row>,
-}
-
-#[derive(Serialize)]
-pub(crate) struct Row {
-    kind: Kind,
-    steps: usize,
-    drives: usize,
-    /// How many end in a state that is found outside, at the tolerance.
-    outside: usize,
-    /// How far outside such a state is found at most, m; 0 if none is.
-    farthest_m: f64,
-}
-
-pub(crate) fn check() -> Result<Check, Box<dyn Error>> {
+pub(crate) fn check() -> Found {
     let mut rng = SeededRng::new(64);
     let tolerance = Tolerance::default();
     let mut rows = Vec::new();
     for kind in KINDS {
         for steps in HORIZONS {
-            let drives = BOUNDS * DRIVES;
-            let mut row = Row { kind, steps, drives, outside: 0, farthest_m: 0.0 };
+            let (mut outside, mut farthest_m) = (0, 0.0_f64);
             for _ in 0..BOUNDS {
                 let rates = kind.bounds(steps, &mut rng);
                 let start = any_pose(&mut rng);
@@ -49,15 +29,22 @@ pub(crate) fn check() -> Result<Check, Box<dyn Error>> {
                     let states = drive(start, &rates, PARTS, &mut rng);
                     let end = states[states.len() - 1];
                     if !set.contains_state(steps, end, tolerance) {
-                        row.outside += 1;
+                        outside += 1;
                         let margin = set.state_margins(steps, end).position_m;
-                        row.farthest_m = row.farthest_m.max(-margin);
+                        farthest_m = farthest_m.max(-margin);
                     }
                 }
             }
-            rows.push(row);
+            rows.push(json!({
+                "kind": kind,
+                "steps": steps,
+                "drives": BOUNDS * DRIVES,
+                // Drives whose last state is found outside, and how far outside at most.
+                "outside": outside,
+                "farthest_m": farthest_m,
+            }));
         }
     }
     let Tolerance { position_m, heading_rad } = tolerance;
-    Ok(Check { tolerance_m: position_m, tolerance_rad: heading_rad, rows })
+    Ok(json!({ "tolerance_m": position_m, "tolerance_rad": heading_rad, "rows": rows }))
 }

@@ -4,32 +4,27 @@ use std::error::Error;
 
 use sidestep::dataset::Dataset;
 use sidestep::features::FeatureSet;
-use sidestep::learn::logistic::{LogisticSettings, fit};
-use sidestep::learn::samples::Samples;
 use sidestep::math::SeededRng;
 use sidestep::predict::Predictor;
-use sidestep::predict::scale::Scale;
 use sidestep::safety::SafetyLevels;
 use sidestep::scene::{JointState, SceneParameters};
 use sidestep::shfrs::tuning::Sample;
 use sidestep::shfrs::window::Trajectory;
+use sidestep::training::{Driven, logistic};
 use sidestep::vehicle::{Pose, TurnInput};
-
-/// One drive: the inputs and the states before each of them.
-pub(crate) type Drive = (Vec<TurnInput>, Vec<JointState>);
 
 /// Drives of a predictor's training and of a calibration; the rest is for the test.
 pub(crate) const TRAINING: usize = 160;
 pub(crate) const CALIBRATION: usize = 120;
 
 /// The drives of the file, 50 of each of eight participants.
-pub(crate) fn drives() -> Result<Vec<Drive>, Box<dyn Error>> {
+pub(crate) fn drives() -> Result<Vec<Driven>, Box<dyn Error>> {
     let mut reader = csv::Reader::from_reader(&include_bytes!("../../tests/data/trials.csv")[..]);
-    let mut drives: Vec<Drive> = Vec::new();
+    let mut drives: Vec<Driven> = Vec::new();
     for row in reader.deserialize() {
         let row: [f64; 11] = row?;
         if row[2] == 0.0 {
-            drives.push(Drive::default());
+            drives.push(Driven::default());
         }
         let (inputs, states) = drives.last_mut().ok_or("a drive that has no first step")?;
         inputs.push(TurnInput::try_from((2.0 * row[10]) as i64)?);
@@ -41,7 +36,7 @@ pub(crate) fn drives() -> Result<Vec<Drive>, Box<dyn Error>> {
 
 /// The drive as a trajectory: its last input leads to no recorded state.
 fn trajectory(
-    (inputs, states): &Drive,
+    (inputs, states): &Driven,
     parameters: &SceneParameters,
 ) -> Result<Trajectory, Box<dyn Error>> {
     let rates = inputs[..inputs.len() - 1].iter().map(|&input| parameters.human.turn_rate(input));
@@ -51,7 +46,7 @@ fn trajectory(
 /// Drives parted at random: people and scenes are mixed in each part, so that the parts are
 /// exchangeable. And a logistic regression on B_hrd, trained on the training part.
 pub(crate) fn split(
-    drives: &[Drive],
+    drives: &[Driven],
     seed: u64,
     safety: &SafetyLevels,
     parameters: &SceneParameters,
@@ -67,12 +62,5 @@ pub(crate) fn split(
     let features = FeatureSet::subset("hrd")?;
     let rows = training.iter().map(|&i| (&drives[i].0[..], &drives[i].1[..]));
     let data = Dataset::from_trials(&features, safety, rows);
-    let width = features.len();
-    let scale = Scale::fit(width, &data.values);
-    let values: Vec<f64> =
-        data.values.iter().enumerate().map(|(i, &v)| scale.apply(i % width, v)).collect();
-    let labels: Vec<usize> = data.labels.iter().map(|label| (label.sign() + 1) as usize).collect();
-    let samples = Samples::new(width, &values, &labels, 3)?;
-    let model = fit(&samples, 1.0, LogisticSettings::default())?;
-    Ok((Predictor::logistic(features, vec![-1, 0, 1], scale, model), sample))
+    Ok((logistic(&data)?, sample))
 }

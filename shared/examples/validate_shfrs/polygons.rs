@@ -3,11 +3,13 @@
 use std::error::Error;
 
 use serde::Serialize;
+use serde_json::json;
 use sidestep::math::{PI, SeededRng, sin_cos};
 use sidestep::reach::polygon::{signed_area, signed_distance};
 use sidestep::reach::{PolygonSettings, PositionUncertainty, StartSet};
 use sidestep::vehicle::Pose;
 
+use crate::Found;
 use crate::drives::{KINDS, Kind, any_pose, drive, set};
 
 /// How the polygons are drawn, m; and the exact ones that they are compared with.
@@ -22,15 +24,9 @@ const PARTS: usize = 5;
 /// Steps at most: so far, fronts and rears are graphs.
 const STEPS: usize = 15;
 
-#[derive(Serialize)]
-pub(crate) struct Check {
-    accuracy_m: f64,
-    kinds: Vec<OfKind>,
-}
-
 /// Bounds of one kind, from poses and from uncertain starts.
 #[derive(Serialize)]
-pub(crate) struct OfKind {
+struct OfKind {
     kind: Kind,
     drives: usize,
     /// Positions that were looked up in a polygon.
@@ -118,18 +114,16 @@ fn of_kind(kind: Kind, rng: &mut SeededRng) -> Result<OfKind, Box<dyn Error>> {
         let start = start(rng)?;
         let set = set(start, &rates)?;
         let (steps, middle) = (set.steps(), set.steps().div_ceil(2));
-        let drawn = [
-            set.tube_polygon(surely),
-            set.step_polygon(middle, surely),
-            set.step_polygon(steps, surely),
-        ];
+        let polygons = |settings| {
+            let step = |step| set.step_polygon(step, settings);
+            [set.tube_polygon(settings), step(middle), step(steps)]
+        };
+        let drawn = polygons(surely);
         if i % COMPARED == 0 {
-            let truly = [
-                set.tube_polygon(exact),
-                set.step_polygon(middle, exact),
-                set.step_polygon(steps, exact),
-            ];
-            drawn.iter().zip(&truly).for_each(|(drawn, truly)| found.compare(drawn, truly));
+            drawn
+                .iter()
+                .zip(&polygons(exact))
+                .for_each(|(drawn, truly)| found.compare(drawn, truly));
         }
         let [tube, at_middle, at_end] = &drawn;
         for _ in 0..DRIVES {
@@ -149,8 +143,9 @@ fn of_kind(kind: Kind, rng: &mut SeededRng) -> Result<OfKind, Box<dyn Error>> {
     Ok(found)
 }
 
-pub(crate) fn check() -> Result<Check, Box<dyn Error>> {
+pub(crate) fn check() -> Found {
     let mut rng = SeededRng::new(61);
-    let kinds = KINDS.into_iter().map(|kind| of_kind(kind, &mut rng)).collect::<Result<_, _>>()?;
-    Ok(Check { accuracy_m: ACCURACY_M, kinds })
+    let kinds = KINDS.into_iter().map(|kind| of_kind(kind, &mut rng));
+    let kinds = kinds.collect::<Result<Vec<_>, _>>()?;
+    Ok(json!({ "accuracy_m": ACCURACY_M, "kinds": kinds }))
 }

@@ -8,7 +8,7 @@
 use std::error::Error;
 use std::ops::ControlFlow;
 
-use serde::Serialize;
+use serde_json::json;
 use sidestep::bounds::InputBounds;
 use sidestep::math::{PI, hypot, wrap_angle};
 use sidestep::reach::polygon::{signed_area, signed_distance};
@@ -19,7 +19,7 @@ use sidestep::reachability::cartesian::{
 use sidestep::reachability::{Axis, DubinsCar, Grid, Scheme};
 use sidestep::vehicle::Pose;
 
-use crate::{RATE_RADPS, SPEED_MPS, STEP_S};
+use crate::{Found, RATE_RADPS, SPEED_MPS, STEP_S};
 
 /// Radius, m, and half the range of headings, rad, of the start.
 const START: (f64, f64) = (0.3, 0.2);
@@ -30,28 +30,6 @@ const GRIDS: [(f64, usize); 4] = [(0.15, 40), (0.1, 60), (0.075, 80), (0.05, 120
 
 /// Turn rates that are admitted throughout.
 const BOUNDS: [(f64, f64); 3] = [(-0.5, 0.5), (-0.15, 0.4), (0.1, 0.5)];
-
-#[derive(Serialize)]
-pub(crate) struct Check {
-    start_radius_m: f64,
-    start_heading_rad: f64,
-    horizon_s: f64,
-    twins: Vec<Twin>,
-}
-
-/// One grid.
-#[derive(Serialize)]
-pub(crate) struct Twin {
-    turn_rate_radps: (f64, f64),
-    spacing_m: f64,
-    nodes: [usize; 3],
-    /// Of the twin's shadow, and of the exact tube, m².
-    area_m2: f64,
-    exact_m2: f64,
-    /// How far a node of the twin's shadow lies outside the exact tube at most, m; below 0 if
-    /// all of them are inside.
-    outside_m: f64,
-}
 
 /// The twin's shadow: positions of nodes, and the least V over the headings.
 fn shadow(solution: &Solution<f32, 3>) -> Vec<([f64; 2], f64)> {
@@ -76,11 +54,7 @@ fn exact(turn_rate: (f64, f64)) -> Result<Vec<[f64; 2]>, Box<dyn Error>> {
     Ok(set.tube_polygon(PolygonSettings::default()))
 }
 
-fn twin(
-    turn_rate: (f64, f64),
-    tube: &[[f64; 2]],
-    (spacing_m, headings): (f64, usize),
-) -> Result<Twin, Box<dyn Error>> {
+fn twin(turn_rate: (f64, f64), tube: &[[f64; 2]], (spacing_m, headings): (f64, usize)) -> Found {
     let nodes = |length: f64| (length / spacing_m).round() as usize + 1;
     let axes = [
         Axis::bounded(-1.0, 5.0, nodes(6.0)),
@@ -105,17 +79,20 @@ fn twin(
     let reached: Vec<[f64; 2]> =
         shadow(&solution).into_iter().filter(|(_, v)| *v <= 0.0).map(|(node, _)| node).collect();
     let outside = reached.iter().map(|&node| -signed_distance(tube, node));
-    Ok(Twin {
-        turn_rate_radps: turn_rate,
-        spacing_m,
-        nodes: axes.map(|axis| axis.nodes),
-        area_m2: reached.len() as f64 * spacing_m * spacing_m,
-        exact_m2: signed_area(tube),
-        outside_m: outside.fold(f64::NEG_INFINITY, f64::max),
-    })
+    Ok(json!({
+        "turn_rate_radps": turn_rate,
+        "spacing_m": spacing_m,
+        "nodes": axes.map(|axis| axis.nodes),
+        // Of the twin's shadow, and of the exact tube.
+        "area_m2": reached.len() as f64 * spacing_m * spacing_m,
+        "exact_m2": signed_area(tube),
+        // How far a node of the twin's shadow lies outside the exact tube at most; below 0 if all
+        // of them are inside.
+        "outside_m": outside.fold(f64::NEG_INFINITY, f64::max),
+    }))
 }
 
-pub(crate) fn check() -> Result<Check, Box<dyn Error>> {
+pub(crate) fn check() -> Found {
     let mut twins = Vec::new();
     for turn_rate in BOUNDS {
         let tube = exact(turn_rate)?;
@@ -123,6 +100,10 @@ pub(crate) fn check() -> Result<Check, Box<dyn Error>> {
             twins.push(twin(turn_rate, &tube, grid)?);
         }
     }
-    let (start_radius_m, start_heading_rad) = START;
-    Ok(Check { start_radius_m, start_heading_rad, horizon_s: STEPS as f64 * STEP_S, twins })
+    Ok(json!({
+        "start_radius_m": START.0,
+        "start_heading_rad": START.1,
+        "horizon_s": STEPS as f64 * STEP_S,
+        "twins": twins,
+    }))
 }

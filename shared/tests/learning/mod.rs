@@ -4,6 +4,7 @@
 
 pub(crate) mod apart;
 pub(crate) mod ranks;
+pub(crate) mod why;
 
 use serde::Deserialize;
 use sidestep::learn::samples::Samples;
@@ -15,14 +16,22 @@ pub(crate) const PEOPLE: usize = 8;
 /// Columns of B_hrd.
 pub(crate) const WIDTH: usize = 8;
 
+/// B_hrd of a step, and its labels in experiment I and II.
 #[derive(Deserialize)]
-struct FeatureRow {
-    participant: usize,
-    trial: usize,
-    step: usize,
-    features: [f64; WIDTH],
-    y1: i8,
+pub(crate) struct FeatureRow {
+    pub(crate) participant: usize,
+    pub(crate) trial: usize,
+    pub(crate) step: usize,
+    pub(crate) features: [f64; WIDTH],
+    pub(crate) y1: i8,
     y2: i8,
+}
+
+/// The rows of `features.csv` in their order.
+pub(crate) fn feature_rows() -> Vec<FeatureRow> {
+    let mut reader = csv::Reader::from_reader(include_str!("../data/features.csv").as_bytes());
+    let rows = reader.records().map(|record| record.and_then(|record| record.deserialize(None)));
+    rows.collect::<Result<_, _>>().expect("rows of features")
 }
 
 /// The lines of a reference table.
@@ -72,15 +81,10 @@ pub(crate) fn lowest_class(experiment: usize) -> f64 {
 
 /// Trials 0–39 and 40–49 of a person, raw.
 pub(crate) fn person(participant: usize, experiment: usize) -> (Rows, Rows) {
-    let mut reader = csv::Reader::from_reader(include_str!("../data/features.csv").as_bytes());
     let (mut training, mut test) = (Rows::default(), Rows::default());
-    for record in reader.records() {
-        let row: FeatureRow =
-            record.and_then(|record| record.deserialize(None)).expect("a row of features");
-        if row.participant == participant {
-            let part = if row.trial < 40 { &mut training } else { &mut test };
-            part.push(&row, experiment);
-        }
+    for row in feature_rows().iter().filter(|row| row.participant == participant) {
+        let part = if row.trial < 40 { &mut training } else { &mut test };
+        part.push(row, experiment);
     }
     (training, test)
 }

@@ -9,7 +9,7 @@ use std::process::{Command, ExitCode};
 use std::{env, fs};
 
 use anyhow::{Context, Result, bail};
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 use crate::workspace::{Workspace, output_of, stage};
 
@@ -84,11 +84,11 @@ struct Theirs {
 type Nodes = (f64, f64, usize);
 
 /// Against the closed form: see the example.
-#[derive(Clone, Copy, Debug, Deserialize)]
-pub(crate) struct Accuracy {
-    pub(crate) mean_dx: f64,
-    pub(crate) max_dx: f64,
-    pub(crate) volume_percent: f64,
+#[derive(Clone, Copy, Debug, Deserialize, Serialize)]
+struct Accuracy {
+    mean_dx: f64,
+    max_dx: f64,
+    volume_percent: f64,
 }
 
 impl Theirs {
@@ -123,12 +123,14 @@ pub(super) fn run(workspace: &Workspace, quick: bool) -> Result<ExitCode> {
 }
 
 /// One solver's figures for one case.
+#[derive(Serialize)]
 pub(crate) struct Figures {
-    pub(crate) solver: String,
-    pub(crate) grid: &'static str,
-    pub(crate) scheme: &'static str,
-    pub(crate) wall_s: f64,
-    pub(crate) accuracy: Accuracy,
+    solver: String,
+    grid: &'static str,
+    scheme: &'static str,
+    wall_s: f64,
+    #[serde(flatten)]
+    accuracy: Accuracy,
 }
 
 /// Every comparison: the peer's figures and ours, case by case.

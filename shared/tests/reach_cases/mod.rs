@@ -1,6 +1,5 @@
-//! The reference cases: twelve families of bounds, computed by an independent prototype.
-
-use std::error::Error;
+//! The twelve reference cases of reachable sets (`tests/data/README.md`), and how far our sets are
+//! from them. A test bounds these numbers; `cargo xtask validate shfrs` prints them.
 
 use serde::{Deserialize, Serialize};
 use sidestep::bounds::InputBounds;
@@ -8,38 +7,41 @@ use sidestep::reach::polygon::{bounding_box, signed_area, signed_distance};
 use sidestep::reach::{PolygonSettings, ReachableSet, Tolerance};
 use sidestep::vehicle::{Pose, dubins};
 
-use crate::{SPEED_MPS, STEP_S};
-
 /// One case: worst errors over its steps and its tube.
-#[derive(Serialize)]
+#[derive(Debug, Serialize)]
 pub(crate) struct Case {
-    id: usize,
+    pub(crate) id: usize,
     bounds: String,
     steps: usize,
     /// Error of an area over its tolerance, which depends on the area.
-    area: f64,
-    /// Of a side of a bounding box, m, and what the reference allows.
-    box_m: f64,
-    box_allowed_m: f64,
-    /// Of a point of the reference's boundary from ours, m.
-    boundary_m: f64,
-    boundary_allowed_m: f64,
-    /// Of the signed distance of a queried position from the boundary, m.
-    margin_m: f64,
-    /// Queried positions and full states: how many the reference decides, and how many of
-    /// these we decide otherwise.
-    planar: Queries,
-    full: Queries,
-    /// In the case whose reference rear is drawn with coarse chords: by how much reference
-    /// points lie outside the true set. Boundary errors are then against our set with the
-    /// same chords.
-    coarse_rear_m: Option<f64>,
+    pub(crate) area: f64,
+    /// The same of our tube against its closed form, where straight is always admitted.
+    pub(crate) closed_form_area: f64,
+    /// Error of a side of a bounding box, m, and what the reference allows.
+    pub(crate) box_m: f64,
+    pub(crate) box_allowed_m: f64,
+    /// Distance of a point of the reference's boundary from ours, m, and what is allowed.
+    pub(crate) boundary_m: f64,
+    pub(crate) boundary_allowed_m: f64,
+    /// How far such a point lies inside our set, m.
+    pub(crate) inside_m: f64,
+    /// Error of the signed distance of a queried position from the boundary, m.
+    pub(crate) margin_m: f64,
+    /// How far a queried position that can be reached lies outside our tube, m.
+    pub(crate) outside_tube_m: f64,
+    /// Queried positions and full states.
+    pub(crate) planar: Queries,
+    pub(crate) full: Queries,
+    /// In the case whose reference rear is drawn with coarse chords: how far points of its boundary
+    /// lie outside the true set, m. `boundary_m` then compares our set with the same chords.
+    pub(crate) coarse_rear_m: Option<f64>,
 }
 
-#[derive(Default, Serialize)]
+/// Queries that the reference decides, and those that we decide differently.
+#[derive(Debug, Default, Serialize)]
 pub(crate) struct Queries {
-    decided: usize,
-    wrong: usize,
+    pub(crate) decided: usize,
+    pub(crate) wrong: usize,
 }
 
 impl Queries {
@@ -51,6 +53,8 @@ impl Queries {
 
 #[derive(Deserialize)]
 struct Vectors {
+    v: f64,
+    dt: f64,
     w_min: f64,
     w_max: f64,
     cases: Vec<Reference>,
@@ -85,6 +89,7 @@ struct Tube {
     area: f64,
     bbox: [f64; 4],
     boundary: Vec<[f64; 2]>,
+    closed_form_area: f64,
 }
 
 #[derive(Deserialize)]
@@ -96,12 +101,16 @@ struct Query {
     full_in: Option<bool>,
 }
 
+const SPEED_MPS: f64 = 2.0;
+const STEP_S: f64 = 0.2;
+
 /// The file's own tolerances: of boxes, m, and of queries, m and rad.
 const BOX_M: f64 = 1e-3;
 const QUERY: Tolerance = Tolerance { position_m: 1e-3, heading_rad: 1e-3 };
 
-/// The case whose reference rear joins the ends of paths that jump at thirds of a step by
-/// straight chords; these lie behind the true rear.
+/// The case whose reference rear joins the ends of paths that switch from the highest to the lowest
+/// rate at thirds of a step by straight chords. These lie behind the true rear by more than the
+/// file's tolerance; nothing reachable lies there (random inputs in `reach_properties.rs`).
 const COARSE_REAR: usize = 4;
 
 impl Reference {
@@ -141,11 +150,14 @@ impl Case {
             bounds: reference.kind.clone(),
             steps: reference.steps_count,
             area: 0.0,
+            closed_form_area: 0.0,
             box_m: 0.0,
             box_allowed_m: BOX_M,
             boundary_m: 0.0,
             boundary_allowed_m: reference.allowed(0.0).1,
+            inside_m: 0.0,
             margin_m: 0.0,
+            outside_tube_m: 0.0,
             planar: Queries::default(),
             full: Queries::default(),
             coarse_rear_m: None,
@@ -155,8 +167,10 @@ impl Case {
         for step in &reference.steps {
             let own = set.step_polygon(step.i, settings);
             let points = || step.boundary.iter().chain(&step.front);
+            let margins = || points().map(|&point| signed_distance(&own, point));
+            case.inside_m = margins().fold(case.inside_m, f64::max);
             if reference.id == COARSE_REAR {
-                let outside = points().map(|&p| -signed_distance(&own, p)).fold(0.0, f64::max);
+                let outside = margins().map(|margin| -margin).fold(0.0, f64::max);
                 case.coarse_rear_m = Some(case.coarse_rear_m.unwrap_or(0.0).max(outside));
                 let drawn = reference.with_coarse_rear(&own, step.i);
                 case.compare(reference, &drawn, step.area, step.bbox, points());
@@ -166,12 +180,20 @@ impl Case {
             polygons.push(own);
         }
         let tube = set.tube_polygon(settings);
-        let Tube { area, bbox, boundary } = &reference.tube;
+        let Tube { area, bbox, boundary, closed_form_area } = &reference.tube;
         case.compare(reference, &tube, *area, *bbox, boundary.iter());
+        if reference.zero_in_all {
+            let error = (signed_area(&tube) - closed_form_area).abs();
+            case.closed_form_area = error / reference.allowed(*area).0;
+        }
         for query in &reference.queries {
-            let margin = signed_distance(&polygons[query.step], query.state.position());
+            let position = query.state.position();
+            let margin = signed_distance(&polygons[query.step], position);
             case.planar.add((margin >= -QUERY.position_m) == query.planar_in);
             case.margin_m = case.margin_m.max((margin - query.planar_margin).abs());
+            if query.planar_in {
+                case.outside_tube_m = case.outside_tube_m.max(-signed_distance(&tube, position));
+            }
             if let Some(inside) = query.full_in {
                 case.full.add(set.contains_state(query.step, query.state, QUERY) == inside);
             }
@@ -196,14 +218,17 @@ impl Case {
     }
 }
 
-pub(crate) fn check() -> Result<Vec<Case>, Box<dyn Error>> {
-    let text = include_str!("../../tests/data/shfrs_vectors.json");
-    let vectors: Vectors = serde_json::from_str(text)?;
+/// Every case of the file.
+pub(crate) fn measured() -> Vec<Case> {
+    let vectors: Vectors =
+        serde_json::from_str(include_str!("../data/shfrs_vectors.json")).expect("the data parses");
+    assert_eq!((vectors.v, vectors.dt), (SPEED_MPS, STEP_S));
     let range = (vectors.w_min, vectors.w_max);
     let case = |reference: &Reference| {
-        let bounds = InputBounds::new(reference.lo.clone(), reference.hi.clone(), range)?;
-        let set = ReachableSet::new(reference.x0, &bounds, SPEED_MPS, STEP_S)?;
-        Ok(Case::of(reference, &set))
+        let bounds = InputBounds::new(reference.lo.clone(), reference.hi.clone(), range);
+        let bounds = bounds.expect("bounds");
+        let set = ReachableSet::new(reference.x0, &bounds, SPEED_MPS, STEP_S).expect("a set");
+        Case::of(reference, &set)
     };
     vectors.cases.iter().map(case).collect()
 }
