@@ -32,8 +32,10 @@ const STEP_S: f64 = 0.2;
 /// What a part of the page needs.
 type Found = Result<Value, Box<dyn Error>>;
 
-/// The parts by name.
-const PARTS: [(&str, fn() -> Found); 9] = [
+/// A part, by its name in the page's template.
+type Part = (&'static str, fn() -> Found);
+
+const PARTS: [Part; 9] = [
     ("vectors", || Ok(serde_json::to_value(reach_cases::measured())?)),
     ("polygons", polygons::check),
     ("enumeration", enumeration::check),
