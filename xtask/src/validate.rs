@@ -50,24 +50,43 @@ enum Page {
 /// When the library or the program cannot be built, a measurement fails, a file cannot be written,
 /// or a template names a number that was not measured.
 pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<()> {
-    let files = Files::of(workspace);
+    let docs = workspace.path("docs/validation");
     for page in Page::value_variants() {
         if options.page.is_some_and(|only| only != *page) {
             continue;
         }
         if !options.kept {
-            page.measure(workspace, &files, options.peers)?;
+            page.measure(workspace, &docs, options.peers)?;
         }
-        let path = files.page(*page);
-        write(&path, &page.text(&files)?)?;
+        let path = page.file(&docs);
+        write(&path, &page.text(&docs)?)?;
         println!("{}", path.display());
     }
     Ok(())
 }
 
 impl Page {
+    /// The page in `docs`, the folder of pages and pictures.
+    fn file(self, docs: &Path) -> PathBuf {
+        docs.join(format!("{self:?}.md").to_lowercase())
+    }
+
+    fn template(self, docs: &Path) -> PathBuf {
+        docs.join(format!("templates/{self:?}.md.jinja").to_lowercase())
+    }
+
+    fn measured(self, docs: &Path) -> PathBuf {
+        docs.join(format!("measured/{self:?}.json").to_lowercase())
+    }
+
+    /// The numbers that were measured last.
+    fn kept(self, docs: &Path) -> Result<Value> {
+        let path = self.measured(docs);
+        serde_json::from_str(&read(&path)?).with_context(|| path.display().to_string())
+    }
+
     /// Measures, and keeps the numbers and the pictures.
-    fn measure(self, workspace: &Workspace, files: &Files, peers: bool) -> Result<()> {
+    fn measure(self, workspace: &Workspace, docs: &Path, peers: bool) -> Result<()> {
         let example = match self {
             Self::Reachability => "validate",
             Self::Shfrs => "validate_shfrs",
@@ -82,51 +101,24 @@ impl Page {
         match self {
             Self::Reachability => {
                 for (file, svg) in found["figures"].take().as_object().into_iter().flatten() {
-                    write(&files.0.join(file), svg.as_str().context("a picture is no text")?)?;
+                    write(&docs.join(file), svg.as_str().context("a picture is no text")?)?;
                 }
                 found["peers"] = match peers {
                     true => peers::measured(workspace)?,
-                    false => files.kept(self)?["peers"].take(),
+                    false => self.kept(docs)?["peers"].take(),
                 };
             }
-            Self::Shfrs => found["figure3"] = figure3::panels(workspace, files)?,
+            Self::Shfrs => found["figure3"] = figure3::panels(workspace, docs)?,
             Self::Learning => {}
         }
-        write(&files.measured(self), &format!("{found:#}\n"))
+        write(&self.measured(docs), &format!("{found:#}\n"))
     }
 
     /// The page, from the kept numbers.
-    fn text(self, files: &Files) -> Result<String> {
-        let template = files.template(self);
-        template::filled(&read(&template)?, files.kept(self)?)
+    fn text(self, docs: &Path) -> Result<String> {
+        let template = self.template(docs);
+        template::filled(&read(&template)?, self.kept(docs)?)
             .with_context(|| template.display().to_string())
-    }
-}
-
-/// The folder of the pages and their pictures, `docs/validation`.
-struct Files(PathBuf);
-
-impl Files {
-    fn of(workspace: &Workspace) -> Self {
-        Self(workspace.path("docs/validation"))
-    }
-
-    fn page(&self, page: Page) -> PathBuf {
-        self.0.join(format!("{page:?}.md").to_lowercase())
-    }
-
-    fn template(&self, page: Page) -> PathBuf {
-        self.0.join("templates").join(format!("{page:?}.md").to_lowercase())
-    }
-
-    fn measured(&self, page: Page) -> PathBuf {
-        self.0.join("measured").join(format!("{page:?}.json").to_lowercase())
-    }
-
-    /// The numbers that were measured last.
-    fn kept(&self, page: Page) -> Result<Value> {
-        let path = self.measured(page);
-        serde_json::from_str(&read(&path)?).with_context(|| path.display().to_string())
     }
 }
 
@@ -148,24 +140,22 @@ fn write(path: &Path, text: &str) -> Result<()> {
 mod tests {
     use super::*;
 
-    fn files() -> Files {
-        Files(concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/validation").into())
-    }
+    const DOCS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/validation");
 
     #[test]
     fn every_page_is_its_template_with_the_kept_numbers() {
         for page in Page::value_variants() {
-            let text = page.text(&files()).expect("a page");
-            let committed = read(&files().page(*page)).expect("the page is committed");
+            let text = page.text(Path::new(DOCS)).expect("a page");
+            let committed = read(&page.file(Path::new(DOCS))).expect("the page is committed");
             assert!(text == committed, "{page:?}: call `cargo xtask validate --kept` and commit");
         }
     }
 
     #[test]
     fn every_picture_is_on_a_page() {
-        let page = |page: &Page| read(&files().page(*page)).expect("the page is committed");
+        let page = |page: &Page| read(&page.file(Path::new(DOCS))).expect("the page is committed");
         let pages: String = Page::value_variants().iter().map(page).collect();
-        let entries = fs::read_dir(files().0).expect("the folder is committed");
+        let entries = fs::read_dir(DOCS).expect("the folder is committed");
         let names = entries.map(|entry| entry.expect("an entry").file_name().into_string());
         let names = names.map(|name| name.expect("a name")).filter(|name| name.ends_with(".svg"));
         let pictures: Vec<String> = names.collect();
@@ -177,7 +167,7 @@ mod tests {
 
     #[test]
     fn every_cell_that_differs_is_explained() {
-        let learning = files().kept(Page::Learning).expect("numbers");
+        let learning = Page::Learning.kept(Path::new(DOCS)).expect("numbers");
         let different = learning["cells"]["different"].as_array().expect("cells");
         assert!(!different.is_empty());
         assert!(different.iter().all(|cell| cell["why"] != "open"), "nothing explains a cell");

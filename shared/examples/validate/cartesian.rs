@@ -1,10 +1,11 @@
 //! The solver on a rectangular grid: air3D, and the order of each scheme.
 
+use core::f64::consts::LN_2;
 use std::error::Error;
 use std::ops::ControlFlow;
 
 use serde::Serialize;
-use sidestep::math::{TAU, cos};
+use sidestep::math::{TAU, cos, ln};
 use sidestep::reachability::cartesian::{
     Direction, Horizon, Kind, Problem, Region, Settings, solve,
 };
@@ -124,6 +125,6 @@ fn order(name: &'static str, scheme: Scheme, cfl: f64) -> Result<Order, Box<dyn 
         let mean = solution.values.iter().enumerate().map(off).sum::<f64>() / nodes as f64;
         errors.push((axis.spacing(), mean));
     }
-    let orders = errors.windows(2).map(|two| (two[0].1 / two[1].1).log2()).collect();
+    let orders = errors.windows(2).map(|two| ln(two[0].1 / two[1].1) / LN_2).collect();
     Ok(Order { scheme: name, cfl, advised: cfl == scheme.cfl(), errors, orders })
 }

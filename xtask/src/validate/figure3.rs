@@ -8,7 +8,7 @@ use std::process::Command;
 use anyhow::{Context, Result};
 use serde_json::{Value, json};
 
-use super::{Files, answer, read, write};
+use super::{answer, read, write};
 use crate::workspace::{Workspace, output_of, stage};
 
 /// The panels in their order, and the areas of the five tubes, m², that the reference found.
@@ -22,16 +22,16 @@ const PANELS: [(&str, [f64; 5]); 3] = [
 ///
 /// # Errors
 /// When it cannot be built, refuses an input, or a file cannot be read or written.
-pub(super) fn panels(workspace: &Workspace, files: &Files) -> Result<Value> {
+pub(super) fn panels(workspace: &Workspace, docs: &Path) -> Result<Value> {
     stage("server", workspace.compile("build").args(["--bin", "sidestep"]))?;
     eprintln!("==> Figure 3");
-    let input = |name: &str| files.0.join("figure3").join(name).with_extension("json");
+    let input = |name: &str| docs.join("figure3").join(name).with_extension("json");
     let mut draw = Command::new(workspace.server());
     draw.args(["plot", "--kind", "regions"]);
     for (name, _) in PANELS {
         draw.arg("--input").arg(input(name));
     }
-    output_of("sidestep plot", draw.arg("--out").arg(files.0.join("figure3.svg")))?;
+    output_of("sidestep plot", draw.arg("--out").arg(docs.join("figure3.svg")))?;
     let panels = PANELS.map(|(name, reference)| panel(workspace, &input(name), name, reference));
     panels.into_iter().collect()
 }
