@@ -87,18 +87,21 @@ impl Browser {
         let complaints = Arc::new(Mutex::new(Vec::new()));
         let mut thrown = page.event_listener::<EventExceptionThrown>().await.expect("events");
         let mut called = page.event_listener::<EventConsoleApiCalled>().await.expect("events");
-        let (first, second) = (Arc::clone(&complaints), Arc::clone(&complaints));
+        let heard = Arc::clone(&complaints);
         tokio::spawn(async move {
-            while let Some(event) = thrown.next().await {
-                let exception = event.exception_details.exception.as_ref();
-                let words = exception.and_then(|exception| exception.description.clone());
-                first.lock().expect("a list").push(words.unwrap_or_default());
-            }
-        });
-        tokio::spawn(async move {
-            while let Some(event) = called.next().await {
-                let words: Vec<_> = event.args.iter().filter_map(|arg| arg.value.clone()).collect();
-                second.lock().expect("a list").push(format!("{words:?}"));
+            loop {
+                let words = tokio::select! {
+                    Some(event) = thrown.next() => {
+                        let exception = event.exception_details.exception.as_ref();
+                        exception.and_then(|thrown| thrown.description.clone()).unwrap_or_default()
+                    }
+                    Some(event) = called.next() => {
+                        let words = event.args.iter().filter_map(|arg| arg.value.as_ref());
+                        format!("{:?}", words.collect::<Vec<_>>())
+                    }
+                    else => break,
+                };
+                heard.lock().expect("a list").push(words);
             }
         });
         let tab = Tab { page, complaints };
@@ -224,6 +227,18 @@ impl Tab {
         let element = Self::at(test_id);
         self.until(&element).await;
         self.eval(&format!("{element}.textContent")).await
+    }
+
+    /// Waits until an element's words have these among them.
+    pub async fn until_says(&self, test_id: &str, words: &str) {
+        self.until(&format!("{}?.textContent.includes({words:?})", Self::at(test_id))).await;
+    }
+
+    /// Gives a field a value, as its user would.
+    pub async fn enter(&self, test_id: &str, value: &str) {
+        let field = Self::at(test_id);
+        let told = "dispatchEvent(new Event('input', {bubbles: true}))";
+        self.run(&format!("{field}.value = {value:?}, {field}.{told}")).await;
     }
 
     /// An attribute of an element.

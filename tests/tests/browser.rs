@@ -41,16 +41,15 @@ async fn drive(tab: &Tab, key: &str) {
 }
 
 async fn until_saved(tab: &Tab) {
-    tab.until(&format!("{}?.textContent.includes('✓')", Tab::at("saved"))).await;
+    tab.until_says("saved", "✓").await;
 }
 
 async fn until_waiting(tab: &Tab) {
-    let saved = Tab::at("saved");
-    tab.until(&format!("{saved}?.textContent.includes('1 scene not uploaded yet')")).await;
+    tab.until_says("saved", "1 scene not uploaded yet").await;
 }
 
 async fn until_predicted(tab: &Tab) {
-    tab.until(&format!("{}?.textContent.includes('5.33')", Tab::at("regions"))).await;
+    tab.until_says("regions", "5.33").await;
 }
 
 /// The trials on the server, oldest first.
@@ -297,9 +296,7 @@ async fn the_laboratory_goes_from_page_to_page_without_loading() {
     tab.until(&Tab::at("trials")).await;
 
     // To the other study, and to an address without a page.
-    let choose = "(s => { s.value = 'second'; \
-                  s.dispatchEvent(new Event('input', {bubbles: true})) })";
-    tab.run(&format!("{choose}({})", Tab::at("study"))).await;
+    tab.enter("study", "second").await;
     tab.until("document.querySelector('.empty')").await;
     assert_eq!(tab.eval::<String>(title).await, "Pilot · Sidestep laboratory");
     assert_eq!(tab.eval::<String>("location.search").await, "?study=second");
@@ -323,10 +320,7 @@ async fn drive_unequal(server: &Server) -> String {
 
 /// Moves a replay to a step.
 async fn seek(tab: &Tab, step: usize) {
-    let slide = format!(
-        "(s => {{ s.value = {step}; s.dispatchEvent(new Event('input', {{bubbles: true}})) }})"
-    );
-    tab.run(&format!("{slide}({})", Tab::at("slider"))).await;
+    tab.enter("slider", &step.to_string()).await;
     tab.until_step("replay", step).await;
 }
 
@@ -374,9 +368,8 @@ async fn unequal_vehicles_have_level_sets_from_either_solver() {
     )
     .await;
     sign_in(&tab, &server).await;
-    let facts = Tab::at("safety-levels");
     tab.go(&format!("{}{replay}", server.origin)).await;
-    tab.until(&format!("{facts}?.textContent.includes('solved in this browser')")).await;
+    tab.until_says("safety-levels", "solved in this browser").await;
     until_regions(&tab).await;
     let shares: usize = tab.eval("heard.filter(m => typeof m === 'number').length").await;
     assert!(shares > 10, "progress is reported: {shares}");
@@ -426,7 +419,7 @@ async fn unequal_vehicles_have_level_sets_from_either_solver() {
         tokio::time::sleep(Duration::from_millis(20)).await;
     }
     tab.go(&format!("{}{replay}", server.origin)).await;
-    tab.until(&format!("{facts}?.textContent.includes('solved by the server')")).await;
+    tab.until_says("safety-levels", "solved by the server").await;
     until_regions(&tab).await;
     let heard: usize = tab.eval("heard.length").await;
     assert_eq!(heard, 0);
@@ -456,7 +449,7 @@ async fn a_solve_shows_progress_stops_and_fails_in_words() {
     .await;
     sign_in(&tab, &server).await;
     tab.go(&format!("{}/lab/replay/{id}", server.origin)).await;
-    tab.until(&format!("{}?.textContent === '42 %'", Tab::at("solved-percent"))).await;
+    tab.until_says("solved-percent", "42 %").await;
     take(&tab, "replay-solving").await;
     tab.press("stop-solving").await;
     assert!(tab.words("unsolved").await.contains("stopped"));
@@ -469,8 +462,7 @@ async fn a_solve_shows_progress_stops_and_fails_in_words() {
     )
     .await;
     tab.press("solve-again").await;
-    tab.until(&format!("{}?.textContent.includes('could not be loaded')", Tab::at("unsolved")))
-        .await;
+    tab.until_says("unsolved", "could not be loaded").await;
     // And with the real one all is well.
     tab.run("window.Worker = RealWorker").await;
     tab.press("solve-again").await;

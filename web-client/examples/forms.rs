@@ -1,7 +1,9 @@
 //! A page with every kind of field and with rows that change places, for
 //! `tests/tests/webassembly.rs`: it says what its messages held.
 
+use sidestep::math::SeededRng;
 use sidestep_web::form::{FieldValue, Form};
+use sidestep_web::json;
 use sidestep_web::runtime::{Command, Commands, NotKept, Page, PageContext};
 use sidestep_web::view::{Node, el};
 
@@ -35,6 +37,7 @@ enum Msg {
     Keep,
     Kept(Result<(), NotKept>),
     Woken(u32),
+    Numbers,
 }
 
 impl Forms {
@@ -59,6 +62,7 @@ impl Page for Forms {
             }
             Msg::Kept(kept) => self.said = format!("{kept:?}"),
             Msg::Woken(n) => self.said = format!("woken {n}"),
+            Msg::Numbers => self.said = format!("lost {:?}", lost_numbers()),
         }
         Vec::new()
     }
@@ -97,10 +101,21 @@ impl Page for Forms {
             .child(el("ul").test_id("rows").children(self.rows.iter().map(row)))
             .child(button("rotate", Msg::Rotate))
             .child(button("keep", Msg::Keep))
+            .child(button("numbers", Msg::Numbers))
             .child(el("p").test_id("said").text(&self.said))
     }
 
     fn title(&self) -> String {
         "Forms".to_owned()
     }
+}
+
+/// Numbers that are others after they were written and read as JSON: there should be none.
+fn lost_numbers() -> Vec<f64> {
+    let mut rng = SeededRng::new(1);
+    let random = (0..20_000).map(|_| f64::from_bits((rng.unit() * 1.8e19) as u64));
+    let edges = [0.0, -0.0, 5e-324, f64::MAX, f64::MIN_POSITIVE, 0.1, 1e21, 123_456_789.0];
+    let numbers = edges.into_iter().chain(random).filter(|x| x.is_finite());
+    let again = |x: f64| json::read::<f64>(json::write(&x).as_bytes());
+    numbers.filter(|&x| again(x).map(f64::to_bits) != Some(x.to_bits())).collect()
 }

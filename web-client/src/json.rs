@@ -1,19 +1,19 @@
 //! JSON by the browser's own means.
 //!
-//! serde_json, or any parser that brings exact conversion of numbers along, is a
-//! third of the participant's download: tables of powers of ten do not compress.
-//! The browser has both built in. So here text becomes a [`Json`] tree by the
-//! browser (by serde_json in native tests), the tree becomes a wire type by serde,
-//! and wire types are written by serde with the browser's numbers. Nothing is
+//! Exact conversion between digits and numbers is a large part of what serde_json would add to
+//! the participant's download: its tables do not compress. The browser has both conversions built
+//! in. So the browser parses a text to a [`Json`] tree (serde_json in native tests), serde makes
+//! a wire type of the tree, and serde_json writes wire types with the browser's digits. Nothing is
 //! rounded either way. See `docs/decisions/0006-json-in-the-client.md`.
 
 mod read;
-mod write;
+mod number;
 
+pub use number::number;
 pub use read::Json;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
-use std::fmt;
+use std::io;
 
 /// The value that a text holds; nothing if it is no JSON or of another shape.
 #[must_use]
@@ -24,48 +24,21 @@ pub fn read<T: DeserializeOwned>(text: &[u8]) -> Option<T> {
 /// The text of a value. A number that is not finite becomes null.
 #[must_use]
 pub fn write<T: Serialize>(value: &T) -> String {
-    let mut text = String::new();
+    let mut text = Vec::new();
     // Wire types hold nothing that JSON does not.
-    let _ = value.serialize(write::Writer(&mut text));
-    text
+    let _ = value.serialize(&mut serde_json::Serializer::with_formatter(&mut text, Digits));
+    String::from_utf8(text).unwrap_or_default()
 }
 
-/// A number as people write it: `3`, `2.5`. The browser formats it, for the same reason.
-#[must_use]
-pub fn number(number: f64) -> String {
-    write::shown(number)
-}
+/// Writes numbers with the browser's digits.
+struct Digits;
 
-/// A value is not of the wanted shape. It says no more, because formatting
-/// messages that nobody sees is a good part of what is saved here.
-#[derive(Debug, PartialEq, Eq)]
-pub struct Unfit;
-
-impl fmt::Display for Unfit {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("not of the wanted shape")
-    }
-}
-
-impl std::error::Error for Unfit {}
-
-impl serde::de::Error for Unfit {
-    fn custom<T: fmt::Display>(_: T) -> Self {
-        Self
-    }
-
-    fn invalid_type(_: serde::de::Unexpected<'_>, _: &dyn serde::de::Expected) -> Self {
-        Self
-    }
-
-    fn invalid_value(_: serde::de::Unexpected<'_>, _: &dyn serde::de::Expected) -> Self {
-        Self
-    }
-}
-
-impl serde::ser::Error for Unfit {
-    fn custom<T: fmt::Display>(_: T) -> Self {
-        Self
+impl serde_json::ser::Formatter for Digits {
+    fn write_f64<W: ?Sized + io::Write>(&mut self, writer: &mut W, value: f64) -> io::Result<()> {
+        // The browser writes −0 without its sign.
+        let is_negative_zero = value == 0.0 && value.is_sign_negative();
+        let digits = if is_negative_zero { "-0.0".to_owned() } else { number(value) };
+        writer.write_all(digits.as_bytes())
     }
 }
 

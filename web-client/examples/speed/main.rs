@@ -1,13 +1,12 @@
-//! How long the library takes: the same work as a program of this machine and as
-//! WebAssembly in a page. `cargo xtask bench wasm` and `cargo xtask bench shfrs` run both.
+//! How long the library takes, natively and as WebAssembly: the same work as a program of this
+//! machine and in a page. `cargo xtask bench wasm` and `cargo xtask bench shfrs` run both.
 //!
-//! The group of measurements is the first argument, or what follows # in the page's address.
-//! The answer is a JSON list of `[name, seconds of one item]`: on standard output, or as
-//! the text of the page. The fastest sample counts, which other work on the machine
-//! disturbs least, and by which a browser has long replaced its first, slower code.
+//! The program is asked for a group of measurements and answers with a JSON list of `[name,
+//! seconds of one item]`. The fastest sample counts: other work on the machine disturbs it least,
+//! and by then a browser has replaced its first, slower code.
 
-#![allow(clippy::print_stdout, reason = "a benchmark answers on standard output")]
-
+#[path = "../answer/mod.rs"]
+mod answer;
 #[path = "../../../shared/examples/validate_shfrs/people.rs"]
 mod people;
 mod shfrs;
@@ -17,31 +16,15 @@ use std::error::Error;
 
 /// Samples of each measurement.
 const SAMPLES: usize = 20;
-/// Samples of what takes long, or of one among many alike.
+/// Samples of slow work, or of one case among many alike.
 const FEW: usize = 4;
-/// What a sample takes at least, s: a browser's clock has steps of 0.1 ms.
+/// Shortest duration of a sample, s: a browser's clock has steps of 0.1 ms.
 const SAMPLE_S: f64 = 0.02;
-/// After so long, s, few samples will do.
+/// After this time, s, few samples are enough.
 const LONG_S: f64 = 3.0;
 
-#[cfg(not(target_arch = "wasm32"))]
 fn main() -> Result<(), Box<dyn Error>> {
-    let start = std::time::Instant::now();
-    let group = std::env::args().nth(1).unwrap_or_default();
-    println!("{}", measured(&group, &|| start.elapsed().as_secs_f64())?);
-    Ok(())
-}
-
-#[cfg(target_arch = "wasm32")]
-fn main() {
-    let window = web_sys::window().expect("a page runs this");
-    let body = window.document().and_then(|document| document.body()).expect("a body");
-    let page = body.clone();
-    std::panic::set_hook(Box::new(move |panic| page.set_text_content(Some(&panic.to_string()))));
-    let clock = window.performance().expect("a clock");
-    let address = window.location().hash().expect("an address");
-    let answer = measured(address.trim_start_matches('#'), &|| clock.now() / 1000.0);
-    body.set_text_content(Some(&answer.unwrap_or_else(|error| error.to_string())));
+    answer::run(measured)
 }
 
 /// Measures the group by `clock`, s.

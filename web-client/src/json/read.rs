@@ -1,9 +1,9 @@
 //! From text to a tree, and from the tree to a type.
 
-use super::Unfit;
 use serde::de::value::{MapDeserializer, SeqDeserializer};
 use serde::de::{Deserializer, IntoDeserializer, Visitor};
 use serde::forward_to_deserialize_any;
+use std::fmt;
 
 /// A JSON value.
 #[derive(Clone, Debug, PartialEq)]
@@ -20,6 +20,33 @@ pub enum Json {
     List(Vec<Json>),
     /// Values by name.
     Object(Vec<(String, Json)>),
+}
+
+/// A value is not of the wanted shape. It says no more: the code that formats messages which
+/// nobody sees would be a good part of what is saved here.
+#[derive(Debug)]
+pub struct Unfit;
+
+impl fmt::Display for Unfit {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("not of the wanted shape")
+    }
+}
+
+impl std::error::Error for Unfit {}
+
+impl serde::de::Error for Unfit {
+    fn custom<T: fmt::Display>(_: T) -> Self {
+        Self
+    }
+
+    fn invalid_type(_: serde::de::Unexpected<'_>, _: &dyn serde::de::Expected) -> Self {
+        Self
+    }
+
+    fn invalid_value(_: serde::de::Unexpected<'_>, _: &dyn serde::de::Expected) -> Self {
+        Self
+    }
 }
 
 /// The tree of a text, by the browser.

@@ -1,0 +1,15 @@
+//! A number as people and JSON write it.
+
+/// The shortest digits that read back as `number`, such as `3` and `2.5`, as JavaScript writes them.
+#[cfg(target_arch = "wasm32")]
+#[must_use]
+pub fn number(number: f64) -> String {
+    js_sys::Number::from(number).to_string_with_radix(10).map(String::from).unwrap_or_default()
+}
+
+/// The same where there is no browser; numbers of unusual size have no exponent.
+#[cfg(not(target_arch = "wasm32"))]
+#[must_use]
+pub fn number(number: f64) -> String {
+    number.to_string()
+}
