@@ -2,6 +2,7 @@
 
 use reqwest::Method;
 use sidestep::api::{StudyInfo, StudySummary, TrialDetail, TrialPage, routes};
+use sidestep::chart::colours;
 use sidestep::safety::value_function;
 use sidestep::scene::Evader;
 use sidestep::trial::simulation_fingerprint;
@@ -12,22 +13,22 @@ use sidestep_tests::{Browser, Driver, Server, Tab, driven_with};
 use std::ops::ControlFlow;
 use std::time::Duration;
 
-/// Colours of the style sheet, in light.
-const HUMAN: [u8; 3] = [0x2d, 0x6f, 0xe0];
-const ROBOT: [u8; 3] = [0xe0, 0x45, 0x3a];
-const REGIONS: [[u8; 3]; 5] = [
-    [0xe2, 0x50, 0x4a],
-    [0xe6, 0xbd, 0x3c],
-    [0x46, 0xa0, 0x63],
-    [0x44, 0x77, 0xd3],
-    [0x93, 0x67, 0xcf],
-];
+const HUMAN: [u8; 3] = colours::HUMAN.light;
+const ROBOT: [u8; 3] = colours::ROBOT.light;
 
-async fn begin(browser: &Browser, server: &Server) -> Tab {
-    let tab = browser.open(&format!("{}/s/default", server.origin)).await;
+/// A server with this study, a browser and an empty tab of it.
+async fn start(study: &str) -> (Server, Browser, Tab) {
+    let server = Server::with_client(study).await;
+    let browser = Browser::start().await;
+    let tab = browser.open("about:blank").await;
+    (server, browser, tab)
+}
+
+/// Takes part in the study, up to the first scene.
+async fn begin(tab: &Tab, server: &Server) {
+    tab.go(&format!("{}/s/default", server.origin)).await;
     tab.press("consent").await;
     tab.press("continue").await;
-    tab
 }
 
 /// Drives a scene with one key held from step 5 to step 40.
@@ -71,9 +72,8 @@ async fn sign_in(tab: &Tab, server: &Server) {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_scene_from_key_press_to_predicted_set() {
-    let server = Server::with_client(SHORT_STUDY).await;
-    let browser = Browser::start().await;
-    let tab = begin(&browser, &server).await;
+    let (server, browser, tab) = start(SHORT_STUDY).await;
+    begin(&tab, &server).await;
 
     // Drive, and look at the canvas meanwhile.
     tab.press("start").await;
@@ -130,16 +130,10 @@ async fn a_scene_from_key_press_to_predicted_set() {
     }
     tab.until_step("replay", 10).await;
     let picture = tab.picture("replay").await;
-    for (j, region) in REGIONS.iter().enumerate() {
-        assert!(count_pixels(&picture, *region) >= 5, "region {} is drawn", j + 1);
+    for (j, region) in colours::REGIONS.iter().enumerate() {
+        assert!(count_pixels(&picture, region.light) >= 5, "region {} is drawn", j + 1);
     }
-    for (layer, colour) in [("v-hr", HUMAN), ("v-rh", ROBOT)] {
-        let with = count_pixels(&tab.picture("replay-with").await, colour);
-        tab.press(&format!("layer-{layer}")).await;
-        let without = count_pixels(&tab.picture("replay-without").await, colour);
-        assert!(with > without + 50, "{layer} draws something: {with} {without}");
-        tab.press(&format!("layer-{layer}")).await;
-    }
+    draws_level_sets(&tab).await;
     tab.press("play").await;
     tab.until_step("replay", 50).await;
     tab.is_well().await;
@@ -148,9 +142,8 @@ async fn a_scene_from_key_press_to_predicted_set() {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_server_that_is_down_loses_nothing() {
-    let server = Server::with_client(SHORT_STUDY).await;
-    let browser = Browser::start().await;
-    let tab = begin(&browser, &server).await;
+    let (server, browser, tab) = start(SHORT_STUDY).await;
+    begin(&tab, &server).await;
 
     // Down when the scene ends; the page sends it when the server is back.
     tab.press("start").await;
@@ -185,9 +178,8 @@ async fn a_server_that_is_down_loses_nothing() {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_whole_participation_ends_with_a_code() {
-    let server = Server::with_client(r#"phases = [{ phase = "task", scenes = 2 }]"#).await;
-    let browser = Browser::start().await;
-    let tab = begin(&browser, &server).await;
+    let (server, browser, tab) = start(r#"phases = [{ phase = "task", scenes = 2 }]"#).await;
+    begin(&tab, &server).await;
     drive(&tab, "a").await;
     drive(&tab, "ArrowRight").await;
     let code = tab.words("completion-code").await;
@@ -203,9 +195,7 @@ async fn a_whole_participation_ends_with_a_code() {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn the_browser_simulates_as_the_server_does() {
-    let server = Server::with_client(SHORT_STUDY).await;
-    let browser = Browser::start().await;
-    let tab = browser.open("about:blank").await;
+    let (server, browser, tab) = start(SHORT_STUDY).await;
     sign_in(&tab, &server).await;
     tab.go(&format!("{}/lab/self-check", server.origin)).await;
     let here = tab.words("fingerprint-here").await;
@@ -216,9 +206,8 @@ async fn the_browser_simulates_as_the_server_does() {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn wrong_addresses_and_keys_are_answered_in_words() {
-    let server = Server::with_client(SHORT_STUDY).await;
-    let browser = Browser::start().await;
-    let tab = browser.open(&format!("{}/lab#key=not-the-key-at-all", server.origin)).await;
+    let (server, browser, tab) = start(SHORT_STUDY).await;
+    tab.go(&format!("{}/lab#key=not-the-key-at-all", server.origin)).await;
     assert_eq!(tab.words("trouble").await, "That key is not valid.");
     // What was typed is still there after an answer, and so is the focus.
     let key = Tab::at("key");
@@ -242,9 +231,7 @@ async fn wrong_addresses_and_keys_are_answered_in_words() {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_browser_that_stores_nothing_still_completes() {
-    let server = Server::with_client(r#"phases = [{ phase = "task", scenes = 1 }]"#).await;
-    let browser = Browser::start().await;
-    let tab = browser.open("about:blank").await;
+    let (server, browser, tab) = start(r#"phases = [{ phase = "task", scenes = 1 }]"#).await;
     tab.before_pages(
         "Storage.prototype.setItem = () => { \
          throw new DOMException('no room', 'QuotaExceededError') };",
@@ -263,15 +250,12 @@ async fn a_browser_that_stores_nothing_still_completes() {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn the_laboratory_goes_from_page_to_page_without_loading() {
-    let server = Server::with_client(SHORT_STUDY).await;
-    let driver = Driver::enrol(&server).await;
-    driver.drive(&server, 2).await;
+    let (server, browser, tab) = start(SHORT_STUDY).await;
+    Driver::enrol(&server).await.drive(&server, 2).await;
     // A second study, with other words.
     let study = "slug = \"second\"\ntitle = \"Pilot\"\n";
     std::fs::write(server.path("study.toml"), study).expect("a study file");
     let server = server.restarted().await;
-    let browser = Browser::start().await;
-    let tab = browser.open("about:blank").await;
     sign_in(&tab, &server).await;
     tab.run("window.loadedOnce = true").await;
     let title = "document.title";
@@ -339,9 +323,6 @@ async fn take(tab: &Tab, name: &str) {
 
 /// Both level sets are on the canvas: something goes when they are switched off.
 async fn draws_level_sets(tab: &Tab) {
-    for layer in ["trail", "danger-zone", "shfrs", "future"] {
-        tab.press(&format!("layer-{layer}")).await;
-    }
     for (layer, colour) in [("v-hr", HUMAN), ("v-rh", ROBOT)] {
         let with = count_pixels(&tab.picture("level-set").await, colour);
         tab.press(&format!("layer-{layer}")).await;
@@ -349,7 +330,16 @@ async fn draws_level_sets(tab: &Tab) {
         assert!(with > without + 50, "{layer} draws something: {with} {without}");
         tab.press(&format!("layer-{layer}")).await;
     }
-    for layer in ["trail", "danger-zone", "shfrs", "future"] {
+}
+
+/// The same without the other layers, which might cover them.
+async fn draws_level_sets_alone(tab: &Tab) {
+    let others = ["trail", "danger-zone", "shfrs", "future"];
+    for layer in others {
+        tab.press(&format!("layer-{layer}")).await;
+    }
+    draws_level_sets(tab).await;
+    for layer in others {
         tab.press(&format!("layer-{layer}")).await;
     }
 }
@@ -375,7 +365,7 @@ async fn unequal_vehicles_have_level_sets_from_either_solver() {
     assert!(shares > 10, "progress is reported: {shares}");
     seek(&tab, 15).await;
     seek(&tab, 15).await;
-    draws_level_sets(&tab).await;
+    draws_level_sets_alone(&tab).await;
     take(&tab, "replay-solved-here").await;
 
     // The bytes are those of the native library, bit for bit.
@@ -424,7 +414,7 @@ async fn unequal_vehicles_have_level_sets_from_either_solver() {
     let heard: usize = tab.eval("heard.length").await;
     assert_eq!(heard, 0);
     seek(&tab, 15).await;
-    draws_level_sets(&tab).await;
+    draws_level_sets_alone(&tab).await;
     take(&tab, "replay-solved-by-server").await;
     browser.close().await;
 }
@@ -468,7 +458,7 @@ async fn a_solve_shows_progress_stops_and_fails_in_words() {
     tab.press("solve-again").await;
     until_regions(&tab).await;
     tab.until(&format!("!{}", Tab::at("unsolved"))).await;
-    draws_level_sets(&tab).await;
+    draws_level_sets_alone(&tab).await;
     tab.is_well().await;
     browser.close().await;
 }
@@ -477,11 +467,9 @@ async fn a_solve_shows_progress_stops_and_fails_in_words() {
 /// and nothing is cut off in any of them.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn every_page_fits_its_window() {
-    let server = Server::with_client(SHORT_STUDY).await;
-    let driver = Driver::enrol(&server).await;
-    let sent = driver.drive(&server, 2).await;
-    let browser = Browser::start().await;
-    let tab = browser.open(&server.origin).await;
+    let (server, browser, tab) = start(SHORT_STUDY).await;
+    let sent = Driver::enrol(&server).await.drive(&server, 2).await;
+    tab.go(&server.origin).await;
     let take = async |name: &str| take(&tab, name).await;
     take("home").await;
     tab.go(&format!("{}/s/default", server.origin)).await;

@@ -110,19 +110,26 @@ mod tests {
     use crate::view::el;
     use sidestep::math::SeededRng;
 
-    /// A document: what the browser does with edits, and which object each child is.
+    type View = Vec<Child<()>>;
+
+    /// An object of a document.
     #[derive(Clone, Debug, PartialEq)]
     struct Object {
+        /// Tells it from every other one that was made.
         number: usize,
         tag: String,
         attributes: Vec<(&'static str, String)>,
         children: Vec<Object>,
     }
 
+    /// What the browser does with edits.
     #[derive(Default)]
     struct Document {
+        shown: View,
+        objects: Vec<Object>,
+        /// How many objects were made, and how many edits were carried out.
         made: usize,
-        touched: usize,
+        edits: usize,
     }
 
     impl Document {
@@ -142,7 +149,7 @@ mod tests {
 
         fn apply(&mut self, objects: &mut Vec<Object>, edits: &[Edit<'_, ()>]) {
             for edit in edits {
-                self.touched += 1;
+                self.edits += 1;
                 match edit {
                     Edit::Remove(place) => drop(objects.remove(*place)),
                     Edit::Insert(place, child) => objects.insert(*place, self.create(child)),
@@ -164,58 +171,48 @@ mod tests {
             }
         }
 
-        /// Brings `objects` from one view to the next, and checks that they show it.
-        fn show(&mut self, objects: &mut Vec<Object>, old: &[Child<()>], new: &[Child<()>]) {
-            self.apply(objects, &children(old, new));
-            fn same(object: &Object, child: &Child<()>) -> bool {
-                let fresh = Document::default().create(child);
-                let children = match child {
-                    Child::Node(node) => node.children.as_slice(),
-                    _ => &[],
-                };
-                let mut attributes = [object.attributes.clone(), fresh.attributes];
-                attributes.iter_mut().for_each(|list| list.sort());
-                object.tag == fresh.tag
-                    && attributes[0] == attributes[1]
-                    && object.children.len() == children.len()
-                    && object.children.iter().zip(children).all(|(o, c)| same(o, c))
-            }
-            assert_eq!(objects.len(), new.len());
-            assert!(objects.iter().zip(new).all(|(object, child)| same(object, child)));
+        /// Brings the document to a view and checks that it shows that. Returns the numbers of
+        /// its objects, and how many edits it took.
+        fn show(&mut self, view: View) -> (Vec<usize>, usize) {
+            self.edits = 0;
+            let mut objects = std::mem::take(&mut self.objects);
+            self.apply(&mut objects, &children(&self.shown.clone(), &view));
+            assert_eq!(objects.len(), view.len());
+            assert!(objects.iter().zip(&view).all(|(object, child)| same(object, child)));
+            (self.objects, self.shown) = (objects, view);
+            (self.objects.iter().map(|object| object.number).collect(), self.edits)
         }
     }
 
-    fn rows(keys: &[&str]) -> Vec<Child<()>> {
-        keys.iter().map(|key| Child::Node(el("tr").key(key).child(el("td").text(*key)))).collect()
+    fn same(object: &Object, child: &Child<()>) -> bool {
+        let fresh = Document::default().create(child);
+        let children = match child {
+            Child::Node(node) => node.children.as_slice(),
+            _ => &[],
+        };
+        let mut attributes = [object.attributes.clone(), fresh.attributes];
+        attributes.iter_mut().for_each(|list| list.sort());
+        object.tag == fresh.tag
+            && attributes[0] == attributes[1]
+            && object.children.len() == children.len()
+            && object.children.iter().zip(children).all(|(o, c)| same(o, c))
     }
 
-    /// The objects of both lists, after the first was brought to the second.
-    fn rearranged(before: &[&str], after: &[&str]) -> (Vec<usize>, Vec<usize>, Document) {
-        let mut document = Document::default();
-        let mut objects = Vec::new();
-        let (before, after) = (rows(before), rows(after));
-        document.show(&mut objects, &[], &before);
-        let numbers = |objects: &[Object]| objects.iter().map(|object| object.number).collect();
-        let first: Vec<usize> = numbers(&objects);
-        document.touched = 0;
-        document.show(&mut objects, &before, &after);
-        (first, numbers(&objects), document)
+    fn rows(keys: &[&str]) -> View {
+        keys.iter().map(|key| Child::Node(el("tr").key(key).child(el("td").text(*key)))).collect()
     }
 
     #[test]
     fn keyed_children_are_moved_and_not_made_anew() {
-        let (first, second, _) = rearranged(&["a", "b", "c", "d"], &["d", "a", "x", "c"]);
+        let mut document = Document::default();
+        let (first, _) = document.show(rows(&["a", "b", "c", "d"]));
+        let (second, _) = document.show(rows(&["d", "a", "x", "c"]));
         assert_eq!([second[0], second[1], second[3]], [first[3], first[0], first[2]]);
         assert!(!first.contains(&second[2]));
-    }
-
-    #[test]
-    fn a_row_ahead_of_others_touches_none_of_them() {
-        let (first, second, document) = rearranged(&["a", "b", "c"], &["new", "a", "b", "c"]);
-        assert_eq!(second[1..], first);
-        assert_eq!(document.touched, 1);
-        let (_, _, document) = rearranged(&["a", "b", "c", "d"], &["b", "c", "d"]);
-        assert_eq!(document.touched, 1);
+        // Rows that come and go ahead of others touch none of them.
+        let (third, edits) = document.show(rows(&["new", "d", "a", "x", "c"]));
+        assert_eq!((&third[1..], edits), (&second[..], 1));
+        assert_eq!(document.show(rows(&["d", "a", "x", "c"])), (second, 1));
     }
 
     #[test]
@@ -224,53 +221,41 @@ mod tests {
             let time = el("time").moment(1_700_000_000_000);
             vec![Child::Node(el("tr").child(time).child(el("td").text(flags)))]
         };
-        let (before, after) = (row(""), row("late sample"));
         let mut document = Document::default();
-        let mut objects = Vec::new();
-        document.show(&mut objects, &[], &before);
-        let time = objects[0].children[0].clone();
-        document.show(&mut objects, &before, &after);
-        assert_eq!(objects[0].children[0], time);
+        document.show(row(""));
+        let time = document.objects[0].children[0].clone();
+        document.show(row("late sample"));
+        assert_eq!(document.objects[0].children[0], time);
         assert_eq!(time.children[0].tag, "@1700000000000");
     }
 
     #[test]
     fn an_element_with_another_identity_is_made_anew() {
-        let button = |name: &str| vec![Child::<()>::Node(el("button").test_id(name).text("Go"))];
+        let button = |name: &str| vec![Child::Node(el("button").test_id(name).text("Go"))];
         let mut document = Document::default();
-        let mut objects = Vec::new();
-        document.show(&mut objects, &[], &button("consent"));
-        let first = objects[0].number;
-        document.show(&mut objects, &button("consent"), &button("continue"));
-        assert_ne!(objects[0].number, first);
+        assert_ne!(document.show(button("consent")).0, document.show(button("continue")).0);
     }
 
     #[test]
     fn attributes_come_change_and_go() {
-        let view = |busy: bool, words: &str| {
-            let button = el("button").attr_if(busy, "disabled", "").attr("title", words);
-            vec![Child::Node(button)]
-        };
         let mut document = Document::default();
-        let mut objects = Vec::new();
-        let views = [view(false, "a"), view(true, "a"), view(true, "b"), view(false, "b")];
-        let mut before: &[Child<()>] = &[];
-        for after in &views {
-            document.show(&mut objects, before, after);
-            before = after;
+        for (busy, words) in [(false, "a"), (true, "a"), (true, "b"), (false, "b")] {
+            let button = el("button").attr_if(busy, "disabled", "").attr("title", words);
+            document.show(vec![Child::Node(button.clone())]);
+            assert_eq!(document.show(vec![Child::Node(button)]).1, 0);
         }
         assert_eq!(document.made, 1);
-        assert!(children(before, &views[3]).is_empty());
     }
 
     #[test]
     fn any_list_becomes_any_other() {
         let mut rng = SeededRng::new(5);
-        let mut random = || {
-            let mut children = Vec::new();
+        let mut document = Document::default();
+        for _ in 0..2000 {
+            let mut view = Vec::new();
             for _ in 0..rng.below(8) {
                 let key = rng.below(6).to_string();
-                children.push(match rng.below(4) {
+                view.push(match rng.below(4) {
                     0 => Child::Text(key),
                     1 => Child::Node(el("p").text(key)),
                     2 => Child::Moment(rng.below(3) as i64),
@@ -278,15 +263,7 @@ mod tests {
                     _ => Child::Node(el("li").key(&key).attr("title", &key).child(el("b"))),
                 });
             }
-            children
-        };
-        let mut document = Document::default();
-        let mut objects = Vec::new();
-        let mut before = Vec::new();
-        for _ in 0..2000 {
-            let after = random();
-            document.show(&mut objects, &before, &after);
-            before = after;
+            document.show(view);
         }
     }
 }

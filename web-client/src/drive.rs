@@ -1,6 +1,6 @@
 //! A scene that is being driven: steps from the clock, smooth motion in between.
 
-use crate::input::{BLUR, HeldKeys, input_at};
+use crate::input::{HeldKeys, input_at};
 use serde_json::{Map, Value};
 use sidestep::api::{KeyEvent, MAX_KEY_EVENTS, TrialUpload};
 use sidestep::scene::{JointState, Scene, SceneParameters};
@@ -65,11 +65,6 @@ impl Drive {
             let t_ms = (t_ms - self.start_ms).max(last);
             self.key_events.push(KeyEvent { t_ms, key: key.to_owned(), down });
         }
-    }
-
-    /// Takes note that the keyboard was lost: no key is held any more.
-    pub fn blur(&mut self, t_ms: f64) {
-        self.key(t_ms, BLUR, false);
     }
 
     fn step_ms(&self) -> f64 {

@@ -2,7 +2,7 @@
 //!
 //! Exact conversion between digits and numbers is a large part of what serde_json would add to
 //! the participant's download: its tables do not compress. The browser has both conversions built
-//! in. So the browser parses a text to a [`Json`] tree (serde_json in native tests), serde makes
+//! in. So the browser parses a text to a tree of values (serde_json in native tests), serde makes
 //! a wire type of the tree, and serde_json writes wire types with the browser's digits. Nothing is
 //! rounded either way. See `docs/decisions/0006-json-in-the-client.md`.
 
@@ -10,7 +10,6 @@ mod read;
 mod number;
 
 pub use number::number;
-pub use read::Json;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use std::io;

@@ -42,8 +42,6 @@ pub struct Layer {
     pub meaning: &'static str,
     /// Style class of the colour that it is drawn in.
     pub swatch: &'static str,
-    /// Whether it is shown at first.
-    pub shown: bool,
     /// What it draws.
     pub shapes: fn(&Moment<'_>) -> Vec<Shape>,
 }
@@ -56,7 +54,6 @@ pub static LAYERS: &[Layer] = &[
         level: Some("HR"),
         meaning: "If the robot is inside this line, it can force a collision",
         swatch: "outline human",
-        shown: true,
         shapes: level_set::human,
     },
     Layer {
@@ -65,7 +62,6 @@ pub static LAYERS: &[Layer] = &[
         level: Some("RH"),
         meaning: "If the human is inside this line, they can force a collision",
         swatch: "outline robot",
-        shown: true,
         shapes: level_set::robot,
     },
     Layer {
@@ -74,7 +70,6 @@ pub static LAYERS: &[Layer] = &[
         level: None,
         meaning: "Positions closer to the robot than the danger radius",
         swatch: "zone",
-        shown: true,
         shapes: danger_zone::shapes,
     },
     Layer {
@@ -83,7 +78,6 @@ pub static LAYERS: &[Layer] = &[
         level: None,
         meaning: "SHFRS: where the human may be within the next two seconds",
         swatch: "regions",
-        shown: true,
         shapes: shfrs::shapes,
     },
     Layer {
@@ -92,7 +86,6 @@ pub static LAYERS: &[Layer] = &[
         level: None,
         meaning: "The path that the human took from here",
         swatch: "future",
-        shown: true,
         shapes: future::shapes,
     },
     Layer {
@@ -101,7 +94,6 @@ pub static LAYERS: &[Layer] = &[
         level: None,
         meaning: "The paths of both vehicles so far",
         swatch: "trail",
-        shown: true,
         shapes: trajectory::shapes,
     },
 ];

@@ -44,29 +44,6 @@ pub enum Handler<M> {
     Submit(Rc<dyn Fn(Form) -> M>),
 }
 
-/// How an element is used.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Use {
-    /// Pressed with pointer or keyboard.
-    Press,
-    /// A field changed.
-    Input,
-    /// A form submitted.
-    Submit,
-}
-
-impl<M> Handler<M> {
-    /// The use that it waits for.
-    #[must_use]
-    pub fn waits_for(&self) -> Use {
-        match self {
-            Self::Press(_) => Use::Press,
-            Self::Input(_) => Use::Input,
-            Self::Submit(_) => Use::Submit,
-        }
-    }
-}
-
 /// An element of this name.
 #[must_use]
 pub fn el<M>(tag: &'static str) -> Node<M> {
@@ -275,19 +252,19 @@ impl<M: Clone> Node<M> {
     }
 }
 
-/// The innermost handler for this use on the way from `children` along `path` (places among
+/// The innermost handler that `hears` on the way from `children` along `path` (places among
 /// siblings), and how many steps of the path lead to it.
 #[must_use]
 pub fn handler_along<'a, M>(
     children: &'a [Child<M>],
     path: &[usize],
-    used: Use,
+    hears: fn(&Handler<M>) -> bool,
 ) -> Option<(usize, &'a Handler<M>)> {
     let mut children = children;
     let mut found = None;
     for (depth, &place) in path.iter().enumerate() {
         let Some(Child::Node(node)) = children.get(place) else { break };
-        if let Some(handler) = node.handler.as_ref().filter(|h| h.waits_for() == used) {
+        if let Some(handler) = node.handler.as_ref().filter(|handler| hears(handler)) {
             found = Some((depth + 1, handler));
         }
         children = &node.children;
@@ -322,17 +299,18 @@ mod tests {
                 .child(el("button").on_press("button").child(el("svg"))),
         );
         let view = [Child::Node(form)];
-        let heard = |path: &[usize], used| match handler_along(&view, path, used)? {
+        let heard = |path: &[usize], hears| match handler_along(&view, path, hears)? {
             (depth, Handler::Press(message)) => Some((depth, *message)),
             (depth, Handler::Submit(make)) => Some((depth, make(Form::default()))),
             (_, Handler::Input(_)) => None,
         };
-        assert_eq!(heard(&[0, 0, 1, 0], Use::Press), Some((3, "button")));
-        assert_eq!(heard(&[0, 0, 0, 0], Use::Press), Some((2, "paragraph")));
-        assert_eq!(heard(&[0, 0, 1, 0], Use::Submit), Some((1, "sent")));
-        assert_eq!(heard(&[0, 0, 1, 0], Use::Input), None);
-        assert_eq!(heard(&[0], Use::Press), None);
-        assert_eq!(heard(&[7, 0], Use::Press), None);
+        let press = |handler: &Handler<&str>| matches!(handler, Handler::Press(_));
+        let submit = |handler: &Handler<&str>| matches!(handler, Handler::Submit(_));
+        assert_eq!(heard(&[0, 0, 1, 0], press), Some((3, "button")));
+        assert_eq!(heard(&[0, 0, 0, 0], press), Some((2, "paragraph")));
+        assert_eq!(heard(&[0, 0, 1, 0], submit), Some((1, "sent")));
+        assert_eq!(heard(&[0], press), None);
+        assert_eq!(heard(&[7, 0], press), None);
     }
 
     #[test]

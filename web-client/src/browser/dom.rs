@@ -1,7 +1,7 @@
 //! Brings the document to what a view describes, by the edits that [`diff`] finds.
 
 use crate::diff::{self, Edit};
-use crate::view::{Child, Handler, Node, Use, handler_along};
+use crate::view::{Child, Handler, Node, handler_along};
 use js_sys::{Function, Reflect};
 use wasm_bindgen::prelude::*;
 use web_sys::{Document, Element, FocusOptions, HtmlElement};
@@ -55,11 +55,11 @@ impl<M> Dom<M> {
         self.shown = new;
     }
 
-    /// The handler for a use of `target`, and the element that has it.
+    /// The innermost handler around `target` that `hears`, and the element that has it.
     pub(super) fn handler(
         &self,
         target: &web_sys::Node,
-        used: Use,
+        hears: fn(&Handler<M>) -> bool,
     ) -> Option<(&Handler<M>, Element)> {
         let mut path = Vec::new();
         let mut way = vec![&self.root];
@@ -71,7 +71,7 @@ impl<M> Dom<M> {
             path.push(place);
             way.push(at);
         }
-        let (depth, handler) = handler_along(&self.shown, &path, used)?;
+        let (depth, handler) = handler_along(&self.shown, &path, hears)?;
         Some((handler, way[depth].object.clone().dyn_into().ok()?))
     }
 }

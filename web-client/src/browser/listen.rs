@@ -3,7 +3,7 @@
 use super::canvas::SizeWatcher;
 use super::{Pump, address, fields};
 use crate::runtime::{Event, Page};
-use crate::view::{Handler, Use};
+use crate::view::Handler;
 use wasm_bindgen::prelude::*;
 use wasm_bindgen_futures::spawn_local;
 use web_sys::{Element, EventTarget, KeyboardEvent, MediaQueryList, MouseEvent, Node};
@@ -39,9 +39,17 @@ impl<P: Page + 'static> Pump<P> {
             }
         });
         self.on(&window, "online", |pump, event| pump.tell(&Event::Online, event.time_stamp()));
-        self.on(&root, "click", |pump, event| pump.used(event, Use::Press));
-        self.on(&root, "input", |pump, event| pump.used(event, Use::Input));
-        self.on(&root, "submit", |pump, event| pump.used(event, Use::Submit));
+        self.on(&root, "click", |pump, event| {
+            if !pump.used(event, |handler| matches!(handler, Handler::Press(_))) && P::navigates() {
+                pump.link(event);
+            }
+        });
+        self.on(&root, "input", |pump, event| {
+            pump.used(event, |handler| matches!(handler, Handler::Input(_)));
+        });
+        self.on(&root, "submit", |pump, event| {
+            pump.used(event, |handler| matches!(handler, Handler::Submit(_)));
+        });
         if P::navigates() {
             for name in ["popstate", "hashchange"] {
                 self.on(&window, name, |pump, event| {
@@ -93,40 +101,38 @@ impl<P: Page + 'static> Pump<P> {
         }
     }
 
-    /// Finds the message of the control that was used.
-    fn used(&self, event: &web_sys::Event, used: Use) {
+    /// Sends the message of the innermost control that `hears`; whether there is one.
+    fn used(&self, event: &web_sys::Event, hears: fn(&Handler<P::Msg>) -> bool) -> bool {
         let target = event.target().and_then(|target| target.dyn_into::<Node>().ok());
-        let Some(target) = target else { return };
-        let t_ms = event.time_stamp();
-        let found = {
+        let found = target.and_then(|target| {
             let shell = self.shell.borrow();
-            let found = shell.dom.handler(&target, used);
-            found.map(|(handler, element)| (handler.clone(), element))
-        };
-        let pump = self.clone();
-        match found {
-            None if P::navigates() && used == Use::Press => self.link(event, &target),
-            None => {}
-            Some((Handler::Press(message), _)) => self.dispatch(message, t_ms),
-            Some((Handler::Input(make), field)) => spawn_local(async move {
-                if let Some(value) = fields::value(&field).await {
+            let (handler, element) = shell.dom.handler(&target, hears)?;
+            Some((handler.clone(), element))
+        });
+        let Some((handler, element)) = found else { return false };
+        let (pump, t_ms) = (self.clone(), event.time_stamp());
+        match handler {
+            Handler::Press(message) => self.dispatch(message, t_ms),
+            Handler::Input(make) => spawn_local(async move {
+                if let Some(value) = fields::value(&element).await {
                     pump.dispatch(make(value), t_ms);
                 }
             }),
-            Some((Handler::Submit(make), form)) => {
+            Handler::Submit(make) => {
                 event.prevent_default();
                 spawn_local(async move {
-                    let form = fields::form(&form).await;
+                    let form = fields::form(&element).await;
                     pump.dispatch(make(form), t_ms);
                 });
             }
         }
+        true
     }
 
     /// Follows a link to another address of this page without loading it.
-    fn link(&self, event: &web_sys::Event, target: &Node) {
-        let element = target.dyn_ref::<Element>();
-        let link = element.and_then(|element| element.closest("a[href]").ok().flatten());
+    fn link(&self, event: &web_sys::Event) {
+        let target = event.target().and_then(|target| target.dyn_into::<Element>().ok());
+        let link = target.and_then(|element| element.closest("a[href]").ok().flatten());
         let (Some(link), Some(press)) = (link, event.dyn_ref::<MouseEvent>()) else { return };
         let is_plain = press.button() == 0
             && !(press.ctrl_key() || press.meta_key() || press.shift_key() || press.alt_key());

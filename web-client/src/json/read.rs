@@ -6,17 +6,12 @@ use serde::forward_to_deserialize_any;
 use std::fmt;
 
 /// A JSON value.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Json {
-    /// Nothing.
+#[derive(Clone)]
+pub(super) enum Json {
     Null,
-    /// True or false.
     Bool(bool),
-    /// A number.
     Number(f64),
-    /// Words.
     Text(String),
-    /// Values in order.
     List(Vec<Json>),
     /// Values by name.
     Object(Vec<(String, Json)>),
@@ -25,7 +20,7 @@ pub enum Json {
 /// A value is not of the wanted shape. It says no more: the code that formats messages which
 /// nobody sees would be a good part of what is saved here.
 #[derive(Debug)]
-pub struct Unfit;
+pub(super) struct Unfit;
 
 impl fmt::Display for Unfit {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

@@ -170,7 +170,7 @@ impl Replay {
             learned: None,
             time_s: 0.0,
             playing_since: None,
-            shown: LAYERS.iter().map(|layer| layer.shown).collect(),
+            shown: vec![true; LAYERS.len()],
             drawn: Vec::new(),
             window,
             history: Vec::new(),
