@@ -1,6 +1,6 @@
 //! A participant: enrols, drives, uploads.
 
-use crate::{Answer, Server};
+use crate::{Address, Answer};
 use reqwest::{Method, RequestBuilder};
 use serde_json::{Map, json};
 use sidestep::api::{Enrolled, KeyEvent, TrialUpload, routes};
@@ -62,19 +62,24 @@ pub struct Driver {
 
 impl Driver {
     /// Someone new, in the study `default`.
-    pub async fn enrol(server: &Server) -> Self {
+    pub async fn enrol(server: &Address) -> Self {
         let answer = Self::ask(server, json!({ "consent": true })).await;
         Self { enrolled: answer.into(201) }
     }
 
-    /// The answer to an enrolment with this body.
-    pub async fn ask(server: &Server, body: serde_json::Value) -> Answer {
-        let request = server.request(Method::POST, &routes::participants("default"));
+    /// The answer to an enrolment with this body, in the study `default`.
+    pub async fn ask(server: &Address, body: serde_json::Value) -> Answer {
+        Self::ask_in(server, "default", body).await
+    }
+
+    /// The answer to an enrolment in another study.
+    pub async fn ask_in(server: &Address, study: &str, body: serde_json::Value) -> Answer {
+        let request = server.request(Method::POST, &routes::participants(study));
         Answer::of(request.json(&body)).await
     }
 
     /// A request with this person's token.
-    pub fn request(&self, server: &Server, method: Method, route: &str) -> RequestBuilder {
+    pub fn request(&self, server: &Address, method: Method, route: &str) -> RequestBuilder {
         server.request(method, route).bearer_auth(&self.enrolled.token)
     }
 
@@ -86,7 +91,7 @@ impl Driver {
     }
 
     /// The answer to an upload.
-    pub async fn send(&self, server: &Server, trial_id: &str, trial: &TrialUpload) -> Answer {
+    pub async fn send(&self, server: &Address, trial_id: &str, trial: &TrialUpload) -> Answer {
         let request = self.request(server, Method::PUT, &routes::my_trial(trial_id));
         Answer::of(request.json(trial)).await
     }
@@ -95,7 +100,7 @@ impl Driver {
     ///
     /// # Panics
     /// If an upload is not stored.
-    pub async fn drive(&self, server: &Server, count: usize) -> Vec<(String, TrialUpload)> {
+    pub async fn drive(&self, server: &Address, count: usize) -> Vec<(String, TrialUpload)> {
         let mut sent = Vec::new();
         for (trial_id, scene) in self.scenes().into_iter().take(count) {
             let trial = driven(&scene);
@@ -107,17 +112,17 @@ impl Driver {
     }
 
     /// The answer to a completion.
-    pub async fn complete(&self, server: &Server) -> Answer {
+    pub async fn complete(&self, server: &Address) -> Answer {
         Answer::of(self.request(server, Method::POST, routes::COMPLETE)).await
     }
 
     /// The answer to "where am I".
-    pub async fn me(&self, server: &Server) -> Answer {
+    pub async fn me(&self, server: &Address) -> Answer {
         Answer::of(self.request(server, Method::GET, routes::ME)).await
     }
 
     /// The answer to a withdrawal.
-    pub async fn withdraw(&self, server: &Server, data: &str) -> Answer {
+    pub async fn withdraw(&self, server: &Address, data: &str) -> Answer {
         let route = format!("{}?data={data}", routes::ME);
         Answer::of(self.request(server, Method::DELETE, &route)).await
     }

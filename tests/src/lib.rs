@@ -4,15 +4,45 @@
 
 pub mod browser;
 pub mod driver;
+pub mod folder;
 pub mod process;
 pub mod server;
 
 pub use browser::{Browser, Tab};
 pub use driver::{Driver, driven, driven_with, on_time, upload, upload_with};
-pub use process::{Process, sidestep};
+pub use folder::Folder;
+pub use process::{Process, run, sidestep};
 pub use server::Server;
 
+use reqwest::{Client, Method, RequestBuilder};
 use serde_json::Value;
+
+/// Where a server answers.
+#[derive(Clone, Debug)]
+pub struct Address {
+    /// `http://127.0.0.1:PORT`.
+    pub origin: String,
+    /// Sends requests; keeps no cookies.
+    client: Client,
+}
+
+impl Address {
+    /// The server at that origin.
+    #[must_use]
+    pub fn new(origin: String) -> Self {
+        Self { origin, client: Client::new() }
+    }
+
+    /// A request to a route.
+    pub fn request(&self, method: Method, route: &str) -> RequestBuilder {
+        self.client.request(method, format!("{}{route}", self.origin))
+    }
+
+    /// `GET` without any credentials.
+    pub async fn get(&self, route: &str) -> Answer {
+        Answer::of(self.request(Method::GET, route)).await
+    }
+}
 
 /// The database at `url`, behind the server's back.
 ///
@@ -43,8 +73,8 @@ impl Answer {
     pub async fn of(request: reqwest::RequestBuilder) -> Self {
         let response = request.send().await.expect("an answer");
         let status = response.status().as_u16();
-        let octets = response.bytes().await.expect("a body");
-        let body = serde_json::from_slice(&octets).unwrap_or(Value::Null);
+        let bytes = response.bytes().await.expect("a body");
+        let body = serde_json::from_slice(&bytes).unwrap_or(Value::Null);
         Self { status, body }
     }
 

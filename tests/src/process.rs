@@ -1,12 +1,14 @@
 //! The `sidestep` command as a process: exit codes, output, sudden death.
 
 use crate::server::write_site;
+use crate::{Address, Folder};
+use serde_json::Value;
+use std::ops::Deref;
 use std::path::{Path, PathBuf};
 use std::process::{Output, Stdio};
 use std::sync::LazyLock;
 #[cfg(unix)]
 use std::time::Duration;
-use tempfile::TempDir;
 use tokio::io::{AsyncBufReadExt, BufReader, Lines};
 use tokio::process::{Child, ChildStdout, Command};
 
@@ -30,6 +32,67 @@ pub async fn sidestep(args: &[&str]) -> Output {
     let mut command = Command::new(binary());
     command.args(args).env_remove("SIDESTEP_ADMIN_KEY");
     command.kill_on_drop(true).output().await.expect("sidestep")
+}
+
+/// What a command said, and how it ended.
+#[derive(Debug)]
+pub struct Said {
+    /// Its exit code; none if a signal ended it.
+    pub code: Option<i32>,
+    /// What it printed to stdout.
+    pub out: String,
+    /// What it printed to stderr.
+    pub err: String,
+}
+
+impl From<Output> for Said {
+    fn from(Output { status, stdout, stderr }: Output) -> Self {
+        let text = |bytes| String::from_utf8(bytes).expect("UTF-8");
+        Self { code: status.code(), out: text(stdout), err: text(stderr) }
+    }
+}
+
+impl Said {
+    /// The one line of JSON on stdout of a command that succeeded.
+    ///
+    /// # Panics
+    /// If it failed or printed anything else.
+    pub fn json(&self) -> Value {
+        assert_eq!(self.code, Some(0), "{}", self.err);
+        assert_eq!(self.out.trim_end().lines().count(), 1, "{}", self.out);
+        serde_json::from_str(&self.out).expect("JSON")
+    }
+
+    /// As [`Self::json`], of a command that said nothing else.
+    ///
+    /// # Panics
+    /// If it said anything on stderr.
+    pub fn only_json(&self) -> Value {
+        assert_eq!(self.err, "", "no bar and no warning");
+        self.json()
+    }
+
+    /// Checks that it ended with this exit code, printed no result, and complained in one line
+    /// that has all these words. (Errors about flags have more lines.)
+    ///
+    /// # Panics
+    /// If it did not.
+    pub fn refused(&self, code: i32, words: &[&str]) {
+        assert_eq!((self.code, self.out.as_str()), (Some(code), ""), "{}", self.err);
+        let lines = self.err.trim_end().lines().count();
+        assert!(lines == 1 || self.err.starts_with("error: "), "{}", self.err);
+        for word in words {
+            assert!(self.err.contains(word), "{word} in {}", self.err);
+        }
+    }
+}
+
+/// Runs the command to its end and returns what it said.
+///
+/// # Panics
+/// If it cannot be run, or printed no UTF-8.
+pub async fn run(args: &[&str]) -> Said {
+    sidestep(args).await.into()
 }
 
 /// Runs the command, sends it `signal` (`INT` or `TERM`) as soon as it catches that signal and
@@ -69,49 +132,51 @@ fn catches(process: u32, signal: &str) -> bool {
     mask.is_some_and(|mask| mask >> (number - 1) & 1 == 1)
 }
 
-/// `sidestep serve` with its own folder; killed when dropped.
+/// `sidestep serve` as a process; killed when dropped.
 pub struct Process {
-    /// `http://127.0.0.1:PORT`.
-    pub origin: String,
     /// What it said when it was ready.
     pub announcement: Vec<String>,
+    address: Address,
     child: Child,
     // Kept open: a server whose stdout is gone could not print.
     _stdout: Lines<BufReader<ChildStdout>>,
 }
 
+impl Deref for Process {
+    type Target = Address;
+
+    fn deref(&self) -> &Address {
+        &self.address
+    }
+}
+
 impl Process {
-    /// Starts in `folder`, with a database there and further arguments. What it
-    /// logs is in the file `log`.
+    /// Starts with the database `sidestep.db` in `folder`. What it logs is in the file `log`.
     ///
     /// # Panics
     /// If it does not become ready.
-    pub async fn start(folder: &TempDir, further: &[&str]) -> Self {
-        Self::launch(Command::new(binary()), folder, further).await
+    pub async fn start(folder: &Folder) -> Self {
+        Self::start_through(&["env"], folder, &folder.database("sidestep.db")).await
     }
 
-    /// As [`Self::start`], through another program that runs the command that it is given.
+    /// As [`Self::start`], with another database, and through another program that runs the
+    /// command that it is given.
     ///
     /// # Panics
     /// If it does not become ready.
-    pub async fn start_through(launcher: &[&str], folder: &TempDir) -> Self {
-        let mut command = Command::new(launcher[0]);
-        command.args(&launcher[1..]).arg(binary());
-        Self::launch(command, folder, &[]).await
-    }
-
-    async fn launch(mut command: Command, folder: &TempDir, further: &[&str]) -> Self {
-        let site = folder.path().join("site");
+    pub async fn start_through(launcher: &[&str], folder: &Folder, database: &str) -> Self {
+        let site = folder.path("site");
         write_site(&site);
-        let database = format!("sqlite:{}", folder.path().join("sidestep.db").display());
-        let mut child = command
-            .args(["serve", "--listen", "127.0.0.1:0", "--database", &database])
-            .arg("--static")
+        let mut child = Command::new(launcher[0])
+            .args(&launcher[1..])
+            .arg(binary())
+            .args(["serve", "--listen", "127.0.0.1:0", "--database", database, "--static"])
             .arg(&site)
-            .args(further)
             .env_remove("SIDESTEP_ADMIN_KEY")
+            // As users have it: a line of the log for each request.
+            .env_remove("RUST_LOG")
             .stdout(Stdio::piped())
-            .stderr(std::fs::File::create(folder.path().join("log")).expect("a log"))
+            .stderr(std::fs::File::create(folder.path("log")).expect("a log"))
             .kill_on_drop(true)
             .spawn()
             .expect("sidestep serve");
@@ -126,7 +191,7 @@ impl Process {
                 break address.trim_end_matches("/lab").to_owned();
             }
         };
-        Self { origin, announcement, child, _stdout: lines }
+        Self { announcement, address: Address::new(origin), child, _stdout: lines }
     }
 
     /// The number of the process.

@@ -1,10 +1,11 @@
 //! A server within the test, as a browser or a script sees it.
 
-use crate::Answer;
 use crate::process::binary;
-use reqwest::{Client, Method, RequestBuilder};
+use crate::{Address, Answer};
+use reqwest::Method;
 use sidestep::api::routes;
 use sidestep_server::commands::serve::{Running, ServeArgs, start};
+use std::ops::Deref;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
@@ -29,12 +30,9 @@ turn_rate_radps = 0.35
 
 /// A running server with its own folder.
 pub struct Server {
-    /// `http://127.0.0.1:PORT`.
-    pub origin: String,
     /// The experimenter's key.
     pub key: String,
-    /// Sends requests; keeps no cookies.
-    pub client: Client,
+    address: Address,
     folder: TempDir,
     args: ServeArgs,
     running: Running,
@@ -45,6 +43,14 @@ pub struct Stopped {
     folder: TempDir,
     args: ServeArgs,
     key: String,
+}
+
+impl Deref for Server {
+    type Target = Address;
+
+    fn deref(&self) -> &Address {
+        &self.address
+    }
 }
 
 impl Server {
@@ -145,16 +151,6 @@ impl Server {
         self.folder.path().join(name)
     }
 
-    /// A request to a route.
-    pub fn request(&self, method: Method, route: &str) -> RequestBuilder {
-        self.client.request(method, format!("{}{route}", self.origin))
-    }
-
-    /// `GET` without any credentials.
-    pub async fn get(&self, route: &str) -> Answer {
-        Answer::of(self.request(Method::GET, route)).await
-    }
-
     /// `GET` with the experimenter's key.
     pub async fn admin(&self, route: &str) -> Answer {
         let request = self.request(Method::GET, route).bearer_auth(&self.key);
@@ -200,9 +196,8 @@ impl Stopped {
         self.args.new_admin_key = false;
         let given = key.map(str::to_owned);
         Server {
-            origin: format!("http://{}", running.address),
+            address: Address::new(format!("http://{}", running.address)),
             key: running.new_key.clone().or(given).unwrap_or(self.key),
-            client: Client::new(),
             folder: self.folder,
             args: self.args,
             running,

@@ -1,12 +1,14 @@
 //! `sidestep export`.
 
-use super::{CommandError, print_json};
+use super::{CommandError, print_json, unwritable};
+use crate::formats::atomic_folder::Draft;
 use crate::formats::exports;
 use crate::store::{Missing, Store};
 use futures_util::StreamExt;
+use std::fs::File;
 use std::io::Write;
-use std::path::{Path, PathBuf};
-use tempfile::NamedTempFile;
+use std::path::PathBuf;
+use tokio_util::sync::CancellationToken;
 
 /// Write a study's trials to files.
 #[derive(Clone, Debug, clap::Args)]
@@ -38,21 +40,18 @@ pub async fn run(args: ExportArgs) -> Result<(), CommandError> {
         let (slug, database) = (&args.study, &args.database);
         CommandError::Input(format!("--study {slug}: no such study in {database}"))
     })?;
-    let unwritable = |path: &Path, error: &dyn std::fmt::Display| {
-        CommandError::Failure(format!("{}: cannot write: {error}", path.display()))
-    };
-    std::fs::create_dir_all(&args.out).map_err(|e| unwritable(&args.out, &e))?;
+    let draft = Draft::begin(&args.out).map_err(|e| unwritable(&args.out, &e))?;
     let path = args.out.join("trials.csv");
-    let mut file = NamedTempFile::new_in(&args.out).map_err(|e| unwritable(&args.out, &e))?;
+    let failed = |error: std::io::Error| unwritable(&path, &error);
+    let mut file = File::create(draft.path().join("trials.csv")).map_err(failed)?;
     let mut pieces = std::pin::pin!(exports::stream(store.clone(), study));
-    let mut octets = 0;
+    let mut bytes = 0;
     while let Some(piece) = pieces.next().await {
         let piece = piece?;
-        octets += piece.len();
-        file.write_all(&piece).map_err(|e| unwritable(&path, &e))?;
+        bytes += piece.len();
+        file.write_all(&piece).map_err(failed)?;
     }
-    file.as_file().sync_all().map_err(|e| unwritable(&path, &e))?;
-    file.persist(&path).map_err(|e| unwritable(&path, &e))?;
+    draft.keep(&[], &CancellationToken::new()).map_err(failed)?;
     store.close().await;
-    print_json(&serde_json::json!({ "file": path, "octets": octets }))
+    print_json(&serde_json::json!({ "file": path, "octets": bytes }))
 }

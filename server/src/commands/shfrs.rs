@@ -7,6 +7,7 @@ use super::json_file::Document;
 use super::solving::{Interrupt, bar, safety_levels};
 use super::trials_file::SceneArgs;
 use super::{CommandError, print_json, trials_file, unwritable};
+use crate::formats::atomic_folder::Draft;
 use crate::threads;
 use evaluation::{Evaluation, Questions};
 use sidestep::bounds::{ActionChoice, BoundsSettings, Rollout};
@@ -21,7 +22,6 @@ use sidestep::shfrs::prediction::Prediction;
 use sidestep::shfrs::tuning::Split;
 use sidestep::shfrs::window::{Trajectory, WindowChoice};
 use sidestep::training::{self, Driven, Trained};
-use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -155,9 +155,7 @@ pub async fn run(args: ShfrsArgs) -> Result<(), CommandError> {
         let expected = format!("at most {longest}, the steps of the longest trial");
         return Err(flagged(Invalid::new("steps", expected, args.steps)));
     }
-    fs::create_dir_all(&args.out).map_err(|e| unwritable(&args.out, &e))?;
-    files::check(&args.out)?;
-
+    let draft = Draft::begin(&args.out).map_err(|e| unwritable(&args.out, &e))?;
     let safety = safety_levels(&parameters, &interrupt).await?;
     let parts = questions.split.parts(recorded.len()).map_err(flagged)?;
     let sizes = [&parts.training, &parts.calibration, &parts.test].map(Vec::len);
@@ -195,7 +193,8 @@ pub async fn run(args: ShfrsArgs) -> Result<(), CommandError> {
     let found = interrupt.unless_stopped(threads::run("shfrs", None, work)).await;
     bar.finish_and_clear();
     let (evaluation, predictor) = found?.map_err(CommandError::failure)??;
-    files::write(&out, &evaluation, &predictor, &interrupt)?;
+    files::write(&draft, &evaluation, &predictor)?;
+    draft.keep(&[], &interrupt.token).map_err(|e| interrupt.unwritten(&out, &e))?;
     let [trajectories, training, calibration, test] = counts;
     print_json(&serde_json::json!({
         "folder": out,

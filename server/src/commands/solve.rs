@@ -149,7 +149,7 @@ pub async fn run(args: SolveArgs) -> Result<(), CommandError> {
     atomic_file::write(&args.out, &interrupt.token, |out| {
         npz::write(out, &solved.samples, solved.method)
     })
-    .map_err(|e| interrupt.check().err().unwrap_or_else(|| unwritable(&args.out, &e)))?;
+    .map_err(|e| interrupt.unwritten(&args.out, &e))?;
     print_json(&Line {
         method: solved.method.name(),
         grid: npz::shape(&solved.samples.nodes()),

@@ -1,6 +1,6 @@
 //! Solving at a terminal: a bar that shows how far it is, and a way to stop it.
 
-use super::CommandError;
+use super::{CommandError, unwritable};
 use crate::threads;
 use indicatif::{ProgressBar, ProgressStyle};
 use sidestep::invalid::Invalid;
@@ -9,7 +9,9 @@ use sidestep::reachability::{
 };
 use sidestep::safety::SafetyLevels;
 use sidestep::scene::{Evader, SceneParameters};
+use std::fmt::Display;
 use std::ops::ControlFlow;
+use std::path::Path;
 use std::time::Instant;
 use tokio_util::sync::CancellationToken;
 
@@ -42,6 +44,12 @@ impl Interrupt {
             () = self.token.cancelled() => Err(stopped()),
             found = work => Ok(found),
         }
+    }
+
+    /// The error to end with when a file or folder was not written: because of a signal, or of
+    /// what the disk says.
+    pub(super) fn unwritten(&self, path: &Path, error: &dyn Display) -> CommandError {
+        self.check().err().unwrap_or_else(|| unwritable(path, error))
     }
 
     /// The error to end with, once stopped.

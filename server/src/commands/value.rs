@@ -73,9 +73,7 @@ pub async fn run(args: ValueArgs) -> Result<(), CommandError> {
     })
     .map_err(|fault| match fault {
         Fault::Line(error) => CommandError::Input(format!("{name}: {error}")),
-        Fault::Disk(error) => {
-            interrupt.check().err().unwrap_or_else(|| unwritable(&args.out, &error))
-        }
+        Fault::Disk(error) => interrupt.unwritten(&args.out, &error),
         Fault::State(invalid) => CommandError::failure(invalid),
     })?;
     print_json(&serde_json::json!({ "states": rows, "outside": outside, "file": args.out }))

@@ -10,17 +10,23 @@ use tokio_util::sync::CancellationToken;
 pub struct Draft {
     folder: PathBuf,
     draft: TempDir,
+    /// Folders that were made for it, the innermost first; those that stay empty go with it.
+    made: Vec<PathBuf>,
 }
 
 impl Draft {
-    /// Begins; the folder is made where there is none.
+    /// Begins; the folder is made where there is none, and removed again unless something is put
+    /// into it.
     ///
     /// # Errors
     /// What the disk says.
     pub fn begin(folder: &Path) -> io::Result<Self> {
+        let missing =
+            folder.ancestors().take_while(|path| !path.exists() && *path != Path::new(""));
+        let made = missing.map(Path::to_owned).collect();
         fs::create_dir_all(folder)?;
         let draft = tempfile::Builder::new().prefix(".sidestep-").tempdir_in(folder)?;
-        Ok(Self { folder: folder.to_owned(), draft })
+        Ok(Self { folder: folder.to_owned(), draft, made })
     }
 
     /// Where new content goes until then.
@@ -69,6 +75,14 @@ impl Draft {
             fs::rename(entry.path(), &place)?;
         }
         Ok(())
+    }
+}
+
+impl Drop for Draft {
+    fn drop(&mut self) {
+        // What is left of the draft; what cannot be removed stays.
+        let _ = fs::remove_dir_all(self.path());
+        self.made.iter().all(|folder| fs::remove_dir(folder).is_ok());
     }
 }
 
@@ -131,6 +145,18 @@ mod tests {
         let refused = draft("report.html").unwrap_err().to_string();
         assert_eq!(refused, "there is a folder report.html where a file is to be");
         assert_eq!(names(root.path()), ["report.html", "table.csv"]);
+    }
+
+    #[test]
+    fn folders_that_stay_empty_are_removed() {
+        let root = TempDir::new().unwrap();
+        let folder = root.path().join("a").join("b");
+        drop(Draft::begin(&folder).unwrap());
+        assert_eq!(names(root.path()), Vec::<String>::new());
+        let draft = Draft::begin(&folder).unwrap();
+        fs::write(root.path().join("a").join("mine"), "").unwrap();
+        drop(draft);
+        assert_eq!(names(&root.path().join("a")), ["mine"]);
     }
 
     #[test]

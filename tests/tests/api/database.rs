@@ -3,13 +3,12 @@
 use reqwest::Method;
 use serde_json::{Value, json};
 use sidestep::api::{
-    AnalysisDetail, AnalysisPage, Enrolled, Progress, TrialDetail, TrialPage, routes,
+    AnalysisDetail, AnalysisPage, Enrolled, Plan, Progress, TrialDetail, TrialPage, routes,
 };
 use sidestep::scene::{Evader, SceneParameters};
 use sidestep_tests::server::SHORT_STUDY;
-use sidestep_tests::{Answer, Driver, Server, behind, driven, driven_with, sidestep};
+use sidestep_tests::{Answer, Driver, Folder, Server, behind, driven, driven_with, run};
 use std::path::{Path, PathBuf};
-use tempfile::TempDir;
 
 fn old(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("data/old-database").join(name)
@@ -19,50 +18,29 @@ fn facts() -> Value {
     serde_json::from_slice(&std::fs::read(old("facts.json")).unwrap()).unwrap()
 }
 
-/// A participant of the old database, with what their browser knows.
-struct Known<'a> {
-    server: &'a Server,
-    facts: Value,
+/// A participant of the old database as their browser knows them, and what else is known.
+fn known(name: &str) -> (Driver, Value) {
+    let facts = facts()["participants"][name].clone();
+    let enrolled = Enrolled {
+        participant_id: facts["participant_id"].as_str().unwrap_or_default().to_owned(),
+        token: facts["token"].as_str().unwrap().to_owned(),
+        plan: Plan { phases: Vec::new() },
+    };
+    (Driver { enrolled }, facts)
 }
 
-impl<'a> Known<'a> {
-    fn new(server: &'a Server, name: &str) -> Self {
-        Self { server, facts: facts()["participants"][name].clone() }
-    }
-
-    async fn ask(&self, method: Method, route: &str, body: Option<&Value>) -> Answer {
-        let request = self.server.request(method, route);
-        let request = request.bearer_auth(self.facts["token"].as_str().unwrap());
-        Answer::of(match body {
-            Some(body) => request.json(body),
-            None => request,
-        })
-        .await
-    }
-
-    async fn me(&self) -> Answer {
-        self.ask(Method::GET, routes::ME, None).await
-    }
-
-    /// Drives the next trial with these vehicles.
-    async fn goes_on(&self, parameters: &SceneParameters) {
-        let before: Progress = self.me().await.into(200);
-        let next = before.next.unwrap();
-        let scene = before.plan.scenes().find(|(_, scene)| scene.trial_id == next).unwrap().1;
-        let trial = serde_json::to_value(driven_with(parameters, &scene.scene())).unwrap();
-        let answer = self.ask(Method::PUT, &routes::my_trial(&next), Some(&trial)).await;
-        assert_eq!(answer.status, 201, "{}", answer.body);
-        let after: Progress = self.me().await.into(200);
-        assert_eq!(after.stored, [before.stored, vec![next.clone()]].concat());
-        let detail: TrialDetail = self.server.admin(&routes::admin_trial(&next)).await.into(200);
-        assert_eq!((detail.replay.exact, detail.parameters), (true, *parameters));
-        assert!(detail.value_function(Evader::Human).is_some());
-    }
-}
-
-async fn enrol(server: &Server, slug: &str, body: Value) -> Answer {
-    let request = server.request(Method::POST, &routes::participants(slug));
-    Answer::of(request.json(&body)).await
+/// Drives the next trial with these vehicles.
+async fn goes_on(server: &Server, driver: &Driver, parameters: &SceneParameters) {
+    let before: Progress = driver.me(server).await.into(200);
+    let next = before.next.unwrap();
+    let scene = before.plan.scenes().find(|(_, scene)| scene.trial_id == next).unwrap().1;
+    let answer = driver.send(server, &next, &driven_with(parameters, &scene.scene())).await;
+    assert_eq!(answer.status, 201, "{}", answer.body);
+    let after: Progress = driver.me(server).await.into(200);
+    assert_eq!(after.stored, [before.stored, vec![next.clone()]].concat());
+    let detail: TrialDetail = server.admin(&routes::admin_trial(&next)).await.into(200);
+    assert_eq!((detail.replay.exact, detail.parameters), (true, *parameters));
+    assert!(detail.value_function(Evader::Human).is_some());
 }
 
 #[tokio::test]
@@ -70,40 +48,42 @@ async fn a_database_of_the_version_before_goes_on() {
     let server = Server::with_database(SHORT_STUDY, &old("sidestep.db")).await;
     let exported = server.export("first").await;
     let old_facts = facts();
-    let incomplete = Known::new(&server, "incomplete");
+    let (incomplete, known_of_them) = known("incomplete");
 
     // The same upload again is still the same, and another one is another one.
-    let me: Progress = incomplete.me().await.into(200);
-    assert_eq!(json!(me.stored), incomplete.facts["stored"]);
-    let mut upload = incomplete.facts["upload"].clone();
+    let me: Progress = incomplete.me(&server).await.into(200);
+    assert_eq!(json!(me.stored), known_of_them["stored"]);
     let route = routes::my_trial(&me.stored[1]);
-    assert_eq!(incomplete.ask(Method::PUT, &route, Some(&upload)).await.status, 200);
+    let send =
+        |upload: &Value| Answer::of(incomplete.request(&server, Method::PUT, &route).json(upload));
+    let mut upload = known_of_them["upload"].clone();
+    assert_eq!(send(&upload).await.status, 200);
     upload["display"]["refresh_hz"] = json!(75.0);
-    let other = incomplete.ask(Method::PUT, &route, Some(&upload)).await;
-    other.problem(409, "different_content", None);
+    send(&upload).await.problem(409, "different_content", None);
     assert_eq!(server.export("first").await, exported);
 
     // Participants go on and return; new ones enrol.
-    incomplete.goes_on(&SceneParameters::default()).await;
+    goes_on(&server, &incomplete, &SceneParameters::default()).await;
     let mut faster = SceneParameters::default();
     for vehicle in [&mut faster.human, &mut faster.robot] {
         (vehicle.speed_mps, vehicle.turn_rate_radps) = (2.5, 0.6);
     }
     faster.danger_radius_m = 2.5;
-    Known::new(&server, "second").goes_on(&faster).await;
-    let again = enrol(&server, "first", json!({ "consent": true, "external_id": "P-17" })).await;
-    let again: Enrolled = again.into(200);
-    assert_eq!(json!(again.participant_id), incomplete.facts["participant_id"]);
+    goes_on(&server, &known("second").0, &faster).await;
+    let again = json!({ "consent": true, "external_id": "P-17" });
+    let again: Enrolled = Driver::ask_in(&server, "first", again).await.into(200);
+    assert_eq!(json!(again.participant_id), known_of_them["participant_id"]);
     assert_eq!(again.plan, me.plan);
     for (slug, scenes) in [("first", 6), ("second", 2), ("default", 5)] {
-        let enrolled: Enrolled = enrol(&server, slug, json!({ "consent": true })).await.into(201);
+        let enrolled: Enrolled =
+            Driver::ask_in(&server, slug, json!({ "consent": true })).await.into(201);
         assert_eq!(enrolled.plan.scenes().count(), scenes, "{slug}");
     }
-    let complete = Known::new(&server, "complete");
-    let code = complete.ask(Method::POST, routes::COMPLETE, None).await;
-    assert_eq!(code.body["completion_code"], complete.facts["completion_code"]);
+    let (complete, expected) = known("complete");
+    let code = complete.complete(&server).await;
+    assert_eq!(code.body["completion_code"], expected["completion_code"]);
     for gone in ["withdrawn", "deleted"] {
-        Known::new(&server, gone).me().await.problem(410, "withdrawn", None);
+        known(gone).0.me(&server).await.problem(410, "withdrawn", None);
     }
 
     // The laboratory finds what was there.
@@ -122,8 +102,7 @@ async fn a_database_of_the_version_before_goes_on() {
     assert_eq!(detail.files.len(), 13);
 
     // Every row is what it was, in the database as it is now.
-    let checked = sidestep(&["check", "--database", &server.database()]).await;
-    let report: Value = serde_json::from_slice(&checked.stdout).unwrap();
+    let report = run(&["check", "--database", &server.database()]).await.json();
     assert_eq!(report["wrong"], json!([]));
     assert_eq!((&report["damage"], &report["trials"]), (&json!([]), &json!(21)));
     assert!(server.restarted().await.export("first").await.starts_with("participant,"));
@@ -177,36 +156,33 @@ async fn numbers_are_never_used_twice() {
     assert_eq!(asked.status, 201, "{}", asked.body);
     assert_eq!(highest("analysis"), before + 1);
 
-    let body = json!({ "consent": true });
-    let driver = Driver { enrolled: enrol(&server, "first", body.clone()).await.into(201) };
-    driver.drive(&server, 1).await;
+    let drives = async || {
+        let enrolled = Driver::ask_in(&server, "first", json!({ "consent": true })).await;
+        let driver = Driver { enrolled: enrolled.into(201) };
+        driver.drive(&server, 1).await;
+        driver
+    };
+    let driver = drives().await;
     let before = highest("trial");
     assert_eq!(driver.withdraw(&server, "delete").await.status, 204);
-    let driver = Driver { enrolled: enrol(&server, "first", body).await.into(201) };
-    driver.drive(&server, 1).await;
+    drives().await;
     assert_eq!(highest("trial"), before + 1);
 }
 
 /// What is refused stays as it was to the last byte; the line says why.
 async fn is_refused(change: &str, words: &[&str]) {
-    let folder = TempDir::new().unwrap();
-    let file = folder.path().join("sidestep.db");
+    let folder = Folder::default();
+    let file = folder.path("sidestep.db");
     std::fs::copy(old("sidestep.db"), &file).unwrap();
-    let database = format!("sqlite:{}", file.display());
+    let database = folder.database("sidestep.db");
     behind(&database).execute_batch(change).unwrap();
     let before = std::fs::read(&file).unwrap();
-    let out = folder.path().join("out").display().to_string();
+    let out = folder.name("out");
     for args in [
         &["check", "--database", &database][..],
         &["export", "--database", &database, "--study", "first", "--out", &out],
     ] {
-        let output = sidestep(args).await;
-        let said = String::from_utf8(output.stderr).unwrap();
-        assert_eq!(output.status.code(), Some(1), "{said}");
-        assert_eq!(said.trim_end().lines().count(), 1, "{said}");
-        for word in [&["sidestep.db"], words].concat() {
-            assert!(said.contains(word), "{word} in {said}");
-        }
+        run(args).await.refused(1, &[&["sidestep.db"], words].concat());
         assert!(std::fs::read(&file).unwrap() == before, "{args:?} wrote to the file");
     }
 }
@@ -228,7 +204,7 @@ async fn what_cannot_be_used_stays_as_it_was() {
 async fn an_enrolment_repeated_after_a_lost_answer_is_one_participant() {
     let server = Server::with_study(SHORT_STUDY).await;
     let body = json!({ "consent": true, "request_id": "3f0e2d6c-7a44-4c3e-9b1e-000000000001" });
-    let asked = (0..8).map(|_| enrol(&server, "default", body.clone()));
+    let asked = (0..8).map(|_| Driver::ask(&server, body.clone()));
     let answers = futures_util::future::join_all(asked).await;
     assert_eq!(answers.iter().filter(|a| a.status == 201).count(), 1);
     let enrolled: Vec<Enrolled> =
@@ -242,9 +218,9 @@ async fn an_enrolment_repeated_after_a_lost_answer_is_one_participant() {
     let (trial_id, scene) = driver.scenes()[0].clone();
     assert_eq!(driver.send(&server, &trial_id, &driven(&scene)).await.status, 201);
     let other = json!({ "consent": true, "request_id": "3f0e2d6c-7a44-4c3e-9b1e-000000000002" });
-    assert_eq!(enrol(&server, "default", other).await.status, 201);
+    assert_eq!(Driver::ask(&server, other).await.status, 201);
     let short = json!({ "consent": true, "request_id": "1" });
-    enrol(&server, "default", short).await.problem(422, "invalid", Some("request_id"));
+    Driver::ask(&server, short).await.problem(422, "invalid", Some("request_id"));
     let query = "SELECT count(*) FROM participant";
     let people: i64 = behind(&server.database()).query_row(query, [], |row| row.get(0)).unwrap();
     assert_eq!(people, 2);

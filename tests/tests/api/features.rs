@@ -1,33 +1,14 @@
 //! features: what predictors look at, in a file.
 
-use serde_json::{Value, json};
-use sidestep_tests::sidestep;
-use std::collections::HashMap;
+use serde_json::json;
+use sidestep_tests::folder::{Row, data, number, rows};
+use sidestep_tests::process::Said;
+use sidestep_tests::{Folder, run};
 use std::fs;
-use std::path::Path;
-use tempfile::TempDir;
 
-fn data(name: &str) -> String {
-    format!("{}/../shared/tests/data/{name}", env!("CARGO_MANIFEST_DIR"))
-}
-
-/// Runs the command and gives its exit code, stdout and stderr.
-async fn features(trials: &str, flags: &[&str], out: &Path) -> (Option<i32>, String, String) {
-    let args = ["features", "--trials", trials, "--out", out.to_str().unwrap()];
-    let output = sidestep(&[&args[..], flags].concat()).await;
-    let text = |octets| String::from_utf8(octets).unwrap();
-    (output.status.code(), text(output.stdout), text(output.stderr))
-}
-
-type Row = HashMap<String, String>;
-
-fn table(path: impl AsRef<Path>) -> Vec<Row> {
-    let mut reader = csv::Reader::from_path(path).unwrap();
-    reader.deserialize().map(Result::unwrap).collect()
-}
-
-fn number(row: &Row, column: &str) -> f64 {
-    row[column].parse().unwrap()
+async fn features(trials: &str, flags: &[&str], out: &str) -> Said {
+    let args = ["features", "--trials", trials, "--out", out];
+    run(&[&args[..], flags].concat()).await
 }
 
 /// So much a number may be off that is printed so: half of its last digit.
@@ -42,18 +23,16 @@ const COLUMNS: &str =
 
 #[tokio::test]
 async fn every_row_is_the_references() {
-    let folder = TempDir::new().unwrap();
-    let out = folder.path().join("features.csv");
-    let (code, said, complaints) = features(&data("trials.csv"), &[], &out).await;
-    assert_eq!((code, complaints.as_str()), (Some(0), ""));
-    let said: Value = serde_json::from_str(&said).unwrap();
+    let folder = Folder::default();
+    let out = folder.name("features.csv");
+    let said = features(&data("trials.csv"), &[], &out).await.only_json();
     let expected = json!({"participants": 8, "trials": 400, "steps": 20_000, "file": out});
     assert_eq!(said, expected);
-    let header = fs::read_to_string(&out).unwrap().lines().next().unwrap().to_owned();
+    let header = folder.text("features.csv").lines().next().unwrap().to_owned();
     let further = header.strip_prefix(COLUMNS).unwrap();
     assert!(further.starts_with(",robot_ahead,robot_left,"), "{further}");
 
-    let (ours, theirs) = (table(&out), table(data("features.csv")));
+    let (ours, theirs) = (rows(&out), rows(data("features.csv")));
     assert_eq!(ours.len(), theirs.len());
     let mut off: [Vec<f64>; 2] = Default::default();
     for (own, reference) in ours.iter().zip(&theirs) {
@@ -97,10 +76,8 @@ fn some_rows() -> Vec<String> {
     header.chain(text.lines().skip(1).filter(wanted)).map(str::to_owned).collect()
 }
 
-fn written(folder: &TempDir, rows: &[String]) -> String {
-    let path = folder.path().join("trials.csv");
-    fs::write(&path, rows.join("\n") + "\n").unwrap();
-    path.to_str().unwrap().to_owned()
+fn written(folder: &Folder, rows: &[String]) -> String {
+    folder.file("trials.csv", rows.join("\n") + "\n")
 }
 
 /// The pursuer's pose in the evader's frame.
@@ -114,28 +91,26 @@ fn relative(of: [f64; 3], other: [f64; 3]) -> [f64; 3] {
 /// What `sidestep value` says of the same poses.
 #[tokio::test]
 async fn safety_levels_are_those_of_the_game() {
-    let folder = TempDir::new().unwrap();
+    let folder = Folder::default();
     let trials = written(&folder, &some_rows());
-    let poses = table(&trials);
-    let [states, values, out] =
-        ["states.csv", "values.csv", "features.csv"].map(|name| folder.path().join(name));
+    let poses = rows(&trials);
+    let [values, out] = ["values.csv", "features.csv"].map(|name| folder.name(name));
     let mut found = Vec::new();
     for flags in [&[][..], &["--radius", "2"]] {
-        let (code, _, said) = features(&trials, flags, &out).await;
-        assert_eq!((code, said.as_str()), (Some(0), ""));
-        let rows = table(&out);
-        found.push(rows.iter().map(|row| number(row, "v_h")).collect::<Vec<_>>());
+        features(&trials, flags, &out).await.only_json();
+        let found_rows = rows(&out);
+        found.push(found_rows.iter().map(|row| number(row, "v_h")).collect::<Vec<_>>());
         for (level, own, other) in [("v_h", "h", "r"), ("v_r", "r", "h")] {
             let pose = |row: &Row, of: &str| {
                 ["x", "y", "psi"].map(|coordinate| number(row, &format!("{of}{coordinate}")))
             };
             let all = poses.iter().map(|row| relative(pose(row, own), pose(row, other)));
             let lines: Vec<String> = all.map(|[x, y, psi]| format!("{x},{y},{psi}")).collect();
-            fs::write(&states, format!("x,y,psi\n{}\n", lines.join("\n"))).unwrap();
-            let files = ["--states", states.to_str().unwrap(), "--out", values.to_str().unwrap()];
-            let output = sidestep(&[&["value"], flags, &files].concat()).await;
-            assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-            for (row, exact) in rows.iter().zip(table(&values)) {
+            let lines = format!("x,y,psi\n{}\n", lines.join("\n"));
+            let states = folder.file("states.csv", lines);
+            let files = ["--states", &states, "--out", &values];
+            run(&[&["value"], flags, &files].concat()).await.json();
+            for (row, exact) in found_rows.iter().zip(rows(&values)) {
                 let apart = (number(row, level) - number(&exact, "value")).abs();
                 assert!(apart < 1e-9, "{level}: {} for {}", row[level], exact["value"]);
             }
@@ -146,9 +121,8 @@ async fn safety_levels_are_those_of_the_game() {
 
 #[tokio::test]
 async fn bad_input_is_named_and_writes_nothing() {
-    let folder = TempDir::new().unwrap();
-    let out = folder.path().join("features.csv");
-    fs::write(&out, "former").unwrap();
+    let folder = Folder::default();
+    let out = folder.file("features.csv", "former");
     let rows = some_rows();
     let with = |line: usize, column: usize, text: &str| {
         let mut rows = rows.clone();
@@ -171,11 +145,8 @@ async fn bad_input_is_named_and_writes_nothing() {
     ];
     for (rows, words) in cases {
         let trials = written(&folder, &rows);
-        let (code, printed, said) = features(&trials, &[], &out).await;
-        assert_eq!((code, printed.as_str()), (Some(2), ""), "{said}");
-        assert!(said.contains(words) && said.contains("trials.csv"), "{words}: {said}");
-        assert_eq!(said.trim_end().lines().count(), 1, "{said}");
-        assert_eq!(fs::read_to_string(&out).unwrap(), "former");
+        features(&trials, &[], &out).await.refused(2, &[words, "trials.csv"]);
+        assert_eq!(folder.text("features.csv"), "former");
     }
     let trials = written(&folder, &rows);
     for (flags, words) in [
@@ -184,22 +155,13 @@ async fn bad_input_is_named_and_writes_nothing() {
         // The inputs of the file are not this vehicle's.
         (["--evader-turn-rate", "0.4"], "omega: expected -0.4, 0 or 0.4"),
     ] {
-        let (code, printed, said) = features(&trials, &flags, &out).await;
-        assert_eq!((code, printed.as_str()), (Some(2), ""), "{said}");
-        assert!(said.contains(words), "{words}: {said}");
+        features(&trials, &flags, &out).await.refused(2, &[words]);
     }
-    let (code, _, said) = features("nowhere.csv", &[], &out).await;
-    assert_eq!(code, Some(2));
-    assert!(said.contains("nowhere.csv: cannot read"), "{said}");
+    features("nowhere.csv", &[], &out).await.refused(2, &["nowhere.csv: cannot read"]);
 
     // Where nothing can be written: a folder, and below a file.
-    for place in [folder.path().to_owned(), out.join("features.csv")] {
-        let (code, printed, said) = features(&trials, &[], &place).await;
-        assert_eq!((code, printed.as_str()), (Some(1), ""), "{said}");
-        assert!(said.contains("cannot write"), "{said}");
+    for place in [folder.root().display().to_string(), folder.name("features.csv/features.csv")] {
+        features(&trials, &[], &place).await.refused(1, &["cannot write"]);
     }
-    let mut names: Vec<_> =
-        fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
-    names.sort();
-    assert_eq!(names, ["features.csv", "trials.csv"], "no temporary file is left");
+    assert_eq!(folder.names(), ["features.csv", "trials.csv"], "no temporary file is left");
 }

@@ -1,37 +1,25 @@
 //! Export, import and check.
 
+use serde_json::{Value, json};
 use sidestep::scene::JointState;
 use sidestep::vehicle::Pose;
+use sidestep_tests::process::Said;
 use sidestep_tests::server::SHORT_STUDY;
-use sidestep_tests::{Driver, Process, Server, behind, driven, sidestep};
-use std::path::Path;
-use std::process::Output;
-use tempfile::TempDir;
+use sidestep_tests::{Driver, Folder, Process, Server, behind, driven, run};
 
-fn text(output: &[u8]) -> String {
-    String::from_utf8(output.to_vec()).unwrap()
+async fn import(database: &str, study: &str, file: &str) -> Said {
+    run(&["import", "--database", database, "--study", study, "--trials", file]).await
 }
 
-fn json(output: &Output) -> serde_json::Value {
-    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
-    serde_json::from_slice(&output.stdout).unwrap()
+/// The file that the command exports into `folder`.
+async fn export(database: &str, study: &str, folder: &Folder) -> String {
+    let dir = folder.name("out");
+    let args = ["export", "--database", database, "--study", study, "--format", "csv"];
+    run(&[&args[..], &["--out", &dir]].concat()).await.json();
+    folder.text("out/trials.csv")
 }
 
-async fn import(database: &str, study: &str, file: &Path) -> Output {
-    let file = file.to_str().unwrap();
-    let args = ["import", "--database", database, "--study", study, "--trials", file];
-    sidestep(&args).await
-}
-
-async fn export(database: &str, study: &str, out: &Path) -> String {
-    let dir = out.to_str().unwrap();
-    let args =
-        ["export", "--database", database, "--study", study, "--format", "csv", "--out", dir];
-    json(&sidestep(&args).await);
-    std::fs::read_to_string(out.join("trials.csv")).unwrap()
-}
-
-/// The columns of that names, row by row.
+/// The columns of these names, row by row.
 fn columns(file: &str, names: &[&str]) -> Vec<Vec<String>> {
     let mut reader = csv::Reader::from_reader(file.as_bytes());
     let header = reader.headers().unwrap().clone();
@@ -84,8 +72,7 @@ async fn an_export_is_what_was_uploaded_bit_for_bit() {
         assert_eq!(extra[5].parse::<f64>().unwrap(), upload.started_at_ms);
     }
     // The command writes the same file as the route.
-    let out = TempDir::new().unwrap();
-    assert_eq!(export(&server.database(), "default", out.path()).await, file);
+    assert_eq!(export(&server.database(), "default", &Folder::default()).await, file);
 }
 
 #[tokio::test]
@@ -99,17 +86,14 @@ async fn an_export_imported_elsewhere_is_the_same_again() {
     let (last, _) = driver.scenes()[4].clone();
     assert_eq!(driver.send(&server, &last, &late).await.status, 201);
     let file = server.export("default").await;
-    let folder = TempDir::new().unwrap();
-    let path = folder.path().join("trials.csv");
-    std::fs::write(&path, &file).unwrap();
-    let database = format!("sqlite:{}", folder.path().join("copy.db").display());
+    let folder = Folder::default();
+    let path = folder.file("trials.csv", &file);
+    let database = folder.database("copy.db");
 
-    let done = json(&import(&database, "copy", &path).await);
-    assert_eq!(
-        done,
-        serde_json::json!({"participants": 1, "trials": 5, "flagged": 1, "skipped": 0})
-    );
-    let again = export(&database, "copy", &folder.path().join("out")).await;
+    let done = import(&database, "copy", &path).await.json();
+    let expected = json!({ "participants": 1, "trials": 5, "flagged": 1, "skipped": 0 });
+    assert_eq!(done, expected);
+    let again = export(&database, "copy", &folder).await;
     let same =
         [&REQUIRED[..], &["phase", "phase_index", "trial_id", "started_at_ms", "sampled_at_ms"]]
             .concat();
@@ -117,18 +101,17 @@ async fn an_export_imported_elsewhere_is_the_same_again() {
     let flags = columns(&again, &["flags"]);
     assert_eq!(flags[0], ["imported"]);
     assert_eq!(flags[249], ["replay_mismatch;late_sample;imported"]);
-    let report = json(&sidestep(&["check", "--database", &database]).await);
-    assert_eq!(report["wrong"], serde_json::json!([]));
+    let report = run(&["check", "--database", &database]).await.json();
+    assert_eq!(report["wrong"], json!([]));
 
     // Twice is once.
     let twice = import(&database, "copy", &path).await;
-    assert!(text(&twice.stderr).contains("skipped"), "{}", text(&twice.stderr));
-    assert_eq!(json(&twice)["skipped"], 1);
-    assert_eq!(export(&database, "copy", &folder.path().join("out")).await, again);
+    assert!(twice.err.contains("skipped"), "{}", twice.err);
+    assert_eq!(twice.json()["skipped"], 1);
+    assert_eq!(export(&database, "copy", &folder).await, again);
     // And where the trials came from, they are known by their ids.
     let home = import(&server.database(), "default", &path).await;
-    assert_eq!(home.status.code(), Some(2));
-    assert!(text(&home.stderr).contains("line 2: trial_id"), "{}", text(&home.stderr));
+    home.refused(2, &["line 2: trial_id"]);
     assert_eq!(server.export("default").await, file);
 }
 
@@ -136,35 +119,22 @@ async fn an_export_imported_elsewhere_is_the_same_again() {
 fn straight() -> Vec<Vec<String>> {
     let row = |step: usize| {
         let t = step as f64 * 0.2;
-        let texts = [
-            "a".to_owned(),
-            "0".to_owned(),
-            step.to_string(),
-            t.to_string(),
-            (2.0 * t).to_string(),
-            "0".to_owned(),
-            "0".to_owned(),
-            (20.0 - 2.0 * t).to_string(),
-            "1".to_owned(),
-            "3.14".to_owned(),
-            "0".to_owned(),
-        ];
-        texts.to_vec()
+        let (human, robot) = (2.0 * t, 20.0 - 2.0 * t);
+        let row = format!("a,0,{step},{t},{human},0,0,{robot},1,3.14,0");
+        row.split(',').map(str::to_owned).collect()
     };
     (0..50).map(row).collect()
 }
 
-fn written(folder: &TempDir, header: &str, rows: &[Vec<String>]) -> std::path::PathBuf {
+fn written(folder: &Folder, header: &str, rows: &[Vec<String>]) -> String {
     let lines: Vec<String> = rows.iter().map(|row| row.join(",")).collect();
-    let path = folder.path().join("given.csv");
-    std::fs::write(&path, format!("{header}\n{}\n", lines.join("\n"))).unwrap();
-    path
+    folder.file("given.csv", format!("{header}\n{}\n", lines.join("\n")))
 }
 
 #[tokio::test]
 async fn files_that_are_none_name_their_line() {
-    let folder = TempDir::new().unwrap();
-    let database = format!("sqlite:{}", folder.path().join("sidestep.db").display());
+    let folder = Folder::default();
+    let database = folder.database("sidestep.db");
     let header = REQUIRED.join(",");
     type Change = fn(&mut Vec<Vec<String>>);
     let table: [(Change, &str); 10] = [
@@ -185,11 +155,8 @@ async fn files_that_are_none_name_their_line() {
     for (change, complaint) in table {
         let mut rows = straight();
         change(&mut rows);
-        let output = import(&database, "default", &written(&folder, &header, &rows)).await;
-        let said = text(&output.stderr);
-        assert_eq!(output.status.code(), Some(2), "{said}");
-        assert!(said.contains(complaint) && said.contains("given.csv"), "{said}");
-        assert_eq!(said.trim_end().lines().count(), 1, "{said}");
+        let said = import(&database, "default", &written(&folder, &header, &rows)).await;
+        said.refused(2, &["given.csv", complaint]);
     }
     // The last trial is bad: the first one is not kept either.
     let mut rows = straight();
@@ -197,20 +164,20 @@ async fn files_that_are_none_name_their_line() {
     second.iter_mut().for_each(|row| row[1] = "1".to_owned());
     second[49][10] = "7".to_owned();
     rows.extend(second);
-    let output = import(&database, "default", &written(&folder, &header, &rows)).await;
-    assert!(text(&output.stderr).contains("line 101: omega"));
-    let output = import(&database, "default", &written(&folder, "participant,trial", &[])).await;
-    assert!(text(&output.stderr).contains("no column step"), "{}", text(&output.stderr));
+    let said = import(&database, "default", &written(&folder, &header, &rows)).await;
+    said.refused(2, &["line 101: omega"]);
+    let said = import(&database, "default", &written(&folder, "participant,trial", &[])).await;
+    said.refused(2, &["no column step"]);
     let good = import(&database, "default", &written(&folder, &header, &straight())).await;
-    assert_eq!(json(&good)["trials"], 1);
-    let all = export(&database, "default", &folder.path().join("out")).await;
+    assert_eq!(good.json()["trials"], 1);
+    let all = export(&database, "default", &folder).await;
     assert_eq!(all.lines().count(), 51);
 }
 
 #[tokio::test]
 async fn columns_in_any_order_and_phases() {
-    let folder = TempDir::new().unwrap();
-    let database = format!("sqlite:{}", folder.path().join("sidestep.db").display());
+    let folder = Folder::default();
+    let database = folder.database("sidestep.db");
     let mut rows = straight();
     for row in &mut rows {
         row.insert(0, "practice".to_owned());
@@ -218,29 +185,28 @@ async fn columns_in_any_order_and_phases() {
     }
     let header = "phase,omega,trial,step,t,hx,hy,hpsi,rx,ry,rpsi,participant";
     let done = import(&database, "pilot", &written(&folder, header, &rows)).await;
-    assert_eq!(json(&done)["participants"], 1);
-    let file = export(&database, "pilot", &folder.path().join("out")).await;
+    assert_eq!(done.json()["participants"], 1);
+    let file = export(&database, "pilot", &folder).await;
     let rows = columns(&file, &["study", "phase", "participant", "hx", "attempt"]);
     assert_eq!(rows[49], ["pilot", "practice", "1", "19.6", "1"]);
 }
 
 #[tokio::test]
 async fn a_check_finds_what_was_tampered_with() {
-    let folder = TempDir::new().unwrap();
-    let server = Process::start(&folder, &[]).await;
-    let database = format!("sqlite:{}", folder.path().join("sidestep.db").display());
-    let rows = straight();
-    let header = REQUIRED.join(",");
-    json(&import(&database, "default", &written(&folder, &header, &rows)).await);
+    let folder = Folder::default();
+    let server = Process::start(&folder).await;
+    let database = folder.database("sidestep.db");
+    let file = written(&folder, &REQUIRED.join(","), &straight());
+    import(&database, "default", &file).await.json();
     server.kill().await;
-    let sound = json(&sidestep(&["check", "--database", &database]).await);
+    let sound = run(&["check", "--database", &database]).await.json();
     assert_eq!((&sound["trials"], &sound["flagged"]), (&1.into(), &1.into()));
 
     let inputs = [vec![0; 49], vec![1]].concat();
     behind(&database).execute("UPDATE trial SET inputs = ?1", [inputs]).unwrap();
-    let output = sidestep(&["check", "--database", &database]).await;
-    assert_eq!(output.status.code(), Some(1));
-    let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let checked = run(&["check", "--database", &database]).await;
+    assert_eq!(checked.code, Some(1));
+    let report: Value = serde_json::from_str(&checked.out).unwrap();
     assert_eq!(report["wrong"].as_array().unwrap().len(), 1);
-    assert!(text(&output.stderr).contains("1 faults"));
+    assert!(checked.err.contains("1 faults"));
 }

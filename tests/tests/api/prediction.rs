@@ -1,35 +1,24 @@
 //! bounds and reach: what they answer, what they refuse.
 
 use serde_json::{Value, json};
-use sidestep_tests::process::binary;
-use sidestep_tests::sidestep;
+use sidestep_tests::process::{Said, binary};
+use sidestep_tests::{Folder, run};
 use std::process::Stdio;
-use tempfile::TempDir;
 use tokio::io::AsyncWriteExt;
 
-/// Runs a command on a document and gives its exit code, stdout and stderr.
-async fn answers(command: &str, document: &str) -> (Option<i32>, String, String) {
-    let folder = TempDir::new().unwrap();
-    let file = folder.path().join("given.json");
-    std::fs::write(&file, document).unwrap();
-    let output = sidestep(&[command, "--input", file.to_str().unwrap()]).await;
-    let text = |octets| String::from_utf8(octets).unwrap();
-    (output.status.code(), text(output.stdout), text(output.stderr))
+/// What a command says of a document.
+async fn said_of(command: &str, document: &str) -> Said {
+    let folder = Folder::default();
+    run(&[command, "--input", &folder.file("given.json", document)]).await
 }
 
 async fn answer(command: &str, document: &Value) -> Value {
-    let (code, out, said) = answers(command, &document.to_string()).await;
-    assert_eq!((code, said.as_str()), (Some(0), ""));
-    assert_eq!(out.trim_end().lines().count(), 1);
-    serde_json::from_str(&out).unwrap()
+    said_of(command, &document.to_string()).await.only_json()
 }
 
 /// The document is refused with one line that names the file and has these words.
 async fn refused(command: &str, document: &str, words: &str) {
-    let (code, out, said) = answers(command, document).await;
-    assert_eq!((code, out.as_str()), (Some(2), ""), "{document}: {said}");
-    assert!(said.contains("given.json: ") && said.contains(words), "{document}: {said}");
-    assert_eq!(said.trim_end().lines().count(), 1, "{said}");
+    said_of(command, document).await.refused(2, &["given.json: ", words]);
 }
 
 fn numbers(value: &Value) -> Vec<f64> {
@@ -121,10 +110,9 @@ fn reach() -> Value {
 
 #[tokio::test]
 async fn reach_reads_stdin_and_writes_files() {
-    let folder = TempDir::new().unwrap();
-    let out = folder.path().join("sets.json");
+    let folder = Folder::default();
     let mut child = tokio::process::Command::new(binary())
-        .args(["reach", "--input", "-", "--out", out.to_str().unwrap()])
+        .args(["reach", "--input", "-", "--out", &folder.name("sets.json")])
         .stdin(Stdio::piped())
         .stdout(Stdio::piped())
         .spawn()
@@ -132,12 +120,10 @@ async fn reach_reads_stdin_and_writes_files() {
     let mut stdin = child.stdin.take().unwrap();
     stdin.write_all(reach().to_string().as_bytes()).await.unwrap();
     drop(stdin);
-    let output = child.wait_with_output().await.unwrap();
-    assert_eq!(output.status.code(), Some(0));
-    let line: Value = serde_json::from_slice(&output.stdout).unwrap();
-    let written = std::fs::read(&out).unwrap();
+    let line = Said::from(child.wait_with_output().await.unwrap()).json();
+    let written = folder.text("sets.json");
     assert_eq!(line["octets"].as_u64(), Some(written.len() as u64));
-    let written: Value = serde_json::from_slice(&written).unwrap();
+    let written: Value = serde_json::from_str(&written).unwrap();
     assert_eq!(written, answer("reach", &reach()).await);
     assert_eq!(written["sets"][0]["queries"][0], json!({ "planar": true, "full": true }));
 }
@@ -198,47 +184,58 @@ async fn an_uncertain_start_reaches_more() {
 
 #[tokio::test]
 async fn reach_names_what_is_wrong() {
-    let refuses = async |pointer: &str, value: Value, words: &str| {
+    let long = json!({ "lo": vec![0.0; 301], "hi": vec![0.1; 301] });
+    for (pointer, value, words) in [
+        ("/sets/0/hi/1", json!(0.6), "sets[0].hi[1]: expected a turn rate from"),
+        ("/sets/0/hi/1", json!("x"), "sets[0].hi[1]: expected a number, found \"x\""),
+        (
+            "/sets/0",
+            json!({ "lo": [0, 0.2], "hi": [0, 0.1] }),
+            "sets[0].lo[1]: expected at most hi[1] = 0.1",
+        ),
+        ("/sets/0/lo", json!([]), "sets[0].lo: expected at least one step"),
+        ("/sets/0/lo", json!([0]), "sets[0].hi: expected 1 entries, found 2"),
+        ("/sets", json!([]), "sets: expected at least one set"),
+        ("/turn_rate", json!([0.5, -0.5]), "turn_rate: expected"),
+        ("/turn_rate", json!([-90, 90]), "turn_rate: expected at most half a turn"),
+        ("/speed", json!(0), "speed: expected a finite number > 0, found 0"),
+        // What no picture could show, and no double hold.
+        ("/speed", json!(1e30), "speed: expected a speed that makes steps of 100 m"),
+        ("/initial", json!([1e14, 0, 0]), "initial: expected a number from -1000000"),
+        ("/initial", json!([0, 0, 1e25]), "initial: expected a number from -10000"),
+        ("/sets/0", long, "sets[0].lo: expected at most 300 steps, found 301"),
+        ("/dt", json!(-1), "dt: expected"),
+        ("/initial", json!([0, 0]), "initial"),
+        (
+            "/sets/0/queries/0/step",
+            json!(3),
+            "sets[0].queries[0].step: expected a step from 0 to 2",
+        ),
+        ("/sets/0/queries/0/step", json!(-1), "sets[0].queries[0].step: expected"),
+    ] {
         let mut document = reach();
         *document.pointer_mut(pointer).unwrap() = value;
         refused("reach", &document.to_string(), words).await;
-    };
-    refuses("/sets/0/hi/1", json!(0.6), "sets[0].hi[1]: expected a turn rate from").await;
-    refuses("/sets/0/hi/1", json!("x"), "sets[0].hi[1]: expected a number, found \"x\"").await;
-    let swapped = json!({ "lo": [0, 0.2], "hi": [0, 0.1] });
-    refuses("/sets/0", swapped, "sets[0].lo[1]: expected at most hi[1] = 0.1").await;
-    refuses("/sets/0/lo", json!([]), "sets[0].lo: expected at least one step").await;
-    refuses("/sets/0/lo", json!([0]), "sets[0].hi: expected 1 entries, found 2").await;
-    refuses("/sets", json!([]), "sets: expected at least one set").await;
-    refuses("/turn_rate", json!([0.5, -0.5]), "turn_rate: expected").await;
-    refuses("/turn_rate", json!([-90, 90]), "turn_rate: expected at most half a turn").await;
-    refuses("/speed", json!(0), "speed: expected a finite number > 0, found 0").await;
-    // What no picture could show, and no double hold.
-    refuses("/speed", json!(1e30), "speed: expected a speed that makes steps of 100 m").await;
-    refuses("/initial", json!([1e14, 0, 0]), "initial: expected a number from -1000000").await;
-    refuses("/initial", json!([0, 0, 1e25]), "initial: expected a number from -10000").await;
-    let long = json!({ "lo": vec![0.0; 301], "hi": vec![0.1; 301] });
-    refuses("/sets/0", long, "sets[0].lo: expected at most 300 steps, found 301").await;
-    refuses("/dt", json!(-1), "dt: expected").await;
-    refuses("/initial", json!([0, 0]), "initial").await;
-    let query = "/sets/0/queries/0/step";
-    refuses(query, json!(3), "sets[0].queries[0].step: expected a step from 0 to 2").await;
-    refuses(query, json!(-1), "sets[0].queries[0].step: expected").await;
-    let with = |name: &str, value: Value| {
+    }
+    for (name, value, words) in [
+        ("tolerance", json!({ "position": -1, "heading": 0 }), "tolerance.position: expected"),
+        ("accuracy", json!(0), "accuracy: expected"),
+        ("acuracy", json!(1), "acuracy"),
+    ] {
         let mut document = reach();
         document[name] = value;
-        document.to_string()
-    };
-    let tolerance = json!({ "position": -1, "heading": 0 });
-    refused("reach", &with("tolerance", tolerance), "tolerance.position: expected").await;
-    refused("reach", &with("accuracy", json!(0)), "accuracy: expected").await;
-    refused("reach", &with("acuracy", json!(1)), "acuracy").await;
-    refused("reach", "{\"speed\": NaN}", "not JSON").await;
-    refused("reach", "{}", "speed: expected a value, found nothing").await;
-    refused("reach", &"[".repeat(100_000), "not JSON").await;
-    refused("reach", "[2, 0.2]", "expected an object").await;
-    let output = sidestep(&["reach", "--input", "/nowhere/reach.json"]).await;
-    assert_eq!(output.status.code(), Some(2));
+        refused("reach", &document.to_string(), words).await;
+    }
+    for (text, words) in [
+        ("{\"speed\": NaN}", "not JSON"),
+        ("{}", "speed: expected a value, found nothing"),
+        (&"[".repeat(100_000)[..], "not JSON"),
+        ("[2, 0.2]", "expected an object"),
+    ] {
+        refused("reach", text, words).await;
+    }
+    let nowhere = "/nowhere/reach.json";
+    run(&["reach", "--input", nowhere]).await.refused(2, &[nowhere]);
 }
 
 fn bounds() -> Value {
@@ -292,66 +289,54 @@ async fn bounds_with_other_actions_an_adaptive_set_and_unequal_vehicles() {
 
 #[tokio::test]
 async fn bounds_names_what_is_wrong() {
-    let refuses = async |name: &str, value: Value, words: &str| {
-        let mut document = bounds();
-        document[name] = value;
-        refused("bounds", &document.to_string(), words).await;
-    };
-    refuses("epsilon", json!([0.2, 0.1]), "epsilon[1]: expected a finite number ≥ 0.2").await;
-    refuses("epsilon", json!([]), "epsilon: expected at least one set").await;
-    refuses("k", json!([1, 4]), "k[1]: expected a whole number from 1 to 3, found 4").await;
-    refuses("k", json!([0]), "k[0]: expected").await;
-    refuses("k", json!([]), "k: expected at least one step").await;
-    refuses("k", json!([-1]), "k[0]: expected").await;
-    refuses("k", Value::Null, "k: expected k, or tau with steps, found neither").await;
-    refuses("tau", json!(0.1), "tau: expected nothing beside k").await;
-    refuses("steps", json!(5), "steps: expected 2").await;
-    refuses("rollout", json!("printed"), "rollout: expected paper or base").await;
-    refuses("speed", json!(-2), "speed: expected").await;
-    refuses("turn_rate", json!([0.5, -0.5]), "turn_rate: expected").await;
-    refuses("turn_rate", json!([0.1, 0.5]), "predictor.classes[1]: expected").await;
-    refuses("human", json!([0, "x", 0]), "human[1]: expected a number").await;
     // Whether somebody turns is not which way.
-    let mut whether = bounds()["predictor"].clone();
-    whether["experiment"] = json!(1);
-    let mut document = bounds();
-    document["predictor"] = whether.clone();
-    assert_eq!(answer("bounds", &document).await, answer("bounds", &bounds()).await);
-    whether["experiment"] = json!(2);
-    refuses("predictor", whether, "predictor.experiment: expected 1, a model").await;
-    refuses("speeed", json!(2), "speeed").await;
-    let refuses_predictor = async |name: &str, value: Value, words: &str| {
-        let mut document = bounds();
-        document["predictor"][name] = value;
-        refused("bounds", &document.to_string(), words).await;
+    let whether = |experiment: u8| {
+        let mut predictor = bounds()["predictor"].clone();
+        predictor["experiment"] = json!(experiment);
+        predictor
     };
-    refuses_predictor(
-        "kind",
-        json!("oracle"),
-        "predictor.kind: expected boosted, logistic, svm, tree or constant",
-    )
-    .await;
-    refuses_predictor("classes", json!([-2, 0, 1]), "predictor.classes[0]: expected -1").await;
-    refuses_predictor("actions", json!([-0.5, 0.0, 0.7]), "predictor.actions[2]: expected").await;
-    refuses_predictor("probabilities", json!([1, 1, 1]), "predictor.probabilities").await;
-    refuses_predictor("features", json!(["age"]), "predictor.features[0]: expected").await;
+    let mut document = bounds();
+    document["predictor"] = whether(1);
+    assert_eq!(answer("bounds", &document).await, answer("bounds", &bounds()).await);
+    let kind = "predictor.kind: expected boosted, logistic, svm, tree or constant";
+    for (pointer, value, words) in [
+        ("/epsilon", json!([0.2, 0.1]), "epsilon[1]: expected a finite number ≥ 0.2"),
+        ("/epsilon", json!([]), "epsilon: expected at least one set"),
+        ("/k", json!([1, 4]), "k[1]: expected a whole number from 1 to 3, found 4"),
+        ("/k", json!([0]), "k[0]: expected"),
+        ("/k", json!([]), "k: expected at least one step"),
+        ("/k", json!([-1]), "k[0]: expected"),
+        ("/k", Value::Null, "k: expected k, or tau with steps, found neither"),
+        ("/tau", json!(0.1), "tau: expected nothing beside k"),
+        ("/steps", json!(5), "steps: expected 2"),
+        ("/rollout", json!("printed"), "rollout: expected paper or base"),
+        ("/speed", json!(-2), "speed: expected"),
+        ("/turn_rate", json!([0.5, -0.5]), "turn_rate: expected"),
+        ("/turn_rate", json!([0.1, 0.5]), "predictor.classes[1]: expected"),
+        ("/human", json!([0, "x", 0]), "human[1]: expected a number"),
+        ("/predictor", whether(2), "predictor.experiment: expected 1, a model"),
+        ("/speeed", json!(2), "speeed"),
+        ("/predictor/kind", json!("oracle"), kind),
+        ("/predictor/classes", json!([-2, 0, 1]), "predictor.classes[0]: expected -1"),
+        ("/predictor/actions", json!([-0.5, 0.0, 0.7]), "predictor.actions[2]: expected"),
+        ("/predictor/probabilities", json!([1, 1, 1]), "predictor.probabilities"),
+        ("/predictor/features", json!(["age"]), "predictor.features[0]: expected"),
+    ] {
+        let mut document = bounds();
+        let (object, field) = pointer.rsplit_once('/').unwrap();
+        document.pointer_mut(object).unwrap()[field] = value;
+        refused("bounds", &document.to_string(), words).await;
+    }
 }
 
-/// `bounds` on a document and a predictor.json beside it, if there is one: exit code, stdout,
-/// stderr.
-async fn bounds_with(document: &Value, predictor: Option<&Value>) -> (Option<i32>, String, String) {
-    let folder = TempDir::new().unwrap();
-    let file = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
-    let (given, beside) = (file("given.json"), file("beside.json"));
-    std::fs::write(&given, document.to_string()).unwrap();
+/// What `bounds` says of a document and a predictor.json beside it, if there is one.
+async fn bounds_with(document: &Value, predictor: Option<&Value>) -> Said {
+    let folder = Folder::default();
+    let given = folder.file("given.json", document.to_string());
+    let beside = predictor.map(|predictor| folder.file("beside.json", predictor.to_string()));
     let mut args = vec!["bounds", "--input", &given];
-    if let Some(predictor) = predictor {
-        std::fs::write(&beside, predictor.to_string()).unwrap();
-        args.extend(["--predictor", &beside]);
-    }
-    let output = sidestep(&args).await;
-    let text = |octets| String::from_utf8(octets).unwrap();
-    (output.status.code(), text(output.stdout), text(output.stderr))
+    args.extend(beside.iter().flat_map(|beside| ["--predictor", beside]));
+    run(&args).await
 }
 
 /// A document without a predictor, and the predictor.
@@ -370,19 +355,14 @@ async fn a_predictor_beside_the_document_says_the_same_as_one_in_it() {
     });
     let within = answer("bounds", &document).await;
     let (document, predictor) = parted(document);
-    let (code, out, said) = bounds_with(&document, Some(&predictor)).await;
-    assert_eq!((code, said.as_str()), (Some(0), ""));
-    assert_eq!(serde_json::from_str::<Value>(&out).unwrap(), within);
+    assert_eq!(bounds_with(&document, Some(&predictor)).await.only_json(), within);
 }
 
 #[tokio::test]
 async fn there_is_one_predictor() {
     let (alone, predictor) = parted(bounds());
     let refuses = async |document: &Value, predictor: Option<&Value>, words: &str| {
-        let (code, out, said) = bounds_with(document, predictor).await;
-        assert_eq!((code, out.as_str()), (Some(2), ""), "{said}");
-        assert!(said.contains(words), "{words}: {said}");
-        assert_eq!(said.trim_end().lines().count(), 1, "{said}");
+        bounds_with(document, predictor).await.refused(2, &[words]);
     };
     let one = "given.json: predictor: expected a predictor here or in --predictor FILE.json";
     refuses(&bounds(), Some(&predictor), &format!("{one}, found both")).await;
@@ -413,53 +393,41 @@ async fn there_is_one_predictor() {
                   found \"model.json\"";
     refuses(&path, None, object).await;
 
-    let folder = TempDir::new().unwrap();
-    let given = folder.path().join("given.json");
-    std::fs::write(&given, alone.to_string()).unwrap();
-    let given = given.to_str().unwrap();
-    let output =
-        sidestep(&["bounds", "--input", given, "--predictor", "/nowhere/model.json"]).await;
-    assert_eq!(output.status.code(), Some(2));
-    let said = String::from_utf8(output.stderr).unwrap();
-    assert!(said.contains("/nowhere/model.json: cannot read: "), "{said}");
-    let output = sidestep(&["bounds", "--input", "-", "--predictor", "-"]).await;
-    assert_eq!(output.status.code(), Some(2));
-    let said = String::from_utf8(output.stderr).unwrap();
-    assert!(said.contains("--predictor and --input cannot both read stdin"), "{said}");
+    let folder = Folder::default();
+    let given = folder.file("given.json", alone.to_string());
+    for (input, predictor, words) in [
+        (&given[..], "/nowhere/model.json", "/nowhere/model.json: cannot read: "),
+        ("-", "-", "--predictor and --input cannot both read stdin"),
+    ] {
+        let args = ["bounds", "--input", input, "--predictor", predictor];
+        run(&args).await.refused(2, &[words]);
+    }
 }
 
 #[tokio::test]
 async fn regions_are_drawn_with_a_predictor_beside_the_document() {
-    let folder = TempDir::new().unwrap();
-    let file = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let folder = Folder::default();
     let draw = async |document: &Value, further: &[&str]| {
-        std::fs::write(file("bounds.json"), document.to_string()).unwrap();
-        let (input, out) = (file("bounds.json"), file("regions.svg"));
-        let mut args = vec!["plot", "--kind", "regions", "--input", &input, "--out", &out];
-        args.extend(further);
-        let output = sidestep(&args).await;
-        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-        std::fs::read(&out).unwrap()
+        let input = folder.file("bounds.json", document.to_string());
+        let out = folder.name("regions.svg");
+        let args = ["plot", "--kind", "regions", "--input", &input, "--out", &out];
+        run(&[&args, further].concat()).await.json();
+        folder.text("regions.svg")
     };
     let within = draw(&bounds(), &[]).await;
     let (document, predictor) = parted(bounds());
-    let model = file("model.json");
-    std::fs::write(&model, predictor.to_string()).unwrap();
+    let model = folder.file("model.json", predictor.to_string());
     assert!(draw(&document, &["--predictor", &model]).await == within);
     // Panels share their axes: what differs is named.
     let mut other = bounds();
     (other["k"], other["dt"]) = (json!([1]), json!(0.5));
-    std::fs::write(file("other.json"), other.to_string()).unwrap();
-    let (first, second, out) = (file("bounds.json"), file("other.json"), file("both.svg"));
-    std::fs::write(&first, bounds().to_string()).unwrap();
-    let flags = ["plot", "--kind", "regions", "--input", &first, "--input", &second];
-    let output = sidestep(&[&flags[..], &["--out", &out]].concat()).await;
-    assert_eq!(output.status.code(), Some(2));
-    let said = String::from_utf8(output.stderr).unwrap();
+    let first = folder.file("bounds.json", bounds().to_string());
+    let second = folder.file("other.json", other.to_string());
+    let out = folder.name("both.svg");
+    let inputs = ["--input", &first, "--input", &second, "--out", &out];
     let words = "other.json: expected 2 steps of 0.2 s and 3 sets, as in the first --input, \
                  found 1 steps of 0.5 s and 3 sets";
-    assert!(said.contains(words), "{said}");
-    let out = file("slices.svg");
-    let output = sidestep(&["plot", "--predictor", &model, "--out", &out]).await;
-    assert_eq!(output.status.code(), Some(2));
+    run(&[&["plot", "--kind", "regions"], &inputs[..]].concat()).await.refused(2, &[words]);
+    let words = "--predictor: expected only with --kind regions";
+    run(&["plot", "--predictor", &model, "--out", &out]).await.refused(2, &[words]);
 }

@@ -1,118 +1,91 @@
 //! The command as a process: exit codes, and death without notice.
 
-use reqwest::Client;
+use reqwest::Method;
 use serde_json::json;
 use sidestep::api::{Enrolled, Progress, routes};
-use sidestep_tests::{Answer, Driver, Process, driven, sidestep};
-use tempfile::TempDir;
-
-async fn fails(args: &[&str], code: i32, words: &[&str]) {
-    let output = sidestep(args).await;
-    let said = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(code), "{args:?}: {said}");
-    assert_eq!(said.trim_end().lines().count(), 1, "one line: {said}");
-    for word in words {
-        assert!(said.contains(word), "{word} in {said}");
-    }
-}
+use sidestep_tests::{Answer, Driver, Folder, Process, driven, run};
 
 #[tokio::test]
 async fn what_is_acknowledged_survives_a_kill() {
-    let folder = TempDir::new().unwrap();
-    let client = Client::new();
-    let server = Process::start(&folder, &[]).await;
-    let at = |server: &Process, route: &str| format!("{}{route}", server.origin);
-    let enrol = client
-        .post(at(&server, &routes::participants("default")))
-        .json(&json!({ "consent": true }));
-    let enrolled: Enrolled = Answer::of(enrol).await.into(201);
-    let driver = Driver { enrolled };
-    let token = &driver.enrolled.token;
+    let folder = Folder::default();
+    let server = Process::start(&folder).await;
+    let driver = Driver::enrol(&server).await;
     let (trial_id, scene) = driver.scenes()[0].clone();
-    let put = |server: &Process| {
-        let request = client.put(at(server, &routes::my_trial(&trial_id)));
-        request.bearer_auth(token).json(&driven(&scene))
-    };
-    assert_eq!(Answer::of(put(&server)).await.status, 201);
+    assert_eq!(driver.send(&server, &trial_id, &driven(&scene)).await.status, 201);
     server.kill().await;
 
-    let server = Process::start(&folder, &[]).await;
-    let me = client.get(at(&server, routes::ME)).bearer_auth(token);
-    let me: Progress = Answer::of(me).await.into(200);
+    let server = Process::start(&folder).await;
+    let me: Progress = driver.me(&server).await.into(200);
     assert_eq!(me.stored, std::slice::from_ref(&trial_id));
-    assert_eq!(Answer::of(put(&server)).await.status, 200, "the same again");
+    let again = driver.send(&server, &trial_id, &driven(&scene)).await;
+    assert_eq!(again.status, 200, "the same again");
 }
 
 #[tokio::test]
 async fn a_start_that_fails_says_what_to_do() {
-    let folder = TempDir::new().unwrap();
-    let running = Process::start(&folder, &[]).await;
+    let folder = Folder::default();
+    let running = Process::start(&folder).await;
     assert_eq!(running.announcement[0], "Sidestep is ready.");
-    let site = folder.path().join("site");
-    let site = site.to_str().unwrap();
-    let spare = format!("sqlite:{}", folder.path().join("spare.db").display());
+    let site = folder.name("site");
+    let spare = folder.database("spare.db");
+    let study = folder.file("study.toml", "[parameters.human]\nspeed_mps = -2");
     let port = running.origin.trim_start_matches("http://");
-    let serve = ["serve", "--database", &spare, "--static", site, "--listen"];
-    let with = |args: &[&'static str]| [&serve[..5], args].concat();
-    fails(&[&serve[..], &[port]].concat(), 1, &["--listen", "in use", "another"]).await;
-    let nowhere = ["serve", "--listen", "127.0.0.1:0", "--static", site, "--database"];
-    fails(
-        &[&nowhere[..], &["sqlite:/proc/nowhere/sidestep.db"]].concat(),
-        1,
-        &["/proc/nowhere/sidestep.db", "writable"],
-    )
-    .await;
-    fails(&[&nowhere[..], &["postgres://u:secret@h/d"]].concat(), 2, &["SQLite only"]).await;
-    fails(&[&nowhere[..], &["sqlite::memory:"]].concat(), 2, &["sqlite:FILE"]).await;
-    let empty = ["serve", "--listen", "127.0.0.1:0", "--database", &spare, "--static", "/tmp"];
-    fails(&empty, 1, &["no client bundle in /tmp: run 'cargo xtask build' or pass --static DIR"])
-        .await;
-    let study = folder.path().join("study.toml");
-    std::fs::write(&study, "[parameters.human]\nspeed_mps = -2").unwrap();
-    let study = study.to_str().unwrap();
-    let bad = [&serve[..], &["127.0.0.1:0", "--study", study]].concat();
-    fails(&bad, 2, &[study, "parameters.human.speed_mps", "expected", "found -2"]).await;
-    fails(&with(&["--study", "missing.toml"]), 2, &["missing.toml"]).await;
+    let nowhere = "sqlite:/proc/nowhere/sidestep.db";
+    let built = "no client bundle in /tmp: run 'cargo xtask build' or pass --static DIR";
+    let any = "127.0.0.1:0";
+    for (listen, database, site, study, code, words) in [
+        (port, &spare[..], &site[..], None, 1, &["--listen", "in use", "another"][..]),
+        (any, nowhere, &site, None, 1, &["/proc/nowhere/sidestep.db", "writable"]),
+        (any, "postgres://u:secret@h/d", &site, None, 2, &["SQLite only"]),
+        (any, "sqlite::memory:", &site, None, 2, &["sqlite:FILE"]),
+        (any, &spare, "/tmp", None, 1, &[built]),
+        (
+            any,
+            &spare,
+            &site,
+            Some(&study[..]),
+            2,
+            &[&study, "parameters.human.speed_mps", "expected", "found -2"],
+        ),
+        (any, &spare, &site, Some("missing.toml"), 2, &["missing.toml"]),
+    ] {
+        let mut args = vec!["serve", "--listen", listen, "--database", database, "--static", site];
+        args.extend(study.into_iter().flat_map(|study| ["--study", study]));
+        run(&args).await.refused(code, words);
+    }
 }
 
 #[tokio::test]
 async fn commands_without_a_database_make_none() {
-    let folder = TempDir::new().unwrap();
-    let file = folder.path().join("none.db");
-    let database = format!("sqlite:{}", file.display());
-    let out = folder.path().to_str().unwrap();
-    fails(&["check", "--database", &database], 1, &["none.db"]).await;
-    fails(&["export", "--database", &database, "--out", out], 1, &["none.db"]).await;
-    assert!(!file.exists());
-    let format = ["export", "--database", &database, "--format", "xlsx", "--out", out];
-    fails(&format, 2, &["--format", "csv", "xlsx"]).await;
-    let missing = ["import", "--database", &database, "--trials", "missing.csv"];
-    fails(&missing, 2, &["missing.csv"]).await;
-    let server = Process::start(&folder, &[]).await;
-    let database = format!("sqlite:{}", folder.path().join("sidestep.db").display());
-    let unknown = ["export", "--database", &database, "--study", "other", "--out", out];
-    fails(&unknown, 2, &["--study other"]).await;
+    let folder = Folder::default();
+    let (none, out) = (folder.database("none.db"), folder.name("out"));
+    run(&["check", "--database", &none]).await.refused(1, &["none.db"]);
+    run(&["export", "--database", &none, "--out", &out]).await.refused(1, &["none.db"]);
+    assert!(folder.names().is_empty());
+    let format = ["export", "--database", &none, "--format", "xlsx", "--out", &out];
+    run(&format).await.refused(2, &["--format", "csv", "xlsx"]);
+    let missing = ["import", "--database", &none, "--trials", "missing.csv"];
+    run(&missing).await.refused(2, &["missing.csv"]);
+    let server = Process::start(&folder).await;
+    let database = folder.database("sidestep.db");
+    let unknown = ["export", "--database", &database, "--study", "other", "--out", &out];
+    run(&unknown).await.refused(2, &["--study other"]);
     drop(server);
 }
 
 #[tokio::test]
 async fn the_log_holds_no_secrets() {
-    let folder = TempDir::new().unwrap();
-    let server = Process::start(&folder, &[]).await;
-    let client = Client::new();
-    let enrol = client
-        .post(format!("{}{}", server.origin, routes::participants("default")))
-        .json(&json!({ "consent": true, "external_id": "PERSON-4711" }));
-    let enrolled: Enrolled = Answer::of(enrol).await.into(201);
+    let folder = Folder::default();
+    let server = Process::start(&folder).await;
+    let body = json!({ "consent": true, "external_id": "PERSON-4711" });
+    let enrolled: Enrolled = Driver::ask(&server, body).await.into(201);
+    let get = |route, token| Answer::of(server.request(Method::GET, route).bearer_auth(token));
     for route in ["/api/v1/participants/me?data=QUERY", "/SECRET-PATH", "/lab?key=QUERY"] {
-        let request = client.get(format!("{}{route}", server.origin));
-        Answer::of(request.bearer_auth(&enrolled.token)).await;
+        get(route, &enrolled.token[..]).await;
     }
-    let key =
-        client.get(format!("{}{}", server.origin, routes::ADMIN_STUDIES)).bearer_auth("WRONG-KEY");
-    assert_eq!(Answer::of(key).await.status, 401);
+    assert_eq!(get(routes::ADMIN_STUDIES, "WRONG-KEY").await.status, 401);
     server.kill().await;
-    let log = std::fs::read_to_string(folder.path().join("log")).unwrap();
+    let log = folder.text("log");
     assert!(log.contains("/api/v1/participants/me") && log.contains("wrong"), "{log}");
     for secret in [&enrolled.token, "PERSON-4711", "QUERY", "SECRET-PATH", "WRONG-KEY"] {
         assert!(!log.contains(secret), "{secret} in {log}");
@@ -126,7 +99,6 @@ async fn a_short_key_in_the_environment_is_refused() {
         .env("SIDESTEP_ADMIN_KEY", "short")
         .output()
         .unwrap();
-    assert_eq!(output.status.code(), Some(2));
-    let said = String::from_utf8(output.stderr).unwrap();
-    assert!(said.contains("SIDESTEP_ADMIN_KEY: expected 16 characters or more, found 5"), "{said}");
+    let words = "SIDESTEP_ADMIN_KEY: expected 16 characters or more, found 5";
+    sidestep_tests::process::Said::from(output).refused(2, &[words]);
 }

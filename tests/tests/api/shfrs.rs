@@ -1,48 +1,30 @@
 //! shfrs: regions, tuning, Pareto and danger of recorded trials, and what it refuses.
 //! The trials are those of synthetic people (`shared/tests/data/README.md`).
 
-use serde_json::Value;
+use sidestep_tests::folder::{data, number, rows};
+use sidestep_tests::process::Said;
 #[cfg(unix)]
 use sidestep_tests::process::interrupted;
-use sidestep_tests::sidestep;
-use std::collections::HashMap;
-use std::path::Path;
-use tempfile::TempDir;
+use sidestep_tests::{Folder, run};
 
-const TRIALS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/tests/data/trials.csv");
-
-/// Rows of a CSV file by the names of their columns.
-fn rows(folder: &Path, name: &str) -> Vec<HashMap<String, String>> {
-    let mut reader = csv::Reader::from_path(folder.join(name)).unwrap();
-    reader.deserialize().map(|row| row.unwrap()).collect()
-}
-
-fn number(row: &HashMap<String, String>, column: &str) -> f64 {
-    row[column].parse().unwrap()
-}
-
-async fn shfrs(out: &Path, flags: &[&str]) -> (Option<i32>, String, String) {
-    let out = out.to_str().unwrap();
-    let output = sidestep(&[&["shfrs", "--trials", TRIALS, "--out", out], flags].concat()).await;
-    let text = |octets| String::from_utf8(octets).unwrap();
-    (output.status.code(), text(output.stdout), text(output.stderr))
+async fn shfrs(out: &str, flags: &[&str]) -> Said {
+    let args = ["shfrs", "--trials", &data("trials.csv"), "--out", out];
+    run(&[&args[..], flags].concat()).await
 }
 
 #[tokio::test]
 async fn every_file_says_what_it_depends_on() {
-    let folder = TempDir::new().unwrap();
+    let folder = Folder::default();
     // A folder that is not there yet.
-    let out = folder.path().join("found");
+    let out = folder.path("found");
     let flags = ["--seed", "3", "--guarantee", "conformal,pac,fixed-sequence"];
-    let (code, line, said) = shfrs(&out, &flags).await;
-    assert_eq!((code, said.as_str()), (Some(0), ""));
-    let line: Value = serde_json::from_str(&line).unwrap();
+    let line = shfrs(&folder.name("found"), &flags).await.only_json();
     assert_eq!((&line["training"], &line["calibration"]), (&160.into(), &120.into()));
     for file in line["files"].as_array().unwrap() {
         assert!(out.join(file.as_str().unwrap()).is_file(), "{file}");
     }
 
-    let regions = rows(&out, "regions.csv");
+    let regions = rows(out.join("regions.csv"));
     assert_eq!(regions.len(), 3 * 5);
     for choice in ["every_step", "random_one", "avoidance_onset"] {
         let of: Vec<_> = regions.iter().filter(|row| row["window_choice"] == choice).collect();
@@ -62,7 +44,7 @@ async fn every_file_says_what_it_depends_on() {
     };
     assert_eq!((windows("every_step"), windows("random_one")), ("9840".into(), "240".into()));
 
-    let tuning = rows(&out, "tuning.csv");
+    let tuning = rows(out.join("tuning.csv"));
     assert_eq!(tuning.len(), 9);
     for row in &tuning {
         // Its interval must not exclude what is guaranteed.
@@ -73,13 +55,13 @@ async fn every_file_says_what_it_depends_on() {
         assert_eq!(row["rollout"], if paper { "paper" } else { "base" });
     }
 
-    let pareto = rows(&out, "pareto.csv");
+    let pareto = rows(out.join("pareto.csv"));
     for family in ["worst case", "constant velocity", "hold the input", "learned disturbance"] {
         let of: Vec<_> = pareto.iter().filter(|row| row["family"] == family).collect();
         assert_eq!(of.len(), 3, "{family}");
         assert!(of.iter().map(|row| number(row, "mean_area_m2")).is_sorted());
     }
-    let danger = rows(&out, "danger.csv");
+    let danger = rows(out.join("danger.csv"));
     assert_eq!(danger.len(), 120);
     for row in &danger {
         let (low, high) = (number(row, "probability_low"), number(row, "probability_high"));
@@ -93,19 +75,15 @@ async fn every_file_says_what_it_depends_on() {
 
     // The predictor that was trained can be given, and then no other is trained.
     let predictor = out.join("predictor.json");
-    let again = folder.path().join("again");
     let flags = ["--seed", "3", "--predictor", predictor.to_str().unwrap()];
-    assert_eq!(shfrs(&again, &flags).await.0, Some(0));
-    assert_eq!(rows(&again, "regions.csv"), regions);
+    shfrs(&folder.name("again"), &flags).await.json();
+    assert_eq!(rows(folder.path("again/regions.csv")), regions);
 }
 
 #[tokio::test]
 async fn what_makes_no_sense_is_refused_in_words() {
-    let folder = TempDir::new().unwrap();
-    let out = folder.path().join("out");
-    let file = folder.path().join("file");
-    std::fs::write(&file, "x").unwrap();
-    let file = file.to_str().unwrap();
+    let folder = Folder::default();
+    let (out, file) = (folder.name("new/out"), &folder.file("file", "x")[..]);
     for (flags, words) in [
         (&["--epsilon", "0.2,0.1,1"][..], "--epsilon[1]: expected a finite number ≥ 0.2"),
         (&["--epsilon", "0,0.5"], "--epsilon[1]: expected at least 1 rad/s"),
@@ -132,31 +110,24 @@ async fn what_makes_no_sense_is_refused_in_words() {
         (&["--predictor", file], "file: "),
         (&["--steps", "60"], "--steps: expected at most 50"),
     ] {
-        let (code, printed, said) = shfrs(&out, flags).await;
-        assert_eq!((code, printed.as_str()), (Some(2), ""), "{flags:?}: {said}");
-        assert!(said.contains(words), "{flags:?}: {said}");
-        assert_eq!(said.trim_end().lines().count(), 1, "{said}");
-        assert!(!out.join("shfrs.json").exists());
+        shfrs(&out, flags).await.refused(2, &[words]);
+        assert_eq!(folder.names(), ["file"], "no folder is made: {flags:?}");
     }
-    let (code, _, said) = shfrs(Path::new(file), &[]).await;
-    assert_eq!(code, Some(1), "{said}");
+    shfrs(file, &[]).await.refused(1, &["cannot write"]);
 }
 
 #[cfg(unix)]
 #[tokio::test]
 async fn an_analysis_that_is_interrupted_leaves_nothing() {
-    let folder = TempDir::new().unwrap();
-    let out = folder.path().to_str().unwrap();
+    let folder = Folder::default();
+    let (trials, out) = (data("trials.csv"), folder.name("out"));
     for signal in ["INT", "TERM"] {
         // Many seconds of work.
         let tuning = ["--guarantee", "conformal,pac,fixed-sequence", "--probability"];
-        let levels = ["0.7,0.75,0.8,0.85,0.9,0.95", "--trials", TRIALS, "--out", out];
-        let output =
-            interrupted(&[&["shfrs"], &tuning[..], &levels].concat(), signal, || true).await;
-        assert_eq!(output.status.code(), Some(1), "{signal}");
-        let said = String::from_utf8(output.stderr).unwrap();
-        assert!(said.contains("nothing was written"), "{said}");
-        assert!(output.stdout.is_empty());
-        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+        let levels = ["0.7,0.75,0.8,0.85,0.9,0.95", "--trials", &trials, "--out", &out];
+        let args = [&["shfrs"], &tuning[..], &levels].concat();
+        let said: Said = interrupted(&args, signal, || true).await.into();
+        said.refused(1, &["nothing was written"]);
+        assert!(folder.names().is_empty(), "{:?}", folder.names());
     }
 }

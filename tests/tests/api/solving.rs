@@ -3,107 +3,62 @@
 use serde_json::Value;
 use sidestep::reachability::ExactValue;
 #[cfg(unix)]
-use sidestep_tests::process::interrupted;
-use sidestep_tests::sidestep;
+use sidestep_tests::process::{Said, interrupted};
+use sidestep_tests::{Folder, run};
 use std::io::{Cursor, Read, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::Duration;
-use tempfile::TempDir;
 use zip::write::SimpleFileOptions;
 use zip::{ZipArchive, ZipWriter};
 
-/// A folder and the paths in it.
-struct Folder(TempDir);
-
-impl Folder {
-    fn new() -> Self {
-        Self(TempDir::new().unwrap())
-    }
-
-    fn path(&self, name: &str) -> PathBuf {
-        self.0.path().join(name)
-    }
-
-    fn file(&self, name: &str, content: impl AsRef<[u8]>) -> String {
-        std::fs::write(self.path(name), content).unwrap();
-        self.name(name)
-    }
-
-    fn name(&self, name: &str) -> String {
-        self.path(name).to_str().unwrap().to_owned()
-    }
-
-    /// Names of all that is there, hidden or not.
-    fn names(&self) -> Vec<String> {
-        let entries = std::fs::read_dir(self.0.path()).unwrap();
-        let mut names: Vec<_> =
-            entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
-        names.sort();
-        names
-    }
-}
-
-/// The line of JSON that a command prints.
 async fn prints(args: &[&str]) -> Value {
-    let output = sidestep(args).await;
-    let said = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(0), "{args:?}: {said}");
-    assert_eq!(said, "", "no bar unless stderr is a terminal");
-    let line = String::from_utf8(output.stdout).unwrap();
-    assert_eq!(line.trim_end().lines().count(), 1, "{line}");
-    serde_json::from_str(&line).unwrap()
+    run(args).await.only_json()
 }
 
 async fn refuses(args: &[&str], words: &[&str]) {
-    let output = sidestep(args).await;
-    let said = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(2), "{args:?}: {said}");
-    assert!(output.stdout.is_empty(), "{args:?}");
-    for word in words {
-        assert!(said.contains(word), "{args:?}: {word} in {said}");
-    }
+    run(args).await.refused(2, words);
 }
 
 /// Header and values of an array, as NumPy's format (version 1) has them.
 fn array(file: &Path, name: &str) -> (String, Vec<u8>) {
     let mut archive = ZipArchive::new(std::fs::File::open(file).unwrap()).unwrap();
-    let mut octets = Vec::new();
-    archive.by_name(&format!("{name}.npy")).unwrap().read_to_end(&mut octets).unwrap();
-    assert_eq!(&octets[..8], b"\x93NUMPY\x01\x00");
-    let length = usize::from(u16::from_le_bytes([octets[8], octets[9]]));
+    let mut bytes = Vec::new();
+    archive.by_name(&format!("{name}.npy")).unwrap().read_to_end(&mut bytes).unwrap();
+    assert_eq!(&bytes[..8], b"\x93NUMPY\x01\x00");
+    let length = usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));
     assert!((10 + length).is_multiple_of(16), "values are aligned");
-    let header = String::from_utf8(octets[10..10 + length].to_vec()).unwrap();
+    let header = String::from_utf8(bytes[10..10 + length].to_vec()).unwrap();
     assert!(header.ends_with('\n'));
-    (header.replace(' ', ""), octets[10 + length..].to_vec())
+    (header.replace(' ', ""), bytes[10 + length..].to_vec())
 }
 
 fn doubles(file: &Path, name: &str, count: usize) -> Vec<f64> {
-    let (header, octets) = array(file, name);
+    let (header, bytes) = array(file, name);
     for part in ["'descr':'<f8'", "'fortran_order':False", &format!("'shape':({count},)")] {
         assert!(header.contains(part), "{part} in {header}");
     }
-    octets.chunks_exact(8).map(|c| f64::from_le_bytes(c.try_into().unwrap())).collect()
+    bytes.chunks_exact(8).map(|c| f64::from_le_bytes(c.try_into().unwrap())).collect()
 }
 
 fn values(file: &Path, shape: [usize; 3]) -> Vec<f32> {
-    let (header, octets) = array(file, "value");
+    let (header, bytes) = array(file, "value");
     let [a, b, c] = shape;
     for part in ["'descr':'<f4'", "'fortran_order':False", &format!("'shape':({a},{b},{c}")] {
         assert!(header.contains(part), "{part} in {header}");
     }
-    assert_eq!(octets.len(), 4 * a * b * c);
-    octets.chunks_exact(4).map(|c| f32::from_le_bytes(c.try_into().unwrap())).collect()
+    assert_eq!(bytes.len(), 4 * a * b * c);
+    bytes.chunks_exact(4).map(|c| f32::from_le_bytes(c.try_into().unwrap())).collect()
 }
 
 fn meta(file: &Path) -> Value {
-    let (header, octets) = array(file, "meta");
+    let (header, bytes) = array(file, "meta");
     assert!(header.contains("'descr':'|u1'"), "{header}");
-    serde_json::from_slice(&octets).unwrap()
+    serde_json::from_slice(&bytes).unwrap()
 }
 
 #[tokio::test]
 async fn the_closed_form_on_a_polar_grid() {
-    let folder = Folder::new();
+    let folder = Folder::default();
     let file = folder.path("v.npz");
     let line = prints(&["solve", "--out", &folder.name("v.npz")]).await;
     assert_eq!(line["method"], "exact");
@@ -134,7 +89,7 @@ async fn the_closed_form_on_a_polar_grid() {
 
 #[tokio::test]
 async fn a_rectangular_grid_of_a_short_game() {
-    let folder = Folder::new();
+    let folder = Folder::default();
     let file = folder.path("v.npz");
     let solve = |threads: &'static str| {
         let out = folder.name("v.npz");
@@ -156,14 +111,14 @@ async fn a_rectangular_grid_of_a_short_game() {
     let behind = first[5 * 16];
     assert!((behind - 2.0).abs() < 0.3, "{behind}");
     assert_eq!(meta(&file)["horizon"], 1.5);
-    let octets = std::fs::read(&file).unwrap();
+    let bytes = std::fs::read(&file).unwrap();
     solve("1").await;
-    assert_eq!(octets, std::fs::read(&file).unwrap(), "same input, same octets");
+    assert_eq!(bytes, std::fs::read(&file).unwrap(), "same input, same bytes");
 }
 
 #[tokio::test]
 async fn values_of_states() {
-    let folder = Folder::new();
+    let folder = Folder::default();
     // Any order of columns, others between, a mark in front, blanks, another line end.
     let text = "\u{feff}psi,note,x, y\r\n0.5,a,10,1\r\n3.0,\"b, c\", 5 ,-2e0\r\n-7,,0.1,0.30000000000000004\r\n";
     let states = folder.file("states.csv", text);
@@ -218,7 +173,7 @@ async fn values_of_states() {
 
 #[tokio::test]
 async fn states_that_are_none() {
-    let folder = Folder::new();
+    let folder = Folder::default();
     let table: [(&str, &[&str]); 14] = [
         ("x,y,psi\r\n1,2,3\r\n\r\n1,2,3\r\n1,2,b", &["line 5: psi"]),
         ("\n\nx,y,psi\n\n1,2,b\n", &["line 5: psi"]),
@@ -250,7 +205,7 @@ async fn states_that_are_none() {
 
 #[tokio::test]
 async fn games_and_grids_that_are_none() {
-    let folder = Folder::new();
+    let folder = Folder::default();
     let out = folder.name("v.npz");
     let table: [(&[&str], &[&str]); 31] = [
         (&["--evader-speed", "0"], &["--evader-speed", "> 0", "found 0"]),
@@ -298,9 +253,8 @@ async fn games_and_grids_that_are_none() {
             tokio::time::timeout(Duration::from_secs(5), refused).await.unwrap();
         }
     }
-    let nowhere = sidestep(&["solve", "--out", "/proc/nowhere/v.npz"]).await;
-    assert_eq!(nowhere.status.code(), Some(1));
-    assert!(String::from_utf8(nowhere.stderr).unwrap().contains("/proc/nowhere/v.npz"));
+    let nowhere = "/proc/nowhere/v.npz";
+    run(&["solve", "--out", nowhere]).await.refused(1, &[nowhere]);
     refuses(&["solve"], &["--out"]).await;
     for command in ["value", "plot"] {
         let both = [command, "--radius", "2", "--value-function", "v.npz", "--out", "a.svg"];
@@ -332,7 +286,7 @@ fn with_meta(file: &Path, change: impl FnOnce(&mut Value)) -> Vec<u8> {
 
 #[tokio::test]
 async fn files_that_are_no_value_function() {
-    let folder = Folder::new();
+    let folder = Folder::default();
     let good = folder.path("good.npz");
     let game = ["--pursuer-speed", "1.5", "--accuracy", "draft"];
     prints(&[&["solve", "--out", &folder.name("good.npz")][..], &game].concat()).await;
@@ -358,8 +312,8 @@ async fn files_that_are_no_value_function() {
     for (change, words) in changes {
         table.push((with_meta(&good, change), words));
     }
-    for (octets, words) in table {
-        let bad = folder.file("bad.npz", octets);
+    for (bytes, words) in table {
+        let bad = folder.file("bad.npz", bytes);
         let out = folder.name("values.csv");
         let args = ["value", "--value-function", &bad, "--states", &states, "--out", &out];
         refuses(&args, &[words, &["bad.npz"]].concat()).await;
@@ -372,10 +326,10 @@ async fn files_that_are_no_value_function() {
 
 #[tokio::test]
 async fn figures() {
-    let folder = Folder::new();
+    let folder = Folder::default();
     let svg = folder.name("v.svg");
     prints(&["plot", "--out", &svg, "--psi", "-30,90", "--levels", "-1,0,2"]).await;
-    let text = std::fs::read_to_string(&svg).unwrap();
+    let text = folder.text("v.svg");
     assert!(text.starts_with("<svg ") && text.trim_end().ends_with("</svg>"));
     for word in ["ψ = −30°", "ψ = 90°", "V = −1 m", "V = 2 m", "radius 3 m", "x ahead (m)"]
     {
@@ -400,7 +354,7 @@ async fn figures() {
     prints(&[&["solve", "--out", &solved][..], &grid].concat()).await;
     for kind in ["slices", "tube"] {
         prints(&["plot", "--value-function", &solved, "--kind", kind, "--out", &svg]).await;
-        assert!(!std::fs::read_to_string(&svg).unwrap().contains("NaN"));
+        assert!(!folder.text("v.svg").contains("NaN"));
     }
     let table: [(&[&str], &[&str]); 7] = [
         (&["--out", "v.jpg"], &["--out", ".svg", ".png", "v.jpg"]),
@@ -419,17 +373,14 @@ async fn figures() {
 #[cfg(unix)]
 #[tokio::test]
 async fn a_solve_that_is_interrupted_leaves_nothing() {
-    let folder = Folder::new();
+    let folder = Folder::default();
     let out = folder.name("v.npz");
     for signal in ["INT", "TERM"] {
         // Minutes of work.
         let grid = ["solve", "--grid", "301,301,200", "--domain", "-20,20,-20,20"];
         let args = [&grid[..], &["--threads", "1", "--out", &out]].concat();
-        let output = interrupted(&args, signal, || true).await;
-        assert_eq!(output.status.code(), Some(1), "{signal}");
-        let said = String::from_utf8(output.stderr).unwrap();
-        assert!(said.contains("nothing was written"), "{said}");
-        assert!(output.stdout.is_empty());
+        let said: Said = interrupted(&args, signal, || true).await.into();
+        said.refused(1, &["nothing was written"]);
         assert!(folder.names().is_empty(), "{:?}", folder.names());
     }
 }
@@ -441,8 +392,7 @@ async fn help_names_defaults_and_units() {
         ("value", &["dvalue_dpsi", "rad/s", "[default: 3]", "--value-function"]),
         ("plot", &["degrees", ".svg", "slices", "tube", "[default: 0 1 2]"]),
     ] {
-        let output = sidestep(&[command, "--help"]).await;
-        let text = String::from_utf8(output.stdout).unwrap();
+        let text = run(&[command, "--help"]).await.out;
         for word in words {
             assert!(text.contains(word), "{command}: {word} in\n{text}");
         }

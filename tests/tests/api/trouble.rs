@@ -1,12 +1,12 @@
 //! A database that is in trouble: nothing is acknowledged that is not stored, and the service
 //! comes back as soon as the cause is gone.
 
-use reqwest::{Client, Method, StatusCode};
+use reqwest::{Method, StatusCode};
 use serde_json::json;
-use sidestep::api::{Enrolled, Progress, routes};
+use sidestep::api::{Progress, routes};
 use sidestep_tests::server::SHORT_STUDY;
-use sidestep_tests::{Answer, Driver, Process, Server, behind, driven, sidestep};
-use tempfile::TempDir;
+use sidestep_tests::{Driver, Folder, Process, Server, behind, driven, run};
+use std::path::Path;
 
 #[tokio::test]
 async fn a_lock_of_another_process_is_waited_for_and_then_refused() {
@@ -54,51 +54,75 @@ async fn a_deleted_database_acknowledges_nothing() {
     assert_eq!(me.stored, [trial_id]);
 }
 
-/// Files of the process may not grow beyond this. SQLite is told of an error in writing, as by a
-/// disk that is full or breaks.
+/// Lets a driver and somebody new try to write while nothing can be written, then makes room,
+/// and checks that everything goes on as if nothing had been.
 #[cfg(target_os = "linux")]
-fn limit_files(server: &Process, bytes: &str) {
-    let limit = format!("--fsize={bytes}:unlimited");
-    let pid = server.id().to_string();
-    let set = std::process::Command::new("prlimit").args([&limit, "--pid", &pid]).status();
-    assert!(set.is_ok_and(|status| status.success()), "prlimit {limit}");
+async fn waits_for_room(server: &Process, fill: impl FnOnce(), make_room: impl FnOnce()) {
+    let driver = Driver::enrol(server).await;
+    let new = || Driver::ask(server, json!({ "consent": true }));
+    let scenes = &driver.scenes()[..3];
+    fill();
+    for _ in 0..3 {
+        let (trial_id, scene) = &scenes[0];
+        driver.send(server, trial_id, &driven(scene)).await.problem(503, "storage", None);
+        new().await.problem(503, "storage", None);
+    }
+    let me: Progress = driver.me(server).await.into(200);
+    assert!(me.stored.is_empty());
+    make_room();
+    for (trial_id, scene) in scenes {
+        assert_eq!(driver.send(server, trial_id, &driven(scene)).await.status, 201);
+    }
+    let me: Progress = driver.me(server).await.into(200);
+    assert_eq!(me.stored, [0, 1, 2].map(|i: usize| scenes[i].0.clone()));
+    assert_eq!(new().await.status, 201);
 }
 
 #[cfg(target_os = "linux")]
 #[tokio::test]
-async fn writing_goes_on_when_there_is_room_again() {
-    let folder = TempDir::new().unwrap();
+async fn writing_goes_on_when_files_may_grow_again() {
+    let folder = Folder::default();
     // Writing beyond the limit is an error, and not the end.
-    let server = Process::start_through(&["env", "--ignore-signal=XFSZ"], &folder).await;
-    let client = Client::new();
-    let enrol = || {
-        let route = format!("{}{}", server.origin, routes::participants("default"));
-        Answer::of(client.post(route).json(&json!({ "consent": true })))
+    let launcher = ["env", "--ignore-signal=XFSZ"];
+    let database = folder.database("sidestep.db");
+    let server = Process::start_through(&launcher, &folder, &database).await;
+    let limit = |bytes: &str| {
+        let (limit, pid) = (format!("--fsize={bytes}:unlimited"), server.id().to_string());
+        let set = std::process::Command::new("prlimit").args([&limit, "--pid", &pid]).status();
+        assert!(set.is_ok_and(|status| status.success()), "prlimit {limit}");
     };
-    let driver = Driver { enrolled: enrol().await.into(201) };
-    limit_files(&server, "4096");
-    let mut stored = Vec::new();
-    let put = |trial_id: &str, trial: &sidestep::api::TrialUpload| {
-        let request = client.put(format!("{}{}", server.origin, routes::my_trial(trial_id)));
-        Answer::of(request.bearer_auth(&driver.enrolled.token).json(trial))
-    };
-    let scenes = driver.scenes();
-    for _ in 0..3 {
-        let answer = put(&scenes[0].0, &driven(&scenes[0].1)).await;
-        answer.problem(503, "storage", None);
-        enrol().await.problem(503, "storage", None);
-    }
-    limit_files(&server, "unlimited");
-    for (trial_id, scene) in &scenes[..3] {
-        assert_eq!(put(trial_id, &driven(scene)).await.status, 201);
-        stored.push(trial_id.clone());
-    }
-    let _: Enrolled = enrol().await.into(201);
+    waits_for_room(&server, || limit("4096"), || limit("unlimited")).await;
     server.kill().await;
-    let server = Process::start(&folder, &[]).await;
-    let me = client.get(format!("{}{}", server.origin, routes::ME));
-    let me: Progress = Answer::of(me.bearer_auth(&driver.enrolled.token)).await.into(200);
-    assert_eq!(me.stored, stored);
+    let report = run(&["check", "--database", &database]).await.json();
+    assert_eq!((&report["trials"], &report["participants"]), (&json!(3), &json!(2)));
+}
+
+/// The server sees a file system of its own, of 12 MB, which another file then fills.
+#[cfg(target_os = "linux")]
+#[tokio::test]
+async fn writing_goes_on_when_a_full_disk_has_room_again() {
+    let folder = Folder::default();
+    let disk = folder.path("disk");
+    std::fs::create_dir(&disk).unwrap();
+    let mount = format!("mount -t tmpfs -o size=12m none '{}'", disk.display());
+    let script = format!("{mount} && exec \"$0\" \"$@\"");
+    let launcher = ["unshare", "--user", "--map-root-user", "--mount", "sh", "-c", &script];
+    let allowed = std::process::Command::new(launcher[0]).args(&launcher[1..]).arg("true").output();
+    if !allowed.as_ref().is_ok_and(|output| output.status.success()) {
+        eprintln!("not tested: this system lets no user mount a file system: {allowed:?}");
+        return;
+    }
+    let database = format!("sqlite:{}", disk.join("sidestep.db").display());
+    let server = Process::start_through(&launcher, &folder, &database).await;
+    // The way into what the server sees.
+    let root = format!("/proc/{}/root", server.id());
+    let filler = Path::new(&root).join(disk.strip_prefix("/").unwrap()).join("filler");
+    let fill = || {
+        let mut file = std::fs::File::create(&filler).unwrap();
+        while std::io::Write::write_all(&mut file, &[1; 4096]).is_ok() {}
+    };
+    waits_for_room(&server, fill, || std::fs::remove_file(&filler).unwrap()).await;
+    assert_eq!(server.get("/readyz").await.status, 200);
 }
 
 #[tokio::test]
@@ -107,13 +131,9 @@ async fn one_server_a_database() {
     let site = server.path("site").display().to_string();
     let database = server.database();
     let second = ["serve", "--listen", "127.0.0.1:0", "--static", &site, "--database", &database];
-    let output = sidestep(&second).await;
-    let said = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(1), "{said}");
-    assert!(said.contains("another 'sidestep serve' uses this database"), "{said}");
+    run(&second).await.refused(1, &["another 'sidestep serve' uses this database"]);
     // Commands work beside it.
-    let checked = sidestep(&["check", "--database", &database]).await;
-    assert_eq!(checked.status.code(), Some(0));
+    run(&["check", "--database", &database]).await.json();
     assert_eq!(Driver::enrol(&server).await.scenes().len(), 5);
 }
 

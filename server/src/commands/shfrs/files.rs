@@ -1,15 +1,12 @@
 //! The files that `sidestep shfrs` writes.
 
-use super::super::solving::Interrupt;
 use super::super::{CommandError, unwritable};
 use super::evaluation::Evaluation;
 use crate::figure;
-use crate::formats::atomic_file;
+use crate::formats::atomic_folder::Draft;
 use csv::Writer;
 use sidestep::predict::PredictorFile;
 use sidestep::shfrs::probability::Regions;
-use std::path::Path;
-use tokio_util::sync::CancellationToken;
 
 /// In the order in which they are written.
 pub(super) const FILES: [&str; 8] = [
@@ -23,21 +20,11 @@ pub(super) const FILES: [&str; 8] = [
     "shfrs.json",
 ];
 
-/// Whether all of them could be written.
-pub(super) fn check(folder: &Path) -> Result<(), CommandError> {
-    FILES.into_iter().try_for_each(|name| {
-        let path = folder.join(name);
-        atomic_file::check(&path).map_err(|e| unwritable(&path, &e))
-    })
-}
-
-/// Writes them, each whole or not at all. To stop is too late once it has begun: files of two
-/// runs must not lie beside each other.
+/// Writes them into a draft: files of two runs must not lie beside each other.
 pub(super) fn write(
-    folder: &Path,
+    draft: &Draft,
     analysis: &Evaluation,
     predictor: &PredictorFile,
-    interrupt: &Interrupt,
 ) -> Result<(), CommandError> {
     let json = |value: serde_json::Result<String>| {
         value.map(|text| text + "\n").map_err(CommandError::failure)
@@ -52,13 +39,10 @@ pub(super) fn write(
         json(serde_json::to_string_pretty(predictor))?,
         json(serde_json::to_string_pretty(analysis))?,
     ];
-    interrupt.check()?;
-    for (name, text) in FILES.into_iter().zip(texts) {
-        let path = folder.join(name);
-        atomic_file::write(&path, &CancellationToken::new(), |out| out.write_all(text.as_bytes()))
-            .map_err(|e| unwritable(&path, &e))?;
-    }
-    Ok(())
+    FILES.into_iter().zip(texts).try_for_each(|(name, text)| {
+        let path = draft.path().join(name);
+        std::fs::write(&path, text).map_err(|e| unwritable(&path, &e))
+    })
 }
 
 fn note(analysis: &Evaluation) -> String {

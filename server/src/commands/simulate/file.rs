@@ -1,7 +1,7 @@
 //! Synthetic participants into a CSV file.
 
 use super::super::solving::Interrupt;
-use super::super::{CommandError, print_json, unwritable};
+use super::super::{CommandError, print_json};
 use super::{FlagCounts, KeysArg, SimulateArgs, bar};
 use crate::formats::atomic_file;
 use crate::formats::trials_csv::{COLUMNS, REQUIRED};
@@ -25,7 +25,7 @@ pub(super) fn write(args: &SimulateArgs, out: &str) -> Result<(), CommandError> 
         flags = content(args, file)?;
         Ok(())
     })
-    .map_err(|e: io::Error| interrupt.check().err().unwrap_or_else(|| unwritable(path, &e)))?;
+    .map_err(|e: io::Error| interrupt.unwritten(path, &e))?;
     let trials = args.participants * args.trials();
     print_json(&serde_json::json!({
         "synthetic": true,
