@@ -15,6 +15,15 @@ impl Default for Folder {
 }
 
 impl Folder {
+    /// A folder in another one than that for temporary files.
+    ///
+    /// # Panics
+    /// If it cannot be made.
+    #[must_use]
+    pub fn within(parent: &str) -> Self {
+        Self(TempDir::new_in(parent).expect("a folder"))
+    }
+
     /// The folder itself.
     #[must_use]
     pub fn root(&self) -> &Path {

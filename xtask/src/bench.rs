@@ -8,7 +8,7 @@ use std::process::ExitCode;
 
 use anyhow::Result;
 
-use crate::workspace::{Workspace, answer_of};
+use crate::workspace::{Workspace, answer_of, stage};
 
 /// Run the benchmarks; each prints a ratio against its baseline in the same run.
 #[derive(clap::Args)]
@@ -20,82 +20,18 @@ pub(crate) struct Options {
     quick: bool,
 }
 
-/// One benchmark.
-#[derive(Debug, PartialEq)]
-struct Bench {
-    /// The name to call it by.
-    name: &'static str,
-    /// What is compared with what.
-    what: &'static str,
-    /// What runs it.
-    runner: Runner,
-}
-
-/// What runs a benchmark.
-#[derive(Debug, PartialEq)]
-enum Runner {
-    /// The `[[bench]]` target of that name.
-    Target,
-    /// [`peers`].
-    Peers,
-    /// [`learning`].
-    Learning,
-    /// [`wasm`], these cases.
-    Wasm(wasm::Group),
-}
-
-/// Every benchmark: one line each.
-const BENCHES: &[Bench] = &[
-    Bench {
-        name: "reachability",
-        what: "batch against one state at a time, two threads against one",
-        runner: Runner::Target,
-    },
-    Bench {
-        name: "scenes",
-        what: "drawing a participant's scenes, against the plain rules",
-        runner: Runner::Target,
-    },
-    Bench {
-        name: "shfrs",
-        what: "predicted sets as WebAssembly in Chromium and on this machine, against targets",
-        runner: Runner::Wasm(wasm::SHFRS),
-    },
-    Bench {
-        name: "learning",
-        what: "the paper's comparison against scikit-learn (Python, installed on first use)",
-        runner: Runner::Learning,
-    },
-    Bench {
-        name: "features",
-        what: "features of a million steps, two threads against one and state by state",
-        runner: Runner::Target,
-    },
-    Bench {
-        name: "learn",
-        what: "training and inference of each model on real rows",
-        runner: Runner::Target,
-    },
-    Bench {
-        name: "learn_svm",
-        what: "support vector machines: grids, fits, inference",
-        runner: Runner::Target,
-    },
-    Bench {
-        name: "uploads",
-        what: "a server under load and killed under load, against SQLite alone",
-        runner: Runner::Target,
-    },
-    Bench {
-        name: "peers",
-        what: "our solver against hj_reachability (Python, installed on first use)",
-        runner: Runner::Peers,
-    },
-    Bench {
-        name: "wasm",
-        what: "the solver as WebAssembly in Chromium against the same on this machine",
-        runner: Runner::Wasm(wasm::VALUE),
-    },
+/// Every benchmark: its name, and what is compared with what.
+const BENCHES: &[(&str, &str)] = &[
+    ("reachability", "batch against one state at a time, two threads against one"),
+    ("scenes", "drawing a participant's scenes, against the plain rules"),
+    ("shfrs", "predicted sets as WebAssembly in Chromium and on this machine, against targets"),
+    ("learning", "the paper's comparison against scikit-learn (Python, installed on first use)"),
+    ("features", "features of a million steps, two threads against one and state by state"),
+    ("learn", "training and inference of each model on real rows"),
+    ("learn_svm", "support vector machines: grids, fits, inference"),
+    ("uploads", "a server under load and killed under load, against SQLite alone"),
+    ("peers", "our solver against hj_reachability (Python, installed on first use)"),
+    ("wasm", "the solver as WebAssembly in Chromium against the same on this machine"),
 ];
 
 /// Runs the chosen benchmarks one after the other; stops at the first that fails.
@@ -103,22 +39,20 @@ const BENCHES: &[Bench] = &[
 /// # Errors
 /// When cargo cannot be started, or figures of our own cannot be had.
 pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> {
-    let chosen = choose(BENCHES, options.name.as_deref());
+    let chosen = choose(options.name.as_deref());
     if chosen.is_empty() {
-        eprintln!("{}", nothing_to_run(BENCHES, options.name.as_deref()));
+        eprintln!("{}", nothing_to_run(options.name.as_deref()));
         return Ok(ExitCode::from(2));
     }
-    for bench in chosen {
-        eprintln!("==> {}: {}", bench.name, bench.what);
-        let code = match bench.runner {
-            Runner::Target => {
-                let mut cargo = workspace.compile("bench");
-                answer_of(cargo.args(arguments(bench.name, options.quick)))?
-            }
-            Runner::Peers => peers::run(workspace, options.quick)?,
-            Runner::Learning => learning::run(workspace)?,
-            // Quick as it is.
-            Runner::Wasm(group) => wasm::run(workspace, group)?,
+    for (name, what) in chosen {
+        eprintln!("==> {name}: {what}");
+        let code = match name {
+            "peers" => peers::run(workspace, options.quick)?,
+            "learning" => learning::run(workspace)?,
+            // Quick as they are.
+            "shfrs" => wasm::run(workspace, wasm::SHFRS)?,
+            "wasm" => wasm::run(workspace, wasm::VALUE)?,
+            target => run_target(workspace, target, options.quick)?,
         };
         if code != ExitCode::SUCCESS {
             return Ok(code);
@@ -127,7 +61,16 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> 
     Ok(ExitCode::SUCCESS)
 }
 
-/// What cargo is called with for the `[[bench]]` target `name`.
+/// Runs the `[[bench]]` target of that name.
+fn run_target(workspace: &Workspace, name: &'static str, quick: bool) -> Result<ExitCode> {
+    if name == "uploads" {
+        stage("server", workspace.compile("build").args(["--bin", "sidestep"]))?;
+    }
+    let mut cargo = workspace.compile("bench");
+    answer_of(cargo.args(arguments(name, quick)).env("SIDESTEP_BIN", workspace.server()))
+}
+
+/// What cargo is called with for the target `name`.
 fn arguments(name: &'static str, quick: bool) -> Vec<&'static str> {
     // Criterion's switches. What an earlier run took says little: baselines are in each run.
     let mut arguments = vec!["--bench", name, "--", "--discard-baseline"];
@@ -138,20 +81,19 @@ fn arguments(name: &'static str, quick: bool) -> Vec<&'static str> {
 }
 
 /// The benchmarks whose name contains `name`; all without one.
-fn choose<'a>(benches: &'a [Bench], name: Option<&str>) -> Vec<&'a Bench> {
+fn choose(name: Option<&str>) -> Vec<(&'static str, &'static str)> {
     let wanted = name.unwrap_or_default();
-    let matches = |bench: &&Bench| bench.name.contains(wanted);
-    benches.iter().filter(matches).collect()
+    BENCHES.iter().copied().filter(|(name, _)| name.contains(wanted)).collect()
 }
 
 /// Says why no benchmark runs, and which there are.
-fn nothing_to_run(benches: &[Bench], name: Option<&str>) -> String {
+fn nothing_to_run(name: Option<&str>) -> String {
     let mut message = format!(
         "expected the name of a benchmark, found \"{}\"; there are:",
         name.unwrap_or_default()
     );
-    for bench in benches {
-        message += &format!("\n  {:20} {}", bench.name, bench.what);
+    for (name, what) in BENCHES {
+        message += &format!("\n  {name:20} {what}");
     }
     message
 }
@@ -162,23 +104,17 @@ mod tests {
 
     use super::*;
 
-    const TABLE: &[Bench] = &[
-        Bench { name: "solve", what: "parallel against one thread", runner: Runner::Target },
-        Bench { name: "reach", what: "fast against plain", runner: Runner::Peers },
-    ];
-
     #[test]
     fn a_name_chooses_and_no_name_means_all() {
-        assert_eq!(choose(TABLE, None).len(), 2);
-        assert_eq!(choose(TABLE, Some("rea")), [&TABLE[1]]);
-        assert!(choose(TABLE, Some("walk")).is_empty());
+        assert_eq!(choose(None).len(), BENCHES.len());
+        assert_eq!(choose(Some("eatures")), [BENCHES[4]]);
+        assert!(choose(Some("walk")).is_empty());
     }
 
     #[test]
     fn an_unknown_name_is_answered_with_those_there_are() {
-        let message = nothing_to_run(TABLE, Some("walk"));
-        assert!(message.contains("found \"walk\""), "{message}");
-        assert!(message.contains("solve"), "{message}");
+        let message = nothing_to_run(Some("walk"));
+        assert!(message.contains("found \"walk\"") && message.contains("learn_svm"), "{message}");
     }
 
     #[test]
@@ -189,14 +125,15 @@ mod tests {
     }
 
     #[test]
-    fn every_target_of_the_table_has_its_source() {
+    fn every_benchmark_has_its_source() {
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
-        for bench in BENCHES.iter().filter(|bench| bench.runner == Runner::Target) {
-            let sources = ["shared", "server"].map(|member| {
-                let source = folder.join(member).join("benches").join(bench.name);
-                [source.with_extension("rs"), source.join("main.rs")]
+        for (name, _) in BENCHES {
+            let target = ["shared/benches", "tests/benches"].into_iter().any(|benches| {
+                let source = folder.join(benches).join(name);
+                source.with_extension("rs").is_file() || source.join("main.rs").is_file()
             });
-            assert!(sources.iter().flatten().any(|source| source.is_file()), "{}", bench.name);
+            let own = ["shfrs", "learning", "peers", "wasm"].contains(name);
+            assert!(target != own, "{name}");
         }
     }
 }

@@ -22,7 +22,7 @@ use std::path::Path;
 use anyhow::{Context, Result, bail};
 
 pub(crate) use self::bundle::{Bundle, bundle};
-pub(crate) use self::publish::{Sizes, publish};
+pub(crate) use self::publish::publish;
 
 /// The programs of the web client: its binary targets.
 pub(crate) const ENTRIES: [&str; 3] = [PARTICIPANT, "lab", SOLVER];
@@ -195,25 +195,24 @@ impl PageSize {
     }
 }
 
-/// The cost of each page, given the compressed sizes of all files.
-pub(crate) fn page_sizes(site: &Site, sizes: &BTreeMap<String, Sizes>) -> Vec<PageSize> {
-    let brotli = |path: &str| sizes.get(path).map_or(0, |size| size.brotli);
-    let mut pages = Vec::new();
-    for page in &site.pages {
+/// The cost of each page, given the sizes of all files after brotli.
+pub(crate) fn page_sizes(site: &Site, sizes: &BTreeMap<String, usize>) -> Vec<PageSize> {
+    let brotli = |path: &str| sizes.get(path).copied().unwrap_or(0);
+    let size = |page: &Page| {
         let sum = |extension: &str| {
             let of_kind = page.assets.iter().filter(|path| path.ends_with(extension));
             of_kind.map(|path| brotli(path)).sum()
         };
-        pages.push(PageSize {
+        PageSize {
             name: page.name.clone(),
             html: brotli(&page.name),
             css: sum(".css"),
             js: sum(".js"),
             wasm: sum(".wasm"),
             for_participants: page.entries.contains(&PARTICIPANT),
-        });
-    }
-    pages
+        }
+    };
+    site.pages.iter().map(size).collect()
 }
 
 #[cfg(test)]
@@ -291,11 +290,7 @@ mod tests {
             .files
             .keys()
             .map(|path| {
-                let brotli = match path.rsplit_once('.') {
-                    Some((_, "wasm")) => PARTICIPANT_BUDGET,
-                    _ => 1,
-                };
-                (path.clone(), Sizes { brotli })
+                (path.clone(), if path.ends_with(".wasm") { PARTICIPANT_BUDGET } else { 1 })
             })
             .collect();
         let pages = page_sizes(&site, &sizes);

@@ -23,37 +23,22 @@ struct Case {
     accuracy: &'static str,
     /// How many times as fast as the peer we mean to be at least, on two quiet cores.
     target: f64,
-    /// Solves on each side; the fastest counts.
-    runs: u32,
-    /// Whether it takes the peer minutes.
+    /// Whether it takes the peer minutes: then one solve on each side, else the fastest of three.
     long: bool,
 }
 
 /// Everything that is compared: one line each.
 const CASES: &[Case] = &[
-    Case::short("51x40x50", "eno2", "medium", 12.0),
-    Case::short("51x40x50", "weno5", "very_high", 6.0),
-    Case::long("101x101x101", "eno2", "medium", 40.0),
-    Case::long("101x101x101", "weno5", "very_high", 15.0),
+    Case { grid: "51x40x50", scheme: "eno2", accuracy: "medium", target: 12.0, long: false },
+    Case { grid: "51x40x50", scheme: "weno5", accuracy: "very_high", target: 6.0, long: false },
+    Case { grid: "101x101x101", scheme: "eno2", accuracy: "medium", target: 40.0, long: true },
+    Case { grid: "101x101x101", scheme: "weno5", accuracy: "very_high", target: 15.0, long: true },
 ];
 
 impl Case {
-    const fn short(
-        grid: &'static str,
-        scheme: &'static str,
-        accuracy: &'static str,
-        target: f64,
-    ) -> Self {
-        Self { grid, scheme, accuracy, target, runs: 3, long: false }
-    }
-
-    const fn long(
-        grid: &'static str,
-        scheme: &'static str,
-        accuracy: &'static str,
-        target: f64,
-    ) -> Self {
-        Self { grid, scheme, accuracy, target, runs: 1, long: true }
+    /// Solves on each side, for a command line.
+    fn runs(&self) -> &'static str {
+        if self.long { "1" } else { "3" }
     }
 }
 
@@ -114,7 +99,7 @@ struct Versions {
 pub(super) fn run(workspace: &Workspace, quick: bool) -> Result<ExitCode> {
     let (compared, missing) = compare(workspace, quick)?;
     let rows = compared.iter().map(|one| row(one.case, &one.ours, one.theirs.as_ref()));
-    let rows: Vec<_> = std::iter::once(headings()).chain(rows).collect();
+    let rows: Vec<_> = std::iter::once(HEADINGS.map(str::to_owned)).chain(rows).collect();
     print!("{}", table(&rows));
     for error in &missing {
         eprintln!("error: {error:#}");
@@ -165,12 +150,10 @@ struct Compared {
 fn compare(workspace: &Workspace, quick: bool) -> Result<(Vec<Compared>, Vec<anyhow::Error>)> {
     let mut build = workspace.compile("build");
     stage("our solver", build.args(["--example", "air3d"]))?;
-    let python = environment(workspace, "tests/peers/requirements.txt", "venv").context(
-        "the peer is missing: its Python environment needs python3 (3.11 or newer, with venv) \
-         and access to PyPI",
-    );
     let mut missing = Vec::new();
-    let python = python.map_err(|error| missing.push(error)).ok();
+    let python = environment(workspace, "requirements.txt", "venv")
+        .map_err(|error| missing.push(error))
+        .ok();
 
     let mut compared = Vec::new();
     for case in CASES.iter().filter(|case| !(quick && case.long)) {
@@ -189,17 +172,25 @@ fn compare(workspace: &Workspace, quick: bool) -> Result<(Vec<Compared>, Vec<any
 }
 
 /// The interpreter of an environment, called `name`, with a peer in it: made once, and again when
-/// the requirements (a file's path in the workspace) have changed.
+/// the requirements (a file of `tests/peers`) have changed.
 pub(super) fn environment(
     workspace: &Workspace,
     requirements: &str,
     name: &str,
 ) -> Result<PathBuf> {
-    let requirements = workspace.path(requirements);
+    prepared(workspace, requirements, name).context(
+        "the peer is missing: its Python environment needs python3 (3.11 or newer, with venv) \
+         and access to PyPI",
+    )
+}
+
+fn prepared(workspace: &Workspace, requirements: &str, name: &str) -> Result<PathBuf> {
+    let requirements = workspace.path("tests/peers").join(requirements);
     let folder = workspace.peers().join(name);
     // Copied when all is installed, so that half an environment is not taken for a whole.
     let installed = folder.join("requirements.txt");
-    let interpreter = interpreter(&folder);
+    let program = if cfg!(windows) { "Scripts/python.exe" } else { "bin/python" };
+    let interpreter = folder.join(program);
     let wanted = fs::read(&requirements)
         .with_context(|| format!("cannot read {}", requirements.display()))?;
     if fs::read(&installed).is_ok_and(|found| found == wanted) && interpreter.is_file() {
@@ -218,12 +209,6 @@ pub(super) fn environment(
     Ok(interpreter)
 }
 
-/// Where an environment in `folder` has its interpreter.
-fn interpreter(folder: &Path) -> PathBuf {
-    let relative = if cfg!(windows) { "Scripts/python.exe" } else { "bin/python" };
-    folder.join(relative)
-}
-
 /// Has the peer solve `case` and leave its values in `values`.
 fn solve_theirs(
     workspace: &Workspace,
@@ -234,7 +219,7 @@ fn solve_theirs(
     let mut script = Command::new(python);
     script.arg(workspace.path("tests/peers/air3d.py"));
     script.args(["--grid", case.grid, "--accuracy", case.accuracy]);
-    script.arg("--runs").arg(case.runs.to_string()).arg("--values").arg(values);
+    script.args(["--runs", case.runs(), "--values"]).arg(values);
     let answer = output_of("the peer's script", &mut script)?;
     serde_json::from_str(&answer).with_context(|| format!("the peer's script printed {answer:?}"))
 }
@@ -242,7 +227,7 @@ fn solve_theirs(
 /// Solves `case` ourselves and measures what the peer left in `values`.
 fn solve_ours(workspace: &Workspace, case: &Case, values: Option<&PathBuf>) -> Result<Ours> {
     let mut example = Command::new(workspace.example("air3d"));
-    example.args([case.grid, case.scheme, THREADS, &case.runs.to_string()]).args(values);
+    example.args([case.grid, case.scheme, THREADS, case.runs()]).args(values);
     let answer = output_of("the example air3d", &mut example)?;
     serde_json::from_str(&answer).with_context(|| format!("the example air3d printed {answer:?}"))
 }
@@ -263,21 +248,18 @@ fn same_nodes(ours: &[Nodes; 3], theirs: &[Nodes; 3]) -> Result<()> {
 /// Cells of a row of the table.
 type Row = [String; 10];
 
-fn headings() -> Row {
-    [
-        "solver",
-        "grid",
-        "scheme",
-        "wall s",
-        "our wall s",
-        "ratio",
-        "target",
-        "error dx, mean/max",
-        "ours",
-        "volume error %, ours",
-    ]
-    .map(str::to_owned)
-}
+const HEADINGS: [&str; 10] = [
+    "solver",
+    "grid",
+    "scheme",
+    "wall s",
+    "our wall s",
+    "ratio",
+    "target",
+    "error dx, mean/max",
+    "ours",
+    "volume error %, ours",
+];
 
 fn row(case: &Case, ours: &Ours, theirs: Option<&Theirs>) -> Row {
     let none = || "-".to_owned();
@@ -361,7 +343,7 @@ mod tests {
     #[test]
     fn the_table_is_in_columns() {
         let (ours, theirs) = both();
-        let text = table(&[headings(), row(&CASES[1], &ours, Some(&theirs))]);
+        let text = table(&[HEADINGS.map(str::to_owned), row(&CASES[1], &ours, Some(&theirs))]);
         let columns: Vec<_> =
             text.lines().map(|line| line.find(" 0.500").or(line.find(" our"))).collect();
         assert_eq!(columns[0], columns[1], "{text}");
@@ -369,14 +351,18 @@ mod tests {
 
     #[test]
     fn every_version_is_pinned() {
-        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/peers/requirements.txt");
-        let requirements = fs::read_to_string(path).expect("the file is committed");
-        let lines = requirements.lines().filter(|line| !line.starts_with('#'));
-        for line in lines {
-            assert!(line.contains("=="), "{line}");
-        }
-        for package in ["hj_reachability==", "jax==", "jaxlib==", "numpy=="] {
-            assert!(requirements.contains(package), "{package}");
+        let packages = ["hj_reachability==", "jax==", "jaxlib==", "numpy=="];
+        for (file, packages) in [
+            ("requirements.txt", &packages[..]),
+            ("learning-requirements.txt", &["scikit-learn==1.9"]),
+        ] {
+            let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/peers");
+            let requirements = fs::read_to_string(folder.join(file)).expect("it is committed");
+            let mut lines = requirements.lines().filter(|line| !line.starts_with('#'));
+            assert!(lines.all(|line| line.contains("==")), "{requirements}");
+            for package in packages {
+                assert!(requirements.contains(package), "{package}");
+            }
         }
     }
 }

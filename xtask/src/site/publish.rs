@@ -4,29 +4,21 @@ use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
 
 use anyhow::{Context, Result, anyhow};
 
 use super::Files;
 
-/// How large a file is on its way to the browser, in bytes.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Sizes {
-    /// After brotli.
-    pub(crate) brotli: usize,
-}
-
 /// Writes `files` into `folder`, each with `.br` and `.gz` beside it.
 ///
 /// The new site is written next to the old one and then takes its place, so that
 /// a running server never sees a part of it. What has not changed since the last
-/// time is not compressed again.
+/// time is not compressed again. Returns the size of each file after brotli, in bytes.
 ///
 /// # Errors
 /// When a file cannot be written.
-pub(crate) fn publish(files: &Files, folder: &Path) -> Result<BTreeMap<String, Sizes>> {
+pub(crate) fn publish(files: &Files, folder: &Path) -> Result<BTreeMap<String, usize>> {
     let parent = folder.parent().context("the site needs a parent folder")?;
     fs::create_dir_all(parent).with_context(|| cannot_write(parent))?;
     let lock_file = folder.with_extension("lock");
@@ -40,10 +32,15 @@ pub(crate) fn publish(files: &Files, folder: &Path) -> Result<BTreeMap<String, S
         let parent = file.parent().unwrap_or(&fresh);
         fs::create_dir_all(parent).with_context(|| cannot_write(parent))?;
     }
-    let jobs: Vec<(&String, &Vec<u8>)> = files.iter().collect();
-    let sizes = in_parallel(&jobs, |(path, content)| {
-        let brotli = write(&fresh, folder, path, content)?;
-        Ok(((*path).clone(), Sizes { brotli }))
+    // A thread for each file: there are about a dozen.
+    let sizes = thread::scope(|scope| {
+        let fresh = &fresh;
+        let threads = files.iter().map(|(path, content)| {
+            scope.spawn(move || Ok((path.clone(), write(fresh, folder, path, content)?)))
+        });
+        let threads: Vec<thread::ScopedJoinHandle<'_, Result<_>>> = threads.collect();
+        let panicked = |_| anyhow!("a thread of xtask panicked: see its message above");
+        threads.into_iter().map(|thread| thread.join().map_err(panicked)?).collect::<Result<_>>()
     })?;
 
     let old = folder.with_extension("old");
@@ -53,7 +50,7 @@ pub(crate) fn publish(files: &Files, folder: &Path) -> Result<BTreeMap<String, S
     }
     fs::rename(&fresh, folder).with_context(|| cannot_write(folder))?;
     remove(&old)?;
-    Ok(sizes.into_iter().collect())
+    Ok(sizes)
 }
 
 /// Writes one file in all its encodings; answers with its size after brotli.
@@ -94,33 +91,6 @@ fn gzip(content: &[u8]) -> Result<Vec<u8>> {
     Ok(encoder.finish()?)
 }
 
-/// Does `work` for each job, on all cores.
-fn in_parallel<Job: Sync, Answer: Send>(
-    jobs: &[Job],
-    work: impl Fn(&Job) -> Result<Answer> + Sync,
-) -> Result<Vec<Answer>> {
-    let next = AtomicUsize::new(0);
-    let until_empty = || -> Result<Vec<Answer>> {
-        let mut answers = Vec::new();
-        while let Some(job) = jobs.get(next.fetch_add(1, Ordering::Relaxed)) {
-            answers.push(work(job)?);
-        }
-        Ok(answers)
-    };
-    let threads = thread::available_parallelism().map_or(1, usize::from);
-    let mut answers = Vec::new();
-    thread::scope(|scope| {
-        let workers: Vec<_> = (0..threads).map(|_| scope.spawn(until_empty)).collect();
-        for worker in workers {
-            let done = worker
-                .join()
-                .map_err(|_| anyhow!("a thread of xtask panicked: see its message above"))?;
-            answers.extend(done?);
-        }
-        Ok(answers)
-    })
-}
-
 /// Writes one file.
 fn put(file: &Path, bytes: &[u8]) -> Result<()> {
     fs::write(file, bytes).with_context(|| cannot_write(file))
@@ -143,22 +113,6 @@ fn cannot_write(path: &Path) -> String {
 mod tests {
     use super::*;
 
-    /// A folder of this test alone, removed at its end.
-    struct Folder(PathBuf);
-
-    impl Folder {
-        fn new(test: &str) -> Self {
-            let name = format!("sidestep-xtask-{test}-{}", std::process::id());
-            Self(std::env::temp_dir().join(name))
-        }
-    }
-
-    impl Drop for Folder {
-        fn drop(&mut self) {
-            let _ = fs::remove_dir_all(&self.0);
-        }
-    }
-
     fn files(list: &[(&str, &str)]) -> Files {
         let owned = |(path, text): &(&str, &str)| ((*path).into(), text.as_bytes().into());
         list.iter().map(owned).collect()
@@ -166,8 +120,8 @@ mod tests {
 
     #[test]
     fn a_new_site_takes_the_place_of_the_old_one() {
-        let folder = Folder::new("swap");
-        let site = folder.0.join("site");
+        let folder = tempfile::tempdir().expect("a folder");
+        let site = folder.path().join("site");
         publish(&files(&[("index.html", "1"), ("assets/a.js", "a")]), &site).expect("written");
         publish(&files(&[("index.html", "2"), ("assets/b.js", "b")]), &site).expect("written");
 
@@ -183,13 +137,13 @@ mod tests {
 
     #[test]
     fn compressed_files_hold_the_same_content() {
-        let folder = Folder::new("encodings");
-        let site = folder.0.join("site");
+        let folder = tempfile::tempdir().expect("a folder");
+        let site = folder.path().join("site");
         let text = "heading ".repeat(100);
         let sizes = publish(&files(&[("index.html", &text)]), &site).expect("written");
 
         let br = fs::read(site.join("index.html.br")).expect("brotli");
-        assert_eq!(sizes["index.html"], Sizes { brotli: br.len() });
+        assert_eq!(sizes["index.html"], br.len());
         let mut plain = Vec::new();
         brotli::BrotliDecompress(&mut &br[..], &mut plain).expect("valid brotli");
         assert_eq!(plain, text.as_bytes());
@@ -202,8 +156,8 @@ mod tests {
 
     #[test]
     fn only_what_changed_is_compressed_again() {
-        let folder = Folder::new("reuse");
-        let site = folder.0.join("site");
+        let folder = tempfile::tempdir().expect("a folder");
+        let site = folder.path().join("site");
         publish(&files(&[("same", "1"), ("other", "1")]), &site).expect("written");
         // Marks that show where a file comes from.
         for name in ["same.br", "other.br"] {
@@ -212,17 +166,5 @@ mod tests {
         publish(&files(&[("same", "1"), ("other", "2")]), &site).expect("written");
         assert_eq!(fs::read(site.join("same.br")).expect("a file"), b"kept");
         assert_ne!(fs::read(site.join("other.br")).expect("a file"), b"kept");
-    }
-
-    #[test]
-    fn work_is_done_once_each_and_errors_come_through() {
-        let jobs: Vec<usize> = (0..100).collect();
-        let mut answers = in_parallel(&jobs, |job| Ok(job * 2)).expect("no errors");
-        answers.sort_unstable();
-        assert_eq!(answers, (0..100).map(|job| job * 2).collect::<Vec<_>>());
-        let refuse = |job: &usize| {
-            if *job == 77 { Err(anyhow!("no")) } else { Ok(()) }
-        };
-        assert!(in_parallel(&jobs, refuse).is_err());
     }
 }

@@ -1,9 +1,10 @@
 //! The baseline: SQLite on the same disk, with nothing around it.
 
-use std::path::Path;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
-use rusqlite::{Connection, params};
+use rusqlite::{Connection, Result, params};
+use sidestep::math::SeededRng;
+use sidestep_tests::Folder;
 
 const STEPS: usize = 50;
 
@@ -11,10 +12,17 @@ const KEY_EVENTS: &str = r#"[{"t_ms":1990.5,"key":"ArrowLeft","down":true},{"t_m
 
 const DISPLAY: &str = r#"{"refresh_hz":60.0,"frames":612,"longest_frame_ms":18.4}"#;
 
-/// Trials a second that a loop inserts durably, so many a transaction. Rows and settings are
-/// the server's.
-pub(crate) fn inserts(folder: &Path, per_commit: usize, time: Duration) -> anyhow::Result<f64> {
-    let db = Connection::open(folder.join(format!("baseline-{per_commit}.db")))?;
+/// Trials a second that a loop inserts durably for so many seconds, so many a transaction. Rows
+/// and settings are the server's.
+pub(crate) fn inserts(folder: &Folder, per_commit: usize, seconds: f64) -> f64 {
+    let begin = Instant::now();
+    let goes_on = || begin.elapsed().as_secs_f64() < seconds;
+    let count = insert(folder, per_commit, goes_on).expect("SQLite inserts");
+    count as f64 / begin.elapsed().as_secs_f64()
+}
+
+fn insert(folder: &Folder, per_commit: usize, goes_on: impl Fn() -> bool) -> Result<usize> {
+    let db = Connection::open(folder.path(&format!("baseline-{per_commit}.db")))?;
     db.execute_batch(
         "PRAGMA journal_mode = WAL;
          PRAGMA synchronous = FULL;
@@ -27,12 +35,14 @@ pub(crate) fn inserts(folder: &Path, per_commit: usize, time: Duration) -> anyho
         "INSERT INTO trial (trial_id, content_hash, inputs, states, sampled_at_ms, key_events, \
          display) VALUES ($1, $2, $3, $4, $5, $6, $7)",
     )?;
-    let (begin, mut count) = (Instant::now(), 0);
-    while begin.elapsed() < time {
+    // As long as the server's ids, and as unordered.
+    let mut rng = SeededRng::new(1);
+    let mut count = 0;
+    while goes_on() {
         db.execute_batch("BEGIN IMMEDIATE")?;
         for _ in 0..per_commit {
             insert.execute(params![
-                uuid::Uuid::new_v4().to_string(),
+                format!("{:036}", rng.below(usize::MAX)),
                 &states[..32],
                 &states[..STEPS],
                 states,
@@ -44,5 +54,5 @@ pub(crate) fn inserts(folder: &Path, per_commit: usize, time: Duration) -> anyho
         db.execute_batch("COMMIT")?;
         count += per_commit;
     }
-    Ok(count as f64 / begin.elapsed().as_secs_f64())
+    Ok(count)
 }

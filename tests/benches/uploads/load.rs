@@ -3,29 +3,58 @@
 use std::cell::{Cell, RefCell};
 use std::collections::VecDeque;
 use std::io::{self, ErrorKind};
-use std::net::SocketAddr;
 use std::rc::Rc;
 use std::time::{Duration, Instant};
 
 use sidestep::api::{Enrolled, routes};
+use sidestep::scene::Scene;
+use sidestep_tests::{Address, Driver, driven};
 use tokio::task::JoinSet;
 use tokio::time::{sleep, sleep_until};
 
 use crate::figures::Milliseconds;
 use crate::http::Connection;
-use crate::participant::{Participant, drive};
 
-/// The study that a server without a study file has.
-const STUDY: &str = "default";
+/// Somebody who takes part.
+pub(crate) struct Participant {
+    pub(crate) id: String,
+    token: String,
+    /// What is to be driven: trial and scene.
+    plan: Vec<(String, Scene)>,
+    /// How many trials the server has acknowledged.
+    acknowledged: usize,
+}
+
+impl Participant {
+    fn new(enrolled: Enrolled) -> Self {
+        let driver = Driver { enrolled };
+        let plan = driver.scenes();
+        let Enrolled { participant_id: id, token, .. } = driver.enrolled;
+        Self { id, token, plan, acknowledged: 0 }
+    }
+
+    /// The trial that comes next; none after the last.
+    fn next(&self) -> Option<&(String, Scene)> {
+        self.plan.get(self.acknowledged)
+    }
+
+    /// The trials that the server has acknowledged.
+    pub(crate) fn acknowledged(&self) -> &[(String, Scene)] {
+        &self.plan[..self.acknowledged]
+    }
+}
 
 /// Everybody who takes part, and how the server treats them.
+#[derive(Default)]
 pub(crate) struct Load {
-    pub(crate) address: Cell<SocketAddr>,
+    /// `HOST:PORT`.
+    address: RefCell<String>,
     /// Who has trials left to drive.
     waiting: RefCell<VecDeque<Participant>>,
     /// Who has not.
     done: RefCell<Vec<Participant>>,
     latencies: RefCell<Milliseconds>,
+    enrolled: Cell<usize>,
     acknowledged: Cell<usize>,
     /// Answers 503.
     refused: Cell<usize>,
@@ -37,83 +66,66 @@ pub(crate) struct Load {
     end: Cell<Option<Instant>>,
 }
 
-/// What came of a class that enrolled at once.
-pub(crate) struct Class {
-    pub(crate) enrolled: usize,
-    /// Until the last of them was in, s.
-    pub(crate) seconds: f64,
-}
-
 impl Load {
-    pub(crate) fn new(address: SocketAddr) -> Self {
-        Self {
-            address: Cell::new(address),
-            waiting: RefCell::default(),
-            done: RefCell::default(),
-            latencies: RefCell::default(),
-            acknowledged: Cell::default(),
-            refused: Cell::default(),
-            problems: RefCell::default(),
-            mortal: Cell::default(),
-            end: Cell::default(),
-        }
+    pub(crate) fn new(server: &Address) -> Self {
+        let load = Self::default();
+        load.serve_from(server);
+        load
     }
 
-    /// Lets `count` people enrol, or fewer if time runs out: how many did, and in what time.
+    /// From now on that server is asked.
+    pub(crate) fn serve_from(&self, server: &Address) {
+        self.address.replace(server.origin.trim_start_matches("http://").to_owned());
+    }
+
+    /// Lets `count` people enrol, or fewer if time runs out: how many did, and in what time, s.
     pub(crate) async fn enrol(
         self: &Rc<Self>,
         count: usize,
         connections: usize,
-        limit: Duration,
-    ) -> (usize, Duration) {
+        limit_s: f64,
+    ) -> (usize, f64) {
+        let before = self.enrolled.get();
         let left = Rc::new(Cell::new(count));
-        let enrolled = Rc::new(Cell::new(0));
-        let took = self.together(connections, limit, |load| {
-            let (left, enrolled) = (Rc::clone(&left), Rc::clone(&enrolled));
+        let took_s = self.together(connections, limit_s, |load| {
+            let left = Rc::clone(&left);
             async move {
-                let mut connection = Connection::open(load.address.get()).await?;
+                let mut connection = load.connect().await?;
                 while left.get() > 0 && !load.is_over() {
                     left.set(left.get() - 1);
                     let begin = Instant::now();
-                    if load.enrol_one(&mut connection).await?.is_some() {
+                    if load.enrol_one(&mut connection).await? {
                         load.note(begin);
-                        enrolled.set(enrolled.get() + 1);
                     }
                 }
                 Ok(())
             }
         });
-        let took = took.await;
-        (enrolled.get(), took)
+        let took_s = took_s.await;
+        (self.enrolled.get() - before, took_s)
     }
 
     /// Lets people drive on, from so many connections, until time or people run out: how many
-    /// uploads were acknowledged, and in what time.
-    pub(crate) async fn upload(
-        self: &Rc<Self>,
-        connections: usize,
-        limit: Duration,
-    ) -> (usize, Duration) {
+    /// uploads were acknowledged, and in what time, s.
+    pub(crate) async fn upload(self: &Rc<Self>, connections: usize, limit_s: f64) -> (usize, f64) {
         let before = self.acknowledged.get();
         // One participant drives one trial after the other.
         let connections = connections.min(self.waiting());
-        let took = self
-            .together(connections, limit, |load| async move {
-                let mut connection = Connection::open(load.address.get()).await?;
-                load.drive_on(&mut connection).await
-            })
-            .await;
-        (self.acknowledged.get() - before, took)
+        let took_s = self.together(connections, limit_s, |load| async move {
+            load.drive_on(&mut load.connect().await?).await
+        });
+        let took_s = took_s.await;
+        (self.acknowledged.get() - before, took_s)
     }
 
     /// Lets `count` people enrol at once, each on a connection of their own, while others
-    /// upload `per_s` trials a second by the clock.
+    /// upload `per_s` trials a second by the clock: how many enrolled, and in what time, s.
     pub(crate) async fn class(
         self: &Rc<Self>,
         count: usize,
         per_s: usize,
-        limit: Duration,
-    ) -> Class {
+        limit_s: f64,
+    ) -> (usize, f64) {
         let stop = Rc::new(Cell::new(false));
         let mut beside = JoinSet::new();
         let begin = Instant::now();
@@ -128,23 +140,15 @@ impl Load {
         }
         // Uploads are under way when the class comes.
         sleep(Duration::from_secs(1)).await;
-        let enrolled = Rc::new(Cell::new(0));
-        let took = self
-            .together(count, limit, |load| {
-                let enrolled = Rc::clone(&enrolled);
-                async move {
-                    let mut connection = Connection::open(load.address.get()).await?;
-                    if load.enrol_one(&mut connection).await?.is_some() {
-                        enrolled.set(enrolled.get() + 1);
-                    }
-                    Ok(())
-                }
-            })
-            .await;
+        let before = self.enrolled.get();
+        let took_s = self.together(count, limit_s, |load| async move {
+            load.enrol_one(&mut load.connect().await?).await.map(drop)
+        });
+        let took_s = took_s.await;
         sleep(Duration::from_secs(1)).await;
         stop.set(true);
         while beside.join_next().await.is_some() {}
-        Class { enrolled: enrolled.get(), seconds: took.as_secs_f64() }
+        (self.enrolled.get() - before, took_s)
     }
 
     /// How long requests took since the last call of this.
@@ -165,25 +169,28 @@ impl Load {
         self.waiting.borrow().len()
     }
 
-    /// Everybody, whether or not they have trials left.
-    pub(crate) fn everybody(&self, mut each: impl FnMut(&Participant)) {
-        self.waiting.borrow().iter().for_each(&mut each);
-        self.done.borrow().iter().for_each(&mut each);
+    /// Everybody, whether or not they have trials left. Nobody drives after that.
+    pub(crate) fn everybody(&self) -> impl Iterator<Item = Participant> {
+        self.waiting.take().into_iter().chain(self.done.take())
     }
 
-    /// Runs so many tasks to their end or, somewhat later, the limit's.
+    async fn connect(&self) -> io::Result<Connection> {
+        let address = self.address.borrow().clone();
+        Connection::open(&address).await
+    }
+
+    /// Runs so many tasks to their end or, somewhat later, the limit's: how long it took, s.
     async fn together<F: Future<Output = io::Result<()>> + 'static>(
         self: &Rc<Self>,
         count: usize,
-        limit: Duration,
+        limit_s: f64,
         task: impl Fn(Rc<Self>) -> F,
-    ) -> Duration {
+    ) -> f64 {
         let begin = Instant::now();
-        self.end.set(Some(begin + limit));
+        self.end.set(Some(begin + Duration::from_secs_f64(limit_s)));
         let mut tasks = JoinSet::new();
         for _ in 0..count {
-            let task = task(Rc::clone(self));
-            let load = Rc::clone(self);
+            let (load, task) = (Rc::clone(self), task(Rc::clone(self)));
             tasks.spawn_local(async move {
                 if let Err(error) = task.await
                     && !(load.mortal.get() && error.kind() != ErrorKind::Other)
@@ -193,29 +200,30 @@ impl Load {
             });
         }
         while tasks.join_next().await.is_some() {}
-        begin.elapsed()
+        begin.elapsed().as_secs_f64()
     }
 
     fn is_over(&self) -> bool {
         self.end.get().is_some_and(|end| Instant::now() >= end)
     }
 
-    /// One person enrols, and asks again while the server says that it is busy. None if it
+    /// One person enrols, and asks again while the server says that it is busy. False if it
     /// refused, or time ran out.
-    async fn enrol_one(&self, connection: &mut Connection) -> io::Result<Option<()>> {
-        let route = routes::participants(STUDY);
+    async fn enrol_one(&self, connection: &mut Connection) -> io::Result<bool> {
+        let route = routes::participants("default");
         loop {
             let answer = connection.send("POST", &route, None, br#"{"consent":true}"#).await?;
             match answer.status {
                 201 => {
-                    let enrolled: Enrolled = serde_json::from_slice(answer.body)?;
-                    self.waiting.borrow_mut().push_back(Participant::new(&enrolled));
-                    return Ok(Some(()));
+                    let enrolled = serde_json::from_slice(answer.body)?;
+                    self.waiting.borrow_mut().push_back(Participant::new(enrolled));
+                    self.enrolled.set(self.enrolled.get() + 1);
+                    return Ok(true);
                 }
                 503 if !self.is_over() => self.put_off(answer.retry_after_s).await,
                 status => {
                     self.problem(format!("an enrolment was answered {status}"));
-                    return Ok(None);
+                    return Ok(false);
                 }
             }
         }
@@ -226,8 +234,7 @@ impl Load {
         while let Some(mut participant) = self.next() {
             let mut end = Ok(());
             while end.is_ok() && participant.next().is_some() && !self.is_over() {
-                let begin = Instant::now();
-                end = self.drive_one(connection, &mut participant, begin).await;
+                end = self.drive_one(connection, &mut participant, Instant::now()).await;
             }
             self.leave(participant);
             end?;
@@ -238,7 +245,7 @@ impl Load {
     /// Uploads a trial each second, the first at `first`. A late answer makes the next upload
     /// late, which counts as its time too.
     async fn drive_by_the_clock(&self, first: Instant, stop: &Cell<bool>) -> io::Result<()> {
-        let mut connection = Connection::open(self.address.get()).await?;
+        let mut connection = self.connect().await?;
         // From among those who enrolled last, and have all their trials before them.
         let Some(mut participant) = self.waiting.borrow_mut().pop_back() else {
             return Err(io::Error::other("nobody is left to drive"));
@@ -262,7 +269,7 @@ impl Load {
         begin: Instant,
     ) -> io::Result<()> {
         let Some((trial_id, scene)) = participant.next() else { return Ok(()) };
-        let body = serde_json::to_vec(&drive(trial_id, scene))?;
+        let body = serde_json::to_vec(&driven(scene))?;
         let route = routes::my_trial(trial_id);
         loop {
             let answer = connection.send("PUT", &route, Some(&participant.token), &body).await?;
@@ -276,7 +283,7 @@ impl Load {
                 }
             }
         }
-        participant.acknowledge();
+        participant.acknowledged += 1;
         self.acknowledged.set(self.acknowledged.get() + 1);
         self.note(begin);
         Ok(())
