@@ -24,7 +24,7 @@ pub mod participants;
 pub mod trials;
 pub mod imports;
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 
 pub use error::StoreError;
 pub use file::LEAST_FREE_BYTES;

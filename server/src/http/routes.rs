@@ -66,12 +66,24 @@ async fn method_not_allowed() -> ApiError {
 mod tests {
     use super::*;
     use crate::http::bounded::Bounded;
+    use crate::store::tests::begun;
     use crate::store::{Missing, Store};
     use axum::body::Body;
+    use axum::http::request::Builder;
     use axum::http::{Request, header};
     use axum::response::Response;
+    use serde::de::DeserializeOwned;
+    use serde_json::Map;
+    use sidestep::api::{Enrolled, Problem, TrialUpload};
+    use sidestep::scene::SceneParameters;
     use sidestep::study::StudyConfig;
+    use sidestep::trial::simulate;
+    use sidestep::vehicle::TurnInput;
+    use std::sync::mpsc;
+    use std::task::Poll;
     use tempfile::TempDir;
+    use tokio::sync::oneshot;
+    use tokio::task::JoinSet;
     use tower::ServiceExt;
 
     /// A server without sockets, whose store and drawing of plans can be held up.
@@ -96,20 +108,80 @@ mod tests {
         (store, router(Arc::new(app), &Site::open(folder.path()).unwrap()))
     }
 
-    async fn enrol(router: &Router) -> Response {
-        let request = Request::post(routes::participants("default"))
-            .header(header::CONTENT_TYPE, "application/json")
-            .body(Body::from("{\"consent\":true}"));
+    async fn send(router: &Router, request: Builder, body: impl Into<Body>) -> Response {
+        let request = request.header(header::CONTENT_TYPE, "application/json").body(body.into());
         router.clone().oneshot(request.unwrap()).await.unwrap()
+    }
+
+    async fn enrol(router: &Router) -> Response {
+        let request = Request::post(routes::participants("default"));
+        send(router, request, "{\"consent\":true}").await
+    }
+
+    async fn body<T: DeserializeOwned>(response: Response) -> T {
+        let bytes = axum::body::to_bytes(response.into_body(), 1_000_000).await.unwrap();
+        serde_json::from_slice(&bytes).unwrap()
     }
 
     async fn is_busy(router: &Router) {
         let refused = enrol(router).await;
         assert_eq!(refused.status(), StatusCode::SERVICE_UNAVAILABLE);
         assert_eq!(refused.headers()[header::RETRY_AFTER], "1");
-        let body = axum::body::to_bytes(refused.into_body(), 10_000).await.unwrap();
-        let problem: sidestep::api::Problem = serde_json::from_slice(&body).unwrap();
-        assert_eq!(problem.code, "busy");
+        assert_eq!(body::<Problem>(refused).await.code, "busy");
+    }
+
+    /// A trial that arrives behind a whole class is answered while most of the class still waits.
+    #[tokio::test]
+    async fn a_trial_is_answered_ahead_of_a_class_that_enrols() {
+        const AHEAD: usize = 10;
+        const BEHIND: usize = 30;
+        let folder = TempDir::new().unwrap();
+        let (store, router) = served(&folder, 100).await;
+        let me: Enrolled = body(enrol(&router).await).await;
+        let (_, planned) = me.plan.scenes().next().unwrap();
+
+        let held = store.held().await;
+        let mut class = JoinSet::new();
+        let begin = |class: &mut JoinSet<StatusCode>, count| {
+            for _ in 0..count {
+                let router = router.clone();
+                class.spawn(async move { enrol(&router).await.status() });
+            }
+        };
+        begin(&mut class, AHEAD);
+        store.until_waiting([0, AHEAD]).await;
+        // Among the enrolments, something that holds the writer again.
+        let (go, wait) = mpsc::channel();
+        let (began, again) = oneshot::channel();
+        let mut holding = Box::pin(store.hold(began, wait));
+        assert!(begun(&mut holding).is_pending());
+        begin(&mut class, BEHIND);
+        store.until_waiting([0, AHEAD + 1 + BEHIND]).await;
+        let parameters = SceneParameters::default();
+        let inputs = vec![TurnInput::Left; parameters.steps];
+        let upload = TrialUpload {
+            started_at_ms: 1.0,
+            states: simulate(&parameters, planned.scene().start(), &inputs),
+            sampled_at_ms: (0..inputs.len()).map(|step| 200.0 * step as f64).collect(),
+            inputs,
+            key_events: Vec::new(),
+            display: Map::new(),
+        };
+        let request = Request::put(routes::my_trial(&planned.trial_id))
+            .header(header::AUTHORIZATION, format!("Bearer {}", me.token));
+        let mut trial = Box::pin(send(&router, request, serde_json::to_vec(&upload).unwrap()));
+        assert!(begun(&mut trial).is_pending());
+
+        drop(held);
+        again.await.unwrap();
+        let Poll::Ready(answer) = begun(&mut trial) else { panic!("it waits behind the class") };
+        assert_eq!(answer.status(), StatusCode::CREATED);
+        let [enrolled, trials] = store.counts().await.unwrap();
+        assert!(trials == 1 && enrolled as usize <= 1 + AHEAD, "{enrolled} are enrolled");
+        drop(go);
+        while let Some(status) = class.join_next().await {
+            assert_eq!(status.unwrap(), StatusCode::CREATED);
+        }
     }
 
     #[tokio::test]

@@ -15,6 +15,7 @@ use std::pin::Pin;
 use std::sync::{Arc, Mutex, mpsc};
 use std::task::{Context, Poll, Waker};
 use tempfile::TempDir;
+use tokio::sync::oneshot;
 
 /// A store in a folder of its own.
 async fn store() -> (TempDir, Store) {
@@ -221,24 +222,36 @@ async fn what_one_operation_does_wrong_costs_no_other() {
 }
 
 /// The first step of an operation: it waits in the queue, or is refused.
-fn begun<T>(operation: &mut Pin<Box<impl Future<Output = T>>>) -> Poll<T> {
+pub(crate) fn begun<T>(operation: &mut Pin<Box<impl Future<Output = T>>>) -> Poll<T> {
     operation.as_mut().poll(&mut Context::from_waker(Waker::noop()))
 }
 
 impl Store {
-    /// Keeps the writer busy until what is returned is dropped.
-    async fn held(&self) -> mpsc::Sender<()> {
-        let (go, wait) = mpsc::channel::<()>();
-        let (begin, began) = tokio::sync::oneshot::channel();
+    /// An operation that keeps the writer busy until it is told to go on.
+    pub(crate) async fn hold(&self, begin: oneshot::Sender<()>, wait: mpsc::Receiver<()>) {
         let work = move |_: &rusqlite::Connection| {
             let _ = begin.send(());
             let _ = wait.recv();
             Ok(())
         };
+        let _ = self.write(work).await;
+    }
+
+    /// Keeps the writer busy until what is returned is dropped.
+    pub(crate) async fn held(&self) -> mpsc::Sender<()> {
+        let (go, wait) = mpsc::channel::<()>();
+        let (begin, began) = oneshot::channel();
         let store = self.clone();
-        tokio::spawn(async move { store.write(work).await });
+        tokio::spawn(async move { store.hold(begin, wait).await });
         began.await.unwrap();
         go
+    }
+
+    /// Waits until so many trials and so many other requests wait.
+    pub(crate) async fn until_waiting(&self, wanted: [usize; 2]) {
+        while self.open.writer.waiting() != wanted {
+            tokio::task::yield_now().await;
+        }
     }
 
     /// As [`Self::held`], with a full queue of what nobody waits for any more.
@@ -261,18 +274,28 @@ async fn a_full_queue_is_refused_at_once() {
     }
 }
 
+type Order = Arc<Mutex<Vec<&'static str>>>;
+
+/// Operations that note in which order they run.
+fn noting() -> (Order, impl Fn(&'static str) -> Noted) {
+    let order = Order::default();
+    let noted = Arc::clone(&order);
+    (order, move |what| {
+        let order = Arc::clone(&noted);
+        Box::new(move |_: &rusqlite::Connection| {
+            order.lock().unwrap().push(what);
+            Ok(())
+        })
+    })
+}
+
+type Noted = Box<dyn FnOnce(&rusqlite::Connection) -> Result<(), StoreError> + Send>;
+
 #[tokio::test]
 async fn trials_go_ahead_of_a_class_that_enrols() {
     let (_folder, store) = store().await;
     let held = store.held().await;
-    let order = Arc::new(Mutex::new(Vec::new()));
-    let noted = |what: &'static str| {
-        let order = Arc::clone(&order);
-        move |_: &rusqlite::Connection| {
-            order.lock().unwrap().push(what);
-            Ok(())
-        }
-    };
+    let (order, noted) = noting();
     let mut class: Vec<_> = (0..600).map(|_| Box::pin(store.write(noted("class")))).collect();
     assert!(class.iter_mut().all(|enrolment| begun(enrolment).is_pending()));
     let mut trial = Box::pin(store.write_first(noted("trial")));
@@ -289,14 +312,7 @@ async fn trials_go_ahead_of_a_class_that_enrols() {
 async fn requests_wait_for_one_piece_of_background_work_at_most() {
     let (_folder, store) = store().await;
     let held = store.held().await;
-    let order = Arc::new(Mutex::new(Vec::new()));
-    let noted = |what: &'static str| {
-        let order = Arc::clone(&order);
-        move |_: &rusqlite::Connection| {
-            order.lock().unwrap().push(what);
-            Ok(())
-        }
-    };
+    let (order, noted) = noting();
     let mut jobs: Vec<_> = (0..20).map(|_| Box::pin(store.write_behind(noted("job")))).collect();
     let mut requests: Vec<_> =
         (0..64).map(|_| Box::pin(store.write_first(noted("request")))).collect();

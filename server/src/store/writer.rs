@@ -219,6 +219,13 @@ impl Writer {
         answered.await.unwrap_or_else(|_| Err(StoreError::Defect("the writer ended".to_owned())))
     }
 
+    /// How many trials and how many other requests wait.
+    #[cfg(test)]
+    pub(super) fn waiting(&self) -> [usize; 2] {
+        let lanes = self.queue.lanes();
+        [lanes.trials.len(), lanes.requests.len()]
+    }
+
     /// Empties the write-ahead log as soon as nobody reads in it.
     pub(super) fn empty_log(&self) {
         let mut lanes = self.queue.lanes();
