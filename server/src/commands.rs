@@ -20,6 +20,7 @@ pub mod analyze;
 pub mod simulate;
 
 use crate::store::{OpenError, StoreError};
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use serde::Serialize;
 use std::io::Write;
 use std::path::Path;
@@ -65,6 +66,18 @@ impl From<StoreError> for CommandError {
     fn from(error: StoreError) -> Self {
         Self::failure(error)
     }
+}
+
+/// The values of a flag: their words, what they stand for, and their help.
+type Words<T> = &'static [(&'static str, T, &'static str)];
+
+/// Reads one of these words.
+fn one_of<T: Clone + Send + Sync + 'static>(words: Words<T>) -> impl TypedValueParser<Value = T> {
+    let values = words.iter().map(|(word, _, help)| PossibleValue::new(*word).help(*help));
+    PossibleValuesParser::new(values).try_map(move |given| {
+        let known = words.iter().find(|(word, ..)| *word == given);
+        known.map(|(_, value, _)| value.clone()).ok_or("no such word")
+    })
 }
 
 /// A file that cannot be written.

@@ -12,20 +12,28 @@ use sidestep::vehicle::TurnInput;
 use std::io::{self, Write};
 
 /// What the database stores of a trial.
-#[derive(Clone, Copy, Debug)]
-pub struct Content<'a> {
+#[derive(Clone, Debug)]
+pub struct Content {
     /// When the trial started by the participant's clock, ms since 1970, if known.
     pub started_at_ms: Option<f64>,
     /// The input in each step.
-    pub inputs: &'a [TurnInput],
+    pub inputs: Vec<TurnInput>,
     /// The joint states before each step and after the last.
-    pub states: &'a [JointState],
+    pub states: Vec<JointState>,
     /// When each input was sampled, ms after the start, if known.
-    pub sampled_at_ms: Option<&'a [f64]>,
+    pub sampled_at_ms: Option<Vec<f64>>,
     /// The key events, as JSON.
-    pub key_events: &'a str,
+    pub key_events: String,
     /// The record of the display, as JSON.
-    pub display: &'a str,
+    pub display: String,
+}
+
+impl Content {
+    /// When each input was sampled, ms after the start; empty where it is not known.
+    #[must_use]
+    pub fn sampled_at_ms(&self) -> &[f64] {
+        self.sampled_at_ms.as_deref().unwrap_or_default()
+    }
 }
 
 /// How a content hash is computed.
@@ -55,7 +63,7 @@ impl Recipe {
 
     /// SHA-256 of the content.
     #[must_use]
-    pub fn hash(self, content: &Content<'_>) -> [u8; 32] {
+    pub fn hash(self, content: &Content) -> [u8; 32] {
         let mut hash = Hashed(Sha256::new());
         let written = match self {
             Self::UploadJson => upload_json(&mut hash, content),
@@ -68,13 +76,13 @@ impl Recipe {
 
 /// Recipe 1. It writes numbers as `serde_json` does: the shortest decimal that reads back as the same
 /// bits, with a point or an exponent. Key events and display are the row's texts.
-fn upload_json(out: &mut impl Write, content: &Content<'_>) -> io::Result<()> {
+fn upload_json(out: &mut impl Write, content: &Content) -> io::Result<()> {
     out.write_all(b"{\"started_at_ms\":")?;
     number(out, content.started_at_ms.unwrap_or_default())?;
     out.write_all(b",\"inputs\":")?;
-    list(out, content.inputs, |out, input| write!(out, "{}", input.sign()))?;
+    list(out, &content.inputs, |out, input| write!(out, "{}", input.sign()))?;
     out.write_all(b",\"states\":")?;
-    list(out, content.states, |out, state| {
+    list(out, &content.states, |out, state| {
         out.write_all(b"{\"human\":")?;
         list(out, &<[f64; 3]>::from(state.human), |out, x| number(out, *x))?;
         out.write_all(b",\"robot\":")?;
@@ -82,15 +90,15 @@ fn upload_json(out: &mut impl Write, content: &Content<'_>) -> io::Result<()> {
         out.write_all(b"}")
     })?;
     out.write_all(b",\"sampled_at_ms\":")?;
-    list(out, content.sampled_at_ms.unwrap_or_default(), |out, t| number(out, *t))?;
+    list(out, content.sampled_at_ms(), |out, t| number(out, *t))?;
     write!(out, ",\"key_events\":{},\"display\":{}}}", content.key_events, content.display)
 }
 
 /// Recipe 2.
-fn packed_bytes(out: &mut impl Write, content: &Content<'_>) -> io::Result<()> {
-    out.write_all(&pack_inputs(content.inputs))?;
-    out.write_all(&pack_states(content.states))?;
-    out.write_all(&pack(content.sampled_at_ms.unwrap_or_default().iter().copied()))
+fn packed_bytes(out: &mut impl Write, content: &Content) -> io::Result<()> {
+    out.write_all(&pack_inputs(&content.inputs))?;
+    out.write_all(&pack_states(&content.states))?;
+    out.write_all(&pack(content.sampled_at_ms().iter().copied()))
 }
 
 fn number(out: &mut impl Write, number: f64) -> io::Result<()> {
@@ -131,20 +139,20 @@ mod tests {
     use super::*;
     use sidestep::vehicle::Pose;
 
-    fn with(check: impl Fn(&Content<'_>)) {
+    fn content() -> Content {
         let states = [[0.1, -2.5, 3.0, 1e21, -0.0, 2.0], [1.0 / 3.0, 1e-7, 2.0, 5e-324, 7.5, -3.0]];
         let states = states.map(|[a, b, c, d, e, f]| JointState {
             human: Pose::from([a, b, c]),
             robot: Pose::from([d, e, f]),
         });
-        check(&Content {
+        Content {
             started_at_ms: Some(1_760_000_000_123.25),
-            inputs: &[TurnInput::Right],
-            states: &states,
-            sampled_at_ms: Some(&[3.7]),
-            key_events: r#"[{"t_ms":-1.0,"key":"ArrowLeft","down":true}]"#,
-            display: r#"{"refresh_hz":60.0}"#,
-        });
+            inputs: vec![TurnInput::Right],
+            states: states.into(),
+            sampled_at_ms: Some(vec![3.7]),
+            key_events: r#"[{"t_ms":-1.0,"key":"ArrowLeft","down":true}]"#.to_owned(),
+            display: r#"{"refresh_hz":60.0}"#.to_owned(),
+        }
     }
 
     #[test]
@@ -157,31 +165,31 @@ mod tests {
             r#""sampled_at_ms":[3.7],"key_events":[{"t_ms":-1.0,"key":"ArrowLeft","down":true}],"#,
             r#""display":{"refresh_hz":60.0}}"#,
         );
-        with(|content| {
-            let mut written = Vec::new();
-            upload_json(&mut written, content).unwrap();
-            assert_eq!(String::from_utf8(written).unwrap(), text);
-            let hash = <[u8; 32]>::from(Sha256::digest(text));
-            assert_eq!(Recipe::UploadJson.hash(content), hash);
-            let packed = hex::encode(Recipe::PackedBytes.hash(content));
-            assert_eq!(packed, "b3eb326cd883b3f94eaef5ad88718566b10ff35e91f85931c9a55e235c3f1cf5");
-        });
+        let mut written = Vec::new();
+        upload_json(&mut written, &content()).unwrap();
+        assert_eq!(String::from_utf8(written).unwrap(), text);
+        let hash = <[u8; 32]>::from(Sha256::digest(text));
+        assert_eq!(Recipe::UploadJson.hash(&content()), hash);
+        let packed = hex::encode(Recipe::PackedBytes.hash(&content()));
+        assert_eq!(packed, "b3eb326cd883b3f94eaef5ad88718566b10ff35e91f85931c9a55e235c3f1cf5");
     }
 
     #[test]
     fn a_hash_covers_what_its_recipe_says() {
-        with(|content| {
-            for (other, packed_too) in [
-                (Content { started_at_ms: Some(0.0), ..*content }, false),
-                (Content { display: "{}", ..*content }, false),
-                (Content { key_events: "[]", ..*content }, false),
-                (Content { inputs: &[TurnInput::Left], ..*content }, true),
-                (Content { sampled_at_ms: None, ..*content }, true),
-            ] {
-                let differs = |recipe: Recipe| recipe.hash(&other) != recipe.hash(content);
-                assert!(differs(Recipe::UploadJson));
-                assert_eq!(differs(Recipe::PackedBytes), packed_too);
-            }
-        });
+        type Change = fn(&mut Content);
+        let changes: [(Change, bool); 5] = [
+            (|content| content.started_at_ms = Some(0.0), false),
+            (|content| content.display = "{}".to_owned(), false),
+            (|content| content.key_events = "[]".to_owned(), false),
+            (|content| content.inputs = vec![TurnInput::Left], true),
+            (|content| content.sampled_at_ms = None, true),
+        ];
+        for (change, packed_too) in changes {
+            let mut other = content();
+            change(&mut other);
+            let differs = |recipe: Recipe| recipe.hash(&other) != recipe.hash(&content());
+            assert!(differs(Recipe::UploadJson));
+            assert_eq!(differs(Recipe::PackedBytes), packed_too);
+        }
     }
 }

@@ -52,10 +52,10 @@ fn recorded(number: u64, trial: &StoredTrial) -> RecordedTrial {
         number,
         phase: trial.head.phase,
         trial_id: Some(trial.head.trial_id.clone()),
-        inputs: trial.inputs.clone(),
-        states: trial.states.clone(),
-        started_at_ms: trial.started_at_ms,
-        sampled_at_ms: trial.sampled_at_ms.clone(),
+        inputs: trial.content.inputs.clone(),
+        states: trial.content.states.clone(),
+        started_at_ms: trial.content.started_at_ms,
+        sampled_at_ms: trial.content.sampled_at_ms.clone(),
         flags: trial.head.flags.clone(),
     }
 }

@@ -133,7 +133,7 @@ impl Server {
         self.stop().await.start_with(key, change).await
     }
 
-    /// What it told whoever started it.
+    /// What it said when it was ready.
     #[must_use]
     pub fn announcement(&self) -> String {
         self.running.announcement()

@@ -19,34 +19,24 @@ pub(crate) struct Options {
     arguments: Vec<OsString>,
 }
 
-/// A program from outside the Rust world that tests start.
-struct Requirement {
-    /// What it is called.
-    name: &'static str,
-    /// Tells the tests where it is; when the user has set it, it is used as it is.
-    variable: &'static str,
-    /// Looks for it.
-    locate: fn() -> Option<PathBuf>,
-    /// Debian's packages for it.
-    packages: &'static [&'static str],
-}
+/// Tells the tests where Chromium is; when the user has set it, it is used as it is.
+const VARIABLE: &str = "SIDESTEP_CHROMIUM";
 
-/// Everything that tests need besides Rust: one line each.
-const REQUIREMENTS: &[Requirement] = &[CHROMIUM];
+/// What Chromium is called, the best first.
+const COMMANDS: [&str; 3] = ["chromium", "chromium-browser", "google-chrome"];
 
-const CHROMIUM: Requirement = Requirement {
-    name: "Chromium",
-    variable: "SIDESTEP_CHROMIUM",
-    locate: || on_path(&["chromium", "chromium-browser", "google-chrome"]),
-    packages: &["chromium", "fonts-dejavu-core"],
-};
+/// Debian's packages for it.
+const PACKAGES: [&str; 2] = ["chromium", "fonts-dejavu-core"];
 
 /// Prepares, builds and tests. The runner's output is the last, its exit code the answer.
 ///
 /// # Errors
 /// When something is missing that cannot be installed, or the build fails.
 pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> {
-    let programs = provide(REQUIREMENTS)?;
+    if find_chromium()?.is_none() {
+        install_chromium()?;
+    }
+    let chromium = chromium()?;
     build::run(workspace, &build::Options::default())?;
     let mut pages = Vec::new();
     for (variable, example) in PAGES {
@@ -55,7 +45,7 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> 
 
     let tests = |arguments: &[OsString]| {
         let mut tests = workspace.compile("test");
-        tests.args(arguments).envs(programs.clone()).env("SIDESTEP_BIN", workspace.server());
+        tests.args(arguments).env(VARIABLE, &chromium).env("SIDESTEP_BIN", workspace.server());
         answer_of(tests.envs(pages.clone()))
     };
     eprintln!("==> tests");
@@ -88,59 +78,32 @@ fn example_page(workspace: &Workspace, example: &'static str) -> Result<PathBuf>
     Ok(path)
 }
 
-/// Finds every requirement, installing those that are missing.
-fn provide(requirements: &[Requirement]) -> Result<Vec<(&'static str, PathBuf)>> {
-    let mut missing = Vec::new();
-    for requirement in requirements {
-        if find(requirement)?.is_none() {
-            missing.push(requirement);
-        }
-    }
-    if !missing.is_empty() {
-        install(&missing)?;
-    }
-    let mut found = Vec::new();
-    for requirement in requirements {
-        let program = find(requirement)?.with_context(|| {
-            format!(
-                "{} was installed but is not found: set {} to its path",
-                requirement.name, requirement.variable
-            )
-        })?;
-        found.push((requirement.variable, program));
-    }
-    Ok(found)
-}
-
 /// Chromium, where it is installed already.
 ///
 /// # Errors
 /// Saying how to install it, or what is wrong with where it was said to be.
 pub(crate) fn chromium() -> Result<PathBuf> {
-    find(&CHROMIUM)?.with_context(|| how_to_install(&[&CHROMIUM], CHROMIUM.packages))
+    find_chromium()?.with_context(how_to_install)
 }
 
-/// Where a requirement is; `None` when it has to be installed.
-fn find(requirement: &Requirement) -> Result<Option<PathBuf>> {
-    let Some(path) = env::var_os(requirement.variable).map(PathBuf::from) else {
-        return Ok((requirement.locate)());
+/// Where Chromium is; `None` when it has to be installed.
+fn find_chromium() -> Result<Option<PathBuf>> {
+    let Some(path) = env::var_os(VARIABLE).map(PathBuf::from) else {
+        return Ok(on_path(&COMMANDS));
     };
     if !path.is_absolute() || !path.is_file() {
         bail!(
-            "{} is \"{}\", expected the absolute path of {}: correct or unset it",
-            requirement.variable,
-            path.display(),
-            requirement.name
+            "{VARIABLE} is \"{}\", expected the absolute path of Chromium: correct or unset it",
+            path.display()
         );
     }
     Ok(Some(path))
 }
 
 /// Installs with apt, where that can work without asking anybody.
-fn install(missing: &[&Requirement]) -> Result<()> {
-    let packages: Vec<&str> = missing.iter().flat_map(|one| one.packages).copied().collect();
+fn install_chromium() -> Result<()> {
     if on_path(&["apt-get"]).is_none() || !is_root() {
-        bail!("{}", how_to_install(missing, &packages));
+        bail!(how_to_install());
     }
     let apt = |arguments: &[&str]| {
         let mut command = Command::new("apt-get");
@@ -148,21 +111,17 @@ fn install(missing: &[&Requirement]) -> Result<()> {
         command
     };
     stage("apt-get update", &mut apt(&["update", "--quiet"]))?;
-    let mut arguments = vec!["install", "--quiet", "--yes", "--no-install-recommends"];
-    arguments.extend(&packages);
-    stage("apt-get install", &mut apt(&arguments))?;
+    let install = ["install", "--quiet", "--yes", "--no-install-recommends"];
+    stage("apt-get install", apt(&install).args(PACKAGES))?;
     Ok(())
 }
 
 /// What somebody has to do whose packages we may not install.
-fn how_to_install(missing: &[&Requirement], packages: &[&str]) -> String {
-    let names: Vec<&str> = missing.iter().map(|one| one.name).collect();
-    let variables: Vec<&str> = missing.iter().map(|one| one.variable).collect();
+fn how_to_install() -> String {
     format!(
-        "{} is needed: install it (Debian, Ubuntu: apt-get install {}) or set {} to its path",
-        names.join(" and "),
-        packages.join(" "),
-        variables.join(" and "),
+        "Chromium is needed: install it (Debian, Ubuntu: apt-get install {}) or set {VARIABLE} to \
+         its path",
+        PACKAGES.join(" ")
     )
 }
 
@@ -195,36 +154,19 @@ fn is_root() -> bool {
 mod tests {
     use super::*;
 
-    const ABSENT: Requirement = Requirement {
-        name: "Nothing",
-        variable: "SIDESTEP_NO_SUCH_VARIABLE",
-        locate: || None,
-        packages: &["nothing", "nothing-fonts"],
-    };
-
     #[test]
     fn the_message_says_what_to_install() {
-        let message = how_to_install(&[&ABSENT], ABSENT.packages);
-        assert!(message.contains("Nothing is needed"), "{message}");
-        assert!(message.contains("apt-get install nothing nothing-fonts"), "{message}");
-        assert!(message.contains("set SIDESTEP_NO_SUCH_VARIABLE"), "{message}");
+        let message = how_to_install();
+        assert!(message.contains("apt-get install chromium fonts-dejavu-core"), "{message}");
+        assert!(message.contains("set SIDESTEP_CHROMIUM"), "{message}");
     }
 
     #[test]
-    fn commands_are_preferred_in_the_order_of_the_table() {
+    fn commands_are_preferred_in_their_order() {
         let folder = Path::new(env!("CARGO_MANIFEST_DIR"));
         let folders = [folder.to_path_buf(), folder.join("src")];
         let found = first_in(&folders, &["absent", "main.rs", "Cargo.toml"]);
         assert_eq!(found, Some(folder.join("src/main.rs")));
         assert_eq!(first_in(&folders, &["absent"]), None);
-    }
-
-    #[test]
-    fn every_requirement_has_packages_and_its_own_variable() {
-        for (index, one) in REQUIREMENTS.iter().enumerate() {
-            assert!(!one.packages.is_empty(), "{}", one.name);
-            assert!(one.variable.starts_with("SIDESTEP_"), "{}", one.name);
-            assert!(REQUIREMENTS[..index].iter().all(|other| other.variable != one.variable));
-        }
     }
 }

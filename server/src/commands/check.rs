@@ -86,7 +86,7 @@ async fn report(store: &Store) -> Result<Report, CommandError> {
 
 /// What is wrong with a trial, if anything is.
 fn fault(parameters: &SceneParameters, trial: &StoredTrial) -> Option<String> {
-    let (inputs, states) = (&trial.inputs, &trial.states);
+    let (inputs, states) = (&trial.content.inputs, &trial.content.states);
     if inputs.len() != parameters.steps || states.len() != parameters.steps + 1 {
         let (inputs, states) = (inputs.len(), states.len());
         return Some(format!(
@@ -95,10 +95,10 @@ fn fault(parameters: &SceneParameters, trial: &StoredTrial) -> Option<String> {
         ));
     }
     let stored = &trial.head.flags;
-    if trial.content_hash != trial.recipe.hash(&trial.content()) {
+    if trial.content_hash != trial.recipe.hash(&trial.content) {
         return Some("the content is not that of its hash".to_owned());
     }
-    let times = trial.sampled_at_ms.as_deref().unwrap_or_default();
+    let times = trial.content.sampled_at_ms();
     let found = flags(parameters, &trial.scene, inputs, states, times);
     // A file's trial keeps flags for which the evidence is not in the file.
     let agree = if stored.contains(&Flag::Imported) {

@@ -1,7 +1,7 @@
 //! The game that a command is about: its parameters, or a file with its value.
 
-use super::CommandError;
 use super::solving::{self, Interrupt, flagged};
+use super::{CommandError, Words, one_of};
 use crate::formats::npz;
 use sidestep::reachability::{Accuracy, Options, PursuitGame, ValueFunction};
 use sidestep::vehicle::VehicleModel;
@@ -11,26 +11,22 @@ use std::path::{Path, PathBuf};
 
 /// GAME: the two vehicles and the danger radius.
 #[derive(Clone, Copy, Debug, clap::Args)]
+#[command(next_help_heading = "Game")]
 pub struct GameArgs {
     /// The evader's speed, m/s.
-    #[arg(long, help_heading = "Game", value_name = "M/S", default_value_t = 2.0)]
-    #[arg(allow_negative_numbers = true)]
+    #[arg(long, value_name = "M/S", default_value_t = 2.0, allow_negative_numbers = true)]
     pub evader_speed: f64,
     /// The evader's largest turn rate, rad/s.
-    #[arg(long, help_heading = "Game", value_name = "RAD/S", default_value_t = 0.5)]
-    #[arg(allow_negative_numbers = true)]
+    #[arg(long, value_name = "RAD/S", default_value_t = 0.5, allow_negative_numbers = true)]
     pub evader_turn_rate: f64,
     /// The pursuer's speed, m/s.
-    #[arg(long, help_heading = "Game", value_name = "M/S", default_value_t = 2.0)]
-    #[arg(allow_negative_numbers = true)]
+    #[arg(long, value_name = "M/S", default_value_t = 2.0, allow_negative_numbers = true)]
     pub pursuer_speed: f64,
     /// The pursuer's largest turn rate, rad/s.
-    #[arg(long, help_heading = "Game", value_name = "RAD/S", default_value_t = 0.5)]
-    #[arg(allow_negative_numbers = true)]
+    #[arg(long, value_name = "RAD/S", default_value_t = 0.5, allow_negative_numbers = true)]
     pub pursuer_turn_rate: f64,
     /// Danger radius, m: the vehicles collide at this range or less.
-    #[arg(long, help_heading = "Game", value_name = "M", default_value_t = 3.0)]
-    #[arg(allow_negative_numbers = true)]
+    #[arg(long, value_name = "M", default_value_t = 3.0, allow_negative_numbers = true)]
     pub radius: f64,
 }
 
@@ -59,30 +55,17 @@ pub struct FunctionArgs {
     #[arg(long, value_name = "FILE.npz", conflicts_with = "GameArgs")]
     value_function: Option<PathBuf>,
     /// Accuracy of the grid for unequal vehicles (equal vehicles need no grid).
-    #[arg(long, value_enum, default_value = "standard", conflicts_with = "value_function")]
-    accuracy: AccuracyArg,
+    #[arg(long, value_parser = one_of(ACCURACIES), default_value = "standard")]
+    #[arg(conflicts_with = "value_function")]
+    accuracy: Accuracy,
 }
 
-/// The accuracy of a grid.
-#[derive(Clone, Copy, Debug, clap::ValueEnum)]
-pub enum AccuracyArg {
-    /// For a first look: errors of tenths of a metre near kinks.
-    Draft,
-    /// For studies: errors of centimetres near V = 0.
-    Standard,
-    /// For reference values.
-    Fine,
-}
-
-impl From<AccuracyArg> for Accuracy {
-    fn from(accuracy: AccuracyArg) -> Self {
-        match accuracy {
-            AccuracyArg::Draft => Self::Draft,
-            AccuracyArg::Standard => Self::Standard,
-            AccuracyArg::Fine => Self::Fine,
-        }
-    }
-}
+/// Accuracies of a grid.
+pub(super) const ACCURACIES: Words<Accuracy> = &[
+    ("draft", Accuracy::Draft, "For a first look: errors of tenths of a metre near kinks"),
+    ("standard", Accuracy::Standard, "For studies: errors of centimetres near V = 0"),
+    ("fine", Accuracy::Fine, "For reference values"),
+];
 
 impl FunctionArgs {
     /// The value function: read from the file, in closed form, or solved.
@@ -101,7 +84,7 @@ impl FunctionArgs {
         if game.identical() {
             return game.exact().map(ValueFunction::Exact).map_err(flagged);
         }
-        let options = Options { accuracy: self.accuracy.into(), ..Options::default() };
+        let options = Options { accuracy: self.accuracy, ..Options::default() };
         Ok(solving::solved(game, options, interrupt).await?.0.function)
     }
 }

@@ -2,7 +2,7 @@
 
 use super::{CommandError, print_json};
 use crate::clock::now_ms;
-use crate::content::Recipe;
+use crate::content::{Content, Recipe};
 use crate::formats::trials_csv;
 use crate::jobs::safety;
 use crate::store::imports::{Import, NewImport};
@@ -74,7 +74,7 @@ pub async fn run(args: ImportArgs) -> Result<(), CommandError> {
     let complain = |error: &dyn std::fmt::Display| CommandError::Input(format!("{name}: {error}"));
     let people = trials_csv::read(std::io::BufReader::new(file), &config.parameters)
         .map_err(|error| complain(&error))?;
-    // Everything is worked out before anything is written: a server may be collecting meanwhile.
+    // Everything is computed before anything is written: a server may receive uploads meanwhile.
     let new: Vec<_> = people.iter().map(|person| import_of(&config.parameters, person)).collect();
     let slug = config.slug.clone();
     let ids: Vec<_> = new.iter().map(|person| person.id.clone()).collect();
@@ -143,25 +143,26 @@ fn imported(
     trial: &RecordedTrial,
     display: &str,
 ) -> NewTrial {
-    let mut new = NewTrial {
-        trial_id: row.trial_id.clone(),
-        recipe: Recipe::PackedBytes,
-        content_hash: [0; 32],
-        received_at_ms: now_ms(),
+    let content = Content {
         started_at_ms: trial.started_at_ms,
         inputs: trial.inputs.clone(),
         states: trial.states.clone(),
         sampled_at_ms: trial.sampled_at_ms.clone(),
         key_events: "[]".to_owned(),
         display: display.to_owned(),
+    };
+    NewTrial {
+        trial_id: row.trial_id.clone(),
+        recipe: Recipe::PackedBytes,
+        content_hash: Recipe::PackedBytes.hash(&content),
+        received_at_ms: now_ms(),
+        content,
         flags: flags_of(parameters, &row.scene, trial),
         outcome: outcome(parameters, &trial.inputs, &trial.states),
-    };
-    new.content_hash = new.recipe.hash(&new.content());
-    new
+    }
 }
 
-/// A file holds no plan: the scene is what was driven from.
+/// The planned scene of a trial. A file holds no plan: the scene is the trial's first state.
 fn planned(
     parameters: &SceneParameters,
     ordinal: i64,
@@ -179,8 +180,7 @@ fn planned(
     }
 }
 
-/// What the recording shows, what was known when it was exported, and that it was
-/// imported.
+/// The flags that the recording shows, those that it was exported with, and `imported`.
 fn flags_of(parameters: &SceneParameters, scene: &Scene, trial: &RecordedTrial) -> Vec<Flag> {
     let times = trial.sampled_at_ms.as_deref().unwrap_or_default();
     let mut flags = flags(parameters, scene, &trial.inputs, &trial.states, times);

@@ -146,7 +146,7 @@ pub async fn start(args: &ServeArgs, key: Option<&str>) -> Result<Running, Comma
 }
 
 impl Running {
-    /// What to tell whoever started it.
+    /// What the command prints when the server is ready.
     #[must_use]
     pub fn announcement(&self) -> String {
         let (address, study) = (self.address, &self.study);
@@ -164,7 +164,7 @@ impl Running {
         text
     }
 
-    /// Lets requests under way finish, then closes the database.
+    /// Finishes requests under way, then closes the database.
     pub async fn stop(self) {
         let _ = self.stop.send(());
         if let Some(solver) = self.solver {

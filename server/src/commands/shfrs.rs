@@ -6,7 +6,7 @@ mod files;
 use super::json_file::Document;
 use super::solving::{Interrupt, bar, safety_levels};
 use super::trials_file::SceneArgs;
-use super::{CommandError, print_json, trials_file, unwritable};
+use super::{CommandError, Words, one_of, print_json, trials_file, unwritable};
 use crate::formats::atomic_folder::Draft;
 use crate::threads;
 use evaluation::{Evaluation, Questions};
@@ -80,8 +80,8 @@ pub struct ShfrsArgs {
     #[arg(long, value_name = "T", default_value_t = 10)]
     steps: usize,
     /// Regions: whether roll-outs of Algorithm 1 are widened by ε_1.
-    #[arg(long, value_enum, default_value = "base")]
-    rollout: RolloutArg,
+    #[arg(long, value_parser = one_of(ROLLOUTS), default_value = "base")]
+    rollout: Rollout,
     /// Tuning, Pareto and danger: which window of each trajectory.
     #[arg(long, value_enum, default_value = "random-one")]
     windows: WindowsArg,
@@ -110,13 +110,10 @@ pub struct ShfrsArgs {
     confidence: f64,
 }
 
-#[derive(Clone, Copy, Debug, clap::ValueEnum)]
-enum RolloutArg {
-    /// Widened by ε_1, as the paper prints it.
-    Paper,
-    /// Not widened; regions are guaranteed to grow with ε_1.
-    Base,
-}
+const ROLLOUTS: Words<Rollout> = &[
+    ("paper", Rollout::Paper, "Widened by ε_1, as the paper prints it"),
+    ("base", Rollout::Base, "Not widened; regions are guaranteed to grow with ε_1"),
+];
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 enum WindowsArg {
@@ -208,10 +205,10 @@ pub async fn run(args: ShfrsArgs) -> Result<(), CommandError> {
     }))
 }
 
-/// What is shown on the way.
+/// The template of the progress bar.
 const BAR: &str = "[{bar:40}] {pos:>2}/{len}  {elapsed_precise}  {msg}";
 
-/// How often the elapsed time on the bar is renewed.
+/// How often the elapsed time on the bar is updated.
 const TICK: Duration = Duration::from_millis(100);
 
 /// A trial of the file.
@@ -293,11 +290,7 @@ impl ShfrsArgs {
             (Some(k), None) => ActionChoice::TopK(k.clone()),
             (None, None) => evaluation::choice_of_the_paper(self.steps, actions),
         };
-        let rollout = match self.rollout {
-            RolloutArg::Paper => Rollout::Paper,
-            RolloutArg::Base => Rollout::Base,
-        };
-        BoundsSettings::new(self.epsilon.clone(), choice, rollout, actions).map_err(flagged)
+        BoundsSettings::new(self.epsilon.clone(), choice, self.rollout, actions).map_err(flagged)
     }
 
     fn questions(&self) -> Result<Questions, CommandError> {
@@ -330,8 +323,8 @@ impl ShfrsArgs {
     }
 }
 
-/// Accepts so many trials, `calibration` of them to calibrate with, if they are enough for every
-/// guarantee that is asked for, and else says how many are: before anything is computed.
+/// Checks before anything is computed that this number of trials, `calibration` of them to
+/// calibrate with, is enough for every guarantee that was asked for.
 fn enough(questions: &Questions, calibration: usize, trials: usize) -> Result<(), CommandError> {
     let mut most: Option<(usize, &str, f64)> = None;
     for guarantee in &questions.guarantees {

@@ -3,11 +3,10 @@
 mod file;
 mod participation;
 
-use super::{CommandError, solving};
-use clap::ValueEnum;
+use super::{CommandError, Words, one_of, solving};
 use indicatif::ProgressBar;
 use sidestep::scene::{Scene, SceneParameters};
-use sidestep::synthetic::{self, SyntheticDrive};
+use sidestep::synthetic::{Keys, SyntheticDrive};
 use sidestep::trial::flags;
 use std::collections::BTreeMap;
 
@@ -42,8 +41,8 @@ pub struct SimulateArgs {
     tasks: Option<u64>,
     /// When a new input takes effect [default: free with --out, as in the project's reference
     /// data; clock with --url].
-    #[arg(long, value_name = "WHEN", value_enum)]
-    keys: Option<KeysArg>,
+    #[arg(long, value_name = "WHEN", value_parser = one_of(KEYS))]
+    keys: Option<Keys>,
     #[command(flatten)]
     destination: Destination,
     /// Name of the server's study in addresses.
@@ -86,29 +85,16 @@ impl SimulateArgs {
         self.tasks.unwrap_or(50)
     }
 
-    fn keys(&self) -> KeysArg {
-        let usual = if self.destination.url.is_some() { KeysArg::Clock } else { KeysArg::Free };
+    fn keys(&self) -> Keys {
+        let usual = if self.destination.url.is_some() { Keys::Clock } else { Keys::Free };
         self.keys.unwrap_or(usual)
     }
 }
 
-/// When a new input takes effect.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum KeysArg {
-    /// At the beginning of each step, as in the study.
-    Clock,
-    /// At once, every 0.05 s; only with --out.
-    Free,
-}
-
-impl From<KeysArg> for synthetic::Keys {
-    fn from(keys: KeysArg) -> Self {
-        match keys {
-            KeysArg::Clock => Self::Clock,
-            KeysArg::Free => Self::Free,
-        }
-    }
-}
+const KEYS: Words<Keys> = &[
+    ("clock", Keys::Clock, "At the beginning of each step, as in the study"),
+    ("free", Keys::Free, "At once, every 0.05 s; only with --out"),
+];
 
 /// Simulates and prints a summary.
 ///

@@ -1,12 +1,14 @@
 //! `sidestep solve`.
 
-use super::game::{AccuracyArg, GameArgs};
+use super::game::{ACCURACIES, GameArgs};
 use super::solving::{self, Interrupt, flagged};
-use super::{CommandError, print_json, unwritable};
+use super::{CommandError, Words, one_of, print_json, unwritable};
 use crate::formats::{atomic_file, npz};
 use serde::Serialize;
 use sidestep::invalid::Invalid;
-use sidestep::reachability::{CartesianGrid, Method, Options, Precision, Scheme, default_threads};
+use sidestep::reachability::{
+    Accuracy, CartesianGrid, Method, Options, Precision, Scheme, default_threads,
+};
 use std::path::PathBuf;
 
 /// Solve the pursuit game and write its value function to a NumPy archive.
@@ -23,15 +25,16 @@ pub struct SolveArgs {
     game: GameArgs,
     /// Method [default: exact for equal vehicles, else polar; cartesian for a finite
     /// horizon or a grid].
-    #[arg(long, value_enum)]
-    method: Option<MethodArg>,
+    #[arg(long, value_parser = one_of(METHODS))]
+    method: Option<Method>,
     /// Horizon, s; inf for the converged value. Finite ones need method cartesian.
     #[arg(long, value_name = "S", default_value_t = f64::INFINITY, allow_negative_numbers = true)]
     horizon: f64,
     /// Grid by accuracy. A Cartesian grid holds the states where a draft finds V at most half
     /// the radius.
-    #[arg(long, value_enum, default_value = "standard", conflicts_with = "grid")]
-    accuracy: AccuracyArg,
+    #[arg(long, value_parser = one_of(ACCURACIES), default_value = "standard")]
+    #[arg(conflicts_with = "grid")]
+    accuracy: Accuracy,
     /// Largest range of the polar grid, m [default: radius + 3 pi times the wider
     /// turning radius].
     #[arg(long, value_name = "M", allow_negative_numbers = true, conflicts_with = "grid")]
@@ -46,11 +49,11 @@ pub struct SolveArgs {
     #[arg(requires = "grid", allow_hyphen_values = true)]
     domain: Option<Numbers<f64, 4>>,
     /// Derivatives on the Cartesian grid.
-    #[arg(long, value_enum, default_value = "weno5", requires = "grid")]
-    scheme: SchemeArg,
+    #[arg(long, value_parser = one_of(SCHEMES), default_value = "weno5", requires = "grid")]
+    scheme: Scheme,
     /// Numbers the Cartesian grid is solved in.
-    #[arg(long, value_enum, default_value = "f32", requires = "grid")]
-    precision: PrecisionArg,
+    #[arg(long, value_parser = one_of(PRECISIONS), default_value = "f32", requires = "grid")]
+    precision: Precision,
     /// Threads of the Cartesian method, which do not change the result [default: all
     /// cores].
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
@@ -61,35 +64,21 @@ pub struct SolveArgs {
     out: PathBuf,
 }
 
-#[derive(Clone, Copy, Debug, clap::ValueEnum)]
-enum MethodArg {
-    /// Closed form: equal vehicles, infinite horizon.
-    Exact,
-    /// Polar relative coordinates: any vehicles, infinite horizon.
-    Polar,
-    /// A rectangular grid: any vehicles, any horizon.
-    Cartesian,
-}
+const METHODS: Words<Method> = &[
+    ("exact", Method::Exact, "Closed form: equal vehicles, infinite horizon"),
+    ("polar", Method::Polar, "Polar relative coordinates: any vehicles, infinite horizon"),
+    ("cartesian", Method::Cartesian, "A rectangular grid: any vehicles, any horizon"),
+];
 
-#[derive(Clone, Copy, Debug, clap::ValueEnum)]
-enum SchemeArg {
-    /// First order.
-    Upwind,
-    /// Essentially non-oscillatory, second order.
-    Eno2,
-    /// Essentially non-oscillatory, third order.
-    Eno3,
-    /// Weighted essentially non-oscillatory, fifth order.
-    Weno5,
-}
+const SCHEMES: Words<Scheme> = &[
+    ("upwind", Scheme::Upwind, "First order"),
+    ("eno2", Scheme::Eno2, "Essentially non-oscillatory, second order"),
+    ("eno3", Scheme::Eno3, "Essentially non-oscillatory, third order"),
+    ("weno5", Scheme::Weno5, "Weighted essentially non-oscillatory, fifth order"),
+];
 
-#[derive(Clone, Copy, Debug, clap::ValueEnum)]
-enum PrecisionArg {
-    /// Single.
-    F32,
-    /// Double.
-    F64,
-}
+const PRECISIONS: Words<Precision> =
+    &[("f32", Precision::F32, "Single"), ("f64", Precision::F64, "Double")];
 
 /// N numbers in one argument.
 type Numbers<T, const N: usize> = [T; N];
@@ -173,16 +162,8 @@ impl SolveArgs {
         let grid = self.grid.zip(self.domain).map(|(nodes, domain_m)| CartesianGrid {
             nodes,
             domain_m,
-            scheme: match self.scheme {
-                SchemeArg::Upwind => Scheme::Upwind,
-                SchemeArg::Eno2 => Scheme::Eno2,
-                SchemeArg::Eno3 => Scheme::Eno3,
-                SchemeArg::Weno5 => Scheme::Weno5,
-            },
-            precision: match self.precision {
-                PrecisionArg::F32 => Precision::F32,
-                PrecisionArg::F64 => Precision::F64,
-            },
+            scheme: self.scheme,
+            precision: self.precision,
         });
         let nodes = self.grid.unwrap_or_default();
         if let Some(long) = nodes.iter().find(|n| **n > AXIS_LIMIT) {
@@ -198,13 +179,9 @@ impl SolveArgs {
             return Err(flagged(Invalid::new("threads", expected, threads)));
         }
         Ok(Options {
-            method: self.method.map(|method| match method {
-                MethodArg::Exact => Method::Exact,
-                MethodArg::Polar => Method::Polar,
-                MethodArg::Cartesian => Method::Cartesian,
-            }),
+            method: self.method,
             horizon_s: self.horizon,
-            accuracy: self.accuracy.into(),
+            accuracy: self.accuracy,
             grid,
             range_m: self.range,
             threads,

@@ -15,7 +15,7 @@ use std::path::Path;
 use std::time::Instant;
 use tokio_util::sync::CancellationToken;
 
-/// Ctrl-C (SIGINT) and SIGTERM of a command that is to leave nothing half-done.
+/// Listens for Ctrl-C (SIGINT) and SIGTERM, so that a command leaves nothing half-written.
 pub(super) struct Interrupt {
     /// Cancelled by the first of them.
     pub(super) token: CancellationToken,
@@ -79,8 +79,8 @@ async fn signalled() {
     }
 }
 
-/// Solves, with a progress bar if stderr is a terminal; also how long it took, s. Says so where
-/// the solution did not settle.
+/// Solves, with a progress bar if stderr is a terminal. Also returns how long it took, s. Warns on
+/// stderr if the solve did not converge.
 pub(super) async fn solved(
     game: PursuitGame,
     options: Options,
@@ -98,7 +98,7 @@ pub(super) async fn solved(
     Ok((solved, wall_s))
 }
 
-/// Likewise, for who complains in words of its own.
+/// As [`solved`], for callers with a warning of their own.
 pub(super) async fn solved_silently(
     game: PursuitGame,
     options: Options,
@@ -159,7 +159,7 @@ async fn value_function(
 
 const BAR_STEPS: u64 = 1000;
 
-/// A bar of so many steps; hidden unless stderr is a terminal.
+/// A progress bar with this number of steps; hidden unless stderr is a terminal.
 pub(super) fn bar(steps: u64, template: &str) -> ProgressBar {
     let bar = ProgressBar::new(steps);
     if let Ok(style) = ProgressStyle::with_template(template) {

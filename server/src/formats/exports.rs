@@ -80,11 +80,11 @@ fn write_trial(
     number: usize,
     trial: &StoredTrial,
 ) -> csv::Result<()> {
-    let head = &trial.head;
-    let started_at_ms = trial.started_at_ms.map(|t| t.to_string());
+    let (head, content) = (&trial.head, &trial.content);
+    let started_at_ms = content.started_at_ms.map(|t| t.to_string());
     let synthetic = if trial.is_synthetic() { "1" } else { "0" };
-    for (step, (input, state)) in trial.inputs.iter().zip(&trial.states).enumerate() {
-        let sampled = trial.sampled_at_ms.as_ref().map(|times| times[step].to_string());
+    for (step, (input, state)) in content.inputs.iter().zip(&content.states).enumerate() {
+        let sampled = content.sampled_at_ms.as_ref().map(|times| times[step].to_string());
         let ([hx, hy, hpsi], [rx, ry, rpsi]) = (state.human.into(), state.robot.into());
         // To the nanosecond: 0.6 rather than 0.6000000000000001.
         let t = (step as f64 * parameters.step_s * 1e9).round() / 1e9;

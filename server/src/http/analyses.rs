@@ -1,11 +1,11 @@
-//! Analyses of a study: asked for, watched, cancelled, fetched. The analysis worker makes them.
+//! Analyses of a study: requests, progress, cancellation, files. The analysis worker computes them.
 
 use crate::clock::now_ms;
 use crate::http::app::App;
 use crate::http::auth::Admin;
 use crate::http::error::ApiError;
 use crate::http::json::JsonBody;
-use crate::http::laboratory::PageParams;
+use crate::http::laboratory::{PageParams, page};
 use crate::http::params::{Params, PathText};
 use crate::http::studies::named;
 use crate::store::analyses::{Asked, LONGEST_QUEUE, StoredAnalysis};
@@ -23,8 +23,8 @@ use std::io::Read;
 use std::sync::Arc;
 use uuid::Uuid;
 
-/// `POST /api/v1/admin/studies/{slug}/analyses`: 201 for a new one; 200 for one that waits and
-/// was asked for in the same words, since it would find the same.
+/// `POST /api/v1/admin/studies/{slug}/analyses`: 201 for a new analysis; 200 if an equal request
+/// waits already, since its result would be the same.
 pub async fn ask(
     _: Admin,
     State(app): State<Arc<App>>,
@@ -55,14 +55,9 @@ pub async fn list(
 ) -> Result<Json<AnalysisPage>, ApiError> {
     let (limit, before) = params.checked()?;
     let study = named(&app.store, &slug).await?;
-    // One more than asked for tells whether there is a further page.
-    let mut found = app.store.analyses_page(study.id, before, limit + 1).await?;
-    let more = found.len() as i64 > limit;
-    found.truncate(limit as usize);
-    Ok(Json(AnalysisPage {
-        next_before: found.last().filter(|_| more).map(|last| last.sequence),
-        analyses: found.into_iter().map(summary).collect(),
-    }))
+    let found = app.store.analyses_page(study.id, before, limit + 1).await?;
+    let (found, next_before) = page(found, limit, |analysis| analysis.sequence);
+    Ok(Json(AnalysisPage { next_before, analyses: found.into_iter().map(summary).collect() }))
 }
 
 /// `GET /api/v1/admin/analyses/{id}`.
@@ -75,8 +70,8 @@ pub async fn show(
     Ok(Json(AnalysisDetail { summary: summary(analysis), files }))
 }
 
-/// `POST /api/v1/admin/analyses/{id}/cancel`: can be repeated; 409 for one that is over by
-/// itself.
+/// `POST /api/v1/admin/analyses/{id}/cancel`: can be repeated; 409 for an analysis that has ended
+/// by itself.
 pub async fn cancel(
     _: Admin,
     State(app): State<Arc<App>>,
@@ -90,7 +85,7 @@ pub async fn cancel(
     Err(ApiError::conflict("over", message))
 }
 
-/// `DELETE /api/v1/admin/analyses/{id}`, with its files; one that is being made is cancelled.
+/// `DELETE /api/v1/admin/analyses/{id}`, with its files; a running analysis is cancelled.
 pub async fn delete(
     _: Admin,
     State(app): State<Arc<App>>,
@@ -100,12 +95,12 @@ pub async fn delete(
     if deleted { Ok(StatusCode::NO_CONTENT) } else { Err(unknown()) }
 }
 
-/// What a report may do when it is looked at: show itself, and nothing else.
+/// The content security policy of a report: it may show itself and do nothing else.
 const REPORTS_POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; \
                               base-uri 'none'; form-action 'none'; frame-ancestors 'self'";
 
-/// `GET /api/v1/admin/analyses/{id}/files/{name}`: reports to be looked at, all else to be
-/// saved.
+/// `GET /api/v1/admin/analyses/{id}/files/{name}`: the browser shows a report and saves every
+/// other file.
 pub async fn file(
     _: Admin,
     State(app): State<Arc<App>>,
@@ -116,13 +111,13 @@ pub async fn file(
     let Path((id, name)) = path.map_err(|_| not_found())?;
     let packed = app.store.analysis_file(&id, &name).await?.ok_or_else(not_found)?;
     let packed_will_do = accepts_gzip(&headers);
-    let octets = match packed_will_do {
+    let bytes = match packed_will_do {
         true => packed,
         false => {
             tokio::task::spawn_blocking(move || unpacked(&packed)).await.context("unpacking")??
         }
     };
-    let mut answer = octets.into_response();
+    let mut answer = bytes.into_response();
     let mut set = |name, value: &str| {
         // Names are those that the program gave: no header is refused.
         if let Ok(value) = HeaderValue::from_str(value) {
@@ -144,9 +139,9 @@ pub async fn file(
 }
 
 fn unpacked(packed: &[u8]) -> anyhow::Result<Vec<u8>> {
-    let mut octets = Vec::new();
-    GzDecoder::new(packed).read_to_end(&mut octets).context("a file of an analysis")?;
-    Ok(octets)
+    let mut bytes = Vec::new();
+    GzDecoder::new(packed).read_to_end(&mut bytes).context("a file of an analysis")?;
+    Ok(bytes)
 }
 
 fn accepts_gzip(headers: &HeaderMap) -> bool {
@@ -178,7 +173,7 @@ fn summary(stored: StoredAnalysis) -> AnalysisSummary {
     let progress = running.then(|| {
         let (done, of) = (stored.done.unsigned_abs(), stored.of.unsigned_abs());
         let elapsed_ms = stored.started_at_ms.map(|start| (now_ms() - start).max(0));
-        // What was kept from before took no time.
+        // Reused pieces took no time.
         let left_s = elapsed_ms.filter(|_| stored.fresh > 0).map(|elapsed_ms| {
             1e-3 * elapsed_ms as f64 * of.saturating_sub(done) as f64 / stored.fresh as f64
         });

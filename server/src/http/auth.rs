@@ -1,4 +1,4 @@
-//! Who is asking: participants by token, experimenters by key or cookie.
+//! Authentication: participants by token, experimenters by key or cookie.
 
 use crate::clock::now_ms;
 use crate::http::app::App;
@@ -29,13 +29,13 @@ pub struct MeOrGone(pub Participant);
 /// A participant with a valid token who has not withdrawn, and the trial in the address, which is
 /// of their plan. Known before the body is read: nobody else may send one.
 pub struct Assigned {
-    /// Who.
+    /// The participant.
     pub participant_id: String,
     /// The configuration they were enrolled under.
     pub config: Arc<StudyConfig>,
     /// The trial.
     pub trial_id: String,
-    /// What was assigned.
+    /// The scene that was assigned.
     pub scene: Scene,
 }
 
@@ -143,8 +143,7 @@ fn bearer(headers: &HeaderMap) -> Option<&str> {
     scheme.eq_ignore_ascii_case("bearer").then_some(token.trim())
 }
 
-/// Makes sure that there is a key, and returns it where it was made just now: the
-/// only moment at which it is known.
+/// Makes sure that there is a key. Returns it if it is new: later, only its hash is known.
 ///
 /// # Errors
 /// If the database cannot be written.

@@ -1,4 +1,4 @@
-//! Work of the processor that requests ask for: a few pieces at a time, a few more that wait.
+//! CPU work for requests: a few pieces at a time, and a few more that wait.
 
 use crate::http::error::ApiError;
 use crate::store::StoreError;
@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use tokio::sync::Semaphore;
 
 /// Runs pieces of work on threads of their own: as many at a time as leave a processor to the
-/// other requests. Who asks and goes away before their turn costs nothing.
+/// other requests. A client that goes away before its turn costs nothing.
 #[derive(Debug)]
 pub struct Bounded {
     turns: Arc<Semaphore>,
@@ -48,7 +48,7 @@ impl Bounded {
     }
 }
 
-/// One of those who wait, until it is dropped.
+/// Counts as waiting until it is dropped.
 struct Waiting<'a> {
     all: &'a AtomicUsize,
     ahead: usize,

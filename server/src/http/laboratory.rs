@@ -1,5 +1,6 @@
-//! What the experimenter sees.
+//! Studies, trials, predictors and exports for the experimenter.
 
+use crate::content::Content;
 use crate::formats::exports;
 use crate::http::app::App;
 use crate::http::auth::Admin;
@@ -49,10 +50,10 @@ pub struct PageParams {
 }
 
 impl PageParams {
-    /// At most how many, and from before which.
+    /// The limit and the sequence before which the page begins.
     ///
     /// # Errors
-    /// [`Invalid`] for a limit that is none.
+    /// [`Invalid`] for a limit outside 1 to 500.
     pub fn checked(&self) -> Result<(i64, i64), Invalid> {
         let limit = self.limit.unwrap_or(50);
         if !(1..=500).contains(&limit) {
@@ -60,6 +61,19 @@ impl PageParams {
         }
         Ok((limit, self.before.unwrap_or(i64::MAX)))
     }
+}
+
+/// The first `limit` of what was found, of which one more was asked for, and from before which
+/// sequence the next page goes on, if there is one.
+pub fn page<T>(
+    mut found: Vec<T>,
+    limit: i64,
+    sequence: impl Fn(&T) -> i64,
+) -> (Vec<T>, Option<i64>) {
+    let more = found.len() as i64 > limit;
+    found.truncate(limit as usize);
+    let next_before = found.last().filter(|_| more).map(sequence);
+    (found, next_before)
 }
 
 /// `GET /api/v1/admin/studies/{slug}/trials?limit=&before=`: newest first.
@@ -71,14 +85,9 @@ pub async fn trials(
 ) -> Result<Json<TrialPage>, ApiError> {
     let (limit, before) = params.checked()?;
     let study = named(&app.store, &slug).await?;
-    // One more than asked for tells whether there is a further page.
-    let mut heads = app.store.trials_page(study.id, before, limit + 1).await?;
-    let more = heads.len() as i64 > limit;
-    heads.truncate(limit as usize);
-    Ok(Json(TrialPage {
-        next_before: heads.last().filter(|_| more).map(|head| head.sequence),
-        trials: heads.into_iter().map(summary).collect(),
-    }))
+    let heads = app.store.trials_page(study.id, before, limit + 1).await?;
+    let (heads, next_before) = page(heads, limit, |head| head.sequence);
+    Ok(Json(TrialPage { next_before, trials: heads.into_iter().map(summary).collect() }))
 }
 
 /// `GET /api/v1/admin/trials/{trial_id}`.
@@ -89,9 +98,9 @@ pub async fn trial(
 ) -> Result<Json<TrialDetail>, ApiError> {
     let trial = stored(&app.store, &trial_id).await?;
     let parameters = app.store.config(&trial.config_hash).await?.parameters;
-    let start = trial.states.first().copied();
-    let start = start.unwrap_or_else(|| trial.scene.start());
-    let replay = verify(&parameters, start, &trial.inputs, &trial.states);
+    let Content { inputs, states, .. } = trial.content;
+    let start = states.first().copied().unwrap_or_else(|| trial.scene.start());
+    let replay = verify(&parameters, start, &inputs, &states);
     let hash = &trial.config_hash;
     let value_function_hr = app.store.value_function_id(hash, Evader::Human).await?;
     let value_function_rh = app.store.value_function_id(hash, Evader::Robot).await?;
@@ -100,16 +109,16 @@ pub async fn trial(
         study: trial.study,
         parameters,
         scene: trial.scene,
-        inputs: trial.inputs,
-        states: trial.states,
+        inputs,
+        states,
         replay,
         value_function_hr,
         value_function_rh,
     }))
 }
 
-/// `GET /api/v1/admin/trials/{trial_id}/predictor`: trained on what this person
-/// had driven before.
+/// `GET /api/v1/admin/trials/{trial_id}/predictor`: trained on this participant's
+/// earlier trials.
 pub async fn predictor(
     _: Admin,
     State(app): State<Arc<App>>,
@@ -121,7 +130,7 @@ pub async fn predictor(
     let earlier: Vec<_> = driven
         .into_iter()
         .filter(|other| other.head.ordinal < trial.head.ordinal)
-        .map(|other| (other.inputs, other.states))
+        .map(|other| (other.content.inputs, other.content.states))
         .collect();
     let trials = earlier.len();
     let train = move || {

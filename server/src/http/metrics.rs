@@ -1,4 +1,4 @@
-//! Liveness, readiness and counts, for whoever operates the server.
+//! Liveness, readiness and counts for the operator of the server.
 
 use crate::http::app::App;
 use crate::http::error::ApiError;

@@ -1,4 +1,4 @@
-//! A participation from enrolment to its end.
+//! Enrolment, progress, completion and withdrawal of participants.
 
 use crate::clock::now_ms;
 use crate::http::app::App;
@@ -21,8 +21,8 @@ use sidestep::study::StudyConfig;
 use std::sync::Arc;
 use uuid::Uuid;
 
-/// `POST /api/v1/studies/{slug}/participants`: 201 for someone new; 200 with the same plan and a
-/// further token for whoever is known by external id or request id.
+/// `POST /api/v1/studies/{slug}/participants`: 201 for a new participant; 200 with the same plan and
+/// a further token for a participant who is known by external id or request id.
 pub async fn enrol(
     State(app): State<Arc<App>>,
     PathText(slug): PathText,
@@ -62,7 +62,7 @@ pub async fn enrol(
             Ok((StatusCode::OK, Json(enrolled(known.id, token, plan))))
         }
         participants::Enrolment::Withdrawn => Err(ApiError::withdrawn()),
-        // Whoever was known is gone since: the next attempt is a new enrolment.
+        // The known participant deleted their data meanwhile: the next attempt is a new enrolment.
         participants::Enrolment::Unplanned => Err(StoreError::Locked.into()),
     }
 }
@@ -86,7 +86,7 @@ pub async fn show(State(app): State<Arc<App>>, Me(me): Me) -> Result<Json<Progre
     }))
 }
 
-/// `POST /api/v1/participants/me/complete`: a code, but only for what is stored.
+/// `POST /api/v1/participants/me/complete`: the completion code, once all trials are stored.
 pub async fn complete(
     State(app): State<Arc<App>>,
     Me(me): Me,
@@ -102,13 +102,13 @@ pub async fn complete(
     }
 }
 
-/// What becomes of the data of someone who withdraws.
+/// What happens to the data of a participant who withdraws.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Fate {
-    /// What was driven so far may be used.
+    /// The trials so far may be used.
     Keep,
-    /// It is deleted now.
+    /// All data are deleted now.
     Delete,
 }
 
@@ -129,7 +129,7 @@ pub async fn withdraw(
     Ok(StatusCode::NO_CONTENT)
 }
 
-/// The scenes of one participant, as they are written down.
+/// The scenes of one participant, as rows.
 fn plan_rows(config: &StudyConfig, seed: u64) -> anyhow::Result<Vec<PlannedRow>> {
     let phases = config.plan(seed)?;
     let scenes = phases.into_iter().flat_map(|(phase, scenes)| {

@@ -16,7 +16,7 @@ use std::sync::Arc;
 
 const LIFETIME_S: i64 = 30 * 24 * 3600;
 
-/// `POST /api/v1/admin/session`: a key for a cookie.
+/// `POST /api/v1/admin/session`: takes the experimenter's key, sets a cookie.
 pub async fn sign_in(
     State(app): State<Arc<App>>,
     client: Option<Extension<Client>>,
@@ -30,12 +30,12 @@ pub async fn sign_in(
     Ok((cookie, Json(Session { signed_in: true })))
 }
 
-/// `GET /api/v1/admin/session`: 200 for whoever is signed in.
+/// `GET /api/v1/admin/session`: 200 for an experimenter who is signed in.
 pub async fn show(_: Admin) -> Json<Session> {
     Json(Session { signed_in: true })
 }
 
-/// `DELETE /api/v1/admin/session`: the cookie is worth nothing any more.
+/// `DELETE /api/v1/admin/session`: the cookie becomes invalid.
 pub async fn sign_out(
     State(app): State<Arc<App>>,
     headers: HeaderMap,

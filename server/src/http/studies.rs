@@ -1,4 +1,4 @@
-//! What anyone may know of a study.
+//! The public part of a study.
 
 use crate::http::app::App;
 use crate::http::error::ApiError;

@@ -1,4 +1,4 @@
-//! Slows down whoever guesses keys.
+//! Limits how fast an address can guess keys.
 
 use std::collections::HashMap;
 use std::net::IpAddr;

@@ -1,7 +1,7 @@
-//! The one way into the database for what a participant drove.
+//! Uploads of trials.
 
 use crate::clock::now_ms;
-use crate::content::Recipe;
+use crate::content::{Content, Recipe};
 use crate::http::app::App;
 use crate::http::auth::Assigned;
 use crate::http::error::ApiError;
@@ -42,7 +42,7 @@ pub async fn store(
     Ok((status, Json(TrialStored { trial_id, next })))
 }
 
-/// From what came over the wire to what is stored, with all that is worked out of it.
+/// Converts an upload into the trial to be stored, and computes its flags, outcome and hash.
 fn recorded(
     trial_id: String,
     upload: TrialUpload,
@@ -50,20 +50,19 @@ fn recorded(
     scene: &Scene,
 ) -> Result<NewTrial, ApiError> {
     let TrialUpload { started_at_ms, inputs, states, sampled_at_ms, key_events, display } = upload;
-    let mut trial = NewTrial {
-        trial_id,
-        recipe: Recipe::UploadJson,
-        content_hash: [0; 32],
-        received_at_ms: now_ms(),
+    let (flags, outcome) = (
+        flags(parameters, scene, &inputs, &states, &sampled_at_ms),
+        outcome(parameters, &inputs, &states),
+    );
+    let content = Content {
         started_at_ms: Some(started_at_ms),
-        key_events: serde_json::to_string(&key_events).context("key events as JSON")?,
-        display: serde_json::to_string(&display).context("a display as JSON")?,
-        flags: flags(parameters, scene, &inputs, &states, &sampled_at_ms),
-        outcome: outcome(parameters, &inputs, &states),
         inputs,
         states,
         sampled_at_ms: Some(sampled_at_ms),
+        key_events: serde_json::to_string(&key_events).context("key events as JSON")?,
+        display: serde_json::to_string(&display).context("a display as JSON")?,
     };
-    trial.content_hash = trial.recipe.hash(&trial.content());
-    Ok(trial)
+    let (recipe, received_at_ms) = (Recipe::UploadJson, now_ms());
+    let content_hash = recipe.hash(&content);
+    Ok(NewTrial { trial_id, recipe, content_hash, received_at_ms, content, flags, outcome })
 }

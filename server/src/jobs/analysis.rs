@@ -10,7 +10,7 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 use tokio_util::sync::CancellationToken;
 
-/// What an analysis is made of.
+/// The input of an analysis.
 pub struct AnalysisTask<C> {
     /// The tasks to compare.
     pub recording: Recording,
@@ -18,9 +18,9 @@ pub struct AnalysisTask<C> {
     pub given: Option<GivenFeatures>,
     /// The safety levels of the recording's vehicles.
     pub safety: SafetyLevels,
-    /// What is asked for.
+    /// The sets, grids and options.
     pub request: Request,
-    /// Keeps fits for the analyses to come.
+    /// Stores fits for later analyses.
     pub cache: Arc<C>,
     /// Threads to compute on; none stands for one per processor.
     pub threads: Option<usize>,

@@ -1,7 +1,7 @@
-//! Makes the analyses that are asked for, one after the other, off the request path.
+//! Computes the requested analyses one after the other, off the request path.
 //!
-//! What the database says of an analysis is the truth: whoever cancels or deletes one, or deletes
-//! data that it holds, changes its row, and the worker notices when it next says how far it is.
+//! The row of an analysis is the truth: a request that cancels or deletes it, or deletes data that
+//! it uses, changes the row, and the worker notices when it next records its progress.
 
 use crate::clock::now_ms;
 use crate::jobs::analysis::{AnalysisTask, TaskError};
@@ -28,7 +28,7 @@ use tokio::sync::Notify;
 use tokio::task::JoinHandle;
 use tokio_util::sync::{CancellationToken, DropGuard};
 
-/// How often the row of what is being made is brought up to date.
+/// How often progress is recorded.
 const TICK: Duration = Duration::from_millis(500);
 
 /// How long it waits after a failure of the database.
@@ -72,13 +72,13 @@ struct Worker {
     threads: Option<u16>,
 }
 
-/// How making an analysis came to an end.
+/// How the computation of an analysis ended.
 enum Ending {
-    /// With what it found, or why it found nothing.
+    /// With a result, or the reason why there is none.
     Over(Result<Box<Analysis>, String>),
-    /// It is not wanted any more.
+    /// The analysis is not wanted any more.
     Unwanted,
-    /// The server stops.
+    /// The server is stopping.
     BrokenOff,
 }
 
@@ -105,8 +105,8 @@ impl Worker {
         }
     }
 
-    /// Makes the next analysis; whether there was one. After an error of the database what was
-    /// begun is put back first.
+    /// Computes the next analysis, and returns whether there was one. After an error of the
+    /// database, interrupted analyses are put back into the queue first.
     async fn next(&self, recovered: &mut bool) -> anyhow::Result<bool> {
         if !*recovered {
             self.store.recover_analyses(now_ms()).await?;
@@ -166,7 +166,7 @@ impl Worker {
         Ok(())
     }
 
-    /// Gathers the data and compares on threads of its own, telling the database how far it is.
+    /// Reads the data, computes on threads of its own, and records the progress in the database.
     async fn compared(&self, job: &Job, kept: &Arc<StoredCells>) -> anyhow::Result<Ending> {
         // Cancelled with the worker, or alone if the analysis is not wanted any more.
         let cancel = self.cancel.child_token();
@@ -198,7 +198,7 @@ impl Worker {
         })
     }
 
-    /// The analysis, or why there is none; nothing once `cancel` is cancelled.
+    /// The analysis, or the reason why there is none; nothing once `cancel` is cancelled.
     async fn work(
         &self,
         job: &Job,
@@ -234,7 +234,7 @@ impl Worker {
         })
     }
 
-    /// Writes the files down, compressed, one by one.
+    /// Stores the files, compressed, one by one.
     async fn keep(&self, job: &Job, analysis: Box<Analysis>) -> anyhow::Result<()> {
         let (files, mut packed) =
             tokio::sync::mpsc::channel::<(String, usize, Vec<u8>)>(FILES_AHEAD);
@@ -278,13 +278,13 @@ impl<W: Write> Write for Counted<W> {
     }
 }
 
-/// Cells of the study in the database, for threads that compute.
+/// The study's cells in the database, as a cache for the computing threads.
 struct StoredCells {
     store: Store,
     job: Job,
     runtime: Handle,
     used: Mutex<HashSet<String>>,
-    /// How often something was kept that was not there before.
+    /// How many pieces were computed and not reused.
     fresh: AtomicUsize,
 }
 

@@ -1,5 +1,5 @@
 //! The value functions behind the safety levels of a configuration: solved once, off
-//! the request path, and kept for ever.
+//! the request path, and stored for ever.
 
 use crate::store::studies::StoredStudy;
 use crate::store::value_functions::NewValueFunction;
@@ -86,7 +86,7 @@ fn solve(
     Ok((solutions.into(), functions.complaints()))
 }
 
-/// Solves in the background what configurations lack.
+/// Solves missing value functions in the background.
 #[derive(Debug)]
 pub struct Solver {
     cancel: CancellationToken,
@@ -94,8 +94,8 @@ pub struct Solver {
 }
 
 impl Solver {
-    /// Begins; nobody has to wait for the end. What cannot be solved is logged, and
-    /// browsers that need it try themselves.
+    /// Starts solving. A failure is logged, and browsers that need the function solve it
+    /// themselves.
     #[must_use]
     pub fn start(store: Store) -> Self {
         let cancel = CancellationToken::new();
@@ -108,7 +108,7 @@ impl Solver {
         Self { cancel, task }
     }
 
-    /// Breaks off what is under way; it begins anew at the next start.
+    /// Cancels the solve under way; it begins anew at the next start.
     pub async fn stop(self) {
         self.cancel.cancel();
         if let Err(error) = self.task.await {

@@ -15,9 +15,9 @@ impl Store {
         })
     }
 
-    /// Keeps a key with that hash, unless there is one and no `other` is wanted. It is then the
-    /// only one, and every session ends: whoever asks for another key has lost the former one, or
-    /// fears that someone else has it. Returns whether it is kept.
+    /// Stores a key with that hash, unless there is a key already and no `other` is wanted. The new
+    /// key replaces the old one and ends every session: an experimenter asks for another key after
+    /// losing the old one or fearing that someone else has it. Returns whether the key was stored.
     ///
     /// # Errors
     /// [`StoreError`].
@@ -44,7 +44,7 @@ impl Store {
         .await
     }
 
-    /// Begins a session, and forgets those that are over.
+    /// Begins a session, and deletes expired sessions.
     ///
     /// # Errors
     /// [`StoreError`].
@@ -65,7 +65,7 @@ impl Store {
         .await
     }
 
-    /// Whether a session with that hash goes on.
+    /// Whether a session with that hash exists and has not expired.
     ///
     /// # Errors
     /// [`StoreError`].

@@ -27,13 +27,13 @@ pub struct StoredAnalysis {
     pub study: String,
     /// What was asked for.
     pub request: Request,
-    /// What has become of it.
+    /// Its state.
     pub state: AnalysisState,
     /// Pieces of work that are done.
     pub done: i64,
-    /// All of them; 0 before they are counted.
+    /// All pieces of work; 0 before they are counted.
     pub of: i64,
-    /// Those of the done ones that were not kept from before.
+    /// Pieces that were computed for this analysis, not reused from an earlier one.
     pub fresh: i64,
     /// When it was asked for.
     pub created_at_ms: i64,
@@ -52,18 +52,18 @@ pub struct StoredAnalysis {
 pub enum Asked {
     /// It waits for its turn.
     New(Box<StoredAnalysis>),
-    /// One that was asked for in the same words waits already: it would find the same.
+    /// An equal request waits already: its result would be the same.
     Waiting(Box<StoredAnalysis>),
     /// [`LONGEST_QUEUE`] wait already.
     QueueFull,
 }
 
-/// An analysis to be made now.
+/// An analysis that a worker computes now.
 #[derive(Clone, Debug)]
 pub struct Job {
     /// Which.
     pub sequence: i64,
-    /// Which time it was begun: whoever begins it again makes this one unwanted.
+    /// Counts how often it was begun: once it is begun again, this attempt is not wanted any more.
     pub attempt: i64,
     /// Of which study: its row.
     pub study_id: i64,
@@ -125,12 +125,7 @@ impl Store {
                 "{SELECT} WHERE analysis.study_id = ?1 AND analysis.sequence < ?2 \
                  ORDER BY analysis.sequence DESC LIMIT ?3"
             ))?;
-            let mut rows = statement.query(params![study_id, before, limit])?;
-            let mut found = Vec::new();
-            while let Some(row) = rows.next()? {
-                found.push(stored_of(row)?);
-            }
-            Ok(found)
+            statement.query_and_then(params![study_id, before, limit], stored_of)?.collect()
         })
         .await
     }
@@ -178,7 +173,8 @@ impl Store {
         .await
     }
 
-    /// Cancels an analysis that is not over; whoever makes it notices. Returns what it is then.
+    /// Cancels an analysis that is not over; the worker that computes it notices. Returns its new
+    /// state.
     ///
     /// # Errors
     /// [`StoreError`].
@@ -213,8 +209,8 @@ impl Store {
             .await
     }
 
-    /// Puts back into the queue what was begun and did not come to an end, because the server
-    /// ended or the database failed, unless that has happened too often.
+    /// Puts analyses back into the queue that were interrupted because the server stopped or the
+    /// database failed. An analysis that was interrupted too often fails instead.
     ///
     /// # Errors
     /// [`StoreError`].
@@ -232,7 +228,7 @@ impl Store {
         .await
     }
 
-    /// Takes the analysis that waited longest, and notes whose data it will hold.
+    /// Takes the analysis that has waited longest, and records whose data it uses.
     ///
     /// # Errors
     /// [`StoreError`].
@@ -240,8 +236,8 @@ impl Store {
         self.write_behind(move |db| begin(db, now_ms)).await
     }
 
-    /// Notes how far a job is: pieces done, all of them, and those of the done ones that were
-    /// not kept from before. Returns whether it is still wanted.
+    /// Records the progress of a job: pieces done, all pieces, and pieces that were computed and not
+    /// reused. Returns whether the job is still wanted.
     ///
     /// # Errors
     /// [`StoreError`].
@@ -305,9 +301,9 @@ impl Store {
         Ok(true)
     }
 
-    /// Ends an analysis that is still wanted: done with a result, or failed with a message. One
-    /// that is done forgets the study's cells under other keys than `used`. Returns whether it
-    /// was wanted.
+    /// Ends an analysis that is still wanted: done with a result, or failed with a message. Once it
+    /// is done, the study's cells under keys other than `used` are deleted. Returns whether the
+    /// analysis was wanted.
     ///
     /// # Errors
     /// [`StoreError`].
@@ -338,7 +334,7 @@ impl Store {
         .await
     }
 
-    /// Puts an analysis that is being made back into the queue, as if it had not been begun.
+    /// Puts a running analysis back into the queue, as if it had not been begun.
     ///
     /// # Errors
     /// [`StoreError`].
@@ -356,7 +352,7 @@ impl Store {
         .await
     }
 
-    /// Cells that were kept under this key for a study, as they were given.
+    /// The cells that a study has under this key, as they were stored.
     ///
     /// # Errors
     /// [`StoreError`].
@@ -368,8 +364,8 @@ impl Store {
         })
     }
 
-    /// Keeps cells for the analyses to come, unless this one is not wanted any more: they may
-    /// come from data that were withdrawn.
+    /// Stores cells for later analyses, unless this job is not wanted any more: its cells may
+    /// contain withdrawn data.
     ///
     /// # Errors
     /// [`StoreError`].
@@ -419,8 +415,7 @@ fn stored_of(row: &Row<'_>) -> Result<StoredAnalysis, StoreError> {
 
 fn find(db: &Connection, id: &str) -> Result<Option<StoredAnalysis>, StoreError> {
     let mut statement = db.prepare_cached(&format!("{SELECT} WHERE analysis.id = ?1"))?;
-    let mut rows = statement.query([id])?;
-    rows.next()?.map(stored_of).transpose()
+    statement.query_and_then([id], stored_of)?.next().transpose()
 }
 
 fn known(db: &Connection, id: &str) -> Result<StoredAnalysis, StoreError> {
@@ -432,9 +427,9 @@ fn delete_files(db: &Connection, sequence: i64) -> Result<(), StoreError> {
     Ok(())
 }
 
-/// Deletes what was found from a participant's data, while the data are still there: files, and
-/// cells of the study. An analysis that is being made begins anew, without them. A participant
-/// who drove nothing has left nothing in any analysis.
+/// Deletes the files and cells that were computed from a participant's data; call it before the
+/// data are deleted. A running analysis restarts without the participant. A participant without
+/// trials is part of no analysis.
 pub(super) fn withdraw(db: &Connection, participant_id: &str) -> Result<(), StoreError> {
     for statement in [
         "DELETE FROM analysis_file WHERE analysis IN \

@@ -1,4 +1,4 @@
-//! Trials that come from a file.
+//! Trials that are imported from a file.
 
 use super::scenes::{self, PlannedRow};
 use super::studies;
@@ -9,29 +9,29 @@ use sidestep::study::StudyConfig;
 use std::collections::HashSet;
 use std::sync::Arc;
 
-/// Somebody whose trials come from a file.
+/// A participant whose trials come from a file.
 #[derive(Clone, Debug)]
 pub struct NewImport {
-    /// Who, here.
+    /// The new participant's id.
     pub id: String,
-    /// SHA-256 of what the file says of them: read again, it is the same person.
+    /// SHA-256 of the participant's part of the file: imported again, it is the same participant.
     pub hash: String,
-    /// What they drove, in order; the scene of each is what it began with.
+    /// Their trials in order; the scene of each is its first state.
     pub trials: Vec<(PlannedRow, NewTrial)>,
 }
 
 /// What became of an import.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Import {
-    /// Everybody who was not there before is there now.
+    /// All participants of the file are in the study now.
     Done {
-        /// Ids of those who were there already.
+        /// Ids of the participants who had been imported before.
         skipped: Vec<String>,
     },
     /// The study's parameters are no longer those that the file was read with; nothing was
     /// imported.
     StudyChanged,
-    /// A trial with this id is there already, of somebody else; nothing was imported.
+    /// Another participant has a trial with this id; nothing was imported.
     TrialKnown {
         /// Which.
         trial_id: String,
@@ -70,7 +70,7 @@ fn import(
     let mut is_there =
         db.prepare("SELECT 1 FROM participant WHERE study_id = ?1 AND import_hash = ?2")?;
     let mut is_planned = db.prepare("SELECT 1 FROM scene WHERE trial_id = ?1")?;
-    // All is looked at before anything is written, so that a refusal leaves nothing behind.
+    // Everything is checked before anything is written, so that a refusal changes nothing.
     let (mut skipped, mut new, mut ids) = (Vec::new(), Vec::new(), HashSet::new());
     for person in people {
         if is_there.exists(params![study.id, person.hash])? {

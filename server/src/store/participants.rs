@@ -7,11 +7,11 @@ use rusqlite::{Connection, OptionalExtension, Row, params};
 /// A participant.
 #[derive(Clone, Debug)]
 pub struct Participant {
-    /// Who, here.
+    /// Their id.
     pub id: String,
     /// The study's row.
     pub study_id: i64,
-    /// From 1 within the study.
+    /// Their number within the study, from 1.
     pub number: i64,
     /// The configuration they were enrolled under.
     pub config_hash: String,
@@ -36,7 +36,7 @@ impl Participant {
     }
 }
 
-/// How somebody who enrols can be known already.
+/// How a participant who enrols may be known already.
 #[derive(Clone, Debug, Default)]
 pub struct Known {
     /// The recruiting service's name for the person.
@@ -48,7 +48,7 @@ pub struct Known {
 /// Someone who enrols.
 #[derive(Clone, Debug)]
 pub struct NewParticipant {
-    /// Who, here.
+    /// Their id, if they are new.
     pub id: String,
     /// The study's row.
     pub study_id: i64,
@@ -62,7 +62,7 @@ pub struct NewParticipant {
     pub locale: Option<String>,
     /// The screen, as JSON.
     pub screen: Option<String>,
-    /// What they are to drive; none for somebody who is thought to be known.
+    /// Their scenes; none for a participant who is probably known.
     pub plan: Option<Vec<PlannedRow>>,
     /// Now.
     pub enrolled_at_ms: i64,
@@ -77,7 +77,7 @@ pub enum Enrolment {
     Known(Participant),
     /// They have withdrawn.
     Withdrawn,
-    /// They are new and there is no plan for them; nothing was stored.
+    /// They are new and came without a plan; nothing was stored.
     Unplanned,
 }
 
@@ -122,8 +122,8 @@ impl Store {
         })
     }
 
-    /// Whether somebody who enrols is known: then no plan need be drawn for them. Only
-    /// [`Store::enrol`] says for certain.
+    /// Whether a participant who enrols is known and needs no plan. Only [`Store::enrol`] decides:
+    /// until then the answer may change.
     ///
     /// # Errors
     /// [`StoreError`].
@@ -131,9 +131,8 @@ impl Store {
         self.read(|db| Ok(find(db, study_id, known)?.is_some()))
     }
 
-    /// Writes a participant down with their plan, under the study's next number, or finds the one
-    /// they are. Either way a token with that hash speaks for them from now on, beside those that
-    /// were given before.
+    /// Stores a participant with their plan, under the study's next number, or finds the known
+    /// participant. Either way a token with that hash becomes valid, beside earlier tokens.
     ///
     /// # Errors
     /// [`StoreError`]. Then nothing was stored.

@@ -50,7 +50,7 @@ impl Readers {
         let permit = Arc::clone(&self.long).acquire_owned().await.map_err(|_| closed())?;
         let readers = Arc::clone(self);
         let reading = tokio::task::spawn_blocking(move || {
-            // Whoever asked may have gone: the permit stays with the work.
+            // The caller may have gone: the permit stays with the work.
             let _permit = permit;
             readers.short(|db| {
                 let instant = db.unchecked_transaction()?;

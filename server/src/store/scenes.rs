@@ -1,4 +1,4 @@
-//! What participants are to drive.
+//! The scenes that participants are to drive.
 
 use super::StoreError;
 use rusqlite::{Connection, OptionalExtension, Row, params};
@@ -9,7 +9,7 @@ use sidestep::vehicle::Pose;
 /// One planned scene.
 #[derive(Clone, Debug)]
 pub struct PlannedRow {
-    /// Under which its trial is stored.
+    /// The id under which its trial is stored.
     pub trial_id: String,
     /// Place in the whole plan, from 0.
     pub ordinal: i64,
@@ -88,17 +88,15 @@ pub(super) fn plan(db: &Connection, participant_id: &str) -> Result<Vec<PlannedR
          FROM scene LEFT JOIN trial ON trial.trial_id = scene.trial_id \
          WHERE scene.participant_id = ?1 ORDER BY ordinal"
     ))?;
-    let mut rows = statement.query([participant_id])?;
-    let mut plan = Vec::new();
-    while let Some(row) = rows.next()? {
-        plan.push(PlannedRow {
+    let planned = |row: &Row<'_>| {
+        Ok(PlannedRow {
             trial_id: row.get(0)?,
             ordinal: row.get(1)?,
             phase: phase_of(&row.get::<_, String>(2)?)?,
             index: usize::try_from(row.get::<_, i64>(3)?).map_err(StoreError::corrupt)?,
             stored: row.get(4)?,
             scene: scene_of(row, 5)?,
-        });
-    }
-    Ok(plan)
+        })
+    };
+    statement.query_and_then([participant_id], planned)?.collect()
 }

@@ -5,7 +5,7 @@ use super::participants::{Completion, Enrolment, Known, NewParticipant};
 use super::scenes::PlannedRow;
 use super::trials::{NewTrial, PutTrial};
 use super::{Missing, Store, StoreError};
-use crate::content::Recipe;
+use crate::content::{Content, Recipe};
 use sidestep::comparison::Request;
 use sidestep::scene::{Scene, SceneParameters};
 use sidestep::study::StudyConfig;
@@ -67,22 +67,24 @@ fn trial(trial_id: &str, turn: TurnInput) -> NewTrial {
     };
     let inputs = vec![turn; 50];
     let states = simulate(&parameters, start, &inputs);
-    let mut trial = NewTrial {
-        trial_id: trial_id.to_owned(),
-        recipe: Recipe::UploadJson,
-        content_hash: [0; 32],
-        received_at_ms: 5,
+    let outcome = outcome(&parameters, &inputs, &states);
+    let content = Content {
         started_at_ms: Some(7.0),
-        outcome: outcome(&parameters, &inputs, &states),
         inputs,
         states,
         sampled_at_ms: Some((0..50).map(f64::from).collect()),
         key_events: "[]".to_owned(),
         display: "{}".to_owned(),
-        flags: Vec::new(),
     };
-    trial.content_hash = trial.recipe.hash(&trial.content());
-    trial
+    NewTrial {
+        trial_id: trial_id.to_owned(),
+        recipe: Recipe::UploadJson,
+        content_hash: Recipe::UploadJson.hash(&content),
+        received_at_ms: 5,
+        content,
+        flags: Vec::new(),
+        outcome,
+    }
 }
 
 #[tokio::test]
@@ -101,8 +103,8 @@ async fn trials_are_stored_once_and_in_order() {
     assert_eq!(put("ada", "bob-0", right).await, Ok(PutTrial::Unknown));
     let stored = store.trials_of("ada").await.unwrap();
     assert_eq!(stored.len(), 2);
-    assert_eq!(stored[0].inputs, trial("ada-0", left).inputs);
-    assert_eq!(stored[0].content_hash, stored[0].recipe.hash(&stored[0].content()));
+    assert_eq!(stored[0].content.inputs, trial("ada-0", left).content.inputs);
+    assert_eq!(stored[0].content_hash, stored[0].recipe.hash(&stored[0].content));
     store.withdraw("ada", false, 9).await.unwrap();
     assert_eq!(put("ada", "ada-0", left).await, Ok(PutTrial::Withdrawn));
     store.withdraw("ada", true, 10).await.unwrap();
@@ -116,7 +118,7 @@ async fn an_upload_is_compared_by_the_recipe_of_the_row() {
     someone(&store, "ada", Known::default()).await;
     let mut stored = trial("ada-0", TurnInput::Left);
     stored.recipe = Recipe::PackedBytes;
-    stored.content_hash = stored.recipe.hash(&stored.content());
+    stored.content_hash = stored.recipe.hash(&stored.content);
     store.put_trial("ada", stored).await.unwrap();
     let same = store.put_trial("ada", trial("ada-0", TurnInput::Left)).await.unwrap();
     assert_eq!(same, PutTrial::Same { next: Some("ada-1".to_owned()) });

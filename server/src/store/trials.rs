@@ -7,10 +7,9 @@ use crate::bytes::{pack, pack_inputs, pack_states, unpack, unpack_inputs, unpack
 use crate::content::{Content, Recipe};
 use rusqlite::{Connection, OptionalExtension, Row, params};
 use serde::Deserialize;
-use sidestep::scene::{JointState, Scene};
+use sidestep::scene::Scene;
 use sidestep::study::StudyConfig;
 use sidestep::trial::{Flag, Outcome, Phase};
-use sidestep::vehicle::TurnInput;
 use std::sync::Arc;
 
 /// A trial to be stored.
@@ -24,43 +23,18 @@ pub struct NewTrial {
     pub content_hash: [u8; 32],
     /// Now.
     pub received_at_ms: i64,
-    /// The participant's clock, where it is known.
-    pub started_at_ms: Option<f64>,
-    /// The input held in each step.
-    pub inputs: Vec<TurnInput>,
-    /// Before each step, and after the last.
-    pub states: Vec<JointState>,
-    /// When each input was sampled, where it is known.
-    pub sampled_at_ms: Option<Vec<f64>>,
-    /// What the keys did, as JSON.
-    pub key_events: String,
-    /// The display, as JSON.
-    pub display: String,
+    /// What was driven.
+    pub content: Content,
     /// What an analyst should know.
     pub flags: Vec<Flag>,
     /// What came of it.
     pub outcome: Outcome,
 }
 
-impl NewTrial {
-    /// What is hashed.
-    #[must_use]
-    pub fn content(&self) -> Content<'_> {
-        Content {
-            started_at_ms: self.started_at_ms,
-            inputs: &self.inputs,
-            states: &self.states,
-            sampled_at_ms: self.sampled_at_ms.as_deref(),
-            key_events: &self.key_events,
-            display: &self.display,
-        }
-    }
-}
-
-/// What a participant is about to send: who they are and what was assigned.
+/// What is known of an upload before its body is read: the participant and the assigned scene.
 #[derive(Clone, Debug)]
 pub struct Assignment {
-    /// Who.
+    /// The participant.
     pub participant: Participant,
     /// The configuration they were enrolled under.
     pub config: Arc<StudyConfig>,
@@ -71,7 +45,7 @@ pub struct Assignment {
 /// What became of an upload.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum PutTrial {
-    /// It is stored.
+    /// It was stored now.
     Stored {
         /// The trial that comes next; none after the last.
         next: Option<String>,
@@ -81,7 +55,7 @@ pub enum PutTrial {
         /// The trial that comes next; none after the last.
         next: Option<String>,
     },
-    /// Other content is stored, and stays.
+    /// The trial was stored before with other content, which stays.
     Different,
     /// Another trial comes first.
     OutOfOrder {
@@ -94,7 +68,7 @@ pub enum PutTrial {
     Unknown,
 }
 
-/// Which trial it is, and what came of it.
+/// Which trial it is, and its outcome.
 #[derive(Clone, Debug)]
 pub struct TrialHead {
     /// Rises with every trial stored; never used twice.
@@ -130,18 +104,8 @@ pub struct StoredTrial {
     pub config_hash: String,
     /// What was assigned.
     pub scene: Scene,
-    /// The participant's clock at the start.
-    pub started_at_ms: Option<f64>,
-    /// The input held in each step.
-    pub inputs: Vec<TurnInput>,
-    /// Before each step, and after the last.
-    pub states: Vec<JointState>,
-    /// When each input was sampled, ms after the start.
-    pub sampled_at_ms: Option<Vec<f64>>,
-    /// What the keys did, as JSON.
-    pub key_events: String,
-    /// The display, as JSON.
-    pub display: String,
+    /// What was driven.
+    pub content: Content,
     /// By which recipe the content was hashed.
     pub recipe: Recipe,
     /// Hash of the content when it was stored.
@@ -149,20 +113,7 @@ pub struct StoredTrial {
 }
 
 impl StoredTrial {
-    /// What is hashed.
-    #[must_use]
-    pub fn content(&self) -> Content<'_> {
-        Content {
-            started_at_ms: self.started_at_ms,
-            inputs: &self.inputs,
-            states: &self.states,
-            sampled_at_ms: self.sampled_at_ms.as_deref(),
-            key_events: &self.key_events,
-            display: &self.display,
-        }
-    }
-
-    /// What an upload's display, or a file when it was imported, says of who drove.
+    /// Whether the display of the upload, or the imported file, says that a program drove.
     #[must_use]
     pub fn is_synthetic(&self) -> bool {
         #[derive(Deserialize)]
@@ -170,13 +121,13 @@ impl StoredTrial {
             #[serde(default)]
             synthetic: serde_json::Value,
         }
-        let said = serde_json::from_str(&self.display);
+        let said = serde_json::from_str(&self.content.display);
         said.is_ok_and(|said: Said| said.synthetic == serde_json::Value::Bool(true))
     }
 }
 
 impl Store {
-    /// Who has the token with that hash, and what was assigned to them under `trial_id`; none for
+    /// The participant with that token, and the scene assigned to them under `trial_id`; none for
     /// an unknown token.
     ///
     /// # Errors
@@ -233,12 +184,7 @@ impl Store {
                 "SELECT {HEAD} FROM stored_trial WHERE study_id = ?1 AND sequence < ?2 \
                  ORDER BY sequence DESC LIMIT ?3"
             ))?;
-            let mut rows = statement.query(params![study_id, before, limit])?;
-            let mut heads = Vec::new();
-            while let Some(row) = rows.next()? {
-                heads.push(head_of(row)?);
-            }
-            Ok(heads)
+            statement.query_and_then(params![study_id, before, limit], head_of)?.collect()
         })
         .await
     }
@@ -302,26 +248,27 @@ fn whole(
              key_events, display, content_version, content_hash, {SCENE} \
          FROM stored_trial WHERE {column} = ?1 ORDER BY ordinal"
     ))?;
-    let mut rows = statement.query([value])?;
-    let mut trials = Vec::new();
-    while let Some(row) = rows.next()? {
+    let trial = |row: &Row<'_>| -> Result<StoredTrial, StoreError> {
         let sampled_at_ms: Option<Vec<u8>> = row.get(18)?;
-        trials.push(StoredTrial {
-            head: head_of(row)?,
-            study: row.get(13)?,
-            config_hash: row.get(14)?,
+        let content = Content {
             started_at_ms: row.get(15)?,
             inputs: unpack_inputs(&row.get::<_, Vec<u8>>(16)?).map_err(StoreError::corrupt)?,
             states: unpack_states(&row.get::<_, Vec<u8>>(17)?),
             sampled_at_ms: sampled_at_ms.as_deref().map(unpack),
             key_events: row.get(19)?,
             display: row.get(20)?,
+        };
+        Ok(StoredTrial {
+            head: head_of(row)?,
+            study: row.get(13)?,
+            config_hash: row.get(14)?,
+            content,
             recipe: recipe(row.get(21)?)?,
             content_hash: row.get(22)?,
             scene: scene_of(row, 23)?,
-        });
-    }
-    Ok(trials)
+        })
+    };
+    statement.query_and_then([value], trial)?.collect()
 }
 
 fn recipe(number: i64) -> Result<Recipe, StoreError> {
@@ -391,7 +338,7 @@ fn put(db: &Connection, participant_id: &str, trial: &NewTrial) -> Result<PutTri
         let recipe = recipe(version)?;
         let same = match recipe == trial.recipe {
             true => trial.content_hash,
-            false => recipe.hash(&trial.content()),
+            false => recipe.hash(&trial.content),
         };
         return Ok(match hash == same {
             true => PutTrial::Same { next: scenes::next(db, participant_id)? },
@@ -416,7 +363,7 @@ fn is_withdrawn(db: &Connection, participant_id: &str) -> Result<bool, StoreErro
 /// Writes a trial down.
 pub(super) fn insert(db: &Connection, study_id: i64, new: &NewTrial) -> Result<(), StoreError> {
     let step = |step: Option<usize>| step.map(|step| step as i64);
-    let avoidance = new.outcome.avoidance;
+    let (content, avoidance) = (&new.content, new.outcome.avoidance);
     db.prepare_cached(
         "INSERT INTO trial (trial_id, study_id, content_version, content_hash, received_at_ms, \
              started_at_ms, inputs, states, sampled_at_ms, key_events, display, flags, closest_m, \
@@ -429,12 +376,12 @@ pub(super) fn insert(db: &Connection, study_id: i64, new: &NewTrial) -> Result<(
         new.recipe.number(),
         new.content_hash,
         new.received_at_ms,
-        new.started_at_ms,
-        pack_inputs(&new.inputs),
-        pack_states(&new.states),
-        new.sampled_at_ms.as_ref().map(|times| pack(times.iter().copied())),
-        new.key_events,
-        new.display,
+        content.started_at_ms,
+        pack_inputs(&content.inputs),
+        pack_states(&content.states),
+        content.sampled_at_ms.as_ref().map(|times| pack(times.iter().copied())),
+        content.key_events,
+        content.display,
         flag_words(&new.flags),
         new.outcome.closest_m,
         step(new.outcome.first_step_in_danger),

@@ -7,7 +7,7 @@ use sidestep::scene::Evader;
 use sidestep::study::StudyConfig;
 use std::sync::Arc;
 
-/// A value function as it is kept.
+/// A value function to be stored.
 #[derive(Clone, Debug)]
 pub struct NewValueFunction {
     /// Whose safety level is read from it.

@@ -7,7 +7,7 @@
 //! soon as its cause is.
 //!
 //! There are three lanes. Trials go first: a browser waits for each. Other requests follow, a few in
-//! each batch, so that a class that enrols at once holds up nobody who drives. Background work
+//! each batch, so that a class that enrols at once does not delay participants who drive. Background work
 //! (files and cells of an analysis, value functions) has transactions of its own, one operation
 //! between two batches, so that requests wait for one piece of it at most.
 
@@ -86,7 +86,7 @@ where
     fn answer(self: Box<Self>, committed: Result<(), StoreError>) {
         let Self { found, answer, .. } = *self;
         let never_ran = || Err(StoreError::Unavailable("it was closed".to_owned()));
-        // Whoever does not listen any more has seen no acknowledgement.
+        // A client that has gone has seen no acknowledgement.
         let _ = answer.send(committed.and_then(|()| found.unwrap_or_else(never_ran)));
     }
 }

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use serde_json::{Value, json};
 use sidestep::math::SeededRng;
 use sidestep::scene::Scene;
-use sidestep_server::store::trials::StoredTrial;
+use sidestep_server::content::Content;
 use sidestep_server::store::{Missing, Store};
 use sidestep_tests::{Folder, Process, driven};
 
@@ -66,7 +66,7 @@ pub(crate) async fn compare(load: &Load, folder: &Folder) -> Comparison {
         found.acknowledged += expected.len();
         for trial in store.trials_of(&participant.id).await.expect("trials") {
             match expected.remove(&trial.head.trial_id) {
-                Some(scene) => found.different += usize::from(!is_as_sent(&trial, &scene)),
+                Some(scene) => found.different += usize::from(!is_as_sent(&trial.content, &scene)),
                 None => found.unacknowledged += 1,
             }
         }
@@ -77,13 +77,13 @@ pub(crate) async fn compare(load: &Load, folder: &Folder) -> Comparison {
 }
 
 /// Whether a trial is stored as it was sent.
-fn is_as_sent(trial: &StoredTrial, scene: &Scene) -> bool {
+fn is_as_sent(stored: &Content, scene: &Scene) -> bool {
     let sent = driven(scene);
     let is = |text: &str, sent: Value| serde_json::from_str::<Value>(text).is_ok_and(|v| v == sent);
-    trial.started_at_ms == Some(sent.started_at_ms)
-        && trial.inputs == sent.inputs
-        && trial.states == sent.states
-        && trial.sampled_at_ms.as_ref() == Some(&sent.sampled_at_ms)
-        && is(&trial.key_events, json!(sent.key_events))
-        && is(&trial.display, json!(sent.display))
+    stored.started_at_ms == Some(sent.started_at_ms)
+        && stored.inputs == sent.inputs
+        && stored.states == sent.states
+        && stored.sampled_at_ms() == sent.sampled_at_ms
+        && is(&stored.key_events, json!(sent.key_events))
+        && is(&stored.display, json!(sent.display))
 }

@@ -17,7 +17,7 @@ mod load;
 
 use std::process::ExitCode;
 use std::rc::Rc;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use figures::{Usage, at_least, at_most, row};
 use load::Load;

@@ -7,7 +7,7 @@ use sidestep::api::{Progress, routes};
 use sidestep_tests::server::SHORT_STUDY;
 use sidestep_tests::{Answer, Driver, Server, driven};
 
-/// Sends octets as a trial and returns the answer.
+/// Sends bytes as a trial and returns the answer.
 async fn put(server: &Server, driver: &Driver, kind: &str, body: Vec<u8>) -> Answer {
     let route = routes::my_trial(&driver.scenes()[0].0);
     let request = driver.request(server, Method::PUT, &route);

@@ -168,12 +168,12 @@ async fn withdrawal_keeps_or_deletes() {
     anew.drive(&server, 1).await;
     let export = server.export("default").await;
     assert!(export.lines().nth(1).unwrap().starts_with("2,0,0,0.0,"));
-    let octets = std::fs::read(server.path("sidestep.db")).unwrap();
+    let bytes = std::fs::read(server.path("sidestep.db")).unwrap();
     let wal = std::fs::read(server.path("sidestep.db-wal")).unwrap();
-    let count = |octets: &[u8]| octets.windows(6).filter(|w| w == b"leaver").count();
+    let count = |bytes: &[u8]| bytes.windows(6).filter(|w| w == b"leaver").count();
     // Once in the table and once in its index, for the new enrolment only.
-    assert!(count(&octets) <= 2, "deleted names are overwritten");
-    assert!(count(&octets) + count(&wal) >= 1);
+    assert!(count(&bytes) <= 2, "deleted names are overwritten");
+    assert!(count(&bytes) + count(&wal) >= 1);
 }
 
 #[tokio::test]

@@ -65,9 +65,9 @@ async fn unequal_vehicles_are_solved_and_served() {
         let answer = server.request(Method::GET, &address).send().await.unwrap();
         let cache = answer.headers()["cache-control"].to_str().unwrap();
         assert_eq!(cache, "public, max-age=31536000, immutable");
-        let octets = answer.bytes().await.unwrap();
-        assert_eq!(hex::encode(Sha256::digest(&octets)), id);
-        let function = ValueFunction::decode(&octets).unwrap();
+        let bytes = answer.bytes().await.unwrap();
+        assert_eq!(hex::encode(Sha256::digest(&bytes)), id);
+        let function = ValueFunction::decode(&bytes).unwrap();
         assert_eq!(function.game(), trial.parameters.game(evader));
         // What a browser would come to by itself.
         let game = trial.parameters.game(evader);
@@ -78,8 +78,8 @@ async fn unequal_vehicles_are_solved_and_served() {
             let answer = request.send().await.unwrap();
             assert_eq!(answer.headers()["content-encoding"], coding);
             let packed = answer.bytes().await.unwrap().len();
-            eprintln!("{evader:?}: {} octets, {coding} {packed}", octets.len());
-            assert!(packed <= 1_500_000, "{coding}: {packed} octets");
+            eprintln!("{evader:?}: {} bytes, {coding} {packed}", bytes.len());
+            assert!(packed <= 1_500_000, "{coding}: {packed} bytes");
         }
     }
     let learned = predictor(&server, &ids[6]).await;

@@ -59,10 +59,10 @@ impl Bundle {
     /// runs before the page counts as loaded.
     ///
     /// # Errors
-    /// Never: octets can be written as JSON.
+    /// Never: bytes can be written as JSON.
     pub(crate) fn page(&self) -> serde_json::Result<String> {
-        let octets = serde_json::to_string(&self.wasm)?;
-        let start = format!("initSync({{ module: new Uint8Array({octets}) }});");
+        let bytes = serde_json::to_string(&self.wasm)?;
+        let start = format!("initSync({{ module: new Uint8Array({bytes}) }});");
         let script = format!("<script type=module>\n{}\n{start}\n</script>", self.js.trim_end());
         Ok(format!(
             "<!doctype html>\n<head><meta charset=utf-8>\n{script}\n</head>\n<body></body>\n"

@@ -24,7 +24,7 @@ use sidestep::stats::open_probability;
 
 use crate::figure::{RegionsPanel, shown_steps};
 
-/// What is asked, besides the regions.
+/// The settings of an evaluation, besides those of the regions.
 pub(super) struct Questions {
     pub(super) steps: usize,
     pub(super) probabilities: Vec<f64>,
@@ -47,7 +47,7 @@ impl Questions {
     }
 }
 
-/// Everything that was found.
+/// All results.
 #[derive(Serialize)]
 pub(super) struct Evaluation {
     /// Where the predictor comes from.
@@ -118,7 +118,7 @@ impl Evaluation {
         (region_windows(0).len() + tuned + 3) as u64
     }
 
-    /// Computes everything, and says on `bar` how far it is.
+    /// Computes everything, and shows its progress on `bar`.
     pub(super) fn of<M: ActionModel + Sync>(
         recorded: &[Recorded],
         parts: &Parts,

@@ -65,8 +65,8 @@ fn csv_text(
 ) -> Result<String, CommandError> {
     let mut writer = Writer::from_writer(Vec::new());
     write(&mut writer).map_err(CommandError::failure)?;
-    let octets = writer.into_inner().map_err(|e| CommandError::failure(e.error()))?;
-    String::from_utf8(octets).map_err(CommandError::failure)
+    let bytes = writer.into_inner().map_err(|e| CommandError::failure(e.error()))?;
+    String::from_utf8(bytes).map_err(CommandError::failure)
 }
 
 fn rows_csv<T: serde::Serialize>(rows: &[T]) -> Result<String, CommandError> {

@@ -2,11 +2,11 @@
 
 use super::super::solving::Interrupt;
 use super::super::{CommandError, print_json};
-use super::{FlagCounts, KeysArg, SimulateArgs, bar};
+use super::{FlagCounts, SimulateArgs, bar};
 use crate::formats::atomic_file;
 use crate::formats::trials_csv::{COLUMNS, REQUIRED};
 use sidestep::scene::SceneParameters;
-use sidestep::synthetic::{REFERENCE_SEED, SyntheticParticipant};
+use sidestep::synthetic::{Keys, REFERENCE_SEED, SyntheticParticipant};
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
@@ -32,7 +32,7 @@ pub(super) fn write(args: &SimulateArgs, out: &str) -> Result<(), CommandError> 
         "participants": args.participants,
         "trials": trials,
         "rows": trials * SceneParameters::default().steps as u64,
-        "keys": match args.keys() { KeysArg::Clock => "clock", KeysArg::Free => "free" },
+        "keys": match args.keys() { Keys::Clock => "clock", Keys::Free => "free" },
         "flags": flags,
         "file": path,
     }))
@@ -44,17 +44,17 @@ fn content(args: &SimulateArgs, out: &mut dyn Write) -> io::Result<FlagCounts> {
     let bar = bar(args.participants * args.trials());
     // As exports of a study, or as the reference data.
     let (print, end): (fn(f64) -> String, _) = match args.keys() {
-        KeysArg::Clock => (exact, "\n"),
-        KeysArg::Free => (nine_digits, "\r\n"),
+        Keys::Clock => (exact, "\n"),
+        Keys::Free => (nine_digits, "\r\n"),
     };
     // The reference's file, byte for byte, does not say what it is; all others do.
-    let says = args.keys() == KeysArg::Clock || args.seed != REFERENCE_SEED;
+    let says = args.keys() == Keys::Clock || args.seed != REFERENCE_SEED;
     let columns = COLUMNS[..REQUIRED].join(",");
     write!(out, "{columns}{}{end}", if says { ",synthetic" } else { "" })?;
     for number in 0..args.participants {
         let participant = SyntheticParticipant::new(args.seed, number);
         for trial in 0..args.trials() {
-            let (scene, drive) = participant.own_trial(trial, args.keys().into());
+            let (scene, drive) = participant.own_trial(trial, args.keys());
             flags.count(&parameters, &scene, &drive);
             for (step, (input, state)) in drive.inputs.iter().zip(&drive.states).enumerate() {
                 // To the nanosecond: 0.6 rather than 0.6000000000000001.

@@ -1,7 +1,7 @@
 //! Synthetic participants through the HTTP interface, as real ones take part.
 
 use super::super::{CommandError, print_json};
-use super::{FlagCounts, KeysArg, SimulateArgs, bar};
+use super::{FlagCounts, SimulateArgs, bar};
 use crate::clock::now_ms;
 use indicatif::ProgressBar;
 use reqwest::{Client, Method, RequestBuilder, StatusCode, Url};
@@ -28,7 +28,7 @@ pub(super) async fn take_part(args: &SimulateArgs, url: &str) -> Result<(), Comm
     let bad = |flag: &str, expected: &str, found: &str| {
         CommandError::Input(format!("--{flag}: expected {expected}, found {found}"))
     };
-    if args.keys() != KeysArg::Clock {
+    if args.keys() != Keys::Clock {
         let expected = "clock with --url, since a study samples keys at each step's beginning";
         return Err(bad("keys", expected, "free"));
     }
