@@ -71,8 +71,9 @@ fn example_page(workspace: &Workspace, example: &'static str) -> Result<PathBuf>
     stage(example, build.args(["--example", example]))?;
     let compiled = workspace.compiled_client(&format!("examples/{example}"));
     let text = bundle(example, &compiled)?.page()?;
-    let path = workspace.browser_pages().join(example).with_extension("html");
-    fs::create_dir_all(workspace.browser_pages())
+    let folder = workspace.output("browser-pages");
+    let path = folder.join(example).with_extension("html");
+    fs::create_dir_all(folder)
         .and_then(|()| fs::write(&path, text))
         .with_context(|| format!("cannot write {}", path.display()))?;
     Ok(path)

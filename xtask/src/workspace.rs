@@ -77,19 +77,9 @@ impl Workspace {
         self.target.join("release").join("examples").join(file)
     }
 
-    /// What comparisons with other programs need and leave behind.
-    pub(crate) fn peers(&self) -> PathBuf {
-        self.target.join("peers")
-    }
-
-    /// What the benchmark in a browser needs and leaves behind.
-    pub(crate) fn bench(&self) -> PathBuf {
-        self.target.join("bench")
-    }
-
-    /// Pages that tests open from files.
-    pub(crate) fn browser_pages(&self) -> PathBuf {
-        self.target.join("browser-pages")
+    /// A folder in cargo's output folder for what a command of ours needs and leaves behind.
+    pub(crate) fn output(&self, name: &str) -> PathBuf {
+        self.target.join(name)
     }
 
     /// A call of a cargo command that compiles, such as `build` or `test`.

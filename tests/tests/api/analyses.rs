@@ -1,5 +1,6 @@
 //! Analyses as jobs of the server: asked for, watched, cancelled, kept, withdrawn.
 
+use crate::analyze::contents;
 use reqwest::Method;
 use serde_json::json;
 use sidestep::api::{AnalysisDetail, AnalysisPage, AnalysisState, AnalysisSummary, routes};
@@ -8,8 +9,6 @@ use sidestep::safety::SafetyQuality;
 use sidestep::scene::{Evader, SceneParameters};
 use sidestep::vehicle::{TurnInput, VehicleModel};
 use sidestep_tests::{Answer, Driver, Server, behind, sidestep, upload, upload_with};
-use std::collections::BTreeMap;
-use std::path::Path;
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
@@ -85,20 +84,6 @@ async fn file(server: &Server, id: &str, name: &str) -> reqwest::Response {
     request.bearer_auth(&server.key).send().await.unwrap()
 }
 
-/// Every file below a folder but the cache, by name.
-fn contents(root: &Path, folder: &Path, found: &mut BTreeMap<String, Vec<u8>>) {
-    for entry in std::fs::read_dir(folder).unwrap() {
-        let path = entry.unwrap().path();
-        if path.file_name().unwrap() == ".cache" {
-        } else if path.is_dir() {
-            contents(root, &path, found);
-        } else {
-            let name = path.strip_prefix(root).unwrap().to_str().unwrap().to_owned();
-            found.insert(name, std::fs::read(&path).unwrap());
-        }
-    }
-}
-
 /// So many rows of a table, read behind the server's back.
 fn count(server: &Server, table: &str) -> i64 {
     let query = format!("SELECT count(*) FROM {table}");
@@ -144,14 +129,13 @@ async fn a_study_is_analysed_as_by_the_command() {
         let args = [&["analyze", "--leakage"], &source[..], &["--out", out.to_str().unwrap()]];
         let output = sidestep(&args.concat()).await;
         assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
-        let mut files = BTreeMap::new();
-        contents(&out, &out, &mut files);
+        let files = contents(&out);
         let named: Vec<_> = detail.files.iter().map(|file| file.name.clone()).collect();
-        assert_eq!(named, files.keys().cloned().collect::<Vec<_>>());
-        for (kept, (name, octets)) in detail.files.iter().zip(&files) {
-            assert_eq!(kept.octets, octets.len() as u64, "{name}");
+        assert_eq!(named, files.iter().map(|(name, _)| name.clone()).collect::<Vec<_>>());
+        for (kept, (name, bytes)) in detail.files.iter().zip(&files) {
+            assert_eq!(kept.octets, bytes.len() as u64, "{name}");
             let fetched = file(&server, &asked.id, name).await.bytes().await.unwrap();
-            assert!(fetched == octets[..], "{name}");
+            assert!(fetched == bytes[..], "{name}");
         }
     }
 

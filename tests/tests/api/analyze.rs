@@ -1,40 +1,26 @@
 //! analyze: the whole comparison, against scikit-learn's of the same data.
 
 use serde_json::Value;
+use sidestep_tests::folder::{Row, data, number, rows as table};
 #[cfg(unix)]
 use sidestep_tests::process::interrupted;
-use sidestep_tests::{Server, sidestep};
+use sidestep_tests::{Server, run, sidestep};
 use std::collections::HashMap;
 use std::fs;
 use std::path::Path;
 use std::time::SystemTime;
 use tempfile::TempDir;
 
-pub(crate) fn data(name: &str) -> String {
-    format!("{}/../shared/tests/data/{name}", env!("CARGO_MANIFEST_DIR"))
-}
-
 /// Runs the command and gives its exit code, stdout and stderr.
 pub(crate) async fn analyze(args: &[&str], out: &Path) -> (Option<i32>, String, String) {
     let all = [&["analyze"], args, &["--out", out.to_str().unwrap()]].concat();
-    let output = sidestep(&all).await;
-    let text = |octets| String::from_utf8(octets).unwrap();
-    (output.status.code(), text(output.stdout), text(output.stderr))
-}
-
-/// A table: its header and its rows, by name.
-pub(crate) fn table(path: impl AsRef<Path>) -> Vec<HashMap<String, String>> {
-    let mut reader = csv::Reader::from_path(path).unwrap();
-    reader.deserialize().map(Result::unwrap).collect()
-}
-
-pub(crate) fn number(row: &HashMap<String, String>, column: &str) -> f64 {
-    row[column].parse().unwrap()
+    let said = run(&all).await;
+    (said.code, said.out, said.err)
 }
 
 const SETS: [&str; 7] = ["hrd", "hr", "hd", "rd", "h", "r", "d"];
 
-fn key(row: &HashMap<String, String>) -> [String; 4] {
+fn key(row: &Row) -> [String; 4] {
     ["model", "experiment", "features", "participant"].map(|column| row[column].clone())
 }
 
@@ -55,7 +41,7 @@ async fn the_comparison_is_that_of_scikit_learn() {
         table(out.join("cells.csv")).into_iter().map(|row| (key(&row), row)).collect();
     let theirs = table(data("sklearn_cells.csv"));
     assert_eq!(theirs.len(), 448);
-    let same = |row: &&HashMap<String, String>| {
+    let same = |row: &&Row| {
         let ours = &ours[&key(row)];
         (number(ours, "test_accuracy") - number(row, "test_accuracy")).abs() < 1e-9
     };
@@ -64,7 +50,7 @@ async fn the_comparison_is_that_of_scikit_learn() {
 
     let ours = table(out.join("table1.csv"));
     for row in table(data("sklearn_table1.csv")) {
-        let same = |other: &&HashMap<String, String>| {
+        let same = |other: &&Row| {
             other["model"] == row["model"] && other["experiment"] == row["experiment"]
         };
         let ours = ours.iter().find(same).unwrap();
@@ -94,7 +80,7 @@ pub(crate) fn written(folder: &TempDir, name: &str, header: &str, rows: &[String
     path.to_str().unwrap().to_owned()
 }
 
-/// Every file below a folder but the cache, by name, with its octets.
+/// Every file below a folder but the cache, by name, with its bytes.
 pub(crate) fn contents(folder: &Path) -> Vec<(String, Vec<u8>)> {
     let mut found = Vec::new();
     for entry in fs::read_dir(folder).unwrap() {
@@ -102,7 +88,7 @@ pub(crate) fn contents(folder: &Path) -> Vec<(String, Vec<u8>)> {
         let name = name.into_string().unwrap();
         if path.is_dir() && name != ".cache" {
             let below = contents(&path).into_iter();
-            found.extend(below.map(|(file, octets)| (format!("{name}/{file}"), octets)));
+            found.extend(below.map(|(file, bytes)| (format!("{name}/{file}"), bytes)));
         } else if path.is_file() {
             found.push((name, fs::read(&path).unwrap()));
         }
@@ -115,15 +101,15 @@ pub(crate) fn contents(folder: &Path) -> Vec<(String, Vec<u8>)> {
 fn shuffled(rows: &[String]) -> Vec<String> {
     let mut rows = rows.to_vec();
     rows.sort_by_key(|row| {
-        row.bytes().fold(7u64, |hash, octet| {
-            (hash ^ u64::from(octet)).wrapping_mul(0x0100_0000_01b3).rotate_left(23)
+        row.bytes().fold(7u64, |hash, byte| {
+            (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3).rotate_left(23)
         })
     });
     rows
 }
 
 #[tokio::test]
-async fn neither_order_nor_threads_nor_the_cache_change_an_octet() {
+async fn neither_order_nor_threads_nor_the_cache_change_a_byte() {
     let folder = TempDir::new().unwrap();
     let (header, rows) = some_trials(&["0", "3"], 10);
     let ordered = written(&folder, "ordered.csv", &header, &rows);

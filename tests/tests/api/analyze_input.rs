@@ -1,8 +1,9 @@
 //! analyze: what is wrong with one person leaves out that person, and what is wrong with a file
 //! refuses it.
 
-use crate::analyze::{analyze, data, some_trials, table, written};
+use crate::analyze::{analyze, some_trials, written};
 use serde_json::{Value, json};
+use sidestep_tests::folder::{data, rows as table};
 use sidestep_tests::sidestep;
 use std::fs;
 use tempfile::TempDir;
@@ -143,8 +144,8 @@ async fn files_are_refused_where_it_cannot_be_told_whose_the_rows_are() {
     let out = folder.path().join("out");
     let trials = folder.path().join("trials.csv");
     let path = trials.to_str().unwrap();
-    let refused = async |octets: Vec<u8>, words: &str| {
-        fs::write(&trials, octets).unwrap();
+    let refused = async |bytes: Vec<u8>, words: &str| {
+        fs::write(&trials, bytes).unwrap();
         let (code, line, said) = analyze(&["--trials", path], &out).await;
         assert_eq!((code, line.as_str()), (Some(2), ""), "{said}");
         assert!(said.contains(&format!("trials.csv: {words}")), "{words}: {said}");
@@ -194,9 +195,9 @@ async fn files_are_refused_where_it_cannot_be_told_whose_the_rows_are() {
     refused(with(402, &nobody), "line 402: participant: expected a name or number").await;
     let long = changed(&rows[400], 0, &"7".repeat(1_000_000));
     refused(with(402, &long), "line 402: participant: expected a name or number").await;
-    let mut octets = all.clone().into_bytes();
-    octets.insert(all.len() - 3, 0xff);
-    refused(octets, "line 601: row: expected comma-separated UTF-8 text, found bytes").await;
+    let mut bytes = all.clone().into_bytes();
+    bytes.insert(all.len() - 3, 0xff);
+    refused(bytes, "line 601: row: expected comma-separated UTF-8 text, found bytes").await;
     let practice: Vec<String> = rows.iter().map(|row| format!("{row},practice")).collect();
     let practice = text(&format!("{header},phase"), &practice);
     refused(practice.into(), "expected at least one task, found none").await;
@@ -215,7 +216,7 @@ async fn files_are_refused_where_it_cannot_be_told_whose_the_rows_are() {
     assert!(said.contains("cannot write"), "{said}");
 }
 
-/// As other programs write them: a mark of the octets' order, line ends, quotes, order of columns.
+/// As other programs write them: a mark of the bytes' order, line ends, quotes, order of columns.
 #[tokio::test]
 async fn other_writers_files_are_read() {
     let folder = TempDir::new().unwrap();

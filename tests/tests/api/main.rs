@@ -3,9 +3,9 @@
 // Helpers outside `#[test]` functions are tests too.
 #![allow(clippy::unwrap_used)]
 
-mod analyses;
 mod analyze;
 mod analyze_input;
+mod analyses;
 mod bad_input;
 mod database;
 mod trouble;

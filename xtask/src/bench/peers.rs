@@ -158,7 +158,7 @@ fn compare(workspace: &Workspace, quick: bool) -> Result<(Vec<Compared>, Vec<any
     let mut compared = Vec::new();
     for case in CASES.iter().filter(|case| !(quick && case.long)) {
         eprintln!("==> {} {}", case.grid, case.scheme);
-        let values = workspace.peers().join(format!("{}-{}.npy", case.grid, case.scheme));
+        let values = workspace.output("peers").join(format!("{}-{}.npy", case.grid, case.scheme));
         let theirs = python.as_deref().and_then(|python| {
             solve_theirs(workspace, python, case, &values).map_err(|error| missing.push(error)).ok()
         });
@@ -186,7 +186,7 @@ pub(super) fn environment(
 
 fn prepared(workspace: &Workspace, requirements: &str, name: &str) -> Result<PathBuf> {
     let requirements = workspace.path("tests/peers").join(requirements);
-    let folder = workspace.peers().join(name);
+    let folder = workspace.output("peers").join(name);
     // Copied when all is installed, so that half an environment is not taken for a whole.
     let installed = folder.join("requirements.txt");
     let program = if cfg!(windows) { "Scripts/python.exe" } else { "bin/python" };

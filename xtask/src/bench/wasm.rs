@@ -115,7 +115,7 @@ pub(super) fn run(workspace: &Workspace, group: Group) -> Result<ExitCode> {
     eprintln!("==> measuring");
     let mut example = Command::new(workspace.example(EXAMPLE));
     let native = figures(&output_of("the example", example.arg(group.name))?)?;
-    let wasm = in_browser(&bundle, group.name, &workspace.bench());
+    let wasm = in_browser(&bundle, group.name, &workspace.output("bench"));
     print!("{}", table(group.cases, &native, wasm.as_ref().ok()));
     let names =
         |figures: &Figures| figures.iter().map(|(name, _)| name.clone()).collect::<Vec<_>>();
