@@ -1,4 +1,4 @@
-//! The files that the program reads and writes, and how they come to be whole.
+//! The files that the program reads and writes; each appears whole or not at all.
 
 pub mod atomic_file;
 pub mod atomic_folder;

@@ -1,5 +1,5 @@
-//! The server's face: one module a resource, the one table of routes, and what every
-//! request passes on its way in and out.
+//! The HTTP interface: a module for each resource, the one table of routes, and the layers around every
+//! request.
 
 pub mod error;
 pub mod json;

@@ -1,4 +1,4 @@
-//! Long work off the request path: value functions that a study lacks, and analyses.
+//! Long work in the background: value functions of studies, and analyses.
 
 pub mod safety;
 pub mod fit_cache;

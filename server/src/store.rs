@@ -1,13 +1,13 @@
-//! The only place that speaks SQL: what the program asks of a database, as operations.
+//! The database as operations: the only code that speaks SQL.
 //!
-//! [`Store`] has one method for each operation; a module holds those of one aggregate. Their
-//! arguments and results are values of the domain, an outcome is an enum, and [`StoreError`] says
-//! in the domain's words why nothing could be done. No connection, transaction or error code
-//! leaves this folder, so that another database is another implementation of the same methods
-//! that passes the same tests (`store/tests.rs`).
+//! [`Store`] has one method for each operation; each module has the operations of one aggregate.
+//! Arguments and results are values of the domain, outcomes are enums, and [`StoreError`] describes a
+//! failure in the words of the domain. No connection, transaction or error code leaves this folder. So
+//! another database is another implementation of the same methods that passes the same tests
+//! (`store/tests.rs`).
 //!
-//! Reads (`readers`) and writes (`writer`) go separate ways: SQLite has one writer at a time
-//! anyway, and in WAL mode readers wait for nobody.
+//! Reads (`readers`) and writes (`writer`) are separate: SQLite has only one writer at a time, and in
+//! WAL mode readers never wait.
 
 mod error;
 mod file;
@@ -40,7 +40,7 @@ use std::sync::{Arc, Mutex, PoisonError, RwLock};
 use std::time::Duration;
 use writer::{Lane, Writer};
 
-/// A database that is open and up to date.
+/// An open database with all migrations applied.
 #[derive(Clone, Debug)]
 pub struct Store {
     open: Arc<Open>,
@@ -51,25 +51,25 @@ struct Open {
     file: DatabaseFile,
     readers: Arc<Readers>,
     writer: Arc<Writer>,
-    /// Configurations by their hash: they never change.
+    /// Configurations by their hash; they never change.
     configs: RwLock<HashMap<String, Arc<StudyConfig>>>,
-    /// Held by a server.
+    /// The lock that a server holds.
     lock: Mutex<Option<File>>,
 }
 
-/// What to do where there is no database yet.
+/// What to do if there is no database.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Missing {
-    /// Make an empty one.
+    /// Create an empty one.
     Create,
-    /// Complain.
+    /// Return an error.
     Refuse,
 }
 
 /// Why a database cannot be used. One line, naming the database.
 #[derive(Debug, thiserror::Error)]
 pub enum OpenError {
-    /// The address is not one of a database that this build knows.
+    /// The address is not that of a database that this build supports.
     #[error("--database {url}: expected sqlite:FILE, found {found}")]
     Address {
         /// As given.
@@ -77,7 +77,7 @@ pub enum OpenError {
         /// What is wrong with it.
         found: &'static str,
     },
-    /// It cannot be opened or made.
+    /// The database cannot be opened or created.
     #[error("{file}: cannot open the database: {reason}; check the path and that it is writable")]
     Unusable {
         /// The file.
@@ -85,7 +85,7 @@ pub enum OpenError {
         /// What the system said.
         reason: String,
     },
-    /// It is not of this version and cannot be brought there.
+    /// The database is not of this version and cannot be migrated.
     #[error("{file}: cannot use the database: {reason}")]
     Version {
         /// The file.
@@ -93,7 +93,7 @@ pub enum OpenError {
         /// What does not fit.
         reason: Misfit,
     },
-    /// Another server works with it.
+    /// Another server uses it.
     #[error(
         "{0}: another 'sidestep serve' uses this database; stop it first or give this one its own \
          file"
@@ -102,10 +102,10 @@ pub enum OpenError {
 }
 
 impl Store {
-    /// Opens the database at `url` (`sqlite:FILE`) and brings it up to date.
+    /// Opens the database at `url` (`sqlite:FILE`) and applies missing migrations.
     ///
     /// # Errors
-    /// [`OpenError`], in one line. The file is then as it was.
+    /// [`OpenError`], in one line; the file is unchanged then.
     pub async fn open(url: &str, missing: Missing) -> Result<Self, OpenError> {
         let file = address(url)?;
         let opening = tokio::task::spawn_blocking(move || Self::open_file(file, missing));
@@ -126,7 +126,7 @@ impl Store {
         if missing == Missing::Create {
             file.create().map_err(|error| unusable(error.to_string()))?;
         }
-        // A file that this program cannot use is left alone to the last byte.
+        // A file that this program cannot use is not changed by a single byte.
         let untouching = connection::untouching(file.path()).map_err(sqlite)?;
         migrations::check(&untouching).map_err(misfit)?;
         drop(untouching);
@@ -144,8 +144,8 @@ impl Store {
         Ok(Self { open: Arc::new(open) })
     }
 
-    /// Makes sure that no other server works with this database until it is closed: two of them
-    /// would begin each other's analyses. Commands may read and write beside a server.
+    /// Ensures that no other server uses this database until it is closed, because two servers would
+    /// take over each other's analyses. Commands may read and write beside a server.
     ///
     /// # Errors
     /// [`OpenError::Served`] if another one does.

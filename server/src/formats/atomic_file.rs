@@ -1,12 +1,12 @@
-//! A file that is there whole, or not at all.
+//! Files that appear whole or not at all.
 
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
 use tempfile::NamedTempFile;
 use tokio_util::sync::CancellationToken;
 
-/// Checks that a file could be written at `path`, so that long work does not end in a
-/// complaint that could have come first.
+/// Checks that a file can be written at `path`, so that an error comes before long work and not after
+/// it.
 ///
 /// # Errors
 /// The disk's error.
@@ -14,7 +14,7 @@ pub fn check(path: &Path) -> io::Result<()> {
     if path.is_dir() {
         return Err(io::Error::new(io::ErrorKind::IsADirectory, "it is a folder"));
     }
-    // Taking the name of a device, a pipe or a link would replace it.
+    // A rename would replace a device, a pipe or a link.
     if path.symlink_metadata().is_ok_and(|found| !found.is_file()) {
         let kind = io::ErrorKind::InvalidInput;
         return Err(io::Error::new(kind, "it is there already and no regular file"));
@@ -22,12 +22,11 @@ pub fn check(path: &Path) -> io::Result<()> {
     beside(path).map(drop)
 }
 
-/// Writes through a temporary file in the same folder, which takes the name `path`
-/// when everything is on the disk.
+/// Writes a temporary file in the same folder, and renames it to `path` when all of it is on the disk.
 ///
 /// # Errors
-/// The disk's error, or that `cancel` was cancelled; the temporary file is gone then and
-/// what was at `path` is untouched.
+/// The disk's error, or that `cancel` was cancelled. The temporary file is deleted then, and `path` is
+/// unchanged.
 pub fn write<E: From<io::Error>>(
     path: &Path,
     cancel: &CancellationToken,
@@ -47,7 +46,7 @@ pub fn write<E: From<io::Error>>(
     Ok(())
 }
 
-/// What archives are written to.
+/// A writer for archives.
 pub trait WriteSeek: Write + io::Seek {}
 
 impl<T: Write + io::Seek> WriteSeek for T {}
@@ -58,13 +57,13 @@ fn beside(path: &Path) -> io::Result<NamedTempFile> {
         _ => Path::new("."),
     };
     if !folder.is_dir() {
-        // Else the complaint would be about a temporary file.
+        // Otherwise the error would name a temporary file.
         let said = format!("there is no folder {}", folder.display());
         return Err(io::Error::new(io::ErrorKind::NotFound, said));
     }
     let mut builder = tempfile::Builder::new();
     builder.prefix(".sidestep-");
-    // As any new file, not readable by its owner alone.
+    // With the permissions of any new file, instead of the owner's only.
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
     builder.tempfile_in(folder)

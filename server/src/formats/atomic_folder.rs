@@ -1,4 +1,4 @@
-//! Folders whose new content is there whole or not at all.
+//! Folders whose new content appears whole or not at all.
 
 use std::fs::{self, File};
 use std::io;
@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 use tokio_util::sync::CancellationToken;
 
-/// New content for a folder, gathered beside what is there until it is complete.
+/// New content for a folder, kept apart from the old content until it is complete.
 pub struct Draft {
     folder: PathBuf,
     draft: TempDir,
@@ -19,7 +19,7 @@ impl Draft {
     /// into it.
     ///
     /// # Errors
-    /// What the disk says.
+    /// The disk's error.
     pub fn begin(folder: &Path) -> io::Result<Self> {
         let missing =
             folder.ancestors().take_while(|path| !path.exists() && *path != Path::new(""));
@@ -29,18 +29,18 @@ impl Draft {
         Ok(Self { folder: folder.to_owned(), draft, made })
     }
 
-    /// Where new content goes until then.
+    /// The folder for the new content.
     #[must_use]
     pub fn path(&self) -> &Path {
         self.draft.path()
     }
 
-    /// Puts every file and folder of the draft in its place, and what was there under the same
-    /// name or one of `obsolete` away; all else stays. Once this has begun it is not stopped.
+    /// Moves every file and folder of the draft to its place. It replaces entries with the same names,
+    /// deletes those named in `obsolete`, and keeps all others. Once begun, it cannot be cancelled.
     ///
     /// # Errors
-    /// What the disk says, that a folder is where a file is to be or the other way round, or that
-    /// it was stopped before; then nothing has changed.
+    /// The disk's error; that a folder is in the place of a file or a file in that of a folder; or that
+    /// it was cancelled before, and nothing has changed.
     pub fn keep(self, obsolete: &[&str], cancel: &CancellationToken) -> io::Result<()> {
         synced(self.path())?;
         for entry in fs::read_dir(self.path())? {

@@ -1,7 +1,6 @@
 //! CSV files, with the line on which each record begins as an editor counts them.
 //!
-//! The csv crate's own count is of where it began to look: it leaves out empty lines, and the
-//! second half of the line end where that is CR LF.
+//! The csv crate counts from where it began to read, which differs after empty lines and after CR LF.
 
 use csv::StringRecord;
 use sidestep::invalid::Invalid;
@@ -9,11 +8,11 @@ use sidestep::recording::Fault;
 use std::collections::VecDeque;
 use std::io::{self, Read};
 
-/// A complaint about a line.
+/// An error in a line.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("line {line}: {what}")]
 pub struct LineError {
-    /// From 1; the header is line 1.
+    /// The line, from 1 for the header.
     pub line: u64,
     /// Field, expected and found.
     pub what: Invalid,
@@ -35,7 +34,7 @@ impl<R: Read> Records<R> {
     /// The records, and the header.
     ///
     /// # Errors
-    /// [`LineError`] for a header that is no text.
+    /// [`LineError`] for a header that is not text.
     pub fn of(file: R) -> Result<(Self, StringRecord), LineError> {
         let reader = csv::Reader::from_reader(Watched::new(file));
         let mut records = Self { reader, record: StringRecord::new() };
@@ -43,7 +42,7 @@ impl<R: Read> Records<R> {
         Ok((records, header))
     }
 
-    /// The next record and its line; nothing at the end.
+    /// The next record and its line; none at the end.
     ///
     /// # Errors
     /// [`LineError`] for text that is not UTF-8, or a row with another number of fields than the
@@ -79,16 +78,15 @@ fn not_text(found: String) -> Invalid {
     Invalid::new("row", "comma-separated UTF-8 text", found)
 }
 
-/// Notes where lines begin that are not empty, as they are read.
+/// Records where the lines that are not empty begin, while they are read.
 struct Watched<R> {
     file: R,
-    /// Bytes that were read, and the line that they lead to.
+    /// Number of bytes read, and the line after them.
     read: u64,
     line: u64,
-    /// Whether there is nothing on that line yet.
+    /// Whether that line is empty so far.
     empty: bool,
-    /// The first byte of each line that is not empty, and its number, from the last that was
-    /// asked for on.
+    /// The first byte and the number of each line that is not empty, from the last requested line on.
     begins: VecDeque<(u64, u64)>,
 }
 
@@ -97,7 +95,7 @@ impl<R> Watched<R> {
         Self { file, read: 0, line: 1, empty: true, begins: VecDeque::new() }
     }
 
-    /// The first line from this byte on that is not empty. Later ones are asked for later.
+    /// The first line from this byte on that is not empty. Requests are in rising order.
     fn line_of(&mut self, byte: u64) -> u64 {
         while self.begins.len() > 1 && self.begins[0].0 < byte {
             self.begins.pop_front();

@@ -1,8 +1,7 @@
-//! A study's trials as a CSV file: one writer for the route and the command.
+//! A study's trials as a CSV file, for the route and the command.
 //!
-//! People are read one at a time, so memory does not grow with the study and no
-//! long read keeps the write-ahead log from being written back. A file holds
-//! each person as they were at one instant.
+//! Participants are read one after the other, so that memory does not grow with the study and no long
+//! read keeps SQLite from writing back its log. Each participant's rows come from one snapshot.
 
 use crate::formats::trials_csv::COLUMNS;
 use crate::store::studies::StoredStudy;
@@ -12,7 +11,7 @@ use futures_util::stream::{self, Stream};
 use sidestep::invalid::Invalid;
 use sidestep::scene::SceneParameters;
 
-/// Accepts the formats that there are.
+/// Accepts the supported formats.
 ///
 /// # Errors
 /// [`Invalid`] naming them.
@@ -20,8 +19,8 @@ pub fn check_format(format: &str) -> Result<(), Invalid> {
     if format == "csv" { Ok(()) } else { Err(Invalid::new("format", "csv", format!("{format:?}"))) }
 }
 
-/// The file, piece by piece. After an error there is no further piece, and a
-/// download breaks off instead of ending as if it were whole.
+/// The file, piece by piece. After an error there are no further pieces, so a download breaks off instead
+/// of ending as if it were complete.
 pub fn stream(
     store: Store,
     study: StoredStudy,
@@ -55,8 +54,8 @@ fn header() -> Vec<u8> {
     line.into_bytes()
 }
 
-/// The rows of one person. The trial's number counts what is exported, from 0
-/// through all phases, so that (participant, trial) names a trial.
+/// The rows of one participant. Trials are numbered from 0 over all phases, so that (participant, trial)
+/// identifies a trial.
 async fn person(store: &Store, participant_id: &str) -> Result<Vec<u8>, StoreError> {
     let driven = store.trials_of(participant_id).await?;
     let Some(first) = driven.first() else {
@@ -72,8 +71,8 @@ async fn person(store: &Store, participant_id: &str) -> Result<Vec<u8>, StoreErr
     writer.into_inner().map_err(|error| StoreError::Defect(error.to_string()))
 }
 
-/// One row a step: the state before it and the input held in it. Numbers are
-/// printed with as many digits as bring the same bits back.
+/// A row for each step: the state before it and the input held in it. Numbers have as many digits as
+/// needed to read back the same bits.
 fn write_trial(
     writer: &mut csv::Writer<Vec<u8>>,
     parameters: &SceneParameters,
@@ -86,7 +85,7 @@ fn write_trial(
     for (step, (input, state)) in content.inputs.iter().zip(&content.states).enumerate() {
         let sampled = content.sampled_at_ms.as_ref().map(|times| times[step].to_string());
         let ([hx, hy, hpsi], [rx, ry, rpsi]) = (state.human.into(), state.robot.into());
-        // To the nanosecond: 0.6 rather than 0.6000000000000001.
+        // Rounded to the nanosecond: 0.6 instead of 0.6000000000000001.
         let t = (step as f64 * parameters.step_s * 1e9).round() / 1e9;
         let numbers = [t, hx, hy, hpsi, rx, ry, rpsi, parameters.human.turn_rate(*input)];
         writer.write_field(head.participant_number.to_string())?;
@@ -116,7 +115,7 @@ fn decimal(number: f64) -> String {
     format!("{number:?}")
 }
 
-/// A text that a spreadsheet could take for a formula begins with an apostrophe.
+/// The text, with an apostrophe before it if a spreadsheet could take it for a formula.
 fn text(text: &str) -> String {
     if text.starts_with(['=', '+', '-', '@', '\t', '\r']) {
         format!("'{text}")

@@ -1,4 +1,4 @@
-//! features.csv: a row a step, written and read.
+//! Writing and reading features.csv, with a row for each step.
 
 use crate::formats::csv_lines::{LineError, Records};
 use csv::{StringRecord, Writer};
@@ -12,7 +12,7 @@ use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 use std::io::{self, Read, Write};
 
-/// Columns that say whose row it is.
+/// Columns that identify a row.
 const ROW: [&str; 3] = ["participant", "trial", "step"];
 
 /// Columns of the label, as this program writes them and as the reference does.
@@ -30,10 +30,10 @@ const PAPERS: [(&str, &str); 8] = [
     ("distance", "d"),
 ];
 
-/// Why features are not written.
+/// Why features cannot be written.
 #[derive(Debug, thiserror::Error)]
 pub enum WriteError {
-    /// The disk does not let them.
+    /// The disk's error.
     #[error(transparent)]
     Disk(#[from] io::Error),
     /// A trial has no features.
@@ -44,7 +44,7 @@ pub enum WriteError {
 /// Writes the file.
 ///
 /// # Errors
-/// [`WriteError`] for what the disk says, or a trial that has no features.
+/// [`WriteError`] for an error of the disk, or a trial that has no features.
 pub fn write(
     out: impl Write,
     people: &[RecordedParticipant],
@@ -75,11 +75,11 @@ pub fn write(
 }
 
 /// Reads either form, by its header: this program's, or the reference's
-/// `apx,apy,dpsi,cosd,sind,vh,vr,d,y1`. Other columns are ignored. A value that is impossible and a
-/// repeated row are one participant's faults, which [`GivenFeatures::replace`] tells.
+/// `apx,apy,dpsi,cosd,sind,vh,vr,d,y1`. Other columns are ignored. An impossible value or a repeated row
+/// is the fault of one participant, which [`GivenFeatures::replace`] returns.
 ///
 /// # Errors
-/// [`LineError`] for a missing column, or text that is no table.
+/// [`LineError`] for a missing column, or text that is not a table.
 pub fn read(file: impl Read) -> Result<GivenFeatures, LineError> {
     let at = |line: u64| move |what: Invalid| LineError { line, what };
     let (mut records, header) = Records::of(file)?;

@@ -5,7 +5,7 @@
 //! the axes are range, bearing and relative heading, the bearings over the full turn,
 //! although the library keeps one half of them: V(r, −bearing, −ψ) = V(r, bearing, ψ).
 //! There may be `sheet` (float32, like `value`), Q with
-//! V = max(Q(r, bearing, ψ), Q(r, −bearing, −ψ)): two smooth sides instead of V's kink.
+//! V = max(Q(r, bearing, ψ), Q(r, −bearing, −ψ)): two smooth functions instead of one with a kink.
 
 use npyz::WriterBuilder;
 use serde::{Deserialize, Serialize};
@@ -30,18 +30,18 @@ const STORED: &str = "value: V in metres, the largest range margin (range - radi
                       where there is one: Q in metres, with V(r, b, psi) = max(Q(r, b, psi), \
                       Q(r, -b, -psi)); smooth where V has a kink, so interpolate Q, not V";
 
-/// Most entries of an array whose length is not known beforehand.
+/// Most entries of an array of unknown length.
 const SHORT: usize = 1 << 16;
 
 /// Most bytes before an array's values.
 const HEADER_LIMIT: u64 = 1 << 16;
 
-/// What `meta` says.
+/// The content of `meta`.
 #[derive(Debug, Serialize, Deserialize)]
 struct Meta {
     format: String,
     method: String,
-    /// The name in `nodes` again, where it is easily found.
+    /// The name in `nodes`, repeated where it is easily found.
     coordinates: String,
     axes: [String; 3],
     units: [String; 3],
@@ -70,7 +70,7 @@ pub struct Stored {
     pub converged: Option<bool>,
 }
 
-/// Where nodes lie and how their values are laid out in a file.
+/// The nodes of a file, and the order of their values.
 struct Layout {
     nodes: Nodes,
     shape: [usize; 3],
@@ -117,7 +117,7 @@ impl Layout {
     }
 }
 
-/// Nodes of the file by axis: the bearings are a full turn.
+/// The numbers of a file's nodes by axis; bearings cover a full turn.
 #[must_use]
 pub fn shape(nodes: &Nodes) -> [usize; 3] {
     match *nodes {
@@ -159,7 +159,7 @@ fn meta(samples: &SampledValue, method: Method) -> Meta {
 /// Writes the archive; the same function gives the same bytes.
 ///
 /// # Errors
-/// What `out` says.
+/// The error of `out`.
 pub fn write(out: impl Write + Seek, samples: &SampledValue, method: Method) -> io::Result<()> {
     let layout = Layout::new(samples.nodes());
     let game = samples.game();
@@ -205,8 +205,8 @@ fn array<T: npyz::AutoSerialize>(
     writer.finish()
 }
 
-/// Reads what [`write()`] wrote: the closed form where the method was exact, else the
-/// values to the accuracy of float32.
+/// Reads a file of [`write()`]: the closed form if the method was exact, otherwise the values to the
+/// accuracy of float32.
 ///
 /// # Errors
 /// [`Invalid`] naming the array or the field of `meta` that is missing, truncated, of
@@ -302,8 +302,8 @@ fn read_meta<R: Read + Seek>(archive: &mut ZipArchive<R>) -> Result<Meta, Invali
     Ok(meta)
 }
 
-/// The values of an array of that type and shape (without a shape: a short list). No
-/// more is taken from the archive than that needs.
+/// The values of an array with this type and shape (a short list without a shape). No more bytes are read
+/// from the archive than needed.
 fn values<R: Read + Seek, T: npyz::AutoSerialize + npyz::Deserialize>(
     archive: &mut ZipArchive<R>,
     name: &str,
@@ -316,7 +316,7 @@ fn values<R: Read + Seek, T: npyz::AutoSerialize + npyz::Deserialize>(
     let count = shape.map_or(SHORT, |shape| shape.iter().product());
     let limit = (count * size_of::<T>()) as u64 + HEADER_LIMIT;
     let mut bytes = Vec::new();
-    // To the end, where the check sum is compared.
+    // Read to the end, where the checksum is compared.
     file.take(limit).read_to_end(&mut bytes).map_err(broken)?;
     let mut rest = &bytes[..];
     let array = npyz::NpyFile::new(&mut rest).map_err(broken)?;
@@ -438,7 +438,7 @@ mod tests {
         };
         assert_eq!(converged(&polar()), (Some(true), None));
         assert_eq!(converged(&polar().unsettled(Some(0.25))), (Some(false), Some(0.25)));
-        // Older files do not say.
+        // Older files do not contain it.
         let older = changed_meta(|m| drop(m.as_object_mut().unwrap().remove("converged"))).unwrap();
         assert_eq!((older.converged, older.function.unsettled_m()), (None, None));
     }

@@ -1,4 +1,4 @@
-//! Study files: TOML laid over the paper's protocol.
+//! Study files: TOML that overrides the paper's protocol.
 
 use serde::Deserialize;
 use sidestep::document::from_value;
@@ -6,8 +6,8 @@ use sidestep::study::StudyConfig;
 use std::path::Path;
 use toml::{Table, Value};
 
-/// The study in a file. What the file leaves out, at any depth, is as in the paper;
-/// a list (such as `phases`) replaces the paper's as a whole.
+/// The study in a file. Fields that the file omits, at any depth, have the paper's values; a list (such as
+/// `phases`) replaces the paper's list as a whole.
 ///
 /// # Errors
 /// One line naming the file, the field (or line), what was expected and found.
@@ -31,7 +31,7 @@ fn parse_study(text: &str) -> Result<StudyConfig, String> {
         let document = serde_json::to_value(whole).map_err(|e| one_line(&e.to_string()))?;
         match from_value::<StudyConfig>(&document) {
             Err(invalid) => Err(invalid.to_string()),
-            // TOML has numbers and dates that JSON has not.
+            // TOML has numbers and dates that JSON does not have.
             Ok(_) => Err(one_line(&error.to_string())),
         }
     })?;
@@ -39,7 +39,7 @@ fn parse_study(text: &str) -> Result<StudyConfig, String> {
     Ok(study)
 }
 
-/// Tables are merged, everything else is replaced.
+/// Merges tables; other values are replaced.
 fn lay_over(below: &mut Table, above: Table) {
     for (key, value) in above {
         match (below.get_mut(&key), value) {

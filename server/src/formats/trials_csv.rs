@@ -1,4 +1,4 @@
-//! Reading trials.csv: rows in, whole trials out, or a complaint with its line.
+//! Reading trials.csv: whole trials, or an error with its line.
 //!
 //! A file is refused as a whole unless every row can be assigned to a participant: it is
 //! comma-separated UTF-8 text with as many fields in every row as the header has, and each row
@@ -14,8 +14,8 @@ use sidestep::scene::SceneParameters;
 use std::collections::HashMap;
 use std::io::Read;
 
-/// The columns of an export, in order; README describes them. Every file has the first
-/// [`REQUIRED`], in any order.
+/// The columns of an export, in order. Every file must have the first [`REQUIRED`] columns, in any
+/// order.
 pub const COLUMNS: [&str; 22] = [
     "participant",
     "trial",
@@ -41,13 +41,13 @@ pub const COLUMNS: [&str; 22] = [
     "synthetic",
 ];
 
-/// How many of the [`COLUMNS`] every file has.
+/// The number of [`COLUMNS`] that every file must have.
 pub const REQUIRED: usize = 11;
 
-/// What a file holds.
+/// The content of a file.
 #[derive(Debug)]
 pub struct Contents {
-    /// The participants whose rows are right, in the order of their first rows.
+    /// The participants with valid rows, in the order of their first rows.
     pub participants: Vec<RecordedParticipant>,
     /// The other participants, in the order of lines.
     pub faults: Vec<ParticipantFault>,
@@ -58,12 +58,11 @@ pub struct Contents {
 pub struct ParticipantFault {
     /// The participant's name or number in the file.
     pub participant: String,
-    /// The first row that is wrong by itself or, if there is none, the first trial that is wrong
-    /// as a whole.
+    /// The first invalid row or, if every row is valid, the first invalid trial.
     pub error: LineError,
 }
 
-/// The participants of a file, in the order of their first rows, if all rows are right.
+/// The participants of a file, in the order of their first rows, if all rows are valid.
 ///
 /// # Errors
 /// [`LineError`] of [`read_each`], or the first of its faults.
@@ -75,10 +74,9 @@ pub fn read(
     faults.into_iter().next().map_or(Ok(participants), |fault| Err(fault.error))
 }
 
-/// The participants of a file, and those with a wrong row or trial: a value that is impossible,
-/// or steps that are not 0, 1, 2, … to the end. Where the rows of a trial stand together they must
-/// be in order; where they are scattered, as in a file that was sorted by another column, their
-/// order does not matter.
+/// The participants of a file, and those with an invalid row or trial: an impossible value, or steps other
+/// than 0, 1, 2, … to the end. Adjacent rows of a trial must be in order. If a trial's rows are
+/// scattered, as in a file that was sorted by another column, their order does not matter.
 ///
 /// # Errors
 /// [`LineError`] if a row cannot be assigned to a participant: a missing column, text that is not
@@ -171,7 +169,7 @@ impl Rows {
             push(&mut trial, row, parameters).map_err(at(line))?;
         }
         length("step", parameters.steps, trial.inputs.len()).map_err(at(last_line))?;
-        // The state after the last step is the one that its input leads to.
+        // The state after the last step follows from its input.
         if let (Some(&state), Some(&input)) = (trial.states.last(), trial.inputs.last()) {
             trial.states.push(state.advance(parameters, input, parameters.step_s));
         }
@@ -194,7 +192,7 @@ fn begun(line: u64, row: &Row) -> RecordedTrial {
     }
 }
 
-/// Adds the next row, which must go on where the trial is.
+/// Adds the next row, which must continue the trial.
 fn push(trial: &mut RecordedTrial, row: Row, parameters: &SceneParameters) -> Result<(), Invalid> {
     let next = trial.inputs.len();
     if next == parameters.steps {

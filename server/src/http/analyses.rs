@@ -119,7 +119,7 @@ pub async fn file(
     };
     let mut answer = bytes.into_response();
     let mut set = |name, value: &str| {
-        // Names are those that the program gave: no header is refused.
+        // The program chose the name, so the header is valid.
         if let Ok(value) = HeaderValue::from_str(value) {
             answer.headers_mut().insert(name, value);
         }

@@ -1,4 +1,4 @@
-//! How many requests were answered, by status.
+//! Numbers of answers by status.
 
 use axum::http::StatusCode;
 use std::collections::BTreeMap;

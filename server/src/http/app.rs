@@ -1,4 +1,4 @@
-//! What handlers share.
+//! The state that handlers share.
 
 use crate::http::answers::Answers;
 use crate::http::bounded::Bounded;
@@ -8,23 +8,23 @@ use sidestep::api::SelfCheck;
 use std::sync::Arc;
 use tokio::sync::{Notify, OnceCell};
 
-/// What handlers share.
+/// The state that handlers share.
 #[derive(Debug)]
 pub struct App {
     /// The database.
     pub store: Store,
-    /// The study that `/start` leads to.
+    /// The study to which `/start` redirects.
     pub default_study: String,
-    /// Hash of the key that the environment gave; if there is one, only it is valid.
+    /// Hash of the key in the environment; if there is one, only this key is valid.
     pub environment_key: Option<[u8; 32]>,
-    /// Against guessing of keys.
+    /// Limits guesses of keys.
     pub throttle: Throttle,
     /// Draws the scenes of plans.
     pub drawing: Bounded,
-    /// Counts for `/metrics`.
+    /// Numbers of answers for `/metrics`.
     pub answers: Answers,
-    /// Tells the analysis worker that there is something in the queue.
+    /// Tells the analysis worker that an analysis is queued.
     pub analysis_asked: Arc<Notify>,
-    /// Computed when it is first asked for.
+    /// The server's fingerprint, computed at the first request.
     pub self_check: OnceCell<SelfCheck>,
 }

@@ -26,12 +26,12 @@ pub struct Me(pub Participant);
 /// A participant with a valid token, withdrawn or not.
 pub struct MeOrGone(pub Participant);
 
-/// A participant with a valid token who has not withdrawn, and the trial in the address, which is
-/// of their plan. Known before the body is read: nobody else may send one.
+/// A participant with a valid token who has not withdrawn, and the trial in the address, which is in
+/// their plan. It is extracted before the body is read, so nobody else can send a body.
 pub struct Assigned {
     /// The participant.
     pub participant_id: String,
-    /// The configuration they were enrolled under.
+    /// The configuration of their enrolment.
     pub config: Arc<StudyConfig>,
     /// The trial.
     pub trial_id: String,
@@ -47,7 +47,7 @@ impl FromRequestParts<Arc<App>> for MeOrGone {
 
     async fn from_request_parts(parts: &mut Parts, app: &Arc<App>) -> Result<Self, ApiError> {
         let token = bearer(&parts.headers).ok_or_else(ApiError::unauthorized)?;
-        // Looking up a hash of 256 random bits says nothing by its timing.
+        // The time to look up a hash of 256 random bits reveals nothing.
         let found = app.store.participant(secrets::hash(token)).await?;
         found.map(Self).ok_or_else(ApiError::unauthorized)
     }
@@ -77,7 +77,7 @@ impl FromRequestParts<Arc<App>> for Assigned {
         if participant.withdrawn_at_ms.is_some() {
             return Err(ApiError::withdrawn());
         }
-        // Another person's trial is answered like one that does not exist.
+        // The answer for another participant's trial is that for one that does not exist.
         let scene = scene.ok_or_else(|| ApiError::not_found("trial of yours"))?;
         Ok(Self { participant_id: participant.id, config, trial_id, scene })
     }
@@ -99,7 +99,7 @@ impl FromRequestParts<Arc<App>> for Admin {
     }
 }
 
-/// Where a request comes from, for the throttle.
+/// The address of the client, for the throttle.
 #[must_use]
 pub fn address(client: Option<Client>) -> IpAddr {
     client.map_or(IpAddr::V4(Ipv4Addr::UNSPECIFIED), |client| client.0)

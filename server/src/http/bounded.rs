@@ -17,7 +17,7 @@ pub struct Bounded {
 }
 
 impl Bounded {
-    /// At most `most_waiting` pieces wait for their turn; further ones are refused.
+    /// At most `most_waiting` pieces of work wait; further ones are refused.
     #[must_use]
     pub fn new(most_waiting: usize) -> Self {
         let processors = std::thread::available_parallelism().map_or(1, usize::from);
@@ -25,10 +25,10 @@ impl Bounded {
         Self { turns, waiting: AtomicUsize::new(0), most_waiting }
     }
 
-    /// The result of `work`, when it had its turn.
+    /// Runs `work` when it is its turn, and returns its result.
     ///
     /// # Errors
-    /// 503 if too many wait already.
+    /// 503 if too many pieces of work are waiting.
     pub async fn run<T: Send + 'static>(
         &self,
         work: impl FnOnce() -> T + Send + 'static,
@@ -40,7 +40,7 @@ impl Bounded {
         let turn = Arc::clone(&self.turns).acquire_owned().await.context("a turn")?;
         drop(waiting);
         let done = tokio::task::spawn_blocking(move || {
-            // Kept until the work is done, whether or not somebody still waits for it.
+            // Held until the work is done, even if no request waits for it any more.
             let _turn = turn;
             work()
         });

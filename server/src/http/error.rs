@@ -1,4 +1,4 @@
-//! The one error of every handler, and the body it becomes.
+//! The error of every handler, and its body.
 
 use crate::store::StoreError;
 use axum::Json;
@@ -10,7 +10,7 @@ use sidestep::invalid::Invalid;
 /// Why a request was not served.
 #[derive(Debug, thiserror::Error)]
 pub enum ApiError {
-    /// The client can do something about it.
+    /// The client can correct it.
     #[error("{status}: {}", problem.message)]
     Problem {
         /// Status of the answer.
@@ -18,13 +18,13 @@ pub enum ApiError {
         /// Body of the answer.
         problem: Problem,
     },
-    /// Too many wrong keys; try again after so many seconds.
+    /// Too many wrong keys; the client may try again after this many seconds.
     #[error("too many wrong keys")]
     Throttled(u64),
-    /// Nothing could be stored or read now; try again.
+    /// The store is temporarily unavailable; the client may try again.
     #[error("{0}")]
     Unavailable(StoreError),
-    /// Our own fault: logged, never sent.
+    /// A defect of this program: logged, never sent.
     #[error("{0:#}")]
     Internal(#[from] anyhow::Error),
 }
@@ -36,12 +36,12 @@ impl ApiError {
         Self::Problem { status, problem: Problem { code, message, field: None } }
     }
 
-    /// 400 `malformed`: no JSON at all.
+    /// 400 `malformed`: the body is not JSON.
     pub fn malformed(message: impl Into<String>) -> Self {
         Self::new(StatusCode::BAD_REQUEST, "malformed", message)
     }
 
-    /// 401, the same whatever was wrong.
+    /// 401, the same for every reason.
     #[must_use]
     pub fn unauthorized() -> Self {
         let message = "this needs a valid token or key";
@@ -54,7 +54,7 @@ impl ApiError {
         Self::new(StatusCode::NOT_FOUND, "not_found", format!("there is no such {what}"))
     }
 
-    /// 409 with its own word.
+    /// 409 with its own code.
     pub fn conflict(code: &str, message: impl Into<String>) -> Self {
         Self::new(StatusCode::CONFLICT, code, message)
     }
@@ -77,14 +77,14 @@ impl From<Invalid> for ApiError {
 }
 
 impl From<StoreError> for ApiError {
-    /// What is over by itself or by the operator's doing, such as a full disk: 503, so that the
-    /// client keeps what it has and tries again. Anything else is our fault.
+    /// Faults that end by themselves or by the operator, such as a full disk, become a 503, so that the
+    /// client keeps its data and tries again. All others are defects of this program.
     fn from(error: StoreError) -> Self {
         if error.is_temporary() { Self::Unavailable(error) } else { Self::Internal(error.into()) }
     }
 }
 
-/// When to try again after a 503, s: a queue is shorter soon, a disk is not.
+/// When to try again after a 503, s: a full queue empties soon, a full disk does not.
 fn retry_after_s(error: &StoreError) -> u64 {
     if *error == StoreError::Busy { 1 } else { 5 }
 }

@@ -1,5 +1,4 @@
-//! What applies to every request: where it may come from, how long it may take,
-//! and what every answer carries.
+//! Layers around every request: its origin, its time limit, logging, and the headers of every answer.
 
 use crate::http::app::App;
 use crate::http::error::ApiError;
@@ -11,7 +10,7 @@ use std::any::Any;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Longest time until the head of an answer, s. Streams may then take longer.
+/// Longest time until the head of an answer, s; a streamed body may take longer.
 const TIME_LIMIT: Duration = Duration::from_secs(30);
 
 const HEADERS: [(HeaderName, &str); 6] = [
@@ -24,7 +23,7 @@ const HEADERS: [(HeaderName, &str); 6] = [
     (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
     (header::REFERRER_POLICY, "no-referrer"),
     (HeaderName::from_static("cross-origin-opener-policy"), "same-origin"),
-    // Isolated pages get the finer clock that sampling times are taken from.
+    // Isolated pages have the finer clock that gives the sampling times.
     (HeaderName::from_static("cross-origin-embedder-policy"), "require-corp"),
     (HeaderName::from_static("cross-origin-resource-policy"), "same-origin"),
 ];
@@ -38,7 +37,7 @@ pub async fn security_headers(request: Request, next: Next) -> axum::response::R
     answer
 }
 
-/// Keeps answers out of caches, unless they say otherwise.
+/// Forbids caching, unless the answer allows it.
 pub async fn no_store(request: Request, next: Next) -> axum::response::Response {
     let mut answer = next.run(request).await;
     answer
@@ -48,8 +47,8 @@ pub async fn no_store(request: Request, next: Next) -> axum::response::Response 
     answer
 }
 
-/// Refuses what another site's page makes a browser send. Programs, which send
-/// neither header, are not concerned: they carry no cookie by accident.
+/// Refuses requests that another site's page makes a browser send. Programs send neither header and
+/// pass, since they send no cookie unintentionally.
 pub async fn same_site(request: Request, next: Next) -> axum::response::Response {
     let safe = matches!(*request.method(), Method::GET | Method::HEAD | Method::OPTIONS);
     if safe || is_same_origin(request.headers()) {
@@ -70,7 +69,7 @@ fn is_same_origin(headers: &HeaderMap) -> bool {
     })
 }
 
-/// Gives up on a request that takes too long, such as a body that trickles in.
+/// Ends a request that takes too long, such as one with a slow body.
 pub async fn time_limit(request: Request, next: Next) -> axum::response::Response {
     tokio::time::timeout(TIME_LIMIT, next.run(request)).await.unwrap_or_else(|_| {
         let message = format!("not done within {} s", TIME_LIMIT.as_secs());
@@ -78,8 +77,8 @@ pub async fn time_limit(request: Request, next: Next) -> axum::response::Respons
     })
 }
 
-/// Counts and logs. Only the route's pattern is logged: addresses, queries,
-/// headers and bodies can hold what is nobody's business.
+/// Counts and logs answers. Logs contain only the route's pattern, because addresses, queries, headers
+/// and bodies may contain personal data.
 pub async fn observed(
     State(app): State<Arc<App>>,
     request: Request,
@@ -96,7 +95,7 @@ pub async fn observed(
     answer
 }
 
-/// A handler panicked: our own fault, and the server goes on.
+/// The answer if a handler panics, which is a defect of this program; the server continues.
 pub fn panicked(cause: Box<dyn Any + Send + 'static>) -> Response<axum::body::Body> {
     let cause = cause
         .downcast_ref::<&str>()

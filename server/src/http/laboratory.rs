@@ -142,7 +142,7 @@ pub async fn predictor(
     Ok(Json(TrainedPredictor { predictor: (&predictor).into(), trials, fallback }))
 }
 
-/// Seed and count of [`self_check`], which the browser's twin uses too.
+/// Seed and number of trials of [`self_check`].
 const SELF_CHECK: (u64, usize) = (20_180_918, 10_000);
 
 /// `GET /api/v1/admin/self-check`.

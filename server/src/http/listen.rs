@@ -1,5 +1,4 @@
-//! Accepting connections: with time limits for slow senders, and an end that lets
-//! requests finish.
+//! Accepting connections, with time limits for slow senders, and stopping after running requests.
 
 use axum::Router;
 use axum::body::Body;
@@ -13,16 +12,16 @@ use std::time::Duration;
 use tokio::net::{TcpListener, TcpStream};
 use tower::ServiceExt;
 
-/// Where a request comes from.
+/// The address of a request's client.
 #[derive(Clone, Copy, Debug)]
 pub struct Client(pub IpAddr);
 
 /// Longest time for the head of a request, and between two requests.
 const HEAD_LIMIT: Duration = Duration::from_secs(30);
-/// Longest wait for requests under way when the server stops.
+/// Longest wait for running requests when the server stops.
 const FAREWELL: Duration = Duration::from_secs(10);
 
-/// Serves until `stop` is done, then lets what is under way finish.
+/// Serves until `stop` completes, then waits for running requests.
 pub async fn serve(listener: TcpListener, router: Router, stop: impl Future<Output = ()>) {
     let mut server = http1::Builder::new();
     server.timer(TokioTimer::new()).header_read_timeout(HEAD_LIMIT);
@@ -44,14 +43,14 @@ pub async fn serve(listener: TcpListener, router: Router, stop: impl Future<Outp
                 let connection = server.serve_connection(TokioIo::new(quick(stream)), answer);
                 let connection = connections.watch(connection);
                 tokio::spawn(async move {
-                    // A connection that breaks off is its client's affair.
+                    // The client is responsible for a connection that breaks off.
                     if let Err(error) = connection.await {
                         tracing::debug!(%error, "a connection ended early");
                     }
                 });
             }
             Err(error) => {
-                // Out of file descriptors, most likely: others will be returned.
+                // Most likely no file descriptor is left; other connections will release some.
                 tracing::warn!(%error, "a connection was not accepted");
                 tokio::time::sleep(Duration::from_millis(100)).await;
             }
@@ -63,7 +62,7 @@ pub async fn serve(listener: TcpListener, router: Router, stop: impl Future<Outp
     }
 }
 
-/// Answers are written whole: waiting to fill packets only delays them.
+/// Disables Nagle's algorithm: answers are written whole, so waiting only delays them.
 fn quick(stream: TcpStream) -> TcpStream {
     if let Err(error) = stream.set_nodelay(true) {
         tracing::debug!(%error, "TCP_NODELAY");

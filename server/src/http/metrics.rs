@@ -13,8 +13,8 @@ pub async fn healthz() -> &'static str {
     "ok\n"
 }
 
-/// `GET /readyz`: a trial could be stored now. A write is begun, there is room, and the file is
-/// the one that was opened.
+/// `GET /readyz`: whether a trial can be stored now: a write can begin, there is free space, and the file
+/// is the one that was opened.
 pub async fn readyz(State(app): State<Arc<App>>) -> Result<&'static str, ApiError> {
     app.store.ready().await.map_err(|error| {
         tracing::error!(%error, "not ready");

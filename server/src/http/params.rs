@@ -1,4 +1,4 @@
-//! Parts of addresses; errors name the part that is wrong.
+//! Parameters in addresses; errors name the parameter.
 
 use crate::http::error::ApiError;
 use axum::extract::{FromRequestParts, Path, Query};
@@ -9,14 +9,14 @@ use serde_json::Value;
 use sidestep::document::from_value;
 use sidestep::invalid::Invalid;
 
-/// The one open part of a route's address.
+/// The single parameter of a route's path.
 pub struct PathText(pub String);
 
 impl<S: Send + Sync> FromRequestParts<S> for PathText {
     type Rejection = ApiError;
 
     async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Self, ApiError> {
-        // An address that is not UTF-8 names nothing.
+        // No resource has an address that is not UTF-8.
         Path::<String>::from_request_parts(parts, state)
             .await
             .map(|Path(text)| Self(text))
@@ -39,7 +39,7 @@ fn parse<T: DeserializeOwned>(uri: &Uri) -> Result<T, Invalid> {
     if let Ok(Query(value)) = Query::<T>::try_from_uri(uri) {
         return Ok(value);
     }
-    // Which parameter is wrong: the query as an object, with numbers where they are.
+    // To name the wrong parameter, the query is read again as an object, with numbers as numbers.
     let pairs = Query::<Vec<(String, String)>>::try_from_uri(uri).map(|Query(pairs)| pairs);
     let number = |text: String| text.parse::<i64>().map_or_else(|_| text.into(), Value::from);
     let object = pairs.unwrap_or_default().into_iter().map(|(name, text)| (name, number(text)));

@@ -156,7 +156,7 @@ async fn plan_of(
     Ok((plan(&config, &rows), rows))
 }
 
-/// Rows to the plan that a participant sees: phases in the configuration's order.
+/// The plan for the participant's page, from its rows: phases in the configuration's order.
 fn plan(config: &StudyConfig, rows: &[PlannedRow]) -> Plan {
     let scene = |row: &PlannedRow| PlannedScene {
         trial_id: row.trial_id.clone(),

@@ -16,8 +16,7 @@ use std::sync::Arc;
 use tower_http::catch_panic::CatchPanicLayer;
 use tower_http::compression::CompressionLayer;
 
-/// Every route there is. Addresses come from the shared table with their
-/// parameters left open.
+/// All routes. Addresses come from the shared table, with parameters in braces.
 pub fn router(app: Arc<App>, site: &Site) -> Router {
     let api = Router::new()
         .route(&routes::study("{slug}"), get(studies::show))
@@ -44,8 +43,8 @@ pub fn router(app: Arc<App>, site: &Site) -> Router {
         .route("/readyz", get(metrics::readyz))
         .route("/metrics", get(metrics::show))
         .layer(from_fn(guard::no_store));
-    // The outermost layer is the last: every answer, also to a panic, is counted,
-    // logged and carries the security headers.
+    // The last layer is the outermost: every answer, also after a panic, is counted and logged and has
+    // the security headers.
     api.merge(site::routes(site))
         .fallback(async || ApiError::not_found("page or route"))
         .method_not_allowed_fallback(method_not_allowed)

@@ -1,4 +1,4 @@
-//! Signing in to the laboratory, and out.
+//! Signing in to the laboratory and signing out.
 
 use crate::clock::now_ms;
 use crate::http::app::App;
@@ -46,8 +46,8 @@ pub async fn sign_out(
     Ok((StatusCode::NO_CONTENT, set_cookie("", 0)))
 }
 
-/// Lax: the sign-in link is followed from a terminal or a mail, and changes are
-/// guarded by the origin check anyway.
+/// SameSite is Lax, because the sign-in link is opened from a terminal or a mail. The origin check
+/// protects requests that change anything.
 fn set_cookie(value: &str, age_s: i64) -> impl IntoResponseParts + IntoResponse + use<> {
     let cookie = format!("{COOKIE}={value}; Path=/; HttpOnly; SameSite=Lax; Max-Age={age_s}");
     AppendHeaders([(header::SET_COOKIE, cookie)])

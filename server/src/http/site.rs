@@ -1,5 +1,4 @@
-//! The client bundle: pages that are asked for anew each time, and assets whose
-//! names change with their content.
+//! The client bundle: pages that are not cached, and assets whose names change with their content.
 
 use crate::http::app::App;
 use axum::Router;
@@ -12,7 +11,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use tower_http::services::{ServeDir, ServeFile};
 
-/// A folder with a client bundle in it.
+/// A folder with a client bundle.
 #[derive(Clone, Debug)]
 pub struct Site {
     folder: PathBuf,
@@ -24,7 +23,7 @@ impl Site {
     /// The bundle in `folder`.
     ///
     /// # Errors
-    /// One line that says what to do, if a page is missing.
+    /// If a page is missing: one line that states what to do.
     pub fn open(folder: &Path) -> Result<Self, String> {
         if PAGES.iter().all(|page| folder.join(page).is_file()) {
             let folder = folder.to_owned();
@@ -35,14 +34,14 @@ impl Site {
     }
 }
 
-/// Where the bundle is unless one says otherwise: `site` beside the executable.
+/// The default folder of the bundle: `site` beside the executable.
 #[must_use]
 pub fn default_folder() -> PathBuf {
     let executable = std::env::current_exe().unwrap_or_default();
     executable.with_file_name("site")
 }
 
-/// The pages and what they load, each compressed beforehand where it is.
+/// Routes of the pages and assets, with precompressed variants if they exist.
 pub fn routes(site: &Site) -> Router<Arc<App>> {
     let page =
         |name: &str| ServeFile::new(site.folder.join(name)).precompressed_br().precompressed_gzip();
@@ -66,7 +65,7 @@ pub fn routes(site: &Site) -> Router<Arc<App>> {
     pages.merge(assets).merge(icon).route("/start", get(start))
 }
 
-/// `GET /start`: on to the study that this server is for.
+/// `GET /start`: redirects to this server's default study.
 async fn start(State(app): State<Arc<App>>) -> Redirect {
     Redirect::to(&format!("/s/{}", app.default_study))
 }
@@ -75,8 +74,8 @@ async fn ask_again(request: Request, next: Next) -> Response {
     with_cache_control(next.run(request).await, "no-cache")
 }
 
-/// Only what is there is there for ever: a name that is missing today, in the
-/// middle of a deployment, may exist tomorrow.
+/// Only existing assets may be cached for ever: a name that is missing during a deployment may exist
+/// later.
 async fn keep_forever(request: Request, next: Next) -> Response {
     let answer = next.run(request).await;
     match answer.status() {

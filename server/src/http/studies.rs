@@ -25,7 +25,7 @@ pub async fn show(
     }))
 }
 
-/// The study of that name.
+/// The study with this name.
 ///
 /// # Errors
 /// 404 if there is none.

@@ -11,13 +11,13 @@ pub struct Throttle {
     failures: Mutex<HashMap<IpAddr, (Instant, u32)>>,
 }
 
-/// Wrong keys a minute that an address may send.
+/// Number of wrong keys that an address may send in a minute.
 const ALLOWED: u32 = 10;
 const WINDOW: Duration = Duration::from_secs(60);
 
 impl Throttle {
-    /// Seconds to wait, if `address` has sent too many wrong keys. Then right keys
-    /// are refused as well, or guessing would go on unhindered.
+    /// Seconds to wait, if `address` has sent too many wrong keys. Right keys are refused then as well;
+    /// otherwise guessing would continue unhindered.
     pub fn wait_s(&self, address: IpAddr) -> Option<u64> {
         let failures = self.failures.lock().unwrap_or_else(PoisonError::into_inner);
         let (since, count) = failures.get(&address).copied()?;
@@ -25,10 +25,10 @@ impl Throttle {
         (count >= ALLOWED).then_some(left.as_secs() + 1)
     }
 
-    /// Notes a wrong key.
+    /// Counts a wrong key.
     pub fn failed(&self, address: IpAddr) {
         let mut failures = self.failures.lock().unwrap_or_else(PoisonError::into_inner);
-        // Entries that are over are dropped here, so the table holds a minute at most.
+        // Old entries are removed here, so the table covers at most a minute.
         failures.retain(|_, (since, _)| since.elapsed() < WINDOW);
         failures.entry(address).or_insert((Instant::now(), 0)).1 += 1;
     }

@@ -16,8 +16,8 @@ use sidestep::scene::{Scene, SceneParameters};
 use sidestep::trial::{flags, outcome};
 use std::sync::Arc;
 
-/// `PUT /api/v1/participants/me/trials/{trial_id}`: 201 stored, after the commit;
-/// 200 the same again; 409 other content, or a trial before its turn.
+/// `PUT /api/v1/participants/me/trials/{trial_id}`: 201 after the commit; 200 if the same content was
+/// stored before; 409 for other content, or if another trial comes first.
 pub async fn store(
     State(app): State<Arc<App>>,
     Assigned { participant_id, config, trial_id, scene }: Assigned,

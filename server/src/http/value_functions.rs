@@ -1,4 +1,4 @@
-//! Bytes of value functions: what is under an address never changes.
+//! The bytes of value functions; the content of an address never changes.
 
 use crate::http::app::App;
 use crate::http::error::ApiError;
@@ -18,7 +18,7 @@ pub async fn show(
 ) -> Result<Response, ApiError> {
     let found = app.store.value_function(&id).await?;
     let bytes = found.ok_or_else(|| ApiError::not_found("value function"))?;
-    // Weak, because the same bytes travel under several codings.
+    // A weak tag, because the same bytes are sent with several encodings.
     let tag = format!("W/\"{id}\"");
     let cached = headers
         .get(header::IF_NONE_MATCH)

@@ -1,4 +1,4 @@
-//! An analysis, from a recording to its numbers: the same for the command and the server.
+//! An analysis, from a recording to its numbers, for the command and the server.
 
 use crate::threads::{self, ThreadError};
 use sidestep::comparison::{Analysis, AnalysisError, Cache, Progress, Request, analyse};
@@ -14,7 +14,7 @@ use tokio_util::sync::CancellationToken;
 pub struct AnalysisTask<C> {
     /// The tasks to compare.
     pub recording: Recording,
-    /// Features to use in place of computed ones.
+    /// Features that replace computed ones.
     pub given: Option<GivenFeatures>,
     /// The safety levels of the recording's vehicles.
     pub safety: SafetyLevels,
@@ -22,31 +22,31 @@ pub struct AnalysisTask<C> {
     pub request: Request,
     /// Stores fits for later analyses.
     pub cache: Arc<C>,
-    /// Threads to compute on; none stands for one per processor.
+    /// Number of threads; none means one for each processor.
     pub threads: Option<usize>,
     /// Cancels the analysis.
     pub cancel: CancellationToken,
 }
 
-/// Why there is no analysis.
+/// Why an analysis failed.
 #[derive(Debug, thiserror::Error)]
 pub enum TaskError {
-    /// The request is wrong.
+    /// The request is invalid.
     #[error(transparent)]
     Request(Invalid),
     /// The data cannot be compared, or the analysis was cancelled.
     #[error(transparent)]
     Analysis(#[from] AnalysisError),
-    /// The computation did not come to an end.
+    /// The computation did not finish.
     #[error(transparent)]
     Thread(#[from] ThreadError),
 }
 
 impl<C: Cache + Send + 'static> AnalysisTask<C> {
-    /// Computes the analysis on threads of its own, and tells `progress` how far it is.
+    /// Computes the analysis on threads of its own and reports to `progress`.
     ///
     /// # Errors
-    /// [`TaskError`] for a wrong request, data that cannot be compared, or a cancelled analysis.
+    /// [`TaskError`] for an invalid request, data that cannot be compared, or a cancelled analysis.
     pub async fn run(
         mut self,
         progress: impl Fn(Progress) + Send + Sync + 'static,

@@ -31,13 +31,13 @@ use tokio_util::sync::{CancellationToken, DropGuard};
 /// How often progress is recorded.
 const TICK: Duration = Duration::from_millis(500);
 
-/// How long it waits after a failure of the database.
+/// How long the worker waits after an error of the database.
 const PAUSE: Duration = Duration::from_secs(5);
 
-/// Files that may wait to be written.
+/// Most files that wait to be written.
 const FILES_AHEAD: usize = 4;
 
-/// Works in the background until it is stopped.
+/// The worker, which runs in the background until it is stopped.
 #[derive(Debug)]
 pub struct AnalysisWorker {
     cancel: DropGuard,
@@ -45,18 +45,18 @@ pub struct AnalysisWorker {
 }
 
 impl AnalysisWorker {
-    /// Begins with what was left over when the server last ended. `asked` tells that there is
-    /// something new in the queue.
+    /// Starts the worker, with the analyses that an earlier run of the server did not finish. `asked`
+    /// tells it that an analysis was queued.
     #[must_use]
     pub fn start(store: Store, asked: Arc<Notify>, threads: Option<u16>) -> Self {
         let cancel = CancellationToken::new();
         let worker = Worker { store, asked, cancel: cancel.clone(), threads };
         let task = tokio::spawn(async move { worker.run().await });
-        // A worker that is dropped without stopping ends too.
+        // A worker that is dropped without a stop ends too.
         Self { cancel: cancel.drop_guard(), task }
     }
 
-    /// Breaks off what is under way; it is taken up again at the next start.
+    /// Interrupts the current analysis, which continues at the next start.
     pub async fn stop(self) {
         drop(self.cancel);
         if let Err(error) = self.task.await {
@@ -114,7 +114,7 @@ impl Worker {
         let job = self.store.begin_analysis(now_ms()).await?;
         *recovered = true;
         let Some(job) = job else { return Ok(false) };
-        // Whatever fails from here on is put back.
+        // If anything fails from here on, the analysis is queued again.
         *recovered = false;
         self.make(&job).await?;
         *recovered = true;
@@ -168,7 +168,7 @@ impl Worker {
 
     /// Reads the data, computes on threads of its own, and records the progress in the database.
     async fn compared(&self, job: &Job, kept: &Arc<StoredCells>) -> anyhow::Result<Ending> {
-        // Cancelled with the worker, or alone if the analysis is not wanted any more.
+        // Cancelled with the worker, or alone if the job is no longer valid.
         let cancel = self.cancel.child_token();
         let progress = Arc::new([AtomicUsize::new(0), AtomicUsize::new(0)]);
         let work = self.work(job, Arc::clone(kept), cancel.clone(), Arc::clone(&progress));
@@ -182,7 +182,7 @@ impl Worker {
                     let fresh = kept.fresh.load(Ordering::Relaxed);
                     match self.store.note_progress(job, [done, of, fresh]).await {
                         Ok(wanted) => unwanted = !wanted,
-                        // The next time it may be known.
+                        // The next report may succeed.
                         Err(error) => tracing::warn!(%error, "progress was not noted"),
                     }
                     if unwanted {
@@ -214,7 +214,7 @@ impl Worker {
             Err(SolveError::Cancelled) => return Ok(None),
             Err(SolveError::Invalid(invalid)) => return Ok(Some(Err(invalid.to_string()))),
         };
-        // One processor is left to the requests.
+        // One processor remains for requests.
         let spare = || std::thread::available_parallelism().map_or(1, |all| (all.get() - 1).max(1));
         let threads = Some(self.threads.map_or_else(spare, usize::from));
         let request = job.request.clone();
@@ -248,7 +248,7 @@ impl Worker {
         });
         while let Some((name, size, bytes)) = packed.recv().await {
             if !self.store.put_analysis_file(job, &name, size, bytes).await? {
-                // Not wanted any more: the rest need not be packed.
+                // The job is no longer valid, so the other files are not needed.
                 return Ok(());
             }
         }
@@ -260,7 +260,7 @@ fn gzip() -> GzEncoder<Vec<u8>> {
     GzEncoder::new(Vec::new(), Compression::fast())
 }
 
-/// Counts what goes through.
+/// A writer that counts its bytes.
 struct Counted<W> {
     out: W,
     bytes: usize,
@@ -290,7 +290,7 @@ struct StoredCells {
 
 impl StoredCells {
     fn note(&self, key: &str) {
-        // A thread that panicked has left the set as good as it was.
+        // A thread that panicked leaves the set valid.
         self.used.lock().unwrap_or_else(|broken| broken.into_inner()).insert(key.to_owned());
     }
 }
@@ -314,7 +314,7 @@ impl Cache for StoredCells {
                 Ok(self.runtime.block_on(self.store.put_cells(&self.job, key, bytes))?)
             });
         if let Err(error) = kept {
-            // Nothing is lost but time.
+            // Only time is lost.
             tracing::warn!(%error, "cells of an analysis were not kept");
         }
     }

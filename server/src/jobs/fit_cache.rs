@@ -1,4 +1,4 @@
-//! Cells kept in a folder, by what they were computed from.
+//! A cache of cells in a folder, by a hash of their inputs.
 
 use crate::formats::atomic_file;
 use sha2::{Digest, Sha256};
@@ -11,18 +11,18 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use tokio_util::sync::CancellationToken;
 
-/// One file a key: the cells, and in a last line their SHA-256. What cannot be read or was changed
-/// counts as not there: it is computed anew.
+/// A file for each key: the cells, and their SHA-256 in the last line. Cells whose file cannot be read or
+/// was changed are computed again.
 pub struct FolderCache {
     folder: PathBuf,
     used: Mutex<HashSet<String>>,
 }
 
 impl FolderCache {
-    /// A cache in `folder`, which is made where there is none.
+    /// A cache in `folder`, which is created if it does not exist.
     ///
     /// # Errors
-    /// What the disk says.
+    /// The disk's error.
     pub fn open(folder: &Path) -> io::Result<Self> {
         fs::create_dir_all(folder)?;
         Ok(Self { folder: folder.to_owned(), used: Mutex::default() })
@@ -33,14 +33,14 @@ impl FolderCache {
     }
 
     fn note(&self, key: &str) {
-        // A thread that panicked has left the set as good as it was.
+        // A thread that panicked leaves the set valid.
         self.used.lock().unwrap_or_else(|broken| broken.into_inner()).insert(key.to_owned());
     }
 
-    /// Forgets what was neither asked for nor kept since it was opened.
+    /// Deletes the files that were neither read nor written since the cache was opened.
     ///
     /// # Errors
-    /// What the disk says.
+    /// The disk's error.
     pub fn forget_unused(&self) -> io::Result<()> {
         let used = self.used.lock().unwrap_or_else(|broken| broken.into_inner());
         for entry in fs::read_dir(&self.folder)? {
@@ -76,7 +76,7 @@ impl Cache for FolderCache {
             write!(out, "{cells}\n{}", sha256(&cells))
         });
         if let Err(error) = written {
-            // Nothing is lost but time.
+            // Only time is lost.
             tracing::warn!("the cache cannot be written: {error}");
         }
     }

@@ -15,13 +15,13 @@ use std::time::Instant;
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
 
-/// Keeps the functions of a configuration that takes no solve, so that they are there
-/// before the first request. Others are left to [`Solver`].
+/// Stores the value functions of a configuration with a closed form before the first request. The
+/// [`Solver`] computes the others.
 ///
 /// # Errors
 /// If the database cannot be written.
 pub async fn keep_exact(store: &Store, study: &StoredStudy) -> Result<(), StoreError> {
-    // Equal vehicles: one closed form serves both roles.
+    // For equal vehicles, one closed form serves both roles.
     let Ok(exact) = study.config.parameters.game(Evader::Human).exact() else {
         return Ok(());
     };
@@ -31,8 +31,7 @@ pub async fn keep_exact(store: &Store, study: &StoredStudy) -> Result<(), StoreE
     store.put_value_functions(&study.config_hash, Evader::ALL.map(kept).into()).await
 }
 
-/// The functions that a configuration's safety levels are read from, as bytes; none
-/// while one of them is not solved.
+/// The bytes of a configuration's value functions; none until both are solved.
 ///
 /// # Errors
 /// If the database cannot be read.
@@ -54,7 +53,7 @@ pub async fn stored(
 pub struct StoredFunctions([Vec<u8>; 2]);
 
 impl StoredFunctions {
-    /// Reads them: some milliseconds of work.
+    /// Decodes them, in some milliseconds.
     ///
     /// # Errors
     /// [`Invalid`] if they are damaged.
@@ -67,7 +66,7 @@ impl StoredFunctions {
     }
 }
 
-/// The functions, and warnings about those that did not converge.
+/// The value functions, with logged warnings about those that did not converge.
 type Solutions = (Vec<NewValueFunction>, Vec<String>);
 
 fn solve(
@@ -154,11 +153,11 @@ async fn solve_and_keep(
     Ok(Ok(()))
 }
 
-/// The functions of a study's configuration: as they are kept, or else solved now, and kept.
+/// The value functions of a study's configuration: read from the store, or solved now and stored.
 ///
 /// # Errors
-/// Outside: if the database fails, or what it holds is damaged. Inside: for vehicles that have
-/// none, or if `cancel` was cancelled.
+/// The outer error if the database fails or is damaged; the inner one for a game that cannot be solved,
+/// or if `cancel` was cancelled.
 pub async fn ensure(
     store: &Store,
     study: &StoredStudy,

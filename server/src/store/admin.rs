@@ -1,10 +1,10 @@
-//! The experimenter's keys and sessions: hashes only.
+//! The experimenter's keys and sessions, stored as hashes only.
 
 use super::{Store, StoreError};
 use rusqlite::{OptionalExtension, params};
 
 impl Store {
-    /// Hashes of the keys that are valid.
+    /// The hashes of the valid keys.
     ///
     /// # Errors
     /// [`StoreError`].

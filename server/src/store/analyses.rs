@@ -1,4 +1,4 @@
-//! Analyses: the queue, their files, and cells that the next one need not compute again.
+//! Analyses: the queue, their files, and cells that later analyses reuse.
 
 use super::{Store, StoreError};
 use rusqlite::{Connection, OptionalExtension, Row, params};
@@ -7,10 +7,10 @@ use sidestep::comparison::Request;
 use std::collections::HashSet;
 use std::sync::Arc;
 
-/// Most analyses that wait at a time.
+/// Most analyses that wait at the same time.
 pub const LONGEST_QUEUE: i64 = 100;
 
-/// How often an analysis is begun before it is taken for one that brings the server down.
+/// After this many attempts without an end, an analysis fails, since it seems to crash the server.
 const MOST_ATTEMPTS: i64 = 3;
 
 /// Bytes of a file that are written in one transaction.
@@ -19,23 +19,23 @@ const PART_BYTES: usize = 1 << 20;
 /// An analysis without its files.
 #[derive(Clone, Debug)]
 pub struct StoredAnalysis {
-    /// Rises with every analysis asked for; never used twice.
+    /// Number of the analysis in the order of requests; never used twice.
     pub sequence: i64,
-    /// In addresses.
+    /// Its id in addresses.
     pub id: String,
     /// The study's name.
     pub study: String,
-    /// What was asked for.
+    /// The request.
     pub request: Request,
     /// Its state.
     pub state: AnalysisState,
-    /// Pieces of work that are done.
+    /// Number of fits that are done.
     pub done: i64,
     /// All pieces of work; 0 before they are counted.
     pub of: i64,
     /// Pieces that were computed for this analysis, not reused from an earlier one.
     pub fresh: i64,
-    /// When it was asked for.
+    /// When it was requested.
     pub created_at_ms: i64,
     /// When it began.
     pub started_at_ms: Option<i64>,
@@ -43,33 +43,33 @@ pub struct StoredAnalysis {
     pub ended_at_ms: Option<i64>,
     /// Why it failed.
     pub message: Option<String>,
-    /// What it is about, once it is done.
+    /// Its result in brief, once it is done.
     pub result: Option<AnalysisResult>,
 }
 
-/// What became of a request for an analysis.
+/// The outcome of a request for an analysis.
 #[derive(Clone, Debug)]
 pub enum Asked {
-    /// It waits for its turn.
+    /// It is queued.
     New(Box<StoredAnalysis>),
     /// An equal request waits already: its result would be the same.
     Waiting(Box<StoredAnalysis>),
-    /// [`LONGEST_QUEUE`] wait already.
+    /// [`LONGEST_QUEUE`] analyses are queued already.
     QueueFull,
 }
 
 /// An analysis that a worker computes now.
 #[derive(Clone, Debug)]
 pub struct Job {
-    /// Which.
+    /// The analysis, [`StoredAnalysis::sequence`].
     pub sequence: i64,
     /// Counts how often it was begun: once it is begun again, this attempt is not wanted any more.
     pub attempt: i64,
-    /// Of which study: its row.
+    /// The study's row.
     pub study_id: i64,
     /// Its name.
     pub study: String,
-    /// What was asked for.
+    /// The request.
     pub request: Request,
 }
 
@@ -130,7 +130,7 @@ impl Store {
         .await
     }
 
-    /// The analysis of that id, and its files by name once it is done.
+    /// The analysis with this id, and its files by name once it is done.
     ///
     /// # Errors
     /// [`StoreError`].
@@ -199,7 +199,7 @@ impl Store {
         .await
     }
 
-    /// Deletes an analysis with all that belongs to it. Returns whether there was one.
+    /// Deletes an analysis with its files. Returns whether it existed.
     ///
     /// # Errors
     /// [`StoreError`].
@@ -259,9 +259,9 @@ impl Store {
         .await
     }
 
-    /// Keeps a file of an analysis that is still wanted, in parts that are written one by one;
-    /// they count once the analysis is done. `size` is the length before compression. Returns
-    /// whether the analysis is still wanted.
+    /// Stores a file of a job that is still valid, in parts that are written one after the other. They
+    /// become visible when the analysis is done. `size` is the length before compression. Returns
+    /// whether the job is still valid.
     ///
     /// # Errors
     /// [`StoreError`].
@@ -385,7 +385,7 @@ impl Store {
     }
 }
 
-/// What [`stored_of`] reads.
+/// The columns that [`stored_of`] reads.
 const SELECT: &str = "SELECT sequence, analysis.id, study.slug, request, state, done, total, \
                           fresh, analysis.created_at_ms, started_at_ms, ended_at_ms, message, \
                           result \

@@ -1,20 +1,20 @@
-//! Connections as this program wants them.
+//! Connections to SQLite with this program's settings.
 
 use super::error::{StoreError, reason};
 use rusqlite::{Connection, OpenFlags};
 use std::path::Path;
 use std::time::Duration;
 
-/// How long a write waits for another process that writes.
+/// How long a write waits for another process that holds the write lock.
 const WRITE_PATIENCE: Duration = Duration::from_secs(5);
 
-/// How long a read waits; it is on a thread that serves requests.
+/// How long a read waits; it blocks a thread that serves requests.
 const READ_PATIENCE: Duration = Duration::from_millis(250);
 
-/// Pages of the write-ahead log that are written back to the database at a time.
+/// Pages of the write-ahead log after which SQLite writes them back to the database.
 const CHECKPOINT_PAGES: i64 = 4_000;
 
-/// A connection that only reads, and changes nothing even when it is closed.
+/// A connection that only reads, and changes no file even when it is closed.
 pub(super) fn untouching(path: &Path) -> rusqlite::Result<Connection> {
     let flags = OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_NO_MUTEX;
     let db = Connection::open_with_flags(path, flags)?;
@@ -22,13 +22,13 @@ pub(super) fn untouching(path: &Path) -> rusqlite::Result<Connection> {
     Ok(db)
 }
 
-/// A connection that writes. There must be a file: one that vanished is not made anew.
+/// A connection that writes. The file must exist; a deleted file is not created again.
 pub(super) fn writing(path: &Path) -> rusqlite::Result<Connection> {
     let flags = OpenFlags::SQLITE_OPEN_READ_WRITE | OpenFlags::SQLITE_OPEN_NO_MUTEX;
     let db = Connection::open_with_flags(path, flags)?;
     db.busy_timeout(WRITE_PATIENCE)?;
     db.pragma_update(None, "journal_mode", "WAL")?;
-    // An acknowledged trial survives a power cut, not only a crash.
+    // So that an acknowledged trial survives a power cut, not only a crash.
     db.pragma_update(None, "synchronous", "FULL")?;
     db.pragma_update(None, "foreign_keys", true)?;
     // Deleted rows are overwritten.
@@ -38,7 +38,7 @@ pub(super) fn writing(path: &Path) -> rusqlite::Result<Connection> {
     Ok(db)
 }
 
-/// A connection that cannot be made to write by a slip in a query.
+/// A connection that cannot write, not even by a mistake in a query.
 pub(super) fn reading(path: &Path) -> rusqlite::Result<Connection> {
     let flags = OpenFlags::SQLITE_OPEN_READ_WRITE | OpenFlags::SQLITE_OPEN_NO_MUTEX;
     let db = Connection::open_with_flags(path, flags)?;
@@ -48,7 +48,7 @@ pub(super) fn reading(path: &Path) -> rusqlite::Result<Connection> {
     Ok(db)
 }
 
-/// Writes the whole log back and empties it, unless somebody reads; whether that was done.
+/// Writes the whole log back and empties it, unless a reader uses it. Returns whether it was emptied.
 pub(super) fn empty_log(db: &Connection) -> Result<bool, StoreError> {
     db.busy_timeout(Duration::ZERO)?;
     let busy = db.query_row("PRAGMA wal_checkpoint(TRUNCATE)", [], |row| row.get::<_, bool>(0));
@@ -59,7 +59,7 @@ pub(super) fn empty_log(db: &Connection) -> Result<bool, StoreError> {
     }
 }
 
-/// What SQLite itself finds wrong with the file: damaged pages and references to nothing.
+/// The damage that SQLite finds in the file: damaged pages and references to missing rows.
 pub(super) fn damage(db: &Connection) -> Result<Vec<String>, StoreError> {
     let mut found: Vec<String> = db
         .prepare("PRAGMA integrity_check")?
@@ -70,7 +70,7 @@ pub(super) fn damage(db: &Connection) -> Result<Vec<String>, StoreError> {
     Ok(found)
 }
 
-/// References to nothing.
+/// References to missing rows.
 pub(super) fn dangling(db: &Connection) -> rusqlite::Result<Vec<String>> {
     let mut statement = db.prepare("PRAGMA foreign_key_check")?;
     let lines = statement.query_map([], |row| {

@@ -1,51 +1,51 @@
-//! Why the database did not do what was asked, without a word of SQL.
+//! Errors of the store, in the words of the domain.
 
 use rusqlite::ErrorCode;
 
-/// Why the database did not do what was asked.
+/// Why an operation of the store failed.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum StoreError {
-    /// Too many writes wait already.
+    /// Too many writes are waiting.
     #[error("too many writes wait for the database")]
     Busy,
     /// Another process holds the write lock for too long.
     #[error("another process holds the database's write lock")]
     Locked,
-    /// There is no room left.
+    /// The disk is full.
     #[error("the disk is full")]
     Full,
     /// The file at the database's path is not the one that was opened.
     #[error("the database file was deleted, moved or replaced")]
     Gone,
-    /// The file cannot be read or written now, or the store was closed.
+    /// The file cannot be read or written, or the store was closed.
     #[error("the database cannot be used: {0}")]
     Unavailable(String),
-    /// The file is damaged, or holds what this version cannot read.
+    /// The file is damaged, or contains a value that this version cannot read.
     #[error("the database is damaged: {0}")]
     Corrupt(String),
-    /// A fault of this program.
+    /// A defect of this program.
     #[error("a database operation failed: {0}")]
     Defect(String),
 }
 
 impl StoreError {
-    /// Whether the same request may succeed later without a change of the program or the file.
+    /// Whether the same request can succeed later without a change of the program or the file.
     #[must_use]
     pub fn is_temporary(&self) -> bool {
         !matches!(self, Self::Corrupt(_) | Self::Defect(_))
     }
 
-    /// Whether a transaction in which this happened may be lost.
+    /// Whether this error may have ended the transaction.
     pub(super) fn ends_transaction(&self) -> bool {
         matches!(self, Self::Full | Self::Gone | Self::Unavailable(_))
     }
 
-    /// What is wrong with a stored value.
+    /// The error for an invalid stored value.
     pub(super) fn corrupt(what: impl std::fmt::Display) -> Self {
         Self::Corrupt(what.to_string())
     }
 
-    /// A stored word that is not in its table.
+    /// The error for an unknown stored word.
     pub(super) fn unknown_word(word: &str) -> Self {
         Self::Corrupt(format!("unknown word {word:?}"))
     }
@@ -82,7 +82,7 @@ impl From<rusqlite::Error> for StoreError {
     }
 }
 
-/// What SQLite said, in one line.
+/// SQLite's message, in one line.
 pub(super) fn reason(error: &rusqlite::Error) -> String {
     let text = match error {
         rusqlite::Error::SqliteFailure(_, Some(message)) => message.clone(),

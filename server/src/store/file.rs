@@ -1,4 +1,4 @@
-//! The database's file: its address, whose it is, and whether it is still the same.
+//! The database's file: its address, its permissions, its lock, and whether it is still the same file.
 
 use super::StoreError;
 use rustix::fs::statvfs;
@@ -6,17 +6,17 @@ use std::fs::{File, OpenOptions, TryLockError};
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// With less room than this the server says that it is not ready, bytes.
+/// Free space, bytes, below which the server reports that it is not ready.
 pub const LEAST_FREE_BYTES: u64 = 4 << 20;
 
-/// A file of a database, and its write-ahead log beside it.
+/// The file of a database, with the write-ahead log beside it.
 #[derive(Clone, Debug)]
 pub(super) struct DatabaseFile {
     path: PathBuf,
     log: PathBuf,
 }
 
-/// Which file it is, whatever it is called: device and number.
+/// The identity of a file, independent of its name: device and inode number.
 pub(super) type Identity = (u64, u64);
 
 impl DatabaseFile {
@@ -36,8 +36,8 @@ impl DatabaseFile {
         &self.path
     }
 
-    /// Makes an empty file where there is none. It will hold names that recruiting services
-    /// gave, so nobody else may read it; SQLite gives its log the same permissions.
+    /// Creates an empty file if there is none. Only its owner can read it, because it will contain
+    /// external ids of participants. SQLite gives its log the same permissions.
     pub(super) fn create(&self) -> io::Result<()> {
         let mut options = OpenOptions::new();
         options.write(true).create_new(true);
@@ -49,17 +49,17 @@ impl DatabaseFile {
         }
     }
 
-    /// Which file is at the database's path now.
+    /// The identity of the file that is at the database's path now.
     pub(super) fn identity(&self) -> Result<Identity, StoreError> {
         identity(&self.path)
     }
 
-    /// Which file is at the path of the database's log now.
+    /// The identity of the file that is at the log's path now.
     pub(super) fn log_identity(&self) -> Result<Identity, StoreError> {
         identity(&self.log)
     }
 
-    /// Room that is left where the file is, bytes.
+    /// Free space on the file's disk, bytes.
     pub(super) fn free_bytes(&self) -> Result<u64, StoreError> {
         let folder = self.path.parent().filter(|folder| !folder.as_os_str().is_empty());
         let found = statvfs(folder.unwrap_or(Path::new(".")));
@@ -67,8 +67,8 @@ impl DatabaseFile {
         Ok(found.f_bavail.saturating_mul(found.f_frsize))
     }
 
-    /// A lock that one server holds as long as it runs; none if another one has it. SQLite's
-    /// own locks are of another kind, so that commands can work beside the server.
+    /// A lock that a server holds while it runs; none if another server holds it. It is not one of
+    /// SQLite's locks, so commands can work beside the server.
     pub(super) fn lock(&self) -> io::Result<Option<File>> {
         let file = File::open(&self.path)?;
         match file.try_lock() {

@@ -20,7 +20,7 @@ pub struct NewImport {
     pub trials: Vec<(PlannedRow, NewTrial)>,
 }
 
-/// What became of an import.
+/// The outcome of an import.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Import {
     /// All participants of the file are in the study now.
@@ -28,21 +28,20 @@ pub enum Import {
         /// Ids of the participants who had been imported before.
         skipped: Vec<String>,
     },
-    /// The study's parameters are no longer those that the file was read with; nothing was
-    /// imported.
+    /// The study's parameters changed since the file was read; nothing was imported.
     StudyChanged,
     /// Another participant has a trial with this id; nothing was imported.
     TrialKnown {
-        /// Which.
+        /// The trial.
         trial_id: String,
     },
 }
 
 impl Store {
-    /// Imports people into the study of `config`'s name, which is made where there is none.
+    /// Imports participants into the study with the name of `config`, which is created if missing.
     ///
     /// # Errors
-    /// [`StoreError`]. Then nothing was imported.
+    /// [`StoreError`]; nothing was imported then.
     pub async fn import(
         &self,
         config: Arc<StudyConfig>,

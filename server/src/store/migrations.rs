@@ -1,4 +1,4 @@
-//! Bringing a database up to date: all that it lacks in one transaction, or nothing.
+//! Migrations: all missing ones in one transaction, or none.
 
 use super::connection::dangling;
 use rusqlite::{Connection, OptionalExtension, TransactionBehavior, params};
@@ -29,10 +29,10 @@ const MIGRATIONS: [Migration; 4] = [
     migration!(4, "0004_lasting_identities.sql", "lasting identities"),
 ];
 
-/// Why a file cannot be brought up to date. Each is a sentence about the file.
+/// Why a file cannot be migrated. Each message is a sentence about the file.
 #[derive(Debug, thiserror::Error)]
 pub enum Misfit {
-    /// A newer program has changed it.
+    /// A newer version of the program has migrated it.
     #[error(
         "a newer version of Sidestep made it (it has migration {found}, this version knows 1 to \
          {known}); update Sidestep"
@@ -43,34 +43,34 @@ pub enum Misfit {
         /// The highest number that this program knows.
         known: i64,
     },
-    /// It was made by another form of a file that is known here.
+    /// A migration of another build, with the same number as one of this build, was applied.
     #[error("its migration {0} is not the one of this version; the file comes from another build")]
     Other(i64),
-    /// It holds tables and was not made by this program.
+    /// It contains tables that are not this program's.
     #[error("it is a database of another program")]
     Foreign,
     /// A statement failed.
     #[error("migration {version} failed and nothing was changed: {reason}")]
     Failed {
-        /// Which.
+        /// Its number.
         version: i64,
-        /// What SQLite said.
+        /// SQLite's message.
         reason: String,
     },
-    /// It cannot be read or written at all.
+    /// It cannot be read or written.
     #[error("{0}")]
     Unusable(#[from] rusqlite::Error),
 }
 
-/// Checks without changing anything that this program can use the file.
+/// Checks that this program can use the file, without changing it.
 pub(super) fn check(db: &Connection) -> Result<(), Misfit> {
     pending(db).map(drop)
 }
 
-/// Applies what is missing.
+/// Applies the missing migrations.
 pub(super) fn apply(db: &mut Connection) -> Result<(), Misfit> {
-    // Tables are rebuilt under other names, which is what references must not notice. The
-    // switch works outside of transactions only; all references are checked at the end.
+    // Migrations rebuild tables under other names, so references must not be enforced meanwhile. The
+    // switch works only outside transactions; all references are checked at the end.
     db.pragma_update(None, "foreign_keys", false)?;
     let applied = apply_all(db);
     db.pragma_update(None, "foreign_keys", true)?;
@@ -82,7 +82,7 @@ fn apply_all(db: &mut Connection) -> Result<(), Misfit> {
         return Ok(());
     }
     let transaction = db.transaction_with_behavior(TransactionBehavior::Immediate)?;
-    // The table of the library that earlier versions used: their databases are known by it.
+    // This table comes from the library that earlier versions used; it identifies their databases.
     transaction.execute_batch(
         "CREATE TABLE IF NOT EXISTS _sqlx_migrations (version BIGINT PRIMARY KEY, \
              description TEXT NOT NULL, installed_on TIMESTAMP NOT NULL DEFAULT CURRENT_TIMESTAMP, \
@@ -108,7 +108,7 @@ fn apply_all(db: &mut Connection) -> Result<(), Misfit> {
     Ok(transaction.commit()?)
 }
 
-/// What is missing, in order.
+/// The missing migrations, in order.
 fn pending(db: &Connection) -> Result<Vec<&'static Migration>, Misfit> {
     let applied = applied(db)?;
     let known = MIGRATIONS[MIGRATIONS.len() - 1].version;
@@ -127,7 +127,7 @@ fn pending(db: &Connection) -> Result<Vec<&'static Migration>, Misfit> {
     Ok(MIGRATIONS.iter().filter(|migration| !applied.contains_key(&migration.version)).collect())
 }
 
-/// The checksums of what was applied, by number.
+/// The checksums of the applied migrations, by number.
 fn applied(db: &Connection) -> Result<BTreeMap<i64, Vec<u8>>, Misfit> {
     let has = |name: &str| {
         let query = "SELECT 1 FROM sqlite_schema WHERE name LIKE ?1 LIMIT 1";

@@ -13,16 +13,16 @@ pub struct Participant {
     pub study_id: i64,
     /// Their number within the study, from 1.
     pub number: i64,
-    /// The configuration they were enrolled under.
+    /// Hash of the configuration of their enrolment.
     pub config_hash: String,
-    /// Issued once every planned trial is stored.
+    /// The completion code, once every planned trial is stored.
     pub completion_code: Option<String>,
-    /// When they withdrew.
+    /// When they withdrew, if they did.
     pub withdrawn_at_ms: Option<i64>,
 }
 
 impl Participant {
-    /// Of the columns id, `study_id`, number, `config_hash`, `completion_code` and
+    /// Reads the columns id, `study_id`, number, `config_hash`, `completion_code` and
     /// `withdrawn_at_ms`.
     pub(super) fn of(row: &Row<'_>) -> rusqlite::Result<Self> {
         Ok(Self {
@@ -39,22 +39,22 @@ impl Participant {
 /// How a participant who enrols may be known already.
 #[derive(Clone, Debug, Default)]
 pub struct Known {
-    /// The recruiting service's name for the person.
+    /// The recruiting service's id of the participant.
     pub external_id: Option<String>,
-    /// Hash of the name that the client gave to its request.
+    /// Hash of the request's id, which the client drew.
     pub request_hash: Option<[u8; 32]>,
 }
 
-/// Someone who enrols.
+/// A participant who enrols.
 #[derive(Clone, Debug)]
 pub struct NewParticipant {
     /// Their id, if they are new.
     pub id: String,
     /// The study's row.
     pub study_id: i64,
-    /// How they can be known already.
+    /// By what they may be recognised.
     pub known: Known,
-    /// The configuration they are enrolled under.
+    /// Hash of the configuration of their enrolment.
     pub config_hash: String,
     /// Seed of the scenes.
     pub seed: u64,
@@ -64,24 +64,24 @@ pub struct NewParticipant {
     pub screen: Option<String>,
     /// Their scenes; none for a participant who is probably known.
     pub plan: Option<Vec<PlannedRow>>,
-    /// Now.
+    /// The current time.
     pub enrolled_at_ms: i64,
 }
 
-/// What became of an enrolment. Its token is valid unless the participant has withdrawn.
+/// The outcome of an enrolment. Its token is valid unless the participant has withdrawn.
 #[derive(Clone, Debug)]
 pub enum Enrolment {
-    /// They are new.
+    /// The participant is new.
     New,
-    /// They were enrolled before, and keep their plan.
+    /// The participant enrolled before and keeps their plan.
     Known(Participant),
-    /// They have withdrawn.
+    /// The participant has withdrawn.
     Withdrawn,
     /// They are new and came without a plan; nothing was stored.
     Unplanned,
 }
 
-/// What became of a completion.
+/// The outcome of a completion.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Completion {
     /// Every trial is stored; the code is that of the first completion.
@@ -91,9 +91,9 @@ pub enum Completion {
     },
     /// Trials are missing.
     Incomplete {
-        /// How many.
+        /// Number of missing trials.
         missing: usize,
-        /// Of how many.
+        /// Number of planned trials.
         of: usize,
     },
     /// The participant has withdrawn.
@@ -104,7 +104,7 @@ const COLUMNS: &str =
     "participant.id, study_id, number, config_hash, completion_code, withdrawn_at_ms";
 
 impl Store {
-    /// The participant to whom a token with that hash was given.
+    /// The participant who has the token with this hash.
     ///
     /// # Errors
     /// [`StoreError`].
@@ -135,7 +135,7 @@ impl Store {
     /// participant. Either way a token with that hash becomes valid, beside earlier tokens.
     ///
     /// # Errors
-    /// [`StoreError`]. Then nothing was stored.
+    /// [`StoreError`]; nothing was stored then.
     pub async fn enrol(
         &self,
         new: NewParticipant,
@@ -168,7 +168,7 @@ impl Store {
         self.read(|db| scenes::plan(db, participant_id))
     }
 
-    /// Marks a participation complete, if nothing is missing.
+    /// Completes a participation if no trial is missing.
     ///
     /// # Errors
     /// [`StoreError`].
@@ -207,10 +207,10 @@ impl Store {
         .await
     }
 
-    /// Notes a withdrawal; a second one changes nothing. With `delete`, what the participant drove
-    /// and said goes, with everything that was found from it; what stays is a number that took
-    /// part and left, so that counts remain true. Deleted rows are overwritten at once, and leave
-    /// the write-ahead log as soon as nobody reads in it.
+    /// Stores a withdrawal; a second one changes nothing. With `delete`, the participant's trials and
+    /// personal fields are deleted, with all results computed from them. Their number remains, so that
+    /// counts stay true. Deleted rows are overwritten at once, and leave the write-ahead log as soon as
+    /// no reader uses it.
     ///
     /// # Errors
     /// [`StoreError`].
@@ -249,7 +249,7 @@ impl Store {
         Ok(())
     }
 
-    /// Ids of a study's participants in the order of their numbers.
+    /// The ids of a study's participants, in the order of their numbers.
     ///
     /// # Errors
     /// [`StoreError`].
@@ -262,7 +262,7 @@ impl Store {
         .await
     }
 
-    /// How many participants and trials there are in all studies.
+    /// The numbers of participants and of trials in all studies.
     ///
     /// # Errors
     /// [`StoreError`].

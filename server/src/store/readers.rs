@@ -1,4 +1,4 @@
-//! Reading: short reads on the thread that asks, long ones on threads that may take their time.
+//! Reading: short reads on the calling thread, long reads on threads that may block.
 
 use super::connection;
 use super::error::StoreError;
@@ -7,7 +7,7 @@ use rusqlite::Connection;
 use std::sync::{Arc, Mutex, PoisonError};
 use tokio::sync::Semaphore;
 
-/// Long reads that run at a time.
+/// Most long reads that run at the same time.
 const LONG_READS: usize = 4;
 
 /// Connections that only read.
@@ -21,15 +21,15 @@ pub(super) struct Readers {
 }
 
 impl Readers {
-    /// Reads in the file that is there now, and in no other one that comes in its place.
+    /// Readers of the current file; they never read a file that replaces it.
     pub(super) fn new(file: DatabaseFile) -> Result<Self, StoreError> {
         let expected = file.identity()?;
         let idle = Mutex::new(Some(Vec::new()));
         Ok(Self { file, expected, idle, long: Arc::new(Semaphore::new(LONG_READS)) })
     }
 
-    /// Reads a few rows here and now. Readers wait for nobody in WAL mode, and a handful of
-    /// rows takes some microseconds: less than handing the work to another thread.
+    /// Reads a few rows on the calling thread. Readers never wait in WAL mode, and a few rows take some
+    /// microseconds, less than passing the work to another thread.
     pub(super) fn short<T>(
         &self,
         read: impl FnOnce(&Connection) -> Result<T, StoreError>,
@@ -42,7 +42,7 @@ impl Readers {
         found
     }
 
-    /// Reads any number of rows as they are at one instant.
+    /// Reads any number of rows from one snapshot of the database.
     pub(super) async fn long<T: Send + 'static>(
         self: &Arc<Self>,
         read: impl FnOnce(&Connection) -> Result<T, StoreError> + Send + 'static,

@@ -27,7 +27,7 @@ pub struct PlannedRow {
 pub(super) const SCENE: &str = "human_x, human_y, human_psi, robot_x, robot_y, robot_psi, \
                                 goal_x, goal_y";
 
-/// The scene in the columns [`SCENE`], of which the first is at `at`.
+/// The scene in the columns [`SCENE`], which begin at `at`.
 pub(super) fn scene_of(row: &Row<'_>, at: usize) -> rusqlite::Result<Scene> {
     let number = |i: usize| row.get::<_, f64>(at + i);
     Ok(Scene {
@@ -41,7 +41,7 @@ pub(super) fn phase_of(word: &str) -> Result<Phase, StoreError> {
     Phase::from_word(word).ok_or_else(|| StoreError::unknown_word(word))
 }
 
-/// Writes a planned scene down.
+/// Stores a planned scene.
 pub(super) fn insert(
     db: &Connection,
     participant_id: &str,

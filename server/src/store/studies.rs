@@ -1,8 +1,8 @@
 //! Studies and their configurations.
 //!
-//! A configuration is known by the SHA-256 of the JSON that was stored. The hash is computed when
-//! new JSON is stored, here, and nowhere else: it travels with what is read. A configuration that
-//! an earlier version stored keeps its hash, though this version would write it otherwise.
+//! A configuration is identified by the SHA-256 of its stored JSON. Only this file computes the hash,
+//! when it stores new JSON; other code reads it with the row. A configuration that an earlier version
+//! stored keeps its hash, although this version would write other JSON.
 
 use super::{Store, StoreError};
 use rusqlite::{Connection, OptionalExtension, params};
@@ -10,34 +10,34 @@ use sha2::{Digest, Sha256};
 use sidestep::study::StudyConfig;
 use std::sync::{Arc, PoisonError};
 
-/// A study with the configuration that new participants get.
+/// A study with the configuration of new participants.
 #[derive(Clone, Debug)]
 pub struct StoredStudy {
-    /// Row.
+    /// The study's row.
     pub id: i64,
     /// Name in addresses.
     pub slug: String,
-    /// What new participants go through.
+    /// The configuration of new participants.
     pub config: Arc<StudyConfig>,
-    /// The name of that configuration in the database.
+    /// The hash of this configuration in the database.
     pub config_hash: String,
 }
 
-/// How much a study holds.
+/// A study with its numbers of participants and trials.
 #[derive(Clone, Debug)]
 pub struct StudyCounts {
     /// Name in addresses.
     pub slug: String,
-    /// Name shown to people, from the present configuration.
+    /// Title, from the current configuration.
     pub title: String,
-    /// People who enrolled or were read from files.
+    /// Number of participants who enrolled or were imported.
     pub participants: u64,
-    /// Trials stored.
+    /// Number of stored trials.
     pub trials: u64,
 }
 
 impl Store {
-    /// The study of that name.
+    /// The study with this name.
     ///
     /// # Errors
     /// [`StoreError`].
@@ -45,15 +45,15 @@ impl Store {
         self.read(|db| find(db, slug))
     }
 
-    /// The configuration of that hash: what a participant was enrolled under.
+    /// The configuration with this hash.
     ///
     /// # Errors
-    /// [`StoreError`], also if it is not there.
+    /// [`StoreError`], also if it does not exist.
     pub async fn config(&self, hash: &str) -> Result<Arc<StudyConfig>, StoreError> {
         self.read(|db| self.config_in(db, hash))
     }
 
-    /// The configuration of that hash, parsed once in the store's life.
+    /// The configuration with this hash, which the store parses only once.
     pub(super) fn config_in(
         &self,
         db: &Connection,
@@ -69,8 +69,8 @@ impl Store {
         Ok(config)
     }
 
-    /// Makes a study, or gives an existing one this configuration for people to come.
-    /// Those who are enrolled keep theirs.
+    /// Creates a study, or gives an existing study this configuration for new participants. Enrolled
+    /// participants keep theirs.
     ///
     /// # Errors
     /// [`StoreError`].
@@ -110,7 +110,7 @@ impl Store {
     }
 }
 
-/// The study of that name.
+/// The study with this name.
 pub(super) fn find(db: &Connection, slug: &str) -> Result<Option<StoredStudy>, StoreError> {
     let mut statement =
         db.prepare_cached("SELECT id, slug, config_hash FROM study WHERE slug = ?1")?;
@@ -128,13 +128,13 @@ fn config(db: &Connection, hash: &str) -> Result<StudyConfig, StoreError> {
     serde_json::from_str(&json).map_err(faulty)
 }
 
-/// Stores a configuration under the hash of its JSON, unless the study has an equal one.
+/// Stores a configuration under the hash of its JSON, unless the study's configuration is equal.
 pub(super) fn put(
     db: &Connection,
     new: &Arc<StudyConfig>,
     now_ms: i64,
 ) -> Result<StoredStudy, StoreError> {
-    // Equal in meaning, though an earlier version may have written it otherwise.
+    // Compared as values, since an earlier version may have written other JSON.
     if let Some(known) = find(db, &new.slug)?
         && known.config == *new
     {

@@ -1,4 +1,4 @@
-//! Trials as they were driven.
+//! Stored trials.
 
 use super::participants::Participant;
 use super::scenes::{self, SCENE, phase_of, scene_of};
@@ -12,22 +12,22 @@ use sidestep::study::StudyConfig;
 use sidestep::trial::{Flag, Outcome, Phase};
 use std::sync::Arc;
 
-/// A trial to be stored.
+/// A trial to store.
 #[derive(Clone, Debug)]
 pub struct NewTrial {
-    /// The planned scene that was driven.
+    /// The id of its planned scene.
     pub trial_id: String,
-    /// By which recipe the content is hashed.
+    /// The recipe of the content hash.
     pub recipe: Recipe,
     /// Hash of the content.
     pub content_hash: [u8; 32],
-    /// Now.
+    /// The current time.
     pub received_at_ms: i64,
     /// What was driven.
     pub content: Content,
-    /// What an analyst should know.
+    /// Its flags.
     pub flags: Vec<Flag>,
-    /// What came of it.
+    /// Its outcome.
     pub outcome: Outcome,
 }
 
@@ -36,13 +36,13 @@ pub struct NewTrial {
 pub struct Assignment {
     /// The participant.
     pub participant: Participant,
-    /// The configuration they were enrolled under.
+    /// The configuration of their enrolment.
     pub config: Arc<StudyConfig>,
-    /// The scene of the trial; none if it is not of their plan.
+    /// The scene of the trial; none if it is not in their plan.
     pub scene: Option<Scene>,
 }
 
-/// What became of an upload.
+/// The outcome of an upload.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum PutTrial {
     /// It was stored now.
@@ -50,7 +50,7 @@ pub enum PutTrial {
         /// The trial that comes next; none after the last.
         next: Option<String>,
     },
-    /// The same content was stored before.
+    /// The same content had been stored before.
     Same {
         /// The trial that comes next; none after the last.
         next: Option<String>,
@@ -59,25 +59,25 @@ pub enum PutTrial {
     Different,
     /// Another trial comes first.
     OutOfOrder {
-        /// Which.
+        /// The trial that comes next.
         next: String,
     },
-    /// The participant has withdrawn; nothing is stored any more.
+    /// The participant has withdrawn, so nothing was stored.
     Withdrawn,
-    /// It is not of this participant's plan.
+    /// The trial is not in this participant's plan.
     Unknown,
 }
 
 /// Which trial it is, and its outcome.
 #[derive(Clone, Debug)]
 pub struct TrialHead {
-    /// Rises with every trial stored; never used twice.
+    /// Number of the trial in the order of storing; never used twice.
     pub sequence: i64,
     /// The trial.
     pub trial_id: String,
-    /// Who drove it.
+    /// The participant who drove it.
     pub participant_id: String,
-    /// Their number within the study, from 1.
+    /// The participant's number within the study, from 1.
     pub participant_number: i64,
     /// Place in the participant's plan, from 0.
     pub ordinal: i64,
@@ -87,28 +87,28 @@ pub struct TrialHead {
     pub index: usize,
     /// When it was stored.
     pub received_at_ms: i64,
-    /// What an analyst should know.
+    /// Its flags.
     pub flags: Vec<Flag>,
-    /// What came of it.
+    /// Its outcome.
     pub outcome: Outcome,
 }
 
 /// A stored trial, whole.
 #[derive(Clone, Debug)]
 pub struct StoredTrial {
-    /// Which, and what came of it.
+    /// As in a list.
     pub head: TrialHead,
     /// The study's name.
     pub study: String,
-    /// The configuration it was driven under.
+    /// Hash of the configuration of its participant.
     pub config_hash: String,
-    /// What was assigned.
+    /// The assigned scene.
     pub scene: Scene,
     /// What was driven.
     pub content: Content,
-    /// By which recipe the content was hashed.
+    /// The recipe of the content hash.
     pub recipe: Recipe,
-    /// Hash of the content when it was stored.
+    /// Hash of the content, computed when it was stored.
     pub content_hash: [u8; 32],
 }
 
@@ -156,10 +156,10 @@ impl Store {
         })
     }
 
-    /// Stores a participant's trial, if it is its turn. What is stored never changes.
+    /// Stores a participant's trial if it is the next one. A stored trial never changes.
     ///
     /// # Errors
-    /// [`StoreError`]. Then nothing was stored.
+    /// [`StoreError`]; nothing was stored then.
     pub async fn put_trial(
         &self,
         participant_id: &str,
@@ -189,7 +189,7 @@ impl Store {
         .await
     }
 
-    /// The trial of that id.
+    /// The trial with this id.
     ///
     /// # Errors
     /// [`StoreError`].
@@ -199,7 +199,7 @@ impl Store {
         Ok(found.into_iter().next())
     }
 
-    /// Everything that a participant drove, in the plan's order.
+    /// All trials of a participant, in the plan's order.
     ///
     /// # Errors
     /// [`StoreError`].
@@ -237,7 +237,7 @@ fn head_of(row: &Row<'_>) -> Result<TrialHead, StoreError> {
     })
 }
 
-/// The trials with that value in a column, in the plan's order.
+/// The trials with this value in a column, in the plan's order.
 fn whole(
     db: &Connection,
     column: &'static str,
@@ -276,7 +276,7 @@ fn recipe(number: i64) -> Result<Recipe, StoreError> {
     Recipe::from_number(number).ok_or_else(unknown)
 }
 
-/// Flags as they are stored and exported: words joined by semicolons.
+/// Flags as stored and exported: words joined by semicolons.
 #[must_use]
 pub fn flag_words(flags: &[Flag]) -> String {
     let words: Vec<_> = flags.iter().map(|flag| flag.word()).collect();
@@ -288,13 +288,13 @@ fn flags(words: &str) -> Result<Vec<Flag>, StoreError> {
     words.split(';').filter(|word| !word.is_empty()).map(known).collect()
 }
 
-/// What is known of a trial's place under the write lock.
+/// The place of a trial in its plan, read under the write lock.
 struct Place {
     study_id: i64,
     withdrawn: bool,
     stored: Option<(i64, [u8; 32])>,
-    /// Whether the trial ahead of it is stored, or there is none. Trials are only stored in
-    /// order, so then everything ahead is.
+    /// Whether the trial before it is stored, or there is none. Trials are stored in order, so then all
+    /// trials before it are stored.
     its_turn: bool,
     next: Option<String>,
 }
@@ -360,7 +360,7 @@ fn is_withdrawn(db: &Connection, participant_id: &str) -> Result<bool, StoreErro
     Ok(found.optional()?.unwrap_or(false))
 }
 
-/// Writes a trial down.
+/// Stores a trial.
 pub(super) fn insert(db: &Connection, study_id: i64, new: &NewTrial) -> Result<(), StoreError> {
     let step = |step: Option<usize>| step.map(|step| step as i64);
     let (content, avoidance) = (&new.content, new.outcome.avoidance);

@@ -1,5 +1,4 @@
-//! Bytes of value functions, and which of them a configuration's safety levels are
-//! read from.
+//! The bytes of value functions, and which functions give a configuration's safety levels.
 
 use super::{Store, StoreError};
 use rusqlite::{OptionalExtension, params};
@@ -10,7 +9,7 @@ use std::sync::Arc;
 /// A value function to be stored.
 #[derive(Clone, Debug)]
 pub struct NewValueFunction {
-    /// Whose safety level is read from it.
+    /// The vehicle whose safety level it gives.
     pub evader: Evader,
     /// SHA-256 of the bytes.
     pub id: String,
@@ -19,11 +18,11 @@ pub struct NewValueFunction {
 }
 
 impl Store {
-    /// Keeps value functions under their ids, and notes which safety levels of a configuration
-    /// are read from them. Where there is a function already, that one stands.
+    /// Stores value functions under their ids, and which safety levels of a configuration they give. An
+    /// existing function is never replaced.
     ///
     /// # Errors
-    /// [`StoreError`], also if there is no such configuration.
+    /// [`StoreError`], also if the configuration does not exist.
     pub async fn put_value_functions(
         &self,
         config_hash: &str,
@@ -48,7 +47,7 @@ impl Store {
         .await
     }
 
-    /// The bytes of that id.
+    /// The bytes with this id.
     ///
     /// # Errors
     /// [`StoreError`].
@@ -61,7 +60,7 @@ impl Store {
         .await
     }
 
-    /// The id of the function that the safety level of `evader` is read from.
+    /// The id of the function that gives the safety level of `evader`.
     ///
     /// # Errors
     /// [`StoreError`].
@@ -80,7 +79,7 @@ impl Store {
         })
     }
 
-    /// Every configuration that lacks a function, with its hash.
+    /// Every configuration without its value functions, with its hash.
     ///
     /// # Errors
     /// [`StoreError`].

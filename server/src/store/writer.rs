@@ -1,15 +1,14 @@
 //! The one writer: a thread with the only connection that writes.
 //!
-//! Operations wait in a bounded queue. The writer takes what waits, runs each operation in a
-//! savepoint of one transaction, commits once, and only then answers: one wait for the disk
-//! serves many requests. After anything that may have cost the transaction the connection is
-//! thrown away and everything in it is refused, so that a full disk or an I/O error is over as
-//! soon as its cause is.
+//! Operations wait in bounded queues. The writer takes a batch, runs each operation in a savepoint of
+//! one transaction, commits once, and only then answers: one wait for the disk serves many requests.
+//! After an error that may have ended the transaction, the writer closes the connection and refuses
+//! the whole batch, so that writing resumes as soon as a full disk or an I/O error is gone.
 //!
-//! There are three lanes. Trials go first: a browser waits for each. Other requests follow, a few in
-//! each batch, so that a class that enrols at once does not delay participants who drive. Background work
-//! (files and cells of an analysis, value functions) has transactions of its own, one operation
-//! between two batches, so that requests wait for one piece of it at most.
+//! There are three queues (lanes). Trials go first, since a browser waits for each. Other requests
+//! follow, a few in each batch, so that a class that enrols at once does not delay participants who
+//! are driving. Background work (files and cells of an analysis, value functions) has transactions of
+//! its own, one operation between two batches, so that requests wait for at most one of them.
 
 use super::connection;
 use super::error::StoreError;
@@ -23,25 +22,25 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 use tokio::sync::oneshot;
 
-/// Operations that may wait in a lane before further ones are refused.
+/// Most operations that wait in a lane; further ones are refused.
 const QUEUE: usize = 1_024;
 
-/// Trials that are committed together.
+/// Most trials in a batch.
 const BATCH: usize = 64;
 
-/// Other requests in the same batch. An enrolment writes a whole plan, as much as ten trials.
+/// Most other requests in a batch. An enrolment writes a whole plan, as much as ten trials.
 const OTHERS: usize = 8;
 
-/// Between two background operations while requests wait.
+/// Pause between two background operations while requests wait.
 const BACKGROUND_PAUSE: Duration = Duration::from_millis(50);
 
-/// Between two attempts to empty the log.
+/// Pause between two attempts to empty the log.
 const EMPTY_LOG_PAUSE: Duration = Duration::from_millis(200);
 
 /// Who waits for an operation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Lane {
-    /// A participant who sends a trial.
+    /// A participant's browser that sends a trial.
     Trial,
     /// Any other request.
     Request,
@@ -51,11 +50,11 @@ pub(super) enum Lane {
 
 /// An operation in the queue.
 trait Operation: Send {
-    /// Whether somebody still waits for its answer.
+    /// Whether a caller still waits for its answer.
     fn is_wanted(&self) -> bool;
-    /// Runs within a savepoint, which is rolled back on an error.
+    /// Runs in a savepoint, which is rolled back on an error.
     fn run(&mut self, db: &Connection) -> Result<(), StoreError>;
-    /// Answers, once it is known whether the transaction was committed.
+    /// Answers, after the commit has succeeded or failed.
     fn answer(self: Box<Self>, committed: Result<(), StoreError>);
 }
 
@@ -98,7 +97,7 @@ struct Lanes {
     trials: VecDeque<Box<dyn Operation>>,
     requests: VecDeque<Box<dyn Operation>>,
     background: VecDeque<Box<dyn Operation>>,
-    /// When to try to empty the log, if that is wanted.
+    /// When to try to empty the log, if requested.
     empty_log_at: Option<Instant>,
     closed: bool,
 }
@@ -108,7 +107,7 @@ struct Queue {
     changed: Condvar,
 }
 
-/// What the thread does next.
+/// The thread's next action.
 enum Next {
     Write(Batch),
     Background(Batch),
@@ -139,7 +138,7 @@ impl Queue {
         Ok(())
     }
 
-    /// Waits for something to do. What was pushed before the end is still done.
+    /// Waits for the next action. Operations that were pushed before the end are still done.
     fn next(&self, last_background: Instant) -> Next {
         let mut lanes = self.lanes();
         loop {
@@ -173,7 +172,7 @@ impl Queue {
         }
     }
 
-    /// Everything that waits.
+    /// All waiting operations.
     fn drain(&self) -> Batch {
         let mut lanes = self.lanes();
         let Lanes { trials, requests, background, .. } = &mut *lanes;
@@ -194,7 +193,7 @@ impl fmt::Debug for Writer {
 }
 
 impl Writer {
-    /// Starts the thread. Whatever is at the database's path must stay the same file.
+    /// Starts the thread. The file at the database's path must stay the same.
     pub(super) fn start(file: DatabaseFile) -> Result<Self, StoreError> {
         let expected = file.identity()?;
         let db = Some(open(&file, expected)?);
@@ -207,7 +206,7 @@ impl Writer {
         Ok(Self { queue, thread: Mutex::new(Some(thread)) })
     }
 
-    /// Runs an operation and returns what it found, after the commit.
+    /// Runs an operation and returns its result after the commit.
     pub(super) async fn run<T: Send + 'static>(
         &self,
         lane: Lane,
@@ -226,14 +225,14 @@ impl Writer {
         [lanes.trials.len(), lanes.requests.len()]
     }
 
-    /// Empties the write-ahead log as soon as nobody reads in it.
+    /// Empties the write-ahead log as soon as no reader uses it.
     pub(super) fn empty_log(&self) {
         let mut lanes = self.queue.lanes();
         lanes.empty_log_at.get_or_insert_with(Instant::now);
         self.queue.changed.notify_one();
     }
 
-    /// Does what waits, and ends the thread.
+    /// Runs the waiting operations and ends the thread.
     pub(super) fn close(&self) {
         self.queue.lanes().closed = true;
         self.queue.changed.notify_one();
@@ -255,9 +254,9 @@ impl Drop for Writer {
 struct Thread {
     queue: Arc<Queue>,
     file: DatabaseFile,
-    /// The file that was opened first: no other one is ever written to.
+    /// The file that was opened first; the thread never writes to another one.
     expected: Identity,
-    /// None after trouble: the next batch opens another one.
+    /// None after an error; the next batch opens another connection.
     db: Option<Open>,
 }
 
@@ -293,7 +292,7 @@ impl Thread {
         if let Err(error) = &committed {
             tracing::error!(%error, writes = batch.len(), "nothing was stored");
             if error.is_temporary() {
-                // What waits would fail alike, only later.
+                // The waiting operations would fail for the same reason, only later.
                 batch.extend(self.queue.drain());
             }
         }
@@ -302,8 +301,8 @@ impl Thread {
         }
     }
 
-    /// The connection is put back only if all went well: a new one knows nothing of a
-    /// transaction that went wrong.
+    /// The connection is used again only after a successful commit: a new connection is in no failed
+    /// transaction.
     fn commit(&mut self, batch: &mut Batch) -> Result<(), StoreError> {
         let open = match self.db.take() {
             Some(open) => open,
@@ -312,7 +311,7 @@ impl Thread {
         open.db.execute_batch("BEGIN IMMEDIATE")?;
         run(&open.db, batch)?;
         open.db.execute_batch("COMMIT")?;
-        // What was written to a deleted file is gone, whatever SQLite says.
+        // SQLite reports success also for a deleted file, whose content is lost.
         if self.file.identity()? != self.expected || self.file.log_identity()? != open.log {
             return Err(StoreError::Gone);
         }
@@ -337,14 +336,14 @@ fn open(file: &DatabaseFile, expected: Identity) -> Result<Open, StoreError> {
         return Err(StoreError::Gone);
     }
     let db = connection::writing(file.path())?;
-    // The log is there once something was read.
+    // SQLite creates the log at the first read.
     db.query_row("SELECT count(*) FROM study", [], |_| Ok(()))?;
     let log = file.log_identity()?;
     Ok(Open { db, log })
 }
 
-/// Runs each operation in a savepoint: what one of them does wrong is undone, and the others
-/// stay. An error is one of the whole transaction.
+/// Runs each operation in a savepoint, so that a failed operation is undone and the others remain. An
+/// error of this function concerns the whole transaction.
 fn run(db: &Connection, batch: &mut Batch) -> Result<(), StoreError> {
     for operation in batch {
         db.prepare_cached("SAVEPOINT operation")?.execute([])?;

@@ -1,4 +1,4 @@
-//! One row of trials.csv: its columns, and what each may hold.
+//! One row of trials.csv: its columns and their valid values.
 
 use super::{COLUMNS, REQUIRED};
 use csv::StringRecord;
@@ -8,7 +8,7 @@ use sidestep::scene::{JointState, SceneParameters};
 use sidestep::trial::{Flag, Phase};
 use sidestep::vehicle::{Pose, TurnInput};
 
-/// Where each column is.
+/// The position of each column.
 pub(super) struct Columns {
     required: [usize; REQUIRED],
     phase: Option<usize>,
