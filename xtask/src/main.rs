@@ -1,8 +1,8 @@
 //! `cargo xtask`: one command for each thing one does with this workspace.
 //!
-//! Each command is a file of that name and reads from top to bottom. What they
-//! share is in [`workspace`] (where things are, running cargo) and [`site`]
-//! (from `static/` and the compiled client to the folder that is served).
+//! Each command is a file of that name, which reads from top to bottom. They share [`workspace`] (where
+//! files are, running cargo) and [`site`] (from `static/` and the compiled client to the folder that is
+//! served).
 //!
 //! Progress goes to stderr, results to stdout. The exit code is 0, 1 for a
 //! failure, 2 for a wrong command line; `test` and `bench` pass on the runner's.

@@ -1,7 +1,7 @@
-//! `cargo xtask search`: the property tests with random seeds, for as long as one likes.
+//! `cargo xtask search`: runs the property tests with random seeds.
 //!
-//! The suite draws the same cases in every run (`.cargo/config.toml`), so that it fails only when
-//! the code has changed. This command looks elsewhere.
+//! The suite draws the same cases in every run (`.cargo/config.toml`), so that it fails only if the
+//! code has changed. This command draws other cases.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -16,7 +16,7 @@ use crate::workspace::{Workspace, answer_of, stage};
 
 /// Run property tests with random seeds until one fails or the time is over.
 ///
-/// A find is printed with its seed and its smallest failing case. Proptest also writes it to a
+/// The command prints the seed and the smallest failing case. Proptest also writes the case to a
 /// `.proptest-regressions` file: commit that file, or write the case as a test of its own.
 #[derive(clap::Args)]
 pub(crate) struct Options {
@@ -27,7 +27,7 @@ pub(crate) struct Options {
     minutes: f64,
 }
 
-/// Searches. The exit code is 1 for a find, 2 when no property test has such a name.
+/// Searches. The exit code is 1 for a failing case, and 2 if no property test has such a name.
 ///
 /// # Errors
 /// When the sources cannot be read or the tests cannot be built.

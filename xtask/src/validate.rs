@@ -1,8 +1,8 @@
 //! `cargo xtask validate`: measures what the library computes and writes the pages about it.
 //!
-//! Each page of `docs/validation` has an example of the library, which measures, draws the pictures
-//! and prints its numbers as JSON. They are kept in `docs/validation/measured`; a template in
-//! `docs/validation/templates` makes the page of them. Nothing is measured or worded here.
+//! For each page of `docs/validation`, an example of the library measures, draws the pictures and prints
+//! its numbers as JSON. This command stores them in `docs/validation/measured` and fills a template of
+//! `docs/validation/templates` with them.
 
 mod figure3;
 mod peers;
@@ -22,14 +22,14 @@ use crate::workspace::{Workspace, output_of, stage};
 /// peers; write the pages of docs/validation.
 #[derive(clap::Args)]
 pub(crate) struct Options {
-    /// The page to write anew; all of them if none is named.
+    /// The page to write [default: all pages].
     #[arg(value_enum)]
     page: Option<Page>,
-    /// Measure the peers of the value functions again too: minutes, on a machine with nothing
-    /// else to do.
+    /// Also measure the other programs that solve games again. This takes minutes and needs a quiet
+    /// machine.
     #[arg(long)]
     peers: bool,
-    /// Measure nothing: write the pages from the numbers that are kept, after a change of wording.
+    /// Measure nothing and write the pages from the stored numbers, after a change of wording.
     #[arg(long, conflicts_with = "peers")]
     kept: bool,
 }
