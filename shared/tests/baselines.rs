@@ -1,17 +1,11 @@
-//! Families of predicted sets on 400 recorded drives of **synthetic** people
-//! (`data/README.md`): the numbers compare software, they say nothing about people.
+//! Families of predicted sets on 400 recorded drives of **synthetic** participants.
 #![allow(clippy::print_stdout, reason = "the table is worth reading")]
 
+mod recorded;
+
 use sidestep::bounds::ActionChoice;
-use sidestep::dataset::Dataset;
-use sidestep::features::FeatureSet;
-use sidestep::learn::logistic::{LogisticSettings, fit};
-use sidestep::learn::samples::Samples;
-use sidestep::math::SeededRng;
-use sidestep::predict::Predictor;
-use sidestep::predict::scale::Scale;
 use sidestep::safety::SafetyLevels;
-use sidestep::scene::{JointState, SceneParameters};
+use sidestep::scene::SceneParameters;
 use sidestep::shfrs::PredictedHuman;
 use sidestep::shfrs::baselines::{
     Gaussian, Mode, Nominal, PerModeEmpirical, constant_velocity, hold_the_input,
@@ -22,90 +16,22 @@ use sidestep::shfrs::pareto::{Pareto, ParetoRow, ParetoSettings, pareto};
 use sidestep::shfrs::prediction::Prediction;
 use sidestep::shfrs::scores::ShfrsFamily;
 use sidestep::shfrs::widened::{tube_area_m2, widened};
-use sidestep::shfrs::window::{Trajectory, Window, WindowChoice};
-use sidestep::vehicle::{Pose, TurnInput};
-use std::ops::ControlFlow;
+use sidestep::shfrs::window::{Window, WindowChoice};
 use std::sync::OnceLock;
 
 const STEPS: usize = 10;
 const TARGETS: [f64; 3] = [0.75, 0.9, 0.95];
 
-/// One drive: the inputs and the states before each of them.
-type Drive = (Vec<TurnInput>, Vec<JointState>);
-
-/// The drives of the file, 50 of each of eight participants.
-fn drives() -> Vec<Drive> {
-    let mut reader = csv::Reader::from_reader(&include_bytes!("data/trials.csv")[..]);
-    let mut drives: Vec<Drive> = Vec::new();
-    let mut last = None;
-    for row in reader.deserialize() {
-        let row: [f64; 11] = row.expect("a row of numbers");
-        if last != Some([row[0], row[1]]) {
-            drives.push((Vec::new(), Vec::new()));
-            last = Some([row[0], row[1]]);
-        }
-        let (inputs, states) = drives.last_mut().expect("a drive");
-        inputs.push(TurnInput::try_from((2.0 * row[10]) as i64).expect("a turn rate"));
-        let (human, robot) = (Pose::new(row[4], row[5], row[6]), Pose::new(row[7], row[8], row[9]));
-        states.push(JointState { human, robot });
-    }
-    drives
-}
-
-/// The drive as a trajectory: its last input leads to no recorded state.
-fn trajectory((inputs, states): &Drive) -> Trajectory {
-    let human = SceneParameters::default().human;
-    let rates = inputs[..inputs.len() - 1].iter().map(|&input| human.turn_rate(input));
-    Trajectory::new(states.clone(), rates.collect()).expect("a trajectory")
-}
-
-/// 160 drives for training, 120 for calibration and 120 for test, drawn at random: people
-/// and scenes are mixed in each part, so that the parts are exchangeable.
-struct Split {
-    training: Vec<Drive>,
-    calibration: Vec<Trajectory>,
-    test: Vec<Trajectory>,
-}
-
-fn split(seed: u64) -> Split {
-    let drives = drives();
-    let order = SeededRng::new(seed).permutation(drives.len());
-    let trajectories =
-        |part: &[usize]| part.iter().map(|&i| trajectory(&drives[i])).collect::<Vec<_>>();
-    Split {
-        training: order[..160].iter().map(|&i| drives[i].clone()).collect(),
-        calibration: trajectories(&order[160..280]),
-        test: trajectories(&order[280..]),
-    }
-}
-
-fn train(safety: &SafetyLevels, drives: &[Drive]) -> Predictor {
-    let features = FeatureSet::subset("hrd").expect("a feature set");
-    let rows = drives.iter().map(|(inputs, states)| (&inputs[..], &states[..]));
-    let data = Dataset::from_trials(&features, safety, rows);
-    let width = features.len();
-    let scale = Scale::fit(width, &data.values);
-    let values: Vec<f64> =
-        data.values.iter().enumerate().map(|(i, &v)| scale.apply(i % width, v)).collect();
-    let labels: Vec<usize> = data.labels.iter().map(|label| (label.sign() + 1) as usize).collect();
-    let samples = Samples::new(width, &values, &labels, 3).expect("three classes");
-    let model = fit(&samples, 1.0, LogisticSettings::default()).expect("a fit");
-    Predictor::logistic(features, vec![-1, 0, 1], scale, model)
-}
-
 /// The comparison of every family on the split and the windows of `seed`.
 fn compare(seed: u64, points: usize) -> Pareto {
     static SAFETY: OnceLock<SafetyLevels> = OnceLock::new();
     let parameters = SceneParameters::default();
-    let safety = SAFETY.get_or_init(|| {
-        SafetyLevels::solve(&parameters, &mut |_| ControlFlow::Continue(())).expect("a closed form")
-    });
-    let Split { training, calibration, test } = split(seed);
-    let predictor = train(safety, &training);
+    let safety = SAFETY.get_or_init(recorded::safety);
+    let (predictor, sample) = recorded::split(&recorded::drives(), seed, safety);
     let human =
         || PredictedHuman::new(&predictor, safety, &parameters).expect("a model of three actions");
-    let training: Vec<Trajectory> = training.iter().map(trajectory).collect();
-    let windows: Vec<Window<'_>> = WindowChoice::EveryStep.windows(&training, STEPS).concat();
+    let windows: Vec<Window<'_>> =
+        WindowChoice::EveryStep.windows(&sample.training, STEPS).concat();
     let gaussian =
         |nominal| Gaussian::learn(nominal, &parameters, &windows).expect("enough windows");
     let empirical =
@@ -133,7 +59,7 @@ fn compare(seed: u64, points: usize) -> Pareto {
     let choice = WindowChoice::RandomOne { seed };
     let settings =
         ParetoSettings::new(TARGETS.to_vec(), 0.95, choice, STEPS, points).expect("settings");
-    pareto(&mut families, &calibration, &test, &settings).expect("a comparison")
+    pareto(&mut families, &sample.calibration, &sample.test, &settings).expect("a comparison")
 }
 
 /// One comparison, done once.

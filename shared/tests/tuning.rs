@@ -1,28 +1,20 @@
-//! Tuning and region probabilities on 400 recorded drives of **synthetic** people
-//! (`data/README.md`): the numbers test software, they say nothing about people.
+//! Tuning and region probabilities on 400 recorded drives of **synthetic** participants.
+
+mod recorded;
 
 use sidestep::bounds::{ActionChoice, Rollout};
-use sidestep::dataset::Dataset;
-use sidestep::features::FeatureSet;
 use sidestep::invalid::Invalid;
-use sidestep::learn::logistic::{LogisticSettings, fit};
-use sidestep::learn::samples::Samples;
 use sidestep::predict::Predictor;
-use sidestep::predict::scale::Scale;
 use sidestep::safety::SafetyLevels;
-use sidestep::scene::{JointState, SceneParameters};
+use sidestep::scene::SceneParameters;
 use sidestep::shfrs::PredictedHuman;
 use sidestep::shfrs::guarantee::Guarantee;
 use sidestep::shfrs::prediction::Prediction;
 use sidestep::shfrs::probability::regions;
 use sidestep::shfrs::tuning::{Split, Tuned, TuningSettings, candidates, tune};
 use sidestep::shfrs::window::{Trajectory, WindowChoice};
-use sidestep::vehicle::{Pose, TurnInput};
-use std::ops::ControlFlow;
+use sidestep::training::Driven;
 use std::sync::OnceLock;
-
-/// The inputs and the states before each of them.
-type Drive = (Vec<TurnInput>, Vec<JointState>);
 
 /// A predictor (logistic regression on B_hrd) of the first 20 drives of each person, and the
 /// other 30 of each: 240 trajectories that it has not seen.
@@ -33,48 +25,16 @@ struct Data {
     unseen: Vec<Trajectory>,
 }
 
-fn drives() -> Vec<(usize, Drive)> {
-    let mut reader = csv::Reader::from_reader(&include_bytes!("data/trials.csv")[..]);
-    let mut drives: Vec<(usize, Drive)> = Vec::new();
-    for row in reader.deserialize() {
-        let row: [f64; 11] = row.expect("good data");
-        if row[2] == 0.0 {
-            drives.push((row[1] as usize, Drive::default()));
-        }
-        let (inputs, states) = &mut drives.last_mut().expect("good data").1;
-        inputs.push(TurnInput::try_from((2.0 * row[10]) as i64).expect("good data"));
-        let [human, robot] = [4, 7].map(|i| Pose::new(row[i], row[i + 1], row[i + 2]));
-        states.push(JointState { human, robot });
-    }
-    drives
-}
-
 fn data() -> &'static Data {
     static DATA: OnceLock<Data> = OnceLock::new();
     DATA.get_or_init(|| {
         let parameters = SceneParameters::default();
-        let progress = &mut |_| ControlFlow::Continue(());
-        let safety = SafetyLevels::solve(&parameters, progress).expect("good data");
-        let features = FeatureSet::subset("hrd").expect("good data");
+        let safety = recorded::safety();
         let (seen, unseen): (Vec<_>, Vec<_>) =
-            drives().into_iter().partition(|(trial, _)| *trial < 20);
-        let rows = seen.iter().map(|(_, (inputs, states))| (&inputs[..], &states[..]));
-        let data = Dataset::from_trials(&features, &safety, rows);
-        let width = features.len();
-        let scale = Scale::fit(width, &data.values);
-        let standard: Vec<f64> =
-            data.values.iter().enumerate().map(|(i, &v)| scale.apply(i % width, v)).collect();
-        let labels: Vec<usize> =
-            data.labels.iter().map(|label| (label.sign() + 1) as usize).collect();
-        let samples = Samples::new(width, &standard, &labels, 3).expect("three classes");
-        let model = fit(&samples, 1.0, LogisticSettings::default()).expect("good data");
-        let predictor = Predictor::logistic(features, vec![-1, 0, 1], scale, model);
-        // The last input leads to no recorded state.
-        let trajectory = |(_, (inputs, states)): (usize, Drive)| {
-            let rates = inputs[..inputs.len() - 1].iter().map(|&i| parameters.human.turn_rate(i));
-            Trajectory::new(states, rates.collect()).expect("good data")
-        };
-        let unseen = unseen.into_iter().map(trajectory).collect();
+            recorded::drives().into_iter().enumerate().partition(|(i, _)| i % recorded::TASKS < 20);
+        let predictor = recorded::trained(seen.iter().map(|(_, drive)| drive), &safety);
+        let trajectory = |(_, drive): &(usize, Driven)| recorded::trajectory(drive);
+        let unseen = unseen.iter().map(trajectory).collect();
         Data { parameters, safety, predictor, unseen }
     })
 }

@@ -7,6 +7,8 @@
 
 #[path = "../../tests/learning/mod.rs"]
 mod learning;
+#[path = "../../tests/recorded/mod.rs"]
+mod recorded;
 mod people;
 mod cells;
 mod tables;

@@ -14,13 +14,10 @@ use sidestep::shfrs::window::Trajectory;
 use sidestep::training::Driven;
 
 use crate::learning::feature_rows;
+use crate::recorded::{self, TASKS};
 
-#[allow(dead_code, reason = "the other page's example uses the rest")]
-#[path = "../validate_shfrs/people.rs"]
-mod recorded;
-
-/// Tasks of each person, and steps of each task.
-const TASKS: usize = 50;
+/// Steps of each task.
+const STEPS: usize = 50;
 
 /// The people of trials.csv. Their B_hrd is that of features.csv, which scikit-learn saw; other
 /// features are computed.
@@ -35,13 +32,13 @@ fn people(
         given.features().map(|one| names.iter().position(|name| *name == one.name)).collect();
     let mut rows = feature_rows().into_iter();
     let mut people = Vec::new();
-    for (number, drives) in recorded::drives()?.chunks(TASKS).enumerate() {
+    for (number, drives) in recorded::drives().chunks(TASKS).enumerate() {
         let trials = drives.iter().map(|(inputs, states)| (&inputs[..], &states[..]));
         let mut data = Dataset::from_trials(&all, safety, trials);
         for (i, label) in data.labels.iter().enumerate() {
             let row = rows.next().ok_or("fewer features than steps")?;
             let place = (row.participant, row.trial, row.step, row.y1);
-            if place != (number, data.trials[i], i % TASKS, label.sign()) {
+            if place != (number, data.trials[i], i % STEPS, label.sign()) {
                 return Err(format!("features of another row at {place:?}").into());
             }
             for (place, value) in places.iter().zip(row.features) {
@@ -70,7 +67,7 @@ fn people(
 /// These people, and the comparison of the paper's seven sets on them with the protocol's grids.
 pub(crate) fn compared() -> Result<(Vec<ParticipantData>, Comparison), Box<dyn Error>> {
     let parameters = SceneParameters::default();
-    let safety = SafetyLevels::solve(&parameters, &mut |_| ControlFlow::Continue(()))?;
+    let safety = recorded::safety();
     let people = people(&parameters, &safety)?;
     let settings = Settings { sets: NamedSet::papers()?, ..Settings::new()? };
     let go_on = |_| ControlFlow::Continue(());

@@ -1,7 +1,6 @@
 //! Coverage against area: SHFRS and what it is compared with, on drives of synthetic people.
 
 use std::error::Error;
-use std::ops::ControlFlow;
 
 use serde_json::json;
 use sidestep::bounds::ActionChoice;
@@ -21,7 +20,7 @@ use sidestep::shfrs::window::{Window, WindowChoice};
 use sidestep::training::Driven;
 
 use crate::Found;
-use crate::people::{self, CALIBRATION, TRAINING};
+use crate::recorded::{self, CALIBRATION, TRAINING};
 
 const STEPS: usize = 10;
 const TARGETS: [f64; 3] = [0.75, 0.9, 0.95];
@@ -54,7 +53,7 @@ fn table(
     safety: &SafetyLevels,
     parameters: &SceneParameters,
 ) -> Result<Table, Box<dyn Error>> {
-    let (predictor, sample) = people::split(drives, seed, safety, parameters)?;
+    let (predictor, sample) = recorded::split(drives, seed, safety);
     let human = PredictedHuman::new(&predictor, safety, parameters)?;
     let prediction = Prediction::new(parameters, &human);
     let windows = WindowChoice::RandomOne { seed };
@@ -97,9 +96,9 @@ fn table(
 }
 
 pub(crate) fn check() -> Found {
-    let drives = people::drives()?;
+    let drives = recorded::drives();
     let parameters = SceneParameters::default();
-    let safety = SafetyLevels::solve(&parameters, &mut |_| ControlFlow::Continue(()))?;
+    let safety = recorded::safety();
     let tables = (0..SPLITS).map(|seed| table(&drives, seed, &safety, &parameters));
     let tables: Vec<Table> = tables.collect::<Result<_, _>>()?;
     // A family's cell for a target: means over the splits.

@@ -8,6 +8,8 @@
 
 #[path = "../../tests/reach_cases/mod.rs"]
 mod reach_cases;
+#[path = "../../tests/recorded/mod.rs"]
+mod recorded;
 mod drives;
 mod polygons;
 mod enumeration;
@@ -17,7 +19,6 @@ mod membership;
 mod reacting;
 mod coverage;
 mod danger;
-mod people;
 mod families;
 
 use std::error::Error;

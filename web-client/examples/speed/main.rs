@@ -7,8 +7,8 @@
 
 #[path = "../answer/mod.rs"]
 mod answer;
-#[path = "../../../shared/examples/validate_shfrs/people.rs"]
-mod people;
+#[path = "../../../shared/tests/recorded/mod.rs"]
+mod recorded;
 mod shfrs;
 mod value;
 

@@ -3,14 +3,13 @@
 //! People, and the predictor that is trained on them, are those of `tests/data/trials.csv`.
 
 use super::{FEW, Figures};
-use crate::people;
+use crate::recorded;
 use sidestep::bounds::{
     ActionModel, Algorithm1, BoundsSettings, InputBounds, Motion, Rollout, input_bounds,
 };
 use sidestep::invalid::Invalid;
 use sidestep::math::SeededRng;
 use sidestep::reach::{PolygonSettings, ReachableSet, Tolerance, Workspace};
-use sidestep::safety::SafetyLevels;
 use sidestep::scene::{JointState, SceneParameters};
 use sidestep::shfrs::guarantee::Guarantee;
 use sidestep::shfrs::prediction::Prediction;
@@ -20,7 +19,6 @@ use sidestep::shfrs::{PredictedHuman, ShfrsPredictor, ShfrsSettings, predict};
 use sidestep::vehicle::{Pose, dubins};
 use std::error::Error;
 use std::hint::black_box;
-use std::ops::ControlFlow;
 
 const RATE_RADPS: f64 = 0.5;
 const SPEED_MPS: f64 = 2.0;
@@ -51,8 +49,8 @@ pub(crate) fn measure(figures: &mut Figures<'_>) -> Result<(), Box<dyn Error>> {
     membership(figures)?;
 
     let parameters = SceneParameters::default();
-    let safety = SafetyLevels::solve(&parameters, &mut |_| ControlFlow::Continue(()))?;
-    let (predictor, sample) = people::split(&people::drives()?, 1, &safety, &parameters)?;
+    let safety = recorded::safety();
+    let (predictor, sample) = recorded::split(&recorded::drives(), 1, &safety);
     let human = PredictedHuman::new(&predictor, &safety, &parameters)?;
     let moments = moments(&sample.test);
     bounds(figures, &moments, &parameters, &human)?;

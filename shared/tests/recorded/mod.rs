@@ -1,0 +1,74 @@
+//! The recorded drives of **synthetic** participants (`tests/data/README.md`), and a predictor of
+//! them. The numbers compare software; they say nothing about people.
+#![allow(dead_code, reason = "each test uses some of it")]
+
+use sidestep::dataset::Dataset;
+use sidestep::features::FeatureSet;
+use sidestep::math::SeededRng;
+use sidestep::predict::Predictor;
+use sidestep::safety::SafetyLevels;
+use sidestep::scene::{JointState, SceneParameters};
+use sidestep::shfrs::tuning::Sample;
+use sidestep::shfrs::window::Trajectory;
+use sidestep::training::{Driven, logistic};
+use sidestep::vehicle::{Pose, TurnInput};
+use std::ops::ControlFlow;
+
+/// Tasks of each participant.
+pub(crate) const TASKS: usize = 50;
+
+/// Drives of a predictor's training and of a calibration; the rest is for the test.
+pub(crate) const TRAINING: usize = 160;
+pub(crate) const CALIBRATION: usize = 120;
+
+/// The drives of the file: the tasks of the first of eight participants, then of the next.
+pub(crate) fn drives() -> Vec<Driven> {
+    let mut reader = csv::Reader::from_reader(&include_bytes!("../data/trials.csv")[..]);
+    let mut drives: Vec<Driven> = Vec::new();
+    for row in reader.deserialize() {
+        let row: [f64; 11] = row.expect("a row of numbers");
+        if row[2] == 0.0 {
+            drives.push(Driven::default());
+        }
+        let (inputs, states) = drives.last_mut().expect("a first step");
+        inputs.push(TurnInput::try_from((2.0 * row[10]) as i64).expect("a turn rate"));
+        let [human, robot] = [4, 7].map(|i| Pose::new(row[i], row[i + 1], row[i + 2]));
+        states.push(JointState { human, robot });
+    }
+    drives
+}
+
+/// The drive as a trajectory: its last input leads to no recorded state.
+pub(crate) fn trajectory((inputs, states): &Driven) -> Trajectory {
+    let human = SceneParameters::default().human;
+    let rates = inputs[..inputs.len() - 1].iter().map(|&input| human.turn_rate(input));
+    Trajectory::new(states.clone(), rates.collect()).expect("a trajectory")
+}
+
+/// The safety levels of the study.
+pub(crate) fn safety() -> SafetyLevels {
+    let parameters = SceneParameters::default();
+    SafetyLevels::solve(&parameters, &mut |_| ControlFlow::Continue(())).expect("a closed form")
+}
+
+/// A logistic regression on B_hrd.
+pub(crate) fn trained<'a>(
+    drives: impl IntoIterator<Item = &'a Driven>,
+    safety: &SafetyLevels,
+) -> Predictor {
+    let features = FeatureSet::subset("hrd").expect("a feature set");
+    let rows = drives.into_iter().map(|(inputs, states)| (&inputs[..], &states[..]));
+    logistic(&Dataset::from_trials(&features, safety, rows)).expect("a fit")
+}
+
+/// The drives split at random: participants and scenes are mixed in each part, so that the parts are
+/// exchangeable. And a predictor that was trained on the training part.
+pub(crate) fn split(drives: &[Driven], seed: u64, safety: &SafetyLevels) -> (Predictor, Sample) {
+    let order = SeededRng::new(seed).permutation(drives.len());
+    let (training, rest) = order.split_at(TRAINING);
+    let (calibration, test) = rest.split_at(CALIBRATION);
+    let part = |part: &[usize]| part.iter().map(|&i| trajectory(&drives[i])).collect();
+    let sample =
+        Sample { training: part(training), calibration: part(calibration), test: part(test) };
+    (trained(training.iter().map(|&i| &drives[i]), safety), sample)
+}
