@@ -48,7 +48,7 @@ pub(crate) struct Air3d {
     pub(crate) scheme: &'static str,
     nodes: [usize; 3],
     pub(crate) dx_m: f64,
-    /// Of a solve.
+    /// Of a solve; the closed form has none.
     cfl: Option<f64>,
     steps: Option<usize>,
     pub(crate) accuracy: Accuracy,

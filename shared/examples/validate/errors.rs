@@ -7,7 +7,7 @@ use sidestep::math::{PI, SeededRng, sin_cos};
 #[derive(Clone, Serialize)]
 pub(crate) struct Errors {
     pub(crate) count: usize,
-    /// Quantiles.
+    /// Quantiles and the largest.
     pub(crate) p50: f64,
     pub(crate) p90: f64,
     pub(crate) p99: f64,
@@ -15,7 +15,7 @@ pub(crate) struct Errors {
 }
 
 impl Errors {
-    /// Of these, which must be some.
+    /// Of a list that is not empty.
     pub(crate) fn of(mut errors: Vec<f64>) -> Self {
         errors.sort_by(f64::total_cmp);
         let quantile = |share: f64| errors[((errors.len() - 1) as f64 * share) as usize];

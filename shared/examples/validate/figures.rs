@@ -16,7 +16,7 @@ const PURPLE: Colour = colours::SERIES[3];
 
 /// {V = 0} in the evader's frame: whole, and enlarged around its farthest point.
 pub(crate) fn sliced(slices: &[Slice]) -> Drawing {
-    // Under the others, so wide that it shows on both sides of them.
+    // The first lies under the others and is so wide that it shows on both sides of them.
     let curves = [
         ("closed form", Pen::new(Colour::rgb([176, 196, 214]), 5.0)),
         ("Cartesian solver, WENO5, 51×40×50", Pen::new(BLUE, 1.5)),
@@ -39,7 +39,7 @@ pub(crate) fn sliced(slices: &[Slice]) -> Drawing {
         let mut whole = Chart::new(&title, "", x, y);
         add(&mut whole);
         whole.add(Note::sign(Sign::Vehicle(0.0, 14.0), [0.0, 0.0], colours::TEXT));
-        // 2.6 m × 2 m around the tip, as the whole is 26 m × 20 m.
+        // 2.6 m × 2 m around the tip; the whole is 26 m × 20 m.
         let [tip_x, tip_y] = slice.tip.map(|at| (at * 10.0).round() / 10.0);
         let (wide, high) = ([tip_x - 1.9, tip_x + 0.7], [tip_y - 1.0, tip_y + 1.0]);
         let points =
@@ -99,7 +99,7 @@ pub(crate) fn error_map(map: &ErrorMap) -> Drawing {
     let x = Axis::linear("x ahead", "m", [-6.0, 15.0], 12);
     let y = Axis::linear("y to the left", "m", [-8.0, 8.0], 8);
     let mut chart = Chart::new("", "", x, y);
-    // Level upon level, so that no white shows between neighbours.
+    // Each level is drawn over the one before, so that no white shows between neighbours.
     for (level, colour) in LEVELS {
         let corner = |origin: f64, i: usize| origin + map.cell_m * (i as f64 - 0.5);
         let cell = |[row, from, to]: [usize; 3]| {
@@ -176,7 +176,7 @@ pub(crate) fn convergence(check: &cartesian::Check) -> Drawing {
         smooth.add(Series::line(name, points, colour, 1.8).marked(mark));
         let points = centimetres(name);
         if let Some(first) = points.first() {
-            // The lines of two end close to each other.
+            // Two lines end close to each other.
             let below = match name {
                 "ENO3" => -5.0,
                 "WENO5" => 6.0,

@@ -31,7 +31,7 @@ pub(crate) struct Slice {
 /// |polar − closed form| of *paper* at ψ = π, standard accuracy.
 #[derive(Serialize)]
 pub(crate) struct ErrorMap {
-    /// Of all cells, and where the largest is.
+    /// Errors of all cells, m, and where the largest is.
     errors: Errors,
     worst: [f64; 2],
     /// First x, first y (of the centres of square cells) and their side, m.
@@ -80,7 +80,7 @@ pub(crate) fn slices(polar: &Solved) -> Result<Vec<Slice>, Box<dyn Error>> {
     let exact = ValueFunction::Exact(MITCHELL.exact()?);
     let slice = |psi_deg: f64| {
         let psi = psi_deg * TAU / 360.0;
-        // Along rays, which all leave the set once; the first part is inside in any case.
+        // Every ray leaves the set once, and its first part is always inside.
         let (inner, outer) = (0.5 * MITCHELL.radius_m, 30.0);
         let [exact, polar, cartesian] = [&exact, &polar.function, &cartesian].map(|function| {
             let value = |x, y| function.value([x, y, psi]);

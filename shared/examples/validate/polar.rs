@@ -23,7 +23,7 @@ pub(crate) struct Check {
     range_m: f64,
     sweeps: usize,
     drift_m: f64,
-    /// Between the nodes and at them, of the states that count.
+    /// Errors at the states that count: between the nodes, and at them.
     random: Errors,
     at_nodes: Errors,
     /// How much larger the volume of {V ≤ 0} is than the closed form's.
@@ -37,8 +37,8 @@ pub(crate) struct Check {
 pub(crate) const STATES: usize = 200_000;
 /// Only states this near to {V = 0} count, m.
 const NEAR_M: f64 = 0.5;
-/// And only if the range can be made this much smaller, m: elsewhere V = r − R, which is
-/// stored as an exact 0 and would flatter the quantiles.
+/// And only if the range can be made this much smaller, m. Elsewhere V = r − R, which is
+/// stored exactly and would make the quantiles look better.
 const CLOSING_M: f64 = 1e-6;
 
 const ACCURACIES: [(&str, Accuracy); 3] =

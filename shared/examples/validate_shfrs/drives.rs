@@ -10,18 +10,18 @@ use sidestep::vehicle::{Pose, dubins};
 use crate::{RATE_RADPS, SPEED_MPS, STEP_S};
 
 /// What bounds admit. Their geometry differs: a straight extremal needs that straight is
-/// admitted, and the rear needs more than one jump where it is not.
+/// admitted, and the rear needs more than one switch where it is not.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub(crate) enum Kind {
     /// Every turn rate in every step.
     Everything,
-    /// Straight in every step; sometimes nothing else.
+    /// Straight in every step, sometimes alone.
     Straight,
     /// Turns to one side only, the same in every step.
     #[serde(rename = "one side")]
     OneSide,
-    /// Anything: signs change from step to step, and some steps leave no choice.
+    /// Anything: signs change from step to step, and some steps admit a single rate.
     Any,
 }
 
@@ -31,7 +31,7 @@ pub(crate) const KINDS: [Kind; 4] = [Kind::Everything, Kind::Straight, Kind::One
 pub(crate) type Rates = (Vec<f64>, Vec<f64>);
 
 impl Kind {
-    /// Random bounds of so many steps. In half of them neighbouring steps often agree.
+    /// Random bounds of `steps` steps. In half of the cases neighbouring steps often agree.
     pub(crate) fn bounds(self, steps: usize, rng: &mut SeededRng) -> Rates {
         let (steady, side) = (rng.below(2) == 0, [-1.0, 1.0][rng.below(2)]);
         let mut held = None;

@@ -1,4 +1,4 @@
-//! Inputs that jump twice, all of them: does one end at every point of the boundary?
+//! Every input that switches twice: does one of them end at each point of the boundary?
 
 use serde_json::json;
 use sidestep::math::{SeededRng, hypot};
@@ -8,25 +8,25 @@ use sidestep::vehicle::{Pose, dubins};
 use crate::drives::{KINDS, Kind, Rates, set};
 use crate::{Found, SPEED_MPS, STEP_S};
 
-/// Steps, and into how many parts each is divided for the jumps to begin with. Over three
-/// steps two jumps suffice for any bounds; over ten, where straight is always admitted.
+/// Steps, and the parts of each step between which the first inputs switch. Two switches suffice
+/// over three steps for any bounds, and over ten where straight is always admitted.
 const SHORT: (usize, usize) = (3, 12);
 const LONG: (usize, usize) = (10, 4);
 /// Bounds of a kind.
 const BOUNDS: usize = 10;
-/// The jumps of the nearest inputs are then moved until an end is so near, m, or no move by so
-/// much, s, is of use.
+/// The switching times of the nearest inputs are then moved until an end is this near, m, or moves
+/// of this size, s, no longer help.
 const NEAR_M: f64 = 1e-4;
 const LEAST_MOVE_S: f64 = 1e-5;
-/// Of how many sequences of rates.
+/// How many sequences of rates are moved.
 const NEAREST: usize = 6;
 
 /// Three rates one after the other, each lowest (0), highest (2) or as straight as admitted (1),
-/// and the times of the two jumps, s.
+/// and the two switching times, s.
 #[derive(Clone, Copy)]
 struct Input {
     rates: [usize; 3],
-    jumps: [f64; 2],
+    switches: [f64; 2],
 }
 
 impl Input {
@@ -35,7 +35,7 @@ impl Input {
         for (i, (&low, &high)) in lo.iter().zip(hi).enumerate() {
             let choices = [low, 0.0_f64.clamp(low, high), high];
             let (begin, end) = (i as f64 * STEP_S, (i + 1) as f64 * STEP_S);
-            let [first, second] = self.jumps.map(|jump| jump.clamp(begin, end));
+            let [first, second] = self.switches.map(|at| at.clamp(begin, end));
             let cuts = [begin, first, second, end];
             for (choice, cut) in self.rates.iter().zip(cuts.windows(2)) {
                 if cut[1] > cut[0] {
@@ -47,7 +47,7 @@ impl Input {
     }
 }
 
-/// Every sequence of rates, each with every pair of jumps between parts.
+/// Every sequence of rates, each with every pair of switching times between parts.
 fn enumerated(rates: &Rates, parts: usize) -> Vec<Vec<(Input, [f64; 2])>> {
     let parts_in_all = rates.0.len() * parts;
     let at = |part: usize| part as f64 * STEP_S / parts as f64;
@@ -55,7 +55,7 @@ fn enumerated(rates: &Rates, parts: usize) -> Vec<Vec<(Input, [f64; 2])>> {
         let kinds = [code % 3, code / 3 % 3, code / 9];
         let pairs = (0..=parts_in_all).flat_map(|i| (i..=parts_in_all).map(move |j| (i, j)));
         let input = |(i, j)| {
-            let input = Input { rates: kinds, jumps: [at(i), at(j)] };
+            let input = Input { rates: kinds, switches: [at(i), at(j)] };
             (input, input.end(rates))
         };
         pairs.map(input).collect()
@@ -63,7 +63,7 @@ fn enumerated(rates: &Rates, parts: usize) -> Vec<Vec<(Input, [f64; 2])>> {
     (0..27).map(sequence).collect()
 }
 
-/// Distance from `point` to the nearest end, once the jumps were found closely.
+/// Distance from `point` to the nearest end, m, after the switching times were moved.
 fn distance(inputs: &[Vec<(Input, [f64; 2])>], point: [f64; 2], rates: &Rates, part: f64) -> f64 {
     let from = |end: [f64; 2]| hypot(end[0] - point[0], end[1] - point[1]);
     let nearest = |inputs: &Vec<(Input, [f64; 2])>| {
@@ -77,11 +77,11 @@ fn distance(inputs: &[Vec<(Input, [f64; 2])>], point: [f64; 2], rates: &Rates, p
     for (least, input) in &mut best {
         let mut by = part;
         while *least > NEAR_M && by > LEAST_MOVE_S {
-            let (before, Input { jumps: [first, second], .. }) = (*least, *input);
+            let (before, Input { switches: [first, second], .. }) = (*least, *input);
             for (a, b) in [-by, 0.0, by].into_iter().flat_map(|a| [-by, 0.0, by].map(|b| (a, b))) {
                 let first = (first + a).clamp(0.0, until);
-                let jumps = [first, (second + b).clamp(first, until)];
-                let tried = Input { jumps, ..*input };
+                let switches = [first, (second + b).clamp(first, until)];
+                let tried = Input { switches, ..*input };
                 let found = from(tried.end(rates));
                 if found < *least {
                     (*least, *input) = (found, tried);
@@ -105,7 +105,7 @@ pub(crate) fn check() -> Found {
     let long = [Kind::Everything, Kind::Straight].map(|kind| (kind, LONG));
     let mut checks = Vec::new();
     for (kind, (steps, parts)) in short.into_iter().chain(long) {
-        // There is but one set that admits everything.
+        // Only one set admits everything.
         let bounds = if kind == Kind::Everything { 1 } else { BOUNDS };
         let (mut tried, mut points, mut farthest_m) = (0, 0, 0.0_f64);
         for _ in 0..bounds {

@@ -1,4 +1,4 @@
-//! Random admissible drives and the polygons that surely contain the set.
+//! Random admissible drives and the conservative polygons that must contain them.
 
 use std::error::Error;
 
@@ -15,13 +15,13 @@ use crate::drives::{KINDS, Kind, any_pose, drive, set};
 /// How the polygons are drawn, m; and the exact ones that they are compared with.
 const ACCURACY_M: f64 = 1e-3;
 const EXACT_M: f64 = 1e-4;
-/// One in so many is compared: exact polygons of uncertain starts take their time.
+/// One of this many is compared, because exact polygons of uncertain starts take long.
 const COMPARED: usize = 5;
 /// Bounds of a kind, drives under each, and parts of a step.
 const BOUNDS: usize = 125;
 const DRIVES: usize = 200;
 const PARTS: usize = 5;
-/// Steps at most: so far, fronts and rears are graphs.
+/// Steps at most: up to here, fronts and rears are graphs.
 const STEPS: usize = 15;
 
 /// Bounds of one kind, from poses and from uncertain starts.
@@ -44,7 +44,7 @@ struct OfKind {
 }
 
 impl OfKind {
-    /// Takes a conservative polygon and the exact one into account.
+    /// Compares a conservative polygon with the exact one.
     fn compare(&mut self, drawn: &[[f64; 2]], exact: &[[f64; 2]]) {
         self.compared += 1;
         let beyond = drawn.iter().map(|&vertex| -signed_distance(exact, vertex));

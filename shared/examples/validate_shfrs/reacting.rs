@@ -1,5 +1,5 @@
 //! Made-up people who turn away from a robot that comes near: their probabilities are known,
-//! and there are as many of them as one likes.
+//! and any number of them can be made.
 
 use rayon::prelude::*;
 use sidestep::bounds::{ActionChoice, ActionModel};
@@ -48,7 +48,7 @@ pub(crate) fn choice() -> ActionChoice {
     ActionChoice::Adaptive { tau: 0.2, steps: STEPS }
 }
 
-/// The drive of one of them against a robot that drives straight on.
+/// The drive of one human against a robot that drives straight on.
 fn drive(rng: &mut SeededRng) -> Result<Trajectory, Invalid> {
     let robot = Pose::new(rng.uniform(2.0, 9.0), rng.uniform(-5.0, 5.0), rng.uniform(-3.1, 3.1));
     let mut states = vec![JointState { human: Pose::new(0.0, 0.0, 0.0), robot }];
@@ -59,7 +59,7 @@ fn drive(rng: &mut SeededRng) -> Result<Trajectory, Invalid> {
     for _ in 0..STEPS {
         let mut probabilities = [0.0; 3];
         person.probabilities(&states, &mut probabilities);
-        // One does not decide anew in every step, and does not steer exactly.
+        // They do not decide again in every step, and do not steer exactly.
         if rng.unit() < 0.4 {
             let drawn = rng.unit();
             let [right, straight, _] = probabilities;
@@ -77,14 +77,14 @@ fn drive(rng: &mut SeededRng) -> Result<Trajectory, Invalid> {
     Trajectory::new(states, rates)
 }
 
-/// Everyone there is: drives, and their scores.
+/// The whole population: drives, and their scores.
 pub(crate) struct Population {
     pub(crate) drives: Vec<Trajectory>,
     pub(crate) scores: Vec<f64>,
 }
 
 impl Population {
-    /// So many of them.
+    /// `count` drives.
     pub(crate) fn new(count: usize, parameters: &SceneParameters) -> Result<Self, Invalid> {
         let mut rng = SeededRng::new(65);
         let drives: Vec<Trajectory> =

@@ -125,7 +125,8 @@ impl Reference {
 
     /// Our polygon, with its rear drawn as the reference's.
     fn with_coarse_rear(&self, polygon: &[[f64; 2]], step: usize) -> Vec<[f64; 2]> {
-        // The path at the highest rates for so many thirds of a step, then at the lowest.
+        // The end of the path with the highest rates for the first `thirds` thirds of a step, then
+        // with the lowest.
         let end = |thirds: usize| {
             let pose = (0..3 * step).fold(self.x0, |pose, third| {
                 let rates = if third < thirds { &self.hi } else { &self.lo };
