@@ -15,7 +15,7 @@ use sidestep::reachability::ValueFunction;
 
 pub use pareto::pareto;
 pub use png::png;
-pub use regions::{DangerZone, DrawnSet, RegionsPanel, regions, shown_steps};
+pub use regions::{RegionsPanel, regions};
 pub use slices::slices;
 pub use tube::tube;
 
@@ -26,6 +26,30 @@ pub struct DrawError(pub String);
 
 /// Around every figure, px.
 const MARGIN: f64 = 28.0;
+
+/// What part of the plane panels show, m.
+struct Window {
+    x: [f64; 2],
+    y: [f64; 2],
+}
+
+impl Window {
+    /// The smallest one around points, of which there must be one.
+    fn around(points: impl IntoIterator<Item = [f64; 2]>) -> Self {
+        let none = [f64::INFINITY, f64::NEG_INFINITY];
+        let widened = |[low, high]: [f64; 2], value: f64| [low.min(value), high.max(value)];
+        let add = |Self { x, y }, [px, py]: [f64; 2]| Self { x: widened(x, px), y: widened(y, py) };
+        points.into_iter().fold(Self { x: none, y: none }, add)
+    }
+
+    fn wide(&self) -> f64 {
+        self.x[1] - self.x[0]
+    }
+
+    fn high(&self) -> f64 {
+        self.y[1] - self.y[0]
+    }
+}
 
 /// A page with a heading and notes below it. It is as high as these, and `width` px wide between
 /// its margins, or wider for long notes.

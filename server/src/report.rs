@@ -1,8 +1,10 @@
 //! The files of an analysis: tables, report, LaTeX and models. They print what
 //! [`sidestep::comparison`] computed; no number is computed here.
 
+mod text;
+mod charts;
+mod decision_charts;
 mod page;
-mod latex;
 mod tables_csv;
 
 use sidestep::comparison::Analysis;
@@ -18,7 +20,7 @@ pub type Content<'a> = &'a dyn Fn(&mut dyn Write) -> io::Result<()>;
 /// writes it.
 ///
 /// # Errors
-/// The error of `put`.
+/// The error of `put`, or of a template that asks for what there is not.
 pub fn each_file(
     analysis: &Analysis,
     put: &mut dyn FnMut(&str, Content<'_>) -> io::Result<()>,
@@ -26,8 +28,12 @@ pub fn each_file(
     for (name, table) in tables_csv::tables(analysis) {
         put(name, &|out| table(analysis, out))?;
     }
-    put("report.html", &|out| out.write_all(page::html(analysis).as_bytes()))?;
-    put("tables.tex", &|out| out.write_all(latex::tables(analysis).as_bytes()))?;
+    for (name, text) in
+        [("report.html", page::html(analysis)), ("tables.tex", page::latex(analysis))]
+    {
+        let text = text.map_err(io::Error::other)?;
+        put(name, &|out| out.write_all(text.as_bytes()))?;
+    }
     for cell in &analysis.comparison.cells {
         let participant = &analysis.comparison.participants[cell.participant].name;
         let participant = tables_csv::file_name(participant);
@@ -42,7 +48,7 @@ pub fn each_file(
 /// Writes every file of an analysis into an empty `folder`.
 ///
 /// # Errors
-/// The disk's error.
+/// The disk's error, or that of a template.
 pub fn write(analysis: &Analysis, folder: &Path) -> io::Result<()> {
     std::fs::create_dir(folder.join("models"))?;
     each_file(analysis, &mut |name, write| {

@@ -1,4 +1,4 @@
-//! The paper's comparison: does what is known of the danger help to predict a person?
+//! The paper's comparison: do safety levels help to predict people?
 //!
 //! For every participant, feature set, model and experiment a model is trained, with
 //! hyper-parameters chosen by cross-validation over whole trials, and tested on the participant's
@@ -8,26 +8,23 @@
 //! participants and the number of threads.
 
 pub mod metrics;
-pub mod avoidance;
 pub mod split;
 pub mod cell;
 pub mod fit;
 mod settings;
-pub mod baseline;
 pub mod rollout;
 pub mod tables;
 mod plan;
 mod run;
 pub mod gains;
 pub mod differences;
-pub mod ablation;
 pub mod decision_map;
 pub mod findings;
 mod analysis;
 mod fingerprint;
 
-pub use analysis::{Analysis, AnalysisError, Counts, DataSummary, analyse};
+pub use analysis::{Analysis, Counts, DataSummary, analyse};
 pub use fingerprint::learning_fingerprints;
 pub use plan::{DataError, ParticipantData};
-pub use run::{Cache, Leakage, Progress, Results, RolloutsOf, RunError, run};
+pub use run::{AnalysisError, Cache, Leakage, Progress, Results, RolloutsOf, run};
 pub use settings::{Request, Settings};

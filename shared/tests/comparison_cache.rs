@@ -5,7 +5,9 @@
 #![allow(clippy::unwrap_used)]
 
 use sidestep::comparison::cell::{Cell, NamedSet};
-use sidestep::comparison::{Cache, ParticipantData, Progress, Results, RunError, Settings, run};
+use sidestep::comparison::{
+    AnalysisError, Cache, ParticipantData, Progress, Results, Settings, run,
+};
 use sidestep::features::FeatureSet;
 use sidestep::safety::SafetyLevels;
 use sidestep::scene::SceneParameters;
@@ -64,7 +66,7 @@ impl Study {
         settings: &Settings,
         cache: &Counting,
         progress: &(dyn Fn(Progress) -> ControlFlow<()> + Sync),
-    ) -> Result<Results, RunError> {
+    ) -> Result<Results, AnalysisError> {
         run(&self.people, &self.scene, &self.safety, settings, Some(cache), progress)
     }
 }
@@ -150,7 +152,7 @@ fn what_is_broken_off_computes_no_more_than_had_begun() {
     let enough = |progress: Progress| {
         if progress.done >= 5 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
-    assert_eq!(study.run(&settings, &cache, &enough), Err(RunError::Stopped));
+    assert_eq!(study.run(&settings, &cache, &enough), Err(AnalysisError::Stopped));
     // Each thread may have been at one more.
     let computed = cache.computed();
     let threads = std::thread::available_parallelism().unwrap().get();

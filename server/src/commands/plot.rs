@@ -6,8 +6,7 @@ use super::prediction::{Prediction, PredictorArgs, named};
 use super::reach::MOST_STEPS;
 use super::solving::Interrupt;
 use super::{CommandError, print_json, unwritable};
-use crate::figure;
-use crate::figure::{RegionsPanel, shown_steps};
+use crate::figure::{self, RegionsPanel};
 use crate::formats::atomic_file;
 use sidestep::chart::{Drawing, number};
 use sidestep::invalid::Invalid;
@@ -114,21 +113,18 @@ async fn regions(files: &[PathBuf], predictor: &PredictorArgs) -> Result<Drawing
             return Err(document.complain(&Invalid::new("", expected, words(alike))));
         }
         let title = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        let shown = shown_steps(alike.0);
-        let panel = RegionsPanel::new(title, now, &bounds.sets, &motion, danger_radius_m, &shown);
+        let panel = RegionsPanel::new(title, now, &bounds.sets, &motion, danger_radius_m);
         panels.push(panel.map_err(|invalid| document.complain(&named(invalid)))?);
         epsilons.push(epsilon);
     }
-    let Some((steps, step_s, sets)) = first else {
+    let Some((_, _, sets)) = first else {
         let message =
             "--input: expected a document of `sidestep bounds` for each panel, found none";
         return Err(CommandError::Input(message.to_owned()));
     };
-    let times: Vec<f64> = shown_steps(steps).into_iter().map(|step| step as f64 * step_s).collect();
     let names: Vec<String> = (0..sets).map(|j| region_name(j, &epsilons)).collect();
     let note = "Region j: positions that set j adds to set j − 1; circle: the robot’s danger zone";
-    figure::regions("Where the human may be", note, &panels, &times, &names)
-        .map_err(CommandError::failure)
+    Ok(figure::regions("Where the human may be", note, &panels, &names))
 }
 
 /// "F2: ε = 0.15 rad/s"; where panels differ, the ε of each in their order.

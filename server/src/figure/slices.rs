@@ -1,6 +1,6 @@
 //! {V = c} at fixed relative headings: small multiples in the evader's frame.
 
-use super::{MARGIN, caption, headed};
+use super::{MARGIN, Window, caption, headed};
 use sidestep::chart::{
     Area, Axis, Chart, Colour, Drawing, Frame, LegendItem, Note, Pen, Sign, colours, disc, number,
 };
@@ -25,7 +25,7 @@ pub fn slices(function: &ValueFunction, psi_deg: &[f64], levels: &[f64]) -> Draw
         })
         .collect();
     let radius_m = function.game().radius_m;
-    let window = Window::around(&curves, radius_m);
+    let window = window_of(&curves, radius_m);
     let (columns, side) = match psi_deg.len() {
         1 => (1, 560.0),
         2 | 4 => (2, 420.0),
@@ -76,36 +76,16 @@ fn dashed() -> Pen {
     Pen::new(colours::MUTED, 1.2).dashed(4.0, 4.0)
 }
 
-/// What part of the plane all panels show, m.
-struct Window {
-    x: [f64; 2],
-    y: [f64; 2],
-}
-
-impl Window {
-    fn around(curves: &[Vec<Curves>], radius_m: f64) -> Self {
-        let (mut x, mut y) = ([-radius_m, radius_m], [-radius_m, radius_m]);
-        for [px, py] in curves.iter().flatten().flatten().flatten() {
-            x = [x[0].min(*px), x[1].max(*px)];
-            y = [y[0].min(*py), y[1].max(*py)];
-        }
-        let room = 0.06 * (x[1] - x[0]).max(y[1] - y[0]);
-        let widen = |[low, high]: [f64; 2], by: f64| [low - 0.5 * by, high + 0.5 * by];
-        let mut window = Self { x: widen(x, 2.0 * room), y: widen(y, 2.0 * room) };
-        // No slits: one metre is as long along both axes.
-        let (wide, high) = (window.wide(), window.high());
-        window.x = widen(window.x, (high / 1.4 - wide).max(0.0));
-        window.y = widen(window.y, (0.55 * wide - high).max(0.0));
-        window
-    }
-
-    fn wide(&self) -> f64 {
-        self.x[1] - self.x[0]
-    }
-
-    fn high(&self) -> f64 {
-        self.y[1] - self.y[0]
-    }
+/// What part of the plane all panels show. No slits: one metre is as long along both axes.
+fn window_of(curves: &[Vec<Curves>], radius_m: f64) -> Window {
+    let points = curves.iter().flatten().flatten().flatten().copied();
+    let Window { x, y } = Window::around(points.chain([[radius_m; 2], [-radius_m; 2]]));
+    let room = 0.06 * (x[1] - x[0]).max(y[1] - y[0]);
+    let widen = |[low, high]: [f64; 2], by: f64| [low - 0.5 * by, high + 0.5 * by];
+    let window = Window { x: widen(x, 2.0 * room), y: widen(y, 2.0 * room) };
+    let (wide, high) = (window.wide(), window.high());
+    let x = widen(window.x, (high / 1.4 - wide).max(0.0));
+    Window { x, y: widen(window.y, (0.55 * wide - high).max(0.0)) }
 }
 
 /// One heading.

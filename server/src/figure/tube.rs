@@ -1,6 +1,6 @@
 //! {V = 0} as a surface over the plane, relative heading upwards.
 
-use super::{MARGIN, caption, headed};
+use super::{MARGIN, Window, caption, headed};
 use sidestep::chart::{Align, Axis, Colour, Drawing, Pen, Point, colours, number};
 use sidestep::math::{PI, TAU, atan2, hypot, sin_cos};
 use sidestep::reachability::{CurveSettings, ValueFunction};
@@ -173,14 +173,8 @@ fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
 
 impl View {
     fn new(surface: &Surface) -> Self {
-        let (mut x, mut y) = ([0.0_f64; 2], [0.0_f64; 2]);
-        for i in 0..=UP {
-            for j in 0..AROUND {
-                let [px, py, _] = surface.node(i, j);
-                x = [x[0].min(px), x[1].max(px)];
-                y = [y[0].min(py), y[1].max(py)];
-            }
-        }
+        let nodes = surface.nodes.iter().map(|[x, y, _]| [*x, *y]);
+        let Window { x, y } = Window::around(nodes.chain([[0.0, 0.0]]));
         let room = 0.08 * (x[1] - x[0]).max(y[1] - y[0]);
         let (x, y) = ([x[0] - room, x[1] + room], [y[0] - room, y[1] + room]);
         let ((sa, ca), (se, ce)) = (sin_cos(CAMERA[0]), sin_cos(CAMERA[1]));
@@ -195,17 +189,13 @@ impl View {
             up: [-ca * se, -sa * se, ce],
             towards: [ca * ce, sa * ce, se],
         };
-        let mut ends = [[f64::INFINITY, f64::NEG_INFINITY]; 2];
-        for corner in 0..8_usize {
+        let page = Window::around((0..8_usize).map(|corner| {
             let pick = |d: usize, ends: [f64; 2]| ends[corner >> d & 1];
-            let flat = view.place([pick(0, x), pick(1, y), pick(2, [0.0, TAU])]);
-            for d in 0..2 {
-                ends[d] = [ends[d][0].min(flat[d]), ends[d][1].max(flat[d])];
-            }
-        }
-        let (wide, high) = (ends[0][1] - ends[0][0], ends[1][1] - ends[1][0]);
-        view.scale = ((WIDTH - 170.0) / wide).min((HEIGHT - 210.0) / high);
+            view.place([pick(0, x), pick(1, y), pick(2, [0.0, TAU])])
+        }));
+        view.scale = ((WIDTH - 170.0) / page.wide()).min((HEIGHT - 210.0) / page.high());
         let centre = [WIDTH / 2.0 + 14.0, 90.0 + (HEIGHT - 150.0) / 2.0];
+        let ends = [page.x, page.y];
         view.middle = [0, 1].map(|d| centre[d] - view.scale * 0.5 * (ends[d][0] + ends[d][1]));
         view
     }

@@ -1,13 +1,15 @@
 //! The tables of an analysis as CSV. Same results, same bytes.
 
 use csv::Writer;
+use serde::Serialize;
 use sha2::{Digest, Sha256};
 use sidestep::comparison::Analysis;
-use sidestep::comparison::avoidance::Distances;
 use sidestep::comparison::cell::{Experiment, ModelName, PAPERS_SETS};
-use sidestep::comparison::gains::Gain;
-use sidestep::comparison::tables::Pooled;
+use sidestep::comparison::gains::{Gain, Paired};
 use std::io::{self, Write};
+
+/// Writes a table.
+pub(super) type Table = fn(&Analysis, &mut dyn Write) -> io::Result<()>;
 
 /// Of every analysis.
 const TABLES: [(&str, Table); 9] = [
@@ -31,18 +33,16 @@ pub(super) fn tables(analysis: &Analysis) -> impl Iterator<Item = (&'static str,
     TABLES.into_iter().chain(leakage)
 }
 
-pub(super) type Table = fn(&Analysis, &mut dyn Write) -> io::Result<()>;
-
-/// Rows of strings as CSV.
+/// A header and rows: tuples, in which each value is a field, that of a nested one too.
 fn write(
     out: &mut dyn Write,
-    header: &[&str],
-    rows: impl IntoIterator<Item = Vec<String>>,
+    header: &str,
+    rows: impl IntoIterator<Item = impl Serialize>,
 ) -> io::Result<()> {
     let mut out = Writer::from_writer(out);
-    out.write_record(header)?;
+    out.write_record(header.split(','))?;
     for row in rows {
-        out.write_record(row)?;
+        out.serialize(row)?;
     }
     out.flush()
 }
@@ -57,269 +57,173 @@ fn p_value(p: f64) -> String {
     format!("{p:.6e}")
 }
 
-fn with_sets(first: &[&'static str]) -> Vec<&'static str> {
-    first.iter().copied().chain(PAPERS_SETS).collect()
-}
-
 fn cells(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
-    let header = [
-        "model",
-        "experiment",
-        "features",
-        "participant",
-        "cv_accuracy",
-        "test_accuracy",
-        "hyperparameters",
-    ];
+    let header = "model,experiment,features,participant,cv_accuracy,test_accuracy,hyperparameters";
     let rows = analysis.comparison.cells.iter().map(|cell| {
-        vec![
-            cell.model.word().to_owned(),
-            cell.experiment.number().to_string(),
-            cell.features.clone(),
-            analysis.comparison.participants[cell.participant].name.clone(),
+        (
+            cell.model.word(),
+            cell.experiment.number(),
+            &cell.features,
+            &analysis.comparison.participants[cell.participant].name,
             cell.cv_accuracy.to_string(),
             cell.test.accuracy().to_string(),
-            cell.hyperparameters.clone(),
-        ]
+            &cell.hyperparameters,
+        )
+    });
+    write(out, header, rows)
+}
+
+fn table1(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
+    let header = format!("model,experiment,{}", PAPERS_SETS.join(","));
+    let rows = ModelName::ALL.into_iter().flat_map(|model| {
+        Experiment::ALL.map(|experiment| {
+            let numbers = analysis.comparison.accuracies(model, experiment, &PAPERS_SETS);
+            let numbers: Vec<String> = numbers.into_iter().map(places).collect();
+            (model.word(), experiment.number(), numbers)
+        })
     });
     write(out, &header, rows)
 }
 
-fn table1(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
-    let mut rows = Vec::new();
-    for model in ModelName::ALL {
-        for experiment in Experiment::ALL {
-            let mut row = vec![model.word().to_owned(), experiment.number().to_string()];
-            let numbers = analysis.comparison.accuracies(model, experiment, &PAPERS_SETS);
-            row.extend(numbers.into_iter().map(places));
-            rows.push(row);
-        }
-    }
-    write(out, &with_sets(&["model", "experiment"]), rows)
-}
-
-/// A form of a distance: its name, and which it is.
-type Form = (&'static str, fn(&Distances) -> Option<f64>);
-
 fn table2(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
-    let optional = |number: Option<f64>| number.map_or_else(String::new, places);
-    let start: [Form; 2] = [("penalised", |d| Some(d.start_penalised)), ("both", |d| d.start_both)];
-    let end: [Form; 2] = [("penalised", |d| Some(d.end_penalised)), ("both", |d| d.end_both)];
-    let mut rows = Vec::new();
-    for model in ModelName::ALL {
+    let header = format!("model,metric,convention,{}", PAPERS_SETS.join(","));
+    let rows = ModelName::ALL.into_iter().flat_map(|model| {
         let distances = PAPERS_SETS.map(|set| analysis.comparison.distances(model, set));
-        for (metric, forms) in [("D_start", start), ("D_end", end)] {
-            let row = |convention: &str, numbers: [String; PAPERS_SETS.len()]| {
-                let first = [model.word(), metric, convention].map(str::to_owned);
-                first.into_iter().chain(numbers).collect()
-            };
-            for (convention, form) in forms {
-                rows.push(row(convention, distances.map(|d| optional(form(&d)))));
-            }
-            rows.push(row("n", distances.map(|d| d.both.to_string())));
-        }
-    }
-    write(out, &with_sets(&["model", "metric", "convention"]), rows)
-}
-
-fn tests(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
-    let header = [
-        "model",
-        "experiment",
-        "metric",
-        "first",
-        "second",
-        "gain",
-        "mann_whitney_persons",
-        "mann_whitney_trajectories",
-        "wilcoxon_persons",
-        "mann_whitney_persons_holm",
-        "mann_whitney_trajectories_holm",
-        "wilcoxon_persons_holm",
-        "typical_gain",
-        "gain_low",
-        "gain_high",
-    ];
-    let rows = analysis.tests.iter().map(|test| {
-        let Gain { model, experiment, metric, paired, holm } = &test.gain;
-        let [low, high] = ends(paired.interval);
-        vec![
-            model.word().to_owned(),
-            experiment.number().to_string(),
-            metric.word().to_owned(),
-            test.first.to_owned(),
-            test.second.to_owned(),
-            places(paired.mean),
-            p_value(test.mann_whitney_persons),
-            p_value(test.mann_whitney_trajectories),
-            p_value(paired.p),
-            p_value(test.mann_whitney_persons_holm),
-            p_value(test.mann_whitney_trajectories_holm),
-            p_value(*holm),
-            places(paired.typical),
-            low,
-            high,
-        ]
+        let ends =
+            [("D_start", distances.map(|of| of.start)), ("D_end", distances.map(|of| of.end))];
+        ends.into_iter().flat_map(move |(metric, of)| {
+            [
+                ("penalised", of.map(|of| places(of.penalised))),
+                ("both", of.map(|of| of.both.map_or_else(String::new, places))),
+                ("n", distances.map(|of| of.both.to_string())),
+            ]
+            .map(|row| (model.word(), metric, row))
+        })
     });
     write(out, &header, rows)
 }
 
 /// The ends of an interval; empty where participants are too few for one.
-fn ends(interval: Option<[f64; 2]>) -> [String; 2] {
-    interval.map_or_else(Default::default, |ends| ends.map(places))
+fn ends(paired: &Paired) -> [String; 2] {
+    paired.interval.map_or_else(Default::default, |ends| ends.map(places))
+}
+
+fn tests(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
+    let header = "model,experiment,metric,first,second,gain,mann_whitney_persons,\
+                  mann_whitney_trajectories,wilcoxon_persons,mann_whitney_persons_holm,\
+                  mann_whitney_trajectories_holm,wilcoxon_persons_holm,typical_gain,gain_low,\
+                  gain_high";
+    let rows = analysis.tests.iter().map(|test| {
+        let Gain { model, experiment, metric, paired, holm, .. } = &test.gain;
+        let p_values = [
+            test.mann_whitney_persons,
+            test.mann_whitney_trajectories,
+            paired.p,
+            test.mann_whitney_persons_holm,
+            test.mann_whitney_trajectories_holm,
+            *holm,
+        ];
+        (
+            (model.word(), experiment.number(), metric.word(), test.first, test.second),
+            (places(paired.mean), p_values.map(p_value), places(paired.typical), ends(paired)),
+        )
+    });
+    write(out, header, rows)
 }
 
 /// The families of tests beside the paper's.
 fn beside(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
-    let header = [
-        "model",
-        "experiment",
-        "first",
-        "second",
-        "gain",
-        "typical_gain",
-        "gain_low",
-        "gain_high",
-        "wilcoxon_persons",
-        "wilcoxon_persons_holm",
-    ];
+    let header = "model,experiment,first,second,gain,typical_gain,gain_low,gain_high,\
+                  wilcoxon_persons,wilcoxon_persons_holm";
     let rows = analysis.families.iter().flat_map(|family| {
         family.gains.iter().map(|Gain { model, experiment, paired, holm, .. }| {
-            let [low, high] = ends(paired.interval);
-            vec![
-                model.word().to_owned(),
-                experiment.number().to_string(),
-                family.first.to_owned(),
-                family.second.to_owned(),
-                places(paired.mean),
-                places(paired.typical),
-                low,
-                high,
-                p_value(paired.p),
-                p_value(*holm),
-            ]
+            (
+                (model.word(), experiment.number(), family.first, family.second),
+                (places(paired.mean), places(paired.typical), ends(paired)),
+                (p_value(paired.p), p_value(*holm)),
+            )
         })
     });
-    write(out, &header, rows)
+    write(out, header, rows)
 }
 
 fn ablation(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
-    let header = [
-        "model",
-        "experiment",
-        "features",
-        "accuracy_percent",
-        "log_loss",
-        "gain_over_d",
-        "wilcoxon_persons",
-    ];
+    let header = "model,experiment,features,accuracy_percent,log_loss,gain_over_d,wilcoxon_persons";
     let rows = analysis.ablation.iter().map(|row| {
-        vec![
-            row.model.map_or("constant", ModelName::word).to_owned(),
-            row.experiment.number().to_string(),
-            row.features.clone(),
+        (
+            row.model.map_or("constant", ModelName::word),
+            row.experiment.number(),
+            &row.features,
             places(row.accuracy),
             places(row.log_loss),
-            row.over_d.map_or(String::new(), |(gain, _)| places(gain)),
-            row.over_d.map_or(String::new(), |(_, p)| p_value(p)),
-        ]
+            row.over_d.map(|(gain, _)| places(gain)),
+            row.over_d.map(|(_, p)| p_value(p)),
+        )
     });
-    write(out, &header, rows)
+    write(out, header, rows)
 }
 
 fn calibration(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
-    let header =
-        ["model", "experiment", "features", "rows", "log_loss", "brier", "calibration_error"];
-    let row = |of: &Pooled| {
-        vec![
-            of.model.map_or("constant", ModelName::word).to_owned(),
-            of.experiment.number().to_string(),
-            of.features.clone(),
-            of.calibration.rows.to_string(),
+    let header = "model,experiment,features,rows,log_loss,brier,calibration_error";
+    let rows = analysis.pooled.iter().map(|of| {
+        (
+            of.model.map_or("constant", ModelName::word),
+            of.experiment.number(),
+            &of.features,
+            of.calibration.rows,
             places(of.calibration.log_loss),
             places(of.calibration.brier),
             places(of.calibration.calibration_error),
-        ]
-    };
-    write(out, &header, analysis.pooled.iter().map(row))
+        )
+    });
+    write(out, header, rows)
 }
 
 fn rollouts(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
-    let header =
-        ["driver", "features", "horizon", "windows", "accuracy_percent", "log_loss", "distance_m"];
+    let header = "driver,features,horizon,windows,accuracy_percent,log_loss,distance_m";
     let rows = analysis.rollouts.iter().flat_map(|of| {
-        of.horizons.iter().enumerate().map(|(i, horizon)| {
-            vec![
-                of.driver.clone(),
-                of.features.clone(),
-                (i + 1).to_string(),
-                horizon.windows.to_string(),
+        (1..).zip(&of.horizons).map(|(ahead, horizon)| {
+            (
+                (&of.driver, &of.features, ahead, horizon.windows),
                 places(100.0 * horizon.accuracy()),
                 places(horizon.mean_log_loss()),
                 places(horizon.mean_distance_m()),
-            ]
+            )
         })
     });
-    write(out, &header, rows)
+    write(out, header, rows)
 }
 
 fn leakage(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
-    let rows = analysis.leakage.iter().map(|found| {
-        vec![
-            found.model.word().to_owned(),
-            found.experiment.number().to_string(),
-            places(found.grouped),
-            places(found.leaking),
-        ]
+    let rows = analysis.leakage.iter().map(|of| {
+        (of.model.word(), of.experiment.number(), places(of.grouped), places(of.leaking))
     });
-    write(out, &["model", "experiment", "grouped_percent", "leaking_percent"], rows)
+    write(out, "model,experiment,grouped_percent,leaking_percent", rows)
 }
 
 fn predictions(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
-    let header = [
-        "model",
-        "experiment",
-        "features",
-        "participant",
-        "trial",
-        "step",
-        "truth",
-        "predicted",
-        "p_right",
-        "p_straight",
-        "p_left",
-        "p_avoid",
-    ];
-    let mut out = Writer::from_writer(out);
-    out.write_record(header)?;
-    for cell in &analysis.comparison.cells {
+    let header = "model,experiment,features,participant,trial,step,truth,predicted,p_right,\
+                  p_straight,p_left,p_avoid";
+    let rows = analysis.comparison.cells.iter().flat_map(|cell| {
         let person = &analysis.comparison.participants[cell.participant];
-        let steps = (0..cell.test.rows())
-            .map(|row| (person.test_trials[row / person.steps], row % person.steps));
         let test = &cell.test;
-        for ((((trial, step), truth), predicted), row) in
-            steps.zip(&test.truth).zip(&test.predicted).zip(test.each())
-        {
-            let of = |class: i8| test.classes.iter().position(|c| *c == class).map(|k| row[k]);
+        test.each().enumerate().map(move |(row, probabilities)| {
+            let of = |class: i8| {
+                let place = test.classes.iter().position(|known| *known == class);
+                place.map(|place| format!("{:.6}", probabilities[place]))
+            };
             let probabilities = match cell.experiment {
                 Experiment::TurnDirection => [of(-1), of(0), of(1), None],
                 Experiment::Avoidance => [None, of(0), None, of(1)],
             };
-            out.write_field(cell.model.word())?;
-            out.write_field(cell.experiment.number().to_string())?;
-            out.write_field(&cell.features)?;
-            out.write_field(&person.name)?;
-            out.write_field(trial.to_string())?;
-            out.write_field(step.to_string())?;
-            out.write_field(truth.to_string())?;
-            out.write_field(predicted.to_string())?;
-            for p in probabilities {
-                out.write_field(p.map_or_else(String::new, |p| format!("{p:.6}")))?;
-            }
-            out.write_record(None::<&[u8]>)?;
-        }
-    }
-    out.flush()
+            (
+                (cell.model.word(), cell.experiment.number(), &cell.features, &person.name),
+                (person.test_trials[row / person.steps], row % person.steps),
+                (test.truth[row], test.predicted[row], probabilities),
+            )
+        })
+    });
+    write(out, header, rows)
 }
 
 /// A name as part of a file's name: bytes of what is not a letter, digit, point, dash or

@@ -75,10 +75,10 @@ pub(crate) fn check(comparison: &Comparison) -> Result<Vec<Value>, Box<dyn Error
         let distance = |set| {
             let found = comparison.distances(*model, set);
             match (metric.as_str(), convention.as_str()) {
-                ("D_start", "penalised") => Ok(found.start_penalised),
-                ("D_end", "penalised") => Ok(found.end_penalised),
-                ("D_start", "both") => Ok(found.start_both.unwrap_or(f64::NAN)),
-                ("D_end", "both") => Ok(found.end_both.unwrap_or(f64::NAN)),
+                ("D_start", "penalised") => Ok(found.start.penalised),
+                ("D_end", "penalised") => Ok(found.end.penalised),
+                ("D_start", "both") => Ok(found.start.both.unwrap_or(f64::NAN)),
+                ("D_end", "both") => Ok(found.end.both.unwrap_or(f64::NAN)),
                 (_, "n") => Ok(found.both as f64),
                 other => Err(format!("no distance is called {other:?}")),
             }

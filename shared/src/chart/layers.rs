@@ -30,29 +30,9 @@ pub enum Mark {
     Triangle,
     /// ◆
     Diamond,
-    /// ▼
-    Down,
-    /// ★
-    Star,
-    /// ✚, turned
-    Cross,
-    /// ⬢
-    Hexagon,
 }
 
 impl Mark {
-    /// Every mark, those that are told apart most easily first.
-    pub const ALL: [Self; 8] = [
-        Self::Circle,
-        Self::Square,
-        Self::Triangle,
-        Self::Diamond,
-        Self::Down,
-        Self::Star,
-        Self::Cross,
-        Self::Hexagon,
-    ];
-
     /// Around a point, about as large as a circle of that radius, px.
     pub fn draw(
         self,
@@ -62,21 +42,16 @@ impl Mark {
         ink: Ink,
         edge: Option<Pen>,
     ) {
-        // Corners, eighths of a turn from the right to the first one, size, depth of every second.
-        let (corners, first, size, depth) = match self {
+        // Corners, eighths of a turn from the right to the first one, and size.
+        let (corners, first, size) = match self {
             Self::Circle => return drawing.circle([x, y], radius, Some(ink), edge),
-            Self::Square => (4, 1.0, 1.25, 1.0),
-            Self::Triangle => (3, 2.0, 1.3, 1.0),
-            Self::Diamond => (4, 0.0, 1.3, 1.0),
-            Self::Down => (3, -2.0, 1.3, 1.0),
-            Self::Star => (10, 2.0, 1.4, 0.45),
-            Self::Cross => (8, 1.0, 1.35, 0.4),
-            Self::Hexagon => (6, 2.0, 1.1, 1.0),
+            Self::Square => (4, 1.0, 1.25),
+            Self::Triangle => (3, 2.0, 1.3),
+            Self::Diamond => (4, 0.0, 1.3),
         };
         let corner = |i: u32| {
             let (sin, cos) = sin_cos(first * TAU / 8.0 + f64::from(i) * TAU / f64::from(corners));
-            let reach = size * radius * if i % 2 == 1 { depth } else { 1.0 };
-            [x + reach * cos, y - reach * sin]
+            [x + size * radius * cos, y - size * radius * sin]
         };
         drawing.polygon((0..corners).map(corner).collect::<Vec<_>>(), Some(ink), edge);
     }
@@ -154,12 +129,12 @@ pub struct Group {
     pub values: Vec<f64>,
     /// Their mean.
     pub mean: f64,
-    /// An interval around what is typical.
+    /// An interval, as the swarm says.
     pub interval: Option<[f64; 2]>,
 }
 
 /// Dots for every number of each category of the axis that has categories, and a sign for their
-/// mean: a bar, or a diamond where there may be intervals.
+/// mean.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Swarm {
     /// What a dot is, in the legend.
@@ -170,8 +145,9 @@ pub struct Swarm {
     pub mark: Mark,
     /// The dots' colour.
     pub ink: Ink,
-    /// Whether the mean is a diamond on its interval instead of a bar.
-    pub intervals: bool,
+    /// What the intervals of the groups are; the mean is then a diamond on its interval. None for
+    /// bars without intervals.
+    pub interval: Option<&'static str>,
     /// Decimal places of the numbers that dots say.
     pub places: usize,
 }

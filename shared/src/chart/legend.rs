@@ -80,7 +80,7 @@ impl LegendItem {
     }
 
     /// Of the layers that have names, each name once.
-    pub(super) fn of_layers<'a>(layers: impl IntoIterator<Item = &'a Layer>) -> Vec<Self> {
+    pub fn of_layers<'a>(layers: impl IntoIterator<Item = &'a Layer>) -> Vec<Self> {
         let mut items: Vec<Self> = Vec::new();
         for layer in layers {
             let of_layer = match layer {
@@ -100,12 +100,12 @@ impl LegendItem {
 
     fn of_swarm(of: &Swarm) -> Vec<Self> {
         let dot = Self::line(&of.name, None, Some((Mark::Circle, MUTED.at(0.55))));
-        let mean = if of.intervals {
-            let interval = Some(Pen::new(ACCENT, 2.5));
-            let mark = Some((Mark::Diamond, ACCENT.into()));
-            Self::line("mean, and 95 % interval of the typical value", interval, mark)
-        } else {
-            Self::line("mean", Some(Pen::new(TEXT, 2.5)), None)
+        let mean = match of.interval {
+            Some(interval) => {
+                let (pen, mark) = (Pen::new(ACCENT, 2.5), (Mark::Diamond, ACCENT.into()));
+                Self::line(&format!("mean and {interval}"), Some(pen), Some(mark))
+            }
+            None => Self::line("mean", Some(Pen::new(TEXT, 2.5)), None),
         };
         vec![dot, mean]
     }

@@ -7,6 +7,7 @@ use super::drawing::{Align, Drawing, Pen, Point};
 use super::layers::{Area, Cells, Layer, Note, Series, Swarm};
 use super::legend::LegendItem;
 use super::text::width_of;
+use serde::Serialize;
 
 /// A chart as data.
 #[derive(Clone, Debug, PartialEq)]
@@ -37,7 +38,7 @@ pub struct Frame {
 }
 
 /// Numbers as text, for readers who do not see a chart.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Table {
     /// The chart's title.
     pub caption: String,
@@ -220,7 +221,7 @@ impl Chart {
                 continue;
             }
             let mean = along(place, group.mean);
-            if !swarm.intervals {
+            if swarm.interval.is_none() {
                 drawing
                     .line([aside(mean, -0.8 * room), aside(mean, 0.8 * room)], Pen::new(TEXT, 2.5));
                 continue;
@@ -308,9 +309,7 @@ impl Chart {
         let mut rows: Vec<Vec<String>> = labels.collect();
         for swarm in swarms {
             columns.extend(["mean", "least", "greatest"].map(|of| format!("{of} {title}")));
-            if swarm.intervals {
-                columns.push(format!("95 % interval, {title}"));
-            }
+            columns.extend(swarm.interval.map(|interval| format!("{interval}, {title}")));
             columns.push("number".to_owned());
             for (row, group) in rows.iter_mut().zip(&swarm.groups) {
                 let shown = |value: f64| {
@@ -319,7 +318,7 @@ impl Chart {
                 let least = group.values.iter().copied().fold(f64::INFINITY, f64::min);
                 let most = group.values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
                 row.extend([group.mean, least, most].map(shown));
-                if swarm.intervals {
+                if swarm.interval.is_some() {
                     let [low, high] = group.interval.unwrap_or([f64::NAN; 2]).map(shown);
                     row.push(if low.is_empty() { low } else { format!("{low} to {high}") });
                 }
@@ -481,7 +480,7 @@ mod tests {
             groups,
             mark: Mark::Circle,
             ink,
-            intervals: true,
+            interval: Some("90 % interval of the median"),
             places: 1,
         };
         let names = Axis::categories("model", ["SVM", "LR"]).downwards();
@@ -494,13 +493,14 @@ mod tests {
                 "mean gain (points)",
                 "least gain (points)",
                 "greatest gain (points)",
-                "95 % interval, gain (points)",
+                "90 % interval of the median, gain (points)",
                 "number"
             ]
         );
         assert_eq!(rows[0], ["SVM", "2.0", "1.0", "3.0", "0.5 to 3.5", "2"]);
         assert_eq!(rows[1], ["LR", "", "", "", "", "0"]);
-        assert_eq!(chart.legend().len(), 2);
+        let legend: Vec<String> = chart.legend().into_iter().map(|item| item.text).collect();
+        assert_eq!(legend, ["a person", "mean and 90 % interval of the median"]);
         let mut drawing = Drawing::new("", "", [400.0, 200.0]);
         chart.draw_layers(&mut drawing, frame());
         // Two dots, an interval and a diamond, all in the upper half.

@@ -12,8 +12,6 @@ const FONTS: &str = "DejaVu Sans, Verdana, sans-serif";
 pub enum ColourStyle {
     /// As on light ground: for files.
     Light,
-    /// As on dark ground.
-    Dark,
     /// As custom properties of the page's style sheet, which follows the reader's preference.
     Properties,
 }
@@ -185,7 +183,6 @@ fn listed(points: &[Point]) -> String {
 fn written(colour: Colour, style: ColourStyle) -> String {
     match (style, colour.name) {
         (ColourStyle::Properties, Some(name)) => format!("var(--{name})"),
-        (ColourStyle::Dark, _) => hex(colour.dark),
         _ => hex(colour.light),
     }
 }
@@ -279,7 +276,5 @@ mod tests {
         let element = drawing().element(ColourStyle::Properties).to_string();
         assert!(element.starts_with("<svg role=\"img\" viewBox"));
         assert!(element.contains("var(--human)") && !element.contains('#'), "{element}");
-        let dark = drawing().element(ColourStyle::Dark).to_string();
-        assert!(dark.contains("#6ea0ff"));
     }
 }

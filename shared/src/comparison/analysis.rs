@@ -1,18 +1,16 @@
 //! An analysis: a comparison with everything that is computed from it. Reports, tables and pages
 //! only print what is here.
 
-use super::ablation::{Ablation, ablation};
-use super::baseline::Baseline;
-use super::cell::{Experiment, ModelName};
+use super::cell::{Baseline, Experiment, ModelName};
 use super::decision_map::{DecisionMap, decision_maps};
-use super::differences::{Test, tests};
+use super::differences::{Ablation, Test, ablation, tests};
 use super::findings::Findings;
 use super::gains::{Gain, GainFamily};
 use super::metrics::Predictions;
-use super::plan::{DataError, ParticipantData};
-use super::run::{Cache, Leakage, Progress, Results, RolloutsOf, RunError, run};
+use super::plan::ParticipantData;
+use super::run::{AnalysisError, Cache, Leakage, Progress, Results, RolloutsOf, run};
 use super::settings::Settings;
-use super::tables::{Comparison, Metric, Pooled, mean};
+use super::tables::{Comparison, Metric, Pooled};
 use crate::dataset::GivenFeatures;
 use crate::invalid::Invalid;
 use crate::recording::{Exclusion, RecordedParticipant, Recording};
@@ -20,6 +18,7 @@ use crate::safety::{SafetyLevels, SafetyQuality};
 use crate::scene::{JointState, SceneParameters};
 use crate::trial::Flag;
 use core::ops::ControlFlow;
+use serde::Serialize;
 use std::collections::BTreeMap;
 
 /// A comparison with everything that is computed from it.
@@ -38,11 +37,9 @@ pub struct Analysis {
     pub families: [GainFamily; 3],
     /// The baseline, and what a body frame explains.
     pub ablation: Vec<Ablation>,
-    /// What the baseline says of each participant's test rows.
-    pub baselines: Vec<Baseline>,
     /// The test rows of all participants together, for the baseline and each cell of the tables.
     pub pooled: Vec<Pooled>,
-    /// Predictors fed with what they said.
+    /// Roll-outs of predictors.
     pub rollouts: Vec<RolloutsOf>,
     /// What a split by time step would claim; empty unless it was asked for.
     pub leakage: Vec<Leakage>,
@@ -53,7 +50,7 @@ pub struct Analysis {
 }
 
 /// What the data of an analysis are.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct DataSummary {
     /// Tasks of all participants who are compared, those for training included.
     pub trials: usize,
@@ -69,12 +66,12 @@ pub struct DataSummary {
     /// several names would count several times.
     pub same_trials: Vec<String>,
     /// How both safety levels came about, and how much they differ over the steps that are
-    /// compared; none where nobody looked.
+    /// compared; none where it is not known.
     pub safety: Option<SafetyQuality>,
 }
 
-/// How much was driven and fitted.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// The sizes of the data and of the comparison.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Counts {
     /// Participants who are compared.
     pub participants: usize,
@@ -84,29 +81,6 @@ pub struct Counts {
     pub test_steps: usize,
     /// Models that were trained; the better SVM is no further one.
     pub models: usize,
-}
-
-/// Why there is no analysis.
-#[derive(Debug, PartialEq, Eq, thiserror::Error)]
-pub enum AnalysisError {
-    /// The first participant's data, if nobody's can be used.
-    #[error(transparent)]
-    Data(#[from] DataError),
-    /// Something else is wrong with the data or the settings.
-    #[error(transparent)]
-    Invalid(#[from] Invalid),
-    /// `progress` stopped it.
-    #[error("stopped")]
-    Stopped,
-}
-
-impl From<RunError> for AnalysisError {
-    fn from(error: RunError) -> Self {
-        match error {
-            RunError::Invalid(invalid) => Self::Invalid(invalid),
-            RunError::Stopped => Self::Stopped,
-        }
-    }
 }
 
 /// Compares the participants of a recording of tasks, with the features of `given` in place of
@@ -168,20 +142,20 @@ impl Analysis {
         results: Results,
         maps: Vec<DecisionMap>,
     ) -> Result<Self, Invalid> {
-        let ablation = ablation(&results)?;
         let Results { comparison, baselines, rollouts, leakage, .. } = results;
-        let tests = tests(&comparison)?;
-        let of_set = |set| {
-            let comparison = &comparison;
-            move |model, experiment| comparison.person_accuracies(model, experiment, set)
+        // The commonest input is the same for every model.
+        let accuracies = |model: Option<ModelName>, experiment, set: &str| match model {
+            Some(model) if set != "none" => comparison.person_accuracies(model, experiment, set),
+            _ => baseline_accuracies(&baselines, experiment),
         };
-        let of_baseline = |_, experiment| baseline_accuracies(&baselines, experiment);
         let families = [
-            GainFamily::of(("d_body", "hrd"), of_set("d_body"), of_set("hrd")),
-            GainFamily::of(("hrd_body", "d_body"), of_set("hrd_body"), of_set("d_body")),
-            GainFamily::of(("hrd", "none"), of_set("hrd"), of_baseline),
+            GainFamily::of(("d_body", "hrd"), accuracies)?,
+            GainFamily::of(("hrd_body", "d_body"), accuracies)?,
+            GainFamily::of(("hrd", "none"), accuracies)?,
         ];
+        let tests = tests(&comparison)?;
         let pooled = pooled(&comparison, &baselines);
+        let ablation = ablation(&comparison, &pooled, accuracies)?;
         let findings =
             Findings::of(&comparison, &tests, &families, &pooled, &rollouts, &settings.grids);
         Ok(Self {
@@ -191,7 +165,6 @@ impl Analysis {
             tests,
             families,
             ablation,
-            baselines,
             pooled,
             rollouts,
             leakage,
@@ -200,7 +173,7 @@ impl Analysis {
         })
     }
 
-    /// How much was driven and fitted.
+    /// The sizes of the data and of the comparison.
     #[must_use]
     pub fn counts(&self) -> Counts {
         let participants = &self.comparison.participants;
@@ -239,16 +212,11 @@ impl Analysis {
         gains
     }
 
-    /// The test accuracy of each participant's commonest input, in per cent.
-    #[must_use]
-    pub fn person_baselines(&self, experiment: Experiment) -> Vec<f64> {
-        baseline_accuracies(&self.baselines, experiment)
-    }
-
     /// The mean over participants of the test accuracy of the commonest input, in per cent.
     #[must_use]
     pub fn baseline_accuracy(&self, experiment: Experiment) -> f64 {
-        mean(self.person_baselines(experiment))
+        let is = |row: &&Ablation| row.model.is_none() && row.experiment == experiment;
+        self.ablation.iter().find(is).map_or(0.0, |row| row.accuracy)
     }
 }
 

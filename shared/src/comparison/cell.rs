@@ -1,6 +1,8 @@
-//! The results of the comparison: a cell for each model, experiment, feature set and person.
+//! The results of the comparison: a cell for each model, experiment, feature set and participant.
 
 use super::metrics::Predictions;
+use super::split::Split;
+use crate::dataset::Dataset;
 use crate::features::FeatureSet;
 use crate::invalid::Invalid;
 use crate::predict::PredictorFile;
@@ -13,7 +15,7 @@ use serde::{Deserialize, Serialize};
 pub enum Experiment {
     /// Experiment I: which input; −1 right, 0 straight, 1 left.
     TurnDirection,
-    /// Experiment II: whether there is one; 0 straight, 1 either turn.
+    /// Experiment II: whether the human turns; 0 straight, 1 either turn.
     Avoidance,
 }
 
@@ -101,7 +103,7 @@ impl ModelName {
     /// The three of the paper's tables.
     pub const PAPERS: [Self; 3] = [Self::Svm, Self::Dt, Self::Lr];
 
-    /// As files call it.
+    /// Its name in files.
     #[must_use]
     pub fn word(self) -> &'static str {
         match self {
@@ -116,9 +118,9 @@ impl ModelName {
 }
 
 /// A choice of features with its name.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct NamedSet {
-    /// As tables call it.
+    /// Its name in tables.
     pub name: String,
     /// What is in it.
     pub features: FeatureSet,
@@ -156,8 +158,8 @@ impl NamedSet {
     }
 }
 
-/// What the human did before: a model of this set has a memory, and fed with what it said
-/// itself it can hold a key and let it go.
+/// What the human did before: a model of this set has a memory, so that in a roll-out it can hold a
+/// key and release it.
 const HISTORY: [&str; 3] = ["turned_1", "turned_2", "turned_5"];
 
 /// The name of the set with everything: both safety levels, distance, the body frame and
@@ -177,7 +179,7 @@ impl NamedSet {
     }
 }
 
-/// One person's model and how it did.
+/// One participant's model and its predictions of the test rows.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Cell {
     /// What predicts.
@@ -186,14 +188,49 @@ pub struct Cell {
     pub experiment: Experiment,
     /// The name of the feature set.
     pub features: String,
-    /// Which person, by place.
+    /// Which participant, by place.
     pub participant: usize,
     /// Mean over folds of the share predicted right, with the hyper-parameters that were chosen.
     pub cv_accuracy: f64,
     /// The hyper-parameters, as a JSON object.
     pub hyperparameters: String,
-    /// What the model, trained anew on all training tasks, says of the test rows.
+    /// The predictions of the model, trained anew on all training tasks.
     pub test: Predictions,
     /// The model.
     pub predictor: PredictorFile,
+}
+
+/// What a model must beat: always the commonest class of the training rows, with the classes' frequencies there (with
+/// one more row of each, so that nothing is impossible) as probabilities.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Baseline {
+    /// What is predicted.
+    pub experiment: Experiment,
+    /// Which participant, by place.
+    pub participant: usize,
+    /// Its predictions of the test rows.
+    pub test: Predictions,
+}
+
+impl Baseline {
+    /// Of one participant's rows.
+    #[must_use]
+    pub fn of(data: &Dataset, split: &Split, experiment: Experiment, participant: usize) -> Self {
+        let classes = experiment.classes();
+        let class = |row: &usize| experiment.class(data.labels[*row]);
+        let count = |wanted: &i8| split.training.iter().filter(|row| class(row) == *wanted).count();
+        let counts: Vec<usize> = classes.iter().map(count).collect();
+        let total = (split.training.len() + classes.len()) as f64;
+        let shares: Vec<f64> = counts.iter().map(|&count| (count + 1) as f64 / total).collect();
+        // The first on a tie.
+        let most = (0..counts.len()).reduce(|a, b| if counts[b] > counts[a] { b } else { a });
+        let predicted = most.map_or(0, |most| classes[most]);
+        let test = Predictions {
+            classes: classes.to_vec(),
+            truth: split.test.iter().map(class).collect(),
+            predicted: vec![predicted; split.test.len()],
+            probabilities: shares.repeat(split.test.len()),
+        };
+        Self { experiment, participant, test }
+    }
 }

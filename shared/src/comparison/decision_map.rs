@@ -1,4 +1,4 @@
-//! What the models decide wherever the robot is: maps of the probability of a turn.
+//! Maps of the probability of a turn for each position of the robot.
 
 use super::cell::{Cell, Experiment, ModelName};
 use super::tables::Comparison;
@@ -11,13 +11,13 @@ use crate::safety::SafetyLevels;
 use crate::scene::{Evader, JointState};
 use crate::vehicle::Pose;
 
-/// How likely the models find a turn, wherever the robot is around the human.
+/// The probability of a turn by the models, for each position of the robot around the human.
 /// Positions are in the human's frame, who is at the origin and heads along "ahead".
 #[derive(Clone, Debug, PartialEq)]
 pub struct DecisionMap {
     /// The name of the models' feature set.
     pub features: &'static str,
-    /// The robot's heading seen by the human, rad, counter-clockwise from the human's own.
+    /// The robot's heading relative to the human, rad, counter-clockwise from the human's own.
     pub heading: f64,
     /// The same in words.
     pub encounter: &'static str,
@@ -30,7 +30,7 @@ pub struct DecisionMap {
 }
 
 /// The model whose maps are drawn.
-pub const MAPPED_MODEL: ModelName = ModelName::Svm;
+const MAPPED_MODEL: ModelName = ModelName::Svm;
 /// The experiment whose maps are drawn.
 const MAPPED_EXPERIMENT: Experiment = Experiment::Avoidance;
 

@@ -1,13 +1,14 @@
-//! Tests of the differences between feature sets.
+//! Differences between feature sets: the paper's tests, and how much a body frame alone explains.
 
-use super::cell::{Experiment, ModelName};
-use super::gains::{Gain, Paired};
-use super::tables::{Comparison, Metric, mean};
+use super::cell::{Experiment, ModelName, PAPERS_SETS};
+use super::gains::{Gain, Paired, corrected};
+use super::tables::{Comparison, Metric, Pooled, mean};
 use crate::invalid::Invalid;
-use crate::stats::rank::{hodges_lehmann, holm, mann_whitney, wilcoxon};
+use crate::stats::rank::{holm, mann_whitney};
+use serde::Serialize;
 
 /// How two feature sets differ in one model, experiment and metric.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Test {
     /// The set whose gain it is.
     pub first: &'static str,
@@ -40,83 +41,117 @@ pub const PAIRS: [(&str, &str); 8] = [
     ("h", "r"),
 ];
 
-/// Tests of every model, experiment, metric and pair of [`PAIRS`].
+/// Tests of every model, experiment, metric and pair of [`PAIRS`]. Those of a metric are corrected
+/// together.
 ///
 /// # Errors
 /// [`Invalid`] if there is no participant.
 pub fn tests(comparison: &Comparison) -> Result<Vec<Test>, Invalid> {
     let mut tests = Vec::new();
     for metric in [Metric::Accuracy, Metric::Start, Metric::End] {
-        let begin = tests.len();
+        let (mut pairs, mut differences) = (Vec::new(), Vec::new());
+        let (mut persons, mut trajectories) = (Vec::new(), Vec::new());
         for model in ModelName::PAPERS {
             for experiment in Experiment::ALL {
                 if metric != Metric::Accuracy && experiment == Experiment::TurnDirection {
                     continue;
                 }
-                for pair in PAIRS {
-                    tests.push(test(comparison, model, experiment, metric, pair)?);
+                for (first, second) in PAIRS {
+                    let numbers = [first, second].map(|set| {
+                        let cells = comparison.of(model, experiment, set);
+                        cells.map(|cell| comparison.by_trajectory(metric, cell)).collect::<Vec<_>>()
+                    });
+                    let means = numbers.each_ref().map(|of| -> Vec<f64> {
+                        of.iter().map(|numbers| mean(numbers.iter().copied())).collect()
+                    });
+                    let [better, worse] = match metric.less_is_better() {
+                        true => [&means[1], &means[0]],
+                        false => [&means[0], &means[1]],
+                    };
+                    pairs.push((first, second));
+                    differences.push((model, experiment, metric, paired(better, worse)?));
+                    persons.push(mann_whitney(&means[0], &means[1])?);
+                    trajectories.push(mann_whitney(&numbers[0].concat(), &numbers[1].concat())?);
                 }
             }
         }
-        let family = &mut tests[begin..];
-        let corrected = |p: fn(&Test) -> f64, family: &[Test]| {
-            holm(&family.iter().map(p).collect::<Vec<f64>>())
-        };
-        let paired = corrected(|test| test.gain.paired.p, family);
-        let persons = corrected(|test| test.mann_whitney_persons, family);
-        let trajectories = corrected(|test| test.mann_whitney_trajectories, family);
-        for (i, test) in family.iter_mut().enumerate() {
-            test.gain.holm = paired[i];
-            test.mann_whitney_persons_holm = persons[i];
-            test.mann_whitney_trajectories_holm = trajectories[i];
-        }
+        let (persons_holm, trajectories_holm) = (holm(&persons), holm(&trajectories));
+        let gains = corrected(differences).into_iter().enumerate();
+        tests.extend(gains.map(|(i, gain)| Test {
+            first: pairs[i].0,
+            second: pairs[i].1,
+            gain,
+            mann_whitney_persons: persons[i],
+            mann_whitney_trajectories: trajectories[i],
+            mann_whitney_persons_holm: persons_holm[i],
+            mann_whitney_trajectories_holm: trajectories_holm[i],
+        }));
     }
     Ok(tests)
 }
 
-fn test(
+/// The paired test of `first` over `second`, with the difference of their means: tables show the
+/// means beside it.
+fn paired(first: &[f64], second: &[f64]) -> Result<Paired, Invalid> {
+    let [one, other] = [first, second].map(|of| mean(of.iter().copied()));
+    Ok(Paired { mean: one - other, ..Paired::of(first, second)? })
+}
+
+/// A model on a feature set, beside the same model on B_d; or the baseline.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Ablation {
+    /// What predicts; none for the baseline.
+    pub model: Option<ModelName>,
+    /// What is predicted.
+    pub experiment: Experiment,
+    /// The set's name; `none` for the baseline.
+    pub features: String,
+    /// Mean over participants of the test accuracy, in per cent.
+    pub accuracy: f64,
+    /// Over all test rows, nats.
+    pub log_loss: f64,
+    /// Points of accuracy over the same model on B_d, and the paired p-value over people of that
+    /// gain; nothing for the baseline and for B_d itself.
+    pub over_d: Option<(f64, f64)>,
+}
+
+/// The baseline, then for each model and experiment B_d and B_hrd, each without and with the
+/// robot's position in the human's body frame, and every set that was added. `accuracies` gives the
+/// accuracy of each participant by model, experiment and set.
+///
+/// # Errors
+/// [`Invalid`] if there is no participant.
+pub(super) fn ablation(
     comparison: &Comparison,
-    model: ModelName,
-    experiment: Experiment,
-    metric: Metric,
-    (first, second): (&'static str, &'static str),
-) -> Result<Test, Invalid> {
-    let trajectories = |set| -> Vec<Vec<f64>> {
-        let cells = comparison.of(model, experiment, set);
-        cells.map(|cell| comparison.by_trajectory(metric, cell)).collect()
+    pooled: &[Pooled],
+    accuracies: impl Fn(Option<ModelName>, Experiment, &str) -> Vec<f64>,
+) -> Result<Vec<Ablation>, Invalid> {
+    let known = ["none", "d", "d_body", "hrd", "hrd_body"];
+    let added = comparison.sets().into_iter();
+    let added = added.filter(|set| !PAPERS_SETS.contains(set) && !known.contains(set));
+    let sets: Vec<&str> = known.into_iter().chain(added).collect();
+    let place = |of: &Pooled| sets.iter().position(|set| *set == of.features);
+    let is_papers = |model: ModelName| ModelName::PAPERS.contains(&model);
+    let mut told: Vec<&Pooled> =
+        pooled.iter().filter(|of| place(of).is_some() && of.model.is_none_or(is_papers)).collect();
+    told.sort_by_key(|of| (of.model, of.experiment, place(of)));
+    let row = |of: &&Pooled| {
+        let own = accuracies(of.model, of.experiment, &of.features);
+        let over_d = match of.features.as_str() {
+            "none" | "d" => None,
+            _ => {
+                let paired = paired(&own, &accuracies(of.model, of.experiment, "d"))?;
+                Some((paired.mean, paired.p))
+            }
+        };
+        Ok(Ablation {
+            model: of.model,
+            experiment: of.experiment,
+            features: of.features.clone(),
+            accuracy: mean(own),
+            log_loss: of.calibration.log_loss,
+            over_d,
+        })
     };
-    let [one, other] = [first, second].map(trajectories);
-    let persons = |of: &[Vec<f64>]| -> Vec<f64> {
-        of.iter().map(|trajectories| mean(trajectories.iter().copied())).collect()
-    };
-    let (one_persons, other_persons) = (persons(&one), persons(&other));
-    let higher = mean(one_persons.iter().copied()) - mean(other_persons.iter().copied());
-    let pairs = one_persons.iter().zip(&other_persons);
-    let differences: Vec<f64> = pairs.map(|(a, b)| a - b).collect();
-    let better = |difference: f64| if metric.less_is_better() { -difference } else { difference };
-    // The participants' gains over all their test rows at once, which differ from the means over
-    // their trajectories in the last digits only.
-    let pooled = |set| comparison.person_metric(metric, model, experiment, set);
-    let (pooled_first, pooled_second) = (pooled(first), pooled(second));
-    let pooled = match metric.less_is_better() {
-        true => Paired::of(&pooled_second, &pooled_first),
-        false => Paired::of(&pooled_first, &pooled_second),
-    };
-    let (gains, interval) = pooled.map_or((Vec::new(), None), |of| (of.gains, of.interval));
-    let paired = Paired {
-        gains,
-        mean: better(higher),
-        typical: better(hodges_lehmann(&differences)),
-        interval,
-        p: wilcoxon(&one_persons, &other_persons)?,
-    };
-    Ok(Test {
-        first,
-        second,
-        gain: Gain { model, experiment, metric, paired, holm: 1.0 },
-        mann_whitney_persons: mann_whitney(&one_persons, &other_persons)?,
-        mann_whitney_trajectories: mann_whitney(&one.concat(), &other.concat())?,
-        mann_whitney_persons_holm: 1.0,
-        mann_whitney_trajectories_holm: 1.0,
-    })
+    told.iter().map(row).collect()
 }

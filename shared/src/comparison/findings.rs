@@ -8,9 +8,11 @@ use super::metrics::Calibration;
 use super::rollout::{Horizon, Simple};
 use super::run::RolloutsOf;
 use super::tables::{Comparison, Metric, Pooled};
+use serde::Serialize;
 
 /// How sure an answer is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Verdict {
     /// p below 5 % in some of the tests, after correction for all of their family.
     Shown,
@@ -20,8 +22,6 @@ pub enum Verdict {
     NotShown,
     /// Fewer participants than any test needs.
     TooFew,
-    /// No test is made.
-    Described,
 }
 
 impl Verdict {
@@ -43,7 +43,7 @@ impl Verdict {
 }
 
 /// What some tests say together.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Answer {
     /// How sure it is.
     pub verdict: Verdict,
@@ -59,46 +59,10 @@ impl Answer {
         let verdict = Verdict::of(power, &gains);
         (!gains.is_empty()).then_some(Self { verdict, gains, power })
     }
-
-    /// The gains that are shown to be up (`sign` 1) or down (−1), after correction.
-    pub fn shown(&self, sign: f64) -> impl Iterator<Item = &Gain> {
-        self.gains.iter().filter(move |gain| gain.is_shown(sign))
-    }
-
-    /// The gains that are not shown, after correction.
-    pub fn not_shown(&self) -> impl Iterator<Item = &Gain> {
-        self.gains.iter().filter(|gain| gain.holm >= LEVEL)
-    }
-
-    /// How many gains are up and how many down, with p below 5 % before correction.
-    #[must_use]
-    pub fn hinted(&self) -> [usize; 2] {
-        let below = || self.gains.iter().filter(|gain| gain.paired.p < LEVEL);
-        [1.0, -1.0].map(|sign| below().filter(|gain| sign * gain.paired.typical > 0.0).count())
-    }
-
-    /// How many gains have p below 5 % before correction.
-    #[must_use]
-    pub fn below_level(&self) -> usize {
-        self.gains.iter().filter(|gain| gain.paired.p < LEVEL).count()
-    }
-
-    /// How many gains are positive on average.
-    #[must_use]
-    pub fn higher_on_average(&self) -> usize {
-        self.gains.iter().filter(|gain| gain.paired.mean > 0.0).count()
-    }
-
-    /// The gains with p below 5 % whose mean points the other way than the typical gain; none
-    /// where no p-value is told.
-    pub fn contrary(&self) -> impl Iterator<Item = &Gain> {
-        let told = !self.power.is_too_low();
-        self.gains.iter().filter(move |gain| told && gain.paired.is_contrary())
-    }
 }
 
 /// Whether safety levels help beside distance, with the main comparison in full.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SafetyOverDistance {
     /// All models and experiments.
     pub answer: Answer,
@@ -109,7 +73,7 @@ pub struct SafetyOverDistance {
 }
 
 /// Whether safety levels change how well the start and end of avoidance are found.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct StartAndEnd {
     /// Over both.
     pub verdict: Verdict,
@@ -119,8 +83,21 @@ pub struct StartAndEnd {
     pub end: Answer,
 }
 
+/// How a driver fares at the furthest horizon.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Furthest {
+    /// A model's word or a simple driver's.
+    pub driver: &'static str,
+    /// The name of its feature set; empty for a simple driver.
+    pub features: &'static str,
+    /// Share of windows that were right.
+    pub accuracy: f64,
+    /// Mean distance of the predicted position, m.
+    pub distance_m: f64,
+}
+
 /// How many drivers do better than holding the last input.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Beaten {
     /// Drivers who name the input more often right.
     pub more_often_right: usize,
@@ -130,31 +107,43 @@ pub struct Beaten {
     pub of: usize,
 }
 
+impl Beaten {
+    fn by(drivers: &[Furthest], held: &Furthest) -> Self {
+        Self {
+            more_often_right: drivers.iter().filter(|of| of.accuracy > held.accuracy).count(),
+            closer: drivers.iter().filter(|of| of.distance_m < held.distance_m).count(),
+            of: drivers.len(),
+        }
+    }
+}
+
 /// Roll-outs at the furthest horizon.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct RolloutFacts {
     /// How many steps ahead.
     pub steps: usize,
+    /// Windows of each driver.
+    pub windows: usize,
     /// The paper's models on B_hrd.
-    pub papers: Vec<(ModelName, Horizon)>,
+    pub papers: Vec<Furthest>,
     /// How they do against holding the last input.
     pub papers_beaten: Beaten,
-    /// The models of [`BEYOND`] that there are, each with its driver and feature set.
-    pub beyond: Vec<(&'static str, &'static str, Horizon)>,
+    /// The models of [`BEYOND`] that there are.
+    pub beyond: Vec<Furthest>,
     /// How they do against holding the last input.
     pub beyond_beaten: Beaten,
     /// Holding the last input.
-    pub held: Horizon,
+    pub held: Furthest,
     /// Driving straight on.
-    pub straight: Horizon,
+    pub straight: Furthest,
 }
 
 /// Models that know more than the paper's: driver and feature set.
-pub const BEYOND: [(&str, &str); 4] =
+const BEYOND: [(&str, &str); 4] =
     [("svm", "hrd_body"), ("boosted", "hrd_body"), ("lr", HISTORY_SET), ("boosted", HISTORY_SET)];
 
 /// How well the probabilities on B_hrd are calibrated.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct CalibrationFacts {
     /// For each experiment and model of the paper.
     pub entries: Vec<(ModelName, Experiment, Calibration)>,
@@ -163,7 +152,7 @@ pub struct CalibrationFacts {
 }
 
 /// A model whose C is often the greatest that was tried, so that a greater one may do better.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct GridEdge {
     /// The model.
     pub model: ModelName,
@@ -176,7 +165,7 @@ pub struct GridEdge {
 }
 
 /// All answers; none where there is nothing to answer from.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Findings {
     /// B_hrd over B_d.
     pub safety_over_distance: Option<SafetyOverDistance>,
@@ -190,7 +179,7 @@ pub struct Findings {
     pub start_and_end: Option<StartAndEnd>,
     /// B_h over B_r.
     pub which_level: Option<Answer>,
-    /// Predictors fed with what they said.
+    /// Roll-outs of predictors.
     pub rollouts: Option<RolloutFacts>,
     /// Whether the probabilities can be believed.
     pub calibration: Option<CalibrationFacts>,
@@ -265,36 +254,30 @@ fn safety_over_distance(comparison: &Comparison, tests: &[Test]) -> Option<Safet
 }
 
 fn rollout_facts(all: &[RolloutsOf]) -> Option<RolloutFacts> {
-    let furthest = |driver: &str, features: &str| -> Option<Horizon> {
-        let own = |of: &&RolloutsOf| of.driver == driver && of.features == features;
-        all.iter().find(own)?.horizons.last().copied()
+    let horizons = |driver, features| -> Option<&[Horizon]> {
+        let of = all.iter().find(|of| of.driver == driver && of.features == features)?;
+        Some(&of.horizons)
     };
-    let papers: Vec<_> = ModelName::PAPERS
-        .into_iter()
-        .filter_map(|model| Some((model, furthest(model.word(), "hrd")?)))
-        .collect();
-    let beyond: Vec<_> = BEYOND
-        .into_iter()
-        .filter_map(|(driver, set)| Some((driver, set, furthest(driver, set)?)))
-        .collect();
-    let held = furthest(Simple::Held.word(), "")?;
-    let beaten = |horizons: &mut dyn Iterator<Item = &Horizon>| {
-        let mut beaten = Beaten { more_often_right: 0, closer: 0, of: 0 };
-        for horizon in horizons {
-            beaten.more_often_right += usize::from(horizon.accuracy() > held.accuracy());
-            beaten.closer += usize::from(horizon.mean_distance_m() < held.mean_distance_m());
-            beaten.of += 1;
-        }
-        beaten
+    let furthest = |(driver, features)| -> Option<Furthest> {
+        let of = horizons(driver, features)?.last()?;
+        let (accuracy, distance_m) = (of.accuracy(), of.mean_distance_m());
+        Some(Furthest { driver, features, accuracy, distance_m })
     };
-    (!papers.is_empty()).then_some(RolloutFacts {
-        steps: all.first()?.horizons.len(),
-        papers_beaten: beaten(&mut papers.iter().map(|(_, horizon)| horizon)),
+    let simple = |driver: Simple| furthest((driver.word(), ""));
+    let papers = ModelName::PAPERS.map(|model| furthest((model.word(), "hrd")));
+    let papers: Vec<Furthest> = papers.into_iter().flatten().collect();
+    let beyond: Vec<Furthest> = BEYOND.into_iter().filter_map(furthest).collect();
+    let (held, straight) = (simple(Simple::Held)?, simple(Simple::Straight)?);
+    let of_held = horizons(held.driver, held.features)?;
+    (!papers.is_empty()).then(|| RolloutFacts {
+        steps: of_held.len(),
+        windows: of_held.last().map_or(0, |of| of.windows),
+        papers_beaten: Beaten::by(&papers, &held),
         papers,
-        beyond_beaten: beaten(&mut beyond.iter().map(|(.., horizon)| horizon)),
+        beyond_beaten: Beaten::by(&beyond, &held),
         beyond,
         held,
-        straight: furthest(Simple::Straight.word(), "")?,
+        straight,
     })
 }
 

@@ -1,7 +1,8 @@
-//! One person, one feature set: every model, its hyper-parameters chosen by cross-validation.
+//! The models of one participant on one feature set, with hyper-parameters chosen by
+//! cross-validation.
 
 use super::cell::{Cell, Experiment, ModelName};
-use super::metrics::Predictions;
+use super::metrics::{Predictions, highest};
 use super::split::{FOLDS, Split};
 use crate::dataset::Dataset;
 use crate::invalid::Invalid;
@@ -117,15 +118,15 @@ pub fn fit(
     };
     let problems: Vec<Problem<'_>> =
         experiments.iter().map(|&experiment| Problem::new(data, split, experiment)).collect();
-    let chosen = match family {
+    let chosen: Result<Vec<Chosen>, Invalid> = match family {
         ModelFamily::Rbf => {
-            svms(data, split, &problems, Kernels::Rbf(grids.rbf_gamma.clone()), &grids.rbf_c)?
+            svms(data, split, &problems, Kernels::Rbf(grids.rbf_gamma.clone()), &grids.rbf_c)
         }
-        ModelFamily::Linear => svms(data, split, &problems, Kernels::Linear, &grids.linear_c)?,
-        ModelFamily::Tree => each_of(&problems, |problem| problem.tree(grids))?,
-        ModelFamily::Logistic => each_of(&problems, |problem| problem.logistic(&grids.logistic_c))?,
+        ModelFamily::Linear => svms(data, split, &problems, Kernels::Linear, &grids.linear_c),
+        ModelFamily::Tree => problems.iter().map(|of| of.tree(grids)).collect(),
+        ModelFamily::Logistic => problems.iter().map(|of| of.logistic(&grids.logistic_c)).collect(),
         ModelFamily::Boosted => {
-            each_of(&problems, |problem| problem.boosted(&grids.boosted_depth))?
+            problems.iter().map(|of| of.boosted(&grids.boosted_depth)).collect()
         }
     };
     let cell = |(problem, chosen): (&Problem<'_>, Chosen)| Cell {
@@ -138,14 +139,7 @@ pub fn fit(
         test: problem.predictions(&chosen.predictor),
         predictor: PredictorFile::from(&chosen.predictor),
     };
-    Ok(problems.iter().zip(chosen).map(cell).collect())
-}
-
-fn each_of(
-    problems: &[Problem<'_>],
-    solve: impl Fn(&Problem<'_>) -> Result<Chosen, Invalid>,
-) -> Result<Vec<Chosen>, Invalid> {
-    problems.iter().map(solve).collect()
+    Ok(problems.iter().zip(chosen?).map(cell).collect())
 }
 
 /// The setting that did best, and the model that all training rows give with it.
@@ -155,8 +149,7 @@ struct Chosen {
     predictor: Predictor,
 }
 
-/// Some rows, as they are learned from: gathered, with labels 0, 1, … for those of the classes
-/// that occur.
+/// Some rows to train on: gathered, with labels 0, 1, … for the classes that occur.
 struct Rows {
     values: Vec<f64>,
     labels: Vec<usize>,
@@ -164,7 +157,7 @@ struct Rows {
     classes: Vec<i8>,
 }
 
-/// One experiment's labels on one person's rows.
+/// One experiment's labels on one participant's rows.
 struct Problem<'a> {
     data: &'a Dataset,
     split: &'a Split,
@@ -178,7 +171,7 @@ impl<'a> Problem<'a> {
         Self { data, split, experiment, training }
     }
 
-    /// What `predictor` says of the test rows.
+    /// The predictions of `predictor` for the test rows.
     fn predictions(&self, predictor: &Predictor) -> Predictions {
         let classes = predictor.classes();
         let width = self.data.features.len();
@@ -200,8 +193,8 @@ impl<'a> Problem<'a> {
     }
 
     /// The share of held-out rows that each of several models gets right, a mean over folds.
-    /// `models` gives the models of a fold, which say which of its classes a row has. A fold
-    /// whose other rows are all alike says so of every row.
+    /// `models` trains the models on the other rows of a fold, and `says` gives the place of the
+    /// class that a model predicts. Where the other rows have one class only, it is predicted.
     fn validated<M>(
         &self,
         count: usize,
@@ -242,16 +235,9 @@ impl<'a> Problem<'a> {
     }
 }
 
-/// The place of the highest, the first on a tie.
-fn likeliest(p: &[f64]) -> usize {
-    (0..p.len()).reduce(|best, k| if p[k] > p[best] { k } else { best }).unwrap_or(0)
-}
-
-/// The place of the highest, the first on a tie.
+/// The place of the best setting of a grid, the first on a tie.
 fn best(accuracy: &[f64]) -> Result<usize, Invalid> {
-    (0..accuracy.len())
-        .reduce(|best, i| if accuracy[i] > accuracy[best] { i } else { best })
-        .ok_or_else(|| Invalid::new("grid", "at least one setting", "none"))
+    highest(accuracy).ok_or_else(|| Invalid::new("grid", "at least one setting", "none"))
 }
 
 fn rows(data: &Dataset, experiment: Experiment, rows: &[usize]) -> Rows {
@@ -286,7 +272,7 @@ impl Problem<'_> {
         let says = |(scale, model): &(Scale, Logistic), row: &[f64]| {
             let mut p = vec![0.0; model.intercepts().len()];
             model.probabilities_into(scale, row, &mut p);
-            likeliest(&p)
+            highest(&p).unwrap_or(0)
         };
         let accuracy = self.validated(strengths.len(), |rows| train(rows, strengths), says)?;
         let best = best(&accuracy)?;
@@ -331,9 +317,7 @@ impl Problem<'_> {
             predictor: Predictor::tree(features, classes, tree),
         })
     }
-}
 
-impl Problem<'_> {
     fn boosted(&self, depths: &[usize]) -> Result<Chosen, Invalid> {
         let (scale, values) = Scale::standardised(self.width(), &self.training.values);
         let Rows { labels, classes, .. } = &self.training;
@@ -341,7 +325,7 @@ impl Problem<'_> {
         let settings = BoostingSettings::default();
         let (model, chosen) =
             boosting::fit_by_folds(&samples, &self.split.folds, depths, &settings)?;
-        // Depth and rounds are chosen by the log loss; this is what they are worth otherwise.
+        // Depth and rounds are chosen by the log loss; the table wants their accuracy.
         let settings = BoostingSettings { depth: chosen.depth, rounds: chosen.rounds, ..settings };
         let again = |rows: &Rows| -> Result<Vec<(Scale, usize, Boosted)>, Invalid> {
             let (scale, values) = Scale::standardised(self.width(), &rows.values);
@@ -351,7 +335,7 @@ impl Problem<'_> {
         let says = |(scale, classes, model): &(Scale, usize, Boosted), row: &[f64]| {
             let mut p = vec![0.0; *classes];
             model.probabilities_into(&scale.row(row), &mut p);
-            likeliest(&p)
+            highest(&p).unwrap_or(0)
         };
         let accuracy = self.validated(1, again, says)?;
         let features = self.data.features.clone();

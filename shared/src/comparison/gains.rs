@@ -2,48 +2,47 @@
 
 use super::cell::{Experiment, ModelName};
 use super::tables::{Metric, mean};
+use crate::invalid::Invalid;
 use crate::stats::rank::{hodges_lehmann, holm, wilcoxon};
+use serde::Serialize;
 
 /// A difference is shown where the p-value is below this.
 pub const LEVEL: f64 = 0.05;
 
 /// How much better the first of two lists of numbers is, a number each participant.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Paired {
     /// The gain of each participant, in order; positive where the first is better.
     pub gains: Vec<f64>,
     /// Mean over participants.
     pub mean: f64,
-    /// The typical gain (Hodges–Lehmann), which the paired test is about. A few participants can
-    /// turn the mean the other way.
+    /// The typical gain (Hodges–Lehmann), which the paired test is about.
     pub typical: f64,
     /// The typical gains that the paired test does not reject at 5 %; none where participants are
     /// too few for it to reject anything.
     pub interval: Option<[f64; 2]>,
     /// p-value of Wilcoxon's signed-rank test, two-sided.
     pub p: f64,
+    /// How many participants gain.
+    pub better: usize,
+    /// Whether p is below [`LEVEL`] and the mean points the other way than the typical gain, as a
+    /// few participants can turn it.
+    pub contrary: bool,
 }
 
 impl Paired {
-    /// Of these numbers of the same participants, more being better; none if there are none.
-    #[must_use]
-    pub fn of(first: &[f64], second: &[f64]) -> Option<Self> {
-        let p = wilcoxon(first, second).ok()?;
+    /// Of these numbers of the same participants, more being better.
+    ///
+    /// # Errors
+    /// [`Invalid`] if there is no participant.
+    pub fn of(first: &[f64], second: &[f64]) -> Result<Self, Invalid> {
+        let p = wilcoxon(first, second)?;
         let gains: Vec<f64> = first.iter().zip(second).map(|(a, b)| a - b).collect();
-        let mean = mean(gains.iter().copied());
-        Some(Self { interval: interval(&gains), typical: hodges_lehmann(&gains), gains, mean, p })
-    }
-
-    /// How many participants gain.
-    #[must_use]
-    pub fn better(&self) -> usize {
-        self.gains.iter().filter(|gain| **gain > 1e-12).count()
-    }
-
-    /// Whether the mean points the other way than the typical gain, below [`LEVEL`].
-    #[must_use]
-    pub fn is_contrary(&self) -> bool {
-        self.p < LEVEL && self.mean * self.typical <= 0.0
+        let (mean, typical) = (mean(gains.iter().copied()), hodges_lehmann(&gains));
+        let interval = interval(&gains);
+        let better = gains.iter().filter(|gain| **gain > 1e-12).count();
+        let contrary = p < LEVEL && mean * typical <= 0.0;
+        Ok(Self { gains, mean, typical, interval, p, better, contrary })
     }
 }
 
@@ -73,8 +72,20 @@ fn interval(differences: &[f64]) -> Option<[f64; 2]> {
     Some([means[lowest], means[highest]])
 }
 
+/// What a test says of a gain.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Direction {
+    /// p is below [`LEVEL`], and the typical gain is positive.
+    Better,
+    /// p is below [`LEVEL`], and the typical gain is negative.
+    Worse,
+    /// p is not below [`LEVEL`].
+    Open,
+}
+
 /// The gain of one feature set over another in one model and experiment.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Gain {
     /// What predicts.
     pub model: ModelName,
@@ -86,15 +97,25 @@ pub struct Gain {
     pub paired: Paired,
     /// The test's p-value after Holm's correction over its family.
     pub holm: f64,
+    /// What the test says before the correction.
+    pub before: Direction,
+    /// What it says after the correction.
+    pub after: Direction,
 }
 
-impl Gain {
-    /// Whether it is shown, after correction, that the first set is better (`sign` 1) or worse
-    /// (−1).
-    #[must_use]
-    pub fn is_shown(&self, sign: f64) -> bool {
-        self.holm < LEVEL && sign * self.paired.typical > 0.0
-    }
+/// Gains whose tests are corrected together, by model, experiment and metric.
+pub(super) fn corrected(of: Vec<(ModelName, Experiment, Metric, Paired)>) -> Vec<Gain> {
+    let p_values: Vec<f64> = of.iter().map(|(.., paired)| paired.p).collect();
+    let gain = |((model, experiment, metric, paired), holm): ((_, _, _, Paired), f64)| {
+        let direction = |p: f64| match p < LEVEL {
+            true if paired.typical > 0.0 => Direction::Better,
+            true => Direction::Worse,
+            false => Direction::Open,
+        };
+        let (before, after) = (direction(paired.p), direction(holm));
+        Gain { model, experiment, metric, paired, holm, before, after }
+    };
+    of.into_iter().zip(holm(&p_values)).map(gain).collect()
 }
 
 /// Tests that are corrected together: one feature set over another.
@@ -104,44 +125,35 @@ pub struct GainFamily {
     pub first: &'static str,
     /// The set that it is compared with; `none` for the commonest input.
     pub second: &'static str,
-    /// A gain for each experiment and model of the paper; none where there are no participants.
+    /// A gain for each experiment and model of the paper.
     pub gains: Vec<Gain>,
 }
 
 impl GainFamily {
-    /// The gains in accuracy of `first` over `second`, whose numbers are given by model and
-    /// experiment, a number each participant.
+    /// The gains in accuracy of `first` over `second`. `accuracies` gives the accuracy of each
+    /// participant by model, experiment and set.
+    ///
+    /// # Errors
+    /// [`Invalid`] if there is no participant.
     pub(super) fn of(
         (first, second): (&'static str, &'static str),
-        numbers_of_first: impl Fn(ModelName, Experiment) -> Vec<f64>,
-        numbers_of_second: impl Fn(ModelName, Experiment) -> Vec<f64>,
-    ) -> Self {
-        let mut gains = Vec::new();
+        accuracies: impl Fn(Option<ModelName>, Experiment, &str) -> Vec<f64>,
+    ) -> Result<Self, Invalid> {
+        let mut all = Vec::new();
         for experiment in Experiment::ALL {
             for model in ModelName::PAPERS {
-                let numbers =
-                    [numbers_of_first(model, experiment), numbers_of_second(model, experiment)];
-                let paired = Paired::of(&numbers[0], &numbers[1]);
-                let metric = Metric::Accuracy;
-                gains.extend(paired.map(|paired| Gain {
-                    model,
-                    experiment,
-                    metric,
-                    paired,
-                    holm: 1.0,
-                }));
+                let [first, second] =
+                    [first, second].map(|set| accuracies(Some(model), experiment, set));
+                let paired = Paired::of(&first, &second)?;
+                all.push((model, experiment, Metric::Accuracy, paired));
             }
         }
-        let p_values: Vec<f64> = gains.iter().map(|gain| gain.paired.p).collect();
-        for (gain, p) in gains.iter_mut().zip(holm(&p_values)) {
-            gain.holm = p;
-        }
-        Self { first, second, gains }
+        Ok(Self { first, second, gains: corrected(all) })
     }
 }
 
 /// What the paired test can show at all with some number of participants.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Power {
     /// How many participants there are.
     pub participants: usize,
@@ -156,7 +168,7 @@ pub struct Power {
 }
 
 impl Power {
-    /// Of a family of so many tests.
+    /// For this number of participants and a family of this number of tests.
     #[must_use]
     pub fn of(participants: usize, family: usize) -> Self {
         let least = |people: usize| (0..people.min(1000)).fold(2.0, |p: f64, _| 0.5 * p).min(1.0);
@@ -170,7 +182,7 @@ impl Power {
         }
     }
 
-    /// Whether no paired test of so many participants can show anything.
+    /// Whether no paired test of this number of participants can show anything.
     #[must_use]
     pub fn is_too_low(&self) -> bool {
         self.least_p >= LEVEL
@@ -188,9 +200,21 @@ mod tests {
         let gains = [1.0, 2.0, 4.0, 8.0, 16.0, 32.0];
         let found = Paired::of(&gains, &[0.0; 6]).unwrap();
         assert_eq!(found.interval, Some([1.0, 32.0]));
-        assert_eq!((found.p, found.mean, found.better()), (0.03125, 10.5, 6));
+        assert_eq!((found.p, found.mean, found.better), (0.03125, 10.5, 6));
         assert_eq!(Paired::of(&gains[..5], &[0.0; 5]).unwrap().interval, None);
-        assert_eq!(Paired::of(&[], &[]), None);
+        assert!(Paired::of(&[], &[]).is_err());
+    }
+
+    #[test]
+    fn a_few_participants_can_turn_the_mean() {
+        let with_losses = |loss: f64| {
+            let gains: Vec<f64> = (0..20).map(|i| if i < 2 { -loss } else { 1.0 }).collect();
+            let found = Paired::of(&gains, &[0.0; 20]).unwrap();
+            (found.p < LEVEL, found.typical > 0.0, found.contrary)
+        };
+        assert_eq!(with_losses(8.0), (true, true, false));
+        assert_eq!([9.0, 30.0].map(with_losses), [(true, true, true); 2]);
+        assert!(!Paired::of(&[1.0, 1.0, -30.0], &[0.0; 3]).unwrap().contrary);
     }
 
     /// The interval holds just what a test of each shift does not reject.

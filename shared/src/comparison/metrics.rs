@@ -1,16 +1,16 @@
-//! How good predictions are, row by row.
+//! How good predictions are: row by row, and when avoidance begins and ends.
 
 use crate::math::ln;
 use serde::{Deserialize, Serialize};
 
-/// What a model says of some rows, and what was so.
+/// A model's predictions of some rows, and the truth.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Predictions {
-    /// What is told apart, in rising order.
+    /// The classes, in rising order.
     pub classes: Vec<i8>,
-    /// The class of each row.
+    /// The true class of each row.
     pub truth: Vec<i8>,
-    /// The class that the model names.
+    /// The class that the model predicts for each row.
     pub predicted: Vec<i8>,
     /// Row after row, the probability of each class.
     pub probabilities: Vec<f64>,
@@ -21,13 +21,15 @@ pub struct Predictions {
 pub struct Calibration {
     /// Rows.
     pub rows: usize,
-    /// Mean −ln of the probability of what was so, nats; probabilities below 10⁻¹⁵ count as that.
+    /// Mean −ln of the probability of the true class, nats; no probability counts as less than
+    /// 10⁻¹⁵.
     pub log_loss: f64,
     /// Brier's score (Monthly Weather Review 78, 1950): the mean over rows of the sum over classes
-    /// of (probability − what was so)², from 0 to 2.
+    /// of (probability − truth)², where truth is 1 for the true class and else 0; from 0 to 2.
     pub brier: f64,
-    /// Expected calibration error: over ten bins of the highest probability, the mean of how far
-    /// it is from the share of rows where that class was right, weighted by rows.
+    /// Expected calibration error: rows are put into ten bins by their highest probability; the
+    /// mean over bins, weighted by rows, of the distance between the mean of these probabilities and
+    /// the share of rows in which the likeliest class was the true one.
     pub calibration_error: f64,
 }
 
@@ -46,6 +48,11 @@ pub struct Bin {
 pub const BINS: usize = 10;
 
 const LEAST_PROBABILITY: f64 = 1e-15;
+
+/// The place of the highest number, the first on a tie; none of no numbers.
+pub(super) fn highest(numbers: &[f64]) -> Option<usize> {
+    (0..numbers.len()).reduce(|best, i| if numbers[i] > numbers[best] { i } else { best })
+}
 
 impl Predictions {
     /// How many rows.
@@ -108,7 +115,7 @@ impl Predictions {
                 brier += (p - so) * (p - so);
                 of_truth += so * p;
             }
-            // What cannot be predicted at all is missed as if with probability 0.
+            // A class that the model does not know counts as predicted with probability 0.
             brier += f64::from(u8::from(!self.classes.contains(truth)));
             loss -= ln(of_truth.max(LEAST_PROBABILITY));
         }
@@ -123,10 +130,7 @@ impl Predictions {
     pub fn bins(&self) -> [Bin; BINS] {
         let mut bins = [Bin::default(); BINS];
         for (row, truth) in self.each().zip(&self.truth) {
-            let Some(top) = (0..row.len()).reduce(|a, b| if row[b] > row[a] { b } else { a })
-            else {
-                continue;
-            };
+            let Some(top) = highest(row) else { continue };
             let bin = &mut bins[((row[top] * BINS as f64).ceil() as usize).clamp(1, BINS) - 1];
             bin.rows += 1;
             bin.confidence += row[top];
@@ -144,6 +148,74 @@ impl Predictions {
         };
         let row = |truth| self.classes.iter().map(|predicted| count(truth, predicted)).collect();
         self.classes.iter().map(row).collect()
+    }
+}
+
+/// First and last step of one trajectory in which somebody avoids, human or model.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Avoidance {
+    /// The first step; none if there is no avoidance.
+    pub first: Option<usize>,
+    /// The last step.
+    pub last: Option<usize>,
+}
+
+impl Avoidance {
+    /// Of one trajectory; `avoids` says for each step whether it avoids.
+    #[must_use]
+    pub fn of(avoids: impl Iterator<Item = bool>) -> Self {
+        let mut steps = avoids.enumerate().filter_map(|(step, avoids)| avoids.then_some(step));
+        let first = steps.next();
+        Self { first, last: steps.last().or(first) }
+    }
+}
+
+/// How far the model's first or last steps of avoidance are from the human's, in steps.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Distance {
+    /// Mean over all trajectories; a trajectory without avoidance counts as one step past the last
+    /// one at the start, and as step −1 at the end.
+    pub penalised: f64,
+    /// Mean over the trajectories in which both avoid; none where there is no such. Without the
+    /// number of these it rewards a model that never predicts avoidance.
+    pub both: Option<f64>,
+}
+
+/// The paper's D_start and D_end over some trajectories.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Distances {
+    /// D_start.
+    pub start: Distance,
+    /// D_end.
+    pub end: Distance,
+    /// In how many trajectories both avoid.
+    pub both: usize,
+    /// All trajectories.
+    pub trajectories: usize,
+}
+
+impl Distances {
+    /// Over trajectories of `steps` steps, each with the human's avoidance and the model's.
+    #[must_use]
+    pub fn of(steps: usize, trajectories: &[(Avoidance, Avoidance)]) -> Self {
+        let both: Vec<_> = trajectories
+            .iter()
+            .filter(|(human, model)| human.first.is_some() && model.first.is_some())
+            .copied()
+            .collect();
+        let distance = |step: &dyn Fn(&Avoidance) -> f64| {
+            let mean = |of: &[(Avoidance, Avoidance)]| {
+                let apart = of.iter().map(|(human, model)| (step(human) - step(model)).abs());
+                (!of.is_empty()).then(|| apart.sum::<f64>() / of.len() as f64)
+            };
+            Distance { penalised: mean(trajectories).unwrap_or(0.0), both: mean(&both) }
+        };
+        Self {
+            start: distance(&|who| who.first.map_or(steps as f64, |step| step as f64)),
+            end: distance(&|who| who.last.map_or(-1.0, |step| step as f64)),
+            both: both.len(),
+            trajectories: trajectories.len(),
+        }
     }
 }
 
@@ -191,5 +263,28 @@ mod tests {
         );
         assert_eq!(three.confusion(), [[0, 1, 0], [0, 0, 0], [0, 0, 0]]);
         assert_eq!(made(&[], &[], &[]).calibration().log_loss, 0.0);
+    }
+
+    fn avoidance(steps: &str) -> Avoidance {
+        Avoidance::of(steps.chars().map(|step| step == 'a'))
+    }
+
+    #[test]
+    fn both_forms_by_hand() {
+        assert_eq!(avoidance("..a.a."), Avoidance { first: Some(2), last: Some(4) });
+        assert_eq!(avoidance("...a.."), Avoidance { first: Some(3), last: Some(3) });
+        assert_eq!(avoidance("......"), Avoidance { first: None, last: None });
+        let found = Distances::of(
+            6,
+            &[
+                (avoidance("..a.a."), avoidance(".aaa..")),
+                (avoidance("..aa.."), avoidance("......")),
+                (avoidance("......"), avoidance("......")),
+            ],
+        );
+        assert_eq!((found.start.penalised, found.end.penalised), (5.0 / 3.0, 5.0 / 3.0));
+        assert_eq!((found.start.both, found.end.both), (Some(1.0), Some(1.0)));
+        assert_eq!((found.both, found.trajectories), (1, 3));
+        assert_eq!(Distances::of(6, &[]).start.both, None);
     }
 }

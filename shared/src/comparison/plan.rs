@@ -81,7 +81,7 @@ impl ParticipantData {
         &self.trajectories[first_test_task(self.trajectories.len())..]
     }
 
-    /// What the tables tell of them.
+    /// What the tables say about the participant.
     pub(super) fn compared(&self) -> ComparedParticipant {
         ComparedParticipant {
             name: self.name.clone(),
@@ -94,7 +94,7 @@ impl ParticipantData {
         Exclusion { first_line: self.line, ..Exclusion::new(&self.name, reason) }
     }
 
-    /// Why nothing can be learned from these tasks, if so.
+    /// Why no model can be trained on these tasks, if so.
     fn reason_against(&self, split: &Split) -> Option<String> {
         let tasks = self.trajectories.len();
         if tasks < LEAST_TASKS {
@@ -222,7 +222,7 @@ pub(super) fn key(family: ModelFamily, data: &Dataset, split: &Split, grids: &Gr
     hex::encode(hash.finalize())
 }
 
-/// An error if nobody is left.
+/// Fails if no participant is left.
 ///
 /// # Errors
 /// [`Invalid`] with everybody's reason.

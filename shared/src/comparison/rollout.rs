@@ -1,10 +1,11 @@
-//! Predictors judged by what they say about the next steps, fed with what they said.
+//! Roll-outs: predictors judged several steps ahead, where each prediction builds on those before.
 //!
 //! Next-step accuracy flatters a predictor that knows the last input: keys are held for many
-//! steps, so "the same again" is right nearly always and says nothing of when the human begins or
+//! steps, so "the same again" is right nearly always and does not say when the human begins or
 //! ends to avoid. Here a predictor sees the trajectory up to some step and then only its own
 //! prediction of it: the human drives on with the most likely action, the robot straight on.
 
+use super::metrics::highest;
 use crate::bounds::{ActionModel, Motion};
 use crate::invalid::Invalid;
 use crate::math::{hypot, ln};
@@ -53,7 +54,7 @@ impl Horizon {
     }
 }
 
-/// Who drives on.
+/// What predicts the human's next input.
 pub trait Driver {
     /// Given the joint states up to now and the turn rates held so far, rad/s: the turn rate
     /// that the human is most likely to hold next, and how likely `truth` is.
@@ -68,15 +69,14 @@ impl<M: ActionModel> Driver for M {
         let actions = self.actions();
         let mut p = vec![0.0; actions.len()];
         self.probabilities(history, &mut p);
-        // The first on a tie.
-        let likeliest = (0..p.len()).reduce(|best, a| if p[a] > p[best] { a } else { best });
+        let likeliest = highest(&p);
         let same = |rate: &f64| (rate - truth).abs() <= SAME_ACTION;
         let of_truth = actions.iter().position(same).map_or(0.0, |a| p[a]);
         (likeliest.map_or(0.0, |a| actions[a]), of_truth)
     }
 }
 
-/// A driver who does not think: for comparison.
+/// A driver without a model, for comparison.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Simple {
     /// Holds the input of the step before; straight at the start.
@@ -85,11 +85,11 @@ pub enum Simple {
     Straight,
 }
 
-/// What a simple driver leaves for the actions that it does not expect.
+/// The probability that a simple driver gives to each action that it does not expect.
 const DOUBT: f64 = 0.05;
 
 impl Simple {
-    /// As tables call it.
+    /// Its name in tables.
     #[must_use]
     pub fn word(self) -> &'static str {
         match self {

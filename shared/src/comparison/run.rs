@@ -1,9 +1,8 @@
 //! The whole comparison: [`Plan`] what to fit, execute it on all threads, assemble the results.
 
-use super::baseline::Baseline;
-use super::cell::{Cell, Experiment, ModelName};
+use super::cell::{Baseline, Cell, Experiment, ModelName};
 use super::fit::fit;
-use super::plan::{Fit, ParticipantData, Plan, Purpose, key, order, somebody_left};
+use super::plan::{DataError, Fit, ParticipantData, Plan, Purpose, key, order, somebody_left};
 use super::rollout::{Horizon, Simple, rollouts, together};
 use super::settings::Settings;
 use super::tables::{Comparison, mean};
@@ -58,14 +57,6 @@ pub struct Leakage {
     pub leaking: f64,
 }
 
-impl Leakage {
-    /// By how much the wrong split overstates the accuracy, in points.
-    #[must_use]
-    pub fn overstated(&self) -> f64 {
-        self.leaking - self.grouped
-    }
-}
-
 /// How many of the fits are done.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Progress {
@@ -84,10 +75,13 @@ pub trait Cache: Sync {
     fn put(&self, key: &str, cells: &[Cell]);
 }
 
-/// Why there are no results.
+/// Why there is no analysis.
 #[derive(Debug, PartialEq, Eq, thiserror::Error)]
-pub enum RunError {
-    /// The data or settings are wrong.
+pub enum AnalysisError {
+    /// The first participant's data, if nobody's can be used.
+    #[error(transparent)]
+    Data(#[from] DataError),
+    /// Something else is wrong with the data or the settings.
     #[error(transparent)]
     Invalid(#[from] Invalid),
     /// `progress` stopped it.
@@ -99,7 +93,7 @@ pub enum RunError {
 /// results come out whatever the order they are given in.
 ///
 /// # Errors
-/// [`RunError`] if nobody is left to compare, or `progress` stops it.
+/// [`AnalysisError`] if nobody is left to compare, or `progress` stops it.
 pub fn run(
     participants: &[ParticipantData],
     scene: &SceneParameters,
@@ -107,7 +101,7 @@ pub fn run(
     settings: &Settings,
     cache: Option<&dyn Cache>,
     progress: &(dyn Fn(Progress) -> ControlFlow<()> + Sync),
-) -> Result<Results, RunError> {
+) -> Result<Results, AnalysisError> {
     let plan = Plan::new(participants, settings);
     somebody_left(plan.participants.len(), &plan.exclusions)?;
     let found = execute(&plan, settings, cache, progress)?;
@@ -123,13 +117,13 @@ fn execute(
     settings: &Settings,
     cache: Option<&dyn Cache>,
     progress: &(dyn Fn(Progress) -> ControlFlow<()> + Sync),
-) -> Result<Vec<Fitted>, RunError> {
+) -> Result<Vec<Fitted>, AnalysisError> {
     let done = AtomicUsize::new(0);
     let stopped = AtomicBool::new(false);
     parallel_map(&plan.fits, |fit| {
         // Fits that still wait for a thread would otherwise be done first.
         if stopped.load(Ordering::Relaxed) {
-            return Err(RunError::Stopped);
+            return Err(AnalysisError::Stopped);
         }
         let cells = fitted(plan, fit, settings, cache);
         let done = done.fetch_add(1, Ordering::Relaxed) + 1;
@@ -137,7 +131,7 @@ fn execute(
             ControlFlow::Continue(()) => Ok(cells),
             ControlFlow::Break(()) => {
                 stopped.store(true, Ordering::Relaxed);
-                Err(RunError::Stopped)
+                Err(AnalysisError::Stopped)
             }
         }
     })

@@ -1,4 +1,4 @@
-//! Which trials are learned from, and which are held back.
+//! Which trials train the models, and which are held back.
 //!
 //! Always whole trials: neighbouring steps are so alike that a model which has seen one of them
 //! knows the other.
@@ -11,7 +11,7 @@ pub const FOLDS: usize = 5;
 /// Fewer tasks leave no trial for each fold.
 pub const LEAST_TASKS: usize = FOLDS;
 
-/// The first of `tasks` tasks of a person that are for testing: the last fifth, at least one
+/// The first of a participant's `tasks` tasks that are for testing: the last fifth, at least one
 /// where there is any.
 #[must_use]
 pub fn first_test_task(tasks: usize) -> usize {
@@ -24,10 +24,10 @@ pub fn fold_of(task: usize) -> usize {
     task % FOLDS
 }
 
-/// The rows of one person's tasks, split.
+/// The rows of one participant's tasks, split.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Split {
-    /// Rows to learn from, ascending.
+    /// Rows to train on, ascending.
     pub training: Vec<usize>,
     /// The fold of each of them.
     pub folds: Vec<usize>,
@@ -36,7 +36,7 @@ pub struct Split {
 }
 
 impl Split {
-    /// As above, of `tasks` whose rows are `data`'s.
+    /// Splits by whole tasks: the last fifth tests, the others are dealt to the folds in turn.
     #[must_use]
     pub fn grouped(data: &Dataset) -> Self {
         let tasks = data.trials.iter().max().map_or(0, |last| last + 1);

@@ -1,8 +1,7 @@
 //! The paper's tables from cells.
 
-use super::avoidance::{Avoidance, Distances};
 use super::cell::{Cell, Experiment, ModelName};
-use super::metrics::{BINS, Bin, Calibration, Predictions};
+use super::metrics::{Avoidance, BINS, Bin, Calibration, Distances, Predictions};
 use serde::Serialize;
 
 /// A participant whose models are compared.
@@ -21,7 +20,7 @@ pub struct ComparedParticipant {
 pub struct Comparison {
     /// The participants, in the order of the cells' numbers.
     pub participants: Vec<ComparedParticipant>,
-    /// In the order of models, experiments, feature sets and people.
+    /// In the order of models, experiments, feature sets and participants.
     pub cells: Vec<Cell>,
 }
 
@@ -40,7 +39,7 @@ pub enum Metric {
 }
 
 impl Metric {
-    /// As files call it.
+    /// Its name in files.
     #[must_use]
     pub fn word(self) -> &'static str {
         match self {
@@ -71,7 +70,7 @@ impl Comparison {
         self.cells.iter().filter(one).map(|cell| cell.features.as_str()).collect()
     }
 
-    /// The cells of one model, experiment and feature set, a person each, in order.
+    /// The cells of one model, experiment and feature set, one for each participant, in order.
     pub fn of<'a>(
         &'a self,
         model: ModelName,
@@ -111,8 +110,8 @@ impl Comparison {
         let cells = || self.of(model, Experiment::Avoidance, set);
         match metric {
             Metric::Accuracy => self.person_accuracies(model, experiment, set),
-            Metric::Start => cells().map(|cell| distances(cell).start_penalised).collect(),
-            Metric::End => cells().map(|cell| distances(cell).end_penalised).collect(),
+            Metric::Start => cells().map(|cell| distances(cell).start.penalised).collect(),
+            Metric::End => cells().map(|cell| distances(cell).end.penalised).collect(),
         }
     }
 
@@ -168,16 +167,16 @@ impl Comparison {
         let distance = |pair| {
             let distances = Distances::of(steps, &[pair]);
             if metric == Metric::Start {
-                distances.start_penalised
+                distances.start.penalised
             } else {
-                distances.end_penalised
+                distances.end.penalised
             }
         };
         self.avoidances(cell).into_iter().map(distance).collect()
     }
 }
 
-/// What a model says of the test rows of all participants, summed up.
+/// A model's predictions of the test rows of all participants, summed up.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pooled {
     /// What predicts; none for the baseline.

@@ -22,7 +22,7 @@ use sidestep::shfrs::tuning::{Parts, Sample, Split, Tuned, TuningSettings, candi
 use sidestep::shfrs::window::{Trajectory, Window, WindowChoice};
 use sidestep::stats::open_probability;
 
-use crate::figure::{RegionsPanel, shown_steps};
+use crate::figure::RegionsPanel;
 
 /// The settings of an evaluation, besides those of the regions.
 pub(super) struct Questions {
@@ -65,8 +65,6 @@ pub(super) struct Evaluation {
     pub(super) danger: Danger,
     #[serde(skip)]
     pub(super) panels: Vec<RegionsPanel>,
-    #[serde(skip)]
-    pub(super) panel_times_s: Vec<f64>,
 }
 
 /// How many trajectories.
@@ -172,8 +170,7 @@ impl Evaluation {
         bar.set_message("pictures");
         let mut names: Vec<&str> = recorded.iter().map(|r| r.participant.as_str()).collect();
         names.dedup();
-        let (panels, panel_times_s) =
-            panels(recorded, parts, prediction, settings).map_err(flagged)?;
+        let panels = panels(recorded, parts, prediction, settings).map_err(flagged)?;
         bar.inc(1);
         Ok(Self {
             predictor: predictor.to_owned(),
@@ -190,7 +187,6 @@ impl Evaluation {
             pareto,
             danger,
             panels,
-            panel_times_s,
         })
     }
 }
@@ -285,10 +281,9 @@ fn panels<M: ActionModel>(
     parts: &Parts,
     prediction: Prediction<'_, M>,
     settings: &BoundsSettings,
-) -> Result<(Vec<RegionsPanel>, Vec<f64>), Invalid> {
+) -> Result<Vec<RegionsPanel>, Invalid> {
     let parameters: &SceneParameters = prediction.parameters;
     let steps = settings.steps();
-    let shown = shown_steps(steps);
     let onset = |i: &&usize| {
         let trajectory = &recorded[**i].trajectory;
         trajectory.onset().and_then(|begin| Window::new(trajectory, begin, steps)).is_some()
@@ -306,10 +301,7 @@ fn panels<M: ActionModel>(
             &found.sets,
             &Motion::from(parameters),
             parameters.danger_radius_m,
-            &shown,
         )
     };
-    let panels = chosen.into_iter().map(|&i| panel(i)).collect::<Result<_, Invalid>>()?;
-    let times = shown.iter().map(|&step| step as f64 * parameters.step_s).collect();
-    Ok((panels, times))
+    chosen.into_iter().map(|&i| panel(i)).collect()
 }

@@ -182,13 +182,5 @@ fn regions_svg(analysis: &Evaluation) -> Result<String, CommandError> {
     let names: Vec<String> = found.epsilon.iter().enumerate().map(name).collect();
     let note =
         format!("{}  ·  {}  ·  p over windows from every step", found.actions, note(analysis));
-    figure::regions(
-        "Where the human may be",
-        &note,
-        &analysis.panels,
-        &analysis.panel_times_s,
-        &names,
-    )
-    .map(|drawing| drawing.svg())
-    .map_err(CommandError::failure)
+    Ok(figure::regions("Where the human may be", &note, &analysis.panels, &names).svg())
 }

@@ -1,7 +1,6 @@
 //! A small made-up analysis.
 
-use sidestep::comparison::baseline::Baseline;
-use sidestep::comparison::cell::{Cell, Experiment, ModelName, NamedSet};
+use sidestep::comparison::cell::{Baseline, Cell, Experiment, ModelName, NamedSet};
 use sidestep::comparison::decision_map::DecisionMap;
 use sidestep::comparison::metrics::Predictions;
 use sidestep::comparison::rollout::Horizon;

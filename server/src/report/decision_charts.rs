@@ -1,44 +1,23 @@
 //! What the models decide, wherever the robot is.
 
-use super::super::words;
-use super::{WIDTH, drawn};
+use super::charts::{WIDTH, drawn};
+use serde_json::{Value, json};
 use sidestep::chart::{Area, Axis, Cells, Chart, Drawing, Ink, Note, Pen, Sign, colours, disc};
 use sidestep::comparison::Analysis;
-use sidestep::comparison::decision_map::{DecisionMap, MAPPED_MODEL};
+use sidestep::comparison::decision_map::DecisionMap;
 use sidestep::math::PI;
 
 /// Tones of the map.
 const TONES: usize = 10;
 
-/// Maps of the probability of a turn.
-pub(in super::super) fn figure_of(analysis: &Analysis) -> String {
+/// Maps of the probability of a turn, with the opacity of each tone in per cent; none without maps.
+pub(super) fn figure_of(analysis: &Analysis) -> Option<Value> {
     let maps = analysis.maps.iter().filter(|map| !map.probabilities.is_empty());
     let charts: Vec<Chart> =
         maps.map(|map| chart(map, analysis.data.scene.danger_radius_m)).collect();
-    if charts.is_empty() {
-        return String::new();
-    }
-    let tones: String = (0..TONES)
-        .map(|tone| format!("<span style=\"--tone:{:.0}%\"></span>", 100.0 * opacity(tone)))
-        .collect();
-    let scale = format!(
-        "<p class=\"scale\"><span>turn: 0 %</span><span class=\"tones\" aria-hidden=\"true\">{tones}\
-         </span><span>100 %</span></p>\n"
-    );
-    let caption = format!(
-        "<b>Where people’s models turn.</b> The probability of a turn that {} (experiment II) gives \
-         for a robot at each place around the human (blue), who heads up; the red arrow shows \
-         the robot’s heading. Mean over people and over eight headings in the world, as the \
-         paper’s features depend on these. Above on {}, which knows \
-         both safety levels; below on {}, which cannot tell ahead from behind. Far from where \
-         people drove, the models guess.",
-        words::model_in_full(MAPPED_MODEL),
-        words::set("hrd"),
-        words::set("d")
-    );
-    let drawings: Vec<Drawing> = charts.iter().map(square).collect();
-    let figure = drawn(&charts, &drawings, "charts two", &caption);
-    figure.replacen("<ul class=\"legend\">", &format!("{scale}<ul class=\"legend\">"), 1)
+    let mut figure = drawn(&charts, square);
+    figure["tones"] = (0..TONES).map(|tone| json!(100.0 * opacity(tone))).collect();
+    (!charts.is_empty()).then_some(figure)
 }
 
 /// A metre is as long along both axes.

@@ -1,0 +1,348 @@
+//! The charts of the report.
+
+use super::text::{fixed, model as name_of};
+use serde_json::{Value, json};
+use sidestep::chart::{
+    Axis, Chart, Colour, ColourStyle, Datum, Drawing, Group, LegendItem, Mark, Pen, Series, Swarm,
+    colours,
+};
+use sidestep::comparison::cell::{Experiment, HISTORY_SET, ModelName};
+use sidestep::comparison::gains::Gain;
+use sidestep::comparison::rollout::{Horizon, Simple};
+use sidestep::comparison::tables::Metric;
+use sidestep::comparison::{Analysis, RolloutsOf};
+
+/// Every chart is drawn for a telephone's width, px, and several stand side by side on a wider
+/// page, so that letters keep their size.
+pub(super) const WIDTH: f64 = 340.0;
+
+/// Charts of that height side by side, what their signs mean, and their numbers.
+fn figure(charts: &[Chart], height: f64) -> Value {
+    drawn(charts, |chart| chart.drawing([WIDTH, height]))
+}
+
+/// Likewise of any size.
+pub(super) fn drawn(charts: &[Chart], draw: impl Fn(&Chart) -> Drawing) -> Value {
+    let drawings = charts.iter().map(|chart| draw(chart).element(ColourStyle::Properties));
+    let legend = LegendItem::of_layers(charts.iter().flat_map(|chart| &chart.layers));
+    let item = |LegendItem { sign, text }: &LegendItem| {
+        let mut svg = sign.element(ColourStyle::Properties);
+        svg.attributes.retain(|(name, _)| *name != "role");
+        let size = [("width", "26"), ("height", "12"), ("aria-hidden", "true")];
+        svg.attributes.extend(size.map(|(name, value)| (name, value.to_owned())));
+        json!({ "sign": svg.to_string(), "text": text })
+    };
+    let tables = charts.iter().map(Chart::table).filter(|table| !table.rows.is_empty());
+    json!({
+        "drawings": drawings.map(|svg| svg.to_string()).collect::<Vec<_>>(),
+        "legend": legend.iter().map(item).collect::<Vec<_>>(),
+        "tables": tables.collect::<Vec<_>>(),
+        "tones": null,
+    })
+}
+
+/// A model's colour and mark.
+fn look(model: ModelName) -> (Colour, Mark) {
+    let [svm, trees, regression, ..] = colours::SERIES;
+    match model {
+        ModelName::Svm | ModelName::SvmRbf | ModelName::SvmLinear => (svm, Mark::Circle),
+        ModelName::Dt | ModelName::Boosted => (trees, Mark::Square),
+        ModelName::Lr => (regression, Mark::Triangle),
+    }
+}
+
+/// What is predicted.
+fn question(experiment: Experiment) -> String {
+    let words = match experiment {
+        Experiment::TurnDirection => "right, straight or left",
+        Experiment::Avoidance => "turn or not",
+    };
+    format!("{}: {words}", experiment.numeral())
+}
+
+/// A dashed line that says nothing but where something is.
+fn reference(ends: [[f64; 2]; 2]) -> Series {
+    Series::drawn("", ends, Pen::new(colours::MUTED, 1.5).dashed(5.0, 3.0))
+}
+
+/// From the least number, at most 0, to the greatest.
+fn range(numbers: impl Iterator<Item = f64> + Clone) -> [f64; 2] {
+    [numbers.clone().fold(0.0, f64::min), numbers.fold(0.0, f64::max)]
+}
+
+/// The gains of one feature set over another that the findings are about, each pair with the
+/// heading of its chart and the name of its axis.
+fn gain_pairs(analysis: &Analysis) -> Vec<(&'static str, String, Vec<&Gain>)> {
+    const PAIRS: [(&str, &str, &str); 3] = [
+        ("hrd", "d", "Safety levels over distance alone"),
+        ("d_body", "hrd", "Body frame over safety levels"),
+        ("hrd_body", "d_body", "Safety levels beside body frame"),
+    ];
+    let pair = |(first, second, heading)| {
+        (heading, format!("{first} − {second}"), analysis.gains(first, second))
+    };
+    PAIRS.into_iter().map(pair).filter(|(.., gains)| !gains.is_empty()).collect()
+}
+
+/// How much one feature set gains over another in each model and experiment: the answer in one
+/// picture.
+pub(super) fn gains(analysis: &Analysis) -> Value {
+    let all = gain_pairs(analysis);
+    let rows = all.iter().map(|(.., gains)| gains.len()).max().unwrap_or(0);
+    let each = all.iter().flat_map(|(.., gains)| gains).flat_map(|gain| &gain.paired.gains);
+    let range = range(each.copied());
+    let chart = |(heading, pair, gains): &(&str, String, Vec<&Gain>)| {
+        let name = |gain: &&Gain| format!("{} {}", name_of(gain.model), gain.experiment.numeral());
+        let mean = |gain: &&Gain| format!("{}: mean {:+.1}", name(gain), gain.paired.mean);
+        let means = gains.iter().map(mean).collect::<Vec<_>>().join("; ");
+        let x = Axis::round(pair, "points of accuracy", range, 6);
+        let y = Axis::categories("", gains.iter().map(name)).downwards();
+        let mut chart = Chart::new(heading, &format!("Mean gain in points. {means}."), x, y);
+        let zero = chart.y.ends.map(|y| [0.0, y]);
+        chart.add(Series::line("", zero, colours::MUTED, 1.0));
+        let group = |gain: &&Gain| Group {
+            values: gain.paired.gains.clone(),
+            mean: gain.paired.mean,
+            interval: gain.paired.interval,
+        };
+        chart.add(Swarm {
+            name: "a person".to_owned(),
+            groups: gains.iter().map(group).collect(),
+            mark: Mark::Circle,
+            ink: colours::MUTED.at(0.55),
+            interval: Some("95 % interval of the typical gain"),
+            places: 1,
+        });
+        chart
+    };
+    figure(&all.iter().map(chart).collect::<Vec<_>>(), 66.0 + 30.0 * rows as f64)
+}
+
+/// A chart of one model with a dot for each person on each feature set.
+struct PeopleChart<'a> {
+    model: ModelName,
+    heading: String,
+    /// The name of each set, and a number for each person.
+    columns: Vec<(&'a str, Group)>,
+    baseline: Option<f64>,
+}
+
+/// Accuracy of each model in both experiments.
+pub(super) fn accuracies(analysis: &Analysis) -> Value {
+    let sets = analysis.comparison.sets();
+    let mut charts = Vec::new();
+    for experiment in Experiment::ALL {
+        for model in ModelName::PAPERS {
+            let means = analysis.comparison.accuracies(model, experiment, &sets);
+            let column = |(&set, mean)| {
+                let values = analysis.comparison.person_accuracies(model, experiment, set);
+                (set, Group { values, mean, interval: None })
+            };
+            charts.push(PeopleChart {
+                model,
+                heading: format!("{} {}", name_of(model), question(experiment)),
+                columns: sets.iter().zip(means).map(column).collect(),
+                baseline: Some(analysis.baseline_accuracy(experiment)),
+            });
+        }
+    }
+    people_charts(&charts, ["accuracy", "%"])
+}
+
+/// D_start and D_end of each model.
+pub(super) fn distances(analysis: &Analysis) -> Value {
+    let (sets, experiment) = (analysis.comparison.sets(), Experiment::Avoidance);
+    let mut charts = Vec::new();
+    for (metric, word) in [(Metric::Start, "first"), (Metric::End, "last")] {
+        for model in ModelName::PAPERS {
+            let column = |&set| {
+                let values = analysis.comparison.person_metric(metric, model, experiment, set);
+                let mean = analysis.comparison.person_mean(metric, model, experiment, set);
+                (set, Group { values, mean, interval: None })
+            };
+            charts.push(PeopleChart {
+                model,
+                heading: format!("{}: {word} step of avoidance", name_of(model)),
+                columns: sets.iter().map(column).collect(),
+                baseline: None,
+            });
+        }
+    }
+    people_charts(&charts, ["distance", "steps"])
+}
+
+fn people_charts(all: &[PeopleChart<'_>], [name, unit]: [&str; 2]) -> Value {
+    let groups = all.iter().flat_map(|of| &of.columns).map(|(_, group)| group);
+    let numbers = groups.flat_map(|group| &group.values);
+    let numbers = numbers.copied().chain(all.iter().filter_map(|of| of.baseline));
+    let [_, high] = range(numbers.clone());
+    // Shares differ by where they are; a distance is read from zero.
+    let low = if unit == "%" { numbers.fold(high, f64::min) } else { 0.0 };
+    let y = Axis::round(name, unit, [low, high], 5);
+    let charts = all.iter().map(|of| people_chart(of, y.clone()));
+    figure(&charts.collect::<Vec<_>>(), 220.0)
+}
+
+fn people_chart(of: &PeopleChart<'_>, y: Axis) -> Chart {
+    let mean = |(set, group): &(&str, Group)| format!("{set} {}", fixed(group.mean, 1));
+    let means = of.columns.iter().map(mean).collect::<Vec<_>>().join(", ");
+    let label = |(set, _): &(&str, Group)| {
+        let body = set.strip_suffix("_body").map(|letters| format!("{letters}\nbody"));
+        body.unwrap_or_else(|| (*set).to_owned())
+    };
+    let x = Axis::categories("", of.columns.iter().map(label));
+    let description = format!("Means over people by feature set: {means}.");
+    let mut chart = Chart::new(&of.heading, &description, x, y);
+    if let Some(baseline) = of.baseline {
+        let ends = chart.x.ends.map(|x| [x, baseline]);
+        chart.add(reference(ends));
+    }
+    let (colour, mark) = look(of.model);
+    chart.add(Swarm {
+        name: "a person".to_owned(),
+        groups: of.columns.iter().map(|(_, group)| group.clone()).collect(),
+        mark,
+        ink: colour.at(0.55),
+        interval: None,
+        places: 1,
+    });
+    chart
+}
+
+/// How often the models on B_hrd are right when they say how sure they are.
+pub(super) fn calibration(analysis: &Analysis) -> Value {
+    figure(&Experiment::ALL.map(|experiment| calibration_chart(analysis, experiment)), 300.0)
+}
+
+fn calibration_chart(analysis: &Analysis, experiment: Experiment) -> Chart {
+    /// Bins with fewer rows say nothing.
+    const LEAST_ROWS: usize = 20;
+    let least = 1.0 / experiment.classes().len() as f64;
+    let from = (10.0 * least).floor() / 10.0;
+    let x = Axis::linear("probability of the likeliest class", "", [from, 1.0], 8);
+    let y = Axis::linear("share that was right", "", [0.0, 1.0], 5);
+    let mut chart = Chart::new(&question(experiment), "", x, y);
+    chart.add(reference([[from, from], [1.0, 1.0]]));
+    let mut described = Vec::new();
+    for model in ModelName::PAPERS {
+        let all = analysis.pooled(Some(model), experiment, "hrd");
+        let total = all.map_or(1, |of| of.calibration.rows).max(1) as f64;
+        let kept = all.into_iter().flat_map(|of| of.bins).filter(|bin| bin.rows >= LEAST_ROWS);
+        let datum = kept.map(|bin| {
+            let n = bin.rows as f64;
+            let [p, right] = [bin.confidence / n, bin.right as f64 / n];
+            let says = format!("{} steps: {p:.2} said, {right:.2} right", bin.rows);
+            Datum { at: [p, right], radius: 2.2 + 7.0 * (n / total).sqrt(), says }
+        });
+        let (colour, mark) = look(model);
+        let mut series = Series::line(name_of(model), [], colour, 2.0).marked(mark);
+        series.points = datum.collect();
+        let points = series.points.iter().map(|of| format!("{:.2} {:.2}", of.at[0], of.at[1]));
+        described.push(format!("{}: {}", series.name, points.collect::<Vec<_>>().join(", ")));
+        chart.add(series);
+    }
+    chart.description = format!("Mean probability and share right. {}.", described.join("; "));
+    chart
+}
+
+/// A curve of roll-outs: driver, feature set, name, pen and mark.
+#[derive(Clone, Copy)]
+struct Line {
+    driver: &'static str,
+    features: &'static str,
+    name: &'static str,
+    pen: Pen,
+    mark: Option<Mark>,
+}
+
+impl Line {
+    /// Of a model on a feature set.
+    fn of(model: ModelName, features: &'static str) -> Self {
+        let (colour, mark) = look(model);
+        let (driver, name, pen) = (model.word(), name_of(model), Pen::new(colour, 2.0));
+        Self { driver, features, name, pen, mark: Some(mark) }
+    }
+
+    /// Of a driver who does not think.
+    fn simple(driver: Simple, name: &'static str, dash: f64) -> Self {
+        let pen = Pen::new(colours::MUTED, 2.0).dashed(dash, 3.0);
+        Self { driver: driver.word(), features: "", name, pen, mark: None }
+    }
+
+    fn horizons<'a>(&self, all: &'a [RolloutsOf]) -> Option<&'a [Horizon]> {
+        let of = all.iter().find(|of| of.driver == self.driver && of.features == self.features)?;
+        Some(&of.horizons)
+    }
+}
+
+/// Roll-outs of the paper's models on B_hrd.
+pub(super) fn rollouts(analysis: &Analysis) -> Value {
+    let lines = ModelName::PAPERS.map(|model| Line::of(model, "hrd"));
+    figure(&rollout_charts(analysis, &lines), 250.0)
+}
+
+/// Roll-outs of models that know more than the paper's; none where there are not two.
+pub(super) fn beyond(analysis: &Analysis) -> Option<Value> {
+    let lines = [
+        Line::of(ModelName::Svm, "hrd_body"),
+        Line::of(ModelName::Boosted, "hrd_body"),
+        Line { name: "LR with memory", ..Line::of(ModelName::Lr, HISTORY_SET) },
+        Line {
+            name: "boosted trees with memory",
+            pen: Pen::new(colours::SERIES[3], 2.0).dashed(9.0, 4.0),
+            mark: Some(Mark::Diamond),
+            ..Line::of(ModelName::Boosted, HISTORY_SET)
+        },
+    ];
+    let found = lines.iter().filter(|line| line.horizons(&analysis.rollouts).is_some()).count();
+    (found > 1).then(|| figure(&rollout_charts(analysis, &lines), 250.0))
+}
+
+/// Accuracy, position error and log loss against the horizon, of these and of the simple drivers.
+fn rollout_charts(analysis: &Analysis, lines: &[Line]) -> [Chart; 3] {
+    let simple = [
+        Line::simple(Simple::Held, "holds the last input", 6.0),
+        Line::simple(Simple::Straight, "drives straight on", 2.0),
+    ];
+    let all = lines.iter().copied().chain(simple);
+    let curves: Vec<(Line, &[Horizon])> =
+        all.filter_map(|line| Some((line, line.horizons(&analysis.rollouts)?))).collect();
+    let step_s = analysis.data.scene.step_s;
+    let chart = |heading, axis, value| rollout_chart(&curves, step_s, heading, axis, value);
+    [
+        chart("Accuracy", ["accuracy", "%"], &|of| 100.0 * of.accuracy()),
+        chart("Distance from the person", ["distance", "m"], &Horizon::mean_distance_m),
+        chart("Log loss", ["log loss", "nats"], &Horizon::mean_log_loss),
+    ]
+}
+
+fn rollout_chart(
+    curves: &[(Line, &[Horizon])],
+    step_s: f64,
+    heading: &str,
+    [name, unit]: [&str; 2],
+    value: &dyn Fn(&Horizon) -> f64,
+) -> Chart {
+    let all = curves.iter().flat_map(|(_, horizons)| *horizons).map(value);
+    let [_, high] = range(all.clone());
+    let low = if unit == "%" { all.fold(high, f64::min) } else { 0.0 };
+    let steps = curves.iter().map(|(_, horizons)| horizons.len()).max().unwrap_or(1);
+    let end_s = step_s * steps as f64;
+    let last = curves.iter().filter_map(|(line, of)| Some((line.name, value(of.last()?))));
+    let last = last.map(|(name, value)| format!("{name} {value:.2}")).collect::<Vec<_>>();
+    let description = format!("{name} ({unit}) {end_s:.1} s ahead: {}.", last.join(", "));
+    let x = Axis::time("time ahead", [0.0, end_s], 5);
+    let y = Axis::round(name, unit, [low, high], 5);
+    let mut chart = Chart::new(heading, &description, x, y);
+    for (line, horizons) in curves {
+        let point = |(i, h): (usize, &Horizon)| [step_s * (i + 1) as f64, value(h)];
+        let points = horizons.iter().enumerate().map(point);
+        let series = Series::drawn(line.name, points, line.pen);
+        let says = |[s, value]: [f64; 2]| format!("{}, {s:.1} s: {value:.2}", line.name);
+        chart.add(match line.mark {
+            Some(mark) => series.marked(mark).saying(says),
+            None => series,
+        });
+    }
+    chart
+}
