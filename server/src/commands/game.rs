@@ -11,22 +11,26 @@ use std::path::{Path, PathBuf};
 
 /// GAME: the two vehicles and the danger radius.
 #[derive(Clone, Copy, Debug, clap::Args)]
-#[command(next_help_heading = "Game")]
 pub struct GameArgs {
     /// The evader's speed, m/s.
-    #[arg(long, value_name = "M/S", default_value_t = 2.0, allow_negative_numbers = true)]
+    #[arg(long, help_heading = "Game", value_name = "M/S", default_value_t = 2.0)]
+    #[arg(allow_negative_numbers = true)]
     pub evader_speed: f64,
     /// The evader's largest turn rate, rad/s.
-    #[arg(long, value_name = "RAD/S", default_value_t = 0.5, allow_negative_numbers = true)]
+    #[arg(long, help_heading = "Game", value_name = "RAD/S", default_value_t = 0.5)]
+    #[arg(allow_negative_numbers = true)]
     pub evader_turn_rate: f64,
     /// The pursuer's speed, m/s.
-    #[arg(long, value_name = "M/S", default_value_t = 2.0, allow_negative_numbers = true)]
+    #[arg(long, help_heading = "Game", value_name = "M/S", default_value_t = 2.0)]
+    #[arg(allow_negative_numbers = true)]
     pub pursuer_speed: f64,
     /// The pursuer's largest turn rate, rad/s.
-    #[arg(long, value_name = "RAD/S", default_value_t = 0.5, allow_negative_numbers = true)]
+    #[arg(long, help_heading = "Game", value_name = "RAD/S", default_value_t = 0.5)]
+    #[arg(allow_negative_numbers = true)]
     pub pursuer_turn_rate: f64,
     /// Danger radius, m: the vehicles collide at this range or less.
-    #[arg(long, value_name = "M", default_value_t = 3.0, allow_negative_numbers = true)]
+    #[arg(long, help_heading = "Game", value_name = "M", default_value_t = 3.0)]
+    #[arg(allow_negative_numbers = true)]
     pub radius: f64,
 }
 

@@ -393,6 +393,8 @@ async fn help_names_defaults_and_units() {
         ("plot", &["degrees", ".svg", "slices", "tube", "[default: 0 1 2]"]),
     ] {
         let text = run(&[command, "--help"]).await.out;
+        let (_, game) = text.split_once("Game:").unwrap();
+        assert!(game.contains("--radius") && !game.contains("--out"), "{game}");
         for word in words {
             assert!(text.contains(word), "{command}: {word} in\n{text}");
         }
