@@ -4,56 +4,18 @@
 //! What the whole comparison may take on one thread: logistic regression 1.5 s, trees 1.5 s;
 //! a prediction of either 1 µs. Boosting eight people on one feature set: 10 s.
 
+mod people;
+
 use std::hint::black_box;
 use std::time::Duration;
 
 use criterion::{Criterion, criterion_group, criterion_main};
+use people::{FOLDS, Person, SETS, WIDTH, people};
 use sidestep::learn::boosting::{BoostingSettings, fit, fit_by_folds};
 use sidestep::learn::logistic::{LogisticSettings, fit_path};
 use sidestep::learn::samples::Samples;
 use sidestep::learn::tree::grow_each;
 use sidestep::predict::scale::Scale;
-
-/// Columns of B_hrd.
-const WIDTH: usize = 8;
-
-/// Columns of the paper's seven feature sets: d, then with safety levels.
-const SETS: [&[usize]; 7] = [
-    &[0, 1, 2, 3, 4, 5, 6, 7],
-    &[0, 1, 2, 3, 4, 5, 6],
-    &[0, 1, 2, 3, 4, 5, 7],
-    &[0, 1, 2, 3, 4, 6, 7],
-    &[0, 1, 2, 3, 4, 5],
-    &[0, 1, 2, 3, 4, 6],
-    &[0, 1, 2, 3, 4, 7],
-];
-
-const FOLDS: usize = 5;
-
-/// A person's training rows: values, trial, class in experiment I and II.
-struct Person {
-    values: Vec<f64>,
-    trials: Vec<usize>,
-    labels: [Vec<usize>; 2],
-}
-
-fn people() -> Vec<Person> {
-    let empty = || Person { values: vec![], trials: vec![], labels: [vec![], vec![]] };
-    let mut people: Vec<Person> = (0..8).map(|_| empty()).collect();
-    let mut reader =
-        csv::Reader::from_reader(include_str!("../tests/data/features.csv").as_bytes());
-    for row in reader.deserialize() {
-        let row: Vec<f64> = row.expect("a row of numbers");
-        if row[1] < 40.0 {
-            let person = &mut people[row[0] as usize];
-            person.values.extend(&row[3..3 + WIDTH]);
-            person.trials.push(row[1] as usize);
-            person.labels[0].push((row[3 + WIDTH] + 1.0) as usize);
-            person.labels[1].push(row[4 + WIDTH] as usize);
-        }
-    }
-    people
-}
 
 /// Standardised rows of one fit, with the classes of experiments I and II.
 struct Part {
@@ -65,14 +27,11 @@ struct Part {
 impl Part {
     /// The columns `set` of all trials but those of `fold`.
     fn new(person: &Person, set: &[usize], fold: Option<usize>) -> Self {
-        let kept = |i: &usize| fold.is_none_or(|fold| person.trials[*i] % FOLDS != fold);
-        let rows: Vec<usize> = (0..person.trials.len()).filter(kept).collect();
+        let kept = |i: &usize| fold.is_none_or(|fold| person.folds[*i] != fold);
+        let rows: Vec<usize> = (0..person.folds.len()).filter(kept).collect();
         let row = |&i: &usize| set.iter().map(move |j| person.values[i * WIDTH + j]);
-        let mut values: Vec<f64> = rows.iter().flat_map(row).collect();
-        let scale = Scale::fit(set.len(), &values);
-        for (i, value) in values.iter_mut().enumerate() {
-            *value = scale.apply(i % set.len(), *value);
-        }
+        let raw: Vec<f64> = rows.iter().flat_map(row).collect();
+        let (_, values) = Scale::standardised(set.len(), &raw);
         let labels = |all: &Vec<usize>| rows.iter().map(|&i| all[i]).collect();
         let labels = [labels(&person.labels[0]), labels(&person.labels[1])];
         Self { width: set.len(), values, labels }
@@ -150,7 +109,7 @@ fn trees(criterion: &mut Criterion) {
         });
     }
     group.bench_function(
-        "all folds of the comparison, with predictions at every depth",
+        "all folds of the comparison, with predictions at four depths",
         |bencher| {
             bencher.iter(|| {
                 for (i, part) in parts.iter().enumerate() {
@@ -159,11 +118,11 @@ fn trees(criterion: &mut Criterion) {
                     for experiment in [0, 1] {
                         let trees = grow_each(&part.samples(experiment), None, &leaves);
                         for tree in trees.expect("trees") {
-                            let mut classes = vec![0; tree.depth() + 1];
-                            // As many rows as a fold leaves out.
-                            for row in person.values.chunks_exact(WIDTH).step_by(FOLDS) {
-                                tree.classes_at_depths(&row[..set.len()], &mut classes);
-                                black_box(&classes);
+                            for tree in [2, 4, 6, 8].map(|depth| tree.truncated(depth)) {
+                                // As many rows as a fold leaves out.
+                                for row in person.values.chunks_exact(WIDTH).step_by(FOLDS) {
+                                    black_box(tree.class(&row[..set.len()]));
+                                }
                             }
                         }
                     }
@@ -202,14 +161,9 @@ fn boosting(criterion: &mut Criterion) {
         bencher.iter(|| {
             for person in &people {
                 let part = Part::new(person, SETS[0], None);
-                let folds: Vec<usize> = person.trials.iter().map(|trial| trial % FOLDS).collect();
-                black_box(fit_by_folds(
-                    &part.samples(0),
-                    &folds,
-                    &[1, 2, 3],
-                    &BoostingSettings::default(),
-                ))
-                .expect("a fit");
+                let settings = BoostingSettings::default();
+                let found = fit_by_folds(&part.samples(0), &person.folds, &[1, 2, 3], &settings);
+                black_box(found).expect("a fit");
             }
         });
     });

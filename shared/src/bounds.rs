@@ -139,12 +139,11 @@ impl Motion {
 
 impl From<&SceneParameters> for Motion {
     fn from(parameters: &SceneParameters) -> Self {
-        let range = |rate: f64| (-rate, rate);
         Self {
             human_speed_mps: parameters.human.speed_mps,
-            human_turn_rate: range(parameters.human.turn_rate_radps),
+            human_turn_rate: parameters.human.turn_range(),
             robot_speed_mps: parameters.robot.speed_mps,
-            robot_turn_rate: range(parameters.robot.turn_rate_radps),
+            robot_turn_rate: parameters.robot.turn_range(),
             step_s: parameters.step_s,
         }
     }

@@ -2,7 +2,7 @@
 
 use crate::features::{FEATURES, FeatureSet};
 use crate::invalid::Invalid;
-use crate::parallel_map::parallel_map;
+use crate::parallel::parallel_map;
 use crate::recording::{Fault, RecordedParticipant};
 use crate::safety::SafetyLevels;
 use crate::scene::JointState;

@@ -4,13 +4,13 @@
 
 use crate::invalid::{Invalid, SEPARATOR};
 use core::fmt;
-use serde::de::value::{MapAccessDeserializer, StrDeserializer};
+use serde::de::value::{MapAccessDeserializer, MapDeserializer, SeqDeserializer, StrDeserializer};
 use serde::de::{
-    DeserializeOwned, DeserializeSeed, Deserializer, Expected, IgnoredAny, MapAccess, SeqAccess,
-    Unexpected, Visitor,
+    DeserializeOwned, Deserializer, Expected, IgnoredAny, IntoDeserializer, SeqAccess, Unexpected,
+    Visitor,
 };
 use serde::forward_to_deserialize_any;
-use serde_json::{Map, Value};
+use serde_json::Value;
 
 /// Why a text was not read.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -89,11 +89,23 @@ fn nesting(text: &str) -> usize {
 /// # Errors
 /// [`Invalid`] naming the field within the value; the empty field is the value itself.
 pub fn from_value<T: DeserializeOwned>(value: &Value) -> Result<T, Invalid> {
-    T::deserialize(Node(value)).map_err(|Misfit(invalid)| invalid)
+    serde_path_to_error::deserialize(Node(value)).map_err(|error| {
+        let path = error.path().to_string();
+        let Misfit(invalid) = error.into_inner();
+        if path == "." { invalid } else { invalid.within(&path) }
+    })
 }
 
 /// A value of the document that is being read.
 struct Node<'a>(&'a Value);
+
+impl<'de> IntoDeserializer<'de, Misfit> for Node<'de> {
+    type Deserializer = Self;
+
+    fn into_deserializer(self) -> Self {
+        self
+    }
+}
 
 impl<'de> Deserializer<'de> for Node<'de> {
     type Error = Misfit;
@@ -113,17 +125,21 @@ impl<'de> Deserializer<'de> for Node<'de> {
             }
             Value::String(text) => visitor.visit_borrowed_str(text),
             Value::Array(list) => {
-                let mut entries = Entries { list, next: 0 };
+                let mut entries = SeqDeserializer::new(list.iter().map(Node));
                 let value = visitor.visit_seq(&mut entries)?;
-                let read = entries.next;
-                if read < list.len() {
-                    let expected = format!("a list of {read}");
-                    let found = format!("a list of {}", list.len());
-                    return Err(Misfit(Invalid::new("", expected, found)));
+                match entries.size_hint() {
+                    Some(left) if left > 0 => {
+                        let expected = format!("a list of {}", list.len() - left);
+                        let found = format!("a list of {}", list.len());
+                        Err(Misfit(Invalid::new("", expected, found)))
+                    }
+                    _ => Ok(value),
                 }
-                Ok(value)
             }
-            Value::Object(object) => visitor.visit_map(Fields::of(object)),
+            Value::Object(object) => {
+                let fields = object.iter().map(|(name, value)| (name.as_str(), Node(value)));
+                visitor.visit_map(MapDeserializer::new(fields))
+            }
         }
     }
 
@@ -152,7 +168,8 @@ impl<'de> Deserializer<'de> for Node<'de> {
         match self.0 {
             Value::String(word) => visitor.visit_enum(StrDeserializer::new(word)),
             Value::Object(object) => {
-                visitor.visit_enum(MapAccessDeserializer::new(Fields::of(object)))
+                let fields = object.iter().map(|(name, value)| (name.as_str(), Node(value)));
+                visitor.visit_enum(MapAccessDeserializer::new(MapDeserializer::new(fields)))
             }
             other => Err(Misfit(Invalid::new("", one_of(variants), found_value(other)))),
         }
@@ -164,65 +181,9 @@ impl<'de> Deserializer<'de> for Node<'de> {
     }
 }
 
-/// The entries of a list that are still to be read.
-struct Entries<'a> {
-    list: &'a [Value],
-    next: usize,
-}
-
-impl<'de> SeqAccess<'de> for Entries<'de> {
-    type Error = Misfit;
-
-    fn next_element_seed<S: DeserializeSeed<'de>>(
-        &mut self,
-        seed: S,
-    ) -> Result<Option<S::Value>, Misfit> {
-        let at = self.next;
-        let Some(value) = self.list.get(at) else { return Ok(None) };
-        self.next += 1;
-        seed.deserialize(Node(value)).map(Some).map_err(|misfit| misfit.within(&format!("[{at}]")))
-    }
-}
-
-/// The fields of an object that are still to be read.
-struct Fields<'a> {
-    rest: serde_json::map::Iter<'a>,
-    value: Option<(&'a str, &'a Value)>,
-}
-
-impl<'a> Fields<'a> {
-    fn of(object: &'a Map<String, Value>) -> Self {
-        Self { rest: object.iter(), value: None }
-    }
-}
-
-impl<'de> MapAccess<'de> for Fields<'de> {
-    type Error = Misfit;
-
-    fn next_key_seed<S: DeserializeSeed<'de>>(
-        &mut self,
-        seed: S,
-    ) -> Result<Option<S::Value>, Misfit> {
-        let Some((name, value)) = self.rest.next() else { return Ok(None) };
-        self.value = Some((name, value));
-        seed.deserialize(StrDeserializer::new(name)).map(Some)
-    }
-
-    fn next_value_seed<S: DeserializeSeed<'de>>(&mut self, seed: S) -> Result<S::Value, Misfit> {
-        let (name, value) = self.value.take().unwrap_or(("", &Value::Null));
-        seed.deserialize(Node(value)).map_err(|misfit| misfit.within(name))
-    }
-}
-
 /// A complaint on its way through serde.
 #[derive(Debug)]
 struct Misfit(Invalid);
-
-impl Misfit {
-    fn within(self, parent: &str) -> Self {
-        Self(self.0.within(parent))
-    }
-}
 
 impl fmt::Display for Misfit {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -259,8 +220,9 @@ impl serde::de::Error for Misfit {
         Self(Invalid::new("", one_of(expected), format!("{variant:?}")))
     }
 
-    fn unknown_field(field: &str, expected: &'static [&'static str]) -> Self {
-        Self(Invalid::new(field, format!("one of the fields {}", one_of(expected)), "another one"))
+    /// The path ends with the field.
+    fn unknown_field(_: &str, expected: &'static [&'static str]) -> Self {
+        Self(Invalid::new("", format!("one of the fields {}", one_of(expected)), "another one"))
     }
 
     fn missing_field(field: &'static str) -> Self {

@@ -72,6 +72,15 @@ pub fn finite(field: &str, value: f64) -> Result<f64, Invalid> {
     if value.is_finite() { Ok(value) } else { Err(Invalid::new(field, "a finite number", value)) }
 }
 
+/// Accepts a list of finite numbers.
+///
+/// # Errors
+/// [`Invalid`] naming the first NaN or infinity.
+pub fn all_finite(field: &str, values: &[f64]) -> Result<(), Invalid> {
+    let wrong = values.iter().position(|value| !value.is_finite());
+    wrong.map_or(Ok(()), |i| finite(&format!("{field}[{i}]"), values[i]).map(|_| ()))
+}
+
 /// Accepts a list of exactly `expected` entries.
 ///
 /// # Errors

@@ -98,7 +98,6 @@ pub mod document;
 pub mod math;
 mod real;
 mod parallel;
-mod parallel_map;
 pub mod stats;
 pub mod chart;
 pub mod vehicle;

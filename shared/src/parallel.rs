@@ -55,6 +55,24 @@ impl Workers {
     }
 }
 
+/// `work(item)` for each of `items`, in their order, on all threads there are.
+///
+/// # Errors
+/// The error of the first item, in their order, for which `work` fails.
+pub(crate) fn parallel_map<T: Sync, R: Send, E: Send>(
+    items: &[T],
+    work: impl Fn(&T) -> Result<R, E> + Sync + Send,
+) -> Result<Vec<R>, E> {
+    #[cfg(not(target_arch = "wasm32"))]
+    {
+        use rayon::prelude::*;
+        let done: Vec<Result<R, E>> = items.par_iter().map(work).collect();
+        done.into_iter().collect()
+    }
+    #[cfg(target_arch = "wasm32")]
+    items.iter().map(work).collect()
+}
+
 /// Work that is compiled once for every lane width.
 pub(crate) trait Kernel {
     /// Must be `#[inline(always)]`, and so must every function that it calls.

@@ -10,7 +10,7 @@ pub mod svm;
 mod file;
 
 use crate::features::FeatureSet;
-use crate::invalid::{Invalid, finite, length};
+use crate::invalid::{Invalid, all_finite, length};
 use boosting::Boosted;
 pub use file::{ModelFile, PredictorFile};
 use logistic::Logistic;
@@ -87,9 +87,7 @@ impl Predictor {
     /// [`Invalid`] if there is not one finite rate a class, in rising order.
     pub fn with_actions(self, actions: Vec<f64>) -> Result<Self, Invalid> {
         length("actions", self.classes.len(), actions.len())?;
-        for (i, &rate) in actions.iter().enumerate() {
-            finite(&format!("actions[{i}]"), rate)?;
-        }
+        all_finite("actions", &actions)?;
         if !actions.is_sorted_by(|a, b| a < b) {
             let expected = "turn rates in rising order";
             return Err(Invalid::new("actions", expected, format!("{actions:?}")));
@@ -138,6 +136,15 @@ impl Predictor {
             Model::Constant(probabilities) => out.copy_from_slice(probabilities),
         }
     }
+}
+
+/// Rows of `width` finite numbers, one behind the other.
+fn flat(field: &str, width: usize, rows: &[Vec<f64>]) -> Result<Vec<f64>, Invalid> {
+    for (i, row) in rows.iter().enumerate() {
+        length(&format!("{field}[{i}]"), width, row.len())?;
+        all_finite(&format!("{field}[{i}]"), row)?;
+    }
+    Ok(rows.concat())
 }
 
 #[cfg(test)]

@@ -46,8 +46,7 @@ impl<'a> PredictedHuman<'a> {
         safety: &'a SafetyLevels,
         parameters: &SceneParameters,
     ) -> Result<Self, Invalid> {
-        let rate = parameters.human.turn_rate_radps;
-        Self::within(predictor, safety, (-rate, rate))
+        Self::within(predictor, safety, parameters.human.turn_range())
     }
 
     /// A human with turn rates from `turn_rate.0` to `turn_rate.1`, rad/s, as predicted by

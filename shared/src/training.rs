@@ -165,7 +165,7 @@ mod tests {
         let trials = driven_with(&parameters, 5, TurnInput::Left);
         let trained = train(&hrd(), Some(&solved(&parameters)), &trials).unwrap();
         assert_eq!((trained.fallback, trained.predictor.features().len()), (None, 8));
-        // Until they are solved, the reason is said.
+        // Before they are solved, the fallback gives the reason.
         let trained = train(&hrd(), None, &trials).unwrap();
         assert!(trained.fallback.unwrap().contains("not solved"));
     }

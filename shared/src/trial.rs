@@ -78,11 +78,8 @@ pub fn verify(
     states: &[JointState],
 ) -> Replay {
     let replayed = simulate(parameters, start, inputs);
-    let bits = |s: &JointState| {
-        let Pose { x: hx, y: hy, psi: hp } = s.human;
-        let Pose { x: rx, y: ry, psi: rp } = s.robot;
-        [hx, hy, hp, rx, ry, rp].map(f64::to_bits)
-    };
+    let bits =
+        |s: &JointState| [s.human, s.robot].map(|pose| <[f64; 3]>::from(pose).map(f64::to_bits));
     let first_difference = (0..replayed.len().max(states.len()))
         .find(|&i| replayed.get(i).map(bits) != states.get(i).map(bits));
     let poses =

@@ -140,6 +140,12 @@ impl VehicleModel {
         f64::from(input.sign()) * self.turn_rate_radps
     }
 
+    /// Lowest and highest turn rate, rad/s.
+    #[must_use]
+    pub fn turn_range(&self) -> (f64, f64) {
+        (-self.turn_rate_radps, self.turn_rate_radps)
+    }
+
     /// The pose after `seconds` s under `input`.
     #[must_use]
     pub fn advance(&self, pose: Pose, input: TurnInput, seconds: f64) -> Pose {

@@ -74,25 +74,6 @@ fn rows(family: &str) -> Vec<&'static ParetoRow> {
     rows
 }
 
-#[test]
-fn the_table() {
-    if let Ok(file) = std::env::var("PARETO_JSON") {
-        std::fs::write(file, serde_json::to_string(compared()).unwrap()).unwrap();
-    }
-    for row in &compared().rows {
-        println!(
-            "{:32} p {:.2}  level {:.3}  coverage {:.3} [{:.3}, {:.3}]  {:.2} m²",
-            row.family,
-            row.target,
-            row.level,
-            row.coverage,
-            row.coverage_low,
-            row.coverage_high,
-            row.mean_area_m2
-        );
-    }
-}
-
 /// The area of everything is 16/3 m² (reference/shfrs: closed form), and it holds all.
 #[test]
 fn the_worst_case_holds_everything() {

@@ -157,11 +157,34 @@ fn an_opening_range_is_its_own_value() {
     assert_eq!((found.value, found.gradient), (-3.0, [0.0; 3]));
 }
 
-// ---- the barrier ------------------------------------------------------------
+// ---- the reference ----------------------------------------------------------
+
+/// The rows of a file of `tests/data`, as numbers.
+fn rows<const N: usize>(text: &str) -> Vec<[f64; N]>
+where
+    [f64; N]: serde::de::DeserializeOwned,
+{
+    let mut reader = csv::Reader::from_reader(text.as_bytes());
+    reader.deserialize().map(|row| row.expect("a row of numbers")).collect()
+}
+
+fn check_states(game: ExactValue, text: &str) {
+    let rows = rows::<4>(text);
+    assert_eq!(rows.len(), 2000);
+    for [x, y, psi, expected] in rows {
+        let found = game.value([x, y, psi]);
+        assert!((found - expected).abs() <= 1e-9, "V({x}, {y}, {psi}) = {found}, not {expected}");
+    }
+}
+
+#[test]
+fn values_of_the_reference() {
+    check_states(paper(), include_str!("data/states_paper.csv"));
+    check_states(mitchell(), include_str!("data/states_mitchell.csv"));
+}
 
 fn check_barrier(game: ExactValue, text: &str) {
-    let mut reader = csv::Reader::from_reader(text.as_bytes());
-    let states: Vec<[f64; 3]> = reader.deserialize().map(|row| row.expect("a state")).collect();
+    let states = rows::<3>(text);
     assert!(states.len() > 500);
     for state in states {
         let value = game.value(state);

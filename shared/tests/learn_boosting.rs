@@ -8,7 +8,6 @@ use sidestep::learn::boosting::{BoostingSettings, fit, fit_by_folds};
 use sidestep::learn::samples::Samples;
 use sidestep::math::{SeededRng, ln};
 use sidestep::predict::boosting::{Boosted, BoostedFile};
-use sidestep::predict::scale::Scale;
 
 fn log_loss(model: &Boosted, values: &[f64], labels: &[usize], classes: usize) -> f64 {
     let mut p = vec![0.0; classes];
@@ -117,9 +116,8 @@ proptest! {
 fn folds_choose_what_predicts_trials_that_were_not_seen() {
     for experiment in [1, 2] {
         let (rows, test) = person(6, experiment);
-        let scale = Scale::fit(WIDTH, &rows.values);
         let folds: Vec<usize> = rows.places.iter().map(|(trial, _)| trial % 5).collect();
-        let rows = rows.on(&scale);
+        let (scale, rows) = rows.standardised();
         let samples = rows.samples(experiment);
         let settings = BoostingSettings::default();
         let (model, chosen) = fit_by_folds(&samples, &folds, &[2, 3], &settings).unwrap();

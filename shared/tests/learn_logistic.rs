@@ -12,7 +12,6 @@ use sidestep::learn::logistic::{LogisticSettings, fit, fit_path};
 use sidestep::learn::samples::Samples;
 use sidestep::math::SeededRng;
 use sidestep::predict::logistic::Logistic;
-use sidestep::predict::scale::Scale;
 
 fn numbers(model: &Logistic) -> Vec<f64> {
     let weights = model.coefficients().concat();
@@ -49,9 +48,7 @@ fn linfa_finds_the_same_models() {
     let mut apart = 0.0_f64;
     for (participant, c) in [(0, 0.1), (3, 1.0), (6, 10.0)] {
         for experiment in [1, 2] {
-            let rows = person(participant, experiment).0;
-            let scale = Scale::fit(WIDTH, &rows.values);
-            let rows = rows.on(&scale);
+            let (_, rows) = person(participant, experiment).0.standardised();
             let model = fit(&rows.samples(experiment), c, LogisticSettings::default()).unwrap();
             let shape = (rows.labels.len(), WIDTH);
             let values = Array2::from_shape_vec(shape, rows.values.clone()).unwrap();
@@ -92,9 +89,7 @@ const STRENGTHS: [f64; 6] = [1e-3, 1e-2, 1e-1, 1.0, 1e1, 1e2];
 #[test]
 fn a_path_ends_where_fits_on_their_own_do() {
     for experiment in [1, 2] {
-        let rows = person(3, experiment).0;
-        let scale = Scale::fit(WIDTH, &rows.values);
-        let rows = rows.on(&scale);
+        let (_, rows) = person(3, experiment).0.standardised();
         let samples = rows.samples(experiment);
         let settings = LogisticSettings::default();
         let path = fit_path(&samples, &STRENGTHS, settings).unwrap();
@@ -116,9 +111,7 @@ fn a_path_ends_where_fits_on_their_own_do() {
 #[test]
 fn the_order_of_rows_changes_rounding_only() {
     for experiment in [1, 2] {
-        let rows = person(5, experiment).0;
-        let scale = Scale::fit(WIDTH, &rows.values);
-        let rows = rows.on(&scale);
+        let (_, rows) = person(5, experiment).0.standardised();
         let order = SeededRng::new(4).permutation(rows.labels.len());
         let values: Vec<f64> =
             order.iter().flat_map(|&i| &rows.values[i * WIDTH..][..WIDTH]).copied().collect();
@@ -160,9 +153,7 @@ fn two_rows_are_enough() {
 
 #[test]
 fn weights_of_three_classes_sum_to_zero() {
-    let rows = person(1, 1).0;
-    let scale = Scale::fit(WIDTH, &rows.values);
-    let rows = rows.on(&scale);
+    let (_, rows) = person(1, 1).0.standardised();
     let model = fit(&rows.samples(1), 0.1, LogisticSettings::default()).unwrap();
     for j in 0..WIDTH {
         assert!(model.coefficients().iter().map(|row| row[j]).sum::<f64>().abs() < 1e-13);

@@ -3,56 +3,19 @@
 
 mod learning;
 
-use learning::apart;
+use learning::{PEOPLE, WIDTH, apart, classes, peer, person, said};
 use libsvm_rs::{KernelType, SvmNode, SvmParameter, SvmProblem, SvmType};
 use sidestep::learn::svm::{
-    Grid, Kernels, SvmSettings, Target, best, calibrate, cross_validate, fit, fit_calibrated,
+    Grid, Kernels, SvmSettings, Target, best, calibrate, cross_validate, fit,
 };
 use sidestep::math::{SeededRng, ln};
-use sidestep::predict::svm::{Kernel, Sigmoid, pair_count, pairs};
-
-/// The rows of a CSV file without its header; empty cells are NaN.
-fn numbers(text: &str) -> Vec<Vec<f64>> {
-    let mut reader = csv::Reader::from_reader(text.as_bytes());
-    let number = |cell: &str| match cell {
-        "" => f64::NAN,
-        cell => cell.parse().expect("a number"),
-    };
-    reader.records().map(|row| row.expect("a row").iter().map(number).collect()).collect()
-}
-
-/// B_hrd of one participant: values row by row, turns (0 right … 2 left), avoidance, trials.
-struct Rows {
-    values: Vec<f64>,
-    turn: Vec<usize>,
-    avoid: Vec<usize>,
-    trial: Vec<usize>,
-}
-
-const WIDTH: usize = 8;
-
-/// Training rows (trial < 40) and test rows of a participant.
-fn participant(table: &[Vec<f64>], number: usize) -> (Rows, Rows) {
-    let part = |test: bool| {
-        let mine = |row: &&Vec<f64>| row[0] as usize == number && (row[1] >= 40.0) == test;
-        let rows: Vec<&Vec<f64>> = table.iter().filter(mine).collect();
-        Rows {
-            values: rows.iter().flat_map(|row| row[3..3 + WIDTH].iter().copied()).collect(),
-            turn: rows.iter().map(|row| (row[11] + 1.0) as usize).collect(),
-            avoid: rows.iter().map(|row| row[12] as usize).collect(),
-            trial: rows.iter().map(|row| row[1] as usize).collect(),
-        }
-    };
-    (part(false), part(true))
-}
+use sidestep::predict::scale::Scale;
+use sidestep::predict::svm::{Kernel, Sigmoid, Svm, pair_count, pairs};
 
 /// Sigmoids where probabilities do not matter.
 fn plain(classes: usize) -> Vec<Sigmoid> {
     vec![Sigmoid { a: -1.0, b: 0.0 }; pair_count(classes)]
 }
-
-/// `svc_cal_p*` of a row.
-const CALIBRATED: usize = 13;
 
 #[test]
 fn scikit_learns_svms_are_found_again() {
@@ -69,39 +32,27 @@ fn scikit_learns_svms_are_found_again() {
 /// for two classes they are the same. Compared by log loss on test rows.
 #[test]
 fn probabilities_do_as_well_as_scikit_learns() {
-    let features = numbers(include_str!("data/features.csv"));
-    let models: serde_json::Value =
-        serde_json::from_str(include_str!("data/sk_open_hrd_models.json")).unwrap();
-    let expected = [
-        numbers(include_str!("data/sk_open_hrd_exp1.csv")),
-        numbers(include_str!("data/sk_open_hrd_exp2.csv")),
-    ];
-    for (experiment, expected) in [1, 2].into_iter().zip(&expected) {
+    for experiment in [1, 2] {
         let (mut ours, mut theirs, mut farthest, mut rows) = (0.0, 0.0, 0.0f64, 0.0);
-        let classes = if experiment == 1 { 3 } else { 2 };
-        for number in 0..8 {
-            let (training, test) = participant(&features, number);
-            let gamma = models[format!("p{number}_exp{experiment}")]["svc"]["gamma"].as_f64();
-            let (labels, truth) = if experiment == 1 {
-                (&training.turn, &test.turn)
-            } else {
-                (&training.avoid, &test.avoid)
-            };
-            let folds: Vec<usize> = training.trial.iter().map(|trial| trial % 5).collect();
-            let settings = SvmSettings::new(Kernel::Rbf { gamma: gamma.unwrap() }, 1.0);
-            let target = Target { labels, classes };
-            let (scale, svm) =
-                fit_calibrated(WIDTH, &training.values, target, &folds, settings).unwrap();
-            let expected = expected.iter().filter(|row| row[0] as usize == number);
-            for ((row, &truth), expected) in test.values.chunks(WIDTH).zip(truth).zip(expected) {
+        let classes = classes(experiment);
+        for participant in 0..PEOPLE {
+            let (training, test) = person(participant, experiment);
+            let folds: Vec<usize> = training.places.iter().map(|(trial, _)| trial % 5).collect();
+            let target = Target { labels: &training.labels, classes };
+            let gamma = peer(participant, experiment).svc.gamma;
+            let (scale, svm) = fit_calibrated(&training.values, target, &folds, gamma);
+            let expected = said(participant, experiment);
+            let rows_of = test.values.chunks(WIDTH).zip(&test.labels).zip(&expected);
+            for ((row, &truth), expected) in rows_of {
+                let expected = |class: usize| expected[&format!("svc_cal_p{class}")];
                 let mut p = vec![0.0; classes];
                 svm.probabilities_into(&scale, row, &mut p);
                 assert!((p.iter().sum::<f64>() - 1.0).abs() < 1e-12);
-                for (p, expected) in p.iter().zip(&expected[CALIBRATED..]) {
-                    farthest = farthest.max((p - expected).abs());
+                for (class, p) in p.iter().enumerate() {
+                    farthest = farthest.max((p - expected(class)).abs());
                 }
                 ours -= ln(p[truth]);
-                theirs -= ln(expected[CALIBRATED + truth]);
+                theirs -= ln(expected(truth));
                 rows += 1.0;
             }
         }
@@ -109,6 +60,15 @@ fn probabilities_do_as_well_as_scikit_learns() {
         // Theirs are solved to 10⁻³, on rows standardised by all folds together.
         assert!(classes == 3 || farthest < 5e-3, "{farthest}");
     }
+}
+
+/// Radial SVMs, C = 1, with sigmoids from held-out rows.
+fn fit_calibrated(rows: &[f64], target: Target<'_>, folds: &[usize], gamma: f64) -> (Scale, Svm) {
+    let grid = Grid { c: vec![1.0], ..Grid::new(Kernels::Rbf(vec![gamma])) };
+    let cells = cross_validate(WIDTH, rows, folds, &[target], &grid).expect("cells");
+    let sigmoids = calibrate(target, &cells[0][0].decisions).expect("sigmoids");
+    let settings = SvmSettings::new(Kernel::Rbf { gamma }, 1.0);
+    fit(WIDTH, rows, target, settings, sigmoids).expect("SVMs")
 }
 
 /// Rows around overlapping centres, some of them twice.

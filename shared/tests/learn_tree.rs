@@ -2,7 +2,7 @@
 
 mod learning;
 
-use learning::{PEOPLE, WIDTH, apart, person};
+use learning::{PEOPLE, apart, person};
 use proptest::prelude::*;
 use sidestep::learn::samples::Samples;
 use sidestep::learn::tree::{TreeSettings, grow, grow_each};
@@ -136,7 +136,7 @@ proptest! {
 
 #[test]
 fn real_trees_are_grown_together_and_cut_alike() {
-    let (training, test) = person(2, 1);
+    let (training, _) = person(2, 1);
     let samples = training.samples(1);
     let leaves = [1, 5, 10, 20];
     for (tree, min_leaf) in grow_each(&samples, None, &leaves).unwrap().iter().zip(leaves) {
@@ -144,14 +144,7 @@ fn real_trees_are_grown_together_and_cut_alike() {
             let alone = grow(&samples, TreeSettings { max_depth: Some(depth), min_leaf }).unwrap();
             assert_eq!(tree.truncated(depth), alone, "depth {depth}, leaf {min_leaf}");
         }
-        let depth = tree.depth();
-        assert!(depth > 8);
-        let mut classes = vec![9; depth + 1];
-        for row in test.values.chunks_exact(WIDTH) {
-            tree.classes_at_depths(row, &mut classes);
-            assert_eq!(classes[depth], tree.class(row));
-            assert_eq!(classes[4], tree.truncated(4).class(row));
-        }
+        assert!(tree.depth() > 8);
     }
 }
 

@@ -4,6 +4,7 @@
 
 use core::ops::ControlFlow;
 use sidestep::math::{PI, SeededRng, TAU, atan2, hypot, sin_cos};
+use sidestep::reach::polygon::signed_area;
 use sidestep::reachability::polar;
 use sidestep::reachability::{
     Accuracy, CartesianGrid, CurveSettings, Method, Nodes, Options, Precision, PursuitGame,
@@ -154,6 +155,52 @@ fn a_pursuer_that_turns_faster_reaches_more_or_is_refused() {
     assert!(complaint.starts_with("evader"), "{complaint}");
     let huge = solved(game([1e39, 0.5e39], [2e39, 0.5e39], 3.0), &draft);
     assert!(huge.samples.volume() > 1e4, "a faster pursuer wins nearly everywhere");
+}
+
+/// The complaint names a radius, and a method, that are accepted.
+#[test]
+fn a_radius_that_the_polar_grid_cannot_follow_is_refused_with_a_way_out() {
+    let wide = game([2.0, 0.5], [1.5, 0.8], 300.0);
+    let complaint = refused(wide, &Options::default());
+    assert!(complaint.starts_with("turn_rate_radps: expected turn rates that"), "{complaint}");
+    let (_, most_m) = complaint.split_once("a radius of at most ").unwrap();
+    let (most_m, other) = most_m.split_once(" m, or method ").unwrap();
+    assert!(other.starts_with("cartesian)"), "{complaint}");
+    let radius_m = most_m.parse::<f64>().unwrap() - 1e-3;
+    let cartesian = Options { method: Some(Method::Cartesian), ..Options::default() };
+    for (game, options) in
+        [(PursuitGame { radius_m, ..wide }, Options::default()), (wide, cartesian)]
+    {
+        let begun = solve(game, &options, &mut |_| ControlFlow::Break(()));
+        assert_eq!(begun.unwrap_err(), SolveError::Cancelled);
+    }
+}
+
+/// Fewer sweeps than drift is measured over: an infinite drift would be lost in JSON.
+#[test]
+fn a_solve_of_few_sweeps_stays_marked_in_its_bytes() {
+    let few = |most_sweeps| {
+        let settings = polar::Settings {
+            range_nodes: 33,
+            angle_nodes: 48,
+            most_sweeps,
+            ..polar::Settings::default()
+        };
+        polar::solve::<f32>(&unequal(), &settings, &mut |_| ControlFlow::Continue(()))
+    };
+    for most_sweeps in [1, 5, polar::WINDOW - 1, polar::WINDOW] {
+        let solution = few(most_sweeps).unwrap();
+        assert!(!solution.converged && solution.drift_m.is_finite(), "{most_sweeps} sweeps");
+        let sampled = SampledValue::from_polar(unequal(), &solution).unwrap();
+        let function = ValueFunction::Sampled(sampled.into());
+        let again = ValueFunction::decode(&function.encode()).unwrap();
+        assert_eq!(again.unsettled_m(), Some(solution.drift_m), "{most_sweeps} sweeps");
+    }
+    let SolveError::Invalid(complaint) = few(0).unwrap_err() else { panic!("not cancelled") };
+    assert_eq!(complaint.to_string(), "most_sweeps: expected at least 1, found 0");
+    let endless = SampledValue::clone(&unequal_polar().samples).unsettled(Some(f64::INFINITY));
+    let again = ValueFunction::decode(&ValueFunction::Sampled(endless.into()).encode()).unwrap();
+    assert_eq!(again.unsettled_m(), Some(f64::MAX));
 }
 
 #[test]
@@ -330,11 +377,6 @@ fn beyond_the_grid_the_deficit_is_that_of_its_edge() {
     assert!((far.value - edge.value - grown).abs() < 1e-5);
 }
 
-fn area(curve: &[[f64; 2]]) -> f64 {
-    let next = curve.iter().cycle().skip(1);
-    curve.iter().zip(next).map(|(a, b)| 0.5 * (a[0] * b[1] - a[1] * b[0])).sum()
-}
-
 #[test]
 fn level_curves_lie_on_the_level_and_close() {
     let settings = CurveSettings::default();
@@ -353,8 +395,8 @@ fn level_curves_lie_on_the_level_and_close() {
                 assert!(quantile(&mut off, 1.0) < 0.05, "{}", quantile(&mut off, 1.0));
                 if solved.function.game().identical() {
                     let exact = ValueFunction::Exact(paper().exact().unwrap());
-                    let truth = area(&exact.level_curves(psi, level, settings)[0]);
-                    let found = area(&curves[0]);
+                    let truth = signed_area(&exact.level_curves(psi, level, settings)[0]);
+                    let found = signed_area(&curves[0]);
                     assert!((found / truth - 1.0).abs() < 0.01, "psi {psi}: {found} {truth}");
                 }
             }
@@ -370,7 +412,7 @@ fn a_set_that_leaves_the_grid_closes_along_its_edge() {
     let curves = solved.function.level_curves(0.4, 0.0, CurveSettings::default());
     let reach = curves.iter().flatten().map(|p| hypot(p[0], p[1])).fold(0.0, f64::max);
     assert!((reach - 6.0).abs() < 1e-6, "{reach}");
-    let widest = curves.iter().map(|curve| area(curve)).fold(0.0, f64::max);
+    let widest = curves.iter().map(|curve| signed_area(curve)).fold(0.0, f64::max);
     assert!(widest > 0.95 * PI * 36.0, "{widest}");
 }
 
@@ -378,22 +420,22 @@ fn a_set_that_leaves_the_grid_closes_along_its_edge() {
 fn transport_is_small_and_close() {
     for solved in [paper_polar(), unequal_polar()] {
         let f = ValueFunction::Sampled(solved.samples.clone());
-        let octets = f.encode();
-        let again = ValueFunction::decode(&octets).unwrap();
-        assert_eq!(again.id(), f.id(), "the same octets again");
+        let bytes = f.encode();
+        let again = ValueFunction::decode(&bytes).unwrap();
+        assert_eq!(again.id(), f.id(), "the same bytes again");
         let off = states(8, 50_000, 45.0)
             .into_iter()
             .map(|state| (again.value(state) - f.value(state)).abs())
             .fold(0.0, f64::max);
-        eprintln!("{} octets, largest error {off:.5} m", octets.len());
+        eprintln!("{} bytes, largest error {off:.5} m", bytes.len());
         assert!(off <= 2e-3, "{off}");
         // What is sent is compressed besides.
-        assert!(octets.len() <= 1_500_000, "{}", octets.len());
+        assert!(bytes.len() <= 1_500_000, "{}", bytes.len());
     }
 }
 
 #[test]
-fn the_same_game_has_the_same_octets_on_every_machine() {
+fn the_same_game_has_the_same_bytes_on_every_machine() {
     // Lanes, threads and platform change no bit; a change of the solver changes this.
     let function = &unequal_polar().function;
     assert_eq!(function.id(), UNEQUAL_ID);

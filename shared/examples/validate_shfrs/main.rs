@@ -6,7 +6,7 @@
 
 #![allow(clippy::print_stdout, reason = "its answer is what it prints")]
 
-#[path = "../../tests/reach_cases/mod.rs"]
+#[path = "../../tests/reach/cases.rs"]
 mod reach_cases;
 #[path = "../../tests/recorded/mod.rs"]
 mod recorded;

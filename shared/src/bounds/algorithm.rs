@@ -55,8 +55,8 @@ impl Algorithm1 {
         for i in 0..settings.steps() {
             let mut raw = self.likely.range(model, &self.low, settings, i)?;
             // While the roll-outs are the same, so are their likely actions.
-            let parted = self.low != self.high;
-            if parted {
+            let differ = self.low != self.high;
+            if differ {
                 let other = self.likely.range(model, &self.high, settings, i)?;
                 raw = (raw.0.min(other.0), raw.1.max(other.1));
             }
@@ -72,7 +72,7 @@ impl Algorithm1 {
             };
             let (lo, hi) = widened(raw, epsilon, motion.human_turn_rate);
             let robot_low = turn_of_robot(robot_action(&self.low), motion, i)?;
-            let robot_high = if parted {
+            let robot_high = if differ {
                 turn_of_robot(robot_action(&self.high), motion, i)?
             } else {
                 robot_low

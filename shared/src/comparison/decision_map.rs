@@ -4,7 +4,7 @@ use super::cell::{Cell, Experiment, ModelName};
 use super::tables::Comparison;
 use crate::invalid::Invalid;
 use crate::math::{PI, sin_cos};
-use crate::parallel_map::parallel_map;
+use crate::parallel::parallel_map;
 use crate::predict::Predictor;
 use crate::reachability::CurveSettings;
 use crate::safety::SafetyLevels;

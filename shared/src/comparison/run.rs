@@ -8,7 +8,7 @@ use super::settings::Settings;
 use super::tables::{Comparison, mean};
 use crate::bounds::Motion;
 use crate::invalid::Invalid;
-use crate::parallel_map::parallel_map;
+use crate::parallel::parallel_map;
 use crate::predict::Predictor;
 use crate::recording::Exclusion;
 use crate::safety::SafetyLevels;

@@ -41,153 +41,121 @@ impl Feature {
     }
 }
 
-/// Every feature there is.
+/// Every feature there is: name, unit, meaning, and how it is computed.
 pub static FEATURES: &[Feature] = &[
-    Feature {
-        name: "abs_dx",
-        unit: "m",
-        meaning: "|Δx|, world frame",
-        compute: FromMotion(|h| (now(h).human.x - now(h).robot.x).abs()),
-    },
-    Feature {
-        name: "abs_dy",
-        unit: "m",
-        meaning: "|Δy|, world frame",
-        compute: FromMotion(|h| (now(h).human.y - now(h).robot.y).abs()),
-    },
-    Feature {
-        name: "dpsi",
-        unit: "rad",
-        meaning: "human's heading less the robot's, in (−π, π]",
-        compute: FromMotion(heading_difference),
-    },
-    Feature {
-        name: "cos_dpsi",
-        unit: "1",
-        meaning: "cosine of the heading difference",
-        compute: FromMotion(|h| cos(heading_difference(h))),
-    },
-    Feature {
-        name: "sin_dpsi",
-        unit: "1",
-        meaning: "sine of the heading difference",
-        compute: FromMotion(|h| sin(heading_difference(h))),
-    },
-    Feature {
-        name: "v_h",
-        unit: "m",
-        meaning: "V_HR, the human's safety level",
-        compute: FromGame(|h, v| v.human_level(now(h))),
-    },
-    Feature {
-        name: "v_r",
-        unit: "m",
-        meaning: "V_RH, the robot's safety level",
-        compute: FromGame(|h, v| v.robot_level(now(h))),
-    },
-    Feature {
-        name: "distance",
-        unit: "m",
-        meaning: "distance between the vehicles",
-        compute: FromMotion(|h| now(h).distance_m()),
-    },
-    Feature {
-        name: "robot_ahead",
-        unit: "m",
-        meaning: "robot's position along the human's heading",
-        compute: FromMotion(|h| now(h).robot_seen_by_human()[0]),
-    },
-    Feature {
-        name: "robot_left",
-        unit: "m",
-        meaning: "robot's position to the left of the human's heading",
-        compute: FromMotion(|h| now(h).robot_seen_by_human()[1]),
-    },
-    Feature {
-        name: "closest_time",
-        unit: "s",
-        meaning: "time to the closest approach if both drove straight on; 0 if that is past",
-        compute: FromGame(|h, v| closest_approach(h, v).time_s),
-    },
-    Feature {
-        name: "closest_distance",
-        unit: "m",
-        meaning: "distance at that closest approach",
-        compute: FromGame(|h, v| {
-            hypot(closest_approach(h, v).ahead_m, closest_approach(h, v).left_m)
-        }),
-    },
-    Feature {
-        name: "closest_left",
-        unit: "m",
-        meaning: "robot's position to the left of the human's heading at that closest approach",
-        compute: FromGame(|h, v| closest_approach(h, v).left_m),
-    },
-    Feature {
-        name: "dv_h_ahead",
-        unit: "m/m",
-        meaning: "derivative of V_HR as the robot moves along the human's heading",
-        compute: FromGame(|h, v| v.human.state(now(h).robot_seen_by_human()).gradient[0]),
-    },
-    Feature {
-        name: "dv_h_left",
-        unit: "m/m",
-        meaning: "derivative of V_HR as the robot moves to the human's left",
-        compute: FromGame(|h, v| v.human.state(now(h).robot_seen_by_human()).gradient[1]),
-    },
-    Feature {
-        name: "dv_h_turn",
-        unit: "m/rad",
-        meaning: "derivative of V_HR as the robot turns left",
-        compute: FromGame(|h, v| v.human.state(now(h).robot_seen_by_human()).gradient[2]),
-    },
-    Feature {
-        name: "dv_r_ahead",
-        unit: "m/m",
-        meaning: "derivative of V_RH as the human moves along the robot's heading",
-        compute: FromGame(|h, v| v.robot.state(now(h).human_seen_by_robot()).gradient[0]),
-    },
-    Feature {
-        name: "dv_r_left",
-        unit: "m/m",
-        meaning: "derivative of V_RH as the human moves to the robot's left",
-        compute: FromGame(|h, v| v.robot.state(now(h).human_seen_by_robot()).gradient[1]),
-    },
-    Feature {
-        name: "dv_r_turn",
-        unit: "m/rad",
-        meaning: "derivative of V_RH as the human turns left",
-        compute: FromGame(|h, v| v.robot.state(now(h).human_seen_by_robot()).gradient[2]),
-    },
-    Feature {
-        name: "turned_1",
-        unit: "rad",
-        meaning: "how far the human turned left in the step before; 0 before the first one",
-        compute: FromMotion(|h| turned(h, 0, 1)),
-    },
-    Feature {
-        name: "turned_2",
-        unit: "rad",
-        meaning: "how far the human turned left in the step before that one",
-        compute: FromMotion(|h| turned(h, 1, 2)),
-    },
-    Feature {
-        name: "turned_5",
-        unit: "rad",
-        meaning: "how far the human turned left in the five steps before",
-        compute: FromMotion(|h| turned(h, 0, 5)),
-    },
-    Feature {
-        name: "turned",
-        unit: "rad",
-        meaning: "how far the human turned left since the beginning of the trial",
-        compute: FromMotion(|h| turned(h, 0, h.len())),
-    },
+    of_motion("abs_dx", "m", "|Δx|, world frame", |h| (now(h).human.x - now(h).robot.x).abs()),
+    of_motion("abs_dy", "m", "|Δy|, world frame", |h| (now(h).human.y - now(h).robot.y).abs()),
+    of_motion("dpsi", "rad", "human's heading less the robot's, in (−π, π]", heading_difference),
+    of_motion("cos_dpsi", "1", "cosine of the heading difference", |h| cos(heading_difference(h))),
+    of_motion("sin_dpsi", "1", "sine of the heading difference", |h| sin(heading_difference(h))),
+    of_game("v_h", "m", "V_HR, the human's safety level", |h, v| v.human_level(now(h))),
+    of_game("v_r", "m", "V_RH, the robot's safety level", |h, v| v.robot_level(now(h))),
+    of_motion("distance", "m", "distance between the vehicles", |h| now(h).distance_m()),
+    of_motion("robot_ahead", "m", "robot's position along the human's heading", |h| {
+        now(h).robot_seen_by_human()[0]
+    }),
+    of_motion("robot_left", "m", "robot's position to the left of the human's heading", |h| {
+        now(h).robot_seen_by_human()[1]
+    }),
+    of_game(
+        "closest_time",
+        "s",
+        "time to the closest approach if both drove straight on; 0 if that is past",
+        |h, v| closest_approach(h, v).time_s,
+    ),
+    of_game("closest_distance", "m", "distance at that closest approach", |h, v| {
+        hypot(closest_approach(h, v).ahead_m, closest_approach(h, v).left_m)
+    }),
+    of_game(
+        "closest_left",
+        "m",
+        "robot's position to the left of the human's heading at that closest approach",
+        |h, v| closest_approach(h, v).left_m,
+    ),
+    of_game(
+        "dv_h_ahead",
+        "m/m",
+        "derivative of V_HR as the robot moves along the human's heading",
+        |h, v| human_slopes(h, v)[0],
+    ),
+    of_game(
+        "dv_h_left",
+        "m/m",
+        "derivative of V_HR as the robot moves to the human's left",
+        |h, v| human_slopes(h, v)[1],
+    ),
+    of_game("dv_h_turn", "m/rad", "derivative of V_HR as the robot turns left", |h, v| {
+        human_slopes(h, v)[2]
+    }),
+    of_game(
+        "dv_r_ahead",
+        "m/m",
+        "derivative of V_RH as the human moves along the robot's heading",
+        |h, v| robot_slopes(h, v)[0],
+    ),
+    of_game(
+        "dv_r_left",
+        "m/m",
+        "derivative of V_RH as the human moves to the robot's left",
+        |h, v| robot_slopes(h, v)[1],
+    ),
+    of_game("dv_r_turn", "m/rad", "derivative of V_RH as the human turns left", |h, v| {
+        robot_slopes(h, v)[2]
+    }),
+    of_motion(
+        "turned_1",
+        "rad",
+        "how far the human turned left in the step before; 0 before the first one",
+        |h| turned(h, 0, 1),
+    ),
+    of_motion(
+        "turned_2",
+        "rad",
+        "how far the human turned left in the step before that one",
+        |h| turned(h, 1, 2),
+    ),
+    of_motion("turned_5", "rad", "how far the human turned left in the five steps before", |h| {
+        turned(h, 0, 5)
+    }),
+    of_motion(
+        "turned",
+        "rad",
+        "how far the human turned left since the beginning of the trial",
+        |h| turned(h, 0, h.len()),
+    ),
 ];
+
+const fn of_motion(
+    name: &'static str,
+    unit: &'static str,
+    meaning: &'static str,
+    compute: fn(&[JointState]) -> f64,
+) -> Feature {
+    Feature { name, unit, meaning, compute: FromMotion(compute) }
+}
+
+const fn of_game(
+    name: &'static str,
+    unit: &'static str,
+    meaning: &'static str,
+    compute: fn(&[JointState], &SafetyLevels) -> f64,
+) -> Feature {
+    Feature { name, unit, meaning, compute: FromGame(compute) }
+}
 
 /// The current state.
 fn now(history: &[JointState]) -> &JointState {
     &history[history.len() - 1]
+}
+
+/// ∂V_HR by the robot's place ahead of and to the left of the human, and by its heading.
+fn human_slopes(history: &[JointState], safety: &SafetyLevels) -> [f64; 3] {
+    safety.human.state(now(history).robot_seen_by_human()).gradient
+}
+
+/// ∂V_RH by the human's place ahead of and to the left of the robot, and by its heading.
+fn robot_slopes(history: &[JointState], safety: &SafetyLevels) -> [f64; 3] {
+    safety.robot.state(now(history).human_seen_by_robot()).gradient
 }
 
 fn heading_difference(history: &[JointState]) -> f64 {

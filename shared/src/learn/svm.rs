@@ -130,29 +130,5 @@ pub fn fit(
     }
 }
 
-/// Trains as [`fit`] does, with sigmoids from held-out rows: SVMs that are trained on the other
-/// folds decide the rows of each fold. `folds` has a number for each row; rows of one trajectory
-/// share it.
-///
-/// # Errors
-/// The errors of [`fit`], and [`Invalid`] if there are fewer than two folds.
-pub fn fit_calibrated(
-    width: usize,
-    rows: &[f64],
-    target: Target<'_>,
-    folds: &[usize],
-    settings: SvmSettings,
-) -> Result<(Scale, Svm), Invalid> {
-    let kernels = match settings.kernel {
-        Kernel::Linear => Kernels::Linear,
-        Kernel::Rbf { gamma } => Kernels::Rbf(vec![gamma]),
-    };
-    let grid = Grid { c: vec![settings.c], max_steps: settings.max_steps, ..Grid::new(kernels) };
-    let cells = cross_validate(width, rows, folds, &[target], &grid)?;
-    let decisions = cells.first().and_then(|cells| cells.first()).map(|cell| &cell.decisions[..]);
-    let sigmoids = calibrate(target, decisions.unwrap_or_default())?;
-    fit(width, rows, target, settings, sigmoids)
-}
-
 #[cfg(test)]
 mod tests;

@@ -2,7 +2,7 @@
 //! [`learn::logistic`](crate::learn::logistic) trains it.
 
 use super::scale::Scale;
-use crate::invalid::{Invalid, finite, length};
+use crate::invalid::{Invalid, all_finite, length};
 use crate::math::exp;
 use serde::{Deserialize, Serialize};
 
@@ -63,14 +63,8 @@ impl Logistic {
         intercepts: Vec<f64>,
     ) -> Result<Self, Invalid> {
         length("intercepts", coefficients.len(), intercepts.len())?;
-        let mut weights = Vec::with_capacity(coefficients.len() * width);
-        for (class, row) in coefficients.iter().enumerate() {
-            length(&format!("coefficients[{class}]"), width, row.len())?;
-            for (j, &weight) in row.iter().enumerate() {
-                weights.push(finite(&format!("coefficients[{class}][{j}]"), weight)?);
-            }
-            finite(&format!("intercepts[{class}]"), intercepts[class])?;
-        }
+        let weights = super::flat("coefficients", width, coefficients)?;
+        all_finite("intercepts", &intercepts)?;
         Ok(Self { width, weights, intercepts })
     }
 

@@ -9,9 +9,10 @@ mod coupling;
 pub(crate) mod exponential;
 mod support;
 
+use super::flat;
 use super::scale::Scale;
 use crate::document::from_value;
-use crate::invalid::{Invalid, finite, length, positive};
+use crate::invalid::{Invalid, all_finite, length, positive};
 use crate::math::exp;
 pub use pairs::{pair_count, pairs, vote};
 use serde::{Deserialize, Serialize};
@@ -130,23 +131,23 @@ impl SvmFile {
         let (mean, scale) = (scale.mean().to_vec(), scale.scale().to_vec());
         let intercepts = model.intercepts.clone();
         let sigmoids = model.sigmoids.iter().map(|sigmoid| [sigmoid.a, sigmoid.b]).collect();
-        match model.kernel() {
-            Kernel::Linear => Self::Linear(LinearSvmFile {
+        match &model.pairwise {
+            Pairwise::Linear(weights) => Self::Linear(LinearSvmFile {
                 mean,
                 scale,
-                coefficients: model.coefficients(),
+                coefficients: weights.chunks(model.width).map(<[f64]>::to_vec).collect(),
                 intercepts,
                 kernel: KernelWord::Linear,
                 sigmoids,
             }),
-            Kernel::Rbf { gamma } => Self::Rbf(RbfSvmFile {
+            Pairwise::Rbf(support) => Self::Rbf(RbfSvmFile {
                 mean,
                 scale,
                 intercepts,
                 kernel: KernelWord::Rbf,
-                gamma,
-                support_vectors: model.support_vectors(),
-                dual_coefficients: model.dual_coefficients(),
+                gamma: support.gamma(),
+                support_vectors: support.vectors(),
+                dual_coefficients: support.dual(),
                 sigmoids,
             }),
         }
@@ -249,71 +250,18 @@ impl Svm {
             return Err(Invalid::new("classes", "at least 2 classes", classes));
         }
         length("intercepts", pair_count(classes), intercepts.len())?;
-        for (pair, &intercept) in intercepts.iter().enumerate() {
-            finite(&format!("intercepts[{pair}]"), intercept)?;
-        }
+        all_finite("intercepts", &intercepts)?;
         length("sigmoids", intercepts.len(), sigmoids.len())?;
         for (pair, sigmoid) in sigmoids.iter().enumerate() {
-            finite(&format!("sigmoids[{pair}][0]"), sigmoid.a)?;
-            finite(&format!("sigmoids[{pair}][1]"), sigmoid.b)?;
+            all_finite(&format!("sigmoids[{pair}]"), &[sigmoid.a, sigmoid.b])?;
         }
         Ok(Self { width, classes, pairwise, intercepts, sigmoids })
-    }
-
-    /// The kernel.
-    #[must_use]
-    pub fn kernel(&self) -> Kernel {
-        match &self.pairwise {
-            Pairwise::Linear(_) => Kernel::Linear,
-            Pairwise::Rbf(support) => Kernel::Rbf { gamma: support.gamma() },
-        }
-    }
-
-    /// Linear SVMs: weights, a row for each pair. Empty for other kernels.
-    #[must_use]
-    pub fn coefficients(&self) -> Vec<Vec<f64>> {
-        match &self.pairwise {
-            Pairwise::Linear(weights) => weights.chunks(self.width).map(<[f64]>::to_vec).collect(),
-            Pairwise::Rbf(_) => Vec::new(),
-        }
-    }
-
-    /// Standardised support vectors, one a row. Empty for linear SVMs, which keep only their
-    /// weights.
-    #[must_use]
-    pub fn support_vectors(&self) -> Vec<Vec<f64>> {
-        match &self.pairwise {
-            Pairwise::Linear(_) => Vec::new(),
-            Pairwise::Rbf(support) => support.vectors(),
-        }
-    }
-
-    /// Dual coefficients: a row for each pair, an entry for each support vector. Empty for linear
-    /// SVMs.
-    #[must_use]
-    pub fn dual_coefficients(&self) -> Vec<Vec<f64>> {
-        match &self.pairwise {
-            Pairwise::Linear(_) => Vec::new(),
-            Pairwise::Rbf(support) => support.dual(),
-        }
-    }
-
-    /// An intercept a pair.
-    #[must_use]
-    pub fn intercepts(&self) -> &[f64] {
-        &self.intercepts
-    }
-
-    /// A sigmoid a pair.
-    #[must_use]
-    pub fn sigmoids(&self) -> &[Sigmoid] {
-        &self.sigmoids
     }
 
     /// Decision value of each pair for a row of raw features.
     #[must_use]
     pub fn decisions(&self, scale: &Scale, row: &[f64]) -> Vec<f64> {
-        let row: Vec<f64> = row.iter().enumerate().map(|(j, &x)| scale.apply(j, x)).collect();
+        let row = scale.row(row);
         let mut decisions = self.intercepts.clone();
         match &self.pairwise {
             Pairwise::Linear(weights) => {
@@ -345,18 +293,6 @@ impl Svm {
 pub fn couple(sigmoids: &[Sigmoid], decisions: &[f64], out: &mut [f64]) {
     let pairwise = sigmoids.iter().zip(decisions).map(|(sigmoid, &f)| sigmoid.probability(f));
     coupling::couple(&pairwise.collect::<Vec<_>>(), out);
-}
-
-/// The rows one behind the other.
-fn flat(field: &str, width: usize, rows: &[Vec<f64>]) -> Result<Vec<f64>, Invalid> {
-    let mut flat = Vec::with_capacity(rows.len() * width);
-    for (i, row) in rows.iter().enumerate() {
-        length(&format!("{field}[{i}]"), width, row.len())?;
-        for (j, &value) in row.iter().enumerate() {
-            flat.push(finite(&format!("{field}[{i}][{j}]"), value)?);
-        }
-    }
-    Ok(flat)
 }
 
 #[cfg(test)]

@@ -29,33 +29,18 @@ impl Node {
 
 /// The questions of a tree. Node 0 is the root, and children come after their parents.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Questions(Vec<Node>);
+pub(crate) struct Questions(pub(crate) Vec<Node>);
 
 impl Questions {
-    /// The questions of nodes whose order is known to be valid.
-    pub(crate) fn new(nodes: Vec<Node>) -> Self {
-        Self(nodes)
-    }
-
-    pub(crate) fn nodes(&self) -> &[Node] {
-        &self.0
-    }
-
     /// The leaf that `row` comes to.
     pub(crate) fn leaf(&self, row: &[f64]) -> usize {
         let mut at = 0;
-        while let Some(next) = self.next(at, row) {
-            at = next;
+        while !self.0[at].is_leaf() {
+            let node = &self.0[at];
+            let goes_left = row[node.feature as usize] <= node.threshold;
+            at = if goes_left { node.left } else { node.right } as usize;
         }
         at
-    }
-
-    /// The next node of `row`; none from a leaf.
-    fn next(&self, at: usize, row: &[f64]) -> Option<usize> {
-        let node = &self.0[at];
-        let left = row[node.feature as usize] <= node.threshold;
-        let next = if left { node.left } else { node.right };
-        (!node.is_leaf()).then_some(next as usize)
     }
 
     /// The depth of each node; the root's is 0.
@@ -98,7 +83,7 @@ pub struct QuestionsFile {
 
 impl From<&Questions> for QuestionsFile {
     fn from(questions: &Questions) -> Self {
-        let nodes = questions.nodes();
+        let nodes = &questions.0;
         Self {
             feature: nodes.iter().map(|node| node.feature).collect(),
             threshold: nodes.iter().map(|node| node.threshold).collect(),
@@ -215,7 +200,7 @@ impl TreeFile {
 impl Tree {
     /// A tree of nodes in preorder and the counts of each.
     pub(crate) fn new(nodes: Vec<Node>, classes: usize, counts: Vec<u32>) -> Self {
-        Self { questions: Questions::new(nodes), classes, counts }
+        Self { questions: Questions(nodes), classes, counts }
     }
 
     /// Number of nodes, leaves included.
@@ -241,37 +226,18 @@ impl Tree {
         &self.counts[node * self.classes..][..self.classes]
     }
 
-    /// The most frequent class at a node, the lowest on a tie.
-    fn majority(&self, node: usize) -> usize {
-        let counts = self.counts(node);
-        let most = counts.iter().max().unwrap_or(&0);
-        counts.iter().position(|count| count == most).unwrap_or(0)
-    }
-
     /// The most frequent class of training rows at the leaf of `row`, the lowest on a tie.
     #[must_use]
     pub fn class(&self, row: &[f64]) -> usize {
-        self.majority(self.questions.leaf(row))
+        let counts = self.counts_at(row);
+        let most = counts.iter().max().unwrap_or(&0);
+        counts.iter().position(|count| count == most).unwrap_or(0)
     }
 
     /// The number of training rows of each class at the leaf of `row`.
     #[must_use]
     pub fn counts_at(&self, row: &[f64]) -> &[u32] {
         self.counts(self.questions.leaf(row))
-    }
-
-    /// Writes to `out[d]` the class that [`Tree::truncated`] to depth d gives to `row`, in one
-    /// walk.
-    pub fn classes_at_depths(&self, row: &[f64], out: &mut [usize]) {
-        let mut at = Some(0);
-        let mut class = 0;
-        for out in out {
-            if let Some(node) = at {
-                class = self.majority(node);
-                at = self.questions.next(node, row);
-            }
-            *out = class;
-        }
     }
 
     /// Writes the probability of each class to `out`: (n_c + 1) / (n + K) for n training rows
@@ -345,9 +311,6 @@ mod tests {
         assert_eq!(tree.class(&[1.1, -2.0]), 1);
         // A tie goes to the lower class.
         assert_eq!(tree.class(&[1.1, -1.9]), 1);
-        let mut classes = [9; 4];
-        tree.classes_at_depths(&[0.0, 0.0], &mut classes);
-        assert_eq!(classes, [1, 0, 0, 0]);
     }
 
     #[test]
@@ -356,12 +319,8 @@ mod tests {
         assert_eq!(tree.truncated(2), tree);
         assert_eq!((tree.truncated(1).nodes(), tree.truncated(1).depth()), (3, 1));
         assert_eq!(tree.truncated(0).nodes(), 1);
-        for row in [[0.0, 0.0], [2.0, -3.0], [2.0, 0.0]] {
-            let mut classes = [9; 3];
-            tree.classes_at_depths(&row, &mut classes);
-            for (depth, class) in classes.into_iter().enumerate() {
-                assert_eq!(tree.truncated(depth).class(&row), class);
-            }
+        for (row, classes) in [([0.0, 0.0], [1, 0, 0]), ([2.0, -3.0], [1, 1, 1])] {
+            assert_eq!([0, 1, 2].map(|depth| tree.truncated(depth).class(&row)), classes);
         }
     }
 
@@ -371,15 +330,6 @@ mod tests {
         let tree = file().check(2, 3).unwrap().unscaled(&scale);
         let thresholds = TreeFile::from(&tree).questions.threshold;
         assert_eq!(thresholds, [12.0, 0.0, -2.0, 0.0, 0.0]);
-    }
-
-    #[test]
-    fn a_file_survives_a_round_trip() {
-        let tree = file().check(2, 3).unwrap();
-        assert_eq!(TreeFile::from(&tree), file());
-        let text = serde_json::to_string(&file()).unwrap();
-        assert!(text.starts_with("{\"feature\":[0,0,1,0,0],"), "{text}");
-        assert_eq!(serde_json::from_str::<TreeFile>(&text).unwrap(), file());
     }
 
     #[test]

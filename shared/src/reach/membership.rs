@@ -76,7 +76,7 @@ pub enum Side {
     Rear,
 }
 
-/// Inputs may leave their bounds by this, rad/s: rounding errors.
+/// Rounding errors may move inputs out of their bounds by this, rad/s.
 const INPUT_ROUNDING: f64 = 1e-12;
 
 impl ReachableSet {

@@ -24,22 +24,6 @@ pub fn minkowski_disc(
     radius_m: f64,
     accuracy_m: f64,
 ) -> Result<Vec<[f64; 2]>, Invalid> {
-    let mut grown = Vec::new();
-    minkowski_disc_into(polygon, radius_m, accuracy_m, &mut Workspace::default(), &mut grown)?;
-    Ok(grown)
-}
-
-/// The same as [`minkowski_disc`], replacing the contents of `grown`.
-///
-/// # Errors
-/// As [`minkowski_disc`].
-pub fn minkowski_disc_into(
-    polygon: &[[f64; 2]],
-    radius_m: f64,
-    accuracy_m: f64,
-    workspace: &mut Workspace,
-    grown: &mut Vec<[f64; 2]>,
-) -> Result<(), Invalid> {
     let Some(&[x0, y0]) = polygon.first() else {
         return Err(Invalid::new("polygon", "at least one vertex", "none"));
     };
@@ -50,16 +34,14 @@ pub fn minkowski_disc_into(
     if !(1e-6..=1.0).contains(&accuracy_m) {
         return Err(Invalid::new("accuracy_m", "10⁻⁶ to 1 m", accuracy_m));
     }
+    let mut workspace = Workspace::default();
     let boundary = &mut workspace.boundary;
-    boundary.clear();
     boundary.extend(polygon.iter().map(|[x, y]| Point::new(x - x0, y - y0)));
     tidy(boundary, &mut workspace.outliner);
     // A little more than the radius outweighs the rounding of the outline.
     let brush = Brush { radius: radius_m + 0.25 * accuracy_m, half: [0.0; 2], outside: true };
-    brush.sweep(0.5 * accuracy_m, workspace);
-    grown.clear();
-    grown.extend(workspace.boundary.iter().map(|p| [x0 + p.re, y0 + p.im]));
-    Ok(())
+    brush.sweep(0.5 * accuracy_m, &mut workspace);
+    Ok(workspace.boundary.iter().map(|p| [x0 + p.re, y0 + p.im]).collect())
 }
 
 /// Replaces a closed boundary by its outline, without crossings and counter-clockwise.

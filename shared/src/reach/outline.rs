@@ -21,8 +21,8 @@ const GRID_S: f64 = 1e-10;
 /// A vertex closer than this to an edge, in grid spacings, lies on it.
 const ON_EDGE: f64 = 0.75;
 
-/// Rounding a crossing to the grid moves the edges a little, which can make new
-/// crossings; so often are they looked for at most.
+/// Rounding a crossing to the grid moves the edges a little, which can make new crossings; they
+/// are sought at most this often.
 const MOST_ROUNDS: usize = 8;
 
 /// Finds outlines, one after the other in the same memory.

@@ -101,19 +101,18 @@ impl Path {
         self.steps.clear();
         let pieces = |rate: f64| move |i: usize| Turn::new(rate, step_s / (i + 1) as f64);
         self.steps.extend(rates.iter().map(|&rate| core::array::from_fn(pieces(rate))));
-        let (mut heading, mut point) = (0.0, Complex::new(0.0, 0.0));
         self.headings.clear();
-        self.headings.push(heading);
         self.facings.clear();
-        self.facings.push(unit(heading));
         self.points.clear();
-        self.points.push(point);
-        for &rate in rates {
-            point += arc(heading, rate, step_s);
-            heading += rate * step_s;
+        let (mut heading, mut point) = (0.0, Complex::new(0.0, 0.0));
+        for step in 0..=rates.len() {
             self.headings.push(heading);
             self.facings.push(unit(heading));
             self.points.push(point);
+            if let Some(rate) = rates.get(step) {
+                point += arc(heading, *rate, step_s);
+                heading += rate * step_s;
+            }
         }
     }
 

@@ -30,7 +30,7 @@ impl PolygonSettings {
     }
 
     /// The same, but with polygons that are meant to contain the whole set, and exceed it by at
-    /// most [`Self::accuracy_m`] (besides holes, which are filled).
+    /// most [`Self::accuracy_m`] (not counting holes, which are filled).
     ///
     /// Shown to hold at up to 15 steps of at most 0.1 rad each (the paper's 0.5 rad/s for 0.2 s):
     /// no random drive left such a polygon (23,428 random bounds with 60 drives each). **At larger
@@ -76,9 +76,8 @@ pub(super) struct Sample {
     pub(super) direction: Complex<f64>,
 }
 
-/// A range of parameters is halved at most this often, to the last bit. That is needed where
-/// bounds are close to zero: there a long piece of the front belongs to extremals that differ
-/// very little at their end.
+/// A range of parameters is halved at most this often, down to the last bit. Bounds close to zero
+/// need that: there a long piece of the front belongs to extremals that hardly differ at their end.
 const MOST_HALVINGS: u32 = 64;
 
 /// Appends points of `curve` for parameters in (from, to], so close that its
@@ -183,13 +182,24 @@ pub(super) fn vertex_beside<'a>(
 ) -> Option<Complex<f64>> {
     let edges = curves.flat_map(|curve| curve.windows(2).map(|edge| (edge[0], edge[1])));
     let distances = edges.map(|(a, b)| {
-        let (along, to) = (b - a, point - a);
-        let share = ((to * along.conj()).re / along.norm_sqr()).clamp(0.0, 1.0);
-        let nearer = if share < 0.5 { a } else { b };
-        ((to - along * share).norm_sqr(), nearer)
+        let (distance, share) = to_segment(point, a, b);
+        (distance, if share < 0.5 { a } else { b })
     });
     let nearest = distances.min_by(|a, b| a.0.total_cmp(&b.0));
-    nearest.filter(|(distance, _)| *distance < within * within).map(|(_, vertex)| vertex)
+    nearest.filter(|(distance, _)| *distance < within).map(|(_, vertex)| vertex)
+}
+
+/// Distance of a position from a segment, and where on it that is, from 0 to 1.
+pub(super) fn to_segment(
+    position: Complex<f64>,
+    start: Complex<f64>,
+    end: Complex<f64>,
+) -> (f64, f64) {
+    let (chord, from) = (end - start, position - start);
+    let length = chord.norm_sqr();
+    let along = (from * chord.conj()).re;
+    let share = if length > 0.0 { (along / length).clamp(0.0, 1.0) } else { 0.0 };
+    ((from - chord * share).norm_sqr().sqrt(), share)
 }
 
 /// Several curves in one piece of memory.

@@ -3,7 +3,6 @@
 use super::boundary::Workspace;
 use super::minkowski::{self, Brush};
 use super::paths::{Paths, unit};
-use super::polygon;
 use super::sampling::PolygonSettings;
 use super::start::StartSet;
 use crate::bounds::InputBounds;
@@ -215,34 +214,6 @@ impl ReachableSet {
             brush.sweep(0.25 * accuracy, workspace);
         }
         self.to_world(&workspace.boundary, polygon);
-    }
-
-    /// Is `position` (world frame, m) reachable after exactly `step` steps, or no
-    /// farther than `tolerance_m` from a position that is?
-    ///
-    /// # Panics
-    /// If `step` > [`Self::steps`].
-    #[must_use]
-    pub fn contains_at(
-        &self,
-        step: usize,
-        position: [f64; 2],
-        tolerance_m: f64,
-        settings: PolygonSettings,
-    ) -> bool {
-        polygon::signed_distance(&self.step_polygon(step, settings), position) >= -tolerance_m
-    }
-
-    /// Is `position` (world frame, m) reachable at any instant up to the last
-    /// step, or no farther than `tolerance_m` from a position that is?
-    #[must_use]
-    pub fn contains(
-        &self,
-        position: [f64; 2],
-        tolerance_m: f64,
-        settings: PolygonSettings,
-    ) -> bool {
-        polygon::signed_distance(&self.tube_polygon(settings), position) >= -tolerance_m
     }
 
     /// From the human's frame, seconds of travel, to the world frame, metres.

@@ -54,8 +54,8 @@ impl ExactValue {
     /// V at a relative state: the pursuer at (`x`, `y`) m in the evader's frame
     /// (x ahead, y to the left), its heading relative to the evader's `psi` rad
     /// counter-clockwise, any real. Metres; ≤ 0 means that the pursuer can force
-    /// a capture. The state must be finite ([`Self::checked_value`] checks); the
-    /// value is +∞ where the square of the range in turning radii overflows.
+    /// a capture. The state must be finite; the value is +∞ where the square of the range
+    /// in turning radii overflows.
     #[must_use]
     pub fn value(&self, state: [f64; 3]) -> f64 {
         let view = Halfway::new(self.turning_radius_m, state);
@@ -64,15 +64,6 @@ impl ExactValue {
         }
         let (right, left) = (view.right_sheet(), view.left_sheet());
         self.metres(view.range.min(right.range.max(left.range)))
-    }
-
-    /// [`Self::value`] of a state that may not be finite.
-    ///
-    /// # Errors
-    /// [`Invalid`] naming the coordinate that is not finite.
-    pub fn checked_value(&self, state: [f64; 3]) -> Result<f64, Invalid> {
-        check_finite(state)?;
-        Ok(self.value(state))
     }
 
     /// [`Self::value`] of each of `states`, the same bits, into `out`.
@@ -444,6 +435,5 @@ mod tests {
         let complaint = ExactValue::new(2.0, 0.0, 3.0).unwrap_err();
         assert_eq!(complaint.field, "turn_rate_radps");
         assert_eq!(ExactValue::new(f64::NAN, 0.5, 3.0).unwrap_err().field, "speed_mps");
-        assert_eq!(paper().checked_value([0.0, f64::NAN, 0.0]).unwrap_err().field, "y");
     }
 }

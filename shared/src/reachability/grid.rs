@@ -99,12 +99,6 @@ impl<const D: usize> Grid<D> {
         self.len() == 0
     }
 
-    /// Volume of the cell around a node: the product of the spacings.
-    #[must_use]
-    pub fn cell_volume(&self) -> f64 {
-        self.axes.iter().map(Axis::spacing).product()
-    }
-
     /// Coordinates of the node at multi-index `index`.
     #[must_use]
     pub fn node(&self, index: [usize; D]) -> [f64; D] {

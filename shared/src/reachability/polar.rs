@@ -50,7 +50,7 @@ pub struct Settings {
     /// Converged when the mean drift of a row in [`WINDOW`] sweeps is below this share of
     /// the radius. Where turns are so fast that a sweep covers little time, less.
     pub tolerance: f64,
-    /// At most this many sweeps over any grid.
+    /// At most this many sweeps over any grid, at least 1.
     pub most_sweeps: usize,
     /// Refuse to take more memory than this.
     pub memory_limit_bytes: u64,
@@ -125,6 +125,9 @@ pub fn solve<T: Real>(
         let expected = "a multiple of 4, at least 12";
         return Err(Invalid::new("angle_nodes", expected, settings.angle_nodes).into());
     }
+    if settings.most_sweeps == 0 {
+        return Err(Invalid::new("most_sweeps", "at least 1", 0).into());
+    }
     let half = settings.angle_nodes / 2 + 1;
     let nodes = settings.range_nodes.saturating_mul(half).saturating_mul(settings.angle_nodes);
     // The half turn and its copy, the full turn of the sheet and its copy.
@@ -197,7 +200,6 @@ pub fn solve<T: Real>(
         if level.converge(tolerance, settings.most_sweeps, &mut report).is_break() {
             return Err(SolveError::Cancelled);
         }
-        level.converged = level.drift_m <= tolerance;
         solved = Some(level);
     }
     match solved {

@@ -186,10 +186,11 @@ impl SampledValue {
         self.unsettled_m
     }
 
-    /// The same function, from a solve that stopped while the function still changed by this, m.
+    /// The same function, from a solve that stopped while the function still changed by this, m. JSON has
+    /// no infinity, so the largest number stands for it.
     #[must_use]
     pub fn unsettled(self, unsettled_m: Option<f64>) -> Self {
-        Self { unsettled_m, ..self }
+        Self { unsettled_m: unsettled_m.map(|moved| moved.min(f64::MAX)), ..self }
     }
 
     /// The Cartesian solver's solution on a grid of x, y, ψ.

@@ -49,7 +49,47 @@ impl ValueFunction {
     /// The bytes in which this function is stored and served.
     #[must_use]
     pub fn encode(&self) -> Vec<u8> {
-        encode(self)
+        let format = FORMAT.to_owned();
+        match self {
+            Self::Exact(exact) => line(&Header::Exact {
+                format,
+                speed_mps: exact.speed_mps(),
+                turn_rate_radps: exact.turn_rate_radps(),
+                radius_m: exact.radius_m(),
+            }),
+            Self::Sampled(sampled) => {
+                let quantum = QUANTUM_M * sampled.game().length_unit_m();
+                let steps: Vec<i64> =
+                    sampled.deficit().map(|w| (f64::from(w) / quantum).round() as i64).collect();
+                let mut body = Vec::with_capacity(steps.len() + steps.len() / 4);
+                let predicted = Predictor::new(sampled.nodes().shape());
+                for position in 0..steps.len() {
+                    put_signed(&mut body, steps[position] - predicted.at(&steps, position));
+                }
+                let mut sheet = false;
+                if let Some(values) = sampled.sheet() {
+                    sheet = true;
+                    let mirror = Mirror(sampled.nodes().shape());
+                    for (position, w) in values.enumerate() {
+                        let step = (f64::from(w) / quantum).round() as i64;
+                        put_signed(&mut body, step - steps[mirror.of(position)]);
+                    }
+                }
+                let horizon_s = sampled.horizon_s();
+                let mut bytes = line(&Header::Sampled {
+                    format,
+                    game: sampled.game(),
+                    nodes: sampled.nodes(),
+                    horizon_s: horizon_s.is_finite().then_some(horizon_s),
+                    unsettled_m: sampled.unsettled_m(),
+                    sheet,
+                    bytes: body.len(),
+                });
+                bytes.push(b'\n');
+                bytes.extend(body);
+                bytes
+            }
+        }
     }
 
     /// The function that [`Self::encode`] wrote.
@@ -57,114 +97,69 @@ impl ValueFunction {
     /// # Errors
     /// [`Invalid`] if the bytes are no such function, truncated, or of another version.
     pub fn decode(bytes: &[u8]) -> Result<Self, Invalid> {
-        decode(bytes)
+        let end = bytes.iter().position(|byte| *byte == b'\n').unwrap_or(bytes.len());
+        let header: Header = serde_json::from_slice(&bytes[..end])
+            .map_err(|e| Invalid::new("value function", FORMAT, e))?;
+        let (Header::Exact { format, .. } | Header::Sampled { format, .. }) = &header;
+        if format != FORMAT {
+            return Err(Invalid::new("format", FORMAT, format));
+        }
+        match header {
+            Header::Exact { speed_mps, turn_rate_radps, radius_m, .. } => {
+                ExactValue::new(speed_mps, turn_rate_radps, radius_m).map(Self::Exact)
+            }
+            Header::Sampled {
+                game, nodes, horizon_s, unsettled_m, sheet, bytes: length, ..
+            } => {
+                unsettled_m.map(|moved| positive("unsettled_m", moved)).transpose()?;
+                nodes.check()?;
+                let mut rest = bytes.get(end + 1..).unwrap_or_default();
+                crate::invalid::length("value function bytes", length, rest.len())?;
+                // Every value takes at least a byte, so this bounds what is allocated.
+                if nodes.count() > rest.len() {
+                    let expected = format!("at least {} bytes of values", nodes.count());
+                    return Err(Invalid::new("value function", expected, rest.len()));
+                }
+                let predicted = Predictor::new(nodes.shape());
+                let mut steps: Vec<i64> = Vec::with_capacity(nodes.count());
+                for position in 0..nodes.count() {
+                    let step = predicted.at(&steps, position);
+                    steps.push(take_step(&mut rest, "value", position, step)?);
+                }
+                let quantum = QUANTUM_M * game.check()?.length_unit_m();
+                let metres = |step: &i64| (*step as f64 * quantum) as f32;
+                let deficit: Vec<f32> = steps.iter().map(metres).collect();
+                let mirror = Mirror(nodes.shape());
+                let sheet = if sheet {
+                    let count = mirror.count();
+                    if count > rest.len() {
+                        let expected = format!("at least {count} bytes of the sheet");
+                        return Err(Invalid::new("value function", expected, rest.len()));
+                    }
+                    let values = (0..count).map(|position| {
+                        let base = steps[mirror.of(position)];
+                        take_step(&mut rest, "sheet", position, base).map(|step| metres(&step))
+                    });
+                    Some(values.collect::<Result<Vec<f32>, _>>()?)
+                } else {
+                    None
+                };
+                if !rest.is_empty() {
+                    let found = format!("{} bytes more", rest.len());
+                    return Err(Invalid::new("value function", "its end", found));
+                }
+                let horizon_s = horizon_s.unwrap_or(f64::INFINITY);
+                let sampled =
+                    SampledValue::new(game, nodes, horizon_s, &deficit, sheet.as_deref())?;
+                Ok(Self::Sampled(Arc::new(sampled.unsettled(unsettled_m))))
+            }
+        }
     }
 
     /// Content hash (SHA-256, hexadecimal) of the bytes: the function's address.
     #[must_use]
     pub fn id(&self) -> String {
         hex::encode(Sha256::digest(self.encode()))
-    }
-}
-
-fn encode(function: &ValueFunction) -> Vec<u8> {
-    let format = FORMAT.to_owned();
-    match function {
-        ValueFunction::Exact(exact) => line(&Header::Exact {
-            format,
-            speed_mps: exact.speed_mps(),
-            turn_rate_radps: exact.turn_rate_radps(),
-            radius_m: exact.radius_m(),
-        }),
-        ValueFunction::Sampled(sampled) => {
-            let quantum = QUANTUM_M * sampled.game().length_unit_m();
-            let steps: Vec<i64> =
-                sampled.deficit().map(|w| (f64::from(w) / quantum).round() as i64).collect();
-            let mut body = Vec::with_capacity(steps.len() + steps.len() / 4);
-            let predicted = Predictor::new(sampled.nodes().shape());
-            for position in 0..steps.len() {
-                put_signed(&mut body, steps[position] - predicted.at(&steps, position));
-            }
-            let mut sheet = false;
-            if let Some(values) = sampled.sheet() {
-                sheet = true;
-                let mirror = Mirror(sampled.nodes().shape());
-                for (position, w) in values.enumerate() {
-                    let step = (f64::from(w) / quantum).round() as i64;
-                    put_signed(&mut body, step - steps[mirror.of(position)]);
-                }
-            }
-            let horizon_s = sampled.horizon_s();
-            let mut bytes = line(&Header::Sampled {
-                format,
-                game: sampled.game(),
-                nodes: sampled.nodes(),
-                horizon_s: horizon_s.is_finite().then_some(horizon_s),
-                unsettled_m: sampled.unsettled_m(),
-                sheet,
-                bytes: body.len(),
-            });
-            bytes.push(b'\n');
-            bytes.extend(body);
-            bytes
-        }
-    }
-}
-
-fn decode(bytes: &[u8]) -> Result<ValueFunction, Invalid> {
-    let end = bytes.iter().position(|byte| *byte == b'\n').unwrap_or(bytes.len());
-    let header: Header = serde_json::from_slice(&bytes[..end])
-        .map_err(|e| Invalid::new("value function", FORMAT, e))?;
-    let (Header::Exact { format, .. } | Header::Sampled { format, .. }) = &header;
-    if format != FORMAT {
-        return Err(Invalid::new("format", FORMAT, format));
-    }
-    match header {
-        Header::Exact { speed_mps, turn_rate_radps, radius_m, .. } => {
-            ExactValue::new(speed_mps, turn_rate_radps, radius_m).map(ValueFunction::Exact)
-        }
-        Header::Sampled { game, nodes, horizon_s, unsettled_m, sheet, bytes: length, .. } => {
-            unsettled_m.map(|moved| positive("unsettled_m", moved)).transpose()?;
-            nodes.check()?;
-            let mut rest = bytes.get(end + 1..).unwrap_or_default();
-            crate::invalid::length("value function bytes", length, rest.len())?;
-            // Every value takes an byte at least, so this bounds what is allocated.
-            if nodes.count() > rest.len() {
-                let expected = format!("at least {} bytes of values", nodes.count());
-                return Err(Invalid::new("value function", expected, rest.len()));
-            }
-            let predicted = Predictor::new(nodes.shape());
-            let mut steps: Vec<i64> = Vec::with_capacity(nodes.count());
-            for position in 0..nodes.count() {
-                let step = predicted.at(&steps, position);
-                steps.push(take_step(&mut rest, "value", position, step)?);
-            }
-            let quantum = QUANTUM_M * game.check()?.length_unit_m();
-            let metres = |step: &i64| (*step as f64 * quantum) as f32;
-            let deficit: Vec<f32> = steps.iter().map(metres).collect();
-            let mirror = Mirror(nodes.shape());
-            let sheet = if sheet {
-                let count = mirror.count();
-                if count > rest.len() {
-                    let expected = format!("at least {count} bytes of the sheet");
-                    return Err(Invalid::new("value function", expected, rest.len()));
-                }
-                let values = (0..count).map(|position| {
-                    let base = steps[mirror.of(position)];
-                    take_step(&mut rest, "sheet", position, base).map(|step| metres(&step))
-                });
-                Some(values.collect::<Result<Vec<f32>, _>>()?)
-            } else {
-                None
-            };
-            if !rest.is_empty() {
-                let found = format!("{} bytes more", rest.len());
-                return Err(Invalid::new("value function", "its end", found));
-            }
-            let horizon_s = horizon_s.unwrap_or(f64::INFINITY);
-            let sampled = SampledValue::new(game, nodes, horizon_s, &deficit, sheet.as_deref())?;
-            Ok(ValueFunction::Sampled(Arc::new(sampled.unsettled(unsettled_m))))
-        }
     }
 }
 

@@ -77,16 +77,13 @@ impl ValueFunction {
     #[must_use]
     pub fn state(&self, relative: [f64; 3]) -> ValueState {
         if !relative.iter().all(|coordinate| coordinate.is_finite()) {
-            let (nan, inside) = (f64::NAN, false);
-            let gradient = [nan; 3];
-            let exact = matches!(self, Self::Exact(_));
             return ValueState {
-                value: nan,
-                gradient,
-                evader_turn: nan,
-                pursuer_turn: nan,
-                exact,
-                inside,
+                value: f64::NAN,
+                gradient: [f64::NAN; 3],
+                evader_turn: f64::NAN,
+                pursuer_turn: f64::NAN,
+                exact: matches!(self, Self::Exact(_)),
+                inside: false,
             };
         }
         match self {

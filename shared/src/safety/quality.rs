@@ -132,7 +132,7 @@ mod tests {
             .unwrap()
     }
 
-    /// V_RH of a slower robot that turns better, broken off after few sweeps over a small grid.
+    /// V_RH of a slower robot that turns better, stopped after a few sweeps over a small grid.
     fn broken_off() -> SafetyLevels {
         let game = PursuitGame {
             evader: VehicleModel { speed_mps: 1.5, turn_rate_radps: 0.8 },

@@ -218,7 +218,7 @@ mod tests {
         assert_ne!(scenes(5, 9), scenes(5, 10));
     }
 
-    /// Those of the first version that drew scenes this way: a seed means the same for ever.
+    /// The scenes of a seed are those of the first version that drew scenes this way.
     #[test]
     fn scenes_of_a_seed_never_change() {
         let mut hash = Sha256::new();

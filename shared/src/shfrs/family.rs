@@ -9,7 +9,7 @@ use crate::invalid::Invalid;
 ///
 /// Tuning, tests and comparisons use only these functions, so a new predictor of sets is one file.
 pub trait Family {
-    /// The family in tables and files.
+    /// The name of the family in tables and files.
     fn name(&self) -> String;
 
     /// The name of its level, with unit.

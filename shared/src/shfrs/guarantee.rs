@@ -195,7 +195,7 @@ pub fn fixed_sequence(
     })
 }
 
-/// The least whole number ≥ `x`, where a rounding error above a whole number is none: 0.55 · 20
+/// The least whole number ≥ `x`. A rounding error above a whole number does not count: 0.55 · 20
 /// is 11.000000000000002.
 fn rounded_up(x: f64) -> f64 {
     let whole = x.round();

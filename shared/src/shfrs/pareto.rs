@@ -151,21 +151,19 @@ pub fn pareto(
 
 type Judged = (Vec<ParetoRow>, ParetoCurve);
 
-#[cfg(not(target_arch = "wasm32"))]
+/// `judge` of each family, on all threads there are.
 fn each<'a>(
     families: &mut [Box<dyn Family + Send + 'a>],
     judge: impl Fn(&mut (dyn Family + Send + 'a)) -> Result<Judged, Invalid> + Sync,
 ) -> Result<Vec<Judged>, Invalid> {
-    use rayon::prelude::*;
-    families.par_iter_mut().with_max_len(1).map(|family| judge(family.as_mut())).collect()
-}
-
-#[cfg(target_arch = "wasm32")]
-fn each<'a>(
-    families: &mut [Box<dyn Family + Send + 'a>],
-    judge: impl Fn(&mut (dyn Family + Send + 'a)) -> Result<Judged, Invalid>,
-) -> Result<Vec<Judged>, Invalid> {
-    families.iter_mut().map(|family| judge(family.as_mut())).collect()
+    let judge = |family: &mut Box<dyn Family + Send + 'a>| judge(family.as_mut());
+    #[cfg(not(target_arch = "wasm32"))]
+    {
+        use rayon::prelude::*;
+        families.par_iter_mut().with_max_len(1).map(judge).collect()
+    }
+    #[cfg(target_arch = "wasm32")]
+    families.iter_mut().map(judge).collect()
 }
 
 fn judge(

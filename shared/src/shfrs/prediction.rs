@@ -37,16 +37,14 @@ impl<'a, M: ActionModel> Prediction<'a, M> {
     /// Lowest and highest turn rate of the human, rad/s.
     #[must_use]
     pub fn turn_rate(&self) -> (f64, f64) {
-        let rate = self.parameters.human.turn_rate_radps;
-        (-rate, rate)
+        self.parameters.human.turn_range()
     }
 
     /// Difference between the highest and the lowest turn rate, rad/s. Bounds that are widened by it
     /// admit every turn rate.
     #[must_use]
     pub fn full_range(&self) -> f64 {
-        let (least, most) = self.turn_rate();
-        most - least
+        2.0 * self.parameters.human.turn_rate_radps
     }
 
     /// Settings of Algorithm 1 for this model.

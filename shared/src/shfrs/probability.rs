@@ -9,7 +9,7 @@ use super::widened::tube_area_m2;
 use super::window::{Trajectory, Window, WindowChoice};
 use crate::bounds::{ActionModel, BoundsSettings, InputBounds};
 use crate::invalid::Invalid;
-use crate::parallel_map::parallel_map;
+use crate::parallel::parallel_map;
 use crate::reach::ReachableSet;
 use crate::stats::{Estimate, Tally, open_probability, share};
 use crate::vehicle::Pose;

@@ -122,7 +122,7 @@ pub fn single(choice: WindowChoice) -> Result<(), Invalid> {
     if choice.is_single() {
         return Ok(());
     }
-    let expected = "one window a trajectory (random_one or avoidance_onset): windows of one \
-                    trajectory are not independent";
+    let expected = "one window in each trajectory (random_one or avoidance_onset): windows of \
+                    one trajectory are not independent";
     Err(Invalid::new("window_choice", expected, choice.word()))
 }

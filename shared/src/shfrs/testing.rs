@@ -24,7 +24,7 @@ pub(super) fn drive(rates: &[f64]) -> Trajectory {
     drive_told(rates, rates)
 }
 
-/// A drive under `rates` of which it is told that it was under `told`.
+/// A drive under `rates` whose recorded turn rates are `told`.
 pub(super) fn drive_told(rates: &[f64], told: &[f64]) -> Trajectory {
     trajectory(Pose::new(-40.0, 0.0, 3.0), rates, told)
 }

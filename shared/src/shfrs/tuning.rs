@@ -13,7 +13,7 @@ use super::window::{Trajectory, Window, WindowChoice};
 use crate::bounds::{ActionChoice, ActionModel, BoundsSettings, Rollout};
 use crate::invalid::Invalid;
 use crate::math::SeededRng;
-use crate::parallel_map::parallel_map;
+use crate::parallel::parallel_map;
 use crate::stats::{Estimate, Tally, beta_quantile, open_probability, share};
 use serde::Serialize;
 
@@ -38,22 +38,22 @@ impl Default for Split {
 /// A random split, as indices.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Parts {
-    /// To choose by.
+    /// For the choice of actions.
     pub training: Vec<usize>,
-    /// To calibrate on.
+    /// For the calibration of ε_1.
     pub calibration: Vec<usize>,
-    /// To judge by.
+    /// For the measured coverage.
     pub test: Vec<usize>,
 }
 
 /// Recorded trajectories, split into three parts.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sample {
-    /// To choose by.
+    /// For the choice of actions.
     pub training: Vec<Trajectory>,
-    /// To calibrate on.
+    /// For the calibration of ε_1.
     pub calibration: Vec<Trajectory>,
-    /// To judge by; may be empty.
+    /// For the measured coverage; may be empty.
     pub test: Vec<Trajectory>,
 }
 

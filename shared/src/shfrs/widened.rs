@@ -43,7 +43,7 @@ pub fn least_widening(
     parameters: &SceneParameters,
     tolerance: Tolerance,
 ) -> Result<f64, Invalid> {
-    let range = turn_rates(parameters);
+    let range = parameters.human.turn_range();
     let by_inputs = enough_by_inputs(base, window, range)?;
     let start = window.now().human;
     let mut least = 0.0;
@@ -79,7 +79,7 @@ pub fn widening_between(
     parameters: &SceneParameters,
     tolerance: Tolerance,
 ) -> Result<(f64, f64), Invalid> {
-    let by_inputs = enough_by_inputs(base, window, turn_rates(parameters))?;
+    let by_inputs = enough_by_inputs(base, window, parameters.human.turn_range())?;
     let start = window.now().human;
     let mut least = 0.0_f64;
     for step in (1..=base.len()).rev() {
@@ -92,12 +92,6 @@ pub fn widening_between(
         least = needed_by_heading(&base[..step], turned, within, parameters, tolerance);
     }
     Ok((least, by_inputs.last().copied().unwrap_or(0.0)))
-}
-
-/// Lowest and highest turn rate of the human, rad/s.
-fn turn_rates(parameters: &SceneParameters) -> (f64, f64) {
-    let rate = parameters.human.turn_rate_radps;
-    (-rate, rate)
 }
 
 /// For each step, the widening from which on the state after the step is inside because of the recorded
@@ -128,7 +122,7 @@ fn needed_by_heading(
     parameters: &SceneParameters,
     tolerance: Tolerance,
 ) -> f64 {
-    let (range, step_s) = (turn_rates(parameters), parameters.step_s);
+    let (range, step_s) = (parameters.human.turn_range(), parameters.step_s);
     let turned = wrap_angle(turned);
     let slack = tolerance.heading_rad + 1e-9;
     let admitted = |epsilon: f64| {

@@ -6,7 +6,7 @@
 //! correction for ties, as in `scipy.stats`.
 
 use super::upper_tail;
-use crate::invalid::{Invalid, finite, length};
+use crate::invalid::{Invalid, all_finite, length};
 
 /// Most numbers, of both lists together, for which p-values are exact. For more numbers, the normal
 /// approximation is accurate to about 10⁻³ of a p-value that is not tiny.
@@ -99,10 +99,7 @@ fn check(field: &str, numbers: &[f64]) -> Result<(), Invalid> {
     if numbers.is_empty() {
         return Err(Invalid::new(field, "at least one number", "none"));
     }
-    for (i, &number) in numbers.iter().enumerate() {
-        finite(&format!("{field}[{i}]"), number)?;
-    }
-    Ok(())
+    all_finite(field, numbers)
 }
 
 /// Twice the rank of each number, from 2. Tied numbers share the mean of their ranks, which becomes

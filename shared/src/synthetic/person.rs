@@ -48,48 +48,32 @@ pub struct Person {
 }
 
 impl Person {
+    /// Draws the fields in their order.
     pub(super) fn draw(stream: &mut Stream) -> Self {
-        // The order of the fields is the order of the draws.
-        let mut uniform = |low, high| stream.uniform(low, high);
-        let lag_s = uniform(0.20, 0.40);
-        let horizon_s = uniform(4.2, 7.0);
-        let margin_m = uniform(0.6, 2.2);
-        let bearing_threshold = uniform(1.2, 2.2);
-        let repeller_angle_decay = uniform(1.5, 4.0);
-        let repeller_distance_decay = uniform(0.06, 0.11);
-        let repeller_gain = uniform(2.0, 3.0);
-        let heading_noise_rad = uniform(0.03, 0.08);
-        let time_noise = uniform(0.08, 0.25);
-        let press_above = uniform(0.40, 0.60);
-        let release_below = uniform(0.35, 0.70) * press_above;
-        let activation_noise = uniform(0.15, 0.35);
-        let overhold_s = uniform(0.1, 0.7);
-        let side_by_distance = uniform(0.8, 2.5);
-        let side_by_bearing = uniform(0.0, 1.5);
-        let lapses_per_s = uniform(0.0, 0.02);
-        let reversals_per_s = uniform(0.0, 0.25);
-        let shares = [1.2, 1.2, 0.8].map(|mean| mean * stream.exponential(1.0));
-        let sum: f64 = shares.iter().sum();
-        Self {
-            lag_s,
-            horizon_s,
-            margin_m,
-            bearing_threshold,
-            repeller_angle_decay,
-            repeller_distance_decay,
-            repeller_gain,
-            heading_noise_rad,
-            time_noise,
-            press_above,
-            release_below,
-            activation_noise,
-            overhold_s,
-            side_by_distance,
-            side_by_bearing,
-            lapses_per_s,
-            reversals_per_s,
-            weights: shares.map(|share| share / sum),
+        let mut person = Self {
+            lag_s: stream.uniform(0.20, 0.40),
+            horizon_s: stream.uniform(4.2, 7.0),
+            margin_m: stream.uniform(0.6, 2.2),
+            bearing_threshold: stream.uniform(1.2, 2.2),
+            repeller_angle_decay: stream.uniform(1.5, 4.0),
+            repeller_distance_decay: stream.uniform(0.06, 0.11),
+            repeller_gain: stream.uniform(2.0, 3.0),
+            heading_noise_rad: stream.uniform(0.03, 0.08),
+            time_noise: stream.uniform(0.08, 0.25),
+            press_above: stream.uniform(0.40, 0.60),
+            release_below: stream.uniform(0.35, 0.70),
+            activation_noise: stream.uniform(0.15, 0.35),
+            overhold_s: stream.uniform(0.1, 0.7),
+            side_by_distance: stream.uniform(0.8, 2.5),
+            side_by_bearing: stream.uniform(0.0, 1.5),
+            lapses_per_s: stream.uniform(0.0, 0.02),
+            reversals_per_s: stream.uniform(0.0, 0.25),
+            weights: [1.2, 1.2, 0.8].map(|mean| mean * stream.exponential(1.0)),
             side_bias: 0.5 * stream.normal(),
-        }
+        };
+        person.release_below *= person.press_above;
+        let sum: f64 = person.weights.iter().sum();
+        person.weights = person.weights.map(|weight| weight / sum);
+        person
     }
 }

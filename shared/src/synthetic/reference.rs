@@ -44,10 +44,7 @@ fn is_of_the_reference(participant: &RecordedParticipant) -> bool {
 fn begins_as(participant: u64, trial: &RecordedTrial) -> bool {
     let (scene, _) =
         SyntheticParticipant::new(REFERENCE_SEED, participant).own_trial(trial.number, Keys::Free);
-    let numbers = |state: &JointState| {
-        let ([hx, hy, hpsi], [rx, ry, rpsi]) = (state.human.into(), state.robot.into());
-        [hx, hy, hpsi, rx, ry, rpsi]
-    };
+    let numbers = |state: &JointState| [state.human, state.robot].map(<[f64; 3]>::from).concat();
     let near = |(a, b): (f64, f64)| (a - b).abs() < 1e-6;
     let (own, driven) = (numbers(&scene.start()), numbers(&trial.states[0]));
     own.into_iter().zip(driven).all(near)

@@ -7,7 +7,6 @@ use sidestep::learn::logistic::{LogisticSettings, fit};
 use sidestep::learn::svm::{self, SvmSettings, Target};
 use sidestep::learn::tree::{TreeSettings, grow};
 use sidestep::predict::logistic::Logistic;
-use sidestep::predict::scale::Scale;
 use sidestep::predict::svm::{Kernel, Sigmoid, pair_count};
 use std::collections::HashSet;
 
@@ -39,11 +38,10 @@ pub(crate) fn logistic(experiment: usize) -> LogisticApart {
     for participant in 0..PEOPLE {
         let (training, test) = person(participant, experiment);
         let peer = peer(participant, experiment);
-        let scale = Scale::fit(WIDTH, &training.values);
+        let (scale, standard) = training.standardised();
         let of_scale =
             f64::max(furthest(scale.mean(), &peer.mean), furthest(scale.scale(), &peer.scale));
         apart.scale = apart.scale.max(of_scale);
-        let standard = training.on(&scale);
         let samples = standard.samples(experiment);
         let of_weights = |model: &Logistic, expected: &Lr| {
             // Of two classes, scikit-learn writes down the second's weights only.
@@ -149,8 +147,7 @@ pub(crate) fn trees(experiment: usize) -> TreesApart {
     let mut apart = TreesApart::default();
     for participant in 0..PEOPLE {
         let (training, test) = person(participant, experiment);
-        let scale = Scale::fit(WIDTH, &training.values);
-        let standard = training.on(&scale);
+        let (scale, standard) = training.standardised();
         let tree = grow(&standard.samples(experiment), settings).expect("a tree").unscaled(&scale);
         let mut p = vec![0.0; classes(experiment)];
         let rows = said(participant, experiment);

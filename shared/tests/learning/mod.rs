@@ -55,12 +55,10 @@ impl Rows {
             .expect("rows of numbers")
     }
 
-    /// The same rows on a scale.
-    pub(crate) fn on(mut self, scale: &Scale) -> Self {
-        for (i, value) in self.values.iter_mut().enumerate() {
-            *value = scale.apply(i % WIDTH, *value);
-        }
-        self
+    /// The rows' scale, and the rows on it.
+    pub(crate) fn standardised(self) -> (Scale, Self) {
+        let (scale, values) = Scale::standardised(WIDTH, &self.values);
+        (scale, Self { values, ..self })
     }
 
     fn push(&mut self, row: &FeatureRow, experiment: usize) {

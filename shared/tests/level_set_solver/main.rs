@@ -12,6 +12,8 @@ mod pursuit;
 mod bad_input;
 mod games;
 mod steepening;
+#[path = "../../examples/measure/mod.rs"]
+mod measure;
 
 use core::f64::consts::LN_2;
 use core::ops::ControlFlow;
@@ -22,10 +24,8 @@ use sidestep::reachability::cartesian::{
     Direction, Horizon, Kind, Problem, Region, Settings, Solution, solve,
 };
 use sidestep::reachability::{
-    Axis, Boundary, DoubleIntegrator, Game, Grid, PursuitGame, Real, RelativeDubins, Scheme,
-    SolveError, TERMS,
+    Axis, Boundary, DoubleIntegrator, Game, Grid, Real, Scheme, SolveError, TERMS,
 };
-use sidestep::vehicle::VehicleModel;
 use steepening::{SECONDS, Steepening, exact};
 
 const BACKWARD: Direction = Direction::Backward;

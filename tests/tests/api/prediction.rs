@@ -69,7 +69,7 @@ async fn reach_answers_every_reference_case() {
             let excess = found["area"].as_f64().unwrap() - area;
             let tolerance = 2e-4 + share * area;
             // This case's reference has chords for its rear, up to 1.4 mm behind the true one,
-            // where nothing is reachable (`shared/tests/reach_vectors.rs` has it exactly). They
+            // where nothing is reachable (`shared/tests/reach/reference.rs` has it exactly). They
             // are no longer than two sides of the box.
             let [x0, y0, x1, y1] = numbers(&expected["bbox"])[..] else { panic!("a box") };
             let chords = if id == 4 { 1.4e-3 * (x1 - x0 + y1 - y0) } else { 0.0 };

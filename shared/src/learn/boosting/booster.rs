@@ -97,7 +97,7 @@ impl<'a> Booster<'a> {
             false => 0.0,
         };
         let values = grown.nodes.iter().zip(grown.sums).map(value).collect();
-        Summand { questions: Questions::new(grown.nodes), values }
+        Summand { questions: Questions(grown.nodes), values }
     }
 }
 

@@ -1,6 +1,7 @@
 //! The rows that SVMs are trained on: their classes, checks, order and standardisation.
 
-use crate::invalid::{Invalid, finite, length};
+use crate::invalid::Invalid;
+use crate::learn::samples::Samples;
 use crate::predict::scale::Scale;
 
 /// The classes that a classifier learns to predict.
@@ -21,19 +22,10 @@ pub(super) fn sides(labels: &[usize], first: usize, second: usize) -> Vec<i8> {
 /// Lengths, labels and numbers.
 pub(super) fn check(width: usize, rows: &[f64], targets: &[Target<'_>]) -> Result<(), Invalid> {
     for target in targets {
-        length("rows", width * target.labels.len(), rows.len())?;
+        Samples::new(width, rows, target.labels, target.classes)?;
         if target.classes < 2 {
             return Err(Invalid::new("classes", "at least 2", target.classes));
         }
-        for (i, &label) in target.labels.iter().enumerate() {
-            if label >= target.classes {
-                let expected = format!("a label below {}", target.classes);
-                return Err(Invalid::new(format!("labels[{i}]"), expected, label));
-            }
-        }
-    }
-    for (i, &value) in rows.iter().enumerate() {
-        finite(&format!("rows[{}][{}]", i / width, i % width), value)?;
     }
     Ok(())
 }
@@ -61,9 +53,9 @@ pub(super) fn standardised(
     fitted: &[usize],
     wanted: &[usize],
 ) -> (Scale, Vec<f64>) {
-    let row = |&i: &usize| rows[i * width..(i + 1) * width].iter().copied().enumerate();
-    let raw: Vec<f64> = fitted.iter().flat_map(row).map(|(_, x)| x).collect();
+    let row = |&i: &usize| &rows[i * width..(i + 1) * width];
+    let raw: Vec<f64> = fitted.iter().flat_map(row).copied().collect();
     let scale = Scale::fit(width, &raw);
-    let rows = wanted.iter().flat_map(row).map(|(j, x)| scale.apply(j, x)).collect();
+    let rows = wanted.iter().flat_map(|i| scale.row(row(i))).collect();
     (scale, rows)
 }

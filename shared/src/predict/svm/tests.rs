@@ -20,14 +20,15 @@ fn decisions_are_the_plain_sums() {
         let row: Vec<f64> = (0..width).map(|j| j as f64 - 1.2).collect();
         let decisions = svm.decisions(&scale, &row);
         assert_eq!(decisions.len(), pair_count(classes));
-        let (vectors, dual) = (svm.support_vectors(), svm.dual_coefficients());
+        let Pairwise::Rbf(support) = &svm.pairwise else { panic!("a radial kernel") };
+        let (vectors, dual) = (support.vectors(), support.dual());
         for (pair, &decision) in decisions.iter().enumerate() {
             let term = |(vector, dual): (&Vec<f64>, &f64)| {
                 let square = |(x, v): (&f64, &f64)| ((x - 0.5) / 2.0 - v) * ((x - 0.5) / 2.0 - v);
                 dual * exp(-0.3 * row.iter().zip(vector).map(square).sum::<f64>())
             };
             let sum: f64 = vectors.iter().zip(&dual[pair]).map(term).sum();
-            let plain = sum + svm.intercepts()[pair];
+            let plain = sum + svm.intercepts[pair];
             assert!((decision - plain).abs() < 1e-13, "{decision} {plain}");
         }
     }

@@ -72,8 +72,8 @@ enum Side {
 /// Costates closer to zero than this, s, are rounding errors of zero.
 const ZERO_COSTATE: f64 = 1e-15;
 
-/// More switches a step than this are not traced further: only a path that chatters
-/// about φ = π has so many.
+/// Paths with more switches than this for each step are not traced further: only a path that
+/// chatters about φ = π has that many.
 const MOST_SWITCHES: usize = 8;
 
 impl Costate {

@@ -98,7 +98,7 @@ fn extremals(
 mod tests {
     use super::*;
     use crate::bounds::InputBounds;
-    use crate::math::hypot;
+    use crate::reach::sampling::to_segment;
 
     #[test]
     fn the_general_front_agrees_with_turn_then_straight() {
@@ -107,19 +107,11 @@ mod tests {
                 .unwrap();
         let paths = Paths::new(&bounds, 0.2);
         let distance = |from: &[Complex<f64>], to: &[Complex<f64>]| {
-            from.iter()
-                .map(|a| {
-                    to.windows(2)
-                        .map(|w| {
-                            let (edge, to_a) = (w[1] - w[0], a - w[0]);
-                            let along = (edge.re * to_a.re + edge.im * to_a.im)
-                                / (edge.re * edge.re + edge.im * edge.im);
-                            let off = to_a - edge * along.clamp(0.0, 1.0);
-                            hypot(off.re, off.im)
-                        })
-                        .fold(f64::INFINITY, f64::min)
-                })
-                .fold(0.0, f64::max)
+            let apart = |point: &Complex<f64>| {
+                let edges = to.windows(2).map(|edge| to_segment(*point, edge[0], edge[1]).0);
+                edges.fold(f64::INFINITY, f64::min)
+            };
+            from.iter().map(apart).fold(0.0, f64::max)
         };
         for steps in 1..=4 {
             let (mut family, mut simple, mut general) = (Vec::new(), Vec::new(), Vec::new());

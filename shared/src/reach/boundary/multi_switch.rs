@@ -1,6 +1,6 @@
 //! Extremals of the rear whose rate switches more than once.
 //!
-//! They run to and fro about the direction back, φ = π. Where both switches are between wide
+//! Their rates switch to and fro about the direction back, φ = π. Where both switches are between wide
 //! bounds, shifting the two switching times together gets farther back, so such a path does not
 //! bound the set (the second variation of [`Costate`] is below 0). The others have a switch where
 //! bounds are narrow, and exist for short ranges of end headings φ only. So that none is overlooked,
@@ -29,7 +29,7 @@ const ASYMMETRY: f64 = 0.3;
 /// proportion up to [`MOST_GAIN`].
 const STEEPNESS: f64 = 1.5;
 
-/// Extremals with more switches than this, and one a step besides, are not looked at.
+/// Extremals with more switches than this plus one for each step are not considered.
 const MOST_SWITCHES: usize = 3;
 
 /// A range of end headings is halved at most this often. Where the ends jump, more would

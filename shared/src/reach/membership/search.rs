@@ -1,6 +1,7 @@
 //! How near a curve comes to a position and how it winds about it, computing only as many
 //! of its points as that takes.
 
+use super::super::sampling::to_segment;
 use nalgebra::Complex;
 
 /// A curve whose points can be computed one by one, with a bound on how far it is from chords.
@@ -101,15 +102,6 @@ impl Search {
             self.between(arc, a, b, halvings - 1);
         }
     }
-}
-
-/// Distance of a position from a segment, and where on it that is, from 0 to 1.
-fn to_segment(position: Complex<f64>, start: Complex<f64>, end: Complex<f64>) -> (f64, f64) {
-    let (chord, from) = (end - start, position - start);
-    let length = chord.norm_sqr();
-    let along = (from * chord.conj()).re;
-    let share = if length > 0.0 { (along / length).clamp(0.0, 1.0) } else { 0.0 };
-    ((from - chord * share).norm_sqr().sqrt(), share)
 }
 
 /// Whether the segment crosses the ray to the right of the position: 1 upward,

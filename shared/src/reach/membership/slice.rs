@@ -100,12 +100,7 @@ impl<'a> Slice<'a> {
 
     /// The curves other than those of `multi_switch`.
     fn curves(&self) -> impl Iterator<Item = Curve> {
-        let front = match self.kind {
-            Kind::AlwaysLeft | Kind::AlwaysRight => None,
-            Kind::BothWays | Kind::StraightAdmissible => Some(Curve::Straight),
-            Kind::Mixed => Some(Curve::MixedFront),
-        };
-        WINDOWS.into_iter().chain(front)
+        WINDOWS.into_iter().chain(Some(self.front()).filter(|front| !WINDOWS.contains(front)))
     }
 
     /// Whether paths with more than two switches may stay farther back.
@@ -247,29 +242,17 @@ impl<'a> Slice<'a> {
             Curve::MixedFront | Curve::MultiSwitch => {
                 let front = MixedFront::new(self.span);
                 let (lowest, highest) = front.directions();
-                self.joined(&mut search, &front, [lowest, highest]);
+                search.follow(&front, [lowest, highest]);
+                // The ends of its curve are a little off those of the windows.
+                let window = self.lo_window();
+                let tips = [0.0, self.above_low].map(|from| window.knot(from).point);
+                let [first, last] =
+                    [lowest, highest].map(|end| MixedFront::place(front.knot(end)).1);
+                search.join(tips[0], first);
+                search.join(last, tips[1]);
             }
         }
         search
-    }
-
-    /// Follows a curve of paths that change their rate between parts of a step only, and joins
-    /// its ends, which are a little off, to those of the windows.
-    fn joined<A: Arc>(
-        &self,
-        search: &mut Search,
-        arc: &A,
-        parameters: impl IntoIterator<Item = f64> + Clone,
-    ) {
-        let mut ends = parameters.clone().into_iter();
-        search.follow(arc, parameters);
-        if let (Some(first), Some(last)) = (ends.next(), ends.last()) {
-            let end = |parameter| A::place(arc.knot(parameter)).1;
-            let window = self.lo_window();
-            let tips = [0.0, self.above_low].map(|from| window.knot(from).point);
-            search.join(tips[0], end(first));
-            search.join(end(last), tips[1]);
-        }
     }
 
     fn lo_window(&self) -> Window<'_> {

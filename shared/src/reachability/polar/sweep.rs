@@ -57,7 +57,7 @@ impl<T: Real> Kernel for Sweep<'_, T> {
 }
 
 impl<T: Real> Level<T> {
-    /// Sweeps until the mean drift of the rows is at most `tolerance`, m, or `most_sweeps` are
+    /// Sweeps until the mean drift of the rows is at most `tolerance`, m, or `most_sweeps` ≥ 1 are
     /// done. `report` gets the drift and the number of sweeps, and may stop it.
     pub(super) fn converge(
         &mut self,
@@ -68,13 +68,23 @@ impl<T: Real> Level<T> {
         while self.sweeps < most_sweeps && self.drift_m > tolerance {
             in_widest_lanes(Sweep { level: self, rest: T::from_f64(tolerance), full: None });
             if self.sweeps.is_multiple_of(WINDOW) {
-                let sum: f64 = self.drift.iter().map(|drift| drift.abs().to_f64()).sum();
-                self.drift_m = sum / (self.drift.len() * self.angle_nodes) as f64;
+                self.drift_m = self.mean_drift_m();
                 self.drift.fill(T::ZERO);
             }
             report(self.drift_m, self.sweeps)?;
         }
+        self.converged = self.drift_m <= tolerance;
+        if self.drift_m.is_infinite() {
+            // Fewer sweeps than a window: what a whole one would move at the same rate.
+            self.drift_m = self.mean_drift_m() * WINDOW as f64 / self.sweeps as f64;
+        }
         ControlFlow::Continue(())
+    }
+
+    /// The magnitude of what each row moved since the last look, averaged over cells and rows.
+    fn mean_drift_m(&self) -> f64 {
+        let sum: f64 = self.drift.iter().map(|drift| drift.abs().to_f64()).sum();
+        sum / (self.drift.len() * self.angle_nodes) as f64
     }
 
     /// Whether anything in the stencil of a row changed at its last update.

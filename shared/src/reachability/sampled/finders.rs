@@ -2,6 +2,7 @@
 
 use super::Nodes;
 use crate::math::{PI, sin_cos};
+use crate::reachability::polar::RangeAxis;
 
 /// Finds the cell of a range without a logarithm.
 #[derive(Clone, Debug, PartialEq)]
@@ -21,7 +22,7 @@ impl RangeFinder {
             let (nodes_m, cells) = (Vec::new(), Vec::new());
             return Self { knee_m: 1.0, per_step: 1.0, nodes_m, cells, per_metre: 1.0 };
         };
-        let axis = Nodes::range_axis(knee_m, range_m, range_nodes);
+        let axis = RangeAxis::new(knee_m, range_m, range_nodes);
         let nodes_m: Vec<f64> = (0..range_nodes).map(|i| axis.node(i)).collect();
         let per_metre = 1.0 / nodes_m[1];
         let last = nodes_m[range_nodes - 1];

@@ -34,10 +34,6 @@ pub enum Nodes {
 }
 
 impl Nodes {
-    pub(super) fn range_axis(knee_m: f64, range_m: f64, range_nodes: usize) -> RangeAxis {
-        RangeAxis::new(knee_m, range_m, range_nodes)
-    }
-
     /// The number of stored values.
     #[must_use]
     pub fn count(&self) -> usize {
@@ -60,7 +56,7 @@ impl Nodes {
     pub fn coordinates(&self) -> [Vec<f64>; 3] {
         match *self {
             Self::Polar { knee_m, range_m, range_nodes, angle_nodes } => {
-                let range = Self::range_axis(knee_m, range_m, range_nodes);
+                let range = RangeAxis::new(knee_m, range_m, range_nodes);
                 let angle = |j: usize| TAU * j as f64 / angle_nodes as f64;
                 [
                     (0..range_nodes).map(|i| range.node(i)).collect(),

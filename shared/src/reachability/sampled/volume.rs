@@ -2,6 +2,7 @@
 
 use super::{Nodes, SampledValue};
 use crate::math::hypot;
+use crate::reachability::polar::RangeAxis;
 
 /// The number of pieces of a cell's side if the boundary of the set may cross the cell.
 const PIECES: usize = 4;
@@ -76,7 +77,7 @@ impl Side {
     fn rows(nodes: &Nodes) -> Self {
         match *nodes {
             Nodes::Polar { knee_m, range_m, range_nodes, .. } => {
-                let axis = Nodes::range_axis(knee_m, range_m, range_nodes);
+                let axis = RangeAxis::new(knee_m, range_m, range_nodes);
                 let points = pieces(range_nodes, |position| axis.at(position));
                 let measures = points.iter().map(|r| 0.5 * r * r).collect();
                 Self { points, measures }

@@ -1,9 +1,7 @@
 //! Reachable sets under simple bounds, widened by ε.
 
 use super::Nominal;
-use crate::bounds::{
-    ActionChoice, ActionModel, BoundsSettings, InputBounds, Rollout, input_bounds,
-};
+use crate::bounds::{ActionChoice, ActionModel, BoundsSettings, Rollout, input_bounds};
 use crate::invalid::Invalid;
 use crate::reach::Tolerance;
 use crate::scene::SceneParameters;
@@ -22,13 +20,9 @@ struct WidenedInputs<B> {
 
 /// Every position that the human can reach: one set for every level, with coverage 1.
 pub fn worst_case(parameters: &SceneParameters) -> impl Family + Send + use<> {
-    let rate = parameters.human.turn_rate_radps;
-    WidenedInputs {
-        name: "worst case",
-        parameters: *parameters,
-        most: 0.0,
-        base: move |window: &Window<'_>| Ok(vec![(-rate, rate); window.steps()]),
-    }
+    let range = parameters.human.turn_range();
+    let base = move |window: &Window<'_>| Ok(vec![range; window.steps()]);
+    WidenedInputs { name: "worst case", parameters: *parameters, most: 0.0, base }
 }
 
 /// The human drives straight on, within ±ε: a cone around the current velocity.
@@ -98,8 +92,8 @@ impl<B: FnMut(&Window<'_>) -> Result<Vec<(f64, f64)>, Invalid>> Family for Widen
 
     fn area_m2(&mut self, window: &Window<'_>, level: f64) -> Result<f64, Invalid> {
         let base = (self.base)(window)?;
-        let rate = self.parameters.human.turn_rate_radps;
-        tube_area_m2(&widened(&base, level, (-rate, rate))?, &self.parameters)
+        let bounds = widened(&base, level, self.parameters.human.turn_range())?;
+        tube_area_m2(&bounds, &self.parameters)
     }
 }
 
@@ -108,42 +102,14 @@ impl<B: FnMut(&Window<'_>) -> Result<Vec<(f64, f64)>, Invalid>> Family for Widen
 /// # Errors
 /// [`Invalid`] if there is no step.
 pub(super) fn worst_case_area(parameters: &SceneParameters, steps: usize) -> Result<f64, Invalid> {
-    let rate = parameters.human.turn_rate_radps;
-    let bounds = InputBounds::new(vec![-rate; steps], vec![rate; steps], (-rate, rate))?;
-    tube_area_m2(&bounds, parameters)
+    let range = parameters.human.turn_range();
+    tube_area_m2(&widened(&vec![range; steps], 0.0, range)?, parameters)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::JointState;
-    use crate::shfrs::window::Trajectory;
-    use crate::vehicle::Pose;
-    use crate::vehicle::dubins::arc;
-
-    /// Always the same probabilities of right, straight and left.
-    struct Fixed([f64; 3]);
-
-    impl ActionModel for Fixed {
-        fn actions(&self) -> &[f64] {
-            &[-0.5, 0.0, 0.5]
-        }
-
-        fn probabilities(&self, _: &[JointState], out: &mut [f64]) {
-            out.copy_from_slice(&self.0);
-        }
-    }
-
-    fn drive(turn_rates: &[f64]) -> Trajectory {
-        let robot = Pose::new(9.0, 0.0, 3.0);
-        let mut human = Pose::new(1.0, -2.0, 0.4);
-        let mut states = vec![JointState { human, robot }];
-        for &rate in turn_rates {
-            human = arc(human, 2.0, rate, 0.2);
-            states.push(JointState { human, robot });
-        }
-        Trajectory::new(states, turn_rates.to_vec()).unwrap()
-    }
+    use crate::shfrs::testing::{Always, drive};
 
     /// Score and area at `level` after one step to the left, of a drive that goes on with
     /// `rest`.
@@ -173,11 +139,11 @@ mod tests {
         near(check(constant_velocity(parameters), -0.5, 0.0), (0.5, 0.0));
         near(check(hold_the_input(parameters), 0.5, 0.5), (0.0, 0.5 * whole));
         near(check(hold_the_input(parameters), -0.5, 1.0), (1.0, whole));
-        let right = || learned_disturbance(parameters, Fixed([0.5, 0.3, 0.2]));
+        let right = || learned_disturbance(parameters, Always([0.5, 0.3, 0.2]));
         near(check(right(), -0.5, 0.75), (0.0, 0.75 * whole));
         near(check(right(), 0.0, 0.0), (0.5, 0.0));
         // Both ways where actions tie.
-        let torn = learned_disturbance(parameters, Fixed([0.4, 0.2, 0.4]));
+        let torn = learned_disturbance(parameters, Always([0.4, 0.2, 0.4]));
         near(check(torn, 0.3, 0.0), (0.0, whole));
     }
 }

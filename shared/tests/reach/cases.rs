@@ -110,7 +110,7 @@ const QUERY: Tolerance = Tolerance { position_m: 1e-3, heading_rad: 1e-3 };
 
 /// The case whose reference rear joins the ends of paths that switch from the highest to the lowest
 /// rate at thirds of a step by straight chords. These lie behind the true rear by more than the
-/// file's tolerance; nothing reachable lies there (random inputs in `reach_properties.rs`).
+/// file's tolerance; nothing reachable lies there (random inputs in `properties.rs`).
 const COARSE_REAR: usize = 4;
 
 impl Reference {

@@ -1,13 +1,13 @@
 //! Reachable sets against the reference cases.
 
-mod reach_cases;
+use super::cases;
 
 /// How far a point of the coarse rear may lie outside the true set, m.
 const COARSE_CHORD_M: f64 = 1.4e-3;
 
 #[test]
 fn sets_are_those_of_the_reference() {
-    let cases = reach_cases::measured();
+    let cases = cases::measured();
     assert_eq!(cases.len(), 12);
     for case in &cases {
         assert!(case.area <= 1.0 && case.closed_form_area <= 1.0, "{case:?}");
@@ -23,7 +23,7 @@ fn sets_are_those_of_the_reference() {
 
 #[test]
 fn queries_are_decided_as_by_the_reference() {
-    for case in reach_cases::measured() {
+    for case in cases::measured() {
         let margin = case.coarse_rear_m.map_or(case.boundary_allowed_m, |_| COARSE_CHORD_M);
         assert!(case.margin_m <= margin, "{case:?}");
         assert!(case.outside_tube_m <= 1e-3, "{case:?}");

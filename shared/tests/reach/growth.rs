@@ -1,20 +1,10 @@
 //! Polygons that surely contain a set, sets from uncertain starts, and Minkowski sums.
 
-use sidestep::bounds::InputBounds;
-use sidestep::math::{PI, SeededRng, TAU, hypot, sin_cos};
+use super::{SPEED_MPS, STEP_S, origin, random_drive, random_pose, set};
+use sidestep::math::{PI, SeededRng, TAU, hypot};
 use sidestep::reach::polygon::{signed_area, signed_distance};
-use sidestep::reach::{
-    PolygonSettings, PositionUncertainty, ReachableSet, StartSet, minkowski_disc,
-};
+use sidestep::reach::{PolygonSettings, PositionUncertainty, StartSet, minkowski_disc};
 use sidestep::vehicle::{Pose, dubins};
-
-const SPEED_MPS: f64 = 2.0;
-const STEP_S: f64 = 0.2;
-
-fn set(start: impl Into<StartSet>, lo: &[f64], hi: &[f64]) -> ReachableSet {
-    let bounds = InputBounds::new(lo.to_vec(), hi.to_vec(), (-0.5, 0.5)).expect("bounds");
-    ReachableSet::new(start, &bounds, SPEED_MPS, STEP_S).expect("a set")
-}
 
 fn settings() -> PolygonSettings {
     PolygonSettings::new(1e-3, 2).expect("settings")
@@ -39,52 +29,6 @@ fn any_bounds(steps: usize, rng: &mut SeededRng) -> (Vec<f64>, Vec<f64>) {
         bounds.push(held);
     }
     bounds.into_iter().unzip()
-}
-
-/// Where a drive may begin.
-fn any_start(start: &StartSet, rng: &mut SeededRng) -> Pose {
-    // Corners and rims are as likely as all the rest.
-    let mut signed =
-        || if rng.below(2) == 0 { rng.uniform(-1.0, 1.0) } else { rng.uniform(-1.0, 1.0).signum() };
-    let (along, across, turn) = (signed(), signed(), signed());
-    let (sin, cos) = sin_cos(start.pose().psi);
-    let (a, b) = match start.position() {
-        PositionUncertainty::None => (0.0, 0.0),
-        PositionUncertainty::Disc { radius_m } => {
-            let (sin, cos) = sin_cos(PI * along);
-            (radius_m * across * cos, radius_m * across * sin)
-        }
-        PositionUncertainty::Box { along_m, across_m } => (along_m * along, across_m * across),
-    };
-    let pose = start.pose();
-    Pose::new(
-        pose.x + cos * a - sin * b,
-        pose.y + sin * a + cos * b,
-        pose.psi + start.heading_rad() * turn,
-    )
-}
-
-/// Positions after each of `parts` parts of each step of a random drive.
-fn drive(
-    mut pose: Pose,
-    lo: &[f64],
-    hi: &[f64],
-    parts: usize,
-    rng: &mut SeededRng,
-) -> Vec<[f64; 2]> {
-    let (mut share, restless, bang) = (rng.unit(), rng.uniform(0.0, 0.4), rng.below(3) > 0);
-    let mut positions = Vec::new();
-    for (low, high) in lo.iter().zip(hi) {
-        for _ in 0..parts {
-            if rng.unit() < restless {
-                share = rng.unit();
-            }
-            let share = if bang { share.round() } else { share };
-            pose = dubins::arc(pose, SPEED_MPS, low + (high - low) * share, STEP_S / parts as f64);
-            positions.push(pose.position());
-        }
-    }
-    positions
 }
 
 fn starts(pose: Pose, rng: &mut SeededRng) -> StartSet {
@@ -117,7 +61,9 @@ fn no_drive_leaves_a_conservative_polygon() {
             set.step_polygon(steps, surely),
         );
         for _ in 0..200 {
-            let positions = drive(any_start(&start, &mut rng), &lo, &hi, PARTS, &mut rng);
+            let from = random_pose(&start, true, &mut rng);
+            let drive = random_drive(from, &lo, &hi, PARTS, &mut rng);
+            let positions: Vec<_> = drive.iter().map(Pose::position).collect();
             let at = |step: usize| positions[step * PARTS - 1];
             for (what, polygon, position) in [
                 ("tube", &tube, positions[rng.below(positions.len())]),
@@ -170,7 +116,7 @@ fn enumerated_inputs_reach_every_boundary_point() {
     ];
     for case in cases {
         let (lo, hi): (Vec<f64>, Vec<f64>) = case.into_iter().unzip();
-        let set = set(Pose::new(0.0, 0.0, 0.0), &lo, &hi);
+        let set = set(origin(), &lo, &hi);
         let mut ends = vec![];
         // At most two jumps, among the two bounds and the admissible rate nearest to 0.
         let parts = 3 * PARTS;
@@ -206,7 +152,7 @@ fn an_uncertain_start_gives_the_union_of_its_starts() {
         // Every exact set is inside …
         let exact: Vec<_> = (0..300)
             .map(|_| {
-                let one = set(any_start(&start, &mut rng), &lo, &hi);
+                let one = set(random_pose(&start, true, &mut rng), &lo, &hi);
                 [one.tube_polygon(settings()), one.step_polygon(one.steps(), settings())]
             })
             .collect();
@@ -225,7 +171,7 @@ fn an_uncertain_start_gives_the_union_of_its_starts() {
 #[test]
 fn a_turned_path_sweeps_a_sector() {
     // No choice: an arc of a circle round the start, ±0.4 rad.
-    let start = StartSet::new(Pose::new(0.0, 0.0, 0.0), PositionUncertainty::None, 0.4);
+    let start = StartSet::new(origin(), PositionUncertainty::None, 0.4);
     let set = set(start.expect("a start"), &[0.0; 5], &[0.0; 5]);
     let fine = PolygonSettings::new(1e-5, 1).expect("settings");
     let tube = set.tube_polygon(fine);
@@ -267,9 +213,8 @@ fn sums_with_a_disc() {
 
 #[test]
 fn bad_input_is_refused() {
-    let field = |position, heading| {
-        StartSet::new(Pose::new(0.0, 0.0, 0.0), position, heading).expect_err("refused").field
-    };
+    let field =
+        |position, heading| StartSet::new(origin(), position, heading).expect_err("refused").field;
     assert_eq!(field(PositionUncertainty::Disc { radius_m: -1.0 }, 0.0), "radius_m");
     assert_eq!(field(PositionUncertainty::Disc { radius_m: f64::NAN }, 0.0), "radius_m");
     let wide = PositionUncertainty::Box { along_m: 1.0, across_m: f64::INFINITY };

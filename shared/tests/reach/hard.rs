@@ -2,16 +2,12 @@
 //! admit straight driving or just admit it, up to 50 steps. Drives made to get far out, by
 //! means other than the library's, stay inside.
 
-#![allow(clippy::unwrap_used, reason = "a test that panics has failed")]
-
-use sidestep::bounds::InputBounds;
+use super::{SPEED_MPS, STEP_S, origin, set};
 use sidestep::math::{SeededRng, cos};
 use sidestep::reach::polygon::signed_distance;
 use sidestep::reach::{PolygonSettings, ReachableSet};
-use sidestep::vehicle::{Pose, dubins};
+use sidestep::vehicle::dubins;
 
-const SPEED_MPS: f64 = 2.0;
-const STEP_S: f64 = 0.2;
 const ACCURACY_M: f64 = 1e-3;
 
 /// Parts of a step in which rates change.
@@ -47,8 +43,7 @@ impl Bounds {
     }
 
     fn set(&self) -> ReachableSet {
-        let bounds = InputBounds::new(self.lo.clone(), self.hi.clone(), (-0.5, 0.5)).unwrap();
-        ReachableSet::new(Pose::new(0.0, 0.0, 0.0), &bounds, SPEED_MPS, STEP_S).unwrap()
+        set(origin(), &self.lo, &self.hi)
     }
 
     fn parts(&self) -> usize {
@@ -57,7 +52,7 @@ impl Bounds {
 
     /// Rates of each part to positions after each.
     fn drive(&self, mut rate: impl FnMut(usize, f64, (f64, f64)) -> f64) -> Vec<[f64; 2]> {
-        let (mut pose, mut heading) = (Pose::new(0.0, 0.0, 0.0), 0.0);
+        let (mut pose, mut heading) = (origin(), 0.0);
         let parts = 0..self.parts();
         let drive = parts.map(|part| {
             let bounds = (self.lo[part / PARTS], self.hi[part / PARTS]);

@@ -1,20 +1,8 @@
 //! Membership of full states (position and heading).
-#![allow(clippy::print_stdout, reason = "the measured errors are worth reading")]
-
-use sidestep::bounds::InputBounds;
+use super::{RATE_RADPS, SPEED_MPS, STEP_S, origin, random_drive, random_pose, set};
 use sidestep::math::{SeededRng, hypot, sin_cos};
-use sidestep::reach::{PositionUncertainty, ReachableSet, StartSet, Tolerance};
+use sidestep::reach::{PositionUncertainty, StartSet, Tolerance};
 use sidestep::vehicle::{Pose, dubins};
-
-const SPEED_MPS: f64 = 2.0;
-const STEP_S: f64 = 0.2;
-const RATE_RADPS: f64 = 0.5;
-
-fn set(start: Pose, lo: &[f64], hi: &[f64]) -> ReachableSet {
-    let range = (-RATE_RADPS, RATE_RADPS);
-    let bounds = InputBounds::new(lo.to_vec(), hi.to_vec(), range).expect("bounds");
-    ReachableSet::new(start, &bounds, SPEED_MPS, STEP_S).expect("a set")
-}
 
 /// Bounds of one of the kinds that matter.
 fn random_bounds(steps: usize, kind: usize, rng: &mut SeededRng) -> (Vec<f64>, Vec<f64>) {
@@ -45,25 +33,9 @@ fn random_bounds(steps: usize, kind: usize, rng: &mut SeededRng) -> (Vec<f64>, V
 }
 
 /// The states after each step under random inputs.
-fn random_drive(start: Pose, lo: &[f64], hi: &[f64], rng: &mut SeededRng) -> Vec<Pose> {
+fn random_states(start: Pose, lo: &[f64], hi: &[f64], rng: &mut SeededRng) -> Vec<Pose> {
     const PARTS: usize = 4;
-    let (mut pose, mut share) = (start, rng.unit());
-    let restless = rng.uniform(0.0, 0.3);
-    let only_bounds = rng.below(2) == 0;
-    lo.iter()
-        .zip(hi)
-        .map(|(low, high)| {
-            for _ in 0..PARTS {
-                if rng.unit() < restless {
-                    share = rng.unit();
-                }
-                let share = if only_bounds { share.round() } else { share };
-                pose =
-                    dubins::arc(pose, SPEED_MPS, low + (high - low) * share, STEP_S / PARTS as f64);
-            }
-            pose
-        })
-        .collect()
+    random_drive(start, lo, hi, PARTS, rng).into_iter().skip(PARTS - 1).step_by(PARTS).collect()
 }
 
 fn random_start(rng: &mut SeededRng) -> Pose {
@@ -86,7 +58,7 @@ fn random_drives_stay_inside() {
                 let start = random_start(&mut rng);
                 let set = set(start, &lo, &hi);
                 for drive in 0..drives {
-                    let states = random_drive(start, &lo, &hi, &mut rng);
+                    let states = random_states(start, &lo, &hi, &mut rng);
                     for (i, state) in states.iter().enumerate() {
                         assert!(
                             set.contains_state(i + 1, *state, Tolerance::default()),
@@ -115,8 +87,8 @@ fn what_no_enumerated_input_comes_near_is_outside() {
     let tolerance = Tolerance { position_m: 1e-4, heading_rad: 1e-4 };
     for kind in [0, 1, 3, 4, 4] {
         let (lo, hi) = random_bounds(PARTS / 2, kind, &mut rng);
-        let set = set(Pose::new(0.0, 0.0, 0.0), &lo, &hi);
-        let mut cloud = vec![Pose::new(0.0, 0.0, 0.0)];
+        let set = set(origin(), &lo, &hi);
+        let mut cloud = vec![origin()];
         for part in 0..PARTS {
             let (low, high) = (lo[part / 2], hi[part / 2]);
             let rates = (0..RATES).map(|i| low + (high - low) * i as f64 / (RATES - 1) as f64);
@@ -157,7 +129,7 @@ fn what_no_enumerated_input_comes_near_is_outside() {
 fn probes(start: Pose, lo: &[f64], hi: &[f64], rng: &mut SeededRng) -> Vec<Pose> {
     (0..40)
         .map(|_| {
-            let drive = random_drive(start, lo, hi, rng);
+            let drive = random_states(start, lo, hi, rng);
             let (state, size) = (drive[drive.len() - 1], 0.3 * rng.unit() * rng.unit());
             let mut by = || rng.uniform(-size, size);
             Pose::new(state.x + by(), state.y + by(), state.psi + by())
@@ -180,14 +152,14 @@ fn wider_bounds_contain_more_and_the_set_moves_and_mirrors() {
             bound.iter().map(|rate| (rate + by).clamp(-RATE_RADPS, RATE_RADPS)).collect()
         };
         let outer = set(start, &wide(&lo, -0.1), &wide(&hi, 0.05));
-        let home = set(Pose::new(0.0, 0.0, 0.0), &lo, &hi);
+        let home = set(origin(), &lo, &hi);
         let opposite = |rates: &[f64]| -> Vec<f64> { rates.iter().map(|rate| -rate).collect() };
-        let mirrored = set(Pose::new(0.0, 0.0, 0.0), &opposite(&hi), &opposite(&lo));
+        let mirrored = set(origin(), &opposite(&hi), &opposite(&lo));
         for state in probes(start, &lo, &hi, &mut rng) {
             if inner.contains_state(steps, state, tolerance) {
                 assert!(outer.contains_state(steps, state, slack), "{state:?}");
             }
-            let (sin, cos) = sidestep::math::sin_cos(start.psi);
+            let (sin, cos) = sin_cos(start.psi);
             let (dx, dy) = (state.x - start.x, state.y - start.y);
             let moved = Pose::new(cos * dx + sin * dy, cos * dy - sin * dx, state.psi - start.psi);
             let mirror = Pose::new(moved.x, -moved.y, -moved.psi);
@@ -260,24 +232,6 @@ fn uncertain(position: PositionUncertainty, heading_rad: f64) -> StartSet {
     StartSet::new(Pose::new(0.7, -0.4, 2.9), position, heading_rad).expect("a start")
 }
 
-fn pose_of(start: &StartSet, rng: &mut SeededRng) -> Pose {
-    let pose = start.pose();
-    let turn = start.heading_rad() * rng.uniform(-1.0, 1.0);
-    let (x, y) = match start.position() {
-        PositionUncertainty::None => (0.0, 0.0),
-        PositionUncertainty::Disc { radius_m } => {
-            let (sin, cos) = sin_cos(rng.uniform(-4.0, 4.0));
-            let radius = radius_m * rng.unit().sqrt();
-            (radius * cos, radius * sin)
-        }
-        PositionUncertainty::Box { along_m, across_m } => {
-            (along_m * rng.uniform(-1.0, 1.0), across_m * rng.uniform(-1.0, 1.0))
-        }
-    };
-    let (sin, cos) = sin_cos(pose.psi);
-    Pose::new(pose.x + x * cos - y * sin, pose.y + x * sin + y * cos, pose.psi + turn)
-}
-
 #[test]
 fn an_uncertain_start_holds_what_any_of_its_poses_leads_to() {
     let mut rng = SeededRng::new(21);
@@ -292,41 +246,33 @@ fn an_uncertain_start_holds_what_any_of_its_poses_leads_to() {
         let start = uncertain(position, heading);
         for kind in 0..4 {
             let (lo, hi) = random_bounds(7, kind, &mut rng);
-            let bounds = InputBounds::new(lo.clone(), hi.clone(), (-0.5, 0.5)).unwrap();
-            let set = ReachableSet::new(start, &bounds, SPEED_MPS, STEP_S).unwrap();
+            let all = set(start, &lo, &hi);
             let mut outside = 0;
             for _ in 0..40 {
-                let from = pose_of(&start, &mut rng);
-                let states = random_drive(from, &lo, &hi, &mut rng);
+                let from = random_pose(&start, false, &mut rng);
+                let states = random_states(from, &lo, &hi, &mut rng);
                 let end = states[states.len() - 1];
                 let steps = states.len();
                 let tolerance = Tolerance { position_m: 0.002, heading_rad: 1e-9 };
-                assert!(set.contains_state(steps, end, tolerance), "{start:?} {lo:?} {hi:?}");
+                assert!(all.contains_state(steps, end, tolerance), "{start:?} {lo:?} {hi:?}");
                 // Inside means that some start has it inside, as its own set says.
                 let aside = Pose::new(
                     end.x + rng.uniform(-0.8, 0.8),
                     end.y + rng.uniform(-0.8, 0.8),
                     end.psi + rng.uniform(-0.3, 0.3),
                 );
-                let found = (0..400).any(|_| {
-                    let from = pose_of(&start, &mut rng);
-                    ReachableSet::new(from, &bounds, SPEED_MPS, STEP_S)
-                        .unwrap()
-                        .contains_state(steps, aside, NONE)
-                });
-                let inside = set.contains_state(steps, aside, NONE);
+                let mut any = |tolerance| {
+                    (0..400).any(|_| {
+                        let from = random_pose(&start, false, &mut rng);
+                        set(from, &lo, &hi).contains_state(steps, aside, tolerance)
+                    })
+                };
+                let found = any(NONE);
+                let inside = all.contains_state(steps, aside, NONE);
                 assert!(inside || !found, "{start:?} {aside:?}");
                 // Few starts may lead there: those found at random come near at least.
                 let near = Tolerance { position_m: 0.08, heading_rad: 0.04 };
-                let mut close = || {
-                    (0..400).any(|_| {
-                        let from = pose_of(&start, &mut rng);
-                        ReachableSet::new(from, &bounds, SPEED_MPS, STEP_S)
-                            .unwrap()
-                            .contains_state(steps, aside, near)
-                    })
-                };
-                assert!(!inside || found || close(), "{start:?} {aside:?}");
+                assert!(!inside || found || any(near), "{start:?} {aside:?}");
                 outside += usize::from(!inside);
             }
             assert!(outside > 0);

@@ -1,0 +1,82 @@
+//! Reachable sets against drives, against enumerated inputs, against a reference and against
+//! themselves. Tests print what they measured (`cargo test --release -- --nocapture`).
+#![allow(clippy::unwrap_used, reason = "a test that panics has failed")]
+#![allow(clippy::print_stdout, reason = "the measured errors are worth reading")]
+
+mod cases;
+mod properties;
+mod hard;
+mod known_failures;
+mod growth;
+mod membership;
+mod reference;
+
+use sidestep::bounds::InputBounds;
+use sidestep::math::{PI, SeededRng, sin_cos};
+use sidestep::reach::{PositionUncertainty, ReachableSet, StartSet};
+use sidestep::vehicle::{Pose, dubins};
+
+const SPEED_MPS: f64 = 2.0;
+const STEP_S: f64 = 0.2;
+const RATE_RADPS: f64 = 0.5;
+
+/// The set of the paper's vehicle.
+fn set(start: impl Into<StartSet>, lo: &[f64], hi: &[f64]) -> ReachableSet {
+    let range = (-RATE_RADPS, RATE_RADPS);
+    let bounds = InputBounds::new(lo.to_vec(), hi.to_vec(), range).unwrap();
+    ReachableSet::new(start, &bounds, SPEED_MPS, STEP_S).unwrap()
+}
+
+fn origin() -> Pose {
+    Pose::new(0.0, 0.0, 0.0)
+}
+
+/// The poses after each of `parts` parts of each step, under inputs that hold one bound, or any
+/// admissible rate, and change at random.
+fn random_drive(
+    start: Pose,
+    lo: &[f64],
+    hi: &[f64],
+    parts: usize,
+    rng: &mut SeededRng,
+) -> Vec<Pose> {
+    let (mut pose, mut share) = (start, rng.unit());
+    let restless = rng.uniform(0.0, 0.3);
+    let only_bounds = rng.below(2) == 0;
+    let mut poses = Vec::new();
+    for (low, high) in lo.iter().zip(hi) {
+        for _ in 0..parts {
+            if rng.unit() < restless {
+                share = rng.unit();
+            }
+            let share = if only_bounds { share.round() } else { share };
+            pose = dubins::arc(pose, SPEED_MPS, low + (high - low) * share, STEP_S / parts as f64);
+            poses.push(pose);
+        }
+    }
+    poses
+}
+
+/// A pose of an uncertain start. With `corners`, they and rims are as likely as all the rest.
+fn random_pose(start: &StartSet, corners: bool, rng: &mut SeededRng) -> Pose {
+    let mut signed = || {
+        let any = rng.uniform(-1.0, 1.0);
+        if corners && rng.below(2) == 0 { any.signum() } else { any }
+    };
+    let (along, across, turn) = (signed(), signed(), signed());
+    let (a, b) = match start.position() {
+        PositionUncertainty::None => (0.0, 0.0),
+        PositionUncertainty::Disc { radius_m } => {
+            let (sin, cos) = sin_cos(PI * along);
+            (radius_m * across * cos, radius_m * across * sin)
+        }
+        PositionUncertainty::Box { along_m, across_m } => (along_m * along, across_m * across),
+    };
+    let pose = start.pose();
+    let (sin, cos) = sin_cos(pose.psi);
+    Pose::new(
+        pose.x + cos * a - sin * b,
+        pose.y + sin * a + cos * b,
+        pose.psi + start.heading_rad() * turn,
+    )
+}
