@@ -23,8 +23,8 @@ pub struct Browser {
     _profile: TempDir,
 }
 
-/// How long anything may take to appear. Far more than is needed: a test that
-/// waits so long has failed.
+/// How long anything may take to appear: far longer than needed, so that a test that waits this
+/// long has failed.
 const PATIENCE: Duration = Duration::from_secs(30);
 
 /// Width and height of a window, CSS pixels.
@@ -71,7 +71,7 @@ impl Browser {
             chromiumoxide::Browser::launch(config).await.expect("Chromium starts");
         let events = tokio::spawn(async move {
             while let Some(event) = handler.next().await {
-                // Messages of a newer Chromium that this version does not know are no matter.
+                // A newer Chromium sends messages that this client does not know; they are ignored.
                 drop(event);
             }
         });
@@ -166,7 +166,7 @@ impl Tab {
         self.page.execute(media).await.expect("a colour scheme");
     }
 
-    /// What a JavaScript expression comes to.
+    /// The value of a JavaScript expression.
     ///
     /// # Panics
     /// If it throws or is no `T`.
@@ -229,7 +229,7 @@ impl Tab {
         self.eval(&format!("{element}.textContent")).await
     }
 
-    /// Waits until an element's words have these among them.
+    /// Waits until an element's text contains these words.
     pub async fn until_says(&self, test_id: &str, words: &str) {
         self.until(&format!("{}?.textContent.includes({words:?})", Self::at(test_id))).await;
     }
@@ -306,8 +306,7 @@ impl Tab {
         image::load_from_memory(&bytes).expect("a PNG").into_rgba8()
     }
 
-    /// Checks that the page has complained of nothing, and that nothing is cut off
-    /// at the right.
+    /// Checks that the page has reported no error and that nothing is cut off at the right.
     ///
     /// # Panics
     /// If it has, or something is.

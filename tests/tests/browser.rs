@@ -1,4 +1,4 @@
-//! What people do, in a real browser.
+//! What participants and experimenters do, in a real browser.
 
 use reqwest::Method;
 use sidestep::api::{StudyInfo, StudySummary, TrialDetail, TrialPage, routes};
@@ -308,8 +308,8 @@ async fn seek(tab: &Tab, step: usize) {
     tab.until_step("replay", step).await;
 }
 
-/// Pictures wide and narrow, light and dark, in which nothing is cut off and of which
-/// the page does not complain.
+/// Takes pictures wide and narrow, light and dark, and checks that nothing is cut off and that
+/// the page reports no error.
 async fn take(tab: &Tab, name: &str) {
     for (size, dark) in [(WIDE, false), (WIDE, true), (NARROW, false), (NARROW, true)] {
         tab.look(size, dark).await;
@@ -463,8 +463,7 @@ async fn a_solve_shows_progress_stops_and_fails_in_words() {
     browser.close().await;
 }
 
-/// Pictures of every page, wide and narrow, light and dark, for people to look at;
-/// and nothing is cut off in any of them.
+/// Takes pictures of every page, wide and narrow, light and dark, for people to look at.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn every_page_fits_its_window() {
     let (server, browser, tab) = start(SHORT_STUDY).await;

@@ -60,7 +60,7 @@ fn place() -> Option<(Window, Document, HtmlElement)> {
     Some((window, document, root))
 }
 
-/// After a panic nothing can be trusted but the document.
+/// After a panic only the document can be trusted.
 fn show_crash() {
     if let Some((_, _, root)) = place() {
         root.set_text_content(Some(
@@ -120,9 +120,9 @@ struct Shell<P: Page> {
 /// A request, timer or solve.
 struct Underway {
     name: &'static str,
-    /// Tells it from others of that name: what was given up may still report.
+    /// Distinguishes it from others of that name: work that was cancelled may still report.
     number: u32,
-    /// Gives it up when it is dropped.
+    /// Cancels it when dropped.
     _work: Box<dyn Any>,
 }
 
@@ -152,7 +152,7 @@ impl<P: Page> Shell<P> {
         }
     }
 
-    /// Gives up what has this name, and makes room for its successor, whose number this is.
+    /// Cancels the work of this name; returns the number of its successor.
     fn begin(&mut self, name: &'static str) -> u32 {
         self.underway.retain(|underway| underway.name != name);
         self.started += 1;
@@ -189,7 +189,7 @@ impl<P: Page> Clone for Pump<P> {
 }
 
 impl<P: Page + 'static> Pump<P> {
-    /// Gives the page a message now, or right after those that came before.
+    /// Gives the page a message now, or after those that are waiting.
     fn dispatch(&self, message: P::Msg, t_ms: f64) {
         self.queue.borrow_mut().push_back((message, t_ms));
         if !self.busy.replace(true) {
@@ -211,7 +211,7 @@ impl<P: Page + 'static> Pump<P> {
         }
     }
 
-    /// Works through the queue, and shows what came of it.
+    /// Works through the queue, then shows the result.
     fn work(&self) {
         loop {
             let next = self.queue.borrow_mut().pop_front();
@@ -254,7 +254,7 @@ impl<P: Page + 'static> Pump<P> {
                     after_ms as i32,
                 );
             }
-            // Of a page that does not solve, all this is left out of the program.
+            // The compiler leaves this out of the program of a page that does not solve.
             Command::Solve { .. } if !P::solves() => {}
             Command::Solve { name, game, then } => {
                 let number = shell.begin(name);
@@ -299,7 +299,7 @@ impl<P: Page + 'static> Pump<P> {
         }
     }
 
-    /// Ends a request, timer or solve with a message, unless it was given up.
+    /// Ends a request, timer or solve with a message, unless it was cancelled.
     fn finish(&self, number: u32, message: impl FnOnce() -> P::Msg) {
         {
             let mut shell = self.shell.borrow_mut();

@@ -44,12 +44,12 @@ pub fn children<'a, M>(old: &[Child<M>], new: &'a [Child<M>]) -> Vec<Edit<'a, M>
     for (place, (child, source)) in new.iter().zip(sources).enumerate() {
         let Some(source) = source else {
             edits.push(Edit::Insert(place, child));
-            // It is in none of the old places.
+            // It has no old place.
             present.insert(place, usize::MAX);
             continue;
         };
         if present[place] != source {
-            // What is before `place` is settled, so that it lies behind.
+            // Places before `place` are settled, so the child lies behind it.
             let from = place + present[place..].iter().take_while(|&&at| at != source).count();
             edits.push(Edit::Move(from, place));
             present.remove(from);
@@ -84,7 +84,7 @@ fn matched<M>(old: &[Child<M>], new: &[Child<M>]) -> Vec<Option<usize>> {
     let mut free = vec![true; old.len()];
     let mut expected = 0;
     let continued = new.iter().map(|child| {
-        // Most often the next one, so that the search begins there.
+        // Usually the next one, so the search begins there.
         let mut places = (expected..old.len()).chain(0..expected);
         let place = places.find(|&place| free[place] && continues(&old[place], child))?;
         free[place] = false;

@@ -30,8 +30,8 @@ impl HeldKeys {
         }
     }
 
-    /// What they ask for. Of two held keys the one pressed later wins; when it is released,
-    /// the other counts again.
+    /// The input that they ask for: that of the key pressed last. When it is released, the other
+    /// one counts again.
     #[must_use]
     pub fn turn(&self) -> TurnInput {
         self.0.last().and_then(|(_, key)| turn_of_key(key)).unwrap_or(TurnInput::Straight)
@@ -66,7 +66,7 @@ mod tests {
 
     #[test]
     fn the_input_is_that_of_the_key_pressed_last() {
-        // What is said of the keys, what they did, and the input at some times.
+        // A rule, what the keys did, and the input at some times.
         type Case<'a> = (&'a str, &'a [(f64, &'a str, bool)], &'a [(f64, TurnInput)]);
         let cases: [Case<'_>; 6] = [
             (
@@ -96,12 +96,12 @@ mod tests {
                 &[(50.0, Left), (150.0, Straight), (250.0, Right), (350.0, Straight)],
             ),
         ];
-        for (said, events, expected) in cases {
+        for (rule, events, expected) in cases {
             let event =
                 |&(t_ms, key, down): &(f64, &str, bool)| KeyEvent { t_ms, key: key.into(), down };
             let events: Vec<_> = events.iter().map(event).collect();
             for &(t, input) in expected {
-                assert_eq!(input_at(&events, t), input, "{said}: at {t} ms");
+                assert_eq!(input_at(&events, t), input, "{rule}: at {t} ms");
             }
         }
     }

@@ -151,7 +151,7 @@ pub enum Command<M> {
         name: &'static str,
         /// The game.
         game: PursuitGame,
-        /// The message of each report, the last of which is a solution or a failure.
+        /// The message of each report; the last report is a solution or a failure.
         then: Rc<dyn Fn(Solving) -> M>,
     },
     /// Give up the request, timer or solve of this name.

@@ -46,13 +46,13 @@ struct Figures<'a> {
 }
 
 impl Figures<'_> {
-    /// Measures `work` on so many `items` under `name`.
+    /// Measures `work` on `items` items and records it under `name`.
     fn add(&mut self, name: &str, items: usize, work: impl FnMut()) {
         let seconds = self.fastest(SAMPLES, items, work);
         self.seconds.push((name.to_owned(), seconds));
     }
 
-    /// The fastest of so many samples of `work`, s for each of its `items`.
+    /// The duration of the fastest of `samples` samples of `work`, s per item.
     fn fastest(&self, samples: usize, items: usize, mut work: impl FnMut()) -> f64 {
         let (mut least, begun) = (f64::INFINITY, (self.clock)());
         for sample in 0..samples {

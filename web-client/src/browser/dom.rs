@@ -37,7 +37,7 @@ impl<M> Dom<M> {
             let active = self.document.active_element();
             let mut hand = Hand { document: &self.document, focus: None };
             if hand.apply(&mut self.root, &edits).is_err() {
-                // Something else has changed the document: it is made anew.
+                // Something else has changed the document: build it again.
                 self.root.object.set_text_content(None);
                 self.root.children.clear();
                 if let Err(error) = hand.apply(&mut self.root, &diff::children(&[], &new)) {
@@ -159,7 +159,7 @@ fn is_svg(element: &Element) -> bool {
     element.namespace_uri().as_deref() == Some(SVG)
 }
 
-/// The text of a child that is no element.
+/// The text of a child that is not an element.
 fn words<M>(child: &Child<M>) -> String {
     match child {
         Child::Text(text) => text.clone(),
@@ -194,7 +194,7 @@ fn set(element: &Element, name: &str, value: Option<&str>) -> Result<(), JsValue
             }
             return Ok(());
         }
-        // Of a field that was used, the attribute is but the value that it began with.
+        // Once a user has changed a field, its attribute holds only the initial value.
         "value" => drop(Reflect::set(element, &name.into(), &value.unwrap_or_default().into())),
         "checked" | "selected" => {
             drop(Reflect::set(element, &name.into(), &value.is_some().into()))

@@ -1,10 +1,10 @@
 //! Both ends of a solver beside the page: a worker with a program of its own
 //! (`bin/solver.rs`), which finds one value function and ends.
 //!
-//! Its name is the game, as JSON, so that nothing has to be sent to a worker that is
-//! still loading. It answers with numbers (the share that is done), and in the end
-//! with bytes or, where there is no solution, with a text that says why. It ends
-//! with the page at the latest: the browser sees to that.
+//! The worker's name is the game as JSON, so that nothing has to be sent to a worker that is still
+//! loading. It reports numbers (the share that is done) and ends with the bytes of the function
+//! or, if there is no solution, with a text that says why. The browser stops it when the page
+//! closes.
 
 use crate::json;
 use crate::runtime::Solving;
@@ -49,7 +49,7 @@ impl Solver {
             })
         };
         let on_error = Closure::<dyn FnMut(web_sys::Event)>::new(move |event: web_sys::Event| {
-            // It is said on the page, and not a second time on the console.
+            // The page reports it; the browser need not write it to the console too.
             event.prevent_default();
             let why = "The solver could not be loaded, or stopped. Check the internet connection.";
             report(Solving::Failed(why.to_owned()));

@@ -34,7 +34,7 @@ pub struct Lab {
 
 /// What is shown.
 enum State {
-    /// Not known yet whether somebody is signed in.
+    /// The server has not said yet whether the user is signed in.
     Asking,
     SignedOut {
         /// A key is on its way to the server.
@@ -50,7 +50,7 @@ enum State {
 pub enum Msg {
     /// Another address is to be shown.
     Address(Address),
-    /// The server told whether somebody is signed in, or whether a key is valid.
+    /// The server said whether the user is signed in, or whether a key is valid.
     Session(Answer),
     /// The form with the key was submitted.
     SignIn(Form),
@@ -122,8 +122,8 @@ impl Lab {
         [Command::CancelAll].into_iter().chain(commands).collect()
     }
 
-    /// The page's commands, whose messages come back to this visit of it. A session that has
-    /// ended is not the page's matter.
+    /// The page's commands; their messages return to this visit. The laboratory, not the page,
+    /// handles a session that has ended.
     fn lifted(&self, commands: Commands<AnyMsg>) -> Commands<Msg> {
         let visit = self.visits;
         let lift = move |message| Msg::Page(visit, message);
@@ -192,7 +192,7 @@ impl Page for Lab {
                     let commands = page.update(message, now_ms);
                     self.lifted(commands)
                 }
-                // Of a page that was left.
+                // The user has left that page.
                 _ => Vec::new(),
             },
         }
@@ -256,7 +256,7 @@ impl Lab {
         let (current, about) = match &self.state {
             State::Asking | State::SignedOut { .. } => return header,
             State::Nowhere => (None, String::new()),
-            // The navigation says where one is, unless the page is not in it.
+            // The navigation shows which page is open, unless the page is not in it.
             State::Open(route, page) if route.nav.is_none() => (None, page.title()),
             State::Open(route, _) => (Some(route.path), String::new()),
         };

@@ -49,11 +49,11 @@ pub struct Participant {
     trouble: Option<String>,
     /// Why this browser does not keep what it was given, if so.
     not_kept: Option<NotKept>,
-    /// A trial that the server refused and that is driven again.
+    /// The trial that the server refused last; the participant drives it again.
     refused: Option<String>,
     /// The server has said once that trials are missing, although all seemed stored.
     was_incomplete: bool,
-    /// What is asked again after a pause.
+    /// The question to repeat after a pause.
     retry: Option<fn(&Self) -> Command<Msg>>,
     stage: Stage,
 }
@@ -120,10 +120,10 @@ enum Stage {
     Instructions,
     /// Before a scene.
     Ready,
-    /// A scene is shown but stands still, since this time.
+    /// A scene has been shown without moving since this time, ms.
     Still(Box<PlannedTrial>, f64),
     Driving(Box<PlannedTrial>, Box<Drive>),
-    /// All is driven; the last trials are on their way.
+    /// All scenes are driven; the last trials are being uploaded.
     Finishing,
     Done(String),
 }
@@ -198,7 +198,7 @@ impl Participant {
         self.session = Some(session);
         let then = Box::new(Msg::SessionKept);
         let keep = Command::Keep { name: self.session_name(), text, then };
-        // Somebody who comes back by their external id may have stored trials.
+        // A participant who returns by external id may have stored trials.
         vec![keep, self.ask_progress()]
     }
 
@@ -321,7 +321,7 @@ impl Participant {
                 commands.push(self.ask_progress());
                 return commands;
             }
-            // Not stored, so that it is driven again: without it there is no code.
+            // It is not stored, so the participant drives it again: without it there is no code.
             Some(UploadOutcome::Refused(id, why)) => {
                 if self.refused.replace(id.clone()) == Some(id) {
                     let why = format!(
@@ -384,7 +384,7 @@ impl Participant {
     }
 
     fn progress_failed(&mut self, failure: Failure) -> Commands<Msg> {
-        // The server does not know this participant any more: begin afresh.
+        // The server no longer knows this participant: start again.
         if matches!(failure.status, 401 | 404) {
             self.session = None;
             self.stage = Stage::Welcome;

@@ -30,7 +30,7 @@ pub(super) fn page(page: &Participant) -> Node {
     el("div").class("participant").child(content).children(trouble).children(not_kept)
 }
 
-/// A card of its own, so that its heading takes the focus when it comes.
+/// A card whose heading takes the focus when the card appears.
 fn card(heading: &str) -> Node {
     el("main").class("card").key(heading).child(parts::heading(heading))
 }
@@ -225,7 +225,7 @@ fn bar(page: &Participant, trial: &PlannedTrial) -> Node {
         .child(saved(page))
 }
 
-/// Whether what was driven is stored.
+/// Whether the driven scenes are stored.
 fn saved(page: &Participant) -> Node {
     let waiting = page.outbox.len();
     let (class, words) = if waiting == 0 {

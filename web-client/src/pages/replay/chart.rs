@@ -89,7 +89,7 @@ pub(super) fn draw(replay: &Replay, chart: &Chart) -> Node {
         let [_, y] = chart.place(FRAME, [0.0, tick.value]);
         label("y", top(y), format!("{}{unit}", tick.label))
     });
-    let sides = [("left", MIDDLE - 0.8 * BAR), ("right", MIDDLE + 0.8 * BAR)];
+    let sides = [("left", MIDDLE - 0.9 * BAR), ("right", MIDDLE + 0.9 * BAR)];
     let sides = sides.map(|(side, y)| label("y", top(y), side.to_owned()));
     let last = chart.x.ticks().count();
     let x_labels = chart.x.ticks().zip(1..).map(|(tick, n)| {

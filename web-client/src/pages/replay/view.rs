@@ -24,7 +24,7 @@ fn scene(replay: &Replay) -> Node {
             .child(swatch)
             .child(el("span").text(layer.label));
         let Some(below) = layer.level else { return button };
-        // Without a word one would look for the line.
+        // Otherwise a user would search for the line.
         let is_empty = shown && replay.safety.is_some() && replay.drawn[place].is_empty();
         button
             .child(subscripted("span", "V", below).text(" ≤ 0"))
@@ -51,7 +51,7 @@ fn scene(replay: &Replay) -> Node {
         .children(replay.sources.notice())
 }
 
-/// A button that stays down.
+/// A button that is on or off.
 fn switch(test_id: &str, is_on: bool, message: Msg) -> Node {
     button(test_id, message).class("switch").attr("aria-pressed", is_on)
 }
@@ -59,7 +59,7 @@ fn switch(test_id: &str, is_on: bool, message: Msg) -> Node {
 fn panel(replay: &Replay) -> Node {
     let heading = parts::heading(&format!("Step {}", replay.step()))
         .child(el("small").text(format!("t = {:.1} s", replay.time_s)));
-    // It scrolls, so that the keyboard must be able to reach it.
+    // It scrolls, so the keyboard must be able to reach it.
     el("aside")
         .class("panel")
         .attrs([("tabindex", "0"), ("aria-label", "Numbers at this step")])
