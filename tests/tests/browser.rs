@@ -447,12 +447,15 @@ async fn a_solve_shows_progress_stops_and_fails_in_words() {
     take(&tab, "replay-unsolved").await;
     // A program that is not there.
     tab.run(
-        "window.Worker = class extends RealWorker { constructor(program, options) { \
-         super(program + '-gone.js', options); } }",
+        "window.failed = 0, window.Worker = class extends RealWorker { \
+         constructor(program, options) { super(program + '-gone.js', options); \
+         this.addEventListener('error', () => failed += 1); } }",
     )
     .await;
     tab.press("solve-again").await;
     tab.until_says("unsolved", "could not be loaded").await;
+    // Both games: the one that fails later would not be solved again.
+    tab.until("failed === 2").await;
     // And with the real one all is well.
     tab.run("window.Worker = RealWorker").await;
     tab.press("solve-again").await;
