@@ -2,8 +2,9 @@
 //!
 //! [`Store`] has one method for each operation; each module has the operations of one aggregate.
 //! Arguments and results are values of the domain, outcomes are enums, and [`StoreError`] describes a
-//! failure in the words of the domain. No connection, transaction or error code leaves this folder. So
-//! another database is another implementation of the same methods that passes the same tests
+//! failure in the words of the domain. Every operation can return it; a method documents an error only
+//! if it means something more. No connection, transaction or error code leaves this folder. So another
+//! database is another implementation of the same methods that passes the same tests
 //! (`store/tests.rs`).
 //!
 //! Reads (`readers`) and writes (`writer`) are separate: SQLite has only one writer at a time, and in

@@ -5,9 +5,6 @@ use rusqlite::{OptionalExtension, params};
 
 impl Store {
     /// The hashes of the valid keys.
-    ///
-    /// # Errors
-    /// [`StoreError`].
     pub async fn keys(&self) -> Result<Vec<Vec<u8>>, StoreError> {
         self.read(|db| {
             let mut statement = db.prepare_cached("SELECT hash FROM admin_key")?;
@@ -18,9 +15,6 @@ impl Store {
     /// Stores a key with that hash, unless there is a key already and no `other` is wanted. The new
     /// key replaces the old one and ends every session: an experimenter asks for another key after
     /// losing the old one or fearing that someone else has it. Returns whether the key was stored.
-    ///
-    /// # Errors
-    /// [`StoreError`].
     pub async fn put_key(
         &self,
         hash: [u8; 32],
@@ -45,9 +39,6 @@ impl Store {
     }
 
     /// Begins a session, and deletes expired sessions.
-    ///
-    /// # Errors
-    /// [`StoreError`].
     pub async fn add_session(
         &self,
         hash: [u8; 32],
@@ -66,9 +57,6 @@ impl Store {
     }
 
     /// Whether a session with that hash exists and has not expired.
-    ///
-    /// # Errors
-    /// [`StoreError`].
     pub async fn has_session(&self, hash: [u8; 32], now_ms: i64) -> Result<bool, StoreError> {
         self.read(|db| {
             let query = "SELECT 1 FROM session WHERE hash = ?1 AND expires_at_ms > ?2";
@@ -78,9 +66,6 @@ impl Store {
     }
 
     /// Ends a session.
-    ///
-    /// # Errors
-    /// [`StoreError`].
     pub async fn end_session(&self, hash: [u8; 32]) -> Result<(), StoreError> {
         self.write(move |db| {
             db.execute("DELETE FROM session WHERE hash = ?1", [hash])?;

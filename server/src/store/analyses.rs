@@ -75,9 +75,6 @@ pub struct Job {
 
 impl Store {
     /// Puts an analysis at the end of the queue, under `id` if it is new.
-    ///
-    /// # Errors
-    /// [`StoreError`].
     pub async fn ask_analysis(
         &self,
         id: String,
@@ -111,9 +108,6 @@ impl Store {
     }
 
     /// At most `limit` analyses of a study, newest first, from before `before`.
-    ///
-    /// # Errors
-    /// [`StoreError`].
     pub async fn analyses_page(
         &self,
         study_id: i64,
@@ -131,9 +125,6 @@ impl Store {
     }
 
     /// The analysis with this id, and its files by name once it is done.
-    ///
-    /// # Errors
-    /// [`StoreError`].
     pub async fn analysis(
         &self,
         id: &str,
@@ -155,9 +146,6 @@ impl Store {
     }
 
     /// One file of an analysis that is done, compressed with gzip.
-    ///
-    /// # Errors
-    /// [`StoreError`].
     pub async fn analysis_file(&self, id: &str, name: &str) -> Result<Option<Vec<u8>>, StoreError> {
         let (id, name) = (id.to_owned(), name.to_owned());
         self.read_long(move |db| {
@@ -175,9 +163,6 @@ impl Store {
 
     /// Cancels an analysis that is not over; the worker that computes it notices. Returns its new
     /// state.
-    ///
-    /// # Errors
-    /// [`StoreError`].
     pub async fn cancel_analysis(
         &self,
         id: &str,
@@ -200,9 +185,6 @@ impl Store {
     }
 
     /// Deletes an analysis with its files. Returns whether it existed.
-    ///
-    /// # Errors
-    /// [`StoreError`].
     pub async fn delete_analysis(&self, id: &str) -> Result<bool, StoreError> {
         let id = id.to_owned();
         self.write_behind(move |db| Ok(db.execute("DELETE FROM analysis WHERE id = ?1", [id])? > 0))
@@ -211,9 +193,6 @@ impl Store {
 
     /// Puts analyses back into the queue that were interrupted because the server stopped or the
     /// database failed. An analysis that was interrupted too often fails instead.
-    ///
-    /// # Errors
-    /// [`StoreError`].
     pub async fn recover_analyses(&self, now_ms: i64) -> Result<(), StoreError> {
         self.write_behind(move |db| {
             db.execute(
@@ -229,18 +208,12 @@ impl Store {
     }
 
     /// Takes the analysis that has waited longest, and records whose data it uses.
-    ///
-    /// # Errors
-    /// [`StoreError`].
     pub async fn begin_analysis(&self, now_ms: i64) -> Result<Option<Job>, StoreError> {
         self.write_behind(move |db| begin(db, now_ms)).await
     }
 
     /// Records the progress of a job: pieces done, all pieces, and pieces that were computed and not
     /// reused. Returns whether the job is still wanted.
-    ///
-    /// # Errors
-    /// [`StoreError`].
     pub async fn note_progress(
         &self,
         job: &Job,
@@ -262,9 +235,6 @@ impl Store {
     /// Stores a file of a job that is still valid, in parts that are written one after the other. They
     /// become visible when the analysis is done. `size` is the length before compression. Returns
     /// whether the job is still valid.
-    ///
-    /// # Errors
-    /// [`StoreError`].
     pub async fn put_analysis_file(
         &self,
         job: &Job,
@@ -304,9 +274,6 @@ impl Store {
     /// Ends an analysis that is still wanted: done with a result, or failed with a message. Once it
     /// is done, the study's cells under keys other than `used` are deleted. Returns whether the
     /// analysis was wanted.
-    ///
-    /// # Errors
-    /// [`StoreError`].
     pub async fn end_analysis(
         &self,
         job: &Job,
@@ -335,9 +302,6 @@ impl Store {
     }
 
     /// Puts a running analysis back into the queue, as if it had not been begun.
-    ///
-    /// # Errors
-    /// [`StoreError`].
     pub async fn give_back_analysis(&self, job: &Job) -> Result<(), StoreError> {
         let (sequence, attempt) = (job.sequence, job.attempt);
         self.write_behind(move |db| {
@@ -353,9 +317,6 @@ impl Store {
     }
 
     /// The cells that a study has under this key, as they were stored.
-    ///
-    /// # Errors
-    /// [`StoreError`].
     pub async fn cells(&self, study_id: i64, key: &str) -> Result<Option<Vec<u8>>, StoreError> {
         self.read(|db| {
             let query = "SELECT octets FROM analysis_cell WHERE study_id = ?1 AND key = ?2";
@@ -366,9 +327,6 @@ impl Store {
 
     /// Stores cells for later analyses, unless this job is not wanted any more: its cells may
     /// contain withdrawn data.
-    ///
-    /// # Errors
-    /// [`StoreError`].
     pub async fn put_cells(&self, job: &Job, key: &str, bytes: Vec<u8>) -> Result<(), StoreError> {
         let (sequence, attempt, key) = (job.sequence, job.attempt, key.to_owned());
         self.write_behind(move |db| {

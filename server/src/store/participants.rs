@@ -105,9 +105,6 @@ const COLUMNS: &str =
 
 impl Store {
     /// The participant who has the token with this hash.
-    ///
-    /// # Errors
-    /// [`StoreError`].
     pub async fn participant(
         &self,
         token_hash: [u8; 32],
@@ -124,9 +121,6 @@ impl Store {
 
     /// Whether a participant who enrols is known and needs no plan. Only [`Store::enrol`] decides:
     /// until then the answer may change.
-    ///
-    /// # Errors
-    /// [`StoreError`].
     pub async fn is_known(&self, study_id: i64, known: &Known) -> Result<bool, StoreError> {
         self.read(|db| Ok(find(db, study_id, known)?.is_some()))
     }
@@ -161,17 +155,11 @@ impl Store {
     }
 
     /// A participant's whole plan, in order.
-    ///
-    /// # Errors
-    /// [`StoreError`].
     pub async fn plan(&self, participant_id: &str) -> Result<Vec<PlannedRow>, StoreError> {
         self.read(|db| scenes::plan(db, participant_id))
     }
 
     /// Completes a participation if no trial is missing.
-    ///
-    /// # Errors
-    /// [`StoreError`].
     pub async fn complete(
         &self,
         participant_id: &str,
@@ -211,9 +199,6 @@ impl Store {
     /// personal fields are deleted, with all results computed from them. Their number remains, so that
     /// counts stay true. Deleted rows are overwritten at once, and leave the write-ahead log as soon as
     /// no reader uses it.
-    ///
-    /// # Errors
-    /// [`StoreError`].
     pub async fn withdraw(
         &self,
         participant_id: &str,
@@ -250,9 +235,6 @@ impl Store {
     }
 
     /// The ids of a study's participants, in the order of their numbers.
-    ///
-    /// # Errors
-    /// [`StoreError`].
     pub async fn participant_ids(&self, study_id: i64) -> Result<Vec<String>, StoreError> {
         self.read_long(move |db| {
             let query = "SELECT id FROM participant WHERE study_id = ?1 ORDER BY number";
@@ -263,9 +245,6 @@ impl Store {
     }
 
     /// The numbers of participants and of trials in all studies.
-    ///
-    /// # Errors
-    /// [`StoreError`].
     pub async fn counts(&self) -> Result<[i64; 2], StoreError> {
         self.read_long(|db| {
             let query = "SELECT (SELECT count(*) FROM participant), (SELECT count(*) FROM trial)";

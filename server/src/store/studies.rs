@@ -38,9 +38,6 @@ pub struct StudyCounts {
 
 impl Store {
     /// The study with this name.
-    ///
-    /// # Errors
-    /// [`StoreError`].
     pub async fn study(&self, slug: &str) -> Result<Option<StoredStudy>, StoreError> {
         self.read(|db| find(db, slug))
     }
@@ -71,9 +68,6 @@ impl Store {
 
     /// Creates a study, or gives an existing study this configuration for new participants. Enrolled
     /// participants keep theirs.
-    ///
-    /// # Errors
-    /// [`StoreError`].
     pub async fn put_study(
         &self,
         new: &StudyConfig,
@@ -84,9 +78,6 @@ impl Store {
     }
 
     /// Every study with its counts, oldest first.
-    ///
-    /// # Errors
-    /// [`StoreError`].
     pub async fn studies(&self) -> Result<Vec<StudyCounts>, StoreError> {
         self.read_long(|db| {
             let mut statement = db.prepare_cached(

@@ -129,9 +129,6 @@ impl StoredTrial {
 impl Store {
     /// The participant with that token, and the scene assigned to them under `trial_id`; none for
     /// an unknown token.
-    ///
-    /// # Errors
-    /// [`StoreError`].
     pub async fn assignment(
         &self,
         token_hash: [u8; 32],
@@ -170,9 +167,6 @@ impl Store {
     }
 
     /// At most `limit` trials of a study, newest first, from before `before`.
-    ///
-    /// # Errors
-    /// [`StoreError`].
     pub async fn trials_page(
         &self,
         study_id: i64,
@@ -190,9 +184,6 @@ impl Store {
     }
 
     /// The trial with this id.
-    ///
-    /// # Errors
-    /// [`StoreError`].
     pub async fn trial(&self, trial_id: &str) -> Result<Option<StoredTrial>, StoreError> {
         let trial_id = trial_id.to_owned();
         let found = self.read_long(move |db| whole(db, "trial_id", &trial_id)).await?;
@@ -200,9 +191,6 @@ impl Store {
     }
 
     /// All trials of a participant, in the plan's order.
-    ///
-    /// # Errors
-    /// [`StoreError`].
     pub async fn trials_of(&self, participant_id: &str) -> Result<Vec<StoredTrial>, StoreError> {
         let participant_id = participant_id.to_owned();
         self.read_long(move |db| whole(db, "participant_id", &participant_id)).await

@@ -48,9 +48,6 @@ impl Store {
     }
 
     /// The bytes with this id.
-    ///
-    /// # Errors
-    /// [`StoreError`].
     pub async fn value_function(&self, id: &str) -> Result<Option<Vec<u8>>, StoreError> {
         let id = id.to_owned();
         self.read_long(move |db| {
@@ -61,9 +58,6 @@ impl Store {
     }
 
     /// The id of the function that gives the safety level of `evader`.
-    ///
-    /// # Errors
-    /// [`StoreError`].
     pub async fn value_function_id(
         &self,
         config_hash: &str,
@@ -80,9 +74,6 @@ impl Store {
     }
 
     /// Every configuration without its value functions, with its hash.
-    ///
-    /// # Errors
-    /// [`StoreError`].
     pub async fn unsolved(&self) -> Result<Vec<(String, Arc<StudyConfig>)>, StoreError> {
         self.read(|db| {
             let mut statement = db.prepare(
