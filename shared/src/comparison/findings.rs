@@ -128,7 +128,7 @@ pub struct RolloutFacts {
     pub papers: Vec<Furthest>,
     /// How they do against holding the last input.
     pub papers_beaten: Beaten,
-    /// The models of [`BEYOND`] that there are.
+    /// The models of `BEYOND` that there are.
     pub beyond: Vec<Furthest>,
     /// How they do against holding the last input.
     pub beyond_beaten: Beaten,
