@@ -3,7 +3,6 @@
 
 mod text;
 mod charts;
-mod decision_charts;
 mod page;
 mod tables_csv;
 

@@ -17,7 +17,6 @@ pub mod tables;
 mod plan;
 mod run;
 pub mod gains;
-pub mod differences;
 pub mod decision_map;
 pub mod findings;
 mod analysis;

@@ -6,8 +6,8 @@ mod testing;
 #[cfg(test)]
 mod tests;
 
+use super::charts;
 use super::text::{self, count, fixed, grouped, signed};
-use super::{charts, decision_charts};
 use minijinja::syntax::SyntaxConfig;
 use minijinja::value::{Serde, Value};
 use minijinja::{AutoEscape, Environment, Error, Output, State, UndefinedBehavior};
@@ -44,7 +44,7 @@ pub(super) fn html(analysis: &Analysis) -> Result<String, Error> {
         "gains": charts::gains(analysis),
         "accuracies": charts::accuracies(analysis),
         "distances": charts::distances(analysis),
-        "decisions": decision_charts::figure_of(analysis),
+        "decisions": charts::decisions(analysis),
         "rollouts": charts::rollouts(analysis),
         "beyond": charts::beyond(analysis),
         "calibration": charts::calibration(analysis),

@@ -3,9 +3,8 @@
 
 use super::cell::{Baseline, Experiment, ModelName};
 use super::decision_map::{DecisionMap, decision_maps};
-use super::differences::{Ablation, Test, ablation, tests};
 use super::findings::Findings;
-use super::gains::{Gain, GainFamily};
+use super::gains::{Ablation, Gain, GainFamily, Test, ablation, papers_tests};
 use super::metrics::Predictions;
 use super::plan::ParticipantData;
 use super::run::{AnalysisError, Cache, Leakage, Progress, Results, RolloutsOf, run};
@@ -153,7 +152,7 @@ impl Analysis {
             GainFamily::of(("hrd_body", "d_body"), accuracies)?,
             GainFamily::of(("hrd", "none"), accuracies)?,
         ];
-        let tests = tests(&comparison)?;
+        let tests = papers_tests(&comparison)?;
         let pooled = pooled(&comparison, &baselines);
         let ablation = ablation(&comparison, &pooled, accuracies)?;
         let findings =

@@ -1,9 +1,8 @@
 //! What was found: the facts that a report puts into words.
 
 use super::cell::{Cell, Experiment, HISTORY_SET, ModelName};
-use super::differences::Test;
 use super::fit::Grids;
-use super::gains::{Gain, GainFamily, LEVEL, Power};
+use super::gains::{Gain, GainFamily, LEVEL, Power, Test};
 use super::metrics::Calibration;
 use super::rollout::{Horizon, Simple};
 use super::run::RolloutsOf;
