@@ -123,7 +123,8 @@ async fn regions(files: &[PathBuf], predictor: &PredictorArgs) -> Result<Drawing
         return Err(CommandError::Input(message.to_owned()));
     };
     let names: Vec<String> = (0..sets).map(|j| region_name(j, &epsilons)).collect();
-    let note = "Region j: positions that set j adds to set j − 1; circle: the robot’s danger zone";
+    let note = "Region j: positions that set j adds to set j − 1; circle, if in sight: the robot’s \
+                danger zone";
     Ok(figure::regions("Where the human may be", note, &panels, &names))
 }
 
