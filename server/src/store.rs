@@ -33,7 +33,7 @@ pub use migrations::Misfit;
 
 use file::DatabaseFile;
 use readers::Readers;
-use rusqlite::Connection;
+use rusqlite::{Connection, ErrorCode};
 use sidestep::study::StudyConfig;
 use std::collections::HashMap;
 use std::fs::File;
@@ -79,13 +79,16 @@ pub enum OpenError {
         found: &'static str,
     },
     /// The database cannot be opened or created.
-    #[error("{file}: cannot open the database: {reason}; check the path and that it is writable")]
+    #[error("{file}: cannot open the database: {reason}")]
     Unusable {
         /// The file.
         file: String,
         /// What the system said.
         reason: String,
     },
+    /// There is no database, and none was to be created.
+    #[error("{0}: cannot open the database: there is no such file, or it is empty")]
+    Absent(String),
     /// The database is not of this version and cannot be migrated.
     #[error("{file}: cannot use the database: {reason}")]
     Version {
@@ -119,13 +122,22 @@ impl Store {
     fn open_file(file: DatabaseFile, missing: Missing) -> Result<Self, OpenError> {
         let name = || file.path().display().to_string();
         let unusable = |reason: String| OpenError::Unusable { file: name(), reason };
-        let sqlite = |error: rusqlite::Error| unusable(error::reason(&error));
+        let hint =
+            |reason: String| unusable(format!("{reason}; check the path and that it is writable"));
+        let sqlite = |error: rusqlite::Error| match error.sqlite_error_code() {
+            Some(ErrorCode::NotADatabase | ErrorCode::DatabaseCorrupt) => {
+                unusable(error::reason(&error))
+            }
+            _ => hint(error::reason(&error)),
+        };
         let misfit = |reason: Misfit| match reason {
             Misfit::Unusable(error) => sqlite(error),
             reason => OpenError::Version { file: name(), reason },
         };
-        if missing == Missing::Create {
-            file.create().map_err(|error| unusable(error.to_string()))?;
+        match missing {
+            Missing::Create => file.create().map_err(|error| hint(error.to_string()))?,
+            Missing::Refuse if file.is_empty() => return Err(OpenError::Absent(name())),
+            Missing::Refuse => {}
         }
         // A file that this program cannot use is not changed by a single byte.
         let untouching = connection::untouching(file.path()).map_err(sqlite)?;

@@ -2,7 +2,7 @@
 
 pub mod dubins;
 
-use crate::invalid::{Invalid, finite, positive};
+use crate::invalid::{Invalid, positive};
 use crate::math::wrap_angle;
 use serde::{Deserialize, Serialize};
 
@@ -32,15 +32,30 @@ impl Pose {
         [self.x, self.y]
     }
 
-    /// Accepts a pose whose three numbers are finite.
+    /// The largest coordinate that is accepted, m or rad. Far beyond it, distances overflow.
+    pub const MOST: f64 = 1e6;
+
+    /// Accepts a pose whose three numbers are at most [`Self::MOST`] from 0.
     ///
     /// # Errors
     /// [`Invalid`] naming the coordinate.
     pub fn check(&self) -> Result<(), Invalid> {
-        finite("x", self.x)?;
-        finite("y", self.y)?;
-        finite("psi", self.psi)?;
+        for (field, value) in [("x", self.x), ("y", self.y), ("psi", self.psi)] {
+            Self::checked(field, value)?;
+        }
         Ok(())
+    }
+
+    /// Accepts one coordinate of a pose.
+    ///
+    /// # Errors
+    /// [`Invalid`] naming it.
+    pub fn checked(field: &str, value: f64) -> Result<f64, Invalid> {
+        if value.abs() <= Self::MOST {
+            return Ok(value);
+        }
+        let expected = format!("a number from -{0} to {0}", Self::MOST);
+        Err(Invalid::new(field, expected, format!("{value:?}")))
     }
 }
 

@@ -8,7 +8,7 @@ use crate::jobs::safety;
 use crate::store::imports::{Import, NewImport};
 use crate::store::scenes::PlannedRow;
 use crate::store::trials::NewTrial;
-use crate::store::{Missing, Store};
+use crate::store::{Missing, OpenError, Store};
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 use sidestep::invalid::Invalid;
@@ -68,12 +68,23 @@ pub async fn run(args: ImportArgs) -> Result<(), CommandError> {
     wanted.check().map_err(|e| {
         CommandError::Input(format!("--study: expected {}, found {}", e.expected, e.found))
     })?;
-    let store = Store::open(&args.database, Missing::Create).await?;
-    let known = store.study(&args.study).await?;
+    // A file that is refused leaves no new database behind.
+    let present = match Store::open(&args.database, Missing::Refuse).await {
+        Err(OpenError::Absent(_)) => None,
+        opened => Some(opened?),
+    };
+    let known = match &present {
+        Some(store) => store.study(&args.study).await?,
+        None => None,
+    };
     let config = known.map_or_else(|| Arc::new(wanted), |study| study.config);
     let complain = |error: &dyn std::fmt::Display| CommandError::Input(format!("{name}: {error}"));
     let people = trials_csv::read(std::io::BufReader::new(file), &config.parameters)
         .map_err(|error| complain(&error))?;
+    let store = match present {
+        Some(store) => store,
+        None => Store::open(&args.database, Missing::Create).await?,
+    };
     // Everything is computed before anything is written: a server may receive uploads meanwhile.
     let new: Vec<_> = people.iter().map(|person| import_of(&config.parameters, person)).collect();
     let slug = config.slug.clone();

@@ -55,9 +55,6 @@ enum RolloutWord {
 /// Highest speed, m/s, and longest step, s.
 const MOST_SPEED_OR_STEP: f64 = 1e4;
 
-/// Farthest coordinate, m, and largest heading, rad.
-const MOST_COORDINATE: f64 = 1e6;
-
 /// Most steps ahead.
 const MOST_STEPS: usize = 3000;
 
@@ -183,12 +180,9 @@ struct Problem {
 impl Problem {
     fn new(input: &Input, predictor: &Predictor) -> Result<Self, Invalid> {
         let now = JointState { human: input.human, robot: input.robot };
-        now.check()?;
         for (name, pose) in [("human", now.human), ("robot", now.robot)] {
-            let coordinates: [f64; 3] = pose.into();
-            if let Some(i) = coordinates.iter().position(|c| c.abs() > MOST_COORDINATE) {
-                let expected = format!("a number from -{MOST_COORDINATE} to {MOST_COORDINATE}");
-                return Err(Invalid::new(format!("{name}[{i}]"), expected, coordinates[i]));
+            for (i, coordinate) in <[f64; 3]>::from(pose).into_iter().enumerate() {
+                Pose::checked(&format!("{name}[{i}]"), coordinate)?;
             }
         }
         for (i, state) in input.history.iter().enumerate() {

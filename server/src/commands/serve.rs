@@ -109,6 +109,10 @@ pub async fn start(args: &ServeArgs, key: Option<&str>) -> Result<Running, Comma
     let site = Site::open(&folder).map_err(CommandError::Failure)?;
     let listener = TcpListener::bind(&args.listen).await.map_err(|error| {
         let listen = &args.listen;
+        if error.kind() == std::io::ErrorKind::InvalidInput {
+            let expected = "an address and a port, such as 127.0.0.1:8080";
+            return CommandError::Input(format!("--listen: expected {expected}, found {listen}"));
+        }
         let message = format!("--listen {listen}: {error}; choose another address or port");
         CommandError::Failure(message)
     })?;

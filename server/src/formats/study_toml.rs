@@ -36,6 +36,8 @@ fn parse_study(text: &str) -> Result<StudyConfig, String> {
         }
     })?;
     study.check().map_err(|invalid| invalid.to_string())?;
+    // A study without scenes would start, and then enrol nobody.
+    study.plan(0).map_err(|invalid| invalid.to_string())?;
     Ok(study)
 }
 
@@ -86,5 +88,10 @@ mod tests {
         check("[parameters.human]\nspeed_mps = -2.0", &["parameters.human.speed_mps"]);
         check("parameters = 3", &["parameters: expected an object, {…}, found 3"]);
         check("phases = [{ phase = \"nap\", scenes = 2 }]", &["phases[0].phase"]);
+        for parameters in ["danger_radius_m = 30.0", "steps = 1", "step_s = 200.0", "step_s = 0.02"]
+        {
+            let text = format!("[parameters]\n{parameters}");
+            check(&text, &["parameters", "danger radius", "duration"]);
+        }
     }
 }

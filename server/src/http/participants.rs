@@ -30,8 +30,13 @@ pub async fn enrol(
 ) -> Result<(StatusCode, Json<Enrolled>), ApiError> {
     body.check()?;
     let study = named(&app.store, &slug).await?;
+    // A request is its id and the person whom it is for.
+    let request = |id: &str| match &body.external_id {
+        Some(external_id) => secrets::hash(&format!("{id} {external_id}")),
+        None => secrets::hash(id),
+    };
     let known = Known {
-        request_hash: body.request_id.as_deref().map(secrets::hash),
+        request_hash: body.request_id.as_deref().map(request),
         external_id: body.external_id,
     };
     let seed = secrets::seed()?;

@@ -36,6 +36,16 @@ impl DatabaseFile {
         &self.path
     }
 
+    /// Whether there is nothing yet: no file, or an empty one without a log.
+    pub(super) fn is_empty(&self) -> bool {
+        let bytes = |path: &Path| std::fs::metadata(path).map(|file| file.len());
+        match bytes(&self.path) {
+            Ok(0) => bytes(&self.log).unwrap_or(0) == 0,
+            Ok(_) => false,
+            Err(error) => error.kind() == io::ErrorKind::NotFound,
+        }
+    }
+
     /// Creates an empty file if there is none. Only its owner can read it, because it will contain
     /// external ids of participants. SQLite gives its log the same permissions.
     pub(super) fn create(&self) -> io::Result<()> {

@@ -107,8 +107,9 @@ pub fn generate_with(
             }
             Err(Invalid::new(
                 "parameters",
-                "vehicles and a danger radius that leave the human an escape",
-                format!("no admissible scene in {TRIES} draws"),
+                "vehicles, a danger radius and a duration (steps × step_s) with scenes that begin \
+                 safe, would end in danger without steering, and leave the human an escape",
+                format!("none in {TRIES} draws"),
             ))
         })
         .collect()

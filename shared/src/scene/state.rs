@@ -46,7 +46,7 @@ impl JointState {
         relative_state(self.robot, self.human)
     }
 
-    /// Accepts a state of six finite numbers.
+    /// Accepts two poses that [`Pose::check`] accepts.
     ///
     /// # Errors
     /// [`Invalid`] naming the coordinate.

@@ -48,6 +48,7 @@ async fn bodies_that_are_no_trial() {
         (|t| t["states"] = json!([]), "states"),
         (|t| t["states"][17]["human"] = json!([0, 0]), "states[17].human"),
         (|t| t["states"][3]["robot"][1] = json!("1"), "states[3].robot[1]"),
+        (|t| t["states"][3]["robot"][0] = json!(-1e308), "states[3].robot.x"),
         (|t| t["states"][3]["speed"] = json!(1), "states[3].speed"),
         (|t| t["sampled_at_ms"][9] = json!(0.0), "sampled_at_ms[9]"),
         (|t| t["started_at_ms"] = json!(-1), "started_at_ms"),

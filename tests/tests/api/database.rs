@@ -219,9 +219,15 @@ async fn an_enrolment_repeated_after_a_lost_answer_is_one_participant() {
     assert_eq!(driver.send(&server, &trial_id, &driven(&scene)).await.status, 201);
     let other = json!({ "consent": true, "request_id": "3f0e2d6c-7a44-4c3e-9b1e-000000000002" });
     assert_eq!(Driver::ask(&server, other).await.status, 201);
+    // The same request for other people is not the same request.
+    for (person, status) in [("alice", 201), ("bob", 201), ("alice", 200)] {
+        let mut body = body.clone();
+        body["external_id"] = person.into();
+        assert_eq!(Driver::ask(&server, body).await.status, status);
+    }
     let short = json!({ "consent": true, "request_id": "1" });
     Driver::ask(&server, short).await.problem(422, "invalid", Some("request_id"));
     let query = "SELECT count(*) FROM participant";
     let people: i64 = behind(&server.database()).query_row(query, [], |row| row.get(0)).unwrap();
-    assert_eq!(people, 2);
+    assert_eq!(people, 4);
 }

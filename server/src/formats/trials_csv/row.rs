@@ -90,6 +90,7 @@ impl Row {
     ) -> Result<Self, Invalid> {
         let field = |i: usize| record.get(columns.required[i]).unwrap_or("").trim();
         let real = |i: usize| number(COLUMNS[i], field(i));
+        let coordinate = |i: usize| Pose::checked(COLUMNS[i], real(i)?);
         let optional = |place: Option<usize>| {
             let text = record.get(place?)?.trim();
             (!text.is_empty()).then_some(text)
@@ -101,8 +102,8 @@ impl Row {
             step: count("step", field(2))?,
             t: real(3)?,
             state: JointState {
-                human: Pose::from([real(4)?, real(5)?, real(6)?]),
-                robot: Pose::from([real(7)?, real(8)?, real(9)?]),
+                human: Pose::from([coordinate(4)?, coordinate(5)?, coordinate(6)?]),
+                robot: Pose::from([coordinate(7)?, coordinate(8)?, coordinate(9)?]),
             },
             input: input(real(10)?, parameters)?,
             phase: optional(columns.phase).map_or(Ok(Phase::Task), phase)?,
