@@ -42,10 +42,14 @@ pub fn from_json<T: DeserializeOwned>(text: &str) -> Result<T, Unread> {
     };
     serde_json::from_str::<IgnoredAny>(text).map_err(|e| Unread::NotJson(e.to_string()))?;
     let mut reader = serde_json::Deserializer::from_str(text);
-    // JSON's grammar has numbers that no double can hold.
+    // JSON's grammar has numbers that no double can hold, and half characters ("\ud800") that no
+    // text can. Only the parser's sentence tells them apart.
     let value: Value = serde_path_to_error::deserialize(&mut reader).map_err(|e| {
+        if !e.inner().to_string().starts_with("number out of range") {
+            return Unread::NotJson(e.inner().to_string());
+        }
         let expected = "a number that a double can hold";
-        Invalid::new(e.path().to_string(), expected, "one that is too large")
+        Invalid::new(e.path().to_string(), expected, "one that is too large").into()
     })?;
     match from_value::<T>(&value) {
         Err(invalid) => Err(invalid.into()),
@@ -378,6 +382,8 @@ mod tests {
         check("[\"x\"", "line 1 column");
         check("[0, 0, 0] x", "line 1 column");
         check("NaN", "line 1 column");
+        check(r#""\ud800""#, "hex escape");
+        check(r#"{"\udc00": 1e999}"#, "hex escape");
         check(&"[".repeat(100_000), "nested more than 64 deep");
         let brackets_in_text = format!("\"{}\\\"[\"", "[".repeat(100));
         assert_eq!(from_json::<String>(&brackets_in_text).map(|text| text.len()), Ok(102));
