@@ -192,6 +192,9 @@ fn check_name(field: &str, text: &str) -> Result<(), Invalid> {
         let expected = format!("1 to {MAX_NAME_CHARS} characters");
         return Err(Invalid::new(field, expected, format!("{count} characters")));
     }
+    if text.trim().is_empty() {
+        return Err(Invalid::new(field, "more than white space", "white space only"));
+    }
     if text.chars().any(char::is_control) {
         return Err(Invalid::new(field, "no control characters", "a control character"));
     }
@@ -492,4 +495,22 @@ pub struct SelfCheck {
     pub trials: usize,
     /// SHA-256 of all their states.
     pub fingerprint: String,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_external_id_is_more_than_white_space() {
+        let check = |id: &str| {
+            let body = serde_json::json!({ "consent": true, "external_id": id });
+            serde_json::from_value::<Enrolment>(body).unwrap().check()
+        };
+        for id in ["   ", "\u{a0}", "\u{3000}\u{2003}"] {
+            let said = check(id).unwrap_err().to_string();
+            assert_eq!(said, "external_id: expected more than white space, found white space only");
+        }
+        assert_eq!(check(" P 17 "), Ok(()));
+    }
 }
