@@ -11,8 +11,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use tokio_util::sync::CancellationToken;
 
-/// A file for each key: the cells, and their SHA-256 in the last line. Cells whose file cannot be read or
-/// was changed are computed again.
+/// A file for each key: the cells, and in the last line the SHA-256 of key and cells. Cells whose file
+/// cannot be read, was changed or belongs to another key are computed again.
 pub struct FolderCache {
     folder: PathBuf,
     used: Mutex<HashSet<String>>,
@@ -56,15 +56,15 @@ impl FolderCache {
     }
 }
 
-fn sha256(text: &str) -> String {
-    hex::encode(Sha256::digest(text))
+fn sha256(key: &str, cells: &str) -> String {
+    hex::encode(Sha256::digest(format!("{key}\n{cells}")))
 }
 
 impl Cache for FolderCache {
     fn get(&self, key: &str) -> Option<Vec<Cell>> {
         let text = fs::read_to_string(self.path(key)).ok()?;
         let (cells, hash) = text.rsplit_once('\n')?;
-        let cells = (hash == sha256(cells)).then(|| serde_json::from_str(cells).ok())??;
+        let cells = (hash == sha256(key, cells)).then(|| serde_json::from_str(cells).ok())??;
         self.note(key);
         Some(cells)
     }
@@ -73,11 +73,26 @@ impl Cache for FolderCache {
         self.note(key);
         let written = atomic_file::write(&self.path(key), &CancellationToken::new(), |out| {
             let cells = serde_json::to_string(cells)?;
-            write!(out, "{cells}\n{}", sha256(&cells))
+            write!(out, "{cells}\n{}", sha256(key, &cells))
         });
         if let Err(error) = written {
             // Only time is lost.
             tracing::warn!("the cache cannot be written: {error}");
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_under_another_key_is_not_believed() {
+        let folder = tempfile::tempdir().unwrap();
+        let cache = FolderCache::open(folder.path()).unwrap();
+        cache.put("first", &[]);
+        fs::copy(cache.path("first"), cache.path("second")).unwrap();
+        assert_eq!(cache.get("first").map(|cells| cells.len()), Some(0));
+        assert!(cache.get("second").is_none());
     }
 }
