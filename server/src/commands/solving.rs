@@ -175,6 +175,8 @@ pub(super) fn flagged(invalid: Invalid) -> CommandError {
         "evader.turn_rate_radps" => "evader-turn-rate",
         "pursuer.speed_mps" => "pursuer-speed",
         "pursuer.turn_rate_radps" => "pursuer-turn-rate",
+        // Of unequal vehicles, whose rates count together.
+        "turn_rate_radps" => "evader-turn-rate and --pursuer-turn-rate",
         "radius_m" => "radius",
         "horizon_s" => "horizon",
         "range_m" => "range",
@@ -188,4 +190,30 @@ pub(super) fn flagged(invalid: Invalid) -> CommandError {
         other => other,
     };
     CommandError::Input(format!("--{flag}: expected {}, found {}", invalid.expected, invalid.found))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::{CommandFactory, Parser};
+
+    #[derive(Parser)]
+    struct Game {
+        #[command(flatten)]
+        game: super::super::game::GameArgs,
+    }
+
+    #[tokio::test]
+    async fn a_solve_that_is_refused_names_flags_that_exist() {
+        let args = ["game", "--radius", "1e6", "--pursuer-speed", "3"];
+        let game = Game::parse_from(args).game.game().unwrap();
+        let refused = solved(game, Options::default(), &Interrupt::listen()).await;
+        let said = refused.err().unwrap().to_string();
+        let (flags, _) = said.split_once(':').unwrap();
+        let command = Game::command();
+        for flag in flags.split(" and ") {
+            let known = |arg: &clap::Arg| arg.get_long() == flag.strip_prefix("--");
+            assert!(command.get_arguments().any(known), "{said}");
+        }
+    }
 }
