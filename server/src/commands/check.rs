@@ -1,11 +1,11 @@
 //! `sidestep check`.
 
 use super::{CommandError, print_json};
-use crate::store::trials::StoredTrial;
-use crate::store::{Missing, Store};
+use crate::store::trials::{StoredTrial, flag_words};
+use crate::store::{Missing, Store, StoreError};
 use serde::Serialize;
 use sidestep::scene::SceneParameters;
-use sidestep::trial::{Flag, flags, outcome};
+use sidestep::trial::{Flag, Outcome, flags, outcome};
 
 /// Check a database: whether the file is sound, and whether every trial replays as when it was
 /// stored.
@@ -29,13 +29,14 @@ pub struct Report {
     pub trials: usize,
     /// Trials with flags; these are not errors of the database.
     pub flagged: usize,
-    /// Damaged pages and references to rows that do not exist.
+    /// Damaged pages, references to rows that do not exist, and studies whose configuration cannot be
+    /// read.
     pub damage: Vec<String>,
-    /// Trials that differ from what was stored.
+    /// Trials that cannot be read, or differ from what was stored.
     pub wrong: Vec<Wrong>,
 }
 
-/// A trial that differs from what was stored.
+/// A trial that cannot be read, or differs from what was stored.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Wrong {
     /// The trial.
@@ -57,7 +58,8 @@ pub async fn run(args: CheckArgs) -> Result<(), CommandError> {
     if faults == 0 {
         return Ok(());
     }
-    let message = format!("{}: {faults} faults; the report lists them", args.database);
+    let faults = if faults == 1 { "1 fault".to_owned() } else { format!("{faults} faults") };
+    let message = format!("{}: {faults}; see the report", args.database);
     Err(CommandError::Failure(message))
 }
 
@@ -65,23 +67,43 @@ async fn report(store: &Store) -> Result<Report, CommandError> {
     let mut report = Report { damage: store.damage().await?, ..Report::default() };
     for counts in store.studies().await? {
         report.studies += 1;
-        let Some(study) = store.study(&counts.slug).await? else {
-            continue;
+        let study = match store.study(&counts.slug).await {
+            Ok(Some(study)) => study,
+            Ok(None) => continue,
+            Err(StoreError::Corrupt(what)) => {
+                report.damage.push(format!("study {}: {what}", counts.slug));
+                continue;
+            }
+            Err(error) => return Err(error.into()),
         };
         for id in store.participant_ids(study.id).await? {
             report.participants += 1;
-            for trial in store.trials_of(&id).await? {
-                let config = store.config(&trial.config_hash).await?;
-                report.trials += 1;
-                report.flagged += usize::from(!trial.head.flags.is_empty());
-                if let Some(what) = fault(&config.parameters, &trial) {
-                    let trial_id = trial.head.trial_id;
-                    report.wrong.push(Wrong { trial_id, what });
-                }
+            for trial_id in store.trial_ids(&id).await? {
+                let what = match replayed(store, &trial_id, &mut report).await {
+                    Ok(what) => what,
+                    Err(StoreError::Corrupt(what)) => {
+                        Some(format!("study {}: {what}", counts.slug))
+                    }
+                    Err(error) => return Err(error.into()),
+                };
+                report.wrong.extend(what.map(|what| Wrong { trial_id, what }));
             }
         }
     }
     Ok(report)
+}
+
+/// Reads, counts and replays a trial. What is wrong with it, if anything is.
+async fn replayed(
+    store: &Store,
+    trial_id: &str,
+    report: &mut Report,
+) -> Result<Option<String>, StoreError> {
+    let Some(trial) = store.trial(trial_id).await? else { return Ok(None) };
+    let config = store.config(&trial.config_hash).await?;
+    report.trials += 1;
+    report.flagged += usize::from(!trial.head.flags.is_empty());
+    Ok(fault(&config.parameters, &trial))
 }
 
 /// What is wrong with a trial, if anything is.
@@ -107,9 +129,78 @@ fn fault(parameters: &SceneParameters, trial: &StoredTrial) -> Option<String> {
         found == *stored
     };
     if !agree {
-        return Some(format!("expected flags {found:?}, found {stored:?}"));
+        let words = |flags: &[Flag]| match flags {
+            [] => "none".to_owned(),
+            some => flag_words(some),
+        };
+        return Some(format!("flags: expected {}, found {}", words(&found), words(stored)));
     }
     let outcome = outcome(parameters, inputs, states);
     (outcome != trial.head.outcome)
-        .then(|| format!("expected {outcome:?}, found {:?}", trial.head.outcome))
+        .then(|| format!("expected {}, found {}", told(&outcome), told(&trial.head.outcome)))
+}
+
+/// An outcome in words.
+fn told(outcome: &Outcome) -> String {
+    let danger = match outcome.first_step_in_danger {
+        Some(step) => format!("danger from step {step}"),
+        None => "no danger".to_owned(),
+    };
+    let turns = match outcome.avoidance {
+        Some((first, last)) => format!("turns from step {first} to {last}"),
+        None => "no turn".to_owned(),
+    };
+    format!("a closest range of {} m, {danger} and {turns}", outcome.closest_m)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::store::participants::Known;
+    use crate::store::tests::{someone, store, trial};
+    use sidestep::vehicle::TurnInput;
+
+    #[tokio::test]
+    async fn what_cannot_be_read_is_named_and_the_rest_is_checked() {
+        let (folder, store) = store().await;
+        someone(&store, "ada", Known::default()).await;
+        for id in ["ada-0", "ada-1"] {
+            let mut new = trial(id, TurnInput::Left);
+            new.content.sampled_at_ms = Some((0..50).map(|step| 200.0 * f64::from(step)).collect());
+            new.content_hash = new.recipe.hash(&new.content);
+            store.put_trial("ada", new).await.unwrap();
+        }
+        let sound = report(&store).await.unwrap();
+        assert_eq!((sound.trials, sound.wrong, sound.damage), (2, vec![], vec![]));
+        let db = rusqlite::Connection::open(folder.path().join("test.db")).unwrap();
+        db.execute_batch("PRAGMA ignore_check_constraints = ON").unwrap();
+        for (table, column, value, reason) in [
+            ("trial", "flags", "'odd'", "unknown word \"odd\""),
+            ("trial", "inputs", "x'07'", "found 7"),
+            ("trial", "content_version", "9", "unknown content version 9"),
+            ("scene", "phase", "'odd'", "unknown word \"odd\""),
+            ("trial", "closest_m", "closest_m + 1", "m, no danger and turns from step 0 to 49"),
+        ] {
+            let change = format!(
+                "CREATE TEMP TABLE was AS SELECT {column} AS value FROM {table} \
+                     WHERE trial_id = 'ada-0'; \
+                 UPDATE {table} SET {column} = {value} WHERE trial_id = 'ada-0'"
+            );
+            db.execute_batch(&change).unwrap();
+            let found = report(&store).await.unwrap();
+            let [Wrong { trial_id, what }] = &found.wrong[..] else { panic!("{found:?}") };
+            assert!(trial_id == "ada-0" && what.contains(reason), "{what}");
+            let restore = format!(
+                "UPDATE {table} SET {column} = (SELECT value FROM was) WHERE trial_id = 'ada-0'; \
+                 DROP TABLE was"
+            );
+            db.execute_batch(&restore).unwrap();
+        }
+        for json in ["3", "{"] {
+            db.execute("UPDATE study_config SET json = ?1", [json]).unwrap();
+            let found = report(&store).await.unwrap();
+            let [what] = &found.damage[..] else { panic!("{found:?}") };
+            assert!(what.starts_with("study default: configuration "), "{what}");
+        }
+    }
 }

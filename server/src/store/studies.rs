@@ -28,7 +28,7 @@ pub struct StoredStudy {
 pub struct StudyCounts {
     /// Name in addresses.
     pub slug: String,
-    /// Title, from the current configuration.
+    /// Title, from the current configuration; empty if that cannot be read.
     pub title: String,
     /// Number of participants who enrolled or were imported.
     pub participants: u64,
@@ -81,7 +81,8 @@ impl Store {
     pub async fn studies(&self) -> Result<Vec<StudyCounts>, StoreError> {
         self.read_long(|db| {
             let mut statement = db.prepare_cached(
-                "SELECT study.slug, study_config.json ->> '$.title', \
+                "SELECT study.slug, \
+                     coalesce(iif(json_valid(json), json ->> '$.title', NULL), ''), \
                      (SELECT count(*) FROM participant WHERE participant.study_id = study.id), \
                      (SELECT count(*) FROM trial WHERE trial.study_id = study.id) \
                  FROM study JOIN study_config ON study_config.hash = study.config_hash \

@@ -18,7 +18,7 @@ use tempfile::TempDir;
 use tokio::sync::oneshot;
 
 /// A store in a folder of its own.
-async fn store() -> (TempDir, Store) {
+pub(crate) async fn store() -> (TempDir, Store) {
     let folder = TempDir::new().unwrap();
     let url = format!("sqlite:{}", folder.path().join("test.db").display());
     let store = Store::open(&url, Missing::Create).await.unwrap();
@@ -26,7 +26,7 @@ async fn store() -> (TempDir, Store) {
 }
 
 /// Somebody with a plan of two tasks, whose trials are called after them.
-async fn someone(store: &Store, name: &str, known: Known) -> Enrolment {
+pub(crate) async fn someone(store: &Store, name: &str, known: Known) -> Enrolment {
     let study = store.put_study(&StudyConfig::default(), 0).await.unwrap();
     let scene = Scene {
         human: Pose::from([0.0, 0.0, 0.0]),
@@ -59,7 +59,7 @@ fn token(name: &str) -> [u8; 32] {
     crate::secrets::hash(name)
 }
 
-fn trial(trial_id: &str, turn: TurnInput) -> NewTrial {
+pub(crate) fn trial(trial_id: &str, turn: TurnInput) -> NewTrial {
     let parameters = SceneParameters::default();
     let start = sidestep::scene::JointState {
         human: Pose::from([0.0, 0.0, 0.0]),

@@ -190,6 +190,20 @@ impl Store {
         Ok(found.into_iter().next())
     }
 
+    /// The ids of all trials of a participant, in the plan's order.
+    pub async fn trial_ids(&self, participant_id: &str) -> Result<Vec<String>, StoreError> {
+        let participant_id = participant_id.to_owned();
+        self.read_long(move |db| {
+            let query = "SELECT trial_id FROM stored_trial WHERE participant_id = ?1 \
+                         ORDER BY ordinal";
+            let mut statement = db.prepare_cached(query)?;
+            Ok(statement
+                .query_map([participant_id], |row| row.get(0))?
+                .collect::<Result<_, _>>()?)
+        })
+        .await
+    }
+
     /// All trials of a participant, in the plan's order.
     pub async fn trials_of(&self, participant_id: &str) -> Result<Vec<StoredTrial>, StoreError> {
         let participant_id = participant_id.to_owned();

@@ -208,5 +208,5 @@ async fn a_check_finds_what_was_tampered_with() {
     assert_eq!(checked.code, Some(1));
     let report: Value = serde_json::from_str(&checked.out).unwrap();
     assert_eq!(report["wrong"].as_array().unwrap().len(), 1);
-    assert!(checked.err.contains("1 faults"));
+    assert!(checked.err.contains("1 fault;"));
 }
