@@ -41,7 +41,7 @@ async fn bodies_that_are_no_trial() {
     answer.problem(400, "malformed", None);
 
     type Change = fn(&mut Value);
-    let changes: [(Change, &str); 15] = [
+    let changes: [(Change, &str); 16] = [
         (|t| t["inputs"] = json!(vec![0; 49]), "inputs"),
         (|t| t["inputs"][7] = json!(2), "inputs[7]"),
         (|t| t["inputs"][7] = json!(0.5), "inputs[7]"),
