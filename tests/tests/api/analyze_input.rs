@@ -41,8 +41,12 @@ async fn who_has_a_wrong_row_is_named_and_all_others_are_compared() {
         (|own| own[20] = changed(&own[20], 9, "-inf"), 322, "rpsi: expected a finite number"),
         (|own| own[20] = changed(&own[20], 4, "left"), 322, "hx: expected a number, found"),
         (|own| own[20] = changed(&own[20], 4, ""), 322, "hx: expected a number, found"),
-        (|own| own[20] = changed(&own[20], 4, "1e300"), 302, "in step 20 of trial 0"),
-        (|own| own[20] = changed(&own[20], 4, "5e153"), 302, "expected features of at most 1e9"),
+        (|own| own[20] = changed(&own[20], 4, "1e300"), 322, "hx: expected a number from -1000000"),
+        (
+            |own| own[20] = changed(&own[20], 9, "-5e6"),
+            322,
+            "rpsi: expected a number from -1000000",
+        ),
         (|own| own[20] = changed(&own[20], 1, "-1"), 322, "trial: expected a whole number"),
         (|own| own[20] = changed(&own[20], 3, "9"), 322, "t: expected 4 (steps of 0.2 s)"),
         // The first of several.

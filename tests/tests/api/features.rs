@@ -136,7 +136,7 @@ async fn bad_input_is_named_and_writes_nothing() {
         (vec![rows.join("\n").replace(',', ";")], "found no column participant in \"participant;"),
         (with(9, 10, "0.2"), "line 9: omega: expected -0.5, 0 or 0.5, found 0.2"),
         (with(9, 4, "NaN"), "line 9: hx: expected a finite number, found NaN"),
-        (with(9, 4, "1e300"), "line 2: abs_dx: expected features of at most 1e9"),
+        (with(9, 4, "1e300"), "line 9: hx: expected a number from -1000000"),
         (with(9, 2, "8"), "line 9: step: expected 7, found 8"),
         (rows[..51 + 49].to_vec(), "line 100: step: expected 50 entries, found 49"),
         (with(9, 0, ""), "line 9: participant: expected a name or number"),

@@ -201,8 +201,9 @@ async fn reach_names_what_is_wrong() {
         ("/speed", json!(0), "speed: expected a finite number > 0, found 0"),
         // What no picture could show, and no double hold.
         ("/speed", json!(1e30), "speed: expected a speed that makes steps of 100 m"),
-        ("/initial", json!([1e14, 0, 0]), "initial: expected a number from -1000000"),
-        ("/initial", json!([0, 0, 1e25]), "initial: expected a number from -10000"),
+        ("/initial", json!([1e14, 0, 0]), "initial.x: expected a number from -1000000"),
+        ("/initial", json!([0, 0, 1e25]), "initial.psi: expected a number from -1000000"),
+        ("/initial", json!([0, 0, 1e5]), "initial"),
         ("/sets/0", long, "sets[0].lo: expected at most 300 steps, found 301"),
         ("/dt", json!(-1), "dt: expected"),
         ("/initial", json!([0, 0]), "initial"),
