@@ -79,7 +79,7 @@ fn exact(criterion: &mut Criterion, fastest: &mut Fastest) {
     group.finish();
 }
 
-/// The values of `states` on so many threads.
+/// Computes the values of `states` on `threads` threads.
 fn evaluate(game: &ExactValue, states: &[[f64; 3]], out: &mut [f64], threads: usize) {
     let share = states.len().div_ceil(threads);
     let fill = |states: &[[f64; 3]], out: &mut [f64]| {

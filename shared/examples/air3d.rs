@@ -87,7 +87,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// The grid of so many nodes, as in `51x40x50`.
+/// The grid whose numbers of nodes are given as in `51x40x50`.
 fn grid_of(nodes: &str) -> Result<Grid<3>, Box<dyn Error>> {
     let nodes = nodes.split('x').map(str::parse).collect::<Result<Vec<usize>, _>>()?;
     Ok(measure::air3d_grid(nodes.try_into().map_err(|_| USAGE)?))

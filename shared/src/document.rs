@@ -1,6 +1,6 @@
 //! Documents (JSON, TOML, queries) as typed values. A document that does not fit is an [`Invalid`] as
 //! everywhere: field, expected, found. It is built from the parts that serde reports, so that no code
-//! parses the English sentences of a parser.
+//! parses the English sentences of a parser. The one exception is a number that is too large.
 
 use crate::invalid::{Invalid, SEPARATOR};
 use core::fmt;

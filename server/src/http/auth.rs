@@ -26,8 +26,8 @@ pub struct Me(pub Participant);
 /// A participant with a valid token, withdrawn or not.
 pub struct MeOrGone(pub Participant);
 
-/// A participant with a valid token who has not withdrawn, and the trial in the address, which is in
-/// their plan. It is extracted before the body is read, so nobody else can send a body.
+/// A participant with a valid token who has not withdrawn, and the trial that the address names. The
+/// trial is in the participant's plan. It is extracted before the body is read, so nobody else can send a body.
 pub struct Assigned {
     /// The participant.
     pub participant_id: String,

@@ -107,7 +107,7 @@ pub async fn complete(
     }
 }
 
-/// What happens to the data of a participant who withdraws.
+/// What a withdrawal does to the participant's data.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Fate {

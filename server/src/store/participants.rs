@@ -104,7 +104,7 @@ const COLUMNS: &str =
     "participant.id, study_id, number, config_hash, completion_code, withdrawn_at_ms";
 
 impl Store {
-    /// The participant who has the token with this hash.
+    /// The participant to whom the token with this hash belongs.
     pub async fn participant(
         &self,
         token_hash: [u8; 32],

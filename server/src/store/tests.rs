@@ -249,7 +249,7 @@ impl Store {
         go
     }
 
-    /// Waits until so many trials and so many other requests wait.
+    /// Waits until this number of trials and this number of other requests are queued.
     pub(crate) async fn until_waiting(&self, wanted: [usize; 2]) {
         while self.open.writer.waiting() != wanted {
             tokio::task::yield_now().await;

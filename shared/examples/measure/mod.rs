@@ -24,7 +24,7 @@ pub(crate) const HORIZON_S: f64 = 2.8;
 /// Volume of {V ≤ 0} of the closed form, m²·rad.
 pub(crate) const VOLUME: f64 = 885.81943;
 
-/// The domain that peers solve on, in so many nodes.
+/// The domain that peers solve on, with these numbers of nodes.
 pub(crate) fn air3d_grid([x, y, psi]: [usize; 3]) -> Grid<3> {
     let axes = [
         Axis::bounded(-6.0, 20.0, x),
@@ -34,7 +34,7 @@ pub(crate) fn air3d_grid([x, y, psi]: [usize; 3]) -> Grid<3> {
     Grid { axes }
 }
 
-/// The tube after so many seconds.
+/// The tube after `horizon_s` s.
 pub(crate) fn solve_over(
     grid: &Grid<3>,
     settings: &Settings,

@@ -8,6 +8,8 @@
 
 #[path = "../../tests/reach/cases.rs"]
 mod reach_cases;
+#[path = "../../tests/reach/starts.rs"]
+mod starts;
 #[path = "../../tests/recorded/mod.rs"]
 mod recorded;
 mod drives;

@@ -4,13 +4,14 @@ use std::error::Error;
 
 use serde::Serialize;
 use serde_json::json;
-use sidestep::math::{PI, SeededRng, sin_cos};
+use sidestep::math::SeededRng;
 use sidestep::reach::polygon::{signed_area, signed_distance};
 use sidestep::reach::{PolygonSettings, PositionUncertainty, StartSet};
 use sidestep::vehicle::Pose;
 
 use crate::Found;
 use crate::drives::{KINDS, Kind, any_pose, drive, set};
+use crate::starts::pose_at;
 
 /// How the polygons are drawn, m; and the exact ones that they are compared with.
 const ACCURACY_M: f64 = 1e-3;
@@ -81,19 +82,8 @@ fn begin(start: &StartSet, rng: &mut SeededRng) -> Pose {
         let share = rng.uniform(-1.0, 1.0);
         if rng.below(2) == 0 { share } else { share.signum() }
     };
-    let (along, across, turn) = (signed(), signed(), signed());
-    let (a, b) = match start.position() {
-        PositionUncertainty::None => (0.0, 0.0),
-        PositionUncertainty::Disc { radius_m } => {
-            let (sin, cos) = sin_cos(PI * along);
-            (radius_m * across * cos, radius_m * across * sin)
-        }
-        PositionUncertainty::Box { along_m, across_m } => (along_m * along, across_m * across),
-    };
-    let pose = start.pose();
-    let (sin, cos) = sin_cos(pose.psi);
-    let psi = pose.psi + start.heading_rad() * turn;
-    Pose::new(pose.x + cos * a - sin * b, pose.y + sin * a + cos * b, psi)
+    let shares = [signed(), signed(), signed()];
+    pose_at(start, shares)
 }
 
 fn of_kind(kind: Kind, rng: &mut SeededRng) -> Result<OfKind, Box<dyn Error>> {

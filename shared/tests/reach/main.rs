@@ -4,6 +4,7 @@
 #![allow(clippy::print_stdout, reason = "the measured errors are worth reading")]
 
 mod cases;
+mod starts;
 mod properties;
 mod hard;
 mod known_failures;
@@ -12,9 +13,10 @@ mod membership;
 mod reference;
 
 use sidestep::bounds::InputBounds;
-use sidestep::math::{PI, SeededRng, sin_cos};
-use sidestep::reach::{PositionUncertainty, ReachableSet, StartSet};
+use sidestep::math::SeededRng;
+use sidestep::reach::{ReachableSet, StartSet};
 use sidestep::vehicle::{Pose, dubins};
+use starts::pose_at;
 
 const SPEED_MPS: f64 = 2.0;
 const STEP_S: f64 = 0.2;
@@ -63,20 +65,6 @@ fn random_pose(start: &StartSet, corners: bool, rng: &mut SeededRng) -> Pose {
         let any = rng.uniform(-1.0, 1.0);
         if corners && rng.below(2) == 0 { any.signum() } else { any }
     };
-    let (along, across, turn) = (signed(), signed(), signed());
-    let (a, b) = match start.position() {
-        PositionUncertainty::None => (0.0, 0.0),
-        PositionUncertainty::Disc { radius_m } => {
-            let (sin, cos) = sin_cos(PI * along);
-            (radius_m * across * cos, radius_m * across * sin)
-        }
-        PositionUncertainty::Box { along_m, across_m } => (along_m * along, across_m * across),
-    };
-    let pose = start.pose();
-    let (sin, cos) = sin_cos(pose.psi);
-    Pose::new(
-        pose.x + cos * a - sin * b,
-        pose.y + sin * a + cos * b,
-        pose.psi + start.heading_rad() * turn,
-    )
+    let shares = [signed(), signed(), signed()];
+    pose_at(start, shares)
 }

@@ -12,8 +12,8 @@ const KEY_EVENTS: &str = r#"[{"t_ms":1990.5,"key":"ArrowLeft","down":true},{"t_m
 
 const DISPLAY: &str = r#"{"refresh_hz":60.0,"frames":612,"longest_frame_ms":18.4}"#;
 
-/// Trials a second that a loop inserts durably for so many seconds, so many a transaction. Rows
-/// and settings are the server's.
+/// Inserts trials durably for `seconds` s, `per_commit` in each transaction, with the server's rows
+/// and settings. Returns the number of trials a second.
 pub(crate) fn inserts(folder: &Folder, per_commit: usize, seconds: f64) -> f64 {
     let begin = Instant::now();
     let goes_on = || begin.elapsed().as_secs_f64() < seconds;

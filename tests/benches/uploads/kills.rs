@@ -14,8 +14,8 @@ use sidestep_tests::{Folder, Process, driven};
 use crate::figures::Milliseconds;
 use crate::load::Load;
 
-/// Starts the server and kills it in the middle of uploads, so many times. How many uploads were
-/// acknowledged between the kills, and how soon the server was ready again each time.
+/// Starts the server and kills it in the middle of uploads, `kills` times. Returns the number of
+/// uploads that were acknowledged, and how long the server took each time until it was ready.
 pub(crate) async fn kill(
     load: &Rc<Load>,
     folder: &Folder,

@@ -105,8 +105,8 @@ impl Load {
         (self.enrolled.get() - before, took_s)
     }
 
-    /// Lets people drive on, from so many connections, until time or people run out: how many
-    /// uploads were acknowledged, and in what time, s.
+    /// Lets participants upload over this number of connections until time or participants run out.
+    /// Returns the number of acknowledged uploads and the time that they took, s.
     pub(crate) async fn upload(self: &Rc<Self>, connections: usize, limit_s: f64) -> (usize, f64) {
         let before = self.acknowledged.get();
         // One participant drives one trial after the other.
@@ -151,25 +151,25 @@ impl Load {
         (self.enrolled.get() - before, took_s)
     }
 
-    /// How long requests took since the last call of this.
+    /// The durations of the requests since the last call.
     pub(crate) fn take_latencies(&self) -> Milliseconds {
         self.latencies.take()
     }
 
-    /// How many requests the server put off and how many went wrong since the last call of
-    /// this, with one of the latter.
+    /// The numbers of requests that the server put off and that failed since the last call, with
+    /// the message of one failure.
     pub(crate) fn troubles(&self) -> String {
         let problems = self.problems.take();
         let example = problems.first().map(|text| format!(": {text}")).unwrap_or_default();
         format!("{}, {}{example}", self.refused.take(), problems.len())
     }
 
-    /// How many people have trials left to drive.
+    /// The number of participants who have trials left to drive.
     pub(crate) fn waiting(&self) -> usize {
         self.waiting.borrow().len()
     }
 
-    /// Everybody, whether or not they have trials left. Nobody drives after that.
+    /// Removes and returns all participants, with or without trials left.
     pub(crate) fn everybody(&self) -> impl Iterator<Item = Participant> {
         self.waiting.take().into_iter().chain(self.done.take())
     }
@@ -179,7 +179,8 @@ impl Load {
         Connection::open(&address).await
     }
 
-    /// Runs so many tasks to their end or, somewhat later, the limit's: how long it took, s.
+    /// Runs `count` tasks until they end or, shortly after the limit, stops them. Returns the time
+    /// taken, s.
     async fn together<F: Future<Output = io::Result<()>> + 'static>(
         self: &Rc<Self>,
         count: usize,

@@ -61,7 +61,7 @@ async fn the_comparison_is_that_of_scikit_learn() {
     }
 }
 
-/// Rows of the reference's trials: of these people, and so many tasks of each.
+/// The header and the rows of the reference's trials: the first `tasks` tasks of these participants.
 pub(crate) fn some_trials(people: &[&str], tasks: u64) -> (String, Vec<String>) {
     let text = fs::read_to_string(data("trials.csv")).unwrap();
     let mut lines = text.lines().map(str::to_owned);
