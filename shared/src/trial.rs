@@ -160,6 +160,12 @@ impl Flag {
         }
     }
 
+    /// Whether these flags question a trial: one says more than that the trial was imported.
+    #[must_use]
+    pub fn question(flags: &[Self]) -> bool {
+        flags.iter().any(|flag| *flag != Self::Imported)
+    }
+
     /// The flag of that word.
     #[must_use]
     pub fn from_word(word: &str) -> Option<Self> {

@@ -27,7 +27,7 @@ pub struct Report {
     pub participants: usize,
     /// Trials replayed.
     pub trials: usize,
-    /// Trials with flags; these are not errors of the database.
+    /// Trials with a flag other than that they were imported; these are not errors of the database.
     pub flagged: usize,
     /// Damaged pages, references to rows that do not exist, and studies whose configuration cannot be
     /// read.
@@ -102,7 +102,7 @@ async fn replayed(
     let Some(trial) = store.trial(trial_id).await? else { return Ok(None) };
     let config = store.config(&trial.config_hash).await?;
     report.trials += 1;
-    report.flagged += usize::from(!trial.head.flags.is_empty());
+    report.flagged += usize::from(Flag::question(&trial.head.flags));
     Ok(fault(&config.parameters, &trial))
 }
 

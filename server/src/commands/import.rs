@@ -90,8 +90,7 @@ pub async fn run(args: ImportArgs) -> Result<(), CommandError> {
     let slug = config.slug.clone();
     let ids: Vec<_> = new.iter().map(|person| person.id.clone()).collect();
     let flagged = |person: &NewImport| {
-        // One flag says that the trial was imported.
-        person.trials.iter().filter(|(_, trial)| trial.flags.len() > 1).count()
+        person.trials.iter().filter(|(_, trial)| Flag::question(&trial.flags)).count()
     };
     let counts: Vec<_> = new.iter().map(|person| (person.trials.len(), flagged(person))).collect();
     let skipped = match store.import(config, new, now_ms()).await? {

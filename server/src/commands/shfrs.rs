@@ -338,6 +338,8 @@ fn enough(questions: &Questions, calibration: usize, trials: usize) -> Result<()
     match most {
         Some((needed, word, p)) if calibration < needed => {
             let share = questions.split.calibration;
+            // As --guarantee spells it.
+            let word = word.replace('_', "-");
             let expected = format!(
                 "at least {} tasks for p = {p} ({word}), so that {needed} are left to calibrate with",
                 (needed as f64 / share).ceil()
