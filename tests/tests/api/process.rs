@@ -29,12 +29,14 @@ async fn a_start_that_fails_says_what_to_do() {
     let site = folder.name("site");
     let spare = folder.database("spare.db");
     let study = folder.file("study.toml", "[parameters.human]\nspeed_mps = -2");
+    let impossible = folder.file("impossible.toml", "[parameters]\ndanger_radius_m = 30.0");
     let port = running.origin.trim_start_matches("http://");
     let nowhere = "sqlite:/proc/nowhere/sidestep.db";
     let built = "no client bundle in /tmp: run 'cargo xtask build' or pass --static DIR";
     let any = "127.0.0.1:0";
     for (listen, database, site, study, code, words) in [
         (port, &spare[..], &site[..], None, 1, &["--listen", "in use", "another"][..]),
+        ("8081", &spare, &site, None, 2, &["--listen", "such as 127.0.0.1:8080", "found 8081"]),
         (any, nowhere, &site, None, 1, &["/proc/nowhere/sidestep.db", "writable"]),
         (any, "postgres://u:secret@h/d", &site, None, 2, &["SQLite only"]),
         (any, "sqlite::memory:", &site, None, 2, &["sqlite:FILE"]),
@@ -47,6 +49,7 @@ async fn a_start_that_fails_says_what_to_do() {
             2,
             &[&study, "parameters.human.speed_mps", "expected", "found -2"],
         ),
+        (any, &spare, &site, Some(&impossible[..]), 2, &[&impossible, "danger radius", "duration"]),
         (any, &spare, &site, Some("missing.toml"), 2, &["missing.toml"]),
     ] {
         let mut args = vec!["serve", "--listen", listen, "--database", database, "--static", site];
@@ -59,9 +62,23 @@ async fn a_start_that_fails_says_what_to_do() {
 async fn commands_without_a_database_make_none() {
     let folder = Folder::default();
     let (none, out) = (folder.database("none.db"), folder.name("out"));
-    run(&["check", "--database", &none]).await.refused(1, &["none.db"]);
+    let said = run(&["check", "--database", &none]).await;
+    said.refused(1, &["none.db", "there is no such file"]);
     run(&["export", "--database", &none, "--out", &out]).await.refused(1, &["none.db"]);
+    let elsewhere = Folder::default();
+    let bad = elsewhere.file("bad.csv", "participant;trial");
+    run(&["import", "--database", &none, "--trials", &bad]).await.refused(2, &[&bad, "header"]);
     assert!(folder.names().is_empty());
+    for (name, content, words) in
+        [("empty.db", "", "it is empty"), ("text.db", "a,b\n", "not a database")]
+    {
+        let file = folder.file(name, content);
+        let said = run(&["check", "--database", &folder.database(name)]).await;
+        said.refused(1, &[name, words]);
+        assert!(!said.err.contains("writable"), "{}", said.err);
+        assert_eq!(folder.text(name), content);
+        std::fs::remove_file(file).unwrap();
+    }
     let format = ["export", "--database", &none, "--format", "xlsx", "--out", &out];
     run(&format).await.refused(2, &["--format", "csv", "xlsx"]);
     let missing = ["import", "--database", &none, "--trials", "missing.csv"];
