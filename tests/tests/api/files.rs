@@ -202,7 +202,7 @@ async fn a_check_finds_what_was_tampered_with() {
     import(&database, "default", &file).await.json();
     server.kill().await;
     let sound = run(&["check", "--database", &database]).await.json();
-    assert_eq!((&sound["trials"], &sound["flagged"]), (&1.into(), &0.into()));
+    assert_eq!((&sound["trials"], &sound["flagged"]), (&1.into(), &1.into()));
 
     let inputs = [vec![0; 49], vec![1]].concat();
     behind(&database).execute("UPDATE trial SET inputs = ?1", [inputs]).unwrap();
