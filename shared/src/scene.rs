@@ -2,10 +2,12 @@
 
 mod parameters;
 mod state;
+mod range;
 mod rules;
 mod design;
 
 pub use design::{Encounter, generate, generate_with};
 pub use parameters::{Evader, SceneParameters};
-pub use rules::{EncounterRange, SceneRules, is_admissible};
+pub use range::EncounterRange;
+pub use rules::{SceneRules, is_admissible};
 pub use state::{JointState, Scene, closest_within_step};

@@ -1,7 +1,8 @@
 //! The scenes of a participant: random, and evenly spread over three coordinates of the encounter.
 
 use super::parameters::SceneParameters;
-use super::rules::{EncounterRange, SceneRules};
+use super::range::EncounterRange;
+use super::rules::SceneRules;
 use super::state::Scene;
 use crate::invalid::Invalid;
 use crate::math::{PI, SeededRng, TAU, hypot, sin_cos, wrap_angle};

@@ -6,44 +6,11 @@
 //! for bit.
 
 use super::parameters::{Evader, SceneParameters};
+use super::range::EncounterRange;
 use super::state::{JointState, SAMPLES_PER_STEP, Scene, closest_within_step};
 use crate::math::{hypot, sin_cos};
 use crate::reachability::ExactValue;
 use crate::vehicle::{Pose, TurnInput};
-
-/// The bounds of the encounters that are drawn. Nearly parallel headings are excluded: their closing
-/// speed is small, so the vehicles would have to start far apart.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct EncounterRange {
-    /// Least |approach angle|, rad.
-    pub min_approach_rad: f64,
-    /// Greatest |miss distance| as a share of R_c.
-    pub max_miss_share: f64,
-    /// Least time to the danger zone, s.
-    pub min_entry_s: f64,
-    /// Greatest time to the danger zone, s.
-    pub max_entry_s: f64,
-    /// Least and greatest distance at the start, m.
-    pub start_distance_m: (f64, f64),
-    /// Distance by which an escape must clear the danger zone, m.
-    pub escape_clearance_m: f64,
-    /// No escape begins before this time, s, because a participant needs time to react.
-    pub escape_delay_s: f64,
-}
-
-impl Default for EncounterRange {
-    fn default() -> Self {
-        Self {
-            min_approach_rad: 0.35,
-            max_miss_share: 0.85,
-            min_entry_s: 2.0,
-            max_entry_s: 8.0,
-            start_distance_m: (7.0, 24.0),
-            escape_clearance_m: 0.3,
-            escape_delay_s: 1.0,
-        }
-    }
-}
 
 /// An escape is one turn from the delay on, held for 1, 2, … or this many seconds.
 const LONGEST_ESCAPE_S: usize = 5;
@@ -60,7 +27,7 @@ fn escape_steps(parameters: &SceneParameters, range: &EncounterRange) -> (usize,
 #[must_use]
 pub fn is_admissible(parameters: &SceneParameters, range: &EncounterRange, scene: &Scene) -> bool {
     let distance = scene.start().distance_m();
-    if distance < range.start_distance_m.0 || distance > range.start_distance_m.1 {
+    if distance < range.min_start_distance_m || distance > range.max_start_distance_m {
         return false;
     }
     let radius = parameters.danger_radius_m;
@@ -195,8 +162,8 @@ impl<'a> SceneRules<'a> {
     pub fn admit(&self, scene: &Scene) -> bool {
         let start = scene.start();
         let distance = start.distance_m();
-        let (least, greatest) = self.range.start_distance_m;
-        if distance < least || distance > greatest {
+        let range = self.range;
+        if distance < range.min_start_distance_m || distance > range.max_start_distance_m {
             return false;
         }
         let clear = self.judge(&start);
@@ -378,7 +345,11 @@ mod tests {
     #[test]
     fn the_fast_answer_is_the_plain_one() {
         let mut rng = SeededRng::new(3);
-        let range = EncounterRange { start_distance_m: (0.0, 60.0), ..EncounterRange::default() };
+        let range = EncounterRange {
+            min_start_distance_m: 0.0,
+            max_start_distance_m: 60.0,
+            ..EncounterRange::default()
+        };
         let (mut judged, mut admitted) = (0, 0);
         for _ in 0..60 {
             let parameters = study(&mut rng);
