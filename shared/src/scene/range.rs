@@ -103,7 +103,8 @@ mod tests {
 
     #[test]
     fn complaints_name_the_field_and_its_unit() {
-        let cases: [(fn(&mut EncounterRange), &str, &str); 12] = [
+        type Change = fn(&mut EncounterRange);
+        let cases: [(Change, &str, &str); 12] = [
             // Degrees for radians, milliseconds for seconds.
             (|r| r.min_approach_rad = 20.0, "min_approach_rad", "radians"),
             (|r| r.max_entry_s = 8000.0, "max_entry_s", "seconds"),
