@@ -10,14 +10,15 @@ pub use analyses::{
 use crate::invalid::{Invalid, finite, length};
 use crate::predict::PredictorFile;
 use crate::scene::{Evader, JointState, Scene, SceneParameters};
-use crate::study::PhaseConfig;
-use crate::trial::{Flag, Outcome, Phase, Replay};
+use crate::study::{PhaseConfig, QuestionKind, Status, TrialSettings, normalised_id};
+use crate::trial::{Flag, Outcome, PageEvent, Phase, Replay};
 use crate::vehicle::{Pose, TurnInput};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 
 /// Version of everything in this module; a client that was built for another version
 /// must be reloaded.
-pub const SCHEMA_VERSION: u32 = 1;
+pub const SCHEMA_VERSION: u32 = 2;
 
 /// Largest request body, bytes. A trial is about 10,000.
 pub const MAX_BODY_BYTES: usize = 262_144;
@@ -31,6 +32,12 @@ pub const MIN_REQUEST_ID_BYTES: usize = 16;
 /// Longest name of a key, external id or locale, characters.
 pub const MAX_NAME_CHARS: usize = 128;
 
+/// Most parameters of the address that an enrolment brings.
+pub const MAX_PARAMETERS: usize = 20;
+
+/// Most page events of a trial.
+pub const MAX_PAGE_EVENTS: usize = 1_000;
+
 /// Largest free-form object (screen, display) as JSON, bytes.
 pub const MAX_OBJECT_BYTES: usize = 8_192;
 
@@ -41,6 +48,11 @@ pub mod routes {
     pub fn study(slug: &str) -> String {
         format!("/api/v1/studies/{slug}")
     }
+    /// The sentences of the participant's page, and the study's own texts.
+    #[must_use]
+    pub fn texts(slug: &str) -> String {
+        format!("/api/v1/studies/{slug}/texts")
+    }
     /// Enrolment.
     #[must_use]
     pub fn participants(slug: &str) -> String {
@@ -48,6 +60,10 @@ pub mod routes {
     }
     /// The progress of the participant.
     pub const ME: &str = "/api/v1/participants/me";
+    /// The result of the check of understanding.
+    pub const COMPREHENSION: &str = "/api/v1/participants/me/comprehension";
+    /// The answers to the questions after the last scene.
+    pub const ANSWERS: &str = "/api/v1/participants/me/answers";
     /// The end of a participation.
     pub const COMPLETE: &str = "/api/v1/participants/me/complete";
     /// A trial's upload.
@@ -138,6 +154,144 @@ pub struct StudyInfo {
     pub parameters: SceneParameters,
     /// What will be driven.
     pub phases: Vec<PhaseConfig>,
+    /// Whether somebody new can take part.
+    pub admission: Admission,
+    /// The course of every trial.
+    pub trials: TrialSettings,
+    /// After this many attempts at the check of understanding with a wrong answer, the participation
+    /// ends; 0: never.
+    pub comprehension_attempts: usize,
+    /// Parameters of the address that may hold the person's external id.
+    pub external_id_parameters: Vec<String>,
+    /// Parameters of the address that are stored with the participant.
+    pub recorded_parameters: Vec<String>,
+}
+
+/// Whether somebody new can take part in a study.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Admission {
+    /// Yes.
+    Open,
+    /// No: as many people take part as were wanted.
+    Full,
+    /// No: the study is closed; participants who have begun can finish.
+    Closed,
+    /// No: the study is over for everybody.
+    Archived,
+}
+
+impl From<Status> for Admission {
+    /// The admission to a study that is not full.
+    fn from(status: Status) -> Self {
+        match status {
+            Status::Open => Self::Open,
+            Status::Closed => Self::Closed,
+            Status::Archived => Self::Archived,
+        }
+    }
+}
+
+/// All that a participant reads, in one language.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Texts {
+    /// Tag of the language, such as `de`.
+    pub language: String,
+    /// The languages to choose from.
+    pub offered: Vec<Language>,
+    /// The sentences of the page by key, such as `welcome.lead`. `{name}` is filled in by the page.
+    pub sentences: BTreeMap<String, String>,
+    /// The researcher's consent text, as HTML without scripts; absent if the study has none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub consent: Option<String>,
+    /// Facts about the study by key (`investigator`, `institution`, `contact`, `ethics`, `retention`);
+    /// only those that the researcher gave.
+    pub facts: Vec<(String, String)>,
+    /// The check of understanding; empty: there is none.
+    pub check: Vec<CheckForm>,
+    /// The questions after the last scene.
+    pub questions: Vec<QuestionForm>,
+    /// What the study was about, as HTML without scripts; absent if the study has none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub debrief: Option<String>,
+}
+
+/// A language to choose.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Language {
+    /// Its tag, such as `de`.
+    pub tag: String,
+    /// Its own name, such as `Deutsch`.
+    pub name: String,
+}
+
+/// A question with one right answer.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct CheckForm {
+    /// The question; `{name}` is filled in by the page as in sentences.
+    pub text: String,
+    /// The answers.
+    pub options: Vec<String>,
+    /// Place of the right answer, from 0.
+    pub answer: usize,
+}
+
+/// A question after the last scene.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct QuestionForm {
+    /// Name of the answer.
+    pub name: String,
+    /// What an answer is.
+    pub kind: QuestionKind,
+    /// The question.
+    pub text: String,
+    /// Whether it must be answered.
+    pub required: bool,
+    /// Values and texts of a choice's options.
+    pub options: Vec<(String, String)>,
+    /// Lowest and highest number of a scale.
+    pub range: (i64, i64),
+    /// What the lowest and highest number mean.
+    pub ends: (String, String),
+    /// Longest text, characters.
+    pub max_chars: usize,
+}
+
+/// Body of the result of the check of understanding.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ComprehensionResult {
+    /// How often the participant answered all questions.
+    pub attempts: usize,
+    /// Whether all answers of the last attempt were right.
+    pub passed: bool,
+}
+
+/// Answer to the result of the check of understanding.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ComprehensionStored {
+    /// The participation has ended: the answers were wrong too often.
+    pub screened_out: bool,
+    /// Where to go, if it has ended and the study names an address.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub return_url: Option<String>,
+}
+
+/// Body of the answers to the questions after the last scene.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Answers {
+    /// By the question's name: a string for a text, an option's value for a choice, a whole number for
+    /// a scale. Questions that were not answered are absent.
+    pub answers: BTreeMap<String, serde_json::Value>,
+}
+
+/// Answer to a withdrawal.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Withdrawn {
+    /// Where to go, if the study names an address.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub return_url: Option<String>,
 }
 
 /// Body of an enrolment.
@@ -153,7 +307,13 @@ pub struct Enrolment {
     /// after a lost answer, it is the same participant.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub request_id: Option<String>,
-    /// Language, such as `en-GB`.
+    /// Parameters of the address that the study stores, by name.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub parameters: BTreeMap<String, String>,
+    /// A pilot: kept apart from the data, without completion code and return link.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub pilot: bool,
+    /// Language in which the participant read the consent text, such as `en` or `zh-CN`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub locale: Option<String>,
     /// Facts about the screen: any small object.
@@ -170,10 +330,19 @@ impl Enrolment {
         if !self.consent {
             return Err(Invalid::new("consent", "true", "false"));
         }
-        for (field, text) in [("external_id", &self.external_id), ("locale", &self.locale)] {
-            if let Some(text) = text {
-                check_name(field, text)?;
-            }
+        if let Some(id) = &self.external_id {
+            normalised_id("external_id", id)?;
+        }
+        if let Some(locale) = &self.locale {
+            check_name("locale", locale)?;
+        }
+        if self.parameters.len() > MAX_PARAMETERS {
+            let expected = format!("at most {MAX_PARAMETERS} parameters");
+            return Err(Invalid::new("parameters", expected, self.parameters.len()));
+        }
+        for (name, value) in &self.parameters {
+            check_name("parameters", name)?;
+            check_name(&format!("parameters.{name}"), value)?;
         }
         if let Some(id) = &self.request_id {
             check_name("request_id", id)?;
@@ -257,12 +426,25 @@ pub struct PlannedScene {
     pub trial_id: String,
     /// Place within its phase, from 0.
     pub index: usize,
+    /// 1; 2 if the scene is driven again because its first trial was interrupted.
+    #[serde(default = "first", skip_serializing_if = "is_first")]
+    pub attempt: u32,
     /// The human's vehicle at the start.
     pub human: Pose,
     /// The robot at the start.
     pub robot: Pose,
     /// The robot's goal, m.
     pub goal: [f64; 2],
+}
+
+fn first() -> u32 {
+    1
+}
+
+// serde passes a reference.
+#[expect(clippy::trivially_copy_pass_by_ref)]
+fn is_first(count: &u32) -> bool {
+    *count == 1
 }
 
 impl PlannedScene {
@@ -289,6 +471,26 @@ pub struct Progress {
     /// The code, once the participation is complete.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub completion_code: Option<String>,
+    /// Where to go with the code, if the study names an address.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub return_url: Option<String>,
+    /// Whether the participation is complete. The code is absent although it is if this token was given
+    /// to somebody who knew only the external id.
+    #[serde(default)]
+    pub complete: bool,
+    /// Whether the check of understanding was passed.
+    #[serde(default)]
+    pub understood: bool,
+    /// Whether the questions after the last scene were answered.
+    #[serde(default)]
+    pub answered: bool,
+    /// Whether this is a pilot.
+    #[serde(default)]
+    pub pilot: bool,
+    /// Whether this token may withdraw the participation: one that was given to somebody who knew only
+    /// the external id may not.
+    #[serde(default)]
+    pub may_withdraw: bool,
 }
 
 /// A key that went down or up.
@@ -317,6 +519,12 @@ pub struct TrialUpload {
     pub sampled_at_ms: Vec<f64>,
     /// Key events, in order of time.
     pub key_events: Vec<KeyEvent>,
+    /// What happened to the page during the scene, in order of time.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub page_events: Vec<PageEvent>,
+    /// How often the scene was shown to the participant, this time included.
+    #[serde(default = "first", skip_serializing_if = "is_first")]
+    pub exposures: u32,
     /// Facts about the display: any small object.
     pub display: serde_json::Map<String, serde_json::Value>,
 }
@@ -347,6 +555,15 @@ impl TrialUpload {
         check_rising("key_events.t_ms", self.key_events.iter().map(|event| event.t_ms))?;
         for (i, event) in self.key_events.iter().enumerate() {
             check_name(&format!("key_events[{i}].key"), &event.key)?;
+        }
+        if self.page_events.len() > MAX_PAGE_EVENTS {
+            let expected = format!("at most {MAX_PAGE_EVENTS} entries");
+            return Err(Invalid::new("page_events", expected, self.page_events.len()));
+        }
+        check_rising("page_events.t_ms", self.page_events.iter().map(|event| event.t_ms))?;
+        if !(1..=10_000).contains(&self.exposures) {
+            let expected = "a whole number from 1 to 10000";
+            return Err(Invalid::new("exposures", expected, self.exposures));
         }
         check_object("display", &self.display)
     }
@@ -379,6 +596,9 @@ pub struct TrialStored {
 pub struct Completed {
     /// Proof that every trial is stored.
     pub completion_code: String,
+    /// Where to go with the code, if the study names an address.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub return_url: Option<String>,
 }
 
 /// Body of a sign-in to the laboratory.
@@ -509,7 +729,7 @@ mod tests {
         };
         for id in ["   ", "\u{a0}", "\u{3000}\u{2003}"] {
             let said = check(id).unwrap_err().to_string();
-            assert_eq!(said, "external_id: expected more than white space, found white space only");
+            assert!(said.starts_with("external_id: expected 1 to 128 characters"), "{said}");
         }
         assert_eq!(check(" P 17 "), Ok(()));
     }

@@ -1,23 +1,70 @@
 //! Studies as data: the phases and parameters of an experiment.
 
+mod localised;
+mod protocol;
+mod question;
+mod recruitment;
+mod plausible;
+
+pub use localised::{Localised, closest_language, is_language};
+pub use protocol::{CheckQuestion, Closing, Comprehension, Consent, TrialSettings};
+pub use question::{Choice, Question, QuestionKind};
+pub use recruitment::{Recruitment, normalised_id};
+
 use crate::invalid::Invalid;
 use crate::scene::{EncounterRange, Scene, SceneParameters, generate};
 use crate::trial::Phase;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 
 /// The configuration of a study. Study files are TOML; a missing table or field takes the paper's
 /// value.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct StudyConfig {
-    /// Name in addresses: lower-case letters, digits and hyphens.
+    /// Name in addresses: 1 to 64 lower-case letters, digits and hyphens.
     pub slug: String,
-    /// Name shown to people.
+    /// Name shown to people, 1 to 200 characters.
     pub title: String,
+    /// The researcher's label of this version of the study, at most 40 characters. Default: `1`.
+    pub version: String,
+    /// Whether people can take part. Default: open.
+    pub status: Status,
+    /// The languages that participants can choose from; the first is used for people who read none of
+    /// them. Default: every language that the server has, English first.
+    pub languages: Vec<String>,
     /// Vehicles, danger radius and clock.
     pub parameters: SceneParameters,
     /// The phases that a participant drives, in order.
     pub phases: Vec<PhaseConfig>,
+    /// The course of every trial.
+    pub trials: TrialSettings,
+    /// Who is responsible, and what participants agree to.
+    pub consent: Consent,
+    /// The check that participants have understood the instructions.
+    pub comprehension: Comprehension,
+    /// Questions after the last scene, in order; at most 100.
+    pub questions: Vec<Question>,
+    /// The last page.
+    pub closing: Closing,
+    /// How people reach the study and where they go afterwards.
+    pub recruitment: Recruitment,
+    /// Sentences of the participant's page that differ from the language files: by language, then by
+    /// key, such as `[texts.en] "welcome.lead" = "…"`.
+    pub texts: BTreeMap<String, BTreeMap<String, String>>,
+}
+
+/// Whether people can take part in a study.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Status {
+    /// Everybody with the link.
+    #[default]
+    Open,
+    /// Nobody new; participants who have begun can finish.
+    Closed,
+    /// Nobody.
+    Archived,
 }
 
 /// One phase of a study.
@@ -26,28 +73,46 @@ pub struct StudyConfig {
 pub struct PhaseConfig {
     /// Its name.
     pub phase: Phase,
-    /// Number of scenes.
+    /// Number of scenes, 1 to 1000.
     pub scenes: usize,
-    /// Whether the danger zone is drawn around the robot.
+    /// Whether the danger zone is drawn around the robot. Default: false.
     #[serde(default)]
     pub show_danger_zone: bool,
+    /// Whether the participant is told after each scene if they kept out of the danger zone. Default:
+    /// false.
+    #[serde(default)]
+    pub feedback: bool,
 }
 
 impl Default for StudyConfig {
     /// The paper's protocol. Its minute of familiarisation is six scenes of ten
     /// seconds, with the danger zone drawn.
     fn default() -> Self {
-        let phase =
-            |phase, scenes, show_danger_zone| PhaseConfig { phase, scenes, show_danger_zone };
+        let phase = |phase, scenes, show_danger_zone| PhaseConfig {
+            phase,
+            scenes,
+            show_danger_zone,
+            feedback: false,
+        };
         Self {
             slug: "default".to_owned(),
             title: "Avoid the robot".to_owned(),
+            version: "1".to_owned(),
+            status: Status::Open,
+            languages: Vec::new(),
             parameters: SceneParameters::default(),
             phases: vec![
                 phase(Phase::Familiarisation, 6, true),
                 phase(Phase::Practice, 3, false),
                 phase(Phase::Task, 50, false),
             ],
+            trials: TrialSettings::default(),
+            consent: Consent::default(),
+            comprehension: Comprehension::default(),
+            questions: Vec::new(),
+            closing: Closing::default(),
+            recruitment: Recruitment::default(),
+            texts: BTreeMap::new(),
         }
     }
 }
@@ -87,7 +152,54 @@ impl StudyConfig {
                 ));
             }
         }
+        self.check_protocol()
+    }
+
+    fn check_protocol(&self) -> Result<(), Invalid> {
+        let count = self.version.chars().count();
+        if !(1..=40).contains(&count) {
+            return Err(Invalid::new("version", "1 to 40 characters", format!("{count}")));
+        }
+        for (i, language) in self.languages.iter().enumerate() {
+            let field = || format!("languages[{i}]");
+            if !is_language(language) {
+                return Err(Invalid::new(field(), "a language tag such as en or zh-CN", language));
+            }
+            if self.languages[..i].contains(language) {
+                return Err(Invalid::new(field(), "each language once", language));
+            }
+        }
+        self.trials.check()?;
+        self.consent.check()?;
+        self.comprehension.check()?;
+        if self.questions.len() > 100 {
+            return Err(Invalid::new("questions", "at most 100", self.questions.len()));
+        }
+        for (i, question) in self.questions.iter().enumerate() {
+            let within = |error: Invalid| error.within(&format!("questions[{i}]"));
+            question.check().map_err(within)?;
+            if self.questions[..i].iter().any(|other| other.name == question.name) {
+                return Err(within(Invalid::new("name", "each name once", &question.name)));
+            }
+        }
+        self.closing.check()?;
+        self.recruitment.check().map_err(|e| e.within("recruitment"))?;
+        for (language, sentences) in &self.texts {
+            if !is_language(language) {
+                let expected = "a language tag such as en or zh-CN";
+                return Err(Invalid::new(format!("texts.{language}"), expected, language));
+            }
+            for (key, text) in sentences {
+                protocol::check_length(&format!("texts.{language}.{key}"), text)?;
+            }
+        }
         Ok(())
+    }
+
+    /// The language for people who read none that the study has.
+    #[must_use]
+    pub fn first_language(&self) -> &str {
+        self.languages.first().map_or("en", String::as_str)
     }
 
     /// The scenes of one participant, phase by phase. The same seed gives the same scenes on every

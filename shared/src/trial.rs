@@ -142,12 +142,108 @@ pub enum Flag {
     LateSample,
     /// The trial was read from a file, without evidence of timing and keys.
     Imported,
+    /// The participant could not drive all of it: the page lost the focus or was hidden, an input was
+    /// sampled more than [`INTERRUPTED_MS`] late, or the scene had been shown before.
+    Interrupted,
+    /// The page lost the focus or was hidden.
+    FocusLost,
+    /// The scene had been shown before: the page was reloaded or closed during an earlier showing.
+    ShownBefore,
+    /// The window changed its size.
+    Resized,
+    /// The participant left the full screen.
+    LeftFullscreen,
+    /// The screen showed fewer than [`LOW_FRAME_RATE_HZ`] frames per second.
+    LowFrameRate,
+}
+
+/// An input that was sampled later than this, ms, interrupts a trial.
+pub const INTERRUPTED_MS: f64 = 100.0;
+
+/// A median frame rate below this is flagged, Hz.
+pub const LOW_FRAME_RATE_HZ: f64 = 30.0;
+
+/// What happened to the page while a scene was driven.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum PageEventKind {
+    /// The window lost the keyboard.
+    FocusLost,
+    /// The window has the keyboard again.
+    FocusGained,
+    /// The tab was hidden.
+    Hidden,
+    /// The tab is shown again.
+    Shown,
+    /// The window has another size, or the page another zoom.
+    Resized,
+    /// The page left the full screen.
+    FullscreenLeft,
+    /// The page fills the screen.
+    FullscreenEntered,
+}
+
+/// Something that happened to the page while a scene was driven.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PageEvent {
+    /// Time after the scene's start, ms.
+    pub t_ms: f64,
+    /// What happened.
+    pub kind: PageEventKind,
+}
+
+/// The flags of what the page recorded about the driving of a trial. `exposures` counts how often the
+/// scene was shown, this time included; `frame_gap_median_ms` is the median time between frames, if
+/// it is known.
+#[must_use]
+pub fn page_flags(
+    parameters: &SceneParameters,
+    sampled_at_ms: &[f64],
+    exposures: u32,
+    page_events: &[PageEvent],
+    frame_gap_median_ms: Option<f64>,
+) -> Vec<Flag> {
+    let seen = |kinds: &[PageEventKind]| {
+        page_events.iter().any(|event| event.t_ms >= 0.0 && kinds.contains(&event.kind))
+    };
+    let step_ms = parameters.step_s * 1000.0;
+    let stalled = sampled_at_ms
+        .iter()
+        .enumerate()
+        .any(|(step, at)| at - step as f64 * step_ms > INTERRUPTED_MS);
+    let unfocused = seen(&[PageEventKind::FocusLost, PageEventKind::Hidden]);
+    let shown_before = exposures > 1;
+    [
+        (stalled || unfocused || shown_before, Flag::Interrupted),
+        (unfocused, Flag::FocusLost),
+        (shown_before, Flag::ShownBefore),
+        (seen(&[PageEventKind::Resized]), Flag::Resized),
+        (seen(&[PageEventKind::FullscreenLeft]), Flag::LeftFullscreen),
+        (
+            frame_gap_median_ms.is_some_and(|gap| gap > 1000.0 / LOW_FRAME_RATE_HZ),
+            Flag::LowFrameRate,
+        ),
+    ]
+    .into_iter()
+    .filter_map(|(seen, flag)| seen.then_some(flag))
+    .collect()
 }
 
 impl Flag {
     /// Every flag.
-    pub const ALL: [Self; 4] =
-        [Self::StartMismatch, Self::ReplayMismatch, Self::LateSample, Self::Imported];
+    pub const ALL: [Self; 10] = [
+        Self::StartMismatch,
+        Self::ReplayMismatch,
+        Self::LateSample,
+        Self::Imported,
+        Self::Interrupted,
+        Self::FocusLost,
+        Self::ShownBefore,
+        Self::Resized,
+        Self::LeftFullscreen,
+        Self::LowFrameRate,
+    ];
 
     /// The word used in files, rows and on the wire.
     #[must_use]
@@ -157,6 +253,12 @@ impl Flag {
             Self::ReplayMismatch => "replay_mismatch",
             Self::LateSample => "late_sample",
             Self::Imported => "imported",
+            Self::Interrupted => "interrupted",
+            Self::FocusLost => "focus_lost",
+            Self::ShownBefore => "shown_before",
+            Self::Resized => "resized",
+            Self::LeftFullscreen => "left_fullscreen",
+            Self::LowFrameRate => "low_frame_rate",
         }
     }
 
@@ -244,6 +346,27 @@ mod tests {
 
     fn on_time() -> Vec<f64> {
         (0..50).map(|step| f64::from(step) * 200.0 + 3.0).collect()
+    }
+
+    #[test]
+    fn what_interrupts_a_trial_is_flagged() {
+        use PageEventKind::{FocusLost, FullscreenLeft, Resized};
+        let parameters = SceneParameters::default();
+        let due: Vec<f64> = (0..50).map(|step| f64::from(step) * 200.0).collect();
+        let mut stalled = due.clone();
+        stalled[49] += 101.0;
+        let at = |t_ms, kind| PageEvent { t_ms, kind };
+        let check = |sampled: &[f64], exposures, events: &[PageEvent], gap, expected: &[Flag]| {
+            assert_eq!(page_flags(&parameters, sampled, exposures, events, gap), expected);
+        };
+        check(&due, 1, &[], Some(16.7), &[]);
+        check(&stalled, 1, &[], None, &[Flag::Interrupted]);
+        check(&due, 2, &[], None, &[Flag::Interrupted, Flag::ShownBefore]);
+        check(&due, 1, &[at(3.0, FocusLost)], None, &[Flag::Interrupted, Flag::FocusLost]);
+        check(&due, 1, &[at(-3.0, FocusLost)], None, &[]);
+        let seen = [at(3.0, Resized), at(4.0, FullscreenLeft)];
+        let expected = [Flag::Resized, Flag::LeftFullscreen, Flag::LowFrameRate];
+        check(&due, 1, &seen, Some(50.0), &expected);
     }
 
     #[test]

@@ -134,6 +134,8 @@ impl Drive {
             states: self.states,
             sampled_at_ms: self.sampled_at_ms,
             key_events: self.key_events,
+            page_events: Vec::new(),
+            exposures: 1,
             display,
         }
     }

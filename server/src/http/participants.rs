@@ -87,7 +87,13 @@ pub async fn show(State(app): State<Arc<App>>, Me(me): Me) -> Result<Json<Progre
         plan,
         stored: rows.iter().filter(|row| row.stored).map(id).collect(),
         next: rows.iter().find(|row| !row.stored).map(id),
+        complete: me.completion_code.is_some(),
         completion_code: me.completion_code,
+        return_url: None,
+        understood: true,
+        answered: true,
+        pilot: false,
+        may_withdraw: true,
     }))
 }
 
@@ -98,7 +104,9 @@ pub async fn complete(
 ) -> Result<Json<Completed>, ApiError> {
     let code = secrets::completion_code()?;
     match app.store.complete(&me.id, code, now_ms()).await? {
-        Completion::Complete { code } => Ok(Json(Completed { completion_code: code })),
+        Completion::Complete { code } => {
+            Ok(Json(Completed { completion_code: code, return_url: None }))
+        }
         Completion::Incomplete { missing, of } => {
             let message = format!("{missing} of {of} trials are not stored yet");
             Err(ApiError::conflict("incomplete", message))
@@ -166,6 +174,7 @@ fn plan(config: &StudyConfig, rows: &[PlannedRow]) -> Plan {
     let scene = |row: &PlannedRow| PlannedScene {
         trial_id: row.trial_id.clone(),
         index: row.index,
+        attempt: 1,
         human: row.scene.human,
         robot: row.scene.robot,
         goal: row.scene.goal,

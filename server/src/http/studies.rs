@@ -22,6 +22,11 @@ pub async fn show(
         title: study.config.title.clone(),
         parameters: study.config.parameters,
         phases: study.config.phases.clone(),
+        admission: study.config.status.into(),
+        trials: study.config.trials,
+        comprehension_attempts: study.config.comprehension.attempts,
+        external_id_parameters: study.config.recruitment.external_id.clone(),
+        recorded_parameters: study.config.recruitment.record.clone(),
     }))
 }
 

@@ -49,7 +49,8 @@ fn recorded(
     parameters: &SceneParameters,
     scene: &Scene,
 ) -> Result<NewTrial, ApiError> {
-    let TrialUpload { started_at_ms, inputs, states, sampled_at_ms, key_events, display } = upload;
+    let TrialUpload { started_at_ms, inputs, states, sampled_at_ms, key_events, display, .. } =
+        upload;
     let (flags, outcome) = (
         flags(parameters, scene, &inputs, &states, &sampled_at_ms),
         outcome(parameters, &inputs, &states),

@@ -183,6 +183,8 @@ impl Participant {
         let body = Enrolment {
             consent: true,
             external_id: self.context.address.parameter("external_id").map(str::to_owned),
+            parameters: std::collections::BTreeMap::new(),
+            pilot: false,
             // An enrolment whose answer was lost is asked for again under the same name.
             request_id: self.context.random_name.clone(),
             locale: Some(self.context.locale.clone()).filter(|locale| !locale.is_empty()),
@@ -466,7 +468,7 @@ impl Page for Participant {
             Msg::Outbox(message) => return self.outbox(message),
             Msg::Retry => return self.ask_again(),
             Msg::Completed(answer) => match read(answer) {
-                Ok(Completed { completion_code }) => {
+                Ok(Completed { completion_code, .. }) => {
                     self.trouble = None;
                     self.stage = Stage::Done(completion_code);
                 }

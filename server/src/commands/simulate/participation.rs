@@ -16,7 +16,7 @@ use sidestep::study::StudyConfig;
 use sidestep::synthetic::{KeyChange, Keys, SyntheticDrive, SyntheticParticipant};
 use sidestep::trial::Phase;
 use sidestep::vehicle::TurnInput;
-use std::collections::HashSet;
+use std::collections::{BTreeMap, HashSet};
 use std::error::Error;
 use std::time::Duration;
 
@@ -88,6 +88,8 @@ impl Done {
         let body = Enrolment {
             consent: true,
             external_id: Some(name),
+            parameters: BTreeMap::new(),
+            pilot: false,
             request_id: None,
             locale: None,
             screen: Some(synthetic()),
@@ -146,6 +148,8 @@ fn upload(parameters: &SceneParameters, drive: SyntheticDrive) -> TrialUpload {
         inputs: drive.inputs,
         states: drive.states,
         sampled_at_ms: drive.sampled_at_ms,
+        page_events: Vec::new(),
+        exposures: 1,
         display: synthetic(),
     }
 }

@@ -1,0 +1,121 @@
+//! Text that a researcher writes in several languages.
+
+use crate::invalid::Invalid;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// A text by language: `{ en = "Hello", de = "Hallo" }`. Languages are tags such as `en` or `zh-CN`.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct Localised(pub BTreeMap<String, String>);
+
+/// Whether `tag` can name a language: two or three letters, then parts of letters and digits, such as
+/// `de` or `zh-CN` (BCP 47).
+#[must_use]
+pub fn is_language(tag: &str) -> bool {
+    let mut parts = tag.split('-');
+    let letters = |part: &str| part.chars().all(|c| c.is_ascii_alphabetic());
+    parts.next().is_some_and(|first| matches!(first.len(), 2 | 3) && letters(first))
+        && parts.all(|part| {
+            (1..=8).contains(&part.len()) && part.chars().all(|c| c.is_ascii_alphanumeric())
+        })
+}
+
+/// The best of the `offered` languages for somebody who reads `wanted`: the same tag, else one of the
+/// same first part (`de` for `de-AT`, `zh-CN` for `zh-TW`).
+#[must_use]
+pub fn closest_language<'a>(
+    offered: impl Iterator<Item = &'a str> + Clone,
+    wanted: &str,
+) -> Option<&'a str> {
+    let first = |tag: &str| tag.split('-').next().unwrap_or_default().to_ascii_lowercase();
+    let same = offered.clone().find(|tag| tag.eq_ignore_ascii_case(wanted));
+    same.or_else(|| offered.clone().find(|tag| first(tag) == first(wanted)))
+}
+
+impl Localised {
+    /// A text in one language.
+    #[must_use]
+    pub fn of(language: &str, text: &str) -> Self {
+        Self(BTreeMap::from([(language.to_owned(), text.to_owned())]))
+    }
+
+    /// Whether there is no text in any language.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// The text for somebody who reads `language`; else that of `fallback`, else any.
+    #[must_use]
+    pub fn get(&self, language: &str, fallback: &str) -> &str {
+        let languages = || self.0.keys().map(String::as_str);
+        let found = closest_language(languages(), language)
+            .or_else(|| closest_language(languages(), fallback))
+            .or_else(|| languages().next());
+        found.and_then(|tag| self.0.get(tag)).map_or("", String::as_str)
+    }
+
+    /// Accepts texts whose languages have valid tags, none of them blank or longer than `most`
+    /// characters.
+    ///
+    /// # Errors
+    /// [`Invalid`] naming the language.
+    pub fn check(&self, field: &str, most: usize) -> Result<(), Invalid> {
+        for (language, text) in &self.0 {
+            let field = format!("{field}.{language}");
+            if !is_language(language) {
+                return Err(Invalid::new(field, "a language tag such as en or zh-CN", language));
+            }
+            let count = text.chars().count();
+            if count > most {
+                let expected = format!("at most {most} characters");
+                return Err(Invalid::new(field, expected, format!("{count}")));
+            }
+            if text.trim().is_empty() {
+                return Err(Invalid::new(field, "a text", "white space only"));
+            }
+        }
+        Ok(())
+    }
+
+    /// As [`Self::check`], for a text that must be there.
+    ///
+    /// # Errors
+    /// [`Invalid`] naming the field or the language.
+    pub fn check_given(&self, field: &str, most: usize) -> Result<(), Invalid> {
+        if self.is_empty() {
+            return Err(Invalid::new(field, "a text in at least one language", "none"));
+        }
+        self.check(field, most)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_closest_language_is_found() {
+        let offered = ["en", "de", "zh-CN"];
+        let find = |wanted| closest_language(offered.into_iter(), wanted);
+        let cases = [("de", Some("de")), ("de-AT", Some("de")), ("ZH-tw", Some("zh-CN"))];
+        for (wanted, found) in cases {
+            assert_eq!(find(wanted), found);
+        }
+        assert_eq!(find("fr"), None);
+        let text = Localised(BTreeMap::from([("de".into(), "Hallo".into())]));
+        assert_eq!(text.get("fr", "en"), "Hallo");
+        assert_eq!(Localised::default().get("fr", "en"), "");
+    }
+
+    #[test]
+    fn tags_have_letters_first() {
+        for tag in ["en", "zh-CN", "sr-Latn-RS", "de-1996"] {
+            assert!(is_language(tag), "{tag}");
+        }
+        for tag in ["", "e", "english", "1e", "en_GB", "en-", "../x"] {
+            assert!(!is_language(tag), "{tag}");
+        }
+    }
+}

@@ -1,0 +1,76 @@
+//! Values of a study file that are valid numbers but almost certainly mistakes, such as degrees for
+//! radians.
+
+use super::StudyConfig;
+use crate::invalid::Invalid;
+use crate::math::{PI, TAU};
+
+impl StudyConfig {
+    /// Accepts parameters that a study with people can have. [`StudyConfig::check`] accepts more, since
+    /// recordings from elsewhere may have other parameters.
+    ///
+    /// # Errors
+    /// [`Invalid`] naming the field, with the likely mistake.
+    pub fn check_plausible(&self) -> Result<(), Invalid> {
+        let parameters = &self.parameters;
+        let refuse = |field: &str, expected: &str, found: f64, mistake: String| {
+            let found = format!("{found}{mistake}");
+            Err(Invalid::new(format!("parameters.{field}"), expected, found))
+        };
+        for (name, vehicle) in [("human", parameters.human), ("robot", parameters.robot)] {
+            let rate = vehicle.turn_rate_radps;
+            if rate > TAU {
+                let expected = "at most 6.28 rad/s (a full turn in a second)";
+                let mistake = format!("; as degrees it would be {:.4} rad/s", rate * PI / 180.0);
+                return refuse(&format!("{name}.turn_rate_radps"), expected, rate, mistake);
+            }
+            let speed = vehicle.speed_mps;
+            if !(0.05..=50.0).contains(&speed) {
+                let field = format!("{name}.speed_mps");
+                return refuse(&field, "a speed from 0.05 to 50 m/s", speed, String::new());
+            }
+        }
+        let step_s = parameters.step_s;
+        if !(0.02..=1.0).contains(&step_s) {
+            let mistake = match step_s > 1.0 {
+                true => format!("; as milliseconds it would be {} s", step_s / 1000.0),
+                false => String::new(),
+            };
+            return refuse("step_s", "a step from 0.02 to 1 s", step_s, mistake);
+        }
+        let duration_s = parameters.duration_s();
+        if !(3.0..=120.0).contains(&duration_s) {
+            let mistake = format!(
+                " (a scene of {} s); the paper has 50 steps of 0.2 s",
+                (1000.0 * duration_s).round() / 1000.0
+            );
+            let expected = "scenes of 3 to 120 s (steps × step_s)";
+            return refuse("steps", expected, parameters.steps as f64, mistake);
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn likely_mistakes_are_refused_with_a_reason() {
+        let complain = |change: fn(&mut StudyConfig)| {
+            let mut study = StudyConfig::default();
+            study.check_plausible().unwrap();
+            change(&mut study);
+            study.check().unwrap();
+            study.check_plausible().unwrap_err().to_string()
+        };
+        let said = complain(|s| s.parameters.human.turn_rate_radps = 28.6);
+        assert!(said.contains("human.turn_rate_radps") && said.contains("0.4992 rad/s"), "{said}");
+        let said = complain(|s| s.parameters.step_s = 200.0);
+        assert!(said.contains("step_s") && said.contains("0.2 s"), "{said}");
+        let said = complain(|s| s.parameters.steps = 5);
+        assert!(said.contains("steps") && said.contains("a scene of 1 s"), "{said}");
+        let said = complain(|s| s.parameters.robot.speed_mps = 200.0);
+        assert!(said.contains("robot.speed_mps"), "{said}");
+    }
+}

@@ -1,0 +1,184 @@
+//! What happens around the scenes: consent, the check of understanding, the course of a trial, the
+//! closing page.
+
+use super::localised::Localised;
+use crate::invalid::Invalid;
+use serde::{Deserialize, Serialize};
+
+/// Longest text in Markdown, characters.
+const MAX_MARKDOWN: usize = 20_000;
+
+/// Longest sentence, characters.
+pub(super) const MAX_SENTENCE: usize = 500;
+
+/// Who is responsible for the study, and what participants agree to. The page shows the parts that are
+/// given. If `text` is missing, the page shows Sidestep's own text.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Consent {
+    /// Name of the investigator.
+    pub investigator: String,
+    /// University or company.
+    pub institution: String,
+    /// How to reach the investigator: an e-mail address or a telephone number.
+    pub contact: String,
+    /// Number of the ethics approval.
+    pub ethics: String,
+    /// How long the data are kept, and where.
+    pub retention: String,
+    /// The researcher's own text, Markdown, by language.
+    pub text: Localised,
+}
+
+impl Consent {
+    /// The facts by the names of their fields, without the text.
+    #[must_use]
+    pub fn facts(&self) -> [(&'static str, &str); 5] {
+        [
+            ("investigator", &self.investigator),
+            ("institution", &self.institution),
+            ("contact", &self.contact),
+            ("ethics", &self.ethics),
+            ("retention", &self.retention),
+        ]
+    }
+
+    pub(super) fn check(&self) -> Result<(), Invalid> {
+        for (field, text) in self.facts() {
+            check_length(&format!("consent.{field}"), text)?;
+        }
+        self.text.check("consent.text", MAX_MARKDOWN)
+    }
+}
+
+/// The check that participants have understood the instructions.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Comprehension {
+    /// Whether to ask Sidestep's own questions (about the robot, the keys and the danger zone).
+    /// Default: true.
+    pub standard: bool,
+    /// Further questions.
+    pub questions: Vec<CheckQuestion>,
+    /// After this many attempts with a wrong answer, the participation ends and counts as screened
+    /// out, 0 to 20. Default 0: as many attempts as it takes.
+    pub attempts: usize,
+}
+
+impl Default for Comprehension {
+    fn default() -> Self {
+        Self { standard: true, questions: Vec::new(), attempts: 0 }
+    }
+}
+
+/// A question with one right answer.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CheckQuestion {
+    /// The question, by language.
+    pub text: Localised,
+    /// The answers, by language: 2 to 8.
+    pub options: Vec<Localised>,
+    /// Place of the right answer, from 0.
+    pub answer: usize,
+}
+
+impl Comprehension {
+    pub(super) fn check(&self) -> Result<(), Invalid> {
+        if self.attempts > 20 {
+            let expected = "a whole number from 0 to 20";
+            return Err(Invalid::new("comprehension.attempts", expected, self.attempts));
+        }
+        if self.questions.len() > 20 {
+            let found = self.questions.len();
+            return Err(Invalid::new("comprehension.questions", "at most 20 questions", found));
+        }
+        for (i, question) in self.questions.iter().enumerate() {
+            let field = format!("comprehension.questions[{i}]");
+            question.text.check_given(&format!("{field}.text"), MAX_SENTENCE)?;
+            if !(2..=8).contains(&question.options.len()) {
+                let field = format!("{field}.options");
+                return Err(Invalid::new(field, "2 to 8 answers", question.options.len()));
+            }
+            for (k, option) in question.options.iter().enumerate() {
+                option.check_given(&format!("{field}.options[{k}]"), MAX_SENTENCE)?;
+            }
+            if question.answer >= question.options.len() {
+                let expected = format!("a place from 0 to {}", question.options.len() - 1);
+                return Err(Invalid::new(format!("{field}.answer"), expected, question.answer));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The course of every trial.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct TrialSettings {
+    /// Seconds that are counted down over the still scene before it starts, a whole number from 1 to
+    /// 10. Default: 3.
+    pub countdown_s: u32,
+    /// Seconds for which the last picture stays, 0 to 5. Default: 0.6.
+    pub end_s: f64,
+    /// Whether an interrupted trial is driven again after all others, as a further attempt. The first
+    /// attempt is kept. Default: false.
+    pub repeat_interrupted: bool,
+    /// A rest is offered after every so many tasks; 0: never. Default: 10.
+    pub rest_after: usize,
+    /// Whether the scenes ask for the full screen. Default: true. A participant may decline.
+    pub fullscreen: bool,
+}
+
+impl Default for TrialSettings {
+    fn default() -> Self {
+        Self {
+            countdown_s: 3,
+            end_s: 0.6,
+            repeat_interrupted: false,
+            rest_after: 10,
+            fullscreen: true,
+        }
+    }
+}
+
+impl TrialSettings {
+    pub(super) fn check(&self) -> Result<(), Invalid> {
+        if !(1..=10).contains(&self.countdown_s) {
+            let expected = "a whole number of seconds from 1 to 10";
+            return Err(Invalid::new("trials.countdown_s", expected, self.countdown_s));
+        }
+        if !(0.0..=5.0).contains(&self.end_s) {
+            return Err(Invalid::new("trials.end_s", "seconds from 0 to 5", self.end_s));
+        }
+        if self.rest_after > super::MAX_SCENES {
+            let expected = format!("a whole number from 0 to {}", super::MAX_SCENES);
+            return Err(Invalid::new("trials.rest_after", expected, self.rest_after));
+        }
+        Ok(())
+    }
+}
+
+/// The last page.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Closing {
+    /// What the study was about, Markdown, by language; shown after the last scene.
+    pub debrief: Localised,
+}
+
+impl Closing {
+    pub(super) fn check(&self) -> Result<(), Invalid> {
+        self.debrief.check("closing.debrief", MAX_MARKDOWN)
+    }
+}
+
+/// Accepts a text of at most [`MAX_SENTENCE`] characters.
+pub(super) fn check_length(field: &str, text: &str) -> Result<(), Invalid> {
+    let count = text.chars().count();
+    if count > MAX_SENTENCE {
+        let expected = format!("at most {MAX_SENTENCE} characters");
+        return Err(Invalid::new(field, expected, count));
+    }
+    Ok(())
+}

@@ -1,0 +1,220 @@
+//! How people reach the study and where they go afterwards.
+
+use crate::invalid::Invalid;
+use serde::{Deserialize, Serialize};
+
+/// How people reach the study and where they go afterwards.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Recruitment {
+    /// Parameters of the address that may hold the recruiting service's id of the person; the first
+    /// that is given counts. Default: `external_id`, Prolific's `PROLIFIC_PID`, MTurk's `workerId`,
+    /// SONA's `survey_code`.
+    pub external_id: Vec<String>,
+    /// Whether a person without such an id is refused. Default: false.
+    pub require_external_id: bool,
+    /// Further parameters of the address that are stored with the participant. Default: Prolific's
+    /// `STUDY_ID` and `SESSION_ID`, MTurk's `assignmentId` and `hitId`.
+    pub record: Vec<String>,
+    /// Hosts that return links may lead to. Default: none.
+    pub return_hosts: Vec<String>,
+    /// Where a person goes with a completion code, an https address on one of `return_hosts`;
+    /// `{code}` and `{external_id}` are filled in. Empty: nowhere.
+    pub completed_url: String,
+    /// Where a person goes who was screened out. As `completed_url`, without `{code}`.
+    pub screened_out_url: String,
+    /// Where a person goes who withdrew. As `completed_url`, without `{code}`.
+    pub withdrawn_url: String,
+    /// Most participants who complete; 0: no limit. Pilots and people who withdrew or were screened
+    /// out do not count. Default: 0.
+    pub quota: u64,
+    /// A participant who has not finished holds a place of the quota for this many minutes after their
+    /// last trial, 1 to 10080 (a week). Who comes back later may still finish. Default: 60.
+    pub hold_min: f64,
+}
+
+impl Default for Recruitment {
+    fn default() -> Self {
+        let names = |names: &[&str]| names.iter().map(|&name| name.to_owned()).collect();
+        Self {
+            external_id: names(&["external_id", "PROLIFIC_PID", "workerId", "survey_code"]),
+            require_external_id: false,
+            record: names(&["STUDY_ID", "SESSION_ID", "assignmentId", "hitId"]),
+            return_hosts: Vec::new(),
+            completed_url: String::new(),
+            screened_out_url: String::new(),
+            withdrawn_url: String::new(),
+            quota: 0,
+            hold_min: 60.0,
+        }
+    }
+}
+
+/// Longest external id, characters.
+const MAX_ID_CHARS: usize = 128;
+
+impl Recruitment {
+    pub(super) fn check(&self) -> Result<(), Invalid> {
+        let lists = [("external_id", &self.external_id), ("record", &self.record)];
+        for (field, names) in lists {
+            if names.len() > 20 {
+                return Err(Invalid::new(field, "at most 20 names", names.len()));
+            }
+            for (i, name) in names.iter().enumerate() {
+                let fits = |c: char| c.is_ascii_alphanumeric() || "_-.".contains(c);
+                if !(1..=64).contains(&name.len()) || !name.chars().all(fits) {
+                    let expected = "1 to 64 letters, digits, underscores, hyphens and points";
+                    let found = format!("{name:?}");
+                    return Err(Invalid::new(format!("{field}[{i}]"), expected, found));
+                }
+            }
+        }
+        for (i, host) in self.return_hosts.iter().enumerate() {
+            let fits = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || ".-:".contains(c);
+            if !(1..=255).contains(&host.len()) || !host.chars().all(fits) {
+                let expected = "a host in lower-case letters, such as app.prolific.com";
+                let found = format!("{host:?}");
+                return Err(Invalid::new(format!("return_hosts[{i}]"), expected, found));
+            }
+        }
+        self.check_url("completed_url", &self.completed_url, &["{code}", "{external_id}"])?;
+        self.check_url("screened_out_url", &self.screened_out_url, &["{external_id}"])?;
+        self.check_url("withdrawn_url", &self.withdrawn_url, &["{external_id}"])?;
+        if !(1.0..=10_080.0).contains(&self.hold_min) {
+            return Err(Invalid::new("hold_min", "minutes from 1 to 10080", self.hold_min));
+        }
+        Ok(())
+    }
+
+    /// Accepts no address, or an https address on one of the return hosts.
+    fn check_url(&self, field: &str, url: &str, places: &[&str]) -> Result<(), Invalid> {
+        if url.is_empty() {
+            return Ok(());
+        }
+        let found = || format!("{url:?}");
+        let hosts = &self.return_hosts;
+        let on_host = |host: &String| {
+            let rest = url.strip_prefix("https://").and_then(|rest| rest.strip_prefix(&**host));
+            rest.is_some_and(|rest| rest.is_empty() || rest.starts_with(['/', '?']))
+        };
+        if !hosts.iter().any(on_host) {
+            let expected = if hosts.is_empty() {
+                "recruitment.return_hosts to name the host of this address".to_owned()
+            } else {
+                format!("an address that begins with https:// and one of {}", hosts.join(", "))
+            };
+            return Err(Invalid::new(field, expected, found()));
+        }
+        let plain = places.iter().fold(url.to_owned(), |url, place| url.replace(place, ""));
+        let fits = |c: char| c.is_ascii_graphic() && !"{}\"<>\\^`|".contains(c);
+        if !plain.chars().all(fits) {
+            let expected =
+                format!("an address whose only places to fill are {}", places.join(", "));
+            return Err(Invalid::new(field, expected, found()));
+        }
+        Ok(())
+    }
+
+    /// The address with the code and the external id filled in, percent-encoded; none if no address is
+    /// set.
+    #[must_use]
+    pub fn filled(url: &str, code: Option<&str>, external_id: Option<&str>) -> Option<String> {
+        if url.is_empty() {
+            return None;
+        }
+        let encoded = |text: Option<&str>| percent_encoded(text.unwrap_or_default());
+        // The id is filled in last: what it contains is not filled in again.
+        let with_code = url.replace("{code}", &encoded(code));
+        Some(with_code.replace("{external_id}", &encoded(external_id)))
+    }
+}
+
+/// A text as a part of an address: everything but letters, digits and `-._~` as `%XX`.
+fn percent_encoded(text: &str) -> String {
+    let mut encoded = String::with_capacity(text.len());
+    for byte in text.bytes() {
+        if byte.is_ascii_alphanumeric() || b"-._~".contains(&byte) {
+            encoded.push(char::from(byte));
+        } else {
+            encoded.push('%');
+            for digit in [byte >> 4, byte & 15] {
+                encoded.push(char::from(b"0123456789ABCDEF"[usize::from(digit)]));
+            }
+        }
+    }
+    encoded
+}
+
+/// The id of a person at a recruiting service as it is compared: without white space around it, in
+/// lower case, so that `P1`, `p1` and ` P1 ` are one person.
+///
+/// # Errors
+/// [`Invalid`] for an id that is empty, too long, or has other characters than letters, digits, spaces
+/// and `-_.@:+=/~`.
+pub fn normalised_id(field: &str, id: &str) -> Result<String, Invalid> {
+    let id = id.trim();
+    let count = id.chars().count();
+    if !(1..=MAX_ID_CHARS).contains(&count) {
+        let expected = format!("1 to {MAX_ID_CHARS} characters besides white space around them");
+        return Err(Invalid::new(field, expected, format!("{count}")));
+    }
+    let fits = |c: char| c.is_alphanumeric() || " -_.@:+=/~".contains(c);
+    if !id.chars().all(fits) {
+        let expected = "letters, digits, spaces and -_.@:+=/~ only";
+        return Err(Invalid::new(field, expected, "another character"));
+    }
+    Ok(id.to_lowercase())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_person_has_one_id() {
+        for id in ["P1", "p1", " P1 ", "\u{a0}p1\n"] {
+            assert_eq!(normalised_id("external_id", id).as_deref(), Ok("p1"));
+        }
+        for id in ["", "  ", "a\tb", "<b>", "a\u{202e}b", "a\u{0}", "a{code}"] {
+            assert!(normalised_id("external_id", id).is_err(), "{id:?}");
+        }
+        assert!(normalised_id("external_id", &"x".repeat(129)).is_err());
+    }
+
+    #[test]
+    fn return_links_lead_to_named_hosts_only() {
+        let with = |hosts: &[&str], url: &str| {
+            let return_hosts = hosts.iter().map(|&host| host.to_owned()).collect();
+            let recruitment = Recruitment {
+                return_hosts,
+                completed_url: url.to_owned(),
+                ..Recruitment::default()
+            };
+            recruitment.check().map_err(|error| error.field)
+        };
+        let host = ["app.prolific.com"];
+        assert_eq!(with(&[], ""), Ok(()));
+        assert_eq!(with(&host, "https://app.prolific.com/done?cc={code}&p={external_id}"), Ok(()));
+        for url in [
+            "http://app.prolific.com/",
+            "https://app.prolific.com.evil.example/",
+            "https://app.prolific.com@evil.example/",
+            "https://evil.example/?app.prolific.com",
+            "javascript:alert(1)",
+            "https://app.prolific.com/{token}",
+            "https://app.prolific.com/a b",
+            "https://app.prolific.com\\@evil.example",
+        ] {
+            assert_eq!(with(&host, url), Err("completed_url".to_owned()), "{url}");
+        }
+        assert!(with(&[], "https://app.prolific.com/").is_err());
+    }
+
+    #[test]
+    fn places_are_filled_with_encoded_text() {
+        let filled =
+            Recruitment::filled("https://h/?c={code}&p={external_id}", Some("A-1"), Some("a/ü"));
+        assert_eq!(filled.as_deref(), Some("https://h/?c=A-1&p=a%2F%C3%BC"));
+        assert_eq!(Recruitment::filled("", Some("x"), None), None);
+    }
+}
