@@ -29,6 +29,8 @@ pub fn upload_with(
         states,
         sampled_at_ms: on_time(),
         key_events: vec![key(1990.5, true), key(5012.0, false)],
+        page_events: Vec::new(),
+        exposures: 1,
         display: Map::from_iter([("refresh_hz".to_owned(), json!(60.0))]),
     }
 }
