@@ -164,6 +164,8 @@ mod tests {
             sampled_at_ms: (0..inputs.len()).map(|step| 200.0 * step as f64).collect(),
             inputs,
             key_events: Vec::new(),
+            page_events: Vec::new(),
+            exposures: 1,
             display: Map::new(),
         };
         let request = Request::put(routes::my_trial(&planned.trial_id))
