@@ -10,7 +10,7 @@ pub use analyses::{
 use crate::invalid::{Invalid, finite, length};
 use crate::predict::PredictorFile;
 use crate::scene::{Evader, JointState, Scene, SceneParameters};
-use crate::study::{PhaseConfig, QuestionKind, Status, TrialSettings, normalised_id};
+use crate::study::{PhaseConfig, QuestionKind, Status, StudyConfig, TrialSettings, normalised_id};
 use crate::trial::{Flag, Outcome, PageEvent, Phase, Replay};
 use crate::vehicle::{Pose, TurnInput};
 use serde::{Deserialize, Serialize};
@@ -165,6 +165,25 @@ pub struct StudyInfo {
     pub external_id_parameters: Vec<String>,
     /// Parameters of the address that are stored with the participant.
     pub recorded_parameters: Vec<String>,
+}
+
+impl StudyInfo {
+    /// What a participant needs to know of a study.
+    #[must_use]
+    pub fn of(study: &StudyConfig, admission: Admission) -> Self {
+        Self {
+            schema_version: SCHEMA_VERSION,
+            slug: study.slug.clone(),
+            title: study.title.clone(),
+            parameters: study.parameters,
+            phases: study.phases.clone(),
+            admission,
+            trials: study.trials,
+            comprehension_attempts: study.comprehension.attempts,
+            external_id_parameters: study.recruitment.external_id.clone(),
+            recorded_parameters: study.recruitment.record.clone(),
+        }
+    }
 }
 
 /// Whether somebody new can take part in a study.

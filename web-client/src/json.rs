@@ -44,10 +44,11 @@ impl serde_json::ser::Formatter for Digits {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use sidestep::api::{Enrolled, Problem, Progress, StudyInfo, TrialUpload};
+    use sidestep::api::{Admission, Enrolled, Problem, Progress, StudyInfo, TrialUpload};
     use sidestep::math::SeededRng;
     use sidestep::scene::JointState;
     use sidestep::study::StudyConfig;
+    use sidestep::trial::{PageEvent, PageEventKind};
     use sidestep::vehicle::{Pose, TurnInput};
 
     #[test]
@@ -98,6 +99,8 @@ mod tests {
             states: vec![state; 4],
             sampled_at_ms: vec![0.5; 3],
             key_events: vec![key],
+            page_events: vec![PageEvent { t_ms: 2.5, kind: PageEventKind::FocusLost }],
+            exposures: 2,
             display,
         };
         assert_eq!(serde_json::from_str::<TrialUpload>(&write(&upload)).unwrap(), upload);
@@ -106,13 +109,7 @@ mod tests {
     #[test]
     fn what_the_server_writes_the_client_reads() {
         let study = StudyConfig::default();
-        let info = StudyInfo {
-            schema_version: 1,
-            slug: study.slug,
-            title: study.title,
-            parameters: study.parameters,
-            phases: study.phases,
-        };
+        let info = StudyInfo::of(&study, Admission::Open);
         assert_eq!(read::<StudyInfo>(&serde_json::to_vec(&info).unwrap()), Some(info));
         let text = br#"{"participant_id":"p","study":"s","stored":["a"],"next":null,
             "plan":{"phases":[{"phase":"task","show_danger_zone":false,"scenes":[

@@ -7,7 +7,7 @@ use crate::store::Store;
 use crate::store::studies::StoredStudy;
 use axum::Json;
 use axum::extract::State;
-use sidestep::api::{SCHEMA_VERSION, StudyInfo};
+use sidestep::api::StudyInfo;
 use std::sync::Arc;
 
 /// `GET /api/v1/studies/{slug}`.
@@ -16,18 +16,7 @@ pub async fn show(
     PathText(slug): PathText,
 ) -> Result<Json<StudyInfo>, ApiError> {
     let study = named(&app.store, &slug).await?;
-    Ok(Json(StudyInfo {
-        schema_version: SCHEMA_VERSION,
-        slug: study.slug,
-        title: study.config.title.clone(),
-        parameters: study.config.parameters,
-        phases: study.config.phases.clone(),
-        admission: study.config.status.into(),
-        trials: study.config.trials,
-        comprehension_attempts: study.config.comprehension.attempts,
-        external_id_parameters: study.config.recruitment.external_id.clone(),
-        recorded_parameters: study.config.recruitment.record.clone(),
-    }))
+    Ok(Json(StudyInfo::of(&study.config, study.config.status.into())))
 }
 
 /// The study with this name.

@@ -4,8 +4,8 @@ use super::Participant;
 use crate::runtime::{Address, Event, NotKept, Page, PageContext};
 use crate::testing;
 use sidestep::api::{
-    Completed, Enrolled, Enrolment, Plan, PlannedPhase, PlannedScene, Problem, Progress,
-    SCHEMA_VERSION, StudyInfo, TrialStored, TrialUpload, routes,
+    Admission, Completed, Enrolled, Enrolment, Plan, PlannedPhase, PlannedScene, Problem, Progress,
+    StudyInfo, TrialStored, TrialUpload, routes,
 };
 use sidestep::scene::{EncounterRange, SceneParameters, generate};
 use sidestep::study::StudyConfig;
@@ -20,6 +20,7 @@ fn plan() -> Plan {
     let planned = |(index, (scene, _)): (usize, (sidestep::scene::Scene, _))| PlannedScene {
         trial_id: format!("t{index}"),
         index,
+        attempt: 1,
         human: scene.human,
         robot: scene.robot,
         goal: scene.goal,
@@ -36,6 +37,12 @@ fn progress(stored: &[&str]) -> Progress {
         stored: stored.iter().map(|id| (*id).to_owned()).collect(),
         next: None,
         completion_code: None,
+        return_url: None,
+        complete: false,
+        understood: true,
+        answered: true,
+        pilot: false,
+        may_withdraw: true,
     }
 }
 
@@ -49,13 +56,7 @@ fn open(kept: BTreeMap<String, String>, study: StudyConfig) -> Session {
         ..PageContext::default()
     };
     let mut session = Session::new(Participant::open(context), kept);
-    let info = StudyInfo {
-        schema_version: SCHEMA_VERSION,
-        slug: study.slug,
-        title: study.title,
-        parameters: study.parameters,
-        phases: study.phases,
-    };
+    let info = StudyInfo::of(&study, Admission::Open);
     session.send("study", 200, &info);
     session
 }
@@ -120,7 +121,7 @@ impl Session {
 
     /// The completion code comes.
     fn completed(&mut self) {
-        self.send("complete", 200, &Completed { completion_code: "ABC".into() });
+        self.send("complete", 200, &Completed { completion_code: "ABC".into(), return_url: None });
         assert!(self.text().contains("ABC"));
     }
 }
