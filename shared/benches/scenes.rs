@@ -7,16 +7,22 @@ use std::hint::black_box;
 
 use criterion::{Criterion, SamplingMode};
 use fastest::Fastest;
-use sidestep::scene::{EncounterRange, Scene, generate, generate_with, is_admissible};
+use sidestep::scene::{
+    EncounterRange, Scene, counterbalanced, generate, generate_with, is_admissible,
+};
 use sidestep::study::StudyConfig;
 
 mod fastest;
 
 /// Measurement and baseline.
-const RATIOS: &[(&str, &str)] = &[("scenes/of a participant", "scenes/by the plain rules")];
+const RATIOS: &[(&str, &str)] = &[
+    ("scenes/of a participant", "scenes/by the plain rules"),
+    ("scenes/counterbalanced", "scenes/of a participant"),
+];
 
 /// Of one participant, s.
-const BUDGETS: &[(&str, f64)] = &[("scenes/of a participant", 5e-3)];
+const BUDGETS: &[(&str, f64)] =
+    &[("scenes/of a participant", 5e-3), ("scenes/counterbalanced", 2e-3)];
 
 /// Participants whose scenes are drawn in one call: some have far more rejected draws than others.
 const PARTICIPANTS: u64 = 20;
@@ -34,6 +40,14 @@ fn main() {
         for seed in 0..PARTICIPANTS {
             for phase in &phases {
                 black_box(generate(&parameters, &range, phase.scenes, seed)).expect("scenes");
+            }
+        }
+    });
+    fastest.measure(&mut group, "scenes/counterbalanced", people, || {
+        for place in 0..PARTICIPANTS {
+            for phase in &phases {
+                let scenes = counterbalanced(&parameters, &range, phase.scenes, 1, place);
+                black_box(scenes).expect("scenes");
             }
         }
     });

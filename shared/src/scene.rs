@@ -2,12 +2,20 @@
 
 mod parameters;
 mod state;
+mod encounter;
 mod range;
 mod rules;
+mod strata;
 mod design;
+mod williams;
+mod counterbalanced;
 
-pub use design::{Encounter, generate, generate_with};
+pub use counterbalanced::{StratifiedScene, counterbalanced};
+pub use design::{generate, generate_with};
+pub use encounter::Encounter;
 pub use parameters::{Evader, SceneParameters};
 pub use range::EncounterRange;
 pub use rules::{SceneRules, is_admissible};
 pub use state::{JointState, Scene, closest_within_step};
+pub use strata::{Coordinate, Strata, Stratification};
+pub use williams::{williams_block, williams_order};

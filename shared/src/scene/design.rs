@@ -1,53 +1,14 @@
-//! The scenes of a participant: random, and evenly spread over three coordinates of the encounter.
+//! The scenes of a participant on their own: random, and evenly spread over three coordinates of the
+//! encounter.
 
+use super::encounter::{Encounter, no_scene, place};
 use super::parameters::SceneParameters;
 use super::range::EncounterRange;
 use super::rules::SceneRules;
 use super::state::Scene;
+use super::strata::Stratification;
 use crate::invalid::Invalid;
-use crate::math::{PI, SeededRng, TAU, hypot, sin_cos, wrap_angle};
-use crate::vehicle::Pose;
-
-/// The coordinates of an encounter, along which scenes are evenly spread.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Encounter {
-    /// Human's heading less the robot's, rad in (−π, π].
-    pub approach_rad: f64,
-    /// Signed distance of closest approach if nobody turns, m.
-    pub miss_m: f64,
-    /// Time at which the distance falls to R_c if nobody turns, s.
-    pub entry_s: f64,
-}
-
-/// The scene of an encounter, centred on the origin and turned by `turn_rad`.
-pub(super) fn place(parameters: &SceneParameters, encounter: Encounter, turn_rad: f64) -> Scene {
-    let robot_heading = turn_rad;
-    let human_heading = wrap_angle(turn_rad + encounter.approach_rad);
-    let (rs, rc) = sin_cos(robot_heading);
-    let (hs, hc) = sin_cos(human_heading);
-    // The robot's velocity relative to the human's.
-    let wx = parameters.robot.speed_mps * rc - parameters.human.speed_mps * hc;
-    let wy = parameters.robot.speed_mps * rs - parameters.human.speed_mps * hs;
-    let w = hypot(wx, wy);
-    let radius = parameters.danger_radius_m;
-    let half_chord = (radius * radius - encounter.miss_m * encounter.miss_m).max(0.0).sqrt();
-    let closest_s = encounter.entry_s + half_chord / w;
-    // The robot's start relative to the human's: the miss vector, moved back along w.
-    let dx = -encounter.miss_m * wy / w - wx * closest_s;
-    let dy = encounter.miss_m * wx / w - wy * closest_s;
-    // Centre the box around both straight paths, so that the canvas shows all of it.
-    let ahead_h = parameters.human.speed_mps * parameters.duration_s();
-    let ahead_r = parameters.goal_distance_m();
-    let centre = |a: [f64; 4]| {
-        let low = a.iter().copied().fold(f64::INFINITY, f64::min);
-        let high = a.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        0.5 * (low + high)
-    };
-    let cx = centre([0.0, ahead_h * hc, dx, dx + ahead_r * rc]);
-    let cy = centre([0.0, ahead_h * hs, dy, dy + ahead_r * rs]);
-    let human = Pose::new(-cx, -cy, human_heading);
-    Scene::new(parameters, human, Pose::new(dx - cx, dy - cy, robot_heading))
-}
+use crate::math::{SeededRng, TAU, wrap_angle};
 
 /// `count` scenes from a seed, evenly spread over approach angle, miss distance and entry time: a
 /// Latin hypercube, in which each of the three coordinates falls once into each of `count` equal
@@ -88,7 +49,7 @@ pub fn generate_with(
     let miss = rng.permutation(count);
     let entry = rng.permutation(count);
     let stratum = |rng: &mut SeededRng, cell: usize| (cell as f64 + rng.unit()) / count as f64;
-    let max_miss = range.max_miss_share * parameters.danger_radius_m;
+    let strata = Stratification::beyond_the_trial(parameters, range, count);
     (0..count)
         .map(|i| {
             for attempt in 0..TRIES {
@@ -96,36 +57,21 @@ pub fn generate_with(
                 let a = stratum(&mut rng, approach[i]);
                 let m = if in_cell { stratum(&mut rng, miss[i]) } else { rng.unit() };
                 let e = if in_cell { stratum(&mut rng, entry[i]) } else { rng.unit() };
-                let encounter = Encounter {
-                    approach_rad: approach_angle(range, a),
-                    miss_m: max_miss * (2.0 * m - 1.0),
-                    entry_s: range.min_entry_s + (range.max_entry_s - range.min_entry_s) * e,
-                };
+                let encounter = strata.encounter([a, m, e]);
                 let scene = place(parameters, encounter, wrap_angle(rng.uniform(0.0, TAU)));
                 if admit(&scene) {
                     return Ok((scene, encounter));
                 }
             }
-            Err(Invalid::new(
-                "parameters",
-                "vehicles, a danger radius and a duration (steps × step_s) with scenes that begin \
-                 safe, would end in danger without steering, and leave the human an escape",
-                format!("none in {TRIES} draws"),
-            ))
+            Err(no_scene(TRIES))
         })
         .collect()
-}
-
-/// Maps [0, 1) to the admitted approach angles.
-fn approach_angle(range: &EncounterRange, share: f64) -> f64 {
-    let signed = 2.0 * share - 1.0;
-    let size = range.min_approach_rad + (PI - range.min_approach_rad) * signed.abs();
-    if signed < 0.0 { -size } else { size }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::math::{PI, hypot, sin_cos};
     use crate::scene::{Evader, is_admissible};
     use crate::vehicle::{TurnInput, VehicleModel};
     use sha2::{Digest, Sha256};

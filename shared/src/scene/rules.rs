@@ -312,7 +312,7 @@ fn compare(closest: f64, limit: f64, margin: f64) -> Distances {
 
 #[cfg(test)]
 mod tests {
-    use super::super::design::{Encounter, place};
+    use super::super::encounter::{Encounter, place};
     use super::*;
     use crate::math::SeededRng;
     use crate::vehicle::VehicleModel;
