@@ -12,7 +12,9 @@ pub use question::{Choice, Question, QuestionKind};
 pub use recruitment::{Recruitment, normalised_id};
 
 use crate::invalid::Invalid;
-use crate::scene::{EncounterRange, Scene, SceneParameters, generate};
+use crate::scene::{
+    EncounterRange, Scene, SceneParameters, StratifiedScene, counterbalanced, generate,
+};
 use crate::trial::Phase;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -35,6 +37,11 @@ pub struct StudyConfig {
     pub languages: Vec<String>,
     /// Vehicles, danger radius and clock.
     pub parameters: SceneParameters,
+    /// Which encounters scenes are drawn from.
+    pub encounters: EncounterRange,
+    /// Seed of the scenes, 0 to 4 294 967 295: another seed gives the participants of the same study
+    /// other scenes. Default: 0.
+    pub seed: u32,
     /// The phases that a participant drives, in order.
     pub phases: Vec<PhaseConfig>,
     /// The course of every trial.
@@ -101,6 +108,8 @@ impl Default for StudyConfig {
             status: Status::Open,
             languages: Vec::new(),
             parameters: SceneParameters::default(),
+            encounters: EncounterRange::default(),
+            seed: 0,
             phases: vec![
                 phase(Phase::Familiarisation, 6, true),
                 phase(Phase::Practice, 3, false),
@@ -135,6 +144,7 @@ impl StudyConfig {
             return Err(Invalid::new("title", "1 to 200 characters", format!("{:?}", self.title)));
         }
         self.parameters.check().map_err(|e| e.within("parameters"))?;
+        self.encounters.check().map_err(|e| e.within("encounters"))?;
         if self.phases.is_empty() {
             return Err(Invalid::new("phases", "at least one phase", "none"));
         }
@@ -208,14 +218,38 @@ impl StudyConfig {
     /// # Errors
     /// [`Invalid`] if no scene is found with these parameters in which the human can escape.
     pub fn plan(&self, seed: u64) -> Result<Vec<(PhaseConfig, Vec<Scene>)>, Invalid> {
-        let range = EncounterRange::default();
+        self.each_phase(seed, |phase, seed| {
+            let scenes = generate(&self.parameters, &self.encounters, phase.scenes, seed)?;
+            Ok(scenes.into_iter().map(|(scene, _)| scene).collect())
+        })
+    }
+
+    /// The scenes of the participant at `place` (0, 1, 2, …), phase by phase, counterbalanced across
+    /// participants. The same study and place give the same scenes on every platform.
+    ///
+    /// # Errors
+    /// As [`Self::plan`].
+    pub fn stratified(
+        &self,
+        place: u64,
+    ) -> Result<Vec<(PhaseConfig, Vec<StratifiedScene>)>, Invalid> {
+        self.each_phase(u64::from(self.seed), |phase, seed| {
+            counterbalanced(&self.parameters, &self.encounters, phase.scenes, seed, place)
+        })
+    }
+
+    /// The scenes of every phase, each with a seed of its own.
+    fn each_phase<S>(
+        &self,
+        seed: u64,
+        scenes: impl Fn(&PhaseConfig, u64) -> Result<Vec<S>, Invalid>,
+    ) -> Result<Vec<(PhaseConfig, Vec<S>)>, Invalid> {
         (0u64..)
             .zip(&self.phases)
             .map(|(i, phase)| {
                 // An odd multiplier gives each phase its own random stream.
                 let seed = seed.wrapping_add((i + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15));
-                let scenes = generate(&self.parameters, &range, phase.scenes, seed)?;
-                Ok((*phase, scenes.into_iter().map(|(scene, _)| scene).collect()))
+                Ok((*phase, scenes(phase, seed)?))
             })
             .collect()
     }
@@ -234,6 +268,11 @@ mod tests {
         assert_eq!(counts, [(Phase::Familiarisation, 6), (Phase::Practice, 3), (Phase::Task, 50)]);
         assert_eq!(study.plan(1).unwrap(), plan);
         assert_ne!(study.plan(2).unwrap(), plan);
+        let stratified = study.stratified(0).unwrap();
+        let counts: Vec<_> = stratified.iter().map(|(_, scenes)| scenes.len()).collect();
+        assert_eq!(counts, [6, 3, 50]);
+        let other = StudyConfig { seed: 1, ..study };
+        assert_ne!(other.stratified(0).unwrap(), stratified);
     }
 
     #[test]
@@ -247,5 +286,6 @@ mod tests {
         assert_eq!(complain(|s| s.phases[1].scenes = 0), "phases[1].scenes");
         assert_eq!(complain(|s| s.phases.reverse()), "phases[1].phase");
         assert_eq!(complain(|s| s.parameters.human.speed_mps = -2.0), "parameters.human.speed_mps");
+        assert_eq!(complain(|s| s.encounters.max_entry_s = 1.0), "encounters.max_entry_s");
     }
 }

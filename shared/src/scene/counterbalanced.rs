@@ -1,26 +1,4 @@
 //! The scenes of a study's participants, counterbalanced across them.
-//!
-//! Within a participant, scenes are a Latin hypercube: each of the three coordinates of the encounter
-//! falls once into each of its strata. Across participants, with N scenes in the phase:
-//!
-//! - **Order.** The approach strata follow the rows of a Williams square
-//!   ([`williams_order`]): over N participants (2N for odd N), each stratum
-//!   occurs equally often at each position and directly after each other stratum. This always holds.
-//! - **Pairs.** Over N participants, each pair of an approach and a miss stratum is planned once, and
-//!   so is each pair of an approach and an entry stratum: the partners of an approach stratum shift from
-//!   one participant to the next, by strides that share no divisor with N. Pairs of a miss and an entry
-//!   stratum repeat as little as two such shifts allow; after N participants the shifts start
-//!   elsewhere.
-//! - **Labels.** Which stratum takes which part in these patterns is drawn once for a study, so that
-//!   neighbouring parts are not neighbouring angles, distances or times.
-//!
-//! Many planned cells have no admissible scene: vehicles that meet head-on after eight seconds would
-//! start too far apart, and nearly parallel ones after two seconds too close. Such a scene exchanges its
-//! entry stratum with another scene of the same participant, chosen at random among those for which both
-//! exchanged cells have one. The participant's scenes thus remain a Latin hypercube, and the pairs of
-//! approach and miss strata remain as planned. If no exchange of entry strata is possible, miss strata
-//! are exchanged; if that is impossible too, the scene takes the nearest cell it can, and another
-//! stratum stays empty. Scenes never lose their approach stratum.
 
 use super::encounter::{Encounter, no_scene, place as scene_of};
 use super::parameters::SceneParameters;
@@ -54,7 +32,28 @@ const PARTNERS: usize = 64;
 const TRIES: usize = 4000;
 
 /// The `count` scenes of the participant at `place` (0, 1, 2, …) of a study's phase, in their order.
-/// See the [module](self) for what is balanced.
+///
+/// Within a participant, scenes are a Latin hypercube: each of the three coordinates of the encounter
+/// falls once into each of its strata. Across participants, with N scenes in the phase:
+///
+/// - **Order.** The approach strata follow the rows of a Williams square ([`williams_order`]): over N
+///   participants (2N for odd N), each stratum occurs equally often at each position and directly after
+///   each other stratum. This always holds.
+/// - **Pairs.** Over N participants, each pair of an approach and a miss stratum is planned once, and
+///   so is each pair of an approach and an entry stratum: the partners of an approach stratum shift from
+///   one participant to the next, by strides that share no divisor with N. Pairs of a miss and an entry
+///   stratum repeat as little as two such shifts allow; after N participants the shifts start
+///   elsewhere.
+/// - **Labels.** Which stratum takes which part in these patterns is drawn once for a study, so that
+///   neighbouring parts are not neighbouring angles, distances or times.
+///
+/// Many planned cells have no admissible scene: vehicles that meet head-on after eight seconds would
+/// start too far apart, and nearly parallel ones after two seconds too close. Such a scene exchanges its
+/// entry stratum with another scene of the same participant, chosen at random among those for which both
+/// exchanged cells have one. The participant's scenes thus remain a Latin hypercube, and the pairs of
+/// approach and miss strata remain as planned. If no exchange of entry strata is possible, miss strata
+/// are exchanged; if that is impossible too, the scene takes the nearest cell it can, and another
+/// stratum stays empty. Scenes never lose their approach stratum.
 ///
 /// The same seed and place give the same scenes on every platform. Each phase of a study needs a seed
 /// of its own.
