@@ -3,15 +3,20 @@
 
 mod address;
 mod canvas;
+mod clock;
 mod dom;
 mod fields;
 mod listen;
 mod net;
 pub mod solver;
 mod storage;
+mod tabs;
 
+use self::clock::Clock;
 use self::dom::Dom;
+use self::storage::Storage;
 use crate::runtime::{Command, Commands, Event, Page, PageContext, Solving};
+use crate::shape::Picture;
 use std::any::Any;
 use std::cell::{Cell, RefCell};
 use std::collections::VecDeque;
@@ -29,28 +34,40 @@ pub fn run<P: Page + 'static>(open: fn(PageContext) -> (P, Commands<P::Msg>)) {
         web_sys::console::error_1(&"Sidestep found no element with the id 'app'".into());
         return;
     };
-    let (page, commands) = open(context(&window));
-    let shell = Shell {
-        page,
-        dom: Dom::new(&document, &root),
-        window,
-        document,
-        root,
-        painter: canvas::Painter::default(),
-        title: String::new(),
-        frame_requested: false,
-        on_frame: None,
-        on_resize: None,
-        listeners: Vec::new(),
-        underway: Vec::new(),
-        started: 0,
-    };
-    let pump =
-        Pump { shell: Rc::new(RefCell::new(shell)), queue: Rc::default(), busy: Rc::default() };
-    pump.listen();
-    pump.busy.set(true);
-    pump.apply(commands);
-    pump.work();
+    wasm_bindgen_futures::spawn_local(async move {
+        let (storage, kept) = Storage::open(&window).await;
+        let context = PageContext { kept, not_kept: storage.failure(), ..context(&window) };
+        let clock = Clock::new(&window, &context.address);
+        let (page, commands) = open(context);
+        let shell = Shell {
+            page,
+            dom: Dom::new(&document, &root),
+            clock,
+            storage,
+            window,
+            document,
+            root,
+            painter: canvas::Painter::default(),
+            picture: Picture::default(),
+            title: String::new(),
+            frame_requested: false,
+            on_frame: None,
+            alarm: None,
+            on_alarm: None,
+            on_resize: None,
+            listeners: Vec::new(),
+            guard: None,
+            claims: Vec::new(),
+            underway: Vec::new(),
+            started: 0,
+        };
+        let pump =
+            Pump { shell: Rc::new(RefCell::new(shell)), queue: Rc::default(), busy: Rc::default() };
+        pump.listen();
+        pump.busy.set(true);
+        pump.apply(commands);
+        pump.work();
+    });
 }
 
 fn place() -> Option<(Window, Document, HtmlElement)> {
@@ -69,27 +86,41 @@ fn show_crash() {
     }
 }
 
-/// What a page is told when it opens.
+/// What a page is told when it opens, but for what is kept.
 fn context(window: &Window) -> PageContext {
     let screen = window.screen().ok();
-    let number =
-        |value: Result<JsValue, JsValue>| value.ok().and_then(|v| v.as_f64()).unwrap_or(0.0);
     let width = screen.as_ref().and_then(|screen| screen.width().ok()).unwrap_or(0);
     let height = screen.as_ref().and_then(|screen| screen.height().ok()).unwrap_or(0);
+    let (window_width, window_height, ratio) = window_size(window);
+    let languages = window.navigator().languages();
     PageContext {
         address: address::current(window),
-        kept: storage::all(window).unwrap_or_default(),
-        locale: window.navigator().language().unwrap_or_default(),
+        languages: languages.iter().filter_map(|language| language.as_string()).collect(),
+        touch_only: !matches(window, "(any-pointer: fine), (any-hover: hover)"),
+        reduced_motion: matches(window, "(prefers-reduced-motion: reduce)"),
         screen: vec![
             ("screen_width_px", width.into()),
             ("screen_height_px", height.into()),
-            ("window_width_px", number(window.inner_width())),
-            ("window_height_px", number(window.inner_height())),
-            ("device_pixel_ratio", window.device_pixel_ratio()),
+            ("window_width_px", window_width),
+            ("window_height_px", window_height),
+            ("device_pixel_ratio", ratio),
         ],
         time_origin_ms: window.performance().map_or(0.0, |clock| clock.time_origin()),
         random_name: random_name(window),
+        ..PageContext::default()
     }
+}
+
+/// Whether a media query holds.
+fn matches(window: &Window, query: &str) -> bool {
+    window.match_media(query).ok().flatten().is_some_and(|query| query.matches())
+}
+
+/// Width and height inside the window, CSS pixels, and pixels of the screen to one of them.
+fn window_size(window: &Window) -> (f64, f64, f64) {
+    let number =
+        |value: Result<JsValue, JsValue>| value.ok().and_then(|v| v.as_f64()).unwrap_or(0.0);
+    (number(window.inner_width()), number(window.inner_height()), window.device_pixel_ratio())
 }
 
 /// 32 random hexadecimal digits.
@@ -105,13 +136,23 @@ struct Shell<P: Page> {
     document: Document,
     root: HtmlElement,
     dom: Dom<P::Msg>,
+    clock: Clock,
+    storage: Storage,
     painter: canvas::Painter,
+    /// What was painted last.
+    picture: Picture,
     /// The document's title.
     title: String,
     frame_requested: bool,
-    on_frame: Option<Closure<dyn FnMut()>>,
+    on_frame: Option<Closure<dyn FnMut(f64)>>,
+    /// The moment of the page's next tick, on its clock, and the browser's timer for it.
+    alarm: Option<(f64, i32)>,
+    on_alarm: Option<Closure<dyn FnMut()>>,
     on_resize: Option<canvas::SizeWatcher>,
     listeners: Vec<listen::Listener>,
+    /// Asks users who leave, while it is there.
+    guard: Option<listen::Listener>,
+    claims: Vec<tabs::Claim>,
     underway: Vec<Underway>,
     /// How many requests, timers and solves were started.
     started: u32,
@@ -127,11 +168,6 @@ struct Underway {
 }
 
 impl<P: Page> Shell<P> {
-    /// Milliseconds on the page's clock.
-    fn now_ms(&self) -> f64 {
-        self.window.performance().map_or(0.0, |clock| clock.now())
-    }
-
     /// Brings the document and the canvas up to date.
     fn show(&mut self) {
         self.dom.show(self.page.view());
@@ -140,16 +176,26 @@ impl<P: Page> Shell<P> {
             self.document.set_title(&title);
             self.title = title;
         }
-        self.paint();
+        if self.page.draw(self.clock.now_ms(), &mut self.picture) {
+            let canvas = self.painter.find(&self.document, self.picture.canvas);
+            if let (Some(canvas), Some(watcher)) = (canvas, &mut self.on_resize) {
+                watcher.watch(canvas);
+            }
+            self.painter.paint(&self.window, &self.picture);
+        }
     }
 
-    fn paint(&mut self) {
-        if let Some(picture) = self.page.picture() {
-            let canvas = self.painter.paint(&self.window, &self.document, &picture);
-            if let (Some(canvas), Some(watcher)) = (canvas, &mut self.on_resize) {
-                watcher.watch(&canvas);
-            }
+    /// Paints what there is to see at this moment of the page's clock.
+    fn paint(&mut self, at_ms: f64) {
+        if self.page.draw(at_ms, &mut self.picture) {
+            self.painter.paint(&self.window, &self.picture);
         }
+    }
+
+    /// Paints in another size or other colours.
+    fn repaint(&mut self) {
+        self.painter.measure_again();
+        self.paint(self.clock.now_ms());
     }
 
     /// Cancels the work of this name; returns the number of its successor.
@@ -199,12 +245,18 @@ impl<P: Page + 'static> Pump<P> {
 
     /// Gives the page a message whose cause happens now.
     fn dispatch_now(&self, message: P::Msg) {
-        let now_ms = self.shell.borrow().now_ms();
+        let now_ms = self.shell.borrow().clock.now_ms();
         self.dispatch(message, now_ms);
     }
 
-    /// Tells the page of an event, if it wants to know.
-    fn tell(&self, event: &Event, t_ms: f64) {
+    /// Tells the page of an event that happened at `stamp` on the browser's clock.
+    fn tell(&self, event: &Event, stamp: f64) {
+        let t_ms = self.shell.borrow().clock.of(stamp);
+        self.report(event, t_ms);
+    }
+
+    /// Tells the page of an event at `t_ms` on its clock, if it wants to know.
+    fn report(&self, event: &Event, t_ms: f64) {
         let message = self.shell.borrow().page.hear(event);
         if let Some(message) = message {
             self.dispatch(message, t_ms);
@@ -221,6 +273,7 @@ impl<P: Page + 'static> Pump<P> {
         }
         self.shell.borrow_mut().show();
         self.busy.set(false);
+        self.set_alarm();
         self.request_frame();
     }
 
@@ -251,7 +304,7 @@ impl<P: Page + 'static> Pump<P> {
                 let wake = Closure::once_into_js(move || pump.finish(number, || message));
                 let _ = shell.window.set_timeout_with_callback_and_timeout_and_arguments_0(
                     wake.unchecked_ref(),
-                    after_ms as i32,
+                    shell.clock.browser_ms(after_ms),
                 );
             }
             // The compiler leaves this out of the program of a page that does not solve.
@@ -276,20 +329,42 @@ impl<P: Page + 'static> Pump<P> {
                     Err(_) => {
                         let why = "This browser cannot start the solver.".to_owned();
                         let message = then(Solving::Failed(why));
-                        self.queue.borrow_mut().push_back((message, shell.now_ms()));
+                        self.queue.borrow_mut().push_back((message, shell.clock.now_ms()));
                     }
                 }
             }
             Command::Cancel(name) => shell.underway.retain(|underway| underway.name != name),
             Command::CancelAll => shell.underway.clear(),
             Command::Keep { name, text, then } => {
-                let message = then(storage::keep(&shell.window, &name, &text));
-                self.queue.borrow_mut().push_back((message, shell.now_ms()));
+                let kept = shell.storage.keep(&name, &text);
+                let pump = self.clone();
+                wasm_bindgen_futures::spawn_local(async move {
+                    let kept = kept.await;
+                    pump.dispatch_now(then(kept));
+                });
             }
-            Command::Forget(name) => storage::forget(&shell.window, &name),
+            Command::Forget(name) => shell.storage.forget(&name),
+            Command::TakeOver(name) => {
+                let pump = self.clone();
+                let lost = move || {
+                    let now_ms = pump.shell.borrow().clock.now_ms();
+                    pump.report(&Event::TakenOver, now_ms);
+                };
+                shell.claims.retain(|claim| claim.name() != name);
+                shell.claims.extend(tabs::Claim::new(&name, lost));
+            }
+            Command::GuardLeaving(on) => {
+                let guard = on.then(|| listen::Listener::guard(&shell.window)).flatten();
+                shell.guard = guard;
+            }
+            Command::Fullscreen(true) => {
+                // The browser may refuse: the page hears of a change only.
+                let _ = shell.document.document_element().map(|all| all.request_fullscreen());
+            }
+            Command::Fullscreen(false) => shell.document.exit_fullscreen(),
             Command::ReplaceAddress(url) => address::replace(&shell.window, &url),
             Command::Visit(url) => {
-                let now_ms = shell.now_ms();
+                let now_ms = shell.clock.now_ms();
                 drop(shell);
                 self.visit(&url, now_ms);
             }
@@ -337,7 +412,7 @@ impl<P: Page + 'static> Pump<P> {
         }
         if shell.on_frame.is_none() {
             let pump = self.clone();
-            shell.on_frame = Some(Closure::new(move || pump.frame()));
+            shell.on_frame = Some(Closure::new(move |stamp| pump.frame(stamp)));
         }
         if let Some(on_frame) = &shell.on_frame {
             let callback = on_frame.as_ref().unchecked_ref();
@@ -345,15 +420,62 @@ impl<P: Page + 'static> Pump<P> {
         }
     }
 
-    fn frame(&self) {
-        let begun = {
+    /// A frame, which began at `stamp` on the browser's clock, is about to be shown.
+    fn frame(&self, stamp: f64) {
+        let (begun_ms, at_ms) = {
             let mut shell = self.shell.borrow_mut();
             shell.frame_requested = false;
-            shell.now_ms()
+            (shell.clock.now_ms(), shell.clock.of(stamp))
         };
-        self.tell(&Event::Frame, begun);
+        self.tick(begun_ms);
         let mut shell = self.shell.borrow_mut();
-        let took = shell.now_ms() - begun;
-        shell.page.frame_took(took);
+        shell.paint(at_ms);
+        let took_ms = shell.clock.now_ms() - begun_ms;
+        shell.page.frame_shown(at_ms, took_ms);
+        drop(shell);
+        self.request_frame();
+    }
+
+    /// Has the page compute what follows from the clock.
+    fn tick(&self, now_ms: f64) {
+        let message = self.shell.borrow_mut().page.tick(now_ms);
+        match message {
+            Some(message) => self.dispatch(message, now_ms),
+            None => self.set_alarm(),
+        }
+    }
+
+    /// Has the browser call when the page's next tick is due.
+    fn set_alarm(&self) {
+        let mut shell = self.shell.borrow_mut();
+        let due_ms = shell.page.due_ms();
+        if shell.alarm.map(|(due_ms, _)| due_ms) == due_ms {
+            return;
+        }
+        shell.clock.stop_at(due_ms);
+        if let Some((_, timer)) = shell.alarm.take() {
+            shell.window.clear_timeout_with_handle(timer);
+        }
+        if shell.on_alarm.is_none() {
+            let pump = self.clone();
+            shell.on_alarm = Some(Closure::new(move || pump.ring()));
+        }
+        if let (Some(due_ms), Some(on_alarm)) = (due_ms, &shell.on_alarm) {
+            let timer = shell.window.set_timeout_with_callback_and_timeout_and_arguments_0(
+                on_alarm.as_ref().unchecked_ref(),
+                shell.clock.wait_ms(due_ms),
+            );
+            shell.alarm = timer.ok().map(|timer| (due_ms, timer));
+        }
+    }
+
+    /// The browser's timer has run out; it may be early by the grain of its clock.
+    fn ring(&self) {
+        let now_ms = {
+            let mut shell = self.shell.borrow_mut();
+            shell.alarm = None;
+            shell.clock.now_ms()
+        };
+        self.tick(now_ms);
     }
 }

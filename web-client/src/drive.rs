@@ -1,6 +1,6 @@
 //! A scene that is being driven: steps from the clock, smooth motion in between.
 
-use crate::input::{HeldKeys, input_at};
+use crate::input::{HeldKeys, KeyMap, input_at};
 use serde_json::{Map, Value};
 use sidestep::api::{KeyEvent, MAX_KEY_EVENTS, TrialUpload};
 use sidestep::scene::{JointState, Scene, SceneParameters};
@@ -10,11 +10,13 @@ use sidestep::vehicle::TurnInput;
 ///
 /// Steps follow from the clock and never from the number of frames: step i is
 /// due at i · 0.2 s, and its input is what the keys, by their own time stamps,
-/// asked for at that moment. A frame that comes late therefore changes when a
-/// step is computed but not what it is.
+/// asked for at that moment. A call that comes late therefore changes when a
+/// step is computed but not what it is. A press before that moment may be reported
+/// just after it; it still counts.
 #[derive(Clone, Debug)]
 pub struct Drive {
     parameters: SceneParameters,
+    keys: KeyMap,
     /// Start on the page's clock, ms.
     start_ms: f64,
     /// Start by the participant's clock, ms since 1970.
@@ -34,36 +36,65 @@ struct FrameTimes {
     work_ms: Vec<f64>,
 }
 
+/// A gap between frames counts as a dropped frame if it is this many times the median.
+const DROPPED: f64 = 1.5;
+
+/// Frames a second up to which a scene takes no memory after its start.
+const USUAL_RATE_HZ: f64 = 250.0;
+
 impl Drive {
     /// A scene that starts at `start_ms` on the page's clock, which is
-    /// `started_at_ms` since 1970. `held` are the keys that are down already.
+    /// `started_at_ms` since 1970. `held` are those of its `keys` that are down already.
     #[must_use]
     pub fn new(
         parameters: SceneParameters,
         scene: &Scene,
         start_ms: f64,
         started_at_ms: f64,
+        keys: &KeyMap,
         held: &HeldKeys,
     ) -> Self {
+        let steps = parameters.steps;
+        let frames = (parameters.step_s * steps as f64 * USUAL_RATE_HZ) as usize;
+        let mut states = Vec::with_capacity(steps + 1);
+        states.push(scene.start());
         Self {
             parameters,
+            keys: keys.clone(),
             start_ms,
             started_at_ms,
-            inputs: Vec::with_capacity(parameters.steps),
-            states: vec![scene.start()],
-            sampled_at_ms: Vec::with_capacity(parameters.steps),
+            inputs: Vec::with_capacity(steps),
+            states,
+            sampled_at_ms: Vec::with_capacity(steps),
             key_events: held.presses(start_ms),
-            frames: FrameTimes::default(),
+            frames: FrameTimes {
+                last_ms: None,
+                gaps_ms: Vec::with_capacity(frames),
+                work_ms: Vec::with_capacity(frames),
+            },
         }
     }
 
     /// Takes note of a key, at `t_ms` on the page's clock.
-    pub fn key(&mut self, t_ms: f64, key: &str, down: bool) {
+    pub fn key(&mut self, t_ms: f64, code: &str, down: bool) {
         // Events are delivered in order; the guard is for clocks that are not.
         let last = self.key_events.last().map_or(f64::NEG_INFINITY, |event| event.t_ms);
         if self.key_events.len() < MAX_KEY_EVENTS {
             let t_ms = (t_ms - self.start_ms).max(last);
-            self.key_events.push(KeyEvent { t_ms, key: key.to_owned(), down });
+            self.key_events.push(KeyEvent { t_ms, key: code.to_owned(), down });
+            self.correct();
+        }
+    }
+
+    /// Computes the present step again, in case a key's report came after it.
+    fn correct(&mut self) {
+        let Some(step) = self.inputs.len().checked_sub(1) else { return };
+        let due = step as f64 * self.step_ms();
+        let input = input_at(&self.key_events, due, &self.keys);
+        if self.inputs[step] != input {
+            self.inputs[step] = input;
+            let begun = self.states[step];
+            self.states[step + 1] = begun.advance(&self.parameters, input, self.parameters.step_s);
         }
     }
 
@@ -71,58 +102,68 @@ impl Drive {
         self.parameters.step_s * 1000.0
     }
 
-    /// Computes every step that has begun by `now_ms`; true when the scene is over.
-    pub fn tick(&mut self, now_ms: f64) -> bool {
-        let elapsed = now_ms - self.start_ms;
-        if let Some(last) = self.frames.last_ms.replace(now_ms) {
-            self.frames.gaps_ms.push(now_ms - last);
-        }
-        while self.inputs.len() < self.parameters.steps {
-            let due = self.inputs.len() as f64 * self.step_ms();
-            if elapsed < due {
-                return false;
-            }
-            let input = input_at(&self.key_events, due);
-            let state = self.states[self.states.len() - 1];
-            self.states.push(state.advance(&self.parameters, input, self.parameters.step_s));
-            self.inputs.push(input);
-            self.sampled_at_ms.push(elapsed);
-        }
-        elapsed >= self.parameters.steps as f64 * self.step_ms()
+    /// When the next step is due, or the scene over, on the page's clock, ms.
+    #[must_use]
+    pub fn due_ms(&self) -> f64 {
+        self.start_ms + self.inputs.len() as f64 * self.step_ms()
     }
 
-    /// Where both vehicles are at `now_ms`, on the arc of the present step.
+    /// Computes every step that is due by `now_ms`; true when the scene is over.
+    pub fn tick(&mut self, now_ms: f64) -> bool {
+        while now_ms >= self.due_ms() {
+            let step = self.inputs.len();
+            if step == self.parameters.steps {
+                return true;
+            }
+            let input = input_at(&self.key_events, step as f64 * self.step_ms(), &self.keys);
+            let state = self.states[step];
+            self.states.push(state.advance(&self.parameters, input, self.parameters.step_s));
+            self.inputs.push(input);
+            self.sampled_at_ms.push(now_ms - self.start_ms);
+        }
+        false
+    }
+
+    /// Where both vehicles are at `at_ms`, on the arc of the step at that time or, if that is not
+    /// computed yet, at its beginning.
     #[must_use]
-    pub fn state_at(&self, now_ms: f64) -> JointState {
-        let Some(&input) = self.inputs.last() else {
+    pub fn state_at(&self, at_ms: f64) -> JointState {
+        let step = self.step_at(at_ms).min(self.inputs.len().saturating_sub(1));
+        let Some(&input) = self.inputs.get(step) else {
             return self.states[0];
         };
-        let step = self.inputs.len() - 1;
         let begun = self.start_ms + step as f64 * self.step_ms();
         // `clamp` would bring code to print both ends, a tenth of the page's download.
-        let into = ((now_ms - begun) / 1000.0).max(0.0).min(self.parameters.step_s);
+        let into = ((at_ms - begun) / 1000.0).max(0.0).min(self.parameters.step_s);
         self.states[step].advance(&self.parameters, input, into)
     }
 
-    /// The present step, from 0; the number of steps when the scene is over.
+    /// The step at `at_ms`, from 0; the number of steps when the scene is over.
     #[must_use]
-    pub fn step_at(&self, now_ms: f64) -> usize {
-        let step = (now_ms - self.start_ms) / self.step_ms();
+    pub fn step_at(&self, at_ms: f64) -> usize {
+        let step = (at_ms - self.start_ms) / self.step_ms();
         (step.max(0.0) as usize).min(self.parameters.steps)
     }
 
-    /// Takes note of how long the work of a frame took, ms.
-    pub fn frame_took(&mut self, ms: f64) {
-        self.frames.work_ms.push(ms);
+    /// Takes note of a frame that was shown at `at_ms` on the page's clock, and of how long its
+    /// work took.
+    pub fn frame_shown(&mut self, at_ms: f64, work_ms: f64) {
+        if let Some(last) = self.frames.last_ms.replace(at_ms) {
+            self.frames.gaps_ms.push(at_ms - last);
+        }
+        self.frames.work_ms.push(work_ms);
     }
 
     /// The finished scene, ready to be sent. `screen` describes the display.
     #[must_use]
     pub fn into_upload(self, screen: &[(&'static str, f64)]) -> TrialUpload {
         let frames = &self.frames;
+        let gap_ms = quantile(&frames.gaps_ms, 0.5);
+        let dropped = frames.gaps_ms.iter().filter(|&&gap| gap > DROPPED * gap_ms).count();
         let measured = [
             ("frames", frames.work_ms.len() as f64),
-            ("frame_gap_median_ms", quantile(&frames.gaps_ms, 0.5)),
+            ("frames_dropped", dropped as f64),
+            ("frame_gap_median_ms", gap_ms),
             ("frame_gap_max_ms", quantile(&frames.gaps_ms, 1.0)),
             ("frame_work_p99_ms", quantile(&frames.work_ms, 0.99)),
         ];
@@ -178,17 +219,21 @@ mod tests {
         held
     }
 
+    fn begin(start_ms: f64, held: &HeldKeys) -> Drive {
+        let (parameters, keys) = (SceneParameters::default(), KeyMap::default());
+        Drive::new(parameters, &scene(), start_ms, 1.7e12, &keys, held)
+    }
+
     /// Drives with frames at the given times; keys at theirs.
     fn drive(frames: impl Iterator<Item = f64>, keys: &[(f64, &str, bool)]) -> TrialUpload {
-        let mut drive =
-            Drive::new(SceneParameters::default(), &scene(), 1000.0, 1.7e12, &HeldKeys::default());
+        let mut drive = begin(1000.0, &HeldKeys::default());
         let mut keys = keys.iter().peekable();
         for now in frames {
             while let Some((t, key, down)) = keys.next_if(|(t, ..)| *t <= now) {
                 drive.key(*t, key, *down);
             }
             let over = drive.tick(now);
-            drive.frame_took(0.5);
+            drive.frame_shown(now, 0.5);
             if over {
                 return drive.into_upload(&[("width_px", 1280.0)]);
             }
@@ -198,8 +243,8 @@ mod tests {
 
     const KEYS: &[(f64, &str, bool)] = &[
         (3050.0, "ArrowLeft", true),
-        (5210.0, "d", true),
-        (6000.0, "d", false),
+        (5210.0, "KeyD", true),
+        (6000.0, "KeyD", false),
         (7000.0, "ArrowLeft", false),
     ];
 
@@ -229,11 +274,44 @@ mod tests {
 
     #[test]
     fn a_key_pressed_before_the_first_frame_waits_for_the_second_step() {
-        let held = held("d", 1005.0);
-        let mut drive = Drive::new(SceneParameters::default(), &scene(), 1000.0, 1.7e12, &held);
+        let mut drive = begin(1000.0, &held("KeyD", 1005.0));
         drive.tick(1012.0);
         drive.tick(1212.0);
         assert_eq!(drive.inputs, [TurnInput::Straight, TurnInput::Right]);
+    }
+
+    #[test]
+    fn a_press_that_is_reported_after_its_step_still_counts() {
+        let mut drive = begin(1000.0, &HeldKeys::default());
+        drive.tick(1000.0);
+        drive.tick(1200.3);
+        drive.key(1199.0, "KeyA", true);
+        assert_eq!(drive.inputs, [TurnInput::Straight, TurnInput::Left]);
+        drive.key(1250.0, "KeyA", false);
+        drive.tick(1400.0);
+        let inputs = [TurnInput::Straight, TurnInput::Left, TurnInput::Straight];
+        assert_eq!(drive.inputs, inputs);
+        assert!(verify(&drive.parameters, scene().start(), &drive.inputs, &drive.states).exact);
+    }
+
+    #[test]
+    fn each_step_is_due_at_its_time_and_so_is_the_end() {
+        let mut drive = begin(1000.0, &HeldKeys::default());
+        for step in 0..50 {
+            assert_eq!(drive.due_ms(), 1000.0 + 200.0 * f64::from(step));
+            assert!(!drive.tick(drive.due_ms()));
+        }
+        assert_eq!(drive.due_ms(), 11_000.0);
+        assert!(!drive.tick(10_999.9));
+        assert!(drive.tick(drive.due_ms()));
+    }
+
+    #[test]
+    fn dropped_frames_are_counted() {
+        let frames = (0..700).filter(|i| i % 100 != 99).map(|i| 1000.0 + f64::from(i) * 16.0);
+        let display = drive(frames, &[]).display;
+        assert_eq!(display["frame_gap_median_ms"], 16.0);
+        assert_eq!(display["frames_dropped"], 6.0);
     }
 
     #[test]
@@ -257,13 +335,17 @@ mod tests {
 
     #[test]
     fn motion_between_steps_is_continuous() {
-        let begin =
-            || Drive::new(SceneParameters::default(), &scene(), 0.0, 0.0, &held("a", -50.0));
-        let mut drive = begin();
+        let mut drive = begin(0.0, &held("KeyA", -50.0));
         drive.tick(200.0);
         let (before, after) = (drive.states[1], drive.state_at(200.0));
         assert_eq!(before, after);
-        let mut earlier = begin();
+        // A picture of a moment before the present step shows that moment.
+        assert_eq!(drive.state_at(199.9).human.x, {
+            let mut earlier = begin(0.0, &held("KeyA", -50.0));
+            earlier.tick(199.9);
+            earlier.state_at(199.9).human.x
+        });
+        let mut earlier = begin(0.0, &held("KeyA", -50.0));
         earlier.tick(199.9);
         let almost = earlier.state_at(199.9);
         assert!(almost.distance_m() - before.distance_m() < 1e-3);

@@ -10,6 +10,7 @@ pub mod form;
 pub mod view;
 pub mod diff;
 pub mod json;
+pub mod texts;
 pub mod runtime;
 #[cfg(test)]
 mod testing;

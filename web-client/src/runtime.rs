@@ -47,41 +47,75 @@ pub trait Page {
         None
     }
 
-    /// What to draw, if there is a canvas.
-    fn picture(&self) -> Option<Picture> {
+    /// When something happens by the clock alone, on the page's clock, ms: [`Self::tick`] is
+    /// called then, however few frames are shown.
+    fn due_ms(&self) -> Option<f64> {
         None
     }
 
-    /// Whether the page wants [`Event::Frame`]s; else it is redrawn after messages only.
+    /// Computes what follows from the clock alone up to `now_ms`. It is called when that is due
+    /// and in every frame. Returns a message if more changes than the picture. A call that returns
+    /// none allocates nothing.
+    fn tick(&mut self, _now_ms: f64) -> Option<Self::Msg> {
+        None
+    }
+
+    /// Whether the page wants frames; else the picture is painted after messages only.
     fn wants_frames(&self) -> bool {
         false
     }
 
-    /// Whether a key belongs to the page, so that the browser does not scroll on it.
-    fn owns_key(&self, _key: &str) -> bool {
+    /// Puts what there is to see at `at_ms`, on the page's clock, into `picture`, which holds
+    /// what was painted last. Returns whether there is a canvas.
+    fn draw(&self, _at_ms: f64, _picture: &mut Picture) -> bool {
         false
     }
 
-    /// Takes note of how long the work of a frame took, ms.
-    fn frame_took(&mut self, _ms: f64) {}
+    /// Whether the key at this place (see [`Event::Key`]) belongs to the page, so that the browser
+    /// does not scroll on it.
+    fn owns_key(&self, _code: &str) -> bool {
+        false
+    }
+
+    /// Takes note of a frame that was shown at `at_ms`, and of how long its work took.
+    fn frame_shown(&mut self, _at_ms: f64, _work_ms: f64) {}
 }
 
 /// Something that happens outside of what a page shows.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Event {
-    /// A frame is about to be shown.
-    Frame,
     /// A key went down or up (repeats are left out).
     Key {
-        /// Its name, such as `ArrowLeft`.
+        /// Its place on the keyboard, such as `ArrowLeft` or `KeyA`: the same on every layout.
+        code: String,
+        /// What it types, or its name: what is printed on it.
         key: String,
         /// Down or up.
         down: bool,
     },
-    /// The window lost the keyboard, or the page was hidden.
-    FocusLost,
+    /// The window lost the keyboard. No key counts as held from now on: the browser does not
+    /// report when it is released.
+    FocusLost {
+        /// Whether the page is hidden, behind another tab for example.
+        hidden: bool,
+    },
+    /// The window has the keyboard again.
+    FocusGained,
+    /// The window has another size, or is shown at another zoom.
+    Resized {
+        /// Width inside the window, CSS pixels.
+        width_px: f64,
+        /// Height inside the window, CSS pixels.
+        height_px: f64,
+        /// Pixels of the screen to a CSS pixel.
+        ratio: f64,
+    },
+    /// The page fills the screen, or no longer does.
+    Fullscreen(bool),
     /// The network is back.
     Online,
+    /// Another tab has taken over what this one had; see [`Command::TakeOver`].
+    TakenOver,
     /// Another address is to be shown: a link was pressed, the user went back or forward, or
     /// edited the address. The document stays if the page wants the message.
     Address(Address),
@@ -113,8 +147,15 @@ pub struct PageContext {
     pub address: Address,
     /// What pages of this origin have kept in this browser, by name.
     pub kept: Vec<(String, String)>,
-    /// Language, such as `en-GB`.
-    pub locale: String,
+    /// Why this browser keeps nothing, if so.
+    pub not_kept: Option<NotKept>,
+    /// The user's languages, such as `en-GB`, the preferred one first.
+    pub languages: Vec<String>,
+    /// Whether there is only a finger to point with, as on a telephone or tablet. Whether there
+    /// is a keyboard, a browser does not tell.
+    pub touch_only: bool,
+    /// Whether the user wants little motion.
+    pub reduced_motion: bool,
     /// Width, height and pixel ratio of screen and window.
     pub screen: Vec<(&'static str, f64)>,
     /// Zero of the page's clock, ms since 1970.
@@ -158,7 +199,8 @@ pub enum Command<M> {
     Cancel(&'static str),
     /// Give up everything that is under way.
     CancelAll,
-    /// Keep a text in this browser.
+    /// Keep a text in this browser. What it has reported as kept is still there after a crash.
+    /// Texts of one name are kept in the order of these commands.
     Keep {
         /// Its name.
         name: String,
@@ -169,6 +211,13 @@ pub enum Command<M> {
     },
     /// Forget what is kept under a name.
     Forget(String),
+    /// Have alone what goes by this name. Every other tab of this browser that has it hears
+    /// [`Event::TakenOver`]: of two tabs, the later one has it.
+    TakeOver(String),
+    /// Ask users who leave the page whether they want to, or no longer.
+    GuardLeaving(bool),
+    /// Fill the screen, or no longer. The browser does so only when a key or button was pressed.
+    Fullscreen(bool),
     /// Replace the address without loading it.
     ReplaceAddress(String),
     /// Show another address of this page as if a link to it had been pressed.
@@ -227,6 +276,9 @@ impl<M: 'static> Command<M> {
                 Command::Keep { name, text, then: Box::new(move |kept| lift(then(kept))) }
             }
             Self::Forget(name) => Command::Forget(name),
+            Self::TakeOver(name) => Command::TakeOver(name),
+            Self::GuardLeaving(on) => Command::GuardLeaving(on),
+            Self::Fullscreen(on) => Command::Fullscreen(on),
             Self::ReplaceAddress(url) => Command::ReplaceAddress(url),
             Self::Visit(url) => Command::Visit(url),
             Self::Leave(url) => Command::Leave(url),

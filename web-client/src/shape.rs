@@ -3,6 +3,7 @@
 
 use sidestep::chart::{Colour, Ink, Pen};
 use sidestep::vehicle::Pose;
+use std::fmt::{Display, Write as _};
 
 /// Something to draw. Positions are world coordinates, m; widths and dashes of pens are CSS pixels.
 #[derive(Clone, Debug, PartialEq)]
@@ -61,7 +62,7 @@ pub enum Shape {
 pub const VEHICLE_LENGTH_M: f64 = 1.9;
 
 /// A rectangle of the world that must be visible.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Window {
     /// Lower left corner, m.
     pub low: [f64; 2],
@@ -122,8 +123,8 @@ impl Camera {
     }
 }
 
-/// A canvas and what is on it.
-#[derive(Clone, Debug, PartialEq)]
+/// A canvas and what is on it. One picture serves every frame, and keeps its memory.
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Picture {
     /// The canvas element's id.
     pub canvas: &'static str,
@@ -133,6 +134,32 @@ pub struct Picture {
     pub shapes: Vec<Shape>,
     /// Attributes of the canvas element that tell programs what is shown.
     pub attributes: Vec<(&'static str, String)>,
+}
+
+impl Picture {
+    /// Begins anew: nothing is on this canvas, which shows at least `window`. The attributes of
+    /// the same canvas stay.
+    pub fn begin(&mut self, canvas: &'static str, window: Window) {
+        if self.canvas != canvas {
+            self.attributes.clear();
+        }
+        self.canvas = canvas;
+        self.window = window;
+        self.shapes.clear();
+    }
+
+    /// Tells programs something: sets an attribute of the canvas element.
+    pub fn tell(&mut self, name: &'static str, value: impl Display) {
+        let known = self.attributes.iter().position(|(known, _)| *known == name);
+        let place = known.unwrap_or_else(|| {
+            self.attributes.push((name, String::new()));
+            self.attributes.len() - 1
+        });
+        let text = &mut self.attributes[place].1;
+        text.clear();
+        // Writing to a string cannot fail.
+        let _ = write!(text, "{value}");
+    }
 }
 
 #[cfg(test)]

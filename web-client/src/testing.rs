@@ -1,8 +1,9 @@
 //! A page in a browser of a few lines, whose server answers when the test says so.
 
 use crate::runtime::{
-    Answer, Command, Commands, Event, Failure, NotKept, Page, Request, Solving, answer,
+    Answer, Command, Commands, Event, Failure, NotKept, Page, Request, Solving, Then, answer,
 };
+use crate::shape::Picture;
 use crate::view::Node;
 use sidestep::reachability::PursuitGame;
 use std::collections::BTreeMap;
@@ -10,6 +11,9 @@ use std::rc::Rc;
 
 /// What a solver reports becomes this message.
 pub(crate) type Report<M> = Rc<dyn Fn(Solving) -> M>;
+
+/// What became of a text that is to be kept becomes this message.
+pub(crate) type Kept<M> = Then<Result<(), NotKept>, M>;
 
 /// A page, and what it has asked of the browser.
 pub(crate) struct Session<P: Page> {
@@ -30,6 +34,17 @@ pub(crate) struct Session<P: Page> {
     pub(crate) visited: Vec<String>,
     /// Where the page left for.
     pub(crate) left: Option<String>,
+    /// What this tab has alone.
+    pub(crate) claims: Vec<String>,
+    /// Whether users who leave are asked whether they want to.
+    pub(crate) guarded: bool,
+    /// Whether the page fills the screen, as far as it asked to.
+    pub(crate) fullscreen: bool,
+    /// Whether the browser takes its time to keep texts: those of `keeping`.
+    pub(crate) keeps_slowly: bool,
+    /// Texts that the browser has still to keep: name, text and the message after it.
+    pub(crate) keeping: Vec<(String, String, Kept<P::Msg>)>,
+    picture: Picture,
 }
 
 impl<P: Page> Session<P> {
@@ -48,6 +63,12 @@ impl<P: Page> Session<P> {
             solving: Vec::new(),
             visited: Vec::new(),
             left: None,
+            claims: Vec::new(),
+            guarded: false,
+            fullscreen: false,
+            keeps_slowly: false,
+            keeping: Vec::new(),
+            picture: Picture::default(),
         };
         session.apply(commands);
         session
@@ -71,16 +92,32 @@ impl<P: Page> Session<P> {
                 Command::Cancel(name) => self.cancel(|other| other == name),
                 Command::CancelAll => self.cancel(|_| true),
                 Command::Keep { name, text, then } => {
-                    let kept = self.refuses.map_or(Ok(()), Err);
-                    if kept.is_ok() {
-                        self.kept.insert(name, text);
+                    self.keeping.push((name, text, then));
+                    if !self.keeps_slowly {
+                        self.keep();
                     }
-                    self.tell(then(kept));
                 }
-                Command::Forget(name) => drop(self.kept.remove(&name)),
+                Command::Forget(name) => {
+                    self.keep();
+                    self.kept.remove(&name);
+                }
+                Command::TakeOver(name) => self.claims.push(name),
+                Command::GuardLeaving(on) => self.guarded = on,
+                Command::Fullscreen(on) => self.fullscreen = on,
                 Command::Visit(url) | Command::ReplaceAddress(url) => self.visited.push(url),
                 Command::Leave(url) => self.left = Some(url),
             }
+        }
+    }
+
+    /// The browser has kept, or refused, everything that it was given.
+    pub(crate) fn keep(&mut self) {
+        for (name, text, then) in std::mem::take(&mut self.keeping) {
+            let kept = self.refuses.map_or(Ok(()), Err);
+            if kept.is_ok() {
+                self.kept.insert(name, text);
+            }
+            self.tell(then(kept));
         }
     }
 
@@ -93,6 +130,28 @@ impl<P: Page> Session<P> {
     pub(crate) fn tell(&mut self, message: P::Msg) {
         let commands = self.page.update(message, self.now_ms);
         self.apply(commands);
+    }
+
+    /// The same at this time.
+    pub(crate) fn at(&mut self, now_ms: f64) -> &mut Self {
+        self.now_ms = now_ms;
+        self
+    }
+
+    /// A frame is shown, or the time of something has come.
+    pub(crate) fn frame(&mut self) {
+        if let Some(message) = self.page.tick(self.now_ms) {
+            self.tell(message);
+        }
+        if self.page.draw(self.now_ms, &mut self.picture) {
+            self.page.frame_shown(self.now_ms, 0.5);
+        }
+    }
+
+    /// What there is to see, if there is a canvas.
+    pub(crate) fn picture(&self) -> Option<Picture> {
+        let mut picture = Picture::default();
+        self.page.draw(self.now_ms, &mut picture).then_some(picture)
     }
 
     pub(crate) fn hear(&mut self, event: &Event) {

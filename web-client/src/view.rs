@@ -5,6 +5,9 @@ use crate::form::{FieldValue, Form};
 use sidestep::chart::Element;
 use std::rc::Rc;
 
+/// The attribute that holds an element's content where that is HTML; see [`Node::html`].
+pub const HTML: &str = "innerHTML";
+
 /// An element. `M` is the page's message type.
 #[derive(Clone)]
 pub struct Node<M> {
@@ -142,6 +145,13 @@ impl<M> Node<M> {
         self
     }
 
+    /// With content that the server wrote as HTML, and nothing else: the researchers' own words,
+    /// in which the server has left no element that could run a program.
+    #[must_use]
+    pub fn html(self, html: impl Into<String>) -> Self {
+        self.attr(HTML, html.into())
+    }
+
     /// With an element inside.
     #[must_use]
     pub fn child(mut self, node: Self) -> Self {
@@ -201,6 +211,11 @@ impl<M: Clone> Node<M> {
     /// All text in it.
     #[must_use]
     pub fn words(&self) -> String {
+        if let Some(html) = self.attribute(HTML) {
+            let texts =
+                html.split('<').map(|tag| tag.split_once('>').map_or(tag, |(_, text)| text));
+            return texts.collect();
+        }
         let words = self.children.iter().map(|child| match child {
             Child::Text(text) => text.clone(),
             Child::Moment(ms) => ms.to_string(),
@@ -311,6 +326,12 @@ mod tests {
         assert_eq!(heard(&[0, 0, 1, 0], submit), Some((1, "sent")));
         assert_eq!(heard(&[0], press), None);
         assert_eq!(heard(&[7, 0], press), None);
+    }
+
+    #[test]
+    fn the_words_of_html_are_those_without_tags() {
+        let node: Node<()> = el("div").html("<h2>Why</h2><p>We <b>study</b> driving.</p>");
+        assert_eq!(node.words(), "WhyWe study driving.");
     }
 
     #[test]

@@ -1,18 +1,41 @@
 //! Paints pictures.
 
 use crate::shape::{Camera, Picture, Shape, VEHICLE_LENGTH_M};
+use js_sys::Reflect;
 use sidestep::chart::{Colour, Ink, Pen, colours};
 use sidestep::math::{TAU, sin_cos};
 use sidestep::vehicle::Pose;
 use wasm_bindgen::prelude::*;
 use web_sys::{CanvasRenderingContext2d, Document, HtmlCanvasElement, ResizeObserver, Window};
 
-/// Paints in the colours of light or dark ground, as the user prefers.
+/// Paints in the colours of light or dark ground, as the user prefers. What it needs of the
+/// browser it asks for once, so that a frame makes no new object there.
 #[derive(Default)]
 pub(super) struct Painter {
     is_dark: bool,
     /// Colours that were used, as CSS writes them.
-    colours: Vec<(Colour, String)>,
+    colours: Vec<(Colour, JsValue)>,
+    sheet: Option<Sheet>,
+}
+
+/// A canvas to paint on.
+struct Sheet {
+    id: &'static str,
+    canvas: HtmlCanvasElement,
+    context: CanvasRenderingContext2d,
+    /// Its attributes as they are.
+    attributes: Vec<(&'static str, String)>,
+    /// Width and height, CSS pixels, once they are measured.
+    size_px: Option<[f64; 2]>,
+    names: Names,
+    /// Dashes of the last line, as lengths and as a list of the browser's.
+    dash: Option<([f64; 2], js_sys::Array)>,
+}
+
+/// Names of a context's properties.
+struct Names {
+    fill: JsValue,
+    stroke: JsValue,
 }
 
 impl Painter {
@@ -22,47 +45,106 @@ impl Painter {
         self.colours.clear();
     }
 
-    fn css(&mut self, colour: Colour) -> &str {
+    /// The canvas has another size, or its pixels have.
+    pub(super) fn measure_again(&mut self) {
+        if let Some(sheet) = &mut self.sheet {
+            sheet.size_px = None;
+        }
+    }
+
+    /// Finds the canvas with this id and paints there from now on.
+    pub(super) fn find(
+        &mut self,
+        document: &Document,
+        id: &'static str,
+    ) -> Option<&HtmlCanvasElement> {
+        if !self.sheet.as_ref().is_some_and(|sheet| sheet.id == id && sheet.canvas.is_connected()) {
+            self.sheet = Sheet::of(document, id);
+        }
+        self.sheet.as_ref().map(|sheet| &sheet.canvas)
+    }
+
+    /// Paints a picture on its canvas, if that was found.
+    pub(super) fn paint(&mut self, window: &Window, picture: &Picture) {
+        let Some(mut sheet) = self.sheet.take() else { return };
+        if sheet.id == picture.canvas {
+            sheet.tell(&picture.attributes);
+            let size_px = sheet.cleared(window);
+            let camera = Camera::showing(picture.window, size_px);
+            let mut brush = Brush { painter: self, sheet: &mut sheet, camera };
+            for shape in &picture.shapes {
+                brush.shape(shape);
+            }
+        }
+        self.sheet = Some(sheet);
+    }
+
+    fn css(&mut self, colour: Colour) -> &JsValue {
         let known = self.colours.iter().position(|(known, _)| *known == colour);
         let place = known.unwrap_or_else(|| {
             let [red, green, blue] = if self.is_dark { colour.dark } else { colour.light };
-            self.colours.push((colour, format!("rgb({red} {green} {blue})")));
+            self.colours.push((colour, format!("rgb({red} {green} {blue})").into()));
             self.colours.len() - 1
         });
         &self.colours[place].1
     }
+}
 
-    /// Paints a picture on its canvas and returns that, if it is in the document.
-    pub(super) fn paint(
-        &mut self,
-        window: &Window,
-        document: &Document,
-        picture: &Picture,
-    ) -> Option<HtmlCanvasElement> {
-        let canvas: HtmlCanvasElement =
-            document.get_element_by_id(picture.canvas)?.dyn_into().ok()?;
-        let context = canvas.get_context("2d").ok().flatten()?;
-        let context: CanvasRenderingContext2d = context.dyn_into().ok()?;
-        for (name, value) in &picture.attributes {
-            if canvas.get_attribute(name).as_deref() != Some(value) {
-                let _ = canvas.set_attribute(name, value);
+impl Sheet {
+    fn of(document: &Document, id: &'static str) -> Option<Self> {
+        let canvas: HtmlCanvasElement = document.get_element_by_id(id)?.dyn_into().ok()?;
+        let context = canvas.get_context("2d").ok().flatten()?.dyn_into().ok()?;
+        let names = Names { fill: "fillStyle".into(), stroke: "strokeStyle".into() };
+        Some(Self { id, canvas, context, attributes: Vec::new(), size_px: None, names, dash: None })
+    }
+
+    /// Sets the attributes that have changed.
+    fn tell(&mut self, attributes: &[(&'static str, String)]) {
+        for (place, (name, value)) in attributes.iter().enumerate() {
+            match self.attributes.get_mut(place) {
+                Some((known, shown)) if known == name => {
+                    if shown == value {
+                        continue;
+                    }
+                    shown.clone_from(value);
+                }
+                _ => self.attributes.insert(place, (name, value.clone())),
             }
+            let _ = self.canvas.set_attribute(name, value);
         }
-        let ratio = window.device_pixel_ratio();
-        let size = [f64::from(canvas.client_width()), f64::from(canvas.client_height())];
-        let device = size.map(|side| (side * ratio).round() as u32);
-        if [canvas.width(), canvas.height()] != device {
-            canvas.set_width(device[0]);
-            canvas.set_height(device[1]);
+    }
+
+    /// Clears it; its width and height, CSS pixels.
+    fn cleared(&mut self, window: &Window) -> [f64; 2] {
+        let size_px = *self.size_px.get_or_insert_with(|| {
+            let canvas = &self.canvas;
+            let size = [f64::from(canvas.client_width()), f64::from(canvas.client_height())];
+            let ratio = window.device_pixel_ratio();
+            let [width, height] = size.map(|side| (side * ratio).round() as u32);
+            // This also makes everything else about the context as it was at first.
+            canvas.set_width(width);
+            canvas.set_height(height);
+            let _ = self.context.set_transform(ratio, 0.0, 0.0, ratio, 0.0, 0.0);
+            self.context.set_line_join("round");
+            self.context.set_font("12px system-ui, sans-serif");
+            self.context.set_text_align("center");
+            self.dash = None;
+            size
+        });
+        self.context.clear_rect(0.0, 0.0, size_px[0], size_px[1]);
+        size_px
+    }
+
+    /// Draws lines with these dashes from now on.
+    fn set_dash(&mut self, dash: Option<[f64; 2]>) {
+        // No dashes are dashes without gaps.
+        let wanted = dash.unwrap_or([0.0; 2]);
+        let is_set = self.dash.as_ref().map_or(dash.is_none(), |(lengths, _)| *lengths == wanted);
+        if !is_set {
+            let list: js_sys::Array = dash.into_iter().flatten().map(JsValue::from).collect();
+            let _ = self.context.set_line_dash(&list);
+            self.dash = Some((wanted, list));
         }
-        let _ = context.set_transform(ratio, 0.0, 0.0, ratio, 0.0, 0.0);
-        context.clear_rect(0.0, 0.0, size[0], size[1]);
-        let camera = Camera::showing(picture.window, size);
-        let mut brush = Brush { painter: self, context, camera };
-        for shape in &picture.shapes {
-            brush.shape(shape);
-        }
-        Some(canvas)
     }
 }
 
@@ -93,7 +175,7 @@ impl SizeWatcher {
 
 struct Brush<'a> {
     painter: &'a mut Painter,
-    context: CanvasRenderingContext2d,
+    sheet: &'a mut Sheet,
     camera: Camera,
 }
 
@@ -102,7 +184,7 @@ impl Brush<'_> {
         match shape {
             Shape::Polygon { points, fill, outline } => {
                 self.trace(points);
-                self.context.close_path();
+                self.sheet.context.close_path();
                 self.fill(*fill);
                 self.stroke(*outline);
             }
@@ -119,8 +201,8 @@ impl Brush<'_> {
             Shape::Square { centre, side_m, colour } => {
                 let side = (side_m * self.camera.scale).max(9.0);
                 let [x, y] = self.camera.to_px(*centre);
-                self.context.begin_path();
-                self.context.rect(x - 0.5 * side, y - 0.5 * side, side, side);
+                self.sheet.context.begin_path();
+                self.sheet.context.rect(x - 0.5 * side, y - 0.5 * side, side, side);
                 self.fill((*colour).into());
             }
             Shape::Grid { every_m } => self.grid(*every_m),
@@ -128,34 +210,32 @@ impl Brush<'_> {
     }
 
     fn trace(&self, points: &[[f64; 2]]) {
-        self.context.begin_path();
+        self.sheet.context.begin_path();
         for &point in points {
             let [x, y] = self.camera.to_px(point);
-            self.context.line_to(x, y);
+            self.sheet.context.line_to(x, y);
         }
     }
 
     fn circle(&self, [x, y]: [f64; 2], radius: f64) {
-        self.context.begin_path();
-        let _ = self.context.arc(x, y, radius, 0.0, TAU);
+        self.sheet.context.begin_path();
+        let _ = self.sheet.context.arc(x, y, radius, 0.0, TAU);
     }
 
     fn fill(&mut self, ink: Ink) {
-        self.context.set_global_alpha(ink.opacity);
-        self.context.set_fill_style_str(self.painter.css(ink.colour));
-        self.context.fill();
-        self.context.set_global_alpha(1.0);
+        let sheet = &*self.sheet;
+        sheet.context.set_global_alpha(ink.opacity);
+        let _ = Reflect::set(&sheet.context, &sheet.names.fill, self.painter.css(ink.colour));
+        sheet.context.fill();
     }
 
     fn stroke(&mut self, pen: Pen) {
-        let dash = pen.dash.into_iter().flatten().map(JsValue::from).collect::<js_sys::Array>();
-        let _ = self.context.set_line_dash(&dash);
-        self.context.set_global_alpha(pen.ink.opacity);
-        self.context.set_stroke_style_str(self.painter.css(pen.ink.colour));
-        self.context.set_line_width(pen.width);
-        self.context.set_line_join("round");
-        self.context.stroke();
-        self.context.set_global_alpha(1.0);
+        self.sheet.set_dash(pen.dash);
+        let sheet = &*self.sheet;
+        sheet.context.set_global_alpha(pen.ink.opacity);
+        let _ = Reflect::set(&sheet.context, &sheet.names.stroke, self.painter.css(pen.ink.colour));
+        sheet.context.set_line_width(pen.width);
+        sheet.context.stroke();
     }
 
     /// Tail dot, shaft and head.
@@ -175,12 +255,12 @@ impl Brush<'_> {
         let (sin, cos) = sin_cos(pose.psi);
         self.circle([x, y], 0.085 * length);
         self.fill(colour.into());
-        self.context.begin_path();
+        self.sheet.context.begin_path();
         for (along, left) in OUTLINE {
             let right = x + length * (along * cos - left * sin);
-            self.context.line_to(right, y - length * (along * sin + left * cos));
+            self.sheet.context.line_to(right, y - length * (along * sin + left * cos));
         }
-        self.context.close_path();
+        self.sheet.context.close_path();
         self.fill(colour.into());
     }
 
@@ -190,7 +270,7 @@ impl Brush<'_> {
         let [width, height] = self.camera.size_px;
         let low = self.camera.to_world([0.0, height]);
         let high = self.camera.to_world([width, 0.0]);
-        self.context.begin_path();
+        self.sheet.context.begin_path();
         for axis in [0, 1] {
             let first = (low[axis] / step_m).ceil() as i64;
             let last = (high[axis] / step_m).floor() as i64;
@@ -200,19 +280,22 @@ impl Brush<'_> {
                 let px = self.camera.to_px([at, at])[axis].round() + 0.5;
                 let (from, to) =
                     if axis == 0 { ((px, 0.0), (px, height)) } else { ((0.0, px), (width, px)) };
-                self.context.move_to(from.0, from.1);
-                self.context.line_to(to.0, to.1);
+                self.sheet.context.move_to(from.0, from.1);
+                self.sheet.context.line_to(to.0, to.1);
             }
         }
         self.stroke(Pen::new(colours::GRID, 1.0));
         let (left, bottom, length) = (22.0, height - 18.0, step_m * self.camera.scale);
-        self.context.begin_path();
-        self.context.move_to(left, bottom);
-        self.context.line_to(left + length, bottom);
+        self.sheet.context.begin_path();
+        self.sheet.context.move_to(left, bottom);
+        self.sheet.context.line_to(left + length, bottom);
         self.stroke(Pen::new(colours::MUTED, 1.5));
-        self.context.set_font("12px system-ui, sans-serif");
-        self.context.set_text_align("center");
-        self.context.set_fill_style_str(self.painter.css(colours::MUTED));
-        let _ = self.context.fill_text(&format!("{every_m} m"), left + 0.5 * length, bottom - 6.0);
+        let css = self.painter.css(colours::MUTED);
+        let _ = Reflect::set(&self.sheet.context, &self.sheet.names.fill, css);
+        let _ = self.sheet.context.fill_text(
+            &format!("{every_m} m"),
+            left + 0.5 * length,
+            bottom - 6.0,
+        );
     }
 }

@@ -1,7 +1,7 @@
 //! Brings the document to what a view describes, by the edits that [`diff`] finds.
 
 use crate::diff::{self, Edit};
-use crate::view::{Child, Handler, Node, handler_along};
+use crate::view::{Child, HTML, Handler, Node, handler_along};
 use js_sys::{Function, Reflect};
 use wasm_bindgen::prelude::*;
 use web_sys::{Document, Element, FocusOptions, HtmlElement};
@@ -192,6 +192,10 @@ fn set(element: &Element, name: &str, value: Option<&str>) -> Result<(), JsValue
             if let Some(element) = element.dyn_ref::<HtmlElement>() {
                 element.style().set_css_text(value.unwrap_or_default());
             }
+            return Ok(());
+        }
+        HTML => {
+            element.set_inner_html(value.unwrap_or_default());
             return Ok(());
         }
         // Once a user has changed a field, its attribute holds only the initial value.

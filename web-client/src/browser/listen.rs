@@ -1,7 +1,7 @@
 //! Listeners on the document, removed when dropped.
 
 use super::canvas::SizeWatcher;
-use super::{Pump, address, fields};
+use super::{Pump, address, fields, window_size};
 use crate::runtime::{Event, Page};
 use crate::view::Handler;
 use wasm_bindgen::prelude::*;
@@ -13,6 +13,29 @@ pub(super) struct Listener {
     target: EventTarget,
     name: &'static str,
     callback: Closure<dyn FnMut(web_sys::Event)>,
+}
+
+impl Listener {
+    /// Calls back whenever `target` reports the event of this name.
+    fn new(
+        target: &EventTarget,
+        name: &'static str,
+        hear: impl FnMut(web_sys::Event) + 'static,
+    ) -> Option<Self> {
+        let callback = Closure::<dyn FnMut(web_sys::Event)>::new(hear);
+        let function = callback.as_ref().unchecked_ref();
+        target.add_event_listener_with_callback(name, function).ok()?;
+        Some(Self { target: target.clone(), name, callback })
+    }
+
+    /// Has the browser ask users who leave.
+    pub(super) fn guard(target: &EventTarget) -> Option<Self> {
+        Self::new(target, "beforeunload", |event| {
+            event.prevent_default();
+            // Older browsers go by the value.
+            let _ = js_sys::Reflect::set(&event, &"returnValue".into(), &"unsaved".into());
+        })
+    }
 }
 
 impl Drop for Listener {
@@ -32,11 +55,21 @@ impl<P: Page + 'static> Pump<P> {
         };
         self.on(&window, "keydown", |pump, event| pump.key(event, true));
         self.on(&window, "keyup", |pump, event| pump.key(event, false));
-        self.on(&window, "blur", |pump, event| pump.tell(&Event::FocusLost, event.time_stamp()));
+        self.on(&window, "blur", |pump, event| {
+            let hidden = pump.shell.borrow().document.hidden();
+            pump.tell(&Event::FocusLost { hidden }, event.time_stamp());
+        });
+        self.on(&window, "focus", |pump, event| {
+            pump.tell(&Event::FocusGained, event.time_stamp());
+        });
         self.on(&document, "visibilitychange", |pump, event| {
             if pump.shell.borrow().document.hidden() {
-                pump.tell(&Event::FocusLost, event.time_stamp());
+                pump.tell(&Event::FocusLost { hidden: true }, event.time_stamp());
             }
+        });
+        self.on(&document, "fullscreenchange", |pump, event| {
+            let fills = pump.shell.borrow().document.fullscreen_element().is_some();
+            pump.tell(&Event::Fullscreen(fills), event.time_stamp());
         });
         self.on(&window, "online", |pump, event| pump.tell(&Event::Online, event.time_stamp()));
         self.on(&root, "click", |pump, event| {
@@ -59,7 +92,11 @@ impl<P: Page + 'static> Pump<P> {
             }
         }
         // The size of a pixel changes with the zoom, which resizes the window.
-        self.on(&window, "resize", |pump, _| pump.shell.borrow_mut().paint());
+        self.on(&window, "resize", |pump, event| {
+            pump.shell.borrow_mut().repaint();
+            let (width_px, height_px, ratio) = window_size(&pump.shell.borrow().window);
+            pump.tell(&Event::Resized { width_px, height_px, ratio }, event.time_stamp());
+        });
         if let Ok(Some(dark)) = window.match_media("(prefers-color-scheme: dark)") {
             self.shell.borrow_mut().painter.set_dark(dark.matches());
             self.on(&dark, "change", |pump, event| {
@@ -67,23 +104,19 @@ impl<P: Page + 'static> Pump<P> {
                     event.target().and_then(|query| query.dyn_into::<MediaQueryList>().ok());
                 let mut shell = pump.shell.borrow_mut();
                 shell.painter.set_dark(query.is_some_and(|query| query.matches()));
-                shell.paint();
+                shell.repaint();
             });
         }
         let pump = self.clone();
-        let on_resize = SizeWatcher::new(move || pump.shell.borrow_mut().paint());
+        let on_resize = SizeWatcher::new(move || pump.shell.borrow_mut().repaint());
         self.shell.borrow_mut().on_resize = on_resize;
     }
 
     /// Calls back whenever `target` reports the event of this name.
     fn on(&self, target: &EventTarget, name: &'static str, hear: fn(&Self, &web_sys::Event)) {
         let pump = self.clone();
-        let callback = Closure::<dyn FnMut(web_sys::Event)>::new(move |event| hear(&pump, &event));
-        let function = callback.as_ref().unchecked_ref();
-        if target.add_event_listener_with_callback(name, function).is_ok() {
-            let listener = Listener { target: target.clone(), name, callback };
-            self.shell.borrow_mut().listeners.push(listener);
-        }
+        let listener = Listener::new(target, name, move |event| hear(&pump, &event));
+        self.shell.borrow_mut().listeners.extend(listener);
     }
 
     fn key(&self, event: &web_sys::Event, down: bool) {
@@ -92,12 +125,12 @@ impl<P: Page + 'static> Pump<P> {
         if down && (event.ctrl_key() || event.alt_key() || event.meta_key()) {
             return;
         }
-        let key = event.key();
-        if self.shell.borrow().page.owns_key(&key) {
+        let code = event.code();
+        if self.shell.borrow().page.owns_key(&code) {
             event.prevent_default();
         }
         if !event.repeat() {
-            self.tell(&Event::Key { key, down }, event.time_stamp());
+            self.tell(&Event::Key { code, key: event.key(), down }, event.time_stamp());
         }
     }
 
@@ -110,7 +143,7 @@ impl<P: Page + 'static> Pump<P> {
             Some((handler.clone(), element))
         });
         let Some((handler, element)) = found else { return false };
-        let (pump, t_ms) = (self.clone(), event.time_stamp());
+        let (pump, t_ms) = (self.clone(), self.shell.borrow().clock.of(event.time_stamp()));
         match handler {
             Handler::Press(message) => self.dispatch(message, t_ms),
             Handler::Input(make) => spawn_local(async move {
@@ -140,7 +173,8 @@ impl<P: Page + 'static> Pump<P> {
             return;
         }
         let url = link.get_attribute("href").unwrap_or_default();
-        if self.visit(&url, event.time_stamp()) {
+        let t_ms = self.shell.borrow().clock.of(event.time_stamp());
+        if self.visit(&url, t_ms) {
             event.prevent_default();
         }
     }

@@ -1,36 +1,162 @@
-//! What this browser keeps for pages of this origin.
+//! What this browser keeps for pages of this origin: a record for each name in the object store
+//! `kept` of the database `sidestep`. Earlier versions used the local storage, under the same
+//! names; what is there is still found and forgotten.
 
 use crate::runtime::NotKept;
+use js_sys::{Array, Function, Object, Promise, Reflect};
 use wasm_bindgen::prelude::*;
-use web_sys::{DomException, Storage, Window};
+use wasm_bindgen_futures::JsFuture;
+use web_sys::{DomException, IdbDatabase, IdbOpenDbRequest, IdbRequest, IdbTransaction, Window};
 
-/// A private window may have none, or refuse it with an error.
-fn storage(window: &Window) -> Option<Storage> {
-    window.local_storage().ok().flatten()
+/// Name of the database, and start of the names of the local storage that are ours.
+const DATABASE: &str = "sidestep";
+const STORE: &str = "kept";
+
+/// A database that is silent for longer counts as absent, ms.
+const PATIENCE_MS: i32 = 2_000;
+
+/// The database, if there is one.
+pub(super) struct Storage {
+    window: Window,
+    database: Result<IdbDatabase, NotKept>,
+    /// Whether the browser was asked to keep records even when it runs out of room.
+    is_persistent: bool,
 }
 
-/// Everything of ours, by name.
-pub(super) fn all(window: &Window) -> Option<Vec<(String, String)>> {
-    let storage = storage(window)?;
+/// Text by name.
+type Records = Vec<(String, String)>;
+
+impl Storage {
+    /// Opens the database and reads all that is kept.
+    pub(super) async fn open(window: &Window) -> (Self, Records) {
+        let mut records = earlier(window).unwrap_or_default();
+        let database = match open(window).await {
+            Ok(database) => match all(window, &database).await {
+                Ok(kept) => {
+                    // A record of today comes before one of an earlier version.
+                    records.retain(|(name, _)| kept.iter().all(|(known, _)| known != name));
+                    records.extend(kept);
+                    Ok(database)
+                }
+                Err(error) => Err(reason(&error)),
+            },
+            Err(error) => Err(reason(&error)),
+        };
+        (Self { window: window.clone(), database, is_persistent: false }, records)
+    }
+
+    /// Why nothing can be kept, if so.
+    pub(super) fn failure(&self) -> Option<NotKept> {
+        self.database.as_ref().err().copied()
+    }
+
+    /// Keeps a text under a name. It is kept once the future says so.
+    pub(super) fn keep(
+        &mut self,
+        name: &str,
+        text: &str,
+    ) -> impl Future<Output = Result<(), NotKept>> + use<> {
+        if !std::mem::replace(&mut self.is_persistent, true) {
+            // Whatever the browser decides: it is a wish.
+            let _ = self.window.navigator().storage().persist();
+        }
+        // The database carries out what is asked of a name in the order of the calls.
+        let written = self.database.as_ref().map_err(|reason| *reason).and_then(|database| {
+            let put = || {
+                let transaction = write(database)?;
+                transaction.object_store(STORE)?.put_with_key(&text.into(), &name.into())?;
+                Ok(committed(&transaction))
+            };
+            put().map_err(|error| reason(&error))
+        });
+        let window = self.window.clone();
+        async move { settled(&window, &written?).await.map(drop).map_err(|error| reason(&error)) }
+    }
+
+    /// Forgets what is kept under a name.
+    pub(super) fn forget(&self, name: &str) {
+        // What is not there, or out of reach, is forgotten.
+        if let Ok(database) = &self.database {
+            let _ = write(database).and_then(|all| all.object_store(STORE)?.delete(&name.into()));
+        }
+        if let Ok(Some(storage)) = self.window.local_storage() {
+            let _ = storage.remove_item(name);
+        }
+    }
+}
+
+/// Everything of ours in the local storage. A private window may have none, or refuse it.
+fn earlier(window: &Window) -> Option<Records> {
+    let storage = window.local_storage().ok()??;
     let names = (0..storage.length().ok()?).filter_map(|i| storage.key(i).ok()?);
-    let ours = names.filter(|name| name.starts_with("sidestep."));
+    let ours = names.filter(|name| name.starts_with(DATABASE));
     Some(ours.filter_map(|name| Some((name.clone(), storage.get_item(&name).ok()??))).collect())
 }
 
-/// Keeps a text under a name.
-pub(super) fn keep(window: &Window, name: &str, text: &str) -> Result<(), NotKept> {
-    let storage = storage(window).ok_or(NotKept::Denied)?;
-    storage.set_item(name, text).map_err(|error| {
-        let is_full =
-            error.dyn_ref::<DomException>().is_some_and(|e| e.name() == "QuotaExceededError");
-        if is_full { NotKept::Full } else { NotKept::Denied }
+async fn open(window: &Window) -> Result<IdbDatabase, JsValue> {
+    let factory = window.indexed_db()?.ok_or(JsValue::NULL)?;
+    let request = factory.open(DATABASE)?;
+    let fresh = request.clone();
+    let create = Closure::once_into_js(move || {
+        let database: IdbDatabase = fresh.result().unwrap_or_default().unchecked_into();
+        let _ = database.create_object_store(STORE);
+    });
+    IdbOpenDbRequest::set_onupgradeneeded(&request, Some(create.unchecked_ref()));
+    settled(window, &answered(&request)).await?;
+    Ok(request.result()?.unchecked_into())
+}
+
+async fn all(window: &Window, database: &IdbDatabase) -> Result<Records, JsValue> {
+    let store = database.transaction_with_str(STORE)?.object_store(STORE)?;
+    // Both requests are of one transaction: they see the same records, in the same order.
+    let (names, texts) = (store.get_all_keys()?, store.get_all()?);
+    settled(window, &answered(&texts)).await?;
+    let (names, texts) = (Array::from(&names.result()?), Array::from(&texts.result()?));
+    Ok(names
+        .iter()
+        .zip(texts.iter())
+        .filter_map(|(n, t)| n.as_string().zip(t.as_string()))
+        .collect())
+}
+
+/// A transaction whose end means that the records are on the disk, not only on their way there.
+fn write(database: &IdbDatabase) -> Result<IdbTransaction, JsValue> {
+    let options = Object::new();
+    Reflect::set(&options, &"durability".into(), &"strict".into())?;
+    let begin: Function = Reflect::get(database, &"transaction".into())?.unchecked_into();
+    let begun = begin.call3(database, &STORE.into(), &"readwrite".into(), &options)?;
+    Ok(begun.unchecked_into())
+}
+
+/// Settles with the request.
+fn answered(request: &IdbRequest) -> Promise {
+    Promise::new(&mut |done, failed| {
+        request.set_onsuccess(Some(&done));
+        request.set_onerror(Some(&failed));
     })
 }
 
-/// Forgets what is kept under a name.
-pub(super) fn forget(window: &Window, name: &str) {
-    if let Some(storage) = storage(window) {
-        // What is not there cannot fail to be removed.
-        let _ = storage.remove_item(name);
-    }
+/// Settles with the transaction.
+fn committed(transaction: &IdbTransaction) -> Promise {
+    Promise::new(&mut |done, failed| {
+        transaction.set_oncomplete(Some(&done));
+        transaction.set_onabort(Some(&failed));
+    })
+}
+
+/// Waits for a promise, but not for ever.
+async fn settled(window: &Window, promise: &Promise) -> Result<JsValue, JsValue> {
+    let late = Promise::new(&mut |_, failed| {
+        let _ = window.set_timeout_with_callback_and_timeout_and_arguments_0(&failed, PATIENCE_MS);
+    });
+    JsFuture::from(Promise::race(&Array::of2(promise, &late))).await
+}
+
+/// What an error, or the event that reports it, means.
+fn reason(error: &JsValue) -> NotKept {
+    let target = Reflect::get(error, &"target".into()).unwrap_or_default();
+    let inside = Reflect::get(&target, &"error".into()).unwrap_or_default();
+    let error = inside.dyn_ref::<DomException>().or_else(|| error.dyn_ref());
+    let is_full = error.is_some_and(|error| error.name() == "QuotaExceededError");
+    if is_full { NotKept::Full } else { NotKept::Denied }
 }

@@ -10,8 +10,8 @@ const GOAL_SIDE_M: f64 = 0.85;
 
 /// The red square, the red arrow and the blue arrow.
 #[must_use]
-pub fn vehicles_and_goal(scene: &Scene, state: JointState) -> Vec<Shape> {
-    vec![
+pub fn vehicles_and_goal(scene: &Scene, state: JointState) -> [Shape; 3] {
+    [
         Shape::Square { centre: scene.goal, side_m: GOAL_SIDE_M, colour: colours::ROBOT },
         Shape::Vehicle { pose: state.robot, colour: colours::ROBOT },
         Shape::Vehicle { pose: state.human, colour: colours::HUMAN },

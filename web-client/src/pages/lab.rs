@@ -233,12 +233,17 @@ impl Page for Lab {
         self.page()?.hear(event).map(|message| Msg::Page(self.visits, message))
     }
 
-    fn picture(&self) -> Option<Picture> {
-        self.page()?.picture()
+    fn tick(&mut self, now_ms: f64) -> Option<Msg> {
+        let State::Open(_, page) = &mut self.state else { return None };
+        page.tick(now_ms).map(|message| Msg::Page(self.visits, message))
     }
 
     fn wants_frames(&self) -> bool {
         self.page().is_some_and(|page| page.wants_frames())
+    }
+
+    fn draw(&self, at_ms: f64, picture: &mut Picture) -> bool {
+        self.page().is_some_and(|page| page.draw(at_ms, picture))
     }
 }
 

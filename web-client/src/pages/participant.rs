@@ -6,14 +6,14 @@ mod view;
 mod tests;
 
 use crate::drive::{Drive, json_object};
-use crate::input::{BLUR, HeldKeys, turn_of_key};
+use crate::input::{BLUR, HeldKeys, KeyMap};
 use crate::json;
 use crate::outbox::{self, Outbox, UploadOutcome};
 use crate::overlays::stage;
 use crate::runtime::{
     Answer, Command, Commands, Event, Failure, NotKept, Page, PageContext, Request, read,
 };
-use crate::shape::{Picture, Shape, Window};
+use crate::shape::{Picture, Window};
 use crate::view::Node;
 use serde::{Deserialize, Serialize};
 use sidestep::api::{
@@ -44,6 +44,7 @@ pub struct Participant {
     /// Ids of the trials that the server has.
     stored: Vec<String>,
     outbox: Outbox,
+    keys: KeyMap,
     held: HeldKeys,
     /// What went wrong last, if it still matters.
     trouble: Option<String>,
@@ -77,6 +78,8 @@ pub enum Msg {
     Continue,
     /// The participant starts the next scene.
     Start,
+    /// The scene is over.
+    SceneOver,
     /// Something happened to the trials that wait to be sent.
     Outbox(outbox::Msg),
     /// It is time to ask the server again.
@@ -187,7 +190,7 @@ impl Participant {
             pilot: false,
             // An enrolment whose answer was lost is asked for again under the same name.
             request_id: self.context.random_name.clone(),
-            locale: Some(self.context.locale.clone()).filter(|locale| !locale.is_empty()),
+            locale: self.context.languages.first().cloned(),
             screen: Some(json_object(&self.context.screen)),
         };
         let ask = Request::get("enrol", routes::participants(&self.slug), Msg::Enrolled);
@@ -268,30 +271,6 @@ impl Participant {
         let upload = drive.into_upload(&self.context.screen);
         let keep = self.outbox.add(trial.id(), json::write(&upload));
         lifted(Some(keep)).chain(self.go_on()).collect()
-    }
-
-    fn frame(&mut self) -> Commands<Msg> {
-        let now_ms = self.now_ms;
-        match std::mem::take(&mut self.stage) {
-            Stage::Still(trial, since) if now_ms - since >= STILL_MS => {
-                let start_ms = since + STILL_MS;
-                let started_at_ms = self.context.time_origin_ms + start_ms;
-                let parameters = self.study.as_ref().map(|study| study.parameters);
-                let scene = trial.scene.scene();
-                let parameters = parameters.unwrap_or_default();
-                let mut drive = Drive::new(parameters, &scene, start_ms, started_at_ms, &self.held);
-                drive.tick(now_ms);
-                self.stage = Stage::Driving(trial, Box::new(drive));
-            }
-            Stage::Driving(trial, mut drive) => {
-                if drive.tick(now_ms) {
-                    return self.scene_over(&trial, *drive);
-                }
-                self.stage = Stage::Driving(trial, drive);
-            }
-            other => self.stage = other,
-        }
-        Vec::new()
     }
 
     fn key(&mut self, t_ms: f64, key: &str, down: bool) {
@@ -411,16 +390,15 @@ impl Participant {
 
     fn hear_event(&mut self, event: &Event, now_ms: f64) -> Commands<Msg> {
         match event {
-            Event::Frame => return self.frame(),
-            Event::Key { key, down } => self.key(now_ms, key, *down),
-            Event::FocusLost => self.key(now_ms, BLUR, false),
+            Event::Key { code, down, .. } => self.key(now_ms, code, *down),
+            Event::FocusLost { .. } => self.key(now_ms, BLUR, false),
             Event::Online => {
                 self.outbox.resume();
                 let mut commands = self.ask_again();
                 commands.extend(self.go_on());
                 return commands;
             }
-            Event::Address(_) => {}
+            _ => {}
         }
         Vec::new()
     }
@@ -465,6 +443,11 @@ impl Page for Participant {
                     self.trouble = None;
                 }
             }
+            Msg::SceneOver => {
+                if let Stage::Driving(trial, drive) = std::mem::take(&mut self.stage) {
+                    return self.scene_over(&trial, *drive);
+                }
+            }
             Msg::Outbox(message) => return self.outbox(message),
             Msg::Retry => return self.ask_again(),
             Msg::Completed(answer) => match read(answer) {
@@ -488,55 +471,71 @@ impl Page for Participant {
 
     fn hear(&self, event: &Event) -> Option<Msg> {
         let matters = match event {
-            Event::Key { key, .. } => turn_of_key(key).is_some(),
-            Event::Address(_) => false,
-            Event::Frame | Event::FocusLost | Event::Online => true,
+            Event::Key { code, .. } => self.keys.turn(code).is_some(),
+            Event::FocusLost { .. } | Event::Online => true,
+            _ => false,
         };
         matters.then(|| Msg::Event(event.clone()))
     }
 
-    fn picture(&self) -> Option<Picture> {
-        let parameters = self.study.as_ref()?.parameters;
-        let (trial, state, step) = match &self.stage {
-            Stage::Still(trial, _) => (trial, trial.scene.scene().start(), 0),
-            Stage::Driving(trial, drive) => {
-                (trial, drive.state_at(self.now_ms), drive.step_at(self.now_ms))
-            }
-            _ => return None,
-        };
-        let scene = trial.scene.scene();
-        let zone = trial.show_danger_zone.then_some(parameters.danger_radius_m);
-        Some(Picture {
-            canvas: "scene",
-            window: window(&scene, state),
-            shapes: shapes(&scene, state, zone),
-            attributes: vec![
-                ("data-step", step.to_string()),
-                ("data-phase", trial.phase.word().to_owned()),
-                ("data-trial", trial.id().to_owned()),
-            ],
-        })
+    fn due_ms(&self) -> Option<f64> {
+        match &self.stage {
+            Stage::Still(_, since) => Some(since + STILL_MS),
+            Stage::Driving(_, drive) => Some(drive.due_ms()),
+            _ => None,
+        }
+    }
+
+    fn tick(&mut self, now_ms: f64) -> Option<Msg> {
+        if let Stage::Still(trial, since) = &self.stage
+            && now_ms >= since + STILL_MS
+        {
+            let start_ms = since + STILL_MS;
+            let started_at_ms = self.context.time_origin_ms + start_ms;
+            let parameters = self.study.as_ref().map(|study| study.parameters).unwrap_or_default();
+            let (scene, keys, held) = (trial.scene.scene(), &self.keys, &self.held);
+            let drive = Drive::new(parameters, &scene, start_ms, started_at_ms, keys, held);
+            self.stage = Stage::Driving(trial.clone(), Box::new(drive));
+        }
+        match &mut self.stage {
+            Stage::Driving(_, drive) => drive.tick(now_ms).then_some(Msg::SceneOver),
+            _ => None,
+        }
     }
 
     fn wants_frames(&self) -> bool {
         matches!(self.stage, Stage::Still(..) | Stage::Driving(..))
     }
 
-    fn owns_key(&self, key: &str) -> bool {
-        self.wants_frames() && (turn_of_key(key).is_some() || key == " ")
+    fn draw(&self, at_ms: f64, picture: &mut Picture) -> bool {
+        let (trial, state, step) = match &self.stage {
+            Stage::Still(trial, _) => (trial, trial.scene.scene().start(), 0),
+            Stage::Driving(trial, drive) => (trial, drive.state_at(at_ms), drive.step_at(at_ms)),
+            _ => return false,
+        };
+        let scene = trial.scene.scene();
+        picture.begin("scene", window(&scene, state));
+        picture.tell("data-step", step);
+        picture.tell("data-phase", trial.phase.word());
+        picture.tell("data-trial", trial.id());
+        // What a participant sees of a scene.
+        if let (true, Some(study)) = (trial.show_danger_zone, &self.study) {
+            let radius_m = study.parameters.danger_radius_m;
+            picture.shapes.push(stage::danger_zone(state.robot, radius_m));
+        }
+        picture.shapes.extend(stage::vehicles_and_goal(&scene, state));
+        true
     }
 
-    fn frame_took(&mut self, ms: f64) {
+    fn owns_key(&self, code: &str) -> bool {
+        self.wants_frames() && (self.keys.turn(code).is_some() || code == "Space")
+    }
+
+    fn frame_shown(&mut self, at_ms: f64, work_ms: f64) {
         if let Stage::Driving(_, drive) = &mut self.stage {
-            drive.frame_took(ms);
+            drive.frame_shown(at_ms, work_ms);
         }
     }
-}
-
-/// What a participant sees of a scene.
-fn shapes(scene: &Scene, state: JointState, danger_radius_m: Option<f64>) -> Vec<Shape> {
-    let zone = danger_radius_m.map(|radius| stage::danger_zone(state.robot, radius));
-    zone.into_iter().chain(stage::vehicles_and_goal(scene, state)).collect()
 }
 
 /// The same view for every scene; it widens only where a vehicle would leave it.

@@ -8,7 +8,7 @@ mod view;
 use self::safety::Sources;
 use super::parts;
 use crate::overlays::{LAYERS, Moment, stage};
-use crate::runtime::{Answer, Command, Commands, Event, Failure, Page, Request, Solving, read};
+use crate::runtime::{Answer, Command, Commands, Failure, Page, Request, Solving, read};
 use crate::shape::{Picture, Shape, Window};
 use crate::view::Node;
 use sidestep::api::{TrainedPredictor, TrialDetail, routes};
@@ -101,19 +101,19 @@ impl Page for ReplayPage {
         }
     }
 
-    fn hear(&self, event: &Event) -> Option<Msg> {
-        (*event == Event::Frame).then_some(Msg::Frame)
-    }
-
-    fn picture(&self) -> Option<Picture> {
-        match self {
-            Self::Open(replay) => Some(replay.picture()),
-            _ => None,
-        }
+    /// The slider and the numbers move with the picture.
+    fn tick(&mut self, _: f64) -> Option<Msg> {
+        self.wants_frames().then_some(Msg::Frame)
     }
 
     fn wants_frames(&self) -> bool {
         matches!(self, Self::Open(replay) if replay.is_playing())
+    }
+
+    fn draw(&self, _: f64, picture: &mut Picture) -> bool {
+        let Self::Open(replay) = self else { return false };
+        replay.show(picture);
+        true
     }
 }
 
@@ -358,18 +358,12 @@ impl Replay {
         self.drawn = shapes.collect();
     }
 
-    fn picture(&self) -> Picture {
-        let mut shapes = vec![Shape::Grid { every_m: 5 }];
-        shapes.extend(self.drawn.iter().flatten().cloned());
-        shapes.extend(stage::vehicles_and_goal(&self.trial.scene, self.state()));
-        Picture {
-            canvas: "replay",
-            window: self.window,
-            shapes,
-            attributes: vec![
-                ("data-step", self.step().to_string()),
-                ("data-trial", self.trial.summary.trial_id.clone()),
-            ],
-        }
+    fn show(&self, picture: &mut Picture) {
+        picture.begin("replay", self.window);
+        picture.tell("data-step", self.step());
+        picture.tell("data-trial", &self.trial.summary.trial_id);
+        picture.shapes.push(Shape::Grid { every_m: 5 });
+        picture.shapes.extend(self.drawn.iter().flatten().cloned());
+        picture.shapes.extend(stage::vehicles_and_goal(&self.trial.scene, self.state()));
     }
 }

@@ -51,11 +51,15 @@ impl<P: Page> Page for Hosted<P> {
         self.0.hear(event).map(lift)
     }
 
-    fn picture(&self) -> Option<Picture> {
-        self.0.picture()
+    fn tick(&mut self, now_ms: f64) -> Option<AnyMsg> {
+        self.0.tick(now_ms).map(lift)
     }
 
     fn wants_frames(&self) -> bool {
         self.0.wants_frames()
+    }
+
+    fn draw(&self, at_ms: f64, picture: &mut Picture) -> bool {
+        self.0.draw(at_ms, picture)
     }
 }

@@ -115,7 +115,7 @@ impl Session {
 
     /// Outlines of level sets, of V_HR and of V_RH.
     fn outlines(&self) -> [usize; 2] {
-        let picture = self.page.picture().unwrap();
+        let picture = self.picture().unwrap();
         [colours::HUMAN, colours::ROBOT].map(|colour| {
             let is_outline = |shape: &&Shape| match shape {
                 Shape::Polygon { outline, points, .. } => {
@@ -306,7 +306,7 @@ fn predicted_sets_are_drawn_whole_or_step_by_step() {
     // How many areas each set has, from F_1 to F_5.
     let areas = |session: &Session| {
         let mut counts = [0; 5];
-        for shape in session.page.picture().unwrap().shapes {
+        for shape in session.picture().unwrap().shapes {
             let Shape::Polygon { fill, points, .. } = shape else { continue };
             if let Some(j) = colours::REGIONS.iter().position(|&region| fill == region.into()) {
                 assert!(!points.is_empty());

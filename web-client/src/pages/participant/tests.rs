@@ -96,11 +96,11 @@ impl Session {
             for (at, down) in [(3800.0, true), (5800.0, false)] {
                 if (before..self.now_ms).contains(&(begun + at)) {
                     let frame_ms = std::mem::replace(&mut self.now_ms, begun + at);
-                    self.hear(&Event::Key { key: "ArrowLeft".into(), down });
+                    self.hear(&key("ArrowLeft", down));
                     self.now_ms = frame_ms;
                 }
             }
-            self.hear(&Event::Frame);
+            self.frame();
             assert!(self.now_ms < begun + 20_000.0, "the scene does not end");
         }
     }
@@ -124,6 +124,10 @@ impl Session {
         self.send("complete", 200, &Completed { completion_code: "ABC".into(), return_url: None });
         assert!(self.text().contains("ABC"));
     }
+}
+
+fn key(code: &str, down: bool) -> Event {
+    Event::Key { code: code.into(), key: String::new(), down }
 }
 
 fn enrolled() -> Enrolled {
@@ -223,14 +227,10 @@ fn a_study_that_takes_nobody_says_so() {
 fn leaving_the_window_releases_the_keys() {
     let mut session = begun();
     session.press("start");
-    let mut at = |t_ms: f64, event: Event| {
-        session.now_ms = t_ms;
-        session.hear(&event);
-    };
-    at(100.0, Event::Key { key: "d".into(), down: true });
-    at(900.0, Event::Frame);
-    at(2850.0, Event::FocusLost);
-    at(11_000.0, Event::Frame);
+    session.at(100.0).hear(&key("KeyD", true));
+    session.at(900.0).frame();
+    session.at(2850.0).hear(&Event::FocusLost { hidden: false });
+    session.at(11_000.0).frame();
     let trial = session.uploaded("t0");
     let rights = trial.inputs.iter().filter(|&&input| input == TurnInput::Right).count();
     assert_eq!(rights, 11, "steps 0 to 10 began before the window was left at 2.05 s");
@@ -267,13 +267,11 @@ fn a_refusal_during_the_next_scene_leaves_that_one_alone() {
     let mut session = begun();
     session.drive();
     session.press("start");
-    let driven = session.page.picture().unwrap().attributes;
+    let driven = session.picture().unwrap().attributes;
     session.send("upload", 422, &refusal("invalid"));
-    assert_eq!(session.page.picture().unwrap().attributes, driven);
-    session.now_ms += 900.0;
-    session.hear(&Event::Frame);
-    session.now_ms += 11_000.0;
-    session.hear(&Event::Frame);
+    assert_eq!(session.picture().unwrap().attributes, driven);
+    session.at(session.now_ms + 900.0).frame();
+    session.at(session.now_ms + 11_000.0).frame();
     assert!(session.kept.contains_key("sidestep.outbox.p.t1"));
     // The first is driven again, and both are sent in order.
     session.drive();

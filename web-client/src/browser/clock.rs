@@ -1,0 +1,68 @@
+//! The page's clock.
+
+use crate::runtime::Address;
+use std::cell::Cell;
+use web_sys::{Performance, Window};
+
+/// Fastest clock of a simulated participation.
+const MAX_SPEED: f64 = 50.0;
+
+/// Milliseconds since the page was opened, which only ever grow, whatever becomes of the time of
+/// day. They are the browser's own, but for a simulated participation at another speed.
+///
+/// That one's clock stands still when something is due, until the page has dealt with it: nothing
+/// is late in it, however slow the machine.
+pub(super) struct Clock {
+    performance: Option<Performance>,
+    speed: f64,
+    /// A moment of the browser's clock, and what this clock showed then.
+    set: Cell<(f64, f64)>,
+    /// Where this clock stops.
+    stop_ms: Cell<f64>,
+}
+
+impl Clock {
+    /// The clock of a page at this address: `simulate=…&speed=N` makes it go N times as fast.
+    pub(super) fn new(window: &Window, address: &Address) -> Self {
+        let wanted: Option<f64> =
+            address.parameter("speed").and_then(|text| crate::json::read(text.as_bytes()));
+        let is_simulated = address.parameter("simulate").is_some();
+        let speed = wanted.filter(|wanted| is_simulated && (1.0..=MAX_SPEED).contains(wanted));
+        Self {
+            performance: window.performance(),
+            speed: speed.unwrap_or(1.0),
+            set: Cell::default(),
+            stop_ms: Cell::new(f64::INFINITY),
+        }
+    }
+
+    /// Now.
+    pub(super) fn now_ms(&self) -> f64 {
+        self.of(self.performance.as_ref().map_or(0.0, Performance::now))
+    }
+
+    /// The moment of this clock at a moment of the browser's, such as that of an event.
+    pub(super) fn of(&self, browser_ms: f64) -> f64 {
+        let (at, shown) = self.set.get();
+        (shown + (browser_ms - at) * self.speed).min(self.stop_ms.get())
+    }
+
+    /// How long to wait for a moment of this clock, in whole milliseconds of the browser's.
+    pub(super) fn wait_ms(&self, until_ms: f64) -> i32 {
+        self.browser_ms(until_ms - self.now_ms())
+    }
+
+    /// A duration of this clock, ms, in whole milliseconds of the browser's.
+    pub(super) fn browser_ms(&self, duration_ms: f64) -> i32 {
+        (duration_ms / self.speed).max(0.0).ceil() as i32
+    }
+
+    /// Something is due at this moment: a clock that is not the browser's stops there.
+    pub(super) fn stop_at(&self, due_ms: Option<f64>) {
+        if self.speed > 1.0 {
+            let browser_ms = self.performance.as_ref().map_or(0.0, Performance::now);
+            self.set.set((browser_ms, self.of(browser_ms)));
+            self.stop_ms.set(due_ms.unwrap_or(f64::INFINITY));
+        }
+    }
+}

@@ -1,0 +1,164 @@
+//! The sentences of a page in its user's language.
+
+use serde::Deserialize;
+use std::collections::BTreeMap;
+
+/// Sentences by key, in one language.
+///
+/// A sentence has places such as `{scenes}` to fill. One that depends on a number has a key for
+/// each form of the plural that the language has, such as `ready.left.one` and `ready.left.other`
+/// (the [categories of Unicode](https://cldr.unicode.org/index/cldr-spec/plural-rules)).
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+pub struct Texts {
+    /// Language, such as `de` or `zh-Hans`.
+    pub language: String,
+    /// Sentence by key.
+    pub sentences: BTreeMap<String, String>,
+}
+
+/// What fills a place in a sentence.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Fill<'a> {
+    /// A number, in the language's digits.
+    Number(f64),
+    /// Words.
+    Words(&'a str),
+}
+
+impl From<f64> for Fill<'_> {
+    fn from(number: f64) -> Self {
+        Self::Number(number)
+    }
+}
+
+impl From<usize> for Fill<'_> {
+    fn from(number: usize) -> Self {
+        Self::Number(number as f64)
+    }
+}
+
+impl<'a> From<&'a str> for Fill<'a> {
+    fn from(words: &'a str) -> Self {
+        Self::Words(words)
+    }
+}
+
+impl<'a> From<&'a String> for Fill<'a> {
+    fn from(words: &'a String) -> Self {
+        Self::Words(words)
+    }
+}
+
+impl Texts {
+    /// The sentence of a key, with its places filled; the key if there is no such sentence.
+    #[must_use]
+    pub fn get(&self, key: &str, fills: &[(&str, Fill<'_>)]) -> String {
+        let Some(mut rest) = self.sentences.get(key).map(String::as_str) else {
+            return key.to_owned();
+        };
+        let mut text = String::new();
+        while let Some((before, after)) = rest.split_once('{') {
+            text.push_str(before);
+            let place = after.split_once('}').unwrap_or((after, ""));
+            match fills.iter().find(|(name, _)| *name == place.0) {
+                Some((_, Fill::Number(number))) => text.push_str(&self.number(*number)),
+                Some((_, Fill::Words(words))) => text.push_str(words),
+                None => text.extend(["{", place.0, "}"]),
+            }
+            rest = place.1;
+        }
+        text.push_str(rest);
+        text
+    }
+
+    /// The sentence of a key in the plural form that goes with `count`, which fills `{n}`.
+    #[must_use]
+    pub fn count(&self, key: &str, count: usize, fills: &[(&str, Fill<'_>)]) -> String {
+        let mut fills = fills.to_vec();
+        fills.push(("n", count.into()));
+        let form = format!("{key}.{}", plural(&self.language, count as f64));
+        if self.has(&form) {
+            return self.get(&form, &fills);
+        }
+        self.get(&format!("{key}.other"), &fills)
+    }
+
+    /// Whether there is a sentence of this key.
+    #[must_use]
+    pub fn has(&self, key: &str) -> bool {
+        self.sentences.contains_key(key)
+    }
+
+    /// A number as people of this language write it.
+    #[must_use]
+    pub fn number(&self, number: f64) -> String {
+        written(&self.language, number)
+    }
+}
+
+/// The form of the plural of a number: `one`, `other`, ….
+#[cfg(target_arch = "wasm32")]
+fn plural(language: &str, number: f64) -> String {
+    intl("PluralRules", "select", language, number).unwrap_or_else(|| "other".to_owned())
+}
+
+#[cfg(target_arch = "wasm32")]
+fn written(language: &str, number: f64) -> String {
+    intl("NumberFormat", "format", language, number).unwrap_or_else(|| crate::json::number(number))
+}
+
+/// What `new Intl[kind](language)[method](number)` says; nothing for a language that is none.
+#[cfg(target_arch = "wasm32")]
+fn intl(kind: &str, method: &str, language: &str, number: f64) -> Option<String> {
+    use js_sys::{Array, Function, Reflect};
+    use wasm_bindgen::JsCast;
+    let intl = Reflect::get(&js_sys::global(), &"Intl".into()).ok()?;
+    let maker: Function = Reflect::get(&intl, &kind.into()).ok()?.dyn_into().ok()?;
+    let made = Reflect::construct(&maker, &Array::of1(&language.into())).ok()?;
+    // The method of a number format is a property that is bound to it; a call suits both.
+    let method: Function = Reflect::get(&made, &method.into()).ok()?.dyn_into().ok()?;
+    method.call1(&made, &number.into()).ok()?.as_string()
+}
+
+/// The rule of English, where there is no browser.
+#[cfg(not(target_arch = "wasm32"))]
+fn plural(_: &str, number: f64) -> String {
+    (if number == 1.0 { "one" } else { "other" }).to_owned()
+}
+
+#[cfg(not(target_arch = "wasm32"))]
+fn written(_: &str, number: f64) -> String {
+    crate::json::number(number)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn texts() -> Texts {
+        let json = br#"{"language":"en","sentences":{"lead":"{n} scenes of {seconds} s, {name}.",
+            "left.one":"One scene is left.","left.other":"{n} scenes are left.",
+            "odd":"{unknown} {never closed","all.other":"All {n}"}}"#;
+        crate::json::read(json).unwrap()
+    }
+
+    #[test]
+    fn places_are_filled() {
+        let fills = [("n", 60usize.into()), ("seconds", 2.5.into()), ("name", "Ada {n}".into())];
+        assert_eq!(texts().get("lead", &fills), "60 scenes of 2.5 s, Ada {n}.");
+        assert_eq!(texts().get("odd", &[]), "{unknown} {never closed}");
+        assert_eq!(texts().get("no.such.key", &fills), "no.such.key");
+    }
+
+    #[test]
+    fn the_form_of_the_plural_goes_with_the_number() {
+        let texts = texts();
+        let left = |n| texts.count("left", n, &[]);
+        assert_eq!(
+            [left(0), left(1), left(7)],
+            ["0 scenes are left.", "One scene is left.", "7 scenes are left."]
+        );
+        assert_eq!(texts.count("all", 1, &[]), "All 1", "a language without such a form");
+        assert_eq!(texts.count("none", 1, &[]), "none.other");
+    }
+}
