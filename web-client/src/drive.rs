@@ -1,9 +1,11 @@
 //! A scene that is being driven: steps from the clock, smooth motion in between.
 
 use crate::input::{HeldKeys, KeyMap, input_at};
+use crate::runtime::Event;
 use serde_json::{Map, Value};
-use sidestep::api::{KeyEvent, MAX_KEY_EVENTS, TrialUpload};
+use sidestep::api::{KeyEvent, MAX_KEY_EVENTS, MAX_PAGE_EVENTS, TrialUpload};
 use sidestep::scene::{JointState, Scene, SceneParameters};
+use sidestep::trial::{PageEvent, PageEventKind};
 use sidestep::vehicle::TurnInput;
 
 /// A scene between its start and its end.
@@ -25,6 +27,7 @@ pub struct Drive {
     states: Vec<JointState>,
     sampled_at_ms: Vec<f64>,
     key_events: Vec<KeyEvent>,
+    page_events: Vec<PageEvent>,
     frames: FrameTimes,
 }
 
@@ -67,6 +70,7 @@ impl Drive {
             states,
             sampled_at_ms: Vec::with_capacity(steps),
             key_events: held.presses(start_ms),
+            page_events: Vec::new(),
             frames: FrameTimes {
                 last_ms: None,
                 gaps_ms: Vec::with_capacity(frames),
@@ -83,6 +87,24 @@ impl Drive {
             let t_ms = (t_ms - self.start_ms).max(last);
             self.key_events.push(KeyEvent { t_ms, key: code.to_owned(), down });
             self.correct();
+        }
+    }
+
+    /// Takes note of what happened to the page at `t_ms` on its clock.
+    pub fn page_event(&mut self, t_ms: f64, event: &Event) {
+        let kind = match event {
+            Event::FocusLost { hidden: true } => PageEventKind::Hidden,
+            Event::FocusLost { hidden: false } => PageEventKind::FocusLost,
+            Event::FocusGained => PageEventKind::FocusGained,
+            Event::Shown => PageEventKind::Shown,
+            Event::Resized { .. } => PageEventKind::Resized,
+            Event::Fullscreen(true) => PageEventKind::FullscreenEntered,
+            Event::Fullscreen(false) => PageEventKind::FullscreenLeft,
+            _ => return,
+        };
+        let last = self.page_events.last().map_or(f64::NEG_INFINITY, |event| event.t_ms);
+        if self.page_events.len() < MAX_PAGE_EVENTS {
+            self.page_events.push(PageEvent { t_ms: (t_ms - self.start_ms).max(last), kind });
         }
     }
 
@@ -154,9 +176,10 @@ impl Drive {
         self.frames.work_ms.push(work_ms);
     }
 
-    /// The finished scene, ready to be sent. `screen` describes the display.
+    /// The finished scene, ready to be sent, which was shown for the `exposures`-th time. `screen`
+    /// describes the display.
     #[must_use]
-    pub fn into_upload(self, screen: &[(&'static str, f64)]) -> TrialUpload {
+    pub fn into_upload(self, screen: &[(&'static str, f64)], exposures: u32) -> TrialUpload {
         let frames = &self.frames;
         let gap_ms = quantile(&frames.gaps_ms, 0.5);
         let dropped = frames.gaps_ms.iter().filter(|&&gap| gap > DROPPED * gap_ms).count();
@@ -175,8 +198,8 @@ impl Drive {
             states: self.states,
             sampled_at_ms: self.sampled_at_ms,
             key_events: self.key_events,
-            page_events: Vec::new(),
-            exposures: 1,
+            page_events: self.page_events,
+            exposures,
             display,
         }
     }
@@ -235,7 +258,7 @@ mod tests {
             let over = drive.tick(now);
             drive.frame_shown(now, 0.5);
             if over {
-                return drive.into_upload(&[("width_px", 1280.0)]);
+                return drive.into_upload(&[("width_px", 1280.0)], 1);
             }
         }
         panic!("the scene did not end");
@@ -304,6 +327,39 @@ mod tests {
         assert_eq!(drive.due_ms(), 11_000.0);
         assert!(!drive.tick(10_999.9));
         assert!(drive.tick(drive.due_ms()));
+    }
+
+    #[test]
+    fn what_happens_to_the_page_is_recorded() {
+        let mut drive = begin(1000.0, &HeldKeys::default());
+        let events = [
+            (900.0, Event::Shown),
+            (1500.0, Event::FocusLost { hidden: false }),
+            (1501.0, Event::FocusLost { hidden: true }),
+            (1600.0, Event::FocusGained),
+            (1700.0, Event::Online),
+            // A clock that goes back does not turn the order of events.
+            (1650.0, Event::Fullscreen(false)),
+            (1650.0, Event::Resized { width_px: 800.0, height_px: 600.0, ratio: 1.0 }),
+        ];
+        for (t_ms, event) in events {
+            drive.page_event(t_ms, &event);
+        }
+        drive.tick(11_000.0);
+        let trial = drive.into_upload(&[], 2);
+        trial.check(&SceneParameters::default()).unwrap();
+        let recorded: Vec<_> = trial.page_events.iter().map(|e| (e.t_ms, e.kind)).collect();
+        use PageEventKind::{FocusGained, FocusLost, FullscreenLeft, Hidden, Resized, Shown};
+        let expected = [
+            (-100.0, Shown),
+            (500.0, FocusLost),
+            (501.0, Hidden),
+            (600.0, FocusGained),
+            (650.0, FullscreenLeft),
+            (650.0, Resized),
+        ];
+        assert_eq!(recorded, expected);
+        assert_eq!(trial.exposures, 2);
     }
 
     #[test]

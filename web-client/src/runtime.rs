@@ -101,6 +101,8 @@ pub enum Event {
     },
     /// The window has the keyboard again.
     FocusGained,
+    /// The page is no longer hidden.
+    Shown,
     /// The window has another size, or is shown at another zoom.
     Resized {
         /// Width inside the window, CSS pixels.

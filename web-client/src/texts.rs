@@ -1,20 +1,6 @@
 //! The sentences of a page in its user's language.
 
-use serde::Deserialize;
-use std::collections::BTreeMap;
-
-/// Sentences by key, in one language.
-///
-/// A sentence has places such as `{scenes}` to fill. One that depends on a number has a key for
-/// each form of the plural that the language has, such as `ready.left.one` and `ready.left.other`
-/// (the [categories of Unicode](https://cldr.unicode.org/index/cldr-spec/plural-rules)).
-#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
-pub struct Texts {
-    /// Language, such as `de` or `zh-Hans`.
-    pub language: String,
-    /// Sentence by key.
-    pub sentences: BTreeMap<String, String>,
-}
+use sidestep::api::Texts;
 
 /// What fills a place in a sentence.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -49,49 +35,56 @@ impl<'a> From<&'a String> for Fill<'a> {
     }
 }
 
-impl Texts {
+/// Reading sentences.
+///
+/// A sentence has places such as `{scenes}` to fill. One that depends on a number has a key for
+/// each form of the plural that the language has, such as `ready.left.one` and `ready.left.other`
+/// (the [categories of Unicode](https://cldr.unicode.org/index/cldr-spec/plural-rules)).
+pub trait Sentences {
     /// The sentence of a key, with its places filled; the key if there is no such sentence.
     #[must_use]
-    pub fn get(&self, key: &str, fills: &[(&str, Fill<'_>)]) -> String {
+    fn get(&self, key: &str, fills: &[(&str, Fill<'_>)]) -> String;
+
+    /// The sentence of a key in the plural form that goes with `count`, which fills `{n}`.
+    #[must_use]
+    fn count(&self, key: &str, count: usize, fills: &[(&str, Fill<'_>)]) -> String;
+
+    /// A number as people of this language write it.
+    #[must_use]
+    fn number(&self, number: f64) -> String;
+}
+
+impl Sentences for Texts {
+    fn get(&self, key: &str, fills: &[(&str, Fill<'_>)]) -> String {
         let Some(mut rest) = self.sentences.get(key).map(String::as_str) else {
             return key.to_owned();
         };
         let mut text = String::new();
         while let Some((before, after)) = rest.split_once('{') {
             text.push_str(before);
-            let place = after.split_once('}').unwrap_or((after, ""));
-            match fills.iter().find(|(name, _)| *name == place.0) {
+            let (place, after) = after.split_once('}').unwrap_or((after, ""));
+            match fills.iter().find(|(name, _)| *name == place) {
                 Some((_, Fill::Number(number))) => text.push_str(&self.number(*number)),
                 Some((_, Fill::Words(words))) => text.push_str(words),
-                None => text.extend(["{", place.0, "}"]),
+                None => text.extend(["{", place, "}"]),
             }
-            rest = place.1;
+            rest = after;
         }
         text.push_str(rest);
         text
     }
 
-    /// The sentence of a key in the plural form that goes with `count`, which fills `{n}`.
-    #[must_use]
-    pub fn count(&self, key: &str, count: usize, fills: &[(&str, Fill<'_>)]) -> String {
+    fn count(&self, key: &str, count: usize, fills: &[(&str, Fill<'_>)]) -> String {
         let mut fills = fills.to_vec();
         fills.push(("n", count.into()));
         let form = format!("{key}.{}", plural(&self.language, count as f64));
-        if self.has(&form) {
+        if self.sentences.contains_key(&form) {
             return self.get(&form, &fills);
         }
         self.get(&format!("{key}.other"), &fills)
     }
 
-    /// Whether there is a sentence of this key.
-    #[must_use]
-    pub fn has(&self, key: &str) -> bool {
-        self.sentences.contains_key(key)
-    }
-
-    /// A number as people of this language write it.
-    #[must_use]
-    pub fn number(&self, number: f64) -> String {
+    fn number(&self, number: f64) -> String {
         written(&self.language, number)
     }
 }
@@ -136,7 +129,8 @@ mod tests {
     use super::*;
 
     fn texts() -> Texts {
-        let json = br#"{"language":"en","sentences":{"lead":"{n} scenes of {seconds} s, {name}.",
+        let json = br#"{"language":"en","offered":[],"facts":[],"check":[],"questions":[],
+            "sentences":{"lead":"{n} scenes of {seconds} s, {name}.",
             "left.one":"One scene is left.","left.other":"{n} scenes are left.",
             "odd":"{unknown} {never closed","all.other":"All {n}"}}"#;
         crate::json::read(json).unwrap()

@@ -63,9 +63,9 @@ impl<P: Page + 'static> Pump<P> {
             pump.tell(&Event::FocusGained, event.time_stamp());
         });
         self.on(&document, "visibilitychange", |pump, event| {
-            if pump.shell.borrow().document.hidden() {
-                pump.tell(&Event::FocusLost { hidden: true }, event.time_stamp());
-            }
+            let hidden = pump.shell.borrow().document.hidden();
+            let change = if hidden { Event::FocusLost { hidden } } else { Event::Shown };
+            pump.tell(&change, event.time_stamp());
         });
         self.on(&document, "fullscreenchange", |pump, event| {
             let fills = pump.shell.borrow().document.fullscreen_element().is_some();

@@ -268,7 +268,7 @@ impl Participant {
 
     fn scene_over(&mut self, trial: &PlannedTrial, drive: Drive) -> Commands<Msg> {
         self.stage = Stage::Ready;
-        let upload = drive.into_upload(&self.context.screen);
+        let upload = drive.into_upload(&self.context.screen, 1);
         let keep = self.outbox.add(trial.id(), json::write(&upload));
         lifted(Some(keep)).chain(self.go_on()).collect()
     }
@@ -389,6 +389,9 @@ impl Participant {
     }
 
     fn hear_event(&mut self, event: &Event, now_ms: f64) -> Commands<Msg> {
+        if let Stage::Driving(_, drive) = &mut self.stage {
+            drive.page_event(now_ms, event);
+        }
         match event {
             Event::Key { code, down, .. } => self.key(now_ms, code, *down),
             Event::FocusLost { .. } => self.key(now_ms, BLUR, false),
@@ -472,8 +475,8 @@ impl Page for Participant {
     fn hear(&self, event: &Event) -> Option<Msg> {
         let matters = match event {
             Event::Key { code, .. } => self.keys.turn(code).is_some(),
-            Event::FocusLost { .. } | Event::Online => true,
-            _ => false,
+            Event::Address(_) | Event::TakenOver => false,
+            _ => true,
         };
         matters.then(|| Msg::Event(event.clone()))
     }
