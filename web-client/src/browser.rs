@@ -344,6 +344,11 @@ impl<P: Page + 'static> Pump<P> {
                 });
             }
             Command::Forget(name) => shell.storage.forget(&name),
+            Command::Language(tag) => {
+                if let Some(element) = shell.document.document_element() {
+                    let _ = element.set_attribute("lang", &tag);
+                }
+            }
             Command::TakeOver(name) => {
                 let pump = self.clone();
                 let lost = move || {

@@ -1,7 +1,7 @@
 //! Trials that the server has not yet acknowledged. They are kept in this browser,
 //! sent in order, and forgotten only after the server has said that they are stored.
 
-use crate::runtime::{Answer, Command, Commands, NotKept, Request};
+use crate::runtime::{Answer, Command, Commands, Failure, NotKept, Request};
 use sidestep::api::routes;
 
 /// What waits to be sent for one participant.
@@ -58,7 +58,7 @@ pub enum UploadOutcome {
     /// The server does not accept this trial, for this reason; it is kept here.
     Refused(String, String),
     /// The server takes nothing more from this participant, for this reason.
-    Ended(String),
+    Ended(Failure),
 }
 
 const WAITING: &str = "sidestep.outbox";
@@ -160,7 +160,7 @@ impl Outbox {
             return (is_early.then_some(UploadOutcome::OutOfOrder), vec![wake]);
         }
         if matches!(failure.status, 401 | 410) {
-            return (Some(UploadOutcome::Ended(failure.sentence)), Vec::new());
+            return (Some(UploadOutcome::Ended(failure)), Vec::new());
         }
         let set_aside = self.set_aside(&trial_id);
         let outcome = match failure.code.as_str() {
@@ -206,6 +206,12 @@ impl Outbox {
     /// The server has stored this trial, whoever sent it.
     pub fn drop_stored(&mut self, trial_id: &str) -> Option<Command<Msg>> {
         self.take(trial_id).map(|_| self.forget(trial_id))
+    }
+
+    /// Forgets everything that waits: the participant has withdrawn.
+    pub fn forget_all(&mut self) -> Commands<Msg> {
+        let waiting = std::mem::take(&mut self.waiting);
+        waiting.iter().map(|waiting| self.forget(&waiting.trial_id)).collect()
     }
 
     /// How many wait.

@@ -126,8 +126,12 @@ pub enum Event {
 /// The part of an address that tells pages apart.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Address {
+    /// Scheme and host, such as `http://127.0.0.1:8080`.
+    pub origin: String,
     /// Path, such as `/s/default`.
     pub path: String,
+    /// The query as it is written, with its `?`; empty if there is none.
+    pub search: String,
     /// Query, decoded.
     pub query: Vec<(String, String)>,
     /// What follows `#`.
@@ -216,6 +220,8 @@ pub enum Command<M> {
     /// Have alone what goes by this name. Every other tab of this browser that has it hears
     /// [`Event::TakenOver`]: of two tabs, the later one has it.
     TakeOver(String),
+    /// The page is in this language from now on.
+    Language(String),
     /// Ask users who leave the page whether they want to, or no longer.
     GuardLeaving(bool),
     /// Fill the screen, or no longer. The browser does so only when a key or button was pressed.
@@ -279,6 +285,7 @@ impl<M: 'static> Command<M> {
             }
             Self::Forget(name) => Command::Forget(name),
             Self::TakeOver(name) => Command::TakeOver(name),
+            Self::Language(tag) => Command::Language(tag),
             Self::GuardLeaving(on) => Command::GuardLeaving(on),
             Self::Fullscreen(on) => Command::Fullscreen(on),
             Self::ReplaceAddress(url) => Command::ReplaceAddress(url),

@@ -4,6 +4,7 @@
 use sidestep::chart::{Colour, Ink, Pen};
 use sidestep::vehicle::Pose;
 use std::fmt::{Display, Write as _};
+use std::rc::Rc;
 
 /// Something to draw. Positions are world coordinates, m; widths and dashes of pens are CSS pixels.
 #[derive(Clone, Debug, PartialEq)]
@@ -37,9 +38,20 @@ pub enum Shape {
     },
     /// A vehicle: an arrow whose tail marks the exact position.
     Vehicle {
+        /// What marks its exact position, so that vehicles differ by more than their colours.
+        tail: Tail,
         /// Its position and heading.
         pose: Pose,
         /// Its colour.
+        colour: Colour,
+    },
+    /// Words beside a position.
+    Label {
+        /// The position.
+        at: [f64; 2],
+        /// The words.
+        text: Rc<str>,
+        /// Colour.
         colour: Colour,
     },
     /// A filled square.
@@ -56,6 +68,15 @@ pub enum Shape {
         /// Distance between lines, m.
         every_m: u32,
     },
+}
+
+/// What marks the exact position of a vehicle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Tail {
+    /// A dot: the human.
+    Dot,
+    /// A square: the robot.
+    Square,
 }
 
 /// Length of a vehicle's arrow, m.

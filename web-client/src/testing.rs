@@ -102,6 +102,7 @@ impl<P: Page> Session<P> {
                     self.kept.remove(&name);
                 }
                 Command::TakeOver(name) => self.claims.push(name),
+                Command::Language(_) => {}
                 Command::GuardLeaving(on) => self.guarded = on,
                 Command::Fullscreen(on) => self.fullscreen = on,
                 Command::Visit(url) | Command::ReplaceAddress(url) => self.visited.push(url),

@@ -8,6 +8,7 @@ use web_sys::{Url, Window};
 pub(super) fn current(window: &Window) -> Address {
     let location = window.location();
     address(
+        location.origin().unwrap_or_default(),
         location.pathname().unwrap_or_default(),
         &location.search().unwrap_or_default(),
         &location.hash().unwrap_or_default(),
@@ -19,12 +20,12 @@ pub(super) fn of_url(window: &Window, url: &str) -> Option<Address> {
     let location = window.location();
     let url = Url::new_with_base(url, &location.href().ok()?).ok()?;
     (url.origin() == location.origin().ok()?)
-        .then(|| address(url.pathname(), &url.search(), &url.hash()))
+        .then(|| address(url.origin(), url.pathname(), &url.search(), &url.hash()))
 }
 
-fn address(path: String, search: &str, hash: &str) -> Address {
+fn address(origin: String, path: String, search: &str, hash: &str) -> Address {
     let fragment = hash.trim_start_matches('#').to_owned();
-    Address { path, query: decode_query(search), fragment }
+    Address { origin, path, search: search.to_owned(), query: decode_query(search), fragment }
 }
 
 /// Names and values of an address's query.

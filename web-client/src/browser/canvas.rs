@@ -1,6 +1,6 @@
 //! Paints pictures.
 
-use crate::shape::{Camera, Picture, Shape, VEHICLE_LENGTH_M};
+use crate::shape::{Camera, Picture, Shape, Tail, VEHICLE_LENGTH_M};
 use js_sys::Reflect;
 use sidestep::chart::{Colour, Ink, Pen, colours};
 use sidestep::math::{TAU, sin_cos};
@@ -197,7 +197,8 @@ impl Brush<'_> {
                 self.fill(*fill);
                 self.stroke(*outline);
             }
-            Shape::Vehicle { pose, colour } => self.vehicle(*pose, *colour),
+            Shape::Vehicle { tail, pose, colour } => self.vehicle(*tail, *pose, *colour),
+            Shape::Label { at, text, colour } => self.label(*at, text, *colour),
             Shape::Square { centre, side_m, colour } => {
                 let side = (side_m * self.camera.scale).max(9.0);
                 let [x, y] = self.camera.to_px(*centre);
@@ -238,8 +239,8 @@ impl Brush<'_> {
         sheet.context.stroke();
     }
 
-    /// Tail dot, shaft and head.
-    fn vehicle(&mut self, pose: Pose, colour: Colour) {
+    /// Tail, shaft and head.
+    fn vehicle(&mut self, tail: Tail, pose: Pose, colour: Colour) {
         // Along the heading and to its left, in lengths of the arrow.
         const OUTLINE: [(f64, f64); 7] = [
             (0.0, 0.036),
@@ -250,18 +251,35 @@ impl Brush<'_> {
             (0.72, -0.036),
             (0.0, -0.036),
         ];
+        const SQUARE: [(f64, f64); 4] =
+            [(0.085, 0.085), (0.085, -0.085), (-0.085, -0.085), (-0.085, 0.085)];
         let length = (VEHICLE_LENGTH_M * self.camera.scale).max(26.0);
         let [x, y] = self.camera.to_px(pose.position());
         let (sin, cos) = sin_cos(pose.psi);
-        self.circle([x, y], 0.085 * length);
-        self.fill(colour.into());
-        self.sheet.context.begin_path();
-        for (along, left) in OUTLINE {
-            let right = x + length * (along * cos - left * sin);
-            self.sheet.context.line_to(right, y - length * (along * sin + left * cos));
+        let trace = |context: &CanvasRenderingContext2d, outline: &[(f64, f64)]| {
+            context.begin_path();
+            for (along, left) in outline {
+                let right = x + length * (along * cos - left * sin);
+                context.line_to(right, y - length * (along * sin + left * cos));
+            }
+            context.close_path();
+        };
+        match tail {
+            Tail::Dot => self.circle([x, y], 0.085 * length),
+            Tail::Square => trace(&self.sheet.context, &SQUARE),
         }
-        self.sheet.context.close_path();
         self.fill(colour.into());
+        trace(&self.sheet.context, &OUTLINE);
+        self.fill(colour.into());
+    }
+
+    /// Words below a position.
+    fn label(&mut self, at: [f64; 2], text: &str, colour: Colour) {
+        const BELOW_PX: f64 = 24.0;
+        let [x, y] = self.camera.to_px(at);
+        let css = self.painter.css(colour);
+        let _ = Reflect::set(&self.sheet.context, &self.sheet.names.fill, css);
+        let _ = self.sheet.context.fill_text(text, x, y + BELOW_PX);
     }
 
     /// Grid lines, and a bar as long as their distance.

@@ -1,6 +1,6 @@
 //! The scene itself: both vehicles and the goal.
 
-use crate::shape::Shape;
+use crate::shape::{Shape, Tail};
 use sidestep::chart::{Pen, colours};
 use sidestep::scene::{JointState, Scene};
 use sidestep::vehicle::Pose;
@@ -11,10 +11,21 @@ const GOAL_SIDE_M: f64 = 0.85;
 /// The red square, the red arrow and the blue arrow.
 #[must_use]
 pub fn vehicles_and_goal(scene: &Scene, state: JointState) -> [Shape; 3] {
+    let [robot, human] = vehicles(state);
     [
         Shape::Square { centre: scene.goal, side_m: GOAL_SIDE_M, colour: colours::ROBOT },
-        Shape::Vehicle { pose: state.robot, colour: colours::ROBOT },
-        Shape::Vehicle { pose: state.human, colour: colours::HUMAN },
+        robot,
+        human,
+    ]
+}
+
+/// The red arrow and the blue arrow.
+#[must_use]
+pub fn vehicles(state: JointState) -> [Shape; 2] {
+    let vehicle = |pose, tail, colour| Shape::Vehicle { tail, pose, colour };
+    [
+        vehicle(state.robot, Tail::Square, colours::ROBOT),
+        vehicle(state.human, Tail::Dot, colours::HUMAN),
     ]
 }
 

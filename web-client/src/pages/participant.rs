@@ -1,29 +1,38 @@
-//! The participant's page: consent, instructions, one scene after the other, and
-//! the completion code. Safety levels are never shown here.
+//! The participant's page: consent, the check of keyboard and screen, instructions, one scene after
+//! the other, questions, and the completion code. Safety levels are never shown here.
+//!
+//! The page is a machine of [`Stage`]s. Sentences come from the server, in the participant's language.
 
+mod link;
+mod arena;
+mod equipment;
+mod state;
+mod sending;
+mod course;
+mod answers;
+mod joining;
 mod view;
 #[cfg(test)]
 mod tests;
 
-use crate::drive::{Drive, json_object};
-use crate::input::{BLUR, HeldKeys, KeyMap};
+use self::equipment::Steering;
+use self::link::Link;
+use self::state::{PlannedTrial, Session, Stage};
+use crate::form::Form;
+use crate::input::HeldKeys;
 use crate::json;
-use crate::outbox::{self, Outbox, UploadOutcome};
+use crate::outbox::{self, Outbox};
 use crate::overlays::stage;
-use crate::runtime::{
-    Answer, Command, Commands, Event, Failure, NotKept, Page, PageContext, Request, read,
-};
-use crate::shape::{Picture, Window};
+use crate::runtime::{Answer, Command, Commands, Event, NotKept, Page, PageContext, Request, read};
+use crate::shape::{Picture, Shape, Window};
+use crate::texts::Sentences as _;
 use crate::view::Node;
-use serde::{Deserialize, Serialize};
-use sidestep::api::{
-    Completed, Enrolled, Enrolment, PlannedScene, Progress, SCHEMA_VERSION, StudyInfo, routes,
-};
+use sidestep::api::{Completed, Progress, StudyInfo, Texts, routes};
+use sidestep::chart::colours;
 use sidestep::scene::{JointState, Scene};
 use sidestep::trial::Phase;
-
-/// For this long the scene stands still before it starts, ms.
-const STILL_MS: f64 = 800.0;
+use sidestep::vehicle::Pose;
+use std::rc::Rc;
 
 /// Pause before the server is asked again, ms.
 const RETRY_MS: f64 = 2000.0;
@@ -31,31 +40,54 @@ const RETRY_MS: f64 = 2000.0;
 /// Half the side of the part of the world that is always seen, m.
 const WINDOW_HALF_M: f64 = 15.0;
 
+/// Where the browser keeps the language and the keys that were chosen.
+const LANGUAGE: &str = "sidestep.language";
+const STEERING: &str = "sidestep.keys";
+
 /// The participant's page.
 #[derive(Default)]
 pub struct Participant {
     context: PageContext,
-    slug: String,
+    link: Link,
     /// Time of the last message, on the page's clock.
     now_ms: f64,
     study: Option<StudyInfo>,
+    /// All that is read, in the participant's language.
+    texts: Texts,
     session: Option<Session>,
+    /// What the server said last about the participation.
+    progress: Option<Progress>,
     plan: Vec<PlannedTrial>,
     /// Ids of the trials that the server has.
     stored: Vec<String>,
     outbox: Outbox,
-    keys: KeyMap,
+    /// How often each scene has begun to move in front of the participant.
+    exposures: Vec<(String, u32)>,
+    steering: Steering,
     held: HeldKeys,
     /// What went wrong last, if it still matters.
     trouble: Option<String>,
+    /// The key of a sentence about the last scene.
+    hint: Option<&'static str>,
     /// Why this browser does not keep what it was given, if so.
     not_kept: Option<NotKept>,
     /// The trial that the server refused last; the participant drives it again.
     refused: Option<String>,
-    /// The server has said once that trials are missing, although all seemed stored.
+    /// The number of stored trials when the page last asked for the whole plan.
+    plan_known_at: usize,
+    /// The server has said once that something is missing, although all seemed stored.
     was_incomplete: bool,
     /// The question to repeat after a pause.
     retry: Option<fn(&Self) -> Command<Msg>>,
+    /// Whether the page fills the screen, or was asked to.
+    is_fullscreen: bool,
+    was_fullscreen: bool,
+    /// Whether leaving asks first.
+    is_guarded: bool,
+    /// Whether the participant is asked about stopping.
+    is_withdrawing: bool,
+    /// What the vehicles are called: the human's and the robot's.
+    names: [Rc<str>; 2],
     stage: Stage,
 }
 
@@ -66,342 +98,255 @@ pub enum Msg {
     Event(Event),
     /// The server described the study.
     Study(Answer),
-    /// The participant agreed to take part.
-    Consent,
+    /// The server sent the sentences.
+    Texts(Answer),
+    /// Another language was chosen.
+    Language(String),
+    /// Go on to this part of the study.
+    Go(Part),
+    /// Other keys are to be chosen, or the usual ones taken again.
+    ChooseKeys(bool),
     /// The server answered the enrolment.
     Enrolled(Answer),
     /// The browser keeps the participant's token, or does not.
     SessionKept(Result<(), NotKept>),
+    /// The browser keeps something that can be lost, or does not.
+    Noted,
     /// The server told which trials it has.
     Progress(Answer),
-    /// The instructions were read.
-    Continue,
+    /// The check of understanding was answered.
+    Checked(Form),
+    /// The server has the result of the check.
+    Understood(Answer),
     /// The participant starts the next scene.
     Start,
-    /// The scene is over.
-    SceneOver,
+    /// Something follows from the clock.
+    Clock,
+    /// The questions after the last scene were answered.
+    Questions(Form),
+    /// The server has the answers.
+    Answered(Answer),
     /// Something happened to the trials that wait to be sent.
     Outbox(outbox::Msg),
     /// It is time to ask the server again.
     Retry,
     /// The server answered the completion.
     Completed(Answer),
+    /// Fill the screen, or no longer.
+    Fullscreen(bool),
+    /// Stop taking part; whether to delete everything.
+    Withdraw(bool),
+    /// The server answered the withdrawal.
+    Withdrawn(bool, Answer),
+    /// Continue in this tab.
+    Here,
 }
 
-/// Who the participant is; kept in the browser.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-struct Session {
-    participant_id: String,
-    token: String,
-}
-
-/// A trial of the plan, with what its phase says.
-#[derive(Clone, Debug)]
-struct PlannedTrial {
-    phase: Phase,
-    show_danger_zone: bool,
-    /// How many scenes its phase has.
-    of_phase: usize,
-    scene: PlannedScene,
-}
-
-impl PlannedTrial {
-    fn id(&self) -> &str {
-        &self.scene.trial_id
-    }
-}
-
-/// Where the participant is.
-#[derive(Default)]
-enum Stage {
-    #[default]
-    Loading,
-    /// Nothing can be done here: heading and reason.
-    Stuck(&'static str, String),
+/// A part of the study that the participant goes to by a button.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Part {
+    /// Consent, although the device seems to have no keyboard.
     Welcome,
-    Enrolling,
+    /// Keyboard and screen; the participant has agreed.
+    Equipment,
+    /// Enrolment.
+    Enrolment,
+    /// The instructions.
     Instructions,
-    /// Before a scene.
+    /// What follows the instructions.
+    Understanding,
+    /// The next scene.
     Ready,
-    /// A scene has been shown without moving since this time, ms.
-    Still(Box<PlannedTrial>, f64),
-    Driving(Box<PlannedTrial>, Box<Drive>),
-    /// All scenes are driven; the last trials are being uploaded.
-    Finishing,
-    Done(String),
+    /// Whether to stop taking part.
+    Withdrawal,
+    /// Back from there.
+    Study,
 }
 
 impl Participant {
     /// The page as it opens.
     #[must_use]
     pub fn open(context: PageContext) -> (Self, Commands<Msg>) {
-        let slug = context.address.path.strip_prefix("/s/").unwrap_or_default();
-        let slug = slug.trim_end_matches('/').to_owned();
-        let page = Self { context, slug, ..Self::default() };
-        let commands = vec![page.ask_study()];
+        let link = Link::of(&context.address);
+        let not_kept = context.not_kept;
+        let mut page = Self { context, link, not_kept, ..Self::default() };
+        if let Some(steering) = page.kept(STEERING) {
+            page.steering = steering;
+        }
+        let language = page.context.kept.iter().find(|(name, _)| name == LANGUAGE);
+        let language = language.map(|(_, tag)| tag.clone());
+        let mut commands = vec![page.ask_study(), page.ask_texts(language.as_deref())];
+        if page.link.token.is_some() {
+            // The secret does not stay in the address bar.
+            commands.push(Command::ReplaceAddress(page.link.url()));
+        }
         (page, commands)
     }
 
-    fn session_name(&self) -> String {
-        format!("sidestep.session.{}", self.slug)
+    /// What the browser kept under a name when the page opened.
+    fn kept<T: serde::de::DeserializeOwned>(&self, name: &str) -> Option<T> {
+        let kept = self.context.kept.iter().find(|(known, _)| known == name);
+        kept.and_then(|(_, text)| json::read(text.as_bytes()))
     }
 
-    fn token(&self) -> Option<String> {
-        self.session.as_ref().map(|session| session.token.clone())
+    /// A sentence without places to fill.
+    fn say(&self, key: &str) -> String {
+        self.texts.get(key, &[])
+    }
+
+    /// Whether the sentences have come.
+    fn has_texts(&self) -> bool {
+        !self.texts.language.is_empty()
+    }
+
+    fn session_name(&self) -> String {
+        self.study.as_ref().map_or_else(String::new, |study| self.link.session_name(study))
+    }
+
+    fn ask(
+        &self,
+        name: &'static str,
+        method: &'static str,
+        url: impl Into<String>,
+        body: Option<String>,
+        then: fn(Answer) -> Msg,
+    ) -> Command<Msg> {
+        let token = self.session.as_ref().map(|session| session.token.clone());
+        Command::Send(Request { method, token, body, ..Request::get(name, url, then) })
     }
 
     fn ask_study(&self) -> Command<Msg> {
-        Command::Send(Request::get("study", routes::study(&self.slug), Msg::Study))
+        self.ask("study", "GET", routes::study(&self.link.slug), None, Msg::Study)
+    }
+
+    /// Asks for the sentences in this language, or in one that the browser prefers.
+    fn ask_texts(&self, language: Option<&str>) -> Command<Msg> {
+        let mut url = routes::texts(&self.link.slug);
+        if let Some(tag) = language {
+            url.extend(["?language=", tag]);
+        }
+        self.ask("texts", "GET", url, None, Msg::Texts)
     }
 
     fn ask_progress(&self) -> Command<Msg> {
-        let ask = Request::get("progress", routes::ME, Msg::Progress);
-        Command::Send(Request { token: self.token(), ..ask })
+        self.ask("progress", "GET", routes::ME, None, Msg::Progress)
     }
 
     fn ask_code(&self) -> Command<Msg> {
-        let ask = Request::get("complete", routes::COMPLETE, Msg::Completed);
-        Command::Send(Request { method: "POST", token: self.token(), ..ask })
+        self.ask("complete", "POST", routes::COMPLETE, None, Msg::Completed)
     }
 
-    fn study_arrived(&mut self, study: StudyInfo) -> Commands<Msg> {
-        if study.schema_version != SCHEMA_VERSION {
-            let why = "It has changed on the server. Please reload it.";
-            self.stage = Stage::Stuck("This page is out of date", why.to_owned());
-            return Vec::new();
-        }
-        self.study = Some(study);
-        let name = self.session_name();
-        let kept = self.context.kept.iter().find(|(key, _)| *key == name);
-        self.session = kept.and_then(|(_, text)| json::read(text.as_bytes()));
-        if self.session.is_some() {
-            return vec![self.ask_progress()];
-        }
-        self.stage = Stage::Welcome;
-        Vec::new()
-    }
-
-    fn enrol(&mut self) -> Commands<Msg> {
-        self.stage = Stage::Enrolling;
-        let body = Enrolment {
-            consent: true,
-            external_id: self.context.address.parameter("external_id").map(str::to_owned),
-            parameters: std::collections::BTreeMap::new(),
-            pilot: false,
-            // An enrolment whose answer was lost is asked for again under the same name.
-            request_id: self.context.random_name.clone(),
-            locale: self.context.languages.first().cloned(),
-            screen: Some(json_object(&self.context.screen)),
+    /// The names of both vehicles, beside them.
+    fn labels(&self, state: JointState) -> [Shape; 2] {
+        let label = |pose: Pose, name: &Rc<str>, colour| Shape::Label {
+            at: pose.position(),
+            text: Rc::clone(name),
+            colour,
         };
-        let ask = Request::get("enrol", routes::participants(&self.slug), Msg::Enrolled);
-        vec![Command::Send(Request { method: "POST", body: Some(json::write(&body)), ..ask })]
-    }
-
-    fn enrolled(&mut self, enrolled: Enrolled) -> Commands<Msg> {
-        let session = Session { participant_id: enrolled.participant_id, token: enrolled.token };
-        let text = json::write(&session);
-        self.session = Some(session);
-        let then = Box::new(Msg::SessionKept);
-        let keep = Command::Keep { name: self.session_name(), text, then };
-        // A participant who returns by external id may have stored trials.
-        vec![keep, self.ask_progress()]
-    }
-
-    fn progress_arrived(&mut self, progress: Progress) -> Commands<Msg> {
-        let planned =
-            |(phase, scene): (&sidestep::api::PlannedPhase, &PlannedScene)| PlannedTrial {
-                phase: phase.phase,
-                show_danger_zone: phase.show_danger_zone,
-                of_phase: phase.scenes.len(),
-                scene: scene.clone(),
-            };
-        let is_first = self.plan.is_empty();
-        self.plan = progress.plan.scenes().map(planned).collect();
-        self.stored = progress.stored;
-        if let Some(code) = progress.completion_code {
-            self.stage = Stage::Done(code);
-            return Vec::new();
-        }
-        let mut commands = Vec::new();
-        if is_first && let Some(session) = &self.session {
-            let ids: Vec<_> = self.plan.iter().map(|trial| trial.id().to_owned()).collect();
-            let (id, token) = (&session.participant_id, &session.token);
-            self.outbox = Outbox::restore(id, token, &ids, &self.context.kept);
-        }
-        for id in &self.stored {
-            commands.extend(lifted(self.outbox.drop_stored(id)));
-        }
-        if !self.wants_frames() {
-            let begun = !is_first || !self.stored.is_empty() || !self.outbox.is_empty();
-            self.stage = if begun { Stage::Ready } else { Stage::Instructions };
-        }
-        commands.extend(self.go_on());
-        commands
-    }
-
-    /// The next trial to drive: the first that is neither stored nor waiting.
-    fn next(&self) -> Option<&PlannedTrial> {
-        self.plan.iter().find(|trial| !self.is_driven(trial))
-    }
-
-    fn is_driven(&self, trial: &PlannedTrial) -> bool {
-        self.is_stored(trial) || self.outbox.holds(trial.id())
-    }
-
-    fn is_stored(&self, trial: &PlannedTrial) -> bool {
-        self.stored.iter().any(|id| id == trial.id())
-    }
-
-    /// Sends what waits and, once all is driven and stored, asks for the code.
-    fn go_on(&mut self) -> Commands<Msg> {
-        let awaited = self.plan.iter().find(|trial| !self.is_stored(trial)).map(PlannedTrial::id);
-        let mut commands: Vec<_> = lifted(self.outbox.send(awaited)).collect();
-        let over = !self.plan.is_empty() && self.next().is_none() && !self.wants_frames();
-        if over && !matches!(self.stage, Stage::Done(_) | Stage::Stuck(..)) {
-            self.stage = Stage::Finishing;
-            if self.outbox.is_empty() {
-                commands.push(self.ask_code());
-            }
-        }
-        commands
-    }
-
-    fn scene_over(&mut self, trial: &PlannedTrial, drive: Drive) -> Commands<Msg> {
-        self.stage = Stage::Ready;
-        let upload = drive.into_upload(&self.context.screen, 1);
-        let keep = self.outbox.add(trial.id(), json::write(&upload));
-        lifted(Some(keep)).chain(self.go_on()).collect()
-    }
-
-    fn key(&mut self, t_ms: f64, key: &str, down: bool) {
-        self.held.change(t_ms, key, down);
-        if let Stage::Driving(_, drive) = &mut self.stage {
-            drive.key(t_ms, key, down);
-        }
-    }
-
-    fn outbox(&mut self, message: outbox::Msg) -> Commands<Msg> {
-        if let outbox::Msg::Kept(_, Err(reason)) = &message {
-            self.not_kept = Some(*reason);
-        }
-        let (outcome, commands) = self.outbox.update(message);
-        let mut commands: Vec<_> = lifted(commands).collect();
-        match outcome {
-            None => {}
-            Some(UploadOutcome::Stored(id)) => {
-                self.trouble = None;
-                self.stored.push(id);
-            }
-            Some(UploadOutcome::StoredBefore(id)) => {
-                self.stored.push(id);
-                let words =
-                    "You already completed this scene in another tab; that version was kept.";
-                self.trouble = Some(words.to_owned());
-            }
-            Some(UploadOutcome::OutOfOrder) => {
-                commands.push(self.ask_progress());
-                return commands;
-            }
-            // It is not stored, so the participant drives it again: without it there is no code.
-            Some(UploadOutcome::Refused(id, why)) => {
-                if self.refused.replace(id.clone()) == Some(id) {
-                    let why = format!(
-                        "The server refused the same scene twice. {why} Please tell the \
-                         researchers. Your recording is kept in this browser."
-                    );
-                    self.stage = Stage::Stuck("This scene cannot be stored", why);
-                    return commands;
-                }
-                self.trouble = Some(format!(
-                    "The server did not accept this scene. {why} Please drive it again."
-                ));
-                if matches!(self.stage, Stage::Finishing) {
-                    self.stage = Stage::Ready;
-                }
-            }
-            Some(UploadOutcome::Ended(why)) => {
-                self.stage = Stage::Stuck("Your participation has ended", why);
-                return commands;
-            }
-        }
-        commands.extend(self.go_on());
-        commands
-    }
-
-    /// Asks again after a pause if that may help; otherwise the participation ends here.
-    fn failed(
-        &mut self,
-        failure: Failure,
-        ask: fn(&Self) -> Command<Msg>,
-        heading: &'static str,
-    ) -> Commands<Msg> {
-        if !failure.is_temporary() {
-            self.stage = Stage::Stuck(heading, failure.sentence);
-            return Vec::new();
-        }
-        self.trouble = Some(failure.sentence);
-        self.retry = Some(ask);
-        vec![Command::Wake { timer: "retry", after_ms: RETRY_MS, message: Msg::Retry }]
-    }
-
-    fn study_failed(&mut self, failure: Failure) -> Commands<Msg> {
-        if failure.status == 404 {
-            let why = "Please check the link that you were given.";
-            self.stage = Stage::Stuck("Study not found", why.to_owned());
-            return Vec::new();
-        }
-        self.failed(failure, Self::ask_study, "The study cannot be shown")
-    }
-
-    /// The participant decides when to try again.
-    fn enrolment_failed(&mut self, failure: Failure) -> Commands<Msg> {
-        if failure.is_temporary() {
-            self.trouble = Some(failure.sentence);
-            self.stage = Stage::Welcome;
-        } else {
-            self.stage = Stage::Stuck("You cannot take part", failure.sentence);
-        }
-        Vec::new()
-    }
-
-    fn progress_failed(&mut self, failure: Failure) -> Commands<Msg> {
-        // The server no longer knows this participant: start again.
-        if matches!(failure.status, 401 | 404) {
-            self.session = None;
-            self.stage = Stage::Welcome;
-            return vec![Command::Forget(self.session_name())];
-        }
-        self.failed(failure, Self::ask_progress, "Your participation has ended")
-    }
-
-    fn completion_failed(&mut self, failure: Failure) -> Commands<Msg> {
-        // The server lacks trials that this page took for stored: it knows which.
-        if failure.code == "incomplete" && !std::mem::replace(&mut self.was_incomplete, true) {
-            return vec![self.ask_progress()];
-        }
-        self.failed(failure, Self::ask_code, "There is no completion code yet")
-    }
-
-    /// Asks again what failed before.
-    fn ask_again(&mut self) -> Commands<Msg> {
-        let retry = self.retry.take().map(|ask| ask(self));
-        retry.into_iter().collect()
+        [
+            label(state.human, &self.names[0], colours::HUMAN),
+            label(state.robot, &self.names[1], colours::ROBOT),
+        ]
     }
 
     fn hear_event(&mut self, event: &Event, now_ms: f64) -> Commands<Msg> {
-        if let Stage::Driving(_, drive) = &mut self.stage {
-            drive.page_event(now_ms, event);
-        }
+        self.page_event(now_ms, event);
         match event {
-            Event::Key { code, down, .. } => self.key(now_ms, code, *down),
-            Event::FocusLost { .. } => self.key(now_ms, BLUR, false),
+            Event::Key { code, key, down } => return self.key(now_ms, code, key, *down),
+            Event::FocusLost { .. } => return self.focus_lost(now_ms),
+            Event::Fullscreen(on) => self.is_fullscreen = *on,
             Event::Online => {
                 self.outbox.resume();
                 let mut commands = self.ask_again();
                 commands.extend(self.go_on());
                 return commands;
             }
-            _ => {}
+            Event::TakenOver => {
+                self.stage = Stage::Elsewhere;
+                return vec![Command::CancelAll];
+            }
+            Event::FocusGained | Event::Shown | Event::Resized { .. } | Event::Address(_) => {}
+        }
+        Vec::new()
+    }
+
+    fn updated(&mut self, message: Msg, now_ms: f64) -> Commands<Msg> {
+        match message {
+            Msg::Event(event) => return self.hear_event(&event, now_ms),
+            Msg::Study(answer) => match read(answer) {
+                Ok(study) => return self.study_arrived(study),
+                Err(failure) => return self.study_failed(&failure, Self::ask_study),
+            },
+            Msg::Texts(answer) => match read(answer) {
+                Ok(texts) => return self.texts_arrived(texts),
+                Err(failure) => {
+                    return self.study_failed(&failure, |page| page.ask_texts(None));
+                }
+            },
+            Msg::Language(tag) => {
+                let ask = self.ask_texts(Some(&tag));
+                let name = LANGUAGE.to_owned();
+                let keep = Command::Keep { name, text: tag, then: Box::new(|_| Msg::Noted) };
+                return vec![ask, keep];
+            }
+            Msg::Go(part) => return self.go(part),
+            Msg::ChooseKeys(own) => {
+                let Stage::Equipment(equipment) = &mut self.stage else { return Vec::new() };
+                equipment.choosing = own.then_some(None);
+                (equipment.left, equipment.right, equipment.refused) = (false, false, false);
+                if !own {
+                    return self.steer_with(Steering::default());
+                }
+            }
+            Msg::Enrolled(answer) => match read(answer) {
+                Ok(enrolled) => return self.enrolled(enrolled),
+                // The participant decides when to try again.
+                Err(failure) if failure.is_temporary() => {
+                    self.trouble = Some(self.words(&failure));
+                    if let Stage::Equipment(equipment) = &mut self.stage {
+                        equipment.is_enrolling = false;
+                    }
+                }
+                Err(failure) => self.end(&failure, "stuck.screened_out"),
+            },
+            Msg::SessionKept(kept) => self.not_kept = kept.err(),
+            Msg::Noted => {}
+            Msg::Progress(answer) => match read(answer) {
+                Ok(progress) => return self.progress_arrived(progress),
+                Err(failure) => return self.progress_failed(&failure),
+            },
+            Msg::Checked(form) => return self.checked(&form),
+            Msg::Understood(answer) => match read(answer) {
+                Ok(stored) => return self.understood(stored),
+                Err(failure) if failure.is_temporary() => self.trouble = Some(self.words(&failure)),
+                Err(failure) => self.end(&failure, "stuck.ended"),
+            },
+            Msg::Start => return self.start(),
+            Msg::Clock => return self.clock(),
+            Msg::Questions(form) => return self.questions(&form),
+            Msg::Answered(answer) => return self.answered(answer),
+            Msg::Outbox(message) => return self.outbox(message),
+            Msg::Retry => return self.ask_again(),
+            Msg::Completed(answer) => match read(answer) {
+                Ok(Completed { completion_code, return_url }) => {
+                    self.trouble = None;
+                    self.stage = Stage::Done(Some(completion_code), return_url);
+                    return vec![Command::Fullscreen(false)];
+                }
+                Err(failure) => return self.completion_failed(&failure),
+            },
+            Msg::Fullscreen(on) => return vec![Command::Fullscreen(on)],
+            Msg::Withdraw(delete) => {
+                let fate = if delete { "delete" } else { "keep" };
+                let url = format!("{}?data={fate}", routes::ME);
+                let then: fn(Answer) -> Msg = match delete {
+                    true => |answer| Msg::Withdrawn(true, answer),
+                    false => |answer| Msg::Withdrawn(false, answer),
+                };
+                return vec![self.ask("withdraw", "DELETE", url, None, then)];
+            }
+            Msg::Withdrawn(deleted, answer) => return self.withdrawn(deleted, answer),
+            Msg::Here => return vec![Command::Leave(self.link.url())],
         }
         Vec::new()
     }
@@ -423,45 +368,12 @@ impl Page for Participant {
         if matches!(message, Msg::Study(_) | Msg::Enrolled(_) | Msg::Progress(_)) {
             self.trouble = None;
         }
-        match message {
-            Msg::Event(event) => return self.hear_event(&event, now_ms),
-            Msg::Study(answer) => match read(answer) {
-                Ok(study) => return self.study_arrived(study),
-                Err(failure) => return self.study_failed(failure),
-            },
-            Msg::Consent => return self.enrol(),
-            Msg::Enrolled(answer) => match read(answer) {
-                Ok(enrolled) => return self.enrolled(enrolled),
-                Err(failure) => return self.enrolment_failed(failure),
-            },
-            Msg::SessionKept(kept) => self.not_kept = kept.err(),
-            Msg::Progress(answer) => match read(answer) {
-                Ok(progress) => return self.progress_arrived(progress),
-                Err(failure) => return self.progress_failed(failure),
-            },
-            Msg::Continue => self.stage = Stage::Ready,
-            Msg::Start => {
-                if let (Stage::Ready, Some(next)) = (&self.stage, self.next()) {
-                    self.stage = Stage::Still(Box::new(next.clone()), self.now_ms);
-                    self.trouble = None;
-                }
-            }
-            Msg::SceneOver => {
-                if let Stage::Driving(trial, drive) = std::mem::take(&mut self.stage) {
-                    return self.scene_over(&trial, *drive);
-                }
-            }
-            Msg::Outbox(message) => return self.outbox(message),
-            Msg::Retry => return self.ask_again(),
-            Msg::Completed(answer) => match read(answer) {
-                Ok(Completed { completion_code, .. }) => {
-                    self.trouble = None;
-                    self.stage = Stage::Done(completion_code);
-                }
-                Err(failure) => return self.completion_failed(failure),
-            },
+        let mut commands = self.updated(message, now_ms);
+        let guards = !self.outbox.is_empty() && !matches!(self.stage, Stage::Elsewhere);
+        if std::mem::replace(&mut self.is_guarded, guards) != guards {
+            commands.push(Command::GuardLeaving(guards));
         }
-        Vec::new()
+        commands
     }
 
     fn view(&self) -> Node<Msg> {
@@ -474,8 +386,11 @@ impl Page for Participant {
 
     fn hear(&self, event: &Event) -> Option<Msg> {
         let matters = match event {
-            Event::Key { code, .. } => self.keys.turn(code).is_some(),
-            Event::Address(_) | Event::TakenOver => false,
+            Event::Key { code, .. } => {
+                self.steering.keys.turn(code).is_some()
+                    || matches!(&self.stage, Stage::Equipment(found) if found.choosing.is_some())
+            }
+            Event::Address(_) => false,
             _ => true,
         };
         matters.then(|| Msg::Event(event.clone()))
@@ -483,37 +398,60 @@ impl Page for Participant {
 
     fn due_ms(&self) -> Option<f64> {
         match &self.stage {
-            Stage::Still(_, since) => Some(since + STILL_MS),
+            Stage::Countdown(_, ends_ms, left_s) => {
+                Some(ends_ms - 1000.0 * f64::from(left_s.saturating_sub(1)))
+            }
             Stage::Driving(_, drive) => Some(drive.due_ms()),
+            Stage::Over(_, _, until_ms, _) => Some(*until_ms),
             _ => None,
         }
     }
 
     fn tick(&mut self, now_ms: f64) -> Option<Msg> {
-        if let Stage::Still(trial, since) = &self.stage
-            && now_ms >= since + STILL_MS
-        {
-            let start_ms = since + STILL_MS;
-            let started_at_ms = self.context.time_origin_ms + start_ms;
-            let parameters = self.study.as_ref().map(|study| study.parameters).unwrap_or_default();
-            let (scene, keys, held) = (trial.scene.scene(), &self.keys, &self.held);
-            let drive = Drive::new(parameters, &scene, start_ms, started_at_ms, keys, held);
-            self.stage = Stage::Driving(trial.clone(), Box::new(drive));
-        }
-        match &mut self.stage {
-            Stage::Driving(_, drive) => drive.tick(now_ms).then_some(Msg::SceneOver),
-            _ => None,
-        }
+        let is_calm = self.context.reduced_motion;
+        let changes = match &mut self.stage {
+            Stage::Countdown(_, ends_ms, left_s) => {
+                let is_next = now_ms >= *ends_ms - 1000.0 * f64::from(left_s.saturating_sub(1));
+                // A scene does not move while a key is held: it moves a second after the keys are up.
+                is_next && (self.held.is_empty() || *left_s > 1)
+            }
+            Stage::Driving(_, drive) => drive.tick(now_ms),
+            Stage::Over(_, _, until_ms, _) => now_ms >= *until_ms,
+            Stage::Instructions(arena) => {
+                arena.tick(now_ms, &self.steering.keys, &self.held, is_calm);
+                false
+            }
+            Stage::Equipment(equipment) => {
+                let was_measuring = equipment.is_measuring();
+                equipment.frame(now_ms);
+                was_measuring && !equipment.is_measuring()
+            }
+            _ => false,
+        };
+        changes.then_some(Msg::Clock)
     }
 
     fn wants_frames(&self) -> bool {
-        matches!(self.stage, Stage::Still(..) | Stage::Driving(..))
+        match &self.stage {
+            Stage::Equipment(equipment) => equipment.is_measuring(),
+            Stage::Instructions(_) => !self.is_withdrawing,
+            Stage::Countdown(..) | Stage::Driving(..) | Stage::Over(..) => true,
+            _ => false,
+        }
     }
 
     fn draw(&self, at_ms: f64, picture: &mut Picture) -> bool {
         let (trial, state, step) = match &self.stage {
-            Stage::Still(trial, _) => (trial, trial.scene.scene().start(), 0),
+            Stage::Instructions(arena) => {
+                arena.draw(picture);
+                picture.shapes.extend(self.labels(arena.state()));
+                return true;
+            }
+            Stage::Countdown(trial, ..) => (trial, trial.scene.scene().start(), 0),
             Stage::Driving(trial, drive) => (trial, drive.state_at(at_ms), drive.step_at(at_ms)),
+            Stage::Over(trial, state, ..) => {
+                (trial, *state, self.study.as_ref().map_or(0, |study| study.parameters.steps))
+            }
             _ => return false,
         };
         let scene = trial.scene.scene();
@@ -527,11 +465,21 @@ impl Page for Participant {
             picture.shapes.push(stage::danger_zone(state.robot, radius_m));
         }
         picture.shapes.extend(stage::vehicles_and_goal(&scene, state));
+        if self.link.simulates() {
+            picture.tell("data-scene", told(&scene));
+        }
+        // Names beside moving vehicles would draw the eye away from them.
+        if matches!(self.stage, Stage::Countdown(..)) || trial.phase == Phase::Familiarisation {
+            picture.shapes.extend(self.labels(state));
+        }
         true
     }
 
     fn owns_key(&self, code: &str) -> bool {
-        self.wants_frames() && (self.keys.turn(code).is_some() || code == "Space")
+        let drives = matches!(self.stage, Stage::Countdown(..) | Stage::Driving(..));
+        let steers = self.steering.keys.turn(code).is_some();
+        let tries = matches!(self.stage, Stage::Instructions(_) | Stage::Equipment(_));
+        (drives || tries) && steers || drives && code == "Space"
     }
 
     fn frame_shown(&mut self, at_ms: f64, work_ms: f64) {
@@ -539,6 +487,21 @@ impl Page for Participant {
             drive.frame_shown(at_ms, work_ms);
         }
     }
+}
+
+/// Both vehicles for programs: x, y and heading of the human's and of the robot, and the goal.
+fn told(scene: &Scene) -> String {
+    let numbers = [
+        scene.human.x,
+        scene.human.y,
+        scene.human.psi,
+        scene.robot.x,
+        scene.robot.y,
+        scene.robot.psi,
+        scene.goal[0],
+        scene.goal[1],
+    ];
+    json::write(&numbers)
 }
 
 /// The same view for every scene; it widens only where a vehicle would leave it.

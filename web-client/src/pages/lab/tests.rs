@@ -60,7 +60,12 @@ fn address(path: &str) -> Address {
     let (path, query) = path.split_once("?study=").map_or((path, None), |(p, s)| (p, Some(s)));
     let (path, fragment) = path.split_once('#').unwrap_or((path, ""));
     let query = query.map(|slug| ("study".to_owned(), slug.to_owned()));
-    Address { path: path.into(), query: query.into_iter().collect(), fragment: fragment.into() }
+    Address {
+        path: path.into(),
+        query: query.into_iter().collect(),
+        fragment: fragment.into(),
+        ..Address::default()
+    }
 }
 
 /// The laboratory at this address, before the server has said anything.

@@ -1,0 +1,105 @@
+//! The check of understanding, the questions after the last scene, and the withdrawal.
+
+use super::state::Stage;
+use super::{Msg, Participant, lifted};
+use crate::form::Form;
+use crate::json;
+use crate::runtime::{Answer, Command, Commands, read};
+use crate::texts::Sentences as _;
+use sidestep::api::{
+    Answers, CheckForm, ComprehensionResult, ComprehensionStored, Withdrawn, routes,
+};
+use sidestep::study::QuestionKind;
+
+impl Participant {
+    pub(super) fn checked(&mut self, form: &Form) -> Commands<Msg> {
+        let Stage::Comprehension(quiz) = &mut self.stage else { return Vec::new() };
+        let check = &self.texts.check;
+        let answer = |place: usize| form.text(&format!("check-{place}")).parse().ok();
+        quiz.chosen = (0..check.len()).map(answer).collect();
+        quiz.is_incomplete = quiz.chosen.contains(&None);
+        if quiz.is_incomplete {
+            return Vec::new();
+        }
+        quiz.attempts += 1;
+        let right = |(form, chosen): (&CheckForm, &Option<usize>)| *chosen == Some(form.answer);
+        let passed = check.iter().zip(&quiz.chosen).all(right);
+        let body = json::write(&ComprehensionResult { attempts: quiz.attempts, passed });
+        vec![self.ask("check", "PUT", routes::COMPREHENSION, Some(body), Msg::Understood)]
+    }
+
+    /// Whether every answer of the check of understanding is right.
+    pub(super) fn has_understood(&self) -> bool {
+        let Stage::Comprehension(quiz) = &self.stage else { return false };
+        let answers = self.texts.check.iter().map(|form| Some(form.answer));
+        quiz.attempts > 0 && answers.eq(quiz.chosen.iter().copied())
+    }
+
+    pub(super) fn understood(&mut self, stored: ComprehensionStored) -> Commands<Msg> {
+        if stored.screened_out {
+            let url = stored.return_url;
+            self.stage = Stage::Ended("stuck.screened_out", "stuck.screened_out_why", url);
+        } else if self.has_understood()
+            && let Some(progress) = &mut self.progress
+        {
+            progress.understood = true;
+        }
+        Vec::new()
+    }
+
+    pub(super) fn questions(&mut self, form: &Form) -> Commands<Msg> {
+        let mut answers = Answers::default();
+        let mut missing = false;
+        for question in &self.texts.questions {
+            let text = form.text(&question.name).trim();
+            if text.is_empty() {
+                missing |= question.required;
+                continue;
+            }
+            let value = match question.kind {
+                QuestionKind::Scale => text.parse::<i64>().map(serde_json::Value::from).ok(),
+                _ => None,
+            };
+            let value = value.unwrap_or_else(|| text.into());
+            answers.answers.insert(question.name.clone(), value);
+        }
+        self.stage = Stage::Questions(missing);
+        if missing {
+            return Vec::new();
+        }
+        let body = json::write(&answers);
+        vec![self.ask("answers", "PUT", routes::ANSWERS, Some(body), Msg::Answered)]
+    }
+
+    pub(super) fn answered(&mut self, answer: Answer) -> Commands<Msg> {
+        if let Err(failure) = answer {
+            let why = self.words(&failure);
+            self.trouble = Some(self.texts.get("trouble.answers", &[("why", why.as_str().into())]));
+            return Vec::new();
+        }
+        if let Some(progress) = &mut self.progress {
+            progress.answered = true;
+        }
+        self.trouble = None;
+        self.stage = Stage::Finishing;
+        self.go_on()
+    }
+
+    pub(super) fn withdrawn(&mut self, deleted: bool, answer: Answer) -> Commands<Msg> {
+        self.is_withdrawing = false;
+        let stored: Withdrawn = match read(answer) {
+            Ok(stored) => stored,
+            Err(failure) => {
+                self.trouble = Some(self.words(&failure));
+                return Vec::new();
+            }
+        };
+        let why = if deleted { "withdraw.deleted" } else { "withdraw.kept" };
+        self.stage = Stage::Ended("withdraw.done_heading", why, stored.return_url);
+        let mut commands: Vec<_> = lifted(self.outbox.forget_all()).collect();
+        commands.push(Command::Forget(self.session_name()));
+        let exposures = self.exposures.iter().map(|(id, _)| self.exposure_name(id));
+        commands.extend(exposures.map(Command::Forget));
+        commands
+    }
+}

@@ -1,0 +1,76 @@
+//! The live picture of the instructions: an arrow to steer, and a robot that drives to and fro with its
+//! danger zone.
+
+use crate::input::{HeldKeys, KeyMap};
+use crate::overlays::stage;
+use crate::shape::{Picture, Window};
+use sidestep::math::PI;
+use sidestep::scene::{JointState, SceneParameters};
+use sidestep::vehicle::{Pose, TurnInput};
+
+/// Half the width and half the height of the picture, m.
+const HALF_M: [f64; 2] = [14.0, 5.5];
+
+/// A vehicle that leaves the picture by this far comes back on the other side, m.
+const OUTSIDE_M: f64 = 1.5;
+
+/// Longest time between two frames that the vehicles move in, s.
+const LONGEST_S: f64 = 0.1;
+
+/// Two vehicles that never stop and never meet their end.
+#[derive(Clone, Debug)]
+pub(super) struct Arena {
+    parameters: SceneParameters,
+    human: Pose,
+    robot: Pose,
+    last_ms: Option<f64>,
+}
+
+impl Arena {
+    pub(super) fn new(parameters: SceneParameters) -> Self {
+        let human = Pose::new(-8.0, -2.5, 0.0);
+        let robot = Pose::new(9.0, 2.5, PI);
+        Self { parameters, human, robot, last_ms: None }
+    }
+
+    /// Moves both vehicles to `now_ms`. Who wants little motion moves them with the keys only.
+    pub(super) fn tick(&mut self, now_ms: f64, keys: &KeyMap, held: &HeldKeys, calm: bool) {
+        let last_ms = self.last_ms.replace(now_ms).unwrap_or(now_ms);
+        let seconds = ((now_ms - last_ms) / 1000.0).max(0.0).min(LONGEST_S);
+        if calm && held.is_empty() {
+            return;
+        }
+        let SceneParameters { human, robot, .. } = self.parameters;
+        self.human = inside(human.advance(self.human, held.turn(keys), seconds));
+        self.robot = inside(robot.advance(self.robot, TurnInput::Straight, seconds));
+    }
+
+    pub(super) fn draw(&self, picture: &mut Picture) {
+        let [width, height] = HALF_M;
+        picture.begin("arena", Window { low: [-width, -height], high: [width, height] });
+        let radius_m = self.parameters.danger_radius_m;
+        picture.shapes.push(stage::danger_zone(self.robot, radius_m));
+        picture.shapes.extend(stage::vehicles(self.state()));
+    }
+
+    pub(super) fn state(&self) -> JointState {
+        JointState { human: self.human, robot: self.robot }
+    }
+}
+
+/// The same pose, on the other side if it has left the picture.
+fn inside(mut pose: Pose) -> Pose {
+    let wrap = |at: f64, half: f64| {
+        let half = half + OUTSIDE_M;
+        if at > half {
+            at - 2.0 * half
+        } else if at < -half {
+            at + 2.0 * half
+        } else {
+            at
+        }
+    };
+    pose.x = wrap(pose.x, HALF_M[0]);
+    pose.y = wrap(pose.y, HALF_M[1]);
+    pose
+}

@@ -1,0 +1,112 @@
+//! The check of keyboard and screen before somebody enrols.
+
+use crate::input::{KeyMap, can_steer};
+use serde::{Deserialize, Serialize};
+use sidestep::vehicle::TurnInput;
+
+/// The keys that steer, and what is printed on them.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct Steering {
+    pub(super) keys: KeyMap,
+    pub(super) left: String,
+    pub(super) right: String,
+}
+
+impl Default for Steering {
+    fn default() -> Self {
+        Self { keys: KeyMap::default(), left: "←".to_owned(), right: "→".to_owned() }
+    }
+}
+
+/// What the check has found so far.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Equipment {
+    /// Whether the key for left was pressed, and that for right.
+    pub(super) left: bool,
+    pub(super) right: bool,
+    /// The keys are being chosen; the one for left first, by its place and what is printed on it.
+    pub(super) choosing: Option<Option<(String, String)>>,
+    /// The last key that was pressed cannot steer.
+    pub(super) refused: bool,
+    /// The request to enrol is on its way.
+    pub(super) is_enrolling: bool,
+    /// When frames came, on the page's clock, ms.
+    frames_ms: Vec<f64>,
+}
+
+/// Frames that are measured; the first are left out, since the page has just changed.
+const FRAMES: usize = 70;
+const LEFT_OUT: usize = 10;
+
+/// A window of fewer CSS pixels in width or height makes small vehicles.
+const SMALL_PX: [f64; 2] = [600.0, 480.0];
+
+impl Equipment {
+    pub(super) fn frame(&mut self, now_ms: f64) {
+        if self.is_measuring() {
+            self.frames_ms.push(now_ms);
+        }
+    }
+
+    pub(super) fn is_measuring(&self) -> bool {
+        self.frames_ms.len() < FRAMES
+    }
+
+    /// Frames per second; none while they are measured.
+    pub(super) fn rate_hz(&self) -> Option<f64> {
+        if self.is_measuring() {
+            return None;
+        }
+        let seconds = (self.frames_ms[FRAMES - 1] - self.frames_ms[LEFT_OUT]) / 1000.0;
+        Some(((FRAMES - 1 - LEFT_OUT) as f64 / seconds).round())
+    }
+
+    /// Whether a window is too small to show the scenes well.
+    pub(super) fn is_small(screen: &[(&'static str, f64)]) -> bool {
+        let side = |name: &str| screen.iter().find(|(known, _)| *known == name).map(|(_, px)| *px);
+        let names = ["window_width_px", "window_height_px"];
+        names.iter().zip(SMALL_PX).any(|(name, least)| side(name).is_some_and(|px| px < least))
+    }
+
+    /// A key went down. Returns the steering that was chosen with it.
+    pub(super) fn pressed(
+        &mut self,
+        steering: &Steering,
+        code: &str,
+        key: &str,
+    ) -> Option<Steering> {
+        let Some(first) = self.choosing.take() else {
+            match steering.keys.turn(code) {
+                Some(TurnInput::Left) => self.left = true,
+                Some(TurnInput::Right) => self.right = true,
+                _ => {}
+            }
+            return None;
+        };
+        let printed = if key.chars().count() == 1 { key.to_uppercase() } else { short(code, key) };
+        let Some((left, left_printed)) = first else {
+            self.refused = !can_steer(code);
+            self.choosing = Some((!self.refused).then(|| (code.to_owned(), printed)));
+            return None;
+        };
+        let Some(keys) = KeyMap::chosen(&left, code) else {
+            self.refused = true;
+            self.choosing = Some(Some((left, left_printed)));
+            return None;
+        };
+        (self.left, self.right, self.refused) = (false, false, false);
+        Some(Steering { keys, left: left_printed, right: printed })
+    }
+}
+
+/// What is printed on a key that types no character.
+fn short(code: &str, key: &str) -> String {
+    let arrow = match code {
+        "ArrowLeft" => "←",
+        "ArrowRight" => "→",
+        "ArrowUp" => "↑",
+        "ArrowDown" => "↓",
+        _ => key,
+    };
+    arrow.to_owned()
+}

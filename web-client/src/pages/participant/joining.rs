@@ -1,0 +1,207 @@
+//! From the link to the first page: the study, its sentences, the enrolment, and where a participant
+//! who returns goes on.
+
+use super::state::{PlannedTrial, Quiz, Session, Stage};
+use super::{Msg, Part, Participant, lifted};
+use crate::drive::json_object;
+use crate::json;
+use crate::outbox::Outbox;
+use crate::runtime::{Command, Commands, Failure};
+use sidestep::api::{
+    self, Admission, Enrolled, Enrolment, PlannedScene, Progress, SCHEMA_VERSION, StudyInfo, routes,
+};
+use sidestep::trial::Phase;
+
+impl Participant {
+    pub(super) fn ask_enrolment(&self) -> Command<Msg> {
+        let Some(study) = &self.study else { return self.ask_study() };
+        let mut screen = self.context.screen.clone();
+        if let Stage::Equipment(equipment) = &self.stage {
+            screen.extend(equipment.rate_hz().map(|hz| ("refresh_hz", hz)));
+        }
+        let body = Enrolment {
+            consent: true,
+            external_id: self.link.external_id(study).map(str::to_owned),
+            parameters: self.link.recorded(study),
+            pilot: self.link.is_pilot(),
+            // An enrolment whose answer was lost is asked for again under the same name.
+            request_id: self.context.random_name.clone(),
+            locale: Some(self.texts.language.clone()),
+            screen: Some(json_object(&screen)),
+        };
+        let url = routes::participants(&self.link.slug);
+        self.ask("enrol", "POST", url, Some(json::write(&body)), Msg::Enrolled)
+    }
+
+    /// Goes on once both the study and its sentences are there.
+    pub(super) fn opened(&mut self) -> Commands<Msg> {
+        let (Some(study), Stage::Loading) = (&self.study, &self.stage) else { return Vec::new() };
+        if !self.has_texts() {
+            return Vec::new();
+        }
+        let admission = study.admission;
+        self.session = match &self.link.token {
+            Some(token) => Some(Session { participant_id: String::new(), token: token.clone() }),
+            None => self.kept(&self.session_name()),
+        };
+        if self.session.is_some() {
+            return vec![self.ask_progress()];
+        }
+        self.stage = match admission {
+            Admission::Open if self.context.touch_only => Stage::Touch,
+            Admission::Open => Stage::Welcome,
+            Admission::Full => self.stuck("full"),
+            Admission::Closed => self.stuck("closed"),
+            Admission::Archived => self.stuck("archived"),
+        };
+        Vec::new()
+    }
+
+    pub(super) fn study_arrived(&mut self, study: StudyInfo) -> Commands<Msg> {
+        if study.schema_version != SCHEMA_VERSION {
+            self.stage = self.stuck("outdated");
+            return Vec::new();
+        }
+        self.study = Some(study);
+        self.opened()
+    }
+
+    pub(super) fn texts_arrived(&mut self, texts: api::Texts) -> Commands<Msg> {
+        self.texts = texts;
+        self.names = ["scene.you", "scene.robot"].map(|key| self.say(key).into());
+        let mut commands = vec![Command::Language(self.texts.language.clone())];
+        commands.extend(self.opened());
+        commands
+    }
+
+    /// The session is known: it is kept, and no other tab has it.
+    pub(super) fn begin_session(&mut self, session: Session) -> Commands<Msg> {
+        let text = json::write(&session);
+        let take_over = Command::TakeOver(format!("sidestep.{}", session.participant_id));
+        self.session = Some(session);
+        let then = Box::new(Msg::SessionKept);
+        vec![Command::Keep { name: self.session_name(), text, then }, take_over]
+    }
+
+    pub(super) fn enrolled(&mut self, enrolled: Enrolled) -> Commands<Msg> {
+        let session = Session { participant_id: enrolled.participant_id, token: enrolled.token };
+        let mut commands = self.begin_session(session);
+        // A participant who returns by external id may have stored trials.
+        commands.push(self.ask_progress());
+        commands
+    }
+
+    pub(super) fn progress_arrived(&mut self, progress: Progress) -> Commands<Msg> {
+        let mut commands = Vec::new();
+        let is_first = self.plan.is_empty();
+        if is_first && let Some(session) = &self.session {
+            let mut session = session.clone();
+            session.participant_id.clone_from(&progress.participant_id);
+            commands.extend(self.begin_session(session));
+        }
+        let study = self.study.as_ref();
+        let feedback = |phase: Phase| {
+            study.is_some_and(|study| {
+                study.phases.iter().any(|config| config.phase == phase && config.feedback)
+            })
+        };
+        let planned = |(phase, scene): (&api::PlannedPhase, &PlannedScene)| PlannedTrial {
+            phase: phase.phase,
+            show_danger_zone: phase.show_danger_zone,
+            feedback: feedback(phase.phase),
+            of_phase: phase.scenes.iter().filter(|scene| scene.attempt == 1).count(),
+            scene: scene.clone(),
+        };
+        // Further attempts are driven after everything else.
+        let (first, further): (Vec<_>, Vec<_>) =
+            progress.plan.scenes().map(planned).partition(|trial| trial.scene.attempt == 1);
+        self.plan = first.into_iter().chain(further).collect();
+        self.stored.clone_from(&progress.stored);
+        self.plan_known_at = self.stored.len();
+        if is_first && let Some(session) = &self.session {
+            let ids: Vec<_> = self.plan.iter().map(|trial| trial.id().to_owned()).collect();
+            let (id, token) = (&session.participant_id, &session.token);
+            self.outbox = Outbox::restore(id, token, &ids, &self.context.kept);
+            let count = |id: &String| {
+                let name = self.exposure_name(id);
+                let kept = self.context.kept.iter().find(|(known, _)| *known == name)?;
+                Some((id.clone(), kept.1.parse().ok()?))
+            };
+            self.exposures = ids.iter().filter_map(count).collect();
+        }
+        let is_over = progress.complete || progress.completion_code.is_some();
+        let done = (progress.completion_code.clone(), progress.return_url.clone());
+        let understood = progress.understood;
+        self.progress = Some(progress);
+        if is_over {
+            self.stage = Stage::Done(done.0, done.1);
+            return commands;
+        }
+        for id in &self.stored {
+            commands.extend(lifted(self.outbox.drop_stored(id)));
+        }
+        if matches!(self.stage, Stage::Loading | Stage::Equipment(_)) {
+            let begun = !self.stored.is_empty() || !self.outbox.is_empty();
+            if begun && understood {
+                self.stage = Stage::Ready;
+            } else {
+                self.show_instructions();
+            }
+        }
+        commands.extend(self.go_on());
+        commands
+    }
+
+    pub(super) fn study_failed(
+        &mut self,
+        failure: &Failure,
+        ask: fn(&Self) -> Command<Msg>,
+    ) -> Commands<Msg> {
+        // Without sentences, the browser's own word must do.
+        if failure.status == 404 {
+            self.stage = self.stuck("not_found");
+            return Vec::new();
+        }
+        self.failed(failure, ask, "stuck.cannot_show")
+    }
+
+    pub(super) fn progress_failed(&mut self, failure: &Failure) -> Commands<Msg> {
+        // The server no longer knows this participant: start again.
+        if matches!(failure.status, 401 | 404) {
+            self.session = None;
+            self.link.token = None;
+            self.stage = Stage::Welcome;
+            return vec![Command::Forget(self.session_name())];
+        }
+        self.failed(failure, Self::ask_progress, "stuck.ended")
+    }
+
+    pub(super) fn go(&mut self, part: Part) -> Commands<Msg> {
+        self.trouble = None;
+        match part {
+            Part::Welcome => self.stage = Stage::Welcome,
+            Part::Equipment => self.stage = Stage::Equipment(Box::default()),
+            Part::Enrolment => {
+                if let Stage::Equipment(equipment) = &mut self.stage {
+                    equipment.is_enrolling = true;
+                    return vec![self.ask_enrolment()];
+                }
+            }
+            Part::Instructions => self.show_instructions(),
+            Part::Understanding => {
+                let is_asked = self.progress.as_ref().is_some_and(|progress| !progress.understood)
+                    && !self.texts.check.is_empty();
+                self.stage =
+                    if is_asked { Stage::Comprehension(Quiz::default()) } else { Stage::Ready };
+                return self.go_on();
+            }
+            Part::Ready => {
+                self.stage = Stage::Ready;
+                return self.go_on();
+            }
+            Part::Withdrawal => self.is_withdrawing = true,
+            Part::Study => self.is_withdrawing = false,
+        }
+        Vec::new()
+    }
+}

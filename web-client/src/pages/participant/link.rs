@@ -1,0 +1,83 @@
+//! What the address of the page says: which study, who sent the person, and whether this is a pilot.
+
+use crate::runtime::Address;
+use sidestep::api::StudyInfo;
+use std::collections::BTreeMap;
+
+/// What the address of the page says.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Link {
+    address: Address,
+    /// The study's name in addresses.
+    pub(super) slug: String,
+    /// The secret of a personal link, with which a person continues on another computer.
+    pub(super) token: Option<String>,
+}
+
+/// The part of a personal link before its secret.
+const CONTINUE: &str = "continue=";
+
+impl Link {
+    pub(super) fn of(address: &Address) -> Self {
+        let slug = address.path.strip_prefix("/s/").unwrap_or_default();
+        let token = address.fragment.strip_prefix(CONTINUE).map(str::to_owned);
+        Self {
+            address: address.clone(),
+            slug: slug.trim_end_matches('/').to_owned(),
+            token: token.filter(|token| !token.is_empty()),
+        }
+    }
+
+    /// Whether a simulated participant operates the page; its scenes are then told to programs.
+    pub(super) fn simulates(&self) -> bool {
+        self.address.parameter("simulate").is_some()
+    }
+
+    /// Whether what happens is kept apart from the study's data.
+    pub(super) fn is_pilot(&self) -> bool {
+        self.simulates() || self.address.parameter("pilot").is_some()
+    }
+
+    /// The recruiting service's id of the person, if the address has one.
+    pub(super) fn external_id(&self, study: &StudyInfo) -> Option<&str> {
+        let given = |name: &String| self.address.parameter(name).map(str::trim);
+        study.external_id_parameters.iter().filter_map(given).find(|id| !id.is_empty())
+    }
+
+    /// The parameters that the study stores.
+    pub(super) fn recorded(&self, study: &StudyInfo) -> BTreeMap<String, String> {
+        let given = |name: &String| {
+            let value = self.address.parameter(name)?.trim();
+            (!value.is_empty()).then(|| (name.clone(), value.to_owned()))
+        };
+        study.recorded_parameters.iter().filter_map(given).collect()
+    }
+
+    /// The address of the page with its query, without its fragment.
+    pub(super) fn url(&self) -> String {
+        self.address.path.clone() + &self.address.search
+    }
+
+    /// The whole address of the page, for another computer.
+    pub(super) fn here(&self) -> String {
+        self.address.origin.clone() + &self.url()
+    }
+
+    /// A personal link: whoever has it is this participant.
+    pub(super) fn personal(&self, token: &str) -> String {
+        format!("{}{}#{CONTINUE}{token}", self.address.origin, self.address.path)
+    }
+
+    /// Under which name the browser keeps who the participant is. Several people may use one browser,
+    /// and a pilot is nobody's participation.
+    pub(super) fn session_name(&self, study: &StudyInfo) -> String {
+        let mut name = format!("sidestep.session.{}", self.slug);
+        if self.is_pilot() {
+            name += ".pilot";
+        }
+        if let Some(id) = self.external_id(study) {
+            name.extend([".", &id.to_lowercase()]);
+        }
+        name
+    }
+}

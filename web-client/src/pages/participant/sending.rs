@@ -1,0 +1,125 @@
+//! What becomes of trials that are sent, and of requests that fail.
+
+use super::state::Stage;
+use super::{Msg, Participant, RETRY_MS, lifted};
+use crate::outbox::{self, UploadOutcome};
+use crate::runtime::{Command, Commands, Failure};
+use crate::texts::Sentences as _;
+
+impl Participant {
+    pub(super) fn outbox(&mut self, message: outbox::Msg) -> Commands<Msg> {
+        if let outbox::Msg::Kept(_, Err(reason)) = &message {
+            self.not_kept = Some(*reason);
+        }
+        let (outcome, commands) = self.outbox.update(message);
+        let mut commands: Vec<_> = lifted(commands).collect();
+        match outcome {
+            None => {}
+            Some(UploadOutcome::Stored(id)) => {
+                self.trouble = None;
+                commands.push(Command::Forget(self.exposure_name(&id)));
+                self.stored.push(id);
+            }
+            Some(UploadOutcome::StoredBefore(id)) => {
+                self.stored.push(id);
+                self.trouble = Some(self.say("trouble.stored_before"));
+            }
+            Some(UploadOutcome::OutOfOrder) => {
+                commands.push(self.ask_progress());
+                return commands;
+            }
+            // It is not stored, so the participant drives it again: without it there is no code.
+            Some(UploadOutcome::Refused(id, why)) => {
+                let is_second = self.refused.replace(id.clone()) == Some(id);
+                let why = [("why", why.as_str().into())];
+                if is_second {
+                    let why = self.texts.get("stuck.cannot_store_why", &why);
+                    self.stage = Stage::Stuck("stuck.cannot_store", why);
+                    return commands;
+                }
+                self.trouble = Some(self.texts.get("trouble.refused", &why));
+                if matches!(self.stage, Stage::Finishing | Stage::Questions(_)) {
+                    self.stage = Stage::Ready;
+                }
+            }
+            Some(UploadOutcome::Ended(failure)) => {
+                self.end(&failure, "stuck.ended");
+                return commands;
+            }
+        }
+        commands.extend(self.go_on());
+        commands
+    }
+
+    /// Why a request brought nothing, for people.
+    pub(super) fn words(&self, failure: &Failure) -> String {
+        match failure.status {
+            0 => self.say("trouble.unreachable"),
+            status if failure.is_temporary() && status != 0 => self.say("trouble.busy"),
+            _ => self.texts.get("trouble.server", &[("why", failure.sentence.as_str().into())]),
+        }
+    }
+
+    /// The end for one of the reasons that the language files know.
+    pub(super) fn stuck(&self, reason: &'static str) -> Stage {
+        let (heading, why) = match reason {
+            "full" => ("stuck.full", "stuck.full_why"),
+            "closed" => ("stuck.closed", "stuck.closed_why"),
+            "archived" => ("stuck.archived", "stuck.archived_why"),
+            "no_id" => ("stuck.no_id", "stuck.no_id_why"),
+            "not_found" => ("stuck.not_found", "stuck.not_found_why"),
+            _ => ("stuck.outdated", "stuck.outdated_why"),
+        };
+        Stage::Stuck(heading, self.say(why))
+    }
+
+    /// The participation ends here, for a reason that the server gave.
+    pub(super) fn end(&mut self, failure: &Failure, heading: &'static str) {
+        self.stage = match failure.code.as_str() {
+            "full" => self.stuck("full"),
+            "closed" => self.stuck("closed"),
+            "archived" => self.stuck("archived"),
+            "screened_out" => Stage::Ended("stuck.screened_out", "stuck.screened_out_why", None),
+            "withdrawn" => Stage::Ended("withdraw.done_heading", "done.close", None),
+            _ if failure.code == "invalid" && self.needs_id() => self.stuck("no_id"),
+            _ => Stage::Stuck(heading, self.words(failure)),
+        };
+    }
+
+    /// Whether the study may have refused somebody whose link has no external id.
+    pub(super) fn needs_id(&self) -> bool {
+        self.session.is_none()
+            && self.study.as_ref().is_some_and(|study| self.link.external_id(study).is_none())
+    }
+
+    /// Asks again after a pause if that may help; otherwise the participation ends here.
+    pub(super) fn failed(
+        &mut self,
+        failure: &Failure,
+        ask: fn(&Self) -> Command<Msg>,
+        heading: &'static str,
+    ) -> Commands<Msg> {
+        if !failure.is_temporary() {
+            self.end(failure, heading);
+            return Vec::new();
+        }
+        self.trouble = Some(self.words(failure));
+        self.retry = Some(ask);
+        vec![Command::Wake { timer: "retry", after_ms: RETRY_MS, message: Msg::Retry }]
+    }
+
+    pub(super) fn completion_failed(&mut self, failure: &Failure) -> Commands<Msg> {
+        // The server lacks something that this page took for stored: it knows what.
+        let is_missing = matches!(failure.code.as_str(), "incomplete" | "unanswered");
+        if is_missing && !std::mem::replace(&mut self.was_incomplete, true) {
+            return vec![self.ask_progress()];
+        }
+        self.failed(failure, Self::ask_code, "stuck.no_code")
+    }
+
+    /// Asks again what failed before.
+    pub(super) fn ask_again(&mut self) -> Commands<Msg> {
+        let retry = self.retry.take().map(|ask| ask(self));
+        retry.into_iter().collect()
+    }
+}

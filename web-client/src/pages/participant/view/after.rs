@@ -1,0 +1,133 @@
+//! After the scenes: questions, sending, the completion code; and every other end.
+
+use super::Node;
+use super::around::{alert, button, card, menu, paragraph, primary, quiet};
+use super::driving::saved;
+use crate::pages::participant::{Msg, Part, Participant};
+use crate::texts::Sentences as _;
+use crate::view::el;
+use sidestep::api::QuestionForm;
+use sidestep::study::QuestionKind;
+
+pub(super) fn questions(page: &Participant, missing: bool) -> Node {
+    let missing = missing.then(|| alert("missing", &page.say("questions.missing")));
+    let submit = el("button").class("primary").attr("type", "submit").test_id("submit");
+    card(&page.say("questions.heading"))
+        .child(
+            el("form")
+                .class("questions")
+                .test_id("questions")
+                .on_submit(Msg::Questions)
+                .children(page.texts.questions.iter().map(|form| question(page, form)))
+                .children(missing)
+                .child(submit.text(page.say("questions.submit"))),
+        )
+        .child(saved(page))
+        .child(menu(page))
+}
+
+fn question(page: &Participant, form: &QuestionForm) -> Node {
+    let id = format!("answer-{}", form.name);
+    let need = page.say(if form.required { "questions.required" } else { "questions.optional" });
+    let need = el("small").class("quiet").text(format!(" ({need})"));
+    let radio = |value: &str, words: &str| {
+        let input = el("input")
+            .attrs([("type", "radio"), ("name", &form.name), ("value", value)])
+            .test_id(&format!("{id}-{value}"));
+        el("label").child(input).child(el("span").text(words))
+    };
+    let group = || {
+        let legend = el("legend").text(&form.text).child(need.clone());
+        el("fieldset").key(&form.name).child(legend)
+    };
+    match form.kind {
+        QuestionKind::Text => {
+            let area = el("textarea")
+                .attrs([("id", &id), ("name", &form.name), ("rows", "3")])
+                .attr("maxlength", form.max_chars)
+                .test_id(&id);
+            el("div")
+                .class("field-text")
+                .key(&form.name)
+                .child(el("label").attr("for", &id).text(&form.text).child(need))
+                .child(area)
+        }
+        QuestionKind::Choice => {
+            group().children(form.options.iter().map(|(value, words)| radio(value, words)))
+        }
+        QuestionKind::Scale => {
+            let end = |words: &str| el("span").class("quiet").text(words);
+            let (from, to) = form.range;
+            let numbers = (from..=to)
+                .map(|number| radio(&number.to_string(), &page.texts.number(number as f64)));
+            let scale = el("div")
+                .class("scale")
+                .child(end(&form.ends.0))
+                .children(numbers)
+                .child(end(&form.ends.1));
+            group().child(scale)
+        }
+    }
+}
+
+pub(super) fn finishing(page: &Participant) -> Node {
+    let words = match page.outbox.len() {
+        0 => page.say("finishing.code"),
+        n => page.texts.count("finishing.waiting", n, &[]),
+    };
+    card(&page.say("finishing.heading")).child(paragraph(words)).child(saved(page))
+}
+
+pub(super) fn done(page: &Participant, code: Option<&str>, url: Option<&str>) -> Node {
+    let is_pilot = page.progress.as_ref().is_some_and(|progress| progress.pilot);
+    let words = match code {
+        None => "done.earlier",
+        Some(_) if is_pilot => "done.pilot",
+        Some(_) => "done.code",
+    };
+    let code = code.map(|code| el("p").class("code").test_id("completion-code").text(code));
+    let debrief = page.texts.debrief.as_deref().map(|html| {
+        el("section")
+            .child(el("h2").text(page.say("done.debrief")))
+            .child(el("div").class("prose").html(html))
+    });
+    card(&page.say("done.heading"))
+        .child(paragraph(page.say(words)))
+        .children(code)
+        .child(way_back(url, &page.say("done.return"), &page.say("done.close")))
+        .children(debrief)
+}
+
+/// The link back to where the person came from, or that the page may be closed.
+fn way_back(url: Option<&str>, words: &str, close: &str) -> Node {
+    match url {
+        Some(url) => el("p")
+            .child(el("a").class("button primary").attr("href", url).test_id("return").text(words)),
+        None => quiet(close),
+    }
+}
+
+pub(super) fn ended(page: &Participant, heading: &str, why: &str, url: Option<&str>) -> Node {
+    card(&page.say(heading)).test_id("ended").child(paragraph(page.say(why))).child(way_back(
+        url,
+        &page.say("withdraw.return"),
+        &page.say("done.close"),
+    ))
+}
+
+pub(super) fn elsewhere(page: &Participant) -> Node {
+    card(&page.say("elsewhere.heading"))
+        .test_id("elsewhere")
+        .child(paragraph(page.say("elsewhere.why")))
+        .child(primary("here", Msg::Here, &page.say("elsewhere.here")))
+}
+
+pub(super) fn withdrawal(page: &Participant) -> Node {
+    card(&page.say("withdraw.heading"))
+        .test_id("withdrawal")
+        .child(paragraph(page.say("withdraw.why")))
+        .child(button("withdraw-keep", Msg::Withdraw(false), &page.say("withdraw.keep")))
+        .child(button("withdraw-delete", Msg::Withdraw(true), &page.say("withdraw.delete")))
+        .child(quiet(page.say("withdraw.delete_why")))
+        .child(primary("back", Msg::Go(Part::Study), &page.say("withdraw.back")))
+}

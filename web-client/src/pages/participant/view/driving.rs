@@ -1,0 +1,168 @@
+//! The scenes, what is said before them, and the rests between them.
+
+use super::Node;
+use super::around::{alert, card, keyed, menu, paragraph, primary};
+use crate::pages::participant::state::{PlannedTrial, Stage};
+use crate::pages::participant::{Msg, Part, Participant};
+use crate::texts::Sentences as _;
+use crate::view::el;
+use sidestep::trial::{Outcome, Phase};
+use sidestep::vehicle::TurnInput;
+
+fn phase_words(page: &Participant, trial: &PlannedTrial) -> String {
+    let key = match trial.phase {
+        _ if trial.scene.attempt > 1 => "ready.again",
+        Phase::Familiarisation => "ready.familiarisation",
+        Phase::Practice => "ready.practice",
+        Phase::Task => "ready.task",
+    };
+    let place = trial.scene.index + 1;
+    page.texts.get(key, &[("i", place.into()), ("n", trial.of_phase.into())])
+}
+
+/// What to know before this scene: keys of sentences.
+fn hints(page: &Participant, trial: &PlannedTrial) -> Vec<&'static str> {
+    if trial.scene.attempt > 1 {
+        return vec!["ready.why_again"];
+    }
+    if trial.scene.index > 0 {
+        return vec!["ready.take_time"];
+    }
+    let purpose = match trial.phase {
+        Phase::Familiarisation => "ready.try_keys",
+        Phase::Practice => "ready.for_practice",
+        Phase::Task if trial.id() == page.plan[0].id() => "ready.all_count",
+        Phase::Task => "ready.now_counts",
+    };
+    let before = page.plan.iter().take_while(|other| other.id() != trial.id()).last();
+    let zone = match (before.is_some_and(|trial| trial.show_danger_zone), trial.show_danger_zone) {
+        (true, false) => Some("ready.zone_gone"),
+        (false, true) => Some("ready.zone_shown"),
+        _ => None,
+    };
+    [Some(purpose), zone].into_iter().flatten().collect()
+}
+
+pub(super) fn ready(page: &Participant) -> Node {
+    let Some(trial) = page.next() else { return card(&page.say("page.loading")) };
+    let phase = phase_words(page, trial);
+    let words: Vec<_> = hints(page, trial).into_iter().map(|key| page.say(key)).collect();
+    let hint = page.hint.map(|key| alert("hint", &page.say(key)));
+    let card = el("main")
+        .class("card small")
+        .key(&phase)
+        .child(el("h1").text(phase))
+        .children(hint)
+        .child(paragraph(words.join(" ")))
+        .child(primary("start", Msg::Start, &page.say("ready.start")).focus())
+        .child(keyed(page, "p", "ready.how").class("quiet"))
+        .child(menu(page));
+    el("div").class("stage").child(bar(page, Some(trial))).child(card)
+}
+
+pub(super) fn rest(page: &Participant) -> Node {
+    let done = page.plan.iter().filter(|trial| page.is_driven(trial)).count();
+    let fills = [("done", done.into()), ("all", page.plan.len().into())];
+    let go_on = primary("continue", Msg::Go(Part::Ready), &page.say("rest.continue"));
+    let card = card(&page.say("rest.heading"))
+        .class("card small")
+        .test_id("rest")
+        .child(paragraph(page.texts.get("rest.done", &fills)))
+        .child(paragraph(page.say("rest.words")))
+        .child(go_on)
+        .child(menu(page));
+    el("div").class("stage").child(bar(page, None)).child(card)
+}
+
+/// A scene: in its countdown, moving, or over with its outcome.
+pub(super) fn scene(
+    page: &Participant,
+    trial: &PlannedTrial,
+    left_s: Option<u32>,
+    outcome: Option<&Outcome>,
+) -> Node {
+    let canvas = el("canvas")
+        .attrs([("id", "scene"), ("role", "img")])
+        .attr("aria-label", page.say("scene.canvas"))
+        .test_id("scene");
+    let heading = el("h1").class("unseen").text(phase_words(page, trial));
+    let countdown = left_s.map(|seconds| {
+        let waits = seconds <= 1 && !page.held.is_empty();
+        let words = match waits {
+            true => page.say("ready.release"),
+            false => page.texts.number(f64::from(seconds)),
+        };
+        let class = if waits { "over words" } else { "over count" };
+        el("p")
+            .class(class)
+            .key("countdown")
+            .attr("role", "status")
+            .test_id("countdown")
+            .text(words)
+    });
+    let ended = outcome.map(|outcome| {
+        let key = match (trial.feedback, outcome.first_step_in_danger) {
+            (false, _) => "scene.over",
+            (true, None) => "scene.clear",
+            (true, Some(_)) => "scene.entered",
+        };
+        el("p")
+            .class("over words")
+            .key("over")
+            .attr("role", "status")
+            .test_id("over")
+            .text(page.say(key))
+    });
+    let field = el("main")
+        .class("field")
+        .key("scene")
+        .child(heading)
+        .child(canvas)
+        .children(countdown)
+        .children(ended);
+    el("div").class("stage").child(bar(page, Some(trial))).child(field).child(keys(page))
+}
+
+/// What the keys do, and which one is held.
+fn keys(page: &Participant) -> Node {
+    let turn = page.held.turn(&page.steering.keys);
+    let moves = matches!(page.stage, Stage::Driving(..) | Stage::Countdown(..));
+    let class = |held: TurnInput| if moves && turn == held { "held" } else { "" };
+    let key = |printed: &str, words: &str, held: TurnInput, id: &str| {
+        el("span")
+            .class(class(held))
+            .test_id(id)
+            .child(el("kbd").text(printed))
+            .text(format!(" {}", page.say(words)))
+    };
+    el("footer").class("keys").attr("aria-hidden", "true").children([
+        key(&page.steering.left, "scene.left", TurnInput::Left, "held-left"),
+        el("span").text(page.say("scene.straight")),
+        key(&page.steering.right, "scene.right", TurnInput::Right, "held-right"),
+    ])
+}
+
+fn bar(page: &Participant, trial: Option<&PlannedTrial>) -> Node {
+    let done = page.plan.iter().filter(|trial| page.is_driven(trial)).count();
+    let progress = el("progress")
+        .attr("max", page.plan.len())
+        .attr("value", done)
+        .attr("aria-label", page.say("page.scenes_driven"));
+    let phase = trial.map_or_else(String::new, |trial| phase_words(page, trial));
+    el("header").class("bar").child(el("span").text(phase)).child(progress).child(saved(page))
+}
+
+/// Whether the driven scenes are stored.
+pub(super) fn saved(page: &Participant) -> Node {
+    let waiting = page.outbox.len();
+    let (class, words) = if waiting == 0 {
+        let words = if page.stored.is_empty() { String::new() } else { page.say("saved.all") };
+        ("saved", words)
+    } else if !page.outbox.is_struggling() {
+        ("quiet", page.say("saved.sending"))
+    } else {
+        let key = if page.outbox.is_safe() { "saved.safe" } else { "saved.memory" };
+        ("waiting", page.texts.count(key, waiting, &[]))
+    };
+    el("span").class(class).attr("role", "status").test_id("saved").text(words)
+}
