@@ -36,7 +36,8 @@ impl Arena {
     /// Moves both vehicles to `now_ms`. Who wants little motion moves them with the keys only.
     pub(super) fn tick(&mut self, now_ms: f64, keys: &KeyMap, held: &HeldKeys, calm: bool) {
         let last_ms = self.last_ms.replace(now_ms).unwrap_or(now_ms);
-        let seconds = ((now_ms - last_ms) / 1000.0).max(0.0).min(LONGEST_S);
+        // What is shown never goes back, so the difference is not negative.
+        let seconds = ((now_ms - last_ms) / 1000.0).min(LONGEST_S);
         if calm && held.is_empty() {
             return;
         }

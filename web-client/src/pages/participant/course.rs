@@ -173,11 +173,11 @@ impl Participant {
         }
         match &mut self.stage {
             Stage::Driving(_, drive) => drive.key(t_ms, code, down),
-            Stage::Countdown(_, ends_ms, left_s) if !down && self.held.is_empty() => {
-                // The last second begins anew when the keys are up.
-                if *ends_ms < t_ms + 1000.0 {
-                    (*ends_ms, *left_s) = (t_ms + 1000.0, 1);
-                }
+            // The last second begins anew when the keys are up.
+            Stage::Countdown(_, ends_ms, left_s)
+                if !down && self.held.is_empty() && *ends_ms < t_ms + 1000.0 =>
+            {
+                (*ends_ms, *left_s) = (t_ms + 1000.0, 1);
             }
             Stage::Equipment(equipment) if down => {
                 if let Some(steering) = equipment.pressed(&self.steering, code, key) {
