@@ -4,6 +4,7 @@ pub mod check;
 pub mod export;
 pub mod import;
 pub mod serve;
+pub mod languages;
 mod solving;
 pub mod game;
 pub mod solve;

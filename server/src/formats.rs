@@ -4,6 +4,7 @@ pub mod atomic_file;
 pub mod atomic_folder;
 pub mod csv_lines;
 pub mod npz;
+pub mod toml_lines;
 pub mod study_toml;
 pub mod trials_csv;
 pub mod exports;

@@ -13,6 +13,7 @@ pub mod metrics;
 pub mod auth;
 pub mod guard;
 pub mod studies;
+pub mod texts;
 pub mod participants;
 pub mod trials;
 pub mod value_functions;

@@ -1,6 +1,7 @@
 //! The Sidestep server and command line.
 //!
-//! [`store`] is the only module that speaks SQL; [`formats`] reads and writes files; [`report`] prints
+//! [`store`] is the only module that speaks SQL; [`formats`] reads and writes files;
+//! [`languages`] has the texts of the participant's page; [`report`] prints
 //! the files of an analysis; [`jobs`] works in the background; [`http`] has a module for each resource
 //! and the one table of routes; [`commands`] has a module for each subcommand.
 
@@ -11,6 +12,7 @@ pub mod bytes;
 pub mod content;
 pub mod store;
 pub mod formats;
+pub mod languages;
 pub mod figure;
 pub mod recordings;
 pub mod report;

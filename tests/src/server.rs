@@ -84,6 +84,16 @@ impl Server {
         Self::first(TempDir::new().expect("a folder"), study, site, change).await
     }
 
+    /// As [`Self::with_study`], with the language files of a folder.
+    pub async fn with_files(study: &str, languages: &Path) -> Self {
+        let folder = TempDir::new().expect("a folder");
+        let site = folder.path().join("site");
+        write_site(&site);
+        let mut args = arguments(folder.path(), study, site);
+        args.languages = Some(languages.to_owned());
+        Stopped { folder, args, key: String::new() }.start_with(None, |_| ()).await
+    }
+
     /// As [`Self::with_study`], on a copy of a database.
     pub async fn with_database(study: &str, database: &Path) -> Self {
         let folder = TempDir::new().expect("a folder");
@@ -99,17 +109,7 @@ impl Server {
         site: PathBuf,
         change: fn(&mut ServeArgs),
     ) -> Self {
-        let file = folder.path().join("study.toml");
-        std::fs::write(&file, study).expect("a study file");
-        let args = ServeArgs {
-            listen: "127.0.0.1:0".to_owned(),
-            database: database(folder.path()),
-            study: Some(file),
-            site: Some(site),
-            new_admin_key: false,
-            no_solve: false,
-            analysis_threads: None,
-        };
+        let args = arguments(folder.path(), study, site);
         let server = Stopped { folder, args, key: String::new() }.start_with(None, change).await;
         assert!(server.running.new_key.is_some(), "a key at the first start");
         server
@@ -131,6 +131,14 @@ impl Server {
     /// As [`Self::restarted`], with a key from the environment or other arguments.
     pub async fn restarted_with(self, key: Option<&str>, change: fn(&mut ServeArgs)) -> Self {
         self.stop().await.start_with(key, change).await
+    }
+
+    /// Stops the server and starts it again with another study file, which replaces a study of the
+    /// same name.
+    pub async fn restarted_with_study(self, study: &str) -> Self {
+        let stopped = self.stop().await;
+        stopped.write_study(study);
+        stopped.start_with(None, |args| args.replace_study = true).await
     }
 
     /// What it said when it was ready.
@@ -176,6 +184,14 @@ impl Stopped {
         self.folder.path().join(name)
     }
 
+    /// Writes another study file.
+    ///
+    /// # Panics
+    /// If it cannot be written.
+    pub fn write_study(&self, study: &str) {
+        std::fs::write(self.path("study.toml"), with_slug(study)).expect("a study file");
+    }
+
     /// Starts the server, again at the address that it had.
     ///
     /// # Panics
@@ -203,6 +219,30 @@ impl Stopped {
             running,
         }
     }
+}
+
+/// The arguments of a server in `folder` with a study file. A study without a slug is called `default`.
+fn arguments(folder: &Path, study: &str, site: PathBuf) -> ServeArgs {
+    let file = folder.join("study.toml");
+    std::fs::write(&file, with_slug(study)).expect("a study file");
+    ServeArgs {
+        listen: "127.0.0.1:0".to_owned(),
+        database: database(folder),
+        study: Some(file),
+        replace_study: false,
+        languages: None,
+        site: Some(site),
+        new_admin_key: false,
+        no_solve: false,
+        analysis_threads: None,
+    }
+}
+
+/// A study file that has a slug: its own, or `default`.
+#[must_use]
+pub fn with_slug(study: &str) -> String {
+    let has_one = study.lines().any(|line| line.starts_with("slug"));
+    if has_one { study.to_owned() } else { format!("slug = \"default\"\n{study}") }
 }
 
 fn database(folder: &Path) -> String {

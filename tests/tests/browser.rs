@@ -262,8 +262,7 @@ async fn the_laboratory_goes_from_page_to_page_without_loading() {
     Driver::enrol(&server).await.drive(&server, 2).await;
     // A second study, with other words.
     let study = "slug = \"second\"\ntitle = \"Pilot\"\n";
-    std::fs::write(server.path("study.toml"), study).expect("a study file");
-    let server = server.restarted().await;
+    let server = server.restarted_with_study(study).await;
     sign_in(&tab, &server).await;
     tab.run("window.loadedOnce = true").await;
     let title = "document.title";

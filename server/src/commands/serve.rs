@@ -2,7 +2,7 @@
 
 use super::{CommandError, print_line};
 use crate::clock::now_ms;
-use crate::formats::study_toml::read_study;
+use crate::formats::study_toml::StudyFile;
 use crate::http::answers::Answers;
 use crate::http::app::App;
 use crate::http::auth::first_key;
@@ -14,8 +14,13 @@ use crate::http::throttle::Throttle;
 use crate::jobs::analysis_worker::AnalysisWorker;
 use crate::jobs::safety;
 use crate::jobs::safety::Solver;
+use crate::languages::Languages;
+use crate::languages::library::Library;
 use crate::secrets;
+use crate::store::studies::StudyCounts;
 use crate::store::{Missing, Store};
+use serde_json::{Map, Value};
+use sidestep::invalid::Invalid;
 use sidestep::study::StudyConfig;
 use std::fmt::Write;
 use std::net::SocketAddr;
@@ -38,10 +43,19 @@ pub struct ServeArgs {
     /// Database: sqlite: followed by a file, which is created if it does not exist.
     #[arg(long, value_name = "URL", default_value = "sqlite:sidestep.db")]
     pub database: String,
-    /// Study file, TOML; missing fields take the paper's values [default: the study
-    /// `default`, the paper's protocol].
+    /// Study file, TOML, with at least a slug; missing fields take the paper's values [default:
+    /// the studies that the database has, or if it has none, the study `default` with the paper's
+    /// protocol].
     #[arg(long, value_name = "FILE")]
     pub study: Option<PathBuf>,
+    /// Accept a study file that differs from the study with this slug in the database. New
+    /// participants get the file's configuration, the others keep theirs.
+    #[arg(long, requires = "study")]
+    pub replace_study: bool,
+    /// Folder with language files for the participant's page, named after their languages
+    /// (de.toml): they replace sentences or add languages. See `sidestep languages`.
+    #[arg(long, value_name = "DIR")]
+    pub languages: Option<PathBuf>,
     /// Folder with the built client [default: `site` beside the executable].
     #[arg(long = "static", value_name = "DIR")]
     pub site: Option<PathBuf>,
@@ -65,8 +79,8 @@ const PLANS_WAITING: usize = 2_000;
 pub struct Running {
     /// Where, with the real port.
     pub address: SocketAddr,
-    /// The study that `/start` leads to.
-    pub study: String,
+    /// The names of all studies; the first is the one that `/start` leads to.
+    pub studies: Vec<String>,
     /// The experimenter's key, if it was made just now.
     pub new_key: Option<String>,
     store: Store,
@@ -103,8 +117,13 @@ pub async fn start(args: &ServeArgs, key: Option<&str>) -> Result<Running, Comma
                        unset it to use a key that is made";
         return Err(CommandError::Input(message.to_owned()));
     }
-    let given = args.study.as_deref().map(read_study).transpose();
+    let languages = Languages::load(args.languages.as_deref()).map_err(CommandError::Input)?;
+    let given = args.study.as_deref().map(StudyFile::read).transpose();
     let given = given.map_err(CommandError::Input)?;
+    if let Some(file) = &given {
+        let checked = languages.check(file.config());
+        checked.map_err(|invalid| CommandError::Input(file.complaint(&invalid)))?;
+    }
     let folder = args.site.clone().unwrap_or_else(default_folder);
     let site = Site::open(&folder).map_err(CommandError::Failure)?;
     let listener = TcpListener::bind(&args.listen).await.map_err(|error| {
@@ -120,7 +139,7 @@ pub async fn start(args: &ServeArgs, key: Option<&str>) -> Result<Running, Comma
 
     let store = Store::open(&args.database, Missing::Create).await?;
     store.serve_alone()?;
-    let study = prepare(&store, given).await?;
+    let studies = prepare(&store, given.as_ref(), args.replace_study).await?;
     let new_key = match environment_key {
         Some(_) => None,
         None => first_key(&store, args.new_admin_key).await.map_err(CommandError::failure)?,
@@ -128,7 +147,8 @@ pub async fn start(args: &ServeArgs, key: Option<&str>) -> Result<Running, Comma
     let analysis_asked = Arc::new(Notify::new());
     let app = Arc::new(App {
         store: store.clone(),
-        default_study: study.clone(),
+        default_study: studies[0].clone(),
+        library: Library::new(languages),
         environment_key,
         throttle: Throttle::default(),
         drawing: Bounded::new(PLANS_WAITING),
@@ -145,19 +165,20 @@ pub async fn start(args: &ServeArgs, key: Option<&str>) -> Result<Running, Comma
     let solver = (!args.no_solve).then(|| Solver::start(store.clone()));
     let analysis_worker =
         AnalysisWorker::start(store.clone(), analysis_asked, args.analysis_threads);
-    tracing::info!(%address, study, "serving");
-    Ok(Running { address, study, new_key, store, solver, analysis_worker, stop, task })
+    tracing::info!(%address, study = studies[0], "serving");
+    Ok(Running { address, studies, new_key, store, solver, analysis_worker, stop, task })
 }
 
 impl Running {
     /// What the command prints when the server is ready.
     #[must_use]
     pub fn announcement(&self) -> String {
-        let (address, study) = (self.address, &self.study);
-        let mut text = format!(
-            "Sidestep is ready.\n  participants  http://{address}/s/{study}\n  \
-             laboratory    http://{address}/lab"
-        );
+        let address = self.address;
+        let mut text = "Sidestep is ready.".to_owned();
+        for study in &self.studies {
+            let _ = write!(text, "\n  participants  http://{address}/s/{study}");
+        }
+        let _ = write!(text, "\n  laboratory    http://{address}/lab");
         if let Some(key) = &self.new_key {
             let _ = write!(
                 text,
@@ -182,21 +203,61 @@ impl Running {
     }
 }
 
-/// Makes or updates the study, keeps its value functions if they take no solve, and
-/// returns its name.
-async fn prepare(store: &Store, given: Option<StudyConfig>) -> Result<String, CommandError> {
-    let config = match given {
-        Some(config) => config,
-        // Without a file, an existing default study stays as it was made.
-        None => {
-            let config = StudyConfig::default();
-            let known = store.study(&config.slug).await?;
-            known.map_or(config, |study| (*study.config).clone())
-        }
+/// Stores the study of the file, or makes the paper's study in an empty database. Keeps the value
+/// functions of the study if they take no solve. Returns the names of all studies: first that of the
+/// file or else the newest.
+async fn prepare(
+    store: &Store,
+    file: Option<&StudyFile>,
+    replace: bool,
+) -> Result<Vec<String>, CommandError> {
+    let newest_first: Vec<StudyCounts> = store.studies().await?.into_iter().rev().collect();
+    let mut names: Vec<String> = newest_first.iter().map(|study| study.slug.clone()).collect();
+    let config = match file {
+        Some(file) => file.config().clone(),
+        None if names.is_empty() => StudyConfig::default(),
+        None => return Ok(names),
     };
+    let slug = config.slug.clone();
+    let known = store.study(&slug).await?.filter(|known| *known.config != config);
+    let counts = newest_first.iter().find(|study| study.slug == slug);
+    let participants = counts.map_or(0, |study| study.participants);
+    if let (Some(known), Some(file)) = (&known, file)
+        && participants > 0
+        && !replace
+    {
+        let (old, changed) = (&known.config_hash[..8], changes(&known.config, &config));
+        let expected = format!(
+            "the configuration {old} of study {slug}, in which {participants} participants take \
+             part (pass --replace-study to change it for new participants, or choose another slug)"
+        );
+        let different = Invalid::new("slug", expected, format!("other values of {changed}"));
+        return Err(CommandError::Input(file.complaint(&different)));
+    }
     let study = store.put_study(&config, now_ms()).await?;
+    if let Some(known) = &known {
+        let (old, new) = (&known.config_hash[..8], &study.config_hash[..8]);
+        let changed = changes(&known.config, &config);
+        eprintln!(
+            "study {slug}: configuration {old} → {new} for new participants (changed: {changed}); \
+             {participants} participants keep theirs"
+        );
+    }
     safety::keep_exact(store, &study).await?;
-    Ok(study.slug)
+    names.retain(|name| *name != slug);
+    names.insert(0, slug);
+    Ok(names)
+}
+
+/// The fields of a study in which two configurations differ.
+fn changes(old: &StudyConfig, new: &StudyConfig) -> String {
+    let fields = |config| match serde_json::to_value(config) {
+        Ok(Value::Object(fields)) => fields,
+        _ => Map::new(),
+    };
+    let (old, new) = (fields(old), fields(new));
+    let changed = new.iter().filter(|(name, value)| old.get(*name) != Some(value));
+    changed.map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(", ")
 }
 
 fn checked_key(key: &str) -> Result<[u8; 32], CommandError> {

@@ -1,43 +1,86 @@
 //! Study files: TOML that overrides the paper's protocol.
 
+use super::toml_lines::{TomlLines, one_line};
 use serde::Deserialize;
 use sidestep::document::from_value;
+use sidestep::invalid::Invalid;
 use sidestep::study::StudyConfig;
 use std::path::Path;
 use toml::{Table, Value};
 
-/// The study in a file. Fields that the file omits, at any depth, have the paper's values; a list (such as
-/// `phases`) replaces the paper's list as a whole.
-///
-/// # Errors
-/// One line naming the file, the field (or line), what was expected and found.
-pub fn read_study(file: &Path) -> Result<StudyConfig, String> {
-    let name = file.display();
-    let text = std::fs::read_to_string(file)
-        .map_err(|e| format!("{name}: cannot read the study file: {e}"))?;
-    parse_study(&text).map_err(|complaint| format!("{name}: {complaint}"))
+/// A study file that was read.
+#[derive(Clone, Debug)]
+pub struct StudyFile {
+    name: String,
+    text: String,
+    config: StudyConfig,
 }
 
-fn parse_study(text: &str) -> Result<StudyConfig, String> {
-    let given: Table = toml::from_str(text).map_err(|error: toml::de::Error| {
-        let before = error.span().map_or(0, |span| span.start);
-        let line = 1 + text[..before].matches('\n').count();
-        format!("line {line}: expected TOML: {}", one_line(error.message()))
-    })?;
+impl StudyFile {
+    /// Reads the study in a file. Fields that the file omits, at any depth, have the paper's values; a
+    /// list (such as `phases`) replaces the paper's list as a whole. Only the slug must be given.
+    ///
+    /// # Errors
+    /// One line naming the file, the line, the field, what was expected and found.
+    pub fn read(file: &Path) -> Result<Self, String> {
+        let name = file.display().to_string();
+        let text = std::fs::read_to_string(file)
+            .map_err(|e| format!("{name}: cannot read the study file: {e}"))?;
+        let config = parse(&text).map_err(|complaint| format!("{name}:{complaint}"))?;
+        Ok(Self { name, text, config })
+    }
+
+    /// The study.
+    #[must_use]
+    pub fn config(&self) -> &StudyConfig {
+        &self.config
+    }
+
+    /// A complaint about a field of the study, with its file and line.
+    #[must_use]
+    pub fn complaint(&self, invalid: &Invalid) -> String {
+        format!("{}:{}", self.name, located(&self.text, invalid))
+    }
+}
+
+/// The study in a file, as [`StudyFile::read`].
+///
+/// # Errors
+/// As there.
+pub fn read_study(file: &Path) -> Result<StudyConfig, String> {
+    StudyFile::read(file).map(|file| file.config)
+}
+
+/// A complaint with the line of its field.
+fn located(text: &str, invalid: &Invalid) -> String {
+    let line = TomlLines::parse(text).map_or(1, |lines| lines.line_of(&invalid.field));
+    format!("{line}: {invalid}")
+}
+
+fn parse(text: &str) -> Result<StudyConfig, String> {
+    let lines = TomlLines::parse(text).map_err(|complaint| complaint.to_string())?;
+    let located = |invalid: Invalid| located(text, &invalid);
+    let given: Table = toml::from_str(text).map_err(|error| one_line(error.message()))?;
+    if !given.contains_key("slug") {
+        // Without it, every such file would be about the same study.
+        let expected = "the study's name in addresses, a line such as slug = \"avoidance-2026\"";
+        return Err(located(Invalid::new("slug", expected, "none")));
+    }
     let mut whole =
         Table::try_from(StudyConfig::default()).map_err(|e| one_line(&e.to_string()))?;
     lay_over(&mut whole, given);
     let study = StudyConfig::deserialize(Value::Table(whole.clone())).or_else(|error| {
         let document = serde_json::to_value(whole).map_err(|e| one_line(&e.to_string()))?;
         match from_value::<StudyConfig>(&document) {
-            Err(invalid) => Err(invalid.to_string()),
+            Err(invalid) => Err(located(invalid)),
             // TOML has numbers and dates that JSON does not have.
-            Ok(_) => Err(one_line(&error.to_string())),
+            Ok(_) => Err(format!("{}: {}", lines.line_of(""), one_line(&error.to_string()))),
         }
     })?;
-    study.check().map_err(|invalid| invalid.to_string())?;
+    study.check().map_err(located)?;
+    study.check_plausible().map_err(located)?;
     // A study without scenes would start, and then enrol nobody.
-    study.plan(0).map_err(|invalid| invalid.to_string())?;
+    study.plan(0).map_err(located)?;
     Ok(study)
 }
 
@@ -53,45 +96,65 @@ fn lay_over(below: &mut Table, above: Table) {
     }
 }
 
-fn one_line(text: &str) -> String {
-    text.split_whitespace().collect::<Vec<_>>().join(" ")
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
     fn a_file_says_only_what_differs() {
-        assert_eq!(parse_study("").unwrap(), StudyConfig::default());
-        let study = parse_study("slug = \"pilot\"\n[parameters.human]\nspeed_mps = 1.5\n").unwrap();
+        let named = |slug: &str| StudyConfig { slug: slug.to_owned(), ..StudyConfig::default() };
+        assert_eq!(parse("slug = \"a\"").unwrap(), named("a"));
+        let study = parse("slug = \"pilot\"\n[parameters.human]\nspeed_mps = 1.5\n").unwrap();
         assert_eq!(study.slug, "pilot");
         assert_eq!(study.parameters.human.speed_mps, 1.5);
         assert_eq!(study.parameters.human.turn_rate_radps, 0.5);
-        let study = parse_study("phases = [{ phase = \"task\", scenes = 2 }]").unwrap();
+        let study = parse("slug = \"a\"\nphases = [{ phase = \"task\", scenes = 2 }]").unwrap();
         assert_eq!(study.phases.len(), 1);
     }
 
     #[test]
-    fn complaints_name_line_or_field() {
-        let check = |text: &str, words: &[&str]| {
-            let complaint = parse_study(text).unwrap_err();
+    fn complaints_name_line_and_field() {
+        let check = |line: usize, text: &str, words: &[&str]| {
+            let complaint = parse(text).unwrap_err();
             assert!(!complaint.contains('\n'), "{complaint}");
+            assert!(complaint.starts_with(&format!("{line}: ")), "{complaint}");
             for word in words {
                 assert!(complaint.contains(word), "{complaint}");
             }
         };
-        check("slug = \"a\"\nslug = ", &["line 2"]);
-        check("colour = 1", &["colour"]);
-        check("slug = 7", &["slug", "string"]);
-        check("slug = \"Pilot 2\"", &["slug", "lower-case", "Pilot 2"]);
-        check("[parameters.human]\nspeed_mps = -2.0", &["parameters.human.speed_mps"]);
-        check("parameters = 3", &["parameters: expected an object, {…}, found 3"]);
-        check("phases = [{ phase = \"nap\", scenes = 2 }]", &["phases[0].phase"]);
-        for parameters in ["danger_radius_m = 30.0", "steps = 1", "step_s = 200.0", "step_s = 0.02"]
-        {
-            let text = format!("[parameters]\n{parameters}");
-            check(&text, &["parameters", "danger radius", "duration"]);
-        }
+        check(2, "slug = \"a\"\nslug = ", &["TOML"]);
+        check(1, "title = \"A\"", &["slug", "slug = \"avoidance-2026\"", "none"]);
+        check(1, "slug = 7", &["slug", "string"]);
+        check(1, "slug = \"Pilot 2\"", &["slug", "lower-case", "Pilot 2"]);
+        // After the line of the slug.
+        let after = |line: usize, text: &str, words: &[&str]| {
+            check(line, &format!("slug = \"a\"\n{text}"), words);
+        };
+        after(3, "\ncolour = 1", &["colour"]);
+        after(3, "[parameters.human]\nspeed_mps = -2.0", &["parameters.human.speed_mps"]);
+        after(2, "parameters = 3", &["parameters: expected an object, {…}, found 3"]);
+        after(2, "phases = [{ phase = \"nap\", scenes = 2 }]", &["phases[0].phase"]);
+        let phases = "[[phases]]\nphase = \"practice\"\nscenes = 1\n\n[[phases]]\n\
+                      phase = \"task\"\nscenes = 0";
+        after(8, phases, &["phases[1].scenes", "found 0"]);
+        let question = "[[questions]]\nname = \"age\"\nkind = \"scale\"\nfrom = 9\n\
+                        text = { en = \"How old?\" }";
+        after(2, question, &["questions[0].to"]);
+        after(3, "[texts.en]\n\"a.b\" = 4", &["texts.en.a.b"]);
+        // Likely mistakes, with the reason.
+        after(3, "[parameters.human]\nturn_rate_radps = 28.6", &["rad/s", "as degrees"]);
+        after(3, "[parameters]\nsteps = 5", &["steps", "a scene of 1 s"]);
+        // No scene fits.
+        after(2, "[parameters]\ndanger_radius_m = 30.0", &["danger radius", "duration"]);
+    }
+
+    #[test]
+    fn a_file_complains_about_what_is_found_later() {
+        let folder = tempfile::TempDir::new().unwrap();
+        let path = folder.path().join("study.toml");
+        std::fs::write(&path, "slug = \"a\"\nlanguages = [\n  \"en\",\n  \"xx\",\n]\n").unwrap();
+        let file = StudyFile::read(&path).unwrap();
+        let said = file.complaint(&Invalid::new("languages[1]", "en", "xx"));
+        assert!(said.ends_with("study.toml:4: languages[1]: expected en, found xx"), "{said}");
     }
 }

@@ -3,6 +3,7 @@
 use crate::http::answers::Answers;
 use crate::http::bounded::Bounded;
 use crate::http::throttle::Throttle;
+use crate::languages::library::Library;
 use crate::store::Store;
 use sidestep::api::SelfCheck;
 use std::sync::Arc;
@@ -15,6 +16,8 @@ pub struct App {
     pub store: Store,
     /// The study to which `/start` redirects.
     pub default_study: String,
+    /// What participants read.
+    pub library: Library,
     /// Hash of the key in the environment; if there is one, only this key is valid.
     pub environment_key: Option<[u8; 32]>,
     /// Limits guesses of keys.

@@ -4,7 +4,7 @@ use crate::http::app::App;
 use crate::http::error::ApiError;
 use crate::http::site::Site;
 use crate::http::{
-    analyses, guard, laboratory, metrics, participants, session, site, studies, trials,
+    analyses, guard, laboratory, metrics, participants, session, site, studies, texts, trials,
     value_functions,
 };
 use axum::Router;
@@ -20,6 +20,7 @@ use tower_http::compression::CompressionLayer;
 pub fn router(app: Arc<App>, site: &Site) -> Router {
     let api = Router::new()
         .route(&routes::study("{slug}"), get(studies::show))
+        .route(&routes::texts("{slug}"), get(texts::show).layer(CompressionLayer::new()))
         .route(&routes::participants("{slug}"), post(participants::enrol))
         .route(routes::ME, get(participants::show).delete(participants::withdraw))
         .route(&routes::my_trial("{trial_id}"), put(trials::store))
@@ -65,6 +66,8 @@ async fn method_not_allowed() -> ApiError {
 mod tests {
     use super::*;
     use crate::http::bounded::Bounded;
+    use crate::languages::Languages;
+    use crate::languages::library::Library;
     use crate::store::tests::begun;
     use crate::store::{Missing, Store};
     use axum::body::Body;
@@ -97,6 +100,7 @@ mod tests {
         let app = App {
             store: store.clone(),
             default_study: "default".to_owned(),
+            library: Library::new(Languages::load(None).unwrap()),
             environment_key: None,
             throttle: Default::default(),
             drawing: Bounded::new(plans_waiting),

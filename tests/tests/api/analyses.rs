@@ -289,8 +289,7 @@ async fn people_who_cannot_be_compared_are_named() {
     // One drove under another radius; one has too few tasks, and one never turned.
     drive(&server, 1).await;
     let changed = format!("{STUDY}\n[parameters]\ndanger_radius_m = 2.5\n");
-    std::fs::write(server.path("study.toml"), changed).unwrap();
-    let server = server.restarted().await;
+    let server = server.restarted_with_study(&changed).await;
     drive(&server, 2).await;
     Driver::enrol(&server).await.drive(&server, 4).await;
     let straight = Driver::enrol(&server).await;

@@ -125,7 +125,7 @@ async fn a_configuration_is_known_by_what_was_stored() {
     db.execute("UPDATE study SET config_hash = ?1", [&hash]).unwrap();
     drop(db);
     let same = "title = \"Short\"\nphases = [{ phase = \"task\", scenes = 2 }]\n";
-    std::fs::write(stopped.path("study.toml"), same).unwrap();
+    stopped.write_study(same);
     let server = stopped.start().await;
     let driver = Driver::enrol(&server).await;
     driver.drive(&server, 2).await;

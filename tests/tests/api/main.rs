@@ -17,6 +17,8 @@ mod prediction;
 mod process;
 mod safety;
 mod site;
+mod studies;
+mod texts;
 mod shfrs;
 mod simulate;
 mod solving;

@@ -195,12 +195,9 @@ async fn a_restart_keeps_everything() {
 async fn an_edited_study_is_for_people_to_come() {
     let server = Server::with_study(SHORT_STUDY).await;
     let before = Driver::enrol(&server).await;
-    std::fs::write(
-        server.path("study.toml"),
-        "phases = [{ phase = \"task\", scenes = 2 }]\n[parameters]\ndanger_radius_m = 2.5\n",
-    )
-    .unwrap();
-    let server = server.restarted().await;
+    let changed = "phases = [{ phase = \"task\", scenes = 2 }]\n\
+                   [parameters]\ndanger_radius_m = 2.5\n";
+    let server = server.restarted_with_study(changed).await;
     let after = Driver::enrol(&server).await;
     assert_eq!(after.scenes().len(), 2);
     let me: Progress = before.me(&server).await.into(200);

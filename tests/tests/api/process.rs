@@ -28,8 +28,9 @@ async fn a_start_that_fails_says_what_to_do() {
     assert_eq!(running.announcement[0], "Sidestep is ready.");
     let site = folder.name("site");
     let spare = folder.database("spare.db");
-    let study = folder.file("study.toml", "[parameters.human]\nspeed_mps = -2");
-    let impossible = folder.file("impossible.toml", "[parameters]\ndanger_radius_m = 30.0");
+    let study = folder.file("study.toml", "slug = \"a\"\n[parameters.human]\nspeed_mps = -2");
+    let impossible =
+        folder.file("impossible.toml", "slug = \"a\"\n[parameters]\ndanger_radius_m = 30.0");
     let port = running.origin.trim_start_matches("http://");
     let nowhere = "sqlite:/proc/nowhere/sidestep.db";
     let built = "no client bundle in /tmp: run 'cargo xtask build' or pass --static DIR";
@@ -47,7 +48,7 @@ async fn a_start_that_fails_says_what_to_do() {
             &site,
             Some(&study[..]),
             2,
-            &[&study, "parameters.human.speed_mps", "expected", "found -2"],
+            &[&study, "study.toml:3: parameters.human.speed_mps", "expected", "found -2"],
         ),
         (any, &spare, &site, Some(&impossible[..]), 2, &[&impossible, "danger radius", "duration"]),
         (any, &spare, &site, Some("missing.toml"), 2, &["missing.toml"]),

@@ -1,0 +1,76 @@
+//! What participants read, in the language that they choose or that their browser asks for.
+
+use crate::http::app::App;
+use crate::http::error::ApiError;
+use crate::http::params::{Params, PathText};
+use crate::http::studies::named;
+use axum::Json;
+use axum::extract::State;
+use axum::http::{HeaderMap, header};
+use axum::response::{IntoResponse, Response};
+use serde::Deserialize;
+use sidestep::invalid::Invalid;
+use sidestep::study::is_language;
+use std::sync::Arc;
+
+/// The query of the texts.
+#[derive(Debug, Deserialize)]
+pub struct TextParams {
+    language: Option<String>,
+}
+
+/// `GET /api/v1/studies/{slug}/texts?language=`: in that language; without it, or if the study does not
+/// have it, in the one that the browser prefers.
+pub async fn show(
+    State(app): State<Arc<App>>,
+    PathText(slug): PathText,
+    Params(params): Params<TextParams>,
+    headers: HeaderMap,
+) -> Result<Response, ApiError> {
+    if let Some(tag) = params.language.as_deref().filter(|tag| !is_language(tag)) {
+        let found = format!("{tag:?}");
+        return Err(Invalid::new("language", "a language tag such as en or zh-CN", found).into());
+    }
+    let study = named(&app.store, &slug).await?;
+    let accepted = headers.get(header::ACCEPT_LANGUAGE).and_then(|value| value.to_str().ok());
+    let accepted = preferred(accepted.unwrap_or_default());
+    let wanted = params.language.as_deref().into_iter().chain(accepted);
+    let texts = app.library.texts(&study.config, &study.config_hash, wanted);
+    Ok(([(header::VARY, "Accept-Language")], Json(&*texts)).into_response())
+}
+
+/// The languages of an Accept-Language header, the most wanted first.
+fn preferred(header: &str) -> Vec<&str> {
+    let quality = |parameters: &str| {
+        let value = parameters.split(';').find_map(|p| p.trim().strip_prefix("q="));
+        value.map_or(1.0, |value| value.trim().parse::<f64>().unwrap_or(0.0))
+    };
+    let mut found: Vec<_> = header
+        .split(',')
+        .map(|part| part.split_once(';').unwrap_or((part, "")))
+        .map(|(tag, parameters)| (tag.trim(), quality(parameters)))
+        .filter(|(tag, quality)| is_language(tag) && *quality > 0.0)
+        .collect();
+    // Stable: equal ones stay in their order.
+    found.sort_by(|(_, a), (_, b)| b.total_cmp(a));
+    found.into_iter().map(|(tag, _)| tag).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn languages_by_quality() {
+        let cases: [(&str, &[&str]); 5] = [
+            ("de-AT,de;q=0.9,en;q=0.8", &["de-AT", "de", "en"]),
+            ("en;q=0.2, es ; q=0.7,fr;q=0", &["es", "en"]),
+            ("*", &[]),
+            ("", &[]),
+            ("de;q=x, ../x, zh-CN;q=0.5", &["zh-CN"]),
+        ];
+        for (header, expected) in cases {
+            assert_eq!(preferred(header), expected, "{header}");
+        }
+    }
+}

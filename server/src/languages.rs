@@ -1,0 +1,218 @@
+//! What participants read, in each language: the sentences of the page from language files, and the
+//! texts of the study.
+
+pub mod sentences;
+pub mod markdown;
+pub mod page;
+pub mod library;
+
+use self::sentences::Sentences;
+use sidestep::invalid::Invalid;
+use sidestep::study::StudyConfig;
+use std::path::{Path, PathBuf};
+
+/// The languages of the program by tag, English first. To add one, add its file and a line here.
+pub const BUILT_IN: &[(&str, &str)] = &[("en", include_str!("../../static/languages/en.toml"))];
+
+/// Every language that the server has.
+#[derive(Clone, Debug)]
+pub struct Languages {
+    /// By tag; English first.
+    all: Vec<(String, Sentences)>,
+}
+
+impl Languages {
+    /// The languages of the program, changed and extended by the files `TAG.toml` of a folder. A file
+    /// replaces sentences of a known language, or adds a language, and must be complete then.
+    ///
+    /// # Errors
+    /// One line naming the file, the line or sentence, what was expected and found.
+    pub fn load(folder: Option<&Path>) -> Result<Self, String> {
+        let mut all = Vec::new();
+        for (tag, text) in BUILT_IN {
+            let name = format!("{tag}.toml");
+            let read = Sentences::read(text).map_err(|complaint| format!("{name}:{complaint}"))?;
+            all.push(((*tag).to_owned(), read));
+        }
+        let mut languages = Self { all };
+        for (tag, file) in folder.map(files).transpose()?.unwrap_or_default() {
+            languages.add(&tag, &file)?;
+        }
+        let english = languages.english().clone();
+        for (tag, sentences) in &languages.all {
+            sentences.check_against(&english).map_err(|what| format!("{tag}.toml: {what}"))?;
+        }
+        Ok(languages)
+    }
+
+    /// Lays the sentences of a file over those of its language.
+    fn add(&mut self, tag: &str, file: &Path) -> Result<(), String> {
+        let name = file.display();
+        let text = std::fs::read_to_string(file)
+            .map_err(|error| format!("{name}: cannot read the language file: {error}"))?;
+        let given = Sentences::read(&text).map_err(|complaint| format!("{name}:{complaint}"))?;
+        let english = self.english().clone();
+        let known = self.all.iter().position(|(known, _)| known == tag);
+        let mut whole = known.map(|at| self.all[at].1.clone()).unwrap_or_default();
+        whole.lay_over(given);
+        whole.check_against(&english).map_err(|what| format!("{name}: {what}"))?;
+        match known {
+            Some(at) => self.all[at].1 = whole,
+            None => self.all.push((tag.to_owned(), whole)),
+        }
+        Ok(())
+    }
+
+    /// The English sentences, which say what every language must have.
+    fn english(&self) -> &Sentences {
+        &self.all[0].1
+    }
+
+    fn get(&self, tag: &str) -> Option<&Sentences> {
+        self.all.iter().find(|(known, _)| known == tag).map(|(_, sentences)| sentences)
+    }
+
+    /// The tags of all languages, English first.
+    pub fn tags(&self) -> impl Iterator<Item = &str> + Clone {
+        self.all.iter().map(|(tag, _)| tag.as_str())
+    }
+
+    /// Accepts a study whose languages exist, and whose own sentences replace existing ones.
+    ///
+    /// # Errors
+    /// [`Invalid`] naming the field.
+    pub fn check(&self, study: &StudyConfig) -> Result<(), Invalid> {
+        let tags = || self.tags().collect::<Vec<_>>().join(", ");
+        for (i, tag) in study.languages.iter().enumerate() {
+            if self.get(tag).is_none() {
+                let expected = format!(
+                    "one of {}; serve a file {tag}.toml with --languages to add it",
+                    tags()
+                );
+                return Err(Invalid::new(format!("languages[{i}]"), expected, tag));
+            }
+        }
+        for (tag, changes) in &study.texts {
+            let field = format!("texts.{tag}");
+            let Some(known) = self.get(tag) else {
+                return Err(Invalid::new(field, format!("one of {}", tags()), tag));
+            };
+            for (key, text) in changes {
+                known.check_change(key, text).map_err(|error| error.within(&field))?;
+            }
+        }
+        Ok(())
+    }
+
+    /// The languages to choose from in a study. A study that was stored with languages that are missing
+    /// now offers the others.
+    #[must_use]
+    pub fn offered<'a>(&'a self, study: &'a StudyConfig) -> Vec<&'a str> {
+        let wanted = study.languages.iter().map(String::as_str);
+        let there: Vec<_> = wanted.filter(|tag| self.get(tag).is_some()).collect();
+        if there.is_empty() { self.tags().collect() } else { there }
+    }
+}
+
+/// The language files of a folder by tag.
+fn files(folder: &Path) -> Result<Vec<(String, PathBuf)>, String> {
+    let unread = |error: std::io::Error| {
+        format!("--languages {}: cannot read the folder: {error}", folder.display())
+    };
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir(folder).map_err(unread)? {
+        let file = entry.map_err(unread)?.path();
+        let name = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let Some(tag) = name.strip_suffix(".toml") else { continue };
+        if !sidestep::study::is_language(tag) {
+            let file = file.display();
+            return Err(format!(
+                "{file}: expected a file with the name of a language, such as de.toml or \
+                 zh-CN.toml, found {name}"
+            ));
+        }
+        found.push((tag.to_owned(), file));
+    }
+    if found.is_empty() {
+        let folder = folder.display();
+        return Err(format!("--languages {folder}: expected files such as de.toml, found none"));
+    }
+    found.sort();
+    Ok(found)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn with(files: &[(&str, &str)]) -> Result<Languages, String> {
+        let folder = tempfile::TempDir::new().unwrap();
+        for (name, text) in files {
+            std::fs::write(folder.path().join(name), text).unwrap();
+        }
+        Languages::load(Some(folder.path()))
+    }
+
+    /// English, with sentences replaced.
+    fn english_but(changes: &[(&str, &str)]) -> String {
+        changes.iter().fold(BUILT_IN[0].1.to_owned(), |text, (from, to)| {
+            assert!(text.contains(from), "{from}");
+            text.replacen(from, to, 1)
+        })
+    }
+
+    #[test]
+    fn built_in_languages_are_complete() {
+        let languages = Languages::load(None).unwrap();
+        assert_eq!(languages.tags().next(), Some("en"));
+        for tag in languages.tags() {
+            let name = languages.get(tag).unwrap().get("language.name").unwrap();
+            assert!(!name.is_empty(), "{tag}");
+        }
+    }
+
+    #[test]
+    fn a_folder_changes_and_adds_languages() {
+        let changed = "[language]\nname = \"Plain English\"\n";
+        let french = english_but(&[("\"English\"", "\"Français\"")]);
+        let languages = with(&[("en.toml", changed), ("fr.toml", &french)]).unwrap();
+        let name = |tag: &str| languages.get(tag).unwrap().get("language.name");
+        assert_eq!((name("en"), name("fr")), (Some("Plain English"), Some("Français")));
+        let mut study = StudyConfig { languages: vec!["fr".into()], ..StudyConfig::default() };
+        assert_eq!(languages.check(&study), Ok(()));
+        assert_eq!(languages.offered(&study), ["fr"]);
+        study.languages = vec!["en".into(), "pt".into()];
+        assert_eq!(languages.check(&study).unwrap_err().field, "languages[1]");
+        assert_eq!(languages.offered(&study), ["en"]);
+    }
+
+    #[test]
+    fn complaints_name_file_and_sentence() {
+        let check = |files: &[(&str, &str)], words: &[&str]| {
+            let said = with(files).unwrap_err();
+            assert!(words.iter().all(|word| said.contains(word)), "{said}");
+        };
+        check(&[], &["--languages", "de.toml"]);
+        check(&[("english.toml", "")], &["english.toml", "zh-CN.toml"]);
+        check(&[("fr.toml", "[language]\nname = \"Français\"")], &["fr.toml: ", "as in English"]);
+        check(&[("en.toml", "\n[language]\nname = 3")], &["en.toml:3: language.name", "text"]);
+        check(&[("en.toml", "[language]\nnom = \"x\"")], &["en.toml: language.nom", "no such"]);
+        check(&[("en.toml", "[language")], &["en.toml:1: expected TOML"]);
+    }
+
+    #[test]
+    fn a_study_changes_sentences_that_exist() {
+        let languages = Languages::load(None).unwrap();
+        let complain = |tag: &str, key: &str, text: &str| {
+            let mut study = StudyConfig::default();
+            let changes = [(key.to_owned(), text.to_owned())].into();
+            study.texts.insert(tag.to_owned(), changes);
+            languages.check(&study).map_err(|error| error.field)
+        };
+        assert_eq!(complain("en", "check_robot.text", "Will it?"), Ok(()));
+        let field = |text: &str| Err(text.to_owned());
+        assert_eq!(complain("en", "check_robot.txt", "x"), field("texts.en.check_robot.txt"));
+        assert_eq!(complain("en", "check_robot.text", "{x}?"), field("texts.en.check_robot.text"));
+        assert_eq!(complain("pt", "check_robot.text", "x"), field("texts.pt"));
+    }
+}

@@ -1,0 +1,51 @@
+//! Texts that are made once for each configuration and language.
+
+use super::Languages;
+use sidestep::api::Texts;
+use sidestep::study::{StudyConfig, closest_language};
+use std::collections::HashMap;
+use std::sync::{Arc, PoisonError, RwLock};
+
+/// Languages, with the texts that were made from them.
+#[derive(Debug)]
+pub struct Library {
+    languages: Languages,
+    /// By the configuration's hash and the language; neither changes while the server runs.
+    made: RwLock<HashMap<(String, String), Arc<Texts>>>,
+}
+
+impl Library {
+    /// With nothing made yet.
+    #[must_use]
+    pub fn new(languages: Languages) -> Self {
+        Self { languages, made: RwLock::default() }
+    }
+
+    /// The languages.
+    #[must_use]
+    pub fn languages(&self) -> &Languages {
+        &self.languages
+    }
+
+    /// The texts of the configuration with that hash, in the first of the `wanted` languages that the
+    /// study offers, else in its own first one.
+    pub fn texts<'a>(
+        &self,
+        config: &StudyConfig,
+        config_hash: &str,
+        wanted: impl Iterator<Item = &'a str>,
+    ) -> Arc<Texts> {
+        let offered = self.languages.offered(config);
+        let first = offered.first().copied().unwrap_or("en");
+        let closest = |tag: &str| closest_language(offered.iter().copied(), tag);
+        let language = wanted.filter_map(closest).next().unwrap_or(first);
+        let key = (config_hash.to_owned(), language.to_owned());
+        let made = self.made.read().unwrap_or_else(PoisonError::into_inner).get(&key).cloned();
+        made.unwrap_or_else(|| {
+            let texts = Arc::new(self.languages.texts(config, language));
+            let mut made = self.made.write().unwrap_or_else(PoisonError::into_inner);
+            made.insert(key, Arc::clone(&texts));
+            texts
+        })
+    }
+}

@@ -1,0 +1,158 @@
+//! All that a participant of a study reads, in one language.
+
+use super::Languages;
+use super::markdown::html_of;
+use sha2::{Digest, Sha256};
+use sidestep::api::{CheckForm, Language, QuestionForm, Texts};
+use sidestep::study::{Localised, Question, StudyConfig};
+use std::collections::BTreeMap;
+
+/// Sidestep's own questions of the check of understanding: sentences `check_NAME.text`, `.right`,
+/// `.wrong_1` and `.wrong_2`.
+const STANDARD: [&str; 3] = ["robot", "straight", "zone"];
+
+impl Languages {
+    /// The texts of a study in a language that it offers.
+    #[must_use]
+    pub fn texts(&self, study: &StudyConfig, language: &str) -> Texts {
+        let mut sentences: BTreeMap<String, String> = BTreeMap::new();
+        // A sentence that a study file was written for, and this version no longer has, is left out.
+        let known = self.get(language);
+        for (key, text) in known.into_iter().flat_map(|known| known.iter()) {
+            sentences.insert(key.to_owned(), text.to_owned());
+        }
+        for (key, text) in study.texts.get(language).into_iter().flatten() {
+            if known.is_some_and(|known| known.check_change(key, text).is_ok()) {
+                sentences.insert(key.clone(), text.clone());
+            }
+        }
+        let fallback = study.first_language();
+        let html =
+            |text: &Localised| (!text.is_empty()).then(|| html_of(text.get(language, fallback)));
+        let check = check(study, language, &sentences);
+        // They are in the check already.
+        sentences.retain(|key, _| !STANDARD.iter().any(|name| key.starts_with(&prefix(name))));
+        let offered = self
+            .offered(study)
+            .into_iter()
+            .map(|tag| Language { tag: tag.to_owned(), name: self.name(study, tag).to_owned() });
+        let facts = study.consent.facts().into_iter().filter(|(_, text)| !text.trim().is_empty());
+        Texts {
+            language: language.to_owned(),
+            offered: offered.collect(),
+            sentences,
+            consent: html(&study.consent.text),
+            facts: facts.map(|(name, text)| (name.to_owned(), text.to_owned())).collect(),
+            check,
+            questions: study.questions.iter().map(|q| form(q, language, fallback)).collect(),
+            debrief: html(&study.closing.debrief),
+        }
+    }
+
+    /// The language's own name.
+    fn name<'a>(&'a self, study: &'a StudyConfig, tag: &'a str) -> &'a str {
+        let key = "language.name";
+        let own = study.texts.get(tag).and_then(|texts| texts.get(key)).map(String::as_str);
+        own.or_else(|| self.get(tag)?.get(key)).unwrap_or(tag)
+    }
+}
+
+fn prefix(name: &str) -> String {
+    format!("check_{name}.")
+}
+
+/// Sidestep's own questions, then the study's.
+fn check(
+    study: &StudyConfig,
+    language: &str,
+    sentences: &BTreeMap<String, String>,
+) -> Vec<CheckForm> {
+    let standard = (0..).zip(STANDARD).map(|(i, name)| {
+        let sentence = |part: &str| {
+            sentences.get(&format!("{}{part}", prefix(name))).cloned().unwrap_or_default()
+        };
+        let mut options = vec![sentence("wrong_1"), sentence("wrong_2")];
+        // The right answer has another place in each question: second, first, third.
+        let answer = [1, 0, 2][i % 3];
+        options.insert(answer, sentence("right"));
+        CheckForm { text: sentence("text"), options, answer }
+    });
+    let fallback = study.first_language();
+    let own = study.comprehension.questions.iter().map(|question| CheckForm {
+        text: question.text.get(language, fallback).to_owned(),
+        options: question
+            .options
+            .iter()
+            .map(|option| option.get(language, fallback).to_owned())
+            .collect(),
+        answer: question.answer,
+    });
+    let standard = study.comprehension.standard.then_some(standard);
+    standard.into_iter().flatten().chain(own).collect()
+}
+
+fn form(question: &Question, language: &str, fallback: &str) -> QuestionForm {
+    let text = |text: &Localised| text.get(language, fallback).to_owned();
+    QuestionForm {
+        name: question.name.clone(),
+        kind: question.kind,
+        text: text(&question.text),
+        required: question.required,
+        options: question.options.iter().map(|o| (o.value.clone(), text(&o.text))).collect(),
+        range: (question.from, question.to),
+        ends: (text(&question.low), text(&question.high)),
+        max_chars: question.max_chars,
+    }
+}
+
+/// What somebody agreed to: SHA-256, in hexadecimal digits, of the JSON list of the study's consent text
+/// (HTML or null), its facts, and the page's sentences whose keys begin with `welcome.`, as in
+/// [`Texts`].
+#[must_use]
+pub fn consent_hash(texts: &Texts) -> String {
+    let shown: BTreeMap<_, _> =
+        texts.sentences.iter().filter(|(key, _)| key.starts_with("welcome.")).collect();
+    let agreed = serde_json::json!([texts.consent, texts.facts, shown]);
+    hex::encode(Sha256::digest(agreed.to_string().as_bytes()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use sidestep::study::CheckQuestion;
+
+    #[test]
+    fn texts_of_a_study_in_its_languages() {
+        let languages = Languages::load(None).unwrap();
+        let mut study = StudyConfig::default();
+        study.consent.contact = "ada@example.org".to_owned();
+        study.consent.text = Localised::of("en", "# You agree\n<b>freely</b>");
+        let change = ("check_robot.right".to_owned(), "On and on.".to_owned());
+        study.texts.insert("en".to_owned(), [change].into());
+        let option = |text: &str| Localised::of("en", text);
+        study.comprehension.questions.push(CheckQuestion {
+            text: option("Which?"),
+            options: vec![option("this"), option("that")],
+            answer: 1,
+        });
+        let texts = languages.texts(&study, "en");
+        let html = "<h2>You agree</h2>\n<p>&lt;b&gt;freely&lt;/b&gt;</p>\n";
+        assert_eq!(texts.consent.as_deref(), Some(html));
+        assert_eq!(texts.facts, [("contact".to_owned(), "ada@example.org".to_owned())]);
+        let right: Vec<_> = texts.check.iter().map(|form| &*form.options[form.answer]).collect();
+        assert_eq!((right.len(), right[0], right[3]), (4, "On and on.", "that"));
+        assert!(texts.check.iter().any(|form| form.answer > 0));
+        assert!(texts.sentences.keys().all(|key| !key.starts_with("check_robot.")));
+        assert_eq!(texts.offered[0].name, "English");
+        study.comprehension.standard = false;
+        assert_eq!(languages.texts(&study, "en").check.len(), 1);
+
+        // A changed fact is another agreement; the languages on offer are not.
+        let hash = consent_hash(&texts);
+        let mut other = texts.clone();
+        other.offered.clear();
+        assert_eq!(consent_hash(&other), hash);
+        other.facts[0].1.push('!');
+        assert_ne!(consent_hash(&other), hash);
+    }
+}

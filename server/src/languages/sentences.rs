@@ -1,0 +1,196 @@
+//! The sentences of one language: a TOML file of tables of sentences.
+//!
+//! A sentence has a key, the names on the way to it joined by points, and may have places to fill,
+//! such as `{seconds}`. A sentence whose words depend on a number has a form for each kind of number
+//! (`.one`, `.few`, `.other` …, the categories of Unicode's plural rules); languages may have different
+//! forms, but all have `.other`.
+
+use crate::formats::toml_lines::{Complaint, TomlLines};
+use sidestep::invalid::Invalid;
+use std::collections::{BTreeMap, BTreeSet};
+
+/// The sentences of one language by key.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Sentences(BTreeMap<String, String>);
+
+/// The forms that depend on a number.
+const FORMS: [&str; 6] = ["zero", "one", "two", "few", "many", "other"];
+
+impl Sentences {
+    /// The sentences of a language file.
+    ///
+    /// # Errors
+    /// [`Complaint`] for text that is not TOML, a value that is not a text, or a brace without a
+    /// place's name.
+    pub fn read(text: &str) -> Result<Self, Complaint> {
+        let mut sentences = BTreeMap::new();
+        for leaf in TomlLines::parse(text)?.leaves() {
+            let complain = |what: String| Complaint { line: leaf.line, what };
+            let key = &leaf.key;
+            let sentence = leaf.text.ok_or_else(|| complain(format!("{key}: expected a text")))?;
+            places(&sentence).map_err(|what| complain(format!("{key}: {what}")))?;
+            sentences.insert(leaf.key, sentence);
+        }
+        Ok(Self(sentences))
+    }
+
+    /// The sentence with this key.
+    #[must_use]
+    pub fn get(&self, key: &str) -> Option<&str> {
+        self.0.get(key).map(String::as_str)
+    }
+
+    /// Every key with its sentence.
+    pub fn iter(&self) -> impl Iterator<Item = (&str, &str)> {
+        self.0.iter().map(|(key, text)| (key.as_str(), text.as_str()))
+    }
+
+    /// Takes over every sentence of `above`.
+    pub fn lay_over(&mut self, above: Self) {
+        self.0.extend(above.0);
+    }
+
+    /// Accepts sentences with the keys and places of `english`.
+    ///
+    /// # Errors
+    /// One line naming the sentence, what was expected and found.
+    pub fn check_against(&self, english: &Self) -> Result<(), String> {
+        for (key, text) in &english.0 {
+            let stem = key.rsplit_once('.').map_or("", |(stem, _)| stem);
+            // Of the forms of a number, each language must have the one for all other numbers.
+            if english.is_form(key) && !key.ends_with(".other") {
+                continue;
+            }
+            let Some(own) = self.0.get(key) else {
+                let form = if english.is_form(key) {
+                    format!(" (a form of {stem})")
+                } else {
+                    String::new()
+                };
+                return Err(format!("{key}: expected a sentence{form}, as in English; found none"));
+            };
+            let (wanted, found) = (places(text)?, places(own)?);
+            if wanted != found {
+                let (wanted, found) = (listed(&wanted), listed(&found));
+                return Err(format!("{key}: expected {wanted}, as in English; found {found}"));
+            }
+        }
+        for (key, text) in &self.0 {
+            english.check_change(key, text).map_err(|error| error.to_string())?;
+        }
+        Ok(())
+    }
+
+    /// Accepts a text for an existing sentence, or for a further form of one, whose places exist there.
+    ///
+    /// # Errors
+    /// [`Invalid`] naming the sentence.
+    pub fn check_change(&self, key: &str, text: &str) -> Result<(), Invalid> {
+        let like = match self.0.get(key) {
+            Some(_) if !self.is_form(key) => key.to_owned(),
+            _ => match key.rsplit_once('.') {
+                Some((stem, form))
+                    if FORMS.contains(&form) && self.is_form(&format!("{stem}.other")) =>
+                {
+                    format!("{stem}.other")
+                }
+                _ => {
+                    let expected = "the key of a sentence of the page (see `sidestep languages`)";
+                    return Err(Invalid::new(key, expected, "no such sentence"));
+                }
+            },
+        };
+        let filled = places(self.get(&like).unwrap_or_default()).unwrap_or_default();
+        let found = places(text).map_err(|what| Invalid::new(key, what, format!("{text:?}")))?;
+        match found.difference(&filled).next() {
+            None => Ok(()),
+            Some(place) => Err(Invalid::new(key, listed(&filled), format!("{{{place}}}"))),
+        }
+    }
+
+    /// Whether a key is one of the forms that depend on a number: it has a sibling `.other`, and all
+    /// siblings are such forms.
+    fn is_form(&self, key: &str) -> bool {
+        let Some((stem, form)) = key.rsplit_once('.') else { return false };
+        if !FORMS.contains(&form) || !self.0.contains_key(&format!("{stem}.other")) {
+            return false;
+        }
+        let prefix = format!("{stem}.");
+        let siblings = self.0.range(prefix.clone()..).map(|(key, _)| key);
+        let mut siblings = siblings.take_while(|key| key.starts_with(&prefix));
+        siblings.all(|key| FORMS.contains(&&key[prefix.len()..]))
+    }
+}
+
+/// The names of the places to fill in a sentence.
+///
+/// # Errors
+/// What was expected, for a brace that is not around a name.
+fn places(sentence: &str) -> Result<BTreeSet<&str>, String> {
+    let mut found = BTreeSet::new();
+    let mut rest = sentence;
+    while let Some(at) = rest.find(['{', '}']) {
+        let inside = rest[at..].strip_prefix('{').and_then(|inside| inside.split_once('}'));
+        let fits = |name: &str| {
+            !name.is_empty() && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
+        };
+        match inside {
+            Some((name, after)) if fits(name) => {
+                found.insert(name);
+                rest = after;
+            }
+            _ => return Err("expected braces around names only, such as {seconds}".to_owned()),
+        }
+    }
+    Ok(found)
+}
+
+/// The places in words.
+fn listed(places: &BTreeSet<&str>) -> String {
+    match places.len() {
+        0 => "no place to fill".to_owned(),
+        _ => {
+            let places: Vec<_> = places.iter().map(|place| format!("{{{place}}}")).collect();
+            format!("the places {}", places.join(", "))
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ENGLISH: &str = "[scene]\ntitle = \"Scene {n}\"\nleft.one = \"one scene left\"\n\
+                           left.other = \"{n} scenes left\"\n[page]\nother = \"Other\"\n\
+                           title = \"Page\"\n";
+
+    #[test]
+    fn languages_have_the_same_sentences_and_places() {
+        let english = Sentences::read(ENGLISH).unwrap();
+        let check = |changes: &[(&str, &str)]| {
+            let text = changes.iter().fold(ENGLISH.to_owned(), |text, (from, to)| {
+                assert!(text.contains(from), "{from}");
+                text.replace(from, to)
+            });
+            Sentences::read(&text)
+                .map_err(|complaint| complaint.to_string())
+                .and_then(|other| other.check_against(&english))
+        };
+        let refused = |changes: &[(&str, &str)], words: &[&str]| {
+            let said = check(changes).unwrap_err();
+            assert!(words.iter().all(|word| said.contains(word)), "{said}");
+        };
+        check(&[("Scene {n}", "{n}. Szene")]).unwrap();
+        // Other forms of a number, with or without the number.
+        check(&[("left.one = \"one scene left\"\n", "")]).unwrap();
+        check(&[("left.one = \"one", "left.few = \"{n}")]).unwrap();
+        refused(&[("Scene {n}", "Szene")], &["scene.title", "{n}", "no place"]);
+        refused(&[("Scene {n}", "Szene {m}")], &["scene.title", "{n}", "{m}"]);
+        refused(&[("Scene {n}", "Szene {")], &["2: scene.title", "braces"]);
+        refused(&[("left.other", "left.many")], &["scene.left.other", "expected a sentence"]);
+        refused(&[("left.one = \"one", "left.few = \"{m}")], &["scene.left.few", "{n}", "{m}"]);
+        refused(&[("left.one", "left.uno")], &["scene.left.uno", "no such sentence"]);
+        refused(&[("other = \"Other\"\n", "")], &["page.other", "found none"]);
+        refused(&[("title = \"Page\"", "titel = \"Seite\"")], &["page.title", "found none"]);
+    }
+}

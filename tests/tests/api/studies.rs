@@ -1,0 +1,54 @@
+//! Which studies a server has when it starts.
+
+use serde_json::json;
+use sidestep::api::routes;
+use sidestep_tests::server::{SHORT_STUDY, with_slug};
+use sidestep_tests::{Driver, Server, run};
+
+/// The lines of the announcement that name studies.
+fn announced(server: &Server) -> Vec<String> {
+    let text = server.announcement();
+    let lines = text.lines().filter_map(|line| line.split_once("/s/"));
+    lines.map(|(_, slug)| slug.to_owned()).collect()
+}
+
+#[tokio::test]
+async fn a_changed_file_replaces_a_study_only_if_that_is_said() {
+    let server = Server::with_study(SHORT_STUDY).await;
+    let changed = with_slug(&SHORT_STUDY.replace("scenes = 3", "scenes = 2"));
+    // Nobody takes part yet.
+    let stopped = server.stop().await;
+    stopped.write_study(&changed);
+    let server = stopped.start().await;
+    Driver::enrol(&server).await;
+    let (database, site) = (server.database(), server.path("site").display().to_string());
+    let stopped = server.stop().await;
+    stopped.write_study(SHORT_STUDY);
+    let file = stopped.path("study.toml").display().to_string();
+    let args = ["serve", "--listen", "127.0.0.1:0", "--database", &database, "--static", &site];
+    let said = run(&[&args[..], &["--study", &file]].concat()).await;
+    said.refused(2, &["study.toml:1: slug", "1 participants", "--replace-study", "phases"]);
+    let server = stopped.start_with(None, |args| args.replace_study = true).await;
+    assert_eq!(Driver::enrol(&server).await.scenes().len(), 5);
+}
+
+#[tokio::test]
+async fn without_a_file_the_studies_stay_as_they_are() {
+    let server = Server::with_study("slug = \"first\"\ntitle = \"One\"").await;
+    let no_file = |args: &mut sidestep_server::commands::serve::ServeArgs| args.study = None;
+    let server = server.restarted_with(None, no_file).await;
+    assert_eq!(announced(&server), ["first"]);
+    let stopped = server.stop().await;
+    stopped.write_study("slug = \"second\"");
+    let file = |args: &mut sidestep_server::commands::serve::ServeArgs| {
+        let database = args.database.trim_start_matches("sqlite:");
+        args.study = Some(std::path::Path::new(database).with_file_name("study.toml"));
+    };
+    let server = stopped.start_with(None, file).await;
+    assert_eq!(announced(&server), ["second", "first"]);
+    let server = server.restarted_with(None, no_file).await;
+    assert_eq!(announced(&server), ["second", "first"]);
+    let studies = server.admin(routes::ADMIN_STUDIES).await.body;
+    assert_eq!(studies.as_array().unwrap().len(), 2);
+    assert_eq!(studies[0]["title"], json!("One"));
+}
