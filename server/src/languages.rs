@@ -12,7 +12,12 @@ use sidestep::study::StudyConfig;
 use std::path::{Path, PathBuf};
 
 /// The languages of the program by tag, English first. To add one, add its file and a line here.
-pub const BUILT_IN: &[(&str, &str)] = &[("en", include_str!("../../static/languages/en.toml"))];
+pub const BUILT_IN: &[(&str, &str)] = &[
+    ("en", include_str!("../../static/languages/en.toml")),
+    ("de", include_str!("../../static/languages/de.toml")),
+    ("es", include_str!("../../static/languages/es.toml")),
+    ("zh-CN", include_str!("../../static/languages/zh-CN.toml")),
+];
 
 /// Every language that the server has.
 #[derive(Clone, Debug)]
