@@ -3,14 +3,34 @@
 
 use crate::form::{FieldValue, Form};
 use sidestep::chart::Element;
+use std::ops::{Deref, DerefMut};
 use std::rc::Rc;
 
 /// The attribute that holds an element's content where that is HTML; see [`Node::html`].
 pub const HTML: &str = "innerHTML";
 
-/// An element. `M` is the page's message type.
+/// An element. `M` is the page's message type. It is a pointer, because a page is built by passing
+/// elements on: so each step of that takes less code, and so less download.
 #[derive(Clone)]
-pub struct Node<M> {
+pub struct Node<M>(Box<Inside<M>>);
+
+impl<M> Deref for Node<M> {
+    type Target = Inside<M>;
+
+    fn deref(&self) -> &Inside<M> {
+        &self.0
+    }
+}
+
+impl<M> DerefMut for Node<M> {
+    fn deref_mut(&mut self) -> &mut Inside<M> {
+        &mut self.0
+    }
+}
+
+/// What makes an element.
+#[derive(Clone)]
+pub struct Inside<M> {
     /// Name of the element.
     pub tag: &'static str,
     /// Attributes by name.
@@ -50,22 +70,27 @@ pub enum Handler<M> {
 /// An element of this name.
 #[must_use]
 pub fn el<M>(tag: &'static str) -> Node<M> {
-    Node {
+    Node(Box::new(Inside {
         tag,
         attributes: Vec::new(),
         children: Vec::new(),
         handler: None,
         key: None,
         takes_focus: false,
-    }
+    }))
 }
 
 impl<M> Node<M> {
     /// With an attribute, instead of one of the same name.
     #[must_use]
-    pub fn attr(mut self, name: &'static str, value: impl ToString) -> Self {
+    pub fn attr(self, name: &'static str, value: impl ToString) -> Self {
+        self.with(name, value.to_string())
+    }
+
+    #[inline(never)]
+    fn with(mut self, name: &'static str, value: String) -> Self {
         self.attributes.retain(|(known, _)| *known != name);
-        self.attributes.push((name, value.to_string()));
+        self.attributes.push((name, value));
         self
     }
 
@@ -83,12 +108,14 @@ impl<M> Node<M> {
 
     /// With style classes.
     #[must_use]
+    #[inline(never)]
     pub fn class(self, names: &str) -> Self {
         self.attr("class", names)
     }
 
     /// With the name under which tests find it.
     #[must_use]
+    #[inline(never)]
     pub fn test_id(self, name: &str) -> Self {
         self.attr("data-testid", name)
     }
@@ -133,16 +160,20 @@ impl<M> Node<M> {
 
     /// With text.
     #[must_use]
-    pub fn text(mut self, text: impl Into<String>) -> Self {
-        self.children.push(Child::Text(text.into()));
+    pub fn text(self, text: impl Into<String>) -> Self {
+        self.holding(Child::Text(text.into()))
+    }
+
+    #[inline(never)]
+    fn holding(mut self, child: Child<M>) -> Self {
+        self.children.push(child);
         self
     }
 
     /// With a local date and time, of ms since 1970.
     #[must_use]
-    pub fn moment(mut self, ms: i64) -> Self {
-        self.children.push(Child::Moment(ms));
-        self
+    pub fn moment(self, ms: i64) -> Self {
+        self.holding(Child::Moment(ms))
     }
 
     /// With content that the server wrote as HTML, and nothing else: the researchers' own words,
@@ -154,9 +185,8 @@ impl<M> Node<M> {
 
     /// With an element inside.
     #[must_use]
-    pub fn child(mut self, node: Self) -> Self {
-        self.children.push(Child::Node(node));
-        self
+    pub fn child(self, node: Self) -> Self {
+        self.holding(Child::Node(node))
     }
 
     /// With elements inside.
@@ -191,18 +221,19 @@ impl<M> Node<M> {
             Child::Moment(ms) => Child::Moment(ms),
         };
         let lift = Rc::clone(lift);
-        Node {
-            tag: self.tag,
-            attributes: self.attributes,
-            children: self.children.into_iter().map(lifted).collect(),
-            handler: self.handler.map(|handler| match handler {
+        let Inside { tag, attributes, children, handler, key, takes_focus } = *self.0;
+        Node(Box::new(Inside {
+            tag,
+            attributes,
+            children: children.into_iter().map(lifted).collect(),
+            handler: handler.map(|handler| match handler {
                 Handler::Press(message) => Handler::Press(lift(message)),
                 Handler::Input(make) => Handler::Input(Rc::new(move |value| lift(make(value)))),
                 Handler::Submit(make) => Handler::Submit(Rc::new(move |form| lift(make(form)))),
             }),
-            key: self.key,
-            takes_focus: self.takes_focus,
-        }
+            key,
+            takes_focus,
+        }))
     }
 }
 

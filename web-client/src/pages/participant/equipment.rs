@@ -83,7 +83,8 @@ impl Equipment {
             }
             return None;
         };
-        let printed = if key.chars().count() == 1 { key.to_uppercase() } else { short(code, key) };
+        let printed =
+            if key.chars().count() == 1 { key.to_ascii_uppercase() } else { short(code, key) };
         let Some((left, left_printed)) = first else {
             self.refused = !can_steer(code);
             self.choosing = Some((!self.refused).then(|| (code.to_owned(), printed)));

@@ -76,7 +76,7 @@ impl Link {
             name += ".pilot";
         }
         if let Some(id) = self.external_id(study) {
-            name.extend([".", &id.to_lowercase()]);
+            name.extend([".", &id.to_ascii_lowercase()]);
         }
         name
     }
