@@ -19,6 +19,7 @@ pub mod shfrs;
 pub mod features;
 pub mod analyze;
 pub mod simulate;
+pub mod design;
 
 use crate::store::{OpenError, StoreError};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};

@@ -3,6 +3,7 @@
 //! Each is a [`Drawing`], which writes itself as SVG and which [`png()`] paints with the fonts in
 //! `fonts/`, so that neither needs a font on the machine.
 
+mod design;
 mod label_position;
 mod pareto;
 mod png;
@@ -13,6 +14,7 @@ mod tube;
 use sidestep::chart::{Align, Drawing, colours};
 use sidestep::reachability::ValueFunction;
 
+pub use design::design;
 pub use pareto::pareto;
 pub use png::png;
 pub use regions::{RegionsPanel, regions};

@@ -2,8 +2,8 @@
 
 use clap::{Parser, Subcommand};
 use sidestep_server::commands::{
-    CommandError, analyze, bounds, check, export, features, import, languages, plot, reach, serve,
-    shfrs, simulate, solve, value,
+    CommandError, analyze, bounds, check, design, export, features, import, languages, plot, reach,
+    serve, shfrs, simulate, solve, value,
 };
 use std::io::IsTerminal;
 use std::process::ExitCode;
@@ -34,6 +34,7 @@ enum Command {
     Shfrs(shfrs::ShfrsArgs),
     Features(features::FeaturesArgs),
     Analyze(analyze::AnalyzeArgs),
+    Design(design::DesignArgs),
     Simulate(simulate::SimulateArgs),
     Export(export::ExportArgs),
     Import(import::ImportArgs),
@@ -65,6 +66,7 @@ async fn call(command: Command) -> Result<(), CommandError> {
         Command::Shfrs(args) => shfrs::run(args).await,
         Command::Features(args) => features::run(args).await,
         Command::Analyze(args) => analyze::run(args).await,
+        Command::Design(args) => design::run(args).await,
         Command::Simulate(args) => simulate::run(args).await,
         Command::Export(args) => export::run(args).await,
         Command::Import(args) => import::run(args).await,

@@ -8,6 +8,7 @@ mod analyze_input;
 mod analyses;
 mod bad_input;
 mod database;
+mod design;
 mod trouble;
 mod features;
 mod files;
