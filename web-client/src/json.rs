@@ -3,16 +3,16 @@
 //! Exact conversion between digits and numbers is a large part of what serde_json would add to
 //! the participant's download: its tables do not compress. The browser has both conversions built
 //! in. So the browser parses a text to a tree of values (serde_json in native tests), serde makes
-//! a wire type of the tree, and serde_json writes wire types with the browser's digits. Nothing is
+//! a wire type of the tree, and writes wire types with the browser's digits. Nothing is
 //! rounded either way. See `docs/decisions/0006-json-in-the-client.md`.
 
-mod read;
 mod number;
+mod read;
+mod write;
 
 pub use number::number;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
-use std::io;
 
 /// The value that a text holds; nothing if it is no JSON or of another shape.
 #[must_use]
@@ -23,22 +23,10 @@ pub fn read<T: DeserializeOwned>(text: &[u8]) -> Option<T> {
 /// The text of a value. A number that is not finite becomes null.
 #[must_use]
 pub fn write<T: Serialize>(value: &T) -> String {
-    let mut text = Vec::new();
+    let mut text = String::new();
     // Wire types hold nothing that JSON does not.
-    let _ = value.serialize(&mut serde_json::Serializer::with_formatter(&mut text, Digits));
-    String::from_utf8(text).unwrap_or_default()
-}
-
-/// Writes numbers with the browser's digits.
-struct Digits;
-
-impl serde_json::ser::Formatter for Digits {
-    fn write_f64<W: ?Sized + io::Write>(&mut self, writer: &mut W, value: f64) -> io::Result<()> {
-        // The browser writes −0 without its sign.
-        let is_negative_zero = value == 0.0 && value.is_sign_negative();
-        let digits = if is_negative_zero { "-0.0".to_owned() } else { number(value) };
-        writer.write_all(digits.as_bytes())
-    }
+    let _ = value.serialize(write::Writer(&mut text));
+    text
 }
 
 #[cfg(test)]

@@ -30,6 +30,12 @@ impl fmt::Display for Unfit {
 
 impl std::error::Error for Unfit {}
 
+impl serde::ser::Error for Unfit {
+    fn custom<T: fmt::Display>(_: T) -> Self {
+        Self
+    }
+}
+
 impl serde::de::Error for Unfit {
     fn custom<T: fmt::Display>(_: T) -> Self {
         Self

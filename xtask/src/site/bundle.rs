@@ -1,6 +1,7 @@
 //! A program of the web client as the browser wants it: wasm and the script that
 //! loads it.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::{Context, Result, bail};
@@ -51,7 +52,63 @@ pub(crate) fn bundle(entry: &'static str, compiled: &Path) -> Result<Bundle> {
              use web-sys or js-sys instead, or drop the dependency that brings it"
         );
     }
-    Ok(Bundle { entry, js: output.js().to_owned(), wasm: output.wasm_mut().emit_wasm() })
+    let mut names = Names::default();
+    let mut js = output.js().to_owned();
+    let module = output.wasm_mut();
+    for import in module.imports.iter_mut() {
+        import.name = names.short(&import.name);
+    }
+    for export in module.exports.iter_mut().filter(|export| export.name.len() > LONG) {
+        export.name = names.short(&export.name);
+    }
+    js = names.put_into(&without_comments(&js));
+    Ok(Bundle { entry, js, wasm: module.emit_wasm() })
+}
+
+/// Exports whose names are longer have a hash in them; the others may be called from elsewhere.
+const LONG: usize = 40;
+
+/// Short names for those by which script and program know each other. wasm-bindgen puts a hash
+/// into each, which no compression makes shorter: a participant would load 5 KB of them.
+#[derive(Default)]
+struct Names(BTreeMap<String, String>);
+
+impl Names {
+    fn short(&mut self, name: &str) -> String {
+        let next = format!("${}", self.0.len());
+        self.0.entry(name.to_owned()).or_insert(next).clone()
+    }
+
+    /// The script with short names in place of the long ones.
+    fn put_into(&self, js: &str) -> String {
+        let is_part = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '$';
+        let mut out = String::with_capacity(js.len());
+        let mut rest = js;
+        while let Some(start) = rest.find(is_part) {
+            let (before, from) = rest.split_at(start);
+            let end = from.find(|c| !is_part(c)).unwrap_or(from.len());
+            let (word, after) = from.split_at(end);
+            out.push_str(before);
+            out.push_str(self.0.get(word).map_or(word, String::as_str));
+            rest = after;
+        }
+        out + rest
+    }
+}
+
+/// A script without its documentation and the space at the start of lines.
+fn without_comments(js: &str) -> String {
+    let mut out = String::with_capacity(js.len());
+    let mut is_inside = false;
+    for line in js.lines().map(str::trim) {
+        is_inside |= line.starts_with("/**");
+        if !is_inside && !line.is_empty() {
+            out.push_str(line);
+            out.push('\n');
+        }
+        is_inside &= !line.ends_with("*/");
+    }
+    out
 }
 
 impl Bundle {
@@ -104,6 +161,17 @@ mod tests {
             .script_for("lab-12.wasm")
             .expect("a script of the usual form");
         assert_eq!(script, "new URL('lab-12.wasm', import.meta.url);\nawait __wbg_init();\n");
+    }
+
+    #[test]
+    fn names_are_short_and_comments_are_gone() {
+        let mut names = Names::default();
+        assert_eq!(names.short("__wbg_log_0123"), "$0");
+        assert_eq!(names.short("__wbg_log_0123_1"), "$1");
+        assert_eq!(names.short("__wbg_log_0123"), "$0");
+        let js = "/**\n * Logs.\n */\n{\n  __wbg_log_0123: f, // why\n  x.__wbg_log_0123_1,\n}";
+        let script = names.put_into(&without_comments(js));
+        assert_eq!(script, "{\n$0: f, // why\nx.$1,\n}\n");
     }
 
     #[test]
