@@ -8,6 +8,7 @@ mod dom;
 mod fields;
 mod listen;
 mod net;
+pub mod simulator;
 pub mod solver;
 mod storage;
 mod tabs;
@@ -67,7 +68,20 @@ pub fn run<P: Page + 'static>(open: fn(PageContext) -> (P, Commands<P::Msg>)) {
         pump.busy.set(true);
         pump.apply(commands);
         pump.work();
+        load_simulator(&pump.shell.borrow());
     });
+}
+
+/// Loads the program that operates the page, if the address asks for it.
+fn load_simulator<P: Page>(shell: &Shell<P>) {
+    let address = shell.root.get_attribute("data-simulator");
+    let Some(address) = address.filter(|_| shell.clock.is_simulated()) else { return };
+    let script = shell.document.create_element("script");
+    if let (Ok(script), Some(body)) = (script, shell.document.body()) {
+        let _ = script.set_attribute("type", "module");
+        let _ = script.set_attribute("src", &address);
+        let _ = body.append_child(&script);
+    }
 }
 
 fn place() -> Option<(Window, Document, HtmlElement)> {
@@ -482,5 +496,10 @@ impl<P: Page + 'static> Pump<P> {
             shell.clock.now_ms()
         };
         self.tick(now_ms);
+        // A clock that hurries has more steps than frames; whoever operates the page sees each.
+        let mut shell = self.shell.borrow_mut();
+        if shell.clock.is_hurried() {
+            shell.paint(now_ms);
+        }
     }
 }

@@ -1,5 +1,6 @@
-//! Trials that the server has not yet acknowledged. They are kept in this browser,
-//! sent in order, and forgotten only after the server has said that they are stored.
+//! Trials that the server has not yet acknowledged. Each is kept in this browser before it is
+//! sent. They are sent in order, and forgotten only after the server has said that they are
+//! stored.
 
 use crate::runtime::{Answer, Command, Commands, Failure, NotKept, Request};
 use sidestep::api::routes;
@@ -29,8 +30,8 @@ enum Line {
 struct Waiting {
     trial_id: String,
     body: String,
-    /// Whether this browser has said that it keeps it.
-    kept: bool,
+    /// Whether this browser keeps it; nothing until it has said so.
+    kept: Option<bool>,
 }
 
 /// What the outbox is told.
@@ -84,7 +85,7 @@ impl Outbox {
             let name = outbox.name(WAITING, trial_id);
             if let Some((_, body)) = kept.iter().find(|(key, _)| *key == name) {
                 let (trial_id, body) = (trial_id.clone(), body.clone());
-                outbox.waiting.push(Waiting { trial_id, body, kept: true });
+                outbox.waiting.push(Waiting { trial_id, body, kept: Some(true) });
             }
         }
         outbox
@@ -102,17 +103,18 @@ impl Outbox {
             text: body.clone(),
             then: Box::new(|kept| Msg::Kept(id, kept)),
         };
-        self.waiting.push(Waiting { trial_id: trial_id.to_owned(), body, kept: false });
+        self.waiting.push(Waiting { trial_id: trial_id.to_owned(), body, kept: None });
         keep
     }
 
-    /// Sends the trial that the server awaits, if it waits here and none is on its way.
+    /// Sends the trial that the server awaits, if it waits here and none is on its way. A trial
+    /// that the browser cannot keep is sent from memory.
     pub fn send(&mut self, awaited: Option<&str>) -> Option<Command<Msg>> {
         if self.line != Line::Free {
             return None;
         }
-        let next =
-            self.waiting.iter().find(|waiting| Some(waiting.trial_id.as_str()) == awaited)?;
+        let is_next = |waiting: &&Waiting| Some(waiting.trial_id.as_str()) == awaited;
+        let next = self.waiting.iter().find(is_next).filter(|next| next.kept.is_some())?;
         self.line = Line::Busy;
         let id = next.trial_id.clone();
         Some(Command::Send(Request {
@@ -131,7 +133,7 @@ impl Outbox {
             Msg::Kept(trial_id, kept) => {
                 let waiting = self.waiting.iter_mut().find(|waiting| waiting.trial_id == trial_id);
                 if let Some(waiting) = waiting {
-                    waiting.kept = kept.is_ok();
+                    waiting.kept = Some(kept.is_ok());
                 }
             }
             // A trial that cannot be kept twice stays where it is.
@@ -170,13 +172,22 @@ impl Outbox {
         (Some(outcome), set_aside.into_iter().collect())
     }
 
-    /// Begins a pause, each twice as long as the one before.
+    /// Begins a pause, each about twice as long as the one before.
     fn pause(&mut self) -> Command<Msg> {
         self.line = Line::Pausing;
         let pause_ms = FIRST_PAUSE_MS * f64::from(1u32 << self.failures.min(8));
         self.failures += 1;
-        let after_ms = pause_ms.min(LONGEST_PAUSE_MS);
+        let after_ms = pause_ms.min(LONGEST_PAUSE_MS) * self.share();
         Command::Wake { timer: "upload-retry", after_ms, message: Msg::Retry }
+    }
+
+    /// Between a half and one, and different for each participant and attempt: a server that is
+    /// back does not hear from everybody at once.
+    fn share(&self) -> f64 {
+        let mix = |hash: u32, byte: u8| (hash ^ u32::from(byte)).wrapping_mul(16_777_619);
+        let hash =
+            self.participant_id.bytes().chain([self.failures as u8]).fold(2_166_136_261, mix);
+        0.5 + f64::from(hash >> 16) / 131_072.0
     }
 
     fn take(&mut self, trial_id: &str) -> Option<Waiting> {
@@ -235,7 +246,7 @@ impl Outbox {
     /// Whether this browser keeps everything that waits, also when the page is closed.
     #[must_use]
     pub fn is_safe(&self) -> bool {
-        self.waiting.iter().all(|waiting| waiting.kept)
+        self.waiting.iter().all(|waiting| waiting.kept == Some(true))
     }
 
     /// Whether the last attempt failed.
@@ -352,7 +363,8 @@ mod tests {
                 _ => assert_eq!(browser.refuse(status, ""), None),
             }
             assert!(!browser.upload("t2"), "not before the pause is over");
-            assert_eq!(browser.timers[0].1, pause_ms);
+            let share = browser.timers[0].1 / pause_ms;
+            assert!((0.5..1.0).contains(&share), "{share}");
             browser.wake("upload-retry");
         }
         assert!(browser.page.outbox.is_struggling() && browser.page.outcomes.is_empty());
@@ -362,6 +374,25 @@ mod tests {
         assert_eq!(again.len(), 2);
         assert!(again.is_safe() && again.send(Some("t1")).is_some());
         assert!(Outbox::restore("another", "t", &plan(), &kept).is_empty());
+    }
+
+    #[test]
+    fn a_trial_is_kept_before_it_is_sent() {
+        let mut browser = open(&[]);
+        browser.keeps_slowly = true;
+        browser.add("t1");
+        assert!(!browser.upload("t1") && !browser.page.outbox.is_safe());
+        browser.keep();
+        assert!(browser.page.outbox.is_safe() && browser.upload("t1"));
+    }
+
+    #[test]
+    fn participants_do_not_try_again_at_the_same_moment() {
+        let shares = ["p", "q", "r", "s"].map(|id| Outbox::restore(id, "", &[], &[]).share());
+        let [low, high] = shares
+            .iter()
+            .fold([1.0, 0.0f64], |[low, high], &share| [share.min(low), share.max(high)]);
+        assert!(high - low > 0.01, "{shares:?}");
     }
 
     #[test]

@@ -25,7 +25,7 @@ pub(crate) use self::bundle::{Bundle, bundle};
 pub(crate) use self::publish::publish;
 
 /// The programs of the web client: its binary targets.
-pub(crate) const ENTRIES: [&str; 3] = [PARTICIPANT, "lab", SOLVER];
+pub(crate) const ENTRIES: [&str; 4] = [PARTICIPANT, "lab", SOLVER, SIMULATOR];
 
 /// The programs that pages start as they load.
 pub(crate) const PAGE_ENTRIES: [&str; 2] = [PARTICIPANT, "lab"];
@@ -35,6 +35,9 @@ const PARTICIPANT: &str = "participant";
 
 /// The entry that a page names, but starts (in a worker) only when it needs it.
 pub(crate) const SOLVER: &str = "solver";
+
+/// The entry that a page names, but starts only for a simulated participant.
+const SIMULATOR: &str = "simulator";
 
 /// Most bytes that a participant's page may cost to load: html, css, js and
 /// wasm, compressed with brotli.
@@ -47,7 +50,7 @@ pub(crate) type Files = BTreeMap<String, Vec<u8>>;
 pub(crate) struct Site {
     /// What is served, before compression.
     pub(crate) files: Files,
-    /// The html files, and the solver.
+    /// The html files, and the programs that pages start on demand.
     pages: Vec<Page>,
 }
 
@@ -130,10 +133,12 @@ pub(crate) fn compose(sources: Files, bundles: Vec<Bundle>) -> Result<Site> {
         files.insert(name.clone(), filled.text.into_bytes());
         pages.push(page(name, &filled.used, &assets));
     }
-    // Listed like a page, since it is loaded by itself.
-    let solver = [format!("{SOLVER}.js"), format!("{SOLVER}.wasm")];
-    let solver = solver.iter().filter_map(|name| assets.get(name).cloned()).collect();
-    pages.push(Page { name: SOLVER.to_owned(), entries: Vec::new(), assets: solver });
+    // Listed like pages, since they are loaded by themselves.
+    for entry in [SOLVER, SIMULATOR] {
+        let files = [format!("{entry}.js"), format!("{entry}.wasm")];
+        let files = files.iter().filter_map(|name| assets.get(name).cloned()).collect();
+        pages.push(Page { name: entry.to_owned(), entries: Vec::new(), assets: files });
+    }
     Ok(Site { files, pages })
 }
 
@@ -149,13 +154,14 @@ fn add_asset(
     assets.insert(name, path);
 }
 
-/// What a page loads: what it names, and the wasm of each program it starts. The
-/// solver is named only.
+/// What a page loads: what it names, and the wasm of each program it starts. Programs
+/// that it starts on demand are named only.
 fn page(name: String, used: &BTreeSet<String>, assets: &BTreeMap<String, String>) -> Page {
     let entries: Vec<&str> =
         PAGE_ENTRIES.into_iter().filter(|entry| used.contains(&format!("{entry}.js"))).collect();
     let started = entries.iter().map(|entry| format!("{entry}.wasm"));
-    let named = used.iter().filter(|name| **name != format!("{SOLVER}.js")).cloned();
+    let on_demand = [SOLVER, SIMULATOR].map(|entry| format!("{entry}.js"));
+    let named = used.iter().filter(|name| !on_demand.contains(name)).cloned();
     let loaded: BTreeSet<String> = named.chain(started).collect();
     let assets = loaded.iter().filter_map(|name| assets.get(name).cloned()).collect();
     Page { name, entries, assets }
@@ -281,7 +287,7 @@ mod tests {
     #[test]
     fn a_page_costs_what_it_starts_and_nothing_else() {
         let site = composed(&[
-            ("index.html", "{{participant.js}} {{style.css}}"),
+            ("index.html", "{{participant.js}} {{simulator.js}} {{style.css}}"),
             ("lab.html", "{{lab.js}} {{solver.js}} {{style.css}}"),
             ("style.css", "a{b:c}"),
         ])
@@ -303,7 +309,8 @@ mod tests {
             [
                 ("index.html", PARTICIPANT_BUDGET + 3, true),
                 ("lab.html", PARTICIPANT_BUDGET + 3, false),
-                ("solver", PARTICIPANT_BUDGET + 1, false)
+                ("solver", PARTICIPANT_BUDGET + 1, false),
+                ("simulator", PARTICIPANT_BUDGET + 1, false)
             ]
         );
     }

@@ -14,6 +14,7 @@ const MAX_SPEED: f64 = 50.0;
 /// is late in it, however slow the machine.
 pub(super) struct Clock {
     performance: Option<Performance>,
+    is_simulated: bool,
     speed: f64,
     /// A moment of the browser's clock, and what this clock showed then.
     set: Cell<(f64, f64)>,
@@ -30,10 +31,21 @@ impl Clock {
         let speed = wanted.filter(|wanted| is_simulated && (1.0..=MAX_SPEED).contains(wanted));
         Self {
             performance: window.performance(),
+            is_simulated,
             speed: speed.unwrap_or(1.0),
             set: Cell::default(),
             stop_ms: Cell::new(f64::INFINITY),
         }
+    }
+
+    /// Whether a program operates the page.
+    pub(super) fn is_simulated(&self) -> bool {
+        self.is_simulated
+    }
+
+    /// Whether it is faster than the browser's.
+    pub(super) fn is_hurried(&self) -> bool {
+        self.speed > 1.0
     }
 
     /// Now.
@@ -59,7 +71,7 @@ impl Clock {
 
     /// Something is due at this moment: a clock that is not the browser's stops there.
     pub(super) fn stop_at(&self, due_ms: Option<f64>) {
-        if self.speed > 1.0 {
+        if self.is_hurried() {
             let browser_ms = self.performance.as_ref().map_or(0.0, Performance::now);
             self.set.set((browser_ms, self.of(browser_ms)));
             self.stop_ms.set(due_ms.unwrap_or(f64::INFINITY));

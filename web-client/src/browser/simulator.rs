@@ -1,0 +1,268 @@
+//! A synthetic participant at the real page: a program of its own (`bin/simulator.rs`), which a
+//! page loads in a simulated participation only (`?simulate=SEED`). It does through the document
+//! what a person does: reads, answers, presses buttons and steers with keys.
+
+use crate::json;
+use crate::runtime::Address;
+use js_sys::{Reflect, Uint8Array};
+use sidestep::api::{StudyInfo, Texts, routes};
+use sidestep::scene::Scene;
+use sidestep::synthetic::{KeyChange, Keys, SyntheticParticipant};
+use sidestep::vehicle::{Pose, TurnInput};
+use std::cell::RefCell;
+use std::rc::Rc;
+use wasm_bindgen::prelude::*;
+use wasm_bindgen_futures::JsFuture;
+use web_sys::{
+    Document, Element, HtmlElement, KeyboardEvent, KeyboardEventInit, MutationObserver,
+    MutationObserverInit, NodeList, Response, Window,
+};
+
+/// Time between two looks at the page, ms.
+const LOOK_MS: i32 = 25;
+
+/// Starts the synthetic participant of the seed that the address names.
+pub fn work() {
+    wasm_bindgen_futures::spawn_local(async {
+        let Some(window) = web_sys::window() else { return };
+        if let Err(error) = begin(&window).await {
+            web_sys::console::error_2(&"the simulator stopped:".into(), &error);
+        }
+    });
+}
+
+async fn begin(window: &Window) -> Result<(), JsValue> {
+    let document = window.document().ok_or("no document")?;
+    let address = super::address::current(window);
+    let slug = address.path.trim_start_matches("/s/").trim_end_matches('/');
+    let study = fetched(window, &routes::study(slug)).await?;
+    let study: StudyInfo = json::read(&study).ok_or("the study cannot be read")?;
+    let texts = fetched(window, &routes::texts(slug)).await?;
+    let texts: Texts = json::read(&texts).ok_or("the sentences cannot be read")?;
+    let answers = texts.check.iter().map(|form| form.answer).collect();
+    let person = SyntheticParticipant::new(seed(&address), 0);
+    let user = User { document, person, study, answers, trials: 0, driven: None, held: None };
+    let user = Rc::new(RefCell::new(user));
+
+    // Every step that is shown, before the next one is due.
+    let watching = Rc::clone(&user);
+    let watch = Closure::<dyn FnMut()>::new(move || watching.borrow_mut().steer());
+    let observer = MutationObserver::new(watch.as_ref().unchecked_ref())?;
+    let what = MutationObserverInit::new();
+    what.set_subtree(true);
+    what.set_child_list(true);
+    what.set_attributes(true);
+    let root = user.borrow().document.get_element_by_id("app").ok_or("no page")?;
+    observer.observe_with_options(&root, &what)?;
+    let look = Closure::<dyn FnMut()>::new(move || {
+        // What it does may change the page at once, which it then watches.
+        let act = user.borrow().next_act();
+        act.perform();
+    });
+    window.set_interval_with_callback_and_timeout_and_arguments_0(
+        look.as_ref().unchecked_ref(),
+        LOOK_MS,
+    )?;
+    // They stay until the page is closed.
+    watch.forget();
+    look.forget();
+    Ok(())
+}
+
+/// The seed of the address; that of a word that is no number is its bytes.
+fn seed(address: &Address) -> u64 {
+    let word = address.parameter("simulate").unwrap_or_default();
+    let number = |text: &str| text.bytes().fold(0u64, |n, b| n.wrapping_mul(256) + u64::from(b));
+    word.parse().unwrap_or_else(|_| number(word))
+}
+
+async fn fetched(window: &Window, url: &str) -> Result<Vec<u8>, JsValue> {
+    let response: Response = JsFuture::from(window.fetch_with_str(url)).await?.dyn_into()?;
+    let body = JsFuture::from(response.array_buffer()?).await?;
+    Ok(Uint8Array::new(&body).to_vec())
+}
+
+/// A synthetic person at the page.
+struct User {
+    document: Document,
+    person: SyntheticParticipant,
+    study: StudyInfo,
+    /// The right answers of the check of understanding, by place.
+    answers: Vec<usize>,
+    /// How many scenes were driven.
+    trials: u64,
+    /// The scene on the canvas, by its trial and what will be pressed in it.
+    driven: Option<(String, Vec<KeyChange>)>,
+    /// The key that is down.
+    held: Option<&'static str>,
+}
+
+/// What to do at the page now.
+enum Act {
+    Nothing,
+    /// Fill these fields, then press this button.
+    Press(Vec<(Element, Entry)>, HtmlElement),
+    /// Try the keys.
+    TryKeys(Document),
+}
+
+/// What to enter in a field.
+enum Entry {
+    Choose,
+    Text,
+}
+
+impl User {
+    fn all(&self, selector: &str) -> Vec<Element> {
+        let found: Option<NodeList> = self.document.query_selector_all(selector).ok();
+        let found = found.iter().flat_map(|list| (0..list.length()).filter_map(|i| list.get(i)));
+        found.filter_map(|node| node.dyn_into().ok()).collect()
+    }
+
+    fn find(&self, selector: &str) -> Option<Element> {
+        self.document.query_selector(selector).ok().flatten()
+    }
+
+    /// Steers the scene on the canvas: presses in each step what must be down when the next begins.
+    fn steer(&mut self) {
+        let Some(canvas) = self.find("canvas[data-scene]") else { return self.rest() };
+        if self.find("[data-testid=countdown], [data-testid=over]").is_some() {
+            return self.rest();
+        }
+        let attribute = |name: &str| canvas.get_attribute(name).unwrap_or_default();
+        let trial = attribute("data-trial");
+        if self.driven.as_ref().is_none_or(|(known, _)| *known != trial) {
+            let Some(scene) = scene(&attribute("data-scene")) else { return };
+            let parameters = &self.study.parameters;
+            let drive = self.person.drive(self.trials, parameters, &scene, Keys::Clock);
+            let mut changes = drive.key_changes;
+            changes.reverse();
+            self.trials += 1;
+            self.driven = Some((trial, changes));
+        }
+        let step_ms = 1000.0 * self.study.parameters.step_s;
+        let step: f64 = attribute("data-step").parse().unwrap_or(0.0);
+        let next_ms = (step + 1.0) * step_ms;
+        while let Some((_, changes)) = &mut self.driven
+            && let Some(change) = changes.pop_if(|change| change.at_ms <= next_ms)
+        {
+            self.hold(change.input);
+        }
+    }
+
+    /// Lets the keys go after a scene.
+    fn rest(&mut self) {
+        if self.driven.is_some() {
+            self.hold(TurnInput::Straight);
+        }
+    }
+
+    /// One finger: a key goes up before another one goes down.
+    fn hold(&mut self, input: TurnInput) {
+        let wanted = match input {
+            TurnInput::Left => Some("ArrowLeft"),
+            TurnInput::Right => Some("ArrowRight"),
+            TurnInput::Straight => None,
+        };
+        let held = std::mem::replace(&mut self.held, wanted);
+        if held != wanted {
+            held.into_iter().for_each(|code| key(&self.document, code, "keyup"));
+            wanted.into_iter().for_each(|code| key(&self.document, code, "keydown"));
+        }
+    }
+
+    /// What a person would do at the page as it is.
+    fn next_act(&self) -> Act {
+        if self.find("canvas[data-scene], [data-testid=completion-code]").is_some() {
+            return Act::Nothing;
+        }
+        let button = self.find("button.primary:not([disabled])");
+        match button.and_then(|button| button.dyn_into().ok()) {
+            Some(button) => Act::Press(self.entries(), button),
+            None if self.find("button.primary").is_some() => Act::TryKeys(self.document.clone()),
+            None => Act::Nothing,
+        }
+    }
+
+    /// What to enter in the fields of the page's forms.
+    fn entries(&self) -> Vec<(Element, Entry)> {
+        let mut entries = Vec::new();
+        let mut groups: Vec<String> = Vec::new();
+        for field in self.all("form [name]") {
+            let name = field.get_attribute("name").unwrap_or_default();
+            let kind = property(&field, "type");
+            if kind == "radio" {
+                let check: Option<usize> =
+                    name.strip_prefix("check-").and_then(|place| place.parse().ok());
+                let answer = check.and_then(|place| self.answers.get(place));
+                let fits =
+                    answer.is_none_or(|answer| property(&field, "value") == answer.to_string());
+                if fits && !groups.contains(&name) {
+                    groups.push(name);
+                    entries.push((field, Entry::Choose));
+                }
+            } else if kind == "text" || kind == "textarea" {
+                entries.push((field, Entry::Text));
+            }
+        }
+        entries
+    }
+}
+
+impl Act {
+    fn perform(self) {
+        match self {
+            Self::Nothing => {}
+            Self::Press(entries, button) => {
+                for (field, entry) in entries {
+                    let (name, value) = match entry {
+                        Entry::Choose => ("checked", JsValue::TRUE),
+                        Entry::Text => ("value", "Simulated answer".into()),
+                    };
+                    let _ = Reflect::set(&field, &name.into(), &value);
+                    if let Ok(event) = bubbling("input") {
+                        let _ = field.dispatch_event(&event);
+                    }
+                }
+                button.click();
+            }
+            Self::TryKeys(document) => {
+                for code in ["ArrowLeft", "ArrowRight"] {
+                    key(&document, code, "keydown");
+                    key(&document, code, "keyup");
+                }
+            }
+        }
+    }
+}
+
+fn bubbling(name: &str) -> Result<web_sys::Event, JsValue> {
+    let options = web_sys::EventInit::new();
+    options.set_bubbles(true);
+    web_sys::Event::new_with_event_init_dict(name, &options)
+}
+
+fn key(document: &Document, code: &str, name: &str) {
+    let options = KeyboardEventInit::new();
+    options.set_bubbles(true);
+    options.set_cancelable(true);
+    options.set_code(code);
+    options.set_key(code);
+    if let (Ok(event), Some(body)) =
+        (KeyboardEvent::new_with_keyboard_event_init_dict(name, &options), document.body())
+    {
+        let _ = body.dispatch_event(&event);
+    }
+}
+
+fn property(element: &Element, name: &str) -> String {
+    let value = Reflect::get(element, &name.into()).unwrap_or_default();
+    value.as_string().unwrap_or_default()
+}
+
+/// The scene that the page tells of: the human's x, y and heading, the robot's, and the goal.
+fn scene(text: &str) -> Option<Scene> {
+    let [hx, hy, hpsi, rx, ry, rpsi, gx, gy]: [f64; 8] = json::read(text.as_bytes())?;
+    let pose = |x, y, psi| Pose { x, y, psi };
+    Some(Scene { human: pose(hx, hy, hpsi), robot: pose(rx, ry, rpsi), goal: [gx, gy] })
+}
