@@ -18,11 +18,13 @@ use self::dom::Dom;
 use self::storage::Storage;
 use crate::runtime::{Command, Commands, Event, Page, PageContext, Solving};
 use crate::shape::Picture;
+use js_sys::{Function, Promise, Reflect};
 use std::any::Any;
 use std::cell::{Cell, RefCell};
 use std::collections::VecDeque;
 use std::rc::Rc;
 use wasm_bindgen::prelude::*;
+use wasm_bindgen_futures::JsFuture;
 use web_sys::{Document, HtmlElement, Window};
 
 /// Opens a page and keeps it until the tab is closed.
@@ -110,7 +112,9 @@ fn context(window: &Window) -> PageContext {
     PageContext {
         address: address::current(window),
         languages: languages.iter().filter_map(|language| language.as_string()).collect(),
-        touch_only: !matches(window, "(any-pointer: fine), (any-hover: hover)"),
+        // Who has nothing to point with at all has a keyboard.
+        touch_only: matches(window, "(any-pointer: coarse)")
+            && !matches(window, "(any-pointer: fine), (any-hover: hover)"),
         reduced_motion: matches(window, "(prefers-reduced-motion: reduce)"),
         screen: vec![
             ("screen_width_px", width.into()),
@@ -122,6 +126,17 @@ fn context(window: &Window) -> PageContext {
         time_origin_ms: window.performance().map_or(0.0, |clock| clock.time_origin()),
         random_name: random_name(window),
         ..PageContext::default()
+    }
+}
+
+/// Calls a method that the browser may refuse; the page hears only of what comes of it.
+fn wish(object: &JsValue, method: &str) {
+    let method = Reflect::get(object, &method.into()).unwrap_or_default();
+    let promise = method.dyn_ref::<Function>().and_then(|method| method.call0(object).ok());
+    if let Some(Ok(promise)) = promise.map(JsValue::dyn_into::<Promise>) {
+        wasm_bindgen_futures::spawn_local(async move {
+            let _ = JsFuture::from(promise).await;
+        });
     }
 }
 
@@ -377,10 +392,11 @@ impl<P: Page + 'static> Pump<P> {
                 shell.guard = guard;
             }
             Command::Fullscreen(true) => {
-                // The browser may refuse: the page hears of a change only.
-                let _ = shell.document.document_element().map(|all| all.request_fullscreen());
+                if let Some(all) = shell.document.document_element() {
+                    wish(&all, "requestFullscreen");
+                }
             }
-            Command::Fullscreen(false) => shell.document.exit_fullscreen(),
+            Command::Fullscreen(false) => wish(&shell.document, "exitFullscreen"),
             Command::ReplaceAddress(url) => address::replace(&shell.window, &url),
             Command::Visit(url) => {
                 let now_ms = shell.clock.now_ms();

@@ -45,6 +45,10 @@ pub trait Sentences {
     #[must_use]
     fn get(&self, key: &str, fills: &[(&str, Fill<'_>)]) -> String;
 
+    /// This sentence with its places filled.
+    #[must_use]
+    fn fill(&self, sentence: &str, fills: &[(&str, Fill<'_>)]) -> String;
+
     /// The sentence of a key in the plural form that goes with `count`, which fills `{n}`.
     #[must_use]
     fn count(&self, key: &str, count: usize, fills: &[(&str, Fill<'_>)]) -> String;
@@ -56,9 +60,11 @@ pub trait Sentences {
 
 impl Sentences for Texts {
     fn get(&self, key: &str, fills: &[(&str, Fill<'_>)]) -> String {
-        let Some(mut rest) = self.sentences.get(key).map(String::as_str) else {
-            return key.to_owned();
-        };
+        self.sentences.get(key).map_or_else(|| key.to_owned(), |text| self.fill(text, fills))
+    }
+
+    fn fill(&self, sentence: &str, fills: &[(&str, Fill<'_>)]) -> String {
+        let mut rest = sentence;
         let mut text = String::new();
         while let Some((before, after)) = rest.split_once('{') {
             text.push_str(before);

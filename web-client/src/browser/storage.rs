@@ -57,8 +57,10 @@ impl Storage {
         text: &str,
     ) -> impl Future<Output = Result<(), NotKept>> + use<> {
         if !std::mem::replace(&mut self.is_persistent, true) {
-            // Whatever the browser decides: it is a wish.
-            let _ = self.window.navigator().storage().persist();
+            // A page that came without encryption has no such manager.
+            let navigator = self.window.navigator();
+            let manager = Reflect::get(&navigator, &"storage".into()).unwrap_or_default();
+            super::wish(&manager, "persist");
         }
         // The database carries out what is asked of a name in the order of the calls.
         let written = self.database.as_ref().map_err(|reason| *reason).and_then(|database| {

@@ -108,6 +108,16 @@ impl IntoDeserializer<'_, Unfit> for Json {
 /// Largest size of a whole number that a double holds exactly.
 const WHOLE: f64 = 9_007_199_254_740_992.0;
 
+macro_rules! same {
+    ($($($method:ident)* => $other:ident;)*) => {$($(
+        fn $method<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Unfit> {
+            self.$other(visitor)
+        }
+    )*)*};
+}
+
+/// A type that says what it is made of is read from that alone: the compiler leaves out how it
+/// would be read from something else, which is much of the program.
 impl<'de> Deserializer<'de> for Json {
     type Error = Unfit;
 
@@ -132,6 +142,51 @@ impl<'de> Deserializer<'de> for Json {
                 Ok(value)
             }
             Self::Object(object) => visitor.visit_map(MapDeserializer::new(object.into_iter())),
+        }
+    }
+
+    fn deserialize_bool<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Unfit> {
+        match self {
+            Self::Bool(flag) => visitor.visit_bool(flag),
+            _ => Err(Unfit),
+        }
+    }
+
+    fn deserialize_f64<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Unfit> {
+        match self {
+            Self::Number(number) => visitor.visit_f64(number),
+            _ => Err(Unfit),
+        }
+    }
+
+    fn deserialize_i64<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Unfit> {
+        match self {
+            Self::Number(number) if number as i64 as f64 == number && number.abs() <= WHOLE => {
+                visitor.visit_i64(number as i64)
+            }
+            _ => Err(Unfit),
+        }
+    }
+
+    fn deserialize_string<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Unfit> {
+        match self {
+            Self::Text(text) => visitor.visit_string(text),
+            _ => Err(Unfit),
+        }
+    }
+
+    fn deserialize_seq<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Unfit> {
+        let Self::List(list) = self else { return Err(Unfit) };
+        let mut rest = SeqDeserializer::new(list.into_iter());
+        let value = visitor.visit_seq(&mut rest)?;
+        rest.end()?;
+        Ok(value)
+    }
+
+    fn deserialize_map<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Unfit> {
+        match self {
+            Self::Object(object) => visitor.visit_map(MapDeserializer::new(object.into_iter())),
+            _ => Err(Unfit),
         }
     }
 
@@ -163,8 +218,29 @@ impl<'de> Deserializer<'de> for Json {
         }
     }
 
-    forward_to_deserialize_any! {
-        bool i8 i16 i32 i64 u8 u16 u32 u64 f32 f64 char str string bytes byte_buf unit
-        unit_struct seq tuple tuple_struct map struct identifier ignored_any
+    fn deserialize_tuple<V: Visitor<'de>>(self, _: usize, visitor: V) -> Result<V::Value, Unfit> {
+        self.deserialize_seq(visitor)
     }
+
+    fn deserialize_struct<V: Visitor<'de>>(
+        self,
+        _: &'static str,
+        _: &'static [&'static str],
+        visitor: V,
+    ) -> Result<V::Value, Unfit> {
+        self.deserialize_map(visitor)
+    }
+
+    fn deserialize_ignored_any<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Unfit> {
+        visitor.visit_unit()
+    }
+
+    same! {
+        deserialize_i8 deserialize_i16 deserialize_i32 deserialize_u8 deserialize_u16
+        deserialize_u32 deserialize_u64 => deserialize_i64;
+        deserialize_f32 => deserialize_f64;
+        deserialize_str deserialize_identifier deserialize_char => deserialize_string;
+    }
+
+    forward_to_deserialize_any! { bytes byte_buf unit unit_struct tuple_struct }
 }

@@ -46,11 +46,15 @@ impl Link {
 
     /// The parameters that the study stores.
     pub(super) fn recorded(&self, study: &StudyInfo) -> BTreeMap<String, String> {
-        let given = |name: &String| {
-            let value = self.address.parameter(name)?.trim();
-            (!value.is_empty()).then(|| (name.clone(), value.to_owned()))
-        };
-        study.recorded_parameters.iter().filter_map(given).collect()
+        // Collecting would sort first, with much more code.
+        let mut recorded = BTreeMap::new();
+        for name in &study.recorded_parameters {
+            let value = self.address.parameter(name).map_or("", str::trim);
+            if !value.is_empty() {
+                recorded.insert(name.clone(), value.to_owned());
+            }
+        }
+        recorded
     }
 
     /// The address of the page with its query, without its fragment.

@@ -234,6 +234,5 @@ pub(super) fn comprehension(page: &Participant, quiz: &Quiz) -> Node {
 
 /// A researcher's or standard sentence about the study.
 fn filled(study: &StudyInfo, page: &Participant, sentence: &str) -> String {
-    let radius = page.texts.number(study.parameters.danger_radius_m);
-    sentence.replace("{radius}", &radius)
+    page.texts.fill(sentence, &[("radius", study.parameters.danger_radius_m.into())])
 }
