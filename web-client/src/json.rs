@@ -17,7 +17,7 @@ use serde::de::DeserializeOwned;
 /// The value that a text holds; nothing if it is no JSON or of another shape.
 #[must_use]
 pub fn read<T: DeserializeOwned>(text: &[u8]) -> Option<T> {
-    T::deserialize(read::parse(text)?).ok()
+    T::deserialize(&read::parse(text)?).ok()
 }
 
 /// The text of a value. A number that is not finite becomes null.

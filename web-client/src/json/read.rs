@@ -1,12 +1,11 @@
 //! From text to a tree, and from the tree to a type.
 
-use serde::de::value::{MapDeserializer, SeqDeserializer};
-use serde::de::{Deserializer, IntoDeserializer, Visitor};
+use serde::de::value::StrDeserializer;
+use serde::de::{DeserializeSeed, Deserializer, MapAccess, SeqAccess, Visitor};
 use serde::forward_to_deserialize_any;
 use std::fmt;
 
 /// A JSON value.
-#[derive(Clone)]
 pub(super) enum Json {
     Null,
     Bool(bool),
@@ -97,14 +96,6 @@ pub(super) fn parse(text: &[u8]) -> Option<Json> {
     serde_json::from_slice(text).ok().map(tree)
 }
 
-impl IntoDeserializer<'_, Unfit> for Json {
-    type Deserializer = Self;
-
-    fn into_deserializer(self) -> Self {
-        self
-    }
-}
-
 /// Largest size of a whole number that a double holds exactly.
 const WHOLE: f64 = 9_007_199_254_740_992.0;
 
@@ -117,84 +108,86 @@ macro_rules! same {
 }
 
 /// A type that says what it is made of is read from that alone: the compiler leaves out how it
-/// would be read from something else, which is much of the program.
-impl<'de> Deserializer<'de> for Json {
+/// would be read from something else, which is much of the program. Nothing is taken out of the
+/// tree, so that nothing has to be dropped half-way.
+impl<'de> Deserializer<'de> for &Json {
     type Error = Unfit;
 
     fn deserialize_any<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Unfit> {
         match self {
-            Self::Null => visitor.visit_unit(),
-            Self::Bool(flag) => visitor.visit_bool(flag),
+            Json::Null => visitor.visit_unit(),
+            Json::Bool(_) => self.deserialize_bool(visitor),
             // Visitors of whole numbers take no others, and those of others take both.
-            Self::Number(n)
-                if n as i64 as f64 == n
-                    && n.abs() <= WHOLE
-                    && n.to_bits() != (-0.0f64).to_bits() =>
-            {
-                visitor.visit_i64(n as i64)
+            Json::Number(n) if is_whole(*n) && n.to_bits() != (-0.0f64).to_bits() => {
+                self.deserialize_i64(visitor)
             }
-            Self::Number(n) => visitor.visit_f64(n),
-            Self::Text(text) => visitor.visit_string(text),
-            Self::List(list) => {
-                let mut rest = SeqDeserializer::new(list.into_iter());
-                let value = visitor.visit_seq(&mut rest)?;
-                rest.end()?;
-                Ok(value)
-            }
-            Self::Object(object) => visitor.visit_map(MapDeserializer::new(object.into_iter())),
+            Json::Number(_) => self.deserialize_f64(visitor),
+            Json::Text(_) => self.deserialize_str(visitor),
+            Json::List(_) => self.deserialize_seq(visitor),
+            Json::Object(_) => self.deserialize_map(visitor),
         }
     }
 
     fn deserialize_bool<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Unfit> {
         match self {
-            Self::Bool(flag) => visitor.visit_bool(flag),
+            Json::Bool(flag) => visitor.visit_bool(*flag),
             _ => Err(Unfit),
         }
     }
 
     fn deserialize_f64<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Unfit> {
         match self {
-            Self::Number(number) => visitor.visit_f64(number),
+            Json::Number(number) => visitor.visit_f64(*number),
             _ => Err(Unfit),
         }
     }
 
     fn deserialize_i64<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Unfit> {
         match self {
-            Self::Number(number) if number as i64 as f64 == number && number.abs() <= WHOLE => {
-                visitor.visit_i64(number as i64)
-            }
+            Json::Number(number) if is_whole(*number) => visitor.visit_i64(*number as i64),
             _ => Err(Unfit),
         }
     }
 
-    fn deserialize_string<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Unfit> {
+    fn deserialize_str<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Unfit> {
         match self {
-            Self::Text(text) => visitor.visit_string(text),
+            Json::Text(text) => visitor.visit_str(text),
             _ => Err(Unfit),
         }
     }
 
     fn deserialize_seq<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Unfit> {
-        let Self::List(list) = self else { return Err(Unfit) };
-        let mut rest = SeqDeserializer::new(list.into_iter());
-        let value = visitor.visit_seq(&mut rest)?;
-        rest.end()?;
-        Ok(value)
+        let Json::List(list) = self else { return Err(Unfit) };
+        let mut rest = list.iter();
+        let value = visitor.visit_seq(Items(&mut rest))?;
+        if rest.next().is_some() { Err(Unfit) } else { Ok(value) }
     }
 
     fn deserialize_map<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Unfit> {
         match self {
-            Self::Object(object) => visitor.visit_map(MapDeserializer::new(object.into_iter())),
+            Json::Object(fields) => visitor.visit_map(Fields(fields)),
             _ => Err(Unfit),
         }
     }
 
     fn deserialize_option<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Unfit> {
         match self {
-            Self::Null => visitor.visit_none(),
+            Json::Null => visitor.visit_none(),
             some => visitor.visit_some(some),
         }
+    }
+
+    fn deserialize_tuple<V: Visitor<'de>>(self, _: usize, visitor: V) -> Result<V::Value, Unfit> {
+        self.deserialize_seq(visitor)
+    }
+
+    fn deserialize_struct<V: Visitor<'de>>(
+        self,
+        _: &'static str,
+        _: &'static [&'static str],
+        visitor: V,
+    ) -> Result<V::Value, Unfit> {
+        self.deserialize_map(visitor)
     }
 
     fn deserialize_newtype_struct<V: Visitor<'de>>(
@@ -213,22 +206,9 @@ impl<'de> Deserializer<'de> for Json {
         visitor: V,
     ) -> Result<V::Value, Unfit> {
         match self {
-            Self::Text(word) => visitor.visit_enum(word.into_deserializer()),
+            Json::Text(word) => visitor.visit_enum(StrDeserializer::new(word)),
             _ => Err(Unfit),
         }
-    }
-
-    fn deserialize_tuple<V: Visitor<'de>>(self, _: usize, visitor: V) -> Result<V::Value, Unfit> {
-        self.deserialize_seq(visitor)
-    }
-
-    fn deserialize_struct<V: Visitor<'de>>(
-        self,
-        _: &'static str,
-        _: &'static [&'static str],
-        visitor: V,
-    ) -> Result<V::Value, Unfit> {
-        self.deserialize_map(visitor)
     }
 
     fn deserialize_ignored_any<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, Unfit> {
@@ -239,8 +219,51 @@ impl<'de> Deserializer<'de> for Json {
         deserialize_i8 deserialize_i16 deserialize_i32 deserialize_u8 deserialize_u16
         deserialize_u32 deserialize_u64 => deserialize_i64;
         deserialize_f32 => deserialize_f64;
-        deserialize_str deserialize_identifier deserialize_char => deserialize_string;
+        deserialize_string deserialize_identifier deserialize_char => deserialize_str;
     }
 
     forward_to_deserialize_any! { bytes byte_buf unit unit_struct tuple_struct }
+}
+
+fn is_whole(number: f64) -> bool {
+    number as i64 as f64 == number && number.abs() <= WHOLE
+}
+
+/// The rest of a list.
+struct Items<'a, 'b>(&'a mut std::slice::Iter<'b, Json>);
+
+impl<'de> SeqAccess<'de> for Items<'_, '_> {
+    type Error = Unfit;
+
+    fn next_element_seed<T: DeserializeSeed<'de>>(
+        &mut self,
+        seed: T,
+    ) -> Result<Option<T::Value>, Unfit> {
+        self.0.next().map(|item| seed.deserialize(item)).transpose()
+    }
+
+    fn size_hint(&self) -> Option<usize> {
+        Some(self.0.len())
+    }
+}
+
+/// The rest of an object. The first field stays until its value has been read.
+struct Fields<'a>(&'a [(String, Json)]);
+
+impl<'de> MapAccess<'de> for Fields<'_> {
+    type Error = Unfit;
+
+    fn next_key_seed<K: DeserializeSeed<'de>>(
+        &mut self,
+        seed: K,
+    ) -> Result<Option<K::Value>, Unfit> {
+        let name = self.0.first().map(|(name, _)| StrDeserializer::new(name));
+        name.map(|name| seed.deserialize(name)).transpose()
+    }
+
+    fn next_value_seed<T: DeserializeSeed<'de>>(&mut self, seed: T) -> Result<T::Value, Unfit> {
+        let Some(((_, value), rest)) = self.0.split_first() else { return Err(Unfit) };
+        self.0 = rest;
+        seed.deserialize(value)
+    }
 }
