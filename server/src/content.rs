@@ -6,8 +6,10 @@
 //! the hash must cover a new field, add a recipe.
 
 use crate::bytes::{pack, pack_inputs, pack_states};
+use serde::Deserialize;
 use sha2::{Digest, Sha256};
-use sidestep::scene::JointState;
+use sidestep::scene::{JointState, Scene, SceneParameters};
+use sidestep::trial::{Flag, PageEvent, flags, page_flags};
 use sidestep::vehicle::TurnInput;
 use std::io::{self, Write};
 
@@ -24,6 +26,10 @@ pub struct Content {
     pub sampled_at_ms: Option<Vec<f64>>,
     /// The key events, as JSON.
     pub key_events: String,
+    /// What happened to the page, as JSON, if it was recorded.
+    pub page_events: Option<String>,
+    /// How often the scene was shown, this time included, if it was recorded.
+    pub exposures: Option<u32>,
     /// The record of the display, as JSON.
     pub display: String,
 }
@@ -34,31 +40,62 @@ impl Content {
     pub fn sampled_at_ms(&self) -> &[f64] {
         self.sampled_at_ms.as_deref().unwrap_or_default()
     }
+
+    /// The flags of a trial with this content in the assigned `scene`. What happened to the page is
+    /// flagged if it was recorded.
+    ///
+    /// # Errors
+    /// If the page's events or the display are not such JSON.
+    pub fn flags(
+        &self,
+        parameters: &SceneParameters,
+        scene: &Scene,
+    ) -> Result<Vec<Flag>, serde_json::Error> {
+        #[derive(Deserialize)]
+        struct Frames {
+            #[serde(default)]
+            frame_gap_median_ms: serde_json::Value,
+        }
+        let times = self.sampled_at_ms();
+        let mut found = flags(parameters, scene, &self.inputs, &self.states, times);
+        if let (Some(events), Some(exposures)) = (&self.page_events, self.exposures) {
+            let events: Vec<PageEvent> = serde_json::from_str(events)?;
+            let Frames { frame_gap_median_ms } = serde_json::from_str(&self.display)?;
+            let gap = frame_gap_median_ms.as_f64();
+            found.extend(page_flags(parameters, times, exposures, &events, gap));
+        }
+        Ok(found)
+    }
 }
 
 /// How a content hash is computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Recipe {
-    /// 1, for uploads: the JSON of all fields, in the field order of the first version.
+    /// 1, for uploads of earlier versions: the JSON of their fields, in the order of the first version.
     UploadJson,
     /// 2, for trials from files: inputs, states and sampling times, as bytes in the database.
     PackedBytes,
+    /// 3, for uploads: as 1, with the page's events and the exposures before the display.
+    UploadWithPage,
 }
 
 impl Recipe {
+    const ALL: [Self; 3] = [Self::UploadJson, Self::PackedBytes, Self::UploadWithPage];
+
     /// Its number in the database.
     #[must_use]
     pub fn number(self) -> i64 {
         match self {
             Self::UploadJson => 1,
             Self::PackedBytes => 2,
+            Self::UploadWithPage => 3,
         }
     }
 
     /// The recipe with this number.
     #[must_use]
     pub fn from_number(number: i64) -> Option<Self> {
-        [Self::UploadJson, Self::PackedBytes].into_iter().find(|recipe| recipe.number() == number)
+        Self::ALL.into_iter().find(|recipe| recipe.number() == number)
     }
 
     /// SHA-256 of the content.
@@ -66,7 +103,8 @@ impl Recipe {
     pub fn hash(self, content: &Content) -> [u8; 32] {
         let mut hash = Hashed(Sha256::new());
         let written = match self {
-            Self::UploadJson => upload_json(&mut hash, content),
+            Self::UploadJson => upload_json(&mut hash, content, false),
+            Self::UploadWithPage => upload_json(&mut hash, content, true),
             Self::PackedBytes => packed_bytes(&mut hash, content),
         };
         debug_assert!(written.is_ok(), "a hash takes every byte");
@@ -74,9 +112,9 @@ impl Recipe {
     }
 }
 
-/// Recipe 1. It writes numbers as `serde_json` does: the shortest decimal that reads back as the same
+/// Recipe 1, and with the page recipe 3. It writes numbers as `serde_json` does: the shortest decimal that reads back as the same
 /// bits, with a point or an exponent. Key events and display are the row's texts.
-fn upload_json(out: &mut impl Write, content: &Content) -> io::Result<()> {
+fn upload_json(out: &mut impl Write, content: &Content, with_page: bool) -> io::Result<()> {
     out.write_all(b"{\"started_at_ms\":")?;
     number(out, content.started_at_ms.unwrap_or_default())?;
     out.write_all(b",\"inputs\":")?;
@@ -91,7 +129,13 @@ fn upload_json(out: &mut impl Write, content: &Content) -> io::Result<()> {
     })?;
     out.write_all(b",\"sampled_at_ms\":")?;
     list(out, content.sampled_at_ms(), |out, t| number(out, *t))?;
-    write!(out, ",\"key_events\":{},\"display\":{}}}", content.key_events, content.display)
+    write!(out, ",\"key_events\":{}", content.key_events)?;
+    if with_page {
+        let events = content.page_events.as_deref().unwrap_or("[]");
+        let exposures = content.exposures.unwrap_or(1);
+        write!(out, ",\"page_events\":{events},\"exposures\":{exposures}")?;
+    }
+    write!(out, ",\"display\":{}}}", content.display)
 }
 
 /// Recipe 2.
@@ -151,6 +195,8 @@ mod tests {
             states: states.into(),
             sampled_at_ms: Some(vec![3.7]),
             key_events: r#"[{"t_ms":-1.0,"key":"ArrowLeft","down":true}]"#.to_owned(),
+            page_events: Some(r#"[{"t_ms":2.5,"kind":"hidden"}]"#.to_owned()),
+            exposures: Some(2),
             display: r#"{"refresh_hz":60.0}"#.to_owned(),
         }
     }
@@ -166,10 +212,15 @@ mod tests {
             r#""display":{"refresh_hz":60.0}}"#,
         );
         let mut written = Vec::new();
-        upload_json(&mut written, &content()).unwrap();
+        upload_json(&mut written, &content(), false).unwrap();
         assert_eq!(String::from_utf8(written).unwrap(), text);
         let hash = <[u8; 32]>::from(Sha256::digest(text));
         assert_eq!(Recipe::UploadJson.hash(&content()), hash);
+        let display = r#","display":{"refresh_hz":60.0}}"#;
+        let page = r#","page_events":[{"t_ms":2.5,"kind":"hidden"}],"exposures":2"#;
+        let with_page = text.replacen(display, &format!("{page}{display}"), 1);
+        let hash = <[u8; 32]>::from(Sha256::digest(with_page));
+        assert_eq!(Recipe::UploadWithPage.hash(&content()), hash);
         let packed = hex::encode(Recipe::PackedBytes.hash(&content()));
         assert_eq!(packed, "b3eb326cd883b3f94eaef5ad88718566b10ff35e91f85931c9a55e235c3f1cf5");
     }
@@ -177,19 +228,20 @@ mod tests {
     #[test]
     fn a_hash_covers_what_its_recipe_says() {
         type Change = fn(&mut Content);
-        let changes: [(Change, bool); 5] = [
-            (|content| content.started_at_ms = Some(0.0), false),
-            (|content| content.display = "{}".to_owned(), false),
-            (|content| content.key_events = "[]".to_owned(), false),
-            (|content| content.inputs = vec![TurnInput::Left], true),
-            (|content| content.sampled_at_ms = None, true),
+        let changes: [(Change, [bool; 3]); 7] = [
+            (|content| content.started_at_ms = Some(0.0), [true, false, true]),
+            (|content| content.display = "{}".to_owned(), [true, false, true]),
+            (|content| content.key_events = "[]".to_owned(), [true, false, true]),
+            (|content| content.page_events = Some("[]".to_owned()), [false, false, true]),
+            (|content| content.exposures = Some(1), [false, false, true]),
+            (|content| content.inputs = vec![TurnInput::Left], [true; 3]),
+            (|content| content.sampled_at_ms = None, [true; 3]),
         ];
-        for (change, packed_too) in changes {
+        for (change, covered) in changes {
             let mut other = content();
             change(&mut other);
             let differs = |recipe: Recipe| recipe.hash(&other) != recipe.hash(&content());
-            assert!(differs(Recipe::UploadJson));
-            assert_eq!(differs(Recipe::PackedBytes), packed_too);
+            assert_eq!(Recipe::ALL.map(differs), covered);
         }
     }
 }

@@ -14,6 +14,7 @@ pub mod auth;
 pub mod guard;
 pub mod studies;
 pub mod texts;
+pub mod enrolment;
 pub mod participants;
 pub mod trials;
 pub mod value_functions;

@@ -18,7 +18,7 @@ pub async fn of_study(store: &Store, study: &StoredStudy) -> Result<Recording, S
     let scene = study.config.parameters;
     let (mut participants, mut exclusions) = (Vec::new(), Vec::new());
     // One participant at a time, because a long read keeps SQLite from writing back its log.
-    for id in store.participant_ids(study.id).await? {
+    for id in store.participant_ids(study.id, false).await? {
         let driven = store.trials_of(&id).await?;
         let Some(first) = driven.first() else { continue };
         let name = first.head.participant_number.to_string();
@@ -34,13 +34,14 @@ pub async fn of_study(store: &Store, study: &StoredStudy) -> Result<Recording, S
     Ok(Recording { provenance, scene, participants, exclusions })
 }
 
-/// One participant's tasks.
+/// One participant's tasks, one trial of each scene.
 fn participant(name: String, driven: Vec<StoredTrial>) -> RecordedParticipant {
     // Trials are numbered over all phases, as in exports.
     let trials: Vec<RecordedTrial> =
         (0..).zip(&driven).map(|(number, trial)| recorded(number, trial)).collect();
     let mut participant = RecordedParticipant { name, line: None, trials, marked_synthetic: false };
     participant.keep_tasks();
+    participant.keep_one_attempt();
     let is_marked = |trial: &StoredTrial| trial.head.phase == Phase::Task && trial.is_synthetic();
     participant.marked_synthetic = driven.iter().any(is_marked);
     participant
@@ -51,6 +52,7 @@ fn recorded(number: u64, trial: &StoredTrial) -> RecordedTrial {
         line: None,
         number,
         phase: trial.head.phase,
+        attempt: trial.head.attempt,
         trial_id: Some(trial.head.trial_id.clone()),
         inputs: trial.content.inputs.clone(),
         states: trial.content.states.clone(),

@@ -22,6 +22,7 @@ pub mod value_functions;
 pub mod analyses;
 pub mod scenes;
 pub mod participants;
+pub mod enrolments;
 pub mod trials;
 pub mod imports;
 #[cfg(test)]

@@ -80,6 +80,11 @@ pub mod routes {
     pub const SESSION: &str = "/api/v1/admin/session";
     /// All studies.
     pub const ADMIN_STUDIES: &str = "/api/v1/admin/studies";
+    /// The pilots of a study; a DELETE deletes them.
+    #[must_use]
+    pub fn admin_pilots(slug: &str) -> String {
+        format!("/api/v1/admin/studies/{slug}/pilots")
+    }
     /// The stored trials of a study, newest first.
     #[must_use]
     pub fn admin_trials(slug: &str) -> String {
@@ -646,6 +651,13 @@ pub struct StudySummary {
     pub participants: u64,
     /// Trials stored.
     pub trials: u64,
+}
+
+/// Answer to the deletion of a study's pilots.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct PilotsDeleted {
+    /// How many there were.
+    pub deleted: usize,
 }
 
 /// A page of stored trials, newest first.

@@ -70,6 +70,8 @@ pub struct RecordedTrial {
     pub number: u64,
     /// The phase of the study that it belongs to.
     pub phase: Phase,
+    /// 1; 2 if the scene was driven again because its first trial was interrupted.
+    pub attempt: u32,
     /// Its id, where it has one.
     pub trial_id: Option<String>,
     /// The input held in each step.
@@ -88,6 +90,29 @@ impl RecordedParticipant {
     /// Drops every trial that is not a task: only tasks are analysed.
     pub fn keep_tasks(&mut self) {
         self.trials.retain(|trial| trial.phase == Phase::Task);
+    }
+
+    /// Keeps one trial of each scene that was driven again: the first that was not interrupted, else the
+    /// first.
+    pub fn keep_one_attempt(&mut self) {
+        let again: Vec<usize> =
+            (0..self.trials.len()).filter(|&i| self.trials[i].attempt > 1).collect();
+        let mut dropped = vec![false; self.trials.len()];
+        for later in again {
+            let trial = &self.trials[later];
+            let is_first = |other: &RecordedTrial| {
+                other.attempt < trial.attempt
+                    && other.phase == trial.phase
+                    && other.states.first() == trial.states.first()
+            };
+            let kept = (0..later).rfind(|&i| !dropped[i] && is_first(&self.trials[i]));
+            let Some(kept) = kept else { continue };
+            let was_interrupted = |i: usize| self.trials[i].flags.contains(&Flag::Interrupted);
+            let worse = if was_interrupted(kept) && !was_interrupted(later) { kept } else { later };
+            dropped[worse] = true;
+        }
+        let mut dropped = dropped.into_iter();
+        self.trials.retain(|_| !dropped.next().unwrap_or(false));
     }
 }
 

@@ -103,6 +103,7 @@ impl SyntheticParticipant {
                 line: None,
                 number,
                 phase: Phase::Task,
+                attempt: 1,
                 trial_id: None,
                 flags: flags(&parameters, &scene, &inputs, &states, &sampled_at_ms),
                 inputs,

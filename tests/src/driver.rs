@@ -98,6 +98,11 @@ impl Driver {
         Answer::of(request.json(trial)).await
     }
 
+    /// The answer to a `PUT` with this body.
+    pub async fn put(&self, server: &Address, route: &str, body: &serde_json::Value) -> Answer {
+        Answer::of(self.request(server, Method::PUT, route).json(body)).await
+    }
+
     /// Drives the first `count` scenes and returns what was sent.
     ///
     /// # Panics

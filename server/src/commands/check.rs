@@ -5,7 +5,7 @@ use crate::store::trials::{StoredTrial, flag_words};
 use crate::store::{Missing, Store, StoreError};
 use serde::Serialize;
 use sidestep::scene::SceneParameters;
-use sidestep::trial::{Flag, Outcome, flags, outcome};
+use sidestep::trial::{Flag, Outcome, outcome};
 
 /// Check a database: whether the file is sound, and whether every trial replays as when it was
 /// stored.
@@ -76,7 +76,7 @@ async fn report(store: &Store) -> Result<Report, CommandError> {
             }
             Err(error) => return Err(error.into()),
         };
-        for id in store.participant_ids(study.id).await? {
+        for id in store.participant_ids(study.id, true).await? {
             report.participants += 1;
             for trial_id in store.trial_ids(&id).await? {
                 let what = match replayed(store, &trial_id, &mut report).await {
@@ -120,8 +120,10 @@ fn fault(parameters: &SceneParameters, trial: &StoredTrial) -> Option<String> {
     if trial.content_hash != trial.recipe.hash(&trial.content) {
         return Some("the content is not that of its hash".to_owned());
     }
-    let times = trial.content.sampled_at_ms();
-    let found = flags(parameters, &trial.scene, inputs, states, times);
+    let found = match trial.content.flags(parameters, &trial.scene) {
+        Ok(found) => found,
+        Err(error) => return Some(format!("page events or display: {error}")),
+    };
     // A file's trial keeps flags for which the evidence is not in the file.
     let agree = if stored.contains(&Flag::Imported) {
         found.iter().all(|flag| stored.contains(flag))
@@ -156,8 +158,7 @@ fn told(outcome: &Outcome) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::store::participants::Known;
-    use crate::store::tests::{someone, store, trial};
+    use crate::store::tests::{Known, someone, store, trial};
     use sidestep::vehicle::TurnInput;
 
     #[tokio::test]

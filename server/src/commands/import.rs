@@ -17,7 +17,6 @@ use sidestep::scene::{Scene, SceneParameters};
 use sidestep::study::StudyConfig;
 use sidestep::synthetic;
 use sidestep::trial::{Flag, flags, outcome};
-use std::collections::BTreeMap;
 use std::fs::File;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -130,17 +129,16 @@ fn import_of(parameters: &SceneParameters, person: &RecordedParticipant) -> NewI
         Some(_) => r#"{"synthetic":true}"#,
         None => "{}",
     };
-    let mut in_phase = BTreeMap::new();
+    let mut rows: Vec<PlannedRow> = Vec::new();
     let mut hash = Sha256::new();
     hash.update(person.name.as_bytes());
-    let trials = (0..).zip(&person.trials).map(|(ordinal, trial)| {
-        let index = in_phase.entry(trial.phase).or_insert(0);
-        let row = planned(parameters, ordinal, *index, trial);
-        *index += 1;
+    let trials = person.trials.iter().map(|trial| {
+        let row = planned(parameters, &rows, trial);
         let new = imported(parameters, &row, trial, display);
         hash.update(trial.phase.word());
         hash.update(trial.number.to_le_bytes());
         hash.update(new.content_hash);
+        rows.push(row.clone());
         (row, new)
     });
     let trials = trials.collect();
@@ -159,6 +157,8 @@ fn imported(
         states: trial.states.clone(),
         sampled_at_ms: trial.sampled_at_ms.clone(),
         key_events: "[]".to_owned(),
+        page_events: None,
+        exposures: None,
         display: display.to_owned(),
     };
     NewTrial {
@@ -169,23 +169,34 @@ fn imported(
         content,
         flags: flags_of(parameters, &row.scene, trial),
         outcome: outcome(parameters, &trial.inputs, &trial.states),
+        repeated_as: None,
     }
 }
 
-/// The planned scene of a trial. A file holds no plan: the scene is the trial's first state.
+/// The planned scene of a trial that comes after `earlier` ones. A file holds no plan: the scene is the
+/// trial's first state, and a further attempt at a scene is one from the same state.
 fn planned(
     parameters: &SceneParameters,
-    ordinal: i64,
-    index: usize,
+    earlier: &[PlannedRow],
     trial: &RecordedTrial,
 ) -> PlannedRow {
     let start = trial.states[0];
+    let scene = Scene::new(parameters, start.human, start.robot);
+    let in_phase = || earlier.iter().filter(|row| row.phase == trial.phase);
+    let first = in_phase().find(|row| row.scene == scene).filter(|_| trial.attempt > 1);
+    let is_taken =
+        |index: usize| in_phase().any(|row| row.index == index && row.attempt == trial.attempt);
+    let (index, attempt) = match first {
+        Some(first) if !is_taken(first.index) => (first.index, trial.attempt),
+        _ => (in_phase().map(|row| row.index + 1).max().unwrap_or(0), 1),
+    };
     PlannedRow {
         trial_id: trial.trial_id.clone().unwrap_or_else(|| Uuid::new_v4().to_string()),
-        ordinal,
+        ordinal: earlier.len() as i64,
         phase: trial.phase,
         index,
-        scene: Scene::new(parameters, start.human, start.robot),
+        attempt,
+        scene,
         stored: false,
     }
 }

@@ -204,6 +204,7 @@ fn tasks(
 ) -> Result<Recording, CommandError> {
     check_motion(&participants, scene).map_err(|e| complaint(path, &e))?;
     participants.iter_mut().for_each(RecordedParticipant::keep_tasks);
+    participants.iter_mut().for_each(RecordedParticipant::keep_one_attempt);
     if participants.iter().all(|person| person.trials.is_empty()) {
         return Err(complaint(path, &"expected at least one task, found none"));
     }

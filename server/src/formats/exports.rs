@@ -34,7 +34,7 @@ pub fn stream(
         let (store, study_id) = (store.clone(), study.id);
         async move {
             match stage {
-                Stage::Header => match store.participant_ids(study_id).await {
+                Stage::Header => match store.participant_ids(study_id, false).await {
                     Ok(ids) => Some((Ok(header()), Stage::People(ids.into_iter()))),
                     Err(error) => Some((Err(error), Stage::End)),
                 },
@@ -81,6 +81,7 @@ fn write_trial(
 ) -> csv::Result<()> {
     let (head, content) = (&trial.head, &trial.content);
     let started_at_ms = content.started_at_ms.map(|t| t.to_string());
+    let exposures = content.exposures.map(|count| count.to_string()).unwrap_or_default();
     let synthetic = if trial.is_synthetic() { "1" } else { "0" };
     for (step, (input, state)) in content.inputs.iter().zip(&content.states).enumerate() {
         let sampled = content.sampled_at_ms.as_ref().map(|times| times[step].to_string());
@@ -97,7 +98,7 @@ fn write_trial(
         writer.write_field(text(&trial.study))?;
         writer.write_field(head.phase.word())?;
         writer.write_field(head.index.to_string())?;
-        writer.write_field("1")?;
+        writer.write_field(head.attempt.to_string())?;
         writer.write_field(text(&head.trial_id))?;
         writer.write_field(text(&head.participant_id))?;
         writer.write_field(flag_words(&head.flags))?;
@@ -105,6 +106,8 @@ fn write_trial(
         writer.write_field(sampled.as_deref().unwrap_or(""))?;
         writer.write_field(head.received_at_ms.to_string())?;
         writer.write_field(synthetic)?;
+        writer.write_field(decimal((step as f64 * parameters.step_s * 1e9).round() / 1e6))?;
+        writer.write_field(&exposures)?;
         writer.write_record(None::<&[u8]>)?;
     }
     Ok(())

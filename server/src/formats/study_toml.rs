@@ -80,7 +80,7 @@ fn parse(text: &str) -> Result<StudyConfig, String> {
     study.check().map_err(located)?;
     study.check_plausible().map_err(located)?;
     // A study without scenes would start, and then enrol nobody.
-    study.plan(0).map_err(located)?;
+    study.stratified(0).map_err(located)?;
     Ok(study)
 }
 

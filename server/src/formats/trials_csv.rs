@@ -16,7 +16,7 @@ use std::io::Read;
 
 /// The columns of an export, in order. Every file must have the first [`REQUIRED`] columns, in any
 /// order.
-pub const COLUMNS: [&str; 22] = [
+pub const COLUMNS: [&str; 24] = [
     "participant",
     "trial",
     "step",
@@ -39,6 +39,8 @@ pub const COLUMNS: [&str; 22] = [
     "sampled_at_ms",
     "received_at_ms",
     "synthetic",
+    "due_at_ms",
+    "exposures",
 ];
 
 /// The number of [`COLUMNS`] that every file must have.
@@ -183,6 +185,7 @@ fn begun(line: u64, row: &Row) -> RecordedTrial {
         line: Some(line),
         number: row.trial,
         phase: row.phase,
+        attempt: row.attempt,
         trial_id: row.trial_id.clone(),
         inputs: Vec::new(),
         states: Vec::new(),

@@ -7,12 +7,11 @@ use crate::http::listen::Client;
 use crate::http::params::PathText;
 use crate::secrets;
 use crate::store::Store;
-use crate::store::participants::Participant;
-use crate::store::trials::Assignment;
+use crate::store::participants::Visitor;
+use crate::store::trials::{AssignedScene, Assignment};
 use axum::extract::FromRequestParts;
 use axum::http::{HeaderMap, header, request::Parts};
-use sidestep::scene::Scene;
-use sidestep::study::StudyConfig;
+use sidestep::study::{Status, StudyConfig};
 use std::net::{IpAddr, Ipv4Addr};
 use std::sync::Arc;
 use subtle::ConstantTimeEq;
@@ -20,14 +19,17 @@ use subtle::ConstantTimeEq;
 /// The cookie of the laboratory.
 pub const COOKIE: &str = "sidestep_session";
 
-/// A participant with a valid token who has not withdrawn.
-pub struct Me(pub Participant);
+/// The holder of a valid token whose participation goes on.
+pub struct Me(pub Visitor);
 
-/// A participant with a valid token, withdrawn or not.
-pub struct MeOrGone(pub Participant);
+/// As [`Me`], in a study that is not archived: whoever may write.
+pub struct Writer(pub Visitor);
 
-/// A participant with a valid token who has not withdrawn, and the trial that the address names. The
-/// trial is in the participant's plan. It is extracted before the body is read, so nobody else can send a body.
+/// The holder of a valid token, whether their participation goes on or not.
+pub struct MeOrGone(pub Visitor);
+
+/// Whoever may write, and the trial that the address names. The trial is in the participant's plan. It is
+/// extracted before the body is read, so nobody else can send a body.
 pub struct Assigned {
     /// The participant.
     pub participant_id: String,
@@ -36,7 +38,7 @@ pub struct Assigned {
     /// The trial.
     pub trial_id: String,
     /// The scene that was assigned.
-    pub scene: Scene,
+    pub scene: AssignedScene,
 }
 
 /// An experimenter with a valid cookie or key.
@@ -48,7 +50,7 @@ impl FromRequestParts<Arc<App>> for MeOrGone {
     async fn from_request_parts(parts: &mut Parts, app: &Arc<App>) -> Result<Self, ApiError> {
         let token = bearer(&parts.headers).ok_or_else(ApiError::unauthorized)?;
         // The time to look up a hash of 256 random bits reveals nothing.
-        let found = app.store.participant(secrets::hash(token)).await?;
+        let found = app.store.visitor(secrets::hash(token)).await?;
         found.map(Self).ok_or_else(ApiError::unauthorized)
     }
 }
@@ -57,11 +59,19 @@ impl FromRequestParts<Arc<App>> for Me {
     type Rejection = ApiError;
 
     async fn from_request_parts(parts: &mut Parts, app: &Arc<App>) -> Result<Self, ApiError> {
-        let MeOrGone(participant) = MeOrGone::from_request_parts(parts, app).await?;
-        if participant.withdrawn_at_ms.is_some() {
-            return Err(ApiError::withdrawn());
-        }
-        Ok(Self(participant))
+        let MeOrGone(visitor) = MeOrGone::from_request_parts(parts, app).await?;
+        check_going_on(&visitor)?;
+        Ok(Self(visitor))
+    }
+}
+
+impl FromRequestParts<Arc<App>> for Writer {
+    type Rejection = ApiError;
+
+    async fn from_request_parts(parts: &mut Parts, app: &Arc<App>) -> Result<Self, ApiError> {
+        let Me(visitor) = Me::from_request_parts(parts, app).await?;
+        check_study(app, &visitor).await?;
+        Ok(Self(visitor))
     }
 }
 
@@ -73,14 +83,29 @@ impl FromRequestParts<Arc<App>> for Assigned {
         let token = secrets::hash(token);
         let PathText(trial_id) = PathText::from_request_parts(parts, app).await?;
         let found = app.store.assignment(token, &trial_id).await?;
-        let Assignment { participant, config, scene } = found.ok_or_else(ApiError::unauthorized)?;
-        if participant.withdrawn_at_ms.is_some() {
-            return Err(ApiError::withdrawn());
-        }
+        let Assignment { visitor, config, scene } = found.ok_or_else(ApiError::unauthorized)?;
+        check_going_on(&visitor)?;
+        check_study(app, &visitor).await?;
         // The answer for another participant's trial is that for one that does not exist.
         let scene = scene.ok_or_else(|| ApiError::not_found("trial of yours"))?;
-        Ok(Self { participant_id: participant.id, config, trial_id, scene })
+        Ok(Self { participant_id: visitor.participant.id, config, trial_id, scene })
     }
+}
+
+/// Refuses who has withdrawn or was screened out.
+fn check_going_on(visitor: &Visitor) -> Result<(), ApiError> {
+    let participant = &visitor.participant;
+    match (participant.withdrawn_at_ms, participant.screened_out) {
+        (Some(_), _) => Err(ApiError::withdrawn()),
+        (None, true) => Err(ApiError::screened_out()),
+        (None, false) => Ok(()),
+    }
+}
+
+/// Refuses writing to a study that is archived now.
+pub async fn check_study(app: &App, visitor: &Visitor) -> Result<(), ApiError> {
+    let present = app.store.config(&visitor.present_config_hash).await?;
+    if present.status == Status::Archived { Err(ApiError::archived()) } else { Ok(()) }
 }
 
 impl FromRequestParts<Arc<App>> for Admin {

@@ -25,20 +25,37 @@ impl Bounded {
         Self { turns, waiting: AtomicUsize::new(0), most_waiting }
     }
 
-    /// Runs `work` when it is its turn, and returns its result.
+    /// A place in the line, to be used when there is work.
     ///
     /// # Errors
     /// 503 if too many pieces of work are waiting.
-    pub async fn run<T: Send + 'static>(
-        &self,
-        work: impl FnOnce() -> T + Send + 'static,
-    ) -> Result<T, ApiError> {
+    pub fn queue(&self) -> Result<InLine<'_>, ApiError> {
         let waiting = Waiting::among(&self.waiting);
         if waiting.ahead >= self.most_waiting {
             return Err(StoreError::Busy.into());
         }
-        let turn = Arc::clone(&self.turns).acquire_owned().await.context("a turn")?;
-        drop(waiting);
+        Ok(InLine { turns: &self.turns, waiting })
+    }
+}
+
+/// A place in the line.
+#[derive(Debug)]
+pub struct InLine<'a> {
+    turns: &'a Arc<Semaphore>,
+    waiting: Waiting<'a>,
+}
+
+impl InLine<'_> {
+    /// Runs `work` when it is its turn, and returns its result.
+    ///
+    /// # Errors
+    /// If the work panics.
+    pub async fn run<T: Send + 'static>(
+        self,
+        work: impl FnOnce() -> T + Send + 'static,
+    ) -> Result<T, ApiError> {
+        let turn = Arc::clone(self.turns).acquire_owned().await.context("a turn")?;
+        drop(self.waiting);
         let done = tokio::task::spawn_blocking(move || {
             // Held until the work is done, even if no request waits for it any more.
             let _turn = turn;
@@ -49,6 +66,7 @@ impl Bounded {
 }
 
 /// Counts as waiting until it is dropped.
+#[derive(Debug)]
 struct Waiting<'a> {
     all: &'a AtomicUsize,
     ahead: usize,

@@ -59,6 +59,33 @@ impl ApiError {
         Self::new(StatusCode::CONFLICT, code, message)
     }
 
+    /// 403 with its own code.
+    pub fn forbidden(code: &str, message: impl Into<String>) -> Self {
+        Self::new(StatusCode::FORBIDDEN, code, message)
+    }
+
+    /// 403: the token was given to somebody who knew only the external id.
+    #[must_use]
+    pub fn not_yours() -> Self {
+        let message = "use the browser in which you began or your personal link, or ask the \
+                       researchers";
+        Self::forbidden("not_yours", message)
+    }
+
+    /// 410: the study is over for everybody.
+    #[must_use]
+    pub fn archived() -> Self {
+        Self::new(StatusCode::GONE, "archived", "this study is over; nothing more is stored")
+    }
+
+    /// 410: the check of understanding ended the participation.
+    #[must_use]
+    pub fn screened_out() -> Self {
+        let message = "this participation has ended: the answers about the instructions were wrong \
+                       too often";
+        Self::new(StatusCode::GONE, "screened_out", message)
+    }
+
     /// 410: the participant has withdrawn.
     #[must_use]
     pub fn withdrawn() -> Self {

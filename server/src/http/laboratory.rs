@@ -19,7 +19,7 @@ use axum::http::header;
 use axum::response::IntoResponse;
 use serde::Deserialize;
 use sidestep::api::{
-    SelfCheck, StudySummary, TrainedPredictor, TrialDetail, TrialPage, TrialSummary,
+    PilotsDeleted, SelfCheck, StudySummary, TrainedPredictor, TrialDetail, TrialPage, TrialSummary,
 };
 use sidestep::features::FeatureSet;
 use sidestep::invalid::Invalid;
@@ -40,6 +40,16 @@ pub async fn studies(
         trials: row.trials,
     };
     Ok(Json(app.store.studies().await?.into_iter().map(summary).collect()))
+}
+
+/// `DELETE /api/v1/admin/studies/{slug}/pilots`: deletes all pilots with everything that they drove.
+pub async fn delete_pilots(
+    _: Admin,
+    State(app): State<Arc<App>>,
+    PathText(slug): PathText,
+) -> Result<Json<PilotsDeleted>, ApiError> {
+    let study = named(&app.store, &slug).await?;
+    Ok(Json(PilotsDeleted { deleted: app.store.delete_pilots(study.id).await? }))
 }
 
 /// The query of a page of a list.

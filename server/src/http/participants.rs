@@ -1,115 +1,151 @@
-//! Enrolment, progress, completion and withdrawal of participants.
+//! Progress, the check of understanding, answers, completion and withdrawal of participants.
 
 use crate::clock::now_ms;
 use crate::http::app::App;
-use crate::http::auth::{Me, MeOrGone};
+use crate::http::auth::{Me, MeOrGone, Writer, check_study};
+use crate::http::enrolment::plan;
 use crate::http::error::ApiError;
 use crate::http::json::JsonBody;
-use crate::http::params::{Params, PathText};
-use crate::http::studies::named;
+use crate::http::params::Params;
 use crate::secrets;
-use crate::store::participants::{self, Completion, Known, NewParticipant, Participant};
+use crate::store::participants::{Completion, Participant, Scope};
 use crate::store::scenes::PlannedRow;
-use crate::store::{Store, StoreError};
 use anyhow::Context;
 use axum::Json;
 use axum::extract::State;
 use axum::http::StatusCode;
 use serde::Deserialize;
-use sidestep::api::{Completed, Enrolled, Enrolment, Plan, PlannedPhase, PlannedScene, Progress};
-use sidestep::study::StudyConfig;
+use serde_json::Value;
+use sidestep::api::{
+    Answers, Completed, ComprehensionResult, ComprehensionStored, Progress, Withdrawn,
+};
+use sidestep::invalid::Invalid;
+use sidestep::study::{Question, Recruitment, StudyConfig};
 use std::sync::Arc;
-use uuid::Uuid;
-
-/// `POST /api/v1/studies/{slug}/participants`: 201 for a new participant; 200 with the same plan and
-/// a further token for a participant who is known by external id or request id.
-pub async fn enrol(
-    State(app): State<Arc<App>>,
-    PathText(slug): PathText,
-    JsonBody(body): JsonBody<Enrolment>,
-) -> Result<(StatusCode, Json<Enrolled>), ApiError> {
-    body.check()?;
-    let study = named(&app.store, &slug).await?;
-    // A request is its id and the person whom it is for.
-    let request = |id: &str| match &body.external_id {
-        Some(external_id) => secrets::hash(&format!("{id} {external_id}")),
-        None => secrets::hash(id),
-    };
-    let known = Known {
-        request_hash: body.request_id.as_deref().map(request),
-        external_id: body.external_id,
-    };
-    let seed = secrets::seed()?;
-    let scenes = if app.store.is_known(study.id, &known).await? {
-        None
-    } else {
-        let config = Arc::clone(&study.config);
-        Some(app.drawing.run(move || plan_rows(&config, seed)).await??)
-    };
-    let (id, token) = (Uuid::new_v4().to_string(), secrets::token()?);
-    let plan = plan(&study.config, scenes.as_deref().unwrap_or_default());
-    let screen = body.screen.as_ref().map(serde_json::to_string).transpose();
-    let new = NewParticipant {
-        id: id.clone(),
-        study_id: study.id,
-        known,
-        config_hash: study.config_hash,
-        seed,
-        locale: body.locale,
-        screen: screen.context("a screen as JSON")?,
-        plan: scenes,
-        enrolled_at_ms: now_ms(),
-    };
-    match app.store.enrol(new, secrets::hash(&token)).await? {
-        participants::Enrolment::New => Ok((StatusCode::CREATED, Json(enrolled(id, token, plan)))),
-        participants::Enrolment::Known(known) => {
-            let (plan, _) = plan_of(&app.store, &known).await?;
-            Ok((StatusCode::OK, Json(enrolled(known.id, token, plan))))
-        }
-        participants::Enrolment::Withdrawn => Err(ApiError::withdrawn()),
-        // The known participant deleted their data meanwhile: the next attempt is a new enrolment.
-        participants::Enrolment::Unplanned => Err(StoreError::Locked.into()),
-    }
-}
-
-fn enrolled(participant_id: String, token: String, plan: Plan) -> Enrolled {
-    Enrolled { participant_id, token, plan }
-}
 
 /// `GET /api/v1/participants/me`.
-pub async fn show(State(app): State<Arc<App>>, Me(me): Me) -> Result<Json<Progress>, ApiError> {
+pub async fn show(
+    State(app): State<Arc<App>>,
+    Me(visitor): Me,
+) -> Result<Json<Progress>, ApiError> {
+    let me = &visitor.participant;
     let config = app.store.config(&me.config_hash).await?;
-    let (plan, rows) = plan_of(&app.store, &me).await?;
+    let rows = app.store.plan(&me.id).await?;
     let id = |row: &PlannedRow| row.trial_id.clone();
+    let stored: Vec<_> = rows.iter().filter(|row| row.stored).map(id).collect();
+    let code = me.completion_code.clone().filter(|_| visitor.may_see_code());
+    let check = &config.comprehension;
+    let has_check = check.standard || !check.questions.is_empty();
     Ok(Json(Progress {
-        participant_id: me.id,
+        participant_id: me.id.clone(),
         study: config.slug.clone(),
-        plan,
-        stored: rows.iter().filter(|row| row.stored).map(id).collect(),
+        plan: plan(&config, &rows),
         next: rows.iter().find(|row| !row.stored).map(id),
+        return_url: code.as_deref().and_then(|code| completed_url(&config, me, code)),
+        completion_code: code,
         complete: me.completion_code.is_some(),
-        completion_code: me.completion_code,
-        return_url: None,
-        understood: true,
-        answered: true,
-        pilot: false,
-        may_withdraw: true,
+        // Whoever drives has passed the check, or began when the study had none.
+        understood: me.understood || !has_check || !stored.is_empty(),
+        answered: me.answered || config.questions.is_empty(),
+        stored,
+        pilot: me.pilot,
+        may_withdraw: visitor.scope == Scope::Full,
     }))
 }
 
-/// `POST /api/v1/participants/me/complete`: the completion code, once all trials are stored.
+/// `PUT /api/v1/participants/me/comprehension`: the result of the check of understanding. The same again
+/// has the same answer.
+pub async fn check_understanding(
+    State(app): State<Arc<App>>,
+    MeOrGone(visitor): MeOrGone,
+    JsonBody(result): JsonBody<ComprehensionResult>,
+) -> Result<Json<ComprehensionStored>, ApiError> {
+    const MOST_ATTEMPTS: usize = 1_000;
+    let me = &visitor.participant;
+    if me.withdrawn_at_ms.is_some() {
+        return Err(ApiError::withdrawn());
+    }
+    check_study(&app, &visitor).await?;
+    if !(1..=MOST_ATTEMPTS).contains(&result.attempts) {
+        let expected = format!("a whole number from 1 to {MOST_ATTEMPTS}");
+        return Err(Invalid::new("attempts", expected, result.attempts).into());
+    }
+    let config = app.store.config(&me.config_hash).await?;
+    let ComprehensionResult { attempts, passed } = result;
+    let most = config.comprehension.attempts;
+    let screened_out =
+        app.store.check_understanding(&me.id, attempts, passed, most, now_ms()).await?;
+    let url = &config.recruitment.screened_out_url;
+    let return_url = screened_out.then(|| return_url(url, None, me)).flatten();
+    Ok(Json(ComprehensionStored { screened_out, return_url }))
+}
+
+/// `PUT /api/v1/participants/me/answers`: 204; in the place of earlier answers, until the participation
+/// is complete.
+pub async fn answer(
+    State(app): State<Arc<App>>,
+    Writer(visitor): Writer,
+    JsonBody(Answers { answers }): JsonBody<Answers>,
+) -> Result<StatusCode, ApiError> {
+    let me = &visitor.participant;
+    let config = app.store.config(&me.config_hash).await?;
+    for (name, value) in &answers {
+        let question = config.questions.iter().find(|question| question.name == *name);
+        let unknown = || {
+            let names: Vec<_> = config.questions.iter().map(|q| q.name.as_str()).collect();
+            let expected = match names.len() {
+                0 => "no answers, since the study has no questions".to_owned(),
+                _ => format!("one of {}", names.join(", ")),
+            };
+            Invalid::new("answers", expected, "the name of no question")
+        };
+        question.ok_or_else(unknown)?.check_answer(value)?;
+    }
+    let is_given = |question: &Question| match answers.get(&question.name) {
+        Some(Value::String(text)) => !text.trim().is_empty(),
+        Some(_) => true,
+        None => false,
+    };
+    if let Some(missing) = config.questions.iter().find(|q| q.required && !is_given(q)) {
+        let field = format!("answers.{}", missing.name);
+        return Err(Invalid::new(field, "an answer", "none").into());
+    }
+    let json = serde_json::to_string(&answers).context("answers as JSON")?;
+    match app.store.put_answers(&me.id, json, now_ms()).await? {
+        true => Ok(StatusCode::NO_CONTENT),
+        false => {
+            let message = "this participation is complete; its answers stay as they are";
+            Err(ApiError::conflict("complete", message))
+        }
+    }
+}
+
+/// `POST /api/v1/participants/me/complete`: the completion code, once all trials and the answers that
+/// must be given are stored.
 pub async fn complete(
     State(app): State<Arc<App>>,
-    Me(me): Me,
+    Writer(visitor): Writer,
 ) -> Result<Json<Completed>, ApiError> {
-    let code = secrets::completion_code()?;
-    match app.store.complete(&me.id, code, now_ms()).await? {
-        Completion::Complete { code } => {
-            Ok(Json(Completed { completion_code: code, return_url: None }))
+    let me = &visitor.participant;
+    let config = app.store.config(&me.config_hash).await?;
+    let required = config.questions.iter().any(|question| question.required);
+    let mut code = secrets::completion_code()?;
+    if me.pilot {
+        code.insert_str(0, "PILOT-");
+    }
+    match app.store.complete(&visitor, required, code, now_ms()).await? {
+        Completion::Complete { code, visible: true } => {
+            let return_url = completed_url(&config, me, &code);
+            Ok(Json(Completed { completion_code: code, return_url }))
         }
+        Completion::Complete { visible: false, .. } => Err(ApiError::not_yours()),
         Completion::Incomplete { missing, of } => {
             let message = format!("{missing} of {of} trials are not stored yet");
             Err(ApiError::conflict("incomplete", message))
+        }
+        Completion::Unanswered => {
+            let message = "a question that must be answered is not answered yet";
+            Err(ApiError::conflict("unanswered", message))
         }
         Completion::Withdrawn => Err(ApiError::withdrawn()),
     }
@@ -131,58 +167,29 @@ pub struct WithdrawParams {
     data: Fate,
 }
 
-/// `DELETE /api/v1/participants/me?data=keep|delete`. Can be repeated, and `keep`
-/// followed by `delete`.
+/// `DELETE /api/v1/participants/me?data=keep|delete`. Can be repeated, and `keep` followed by `delete`;
+/// also in a study that is over, and after being screened out.
 pub async fn withdraw(
     State(app): State<Arc<App>>,
-    MeOrGone(me): MeOrGone,
+    MeOrGone(visitor): MeOrGone,
     Params(params): Params<WithdrawParams>,
-) -> Result<StatusCode, ApiError> {
+) -> Result<Json<Withdrawn>, ApiError> {
+    if visitor.scope != Scope::Full {
+        return Err(ApiError::not_yours());
+    }
+    let me = &visitor.participant;
+    let config = app.store.config(&me.config_hash).await?;
     app.store.withdraw(&me.id, params.data == Fate::Delete, now_ms()).await?;
-    Ok(StatusCode::NO_CONTENT)
+    let return_url = return_url(&config.recruitment.withdrawn_url, None, me);
+    Ok(Json(Withdrawn { return_url }))
 }
 
-/// The scenes of one participant, as rows.
-fn plan_rows(config: &StudyConfig, seed: u64) -> anyhow::Result<Vec<PlannedRow>> {
-    let phases = config.plan(seed)?;
-    let scenes = phases.into_iter().flat_map(|(phase, scenes)| {
-        let in_phase = move |(index, scene)| (phase.phase, index, scene);
-        scenes.into_iter().enumerate().map(in_phase)
-    });
-    let row = |(ordinal, (phase, index, scene))| PlannedRow {
-        trial_id: Uuid::new_v4().to_string(),
-        ordinal,
-        phase,
-        index,
-        scene,
-        stored: false,
-    };
-    Ok((0..).zip(scenes).map(row).collect())
+fn completed_url(config: &StudyConfig, me: &Participant, code: &str) -> Option<String> {
+    return_url(&config.recruitment.completed_url, Some(code), me)
 }
 
-async fn plan_of(
-    store: &Store,
-    participant: &Participant,
-) -> Result<(Plan, Vec<PlannedRow>), ApiError> {
-    let config = store.config(&participant.config_hash).await?;
-    let rows = store.plan(&participant.id).await?;
-    Ok((plan(&config, &rows), rows))
-}
-
-/// The plan for the participant's page, from its rows: phases in the configuration's order.
-fn plan(config: &StudyConfig, rows: &[PlannedRow]) -> Plan {
-    let scene = |row: &PlannedRow| PlannedScene {
-        trial_id: row.trial_id.clone(),
-        index: row.index,
-        attempt: 1,
-        human: row.scene.human,
-        robot: row.scene.robot,
-        goal: row.scene.goal,
-    };
-    let phase = |phase: &sidestep::study::PhaseConfig| PlannedPhase {
-        phase: phase.phase,
-        show_danger_zone: phase.show_danger_zone,
-        scenes: rows.iter().filter(|row| row.phase == phase.phase).map(scene).collect(),
-    };
-    Plan { phases: config.phases.iter().map(phase).collect() }
+/// Where a participant goes; pilots go nowhere.
+fn return_url(url: &str, code: Option<&str>, me: &Participant) -> Option<String> {
+    let external_id = me.external_id.as_deref().map(str::trim);
+    if me.pilot { None } else { Recruitment::filled(url, code, external_id) }
 }

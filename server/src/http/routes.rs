@@ -4,13 +4,13 @@ use crate::http::app::App;
 use crate::http::error::ApiError;
 use crate::http::site::Site;
 use crate::http::{
-    analyses, guard, laboratory, metrics, participants, session, site, studies, texts, trials,
-    value_functions,
+    analyses, enrolment, guard, laboratory, metrics, participants, session, site, studies, texts,
+    trials, value_functions,
 };
 use axum::Router;
 use axum::http::StatusCode;
 use axum::middleware::{from_fn, from_fn_with_state};
-use axum::routing::{get, post, put};
+use axum::routing::{delete, get, post, put};
 use sidestep::api::routes;
 use std::sync::Arc;
 use tower_http::catch_panic::CatchPanicLayer;
@@ -21,9 +21,11 @@ pub fn router(app: Arc<App>, site: &Site) -> Router {
     let api = Router::new()
         .route(&routes::study("{slug}"), get(studies::show))
         .route(&routes::texts("{slug}"), get(texts::show).layer(CompressionLayer::new()))
-        .route(&routes::participants("{slug}"), post(participants::enrol))
+        .route(&routes::participants("{slug}"), post(enrolment::enrol))
         .route(routes::ME, get(participants::show).delete(participants::withdraw))
         .route(&routes::my_trial("{trial_id}"), put(trials::store))
+        .route(routes::COMPREHENSION, put(participants::check_understanding))
+        .route(routes::ANSWERS, put(participants::answer))
         .route(routes::COMPLETE, post(participants::complete))
         .route(
             &routes::value_function("{id}"),
@@ -31,6 +33,7 @@ pub fn router(app: Arc<App>, site: &Site) -> Router {
         )
         .route(routes::SESSION, get(session::show).post(session::sign_in).delete(session::sign_out))
         .route(routes::ADMIN_STUDIES, get(laboratory::studies))
+        .route(&routes::admin_pilots("{slug}"), delete(laboratory::delete_pilots))
         .route(&routes::admin_trials("{slug}"), get(laboratory::trials))
         .route(&routes::admin_trial("{trial_id}"), get(laboratory::trial))
         .route(&routes::admin_predictor("{trial_id}"), get(laboratory::predictor))

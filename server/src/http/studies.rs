@@ -1,13 +1,16 @@
 //! The public part of a study.
 
+use crate::clock::now_ms;
 use crate::http::app::App;
 use crate::http::error::ApiError;
 use crate::http::params::PathText;
 use crate::store::Store;
+use crate::store::enrolments::Gate;
 use crate::store::studies::StoredStudy;
 use axum::Json;
 use axum::extract::State;
-use sidestep::api::StudyInfo;
+use sidestep::api::{Admission, StudyInfo};
+use sidestep::study::Status;
 use std::sync::Arc;
 
 /// `GET /api/v1/studies/{slug}`.
@@ -16,7 +19,23 @@ pub async fn show(
     PathText(slug): PathText,
 ) -> Result<Json<StudyInfo>, ApiError> {
     let study = named(&app.store, &slug).await?;
-    Ok(Json(StudyInfo::of(&study.config, study.config.status.into())))
+    let mut admission = study.config.status.into();
+    if admission == Admission::Open && app.store.is_full(study.id, gate(&study)).await? {
+        admission = Admission::Full;
+    }
+    Ok(Json(StudyInfo::of(&study.config, admission)))
+}
+
+/// Who may enrol in a study now.
+#[must_use]
+pub fn gate(study: &StoredStudy) -> Gate {
+    let recruitment = &study.config.recruitment;
+    let hold_ms = (recruitment.hold_min * 60_000.0) as i64;
+    Gate {
+        is_open: study.config.status == Status::Open,
+        quota: recruitment.quota,
+        away_before_ms: now_ms() - hold_ms,
+    }
 }
 
 /// The study with this name.

@@ -35,8 +35,8 @@ pub async fn show(
     let accepted = headers.get(header::ACCEPT_LANGUAGE).and_then(|value| value.to_str().ok());
     let accepted = preferred(accepted.unwrap_or_default());
     let wanted = params.language.as_deref().into_iter().chain(accepted);
-    let texts = app.library.texts(&study.config, &study.config_hash, wanted);
-    Ok(([(header::VARY, "Accept-Language")], Json(&*texts)).into_response())
+    let page = app.library.page(&study.config, &study.config_hash, wanted);
+    Ok(([(header::VARY, "Accept-Language")], Json(&page.texts)).into_response())
 }
 
 /// The languages of an Accept-Language header, the most wanted first.

@@ -6,15 +6,16 @@ use crate::http::app::App;
 use crate::http::auth::Assigned;
 use crate::http::error::ApiError;
 use crate::http::json::JsonBody;
-use crate::store::trials::{NewTrial, PutTrial};
+use crate::store::trials::{AssignedScene, NewTrial, PutTrial};
 use anyhow::Context;
 use axum::Json;
 use axum::extract::State;
 use axum::http::StatusCode;
 use sidestep::api::{TrialStored, TrialUpload};
-use sidestep::scene::{Scene, SceneParameters};
-use sidestep::trial::{flags, outcome};
+use sidestep::study::StudyConfig;
+use sidestep::trial::{Flag, Phase, outcome};
 use std::sync::Arc;
+use uuid::Uuid;
 
 /// `PUT /api/v1/participants/me/trials/{trial_id}`: 201 after the commit; 200 if the same content was
 /// stored before; 409 for other content, or if another trial comes first.
@@ -24,7 +25,7 @@ pub async fn store(
     JsonBody(upload): JsonBody<TrialUpload>,
 ) -> Result<(StatusCode, Json<TrialStored>), ApiError> {
     upload.check(&config.parameters)?;
-    let trial = recorded(trial_id.clone(), upload, &config.parameters, &scene)?;
+    let trial = recorded(trial_id.clone(), upload, &config, &scene)?;
     let (status, next) = match app.store.put_trial(&participant_id, trial).await? {
         PutTrial::Stored { next } => (StatusCode::CREATED, next),
         PutTrial::Same { next } => (StatusCode::OK, next),
@@ -46,24 +47,35 @@ pub async fn store(
 fn recorded(
     trial_id: String,
     upload: TrialUpload,
-    parameters: &SceneParameters,
-    scene: &Scene,
+    config: &StudyConfig,
+    assigned: &AssignedScene,
 ) -> Result<NewTrial, ApiError> {
-    let TrialUpload { started_at_ms, inputs, states, sampled_at_ms, key_events, display, .. } =
-        upload;
-    let (flags, outcome) = (
-        flags(parameters, scene, &inputs, &states, &sampled_at_ms),
-        outcome(parameters, &inputs, &states),
-    );
+    let parameters = &config.parameters;
+    let outcome = outcome(parameters, &upload.inputs, &upload.states);
     let content = Content {
-        started_at_ms: Some(started_at_ms),
-        inputs,
-        states,
-        sampled_at_ms: Some(sampled_at_ms),
-        key_events: serde_json::to_string(&key_events).context("key events as JSON")?,
-        display: serde_json::to_string(&display).context("a display as JSON")?,
+        started_at_ms: Some(upload.started_at_ms),
+        inputs: upload.inputs,
+        states: upload.states,
+        sampled_at_ms: Some(upload.sampled_at_ms),
+        key_events: serde_json::to_string(&upload.key_events).context("key events as JSON")?,
+        page_events: Some(serde_json::to_string(&upload.page_events).context("events as JSON")?),
+        exposures: Some(upload.exposures),
+        display: serde_json::to_string(&upload.display).context("a display as JSON")?,
     };
-    let (recipe, received_at_ms) = (Recipe::UploadJson, now_ms());
-    let content_hash = recipe.hash(&content);
-    Ok(NewTrial { trial_id, recipe, content_hash, received_at_ms, content, flags, outcome })
+    let flags = content.flags(parameters, &assigned.scene).context("flags of an upload")?;
+    let is_repeated = config.trials.repeat_interrupted
+        && assigned.phase == Phase::Task
+        && assigned.attempt == 1
+        && flags.contains(&Flag::Interrupted);
+    let (recipe, received_at_ms) = (Recipe::UploadWithPage, now_ms());
+    Ok(NewTrial {
+        trial_id,
+        recipe,
+        content_hash: recipe.hash(&content),
+        received_at_ms,
+        content,
+        flags,
+        outcome,
+        repeated_as: is_repeated.then(|| Uuid::new_v4().to_string()),
+    })
 }

@@ -1,6 +1,7 @@
 //! Texts that are made once for each configuration and language.
 
 use super::Languages;
+use super::page::consent_hash;
 use sidestep::api::Texts;
 use sidestep::study::{StudyConfig, closest_language};
 use std::collections::HashMap;
@@ -11,7 +12,16 @@ use std::sync::{Arc, PoisonError, RwLock};
 pub struct Library {
     languages: Languages,
     /// By the configuration's hash and the language; neither changes while the server runs.
-    made: RwLock<HashMap<(String, String), Arc<Texts>>>,
+    made: RwLock<HashMap<(String, String), Arc<Page>>>,
+}
+
+/// What a participant reads, with the hash of what they agree to.
+#[derive(Debug)]
+pub struct Page {
+    /// The texts.
+    pub texts: Texts,
+    /// See [`consent_hash`].
+    pub consent_hash: String,
 }
 
 impl Library {
@@ -29,12 +39,12 @@ impl Library {
 
     /// The texts of the configuration with that hash, in the first of the `wanted` languages that the
     /// study offers, else in its own first one.
-    pub fn texts<'a>(
+    pub fn page<'a>(
         &self,
         config: &StudyConfig,
         config_hash: &str,
         wanted: impl Iterator<Item = &'a str>,
-    ) -> Arc<Texts> {
+    ) -> Arc<Page> {
         let offered = self.languages.offered(config);
         let first = offered.first().copied().unwrap_or("en");
         let closest = |tag: &str| closest_language(offered.iter().copied(), tag);
@@ -42,10 +52,11 @@ impl Library {
         let key = (config_hash.to_owned(), language.to_owned());
         let made = self.made.read().unwrap_or_else(PoisonError::into_inner).get(&key).cloned();
         made.unwrap_or_else(|| {
-            let texts = Arc::new(self.languages.texts(config, language));
+            let texts = self.languages.texts(config, language);
+            let page = Arc::new(Page { consent_hash: consent_hash(&texts), texts });
             let mut made = self.made.write().unwrap_or_else(PoisonError::into_inner);
-            made.insert(key, Arc::clone(&texts));
-            texts
+            made.insert(key, Arc::clone(&page));
+            page
         })
     }
 }

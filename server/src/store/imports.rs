@@ -87,9 +87,9 @@ fn import(
     for person in new {
         db.prepare_cached(
             "INSERT INTO participant (id, study_id, number, config_hash, import_hash, \
-                 enrolled_at_ms) \
-             SELECT ?1, ?2, coalesce(max(number), 0) + 1, ?3, ?4, ?5 \
-             FROM participant WHERE study_id = ?2",
+                 enrolled_at_ms, last_seen_at_ms) \
+             SELECT ?1, ?2, coalesce(max(number), 0) + 1, ?3, ?4, ?5, ?5 \
+             FROM participant WHERE study_id = ?2 AND pilot = 0",
         )?
         .execute(params![person.id, study.id, study.config_hash, person.hash, now_ms])?;
         for (scene, trial) in &person.trials {

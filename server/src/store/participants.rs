@@ -1,4 +1,4 @@
-//! Participants: enrolment, tokens, completion, withdrawal.
+//! Participants: what their tokens may do, the check of understanding, answers, completion, withdrawal.
 
 use super::scenes::{self, PlannedRow};
 use super::{Store, StoreError, analyses};
@@ -15,70 +15,112 @@ pub struct Participant {
     pub number: i64,
     /// Hash of the configuration of their enrolment.
     pub config_hash: String,
+    /// Whether this is a pilot.
+    pub pilot: bool,
+    /// Their place in the study's design; none for imported participants and old enrolments.
+    pub place: Option<i64>,
+    /// The recruiting service's id of the participant, as it came.
+    pub external_id: Option<String>,
+    /// Whether they passed the check of understanding.
+    pub understood: bool,
+    /// Whether they answered the questions after the last scene.
+    pub answered: bool,
+    /// Whether the check of understanding ended their participation.
+    pub screened_out: bool,
     /// The completion code, once every planned trial is stored.
     pub completion_code: Option<String>,
     /// When they withdrew, if they did.
     pub withdrawn_at_ms: Option<i64>,
 }
 
+/// The columns that [`Participant::of`] reads.
+pub(super) const COLUMNS: &str = "participant.id, participant.study_id, number, \
+    participant.config_hash, pilot, place, external_id, understood_at_ms IS NOT NULL, \
+    answered_at_ms IS NOT NULL, screened_out_at_ms IS NOT NULL, completion_code, withdrawn_at_ms";
+
 impl Participant {
-    /// Reads the columns id, `study_id`, number, `config_hash`, `completion_code` and
-    /// `withdrawn_at_ms`.
+    /// Reads the columns [`COLUMNS`].
     pub(super) fn of(row: &Row<'_>) -> rusqlite::Result<Self> {
         Ok(Self {
             id: row.get(0)?,
             study_id: row.get(1)?,
             number: row.get(2)?,
             config_hash: row.get(3)?,
-            completion_code: row.get(4)?,
-            withdrawn_at_ms: row.get(5)?,
+            pilot: row.get(4)?,
+            place: row.get(5)?,
+            external_id: row.get(6)?,
+            understood: row.get(7)?,
+            answered: row.get(8)?,
+            screened_out: row.get(9)?,
+            completion_code: row.get(10)?,
+            withdrawn_at_ms: row.get(11)?,
         })
     }
 }
 
-/// How a participant who enrols may be known already.
-#[derive(Clone, Debug, Default)]
-pub struct Known {
-    /// The recruiting service's id of the participant.
-    pub external_id: Option<String>,
-    /// Hash of the request's id, which the client drew.
-    pub request_hash: Option<[u8; 32]>,
+/// What a token may do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Scope {
+    /// Everything: it is that of the browser that enrolled.
+    Full,
+    /// Go on with the study: it was given to somebody who knew only the external id.
+    Continue,
 }
 
-/// A participant who enrols.
-#[derive(Clone, Debug)]
-pub struct NewParticipant {
-    /// Their id, if they are new.
-    pub id: String,
-    /// The study's row.
-    pub study_id: i64,
-    /// By what they may be recognised.
-    pub known: Known,
-    /// Hash of the configuration of their enrolment.
-    pub config_hash: String,
-    /// Seed of the scenes.
-    pub seed: u64,
-    /// Language.
-    pub locale: Option<String>,
-    /// The screen, as JSON.
-    pub screen: Option<String>,
-    /// Their scenes; none for a participant who is probably known.
-    pub plan: Option<Vec<PlannedRow>>,
-    /// The current time.
-    pub enrolled_at_ms: i64,
+impl Scope {
+    /// The word in the database.
+    pub(super) fn word(self) -> &'static str {
+        match self {
+            Self::Full => "full",
+            Self::Continue => "continue",
+        }
+    }
 }
 
-/// The outcome of an enrolment. Its token is valid unless the participant has withdrawn.
+/// The holder of a token.
 #[derive(Clone, Debug)]
-pub enum Enrolment {
-    /// The participant is new.
-    New,
-    /// The participant enrolled before and keeps their plan.
-    Known(Participant),
-    /// The participant has withdrawn.
-    Withdrawn,
-    /// They are new and came without a plan; nothing was stored.
-    Unplanned,
+pub struct Visitor {
+    /// The participant.
+    pub participant: Participant,
+    /// Hash of the token.
+    pub token_hash: [u8; 32],
+    /// What the token may do.
+    pub scope: Scope,
+    /// Whether the participation was completed with this token.
+    pub completed: bool,
+    /// Hash of the configuration that the study has now.
+    pub present_config_hash: String,
+}
+
+/// The columns that [`Visitor::of`] reads after [`COLUMNS`], of the tables `participant_token` and
+/// `study`.
+pub(super) const TOKEN: &str =
+    "participant_token.hash, scope, participant_token.completed, study.config_hash";
+
+impl Visitor {
+    /// The number of columns that [`Self::of`] reads.
+    pub(super) const WIDTH: usize = 16;
+
+    /// Reads the columns [`COLUMNS`] and [`TOKEN`].
+    pub(super) fn of(row: &Row<'_>) -> Result<Self, StoreError> {
+        let scope: String = row.get(13)?;
+        let scopes = [Scope::Full, Scope::Continue];
+        let known = scopes.into_iter().find(|known| known.word() == scope);
+        Ok(Self {
+            participant: Participant::of(row)?,
+            token_hash: row.get(12)?,
+            scope: known.ok_or_else(|| StoreError::unknown_word(&scope))?,
+            completed: row.get(14)?,
+            present_config_hash: row.get(15)?,
+        })
+    }
+
+    /// Whether the holder may see the completion code: who knows only the external id sees no code that
+    /// somebody else was given.
+    #[must_use]
+    pub fn may_see_code(&self) -> bool {
+        self.scope == Scope::Full || self.completed
+    }
 }
 
 /// The outcome of a completion.
@@ -88,6 +130,8 @@ pub enum Completion {
     Complete {
         /// The code.
         code: String,
+        /// Whether this token may see it.
+        visible: bool,
     },
     /// Trials are missing.
     Incomplete {
@@ -96,62 +140,25 @@ pub enum Completion {
         /// Number of planned trials.
         of: usize,
     },
+    /// An answer that must be given is missing.
+    Unanswered,
     /// The participant has withdrawn.
     Withdrawn,
 }
 
-const COLUMNS: &str =
-    "participant.id, study_id, number, config_hash, completion_code, withdrawn_at_ms";
-
 impl Store {
-    /// The participant to whom the token with this hash belongs.
-    pub async fn participant(
-        &self,
-        token_hash: [u8; 32],
-    ) -> Result<Option<Participant>, StoreError> {
+    /// The holder of the token with this hash.
+    pub async fn visitor(&self, token_hash: [u8; 32]) -> Result<Option<Visitor>, StoreError> {
         self.read(|db| {
             let mut statement = db.prepare_cached(&format!(
-                "SELECT {COLUMNS} FROM participant_token \
+                "SELECT {COLUMNS}, {TOKEN} FROM participant_token \
                  JOIN participant ON participant.id = participant_token.participant_id \
+                 JOIN study ON study.id = participant.study_id \
                  WHERE participant_token.hash = ?1"
             ))?;
-            Ok(statement.query_row([token_hash], Participant::of).optional()?)
+            let mut found = statement.query_and_then([token_hash], Visitor::of)?;
+            found.next().transpose()
         })
-    }
-
-    /// Whether a participant who enrols is known and needs no plan. Only [`Store::enrol`] decides:
-    /// until then the answer may change.
-    pub async fn is_known(&self, study_id: i64, known: &Known) -> Result<bool, StoreError> {
-        self.read(|db| Ok(find(db, study_id, known)?.is_some()))
-    }
-
-    /// Stores a participant with their plan, under the study's next number, or finds the known
-    /// participant. Either way a token with that hash becomes valid, beside earlier tokens.
-    ///
-    /// # Errors
-    /// [`StoreError`]; nothing was stored then.
-    pub async fn enrol(
-        &self,
-        new: NewParticipant,
-        token_hash: [u8; 32],
-    ) -> Result<Enrolment, StoreError> {
-        self.write(move |db| {
-            if let Some(known) = find(db, new.study_id, &new.known)? {
-                if known.withdrawn_at_ms.is_some() {
-                    return Ok(Enrolment::Withdrawn);
-                }
-                add_token(db, &known.id, token_hash, new.enrolled_at_ms)?;
-                return Ok(Enrolment::Known(known));
-            }
-            let Some(plan) = &new.plan else { return Ok(Enrolment::Unplanned) };
-            insert(db, &new)?;
-            for scene in plan {
-                scenes::insert(db, &new.id, scene)?;
-            }
-            add_token(db, &new.id, token_hash, new.enrolled_at_ms)?;
-            Ok(Enrolment::New)
-        })
-        .await
     }
 
     /// A participant's whole plan, in order.
@@ -159,46 +166,151 @@ impl Store {
         self.read(|db| scenes::plan(db, participant_id))
     }
 
-    /// Completes a participation if no trial is missing.
-    pub async fn complete(
+    /// Stores the plan of a participant who has none and has not withdrawn. Returns the plan that they
+    /// have then.
+    pub async fn put_plan(
         &self,
         participant_id: &str,
-        code: String,
-        now_ms: i64,
-    ) -> Result<Completion, StoreError> {
+        plan: Vec<PlannedRow>,
+    ) -> Result<Vec<PlannedRow>, StoreError> {
         let id = participant_id.to_owned();
         self.write(move |db| {
-            let (of, stored, withdrawn): (i64, i64, bool) = db.query_row(
-                "SELECT (SELECT count(*) FROM scene WHERE participant_id = ?1), \
-                     (SELECT count(*) FROM scene JOIN trial ON trial.trial_id = scene.trial_id \
-                      WHERE participant_id = ?1), \
-                     (SELECT withdrawn_at_ms IS NOT NULL FROM participant WHERE id = ?1)",
-                [&id],
-                |row| Ok((row.get(0)?, row.get(1)?, row.get(2)?)),
-            )?;
-            if withdrawn {
-                return Ok(Completion::Withdrawn);
+            let needs_one: bool = db
+                .prepare_cached(
+                    "SELECT EXISTS (SELECT 1 FROM participant \
+                         WHERE id = ?1 AND withdrawn_at_ms IS NULL) \
+                     AND NOT EXISTS (SELECT 1 FROM scene WHERE participant_id = ?1)",
+                )?
+                .query_row([&id], |row| row.get(0))?;
+            if !needs_one {
+                return scenes::plan(db, &id);
             }
-            if stored < of {
-                let [missing, of] = [of - stored, of].map(|n| n.unsigned_abs() as usize);
-                return Ok(Completion::Incomplete { missing, of });
+            for scene in &plan {
+                scenes::insert(db, &id, scene)?;
             }
-            let code = db.query_row(
-                "UPDATE participant SET completion_code = coalesce(completion_code, ?2), \
-                     completed_at_ms = coalesce(completed_at_ms, ?3) WHERE id = ?1 \
-                 RETURNING completion_code",
-                params![id, code, now_ms],
-                |row| row.get(0),
-            )?;
-            Ok(Completion::Complete { code })
+            Ok(plan)
         })
         .await
     }
 
-    /// Stores a withdrawal; a second one changes nothing. With `delete`, the participant's trials and
-    /// personal fields are deleted, with all results computed from them. Their number remains, so that
-    /// counts stay true. Deleted rows are overwritten at once, and leave the write-ahead log as soon as
-    /// no reader uses it.
+    /// Stores the result of the check of understanding. After `most` attempts (0: any number) without a
+    /// right one, the participation ends and its place is free. Returns whether it has ended.
+    pub async fn check_understanding(
+        &self,
+        participant_id: &str,
+        attempts: usize,
+        passed: bool,
+        most: usize,
+        now_ms: i64,
+    ) -> Result<bool, StoreError> {
+        let id = participant_id.to_owned();
+        self.write(move |db| {
+            let (before, understood, ended): (i64, bool, bool) = db.query_row(
+                "SELECT comprehension_attempts, understood_at_ms IS NOT NULL, \
+                     screened_out_at_ms IS NOT NULL FROM participant WHERE id = ?1",
+                [&id],
+                |row| Ok((row.get(0)?, row.get(1)?, row.get(2)?)),
+            )?;
+            if understood || ended {
+                return Ok(ended);
+            }
+            let (attempts, most) = (before.max(attempts as i64), most as i64);
+            let too_often = most > 0 && (attempts > most || (attempts == most && !passed));
+            db.execute(
+                "UPDATE participant SET comprehension_attempts = ?2, last_seen_at_ms = ?3, \
+                     understood_at_ms = iif(?4, ?3, NULL), screened_out_at_ms = iif(?5, ?3, NULL), \
+                     holds_place = iif(?5, 0, holds_place) WHERE id = ?1",
+                params![id, attempts, now_ms, passed && !too_often, too_often],
+            )?;
+            Ok(too_often)
+        })
+        .await
+    }
+
+    /// Stores answers, as JSON, in the place of earlier ones. Returns false, and stores nothing, if the
+    /// participation is complete with other answers.
+    pub async fn put_answers(
+        &self,
+        participant_id: &str,
+        answers: String,
+        now_ms: i64,
+    ) -> Result<bool, StoreError> {
+        let id = participant_id.to_owned();
+        self.write(move |db| {
+            let changed = db.execute(
+                "UPDATE participant SET answers = ?2, answered_at_ms = ?3, last_seen_at_ms = ?3 \
+                 WHERE id = ?1 AND completed_at_ms IS NULL AND withdrawn_at_ms IS NULL",
+                params![id, answers, now_ms],
+            )?;
+            let mut same =
+                db.prepare("SELECT 1 FROM participant WHERE id = ?1 AND answers = ?2")?;
+            Ok(changed > 0 || same.exists(params![id, answers])?)
+        })
+        .await
+    }
+
+    /// Completes a participation if no trial is missing, nor the answers where they are `required`.
+    pub async fn complete(
+        &self,
+        visitor: &Visitor,
+        required: bool,
+        code: String,
+        now_ms: i64,
+    ) -> Result<Completion, StoreError> {
+        let (id, token_hash, scope) =
+            (visitor.participant.id.clone(), visitor.token_hash, visitor.scope);
+        self.write(move |db| {
+            let (of, stored, withdrawn, answered, complete): (i64, i64, bool, bool, bool) = db
+                .query_row(
+                    "SELECT (SELECT count(*) FROM scene WHERE participant_id = ?1), \
+                         (SELECT count(*) FROM scene JOIN trial ON trial.trial_id = scene.trial_id \
+                          WHERE participant_id = ?1), \
+                         withdrawn_at_ms IS NOT NULL, answered_at_ms IS NOT NULL, \
+                         completed_at_ms IS NOT NULL FROM participant WHERE id = ?1",
+                    [&id],
+                    |row| {
+                        let [of, stored] = [row.get(0)?, row.get(1)?];
+                        Ok((of, stored, row.get(2)?, row.get(3)?, row.get(4)?))
+                    },
+                )?;
+            if withdrawn {
+                return Ok(Completion::Withdrawn);
+            }
+            // A participant without a plan has enrolled only half.
+            if stored < of || of == 0 {
+                let [missing, of] = [of - stored, of].map(|n| n.unsigned_abs() as usize);
+                return Ok(Completion::Incomplete { missing, of });
+            }
+            if required && !answered && !complete {
+                return Ok(Completion::Unanswered);
+            }
+            if !complete {
+                db.execute(
+                    "UPDATE participant SET completion_code = ?2, completed_at_ms = ?3, \
+                         last_seen_at_ms = ?3 WHERE id = ?1",
+                    params![id, code, now_ms],
+                )?;
+                db.execute(
+                    "UPDATE participant_token SET completed = 1 WHERE hash = ?1",
+                    [token_hash],
+                )?;
+            }
+            let (code, completed): (String, bool) = db.query_row(
+                "SELECT completion_code, \
+                     (SELECT completed FROM participant_token WHERE hash = ?2) \
+                 FROM participant WHERE id = ?1",
+                params![id, token_hash],
+                |row| Ok((row.get(0)?, row.get(1)?)),
+            )?;
+            Ok(Completion::Complete { code, visible: completed || scope == Scope::Full })
+        })
+        .await
+    }
+
+    /// Stores a withdrawal; a second one changes nothing. The participant's place is free then. With
+    /// `delete`, the participant's trials and everything that they told are deleted, with all results
+    /// computed from them. Their number remains, so that counts stay true. Deleted rows are overwritten
+    /// at once, and leave the write-ahead log as soon as no reader uses it.
     pub async fn withdraw(
         &self,
         participant_id: &str,
@@ -208,8 +320,8 @@ impl Store {
         let id = participant_id.to_owned();
         self.write(move |db| {
             db.execute(
-                "UPDATE participant SET withdrawn_at_ms = coalesce(withdrawn_at_ms, ?2) \
-                 WHERE id = ?1",
+                "UPDATE participant SET withdrawn_at_ms = coalesce(withdrawn_at_ms, ?2), \
+                     holds_place = 0 WHERE id = ?1",
                 params![id, now_ms],
             )?;
             if !delete {
@@ -220,8 +332,12 @@ impl Store {
                 "DELETE FROM trial WHERE trial_id IN \
                      (SELECT trial_id FROM scene WHERE participant_id = ?1)",
                 "DELETE FROM scene WHERE participant_id = ?1",
-                "UPDATE participant SET data_deleted = 1, external_id = NULL, locale = NULL, \
-                     screen = NULL, seed = NULL, request_hash = NULL WHERE id = ?1",
+                "UPDATE participant SET data_deleted = 1, external_id = NULL, external_key = NULL, \
+                     request_hash = NULL, locale = NULL, screen = NULL, parameters = NULL, \
+                     consent_language = NULL, consent_hash = NULL, place = NULL, seed = NULL, \
+                     comprehension_attempts = 0, understood_at_ms = NULL, answers = NULL, \
+                     answered_at_ms = NULL, completion_code = NULL, completed_at_ms = NULL, \
+                     last_seen_at_ms = withdrawn_at_ms WHERE id = ?1",
             ] {
                 db.execute(statement, [&id])?;
             }
@@ -234,17 +350,47 @@ impl Store {
         Ok(())
     }
 
-    /// The ids of a study's participants, in the order of their numbers.
-    pub async fn participant_ids(&self, study_id: i64) -> Result<Vec<String>, StoreError> {
+    /// Deletes the pilots of a study with all that they drove. Returns how many there were.
+    pub async fn delete_pilots(&self, study_id: i64) -> Result<usize, StoreError> {
+        let deleted = self
+            .write(move |db| {
+                const PILOTS: &str = "SELECT id FROM participant WHERE study_id = ?1 AND pilot = 1";
+                for statement in [
+                    format!(
+                        "DELETE FROM trial WHERE trial_id IN \
+                             (SELECT trial_id FROM scene WHERE participant_id IN ({PILOTS}))"
+                    ),
+                    format!("DELETE FROM scene WHERE participant_id IN ({PILOTS})"),
+                    format!("DELETE FROM participant_token WHERE participant_id IN ({PILOTS})"),
+                ] {
+                    db.execute(&statement, [study_id])?;
+                }
+                let delete = "DELETE FROM participant WHERE study_id = ?1 AND pilot = 1";
+                Ok(db.execute(delete, [study_id])?)
+            })
+            .await?;
+        self.open.writer.empty_log();
+        Ok(deleted)
+    }
+
+    /// The ids of a study's participants, in the order of their numbers; those of pilots only if they are
+    /// asked for.
+    pub async fn participant_ids(
+        &self,
+        study_id: i64,
+        pilots: bool,
+    ) -> Result<Vec<String>, StoreError> {
         self.read_long(move |db| {
-            let query = "SELECT id FROM participant WHERE study_id = ?1 ORDER BY number";
+            let query = "SELECT id FROM participant WHERE study_id = ?1 AND pilot <= ?2 \
+                         ORDER BY pilot, number";
             let mut statement = db.prepare_cached(query)?;
-            Ok(statement.query_map([study_id], |row| row.get(0))?.collect::<Result<_, _>>()?)
+            let ids = statement.query_map(params![study_id, pilots], |row| row.get(0))?;
+            Ok(ids.collect::<Result<_, _>>()?)
         })
         .await
     }
 
-    /// The numbers of participants and of trials in all studies.
+    /// The numbers of participants and of trials in all studies, pilots included.
     pub async fn counts(&self) -> Result<[i64; 2], StoreError> {
         self.read_long(|db| {
             let query = "SELECT (SELECT count(*) FROM participant), (SELECT count(*) FROM trial)";
@@ -254,54 +400,21 @@ impl Store {
     }
 }
 
-fn find(db: &Connection, study_id: i64, known: &Known) -> Result<Option<Participant>, StoreError> {
-    let by = |column: &str, value: &dyn rusqlite::ToSql| {
-        let query =
-            format!("SELECT {COLUMNS} FROM participant WHERE study_id = ?1 AND {column} = ?2");
-        let mut statement = db.prepare_cached(&query)?;
-        statement.query_row(params![study_id, value], Participant::of).optional()
-    };
-    if let Some(external_id) = &known.external_id
-        && let Some(found) = by("external_id", external_id)?
-    {
-        return Ok(Some(found));
-    }
-    Ok(match &known.request_hash {
-        Some(request_hash) => by("request_hash", request_hash)?,
-        None => None,
-    })
-}
-
-fn insert(db: &Connection, new: &NewParticipant) -> Result<(), StoreError> {
-    db.prepare_cached(
-        "INSERT INTO participant (id, study_id, number, external_id, request_hash, config_hash, \
-             seed, locale, screen, enrolled_at_ms) \
-         SELECT ?1, ?2, coalesce(max(number), 0) + 1, ?3, ?4, ?5, ?6, ?7, ?8, ?9 \
-         FROM participant WHERE study_id = ?2",
-    )?
-    .execute(params![
-        new.id,
-        new.study_id,
-        new.known.external_id,
-        new.known.request_hash,
-        new.config_hash,
-        new.seed.cast_signed(),
-        new.locale,
-        new.screen,
-        new.enrolled_at_ms,
-    ])?;
+/// Notes that a participant has just done something.
+pub(super) fn seen(db: &Connection, participant_id: &str, now_ms: i64) -> Result<(), StoreError> {
+    db.prepare_cached("UPDATE participant SET last_seen_at_ms = ?2 WHERE id = ?1")?
+        .execute(params![participant_id, now_ms])?;
     Ok(())
 }
 
-fn add_token(
+/// The participant with this value in a column.
+pub(super) fn find(
     db: &Connection,
-    participant_id: &str,
-    token_hash: [u8; 32],
-    now_ms: i64,
-) -> Result<(), StoreError> {
-    db.prepare_cached(
-        "INSERT INTO participant_token (hash, participant_id, created_at_ms) VALUES (?1, ?2, ?3)",
-    )?
-    .execute(params![token_hash, participant_id, now_ms])?;
-    Ok(())
+    study_id: i64,
+    column: &'static str,
+    value: &dyn rusqlite::ToSql,
+) -> Result<Option<Participant>, StoreError> {
+    let query = format!("SELECT {COLUMNS} FROM participant WHERE study_id = ?1 AND {column} = ?2");
+    let mut statement = db.prepare_cached(&query)?;
+    Ok(statement.query_row(params![study_id, value], Participant::of).optional()?)
 }

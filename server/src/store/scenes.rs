@@ -17,6 +17,8 @@ pub struct PlannedRow {
     pub phase: Phase,
     /// Place within the phase, from 0.
     pub index: usize,
+    /// 1; 2 if the scene is driven again because its first trial was interrupted.
+    pub attempt: u32,
     /// Both vehicles and the goal.
     pub scene: Scene,
     /// Whether its trial is stored.
@@ -49,9 +51,9 @@ pub(super) fn insert(
 ) -> Result<(), StoreError> {
     let Scene { human, robot, goal } = planned.scene;
     db.prepare_cached(
-        "INSERT INTO scene (trial_id, participant_id, ordinal, phase, idx, human_x, human_y, \
-             human_psi, robot_x, robot_y, robot_psi, goal_x, goal_y) \
-         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13)",
+        "INSERT INTO scene (trial_id, participant_id, ordinal, phase, idx, attempt, human_x, \
+             human_y, human_psi, robot_x, robot_y, robot_psi, goal_x, goal_y) \
+         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13, ?14)",
     )?
     .execute(params![
         planned.trial_id,
@@ -59,6 +61,7 @@ pub(super) fn insert(
         planned.ordinal,
         planned.phase.word(),
         planned.index as i64,
+        planned.attempt,
         human.x,
         human.y,
         human.psi,
@@ -68,6 +71,21 @@ pub(super) fn insert(
         goal[0],
         goal[1],
     ])?;
+    Ok(())
+}
+
+/// Adds the scene of a trial to the end of its participant's plan, as the next attempt.
+pub(super) fn repeat(db: &Connection, trial_id: &str, new_id: &str) -> Result<(), StoreError> {
+    db.prepare_cached(
+        "INSERT INTO scene (trial_id, participant_id, ordinal, phase, idx, attempt, human_x, \
+             human_y, human_psi, robot_x, robot_y, robot_psi, goal_x, goal_y) \
+         SELECT ?2, participant_id, (SELECT max(ordinal) + 1 FROM scene AS other \
+                 WHERE other.participant_id = scene.participant_id), \
+             phase, idx, attempt + 1, human_x, human_y, human_psi, robot_x, robot_y, robot_psi, \
+             goal_x, goal_y \
+         FROM scene WHERE trial_id = ?1",
+    )?
+    .execute([trial_id, new_id])?;
     Ok(())
 }
 
@@ -84,7 +102,7 @@ pub(super) fn next(db: &Connection, participant_id: &str) -> Result<Option<Strin
 /// A participant's whole plan, in order.
 pub(super) fn plan(db: &Connection, participant_id: &str) -> Result<Vec<PlannedRow>, StoreError> {
     let mut statement = db.prepare_cached(&format!(
-        "SELECT scene.trial_id, ordinal, phase, idx, trial.trial_id IS NOT NULL, {SCENE} \
+        "SELECT scene.trial_id, ordinal, phase, idx, attempt, trial.trial_id IS NOT NULL, {SCENE} \
          FROM scene LEFT JOIN trial ON trial.trial_id = scene.trial_id \
          WHERE scene.participant_id = ?1 ORDER BY ordinal"
     ))?;
@@ -94,8 +112,9 @@ pub(super) fn plan(db: &Connection, participant_id: &str) -> Result<Vec<PlannedR
             ordinal: row.get(1)?,
             phase: phase_of(&row.get::<_, String>(2)?)?,
             index: usize::try_from(row.get::<_, i64>(3)?).map_err(StoreError::corrupt)?,
-            stored: row.get(4)?,
-            scene: scene_of(row, 5)?,
+            attempt: row.get(4)?,
+            stored: row.get(5)?,
+            scene: scene_of(row, 6)?,
         })
     };
     statement.query_and_then([participant_id], planned)?.collect()

@@ -30,9 +30,9 @@ pub struct StudyCounts {
     pub slug: String,
     /// Title, from the current configuration; empty if that cannot be read.
     pub title: String,
-    /// Number of participants who enrolled or were imported.
+    /// Number of participants who enrolled or were imported, without pilots.
     pub participants: u64,
-    /// Number of stored trials.
+    /// Number of stored trials, without those of pilots.
     pub trials: u64,
 }
 
@@ -83,8 +83,13 @@ impl Store {
             let mut statement = db.prepare_cached(
                 "SELECT study.slug, \
                      coalesce(iif(json_valid(json), json ->> '$.title', NULL), ''), \
-                     (SELECT count(*) FROM participant WHERE participant.study_id = study.id), \
+                     (SELECT count(*) FROM participant \
+                      WHERE participant.study_id = study.id AND pilot = 0), \
                      (SELECT count(*) FROM trial WHERE trial.study_id = study.id) \
+                     - (SELECT count(*) FROM participant \
+                        JOIN scene ON scene.participant_id = participant.id \
+                        JOIN trial ON trial.trial_id = scene.trial_id \
+                        WHERE participant.study_id = study.id AND pilot = 1) \
                  FROM study JOIN study_config ON study_config.hash = study.config_hash \
                  ORDER BY study.id",
             )?;

@@ -1,7 +1,8 @@
 //! What every store must do, told by its operations alone: another database passes the same.
 //! The tests of the writer at the end are of this one.
 
-use super::participants::{Completion, Enrolment, Known, NewParticipant};
+use super::enrolments::{Enrolment, Gate, NewParticipant};
+use super::participants::{Completion, Scope};
 use super::scenes::PlannedRow;
 use super::trials::{NewTrial, PutTrial};
 use super::{Missing, Store, StoreError};
@@ -25,9 +26,19 @@ pub(crate) async fn store() -> (TempDir, Store) {
     (folder, store)
 }
 
+/// By what somebody who enrols may be known.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Known {
+    pub(crate) external_key: Option<String>,
+    pub(crate) request_hash: Option<[u8; 32]>,
+}
+
+/// Everybody may enrol.
+const OPEN: Gate = Gate { is_open: true, quota: 0, away_before_ms: 0 };
+
 /// Somebody with a plan of two tasks, whose trials are called after them.
 pub(crate) async fn someone(store: &Store, name: &str, known: Known) -> Enrolment {
-    let study = store.put_study(&StudyConfig::default(), 0).await.unwrap();
+    let enrolled = arrives(store, name, known, OPEN, 1).await;
     let scene = Scene {
         human: Pose::from([0.0, 0.0, 0.0]),
         robot: Pose::from([15.0, 10.0, -2.0]),
@@ -38,21 +49,34 @@ pub(crate) async fn someone(store: &Store, name: &str, known: Known) -> Enrolmen
         ordinal: index as i64,
         phase: Phase::Task,
         index,
+        attempt: 1,
         scene,
         stored: false,
     };
+    if let Enrolment::New(new) = &enrolled {
+        store.put_plan(&new.id, vec![planned(0), planned(1)]).await.unwrap();
+    }
+    enrolled
+}
+
+/// Somebody without a plan.
+async fn arrives(store: &Store, name: &str, known: Known, gate: Gate, now_ms: i64) -> Enrolment {
+    let study = store.put_study(&StudyConfig::default(), 0).await.unwrap();
     let new = NewParticipant {
         id: name.to_owned(),
         study_id: study.id,
-        known,
+        request_hash: known.request_hash,
+        external_id: known.external_key.clone(),
+        external_key: known.external_key,
+        pilot_place: None,
         config_hash: study.config_hash,
-        seed: 1,
         locale: None,
         screen: None,
-        plan: Some(vec![planned(0), planned(1)]),
-        enrolled_at_ms: 1,
+        parameters: None,
+        consent: None,
+        enrolled_at_ms: now_ms,
     };
-    store.enrol(new, token(name)).await.unwrap()
+    store.enrol(new, gate, token(name)).await.unwrap()
 }
 
 fn token(name: &str) -> [u8; 32] {
@@ -74,16 +98,19 @@ pub(crate) fn trial(trial_id: &str, turn: TurnInput) -> NewTrial {
         states,
         sampled_at_ms: Some((0..50).map(f64::from).collect()),
         key_events: "[]".to_owned(),
+        page_events: Some("[]".to_owned()),
+        exposures: Some(1),
         display: "{}".to_owned(),
     };
     NewTrial {
         trial_id: trial_id.to_owned(),
-        recipe: Recipe::UploadJson,
-        content_hash: Recipe::UploadJson.hash(&content),
+        recipe: Recipe::UploadWithPage,
+        content_hash: Recipe::UploadWithPage.hash(&content),
         received_at_ms: 5,
         content,
         flags: Vec::new(),
         outcome,
+        repeated_as: None,
     }
 }
 
@@ -130,47 +157,134 @@ async fn an_upload_is_compared_by_the_recipe_of_the_row() {
 async fn whoever_is_known_keeps_their_plan() {
     let (_folder, store) = store().await;
     let named = |external: Option<&str>, request: Option<&str>| Known {
-        external_id: external.map(str::to_owned),
+        external_key: external.map(str::to_owned),
         request_hash: request.map(token),
     };
     let is = |outcome: Enrolment| match outcome {
-        Enrolment::New => "new".to_owned(),
-        Enrolment::Known(known) => known.id,
+        Enrolment::New(_) => "new".to_owned(),
+        Enrolment::Known(known, Scope::Full) => known.id,
+        Enrolment::Known(known, Scope::Continue) => format!("{} by name", known.id),
         Enrolment::Withdrawn => "withdrawn".to_owned(),
-        Enrolment::Unplanned => "unplanned".to_owned(),
+        other => format!("{other:?}"),
     };
     assert_eq!(is(someone(&store, "a", named(Some("x"), Some("r"))).await), "new");
-    assert_eq!(is(someone(&store, "b", named(Some("x"), None)).await), "a");
+    assert_eq!(is(someone(&store, "b", named(Some("x"), None)).await), "a by name");
     assert_eq!(is(someone(&store, "c", named(None, Some("r"))).await), "a");
     assert_eq!(is(someone(&store, "d", named(Some("y"), Some("s"))).await), "new");
     // Every token that was given speaks for them.
     for name in ["a", "b", "c"] {
-        assert_eq!(store.participant(token(name)).await.unwrap().unwrap().id, "a");
+        let visitor = store.visitor(token(name)).await.unwrap().unwrap();
+        assert_eq!(visitor.participant.id, "a");
+        assert_eq!(visitor.scope == Scope::Full, name != "b");
     }
     let found = store.assignment(token("c"), "a-1").await.unwrap().unwrap();
-    assert!(found.participant.id == "a" && found.scene.is_some());
+    assert!(found.visitor.participant.id == "a" && found.scene.is_some());
     assert!(store.assignment(token("c"), "d-0").await.unwrap().unwrap().scene.is_none());
     store.withdraw("a", false, 1).await.unwrap();
     assert_eq!(is(someone(&store, "e", named(None, Some("r"))).await), "withdrawn");
     store.withdraw("a", true, 1).await.unwrap();
     assert_eq!(is(someone(&store, "f", named(Some("x"), Some("r"))).await), "new");
-    assert_eq!(store.participant(token("f")).await.unwrap().unwrap().number, 3);
+    assert_eq!(store.visitor(token("f")).await.unwrap().unwrap().participant.number, 3);
 }
 
 #[tokio::test]
 async fn a_completion_keeps_its_first_code() {
     let (_folder, store) = store().await;
     someone(&store, "ada", Known::default()).await;
-    let complete = async |code: &str| store.complete("ada", code.to_owned(), 1).await.unwrap();
-    assert_eq!(complete("A").await, Completion::Incomplete { missing: 2, of: 2 });
+    let complete = async |code: &str, required: bool| {
+        let visitor = store.visitor(token("ada")).await.unwrap().unwrap();
+        store.complete(&visitor, required, code.to_owned(), 1).await.unwrap()
+    };
+    assert_eq!(complete("A", false).await, Completion::Incomplete { missing: 2, of: 2 });
     for id in ["ada-0", "ada-1"] {
         store.put_trial("ada", trial(id, TurnInput::Left)).await.unwrap();
     }
+    assert_eq!(complete("A", true).await, Completion::Unanswered);
+    assert_eq!(store.put_answers("ada", "{}".to_owned(), 1).await, Ok(true));
     for code in ["A", "B"] {
-        assert_eq!(complete(code).await, Completion::Complete { code: "A".to_owned() });
+        let code = complete(code, true).await;
+        assert_eq!(code, Completion::Complete { code: "A".to_owned(), visible: true });
     }
+    assert_eq!(store.put_answers("ada", "{}".to_owned(), 1).await, Ok(true));
+    assert_eq!(store.put_answers("ada", "{\"x\":1}".to_owned(), 1).await, Ok(false));
     store.withdraw("ada", false, 1).await.unwrap();
-    assert_eq!(complete("C").await, Completion::Withdrawn);
+    assert_eq!(complete("C", false).await, Completion::Withdrawn);
+}
+
+#[tokio::test]
+async fn somebody_new_gets_the_lowest_free_place() {
+    let (_folder, store) = store().await;
+    let gate = |quota, away_before_ms| Gate { is_open: true, quota, away_before_ms };
+    let comes = async |name: &str, gate: Gate, now_ms: i64| match arrives(
+        &store,
+        name,
+        Known::default(),
+        gate,
+        now_ms,
+    )
+    .await
+    {
+        Enrolment::New(new) => new.place,
+        Enrolment::Full => None,
+        other => panic!("{other:?}"),
+    };
+    for (name, place) in [("a", 0), ("b", 1), ("c", 2)] {
+        assert_eq!(comes(name, gate(0, 0), 10).await, Some(place));
+    }
+    store.withdraw("b", false, 11).await.unwrap();
+    assert_eq!(comes("d", gate(0, 0), 20).await, Some(1));
+    // Without a quota, a place of somebody who stays away stays theirs.
+    assert_eq!(comes("e", gate(0, 15), 21).await, Some(3));
+    store.withdraw("a", true, 22).await.unwrap();
+    assert_eq!(comes("f", gate(0, 0), 23).await, Some(0));
+    // Four take part, c, d, e and f: c has stayed away since 10.
+    assert_eq!(comes("g", gate(4, 0), 30).await, None);
+    assert_eq!(comes("g", gate(4, 15), 30).await, Some(2));
+    assert_eq!(comes("h", gate(4, 15), 30).await, None);
+    // Who comes back counts again, and finds the same place.
+    store.check_understanding("c", 1, true, 0, 31).await.unwrap();
+    assert_eq!(comes("i", gate(5, 15), 32).await, None);
+    // Screened out after two wrong attempts; the place is free, and the result stays.
+    assert_eq!(store.check_understanding("f", 1, false, 2, 33).await, Ok(false));
+    assert_eq!(store.check_understanding("f", 2, false, 2, 34).await, Ok(true));
+    assert_eq!(store.check_understanding("f", 3, true, 2, 35).await, Ok(true));
+    assert_eq!(comes("j", gate(5, 15), 36).await, Some(0));
+}
+
+#[tokio::test]
+async fn a_plan_is_stored_once() {
+    let (_folder, store) = store().await;
+    let enrolled = someone(&store, "ada", Known::default()).await;
+    let Enrolment::New(ada) = enrolled else { panic!("{enrolled:?}") };
+    let mut other = store.plan(&ada.id).await.unwrap();
+    other.truncate(1);
+    other[0].trial_id = "other".to_owned();
+    let kept = store.put_plan(&ada.id, other.clone()).await.unwrap();
+    assert_eq!(kept.len(), 2);
+    arrives(&store, "bob", Known::default(), OPEN, 1).await;
+    store.withdraw("bob", false, 2).await.unwrap();
+    assert!(store.put_plan("bob", other).await.unwrap().is_empty());
+}
+
+#[tokio::test]
+async fn an_interrupted_trial_is_followed_by_another_attempt() {
+    let (_folder, store) = store().await;
+    someone(&store, "ada", Known::default()).await;
+    let mut first = trial("ada-0", TurnInput::Left);
+    first.repeated_as = Some("again-0".to_owned());
+    let put = async |new: NewTrial| store.put_trial("ada", new).await.unwrap();
+    let next = |id: &str| Some(id.to_owned());
+    assert_eq!(put(first.clone()).await, PutTrial::Stored { next: next("ada-1") });
+    first.repeated_as = Some("again-1".to_owned());
+    assert_eq!(put(first).await, PutTrial::Same { next: next("ada-1") });
+    let stored = put(trial("ada-1", TurnInput::Left)).await;
+    assert_eq!(stored, PutTrial::Stored { next: next("again-0") });
+    let plan = store.plan("ada").await.unwrap();
+    let places: Vec<_> = plan.iter().map(|row| (row.ordinal, row.index, row.attempt)).collect();
+    assert_eq!(places, [(0, 0, 1), (1, 1, 1), (2, 0, 2)]);
+    assert_eq!(plan[2].scene, plan[0].scene);
+    let last = put(trial("again-0", TurnInput::Left)).await;
+    assert_eq!(last, PutTrial::Stored { next: None });
 }
 
 #[tokio::test]

@@ -1,6 +1,6 @@
 //! Stored trials.
 
-use super::participants::Participant;
+use super::participants::{self, COLUMNS, TOKEN, Visitor};
 use super::scenes::{self, SCENE, phase_of, scene_of};
 use super::{Store, StoreError};
 use crate::bytes::{pack, pack_inputs, pack_states, unpack, unpack_inputs, unpack_states};
@@ -29,17 +29,30 @@ pub struct NewTrial {
     pub flags: Vec<Flag>,
     /// Its outcome.
     pub outcome: Outcome,
+    /// The id of a further trial in the same scene, if it is to be driven again.
+    pub repeated_as: Option<String>,
+}
+
+/// A scene of a participant's plan.
+#[derive(Clone, Copy, Debug)]
+pub struct AssignedScene {
+    /// Its phase.
+    pub phase: Phase,
+    /// 1; 2 if the scene is driven again because its first trial was interrupted.
+    pub attempt: u32,
+    /// Both vehicles and the goal.
+    pub scene: Scene,
 }
 
 /// What is known of an upload before its body is read: the participant and the assigned scene.
 #[derive(Clone, Debug)]
 pub struct Assignment {
     /// The participant.
-    pub participant: Participant,
+    pub visitor: Visitor,
     /// The configuration of their enrolment.
     pub config: Arc<StudyConfig>,
     /// The scene of the trial; none if it is not in their plan.
-    pub scene: Option<Scene>,
+    pub scene: Option<AssignedScene>,
 }
 
 /// The outcome of an upload.
@@ -85,6 +98,8 @@ pub struct TrialHead {
     pub phase: Phase,
     /// Place within its phase, from 0.
     pub index: usize,
+    /// 1; 2 if the scene was driven again because its first trial was interrupted.
+    pub attempt: u32,
     /// When it was stored.
     pub received_at_ms: i64,
     /// Its flags.
@@ -136,20 +151,28 @@ impl Store {
     ) -> Result<Option<Assignment>, StoreError> {
         self.read(|db| {
             let mut statement = db.prepare_cached(&format!(
-                "SELECT participant.id, study_id, number, config_hash, completion_code, \
-                     withdrawn_at_ms, scene.trial_id IS NOT NULL, {SCENE} \
-                 FROM participant_token \
+                "SELECT {COLUMNS}, {TOKEN}, scene.phase, scene.attempt, {SCENE} FROM participant_token \
                  JOIN participant ON participant.id = participant_token.participant_id \
+                 JOIN study ON study.id = participant.study_id \
                  LEFT JOIN scene ON scene.trial_id = ?2 AND scene.participant_id = participant.id \
                  WHERE participant_token.hash = ?1"
             ))?;
-            let found = statement.query_row(params![token_hash, trial_id], |row| {
-                let scene = if row.get(6)? { Some(scene_of(row, 7)?) } else { None };
-                Ok((Participant::of(row)?, scene))
-            });
-            let Some((participant, scene)) = found.optional()? else { return Ok(None) };
-            let config = self.config_in(db, &participant.config_hash)?;
-            Ok(Some(Assignment { participant, config, scene }))
+            let mut found = statement.query_and_then(params![token_hash, trial_id], |row| {
+                let after = Visitor::WIDTH;
+                let scene = match row.get::<_, Option<String>>(after)? {
+                    Some(phase) => Some(AssignedScene {
+                        phase: phase_of(&phase)?,
+                        attempt: row.get(after + 1)?,
+                        scene: scene_of(row, after + 2)?,
+                    }),
+                    None => None,
+                };
+                Ok::<_, StoreError>((Visitor::of(row)?, scene))
+            })?;
+            let Some(found) = found.next() else { return Ok(None) };
+            let (visitor, scene) = found?;
+            let config = self.config_in(db, &visitor.participant.config_hash)?;
+            Ok(Some(Assignment { visitor, config, scene }))
         })
     }
 
@@ -166,7 +189,7 @@ impl Store {
         self.write_first(move |db| put(db, &participant_id, &trial)).await
     }
 
-    /// At most `limit` trials of a study, newest first, from before `before`.
+    /// At most `limit` trials of a study, newest first, from before `before`; none of pilots.
     pub async fn trials_page(
         &self,
         study_id: i64,
@@ -175,7 +198,8 @@ impl Store {
     ) -> Result<Vec<TrialHead>, StoreError> {
         self.read_long(move |db| {
             let mut statement = db.prepare_cached(&format!(
-                "SELECT {HEAD} FROM stored_trial WHERE study_id = ?1 AND sequence < ?2 \
+                "SELECT {HEAD} FROM stored_trial \
+                 WHERE study_id = ?1 AND sequence < ?2 AND pilot = 0 \
                  ORDER BY sequence DESC LIMIT ?3"
             ))?;
             statement.query_and_then(params![study_id, before, limit], head_of)?.collect()
@@ -214,7 +238,7 @@ impl Store {
 /// The columns that [`head_of`] reads.
 const HEAD: &str = "sequence, trial_id, participant_id, participant_number, ordinal, phase, idx, \
                     received_at_ms, flags, closest_m, first_step_in_danger, avoidance_first, \
-                    avoidance_last";
+                    avoidance_last, attempt";
 
 fn head_of(row: &Row<'_>) -> Result<TrialHead, StoreError> {
     let step = |column: usize| -> Result<Option<usize>, StoreError> {
@@ -229,6 +253,7 @@ fn head_of(row: &Row<'_>) -> Result<TrialHead, StoreError> {
         ordinal: row.get(4)?,
         phase: phase_of(&row.get::<_, String>(5)?)?,
         index: usize::try_from(row.get::<_, i64>(6)?).map_err(StoreError::corrupt)?,
+        attempt: row.get(13)?,
         received_at_ms: row.get(7)?,
         flags: flags(&row.get::<_, String>(8)?)?,
         outcome: Outcome {
@@ -247,27 +272,29 @@ fn whole(
 ) -> Result<Vec<StoredTrial>, StoreError> {
     let mut statement = db.prepare_cached(&format!(
         "SELECT {HEAD}, study, config_hash, started_at_ms, inputs, states, sampled_at_ms, \
-             key_events, display, content_version, content_hash, {SCENE} \
+             key_events, page_events, exposures, display, content_version, content_hash, {SCENE} \
          FROM stored_trial WHERE {column} = ?1 ORDER BY ordinal"
     ))?;
     let trial = |row: &Row<'_>| -> Result<StoredTrial, StoreError> {
-        let sampled_at_ms: Option<Vec<u8>> = row.get(18)?;
+        let sampled_at_ms: Option<Vec<u8>> = row.get(19)?;
         let content = Content {
-            started_at_ms: row.get(15)?,
-            inputs: unpack_inputs(&row.get::<_, Vec<u8>>(16)?).map_err(StoreError::corrupt)?,
-            states: unpack_states(&row.get::<_, Vec<u8>>(17)?),
+            started_at_ms: row.get(16)?,
+            inputs: unpack_inputs(&row.get::<_, Vec<u8>>(17)?).map_err(StoreError::corrupt)?,
+            states: unpack_states(&row.get::<_, Vec<u8>>(18)?),
             sampled_at_ms: sampled_at_ms.as_deref().map(unpack),
-            key_events: row.get(19)?,
-            display: row.get(20)?,
+            key_events: row.get(20)?,
+            page_events: row.get(21)?,
+            exposures: row.get(22)?,
+            display: row.get(23)?,
         };
         Ok(StoredTrial {
             head: head_of(row)?,
-            study: row.get(13)?,
-            config_hash: row.get(14)?,
+            study: row.get(14)?,
+            config_hash: row.get(15)?,
             content,
-            recipe: recipe(row.get(21)?)?,
-            content_hash: row.get(22)?,
-            scene: scene_of(row, 23)?,
+            recipe: recipe(row.get(24)?)?,
+            content_hash: row.get(25)?,
+            scene: scene_of(row, 26)?,
         })
     };
     statement.query_and_then([value], trial)?.collect()
@@ -353,7 +380,12 @@ fn put(db: &Connection, participant_id: &str, trial: &NewTrial) -> Result<PutTri
         return Ok(PutTrial::OutOfOrder { next });
     }
     insert(db, place.study_id, trial)?;
-    Ok(PutTrial::Stored { next: place.next })
+    participants::seen(db, participant_id, trial.received_at_ms)?;
+    let Some(again) = &trial.repeated_as else {
+        return Ok(PutTrial::Stored { next: place.next });
+    };
+    scenes::repeat(db, &trial.trial_id, again)?;
+    Ok(PutTrial::Stored { next: place.next.or_else(|| Some(again.clone())) })
 }
 
 fn is_withdrawn(db: &Connection, participant_id: &str) -> Result<bool, StoreError> {
@@ -368,9 +400,9 @@ pub(super) fn insert(db: &Connection, study_id: i64, new: &NewTrial) -> Result<(
     let (content, avoidance) = (&new.content, new.outcome.avoidance);
     db.prepare_cached(
         "INSERT INTO trial (trial_id, study_id, content_version, content_hash, received_at_ms, \
-             started_at_ms, inputs, states, sampled_at_ms, key_events, display, flags, closest_m, \
-             first_step_in_danger, avoidance_first, avoidance_last) \
-         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13, ?14, ?15, ?16)",
+             started_at_ms, inputs, states, sampled_at_ms, key_events, page_events, exposures, \
+             display, flags, closest_m, first_step_in_danger, avoidance_first, avoidance_last) \
+         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13, ?14, ?15, ?16, ?17, ?18)",
     )?
     .execute(params![
         new.trial_id,
@@ -383,6 +415,8 @@ pub(super) fn insert(db: &Connection, study_id: i64, new: &NewTrial) -> Result<(
         pack_states(&content.states),
         content.sampled_at_ms.as_ref().map(|times| pack(times.iter().copied())),
         content.key_events,
+        content.page_events,
+        content.exposures,
         content.display,
         flag_words(&new.flags),
         new.outcome.closest_m,

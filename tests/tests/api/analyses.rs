@@ -256,13 +256,13 @@ async fn who_withdraws_their_data_withdraws_them_from_analyses_too() {
     // Who drove nothing takes nothing with them.
     let passing = Driver::enrol(&server).await;
     let cells = count(&server, "analysis_cell");
-    assert_eq!(passing.withdraw(&server, "delete").await.status, 204);
+    assert_eq!(passing.withdraw(&server, "delete").await.status, 200);
     assert_eq!(show(&server, &before.id).await.summary.state, AnalysisState::Done);
     assert!(count(&server, "analysis_cell") >= cells);
     // Who leaves and lets their data be used changes nothing.
-    assert_eq!(stays.withdraw(&server, "keep").await.status, 204);
+    assert_eq!(stays.withdraw(&server, "keep").await.status, 200);
     assert_eq!(show(&server, &before.id).await.summary.state, AnalysisState::Done);
-    assert_eq!(leaves.withdraw(&server, "delete").await.status, 204);
+    assert_eq!(leaves.withdraw(&server, "delete").await.status, 200);
     let gone = show(&server, &before.id).await;
     assert_eq!((gone.summary.state, gone.summary.result), (AnalysisState::Withdrawn, None));
     assert_eq!(gone.files, []);

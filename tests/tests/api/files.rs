@@ -100,7 +100,7 @@ async fn an_export_imported_elsewhere_is_the_same_again() {
     assert_eq!(columns(&again, &same), columns(&file, &same));
     let flags = columns(&again, &["flags"]);
     assert_eq!(flags[0], ["imported"]);
-    assert_eq!(flags[249], ["replay_mismatch;late_sample;imported"]);
+    assert_eq!(flags[249], ["replay_mismatch;late_sample;imported;interrupted"]);
     let report = run(&["check", "--database", &database]).await.json();
     assert_eq!(report["wrong"], json!([]));
     // `check` counts as `import` does.

@@ -147,7 +147,7 @@ async fn withdrawal_keeps_or_deletes() {
     let sent = driver.drive(&server, 2).await;
     driver.withdraw(&server, "everything").await.problem(422, "invalid", Some("data"));
     for _ in 0..2 {
-        assert_eq!(driver.withdraw(&server, "keep").await.status, 204);
+        assert_eq!(driver.withdraw(&server, "keep").await.status, 200);
     }
     driver.me(&server).await.problem(410, "withdrawn", None);
     driver.complete(&server).await.problem(410, "withdrawn", None);
@@ -158,7 +158,7 @@ async fn withdrawal_keeps_or_deletes() {
     assert_eq!(server.export("default").await.lines().count(), 101);
 
     for _ in 0..2 {
-        assert_eq!(driver.withdraw(&server, "delete").await.status, 204);
+        assert_eq!(driver.withdraw(&server, "delete").await.status, 200);
     }
     assert_eq!(server.export("default").await.lines().count(), 1);
     driver.me(&server).await.problem(410, "withdrawn", None);

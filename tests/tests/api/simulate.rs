@@ -194,7 +194,7 @@ async fn what_the_server_says_is_passed_on() {
     // Someone who has withdrawn does not come back.
     let body = json!({ "consent": true, "external_id": "synthetic-1-0" });
     let leaver = Driver { enrolled: Driver::ask(&server, body).await.into(201) };
-    assert_eq!(leaver.withdraw(&server, "keep").await.status, 204);
+    assert_eq!(leaver.withdraw(&server, "keep").await.status, 200);
     let words = ["the enrolment was refused (410)", "withdrawn"];
     at(&server.origin, &[]).await.refused(1, &words);
 }

@@ -8,11 +8,12 @@ use reqwest::{Client, Method, RequestBuilder, StatusCode, Url};
 use serde::de::DeserializeOwned;
 use serde_json::{Map, Value, json};
 use sidestep::api::{
-    Completed, Enrolled, Enrolment, KeyEvent, Problem, Progress, SCHEMA_VERSION, StudyInfo,
-    TrialStored, TrialUpload, routes,
+    Answers, Completed, ComprehensionResult, ComprehensionStored, Enrolled, Enrolment, KeyEvent,
+    Problem, Progress, QuestionForm, SCHEMA_VERSION, StudyInfo, Texts, TrialStored, TrialUpload,
+    routes,
 };
 use sidestep::scene::SceneParameters;
-use sidestep::study::StudyConfig;
+use sidestep::study::{QuestionKind, StudyConfig};
 use sidestep::synthetic::{KeyChange, Keys, SyntheticDrive, SyntheticParticipant};
 use sidestep::trial::Phase;
 use sidestep::vehicle::TurnInput;
@@ -91,7 +92,7 @@ impl Done {
             parameters: BTreeMap::new(),
             pilot: false,
             request_id: None,
-            locale: None,
+            locale: Some("en".to_owned()),
             screen: Some(synthetic()),
         };
         let enrol = server.request(Method::POST, &routes::participants(&study.slug));
@@ -100,6 +101,11 @@ impl Done {
             |method, route: &str| server.request(method, route).bearer_auth(me.token.as_str());
         let known = mine(Method::GET, routes::ME);
         let known: Progress = server.ask("the state of a participation", known).await?;
+        if !known.understood {
+            let body = ComprehensionResult { attempts: 1, passed: true };
+            let put = mine(Method::PUT, routes::COMPREHENSION).json(&body);
+            server.ask::<ComprehensionStored>("the check of understanding", put).await?;
+        }
         let stored: HashSet<String> = known.stored.into_iter().collect();
         let mut tasks = 0;
         // Numbers count all phases, whatever is left out.
@@ -126,12 +132,32 @@ impl Done {
             self.trials += 1;
             self.bar.inc(1);
         }
-        if all && known.completion_code.is_none() {
+        if all && !known.answered {
+            let put =
+                mine(Method::PUT, routes::ANSWERS).json(&answers(&server.texts(study).await?));
+            server.accepted("the answers", put).await?;
+        }
+        if all && !known.complete {
             let complete = mine(Method::POST, routes::COMPLETE);
             server.ask::<Completed>("the completion", complete).await?;
         }
         Ok(())
     }
+}
+
+/// Valid answers to all questions: the first option, the middle of a scale, a word.
+fn answers(texts: &Texts) -> Answers {
+    let answer = |question: &QuestionForm| match question.kind {
+        QuestionKind::Text => {
+            Value::from("synthetic".chars().take(question.max_chars).collect::<String>())
+        }
+        QuestionKind::Choice => {
+            question.options.first().map_or(Value::Null, |o| o.0.clone().into())
+        }
+        QuestionKind::Scale => Value::from(i64::midpoint(question.range.0, question.range.1)),
+    };
+    let questions = texts.questions.iter();
+    Answers { answers: questions.map(|q| (q.name.clone(), answer(q))).collect() }
 }
 
 /// Screen and display of nobody.
@@ -225,6 +251,21 @@ impl Server {
             )));
         }
         Ok(study)
+    }
+
+    /// What participants read in English.
+    async fn texts(&self, study: &StudyInfo) -> Result<Texts, CommandError> {
+        let route = format!("{}?language=en", routes::texts(&study.slug));
+        self.ask("the texts", self.request(Method::GET, &route)).await
+    }
+
+    /// A request that is expected to succeed without a body in its answer.
+    async fn accepted(&self, what: &str, request: RequestBuilder) -> Result<(), CommandError> {
+        let (status, body) = self.answer(request).await?;
+        if status == StatusCode::NO_CONTENT {
+            return Ok(());
+        }
+        self.understood::<Value>(what, status, &body).map(drop)
     }
 
     /// The answer to a request that is expected to succeed.

@@ -12,6 +12,7 @@ use sidestep::vehicle::{Pose, TurnInput};
 pub(super) struct Columns {
     required: [usize; REQUIRED],
     phase: Option<usize>,
+    attempt: Option<usize>,
     trial_id: Option<usize>,
     flags: Option<usize>,
     started_at_ms: Option<usize>,
@@ -43,6 +44,7 @@ impl Columns {
         Ok(Self {
             required,
             phase: find("phase"),
+            attempt: find("attempt"),
             trial_id: find("trial_id"),
             flags: find("flags"),
             started_at_ms: find("started_at_ms"),
@@ -74,6 +76,7 @@ pub(super) struct Row {
     pub(super) state: JointState,
     pub(super) input: TurnInput,
     pub(super) phase: Phase,
+    pub(super) attempt: u32,
     pub(super) trial_id: Option<String>,
     pub(super) flags: Vec<Flag>,
     pub(super) started_at_ms: Option<f64>,
@@ -107,6 +110,7 @@ impl Row {
             },
             input: input(real(10)?, parameters)?,
             phase: optional(columns.phase).map_or(Ok(Phase::Task), phase)?,
+            attempt: optional(columns.attempt).map_or(Ok(1), attempt)?,
             trial_id: optional(columns.trial_id).map(trial_id).transpose()?,
             flags: optional(columns.flags).map_or(Ok(Vec::new()), flags)?,
             started_at_ms: time("started_at_ms", columns.started_at_ms)?,
@@ -137,6 +141,11 @@ fn input(omega: f64, parameters: &SceneParameters) -> Result<TurnInput, Invalid>
 fn phase(word: &str) -> Result<Phase, Invalid> {
     let expected = "familiarisation, practice or task";
     Phase::from_word(word).ok_or_else(|| quoted("phase", expected, word))
+}
+
+fn attempt(text: &str) -> Result<u32, Invalid> {
+    let attempt = text.parse().ok().filter(|attempt| *attempt >= 1);
+    attempt.ok_or_else(|| quoted("attempt", "a whole number ≥ 1", text))
 }
 
 fn trial_id(text: &str) -> Result<String, Invalid> {

@@ -1,0 +1,156 @@
+//! Enrolment, and the plan of a participant.
+
+use crate::clock::now_ms;
+use crate::http::app::App;
+use crate::http::error::ApiError;
+use crate::http::json::JsonBody;
+use crate::http::params::PathText;
+use crate::http::studies::{gate, named};
+use crate::secrets;
+use crate::store::StoreError;
+use crate::store::enrolments::{self, NewParticipant};
+use crate::store::participants::Participant;
+use crate::store::scenes::PlannedRow;
+use anyhow::Context;
+use axum::Json;
+use axum::extract::State;
+use axum::http::StatusCode;
+use sidestep::api::{Enrolled, Enrolment, Plan, PlannedPhase, PlannedScene};
+use sidestep::invalid::Invalid;
+use sidestep::scene::StratifiedScene;
+use sidestep::study::{PhaseConfig, Status, StudyConfig, normalised_id};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use uuid::Uuid;
+
+/// `POST /api/v1/studies/{slug}/participants`: 201 for a new participant; 200 with the same plan and
+/// a further token for a participant who is known by request id or external id.
+pub async fn enrol(
+    State(app): State<Arc<App>>,
+    PathText(slug): PathText,
+    JsonBody(body): JsonBody<Enrolment>,
+) -> Result<(StatusCode, Json<Enrolled>), ApiError> {
+    body.check()?;
+    let study = named(&app.store, &slug).await?;
+    let config = &study.config;
+    if config.status == Status::Archived {
+        return Err(ApiError::archived());
+    }
+    if config.recruitment.require_external_id && body.external_id.is_none() && !body.pilot {
+        let expected = "the id of your recruiting service, in the link that it gave you";
+        return Err(Invalid::new("external_id", expected, "none").into());
+    }
+    // Before anything is stored, so that nobody is left without scenes when too many wait for theirs.
+    let drawing = app.drawing.queue()?;
+    let page = body
+        .locale
+        .as_deref()
+        .map(|locale| app.library.page(config, &study.config_hash, std::iter::once(locale)));
+    let token = secrets::token()?;
+    let new = NewParticipant {
+        id: Uuid::new_v4().to_string(),
+        study_id: study.id,
+        request_hash: request_hash(&body),
+        external_key: match &body.external_id {
+            Some(id) if !body.pilot => Some(normalised_id("external_id", id)?),
+            _ => None,
+        },
+        pilot_place: body.pilot.then(secrets::seed).transpose()?.map(|seed| seed as u32),
+        config_hash: study.config_hash.clone(),
+        screen: body.screen.as_ref().map(json).transpose()?,
+        parameters: recorded(config, &body.parameters)?,
+        consent: page.map(|page| (page.texts.language.clone(), page.consent_hash.clone())),
+        external_id: body.external_id,
+        locale: body.locale,
+        enrolled_at_ms: now_ms(),
+    };
+    let (status, participant) =
+        match app.store.enrol(new, gate(&study), secrets::hash(&token)).await? {
+            enrolments::Enrolment::New(participant) => (StatusCode::CREATED, participant),
+            enrolments::Enrolment::Known(participant, _) => (StatusCode::OK, participant),
+            enrolments::Enrolment::Withdrawn => return Err(ApiError::withdrawn()),
+            enrolments::Enrolment::ScreenedOut => return Err(ApiError::screened_out()),
+            enrolments::Enrolment::Closed => {
+                let message = "this study is closed; it takes no new participants";
+                return Err(ApiError::forbidden("closed", message));
+            }
+            enrolments::Enrolment::Full => {
+                let message = "this study is full: enough people have taken part";
+                return Err(ApiError::forbidden("full", message));
+            }
+        };
+    let config = app.store.config(&participant.config_hash).await?;
+    let mut rows = app.store.plan(&participant.id).await?;
+    // Nobody new has a plan, nor has whoever enrolled when the server was stopped half way.
+    if rows.is_empty()
+        && let Some(place) = participant.place
+    {
+        let drawn = Arc::clone(&config);
+        let drawn = drawing.run(move || plan_rows(&drawn, place.unsigned_abs())).await??;
+        rows = app.store.put_plan(&participant.id, drawn).await?;
+    }
+    let Participant { id: participant_id, .. } = participant;
+    let plan = plan(&config, &rows);
+    Ok((status, Json(Enrolled { participant_id, token, plan })))
+}
+
+/// A request is its id, the person whom it is for, and whether that is a pilot.
+fn request_hash(body: &Enrolment) -> Option<[u8; 32]> {
+    let kind = if body.pilot { "pilot " } else { "" };
+    body.request_id.as_ref().map(|id| match &body.external_id {
+        Some(external_id) => secrets::hash(&format!("{kind}{id} {external_id}")),
+        None => secrets::hash(&format!("{kind}{id}")),
+    })
+}
+
+/// Those parameters of the address that the study records, as JSON; none if there are none.
+fn recorded(
+    config: &StudyConfig,
+    parameters: &BTreeMap<String, String>,
+) -> Result<Option<String>, ApiError> {
+    let wanted = |name: &&String| config.recruitment.record.contains(name);
+    let kept: BTreeMap<_, _> = parameters.iter().filter(|(name, _)| wanted(name)).collect();
+    if kept.is_empty() { Ok(None) } else { json(&kept).map(Some) }
+}
+
+fn json(value: &impl serde::Serialize) -> Result<String, ApiError> {
+    Ok(serde_json::to_string(value).context("an enrolment as JSON")?)
+}
+
+/// The scenes of the participant at this place, as rows.
+fn plan_rows(config: &StudyConfig, place: u64) -> Result<Vec<PlannedRow>, StoreError> {
+    let phases = config.stratified(place).map_err(|error| StoreError::Defect(error.to_string()))?;
+    let scenes = phases.into_iter().flat_map(|(phase, scenes)| {
+        let in_phase = move |(index, scene)| (phase.phase, index, scene);
+        scenes.into_iter().enumerate().map(in_phase)
+    });
+    let row = |(ordinal, (phase, index, planned)): (i64, (_, _, StratifiedScene))| PlannedRow {
+        trial_id: Uuid::new_v4().to_string(),
+        ordinal,
+        phase,
+        index,
+        attempt: 1,
+        scene: planned.scene,
+        stored: false,
+    };
+    Ok((0..).zip(scenes).map(row).collect())
+}
+
+/// The plan for the participant's page, from its rows: phases in the configuration's order.
+#[must_use]
+pub fn plan(config: &StudyConfig, rows: &[PlannedRow]) -> Plan {
+    let scene = |row: &PlannedRow| PlannedScene {
+        trial_id: row.trial_id.clone(),
+        index: row.index,
+        attempt: row.attempt,
+        human: row.scene.human,
+        robot: row.scene.robot,
+        goal: row.scene.goal,
+    };
+    let phase = |phase: &PhaseConfig| PlannedPhase {
+        phase: phase.phase,
+        show_danger_zone: phase.show_danger_zone,
+        scenes: rows.iter().filter(|row| row.phase == phase.phase).map(scene).collect(),
+    };
+    Plan { phases: config.phases.iter().map(phase).collect() }
+}

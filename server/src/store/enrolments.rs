@@ -1,0 +1,242 @@
+//! Enrolment: who is new, who is known, and which place of the study somebody gets.
+//!
+//! A place (0, 1, 2, …) decides which scenes a participant drives, so that scenes are counterbalanced
+//! across the people who take part. Somebody new gets the lowest free place: one that nobody has had, or
+//! whose holder withdrew or was screened out. If the study has a quota, somebody who has not finished
+//! and has stayed away for the study's hold counts no more; when all places of the quota are taken, the
+//! lowest place of such a person is given to the next one.
+
+use super::participants::{Participant, Scope, find};
+use super::{Store, StoreError};
+use rusqlite::{Connection, OptionalExtension, params};
+
+/// Somebody who enrols.
+#[derive(Clone, Debug)]
+pub struct NewParticipant {
+    /// Their id, if they are new.
+    pub id: String,
+    /// The study's row.
+    pub study_id: i64,
+    /// Hash of the request's id, which the client drew.
+    pub request_hash: Option<[u8; 32]>,
+    /// The recruiting service's id of the person, as it came.
+    pub external_id: Option<String>,
+    /// The same, normalised.
+    pub external_key: Option<String>,
+    /// For a pilot, the place drawn at random; pilots hold no place of the study.
+    pub pilot_place: Option<u32>,
+    /// Hash of the configuration of their enrolment.
+    pub config_hash: String,
+    /// Language.
+    pub locale: Option<String>,
+    /// The screen, as JSON.
+    pub screen: Option<String>,
+    /// Recorded parameters of the address, as JSON.
+    pub parameters: Option<String>,
+    /// Language and hash of what they agreed to.
+    pub consent: Option<(String, String)>,
+    /// The current time.
+    pub enrolled_at_ms: i64,
+}
+
+/// Who may enrol.
+#[derive(Clone, Copy, Debug)]
+pub struct Gate {
+    /// Whether new people are taken.
+    pub is_open: bool,
+    /// Most participants; 0: any number.
+    pub quota: u64,
+    /// Who has not finished and was seen before this time holds no place of the quota.
+    pub away_before_ms: i64,
+}
+
+/// The outcome of an enrolment.
+#[derive(Clone, Debug)]
+pub enum Enrolment {
+    /// The participant is new. Their token is valid.
+    New(Participant),
+    /// The participant enrolled before. A token with this scope is valid.
+    Known(Participant, Scope),
+    /// The participant has withdrawn.
+    Withdrawn,
+    /// The check of understanding ended their participation.
+    ScreenedOut,
+    /// The study takes nobody new.
+    Closed,
+    /// As many people take part as were wanted.
+    Full,
+}
+
+impl Store {
+    /// Stores a participant under the study's next number and at a place, or finds the known
+    /// participant. A token with that hash becomes valid, beside earlier tokens. A new participant
+    /// has no plan yet.
+    ///
+    /// # Errors
+    /// [`StoreError`]; nothing was stored then.
+    pub async fn enrol(
+        &self,
+        new: NewParticipant,
+        gate: Gate,
+        token_hash: [u8; 32],
+    ) -> Result<Enrolment, StoreError> {
+        self.write(move |db| enrol(db, &new, gate, token_hash)).await
+    }
+
+    /// Whether as many people take part in a study as its quota allows.
+    pub async fn is_full(&self, study_id: i64, gate: Gate) -> Result<bool, StoreError> {
+        if gate.quota == 0 {
+            return Ok(false);
+        }
+        self.read(|db| Ok(active(db, study_id, gate.away_before_ms)? >= gate.quota))
+    }
+}
+
+fn enrol(
+    db: &Connection,
+    new: &NewParticipant,
+    gate: Gate,
+    token_hash: [u8; 32],
+) -> Result<Enrolment, StoreError> {
+    // Who repeats the request is the browser that enrolled; who has only the external id may be
+    // anybody who knows it.
+    let known = match &new.request_hash {
+        Some(hash) => find(db, new.study_id, "request_hash", hash)?.map(|it| (it, Scope::Full)),
+        None => None,
+    };
+    let known = match (known, &new.external_key) {
+        (None, Some(key)) => {
+            find(db, new.study_id, "external_key", key)?.map(|it| (it, Scope::Continue))
+        }
+        (known, _) => known,
+    };
+    if let Some((participant, scope)) = known {
+        if participant.withdrawn_at_ms.is_some() {
+            return Ok(Enrolment::Withdrawn);
+        }
+        if participant.screened_out {
+            return Ok(Enrolment::ScreenedOut);
+        }
+        add_token(db, &participant.id, token_hash, scope, new.enrolled_at_ms)?;
+        return Ok(Enrolment::Known(participant, scope));
+    }
+    if !gate.is_open {
+        return Ok(Enrolment::Closed);
+    }
+    let place = match new.pilot_place {
+        Some(place) => i64::from(place),
+        None => match take_place(db, new.study_id, gate)? {
+            Some(place) => place,
+            None => return Ok(Enrolment::Full),
+        },
+    };
+    insert(db, new, place)?;
+    add_token(db, &new.id, token_hash, Scope::Full, new.enrolled_at_ms)?;
+    let participant = find(db, new.study_id, "id", &new.id)?;
+    let lost = || StoreError::Defect("an enrolment left no row".to_owned());
+    Ok(Enrolment::New(participant.ok_or_else(lost)?))
+}
+
+/// The place for somebody new; none if the study is full.
+fn take_place(db: &Connection, study_id: i64, gate: Gate) -> Result<Option<i64>, StoreError> {
+    if gate.quota > 0 && active(db, study_id, gate.away_before_ms)? >= gate.quota {
+        return Ok(None);
+    }
+    let free = lowest_free(db, study_id)?;
+    if gate.quota == 0 || free.unsigned_abs() < gate.quota {
+        return Ok(Some(free));
+    }
+    let given_up = db
+        .prepare_cached(
+            "UPDATE participant SET holds_place = 0 WHERE id = \
+                 (SELECT id FROM participant WHERE study_id = ?1 AND holds_place = 1 \
+                      AND completed_at_ms IS NULL AND last_seen_at_ms < ?2 \
+                  ORDER BY place LIMIT 1) \
+             RETURNING place",
+        )?
+        .query_row(params![study_id, gate.away_before_ms], |row| row.get(0))
+        .optional()?;
+    Ok(given_up.or(Some(free)))
+}
+
+/// The lowest place that nobody holds.
+fn lowest_free(db: &Connection, study_id: i64) -> Result<i64, StoreError> {
+    let (held, after): (i64, i64) = db
+        .prepare_cached(
+            "SELECT count(*), coalesce(max(place) + 1, 0) FROM participant \
+             WHERE study_id = ?1 AND holds_place = 1",
+        )?
+        .query_row([study_id], |row| Ok((row.get(0)?, row.get(1)?)))?;
+    if held == after {
+        return Ok(after);
+    }
+    let gap = db
+        .prepare_cached(
+            "SELECT min(candidate) FROM \
+                 (SELECT 0 AS candidate UNION ALL \
+                  SELECT place + 1 FROM participant WHERE study_id = ?1 AND holds_place = 1) \
+             WHERE NOT EXISTS (SELECT 1 FROM participant \
+                 WHERE study_id = ?1 AND holds_place = 1 AND place = candidate)",
+        )?
+        .query_row([study_id], |row| row.get(0))?;
+    Ok(gap)
+}
+
+/// How many people count for the quota: those who have finished, and those who have begun and were seen
+/// since `away_before_ms`.
+fn active(db: &Connection, study_id: i64, away_before_ms: i64) -> Result<u64, StoreError> {
+    let count: i64 = db
+        .prepare_cached(
+            "SELECT count(*) FROM participant WHERE study_id = ?1 AND pilot = 0 \
+                 AND import_hash IS NULL AND withdrawn_at_ms IS NULL \
+                 AND screened_out_at_ms IS NULL \
+                 AND (completed_at_ms IS NOT NULL OR last_seen_at_ms >= ?2)",
+        )?
+        .query_row(params![study_id, away_before_ms], |row| row.get(0))?;
+    Ok(count.unsigned_abs())
+}
+
+fn insert(db: &Connection, new: &NewParticipant, place: i64) -> Result<(), StoreError> {
+    let pilot = new.pilot_place.is_some();
+    let (language, consent) = new.consent.as_ref().map(|(tag, hash)| (tag, hash)).unzip();
+    db.prepare_cached(
+        "INSERT INTO participant (id, study_id, pilot, number, place, holds_place, external_id, \
+             external_key, request_hash, config_hash, locale, screen, parameters, \
+             consent_language, consent_hash, enrolled_at_ms, last_seen_at_ms) \
+         SELECT ?1, ?2, ?3, coalesce(max(number), 0) + 1, ?4, NOT ?3, ?5, ?6, ?7, ?8, ?9, ?10, ?11, \
+             ?12, ?13, ?14, ?14 \
+         FROM participant WHERE study_id = ?2 AND pilot = ?3",
+    )?
+    .execute(params![
+        new.id,
+        new.study_id,
+        pilot,
+        place,
+        new.external_id,
+        new.external_key.as_ref().filter(|_| !pilot),
+        new.request_hash,
+        new.config_hash,
+        new.locale,
+        new.screen,
+        new.parameters,
+        language,
+        consent,
+        new.enrolled_at_ms,
+    ])?;
+    Ok(())
+}
+
+fn add_token(
+    db: &Connection,
+    participant_id: &str,
+    token_hash: [u8; 32],
+    scope: Scope,
+    now_ms: i64,
+) -> Result<(), StoreError> {
+    db.prepare_cached(
+        "INSERT INTO participant_token (hash, participant_id, created_at_ms, scope) \
+         VALUES (?1, ?2, ?3, ?4)",
+    )?
+    .execute(params![token_hash, participant_id, now_ms, scope.word()])?;
+    Ok(())
+}

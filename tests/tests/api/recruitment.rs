@@ -1,0 +1,319 @@
+//! Who can take part: quotas, closed studies, one participation for each person, pilots, return links.
+
+use futures_util::future::join_all;
+use reqwest::Method;
+use serde_json::{Value, json};
+use sidestep::api::{
+    Admission, Completed, ComprehensionStored, Enrolled, PilotsDeleted, Progress, StudyInfo,
+    Withdrawn, routes,
+};
+use sidestep_tests::server::SHORT_STUDY;
+use sidestep_tests::{Answer, Driver, Server, behind};
+use std::collections::HashSet;
+
+/// Two tasks, and what comes after the header of a study file.
+fn study(more: &str) -> String {
+    format!("phases = [{{ phase = \"task\", scenes = 2 }}]\n{more}")
+}
+
+const RETURN: &str = r#"
+[recruitment]
+return_hosts = ["app.example.org"]
+completed_url = "https://app.example.org/done?cc={code}&p={external_id}"
+screened_out_url = "https://app.example.org/out?p={external_id}"
+withdrawn_url = "https://app.example.org/left"
+"#;
+
+async fn admission(server: &Server) -> Admission {
+    let info: StudyInfo = server.get(&routes::study("default")).await.into(200);
+    info.admission
+}
+
+/// Moves the last sign of everybody into the past.
+fn all_away_for_hours(server: &Server) {
+    let db = behind(&server.database());
+    db.execute("UPDATE participant SET last_seen_at_ms = last_seen_at_ms - 10000000", []).unwrap();
+}
+
+#[tokio::test]
+async fn of_fifty_at_once_ten_get_the_ten_places() {
+    let server = Server::with_study(&study("[recruitment]\nquota = 10\n")).await;
+    let come = (0..50).map(|_| Driver::ask(&server, json!({ "consent": true })));
+    let answers = join_all(come).await;
+    assert_eq!(answers.iter().filter(|answer| answer.status == 201).count(), 10);
+    for refused in answers.iter().filter(|answer| answer.status != 201) {
+        refused.problem(403, "full", None);
+    }
+    assert_eq!(admission(&server).await, Admission::Full);
+    let query = "SELECT place FROM participant ORDER BY place";
+    let db = behind(&server.database());
+    let mut statement = db.prepare(query).unwrap();
+    let places: Vec<i64> = statement.query_map([], |row| row.get(0)).unwrap().flatten().collect();
+    assert_eq!(places, (0..10).collect::<Vec<_>>());
+
+    // Pilots need no place. Who left makes room; who stayed away does too, and may still finish.
+    assert_eq!(Driver::ask(&server, json!({ "consent": true, "pilot": true })).await.status, 201);
+    let begun: Vec<_> = answers.into_iter().filter(|answer| answer.status == 201).collect();
+    let begun: Vec<Driver> =
+        begun.into_iter().map(|it| Driver { enrolled: it.into(201) }).collect();
+    assert_eq!(begun[0].withdraw(&server, "keep").await.status, 200);
+    assert_eq!(admission(&server).await, Admission::Open);
+    Driver::enrol(&server).await;
+    Driver::ask(&server, json!({ "consent": true })).await.problem(403, "full", None);
+    all_away_for_hours(&server);
+    assert_eq!(admission(&server).await, Admission::Open);
+    begun[1].drive(&server, 2).await;
+    assert_eq!(begun[1].complete(&server).await.status, 200);
+    for _ in 0..9 {
+        Driver::enrol(&server).await;
+    }
+    Driver::ask(&server, json!({ "consent": true })).await.problem(403, "full", None);
+    begun[2].drive(&server, 2).await;
+    assert_eq!(begun[2].complete(&server).await.status, 200);
+    let held = "SELECT count(*), count(DISTINCT place) FROM participant WHERE holds_place = 1";
+    let counts: (i64, i64) = db.query_row(held, [], |row| Ok((row.get(0)?, row.get(1)?))).unwrap();
+    assert_eq!(counts, (10, 10), "one holder a place");
+}
+
+#[tokio::test]
+async fn the_same_place_has_the_same_scenes_and_another_place_others() {
+    let server = Server::with_study(SHORT_STUDY).await;
+    let scenes = |driver: &Driver| -> Vec<_> {
+        driver.scenes().into_iter().map(|(_, scene)| scene).collect()
+    };
+    let first = Driver::enrol(&server).await;
+    let second = Driver::enrol(&server).await;
+    assert_ne!(scenes(&first), scenes(&second));
+    first.withdraw(&server, "delete").await;
+    let again = Driver::enrol(&server).await;
+    assert_eq!(scenes(&again), scenes(&first));
+    assert_ne!(again.scenes()[0].0, first.scenes()[0].0, "the trials are other ones");
+}
+
+#[tokio::test]
+async fn a_crash_between_enrolment_and_plan_heals() {
+    let server = Server::with_study(SHORT_STUDY).await;
+    let body = json!({ "consent": true, "request_id": "3f0e2d6c-7a44-4c3e-9b1e-000000000009" });
+    Driver::ask(&server, body.clone()).await.into::<Enrolled>(201);
+    behind(&server.database()).execute("DELETE FROM scene", []).unwrap();
+    let answers = join_all((0..8).map(|_| Driver::ask(&server, body.clone()))).await;
+    let healed: Vec<Enrolled> = answers.into_iter().map(|answer| answer.into(200)).collect();
+    assert_eq!(healed[0].plan.scenes().count(), 5);
+    assert!(healed.iter().all(|enrolled| enrolled.plan == healed[0].plan));
+}
+
+#[tokio::test]
+async fn one_person_is_one_participant_however_the_id_is_written() {
+    let server = Server::with_study(SHORT_STUDY).await;
+    let ids = ["P 1", "p 1", " P 1 ", "\u{a0}p 1"];
+    let come = ids.iter().cycle().take(20);
+    let come = come.map(|id| Driver::ask(&server, json!({ "consent": true, "external_id": id })));
+    let answers = join_all(come).await;
+    assert_eq!(answers.iter().filter(|answer| answer.status == 201).count(), 1);
+    let people: HashSet<_> =
+        answers.iter().map(|answer| answer.body["participant_id"].to_string()).collect();
+    assert_eq!(people.len(), 1);
+    for id in ["<b>", "a{code}", "a\u{202e}b", "a\nb", " "] {
+        let body = json!({ "consent": true, "external_id": id });
+        Driver::ask(&server, body).await.problem(422, "invalid", Some("external_id"));
+    }
+}
+
+#[tokio::test]
+async fn closed_and_archived_studies() {
+    let server = Server::with_study(&study("")).await;
+    let driver = Driver::enrol(&server).await;
+    let named = json!({ "consent": true, "external_id": "ada" });
+    assert_eq!(Driver::ask(&server, named.clone()).await.status, 201);
+    let server = server.restarted_with_study(&format!("status = \"closed\"\n{}", study(""))).await;
+    assert_eq!(admission(&server).await, Admission::Closed);
+    Driver::ask(&server, json!({ "consent": true })).await.problem(403, "closed", None);
+    assert_eq!(Driver::ask(&server, named.clone()).await.status, 200, "who began goes on");
+    driver.drive(&server, 1).await;
+
+    let archived = format!("status = \"archived\"\n{}", study(""));
+    let server = server.restarted_with_study(&archived).await;
+    assert_eq!(admission(&server).await, Admission::Archived);
+    Driver::ask(&server, named).await.problem(410, "archived", None);
+    let (id, scene) = driver.scenes()[1].clone();
+    let late = driver.send(&server, &id, &sidestep_tests::driven(&scene)).await;
+    late.problem(410, "archived", None);
+    driver.complete(&server).await.problem(410, "archived", None);
+    for (route, body) in [
+        (routes::COMPREHENSION, json!({ "attempts": 1, "passed": true })),
+        (routes::ANSWERS, json!({ "answers": {} })),
+    ] {
+        driver.put(&server, route, &body).await.problem(410, "archived", None);
+    }
+    let me: Progress = driver.me(&server).await.into(200);
+    assert_eq!(me.stored.len(), 1);
+    // The right to have one's data deleted does not end.
+    assert_eq!(driver.withdraw(&server, "delete").await.status, 200);
+    server.get(&routes::study("none")).await.problem(404, "not_found", None);
+    let none = Driver::ask_in(&server, "none", json!({ "consent": true })).await;
+    none.problem(404, "not_found", None);
+}
+
+#[tokio::test]
+async fn what_the_link_brought_is_stored_if_the_study_records_it() {
+    let recruitment = "[recruitment]\nrecord = [\"STUDY_ID\"]\nrequire_external_id = true\n";
+    let server = Server::with_study(&study(recruitment)).await;
+    let nobody = json!({ "consent": true });
+    Driver::ask(&server, nobody).await.problem(422, "invalid", Some("external_id"));
+    let body = json!({
+        "consent": true, "external_id": "P1", "locale": "de-AT",
+        "parameters": { "STUDY_ID": "s-1", "email": "ada@example.org" },
+    });
+    Driver::ask(&server, body).await.into::<Enrolled>(201);
+    let row = behind(&server.database())
+        .query_row(
+            "SELECT parameters, consent_language, length(consent_hash), external_id, external_key \
+             FROM participant",
+            [],
+            |row| {
+                let text = |i: usize| row.get::<_, String>(i);
+                Ok((text(0)?, text(1)?, row.get::<_, i64>(2)?, text(3)?, text(4)?))
+            },
+        )
+        .unwrap();
+    let text = |text: &str| text.to_owned();
+    assert_eq!(row, (text("{\"STUDY_ID\":\"s-1\"}"), text("de"), 64, text("P1"), text("p1")));
+}
+
+#[tokio::test]
+async fn wrong_answers_too_often_end_a_participation() {
+    let server =
+        Server::with_study(&study(&format!("{RETURN}[comprehension]\nattempts = 2\n"))).await;
+    let body = json!({ "consent": true, "external_id": "a/b" });
+    let driver = Driver { enrolled: Driver::ask(&server, body.clone()).await.into(201) };
+    let check = async |driver: &Driver, attempts: usize, passed: bool| {
+        let body = json!({ "attempts": attempts, "passed": passed });
+        driver.put(&server, routes::COMPREHENSION, &body).await
+    };
+    let me: Progress = driver.me(&server).await.into(200);
+    assert!(!me.understood);
+    check(&driver, 0, true).await.problem(422, "invalid", Some("attempts"));
+    let stored: ComprehensionStored = check(&driver, 1, false).await.into(200);
+    assert_eq!(stored, ComprehensionStored { screened_out: false, return_url: None });
+    for _ in 0..2 {
+        let ended: ComprehensionStored = check(&driver, 2, false).await.into(200);
+        let url = "https://app.example.org/out?p=a%2Fb".to_owned();
+        assert_eq!(ended, ComprehensionStored { screened_out: true, return_url: Some(url) });
+    }
+    driver.me(&server).await.problem(410, "screened_out", None);
+    driver.complete(&server).await.problem(410, "screened_out", None);
+    Driver::ask(&server, body).await.problem(410, "screened_out", None);
+    // The place is free, and whoever understands goes on.
+    let next = Driver::enrol(&server).await;
+    let scene = |driver: &Driver| driver.scenes()[0].1;
+    assert_eq!(scene(&next), scene(&driver));
+    check(&next, 2, true).await.into::<ComprehensionStored>(200);
+    let me: Progress = next.me(&server).await.into(200);
+    assert!(me.understood);
+}
+
+const QUESTIONS: &str = r#"
+[[questions]]
+name = "age"
+kind = "scale"
+from = 18
+to = 30
+required = true
+text = { en = "How old are you?" }
+[[questions]]
+name = "hand"
+kind = "choice"
+text = { en = "Which hand?" }
+options = [{ value = "left", text = { en = "Left" } }, { value = "right", text = { en = "Right" } }]
+[[questions]]
+name = "words"
+kind = "text"
+max_chars = 5
+text = { en = "Anything else?" }
+"#;
+
+#[tokio::test]
+async fn answers_are_checked_replaced_and_kept() {
+    let server = Server::with_study(&study(&format!("{QUESTIONS}{RETURN}"))).await;
+    let body = json!({ "consent": true, "external_id": "P1" });
+    let driver = Driver { enrolled: Driver::ask(&server, body).await.into(201) };
+    let put = async |answers: Value| {
+        driver.put(&server, routes::ANSWERS, &json!({ "answers": answers })).await
+    };
+    for (answers, field) in [
+        (json!({}), "answers.age"),
+        (json!({ "age": "20" }), "answers.age"),
+        (json!({ "age": 31 }), "answers.age"),
+        (json!({ "age": 20.5 }), "answers.age"),
+        (json!({ "age": null }), "answers.age"),
+        (json!({ "age": 20, "hand": "both" }), "answers.hand"),
+        (json!({ "age": 20, "hand": ["left"] }), "answers.hand"),
+        (json!({ "age": 20, "words": "six ch" }), "answers.words"),
+        (json!({ "age": 20, "words": "a\u{0}" }), "answers.words"),
+        (json!({ "age": 20, "name": "Ada" }), "answers"),
+    ] {
+        put(answers.clone()).await.problem(422, "invalid", Some(field));
+    }
+    driver.drive(&server, 2).await;
+    driver.complete(&server).await.problem(409, "unanswered", None);
+    let me: Progress = driver.me(&server).await.into(200);
+    assert!(!me.answered);
+    assert_eq!(put(json!({ "age": 20, "words": "hello" })).await.status, 204);
+    assert_eq!(put(json!({ "age": 21, "hand": "left" })).await.status, 204);
+    let done: Completed = driver.complete(&server).await.into(200);
+    let url = format!("https://app.example.org/done?cc={}&p=P1", done.completion_code);
+    assert_eq!(done.return_url.as_deref(), Some(&url[..]));
+    assert_eq!(put(json!({ "age": 21, "hand": "left" })).await.status, 204, "the same again");
+    put(json!({ "age": 22 })).await.problem(409, "complete", None);
+    let me: Progress = driver.me(&server).await.into(200);
+    assert_eq!((me.answered, me.return_url), (true, Some(url)));
+    let query = "SELECT answers FROM participant";
+    let stored: String = behind(&server.database()).query_row(query, [], |row| row.get(0)).unwrap();
+    assert_eq!(stored, "{\"age\":21,\"hand\":\"left\"}");
+    let left: Withdrawn = driver.withdraw(&server, "delete").await.into(200);
+    assert_eq!(left.return_url.as_deref(), Some("https://app.example.org/left"));
+    let stored: Option<String> =
+        behind(&server.database()).query_row(query, [], |row| row.get(0)).unwrap();
+    assert_eq!(stored, None);
+}
+
+#[tokio::test]
+async fn pilots_are_kept_apart_and_can_be_deleted() {
+    let server = Server::with_study(&study(RETURN)).await;
+    let body = json!({ "consent": true, "external_id": "ada", "pilot": true });
+    let pilots: Vec<Driver> = join_all((0..2).map(|_| Driver::ask(&server, body.clone())))
+        .await
+        .into_iter()
+        .map(|answer| Driver { enrolled: answer.into(201) })
+        .collect();
+    let pilot = &pilots[0];
+    pilot.drive(&server, 2).await;
+    let done: Completed = pilot.complete(&server).await.into(200);
+    assert!(done.completion_code.starts_with("PILOT-") && done.return_url.is_none(), "{done:?}");
+    let me: Progress = pilot.me(&server).await.into(200);
+    assert!(me.pilot && me.return_url.is_none());
+    // The same person takes part for real, as the first participant at the first place.
+    let real = json!({ "consent": true, "external_id": "ada" });
+    let driver = Driver { enrolled: Driver::ask(&server, real).await.into(201) };
+    driver.drive(&server, 1).await;
+    let export = server.export("default").await;
+    assert_eq!(export.lines().count(), 51);
+    assert!(export.lines().nth(1).unwrap().starts_with("1,0,0,"));
+    let studies = server.admin(routes::ADMIN_STUDIES).await.body;
+    assert_eq!((&studies[0]["participants"], &studies[0]["trials"]), (&json!(1), &json!(1)));
+    let trials = server.admin(&routes::admin_trials("default")).await.body;
+    assert_eq!(trials["trials"].as_array().unwrap().len(), 1);
+    // Of the hour of a pilot nothing remains.
+    let delete = |key: &str| {
+        Answer::of(
+            server.request(Method::DELETE, &routes::admin_pilots("default")).bearer_auth(key),
+        )
+    };
+    delete(&driver.enrolled.token).await.problem(401, "unauthorized", None);
+    for deleted in [2, 0] {
+        let answer: PilotsDeleted = delete(&server.key).await.into(200);
+        assert_eq!(answer, PilotsDeleted { deleted });
+    }
+    pilot.me(&server).await.problem(401, "unauthorized", None);
+    assert_eq!(server.export("default").await, export);
+}

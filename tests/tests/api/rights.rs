@@ -1,0 +1,92 @@
+//! What knowing an external id is good for, and what it is not.
+
+use serde_json::json;
+use sidestep::api::{Completed, Enrolled, Progress};
+use sidestep_tests::server::SHORT_STUDY;
+use sidestep_tests::{Driver, Server, driven};
+
+async fn enrolled(server: &Server, request: &str, status: u16) -> Driver {
+    let body = json!({
+        "consent": true, "external_id": "leaver-77", "request_id": format!("a-request-called-{request}"),
+        "locale": "en", "parameters": { "SESSION_ID": "session-77" }, "screen": { "note": "screen-77" },
+    });
+    let enrolled: Enrolled = Driver::ask(server, body).await.into(status);
+    Driver { enrolled }
+}
+
+#[tokio::test]
+async fn who_knows_the_external_id_goes_on_and_sees_and_deletes_nothing() {
+    let server = Server::with_study(SHORT_STUDY).await;
+    let owner = enrolled(&server, "mine", 201).await;
+    owner.drive(&server, 2).await;
+    let other = enrolled(&server, "other", 200).await;
+    for data in ["keep", "delete"] {
+        other.withdraw(&server, data).await.problem(403, "not_yours", None);
+    }
+    let me: Progress = other.me(&server).await.into(200);
+    assert!(!me.may_withdraw && me.stored.len() == 2);
+    // Both may store; the owner finishes, and only the owner sees the code.
+    let scenes = owner.scenes();
+    let send = async |driver: &Driver, i: usize| {
+        driver.send(&server, &scenes[i].0, &driven(&scenes[i].1)).await.status
+    };
+    assert_eq!(
+        (send(&other, 2).await, send(&owner, 3).await, send(&other, 4).await),
+        (201, 201, 201)
+    );
+    let code: Completed = owner.complete(&server).await.into(200);
+    other.complete(&server).await.problem(403, "not_yours", None);
+    let me: Progress = other.me(&server).await.into(200);
+    assert_eq!((me.complete, me.completion_code), (true, None));
+    // The request repeated is the browser that enrolled.
+    let again = enrolled(&server, "mine", 200).await;
+    let me: Progress = again.me(&server).await.into(200);
+    assert_eq!((me.may_withdraw, me.completion_code), (true, Some(code.completion_code)));
+    assert_eq!(again.withdraw(&server, "delete").await.status, 200);
+    other.me(&server).await.problem(410, "withdrawn", None);
+}
+
+#[tokio::test]
+async fn who_finishes_on_another_computer_gets_the_code_there() {
+    let server = Server::with_study(SHORT_STUDY).await;
+    let owner = enrolled(&server, "mine", 201).await;
+    owner.drive(&server, 5).await;
+    let other = enrolled(&server, "other", 200).await;
+    let code: Completed = other.complete(&server).await.into(200);
+    for driver in [&other, &owner] {
+        assert_eq!(driver.complete(&server).await.into::<Completed>(200), code);
+        let me: Progress = driver.me(&server).await.into(200);
+        assert_eq!(me.completion_code.as_ref(), Some(&code.completion_code));
+    }
+    let third = enrolled(&server, "third", 200).await;
+    third.complete(&server).await.problem(403, "not_yours", None);
+}
+
+#[tokio::test]
+async fn deletion_leaves_a_number_and_nothing_in_the_file() {
+    let server = Server::with_study(SHORT_STUDY).await;
+    let owner = enrolled(&server, "mine", 201).await;
+    owner.drive(&server, 5).await;
+    let code: Completed = owner.complete(&server).await.into(200);
+    let words =
+        ["leaver-77", "session-77", "screen-77", &code.completion_code, &owner.scenes()[0].0];
+    let found = || -> Vec<&str> {
+        let read = |name: &str| std::fs::read(server.path(name)).unwrap();
+        let bytes = [read("sidestep.db"), read("sidestep.db-wal")].concat();
+        let is_there =
+            |word: &&str| bytes.windows(word.len()).any(|window| window == word.as_bytes());
+        words.into_iter().filter(is_there).collect()
+    };
+    assert_eq!(found(), words);
+    assert_eq!(owner.withdraw(&server, "delete").await.status, 200);
+    // The log is emptied as soon as no reader uses it.
+    for _ in 0..50 {
+        if found().is_empty() {
+            break;
+        }
+        tokio::time::sleep(std::time::Duration::from_millis(100)).await;
+    }
+    assert_eq!(found(), [""; 0]);
+    let studies = server.admin(sidestep::api::routes::ADMIN_STUDIES).await.body;
+    assert_eq!((&studies[0]["participants"], &studies[0]["trials"]), (&json!(1), &json!(0)));
+}
