@@ -1,205 +1,16 @@
-//! What participants and experimenters do, in a real browser.
+//! The laboratory's pages.
 
+use crate::{draws_level_sets_alone, sign_in, start, take, until_predicted};
 use reqwest::Method;
-use sidestep::api::{StudyInfo, StudySummary, TrialDetail, TrialPage, routes};
-use sidestep::chart::colours;
+use sidestep::api::{StudyInfo, TrialDetail, routes};
 use sidestep::safety::value_function;
 use sidestep::scene::Evader;
 use sidestep::trial::simulation_fingerprint;
-use sidestep::vehicle::TurnInput;
 use sidestep_tests::browser::{NARROW, WIDE, count_pixels};
 use sidestep_tests::server::{SHORT_STUDY, UNEQUAL_STUDY};
 use sidestep_tests::{Browser, Driver, Server, Tab, driven_with};
 use std::ops::ControlFlow;
 use std::time::Duration;
-
-const HUMAN: [u8; 3] = colours::HUMAN.light;
-const ROBOT: [u8; 3] = colours::ROBOT.light;
-
-/// A server with this study, a browser and an empty tab of it.
-async fn start(study: &str) -> (Server, Browser, Tab) {
-    let server = Server::with_client(study).await;
-    let browser = Browser::start().await;
-    let tab = browser.open("about:blank").await;
-    (server, browser, tab)
-}
-
-/// Takes part in the study, up to the first scene.
-async fn begin(tab: &Tab, server: &Server) {
-    tab.go(&format!("{}/s/default", server.origin)).await;
-    tab.press("consent").await;
-    tab.press("continue").await;
-}
-
-/// Drives a scene with one key held from step 5 to step 40.
-async fn drive(tab: &Tab, key: &str) {
-    tab.press("start").await;
-    tab.until_step("scene", 5).await;
-    tab.key_down(key).await;
-    tab.until_step("scene", 40).await;
-    tab.key_up(key).await;
-    tab.until(&format!("!{}", Tab::at("scene"))).await;
-}
-
-async fn until_saved(tab: &Tab) {
-    tab.until_says("saved", "✓").await;
-}
-
-async fn until_waiting(tab: &Tab) {
-    tab.until_says("saved", "1 scene not uploaded yet").await;
-}
-
-async fn until_predicted(tab: &Tab) {
-    tab.until_says("regions", "5.33").await;
-}
-
-/// The names of what the browser keeps for the page.
-async fn kept(tab: &Tab) -> Vec<String> {
-    let names = "new Promise(done => indexedDB.open('sidestep').onsuccess = event => { \
-                 const store = event.target.result.transaction('kept').objectStore('kept'); \
-                 store.getAllKeys().onsuccess = event => done(event.target.result) })";
-    tab.eval(names).await
-}
-
-/// The trials on the server, oldest first.
-async fn stored(server: &Server) -> Vec<TrialDetail> {
-    let page: TrialPage = server.admin(&routes::admin_trials("default")).await.into(200);
-    let mut trials = Vec::new();
-    for summary in page.trials.into_iter().rev() {
-        trials.push(server.admin(&routes::admin_trial(&summary.trial_id)).await.into(200));
-    }
-    trials
-}
-
-async fn sign_in(tab: &Tab, server: &Server) {
-    tab.go(&format!("{}/lab#key={}", server.origin, server.key)).await;
-    tab.until(&format!("{} || document.querySelector('.empty')", Tab::at("trials"))).await;
-    let address: String = tab.eval("location.href").await;
-    assert!(!address.contains(&server.key), "the key must leave the address");
-}
-
-#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_scene_from_key_press_to_predicted_set() {
-    let (server, browser, tab) = start(SHORT_STUDY).await;
-    begin(&tab, &server).await;
-
-    // Drive, and look at the canvas meanwhile.
-    tab.press("start").await;
-    tab.until_step("scene", 5).await;
-    tab.key_down("ArrowLeft").await;
-    tab.until_step("scene", 20).await;
-    let picture = tab.picture("scene-driving").await;
-    assert!(count_pixels(&picture, HUMAN) > 100, "the blue vehicle is drawn");
-    assert!(count_pixels(&picture, ROBOT) > 300, "the robot and its goal are drawn");
-    assert_eq!(tab.attribute("scene", "data-phase").await.as_deref(), Some("familiarisation"));
-    let trial_id = tab.attribute("scene", "data-trial").await.expect("a trial");
-    tab.until_step("scene", 40).await;
-    tab.key_up("ArrowLeft").await;
-    until_saved(&tab).await;
-    tab.is_well().await;
-
-    // The trial is in the database, whole and exact.
-    let trials = stored(&server).await;
-    assert_eq!(trials.len(), 1);
-    let trial = &trials[0];
-    assert_eq!(trial.summary.trial_id, trial_id);
-    assert_eq!((trial.inputs.len(), trial.states.len()), (50, 51));
-    assert!(trial.replay.exact, "{:?}", trial.replay);
-    assert_eq!(trial.replay.max_position_error_m, 0.0);
-    let lefts: Vec<_> = (0..50).filter(|&i| trial.inputs[i] == TurnInput::Left).collect();
-    assert!((28..=37).contains(&lefts.len()), "held for about 35 steps: {lefts:?}");
-    assert!(lefts.windows(2).all(|pair| pair[1] == pair[0] + 1), "{lefts:?}");
-    assert!(trial.inputs.iter().all(|&input| input != TurnInput::Right));
-
-    // It is in the export.
-    let export = server.export("default").await;
-    let mut reader = csv::Reader::from_reader(export.as_bytes());
-    let headers = reader.headers().expect("a header").clone();
-    let column = |name: &str| headers.iter().position(|h| h == name).expect("a column");
-    let (hx, omega) = (column("hx"), column("omega"));
-    let rows: Vec<_> = reader.records().map(|row| row.expect("a row")).collect();
-    assert_eq!(rows.len(), 50);
-    for (i, row) in rows.iter().enumerate() {
-        let number = |at: usize| row[at].parse::<f64>().expect("a number");
-        assert_eq!(number(hx).to_bits(), trial.states[i].human.x.to_bits());
-        assert_eq!(number(omega), 0.5 * f64::from(trial.inputs[i].sign()));
-    }
-
-    // It is replayed with everything drawn on it.
-    sign_in(&tab, &server).await;
-    assert!(tab.words("trials").await.contains("familiarisation 1"));
-    tab.press("replay-link").await;
-    until_predicted(&tab).await;
-    assert_eq!(tab.attribute("replay", "data-trial").await, Some(trial_id));
-    tab.run(&format!("{}.focus()", Tab::at("slider"))).await;
-    for _ in 0..10 {
-        tab.key_down("ArrowRight").await;
-        tab.key_up("ArrowRight").await;
-    }
-    tab.until_step("replay", 10).await;
-    let picture = tab.picture("replay").await;
-    for (j, region) in colours::REGIONS.iter().enumerate() {
-        assert!(count_pixels(&picture, region.light) >= 5, "region {} is drawn", j + 1);
-    }
-    draws_level_sets(&tab).await;
-    tab.press("play").await;
-    tab.until_step("replay", 50).await;
-    tab.is_well().await;
-    browser.close().await;
-}
-
-#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_server_that_is_down_loses_nothing() {
-    let (server, browser, tab) = start(SHORT_STUDY).await;
-    begin(&tab, &server).await;
-
-    // Down when the scene ends; the page sends it when the server is back.
-    tab.press("start").await;
-    tab.until_step("scene", 10).await;
-    let stopped = server.stop().await;
-    until_waiting(&tab).await;
-    let server = stopped.start().await;
-    until_saved(&tab).await;
-    assert_eq!(stored(&server).await.len(), 1);
-
-    // Down again, and the page is closed before the server is back.
-    tab.press("start").await;
-    tab.until_step("scene", 10).await;
-    let stopped = server.stop().await;
-    until_waiting(&tab).await;
-    tab.go("about:blank").await;
-    let server = stopped.start().await;
-    tab.go(&format!("{}/s/default", server.origin)).await;
-    until_saved(&tab).await;
-    let trials = stored(&server).await;
-    assert_eq!(trials.len(), 2);
-    assert!(trials.iter().all(|trial| trial.replay.exact));
-    let kept = kept(&tab).await;
-    assert!(kept.iter().any(|name| name == "sidestep.session.default"), "{kept:?}");
-    assert!(!kept.iter().any(|name| name.contains("outbox")), "{kept:?} should be forgotten");
-    // The next scene is the third.
-    drive(&tab, "d").await;
-    until_saved(&tab).await;
-    assert_eq!(stored(&server).await.len(), 3);
-    browser.close().await;
-}
-
-#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_whole_participation_ends_with_a_code() {
-    let (server, browser, tab) = start(r#"phases = [{ phase = "task", scenes = 2 }]"#).await;
-    begin(&tab, &server).await;
-    drive(&tab, "a").await;
-    drive(&tab, "ArrowRight").await;
-    let code = tab.words("completion-code").await;
-    assert!(code.len() >= 8, "{code}");
-    // Coming back shows the same code, and enrols nobody else.
-    tab.reload().await;
-    assert_eq!(tab.words("completion-code").await, code);
-    let studies: Vec<StudySummary> = server.admin(routes::ADMIN_STUDIES).await.into(200);
-    assert_eq!((studies[0].participants, studies[0].trials), (1, 2));
-    tab.is_well().await;
-    browser.close().await;
-}
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn the_browser_simulates_as_the_server_does() {
@@ -234,25 +45,6 @@ async fn wrong_addresses_and_keys_are_answered_in_words() {
     assert_eq!(status, 401);
     let nowhere = browser.open(&format!("{}/s/no-such-study", server.origin)).await;
     assert!(nowhere.words("stuck").await.contains("Study not found"));
-    browser.close().await;
-}
-
-#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_browser_that_stores_nothing_still_completes() {
-    let (server, browser, tab) = start(r#"phases = [{ phase = "task", scenes = 1 }]"#).await;
-    tab.before_pages(
-        "IDBObjectStore.prototype.put = () => { \
-         throw new DOMException('no room', 'QuotaExceededError') };",
-    )
-    .await;
-    tab.go(&format!("{}/s/default", server.origin)).await;
-    tab.press("consent").await;
-    assert!(tab.words("not-kept").await.contains("no storage left"));
-    tab.press("continue").await;
-    drive(&tab, "a").await;
-    assert!(tab.words("completion-code").await.len() >= 8);
-    assert_eq!(stored(&server).await.len(), 1);
-    tab.is_well().await;
     browser.close().await;
 }
 
@@ -313,42 +105,6 @@ async fn drive_unequal(server: &Server) -> String {
 async fn seek(tab: &Tab, step: usize) {
     tab.enter("slider", &step.to_string()).await;
     tab.until_step("replay", step).await;
-}
-
-/// Takes pictures wide and narrow, light and dark, and checks that nothing is cut off and that
-/// the page reports no error.
-async fn take(tab: &Tab, name: &str) {
-    for (size, dark) in [(WIDE, false), (WIDE, true), (NARROW, false), (NARROW, true)] {
-        tab.look(size, dark).await;
-        tab.until_painted().await;
-        let scheme = if dark { "dark" } else { "light" };
-        tab.picture(&format!("{name}-{}-{scheme}", size.0)).await;
-        tab.is_well().await;
-    }
-    tab.look(WIDE, false).await;
-}
-
-/// Both level sets are on the canvas: something goes when they are switched off.
-async fn draws_level_sets(tab: &Tab) {
-    for (layer, colour) in [("v-hr", HUMAN), ("v-rh", ROBOT)] {
-        let with = count_pixels(&tab.picture("level-set").await, colour);
-        tab.press(&format!("layer-{layer}")).await;
-        let without = count_pixels(&tab.picture("no-level-set").await, colour);
-        assert!(with > without + 50, "{layer} draws something: {with} {without}");
-        tab.press(&format!("layer-{layer}")).await;
-    }
-}
-
-/// The same without the other layers, which might cover them.
-async fn draws_level_sets_alone(tab: &Tab) {
-    let others = ["trail", "danger-zone", "shfrs", "future"];
-    for layer in others {
-        tab.press(&format!("layer-{layer}")).await;
-    }
-    draws_level_sets(tab).await;
-    for layer in others {
-        tab.press(&format!("layer-{layer}")).await;
-    }
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
@@ -481,19 +237,6 @@ async fn every_page_fits_its_window() {
     tab.go(&server.origin).await;
     let take = async |name: &str| take(&tab, name).await;
     take("home").await;
-    tab.go(&format!("{}/s/default", server.origin)).await;
-    tab.words("consent").await;
-    take("welcome").await;
-    tab.press("consent").await;
-    tab.words("continue").await;
-    take("instructions").await;
-    tab.press("continue").await;
-    tab.words("start").await;
-    take("ready").await;
-    tab.press("start").await;
-    tab.until_step("scene", 8).await;
-    take("scene").await;
-    until_saved(&tab).await;
     sign_in(&tab, &server).await;
     take("trials").await;
     tab.go(&format!("{}/lab/replay/{}", server.origin, sent[1].0)).await;

@@ -1,0 +1,148 @@
+//! The participant's hour, page by page, in every language.
+
+use crate::{answer_check, equipped, start, take};
+use sidestep_tests::{Server, Tab};
+
+/// A study with every kind of page, and short waits.
+const WHOLE_STUDY: &str = r#"
+title = "Avoid the robot"
+languages = ["en", "de", "es", "zh-CN"]
+
+[[phases]]
+phase = "familiarisation"
+scenes = 1
+show_danger_zone = true
+feedback = true
+
+[[phases]]
+phase = "task"
+scenes = 2
+
+[trials]
+countdown_s = 2
+end_s = 2.0
+rest_after = 1
+
+[consent]
+investigator = "Dr Ada Example"
+institution = "University of Example"
+contact = "ada@example.org"
+ethics = "EX-2026-17"
+retention = "Ten years, on servers of the university"
+
+[consent.text]
+en = """
+You are invited to a study of **how people avoid robots**. Please read this page.
+
+- You can ask questions at any time: [ada@example.org](mailto:ada@example.org).
+- There are no risks beyond those of using a computer.
+"""
+
+[[questions]]
+name = "difficulty"
+kind = "scale"
+required = true
+text = { en = "How difficult were the scenes?" }
+low = { en = "very easy" }
+high = { en = "very difficult" }
+
+[[questions]]
+name = "games"
+kind = "choice"
+text = { en = "How often do you play video games?" }
+options = [
+  { value = "never", text = { en = "Never" } },
+  { value = "weekly", text = { en = "Every week" } },
+  { value = "daily", text = { en = "Every day" } },
+]
+
+[[questions]]
+name = "strategy"
+kind = "text"
+text = { en = "How did you decide when to steer?" }
+
+[closing.debrief]
+en = "We study whether a computed **safety level** helps to predict when people start to steer."
+
+[recruitment]
+return_hosts = ["app.prolific.com"]
+completed_url = "https://app.prolific.com/submissions/complete?cc={code}"
+withdrawn_url = "https://app.prolific.com/submissions/complete?cc=LEFT"
+"#;
+
+/// Takes pictures of every page for people to look at.
+async fn walk(tab: &Tab, server: &Server, language: &str) {
+    let take = async |name: &str| take(tab, &format!("{name}-{language}")).await;
+    tab.go(&format!("{}/s/default?PROLIFIC_PID=walk-{language}", server.origin)).await;
+    tab.words("consent").await;
+    choose_language(tab, language).await;
+    take("1-welcome").await;
+    tab.press("consent").await;
+    equipped(tab).await;
+    take("2-equipment").await;
+    tab.press("continue").await;
+    tab.words("arena").await;
+    take("3-instructions").await;
+    tab.press("continue").await;
+    tab.words("comprehension").await;
+    take("4-comprehension").await;
+    answer_check(tab, server, language).await;
+    tab.press("continue").await;
+    tab.words("start").await;
+    take("5-ready").await;
+    tab.run(&format!("{}.open = true", Tab::at("menu"))).await;
+    take("5-ready-menu").await;
+    tab.press("start").await;
+    tab.words("countdown").await;
+    tab.picture(&format!("6-countdown-{language}")).await;
+    tab.until_step("scene", 8).await;
+    tab.key_down("ArrowLeft").await;
+    take("7-scene").await;
+    tab.key_up("ArrowLeft").await;
+    tab.words("over").await;
+    tab.picture(&format!("8-over-{language}")).await;
+    for _ in 0..2 {
+        tab.press("start").await;
+        tab.until(&format!("{} || {}", Tab::at("rest"), Tab::at("questions"))).await;
+        if tab.eval::<bool>(&format!("Boolean({})", Tab::at("rest"))).await {
+            take("9-rest").await;
+            tab.press("continue").await;
+        }
+    }
+    take("10-questions").await;
+    tab.press("stop").await;
+    tab.words("withdrawal").await;
+    take("11-withdrawal").await;
+    tab.press("back").await;
+    tab.press("answer-difficulty-4").await;
+    tab.press("submit").await;
+    tab.words("completion-code").await;
+    take("12-done").await;
+    let url = tab.attribute("return", "href").await.expect("a link back");
+    assert!(url.starts_with("https://app.prolific.com/submissions/complete?cc="), "{url}");
+}
+
+async fn choose_language(tab: &Tab, language: &str) {
+    let select = Tab::at("language");
+    let changed = format!("dispatchEvent(new Event('input', {{bubbles: true}}))");
+    tab.run(&format!("{select}.value = '{language}', {select}.{changed}")).await;
+    tab.until(&format!("document.documentElement.lang === '{language}'")).await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn the_hour_in_every_language() {
+    let (server, browser, tab) = start(WHOLE_STUDY).await;
+    let tabs = [
+        tab,
+        browser.open("about:blank").await,
+        browser.open("about:blank").await,
+        browser.open("about:blank").await,
+    ];
+    tokio::join!(
+        walk(&tabs[0], &server, "en"),
+        walk(&tabs[1], &server, "de"),
+        walk(&tabs[2], &server, "es"),
+        walk(&tabs[3], &server, "zh-CN"),
+    );
+    browser.close().await;
+}

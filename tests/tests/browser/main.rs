@@ -1,0 +1,151 @@
+//! What participants and experimenters do, in a real browser.
+
+mod hour;
+mod scenes;
+mod laboratory;
+
+use sidestep::api::{Texts, TrialDetail, TrialPage, routes};
+use sidestep::chart::colours;
+use sidestep_tests::browser::{NARROW, WIDE, count_pixels};
+use sidestep_tests::{Browser, Server, Tab};
+
+const HUMAN: [u8; 3] = colours::HUMAN.light;
+const ROBOT: [u8; 3] = colours::ROBOT.light;
+
+/// A server with this study, a browser and an empty tab of it.
+async fn start(study: &str) -> (Server, Browser, Tab) {
+    let server = Server::with_client(study).await;
+    let browser = Browser::start().await;
+    let tab = browser.open("about:blank").await;
+    (server, browser, tab)
+}
+
+/// Takes part in the study, up to the first scene.
+async fn begin(tab: &Tab, server: &Server) {
+    tab.go(&format!("{}/s/default", server.origin)).await;
+    instructed(tab).await;
+    understood(tab, server, "en").await;
+}
+
+/// From the consent text to the instructions.
+async fn instructed(tab: &Tab) {
+    tab.press("consent").await;
+    equipped(tab).await;
+    tab.press("continue").await;
+    tab.words("arena").await;
+}
+
+/// Shows with real key presses that the keys work.
+async fn equipped(tab: &Tab) {
+    tab.words("equipment").await;
+    for key in ["ArrowLeft", "ArrowRight"] {
+        tab.key_down(key).await;
+        tab.key_up(key).await;
+    }
+    tab.until(&format!("{}?.disabled === false", Tab::at("continue"))).await;
+}
+
+/// From the instructions to the first scene, with the right answers.
+async fn understood(tab: &Tab, server: &Server, language: &str) {
+    tab.press("continue").await;
+    tab.until(&format!("{} || {}", Tab::at("start"), Tab::at("comprehension"))).await;
+    if tab.eval::<bool>(&format!("!{}", Tab::at("start"))).await {
+        answer_check(tab, server, language).await;
+        tab.press("continue").await;
+    }
+    tab.words("start").await;
+}
+
+/// Gives the right answers to the check of understanding.
+async fn answer_check(tab: &Tab, server: &Server, language: &str) {
+    let url = format!("{}?language={language}", routes::texts("default"));
+    let texts: Texts = server.get(&url).await.into(200);
+    for (place, form) in texts.check.iter().enumerate() {
+        tab.press(&format!("check-{place}-{}", form.answer)).await;
+    }
+    tab.press("submit").await;
+    tab.until(&format!("{}?.disabled === false", Tab::at("continue"))).await;
+}
+
+/// Drives a scene with one key held from step 5 to step 40, until the page goes on.
+async fn drive(tab: &Tab, key: &str) {
+    tab.press("start").await;
+    tab.until_step("scene", 5).await;
+    tab.key_down(key).await;
+    tab.until_step("scene", 40).await;
+    tab.key_up(key).await;
+    tab.until(&format!("!{}", Tab::at("scene"))).await;
+}
+
+async fn until_saved(tab: &Tab) {
+    tab.until_says("saved", "✓").await;
+}
+
+async fn until_waiting(tab: &Tab) {
+    tab.until_says("saved", "1 scene not sent yet").await;
+}
+
+async fn until_predicted(tab: &Tab) {
+    tab.until_says("regions", "5.33").await;
+}
+
+/// The names of what the browser keeps for the page.
+async fn kept(tab: &Tab) -> Vec<String> {
+    let names = "new Promise(done => indexedDB.open('sidestep').onsuccess = event => { \
+                 const store = event.target.result.transaction('kept').objectStore('kept'); \
+                 store.getAllKeys().onsuccess = event => done(event.target.result) })";
+    tab.eval(names).await
+}
+
+/// The trials on the server, oldest first.
+async fn stored(server: &Server) -> Vec<TrialDetail> {
+    let page: TrialPage = server.admin(&routes::admin_trials("default")).await.into(200);
+    let mut trials = Vec::new();
+    for summary in page.trials.into_iter().rev() {
+        trials.push(server.admin(&routes::admin_trial(&summary.trial_id)).await.into(200));
+    }
+    trials
+}
+
+async fn sign_in(tab: &Tab, server: &Server) {
+    tab.go(&format!("{}/lab#key={}", server.origin, server.key)).await;
+    tab.until(&format!("{} || document.querySelector('.empty')", Tab::at("trials"))).await;
+    let address: String = tab.eval("location.href").await;
+    assert!(!address.contains(&server.key), "the key must leave the address");
+}
+
+/// Takes pictures wide and narrow, light and dark, and checks that nothing is cut off and that
+/// the page reports no error.
+async fn take(tab: &Tab, name: &str) {
+    for (size, dark) in [(WIDE, false), (WIDE, true), (NARROW, false), (NARROW, true)] {
+        tab.look(size, dark).await;
+        tab.until_painted().await;
+        let scheme = if dark { "dark" } else { "light" };
+        tab.picture(&format!("{name}-{}-{scheme}", size.0)).await;
+        tab.is_well().await;
+    }
+    tab.look(WIDE, false).await;
+}
+
+/// Both level sets are on the canvas: something goes when they are switched off.
+async fn draws_level_sets(tab: &Tab) {
+    for (layer, colour) in [("v-hr", HUMAN), ("v-rh", ROBOT)] {
+        let with = count_pixels(&tab.picture("level-set").await, colour);
+        tab.press(&format!("layer-{layer}")).await;
+        let without = count_pixels(&tab.picture("no-level-set").await, colour);
+        assert!(with > without + 50, "{layer} draws something: {with} {without}");
+        tab.press(&format!("layer-{layer}")).await;
+    }
+}
+
+/// The same without the other layers, which might cover them.
+async fn draws_level_sets_alone(tab: &Tab) {
+    let others = ["trail", "danger-zone", "shfrs", "future"];
+    for layer in others {
+        tab.press(&format!("layer-{layer}")).await;
+    }
+    draws_level_sets(tab).await;
+    for layer in others {
+        tab.press(&format!("layer-{layer}")).await;
+    }
+}
