@@ -57,6 +57,8 @@ impl Browser {
             .new_headless_mode()
             .user_data_dir(profile.path())
             .window_size(WIDE.0, WIDE.1)
+            // Its own emulation would make a touch screen of every window.
+            .viewport(None)
             .args([
                 "disable-gpu",
                 "disable-background-networking",

@@ -1,10 +1,11 @@
 //! The participant's hour, page by page, in every language.
 
-use crate::{answer_check, equipped, start, take};
-use sidestep_tests::{Server, Tab};
+use crate::{answer_check, equipped, take};
+use sidestep_tests::{Browser, Server, Tab};
 
 /// A study with every kind of page, and short waits.
 const WHOLE_STUDY: &str = r#"
+slug = "default"
 title = "Avoid the robot"
 languages = ["en", "de", "es", "zh-CN"]
 
@@ -124,25 +125,21 @@ async fn walk(tab: &Tab, server: &Server, language: &str) {
 
 async fn choose_language(tab: &Tab, language: &str) {
     let select = Tab::at("language");
-    let changed = format!("dispatchEvent(new Event('input', {{bubbles: true}}))");
+    let changed = "dispatchEvent(new Event('input', {bubbles: true}))";
     tab.run(&format!("{select}.value = '{language}', {select}.{changed}")).await;
     tab.until(&format!("document.documentElement.lang === '{language}'")).await;
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn the_hour_in_every_language() {
-    let (server, browser, tab) = start(WHOLE_STUDY).await;
-    let tabs = [
-        tab,
-        browser.open("about:blank").await,
-        browser.open("about:blank").await,
-        browser.open("about:blank").await,
-    ];
-    tokio::join!(
-        walk(&tabs[0], &server, "en"),
-        walk(&tabs[1], &server, "de"),
-        walk(&tabs[2], &server, "es"),
-        walk(&tabs[3], &server, "zh-CN"),
-    );
-    browser.close().await;
+    let server = Server::with_client(WHOLE_STUDY).await;
+    // Each in a browser of its own: a tab behind another one gets no frames.
+    let walks = ["en", "de", "es", "zh-CN"].map(async |language| {
+        let browser = Browser::start().await;
+        let tab = browser.open("about:blank").await;
+        walk(&tab, &server, language).await;
+        browser.close().await;
+    });
+    let [en, de, es, zh] = walks;
+    tokio::join!(en, de, es, zh);
 }

@@ -6,7 +6,7 @@ use sidestep::api::{StudyInfo, TrialDetail, routes};
 use sidestep::safety::value_function;
 use sidestep::scene::Evader;
 use sidestep::trial::simulation_fingerprint;
-use sidestep_tests::browser::{NARROW, WIDE, count_pixels};
+use sidestep_tests::browser::{NARROW, WIDE};
 use sidestep_tests::server::{SHORT_STUDY, UNEQUAL_STUDY};
 use sidestep_tests::{Browser, Driver, Server, Tab, driven_with};
 use std::ops::ControlFlow;

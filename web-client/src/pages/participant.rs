@@ -194,6 +194,11 @@ impl Participant {
         self.texts.get(key, &[])
     }
 
+    /// Sentences one after the other: Chinese has no space between them.
+    fn join(&self, sentences: &[String]) -> String {
+        sentences.join(&self.say("page.between"))
+    }
+
     /// Whether the sentences have come.
     fn has_texts(&self) -> bool {
         !self.texts.language.is_empty()

@@ -35,7 +35,7 @@ pub(super) fn welcome(page: &Participant) -> Node {
         [texts.count("welcome.scenes", scenes, &[]), texts.count("welcome.minutes", minutes, &[])];
     let recruited = page.link.external_id(study).is_some();
     let lines = [
-        Some(count.join(" ")),
+        Some(page.join(&count)),
         Some(page.say("welcome.keyboard")),
         Some(page.say("welcome.recorded")),
         recruited.then(|| page.say("welcome.recruited")),
@@ -145,10 +145,11 @@ pub(super) fn instructions(page: &Participant) -> Node {
         )),
         el("li")
             .child(strong("robot", "instructions.robot"))
-            .text(format!(" {}", page.say("instructions.robot_why"))),
-        el("li").text(zone.join(" ")),
+            .text(page.say("page.between"))
+            .text(page.say("instructions.robot_why")),
+        el("li").text(page.join(&zone)),
         el("li").text(page.say("instructions.when")),
-        el("li").text(dot.join(" ")),
+        el("li").text(page.join(&dot)),
     ];
     let canvas = el("canvas")
         .attrs([("id", "arena"), ("role", "img")])

@@ -53,7 +53,7 @@ pub(super) fn ready(page: &Participant) -> Node {
         .key(&phase)
         .child(el("h1").text(phase))
         .children(hint)
-        .child(paragraph(words.join(" ")))
+        .child(paragraph(page.join(&words)))
         .child(primary("start", Msg::Start, &page.say("ready.start")).focus())
         .child(keyed(page, "p", "ready.how").class("quiet"))
         .child(menu(page));
