@@ -16,6 +16,8 @@ use serde::de::DeserializeOwned;
 
 /// The value that a text holds; nothing if it is no JSON or of another shape.
 #[must_use]
+// What is read in several places is in the program once.
+#[inline(never)]
 pub fn read<T: DeserializeOwned>(text: &[u8]) -> Option<T> {
     T::deserialize(&read::parse(text)?).ok()
 }
