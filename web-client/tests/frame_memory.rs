@@ -81,7 +81,9 @@ fn begun() -> Screen {
         screen.hear(code, true);
         screen.hear(code, false);
     }
-    (0..100).for_each(|_| drop(screen.frame()));
+    for _ in 0..100 {
+        screen.frame();
+    }
     screen.tell(Msg::Go(Part::Enrolment));
     screen.tell(Msg::Enrolled(answer(&enrolled)));
     screen.tell(Msg::Progress(answer(&progress)));
