@@ -48,9 +48,7 @@ impl FromRequestParts<Arc<App>> for MeOrGone {
     type Rejection = ApiError;
 
     async fn from_request_parts(parts: &mut Parts, app: &Arc<App>) -> Result<Self, ApiError> {
-        let token = bearer(&parts.headers).ok_or_else(ApiError::unauthorized)?;
-        // The time to look up a hash of 256 random bits reveals nothing.
-        let found = app.store.visitor(secrets::hash(token)).await?;
+        let found = visitor(app, &parts.headers).await?;
         found.map(Self).ok_or_else(ApiError::unauthorized)
     }
 }
@@ -90,6 +88,16 @@ impl FromRequestParts<Arc<App>> for Assigned {
         let scene = scene.ok_or_else(|| ApiError::not_found("trial of yours"))?;
         Ok(Self { participant_id: visitor.participant.id, config, trial_id, scene })
     }
+}
+
+/// The holder of the token that a request carries, if it is valid.
+///
+/// # Errors
+/// If the database cannot be read.
+pub async fn visitor(app: &App, headers: &HeaderMap) -> Result<Option<Visitor>, ApiError> {
+    let Some(token) = bearer(headers) else { return Ok(None) };
+    // The time to look up a hash of 256 random bits reveals nothing.
+    Ok(app.store.visitor(secrets::hash(token)).await?)
 }
 
 /// Refuses who has withdrawn or was screened out.

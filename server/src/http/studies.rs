@@ -2,6 +2,7 @@
 
 use crate::clock::now_ms;
 use crate::http::app::App;
+use crate::http::auth::visitor;
 use crate::http::error::ApiError;
 use crate::http::params::PathText;
 use crate::store::Store;
@@ -9,21 +10,41 @@ use crate::store::enrolments::Gate;
 use crate::store::studies::StoredStudy;
 use axum::Json;
 use axum::extract::State;
+use axum::http::HeaderMap;
 use sidestep::api::{Admission, StudyInfo};
-use sidestep::study::Status;
+use sidestep::study::{Status, StudyConfig};
 use std::sync::Arc;
 
-/// `GET /api/v1/studies/{slug}`.
+/// `GET /api/v1/studies/{slug}`. With a participant's token, the study as they enrolled in it.
 pub async fn show(
     State(app): State<Arc<App>>,
     PathText(slug): PathText,
+    headers: HeaderMap,
 ) -> Result<Json<StudyInfo>, ApiError> {
     let study = named(&app.store, &slug).await?;
     let mut admission = study.config.status.into();
     if admission == Admission::Open && app.store.is_full(study.id, gate(&study)).await? {
         admission = Admission::Full;
     }
-    Ok(Json(StudyInfo::of(&study.config, admission)))
+    let (config, _) = asked_for(&app, &study, &headers).await?;
+    Ok(Json(StudyInfo::of(&config, admission)))
+}
+
+/// The configuration that a request is about, with its hash: that of the participant whose token it
+/// carries, else that of new participants. An edited study file changes nothing for those who have begun.
+///
+/// # Errors
+/// If the database cannot be read.
+pub async fn asked_for(
+    app: &App,
+    study: &StoredStudy,
+    headers: &HeaderMap,
+) -> Result<(Arc<StudyConfig>, String), ApiError> {
+    let participant = visitor(app, headers).await?.map(|visitor| visitor.participant);
+    match participant.filter(|participant| participant.study_id == study.id) {
+        Some(it) => Ok((app.store.config(&it.config_hash).await?, it.config_hash)),
+        None => Ok((Arc::clone(&study.config), study.config_hash.clone())),
+    }
 }
 
 /// Who may enrol in a study now.

@@ -3,7 +3,7 @@
 use crate::http::app::App;
 use crate::http::error::ApiError;
 use crate::http::params::{Params, PathText};
-use crate::http::studies::named;
+use crate::http::studies::{asked_for, named};
 use axum::Json;
 use axum::extract::State;
 use axum::http::{HeaderMap, header};
@@ -20,7 +20,8 @@ pub struct TextParams {
 }
 
 /// `GET /api/v1/studies/{slug}/texts?language=`: in that language; without it, or if the study does not
-/// have it, in the one that the browser prefers.
+/// have it, in the one that the browser prefers. With a participant's token, the study as they enrolled in
+/// it.
 pub async fn show(
     State(app): State<Arc<App>>,
     PathText(slug): PathText,
@@ -35,7 +36,8 @@ pub async fn show(
     let accepted = headers.get(header::ACCEPT_LANGUAGE).and_then(|value| value.to_str().ok());
     let accepted = preferred(accepted.unwrap_or_default());
     let wanted = params.language.as_deref().into_iter().chain(accepted);
-    let page = app.library.page(&study.config, &study.config_hash, wanted);
+    let (config, config_hash) = asked_for(&app, &study, &headers).await?;
+    let page = app.library.page(&config, &config_hash, wanted);
     Ok(([(header::VARY, "Accept-Language")], Json(&page.texts)).into_response())
 }
 

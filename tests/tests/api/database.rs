@@ -70,7 +70,7 @@ async fn a_database_of_the_version_before_goes_on() {
     }
     faster.danger_radius_m = 2.5;
     goes_on(&server, &known("second").0, &faster).await;
-    let again = json!({ "consent": true, "external_id": "P-17" });
+    let again = json!({ "consent": true, "external_id": " p-17 " });
     let again: Enrolled = Driver::ask_in(&server, "first", again).await.into(200);
     assert_eq!(json!(again.participant_id), known_of_them["participant_id"]);
     assert_eq!(again.plan, me.plan);
@@ -106,6 +106,25 @@ async fn a_database_of_the_version_before_goes_on() {
     assert_eq!(report["wrong"], json!([]));
     assert_eq!((&report["damage"], &report["trials"]), (&json!([]), &json!(21)));
     assert!(server.restarted().await.export("first").await.starts_with("participant,"));
+}
+
+#[tokio::test]
+async fn ids_that_are_one_person_now_belong_to_the_first() {
+    let folder = Folder::default();
+    let file = folder.path("sidestep.db");
+    std::fs::copy(old("sidestep.db"), &file).unwrap();
+    let database = folder.database("sidestep.db");
+    let change = "UPDATE participant SET external_id = ' P-' || 18 WHERE number = 2 AND study_id = 1; \
+                  UPDATE participant SET external_id = 'p-18' WHERE number = 3 AND study_id = 1";
+    behind(&database).execute_batch(change).unwrap();
+    run(&["check", "--database", &database]).await.json();
+    let query = "SELECT number, external_key FROM participant WHERE study_id = 1 \
+                 AND number IN (2, 3) ORDER BY number";
+    let db = behind(&database);
+    let mut statement = db.prepare(query).unwrap();
+    let found: Vec<(i64, Option<String>)> =
+        statement.query_map([], |row| Ok((row.get(0)?, row.get(1)?))).unwrap().flatten().collect();
+    assert_eq!(found, [(2, Some("p-18".to_owned())), (3, None)]);
 }
 
 #[tokio::test]

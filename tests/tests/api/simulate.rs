@@ -114,6 +114,45 @@ async fn people_take_part_through_the_server() {
     run(&["check", "--database", &server.database()]).await.json();
 }
 
+#[tokio::test]
+async fn simulated_people_pass_the_check_and_answer_the_questions() {
+    let study = r#"
+phases = [{ phase = "task", scenes = 1 }]
+comprehension = { attempts = 1 }
+recruitment = { require_external_id = true, quota = 2 }
+[[questions]]
+name = "age"
+kind = "scale"
+from = 18
+to = 30
+required = true
+text = { en = "How old are you?" }
+[[questions]]
+name = "hand"
+kind = "choice"
+required = true
+text = { en = "Which hand?" }
+options = [{ value = "left", text = { en = "L" } }, { value = "right", text = { en = "R" } }]
+[[questions]]
+name = "words"
+kind = "text"
+max_chars = 3
+required = true
+text = { en = "Anything else?" }
+"#;
+    let server = Server::with_study(study).await;
+    let args =
+        ["--seed", "5", "--url", &server.origin, "--study", "default", "--participants", "2"];
+    summary(&args).await;
+    let query = "SELECT count(understood_at_ms), count(completed_at_ms), min(answers), \
+                     min(consent_language) FROM participant";
+    let found: (i64, i64, String, String) = behind(&server.database())
+        .query_row(query, [], |row| Ok((row.get(0)?, row.get(1)?, row.get(2)?, row.get(3)?)))
+        .unwrap();
+    let answers = r#"{"age":24,"hand":"left","words":"syn"}"#;
+    assert_eq!(found, (2, 2, answers.to_owned(), "en".to_owned()));
+}
+
 /// Vehicles, clock and number of steps are the study's.
 #[tokio::test]
 async fn other_studies_are_driven_by_their_own_rules() {

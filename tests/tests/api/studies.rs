@@ -1,9 +1,10 @@
 //! Which studies a server has when it starts.
 
+use reqwest::Method;
 use serde_json::json;
-use sidestep::api::routes;
+use sidestep::api::{StudyInfo, Texts, routes};
 use sidestep_tests::server::{SHORT_STUDY, with_slug};
-use sidestep_tests::{Driver, Server, run};
+use sidestep_tests::{Answer, Driver, Server, run};
 
 /// The lines of the announcement that name studies.
 fn announced(server: &Server) -> Vec<String> {
@@ -51,4 +52,32 @@ async fn without_a_file_the_studies_stay_as_they_are() {
     let studies = server.admin(routes::ADMIN_STUDIES).await.body;
     assert_eq!(studies.as_array().unwrap().len(), 2);
     assert_eq!(studies[0]["title"], json!("One"));
+}
+
+#[tokio::test]
+async fn who_has_begun_keeps_the_study_that_they_agreed_to() {
+    let question = |name: &str| {
+        format!(
+            "title = \"{name}\"\nphases = [{{ phase = \"task\", scenes = 1 }}]\n[[questions]]\n\
+             name = \"{name}\"\nkind = \"text\"\ntext = {{ en = \"{name}?\" }}\n"
+        )
+    };
+    let server = Server::with_study(&question("before")).await;
+    let driver = Driver::enrol(&server).await;
+    let server = server.restarted_with_study(&question("after")).await;
+    let (study, texts) = (routes::study("default"), routes::texts("default"));
+    for (token, name) in [(Some(&driver.enrolled.token), "before"), (None, "after")] {
+        let ask = |route: &str| {
+            let request = server.request(Method::GET, route);
+            Answer::of(match token {
+                Some(token) => request.bearer_auth(token),
+                None => request,
+            })
+        };
+        let info: StudyInfo = ask(&study).await.into(200);
+        let texts: Texts = ask(&texts).await.into(200);
+        assert_eq!((&info.title[..], &texts.questions[0].name[..]), (name, name));
+    }
+    let answers = json!({ "answers": { "before": "yes" } });
+    assert_eq!(driver.put(&server, routes::ANSWERS, &answers).await.status, 204);
 }
