@@ -21,7 +21,8 @@ pub mod analyze;
 pub mod simulate;
 pub mod design;
 
-use crate::store::{OpenError, StoreError};
+use crate::store::studies::StoredStudy;
+use crate::store::{OpenError, Store, StoreError};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use serde::Serialize;
 use std::io::Write;
@@ -80,6 +81,22 @@ fn one_of<T: Clone + Send + Sync + 'static>(words: Words<T>) -> impl TypedValueP
         let known = words.iter().find(|(word, ..)| *word == given);
         known.map(|(_, value, _)| value.clone()).ok_or("no such word")
     })
+}
+
+/// The study that `--study` names.
+///
+/// # Errors
+/// [`CommandError::Input`] naming the studies that there are.
+async fn study_named(store: &Store, slug: &str, url: &str) -> Result<StoredStudy, CommandError> {
+    if let Some(study) = store.study(slug).await? {
+        return Ok(study);
+    }
+    let known: Vec<_> = store.studies().await?.into_iter().map(|study| study.slug).collect();
+    let known = match known.len() {
+        0 => "no study".to_owned(),
+        _ => known.join(", "),
+    };
+    Err(CommandError::Input(format!("--study {slug}: no such study in {url}, which has {known}")))
 }
 
 /// A file that cannot be written.

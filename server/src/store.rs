@@ -77,7 +77,7 @@ pub enum OpenError {
         /// As given.
         url: String,
         /// What is wrong with it.
-        found: &'static str,
+        found: String,
     },
     /// The database cannot be opened or created.
     #[error("{file}: cannot open the database: {reason}")]
@@ -257,7 +257,7 @@ fn address(url: &str) -> Result<DatabaseFile, OpenError> {
         return Err(OpenError::Address {
             // Such an address may hold a password: it is not repeated.
             url: "postgres:…".to_owned(),
-            found: "a PostgreSQL address, and this build speaks SQLite only",
+            found: "a PostgreSQL address, and this build speaks SQLite only".to_owned(),
         });
     }
     DatabaseFile::of_url(url).map_err(|found| OpenError::Address { url: url.to_owned(), found })

@@ -3,7 +3,7 @@
 use super::json_file::Document;
 use super::solving::{Interrupt, bar, safety_levels};
 use super::trials_file::SceneArgs;
-use super::{CommandError, print_json, trials_file, unwritable};
+use super::{CommandError, print_json, study_named, trials_file, unwritable};
 use crate::formats::atomic_folder::Draft;
 use crate::formats::features_csv;
 use crate::jobs::analysis::{AnalysisTask, TaskError};
@@ -178,9 +178,7 @@ impl AnalyzeArgs {
         }
         let url = self.source.database.clone().unwrap_or_default();
         let store = Store::open(&url, Missing::Refuse).await?;
-        let unknown = || format!("--study {}: no such study in {url}", self.study);
-        let study = store.study(&self.study).await?;
-        let study = study.ok_or_else(|| CommandError::Input(unknown()))?;
+        let study = study_named(&store, &self.study, &url).await?;
         let recording = recordings::of_study(&store, &study).await?;
         store.close().await;
         Ok(recording)

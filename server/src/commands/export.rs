@@ -1,6 +1,6 @@
 //! `sidestep export`.
 
-use super::{CommandError, print_json, unwritable};
+use super::{CommandError, print_json, study_named, unwritable};
 use crate::formats::atomic_folder::Draft;
 use crate::formats::exports;
 use crate::store::{Missing, Store};
@@ -36,22 +36,24 @@ pub async fn run(args: ExportArgs) -> Result<(), CommandError> {
     exports::check_format(&args.format)
         .map_err(|invalid| CommandError::Input(format!("--{invalid}")))?;
     let store = Store::open(&args.database, Missing::Refuse).await?;
-    let study = store.study(&args.study).await?.ok_or_else(|| {
-        let (slug, database) = (&args.study, &args.database);
-        CommandError::Input(format!("--study {slug}: no such study in {database}"))
-    })?;
+    let study = study_named(&store, &args.study, &args.database).await?;
     let draft = Draft::begin(&args.out).map_err(|e| unwritable(&args.out, &e))?;
     let path = args.out.join("trials.csv");
     let failed = |error: std::io::Error| unwritable(&path, &error);
     let mut file = File::create(draft.path().join("trials.csv")).map_err(failed)?;
     let mut pieces = std::pin::pin!(exports::stream(store.clone(), study));
-    let mut bytes = 0;
+    let (mut bytes, mut filled) = (0, 0);
     while let Some(piece) = pieces.next().await {
         let piece = piece?;
         bytes += piece.len();
+        filled += usize::from(!piece.is_empty());
         file.write_all(&piece).map_err(failed)?;
     }
     draft.keep(&[], &CancellationToken::new()).map_err(failed)?;
     store.close().await;
+    // The first piece is the header.
+    if filled == 1 {
+        eprintln!("{}: study {} has no trials yet", path.display(), args.study);
+    }
     print_json(&serde_json::json!({ "file": path, "octets": bytes }))
 }

@@ -21,13 +21,16 @@ pub(super) type Identity = (u64, u64);
 
 impl DatabaseFile {
     /// The file of an address `sqlite:FILE`, or what was found instead.
-    pub(super) fn of_url(url: &str) -> Result<Self, &'static str> {
+    pub(super) fn of_url(url: &str) -> Result<Self, String> {
         let Some(name) = url.strip_prefix("sqlite:") else {
-            return Err("another kind of address");
+            return Err(match url.contains(':') {
+                true => "another kind of address".to_owned(),
+                false => format!("a file's name; write sqlite:{url}"),
+            });
         };
         let name = name.strip_prefix("//").unwrap_or(name);
         if name.is_empty() || name.contains(":memory:") || name.contains("mode=memory") {
-            return Err("no file; results must survive a restart");
+            return Err("no file; results must survive a restart".to_owned());
         }
         Ok(Self { path: name.into(), log: format!("{name}-wal").into() })
     }

@@ -80,6 +80,8 @@ async fn commands_without_a_database_make_none() {
         assert_eq!(folder.text(name), content);
         std::fs::remove_file(file).unwrap();
     }
+    let file = ["check", "--database", "study.db"];
+    run(&file).await.refused(2, &["sqlite:FILE", "write sqlite:study.db"]);
     let format = ["export", "--database", &none, "--format", "xlsx", "--out", &out];
     run(&format).await.refused(2, &["--format", "csv", "xlsx"]);
     let missing = ["import", "--database", &none, "--trials", "missing.csv"];
@@ -87,7 +89,10 @@ async fn commands_without_a_database_make_none() {
     let server = Process::start(&folder).await;
     let database = folder.database("sidestep.db");
     let unknown = ["export", "--database", &database, "--study", "other", "--out", &out];
-    run(&unknown).await.refused(2, &["--study other"]);
+    run(&unknown).await.refused(2, &["--study other", "which has default"]);
+    let said = run(&["export", "--database", &database, "--out", &out]).await;
+    said.json();
+    assert!(said.err.contains("study default has no trials yet"), "{}", said.err);
     drop(server);
 }
 
