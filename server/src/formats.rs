@@ -8,4 +8,5 @@ pub mod toml_lines;
 pub mod study_toml;
 pub mod trials_csv;
 pub mod exports;
+pub mod participants_csv;
 pub mod features_csv;

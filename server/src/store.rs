@@ -23,6 +23,7 @@ pub mod analyses;
 pub mod scenes;
 pub mod participants;
 pub mod enrolments;
+pub mod roster;
 pub mod trials;
 pub mod imports;
 #[cfg(test)]

@@ -80,6 +80,11 @@ pub mod routes {
     pub const SESSION: &str = "/api/v1/admin/session";
     /// All studies.
     pub const ADMIN_STUDIES: &str = "/api/v1/admin/studies";
+    /// The participants of a study, without the query that names the format.
+    #[must_use]
+    pub fn admin_participants(slug: &str) -> String {
+        format!("/api/v1/admin/studies/{slug}/participants")
+    }
     /// The pilots of a study; a DELETE deletes them.
     #[must_use]
     pub fn admin_pilots(slug: &str) -> String {

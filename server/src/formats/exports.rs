@@ -119,7 +119,7 @@ fn decimal(number: f64) -> String {
 }
 
 /// The text, with an apostrophe before it if a spreadsheet could take it for a formula.
-fn text(text: &str) -> String {
+pub(super) fn text(text: &str) -> String {
     if text.starts_with(['=', '+', '-', '@', '\t', '\r']) {
         format!("'{text}")
     } else {

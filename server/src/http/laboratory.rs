@@ -2,6 +2,7 @@
 
 use crate::content::Content;
 use crate::formats::exports;
+use crate::formats::participants_csv::participants_csv;
 use crate::http::app::App;
 use crate::http::auth::Admin;
 use crate::http::error::ApiError;
@@ -192,6 +193,25 @@ pub async fn export(
         (header::CONTENT_DISPOSITION, name),
     ];
     Ok((headers, body))
+}
+
+/// `GET /api/v1/admin/studies/{slug}/participants?format=csv`.
+pub async fn participants(
+    _: Admin,
+    State(app): State<Arc<App>>,
+    PathText(slug): PathText,
+    Params(params): Params<ExportParams>,
+) -> Result<impl IntoResponse, ApiError> {
+    exports::check_format(&params.format)?;
+    let study = named(&app.store, &slug).await?;
+    let people = app.store.roster(study.id).await?;
+    let table = participants_csv(&study.config, &people).context("participants as CSV")?;
+    let name = format!("attachment; filename=\"{slug}-participants.csv\"");
+    let headers = [
+        (header::CONTENT_TYPE, "text/csv; charset=utf-8".to_owned()),
+        (header::CONTENT_DISPOSITION, name),
+    ];
+    Ok((headers, table))
 }
 
 async fn stored(store: &Store, trial_id: &str) -> Result<StoredTrial, ApiError> {

@@ -33,6 +33,7 @@ pub fn router(app: Arc<App>, site: &Site) -> Router {
         )
         .route(routes::SESSION, get(session::show).post(session::sign_in).delete(session::sign_out))
         .route(routes::ADMIN_STUDIES, get(laboratory::studies))
+        .route(&routes::admin_participants("{slug}"), get(laboratory::participants))
         .route(&routes::admin_pilots("{slug}"), delete(laboratory::delete_pilots))
         .route(&routes::admin_trials("{slug}"), get(laboratory::trials))
         .route(&routes::admin_trial("{trial_id}"), get(laboratory::trial))

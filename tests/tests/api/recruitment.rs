@@ -8,7 +8,7 @@ use sidestep::api::{
     Withdrawn, routes,
 };
 use sidestep_tests::server::SHORT_STUDY;
-use sidestep_tests::{Answer, Driver, Server, behind};
+use sidestep_tests::{Answer, Driver, Folder, Server, behind, run};
 use std::collections::HashSet;
 
 /// Two tasks, and what comes after the header of a study file.
@@ -275,6 +275,70 @@ async fn answers_are_checked_replaced_and_kept() {
     let stored: Option<String> =
         behind(&server.database()).query_row(query, [], |row| row.get(0)).unwrap();
     assert_eq!(stored, None);
+}
+
+#[tokio::test]
+async fn researchers_find_codes_ids_and_answers_in_the_table_of_participants() {
+    let recruitment = "[recruitment]\nrecord = [\"STUDY_ID\"]\n";
+    let server = Server::with_study(&study(&format!("{QUESTIONS}{recruitment}"))).await;
+    let body = json!({
+        "consent": true, "external_id": "=P1", "locale": "de",
+        "parameters": { "STUDY_ID": "s-1" },
+    });
+    let driver = Driver { enrolled: Driver::ask(&server, body).await.into(201) };
+    driver.drive(&server, 2).await;
+    let answers = json!({ "answers": { "age": 21, "words": "-1+1" } });
+    assert_eq!(driver.put(&server, routes::ANSWERS, &answers).await.status, 204);
+    let code: Completed = driver.complete(&server).await.into(200);
+    Driver::enrol(&server).await;
+    Driver::ask(&server, json!({ "consent": true, "pilot": true })).await.into::<Enrolled>(201);
+
+    let folder = Folder::default();
+    let (database, out) = (server.database(), folder.name("data"));
+    run(&["export", "--database", &database, "--study", "default", "--out", &out]).await.json();
+    let table = folder.text("data/participants.csv");
+    let route = format!("{}?format=csv", routes::admin_participants("default"));
+    let answer = server.request(Method::GET, &route).bearer_auth(&server.key).send().await.unwrap();
+    assert_eq!(answer.text().await.unwrap(), table);
+    server.get(&route).await.problem(401, "unauthorized", None);
+    let lines: Vec<Vec<&str>> = table.lines().map(|line| line.split(',').collect()).collect();
+    assert_eq!(lines.len(), 3, "no pilot");
+    let cell = |name: &str| {
+        let at = lines[0].iter().position(|column| *column == name).expect(name);
+        (lines[1][at], lines[2][at])
+    };
+    for (name, cells) in [
+        ("participant", ("1", "2")),
+        // A spreadsheet takes none of these for a formula.
+        ("external_id", ("'=P1", "")),
+        ("completion_code", (&code.completion_code, "")),
+        ("place", ("0", "1")),
+        ("task", ("2", "0")),
+        ("consent_language", ("de", "")),
+        ("parameter_STUDY_ID", ("s-1", "")),
+        ("answer_age", ("21", "")),
+        ("answer_hand", ("", "")),
+        ("answer_words", ("'-1+1", "")),
+        ("study", ("default", "default")),
+    ] {
+        assert_eq!(cell(name), cells, "{name}");
+    }
+    // Every column of both files has a meaning.
+    let dictionary: Value = serde_json::from_str(&folder.text("data/dictionary.json")).unwrap();
+    let named = |file: &str| -> Vec<&str> {
+        let columns = dictionary.as_array().unwrap().iter();
+        let columns = columns.filter(|column| column["file"] == file);
+        columns.map(|column| column["name"].as_str().unwrap()).collect()
+    };
+    assert_eq!(named("participants.csv"), lines[0]);
+    let trials = folder.text("data/trials.csv");
+    let header: Vec<_> = trials.lines().next().unwrap().split(',').collect();
+    assert_eq!(named("trials.csv"), header);
+    let hand = dictionary.as_array().unwrap().iter().find(|c| c["name"] == "answer_hand").unwrap();
+    assert_eq!(
+        (&hand["range"], &hand["meaning"]),
+        (&json!("left, right"), &json!("answer to: Which hand?"))
+    );
 }
 
 #[tokio::test]

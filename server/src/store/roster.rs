@@ -1,0 +1,114 @@
+//! The participants of a study, each with all that is stored about them besides their trials.
+
+use super::{Store, StoreError};
+use rusqlite::{Connection, Row};
+use serde::de::DeserializeOwned;
+use serde_json::Value;
+use sidestep::trial::Phase;
+use std::collections::{BTreeMap, HashMap};
+
+/// A participant of a study, not a pilot.
+#[derive(Clone, Debug)]
+pub struct RosterEntry {
+    /// Their number within the study, from 1.
+    pub number: i64,
+    /// Their id.
+    pub id: String,
+    /// Their place in the study's design, if they have one.
+    pub place: Option<i64>,
+    /// The recruiting service's id, as it came.
+    pub external_id: Option<String>,
+    /// Hash of the configuration of their enrolment.
+    pub config_hash: String,
+    /// Whether their trials were read from a file.
+    pub imported: bool,
+    /// The language and hash of what they agreed to.
+    pub consent: [Option<String>; 2],
+    /// When they enrolled, were last seen, passed the check of understanding, were screened out,
+    /// answered the questions, completed and withdrew, ms since 1970.
+    pub times_ms: [Option<i64>; 7],
+    /// How often they answered the check of understanding.
+    pub comprehension_attempts: i64,
+    /// The completion code, if they completed.
+    pub completion_code: Option<String>,
+    /// Whether their data were deleted.
+    pub data_deleted: bool,
+    /// Stored trials, in the order of [`Phase::ALL`].
+    pub trials: [i64; 3],
+    /// Recorded parameters of the link.
+    pub parameters: BTreeMap<String, String>,
+    /// Answers by the question's name.
+    pub answers: BTreeMap<String, Value>,
+}
+
+impl Store {
+    /// The participants of a study in the order of their numbers, without pilots.
+    pub async fn roster(&self, study_id: i64) -> Result<Vec<RosterEntry>, StoreError> {
+        self.read_long(move |db| {
+            let trials = trials(db, study_id)?;
+            let mut statement = db.prepare_cached(
+                "SELECT number, id, place, external_id, config_hash, import_hash IS NOT NULL, \
+                     consent_language, consent_hash, enrolled_at_ms, last_seen_at_ms, \
+                     understood_at_ms, screened_out_at_ms, answered_at_ms, completed_at_ms, \
+                     withdrawn_at_ms, comprehension_attempts, completion_code, data_deleted, \
+                     parameters, answers \
+                 FROM participant WHERE study_id = ?1 AND pilot = 0 ORDER BY number",
+            )?;
+            let entry = |row: &Row<'_>| {
+                let id: String = row.get(1)?;
+                let time = |i: usize| row.get::<_, Option<i64>>(8 + i);
+                Ok(RosterEntry {
+                    number: row.get(0)?,
+                    place: row.get(2)?,
+                    external_id: row.get(3)?,
+                    config_hash: row.get(4)?,
+                    imported: row.get(5)?,
+                    consent: [row.get(6)?, row.get(7)?],
+                    times_ms: [
+                        time(0)?,
+                        time(1)?,
+                        time(2)?,
+                        time(3)?,
+                        time(4)?,
+                        time(5)?,
+                        time(6)?,
+                    ],
+                    comprehension_attempts: row.get(15)?,
+                    completion_code: row.get(16)?,
+                    data_deleted: row.get(17)?,
+                    trials: trials.get(&id).copied().unwrap_or_default(),
+                    parameters: object(row, 18)?,
+                    answers: object(row, 19)?,
+                    id,
+                })
+            };
+            statement.query_and_then([study_id], entry)?.collect()
+        })
+        .await
+    }
+}
+
+/// How many trials of each phase are stored, by participant.
+fn trials(db: &Connection, study_id: i64) -> Result<HashMap<String, [i64; 3]>, StoreError> {
+    let mut statement = db.prepare_cached(
+        "SELECT participant.id, scene.phase, count(*) FROM participant \
+         JOIN scene ON scene.participant_id = participant.id \
+         JOIN trial ON trial.trial_id = scene.trial_id \
+         WHERE participant.study_id = ?1 GROUP BY participant.id, scene.phase",
+    )?;
+    let mut counts: HashMap<String, [i64; 3]> = HashMap::new();
+    let mut rows = statement.query([study_id])?;
+    while let Some(row) = rows.next()? {
+        let phase: String = row.get(1)?;
+        let place = Phase::ALL.iter().position(|known| known.word() == phase);
+        let place = place.ok_or_else(|| StoreError::unknown_word(&phase))?;
+        counts.entry(row.get(0)?).or_default()[place] = row.get(2)?;
+    }
+    Ok(counts)
+}
+
+/// A JSON object in a column; empty if the column is NULL.
+fn object<T: DeserializeOwned + Default>(row: &Row<'_>, at: usize) -> Result<T, StoreError> {
+    let text: Option<String> = row.get(at)?;
+    text.map_or(Ok(T::default()), |text| serde_json::from_str(&text).map_err(StoreError::corrupt))
+}
