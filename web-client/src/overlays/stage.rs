@@ -12,11 +12,13 @@ const GOAL_SIDE_M: f64 = 0.85;
 #[must_use]
 pub fn vehicles_and_goal(scene: &Scene, state: JointState) -> [Shape; 3] {
     let [robot, human] = vehicles(state);
-    [
-        Shape::Square { centre: scene.goal, side_m: GOAL_SIDE_M, colour: colours::ROBOT },
-        robot,
-        human,
-    ]
+    [goal(scene.goal), robot, human]
+}
+
+/// The red square.
+#[must_use]
+pub fn goal(centre: [f64; 2]) -> Shape {
+    Shape::Square { centre, side_m: GOAL_SIDE_M, colour: colours::ROBOT }
 }
 
 /// The red arrow and the blue arrow.

@@ -50,6 +50,7 @@ impl Arena {
         let [width, height] = HALF_M;
         picture.begin("arena", Window { low: [-width, -height], high: [width, height] });
         let radius_m = self.parameters.danger_radius_m;
+        picture.shapes.push(stage::goal([0.8 - width, self.robot.y]));
         picture.shapes.push(stage::danger_zone(self.robot, radius_m));
         picture.shapes.extend(stage::vehicles(self.state()));
     }

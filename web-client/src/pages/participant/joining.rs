@@ -36,7 +36,8 @@ impl Participant {
     /// Goes on once both the study and its sentences are there.
     pub(super) fn opened(&mut self) -> Commands<Msg> {
         let (Some(study), Stage::Loading) = (&self.study, &self.stage) else { return Vec::new() };
-        if !self.has_texts() {
+        // With a session, both have been asked for again; its progress comes next.
+        if !self.has_texts() || self.session.is_some() {
             return Vec::new();
         }
         let admission = study.admission;
@@ -45,7 +46,9 @@ impl Participant {
             None => self.kept(&self.session_name()),
         };
         if self.session.is_some() {
-            return vec![self.ask_progress()];
+            // The study as the participant began it: it may have changed since.
+            let texts = self.ask_texts(Some(&self.texts.language));
+            return vec![self.ask_study(), texts, self.ask_progress()];
         }
         self.stage = match admission {
             Admission::Open if self.context.touch_only => Stage::Touch,

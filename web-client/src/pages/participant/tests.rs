@@ -102,8 +102,11 @@ fn open(kept: BTreeMap<String, String>, study: &StudyConfig) -> Session {
 
 fn open_at(kept: BTreeMap<String, String>, study: &StudyConfig, link: &str) -> Session {
     let mut session = opened(kept, link);
-    session.send("study", 200, &StudyInfo::of(study, study.status.into()));
-    session.send("texts", 200, &texts());
+    // Somebody who has begun asks again, for the study as they began it.
+    while session.asked.iter().any(|request| request.name == "study") {
+        session.send("study", 200, &StudyInfo::of(study, study.status.into()));
+        session.send("texts", 200, &texts());
+    }
     session
 }
 
