@@ -5,12 +5,16 @@ use chromiumoxide::cdp::browser_protocol::emulation::{
     MediaFeature, SetDeviceMetricsOverrideParams, SetEmulatedMediaParams,
 };
 use chromiumoxide::cdp::browser_protocol::input::{DispatchKeyEventParams, DispatchKeyEventType};
+use chromiumoxide::cdp::browser_protocol::page::{
+    EventJavascriptDialogOpening, HandleJavaScriptDialogParams,
+};
 use chromiumoxide::cdp::js_protocol::runtime::{EventConsoleApiCalled, EventExceptionThrown};
 use chromiumoxide::page::ScreenshotParams;
 use chromiumoxide::{BrowserConfig, Page};
 use futures_util::StreamExt;
 use image::RgbaImage;
 use std::path::PathBuf;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
@@ -106,7 +110,18 @@ impl Browser {
                 heard.lock().expect("a list").push(words);
             }
         });
-        let tab = Tab { page, complaints };
+        let mut asked =
+            page.event_listener::<EventJavascriptDialogOpening>().await.expect("events");
+        let warnings = Arc::new(AtomicUsize::new(0));
+        let (told, asking) = (Arc::clone(&warnings), page.clone());
+        tokio::spawn(async move {
+            while asked.next().await.is_some() {
+                told.fetch_add(1, Ordering::Relaxed);
+                // A page that is closed meanwhile asks no more.
+                let _ = asking.execute(HandleJavaScriptDialogParams::new(true)).await;
+            }
+        });
+        let tab = Tab { page, complaints, warnings };
         tab.look(WIDE, false).await;
         tab.go(url).await;
         tab
@@ -125,9 +140,16 @@ impl Browser {
 pub struct Tab {
     page: Page,
     complaints: Arc<Mutex<Vec<String>>>,
+    warnings: Arc<AtomicUsize>,
 }
 
 impl Tab {
+    /// How often a page asked whether it may be left; the answer was yes.
+    #[must_use]
+    pub fn warnings(&self) -> usize {
+        self.warnings.load(Ordering::Relaxed)
+    }
+
     /// Goes to an address.
     ///
     /// # Panics

@@ -101,6 +101,7 @@ async fn a_server_that_is_down_loses_nothing() {
     let stopped = server.stop().await;
     until_waiting(&tab).await;
     tab.go("about:blank").await;
+    assert_eq!(tab.warnings(), 1, "a page with something unsent asks before it is left");
     let server = stopped.start().await;
     tab.go(&format!("{}/s/default", server.origin)).await;
     until_saved(&tab).await;

@@ -144,7 +144,8 @@ impl Participant {
             commands.extend(lifted(self.outbox.drop_stored(id)));
         }
         if matches!(self.stage, Stage::Loading | Stage::Equipment(_)) {
-            let begun = !self.stored.is_empty() || !self.outbox.is_empty();
+            let begun =
+                !self.stored.is_empty() || !self.outbox.is_empty() || !self.exposures.is_empty();
             if begun && understood {
                 self.stage = Stage::Ready;
             } else {

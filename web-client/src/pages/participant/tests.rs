@@ -535,7 +535,6 @@ fn a_scene_that_is_shown_again_counts_its_exposures() {
     session.pass(COUNTDOWN_MS + 2000.0);
     let mut session = open(session.kept, &StudyConfig::default());
     session.send("progress", 200, &progress(&[]));
-    session.press("continue");
     session.drive();
     assert_eq!(session.uploaded("t0").exposures, 2);
     session.stored("t0");

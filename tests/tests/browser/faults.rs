@@ -1,0 +1,206 @@
+//! What goes wrong in a browser: nothing acknowledged is lost, nothing is stored twice, and one
+//! sentence tells the participant what happens next.
+
+use crate::{begin, drive, equipped, start, stored, until_saved};
+use reqwest::Method;
+use sidestep::api::{Progress, StudySummary, routes};
+use sidestep::trial::Flag;
+use sidestep::vehicle::TurnInput;
+use sidestep_tests::{Browser, Server, Tab};
+
+/// One task, to be driven again if it is interrupted.
+const ONE_TASK: &str = r#"
+slug = "default"
+title = "Short"
+phases = [{ phase = "task", scenes = 1 }]
+[trials]
+countdown_s = 1
+repeat_interrupted = true
+"#;
+
+/// The token of the participant in this tab.
+async fn token(tab: &Tab) -> String {
+    let record = "new Promise(done => indexedDB.open('sidestep').onsuccess = event => { \
+                  const store = event.target.result.transaction('kept').objectStore('kept'); \
+                  store.get('sidestep.session.default').onsuccess = event => \
+                  done(JSON.parse(event.target.result).token) })";
+    tab.eval(record).await
+}
+
+async fn progress(server: &Server, token: &str) -> Progress {
+    let request = server.request(Method::GET, routes::ME).bearer_auth(token);
+    request.send().await.expect("an answer").json().await.expect("the progress")
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_reload_in_a_scene_is_counted_and_the_scene_driven_again() {
+    let (server, browser, tab) = start(ONE_TASK).await;
+    begin(&tab, &server).await;
+    tab.press("start").await;
+    tab.until_step("scene", 12).await;
+    tab.reload().await;
+    drive(&tab, "ArrowLeft").await;
+    // It is marked, and driven once more as a further attempt.
+    tab.until_says("start", "Start").await;
+    assert!(tab.eval::<String>("document.body.innerText").await.contains("Once more: task 1"));
+    drive(&tab, "ArrowLeft").await;
+    assert!(tab.words("completion-code").await.len() >= 8);
+    let trials = stored(&server).await;
+    assert_eq!(trials.len(), 2);
+    let flags = &trials[0].summary.flags;
+    assert!(flags.contains(&Flag::Interrupted) && flags.contains(&Flag::ShownBefore), "{flags:?}");
+    assert!(!trials[1].summary.flags.contains(&Flag::Interrupted), "{:?}", trials[1].summary.flags);
+    assert_eq!(trials[0].scene, trials[1].scene);
+    browser.close().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn the_later_of_two_tabs_takes_over() {
+    let (server, browser, first) = start(ONE_TASK).await;
+    begin(&first, &server).await;
+    let second = browser.open(&format!("{}/s/default", server.origin)).await;
+    second.words("continue").await;
+    assert!(first.words("elsewhere").await.contains("another tab"));
+    // Back to the first, which says so to the second.
+    first.press("here").await;
+    first.words("continue").await;
+    assert!(second.words("elsewhere").await.contains("another tab"));
+    let studies: Vec<StudySummary> = server.admin(routes::ADMIN_STUDIES).await.into(200);
+    assert_eq!(studies[0].participants, 1);
+    browser.close().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn keys_that_repeat_cross_or_lose_the_focus_never_stick() {
+    let (server, browser, tab) = start(ONE_TASK).await;
+    begin(&tab, &server).await;
+    tab.press("start").await;
+    tab.until_step("scene", 5).await;
+    tab.key_down("ArrowLeft").await;
+    tab.key_down("ArrowLeft").await;
+    tab.until_step("scene", 10).await;
+    tab.key_down("ArrowRight").await;
+    tab.until_step("scene", 15).await;
+    tab.key_up("ArrowRight").await;
+    tab.until_step("scene", 20).await;
+    tab.run("window.dispatchEvent(new FocusEvent('blur'))").await;
+    tab.until(&format!("!{}", Tab::at("scene"))).await;
+    until_saved(&tab).await;
+    let trial = &stored(&server).await[0];
+    let turns: Vec<i8> = trial.inputs.iter().map(|input| input.sign()).collect();
+    assert_eq!(turns.windows(2).filter(|pair| pair[0] != pair[1]).count(), 4, "{turns:?}");
+    assert!(
+        turns[22..].iter().all(|&turn| turn == 0),
+        "released when the focus was lost: {turns:?}"
+    );
+    assert!(trial.inputs.contains(&TurnInput::Right));
+    assert!(trial.summary.flags.contains(&Flag::FocusLost));
+    assert!(tab.words("hint").await.contains("not in front"));
+    browser.close().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn the_wall_clock_may_jump() {
+    let (server, browser, tab) = start(ONE_TASK).await;
+    begin(&tab, &server).await;
+    tab.press("start").await;
+    tab.until_step("scene", 10).await;
+    tab.run("Date.now = () => 0").await;
+    tab.until_step("scene", 20).await;
+    tab.run("Date.now = () => 4e12").await;
+    tab.until(&format!("!{}", Tab::at("scene"))).await;
+    assert!(tab.words("completion-code").await.len() >= 8);
+    let trial = &stored(&server).await[0];
+    assert!(trial.replay.exact && !trial.summary.flags.contains(&Flag::Interrupted));
+    browser.close().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn stopping_deletes_what_was_driven() {
+    let (server, browser, tab) = start(ONE_TASK).await;
+    begin(&tab, &server).await;
+    let token = token(&tab).await;
+    assert!(progress(&server, &token).await.may_withdraw);
+    tab.press("stop").await;
+    tab.press("withdraw-delete").await;
+    assert!(tab.words("ended").await.contains("have been deleted"));
+    let gone = server.request(Method::GET, routes::ME).bearer_auth(&token);
+    assert_eq!(gone.send().await.expect("an answer").status(), 410);
+    tab.reload().await;
+    tab.words("consent").await;
+    browser.close().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_personal_link_continues_in_another_browser() {
+    let study = ONE_TASK.replace("scenes = 1", "scenes = 2");
+    let (server, browser, tab) = start(&study).await;
+    begin(&tab, &server).await;
+    drive(&tab, "a").await;
+    until_saved(&tab).await;
+    let link = tab.eval::<String>(&format!("{}.value", Tab::at("personal-link"))).await;
+    let elsewhere = Browser::start().await;
+    let other = elsewhere.open(&link).await;
+    other.until_says("start", "Start").await;
+    assert!(other.eval::<String>("document.body.innerText").await.contains("Task 2 of 2"));
+    assert!(!other.eval::<String>("location.href").await.contains("continue"));
+    drive(&other, "d").await;
+    assert!(other.words("completion-code").await.len() >= 8);
+    elsewhere.close().await;
+    browser.close().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn studies_that_take_nobody_say_so() {
+    let full = ONE_TASK.to_owned() + "[recruitment]\nquota = 1\n";
+    for (study, words) in [
+        (ONE_TASK.replace("title", "status = \"closed\"\ntitle"), "This study is closed"),
+        (ONE_TASK.replace("title", "status = \"archived\"\ntitle"), "This study is over"),
+        (full, "This study is full"),
+    ] {
+        let (server, browser, tab) = start(&study).await;
+        let url = format!("{}/s/default", server.origin);
+        if words.contains("full") {
+            begin(&tab, &server).await;
+        }
+        let late = Browser::start().await;
+        let second = late.open(&url).await;
+        assert!(second.words("stuck").await.contains(words));
+        late.close().await;
+        browser.close().await;
+    }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn other_keys_can_be_chosen_with_real_presses() {
+    let (server, browser, tab) = start(ONE_TASK).await;
+    tab.go(&format!("{}/s/default", server.origin)).await;
+    tab.press("consent").await;
+    tab.press("choose-keys").await;
+    for key in ["a", "d"] {
+        tab.key_down(key).await;
+        tab.key_up(key).await;
+    }
+    tab.until(&format!("!{}", Tab::at("choosing"))).await;
+    for key in ["a", "d"] {
+        tab.key_down(key).await;
+        tab.key_up(key).await;
+    }
+    tab.until(&format!("{}?.disabled === false", Tab::at("continue"))).await;
+    tab.press("usual-keys").await;
+    equipped(&tab).await;
+    browser.close().await;
+}
+
+/// A whole study in a minute: the real page, operated by a simulated participant at high speed.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_simulated_participant_rehearses_the_whole_protocol() {
+    let (server, browser, tab) = start("slug = \"default\"\ntitle = \"The paper's\"\n").await;
+    tab.go(&format!("{}/s/default?simulate=7&speed=20", server.origin)).await;
+    assert!(tab.words("completion-code").await.starts_with("PILOT-"));
+    // It is a pilot: nothing of it is among the data.
+    let studies: Vec<StudySummary> = server.admin(routes::ADMIN_STUDIES).await.into(200);
+    assert_eq!((studies[0].participants, studies[0].trials), (0, 0));
+    tab.is_well().await;
+    browser.close().await;
+}
