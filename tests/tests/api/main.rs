@@ -22,6 +22,7 @@ mod process;
 mod safety;
 mod site;
 mod studies;
+mod study_guide;
 mod texts;
 mod shfrs;
 mod simulate;

@@ -1,0 +1,75 @@
+//! The guide to study files: its examples are valid, its whole file has every field, and its tables
+//! name each of them.
+
+use serde_json::Value;
+use sidestep_server::formats::study_toml::StudyFile;
+use sidestep_server::languages::Languages;
+use sidestep_tests::Folder;
+use std::collections::BTreeSet;
+use std::path::Path;
+
+const GUIDE: &str = include_str!("../../../docs/study.md");
+
+/// The study files of the guide.
+fn examples() -> Vec<&'static str> {
+    let blocks = GUIDE.split("```toml\n").skip(1);
+    blocks.map(|rest| rest.split_once("```").unwrap().0).collect()
+}
+
+/// Adds the fields below a value by their paths, such as `.questions.options.text`.
+fn add_fields(value: &Value, above: &str, found: &mut BTreeSet<String>) {
+    match value {
+        Value::Object(object) => {
+            for (name, value) in object {
+                let path = format!("{above}.{name}");
+                add_fields(value, &path, found);
+                found.insert(path);
+            }
+        }
+        Value::Array(items) => items.iter().for_each(|item| add_fields(item, above, found)),
+        _ => {}
+    }
+}
+
+fn fields(value: &Value) -> BTreeSet<String> {
+    let mut found = BTreeSet::new();
+    add_fields(value, "", &mut found);
+    found
+}
+
+#[test]
+fn its_study_files_are_valid() {
+    let folder = Folder::default();
+    let languages = Languages::load(None).unwrap();
+    assert_eq!(examples().len(), 2);
+    for text in examples() {
+        let path = folder.file("study.toml", text);
+        let file = StudyFile::read(Path::new(&path)).unwrap();
+        languages.check(file.config()).unwrap();
+    }
+}
+
+#[test]
+fn its_whole_file_has_every_field_and_its_tables_name_them() {
+    let is_whole = |text: &&str| text.starts_with("# A whole study file");
+    let text = examples().into_iter().find(is_whole).unwrap();
+    let folder = Folder::default();
+    let path = folder.file("study.toml", text);
+    let file = StudyFile::read(Path::new(&path)).unwrap();
+    // A configuration that was read has all fields, given or not.
+    let wanted = fields(&serde_json::to_value(file.config()).unwrap());
+    let given = fields(&toml::from_str(text).unwrap());
+    let missing: Vec<_> = wanted.difference(&given).collect();
+    assert!(missing.is_empty(), "the whole file lacks {missing:?}");
+
+    let (_, rest) = GUIDE.split_once("## Every field").unwrap();
+    let (section, _) = rest.split_once("\n## ").unwrap();
+    let is_other = |c: char| !(c.is_ascii_alphanumeric() || c == '_');
+    let code = section.split('`').skip(1).step_by(2);
+    let named: BTreeSet<&str> = code.flat_map(|code| code.split(is_other)).collect();
+    for path in wanted.iter().filter(|path| !path.starts_with(".texts.")) {
+        let name = path.rsplit('.').next().unwrap();
+        let is_language = file.config().languages.iter().any(|tag| tag == name);
+        assert!(is_language || named.contains(name), "no table of the guide names {path}");
+    }
+}
