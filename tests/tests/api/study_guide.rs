@@ -58,7 +58,7 @@ fn its_whole_file_has_every_field_and_its_tables_name_them() {
     let file = StudyFile::read(Path::new(&path)).unwrap();
     // A configuration that was read has all fields, given or not.
     let wanted = fields(&serde_json::to_value(file.config()).unwrap());
-    let given = fields(&toml::from_str(text).unwrap());
+    let given = fields(&toml::from_str::<Value>(text).unwrap());
     let missing: Vec<_> = wanted.difference(&given).collect();
     assert!(missing.is_empty(), "the whole file lacks {missing:?}");
 
