@@ -1,5 +1,5 @@
-//! The guide to study files: its examples are valid, its whole file has every field, and its tables
-//! name each of them.
+//! The guide to study files: its examples and the README's are valid, its whole file has every field,
+//! and its tables name each of them.
 
 use serde_json::Value;
 use sidestep_server::formats::study_toml::StudyFile;
@@ -9,10 +9,11 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 const GUIDE: &str = include_str!("../../../docs/study.md");
+const README: &str = include_str!("../../../README.md");
 
-/// The study files of the guide.
-fn examples() -> Vec<&'static str> {
-    let blocks = GUIDE.split("```toml\n").skip(1);
+/// The study files in a document.
+fn examples(document: &'static str) -> Vec<&'static str> {
+    let blocks = document.split("```toml\n").skip(1);
     blocks.map(|rest| rest.split_once("```").unwrap().0).collect()
 }
 
@@ -38,11 +39,11 @@ fn fields(value: &Value) -> BTreeSet<String> {
 }
 
 #[test]
-fn its_study_files_are_valid() {
+fn study_files_in_documents_are_valid() {
     let folder = Folder::default();
     let languages = Languages::load(None).unwrap();
-    assert_eq!(examples().len(), 2);
-    for text in examples() {
+    assert_eq!([GUIDE, README].map(|document| examples(document).len()), [2, 1]);
+    for text in [GUIDE, README].into_iter().flat_map(examples) {
         let path = folder.file("study.toml", text);
         let file = StudyFile::read(Path::new(&path)).unwrap();
         languages.check(file.config()).unwrap();
@@ -52,7 +53,7 @@ fn its_study_files_are_valid() {
 #[test]
 fn its_whole_file_has_every_field_and_its_tables_name_them() {
     let is_whole = |text: &&str| text.starts_with("# A whole study file");
-    let text = examples().into_iter().find(is_whole).unwrap();
+    let text = examples(GUIDE).into_iter().find(is_whole).unwrap();
     let folder = Folder::default();
     let path = folder.file("study.toml", text);
     let file = StudyFile::read(Path::new(&path)).unwrap();
