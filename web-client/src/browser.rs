@@ -59,6 +59,7 @@ pub fn run<P: Page + 'static>(open: fn(PageContext) -> (P, Commands<P::Msg>)) {
             on_alarm: None,
             on_resize: None,
             listeners: Vec::new(),
+            down: Vec::new(),
             guard: None,
             claims: Vec::new(),
             underway: Vec::new(),
@@ -179,6 +180,8 @@ struct Shell<P: Page> {
     on_alarm: Option<Closure<dyn FnMut()>>,
     on_resize: Option<canvas::SizeWatcher>,
     listeners: Vec<listen::Listener>,
+    /// The keys that are down, by their places.
+    down: Vec<String>,
     /// Asks users who leave, while it is there.
     guard: Option<listen::Listener>,
     claims: Vec<tabs::Claim>,
@@ -460,7 +463,10 @@ impl<P: Page + 'static> Pump<P> {
         let (begun_ms, at_ms) = {
             let mut shell = self.shell.borrow_mut();
             shell.frame_requested = false;
-            (shell.clock.now_ms(), shell.clock.of(stamp))
+            let now_ms = shell.clock.now_ms();
+            // A clock that hurries has run far since the frame began.
+            let is_hurried = shell.clock.is_hurried();
+            (now_ms, if is_hurried { now_ms } else { shell.clock.of(stamp) })
         };
         self.tick(begun_ms);
         let mut shell = self.shell.borrow_mut();

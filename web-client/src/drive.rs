@@ -163,7 +163,8 @@ impl Drive {
     /// The step at `at_ms`, from 0; the number of steps when the scene is over.
     #[must_use]
     pub fn step_at(&self, at_ms: f64) -> usize {
-        let step = (at_ms - self.start_ms) / self.step_ms();
+        // The tolerance keeps the beginning of a step in that step, however the start is rounded.
+        let step = (at_ms - self.start_ms) / self.step_ms() + 1e-9;
         (step.max(0.0) as usize).min(self.parameters.steps)
     }
 
@@ -319,11 +320,20 @@ mod tests {
 
     #[test]
     fn each_step_is_due_at_its_time_and_so_is_the_end() {
-        let mut drive = begin(1000.0, &HeldKeys::default());
-        for step in 0..50 {
-            assert_eq!(drive.due_ms(), 1000.0 + 200.0 * f64::from(step));
-            assert!(!drive.tick(drive.due_ms()));
+        for start_ms in [0.1, 1234.567, 987_654.321] {
+            let mut drive = begin(start_ms, &HeldKeys::default());
+            for step in 0..50 {
+                let due_ms = drive.due_ms();
+                assert_eq!(due_ms, start_ms + 200.0 * step as f64);
+                assert!(!drive.tick(due_ms));
+                assert_eq!(
+                    (drive.step_at(due_ms), drive.state_at(due_ms)),
+                    (step, drive.states[step])
+                );
+            }
         }
+        let mut drive = begin(1000.0, &HeldKeys::default());
+        (0..50).for_each(|_| assert!(!drive.tick(drive.due_ms())));
         assert_eq!(drive.due_ms(), 11_000.0);
         assert!(!drive.tick(10_999.9));
         assert!(drive.tick(drive.due_ms()));

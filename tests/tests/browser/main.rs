@@ -4,6 +4,7 @@ mod hour;
 mod faults;
 mod scenes;
 mod laboratory;
+mod simulated;
 
 use sidestep::api::{Texts, TrialDetail, TrialPage, routes};
 use sidestep::chart::colours;

@@ -56,7 +56,12 @@ impl Clock {
     /// The moment of this clock at a moment of the browser's, such as that of an event.
     pub(super) fn of(&self, browser_ms: f64) -> f64 {
         let (at, shown) = self.set.get();
-        (shown + (browser_ms - at) * self.speed).min(self.stop_ms.get())
+        let mut passed_ms = (browser_ms - at) * self.speed;
+        if self.is_hurried() {
+            // What follows a moment comes after it, although the stamps of events are coarse.
+            passed_ms = passed_ms.max(1e-3);
+        }
+        (shown + passed_ms).min(self.stop_ms.get())
     }
 
     /// How long to wait for a moment of this clock, in whole milliseconds of the browser's.

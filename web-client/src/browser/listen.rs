@@ -129,8 +129,29 @@ impl<P: Page + 'static> Pump<P> {
         if self.shell.borrow().page.owns_key(&code) {
             event.prevent_default();
         }
-        if !event.repeat() {
-            self.tell(&Event::Key { code, key: event.key(), down }, event.time_stamp());
+        if event.repeat() {
+            return;
+        }
+        let (name, stamp) = (event.key(), event.time_stamp());
+        {
+            let mut shell = self.shell.borrow_mut();
+            shell.down.retain(|held| *held != code);
+            if down {
+                shell.down.push(code.clone());
+            }
+        }
+        let is_command = name == "Meta";
+        self.tell(&Event::Key { code, key: name, down }, stamp);
+        if is_command && !down {
+            self.release(stamp);
+        }
+    }
+
+    /// Has all keys go up: macOS reports no key that goes up while the command key is held.
+    fn release(&self, stamp: f64) {
+        let codes = std::mem::take(&mut self.shell.borrow_mut().down);
+        for code in codes {
+            self.tell(&Event::Key { code, key: String::new(), down: false }, stamp);
         }
     }
 

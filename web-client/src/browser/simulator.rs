@@ -142,7 +142,8 @@ impl User {
         }
         let step_ms = 1000.0 * self.study.parameters.step_s;
         let step: f64 = attribute("data-step").parse().unwrap_or(0.0);
-        let next_ms = (step + 1.0) * step_ms;
+        // What falls on the beginning of the next step may be a rounding error behind it.
+        let next_ms = (step + 1.0) * step_ms + 1.0;
         while let Some((_, changes)) = &mut self.driven
             && let Some(change) = changes.pop_if(|change| change.at_ms <= next_ms)
         {

@@ -1,7 +1,7 @@
 //! The participant's page: consent, the check of keyboard and screen, instructions, one scene after
 //! the other, questions, and the completion code. Safety levels are never shown here.
 //!
-//! The page is a machine of [`Stage`]s. Sentences come from the server, in the participant's language.
+//! The page is a machine of `Stage`s. Sentences come from the server, in the participant's language.
 
 mod link;
 mod arena;
