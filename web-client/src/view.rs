@@ -39,9 +39,9 @@ pub struct Inside<M> {
     pub children: Vec<Child<M>>,
     /// What the page is told when the element is used.
     pub handler: Option<Handler<M>>,
-    /// Tells it from its siblings; see [`Self::key`].
+    /// Tells it from its siblings; see [`Node::key`].
     key: Option<String>,
-    /// See [`Self::focus`].
+    /// See [`Node::focus`].
     pub takes_focus: bool,
 }
 
