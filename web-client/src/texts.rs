@@ -1,5 +1,8 @@
 //! The sentences of a page in its user's language.
 
+mod intl;
+
+use self::intl::{plural, written};
 use sidestep::api::Texts;
 
 /// What fills a place in a sentence.
@@ -93,41 +96,6 @@ impl Sentences for Texts {
     fn number(&self, number: f64) -> String {
         written(&self.language, number)
     }
-}
-
-/// The form of the plural of a number: `one`, `other`, ….
-#[cfg(target_arch = "wasm32")]
-fn plural(language: &str, number: f64) -> String {
-    intl("PluralRules", "select", language, number).unwrap_or_else(|| "other".to_owned())
-}
-
-#[cfg(target_arch = "wasm32")]
-fn written(language: &str, number: f64) -> String {
-    intl("NumberFormat", "format", language, number).unwrap_or_else(|| crate::json::number(number))
-}
-
-/// What `new Intl[kind](language)[method](number)` says; nothing for a language that is none.
-#[cfg(target_arch = "wasm32")]
-fn intl(kind: &str, method: &str, language: &str, number: f64) -> Option<String> {
-    use js_sys::{Array, Function, Reflect};
-    use wasm_bindgen::JsCast;
-    let intl = Reflect::get(&js_sys::global(), &"Intl".into()).ok()?;
-    let maker: Function = Reflect::get(&intl, &kind.into()).ok()?.dyn_into().ok()?;
-    let made = Reflect::construct(&maker, &Array::of1(&language.into())).ok()?;
-    // The method of a number format is a property that is bound to it; a call suits both.
-    let method: Function = Reflect::get(&made, &method.into()).ok()?.dyn_into().ok()?;
-    method.call1(&made, &number.into()).ok()?.as_string()
-}
-
-/// The rule of English, where there is no browser.
-#[cfg(not(target_arch = "wasm32"))]
-fn plural(_: &str, number: f64) -> String {
-    (if number == 1.0 { "one" } else { "other" }).to_owned()
-}
-
-#[cfg(not(target_arch = "wasm32"))]
-fn written(_: &str, number: f64) -> String {
-    crate::json::number(number)
 }
 
 #[cfg(test)]
