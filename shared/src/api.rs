@@ -510,6 +510,9 @@ pub struct Progress {
     /// Whether the check of understanding was passed.
     #[serde(default)]
     pub understood: bool,
+    /// How often the check of understanding was answered.
+    #[serde(default)]
+    pub comprehension_attempts: usize,
     /// Whether the questions after the last scene were answered.
     #[serde(default)]
     pub answered: bool,

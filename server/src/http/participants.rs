@@ -46,6 +46,7 @@ pub async fn show(
         complete: me.completion_code.is_some(),
         // Whoever drives has passed the check, or began when the study had none.
         understood: me.understood || !has_check || !stored.is_empty(),
+        comprehension_attempts: me.comprehension_attempts as usize,
         answered: me.answered || config.questions.is_empty(),
         stored,
         pilot: me.pilot,

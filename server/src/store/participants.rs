@@ -23,6 +23,8 @@ pub struct Participant {
     pub external_id: Option<String>,
     /// Whether they passed the check of understanding.
     pub understood: bool,
+    /// How often they answered the check of understanding.
+    pub comprehension_attempts: u32,
     /// Whether they answered the questions after the last scene.
     pub answered: bool,
     /// Whether the check of understanding ended their participation.
@@ -36,7 +38,8 @@ pub struct Participant {
 /// The columns that [`Participant::of`] reads.
 pub(super) const COLUMNS: &str = "participant.id, participant.study_id, number, \
     participant.config_hash, pilot, place, external_id, understood_at_ms IS NOT NULL, \
-    answered_at_ms IS NOT NULL, screened_out_at_ms IS NOT NULL, completion_code, withdrawn_at_ms";
+    answered_at_ms IS NOT NULL, screened_out_at_ms IS NOT NULL, completion_code, withdrawn_at_ms, \
+    comprehension_attempts";
 
 impl Participant {
     /// Reads the columns [`COLUMNS`].
@@ -54,6 +57,7 @@ impl Participant {
             screened_out: row.get(9)?,
             completion_code: row.get(10)?,
             withdrawn_at_ms: row.get(11)?,
+            comprehension_attempts: row.get(12)?,
         })
     }
 }
@@ -99,19 +103,19 @@ pub(super) const TOKEN: &str =
 
 impl Visitor {
     /// The number of columns that [`Self::of`] reads.
-    pub(super) const WIDTH: usize = 16;
+    pub(super) const WIDTH: usize = 17;
 
     /// Reads the columns [`COLUMNS`] and [`TOKEN`].
     pub(super) fn of(row: &Row<'_>) -> Result<Self, StoreError> {
-        let scope: String = row.get(13)?;
+        let scope: String = row.get(14)?;
         let scopes = [Scope::Full, Scope::Continue];
         let known = scopes.into_iter().find(|known| known.word() == scope);
         Ok(Self {
             participant: Participant::of(row)?,
-            token_hash: row.get(12)?,
+            token_hash: row.get(13)?,
             scope: known.ok_or_else(|| StoreError::unknown_word(&scope))?,
-            completed: row.get(14)?,
-            present_config_hash: row.get(15)?,
+            completed: row.get(15)?,
+            present_config_hash: row.get(16)?,
         })
     }
 

@@ -195,6 +195,8 @@ async fn wrong_answers_too_often_end_a_participation() {
     check(&driver, 0, true).await.problem(422, "invalid", Some("attempts"));
     let stored: ComprehensionStored = check(&driver, 1, false).await.into(200);
     assert_eq!(stored, ComprehensionStored { screened_out: false, return_url: None });
+    let me: Progress = driver.me(&server).await.into(200);
+    assert_eq!((me.comprehension_attempts, me.understood), (1, false));
     for _ in 0..2 {
         let ended: ComprehensionStored = check(&driver, 2, false).await.into(200);
         let url = "https://app.example.org/out?p=a%2Fb".to_owned();

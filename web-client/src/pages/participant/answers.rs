@@ -22,6 +22,9 @@ impl Participant {
             return Vec::new();
         }
         quiz.attempts += 1;
+        if let Some(progress) = &mut self.progress {
+            progress.comprehension_attempts = quiz.attempts;
+        }
         let right = |(form, chosen): (&CheckForm, &Option<usize>)| *chosen == Some(form.answer);
         let passed = check.iter().zip(&quiz.chosen).all(right);
         let body = json::write(&ComprehensionResult { attempts: quiz.attempts, passed });

@@ -193,10 +193,15 @@ impl Participant {
             }
             Part::Instructions => self.show_instructions(),
             Part::Understanding => {
-                let is_asked = self.progress.as_ref().is_some_and(|progress| !progress.understood)
-                    && !self.texts.check.is_empty();
-                self.stage =
-                    if is_asked { Stage::Comprehension(Quiz::default()) } else { Stage::Ready };
+                let asked = self.progress.as_ref().filter(|progress| !progress.understood);
+                self.stage = match asked {
+                    // Attempts before a reload or another look at the instructions count.
+                    Some(progress) if !self.texts.check.is_empty() => {
+                        let attempts = progress.comprehension_attempts;
+                        Stage::Comprehension(Quiz { attempts, ..Quiz::default() })
+                    }
+                    _ => Stage::Ready,
+                };
                 return self.go_on();
             }
             Part::Ready => {

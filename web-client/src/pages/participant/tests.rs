@@ -65,6 +65,7 @@ fn progress(stored: &[&str]) -> Progress {
         return_url: None,
         complete: false,
         understood: true,
+        comprehension_attempts: 0,
         answered: true,
         pilot: false,
         may_withdraw: true,
@@ -606,6 +607,11 @@ fn understanding_is_checked_before_the_scenes() {
     session.send("check", 200, &open);
     assert!(session.text().contains("Please choose another answer."));
     assert!(session.text().contains("You can try 2 more times."));
+    // Another look at the instructions brings no attempt back.
+    session.press("again");
+    session.press("continue");
+    assert!(session.text().contains("You can try 2 more times."));
+    assert!(!session.text().contains("Please choose another answer."));
     answer(&mut session, ["0", "1"]);
     assert_eq!(sent(&session), Some(ComprehensionResult { attempts: 2, passed: true }));
     assert!(session.page.view().press("continue").is_none(), "it is not stored yet");

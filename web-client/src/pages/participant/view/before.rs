@@ -189,7 +189,7 @@ pub(super) fn comprehension(page: &Participant, quiz: &Quiz) -> Node {
     }
     let question = |(place, form): (usize, &CheckForm)| {
         let chosen = quiz.chosen.get(place).copied().flatten();
-        let result = (quiz.attempts > 0 && !quiz.is_incomplete).then(|| match chosen {
+        let result = (!quiz.chosen.is_empty() && !quiz.is_incomplete).then(|| match chosen {
             Some(chosen) if chosen == form.answer => {
                 el("p").class("saved").text(page.say("comprehension.right"))
             }
