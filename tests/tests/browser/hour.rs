@@ -1,7 +1,9 @@
 //! The participant's hour, page by page, in every language.
 
 use crate::{answer_check, equipped, take};
+use sidestep_tests::browser::{NARROW, WIDE};
 use sidestep_tests::{Browser, Server, Tab};
+use std::cell::RefCell;
 
 /// A study with every kind of page, and short waits.
 const WHOLE_STUDY: &str = r#"
@@ -73,7 +75,19 @@ withdrawn_url = "https://app.prolific.com/submissions/complete?cc=LEFT"
 
 /// Takes pictures of every page for people to look at.
 async fn walk(tab: &Tab, server: &Server, language: &str) {
-    let take = async |name: &str| take(tab, &format!("{name}-{language}")).await;
+    let violations = RefCell::new(Vec::new());
+    let take = async |name: &str| {
+        let name = format!("{name}-{language}");
+        take(tab, &name).await;
+        for (size, dark) in [(NARROW, true), (WIDE, false)] {
+            tab.look(size, dark).await;
+            tab.until_painted().await;
+            let found = tab.violations().await;
+            violations
+                .borrow_mut()
+                .extend(found.into_iter().map(|found| format!("{name}: {found}")));
+        }
+    };
     tab.go(&format!("{}/s/default?PROLIFIC_PID=walk-{language}", server.origin)).await;
     tab.words("consent").await;
     choose_language(tab, language).await;
@@ -121,6 +135,8 @@ async fn walk(tab: &Tab, server: &Server, language: &str) {
     take("12-done").await;
     let url = tab.attribute("return", "href").await.expect("a link back");
     assert!(url.starts_with("https://app.prolific.com/submissions/complete?cc="), "{url}");
+    let violations = violations.into_inner();
+    assert!(violations.is_empty(), "{violations:#?}");
 }
 
 async fn choose_language(tab: &Tab, language: &str) {

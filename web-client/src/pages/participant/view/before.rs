@@ -86,10 +86,10 @@ pub(super) fn equipment(page: &Participant, found: &Equipment) -> Node {
                 .children(refused)
         }
         None => el("div").key("pressing").child(paragraph(page.say("check.press"))).child(
-            el("ul").class("checks").attr("role", "status").children([
+            el("div").attr("role", "status").child(el("ul").class("checks").children([
                 key(&page.steering.left, "check.left", found.left),
                 key(&page.steering.right, "check.right", found.right),
-            ]),
+            ])),
         ),
     };
     let is_usual = page.steering.left == "←" && found.choosing.is_none();
