@@ -79,6 +79,10 @@ async fn walk(tab: &Tab, server: &Server, language: &str) {
     let take = async |name: &str| {
         let name = format!("{name}-{language}");
         take(tab, &name).await;
+        // What can be used does not depend on the language.
+        if language != "en" {
+            return;
+        }
         for (size, dark) in [(NARROW, true), (WIDE, false)] {
             tab.look(size, dark).await;
             tab.until_painted().await;
@@ -112,7 +116,7 @@ async fn walk(tab: &Tab, server: &Server, language: &str) {
     tab.picture(&format!("6-countdown-{language}")).await;
     tab.until_step("scene", 8).await;
     tab.key_down("ArrowLeft").await;
-    take("7-scene").await;
+    crate::take(tab, &format!("7-scene-{language}")).await;
     tab.key_up("ArrowLeft").await;
     tab.words("over").await;
     tab.picture(&format!("8-over-{language}")).await;
