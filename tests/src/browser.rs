@@ -11,10 +11,8 @@ use chromiumoxide::cdp::browser_protocol::page::{
 use chromiumoxide::cdp::js_protocol::runtime::{EventConsoleApiCalled, EventExceptionThrown};
 use chromiumoxide::page::ScreenshotParams;
 use chromiumoxide::{BrowserConfig, Page};
-use flate2::read::GzDecoder;
 use futures_util::StreamExt;
 use image::RgbaImage;
-use std::io::Read;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
@@ -333,24 +331,6 @@ impl Tab {
         std::fs::create_dir_all(&folder).expect("a folder");
         std::fs::write(folder.join(format!("{name}.png")), &bytes).expect("a file");
         image::load_from_memory(&bytes).expect("a PNG").into_rgba8()
-    }
-
-    /// What axe-core finds that screen readers or keyboards cannot use in the page as it is shown now.
-    ///
-    /// # Panics
-    /// If axe-core does not run.
-    pub async fn violations(&self) -> Vec<String> {
-        const AXE: &[u8] = include_bytes!("../data/axe-core/axe.min.js.gz");
-        let mut code = String::new();
-        GzDecoder::new(AXE).read_to_string(&mut code).expect("axe-core");
-        if self.eval::<bool>("typeof axe === 'undefined'").await {
-            self.page.evaluate(code).await.expect("axe-core starts");
-        }
-        self.eval(
-            "axe.run().then(found => found.violations.map(v => v.id + ': ' + v.help + ' ' \
-             + v.nodes.map(n => n.html + ' ' + n.failureSummary).join(' | ')))",
-        )
-        .await
     }
 
     /// Checks that the page has reported no error and that nothing is cut off at the right.

@@ -191,16 +191,3 @@ async fn other_keys_can_be_chosen_with_real_presses() {
     equipped(&tab).await;
     browser.close().await;
 }
-
-/// A whole study in a minute: the real page, operated by a simulated participant at high speed.
-#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_simulated_participant_rehearses_the_whole_protocol() {
-    let (server, browser, tab) = start("slug = \"default\"\ntitle = \"The paper's\"\n").await;
-    tab.go(&format!("{}/s/default?simulate=7&speed=20", server.origin)).await;
-    assert!(tab.words("completion-code").await.starts_with("PILOT-"));
-    // It is a pilot: nothing of it is among the data.
-    let studies: Vec<StudySummary> = server.admin(routes::ADMIN_STUDIES).await.into(200);
-    assert_eq!((studies[0].participants, studies[0].trials), (0, 0));
-    tab.is_well().await;
-    browser.close().await;
-}

@@ -1,9 +1,7 @@
 //! The participant's hour, page by page, in every language.
 
 use crate::{answer_check, equipped, take};
-use sidestep_tests::browser::{NARROW, WIDE};
 use sidestep_tests::{Browser, Server, Tab};
-use std::cell::RefCell;
 
 /// A study with every kind of page, and short waits.
 const WHOLE_STUDY: &str = r#"
@@ -75,23 +73,7 @@ withdrawn_url = "https://app.prolific.com/submissions/complete?cc=LEFT"
 
 /// Takes pictures of every page for people to look at.
 async fn walk(tab: &Tab, server: &Server, language: &str) {
-    let violations = RefCell::new(Vec::new());
-    let take = async |name: &str| {
-        let name = format!("{name}-{language}");
-        take(tab, &name).await;
-        // What can be used does not depend on the language.
-        if language != "en" {
-            return;
-        }
-        for (size, dark) in [(NARROW, true), (WIDE, false)] {
-            tab.look(size, dark).await;
-            tab.until_painted().await;
-            let found = tab.violations().await;
-            violations
-                .borrow_mut()
-                .extend(found.into_iter().map(|found| format!("{name}: {found}")));
-        }
-    };
+    let take = async |name: &str| take(tab, &format!("{name}-{language}")).await;
     tab.go(&format!("{}/s/default?PROLIFIC_PID=walk-{language}", server.origin)).await;
     tab.words("consent").await;
     choose_language(tab, language).await;
@@ -116,7 +98,7 @@ async fn walk(tab: &Tab, server: &Server, language: &str) {
     tab.picture(&format!("6-countdown-{language}")).await;
     tab.until_step("scene", 8).await;
     tab.key_down("ArrowLeft").await;
-    crate::take(tab, &format!("7-scene-{language}")).await;
+    take("7-scene").await;
     tab.key_up("ArrowLeft").await;
     tab.words("over").await;
     tab.picture(&format!("8-over-{language}")).await;
@@ -139,8 +121,6 @@ async fn walk(tab: &Tab, server: &Server, language: &str) {
     take("12-done").await;
     let url = tab.attribute("return", "href").await.expect("a link back");
     assert!(url.starts_with("https://app.prolific.com/submissions/complete?cc="), "{url}");
-    let violations = violations.into_inner();
-    assert!(violations.is_empty(), "{violations:#?}");
 }
 
 async fn choose_language(tab: &Tab, language: &str) {

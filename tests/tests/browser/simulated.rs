@@ -1,7 +1,7 @@
 //! A synthetic participant at the real page: the whole protocol at high speed.
 
 use super::start;
-use sidestep::api::TrialUpload;
+use sidestep::api::{StudySummary, TrialUpload, routes};
 use sidestep::scene::{Scene, SceneParameters};
 use sidestep::synthetic::{Keys, SyntheticParticipant};
 use std::time::{Duration, Instant};
@@ -23,7 +23,10 @@ async fn the_whole_protocol_is_rehearsed_in_a_minute() {
     tab.go(&format!("{}/s/default?simulate=7&speed=30", server.origin)).await;
     let code = tab.words("completion-code").await;
     assert!(begun.elapsed() < LIMIT, "{:?}", begun.elapsed());
-    assert!(!code.is_empty());
+    // It is a pilot: nothing of it is among the data.
+    assert!(code.starts_with("PILOT-"), "{code}");
+    let studies: Vec<StudySummary> = server.admin(routes::ADMIN_STUDIES).await.into(200);
+    assert_eq!((studies[0].participants, studies[0].trials), (0, 0));
 
     // It pressed the keys that the library's person presses, and nothing came late.
     let sent: Vec<String> = tab.eval("window.sent").await;
