@@ -68,12 +68,12 @@ async fn forms_arrive_whole_and_rows_keep_what_is_in_them() {
     tab.press("keep").await;
     tab.until_says("said", "Ok(())").await;
     tab.run(
-        "Storage.prototype.setItem = () => { throw new DOMException('', 'QuotaExceededError') }",
+        "IDBObjectStore.prototype.put = () => { throw new DOMException('', 'QuotaExceededError') }",
     )
     .await;
     tab.press("keep").await;
     tab.until_says("said", "Err(Full)").await;
-    tab.run("Storage.prototype.setItem = () => { throw new DOMException('', 'SecurityError') }")
+    tab.run("IDBObjectStore.prototype.put = () => { throw new DOMException('', 'SecurityError') }")
         .await;
     tab.press("keep").await;
     tab.until_says("said", "Err(Denied)").await;

@@ -50,6 +50,14 @@ impl Participant {
             let texts = self.ask_texts(Some(&self.texts.language));
             return vec![self.ask_study(), texts, self.ask_progress()];
         }
+        // Who has an external id may have begun in another browser, and a pilot takes nobody's place:
+        // the server decides.
+        let may_be_known = self.link.is_pilot()
+            || self.study.as_ref().is_some_and(|study| self.link.external_id(study).is_some());
+        let admission = match admission {
+            Admission::Full | Admission::Closed if may_be_known => Admission::Open,
+            other => other,
+        };
         self.stage = match admission {
             Admission::Open if self.context.touch_only => Stage::Touch,
             Admission::Open => Stage::Welcome,

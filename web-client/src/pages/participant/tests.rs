@@ -294,6 +294,10 @@ fn a_study_that_takes_nobody_says_so() {
         let session = open(BTreeMap::new(), &StudyConfig { status, ..StudyConfig::default() });
         assert!(session.words("stuck").unwrap().contains(words));
     }
+    // Somebody with an external id may have begun in another browser.
+    let closed = StudyConfig { status: Status::Closed, ..StudyConfig::default() };
+    let known = open_at(BTreeMap::new(), &closed, "external_id=P1");
+    assert!(known.words("consent").is_some());
     // It was closed, or became full, while the participant read the consent text.
     for (code, words) in [("closed", "This study is closed"), ("full", "This study is full")] {
         let mut session = welcomed();
