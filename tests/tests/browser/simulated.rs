@@ -17,10 +17,8 @@ const REMEMBER: &str = "const send = window.fetch; window.sent = []; window.fetc
 async fn the_whole_protocol_is_rehearsed_in_a_minute() {
     let (server, browser, tab) = start("").await;
     tab.before_pages(REMEMBER).await;
-    let begun = Instant::now();
     tab.go(&format!("{}/s/default?simulate=7&speed=30", server.origin)).await;
     let code = tab.words("completion-code").await;
-    println!("the whole protocol took {:.0} s", begun.elapsed().as_secs_f64());
     // It is a pilot: nothing of it is among the data.
     assert!(code.starts_with("PILOT-"), "{code}");
     let studies: Vec<StudySummary> = server.admin(routes::ADMIN_STUDIES).await.into(200);
