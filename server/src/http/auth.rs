@@ -100,7 +100,7 @@ pub async fn visitor(app: &App, headers: &HeaderMap) -> Result<Option<Visitor>, 
     Ok(app.store.visitor(secrets::hash(token)).await?)
 }
 
-/// Refuses who has withdrawn or was screened out.
+/// Refuses participants who have withdrawn or were screened out.
 fn check_going_on(visitor: &Visitor) -> Result<(), ApiError> {
     let participant = &visitor.participant;
     match (participant.withdrawn_at_ms, participant.screened_out) {

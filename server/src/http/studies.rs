@@ -31,7 +31,7 @@ pub async fn show(
 }
 
 /// The configuration that a request is about, with its hash: that of the participant whose token it
-/// carries, else that of new participants. An edited study file changes nothing for those who have begun.
+/// carries, else that of new participants. An edited study file changes nothing for participants who have begun.
 ///
 /// # Errors
 /// If the database cannot be read.

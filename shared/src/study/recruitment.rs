@@ -28,8 +28,9 @@ pub struct Recruitment {
     /// Most participants who complete; 0: no limit. Pilots and people who withdrew or were screened
     /// out do not count. Default: 0.
     pub quota: u64,
-    /// A participant who has not finished holds a place of the quota for this many minutes after their
-    /// last trial, 1 to 10080 (a week). Who comes back later may still finish. Default: 60.
+    /// A participant who has not finished holds a place of the quota for this many minutes after the
+    /// server last stored something of them, 1 to 10080 (a week). A participant who comes back later
+    /// can still finish. Default: 60.
     pub hold_min: f64,
 }
 
