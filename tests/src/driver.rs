@@ -2,8 +2,8 @@
 
 use crate::{Address, Answer};
 use reqwest::{Method, RequestBuilder};
-use serde_json::{Map, json};
-use sidestep::api::{Enrolled, KeyEvent, TrialUpload, routes};
+use serde_json::json;
+use sidestep::api::{Enrolled, KeyEvent, Object, TrialUpload, routes};
 use sidestep::scene::{Scene, SceneParameters};
 use sidestep::trial::simulate;
 use sidestep::vehicle::TurnInput;
@@ -31,7 +31,7 @@ pub fn upload_with(
         key_events: vec![key(1990.5, true), key(5012.0, false)],
         page_events: Vec::new(),
         exposures: 1,
-        display: Map::from_iter([("refresh_hz".to_owned(), json!(60.0))]),
+        display: Object::from_iter([("refresh_hz".to_owned(), json!(60.0))]),
     }
 }
 

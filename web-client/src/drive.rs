@@ -2,8 +2,8 @@
 
 use crate::input::{HeldKeys, KeyMap, input_at};
 use crate::runtime::Event;
-use serde_json::{Map, Value};
-use sidestep::api::{KeyEvent, MAX_KEY_EVENTS, MAX_PAGE_EVENTS, TrialUpload};
+use serde_json::Value;
+use sidestep::api::{KeyEvent, MAX_KEY_EVENTS, MAX_PAGE_EVENTS, Object, TrialUpload};
 use sidestep::scene::{JointState, Scene, SceneParameters};
 use sidestep::trial::{PageEvent, PageEventKind};
 use sidestep::vehicle::TurnInput;
@@ -191,8 +191,7 @@ impl Drive {
             ("frame_gap_max_ms", quantile(&frames.gaps_ms, 1.0)),
             ("frame_work_p99_ms", quantile(&frames.work_ms, 0.99)),
         ];
-        let mut display = json_object(screen);
-        display.extend(json_object(&measured));
+        let display = facts(screen.iter().chain(&measured));
         TrialUpload {
             started_at_ms: self.started_at_ms,
             inputs: self.inputs,
@@ -206,14 +205,9 @@ impl Drive {
     }
 }
 
-/// Named numbers as a JSON object.
-#[must_use]
-pub fn json_object(entries: &[(&'static str, f64)]) -> Map<String, Value> {
-    let mut object = Map::new();
-    for &(name, value) in entries {
-        object.insert(name.to_owned(), value.into());
-    }
-    object
+/// Named numbers for the server.
+pub fn facts<'a>(numbers: impl IntoIterator<Item = &'a (&'static str, f64)>) -> Object<Value> {
+    numbers.into_iter().map(|&(name, value)| (name.to_owned(), value.into())).collect()
 }
 
 /// The value below which a share of `values` lies; 0 if there are none.

@@ -11,17 +11,6 @@ pub enum FieldValue {
     Checked(bool),
     /// The chosen entries of a list that allows several.
     Choices(Vec<String>),
-    /// The files of a file field.
-    Files(Vec<File>),
-}
-
-/// A file that was given to a file field.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct File {
-    /// Its name on the user's machine, without folders.
-    pub name: String,
-    /// Its content.
-    pub bytes: Vec<u8>,
 }
 
 impl FieldValue {
@@ -88,15 +77,6 @@ impl Form {
             _ => &[],
         }
     }
-
-    /// The files of a file field; empty if it is absent or of another kind.
-    #[must_use]
-    pub fn files(&self, name: &str) -> &[File] {
-        match self.get(name) {
-            Some(FieldValue::Files(files)) => files,
-            _ => &[],
-        }
-    }
 }
 
 #[cfg(test)]
@@ -105,21 +85,18 @@ mod tests {
 
     #[test]
     fn fields_are_read_by_name_and_kind() {
-        let file = File { name: "trials.csv".into(), bytes: vec![1, 2] };
         let form = Form::new(vec![
             ("title".into(), FieldValue::Text("Pilot".into())),
             ("speed".into(), FieldValue::Number(Some(2.5))),
             ("empty".into(), FieldValue::Number(None)),
             ("agreed".into(), FieldValue::Checked(true)),
             ("models".into(), FieldValue::Choices(vec!["svm".into(), "lr".into()])),
-            ("trials".into(), FieldValue::Files(vec![file.clone()])),
         ]);
         assert_eq!(form.text("title"), "Pilot");
         assert_eq!((form.number("speed"), form.number("empty")), (Some(2.5), None));
         assert_eq!((form.is_checked("agreed"), form.is_checked("absent")), (true, false));
         assert_eq!(form.choices("models"), ["svm", "lr"]);
-        assert_eq!(form.files("trials"), [file]);
         assert_eq!((form.text("speed"), form.number("title")), ("", None));
-        assert!(form.choices("absent").is_empty() && form.files("title").is_empty());
+        assert!(form.choices("absent").is_empty());
     }
 }

@@ -87,7 +87,7 @@ impl Sentences for Texts {
         let mut fills = fills.to_vec();
         fills.push(("n", count.into()));
         let form = format!("{key}.{}", plural(&self.language, count as f64));
-        if self.sentences.contains_key(&form) {
+        if self.sentences.get(&form).is_some() {
             return self.get(&form, &fills);
         }
         self.get(&format!("{key}.other"), &fills)

@@ -96,8 +96,9 @@ impl<M> Node<M> {
 
     /// With attributes.
     #[must_use]
-    pub fn attrs<const N: usize>(self, attributes: [(&'static str, &str); N]) -> Self {
-        attributes.into_iter().fold(self, |node, (name, value)| node.attr(name, value))
+    #[inline(never)]
+    pub fn attrs(self, attributes: &[(&'static str, &str)]) -> Self {
+        attributes.iter().fold(self, |node, (name, value)| node.attr(name, *value))
     }
 
     /// With an attribute, if the condition holds.
@@ -191,6 +192,7 @@ impl<M> Node<M> {
 
     /// With elements inside.
     #[must_use]
+    #[inline(never)]
     pub fn children(mut self, nodes: impl IntoIterator<Item = Self>) -> Self {
         self.children.extend(nodes.into_iter().map(Child::Node));
         self

@@ -120,7 +120,7 @@ pub(crate) fn compose(sources: Files, bundles: Vec<Bundle>) -> Result<Site> {
     }
     for bundle in bundles {
         let wasm = hashed::name(&format!("{}.wasm", bundle.entry), &bundle.wasm);
-        let script = bundle.script_for(&wasm)?;
+        let script = bundle.script_for(&wasm);
         let entry = bundle.entry;
         add_asset(&mut files, &mut assets, format!("{entry}.wasm"), bundle.wasm);
         add_asset(&mut files, &mut assets, format!("{entry}.js"), script.into_bytes());
@@ -233,7 +233,7 @@ mod tests {
             .collect();
         let bundles = ENTRIES.map(|entry| Bundle {
             entry,
-            js: format!("load('{entry}_bg.wasm')\n"),
+            js: String::new(),
             wasm: entry.as_bytes().to_vec(),
         });
         compose(sources, bundles.into())
@@ -266,7 +266,7 @@ mod tests {
         assert_eq!(text(&site, "index.html"), format!("<script src=/{script}></script>"));
         let wasm = asset(&site, "participant", ".wasm");
         let wasm = wasm.strip_prefix("assets/").expect("an asset");
-        assert!(text(&site, script).contains(&format!("load('{wasm}')")));
+        assert!(text(&site, script).contains(&format!("'{wasm}'")));
         let icon = asset(&site, "icons/robot", ".svg");
         assert_eq!(
             text(&site, asset(&site, "style", ".css")),

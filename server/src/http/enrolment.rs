@@ -15,7 +15,7 @@ use anyhow::Context;
 use axum::Json;
 use axum::extract::State;
 use axum::http::StatusCode;
-use sidestep::api::{Enrolled, Enrolment, Plan, PlannedPhase, PlannedScene};
+use sidestep::api::{Enrolled, Enrolment, Object, Plan, PlannedPhase, PlannedScene};
 use sidestep::invalid::Invalid;
 use sidestep::scene::StratifiedScene;
 use sidestep::study::{PhaseConfig, Status, StudyConfig, normalised_id};
@@ -104,11 +104,8 @@ fn request_hash(body: &Enrolment) -> Option<[u8; 32]> {
 }
 
 /// Those parameters of the address that the study records, as JSON; none if there are none.
-fn recorded(
-    config: &StudyConfig,
-    parameters: &BTreeMap<String, String>,
-) -> Result<Option<String>, ApiError> {
-    let wanted = |name: &&String| config.recruitment.record.contains(name);
+fn recorded(config: &StudyConfig, parameters: &Object<String>) -> Result<Option<String>, ApiError> {
+    let wanted = |name: &str| config.recruitment.record.iter().any(|known| known == name);
     let kept: BTreeMap<_, _> = parameters.iter().filter(|(name, _)| wanted(name)).collect();
     if kept.is_empty() { Ok(None) } else { json(&kept).map(Some) }
 }

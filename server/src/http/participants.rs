@@ -90,8 +90,8 @@ pub async fn answer(
 ) -> Result<StatusCode, ApiError> {
     let me = &visitor.participant;
     let config = app.store.config(&me.config_hash).await?;
-    for (name, value) in &answers {
-        let question = config.questions.iter().find(|question| question.name == *name);
+    for (name, value) in answers.iter() {
+        let question = config.questions.iter().find(|question| question.name == name);
         let unknown = || {
             let names: Vec<_> = config.questions.iter().map(|q| q.name.as_str()).collect();
             let expected = match names.len() {

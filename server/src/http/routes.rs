@@ -79,7 +79,6 @@ mod tests {
     use axum::http::{Request, header};
     use axum::response::Response;
     use serde::de::DeserializeOwned;
-    use serde_json::Map;
     use sidestep::api::{Enrolled, Problem, TrialUpload};
     use sidestep::scene::SceneParameters;
     use sidestep::study::StudyConfig;
@@ -174,7 +173,7 @@ mod tests {
             key_events: Vec::new(),
             page_events: Vec::new(),
             exposures: 1,
-            display: Map::new(),
+            display: sidestep::api::Object::default(),
         };
         let request = Request::put(routes::my_trial(&planned.trial_id))
             .header(header::AUTHORIZATION, format!("Bearer {}", me.token));

@@ -3,7 +3,7 @@
 use super::Languages;
 use super::markdown::html_of;
 use sha2::{Digest, Sha256};
-use sidestep::api::{CheckForm, Language, QuestionForm, Texts};
+use sidestep::api::{CheckForm, Language, Object, QuestionForm, Texts};
 use sidestep::study::{Localised, Question, StudyConfig};
 use std::collections::BTreeMap;
 
@@ -15,7 +15,7 @@ impl Languages {
     /// The texts of a study in a language that it offers.
     #[must_use]
     pub fn texts(&self, study: &StudyConfig, language: &str) -> Texts {
-        let mut sentences: BTreeMap<String, String> = BTreeMap::new();
+        let mut sentences = Object::default();
         // A sentence that a study file was written for, and this version no longer has, is left out.
         let known = self.get(language);
         for (key, text) in known.into_iter().flat_map(|known| known.iter()) {
@@ -31,7 +31,9 @@ impl Languages {
             |text: &Localised| (!text.is_empty()).then(|| html_of(text.get(language, fallback)));
         let check = check(study, language, &sentences);
         // They are in the check already.
-        sentences.retain(|key, _| !STANDARD.iter().any(|name| key.starts_with(&prefix(name))));
+        let is_asked = |key: &str| STANDARD.iter().any(|name| key.starts_with(&prefix(name)));
+        let said = sentences.iter().filter(|(key, _)| !is_asked(key));
+        let sentences = said.map(|(key, text)| (key.to_owned(), text.clone())).collect();
         let offered = self
             .offered(study)
             .into_iter()
@@ -62,11 +64,7 @@ fn prefix(name: &str) -> String {
 }
 
 /// Sidestep's own questions, then the study's.
-fn check(
-    study: &StudyConfig,
-    language: &str,
-    sentences: &BTreeMap<String, String>,
-) -> Vec<CheckForm> {
+fn check(study: &StudyConfig, language: &str, sentences: &Object<String>) -> Vec<CheckForm> {
     let standard = (0..).zip(STANDARD).map(|(i, name)| {
         let sentence = |part: &str| {
             sentences.get(&format!("{}{part}", prefix(name))).cloned().unwrap_or_default()
@@ -142,7 +140,7 @@ mod tests {
         let right: Vec<_> = texts.check.iter().map(|form| &*form.options[form.answer]).collect();
         assert_eq!((right.len(), right[0], right[3]), (4, "On and on.", "that"));
         assert!(texts.check.iter().any(|form| form.answer > 0));
-        assert!(texts.sentences.keys().all(|key| !key.starts_with("check_robot.")));
+        assert!(texts.sentences.iter().all(|(key, _)| !key.starts_with("check_robot.")));
         assert_eq!(texts.offered[0].name, "English");
         study.comprehension.standard = false;
         assert_eq!(languages.texts(&study, "en").check.len(), 1);

@@ -5,7 +5,6 @@ use super::{Pump, address, fields, window_size};
 use crate::runtime::{Event, Page};
 use crate::view::Handler;
 use wasm_bindgen::prelude::*;
-use wasm_bindgen_futures::spawn_local;
 use web_sys::{Element, EventTarget, KeyboardEvent, MediaQueryList, MouseEvent, Node};
 
 /// A callback on a target for as long as this value lives.
@@ -164,20 +163,17 @@ impl<P: Page + 'static> Pump<P> {
             Some((handler.clone(), element))
         });
         let Some((handler, element)) = found else { return false };
-        let (pump, t_ms) = (self.clone(), self.shell.borrow().clock.of(event.time_stamp()));
+        let t_ms = self.shell.borrow().clock.of(event.time_stamp());
         match handler {
             Handler::Press(message) => self.dispatch(message, t_ms),
-            Handler::Input(make) => spawn_local(async move {
-                if let Some(value) = fields::value(&element).await {
-                    pump.dispatch(make(value), t_ms);
+            Handler::Input(make) => {
+                if let Some(value) = fields::value(&element) {
+                    self.dispatch(make(value), t_ms);
                 }
-            }),
+            }
             Handler::Submit(make) => {
                 event.prevent_default();
-                spawn_local(async move {
-                    let form = fields::form(&element).await;
-                    pump.dispatch(make(form), t_ms);
-                });
+                self.dispatch(make(fields::form(&element)), t_ms);
             }
         }
         true

@@ -47,6 +47,10 @@ impl serde::de::Error for Unfit {
     fn invalid_value(_: serde::de::Unexpected<'_>, _: &dyn serde::de::Expected) -> Self {
         Self
     }
+
+    fn invalid_length(_: usize, _: &dyn serde::de::Expected) -> Self {
+        Self
+    }
 }
 
 /// The tree of a text, by the browser.
@@ -181,13 +185,18 @@ impl<'de> Deserializer<'de> for &Json {
         self.deserialize_seq(visitor)
     }
 
+    /// A struct is read as the list of its fields, in the order of the type: the compiler then leaves
+    /// out how each type matches names, finds repeated fields and drops what it had read before.
     fn deserialize_struct<V: Visitor<'de>>(
         self,
         _: &'static str,
-        _: &'static [&'static str],
+        names: &'static [&'static str],
         visitor: V,
     ) -> Result<V::Value, Unfit> {
-        self.deserialize_map(visitor)
+        match self {
+            Json::Object(fields) => visitor.visit_seq(Struct { fields, names: names.iter() }),
+            _ => Err(Unfit),
+        }
     }
 
     fn deserialize_newtype_struct<V: Visitor<'de>>(
@@ -244,6 +253,37 @@ impl<'de> SeqAccess<'de> for Items<'_, '_> {
 
     fn size_hint(&self) -> Option<usize> {
         Some(self.0.len())
+    }
+}
+
+/// The fields of an object, in the order of a type.
+struct Struct<'a> {
+    fields: &'a [(String, Json)],
+    names: std::slice::Iter<'static, &'static str>,
+}
+
+impl Struct<'_> {
+    #[inline(never)]
+    fn next(&mut self) -> Option<&Json> {
+        let name = self.names.next()?;
+        self.fields.iter().find(|(known, _)| known == name).map(|(_, value)| value)
+    }
+}
+
+impl<'de> SeqAccess<'de> for Struct<'_> {
+    type Error = Unfit;
+
+    fn next_element_seed<T: DeserializeSeed<'de>>(
+        &mut self,
+        seed: T,
+    ) -> Result<Option<T::Value>, Unfit> {
+        let value = self.next();
+        match (seed.deserialize(value.unwrap_or(&Json::Null)), value) {
+            (Ok(read), _) => Ok(Some(read)),
+            // An absent field that is not optional gets its default, if it has one.
+            (Err(_), None) => Ok(None),
+            (Err(unfit), Some(_)) => Err(unfit),
+        }
     }
 }
 

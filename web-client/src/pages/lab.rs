@@ -288,7 +288,7 @@ impl Lab {
 
     fn sign_in_form(&self, busy: bool) -> Node {
         let key = el("input")
-            .attrs([("id", "key"), ("name", "key"), ("type", "password"), ("required", "")])
+            .attrs(&[("id", "key"), ("name", "key"), ("type", "password"), ("required", "")])
             .attr("autocomplete", "current-password")
             .focus()
             .test_id("key");

@@ -11,7 +11,8 @@ use wasm_bindgen_cli_support::Bindgen;
 pub(crate) struct Bundle {
     /// Its name: `participant`, `lab` or `solver`.
     pub(crate) entry: &'static str,
-    /// The module that wasm-bindgen wrote; it loads `<entry>_bg.wasm`.
+    /// What the program calls, as wasm-bindgen wrote it; `__wbg_get_imports()` collects it, and it finds
+    /// the program's exports in `wasm`.
     pub(crate) js: String,
     /// The program.
     pub(crate) wasm: Vec<u8>,
@@ -27,8 +28,6 @@ pub(crate) fn bundle(entry: &'static str, compiled: &Path) -> Result<Bundle> {
         .input_path(compiled)
         .web(true)?
         .typescript(false)
-        // Else the script would not look for the wasm beside itself.
-        .omit_default_module_path(false)
         .remove_name_section(true)
         .remove_producers_section(true)
         .generate_output()
@@ -61,8 +60,22 @@ pub(crate) fn bundle(entry: &'static str, compiled: &Path) -> Result<Bundle> {
     for export in module.exports.iter_mut().filter(|export| export.name.len() > LONG) {
         export.name = names.short(&export.name);
     }
-    js = names.put_into(&without_comments(&js));
+    js = names.put_into(without_loader(&without_comments(&js))?);
     Ok(Bundle { entry, js, wasm: module.emit_wasm() })
+}
+
+/// The script of wasm-bindgen without its end, which loads the program. It provides for servers that
+/// do not say what they send and for several ways to call it, which every participant would load.
+///
+/// # Errors
+/// When wasm-bindgen wrote something else than it used to.
+fn without_loader(js: &str) -> Result<&str> {
+    let is_whole = |calls: &&str| calls.contains("function __wbg_get_imports()");
+    let calls = js.split_once("let wasmModule, wasmInstance, wasm;\n").map(|(calls, _)| calls);
+    calls.filter(is_whole).context(
+        "the script of wasm-bindgen does not end with its loader: see what changed in this version \
+         and adapt xtask/src/site/bundle.rs",
+    )
 }
 
 /// Exports whose names are longer have a hash in them; the others may be called from elsewhere.
@@ -119,31 +132,28 @@ impl Bundle {
     /// Never: bytes can be written as JSON.
     pub(crate) fn page(&self) -> serde_json::Result<String> {
         let bytes = serde_json::to_string(&self.wasm)?;
-        let start = format!("initSync({{ module: new Uint8Array({bytes}) }});");
-        let script = format!("<script type=module>\n{}\n{start}\n</script>", self.js.trim_end());
+        let module = format!("new WebAssembly.Module(new Uint8Array({bytes}))");
+        let script = self.started(&format!("new WebAssembly.Instance({module}, __wbg_get_imports())"));
+        let script = format!("<script type=module>\n{script}</script>");
         Ok(format!(
             "<!doctype html>\n<head><meta charset=utf-8>\n{script}\n</head>\n<body></body>\n"
         ))
     }
 
-    /// The script that loads the wasm under the name `wasm` and starts it.
+    /// The script that loads the program from beside itself under the name `wasm` and starts it.
     ///
     /// The call that starts it is part of the file because the site's security
     /// policy forbids scripts inside pages.
-    ///
-    /// # Errors
-    /// When wasm-bindgen wrote something else than it used to.
-    pub(super) fn script_for(&self, wasm: &str) -> Result<String> {
-        let default_name = format!("{}_bg.wasm", self.entry);
-        if !self.js.contains(&default_name) {
-            bail!(
-                "the script of {} does not load {default_name}: see what changed in this version \
-                 of wasm-bindgen and adapt xtask/src/site/bundle.rs",
-                self.entry
-            );
-        }
-        let script = self.js.replace(&default_name, wasm);
-        Ok(format!("{}\nawait __wbg_init();\n", script.trim_end()))
+    pub(super) fn script_for(&self, wasm: &str) -> String {
+        let loaded = format!("fetch(new URL('{wasm}', import.meta.url))");
+        let loading = format!("WebAssembly.instantiateStreaming({loaded}, __wbg_get_imports())");
+        self.started(&format!("(await {loading}).instance"))
+    }
+
+    /// The script with the program of this instance, a JavaScript expression.
+    fn started(&self, instance: &str) -> String {
+        let calls = self.js.trim_end();
+        format!("{calls}\nconst wasm = {instance}.exports;\nwasm.__wbindgen_start();\n")
     }
 }
 
@@ -157,10 +167,11 @@ mod tests {
 
     #[test]
     fn the_script_loads_the_hashed_file_and_starts() {
-        let script = bundle_with("new URL('lab_bg.wasm', import.meta.url);\n\n")
-            .script_for("lab-12.wasm")
-            .expect("a script of the usual form");
-        assert_eq!(script, "new URL('lab-12.wasm', import.meta.url);\nawait __wbg_init();\n");
+        let script = bundle_with("function __wbg_get_imports() {}\n\n").script_for("lab-12.wasm");
+        let lines: Vec<&str> = script.lines().collect();
+        assert_eq!(lines.len(), 3, "{script}");
+        assert!(lines[1].contains("fetch(new URL('lab-12.wasm', import.meta.url))"), "{script}");
+        assert_eq!(lines[2], "wasm.__wbindgen_start();");
     }
 
     #[test]
@@ -178,15 +189,17 @@ mod tests {
     fn a_page_from_a_file_has_all_in_it() {
         let bundle = Bundle { wasm: vec![0, 97], ..bundle_with("'<body>';\n") };
         let page = bundle.page().expect("a page");
-        let start = "'<body>';\ninitSync({ module: new Uint8Array([0,97]) });";
+        let start = "'<body>';\nconst wasm = new WebAssembly.Instance(new WebAssembly.Module(\
+                     new Uint8Array([0,97])), __wbg_get_imports()).exports;";
         assert!(page.contains(start), "{page}");
     }
 
     #[test]
-    fn a_script_of_another_form_is_refused() {
-        let error = bundle_with("new URL('other.wasm')")
-            .script_for("lab-12.wasm")
-            .expect_err("it does not load lab_bg.wasm");
-        assert!(error.to_string().contains("lab_bg.wasm"), "{error}");
+    fn the_loader_of_wasm_bindgen_goes_and_a_script_of_another_form_is_refused() {
+        let calls = "function __wbg_get_imports() {}\n";
+        let script = format!("{calls}let wasmModule, wasmInstance, wasm;\nfunction initSync() {{}}\n");
+        assert_eq!(without_loader(&script).expect("the usual form"), calls);
+        let error = without_loader(calls).expect_err("it has no loader");
+        assert!(error.to_string().contains("loader"), "{error}");
     }
 }

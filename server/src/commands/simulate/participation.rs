@@ -6,18 +6,18 @@ use crate::clock::now_ms;
 use indicatif::ProgressBar;
 use reqwest::{Client, Method, RequestBuilder, StatusCode, Url};
 use serde::de::DeserializeOwned;
-use serde_json::{Map, Value, json};
+use serde_json::{Value, json};
 use sidestep::api::{
     Answers, Completed, ComprehensionResult, ComprehensionStored, Enrolled, Enrolment, KeyEvent,
-    Problem, Progress, QuestionForm, SCHEMA_VERSION, StudyInfo, Texts, TrialStored, TrialUpload,
-    routes,
+    Object, Problem, Progress, QuestionForm, SCHEMA_VERSION, StudyInfo, Texts, TrialStored,
+    TrialUpload, routes,
 };
 use sidestep::scene::SceneParameters;
 use sidestep::study::{QuestionKind, StudyConfig};
 use sidestep::synthetic::{KeyChange, Keys, SyntheticDrive, SyntheticParticipant};
 use sidestep::trial::Phase;
 use sidestep::vehicle::TurnInput;
-use std::collections::{BTreeMap, HashSet};
+use std::collections::HashSet;
 use std::error::Error;
 use std::time::Duration;
 
@@ -89,7 +89,7 @@ impl Done {
         let body = Enrolment {
             consent: true,
             external_id: Some(name),
-            parameters: BTreeMap::new(),
+            parameters: Object::default(),
             pilot: false,
             request_id: None,
             locale: Some("en".to_owned()),
@@ -161,8 +161,8 @@ fn answers(texts: &Texts) -> Answers {
 }
 
 /// Screen and display of nobody.
-fn synthetic() -> Map<String, Value> {
-    Map::from_iter([("synthetic".to_owned(), json!(true))])
+fn synthetic() -> Object<Value> {
+    Object::from_iter([("synthetic".to_owned(), json!(true))])
 }
 
 fn upload(parameters: &SceneParameters, drive: SyntheticDrive) -> TrialUpload {

@@ -3,7 +3,7 @@
 
 use super::state::{PlannedTrial, Quiz, Session, Stage};
 use super::{Msg, Part, Participant, lifted};
-use crate::drive::json_object;
+use crate::drive::facts;
 use crate::json;
 use crate::outbox::Outbox;
 use crate::runtime::{Command, Commands, Failure};
@@ -27,7 +27,7 @@ impl Participant {
             // An enrolment whose answer was lost is asked for again under the same name.
             request_id: self.context.random_name.clone(),
             locale: Some(self.texts.language.clone()),
-            screen: Some(json_object(&screen)),
+            screen: Some(facts(&screen)),
         };
         let url = routes::participants(&self.link.slug);
         self.ask("enrol", "POST", url, Some(json::write(&body)), Msg::Enrolled)

@@ -1,8 +1,7 @@
 //! What the address of the page says: which study, who sent the person, and whether this is a pilot.
 
 use crate::runtime::Address;
-use sidestep::api::StudyInfo;
-use std::collections::BTreeMap;
+use sidestep::api::{Object, StudyInfo};
 
 /// What the address of the page says.
 #[derive(Clone, Debug, Default)]
@@ -45,9 +44,8 @@ impl Link {
     }
 
     /// The parameters that the study stores.
-    pub(super) fn recorded(&self, study: &StudyInfo) -> BTreeMap<String, String> {
-        // Collecting would sort first, with much more code.
-        let mut recorded = BTreeMap::new();
+    pub(super) fn recorded(&self, study: &StudyInfo) -> Object<String> {
+        let mut recorded = Object::default();
         for name in &study.recorded_parameters {
             let value = self.address.parameter(name).map_or("", str::trim);
             if !value.is_empty() {

@@ -174,7 +174,7 @@ fn progress(percent: u32) -> Node {
         .child(el("span").attr("role", "status").text("Solving the safety levels"))
         .child(el("span").test_id("solved-percent").text(format!("{percent} %")));
     let bar = el("progress")
-        .attrs([("max", "100"), ("aria-label", "Solving the safety levels")])
+        .attrs(&[("max", "100"), ("aria-label", "Solving the safety levels")])
         .attr("value", percent);
     let why = "The server has not yet solved the games of these vehicles, so this browser does.";
     let stop = button("stop-solving", Msg::StopSolving).class("plain").text("Stop");

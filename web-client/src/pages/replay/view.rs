@@ -36,11 +36,11 @@ fn scene(replay: &Replay) -> Node {
         switch("by-step", replay.by_step, Msg::ByStep).attr("title", meaning).text("per step");
     let switches = el("div")
         .class("switches")
-        .attrs([("role", "group"), ("aria-label", "Layers")])
+        .attrs(&[("role", "group"), ("aria-label", "Layers")])
         .children(switches)
         .child(by_step);
     let canvas = el("canvas")
-        .attrs([("id", "replay"), ("role", "img")])
+        .attrs(&[("id", "replay"), ("role", "img")])
         .attr("aria-label", "The trial seen from above, with the chosen layers")
         .test_id("replay");
     el("section")
@@ -62,7 +62,7 @@ fn panel(replay: &Replay) -> Node {
     // It scrolls, so the keyboard must be able to reach it.
     el("aside")
         .class("panel")
-        .attrs([("tabindex", "0"), ("aria-label", "Numbers at this step")])
+        .attrs(&[("tabindex", "0"), ("aria-label", "Numbers at this step")])
         .child(heading)
         .child(facts(replay))
         .children(doubt(replay))
@@ -193,7 +193,7 @@ fn timeline(replay: &Replay) -> Node {
         false => ("Play", "M8 5v14l11-7z"),
     };
     let icon = el("svg")
-        .attrs([("viewBox", "0 0 24 24"), ("aria-hidden", "true")])
+        .attrs(&[("viewBox", "0 0 24 24"), ("aria-hidden", "true")])
         .child(el("path").attr("d", icon));
     let controls = el("div")
         .class("controls")
@@ -201,7 +201,7 @@ fn timeline(replay: &Replay) -> Node {
         .child(el("span").class("time").text(format!("{:.1} s", replay.time_s)))
         .child(chart::legend(&lines));
     let slider = el("input")
-        .attrs([("type", "range"), ("min", "0"), ("step", "1"), ("aria-label", "Step")])
+        .attrs(&[("type", "range"), ("min", "0"), ("step", "1"), ("aria-label", "Step")])
         .attr("max", replay.trial.inputs.len())
         .attr("value", replay.step())
         .test_id("slider")
@@ -210,7 +210,7 @@ fn timeline(replay: &Replay) -> Node {
     let row = |cells: Vec<String>| el("tr").children(cells.into_iter().map(cell));
     let numbers = el("div")
         .class("scroll")
-        .attrs([("tabindex", "0"), ("role", "region"), ("aria-label", "Numbers of every step")])
+        .attrs(&[("tabindex", "0"), ("role", "region"), ("aria-label", "Numbers of every step")])
         .child(parts::table(table.columns, table.rows.into_iter().map(row)));
     el("section")
         .class("timeline")

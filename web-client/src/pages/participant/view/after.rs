@@ -29,27 +29,27 @@ pub(super) fn questions(page: &Participant, missing: bool) -> Node {
 fn question(page: &Participant, form: &QuestionForm) -> Node {
     let id = format!("answer-{}", form.name);
     let need = page.say(if form.required { "questions.required" } else { "questions.optional" });
-    let need = el("small").class("quiet").text(format!(" ({need})"));
+    let need = || el("small").class("quiet").text(format!(" ({need})"));
     let radio = |value: &str, words: &str| {
         let input = el("input")
-            .attrs([("type", "radio"), ("name", &form.name), ("value", value)])
+            .attrs(&[("type", "radio"), ("name", &form.name), ("value", value)])
             .test_id(&format!("{id}-{value}"));
         el("label").child(input).child(el("span").text(words))
     };
     let group = || {
-        let legend = el("legend").text(&form.text).child(need.clone());
+        let legend = el("legend").text(&form.text).child(need());
         el("fieldset").key(&form.name).child(legend)
     };
     match form.kind {
         QuestionKind::Text => {
             let area = el("textarea")
-                .attrs([("id", &id), ("name", &form.name), ("rows", "3")])
+                .attrs(&[("id", &id), ("name", &form.name), ("rows", "3")])
                 .attr("maxlength", form.max_chars)
                 .test_id(&id);
             el("div")
                 .class("field-text")
                 .key(&form.name)
-                .child(el("label").attr("for", &id).text(&form.text).child(need))
+                .child(el("label").attr("for", &id).text(&form.text).child(need()))
                 .child(area)
         }
         QuestionKind::Choice => {

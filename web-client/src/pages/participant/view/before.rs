@@ -152,7 +152,7 @@ pub(super) fn instructions(page: &Participant) -> Node {
         el("li").text(page.join(&dot)),
     ];
     let canvas = el("canvas")
-        .attrs([("id", "arena"), ("role", "img")])
+        .attrs(&[("id", "arena"), ("role", "img")])
         .attr("aria-label", page.say("instructions.picture"))
         .test_id("arena");
     card(&page.say("instructions.heading"))
@@ -197,7 +197,7 @@ pub(super) fn comprehension(page: &Participant, quiz: &Quiz) -> Node {
         });
         let options = form.options.iter().enumerate().map(|(option, words)| {
             let input = el("input")
-                .attrs([("type", "radio")])
+                .attrs(&[("type", "radio")])
                 .attr("name", format!("check-{place}"))
                 .attr("value", option)
                 .test_id(&format!("check-{place}-{option}"));

@@ -82,7 +82,7 @@ pub(super) fn scene(
     outcome: Option<&Outcome>,
 ) -> Node {
     let canvas = el("canvas")
-        .attrs([("id", "scene"), ("role", "img")])
+        .attrs(&[("id", "scene"), ("role", "img")])
         .attr("aria-label", page.say("scene.canvas"))
         .test_id("scene");
     let heading = el("h1").class("unseen").text(phase_words(page, trial));

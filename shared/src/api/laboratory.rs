@@ -1,0 +1,130 @@
+//! What experimenters see.
+
+use crate::predict::PredictorFile;
+use crate::scene::{Evader, JointState, Scene, SceneParameters};
+use crate::trial::{Flag, Outcome, Phase, Replay};
+use crate::vehicle::TurnInput;
+use serde::{Deserialize, Serialize};
+
+/// Body of a sign-in to the laboratory.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SignIn {
+    /// The experimenter's key.
+    pub key: String,
+}
+
+/// Answer to a sign-in, and to a check of the session.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Session {
+    /// Always true: without a session the answer is 401.
+    pub signed_in: bool,
+}
+
+/// A study in the laboratory's list.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct StudySummary {
+    /// Name in addresses.
+    pub slug: String,
+    /// Name shown to people.
+    pub title: String,
+    /// People who enrolled.
+    pub participants: u64,
+    /// Trials stored.
+    pub trials: u64,
+}
+
+/// Answer to the deletion of a study's pilots.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct PilotsDeleted {
+    /// How many there were.
+    pub deleted: usize,
+}
+
+/// A page of stored trials, newest first.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TrialPage {
+    /// The trials of this page.
+    pub trials: Vec<TrialSummary>,
+    /// Pass as `before` for the next page; absent on the last.
+    pub next_before: Option<i64>,
+}
+
+/// A stored trial in a list.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TrialSummary {
+    /// The trial.
+    pub trial_id: String,
+    /// Who drove it.
+    pub participant_id: String,
+    /// The participant's number within the study, from 1.
+    pub participant_number: i64,
+    /// Its phase.
+    pub phase: Phase,
+    /// Place within its phase, from 0.
+    pub index: usize,
+    /// When the server stored it, ms since 1970.
+    pub received_at_ms: i64,
+    /// Its outcome.
+    pub outcome: Outcome,
+    /// What an analyst should know.
+    pub flags: Vec<Flag>,
+}
+
+/// A stored trial, whole.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TrialDetail {
+    /// As in the list.
+    #[serde(flatten)]
+    pub summary: TrialSummary,
+    /// The study's name in addresses.
+    pub study: String,
+    /// Vehicles, danger radius and clock of the trial. They define the two games
+    /// ([`SceneParameters::game`]) that a browser solves if the server has no id below.
+    pub parameters: SceneParameters,
+    /// The scene that was driven.
+    pub scene: Scene,
+    /// The input held in each step.
+    pub inputs: Vec<TurnInput>,
+    /// Before each step, and after the last.
+    pub states: Vec<JointState>,
+    /// The differences between the states and the replay of the inputs.
+    pub replay: Replay,
+    /// Id of the value function V_HR; null while the server has none.
+    pub value_function_hr: Option<String>,
+    /// Id of the value function V_RH; null while the server has none.
+    pub value_function_rh: Option<String>,
+}
+
+impl TrialDetail {
+    /// Id of the value function of `evader`; none while the server has none.
+    #[must_use]
+    pub fn value_function(&self, evader: Evader) -> Option<&str> {
+        match evader {
+            Evader::Human => self.value_function_hr.as_deref(),
+            Evader::Robot => self.value_function_rh.as_deref(),
+        }
+    }
+}
+
+/// A predictor and how it was trained.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TrainedPredictor {
+    /// The predictor, as in a `predictor.json`.
+    pub predictor: PredictorFile,
+    /// The number of trials that it was trained on.
+    pub trials: usize,
+    /// Why it is not the learned model; none if it is.
+    pub fallback: Option<String>,
+}
+
+/// The fingerprint of a computer's simulation.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SelfCheck {
+    /// Seed of the random trials.
+    pub seed: u64,
+    /// How many.
+    pub trials: usize,
+    /// SHA-256 of all their states.
+    pub fingerprint: String,
+}

@@ -1,0 +1,241 @@
+//! From the enrolment to the completion code.
+
+use super::{
+    MAX_PARAMETERS, MIN_REQUEST_ID_BYTES, Object, check_name, check_object, first, is_first,
+};
+use crate::invalid::Invalid;
+use crate::scene::Scene;
+use crate::study::normalised_id;
+use crate::trial::Phase;
+use crate::vehicle::Pose;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+/// Body of the result of the check of understanding.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ComprehensionResult {
+    /// How often the participant answered all questions.
+    pub attempts: usize,
+    /// Whether all answers of the last attempt were right.
+    pub passed: bool,
+}
+
+/// Answer to the result of the check of understanding.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ComprehensionStored {
+    /// The participation has ended: the answers were wrong too often.
+    pub screened_out: bool,
+    /// Where to go, if it has ended and the study names an address.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub return_url: Option<String>,
+}
+
+/// Body of the answers to the questions after the last scene.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Answers {
+    /// By the question's name: a string for a text, an option's value for a choice, a whole number for
+    /// a scale. Questions that were not answered are absent.
+    pub answers: Object<Value>,
+}
+
+/// Answer to a withdrawal.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Withdrawn {
+    /// Where to go, if the study names an address.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub return_url: Option<String>,
+}
+
+/// Body of an enrolment.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Enrolment {
+    /// The participant agreed to take part; must be true.
+    pub consent: bool,
+    /// Who this is at the recruiting service; the same id resumes.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub external_id: Option<String>,
+    /// A secret name that the client draws for this enrolment, such as a random UUID: sent again
+    /// after a lost answer, it is the same participant.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub request_id: Option<String>,
+    /// Parameters of the address that the study stores, by name.
+    #[serde(default, skip_serializing_if = "Object::is_empty")]
+    pub parameters: Object<String>,
+    /// A pilot: kept apart from the data, without completion code and return link.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub pilot: bool,
+    /// Language in which the participant read the consent text, such as `en` or `zh-CN`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub locale: Option<String>,
+    /// Facts about the screen: any small object.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub screen: Option<Object<Value>>,
+}
+
+impl Enrolment {
+    /// Accepts an enrolment with consent and sensible texts.
+    ///
+    /// # Errors
+    /// [`Invalid`] naming the field.
+    pub fn check(&self) -> Result<(), Invalid> {
+        if !self.consent {
+            return Err(Invalid::new("consent", "true", "false"));
+        }
+        if let Some(id) = &self.external_id {
+            normalised_id("external_id", id)?;
+        }
+        if let Some(locale) = &self.locale {
+            check_name("locale", locale)?;
+        }
+        if self.parameters.len() > MAX_PARAMETERS {
+            let expected = format!("at most {MAX_PARAMETERS} parameters");
+            return Err(Invalid::new("parameters", expected, self.parameters.len()));
+        }
+        for (name, value) in self.parameters.iter() {
+            check_name("parameters", name)?;
+            check_name(&format!("parameters.{name}"), value)?;
+        }
+        if let Some(id) = &self.request_id {
+            check_name("request_id", id)?;
+            if id.len() < MIN_REQUEST_ID_BYTES {
+                let expected = format!("{MIN_REQUEST_ID_BYTES} bytes or more that nobody guesses");
+                return Err(Invalid::new("request_id", expected, format!("{} bytes", id.len())));
+            }
+        }
+        self.screen.as_ref().map_or(Ok(()), |screen| check_object("screen", screen))
+    }
+}
+
+/// Answer to an enrolment.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Enrolled {
+    /// Who the participant is here.
+    pub participant_id: String,
+    /// Bearer token for everything that follows.
+    pub token: String,
+    /// What to drive.
+    pub plan: Plan,
+}
+
+/// What a participant drives.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Plan {
+    /// In order.
+    pub phases: Vec<PlannedPhase>,
+}
+
+impl Plan {
+    /// Every scene in the order of driving, with its phase.
+    pub fn scenes(&self) -> impl Iterator<Item = (&PlannedPhase, &PlannedScene)> {
+        self.phases.iter().flat_map(|phase| phase.scenes.iter().map(move |scene| (phase, scene)))
+    }
+}
+
+/// One phase of a plan.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PlannedPhase {
+    /// Which phase.
+    pub phase: Phase,
+    /// Whether the danger zone is drawn around the robot.
+    pub show_danger_zone: bool,
+    /// In order.
+    pub scenes: Vec<PlannedScene>,
+}
+
+/// One scene of a plan.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PlannedScene {
+    /// The id under which its trial is stored.
+    pub trial_id: String,
+    /// Place within its phase, from 0.
+    pub index: usize,
+    /// 1; 2 if the scene is driven again because its first trial was interrupted.
+    #[serde(default = "first", skip_serializing_if = "is_first")]
+    pub attempt: u32,
+    /// The human's vehicle at the start.
+    pub human: Pose,
+    /// The robot at the start.
+    pub robot: Pose,
+    /// The robot's goal, m.
+    pub goal: [f64; 2],
+}
+
+impl PlannedScene {
+    /// Both vehicles and the goal.
+    #[must_use]
+    pub fn scene(&self) -> Scene {
+        Scene { human: self.human, robot: self.robot, goal: self.goal }
+    }
+}
+
+/// The progress of a participant.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Progress {
+    /// Who the participant is here.
+    pub participant_id: String,
+    /// The study's name in addresses.
+    pub study: String,
+    /// What to drive.
+    pub plan: Plan,
+    /// Ids of the trials that are safely stored, in the plan's order.
+    pub stored: Vec<String>,
+    /// The trial that comes next; absent when all are stored.
+    pub next: Option<String>,
+    /// The code, once the participation is complete.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub completion_code: Option<String>,
+    /// Where to go with the code, if the study names an address.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub return_url: Option<String>,
+    /// Whether the participation is complete. The code is absent although it is if this token was given
+    /// to somebody who knew only the external id.
+    #[serde(default)]
+    pub complete: bool,
+    /// Whether the check of understanding was passed.
+    #[serde(default)]
+    pub understood: bool,
+    /// How often the check of understanding was answered.
+    #[serde(default)]
+    pub comprehension_attempts: usize,
+    /// Whether the questions after the last scene were answered.
+    #[serde(default)]
+    pub answered: bool,
+    /// Whether this is a pilot.
+    #[serde(default)]
+    pub pilot: bool,
+    /// Whether this token may withdraw the participation: one that was given to somebody who knew only
+    /// the external id may not.
+    #[serde(default)]
+    pub may_withdraw: bool,
+}
+
+/// Answer to a completion.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Completed {
+    /// Proof that every trial is stored.
+    pub completion_code: String,
+    /// Where to go with the code, if the study names an address.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub return_url: Option<String>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_external_id_is_more_than_white_space() {
+        let check = |id: &str| {
+            let body = serde_json::json!({ "consent": true, "external_id": id });
+            serde_json::from_value::<Enrolment>(body).unwrap().check()
+        };
+        for id in ["   ", "\u{a0}", "\u{3000}\u{2003}"] {
+            let said = check(id).unwrap_err().to_string();
+            assert!(said.starts_with("external_id: expected 1 to 128 characters"), "{said}");
+        }
+        assert_eq!(check(" P 17 "), Ok(()));
+    }
+}

@@ -1,0 +1,96 @@
+//! Every route, relative to the server's origin.
+
+/// What a participant needs to know.
+#[must_use]
+pub fn study(slug: &str) -> String {
+    format!("/api/v1/studies/{slug}")
+}
+/// The sentences of the participant's page, and the study's own texts.
+#[must_use]
+pub fn texts(slug: &str) -> String {
+    format!("/api/v1/studies/{slug}/texts")
+}
+/// Enrolment.
+#[must_use]
+pub fn participants(slug: &str) -> String {
+    format!("/api/v1/studies/{slug}/participants")
+}
+/// The progress of the participant.
+pub const ME: &str = "/api/v1/participants/me";
+/// The result of the check of understanding.
+pub const COMPREHENSION: &str = "/api/v1/participants/me/comprehension";
+/// The answers to the questions after the last scene.
+pub const ANSWERS: &str = "/api/v1/participants/me/answers";
+/// The end of a participation.
+pub const COMPLETE: &str = "/api/v1/participants/me/complete";
+/// A trial's upload.
+#[must_use]
+pub fn my_trial(trial_id: &str) -> String {
+    format!("/api/v1/participants/me/trials/{trial_id}")
+}
+/// The bytes of a value function.
+#[must_use]
+pub fn value_function(id: &str) -> String {
+    format!("/api/v1/value-functions/{id}")
+}
+/// Signing in and out of the laboratory.
+pub const SESSION: &str = "/api/v1/admin/session";
+/// All studies.
+pub const ADMIN_STUDIES: &str = "/api/v1/admin/studies";
+/// The participants of a study, without the query that names the format.
+#[must_use]
+pub fn admin_participants(slug: &str) -> String {
+    format!("/api/v1/admin/studies/{slug}/participants")
+}
+/// The pilots of a study; a DELETE deletes them.
+#[must_use]
+pub fn admin_pilots(slug: &str) -> String {
+    format!("/api/v1/admin/studies/{slug}/pilots")
+}
+/// The stored trials of a study, newest first.
+#[must_use]
+pub fn admin_trials(slug: &str) -> String {
+    format!("/api/v1/admin/studies/{slug}/trials")
+}
+/// One stored trial, whole.
+#[must_use]
+pub fn admin_trial(trial_id: &str) -> String {
+    format!("/api/v1/admin/trials/{trial_id}")
+}
+/// The predictor trained on this participant's trials before this one.
+#[must_use]
+pub fn admin_predictor(trial_id: &str) -> String {
+    format!("/api/v1/admin/trials/{trial_id}/predictor")
+}
+/// The analyses of a study, newest first; a POST requests a new one.
+#[must_use]
+pub fn admin_analyses(slug: &str) -> String {
+    format!("/api/v1/admin/studies/{slug}/analyses")
+}
+/// One analysis.
+#[must_use]
+pub fn admin_analysis(id: &str) -> String {
+    format!("/api/v1/admin/analyses/{id}")
+}
+/// Cancels an analysis.
+#[must_use]
+pub fn cancel_analysis(id: &str) -> String {
+    format!("/api/v1/admin/analyses/{id}/cancel")
+}
+/// One file of an analysis.
+#[must_use]
+pub fn analysis_file(id: &str, name: &str) -> String {
+    format!("/api/v1/admin/analyses/{id}/files/{name}")
+}
+/// The server's own simulation fingerprint.
+pub const SELF_CHECK: &str = "/api/v1/admin/self-check";
+/// A study's trials as a file, without the query that names the format.
+#[must_use]
+pub fn exports(slug: &str) -> String {
+    format!("/api/v1/admin/studies/{slug}/export")
+}
+/// A study's trials as a CSV file.
+#[must_use]
+pub fn export(slug: &str) -> String {
+    format!("{}?format=csv", exports(slug))
+}

@@ -1,0 +1,141 @@
+//! What a participant's page needs to know of a study, and all that it says.
+
+use super::{Object, SCHEMA_VERSION};
+use crate::scene::SceneParameters;
+use crate::study::{PhaseConfig, QuestionKind, Status, StudyConfig, TrialSettings};
+use serde::{Deserialize, Serialize};
+
+/// What a participant needs to know of a study.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct StudyInfo {
+    /// See [`SCHEMA_VERSION`].
+    pub schema_version: u32,
+    /// Name in addresses.
+    pub slug: String,
+    /// Name shown to people.
+    pub title: String,
+    /// Vehicles, danger radius and clock.
+    pub parameters: SceneParameters,
+    /// What will be driven.
+    pub phases: Vec<PhaseConfig>,
+    /// Whether somebody new can take part.
+    pub admission: Admission,
+    /// The course of every trial.
+    pub trials: TrialSettings,
+    /// After this many attempts at the check of understanding with a wrong answer, the participation
+    /// ends; 0: never.
+    pub comprehension_attempts: usize,
+    /// Parameters of the address that may hold the person's external id.
+    pub external_id_parameters: Vec<String>,
+    /// Parameters of the address that are stored with the participant.
+    pub recorded_parameters: Vec<String>,
+}
+
+impl StudyInfo {
+    /// What a participant needs to know of a study.
+    #[must_use]
+    pub fn of(study: &StudyConfig, admission: Admission) -> Self {
+        Self {
+            schema_version: SCHEMA_VERSION,
+            slug: study.slug.clone(),
+            title: study.title.clone(),
+            parameters: study.parameters,
+            phases: study.phases.clone(),
+            admission,
+            trials: study.trials,
+            comprehension_attempts: study.comprehension.attempts,
+            external_id_parameters: study.recruitment.external_id.clone(),
+            recorded_parameters: study.recruitment.record.clone(),
+        }
+    }
+}
+
+/// Whether somebody new can take part in a study.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Admission {
+    /// Yes.
+    Open,
+    /// No: as many people take part as were wanted.
+    Full,
+    /// No: the study is closed; participants who have begun can finish.
+    Closed,
+    /// No: the study is over for everybody.
+    Archived,
+}
+
+impl From<Status> for Admission {
+    /// The admission to a study that is not full.
+    fn from(status: Status) -> Self {
+        match status {
+            Status::Open => Self::Open,
+            Status::Closed => Self::Closed,
+            Status::Archived => Self::Archived,
+        }
+    }
+}
+
+/// All that a participant reads, in one language.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Texts {
+    /// Tag of the language, such as `de`.
+    pub language: String,
+    /// The languages to choose from.
+    pub offered: Vec<Language>,
+    /// The sentences of the page by key, such as `welcome.lead`. `{name}` is filled in by the page.
+    pub sentences: Object<String>,
+    /// The researcher's consent text, as HTML without scripts; absent if the study has none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub consent: Option<String>,
+    /// Facts about the study by key (`investigator`, `institution`, `contact`, `ethics`, `retention`);
+    /// only those that the researcher gave.
+    pub facts: Vec<(String, String)>,
+    /// The check of understanding; empty: there is none.
+    pub check: Vec<CheckForm>,
+    /// The questions after the last scene.
+    pub questions: Vec<QuestionForm>,
+    /// What the study was about, as HTML without scripts; absent if the study has none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub debrief: Option<String>,
+}
+
+/// A language to choose.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Language {
+    /// Its tag, such as `de`.
+    pub tag: String,
+    /// Its own name, such as `Deutsch`.
+    pub name: String,
+}
+
+/// A question with one right answer.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct CheckForm {
+    /// The question; `{name}` is filled in by the page as in sentences.
+    pub text: String,
+    /// The answers.
+    pub options: Vec<String>,
+    /// Place of the right answer, from 0.
+    pub answer: usize,
+}
+
+/// A question after the last scene.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct QuestionForm {
+    /// Name of the answer.
+    pub name: String,
+    /// What an answer is.
+    pub kind: QuestionKind,
+    /// The question.
+    pub text: String,
+    /// Whether it must be answered.
+    pub required: bool,
+    /// Values and texts of a choice's options.
+    pub options: Vec<(String, String)>,
+    /// Lowest and highest number of a scale.
+    pub range: (i64, i64),
+    /// What the lowest and highest number mean.
+    pub ends: (String, String),
+    /// Longest text, characters.
+    pub max_chars: usize,
+}

@@ -1,0 +1,107 @@
+//! A trial, as the participant's page sends it.
+
+use super::{MAX_KEY_EVENTS, MAX_PAGE_EVENTS, Object, check_name, check_object, first, is_first};
+use crate::invalid::{Invalid, finite, length};
+use crate::scene::{JointState, SceneParameters};
+use crate::trial::PageEvent;
+use crate::vehicle::TurnInput;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+/// A key that went down or up.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct KeyEvent {
+    /// Time after the scene's start, ms; negative for keys that were already held.
+    pub t_ms: f64,
+    /// The key's name, such as `ArrowLeft`; `blur` when the window lost its keys.
+    pub key: String,
+    /// Down or up.
+    pub down: bool,
+}
+
+/// Body of a trial's upload.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TrialUpload {
+    /// Start of the scene by the participant's clock, ms since 1970.
+    pub started_at_ms: f64,
+    /// The input held in each step.
+    pub inputs: Vec<TurnInput>,
+    /// The states as shown: before each step, and after the last.
+    pub states: Vec<JointState>,
+    /// When each input was actually sampled, ms after the scene's start.
+    pub sampled_at_ms: Vec<f64>,
+    /// Key events, in order of time.
+    pub key_events: Vec<KeyEvent>,
+    /// What happened to the page during the scene, in order of time.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub page_events: Vec<PageEvent>,
+    /// How often the scene was shown to the participant, this time included.
+    #[serde(default = "first", skip_serializing_if = "is_first")]
+    pub exposures: u32,
+    /// Facts about the display: any small object.
+    pub display: Object<Value>,
+}
+
+impl TrialUpload {
+    /// Accepts a body that can be a trial of this study. [`flags`](crate::trial::flags) says
+    /// whether it replays.
+    ///
+    /// # Errors
+    /// [`Invalid`] naming the field.
+    pub fn check(&self, parameters: &SceneParameters) -> Result<(), Invalid> {
+        const LAST_MS: f64 = 4_102_444_800_000.0; // the year 2100
+        if !(0.0..=LAST_MS).contains(&self.started_at_ms) {
+            let expected = "milliseconds since 1970, before 2100";
+            return Err(Invalid::new("started_at_ms", expected, self.started_at_ms));
+        }
+        length("inputs", parameters.steps, self.inputs.len())?;
+        length("states", parameters.steps + 1, self.states.len())?;
+        for (i, state) in self.states.iter().enumerate() {
+            state.check().map_err(|e| e.within(&format!("states[{i}]")))?;
+        }
+        length("sampled_at_ms", parameters.steps, self.sampled_at_ms.len())?;
+        check_rising("sampled_at_ms", self.sampled_at_ms.iter().copied())?;
+        if self.key_events.len() > MAX_KEY_EVENTS {
+            let expected = format!("at most {MAX_KEY_EVENTS} entries");
+            return Err(Invalid::new("key_events", expected, self.key_events.len()));
+        }
+        check_rising("key_events.t_ms", self.key_events.iter().map(|event| event.t_ms))?;
+        for (i, event) in self.key_events.iter().enumerate() {
+            check_name(&format!("key_events[{i}].key"), &event.key)?;
+        }
+        if self.page_events.len() > MAX_PAGE_EVENTS {
+            let expected = format!("at most {MAX_PAGE_EVENTS} entries");
+            return Err(Invalid::new("page_events", expected, self.page_events.len()));
+        }
+        check_rising("page_events.t_ms", self.page_events.iter().map(|event| event.t_ms))?;
+        if !(1..=10_000).contains(&self.exposures) {
+            let expected = "a whole number from 1 to 10000";
+            return Err(Invalid::new("exposures", expected, self.exposures));
+        }
+        check_object("display", &self.display)
+    }
+}
+
+/// Accepts finite times that never decrease.
+fn check_rising(field: &str, times: impl Iterator<Item = f64>) -> Result<(), Invalid> {
+    let mut last = f64::NEG_INFINITY;
+    for (i, time) in times.enumerate() {
+        finite(&format!("{field}[{i}]"), time)?;
+        if time < last {
+            return Err(Invalid::new(format!("{field}[{i}]"), format!("a time ≥ {last}"), time));
+        }
+        last = time;
+    }
+    Ok(())
+}
+
+/// Answer to a trial's upload.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TrialStored {
+    /// The trial.
+    pub trial_id: String,
+    /// The trial that comes next; absent after the last.
+    pub next: Option<String>,
+}
