@@ -22,6 +22,7 @@ use js_sys::{Function, Promise, Reflect};
 use std::any::Any;
 use std::cell::{Cell, RefCell};
 use std::collections::VecDeque;
+use std::pin::Pin;
 use std::rc::Rc;
 use wasm_bindgen::prelude::*;
 use wasm_bindgen_futures::JsFuture;
@@ -37,7 +38,7 @@ pub fn run<P: Page + 'static>(open: fn(PageContext) -> (P, Commands<P::Msg>)) {
         web_sys::console::error_1(&"Sidestep found no element with the id 'app'".into());
         return;
     };
-    wasm_bindgen_futures::spawn_local(async move {
+    background(async move {
         let (storage, kept) = Storage::open(&window).await;
         let context = PageContext { kept, not_kept: storage.failure(), ..context(&window) };
         let clock = Clock::new(&window, &context.address);
@@ -73,6 +74,13 @@ pub fn run<P: Page + 'static>(open: fn(PageContext) -> (P, Commands<P::Msg>)) {
         pump.work();
         load_simulator(&pump.shell.borrow());
     });
+}
+
+/// Works on this while the browser does other things.
+fn background(work: impl Future<Output = ()> + 'static) {
+    // One type for all of them: the program holds once how such work goes on.
+    let work: Pin<Box<dyn Future<Output = ()>>> = Box::pin(work);
+    wasm_bindgen_futures::spawn_local(work);
 }
 
 /// Loads the program that operates the page, if the address asks for it.
@@ -135,7 +143,7 @@ fn wish(object: &JsValue, method: &str) {
     let method = Reflect::get(object, &method.into()).unwrap_or_default();
     let promise = method.dyn_ref::<Function>().and_then(|method| method.call0(object).ok());
     if let Some(Ok(promise)) = promise.map(JsValue::dyn_into::<Promise>) {
-        wasm_bindgen_futures::spawn_local(async move {
+        background(async move {
             let _ = JsFuture::from(promise).await;
         });
     }
@@ -324,7 +332,7 @@ impl<P: Page + 'static> Pump<P> {
                 let (sent, answer, then) = net::send(&shell.window, request);
                 shell.underway.push(Underway { name, number, _work: Box::new(sent) });
                 let pump = self.clone();
-                wasm_bindgen_futures::spawn_local(async move {
+                background(async move {
                     let answer = answer.await;
                     pump.finish(number, || then(answer));
                 });
@@ -370,7 +378,7 @@ impl<P: Page + 'static> Pump<P> {
             Command::Keep { name, text, then } => {
                 let kept = shell.storage.keep(&name, &text);
                 let pump = self.clone();
-                wasm_bindgen_futures::spawn_local(async move {
+                background(async move {
                     let kept = kept.await;
                     pump.dispatch_now(then(kept));
                 });
