@@ -77,7 +77,7 @@ mod tests {
 
     #[test]
     fn what_the_client_writes_the_server_reads() {
-        let mut display = serde_json::Map::new();
+        let mut display = sidestep::api::Object::default();
         display.insert("width_px".into(), 1280.5.into());
         display.insert("frames".into(), 600.into());
         let state =

@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use anyhow::Result;
+use anyhow::{Result, bail};
 
 use crate::site::{self, ENTRIES, PARTICIPANT_BUDGET, PageSize};
 use crate::workspace::{Workspace, stage};
@@ -20,7 +20,8 @@ pub(crate) struct Options {
 /// Builds, then prints what a page costs to load and how long each stage took.
 ///
 /// # Errors
-/// When a compiler refuses, or `static/` does not fit the client.
+/// When a compiler refuses, `static/` does not fit the client, or participants would load more than they
+/// are promised.
 pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<()> {
     workspace.ensure_wasm_target()?;
 
@@ -42,8 +43,17 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<()> {
         times.push(("server", stage("server", server.args(["--bin", "sidestep"]))?));
     }
 
-    report(&site::page_sizes(&composed, &sizes), &times);
-    Ok(())
+    let pages = site::page_sizes(&composed, &sizes);
+    report(&pages, &times);
+    match pages.iter().find(|page| page.is_over_budget()) {
+        Some(page) => bail!(
+            "{} loads {} bytes, more than the {PARTICIPANT_BUDGET} that participants are promised: see \
+             what the client's last dependency or table added",
+            page.name,
+            page.total(),
+        ),
+        None => Ok(()),
+    }
 }
 
 /// Prints the two tables.
@@ -63,14 +73,6 @@ fn report(pages: &[PageSize], times: &[(&str, Duration)]) {
     println!("stage              s");
     for (name, time) in times {
         println!("{name:14} {:5.1}", time.as_secs_f64());
-    }
-    for page in pages.iter().filter(|page| page.is_over_budget()) {
-        eprintln!(
-            "warning: {} loads {} bytes, more than the {PARTICIPANT_BUDGET} that participants \
-             are promised: see what the client's last dependency or table added",
-            page.name,
-            page.total(),
-        );
     }
 }
 

@@ -1,8 +1,9 @@
 //! The address bar and the history.
 
 use crate::runtime::Address;
+use js_sys::Array;
 use wasm_bindgen::prelude::*;
-use web_sys::{Url, Window};
+use web_sys::{Url, UrlSearchParams, Window};
 
 /// The address that is shown.
 pub(super) fn current(window: &Window) -> Address {
@@ -24,23 +25,19 @@ pub(super) fn of_url(window: &Window, url: &str) -> Option<Address> {
 }
 
 fn address(origin: String, path: String, search: &str, hash: &str) -> Address {
-    let fragment = hash.trim_start_matches('#').to_owned();
-    Address { origin, path, search: search.to_owned(), query: decode_query(search), fragment }
+    let fragment = hash.strip_prefix('#').unwrap_or_default().to_owned();
+    Address { origin, path, search: search.to_owned(), query: decoded(search), fragment }
 }
 
 /// Names and values of an address's query.
-fn decode_query(query: &str) -> Vec<(String, String)> {
-    let decode = |text: &str| {
-        let spaced = text.replace('+', " ");
-        js_sys::decode_uri_component(&spaced).map(String::from).unwrap_or(spaced)
+fn decoded(query: &str) -> Vec<(String, String)> {
+    let Ok(parameters) = UrlSearchParams::new_with_str(query) else { return Vec::new() };
+    let text = |pair: &Array, place| pair.get(place).as_string().unwrap_or_default();
+    let pair = |pair: JsValue| {
+        let pair: Array = pair.unchecked_into();
+        (text(&pair, 0), text(&pair, 1))
     };
-    let pairs = query.trim_start_matches('?').split('&').filter(|pair| !pair.is_empty());
-    pairs
-        .map(|pair| {
-            let (name, value) = pair.split_once('=').unwrap_or((pair, ""));
-            (decode(name), decode(value))
-        })
-        .collect()
+    Array::from(&parameters).iter().map(pair).collect()
 }
 
 /// Adds an address to the history, without loading it.

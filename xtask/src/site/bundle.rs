@@ -133,7 +133,8 @@ impl Bundle {
     pub(crate) fn page(&self) -> serde_json::Result<String> {
         let bytes = serde_json::to_string(&self.wasm)?;
         let module = format!("new WebAssembly.Module(new Uint8Array({bytes}))");
-        let script = self.started(&format!("new WebAssembly.Instance({module}, __wbg_get_imports())"));
+        let script =
+            self.started(&format!("new WebAssembly.Instance({module}, __wbg_get_imports())"));
         let script = format!("<script type=module>\n{script}</script>");
         Ok(format!(
             "<!doctype html>\n<head><meta charset=utf-8>\n{script}\n</head>\n<body></body>\n"
@@ -197,7 +198,8 @@ mod tests {
     #[test]
     fn the_loader_of_wasm_bindgen_goes_and_a_script_of_another_form_is_refused() {
         let calls = "function __wbg_get_imports() {}\n";
-        let script = format!("{calls}let wasmModule, wasmInstance, wasm;\nfunction initSync() {{}}\n");
+        let script =
+            format!("{calls}let wasmModule, wasmInstance, wasm;\nfunction initSync() {{}}\n");
         assert_eq!(without_loader(&script).expect("the usual form"), calls);
         let error = without_loader(calls).expect_err("it has no loader");
         assert!(error.to_string().contains("loader"), "{error}");

@@ -18,11 +18,12 @@ const CONTINUE: &str = "continue=";
 
 impl Link {
     pub(super) fn of(address: &Address) -> Self {
-        let slug = address.path.strip_prefix("/s/").unwrap_or_default();
+        let path = address.path.strip_suffix('/').unwrap_or(&address.path);
+        let slug = path.strip_prefix("/s/").unwrap_or_default();
         let token = address.fragment.strip_prefix(CONTINUE).map(str::to_owned);
         Self {
             address: address.clone(),
-            slug: slug.trim_end_matches('/').to_owned(),
+            slug: slug.to_owned(),
             token: token.filter(|token| !token.is_empty()),
         }
     }

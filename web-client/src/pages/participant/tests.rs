@@ -6,8 +6,8 @@ use crate::runtime::{Address, Event, NotKept, Page, PageContext};
 use crate::testing;
 use sidestep::api::{
     Answers, CheckForm, Completed, ComprehensionResult, ComprehensionStored, Enrolled, Enrolment,
-    Language, Plan, PlannedPhase, PlannedScene, Problem, Progress, QuestionForm, StudyInfo, Texts,
-    TrialStored, TrialUpload, Withdrawn, routes,
+    Language, Object, Plan, PlannedPhase, PlannedScene, Problem, Progress, QuestionForm, StudyInfo,
+    Texts, TrialStored, TrialUpload, Withdrawn, routes,
 };
 use sidestep::scene::{EncounterRange, SceneParameters, generate};
 use sidestep::study::{QuestionKind, Recruitment, Status, StudyConfig};
@@ -21,7 +21,7 @@ type Session = testing::Session<Participant>;
 fn texts() -> Texts {
     let file = include_str!("../../../../static/languages/en.toml");
     let tables: BTreeMap<String, toml::Table> = toml::from_str(file).unwrap();
-    let mut sentences = BTreeMap::new();
+    let mut sentences = Object::default();
     for (table, entries) in tables {
         let mut waiting: Vec<_> =
             entries.into_iter().map(|(key, value)| (format!("{table}.{key}"), value)).collect();
@@ -31,7 +31,7 @@ fn texts() -> Texts {
                     let form = |(form, value)| (format!("{key}.{form}"), value);
                     waiting.extend(forms.into_iter().map(form));
                 }
-                value => drop(sentences.insert(key, value.as_str().unwrap().to_owned())),
+                value => sentences.insert(key, value.as_str().unwrap().to_owned()),
             }
         }
     }
@@ -739,7 +739,7 @@ fn people_who_share_a_browser_are_told_apart() {
     let body = first.asked[0].body.clone().unwrap();
     let enrolment: Enrolment = serde_json::from_str(&body).unwrap();
     assert_eq!(enrolment.external_id.as_deref(), Some("P1"));
-    assert_eq!(enrolment.parameters, BTreeMap::from([("STUDY_ID".into(), "s".into())]));
+    assert_eq!(enrolment.parameters, Object::from_iter([("STUDY_ID".into(), "s".into())]));
     first.send("enrol", 201, &enrolled());
     let again = open_at(first.kept.clone(), &study, "PROLIFIC_PID=%20p1");
     assert!(again.words("consent").is_some(), "another text is another id here");
@@ -805,19 +805,19 @@ fn the_language_file_has_the_sentences_of_the_page() {
     ];
     let code = sources.concat();
     let sentences = texts().sentences;
-    let tables: Vec<_> = sentences.keys().filter_map(|key| key.split('.').next()).collect();
+    let tables: Vec<_> = sentences.iter().filter_map(|(key, _)| key.split('.').next()).collect();
     for literal in code.split('"').skip(1).step_by(2) {
         let Some((table, rest)) = literal.split_once('.') else { continue };
         if tables.contains(&table)
             && rest.chars().all(|c| c.is_ascii_lowercase() || "_0123456789".contains(c))
         {
-            let known = sentences.contains_key(literal)
-                || sentences.contains_key(&format!("{literal}.other"));
+            let known = sentences.get(literal).is_some()
+                || sentences.get(&format!("{literal}.other")).is_some();
             assert!(known, "the language file lacks {literal}");
         }
     }
     let mut unnamed = Vec::new();
-    for key in sentences.keys() {
+    for (key, _) in sentences.iter() {
         let stem = key.strip_suffix(".one").or(key.strip_suffix(".other")).unwrap_or(key);
         // The server reads the check of understanding and the language's name; facts are named in
         // the study.
