@@ -11,8 +11,10 @@ use chromiumoxide::cdp::browser_protocol::page::{
 use chromiumoxide::cdp::js_protocol::runtime::{EventConsoleApiCalled, EventExceptionThrown};
 use chromiumoxide::page::ScreenshotParams;
 use chromiumoxide::{BrowserConfig, Page};
+use flate2::read::GzDecoder;
 use futures_util::StreamExt;
 use image::RgbaImage;
+use std::io::Read;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
@@ -284,9 +286,11 @@ impl Tab {
     /// # Panics
     /// If it paints nothing.
     pub async fn until_painted(&self) {
-        // The second frame begins once the first is done; by then it is known what still moves.
+        // The second frame begins once the first is done; by then it is known what still moves. What
+        // is not shown, as inside closed details, may never end.
         let painted = "new Promise(done => requestAnimationFrame(() => requestAnimationFrame(() => \
-                       Promise.allSettled(document.getAnimations().map(a => a.finished)) \
+                       Promise.allSettled(document.getAnimations() \
+                       .filter(a => a.effect.target.checkVisibility()).map(a => a.finished)) \
                        .then(() => requestAnimationFrame(() => done(true))))))";
         assert!(self.eval::<bool>(painted).await);
     }
@@ -333,10 +337,11 @@ impl Tab {
         image::load_from_memory(&bytes).expect("a PNG").into_rgba8()
     }
 
-    /// Checks that the page has reported no error and that nothing is cut off at the right.
+    /// Checks that the page has reported no error, that nothing is cut off at the right, and that
+    /// axe-core finds nothing that people with a screen reader or without a mouse cannot use.
     ///
     /// # Panics
-    /// If it has, or something is.
+    /// If it has, or something is, or it does.
     pub async fn is_well(&self) {
         let complaints = self.complaints.lock().expect("a list").clone();
         assert!(complaints.is_empty(), "{complaints:?}");
@@ -344,6 +349,28 @@ impl Tab {
             .eval("document.documentElement.scrollWidth - document.documentElement.clientWidth")
             .await;
         assert!(excess <= 0.0, "the page is {excess} px too wide");
+        self.is_accessible().await;
+    }
+
+    /// Checks the page, as it is shown now, with axe-core.
+    ///
+    /// # Panics
+    /// If it finds something.
+    pub async fn is_accessible(&self) {
+        const AXE: &[u8] = include_bytes!("../data/axe-core/axe.min.js.gz");
+        if self.eval::<bool>("typeof axe === 'undefined'").await {
+            let mut code = String::new();
+            GzDecoder::new(AXE).read_to_string(&mut code).expect("axe-core");
+            self.page.evaluate(code).await.expect("axe-core starts");
+        }
+        let violations: Vec<String> = self
+            .eval(
+                "axe.run({preload: false, resultTypes: ['violations']}).then(found => \
+                 found.violations.map(v => v.id + ': ' + v.help + ' ' \
+                 + v.nodes.map(n => n.html + ' ' + n.failureSummary).join(' | ')))",
+            )
+            .await;
+        assert!(violations.is_empty(), "{violations:#?}");
     }
 }
 

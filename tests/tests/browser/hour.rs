@@ -1,6 +1,7 @@
 //! The participant's hour, page by page, in every language.
 
-use crate::{answer_check, equipped, take};
+use crate::{LOOKS, answer_check, equipped, picture, take};
+use sidestep_tests::browser::WIDE;
 use sidestep_tests::{Browser, Server, Tab};
 
 /// A study with every kind of page, and short waits.
@@ -81,13 +82,27 @@ async fn walk(tab: &Tab, server: &Server, language: &str) {
     tab.press("consent").await;
     equipped(tab).await;
     take("2-equipment").await;
+    tab.press("choose-keys").await;
+    tab.words("choosing").await;
+    take("2-equipment-choosing").await;
+    tab.press("usual-keys").await;
+    equipped(tab).await;
     tab.press("continue").await;
     tab.words("arena").await;
     take("3-instructions").await;
     tab.press("continue").await;
     tab.words("comprehension").await;
     take("4-comprehension").await;
+    tab.press("check-0-0").await;
+    tab.press("check-1-0").await;
+    tab.press("submit").await;
+    tab.words("missing").await;
+    tab.press("check-2-0").await;
+    tab.press("submit").await;
+    tab.until("document.querySelector('fieldset .trouble')").await;
+    take("4-comprehension-wrong").await;
     answer_check(tab, server, language).await;
+    take("4-comprehension-right").await;
     tab.press("continue").await;
     tab.words("start").await;
     take("5-ready").await;
@@ -98,18 +113,26 @@ async fn walk(tab: &Tab, server: &Server, language: &str) {
     tab.picture(&format!("6-countdown-{language}")).await;
     tab.until_step("scene", 8).await;
     tab.key_down("ArrowLeft").await;
-    take("7-scene").await;
+    // A scene does not wait until it is checked; the next one is.
+    for look in LOOKS {
+        picture(tab, &format!("7-scene-{language}"), look).await;
+    }
     tab.key_up("ArrowLeft").await;
+    tab.look(WIDE, false).await;
     tab.words("over").await;
     tab.picture(&format!("8-over-{language}")).await;
     for _ in 0..2 {
         tab.press("start").await;
+        tab.until_step("scene", 1).await;
+        tab.is_well().await;
         tab.until(&format!("{} || {}", Tab::at("rest"), Tab::at("questions"))).await;
         if tab.eval::<bool>(&format!("Boolean({})", Tab::at("rest"))).await {
             take("9-rest").await;
             tab.press("continue").await;
         }
     }
+    tab.press("submit").await;
+    tab.words("missing").await;
     take("10-questions").await;
     tab.press("stop").await;
     tab.words("withdrawal").await;

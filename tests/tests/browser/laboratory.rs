@@ -259,6 +259,7 @@ async fn every_page_fits_its_window() {
         tab.look(size, false).await;
         tab.until_painted().await;
         tab.picture(name).await;
+        tab.is_accessible().await;
     }
     browser.close().await;
 }

@@ -116,17 +116,24 @@ async fn sign_in(tab: &Tab, server: &Server) {
     assert!(!address.contains(&server.key), "the key must leave the address");
 }
 
-/// Takes pictures wide and narrow, light and dark, and checks that nothing is cut off and that
-/// the page reports no error.
+/// How every page is looked at: the window's size, and whether it is dark.
+const LOOKS: [((u32, u32), bool); 4] =
+    [(WIDE, false), (WIDE, true), (NARROW, false), (NARROW, true)];
+
+/// Takes pictures of a page in every look, and checks each.
 async fn take(tab: &Tab, name: &str) {
-    for (size, dark) in [(WIDE, false), (WIDE, true), (NARROW, false), (NARROW, true)] {
-        tab.look(size, dark).await;
-        tab.until_painted().await;
-        let scheme = if dark { "dark" } else { "light" };
-        tab.picture(&format!("{name}-{}-{scheme}", size.0)).await;
+    for look in LOOKS {
+        picture(tab, name, look).await;
         tab.is_well().await;
     }
     tab.look(WIDE, false).await;
+}
+
+async fn picture(tab: &Tab, name: &str, (size, dark): ((u32, u32), bool)) {
+    tab.look(size, dark).await;
+    tab.until_painted().await;
+    let scheme = if dark { "dark" } else { "light" };
+    tab.picture(&format!("{name}-{}-{scheme}", size.0)).await;
 }
 
 /// Both level sets are on the canvas: something goes when they are switched off.
