@@ -62,7 +62,9 @@ impl Content {
             let events: Vec<PageEvent> = serde_json::from_str(events)?;
             let Frames { frame_gap_median_ms } = serde_json::from_str(&self.display)?;
             let gap = frame_gap_median_ms.as_f64();
-            found.extend(page_flags(parameters, times, exposures, &events, gap));
+            let of_page = page_flags(parameters, times, exposures, &events, gap);
+            found.retain(|flag| !of_page.contains(flag));
+            found.extend(of_page);
         }
         Ok(found)
     }

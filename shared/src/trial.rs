@@ -208,13 +208,13 @@ pub fn page_flags(
         page_events.iter().any(|event| event.t_ms >= 0.0 && kinds.contains(&event.kind))
     };
     let step_ms = parameters.step_s * 1000.0;
-    let stalled = sampled_at_ms
-        .iter()
-        .enumerate()
-        .any(|(step, at)| at - step as f64 * step_ms > INTERRUPTED_MS);
+    let late = sampled_at_ms.iter().enumerate().map(|(step, at)| at - step as f64 * step_ms);
+    let latest = late.fold(0.0, f64::max);
+    let stalled = latest > INTERRUPTED_MS;
     let unfocused = seen(&[PageEventKind::FocusLost, PageEventKind::Hidden]);
     let shown_before = exposures > 1;
     [
+        (latest > LATE_SAMPLE_MS, Flag::LateSample),
         (stalled || unfocused || shown_before, Flag::Interrupted),
         (unfocused, Flag::FocusLost),
         (shown_before, Flag::ShownBefore),
@@ -275,8 +275,8 @@ impl Flag {
     }
 }
 
-/// Largest difference, ms, between when an input was sampled and when it was due, both counted from
-/// the first sample, that is not flagged.
+/// Largest difference, ms, between when an input was sampled and when it was due that is not flagged. Both
+/// are counted from the scene's start if the page recorded it, else from the first sample.
 pub const LATE_SAMPLE_MS: f64 = 50.0;
 
 /// The flags of a trial that was driven in the assigned `scene`.
@@ -360,7 +360,12 @@ mod tests {
             assert_eq!(page_flags(&parameters, sampled, exposures, events, gap), expected);
         };
         check(&due, 1, &[], Some(16.7), &[]);
-        check(&stalled, 1, &[], None, &[Flag::Interrupted]);
+        check(&stalled, 1, &[], None, &[Flag::LateSample, Flag::Interrupted]);
+        // Both are late, although not by much more than the first.
+        let mut late = due.clone();
+        late[0] += 30.0;
+        late[20] += 60.0;
+        check(&late, 1, &[], None, &[Flag::LateSample]);
         check(&due, 2, &[], None, &[Flag::Interrupted, Flag::ShownBefore]);
         check(&due, 1, &[at(3.0, FocusLost)], None, &[Flag::Interrupted, Flag::FocusLost]);
         check(&due, 1, &[at(-3.0, FocusLost)], None, &[]);

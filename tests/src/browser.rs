@@ -2,13 +2,20 @@
 //! and pictures.
 
 use chromiumoxide::cdp::browser_protocol::emulation::{
-    MediaFeature, SetDeviceMetricsOverrideParams, SetEmulatedMediaParams,
+    MediaFeature, SetCpuThrottlingRateParams, SetDeviceMetricsOverrideParams,
+    SetEmulatedMediaParams,
 };
 use chromiumoxide::cdp::browser_protocol::input::{DispatchKeyEventParams, DispatchKeyEventType};
+use chromiumoxide::cdp::browser_protocol::network::{
+    EmulateNetworkConditionsByRuleParams, EnableParams, NetworkConditions, SetCacheDisabledParams,
+};
 use chromiumoxide::cdp::browser_protocol::page::{
     EventJavascriptDialogOpening, HandleJavaScriptDialogParams,
 };
-use chromiumoxide::cdp::js_protocol::runtime::{EventConsoleApiCalled, EventExceptionThrown};
+use chromiumoxide::cdp::js_protocol::heap_profiler::CollectGarbageParams;
+use chromiumoxide::cdp::js_protocol::runtime::{
+    EventConsoleApiCalled, EventExceptionThrown, GetHeapUsageParams,
+};
 use chromiumoxide::page::ScreenshotParams;
 use chromiumoxide::{BrowserConfig, Page};
 use flate2::read::GzDecoder;
@@ -167,6 +174,37 @@ impl Tab {
     /// If the browser refuses.
     pub async fn before_pages(&self, code: &str) {
         self.page.evaluate_on_new_document(code).await.expect("a script for pages to come");
+    }
+
+    /// Has the page's programs run this many times as slowly.
+    ///
+    /// # Panics
+    /// If the browser refuses.
+    pub async fn slow_down(&self, times: f64) {
+        let rate = SetCpuThrottlingRateParams::new(times);
+        self.page.execute(rate).await.expect("a slower processor");
+    }
+
+    /// Has the network answer after `latency_ms` and bring `bytes_per_s`, and nothing come from the
+    /// browser's cache.
+    ///
+    /// # Panics
+    /// If the browser refuses.
+    pub async fn slow_network(&self, latency_ms: f64, bytes_per_s: f64) {
+        let everything = NetworkConditions::new("", latency_ms, bytes_per_s, bytes_per_s);
+        let network = EmulateNetworkConditionsByRuleParams::new(false, vec![everything]);
+        self.page.execute(EnableParams::default()).await.expect("a network to change");
+        self.page.execute(SetCacheDisabledParams::new(true)).await.expect("no cache");
+        self.page.execute(network).await.expect("a slower network");
+    }
+
+    /// What the page's JavaScript keeps in memory once nothing is left to collect, bytes.
+    ///
+    /// # Panics
+    /// If the browser does not tell.
+    pub async fn heap_bytes(&self) -> f64 {
+        self.page.execute(CollectGarbageParams::default()).await.expect("a collection");
+        self.page.execute(GetHeapUsageParams::default()).await.expect("the usage").used_size
     }
 
     /// Loads the page again.

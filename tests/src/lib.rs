@@ -5,6 +5,7 @@
 pub mod browser;
 pub mod driver;
 pub mod folder;
+pub mod participant;
 pub mod process;
 pub mod server;
 

@@ -20,7 +20,7 @@ pub(crate) struct Options {
 }
 
 /// Tells the tests where Chromium is; when the user has set it, it is used as it is.
-const VARIABLE: &str = "SIDESTEP_CHROMIUM";
+pub(crate) const VARIABLE: &str = "SIDESTEP_CHROMIUM";
 
 /// What Chromium is called, the best first.
 const COMMANDS: [&str; 3] = ["chromium", "chromium-browser", "google-chrome"];

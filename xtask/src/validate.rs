@@ -1,7 +1,7 @@
 //! `cargo xtask validate`: measures what the library computes and writes the pages about it.
 //!
-//! For each page of `docs/validation`, an example of the library measures, draws the pictures and prints
-//! its numbers as JSON. This command stores them in `docs/validation/measured` and fills a template of
+//! For each page, an example of the library, or of the tests with their browser, measures, draws the
+//! pictures and prints its numbers as JSON. This command stores them in `docs/validation/measured` and fills a template of
 //! `docs/validation/templates` with them.
 
 mod figure3;
@@ -17,9 +17,11 @@ use clap::ValueEnum;
 use serde_json::Value;
 
 use crate::workspace::{Workspace, output_of, stage};
+use crate::{build, test};
 
 /// Measure value functions, reachable sets and learning against closed forms, references and
-/// peers; write the pages of docs/validation.
+/// peers, and the time of the participant's page; write the pages of docs/validation and
+/// docs/timing.md.
 #[derive(clap::Args)]
 pub(crate) struct Options {
     /// The page to write [default: all pages].
@@ -42,6 +44,9 @@ enum Page {
     Shfrs,
     /// Models, the comparison and its tests: learning.md.
     Learning,
+    /// The participant's page in a browser: ../timing.md. This takes ten minutes and needs a quiet
+    /// machine.
+    Timing,
 }
 
 /// Measures and writes.
@@ -68,7 +73,10 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<()> {
 impl Page {
     /// The page in `docs`, the folder of pages and pictures.
     fn file(self, docs: &Path) -> PathBuf {
-        docs.join(format!("{self:?}.md").to_lowercase())
+        match self {
+            Self::Timing => docs.with_file_name("timing.md"),
+            _ => docs.join(format!("{self:?}.md").to_lowercase()),
+        }
     }
 
     fn template(self, docs: &Path) -> PathBuf {
@@ -91,13 +99,16 @@ impl Page {
             Self::Reachability => "validate",
             Self::Shfrs => "validate_shfrs",
             Self::Learning => "validate_learning",
+            Self::Timing => "timing",
         };
         stage("library", workspace.compile("build").args(["--example", example]))?;
+        let mut program = Command::new(workspace.example(example));
+        if self == Self::Timing {
+            build::run(workspace, &build::Options::default())?;
+            program.env("SIDESTEP_BIN", workspace.server()).env(test::VARIABLE, test::chromium()?);
+        }
         eprintln!("==> measurements");
-        let mut found = answer(
-            &format!("the example {example}"),
-            &mut Command::new(workspace.example(example)),
-        )?;
+        let mut found = answer(&format!("the example {example}"), &mut program)?;
         match self {
             Self::Reachability => {
                 for (file, svg) in found["figures"].take().as_object().into_iter().flatten() {
@@ -109,7 +120,7 @@ impl Page {
                 };
             }
             Self::Shfrs => found["figure3"] = figure3::panels(workspace, docs)?,
-            Self::Learning => {}
+            Self::Learning | Self::Timing => {}
         }
         write(&self.measured(docs), &format!("{found:#}\n"))
     }

@@ -6,9 +6,10 @@ mod scenes;
 mod laboratory;
 mod simulated;
 
-use sidestep::api::{Texts, TrialDetail, TrialPage, routes};
+use sidestep::api::{TrialDetail, TrialPage, routes};
 use sidestep::chart::colours;
 use sidestep_tests::browser::{NARROW, WIDE, count_pixels};
+use sidestep_tests::participant::{answer_check, begin, drive, equipped, instructed, understood};
 use sidestep_tests::{Browser, Server, Tab};
 
 const HUMAN: [u8; 3] = colours::HUMAN.light;
@@ -20,63 +21,6 @@ async fn start(study: &str) -> (Server, Browser, Tab) {
     let browser = Browser::start().await;
     let tab = browser.open("about:blank").await;
     (server, browser, tab)
-}
-
-/// Takes part in the study, up to the first scene.
-async fn begin(tab: &Tab, server: &Server) {
-    tab.go(&format!("{}/s/default", server.origin)).await;
-    instructed(tab).await;
-    understood(tab, server, "en").await;
-}
-
-/// From the consent text to the instructions.
-async fn instructed(tab: &Tab) {
-    tab.press("consent").await;
-    equipped(tab).await;
-    tab.press("continue").await;
-    tab.words("arena").await;
-}
-
-/// Shows with real key presses that the keys work.
-async fn equipped(tab: &Tab) {
-    tab.words("equipment").await;
-    for key in ["ArrowLeft", "ArrowRight"] {
-        tab.key_down(key).await;
-        tab.key_up(key).await;
-    }
-    tab.until(&format!("{}?.disabled === false", Tab::at("continue"))).await;
-}
-
-/// From the instructions to the first scene, with the right answers.
-async fn understood(tab: &Tab, server: &Server, language: &str) {
-    tab.press("continue").await;
-    tab.until(&format!("{} || {}", Tab::at("start"), Tab::at("comprehension"))).await;
-    if tab.eval::<bool>(&format!("!{}", Tab::at("start"))).await {
-        answer_check(tab, server, language).await;
-        tab.press("continue").await;
-    }
-    tab.words("start").await;
-}
-
-/// Gives the right answers to the check of understanding.
-async fn answer_check(tab: &Tab, server: &Server, language: &str) {
-    let url = format!("{}?language={language}", routes::texts("default"));
-    let texts: Texts = server.get(&url).await.into(200);
-    for (place, form) in texts.check.iter().enumerate() {
-        tab.press(&format!("check-{place}-{}", form.answer)).await;
-    }
-    tab.press("submit").await;
-    tab.until(&format!("{}?.disabled === false", Tab::at("continue"))).await;
-}
-
-/// Drives a scene with one key held from step 5 to step 40, until the page goes on.
-async fn drive(tab: &Tab, key: &str) {
-    tab.press("start").await;
-    tab.until_step("scene", 5).await;
-    tab.key_down(key).await;
-    tab.until_step("scene", 40).await;
-    tab.key_up(key).await;
-    tab.until(&format!("!{}", Tab::at("scene"))).await;
 }
 
 async fn until_saved(tab: &Tab) {

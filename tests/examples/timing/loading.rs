@@ -1,0 +1,61 @@
+//! From the link to the first page that can be used, on a slow line.
+
+use crate::figures::quantile;
+use serde::Deserialize;
+use serde_json::{Value, json};
+use sidestep_tests::{Browser, Server, Tab};
+
+/// Each with a browser that has never seen the page.
+const RUNS: usize = 5;
+
+const LATENCY_MS: f64 = 150.0;
+const BITS_PER_S: f64 = 1.6e6;
+
+/// Takes the time when the button that agrees to take part appears.
+fn watch() -> String {
+    format!(
+        "window.usable_ms = null; new MutationObserver(() => {{ \
+             if (window.usable_ms === null && {}) window.usable_ms = performance.now(); \
+         }}).observe(document, {{ subtree: true, childList: true }});",
+        Tab::at("consent")
+    )
+}
+
+#[derive(Deserialize)]
+struct Loaded {
+    usable_ms: f64,
+    /// What was sent, with headers, bytes.
+    bytes: f64,
+    requests: usize,
+}
+
+pub(crate) async fn measured() -> Value {
+    let server = Server::with_client("slug = \"default\"").await;
+    let mut loaded = Vec::new();
+    for _ in 0..RUNS {
+        let browser = Browser::start().await;
+        let tab = browser.open("about:blank").await;
+        tab.slow_network(LATENCY_MS, BITS_PER_S / 8.0).await;
+        tab.before_pages(&watch()).await;
+        tab.go(&format!("{}/s/default", server.origin)).await;
+        tab.words("consent").await;
+        let entries = "[...performance.getEntriesByType('navigation'), \
+                       ...performance.getEntriesByType('resource')]";
+        let found = format!(
+            "({{ usable_ms, bytes: {entries}.reduce((sum, entry) => sum + entry.transferSize, 0), \
+             requests: {entries}.length }})"
+        );
+        loaded.push(tab.eval::<Loaded>(&found).await);
+        browser.close().await;
+    }
+    let times: Vec<f64> = loaded.iter().map(|loaded| loaded.usable_ms).collect();
+    json!({
+        "runs": RUNS,
+        "latency_ms": LATENCY_MS,
+        "bits_per_s": BITS_PER_S,
+        "median_ms": quantile(&times, 0.5),
+        "max_ms": quantile(&times, 1.0),
+        "bytes": loaded[0].bytes,
+        "requests": loaded[0].requests,
+    })
+}
