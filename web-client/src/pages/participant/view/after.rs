@@ -123,10 +123,17 @@ pub(super) fn elsewhere(page: &Participant) -> Node {
 }
 
 pub(super) fn withdrawal(page: &Participant) -> Node {
+    // The server keeps what it has: what is still here is sent first.
+    let keep = button("withdraw-keep", Msg::Withdraw(false), &page.say("withdraw.keep")).attr_if(
+        !page.outbox.is_empty(),
+        "disabled",
+        "",
+    );
     card(&page.say("withdraw.heading"))
         .test_id("withdrawal")
         .child(paragraph(page.say("withdraw.why")))
-        .child(button("withdraw-keep", Msg::Withdraw(false), &page.say("withdraw.keep")))
+        .child(saved(page))
+        .child(keep)
         .child(button("withdraw-delete", Msg::Withdraw(true), &page.say("withdraw.delete")))
         .child(quiet(page.say("withdraw.delete_why")))
         .child(primary("back", Msg::Go(Part::Study), &page.say("withdraw.back")))
