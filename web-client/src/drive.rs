@@ -2,7 +2,6 @@
 
 use crate::input::{HeldKeys, KeyMap, input_at};
 use crate::runtime::Event;
-use serde_json::Value;
 use sidestep::api::{KeyEvent, MAX_KEY_EVENTS, MAX_PAGE_EVENTS, Object, TrialUpload};
 use sidestep::scene::{JointState, Scene, SceneParameters};
 use sidestep::trial::{PageEvent, PageEventKind};
@@ -180,7 +179,7 @@ impl Drive {
     /// The finished scene, ready to be sent, which was shown for the `exposures`-th time. `screen`
     /// describes the display.
     #[must_use]
-    pub fn into_upload(self, screen: &[(&'static str, f64)], exposures: u32) -> TrialUpload {
+    pub fn into_upload(self, screen: &[(&'static str, f64)], exposures: u32) -> TrialUpload<f64> {
         let frames = &self.frames;
         let gap_ms = quantile(&frames.gaps_ms, 0.5);
         let dropped = frames.gaps_ms.iter().filter(|&&gap| gap > DROPPED * gap_ms).count();
@@ -206,8 +205,8 @@ impl Drive {
 }
 
 /// Named numbers for the server.
-pub fn facts<'a>(numbers: impl IntoIterator<Item = &'a (&'static str, f64)>) -> Object<Value> {
-    numbers.into_iter().map(|&(name, value)| (name.to_owned(), value.into())).collect()
+pub fn facts<'a>(numbers: impl IntoIterator<Item = &'a (&'static str, f64)>) -> Object<f64> {
+    numbers.into_iter().map(|&(name, value)| (name.to_owned(), value)).collect()
 }
 
 /// The value below which a share of `values` lies; 0 if there are none.
@@ -243,7 +242,7 @@ mod tests {
     }
 
     /// Drives with frames at the given times; keys at theirs.
-    fn drive(frames: impl Iterator<Item = f64>, keys: &[(f64, &str, bool)]) -> TrialUpload {
+    fn drive(frames: impl Iterator<Item = f64>, keys: &[(f64, &str, bool)]) -> TrialUpload<f64> {
         let mut drive = begin(1000.0, &HeldKeys::default());
         let mut keys = keys.iter().peekable();
         for now in frames {
@@ -370,8 +369,8 @@ mod tests {
     fn dropped_frames_are_counted() {
         let frames = (0..700).filter(|i| i % 100 != 99).map(|i| 1000.0 + f64::from(i) * 16.0);
         let display = drive(frames, &[]).display;
-        assert_eq!(display.get("frame_gap_median_ms"), Some(&16.0.into()));
-        assert_eq!(display.get("frames_dropped"), Some(&6.0.into()));
+        assert_eq!(display.get("frame_gap_median_ms"), Some(&16.0));
+        assert_eq!(display.get("frames_dropped"), Some(&6.0));
     }
 
     #[test]

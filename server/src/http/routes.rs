@@ -165,7 +165,7 @@ mod tests {
         store.until_waiting([0, AHEAD + 1 + BEHIND]).await;
         let parameters = SceneParameters::default();
         let inputs = vec![TurnInput::Left; parameters.steps];
-        let upload = TrialUpload {
+        let upload: TrialUpload = TrialUpload {
             started_at_ms: 1.0,
             states: simulate(&parameters, planned.scene().start(), &inputs),
             sampled_at_ms: (0..inputs.len()).map(|step| 200.0 * step as f64).collect(),

@@ -31,13 +31,14 @@ pub struct ComprehensionStored {
     pub return_url: Option<String>,
 }
 
-/// Body of the answers to the questions after the last scene.
+/// Body of the answers to the questions after the last scene. `V` is what answers are: any JSON, as the
+/// server reads them.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Answers {
+pub struct Answers<V = Value> {
     /// By the question's name: a string for a text, an option's value for a choice, a whole number for
     /// a scale. Questions that were not answered are absent.
-    pub answers: Object<Value>,
+    pub answers: Object<V>,
 }
 
 /// Answer to a withdrawal.
@@ -48,10 +49,11 @@ pub struct Withdrawn {
     pub return_url: Option<String>,
 }
 
-/// Body of an enrolment.
+/// Body of an enrolment. `V` is what the facts about the screen are, as in
+/// [`TrialUpload`](super::TrialUpload).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Enrolment {
+pub struct Enrolment<V = Value> {
     /// The participant agreed to take part; must be true.
     pub consent: bool,
     /// Who this is at the recruiting service; the same id resumes.
@@ -72,7 +74,7 @@ pub struct Enrolment {
     pub locale: Option<String>,
     /// Facts about the screen: any small object.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub screen: Option<Object<Value>>,
+    pub screen: Option<Object<V>>,
 }
 
 impl Enrolment {

@@ -20,10 +20,11 @@ pub struct KeyEvent {
     pub down: bool,
 }
 
-/// Body of a trial's upload.
+/// Body of a trial's upload. `V` is what the facts about the display are: any JSON, as the server reads
+/// it, or the numbers that a page measured.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct TrialUpload {
+pub struct TrialUpload<V = Value> {
     /// Start of the scene by the participant's clock, ms since 1970.
     pub started_at_ms: f64,
     /// The input held in each step.
@@ -41,7 +42,7 @@ pub struct TrialUpload {
     #[serde(default = "first", skip_serializing_if = "is_first")]
     pub exposures: u32,
     /// Facts about the display: any small object.
-    pub display: Object<Value>,
+    pub display: Object<V>,
 }
 
 impl TrialUpload {

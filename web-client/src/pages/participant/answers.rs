@@ -7,9 +7,17 @@ use crate::json;
 use crate::runtime::{Answer, Command, Commands, read};
 use crate::texts::Sentences as _;
 use sidestep::api::{
-    Answers, CheckForm, ComprehensionResult, ComprehensionStored, Withdrawn, routes,
+    Answers, CheckForm, ComprehensionResult, ComprehensionStored, Object, Withdrawn, routes,
 };
 use sidestep::study::QuestionKind;
+
+/// The answer to a question.
+#[derive(serde::Serialize)]
+#[serde(untagged)]
+enum Given {
+    Text(String),
+    Number(i64),
+}
 
 impl Participant {
     pub(super) fn checked(&mut self, form: &Form) -> Commands<Msg> {
@@ -51,7 +59,7 @@ impl Participant {
     }
 
     pub(super) fn questions(&mut self, form: &Form) -> Commands<Msg> {
-        let mut answers = Answers::default();
+        let mut answers = Answers { answers: Object::default() };
         let mut missing = false;
         for question in &self.texts.questions {
             let text = form.text(&question.name).trim();
@@ -59,12 +67,12 @@ impl Participant {
                 missing |= question.required;
                 continue;
             }
-            let value = match question.kind {
-                QuestionKind::Scale => text.parse::<i64>().map(serde_json::Value::from).ok(),
+            let number = match question.kind {
+                QuestionKind::Scale => text.parse().ok(),
                 _ => None,
             };
-            let value = value.unwrap_or_else(|| text.into());
-            answers.answers.insert(question.name.clone(), value);
+            let given = number.map_or_else(|| Given::Text(text.to_owned()), Given::Number);
+            answers.answers.insert(question.name.clone(), given);
         }
         self.stage = Stage::Questions(missing);
         if missing {
