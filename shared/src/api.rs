@@ -26,7 +26,6 @@ pub use upload::{KeyEvent, TrialStored, TrialUpload};
 
 use crate::invalid::Invalid;
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
 
 /// Version of everything in this module; a client that was built for another version
 /// must be reloaded.
@@ -80,7 +79,7 @@ fn check_name(field: &str, text: &str) -> Result<(), Invalid> {
     Ok(())
 }
 
-fn check_object(field: &str, object: &Object<Value>) -> Result<(), Invalid> {
+fn check_object(field: &str, object: &Object<impl Serialize>) -> Result<(), Invalid> {
     let bytes = serde_json::to_string(object).map_or(usize::MAX, |text| text.len());
     if bytes <= MAX_OBJECT_BYTES {
         Ok(())

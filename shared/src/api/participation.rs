@@ -77,7 +77,7 @@ pub struct Enrolment<V = Value> {
     pub screen: Option<Object<V>>,
 }
 
-impl Enrolment {
+impl<V: Serialize> Enrolment<V> {
     /// Accepts an enrolment with consent and sensible texts.
     ///
     /// # Errors

@@ -45,7 +45,7 @@ pub struct TrialUpload<V = Value> {
     pub display: Object<V>,
 }
 
-impl TrialUpload {
+impl<V: Serialize> TrialUpload<V> {
     /// Accepts a body that can be a trial of this study. [`flags`](crate::trial::flags) says
     /// whether it replays.
     ///
