@@ -230,6 +230,20 @@ impl Tab {
         self.page.execute(media).await.expect("a colour scheme");
     }
 
+    /// Zooms a window of [`WIDE`] to 200 %, and asks for reduced motion.
+    ///
+    /// # Panics
+    /// If the browser refuses.
+    pub async fn zoom_and_calm(&self) {
+        let (width, height) = (i64::from(WIDE.0) / 2, i64::from(WIDE.1) / 2);
+        let size = SetDeviceMetricsOverrideParams::new(width, height, 2.0, false);
+        self.page.execute(size).await.expect("a size");
+        let media = SetEmulatedMediaParams::builder()
+            .feature(MediaFeature::new("prefers-reduced-motion", "reduce"))
+            .build();
+        self.page.execute(media).await.expect("reduced motion");
+    }
+
     /// The value of a JavaScript expression.
     ///
     /// # Panics
@@ -333,32 +347,48 @@ impl Tab {
         assert!(self.eval::<bool>(painted).await);
     }
 
+    /// Presses a key and lets it go.
+    pub async fn key(&self, key: &str) {
+        self.key_down(key).await;
+        self.key_up(key).await;
+    }
+
     /// Presses a key down.
     pub async fn key_down(&self, key: &str) {
-        self.key(key, DispatchKeyEventType::RawKeyDown).await;
+        self.send_key(key, DispatchKeyEventType::RawKeyDown).await;
+        // What a button does when this key is pressed, the browser does with the key's character.
+        if key == "Enter" {
+            self.send_key(key, DispatchKeyEventType::Char).await;
+        }
     }
 
     /// Lets a key go.
     pub async fn key_up(&self, key: &str) {
-        self.key(key, DispatchKeyEventType::KeyUp).await;
+        self.send_key(key, DispatchKeyEventType::KeyUp).await;
     }
 
-    async fn key(&self, key: &str, kind: DispatchKeyEventType) {
+    async fn send_key(&self, key: &str, kind: DispatchKeyEventType) {
         let (code, number) = match key {
             "ArrowLeft" => ("ArrowLeft", 37),
             "ArrowRight" => ("ArrowRight", 39),
+            "ArrowDown" => ("ArrowDown", 40),
             "a" => ("KeyA", 65),
             "d" => ("KeyD", 68),
             " " => ("Space", 32),
+            "Enter" => ("Enter", 13),
+            "Tab" => ("Tab", 9),
             other => panic!("the number of the key {other} is not known here"),
         };
         let event = DispatchKeyEventParams::builder()
-            .r#type(kind)
+            .r#type(kind.clone())
             .key(key)
             .code(code)
-            .windows_virtual_key_code(number)
-            .build()
-            .expect("a key event");
+            .windows_virtual_key_code(number);
+        let event = match kind {
+            DispatchKeyEventType::Char => event.text("\r"),
+            _ => event,
+        };
+        let event = event.build().expect("a key event");
         self.page.execute(event).await.expect("a key press");
     }
 

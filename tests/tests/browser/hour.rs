@@ -5,7 +5,7 @@ use sidestep_tests::browser::WIDE;
 use sidestep_tests::{Browser, Server, Tab};
 
 /// A study with every kind of page, and short waits.
-const WHOLE_STUDY: &str = r#"
+pub(crate) const WHOLE_STUDY: &str = r#"
 slug = "default"
 title = "Avoid the robot"
 languages = ["en", "de", "es", "zh-CN"]

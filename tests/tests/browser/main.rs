@@ -1,6 +1,7 @@
 //! What participants and experimenters do, in a real browser.
 
 mod hour;
+mod keyboard;
 mod faults;
 mod scenes;
 mod laboratory;

@@ -48,6 +48,10 @@ impl<M> Dom<M> {
             let active = active.filter(|active| {
                 active.is_connected() && self.document.active_element().as_ref() != Some(active)
             });
+            // What takes the focus when it appears begins a page, which is read from its top.
+            if let (Some(_), Some(window)) = (&hand.focus, self.document.default_view()) {
+                window.scroll_to_with_x_and_y(0.0, 0.0);
+            }
             if let Some(element) = hand.focus.or(active) {
                 focus(&element);
             }

@@ -88,6 +88,7 @@ pub(super) fn done(page: &Participant, code: Option<&str>, url: Option<&str>) ->
     let code = code.map(|code| el("p").class("code").test_id("completion-code").text(code));
     let debrief = page.texts.debrief.as_deref().map(|html| {
         el("section")
+            .class("about")
             .child(el("h2").text(page.say("done.debrief")))
             .child(el("div").class("prose").html(html))
     });

@@ -80,18 +80,14 @@ pub(super) fn languages(page: &Participant) -> Option<Node> {
 
 /// What a participant may want besides going on: another language, another computer, to stop.
 pub(super) fn menu(page: &Participant) -> Node {
-    let mut menu = el("details")
-        .class("menu")
-        .test_id("menu")
-        .child(el("summary").text(page.say("page.more")))
-        .children(languages(page));
+    let mut offers = el("div").children(languages(page));
     let drives = matches!(page.stage, Stage::Ready | Stage::Rest);
     if drives {
         let (on, key) = match page.is_fullscreen {
             true => (false, "ready.leave_fullscreen"),
             false => (true, "ready.fullscreen"),
         };
-        menu = menu.child(button("fullscreen", Msg::Fullscreen(on), &page.say(key)));
+        offers = offers.child(button("fullscreen", Msg::Fullscreen(on), &page.say(key)));
     }
     let may_withdraw = page.progress.as_ref().is_some_and(|progress| progress.may_withdraw);
     if let (true, Some(session)) = (may_withdraw, &page.session) {
@@ -106,9 +102,10 @@ pub(super) fn menu(page: &Participant) -> Node {
             .child(quiet(page.say("menu.link_why")))
             .child(input);
         let stop = button("stop", Msg::Go(Part::Withdrawal), &page.say("menu.stop"));
-        menu = menu.child(section).child(stop);
+        offers = offers.child(section).child(stop);
     } else if page.session.is_some() {
-        menu = menu.child(quiet(page.say("withdraw.only_here")));
+        offers = offers.child(quiet(page.say("withdraw.only_here")));
     }
-    menu
+    let more = el("summary").text(page.say("page.more"));
+    el("details").class("menu").test_id("menu").child(more).child(offers)
 }

@@ -81,16 +81,19 @@ pub(super) fn equipment(page: &Participant, found: &Equipment) -> Node {
             let words = if first.is_none() { "check.choose_left" } else { "check.choose_right" };
             let refused = found.refused.then(|| alert("taken", &page.say("check.taken")));
             el("div")
+                .class("prose")
                 .key("choosing")
                 .child(paragraph(page.say(words)).attr("role", "status").test_id("choosing"))
                 .children(refused)
         }
-        None => el("div").key("pressing").child(paragraph(page.say("check.press"))).child(
-            el("div").attr("role", "status").child(el("ul").class("checks").children([
+        None => el("div")
+            .class("prose")
+            .key("pressing")
+            .child(paragraph(page.say("check.press")))
+            .child(el("div").attr("role", "status").child(el("ul").class("checks").children([
                 key(&page.steering.left, "check.left", found.left),
                 key(&page.steering.right, "check.right", found.right),
-            ])),
-        ),
+            ]))),
     };
     let is_usual = page.steering.left == "←" && found.choosing.is_none();
     let change = match is_usual {
@@ -183,7 +186,9 @@ pub(super) fn comprehension(page: &Participant, quiz: &Quiz) -> Node {
     if page.has_understood() {
         let words = page.say("comprehension.all_right");
         let go_on = primary("continue", Msg::Go(Part::Ready), &page.say("check.continue"));
+        // Another page, so the focus goes to its heading.
         return card(&heading)
+            .key("understood")
             .child(el("p").class("saved").attr("role", "status").text(words))
             .child(go_on.attr_if(!is_stored, "disabled", ""));
     }
