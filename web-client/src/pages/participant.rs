@@ -52,6 +52,8 @@ pub struct Participant {
     /// Time of the last message, on the page's clock.
     now_ms: f64,
     study: Option<StudyInfo>,
+    /// The language that was chosen, if one was.
+    language: Option<String>,
     /// All that is read, in the participant's language.
     texts: Texts,
     session: Option<Session>,
@@ -77,8 +79,10 @@ pub struct Participant {
     plan_known_at: usize,
     /// The server has said once that something is missing, although all seemed stored.
     was_incomplete: bool,
-    /// The question to repeat after a pause.
-    retry: Option<fn(&Self) -> Command<Msg>>,
+    /// What to ask again after a pause.
+    retry: Vec<fn(&Self) -> Command<Msg>>,
+    /// The form that was sent last: the result of the check of understanding, or the answers.
+    submitted: String,
     /// Whether the page fills the screen, or was asked to.
     is_fullscreen: bool,
     was_fullscreen: bool,
@@ -86,6 +90,8 @@ pub struct Participant {
     is_guarded: bool,
     /// Whether the participant is asked about stopping.
     is_withdrawing: bool,
+    /// Whether everything is to be deleted then.
+    deletes: bool,
     /// What the vehicles are called: the human's and the robot's.
     names: [Rc<str>; 2],
     stage: Stage,
@@ -174,8 +180,8 @@ impl Participant {
             page.steering = steering;
         }
         let language = page.context.kept.iter().find(|(name, _)| name == LANGUAGE);
-        let language = language.map(|(_, tag)| tag.clone());
-        let mut commands = vec![page.ask_study(), page.ask_texts(language.as_deref())];
+        page.language = language.map(|(_, tag)| tag.clone());
+        let mut commands = vec![page.ask_study(), page.ask_texts()];
         if page.link.token.is_some() {
             // The secret does not stay in the address bar.
             commands.push(Command::ReplaceAddress(page.link.url()));
@@ -224,10 +230,10 @@ impl Participant {
         self.ask("study", "GET", routes::study(&self.link.slug), None, Msg::Study)
     }
 
-    /// Asks for the sentences in this language, or in one that the browser prefers.
-    fn ask_texts(&self, language: Option<&str>) -> Command<Msg> {
+    /// Asks for the sentences in the language that was chosen, or in one that the browser prefers.
+    fn ask_texts(&self) -> Command<Msg> {
         let mut url = routes::texts(&self.link.slug);
-        if let Some(tag) = language {
+        if let Some(tag) = &self.language {
             url.extend(["?language=", tag]);
         }
         self.ask("texts", "GET", url, None, Msg::Texts)
@@ -284,12 +290,11 @@ impl Participant {
             },
             Msg::Texts(answer) => match read(answer) {
                 Ok(texts) => return self.texts_arrived(texts),
-                Err(failure) => {
-                    return self.study_failed(&failure, |page| page.ask_texts(None));
-                }
+                Err(failure) => return self.study_failed(&failure, Self::ask_texts),
             },
             Msg::Language(tag) => {
-                let ask = self.ask_texts(Some(&tag));
+                self.language = Some(tag.clone());
+                let ask = self.ask_texts();
                 let name = LANGUAGE.to_owned();
                 let keep = Command::Keep { name, text: tag, then: Box::new(|_| Msg::Noted) };
                 return vec![ask, keep];
@@ -305,14 +310,9 @@ impl Participant {
             }
             Msg::Enrolled(answer) => match read(answer) {
                 Ok(enrolled) => return self.enrolled(enrolled),
-                // The participant decides when to try again.
-                Err(failure) if failure.is_temporary() => {
-                    self.trouble = Some(self.words(&failure));
-                    if let Stage::Equipment(equipment) = &mut self.stage {
-                        equipment.is_enrolling = false;
-                    }
+                Err(failure) => {
+                    return self.failed(&failure, Self::ask_enrolment, "stuck.screened_out");
                 }
-                Err(failure) => self.end(&failure, "stuck.screened_out"),
             },
             Msg::SessionKept(kept) => self.not_kept = kept.err(),
             Msg::Noted => {}
@@ -323,8 +323,7 @@ impl Participant {
             Msg::Checked(form) => return self.checked(&form),
             Msg::Understood(answer) => match read(answer) {
                 Ok(stored) => return self.understood(stored),
-                Err(failure) if failure.is_temporary() => self.trouble = Some(self.words(&failure)),
-                Err(failure) => self.end(&failure, "stuck.ended"),
+                Err(failure) => return self.failed(&failure, Self::ask_check, "stuck.ended"),
             },
             Msg::Start => return self.start(),
             Msg::Clock => return self.clock(),
@@ -342,13 +341,8 @@ impl Participant {
             },
             Msg::Fullscreen(on) => return vec![Command::Fullscreen(on)],
             Msg::Withdraw(delete) => {
-                let fate = if delete { "delete" } else { "keep" };
-                let url = format!("{}?data={fate}", routes::ME);
-                let then: fn(Answer) -> Msg = match delete {
-                    true => |answer| Msg::Withdrawn(true, answer),
-                    false => |answer| Msg::Withdrawn(false, answer),
-                };
-                return vec![self.ask("withdraw", "DELETE", url, None, then)];
+                self.deletes = delete;
+                return vec![self.ask_withdrawal()];
             }
             Msg::Withdrawn(deleted, answer) => return self.withdrawn(deleted, answer),
             Msg::Here => return vec![Command::Leave(self.link.url())],
@@ -370,7 +364,15 @@ impl Page for Participant {
     fn update(&mut self, message: Msg, now_ms: f64) -> Commands<Msg> {
         // A key may have gone down a little before the last frame; what is shown never goes back.
         self.now_ms = now_ms.max(self.now_ms);
-        if matches!(message, Msg::Study(_) | Msg::Enrolled(_) | Msg::Progress(_)) {
+        let is_answer = matches!(
+            message,
+            Msg::Study(_)
+                | Msg::Texts(_)
+                | Msg::Enrolled(_)
+                | Msg::Progress(_)
+                | Msg::Understood(_)
+        );
+        if is_answer {
             self.trouble = None;
         }
         let mut commands = self.updated(message, now_ms);

@@ -35,8 +35,13 @@ impl Participant {
         }
         let right = |(form, chosen): (&CheckForm, &Option<usize>)| *chosen == Some(form.answer);
         let passed = check.iter().zip(&quiz.chosen).all(right);
-        let body = json::write(&ComprehensionResult { attempts: quiz.attempts, passed });
-        vec![self.ask("check", "PUT", routes::COMPREHENSION, Some(body), Msg::Understood)]
+        self.submitted = json::write(&ComprehensionResult { attempts: quiz.attempts, passed });
+        vec![self.ask_check()]
+    }
+
+    pub(super) fn ask_check(&self) -> Command<Msg> {
+        let body = Some(self.submitted.clone());
+        self.ask("check", "PUT", routes::COMPREHENSION, body, Msg::Understood)
     }
 
     /// Whether every answer of the check of understanding is right.
@@ -78,12 +83,20 @@ impl Participant {
         if missing {
             return Vec::new();
         }
-        let body = json::write(&answers);
-        vec![self.ask("answers", "PUT", routes::ANSWERS, Some(body), Msg::Answered)]
+        self.submitted = json::write(&answers);
+        vec![self.ask_answers()]
+    }
+
+    fn ask_answers(&self) -> Command<Msg> {
+        let body = Some(self.submitted.clone());
+        self.ask("answers", "PUT", routes::ANSWERS, body, Msg::Answered)
     }
 
     pub(super) fn answered(&mut self, answer: Answer) -> Commands<Msg> {
         if let Err(failure) = answer {
+            if failure.is_temporary() {
+                return self.failed(&failure, Self::ask_answers, "stuck.ended");
+            }
             let why = self.words(&failure);
             self.trouble = Some(self.texts.get("trouble.answers", &[("why", why.as_str().into())]));
             return Vec::new();
@@ -96,11 +109,28 @@ impl Participant {
         self.go_on()
     }
 
+    pub(super) fn ask_withdrawal(&self) -> Command<Msg> {
+        // Who has gone back to the study meanwhile may have been withdrawn all the same.
+        if !self.is_withdrawing {
+            return self.ask_progress();
+        }
+        let fate = if self.deletes { "delete" } else { "keep" };
+        let url = format!("{}?data={fate}", routes::ME);
+        let then: fn(Answer) -> Msg = match self.deletes {
+            true => |answer| Msg::Withdrawn(true, answer),
+            false => |answer| Msg::Withdrawn(false, answer),
+        };
+        self.ask("withdraw", "DELETE", url, None, then)
+    }
+
     pub(super) fn withdrawn(&mut self, deleted: bool, answer: Answer) -> Commands<Msg> {
-        self.is_withdrawing = false;
         let stored: Withdrawn = match read(answer) {
             Ok(stored) => stored,
+            Err(failure) if failure.is_temporary() => {
+                return self.failed(&failure, Self::ask_withdrawal, "stuck.ended");
+            }
             Err(failure) => {
+                self.is_withdrawing = false;
                 self.trouble = Some(self.words(&failure));
                 return Vec::new();
             }

@@ -10,6 +10,9 @@ use crate::json;
 use crate::runtime::{Command, Commands, Event};
 use sidestep::trial::{Flag, Phase, outcome, page_flags};
 
+/// A countdown whose end is noticed this late, ms, begins again when the participant says so.
+const ASLEEP_MS: f64 = 1000.0;
+
 impl Participant {
     pub(super) fn exposure_name(&self, trial_id: &str) -> String {
         let id = self.session.as_ref().map_or("", |session| &session.participant_id);
@@ -90,6 +93,11 @@ impl Participant {
             Stage::Countdown(trial, ends_ms, _) if self.now_ms < ends_ms => {
                 let left_s = ((ends_ms - self.now_ms) / 1000.0).ceil() as u32;
                 self.stage = Stage::Countdown(trial, ends_ms, left_s);
+                Vec::new()
+            }
+            // The computer has slept, or the page was frozen: nobody has seen the countdown.
+            Stage::Countdown(_, start_ms, _) if self.now_ms > start_ms + ASLEEP_MS => {
+                self.stage = Stage::Ready;
                 Vec::new()
             }
             Stage::Countdown(trial, start_ms, _) => self.moves(trial, start_ms),

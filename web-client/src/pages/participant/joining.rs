@@ -47,8 +47,8 @@ impl Participant {
         };
         if self.session.is_some() {
             // The study as the participant began it: it may have changed since.
-            let texts = self.ask_texts(Some(&self.texts.language));
-            return vec![self.ask_study(), texts, self.ask_progress()];
+            self.language = Some(self.texts.language.clone());
+            return vec![self.ask_study(), self.ask_texts(), self.ask_progress()];
         }
         // Who has an external id may have begun in another browser, and a pilot takes nobody's place:
         // the server decides.
@@ -94,9 +94,25 @@ impl Participant {
         vec![Command::Keep { name: self.session_name(), text, then }, take_over]
     }
 
+    /// Enrols, once the browser has kept under which name: after a reload, the same request is not
+    /// another enrolment.
+    fn enrol(&mut self) -> Commands<Msg> {
+        if let Some(known) = self.kept(&self.enrolment_name()) {
+            self.context.random_name = Some(known);
+        }
+        self.retry.push(Self::ask_enrolment);
+        let (name, text) = (self.enrolment_name(), json::write(&self.context.random_name));
+        vec![Command::Keep { name, text, then: Box::new(|_| Msg::Retry) }]
+    }
+
+    fn enrolment_name(&self) -> String {
+        self.session_name() + ".request"
+    }
+
     pub(super) fn enrolled(&mut self, enrolled: Enrolled) -> Commands<Msg> {
         let session = Session { participant_id: enrolled.participant_id, token: enrolled.token };
         let mut commands = self.begin_session(session);
+        commands.push(Command::Forget(self.enrolment_name()));
         // A participant who returns by external id may have stored trials.
         commands.push(self.ask_progress());
         commands
@@ -178,10 +194,18 @@ impl Participant {
     }
 
     pub(super) fn progress_failed(&mut self, failure: &Failure) -> Commands<Msg> {
-        // The server no longer knows this participant: start again.
         if matches!(failure.status, 401 | 404) {
             self.session = None;
-            self.link.token = None;
+            // A personal link that is wrong says nothing of who uses this browser.
+            if self.link.token.take().is_some() {
+                self.stage = Stage::Loading;
+                // What was asked for on its behalf would come after the sentence about it.
+                let mut commands = vec![Command::Cancel("study"), Command::Cancel("texts")];
+                commands.extend(self.opened());
+                self.trouble = Some(self.say("trouble.link"));
+                return commands;
+            }
+            // The server no longer knows this participant: start again.
             self.stage = Stage::Welcome;
             return vec![Command::Forget(self.session_name())];
         }
@@ -196,7 +220,7 @@ impl Participant {
             Part::Enrolment => {
                 if let Stage::Equipment(equipment) = &mut self.stage {
                     equipment.is_enrolling = true;
-                    return vec![self.ask_enrolment()];
+                    return self.enrol();
                 }
             }
             Part::Instructions => self.show_instructions(),

@@ -54,6 +54,9 @@ impl Participant {
     /// Why a request brought nothing, for people.
     pub(super) fn words(&self, failure: &Failure) -> String {
         match failure.status {
+            _ if !self.has_texts() && failure.is_temporary() => {
+                failure.sentence.clone() + " This page keeps trying."
+            }
             _ if !self.has_texts() => failure.sentence.clone(),
             0 => self.say("trouble.unreachable"),
             status if failure.is_temporary() && status != 0 => self.say("trouble.busy"),
@@ -105,7 +108,7 @@ impl Participant {
             return Vec::new();
         }
         self.trouble = Some(self.words(failure));
-        self.retry = Some(ask);
+        self.retry.push(ask);
         vec![Command::Wake { timer: "retry", after_ms: RETRY_MS, message: Msg::Retry }]
     }
 
@@ -120,7 +123,7 @@ impl Participant {
 
     /// Asks again what failed before.
     pub(super) fn ask_again(&mut self) -> Commands<Msg> {
-        let retry = self.retry.take().map(|ask| ask(self));
-        retry.into_iter().collect()
+        let retry = std::mem::take(&mut self.retry);
+        retry.into_iter().map(|ask| ask(self)).collect()
     }
 }

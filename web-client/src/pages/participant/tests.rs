@@ -1,5 +1,7 @@
 //! A whole participation without a browser.
 
+mod faults;
+
 use super::{Msg, Participant};
 use crate::form::{FieldValue, Form};
 use crate::runtime::{Address, Event, NotKept, Page, PageContext};
@@ -268,12 +270,16 @@ fn a_failing_server_is_asked_again() {
     // Whether the first enrolment was stored is not known: the second has the same name.
     let mut names = Vec::new();
     session.equipped();
+    session.press("continue");
     for status in [503, 201] {
-        session.press("continue");
         let body = session.asked[0].body.clone().unwrap();
         names.push(serde_json::from_str::<Enrolment>(&body).unwrap().request_id.unwrap());
         match status {
-            503 => session.send("enrol", 503, &refusal("storage")),
+            503 => {
+                session.send("enrol", 503, &refusal("storage"));
+                assert!(session.page.view().press("continue").is_none(), "the page keeps trying");
+                session.wake("retry");
+            }
             _ => session.send("enrol", 201, &enrolled()),
         }
     }
