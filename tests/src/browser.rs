@@ -10,8 +10,10 @@ use chromiumoxide::cdp::browser_protocol::network::{
     EmulateNetworkConditionsByRuleParams, EnableParams, NetworkConditions, SetCacheDisabledParams,
 };
 use chromiumoxide::cdp::browser_protocol::page::{
-    EventJavascriptDialogOpening, HandleJavaScriptDialogParams,
+    EventJavascriptDialogOpening, HandleJavaScriptDialogParams, SetWebLifecycleStateParams,
+    SetWebLifecycleStateState,
 };
+use chromiumoxide::cdp::browser_protocol::storage::OverrideQuotaForOriginParams;
 use chromiumoxide::cdp::js_protocol::heap_profiler::CollectGarbageParams;
 use chromiumoxide::cdp::js_protocol::runtime::{
     EventConsoleApiCalled, EventExceptionThrown, GetHeapUsageParams,
@@ -33,7 +35,7 @@ use tokio::task::JoinHandle;
 pub struct Browser {
     browser: chromiumoxide::Browser,
     events: JoinHandle<()>,
-    _profile: TempDir,
+    profile: TempDir,
 }
 
 /// How long a page may show the same while a test waits for it to change: far longer than needed,
@@ -63,7 +65,21 @@ impl Browser {
     /// # Panics
     /// If it does not start.
     pub async fn start() -> Self {
-        let profile = TempDir::new().expect("a folder");
+        Self::with_profile(TempDir::new().expect("a folder")).await
+    }
+
+    /// Kills the browser, as a power cut would, and starts it again with what it has on the disk.
+    ///
+    /// # Panics
+    /// If it does not start.
+    pub async fn killed(self) -> Self {
+        let Self { mut browser, events, profile } = self;
+        browser.kill().await.expect("a process").expect("a kill");
+        events.abort();
+        Self::with_profile(profile).await
+    }
+
+    async fn with_profile(profile: TempDir) -> Self {
         let config = BrowserConfig::builder()
             .chrome_executable(chromium())
             .no_sandbox()
@@ -90,7 +106,7 @@ impl Browser {
                 drop(event);
             }
         });
-        Self { browser, events, _profile: profile }
+        Self { browser, events, profile }
     }
 
     /// Opens an address in a new tab of 1280 × 800, light.
@@ -207,6 +223,60 @@ impl Tab {
         self.page.execute(GetHeapUsageParams::default()).await.expect("the usage").used_size
     }
 
+    /// Closes the tab at once, without a question.
+    ///
+    /// # Panics
+    /// If it cannot be closed.
+    pub async fn close(self) {
+        self.page.close().await.expect("the tab closes");
+    }
+
+    /// Takes the network from the page, or gives it back.
+    ///
+    /// # Panics
+    /// If the browser refuses.
+    pub async fn offline(&self, offline: bool) {
+        #[expect(deprecated, reason = "what is to replace it is not in every Chromium")]
+        let network =
+            chromiumoxide::cdp::browser_protocol::network::EmulateNetworkConditionsParams::new(
+                offline, 0.0, -1.0, -1.0,
+            );
+        self.page.execute(network).await.expect("other conditions");
+    }
+
+    /// Stops the page's scripts and timers for a while, as a browser does with one that is not used.
+    ///
+    /// # Panics
+    /// If the browser refuses.
+    pub async fn freeze(&self, pause: Duration) {
+        use SetWebLifecycleStateState::{Active, Frozen};
+        for state in [Frozen, Active] {
+            let state = SetWebLifecycleStateParams::new(state);
+            self.page.execute(state).await.expect("another state");
+            tokio::time::sleep(pause).await;
+        }
+    }
+
+    /// Lets the sites of this origin store so many bytes; before they store anything.
+    ///
+    /// # Panics
+    /// If the browser refuses.
+    pub async fn limit_storage(&self, origin: &str, bytes: u32) {
+        let quota = OverrideQuotaForOriginParams::builder().origin(origin).quota_size(bytes);
+        self.page.execute(quota.build().expect("a quota")).await.expect("another quota");
+    }
+
+    /// Enlarges the page as the browser's zoom does: fewer and larger CSS pixels in the same window.
+    ///
+    /// # Panics
+    /// If the browser refuses.
+    pub async fn zoom(&self, percent: u32) {
+        let [width, height] = [WIDE.0, WIDE.1].map(|px| i64::from(px * 100 / percent));
+        let ratio = f64::from(percent) / 100.0;
+        let size = SetDeviceMetricsOverrideParams::new(width, height, ratio, false);
+        self.page.execute(size).await.expect("a size");
+    }
+
     /// Loads the page again.
     ///
     /// # Panics
@@ -235,9 +305,7 @@ impl Tab {
     /// # Panics
     /// If the browser refuses.
     pub async fn zoom_and_calm(&self) {
-        let (width, height) = (i64::from(WIDE.0) / 2, i64::from(WIDE.1) / 2);
-        let size = SetDeviceMetricsOverrideParams::new(width, height, 2.0, false);
-        self.page.execute(size).await.expect("a size");
+        self.zoom(200).await;
         let media = SetEmulatedMediaParams::builder()
             .feature(MediaFeature::new("prefers-reduced-motion", "reduce"))
             .build();

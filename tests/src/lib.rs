@@ -7,12 +7,14 @@ pub mod driver;
 pub mod folder;
 pub mod participant;
 pub mod process;
+pub mod proxy;
 pub mod server;
 
 pub use browser::{Browser, Tab};
 pub use driver::{Driver, driven, driven_with, on_time, upload, upload_with};
 pub use folder::Folder;
 pub use process::{Process, run, sidestep};
+pub use proxy::{Cut, Proxy};
 pub use server::Server;
 
 use reqwest::{Client, Method, RequestBuilder};

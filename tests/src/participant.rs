@@ -41,13 +41,18 @@ pub async fn understood(tab: &Tab, server: &Server, language: &str) {
 
 /// Gives the right answers to the check of understanding.
 pub async fn answer_check(tab: &Tab, server: &Server, language: &str) {
+    send_answers(tab, server, language).await;
+    tab.until(&format!("{}?.disabled === false", Tab::at("continue"))).await;
+}
+
+/// The same without waiting until they are stored.
+pub async fn send_answers(tab: &Tab, server: &Server, language: &str) {
     let url = format!("{}?language={language}", routes::texts("default"));
     let texts: Texts = server.get(&url).await.into(200);
     for (place, form) in texts.check.iter().enumerate() {
         tab.press(&format!("check-{place}-{}", form.answer)).await;
     }
     tab.press("submit").await;
-    tab.until(&format!("{}?.disabled === false", Tab::at("continue"))).await;
 }
 
 /// Drives a scene with one key held from step 5 to step 40, until the page goes on.

@@ -1,12 +1,20 @@
 //! What goes wrong in a browser: nothing acknowledged is lost, nothing is stored twice, and one
 //! sentence tells the participant what happens next.
 
+mod network;
+mod returns;
+mod storage;
+mod sleep;
+mod studies;
+mod display;
+
 use crate::{begin, drive, equipped, start, stored, until_saved};
 use reqwest::Method;
-use sidestep::api::{Progress, StudySummary, routes};
+use sidestep::api::{Progress, StudySummary, TrialDetail, routes};
 use sidestep::trial::Flag;
 use sidestep::vehicle::TurnInput;
 use sidestep_tests::{Browser, Server, Tab};
+use std::collections::BTreeSet;
 
 /// One task, to be driven again if it is interrupted.
 const ONE_TASK: &str = r#"
@@ -17,6 +25,60 @@ phases = [{ phase = "task", scenes = 1 }]
 countdown_s = 1
 repeat_interrupted = true
 "#;
+
+/// Scenes of three seconds, and nothing before them but the instructions.
+const QUICK: &str = r#"
+slug = "default"
+title = "Quick"
+phases = [{ phase = "task", scenes = 2 }]
+[parameters]
+steps = 15
+[encounters]
+min_entry_s = 1.0
+max_entry_s = 2.5
+[trials]
+countdown_s = 1
+end_s = 0.0
+[comprehension]
+standard = false
+"#;
+
+/// Takes part in such a study at this address, up to the first scene.
+async fn take_part(tab: &Tab, url: &str) {
+    tab.go(url).await;
+    crate::instructed(tab).await;
+    tab.press("continue").await;
+    tab.words("start").await;
+}
+
+/// Drives a scene without a turn, until the page goes on.
+async fn glide(tab: &Tab) {
+    tab.press("start").await;
+    tab.words("scene").await;
+    tab.until(&format!("!{}", Tab::at("scene"))).await;
+}
+
+/// All text that the page shows.
+async fn text(tab: &Tab) -> String {
+    tab.eval("document.body.innerText").await
+}
+
+/// The trials of a participation that has ended with a code: as many as planned, each stored once,
+/// and each as it was driven.
+async fn complete(tab: &Tab, server: &Server, scenes: usize) -> Vec<TrialDetail> {
+    assert!(tab.words("completion-code").await.len() >= 8);
+    let trials = stored(server).await;
+    let ids: BTreeSet<_> = trials.iter().map(|trial| &trial.summary.trial_id).collect();
+    assert_eq!((trials.len(), ids.len()), (scenes, scenes));
+    assert!(trials.iter().all(|trial| trial.replay.exact));
+    assert_eq!(participants(server).await, 1);
+    trials
+}
+
+async fn participants(server: &Server) -> u64 {
+    let studies: Vec<StudySummary> = server.admin(routes::ADMIN_STUDIES).await.into(200);
+    studies[0].participants
+}
 
 /// The token of the participant in this tab.
 async fn token(tab: &Tab) -> String {

@@ -10,7 +10,9 @@ mod simulated;
 use sidestep::api::{TrialDetail, TrialPage, routes};
 use sidestep::chart::colours;
 use sidestep_tests::browser::{NARROW, WIDE, count_pixels};
-use sidestep_tests::participant::{answer_check, begin, drive, equipped, instructed, understood};
+use sidestep_tests::participant::{
+    answer_check, begin, drive, equipped, instructed, send_answers, understood,
+};
 use sidestep_tests::{Browser, Server, Tab};
 
 const HUMAN: [u8; 3] = colours::HUMAN.light;

@@ -8,7 +8,7 @@ use sidestep::vehicle::TurnInput;
 use std::time::{Duration, Instant};
 
 /// Has the page remember the trials that it sends.
-const REMEMBER: &str = "const send = window.fetch; window.sent = []; window.fetch = (request) => { \
+pub(crate) const REMEMBER: &str = "const send = window.fetch; window.sent = []; window.fetch = (request) => { \
     if (request.method === 'PUT' && request.url.includes('/trials/')) \
         request.clone().text().then(text => window.sent.push(text)); \
     return send(request) };";

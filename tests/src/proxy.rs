@@ -1,0 +1,108 @@
+//! A network that can be cut: a proxy between a browser and a server.
+
+use std::sync::{Arc, Mutex};
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::net::{TcpListener, TcpStream};
+use tokio::task::JoinHandle;
+
+/// When a connection is cut.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Cut {
+    /// Before the request has left.
+    Before,
+    /// When half of the request's first packet has left.
+    During,
+    /// When the server has answered; nothing of its answer arrives.
+    After,
+}
+
+/// What is cut now: connections with a request whose text has these words.
+type Fault = Arc<Mutex<Option<(Cut, &'static str)>>>;
+
+/// A proxy; it ends when it is dropped.
+pub struct Proxy {
+    /// `http://127.0.0.1:PORT`.
+    pub origin: String,
+    fault: Fault,
+    accepting: JoinHandle<()>,
+}
+
+impl Drop for Proxy {
+    fn drop(&mut self) {
+        self.accepting.abort();
+    }
+}
+
+impl Proxy {
+    /// A proxy of the server at this origin.
+    ///
+    /// # Panics
+    /// If there is no free port.
+    pub async fn start(server: &str) -> Self {
+        let listener = TcpListener::bind("127.0.0.1:0").await.expect("a port");
+        let origin = format!("http://{}", listener.local_addr().expect("an address"));
+        let server = server.trim_start_matches("http://").to_owned();
+        let fault = Fault::default();
+        let present = Arc::clone(&fault);
+        let accepting = tokio::spawn(async move {
+            while let Ok((browser, _)) = listener.accept().await {
+                let (server, fault) = (server.clone(), Arc::clone(&present));
+                tokio::spawn(async move {
+                    // A connection that breaks is what this is for.
+                    let _ = relay(browser, &server, &fault).await;
+                });
+            }
+        });
+        Self { origin, fault, accepting }
+    }
+
+    /// From now on, cuts connections with a request whose text has these words.
+    ///
+    /// # Panics
+    /// If a connection panicked.
+    pub fn cut(&self, cut: Cut, words: &'static str) {
+        *self.fault.lock().expect("the fault") = Some((cut, words));
+    }
+
+    /// Cuts nothing more.
+    ///
+    /// # Panics
+    /// If a connection panicked.
+    pub fn mend(&self) {
+        *self.fault.lock().expect("the fault") = None;
+    }
+}
+
+async fn relay(mut browser: TcpStream, server: &str, fault: &Fault) -> std::io::Result<()> {
+    let mut server = TcpStream::connect(server).await?;
+    let (mut asked, mut answered) = (vec![0; 1 << 16], vec![0; 1 << 16]);
+    let mut is_answer_lost = false;
+    loop {
+        tokio::select! {
+            length = browser.read(&mut asked) => {
+                let request = &asked[..length?];
+                let present = *fault.lock().expect("the fault");
+                let is_meant = |words: &str| String::from_utf8_lossy(request).contains(words);
+                match present.filter(|(_, words)| is_meant(words)) {
+                    _ if request.is_empty() => return Ok(()),
+                    None => server.write_all(request).await?,
+                    Some((Cut::Before, _)) => return Ok(()),
+                    Some((Cut::During, _)) => {
+                        return server.write_all(&request[..request.len() / 2]).await;
+                    }
+                    Some((Cut::After, _)) => {
+                        is_answer_lost = true;
+                        server.write_all(request).await?;
+                    }
+                }
+            }
+            length = server.read(&mut answered) => {
+                let answer = &answered[..length?];
+                if answer.is_empty() || is_answer_lost {
+                    return Ok(());
+                }
+                browser.write_all(answer).await?;
+            }
+        }
+    }
+}

@@ -1,0 +1,115 @@
+//! Screens of other rates, and pages that are enlarged or made smaller.
+
+use super::{QUICK, complete};
+use crate::simulated::REMEMBER;
+use crate::{HUMAN, ROBOT, start};
+use sidestep::api::TrialUpload;
+use sidestep::trial::Flag;
+use sidestep_tests::Tab;
+use sidestep_tests::browser::count_pixels;
+
+/// A screen that shows this many frames per second.
+fn screen(hz: u32) -> String {
+    format!(
+        "window.requestAnimationFrame = callback => {{ const gap = 1000 / {hz}; \
+         const next = Math.ceil((performance.now() + 0.5) / gap) * gap; \
+         return setTimeout(() => callback(next), next - performance.now()) }};"
+    )
+}
+
+async fn scene_at(hz: u32) {
+    let study = QUICK
+        .replace("scenes = 2", "scenes = 1")
+        .replace("steps = 15", "steps = 50")
+        .replace("[trials]", "[trials]\nfullscreen = false");
+    let (server, browser, tab) = start(&study).await;
+    tab.before_pages(&(screen(hz) + REMEMBER)).await;
+    tab.go(&format!("{}/s/default", server.origin)).await;
+    tab.press("consent").await;
+    crate::equipped(&tab).await;
+    let said: String = tab.eval("document.body.innerText").await;
+    let warns = said.contains("Please close other programs and tabs.");
+    assert_eq!(warns, hz < 30, "{hz} Hz: {said}");
+    tab.press("continue").await;
+    tab.press("continue").await;
+    tab.press("start").await;
+    let trials = complete(&tab, &server, 1).await;
+    let sent: Vec<String> = tab.eval("window.sent").await;
+    let sent: TrialUpload = serde_json::from_str(&sent[0]).expect("a trial");
+    assert_eq!((sent.inputs.len(), sent.sampled_at_ms.len()), (50, 50));
+    for (step, &at_ms) in sent.sampled_at_ms.iter().enumerate() {
+        assert!(at_ms >= 200.0 * step as f64, "{hz} Hz: step {step} at {at_ms} ms");
+    }
+    let flags = &trials[0].summary.flags;
+    assert_eq!(flags.contains(&Flag::LowFrameRate), hz < 30, "{hz} Hz: {flags:?}");
+    browser.close().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn every_screen_has_fifty_steps_and_a_slow_one_is_flagged() {
+    // Two at a time: each paints its frames on the processor.
+    tokio::join!(scene_at(144), scene_at(20));
+    tokio::join!(scene_at(120), scene_at(60));
+}
+
+/// Goes to a control with the tabulator and presses it; it must then be wholly in the window.
+async fn reach(tab: &Tab, test_id: &str) {
+    tab.until(&format!("{0} && !{0}.disabled", Tab::at(test_id))).await;
+    for _ in 0..60 {
+        if tab.eval::<bool>(&format!("document.activeElement === {}", Tab::at(test_id))).await {
+            assert!(tab.eval::<bool>(&inside(test_id)).await, "{test_id} is cut off");
+            tab.key_down(" ").await;
+            tab.key_up(" ").await;
+            return;
+        }
+        tab.key_down("Tab").await;
+        tab.key_up("Tab").await;
+    }
+    panic!("{test_id} cannot be reached with the tabulator");
+}
+
+/// The JavaScript expression of whether an element is wholly in the window.
+fn inside(test_id: &str) -> String {
+    format!(
+        "(() => {{ const at = {}.getBoundingClientRect(); return at.width > 0 && at.left >= 0 && \
+         at.top >= 0 && at.right <= innerWidth + 0.5 && at.bottom <= innerHeight + 0.5 }})()",
+        Tab::at(test_id)
+    )
+}
+
+async fn zoomed(percent: u32) {
+    let study = QUICK
+        .replace("scenes = 2", "scenes = 1")
+        .replace("steps = 15", "steps = 30")
+        .replace("[trials]", "[trials]\nfullscreen = false");
+    let (server, browser, tab) = start(&study).await;
+    tab.zoom(percent).await;
+    tab.go(&format!("{}/s/default", server.origin)).await;
+    reach(&tab, "consent").await;
+    crate::equipped(&tab).await;
+    tab.is_well().await;
+    reach(&tab, "continue").await;
+    tab.words("arena").await;
+    tab.is_well().await;
+    reach(&tab, "continue").await;
+    tab.words("start").await;
+    tab.is_well().await;
+    reach(&tab, "start").await;
+    tab.until_step("scene", 4).await;
+    let [scene, left, right] = ["scene", "held-left", "held-right"].map(inside);
+    assert!(tab.eval::<bool>(&format!("{scene} && {left} && {right}")).await, "{percent} %");
+    let height_px: f64 = tab.eval(&format!("{}.clientHeight", Tab::at("scene"))).await;
+    assert!(height_px >= 150.0, "the scene is {height_px} px high at {percent} %");
+    let picture = tab.picture(&format!("zoom-{percent}")).await;
+    assert!(count_pixels(&picture, HUMAN) > 20 && count_pixels(&picture, ROBOT) > 20);
+    tab.is_well().await;
+    complete(&tab, &server, 1).await;
+    tab.is_well().await;
+    browser.close().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_page_of_any_size_is_used_with_the_keyboard_alone() {
+    let [half, usual, double, triple] = [50, 100, 200, 300].map(zoomed);
+    tokio::join!(half, usual, double, triple);
+}

@@ -1,0 +1,76 @@
+//! Links that are wrong, people who join twice, and studies that change under a participant.
+
+use super::{QUICK, complete, glide, participants, take_part, text};
+use crate::{start, stored, until_saved};
+use sidestep_tests::Browser;
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn links_that_are_wrong_say_so_and_do_no_harm() {
+    let (server, browser, tab) = start(QUICK).await;
+    tab.go(&format!("{}/s/another", server.origin)).await;
+    assert!(tab.words("stuck").await.contains("Study not found. Please check the link"));
+
+    // A personal link that nobody was given, in a browser that nobody has used.
+    let forged = format!("{}/s/default#continue={}", server.origin, "0".repeat(64));
+    tab.go(&forged).await;
+    tab.until_says("trouble", "This personal link is not valid.").await;
+    assert!(!tab.eval::<String>("location.href").await.contains("continue"));
+    assert_eq!(participants(&server).await, 0);
+
+    // And in the browser of a participant, whom it does not throw out.
+    take_part(&tab, &format!("{}/s/default", server.origin)).await;
+    glide(&tab).await;
+    until_saved(&tab).await;
+    tab.go("about:blank").await;
+    tab.go(&forged).await;
+    tab.words("start").await;
+    assert!(text(&tab).await.contains("Task 2 of 2"));
+    glide(&tab).await;
+    complete(&tab, &server, 2).await;
+    browser.close().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn whoever_joins_twice_with_one_id_is_one_participant() {
+    let (server, browser, tab) = start(QUICK).await;
+    let url = |id: &str| format!("{}/s/default?PROLIFIC_PID={id}", server.origin);
+    take_part(&tab, &url("P1")).await;
+    glide(&tab).await;
+    until_saved(&tab).await;
+    // In another browser, by the same link however it is written.
+    let second = Browser::start().await;
+    let other = second.open("about:blank").await;
+    other.go(&url("%20p1%20")).await;
+    other.press("consent").await;
+    crate::equipped(&other).await;
+    other.press("continue").await;
+    other.words("start").await;
+    assert!(text(&other).await.contains("Task 2 of 2"));
+    glide(&other).await;
+    complete(&other, &server, 2).await;
+    second.close().await;
+    browser.close().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_study_that_is_closed_in_the_middle_lets_people_finish_and_an_archived_one_says_so() {
+    for (status, words) in [("closed", ""), ("archived", "Nothing can be sent any more.")] {
+        let (server, browser, tab) = start(QUICK).await;
+        take_part(&tab, &format!("{}/s/default", server.origin)).await;
+        glide(&tab).await;
+        until_saved(&tab).await;
+        let changed = QUICK.replace("title", &format!("status = \"{status}\"\ntitle"));
+        let server = server.restarted_with_study(&changed).await;
+        glide(&tab).await;
+        if words.is_empty() {
+            complete(&tab, &server, 2).await;
+        } else {
+            assert!(tab.words("stuck").await.contains(words));
+            assert_eq!(stored(&server).await.len(), 1);
+            // After a reload too.
+            tab.reload().await;
+            tab.until(&format!("document.body.innerText.includes({words:?})")).await;
+        }
+        browser.close().await;
+    }
+}
