@@ -14,6 +14,7 @@ mod bundle;
 mod hashed;
 mod placeholders;
 mod publish;
+mod style;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -116,7 +117,8 @@ pub(crate) fn compose(sources: Files, bundles: Vec<Bundle>) -> Result<Site> {
     for (name, content) in sheets {
         let text = utf8(&name, content)?;
         let filled = placeholders::fill(&name, &text, &assets)?;
-        add_asset(&mut files, &mut assets, name, filled.text.into_bytes());
+        let sheet = style::without_space(&filled.text);
+        add_asset(&mut files, &mut assets, name, sheet.into_bytes());
     }
     for bundle in bundles {
         let wasm = hashed::name(&format!("{}.wasm", bundle.entry), &bundle.wasm);
@@ -270,7 +272,7 @@ mod tests {
         let icon = asset(&site, "icons/robot", ".svg");
         assert_eq!(
             text(&site, asset(&site, "style", ".css")),
-            format!("a {{ background: url(/{icon}) }}")
+            format!("a{{background:url(/{icon})}}")
         );
     }
 

@@ -143,7 +143,7 @@ pub enum Msg {
     /// Stop taking part; whether to delete everything.
     Withdraw(bool),
     /// The server answered the withdrawal.
-    Withdrawn(bool, Answer),
+    Withdrawn(Answer),
     /// Continue in this tab.
     Here,
 }
@@ -179,8 +179,7 @@ impl Participant {
         if let Some(steering) = page.kept(STEERING) {
             page.steering = steering;
         }
-        let language = page.context.kept.iter().find(|(name, _)| name == LANGUAGE);
-        page.language = language.map(|(_, tag)| tag.clone());
+        page.language = page.kept_text(LANGUAGE);
         let mut commands = vec![page.ask_study(), page.ask_texts()];
         if page.link.token.is_some() {
             // The secret does not stay in the address bar.
@@ -191,8 +190,13 @@ impl Participant {
 
     /// What the browser kept under a name when the page opened.
     fn kept<T: serde::de::DeserializeOwned>(&self, name: &str) -> Option<T> {
+        self.kept_text(name).and_then(|text| json::read(text.as_bytes()))
+    }
+
+    /// The same as it was kept.
+    fn kept_text(&self, name: &str) -> Option<String> {
         let kept = self.context.kept.iter().find(|(known, _)| known == name);
-        kept.and_then(|(_, text)| json::read(text.as_bytes()))
+        kept.map(|(_, text)| text.clone())
     }
 
     /// A sentence without places to fill.
@@ -344,7 +348,7 @@ impl Participant {
                 self.deletes = delete;
                 return vec![self.ask_withdrawal()];
             }
-            Msg::Withdrawn(deleted, answer) => return self.withdrawn(deleted, answer),
+            Msg::Withdrawn(answer) => return self.withdrawn(answer),
             Msg::Here => return vec![Command::Leave(self.link.url())],
         }
         Vec::new()

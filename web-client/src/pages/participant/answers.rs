@@ -114,16 +114,11 @@ impl Participant {
         if !self.is_withdrawing {
             return self.ask_progress();
         }
-        let fate = if self.deletes { "delete" } else { "keep" };
-        let url = format!("{}?data={fate}", routes::ME);
-        let then: fn(Answer) -> Msg = match self.deletes {
-            true => |answer| Msg::Withdrawn(true, answer),
-            false => |answer| Msg::Withdrawn(false, answer),
-        };
-        self.ask("withdraw", "DELETE", url, None, then)
+        let url = routes::ME.to_owned() + if self.deletes { "?data=delete" } else { "?data=keep" };
+        self.ask("withdraw", "DELETE", url, None, Msg::Withdrawn)
     }
 
-    pub(super) fn withdrawn(&mut self, deleted: bool, answer: Answer) -> Commands<Msg> {
+    pub(super) fn withdrawn(&mut self, answer: Answer) -> Commands<Msg> {
         let stored: Withdrawn = match read(answer) {
             Ok(stored) => stored,
             Err(failure) if failure.is_temporary() => {
@@ -135,7 +130,7 @@ impl Participant {
                 return Vec::new();
             }
         };
-        let why = if deleted { "withdraw.deleted" } else { "withdraw.kept" };
+        let why = if self.deletes { "withdraw.deleted" } else { "withdraw.kept" };
         self.stage = Stage::Ended("withdraw.done_heading", why, stored.return_url);
         let mut commands: Vec<_> = lifted(self.outbox.forget_all()).collect();
         commands.push(Command::Forget(self.session_name()));

@@ -97,11 +97,12 @@ impl Participant {
     /// Enrols, once the browser has kept under which name: after a reload, the same request is not
     /// another enrolment.
     fn enrol(&mut self) -> Commands<Msg> {
-        if let Some(known) = self.kept(&self.enrolment_name()) {
+        let name = self.enrolment_name();
+        if let Some(known) = self.kept_text(&name) {
             self.context.random_name = Some(known);
         }
+        let text = self.context.random_name.clone().unwrap_or_default();
         self.retry.push(Self::ask_enrolment);
-        let (name, text) = (self.enrolment_name(), json::write(&self.context.random_name));
         vec![Command::Keep { name, text, then: Box::new(|_| Msg::Retry) }]
     }
 

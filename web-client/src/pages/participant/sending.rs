@@ -54,10 +54,7 @@ impl Participant {
     /// Why a request brought nothing, for people.
     pub(super) fn words(&self, failure: &Failure) -> String {
         match failure.status {
-            _ if !self.has_texts() && failure.is_temporary() => {
-                failure.sentence.clone() + " This page keeps trying."
-            }
-            _ if !self.has_texts() => failure.sentence.clone(),
+            _ if !self.has_texts() => failure.sentence.clone() + " This page keeps trying.",
             0 => self.say("trouble.unreachable"),
             status if failure.is_temporary() && status != 0 => self.say("trouble.busy"),
             _ => self.texts.get("trouble.server", &[("why", failure.sentence.as_str().into())]),
