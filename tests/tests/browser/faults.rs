@@ -127,6 +127,7 @@ async fn the_later_of_two_tabs_takes_over() {
     first.press("here").await;
     first.words("continue").await;
     assert!(second.words("elsewhere").await.contains("another tab"));
+    second.is_accessible().await;
     let studies: Vec<StudySummary> = server.admin(routes::ADMIN_STUDIES).await.into(200);
     assert_eq!(studies[0].participants, 1);
     browser.close().await;
@@ -186,6 +187,7 @@ async fn stopping_deletes_what_was_driven() {
     tab.press("stop").await;
     tab.press("withdraw-delete").await;
     assert!(tab.words("ended").await.contains("have been deleted"));
+    tab.is_accessible().await;
     let gone = server.request(Method::GET, routes::ME).bearer_auth(&token);
     assert_eq!(gone.send().await.expect("an answer").status(), 410);
     tab.reload().await;
@@ -228,6 +230,7 @@ async fn studies_that_take_nobody_say_so() {
         let late = Browser::start().await;
         let second = late.open(&url).await;
         assert!(second.words("stuck").await.contains(words));
+        second.is_accessible().await;
         late.close().await;
         browser.close().await;
     }

@@ -141,11 +141,10 @@ pub(super) fn instructions(page: &Participant) -> Node {
     let zone = [page.texts.get("instructions.zone", &radius), page.say(zone_words(study))];
     let dot = [page.say("instructions.dot"), page.texts.get("instructions.duration", &seconds)];
     let points = [
-        el("li").child(strong("human", "instructions.you")).text(" ").child(keyed(
-            page,
-            "span",
-            "instructions.keys",
-        )),
+        el("li")
+            .child(strong("human", "instructions.you"))
+            .text(page.say("page.between"))
+            .child(keyed(page, "span", "instructions.keys")),
         el("li")
             .child(strong("robot", "instructions.robot"))
             .text(page.say("page.between"))
