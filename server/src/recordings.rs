@@ -27,21 +27,28 @@ pub async fn of_study(store: &Store, study: &StoredStudy) -> Result<Recording, S
             exclusions.push(Exclusion::new(&name, reason.to_owned()));
             continue;
         }
-        participants.push(participant(name, driven));
+        participants.push(tasks(name, &driven));
     }
     let origin = Origin::Study(study.slug.clone());
     let provenance = Provenance { origin, synthetic: synthetic::recognised(&participants) };
     Ok(Recording { provenance, scene, participants, exclusions })
 }
 
-/// One participant's tasks, one trial of each scene.
-fn participant(name: String, driven: Vec<StoredTrial>) -> RecordedParticipant {
+/// One participant's trials of all phases, one of each scene.
+#[must_use]
+pub fn one_attempt(name: String, driven: &[StoredTrial]) -> RecordedParticipant {
     // Trials are numbered over all phases, as in exports.
     let trials: Vec<RecordedTrial> =
-        (0..).zip(&driven).map(|(number, trial)| recorded(number, trial)).collect();
+        (0..).zip(driven).map(|(number, trial)| recorded(number, trial)).collect();
     let mut participant = RecordedParticipant { name, line: None, trials, marked_synthetic: false };
-    participant.keep_tasks();
     participant.keep_one_attempt();
+    participant
+}
+
+/// One participant's tasks, one trial of each scene.
+fn tasks(name: String, driven: &[StoredTrial]) -> RecordedParticipant {
+    let mut participant = one_attempt(name, driven);
+    participant.keep_tasks();
     let is_marked = |trial: &StoredTrial| trial.head.phase == Phase::Task && trial.is_synthetic();
     participant.marked_synthetic = driven.iter().any(is_marked);
     participant

@@ -9,6 +9,7 @@ use crate::http::error::ApiError;
 use crate::http::params::{Params, PathText};
 use crate::http::studies::named;
 use crate::jobs::safety;
+use crate::recordings;
 use crate::store::Store;
 use crate::store::studies::StudyCounts;
 use crate::store::trials::{StoredTrial, TrialHead};
@@ -137,12 +138,10 @@ pub async fn predictor(
 ) -> Result<Json<TrainedPredictor>, ApiError> {
     let trial = stored(&app.store, &trial_id).await?;
     let functions = safety::stored(&app.store, &trial.config_hash).await?;
-    let driven = app.store.trials_of(&trial.head.participant_id).await?;
-    let earlier: Vec<_> = driven
-        .into_iter()
-        .filter(|other| other.head.ordinal < trial.head.ordinal)
-        .map(|other| (other.content.inputs, other.content.states))
-        .collect();
+    let mut driven = app.store.trials_of(&trial.head.participant_id).await?;
+    driven.retain(|other| other.head.ordinal < trial.head.ordinal);
+    let earlier = recordings::one_attempt(String::new(), &driven).trials.into_iter();
+    let earlier: Vec<_> = earlier.map(|other| (other.inputs, other.states)).collect();
     let trials = earlier.len();
     let train = move || {
         let safety = functions.map(|functions| functions.decode()).transpose()?;
@@ -225,6 +224,7 @@ fn summary(head: TrialHead) -> TrialSummary {
         participant_number: head.participant_number,
         phase: head.phase,
         index: head.index,
+        attempt: head.attempt,
         received_at_ms: head.received_at_ms,
         outcome: head.outcome,
         flags: head.flags,

@@ -1,5 +1,6 @@
 //! What experimenters see.
 
+use super::{first, is_first};
 use crate::predict::PredictorFile;
 use crate::scene::{Evader, JointState, Scene, SceneParameters};
 use crate::trial::{Flag, Outcome, Phase, Replay};
@@ -63,12 +64,27 @@ pub struct TrialSummary {
     pub phase: Phase,
     /// Place within its phase, from 0.
     pub index: usize,
+    /// 1; 2 if the scene was driven again because its first trial was interrupted.
+    #[serde(default = "first", skip_serializing_if = "is_first")]
+    pub attempt: u32,
     /// When the server stored it, ms since 1970.
     pub received_at_ms: i64,
     /// Its outcome.
     pub outcome: Outcome,
     /// What an analyst should know.
     pub flags: Vec<Flag>,
+}
+
+impl TrialSummary {
+    /// The scene in words, such as `task 3`, or `task 3 (attempt 2)` if it was driven again.
+    #[must_use]
+    pub fn scene_words(&self) -> String {
+        let scene = format!("{} {}", self.phase.word(), self.index + 1);
+        match self.attempt {
+            1 => scene,
+            attempt => format!("{scene} (attempt {attempt})"),
+        }
+    }
 }
 
 /// A stored trial, whole.

@@ -225,8 +225,8 @@ impl Replay {
 
     fn title(&self) -> String {
         let TrialDetail { study, summary, .. } = &self.trial;
-        let (number, phase) = (summary.participant_number, summary.phase.word());
-        format!("{study} / participant {number} / {phase} {}", summary.index + 1)
+        let (number, scene) = (summary.participant_number, summary.scene_words());
+        format!("{study} / participant {number} / {scene}")
     }
 
     /// Puts the value functions to use, once both are here.

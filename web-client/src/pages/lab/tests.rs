@@ -40,6 +40,7 @@ fn trial(parameters: SceneParameters, ids: [Option<String>; 2]) -> TrialDetail {
             participant_id: "p".into(),
             participant_number: 1,
             phase: Phase::Task,
+            attempt: 1,
             index: 0,
             received_at_ms: 0,
             outcome: outcome(&parameters, &inputs, &states),

@@ -229,7 +229,7 @@ fn row(trial: &TrialSummary) -> Node {
         Some((first, last)) => format!("steps {first}–{last}"),
         None => "never".to_owned(),
     };
-    let scene = format!("{} {}", trial.phase.word(), trial.index + 1);
+    let scene = trial.scene_words();
     let replay = el("a")
         .attr("href", format!("/lab/replay/{}", trial.trial_id))
         .attr("aria-label", format!("Replay participant {}, {scene}", trial.participant_number))
