@@ -46,7 +46,7 @@ pub(super) fn page(page: &Participant) -> Node {
     let pilot = page
         .link
         .is_pilot()
-        .then(|| el("p").class("pilot").test_id("pilot").text(page.say("page.pilot")));
+        .then(|| el("aside").class("pilot").test_id("pilot").text(page.say("page.pilot")));
     el("div")
         .class("participant")
         .children(pilot)
