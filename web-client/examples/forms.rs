@@ -87,7 +87,6 @@ impl Page for Forms {
             radio("right"),
             select("one"),
             select("many").attr("multiple", ""),
-            input("file", "file"),
             input("text", "disabled").attr("disabled", ""),
             el("button").attr("type", "submit").test_id("submit").text("Submit"),
         ]);
