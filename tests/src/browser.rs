@@ -473,14 +473,22 @@ impl Tab {
         image::load_from_memory(&bytes).expect("a PNG").into_rgba8()
     }
 
+    /// Checks that the page has reported no error.
+    ///
+    /// # Panics
+    /// If it has.
+    pub fn is_quiet(&self) {
+        let complaints = self.complaints.lock().expect("a list").clone();
+        assert!(complaints.is_empty(), "{complaints:?}");
+    }
+
     /// Checks that the page has reported no error, that nothing is cut off at the right, and that
     /// axe-core finds nothing that people with a screen reader or without a mouse cannot use.
     ///
     /// # Panics
     /// If it has, or something is, or it does.
     pub async fn is_well(&self) {
-        let complaints = self.complaints.lock().expect("a list").clone();
-        assert!(complaints.is_empty(), "{complaints:?}");
+        self.is_quiet();
         let excess: f64 = self
             .eval("document.documentElement.scrollWidth - document.documentElement.clientWidth")
             .await;

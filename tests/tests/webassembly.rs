@@ -75,6 +75,6 @@ async fn forms_arrive_whole_and_rows_keep_what_is_in_them() {
         .await;
     tab.press("keep").await;
     tab.until_says("said", "Err(Denied)").await;
-    tab.is_well().await;
+    tab.is_quiet();
     browser.close().await;
 }
