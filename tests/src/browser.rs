@@ -257,7 +257,7 @@ impl Tab {
         }
     }
 
-    /// Lets the sites of this origin store so many bytes; before they store anything.
+    /// Limits what the pages of this origin can store, bytes. Call it before they store anything.
     ///
     /// # Panics
     /// If the browser refuses.
