@@ -72,17 +72,16 @@ pub async fn check_understanding(
         return Err(Invalid::new("attempts", expected, result.attempts).into());
     }
     let config = app.store.config(&me.config_hash).await?;
-    let ComprehensionResult { attempts, passed } = result;
     let most = config.comprehension.attempts;
     let screened_out =
-        app.store.check_understanding(&me.id, attempts, passed, most, now_ms()).await?;
+        app.store.check_understanding(&me.id, visitor.scope, result, most, now_ms()).await?;
     let url = &config.recruitment.screened_out_url;
     let return_url = screened_out.then(|| return_url(url, None, me)).flatten();
     Ok(Json(ComprehensionStored { screened_out, return_url }))
 }
 
 /// `PUT /api/v1/participants/me/answers`: 204; in the place of earlier answers, until the participation
-/// is complete.
+/// is complete, if the token is that of the browser that enrolled.
 pub async fn answer(
     State(app): State<Arc<App>>,
     Writer(visitor): Writer,
@@ -112,11 +111,15 @@ pub async fn answer(
         return Err(Invalid::new(field, "an answer", "none").into());
     }
     let json = serde_json::to_string(&answers).context("answers as JSON")?;
-    match app.store.put_answers(&me.id, json, now_ms()).await? {
+    match app.store.put_answers(&me.id, visitor.scope, json, now_ms()).await? {
         true => Ok(StatusCode::NO_CONTENT),
-        false => {
+        false if visitor.scope == Scope::Full => {
             let message = "this participation is complete; its answers stay as they are";
             Err(ApiError::conflict("complete", message))
+        }
+        false => {
+            let message = "other answers are stored; only the browser that enrolled replaces them";
+            Err(ApiError::conflict("answered", message))
         }
     }
 }

@@ -3,6 +3,7 @@
 use super::scenes::{self, PlannedRow};
 use super::{Store, StoreError, analyses};
 use rusqlite::{Connection, OptionalExtension, Row, params};
+use sidestep::api::ComprehensionResult;
 
 /// A participant.
 #[derive(Clone, Debug)]
@@ -198,53 +199,67 @@ impl Store {
     }
 
     /// Stores the result of the check of understanding. After `most` attempts (0: any number) without a
-    /// right one, the participation ends and its place is free. Returns whether it has ended.
+    /// right one, the participation ends and its place is free; a token that only continues uses up
+    /// the attempts, one a call, but ends nothing for the participant. A participant who drove a scene
+    /// is past the check, and nothing is stored. Returns whether the holder of the token may not go on.
     pub async fn check_understanding(
         &self,
         participant_id: &str,
-        attempts: usize,
-        passed: bool,
+        scope: Scope,
+        result: ComprehensionResult,
         most: usize,
         now_ms: i64,
     ) -> Result<bool, StoreError> {
         let id = participant_id.to_owned();
         self.write(move |db| {
-            let (before, understood, ended): (i64, bool, bool) = db.query_row(
-                "SELECT comprehension_attempts, understood_at_ms IS NOT NULL, \
+            let (before, is_past, ended): (i64, bool, bool) = db.query_row(
+                "SELECT comprehension_attempts, \
+                     understood_at_ms IS NOT NULL OR completed_at_ms IS NOT NULL OR EXISTS \
+                         (SELECT 1 FROM scene JOIN trial ON trial.trial_id = scene.trial_id \
+                          WHERE participant_id = participant.id), \
                      screened_out_at_ms IS NOT NULL FROM participant WHERE id = ?1",
                 [&id],
                 |row| Ok((row.get(0)?, row.get(1)?, row.get(2)?)),
             )?;
-            if understood || ended {
+            if is_past || ended {
                 return Ok(ended);
             }
-            let (attempts, most) = (before.max(attempts as i64), most as i64);
-            let too_often = most > 0 && (attempts > most || (attempts == most && !passed));
+            let passed = result.passed;
+            let [attempts, most] = [result.attempts, most].map(|count| count as i64);
+            let may_end = scope == Scope::Full;
+            if most > 0 && before >= most && !may_end {
+                return Ok(true);
+            }
+            // The browser that enrolled may have been offline for several attempts.
+            let attempts = before.max(if may_end { attempts } else { before + 1 });
+            let is_over = most > 0 && (attempts > most || (attempts == most && !passed));
             db.execute(
                 "UPDATE participant SET comprehension_attempts = ?2, last_seen_at_ms = ?3, \
                      understood_at_ms = iif(?4, ?3, NULL), screened_out_at_ms = iif(?5, ?3, NULL), \
                      holds_place = iif(?5, 0, holds_place) WHERE id = ?1",
-                params![id, attempts, now_ms, passed && !too_often, too_often],
+                params![id, attempts, now_ms, passed && !is_over, is_over && may_end],
             )?;
-            Ok(too_often)
+            Ok(is_over)
         })
         .await
     }
 
-    /// Stores answers, as JSON, in the place of earlier ones. Returns false, and stores nothing, if the
-    /// participation is complete with other answers.
+    /// Stores answers, as JSON, in the place of earlier ones; a token that only continues replaces
+    /// none. Returns false, and stores nothing, if other answers stay.
     pub async fn put_answers(
         &self,
         participant_id: &str,
+        scope: Scope,
         answers: String,
         now_ms: i64,
     ) -> Result<bool, StoreError> {
-        let id = participant_id.to_owned();
+        let (id, replaces) = (participant_id.to_owned(), scope == Scope::Full);
         self.write(move |db| {
             let changed = db.execute(
                 "UPDATE participant SET answers = ?2, answered_at_ms = ?3, last_seen_at_ms = ?3 \
-                 WHERE id = ?1 AND completed_at_ms IS NULL AND withdrawn_at_ms IS NULL",
-                params![id, answers, now_ms],
+                 WHERE id = ?1 AND completed_at_ms IS NULL AND withdrawn_at_ms IS NULL \
+                     AND (?4 OR answered_at_ms IS NULL)",
+                params![id, answers, now_ms, replaces],
             )?;
             let mut same =
                 db.prepare("SELECT 1 FROM participant WHERE id = ?1 AND answers = ?2")?;
@@ -341,7 +356,12 @@ impl Store {
                      consent_language = NULL, consent_hash = NULL, place = NULL, seed = NULL, \
                      comprehension_attempts = 0, understood_at_ms = NULL, answers = NULL, \
                      answered_at_ms = NULL, completion_code = NULL, completed_at_ms = NULL, \
-                     last_seen_at_ms = withdrawn_at_ms WHERE id = ?1",
+                     screened_out_at_ms = NULL, last_seen_at_ms = withdrawn_at_ms WHERE id = ?1",
+                // Their hashes stay: the deletion can be repeated, and every browser of the
+                // participant learns of it.
+                "UPDATE participant_token SET completed = 0, created_at_ms = \
+                     (SELECT enrolled_at_ms FROM participant WHERE id = ?1) \
+                     WHERE participant_id = ?1",
             ] {
                 db.execute(statement, [&id])?;
             }

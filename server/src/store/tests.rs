@@ -7,6 +7,7 @@ use super::scenes::PlannedRow;
 use super::trials::{NewTrial, PutTrial};
 use super::{Missing, Store, StoreError};
 use crate::content::{Content, Recipe};
+use sidestep::api::ComprehensionResult;
 use sidestep::comparison::Request;
 use sidestep::scene::{Scene, SceneParameters};
 use sidestep::study::StudyConfig;
@@ -200,13 +201,13 @@ async fn a_completion_keeps_its_first_code() {
         store.put_trial("ada", trial(id, TurnInput::Left)).await.unwrap();
     }
     assert_eq!(complete("A", true).await, Completion::Unanswered);
-    assert_eq!(store.put_answers("ada", "{}".to_owned(), 1).await, Ok(true));
+    assert_eq!(store.put_answers("ada", Scope::Full, "{}".to_owned(), 1).await, Ok(true));
     for code in ["A", "B"] {
         let code = complete(code, true).await;
         assert_eq!(code, Completion::Complete { code: "A".to_owned(), visible: true });
     }
-    assert_eq!(store.put_answers("ada", "{}".to_owned(), 1).await, Ok(true));
-    assert_eq!(store.put_answers("ada", "{\"x\":1}".to_owned(), 1).await, Ok(false));
+    assert_eq!(store.put_answers("ada", Scope::Full, "{}".to_owned(), 1).await, Ok(true));
+    assert_eq!(store.put_answers("ada", Scope::Full, "{\"x\":1}".to_owned(), 1).await, Ok(false));
     store.withdraw("ada", false, 1).await.unwrap();
     assert_eq!(complete("C", false).await, Completion::Withdrawn);
 }
@@ -241,13 +242,17 @@ async fn somebody_new_gets_the_lowest_free_place() {
     assert_eq!(comes("g", gate(4, 0), 30).await, None);
     assert_eq!(comes("g", gate(4, 15), 30).await, Some(2));
     assert_eq!(comes("h", gate(4, 15), 30).await, None);
+    let checks = async |id: &str, attempts, passed, most, now_ms| {
+        let result = ComprehensionResult { attempts, passed };
+        store.check_understanding(id, Scope::Full, result, most, now_ms).await
+    };
     // Who comes back counts again, and finds the same place.
-    store.check_understanding("c", 1, true, 0, 31).await.unwrap();
+    checks("c", 1, true, 0, 31).await.unwrap();
     assert_eq!(comes("i", gate(5, 15), 32).await, None);
     // Screened out after two wrong attempts; the place is free, and the result stays.
-    assert_eq!(store.check_understanding("f", 1, false, 2, 33).await, Ok(false));
-    assert_eq!(store.check_understanding("f", 2, false, 2, 34).await, Ok(true));
-    assert_eq!(store.check_understanding("f", 3, true, 2, 35).await, Ok(true));
+    assert_eq!(checks("f", 1, false, 2, 33).await, Ok(false));
+    assert_eq!(checks("f", 2, false, 2, 34).await, Ok(true));
+    assert_eq!(checks("f", 3, true, 2, 35).await, Ok(true));
     assert_eq!(comes("j", gate(5, 15), 36).await, Some(0));
 }
 

@@ -1,6 +1,6 @@
 //! Names with values.
 
-use serde::de::{Deserialize, Deserializer, MapAccess, Visitor};
+use serde::de::{Deserialize, Deserializer, Error, MapAccess, Visitor};
 use serde::{Serialize, Serializer};
 use std::fmt;
 use std::marker::PhantomData;
@@ -18,12 +18,14 @@ impl<V> Object<V> {
         self.place(name).ok().map(|place| &self.0[place].1)
     }
 
-    /// Sets the value of a name.
-    pub fn insert(&mut self, name: String, value: V) {
-        match self.place(&name) {
+    /// Sets the value of a name. Returns whether the name is new.
+    pub fn insert(&mut self, name: String, value: V) -> bool {
+        let place = self.place(&name);
+        match place {
             Ok(place) => self.0[place].1 = value,
             Err(place) => self.0.insert(place, (name, value)),
         }
+        place.is_err()
     }
 
     /// Names and values, in the order of the names.
@@ -84,7 +86,9 @@ impl<'de, V: Deserialize<'de>> Deserialize<'de> for Object<V> {
             fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Object<V>, A::Error> {
                 let mut object = Object::default();
                 while let Some((name, value)) = map.next_entry()? {
-                    object.insert(name, value);
+                    if !object.insert(name, value) {
+                        return Err(Error::custom("duplicate name"));
+                    }
                 }
                 Ok(object)
             }
@@ -100,11 +104,13 @@ mod tests {
 
     #[test]
     fn an_object_is_its_members_by_name() {
-        let text = r#"{"b":1,"a":2,"b":3}"#;
+        let text = r#"{"b":3,"a":2}"#;
         let object: Object<i64> = serde_json::from_str(text).unwrap();
         assert_eq!(object.iter().collect::<Vec<_>>(), [("a", &2), ("b", &3)]);
         assert_eq!(serde_json::to_string(&object).unwrap(), r#"{"a":2,"b":3}"#);
         assert_eq!((object.get("b"), object.get("c"), object.len()), (Some(&3), None, 2));
-        assert!(serde_json::from_str::<Object<i64>>("[]").is_err());
+        for text in ["[]", r#"{"b":1,"a":2,"b":3}"#] {
+            assert!(serde_json::from_str::<Object<i64>>(text).is_err(), "{text}");
+        }
     }
 }

@@ -117,16 +117,18 @@ impl Recruitment {
     }
 
     /// The address with the code and the external id filled in, percent-encoded; none if no address is
-    /// set.
+    /// set, or one of them is missing.
     #[must_use]
     pub fn filled(url: &str, code: Option<&str>, external_id: Option<&str>) -> Option<String> {
         if url.is_empty() {
             return None;
         }
-        let encoded = |text: Option<&str>| percent_encoded(text.unwrap_or_default());
+        let fill = |url: String, place: &str, text: Option<&str>| match text {
+            Some(text) => Some(url.replace(place, &percent_encoded(text))),
+            None => (!url.contains(place)).then_some(url),
+        };
         // The id is filled in last: what it contains is not filled in again.
-        let with_code = url.replace("{code}", &encoded(code));
-        Some(with_code.replace("{external_id}", &encoded(external_id)))
+        fill(fill(url.to_owned(), "{code}", code)?, "{external_id}", external_id)
     }
 }
 
@@ -147,11 +149,12 @@ fn percent_encoded(text: &str) -> String {
 }
 
 /// The id of a person at a recruiting service as it is compared: without white space around it, in
-/// lower case, so that `P1`, `p1` and ` P1 ` are one person.
+/// lower case, so that `P1`, `p1` and ` P1 ` are one person. Services' ids are ASCII; other letters can
+/// be written in several ways that look the same.
 ///
 /// # Errors
-/// [`Invalid`] for an id that is empty, too long, or has other characters than letters, digits, spaces
-/// and `-_.@:+=/~`.
+/// [`Invalid`] for an id that is empty, too long, or has other characters than the letters A to Z,
+/// digits, spaces and `-_.@:+=/~`.
 pub fn normalised_id(field: &str, id: &str) -> Result<String, Invalid> {
     let id = id.trim();
     let count = id.chars().count();
@@ -159,12 +162,12 @@ pub fn normalised_id(field: &str, id: &str) -> Result<String, Invalid> {
         let expected = format!("1 to {MAX_ID_CHARS} characters besides white space around them");
         return Err(Invalid::new(field, expected, format!("{count}")));
     }
-    let fits = |c: char| c.is_alphanumeric() || " -_.@:+=/~".contains(c);
+    let fits = |c: char| c.is_ascii_alphanumeric() || " -_.@:+=/~".contains(c);
     if !id.chars().all(fits) {
-        let expected = "letters, digits, spaces and -_.@:+=/~ only";
+        let expected = "letters from A to Z, digits, spaces and -_.@:+=/~ only";
         return Err(Invalid::new(field, expected, "another character"));
     }
-    Ok(id.to_lowercase())
+    Ok(id.to_ascii_lowercase())
 }
 
 #[cfg(test)]
@@ -176,7 +179,7 @@ mod tests {
         for id in ["P1", "p1", " P1 ", "\u{a0}p1\n"] {
             assert_eq!(normalised_id("external_id", id).as_deref(), Ok("p1"));
         }
-        for id in ["", "  ", "a\tb", "<b>", "a\u{202e}b", "a\u{0}", "a{code}"] {
+        for id in ["", "  ", "a\tb", "<b>", "a\u{202e}b", "a\u{0}", "a{code}", "é", "ｐ1"] {
             assert!(normalised_id("external_id", id).is_err(), "{id:?}");
         }
         assert!(normalised_id("external_id", &"x".repeat(129)).is_err());
@@ -216,6 +219,9 @@ mod tests {
         let filled =
             Recruitment::filled("https://h/?c={code}&p={external_id}", Some("A-1"), Some("a/ü"));
         assert_eq!(filled.as_deref(), Some("https://h/?c=A-1&p=a%2F%C3%BC"));
-        assert_eq!(Recruitment::filled("", Some("x"), None), None);
+        for (url, code) in [("", Some("x")), ("https://h/?c={code}", None)] {
+            assert_eq!(Recruitment::filled(url, code, Some("p")), None, "{url}");
+        }
+        assert_eq!(Recruitment::filled("https://h/{external_id}", Some("x"), None), None);
     }
 }

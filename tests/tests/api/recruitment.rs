@@ -113,7 +113,7 @@ async fn one_person_is_one_participant_however_the_id_is_written() {
     let people: HashSet<_> =
         answers.iter().map(|answer| answer.body["participant_id"].to_string()).collect();
     assert_eq!(people.len(), 1);
-    for id in ["<b>", "a{code}", "a\u{202e}b", "a\nb", " "] {
+    for id in ["<b>", "a{code}", "a\u{202e}b", "a\nb", " ", "é", "e\u{301}"] {
         let body = json!({ "consent": true, "external_id": id });
         Driver::ask(&server, body).await.problem(422, "invalid", Some("external_id"));
     }
@@ -212,6 +212,10 @@ async fn wrong_answers_too_often_end_a_participation() {
     check(&next, 2, true).await.into::<ComprehensionStored>(200);
     let me: Progress = next.me(&server).await.into(200);
     assert!(me.understood);
+    // A participant who drives is past the check.
+    next.drive(&server, 1).await;
+    let late: ComprehensionStored = check(&next, 1_000, false).await.into(200);
+    assert!(!late.screened_out);
 }
 
 const QUESTIONS: &str = r#"
@@ -267,6 +271,10 @@ async fn answers_are_checked_replaced_and_kept() {
     assert_eq!(done.return_url.as_deref(), Some(&url[..]));
     assert_eq!(put(json!({ "age": 21, "hand": "left" })).await.status, 204, "the same again");
     put(json!({ "age": 22 })).await.problem(409, "complete", None);
+    let twice = r#"{"answers":{"age":21,"age":21,"hand":"left"}}"#;
+    let request = driver.request(&server, Method::PUT, routes::ANSWERS);
+    let request = request.header("content-type", "application/json").body(twice);
+    Answer::of(request).await.problem(422, "invalid", Some(""));
     let me: Progress = driver.me(&server).await.into(200);
     assert_eq!((me.answered, me.return_url), (true, Some(url)));
     let query = "SELECT answers FROM participant";

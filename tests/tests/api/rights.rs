@@ -1,9 +1,9 @@
 //! What knowing an external id is good for, and what it is not.
 
 use serde_json::json;
-use sidestep::api::{Completed, Enrolled, Progress};
+use sidestep::api::{Completed, ComprehensionStored, Enrolled, Progress, routes};
 use sidestep_tests::server::SHORT_STUDY;
-use sidestep_tests::{Driver, Server, driven};
+use sidestep_tests::{Driver, Server, behind, driven};
 
 async fn enrolled(server: &Server, request: &str, status: u16) -> Driver {
     let body = json!({
@@ -63,6 +63,41 @@ async fn who_finishes_on_another_computer_gets_the_code_there() {
 }
 
 #[tokio::test]
+async fn who_knows_the_external_id_ends_and_replaces_nothing() {
+    let study = format!(
+        "{SHORT_STUDY}\n[comprehension]\nattempts = 2\n\n\
+         [[questions]]\nname = \"words\"\nkind = \"text\"\ntext = {{ en = \"How was it?\" }}\n"
+    );
+    let server = Server::with_study(&study).await;
+    let owner = enrolled(&server, "mine", 201).await;
+    let other = enrolled(&server, "other", 200).await;
+    let check = async |driver: &Driver, attempts: usize, passed: bool| {
+        let body = json!({ "attempts": attempts, "passed": passed });
+        let stored = driver.put(&server, routes::COMPREHENSION, &body).await;
+        stored.into::<ComprehensionStored>(200).screened_out
+    };
+    // One call is one attempt, whatever it says, and the last one ends nothing but the caller's own way.
+    assert!(!check(&other, 1_000, false).await);
+    let me: Progress = owner.me(&server).await.into(200);
+    assert_eq!((me.comprehension_attempts, me.understood), (1, false));
+    for passed in [false, true] {
+        assert!(check(&other, 1_000, passed).await, "{passed}");
+    }
+    assert!(!check(&owner, 1, true).await);
+    let me: Progress = owner.me(&server).await.into(200);
+    assert_eq!((me.comprehension_attempts, me.understood), (2, true));
+    let answer = async |driver: &Driver, words: &str| {
+        let body = json!({ "answers": { "words": words } });
+        driver.put(&server, routes::ANSWERS, &body).await
+    };
+    for words in ["fine", "good"] {
+        assert_eq!(answer(&owner, words).await.status, 204);
+    }
+    assert_eq!(answer(&other, "good").await.status, 204, "the same again");
+    answer(&other, "bad").await.problem(409, "answered", None);
+}
+
+#[tokio::test]
 async fn deletion_leaves_a_number_and_nothing_in_the_file() {
     let server = Server::with_study(SHORT_STUDY).await;
     let owner = enrolled(&server, "mine", 201).await;
@@ -89,4 +124,29 @@ async fn deletion_leaves_a_number_and_nothing_in_the_file() {
     assert_eq!(found(), [""; 0]);
     let studies = server.admin(sidestep::api::routes::ADMIN_STUDIES).await.body;
     assert_eq!((&studies[0]["participants"], &studies[0]["trials"]), (&json!(1), &json!(0)));
+    let row = "SELECT json_array(number, enrolled_at_ms > 0, withdrawn_at_ms > 0, last_seen_at_ms = \
+                   withdrawn_at_ms, external_id, external_key, locale, answers, place, seed, \
+                   screened_out_at_ms, understood_at_ms, completed_at_ms) FROM participant";
+    let tokens = "SELECT json_group_array(completed) FROM participant_token \
+                  JOIN participant ON participant.id = participant_id AND created_at_ms = enrolled_at_ms";
+    let [row, tokens] = [row, tokens].map(|query| -> String {
+        behind(&server.database()).query_row(query, [], |row| row.get(0)).unwrap()
+    });
+    assert_eq!(row, "[1,1,1,1,null,null,null,null,null,null,null,null,null]");
+    assert_eq!(tokens, "[0]");
+    // The id is unknown now: the same person may begin again.
+    enrolled(&server, "mine", 201).await;
+}
+
+#[tokio::test]
+async fn deletion_after_being_screened_out_leaves_no_trace_of_it() {
+    let study = format!("{SHORT_STUDY}\n[comprehension]\nattempts = 1\n");
+    let server = Server::with_study(&study).await;
+    let driver = enrolled(&server, "mine", 201).await;
+    let wrong = json!({ "attempts": 1, "passed": false });
+    driver.put(&server, routes::COMPREHENSION, &wrong).await.into::<ComprehensionStored>(200);
+    assert_eq!(driver.withdraw(&server, "delete").await.status, 200);
+    let query = "SELECT count(*) FROM participant WHERE screened_out_at_ms IS NOT NULL";
+    let count: i64 = behind(&server.database()).query_row(query, [], |row| row.get(0)).unwrap();
+    assert_eq!(count, 0);
 }
