@@ -18,14 +18,12 @@ impl<V> Object<V> {
         self.place(name).ok().map(|place| &self.0[place].1)
     }
 
-    /// Sets the value of a name. Returns whether the name is new.
-    pub fn insert(&mut self, name: String, value: V) -> bool {
-        let place = self.place(&name);
-        match place {
+    /// Sets the value of a name.
+    pub fn insert(&mut self, name: String, value: V) {
+        match self.place(&name) {
             Ok(place) => self.0[place].1 = value,
             Err(place) => self.0.insert(place, (name, value)),
         }
-        place.is_err()
     }
 
     /// Names and values, in the order of the names.
@@ -85,10 +83,11 @@ impl<'de, V: Deserialize<'de>> Deserialize<'de> for Object<V> {
 
             fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Object<V>, A::Error> {
                 let mut object = Object::default();
-                while let Some((name, value)) = map.next_entry()? {
-                    if !object.insert(name, value) {
+                while let Some((name, value)) = map.next_entry::<String, V>()? {
+                    if object.get(&name).is_some() {
                         return Err(Error::custom("duplicate name"));
                     }
+                    object.insert(name, value);
                 }
                 Ok(object)
             }
