@@ -5,16 +5,18 @@ mod object;
 mod study;
 mod participation;
 mod upload;
+mod access;
 mod laboratory;
 mod analyses;
 
+pub use access::{Access, Action, AuditEntry, AuditPage, KeyMade, KeySummary, NewKey, Session};
 pub use analyses::{
     AnalysisDetail, AnalysisFile, AnalysisPage, AnalysisProgress, AnalysisResult, AnalysisState,
     AnalysisSummary, ExcludedParticipant,
 };
 pub use laboratory::{
-    PilotsDeleted, SelfCheck, Session, SignIn, StudySummary, TrainedPredictor, TrialDetail,
-    TrialPage, TrialSummary,
+    PilotsDeleted, SelfCheck, SignIn, StudySummary, TrainedPredictor, TrialDetail, TrialPage,
+    TrialSummary,
 };
 pub use object::Object;
 pub use participation::{

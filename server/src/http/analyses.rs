@@ -2,8 +2,8 @@
 
 use crate::clock::now_ms;
 use crate::http::app::App;
-use crate::http::auth::Admin;
 use crate::http::error::ApiError;
+use crate::http::experimenters::{Manager, Reader};
 use crate::http::json::JsonBody;
 use crate::http::laboratory::{PageParams, page};
 use crate::http::params::{Params, PathText};
@@ -16,7 +16,7 @@ use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use flate2::read::GzDecoder;
 use sidestep::api::{
-    AnalysisDetail, AnalysisPage, AnalysisProgress, AnalysisState, AnalysisSummary,
+    Action, AnalysisDetail, AnalysisPage, AnalysisProgress, AnalysisState, AnalysisSummary,
 };
 use sidestep::comparison::Request;
 use std::io::Read;
@@ -26,7 +26,7 @@ use uuid::Uuid;
 /// `POST /api/v1/admin/studies/{slug}/analyses`: 201 for a new analysis; 200 if an equal request
 /// waits already, since its result would be the same.
 pub async fn ask(
-    _: Admin,
+    Manager(me): Manager,
     State(app): State<Arc<App>>,
     PathText(slug): PathText,
     JsonBody(request): JsonBody<Request>,
@@ -34,7 +34,8 @@ pub async fn ask(
     request.settings()?;
     let study = named(&app.store, &slug).await?;
     let id = Uuid::new_v4().to_string();
-    let (status, asked) = match app.store.ask_analysis(id, study.id, &request, now_ms()).await? {
+    let entry = me.does(Action::AnalysisRequested, Some(&slug), Some(id.clone()));
+    let (status, asked) = match app.store.ask_analysis(id, study.id, &request, entry).await? {
         Asked::New(asked) => (StatusCode::CREATED, asked),
         Asked::Waiting(asked) => (StatusCode::OK, asked),
         Asked::QueueFull => {
@@ -48,7 +49,7 @@ pub async fn ask(
 
 /// `GET /api/v1/admin/studies/{slug}/analyses?limit=&before=`: newest first.
 pub async fn list(
-    _: Admin,
+    _: Reader,
     State(app): State<Arc<App>>,
     PathText(slug): PathText,
     Params(params): Params<PageParams>,
@@ -62,7 +63,7 @@ pub async fn list(
 
 /// `GET /api/v1/admin/analyses/{id}`.
 pub async fn show(
-    _: Admin,
+    _: Reader,
     State(app): State<Arc<App>>,
     PathText(id): PathText,
 ) -> Result<Json<AnalysisDetail>, ApiError> {
@@ -73,11 +74,12 @@ pub async fn show(
 /// `POST /api/v1/admin/analyses/{id}/cancel`: can be repeated; 409 for an analysis that has ended
 /// by itself.
 pub async fn cancel(
-    _: Admin,
+    Manager(me): Manager,
     State(app): State<Arc<App>>,
     PathText(id): PathText,
 ) -> Result<Json<AnalysisSummary>, ApiError> {
-    let now = app.store.cancel_analysis(&id, now_ms()).await?.ok_or_else(unknown)?;
+    let entry = me.does(Action::AnalysisCancelled, None, Some(id.clone()));
+    let now = app.store.cancel_analysis(&id, entry).await?.ok_or_else(unknown)?;
     if now.state == AnalysisState::Cancelled {
         return Ok(Json(summary(now)));
     }
@@ -87,11 +89,12 @@ pub async fn cancel(
 
 /// `DELETE /api/v1/admin/analyses/{id}`, with its files; a running analysis is cancelled.
 pub async fn delete(
-    _: Admin,
+    Manager(me): Manager,
     State(app): State<Arc<App>>,
     PathText(id): PathText,
 ) -> Result<StatusCode, ApiError> {
-    let deleted = app.store.delete_analysis(&id).await?;
+    let entry = me.does(Action::AnalysisDeleted, None, Some(id.clone()));
+    let deleted = app.store.delete_analysis(&id, entry).await?;
     if deleted { Ok(StatusCode::NO_CONTENT) } else { Err(unknown()) }
 }
 
@@ -102,7 +105,7 @@ const REPORTS_POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; img
 /// `GET /api/v1/admin/analyses/{id}/files/{name}`: the browser shows a report and saves every
 /// other file.
 pub async fn file(
-    _: Admin,
+    _: Reader,
     State(app): State<Arc<App>>,
     path: Result<Path<(String, String)>, axum::extract::rejection::PathRejection>,
     headers: HeaderMap,

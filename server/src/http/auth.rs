@@ -1,23 +1,15 @@
-//! Authentication: participants by token, experimenters by key or cookie.
+//! Participants, by their tokens.
 
-use crate::clock::now_ms;
 use crate::http::app::App;
 use crate::http::error::ApiError;
-use crate::http::listen::Client;
 use crate::http::params::PathText;
 use crate::secrets;
-use crate::store::Store;
 use crate::store::participants::Visitor;
 use crate::store::trials::{AssignedScene, Assignment};
 use axum::extract::FromRequestParts;
 use axum::http::{HeaderMap, header, request::Parts};
 use sidestep::study::{Status, StudyConfig};
-use std::net::{IpAddr, Ipv4Addr};
 use std::sync::Arc;
-use subtle::ConstantTimeEq;
-
-/// The cookie of the laboratory.
-pub const COOKIE: &str = "sidestep_session";
 
 /// The holder of a valid token whose participation goes on.
 pub struct Me(pub Visitor);
@@ -40,9 +32,6 @@ pub struct Assigned {
     /// The scene that was assigned.
     pub scene: AssignedScene,
 }
-
-/// An experimenter with a valid cookie or key.
-pub struct Admin;
 
 impl FromRequestParts<Arc<App>> for MeOrGone {
     type Rejection = ApiError;
@@ -116,74 +105,12 @@ pub async fn check_study(app: &App, visitor: &Visitor) -> Result<(), ApiError> {
     if present.status == Status::Archived { Err(ApiError::archived()) } else { Ok(()) }
 }
 
-impl FromRequestParts<Arc<App>> for Admin {
-    type Rejection = ApiError;
-
-    async fn from_request_parts(parts: &mut Parts, app: &Arc<App>) -> Result<Self, ApiError> {
-        if let Some(cookie) = session_cookie(&parts.headers)
-            && app.store.has_session(secrets::hash(cookie), now_ms()).await?
-        {
-            return Ok(Self);
-        }
-        let key = bearer(&parts.headers).ok_or_else(ApiError::unauthorized)?;
-        let client = parts.extensions.get::<Client>().copied();
-        check_key(app, key, address(client)).await?;
-        Ok(Self)
-    }
-}
-
-/// The address of the client, for the throttle.
+/// The token or key of a request.
 #[must_use]
-pub fn address(client: Option<Client>) -> IpAddr {
-    client.map_or(IpAddr::V4(Ipv4Addr::UNSPECIFIED), |client| client.0)
-}
-
-/// Accepts the experimenter's key.
-///
-/// # Errors
-/// 401 for a wrong key, 429 after too many of them.
-pub async fn check_key(app: &App, key: &str, address: IpAddr) -> Result<(), ApiError> {
-    if let Some(seconds) = app.throttle.wait_s(address) {
-        return Err(ApiError::Throttled(seconds));
-    }
-    let presented = secrets::hash(key);
-    let valid = match app.environment_key {
-        Some(hash) => vec![hash.to_vec()],
-        None => app.store.keys().await?,
-    };
-    if valid.iter().any(|hash| bool::from(hash.ct_eq(&presented))) {
-        return Ok(());
-    }
-    app.throttle.failed(address);
-    tracing::warn!("a wrong experimenter's key was sent");
-    Err(ApiError::unauthorized())
-}
-
-/// The session's cookie, if the request carries one.
-#[must_use]
-pub fn session_cookie(headers: &HeaderMap) -> Option<&str> {
-    headers
-        .get_all(header::COOKIE)
-        .iter()
-        .filter_map(|value| value.to_str().ok())
-        .flat_map(|value| value.split(';'))
-        .find_map(|pair| pair.trim().strip_prefix(COOKIE)?.strip_prefix('='))
-}
-
-fn bearer(headers: &HeaderMap) -> Option<&str> {
+pub fn bearer(headers: &HeaderMap) -> Option<&str> {
     let value = headers.get(header::AUTHORIZATION)?.to_str().ok()?;
     let (scheme, token) = value.split_once(' ')?;
     scheme.eq_ignore_ascii_case("bearer").then_some(token.trim())
-}
-
-/// Makes sure that there is a key. Returns it if it is new: later, only its hash is known.
-///
-/// # Errors
-/// If the database cannot be written.
-pub async fn first_key(store: &Store, make_another: bool) -> Result<Option<String>, ApiError> {
-    let key = secrets::token()?;
-    let kept = store.put_key(secrets::hash(&key), make_another, now_ms()).await?;
-    Ok(kept.then_some(key))
 }
 
 #[cfg(test)]
@@ -194,14 +121,6 @@ mod tests {
         let pair =
             |(name, value): &(header::HeaderName, &str)| (name.clone(), value.parse().unwrap());
         pairs.iter().map(pair).collect()
-    }
-
-    #[test]
-    fn the_cookie_is_found_among_others() {
-        let cookies = headers(&[(header::COOKIE, "a=1; sidestep_session=xyz; b=2")]);
-        assert_eq!(session_cookie(&cookies), Some("xyz"));
-        let other = headers(&[(header::COOKIE, "sidestep_session2=xyz")]);
-        assert_eq!(session_cookie(&other), None);
     }
 
     #[test]

@@ -4,8 +4,8 @@ use crate::content::Content;
 use crate::formats::exports;
 use crate::formats::participants_csv::participants_csv;
 use crate::http::app::App;
-use crate::http::auth::Admin;
 use crate::http::error::ApiError;
+use crate::http::experimenters::{Exporter, Manager, Reader};
 use crate::http::params::{Params, PathText};
 use crate::http::studies::named;
 use crate::jobs::safety;
@@ -21,7 +21,8 @@ use axum::http::header;
 use axum::response::IntoResponse;
 use serde::Deserialize;
 use sidestep::api::{
-    PilotsDeleted, SelfCheck, StudySummary, TrainedPredictor, TrialDetail, TrialPage, TrialSummary,
+    Action, PilotsDeleted, SelfCheck, StudySummary, TrainedPredictor, TrialDetail, TrialPage,
+    TrialSummary,
 };
 use sidestep::features::FeatureSet;
 use sidestep::invalid::Invalid;
@@ -32,7 +33,7 @@ use std::sync::Arc;
 
 /// `GET /api/v1/admin/studies`.
 pub async fn studies(
-    _: Admin,
+    _: Reader,
     State(app): State<Arc<App>>,
 ) -> Result<Json<Vec<StudySummary>>, ApiError> {
     let summary = |row: StudyCounts| StudySummary {
@@ -46,12 +47,13 @@ pub async fn studies(
 
 /// `DELETE /api/v1/admin/studies/{slug}/pilots`: deletes all pilots with everything that they drove.
 pub async fn delete_pilots(
-    _: Admin,
+    Manager(me): Manager,
     State(app): State<Arc<App>>,
     PathText(slug): PathText,
 ) -> Result<Json<PilotsDeleted>, ApiError> {
     let study = named(&app.store, &slug).await?;
-    Ok(Json(PilotsDeleted { deleted: app.store.delete_pilots(study.id).await? }))
+    let entry = me.does(Action::PilotsDeleted, Some(&slug), None);
+    Ok(Json(PilotsDeleted { deleted: app.store.delete_pilots(study.id, entry).await? }))
 }
 
 /// The query of a page of a list.
@@ -90,7 +92,7 @@ pub fn page<T>(
 
 /// `GET /api/v1/admin/studies/{slug}/trials?limit=&before=`: newest first.
 pub async fn trials(
-    _: Admin,
+    _: Reader,
     State(app): State<Arc<App>>,
     PathText(slug): PathText,
     Params(params): Params<PageParams>,
@@ -104,7 +106,7 @@ pub async fn trials(
 
 /// `GET /api/v1/admin/trials/{trial_id}`.
 pub async fn trial(
-    _: Admin,
+    _: Reader,
     State(app): State<Arc<App>>,
     PathText(trial_id): PathText,
 ) -> Result<Json<TrialDetail>, ApiError> {
@@ -132,7 +134,7 @@ pub async fn trial(
 /// `GET /api/v1/admin/trials/{trial_id}/predictor`: trained on this participant's
 /// earlier trials.
 pub async fn predictor(
-    _: Admin,
+    _: Reader,
     State(app): State<Arc<App>>,
     PathText(trial_id): PathText,
 ) -> Result<Json<TrainedPredictor>, ApiError> {
@@ -157,7 +159,7 @@ const SELF_CHECK: (u64, usize) = (20_180_918, 10_000);
 
 /// `GET /api/v1/admin/self-check`.
 pub async fn self_check(
-    _: Admin,
+    _: Reader,
     State(app): State<Arc<App>>,
 ) -> Result<Json<SelfCheck>, ApiError> {
     let (seed, trials) = SELF_CHECK;
@@ -178,13 +180,15 @@ pub struct ExportParams {
 
 /// `GET /api/v1/admin/studies/{slug}/export?format=csv`, streamed.
 pub async fn export(
-    _: Admin,
+    Exporter(me): Exporter,
     State(app): State<Arc<App>>,
     PathText(slug): PathText,
     Params(params): Params<ExportParams>,
 ) -> Result<impl IntoResponse, ApiError> {
     exports::check_format(&params.format)?;
     let study = named(&app.store, &slug).await?;
+    let entry = me.does(Action::Exported, Some(&slug), Some("trials as CSV".to_owned()));
+    app.store.note(entry).await?;
     let name = format!("attachment; filename=\"{slug}-trials.csv\"");
     let body = Body::from_stream(exports::stream(app.store.clone(), study));
     let headers = [
@@ -196,7 +200,7 @@ pub async fn export(
 
 /// `GET /api/v1/admin/studies/{slug}/participants?format=csv`.
 pub async fn participants(
-    _: Admin,
+    Exporter(me): Exporter,
     State(app): State<Arc<App>>,
     PathText(slug): PathText,
     Params(params): Params<ExportParams>,
@@ -205,6 +209,8 @@ pub async fn participants(
     let study = named(&app.store, &slug).await?;
     let people = app.store.roster(study.id).await?;
     let table = participants_csv(&study.config, &people).context("participants as CSV")?;
+    let entry = me.does(Action::Exported, Some(&slug), Some("participants as CSV".to_owned()));
+    app.store.note(entry).await?;
     let name = format!("attachment; filename=\"{slug}-participants.csv\"");
     let headers = [
         (header::CONTENT_TYPE, "text/csv; charset=utf-8".to_owned()),

@@ -4,8 +4,8 @@ use crate::http::app::App;
 use crate::http::error::ApiError;
 use crate::http::site::Site;
 use crate::http::{
-    analyses, enrolment, guard, laboratory, metrics, participants, session, site, studies, texts,
-    trials, value_functions,
+    analyses, enrolment, guard, keys, laboratory, metrics, participants, session, site, studies,
+    texts, trials, value_functions,
 };
 use axum::Router;
 use axum::http::StatusCode;
@@ -32,6 +32,9 @@ pub fn router(app: Arc<App>, site: &Site) -> Router {
             get(value_functions::show).layer(CompressionLayer::new()),
         )
         .route(routes::SESSION, get(session::show).post(session::sign_in).delete(session::sign_out))
+        .route(routes::ADMIN_KEYS, get(keys::list).post(keys::make))
+        .route(&routes::admin_key("{id}"), delete(keys::revoke))
+        .route(routes::AUDIT, get(keys::audit))
         .route(routes::ADMIN_STUDIES, get(laboratory::studies))
         .route(&routes::admin_participants("{slug}"), get(laboratory::participants))
         .route(&routes::admin_pilots("{slug}"), delete(laboratory::delete_pilots))

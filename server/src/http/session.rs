@@ -2,8 +2,10 @@
 
 use crate::clock::now_ms;
 use crate::http::app::App;
-use crate::http::auth::{Admin, COOKIE, address, check_key, session_cookie};
 use crate::http::error::ApiError;
+use crate::http::experimenters::{
+    COOKIE, Experimenter, Reader, address, check_key, session_cookie,
+};
 use crate::http::json::JsonBody;
 use crate::http::listen::Client;
 use crate::secrets;
@@ -11,28 +13,32 @@ use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{AppendHeaders, IntoResponse, IntoResponseParts};
 use axum::{Extension, Json};
-use sidestep::api::{Session, SignIn};
+use sidestep::api::{Action, Session, SignIn};
 use std::sync::Arc;
 
 const LIFETIME_S: i64 = 30 * 24 * 3600;
 
-/// `POST /api/v1/admin/session`: takes the experimenter's key, sets a cookie.
+/// `POST /api/v1/admin/session`: takes an experimenter's key, sets a cookie.
 pub async fn sign_in(
     State(app): State<Arc<App>>,
     client: Option<Extension<Client>>,
     JsonBody(body): JsonBody<SignIn>,
 ) -> Result<impl IntoResponse, ApiError> {
-    check_key(&app, &body.key, address(client.map(|Extension(it)| it))).await?;
+    let me = check_key(&app, &body.key, address(client.map(|Extension(it)| it))).await?;
     let cookie = secrets::token()?;
     let expires_at_ms = now_ms() + LIFETIME_S * 1000;
-    app.store.add_session(secrets::hash(&cookie), now_ms(), expires_at_ms).await?;
-    let cookie = set_cookie(&cookie, LIFETIME_S);
-    Ok((cookie, Json(Session { signed_in: true })))
+    let entry = me.does(Action::SignedIn, None, None);
+    app.store.add_session(secrets::hash(&cookie), me.key_id, expires_at_ms, entry).await?;
+    Ok((set_cookie(&cookie, LIFETIME_S), session(me)))
 }
 
 /// `GET /api/v1/admin/session`: 200 for an experimenter who is signed in.
-pub async fn show(_: Admin) -> Json<Session> {
-    Json(Session { signed_in: true })
+pub async fn show(Reader(me): Reader) -> Json<Session> {
+    session(me)
+}
+
+fn session(Experimenter { name, access, .. }: Experimenter) -> Json<Session> {
+    Json(Session { signed_in: true, name, access })
 }
 
 /// `DELETE /api/v1/admin/session`: the cookie becomes invalid.

@@ -1,5 +1,6 @@
 //! Analyses: the queue, their files, and cells that later analyses reuse.
 
+use super::audit::{self, NewEntry};
 use super::{Store, StoreError};
 use rusqlite::{Connection, OptionalExtension, Row, params};
 use sidestep::api::{AnalysisFile, AnalysisResult, AnalysisState};
@@ -80,7 +81,7 @@ impl Store {
         id: String,
         study_id: i64,
         request: &Request,
-        now_ms: i64,
+        entry: NewEntry,
     ) -> Result<Asked, StoreError> {
         let request = serde_json::to_string(request).map_err(StoreError::corrupt)?;
         self.write(move |db| {
@@ -100,8 +101,9 @@ impl Store {
             db.execute(
                 "INSERT INTO analysis (id, study_id, request, state, created_at_ms) \
                  VALUES (?1, ?2, ?3, 'queued', ?4)",
-                params![id, study_id, request, now_ms],
+                params![id, study_id, request, entry.at_ms],
             )?;
+            audit::add(db, &entry)?;
             Ok(Asked::New(Box::new(known(db, &id)?)))
         })
         .await
@@ -166,18 +168,19 @@ impl Store {
     pub async fn cancel_analysis(
         &self,
         id: &str,
-        now_ms: i64,
+        entry: NewEntry,
     ) -> Result<Option<StoredAnalysis>, StoreError> {
         let id = id.to_owned();
         self.write(move |db| {
             let cancelled = db.query_row(
                 "UPDATE analysis SET state = 'cancelled', ended_at_ms = ?2 \
                  WHERE id = ?1 AND state IN ('queued', 'running') RETURNING sequence",
-                params![id, now_ms],
+                params![id, entry.at_ms],
                 |row| row.get(0),
             );
             if let Some(sequence) = cancelled.optional()? {
                 delete_files(db, sequence)?;
+                audit::add(db, &entry)?;
             }
             find(db, &id)
         })
@@ -185,10 +188,16 @@ impl Store {
     }
 
     /// Deletes an analysis with its files. Returns whether it existed.
-    pub async fn delete_analysis(&self, id: &str) -> Result<bool, StoreError> {
+    pub async fn delete_analysis(&self, id: &str, entry: NewEntry) -> Result<bool, StoreError> {
         let id = id.to_owned();
-        self.write_behind(move |db| Ok(db.execute("DELETE FROM analysis WHERE id = ?1", [id])? > 0))
-            .await
+        self.write_behind(move |db| {
+            let deleted = db.execute("DELETE FROM analysis WHERE id = ?1", [id])? > 0;
+            if deleted {
+                audit::add(db, &entry)?;
+            }
+            Ok(deleted)
+        })
+        .await
     }
 
     /// Puts analyses back into the queue that were interrupted because the server stopped or the

@@ -1,5 +1,6 @@
 //! Participants: what their tokens may do, the check of understanding, answers, completion, withdrawal.
 
+use super::audit::{self, NewEntry};
 use super::scenes::{self, PlannedRow};
 use super::{Store, StoreError, analyses};
 use rusqlite::{Connection, OptionalExtension, Row, params};
@@ -374,8 +375,13 @@ impl Store {
         Ok(())
     }
 
-    /// Deletes the pilots of a study with all that they drove. Returns how many there were.
-    pub async fn delete_pilots(&self, study_id: i64) -> Result<usize, StoreError> {
+    /// Deletes the pilots of a study with all that they drove. Returns how many there were; the entry of
+    /// the audit trail says it too.
+    pub async fn delete_pilots(
+        &self,
+        study_id: i64,
+        mut entry: NewEntry,
+    ) -> Result<usize, StoreError> {
         let deleted = self
             .write(move |db| {
                 const PILOTS: &str = "SELECT id FROM participant WHERE study_id = ?1 AND pilot = 1";
@@ -390,7 +396,10 @@ impl Store {
                     db.execute(&statement, [study_id])?;
                 }
                 let delete = "DELETE FROM participant WHERE study_id = ?1 AND pilot = 1";
-                Ok(db.execute(delete, [study_id])?)
+                let deleted = db.execute(delete, [study_id])?;
+                entry.subject = Some(deleted.to_string());
+                audit::add(db, &entry)?;
+                Ok(deleted)
             })
             .await?;
         self.open.writer.empty_log();

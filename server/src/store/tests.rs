@@ -1,13 +1,14 @@
 //! What every store must do, told by its operations alone: another database passes the same.
 //! The tests of the writer at the end are of this one.
 
+use super::audit::NewEntry;
 use super::enrolments::{Enrolment, Gate, NewParticipant};
 use super::participants::{Completion, Scope};
 use super::scenes::PlannedRow;
 use super::trials::{NewTrial, PutTrial};
 use super::{Missing, Store, StoreError};
 use crate::content::{Content, Recipe};
-use sidestep::api::ComprehensionResult;
+use sidestep::api::{Action, ComprehensionResult};
 use sidestep::comparison::Request;
 use sidestep::scene::{Scene, SceneParameters};
 use sidestep::study::StudyConfig;
@@ -299,7 +300,14 @@ async fn a_job_that_is_not_wanted_any_more_writes_nothing() {
     store.put_trial("ada", trial("ada-0", TurnInput::Left)).await.unwrap();
     let study = store.study("default").await.unwrap().unwrap();
     let request = Request::default();
-    store.ask_analysis("first".to_owned(), study.id, &request, 1).await.unwrap();
+    let entry = NewEntry {
+        at_ms: 1,
+        who: "first key".to_owned(),
+        action: Action::AnalysisRequested,
+        study: None,
+        subject: None,
+    };
+    store.ask_analysis("first".to_owned(), study.id, &request, entry).await.unwrap();
     let job = store.begin_analysis(2).await.unwrap().unwrap();
     let long = vec![7; 3 << 20];
     assert!(store.put_analysis_file(&job, "long", 5, long.clone()).await.unwrap());

@@ -15,13 +15,6 @@ pub struct SignIn {
     pub key: String,
 }
 
-/// Answer to a sign-in, and to a check of the session.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Session {
-    /// Always true: without a session the answer is 401.
-    pub signed_in: bool,
-}
-
 /// A study in the laboratory's list.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct StudySummary {

@@ -35,6 +35,15 @@ pub fn value_function(id: &str) -> String {
 }
 /// Signing in and out of the laboratory.
 pub const SESSION: &str = "/api/v1/admin/session";
+/// The experimenters' keys; a POST makes another one.
+pub const ADMIN_KEYS: &str = "/api/v1/admin/keys";
+/// One key; a DELETE revokes it.
+#[must_use]
+pub fn admin_key(id: &str) -> String {
+    format!("/api/v1/admin/keys/{id}")
+}
+/// The audit trail, newest first.
+pub const AUDIT: &str = "/api/v1/admin/audit";
 /// All studies.
 pub const ADMIN_STUDIES: &str = "/api/v1/admin/studies";
 /// The participants of a study, without the query that names the format.

@@ -71,6 +71,9 @@ async fn every_laboratory_route_wants_a_key() {
         routes::SELF_CHECK.to_owned(),
         routes::export("default"),
         routes::SESSION.to_owned(),
+        routes::ADMIN_KEYS.to_owned(),
+        routes::AUDIT.to_owned(),
+        routes::admin_participants("default"),
     ] {
         server.get(&route).await.problem(401, "unauthorized", None);
     }

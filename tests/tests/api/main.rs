@@ -12,6 +12,7 @@ mod design;
 mod trouble;
 mod features;
 mod files;
+mod keys;
 mod laboratory;
 mod participation;
 mod prediction;

@@ -1,0 +1,199 @@
+//! Experimenters, by their cookies or keys, and what their keys may do.
+
+use crate::clock::now_ms;
+use crate::http::app::App;
+use crate::http::auth::bearer;
+use crate::http::error::ApiError;
+use crate::http::listen::Client;
+use crate::secrets;
+use crate::store::Store;
+use crate::store::audit::NewEntry;
+use crate::store::keys::{Holder, StoredKey};
+use axum::extract::FromRequestParts;
+use axum::http::{HeaderMap, header, request::Parts};
+use sidestep::api::{Access, Action};
+use std::net::{IpAddr, Ipv4Addr};
+use std::sync::Arc;
+use subtle::ConstantTimeEq;
+
+/// The cookie of the laboratory.
+pub const COOKIE: &str = "sidestep_session";
+
+/// An experimenter with a valid cookie or key.
+#[derive(Clone, Debug)]
+pub struct Experimenter {
+    /// The name of the key, which the audit trail contains.
+    pub name: String,
+    /// What the key may do.
+    pub access: Access,
+    /// The number of the key; none for the key in the environment.
+    pub key_id: Option<i64>,
+}
+
+/// An experimenter who may look.
+pub struct Reader(pub Experimenter);
+
+/// An experimenter who may take data away.
+pub struct Exporter(pub Experimenter);
+
+/// An experimenter who may change and delete.
+pub struct Manager(pub Experimenter);
+
+impl Experimenter {
+    /// An entry of the audit trail: what this experimenter does now.
+    #[must_use]
+    pub fn does(&self, action: Action, study: Option<&str>, subject: Option<String>) -> NewEntry {
+        let (who, study) = (self.name.clone(), study.map(str::to_owned));
+        NewEntry { at_ms: now_ms(), who, action, study, subject }
+    }
+
+    fn of(holder: Holder) -> Self {
+        match holder {
+            Holder::Key(StoredKey { id, name, access, .. }) => {
+                Self { name, access, key_id: Some(id) }
+            }
+            Holder::Environment => {
+                let name = "SIDESTEP_ADMIN_KEY".to_owned();
+                Self { name, access: Access::Manage, key_id: None }
+            }
+        }
+    }
+}
+
+impl FromRequestParts<Arc<App>> for Reader {
+    type Rejection = ApiError;
+
+    async fn from_request_parts(parts: &mut Parts, app: &Arc<App>) -> Result<Self, ApiError> {
+        admitted(parts, app, Access::Read).await.map(Self)
+    }
+}
+
+impl FromRequestParts<Arc<App>> for Exporter {
+    type Rejection = ApiError;
+
+    async fn from_request_parts(parts: &mut Parts, app: &Arc<App>) -> Result<Self, ApiError> {
+        admitted(parts, app, Access::Export).await.map(Self)
+    }
+}
+
+impl FromRequestParts<Arc<App>> for Manager {
+    type Rejection = ApiError;
+
+    async fn from_request_parts(parts: &mut Parts, app: &Arc<App>) -> Result<Self, ApiError> {
+        admitted(parts, app, Access::Manage).await.map(Self)
+    }
+}
+
+/// The experimenter of a request, whose key must have that right.
+async fn admitted(parts: &Parts, app: &App, needed: Access) -> Result<Experimenter, ApiError> {
+    let experimenter = experimenter(parts, app).await?;
+    if experimenter.access >= needed {
+        return Ok(experimenter);
+    }
+    let what = format!("{} {}", parts.method, parts.uri.path());
+    app.store.note(experimenter.does(Action::Refused, None, Some(what))).await?;
+    let [has, needed] = [experimenter.access, needed].map(Access::word);
+    let message = format!("this needs a key with the right to {needed}; yours has {has}");
+    Err(ApiError::forbidden("access", message))
+}
+
+async fn experimenter(parts: &Parts, app: &App) -> Result<Experimenter, ApiError> {
+    if let Some(cookie) = session_cookie(&parts.headers)
+        && let Some(holder) = app.store.session(secrets::hash(cookie), now_ms()).await?
+        && is_valid(app, &holder)
+    {
+        return used(app, holder).await;
+    }
+    let key = bearer(&parts.headers).ok_or_else(ApiError::unauthorized)?;
+    let client = parts.extensions.get::<Client>().copied();
+    check_key(app, key, address(client)).await
+}
+
+/// The address of the client, for the throttle.
+#[must_use]
+pub fn address(client: Option<Client>) -> IpAddr {
+    client.map_or(IpAddr::V4(Ipv4Addr::UNSPECIFIED), |client| client.0)
+}
+
+/// The holder of a key.
+///
+/// # Errors
+/// 401 for a wrong key, 429 after too many of them.
+pub async fn check_key(app: &App, key: &str, address: IpAddr) -> Result<Experimenter, ApiError> {
+    if let Some(seconds) = app.throttle.wait_s(address) {
+        return Err(ApiError::Throttled(seconds));
+    }
+    let presented = secrets::hash(key);
+    let is_environments = app.environment_key.map(|hash| hash.ct_eq(&presented).into());
+    let holder = match is_environments {
+        Some(true) => Some(Holder::Environment),
+        // The time to look up a hash reveals nothing that helps to guess a key.
+        _ => app.store.key(presented).await?.map(Holder::Key),
+    };
+    match holder.filter(|holder| is_valid(app, holder)) {
+        Some(holder) => used(app, holder).await,
+        None => {
+            app.throttle.failed(address);
+            tracing::warn!("a wrong experimenter's key was sent");
+            Err(ApiError::unauthorized())
+        }
+    }
+}
+
+/// Whether a known key opens this server: the key in the environment takes the place of the first key.
+fn is_valid(app: &App, holder: &Holder) -> bool {
+    match holder {
+        Holder::Key(key) => !key.is_first || app.environment_key.is_none(),
+        Holder::Environment => app.environment_key.is_some(),
+    }
+}
+
+/// Notes that a key is used, once a minute.
+async fn used(app: &App, holder: Holder) -> Result<Experimenter, ApiError> {
+    const MINUTE_MS: i64 = 60_000;
+    if let Holder::Key(key) = &holder {
+        let now_ms = now_ms();
+        // A clock that was set back must not hide later uses.
+        let recent = |last_ms: i64| (0..MINUTE_MS).contains(&(now_ms - last_ms));
+        if !key.last_used_at_ms.is_some_and(recent) {
+            app.store.note_use(key.id, now_ms).await?;
+        }
+    }
+    Ok(Experimenter::of(holder))
+}
+
+/// The session's cookie, if the request carries one.
+#[must_use]
+pub fn session_cookie(headers: &HeaderMap) -> Option<&str> {
+    headers
+        .get_all(header::COOKIE)
+        .iter()
+        .filter_map(|value| value.to_str().ok())
+        .flat_map(|value| value.split(';'))
+        .find_map(|pair| pair.trim().strip_prefix(COOKIE)?.strip_prefix('='))
+}
+
+/// Makes sure that there is a first key. Returns it if it is new: later, only its hash is known.
+///
+/// # Errors
+/// If the database cannot be written.
+pub async fn first_key(store: &Store, make_another: bool) -> Result<Option<String>, ApiError> {
+    let key = secrets::token()?;
+    let kept = store.put_first_key(secrets::hash(&key), make_another, now_ms()).await?;
+    Ok(kept.then_some(key))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_cookie_is_found_among_others() {
+        let found = |cookies: &str| {
+            let headers = [(header::COOKIE, cookies.parse().unwrap())].into_iter().collect();
+            session_cookie(&headers).map(str::to_owned)
+        };
+        assert_eq!(found("a=1; sidestep_session=xyz; b=2").as_deref(), Some("xyz"));
+        assert_eq!(found("sidestep_session2=xyz"), None);
+    }
+}

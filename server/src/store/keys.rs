@@ -1,0 +1,243 @@
+//! The experimenters' keys and sessions, stored as hashes only.
+
+use super::audit::{self, NewEntry};
+use super::{Store, StoreError};
+use rusqlite::{Connection, OptionalExtension, Row, params};
+use sidestep::api::{Access, KeySummary};
+
+/// A valid key.
+#[derive(Clone, Debug)]
+pub struct StoredKey {
+    /// Its number.
+    pub id: i64,
+    /// Its name.
+    pub name: String,
+    /// What it may do.
+    pub access: Access,
+    /// Whether the server made it at its first start.
+    pub is_first: bool,
+    /// When it was last used, to the minute.
+    pub last_used_at_ms: Option<i64>,
+}
+
+/// Who is signed in.
+#[derive(Clone, Debug)]
+pub enum Holder {
+    /// The holder of a stored key.
+    Key(StoredKey),
+    /// The holder of the key in the environment.
+    Environment,
+}
+
+/// The outcome of a revocation.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Revocation {
+    /// The key is invalid, since now or since earlier.
+    Revoked,
+    /// It is the server's first key, which only a new first key replaces.
+    First,
+    /// There is no such key.
+    Unknown,
+}
+
+/// The name of the key that the server makes at its first start.
+const FIRST: &str = "first key";
+
+/// The columns that [`StoredKey::of`] reads.
+const COLUMNS: &str = "api_key.id, name, access, is_first, last_used_at_ms";
+
+impl StoredKey {
+    fn of(row: &Row<'_>) -> Result<Self, StoreError> {
+        Ok(Self {
+            id: row.get(0)?,
+            name: row.get(1)?,
+            access: access_of(row.get(2)?)?,
+            is_first: row.get(3)?,
+            last_used_at_ms: row.get(4)?,
+        })
+    }
+}
+
+impl Store {
+    /// The valid key with this hash.
+    pub async fn key(&self, hash: [u8; 32]) -> Result<Option<StoredKey>, StoreError> {
+        self.read(|db| {
+            let mut statement = db.prepare_cached(&format!(
+                "SELECT {COLUMNS} FROM api_key WHERE hash = ?1 AND revoked_at_ms IS NULL"
+            ))?;
+            statement.query_and_then([hash], StoredKey::of)?.next().transpose()
+        })
+    }
+
+    /// All keys, in the order in which they were made; revoked ones too.
+    pub async fn keys(&self) -> Result<Vec<KeySummary>, StoreError> {
+        self.read(|db| {
+            let mut statement = db.prepare_cached(&format!("{SUMMARIES} ORDER BY id"))?;
+            statement.query_and_then([], summary_of)?.collect()
+        })
+    }
+
+    /// Stores the first key with that hash, unless there is one already and no `other` is wanted. The new
+    /// one replaces the old one and ends every session: an experimenter asks for another key after
+    /// losing the old one or fearing that someone else has it. Returns whether the key was stored.
+    pub async fn put_first_key(
+        &self,
+        hash: [u8; 32],
+        other: bool,
+        now_ms: i64,
+    ) -> Result<bool, StoreError> {
+        self.write(move |db| {
+            let there = db
+                .query_row("SELECT 1 FROM api_key WHERE is_first = 1", [], |_| Ok(()))
+                .optional()?;
+            if there.is_some() && !other {
+                return Ok(false);
+            }
+            db.execute("DELETE FROM session", [])?;
+            db.execute("DELETE FROM api_key WHERE is_first = 1", [])?;
+            insert(db, FIRST, hash, Access::Manage, true, now_ms)?;
+            Ok(true)
+        })
+        .await
+    }
+
+    /// Stores a further key. None if another key has, or had, its name.
+    pub async fn add_key(
+        &self,
+        name: &str,
+        hash: [u8; 32],
+        access: Access,
+        entry: NewEntry,
+    ) -> Result<Option<KeySummary>, StoreError> {
+        let name = name.to_owned();
+        self.write(move |db| {
+            let query = "SELECT 1 FROM api_key WHERE name = ?1";
+            if name == FIRST || db.prepare_cached(query)?.exists([&name])? {
+                return Ok(None);
+            }
+            insert(db, &name, hash, access, false, entry.at_ms)?;
+            let id = db.last_insert_rowid();
+            audit::add(db, &entry)?;
+            summary(db, id)
+        })
+        .await
+    }
+
+    /// Makes a key invalid and ends its sessions. Can be repeated.
+    pub async fn revoke_key(&self, id: i64, mut entry: NewEntry) -> Result<Revocation, StoreError> {
+        self.write(move |db| {
+            let found: Option<(String, bool, bool)> = db
+                .query_row(
+                    "SELECT name, is_first, revoked_at_ms IS NOT NULL FROM api_key WHERE id = ?1",
+                    [id],
+                    |row| Ok((row.get(0)?, row.get(1)?, row.get(2)?)),
+                )
+                .optional()?;
+            match found {
+                None => return Ok(Revocation::Unknown),
+                Some((_, true, _)) => return Ok(Revocation::First),
+                Some((_, _, true)) => return Ok(Revocation::Revoked),
+                Some((name, ..)) => entry.subject = Some(name),
+            }
+            let revoke = "UPDATE api_key SET revoked_at_ms = ?2 WHERE id = ?1";
+            db.execute(revoke, params![id, entry.at_ms])?;
+            db.execute("DELETE FROM session WHERE key_id = ?1", [id])?;
+            audit::add(db, &entry)?;
+            Ok(Revocation::Revoked)
+        })
+        .await
+    }
+
+    /// Notes that a key is used now.
+    pub async fn note_use(&self, id: i64, now_ms: i64) -> Result<(), StoreError> {
+        self.write(move |db| {
+            let note = "UPDATE api_key SET last_used_at_ms = ?2 WHERE id = ?1";
+            db.prepare_cached(note)?.execute([id, now_ms])?;
+            Ok(())
+        })
+        .await
+    }
+
+    /// Begins a session of a key, or of the key in the environment, and deletes expired sessions.
+    pub async fn add_session(
+        &self,
+        hash: [u8; 32],
+        key_id: Option<i64>,
+        expires_at_ms: i64,
+        entry: NewEntry,
+    ) -> Result<(), StoreError> {
+        self.write(move |db| {
+            db.execute("DELETE FROM session WHERE expires_at_ms <= ?1", [entry.at_ms])?;
+            db.execute(
+                "INSERT INTO session (hash, expires_at_ms, key_id) VALUES (?1, ?2, ?3)",
+                params![hash, expires_at_ms, key_id],
+            )?;
+            audit::add(db, &entry)
+        })
+        .await
+    }
+
+    /// Whose session has that hash, unless it has expired.
+    pub async fn session(&self, hash: [u8; 32], now_ms: i64) -> Result<Option<Holder>, StoreError> {
+        self.read(|db| {
+            let mut statement = db.prepare_cached(&format!(
+                "SELECT {COLUMNS} FROM session LEFT JOIN api_key ON api_key.id = session.key_id \
+                 WHERE session.hash = ?1 AND expires_at_ms > ?2"
+            ))?;
+            let holder = |row: &Row<'_>| match row.get::<_, Option<i64>>(0)? {
+                Some(_) => Ok(Holder::Key(StoredKey::of(row)?)),
+                None => Ok(Holder::Environment),
+            };
+            statement.query_and_then(params![hash, now_ms], holder)?.next().transpose()
+        })
+    }
+
+    /// Ends a session.
+    pub async fn end_session(&self, hash: [u8; 32]) -> Result<(), StoreError> {
+        self.write(move |db| {
+            db.execute("DELETE FROM session WHERE hash = ?1", [hash])?;
+            Ok(())
+        })
+        .await
+    }
+}
+
+const SUMMARIES: &str =
+    "SELECT id, name, access, created_at_ms, last_used_at_ms, revoked_at_ms FROM api_key";
+
+fn insert(
+    db: &Connection,
+    name: &str,
+    hash: [u8; 32],
+    access: Access,
+    is_first: bool,
+    now_ms: i64,
+) -> Result<(), StoreError> {
+    db.execute(
+        "INSERT INTO api_key (name, hash, access, is_first, created_at_ms) \
+         VALUES (?1, ?2, ?3, ?4, ?5)",
+        params![name, hash, access.word(), is_first, now_ms],
+    )?;
+    Ok(())
+}
+
+fn summary(db: &Connection, id: i64) -> Result<Option<KeySummary>, StoreError> {
+    let mut statement = db.prepare_cached(&format!("{SUMMARIES} WHERE id = ?1"))?;
+    statement.query_and_then([id], summary_of)?.next().transpose()
+}
+
+fn summary_of(row: &Row<'_>) -> Result<KeySummary, StoreError> {
+    Ok(KeySummary {
+        id: row.get(0)?,
+        name: row.get(1)?,
+        access: access_of(row.get(2)?)?,
+        created_at_ms: row.get(3)?,
+        last_used_at_ms: row.get(4)?,
+        revoked_at_ms: row.get(5)?,
+    })
+}
+
+fn access_of(word: String) -> Result<Access, StoreError> {
+    let access = Access::ALL.into_iter().find(|access| access.word() == word);
+    access.ok_or_else(|| StoreError::unknown_word(&word))
+}

@@ -1,0 +1,206 @@
+//! Who may do what in the laboratory, and who did it.
+
+use crate::invalid::Invalid;
+use serde::{Deserialize, Serialize};
+
+/// What an experimenter's key may do; each right includes those before it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Access {
+    /// Look at studies, participants, trials and analyses.
+    Read,
+    /// Also take data away: exports, and the table of participants.
+    Export,
+    /// Also change and delete: studies, pilots, analyses and keys.
+    Manage,
+}
+
+impl Access {
+    /// All of them, from the smallest.
+    pub const ALL: [Self; 3] = [Self::Read, Self::Export, Self::Manage];
+
+    /// The word in JSON and in the database.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Read => "read",
+            Self::Export => "export",
+            Self::Manage => "manage",
+        }
+    }
+}
+
+/// Answer to a sign-in, and to a check of the session.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Session {
+    /// Always true: without a session the answer is 401.
+    pub signed_in: bool,
+    /// The name of the key that signed in.
+    pub name: String,
+    /// What that key may do.
+    pub access: Access,
+}
+
+/// Longest name of a key, characters.
+const MAX_KEY_NAME_CHARS: usize = 64;
+
+/// The request for a further key.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct NewKey {
+    /// Who or what will use it, such as `Ada` or `nightly export`: 1 to 64 characters, no other key's.
+    pub name: String,
+    /// What it may do.
+    pub access: Access,
+}
+
+impl NewKey {
+    /// Accepts a name of one line.
+    ///
+    /// # Errors
+    /// [`Invalid`] naming the field.
+    pub fn check(&self) -> Result<(), Invalid> {
+        let count = self.name.chars().count();
+        if !(1..=MAX_KEY_NAME_CHARS).contains(&count) || self.name.trim() != self.name {
+            let expected =
+                format!("1 to {MAX_KEY_NAME_CHARS} characters without spaces around them");
+            return Err(Invalid::new("name", expected, format!("{count} characters")));
+        }
+        if self.name.chars().any(char::is_control) {
+            return Err(Invalid::new("name", "one line of text", "a control character"));
+        }
+        Ok(())
+    }
+}
+
+/// A key in the list of keys. The key itself is stored as a hash only.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct KeySummary {
+    /// Its number in addresses.
+    pub id: i64,
+    /// Who or what uses it.
+    pub name: String,
+    /// What it may do.
+    pub access: Access,
+    /// When it was made, ms since 1970.
+    pub created_at_ms: i64,
+    /// When it was last used, to the minute, ms since 1970; absent if never.
+    pub last_used_at_ms: Option<i64>,
+    /// When it was revoked, ms since 1970; absent while it is valid.
+    pub revoked_at_ms: Option<i64>,
+}
+
+/// Answer to the request for a further key.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct KeyMade {
+    /// Its entry in the list.
+    pub key: KeySummary,
+    /// The key itself, which no later answer contains.
+    pub secret: String,
+}
+
+/// What was done, in the audit trail.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Action {
+    /// Somebody signed in to the laboratory.
+    SignedIn,
+    /// A key was made; the subject is its name.
+    KeyMade,
+    /// A key was revoked; the subject is its name.
+    KeyRevoked,
+    /// Data left the server; the subject is what and in which format.
+    Exported,
+    /// All pilots of a study were deleted; the subject is their number.
+    PilotsDeleted,
+    /// An analysis was requested; the subject is its id.
+    AnalysisRequested,
+    /// An analysis was cancelled; the subject is its id.
+    AnalysisCancelled,
+    /// An analysis was deleted; the subject is its id.
+    AnalysisDeleted,
+    /// The key's right did not suffice; the subject is method and path.
+    Refused,
+}
+
+impl Action {
+    /// All of them.
+    pub const ALL: [Self; 9] = [
+        Self::SignedIn,
+        Self::KeyMade,
+        Self::KeyRevoked,
+        Self::Exported,
+        Self::PilotsDeleted,
+        Self::AnalysisRequested,
+        Self::AnalysisCancelled,
+        Self::AnalysisDeleted,
+        Self::Refused,
+    ];
+
+    /// The word in JSON and in the database.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::SignedIn => "signed_in",
+            Self::KeyMade => "key_made",
+            Self::KeyRevoked => "key_revoked",
+            Self::Exported => "exported",
+            Self::PilotsDeleted => "pilots_deleted",
+            Self::AnalysisRequested => "analysis_requested",
+            Self::AnalysisCancelled => "analysis_cancelled",
+            Self::AnalysisDeleted => "analysis_deleted",
+            Self::Refused => "refused",
+        }
+    }
+}
+
+/// A line of the audit trail.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct AuditEntry {
+    /// Its number; later entries have higher ones.
+    pub sequence: i64,
+    /// When, ms since 1970.
+    pub at_ms: i64,
+    /// The name of the key.
+    pub who: String,
+    /// What was done.
+    pub action: Action,
+    /// The study, if it concerns one.
+    pub study: Option<String>,
+    /// To what, if the action does not say it.
+    pub subject: Option<String>,
+}
+
+/// A page of the audit trail, newest first.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct AuditPage {
+    /// The entries of this page.
+    pub entries: Vec<AuditEntry>,
+    /// Pass as `before` for the next page; absent on the last.
+    pub next_before: Option<i64>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_are_those_of_json() {
+        for access in Access::ALL {
+            assert_eq!(serde_json::to_value(access).unwrap(), access.word());
+        }
+        for action in Action::ALL {
+            assert_eq!(serde_json::to_value(action).unwrap(), action.word());
+        }
+        assert!(Access::Read < Access::Export && Access::Export < Access::Manage);
+    }
+
+    #[test]
+    fn a_key_has_a_name_of_one_line() {
+        let with = |name: &str| NewKey { name: name.to_owned(), access: Access::Read }.check();
+        assert_eq!(with("Zoë's script"), Ok(()));
+        for name in ["", " a", "a\nb", "a\u{0}", &"x".repeat(65)] {
+            assert_eq!(with(name).unwrap_err().field, "name", "{name:?}");
+        }
+    }
+}

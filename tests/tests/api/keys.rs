@@ -1,0 +1,168 @@
+//! Keys with names and rights, and the audit trail.
+
+use reqwest::Method;
+use serde_json::{Value, json};
+use sidestep::api::{Access, Action, AuditPage, KeyMade, KeySummary, Session, routes};
+use sidestep_tests::server::SHORT_STUDY;
+use sidestep_tests::{Answer, Server};
+
+async fn ask(server: &Server, key: &str, method: Method, route: &str, body: Value) -> Answer {
+    let request = server.request(method, route).bearer_auth(key);
+    Answer::of(if body.is_null() { request } else { request.json(&body) }).await
+}
+
+async fn made(server: &Server, name: &str, access: Access) -> KeyMade {
+    let body = json!({ "name": name, "access": access.word() });
+    ask(server, &server.key, Method::POST, routes::ADMIN_KEYS, body).await.into(201)
+}
+
+async fn get(server: &Server, key: &str, route: &str) -> Answer {
+    ask(server, key, Method::GET, route, Value::Null).await
+}
+
+/// What the trail says, oldest first.
+async fn trail(server: &Server) -> Vec<(String, Action, Option<String>)> {
+    let page: AuditPage = get(server, &server.key, routes::AUDIT).await.into(200);
+    page.entries.into_iter().rev().map(|entry| (entry.who, entry.action, entry.subject)).collect()
+}
+
+#[tokio::test]
+async fn a_key_may_do_what_its_right_says() {
+    let server = Server::with_study(SHORT_STUDY).await;
+    let analyses = routes::admin_analyses("default");
+    // What needs which right, and the answer to a key that has it.
+    let table = [
+        (Access::Read, Method::GET, routes::ADMIN_STUDIES.to_owned(), Value::Null, 200),
+        (Access::Read, Method::GET, routes::admin_trials("default"), Value::Null, 200),
+        (Access::Read, Method::GET, analyses.clone(), Value::Null, 200),
+        (Access::Read, Method::GET, routes::SELF_CHECK.to_owned(), Value::Null, 200),
+        (Access::Export, Method::GET, routes::export("default"), Value::Null, 200),
+        (
+            Access::Export,
+            Method::GET,
+            format!("{}?format=csv", routes::admin_participants("default")),
+            Value::Null,
+            200,
+        ),
+        (Access::Manage, Method::DELETE, routes::admin_pilots("default"), Value::Null, 200),
+        (Access::Manage, Method::POST, analyses, json!({}), 201),
+        (Access::Manage, Method::GET, routes::ADMIN_KEYS.to_owned(), Value::Null, 200),
+        (Access::Manage, Method::GET, routes::AUDIT.to_owned(), Value::Null, 200),
+    ];
+    for access in Access::ALL {
+        let KeyMade { secret, .. } = made(&server, access.word(), access).await;
+        let session: Session = get(&server, &secret, routes::SESSION).await.into(200);
+        assert_eq!((session.name.as_str(), session.access), (access.word(), access));
+        for (needed, method, route, body, status) in table.clone() {
+            let answer = ask(&server, &secret, method.clone(), &route, body).await;
+            if access >= needed {
+                assert!([200, status].contains(&answer.status), "{method} {route}");
+            } else {
+                answer.problem(403, "access", None);
+            }
+        }
+    }
+    let refused = |(who, action, subject): (String, Action, Option<String>)| {
+        (action == Action::Refused).then_some((who, subject.unwrap()))
+    };
+    let refused: Vec<_> = trail(&server).await.into_iter().filter_map(refused).collect();
+    assert_eq!(refused.len(), 6 + 4);
+    let path = "/api/v1/admin/studies/default/export".to_owned();
+    assert_eq!(refused[0], ("read".to_owned(), format!("GET {path}")), "without the query");
+}
+
+#[tokio::test]
+async fn the_trail_says_who_did_what() {
+    let server = Server::with_study(SHORT_STUDY).await;
+    let ada = made(&server, "Ada", Access::Manage).await;
+    let pilots = routes::admin_pilots("default");
+    ask(&server, &ada.secret, Method::DELETE, &pilots, Value::Null).await;
+    get(&server, &ada.secret, &routes::export("default")).await;
+    let revoke = routes::admin_key(&ada.key.id.to_string());
+    for _ in 0..2 {
+        let revoked = ask(&server, &server.key, Method::DELETE, &revoke, Value::Null).await;
+        assert_eq!(revoked.status, 204);
+    }
+    let entry =
+        |who: &str, action, subject: &str| (who.to_owned(), action, Some(subject.to_owned()));
+    let expected = [
+        entry("first key", Action::KeyMade, "Ada"),
+        entry("Ada", Action::PilotsDeleted, "0"),
+        entry("Ada", Action::Exported, "trials as CSV"),
+        entry("first key", Action::KeyRevoked, "Ada"),
+    ];
+    assert_eq!(trail(&server).await, expected);
+    let page: AuditPage =
+        get(&server, &server.key, &format!("{}?limit=3", routes::AUDIT)).await.into(200);
+    assert_eq!(page.entries[1].study.as_deref(), Some("default"));
+    let next = format!("{}?limit=3&before={}", routes::AUDIT, page.next_before.unwrap());
+    let last: AuditPage = get(&server, &server.key, &next).await.into(200);
+    assert_eq!((last.entries.len(), last.next_before), (1, None));
+}
+
+#[tokio::test]
+async fn a_revoked_key_and_its_sessions_open_nothing() {
+    let server = Server::with_study(SHORT_STUDY).await;
+    let ada = made(&server, "Ada", Access::Read).await;
+    let sign_in = server.request(Method::POST, routes::SESSION).json(&json!({ "key": ada.secret }));
+    let signed_in = sign_in.send().await.unwrap();
+    let cookie = signed_in.headers()["set-cookie"].to_str().unwrap().to_owned();
+    let cookie = cookie.split(';').next().unwrap().to_owned();
+    let with_cookie = async || {
+        let request = server.request(Method::GET, routes::SESSION).header("cookie", &cookie);
+        Answer::of(request).await
+    };
+    let session: Session = with_cookie().await.into(200);
+    assert_eq!((session.name.as_str(), session.access), ("Ada", Access::Read));
+    let keys: Vec<KeySummary> = get(&server, &server.key, routes::ADMIN_KEYS).await.into(200);
+    assert_eq!(keys.iter().map(|key| &key.name[..]).collect::<Vec<_>>(), ["first key", "Ada"]);
+    assert!(keys.iter().all(|key| key.last_used_at_ms.is_some()));
+
+    let revoke = routes::admin_key(&ada.key.id.to_string());
+    ask(&server, &server.key, Method::DELETE, &revoke, Value::Null).await;
+    with_cookie().await.problem(401, "unauthorized", None);
+    get(&server, &ada.secret, routes::SESSION).await.problem(401, "unauthorized", None);
+    let keys: Vec<KeySummary> = get(&server, &server.key, routes::ADMIN_KEYS).await.into(200);
+    assert!(keys[0].revoked_at_ms.is_none() && keys[1].revoked_at_ms.is_some());
+}
+
+#[tokio::test]
+async fn keys_are_refused_with_a_reason() {
+    let server = Server::with_study(SHORT_STUDY).await;
+    let make =
+        async |body: Value| ask(&server, &server.key, Method::POST, routes::ADMIN_KEYS, body).await;
+    for (body, field) in [
+        (json!({ "name": "", "access": "read" }), "name"),
+        (json!({ "name": "a\nb", "access": "read" }), "name"),
+        (json!({ "name": "x".repeat(65), "access": "read" }), "name"),
+        (json!({ "name": "a", "access": "write" }), "access"),
+        (json!({ "name": "a" }), "access"),
+        (json!({ "name": "a", "access": "read", "until": 1 }), "until"),
+    ] {
+        make(body).await.problem(422, "invalid", Some(field));
+    }
+    made(&server, "Ada", Access::Read).await;
+    for name in ["Ada", "first key"] {
+        make(json!({ "name": name, "access": "read" })).await.problem(409, "taken", None);
+    }
+    let delete = async |id: &str| {
+        ask(&server, &server.key, Method::DELETE, &routes::admin_key(id), Value::Null).await
+    };
+    delete("1").await.problem(409, "first_key", None);
+    for id in ["99", "x", "-1", "99999999999999999999"] {
+        delete(id).await.problem(404, "not_found", None);
+    }
+}
+
+#[tokio::test]
+async fn the_key_in_the_environment_takes_the_place_of_the_first_key() {
+    let server = Server::with_study(SHORT_STUDY).await;
+    let (first, ada) = (server.key.clone(), made(&server, "Ada", Access::Read).await);
+    let server = server.restarted_with(Some("a key of the environment"), |_| {}).await;
+    get(&server, &first, routes::SESSION).await.problem(401, "unauthorized", None);
+    let session: Session = get(&server, &ada.secret, routes::SESSION).await.into(200);
+    assert_eq!(session.name, "Ada");
+    let session: Session =
+        get(&server, "a key of the environment", routes::SESSION).await.into(200);
+    assert_eq!((session.name.as_str(), session.access), ("SIDESTEP_ADMIN_KEY", Access::Manage));
+}
