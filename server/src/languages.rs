@@ -7,8 +7,9 @@ pub mod page;
 pub mod library;
 
 use self::sentences::Sentences;
+use crate::formats::study_toml::StudyFile;
 use sidestep::invalid::Invalid;
-use sidestep::study::StudyConfig;
+use sidestep::study::{StudyConfig, closest_language};
 use std::path::{Path, PathBuf};
 
 /// The languages of the program by tag, English first. To add one, add its file and a line here.
@@ -109,6 +110,49 @@ impl Languages {
         Ok(())
     }
 
+    /// Reads a study file for these languages: the one check of every command that takes a study file.
+    /// Missing translations are said on standard error.
+    ///
+    /// # Errors
+    /// One line naming the file, the line, the field, what was expected and found.
+    pub fn read_study(&self, path: &Path) -> Result<StudyFile, String> {
+        let file = StudyFile::read(path)?;
+        self.check(file.config()).map_err(|invalid| file.complaint(&invalid))?;
+        for (field, what) in self.untranslated(file.config()) {
+            eprintln!("{}", file.warning(&field, &what));
+        }
+        Ok(file)
+    }
+
+    /// The texts of a study that are missing in a language that the study offers: the field, and what
+    /// participants read instead.
+    fn untranslated(&self, study: &StudyConfig) -> Vec<(String, String)> {
+        let offered = self.offered(study);
+        let first = offered.first().copied().unwrap_or("en");
+        let mut found = Vec::new();
+        for (field, text) in study.localised().into_iter().filter(|(_, text)| !text.is_empty()) {
+            let there = || text.0.keys().map(String::as_str);
+            let missing: Vec<_> = offered
+                .iter()
+                .copied()
+                .filter(|language| closest_language(there(), language).is_none())
+                .collect();
+            if missing.is_empty() {
+                continue;
+            }
+            let shown =
+                closest_language(there(), first).or_else(|| there().next()).unwrap_or(first);
+            let what = format!(
+                "no text in {}, which the study offers; participants who read {} see the text in \
+                 {shown}",
+                missing.join(", "),
+                if missing.len() == 1 { "it" } else { "these" },
+            );
+            found.push((field, what));
+        }
+        found
+    }
+
     /// The languages to choose from in a study. A study that was stored with languages that are missing
     /// now offers the others.
     #[must_use]
@@ -128,7 +172,14 @@ fn files(folder: &Path) -> Result<Vec<(String, PathBuf)>, String> {
     for entry in std::fs::read_dir(folder).map_err(unread)? {
         let file = entry.map_err(unread)?.path();
         let name = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        let Some(tag) = name.strip_suffix(".toml") else { continue };
+        // Editors keep such files beside the one that is edited.
+        if name.starts_with(['.', '#']) || name.ends_with(['~', '#']) {
+            continue;
+        }
+        let Some((tag, ending)) = name.rsplit_once('.') else { continue };
+        if !ending.eq_ignore_ascii_case("toml") {
+            continue;
+        }
         if !sidestep::study::is_language(tag) {
             let file = file.display();
             return Err(format!(
@@ -136,19 +187,36 @@ fn files(folder: &Path) -> Result<Vec<(String, PathBuf)>, String> {
                  zh-CN.toml, found {name}"
             ));
         }
-        found.push((tag.to_owned(), file));
+        found.push((canonical(tag), file));
     }
     if found.is_empty() {
         let folder = folder.display();
         return Err(format!("--languages {folder}: expected files such as de.toml, found none"));
     }
     found.sort();
+    if let Some(pair) = found.windows(2).find(|pair| pair[0].0 == pair[1].0) {
+        let (tag, first, second) = (&pair[0].0, pair[0].1.display(), pair[1].1.display());
+        return Err(format!("{second}: expected one file for {tag}, found {first} too"));
+    }
     Ok(found)
+}
+
+/// A language tag in the letters that BCP 47 recommends: `zh-CN`, `sr-Latn-RS`.
+fn canonical(tag: &str) -> String {
+    let part = |(i, part): (usize, &str)| match (i, part.len()) {
+        (1.., 2) => part.to_ascii_uppercase(),
+        (1.., 4) if part.starts_with(|c: char| c.is_ascii_alphabetic()) => {
+            part[..1].to_ascii_uppercase() + &part[1..].to_ascii_lowercase()
+        }
+        _ => part.to_ascii_lowercase(),
+    };
+    tag.split('-').enumerate().map(part).collect::<Vec<_>>().join("-")
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use sidestep::study::Localised;
 
     fn with(files: &[(&str, &str)]) -> Result<Languages, String> {
         let folder = tempfile::TempDir::new().unwrap();
@@ -192,6 +260,35 @@ mod tests {
     }
 
     #[test]
+    fn file_names_are_read_as_tags_in_any_letters() {
+        let name = |text: &str| format!("[language]\nname = \"{text}\"\n");
+        let (chinese, german) = (name("Chinese"), name("German"));
+        let files = [("zh-cn.TOML", &*chinese), ("DE.toml", &german), (".#de.toml", "?")];
+        let languages = with(&files).unwrap();
+        assert_eq!(languages.tags().collect::<Vec<_>>(), ["en", "de", "es", "zh-CN"]);
+        let found = |tag: &str| languages.get(tag).unwrap().get("language.name");
+        assert_eq!((found("zh-CN"), found("de")), (Some("Chinese"), Some("German")));
+        assert_eq!(canonical("SR-latn-rs"), "sr-Latn-RS");
+        let said = with(&[("EN.toml", ""), ("en.toml", "")]).unwrap_err();
+        assert!(said.contains("EN.toml") && said.contains("en.toml"), "{said}");
+    }
+
+    #[test]
+    fn missing_translations_are_named() {
+        let languages = Languages::load(None).unwrap();
+        let mut study = StudyConfig {
+            languages: vec!["en".into(), "de".into(), "es".into()],
+            ..StudyConfig::default()
+        };
+        assert_eq!(languages.untranslated(&study), []);
+        study.closing.debrief = Localised::of("en", "Thank you");
+        let found = languages.untranslated(&study);
+        assert_eq!(found.len(), 1);
+        assert_eq!(found[0].0, "closing.debrief");
+        assert!(found[0].1.starts_with("no text in de, es,"), "{found:?}");
+    }
+
+    #[test]
     fn complaints_name_file_and_sentence() {
         let check = |files: &[(&str, &str)], words: &[&str]| {
             let said = with(files).unwrap_err();
@@ -202,6 +299,7 @@ mod tests {
         check(&[("fr.toml", "[language]\nname = \"Français\"")], &["fr.toml: ", "as in English"]);
         check(&[("en.toml", "\n[language]\nname = 3")], &["en.toml:3: language.name", "text"]);
         check(&[("en.toml", "[language]\nnom = \"x\"")], &["en.toml: language.nom", "no such"]);
+        check(&[("en.toml", "[language]\nname = \"\"")], &["en.toml: language.name", "a text"]);
         check(&[("en.toml", "[language")], &["en.toml:1: expected TOML"]);
     }
 

@@ -243,7 +243,8 @@ fn expectation(expected: &dyn Expected) -> String {
     }
     match expected.as_str() {
         "f32" | "f64" => "a number",
-        "u8" | "u16" | "u32" | "u64" | "usize" => "a whole number ≥ 0",
+        "u32" => "a whole number from 0 to 4294967295",
+        "u8" | "u16" | "u64" | "usize" => "a whole number ≥ 0",
         "i8" | "i16" | "i32" | "i64" => "a whole number",
         "a boolean" => "true or false",
         "a sequence" => "a list, […]",
@@ -260,6 +261,8 @@ fn finding(found: Unexpected<'_>) -> String {
         Unexpected::Bool(flag) => flag.to_string(),
         Unexpected::Unsigned(number) => number.to_string(),
         Unexpected::Signed(number) => number.to_string(),
+        // 3.0 is not a whole number in TOML; as `3` the complaint would contradict itself.
+        Unexpected::Float(number) if number.fract() == 0.0 => format!("{number}.0"),
         Unexpected::Float(number) => number.to_string(),
         Unexpected::Str(text) => format!("{text:?}"),
         Unexpected::Unit | Unexpected::Option => "nothing".to_owned(),

@@ -136,12 +136,23 @@ impl StudyConfig {
     /// [`Invalid`] naming the field.
     pub fn check(&self) -> Result<(), Invalid> {
         let slug_ok = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-';
-        if !(1..=64).contains(&self.slug.len()) || !self.slug.chars().all(slug_ok) {
-            let expected = "1 to 64 lower-case letters, digits and hyphens";
+        if !(1..=64).contains(&self.slug.len())
+            || !self.slug.chars().all(slug_ok)
+            || self.slug.starts_with('-')
+            || self.slug.ends_with('-')
+        {
+            let expected = "1 to 64 lower-case letters, digits and hyphens, with a letter or digit \
+                            at both ends";
             return Err(Invalid::new("slug", expected, format!("{:?}", self.slug)));
         }
         if self.title.trim().is_empty() || self.title.chars().count() > 200 {
             return Err(Invalid::new("title", "1 to 200 characters", format!("{:?}", self.title)));
+        }
+        for (field, text) in [("title", &self.title), ("version", &self.version)] {
+            localised::check_visible(field, text)?;
+            if text.contains(['\n', '\r', '\t']) {
+                return Err(Invalid::new(field, "a text on one line", "a line break or tab"));
+            }
         }
         self.parameters.check().map_err(|e| e.within("parameters"))?;
         self.encounters.check().map_err(|e| e.within("encounters"))?;
@@ -194,9 +205,14 @@ impl StudyConfig {
         }
         self.closing.check()?;
         self.recruitment.check().map_err(|e| e.within("recruitment"))?;
+        self.check_places()?;
         for (language, sentences) in &self.texts {
             if !is_language(language) {
                 let expected = "a language tag such as en or zh-CN";
+                return Err(Invalid::new(format!("texts.{language}"), expected, language));
+            }
+            if !self.languages.is_empty() && !self.languages.contains(language) {
+                let expected = format!("one of languages ({})", self.languages.join(", "));
                 return Err(Invalid::new(format!("texts.{language}"), expected, language));
             }
             for (key, text) in sentences {
@@ -204,6 +220,46 @@ impl StudyConfig {
             }
         }
         Ok(())
+    }
+
+    /// Accepts texts whose places the page fills: `{radius}` in the check of understanding.
+    fn check_places(&self) -> Result<(), Invalid> {
+        for (field, texts) in self.localised() {
+            for (language, text) in &texts.0 {
+                let (text, expected) = if field.starts_with("comprehension") {
+                    (text.replace("{radius}", ""), "no place to fill but {radius}")
+                } else {
+                    (text.clone(), "no place to fill")
+                };
+                if let Some(place) = localised::first_place(&text) {
+                    let field = format!("{field}.{language}");
+                    return Err(Invalid::new(field, expected, format!("{{{place}}}")));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Every text by language with the path of its field, in the order of the page.
+    #[must_use]
+    pub fn localised(&self) -> Vec<(String, &Localised)> {
+        let mut texts = vec![("consent.text".to_owned(), &self.consent.text)];
+        for (i, question) in self.comprehension.questions.iter().enumerate() {
+            let field = format!("comprehension.questions[{i}]");
+            texts.push((format!("{field}.text"), &question.text));
+            let options = question.options.iter().enumerate();
+            texts.extend(options.map(|(k, text)| (format!("{field}.options[{k}]"), text)));
+        }
+        for (i, question) in self.questions.iter().enumerate() {
+            let field = format!("questions[{i}]");
+            texts.push((format!("{field}.text"), &question.text));
+            let options = question.options.iter().enumerate();
+            texts.extend(options.map(|(k, o)| (format!("{field}.options[{k}].text"), &o.text)));
+            texts.push((format!("{field}.low"), &question.low));
+            texts.push((format!("{field}.high"), &question.high));
+        }
+        texts.push(("closing.debrief".to_owned(), &self.closing.debrief));
+        texts
     }
 
     /// The language for people who read none that the study has.
@@ -283,6 +339,35 @@ mod tests {
             study.check().unwrap_err().field
         };
         assert_eq!(complain(|s| s.slug = "Pilot 2".into()), "slug");
+        for slug in ["-", "-a", "a-"] {
+            let study = StudyConfig { slug: slug.into(), ..StudyConfig::default() };
+            assert_eq!(study.check().unwrap_err().field, "slug", "{slug}");
+        }
+        for title in ["a\0", "a\u{202e}b", "two\nlines"] {
+            let study = StudyConfig { title: title.into(), ..StudyConfig::default() };
+            assert_eq!(study.check().unwrap_err().field, "title", "{title:?}");
+        }
+        assert_eq!(
+            complain(|s| {
+                s.recruitment.require_external_id = true;
+                s.recruitment.external_id.clear();
+            }),
+            "recruitment.external_id"
+        );
+        assert_eq!(
+            complain(|s| {
+                s.comprehension.standard = false;
+                s.comprehension.attempts = 1;
+            }),
+            "comprehension.attempts"
+        );
+        assert_eq!(
+            complain(|s| {
+                s.languages = vec!["de".into()];
+                s.texts.insert("en".into(), BTreeMap::new());
+            }),
+            "texts.en"
+        );
         assert_eq!(complain(|s| s.phases[1].scenes = 0), "phases[1].scenes");
         assert_eq!(complain(|s| s.phases.reverse()), "phases[1].phase");
         assert_eq!(complain(|s| s.parameters.human.speed_mps = -2.0), "parameters.human.speed_mps");

@@ -7,7 +7,7 @@ use super::solving::Interrupt;
 use super::{CommandError, print_json, unwritable};
 use crate::figure;
 use crate::formats::atomic_folder::Draft;
-use crate::formats::study_toml::StudyFile;
+use crate::languages::Languages;
 use crate::threads;
 use balance::Balance;
 use sidestep::chart::Drawing;
@@ -47,6 +47,10 @@ pub struct DesignArgs {
     /// Folder for the files; made if it does not exist.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
+    /// Folder with language files, as for `sidestep serve`: the study's texts are checked against
+    /// them.
+    #[arg(long, value_name = "DIR")]
+    languages: Option<PathBuf>,
     /// Number of participants whose scenes are drawn, 1 to 10000 [default: one block of the phase
     /// with most scenes, which is its number of scenes if that is even and otherwise twice it; 50 if
     /// that is more than 100].
@@ -72,7 +76,8 @@ struct PhaseDesign {
 /// [`CommandError`] for a bad flag or study (input), or files that cannot be written (failure).
 pub async fn run(args: DesignArgs) -> Result<(), CommandError> {
     let interrupt = Interrupt::listen();
-    let file = StudyFile::read(&args.study).map_err(CommandError::Input)?;
+    let languages = Languages::load(args.languages.as_deref()).map_err(CommandError::Input)?;
+    let file = languages.read_study(&args.study).map_err(CommandError::Input)?;
     let participants = participants(file.config(), args.participants)?;
     let draft = Draft::begin(&args.out).map_err(|e| unwritable(&args.out, &e))?;
     let work = move || {
@@ -87,6 +92,9 @@ pub async fn run(args: DesignArgs) -> Result<(), CommandError> {
     let found = interrupt.unless_stopped(threads::run("design", None, work)).await;
     let (draft, phases) = found?.map_err(CommandError::failure)??;
     draft.keep(&[], &interrupt.token).map_err(|e| interrupt.unwritten(&args.out, &e))?;
+    for balance in &phases {
+        balance.explain();
+    }
     print_json(&serde_json::json!({
         "folder": args.out,
         "files": files::FILES,

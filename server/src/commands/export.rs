@@ -64,5 +64,5 @@ pub async fn run(args: ExportArgs) -> Result<(), CommandError> {
     if filled == 1 {
         eprintln!("{}: study {} has no trials yet", path.display(), args.study);
     }
-    print_json(&serde_json::json!({ "file": path, "octets": bytes }))
+    print_json(&serde_json::json!({ "file": path, "bytes": bytes }))
 }

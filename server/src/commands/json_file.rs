@@ -52,7 +52,7 @@ impl JsonArgs {
         };
         atomic_file::write(out, &CancellationToken::new(), |file| writeln!(file, "{line}"))
             .map_err(|e: std::io::Error| unwritable(out, &e))?;
-        print_json(&serde_json::json!({ "file": out, "octets": line.len() + 1 }))
+        print_json(&serde_json::json!({ "file": out, "bytes": line.len() + 1 }))
     }
 }
 

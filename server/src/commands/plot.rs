@@ -74,7 +74,7 @@ pub async fn run(args: PlotArgs) -> Result<(), CommandError> {
     };
     atomic_file::write(&args.out, &interrupt.token, |out| out.write_all(&bytes))
         .map_err(|e| interrupt.check().err().unwrap_or_else(|| unwritable(&args.out, &e)))?;
-    print_json(&serde_json::json!({ "file": args.out, "octets": bytes.len() }))
+    print_json(&serde_json::json!({ "file": args.out, "bytes": bytes.len() }))
 }
 
 async fn level_sets(args: &PlotArgs, interrupt: &Interrupt) -> Result<Drawing, CommandError> {

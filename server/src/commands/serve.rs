@@ -118,12 +118,8 @@ pub async fn start(args: &ServeArgs, key: Option<&str>) -> Result<Running, Comma
         return Err(CommandError::Input(message.to_owned()));
     }
     let languages = Languages::load(args.languages.as_deref()).map_err(CommandError::Input)?;
-    let given = args.study.as_deref().map(StudyFile::read).transpose();
+    let given = args.study.as_deref().map(|path| languages.read_study(path)).transpose();
     let given = given.map_err(CommandError::Input)?;
-    if let Some(file) = &given {
-        let checked = languages.check(file.config());
-        checked.map_err(|invalid| CommandError::Input(file.complaint(&invalid)))?;
-    }
     let folder = args.site.clone().unwrap_or_else(default_folder);
     let site = Site::open(&folder).map_err(CommandError::Failure)?;
     let listener = TcpListener::bind(&args.listen).await.map_err(|error| {

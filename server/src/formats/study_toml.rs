@@ -4,6 +4,7 @@ use super::toml_lines::{TomlLines, one_line};
 use serde::Deserialize;
 use sidestep::document::from_value;
 use sidestep::invalid::Invalid;
+use sidestep::scene::EncounterRange;
 use sidestep::study::StudyConfig;
 use std::path::Path;
 use toml::{Table, Value};
@@ -36,19 +37,18 @@ impl StudyFile {
         &self.config
     }
 
+    /// A remark about a field of the study, with its file and line.
+    #[must_use]
+    pub fn warning(&self, field: &str, what: &str) -> String {
+        let line = TomlLines::parse(&self.text).map_or(1, |lines| lines.line_of(field));
+        format!("{}:{line}: {field}: warning: {what}", self.name)
+    }
+
     /// A complaint about a field of the study, with its file and line.
     #[must_use]
     pub fn complaint(&self, invalid: &Invalid) -> String {
         format!("{}:{}", self.name, located(&self.text, invalid))
     }
-}
-
-/// The study in a file, as [`StudyFile::read`].
-///
-/// # Errors
-/// As there.
-pub fn read_study(file: &Path) -> Result<StudyConfig, String> {
-    StudyFile::read(file).map(|file| file.config)
 }
 
 /// A complaint with the line of its field.
@@ -60,6 +60,11 @@ fn located(text: &str, invalid: &Invalid) -> String {
 fn parse(text: &str) -> Result<StudyConfig, String> {
     let lines = TomlLines::parse(text).map_err(|complaint| complaint.to_string())?;
     let located = |invalid: Invalid| located(text, &invalid);
+    if let Some(leaf) = lines.too_large() {
+        let expected = "a whole number from -9223372036854775808 to 9223372036854775807";
+        let invalid = Invalid::new(leaf.key, expected, "a number outside that range");
+        return Err(format!("{}: {invalid}", leaf.line));
+    }
     let given: Table = toml::from_str(text).map_err(|error| one_line(error.message()))?;
     if !given.contains_key("slug") {
         // Without it, every such file would be about the same study.
@@ -80,7 +85,13 @@ fn parse(text: &str) -> Result<StudyConfig, String> {
     study.check().map_err(located)?;
     study.check_plausible().map_err(located)?;
     // A study without scenes would start, and then enrol nobody.
-    study.stratified(0).map_err(located)?;
+    study.stratified(0).map_err(|mut invalid| {
+        let usual = StudyConfig { encounters: EncounterRange::default(), ..study.clone() };
+        if invalid.field == "parameters" && usual.stratified(0).is_ok() {
+            "encounters".clone_into(&mut invalid.field);
+        }
+        located(invalid)
+    })?;
     Ok(study)
 }
 
@@ -144,7 +155,32 @@ mod tests {
         // Likely mistakes, with the reason.
         after(3, "[parameters.human]\nturn_rate_radps = 28.6", &["rad/s", "as degrees"]);
         after(3, "[parameters]\nsteps = 5", &["steps", "a scene of 1 s"]);
+        after(3, "[recruitment]\nquota = 18446744073709551615", &["recruitment.quota", "range"]);
+        let large = "phases = [\n{ phase = \"task\",\nscenes = 99999999999999999999 }]";
+        after(4, large, &["phases[0].scenes", "9223372036854775807"]);
+        after(2, "seed = 4294967296", &["seed", "0 to 4294967295", "found 4294967296"]);
+        after(3, "[trials]\ncountdown_s = 3.0", &["trials.countdown_s", "whole", "found 3.0"]);
+        // What would have no effect, or mislead.
+        let question =
+            |rest: &str| format!("[[questions]]\nname = \"q\"\ntext = {{ en = \"Q\" }}\n{rest}");
+        after(6, &question("kind = \"text\"\nfrom = 2"), &["questions[0].from", "scale"]);
+        after(6, &question("kind = \"scale\"\nmax_chars = 9"), &["questions[0].max_chars"]);
+        let least = question("kind = \"scale\"\nfrom = -9223372036854775808");
+        after(6, &least, &["questions[0].from", "-1000 to 1000"]);
+        let equal = "kind = \"choice\"\noptions = [{ value = \"a\", text = { en = \"A\" } },\n\
+                     { value = \"b\", text = { en = \" A\" } }]";
+        after(7, &question(equal), &["questions[0].options[1].text.en", "another text"]);
+        after(
+            4,
+            "[[questions]]\nname = \"q\"\ntext = { en = \"{zzz}?\" }\nkind = \"text\"",
+            &["questions[0].text.en", "{zzz}"],
+        );
+        let check = "[[comprehension.questions]]\ntext = { en = \"{radius}?\" }\nanswer = 0\n\
+                     options = [{ en = \"1\" }, { en = \"1 \" }]";
+        after(5, check, &["comprehension.questions[0].options[1].en", "another text"]);
         // No scene fits.
+        let none = "[encounters]\nmin_start_distance_m = 900.0\nmax_start_distance_m = 1000.0";
+        after(2, none, &["encounters: "]);
         after(2, "[parameters]\ndanger_radius_m = 30.0", &["danger radius", "duration"]);
     }
 

@@ -83,6 +83,35 @@ impl<'a> TomlLines<'a> {
         found
     }
 
+    /// The first whole number that has no place in 64 bits. TOML's own complaint names no field.
+    #[must_use]
+    pub fn too_large(&self) -> Option<Leaf> {
+        self.root
+            .get_ref()
+            .iter()
+            .find_map(|(name, value)| self.too_large_in(name.get_ref(), value))
+    }
+
+    fn too_large_in(&self, key: &str, value: &Spanned<DeValue<'_>>) -> Option<Leaf> {
+        match value.get_ref() {
+            DeValue::Integer(number) => {
+                i64::from_str_radix(number.as_str(), number.radix()).is_err().then(|| Leaf {
+                    key: key.to_owned(),
+                    line: line_at(self.text, &value.span()),
+                    text: None,
+                })
+            }
+            DeValue::Array(list) => list
+                .iter()
+                .enumerate()
+                .find_map(|(i, value)| self.too_large_in(&format!("{key}[{i}]"), value)),
+            DeValue::Table(table) => table.iter().find_map(|(name, value)| {
+                self.too_large_in(&format!("{key}.{}", name.get_ref()), value)
+            }),
+            _ => None,
+        }
+    }
+
     fn collect(&self, path: &str, table: &DeTable<'_>, found: &mut Vec<Leaf>) {
         for (name, value) in table {
             let key = match path {

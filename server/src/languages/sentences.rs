@@ -16,6 +16,10 @@ pub struct Sentences(BTreeMap<String, String>);
 /// The forms that depend on a number.
 const FORMS: [&str; 6] = ["zero", "one", "two", "few", "many", "other"];
 
+/// Sentences of which a study may leave out a place, because they stay true without it.
+const MAY_OMIT: [(&str, &str); 3] =
+    [("instructions.zone", "radius"), ("check_zone.right", "radius"), ("ready.how", "seconds")];
+
 impl Sentences {
     /// The sentences of a language file.
     ///
@@ -28,7 +32,7 @@ impl Sentences {
             let complain = |what: String| Complaint { line: leaf.line, what };
             let key = &leaf.key;
             let sentence = leaf.text.ok_or_else(|| complain(format!("{key}: expected a text")))?;
-            places(&sentence).map_err(|what| complain(format!("{key}: {what}")))?;
+            places(&sentence).map_err(|what| complain(format!("{key}: expected {what}")))?;
             sentences.insert(leaf.key, sentence);
         }
         Ok(Self(sentences))
@@ -102,9 +106,18 @@ impl Sentences {
         };
         let filled = places(self.get(&like).unwrap_or_default()).unwrap_or_default();
         let found = places(text).map_err(|what| Invalid::new(key, what, format!("{text:?}")))?;
-        match found.difference(&filled).next() {
+        if let Some(place) = found.difference(&filled).next() {
+            return Err(Invalid::new(key, listed(&filled), format!("{{{place}}}")));
+        }
+        // `page.between`, which joins sentences, is a space or nothing.
+        if text.trim().is_empty() && self.get(&like).is_some_and(|own| !own.trim().is_empty()) {
+            return Err(Invalid::new(key, "a text", format!("{text:?}")));
+        }
+        // "One scene" needs no number.
+        let may_omit = |place: &&str| like != key || MAY_OMIT.contains(&(key, *place));
+        match filled.difference(&found).find(|place| !may_omit(place)) {
+            Some(_) => Err(Invalid::new(key, listed(&filled), listed(&found))),
             None => Ok(()),
-            Some(place) => Err(Invalid::new(key, listed(&filled), format!("{{{place}}}"))),
         }
     }
 
@@ -139,7 +152,7 @@ fn places(sentence: &str) -> Result<BTreeSet<&str>, String> {
                 found.insert(name);
                 rest = after;
             }
-            _ => return Err("expected braces around names only, such as {seconds}".to_owned()),
+            _ => return Err("braces around names only, such as {seconds}".to_owned()),
         }
     }
     Ok(found)
@@ -186,7 +199,14 @@ mod tests {
         check(&[("left.one = \"one", "left.few = \"{n}")]).unwrap();
         refused(&[("Scene {n}", "Szene")], &["scene.title", "{n}", "no place"]);
         refused(&[("Scene {n}", "Szene {m}")], &["scene.title", "{n}", "{m}"]);
-        refused(&[("Scene {n}", "Szene {")], &["2: scene.title", "braces"]);
+        refused(&[("Scene {n}", "Szene {")], &["2: scene.title: expected braces"]);
+        refused(&[("Other\"", "\"")], &["page.other: expected a text"]);
+        let change = |key: &str, text: &str| english.check_change(key, text);
+        assert_eq!(change("scene.left.one", "one"), Ok(()));
+        let said = change("scene.left.other", "some").unwrap_err().to_string();
+        assert_eq!(said, "scene.left.other: expected the places {n}, found no place to fill");
+        let said = change("scene.title", "{").unwrap_err().to_string();
+        assert!(said.starts_with("scene.title: expected braces"), "{said}");
         refused(&[("left.other", "left.many")], &["scene.left.other", "expected a sentence"]);
         refused(&[("left.one = \"one", "left.few = \"{m}")], &["scene.left.few", "{n}", "{m}"]);
         refused(&[("left.one", "left.uno")], &["scene.left.uno", "no such sentence"]);

@@ -66,7 +66,8 @@ pub struct Enrolment<V = Value> {
     /// Parameters of the address that the study stores, by name.
     #[serde(default, skip_serializing_if = "Object::is_empty")]
     pub parameters: Object<String>,
-    /// A pilot: kept apart from the data, without completion code and return link.
+    /// A pilot: kept apart from the data; its completion code begins with `PILOT-`, and it has no return
+    /// link.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub pilot: bool,
     /// Language in which the participant read the consent text, such as `en` or `zh-CN`.

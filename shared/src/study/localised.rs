@@ -33,6 +33,30 @@ pub fn closest_language<'a>(
     same.or_else(|| offered.clone().find(|tag| first(tag) == first(wanted)))
 }
 
+/// Accepts a text without control characters (but line breaks and tabs) and without characters that
+/// reverse the direction of what follows: people would read something else than what is stored.
+///
+/// # Errors
+/// [`Invalid`] naming the character.
+pub(super) fn check_visible(field: &str, text: &str) -> Result<(), Invalid> {
+    let is_hidden = |c: char| {
+        (c.is_control() && !"\n\r\t".contains(c))
+            || matches!(c, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
+    };
+    text.chars().find(|c| is_hidden(*c)).map_or(Ok(()), |found| {
+        let expected = "a text without control characters";
+        Err(Invalid::new(field, expected, format!("U+{:04X}", u32::from(found))))
+    })
+}
+
+/// The first name in braces, such as `radius` in `{radius} m`.
+pub(super) fn first_place(text: &str) -> Option<&str> {
+    let names = text.split('{').skip(1).filter_map(|rest| rest.split_once('}'));
+    names.map(|(name, _)| name).find(|name| {
+        !name.is_empty() && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
+    })
+}
+
 impl Localised {
     /// A text in one language.
     #[must_use]
@@ -74,6 +98,32 @@ impl Localised {
             }
             if text.trim().is_empty() {
                 return Err(Invalid::new(field, "a text", "white space only"));
+            }
+            check_visible(&field, text)?;
+        }
+        Ok(())
+    }
+
+    /// Accepts a text that differs from each of the `others` in every language: people could not tell
+    /// equal options apart.
+    ///
+    /// # Errors
+    /// [`Invalid`] naming the language.
+    pub(super) fn check_new<'a>(
+        &self,
+        field: &str,
+        others: impl IntoIterator<Item = &'a Self>,
+    ) -> Result<(), Invalid> {
+        for other in others {
+            for (language, text) in &self.0 {
+                if other.0.get(language).is_some_and(|known| known.trim() == text.trim()) {
+                    let expected = "another text than the options before";
+                    return Err(Invalid::new(
+                        format!("{field}.{language}"),
+                        expected,
+                        format!("{text:?}"),
+                    ));
+                }
             }
         }
         Ok(())

@@ -1,7 +1,7 @@
 //! What happens around the scenes: consent, the check of understanding, the course of a trial, the
 //! closing page.
 
-use super::localised::Localised;
+use super::localised::{Localised, check_visible};
 use crate::invalid::Invalid;
 use serde::{Deserialize, Serialize};
 
@@ -93,6 +93,10 @@ impl Comprehension {
             let found = self.questions.len();
             return Err(Invalid::new("comprehension.questions", "at most 20 questions", found));
         }
+        if self.attempts > 0 && !self.standard && self.questions.is_empty() {
+            let expected = "0, or a check: standard = true or questions";
+            return Err(Invalid::new("comprehension.attempts", expected, self.attempts));
+        }
         for (i, question) in self.questions.iter().enumerate() {
             let field = format!("comprehension.questions[{i}]");
             question.text.check_given(&format!("{field}.text"), MAX_SENTENCE)?;
@@ -101,7 +105,9 @@ impl Comprehension {
                 return Err(Invalid::new(field, "2 to 8 answers", question.options.len()));
             }
             for (k, option) in question.options.iter().enumerate() {
-                option.check_given(&format!("{field}.options[{k}]"), MAX_SENTENCE)?;
+                let field = format!("{field}.options[{k}]");
+                option.check_given(&field, MAX_SENTENCE)?;
+                option.check_new(&field, &question.options[..k])?;
             }
             if question.answer >= question.options.len() {
                 let expected = format!("a place from 0 to {}", question.options.len() - 1);
@@ -173,8 +179,9 @@ impl Closing {
     }
 }
 
-/// Accepts a text of at most [`MAX_SENTENCE`] characters.
+/// Accepts a text of at most [`MAX_SENTENCE`] characters, none of them hidden.
 pub(super) fn check_length(field: &str, text: &str) -> Result<(), Invalid> {
+    check_visible(field, text)?;
     let count = text.chars().count();
     if count > MAX_SENTENCE {
         let expected = format!("at most {MAX_SENTENCE} characters");

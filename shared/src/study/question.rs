@@ -95,11 +95,16 @@ impl Question {
                     if self.options[..i].iter().any(|other| other.value == option.value) {
                         return Err(within(Invalid::new("value", "a new value", &option.value)));
                     }
+                    let others = self.options[..i].iter().map(|other| &other.text);
+                    option.text.check_new("text", others).map_err(within)?;
                 }
             }
             QuestionKind::Scale => {
-                let length = self.to.saturating_sub(self.from);
-                if !(1..=20).contains(&length) || self.from.abs() > 1000 {
+                if !(-1000..=1000).contains(&self.from) {
+                    let expected = "a whole number from -1000 to 1000";
+                    return Err(Invalid::new("from", expected, self.from));
+                }
+                if !(1..=20).contains(&self.to.saturating_sub(self.from)) {
                     let expected = format!("a number 1 to 20 above from ({})", self.from);
                     return Err(Invalid::new("to", expected, self.to));
                 }
@@ -107,11 +112,33 @@ impl Question {
                 self.high.check("high", MAX_SENTENCE)?;
             }
         }
-        let is_choice = self.kind == QuestionKind::Choice;
-        if !is_choice && !self.options.is_empty() {
-            return Err(Invalid::new("options", "options for kind = \"choice\" only", "options"));
+        self.check_unused()
+    }
+
+    /// Accepts a question without fields of another kind, which would have no effect.
+    fn check_unused(&self) -> Result<(), Invalid> {
+        use QuestionKind::{Choice, Scale, Text};
+        let fields = [
+            ("options", Choice, !self.options.is_empty()),
+            ("from", Scale, self.from != one()),
+            ("to", Scale, self.to != seven()),
+            ("low", Scale, !self.low.is_empty()),
+            ("high", Scale, !self.high.is_empty()),
+            ("max_chars", Text, self.max_chars != two_thousand()),
+        ];
+        let word = |kind| match kind {
+            Text => "text",
+            Choice => "choice",
+            Scale => "scale",
+        };
+        match fields.into_iter().find(|(_, kind, given)| *given && *kind != self.kind) {
+            None => Ok(()),
+            Some((field, kind, _)) => {
+                let expected = format!("this field for kind = \"{}\" only", word(kind));
+                let found = format!("kind = \"{}\"", word(self.kind));
+                Err(Invalid::new(field, expected, found))
+            }
         }
-        Ok(())
     }
 
     /// Accepts an answer of this question's kind: a string for a text, an option's value for a choice,

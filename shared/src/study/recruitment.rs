@@ -70,6 +70,10 @@ impl Recruitment {
                 }
             }
         }
+        if self.require_external_id && self.external_id.is_empty() {
+            let expected = "at least one name, since require_external_id is true";
+            return Err(Invalid::new("external_id", expected, "none"));
+        }
         for (i, host) in self.return_hosts.iter().enumerate() {
             let fits = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || ".-:".contains(c);
             if !(1..=255).contains(&host.len()) || !host.chars().all(fits) {

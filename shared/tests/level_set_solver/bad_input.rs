@@ -87,7 +87,7 @@ fn a_grid_beyond_the_memory_is_refused_at_once() {
         }
         settings.memory_limit_bytes = 1 << 30;
     });
-    // 10,006² nodes with ghosts, three stages and the target, four octets each.
+    // 10,006² nodes with ghosts, three stages and the target, four bytes each.
     let expected = "grid: expected at most 1024 MiB of memory, found 100120036 nodes, which need \
                     about 1528 MiB";
     assert_eq!(complaint.to_string(), expected);

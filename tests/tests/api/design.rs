@@ -16,7 +16,10 @@ async fn every_stratum_and_every_scene_is_listed() {
                 { phase = \"task\", scenes = 10 }]\n[encounters]\nmax_entry_s = 7.0\n";
     let study = folder.file("study.toml", text);
     let out = folder.path("design");
-    let line = design(&study, &folder.name("design"), &[]).await.only_json();
+    let said = design(&study, &folder.name("design"), &[]).await;
+    assert_eq!(said.err.lines().count(), 2, "one sentence for each phase: {}", said.err);
+    assert!(said.err.contains("of 100 scenes") && !said.err.contains("warning"), "{}", said.err);
+    let line = said.json();
     // One block of ten tasks.
     assert_eq!(line["participants"], 10);
     for file in line["files"].as_array().unwrap() {
@@ -104,5 +107,19 @@ async fn what_is_wrong_is_named_and_nothing_is_written() {
     ] {
         design(study, &out, flags).await.refused(2, words);
         assert!(!folder.path("out").exists());
+    }
+}
+
+#[tokio::test]
+async fn design_refuses_what_serve_refuses() {
+    let folder = Folder::default();
+    for (text, words) in [
+        ("languages = [\"xx\"]", ["languages[0]", "--languages"]),
+        ("[texts.en]\n\"welcome.laed\" = \"x\"", ["texts.en.welcome.laed", "sentence"]),
+        ("[texts.en]\n\"welcome.lead\" = \" \"", ["texts.en.welcome.lead", "a text"]),
+        ("[texts.en]\n\"ready.task\" = \"Go\"", ["texts.en.ready.task", "{i}, {n}"]),
+    ] {
+        let study = folder.file("wrong.toml", &format!("slug = \"a\"\n{text}\n"));
+        design(&study, &folder.name("out"), &[]).await.refused(2, &words);
     }
 }

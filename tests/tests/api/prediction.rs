@@ -122,7 +122,7 @@ async fn reach_reads_stdin_and_writes_files() {
     drop(stdin);
     let line = Said::from(child.wait_with_output().await.unwrap()).json();
     let written = folder.text("sets.json");
-    assert_eq!(line["octets"].as_u64(), Some(written.len() as u64));
+    assert_eq!(line["bytes"].as_u64(), Some(written.len() as u64));
     let written: Value = serde_json::from_str(&written).unwrap();
     assert_eq!(written, answer("reach", &reach()).await);
     assert_eq!(written["sets"][0]["queries"][0], json!({ "planar": true, "full": true }));

@@ -44,6 +44,17 @@ impl Range {
 }
 
 impl Balance {
+    /// Says on standard error what the counts mean, for people; programs read the JSON.
+    pub(super) fn explain(&self) {
+        let Self { phase, drawn, exchanged, unfilled, .. } = self;
+        let strata = 3 * drawn;
+        eprintln!(
+            "{phase}: {exchanged} of {drawn} scenes have another miss or entry stratum than planned, \
+             because no admissible scene has the planned ones; {unfilled} of {strata} strata (three for \
+             each scene of a participant) have no scene"
+        );
+    }
+
     pub(super) fn of(design: &PhaseDesign) -> Self {
         let scenes = design.phase.scenes;
         let all = || design.people.iter().flatten();
