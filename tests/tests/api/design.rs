@@ -80,10 +80,10 @@ async fn every_stratum_and_every_scene_is_listed() {
     assert!(svg.starts_with("<svg") && svg.contains("10 participants"));
 
     // The same study has the same scenes; another seed has others.
-    design(&study, &folder.name("again"), &["--participants", "2"]).await.only_json();
+    design(&study, &folder.name("again"), &["--participants", "2"]).await.json();
     assert_eq!(rows(folder.path("again/scenes.csv")), scenes[..26]);
     let study = folder.file("other.toml", format!("seed = 1\n{text}"));
-    design(&study, &folder.name("other"), &["--participants", "2"]).await.only_json();
+    design(&study, &folder.name("other"), &["--participants", "2"]).await.json();
     assert_ne!(rows(folder.path("other/scenes.csv")), scenes[..26]);
 }
 
@@ -103,7 +103,7 @@ async fn what_is_wrong_is_named_and_nothing_is_written() {
         (&none, &[], &["none.toml"]),
         (&degrees, &[], &["degrees.toml", "encounters.min_approach_rad", "radians", "20"]),
         (&unknown, &[], &["encounters", "min_angle"]),
-        (&short, &[], &["short.toml", "parameters", "duration"]),
+        (&short, &[], &["short.toml", "encounters", "duration"]),
     ] {
         design(study, &out, flags).await.refused(2, words);
         assert!(!folder.path("out").exists());
