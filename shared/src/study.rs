@@ -9,7 +9,7 @@ mod plausible;
 pub use localised::{Localised, closest_language, is_language};
 pub use protocol::{CheckQuestion, Closing, Comprehension, Consent, TrialSettings};
 pub use question::{Choice, Question, QuestionKind};
-pub use recruitment::{Recruitment, normalised_id};
+pub use recruitment::{Recruitment, is_id, normalised_id};
 
 use crate::invalid::Invalid;
 use crate::scene::{

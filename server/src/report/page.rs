@@ -28,17 +28,20 @@ const TEMPLATES: [(&str, &str); 6] = [
     ("tables.tex", include_str!("templates/tables.tex")),
 ];
 
-/// The design tokens come first in the program's own style sheet, up to this.
-const AFTER_TOKENS: &str = "*, *::before";
+/// The design tokens come first in the program's own style sheets, up to these words.
+const SHEETS: [(&str, &str); 2] = [
+    (include_str!("../../../static/style.css"), "*, *::before"),
+    (include_str!("../../../static/lab.css"), "/* The first page"),
+];
 
 /// The report.
 ///
 /// # Errors
 /// If a template asks for what there is not.
 pub(super) fn html(analysis: &Analysis) -> Result<String, Error> {
-    let everything = include_str!("../../../static/style.css");
     let mut numbers = numbers(analysis);
-    numbers["tokens"] = everything.split(AFTER_TOKENS).next().into();
+    numbers["tokens"] =
+        SHEETS.map(|(sheet, after)| sheet.split(after).next().unwrap_or_default()).concat().into();
     numbers["style"] = include_str!("templates/style.css").into();
     numbers["figures"] = json!({
         "gains": charts::gains(analysis),

@@ -152,6 +152,14 @@ fn percent_encoded(text: &str) -> String {
     encoded
 }
 
+/// Whether a text without white space around it can be the id of a person at a recruiting service; see
+/// [`normalised_id`].
+#[must_use]
+pub fn is_id(text: &str) -> bool {
+    let fits = |byte: u8| byte.is_ascii_alphanumeric() || b" -_.@:+=/~".contains(&byte);
+    (1..=MAX_ID_CHARS).contains(&text.len()) && text.bytes().all(fits)
+}
+
 /// The id of a person at a recruiting service as it is compared: without white space around it, in
 /// lower case, so that `P1`, `p1` and ` P1 ` are one person. Services' ids are ASCII; other letters can
 /// be written in several ways that look the same.
@@ -166,8 +174,7 @@ pub fn normalised_id(field: &str, id: &str) -> Result<String, Invalid> {
         let expected = format!("1 to {MAX_ID_CHARS} characters besides white space around them");
         return Err(Invalid::new(field, expected, format!("{count}")));
     }
-    let fits = |c: char| c.is_ascii_alphanumeric() || " -_.@:+=/~".contains(c);
-    if !id.chars().all(fits) {
+    if !is_id(id) {
         let expected = "letters from A to Z, digits, spaces and -_.@:+=/~ only";
         return Err(Invalid::new(field, expected, "another character"));
     }

@@ -1,6 +1,6 @@
 //! The participant's hour, page by page, in every language.
 
-use crate::{LOOKS, answer_check, equipped, picture, take};
+use crate::{LOOKS, answer_check, equipped, picture, start, take};
 use sidestep_tests::browser::WIDE;
 use sidestep_tests::{Browser, Server, Tab};
 
@@ -97,6 +97,8 @@ async fn walk(tab: &Tab, server: &Server, language: &str) {
     tab.press("check-1-0").await;
     tab.press("submit").await;
     tab.words("missing").await;
+    assert_eq!(tab.eval::<String>("document.activeElement.name").await, "check-2");
+    take("4-comprehension-missing").await;
     tab.press("check-2-0").await;
     tab.press("submit").await;
     tab.until("document.querySelector('fieldset .trouble')").await;
@@ -133,6 +135,7 @@ async fn walk(tab: &Tab, server: &Server, language: &str) {
     }
     tab.press("submit").await;
     tab.words("missing").await;
+    assert_eq!(tab.eval::<String>("document.activeElement.name").await, "difficulty");
     take("10-questions").await;
     tab.press("stop").await;
     tab.words("withdrawal").await;
@@ -151,6 +154,29 @@ async fn choose_language(tab: &Tab, language: &str) {
     let changed = "dispatchEvent(new Event('input', {bubbles: true}))";
     tab.run(&format!("{select}.value = '{language}', {select}.{changed}")).await;
     tab.until(&format!("document.documentElement.lang === '{language}'")).await;
+}
+
+/// Before anybody takes part: the first page, a link without a proper id, and a touch screen.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn the_pages_before_the_consent() {
+    let (server, browser, tab) = start(WHOLE_STUDY).await;
+    tab.go(&format!("{}/", server.origin)).await;
+    tab.words("start").await;
+    take(&tab, "0-home").await;
+    let unfilled = "PROLIFIC_PID=%7B%7B%25PROLIFIC_PID%25%7D%7D";
+    tab.go(&format!("{}/s/default?{unfilled}", server.origin)).await;
+    tab.until_says("stuck", "Your link is not complete").await;
+    take(&tab, "0-link").await;
+    tab.before_pages(
+        "const ask = matchMedia; \
+         window.matchMedia = query => query.includes('any-') ? {matches: query.includes('coarse')} \
+         : ask(query)",
+    )
+    .await;
+    tab.go(&format!("{}/s/default", server.origin)).await;
+    tab.words("touch").await;
+    take(&tab, "0-touch").await;
+    browser.close().await;
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

@@ -5,7 +5,10 @@ use super::{Pump, address, fields, window_size};
 use crate::runtime::{Event, Page};
 use crate::view::Handler;
 use wasm_bindgen::prelude::*;
-use web_sys::{Element, EventTarget, KeyboardEvent, MediaQueryList, MouseEvent, Node};
+use web_sys::{
+    Element, EventTarget, FocusOptions, HtmlElement, KeyboardEvent, MediaQueryList, MouseEvent,
+    Node,
+};
 
 /// A callback on a target for as long as this value lives.
 pub(super) struct Listener {
@@ -174,6 +177,13 @@ impl<P: Page + 'static> Pump<P> {
             Handler::Submit(make) => {
                 event.prevent_default();
                 self.dispatch(make(fields::form(&element)), t_ms);
+                // The first field that lacks something is the one to go on with.
+                let lacks = "[aria-invalid] input, textarea[aria-invalid]";
+                let fields = element.query_selector_all(lacks);
+                if let Some(field) = fields.ok().and_then(|fields| fields.get(0)) {
+                    let field = field.unchecked_into::<HtmlElement>();
+                    let _ = field.focus_with_options(&FocusOptions::new());
+                }
             }
         }
         true

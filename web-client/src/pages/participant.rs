@@ -146,6 +146,8 @@ pub enum Msg {
     Withdrawn(Answer),
     /// Continue in this tab.
     Here,
+    /// Forget who rehearsed here, and begin a new test run.
+    Afresh,
 }
 
 /// A part of the study that the participant goes to by a button.
@@ -349,6 +351,15 @@ impl Participant {
                 return vec![self.ask_withdrawal()];
             }
             Msg::Withdrawn(answer) => return self.withdrawn(answer),
+            // An empty text is no session; what follows waits until the browser has kept it.
+            Msg::Afresh => {
+                let name = self.session_name();
+                return vec![Command::Keep {
+                    name,
+                    text: String::new(),
+                    then: Box::new(|_| Msg::Here),
+                }];
+            }
             Msg::Here => return vec![Command::Leave(self.link.url())],
         }
         Vec::new()

@@ -45,6 +45,7 @@ async fn a_whole_session_without_network_ends_with_the_code() {
     assert!(
         text(&tab).await.contains("2 scenes are still to be sent. Please keep this page open.")
     );
+    tab.is_accessible().await;
     assert!(stored(&server).await.is_empty());
     tab.offline(false).await;
     complete(&tab, &server, 2).await;

@@ -65,11 +65,13 @@ impl Participant {
 
     pub(super) fn questions(&mut self, form: &Form) -> Commands<Msg> {
         let mut answers = Answers { answers: Object::default() };
-        let mut missing = false;
-        for question in &self.texts.questions {
+        let mut missing = Vec::new();
+        for (place, question) in self.texts.questions.iter().enumerate() {
             let text = form.text(&question.name).trim();
             if text.is_empty() {
-                missing |= question.required;
+                if question.required {
+                    missing.push(place);
+                }
                 continue;
             }
             let number = match question.kind {
@@ -79,8 +81,9 @@ impl Participant {
             let given = number.map_or_else(|| Given::Text(text.to_owned()), Given::Number);
             answers.answers.insert(question.name.clone(), given);
         }
+        let is_incomplete = !missing.is_empty();
         self.stage = Stage::Questions(missing);
-        if missing {
+        if is_incomplete {
             return Vec::new();
         }
         self.submitted = json::write(&answers);

@@ -55,7 +55,7 @@ impl Participant {
             || self.texts.questions.is_empty();
         self.stage = match answered || waits {
             true => Stage::Finishing,
-            false => Stage::Questions(false),
+            false => Stage::Questions(Vec::new()),
         };
         if self.outbox.is_empty() {
             if waits {

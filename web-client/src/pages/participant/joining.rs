@@ -52,13 +52,16 @@ impl Participant {
         }
         // Who has an external id may have begun in another browser, and a pilot takes nobody's place:
         // the server decides.
+        let study = self.study.as_ref();
         let may_be_known = self.link.is_pilot()
-            || self.study.as_ref().is_some_and(|study| self.link.external_id(study).is_some());
+            || study.is_some_and(|study| self.link.external_id(study).is_some());
         let admission = match admission {
             Admission::Full | Admission::Closed if may_be_known => Admission::Open,
             other => other,
         };
+        let is_incomplete = study.is_some_and(|study| self.link.is_incomplete(study));
         self.stage = match admission {
+            _ if is_incomplete => self.stuck("no_id"),
             Admission::Open if self.context.touch_only => Stage::Touch,
             Admission::Open => Stage::Welcome,
             Admission::Full => self.stuck("full"),

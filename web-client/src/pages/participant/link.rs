@@ -2,6 +2,7 @@
 
 use crate::runtime::Address;
 use sidestep::api::{Object, StudyInfo};
+use sidestep::study::is_id;
 
 /// What the address of the page says.
 #[derive(Clone, Debug, Default)]
@@ -44,6 +45,12 @@ impl Link {
         study.external_id_parameters.iter().filter_map(given).find(|id| !id.is_empty())
     }
 
+    /// Whether the address has an id that is none, such as a place that the recruiting service has not
+    /// filled in. The server refuses the same.
+    pub(super) fn is_incomplete(&self, study: &StudyInfo) -> bool {
+        self.external_id(study).is_some_and(|id| !is_id(id))
+    }
+
     /// The parameters that the study stores.
     pub(super) fn recorded(&self, study: &StudyInfo) -> Object<String> {
         let mut recorded = Object::default();
@@ -72,11 +79,14 @@ impl Link {
     }
 
     /// Under which name the browser keeps who the participant is. Several people may use one browser,
-    /// and a pilot is nobody's participation.
+    /// and a pilot is nobody's participation; each simulated participant is one of its own.
     pub(super) fn session_name(&self, study: &StudyInfo) -> String {
         let mut name = format!("sidestep.session.{}", self.slug);
         if self.is_pilot() {
             name += ".pilot";
+        }
+        if let Some(seed) = self.address.parameter("simulate") {
+            name.extend([".simulate=", seed]);
         }
         if let Some(id) = self.external_id(study) {
             name.extend([".", &id.to_ascii_lowercase()]);

@@ -63,8 +63,8 @@ pub(super) enum Stage {
     Driving(Box<PlannedTrial>, Box<Drive>),
     /// The last picture of a scene stays until this time, ms.
     Over(Box<PlannedTrial>, JointState, f64, Outcome),
-    /// The questions after the last scene; whether a required answer is missing.
-    Questions(bool),
+    /// The questions after the last scene; the places of those whose required answer is missing.
+    Questions(Vec<usize>),
     /// All scenes are driven; the last trials are being uploaded.
     Finishing,
     Done(Option<String>, Option<String>),

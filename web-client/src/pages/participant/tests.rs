@@ -6,6 +6,7 @@ use super::{Msg, Participant};
 use crate::form::{FieldValue, Form};
 use crate::runtime::{Address, Event, NotKept, Page, PageContext};
 use crate::testing;
+use crate::view::{Child, Node};
 use sidestep::api::{
     Answers, CheckForm, Completed, ComprehensionResult, ComprehensionStored, Enrolled, Enrolment,
     Language, Object, Plan, PlannedPhase, PlannedScene, Problem, Progress, QuestionForm, StudyInfo,
@@ -222,7 +223,7 @@ fn from_consent_to_the_code() {
     let lefts: Vec<_> = (0..50).filter(|&i| trial.inputs[i] == TurnInput::Left).collect();
     assert_eq!(lefts, (15..25).collect::<Vec<_>>(), "held from 3 s to 5 s");
     session.stored("t0");
-    assert!(session.text().contains("✓ stored"));
+    assert!(session.text().contains("✓ 1 scene stored"));
     session.drive();
     assert!(session.text().contains("Sending your last scenes"));
     session.stored("t1");
@@ -335,7 +336,7 @@ fn leaving_the_window_releases_the_keys() {
     assert_eq!(trial.key_events.last().unwrap().key, "blur");
     assert_eq!(trial.page_events[0].kind, PageEventKind::FocusLost);
     session.pass(1000.0);
-    assert!(session.words("hint").unwrap().contains("not in front"));
+    assert!(session.words("hint").unwrap().contains("another window or tab"));
 }
 
 #[test]
@@ -449,7 +450,7 @@ fn the_instructions_are_those_of_the_study() {
     };
     let paper = words(StudyConfig::default());
     assert!(paper.contains("A scene takes 10 seconds."), "{paper}");
-    assert!(paper.contains("The warm-up scenes show it"), "{paper}");
+    assert!(paper.contains("You see it during the warm-up only."), "{paper}");
     let mut study = StudyConfig::default();
     study.parameters.steps = 40;
     study.phases.retain(|phase| phase.phase == Phase::Task);
@@ -611,6 +612,7 @@ fn understanding_is_checked_before_the_scenes() {
     };
     answer(&mut session, ["0", ""]);
     assert!(session.words("missing").is_some() && sent(&session).is_none());
+    assert_eq!(marked(&session, "comprehension"), [false, true]);
     let open = ComprehensionStored { screened_out: false, return_url: None };
     answer(&mut session, ["0", "0"]);
     assert_eq!(sent(&session), Some(ComprehensionResult { attempts: 1, passed: false }));
@@ -626,8 +628,21 @@ fn understanding_is_checked_before_the_scenes() {
     assert_eq!(sent(&session), Some(ComprehensionResult { attempts: 2, passed: true }));
     assert!(session.page.view().press("continue").is_none(), "it is not stored yet");
     session.send("check", 200, &open);
+    assert!(session.text().starts_with("You can begin"), "{}", session.text());
     session.press("continue");
     assert!(session.words("start").is_some());
+}
+
+/// Which questions of a form are marked because they lack an answer.
+fn marked(session: &Session, form: &str) -> Vec<bool> {
+    let view = session.page.view();
+    let questions = view.find(form).unwrap().children.iter().filter_map(|child| match child {
+        Child::Node(node) if matches!(node.tag, "fieldset" | "div") => Some(node),
+        _ => None,
+    });
+    let is_marked =
+        |question: &Node<Msg>| question.words().contains("Please answer this question.");
+    questions.map(is_marked).collect()
 }
 
 #[test]
@@ -655,6 +670,7 @@ fn questions_come_after_the_scenes() {
     };
     let questions = vec![
         question("why", QuestionKind::Text, false),
+        question("who", QuestionKind::Text, true),
         question("which", QuestionKind::Choice, false),
         question("hard", QuestionKind::Scale, true),
     ];
@@ -679,12 +695,16 @@ fn questions_come_after_the_scenes() {
     };
     submit(&mut session, fill(&[("why", " because ")]));
     assert!(session.words("missing").is_some());
-    submit(&mut session, fill(&[("why", " because "), ("hard", "4")]));
+    assert_eq!(marked(&session, "questions"), [false, true, false, true]);
+    let view = session.page.view();
+    let who = view.find("answer-who").unwrap();
+    assert_eq!(who.attribute("aria-invalid"), Some("true"));
+    submit(&mut session, fill(&[("why", " because "), ("who", "I"), ("hard", "4")]));
     let body = session.asked.iter().find(|request| request.name == "answers").unwrap().body.clone();
     let answers: Answers = serde_json::from_str(&body.unwrap()).unwrap();
     assert_eq!(
         serde_json::to_value(answers.answers).unwrap(),
-        serde_json::json!({"hard": 4, "why": "because"})
+        serde_json::json!({"hard": 4, "who": "I", "why": "because"})
     );
     session.send("answers", 200, &serde_json::json!({}));
     session.stored("t1");
@@ -755,8 +775,8 @@ fn people_who_share_a_browser_are_told_apart() {
     assert_eq!(enrolment.external_id.as_deref(), Some("P1"));
     assert_eq!(enrolment.parameters, Object::from_iter([("STUDY_ID".into(), "s".into())]));
     first.send("enrol", 201, &enrolled());
-    let again = open_at(first.kept.clone(), &study, "PROLIFIC_PID=%20p1");
-    assert!(again.words("consent").is_some(), "another text is another id here");
+    let again = open_at(first.kept.clone(), &study, "PROLIFIC_PID=p-1");
+    assert!(again.words("consent").is_some(), "another text is another id");
     let again = open_at(first.kept.clone(), &study, "PROLIFIC_PID=p1");
     assert_eq!(again.urls(), [routes::ME]);
     let second = open_at(first.kept, &study, "PROLIFIC_PID=P2");
@@ -785,6 +805,67 @@ fn a_pilot_is_kept_apart() {
     assert!(session.words("pilot").unwrap().contains("Test run"));
     session.instructed();
     assert!(session.kept.contains_key("sidestep.session.default.pilot"));
+}
+
+#[test]
+fn a_browser_rehearses_again_and_again() {
+    let study = StudyConfig::default();
+    let mut first = open_at(BTreeMap::new(), &study, "simulate=1");
+    first.equipped();
+    first.press("continue");
+    first.send("enrol", 201, &enrolled());
+    let goes_on = |link: &str| open_at(first.kept.clone(), &study, link).urls() == [routes::ME];
+    assert!(goes_on("simulate=1"), "in the middle, the same test run goes on");
+    for other in ["simulate=2", "pilot", ""] {
+        assert!(!goes_on(other), "{other} is another run");
+    }
+    let code = Some("PILOT-1".to_owned());
+    let over = Progress { completion_code: code, complete: true, pilot: true, ..progress(&[]) };
+    let mut session = open_at(first.kept.clone(), &study, "simulate=1");
+    session.send("progress", 200, &over);
+    session.press("again");
+    assert_eq!(session.left.as_deref(), Some("/s/default"));
+    assert!(open_at(session.kept, &study, "simulate=1").words("consent").is_some());
+    let mut session = open_at(first.kept.clone(), &study, "simulate=1");
+    session.send("progress", 200, &Progress { pilot: false, ..over });
+    assert!(session.page.view().find("again").is_none(), "only a test run begins again");
+}
+
+#[test]
+fn a_link_without_a_proper_id_is_refused_at_once() {
+    let refused = |link: &str| {
+        let session = open_at(BTreeMap::new(), &StudyConfig::default(), link);
+        session.words("stuck").is_some_and(|words| {
+            words.contains("Your link is not complete") && words.contains("open the study again")
+        })
+    };
+    let long = format!("external_id={}", "x".repeat(129));
+    for link in
+        ["PROLIFIC_PID={{%PROLIFIC_PID%}}", "external_id=[PID]", "workerId=${e://Field/id}", &long]
+    {
+        assert!(refused(link), "{link}");
+    }
+    for link in ["PROLIFIC_PID=5f1e", "", "pilot"] {
+        assert!(!refused(link), "{link}");
+    }
+}
+
+#[test]
+fn one_practice_scene_is_no_plural() {
+    let words = |scenes: usize| {
+        let mut session = begun();
+        let mut plan = plan();
+        plan.phases[0].phase = Phase::Practice;
+        plan.phases[0].scenes.truncate(scenes);
+        let first = session.kept["sidestep.session.default"].clone();
+        session =
+            open([("sidestep.session.default".into(), first)].into(), &StudyConfig::default());
+        session.send("progress", 200, &Progress { plan, ..progress(&[]) });
+        session.press("continue");
+        session.text()
+    };
+    assert!(words(1).contains("This scene is for practice."), "{}", words(1));
+    assert!(words(2).contains("These 2 scenes are for practice."));
 }
 
 #[test]

@@ -31,7 +31,7 @@ pub(super) fn page(page: &Participant) -> Node {
         Stage::Countdown(trial, _, left_s) => driving::scene(page, trial, Some(*left_s), None),
         Stage::Driving(trial, _) => driving::scene(page, trial, None, None),
         Stage::Over(trial, _, _, outcome) => driving::scene(page, trial, None, Some(outcome)),
-        Stage::Questions(missing) => after::questions(page, *missing),
+        Stage::Questions(missing) => after::questions(page, missing),
         Stage::Finishing => after::finishing(page),
     };
     let is_over = matches!(page.stage, Stage::Done(..) | Stage::Ended(..));

@@ -1,7 +1,7 @@
 //! After the scenes: questions, sending, the completion code; and every other end.
 
 use super::Node;
-use super::around::{alert, button, card, menu, paragraph, primary, quiet};
+use super::around::{alert, button, card, menu, paragraph, primary, quiet, unanswered};
 use super::driving::saved;
 use crate::pages::participant::{Msg, Part, Participant};
 use crate::texts::Sentences as _;
@@ -9,8 +9,10 @@ use crate::view::el;
 use sidestep::api::QuestionForm;
 use sidestep::study::QuestionKind;
 
-pub(super) fn questions(page: &Participant, missing: bool) -> Node {
-    let missing = missing.then(|| alert("missing", &page.say("questions.missing")));
+pub(super) fn questions(page: &Participant, missing: &[usize]) -> Node {
+    let form = |(place, form)| question(page, form, missing.contains(&place));
+    let forms = page.texts.questions.iter().enumerate().map(form);
+    let missing = (!missing.is_empty()).then(|| alert("missing", &page.say("questions.missing")));
     let submit = el("button").class("primary").attr("type", "submit").test_id("submit");
     card(&page.say("questions.heading"))
         .child(
@@ -18,7 +20,7 @@ pub(super) fn questions(page: &Participant, missing: bool) -> Node {
                 .class("questions")
                 .test_id("questions")
                 .on_submit(Msg::Questions)
-                .children(page.texts.questions.iter().map(|form| question(page, form)))
+                .children(forms)
                 .children(missing)
                 .child(submit.text(page.say("questions.submit"))),
         )
@@ -26,10 +28,11 @@ pub(super) fn questions(page: &Participant, missing: bool) -> Node {
         .child(menu(page))
 }
 
-fn question(page: &Participant, form: &QuestionForm) -> Node {
+fn question(page: &Participant, form: &QuestionForm, missing: bool) -> Node {
     let id = format!("answer-{}", form.name);
     let need = page.say(if form.required { "questions.required" } else { "questions.optional" });
     let need = || el("small").class("quiet").text(format!(" ({need})"));
+    let note = || missing.then(|| unanswered(page));
     let radio = |value: &str, words: &str| {
         let input = el("input")
             .attrs(&[("type", "radio"), ("name", &form.name), ("value", value)])
@@ -37,19 +40,24 @@ fn question(page: &Participant, form: &QuestionForm) -> Node {
         el("label").child(input).child(el("span").text(words))
     };
     let group = || {
-        let legend = el("legend").text(&form.text).child(need());
-        el("fieldset").key(&form.name).child(legend)
+        let legend = el("legend").text(&form.text).child(need()).children(note());
+        el("fieldset")
+            .key(&form.name)
+            .attr("role", "radiogroup")
+            .attr_if(missing, "aria-invalid", "true")
+            .child(legend)
     };
     match form.kind {
         QuestionKind::Text => {
             let area = el("textarea")
                 .attrs(&[("id", &id), ("name", &form.name), ("rows", "3")])
                 .attr("maxlength", form.max_chars)
+                .attr_if(missing, "aria-invalid", "true")
                 .test_id(&id);
             el("div")
                 .class("field-text")
                 .key(&form.name)
-                .child(el("label").attr("for", &id).text(&form.text).child(need()))
+                .child(el("label").attr("for", &id).text(&form.text).child(need()).children(note()))
                 .child(area)
         }
         QuestionKind::Choice => {
@@ -96,6 +104,7 @@ pub(super) fn done(page: &Participant, code: Option<&str>, url: Option<&str>) ->
         .child(paragraph(page.say(words)))
         .children(code)
         .child(way_back(url, &page.say("done.return"), &page.say("done.close")))
+        .children(is_pilot.then(|| button("again", Msg::Afresh, &page.say("done.again"))))
         .children(debrief)
 }
 

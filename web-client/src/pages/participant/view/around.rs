@@ -57,6 +57,11 @@ pub(super) fn keyed(page: &Participant, tag: &'static str, key: &str) -> Node {
     node.text(rest)
 }
 
+/// That a question lacks its answer.
+pub(super) fn unanswered(page: &Participant) -> Node {
+    el("small").class("trouble").text(page.say("page.unanswered"))
+}
+
 /// The languages to choose from, if there are several.
 pub(super) fn languages(page: &Participant) -> Option<Node> {
     let offered = &page.texts.offered;

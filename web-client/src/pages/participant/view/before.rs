@@ -1,7 +1,9 @@
 //! Before the scenes: consent, keyboard and screen, instructions, the check of understanding.
 
 use super::Node;
-use super::around::{alert, button, card, keyed, languages, menu, paragraph, primary, quiet};
+use super::around::{
+    alert, button, card, keyed, languages, menu, paragraph, primary, quiet, unanswered,
+};
 use crate::pages::participant::equipment::Equipment;
 use crate::pages::participant::state::Quiz;
 use crate::pages::participant::{Msg, Part, Participant};
@@ -13,6 +15,10 @@ use sidestep::trial::Phase;
 
 /// What a participant needs between two scenes, s.
 const BETWEEN_S: f64 = 3.0;
+
+/// What a participant needs for the consent text, the checks and the instructions, s, and for a question.
+const READING_S: f64 = 150.0;
+const QUESTION_S: f64 = 15.0;
 
 pub(super) fn touch(page: &Participant) -> Node {
     let here = page.link.here();
@@ -30,7 +36,9 @@ pub(super) fn welcome(page: &Participant) -> Node {
     let texts = &page.texts;
     let scenes: usize = study.phases.iter().map(|phase| phase.scenes).sum();
     let course_s = study.parameters.duration_s() + f64::from(study.trials.countdown_s) + BETWEEN_S;
-    let minutes = (scenes as f64 * course_s / 60.0).ceil() as usize;
+    let questions = texts.check.len() + texts.questions.len();
+    let all_s = READING_S + QUESTION_S * questions as f64 + course_s * scenes as f64;
+    let minutes = (all_s / 60.0).ceil() as usize;
     let count =
         [texts.count("welcome.scenes", scenes, &[]), texts.count("welcome.minutes", minutes, &[])];
     let recruited = page.link.external_id(study).is_some();
@@ -86,14 +94,14 @@ pub(super) fn equipment(page: &Participant, found: &Equipment) -> Node {
                 .child(paragraph(page.say(words)).attr("role", "status").test_id("choosing"))
                 .children(refused)
         }
-        None => el("div")
-            .class("prose")
-            .key("pressing")
-            .child(paragraph(page.say("check.press")))
-            .child(el("div").attr("role", "status").child(el("ul").class("checks").children([
-                key(&page.steering.left, "check.left", found.left),
-                key(&page.steering.right, "check.right", found.right),
-            ]))),
+        None => {
+            el("div").class("prose").key("pressing").child(keyed(page, "p", "check.press")).child(
+                el("div").attr("role", "status").child(el("ul").class("checks").children([
+                    key(&page.steering.left, "check.left", found.left),
+                    key(&page.steering.right, "check.right", found.right),
+                ])),
+            )
+        }
     };
     let is_usual = page.steering.left == "←" && found.choosing.is_none();
     let change = match is_usual {
@@ -185,9 +193,7 @@ pub(super) fn comprehension(page: &Participant, quiz: &Quiz) -> Node {
     if page.has_understood() {
         let words = page.say("comprehension.all_right");
         let go_on = primary("continue", Msg::Go(Part::Ready), &page.say("check.continue"));
-        // Another page, so the focus goes to its heading.
-        return card(&heading)
-            .key("understood")
+        return card(&page.say("comprehension.passed"))
             .child(el("p").class("saved").attr("role", "status").text(words))
             .child(go_on.attr_if(!is_stored, "disabled", ""));
     }
@@ -207,9 +213,13 @@ pub(super) fn comprehension(page: &Participant, quiz: &Quiz) -> Node {
                 .test_id(&format!("check-{place}-{option}"));
             el("label").child(input).child(el("span").text(filled(study, page, words)))
         });
+        let missing = quiz.is_incomplete && chosen.is_none();
+        let legend = el("legend").text(filled(study, page, &form.text));
         el("fieldset")
             .key(place)
-            .child(el("legend").text(filled(study, page, &form.text)))
+            .attr("role", "radiogroup")
+            .attr_if(missing, "aria-invalid", "true")
+            .child(legend.children(missing.then(|| unanswered(page))))
             .children(options)
             .children(result)
     };

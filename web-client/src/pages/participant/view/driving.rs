@@ -20,19 +20,19 @@ fn phase_words(page: &Participant, trial: &PlannedTrial) -> String {
     page.texts.get(key, &[("i", place.into()), ("n", trial.of_phase.into())])
 }
 
-/// What to know before this scene: keys of sentences.
-fn hints(page: &Participant, trial: &PlannedTrial) -> Vec<&'static str> {
+/// What to know before this scene.
+fn hints(page: &Participant, trial: &PlannedTrial) -> Vec<String> {
     if trial.scene.attempt > 1 {
-        return vec!["ready.why_again"];
+        return vec![page.say("ready.why_again")];
     }
     if trial.scene.index > 0 {
-        return vec!["ready.take_time"];
+        return vec![page.say("ready.take_time")];
     }
     let purpose = match trial.phase {
-        Phase::Familiarisation => "ready.try_keys",
-        Phase::Practice => "ready.for_practice",
-        Phase::Task if trial.id() == page.plan[0].id() => "ready.all_count",
-        Phase::Task => "ready.now_counts",
+        Phase::Familiarisation => page.say("ready.try_keys"),
+        Phase::Practice => page.texts.count("ready.for_practice", trial.of_phase, &[]),
+        Phase::Task if trial.id() == page.plan[0].id() => page.say("ready.all_count"),
+        Phase::Task => page.say("ready.now_counts"),
     };
     let before = page.plan.iter().take_while(|other| other.id() != trial.id()).last();
     let zone = match (before.is_some_and(|trial| trial.show_danger_zone), trial.show_danger_zone) {
@@ -40,20 +40,21 @@ fn hints(page: &Participant, trial: &PlannedTrial) -> Vec<&'static str> {
         (false, true) => Some("ready.zone_shown"),
         _ => None,
     };
-    [Some(purpose), zone].into_iter().flatten().collect()
+    let mut words = vec![purpose];
+    words.extend(zone.map(|key| page.say(key)));
+    words
 }
 
 pub(super) fn ready(page: &Participant) -> Node {
     let Some(trial) = page.next() else { return card(&page.say("page.loading")) };
     let phase = phase_words(page, trial);
-    let words: Vec<_> = hints(page, trial).into_iter().map(|key| page.say(key)).collect();
     let hint = page.hint.map(|key| alert("hint", &page.say(key)));
     let card = el("main")
         .class("card small")
         .key(&phase)
         .child(el("h1").text(phase))
         .children(hint)
-        .child(paragraph(page.join(&words)))
+        .child(paragraph(page.join(&hints(page, trial))))
         .child(primary("start", Msg::Start, &page.say("ready.start")).focus())
         .child(keyed(page, "p", "ready.how").class("quiet"))
         .child(menu(page));
@@ -135,10 +136,14 @@ fn keys(page: &Participant) -> Node {
             .child(el("kbd").text(printed))
             .text(format!(" {}", page.say(words)))
     };
+    // Names beside moving vehicles would draw the eye away from them: here they are to be found.
+    let name = |of: &str, tail: &str, name: &str| el("b").class(of).text(tail).text(name);
     el("footer").class("keys").attr("aria-hidden", "true").children([
+        name("human", "●▸ ", &page.names[0]),
         key(&page.steering.left, "scene.left", TurnInput::Left, "held-left"),
         el("span").text(page.say("scene.straight")),
         key(&page.steering.right, "scene.right", TurnInput::Right, "held-right"),
+        name("robot", "■▸ ", &page.names[1]),
     ])
 }
 
@@ -156,7 +161,10 @@ fn bar(page: &Participant, trial: Option<&PlannedTrial>) -> Node {
 pub(super) fn saved(page: &Participant) -> Node {
     let waiting = page.outbox.len();
     let (class, words) = if waiting == 0 {
-        let words = if page.stored.is_empty() { String::new() } else { page.say("saved.all") };
+        let words = match page.stored.len() {
+            0 => String::new(),
+            n => page.texts.count("saved.all", n, &[]),
+        };
         ("saved", words)
     } else if !page.outbox.is_struggling() {
         ("quiet", page.say("saved.sending"))
