@@ -119,7 +119,7 @@ async fn design_refuses_what_serve_refuses() {
         ("[texts.en]\n\"welcome.lead\" = \" \"", ["texts.en.welcome.lead", "a text"]),
         ("[texts.en]\n\"ready.task\" = \"Go\"", ["texts.en.ready.task", "{i}, {n}"]),
     ] {
-        let study = folder.file("wrong.toml", &format!("slug = \"a\"\n{text}\n"));
+        let study = folder.file("wrong.toml", format!("slug = \"a\"\n{text}\n"));
         design(&study, &folder.name("out"), &[]).await.refused(2, &words);
     }
 }
