@@ -87,9 +87,14 @@ impl SyntheticParticipant {
     #[must_use]
     pub fn own_trial(&self, trial: u64, keys: Keys) -> (Scene, SyntheticDrive) {
         let parameters = SceneParameters::default();
-        let mut stream = Stream::of_trial(self.seed, self.number, trial);
-        let scene = encounter::draw(&parameters, &mut stream);
+        let (scene, stream) = self.own_scene(&parameters, trial);
         (scene, self.drive_on(stream, &parameters, &scene, keys))
+    }
+
+    /// The scene of [`Self::own_trial`], and the random numbers of the drive.
+    fn own_scene(&self, parameters: &SceneParameters, trial: u64) -> (Scene, Stream) {
+        let mut stream = Stream::of_trial(self.seed, self.number, trial);
+        (encounter::draw(parameters, &mut stream), stream)
     }
 
     /// The first `tasks` trials of the paper's study ([`Self::own_trial`]) as a recording has them.

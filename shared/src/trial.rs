@@ -108,6 +108,9 @@ pub struct Outcome {
     pub avoidance: Option<(usize, usize)>,
 }
 
+/// More than the rounding of a distance between coordinates of at most [`Pose::MOST`], m.
+const ROUNDING_M: f64 = 1e-6;
+
 /// The outcome of `inputs` along `states` (one more than inputs).
 #[must_use]
 pub fn outcome(
@@ -115,9 +118,24 @@ pub fn outcome(
     inputs: &[TurnInput],
     states: &[JointState],
 ) -> Outcome {
-    let mut closest_m = states.first().map_or(f64::INFINITY, JointState::distance_m);
-    let mut first_step_in_danger = None;
-    for (step, (&state, &input)) in states.iter().zip(inputs).enumerate() {
+    let start_m = states.first().map_or(f64::INFINITY, JointState::distance_m);
+    // No later state is nearer than `least_m`, and the vehicles come nearer in a step by at most
+    // `nearer_m`. Steps that begin farther away than both together change nothing: most of a trial.
+    let within = || states.iter().zip(inputs);
+    let far_m = if cfg!(target_arch = "wasm32") {
+        // A page computes few outcomes, and every byte of it is downloaded.
+        f64::INFINITY
+    } else {
+        let least_m = within().map(|(state, _)| state.distance_m()).fold(start_m, f64::min);
+        let speed_mps = parameters.human.speed_mps.abs() + parameters.robot.speed_mps.abs();
+        let nearer_m = speed_mps * parameters.step_s + ROUNDING_M;
+        least_m.max(parameters.danger_radius_m) + nearer_m
+    };
+    let (mut closest_m, mut first_step_in_danger) = (start_m, None);
+    for (step, (&state, &input)) in within().enumerate() {
+        if state.distance_m() > far_m {
+            continue;
+        }
         let closest = closest_within_step(parameters, state, input);
         closest_m = closest_m.min(closest);
         if closest <= parameters.danger_radius_m && first_step_in_danger.is_none() {
@@ -415,6 +433,47 @@ mod tests {
         let (_, _, _, states) = driven();
         let text = serde_json::to_string(&states).unwrap();
         assert_eq!(serde_json::from_str::<Vec<JointState>>(&text).unwrap(), states);
+    }
+
+    /// The plain twin: every step is sampled.
+    fn plain_outcome(
+        parameters: &SceneParameters,
+        inputs: &[TurnInput],
+        states: &[JointState],
+    ) -> (f64, Option<usize>) {
+        let steps = states.iter().zip(inputs);
+        let closest: Vec<f64> =
+            steps.map(|(&state, &input)| closest_within_step(parameters, state, input)).collect();
+        let least = closest.iter().copied().fold(states[0].distance_m(), f64::min);
+        (least, closest.iter().position(|closest| *closest <= parameters.danger_radius_m))
+    }
+
+    #[test]
+    fn steps_that_are_left_out_change_no_outcome() {
+        let mut rng = SeededRng::new(3);
+        for case in 0..2000 {
+            let speed_mps = [2.0, 0.3, 40.0][case % 3];
+            let mut parameters = SceneParameters::default();
+            parameters.human.speed_mps = speed_mps;
+            parameters.danger_radius_m = rng.uniform(0.1, 12.0);
+            let far = if case % 5 == 0 { 1e6 } else { 0.0 };
+            let mut pose = || {
+                let [x, y] = [(); 2].map(|()| far + rng.uniform(-15.0, 15.0));
+                Pose::new(x, y, rng.uniform(-4.0, 4.0))
+            };
+            let start = JointState { human: pose(), robot: pose() };
+            let inputs: Vec<_> = (0..50).map(|_| TurnInput::ALL[rng.below(3)]).collect();
+            let mut states = simulate(&parameters, start, &inputs);
+            if case % 4 == 0 {
+                // States of a file need not follow from its inputs.
+                states[rng.below(51)].human.x += rng.uniform(-20.0, 20.0);
+            }
+            let found = outcome(&parameters, &inputs, &states);
+            let found = (found.closest_m, found.first_step_in_danger);
+            assert_eq!(found, plain_outcome(&parameters, &inputs, &states), "{case}");
+        }
+        let parameters = SceneParameters::default();
+        assert_eq!(outcome(&parameters, &[], &[]).closest_m, f64::INFINITY);
     }
 
     #[test]

@@ -1,9 +1,9 @@
 //! Whether trials were driven by synthetic participants, so that nobody takes findings from them
 //! for findings about people.
 
-use super::{Keys, SyntheticParticipant};
+use super::SyntheticParticipant;
 use crate::recording::{RecordedParticipant, RecordedTrial};
-use crate::scene::JointState;
+use crate::scene::{JointState, SceneParameters};
 
 /// The seed of the project's reference data, whose file does not say that they are synthetic.
 pub const REFERENCE_SEED: u64 = 20_180_918;
@@ -12,7 +12,7 @@ pub const REFERENCE_SEED: u64 = 20_180_918;
 const REFERENCE_PARTICIPANTS: core::ops::Range<u64> = 0..8;
 
 /// How these participants' trials are known to be synthetic, if they are: the data say so, or
-/// they begin as trials of the reference, which are driven again to see.
+/// they begin as trials of the reference, whose scenes are drawn again to see.
 #[must_use]
 pub fn recognised(participants: &[RecordedParticipant]) -> Option<String> {
     let marked: Vec<&str> =
@@ -42,8 +42,8 @@ fn is_of_the_reference(participant: &RecordedParticipant) -> bool {
 
 /// Whether the trial begins as the trial of this number of the reference's participant.
 fn begins_as(participant: u64, trial: &RecordedTrial) -> bool {
-    let (scene, _) =
-        SyntheticParticipant::new(REFERENCE_SEED, participant).own_trial(trial.number, Keys::Free);
+    let person = SyntheticParticipant::new(REFERENCE_SEED, participant);
+    let (scene, _) = person.own_scene(&SceneParameters::default(), trial.number);
     let numbers = |state: &JointState| [state.human, state.robot].map(<[f64; 3]>::from).concat();
     let near = |(a, b): (f64, f64)| (a - b).abs() < 1e-6;
     let (own, driven) = (numbers(&scene.start()), numbers(&trial.states[0]));
