@@ -1,0 +1,59 @@
+//! The nodes of a file, and the order of their values.
+
+use sidestep::reachability::{Nodes, PursuitGame};
+
+/// The nodes of a file, and the order of their values.
+pub(super) struct Layout {
+    nodes: Nodes,
+    pub(super) shape: [usize; 3],
+    pub(super) axes: [Vec<f64>; 3],
+}
+
+impl Layout {
+    pub(super) fn new(nodes: Nodes) -> Self {
+        let [first, second, third] = nodes.coordinates();
+        let second = match nodes {
+            // Both angles have the same nodes.
+            Nodes::Polar { .. } => third.clone(),
+            Nodes::Cartesian { .. } => second,
+        };
+        let axes = [first, second, third];
+        Self { nodes, shape: shape(&nodes), axes }
+    }
+
+    /// r − R at a node, m.
+    pub(super) fn margin(&self, game: &PursuitGame, [i, j, k]: [usize; 3]) -> f64 {
+        match self.nodes {
+            Nodes::Polar { .. } => self.axes[0][i] - game.radius_m,
+            Nodes::Cartesian { .. } => {
+                game.target([self.axes[0][i], self.axes[1][j], self.axes[2][k]])
+            }
+        }
+    }
+
+    /// The node that the library keeps for this one.
+    pub(super) fn kept(&self, [i, j, k]: [usize; 3]) -> [usize; 3] {
+        match self.nodes {
+            Nodes::Polar { angle_nodes: n, .. } if j > n / 2 => [i, n - j, (n - k) % n],
+            _ => [i, j, k],
+        }
+    }
+
+    pub(super) fn index(&self, position: usize) -> [usize; 3] {
+        let [_, n1, n2] = self.shape;
+        [position / (n1 * n2), position / n2 % n1, position % n2]
+    }
+
+    pub(super) fn position(&self, [i, j, k]: [usize; 3]) -> usize {
+        (i * self.shape[1] + j) * self.shape[2] + k
+    }
+}
+
+/// The numbers of a file's nodes by axis; bearings cover a full turn.
+#[must_use]
+pub fn shape(nodes: &Nodes) -> [usize; 3] {
+    match *nodes {
+        Nodes::Polar { range_nodes, angle_nodes, .. } => [range_nodes, angle_nodes, angle_nodes],
+        Nodes::Cartesian { .. } => nodes.shape(),
+    }
+}
