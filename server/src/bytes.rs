@@ -6,7 +6,10 @@ use sidestep::vehicle::{Pose, TurnInput};
 /// Numbers as little-endian doubles.
 #[must_use]
 pub fn pack(numbers: impl IntoIterator<Item = f64>) -> Vec<u8> {
-    numbers.into_iter().flat_map(f64::to_le_bytes).collect()
+    let numbers = numbers.into_iter();
+    let mut bytes = Vec::with_capacity(8 * numbers.size_hint().0);
+    numbers.for_each(|number| bytes.extend_from_slice(&number.to_le_bytes()));
+    bytes
 }
 
 /// The numbers that [`pack`] wrote; fewer than eight bytes at the end are ignored.
@@ -19,10 +22,15 @@ pub fn unpack(bytes: &[u8]) -> Vec<f64> {
 /// Each state as six doubles: x, y and heading of the human, then of the robot.
 #[must_use]
 pub fn pack_states(states: &[JointState]) -> Vec<u8> {
-    pack(states.iter().flat_map(|state| {
-        let ([a, b, c], [d, e, f]) = (state.human.into(), state.robot.into());
-        [a, b, c, d, e, f]
-    }))
+    let mut bytes = Vec::with_capacity(48 * states.len());
+    for state in states {
+        for pose in [state.human, state.robot] {
+            for number in <[f64; 3]>::from(pose) {
+                bytes.extend_from_slice(&number.to_le_bytes());
+            }
+        }
+    }
+    bytes
 }
 
 /// The states that [`pack_states`] wrote.

@@ -1,11 +1,11 @@
 //! What the `sidestep` command does: one module a subcommand.
 
 pub mod check;
-pub mod export;
-pub mod import;
 pub mod serve;
 pub mod languages;
 mod solving;
+pub mod export;
+pub mod import;
 pub mod game;
 pub mod solve;
 pub mod value;

@@ -7,6 +7,7 @@ pub mod npz;
 pub mod toml_lines;
 pub mod study_toml;
 pub mod trials_csv;
+pub mod table;
+pub mod tables;
 pub mod exports;
-pub mod participants_csv;
 pub mod features_csv;

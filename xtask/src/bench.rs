@@ -1,7 +1,9 @@
 //! `cargo xtask bench`: benchmarks, each against its baseline in the same run.
 
 pub(crate) mod peers;
+mod process;
 mod learning;
+mod files;
 mod wasm;
 
 use std::process::ExitCode;
@@ -26,6 +28,7 @@ const BENCHES: &[(&str, &str)] = &[
     ("scenes", "drawing a participant's scenes, against the plain rules"),
     ("shfrs", "predicted sets as WebAssembly in Chromium and on this machine, against targets"),
     ("learning", "the paper's comparison against scikit-learn (Python, installed on first use)"),
+    ("files", "import and export of a million steps, against sqlite3 with one table"),
     ("features", "features of a million steps, two threads against one and state by state"),
     ("learn", "training and inference of each model on real rows"),
     ("learn_svm", "support vector machines: grids, fits, inference"),
@@ -49,6 +52,7 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> 
         let code = match name {
             "peers" => peers::run(workspace, options.quick)?,
             "learning" => learning::run(workspace)?,
+            "files" => files::run(workspace, options.quick)?,
             // Quick as they are.
             "shfrs" => wasm::run(workspace, wasm::SHFRS)?,
             "wasm" => wasm::run(workspace, wasm::VALUE)?,
@@ -107,7 +111,7 @@ mod tests {
     #[test]
     fn a_name_chooses_and_no_name_means_all() {
         assert_eq!(choose(None).len(), BENCHES.len());
-        assert_eq!(choose(Some("eatures")), [BENCHES[4]]);
+        assert_eq!(choose(Some("eatures")), [BENCHES[5]]);
         assert!(choose(Some("walk")).is_empty());
     }
 
@@ -132,7 +136,7 @@ mod tests {
                 let source = folder.join(benches).join(name);
                 source.with_extension("rs").is_file() || source.join("main.rs").is_file()
             });
-            let own = ["shfrs", "learning", "peers", "wasm"].contains(name);
+            let own = ["shfrs", "learning", "files", "peers", "wasm"].contains(name);
             assert!(target != own, "{name}");
         }
     }

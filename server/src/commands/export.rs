@@ -1,17 +1,17 @@
 //! `sidestep export`.
 
-use super::{CommandError, print_json, study_named, unwritable};
-use crate::formats::atomic_folder::Draft;
-use crate::formats::exports;
-use crate::formats::participants_csv::{dictionary, participants_csv};
+use super::solving::Interrupt;
+use super::{CommandError, Words, one_of, print_json, study_named};
+use crate::formats::exports::{self, ExportError, FileEntry, Filter, Format, Quality};
 use crate::store::{Missing, Store};
-use futures_util::StreamExt;
-use std::fs::File;
-use std::io::Write;
+use sidestep::trial::Phase;
 use std::path::PathBuf;
-use tokio_util::sync::CancellationToken;
 
-/// Write a study's trials and participants to files.
+/// Write a study's data to files: steps, trials, key events and participants as tables.
+///
+/// Besides the tables, the folder has configurations.json, dictionary.json (the meaning of every
+/// column) and manifest.json (rows and SHA-256 of every file), which is written last: a folder
+/// without it is not complete.
 #[derive(Clone, Debug, clap::Args)]
 pub struct ExportArgs {
     /// Database: sqlite: followed by a file.
@@ -20,49 +20,82 @@ pub struct ExportArgs {
     /// Name of the study in addresses.
     #[arg(long, value_name = "SLUG", default_value = "default")]
     pub study: String,
-    /// Format: csv.
-    #[arg(long, value_name = "FORMAT", default_value = "csv")]
-    pub format: String,
-    /// Folder for trials.csv (a row for each step), participants.csv and dictionary.json (the
-    /// meaning of every column); it is created if it does not exist.
-    #[arg(long, value_name = "DIR")]
+    /// Format of the tables.
+    #[arg(long, value_name = "FORMAT", default_value = "csv", value_parser = one_of(FORMATS))]
+    pub format: Format,
+    /// Folder for the files; it is created if it does not exist.
+    #[arg(long, visible_alias = "output", value_name = "DIR")]
     pub out: PathBuf,
+    /// Only trials of this phase, with their steps and key events [default: all phases].
+    #[arg(long, help_heading = "Which data", value_name = "PHASE", value_parser = one_of(PHASES))]
+    pub phase: Option<Phase>,
+    /// Which trials by their flags.
+    #[arg(long, help_heading = "Which data", value_name = "QUALITY", default_value = "all")]
+    #[arg(value_parser = one_of(QUALITIES))]
+    pub quality: Quality,
+    /// Only participants who enrolled under the configuration whose SHA-256 begins with these
+    /// digits [default: all configurations].
+    #[arg(long, help_heading = "Which data", value_name = "HASH")]
+    pub configuration: Option<String>,
 }
+
+const FORMATS: Words<Format> = &[
+    ("csv", Format::Csv, "Comma-separated text with a header"),
+    ("jsonl", Format::Jsonl, "A JSON object in each line"),
+    ("parquet", Format::Parquet, "Apache Parquet"),
+];
+
+const PHASES: Words<Phase> = &[
+    ("familiarisation", Phase::Familiarisation, "Getting used to the keys and the vehicle"),
+    ("practice", Phase::Practice, "Scenes like the tasks, not analysed"),
+    ("task", Phase::Task, "The scenes that count"),
+];
+
+const QUALITIES: Words<Quality> = &[
+    ("all", Quality::All, "All trials"),
+    ("unflagged", Quality::Unflagged, "Those without a flag, besides that they were imported"),
+];
 
 /// Writes the files: whole, or not at all.
 ///
 /// # Errors
-/// [`CommandError`] for an unknown format or study (input), or what the database
-/// or the disk refuse (failure).
+/// [`CommandError`] for an unknown study or configuration (input), or what the database or the
+/// disk refuse (failure).
 pub async fn run(args: ExportArgs) -> Result<(), CommandError> {
-    exports::check_format(&args.format)
-        .map_err(|invalid| CommandError::Input(format!("--{invalid}")))?;
     let store = Store::open(&args.database, Missing::Refuse).await?;
     let study = study_named(&store, &args.study, &args.database).await?;
-    let people = store.roster(study.id).await?;
-    let table = participants_csv(&study.config, &people).map_err(CommandError::failure)?;
-    let dictionary = serde_json::to_vec_pretty(&dictionary(&study.config, &people))
-        .map_err(CommandError::failure)?;
-    let draft = Draft::begin(&args.out).map_err(|e| unwritable(&args.out, &e))?;
-    let path = args.out.join("trials.csv");
-    let failed = |error: std::io::Error| unwritable(&path, &error);
-    let mut file = File::create(draft.path().join("trials.csv")).map_err(failed)?;
-    let mut pieces = std::pin::pin!(exports::stream(store.clone(), study));
-    let (mut bytes, mut filled) = (0, 0);
-    while let Some(piece) = pieces.next().await {
-        let piece = piece?;
-        bytes += piece.len();
-        filled += usize::from(!piece.is_empty());
-        file.write_all(&piece).map_err(failed)?;
-    }
-    for (name, bytes) in [("participants.csv", table), ("dictionary.json", dictionary)] {
-        std::fs::write(draft.path().join(name), bytes).map_err(failed)?;
-    }
-    draft.keep(&[], &CancellationToken::new()).map_err(failed)?;
+    let configuration = match args.configuration {
+        Some(digits) => Some(configuration(&digits, store.configurations(study.id).await?)?),
+        None => None,
+    };
+    let filter = Filter { phase: args.phase, quality: args.quality, configuration };
+    let interrupt = Interrupt::listen();
+    let (format, stop) = (args.format, &interrupt.token);
+    let written = exports::write(&store, &study, format, &filter, &args.out, stop).await;
+    let manifest = written.map_err(|error| match error {
+        ExportError::Disk(error) => interrupt.unwritten(&args.out, &error),
+        error => CommandError::failure(error),
+    })?;
     store.close().await;
-    // The first piece is the header.
-    if filled == 1 {
+    let FileEntry { name, rows, bytes, .. } = &manifest.files[0];
+    let path = args.out.join(name);
+    if *rows == 0 && filter == Filter::default() {
         eprintln!("{}: study {} has no trials yet", path.display(), args.study);
     }
-    print_json(&serde_json::json!({ "file": path, "bytes": bytes }))
+    let files = &manifest.files;
+    print_json(&serde_json::json!({ "file": path, "bytes": bytes, "files": files }))
+}
+
+/// The one configuration whose hash begins with these digits.
+fn configuration(digits: &str, known: Vec<(String, String)>) -> Result<String, CommandError> {
+    let hashes: Vec<String> = known.into_iter().map(|(hash, _)| hash).collect();
+    let wanted = digits.to_lowercase();
+    let mut fitting = hashes.iter().filter(|hash| hash.starts_with(&wanted));
+    match (fitting.next(), fitting.next()) {
+        (Some(hash), None) => Ok(hash.clone()),
+        _ => Err(CommandError::Input(format!(
+            "--configuration: expected the first digits of one of {}, found {digits:?}",
+            hashes.join(", ")
+        ))),
+    }
 }

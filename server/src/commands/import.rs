@@ -1,11 +1,13 @@
 //! `sidestep import`.
 
+mod source;
+
+use super::solving::Interrupt;
 use super::{CommandError, print_json};
 use crate::clock::now_ms;
 use crate::content::{Content, Recipe};
-use crate::formats::trials_csv;
 use crate::jobs::safety;
-use crate::store::imports::{Import, NewImport};
+use crate::store::imports::{Destination, Import, NewImport};
 use crate::store::scenes::PlannedRow;
 use crate::store::trials::NewTrial;
 use crate::store::{Missing, OpenError, Store};
@@ -17,15 +19,21 @@ use sidestep::scene::{Scene, SceneParameters};
 use sidestep::study::StudyConfig;
 use sidestep::synthetic;
 use sidestep::trial::{Flag, flags, outcome};
-use std::fs::File;
+use source::Source;
+use std::fmt::Display;
+use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::sync::Arc;
+use tokio::sync::mpsc;
 use uuid::Uuid;
 
 /// Import trials from a file into a study: the whole file or nothing.
 ///
 /// Participants that were imported from the same file before are skipped. States that do
-/// not replay from the inputs are kept and flagged.
+/// not replay from the inputs are kept and flagged. The file is read twice: it is checked to
+/// its end before anything is stored. Then participants are stored a few at a time, beside a running
+/// server; if something fails on the way, they are deleted again. After a power cut, those that were
+/// stored are there, each with all trials: import the file again to have the others too.
 #[derive(Clone, Debug, clap::Args)]
 pub struct ImportArgs {
     /// Database: sqlite: followed by a file, which is created if it does not exist.
@@ -36,7 +44,9 @@ pub struct ImportArgs {
     #[arg(long, value_name = "SLUG", default_value = "default")]
     pub study: String,
     /// CSV file with at least the columns
-    /// participant,trial,step,t,hx,hy,hpsi,rx,ry,rpsi,omega in any order.
+    /// participant,trial,step,t,hx,hy,hpsi,rx,ry,rpsi,omega in any order, such as steps.csv of an
+    /// export. Memory does not grow with the file if the rows of each participant are together. If
+    /// there is a manifest.json beside it that names the file, its SHA-256 must be that of the manifest.
     #[arg(long, value_name = "FILE")]
     pub trials: PathBuf,
 }
@@ -61,8 +71,8 @@ pub struct Imported {
 /// database that refuses (failure).
 pub async fn run(args: ImportArgs) -> Result<(), CommandError> {
     let name = args.trials.display().to_string();
-    let file = File::open(&args.trials)
-        .map_err(|e| CommandError::Input(format!("{name}: cannot read: {e}")))?;
+    let complain = |error: &dyn Display| CommandError::Input(format!("{name}: {error}"));
+    let source = Source::open(&args.trials).map_err(|e| complain(&format!("cannot read: {e}")))?;
     let wanted = StudyConfig { slug: args.study.clone(), ..StudyConfig::default() };
     wanted.check().map_err(|e| {
         CommandError::Input(format!("--study: expected {}, found {}", e.expected, e.found))
@@ -77,66 +87,144 @@ pub async fn run(args: ImportArgs) -> Result<(), CommandError> {
         None => None,
     };
     let config = known.map_or_else(|| Arc::new(wanted), |study| study.config);
-    let complain = |error: &dyn std::fmt::Display| CommandError::Input(format!("{name}: {error}"));
-    let people = trials_csv::read(std::io::BufReader::new(file), &config.parameters)
-        .map_err(|error| complain(&error))?;
+    let interrupt = Interrupt::listen();
+    let parameters = config.parameters;
+    let checking = tokio::task::spawn_blocking(move || source.checked(&parameters));
+    let checked = interrupt.unless_stopped(checking).await?.map_err(CommandError::failure)?;
+    let file = checked.map_err(|error| complain(&error))?;
     let store = match present {
         Some(store) => store,
         None => Store::open(&args.database, Missing::Create).await?,
     };
-    // Everything is computed before anything is written: a server may receive uploads meanwhile.
-    let new: Vec<_> = people.iter().map(|person| import_of(&config.parameters, person)).collect();
-    let slug = config.slug.clone();
-    let ids: Vec<_> = new.iter().map(|person| person.id.clone()).collect();
-    let flagged = |person: &NewImport| {
-        person.trials.iter().filter(|(_, trial)| Flag::question(&trial.flags)).count()
+    let Some(destination) = store.begin_import(config, now_ms()).await? else {
+        let message = format!("study {} was changed meanwhile; try again", args.study);
+        return Err(CommandError::Failure(message));
     };
-    let counts: Vec<_> = new.iter().map(|person| (person.trials.len(), flagged(person))).collect();
-    let skipped = match store.import(config, new, now_ms()).await? {
-        Import::Done { skipped } => skipped,
-        Import::StudyChanged => {
-            let message = format!("study {slug} was changed meanwhile; try again");
-            return Err(CommandError::Failure(message));
+    // One thread reads and computes, and the store's own thread writes.
+    let (sender, mut batches) = mpsc::channel(2);
+    let reading = tokio::task::spawn_blocking(move || {
+        let mut batch = Batch::default();
+        let read = file.each(&parameters, |person| {
+            batch.add(&parameters, person);
+            let is_full = batch.trials >= BATCH;
+            match is_full && sender.blocking_send(std::mem::take(&mut batch)).is_err() {
+                true => ControlFlow::Break(()),
+                false => ControlFlow::Continue(()),
+            }
+        });
+        // Nobody receives it if the import has failed.
+        let _ = read.is_ok() && sender.blocking_send(batch).is_ok();
+        read
+    });
+    let mut done = Done::default();
+    let mut stored = Ok(());
+    while let Some(batch) = batches.recv().await {
+        stored = match interrupt.check() {
+            Ok(()) => done.store(&store, &destination, batch, &complain).await,
+            stopped => stopped,
+        };
+        if stored.is_err() {
+            break;
         }
-        Import::TrialKnown { trial_id } => {
-            let expected = "trials that are not in this database yet";
-            let what = Invalid::new("trial_id", expected, &trial_id);
-            let mut trials = people.iter().flat_map(|person| &person.trials);
-            let trial = trials.rfind(|trial| trial.trial_id.as_ref() == Some(&trial_id));
-            return Err(complain(&Fault { line: trial.and_then(|trial| trial.line), what }));
-        }
-    };
-    if let Some(study) = store.study(&slug).await? {
-        safety::keep_exact(&store, &study).await?;
     }
+    drop(batches);
+    let read = reading.await.map_err(CommandError::failure)?;
+    if let Err(error) = stored.and_then(|()| read.map_err(|error| complain(&error))) {
+        if let Err(undo) = store.undo_import(&destination, &done.ids).await {
+            let left = format!("{} participants stay in the study: {undo}", done.ids.len());
+            return Err(CommandError::Failure(format!("{error}; {left}")));
+        }
+        store.close().await;
+        return Err(error);
+    }
+    safety::keep_exact(&store, &destination.study).await?;
     store.close().await;
-    let mut done = Imported { skipped: skipped.len(), ..Imported::default() };
-    for (_, (trials, flagged)) in ids.iter().zip(counts).filter(|(id, _)| !skipped.contains(id)) {
-        done.participants += 1;
-        done.trials += trials;
-        done.flagged += flagged;
-    }
-    if done.skipped > 0 {
-        let skipped = done.skipped;
+    let counts = done.counts;
+    if counts.skipped > 0 {
+        let (skipped, slug) = (counts.skipped, &args.study);
         eprintln!("{name}: {skipped} participants were in study {slug} already and were skipped");
     }
-    print_json(&done)
+    print_json(&counts)
+}
+
+/// Trials after which participants are stored.
+const BATCH: usize = 256;
+
+/// Some participants of the file.
+#[derive(Default)]
+struct Batch {
+    people: Vec<NewImport>,
+    /// The line of each trial that has an id in the file.
+    lines: Vec<(String, u64)>,
+    trials: usize,
+}
+
+impl Batch {
+    fn add(&mut self, parameters: &SceneParameters, person: RecordedParticipant) {
+        let line = |trial: &RecordedTrial| Some((trial.trial_id.clone()?, trial.line?));
+        self.lines.extend(person.trials.iter().filter_map(line));
+        self.trials += person.trials.len();
+        self.people.push(import_of(parameters, person));
+    }
+}
+
+/// What was stored so far.
+#[derive(Default)]
+struct Done {
+    counts: Imported,
+    ids: Vec<String>,
+}
+
+impl Done {
+    async fn store(
+        &mut self,
+        store: &Store,
+        destination: &Destination,
+        batch: Batch,
+        complain: &impl Fn(&dyn Display) -> CommandError,
+    ) -> Result<(), CommandError> {
+        let Batch { people, lines, .. } = batch;
+        let flagged = |person: &NewImport| {
+            person.trials.iter().filter(|(_, trial)| Flag::question(&trial.flags)).count()
+        };
+        let counts = |person: &NewImport| (person.id.clone(), person.trials.len(), flagged(person));
+        let counts: Vec<_> = people.iter().map(counts).collect();
+        match store.import(&destination.study, people, now_ms()).await? {
+            Import::Done { skipped } => {
+                self.counts.skipped += skipped.len();
+                let new = counts.into_iter().filter(|(id, ..)| !skipped.contains(id));
+                for (id, trials, flagged) in new {
+                    self.counts.participants += 1;
+                    self.counts.trials += trials;
+                    self.counts.flagged += flagged;
+                    self.ids.push(id);
+                }
+                Ok(())
+            }
+            Import::TrialKnown { trial_id } => {
+                let expected = "trials that are not in this database yet";
+                let what = Invalid::new("trial_id", expected, &trial_id);
+                let line = lines.into_iter().rfind(|(id, _)| *id == trial_id);
+                Err(complain(&Fault { line: line.map(|(_, line)| line), what }))
+            }
+        }
+    }
 }
 
 /// A participant of the file, as the store keeps them.
-fn import_of(parameters: &SceneParameters, person: &RecordedParticipant) -> NewImport {
-    let display = match synthetic::recognised(std::slice::from_ref(person)) {
+fn import_of(parameters: &SceneParameters, person: RecordedParticipant) -> NewImport {
+    let display = match synthetic::recognised(std::slice::from_ref(&person)) {
         Some(_) => r#"{"synthetic":true}"#,
         None => "{}",
     };
     let mut rows: Vec<PlannedRow> = Vec::new();
     let mut hash = Sha256::new();
     hash.update(person.name.as_bytes());
-    let trials = person.trials.iter().map(|trial| {
-        let row = planned(parameters, &rows, trial);
-        let new = imported(parameters, &row, trial, display);
+    let trials = person.trials.into_iter().map(|trial| {
+        let row = planned(parameters, &rows, &trial);
         hash.update(trial.phase.word());
         hash.update(trial.number.to_le_bytes());
+        let new = imported(parameters, &row, trial, display);
         hash.update(new.content_hash);
         rows.push(row.clone());
         (row, new)
@@ -148,14 +236,16 @@ fn import_of(parameters: &SceneParameters, person: &RecordedParticipant) -> NewI
 fn imported(
     parameters: &SceneParameters,
     row: &PlannedRow,
-    trial: &RecordedTrial,
+    trial: RecordedTrial,
     display: &str,
 ) -> NewTrial {
+    let flags = flags_of(parameters, &row.scene, &trial);
+    let outcome = outcome(parameters, &trial.inputs, &trial.states);
     let content = Content {
         started_at_ms: trial.started_at_ms,
-        inputs: trial.inputs.clone(),
-        states: trial.states.clone(),
-        sampled_at_ms: trial.sampled_at_ms.clone(),
+        inputs: trial.inputs,
+        states: trial.states,
+        sampled_at_ms: trial.sampled_at_ms,
         key_events: "[]".to_owned(),
         page_events: None,
         exposures: None,
@@ -167,8 +257,8 @@ fn imported(
         content_hash: Recipe::PackedBytes.hash(&content),
         received_at_ms: now_ms(),
         content,
-        flags: flags_of(parameters, &row.scene, trial),
-        outcome: outcome(parameters, &trial.inputs, &trial.states),
+        flags,
+        outcome,
         repeated_as: None,
     }
 }

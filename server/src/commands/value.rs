@@ -4,8 +4,8 @@ use super::game::FunctionArgs;
 use super::solving::Interrupt;
 use super::{CommandError, print_json, unwritable};
 use crate::formats::atomic_file;
-use crate::formats::csv_lines::{LineError, Records};
-use csv::{StringRecord, Writer};
+use crate::formats::csv_lines::{LineError, Record, Records};
+use csv::Writer;
 use sidestep::invalid::Invalid;
 use sidestep::reachability::{ValueFunction, ValueState};
 use std::io;
@@ -130,7 +130,7 @@ fn read(file: &[u8], mut each: impl FnMut([f64; 3]) -> Result<(), Fault>) -> Res
 }
 
 /// Where x, y and psi are.
-fn columns(header: &StringRecord) -> Result<[usize; 3], Invalid> {
+fn columns(header: &Record) -> Result<[usize; 3], Invalid> {
     // Spreadsheets put a mark in front of UTF-8.
     let names: Vec<&str> =
         header.iter().map(|name| name.trim_start_matches('\u{feff}').trim()).collect();

@@ -1,7 +1,7 @@
 //! Writing and reading features.csv, with a row for each step.
 
-use crate::formats::csv_lines::{LineError, Records};
-use csv::{StringRecord, Writer};
+use crate::formats::csv_lines::{LineError, Record, Records};
+use csv::Writer;
 use sidestep::dataset::{Dataset, GivenFeatures, GivenRow, StepKey};
 use sidestep::features::{FEATURES, FeatureSet};
 use sidestep::invalid::{Invalid, finite};
@@ -116,7 +116,7 @@ struct Columns {
 }
 
 impl Columns {
-    fn of(header: &StringRecord) -> Result<Self, Invalid> {
+    fn of(header: &Record) -> Result<Self, Invalid> {
         let clean = |name: &str| name.trim().trim_start_matches('\u{feff}').to_owned();
         let names: Vec<String> = header.iter().map(clean).collect();
         if let Some((i, twice)) = names.iter().enumerate().find(|(i, n)| names[..*i].contains(n)) {
@@ -148,11 +148,11 @@ impl Columns {
         Ok(Self { row, turn: find(&TURN)?, features: FeatureSet::of(&features)?, places })
     }
 
-    fn participant<'a>(&self, record: &'a StringRecord) -> &'a str {
+    fn participant<'a>(&self, record: &'a Record) -> &'a str {
         record.get(self.row[0]).unwrap_or("").trim()
     }
 
-    fn row(&self, record: &StringRecord) -> Result<(StepKey, TurnInput, Vec<f64>), Invalid> {
+    fn row(&self, record: &Record) -> Result<(StepKey, TurnInput, Vec<f64>), Invalid> {
         let field = |place: usize| record.get(place).unwrap_or("").trim();
         let wrong = |name: &str, expected: &str, text: &str| {
             let found: String = text.chars().take(60).collect();

@@ -7,44 +7,18 @@
 mod row;
 
 use crate::formats::csv_lines::{LineError, Records};
-use row::{Columns, Row};
+use row::{Parser, Row};
 use sidestep::invalid::{Invalid, length};
 use sidestep::recording::{RecordedParticipant, RecordedTrial};
 use sidestep::scene::SceneParameters;
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::io::Read;
+use std::ops::ControlFlow;
+use uuid::Uuid;
 
-/// The columns of an export, in order. Every file must have the first [`REQUIRED`] columns, in any
-/// order.
-pub const COLUMNS: [&str; 24] = [
-    "participant",
-    "trial",
-    "step",
-    "t",
-    "hx",
-    "hy",
-    "hpsi",
-    "rx",
-    "ry",
-    "rpsi",
-    "omega",
-    "study",
-    "phase",
-    "phase_index",
-    "attempt",
-    "trial_id",
-    "participant_id",
-    "flags",
-    "started_at_ms",
-    "sampled_at_ms",
-    "received_at_ms",
-    "synthetic",
-    "due_at_ms",
-    "exposures",
-];
-
-/// The number of [`COLUMNS`] that every file must have.
-pub const REQUIRED: usize = 11;
+/// The columns that every file must have, in any order.
+pub const REQUIRED: [&str; 11] =
+    ["participant", "trial", "step", "t", "hx", "hy", "hpsi", "rx", "ry", "rpsi", "omega"];
 
 /// The content of a file.
 #[derive(Debug)]
@@ -85,90 +59,237 @@ pub fn read(
 /// UTF-8, a row with another number of fields than the header, or without a participant; and if
 /// there is no row.
 pub fn read_each(file: impl Read, parameters: &SceneParameters) -> Result<Contents, LineError> {
-    let (mut records, header) = Records::of(file)?;
-    let columns = Columns::of(&header).map_err(at(1))?;
-    let mut trials: Vec<Rows> = Vec::new();
-    let mut places: HashMap<(String, u64), usize> = HashMap::new();
-    let mut faults: HashMap<String, LineError> = HashMap::new();
-    let mut previous = None;
-    while let Some((line, record)) = records.read()? {
-        let participant = columns.participant(record).map_err(at(line))?;
-        let row = match Row::parse(&columns, record, participant, parameters) {
-            Ok(row) => row,
-            Err(what) => {
-                faults.entry(participant.to_owned()).or_insert(LineError { line, what });
-                continue;
-            }
+    let mut rows = Rows::of(file, parameters)?;
+    let mut people: Vec<Person> = Vec::new();
+    let mut places: HashMap<String, usize> = HashMap::new();
+    let mut current: Option<usize> = None;
+    while let Some((line, name, row)) = rows.next()? {
+        let place = match current.filter(|&place| people[place].name == name) {
+            Some(place) => place,
+            None => match places.get(name) {
+                Some(&place) => {
+                    people[place].comes_again();
+                    place
+                }
+                None => {
+                    places.insert(name.to_owned(), people.len());
+                    people.push(Person::new(name));
+                    people.len() - 1
+                }
+            },
         };
-        let place = *places.entry((row.participant.clone(), row.trial)).or_insert(trials.len());
-        if place == trials.len() {
-            trials.push(Rows::default());
-        }
-        trials[place].scattered |= previous != Some(place) && !trials[place].rows.is_empty();
-        trials[place].rows.push((line, row));
-        previous = Some(place);
+        people[place].add(line, row);
+        current = Some(place);
     }
-    if trials.is_empty() && faults.is_empty() {
-        return Err(at(1)(Invalid::new("file", "at least one trial", "no row")));
-    }
-    let mut people: Vec<RecordedParticipant> = Vec::new();
-    let mut person_of: HashMap<String, usize> = HashMap::new();
-    for rows in trials {
-        let (line, first) = &rows.rows[0];
-        let (line, name, synthetic) = (*line, first.participant.clone(), first.synthetic);
-        if faults.contains_key(&name) {
-            continue;
+    let mut contents = Contents { participants: Vec::new(), faults: Vec::new() };
+    for person in people {
+        match person.recorded(parameters) {
+            Ok(person) => contents.participants.push(person),
+            Err(fault) => contents.faults.push(fault),
         }
-        let trial = match rows.trial(parameters) {
-            Ok(trial) => trial,
-            Err(error) => {
-                faults.insert(name, error);
-                continue;
+    }
+    contents.faults.sort_by_key(|fault| fault.error.line);
+    Ok(contents)
+}
+
+/// Whether the rows of each participant are together, as exports have them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Order {
+    /// They are: [`each`] can read the file.
+    Together,
+    /// Somebody has rows in several places: only [`read`] can read the file.
+    Scattered,
+}
+
+/// Checks a file as [`read`] does, in memory for one participant. A scattered file is not checked to its
+/// end.
+///
+/// # Errors
+/// As [`read`].
+pub fn check(file: impl Read, parameters: &SceneParameters) -> Result<Order, LineError> {
+    let mut fault = None;
+    let order = people(file, parameters, |found| {
+        // A row that cannot be assigned to a participant is worse than this: the search goes on.
+        fault = fault.take().or(found.err().map(|fault| fault.error));
+        ControlFlow::Continue(())
+    })?;
+    match (order, fault) {
+        (Order::Together, Some(fault)) => Err(fault),
+        (order, _) => Ok(order),
+    }
+}
+
+/// Hands the participants of a file one after the other to `to`, until it breaks off.
+///
+/// # Errors
+/// As [`read`], when what is wrong is reached; and for a scattered file.
+pub fn each(
+    file: impl Read,
+    parameters: &SceneParameters,
+    mut to: impl FnMut(RecordedParticipant) -> ControlFlow<()>,
+) -> Result<(), LineError> {
+    let mut fault = None;
+    let order = people(file, parameters, |found| match found {
+        Ok(person) => to(person),
+        Err(found) => {
+            fault = Some(found.error);
+            ControlFlow::Break(())
+        }
+    })?;
+    match (order, fault) {
+        (_, Some(fault)) => Err(fault),
+        (Order::Together, None) => Ok(()),
+        (Order::Scattered, None) => {
+            let expected = "all rows of a participant together, as before";
+            Err(at(1)(Invalid::new("file", expected, "a file that changes while it is read")))
+        }
+    }
+}
+
+/// Hands the participants one after the other to `to`, until it breaks off or somebody comes again.
+fn people(
+    file: impl Read,
+    parameters: &SceneParameters,
+    mut to: impl FnMut(Result<RecordedParticipant, ParticipantFault>) -> ControlFlow<()>,
+) -> Result<Order, LineError> {
+    let mut rows = Rows::of(file, parameters)?;
+    let mut before: HashSet<String> = HashSet::new();
+    let mut current: Option<Person> = None;
+    while let Some((line, name, row)) = rows.next()? {
+        if current.as_ref().is_none_or(|person| person.name != name) {
+            if !before.insert(name.to_owned()) {
+                return Ok(Order::Scattered);
             }
-        };
-        let place = *person_of.entry(name.clone()).or_insert(people.len());
-        if place == people.len() {
-            people.push(RecordedParticipant {
-                name,
-                line: Some(line),
-                ..RecordedParticipant::default()
-            });
+            if let Some(person) = current.replace(Person::new(name))
+                && to(person.recorded(parameters)).is_break()
+            {
+                return Ok(Order::Together);
+            }
         }
-        people[place].trials.push(trial);
-        people[place].marked_synthetic |= synthetic;
+        if let Some(person) = &mut current {
+            person.add(line, row);
+        }
     }
-    people.retain(|person| !faults.contains_key(&person.name));
-    for person in &mut people {
-        person.trials.sort_by_key(|trial| (trial.phase, trial.number));
+    if let Some(person) = current {
+        let _ = to(person.recorded(parameters));
     }
-    let fault = |(participant, error)| ParticipantFault { participant, error };
-    let mut faults: Vec<ParticipantFault> = faults.into_iter().map(fault).collect();
-    faults.sort_by_key(|fault| fault.error.line);
-    Ok(Contents { participants: people, faults })
+    Ok(Order::Together)
+}
+
+/// The rows of a file.
+struct Rows<R> {
+    records: Records<R>,
+    parser: Parser,
+    any: bool,
+}
+
+impl<R: Read> Rows<R> {
+    fn of(file: R, parameters: &SceneParameters) -> Result<Self, LineError> {
+        let (records, header) = Records::of(file)?;
+        let parser = Parser::new(&header, parameters).map_err(at(1))?;
+        Ok(Self { records, parser, any: false })
+    }
+
+    /// The next row with its line and its participant; none at the end.
+    #[allow(clippy::type_complexity, reason = "a row, or what is wrong with it")]
+    fn next(&mut self) -> Result<Option<(u64, &str, Result<Row, Invalid>)>, LineError> {
+        let Some((line, record)) = self.records.read()? else {
+            return match self.any {
+                true => Ok(None),
+                false => Err(at(1)(Invalid::new("file", "at least one trial", "no row"))),
+            };
+        };
+        self.any = true;
+        let participant = self.parser.participant(record).map_err(at(line))?;
+        Ok(Some((line, participant, self.parser.row(record))))
+    }
 }
 
 fn at(line: u64) -> impl Fn(Invalid) -> LineError {
     move |what| LineError { line, what }
 }
 
+/// The rows of one participant so far.
+struct Person {
+    name: String,
+    trials: Vec<Trial>,
+    places: HashMap<u64, usize>,
+    /// The trial of the row before, unless another participant's rows came in between.
+    previous: Option<usize>,
+    fault: Option<LineError>,
+}
+
+impl Person {
+    fn new(name: &str) -> Self {
+        let name = name.to_owned();
+        Self { name, trials: Vec::new(), places: HashMap::new(), previous: None, fault: None }
+    }
+
+    /// Rows of somebody else came in between.
+    fn comes_again(&mut self) {
+        self.previous = None;
+    }
+
+    fn add(&mut self, line: u64, row: Result<Row, Invalid>) {
+        let row = match row {
+            Ok(row) => row,
+            Err(what) => {
+                self.fault.get_or_insert(LineError { line, what });
+                return;
+            }
+        };
+        let place = match self.previous.filter(|&place| self.trials[place].number == row.trial) {
+            Some(place) => place,
+            None => *self.places.entry(row.trial).or_insert(self.trials.len()),
+        };
+        if place == self.trials.len() {
+            self.trials.push(Trial { number: row.trial, rows: Vec::new(), scattered: false });
+        }
+        let trial = &mut self.trials[place];
+        trial.scattered |= self.previous != Some(place) && !trial.rows.is_empty();
+        trial.rows.push((line, row));
+        self.previous = Some(place);
+    }
+
+    /// The participant, or the first invalid row or else the first invalid trial.
+    fn recorded(
+        self,
+        parameters: &SceneParameters,
+    ) -> Result<RecordedParticipant, ParticipantFault> {
+        let Self { name, trials, fault, .. } = self;
+        let failed = |error, name: &str| ParticipantFault { participant: name.to_owned(), error };
+        if let Some(error) = fault {
+            return Err(failed(error, &name));
+        }
+        let line = trials.first().and_then(|trial| trial.rows.first()).map(|(line, _)| *line);
+        let is_marked = |trial: &Trial| trial.rows.first().is_some_and(|(_, row)| row.synthetic);
+        let marked_synthetic = trials.iter().any(is_marked);
+        let recorded = trials.into_iter().map(|trial| trial.recorded(parameters));
+        let mut trials: Vec<RecordedTrial> =
+            recorded.collect::<Result<_, _>>().map_err(|error| failed(error, &name))?;
+        trials.sort_by_key(|trial| (trial.phase, trial.number));
+        Ok(RecordedParticipant { name, line, trials, marked_synthetic })
+    }
+}
+
 /// The rows of one trial with their lines, as the file has them; at least one.
-#[derive(Default)]
-struct Rows {
+struct Trial {
+    number: u64,
     rows: Vec<(u64, Row)>,
     scattered: bool,
 }
 
-impl Rows {
-    fn trial(mut self, parameters: &SceneParameters) -> Result<RecordedTrial, LineError> {
+impl Trial {
+    fn recorded(mut self, parameters: &SceneParameters) -> Result<RecordedTrial, LineError> {
         if self.scattered {
             self.rows.sort_by_key(|(_, row)| row.step);
         }
         let (line, first) = &self.rows[0];
-        let mut trial = begun(*line, first);
-        let mut last_line = *line;
+        let (mut last_line, trial_id) = (*line, first.trial_id);
+        let mut trial = begun(*line, first, self.rows.len());
         for (line, row) in self.rows {
             last_line = line;
-            push(&mut trial, row, parameters).map_err(at(line))?;
+            push(&mut trial, trial_id, &row, parameters).map_err(at(line))?;
         }
         length("step", parameters.steps, trial.inputs.len()).map_err(at(last_line))?;
         // The state after the last step follows from its input.
@@ -180,23 +301,28 @@ impl Rows {
 }
 
 /// A trial without steps, as its first row says.
-fn begun(line: u64, row: &Row) -> RecordedTrial {
+fn begun(line: u64, row: &Row, rows: usize) -> RecordedTrial {
     RecordedTrial {
         line: Some(line),
         number: row.trial,
         phase: row.phase,
         attempt: row.attempt,
-        trial_id: row.trial_id.clone(),
-        inputs: Vec::new(),
-        states: Vec::new(),
+        trial_id: row.trial_id.map(|id| id.to_string()),
+        inputs: Vec::with_capacity(rows),
+        states: Vec::with_capacity(rows + 1),
         started_at_ms: row.started_at_ms,
-        sampled_at_ms: row.sampled_at_ms.map(|_| Vec::new()),
-        flags: row.flags.clone(),
+        sampled_at_ms: row.sampled_at_ms.map(|_| Vec::with_capacity(rows)),
+        flags: row.flags.as_deref().unwrap_or_default().to_vec(),
     }
 }
 
 /// Adds the next row, which must continue the trial.
-fn push(trial: &mut RecordedTrial, row: Row, parameters: &SceneParameters) -> Result<(), Invalid> {
+fn push(
+    trial: &mut RecordedTrial,
+    trial_id: Option<Uuid>,
+    row: &Row,
+    parameters: &SceneParameters,
+) -> Result<(), Invalid> {
     let next = trial.inputs.len();
     if next == parameters.steps {
         let expected = format!("{next} steps a trial");
@@ -214,7 +340,7 @@ fn push(trial: &mut RecordedTrial, row: Row, parameters: &SceneParameters) -> Re
         let expected = format!("{}, as in the trial's first row", trial.phase.word());
         return Err(Invalid::new("phase", expected, row.phase.word()));
     }
-    if row.trial_id != trial.trial_id {
+    if row.trial_id != trial_id {
         let expected = "the same id in all rows of a trial";
         return Err(Invalid::new("trial_id", expected, "another one"));
     }

@@ -2,7 +2,8 @@
 
 use crate::content::Content;
 use crate::formats::exports;
-use crate::formats::participants_csv::participants_csv;
+use crate::formats::table::{csv_header, csv_rows};
+use crate::formats::tables::participants::Participants;
 use crate::http::app::App;
 use crate::http::error::ApiError;
 use crate::http::experimenters::{Exporter, Manager, Reader};
@@ -208,7 +209,9 @@ pub async fn participants(
     exports::check_format(&params.format)?;
     let study = named(&app.store, &slug).await?;
     let people = app.store.roster(study.id).await?;
-    let table = participants_csv(&study.config, &people).context("participants as CSV")?;
+    let table = Participants::new(&study.config, &people);
+    let mut file = csv_header(&table.columns());
+    csv_rows(&table.columns(), &table.rows(), &mut file);
     let entry = me.does(Action::Exported, Some(&slug), Some("participants as CSV".to_owned()));
     app.store.note(entry).await?;
     let name = format!("attachment; filename=\"{slug}-participants.csv\"");
@@ -216,7 +219,7 @@ pub async fn participants(
         (header::CONTENT_TYPE, "text/csv; charset=utf-8".to_owned()),
         (header::CONTENT_DISPOSITION, name),
     ];
-    Ok((headers, table))
+    Ok((headers, file))
 }
 
 async fn stored(store: &Store, trial_id: &str) -> Result<StoredTrial, ApiError> {

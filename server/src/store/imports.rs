@@ -1,7 +1,7 @@
-//! Trials that are imported from a file.
+//! Trials that are imported from a file, batch by batch.
 
 use super::scenes::{self, PlannedRow};
-use super::studies;
+use super::studies::{self, StoredStudy};
 use super::trials::{self, NewTrial};
 use super::{Store, StoreError};
 use rusqlite::{Connection, params};
@@ -20,55 +20,109 @@ pub struct NewImport {
     pub trials: Vec<(PlannedRow, NewTrial)>,
 }
 
-/// The outcome of an import.
+/// The study into which a file is imported.
+#[derive(Clone, Debug)]
+pub struct Destination {
+    /// The study.
+    pub study: StoredStudy,
+    /// Whether it was created for the import.
+    pub is_new: bool,
+}
+
+/// The outcome of a batch.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Import {
-    /// All participants of the file are in the study now.
+    /// All participants of the batch are in the study now.
     Done {
         /// Ids of the participants who had been imported before.
         skipped: Vec<String>,
     },
-    /// The study's parameters changed since the file was read; nothing was imported.
-    StudyChanged,
-    /// Another participant has a trial with this id; nothing was imported.
+    /// Another participant has a trial with this id; nothing of the batch was imported.
     TrialKnown {
         /// The trial.
         trial_id: String,
     },
 }
 
+/// Most participants that are deleted in one transaction.
+const UNDONE_AT_ONCE: usize = 16;
+
 impl Store {
-    /// Imports participants into the study with the name of `config`, which is created if missing.
-    ///
-    /// # Errors
-    /// [`StoreError`]; nothing was imported then.
-    pub async fn import(
+    /// The study with the name of `config`, which is created if missing; none if its parameters are not
+    /// those of `config`.
+    pub async fn begin_import(
         &self,
         config: Arc<StudyConfig>,
+        now_ms: i64,
+    ) -> Result<Option<Destination>, StoreError> {
+        self.write_behind(move |db| match studies::find(db, &config.slug)? {
+            Some(study) if study.config.parameters != config.parameters => Ok(None),
+            Some(study) => Ok(Some(Destination { study, is_new: false })),
+            None => {
+                let study = studies::put(db, &config, now_ms)?;
+                Ok(Some(Destination { study, is_new: true }))
+            }
+        })
+        .await
+    }
+
+    /// Imports some participants of a file, in one transaction.
+    ///
+    /// # Errors
+    /// [`StoreError`]; none of them was imported then.
+    pub async fn import(
+        &self,
+        study: &StoredStudy,
         people: Vec<NewImport>,
         now_ms: i64,
     ) -> Result<Import, StoreError> {
-        self.write_behind(move |db| import(db, &config, &people, now_ms)).await
+        let study = study.clone();
+        self.write_behind(move |db| import(db, &study, &people, now_ms)).await
+    }
+
+    /// Takes an import back: deletes these participants, all of them imported, with their trials, and
+    /// the study if it was created for them and nobody else is in it.
+    pub async fn undo_import(
+        &self,
+        destination: &Destination,
+        ids: &[String],
+    ) -> Result<(), StoreError> {
+        for ids in ids.chunks(UNDONE_AT_ONCE) {
+            let ids = ids.to_vec();
+            self.write_behind(move |db| ids.iter().try_for_each(|id| delete(db, id))).await?;
+        }
+        if !destination.is_new {
+            return Ok(());
+        }
+        let StoredStudy { id, config_hash, .. } = destination.study.clone();
+        self.write_behind(move |db| {
+            db.execute(
+                "DELETE FROM study WHERE id = ?1 \
+                     AND NOT EXISTS (SELECT 1 FROM participant WHERE study_id = ?1)",
+                [id],
+            )?;
+            db.execute(
+                "DELETE FROM study_config WHERE hash = ?1 \
+                     AND NOT EXISTS (SELECT 1 FROM study WHERE config_hash = ?1) \
+                     AND NOT EXISTS (SELECT 1 FROM participant WHERE config_hash = ?1) \
+                     AND NOT EXISTS (SELECT 1 FROM safety_function WHERE config_hash = ?1)",
+                [config_hash],
+            )?;
+            Ok(())
+        })
+        .await
     }
 }
 
 fn import(
     db: &Connection,
-    config: &Arc<StudyConfig>,
+    study: &StoredStudy,
     people: &[NewImport],
     now_ms: i64,
 ) -> Result<Import, StoreError> {
-    let present = studies::find(db, &config.slug)?;
-    let study = match present {
-        Some(study) if study.config.parameters != config.parameters => {
-            return Ok(Import::StudyChanged);
-        }
-        Some(study) => study,
-        None => studies::put(db, config, now_ms)?,
-    };
     let mut is_there =
-        db.prepare("SELECT 1 FROM participant WHERE study_id = ?1 AND import_hash = ?2")?;
-    let mut is_planned = db.prepare("SELECT 1 FROM scene WHERE trial_id = ?1")?;
+        db.prepare_cached("SELECT 1 FROM participant WHERE study_id = ?1 AND import_hash = ?2")?;
+    let mut is_planned = db.prepare_cached("SELECT 1 FROM scene WHERE trial_id = ?1")?;
     // Everything is checked before anything is written, so that a refusal changes nothing.
     let (mut skipped, mut new, mut ids) = (Vec::new(), Vec::new(), HashSet::new());
     for person in people {
@@ -88,8 +142,8 @@ fn import(
         db.prepare_cached(
             "INSERT INTO participant (id, study_id, number, config_hash, import_hash, \
                  enrolled_at_ms, last_seen_at_ms) \
-             SELECT ?1, ?2, coalesce(max(number), 0) + 1, ?3, ?4, ?5, ?5 \
-             FROM participant WHERE study_id = ?2 AND pilot = 0",
+             VALUES (?1, ?2, coalesce((SELECT max(number) FROM participant \
+                 WHERE study_id = ?2 AND pilot = 0), 0) + 1, ?3, ?4, ?5, ?5)",
         )?
         .execute(params![person.id, study.id, study.config_hash, person.hash, now_ms])?;
         for (scene, trial) in &person.trials {
@@ -98,4 +152,15 @@ fn import(
         }
     }
     Ok(Import::Done { skipped })
+}
+
+fn delete(db: &Connection, id: &str) -> Result<(), StoreError> {
+    for query in [
+        "DELETE FROM trial WHERE trial_id IN (SELECT trial_id FROM scene WHERE participant_id = ?1)",
+        "DELETE FROM scene WHERE participant_id = ?1",
+        "DELETE FROM participant WHERE id = ?1 AND import_hash IS NOT NULL",
+    ] {
+        db.prepare_cached(query)?.execute([id])?;
+    }
+    Ok(())
 }

@@ -1,6 +1,8 @@
 //! Export, import and check.
 
 use serde_json::{Value, json};
+use sha2::{Digest, Sha256};
+use sidestep::api::KeyEvent;
 use sidestep::scene::JointState;
 use sidestep::vehicle::Pose;
 use sidestep_tests::process::Said;
@@ -11,12 +13,12 @@ async fn import(database: &str, study: &str, file: &str) -> Said {
     run(&["import", "--database", database, "--study", study, "--trials", file]).await
 }
 
-/// The file that the command exports into `folder`.
+/// The steps that the command exports into `folder`.
 async fn export(database: &str, study: &str, folder: &Folder) -> String {
     let dir = folder.name("out");
     let args = ["export", "--database", database, "--study", study, "--format", "csv"];
     run(&[&args[..], &["--out", &dir]].concat()).await.json();
-    folder.text("out/trials.csv")
+    folder.text("out/steps.csv")
 }
 
 /// The columns of these names, row by row.
@@ -115,6 +117,147 @@ async fn an_export_imported_elsewhere_is_the_same_again() {
     let home = import(&server.database(), "default", &path).await;
     home.refused(2, &["line 2: trial_id"]);
     assert_eq!(server.export("default").await, file);
+}
+
+/// The steps of simulated people with ids of trials, as an export has them.
+async fn exported(folder: &Folder, people: &str, tasks: &str) -> String {
+    let (file, database) = (folder.name("simulated.csv"), folder.database("simulated.db"));
+    let simulate = ["simulate", "--seed", "3", "--keys", "clock", "--out", &file];
+    run(&[&simulate[..], &["--participants", people, "--tasks", tasks]].concat()).await.json();
+    import(&database, "default", &file).await.json();
+    export(&database, "default", folder).await
+}
+
+#[tokio::test]
+async fn an_export_says_what_it_has() {
+    let server = Server::with_study(SHORT_STUDY).await;
+    let driver = Driver::enrol(&server).await;
+    driver.drive(&server, 4).await;
+    let mut late = driven(&driver.scenes()[4].1);
+    late.sampled_at_ms[49] += 500.0;
+    late.key_events = vec![KeyEvent { t_ms: -1.5, key: "=1,\"x".to_owned(), down: true }];
+    let (last, _) = driver.scenes()[4].clone();
+    assert_eq!(driver.send(&server, &last, &late).await.status, 201);
+    let (folder, database) = (Folder::default(), server.database());
+    let export = |format: &'static str, more: &'static [&'static str]| {
+        let (out, database) = (folder.name(format), database.clone());
+        async move {
+            let args = ["export", "--database", &database, "--format", format, "--output", &out];
+            run(&[&args[..], more].concat()).await.json()
+        }
+    };
+    for format in ["csv", "jsonl", "parquet"] {
+        let said = export(format, &[]).await;
+        let text = folder.text(&format!("{format}/manifest.json"));
+        let manifest: Value = serde_json::from_str(&text).unwrap();
+        assert_eq!((&manifest["study"], &manifest["files"]), (&json!("default"), &said["files"]));
+        let rows: Vec<_> = manifest["files"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .map(|file| {
+                let name = file["name"].as_str().unwrap();
+                let bytes = std::fs::read(folder.path(format).join(name)).unwrap();
+                assert_eq!(file["sha256"], hex::encode(Sha256::digest(&bytes)), "{name}");
+                assert_eq!(file["bytes"], bytes.len(), "{name}");
+                (name.split('.').next().unwrap().to_owned(), file["rows"].as_u64().unwrap())
+            })
+            .collect();
+        let expected = [("steps", 250), ("trials", 5), ("key_events", 9), ("participants", 1)];
+        for (found, (name, count)) in rows.iter().zip(expected) {
+            assert_eq!((&*found.0, found.1), (name, count), "{format}");
+        }
+        assert_eq!((&*rows[4].0, rows[4].1, &*rows[5].0), ("configurations", 1, "dictionary"));
+    }
+    assert_eq!(folder.text("csv/steps.csv"), server.export("default").await);
+    let events = folder.text("csv/key_events.csv");
+    let line = format!("1,4,{last},0,-1.5,\"'=1,\"\"x\",1");
+    assert_eq!(events.lines().last().unwrap(), line);
+    let trials = folder.text("csv/trials.csv");
+    let ends = columns(&trials, &["trial_id", "flags", "end_hx", "steps"]);
+    let end = format!("{:?}", late.states[50].human.x);
+    assert_eq!(ends[4], [&*last, "late_sample;interrupted", &*end, "50"]);
+    // A configuration is there byte for byte.
+    let configurations = folder.text("csv/configurations.json");
+    let configuration = configurations.lines().nth(1).unwrap();
+    let (hash, study) = configuration.split_once(", \"study\": ").unwrap();
+    let hash = &hash[r#"{"configuration": ""#.len()..][..64];
+    assert_eq!(hash, hex::encode(Sha256::digest(study.strip_suffix('}').unwrap())));
+
+    // A part of it: trials keep their numbers.
+    let part = export("csv", &["--phase", "task", "--quality", "unflagged"]).await;
+    let rows = |said: &Value, file: usize| said["files"][file]["rows"].as_u64().unwrap();
+    assert_eq!([0, 1, 2, 3].map(|file| rows(&part, file)), [100, 2, 4, 1]);
+    let numbers = columns(&folder.text("csv/trials.csv"), &["trial", "phase"]);
+    assert_eq!(numbers, [["2", "task"], ["3", "task"]]);
+    let out = folder.name("csv");
+    let args = ["export", "--database", &database, "--out", &out, "--configuration"];
+    let said = run(&[&args[..], &[&hash[..10]]].concat()).await.json();
+    assert_eq!(rows(&said, 0), 250);
+    run(&[&args[..], &["0xyz"]].concat()).await.refused(2, &["--configuration", hash, "0xyz"]);
+}
+
+#[tokio::test]
+async fn a_file_that_was_cut_off_is_refused() {
+    let folder = Folder::default();
+    let whole = exported(&folder, "2", "3").await;
+    let (database, path) = (folder.database("copy.db"), folder.path("out/steps.csv"));
+    // The manifest beside it knows what is missing.
+    for end in
+        [whole.len() - 1, whole.len() / 2, whole.lines().take(151).map(|l| l.len() + 1).sum()]
+    {
+        std::fs::write(&path, &whole[..end]).unwrap();
+        let said = import(&database, "default", &path.display().to_string()).await;
+        said.refused(2, &["steps.csv: SHA-256: expected", "as manifest.json beside it says"]);
+    }
+    // Elsewhere, whoever is not whole is missed.
+    let step = whole.len() / 300;
+    for end in (1..20).map(|cut| whole.len() - cut * step - cut) {
+        let file = folder.file("cut.csv", &whole[..end]);
+        import(&database, "default", &file).await.refused(2, &["cut.csv: line "]);
+    }
+    assert!(!folder.path("copy.db").exists());
+    std::fs::write(&path, &whole).unwrap();
+    let done = import(&database, "default", &path.display().to_string()).await.json();
+    assert_eq!((&done["participants"], &done["trials"]), (&json!(2), &json!(6)));
+    // The table of trials has no steps.
+    let trials = import(&database, "default", &folder.name("out/trials.csv")).await;
+    trials.refused(2, &["no column step", "steps.csv"]);
+}
+
+#[tokio::test]
+async fn rows_in_any_order_are_the_same_trials() {
+    let folder = Folder::default();
+    let whole = exported(&folder, "3", "4").await;
+    let header = whole.lines().next().unwrap();
+    let mut lines: Vec<&str> = whole.lines().skip(1).collect();
+    lines.sort_by_key(|line| line.split(',').nth(2).unwrap().parse::<u32>().unwrap());
+    let sorted = folder.file("sorted.csv", format!("{header}\n{}\n", lines.join("\n")));
+    let database = folder.database("copy.db");
+    let done = import(&database, "default", &sorted).await.json();
+    assert_eq!(done, json!({ "participants": 3, "trials": 12, "flagged": 0, "skipped": 0 }));
+    // Whoever was imported in order is the same.
+    let ordered = folder.file("ordered.csv", &whole);
+    assert_eq!(import(&database, "default", &ordered).await.json()["skipped"], 3);
+}
+
+#[tokio::test]
+async fn an_import_that_fails_after_a_part_takes_it_back() {
+    let folder = Folder::default();
+    let whole = exported(&folder, "7", "50").await;
+    let (header, rows) = whole.split_once('\n').unwrap();
+    let begin = whole.find("\n7,0,0,").unwrap() + 1;
+    let last = folder.file("last.csv", format!("{header}\n{}", &whole[begin..]));
+    let database = folder.database("copy.db");
+    import(&database, "one", &last).await.json();
+    // Six people are stored before it is known that the trials of the last are in another study.
+    let all = folder.file("all.csv", format!("{header}\n{rows}"));
+    import(&database, "two", &all).await.refused(2, &["all.csv: line 15002: trial_id"]);
+    let two = ["export", "--database", &database, "--study", "two", "--out", "none"];
+    run(&two).await.refused(2, &["which has one"]);
+    let report = run(&["check", "--database", &database]).await.json();
+    assert_eq!([&report["participants"], &report["trials"]], [&json!(1), &json!(50)]);
+    assert_eq!((&report["damage"], &report["wrong"]), (&json!([]), &json!([])));
 }
 
 /// A file of one trial that drives straight from the origin.

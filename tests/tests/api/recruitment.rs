@@ -333,7 +333,7 @@ async fn researchers_find_codes_ids_and_answers_in_the_table_of_participants() {
     ] {
         assert_eq!(cell(name), cells, "{name}");
     }
-    // Every column of both files has a meaning.
+    // Every column of each table has a meaning.
     let dictionary: Value = serde_json::from_str(&folder.text("data/dictionary.json")).unwrap();
     let named = |file: &str| -> Vec<&str> {
         let columns = dictionary.as_array().unwrap().iter();
@@ -341,9 +341,11 @@ async fn researchers_find_codes_ids_and_answers_in_the_table_of_participants() {
         columns.map(|column| column["name"].as_str().unwrap()).collect()
     };
     assert_eq!(named("participants.csv"), lines[0]);
-    let trials = folder.text("data/trials.csv");
-    let header: Vec<_> = trials.lines().next().unwrap().split(',').collect();
-    assert_eq!(named("trials.csv"), header);
+    for name in ["steps.csv", "trials.csv", "key_events.csv"] {
+        let table = folder.text(&format!("data/{name}"));
+        let header: Vec<_> = table.lines().next().unwrap().split(',').collect();
+        assert_eq!(named(name), header);
+    }
     let hand = dictionary.as_array().unwrap().iter().find(|c| c["name"] == "answer_hand").unwrap();
     assert_eq!(
         (&hand["range"], &hand["meaning"]),

@@ -50,7 +50,7 @@ async fn drives_on_the_clock_are_imported_without_a_flag() {
     let expected = json!({ "participants": 3, "trials": 18, "flagged": 0, "skipped": 0 });
     assert_eq!(imported, expected);
     // What nobody drove stays known as such, in the study and in its export.
-    let (copy, exported) = (folder.name("copy"), folder.name("copy/trials.csv"));
+    let (copy, exported) = (folder.name("copy"), folder.name("copy/steps.csv"));
     run(&["export", "--database", &database, "--out", &copy]).await.json();
     for (i, source) in [["--database", &database], ["--trials", &exported]].iter().enumerate() {
         let analysis = folder.name(&i.to_string());

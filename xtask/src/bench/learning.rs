@@ -4,15 +4,15 @@
 //! `tests/peers/learning.py` is the peer's side. What we do more, feature sets with the body
 //! frame, calibration, models beyond the paper, roll-outs and files, counts against us.
 
+use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode, Stdio};
-use std::time::{Duration, Instant};
-use std::{fs, thread};
 
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::{Context, Result, ensure};
 use serde::Deserialize;
 
 use super::peers::{environment, table};
+use super::process::{Measured, measured};
 use crate::workspace::{Workspace, output_of, stage};
 
 /// How many times as fast as the peer we mean to be at least.
@@ -38,12 +38,6 @@ struct Versions {
     numpy: String,
 }
 
-/// How long the command took and how much memory, MB, where the system tells.
-struct Ours {
-    wall_s: f64,
-    memory_mb: Option<f64>,
-}
-
 /// Measures and prints. Without Python or its packages our own figures still come, and then it
 /// fails; a missed target fails too.
 ///
@@ -67,8 +61,6 @@ pub(super) fn run(workspace: &Workspace) -> Result<ExitCode> {
         kept &= kept_here;
         if kept_here { String::new() } else { "MISSED".to_owned() }
     };
-    let memory =
-        |ours: &Ours| ours.memory_mb.map_or_else(|| "-".to_owned(), |mb| format!("{mb:.0}"));
     if let Ok(theirs) = &theirs {
         let ratio = theirs.wall_s / ours.wall_s;
         eprintln!(
@@ -81,7 +73,7 @@ pub(super) fn run(workspace: &Workspace) -> Result<ExitCode> {
             format!("{:.1}", theirs.wall_s),
             format!("{ratio:.1}"),
             format!("≥ {RATIO}"),
-            memory(&ours),
+            ours.memory(),
             says(ratio >= RATIO),
         ]);
     }
@@ -98,7 +90,7 @@ pub(super) fn run(workspace: &Workspace) -> Result<ExitCode> {
             "-".to_owned(),
             format!("{:.2}", ours.wall_s / most),
             format!("≤ {most} s"),
-            memory(&ours),
+            ours.memory(),
             says(ours.wall_s <= most && small),
         ]);
     }
@@ -135,35 +127,12 @@ fn analyze(
     features: &Path,
     threads: &str,
     out: &PathBuf,
-) -> Result<Ours> {
+) -> Result<Measured> {
     ensure!(!out.exists(), "{} is there already", out.display());
     let mut command = Command::new(workspace.server());
     command.arg("analyze").arg("--trials").arg(trials).arg("--features").arg(features);
-    command.args(["--threads", threads]).arg("--out").arg(out).stdout(Stdio::null());
-    let start = Instant::now();
-    let mut child = command.spawn().context("cannot start sidestep")?;
-    let mut memory_mb = None;
-    let status = loop {
-        // The last reading before the end counts: the system keeps the highest.
-        memory_mb = peak_memory_mb(child.id()).or(memory_mb);
-        if let Some(status) = child.try_wait()? {
-            break status;
-        }
-        thread::sleep(Duration::from_millis(5));
-    };
-    let wall_s = start.elapsed().as_secs_f64();
-    if !status.success() {
-        bail!("sidestep analyze failed: {status}");
-    }
-    Ok(Ours { wall_s, memory_mb })
-}
-
-/// The most memory that a process has had at once so far, as Linux keeps it.
-fn peak_memory_mb(process: u32) -> Option<f64> {
-    let status = fs::read_to_string(format!("/proc/{process}/status")).ok()?;
-    let line = status.lines().find(|line| line.starts_with("VmHWM:"))?;
-    let kilobytes: f64 = line.split_whitespace().nth(1)?.parse().ok()?;
-    Some(kilobytes / 1024.0)
+    command.args(["--threads", threads]).arg("--out").arg(out);
+    measured(&mut command, Stdio::null())
 }
 
 #[cfg(test)]

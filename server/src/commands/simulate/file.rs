@@ -4,7 +4,7 @@ use super::super::solving::Interrupt;
 use super::super::{CommandError, print_json};
 use super::{FlagCounts, SimulateArgs, bar};
 use crate::formats::atomic_file;
-use crate::formats::trials_csv::{COLUMNS, REQUIRED};
+use crate::formats::trials_csv::REQUIRED;
 use sidestep::scene::SceneParameters;
 use sidestep::synthetic::{Keys, REFERENCE_SEED, SyntheticParticipant};
 use std::io::{self, BufWriter, Write};
@@ -49,7 +49,7 @@ fn content(args: &SimulateArgs, out: &mut dyn Write) -> io::Result<FlagCounts> {
     };
     // The reference's file, byte for byte, does not say what it is; all others do.
     let says = args.keys() == Keys::Clock || args.seed != REFERENCE_SEED;
-    let columns = COLUMNS[..REQUIRED].join(",");
+    let columns = REQUIRED.join(",");
     write!(out, "{columns}{}{end}", if says { ",synthetic" } else { "" })?;
     for number in 0..args.participants {
         let participant = SyntheticParticipant::new(args.seed, number);

@@ -1,16 +1,18 @@
 //! One row of trials.csv: its columns and their valid values.
 
-use super::{COLUMNS, REQUIRED};
-use csv::StringRecord;
+use super::REQUIRED;
+use crate::formats::csv_lines::Record;
 use sidestep::api::MAX_NAME_CHARS;
 use sidestep::invalid::{Invalid, finite};
 use sidestep::scene::{JointState, SceneParameters};
 use sidestep::trial::{Flag, Phase};
 use sidestep::vehicle::{Pose, TurnInput};
+use std::sync::Arc;
+use uuid::Uuid;
 
 /// The position of each column.
 pub(super) struct Columns {
-    required: [usize; REQUIRED],
+    required: [usize; REQUIRED.len()],
     phase: Option<usize>,
     attempt: Option<usize>,
     trial_id: Option<usize>,
@@ -21,7 +23,7 @@ pub(super) struct Columns {
 }
 
 impl Columns {
-    pub(super) fn of(header: &StringRecord) -> Result<Self, Invalid> {
+    pub(super) fn of(header: &Record) -> Result<Self, Invalid> {
         let clean = |name: &str| name.trim().trim_start_matches('\u{feff}').to_owned();
         let names: Vec<String> = header.iter().map(clean).collect();
         let find = |wanted: &str| names.iter().position(|name| name == wanted);
@@ -29,14 +31,15 @@ impl Columns {
             let found = format!("{twice:?} again as column {}", i + 1);
             return Err(Invalid::new("header", "each column once", found));
         }
-        let mut required = [0; REQUIRED];
-        for (wanted, place) in COLUMNS.iter().zip(&mut required) {
+        let mut required = [0; REQUIRED.len()];
+        for (wanted, place) in REQUIRED.iter().zip(&mut required) {
             *place = find(wanted).ok_or_else(|| {
-                let expected = format!("the columns {}", COLUMNS[..REQUIRED].join(","));
+                let expected = format!("the columns {}", REQUIRED.join(","));
                 let found: String = names.join(",").chars().take(60).collect();
-                let hint = match names.len() == 1 && found.contains([';', '\t']) {
-                    true => "; separate columns by commas",
-                    false => "",
+                let hint = match &names[..] {
+                    [_] if found.contains([';', '\t']) => "; separate columns by commas",
+                    _ if find("closest_m").is_some() => "; the steps of an export are in steps.csv",
+                    _ => "",
                 };
                 Invalid::new("header", expected, format!("no column {wanted} in {found:?}{hint}"))
             })?;
@@ -54,7 +57,7 @@ impl Columns {
     }
 
     /// The participant of a row.
-    pub(super) fn participant<'a>(&self, record: &'a StringRecord) -> Result<&'a str, Invalid> {
+    pub(super) fn participant<'a>(&self, record: &'a Record) -> Result<&'a str, Invalid> {
         let name = record.get(self.required[0]).unwrap_or("").trim();
         let characters = name.chars().count();
         if (1..=MAX_NAME_CHARS).contains(&characters) {
@@ -67,9 +70,11 @@ impl Columns {
     }
 }
 
+/// The flags of a row; none stand for no flag.
+pub(super) type Flags = Option<Arc<[Flag]>>;
+
 /// One row, parsed.
 pub(super) struct Row {
-    pub(super) participant: String,
     pub(super) trial: u64,
     pub(super) step: u64,
     pub(super) t: f64,
@@ -77,30 +82,47 @@ pub(super) struct Row {
     pub(super) input: TurnInput,
     pub(super) phase: Phase,
     pub(super) attempt: u32,
-    pub(super) trial_id: Option<String>,
-    pub(super) flags: Vec<Flag>,
+    pub(super) trial_id: Option<Uuid>,
+    pub(super) flags: Flags,
     pub(super) started_at_ms: Option<f64>,
     pub(super) sampled_at_ms: Option<f64>,
     pub(super) synthetic: bool,
 }
 
-impl Row {
-    pub(super) fn parse(
-        columns: &Columns,
-        record: &StringRecord,
-        participant: &str,
-        parameters: &SceneParameters,
-    ) -> Result<Self, Invalid> {
+/// Parses rows. Ids and flags are mostly those of the row before, so that they are parsed once.
+pub(super) struct Parser {
+    columns: Columns,
+    parameters: SceneParameters,
+    trial_id: (String, Option<Uuid>),
+    flags: (String, Flags),
+}
+
+impl Parser {
+    pub(super) fn new(header: &Record, parameters: &SceneParameters) -> Result<Self, Invalid> {
+        Ok(Self {
+            columns: Columns::of(header)?,
+            parameters: *parameters,
+            trial_id: (String::new(), None),
+            flags: (String::new(), None),
+        })
+    }
+
+    /// The participant of a row.
+    pub(super) fn participant<'a>(&self, record: &'a Record) -> Result<&'a str, Invalid> {
+        self.columns.participant(record)
+    }
+
+    pub(super) fn row(&mut self, record: &Record) -> Result<Row, Invalid> {
+        let columns = &self.columns;
         let field = |i: usize| record.get(columns.required[i]).unwrap_or("").trim();
-        let real = |i: usize| number(COLUMNS[i], field(i));
-        let coordinate = |i: usize| Pose::checked(COLUMNS[i], real(i)?);
+        let real = |i: usize| number(REQUIRED[i], field(i));
+        let coordinate = |i: usize| Pose::checked(REQUIRED[i], real(i)?);
         let optional = |place: Option<usize>| {
             let text = record.get(place?)?.trim();
             (!text.is_empty()).then_some(text)
         };
         let time = |name, place| optional(place).map(|text| number(name, text)).transpose();
-        Ok(Self {
-            participant: participant.to_owned(),
+        Ok(Row {
             trial: count("trial", field(1))?,
             step: count("step", field(2))?,
             t: real(3)?,
@@ -108,17 +130,30 @@ impl Row {
                 human: Pose::from([coordinate(4)?, coordinate(5)?, coordinate(6)?]),
                 robot: Pose::from([coordinate(7)?, coordinate(8)?, coordinate(9)?]),
             },
-            input: input(real(10)?, parameters)?,
+            input: input(real(10)?, &self.parameters)?,
             phase: optional(columns.phase).map_or(Ok(Phase::Task), phase)?,
             attempt: optional(columns.attempt).map_or(Ok(1), attempt)?,
-            trial_id: optional(columns.trial_id).map(trial_id).transpose()?,
-            flags: optional(columns.flags).map_or(Ok(Vec::new()), flags)?,
+            trial_id: repeated(&mut self.trial_id, optional(columns.trial_id), trial_id)?,
+            flags: repeated(&mut self.flags, optional(columns.flags), flags)?,
             started_at_ms: time("started_at_ms", columns.started_at_ms)?,
             sampled_at_ms: time("sampled_at_ms", columns.sampled_at_ms)?,
             synthetic: optional(columns.synthetic)
                 .is_some_and(|word| !matches!(word, "0" | "false")),
         })
     }
+}
+
+/// The value of a text, parsed only if the last text was another one.
+fn repeated<T: Clone + Default>(
+    last: &mut (String, T),
+    text: Option<&str>,
+    parse: impl FnOnce(&str) -> Result<T, Invalid>,
+) -> Result<T, Invalid> {
+    let Some(text) = text else { return Ok(T::default()) };
+    if last.0 != text {
+        *last = (text.to_owned(), parse(text)?);
+    }
+    Ok(last.1.clone())
 }
 
 fn number(field: &str, text: &str) -> Result<f64, Invalid> {
@@ -148,15 +183,13 @@ fn attempt(text: &str) -> Result<u32, Invalid> {
     attempt.ok_or_else(|| quoted("attempt", "a whole number ≥ 1", text))
 }
 
-fn trial_id(text: &str) -> Result<String, Invalid> {
-    uuid::Uuid::try_parse(text)
-        .map(|id| id.to_string())
-        .map_err(|_| quoted("trial_id", "a UUID", text))
+fn trial_id(text: &str) -> Result<Option<Uuid>, Invalid> {
+    Uuid::try_parse(text).map(Some).map_err(|_| quoted("trial_id", "a UUID", text))
 }
 
-fn flags(words: &str) -> Result<Vec<Flag>, Invalid> {
+fn flags(words: &str) -> Result<Flags, Invalid> {
     let flag = |word| Flag::from_word(word).ok_or_else(|| quoted("flags", "known flags", word));
-    words.split(';').map(flag).collect()
+    words.split(';').map(flag).collect::<Result<_, _>>().map(Some)
 }
 
 fn quoted(field: &str, expected: &str, found: &str) -> Invalid {

@@ -1,0 +1,129 @@
+//! The file of an import: checked to its end, and then read again.
+
+use crate::formats::exports::MANIFEST;
+use crate::formats::trials_csv::{self, Order};
+use serde::Deserialize;
+use sha2::{Digest, Sha256};
+use sidestep::invalid::Invalid;
+use sidestep::recording::RecordedParticipant;
+use sidestep::scene::SceneParameters;
+use std::fmt::Display;
+use std::fs::File;
+use std::io::{self, Read, Seek};
+use std::ops::ControlFlow;
+use std::path::Path;
+
+/// A file that can be read twice.
+pub(super) struct Source {
+    file: File,
+    /// Its SHA-256 in the manifest beside it.
+    sha256: Option<String>,
+}
+
+impl Source {
+    /// Opens the file. What can be read only once, such as a pipe, is copied.
+    pub(super) fn open(path: &Path) -> io::Result<Self> {
+        let mut file = File::open(path)?;
+        if !file.metadata()?.is_file() {
+            let mut copy = tempfile::tempfile()?;
+            io::copy(&mut file, &mut copy)?;
+            file = copy;
+        }
+        Ok(Self { file, sha256: expected_hash(path) })
+    }
+
+    /// The checked file.
+    ///
+    /// # Errors
+    /// What is wrong with it, with its line.
+    pub(super) fn checked(self, parameters: &SceneParameters) -> Result<Checked, String> {
+        let mut file = Hashing { file: self.rewound()?, hash: Sha256::new() };
+        let order = trials_csv::check(&mut file, parameters);
+        if let Some(expected) = &self.sha256 {
+            // To the end, wherever the first fault is.
+            io::copy(&mut file, &mut io::sink()).map_err(said)?;
+            let found = hex::encode(file.hash.finalize());
+            if found != *expected {
+                let expected = format!("{expected}, as {MANIFEST} beside it says");
+                let hint = "the file was cut off or changed; export again, or move it to a folder of its \
+                            own to import it as it is";
+                return Err(format!("{}; {hint}", Invalid::new("SHA-256", expected, found)));
+            }
+        }
+        match order.map_err(said)? {
+            Order::Together => Ok(Checked::Together(self)),
+            Order::Scattered => {
+                trials_csv::read(self.rewound()?, parameters).map(Checked::Scattered).map_err(said)
+            }
+        }
+    }
+
+    fn rewound(&self) -> Result<&File, String> {
+        (&self.file).rewind().map_err(said)?;
+        Ok(&self.file)
+    }
+}
+
+fn said(error: impl Display) -> String {
+    error.to_string()
+}
+
+/// A file without faults.
+pub(super) enum Checked {
+    /// The rows of each participant are together: it is read again.
+    Together(Source),
+    /// They are not: this is all of it.
+    Scattered(Vec<RecordedParticipant>),
+}
+
+impl Checked {
+    /// Hands the participants one after the other to `to`, until it breaks off.
+    ///
+    /// # Errors
+    /// What is wrong with the file, if it was changed since it was checked.
+    pub(super) fn each(
+        self,
+        parameters: &SceneParameters,
+        mut to: impl FnMut(RecordedParticipant) -> ControlFlow<()>,
+    ) -> Result<(), String> {
+        match self {
+            Self::Together(source) => {
+                trials_csv::each(source.rewound()?, parameters, to).map_err(said)
+            }
+            Self::Scattered(people) => {
+                let _ = people.into_iter().try_for_each(&mut to);
+                Ok(())
+            }
+        }
+    }
+}
+
+/// The SHA-256 that the manifest of an export has for this file; none without a manifest that names it.
+fn expected_hash(path: &Path) -> Option<String> {
+    #[derive(Deserialize)]
+    struct Manifest {
+        files: Vec<Entry>,
+    }
+    #[derive(Deserialize)]
+    struct Entry {
+        name: String,
+        sha256: String,
+    }
+    let name = path.file_name()?.to_str()?;
+    let text = std::fs::read(path.with_file_name(MANIFEST)).ok()?;
+    let manifest: Manifest = serde_json::from_slice(&text).ok()?;
+    manifest.files.into_iter().find(|entry| entry.name == name).map(|entry| entry.sha256)
+}
+
+struct Hashing<R> {
+    file: R,
+    hash: Sha256,
+}
+
+impl<R: Read> Read for Hashing<R> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let count = self.file.read(buffer)?;
+        self.hash.update(&buffer[..count]);
+        Ok(count)
+    }
+}

@@ -1,0 +1,48 @@
+//! Which data an export has.
+
+use crate::store::trials::TrialHead;
+use serde::{Deserialize, Serialize};
+use sidestep::trial::{Flag, Phase};
+
+/// Which trials an export has, with their steps and key events. The default has all.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Filter {
+    /// Only trials of this phase.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub phase: Option<Phase>,
+    /// Which trials by their flags.
+    pub quality: Quality,
+    /// Only participants who enrolled under the configuration with this hash.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub configuration: Option<String>,
+}
+
+/// Which trials an export has by their flags.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Quality {
+    /// All of them.
+    #[default]
+    All,
+    /// Those without a flag, besides that they were imported.
+    Unflagged,
+}
+
+impl Filter {
+    /// Whether the export has this trial, if it has its participant.
+    #[must_use]
+    pub fn keeps(&self, trial: &TrialHead) -> bool {
+        let quality = match self.quality {
+            Quality::All => true,
+            Quality::Unflagged => !Flag::question(&trial.flags),
+        };
+        quality && self.phase.is_none_or(|phase| phase == trial.phase)
+    }
+
+    /// Whether the export has participants who enrolled under the configuration with this hash.
+    #[must_use]
+    pub fn keeps_configuration(&self, hash: &str) -> bool {
+        self.configuration.as_ref().is_none_or(|wanted| wanted == hash)
+    }
+}

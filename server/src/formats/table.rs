@@ -1,0 +1,103 @@
+//! Tables: columns with their meaning, and their rows in batches.
+//!
+//! One definition of a table ([`Column`]s, in `formats/tables`) gives the header of its CSV file, the keys of
+//! its JSON Lines, the schema of its Parquet file and its part of the data dictionary.
+
+mod decimal;
+mod batch;
+mod csv;
+mod json_lines;
+mod parquet;
+#[cfg(test)]
+mod tests;
+
+pub use batch::{Batch, Cells, Texts};
+pub use csv::{csv_header, csv_rows};
+pub use json_lines::json_rows;
+pub use parquet::ParquetFile;
+
+use serde::{Serialize, Serializer};
+use std::borrow::Cow;
+
+/// What the values of a column are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// A whole number.
+    Whole,
+    /// A number; in text the shortest that reads back as the same bits, `4.0` if it is whole.
+    Number,
+    /// A number of milliseconds; in text as [`Kind::Number`], but `4` if it is whole.
+    Time,
+    /// Any text.
+    Text,
+    /// One of a few words, or an id.
+    Word,
+    /// A SHA-256, as hexadecimal digits.
+    Hash,
+    /// A value as JSON.
+    Json,
+}
+
+impl Serialize for Kind {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(match self {
+            Self::Whole => "whole number",
+            Self::Number | Self::Time => "number",
+            Self::Text => "text",
+            Self::Word => "word",
+            Self::Hash => "hash",
+            Self::Json => "JSON",
+        })
+    }
+}
+
+/// A column of a table.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Column {
+    /// Its name.
+    pub name: Cow<'static, str>,
+    /// What its values are.
+    #[serde(rename = "type")]
+    pub kind: Kind,
+    /// The unit of a number that has one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub unit: Option<&'static str>,
+    /// The frame of a coordinate.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub frame: Option<&'static str>,
+    /// The values that occur, if they are few or bounded.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub range: Option<Cow<'static, str>>,
+    /// What a value means.
+    pub meaning: Cow<'static, str>,
+}
+
+impl Column {
+    /// A column without unit, frame and range.
+    pub fn new(
+        name: impl Into<Cow<'static, str>>,
+        kind: Kind,
+        meaning: impl Into<Cow<'static, str>>,
+    ) -> Self {
+        let (name, meaning) = (name.into(), meaning.into());
+        Self { name, kind, unit: None, frame: None, range: None, meaning }
+    }
+
+    /// With this unit.
+    #[must_use]
+    pub fn unit(self, unit: &'static str) -> Self {
+        Self { unit: Some(unit), ..self }
+    }
+
+    /// With this frame.
+    #[must_use]
+    pub fn frame(self, frame: &'static str) -> Self {
+        Self { frame: Some(frame), ..self }
+    }
+
+    /// With this range.
+    #[must_use]
+    pub fn range(self, range: impl Into<Cow<'static, str>>) -> Self {
+        Self { range: Some(range.into()), ..self }
+    }
+}

@@ -1,0 +1,31 @@
+//! The tables of an export: their columns, and how rows of the database become theirs.
+
+pub mod steps;
+pub mod trials;
+pub mod key_events;
+pub mod participants;
+
+use super::table::Column;
+use crate::store::trials::StoredTrial;
+use sidestep::scene::SceneParameters;
+
+/// A trial of a participant with what its rows need.
+#[derive(Clone, Copy, Debug)]
+pub struct Driven<'a> {
+    /// Number of the trial among all of the participant, over all phases, from 0.
+    pub number: usize,
+    /// The trial.
+    pub trial: &'a StoredTrial,
+    /// The vehicles and steps of the configuration under which its participant enrolled.
+    pub parameters: &'a SceneParameters,
+}
+
+/// The columns that identify a trial, which several tables share.
+fn participant_column() -> Column {
+    Column::new("participant", super::table::Kind::Whole, "as in the table of participants")
+}
+
+fn trial_column() -> Column {
+    let meaning = "number of the trial among all of the participant, from 0";
+    Column::new("trial", super::table::Kind::Whole, meaning)
+}
