@@ -21,6 +21,7 @@ pub mod trials;
 pub mod value_functions;
 pub mod session;
 pub mod laboratory;
+pub mod people;
 pub mod analyses;
 pub mod keys;
 pub mod site;

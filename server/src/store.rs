@@ -26,6 +26,8 @@ pub mod participants;
 pub mod enrolments;
 pub mod roster;
 pub mod trials;
+mod tallies;
+pub mod people;
 pub mod imports;
 #[cfg(test)]
 pub(crate) mod tests;

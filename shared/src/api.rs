@@ -6,6 +6,7 @@ mod study;
 mod participation;
 mod upload;
 mod access;
+mod people;
 mod laboratory;
 mod analyses;
 
@@ -23,6 +24,7 @@ pub use participation::{
     Answers, Completed, ComprehensionResult, ComprehensionStored, Enrolled, Enrolment, Plan,
     PlannedPhase, PlannedScene, Progress, Withdrawn,
 };
+pub use people::{ParticipantPage, ParticipantSummary, Quality, Stage, StageCount};
 pub use study::{Admission, CheckForm, Language, QuestionForm, StudyInfo, Texts};
 pub use upload::{KeyEvent, TrialStored, TrialUpload};
 

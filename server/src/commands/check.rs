@@ -29,8 +29,8 @@ pub struct Report {
     pub trials: usize,
     /// Trials with a flag other than that they were imported; these are not errors of the database.
     pub flagged: usize,
-    /// Damaged pages, references to rows that do not exist, and studies whose configuration cannot be
-    /// read.
+    /// Damaged pages, references to rows that do not exist, tallies that do not follow from the trials, and
+    /// studies whose configuration cannot be read.
     pub damage: Vec<String>,
     /// Trials that cannot be read, or differ from what was stored.
     pub wrong: Vec<Wrong>,
@@ -65,6 +65,9 @@ pub async fn run(args: CheckArgs) -> Result<(), CommandError> {
 
 async fn report(store: &Store) -> Result<Report, CommandError> {
     let mut report = Report { damage: store.damage().await?, ..Report::default() };
+    let wrong_tally =
+        |id| format!("participant {id}: the tally does not follow from the stored trials");
+    report.damage.extend(store.wrong_tallies().await?.into_iter().map(wrong_tally));
     for counts in store.studies().await? {
         report.studies += 1;
         let study = match store.study(&counts.slug).await {

@@ -259,6 +259,7 @@ fn imported(
         content,
         flags,
         outcome,
+        key_timing: None,
         repeated_as: None,
     }
 }

@@ -10,7 +10,7 @@ use crate::store::Store;
 use crate::store::audit::NewEntry;
 use crate::store::keys::{Holder, StoredKey};
 use axum::extract::FromRequestParts;
-use axum::http::{HeaderMap, header, request::Parts};
+use axum::http::{HeaderMap, Method, Uri, header, request::Parts};
 use sidestep::api::{Access, Action};
 use std::net::{IpAddr, Ipv4Addr};
 use std::sync::Arc;
@@ -45,6 +45,28 @@ impl Experimenter {
     pub fn does(&self, action: Action, study: Option<&str>, subject: Option<String>) -> NewEntry {
         let (who, study) = (self.name.clone(), study.map(str::to_owned));
         NewEntry { at_ms: now_ms(), who, action, study, subject }
+    }
+
+    /// Accepts an experimenter whose key has that right. A refusal is noted in the audit trail, without
+    /// the query.
+    ///
+    /// # Errors
+    /// 403 `access`.
+    pub async fn must(
+        &self,
+        app: &App,
+        needed: Access,
+        method: &Method,
+        uri: &Uri,
+    ) -> Result<(), ApiError> {
+        if self.access >= needed {
+            return Ok(());
+        }
+        let what = format!("{method} {}", uri.path());
+        app.store.note(self.does(Action::Refused, None, Some(what))).await?;
+        let [has, needed] = [self.access, needed].map(Access::word);
+        let message = format!("this needs a key with the right to {needed}; yours has {has}");
+        Err(ApiError::forbidden("access", message))
     }
 
     fn of(holder: Holder) -> Self {
@@ -87,14 +109,8 @@ impl FromRequestParts<Arc<App>> for Manager {
 /// The experimenter of a request, whose key must have that right.
 async fn admitted(parts: &Parts, app: &App, needed: Access) -> Result<Experimenter, ApiError> {
     let experimenter = experimenter(parts, app).await?;
-    if experimenter.access >= needed {
-        return Ok(experimenter);
-    }
-    let what = format!("{} {}", parts.method, parts.uri.path());
-    app.store.note(experimenter.does(Action::Refused, None, Some(what))).await?;
-    let [has, needed] = [experimenter.access, needed].map(Access::word);
-    let message = format!("this needs a key with the right to {needed}; yours has {has}");
-    Err(ApiError::forbidden("access", message))
+    experimenter.must(app, needed, &parts.method, &parts.uri).await?;
+    Ok(experimenter)
 }
 
 async fn experimenter(parts: &Parts, app: &App) -> Result<Experimenter, ApiError> {

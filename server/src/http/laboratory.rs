@@ -2,8 +2,6 @@
 
 use crate::content::Content;
 use crate::formats::exports;
-use crate::formats::table::{csv_header, csv_rows};
-use crate::formats::tables::participants::Participants;
 use crate::http::app::App;
 use crate::http::error::ApiError;
 use crate::http::experimenters::{Exporter, Manager, Reader};
@@ -197,29 +195,6 @@ pub async fn export(
         (header::CONTENT_DISPOSITION, name),
     ];
     Ok((headers, body))
-}
-
-/// `GET /api/v1/admin/studies/{slug}/participants?format=csv`.
-pub async fn participants(
-    Exporter(me): Exporter,
-    State(app): State<Arc<App>>,
-    PathText(slug): PathText,
-    Params(params): Params<ExportParams>,
-) -> Result<impl IntoResponse, ApiError> {
-    exports::check_format(&params.format)?;
-    let study = named(&app.store, &slug).await?;
-    let people = app.store.roster(study.id).await?;
-    let table = Participants::new(&study.config, &people);
-    let mut file = csv_header(&table.columns());
-    csv_rows(&table.columns(), &table.rows(), &mut file);
-    let entry = me.does(Action::Exported, Some(&slug), Some("participants as CSV".to_owned()));
-    app.store.note(entry).await?;
-    let name = format!("attachment; filename=\"{slug}-participants.csv\"");
-    let headers = [
-        (header::CONTENT_TYPE, "text/csv; charset=utf-8".to_owned()),
-        (header::CONTENT_DISPOSITION, name),
-    ];
-    Ok((headers, file))
 }
 
 async fn stored(store: &Store, trial_id: &str) -> Result<StoredTrial, ApiError> {

@@ -4,8 +4,8 @@ use crate::http::app::App;
 use crate::http::error::ApiError;
 use crate::http::site::Site;
 use crate::http::{
-    analyses, enrolment, guard, keys, laboratory, metrics, participants, session, site, studies,
-    texts, trials, value_functions,
+    analyses, enrolment, guard, keys, laboratory, metrics, participants, people, session, site,
+    studies, texts, trials, value_functions,
 };
 use axum::Router;
 use axum::http::StatusCode;
@@ -36,7 +36,7 @@ pub fn router(app: Arc<App>, site: &Site) -> Router {
         .route(&routes::admin_key("{id}"), delete(keys::revoke))
         .route(routes::AUDIT, get(keys::audit))
         .route(routes::ADMIN_STUDIES, get(laboratory::studies))
-        .route(&routes::admin_participants("{slug}"), get(laboratory::participants))
+        .route(&routes::admin_participants("{slug}"), get(people::list))
         .route(&routes::admin_pilots("{slug}"), delete(laboratory::delete_pilots))
         .route(&routes::admin_trials("{slug}"), get(laboratory::trials))
         .route(&routes::admin_trial("{trial_id}"), get(laboratory::trial))

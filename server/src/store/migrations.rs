@@ -22,13 +22,14 @@ macro_rules! migration {
     };
 }
 
-const MIGRATIONS: [Migration; 6] = [
+const MIGRATIONS: [Migration; 7] = [
     migration!(1, "0001_studies_participants_trials.sql", "studies participants trials"),
     migration!(2, "0002_safety_functions.sql", "safety functions"),
     migration!(3, "0003_analyses.sql", "analyses"),
     migration!(4, "0004_lasting_identities.sql", "lasting identities"),
     migration!(5, "0005_places_and_rights.sql", "places and rights"),
     migration!(6, "0006_keys_and_audit.sql", "keys and audit"),
+    migration!(7, "0007_tallies.sql", "tallies"),
 ];
 
 /// Why a file cannot be migrated. Each message is a sentence about the file.

@@ -352,6 +352,7 @@ impl Store {
                 "DELETE FROM trial WHERE trial_id IN \
                      (SELECT trial_id FROM scene WHERE participant_id = ?1)",
                 "DELETE FROM scene WHERE participant_id = ?1",
+                "DELETE FROM tally WHERE participant_id = ?1",
                 "UPDATE participant SET data_deleted = 1, external_id = NULL, external_key = NULL, \
                      request_hash = NULL, locale = NULL, screen = NULL, parameters = NULL, \
                      consent_language = NULL, consent_hash = NULL, place = NULL, seed = NULL, \

@@ -112,6 +112,7 @@ pub(crate) fn trial(trial_id: &str, turn: TurnInput) -> NewTrial {
         content,
         flags: Vec::new(),
         outcome,
+        key_timing: None,
         repeated_as: None,
     }
 }

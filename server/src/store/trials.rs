@@ -2,7 +2,7 @@
 
 use super::participants::{self, COLUMNS, TOKEN, Visitor};
 use super::scenes::{self, SCENE, phase_of, scene_of};
-use super::{Store, StoreError};
+use super::{Store, StoreError, tallies};
 use crate::bytes::{pack, pack_inputs, pack_states, unpack, unpack_inputs, unpack_states};
 use crate::content::{Content, Recipe};
 use rusqlite::{Connection, OptionalExtension, Row, params};
@@ -29,6 +29,8 @@ pub struct NewTrial {
     pub flags: Vec<Flag>,
     /// Its outcome.
     pub outcome: Outcome,
+    /// A number that follows from the times of its key events, if there are enough.
+    pub key_timing: Option<i64>,
     /// The id of a further trial in the same scene, if it is to be driven again.
     pub repeated_as: Option<String>,
 }
@@ -398,11 +400,13 @@ fn is_withdrawn(db: &Connection, participant_id: &str) -> Result<bool, StoreErro
 pub(super) fn insert(db: &Connection, study_id: i64, new: &NewTrial) -> Result<(), StoreError> {
     let step = |step: Option<usize>| step.map(|step| step as i64);
     let (content, avoidance) = (&new.content, new.outcome.avoidance);
+    tallies::add(db, study_id, new)?;
     db.prepare_cached(
         "INSERT INTO trial (trial_id, study_id, content_version, content_hash, received_at_ms, \
              started_at_ms, inputs, states, sampled_at_ms, key_events, page_events, exposures, \
-             display, flags, closest_m, first_step_in_danger, avoidance_first, avoidance_last) \
-         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13, ?14, ?15, ?16, ?17, ?18)",
+             display, flags, closest_m, first_step_in_danger, avoidance_first, avoidance_last, \
+             key_timing) \
+         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12, ?13, ?14, ?15, ?16, ?17, ?18, ?19)",
     )?
     .execute(params![
         new.trial_id,
@@ -423,6 +427,7 @@ pub(super) fn insert(db: &Connection, study_id: i64, new: &NewTrial) -> Result<(
         step(new.outcome.first_step_in_danger),
         step(avoidance.map(|(first, _)| first)),
         step(avoidance.map(|(_, last)| last)),
+        new.key_timing,
     ])?;
     Ok(())
 }

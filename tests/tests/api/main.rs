@@ -15,6 +15,7 @@ mod files;
 mod keys;
 mod laboratory;
 mod participation;
+mod people;
 mod prediction;
 mod recruitment;
 mod rights;

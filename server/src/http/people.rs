@@ -1,0 +1,106 @@
+//! The participants of a study: the list that pages show, and the table that is taken away.
+
+use crate::formats::exports;
+use crate::formats::table::{csv_header, csv_rows};
+use crate::formats::tables::participants::Participants;
+use crate::http::app::App;
+use crate::http::error::ApiError;
+use crate::http::experimenters::Reader;
+use crate::http::params::{Params, PathText};
+use crate::http::studies::named;
+use crate::store::people::{Selection, SortBy};
+use axum::Json;
+use axum::extract::State;
+use axum::http::{Method, Uri, header};
+use axum::response::{IntoResponse, Response};
+use serde::Deserialize;
+use sidestep::api::{Access, Action, Stage};
+use sidestep::invalid::Invalid;
+use std::sync::Arc;
+
+/// The query of a list of participants.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ListParams {
+    /// `csv`: the whole table as a file; needs the right to export.
+    format: Option<String>,
+    #[serde(default)]
+    sort: SortBy,
+    #[serde(default)]
+    order: Order,
+    stage: Option<Stage>,
+    having: Option<SortBy>,
+    search: Option<String>,
+    #[serde(default)]
+    pilot: bool,
+    limit: Option<i64>,
+    offset: Option<i64>,
+}
+
+/// The direction of a sorted list.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum Order {
+    #[default]
+    Asc,
+    Desc,
+}
+
+impl ListParams {
+    /// # Errors
+    /// [`Invalid`] for a limit outside 1 to 500, a negative offset, or `having` that counts nothing.
+    fn selection(self) -> Result<Selection, Invalid> {
+        let (limit, offset) = (self.limit.unwrap_or(50), self.offset.unwrap_or(0));
+        if !(1..=500).contains(&limit) {
+            return Err(Invalid::new("limit", "a whole number from 1 to 500", limit));
+        }
+        if offset < 0 {
+            return Err(Invalid::new("offset", "a whole number ≥ 0", offset));
+        }
+        if self.having.is_some_and(|having| !having.is_count()) {
+            let expected = "a count to look at, such as late_sample or never_steered";
+            return Err(Invalid::new("having", expected, "a name to sort by only"));
+        }
+        Ok(Selection {
+            pilots: self.pilot,
+            stage: self.stage,
+            having: self.having,
+            search: self.search.filter(|text| !text.trim().is_empty()),
+            sort: self.sort,
+            descending: self.order == Order::Desc,
+            offset,
+            limit,
+        })
+    }
+}
+
+/// `GET /api/v1/admin/studies/{slug}/participants`: a page of them; with `?format=csv`, the whole table.
+pub async fn list(
+    Reader(me): Reader,
+    State(app): State<Arc<App>>,
+    PathText(slug): PathText,
+    method: Method,
+    uri: Uri,
+    Params(params): Params<ListParams>,
+) -> Result<Response, ApiError> {
+    let Some(format) = params.format else {
+        let selection = params.selection()?;
+        let study = named(&app.store, &slug).await?;
+        return Ok(Json(app.store.people(study.id, selection).await?).into_response());
+    };
+    me.must(&app, Access::Export, &method, &uri).await?;
+    exports::check_format(&format)?;
+    let study = named(&app.store, &slug).await?;
+    let people = app.store.roster(study.id).await?;
+    let table = Participants::new(&study.config, &people);
+    let mut file = csv_header(&table.columns());
+    csv_rows(&table.columns(), &table.rows(), &mut file);
+    let entry = me.does(Action::Exported, Some(&slug), Some("participants as CSV".to_owned()));
+    app.store.note(entry).await?;
+    let name = format!("attachment; filename=\"{slug}-participants.csv\"");
+    let headers = [
+        (header::CONTENT_TYPE, "text/csv; charset=utf-8".to_owned()),
+        (header::CONTENT_DISPOSITION, name),
+    ];
+    Ok((headers, file).into_response())
+}

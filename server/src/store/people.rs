@@ -1,0 +1,196 @@
+//! The list of a study's participants: filtered, sorted and paged in the database.
+
+use super::{Store, StoreError};
+use rusqlite::{Connection, Row, ToSql, named_params};
+use serde::Deserialize;
+use sidestep::api::{ParticipantPage, ParticipantSummary, Quality, Stage, StageCount};
+
+/// What a list is sorted by.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SortBy {
+    /// The participant's number.
+    #[default]
+    Number,
+    /// The last time that something was stored.
+    LastSeen,
+    /// Stored trials.
+    Stored,
+    /// Tasks with a late sample.
+    LateSample,
+    /// Tasks that lost the focus.
+    FocusLost,
+    /// Interrupted tasks.
+    Interrupted,
+    /// Tasks without a turn.
+    NeverSteered,
+    /// Tasks with a turn in every step.
+    AlwaysSteered,
+    /// Tasks in which the danger zone was entered.
+    DangerEntered,
+    /// Tasks with the key times of an earlier trial.
+    SameTiming,
+    /// Answers to the check of understanding.
+    ComprehensionAttempts,
+}
+
+impl SortBy {
+    /// Whether this counts something that an experimenter looks for.
+    #[must_use]
+    pub fn is_count(self) -> bool {
+        !matches!(self, Self::Number | Self::LastSeen | Self::Stored)
+    }
+
+    /// The expression that is sorted by.
+    fn expression(self) -> &'static str {
+        match self {
+            Self::Number => "number",
+            Self::LastSeen => "last_seen_at_ms",
+            Self::Stored => "stored",
+            Self::LateSample => "late_sample",
+            Self::FocusLost => "focus_lost",
+            Self::Interrupted => "interrupted",
+            Self::NeverSteered => "never_steered",
+            Self::AlwaysSteered => "always_steered",
+            Self::DangerEntered => "danger_entered",
+            Self::SameTiming => "same_timing",
+            Self::ComprehensionAttempts => "comprehension_attempts",
+        }
+    }
+}
+
+/// Which participants, and in which order.
+#[derive(Clone, Debug)]
+pub struct Selection {
+    /// Pilots instead of participants.
+    pub pilots: bool,
+    /// Only those at this stage.
+    pub stage: Option<Stage>,
+    /// Only those for whom this is above zero.
+    pub having: Option<SortBy>,
+    /// Only the participant with this number, external id or completion code.
+    pub search: Option<String>,
+    /// What the list is sorted by; the number decides between equals.
+    pub sort: SortBy,
+    /// From the largest down.
+    pub descending: bool,
+    /// How many are passed over.
+    pub offset: i64,
+    /// At most so many.
+    pub limit: i64,
+}
+
+/// One row for each participant of a study; `:study` and `:pilot` choose them. Trials are stored in the
+/// plan's order, so the number of stored ones is the place of the next scene.
+const PEOPLE: &str = "SELECT *, CASE \
+         WHEN withdrawn THEN 'withdrawn' \
+         WHEN screened_out THEN 'screened_out' \
+         WHEN completion_code IS NOT NULL THEN 'complete' \
+         WHEN imported THEN 'imported' \
+         WHEN stored = 0 THEN 'joined' \
+         ELSE coalesce((SELECT phase FROM scene \
+             WHERE participant_id = id AND ordinal = stored), 'closing') END AS stage \
+     FROM (SELECT id, number, pilot, external_id, completion_code, comprehension_attempts, \
+         understood_at_ms IS NOT NULL AS understood, enrolled_at_ms, last_seen_at_ms, \
+         withdrawn_at_ms IS NOT NULL AS withdrawn, screened_out_at_ms IS NOT NULL AS screened_out, \
+         import_hash IS NOT NULL AS imported, \
+         coalesce(familiarisation + practice + task, 0) AS stored, \
+         coalesce(late_sample, 0) AS late_sample, coalesce(focus_lost, 0) AS focus_lost, \
+         coalesce(interrupted, 0) AS interrupted, coalesce(never_steered, 0) AS never_steered, \
+         coalesce(always_steered, 0) AS always_steered, \
+         coalesce(danger_entered, 0) AS danger_entered, coalesce(same_timing, 0) AS same_timing \
+         FROM participant LEFT JOIN tally ON tally.participant_id = participant.id \
+         WHERE study_id = :study AND pilot = :pilot)";
+
+impl Store {
+    /// A page of a study's participants.
+    pub async fn people(
+        &self,
+        study_id: i64,
+        selection: Selection,
+    ) -> Result<ParticipantPage, StoreError> {
+        self.read_long(move |db| page(db, study_id, &selection)).await
+    }
+}
+
+fn page(db: &Connection, study_id: i64, asked: &Selection) -> Result<ParticipantPage, StoreError> {
+    let stages = stages(db, study_id, asked.pilots)?;
+    let stage = asked.stage.map(Stage::word);
+    // Names of columns come from this program alone; what was asked for is bound.
+    let having = asked.having.map_or("1", SortBy::expression);
+    let filter = format!(
+        "WHERE (:stage IS NULL OR stage = :stage) AND {having} > 0 AND (:search IS NULL OR \
+         :search IN (CAST(number AS TEXT), lower(external_id), lower(completion_code)))"
+    );
+    let search = asked.search.as_ref().map(|text| text.trim().to_lowercase());
+    let chosen: [(&str, &dyn ToSql); 4] = [
+        (":study", &study_id),
+        (":pilot", &asked.pilots),
+        (":stage", &stage),
+        (":search", &search),
+    ];
+    let is_everybody = stage.is_none() && asked.having.is_none() && search.is_none();
+    let total = if is_everybody {
+        stages.iter().map(|count| count.participants).sum()
+    } else {
+        let query = format!("SELECT count(*) FROM ({PEOPLE}) {filter}");
+        db.prepare_cached(&query)?
+            .query_row(&chosen[..], |row| row.get::<_, i64>(0))?
+            .unsigned_abs()
+    };
+    let (by, order) = (asked.sort.expression(), if asked.descending { "DESC" } else { "ASC" });
+    let mut statement = db.prepare_cached(&format!(
+        "SELECT *, (SELECT count(*) FROM scene WHERE participant_id = id) AS planned \
+         FROM (SELECT * FROM ({PEOPLE}) {filter} ORDER BY {by} {order}, number LIMIT :limit OFFSET :offset)"
+    ))?;
+    let mut bound = chosen.to_vec();
+    bound.extend([(":limit", &asked.limit as &dyn ToSql), (":offset", &asked.offset)]);
+    let participants =
+        statement.query_and_then(&bound[..], summary_of)?.collect::<Result<_, _>>()?;
+    Ok(ParticipantPage { participants, total, stages })
+}
+
+fn stages(db: &Connection, study_id: i64, pilots: bool) -> Result<Vec<StageCount>, StoreError> {
+    let mut statement =
+        db.prepare_cached(&format!("SELECT stage, count(*) FROM ({PEOPLE}) GROUP BY stage"))?;
+    let count = |row: &Row<'_>| {
+        let participants = row.get::<_, i64>(1)?.unsigned_abs();
+        Ok(StageCount { stage: stage_of(row.get(0)?)?, participants })
+    };
+    let chosen = named_params! { ":study": study_id, ":pilot": pilots };
+    let mut counts: Vec<StageCount> =
+        statement.query_and_then(chosen, count)?.collect::<Result<_, StoreError>>()?;
+    counts.sort_by_key(|count| Stage::ALL.iter().position(|stage| *stage == count.stage));
+    Ok(counts)
+}
+
+fn summary_of(row: &Row<'_>) -> Result<ParticipantSummary, StoreError> {
+    Ok(ParticipantSummary {
+        participant_id: row.get("id")?,
+        number: row.get("number")?,
+        pilot: row.get("pilot")?,
+        external_id: row.get("external_id")?,
+        stage: stage_of(row.get("stage")?)?,
+        completion_code: row.get("completion_code")?,
+        comprehension_attempts: row.get("comprehension_attempts")?,
+        understood: row.get("understood")?,
+        stored: row.get("stored")?,
+        planned: row.get("planned")?,
+        enrolled_at_ms: row.get("enrolled_at_ms")?,
+        last_seen_at_ms: row.get("last_seen_at_ms")?,
+        quality: Quality {
+            late_sample: row.get("late_sample")?,
+            focus_lost: row.get("focus_lost")?,
+            interrupted: row.get("interrupted")?,
+            never_steered: row.get("never_steered")?,
+            always_steered: row.get("always_steered")?,
+            danger_entered: row.get("danger_entered")?,
+            same_timing: row.get("same_timing")?,
+        },
+    })
+}
+
+fn stage_of(word: String) -> Result<Stage, StoreError> {
+    let known = Stage::ALL.into_iter().find(|stage| stage.word() == word);
+    known.ok_or_else(|| StoreError::unknown_word(&word))
+}

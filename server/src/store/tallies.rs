@@ -1,0 +1,71 @@
+//! Tallies: what the list of participants shows about their trials. Each follows from the stored trials;
+//! the list would be slow if it read them.
+
+use super::trials::NewTrial;
+use super::{Store, StoreError};
+use rusqlite::{Connection, params};
+use sidestep::trial::Flag;
+use sidestep::vehicle::TurnInput;
+
+/// Adds a trial that is about to be stored. Its scene is stored already.
+pub(super) fn add(db: &Connection, study_id: i64, trial: &NewTrial) -> Result<(), StoreError> {
+    let is_same = match trial.key_timing {
+        Some(timing) => db
+            .prepare_cached("SELECT 1 FROM trial WHERE study_id = ?1 AND key_timing = ?2")?
+            .exists([study_id, timing])?,
+        None => false,
+    };
+    let has = |flag| trial.flags.contains(&flag);
+    let always = trial.content.inputs.iter().all(|&input| input != TurnInput::Straight);
+    db.prepare_cached(
+        "INSERT INTO tally SELECT participant_id, phase = 'familiarisation', phase = 'practice', \
+             phase = 'task', phase = 'task' AND ?2, phase = 'task' AND ?3, phase = 'task' AND ?4, \
+             phase = 'task' AND ?5, phase = 'task' AND ?6, phase = 'task' AND ?7, phase = 'task' AND ?8 \
+         FROM scene WHERE trial_id = ?1 \
+         ON CONFLICT DO UPDATE SET familiarisation = familiarisation + excluded.familiarisation, \
+             practice = practice + excluded.practice, task = task + excluded.task, \
+             late_sample = late_sample + excluded.late_sample, \
+             focus_lost = focus_lost + excluded.focus_lost, \
+             interrupted = interrupted + excluded.interrupted, \
+             never_steered = never_steered + excluded.never_steered, \
+             always_steered = always_steered + excluded.always_steered, \
+             danger_entered = danger_entered + excluded.danger_entered, \
+             same_timing = same_timing + excluded.same_timing",
+    )?
+    .execute(params![
+        trial.trial_id,
+        has(Flag::LateSample),
+        has(Flag::FocusLost),
+        has(Flag::Interrupted),
+        trial.outcome.avoidance.is_none(),
+        always,
+        trial.outcome.first_step_in_danger.is_some(),
+        is_same,
+    ])?;
+    Ok(())
+}
+
+impl Store {
+    /// The ids of participants whose tally does not follow from their stored trials.
+    pub async fn wrong_tallies(&self) -> Result<Vec<String>, StoreError> {
+        self.read_long(|db| {
+            let mut statement = db.prepare(
+                "WITH counted AS (SELECT participant_id, sum(phase = 'familiarisation') AS warm, \
+                     sum(phase = 'practice') AS practised, sum(phase = 'task') AS tasks, \
+                     sum(phase = 'task' AND instr(';' || flags || ';', ';late_sample;') > 0) AS late, \
+                     sum(phase = 'task' AND instr(';' || flags || ';', ';focus_lost;') > 0) AS lost, \
+                     sum(phase = 'task' AND instr(';' || flags || ';', ';interrupted;') > 0) AS broken, \
+                     sum(phase = 'task' AND avoidance_first IS NULL) AS never, \
+                     sum(phase = 'task' AND first_step_in_danger IS NOT NULL) AS danger \
+                     FROM scene JOIN trial ON trial.trial_id = scene.trial_id GROUP BY participant_id) \
+                 SELECT coalesce(counted.participant_id, tally.participant_id) FROM counted \
+                 FULL JOIN tally ON tally.participant_id = counted.participant_id \
+                 WHERE (warm, practised, tasks, late, lost, broken, never, danger) IS NOT \
+                     (familiarisation, practice, task, late_sample, focus_lost, interrupted, \
+                      never_steered, danger_entered) ORDER BY 1",
+            )?;
+            Ok(statement.query_map([], |row| row.get(0))?.collect::<Result<_, _>>()?)
+        })
+        .await
+    }
+}

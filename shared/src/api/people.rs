@@ -1,0 +1,142 @@
+//! The participants of a study, as experimenters see them.
+
+use serde::{Deserialize, Serialize};
+
+/// How far a participant is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Stage {
+    /// Enrolled, before the first scene: reads instructions.
+    Joined,
+    /// The next scene is one of the familiarisation.
+    Familiarisation,
+    /// The next scene is one of the practice.
+    Practice,
+    /// The next scene is a task.
+    Task,
+    /// Every scene is stored, and the participation is not complete: answers questions.
+    Closing,
+    /// Has a completion code.
+    Complete,
+    /// The check of understanding ended the participation.
+    ScreenedOut,
+    /// Withdrew; the data are kept or deleted.
+    Withdrawn,
+    /// The trials were read from a file.
+    Imported,
+}
+
+impl Stage {
+    /// All of them, in the order of a participation.
+    pub const ALL: [Self; 9] = [
+        Self::Joined,
+        Self::Familiarisation,
+        Self::Practice,
+        Self::Task,
+        Self::Closing,
+        Self::Complete,
+        Self::ScreenedOut,
+        Self::Withdrawn,
+        Self::Imported,
+    ];
+
+    /// The word in JSON.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Joined => "joined",
+            Self::Familiarisation => "familiarisation",
+            Self::Practice => "practice",
+            Self::Task => "task",
+            Self::Closing => "closing",
+            Self::Complete => "complete",
+            Self::ScreenedOut => "screened_out",
+            Self::Withdrawn => "withdrawn",
+            Self::Imported => "imported",
+        }
+    }
+}
+
+/// What an experimenter should look at: numbers of the participant's stored tasks, first and further
+/// attempts.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Quality {
+    /// Tasks with a late sample.
+    pub late_sample: u32,
+    /// Tasks in which the page lost the focus or was hidden.
+    pub focus_lost: u32,
+    /// Tasks that were interrupted.
+    pub interrupted: u32,
+    /// Tasks without a turn.
+    pub never_steered: u32,
+    /// Tasks with a turn in every step.
+    pub always_steered: u32,
+    /// Tasks in which the human entered the danger zone.
+    pub danger_entered: u32,
+    /// Tasks whose keys were pressed and released at the very times of an earlier trial of the study: a
+    /// program drove.
+    pub same_timing: u32,
+}
+
+/// A participant in the list.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ParticipantSummary {
+    /// The participant.
+    pub participant_id: String,
+    /// Their number within the study, from 1; pilots have numbers of their own.
+    pub number: i64,
+    /// Whether this is a pilot.
+    pub pilot: bool,
+    /// The recruiting service's id, as it came.
+    pub external_id: Option<String>,
+    /// How far they are.
+    pub stage: Stage,
+    /// The completion code, if they completed.
+    pub completion_code: Option<String>,
+    /// How often they answered the check of understanding.
+    pub comprehension_attempts: u32,
+    /// Whether they passed it.
+    pub understood: bool,
+    /// Stored trials.
+    pub stored: u32,
+    /// Planned scenes, further attempts too.
+    pub planned: u32,
+    /// When they enrolled, ms since 1970.
+    pub enrolled_at_ms: i64,
+    /// When the server last stored something of them, ms since 1970.
+    pub last_seen_at_ms: i64,
+    /// What to look at.
+    pub quality: Quality,
+}
+
+/// How many participants are at a stage.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct StageCount {
+    /// The stage.
+    pub stage: Stage,
+    /// How many, whatever the page's filter.
+    pub participants: u64,
+}
+
+/// A page of participants.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ParticipantPage {
+    /// The participants of this page.
+    pub participants: Vec<ParticipantSummary>,
+    /// How many pass the filter, on all pages.
+    pub total: u64,
+    /// The stages that somebody is at.
+    pub stages: Vec<StageCount>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_are_those_of_json() {
+        for stage in Stage::ALL {
+            assert_eq!(serde_json::to_value(stage).unwrap(), stage.word());
+        }
+    }
+}
