@@ -5,11 +5,16 @@
 ALTER TABLE trial ADD COLUMN key_timing INTEGER;
 CREATE INDEX trial_of_timing ON trial (study_id, key_timing) WHERE key_timing IS NOT NULL;
 
+-- Covers the stages of a study's participants.
+CREATE INDEX people ON participant (study_id, pilot, number, id, withdrawn_at_ms, screened_out_at_ms,
+                                    completion_code, import_hash);
+
 -- One row a participant with a stored trial, written in the transaction that stores the trial.
 CREATE TABLE tally (
     participant_id TEXT PRIMARY KEY REFERENCES participant (id) ON DELETE CASCADE,
-    -- Stored trials by phase, further attempts too. Trials are stored in the plan's order, so their sum
-    -- is the place of the next one.
+    -- The phase of the scene that comes next; NULL after the last.
+    next_phase TEXT,
+    -- Stored trials by phase, further attempts too.
     familiarisation INTEGER NOT NULL,
     practice INTEGER NOT NULL,
     task INTEGER NOT NULL,
@@ -26,7 +31,7 @@ CREATE TABLE tally (
 ) STRICT, WITHOUT ROWID;
 
 INSERT INTO tally
-SELECT scene.participant_id,
+SELECT scene.participant_id, NULL,
        sum(scene.phase = 'familiarisation'), sum(scene.phase = 'practice'), sum(scene.phase = 'task'),
        sum(scene.phase = 'task' AND instr(';' || flags || ';', ';late_sample;') > 0),
        sum(scene.phase = 'task' AND instr(';' || flags || ';', ';focus_lost;') > 0),
@@ -37,3 +42,8 @@ SELECT scene.participant_id,
        0
 FROM trial JOIN scene ON scene.trial_id = trial.trial_id
 GROUP BY scene.participant_id;
+
+-- Trials are stored in the plan's order.
+UPDATE tally SET next_phase = (SELECT phase FROM scene
+                               WHERE scene.participant_id = tally.participant_id
+                                 AND ordinal = familiarisation + practice + task);

@@ -80,21 +80,19 @@ pub struct Selection {
     pub limit: i64,
 }
 
-/// One row for each participant of a study; `:study` and `:pilot` choose them. Trials are stored in the
-/// plan's order, so the number of stored ones is the place of the next scene.
+/// One row for each participant of a study; `:study` and `:pilot` choose them.
 const PEOPLE: &str = "SELECT *, CASE \
          WHEN withdrawn THEN 'withdrawn' \
          WHEN screened_out THEN 'screened_out' \
          WHEN completion_code IS NOT NULL THEN 'complete' \
          WHEN imported THEN 'imported' \
          WHEN stored = 0 THEN 'joined' \
-         ELSE coalesce((SELECT phase FROM scene \
-             WHERE participant_id = id AND ordinal = stored), 'closing') END AS stage \
+         ELSE coalesce(next_phase, 'closing') END AS stage \
      FROM (SELECT id, number, pilot, external_id, completion_code, comprehension_attempts, \
          understood_at_ms IS NOT NULL AS understood, enrolled_at_ms, last_seen_at_ms, \
          withdrawn_at_ms IS NOT NULL AS withdrawn, screened_out_at_ms IS NOT NULL AS screened_out, \
          import_hash IS NOT NULL AS imported, \
-         coalesce(familiarisation + practice + task, 0) AS stored, \
+         next_phase, coalesce(familiarisation + practice + task, 0) AS stored, \
          coalesce(late_sample, 0) AS late_sample, coalesce(focus_lost, 0) AS focus_lost, \
          coalesce(interrupted, 0) AS interrupted, coalesce(never_steered, 0) AS never_steered, \
          coalesce(always_steered, 0) AS always_steered, \
@@ -139,9 +137,13 @@ fn page(db: &Connection, study_id: i64, asked: &Selection) -> Result<Participant
             .unsigned_abs()
     };
     let (by, order) = (asked.sort.expression(), if asked.descending { "DESC" } else { "ASC" });
+    // The rows of the page are found first, by the narrow columns that decide.
     let mut statement = db.prepare_cached(&format!(
-        "SELECT *, (SELECT count(*) FROM scene WHERE participant_id = id) AS planned \
-         FROM (SELECT * FROM ({PEOPLE}) {filter} ORDER BY {by} {order}, number LIMIT :limit OFFSET :offset)"
+        "WITH people AS NOT MATERIALIZED ({PEOPLE}) \
+         SELECT *, (SELECT count(*) FROM scene WHERE participant_id = id) AS planned FROM people \
+         WHERE id IN (SELECT id FROM people {filter} ORDER BY {by} {order}, number \
+             LIMIT :limit OFFSET :offset) \
+         ORDER BY {by} {order}, number"
     ))?;
     let mut bound = chosen.to_vec();
     bound.extend([(":limit", &asked.limit as &dyn ToSql), (":offset", &asked.offset)]);

@@ -18,11 +18,13 @@ pub(super) fn add(db: &Connection, study_id: i64, trial: &NewTrial) -> Result<()
     let has = |flag| trial.flags.contains(&flag);
     let always = trial.content.inputs.iter().all(|&input| input != TurnInput::Straight);
     db.prepare_cached(
-        "INSERT INTO tally SELECT participant_id, phase = 'familiarisation', phase = 'practice', \
+        "INSERT INTO tally SELECT participant_id, (SELECT phase FROM scene AS next \
+             WHERE next.participant_id = scene.participant_id AND next.ordinal = scene.ordinal + 1), \
+             phase = 'familiarisation', phase = 'practice', \
              phase = 'task', phase = 'task' AND ?2, phase = 'task' AND ?3, phase = 'task' AND ?4, \
              phase = 'task' AND ?5, phase = 'task' AND ?6, phase = 'task' AND ?7, phase = 'task' AND ?8 \
          FROM scene WHERE trial_id = ?1 \
-         ON CONFLICT DO UPDATE SET familiarisation = familiarisation + excluded.familiarisation, \
+         ON CONFLICT DO UPDATE SET next_phase = excluded.next_phase, familiarisation = familiarisation + excluded.familiarisation, \
              practice = practice + excluded.practice, task = task + excluded.task, \
              late_sample = late_sample + excluded.late_sample, \
              focus_lost = focus_lost + excluded.focus_lost, \
@@ -45,6 +47,16 @@ pub(super) fn add(db: &Connection, study_id: i64, trial: &NewTrial) -> Result<()
     Ok(())
 }
 
+/// A scene was added at the end of the plan.
+pub(super) fn goes_on(db: &Connection, trial_id: &str) -> Result<(), StoreError> {
+    db.prepare_cached(
+        "UPDATE tally SET next_phase = coalesce(next_phase, phase) FROM scene \
+         WHERE scene.trial_id = ?1 AND tally.participant_id = scene.participant_id",
+    )?
+    .execute([trial_id])?;
+    Ok(())
+}
+
 impl Store {
     /// The ids of participants whose tally does not follow from their stored trials.
     pub async fn wrong_tallies(&self) -> Result<Vec<String>, StoreError> {
@@ -62,7 +74,10 @@ impl Store {
                  FULL JOIN tally ON tally.participant_id = counted.participant_id \
                  WHERE (warm, practised, tasks, late, lost, broken, never, danger) IS NOT \
                      (familiarisation, practice, task, late_sample, focus_lost, interrupted, \
-                      never_steered, danger_entered) ORDER BY 1",
+                      never_steered, danger_entered) \
+                     OR next_phase IS NOT (SELECT phase FROM scene \
+                         WHERE scene.participant_id = tally.participant_id \
+                             AND ordinal = familiarisation + practice + task) ORDER BY 1",
             )?;
             Ok(statement.query_map([], |row| row.get(0))?.collect::<Result<_, _>>()?)
         })

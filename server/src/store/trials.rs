@@ -387,6 +387,7 @@ fn put(db: &Connection, participant_id: &str, trial: &NewTrial) -> Result<PutTri
         return Ok(PutTrial::Stored { next: place.next });
     };
     scenes::repeat(db, &trial.trial_id, again)?;
+    tallies::goes_on(db, again)?;
     Ok(PutTrial::Stored { next: place.next.or_else(|| Some(again.clone())) })
 }
 
