@@ -225,8 +225,12 @@ impl serde::de::Error for Misfit {
     }
 
     /// The path ends with the field.
-    fn unknown_field(_: &str, expected: &'static [&'static str]) -> Self {
-        Self(Invalid::new("", format!("one of the fields {}", one_of(expected)), "another one"))
+    fn unknown_field(field: &str, expected: &'static [&'static str]) -> Self {
+        let typos = |known: &&&str| strsim::damerau_levenshtein(field, known);
+        let nearest = expected.iter().min_by_key(typos).filter(|known| typos(known) <= 2);
+        let meant = nearest.map_or_else(String::new, |known| format!("; did you mean {known}?"));
+        let expected = format!("one of the fields {}", one_of(expected));
+        Self(Invalid::new("", expected, format!("another one{meant}")))
     }
 
     fn missing_field(field: &'static str) -> Self {
@@ -359,7 +363,12 @@ mod tests {
             (r#"{"start": "here"}"#, "start: expected an object, {…}, found \"here\""),
             (
                 r#"{"stops": 3}"#,
-                "stops: expected one of the fields turns, pace, start or steps, found another one",
+                "stops: expected one of the fields turns, pace, start or steps, found another one; did \
+                 you mean steps?",
+            ),
+            (
+                r#"{"velocity": 3}"#,
+                "velocity: expected one of the fields turns, pace, start or steps, found another one",
             ),
             ("3", "expected an object, {…}, found 3"),
             (

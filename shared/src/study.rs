@@ -6,7 +6,7 @@ mod question;
 mod recruitment;
 mod plausible;
 
-pub use localised::{Localised, closest_language, is_language};
+pub use localised::{Fact, Localised, closest_language, is_language};
 pub use protocol::{CheckQuestion, Closing, Comprehension, Consent, TrialSettings};
 pub use question::{Choice, Question, QuestionKind};
 pub use recruitment::{Recruitment, is_id, normalised_id};
@@ -216,7 +216,11 @@ impl StudyConfig {
                 return Err(Invalid::new(format!("texts.{language}"), expected, language));
             }
             for (key, text) in sentences {
-                protocol::check_length(&format!("texts.{language}.{key}"), text)?;
+                localised::check_length(
+                    &format!("texts.{language}.{key}"),
+                    text,
+                    protocol::MAX_SENTENCE,
+                )?;
             }
         }
         Ok(())
@@ -244,6 +248,12 @@ impl StudyConfig {
     #[must_use]
     pub fn localised(&self) -> Vec<(String, &Localised)> {
         let mut texts = vec![("consent.text".to_owned(), &self.consent.text)];
+        let facts = self.consent.facts().into_iter();
+        texts.extend(
+            facts.filter_map(|(field, fact)| {
+                Some((format!("consent.{field}"), fact.by_language()?))
+            }),
+        );
         for (i, question) in self.comprehension.questions.iter().enumerate() {
             let field = format!("comprehension.questions[{i}]");
             texts.push((format!("{field}.text"), &question.text));

@@ -38,7 +38,8 @@ impl Languages {
             .offered(study)
             .into_iter()
             .map(|tag| Language { tag: tag.to_owned(), name: self.name(study, tag).to_owned() });
-        let facts = study.consent.facts().into_iter().filter(|(_, text)| !text.trim().is_empty());
+        let facts = study.consent.facts().map(|(name, fact)| (name, fact.get(language, fallback)));
+        let facts = facts.into_iter().filter(|(_, text)| !text.trim().is_empty());
         Texts {
             language: language.to_owned(),
             offered: offered.collect(),
@@ -123,7 +124,7 @@ mod tests {
     fn texts_of_a_study_in_its_languages() {
         let languages = Languages::load(None).unwrap();
         let mut study = StudyConfig::default();
-        study.consent.contact = "ada@example.org".to_owned();
+        study.consent.contact = "ada@example.org".into();
         study.consent.text = Localised::of("en", "# You agree\n<b>freely</b>");
         let change = ("check_robot.right".to_owned(), "On and on.".to_owned());
         study.texts.insert("en".to_owned(), [change].into());

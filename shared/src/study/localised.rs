@@ -1,6 +1,9 @@
 //! Text that a researcher writes in several languages.
 
 use crate::invalid::Invalid;
+use core::fmt;
+use serde::de::value::MapAccessDeserializer;
+use serde::de::{Deserializer, MapAccess, Visitor};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -8,6 +11,93 @@ use std::collections::BTreeMap;
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct Localised(pub BTreeMap<String, String>);
+
+/// A fact about the study: one text for everybody, such as a name, or a text by language.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[serde(untagged)]
+pub enum Fact {
+    /// The same in every language.
+    Same(String),
+    /// One for each language.
+    ByLanguage(Localised),
+}
+
+impl Default for Fact {
+    fn default() -> Self {
+        Self::Same(String::new())
+    }
+}
+
+impl From<&str> for Fact {
+    fn from(text: &str) -> Self {
+        Self::Same(text.to_owned())
+    }
+}
+
+impl<'de> Deserialize<'de> for Fact {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Either;
+
+        impl<'de> Visitor<'de> for Either {
+            type Value = Fact;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a text, or texts by language")
+            }
+
+            fn visit_str<E>(self, text: &str) -> Result<Fact, E> {
+                Ok(text.into())
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Fact, A::Error> {
+                Localised::deserialize(MapAccessDeserializer::new(map)).map(Fact::ByLanguage)
+            }
+        }
+
+        deserializer.deserialize_any(Either)
+    }
+}
+
+impl Fact {
+    /// The text for somebody who reads `language`; else that of `fallback`, else any.
+    #[must_use]
+    pub fn get(&self, language: &str, fallback: &str) -> &str {
+        match self {
+            Self::Same(text) => text,
+            Self::ByLanguage(texts) => texts.get(language, fallback),
+        }
+    }
+
+    /// The texts, if there is one for each language.
+    #[must_use]
+    pub fn by_language(&self) -> Option<&Localised> {
+        match self {
+            Self::Same(_) => None,
+            Self::ByLanguage(texts) => Some(texts),
+        }
+    }
+
+    /// Accepts texts of at most `most` characters, none of them hidden.
+    ///
+    /// # Errors
+    /// [`Invalid`] naming the field or the language.
+    pub(super) fn check(&self, field: &str, most: usize) -> Result<(), Invalid> {
+        match self {
+            Self::Same(text) => check_length(field, text, most),
+            Self::ByLanguage(texts) => texts.check_given(field, most),
+        }
+    }
+}
+
+/// Accepts a text of at most `most` characters, none of them hidden.
+pub(super) fn check_length(field: &str, text: &str, most: usize) -> Result<(), Invalid> {
+    check_visible(field, text)?;
+    let count = text.chars().count();
+    if count > most {
+        return Err(Invalid::new(field, format!("at most {most} characters"), count));
+    }
+    Ok(())
+}
 
 /// Whether `tag` can name a language: two or three letters, then parts of letters and digits, such as
 /// `de` or `zh-CN` (BCP 47).
@@ -157,6 +247,25 @@ mod tests {
         let text = Localised(BTreeMap::from([("de".into(), "Hallo".into())]));
         assert_eq!(text.get("fr", "en"), "Hallo");
         assert_eq!(Localised::default().get("fr", "en"), "");
+    }
+
+    #[test]
+    fn a_fact_is_one_text_or_one_by_language() {
+        let read = |json: &str| crate::document::from_json::<Fact>(json);
+        let same = read(r#""Ten years""#).unwrap();
+        assert_eq!((&same, same.get("de", "en")), (&"Ten years".into(), "Ten years"));
+        assert_eq!(serde_json::to_string(&same).unwrap(), r#""Ten years""#);
+        let both = r#"{"de":"Zehn Jahre","en":"Ten years"}"#;
+        let fact = read(both).unwrap();
+        assert_eq!([fact.get("de-AT", "en"), fact.get("es", "en")], ["Zehn Jahre", "Ten years"]);
+        assert_eq!(serde_json::to_string(&fact).unwrap(), both);
+        let said = read("3").unwrap_err().to_string();
+        assert_eq!(said, "expected a text, or texts by language, found 3");
+        for (json, field) in
+            [("{}", "fact"), (r#"{"de":" "}"#, "fact.de"), (r#""a\u0000""#, "fact")]
+        {
+            assert_eq!(read(json).unwrap().check("fact", 9).unwrap_err().field, field);
+        }
     }
 
     #[test]

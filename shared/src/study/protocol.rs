@@ -1,7 +1,7 @@
 //! What happens around the scenes: consent, the check of understanding, the course of a trial, the
 //! closing page.
 
-use super::localised::{Localised, check_visible};
+use super::localised::{Fact, Localised};
 use crate::invalid::Invalid;
 use serde::{Deserialize, Serialize};
 
@@ -17,15 +17,15 @@ pub(super) const MAX_SENTENCE: usize = 500;
 #[serde(deny_unknown_fields, default)]
 pub struct Consent {
     /// Name of the investigator.
-    pub investigator: String,
+    pub investigator: Fact,
     /// University or company.
-    pub institution: String,
+    pub institution: Fact,
     /// How to reach the investigator: an e-mail address or a telephone number.
-    pub contact: String,
+    pub contact: Fact,
     /// Number of the ethics approval.
-    pub ethics: String,
+    pub ethics: Fact,
     /// How long the data are kept, and where.
-    pub retention: String,
+    pub retention: Fact,
     /// The researcher's own text, Markdown, by language.
     pub text: Localised,
 }
@@ -33,7 +33,7 @@ pub struct Consent {
 impl Consent {
     /// The facts by the names of their fields, without the text.
     #[must_use]
-    pub fn facts(&self) -> [(&'static str, &str); 5] {
+    pub fn facts(&self) -> [(&'static str, &Fact); 5] {
         [
             ("investigator", &self.investigator),
             ("institution", &self.institution),
@@ -44,8 +44,8 @@ impl Consent {
     }
 
     pub(super) fn check(&self) -> Result<(), Invalid> {
-        for (field, text) in self.facts() {
-            check_length(&format!("consent.{field}"), text)?;
+        for (field, fact) in self.facts() {
+            fact.check(&format!("consent.{field}"), MAX_SENTENCE)?;
         }
         self.text.check("consent.text", MAX_MARKDOWN)
     }
@@ -177,15 +177,4 @@ impl Closing {
     pub(super) fn check(&self) -> Result<(), Invalid> {
         self.debrief.check("closing.debrief", MAX_MARKDOWN)
     }
-}
-
-/// Accepts a text of at most [`MAX_SENTENCE`] characters, none of them hidden.
-pub(super) fn check_length(field: &str, text: &str) -> Result<(), Invalid> {
-    check_visible(field, text)?;
-    let count = text.chars().count();
-    if count > MAX_SENTENCE {
-        let expected = format!("at most {MAX_SENTENCE} characters");
-        return Err(Invalid::new(field, expected, count));
-    }
-    Ok(())
 }
