@@ -65,7 +65,7 @@ fn begun() -> Screen {
     let study = json!({ "schema_version": sidestep::api::SCHEMA_VERSION, "slug": "default",
         "title": "Test", "parameters": config.parameters, "phases": config.phases,
         "admission": "open", "trials": config.trials, "comprehension_attempts": 0,
-        "external_id_parameters": [], "recorded_parameters": [] });
+        "external_id_parameters": [], "recorded_parameters": [], "requires_external_id": false });
     let texts = json!({ "language": "en", "offered": [], "sentences": {}, "facts": [],
         "check": [], "questions": [] });
     let enrolled = json!({ "participant_id": "p", "token": "secret", "plan": plan });

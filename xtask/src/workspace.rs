@@ -96,6 +96,7 @@ impl Workspace {
     pub(crate) fn compile_for_browsers(&self, command: &str) -> Command {
         let mut cargo = self.compile(command);
         cargo.args(["--target", WASM_TARGET, "--config"]).arg(self.path(".cargo/client.toml"));
+        cargo.arg("--config").arg(without_paths(&self.root));
         cargo
     }
 
@@ -126,6 +127,15 @@ impl Workspace {
         })?;
         Ok(())
     }
+}
+
+/// Settings by which the client has no path of this machine in its messages: participants download the
+/// same bytes wherever it was compiled, and fewer.
+fn without_paths(root: &Path) -> String {
+    let home = || env::home_dir().unwrap_or_default().join(".cargo");
+    let sources = env::var_os("CARGO_HOME").map_or_else(home, PathBuf::from).join("registry/src");
+    let flag = |path: &Path| format!("{:?}", format!("--remap-path-prefix={}=", path.display()));
+    format!("target.{WASM_TARGET}.rustflags = [{}, {}]", flag(&sources), flag(root))
 }
 
 /// The cargo that started this program.

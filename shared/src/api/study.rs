@@ -29,6 +29,8 @@ pub struct StudyInfo {
     pub external_id_parameters: Vec<String>,
     /// Parameters of the address that are stored with the participant.
     pub recorded_parameters: Vec<String>,
+    /// Whether somebody new needs an external id.
+    pub requires_external_id: bool,
 }
 
 impl StudyInfo {
@@ -46,6 +48,7 @@ impl StudyInfo {
             comprehension_attempts: study.comprehension.attempts,
             external_id_parameters: study.recruitment.external_id.clone(),
             recorded_parameters: study.recruitment.record.clone(),
+            requires_external_id: study.recruitment.require_external_id,
         }
     }
 }

@@ -208,7 +208,15 @@ impl Participant {
 
     /// Sentences one after the other: Chinese has no space between them.
     fn join(&self, sentences: &[String]) -> String {
-        sentences.join(&self.say("page.between"))
+        let between = self.say("page.between");
+        let mut joined = String::new();
+        for (i, sentence) in sentences.iter().enumerate() {
+            if i > 0 {
+                joined.push_str(&between);
+            }
+            joined.push_str(sentence);
+        }
+        joined
     }
 
     /// Whether the sentences have come.

@@ -45,10 +45,11 @@ impl Link {
         study.external_id_parameters.iter().filter_map(given).find(|id| !id.is_empty())
     }
 
-    /// Whether the address has an id that is none, such as a place that the recruiting service has not
-    /// filled in. The server refuses the same.
+    /// Whether the address lacks the id that the study needs, or has one that is none, such as a place that
+    /// the recruiting service has not filled in. The server refuses the same.
     pub(super) fn is_incomplete(&self, study: &StudyInfo) -> bool {
-        self.external_id(study).is_some_and(|id| !is_id(id))
+        let needs_one = study.requires_external_id && !self.is_pilot();
+        self.external_id(study).map_or(needs_one, |id| !is_id(id))
     }
 
     /// The parameters that the study stores.

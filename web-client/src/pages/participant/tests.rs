@@ -833,8 +833,10 @@ fn a_browser_rehearses_again_and_again() {
 
 #[test]
 fn a_link_without_a_proper_id_is_refused_at_once() {
-    let refused = |link: &str| {
-        let session = open_at(BTreeMap::new(), &StudyConfig::default(), link);
+    let mut study = StudyConfig::default();
+    let mut refused = |link: &str, is_required: bool| {
+        study.recruitment.require_external_id = is_required;
+        let session = open_at(BTreeMap::new(), &study, link);
         session.words("stuck").is_some_and(|words| {
             words.contains("Your link is not complete") && words.contains("open the study again")
         })
@@ -843,10 +845,13 @@ fn a_link_without_a_proper_id_is_refused_at_once() {
     for link in
         ["PROLIFIC_PID={{%PROLIFIC_PID%}}", "external_id=[PID]", "workerId=${e://Field/id}", &long]
     {
-        assert!(refused(link), "{link}");
+        assert!(refused(link, false), "{link}");
     }
-    for link in ["PROLIFIC_PID=5f1e", "", "pilot"] {
-        assert!(!refused(link), "{link}");
+    for link in ["", "external_id=", "other=5f1e"] {
+        assert!(refused(link, true) && !refused(link, false), "{link}");
+    }
+    for link in ["PROLIFIC_PID=5f1e", "pilot"] {
+        assert!(!refused(link, true), "{link}");
     }
 }
 
