@@ -37,6 +37,9 @@ pub struct ExportArgs {
     /// digits [default: all configurations].
     #[arg(long, help_heading = "Which data", value_name = "HASH")]
     pub configuration: Option<String>,
+    /// Pilots instead of participants; they have numbers of their own.
+    #[arg(long, help_heading = "Which data")]
+    pub pilots: bool,
 }
 
 const FORMATS: Words<Format> = &[
@@ -68,7 +71,8 @@ pub async fn run(args: ExportArgs) -> Result<(), CommandError> {
         Some(digits) => Some(configuration(&digits, store.configurations(study.id).await?)?),
         None => None,
     };
-    let filter = Filter { phase: args.phase, quality: args.quality, configuration };
+    let (phase, quality, pilots) = (args.phase, args.quality, args.pilots);
+    let filter = Filter { phase, quality, configuration, pilots };
     let interrupt = Interrupt::listen();
     let (format, stop) = (args.format, &interrupt.token);
     let written = exports::write(&store, &study, format, &filter, &args.out, stop).await;

@@ -91,7 +91,7 @@ pub async fn list(
     me.must(&app, Access::Export, &method, &uri).await?;
     exports::check_format(&format)?;
     let study = named(&app.store, &slug).await?;
-    let people = app.store.roster(study.id).await?;
+    let people = app.store.roster(study.id, false).await?;
     let table = Participants::new(&study.config, &people);
     let mut file = csv_header(&table.columns());
     csv_rows(&table.columns(), &table.rows(), &mut file);

@@ -1,13 +1,13 @@
 //! The participants of a study, each with all that is stored about them besides their trials.
 
 use super::{Store, StoreError};
-use rusqlite::{Connection, Row};
+use rusqlite::{Connection, Row, params};
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 use sidestep::trial::Phase;
 use std::collections::{BTreeMap, HashMap};
 
-/// A participant of a study, not a pilot.
+/// A participant of a study.
 #[derive(Clone, Debug)]
 pub struct RosterEntry {
     /// Their number within the study, from 1.
@@ -42,8 +42,12 @@ pub struct RosterEntry {
 }
 
 impl Store {
-    /// The participants of a study in the order of their numbers, without pilots.
-    pub async fn roster(&self, study_id: i64) -> Result<Vec<RosterEntry>, StoreError> {
+    /// The participants of a study in the order of their numbers, or with `pilots` its pilots instead.
+    pub async fn roster(
+        &self,
+        study_id: i64,
+        pilots: bool,
+    ) -> Result<Vec<RosterEntry>, StoreError> {
         self.read_long(move |db| {
             let trials = trials(db, study_id)?;
             let mut statement = db.prepare_cached(
@@ -52,7 +56,7 @@ impl Store {
                      understood_at_ms, screened_out_at_ms, answered_at_ms, completed_at_ms, \
                      withdrawn_at_ms, comprehension_attempts, completion_code, data_deleted, \
                      parameters, answers \
-                 FROM participant WHERE study_id = ?1 AND pilot = 0 ORDER BY number",
+                 FROM participant WHERE study_id = ?1 AND pilot = ?2 ORDER BY number",
             )?;
             let entry = |row: &Row<'_>| {
                 let id: String = row.get(1)?;
@@ -82,7 +86,7 @@ impl Store {
                     id,
                 })
             };
-            statement.query_and_then([study_id], entry)?.collect()
+            statement.query_and_then(params![study_id, pilots], entry)?.collect()
         })
         .await
     }

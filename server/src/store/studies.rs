@@ -42,13 +42,13 @@ impl Store {
         self.read(|db| find(db, slug))
     }
 
-    /// The configurations under which people of a study enrolled, pilots excepted, and the present one: hash
+    /// The configurations under which participants and pilots of a study enrolled, and the present one: hash
     /// and JSON as they are stored, in the order of hashes.
     pub async fn configurations(&self, study_id: i64) -> Result<Vec<(String, String)>, StoreError> {
         self.read_long(move |db| {
             let mut statement = db.prepare_cached(
                 "SELECT hash, json FROM study_config WHERE hash IN \
-                     (SELECT config_hash FROM participant WHERE study_id = ?1 AND pilot = 0 \
+                     (SELECT config_hash FROM participant WHERE study_id = ?1 \
                       UNION SELECT config_hash FROM study WHERE id = ?1) \
                  ORDER BY hash",
             )?;

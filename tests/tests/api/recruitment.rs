@@ -375,6 +375,14 @@ async fn pilots_are_kept_apart_and_can_be_deleted() {
     let export = server.export("default").await;
     assert_eq!(export.lines().count(), 51);
     assert!(export.lines().nth(1).unwrap().starts_with("1,0,0,"));
+    // Their data are exported if they are asked for, and then alone.
+    let (folder, database) = (Folder::default(), server.database());
+    let args = ["export", "--database", &database, "--out", &folder.name("data")];
+    for (more, rows) in [(&[][..], [50, 1, 1]), (&["--pilots"], [100, 2, 2])] {
+        let said = run(&[&args[..], more].concat()).await.json();
+        let found = [0, 1, 3].map(|file| said["files"][file]["rows"].as_u64().unwrap());
+        assert_eq!(found, rows);
+    }
     let studies = server.admin(routes::ADMIN_STUDIES).await.body;
     assert_eq!((&studies[0]["participants"], &studies[0]["trials"]), (&json!(1), &json!(1)));
     let trials = server.admin(&routes::admin_trials("default")).await.body;

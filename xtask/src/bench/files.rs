@@ -85,7 +85,7 @@ pub(super) fn run(workspace: &Workspace, quick: bool) -> Result<ExitCode> {
     let mut rows =
         vec![["what", "steps/s", "sqlite3", "ratio", "target", "memory MB", ""].map(str::to_owned)];
     let names = ["import", "export csv", "export jsonl", "export parquet"];
-    let targets = [3e5, 1e6, 1e6, 1e6];
+    let targets = [3e5, 1e6, 5e5, 1e6];
     let mut theirs = theirs.map(|runs| (!runs.is_empty()).then(|| median(runs))).into_iter();
     for ((name, ours), target) in names.into_iter().zip(ours).zip(targets) {
         let (ours, theirs) = (median(ours), theirs.next().flatten());

@@ -4,7 +4,8 @@ use crate::store::trials::TrialHead;
 use serde::{Deserialize, Serialize};
 use sidestep::trial::{Flag, Phase};
 
-/// Which trials an export has, with their steps and key events. The default has all.
+/// Whose trials an export has and which, with their steps and key events. The default has all of
+/// participants and nothing of pilots.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Filter {
@@ -16,6 +17,8 @@ pub struct Filter {
     /// Only participants who enrolled under the configuration with this hash.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub configuration: Option<String>,
+    /// Pilots instead of participants. Never both: they have numbers of their own.
+    pub pilots: bool,
 }
 
 /// Which trials an export has by their flags.

@@ -80,7 +80,7 @@ pub async fn write(
 ) -> Result<Manifest, ExportError> {
     let created_at = date_time(now_ms());
     let draft = Draft::begin(folder)?;
-    let mut people = store.roster(study.id).await?;
+    let mut people = store.roster(study.id, filter.pilots).await?;
     people.retain(|person| filter.keeps_configuration(&person.config_hash));
     let mut driven = Tables::begin(draft.path(), format, filter)?;
     // One task reads, and a thread prints.

@@ -35,7 +35,7 @@ impl Format {
     pub(super) fn batch_rows(self) -> usize {
         match self {
             Self::Csv | Self::Jsonl => 1,
-            Self::Parquet => 1 << 16,
+            Self::Parquet => 1 << 15,
         }
     }
 }
