@@ -1,0 +1,131 @@
+//! Scenes: countdown, keys, interruptions, tabs.
+
+use super::*;
+
+#[test]
+fn leaving_the_window_releases_the_keys() {
+    let mut session = begun();
+    session.press("start");
+    session.pass(COUNTDOWN_MS);
+    let begun = session.now_ms;
+    session.at(begun + 1.0).hear(&key("KeyD", true));
+    session.at(begun + 2050.0).hear(&Event::FocusLost { hidden: false });
+    session.at(begun + 10_001.0).frame();
+    let trial = session.uploaded("t0");
+    let rights = trial.inputs.iter().filter(|&&input| input == TurnInput::Right).count();
+    assert_eq!(rights, 10, "steps 1 to 10 began before the window was left at 2.05 s");
+    assert_eq!(trial.key_events.last().unwrap().key, "blur");
+    assert_eq!(trial.page_events[0].kind, PageEventKind::FocusLost);
+    session.pass(1000.0);
+    assert!(session.words("hint").unwrap().contains("another window or tab"));
+}
+
+#[test]
+fn a_scene_waits_until_the_keys_are_up() {
+    let mut session = begun();
+    session.hear(&key("KeyA", true));
+    session.press("start");
+    assert!(session.words("hint").unwrap().contains("Let go of all keys"));
+    session.hear(&key("KeyA", false));
+    session.press("start");
+    session.pass(1000.0);
+    session.hear(&key("KeyA", true));
+    session.pass(5000.0);
+    assert!(session.words("countdown").unwrap().contains("Let go of all keys"));
+    session.hear(&key("KeyA", false));
+    assert_eq!(session.words("countdown").as_deref(), Some("1"));
+    session.pass(999.0);
+    assert!(session.words("countdown").is_some());
+    session.pass(10.0);
+    assert_eq!(session.words("countdown"), None);
+    session.pass(10_000.0);
+    let trial = session.uploaded("t0");
+    assert!(trial.inputs.iter().all(|&input| input == TurnInput::Straight));
+}
+
+#[test]
+fn the_countdown_counts_and_waits_for_the_window() {
+    let mut session = begun();
+    session.press("start");
+    for second in ["3", "2", "1"] {
+        assert_eq!(session.words("countdown").as_deref(), Some(second));
+        session.pass(1000.0);
+    }
+    assert_eq!(session.words("countdown"), None);
+    let mut session = begun();
+    session.press("start");
+    session.pass(500.0);
+    session.hear(&Event::FocusLost { hidden: true });
+    assert!(session.words("start").is_some());
+}
+
+#[test]
+fn a_scene_that_is_shown_again_counts_its_exposures() {
+    let mut session = begun();
+    session.press("start");
+    session.pass(COUNTDOWN_MS + 2000.0);
+    let mut session = open(session.kept, &StudyConfig::default());
+    session.send("progress", 200, &progress(&[]));
+    session.drive();
+    assert_eq!(session.uploaded("t0").exposures, 2);
+    session.stored("t0");
+    assert!(!session.kept.keys().any(|name| name.contains("exposures")));
+    session.drive();
+    assert_eq!(session.uploaded("t1").exposures, 1);
+}
+
+#[test]
+fn the_later_tab_takes_over() {
+    let mut session = begun();
+    assert_eq!(session.claims.last().unwrap(), "sidestep.p");
+    session.press("start");
+    session.pass(COUNTDOWN_MS + 2000.0);
+    session.hear(&Event::TakenOver);
+    assert!(session.words("elsewhere").unwrap().contains("another tab"));
+    session.pass(12_000.0);
+    assert!(session.asked.is_empty(), "the later tab drives and sends");
+    session.press("here");
+    assert_eq!(session.left.as_deref(), Some("/s/default"));
+}
+
+#[test]
+fn an_interrupted_scene_is_driven_again_at_the_end() {
+    let mut study = StudyConfig::default();
+    study.trials.repeat_interrupted = true;
+    let mut session = open(BTreeMap::new(), &study);
+    session.begin();
+    session.drive();
+    session.stored("t0");
+    session.drive();
+    session.stored("t1");
+    // Before the code, the page asks whether the server has planned further attempts.
+    let mut further = progress(&["t0", "t1"]);
+    let mut again = further.plan.phases[0].scenes[0].clone();
+    (again.trial_id, again.attempt) = ("t0-2".into(), 2);
+    further.plan.phases[0].scenes.push(again);
+    session.send("progress", 200, &further);
+    assert!(session.text().contains("Once more: task 1"), "{}", session.text());
+    session.drive();
+    session.stored("t0-2");
+    further.stored.push("t0-2".into());
+    session.send("progress", 200, &further);
+    session.completed();
+}
+
+#[test]
+fn one_practice_scene_is_no_plural() {
+    let words = |scenes: usize| {
+        let mut session = begun();
+        let mut plan = plan();
+        plan.phases[0].phase = Phase::Practice;
+        plan.phases[0].scenes.truncate(scenes);
+        let first = session.kept["sidestep.session.default"].clone();
+        session =
+            open([("sidestep.session.default".into(), first)].into(), &StudyConfig::default());
+        session.send("progress", 200, &Progress { plan, ..progress(&[]) });
+        session.press("continue");
+        session.text()
+    };
+    assert!(words(1).contains("This scene is for practice."), "{}", words(1));
+    assert!(words(2).contains("These 2 scenes are for practice."));
+}
