@@ -25,8 +25,8 @@ pub mod scenes;
 pub mod participants;
 pub mod enrolments;
 pub mod roster;
-pub mod trials;
 mod tallies;
+pub mod trials;
 pub mod people;
 pub mod imports;
 #[cfg(test)]

@@ -96,6 +96,7 @@ fn the_library_is_pure() {
         "serde_path_to_error",
         "sha2",
         "special",
+        "strsim",
         "thiserror",
     ];
     let unknown: Vec<_> = dependencies("shared/Cargo.toml")

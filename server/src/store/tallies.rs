@@ -1,14 +1,27 @@
 //! Tallies: what the list of participants shows about their trials. Each follows from the stored trials;
 //! the list would be slow if it read them.
 
-use super::trials::NewTrial;
 use super::{Store, StoreError};
 use rusqlite::{Connection, params};
-use sidestep::trial::Flag;
+use sidestep::trial::{Flag, Outcome};
 use sidestep::vehicle::TurnInput;
 
+/// What is counted of a trial.
+pub(super) struct Counted<'a> {
+    /// The trial.
+    pub(super) trial_id: &'a str,
+    /// Its input in each step.
+    pub(super) inputs: &'a [TurnInput],
+    /// Its flags.
+    pub(super) flags: &'a [Flag],
+    /// Its outcome.
+    pub(super) outcome: &'a Outcome,
+    /// A number that follows from the times of its key events, if there are enough.
+    pub(super) key_timing: Option<i64>,
+}
+
 /// Adds a trial that is about to be stored. Its scene is stored already.
-pub(super) fn add(db: &Connection, study_id: i64, trial: &NewTrial) -> Result<(), StoreError> {
+pub(super) fn add(db: &Connection, study_id: i64, trial: &Counted<'_>) -> Result<(), StoreError> {
     let is_same = match trial.key_timing {
         Some(timing) => db
             .prepare_cached("SELECT 1 FROM trial WHERE study_id = ?1 AND key_timing = ?2")?
@@ -16,7 +29,7 @@ pub(super) fn add(db: &Connection, study_id: i64, trial: &NewTrial) -> Result<()
         None => false,
     };
     let has = |flag| trial.flags.contains(&flag);
-    let always = trial.content.inputs.iter().all(|&input| input != TurnInput::Straight);
+    let always = trial.inputs.iter().all(|&input| input != TurnInput::Straight);
     db.prepare_cached(
         "INSERT INTO tally SELECT participant_id, (SELECT phase FROM scene AS next \
              WHERE next.participant_id = scene.participant_id AND next.ordinal = scene.ordinal + 1), \

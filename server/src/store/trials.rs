@@ -2,7 +2,8 @@
 
 use super::participants::{self, COLUMNS, TOKEN, Visitor};
 use super::scenes::{self, SCENE, phase_of, scene_of};
-use super::{Store, StoreError, tallies};
+use super::tallies::{self, Counted};
+use super::{Store, StoreError};
 use crate::bytes::{pack, pack_inputs, pack_states, unpack, unpack_inputs, unpack_states};
 use crate::content::{Content, Recipe};
 use rusqlite::{Connection, OptionalExtension, Row, params};
@@ -401,7 +402,14 @@ fn is_withdrawn(db: &Connection, participant_id: &str) -> Result<bool, StoreErro
 pub(super) fn insert(db: &Connection, study_id: i64, new: &NewTrial) -> Result<(), StoreError> {
     let step = |step: Option<usize>| step.map(|step| step as i64);
     let (content, avoidance) = (&new.content, new.outcome.avoidance);
-    tallies::add(db, study_id, new)?;
+    let counted = Counted {
+        trial_id: &new.trial_id,
+        inputs: &content.inputs,
+        flags: &new.flags,
+        outcome: &new.outcome,
+        key_timing: new.key_timing,
+    };
+    tallies::add(db, study_id, &counted)?;
     db.prepare_cached(
         "INSERT INTO trial (trial_id, study_id, content_version, content_hash, received_at_ms, \
              started_at_ms, inputs, states, sampled_at_ms, key_events, page_events, exposures, \
