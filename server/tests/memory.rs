@@ -16,6 +16,10 @@ static MEMORY: PeakAlloc = PeakAlloc;
 
 const MB: f64 = 1e6;
 
+/// An import has up to four batches of 256 trials between its threads, of about 1 MB each, fewer or more as the
+/// threads happen to run. A hundred people more, held whole, would take 14 MB.
+const QUEUES_MB: f64 = 5.0;
+
 #[tokio::main]
 async fn main() {
     // Several batches each. The rows of the longer study fill seven row groups of a Parquet file.
@@ -26,7 +30,7 @@ async fn main() {
         ["import", "csv", "jsonl"].into_iter().zip(short.into_iter().zip(long))
     {
         assert!(short > 0.2, "{name}: {short:.2}: is anything counted?");
-        assert!(long <= 1.2 * short + 0.5, "{name}: {short:.2} MB, then {long:.2} MB");
+        assert!(long <= short + QUEUES_MB, "{name}: {short:.2} MB, then {long:.2} MB");
     }
     // One row group is in memory, however many there are.
     assert!(long[3] <= 40.0, "parquet: {:.1} MB", long[3]);

@@ -48,10 +48,16 @@ impl Balance {
     pub(super) fn explain(&self) {
         let Self { phase, drawn, exchanged, unfilled, .. } = self;
         let strata = 3 * drawn;
+        let exchanged = match exchanged {
+            0 => "every scene has the planned strata".to_owned(),
+            _ => format!(
+                "{exchanged} of {drawn} scenes have another miss or entry stratum than planned, because \
+                 no admissible scene has the planned ones"
+            ),
+        };
         eprintln!(
-            "{phase}: {exchanged} of {drawn} scenes have another miss or entry stratum than planned, \
-             because no admissible scene has the planned ones; {unfilled} of {strata} strata (three for \
-             each scene of a participant) have no scene"
+            "{phase}: {exchanged}; {unfilled} of {strata} strata (three for each scene of a participant) \
+             have no scene"
         );
     }
 

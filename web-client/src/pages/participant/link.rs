@@ -39,10 +39,15 @@ impl Link {
         self.simulates() || self.address.parameter("pilot").is_some()
     }
 
-    /// The recruiting service's id of the person, if the address has one.
+    /// The recruiting service's id of the person, if the address has one. A pilot may have a link whose
+    /// places are not filled in.
     pub(super) fn external_id(&self, study: &StudyInfo) -> Option<&str> {
         let given = |name: &String| self.address.parameter(name).map(str::trim);
-        study.external_id_parameters.iter().filter_map(given).find(|id| !id.is_empty())
+        study
+            .external_id_parameters
+            .iter()
+            .filter_map(given)
+            .find(|id| !id.is_empty() && (!self.is_pilot() || is_id(id)))
     }
 
     /// Whether the address lacks the id that the study needs, or has one that is none, such as a place that

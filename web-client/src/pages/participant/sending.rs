@@ -81,7 +81,7 @@ impl Participant {
             "closed" => self.stuck("closed"),
             "archived" => self.stuck("archived"),
             "screened_out" => Stage::Ended("stuck.screened_out", "stuck.screened_out_why", None),
-            "withdrawn" => Stage::Ended("withdraw.done_heading", "done.close", None),
+            "withdrawn" => Stage::Ended("withdraw.done_heading", "withdraw.thanks", None),
             _ if failure.code == "invalid" && self.needs_id() => self.stuck("no_id"),
             _ => Stage::Stuck(heading, self.words(failure)),
         };

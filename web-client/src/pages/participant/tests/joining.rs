@@ -203,7 +203,7 @@ fn a_link_without_a_proper_id_is_refused_at_once() {
     for link in ["", "external_id=", "other=5f1e"] {
         assert!(refused(link, true) && !refused(link, false), "{link}");
     }
-    for link in ["PROLIFIC_PID=5f1e", "pilot"] {
+    for link in ["PROLIFIC_PID=5f1e", "pilot", "pilot=1&PROLIFIC_PID={{%PROLIFIC_PID%}}"] {
         assert!(!refused(link, true), "{link}");
     }
 }
