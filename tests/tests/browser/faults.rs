@@ -158,7 +158,7 @@ async fn keys_that_repeat_cross_or_lose_the_focus_never_stick() {
     );
     assert!(trial.inputs.contains(&TurnInput::Right));
     assert!(trial.summary.flags.contains(&Flag::FocusLost));
-    assert!(tab.words("hint").await.contains("not in front"));
+    assert!(tab.words("hint").await.contains("came to the front"));
     browser.close().await;
 }
 
