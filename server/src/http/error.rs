@@ -107,7 +107,11 @@ impl From<StoreError> for ApiError {
     /// Faults that end by themselves or by the operator, such as a full disk, become a 503, so that the
     /// client keeps its data and tries again. All others are defects of this program.
     fn from(error: StoreError) -> Self {
-        if error.is_temporary() { Self::Unavailable(error) } else { Self::Internal(error.into()) }
+        match error {
+            StoreError::Revoked => Self::unauthorized(),
+            error if error.is_temporary() => Self::Unavailable(error),
+            error => Self::Internal(error.into()),
+        }
     }
 }
 

@@ -8,9 +8,9 @@ use crate::http::listen::Client;
 use crate::secrets;
 use crate::store::Store;
 use crate::store::audit::NewEntry;
-use crate::store::keys::{Holder, StoredKey};
-use axum::extract::FromRequestParts;
-use axum::http::{HeaderMap, Method, Uri, header, request::Parts};
+use crate::store::keys::{ENVIRONMENT, Holder, StoredKey};
+use axum::extract::{FromRequestParts, MatchedPath};
+use axum::http::{HeaderMap, Method, header, request::Parts};
 use sidestep::api::{Access, Action};
 use std::net::{IpAddr, Ipv4Addr};
 use std::sync::Arc;
@@ -44,11 +44,11 @@ impl Experimenter {
     #[must_use]
     pub fn does(&self, action: Action, study: Option<&str>, subject: Option<String>) -> NewEntry {
         let (who, study) = (self.name.clone(), study.map(str::to_owned));
-        NewEntry { at_ms: now_ms(), who, action, study, subject }
+        NewEntry { at_ms: now_ms(), key_id: self.key_id, who, action, study, subject }
     }
 
-    /// Accepts an experimenter whose key has that right. A refusal is noted in the audit trail, without
-    /// the query.
+    /// Accepts an experimenter whose key has that right. A refusal is noted in the audit trail, by the
+    /// route's pattern: addresses may contain anything.
     ///
     /// # Errors
     /// 403 `access`.
@@ -57,13 +57,13 @@ impl Experimenter {
         app: &App,
         needed: Access,
         method: &Method,
-        uri: &Uri,
+        route: Option<&MatchedPath>,
     ) -> Result<(), ApiError> {
         if self.access >= needed {
             return Ok(());
         }
-        let what = format!("{method} {}", uri.path());
-        app.store.note(self.does(Action::Refused, None, Some(what))).await?;
+        let what = format!("{method} {}", route.map_or("(none)", MatchedPath::as_str));
+        app.store.note_refusal(self.does(Action::Refused, None, Some(what))).await?;
         let [has, needed] = [self.access, needed].map(Access::word);
         let message = format!("this needs a key with the right to {needed}; yours has {has}");
         Err(ApiError::forbidden("access", message))
@@ -75,7 +75,7 @@ impl Experimenter {
                 Self { name, access, key_id: Some(id) }
             }
             Holder::Environment => {
-                let name = "SIDESTEP_ADMIN_KEY".to_owned();
+                let name = ENVIRONMENT.to_owned();
                 Self { name, access: Access::Manage, key_id: None }
             }
         }
@@ -109,7 +109,8 @@ impl FromRequestParts<Arc<App>> for Manager {
 /// The experimenter of a request, whose key must have that right.
 async fn admitted(parts: &Parts, app: &App, needed: Access) -> Result<Experimenter, ApiError> {
     let experimenter = experimenter(parts, app).await?;
-    experimenter.must(app, needed, &parts.method, &parts.uri).await?;
+    let route = parts.extensions.get::<MatchedPath>();
+    experimenter.must(app, needed, &parts.method, route).await?;
     Ok(experimenter)
 }
 
@@ -146,9 +147,11 @@ pub async fn check_key(app: &App, key: &str, address: IpAddr) -> Result<Experime
         // The time to look up a hash reveals nothing that helps to guess a key.
         _ => app.store.key(presented).await?.map(Holder::Key),
     };
-    match holder.filter(|holder| is_valid(app, holder)) {
-        Some(holder) => used(app, holder).await,
-        None => {
+    match holder {
+        Some(holder) if is_valid(app, &holder) => used(app, holder).await,
+        // A program with a revoked key guesses nothing, and locks nobody else out.
+        Some(Holder::Key(StoredKey { is_revoked: true, .. })) => Err(ApiError::unauthorized()),
+        _ => {
             app.throttle.failed(address);
             tracing::warn!("a wrong experimenter's key was sent");
             Err(ApiError::unauthorized())
@@ -159,7 +162,7 @@ pub async fn check_key(app: &App, key: &str, address: IpAddr) -> Result<Experime
 /// Whether a known key opens this server: the key in the environment takes the place of the first key.
 fn is_valid(app: &App, holder: &Holder) -> bool {
     match holder {
-        Holder::Key(key) => !key.is_first || app.environment_key.is_none(),
+        Holder::Key(key) => !key.is_revoked && (!key.is_first || app.environment_key.is_none()),
         Holder::Environment => app.environment_key.is_some(),
     }
 }

@@ -46,7 +46,10 @@ pub async fn show(
         complete: me.completion_code.is_some(),
         // Whoever drives has passed the check, or began when the study had none.
         understood: me.understood || !has_check || !stored.is_empty(),
-        comprehension_attempts: me.comprehension_attempts as usize,
+        comprehension_attempts: match visitor.scope {
+            Scope::Full => me.comprehension_attempts as usize,
+            Scope::Continue => visitor.check_attempts as usize,
+        },
         answered: me.answered || config.questions.is_empty(),
         stored,
         pilot: me.pilot,
@@ -73,8 +76,9 @@ pub async fn check_understanding(
     }
     let config = app.store.config(&me.config_hash).await?;
     let most = config.comprehension.attempts;
+    let continues = (visitor.scope == Scope::Continue).then_some(visitor.token_hash);
     let screened_out =
-        app.store.check_understanding(&me.id, visitor.scope, result, most, now_ms()).await?;
+        app.store.check_understanding(&me.id, continues, result, most, now_ms()).await?;
     let url = &config.recruitment.screened_out_url;
     let return_url = screened_out.then(|| return_url(url, None, me)).flatten();
     Ok(Json(ComprehensionStored { screened_out, return_url }))

@@ -10,8 +10,8 @@ use crate::http::params::{Params, PathText};
 use crate::http::studies::named;
 use crate::store::people::{Selection, SortBy};
 use axum::Json;
-use axum::extract::State;
-use axum::http::{Method, Uri, header};
+use axum::extract::{MatchedPath, State};
+use axum::http::{Method, header};
 use axum::response::{IntoResponse, Response};
 use serde::Deserialize;
 use sidestep::api::{Access, Action, Stage};
@@ -47,9 +47,11 @@ enum Order {
 }
 
 impl ListParams {
+    /// With `identities`, external ids and codes are shown and searched.
+    ///
     /// # Errors
     /// [`Invalid`] for a limit outside 1 to 500, a negative offset, or `having` that counts nothing.
-    fn selection(self) -> Result<Selection, Invalid> {
+    fn selection(self, identities: bool) -> Result<Selection, Invalid> {
         let (limit, offset) = (self.limit.unwrap_or(50), self.offset.unwrap_or(0));
         if !(1..=500).contains(&limit) {
             return Err(Invalid::new("limit", "a whole number from 1 to 500", limit));
@@ -63,6 +65,7 @@ impl ListParams {
         }
         Ok(Selection {
             pilots: self.pilot,
+            identities,
             stage: self.stage,
             having: self.having,
             search: self.search.filter(|text| !text.trim().is_empty()),
@@ -74,21 +77,22 @@ impl ListParams {
     }
 }
 
-/// `GET /api/v1/admin/studies/{slug}/participants`: a page of them; with `?format=csv`, the whole table.
+/// `GET /api/v1/admin/studies/{slug}/participants`: a page of them, with external ids and codes if the key may
+/// export; with `?format=csv`, the whole table.
 pub async fn list(
     Reader(me): Reader,
     State(app): State<Arc<App>>,
     PathText(slug): PathText,
     method: Method,
-    uri: Uri,
+    route: MatchedPath,
     Params(params): Params<ListParams>,
 ) -> Result<Response, ApiError> {
     let Some(format) = params.format else {
-        let selection = params.selection()?;
+        let selection = params.selection(me.access >= Access::Export)?;
         let study = named(&app.store, &slug).await?;
         return Ok(Json(app.store.people(study.id, selection).await?).into_response());
     };
-    me.must(&app, Access::Export, &method, &uri).await?;
+    me.must(&app, Access::Export, &method, Some(&route)).await?;
     exports::check_format(&format)?;
     let study = named(&app.store, &slug).await?;
     let people = app.store.roster(study.id, false).await?;

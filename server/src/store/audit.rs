@@ -9,6 +9,8 @@ use sidestep::api::{Action, AuditEntry};
 pub struct NewEntry {
     /// The time.
     pub at_ms: i64,
+    /// The key; none for the key in the environment.
+    pub key_id: Option<i64>,
     /// The name of the key.
     pub who: String,
     /// What was done.
@@ -21,8 +23,24 @@ pub struct NewEntry {
 
 impl Store {
     /// Writes an entry about something that changes nothing in the database.
+    ///
+    /// # Errors
+    /// [`StoreError::Revoked`] if the key is not valid any more.
     pub async fn note(&self, entry: NewEntry) -> Result<(), StoreError> {
         self.write(move |db| add(db, &entry)).await
+    }
+
+    /// Writes that a request was refused, once a minute for each key and route.
+    pub async fn note_refusal(&self, entry: NewEntry) -> Result<(), StoreError> {
+        const MINUTE_MS: i64 = 60_000;
+        self.write(move |db| {
+            let lately = "SELECT 1 FROM audit WHERE action = 'refused' AND who = ?1 AND subject = ?2 \
+                          AND at_ms > ?3";
+            let since_ms = entry.at_ms - MINUTE_MS;
+            let params = params![entry.who, entry.subject, since_ms];
+            if db.prepare_cached(lately)?.exists(params)? { Ok(()) } else { add(db, &entry) }
+        })
+        .await
     }
 
     /// At most `limit` entries, newest first, from before `before`.
@@ -38,9 +56,16 @@ impl Store {
     }
 }
 
-/// Writes an entry in the transaction of the change.
+/// Writes an entry in the transaction of the change. A key may be revoked between a request and its
+/// transaction; then nothing is changed.
 pub(super) fn add(db: &Connection, entry: &NewEntry) -> Result<(), StoreError> {
-    let NewEntry { at_ms, who, action, study, subject } = entry;
+    let NewEntry { at_ms, key_id, who, action, study, subject } = entry;
+    if let Some(id) = key_id {
+        let valid = "SELECT 1 FROM api_key WHERE id = ?1 AND revoked_at_ms IS NULL";
+        if !db.prepare_cached(valid)?.exists([id])? {
+            return Err(StoreError::Revoked);
+        }
+    }
     db.prepare_cached(
         "INSERT INTO audit (at_ms, who, action, study, subject) VALUES (?1, ?2, ?3, ?4, ?5)",
     )?

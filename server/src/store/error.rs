@@ -23,6 +23,9 @@ pub enum StoreError {
     /// The file is damaged, or contains a value that this version cannot read.
     #[error("the database is damaged: {0}")]
     Corrupt(String),
+    /// The key with which a change was asked for was revoked meanwhile.
+    #[error("the key was revoked")]
+    Revoked,
     /// A defect of this program.
     #[error("a database operation failed: {0}")]
     Defect(String),
@@ -32,7 +35,7 @@ impl StoreError {
     /// Whether the same request can succeed later without a change of the program or the file.
     #[must_use]
     pub fn is_temporary(&self) -> bool {
-        !matches!(self, Self::Corrupt(_) | Self::Defect(_))
+        !matches!(self, Self::Corrupt(_) | Self::Defect(_) | Self::Revoked)
     }
 
     /// Whether this error may have ended the transaction.

@@ -5,7 +5,7 @@ use super::{Store, StoreError};
 use rusqlite::{Connection, OptionalExtension, Row, params};
 use sidestep::api::{Access, KeySummary};
 
-/// A valid key.
+/// A key.
 #[derive(Clone, Debug)]
 pub struct StoredKey {
     /// Its number.
@@ -18,6 +18,8 @@ pub struct StoredKey {
     pub is_first: bool,
     /// When it was last used, to the minute.
     pub last_used_at_ms: Option<i64>,
+    /// Whether it was revoked.
+    pub is_revoked: bool,
 }
 
 /// Who is signed in.
@@ -43,8 +45,15 @@ pub enum Revocation {
 /// The name of the key that the server makes at its first start.
 const FIRST: &str = "first key";
 
+/// The name of the key in the environment.
+pub const ENVIRONMENT: &str = "SIDESTEP_ADMIN_KEY";
+
+/// Names that no other key gets.
+const RESERVED: [&str; 2] = [FIRST, ENVIRONMENT];
+
 /// The columns that [`StoredKey::of`] reads.
-const COLUMNS: &str = "api_key.id, name, access, is_first, last_used_at_ms";
+const COLUMNS: &str =
+    "api_key.id, name, access, is_first, last_used_at_ms, revoked_at_ms IS NOT NULL";
 
 impl StoredKey {
     fn of(row: &Row<'_>) -> Result<Self, StoreError> {
@@ -54,17 +63,17 @@ impl StoredKey {
             access: access_of(row.get(2)?)?,
             is_first: row.get(3)?,
             last_used_at_ms: row.get(4)?,
+            is_revoked: row.get(5)?,
         })
     }
 }
 
 impl Store {
-    /// The valid key with this hash.
+    /// The key with this hash, revoked or not.
     pub async fn key(&self, hash: [u8; 32]) -> Result<Option<StoredKey>, StoreError> {
         self.read(|db| {
-            let mut statement = db.prepare_cached(&format!(
-                "SELECT {COLUMNS} FROM api_key WHERE hash = ?1 AND revoked_at_ms IS NULL"
-            ))?;
+            let mut statement =
+                db.prepare_cached(&format!("SELECT {COLUMNS} FROM api_key WHERE hash = ?1"))?;
             statement.query_and_then([hash], StoredKey::of)?.next().transpose()
         })
     }
@@ -111,8 +120,9 @@ impl Store {
     ) -> Result<Option<KeySummary>, StoreError> {
         let name = name.to_owned();
         self.write(move |db| {
-            let query = "SELECT 1 FROM api_key WHERE name = ?1";
-            if name == FIRST || db.prepare_cached(query)?.exists([&name])? {
+            let query = "SELECT 1 FROM api_key WHERE name = ?1 COLLATE NOCASE";
+            let is_reserved = RESERVED.iter().any(|other| name.eq_ignore_ascii_case(other));
+            if is_reserved || db.prepare_cached(query)?.exists([&name])? {
                 return Ok(None);
             }
             insert(db, &name, hash, access, false, entry.at_ms)?;
@@ -139,10 +149,11 @@ impl Store {
                 Some((_, _, true)) => return Ok(Revocation::Revoked),
                 Some((name, ..)) => entry.subject = Some(name),
             }
+            // First, since a key may revoke itself.
+            audit::add(db, &entry)?;
             let revoke = "UPDATE api_key SET revoked_at_ms = ?2 WHERE id = ?1";
             db.execute(revoke, params![id, entry.at_ms])?;
             db.execute("DELETE FROM session WHERE key_id = ?1", [id])?;
-            audit::add(db, &entry)?;
             Ok(Revocation::Revoked)
         })
         .await

@@ -22,7 +22,7 @@ macro_rules! migration {
     };
 }
 
-const MIGRATIONS: [Migration; 7] = [
+const MIGRATIONS: [Migration; 8] = [
     migration!(1, "0001_studies_participants_trials.sql", "studies participants trials"),
     migration!(2, "0002_safety_functions.sql", "safety functions"),
     migration!(3, "0003_analyses.sql", "analyses"),
@@ -30,6 +30,7 @@ const MIGRATIONS: [Migration; 7] = [
     migration!(5, "0005_places_and_rights.sql", "places and rights"),
     migration!(6, "0006_keys_and_audit.sql", "keys and audit"),
     migration!(7, "0007_tallies.sql", "tallies"),
+    migration!(8, "0008_attempts_of_tokens.sql", "attempts of tokens"),
 ];
 
 /// Why a file cannot be migrated. Each message is a sentence about the file.

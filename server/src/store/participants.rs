@@ -96,16 +96,18 @@ pub struct Visitor {
     pub completed: bool,
     /// Hash of the configuration that the study has now.
     pub present_config_hash: String,
+    /// How often the holder of a token that only continues answered the check of understanding.
+    pub check_attempts: u32,
 }
 
 /// The columns that [`Visitor::of`] reads after [`COLUMNS`], of the tables `participant_token` and
 /// `study`.
 pub(super) const TOKEN: &str =
-    "participant_token.hash, scope, participant_token.completed, study.config_hash";
+    "participant_token.hash, scope, participant_token.completed, study.config_hash, check_attempts";
 
 impl Visitor {
     /// The number of columns that [`Self::of`] reads.
-    pub(super) const WIDTH: usize = 17;
+    pub(super) const WIDTH: usize = 18;
 
     /// Reads the columns [`COLUMNS`] and [`TOKEN`].
     pub(super) fn of(row: &Row<'_>) -> Result<Self, StoreError> {
@@ -118,6 +120,7 @@ impl Visitor {
             scope: known.ok_or_else(|| StoreError::unknown_word(&scope))?,
             completed: row.get(15)?,
             present_config_hash: row.get(16)?,
+            check_attempts: row.get(17)?,
         })
     }
 
@@ -200,13 +203,15 @@ impl Store {
     }
 
     /// Stores the result of the check of understanding. After `most` attempts (0: any number) without a
-    /// right one, the participation ends and its place is free; a token that only continues uses up
-    /// the attempts, one a call, but ends nothing for the participant. A participant who drove a scene
-    /// is past the check, and nothing is stored. Returns whether the holder of the token may not go on.
+    /// right one, the participation ends and its place is free. A participant who drove a scene is past
+    /// the check, and nothing is stored. Returns whether the holder of the token may not go on.
+    ///
+    /// A token that only `continues` (given by its hash) has attempts of its own, one a call, which end
+    /// nothing and cost the participant none.
     pub async fn check_understanding(
         &self,
         participant_id: &str,
-        scope: Scope,
+        continues: Option<[u8; 32]>,
         result: ComprehensionResult,
         most: usize,
         now_ms: i64,
@@ -227,18 +232,29 @@ impl Store {
             }
             let passed = result.passed;
             let [attempts, most] = [result.attempts, most].map(|count| count as i64);
-            let may_end = scope == Scope::Full;
-            if most > 0 && before >= most && !may_end {
-                return Ok(true);
+            let has_failed =
+                |attempts| most > 0 && (attempts > most || (attempts == most && !passed));
+            if let Some(hash) = continues {
+                let count = "UPDATE participant_token SET check_attempts = check_attempts + 1 \
+                             WHERE hash = ?1 RETURNING check_attempts";
+                let own: i64 = db.query_row(count, [hash], |row| row.get(0))?;
+                if passed && !has_failed(own) {
+                    db.execute(
+                        "UPDATE participant SET understood_at_ms = ?3, last_seen_at_ms = ?3, \
+                             comprehension_attempts = max(comprehension_attempts, ?2) WHERE id = ?1",
+                        params![id, own, now_ms],
+                    )?;
+                }
+                return Ok(has_failed(own));
             }
-            // The browser that enrolled may have been offline for several attempts.
-            let attempts = before.max(if may_end { attempts } else { before + 1 });
-            let is_over = most > 0 && (attempts > most || (attempts == most && !passed));
+            // The browser may have been offline for several attempts.
+            let attempts = before.max(attempts);
+            let is_over = has_failed(attempts);
             db.execute(
                 "UPDATE participant SET comprehension_attempts = ?2, last_seen_at_ms = ?3, \
                      understood_at_ms = iif(?4, ?3, NULL), screened_out_at_ms = iif(?5, ?3, NULL), \
                      holds_place = iif(?5, 0, holds_place) WHERE id = ?1",
-                params![id, attempts, now_ms, passed && !is_over, is_over && may_end],
+                params![id, attempts, now_ms, passed && !is_over, is_over],
             )?;
             Ok(is_over)
         })
@@ -361,7 +377,7 @@ impl Store {
                      screened_out_at_ms = NULL, last_seen_at_ms = withdrawn_at_ms WHERE id = ?1",
                 // Their hashes stay: the deletion can be repeated, and every browser of the
                 // participant learns of it.
-                "UPDATE participant_token SET completed = 0, created_at_ms = \
+                "UPDATE participant_token SET completed = 0, check_attempts = 0, created_at_ms = \
                      (SELECT enrolled_at_ms FROM participant WHERE id = ?1) \
                      WHERE participant_id = ?1",
             ] {

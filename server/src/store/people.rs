@@ -64,6 +64,8 @@ impl SortBy {
 pub struct Selection {
     /// Pilots instead of participants.
     pub pilots: bool,
+    /// Whether external ids and completion codes are shown and searched.
+    pub identities: bool,
     /// Only those at this stage.
     pub stage: Option<Stage>,
     /// Only those for whom this is above zero.
@@ -118,14 +120,16 @@ fn page(db: &Connection, study_id: i64, asked: &Selection) -> Result<Participant
     let having = asked.having.map_or("1", SortBy::expression);
     let filter = format!(
         "WHERE (:stage IS NULL OR stage = :stage) AND {having} > 0 AND (:search IS NULL OR \
-         :search IN (CAST(number AS TEXT), lower(external_id), lower(completion_code)))"
+         :search = CAST(number AS TEXT) OR \
+         (:identities AND :search IN (lower(external_id), lower(completion_code))))"
     );
     let search = asked.search.as_ref().map(|text| text.trim().to_lowercase());
-    let chosen: [(&str, &dyn ToSql); 4] = [
+    let chosen: [(&str, &dyn ToSql); 5] = [
         (":study", &study_id),
         (":pilot", &asked.pilots),
         (":stage", &stage),
         (":search", &search),
+        (":identities", &asked.identities),
     ];
     let is_everybody = stage.is_none() && asked.having.is_none() && search.is_none();
     let total = if is_everybody {
@@ -147,8 +151,13 @@ fn page(db: &Connection, study_id: i64, asked: &Selection) -> Result<Participant
     ))?;
     let mut bound = chosen.to_vec();
     bound.extend([(":limit", &asked.limit as &dyn ToSql), (":offset", &asked.offset)]);
-    let participants =
+    let mut participants: Vec<ParticipantSummary> =
         statement.query_and_then(&bound[..], summary_of)?.collect::<Result<_, _>>()?;
+    if !asked.identities {
+        for person in &mut participants {
+            (person.external_id, person.completion_code) = (None, None);
+        }
+    }
     Ok(ParticipantPage { participants, total, stages })
 }
 

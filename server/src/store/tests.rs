@@ -246,7 +246,7 @@ async fn somebody_new_gets_the_lowest_free_place() {
     assert_eq!(comes("h", gate(4, 15), 30).await, None);
     let checks = async |id: &str, attempts, passed, most, now_ms| {
         let result = ComprehensionResult { attempts, passed };
-        store.check_understanding(id, Scope::Full, result, most, now_ms).await
+        store.check_understanding(id, None, result, most, now_ms).await
     };
     // Who comes back counts again, and finds the same place.
     checks("c", 1, true, 0, 31).await.unwrap();
@@ -303,6 +303,7 @@ async fn a_job_that_is_not_wanted_any_more_writes_nothing() {
     let request = Request::default();
     let entry = NewEntry {
         at_ms: 1,
+        key_id: None,
         who: "first key".to_owned(),
         action: Action::AnalysisRequested,
         study: None,

@@ -87,11 +87,11 @@ pub struct ParticipantSummary {
     pub number: i64,
     /// Whether this is a pilot.
     pub pilot: bool,
-    /// The recruiting service's id, as it came.
+    /// The recruiting service's id, as it came; for keys that may export.
     pub external_id: Option<String>,
     /// How far they are.
     pub stage: Stage,
-    /// The completion code, if they completed.
+    /// The completion code, if they completed; for keys that may export.
     pub completion_code: Option<String>,
     /// How often they answered the check of understanding.
     pub comprehension_attempts: u32,

@@ -2,9 +2,11 @@
 
 use reqwest::Method;
 use serde_json::{Value, json};
-use sidestep::api::{Access, Action, AuditPage, KeyMade, KeySummary, Session, routes};
+use sidestep::api::{
+    Access, Action, AuditPage, Completed, KeyMade, KeySummary, ParticipantPage, Session, routes,
+};
 use sidestep_tests::server::SHORT_STUDY;
-use sidestep_tests::{Answer, Server};
+use sidestep_tests::{Answer, Driver, Server};
 
 async fn ask(server: &Server, key: &str, method: Method, route: &str, body: Value) -> Answer {
     let request = server.request(method, route).bearer_auth(key);
@@ -67,8 +69,75 @@ async fn a_key_may_do_what_its_right_says() {
     };
     let refused: Vec<_> = trail(&server).await.into_iter().filter_map(refused).collect();
     assert_eq!(refused.len(), 6 + 4);
-    let path = "/api/v1/admin/studies/default/export".to_owned();
-    assert_eq!(refused[0], ("read".to_owned(), format!("GET {path}")), "without the query");
+    let route = "/api/v1/admin/studies/{slug}/export".to_owned();
+    assert_eq!(
+        refused[0],
+        ("read".to_owned(), format!("GET {route}")),
+        "without what the sender wrote"
+    );
+    let reader = made(&server, "another reader", Access::Read).await;
+    for slug in ["default", "a%40b"] {
+        get(&server, &reader.secret, &routes::export(slug)).await.problem(403, "access", None);
+    }
+    let by_reader = trail(&server).await.into_iter().filter(|(who, ..)| who == "another reader");
+    assert_eq!(by_reader.count(), 1, "once a minute");
+}
+
+#[tokio::test]
+async fn a_key_that_only_reads_sees_no_external_id_and_no_code() {
+    let server = Server::with_study(SHORT_STUDY).await;
+    let body = json!({ "consent": true, "external_id": "P1" });
+    let driver = Driver { enrolled: Driver::ask(&server, body).await.into(201) };
+    driver.drive(&server, 5).await;
+    let code: Completed = driver.complete(&server).await.into(200);
+    for (access, sees) in [(Access::Read, false), (Access::Export, true)] {
+        let key = made(&server, access.word(), access).await.secret;
+        let list = async |search: &str| -> ParticipantPage {
+            let route = routes::admin_participants("default");
+            get(&server, &key, &format!("{route}?search={search}")).await.into(200)
+        };
+        let person = list("1").await.participants.remove(0);
+        assert_eq!((person.external_id.is_some(), person.completion_code.is_some()), (sees, sees));
+        for search in ["p1", &code.completion_code] {
+            assert_eq!(list(search).await.total, u64::from(sees), "{search}");
+        }
+    }
+}
+
+/// Requests that are under way when their key is revoked change nothing afterwards.
+#[tokio::test]
+async fn nothing_outruns_a_revocation() {
+    let server = Server::with_study(SHORT_STUDY).await;
+    for round in 0..10 {
+        let ada = made(&server, &format!("Ada {round}"), Access::Manage).await;
+        let revoke = routes::admin_key(&ada.key.id.to_string());
+        let sign_in = async || {
+            let body = json!({ "key": ada.secret });
+            let request = server.request(Method::POST, routes::SESSION).json(&body);
+            let answer = request.send().await.unwrap();
+            let cookie = answer.headers().get("set-cookie")?.to_str().unwrap().to_owned();
+            Some(cookie.split(';').next().unwrap().to_owned())
+        };
+        let body = json!({ "name": format!("heir {round}"), "access": "manage" });
+        let (revoked, first, second, _, third) = tokio::join!(
+            ask(&server, &server.key, Method::DELETE, &revoke, Value::Null),
+            sign_in(),
+            sign_in(),
+            ask(&server, &ada.secret, Method::POST, routes::ADMIN_KEYS, body),
+            sign_in(),
+        );
+        assert_eq!(revoked.status, 204);
+        for cookie in [first, second, third].into_iter().flatten() {
+            let request = server.request(Method::GET, routes::SESSION).header("cookie", cookie);
+            Answer::of(request).await.problem(401, "unauthorized", None);
+        }
+        let trail = trail(&server).await;
+        let at = |action, who: &str| {
+            trail.iter().rposition(|entry| entry.1 == action && entry.0.contains(who))
+        };
+        let revoked = at(Action::KeyRevoked, "first key").unwrap();
+        assert!(at(Action::KeyMade, &format!("Ada {round}")).is_none_or(|made| made < revoked));
+    }
 }
 
 #[tokio::test]
@@ -142,7 +211,7 @@ async fn keys_are_refused_with_a_reason() {
         make(body).await.problem(422, "invalid", Some(field));
     }
     made(&server, "Ada", Access::Read).await;
-    for name in ["Ada", "first key"] {
+    for name in ["Ada", "ada", "First Key", "sidestep_admin_key"] {
         make(json!({ "name": name, "access": "read" })).await.problem(409, "taken", None);
     }
     let delete = async |id: &str| {

@@ -76,16 +76,19 @@ async fn who_knows_the_external_id_ends_and_replaces_nothing() {
         let stored = driver.put(&server, routes::COMPREHENSION, &body).await;
         stored.into::<ComprehensionStored>(200).screened_out
     };
-    // One call is one attempt, whatever it says, and the last one ends nothing but the caller's own way.
+    // One call is one attempt, whatever it says; it costs the owner none, and ends the caller's way alone.
     assert!(!check(&other, 1_000, false).await);
-    let me: Progress = owner.me(&server).await.into(200);
-    assert_eq!((me.comprehension_attempts, me.understood), (1, false));
+    let attempts = async |driver: &Driver| {
+        let me: Progress = driver.me(&server).await.into(200);
+        (me.comprehension_attempts, me.understood)
+    };
+    assert_eq!((attempts(&other).await, attempts(&owner).await), ((1, false), (0, false)));
     for passed in [false, true] {
         assert!(check(&other, 1_000, passed).await, "{passed}");
     }
-    assert!(!check(&owner, 1, true).await);
-    let me: Progress = owner.me(&server).await.into(200);
-    assert_eq!((me.comprehension_attempts, me.understood), (2, true));
+    assert!(!check(&owner, 1, false).await);
+    assert!(!check(&owner, 2, true).await);
+    assert_eq!(attempts(&owner).await, (2, true));
     let answer = async |driver: &Driver, words: &str| {
         let body = json!({ "answers": { "words": words } });
         driver.put(&server, routes::ANSWERS, &body).await
