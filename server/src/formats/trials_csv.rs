@@ -225,7 +225,7 @@ impl Person {
         Self { name, trials: Vec::new(), places: HashMap::new(), previous: None, fault: None }
     }
 
-    /// Rows of somebody else came in between.
+    /// Rows of another participant stand between those of this one.
     fn comes_again(&mut self) {
         self.previous = None;
     }

@@ -76,9 +76,9 @@ pub struct Selection {
     pub sort: SortBy,
     /// From the largest down.
     pub descending: bool,
-    /// How many are passed over.
+    /// The number of participants before the page.
     pub offset: i64,
-    /// At most so many.
+    /// The most participants on a page.
     pub limit: i64,
 }
 

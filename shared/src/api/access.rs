@@ -122,7 +122,7 @@ pub enum Action {
     AnalysisCancelled,
     /// An analysis was deleted; the subject is its id.
     AnalysisDeleted,
-    /// The key's right did not suffice; the subject is method and path.
+    /// The key's right did not suffice; the subject is the method and the route's pattern.
     Refused,
 }
 
