@@ -10,6 +10,7 @@ pub mod bounded;
 pub mod listen;
 pub mod app;
 pub mod metrics;
+pub mod endings;
 pub mod auth;
 pub mod experimenters;
 pub mod guard;

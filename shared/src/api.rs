@@ -66,6 +66,9 @@ pub struct Problem {
     /// The field that the complaint is about.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub field: Option<String>,
+    /// Where a participant whose participation has ended goes back to.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub return_url: Option<String>,
 }
 
 fn check_name(field: &str, text: &str) -> Result<(), Invalid> {

@@ -327,6 +327,8 @@ pub struct Failure {
     pub code: String,
     /// A sentence for people.
     pub sentence: String,
+    /// Where a participant whose participation has ended goes back to.
+    pub return_url: Option<String>,
 }
 
 impl Failure {
@@ -334,7 +336,7 @@ impl Failure {
     #[must_use]
     pub fn unreachable() -> Self {
         let sentence = "The server cannot be reached. Check the internet connection.";
-        Self { status: 0, code: String::new(), sentence: sentence.to_owned() }
+        Self { status: 0, code: String::new(), sentence: sentence.to_owned(), return_url: None }
     }
 
     /// Whether the same request may succeed later.
@@ -352,11 +354,15 @@ pub fn answer(status: u16, body: Vec<u8>) -> Answer {
     if (200..300).contains(&status) {
         return Ok(body);
     }
-    let (code, sentence) = match crate::json::read::<Problem>(&body) {
-        Some(problem) => (problem.code, sentence(problem.message)),
-        None => (String::new(), format!("The server answered with status {status}.")),
-    };
-    Err(Failure { status, code, sentence })
+    Err(match crate::json::read::<Problem>(&body) {
+        Some(Problem { code, message, return_url, .. }) => {
+            Failure { status, code, sentence: sentence(message), return_url }
+        }
+        None => {
+            let sentence = format!("The server answered with status {status}.");
+            Failure { status, code: String::new(), sentence, return_url: None }
+        }
+    })
 }
 
 /// The value that the body of an answer holds.
@@ -368,6 +374,7 @@ pub fn read<T: serde::de::DeserializeOwned>(answer: Answer) -> Result<T, Failure
         status: 200,
         code: String::new(),
         sentence: "This page cannot read the server's answer. Please reload it.".to_owned(),
+        return_url: None,
     })
 }
 

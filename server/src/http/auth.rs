@@ -1,6 +1,7 @@
 //! Participants, by their tokens.
 
 use crate::http::app::App;
+use crate::http::endings::check_going_on;
 use crate::http::error::ApiError;
 use crate::http::params::PathText;
 use crate::secrets;
@@ -47,7 +48,8 @@ impl FromRequestParts<Arc<App>> for Me {
 
     async fn from_request_parts(parts: &mut Parts, app: &Arc<App>) -> Result<Self, ApiError> {
         let MeOrGone(visitor) = MeOrGone::from_request_parts(parts, app).await?;
-        check_going_on(&visitor)?;
+        let config = app.store.config(&visitor.participant.config_hash).await?;
+        check_going_on(&config, &visitor.participant)?;
         Ok(Self(visitor))
     }
 }
@@ -71,7 +73,7 @@ impl FromRequestParts<Arc<App>> for Assigned {
         let PathText(trial_id) = PathText::from_request_parts(parts, app).await?;
         let found = app.store.assignment(token, &trial_id).await?;
         let Assignment { visitor, config, scene } = found.ok_or_else(ApiError::unauthorized)?;
-        check_going_on(&visitor)?;
+        check_going_on(&config, &visitor.participant)?;
         check_study(app, &visitor).await?;
         // The answer for another participant's trial is that for one that does not exist.
         let scene = scene.ok_or_else(|| ApiError::not_found("trial of yours"))?;
@@ -87,16 +89,6 @@ pub async fn visitor(app: &App, headers: &HeaderMap) -> Result<Option<Visitor>, 
     let Some(token) = bearer(headers) else { return Ok(None) };
     // The time to look up a hash of 256 random bits reveals nothing.
     Ok(app.store.visitor(secrets::hash(token)).await?)
-}
-
-/// Refuses participants who have withdrawn or were screened out.
-fn check_going_on(visitor: &Visitor) -> Result<(), ApiError> {
-    let participant = &visitor.participant;
-    match (participant.withdrawn_at_ms, participant.screened_out) {
-        (Some(_), _) => Err(ApiError::withdrawn()),
-        (None, true) => Err(ApiError::screened_out()),
-        (None, false) => Ok(()),
-    }
 }
 
 /// Refuses writing to a study that is archived now.

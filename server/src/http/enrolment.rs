@@ -2,6 +2,7 @@
 
 use crate::clock::now_ms;
 use crate::http::app::App;
+use crate::http::endings::over;
 use crate::http::error::ApiError;
 use crate::http::json::JsonBody;
 use crate::http::params::PathText;
@@ -68,8 +69,10 @@ pub async fn enrol(
         match app.store.enrol(new, gate(&study), secrets::hash(&token)).await? {
             enrolments::Enrolment::New(participant) => (StatusCode::CREATED, participant),
             enrolments::Enrolment::Known(participant, _) => (StatusCode::OK, participant),
-            enrolments::Enrolment::Withdrawn => return Err(ApiError::withdrawn()),
-            enrolments::Enrolment::ScreenedOut => return Err(ApiError::screened_out()),
+            enrolments::Enrolment::Over(participant) => {
+                let config = app.store.config(&participant.config_hash).await?;
+                return Err(over(&config, &participant));
+            }
             enrolments::Enrolment::Closed => {
                 let message = "this study is closed; it takes no new participants";
                 return Err(ApiError::forbidden("closed", message));

@@ -33,7 +33,7 @@ impl ApiError {
     /// An answer with this status, a stable word and a sentence.
     pub fn new(status: StatusCode, code: &str, message: impl Into<String>) -> Self {
         let (code, message) = (code.to_owned(), message.into());
-        Self::Problem { status, problem: Problem { code, message, field: None } }
+        Self::Problem { status, problem: Problem { code, message, field: None, return_url: None } }
     }
 
     /// 400 `malformed`: the body is not JSON.
@@ -78,19 +78,25 @@ impl ApiError {
         Self::new(StatusCode::GONE, "archived", "this study is over; nothing more is stored")
     }
 
-    /// 410: the check of understanding ended the participation.
+    /// 410: the check of understanding ended the participation; the participant goes back to this address.
     #[must_use]
-    pub fn screened_out() -> Self {
+    pub fn screened_out(return_url: Option<String>) -> Self {
         let message = "this participation has ended: the answers about the instructions were wrong \
                        too often";
-        Self::new(StatusCode::GONE, "screened_out", message)
+        Self::ended("screened_out", message, return_url)
     }
 
-    /// 410: the participant has withdrawn.
+    /// 410: the participant has withdrawn and goes back to this address.
     #[must_use]
-    pub fn withdrawn() -> Self {
+    pub fn withdrawn(return_url: Option<String>) -> Self {
         let message = "this participation was withdrawn; nothing more is stored";
-        Self::new(StatusCode::GONE, "withdrawn", message)
+        Self::ended("withdrawn", message, return_url)
+    }
+
+    fn ended(code: &str, message: &str, return_url: Option<String>) -> Self {
+        let (code, message) = (code.to_owned(), message.to_owned());
+        let problem = Problem { code, message, field: None, return_url };
+        Self::Problem { status: StatusCode::GONE, problem }
     }
 }
 
@@ -98,7 +104,8 @@ impl From<Invalid> for ApiError {
     /// 422 naming the field.
     fn from(invalid: Invalid) -> Self {
         let message = format!("expected {}, found {}", invalid.expected, invalid.found);
-        let problem = Problem { code: "invalid".to_owned(), message, field: Some(invalid.field) };
+        let (code, field) = ("invalid".to_owned(), Some(invalid.field));
+        let problem = Problem { code, message, field, return_url: None };
         Self::Problem { status: StatusCode::UNPROCESSABLE_ENTITY, problem }
     }
 }

@@ -3,12 +3,13 @@
 use crate::clock::now_ms;
 use crate::http::app::App;
 use crate::http::auth::{Me, MeOrGone, Writer, check_study};
+use crate::http::endings::{completed_url, screened_out_url, withdrawn_url};
 use crate::http::enrolment::plan;
 use crate::http::error::ApiError;
 use crate::http::json::JsonBody;
 use crate::http::params::Params;
 use crate::secrets;
-use crate::store::participants::{Completion, Participant, Scope};
+use crate::store::participants::{Completion, Scope};
 use crate::store::scenes::PlannedRow;
 use anyhow::Context;
 use axum::Json;
@@ -20,7 +21,7 @@ use sidestep::api::{
     Answers, Completed, ComprehensionResult, ComprehensionStored, Progress, Withdrawn,
 };
 use sidestep::invalid::Invalid;
-use sidestep::study::{Question, Recruitment, StudyConfig};
+use sidestep::study::Question;
 use std::sync::Arc;
 
 /// `GET /api/v1/participants/me`.
@@ -66,21 +67,20 @@ pub async fn check_understanding(
 ) -> Result<Json<ComprehensionStored>, ApiError> {
     const MOST_ATTEMPTS: usize = 1_000;
     let me = &visitor.participant;
+    let config = app.store.config(&me.config_hash).await?;
     if me.withdrawn_at_ms.is_some() {
-        return Err(ApiError::withdrawn());
+        return Err(ApiError::withdrawn(withdrawn_url(&config, me)));
     }
     check_study(&app, &visitor).await?;
     if !(1..=MOST_ATTEMPTS).contains(&result.attempts) {
         let expected = format!("a whole number from 1 to {MOST_ATTEMPTS}");
         return Err(Invalid::new("attempts", expected, result.attempts).into());
     }
-    let config = app.store.config(&me.config_hash).await?;
     let most = config.comprehension.attempts;
     let continues = (visitor.scope == Scope::Continue).then_some(visitor.token_hash);
     let screened_out =
         app.store.check_understanding(&me.id, continues, result, most, now_ms()).await?;
-    let url = &config.recruitment.screened_out_url;
-    let return_url = screened_out.then(|| return_url(url, None, me)).flatten();
+    let return_url = screened_out.then(|| screened_out_url(&config, me)).flatten();
     Ok(Json(ComprehensionStored { screened_out, return_url }))
 }
 
@@ -155,7 +155,7 @@ pub async fn complete(
             let message = "a question that must be answered is not answered yet";
             Err(ApiError::conflict("unanswered", message))
         }
-        Completion::Withdrawn => Err(ApiError::withdrawn()),
+        Completion::Withdrawn => Err(ApiError::withdrawn(withdrawn_url(&config, me))),
     }
 }
 
@@ -188,16 +188,5 @@ pub async fn withdraw(
     let me = &visitor.participant;
     let config = app.store.config(&me.config_hash).await?;
     app.store.withdraw(&me.id, params.data == Fate::Delete, now_ms()).await?;
-    let return_url = return_url(&config.recruitment.withdrawn_url, None, me);
-    Ok(Json(Withdrawn { return_url }))
-}
-
-fn completed_url(config: &StudyConfig, me: &Participant, code: &str) -> Option<String> {
-    return_url(&config.recruitment.completed_url, Some(code), me)
-}
-
-/// Where a participant goes; pilots go nowhere.
-fn return_url(url: &str, code: Option<&str>, me: &Participant) -> Option<String> {
-    let external_id = me.external_id.as_deref().map(str::trim);
-    if me.pilot { None } else { Recruitment::filled(url, code, external_id) }
+    Ok(Json(Withdrawn { return_url: withdrawn_url(&config, me) }))
 }

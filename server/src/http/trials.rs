@@ -38,7 +38,7 @@ pub async fn store(
             let message = format!("the next trial is {next}; send it first");
             return Err(ApiError::conflict("out_of_order", message));
         }
-        PutTrial::Withdrawn => return Err(ApiError::withdrawn()),
+        PutTrial::Withdrawn => return Err(ApiError::withdrawn(None)),
         PutTrial::Unknown => return Err(ApiError::not_found("trial of yours")),
     };
     Ok((status, Json(TrialStored { trial_id, next })))

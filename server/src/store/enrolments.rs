@@ -57,10 +57,8 @@ pub enum Enrolment {
     New(Participant),
     /// The participant enrolled before. A token with this scope is valid.
     Known(Participant, Scope),
-    /// The participant has withdrawn.
-    Withdrawn,
-    /// The check of understanding ended their participation.
-    ScreenedOut,
+    /// The participant has withdrawn or was screened out.
+    Over(Participant),
     /// The study takes nobody new.
     Closed,
     /// As many people take part as were wanted.
@@ -111,11 +109,8 @@ fn enrol(
         (known, _) => known,
     };
     if let Some((participant, scope)) = known {
-        if participant.withdrawn_at_ms.is_some() {
-            return Ok(Enrolment::Withdrawn);
-        }
-        if participant.screened_out {
-            return Ok(Enrolment::ScreenedOut);
+        if participant.withdrawn_at_ms.is_some() || participant.screened_out {
+            return Ok(Enrolment::Over(participant));
         }
         add_token(db, &participant.id, token_hash, scope, new.enrolled_at_ms)?;
         return Ok(Enrolment::Known(participant, scope));

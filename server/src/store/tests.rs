@@ -167,7 +167,7 @@ async fn whoever_is_known_keeps_their_plan() {
         Enrolment::New(_) => "new".to_owned(),
         Enrolment::Known(known, Scope::Full) => known.id,
         Enrolment::Known(known, Scope::Continue) => format!("{} by name", known.id),
-        Enrolment::Withdrawn => "withdrawn".to_owned(),
+        Enrolment::Over(_) => "over".to_owned(),
         other => format!("{other:?}"),
     };
     assert_eq!(is(someone(&store, "a", named(Some("x"), Some("r"))).await), "new");
@@ -184,7 +184,7 @@ async fn whoever_is_known_keeps_their_plan() {
     assert!(found.visitor.participant.id == "a" && found.scene.is_some());
     assert!(store.assignment(token("c"), "d-0").await.unwrap().unwrap().scene.is_none());
     store.withdraw("a", false, 1).await.unwrap();
-    assert_eq!(is(someone(&store, "e", named(None, Some("r"))).await), "withdrawn");
+    assert_eq!(is(someone(&store, "e", named(None, Some("r"))).await), "over");
     store.withdraw("a", true, 1).await.unwrap();
     assert_eq!(is(someone(&store, "f", named(Some("x"), Some("r"))).await), "new");
     assert_eq!(store.visitor(token("f")).await.unwrap().unwrap().participant.number, 3);

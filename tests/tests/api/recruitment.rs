@@ -202,9 +202,14 @@ async fn wrong_answers_too_often_end_a_participation() {
         let url = "https://app.example.org/out?p=a%2Fb".to_owned();
         assert_eq!(ended, ComprehensionStored { screened_out: true, return_url: Some(url) });
     }
-    driver.me(&server).await.problem(410, "screened_out", None);
-    driver.complete(&server).await.problem(410, "screened_out", None);
-    Driver::ask(&server, body).await.problem(410, "screened_out", None);
+    // Whoever comes back, in this browser or another, learns where to go.
+    for refused in [driver.me(&server).await, driver.complete(&server).await] {
+        refused.problem(410, "screened_out", None);
+        assert_eq!(refused.body["return_url"], "https://app.example.org/out?p=a%2Fb");
+    }
+    let refused = Driver::ask(&server, body).await;
+    refused.problem(410, "screened_out", None);
+    assert_eq!(refused.body["return_url"], "https://app.example.org/out?p=a%2Fb");
     // The place is free, and whoever understands goes on.
     let next = Driver::enrol(&server).await;
     let scene = |driver: &Driver| driver.scenes()[0].1;

@@ -136,7 +136,9 @@ impl Participant {
         let why = if self.deletes { "withdraw.deleted" } else { "withdraw.kept" };
         self.stage = Stage::Ended("withdraw.done_heading", why, stored.return_url);
         let mut commands: Vec<_> = lifted(self.outbox.forget_all()).collect();
-        commands.push(Command::Forget(self.session_name()));
+        if self.deletes {
+            commands.push(Command::Forget(self.session_name()));
+        }
         let exposures = self.exposures.iter().map(|(id, _)| self.exposure_name(id));
         commands.extend(exposures.map(Command::Forget));
         commands

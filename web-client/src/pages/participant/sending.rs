@@ -76,12 +76,13 @@ impl Participant {
 
     /// The participation ends here, for a reason that the server gave.
     pub(super) fn end(&mut self, failure: &Failure, heading: &'static str) {
+        let url = failure.return_url.clone();
         self.stage = match failure.code.as_str() {
             "full" => self.stuck("full"),
             "closed" => self.stuck("closed"),
             "archived" => self.stuck("archived"),
-            "screened_out" => Stage::Ended("stuck.screened_out", "stuck.screened_out_why", None),
-            "withdrawn" => Stage::Ended("withdraw.done_heading", "withdraw.thanks", None),
+            "screened_out" => Stage::Ended("stuck.screened_out", "stuck.screened_out_why", url),
+            "withdrawn" => Stage::Ended("withdraw.done_heading", "withdraw.thanks", url),
             _ if failure.code == "invalid" && self.needs_id() => self.stuck("no_id"),
             _ => Stage::Stuck(heading, self.words(failure)),
         };

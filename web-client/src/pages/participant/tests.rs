@@ -212,5 +212,5 @@ fn enrolled() -> Enrolled {
 }
 
 fn refusal(code: &str) -> Problem {
-    Problem { code: code.into(), message: format!("{code} it is"), field: None }
+    Problem { code: code.into(), message: format!("{code} it is"), field: None, return_url: None }
 }

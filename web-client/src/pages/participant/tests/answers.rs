@@ -80,6 +80,19 @@ fn somebody_who_is_screened_out_is_sent_back() {
 }
 
 #[test]
+fn whoever_comes_back_after_the_end_finds_the_link() {
+    let begun = begun().kept;
+    for (code, words) in [("screened_out", "You cannot take part"), ("withdrawn", "Thank you")] {
+        let mut session = open(begun.clone(), &StudyConfig::default());
+        let gone = Problem { return_url: Some("https://r/".into()), ..refusal(code) };
+        session.send("progress", 410, &gone);
+        assert!(session.words("ended").unwrap().contains(words), "{:?}", session.words("ended"));
+        let view = session.page.view();
+        assert_eq!(view.find("return").unwrap().attribute("href"), Some("https://r/"));
+    }
+}
+
+#[test]
 fn questions_come_after_the_scenes() {
     let question = |name: &str, kind, required| QuestionForm {
         name: name.into(),
@@ -158,7 +171,11 @@ fn stopping_keeps_or_deletes() {
         assert_eq!(withdrawal.unwrap().url, url);
         session.send("withdraw", 200, &Withdrawn { return_url: Some("https://r/".into()) });
         assert!(session.words("ended").unwrap().contains(words));
-        assert!(session.kept.is_empty(), "{:?}", session.kept.keys());
+        // Whose data are deleted leaves nothing here; the others find this end again.
+        let kept: Vec<_> = session.kept.keys().map(String::as_str).collect();
+        let expected: &[_] =
+            if button == "withdraw-keep" { &["sidestep.session.default"] } else { &[] };
+        assert_eq!(kept, expected);
         assert!(!session.guarded);
     }
 }

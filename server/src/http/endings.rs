@@ -1,0 +1,47 @@
+//! Where participants go when their participation has ended, by the links of the study.
+
+use crate::http::error::ApiError;
+use crate::store::participants::Participant;
+use sidestep::study::{Recruitment, StudyConfig};
+
+/// The link of a participant who has the completion code.
+#[must_use]
+pub fn completed_url(config: &StudyConfig, me: &Participant, code: &str) -> Option<String> {
+    filled(&config.recruitment.completed_url, Some(code), me)
+}
+
+/// The link of a participant whom the check of understanding screened out.
+#[must_use]
+pub fn screened_out_url(config: &StudyConfig, me: &Participant) -> Option<String> {
+    filled(&config.recruitment.screened_out_url, None, me)
+}
+
+/// The link of a participant who has withdrawn.
+#[must_use]
+pub fn withdrawn_url(config: &StudyConfig, me: &Participant) -> Option<String> {
+    filled(&config.recruitment.withdrawn_url, None, me)
+}
+
+/// Refuses participants who have withdrawn or were screened out.
+///
+/// # Errors
+/// [`over`].
+pub fn check_going_on(config: &StudyConfig, me: &Participant) -> Result<(), ApiError> {
+    let is_over = me.withdrawn_at_ms.is_some() || me.screened_out;
+    if is_over { Err(over(config, me)) } else { Ok(()) }
+}
+
+/// 410 for a participant who has withdrawn or was screened out, with where they go.
+#[must_use]
+pub fn over(config: &StudyConfig, me: &Participant) -> ApiError {
+    match me.withdrawn_at_ms {
+        Some(_) => ApiError::withdrawn(withdrawn_url(config, me)),
+        None => ApiError::screened_out(screened_out_url(config, me)),
+    }
+}
+
+/// The address with what it asks for; pilots go nowhere.
+fn filled(url: &str, code: Option<&str>, me: &Participant) -> Option<String> {
+    let external_id = me.external_id.as_deref().map(str::trim);
+    if me.pilot { None } else { Recruitment::filled(url, code, external_id) }
+}
