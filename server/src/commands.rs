@@ -91,7 +91,7 @@ async fn study_named(store: &Store, slug: &str, url: &str) -> Result<StoredStudy
     if let Some(study) = store.study(slug).await? {
         return Ok(study);
     }
-    let known: Vec<_> = store.studies().await?.into_iter().map(|study| study.slug).collect();
+    let known = store.slugs().await?;
     let known = match known.len() {
         0 => "no study".to_owned(),
         _ => known.join(", "),

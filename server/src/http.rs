@@ -21,6 +21,7 @@ pub mod participants;
 pub mod trials;
 pub mod value_functions;
 pub mod session;
+pub mod changes;
 pub mod laboratory;
 pub mod people;
 pub mod analyses;

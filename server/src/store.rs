@@ -28,6 +28,7 @@ pub mod roster;
 mod tallies;
 pub mod trials;
 pub mod people;
+pub mod overview;
 pub mod imports;
 #[cfg(test)]
 pub(crate) mod tests;
@@ -44,6 +45,7 @@ use std::collections::HashMap;
 use std::fs::File;
 use std::sync::{Arc, Mutex, PoisonError, RwLock};
 use std::time::Duration;
+use tokio::sync::watch;
 use writer::{Lane, Writer};
 
 /// An open database with all migrations applied.
@@ -199,6 +201,12 @@ impl Store {
     /// If the check cannot be run.
     pub async fn damage(&self) -> Result<Vec<String>, StoreError> {
         self.read_long(connection::damage).await
+    }
+
+    /// How often something was stored since the database was opened, whenever that changes.
+    #[must_use]
+    pub fn commits(&self) -> watch::Receiver<u64> {
+        self.open.writer.commits()
     }
 
     /// Waits for what is under way, writes the log back and closes.

@@ -7,6 +7,7 @@ mod clock;
 mod dom;
 mod fields;
 mod listen;
+mod follow;
 mod net;
 pub mod simulator;
 pub mod solver;
@@ -372,6 +373,18 @@ impl<P: Page + 'static> Pump<P> {
                         self.queue.borrow_mut().push_back((message, shell.clock.now_ms()));
                     }
                 }
+            }
+            Command::Follow { .. } if !P::follows() => {}
+            Command::Follow { name, url, then } => {
+                let number = shell.begin(name);
+                let pump = self.clone();
+                let hear = move || {
+                    if pump.shell.borrow().holds(number) {
+                        pump.dispatch_now(then());
+                    }
+                };
+                let _work = Box::new(follow::Follower::start(&shell.document, url, hear));
+                shell.underway.push(Underway { name, number, _work });
             }
             Command::Cancel(name) => shell.underway.retain(|underway| underway.name != name),
             Command::CancelAll => shell.underway.clear(),

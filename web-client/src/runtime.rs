@@ -32,6 +32,15 @@ pub trait Page {
         false
     }
 
+    /// Whether it follows changes; else [`Command::Follow`] does nothing.
+    #[must_use]
+    fn follows() -> bool
+    where
+        Self: Sized,
+    {
+        false
+    }
+
     /// Takes a message and says what is to be done. `now_ms` is when the message's cause
     /// happened, on the page's clock.
     fn update(&mut self, message: Self::Msg, now_ms: f64) -> Commands<Self::Msg>;
@@ -201,7 +210,17 @@ pub enum Command<M> {
         /// The message of each report; the last report is a solution or a failure.
         then: Rc<dyn Fn(Solving) -> M>,
     },
-    /// Give up the request, timer or solve of this name.
+    /// Send a message at once, and whenever the server says that something has changed. The server is
+    /// not asked while the page is hidden, and again at once when it is shown.
+    Follow {
+        /// Its name, as of a request.
+        name: &'static str,
+        /// Address of the server's events on this origin.
+        url: &'static str,
+        /// The message.
+        then: Rc<dyn Fn() -> M>,
+    },
+    /// Give up the request, timer, solve or following of this name.
     Cancel(&'static str),
     /// Give up everything that is under way.
     CancelAll,
@@ -277,6 +296,9 @@ impl<M: 'static> Command<M> {
             }
             Self::Solve { name, game, then } => {
                 Command::Solve { name, game, then: Rc::new(move |solving| lift(then(solving))) }
+            }
+            Self::Follow { name, url, then } => {
+                Command::Follow { name, url, then: Rc::new(move || lift(then())) }
             }
             Self::Cancel(name) => Command::Cancel(name),
             Self::CancelAll => Command::CancelAll,

@@ -12,6 +12,9 @@ use std::rc::Rc;
 /// What a solver reports becomes this message.
 pub(crate) type Report<M> = Rc<dyn Fn(Solving) -> M>;
 
+/// A change on the server becomes this message.
+pub(crate) type Changed<M> = Rc<dyn Fn() -> M>;
+
 /// What became of a text that is to be kept becomes this message.
 pub(crate) type Kept<M> = Then<Result<(), NotKept>, M>;
 
@@ -30,6 +33,8 @@ pub(crate) struct Session<P: Page> {
     pub(crate) timers: Vec<(&'static str, f64, P::Msg)>,
     /// What solvers work on, under the name of the solve.
     pub(crate) solving: Vec<(&'static str, PursuitGame, Report<P::Msg>)>,
+    /// What is told of changes, under the name of the following.
+    pub(crate) following: Vec<(&'static str, Changed<P::Msg>)>,
     /// Addresses that were shown without leaving the document.
     pub(crate) visited: Vec<String>,
     /// Where the page left for.
@@ -61,6 +66,7 @@ impl<P: Page> Session<P> {
             asked: Vec::new(),
             timers: Vec::new(),
             solving: Vec::new(),
+            following: Vec::new(),
             visited: Vec::new(),
             left: None,
             claims: Vec::new(),
@@ -88,6 +94,10 @@ impl<P: Page> Session<P> {
                 Command::Solve { name, game, then } => {
                     self.cancel(|other| other == name);
                     self.solving.push((name, game, then));
+                }
+                Command::Follow { name, then, .. } => {
+                    self.cancel(|other| other == name);
+                    self.following.push((name, then));
                 }
                 Command::Cancel(name) => self.cancel(|other| other == name),
                 Command::CancelAll => self.cancel(|_| true),
@@ -126,6 +136,7 @@ impl<P: Page> Session<P> {
         self.asked.retain(|request| !named(request.name));
         self.timers.retain(|(name, ..)| !named(name));
         self.solving.retain(|(name, ..)| !named(name));
+        self.following.retain(|(name, ..)| !named(name));
     }
 
     pub(crate) fn tell(&mut self, message: P::Msg) {
@@ -201,6 +212,14 @@ impl<P: Page> Session<P> {
             self.solving.remove(at);
         }
         self.tell(message);
+    }
+
+    /// The server says that something has changed.
+    pub(crate) fn changed(&mut self) {
+        let messages: Vec<_> = self.following.iter().map(|(_, then)| then()).collect();
+        for message in messages {
+            self.tell(message);
+        }
     }
 
     pub(crate) fn press(&mut self, test_id: &str) {

@@ -68,13 +68,13 @@ async fn report(store: &Store) -> Result<Report, CommandError> {
     let wrong_tally =
         |id| format!("participant {id}: the tally does not follow from the stored trials");
     report.damage.extend(store.wrong_tallies().await?.into_iter().map(wrong_tally));
-    for counts in store.studies().await? {
+    for slug in store.slugs().await? {
         report.studies += 1;
-        let study = match store.study(&counts.slug).await {
+        let study = match store.study(&slug).await {
             Ok(Some(study)) => study,
             Ok(None) => continue,
             Err(StoreError::Corrupt(what)) => {
-                report.damage.push(format!("study {}: {what}", counts.slug));
+                report.damage.push(format!("study {slug}: {what}"));
                 continue;
             }
             Err(error) => return Err(error.into()),
@@ -84,9 +84,7 @@ async fn report(store: &Store) -> Result<Report, CommandError> {
             for trial_id in store.trial_ids(&id).await? {
                 let what = match replayed(store, &trial_id, &mut report).await {
                     Ok(what) => what,
-                    Err(StoreError::Corrupt(what)) => {
-                        Some(format!("study {}: {what}", counts.slug))
-                    }
+                    Err(StoreError::Corrupt(what)) => Some(format!("study {slug}: {what}")),
                     Err(error) => return Err(error.into()),
                 };
                 report.wrong.extend(what.map(|what| Wrong { trial_id, what }));

@@ -17,7 +17,6 @@ use crate::jobs::safety::Solver;
 use crate::languages::Languages;
 use crate::languages::library::Library;
 use crate::secrets;
-use crate::store::studies::StudyCounts;
 use crate::store::{Missing, Store};
 use serde_json::{Map, Value};
 use sidestep::invalid::Invalid;
@@ -29,6 +28,7 @@ use std::sync::Arc;
 use tokio::net::TcpListener;
 use tokio::sync::{Notify, oneshot};
 use tokio::task::JoinHandle;
+use tokio_util::sync::CancellationToken;
 
 /// Serve participants and the laboratory.
 ///
@@ -141,6 +141,7 @@ pub async fn start(args: &ServeArgs, key: Option<&str>) -> Result<Running, Comma
         None => first_key(&store, args.new_admin_key).await.map_err(CommandError::failure)?,
     };
     let analysis_asked = Arc::new(Notify::new());
+    let stopping = CancellationToken::new();
     let app = Arc::new(App {
         store: store.clone(),
         default_study: studies[0].clone(),
@@ -151,12 +152,14 @@ pub async fn start(args: &ServeArgs, key: Option<&str>) -> Result<Running, Comma
         answers: Answers::default(),
         analysis_asked: Arc::clone(&analysis_asked),
         self_check: tokio::sync::OnceCell::new(),
+        stopping: stopping.clone(),
     });
     let (stop, stopped) = oneshot::channel::<()>();
     let router = router(app, &site);
-    let task = tokio::spawn(listen::serve(listener, router, async {
+    let task = tokio::spawn(listen::serve(listener, router, async move {
         // A dropped sender means the same as a sent stop.
         let _ = stopped.await;
+        stopping.cancel();
     }));
     let solver = (!args.no_solve).then(|| Solver::start(store.clone()));
     let analysis_worker =
@@ -207,8 +210,8 @@ async fn prepare(
     file: Option<&StudyFile>,
     replace: bool,
 ) -> Result<Vec<String>, CommandError> {
-    let newest_first: Vec<StudyCounts> = store.studies().await?.into_iter().rev().collect();
-    let mut names: Vec<String> = newest_first.iter().map(|study| study.slug.clone()).collect();
+    let mut names = store.slugs().await?;
+    names.reverse();
     let config = match file {
         Some(file) => file.config().clone(),
         None if names.is_empty() => StudyConfig::default(),
@@ -216,8 +219,8 @@ async fn prepare(
     };
     let slug = config.slug.clone();
     let known = store.study(&slug).await?.filter(|known| *known.config != config);
-    let counts = newest_first.iter().find(|study| study.slug == slug);
-    let participants = counts.map_or(0, |study| study.participants);
+    let counts = store.summaries(Some(slug.clone()), now_ms()).await?;
+    let participants = counts.first().map_or(0, |study| study.participants);
     if let (Some(known), Some(file)) = (&known, file)
         && participants > 0
         && !replace

@@ -8,6 +8,7 @@ use crate::store::Store;
 use sidestep::api::SelfCheck;
 use std::sync::Arc;
 use tokio::sync::{Notify, OnceCell};
+use tokio_util::sync::CancellationToken;
 
 /// The state that handlers share.
 #[derive(Debug)]
@@ -30,4 +31,6 @@ pub struct App {
     pub analysis_asked: Arc<Notify>,
     /// The server's fingerprint, computed at the first request.
     pub self_check: OnceCell<SelfCheck>,
+    /// Cancelled when the server stops, which ends the answers that have no end of their own.
+    pub stopping: CancellationToken,
 }

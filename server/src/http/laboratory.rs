@@ -1,5 +1,6 @@
 //! Studies, trials, predictors and exports for the experimenter.
 
+use crate::clock::now_ms;
 use crate::content::Content;
 use crate::formats::exports;
 use crate::http::app::App;
@@ -10,7 +11,6 @@ use crate::http::studies::named;
 use crate::jobs::safety;
 use crate::recordings;
 use crate::store::Store;
-use crate::store::studies::StudyCounts;
 use crate::store::trials::{StoredTrial, TrialHead};
 use anyhow::Context;
 use axum::Json;
@@ -35,13 +35,17 @@ pub async fn studies(
     _: Reader,
     State(app): State<Arc<App>>,
 ) -> Result<Json<Vec<StudySummary>>, ApiError> {
-    let summary = |row: StudyCounts| StudySummary {
-        slug: row.slug,
-        title: row.title,
-        participants: row.participants,
-        trials: row.trials,
-    };
-    Ok(Json(app.store.studies().await?.into_iter().map(summary).collect()))
+    Ok(Json(app.store.summaries(None, now_ms()).await?))
+}
+
+/// `GET /api/v1/admin/studies/{slug}`.
+pub async fn study(
+    _: Reader,
+    State(app): State<Arc<App>>,
+    PathText(slug): PathText,
+) -> Result<Json<StudySummary>, ApiError> {
+    let found = app.store.summaries(Some(slug), now_ms()).await?.pop();
+    found.map(Json).ok_or_else(|| ApiError::not_found("study"))
 }
 
 /// `DELETE /api/v1/admin/studies/{slug}/pilots`: deletes all pilots with everything that they drove.

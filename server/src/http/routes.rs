@@ -4,8 +4,8 @@ use crate::http::app::App;
 use crate::http::error::ApiError;
 use crate::http::site::Site;
 use crate::http::{
-    analyses, enrolment, guard, keys, laboratory, metrics, participants, people, session, site,
-    studies, texts, trials, value_functions,
+    analyses, changes, enrolment, guard, keys, laboratory, metrics, participants, people, session,
+    site, studies, texts, trials, value_functions,
 };
 use axum::Router;
 use axum::http::StatusCode;
@@ -36,6 +36,8 @@ pub fn router(app: Arc<App>, site: &Site) -> Router {
         .route(&routes::admin_key("{id}"), delete(keys::revoke))
         .route(routes::AUDIT, get(keys::audit))
         .route(routes::ADMIN_STUDIES, get(laboratory::studies))
+        .route(&routes::admin_study("{slug}"), get(laboratory::study))
+        .route(routes::CHANGES, get(changes::follow))
         .route(&routes::admin_participants("{slug}"), get(people::list))
         .route(&routes::admin_pilots("{slug}"), delete(laboratory::delete_pilots))
         .route(&routes::admin_trials("{slug}"), get(laboratory::trials))
@@ -92,6 +94,7 @@ mod tests {
     use tempfile::TempDir;
     use tokio::sync::oneshot;
     use tokio::task::JoinSet;
+    use tokio_util::sync::CancellationToken;
     use tower::ServiceExt;
 
     /// A server without sockets, whose store and drawing of plans can be held up.
@@ -113,6 +116,7 @@ mod tests {
             answers: Default::default(),
             analysis_asked: Arc::default(),
             self_check: Default::default(),
+            stopping: CancellationToken::new(),
         };
         (store, router(Arc::new(app), &Site::open(folder.path()).unwrap()))
     }

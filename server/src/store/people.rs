@@ -30,6 +30,8 @@ pub enum SortBy {
     DangerEntered,
     /// Tasks with the key times of an earlier trial.
     SameTiming,
+    /// Whether the participant is counted as doubtful among a study's participants.
+    Doubtful,
     /// Answers to the check of understanding.
     ComprehensionAttempts,
 }
@@ -54,6 +56,7 @@ impl SortBy {
             Self::AlwaysSteered => "always_steered",
             Self::DangerEntered => "danger_entered",
             Self::SameTiming => "same_timing",
+            Self::Doubtful => "doubtful",
             Self::ComprehensionAttempts => "comprehension_attempts",
         }
     }
@@ -82,8 +85,15 @@ pub struct Selection {
     pub limit: i64,
 }
 
+/// Whether an experimenter should look at what a participant did: no task was steered, each was steered
+/// throughout, or keys have the times of an earlier trial.
+pub(super) const DOUBTFUL: &str = "coalesce(task > 0 AND (same_timing > 0 OR never_steered = task \
+     OR always_steered = task), 0)";
+
 /// One row for each participant of a study; `:study` and `:pilot` choose them.
-const PEOPLE: &str = "SELECT *, CASE \
+fn people() -> String {
+    format!(
+        "SELECT *, CASE \
          WHEN withdrawn THEN 'withdrawn' \
          WHEN screened_out THEN 'screened_out' \
          WHEN completion_code IS NOT NULL THEN 'complete' \
@@ -98,9 +108,12 @@ const PEOPLE: &str = "SELECT *, CASE \
          coalesce(late_sample, 0) AS late_sample, coalesce(focus_lost, 0) AS focus_lost, \
          coalesce(interrupted, 0) AS interrupted, coalesce(never_steered, 0) AS never_steered, \
          coalesce(always_steered, 0) AS always_steered, \
-         coalesce(danger_entered, 0) AS danger_entered, coalesce(same_timing, 0) AS same_timing \
+         coalesce(danger_entered, 0) AS danger_entered, coalesce(same_timing, 0) AS same_timing, \
+         {DOUBTFUL} AS doubtful \
          FROM participant LEFT JOIN tally ON tally.participant_id = participant.id \
-         WHERE study_id = :study AND pilot = :pilot)";
+         WHERE study_id = :study AND pilot = :pilot)"
+    )
+}
 
 impl Store {
     /// A page of a study's participants.
@@ -114,6 +127,7 @@ impl Store {
 }
 
 fn page(db: &Connection, study_id: i64, asked: &Selection) -> Result<ParticipantPage, StoreError> {
+    let people = people();
     let stages = stages(db, study_id, asked.pilots)?;
     let stage = asked.stage.map(Stage::word);
     // Names of columns come from this program alone; what was asked for is bound.
@@ -135,7 +149,7 @@ fn page(db: &Connection, study_id: i64, asked: &Selection) -> Result<Participant
     let total = if is_everybody {
         stages.iter().map(|count| count.participants).sum()
     } else {
-        let query = format!("SELECT count(*) FROM ({PEOPLE}) {filter}");
+        let query = format!("SELECT count(*) FROM ({people}) {filter}");
         db.prepare_cached(&query)?
             .query_row(&chosen[..], |row| row.get::<_, i64>(0))?
             .unsigned_abs()
@@ -143,7 +157,7 @@ fn page(db: &Connection, study_id: i64, asked: &Selection) -> Result<Participant
     let (by, order) = (asked.sort.expression(), if asked.descending { "DESC" } else { "ASC" });
     // The rows of the page are found first, by the narrow columns that decide.
     let mut statement = db.prepare_cached(&format!(
-        "WITH people AS NOT MATERIALIZED ({PEOPLE}) \
+        "WITH people AS NOT MATERIALIZED ({people}) \
          SELECT *, (SELECT count(*) FROM scene WHERE participant_id = id) AS planned FROM people \
          WHERE id IN (SELECT id FROM people {filter} ORDER BY {by} {order}, number \
              LIMIT :limit OFFSET :offset) \
@@ -162,8 +176,9 @@ fn page(db: &Connection, study_id: i64, asked: &Selection) -> Result<Participant
 }
 
 fn stages(db: &Connection, study_id: i64, pilots: bool) -> Result<Vec<StageCount>, StoreError> {
+    let people = people();
     let mut statement =
-        db.prepare_cached(&format!("SELECT stage, count(*) FROM ({PEOPLE}) GROUP BY stage"))?;
+        db.prepare_cached(&format!("SELECT stage, count(*) FROM ({people}) GROUP BY stage"))?;
     let count = |row: &Row<'_>| {
         let participants = row.get::<_, i64>(1)?.unsigned_abs();
         Ok(StageCount { stage: stage_of(row.get(0)?)?, participants })

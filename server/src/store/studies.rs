@@ -23,19 +23,6 @@ pub struct StoredStudy {
     pub config_hash: String,
 }
 
-/// A study with its numbers of participants and trials.
-#[derive(Clone, Debug)]
-pub struct StudyCounts {
-    /// Name in addresses.
-    pub slug: String,
-    /// Title, from the current configuration; empty if that cannot be read.
-    pub title: String,
-    /// Number of participants who enrolled or were imported, without pilots.
-    pub participants: u64,
-    /// Number of stored trials, without those of pilots.
-    pub trials: u64,
-}
-
 impl Store {
     /// The study with this name.
     pub async fn study(&self, slug: &str) -> Result<Option<StoredStudy>, StoreError> {
@@ -93,33 +80,13 @@ impl Store {
         self.write(move |db| put(db, &new, now_ms)).await
     }
 
-    /// Every study with its counts, oldest first.
-    pub async fn studies(&self) -> Result<Vec<StudyCounts>, StoreError> {
-        self.read_long(|db| {
-            let mut statement = db.prepare_cached(
-                "SELECT study.slug, \
-                     coalesce(iif(json_valid(json), json ->> '$.title', NULL), ''), \
-                     (SELECT count(*) FROM participant \
-                      WHERE participant.study_id = study.id AND pilot = 0), \
-                     (SELECT count(*) FROM trial WHERE trial.study_id = study.id) \
-                     - (SELECT count(*) FROM participant \
-                        JOIN scene ON scene.participant_id = participant.id \
-                        JOIN trial ON trial.trial_id = scene.trial_id \
-                        WHERE participant.study_id = study.id AND pilot = 1) \
-                 FROM study JOIN study_config ON study_config.hash = study.config_hash \
-                 ORDER BY study.id",
-            )?;
-            let counts = statement.query_map([], |row| {
-                Ok(StudyCounts {
-                    slug: row.get(0)?,
-                    title: row.get(1)?,
-                    participants: row.get::<_, i64>(2)?.unsigned_abs(),
-                    trials: row.get::<_, i64>(3)?.unsigned_abs(),
-                })
-            })?;
-            Ok(counts.collect::<Result<_, _>>()?)
+    /// The names of all studies, oldest first.
+    pub async fn slugs(&self) -> Result<Vec<String>, StoreError> {
+        self.read(|db| {
+            let mut statement = db.prepare_cached("SELECT slug FROM study ORDER BY id")?;
+            let slugs = statement.query_map([], |row| row.get(0))?;
+            Ok(slugs.collect::<Result<_, _>>()?)
         })
-        .await
     }
 }
 

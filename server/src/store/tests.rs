@@ -349,7 +349,7 @@ async fn what_one_operation_does_wrong_costs_no_other() {
     assert!(sound.is_ok() && last.is_ok());
     assert_eq!(broken, Err(StoreError::Defect("half way".to_owned())));
     assert!(matches!(panicked, Err(StoreError::Defect(_))), "{panicked:?}");
-    assert_eq!(store.studies().await.unwrap().len(), 2);
+    assert_eq!(store.slugs().await.unwrap().len(), 2);
 }
 
 /// The first step of an operation: it waits in the queue, or is refused.

@@ -20,7 +20,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
-use tokio::sync::oneshot;
+use tokio::sync::{oneshot, watch};
 
 /// Most operations that wait in a lane; further ones are refused.
 const QUEUE: usize = 1_024;
@@ -183,6 +183,7 @@ impl Queue {
 /// The writer's handle.
 pub(super) struct Writer {
     queue: Arc<Queue>,
+    committed: watch::Sender<u64>,
     thread: Mutex<Option<JoinHandle<()>>>,
 }
 
@@ -198,12 +199,14 @@ impl Writer {
         let expected = file.identity()?;
         let db = Some(open(&file, expected)?);
         let queue = Arc::new(Queue { lanes: Mutex::default(), changed: Condvar::new() });
-        let thread = Thread { queue: Arc::clone(&queue), file, expected, db };
+        let committed = watch::Sender::new(0);
+        let thread =
+            Thread { queue: Arc::clone(&queue), committed: committed.clone(), file, expected, db };
         let thread = std::thread::Builder::new()
             .name("store-writer".to_owned())
             .spawn(move || thread.run())
             .map_err(|error| StoreError::Unavailable(error.to_string()))?;
-        Ok(Self { queue, thread: Mutex::new(Some(thread)) })
+        Ok(Self { queue, committed, thread: Mutex::new(Some(thread)) })
     }
 
     /// Runs an operation and returns its result after the commit.
@@ -216,6 +219,11 @@ impl Writer {
         let waiting = Waiting { work: Some(work), found: None, answer };
         self.queue.push(lane, Box::new(waiting))?;
         answered.await.unwrap_or_else(|_| Err(StoreError::Defect("the writer ended".to_owned())))
+    }
+
+    /// The number of commits, whenever it changes.
+    pub(super) fn commits(&self) -> watch::Receiver<u64> {
+        self.committed.subscribe()
     }
 
     /// How many trials and how many other requests wait.
@@ -253,6 +261,7 @@ impl Drop for Writer {
 
 struct Thread {
     queue: Arc<Queue>,
+    committed: watch::Sender<u64>,
     file: DatabaseFile,
     /// The file that was opened first; the thread never writes to another one.
     expected: Identity,
@@ -289,6 +298,9 @@ impl Thread {
             return;
         }
         let committed = self.commit(&mut batch);
+        if committed.is_ok() {
+            self.committed.send_modify(|commits| *commits += 1);
+        }
         if let Err(error) = &committed {
             tracing::error!(%error, writes = batch.len(), "nothing was stored");
             if error.is_temporary() {

@@ -3,6 +3,7 @@
 use super::{first, is_first};
 use crate::predict::PredictorFile;
 use crate::scene::{Evader, JointState, Scene, SceneParameters};
+use crate::study::Status;
 use crate::trial::{Flag, Outcome, Phase, Replay};
 use crate::vehicle::TurnInput;
 use serde::{Deserialize, Serialize};
@@ -22,10 +23,23 @@ pub struct StudySummary {
     pub slug: String,
     /// Name shown to people.
     pub title: String,
-    /// People who enrolled.
+    /// Whether it takes people.
+    pub status: Status,
+    /// People who enrolled or were imported, without pilots.
     pub participants: u64,
-    /// Trials stored.
+    /// Those of them who have a completion code.
+    pub complete: u64,
+    /// Those of them who are under way and of whom something was stored in the last ten minutes.
+    pub active: u64,
+    /// Those of them whose data should be looked at: they steered in no task or in every step of each,
+    /// or their keys have the times of an earlier trial, as if a program had driven.
+    pub doubtful: u64,
+    /// Their stored trials.
     pub trials: u64,
+    /// Pilots.
+    pub pilots: u64,
+    /// When something of a participant was last stored, ms since 1970; absent if never.
+    pub last_seen_at_ms: Option<i64>,
 }
 
 /// Answer to the deletion of a study's pilots.

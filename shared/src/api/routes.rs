@@ -46,6 +46,13 @@ pub fn admin_key(id: &str) -> String {
 pub const AUDIT: &str = "/api/v1/admin/audit";
 /// All studies.
 pub const ADMIN_STUDIES: &str = "/api/v1/admin/studies";
+/// One study.
+#[must_use]
+pub fn admin_study(slug: &str) -> String {
+    format!("/api/v1/admin/studies/{slug}")
+}
+/// Server-sent events: one whenever something that the server stores has changed.
+pub const CHANGES: &str = "/api/v1/admin/changes";
 /// The participants of a study, without the query that names the format.
 #[must_use]
 pub fn admin_participants(slug: &str) -> String {

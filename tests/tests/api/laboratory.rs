@@ -65,6 +65,8 @@ async fn every_laboratory_route_wants_a_key() {
     let server = Server::with_study(SHORT_STUDY).await;
     for route in [
         routes::ADMIN_STUDIES.to_owned(),
+        routes::admin_study("default"),
+        routes::CHANGES.to_owned(),
         routes::admin_trials("default"),
         routes::admin_trial("x"),
         routes::admin_predictor("x"),
@@ -78,6 +80,7 @@ async fn every_laboratory_route_wants_a_key() {
         server.get(&route).await.problem(401, "unauthorized", None);
     }
     for route in [
+        routes::admin_study("nothing"),
         routes::admin_trials("nothing"),
         routes::admin_trial("x"),
         routes::admin_predictor("x"),

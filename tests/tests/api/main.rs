@@ -7,6 +7,7 @@ mod analyze;
 mod analyze_input;
 mod analyses;
 mod bad_input;
+mod changes;
 mod database;
 mod design;
 mod trouble;

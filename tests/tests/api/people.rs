@@ -17,13 +17,18 @@ fn numbers(page: &ParticipantPage) -> Vec<i64> {
     page.participants.iter().map(|person| person.number).collect()
 }
 
-async fn come(server: &Server, external_id: &str) -> Driver {
+pub(crate) async fn come(server: &Server, external_id: &str) -> Driver {
     let body = json!({ "consent": true, "external_id": external_id });
     Driver { enrolled: Driver::ask(server, body).await.into(201) }
 }
 
 /// Drives all scenes with one input throughout, and key events at these times.
-async fn drive(server: &Server, driver: &Driver, input: TurnInput, key_times_ms: &[f64]) {
+pub(crate) async fn drive(
+    server: &Server,
+    driver: &Driver,
+    input: TurnInput,
+    key_times_ms: &[f64],
+) {
     for (trial_id, scene) in driver.scenes() {
         let mut trial = driver::upload(&scene, vec![input; steps(&scene)]);
         let event = |(i, &t_ms): (usize, &f64)| KeyEvent {

@@ -36,7 +36,7 @@ async fn wrong_addresses_and_keys_are_answered_in_words() {
     assert_eq!(tab.eval::<String>(&format!("{key}.value")).await, "neither is this");
     // The right link, pasted while the page is open.
     tab.run(&format!("location.hash = '#key={}'", server.key)).await;
-    tab.until("document.querySelector('.empty')").await;
+    tab.until(&Tab::at("studies")).await;
     let address: String = tab.eval("location.href").await;
     assert!(!address.contains('#'), "{address}");
     tab.press("sign-out").await;
@@ -58,7 +58,11 @@ async fn the_laboratory_goes_from_page_to_page_without_loading() {
     sign_in(&tab, &server).await;
     tab.run("window.loadedOnce = true").await;
     let title = "document.title";
-    assert_eq!(tab.eval::<String>(title).await, "Short · Sidestep laboratory");
+    assert_eq!(tab.eval::<String>(title).await, "Studies · Sidestep laboratory");
+    tab.press("study-default").await;
+    tab.press("tab-trials").await;
+    tab.until(&Tab::at("trials")).await;
+    assert_eq!(tab.eval::<String>(title).await, "Short: trials · Sidestep laboratory");
     let times: Vec<String> =
         tab.eval("[...document.querySelectorAll('time')].map(t => t.textContent)").await;
     assert!(times.len() == 2 && times.iter().all(|time| time.len() > 8), "{times:?}");
@@ -79,11 +83,11 @@ async fn the_laboratory_goes_from_page_to_page_without_loading() {
     tab.until(&Tab::at("trials")).await;
 
     // To the other study, and to an address without a page.
-    tab.enter("study", "second").await;
-    tab.until("document.querySelector('.empty')").await;
-    assert_eq!(tab.eval::<String>(title).await, "Pilot · Sidestep laboratory");
-    assert_eq!(tab.eval::<String>("location.search").await, "?study=second");
-    take(&tab, "studies").await;
+    tab.go(&format!("{}/lab", server.origin)).await;
+    tab.press("study-second").await;
+    tab.until(&Tab::at("nobody")).await;
+    assert_eq!(tab.eval::<String>(title).await, "Pilot: participants · Sidestep laboratory");
+    assert_eq!(tab.eval::<String>("location.pathname").await, "/lab/studies/second");
     assert!(tab.eval::<bool>("window.loadedOnce").await);
     tab.go(&format!("{}/lab/nothing", server.origin)).await;
     assert!(tab.words("stuck").await.contains("no page at this address"));
@@ -238,6 +242,8 @@ async fn every_page_fits_its_window() {
     let take = async |name: &str| take(&tab, name).await;
     take("home").await;
     sign_in(&tab, &server).await;
+    tab.go(&format!("{}/lab/studies/default/trials", server.origin)).await;
+    tab.until(&Tab::at("trials")).await;
     take("trials").await;
     tab.go(&format!("{}/lab/replay/{}", server.origin, sent[1].0)).await;
     until_predicted(&tab).await;

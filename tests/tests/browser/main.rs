@@ -4,6 +4,7 @@ mod hour;
 mod keyboard;
 mod faults;
 mod scenes;
+mod studies;
 mod laboratory;
 mod simulated;
 
@@ -58,7 +59,7 @@ async fn stored(server: &Server) -> Vec<TrialDetail> {
 
 async fn sign_in(tab: &Tab, server: &Server) {
     tab.go(&format!("{}/lab#key={}", server.origin, server.key)).await;
-    tab.until(&format!("{} || document.querySelector('.empty')", Tab::at("trials"))).await;
+    tab.until(&Tab::at("studies")).await;
     let address: String = tab.eval("location.href").await;
     assert!(!address.contains(&server.key), "the key must leave the address");
 }

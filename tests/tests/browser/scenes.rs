@@ -60,6 +60,8 @@ async fn a_scene_from_key_press_to_predicted_set() {
 
     // It is replayed with everything drawn on it.
     sign_in(&tab, &server).await;
+    tab.press("study-default").await;
+    tab.press("tab-trials").await;
     assert!(tab.words("trials").await.contains("familiarisation 1"));
     tab.press("replay-link").await;
     until_predicted(&tab).await;

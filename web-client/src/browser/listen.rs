@@ -19,7 +19,7 @@ pub(super) struct Listener {
 
 impl Listener {
     /// Calls back whenever `target` reports the event of this name.
-    fn new(
+    pub(super) fn new(
         target: &EventTarget,
         name: &'static str,
         hear: impl FnMut(web_sys::Event) + 'static,

@@ -1,23 +1,29 @@
 //! The laboratory: signing in and out, and one of its pages at a time, as the address says.
 
 mod hosted;
-mod self_check;
+mod visit;
+mod study;
+mod home;
+mod participants;
 mod trials;
+mod access;
+mod self_check;
 mod routes;
 #[cfg(test)]
 mod tests;
 
 use self::hosted::{AnyMsg, AnyPage};
 use self::routes::{ROUTES, Route};
+use self::visit::Visit;
 use super::parts::{self, alert, button};
 use crate::form::Form;
 use crate::json;
 use crate::runtime::{
-    Address, Answer, Command, Commands, Event, Failure, Page, PageContext, Request,
+    Address, Answer, Command, Commands, Event, Failure, Page, PageContext, Request, read,
 };
 use crate::shape::Picture;
 use crate::view::{self, el};
-use sidestep::api::{SignIn, routes as api};
+use sidestep::api::{Access, Session, SignIn, routes as api};
 use std::rc::Rc;
 
 type Node = view::Node<Msg>;
@@ -25,6 +31,8 @@ type Node = view::Node<Msg>;
 /// The laboratory.
 pub struct Lab {
     address: Address,
+    /// Who is signed in.
+    session: Session,
     state: State,
     /// How many pages were opened. A message for one that was left is dropped.
     visits: u32,
@@ -68,8 +76,9 @@ impl Lab {
     /// The laboratory as it opens.
     #[must_use]
     pub fn open(context: PageContext) -> (Self, Commands<Msg>) {
-        let mut lab =
-            Self { address: context.address, state: State::Asking, visits: 0, trouble: None };
+        let session = Session { signed_in: false, name: String::new(), access: Access::Read };
+        let (address, state) = (context.address, State::Asking);
+        let mut lab = Self { address, session, state, visits: 0, trouble: None };
         let commands = lab.key_of_address().unwrap_or_else(|| {
             vec![Command::Send(Request::get("session", api::SESSION, Msg::Session))]
         });
@@ -116,7 +125,8 @@ impl Lab {
             self.state = State::Nowhere;
             return vec![Command::CancelAll];
         };
-        let (page, commands) = (route.open)(&self.address, id);
+        let visit = Visit { address: &self.address, id, session: &self.session };
+        let (page, commands) = (route.open)(&visit);
         self.state = State::Open(route, page);
         let commands = self.lifted(commands);
         [Command::CancelAll].into_iter().chain(commands).collect()
@@ -159,11 +169,18 @@ impl Page for Lab {
         true
     }
 
+    fn follows() -> bool {
+        true
+    }
+
     fn update(&mut self, message: Msg, now_ms: f64) -> Commands<Msg> {
         match message {
             Msg::Address(address) => self.address_changed(address),
-            Msg::Session(answer) => match answer {
-                Ok(_) => self.show_address(),
+            Msg::Session(answer) => match read(answer) {
+                Ok(session) => {
+                    self.session = session;
+                    self.show_address()
+                }
                 Err(Failure { status: 401, .. }) => {
                     // Not to be signed in yet is no trouble.
                     let gave_key = matches!(self.state, State::SignedOut { .. });

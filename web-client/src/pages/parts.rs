@@ -15,7 +15,7 @@ pub(super) fn stuck<M>(title: &str, why: &str) -> Node<M> {
         .key("stuck")
         .child(heading(title))
         .child(el("p").test_id("stuck").text(why))
-        .child(el("p").child(el("a").attr("href", "/lab").text("Back to the trials")))
+        .child(el("p").child(el("a").attr("href", "/lab").text("All studies")))
 }
 
 /// The heading of a page, which takes the focus when the page opens.

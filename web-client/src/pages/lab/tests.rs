@@ -1,11 +1,14 @@
 //! The laboratory without a browser.
 
+mod access;
+mod studies;
+
 use super::Lab;
 use crate::form::{FieldValue, Form};
 use crate::runtime::{Address, Event, Page, PageContext, Solving};
 use crate::shape::Shape;
 use crate::testing;
-use sidestep::api::{TrialDetail, TrialPage, TrialSummary, routes};
+use sidestep::api::{Access, Session as SignedIn, TrialDetail, TrialPage, TrialSummary, routes};
 use sidestep::chart::colours;
 use sidestep::reachability::{PursuitGame, SampledValue, ValueFunction, polar};
 use sidestep::safety::{SafetyLevels, value_function};
@@ -58,12 +61,13 @@ fn trial(parameters: SceneParameters, ids: [Option<String>; 2]) -> TrialDetail {
 }
 
 fn address(path: &str) -> Address {
-    let (path, query) = path.split_once("?study=").map_or((path, None), |(p, s)| (p, Some(s)));
     let (path, fragment) = path.split_once('#').unwrap_or((path, ""));
-    let query = query.map(|slug| ("study".to_owned(), slug.to_owned()));
+    let (path, query) = path.split_once('?').unwrap_or((path, ""));
+    let pairs = query.split('&').filter_map(|pair| pair.split_once('='));
     Address {
+        origin: "https://lab.example".into(),
         path: path.into(),
-        query: query.into_iter().collect(),
+        query: pairs.map(|(name, value)| (name.to_owned(), value.to_owned())).collect(),
         fragment: fragment.into(),
         ..Address::default()
     }
@@ -77,8 +81,13 @@ fn start(path: &str) -> Session {
 
 /// The same, signed in.
 fn signed_in(path: &str) -> Session {
+    signed_in_to(path, Access::Manage)
+}
+
+/// The same with a key that may do this.
+fn signed_in_to(path: &str, access: Access) -> Session {
     let mut session = start(path);
-    session.answer("session", 200, br#"{"signed_in":true}"#);
+    session.send("session", 200, &SignedIn { signed_in: true, name: "Ada".into(), access });
     session
 }
 
@@ -146,83 +155,14 @@ fn of(evader: Evader) -> &'static str {
     }
 }
 
-/// One study, or two, as the server lists them.
-const ONE: &[u8] = br#"[{"slug":"default","title":"Study","participants":1,"trials":1}]"#;
-const TWO: &[u8] = br#"[{"slug":"default","title":"Study","participants":1,"trials":1},
-    {"slug":"second","title":"Pilot","participants":9,"trials":22}]"#;
-
-/// A page of trials with these ids, as the server lists them.
-fn listed(ids: &[&str], next_before: Option<i64>) -> Vec<u8> {
-    let summary = trial(unequal(), [None, None]).summary;
-    let trials = ids.iter().map(|id| TrialSummary { trial_id: (*id).into(), ..summary.clone() });
-    serde_json::to_vec(&TrialPage { trials: trials.collect(), next_before }).unwrap()
-}
-
-#[test]
-fn a_study_is_shown_with_its_trials_or_not_yet() {
-    for (ids, table) in [(&["t"][..], true), (&[], false)] {
-        let mut session = signed_in("/lab");
-        session.answer("studies", 200, ONE);
-        let view = session.page.view();
-        assert!(view.find("trials").is_none() && view.words().contains("Loading"));
-        session.answer("trials", 200, &listed(ids, None));
-        let view = session.page.view();
-        assert_eq!(view.find("trials").is_some(), table);
-        assert_eq!(view.words().contains("No trials yet"), !table);
-        assert!(view.find("study").is_none(), "one study needs no choice");
-    }
-}
-
-#[test]
-fn every_study_can_be_chosen() {
-    let mut session = signed_in("/lab");
-    session.answer("studies", 200, TWO);
-    session.answer("trials", 200, &listed(&["t"], None));
-    let view = session.page.view();
-    assert!(view.find("study").unwrap().words().contains("Pilot (22 trials)"));
-    let choice = FieldValue::Text("second".into());
-    session.tell(view.enter("study", choice).unwrap());
-    assert_eq!(session.visited, ["/lab?study=second"]);
-    session.go("/lab?study=second");
-    session.answer("studies", 200, TWO);
-    assert!(session.urls()[0].starts_with(&routes::admin_trials("second")));
-    session.answer("trials", 200, &listed(&["u"], None));
-    assert!(session.text().contains("9 participants · 22 stored trials"));
-    assert_eq!(session.page.title(), "Pilot · Sidestep laboratory");
-    session.go("/lab?study=third");
-    session.answer("studies", 200, TWO);
-    let why = session.words("stuck").unwrap();
-    assert!(why.contains("third") && why.contains("default, second"), "{why}");
-}
-
-#[test]
-fn older_trials_come_once_however_often_they_are_asked_for() {
-    let mut session = signed_in("/lab");
-    session.answer("studies", 200, ONE);
-    session.answer("trials", 200, &listed(&["b"], Some(7)));
-    let more = session.page.view().press("more").unwrap();
-    session.tell(more.clone());
-    session.tell(more);
-    assert_eq!(session.urls().len(), 1);
-    assert!(session.urls()[0].ends_with("&before=7"), "{:?}", session.urls());
-    assert!(session.page.view().press("more").is_none(), "the button is off meanwhile");
-    // A failure leaves what is shown, and the button.
-    session.unreachable("trials");
-    assert!(session.words("trials").is_some());
-    assert!(session.words("no-more").unwrap().contains("cannot be reached"));
-    session.press("more");
-    assert_eq!(session.words("no-more"), None);
-    session.answer("trials", 200, &listed(&["a"], None));
-    let table = session.words("trials").unwrap();
-    assert_eq!(table.matches("Replay").count(), 3, "the column and two rows: {table}");
-    assert!(session.words("more").is_none());
-}
+/// The list of studies, before there is any.
+const NO_STUDIES: &[u8] = b"[]";
 
 #[test]
 fn what_a_page_asked_for_is_no_matter_to_the_next() {
     let mut session = signed_in("/lab");
     let late = session.take("studies");
-    let late = (late.then)(Ok(ONE.to_vec()));
+    let late = (late.then)(Ok(NO_STUDIES.to_vec()));
     session.go("/lab/self-check");
     session.go("/lab");
     session.tell(late);
@@ -250,7 +190,8 @@ fn a_pasted_link_signs_in_wherever_one_is() {
     assert_eq!(session.visited, ["/lab"], "the key leaves the address");
     let request = &session.asked[0];
     assert_eq!((request.method, request.body.as_deref()), ("POST", Some(r#"{"key":"secret"}"#)));
-    session.answer("session", 200, b"{}");
+    let ada = SignedIn { signed_in: true, name: "Ada".into(), access: Access::Read };
+    session.send("session", 200, &ada);
     assert_eq!(session.urls(), [routes::ADMIN_STUDIES]);
 }
 

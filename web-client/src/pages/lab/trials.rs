@@ -1,21 +1,24 @@
-//! The stored trials of a study, newest first, and the choice of the study.
+//! The stored trials of a study, newest first, as they come.
 
-use crate::pages::parts::{self, alert, button, cell, count};
-use crate::runtime::{Address, Answer, Command, Commands, Page, Request, read};
+use super::study::{self, Tab};
+use super::visit::Visit;
+use crate::pages::parts::{self, alert, button, cell};
+use crate::runtime::{Answer, Command, Commands, Failure, Page, Request, read};
 use crate::view::{self, el};
-use sidestep::api::{StudySummary, TrialPage, TrialSummary, routes};
+use sidestep::api::{Access, StudySummary, TrialPage, TrialSummary, routes};
 
 type Node = view::Node<Msg>;
 
 /// The page of a study's trials.
 pub(super) struct Trials {
-    /// Slug of the study that the address names; the first study if it names none.
-    wanted: Option<String>,
-    studies: Vec<StudySummary>,
+    slug: String,
+    /// Whether the user may take data away.
+    may_export: bool,
+    study: Option<StudySummary>,
     trials: Vec<TrialSummary>,
     next_before: Option<i64>,
     state: State,
-    /// Why older trials did not come when they were last asked for.
+    /// Why trials did not come when they were last asked for.
     trouble: Option<String>,
 }
 
@@ -33,12 +36,14 @@ enum State {
 /// What the page can be told.
 #[derive(Clone, Debug)]
 pub(super) enum Msg {
-    /// The server listed the studies.
-    Studies(Answer),
-    /// The server listed trials.
-    Listed(Answer),
-    /// Another study was chosen.
-    Choose(String),
+    /// Something has changed.
+    Changed,
+    /// The server described the study.
+    Study(Answer),
+    /// The server listed the newest trials.
+    Newest(Answer),
+    /// The server listed older trials.
+    Older(Answer),
     /// Older trials are wanted.
     More,
 }
@@ -47,53 +52,49 @@ pub(super) enum Msg {
 const PAGE_LENGTH: usize = 100;
 
 impl Trials {
-    /// The page as it opens at `/lab?study=SLUG`.
-    pub(super) fn open(address: &Address) -> (Self, Commands<Msg>) {
+    /// The page as it opens at `/lab/studies/SLUG/trials`.
+    pub(super) fn open(visit: &Visit<'_>) -> (Self, Commands<Msg>) {
         let page = Self {
-            wanted: address.parameter("study").map(str::to_owned),
-            studies: Vec::new(),
+            slug: visit.id.to_owned(),
+            may_export: visit.session.access >= Access::Export,
+            study: None,
             trials: Vec::new(),
             next_before: None,
             state: State::Loading,
             trouble: None,
         };
-        (page, vec![Command::Send(Request::get("studies", routes::ADMIN_STUDIES, Msg::Studies))])
+        let mut commands = page.ask();
+        commands.push(study::follow(|| Msg::Changed));
+        (page, commands)
     }
 
-    /// The study whose trials are shown.
-    fn study(&self) -> Option<&StudySummary> {
-        match &self.wanted {
-            Some(slug) => self.studies.iter().find(|study| study.slug == *slug),
-            None => self.studies.first(),
+    /// Asks for what is shown first.
+    fn ask(&self) -> Commands<Msg> {
+        let url = format!("{}?limit={PAGE_LENGTH}", routes::admin_trials(&self.slug));
+        let newest = Command::Send(Request::get("newest", url, Msg::Newest));
+        vec![study::ask(&self.slug, Msg::Study), newest]
+    }
+
+    /// Puts trials that were not shown yet before the others.
+    fn newest_arrived(&mut self, page: TrialPage) {
+        let newest_shown = self.trials.first().map(|trial| trial.trial_id.clone());
+        let known = |trial: &TrialSummary| Some(&trial.trial_id) == newest_shown.as_ref();
+        match page.trials.iter().position(known) {
+            Some(new) => drop(self.trials.splice(..0, page.trials.into_iter().take(new))),
+            // All of them are new, or those shown are gone.
+            None => (self.trials, self.next_before) = (page.trials, page.next_before),
         }
     }
 
-    fn ask_for_trials(&self) -> Commands<Msg> {
-        let Some(study) = self.study() else {
-            return Vec::new();
-        };
-        let mut url = format!("{}?limit={PAGE_LENGTH}", routes::admin_trials(&study.slug));
-        if let Some(before) = self.next_before {
-            url.push_str(&format!("&before={before}"));
+    /// What is shown stays if the server does not answer.
+    fn failed(&mut self, failure: Failure) {
+        match self.state {
+            State::Loading | State::Failed(_) => self.state = State::Failed(failure.sentence),
+            State::Listed | State::LoadingMore => {
+                self.state = State::Listed;
+                self.trouble = Some(failure.sentence);
+            }
         }
-        vec![Command::Send(Request::get("trials", url, Msg::Listed))]
-    }
-
-    fn studies_arrived(&mut self, studies: Vec<StudySummary>) -> Commands<Msg> {
-        self.studies = studies;
-        if self.study().is_none() {
-            let why = match &self.wanted {
-                None => "This server has no study yet.".to_owned(),
-                Some(slug) => {
-                    let known: Vec<_> =
-                        self.studies.iter().map(|study| study.slug.as_str()).collect();
-                    format!("This server has no study “{slug}”. It has: {}.", known.join(", "))
-                }
-            };
-            self.state = State::Failed(why);
-        }
-        // The study is shown with its trials: an empty table would say that there are none.
-        self.ask_for_trials()
     }
 }
 
@@ -102,29 +103,37 @@ impl Page for Trials {
 
     fn update(&mut self, message: Msg, _: f64) -> Commands<Msg> {
         match message {
-            Msg::Studies(answer) => match read(answer) {
-                Ok(studies) => return self.studies_arrived(studies),
-                Err(failure) => self.state = State::Failed(failure.sentence),
+            Msg::Changed => return self.ask(),
+            Msg::Study(answer) => match read(answer) {
+                Ok(study) => self.study = Some(study),
+                Err(failure) => self.failed(failure),
             },
-            Msg::Listed(answer) => match read::<TrialPage>(answer) {
+            Msg::Newest(answer) => match read(answer) {
+                Ok(page) => {
+                    self.newest_arrived(page);
+                    if matches!(self.state, State::Loading | State::Failed(_)) {
+                        self.state = State::Listed;
+                    }
+                    self.trouble = None;
+                }
+                Err(failure) => self.failed(failure),
+            },
+            Msg::Older(answer) => match read::<TrialPage>(answer) {
                 Ok(page) => {
                     self.trials.extend(page.trials);
                     self.next_before = page.next_before;
                     self.state = State::Listed;
                 }
-                // What is shown stays.
-                Err(failure) if matches!(self.state, State::LoadingMore) => {
-                    self.state = State::Listed;
-                    self.trouble = Some(failure.sentence);
-                }
-                Err(failure) => self.state = State::Failed(failure.sentence),
+                Err(failure) => self.failed(failure),
             },
-            Msg::Choose(slug) => return vec![Command::Visit(format!("/lab?study={slug}"))],
             // A second press asks for nothing more: the same rows would come twice.
             Msg::More if matches!(self.state, State::Listed) => {
+                let Some(before) = self.next_before else { return Vec::new() };
                 self.state = State::LoadingMore;
                 self.trouble = None;
-                return self.ask_for_trials();
+                let list = routes::admin_trials(&self.slug);
+                let url = format!("{list}?limit={PAGE_LENGTH}&before={before}");
+                return vec![Command::Send(Request::get("older", url, Msg::Older))];
             }
             Msg::More => {}
         }
@@ -132,7 +141,7 @@ impl Page for Trials {
     }
 
     fn view(&self) -> Node {
-        match (&self.state, self.study()) {
+        match (&self.state, &self.study) {
             (State::Failed(why), _) => parts::stuck("No trials to show", why),
             (State::Listed | State::LoadingMore, Some(study)) => self.list(study),
             _ => parts::loading(),
@@ -140,27 +149,21 @@ impl Page for Trials {
     }
 
     fn title(&self) -> String {
-        self.study().map_or_else(|| "Trials".to_owned(), |study| study.title.clone())
+        let name = self.study.as_ref().map_or(&self.slug, |study| &study.title);
+        format!("{name}: trials")
     }
 }
 
 impl Trials {
     fn list(&self, study: &StudySummary) -> Node {
-        let counts = format!(
-            "{} · {}",
-            count(study.participants, "participant"),
-            count(study.trials, "stored trial")
-        );
-        let title = el("div")
-            .child(parts::heading(&study.title))
-            .child(el("p").class("quiet").text(counts));
-        let link = |href: String, name: &str, words: &str| {
-            el("a").class("button").attr("href", href).test_id(name).text(words)
-        };
-        let actions = el("div")
-            .class("actions")
-            .child(link(format!("/s/{}", study.slug), "drive", "Drive a scene"))
-            .child(link(routes::export(&study.slug), "export", "Export CSV").attr("download", ""));
+        let export = self.may_export.then(|| {
+            el("a")
+                .class("button")
+                .attr("href", routes::export(&study.slug))
+                .attr("download", "")
+                .test_id("export")
+                .text("Trials as CSV")
+        });
         let more = self.next_before.map(|_| {
             let is_loading = matches!(self.state, State::LoadingMore);
             button("more", Msg::More)
@@ -170,28 +173,10 @@ impl Trials {
         });
         el("main")
             .class("page")
-            .children(self.chooser(study))
-            .child(el("div").class("page-head").child(title).child(actions))
+            .children(study::head(study, Tab::Trials, export))
             .child(if self.trials.is_empty() { empty() } else { self.table() })
             .children(self.trouble.as_deref().map(|why| alert("no-more", why)))
             .children(more)
-    }
-
-    /// A list of all studies, if there are several.
-    fn chooser(&self, current: &StudySummary) -> Option<Node> {
-        let option = |study: &StudySummary| {
-            let trials = count(study.trials, "trial");
-            el("option")
-                .attr("value", &study.slug)
-                .attr_if(study.slug == current.slug, "selected", "")
-                .text(format!("{} ({trials})", study.title))
-        };
-        let choice = el("select")
-            .attr("name", "study")
-            .test_id("study")
-            .on_input(|value| Msg::Choose(value.text().to_owned()))
-            .children(self.studies.iter().map(option));
-        (self.studies.len() > 1).then(|| el("label").class("chooser").text("Study ").child(choice))
     }
 
     fn table(&self) -> Node {
@@ -206,17 +191,17 @@ impl Trials {
             "Replay",
         ];
         let table = parts::table(columns, self.trials.iter().map(row));
-        el("div").class("scroll").child(table.class("trials").test_id("trials"))
+        el("div").class("scroll").attr("tabindex", 0).child(table.class("trials").test_id("trials"))
     }
 }
 
 fn empty() -> Node {
-    el("div").class("empty").child(el("p").text("No trials yet.")).child(
-        el("p").class("quiet").text(
-            "Drive a scene yourself, or send participants the address of the study. Their trials \
-             appear here, ready to replay.",
-        ),
-    )
+    el("div")
+        .class("empty")
+        .child(el("p").text("No trials yet."))
+        .child(el("p").class("quiet").text(
+        "Send participants the address of the study. Their trials appear here, ready to replay.",
+    ))
 }
 
 fn row(trial: &TrialSummary) -> Node {

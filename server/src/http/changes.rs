@@ -1,0 +1,44 @@
+//! Server-sent events for open pages: they hear that something has changed, and ask again for what they
+//! show. An event holds nothing of the data, so rights are checked where the data are asked for.
+
+use crate::http::app::App;
+use crate::http::experimenters::Reader;
+use axum::extract::State;
+use axum::response::Sse;
+use axum::response::sse::{Event, KeepAlive};
+use futures_util::{Stream, StreamExt};
+use std::convert::Infallible;
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::sync::watch;
+
+/// Least pause between two events, however much is stored.
+const PAUSE: Duration = Duration::from_secs(1);
+
+/// After this time the answer ends. The browser asks again, with a session that may have ended.
+const LONGEST: Duration = Duration::from_secs(300);
+
+/// `GET /api/v1/admin/changes`: an event `change` at once and whenever something was stored, at most one a
+/// second; its data are the number of commits since the server started.
+pub async fn follow(
+    _: Reader,
+    State(app): State<Arc<App>>,
+) -> Sse<impl Stream<Item = Result<Event, Infallible>>> {
+    let stopping = app.stopping.clone().cancelled_owned();
+    let events = events(app.store.commits())
+        .take_until(stopping)
+        .take_until(Box::pin(tokio::time::sleep(LONGEST)));
+    Sse::new(events).keep_alive(KeepAlive::default())
+}
+
+fn events(commits: watch::Receiver<u64>) -> impl Stream<Item = Result<Event, Infallible>> {
+    futures_util::stream::unfold((commits, true), async |(mut commits, is_first)| {
+        if !is_first {
+            tokio::time::sleep(PAUSE).await;
+            commits.changed().await.ok()?;
+        }
+        let count = *commits.borrow_and_update();
+        let event = Event::default().event("change").data(count.to_string());
+        Some((Ok(event.retry(PAUSE)), (commits, false)))
+    })
+}

@@ -1,0 +1,85 @@
+//! What the laboratory shows of studies as they run: their counts, and word of each change.
+
+use crate::people::{come, drive};
+use reqwest::{Method, Response};
+use serde_json::json;
+use sidestep::api::{ParticipantPage, StudySummary, routes};
+use sidestep::study::Status;
+use sidestep::vehicle::TurnInput;
+use sidestep_tests::server::SHORT_STUDY;
+use sidestep_tests::{Driver, Server};
+use std::time::{Duration, Instant};
+
+/// The server's events.
+async fn follow(server: &Server) -> Response {
+    let request = server.request(Method::GET, routes::CHANGES).bearer_auth(&server.key);
+    let events = request.send().await.unwrap();
+    assert_eq!(events.status(), 200);
+    assert_eq!(events.headers()["content-type"], "text/event-stream");
+    events
+}
+
+/// The number of the next event; none if there is none within two and a half pauses.
+async fn next(events: &mut Response) -> Option<u64> {
+    let within = Duration::from_millis(2_500);
+    let chunk = tokio::time::timeout(within, events.chunk()).await.ok()?.unwrap()?;
+    let text = std::str::from_utf8(&chunk).unwrap();
+    assert!(text.contains("event: change\n"), "{text:?}");
+    let data = text.lines().find_map(|line| line.strip_prefix("data: ")).unwrap();
+    Some(data.parse().unwrap())
+}
+
+#[tokio::test]
+async fn an_open_page_hears_of_changes_and_only_of_changes() {
+    let server = Server::with_study(SHORT_STUDY).await;
+    let mut events = follow(&server).await;
+    let at_once = next(&mut events).await.unwrap();
+    let driver = Driver::enrol(&server).await;
+    let joined = next(&mut events).await.unwrap();
+    assert!(joined > at_once);
+    driver.drive(&server, 3).await;
+    // Several at once are one event, or two if the first is told already.
+    assert!(next(&mut events).await.unwrap() > joined);
+    while next(&mut events).await.is_some() {}
+    // A server that stops does not wait for those who listen.
+    let begin = Instant::now();
+    let stopped = tokio::join!(server.stop(), async {
+        while events.chunk().await.is_ok_and(|it| it.is_some()) {}
+    });
+    drop(stopped);
+    assert!(begin.elapsed() < Duration::from_secs(8), "{:?}", begin.elapsed());
+}
+
+#[tokio::test]
+async fn a_study_is_counted_without_its_pilots() {
+    let server = Server::with_study(SHORT_STUDY).await;
+    let study = async || -> StudySummary {
+        let study = server.admin(&routes::admin_study("default")).await.into(200);
+        let all: Vec<StudySummary> = server.admin(routes::ADMIN_STUDIES).await.into(200);
+        assert_eq!(all, [StudySummary::clone(&study)]);
+        study
+    };
+    let empty = study().await;
+    let counts = |it: &StudySummary| {
+        [it.participants, it.complete, it.active, it.doubtful, it.trials, it.pilots]
+    };
+    assert_eq!((counts(&empty), empty.last_seen_at_ms), ([0; 6], None));
+    assert_eq!((empty.title.as_str(), empty.status), ("Short", Status::Open));
+    let pilot = json!({ "consent": true, "pilot": true });
+    let pilot = Driver { enrolled: Driver::ask(&server, pilot).await.into(201) };
+    pilot.drive(&server, 1).await;
+    assert_eq!(counts(&study().await), [0, 0, 0, 0, 0, 1]);
+    // One who steers as people do and finishes, one who never steers, one who has left.
+    let finishes = come(&server, "finishes").await;
+    finishes.drive(&server, 5).await;
+    finishes.complete(&server).await.into::<serde_json::Value>(200);
+    drive(&server, &come(&server, "never").await, TurnInput::Straight, &[]).await;
+    come(&server, "left").await.withdraw(&server, "keep").await;
+    let found = study().await;
+    assert_eq!(counts(&found), [3, 1, 1, 1, 10, 1]);
+    assert!(found.last_seen_at_ms.is_some());
+    let doubtful = format!("{}?having=doubtful", routes::admin_participants("default"));
+    let doubtful: ParticipantPage = server.admin(&doubtful).await.into(200);
+    let numbers: Vec<_> = doubtful.participants.iter().map(|person| person.number).collect();
+    assert_eq!(numbers, [2], "who never steered");
+}

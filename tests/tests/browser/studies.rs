@@ -1,0 +1,107 @@
+//! Studies as they run, and who may use the laboratory.
+
+use crate::{sign_in, start, take};
+use serde_json::json;
+use sidestep::api::{Completed, KeySummary, routes};
+use sidestep_tests::browser::{Browser, Tab};
+use sidestep_tests::server::SHORT_STUDY;
+use sidestep_tests::{Driver, Server};
+
+async fn come(server: &Server, external_id: &str) -> Driver {
+    let body = json!({ "consent": true, "external_id": external_id });
+    Driver { enrolled: Driver::ask(server, body).await.into(201) }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_study_is_watched_as_it_runs() {
+    let (server, browser, tab) = start(SHORT_STUDY).await;
+    sign_in(&tab, &server).await;
+    tab.until(&Tab::at("first-steps")).await;
+    take(&tab, "lab-first-steps").await;
+    tab.press("study-default").await;
+    tab.until(&Tab::at("nobody")).await;
+    take(&tab, "participants-none").await;
+
+    // People come and drive; the page shows it without a reload.
+    tab.run("window.loadedOnce = true").await;
+    let finishes = come(&server, "5f3a9c").await;
+    tab.until_says("participants", "joined").await;
+    finishes.drive(&server, 5).await;
+    let code = finishes.complete(&server).await;
+    let code: Completed = code.into(200);
+    tab.until_says("participants", &code.completion_code).await;
+    come(&server, "77be01").await.drive(&server, 2).await;
+    come(&server, "c0ffee").await.drive(&server, 4).await;
+    come(&server, "d00d1e").await.withdraw(&server, "keep").await;
+    tab.until_says("counts", "4 participants").await;
+    tab.until_says("participants", "withdrawn").await;
+    let is_first = "document.querySelector('.people tbody th').textContent";
+    assert_eq!(tab.eval::<String>(is_first).await, "1");
+    take(&tab, "participants").await;
+    tab.run("document.querySelector('.meanings').open = true").await;
+    take(&tab, "participants-meanings").await;
+
+    // Sorted, chosen and found.
+    tab.press("sort-stored").await;
+    tab.until("document.querySelector('.people th[aria-sort=descending]')").await;
+    tab.press("sort-number").await;
+    tab.until(&format!("{is_first} === '4'")).await;
+    tab.press("stage-withdrawn").await;
+    tab.until("document.querySelectorAll('.people tbody tr').length === 1").await;
+    assert!(tab.eval::<String>("location.search").await.contains("stage=withdrawn"));
+    tab.press("stage-all").await;
+    let submit = |form: &str| format!("document.querySelector('{form}').requestSubmit()");
+    tab.enter("search", "77BE01").await;
+    tab.run(&submit("[role=search]")).await;
+    tab.until(&format!("{is_first} === '2'")).await;
+    tab.until("document.querySelectorAll('.people tbody tr').length === 1").await;
+    assert!(tab.eval::<bool>("window.loadedOnce").await);
+    // The address brings the same list again.
+    tab.reload().await;
+    tab.until("document.querySelectorAll('.people tbody tr').length === 1").await;
+    assert_eq!(tab.eval::<String>(&format!("{}.value", Tab::at("search"))).await, "77BE01");
+    tab.go(&format!("{}/lab", server.origin)).await;
+    tab.until(&Tab::at("studies")).await;
+    take(&tab, "lab-studies").await;
+    tab.is_well().await;
+    browser.close().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn keys_are_made_and_revoked() {
+    let (server, browser, tab) = start(SHORT_STUDY).await;
+    sign_in(&tab, &server).await;
+    tab.go(&format!("{}/lab/access", server.origin)).await;
+    tab.until(&Tab::at("keys")).await;
+    tab.enter("key-name", "nightly export").await;
+    tab.run(&format!("{}.click()", Tab::at("access-export"))).await;
+    tab.press("make-key").await;
+    let secret = tab.words("secret").await;
+    assert_eq!(tab.eval::<String>(&format!("{}.value", Tab::at("key-name"))).await, "");
+    tab.until_says("keys", "nightly export").await;
+    tab.until_says("audit", "key made").await;
+    take(&tab, "access").await;
+
+    // Its link signs in, with that right alone.
+    let link = tab.words("sign-in-link").await;
+    let guest = Browser::start().await;
+    let other = guest.open(&link).await;
+    other.until(&Tab::at("studies")).await;
+    other.go(&format!("{}/lab/access", server.origin)).await;
+    assert!(other.words("mine").await.contains("take data away"));
+    take(&other, "access-export").await;
+
+    let made: Vec<KeySummary> = server.admin(routes::ADMIN_KEYS).await.into(200);
+    let id = made.iter().find(|key| key.name == "nightly export").expect("the key").id;
+    tab.press(&format!("revoke-{id}")).await;
+    tab.press(&format!("sure-{id}")).await;
+    tab.until_says("keys", "revoked").await;
+    let request = server.request(reqwest::Method::GET, routes::SESSION).bearer_auth(&secret);
+    assert_eq!(request.send().await.expect("an answer").status(), 401);
+    // The other browser is signed out at its next request.
+    other.go(&format!("{}/lab", server.origin)).await;
+    assert!(other.words("key").await.is_empty());
+    guest.close().await;
+    tab.is_well().await;
+    browser.close().await;
+}

@@ -1,0 +1,174 @@
+//! The first page of the laboratory: every study with its state, and what needs attention.
+
+use super::study::{self, Tab};
+use crate::pages::parts::{self, alert, count, fact};
+use crate::runtime::{Answer, Command, Commands, Page, Request, read};
+use crate::view::{self, el};
+use sidestep::api::{StudySummary, routes};
+use sidestep::study::Status;
+
+type Node = view::Node<Msg>;
+
+/// The list of studies.
+pub(super) struct Home {
+    /// Newest first; none before the server has answered.
+    studies: Option<Vec<StudySummary>>,
+    /// Why the list is missing or old.
+    trouble: Option<String>,
+}
+
+/// What the page can be told.
+#[derive(Clone)]
+pub(super) enum Msg {
+    /// Something has changed.
+    Changed,
+    /// The server listed the studies.
+    Listed(Answer),
+}
+
+impl Home {
+    /// The page as it opens.
+    pub(super) fn open() -> (Self, Commands<Msg>) {
+        let page = Self { studies: None, trouble: None };
+        (page, vec![ask(), study::follow(|| Msg::Changed)])
+    }
+}
+
+fn ask() -> Command<Msg> {
+    Command::Send(Request::get("studies", routes::ADMIN_STUDIES, Msg::Listed))
+}
+
+impl Page for Home {
+    type Msg = Msg;
+
+    fn update(&mut self, message: Msg, _: f64) -> Commands<Msg> {
+        match message {
+            Msg::Changed => return vec![ask()],
+            Msg::Listed(answer) => match read::<Vec<StudySummary>>(answer) {
+                Ok(studies) => {
+                    self.studies = Some(studies.into_iter().rev().collect());
+                    self.trouble = None;
+                }
+                Err(failure) => self.trouble = Some(failure.sentence),
+            },
+        }
+        Vec::new()
+    }
+
+    fn view(&self) -> Node {
+        let studies = match (&self.studies, &self.trouble) {
+            (Some(studies), _) => studies,
+            (None, Some(why)) => return parts::stuck("No studies to show", why),
+            (None, None) => return parts::loading(),
+        };
+        // Before anybody has taken part, there is nothing to watch, but much to try.
+        let begins = studies.iter().all(|study| study.participants == 0);
+        let newest = studies.first().filter(|_| begins);
+        el("main")
+            .class("page")
+            .child(parts::heading("Studies"))
+            .children(self.trouble.as_deref().map(|why| alert("old", why)))
+            .children(newest.map(first_steps))
+            .child(
+                el("ul").class("studies").test_id("studies").children(
+                    studies.iter().map(|study| el("li").key(&study.slug).child(card(study))),
+                ),
+            )
+    }
+
+    fn title(&self) -> String {
+        "Studies".to_owned()
+    }
+}
+
+/// A study, its numbers, and what needs attention.
+fn card(study: &StudySummary) -> Node {
+    let name = if study.title.is_empty() { &study.slug } else { &study.title };
+    let link = el("a")
+        .attr("href", Tab::Participants.address(&study.slug))
+        .test_id(&format!("study-{}", study.slug))
+        .text(name);
+    let head =
+        el("div").class("title").child(el("h2").child(link)).child(study::status(study.status));
+    let mut facts = vec![
+        fact("Participants", study.participants.to_string()),
+        fact("Complete", study.complete.to_string()),
+        fact("Active now", study.active.to_string()),
+        fact("Trials", study.trials.to_string()),
+    ];
+    if study.pilots > 0 {
+        facts.push(fact("Test runs", study.pilots.to_string()));
+    }
+    let last = study
+        .last_seen_at_ms
+        .map(|ms| el("p").class("quiet").text("Last stored ").child(el("time").moment(ms)));
+    el("article")
+        .class("panel-card")
+        .child(head)
+        .child(el("dl").class("numbers").children(facts))
+        .children(attention(study))
+        .children(last)
+}
+
+/// What an experimenter should look at or do in this study.
+fn attention(study: &StudySummary) -> Vec<Node> {
+    let mut lines = Vec::new();
+    if study.doubtful > 0 {
+        let people = count(study.doubtful, "participant");
+        let words =
+            format!("{people} steered never, always, or with the key times of an earlier trial. ");
+        let link = el("a")
+            .attr("href", format!("{}?having=doubtful", Tab::Participants.address(&study.slug)))
+            .text("Look at them");
+        lines.push(el("p").class("waiting").test_id("doubtful").text(words).child(link));
+    }
+    if study.title.is_empty() {
+        let words = "Its configuration cannot be read. Run sidestep check.";
+        lines.push(el("p").class("trouble").text(words));
+    }
+    if study.status == Status::Closed && study.active > 0 {
+        let people = count(study.active, "participant");
+        lines.push(el("p").class("quiet").text(format!("Closed; {people} may still finish.")));
+    }
+    lines
+}
+
+/// For a server on which nobody has taken part yet.
+fn first_steps(study: &StudySummary) -> Node {
+    let link = |href: String, name: &str, words: &str| {
+        // Each opens the participant's page, beside this one.
+        el("a")
+            .class("button")
+            .attr("href", href)
+            .attr("target", "_blank")
+            .test_id(name)
+            .text(words)
+    };
+    let step = |title: &str, words: &str, action: Option<Node>| {
+        el("li").child(el("h3").text(title)).child(el("p").text(words)).children(action)
+    };
+    let slug = &study.slug;
+    let steps = [
+        step(
+            "Drive it yourself",
+            "Take part as a participant would. A test run is kept apart from the data.",
+            Some(link(format!("/s/{slug}?pilot"), "try", "Start a test run")),
+        ),
+        step(
+            "Rehearse with a simulated person",
+            "A program presses the keys on the real page, thirty times as fast as a person.",
+            Some(link(format!("/s/{slug}?simulate=1&speed=30"), "rehearse", "Watch a rehearsal")),
+        ),
+        step(
+            "Make the study your own",
+            "Describe it in a file (docs/study.md shows a whole one), look at its scenes with \
+             “sidestep design --study FILE”, and start the server with “--study FILE”.",
+            None,
+        ),
+    ];
+    el("section")
+        .class("first-steps")
+        .test_id("first-steps")
+        .child(el("h2").text("Nobody has taken part yet"))
+        .child(el("ol").children(steps))
+}

@@ -1,0 +1,268 @@
+//! The participants of a study as it runs: how far they are and what to look at. The server filters,
+//! sorts and pages; the address holds what is chosen.
+
+mod selection;
+mod table;
+
+use self::selection::Selection;
+use super::study::{self, Tab};
+use super::visit::Visit;
+use crate::form::{FieldValue, Form};
+use crate::pages::parts::{self, alert, button};
+use crate::runtime::{Answer, Command, Commands, Page, Request, read};
+use crate::view::{self, el};
+use sidestep::api::{Access, ParticipantPage, Stage, StudySummary, routes};
+
+type Node = view::Node<Msg>;
+
+/// The page of a study's participants.
+pub(super) struct Participants {
+    slug: String,
+    /// Whether the user may take data away.
+    may_export: bool,
+    selection: Selection,
+    study: Option<StudySummary>,
+    page: Option<ParticipantPage>,
+    /// Why what is shown is missing or old.
+    trouble: Option<String>,
+}
+
+/// What the page can be told.
+#[derive(Clone)]
+pub(super) enum Msg {
+    /// Something has changed.
+    Changed,
+    /// The server described the study.
+    Study(Answer),
+    /// The server listed participants.
+    Listed(Answer),
+    /// Show those at this stage; all if none.
+    Stage(Option<Stage>),
+    /// Show those with something to look at, by its word; all if empty.
+    Having(FieldValue),
+    /// Sort by this column; from the largest if that is not so already.
+    Sort(&'static str),
+    /// Search.
+    Search(Form),
+    /// Show test runs, or participants.
+    Pilots(FieldValue),
+    /// Show the page that begins after this number of participants.
+    Page(u64),
+}
+
+impl Participants {
+    /// The page as it opens at `/lab/studies/SLUG?…`.
+    pub(super) fn open(visit: &Visit<'_>) -> (Self, Commands<Msg>) {
+        let page = Self {
+            slug: visit.id.to_owned(),
+            may_export: visit.session.access >= Access::Export,
+            selection: Selection::of(visit.address),
+            study: None,
+            page: None,
+            trouble: None,
+        };
+        let mut commands = page.ask();
+        commands.push(study::follow(|| Msg::Changed));
+        (page, commands)
+    }
+
+    fn ask(&self) -> Commands<Msg> {
+        let url = format!("{}?{}", routes::admin_participants(&self.slug), self.selection.query());
+        let people = Command::Send(Request::get("participants", url, Msg::Listed));
+        vec![study::ask(&self.slug, Msg::Study), people]
+    }
+
+    /// Shows another selection, and keeps it in the address.
+    fn select(&mut self, change: impl FnOnce(&mut Selection)) -> Commands<Msg> {
+        self.selection.offset = 0;
+        change(&mut self.selection);
+        let address =
+            format!("{}?{}", Tab::Participants.address(&self.slug), self.selection.query());
+        let mut commands = vec![Command::ReplaceAddress(address)];
+        commands.extend(self.ask());
+        commands
+    }
+}
+
+impl Page for Participants {
+    type Msg = Msg;
+
+    fn update(&mut self, message: Msg, _: f64) -> Commands<Msg> {
+        match message {
+            Msg::Changed => return self.ask(),
+            Msg::Study(answer) => match read(answer) {
+                Ok(study) => self.study = Some(study),
+                Err(failure) => self.trouble = Some(failure.sentence),
+            },
+            Msg::Listed(answer) => match read(answer) {
+                Ok(page) => {
+                    self.page = Some(page);
+                    self.trouble = None;
+                }
+                Err(failure) => self.trouble = Some(failure.sentence),
+            },
+            Msg::Stage(stage) => return self.select(|it| it.stage = stage),
+            Msg::Having(word) => return self.select(|it| it.having = word.text().to_owned()),
+            Msg::Sort(column) => return self.select(|it| it.sort_by(column)),
+            Msg::Search(form) => {
+                return self.select(|it| it.search = form.text("search").trim().to_owned());
+            }
+            Msg::Pilots(on) => {
+                let pilots = on == FieldValue::Checked(true);
+                return self.select(|it| *it = Selection { pilots, ..Selection::default() });
+            }
+            Msg::Page(offset) => return self.select(|it| it.offset = offset),
+        }
+        Vec::new()
+    }
+
+    fn view(&self) -> Node {
+        let (study, page) = match (&self.study, &self.page, &self.trouble) {
+            (Some(study), Some(page), _) => (study, page),
+            (.., Some(why)) => return parts::stuck("No participants to show", why),
+            _ => return parts::loading(),
+        };
+        let shown = if page.participants.is_empty() {
+            self.empty(study)
+        } else {
+            let table = table::table(page, &self.selection, self.may_export);
+            el("div").class("scroll").attr("tabindex", 0).child(table)
+        };
+        el("main")
+            .class("page")
+            .children(study::head(study, Tab::Participants, self.actions(study)))
+            .children(self.trouble.as_deref().map(|why| alert("old", why)))
+            .child(self.filters(page))
+            .child(shown)
+            .children(self.pager(page))
+            .child(table::meanings())
+    }
+
+    fn title(&self) -> String {
+        let name = self.study.as_ref().map_or(&self.slug, |study| &study.title);
+        format!("{name}: participants")
+    }
+}
+
+impl Participants {
+    fn actions(&self, study: &StudySummary) -> Vec<Node> {
+        let link = |href: String, name: &str, words: &str| {
+            el("a").class("button").attr("href", href).test_id(name).text(words)
+        };
+        let slug = &study.slug;
+        let mut actions =
+            vec![link(format!("/s/{slug}?pilot"), "try", "Test run").attr("target", "_blank")];
+        if self.may_export {
+            let table = format!("{}?format=csv", routes::admin_participants(slug));
+            actions.push(link(table, "export", "Table as CSV").attr("download", ""));
+        }
+        actions
+    }
+
+    /// The choice of stage, of what to look at, and a search.
+    fn filters(&self, page: &ParticipantPage) -> Node {
+        let all: u64 = page.stages.iter().map(|count| count.participants).sum();
+        let stage = |stage: Option<Stage>, words: &str, participants: u64| {
+            let is_chosen = self.selection.stage == stage;
+            button(&format!("stage-{words}"), Msg::Stage(stage))
+                .class("choice")
+                .attr("aria-pressed", is_chosen)
+                .text(format!("{words} "))
+                .child(el("small").text(participants.to_string()))
+        };
+        let stages = page.stages.iter().map(|count| {
+            stage(Some(count.stage), table::stage_words(count.stage), count.participants)
+        });
+        let option = |word: &'static str, words: &'static str| {
+            el("option")
+                .attr("value", word)
+                .attr_if(self.selection.having == word, "selected", "")
+                .text(words)
+        };
+        let having = el("select")
+            .attrs(&[("name", "having"), ("aria-label", "Only with")])
+            .test_id("having")
+            .on_input(Msg::Having)
+            .child(option("", "any quality"))
+            .child(option("doubtful", "in doubt"))
+            .children(table::LOOKS.iter().map(|look| option(look.word, look.words)));
+        let placeholder = if self.may_export { "Number, external id or code" } else { "Number" };
+        let search =
+            el("form").on_submit(Msg::Search).attr("role", "search").test_id("search-form").child(
+                el("input")
+                    .attrs(&[("name", "search"), ("type", "search"), ("placeholder", placeholder)])
+                    .attr("aria-label", "Find a participant")
+                    .attr("value", &self.selection.search)
+                    .test_id("search"),
+            );
+        let pilots = el("label").class("check").child(
+            el("input")
+                .attrs(&[("type", "checkbox"), ("name", "pilots")])
+                .attr_if(self.selection.pilots, "checked", "")
+                .test_id("pilots")
+                .on_input(Msg::Pilots),
+        );
+        el("div")
+            .class("filters")
+            .child(
+                el("div")
+                    .class("choices")
+                    .attrs(&[("role", "group"), ("aria-label", "Stage")])
+                    .child(stage(None, "all", all))
+                    .children(stages),
+            )
+            .child(having)
+            .child(search)
+            .child(pilots.text("Test runs"))
+    }
+
+    fn empty(&self, study: &StudySummary) -> Node {
+        let empty = el("div").class("empty").test_id("nobody");
+        if self.selection.is_filtered() {
+            return empty.child(el("p").text("No participant fits what is chosen."));
+        }
+        let address = format!("/s/{}", study.slug);
+        empty
+            .child(el("p").text(if self.selection.pilots {
+                "No test runs yet."
+            } else {
+                "No participants yet."
+            }))
+            .child(
+                el("p")
+                    .class("quiet")
+                    .text("Send people the address ")
+                    .child(
+                        el("a").attrs(&[("href", &address), ("target", "_blank")]).text(&address),
+                    )
+                    .text(" of this server. They appear here as they join."),
+            )
+    }
+
+    /// Which part of the list is shown, and the way to the parts beside it.
+    fn pager(&self, page: &ParticipantPage) -> Option<Node> {
+        const LENGTH: u64 = selection::PAGE_LENGTH;
+        let offset = self.selection.offset;
+        let shown = page.participants.len() as u64;
+        if shown == 0 && offset == 0 {
+            return None;
+        }
+        let words = match shown {
+            0 => format!("None of {} here", page.total),
+            _ => format!("{}–{} of {}", offset + 1, offset + shown, page.total),
+        };
+        let turn = |name: &str, words: &str, to: Option<u64>| {
+            let target = Msg::Page(to.unwrap_or(offset));
+            button(name, target).attr_if(to.is_none(), "disabled", "").text(words)
+        };
+        let before = (offset > 0).then(|| offset.saturating_sub(LENGTH));
+        let after = (offset + shown < page.total && shown > 0).then_some(offset + LENGTH);
+        Some(
+            el("div")
+                .class("pager")
+                .child(turn("previous", "Previous", before))
+                .child(el("span").test_id("range").text(words))
+                .child(turn("next", "Next", after)),
+        )
+    }
+}

@@ -1,0 +1,126 @@
+//! Which participants are shown, as the addresses of the page and of the server's list have it.
+
+use crate::runtime::Address;
+use sidestep::api::Stage;
+
+/// Participants on a page.
+pub(super) const PAGE_LENGTH: u64 = 50;
+
+/// Which participants are shown, and in which order.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(super) struct Selection {
+    /// Only those at this stage.
+    pub(super) stage: Option<Stage>,
+    /// Only those with something to look at, by its word; all if empty.
+    pub(super) having: String,
+    /// What was searched; all if empty.
+    pub(super) search: String,
+    /// The word of what is sorted by; the participant's number if empty.
+    pub(super) sort: String,
+    /// From the largest down.
+    pub(super) descending: bool,
+    /// Participants before the page.
+    pub(super) offset: u64,
+    /// Test runs instead of participants.
+    pub(super) pilots: bool,
+}
+
+impl Selection {
+    /// What the address of the page asks for.
+    pub(super) fn of(address: &Address) -> Self {
+        let text = |name: &str| address.parameter(name).unwrap_or_default().to_owned();
+        Self {
+            stage: Stage::ALL.into_iter().find(|stage| stage.word() == text("stage")),
+            having: text("having"),
+            search: text("search"),
+            sort: text("sort"),
+            descending: text("order") == "desc",
+            offset: text("offset").parse().unwrap_or(0),
+            pilots: text("pilot") == "true",
+        }
+    }
+
+    /// The query of the server's list, and of the page's own address.
+    pub(super) fn query(&self) -> String {
+        let mut query = format!("limit={PAGE_LENGTH}");
+        let mut add = |name: &str, value: &str| {
+            if !value.is_empty() {
+                query.push_str(&format!("&{name}={}", encoded(value)));
+            }
+        };
+        add("stage", self.stage.map_or("", Stage::word));
+        add("having", &self.having);
+        add("search", &self.search);
+        add("sort", &self.sort);
+        add("order", if self.descending { "desc" } else { "" });
+        add("offset", &if self.offset > 0 { self.offset.to_string() } else { String::new() });
+        add("pilot", if self.pilots { "true" } else { "" });
+        query
+    }
+
+    /// Whether some participants are not shown on any page.
+    pub(super) fn is_filtered(&self) -> bool {
+        self.stage.is_some() || !self.having.is_empty() || !self.search.is_empty()
+    }
+
+    /// Sorts by a column, the largest first; the other way round if it is sorted like this already.
+    pub(super) fn sort_by(&mut self, column: &str) {
+        self.descending = self.sort != column || !self.descending;
+        self.sort = column.to_owned();
+    }
+}
+
+/// A text as part of a query: everything but letters, digits and `-._~` as `%XX`.
+fn encoded(text: &str) -> String {
+    let mut encoded = String::new();
+    for byte in text.bytes() {
+        if byte.is_ascii_alphanumeric() || b"-._~".contains(&byte) {
+            encoded.push(char::from(byte));
+        } else {
+            encoded.push_str(&format!("%{byte:02X}"));
+        }
+    }
+    encoded
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_selection_is_what_its_address_says() {
+        let selection = Selection {
+            stage: Some(Stage::Task),
+            having: "late_sample".into(),
+            search: "a b&c".into(),
+            sort: "stored".into(),
+            descending: true,
+            offset: 50,
+            pilots: true,
+        };
+        assert_eq!(
+            selection.query(),
+            "limit=50&stage=task&having=late_sample&search=a%20b%26c&sort=stored&order=desc\
+             &offset=50&pilot=true"
+        );
+        let pairs = selection.query().replace("%20", " ").replace("%26", "\u{1}");
+        let query = pairs.split('&').map(|pair| {
+            let (name, value) = pair.split_once('=').unwrap();
+            (name.to_owned(), value.replace('\u{1}', "&"))
+        });
+        let address = Address { query: query.collect(), ..Address::default() };
+        assert_eq!(Selection::of(&address), selection);
+        assert_eq!(Selection::of(&Address::default()), Selection::default());
+    }
+
+    #[test]
+    fn the_same_column_again_turns_the_order() {
+        let mut selection = Selection::default();
+        let mut orders = Vec::new();
+        for column in ["stored", "stored", "number"] {
+            selection.sort_by(column);
+            orders.push(selection.descending);
+        }
+        assert_eq!(orders, [true, false, true]);
+    }
+}

@@ -1,0 +1,189 @@
+//! The table of participants, and what its flags mean.
+
+use super::Msg;
+use super::selection::Selection;
+use crate::pages::parts::{button, cell};
+use crate::view::{self, el};
+use sidestep::api::{ParticipantPage, ParticipantSummary, Quality, Stage};
+
+type Node = view::Node<Msg>;
+
+/// Something that an experimenter should look at.
+pub(super) struct Look {
+    /// Its word in the server's list.
+    pub(super) word: &'static str,
+    /// Its name.
+    pub(super) words: &'static str,
+    meaning: &'static str,
+    tasks: fn(&Quality) -> u32,
+}
+
+/// All of them, the gravest first.
+pub(super) const LOOKS: [Look; 7] = [
+    Look {
+        word: "same_timing",
+        words: "identical timing",
+        meaning: "Keys went down and up at the very times of an earlier trial of the study, to the \
+                  millisecond. A program drove.",
+        tasks: |quality| quality.same_timing,
+    },
+    Look {
+        word: "never_steered",
+        words: "never steered",
+        meaning: "The participant drove straight on for the whole task.",
+        tasks: |quality| quality.never_steered,
+    },
+    Look {
+        word: "always_steered",
+        words: "always steered",
+        meaning: "A key was held in every step of the task.",
+        tasks: |quality| quality.always_steered,
+    },
+    Look {
+        word: "interrupted",
+        words: "interrupted",
+        meaning: "The participant could not drive all of the task: the page lost the focus or was \
+                  hidden, an input was sampled more than 100 ms late, or the scene had been shown \
+                  before.",
+        tasks: |quality| quality.interrupted,
+    },
+    Look {
+        word: "focus_lost",
+        words: "focus lost",
+        meaning: "The page lost the keyboard or was hidden during the task.",
+        tasks: |quality| quality.focus_lost,
+    },
+    Look {
+        word: "late_sample",
+        words: "late samples",
+        meaning: "An input was sampled well before or after it was due. The computer was busy.",
+        tasks: |quality| quality.late_sample,
+    },
+    Look {
+        word: "danger_entered",
+        words: "danger zone",
+        meaning: "The vehicle entered the robot’s danger zone. This is behaviour, not a fault.",
+        tasks: |quality| quality.danger_entered,
+    },
+];
+
+/// A stage in words.
+pub(super) fn stage_words(stage: Stage) -> &'static str {
+    match stage {
+        Stage::Joined => "joined",
+        Stage::Familiarisation => "familiarisation",
+        Stage::Practice => "practice",
+        Stage::Task => "tasks",
+        Stage::Closing => "questions",
+        Stage::Complete => "complete",
+        Stage::ScreenedOut => "screened out",
+        Stage::Withdrawn => "withdrawn",
+        Stage::Imported => "imported",
+    }
+}
+
+/// The participants of a page. External ids and codes are shown to those who may take data away.
+pub(super) fn table(page: &ParticipantPage, selection: &Selection, identities: bool) -> Node {
+    let sort = if selection.sort.is_empty() { "number" } else { &selection.sort };
+    let column = |words: &'static str, word: &'static str| {
+        let head = el("th").attr("scope", "col");
+        if word.is_empty() {
+            return head.text(words);
+        }
+        let (order, arrow) = match (sort == word, selection.descending) {
+            (false, _) => ("none", ""),
+            (true, true) => ("descending", " ↓"),
+            (true, false) => ("ascending", " ↑"),
+        };
+        let press = button(&format!("sort-{word}"), Msg::Sort(word)).class("plain");
+        head.attr("aria-sort", order).child(press.text(format!("{words}{arrow}")))
+    };
+    let mut columns = vec![column("Participant", "number")];
+    if identities {
+        columns.push(column("External id", ""));
+    }
+    columns.extend([
+        column("Stage", ""),
+        column("Scenes", "stored"),
+        column("Last stored", "last_seen"),
+        column("Check", "comprehension_attempts"),
+        column("To look at", ""),
+    ]);
+    if identities {
+        columns.push(column("Code", ""));
+    }
+    let rows = page.participants.iter().map(|person| row(person, identities));
+    el("table")
+        .class("people")
+        .test_id("participants")
+        .child(el("thead").child(el("tr").children(columns)))
+        .child(el("tbody").children(rows))
+}
+
+fn row(person: &ParticipantSummary, identities: bool) -> Node {
+    let of = person.planned.max(person.stored);
+    let progress = el("td")
+        .class("progress")
+        .child(
+            el("progress")
+                .attr("max", of.max(1))
+                .attr("value", person.stored)
+                .attr("aria-label", format!("{} of {of} scenes stored", person.stored)),
+        )
+        .text(format!("{} / {of}", person.stored));
+    let check = match (person.comprehension_attempts, person.understood) {
+        (0, _) => cell("–"),
+        (1, true) => cell("passed"),
+        (tries, true) => cell(format!("passed, {tries} tries")),
+        (tries, false) => cell(format!("{tries} wrong")).class("waiting"),
+    };
+    let code = |text: &Option<String>| match text {
+        Some(text) => el("td").child(el("code").text(text)),
+        None => cell("–"),
+    };
+    let stage = el("td").child(
+        el("span")
+            .class(if person.stage == Stage::Complete { "chip open" } else { "chip" })
+            .text(stage_words(person.stage)),
+    );
+    let mut cells = vec![el("th").attr("scope", "row").text(person.number.to_string())];
+    if identities {
+        cells.push(code(&person.external_id));
+    }
+    cells.extend([
+        stage,
+        progress,
+        el("td").child(el("time").moment(person.last_seen_at_ms)),
+        check,
+        el("td").children(looks(&person.quality)),
+    ]);
+    if identities {
+        cells.push(code(&person.completion_code));
+    }
+    el("tr").key(&person.participant_id).children(cells)
+}
+
+/// What to look at, each with its number of tasks.
+fn looks(quality: &Quality) -> impl Iterator<Item = Node> {
+    LOOKS.iter().filter_map(|look| {
+        let tasks = (look.tasks)(quality);
+        let chip =
+            el("span").class(&format!("chip look {}", look.word)).attr("title", look.meaning);
+        (tasks > 0).then(|| chip.text(format!("{} {tasks}", look.words)))
+    })
+}
+
+/// What the names in “To look at” mean.
+pub(super) fn meanings() -> Node {
+    let meaning =
+        |look: &Look| el("div").child(el("dt").text(look.words)).child(el("dd").text(look.meaning));
+    el("details")
+        .class("meanings")
+        .child(el("summary").text("What “To look at” means"))
+        .child(el("p").class("quiet").text(
+            "Each number counts tasks, first and further attempts. None is a reason to exclude \
+             anybody by itself. In doubt are participants who steered in no task or throughout \
+             each, and those with identical timing.",
+        ))
+        .child(el("dl").children(LOOKS.iter().map(meaning)))
+}

@@ -1,0 +1,90 @@
+//! What the pages of one study have in common: its name, its state, and the way from one page to another.
+
+use crate::pages::parts::{self, count};
+use crate::runtime::{Command, Request};
+use crate::view::{Node, el};
+use sidestep::api::{StudySummary, routes};
+use sidestep::study::Status;
+use std::rc::Rc;
+
+/// A page of a study.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Tab {
+    Participants,
+    Trials,
+}
+
+impl Tab {
+    const ALL: [Self; 2] = [Self::Participants, Self::Trials];
+
+    fn words(self) -> &'static str {
+        match self {
+            Self::Participants => "Participants",
+            Self::Trials => "Trials",
+        }
+    }
+
+    /// The address of this page of a study.
+    pub(super) fn address(self, slug: &str) -> String {
+        match self {
+            Self::Participants => format!("/lab/studies/{slug}"),
+            Self::Trials => format!("/lab/studies/{slug}/trials"),
+        }
+    }
+}
+
+/// Tells a page whenever something that the server stores has changed.
+pub(super) fn follow<M>(then: impl Fn() -> M + 'static) -> Command<M> {
+    Command::Follow { name: "changes", url: routes::CHANGES, then: Rc::new(then) }
+}
+
+/// Asks for a study's name, state and counts.
+pub(super) fn ask<M>(
+    slug: &str,
+    then: impl FnOnce(crate::runtime::Answer) -> M + 'static,
+) -> Command<M> {
+    Command::Send(Request::get("study", routes::admin_study(slug), then))
+}
+
+/// Whether people can take part, as a word in a frame.
+pub(super) fn status<M>(status: Status) -> Node<M> {
+    let class = match status {
+        Status::Open => "chip open",
+        Status::Closed | Status::Archived => "chip",
+    };
+    el("span").class(class).test_id("status").text(status.word())
+}
+
+/// The top of a study's page: its title and counts, what can be done there, and its other pages.
+pub(super) fn head<M>(
+    study: &StudySummary,
+    current: Tab,
+    actions: impl IntoIterator<Item = Node<M>>,
+) -> Vec<Node<M>> {
+    let counts = [
+        count(study.participants, "participant"),
+        format!("{} complete", study.complete),
+        format!("{} active now", study.active),
+        count(study.trials, "stored trial"),
+    ];
+    let title = el("div")
+        .child(
+            el("div")
+                .class("title")
+                .child(parts::heading(&study.title))
+                .child(status(study.status)),
+        )
+        .child(el("p").class("quiet").test_id("counts").text(counts.join(" · ")));
+    let tabs = Tab::ALL.map(|tab| {
+        el("a")
+            .attr("href", tab.address(&study.slug))
+            .attr_if(tab == current, "aria-current", "page")
+            .test_id(&format!("tab-{}", tab.words().to_lowercase()))
+            .text(tab.words())
+    });
+    let actions = el("div").class("actions").children(actions);
+    vec![
+        el("div").class("page-head").child(title).child(actions),
+        el("nav").class("tabs").attr("aria-label", "Study").children(tabs),
+    ]
+}
