@@ -22,6 +22,7 @@ pub mod trials;
 pub mod value_functions;
 pub mod session;
 pub mod changes;
+pub mod configurations;
 pub mod laboratory;
 pub mod people;
 pub mod analyses;

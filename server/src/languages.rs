@@ -8,6 +8,7 @@ pub mod library;
 
 use self::sentences::Sentences;
 use crate::formats::study_toml::StudyFile;
+use crate::formats::toml_lines::Complaint;
 use sidestep::invalid::Invalid;
 use sidestep::study::{StudyConfig, closest_language};
 use std::path::{Path, PathBuf};
@@ -122,6 +123,24 @@ impl Languages {
             eprintln!("{}", file.warning(&field, &what));
         }
         Ok(file)
+    }
+
+    /// The same for a text that somebody is writing, with the lines of missing translations.
+    ///
+    /// # Errors
+    /// [`Complaint`] naming the line, the field, what was expected and found.
+    pub fn read_draft(&self, text: &str) -> Result<(StudyFile, Vec<Complaint>), Complaint> {
+        let file = StudyFile::of("draft".to_owned(), text.to_owned())?;
+        self.check(file.config()).map_err(|invalid| Complaint {
+            line: file.line_of(&invalid.field),
+            what: invalid.to_string(),
+        })?;
+        let remark = |(field, what): (String, String)| Complaint {
+            line: file.line_of(&field),
+            what: format!("{field}: {what}"),
+        };
+        let remarks = self.untranslated(file.config()).into_iter().map(remark).collect();
+        Ok((file, remarks))
     }
 
     /// The texts of a study that are missing in a language that the study offers: the field, and what

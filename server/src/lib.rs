@@ -14,6 +14,7 @@ pub mod store;
 pub mod formats;
 pub mod languages;
 pub mod figure;
+pub mod design;
 pub mod recordings;
 pub mod report;
 pub mod jobs;

@@ -7,6 +7,7 @@ mod participation;
 mod upload;
 mod access;
 mod people;
+mod configuration;
 mod laboratory;
 mod analyses;
 
@@ -15,6 +16,7 @@ pub use analyses::{
     AnalysisDetail, AnalysisFile, AnalysisPage, AnalysisProgress, AnalysisResult, AnalysisState,
     AnalysisSummary, ExcludedParticipant,
 };
+pub use configuration::{Change, Configuration, Draft, DraftChecked, NewStatus, Remark};
 pub use laboratory::{
     PilotsDeleted, SelfCheck, SignIn, StudySummary, TrainedPredictor, TrialDetail, TrialPage,
     TrialSummary,

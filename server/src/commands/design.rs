@@ -1,19 +1,16 @@
 //! `sidestep design`.
 
-mod balance;
 mod files;
 
 use super::solving::Interrupt;
 use super::{CommandError, print_json, unwritable};
-use crate::figure;
+use crate::design::balance::Balance;
+use crate::design::{draw, picture, usual_participants};
 use crate::formats::atomic_folder::Draft;
 use crate::languages::Languages;
 use crate::threads;
-use balance::Balance;
-use sidestep::chart::Drawing;
 use sidestep::invalid::Invalid;
-use sidestep::scene::{Stratification, StratifiedScene, williams_block};
-use sidestep::study::{PhaseConfig, StudyConfig};
+use sidestep::study::StudyConfig;
 use std::path::PathBuf;
 
 /// Show the scenes of a study before anybody is invited: their strata as a picture and a table.
@@ -62,14 +59,6 @@ pub struct DesignArgs {
 const PARTICIPANTS: u64 = 10_000;
 const SCENES: u64 = 1_000_000;
 
-/// The scenes of a phase for all participants.
-struct PhaseDesign {
-    phase: PhaseConfig,
-    strata: Stratification,
-    /// By place of the participant, then in the order of the scenes.
-    people: Vec<Vec<StratifiedScene>>,
-}
-
 /// Draws the scenes and writes the files: all of them, or none.
 ///
 /// # Errors
@@ -103,15 +92,11 @@ pub async fn run(args: DesignArgs) -> Result<(), CommandError> {
     }))
 }
 
-/// How many participants: those asked for, or one block of the phase with most scenes.
+/// How many participants: those asked for, or as many as show how evenly the scenes are spread.
 fn participants(study: &StudyConfig, wanted: Option<u64>) -> Result<u64, CommandError> {
     let scenes: u64 = study.phases.iter().map(|phase| phase.scenes as u64).sum();
     let most = PARTICIPANTS.min(SCENES / scenes.max(1));
-    let Some(wanted) = wanted else {
-        let largest = study.phases.iter().map(|phase| phase.scenes).max().unwrap_or(1);
-        let block = williams_block(largest) as u64;
-        return Ok(if block > 100 { 50 } else { block });
-    };
+    let Some(wanted) = wanted else { return Ok(usual_participants(study)) };
     if (1..=most).contains(&wanted) {
         return Ok(wanted);
     }
@@ -120,52 +105,4 @@ fn participants(study: &StudyConfig, wanted: Option<u64>) -> Result<u64, Command
          found {wanted}"
     );
     Err(CommandError::Input(message))
-}
-
-fn draw(study: &StudyConfig, participants: u64) -> Result<Vec<PhaseDesign>, Invalid> {
-    let mut designs = study
-        .phases
-        .iter()
-        .map(|&phase| {
-            let strata = Stratification::new(&study.parameters, &study.encounters, phase.scenes)?;
-            Ok(PhaseDesign { phase, strata, people: Vec::new() })
-        })
-        .collect::<Result<Vec<_>, Invalid>>()?;
-    for place in 0..participants {
-        for (design, (_, scenes)) in designs.iter_mut().zip(study.stratified(place)?) {
-            design.people.push(scenes);
-        }
-    }
-    Ok(designs)
-}
-
-/// The picture of the phase with most scenes; the last one of several, since tasks come last.
-fn picture(study: &StudyConfig, phases: &[PhaseDesign]) -> Drawing {
-    let Some(shown) = phases.iter().max_by_key(|design| design.phase.scenes) else {
-        return Drawing::new(&study.title, "", [1.0, 1.0]);
-    };
-    let counts: Vec<String> = study
-        .phases
-        .iter()
-        .map(|phase| format!("{} {}", phase.phase.word(), phase.scenes))
-        .collect();
-    let balance = Balance::of(shown);
-    let percent = 100.0 * balance.exchanged as f64 / (balance.drawn as f64).max(1.0);
-    let notes = [
-        format!(
-            "Study {}  ·  {} participants  ·  scenes of each: {}  ·  shown here: {}",
-            study.slug,
-            shown.people.len(),
-            counts.join(", "),
-            shown.phase.phase.word(),
-        ),
-        format!(
-            "{percent:.0} % of the scenes exchanged a stratum with another scene of the same \
-             participant, because no admissible scene has all the planned coordinates  ·  strata \
-             without a scene: {} of {}",
-            balance.unfilled,
-            3 * balance.drawn,
-        ),
-    ];
-    figure::design(&notes, &study.parameters, &shown.strata, &shown.people)
 }

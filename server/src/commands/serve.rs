@@ -141,6 +141,7 @@ pub async fn start(args: &ServeArgs, key: Option<&str>) -> Result<Running, Comma
         None => first_key(&store, args.new_admin_key).await.map_err(CommandError::failure)?,
     };
     let analysis_asked = Arc::new(Notify::new());
+    let study_stored = Arc::new(Notify::new());
     let stopping = CancellationToken::new();
     let app = Arc::new(App {
         store: store.clone(),
@@ -151,6 +152,7 @@ pub async fn start(args: &ServeArgs, key: Option<&str>) -> Result<Running, Comma
         drawing: Bounded::new(PLANS_WAITING),
         answers: Answers::default(),
         analysis_asked: Arc::clone(&analysis_asked),
+        study_stored: Arc::clone(&study_stored),
         self_check: tokio::sync::OnceCell::new(),
         stopping: stopping.clone(),
     });
@@ -161,7 +163,7 @@ pub async fn start(args: &ServeArgs, key: Option<&str>) -> Result<Running, Comma
         let _ = stopped.await;
         stopping.cancel();
     }));
-    let solver = (!args.no_solve).then(|| Solver::start(store.clone()));
+    let solver = (!args.no_solve).then(|| Solver::start(store.clone(), study_stored));
     let analysis_worker =
         AnalysisWorker::start(store.clone(), analysis_asked, args.analysis_threads);
     tracing::info!(%address, study = studies[0], "serving");
@@ -213,7 +215,16 @@ async fn prepare(
     let mut names = store.slugs().await?;
     names.reverse();
     let config = match file {
-        Some(file) => file.config().clone(),
+        Some(file) => {
+            let mut config = file.config().clone();
+            // A study that was closed in the laboratory stays closed, unless the file says otherwise.
+            if !file.gives("status")
+                && let Some(known) = store.study(&config.slug).await?
+            {
+                config.status = known.config.status;
+            }
+            config
+        }
         None if names.is_empty() => StudyConfig::default(),
         None => return Ok(names),
     };

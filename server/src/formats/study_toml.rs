@@ -1,6 +1,6 @@
 //! Study files: TOML that overrides the paper's protocol.
 
-use super::toml_lines::{TomlLines, one_line};
+use super::toml_lines::{Complaint, TomlLines, one_line};
 use serde::Deserialize;
 use sidestep::document::from_value;
 use sidestep::invalid::Invalid;
@@ -27,8 +27,28 @@ impl StudyFile {
         let name = file.display().to_string();
         let text = std::fs::read_to_string(file)
             .map_err(|e| format!("{name}: cannot read the study file: {e}"))?;
-        let config = parse(&text).map_err(|complaint| format!("{name}:{complaint}"))?;
+        Self::of(name.clone(), text).map_err(|complaint| format!("{name}:{complaint}"))
+    }
+
+    /// The study in a text, under a name for complaints.
+    ///
+    /// # Errors
+    /// [`Complaint`] naming the line, the field, what was expected and found.
+    pub fn of(name: String, text: String) -> Result<Self, Complaint> {
+        let config = parse(&text)?;
         Ok(Self { name, text, config })
+    }
+
+    /// The line of a field, from 1.
+    #[must_use]
+    pub fn line_of(&self, field: &str) -> usize {
+        TomlLines::parse(&self.text).map_or(1, |lines| lines.line_of(field))
+    }
+
+    /// Whether the text gives this field of the study, whatever its value.
+    #[must_use]
+    pub fn gives(&self, field: &str) -> bool {
+        self.text.parse::<Table>().is_ok_and(|given| given.contains_key(field))
     }
 
     /// The study.
@@ -40,8 +60,7 @@ impl StudyFile {
     /// A remark about a field of the study, with its file and line.
     #[must_use]
     pub fn warning(&self, field: &str, what: &str) -> String {
-        let line = TomlLines::parse(&self.text).map_or(1, |lines| lines.line_of(field));
-        format!("{}:{line}: {field}: warning: {what}", self.name)
+        format!("{}:{}: {field}: warning: {what}", self.name, self.line_of(field))
     }
 
     /// A complaint about a field of the study, with its file and line.
@@ -52,34 +71,34 @@ impl StudyFile {
 }
 
 /// A complaint with the line of its field.
-fn located(text: &str, invalid: &Invalid) -> String {
+fn located(text: &str, invalid: &Invalid) -> Complaint {
     let line = TomlLines::parse(text).map_or(1, |lines| lines.line_of(&invalid.field));
-    format!("{line}: {invalid}")
+    Complaint { line, what: invalid.to_string() }
 }
 
-fn parse(text: &str) -> Result<StudyConfig, String> {
-    let lines = TomlLines::parse(text).map_err(|complaint| complaint.to_string())?;
+fn parse(text: &str) -> Result<StudyConfig, Complaint> {
+    let whole = |what: &str| Complaint { line: 1, what: one_line(what) };
+    let lines = TomlLines::parse(text)?;
     let located = |invalid: Invalid| located(text, &invalid);
     if let Some(leaf) = lines.too_large() {
         let expected = "a whole number from -9223372036854775808 to 9223372036854775807";
         let invalid = Invalid::new(leaf.key, expected, "a number outside that range");
-        return Err(format!("{}: {invalid}", leaf.line));
+        return Err(Complaint { line: leaf.line, what: invalid.to_string() });
     }
-    let given: Table = toml::from_str(text).map_err(|error| one_line(error.message()))?;
+    let given: Table = toml::from_str(text).map_err(|error| whole(error.message()))?;
     if !given.contains_key("slug") {
         // Without it, every such file would be about the same study.
         let expected = "the study's name in addresses, a line such as slug = \"avoidance-2026\"";
         return Err(located(Invalid::new("slug", expected, "none")));
     }
-    let mut whole =
-        Table::try_from(StudyConfig::default()).map_err(|e| one_line(&e.to_string()))?;
-    lay_over(&mut whole, given);
-    let study = StudyConfig::deserialize(Value::Table(whole.clone())).or_else(|error| {
-        let document = serde_json::to_value(whole).map_err(|e| one_line(&e.to_string()))?;
+    let mut table = Table::try_from(StudyConfig::default()).map_err(|e| whole(&e.to_string()))?;
+    lay_over(&mut table, given);
+    let study = StudyConfig::deserialize(Value::Table(table.clone())).or_else(|error| {
+        let document = serde_json::to_value(table).map_err(|e| whole(&e.to_string()))?;
         match from_value::<StudyConfig>(&document) {
             Err(invalid) => Err(located(invalid)),
             // TOML has numbers and dates that JSON does not have.
-            Ok(_) => Err(format!("{}: {}", lines.line_of(""), one_line(&error.to_string()))),
+            Ok(_) => Err(Complaint { line: lines.line_of(""), what: one_line(&error.to_string()) }),
         }
     })?;
     study.check().map_err(located)?;
@@ -93,6 +112,33 @@ fn parse(text: &str) -> Result<StudyConfig, String> {
         located(invalid)
     })?;
     Ok(study)
+}
+
+/// A study file that says this configuration: what differs from the paper's protocol.
+///
+/// # Errors
+/// If a value of the configuration has no place in TOML.
+pub fn written(config: &StudyConfig) -> Result<String, toml::ser::Error> {
+    let mut table = Table::try_from(config)?;
+    take_away(&mut table, &Table::try_from(StudyConfig::default())?);
+    // The name comes first, whether or not the paper's study has the same.
+    let mut head = Table::new();
+    for (name, value) in [("slug", &config.slug), ("title", &config.title)] {
+        table.remove(name);
+        head.insert(name.to_owned(), Value::String(value.clone()));
+    }
+    Ok(toml::to_string(&head)? + &toml::to_string_pretty(&table)?)
+}
+
+/// Removes what is the same in both tables, at any depth.
+fn take_away(from: &mut Table, same: &Table) {
+    from.retain(|key, value| match (value, same.get(key)) {
+        (Value::Table(value), Some(Value::Table(same))) => {
+            take_away(value, same);
+            !value.is_empty()
+        }
+        (value, same) => same != Some(value),
+    });
 }
 
 /// Merges tables; other values are replaced.
@@ -124,9 +170,28 @@ mod tests {
     }
 
     #[test]
+    fn what_is_written_says_the_same_study() {
+        let guide = include_str!("../../../docs/study.md");
+        let (_, guide) = guide.split_once("```toml\n").unwrap();
+        let (guide, _) = guide.split_once("```").unwrap();
+        let changed = "slug = \"b\"\ntitle = \"Ünequal \\\"robots\\\"\"\nstatus = \"closed\"\n\
+                       phases = [{ phase = \"task\", scenes = 2 }]\n\
+                       [parameters.human]\nspeed_mps = 1.5\n\
+                       [texts.en]\n\"stuck.full\" = \"Full.\"\n";
+        for text in ["slug = \"a\"", changed, guide] {
+            let study = parse(text).unwrap();
+            let again = written(&study).unwrap();
+            assert!(again.starts_with("slug = "), "{again}");
+            assert_eq!(parse(&again).unwrap(), study, "{again}");
+        }
+        let short = written(&parse("slug = \"a\"\ntitle = \"A\"").unwrap()).unwrap();
+        assert_eq!(short, "slug = \"a\"\ntitle = \"A\"\n");
+    }
+
+    #[test]
     fn complaints_name_line_and_field() {
         let check = |line: usize, text: &str, words: &[&str]| {
-            let complaint = parse(text).unwrap_err();
+            let complaint = parse(text).unwrap_err().to_string();
             assert!(!complaint.contains('\n'), "{complaint}");
             assert!(complaint.starts_with(&format!("{line}: ")), "{complaint}");
             for word in words {

@@ -29,6 +29,8 @@ pub struct App {
     pub answers: Answers,
     /// Tells the analysis worker that an analysis is queued.
     pub analysis_asked: Arc<Notify>,
+    /// Tells the solver that a study has another configuration.
+    pub study_stored: Arc<Notify>,
     /// The server's fingerprint, computed at the first request.
     pub self_check: OnceCell<SelfCheck>,
     /// Cancelled when the server stops, which ends the answers that have no end of their own.

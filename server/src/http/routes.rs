@@ -4,8 +4,8 @@ use crate::http::app::App;
 use crate::http::error::ApiError;
 use crate::http::site::Site;
 use crate::http::{
-    analyses, changes, enrolment, guard, keys, laboratory, metrics, participants, people, session,
-    site, studies, texts, trials, value_functions,
+    analyses, changes, configurations, enrolment, guard, keys, laboratory, metrics, participants,
+    people, session, site, studies, texts, trials, value_functions,
 };
 use axum::Router;
 use axum::http::StatusCode;
@@ -35,7 +35,13 @@ pub fn router(app: Arc<App>, site: &Site) -> Router {
         .route(routes::ADMIN_KEYS, get(keys::list).post(keys::make))
         .route(&routes::admin_key("{id}"), delete(keys::revoke))
         .route(routes::AUDIT, get(keys::audit))
-        .route(routes::ADMIN_STUDIES, get(laboratory::studies))
+        .route(routes::ADMIN_STUDIES, get(laboratory::studies).post(configurations::make))
+        .route(
+            &routes::admin_configuration("{slug}"),
+            get(configurations::show).put(configurations::change),
+        )
+        .route(&routes::admin_status("{slug}"), put(configurations::set_status))
+        .route(routes::ADMIN_DRAFTS, post(configurations::check))
         .route(&routes::admin_study("{slug}"), get(laboratory::study))
         .route(routes::CHANGES, get(changes::follow))
         .route(&routes::admin_participants("{slug}"), get(people::list))
@@ -115,6 +121,7 @@ mod tests {
             drawing: Bounded::new(plans_waiting),
             answers: Default::default(),
             analysis_asked: Arc::default(),
+            study_stored: Arc::default(),
             self_check: Default::default(),
             stopping: CancellationToken::new(),
         };

@@ -11,7 +11,9 @@ use sidestep::safety::SafetyLevels;
 use sidestep::scene::{Evader, SceneParameters};
 use sidestep::study::StudyConfig;
 use std::ops::ControlFlow;
+use std::sync::Arc;
 use std::time::Instant;
+use tokio::sync::Notify;
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
 
@@ -96,12 +98,18 @@ impl Solver {
     /// Starts solving. A failure is logged, and browsers that need the function solve it
     /// themselves.
     #[must_use]
-    pub fn start(store: Store) -> Self {
+    pub fn start(store: Store, study_stored: Arc<Notify>) -> Self {
         let cancel = CancellationToken::new();
         let watched = cancel.clone();
         let task = tokio::spawn(async move {
-            if let Err(error) = solve_all(&store, &watched).await {
-                tracing::error!(error = format!("{error:#}"), "solving value functions");
+            while !watched.is_cancelled() {
+                if let Err(error) = solve_all(&store, &watched).await {
+                    tracing::error!(error = format!("{error:#}"), "solving value functions");
+                }
+                tokio::select! {
+                    () = study_stored.notified() => {}
+                    () = watched.cancelled() => {}
+                }
             }
         });
         Self { cancel, task }

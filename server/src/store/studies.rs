@@ -4,6 +4,7 @@
 //! when it stores new JSON; other code reads it with the row. A configuration that an earlier version
 //! stored keeps its hash, although this version would write other JSON.
 
+use super::audit::{self, NewEntry};
 use super::{Store, StoreError};
 use rusqlite::{Connection, OptionalExtension, params};
 use sha2::{Digest, Sha256};
@@ -21,6 +22,17 @@ pub struct StoredStudy {
     pub config: Arc<StudyConfig>,
     /// The hash of this configuration in the database.
     pub config_hash: String,
+}
+
+/// What came of a change of a study.
+#[derive(Clone, Debug)]
+pub enum ChangeStudy {
+    /// The study has the configuration.
+    Stored(StoredStudy),
+    /// Somebody else has changed it; nothing was stored.
+    ChangedMeanwhile,
+    /// There is no such study.
+    Unknown,
 }
 
 impl Store {
@@ -78,6 +90,49 @@ impl Store {
     ) -> Result<StoredStudy, StoreError> {
         let new = Arc::new(new.clone());
         self.write(move |db| put(db, &new, now_ms)).await
+    }
+
+    /// Creates a study, and notes who did; nothing if there is one of this name.
+    ///
+    /// # Errors
+    /// [`StoreError::Revoked`] if the key is not valid any more.
+    pub async fn make_study(
+        &self,
+        new: &StudyConfig,
+        entry: NewEntry,
+    ) -> Result<Option<StoredStudy>, StoreError> {
+        let new = Arc::new(new.clone());
+        self.write(move |db| {
+            if find(db, &new.slug)?.is_some() {
+                return Ok(None);
+            }
+            audit::add(db, &entry)?;
+            put(db, &new, entry.at_ms).map(Some)
+        })
+        .await
+    }
+
+    /// Gives a study this configuration for new participants, and notes who did, if its configuration
+    /// is still the one with the hash `base`.
+    ///
+    /// # Errors
+    /// [`StoreError::Revoked`] if the key is not valid any more.
+    pub async fn change_study(
+        &self,
+        new: &StudyConfig,
+        base: String,
+        entry: NewEntry,
+    ) -> Result<ChangeStudy, StoreError> {
+        let new = Arc::new(new.clone());
+        self.write(move |db| {
+            let Some(known) = find(db, &new.slug)? else { return Ok(ChangeStudy::Unknown) };
+            if known.config_hash != base {
+                return Ok(ChangeStudy::ChangedMeanwhile);
+            }
+            audit::add(db, &entry)?;
+            put(db, &new, entry.at_ms).map(ChangeStudy::Stored)
+        })
+        .await
     }
 
     /// The names of all studies, oldest first.

@@ -114,6 +114,10 @@ pub enum Action {
     KeyRevoked,
     /// Data left the server; the subject is what and in which format.
     Exported,
+    /// A study was made.
+    StudyMade,
+    /// A study has another configuration, or another status; the subject is the fields that changed.
+    StudyChanged,
     /// All pilots of a study were deleted; the subject is their number.
     PilotsDeleted,
     /// An analysis was requested; the subject is its id.
@@ -128,11 +132,13 @@ pub enum Action {
 
 impl Action {
     /// All of them.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 11] = [
         Self::SignedIn,
         Self::KeyMade,
         Self::KeyRevoked,
         Self::Exported,
+        Self::StudyMade,
+        Self::StudyChanged,
         Self::PilotsDeleted,
         Self::AnalysisRequested,
         Self::AnalysisCancelled,
@@ -148,6 +154,8 @@ impl Action {
             Self::KeyMade => "key_made",
             Self::KeyRevoked => "key_revoked",
             Self::Exported => "exported",
+            Self::StudyMade => "study_made",
+            Self::StudyChanged => "study_changed",
             Self::PilotsDeleted => "pilots_deleted",
             Self::AnalysisRequested => "analysis_requested",
             Self::AnalysisCancelled => "analysis_cancelled",

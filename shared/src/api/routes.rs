@@ -51,6 +51,18 @@ pub const ADMIN_STUDIES: &str = "/api/v1/admin/studies";
 pub fn admin_study(slug: &str) -> String {
     format!("/api/v1/admin/studies/{slug}")
 }
+/// A study's configuration as the text of a study file; a PUT replaces it for new participants.
+#[must_use]
+pub fn admin_configuration(slug: &str) -> String {
+    format!("/api/v1/admin/studies/{slug}/configuration")
+}
+/// A PUT opens, closes or archives a study.
+#[must_use]
+pub fn admin_status(slug: &str) -> String {
+    format!("/api/v1/admin/studies/{slug}/status")
+}
+/// A POST checks a draft of a study file.
+pub const ADMIN_DRAFTS: &str = "/api/v1/admin/drafts";
 /// Server-sent events: one whenever something that the server stores has changed.
 pub const CHANGES: &str = "/api/v1/admin/changes";
 /// The participants of a study, without the query that names the format.

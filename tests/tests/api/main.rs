@@ -8,6 +8,7 @@ mod analyze_input;
 mod analyses;
 mod bad_input;
 mod changes;
+mod configurations;
 mod database;
 mod design;
 mod trouble;

@@ -1,7 +1,8 @@
 //! The files that `sidestep design` writes.
 
-use super::balance::times;
-use super::{CommandError, PhaseDesign, unwritable};
+use super::{CommandError, unwritable};
+use crate::design::PhaseDesign;
+use crate::design::balance::times;
 use crate::figure;
 use crate::formats::atomic_folder::Draft;
 use csv::Writer;

@@ -6,7 +6,7 @@ use sidestep::scene::{Coordinate, StratifiedScene, williams_block};
 
 /// How evenly the scenes of a phase are spread over all participants.
 #[derive(Clone, Debug, Serialize)]
-pub(super) struct Balance {
+pub struct Balance {
     phase: &'static str,
     scenes: usize,
     /// Participants after which the orders repeat.
@@ -45,7 +45,7 @@ impl Range {
 
 impl Balance {
     /// Says on standard error what the counts mean, for people; programs read the JSON.
-    pub(super) fn explain(&self) {
+    pub fn explain(&self) {
         let Self { phase, drawn, exchanged, unfilled, .. } = self;
         let strata = 3 * drawn;
         let exchanged = match exchanged {
@@ -61,7 +61,9 @@ impl Balance {
         );
     }
 
-    pub(super) fn of(design: &PhaseDesign) -> Self {
+    /// How evenly these scenes are spread.
+    #[must_use]
+    pub fn of(design: &PhaseDesign) -> Self {
         let scenes = design.phase.scenes;
         let all = || design.people.iter().flatten();
         let unfilled = |person: &Vec<_>| {
@@ -112,7 +114,7 @@ impl Balance {
 }
 
 /// How often each of 0 … `count` − 1 occurs.
-pub(super) fn times<T>(
+pub fn times<T>(
     count: usize,
     items: impl IntoIterator<Item = T>,
     number: impl Fn(T) -> usize,

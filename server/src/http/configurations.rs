@@ -1,0 +1,212 @@
+//! Studies as experimenters set them up: drafts of study files, checked, shown and stored.
+//!
+//! A configuration in use is never edited: whoever has enrolled keeps theirs, and new participants get the
+//! new one.
+
+use crate::clock::now_ms;
+use crate::design;
+use crate::formats::study_toml::{StudyFile, written};
+use crate::formats::toml_lines::Complaint;
+use crate::http::app::App;
+use crate::http::error::ApiError;
+use crate::http::experimenters::{Experimenter, Manager, Reader};
+use crate::http::json::JsonBody;
+use crate::http::params::PathText;
+use crate::http::studies::named;
+use crate::jobs::safety;
+use crate::store::studies::{ChangeStudy, StoredStudy};
+use anyhow::Context;
+use axum::Json;
+use axum::extract::State;
+use axum::http::StatusCode;
+use serde_json::Value;
+use sidestep::api::{
+    Action, Change, Configuration, Draft, DraftChecked, NewStatus, Problem, Remark,
+};
+use sidestep::invalid::Invalid;
+use sidestep::study::StudyConfig;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// Most scenes that the picture of a draft shows; fewer participants are drawn if there are more.
+const MOST_SCENES: u64 = 3_000;
+
+/// `GET /api/v1/admin/studies/{slug}/configuration`.
+pub async fn show(
+    _: Reader,
+    State(app): State<Arc<App>>,
+    PathText(slug): PathText,
+) -> Result<Json<Configuration>, ApiError> {
+    configuration(&app, named(&app.store, &slug).await?).await.map(Json)
+}
+
+/// `POST /api/v1/admin/drafts`: 200 also for a draft that is no study, with what is wrong.
+pub async fn check(
+    _: Reader,
+    State(app): State<Arc<App>>,
+    JsonBody(draft): JsonBody<Draft>,
+) -> Result<Json<DraftChecked>, ApiError> {
+    let (file, warnings) = match app.library.languages().read_draft(&draft.toml) {
+        Ok(read) => read,
+        Err(complaint) => {
+            let complaint = Some(remark(complaint));
+            let (warnings, changes) = (Vec::new(), Vec::new());
+            return Ok(Json(DraftChecked { complaint, warnings, changes, picture: None }));
+        }
+    };
+    let config = Arc::new(file.config().clone());
+    let present = app.store.study(&config.slug).await?.filter(|_| draft.base.is_some());
+    let changes = match present {
+        Some(study) => changes(&study.config, &config)?,
+        None => Vec::new(),
+    };
+    let drawn = Arc::clone(&config);
+    let picture = app.drawing.queue()?.run(move || picture(&drawn)).await??;
+    let warnings = warnings.into_iter().map(remark).collect();
+    Ok(Json(DraftChecked { complaint: None, warnings, changes, picture: Some(picture) }))
+}
+
+/// `POST /api/v1/admin/studies`: 201 with the new study.
+pub async fn make(
+    Manager(me): Manager,
+    State(app): State<Arc<App>>,
+    JsonBody(draft): JsonBody<Draft>,
+) -> Result<(StatusCode, Json<Configuration>), ApiError> {
+    let file = accepted(&app, &draft)?;
+    let slug = &file.config().slug;
+    let entry = me.does(Action::StudyMade, Some(slug), None);
+    let taken = || ApiError::conflict("taken", format!("there is a study {slug} already"));
+    let study = app.store.make_study(file.config(), entry).await?.ok_or_else(taken)?;
+    Ok((StatusCode::CREATED, Json(stored(&app, study).await?)))
+}
+
+/// `PUT /api/v1/admin/studies/{slug}/configuration`: the configuration of new participants. 409 `changed` if
+/// the study has another one than the draft began with.
+pub async fn change(
+    Manager(me): Manager,
+    State(app): State<Arc<App>>,
+    PathText(slug): PathText,
+    JsonBody(draft): JsonBody<Draft>,
+) -> Result<Json<Configuration>, ApiError> {
+    let present = named(&app.store, &slug).await?;
+    let file = accepted(&app, &draft)?;
+    let new = file.config();
+    if new.slug != slug {
+        let expected = format!("{slug}, since a study keeps its name in addresses");
+        return Err(Invalid::new("slug", expected, &new.slug).into());
+    }
+    let base = draft.base.unwrap_or_default();
+    replace(&app, &me, &present, new, base).await.map(Json)
+}
+
+/// `PUT /api/v1/admin/studies/{slug}/status`: opens, closes or archives a study, with the same configuration
+/// otherwise.
+pub async fn set_status(
+    Manager(me): Manager,
+    State(app): State<Arc<App>>,
+    PathText(slug): PathText,
+    JsonBody(new): JsonBody<NewStatus>,
+) -> Result<Json<Configuration>, ApiError> {
+    let present = named(&app.store, &slug).await?;
+    let config = StudyConfig { status: new.status, ..(*present.config).clone() };
+    let base = present.config_hash.clone();
+    replace(&app, &me, &present, &config, base).await.map(Json)
+}
+
+async fn replace(
+    app: &App,
+    me: &Experimenter,
+    present: &StoredStudy,
+    new: &StudyConfig,
+    base: String,
+) -> Result<Configuration, ApiError> {
+    let slug = &present.slug;
+    let fields: Vec<_> =
+        changes(&present.config, new)?.into_iter().map(|change| change.field).collect();
+    // The names of fields say nothing about people.
+    let subject = if fields.is_empty() { "nothing".to_owned() } else { fields.join(", ") };
+    let entry = me.does(Action::StudyChanged, Some(slug), Some(subject));
+    match app.store.change_study(new, base, entry).await? {
+        ChangeStudy::Stored(study) => stored(app, study).await,
+        ChangeStudy::ChangedMeanwhile => {
+            let message = "somebody else has changed this study since you began; look at its \
+                           present configuration before you change it";
+            Err(ApiError::conflict("changed", message))
+        }
+        ChangeStudy::Unknown => Err(ApiError::not_found("study")),
+    }
+}
+
+/// What follows when a study has been stored.
+async fn stored(app: &App, study: StoredStudy) -> Result<Configuration, ApiError> {
+    safety::keep_exact(&app.store, &study).await?;
+    app.study_stored.notify_one();
+    configuration(app, study).await
+}
+
+async fn configuration(app: &App, study: StoredStudy) -> Result<Configuration, ApiError> {
+    let counts = app.store.summaries(Some(study.slug.clone()), now_ms()).await?;
+    Ok(Configuration {
+        toml: written(&study.config).context("a configuration as TOML")?,
+        study: study.slug,
+        hash: study.config_hash,
+        participants: counts.first().map_or(0, |study| study.participants),
+    })
+}
+
+/// The study of a draft.
+fn accepted(app: &App, draft: &Draft) -> Result<StudyFile, ApiError> {
+    let read = app.library.languages().read_draft(&draft.toml);
+    let (file, _) = read.map_err(|Complaint { line, what }| {
+        let message = format!("line {line}: {what}");
+        let (code, field) = ("invalid".to_owned(), Some("toml".to_owned()));
+        let problem = Problem { code, message, field, return_url: None };
+        ApiError::Problem { status: StatusCode::UNPROCESSABLE_ENTITY, problem }
+    })?;
+    Ok(file)
+}
+
+fn remark(complaint: Complaint) -> Remark {
+    Remark { line: complaint.line, message: complaint.what }
+}
+
+fn picture(study: &StudyConfig) -> Result<String, ApiError> {
+    let scenes: u64 = study.phases.iter().map(|phase| phase.scenes as u64).sum();
+    let people = design::usual_participants(study).min(MOST_SCENES / scenes.max(1)).max(1);
+    Ok(design::picture(study, &design::draw(study, people)?).svg())
+}
+
+/// The fields in which two configurations differ, in the order of their names. Lists are compared whole.
+fn changes(before: &StudyConfig, after: &StudyConfig) -> Result<Vec<Change>, ApiError> {
+    let leaves = |config: &StudyConfig| -> Result<BTreeMap<String, String>, ApiError> {
+        let document = serde_json::to_value(config).context("a configuration as JSON")?;
+        let mut found = BTreeMap::new();
+        collect(&document, String::new(), &mut found);
+        Ok(found)
+    };
+    let (before, after) = (leaves(before)?, leaves(after)?);
+    let mut fields: Vec<&String> = before.keys().chain(after.keys()).collect();
+    fields.sort();
+    fields.dedup();
+    let change = |field: &String| Change {
+        field: field.clone(),
+        before: before.get(field).cloned(),
+        after: after.get(field).cloned(),
+    };
+    let changes = fields.into_iter().map(change);
+    Ok(changes.filter(|change| change.before != change.after).collect())
+}
+
+fn collect(value: &Value, path: String, found: &mut BTreeMap<String, String>) {
+    match value {
+        Value::Object(fields) => {
+            for (name, value) in fields {
+                let path = if path.is_empty() { name.clone() } else { format!("{path}.{name}") };
+                collect(value, path, found);
+            }
+        }
+        value => {
+            found.insert(path, value.to_string());
+        }
+    }
+}
