@@ -127,7 +127,8 @@ pub fn written(config: &StudyConfig) -> Result<String, toml::ser::Error> {
         table.remove(name);
         head.insert(name.to_owned(), Value::String(value.clone()));
     }
-    Ok(toml::to_string(&head)? + &toml::to_string_pretty(&table)?)
+    let (head, rest) = (toml::to_string(&head)?, toml::to_string_pretty(&table)?);
+    Ok(if rest.starts_with('[') { head + "\n" + &rest } else { head + &rest })
 }
 
 /// Removes what is the same in both tables, at any depth.

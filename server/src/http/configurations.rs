@@ -176,7 +176,8 @@ fn picture(study: &StudyConfig) -> Result<String, ApiError> {
     Ok(design::picture(study, &design::draw(study, people)?).svg())
 }
 
-/// The fields in which two configurations differ, in the order of their names. Lists are compared whole.
+/// The fields in which two configurations differ, in the order of their names. Lists of tables are compared
+/// one by one, other lists whole.
 fn changes(before: &StudyConfig, after: &StudyConfig) -> Result<Vec<Change>, ApiError> {
     let leaves = |config: &StudyConfig| -> Result<BTreeMap<String, String>, ApiError> {
         let document = serde_json::to_value(config).context("a configuration as JSON")?;
@@ -203,6 +204,11 @@ fn collect(value: &Value, path: String, found: &mut BTreeMap<String, String>) {
             for (name, value) in fields {
                 let path = if path.is_empty() { name.clone() } else { format!("{path}.{name}") };
                 collect(value, path, found);
+            }
+        }
+        Value::Array(items) if items.iter().any(Value::is_object) => {
+            for (i, item) in items.iter().enumerate() {
+                collect(item, format!("{path}[{i}]"), found);
             }
         }
         value => {

@@ -114,7 +114,7 @@ async fn a_study_is_made_changed_closed_and_kept_over_a_restart() {
         .collect();
     assert_eq!(
         said,
-        [("study_changed", "status"), ("study_changed", "phases"), ("study_made", "")]
+        [("study_changed", "status"), ("study_changed", "phases[0].scenes"), ("study_made", "")]
     );
 
     // The file of the first study is given again; both studies are as the laboratory left them.

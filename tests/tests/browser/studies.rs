@@ -2,7 +2,7 @@
 
 use crate::{sign_in, start, take};
 use serde_json::json;
-use sidestep::api::{Completed, KeySummary, routes};
+use sidestep::api::{Completed, Enrolled, KeySummary, routes};
 use sidestep_tests::browser::{Browser, Tab};
 use sidestep_tests::server::SHORT_STUDY;
 use sidestep_tests::{Driver, Server};
@@ -102,6 +102,53 @@ async fn keys_are_made_and_revoked() {
     other.go(&format!("{}/lab", server.origin)).await;
     assert!(other.words("key").await.is_empty());
     guest.close().await;
+    tab.is_well().await;
+    browser.close().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_study_is_made_changed_and_closed_in_the_browser() {
+    let (server, browser, tab) = start(SHORT_STUDY).await;
+    sign_in(&tab, &server).await;
+    tab.press("new-study").await;
+    tab.until(&Tab::at("design")).await;
+    take(&tab, "new-study").await;
+    let text = "slug = \"pilot\"\ntitle = \"Pilot of the spring\"\n\n[[phases]]\nphase = \"task\"\nscenes = ";
+    tab.enter("toml", &format!("{text}none\n")).await;
+    tab.until_says("complaint", "Line 6").await;
+    take(&tab, "new-study-complaint").await;
+    tab.enter("toml", &format!("{text}12\n")).await;
+    tab.until(&Tab::at("sound")).await;
+    tab.press("store").await;
+    tab.until("location.pathname === '/lab/studies/pilot/configuration'").await;
+    tab.until(&Tab::at("links")).await;
+    let body = json!({ "consent": true });
+    let first: Enrolled = Driver::ask_in(&server, "pilot", body.clone()).await.into(201);
+    assert_eq!(first.plan.scenes().count(), 12);
+
+    // Another number of scenes, for those who come later.
+    tab.reload().await;
+    tab.until(&Tab::at("design")).await;
+    let shown: String = tab.eval(&format!("{}.value", Tab::at("toml"))).await;
+    assert!(shown.contains("Pilot of the spring") && shown.contains("scenes = 12"), "{shown}");
+    tab.enter("toml", &shown.replace("scenes = 12", "scenes = 8")).await;
+    tab.until_says("changes", "phases[0].scenes").await;
+    tab.press("store").await;
+    assert!(tab.words("keeps").await.starts_with("1 participant has begun"));
+    take(&tab, "configuration-confirm").await;
+    tab.press("confirm").await;
+    tab.until(&Tab::at("stored")).await;
+    let later: Enrolled = Driver::ask_in(&server, "pilot", body.clone()).await.into(201);
+    assert_eq!(later.plan.scenes().count(), 8);
+    tab.press("set-closed").await;
+    tab.until(&Tab::at("set-open")).await;
+    Driver::ask_in(&server, "pilot", body).await.problem(403, "closed", None);
+    take(&tab, "configuration").await;
+    tab.press("copy").await;
+    tab.until("document.title.startsWith('New study')").await;
+    tab.until(&Tab::at("design")).await;
+    let copy: String = tab.eval(&format!("{}.value", Tab::at("toml"))).await;
+    assert!(copy.starts_with("slug = \"pilot-copy\"\n") && !copy.contains("closed"), "{copy}");
     tab.is_well().await;
     browser.close().await;
 }

@@ -6,6 +6,7 @@ mod study;
 mod home;
 mod participants;
 mod trials;
+mod configuration;
 mod access;
 mod self_check;
 mod routes;

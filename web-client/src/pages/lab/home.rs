@@ -1,10 +1,11 @@
 //! The first page of the laboratory: every study with its state, and what needs attention.
 
 use super::study::{self, Tab};
+use super::visit::Visit;
 use crate::pages::parts::{self, alert, count, fact};
 use crate::runtime::{Answer, Command, Commands, Page, Request, read};
 use crate::view::{self, el};
-use sidestep::api::{StudySummary, routes};
+use sidestep::api::{Access, StudySummary, routes};
 use sidestep::study::Status;
 
 type Node = view::Node<Msg>;
@@ -13,6 +14,7 @@ type Node = view::Node<Msg>;
 pub(super) struct Home {
     /// Newest first; none before the server has answered.
     studies: Option<Vec<StudySummary>>,
+    may_manage: bool,
     /// Why the list is missing or old.
     trouble: Option<String>,
 }
@@ -28,8 +30,9 @@ pub(super) enum Msg {
 
 impl Home {
     /// The page as it opens.
-    pub(super) fn open() -> (Self, Commands<Msg>) {
-        let page = Self { studies: None, trouble: None };
+    pub(super) fn open(visit: &Visit<'_>) -> (Self, Commands<Msg>) {
+        let may_manage = visit.session.access >= Access::Manage;
+        let page = Self { studies: None, may_manage, trouble: None };
         (page, vec![ask(), study::follow(|| Msg::Changed)])
     }
 }
@@ -66,7 +69,17 @@ impl Page for Home {
         let newest = studies.first().filter(|_| begins);
         el("main")
             .class("page")
-            .child(parts::heading("Studies"))
+            .child(el("div").class("page-head").child(parts::heading("Studies")).children(
+                self.may_manage.then(|| {
+                    el("div").class("actions").child(
+                        el("a")
+                            .class("button")
+                            .attr("href", "/lab/new")
+                            .test_id("new-study")
+                            .text("New study"),
+                    )
+                }),
+            ))
             .children(self.trouble.as_deref().map(|why| alert("old", why)))
             .children(newest.map(first_steps))
             .child(
@@ -161,9 +174,11 @@ fn first_steps(study: &StudySummary) -> Node {
         ),
         step(
             "Make the study your own",
-            "Describe it in a file (docs/study.md shows a whole one), look at its scenes with \
-             “sidestep design --study FILE”, and start the server with “--study FILE”.",
-            None,
+            "Its scenes, texts, questions and links are lines of a file that is checked while you \
+             write.",
+            Some(
+                el("a").class("button").attr("href", "/lab/new").test_id("make").text("New study"),
+            ),
         ),
     ];
     el("section")

@@ -1,6 +1,7 @@
 //! Which page of the laboratory an address names: one line a page.
 
 use super::access::AccessPage;
+use super::configuration::ConfigurationPage;
 use super::home::Home;
 use super::hosted::{AnyMsg, AnyPage, host};
 use super::participants::Participants;
@@ -25,9 +26,11 @@ type Open = fn(&Visit<'_>) -> (AnyPage, Commands<AnyMsg>);
 /// Every page, in the order of the navigation.
 #[rustfmt::skip]
 pub(super) static ROUTES: &[Route] = &[
-    Route { path: "/lab", nav: Some("Studies"), open: |_| host(Home::open()) },
+    Route { path: "/lab", nav: Some("Studies"), open: |visit| host(Home::open(visit)) },
     Route { path: "/lab/studies/{id}", nav: None, open: |visit| host(Participants::open(visit)) },
     Route { path: "/lab/studies/{id}/trials", nav: None, open: |visit| host(Trials::open(visit)) },
+    Route { path: "/lab/studies/{id}/configuration", nav: None, open: |visit| host(ConfigurationPage::open(visit)) },
+    Route { path: "/lab/new", nav: None, open: |visit| host(ConfigurationPage::open_new(visit)) },
     Route { path: "/lab/replay/{id}", nav: None, open: |visit| host(ReplayPage::open(visit.id)) },
     Route { path: "/lab/access", nav: Some("Access"), open: |visit| host(AccessPage::open(visit)) },
     Route { path: "/lab/self-check", nav: Some("Self-check"), open: |_| host(SelfCheckPage::open()) },

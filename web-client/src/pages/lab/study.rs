@@ -12,15 +12,17 @@ use std::rc::Rc;
 pub(super) enum Tab {
     Participants,
     Trials,
+    Configuration,
 }
 
 impl Tab {
-    const ALL: [Self; 2] = [Self::Participants, Self::Trials];
+    const ALL: [Self; 3] = [Self::Participants, Self::Trials, Self::Configuration];
 
     fn words(self) -> &'static str {
         match self {
             Self::Participants => "Participants",
             Self::Trials => "Trials",
+            Self::Configuration => "Configuration",
         }
     }
 
@@ -29,6 +31,7 @@ impl Tab {
         match self {
             Self::Participants => format!("/lab/studies/{slug}"),
             Self::Trials => format!("/lab/studies/{slug}/trials"),
+            Self::Configuration => format!("/lab/studies/{slug}/configuration"),
         }
     }
 }

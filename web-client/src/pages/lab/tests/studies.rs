@@ -6,7 +6,7 @@ use sidestep::api::{
 };
 use sidestep::study::Status;
 
-fn study(slug: &str, participants: u64) -> StudySummary {
+pub(super) fn study(slug: &str, participants: u64) -> StudySummary {
     StudySummary {
         slug: slug.into(),
         title: format!("Study {slug}"),
