@@ -118,6 +118,28 @@ impl Driver {
         sent
     }
 
+    /// Drives all scenes with keys that are held for half a second or so; another person steers otherwise.
+    ///
+    /// # Panics
+    /// If a trial is not stored.
+    pub async fn drive_restlessly(&self, server: &Address, parameters: &SceneParameters, who: u64) {
+        let mut state = who.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
+        for (id, scene) in self.scenes() {
+            let mut inputs = Vec::new();
+            while inputs.len() < parameters.steps {
+                state ^= state << 13;
+                state ^= state >> 7;
+                state ^= state << 17;
+                let input = TurnInput::ALL[(state % 3) as usize];
+                inputs.extend(std::iter::repeat_n(input, 1 + (state >> 8) as usize % 6));
+            }
+            inputs.truncate(parameters.steps);
+            let trial = upload_with(parameters, &scene, inputs);
+            let answer = self.send(server, &id, &trial).await;
+            assert_eq!(answer.status, 201, "{}", answer.body);
+        }
+    }
+
     /// The answer to a completion.
     pub async fn complete(&self, server: &Address) -> Answer {
         Answer::of(self.request(server, Method::POST, routes::COMPLETE)).await

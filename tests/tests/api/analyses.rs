@@ -8,7 +8,7 @@ use sidestep::comparison::Request;
 use sidestep::safety::SafetyQuality;
 use sidestep::scene::{Evader, SceneParameters};
 use sidestep::vehicle::{TurnInput, VehicleModel};
-use sidestep_tests::{Answer, Driver, Server, behind, sidestep, upload, upload_with};
+use sidestep_tests::{Answer, Driver, Server, behind, sidestep, upload};
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
@@ -25,21 +25,7 @@ async fn drive(server: &Server, who: u64) -> Driver {
 /// The same, with other vehicles.
 async fn drive_with(parameters: &SceneParameters, server: &Server, who: u64) -> Driver {
     let driver = Driver::enrol(server).await;
-    let mut state = who.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
-    for (id, scene) in driver.scenes() {
-        let mut inputs = Vec::new();
-        while inputs.len() < 50 {
-            state ^= state << 13;
-            state ^= state >> 7;
-            state ^= state << 17;
-            let input = TurnInput::ALL[(state % 3) as usize];
-            inputs.extend(std::iter::repeat_n(input, 1 + (state >> 8) as usize % 6));
-        }
-        inputs.truncate(50);
-        let trial = upload_with(parameters, &scene, inputs);
-        let answer = driver.send(server, &id, &trial).await;
-        assert_eq!(answer.status, 201, "{}", answer.body);
-    }
+    driver.drive_restlessly(server, parameters, who).await;
     driver
 }
 

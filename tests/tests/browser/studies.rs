@@ -3,6 +3,7 @@
 use crate::{sign_in, start, take};
 use serde_json::json;
 use sidestep::api::{Completed, Enrolled, KeySummary, routes};
+use sidestep::scene::SceneParameters;
 use sidestep_tests::browser::{Browser, Tab};
 use sidestep_tests::server::SHORT_STUDY;
 use sidestep_tests::{Driver, Server};
@@ -149,6 +150,36 @@ async fn a_study_is_made_changed_and_closed_in_the_browser() {
     tab.until(&Tab::at("design")).await;
     let copy: String = tab.eval(&format!("{}.value", Tab::at("toml"))).await;
     assert!(copy.starts_with("slug = \"pilot-copy\"\n") && !copy.contains("closed"), "{copy}");
+    tab.is_well().await;
+    browser.close().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn an_analysis_is_started_and_read_in_the_browser() {
+    let study =
+        "slug = \"default\"\ntitle = \"Short\"\nphases = [{ phase = \"task\", scenes = 8 }]\n";
+    let (server, browser, tab) = start(study).await;
+    for who in 1..=2 {
+        let driver = Driver::enrol(&server).await;
+        driver.drive_restlessly(&server, &SceneParameters::default(), who).await;
+    }
+    sign_in(&tab, &server).await;
+    tab.press("study-default").await;
+    tab.press("tab-analyses").await;
+    tab.until(&Tab::at("new-analysis")).await;
+    take(&tab, "analyses-none").await;
+    tab.press("ask").await;
+    tab.until_says("analyses", "done").await;
+    take(&tab, "analyses").await;
+    tab.press("open-analysis").await;
+    tab.until(&Tab::at("report")).await;
+    // The report is there, and can run nothing.
+    tab.until(&format!("{}.contentWindow.length === 0", Tab::at("report"))).await;
+    assert!(tab.words("files").await.contains("report.html"));
+    take(&tab, "analysis").await;
+    tab.press("delete").await;
+    tab.press("sure").await;
+    tab.until("document.querySelector('.empty')").await;
     tab.is_well().await;
     browser.close().await;
 }

@@ -6,6 +6,8 @@ mod study;
 mod home;
 mod participants;
 mod trials;
+mod analyses;
+mod analysis;
 mod configuration;
 mod access;
 mod self_check;

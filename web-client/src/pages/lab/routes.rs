@@ -1,6 +1,8 @@
 //! Which page of the laboratory an address names: one line a page.
 
 use super::access::AccessPage;
+use super::analyses::Analyses;
+use super::analysis::AnalysisView;
 use super::configuration::ConfigurationPage;
 use super::home::Home;
 use super::hosted::{AnyMsg, AnyPage, host};
@@ -29,6 +31,8 @@ pub(super) static ROUTES: &[Route] = &[
     Route { path: "/lab", nav: Some("Studies"), open: |visit| host(Home::open(visit)) },
     Route { path: "/lab/studies/{id}", nav: None, open: |visit| host(Participants::open(visit)) },
     Route { path: "/lab/studies/{id}/trials", nav: None, open: |visit| host(Trials::open(visit)) },
+    Route { path: "/lab/studies/{id}/analyses", nav: None, open: |visit| host(Analyses::open(visit)) },
+    Route { path: "/lab/analyses/{id}", nav: None, open: |visit| host(AnalysisView::open(visit)) },
     Route { path: "/lab/studies/{id}/configuration", nav: None, open: |visit| host(ConfigurationPage::open(visit)) },
     Route { path: "/lab/new", nav: None, open: |visit| host(ConfigurationPage::open_new(visit)) },
     Route { path: "/lab/replay/{id}", nav: None, open: |visit| host(ReplayPage::open(visit.id)) },

@@ -12,16 +12,18 @@ use std::rc::Rc;
 pub(super) enum Tab {
     Participants,
     Trials,
+    Analyses,
     Configuration,
 }
 
 impl Tab {
-    const ALL: [Self; 3] = [Self::Participants, Self::Trials, Self::Configuration];
+    const ALL: [Self; 4] = [Self::Participants, Self::Trials, Self::Analyses, Self::Configuration];
 
     fn words(self) -> &'static str {
         match self {
             Self::Participants => "Participants",
             Self::Trials => "Trials",
+            Self::Analyses => "Analyses",
             Self::Configuration => "Configuration",
         }
     }
@@ -31,6 +33,7 @@ impl Tab {
         match self {
             Self::Participants => format!("/lab/studies/{slug}"),
             Self::Trials => format!("/lab/studies/{slug}/trials"),
+            Self::Analyses => format!("/lab/studies/{slug}/analyses"),
             Self::Configuration => format!("/lab/studies/{slug}/configuration"),
         }
     }

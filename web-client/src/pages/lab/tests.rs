@@ -1,6 +1,7 @@
 //! The laboratory without a browser.
 
 mod access;
+mod analyses;
 mod configuration;
 mod studies;
 

@@ -1,0 +1,285 @@
+//! One analysis: its progress, then its report and files, and which data went in.
+
+use super::analyses::{settings, state};
+use super::study::{self, Tab};
+use super::visit::Visit;
+use crate::pages::parts::{self, alert, button, count, fact};
+use crate::runtime::{Answer, Command, Commands, Page, Request, read};
+use crate::view::{self, el};
+use sidestep::api::{Access, AnalysisDetail, AnalysisFile, AnalysisResult, AnalysisState, routes};
+
+type Node = view::Node<Msg>;
+
+/// The page of an analysis.
+pub(super) struct AnalysisView {
+    id: String,
+    may_manage: bool,
+    analysis: Option<AnalysisDetail>,
+    /// Deleting waits for a second press.
+    deleting: bool,
+    trouble: Option<String>,
+}
+
+/// What the page can be told.
+#[derive(Clone)]
+pub(super) enum Msg {
+    /// Something has changed.
+    Changed,
+    /// The server described the analysis.
+    Found(Answer),
+    /// It is to be cancelled.
+    Cancel,
+    /// The server has done so, or refused.
+    Cancelled(Answer),
+    /// It is to be deleted, or no longer.
+    AskToDelete(bool),
+    /// The user is sure.
+    Delete,
+    /// The server has done so, or refused.
+    Deleted(Answer),
+}
+
+/// The report's name among the files.
+const REPORT: &str = "report.html";
+
+impl AnalysisView {
+    /// The page as it opens at `/lab/analyses/ID`.
+    pub(super) fn open(visit: &Visit<'_>) -> (Self, Commands<Msg>) {
+        let page = Self {
+            id: visit.id.to_owned(),
+            may_manage: visit.session.access >= Access::Manage,
+            analysis: None,
+            deleting: false,
+            trouble: None,
+        };
+        let commands = vec![page.ask(), study::follow(|| Msg::Changed)];
+        (page, commands)
+    }
+
+    fn ask(&self) -> Command<Msg> {
+        Command::Send(Request::get("analysis", routes::admin_analysis(&self.id), Msg::Found))
+    }
+}
+
+impl Page for AnalysisView {
+    type Msg = Msg;
+
+    fn update(&mut self, message: Msg, _: f64) -> Commands<Msg> {
+        let failure = match message {
+            Msg::Changed => return vec![self.ask()],
+            Msg::Found(answer) => match read::<AnalysisDetail>(answer) {
+                Ok(found) => {
+                    // It can change no more, unless a participant withdraws.
+                    self.analysis = Some(found);
+                    None
+                }
+                Err(failure) => {
+                    // It may have been deleted meanwhile.
+                    self.analysis = self.analysis.take().filter(|_| failure.status != 404);
+                    Some(failure)
+                }
+            },
+            Msg::Cancel => {
+                let ask = Request::get("cancel", routes::cancel_analysis(&self.id), Msg::Cancelled);
+                return vec![Command::Send(Request { method: "POST", ..ask })];
+            }
+            Msg::Cancelled(answer) => match answer {
+                Ok(_) => return vec![self.ask()],
+                Err(failure) => Some(failure),
+            },
+            Msg::AskToDelete(on) => {
+                self.deleting = on;
+                None
+            }
+            Msg::Delete => {
+                let ask = Request::get("delete", routes::admin_analysis(&self.id), Msg::Deleted);
+                return vec![Command::Send(Request { method: "DELETE", ..ask })];
+            }
+            Msg::Deleted(answer) => match (answer, &self.analysis) {
+                (Ok(_), Some(analysis)) => {
+                    let list = Tab::Analyses.address(&analysis.summary.study);
+                    return vec![Command::Visit(list)];
+                }
+                (Ok(_), None) => return vec![Command::Visit("/lab".to_owned())],
+                (Err(failure), _) => Some(failure),
+            },
+        };
+        self.trouble = failure.map(|failure| failure.sentence);
+        Vec::new()
+    }
+
+    fn view(&self) -> Node {
+        let analysis = match (&self.analysis, &self.trouble) {
+            (Some(analysis), _) => analysis,
+            (None, Some(why)) => return parts::stuck("No analysis to show", why),
+            (None, None) => return parts::loading(),
+        };
+        let summary = &analysis.summary;
+        let study = &summary.study;
+        let back =
+            el("a").attr("href", Tab::Analyses.address(study)).text(format!("Study {study}"));
+        let head = el("div")
+            .child(el("p").class("quiet").child(back))
+            .child(el("div").class("title").child(parts::heading("Analysis")).child(state(summary)))
+            .child(el("p").class("quiet").text(settings(&summary.request)));
+        el("main")
+            .class("page")
+            .child(el("div").class("page-head").child(head).child(self.actions(analysis)))
+            .children(self.trouble.as_deref().map(|why| alert("trouble", why)))
+            .children(words(analysis))
+            .children(summary.result.as_ref().map(|result| data(study, analysis, result)))
+            .children(report(analysis))
+            .children(files(&self.id, &analysis.files))
+    }
+
+    fn title(&self) -> String {
+        let study = self.analysis.as_ref().map(|analysis| analysis.summary.study.as_str());
+        study.map_or_else(|| "Analysis".to_owned(), |study| format!("{study}: analysis"))
+    }
+}
+
+/// What the state means, where its name does not say it.
+fn words(analysis: &AnalysisDetail) -> Option<Node> {
+    let summary = &analysis.summary;
+    let words = match summary.state {
+        AnalysisState::Queued => "It waits for other analyses to end.",
+        AnalysisState::Running => "It goes on in the server; this page can be closed.",
+        AnalysisState::Failed => summary.message.as_deref().unwrap_or("It failed."),
+        AnalysisState::Cancelled => "It was cancelled.",
+        AnalysisState::Withdrawn => {
+            "Its files were deleted, since they held data of a participant who withdrew. Start \
+             another analysis without them."
+        }
+        AnalysisState::Done => return None,
+    };
+    let failed = summary.state == AnalysisState::Failed;
+    Some(el("p").class(if failed { "trouble" } else { "" }).test_id("words").text(words))
+}
+
+/// Which data went in.
+fn data(study: &str, analysis: &AnalysisDetail, result: &AnalysisResult) -> Node {
+    let mut facts = vec![
+        fact("Participants", result.participants.to_string()),
+        fact("Models", result.cells.to_string()),
+    ];
+    for (flag, trials) in &result.flagged {
+        facts.push(fact(&flag.replace('_', " "), count(trials, "trial")));
+    }
+    let moments = analysis.summary.ended_at_ms.map(|ms| {
+        el("p")
+            .class("quiet")
+            .text("The data are those of ")
+            .child(el("time").moment(analysis.summary.started_at_ms.unwrap_or(ms)))
+    });
+    let excluded = result
+        .excluded
+        .iter()
+        .map(|it| el("li").text(format!("Participant {}: {}", it.participant, it.reason)));
+    let excluded = (!result.excluded.is_empty()).then(|| {
+        el("details")
+            .child(
+                el("summary")
+                    .text(format!("{} excluded", count(result.excluded.len(), "participant"))),
+            )
+            .child(el("ul").test_id("excluded").children(excluded))
+    });
+    let same = (!result.same_trials.is_empty()).then(|| {
+        let who = result.same_trials.join(", ");
+        el("p")
+            .class("waiting")
+            .text(format!("Participants {who} have the very trials of another participant."))
+    });
+    let synthetic = result.synthetic.as_ref().map(|why| {
+        el("p").class("waiting").test_id("synthetic").text(format!("Synthetic data: {why}"))
+    });
+    el("section")
+        .child(el("h2").text(format!("Data of study {study}")))
+        .child(el("dl").class("numbers").children(facts))
+        .children(synthetic)
+        .children(same)
+        .children(excluded)
+        .children(moments)
+}
+
+/// The report, which can do nothing but show itself.
+fn report(analysis: &AnalysisDetail) -> Option<Node> {
+    analysis.files.iter().find(|file| file.name == REPORT)?;
+    let address = routes::analysis_file(&analysis.summary.id, REPORT);
+    let alone = el("a").attrs(&[("href", &address), ("target", "_blank")]).text("Open it alone");
+    Some(
+        el("section")
+            .child(el("h2").text("Report"))
+            .child(
+                el("p")
+                    .class("quiet")
+                    .child(alone)
+                    .text(", to print it or to read it at full size."),
+            )
+            .child(
+                el("iframe")
+                    .class("report")
+                    .attrs(&[
+                        ("src", &address),
+                        ("title", "Report of the analysis"),
+                        ("sandbox", ""),
+                    ])
+                    .test_id("report"),
+            ),
+    )
+}
+
+fn files(id: &str, files: &[AnalysisFile]) -> Option<Node> {
+    if files.is_empty() {
+        return None;
+    }
+    let size = |bytes: u64| match bytes {
+        0..1_000 => format!("{bytes} bytes"),
+        1_000..1_000_000 => format!("{} KB", bytes / 1_000),
+        _ => format!("{:.1} MB", bytes as f64 * 1e-6),
+    };
+    let item = |file: &AnalysisFile| {
+        let link = el("a")
+            .attrs(&[("href", &routes::analysis_file(id, &file.name)), ("download", "")])
+            .text(&file.name);
+        el("li")
+            .child(link)
+            .child(el("small").class("quiet").text(format!(" {}", size(file.octets))))
+    };
+    let (models, others): (Vec<_>, Vec<_>) =
+        files.iter().partition(|file| file.name.starts_with("models/"));
+    let list =
+        |files: Vec<&AnalysisFile>| el("ul").class("files").children(files.into_iter().map(item));
+    let models = (!models.is_empty()).then(|| {
+        el("details")
+            .child(
+                el("summary").text(format!("{} for sidestep shfrs", count(models.len(), "model"))),
+            )
+            .child(list(models))
+    });
+    Some(
+        el("section")
+            .child(el("h2").text("Files"))
+            .child(list(others).test_id("files"))
+            .children(models),
+    )
+}
+
+impl AnalysisView {
+    fn actions(&self, analysis: &AnalysisDetail) -> Node {
+        let actions = el("div").class("actions");
+        if !self.may_manage {
+            return actions;
+        }
+        if !analysis.summary.state.is_over() {
+            return actions.child(button("cancel", Msg::Cancel).text("Cancel"));
+        }
+        if !self.deleting {
+            let delete = button("delete", Msg::AskToDelete(true)).class("plain");
+            return actions.child(delete.text("Delete"));
+        }
+        let sure =
+            button("sure", Msg::Delete).class("danger").focus().text("Delete with all files");
+        let keep = button("keep", Msg::AskToDelete(false)).class("plain").text("Keep");
+        actions.child(sure).child(keep)
+    }
+}

@@ -1,0 +1,141 @@
+//! Analyses that are started, watched and read.
+
+use super::studies::study;
+use super::*;
+use sidestep::api::{
+    AnalysisDetail, AnalysisFile, AnalysisPage, AnalysisProgress, AnalysisResult, AnalysisState,
+    AnalysisSummary, ExcludedParticipant,
+};
+use sidestep::comparison::Request;
+
+fn analysis(id: &str, state: AnalysisState) -> AnalysisSummary {
+    let progress = AnalysisProgress { done: 30, of: 120, left_s: Some(200.0) };
+    let excluded = ExcludedParticipant { participant: "4".into(), reason: "too few tasks".into() };
+    let result = AnalysisResult {
+        participants: 7,
+        excluded: vec![excluded],
+        flagged: [("late_sample".to_owned(), 3)].into(),
+        same_trials: Vec::new(),
+        safety: None,
+        cells: 84,
+        synthetic: None,
+    };
+    AnalysisSummary {
+        id: id.into(),
+        study: "pilot".into(),
+        request: Request { leakage: true, ..Request::default() },
+        state,
+        progress: (state == AnalysisState::Running).then_some(progress),
+        created_at_ms: 1,
+        started_at_ms: Some(2),
+        ended_at_ms: None,
+        message: (state == AnalysisState::Failed).then(|| "too few participants".into()),
+        result: (state == AnalysisState::Done).then_some(result),
+    }
+}
+
+fn list(analyses: Vec<AnalysisSummary>) -> AnalysisPage {
+    AnalysisPage { analyses, next_before: None }
+}
+
+fn detail(state: AnalysisState) -> AnalysisDetail {
+    let files = match state {
+        AnalysisState::Done => vec![
+            AnalysisFile { name: "report.html".into(), octets: 1_234_567 },
+            AnalysisFile { name: "models/lr-1.json".into(), octets: 900 },
+        ],
+        _ => Vec::new(),
+    };
+    AnalysisDetail { summary: analysis("a1", state), files }
+}
+
+#[test]
+fn an_analysis_is_started_watched_and_cancelled() {
+    let mut session = signed_in("/lab/studies/pilot/analyses");
+    session.send("study", 200, &study("pilot", 7));
+    session.send("analyses", 200, &list(Vec::new()));
+    assert!(session.text().contains("7 participants can be analysed"));
+    let text = |name: &str, text: &str| (name.to_owned(), FieldValue::Text(text.into()));
+    let form = Form::new(vec![
+        ("leakage".into(), FieldValue::Checked(true)),
+        text("set", " mine "),
+        text("features", "v_hr, distance"),
+    ]);
+    session.tell(session.page.view().submit("new-analysis", form).unwrap());
+    let body = session.asked.last().unwrap().body.clone().unwrap();
+    let asked: Request = serde_json::from_str(&body).unwrap();
+    assert!(asked.leakage && !asked.synthetic);
+    assert_eq!(asked.sets["mine"], ["v_hr", "distance"]);
+    let unknown =
+        br#"{"code":"invalid","message":"expected a feature, found v_hr","field":"sets"}"#;
+    session.answer("ask", 422, unknown);
+    assert!(session.words("trouble").unwrap().contains("found v_hr"));
+    session.tell(session.page.view().submit("new-analysis", Form::default()).unwrap());
+    assert_eq!(session.words("trouble"), None);
+    session.send("ask", 201, &analysis("a1", AnalysisState::Queued));
+    session.send("analyses", 200, &list(vec![analysis("a1", AnalysisState::Queued)]));
+    session.changed();
+    session.send("analyses", 200, &list(vec![analysis("a1", AnalysisState::Running)]));
+    let words = session.words("analyses").unwrap();
+    assert!(words.contains("25 %, about 3 min left"), "{words}");
+    session.press("cancel-a1");
+    assert_eq!(session.asked.last().unwrap().url, routes::cancel_analysis("a1"));
+    session.send("cancel", 200, &analysis("a1", AnalysisState::Cancelled));
+    session.send("analyses", 200, &list(vec![analysis("a1", AnalysisState::Cancelled)]));
+    assert!(session.words("cancel-a1").is_none());
+}
+
+#[test]
+fn a_done_analysis_shows_its_data_report_and_files() {
+    let mut session = signed_in("/lab/analyses/a1");
+    session.send("analysis", 200, &detail(AnalysisState::Running));
+    assert!(session.words("report").is_none());
+    session.changed();
+    session.send("analysis", 200, &detail(AnalysisState::Done));
+    let view = session.page.view();
+    let report = view.find("report").unwrap();
+    assert_eq!(report.attribute("src"), Some("/api/v1/admin/analyses/a1/files/report.html"));
+    assert_eq!(report.attribute("sandbox"), Some(""), "it can do nothing");
+    assert!(view.find("excluded").unwrap().words().contains("Participant 4: too few tasks"));
+    for words in ["7", "84", "late sample", "3 trials", "1.2 MB", "1 model for sidestep shfrs"] {
+        assert!(view.words().contains(words), "{words}: {}", view.words());
+    }
+    session.press("delete");
+    session.press("keep");
+    session.press("delete");
+    session.press("sure");
+    assert_eq!(session.asked.last().unwrap().method, "DELETE");
+    session.answer("delete", 204, b"");
+    assert_eq!(session.visited.last().unwrap(), "/lab/studies/pilot/analyses");
+}
+
+#[test]
+fn an_analysis_without_a_report_says_why() {
+    for (state, words) in [
+        (AnalysisState::Queued, "waits for other"),
+        (AnalysisState::Failed, "too few participants"),
+        (AnalysisState::Withdrawn, "a participant who withdrew"),
+    ] {
+        let mut session = signed_in("/lab/analyses/a1");
+        session.send("analysis", 200, &detail(state));
+        assert!(session.words("words").unwrap().contains(words), "{state:?}");
+    }
+    let mut session = signed_in("/lab/analyses/none");
+    session.answer(
+        "analysis",
+        404,
+        br#"{"code":"not_found","message":"there is no such analysis"}"#,
+    );
+    assert!(session.words("stuck").unwrap().contains("no such analysis"));
+}
+
+#[test]
+fn who_may_not_manage_starts_and_deletes_nothing() {
+    let mut session = signed_in_to("/lab/studies/pilot/analyses", Access::Export);
+    session.send("study", 200, &study("pilot", 7));
+    session.send("analyses", 200, &list(vec![analysis("a1", AnalysisState::Running)]));
+    assert!(session.words("new-analysis").is_none() && session.words("cancel-a1").is_none());
+    session.go("/lab/analyses/a1");
+    session.send("analysis", 200, &detail(AnalysisState::Done));
+    assert!(session.words("delete").is_none() && session.words("report").is_some());
+}
