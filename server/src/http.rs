@@ -25,6 +25,7 @@ pub mod changes;
 pub mod configurations;
 pub mod laboratory;
 pub mod people;
+pub mod profiles;
 pub mod analyses;
 pub mod keys;
 pub mod site;

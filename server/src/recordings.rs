@@ -10,18 +10,25 @@ use sidestep::synthetic;
 use sidestep::trial::Phase;
 
 /// The tasks of all participants of a study whose data have not been deleted. Participants who
-/// enrolled under other parameters than the study has now are excluded.
+/// enrolled under other parameters than the study has now are excluded, as are those whom an
+/// experimenter excluded.
 ///
 /// # Errors
 /// [`StoreError`] if the database cannot be read.
 pub async fn of_study(store: &Store, study: &StoredStudy) -> Result<Recording, StoreError> {
     let scene = study.config.parameters;
     let (mut participants, mut exclusions) = (Vec::new(), Vec::new());
+    let excluded = store.exclusions(study.id).await?;
     // One participant at a time, because a long read keeps SQLite from writing back its log.
     for id in store.participant_ids(study.id, false).await? {
         let driven = store.trials_of(&id).await?;
         let Some(first) = driven.first() else { continue };
         let name = first.head.participant_number.to_string();
+        if let Some(reason) = excluded.get(&id) {
+            exclusions
+                .push(Exclusion::new(&name, format!("excluded by an experimenter: {reason}")));
+            continue;
+        }
         if store.config(&first.config_hash).await?.parameters != scene {
             let reason = "enrolled under other parameters than the study's present ones";
             exclusions.push(Exclusion::new(&name, reason.to_owned()));

@@ -29,6 +29,7 @@ mod tallies;
 pub mod trials;
 pub mod people;
 pub mod overview;
+pub mod profiles;
 pub mod imports;
 #[cfg(test)]
 pub(crate) mod tests;

@@ -6,9 +6,9 @@ mod study;
 mod participation;
 mod upload;
 mod access;
+mod laboratory;
 mod people;
 mod configuration;
-mod laboratory;
 mod analyses;
 
 pub use access::{Access, Action, AuditEntry, AuditPage, KeyMade, KeySummary, NewKey, Session};
@@ -26,7 +26,10 @@ pub use participation::{
     Answers, Completed, ComprehensionResult, ComprehensionStored, Enrolled, Enrolment, Plan,
     PlannedPhase, PlannedScene, Progress, Withdrawn,
 };
-pub use people::{ParticipantPage, ParticipantSummary, Quality, Stage, StageCount};
+pub use people::{
+    ExcludedBy, NewExclusion, NewNote, Note, ParticipantDetail, ParticipantPage,
+    ParticipantSummary, Quality, Stage, StageCount, TrialPicture,
+};
 pub use study::{Admission, CheckForm, Language, QuestionForm, StudyInfo, Texts};
 pub use upload::{KeyEvent, TrialStored, TrialUpload};
 

@@ -170,7 +170,15 @@ impl Server {
     /// # Panics
     /// If there is none.
     pub async fn export(&self, slug: &str) -> String {
-        let request = self.request(Method::GET, &routes::export(slug));
+        self.admin_text(&routes::export(slug)).await
+    }
+
+    /// A file, with the experimenter's key.
+    ///
+    /// # Panics
+    /// If there is none.
+    pub async fn admin_text(&self, route: &str) -> String {
+        let request = self.request(Method::GET, route);
         let response = request.bearer_auth(&self.key).send().await.expect("an answer");
         assert_eq!(response.status(), 200);
         response.text().await.expect("a file")

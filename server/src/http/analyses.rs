@@ -193,6 +193,7 @@ fn summary(stored: StoredAnalysis) -> AnalysisSummary {
         ended_at_ms: stored.ended_at_ms,
         message: stored.message,
         result: stored.result,
+        stale: stored.stale,
     }
 }
 

@@ -205,7 +205,9 @@ async fn stored(store: &Store, trial_id: &str) -> Result<StoredTrial, ApiError> 
     store.trial(trial_id).await?.ok_or_else(|| ApiError::not_found("trial"))
 }
 
-fn summary(head: TrialHead) -> TrialSummary {
+/// A trial as in a list.
+#[must_use]
+pub fn summary(head: TrialHead) -> TrialSummary {
     TrialSummary {
         trial_id: head.trial_id,
         participant_id: head.participant_id,

@@ -187,6 +187,6 @@ pub async fn withdraw(
     }
     let me = &visitor.participant;
     let config = app.store.config(&me.config_hash).await?;
-    app.store.withdraw(&me.id, params.data == Fate::Delete, now_ms()).await?;
+    app.store.withdraw(&me.id, params.data == Fate::Delete, now_ms(), None).await?;
     Ok(Json(Withdrawn { return_url: withdrawn_url(&config, me) }))
 }

@@ -5,7 +5,7 @@ use crate::http::error::ApiError;
 use crate::http::site::Site;
 use crate::http::{
     analyses, changes, configurations, enrolment, guard, keys, laboratory, metrics, participants,
-    people, session, site, studies, texts, trials, value_functions,
+    people, profiles, session, site, studies, texts, trials, value_functions,
 };
 use axum::Router;
 use axum::http::StatusCode;
@@ -45,6 +45,10 @@ pub fn router(app: Arc<App>, site: &Site) -> Router {
         .route(&routes::admin_study("{slug}"), get(laboratory::study))
         .route(routes::CHANGES, get(changes::follow))
         .route(&routes::admin_participants("{slug}"), get(people::list))
+        .route(&routes::admin_participant("{id}"), get(profiles::show).delete(profiles::delete))
+        .route(&routes::admin_notes("{id}"), post(profiles::add_note))
+        .route(&routes::admin_note("{id}", "{note}"), delete(profiles::delete_note))
+        .route(&routes::admin_exclusion("{id}"), put(profiles::exclude).delete(profiles::include))
         .route(&routes::admin_pilots("{slug}"), delete(laboratory::delete_pilots))
         .route(&routes::admin_trials("{slug}"), get(laboratory::trials))
         .route(&routes::admin_trial("{trial_id}"), get(laboratory::trial))

@@ -46,6 +46,8 @@ pub struct StoredAnalysis {
     pub message: Option<String>,
     /// Its result in brief, once it is done.
     pub result: Option<AnalysisResult>,
+    /// Whether the study's data have changed since it began.
+    pub stale: bool,
 }
 
 /// The outcome of a request for an analysis.
@@ -355,7 +357,12 @@ impl Store {
 /// The columns that [`stored_of`] reads.
 const SELECT: &str = "SELECT sequence, analysis.id, study.slug, request, state, done, total, \
                           fresh, analysis.created_at_ms, started_at_ms, ended_at_ms, message, \
-                          result \
+                          result, state = 'done' AND (started_at_ms < coalesce((SELECT received_at_ms \
+                              FROM trial WHERE trial.study_id = study.id \
+                              ORDER BY sequence DESC LIMIT 1), 0) \
+                          OR started_at_ms < coalesce((SELECT max(max(at_ms, coalesce(ended_at_ms, 0))) \
+                              FROM exclusion JOIN participant ON participant.id = participant_id \
+                              WHERE participant.study_id = study.id), 0)) AS stale \
                       FROM analysis JOIN study ON study.id = analysis.study_id";
 
 fn stored_of(row: &Row<'_>) -> Result<StoredAnalysis, StoreError> {
@@ -377,6 +384,7 @@ fn stored_of(row: &Row<'_>) -> Result<StoredAnalysis, StoreError> {
         ended_at_ms: row.get(10)?,
         message: row.get(11)?,
         result: result.map_err(StoreError::corrupt)?,
+        stale: row.get("stale")?,
     })
 }
 

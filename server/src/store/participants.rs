@@ -346,15 +346,20 @@ impl Store {
     /// Stores a withdrawal; a second one changes nothing. The participant's place is free then. With
     /// `delete`, the participant's trials and everything that they told are deleted, with all results
     /// computed from them. Their number remains, so that counts stay true. Deleted rows are overwritten
-    /// at once, and leave the write-ahead log as soon as no reader uses it.
+    /// at once, and leave the write-ahead log as soon as no reader uses it. The entry says which
+    /// experimenter did this, if it was not the participant.
     pub async fn withdraw(
         &self,
         participant_id: &str,
         delete: bool,
         now_ms: i64,
+        by: Option<NewEntry>,
     ) -> Result<(), StoreError> {
         let id = participant_id.to_owned();
         self.write(move |db| {
+            if let Some(entry) = &by {
+                audit::add(db, entry)?;
+            }
             db.execute(
                 "UPDATE participant SET withdrawn_at_ms = coalesce(withdrawn_at_ms, ?2), \
                      holds_place = 0 WHERE id = ?1",
@@ -369,6 +374,8 @@ impl Store {
                      (SELECT trial_id FROM scene WHERE participant_id = ?1)",
                 "DELETE FROM scene WHERE participant_id = ?1",
                 "DELETE FROM tally WHERE participant_id = ?1",
+                "DELETE FROM note WHERE participant_id = ?1",
+                "DELETE FROM exclusion WHERE participant_id = ?1",
                 "UPDATE participant SET data_deleted = 1, external_id = NULL, external_key = NULL, \
                      request_hash = NULL, locale = NULL, screen = NULL, parameters = NULL, \
                      consent_language = NULL, consent_hash = NULL, place = NULL, seed = NULL, \

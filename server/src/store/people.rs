@@ -30,6 +30,8 @@ pub enum SortBy {
     DangerEntered,
     /// Tasks with the key times of an earlier trial.
     SameTiming,
+    /// Whether analyses leave the participant out.
+    Excluded,
     /// Whether the participant is counted as doubtful among a study's participants.
     Doubtful,
     /// Answers to the check of understanding.
@@ -56,6 +58,7 @@ impl SortBy {
             Self::AlwaysSteered => "always_steered",
             Self::DangerEntered => "danger_entered",
             Self::SameTiming => "same_timing",
+            Self::Excluded => "excluded",
             Self::Doubtful => "doubtful",
             Self::ComprehensionAttempts => "comprehension_attempts",
         }
@@ -91,7 +94,10 @@ pub(super) const DOUBTFUL: &str = "coalesce(task > 0 AND (same_timing > 0 OR nev
      OR always_steered = task), 0)";
 
 /// One row for each participant of a study; `:study` and `:pilot` choose them.
-fn people() -> String {
+const OF_STUDY: &str = "study_id = :study AND pilot = :pilot";
+
+/// One row for each participant for whom a condition holds.
+fn people(condition: &str) -> String {
     format!(
         "SELECT *, CASE \
          WHEN withdrawn THEN 'withdrawn' \
@@ -109,9 +115,10 @@ fn people() -> String {
          coalesce(interrupted, 0) AS interrupted, coalesce(never_steered, 0) AS never_steered, \
          coalesce(always_steered, 0) AS always_steered, \
          coalesce(danger_entered, 0) AS danger_entered, coalesce(same_timing, 0) AS same_timing, \
-         {DOUBTFUL} AS doubtful \
+         {DOUBTFUL} AS doubtful, EXISTS (SELECT 1 FROM exclusion \
+         WHERE participant_id = participant.id AND ended_at_ms IS NULL) AS excluded \
          FROM participant LEFT JOIN tally ON tally.participant_id = participant.id \
-         WHERE study_id = :study AND pilot = :pilot)"
+         WHERE {condition})"
     )
 }
 
@@ -127,7 +134,7 @@ impl Store {
 }
 
 fn page(db: &Connection, study_id: i64, asked: &Selection) -> Result<ParticipantPage, StoreError> {
-    let people = people();
+    let people = people(OF_STUDY);
     let stages = stages(db, study_id, asked.pilots)?;
     let stage = asked.stage.map(Stage::word);
     // Names of columns come from this program alone; what was asked for is bound.
@@ -176,7 +183,7 @@ fn page(db: &Connection, study_id: i64, asked: &Selection) -> Result<Participant
 }
 
 fn stages(db: &Connection, study_id: i64, pilots: bool) -> Result<Vec<StageCount>, StoreError> {
-    let people = people();
+    let people = people(OF_STUDY);
     let mut statement =
         db.prepare_cached(&format!("SELECT stage, count(*) FROM ({people}) GROUP BY stage"))?;
     let count = |row: &Row<'_>| {
@@ -188,6 +195,15 @@ fn stages(db: &Connection, study_id: i64, pilots: bool) -> Result<Vec<StageCount
         statement.query_and_then(chosen, count)?.collect::<Result<_, StoreError>>()?;
     counts.sort_by_key(|count| Stage::ALL.iter().position(|stage| *stage == count.stage));
     Ok(counts)
+}
+
+/// The participant with this id, as in the list.
+pub(super) fn person(db: &Connection, id: &str) -> Result<Option<ParticipantSummary>, StoreError> {
+    let people = people("participant.id = :id");
+    let mut statement = db.prepare_cached(&format!(
+        "SELECT *, (SELECT count(*) FROM scene WHERE participant_id = id) AS planned FROM ({people})"
+    ))?;
+    statement.query_and_then(named_params! { ":id": id }, summary_of)?.next().transpose()
 }
 
 fn summary_of(row: &Row<'_>) -> Result<ParticipantSummary, StoreError> {
@@ -213,6 +229,7 @@ fn summary_of(row: &Row<'_>) -> Result<ParticipantSummary, StoreError> {
             danger_entered: row.get("danger_entered")?,
             same_timing: row.get("same_timing")?,
         },
+        excluded: row.get("excluded")?,
     })
 }
 

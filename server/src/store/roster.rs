@@ -39,6 +39,8 @@ pub struct RosterEntry {
     pub parameters: BTreeMap<String, String>,
     /// Answers by the question's name.
     pub answers: BTreeMap<String, Value>,
+    /// When an experimenter excluded them, ms since 1970, and why; nothing if analyses use them.
+    pub exclusion: Option<(i64, String)>,
 }
 
 impl Store {
@@ -51,12 +53,13 @@ impl Store {
         self.read_long(move |db| {
             let trials = trials(db, study_id)?;
             let mut statement = db.prepare_cached(
-                "SELECT number, id, place, external_id, config_hash, import_hash IS NOT NULL, \
+                "SELECT number, participant.id, place, external_id, config_hash, import_hash IS NOT NULL, \
                      consent_language, consent_hash, enrolled_at_ms, last_seen_at_ms, \
                      understood_at_ms, screened_out_at_ms, answered_at_ms, completed_at_ms, \
                      withdrawn_at_ms, comprehension_attempts, completion_code, data_deleted, \
-                     parameters, answers \
-                 FROM participant WHERE study_id = ?1 AND pilot = ?2 ORDER BY number",
+                     parameters, answers, exclusion.at_ms, exclusion.reason \
+                 FROM participant LEFT JOIN exclusion \
+                     ON exclusion.participant_id = participant.id AND ended_at_ms IS NULL WHERE study_id = ?1 AND pilot = ?2 ORDER BY number",
             )?;
             let entry = |row: &Row<'_>| {
                 let id: String = row.get(1)?;
@@ -83,6 +86,7 @@ impl Store {
                     trials: trials.get(&id).copied().unwrap_or_default(),
                     parameters: object(row, 18)?,
                     answers: object(row, 19)?,
+                    exclusion: row.get::<_, Option<i64>>(20)?.zip(row.get(21)?),
                     id,
                 })
             };

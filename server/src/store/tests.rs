@@ -135,9 +135,9 @@ async fn trials_are_stored_once_and_in_order() {
     assert_eq!(stored.len(), 2);
     assert_eq!(stored[0].content.inputs, trial("ada-0", left).content.inputs);
     assert_eq!(stored[0].content_hash, stored[0].recipe.hash(&stored[0].content));
-    store.withdraw("ada", false, 9).await.unwrap();
+    store.withdraw("ada", false, 9, None).await.unwrap();
     assert_eq!(put("ada", "ada-0", left).await, Ok(PutTrial::Withdrawn));
-    store.withdraw("ada", true, 10).await.unwrap();
+    store.withdraw("ada", true, 10, None).await.unwrap();
     assert_eq!(put("ada", "ada-0", left).await, Ok(PutTrial::Withdrawn));
     assert_eq!(store.counts().await, Ok([1, 0]));
 }
@@ -183,9 +183,9 @@ async fn whoever_is_known_keeps_their_plan() {
     let found = store.assignment(token("c"), "a-1").await.unwrap().unwrap();
     assert!(found.visitor.participant.id == "a" && found.scene.is_some());
     assert!(store.assignment(token("c"), "d-0").await.unwrap().unwrap().scene.is_none());
-    store.withdraw("a", false, 1).await.unwrap();
+    store.withdraw("a", false, 1, None).await.unwrap();
     assert_eq!(is(someone(&store, "e", named(None, Some("r"))).await), "over");
-    store.withdraw("a", true, 1).await.unwrap();
+    store.withdraw("a", true, 1, None).await.unwrap();
     assert_eq!(is(someone(&store, "f", named(Some("x"), Some("r"))).await), "new");
     assert_eq!(store.visitor(token("f")).await.unwrap().unwrap().participant.number, 3);
 }
@@ -210,7 +210,7 @@ async fn a_completion_keeps_its_first_code() {
     }
     assert_eq!(store.put_answers("ada", Scope::Full, "{}".to_owned(), 1).await, Ok(true));
     assert_eq!(store.put_answers("ada", Scope::Full, "{\"x\":1}".to_owned(), 1).await, Ok(false));
-    store.withdraw("ada", false, 1).await.unwrap();
+    store.withdraw("ada", false, 1, None).await.unwrap();
     assert_eq!(complete("C", false).await, Completion::Withdrawn);
 }
 
@@ -234,11 +234,11 @@ async fn somebody_new_gets_the_lowest_free_place() {
     for (name, place) in [("a", 0), ("b", 1), ("c", 2)] {
         assert_eq!(comes(name, gate(0, 0), 10).await, Some(place));
     }
-    store.withdraw("b", false, 11).await.unwrap();
+    store.withdraw("b", false, 11, None).await.unwrap();
     assert_eq!(comes("d", gate(0, 0), 20).await, Some(1));
     // Without a quota, a place of somebody who stays away stays theirs.
     assert_eq!(comes("e", gate(0, 15), 21).await, Some(3));
-    store.withdraw("a", true, 22).await.unwrap();
+    store.withdraw("a", true, 22, None).await.unwrap();
     assert_eq!(comes("f", gate(0, 0), 23).await, Some(0));
     // Four take part, c, d, e and f: c has stayed away since 10.
     assert_eq!(comes("g", gate(4, 0), 30).await, None);
@@ -269,7 +269,7 @@ async fn a_plan_is_stored_once() {
     let kept = store.put_plan(&ada.id, other.clone()).await.unwrap();
     assert_eq!(kept.len(), 2);
     arrives(&store, "bob", Known::default(), OPEN, 1).await;
-    store.withdraw("bob", false, 2).await.unwrap();
+    store.withdraw("bob", false, 2, None).await.unwrap();
     assert!(store.put_plan("bob", other).await.unwrap().is_empty());
 }
 
@@ -313,7 +313,7 @@ async fn a_job_that_is_not_wanted_any_more_writes_nothing() {
     let job = store.begin_analysis(2).await.unwrap().unwrap();
     let long = vec![7; 3 << 20];
     assert!(store.put_analysis_file(&job, "long", 5, long.clone()).await.unwrap());
-    store.withdraw("ada", true, 3).await.unwrap();
+    store.withdraw("ada", true, 3, None).await.unwrap();
     assert!(!store.note_progress(&job, [1, 2, 1]).await.unwrap());
     assert!(!store.put_analysis_file(&job, "more", 5, vec![1]).await.unwrap());
     store.put_cells(&job, "key", vec![1]).await.unwrap();

@@ -268,7 +268,7 @@ fn head_of(row: &Row<'_>) -> Result<TrialHead, StoreError> {
 }
 
 /// The trials with this value in a column, in the plan's order.
-fn whole(
+pub(super) fn whole(
     db: &Connection,
     column: &'static str,
     value: &str,

@@ -120,6 +120,16 @@ pub enum Action {
     StudyChanged,
     /// All pilots of a study were deleted; the subject is their number.
     PilotsDeleted,
+    /// A note about a participant was written; the subject is the participant's number.
+    NoteAdded,
+    /// A note about a participant was deleted; the subject is the participant's number.
+    NoteDeleted,
+    /// Analyses leave a participant out; the subject is the participant's number.
+    Excluded,
+    /// Analyses use a participant again; the subject is the participant's number.
+    Included,
+    /// A participant's data were deleted on their request; the subject is the participant's number.
+    ParticipantDeleted,
     /// An analysis was requested; the subject is its id.
     AnalysisRequested,
     /// An analysis was cancelled; the subject is its id.
@@ -132,7 +142,7 @@ pub enum Action {
 
 impl Action {
     /// All of them.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 16] = [
         Self::SignedIn,
         Self::KeyMade,
         Self::KeyRevoked,
@@ -140,6 +150,11 @@ impl Action {
         Self::StudyMade,
         Self::StudyChanged,
         Self::PilotsDeleted,
+        Self::NoteAdded,
+        Self::NoteDeleted,
+        Self::Excluded,
+        Self::Included,
+        Self::ParticipantDeleted,
         Self::AnalysisRequested,
         Self::AnalysisCancelled,
         Self::AnalysisDeleted,
@@ -157,6 +172,11 @@ impl Action {
             Self::StudyMade => "study_made",
             Self::StudyChanged => "study_changed",
             Self::PilotsDeleted => "pilots_deleted",
+            Self::NoteAdded => "note_added",
+            Self::NoteDeleted => "note_deleted",
+            Self::Excluded => "excluded",
+            Self::Included => "included",
+            Self::ParticipantDeleted => "participant_deleted",
             Self::AnalysisRequested => "analysis_requested",
             Self::AnalysisCancelled => "analysis_cancelled",
             Self::AnalysisDeleted => "analysis_deleted",

@@ -133,6 +133,10 @@ pub struct AnalysisSummary {
     /// Its outcome in brief, once it is done.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub result: Option<AnalysisResult>,
+    /// Whether the study's data have changed since it began: trials came, or participants were excluded or
+    /// included. False until it is done.
+    #[serde(default)]
+    pub stale: bool,
 }
 
 /// A page of analyses, newest first.

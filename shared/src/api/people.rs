@@ -1,6 +1,10 @@
 //! The participants of a study, as experimenters see them.
 
+use super::TrialSummary;
+use crate::invalid::Invalid;
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use std::collections::BTreeMap;
 
 /// How far a participant is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -107,6 +111,123 @@ pub struct ParticipantSummary {
     pub last_seen_at_ms: i64,
     /// What to look at.
     pub quality: Quality,
+    /// Whether analyses leave them out.
+    pub excluded: bool,
+}
+
+/// Why analyses leave a participant out.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ExcludedBy {
+    /// The reason, in the experimenter's words.
+    pub reason: String,
+    /// When they were excluded, ms since 1970.
+    pub at_ms: i64,
+    /// The name of the key that excluded them.
+    pub who: String,
+}
+
+/// What an experimenter wrote about a participant.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Note {
+    /// Its number in addresses.
+    pub id: i64,
+    /// The text.
+    pub text: String,
+    /// When it was written, ms since 1970.
+    pub at_ms: i64,
+    /// The name of the key that wrote it.
+    pub who: String,
+}
+
+/// The request for a note.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct NewNote {
+    /// 1 to 2000 characters on any number of lines.
+    pub text: String,
+}
+
+/// The request to leave a participant out of analyses.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct NewExclusion {
+    /// 1 to 200 characters on one line.
+    pub reason: String,
+}
+
+impl NewNote {
+    /// Accepts a text of visible characters.
+    ///
+    /// # Errors
+    /// [`Invalid`] naming the field.
+    pub fn check(&self) -> Result<(), Invalid> {
+        check_text("text", &self.text, 2_000, |c| c == '\n')
+    }
+}
+
+impl NewExclusion {
+    /// Accepts a reason of one line.
+    ///
+    /// # Errors
+    /// [`Invalid`] naming the field.
+    pub fn check(&self) -> Result<(), Invalid> {
+        check_text("reason", &self.reason, 200, |_| false)
+    }
+}
+
+fn check_text(field: &str, text: &str, most: usize, also: fn(char) -> bool) -> Result<(), Invalid> {
+    let count = text.chars().count();
+    if text.trim().is_empty() || count > most {
+        let expected = format!("1 to {most} characters, not spaces alone");
+        return Err(Invalid::new(field, expected, format!("{count} characters")));
+    }
+    if text.chars().any(|c| c.is_control() && !also(c)) {
+        return Err(Invalid::new(field, "no control characters", "one"));
+    }
+    Ok(())
+}
+
+/// A trial as a small picture.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TrialPicture {
+    /// As in a list.
+    #[serde(flatten)]
+    pub summary: TrialSummary,
+    /// Positions of the human's vehicle every second step, with the first and the last: x and y, m, to the
+    /// centimetre, in the scene's frame.
+    pub human: Vec<[f64; 2]>,
+    /// Positions of the robot at the same times.
+    pub robot: Vec<[f64; 2]>,
+    /// The input of each step: `L`, `S` or `R`.
+    pub inputs: String,
+}
+
+/// A participant, whole.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ParticipantDetail {
+    /// As in the list.
+    #[serde(flatten)]
+    pub summary: ParticipantSummary,
+    /// The study's name in addresses.
+    pub study: String,
+    /// SHA-256 of the configuration under which they enrolled.
+    pub configuration: String,
+    /// Its radius of the danger zone, m.
+    pub danger_radius_m: f64,
+    /// When they withdrew, ms since 1970.
+    pub withdrawn_at_ms: Option<i64>,
+    /// Whether their data were deleted.
+    pub data_deleted: bool,
+    /// Their answers by the question's name; for keys that may export.
+    pub answers: BTreeMap<String, Value>,
+    /// The recorded parameters of their link; for keys that may export.
+    pub parameters: BTreeMap<String, String>,
+    /// Why analyses leave them out, if they do.
+    pub exclusion: Option<ExcludedBy>,
+    /// The oldest first.
+    pub notes: Vec<Note>,
+    /// The stored trials in the order of the plan.
+    pub trials: Vec<TrialPicture>,
 }
 
 /// How many participants are at a stage.

@@ -70,6 +70,26 @@ pub const CHANGES: &str = "/api/v1/admin/changes";
 pub fn admin_participants(slug: &str) -> String {
     format!("/api/v1/admin/studies/{slug}/participants")
 }
+/// One participant, whole; a DELETE deletes their data on their request.
+#[must_use]
+pub fn admin_participant(id: &str) -> String {
+    format!("/api/v1/admin/participants/{id}")
+}
+/// Notes about a participant.
+#[must_use]
+pub fn admin_notes(id: &str) -> String {
+    format!("/api/v1/admin/participants/{id}/notes")
+}
+/// One note; a DELETE deletes it.
+#[must_use]
+pub fn admin_note(id: &str, note: &str) -> String {
+    format!("/api/v1/admin/participants/{id}/notes/{note}")
+}
+/// A PUT has analyses leave a participant out; a DELETE has them use the participant again.
+#[must_use]
+pub fn admin_exclusion(id: &str) -> String {
+    format!("/api/v1/admin/participants/{id}/exclusion")
+}
 /// The pilots of a study; a DELETE deletes them.
 #[must_use]
 pub fn admin_pilots(slug: &str) -> String {

@@ -34,11 +34,11 @@ async fn post(server: &Server, route: &str, body: serde_json::Value) -> Answer {
     Answer::of(request.json(&body)).await
 }
 
-async fn ask(server: &Server, body: serde_json::Value) -> AnalysisSummary {
+pub(crate) async fn ask(server: &Server, body: serde_json::Value) -> AnalysisSummary {
     post(server, &routes::admin_analyses("default"), body).await.into(201)
 }
 
-async fn show(server: &Server, id: &str) -> AnalysisDetail {
+pub(crate) async fn show(server: &Server, id: &str) -> AnalysisDetail {
     server.admin(&routes::admin_analysis(id)).await.into(200)
 }
 
@@ -59,7 +59,7 @@ async fn until(
     }
 }
 
-async fn done(server: &Server, id: &str) -> AnalysisDetail {
+pub(crate) async fn done(server: &Server, id: &str) -> AnalysisDetail {
     let detail = until(server, id, |now| now.state.is_over()).await;
     assert_eq!(detail.summary.state, AnalysisState::Done, "{:?}", detail.summary.message);
     detail

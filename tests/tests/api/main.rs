@@ -18,6 +18,7 @@ mod keys;
 mod laboratory;
 mod participation;
 mod people;
+mod profiles;
 mod prediction;
 mod recruitment;
 mod rights;

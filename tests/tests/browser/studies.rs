@@ -64,6 +64,34 @@ async fn a_study_is_watched_as_it_runs() {
     tab.go(&format!("{}/lab", server.origin)).await;
     tab.until(&Tab::at("studies")).await;
     take(&tab, "lab-studies").await;
+
+    // One of them, whole.
+    tab.press("study-default").await;
+    tab.press("participant-link").await;
+    tab.until(&Tab::at("timeline")).await;
+    assert_eq!(
+        tab.eval::<usize>("document.querySelectorAll('.timeline-of-trials li').length").await,
+        5
+    );
+    tab.enter("note", "Called at noon.\nWill come again.").await;
+    tab.press("add-note").await;
+    tab.until_says("notes", "Will come again").await;
+    assert_eq!(tab.eval::<String>(&format!("{}.value", Tab::at("note"))).await, "");
+    tab.press("exclude-open").await;
+    tab.enter("reason-field", "held the phone").await;
+    take(&tab, "profile").await;
+    tab.press("exclude").await;
+    tab.until_says("reason", "held the phone").await;
+    tab.press("delete").await;
+    take(&tab, "profile-excluded").await;
+    tab.press("include").await;
+    tab.until(&Tab::at("exclude-open")).await;
+    tab.press("replay-link").await;
+    tab.until(&Tab::at("replay")).await;
+    tab.run("history.back()").await;
+    tab.press("delete").await;
+    tab.press("sure").await;
+    tab.until_says("no-trials", "deleted").await;
     tab.is_well().await;
     browser.close().await;
 }

@@ -5,6 +5,7 @@ mod visit;
 mod study;
 mod home;
 mod participants;
+mod profile;
 mod trials;
 mod analyses;
 mod analysis;

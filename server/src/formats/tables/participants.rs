@@ -8,7 +8,7 @@ use sidestep::study::{Question, QuestionKind, StudyConfig};
 use std::collections::BTreeSet;
 
 /// Name, kind, unit and meaning of the columns that every study has.
-const FIXED: [(&str, Kind, &str, &str); 22] = [
+const FIXED: [(&str, Kind, &str, &str); 24] = [
     ("participant", Whole, "", "the participant's number in the study, from 1"),
     ("participant_id", Word, "", "the participant's id on the server"),
     ("external_id", Text, "", "the recruiting service's id of the person, as it came"),
@@ -31,6 +31,8 @@ const FIXED: [(&str, Kind, &str, &str); 22] = [
     ("practice", Whole, "", "stored practice trials"),
     ("task", Whole, "", "stored tasks, further attempts included"),
     ("study", Word, "", "name of the study in addresses"),
+    ("excluded_at_ms", Whole, "ms since 1970", "when an experimenter excluded the participant"),
+    ("exclusion_reason", Text, "", "why analyses leave the participant out; empty if they do not"),
 ];
 
 /// The columns of the link's parameters and of the answers, which depend on the study.
@@ -137,6 +139,8 @@ impl<'a> Participants<'a> {
                 row.whole(|_| Some(count));
             }
             row.text(&*self.study.slug);
+            row.whole(|_| person.exclusion.as_ref().map(|(at_ms, _)| *at_ms));
+            row.text(person.exclusion.as_ref().map(|(_, reason)| reason.as_str()));
             for name in &self.extra.parameters {
                 row.text(person.parameters.get(name).map(String::as_str));
             }

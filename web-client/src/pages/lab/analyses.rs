@@ -126,7 +126,14 @@ pub(super) fn state<M>(analysis: &AnalysisSummary) -> view::Node<M> {
         _ => "chip",
     };
     let chip = el("span").class(class).test_id("state").text(analysis.state.word());
-    let node = el("span").class("progress").child(chip);
+    let stale = analysis.stale.then(|| {
+        el("span")
+            .class("chip look")
+            .attr("title", "The study’s data have changed since this analysis began.")
+            .test_id("stale")
+            .text("data have changed since")
+    });
+    let node = el("span").class("progress").child(chip).children(stale);
     let Some(progress) = analysis.progress else { return node };
     let percent = 100 * progress.done / progress.of.max(1);
     let left = progress.left_s.map_or_else(String::new, |s| match s.ceil() {

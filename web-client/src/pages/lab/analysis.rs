@@ -158,10 +158,7 @@ fn words(analysis: &AnalysisDetail) -> Option<Node> {
 
 /// Which data went in.
 fn data(study: &str, analysis: &AnalysisDetail, result: &AnalysisResult) -> Node {
-    let mut facts = vec![
-        fact("Participants", result.participants.to_string()),
-        fact("Models", result.cells.to_string()),
-    ];
+    let mut facts = vec![fact("Participants", result.participants.to_string())];
     for (flag, trials) in &result.flagged {
         facts.push(fact(&flag.replace('_', " "), count(trials, "trial")));
     }

@@ -2,7 +2,7 @@
 //! sorts and pages; the address holds what is chosen.
 
 mod selection;
-mod table;
+pub(super) mod table;
 
 use self::selection::Selection;
 use super::study::{self, Tab};
@@ -185,6 +185,7 @@ impl Participants {
             .on_input(Msg::Having)
             .child(option("", "any quality"))
             .child(option("doubtful", "in doubt"))
+            .child(option("excluded", "excluded"))
             .children(table::LOOKS.iter().map(|look| option(look.word, look.words)));
         let placeholder = if self.may_export { "Number, external id or code" } else { "Number" };
         let search =

@@ -7,6 +7,7 @@ use super::configuration::ConfigurationPage;
 use super::home::Home;
 use super::hosted::{AnyMsg, AnyPage, host};
 use super::participants::Participants;
+use super::profile::Profile;
 use super::self_check::SelfCheckPage;
 use super::trials::Trials;
 use super::visit::Visit;
@@ -30,6 +31,7 @@ type Open = fn(&Visit<'_>) -> (AnyPage, Commands<AnyMsg>);
 pub(super) static ROUTES: &[Route] = &[
     Route { path: "/lab", nav: Some("Studies"), open: |visit| host(Home::open(visit)) },
     Route { path: "/lab/studies/{id}", nav: None, open: |visit| host(Participants::open(visit)) },
+    Route { path: "/lab/participants/{id}", nav: None, open: |visit| host(Profile::open(visit)) },
     Route { path: "/lab/studies/{id}/trials", nav: None, open: |visit| host(Trials::open(visit)) },
     Route { path: "/lab/studies/{id}/analyses", nav: None, open: |visit| host(Analyses::open(visit)) },
     Route { path: "/lab/analyses/{id}", nav: None, open: |visit| host(AnalysisView::open(visit)) },

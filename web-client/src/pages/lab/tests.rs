@@ -3,6 +3,7 @@
 mod access;
 mod analyses;
 mod configuration;
+mod profile;
 mod studies;
 
 use super::Lab;

@@ -68,7 +68,7 @@ pub(super) const LOOKS: [Look; 7] = [
 ];
 
 /// A stage in words.
-pub(super) fn stage_words(stage: Stage) -> &'static str {
+pub(in super::super) fn stage_words(stage: Stage) -> &'static str {
     match stage {
         Stage::Joined => "joined",
         Stage::Familiarisation => "familiarisation",
@@ -146,7 +146,11 @@ fn row(person: &ParticipantSummary, identities: bool) -> Node {
             .class(if person.stage == Stage::Complete { "chip open" } else { "chip" })
             .text(stage_words(person.stage)),
     );
-    let mut cells = vec![el("th").attr("scope", "row").text(person.number.to_string())];
+    let link = el("a")
+        .attr("href", format!("/lab/participants/{}", person.participant_id))
+        .test_id("participant-link")
+        .text(person.number.to_string());
+    let mut cells = vec![el("th").attr("scope", "row").child(link)];
     if identities {
         cells.push(code(&person.external_id));
     }
@@ -155,7 +159,9 @@ fn row(person: &ParticipantSummary, identities: bool) -> Node {
         progress,
         el("td").child(el("time").moment(person.last_seen_at_ms)),
         check,
-        el("td").children(looks(&person.quality)),
+        el("td")
+            .children(person.excluded.then(|| el("span").class("chip look").text("excluded")))
+            .children(looks(&person.quality)),
     ]);
     if identities {
         cells.push(code(&person.completion_code));
@@ -164,7 +170,7 @@ fn row(person: &ParticipantSummary, identities: bool) -> Node {
 }
 
 /// What to look at, each with its number of tasks.
-fn looks(quality: &Quality) -> impl Iterator<Item = Node> {
+pub(in super::super) fn looks<M>(quality: &Quality) -> impl Iterator<Item = view::Node<M>> {
     LOOKS.iter().filter_map(|look| {
         let tasks = (look.tasks)(quality);
         let chip =

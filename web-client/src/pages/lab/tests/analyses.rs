@@ -31,6 +31,7 @@ fn analysis(id: &str, state: AnalysisState) -> AnalysisSummary {
         ended_at_ms: None,
         message: (state == AnalysisState::Failed).then(|| "too few participants".into()),
         result: (state == AnalysisState::Done).then_some(result),
+        stale: false,
     }
 }
 
@@ -97,7 +98,7 @@ fn a_done_analysis_shows_its_data_report_and_files() {
     assert_eq!(report.attribute("src"), Some("/api/v1/admin/analyses/a1/files/report.html"));
     assert_eq!(report.attribute("sandbox"), Some(""), "it can do nothing");
     assert!(view.find("excluded").unwrap().words().contains("Participant 4: too few tasks"));
-    for words in ["7", "84", "late sample", "3 trials", "1.2 MB", "1 model for sidestep shfrs"] {
+    for words in ["7", "late sample", "3 trials", "1.2 MB", "1 model for sidestep shfrs"] {
         assert!(view.words().contains(words), "{words}: {}", view.words());
     }
     session.press("delete");

@@ -28,7 +28,7 @@ fn listed(ids: &[&str], next_before: Option<i64>) -> TrialPage {
     TrialPage { trials: trials.collect(), next_before }
 }
 
-fn person(number: i64, stage: Stage) -> ParticipantSummary {
+pub(super) fn person(number: i64, stage: Stage) -> ParticipantSummary {
     ParticipantSummary {
         participant_id: format!("p{number}"),
         number,
@@ -43,6 +43,7 @@ fn person(number: i64, stage: Stage) -> ParticipantSummary {
         enrolled_at_ms: 1,
         last_seen_at_ms: 2,
         quality: Quality { late_sample: 3, same_timing: 1, ..Quality::default() },
+        excluded: false,
     }
 }
 

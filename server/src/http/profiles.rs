@@ -1,0 +1,141 @@
+//! A participant, whole: their trials as pictures, notes of experimenters, exclusion from analyses, and
+//! deletion on request.
+
+use crate::clock::now_ms;
+use crate::http::app::App;
+use crate::http::error::ApiError;
+use crate::http::experimenters::{Manager, Reader};
+use crate::http::json::JsonBody;
+use crate::http::laboratory::summary;
+use crate::http::params::PathText;
+use crate::store::trials::StoredTrial;
+use axum::Json;
+use axum::extract::rejection::PathRejection;
+use axum::extract::{Path, State};
+use axum::http::StatusCode;
+use sidestep::api::{Access, Action, NewExclusion, NewNote, Note, ParticipantDetail, TrialPicture};
+use sidestep::scene::JointState;
+use sidestep::vehicle::{Pose, TurnInput};
+use std::sync::Arc;
+
+/// Every so many steps a position is sent.
+const STRIDE: usize = 2;
+
+/// `GET /api/v1/admin/participants/{id}`: with external id, code, answers and parameters if the key may
+/// export.
+pub async fn show(
+    Reader(me): Reader,
+    State(app): State<Arc<App>>,
+    PathText(id): PathText,
+) -> Result<Json<ParticipantDetail>, ApiError> {
+    let mut found = app.store.profile(&id).await?.ok_or_else(unknown)?;
+    if me.access < Access::Export {
+        (found.summary.external_id, found.summary.completion_code) = (None, None);
+        found.answers.clear();
+        found.parameters.clear();
+    }
+    let config = app.store.config(&found.config_hash).await?;
+    Ok(Json(ParticipantDetail {
+        summary: found.summary,
+        study: found.study,
+        configuration: found.config_hash,
+        danger_radius_m: config.parameters.danger_radius_m,
+        withdrawn_at_ms: found.withdrawn_at_ms,
+        data_deleted: found.data_deleted,
+        answers: found.answers,
+        parameters: found.parameters,
+        exclusion: found.exclusion,
+        notes: found.notes,
+        trials: found.trials.into_iter().map(picture).collect(),
+    }))
+}
+
+/// `POST /api/v1/admin/participants/{id}/notes`: 201 with the note.
+pub async fn add_note(
+    Manager(me): Manager,
+    State(app): State<Arc<App>>,
+    PathText(id): PathText,
+    JsonBody(new): JsonBody<NewNote>,
+) -> Result<(StatusCode, Json<Note>), ApiError> {
+    new.check()?;
+    let entry = me.does(Action::NoteAdded, None, None);
+    let note = app.store.add_note(&id, new.text, entry).await?.ok_or_else(unknown)?;
+    Ok((StatusCode::CREATED, Json(note)))
+}
+
+/// `DELETE /api/v1/admin/participants/{id}/notes/{note}`: 204.
+pub async fn delete_note(
+    Manager(me): Manager,
+    State(app): State<Arc<App>>,
+    path: Result<Path<(String, String)>, PathRejection>,
+) -> Result<StatusCode, ApiError> {
+    let unknown = || ApiError::not_found("note");
+    let Path((id, note)) = path.map_err(|_| unknown())?;
+    let note = note.parse().map_err(|_| unknown())?;
+    let entry = me.does(Action::NoteDeleted, None, None);
+    let deleted = app.store.delete_note(&id, note, entry).await?;
+    if deleted { Ok(StatusCode::NO_CONTENT) } else { Err(unknown()) }
+}
+
+/// `PUT /api/v1/admin/participants/{id}/exclusion`: 204; analyses leave the participant out from now on.
+pub async fn exclude(
+    Manager(me): Manager,
+    State(app): State<Arc<App>>,
+    PathText(id): PathText,
+    JsonBody(new): JsonBody<NewExclusion>,
+) -> Result<StatusCode, ApiError> {
+    new.check()?;
+    let entry = me.does(Action::Excluded, None, None);
+    let found = app.store.exclude(&id, Some(new.reason), entry).await?;
+    if found { Ok(StatusCode::NO_CONTENT) } else { Err(unknown()) }
+}
+
+/// `DELETE /api/v1/admin/participants/{id}/exclusion`: 204; analyses use the participant. Can be repeated.
+pub async fn include(
+    Manager(me): Manager,
+    State(app): State<Arc<App>>,
+    PathText(id): PathText,
+) -> Result<StatusCode, ApiError> {
+    let entry = me.does(Action::Included, None, None);
+    let found = app.store.exclude(&id, None, entry).await?;
+    if found { Ok(StatusCode::NO_CONTENT) } else { Err(unknown()) }
+}
+
+/// `DELETE /api/v1/admin/participants/{id}`: 204; deletes what the participant could have had deleted
+/// themselves. Can be repeated.
+pub async fn delete(
+    Manager(me): Manager,
+    State(app): State<Arc<App>>,
+    PathText(id): PathText,
+) -> Result<StatusCode, ApiError> {
+    let found = app.store.profile(&id).await?.ok_or_else(unknown)?;
+    let number = found.summary.number.to_string();
+    let entry = me.does(Action::ParticipantDeleted, Some(&found.study), Some(number));
+    app.store.withdraw(&id, true, now_ms(), Some(entry)).await?;
+    Ok(StatusCode::NO_CONTENT)
+}
+
+fn unknown() -> ApiError {
+    ApiError::not_found("participant")
+}
+
+fn picture(trial: StoredTrial) -> TrialPicture {
+    let centimetres = |metres: f64| (metres * 100.0).round() / 100.0;
+    let states = &trial.content.states;
+    let last = states.len().saturating_sub(1);
+    let path = |pose: fn(&JointState) -> &Pose| -> Vec<[f64; 2]> {
+        let shown = states.iter().enumerate().filter(|(i, _)| i % STRIDE == 0 || *i == last);
+        shown.map(|(_, state)| pose(state)).map(|at| [at.x, at.y].map(centimetres)).collect()
+    };
+    let letter = |input: &TurnInput| match input {
+        TurnInput::Left => 'L',
+        TurnInput::Straight => 'S',
+        TurnInput::Right => 'R',
+    };
+    TrialPicture {
+        human: path(|state| &state.human),
+        robot: path(|state| &state.robot),
+        inputs: trial.content.inputs.iter().map(letter).collect(),
+        summary: summary(trial.head),
+    }
+}

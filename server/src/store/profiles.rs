@@ -1,0 +1,200 @@
+//! A participant, whole, with what experimenters wrote about them and whether analyses use them.
+
+use super::audit::{self, NewEntry};
+use super::people::person;
+use super::trials::{StoredTrial, whole};
+use super::{Store, StoreError};
+use rusqlite::{Connection, OptionalExtension, Row, params};
+use serde_json::Value;
+use sidestep::api::{ExcludedBy, Note, ParticipantSummary};
+use std::collections::{BTreeMap, HashMap};
+
+/// A participant, whole.
+#[derive(Clone, Debug)]
+pub struct Profile {
+    /// As in the list.
+    pub summary: ParticipantSummary,
+    /// The study's name.
+    pub study: String,
+    /// Hash of the configuration of their enrolment.
+    pub config_hash: String,
+    /// When they withdrew.
+    pub withdrawn_at_ms: Option<i64>,
+    /// Whether their data were deleted.
+    pub data_deleted: bool,
+    /// Answers by the question's name.
+    pub answers: BTreeMap<String, Value>,
+    /// Recorded parameters of the link.
+    pub parameters: BTreeMap<String, String>,
+    /// Why analyses leave them out, if they do.
+    pub exclusion: Option<ExcludedBy>,
+    /// What experimenters wrote, the oldest first.
+    pub notes: Vec<Note>,
+    /// The trials in the order of the plan.
+    pub trials: Vec<StoredTrial>,
+}
+
+impl Store {
+    /// The participant with this id.
+    pub async fn profile(&self, id: &str) -> Result<Option<Profile>, StoreError> {
+        let id = id.to_owned();
+        self.read_long(move |db| profile(db, &id)).await
+    }
+
+    /// Adds a note about a participant; nothing if there is no such participant.
+    ///
+    /// # Errors
+    /// [`StoreError::Revoked`] if the key is not valid any more.
+    pub async fn add_note(
+        &self,
+        id: &str,
+        text: String,
+        entry: NewEntry,
+    ) -> Result<Option<Note>, StoreError> {
+        let id = id.to_owned();
+        self.write(move |db| {
+            if !said(db, &id, &entry)? {
+                return Ok(None);
+            }
+            let (at_ms, who) = (entry.at_ms, entry.who);
+            db.execute(
+                "INSERT INTO note (participant_id, text, at_ms, who) VALUES (?1, ?2, ?3, ?4)",
+                params![id, text, at_ms, who],
+            )?;
+            Ok(Some(Note { id: db.last_insert_rowid(), text, at_ms, who }))
+        })
+        .await
+    }
+
+    /// Deletes a note; whether there was one.
+    ///
+    /// # Errors
+    /// [`StoreError::Revoked`] if the key is not valid any more.
+    pub async fn delete_note(
+        &self,
+        id: &str,
+        note: i64,
+        entry: NewEntry,
+    ) -> Result<bool, StoreError> {
+        let id = id.to_owned();
+        let deleted = self
+            .write(move |db| {
+                let delete = "DELETE FROM note WHERE id = ?1 AND participant_id = ?2";
+                Ok(db.execute(delete, params![note, id])? > 0 && said(db, &id, &entry)?)
+            })
+            .await?;
+        // A note may hold what nobody should read again.
+        self.open.writer.empty_log();
+        Ok(deleted)
+    }
+
+    /// Has analyses leave a participant out for this reason, or with none use them again; whether there
+    /// is such a participant.
+    ///
+    /// # Errors
+    /// [`StoreError::Revoked`] if the key is not valid any more.
+    pub async fn exclude(
+        &self,
+        id: &str,
+        reason: Option<String>,
+        entry: NewEntry,
+    ) -> Result<bool, StoreError> {
+        let id = id.to_owned();
+        self.write(move |db| {
+            let present = exclusion(db, &id)?;
+            // The same again changes nothing, and dates nothing anew.
+            if present.as_ref().map(|it| &it.reason) == reason.as_ref() {
+                return Ok(number(db, &id)?.is_some());
+            }
+            if !said(db, &id, &entry)? {
+                return Ok(false);
+            }
+            let end = "UPDATE exclusion SET ended_at_ms = ?2 \
+                       WHERE participant_id = ?1 AND ended_at_ms IS NULL";
+            db.execute(end, params![id, entry.at_ms])?;
+            if let Some(reason) = reason {
+                db.execute(
+                    "INSERT INTO exclusion (participant_id, reason, at_ms, who) \
+                     VALUES (?1, ?2, ?3, ?4)",
+                    params![id, reason, entry.at_ms, entry.who],
+                )?;
+            }
+            Ok(true)
+        })
+        .await
+    }
+
+    /// The participants of a study whom analyses leave out: id and reason.
+    pub async fn exclusions(&self, study_id: i64) -> Result<HashMap<String, String>, StoreError> {
+        self.read_long(move |db| {
+            let mut statement = db.prepare_cached(
+                "SELECT participant_id, reason FROM exclusion \
+                 JOIN participant ON participant.id = participant_id \
+                 WHERE study_id = ?1 AND ended_at_ms IS NULL",
+            )?;
+            let rows = statement.query_map([study_id], |row| Ok((row.get(0)?, row.get(1)?)))?;
+            Ok(rows.collect::<Result<_, _>>()?)
+        })
+        .await
+    }
+}
+
+/// Writes the entry about a participant, with their study and number; whether there is such a participant.
+fn said(db: &Connection, id: &str, entry: &NewEntry) -> Result<bool, StoreError> {
+    let Some((study, number)) = number(db, id)? else { return Ok(false) };
+    let (study, subject) = (Some(study), Some(number.to_string()));
+    audit::add(db, &NewEntry { study, subject, ..entry.clone() })?;
+    Ok(true)
+}
+
+/// The study and number of a participant.
+fn number(db: &Connection, id: &str) -> Result<Option<(String, i64)>, StoreError> {
+    let mut statement = db.prepare_cached(
+        "SELECT slug, number FROM participant JOIN study ON study.id = study_id \
+         WHERE participant.id = ?1",
+    )?;
+    Ok(statement.query_row([id], |row| Ok((row.get(0)?, row.get(1)?))).optional()?)
+}
+
+fn exclusion(db: &Connection, id: &str) -> Result<Option<ExcludedBy>, StoreError> {
+    let mut statement = db.prepare_cached(
+        "SELECT reason, at_ms, who FROM exclusion \
+         WHERE participant_id = ?1 AND ended_at_ms IS NULL",
+    )?;
+    let found = |row: &Row<'_>| {
+        Ok(ExcludedBy { reason: row.get(0)?, at_ms: row.get(1)?, who: row.get(2)? })
+    };
+    Ok(statement.query_row([id], found).optional()?)
+}
+
+fn profile(db: &Connection, id: &str) -> Result<Option<Profile>, StoreError> {
+    let Some(summary) = person(db, id)? else { return Ok(None) };
+    let mut statement = db.prepare_cached(
+        "SELECT id, text, at_ms, who FROM note WHERE participant_id = ?1 ORDER BY id",
+    )?;
+    let note = |row: &Row<'_>| {
+        Ok(Note { id: row.get(0)?, text: row.get(1)?, at_ms: row.get(2)?, who: row.get(3)? })
+    };
+    let notes = statement.query_map([id], note)?.collect::<Result<_, _>>()?;
+    let mut statement = db.prepare_cached(
+        "SELECT slug, participant.config_hash, withdrawn_at_ms, data_deleted, answers, parameters \
+         FROM participant JOIN study ON study.id = study_id WHERE participant.id = ?1",
+    )?;
+    let mut rows = statement.query([id])?;
+    let Some(row) = rows.next()? else { return Ok(None) };
+    let text = |at: usize| -> Result<String, StoreError> {
+        Ok(row.get::<_, Option<String>>(at)?.unwrap_or_else(|| "{}".to_owned()))
+    };
+    Ok(Some(Profile {
+        summary,
+        study: row.get(0)?,
+        config_hash: row.get(1)?,
+        withdrawn_at_ms: row.get(2)?,
+        data_deleted: row.get(3)?,
+        answers: serde_json::from_str(&text(4)?).map_err(StoreError::corrupt)?,
+        parameters: serde_json::from_str(&text(5)?).map_err(StoreError::corrupt)?,
+        exclusion: exclusion(db, id)?,
+        notes,
+        trials: whole(db, "participant_id", id)?,
+    }))
+}
