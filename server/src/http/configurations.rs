@@ -46,7 +46,8 @@ pub async fn check(
     State(app): State<Arc<App>>,
     JsonBody(draft): JsonBody<Draft>,
 ) -> Result<Json<DraftChecked>, ApiError> {
-    let (file, warnings) = match app.library.languages().read_draft(&draft.toml) {
+    let has_base = draft.base.is_some();
+    let (file, warnings) = match read_draft(&app, draft.toml).await? {
         Ok(read) => read,
         Err(complaint) => {
             let complaint = Some(remark(complaint));
@@ -55,7 +56,7 @@ pub async fn check(
         }
     };
     let config = Arc::new(file.config().clone());
-    let present = app.store.study(&config.slug).await?.filter(|_| draft.base.is_some());
+    let present = app.store.study(&config.slug).await?.filter(|_| has_base);
     let changes = match present {
         Some(study) => changes(&study.config, &config)?,
         None => Vec::new(),
@@ -72,7 +73,7 @@ pub async fn make(
     State(app): State<Arc<App>>,
     JsonBody(draft): JsonBody<Draft>,
 ) -> Result<(StatusCode, Json<Configuration>), ApiError> {
-    let file = accepted(&app, &draft)?;
+    let file = accepted(&app, draft.toml).await?;
     let slug = &file.config().slug;
     let entry = me.does(Action::StudyMade, Some(slug), None);
     let taken = || ApiError::conflict("taken", format!("there is a study {slug} already"));
@@ -89,13 +90,13 @@ pub async fn change(
     JsonBody(draft): JsonBody<Draft>,
 ) -> Result<Json<Configuration>, ApiError> {
     let present = named(&app.store, &slug).await?;
-    let file = accepted(&app, &draft)?;
+    let base = draft.base.unwrap_or_default();
+    let file = accepted(&app, draft.toml).await?;
     let new = file.config();
     if new.slug != slug {
         let expected = format!("{slug}, since a study keeps its name in addresses");
         return Err(Invalid::new("slug", expected, &new.slug).into());
     }
-    let base = draft.base.unwrap_or_default();
     replace(&app, &me, &present, new, base).await.map(Json)
 }
 
@@ -154,9 +155,18 @@ async fn configuration(app: &App, study: StoredStudy) -> Result<Configuration, A
     })
 }
 
+/// Reads a draft. That draws scenes, which takes time.
+async fn read_draft(
+    app: &Arc<App>,
+    toml: String,
+) -> Result<Result<(StudyFile, Vec<Complaint>), Complaint>, ApiError> {
+    let shared = Arc::clone(app);
+    app.drawing.queue()?.run(move || shared.library.languages().read_draft(&toml)).await
+}
+
 /// The study of a draft.
-fn accepted(app: &App, draft: &Draft) -> Result<StudyFile, ApiError> {
-    let read = app.library.languages().read_draft(&draft.toml);
+async fn accepted(app: &Arc<App>, toml: String) -> Result<StudyFile, ApiError> {
+    let read = read_draft(app, toml).await?;
     let (file, _) = read.map_err(|Complaint { line, what }| {
         let message = format!("line {line}: {what}");
         let (code, field) = ("invalid".to_owned(), Some("toml".to_owned()));

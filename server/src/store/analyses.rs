@@ -355,11 +355,13 @@ impl Store {
 }
 
 /// The columns that [`stored_of`] reads.
-const SELECT: &str = "SELECT sequence, analysis.id, study.slug, request, state, done, total, \
+const SELECT: &str = "SELECT analysis.sequence, analysis.id, study.slug, request, state, done, total, \
                           fresh, analysis.created_at_ms, started_at_ms, ended_at_ms, message, \
                           result, state = 'done' AND (started_at_ms < coalesce((SELECT received_at_ms \
-                              FROM trial WHERE trial.study_id = study.id \
-                              ORDER BY sequence DESC LIMIT 1), 0) \
+                              FROM trial JOIN scene ON scene.trial_id = trial.trial_id \
+                              JOIN participant ON participant.id = scene.participant_id \
+                              WHERE trial.study_id = study.id AND phase = 'task' AND pilot = 0 \
+                              ORDER BY trial.sequence DESC LIMIT 1), 0) \
                           OR started_at_ms < coalesce((SELECT max(max(at_ms, coalesce(ended_at_ms, 0))) \
                               FROM exclusion JOIN participant ON participant.id = participant_id \
                               WHERE participant.study_id = study.id), 0)) AS stale \

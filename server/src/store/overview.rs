@@ -1,6 +1,6 @@
 //! The studies of a database at a glance: their state, and how many people are how far.
 
-use super::people::DOUBTFUL;
+use super::people::doubtful;
 use super::{Store, StoreError};
 use rusqlite::{Connection, Row, named_params};
 use sidestep::api::StudySummary;
@@ -36,12 +36,13 @@ fn summaries(
                  sum(pilot = 0 AND completion_code IS NULL AND withdrawn_at_ms IS NULL \
                      AND screened_out_at_ms IS NULL AND import_hash IS NULL \
                      AND last_seen_at_ms >= :active_since) AS active, \
-                 sum(pilot = 0 AND {DOUBTFUL}) AS doubtful, \
+                 sum(pilot = 0 AND {}) AS doubtful, \
                  sum(iif(pilot = 0, familiarisation + practice + task, 0)) AS trials, \
                  max(iif(pilot = 0, last_seen_at_ms, NULL)) AS last_seen_at_ms \
              FROM participant LEFT JOIN tally ON tally.participant_id = participant.id \
              GROUP BY study_id) AS counts ON counts.study_id = study.id \
          WHERE :slug IS NULL OR slug = :slug ORDER BY study.id",
+        doubtful(),
     ))?;
     let chosen = named_params! { ":slug": slug, ":active_since": now_ms - ACTIVE_MS };
     let summary = |row: &Row<'_>| {

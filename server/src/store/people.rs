@@ -88,10 +88,18 @@ pub struct Selection {
     pub limit: i64,
 }
 
-/// Whether an experimenter should look at what a participant did: no task was steered, each was steered
-/// throughout, or keys have the times of an earlier trial.
-pub(super) const DOUBTFUL: &str = "coalesce(task > 0 AND (same_timing > 0 OR never_steered = task \
-     OR always_steered = task), 0)";
+/// Whether analyses leave a participant out.
+const EXCLUDED: &str = "EXISTS (SELECT 1 FROM exclusion \
+     WHERE exclusion.participant_id = participant.id AND ended_at_ms IS NULL)";
+
+/// Whether an experimenter should look at what a participant did, and has not excluded them: no task was
+/// steered, each was steered throughout, or keys have the times of an earlier trial.
+pub(super) fn doubtful() -> String {
+    format!(
+        "(coalesce(task > 0 AND (same_timing > 0 OR never_steered = task \
+             OR always_steered = task), 0) AND NOT {EXCLUDED})"
+    )
+}
 
 /// One row for each participant of a study; `:study` and `:pilot` choose them.
 const OF_STUDY: &str = "study_id = :study AND pilot = :pilot";
@@ -115,10 +123,10 @@ fn people(condition: &str) -> String {
          coalesce(interrupted, 0) AS interrupted, coalesce(never_steered, 0) AS never_steered, \
          coalesce(always_steered, 0) AS always_steered, \
          coalesce(danger_entered, 0) AS danger_entered, coalesce(same_timing, 0) AS same_timing, \
-         {DOUBTFUL} AS doubtful, EXISTS (SELECT 1 FROM exclusion \
-         WHERE participant_id = participant.id AND ended_at_ms IS NULL) AS excluded \
+         {} AS doubtful, {EXCLUDED} AS excluded \
          FROM participant LEFT JOIN tally ON tally.participant_id = participant.id \
-         WHERE {condition})"
+         WHERE {condition})",
+        doubtful()
     )
 }
 

@@ -32,7 +32,8 @@ pub struct StudySummary {
     /// Those of them who are under way and of whom something was stored in the last ten minutes.
     pub active: u64,
     /// Those of them whose data should be looked at: they steered in no task or in every step of each,
-    /// or their keys have the times of an earlier trial, as if a program had driven.
+    /// or their keys have the times of an earlier trial, as if a program had driven. Without those who
+    /// are excluded already.
     pub doubtful: u64,
     /// Their stored trials.
     pub trials: u64,

@@ -125,6 +125,11 @@ async fn excluded_participants_stay_and_no_analysis_uses_them() {
     let before = done(&server, &ask(&server, json!({})).await.id).await;
     assert_eq!(before.summary.result.as_ref().unwrap().participants, 3);
     assert!(!before.summary.stale);
+    // A test run is no data.
+    let pilot = json!({ "consent": true, "pilot": true });
+    let pilot = Driver { enrolled: Driver::ask(&server, pilot).await.into(201) };
+    pilot.drive(&server, 1).await;
+    assert!(!show(&server, &before.summary.id).await.summary.stale);
     let third = routes::admin_exclusion(id(&drivers[2]));
     let exclude =
         async |reason: &str| send(&server, Method::PUT, &third, json!({ "reason": reason })).await;
