@@ -74,3 +74,22 @@ async fn a_study_that_is_closed_in_the_middle_lets_people_finish_and_an_archived
         browser.close().await;
     }
 }
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn whoever_has_withdrawn_finds_the_end_and_the_link_again() {
+    let study = format!(
+        "{QUICK}\n[recruitment]\nreturn_hosts = [\"app.example.org\"]\n\
+         withdrawn_url = \"https://app.example.org/left?p={{external_id}}\"\n"
+    );
+    let (server, browser, tab) = start(&study).await;
+    take_part(&tab, &format!("{}/s/default?external_id=P-7", server.origin)).await;
+    tab.press("stop").await;
+    tab.press("withdraw-keep").await;
+    for _ in 0..2 {
+        tab.words("ended").await;
+        let link = tab.attribute("return", "href").await;
+        assert_eq!(link.as_deref(), Some("https://app.example.org/left?p=P-7"));
+        tab.reload().await;
+    }
+    browser.close().await;
+}
