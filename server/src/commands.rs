@@ -15,6 +15,7 @@ pub mod bounds;
 pub mod reach;
 pub mod plot;
 mod trials_file;
+mod trials_source;
 pub mod shfrs;
 pub mod features;
 pub mod analyze;

@@ -3,6 +3,7 @@
 use crate::store::studies::StoredStudy;
 use crate::store::trials::StoredTrial;
 use crate::store::{Store, StoreError};
+use sidestep::motion;
 use sidestep::recording::{
     Exclusion, Origin, Provenance, RecordedParticipant, RecordedTrial, Recording,
 };
@@ -11,7 +12,7 @@ use sidestep::trial::Phase;
 
 /// The tasks of all participants of a study whose data have not been deleted. Participants who
 /// enrolled under other parameters than the study has now are excluded, as are those whom an
-/// experimenter excluded.
+/// experimenter excluded and those with states that the vehicles cannot have driven.
 ///
 /// # Errors
 /// [`StoreError`] if the database cannot be read.
@@ -38,7 +39,9 @@ pub async fn of_study(store: &Store, study: &StoredStudy) -> Result<Recording, S
     }
     let origin = Origin::Study(study.slug.clone());
     let provenance = Provenance { origin, synthetic: synthetic::recognised(&participants) };
-    Ok(Recording { provenance, scene, participants, exclusions })
+    let mut recording = Recording { provenance, scene, participants, exclusions };
+    motion::exclude_impossible(&mut recording);
+    Ok(recording)
 }
 
 /// One participant's trials of all phases, one of each scene.

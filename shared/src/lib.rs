@@ -105,6 +105,7 @@ pub mod reachability;
 pub mod scene;
 pub mod trial;
 pub mod recording;
+pub mod motion;
 pub mod study;
 pub mod synthetic;
 pub mod safety;

@@ -7,6 +7,7 @@ use crate::trial::{Flag, Phase};
 use crate::vehicle::TurnInput;
 use core::fmt;
 use serde::Serialize;
+use std::collections::BTreeMap;
 
 /// The trials of some participants who drove under the same parameters.
 #[derive(Clone, Debug, PartialEq)]
@@ -114,6 +115,20 @@ impl RecordedParticipant {
         let mut dropped = dropped.into_iter();
         self.trials.retain(|_| !dropped.next().unwrap_or(false));
     }
+}
+
+/// Flags of the trials of these participants, with how many have each. That a trial was imported casts no
+/// doubt on it.
+#[must_use]
+pub fn flagged<'a>(
+    participants: impl IntoIterator<Item = &'a RecordedParticipant>,
+) -> BTreeMap<String, usize> {
+    let trials = participants.into_iter().flat_map(|participant| &participant.trials);
+    let mut flagged = BTreeMap::new();
+    for flag in trials.flat_map(|trial| &trial.flags).filter(|flag| **flag != Flag::Imported) {
+        *flagged.entry(flag.word().to_owned()).or_insert(0) += 1;
+    }
+    flagged
 }
 
 /// Something wrong with a participant's data.

@@ -2,17 +2,16 @@
 
 use super::json_file::Document;
 use super::solving::{Interrupt, bar, safety_levels};
-use super::trials_file::SceneArgs;
-use super::{CommandError, print_json, study_named, trials_file, unwritable};
+use super::trials_file::Faults;
+use super::trials_source::TrialsArgs;
+use super::{CommandError, print_json, unwritable};
 use crate::formats::atomic_folder::Draft;
 use crate::formats::features_csv;
 use crate::jobs::analysis::{AnalysisTask, TaskError};
 use crate::jobs::fit_cache::FolderCache;
-use crate::store::{Missing, Store};
-use crate::{recordings, report};
+use crate::report;
 use sidestep::comparison::{AnalysisError, DataError, Progress, Request};
 use sidestep::dataset::GivenFeatures;
-use sidestep::recording::{Exclusion, Recording};
 use std::fs::File;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
@@ -28,12 +27,13 @@ use std::time::Instant;
 /// four fifths of the tasks, and the model is tested on the last fifth.
 ///
 /// Participants with fewer than five tasks, only one kind of input, or an invalid row (an
-/// impossible value, a step that is missing, repeated or out of order, features that do not go
-/// with the trials) are excluded. They are named with line and reason on stderr, in the printed
+/// impossible value, a step that is missing, repeated or out of order, a step that the vehicles cannot
+/// have driven, features that do not go with the trials) are excluded. They are named with line and reason on stderr, in the printed
 /// line and in the report; all others are compared. The whole file is refused (exit code 2) if a
 /// row cannot be assigned to a participant (a missing column, more or fewer fields than the header,
 /// no participant, text that is not UTF-8), if headings do not point where the vehicles move (such
-/// as headings in degrees), or if nobody is left.
+/// as headings in degrees), if headings turn as the opposite of omega says or as that of another row
+/// does, or if nobody is left. Trials that do not replay from their inputs are counted as flagged.
 ///
 /// Writes to --out: cells.csv (every fit), table1.csv (mean accuracy, per cent) and table2.csv
 /// (D_start and D_end, steps) as in the paper, tests.csv, beside.csv, ablation.csv, calibration.csv,
@@ -45,10 +45,7 @@ use std::time::Instant;
 #[derive(Clone, Debug, clap::Args)]
 pub struct AnalyzeArgs {
     #[command(flatten)]
-    source: Source,
-    /// Name of the study in addresses, with --database.
-    #[arg(long, value_name = "SLUG", default_value = "default", conflicts_with = "trials")]
-    study: String,
+    trials: TrialsArgs,
     /// Threads [default: one a processor].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
@@ -71,24 +68,9 @@ pub struct AnalyzeArgs {
     /// Say in the report that the data are synthetic. Files of `sidestep simulate` say so themselves.
     #[arg(long)]
     synthetic: bool,
-    /// The vehicles; the human is the evader. With --database the study's own.
-    #[command(flatten)]
-    scene: SceneArgs,
     /// Folder for the files, made where there is none.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-}
-
-#[derive(Clone, Debug, clap::Args)]
-#[group(required = true, multiple = false)]
-struct Source {
-    /// CSV file with at least the columns
-    /// participant,trial,step,t,hx,hy,hpsi,rx,ry,rpsi,omega in any order. Only tasks count.
-    #[arg(long, value_name = "FILE.csv")]
-    trials: Option<PathBuf>,
-    /// Database: sqlite: and a file.
-    #[arg(long, value_name = "URL", conflicts_with_all = ["GameArgs", "SceneArgs"])]
-    database: Option<String>,
 }
 
 /// Compares and writes the folder.
@@ -99,14 +81,8 @@ struct Source {
 pub async fn run(args: AnalyzeArgs) -> Result<(), CommandError> {
     let start = Instant::now();
     let request = args.request()?;
-    let recording = args.recording().await?;
+    let recording = args.trials.recording(Faults::Exclude).await?;
     let origin = recording.provenance.origin.to_string();
-    let tell = |excluded: &[Exclusion]| {
-        excluded
-            .iter()
-            .for_each(|exclusion| eprintln!("sidestep: {origin}: excluded: {exclusion}"));
-    };
-    tell(&recording.exclusions);
     let told = recording.exclusions.len();
     let given = args.features.as_deref().map(read_features).transpose()?;
     let draft = Draft::begin(&args.out).map_err(|e| unwritable(&args.out, &e))?;
@@ -134,7 +110,9 @@ pub async fn run(args: AnalyzeArgs) -> Result<(), CommandError> {
     bar.finish_and_clear();
     interrupt.check()?;
     let analysis = found.map_err(|error| args.complain(&origin, &error))?;
-    tell(&analysis.data.exclusions[told..]);
+    for exclusion in &analysis.data.exclusions[told..] {
+        eprintln!("sidestep: {origin}: excluded: {exclusion}");
+    }
     report::write(&analysis, draft.path()).map_err(|e| unwritable(&args.out, &e))?;
     let kept_or = |e| interrupt.check().err().unwrap_or_else(|| unwritable(&args.out, &e));
     // Of a former analysis in this folder, whose other files are replaced.
@@ -169,19 +147,6 @@ impl AnalyzeArgs {
             synthetic: said.synthetic || self.synthetic,
             ..said
         })
-    }
-
-    /// The tasks to compare.
-    async fn recording(&self) -> Result<Recording, CommandError> {
-        if let Some(path) = &self.source.trials {
-            return trials_file::recording_of_the_faultless(path, &self.scene.scene()?);
-        }
-        let url = self.source.database.clone().unwrap_or_default();
-        let store = Store::open(&url, Missing::Refuse).await?;
-        let study = study_named(&store, &self.study, &url).await?;
-        let recording = recordings::of_study(&store, &study).await?;
-        store.close().await;
-        Ok(recording)
     }
 
     /// The error in terms of the command line.

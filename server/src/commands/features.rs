@@ -1,10 +1,12 @@
 //! `sidestep features`.
 
 use super::solving::{Interrupt, safety_levels};
-use super::trials_file::SceneArgs;
-use super::{CommandError, print_json, trials_file, unwritable};
+use super::trials_file::Faults;
+use super::trials_source::TrialsArgs;
+use super::{CommandError, print_json, unwritable};
 use crate::formats::atomic_file;
 use crate::formats::features_csv::{self, WriteError};
+use sidestep::recording::flagged;
 use std::path::PathBuf;
 
 /// Compute the features of predictors for every step of recorded tasks.
@@ -19,16 +21,14 @@ use std::path::PathBuf;
 /// human turned left in the last step, in the step before it, in the last five steps and since
 /// the trial began.
 ///
-/// An invalid row makes the whole file invalid; the error names its line. (analyze excludes only
-/// the participant.) Prints one line of JSON: the numbers of participants, trials and steps.
+/// An invalid row, or a step that the vehicles cannot have driven, makes the whole file invalid; the
+/// error names it. (analyze excludes only the participant.) With --database, participants whom
+/// analyses exclude are excluded here too. Prints one line of JSON: the numbers of participants, trials and
+/// steps, who is excluded, and how many trials have a flag.
 #[derive(Clone, Debug, clap::Args)]
 pub struct FeaturesArgs {
-    /// CSV file with at least the columns
-    /// participant,trial,step,t,hx,hy,hpsi,rx,ry,rpsi,omega in any order. Only tasks count.
-    #[arg(long, value_name = "FILE.csv")]
-    trials: PathBuf,
     #[command(flatten)]
-    scene: SceneArgs,
+    trials: TrialsArgs,
     /// File to write.
     #[arg(long, value_name = "FILE.csv")]
     out: PathBuf,
@@ -39,9 +39,9 @@ pub struct FeaturesArgs {
 /// # Errors
 /// [`CommandError`] for a bad flag or line (input), or a file that cannot be written (failure).
 pub async fn run(args: FeaturesArgs) -> Result<(), CommandError> {
-    let scene = args.scene.scene()?;
     atomic_file::check(&args.out).map_err(|e| unwritable(&args.out, &e))?;
-    let people = trials_file::recording(&args.trials, &scene)?.participants;
+    let recording = args.trials.recording(Faults::Refuse).await?;
+    let (scene, people) = (recording.scene, recording.participants);
     let interrupt = Interrupt::listen();
     let safety = safety_levels(&scene, &interrupt).await?;
     let written = atomic_file::write(&args.out, &interrupt.token, |out| {
@@ -51,7 +51,7 @@ pub async fn run(args: FeaturesArgs) -> Result<(), CommandError> {
     written.map_err(|error| match error {
         WriteError::Disk(error) => unwritable(&args.out, &error),
         WriteError::Trials(error) => {
-            CommandError::Input(format!("{}: {error}", args.trials.display()))
+            CommandError::Input(format!("{}: {error}", args.trials.name()))
         }
     })?;
     let trials = people.iter().flat_map(|person| &person.trials);
@@ -59,6 +59,8 @@ pub async fn run(args: FeaturesArgs) -> Result<(), CommandError> {
         "participants": people.len(),
         "trials": trials.clone().count(),
         "steps": trials.map(|trial| trial.inputs.len()).sum::<usize>(),
+        "excluded": recording.exclusions,
+        "flagged": flagged(&people),
         "file": args.out,
     }))
 }

@@ -5,8 +5,9 @@ mod files;
 
 use super::json_file::Document;
 use super::solving::{Interrupt, bar, safety_levels};
-use super::trials_file::SceneArgs;
-use super::{CommandError, Words, one_of, print_json, trials_file, unwritable};
+use super::trials_file::Faults;
+use super::trials_source::TrialsArgs;
+use super::{CommandError, Words, one_of, print_json, unwritable};
 use crate::formats::atomic_folder::Draft;
 use crate::threads;
 use evaluation::{Evaluation, Questions};
@@ -14,8 +15,8 @@ use sidestep::bounds::{ActionChoice, BoundsSettings, Rollout};
 use sidestep::features::FeatureSet;
 use sidestep::invalid::Invalid;
 use sidestep::predict::{Predictor, PredictorFile};
+use sidestep::recording::{Recording, flagged as flagged_trials};
 use sidestep::safety::SafetyLevels;
-use sidestep::scene::SceneParameters;
 use sidestep::shfrs::PredictedHuman;
 use sidestep::shfrs::guarantee::Guarantee;
 use sidestep::shfrs::prediction::Prediction;
@@ -44,9 +45,8 @@ use std::time::Duration;
 /// in s, ε and turn rates in rad/s. In GAME the human is the evader, the robot the pursuer.
 #[derive(Clone, Debug, clap::Args)]
 pub struct ShfrsArgs {
-    /// Recorded trials, as `sidestep export` writes them.
-    #[arg(long, value_name = "FILE.csv")]
-    trials: PathBuf,
+    #[command(flatten)]
+    trials: TrialsArgs,
     /// Predictor of the human's next input [default: a logistic regression trained on the training
     /// set].
     #[arg(long, value_name = "FILE.json")]
@@ -62,8 +62,6 @@ pub struct ShfrsArgs {
     /// Only this participant's trials; may be given several times [default: all].
     #[arg(long, value_name = "NAME")]
     participant: Vec<String>,
-    #[command(flatten)]
-    scene: SceneArgs,
     /// By how much each set widens the bounds, rad/s, ascending; the last one must admit every
     /// turn rate.
     #[arg(long, value_name = "RAD/S,…", value_delimiter = ',', allow_hyphen_values = true)]
@@ -143,8 +141,10 @@ const SEQUENCE: usize = 101;
 /// (input), or a file that cannot be written (failure).
 pub async fn run(args: ShfrsArgs) -> Result<(), CommandError> {
     let interrupt = Interrupt::listen();
-    let parameters = args.scene.scene()?;
-    let (recorded, synthetic) = args.recorded(&parameters)?;
+    let recording = args.trials.recording(Faults::Refuse).await?;
+    let (parameters, synthetic) = (recording.scene, recording.provenance.synthetic.clone());
+    let (excluded, flags) = (recording.exclusions.clone(), flagged_trials(&recording.participants));
+    let recorded = args.recorded(recording)?;
     let given = args.predictor.as_deref().map(read_predictor).transpose()?;
     let questions = args.questions()?;
     let longest = recorded.iter().map(|recorded| recorded.trajectory.steps()).max().unwrap_or(0);
@@ -156,7 +156,7 @@ pub async fn run(args: ShfrsArgs) -> Result<(), CommandError> {
     let safety = safety_levels(&parameters, &interrupt).await?;
     let parts = questions.split.parts(recorded.len()).map_err(flagged)?;
     let sizes = [&parts.training, &parts.calibration, &parts.test].map(Vec::len);
-    enough(&questions, sizes[1], recorded.len())?;
+    enough(&questions, sizes[1], recorded.len(), &args.trials.name())?;
     if sizes.contains(&0) {
         let expected = "shares (with --training) that leave something in all three parts";
         let [training, calibration, test] = sizes;
@@ -202,6 +202,8 @@ pub async fn run(args: ShfrsArgs) -> Result<(), CommandError> {
         "test": test,
         "predictor": evaluation.predictor,
         "synthetic": evaluation.synthetic.is_some(),
+        "excluded": excluded,
+        "flagged": flags,
     }))
 }
 
@@ -220,13 +222,9 @@ struct Recorded {
 }
 
 impl ShfrsArgs {
-    fn recorded(
-        &self,
-        parameters: &SceneParameters,
-    ) -> Result<(Vec<Recorded>, Option<String>), CommandError> {
-        let name = self.trials.display();
+    fn recorded(&self, recording: Recording) -> Result<Vec<Recorded>, CommandError> {
+        let name = self.trials.name();
         let complain = |e: &dyn std::fmt::Display| CommandError::Input(format!("{name}: {e}"));
-        let recording = trials_file::recording(&self.trials, parameters)?;
         let people = recording.participants;
         for wanted in &self.participant {
             if !people.iter().any(|person| person.name == *wanted) {
@@ -241,7 +239,8 @@ impl ShfrsArgs {
                 continue;
             }
             for trial in person.trials {
-                let trajectory = Trajectory::of(&trial, parameters).map_err(|e| complain(&e))?;
+                let trajectory =
+                    Trajectory::of(&trial, &recording.scene).map_err(|e| complain(&e))?;
                 recorded.push(Recorded {
                     participant: person.name.clone(),
                     trial: trial.number,
@@ -250,7 +249,7 @@ impl ShfrsArgs {
                 });
             }
         }
-        Ok((recorded, recording.provenance.synthetic))
+        Ok(recorded)
     }
 
     /// A predictor trained on the training part, and in words what it is.
@@ -325,7 +324,12 @@ impl ShfrsArgs {
 
 /// Checks before anything is computed that this number of trials, `calibration` of them to
 /// calibrate with, is enough for every guarantee that was asked for.
-fn enough(questions: &Questions, calibration: usize, trials: usize) -> Result<(), CommandError> {
+fn enough(
+    questions: &Questions,
+    calibration: usize,
+    trials: usize,
+    name: &str,
+) -> Result<(), CommandError> {
     let mut most: Option<(usize, &str, f64)> = None;
     for guarantee in &questions.guarantees {
         for &p in &questions.probabilities {
@@ -345,7 +349,7 @@ fn enough(questions: &Questions, calibration: usize, trials: usize) -> Result<()
                 (needed as f64 / share).ceil()
             );
             Err(CommandError::Input(format!(
-                "--trials: expected {expected}, found {trials} ({calibration} to calibrate with)"
+                "{name}: expected {expected}, found {trials} ({calibration} to calibrate with)"
             )))
         }
         _ => Ok(()),

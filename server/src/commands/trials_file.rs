@@ -7,11 +7,13 @@ use crate::formats::csv_lines::LineError;
 use crate::formats::trials_csv::{self, Contents, ParticipantFault};
 use sidestep::invalid::Invalid;
 use sidestep::math::{PI, atan2, hypot, sinc, wrap_angle};
+use sidestep::motion;
 use sidestep::recording::{
     Exclusion, Origin, Provenance, RecordedParticipant, RecordedTrial, Recording,
 };
 use sidestep::scene::{JointState, SceneParameters};
 use sidestep::synthetic;
+use sidestep::trial::Flag;
 use sidestep::vehicle::{Pose, VehicleModel};
 use std::fs::File;
 use std::io::BufReader;
@@ -158,59 +160,62 @@ impl Driven {
 /// How far a heading may be off, besides half of the largest turn in a step.
 const HEADING_TOLERANCE_RAD: f64 = 0.05;
 
-/// The tasks in the file of all participants, without those who drove none.
-///
-/// # Errors
-/// [`CommandError::Input`] naming the file, the line and what is wrong, or that there is no task.
-pub(super) fn recording(path: &Path, scene: &SceneParameters) -> Result<Recording, CommandError> {
-    let people = trials_csv::read(open(path)?, scene).map_err(|e| faulty(path, &e))?;
-    let mut recording = tasks(path, scene, people, Vec::new())?;
-    recording.participants.retain(|person| !person.trials.is_empty());
-    Ok(recording)
+/// What a faulty row or trial means.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Faults {
+    /// The participant is excluded.
+    Exclude,
+    /// The whole file is refused.
+    Refuse,
 }
 
-/// The tasks in the file of every participant. A participant with a wrong row is excluded, and one
-/// without a task has no trials.
+/// The tasks in the file, of all participants if faults exclude, else of those who drove one. Trials whose states do not follow from the
+/// inputs are flagged.
 ///
 /// # Errors
-/// [`CommandError::Input`] naming the file, the line and what is wrong if a row cannot be assigned
-/// to a participant or everybody has a wrong row, or that there is no task.
-pub(super) fn recording_of_the_faultless(
+/// [`CommandError::Input`] naming the file, the line and what is wrong: if a row cannot be assigned to a
+/// participant, for a fault that is to be refused or that everybody has, or that there is no task.
+pub(super) fn recording(
     path: &Path,
     scene: &SceneParameters,
+    wanted: Faults,
 ) -> Result<Recording, CommandError> {
-    let Contents { participants, faults } =
+    let Contents { mut participants, faults } =
         trials_csv::read_each(open(path)?, scene).map_err(|e| faulty(path, &e))?;
-    if let ([], [first, others @ ..]) = (&participants[..], &faults[..]) {
-        return Err(match others.len() {
-            0 => faulty(path, &first.error),
-            n => {
-                let others = format!("; {n} more have faults too, so that nobody is left");
-                complaint(path, &format!("{}{}{others}", first.error, hint(&first.error)))
-            }
-        });
-    }
+    check_motion(&participants, scene).map_err(|e| complaint(path, &e))?;
     let exclusion = |ParticipantFault { participant, error }: ParticipantFault| {
         Exclusion::of_fault(&participant, &error.into())
     };
-    tasks(path, scene, participants, faults.into_iter().map(exclusion).collect())
-}
-
-fn tasks(
-    path: &Path,
-    scene: &SceneParameters,
-    mut participants: Vec<RecordedParticipant>,
-    exclusions: Vec<Exclusion>,
-) -> Result<Recording, CommandError> {
-    check_motion(&participants, scene).map_err(|e| complaint(path, &e))?;
     participants.iter_mut().for_each(RecordedParticipant::keep_tasks);
     participants.iter_mut().for_each(RecordedParticipant::keep_one_attempt);
+    let origin = Origin::File(path.display().to_string());
+    let provenance = Provenance { origin, synthetic: synthetic::recognised(&participants) };
+    let mut recording =
+        Recording { provenance, scene: *scene, participants, exclusions: Vec::new() };
+    let hints: Vec<&str> = faults.iter().map(|fault| hint(&fault.error)).collect();
+    recording.exclusions = faults.into_iter().map(exclusion).collect();
+    motion::exclude_impossible(&mut recording);
+    let Recording { participants, exclusions, .. } = &mut recording;
+    let nobody = participants.is_empty();
+    if let Some(first) = exclusions.first().filter(|_| nobody || wanted == Faults::Refuse) {
+        let others = match exclusions.len() - 1 {
+            n @ 1.. if nobody => format!("; {n} more have faults too, so that nobody is left"),
+            _ => String::new(),
+        };
+        let hint = hints.first().unwrap_or(&"");
+        return Err(complaint(path, &format!("{}{hint}{others}", first.why())));
+    }
+    // Analyses name whoever drove no task.
+    participants.retain(|person| wanted == Faults::Exclude || !person.trials.is_empty());
     if participants.iter().all(|person| person.trials.is_empty()) {
         return Err(complaint(path, &"expected at least one task, found none"));
     }
-    let origin = Origin::File(path.display().to_string());
-    let provenance = Provenance { origin, synthetic: synthetic::recognised(&participants) };
-    Ok(Recording { provenance, scene: *scene, participants, exclusions })
+    for trial in participants.iter_mut().flat_map(|person| &mut person.trials) {
+        if !trial.flags.contains(&Flag::ReplayMismatch) && !motion::replays(scene, trial) {
+            trial.flags.push(Flag::ReplayMismatch);
+        }
+    }
+    Ok(recording)
 }
 
 fn open(path: &Path) -> Result<BufReader<File>, CommandError> {

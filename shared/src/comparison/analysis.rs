@@ -12,10 +12,9 @@ use super::settings::Settings;
 use super::tables::{Comparison, Metric, Pooled};
 use crate::dataset::GivenFeatures;
 use crate::invalid::Invalid;
-use crate::recording::{Exclusion, RecordedParticipant, Recording};
+use crate::recording::{Exclusion, RecordedParticipant, Recording, flagged};
 use crate::safety::{SafetyLevels, SafetyQuality};
 use crate::scene::{JointState, SceneParameters};
-use crate::trial::Flag;
 use core::ops::ControlFlow;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -121,7 +120,7 @@ pub fn analyse(
         scene: *scene,
         synthetic: recording.provenance.synthetic.clone(),
         exclusions,
-        flagged: flagged(&recorded),
+        flagged: flagged(recorded.iter().copied()),
         same_trials: same_trials(&recorded, &results.comparison),
         safety: Some(quality(&people, safety)),
     };
@@ -244,16 +243,6 @@ fn pooled(comparison: &Comparison, baselines: &[Baseline]) -> Vec<Pooled> {
         }
     }
     pooled
-}
-
-/// Flags of these trials, with how many have each. That a trial was imported casts no doubt on it.
-fn flagged(participants: &[&RecordedParticipant]) -> BTreeMap<String, usize> {
-    let trials = participants.iter().flat_map(|participant| &participant.trials);
-    let mut flagged = BTreeMap::new();
-    for flag in trials.flat_map(|trial| &trial.flags).filter(|flag| **flag != Flag::Imported) {
-        *flagged.entry(flag.word().to_owned()).or_insert(0) += 1;
-    }
-    flagged
 }
 
 /// The participants of `comparison` who have the same trials as another one, to the last bit.

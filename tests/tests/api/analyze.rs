@@ -1,6 +1,6 @@
 //! analyze: the whole comparison, against scikit-learn's of the same data.
 
-use serde_json::Value;
+use serde_json::{Value, json};
 use sidestep_tests::folder::{Row, data, number, rows as table};
 #[cfg(unix)]
 use sidestep_tests::process::interrupted;
@@ -269,6 +269,9 @@ phases = [{ phase = "practice", scenes = 1 }, { phase = "task", scenes = 6 }]
     let (code, _, said) = analyze(&["--trials", trials.to_str().unwrap()], &exported).await;
     assert_eq!(code, Some(0), "{said}");
     assert!(tables(&stored).len() > 100 && tables(&stored) == tables(&exported));
+    of_both("features", &[], &folder, [&database, trials.to_str().unwrap()], ".").await;
+    let few = ["--probability", "0.5", "--guarantee", "conformal"];
+    of_both("shfrs", &few, &folder, [&database, trials.to_str().unwrap()], "tuning.csv").await;
 
     for (flags, words) in [
         (&["--database", &database, "--study", "other"][..], "no such study"),
@@ -282,6 +285,28 @@ phases = [{ phase = "practice", scenes = 1 }, { phase = "task", scenes = 6 }]
         assert!(printed.is_empty() && said.contains(words), "{flags:?}: {said}");
         assert!(!folder.path().join("no").exists());
     }
+}
+
+/// Checks that a command writes the same `file` (of its folder, or `.`) from a database as from its export.
+async fn of_both(
+    command: &str,
+    flags: &[&str],
+    folder: &TempDir,
+    [database, trials]: [&str; 2],
+    file: &str,
+) {
+    let mut written = Vec::new();
+    for source in [["--database", database], ["--trials", trials]] {
+        let out = folder.path().join(format!("{command}{}", source[0]));
+        let args = [&[command, "--out", out.to_str().unwrap()], &source[..], flags].concat();
+        let output = sidestep(&args).await;
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let line: Value = serde_json::from_slice(&output.stdout).unwrap();
+        assert_eq!((&line["excluded"], &line["flagged"]), (&json!([]), &json!({})));
+        let path = if file == "." { out } else { out.join(file) };
+        written.push(fs::read(path).unwrap());
+    }
+    assert!(written[0].len() > 100 && written[0] == written[1], "{command}");
 }
 
 /// Computed participants are told apart from people, whose trials get no banner.

@@ -330,6 +330,45 @@ async fn headings_in_degrees_are_refused() {
     }
 }
 
+/// One impossible step excludes its participant from analyses, and other commands refuse the file. Inputs with
+/// the other sign are nobody's fault alone: no command takes the file.
+#[tokio::test]
+async fn states_that_no_inputs_explain_are_refused() {
+    let folder = TempDir::new().unwrap();
+    let (out, file) = (folder.path().join("out"), folder.path().join("features.csv"));
+    let (header, rows) = some_trials(&["0", "1"], 6);
+    let number =
+        |row: &str, column: usize| -> f64 { row.split(',').nth(column).unwrap().parse().unwrap() };
+    let one = |column: usize, change: fn(f64) -> f64| -> Vec<String> {
+        let mut rows = rows.clone();
+        rows[20] = changed(&rows[20], column, &change(number(&rows[20], column)).to_string());
+        rows
+    };
+    for (wrong, words) in [
+        (one(4, |x| x + 0.02), "step 19: hx, hy: expected a position 0.4000 m away"),
+        (one(6, f64::to_degrees), "step 19: hpsi: expected a heading in radians"),
+        (one(9, |psi| psi + 0.2), "step 19: rpsi: expected a heading"),
+    ] {
+        let trials = written(&folder, "trials.csv", &header, &wrong);
+        let (code, line, said) = analyze(&["--trials", &trials], &out).await;
+        assert_eq!(code, Some(0), "{said}");
+        assert!(
+            said.contains("excluded: participant 0: line 2: trial 0, ") && said.contains(words)
+        );
+        assert!(line.contains(r#""participants":1"#) && line.contains(words), "{line}");
+        let path = file.to_str().unwrap();
+        let output = sidestep(&["features", "--trials", &trials, "--out", path]).await;
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{said}");
+        assert!(said.contains(words) && !file.exists(), "{said}");
+    }
+    let opposite = rows.iter().map(|row| changed(row, 10, &(-number(row, 10)).to_string()));
+    let trials = written(&folder, "trials.csv", &header, &opposite.collect::<Vec<_>>());
+    let (code, _, said) = analyze(&["--trials", &trials], &folder.path().join("none")).await;
+    assert_eq!(code, Some(2), "{said}");
+    assert!(said.contains("trials.csv: omega: expected") && said.contains("the opposite of omega"));
+}
+
 /// Safety levels of other vehicles than those that were driven would look like results.
 #[tokio::test]
 async fn trials_of_other_vehicles_are_not_taken_for_these() {

@@ -102,7 +102,7 @@ async fn what_makes_no_sense_is_refused_in_words() {
         (&["--participant", "nobody"], "expected one of 0, 1, 2, 3, 4, 5, 6, 7, found nobody"),
         (
             &["--participant", "2", "--probability", "0.99"],
-            "--trials: expected at least 997 tasks for p = 0.99 (pac), so that 299 are left to \
+            "trials.csv: expected at least 997 tasks for p = 0.99 (pac), so that 299 are left to \
              calibrate with, found 50 (15 to calibrate with)",
         ),
         (&["--features", "hrd,speed"], "--features"),

@@ -1,0 +1,81 @@
+//! Where commands that learn from trials take them from: a file or a study.
+
+use super::trials_file::{self, Faults, SceneArgs};
+use super::{CommandError, study_named};
+use crate::recordings;
+use crate::store::{Missing, Store};
+use sidestep::motion;
+use sidestep::recording::Recording;
+use std::path::PathBuf;
+
+/// The tasks to learn from.
+#[derive(Clone, Debug, clap::Args)]
+pub(super) struct TrialsArgs {
+    #[command(flatten)]
+    source: Source,
+    /// Name of the study in addresses, with --database.
+    #[arg(long, value_name = "SLUG", default_value = "default", conflicts_with = "trials")]
+    study: String,
+    /// The vehicles; the human is the evader. With --database the study's own.
+    #[command(flatten)]
+    scene: SceneArgs,
+}
+
+#[derive(Clone, Debug, clap::Args)]
+#[group(required = true, multiple = false)]
+struct Source {
+    /// CSV file with at least the columns
+    /// participant,trial,step,t,hx,hy,hpsi,rx,ry,rpsi,omega in any order, as `sidestep export`
+    /// writes it. Only tasks count.
+    #[arg(long, value_name = "FILE.csv")]
+    trials: Option<PathBuf>,
+    /// Database: sqlite: and a file.
+    #[arg(long, value_name = "URL", conflicts_with_all = ["GameArgs", "SceneArgs"])]
+    database: Option<String>,
+}
+
+impl TrialsArgs {
+    /// The tasks, checked: the vehicles can have driven the states, and the inputs are those that
+    /// turned the human. The participants who are excluded are named on stderr.
+    ///
+    /// # Errors
+    /// [`CommandError::Input`] for a file that cannot be used, with its line, or a study that is not
+    /// there.
+    pub(super) async fn recording(&self, faults: Faults) -> Result<Recording, CommandError> {
+        let recording = match &self.source.trials {
+            Some(path) => trials_file::recording(path, &self.scene.scene()?, faults)?,
+            None => self.stored().await?,
+        };
+        let trials = recording.participants.iter().flat_map(|person| &person.trials);
+        motion::check_inputs(&recording.scene, trials)
+            .map_err(|invalid| CommandError::Input(format!("{}: {invalid}", self.name())))?;
+        for exclusion in &recording.exclusions {
+            eprintln!("sidestep: {}: excluded: {exclusion}", self.name());
+        }
+        Ok(recording)
+    }
+
+    /// The file or the study, in messages.
+    pub(super) fn name(&self) -> String {
+        match &self.source.trials {
+            Some(path) => path.display().to_string(),
+            None => format!("study {}", self.study),
+        }
+    }
+
+    async fn stored(&self) -> Result<Recording, CommandError> {
+        let url = self.source.database.clone().unwrap_or_default();
+        let store = Store::open(&url, Missing::Refuse).await?;
+        let study = study_named(&store, &self.study, &url).await?;
+        let recording = recordings::of_study(&store, &study).await?;
+        store.close().await;
+        if recording.participants.is_empty() {
+            let expected = "expected at least one participant with tasks, found none";
+            return Err(CommandError::Input(match recording.exclusions.first() {
+                Some(first) => format!("{}: {first}; {expected} else", self.name()),
+                None => format!("{}: {expected}", self.name()),
+            }));
+        }
+        Ok(recording)
+    }
+}
