@@ -31,6 +31,7 @@ pub mod people;
 pub mod overview;
 pub mod profiles;
 pub mod imports;
+pub mod snapshot;
 #[cfg(test)]
 pub(crate) mod tests;
 
@@ -44,6 +45,7 @@ use rusqlite::{Connection, ErrorCode};
 use sidestep::study::StudyConfig;
 use std::collections::HashMap;
 use std::fs::File;
+use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError, RwLock};
 use std::time::Duration;
 use tokio::sync::watch;
@@ -193,6 +195,19 @@ impl Store {
         tokio::time::timeout(PATIENCE, begun).await.unwrap_or(Err(StoreError::Locked))?;
         let free = self.open.file.free_bytes()?;
         if free < LEAST_FREE_BYTES { Err(StoreError::Full) } else { Ok(()) }
+    }
+
+    /// The folder of the database, for a temporary file of this length that leaves room for what is to be
+    /// stored.
+    ///
+    /// # Errors
+    /// [`StoreError::Full`] if there is not enough room.
+    pub fn room(&self, bytes: u64) -> Result<PathBuf, StoreError> {
+        let enough = LEAST_FREE_BYTES.saturating_mul(16).saturating_add(bytes);
+        if self.open.file.free_bytes()? < enough {
+            return Err(StoreError::Full);
+        }
+        Ok(self.open.file.folder().to_owned())
     }
 
     /// What SQLite itself finds wrong with the file: damaged pages and references

@@ -170,7 +170,7 @@ impl Server {
     /// # Panics
     /// If there is none.
     pub async fn export(&self, slug: &str) -> String {
-        self.admin_text(&routes::export(slug)).await
+        self.admin_text(&routes::exports(slug)).await
     }
 
     /// A file, with the experimenter's key.

@@ -2,7 +2,7 @@
 
 use super::solving::Interrupt;
 use super::{CommandError, Words, one_of, print_json, study_named};
-use crate::formats::exports::{self, ExportError, FileEntry, Filter, Format, Quality};
+use crate::formats::exports::{self, Dataset, ExportError, FileEntry, Filter, Format, Quality};
 use crate::store::{Missing, Store};
 use sidestep::trial::Phase;
 use std::path::PathBuf;
@@ -46,6 +46,8 @@ const FORMATS: Words<Format> = &[
     ("csv", Format::Csv, "Comma-separated text with a header"),
     ("jsonl", Format::Jsonl, "A JSON object in each line"),
     ("parquet", Format::Parquet, "Apache Parquet"),
+    ("psych-ds", Format::PsychDs, "A folder of the Psych-DS standard, with CSV files"),
+    ("sqlite", Format::Sqlite, "One SQLite database"),
 ];
 
 const PHASES: Words<Phase> = &[
@@ -74,8 +76,9 @@ pub async fn run(args: ExportArgs) -> Result<(), CommandError> {
     let (phase, quality, pilots) = (args.phase, args.quality, args.pilots);
     let filter = Filter { phase, quality, configuration, pilots };
     let interrupt = Interrupt::listen();
+    let dataset = Dataset::read(&store, &study, &filter).await?;
     let (format, stop) = (args.format, &interrupt.token);
-    let written = exports::write(&store, &study, format, &filter, &args.out, stop).await;
+    let written = exports::write(&store, dataset, format, &args.out, stop).await;
     let manifest = written.map_err(|error| match error {
         ExportError::Disk(error) => interrupt.unwritten(&args.out, &error),
         error => CommandError::failure(error),

@@ -154,6 +154,7 @@ pub async fn start(args: &ServeArgs, key: Option<&str>) -> Result<Running, Comma
         analysis_asked: Arc::clone(&analysis_asked),
         study_stored: Arc::clone(&study_stored),
         self_check: tokio::sync::OnceCell::new(),
+        lengths: Arc::default(),
         stopping: stopping.clone(),
     });
     let (stop, stopped) = oneshot::channel::<()>();

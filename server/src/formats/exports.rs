@@ -1,25 +1,59 @@
-//! A study's data as files, for the command, and its steps as one file, for the route.
+//! A study's data as files: as a folder, for the command, as an archive of the same files, for the route, and
+//! its steps as one file, for scripts that need no more.
 //!
 //! Participants are read one after the other, so that memory does not grow with the study and no long
 //! read keeps SQLite from writing back its log. Each participant's rows come from one snapshot.
 
 mod filter;
+mod person;
+mod table;
+mod format;
+mod hashed;
+mod dataset;
 mod table_file;
+mod printing;
+mod written;
+mod psych_ds;
+mod companions;
+mod sqlite;
 mod folder;
+mod archive;
 
+pub use archive::archive;
+pub use companions::{FileEntry, MANIFEST, Manifest};
+pub use dataset::Dataset;
 pub use filter::{Filter, Quality};
-pub use folder::{ExportError, FileEntry, MANIFEST, Manifest, write};
-pub use table_file::Format;
+pub use folder::write;
+pub use format::Format;
 
+use self::person::Person;
 use super::table::{Batch, csv_header, csv_rows};
-use super::tables::{Driven, steps};
+use super::tables::steps;
 use crate::store::studies::StoredStudy;
-use crate::store::trials::StoredTrial;
 use crate::store::{Store, StoreError};
 use futures_util::stream::{self, Stream};
 use sidestep::invalid::Invalid;
-use sidestep::study::StudyConfig;
-use std::sync::Arc;
+use std::io;
+
+/// Why there is no export.
+#[derive(Debug, thiserror::Error)]
+pub enum ExportError {
+    /// The database cannot be read.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// The files cannot be written.
+    #[error(transparent)]
+    Disk(#[from] io::Error),
+    /// Trials were deleted while they were exported.
+    #[error("participant {participant}: trials were deleted during the export; export again")]
+    Changed {
+        /// The participant's number.
+        participant: i64,
+    },
+    /// A defect of this program.
+    #[error("the export broke off: {0}")]
+    Defect(#[from] tokio::task::JoinError),
+}
 
 /// Accepts the format of a download.
 ///
@@ -27,44 +61,6 @@ use std::sync::Arc;
 /// [`Invalid`] naming it.
 pub fn check_format(format: &str) -> Result<(), Invalid> {
     if format == "csv" { Ok(()) } else { Err(Invalid::new("format", "csv", format!("{format:?}"))) }
-}
-
-/// All trials of a participant, in the plan's order, with the configuration of their enrolment.
-struct Person {
-    config: Arc<StudyConfig>,
-    trials: Vec<StoredTrial>,
-}
-
-impl Person {
-    /// Reads a participant; none if they drove nothing.
-    async fn read(store: &Store, id: &str) -> Result<Option<Self>, StoreError> {
-        let trials = store.trials_of(id).await?;
-        let Some(first) = trials.first() else { return Ok(None) };
-        let config = store.config(&first.config_hash).await?;
-        // Rows are printed as they are stored; what is not of the study's length is damage.
-        match trials.iter().find(|trial| !is_whole(trial)) {
-            Some(trial) => {
-                let id = &trial.head.trial_id;
-                Err(StoreError::Corrupt(format!("trial {id}: not as many times as inputs")))
-            }
-            None => Ok(Some(Self { config, trials })),
-        }
-    }
-
-    /// Their trials, numbered from 0 over all phases, so that (participant, trial) identifies a trial.
-    fn driven(&self) -> impl Iterator<Item = Driven<'_>> {
-        let parameters = &self.config.parameters;
-        let trials = self.trials.iter().enumerate();
-        trials.map(move |(number, trial)| Driven { number, trial, parameters })
-    }
-}
-
-/// Whether there is a state before each step, and a time if times were recorded.
-fn is_whole(trial: &StoredTrial) -> bool {
-    let content = &trial.content;
-    let steps = content.inputs.len();
-    content.states.len() == steps + 1
-        && content.sampled_at_ms.as_ref().is_none_or(|times| times.len() == steps)
 }
 
 /// The table of steps as CSV, piece by piece. After an error there are no further pieces, so a download

@@ -38,16 +38,24 @@ pub enum Kind {
     Json,
 }
 
-impl Serialize for Kind {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.serialize_str(match self {
+impl Kind {
+    /// The word for it in the dictionary.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        match self {
             Self::Whole => "whole number",
             Self::Number | Self::Time => "number",
             Self::Text => "text",
             Self::Word => "word",
             Self::Hash => "hash",
             Self::Json => "JSON",
-        })
+        }
+    }
+}
+
+impl Serialize for Kind {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(self.word())
     }
 }
 

@@ -2,6 +2,7 @@
 
 use crate::http::answers::Answers;
 use crate::http::bounded::Bounded;
+use crate::http::lengths::Lengths;
 use crate::http::throttle::Throttle;
 use crate::languages::library::Library;
 use crate::store::Store;
@@ -33,6 +34,8 @@ pub struct App {
     pub study_stored: Arc<Notify>,
     /// The server's fingerprint, computed at the first request.
     pub self_check: OnceCell<SelfCheck>,
+    /// The lengths of archives, for the rest of a download.
+    pub lengths: Arc<Lengths>,
     /// Cancelled when the server stops, which ends the answers that have no end of their own.
     pub stopping: CancellationToken,
 }

@@ -1,11 +1,10 @@
-//! Studies, trials, predictors and exports for the experimenter.
+//! Studies, trials and predictors for the experimenter.
 
 use crate::clock::now_ms;
 use crate::content::Content;
-use crate::formats::exports;
 use crate::http::app::App;
 use crate::http::error::ApiError;
-use crate::http::experimenters::{Exporter, Manager, Reader};
+use crate::http::experimenters::{Manager, Reader};
 use crate::http::params::{Params, PathText};
 use crate::http::studies::named;
 use crate::jobs::safety;
@@ -14,10 +13,7 @@ use crate::store::Store;
 use crate::store::trials::{StoredTrial, TrialHead};
 use anyhow::Context;
 use axum::Json;
-use axum::body::Body;
 use axum::extract::State;
-use axum::http::header;
-use axum::response::IntoResponse;
 use serde::Deserialize;
 use sidestep::api::{
     Action, PilotsDeleted, SelfCheck, StudySummary, TrainedPredictor, TrialDetail, TrialPage,
@@ -173,32 +169,6 @@ pub async fn self_check(
     };
     let check = app.self_check.get_or_try_init(compute).await;
     Ok(Json(check.context("self-check")?.clone()))
-}
-
-/// The query of an export.
-#[derive(Debug, Deserialize)]
-pub struct ExportParams {
-    format: String,
-}
-
-/// `GET /api/v1/admin/studies/{slug}/export?format=csv`, streamed.
-pub async fn export(
-    Exporter(me): Exporter,
-    State(app): State<Arc<App>>,
-    PathText(slug): PathText,
-    Params(params): Params<ExportParams>,
-) -> Result<impl IntoResponse, ApiError> {
-    exports::check_format(&params.format)?;
-    let study = named(&app.store, &slug).await?;
-    let entry = me.does(Action::Exported, Some(&slug), Some("trials as CSV".to_owned()));
-    app.store.note(entry).await?;
-    let name = format!("attachment; filename=\"{slug}-trials.csv\"");
-    let body = Body::from_stream(exports::stream(app.store.clone(), study));
-    let headers = [
-        (header::CONTENT_TYPE, "text/csv; charset=utf-8".to_owned()),
-        (header::CONTENT_DISPOSITION, name),
-    ];
-    Ok((headers, body))
 }
 
 async fn stored(store: &Store, trial_id: &str) -> Result<StoredTrial, ApiError> {

@@ -4,8 +4,8 @@ use crate::http::app::App;
 use crate::http::error::ApiError;
 use crate::http::site::Site;
 use crate::http::{
-    analyses, changes, configurations, enrolment, guard, keys, laboratory, metrics, participants,
-    people, profiles, session, site, studies, texts, trials, value_functions,
+    analyses, changes, configurations, enrolment, exports, guard, keys, laboratory, metrics,
+    participants, people, profiles, session, site, studies, texts, trials, value_functions,
 };
 use axum::Router;
 use axum::http::StatusCode;
@@ -54,7 +54,7 @@ pub fn router(app: Arc<App>, site: &Site) -> Router {
         .route(&routes::admin_trial("{trial_id}"), get(laboratory::trial))
         .route(&routes::admin_predictor("{trial_id}"), get(laboratory::predictor))
         .route(routes::SELF_CHECK, get(laboratory::self_check))
-        .route(&routes::exports("{slug}"), get(laboratory::export))
+        .route(&routes::exports("{slug}"), get(exports::export))
         .route(&routes::admin_analyses("{slug}"), get(analyses::list).post(analyses::ask))
         .route(&routes::admin_analysis("{id}"), get(analyses::show).delete(analyses::delete))
         .route(&routes::cancel_analysis("{id}"), post(analyses::cancel))
@@ -127,6 +127,7 @@ mod tests {
             analysis_asked: Arc::default(),
             study_stored: Arc::default(),
             self_check: Default::default(),
+            lengths: Arc::default(),
             stopping: CancellationToken::new(),
         };
         (store, router(Arc::new(app), &Site::open(folder.path()).unwrap()))

@@ -72,10 +72,15 @@ impl DatabaseFile {
         identity(&self.log)
     }
 
+    /// The folder of the file.
+    pub(super) fn folder(&self) -> &Path {
+        let folder = self.path.parent().filter(|folder| !folder.as_os_str().is_empty());
+        folder.unwrap_or(Path::new("."))
+    }
+
     /// Free space on the file's disk, bytes.
     pub(super) fn free_bytes(&self) -> Result<u64, StoreError> {
-        let folder = self.path.parent().filter(|folder| !folder.as_os_str().is_empty());
-        let found = statvfs(folder.unwrap_or(Path::new(".")));
+        let found = statvfs(self.folder());
         let found = found.map_err(|error| StoreError::Unavailable(error.to_string()))?;
         Ok(found.f_bavail.saturating_mul(found.f_frsize))
     }

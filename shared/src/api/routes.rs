@@ -132,13 +132,8 @@ pub fn analysis_file(id: &str, name: &str) -> String {
 }
 /// The server's own simulation fingerprint.
 pub const SELF_CHECK: &str = "/api/v1/admin/self-check";
-/// A study's trials as a file, without the query that names the format.
+/// A study's data, without the query that names format and filters: then its steps as one CSV file.
 #[must_use]
 pub fn exports(slug: &str) -> String {
     format!("/api/v1/admin/studies/{slug}/export")
-}
-/// A study's trials as a CSV file.
-#[must_use]
-pub fn export(slug: &str) -> String {
-    format!("{}?format=csv", exports(slug))
 }

@@ -38,7 +38,7 @@ async fn a_key_may_do_what_its_right_says() {
         (Access::Read, Method::GET, routes::admin_trials("default"), Value::Null, 200),
         (Access::Read, Method::GET, analyses.clone(), Value::Null, 200),
         (Access::Read, Method::GET, routes::SELF_CHECK.to_owned(), Value::Null, 200),
-        (Access::Export, Method::GET, routes::export("default"), Value::Null, 200),
+        (Access::Export, Method::GET, routes::exports("default"), Value::Null, 200),
         (
             Access::Export,
             Method::GET,
@@ -77,7 +77,7 @@ async fn a_key_may_do_what_its_right_says() {
     );
     let reader = made(&server, "another reader", Access::Read).await;
     for slug in ["default", "a%40b"] {
-        get(&server, &reader.secret, &routes::export(slug)).await.problem(403, "access", None);
+        get(&server, &reader.secret, &routes::exports(slug)).await.problem(403, "access", None);
     }
     let by_reader = trail(&server).await.into_iter().filter(|(who, ..)| who == "another reader");
     assert_eq!(by_reader.count(), 1, "once a minute");
@@ -146,7 +146,7 @@ async fn the_trail_says_who_did_what() {
     let ada = made(&server, "Ada", Access::Manage).await;
     let pilots = routes::admin_pilots("default");
     ask(&server, &ada.secret, Method::DELETE, &pilots, Value::Null).await;
-    get(&server, &ada.secret, &routes::export("default")).await;
+    get(&server, &ada.secret, &routes::exports("default")).await;
     let revoke = routes::admin_key(&ada.key.id.to_string());
     for _ in 0..2 {
         let revoked = ask(&server, &server.key, Method::DELETE, &revoke, Value::Null).await;

@@ -71,7 +71,7 @@ async fn every_laboratory_route_wants_a_key() {
         routes::admin_trial("x"),
         routes::admin_predictor("x"),
         routes::SELF_CHECK.to_owned(),
-        routes::export("default"),
+        routes::exports("default"),
         routes::SESSION.to_owned(),
         routes::ADMIN_KEYS.to_owned(),
         routes::AUDIT.to_owned(),
@@ -84,7 +84,7 @@ async fn every_laboratory_route_wants_a_key() {
         routes::admin_trials("nothing"),
         routes::admin_trial("x"),
         routes::admin_predictor("x"),
-        routes::export("nothing"),
+        routes::exports("nothing"),
     ] {
         server.admin(&route).await.problem(404, "not_found", None);
     }

@@ -14,6 +14,7 @@ mod design;
 mod trouble;
 mod features;
 mod files;
+mod exports;
 mod keys;
 mod laboratory;
 mod participation;

@@ -9,6 +9,7 @@ mod profile;
 mod trials;
 mod analyses;
 mod analysis;
+mod export;
 mod configuration;
 mod access;
 mod self_check;

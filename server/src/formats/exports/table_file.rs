@@ -1,83 +1,88 @@
 //! A table as a file that is written batch by batch.
 
-use crate::formats::table::{Batch, Column, ParquetFile, csv_header, csv_rows, json_rows};
-use serde::Serialize;
-use sha2::{Digest, Sha256};
-use std::fs::File;
+use super::Format;
+use super::format::DATABASE;
+use super::hashed::Hashed;
+use super::table::Table;
+use crate::formats::table::{Batch, Cells, Column, Kind, ParquetFile};
+use crate::formats::table::{csv_header, csv_rows, json_rows};
+use crate::store::StoreError;
+use crate::store::snapshot::{Snapshot, Type, Value};
+use std::collections::BTreeSet;
 use std::io::{self, Write};
 use std::path::Path;
-
-/// The format of the tables.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Format {
-    /// Comma-separated text with a header.
-    Csv,
-    /// A JSON object for each row.
-    Jsonl,
-    /// Apache Parquet.
-    Parquet,
-}
-
-impl Format {
-    /// The ending of files in this format.
-    #[must_use]
-    pub fn ending(self) -> &'static str {
-        match self {
-            Self::Csv => "csv",
-            Self::Jsonl => "jsonl",
-            Self::Parquet => "parquet",
-        }
-    }
-
-    /// Rows after which a batch is written. A row group of a Parquet file is to be long, and text goes to
-    /// the file while it is in the processor's cache.
-    pub(super) fn batch_rows(self) -> usize {
-        match self {
-            Self::Csv | Self::Jsonl => 1,
-            Self::Parquet => 1 << 15,
-        }
-    }
-}
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// A table that is being written.
-pub(super) struct TableFile {
+pub(super) struct TableFile<W: Write + Send> {
     pub(super) name: String,
+    pub(super) table: Table,
     pub(super) columns: Vec<Column>,
     pub(super) rows: u64,
-    content: Content,
+    content: Content<W>,
 }
 
-enum Content {
+enum Content<W: Write + Send> {
     /// Text on its way to the file, and how rows become text.
     Text {
-        out: Hashed,
+        out: Hashed<W>,
         text: Vec<u8>,
         print: fn(&[Column], &Batch, &mut Vec<u8>),
     },
-    Parquet(ParquetFile<Hashed>),
+    Parquet(ParquetFile<Hashed<W>>),
+    /// A table of a database with others.
+    Rows(Database),
 }
 
-impl TableFile {
-    /// Begins a file in `folder`.
+/// The database of an export, which several tables write to.
+pub(super) type Database = Arc<Mutex<Snapshot>>;
+
+/// Begins the database of an export in a folder.
+pub(super) fn database(folder: &Path) -> Result<Database, StoreError> {
+    Ok(Arc::new(Mutex::new(Snapshot::create(&folder.join(DATABASE))?)))
+}
+
+/// Where a table is written to.
+pub(super) enum Place<W> {
+    /// A file of its own with this name.
+    File(String, W),
+    /// A database with others.
+    Database(Database),
+}
+
+impl<W: Write + Send> TableFile<W> {
+    /// Begins a table.
     pub(super) fn begin(
-        folder: &Path,
-        table: &str,
-        columns: Vec<Column>,
         format: Format,
+        table: Table,
+        mut columns: Vec<Column>,
+        place: Place<W>,
     ) -> io::Result<Self> {
-        let name = format!("{table}.{}", format.ending());
-        let mut out = Hashed::create(&folder.join(&name))?;
         let text = Vec::new();
-        let content = match format {
-            Format::Csv => {
-                out.write_all(&csv_header(&columns))?;
-                Content::Text { out, text, print: csv_rows }
+        let (name, content) = match place {
+            Place::File(name, out) => {
+                let mut out = Hashed::new(out);
+                let content = match format {
+                    Format::Jsonl => Content::Text { out, text, print: json_rows },
+                    Format::Parquet => Content::Parquet(ParquetFile::begin(out, &columns)?),
+                    Format::Csv | Format::PsychDs | Format::Sqlite => {
+                        out.write_all(&csv_header(&columns))?;
+                        Content::Text { out, text, print: csv_rows }
+                    }
+                };
+                (name, content)
             }
-            Format::Jsonl => Content::Text { out, text, print: json_rows },
-            Format::Parquet => Content::Parquet(ParquetFile::begin(out, &columns)?),
+            Place::Database(database) => {
+                make_distinct(&mut columns);
+                let types: Vec<_> =
+                    columns.iter().map(|column| (&*column.name, type_of(column.kind))).collect();
+                let mut open = database.lock().unwrap_or_else(PoisonError::into_inner);
+                open.table(table.name(), &types, table.key()).map_err(io::Error::other)?;
+                drop(open);
+                (DATABASE.to_owned(), Content::Rows(database))
+            }
         };
-        Ok(Self { name, columns, rows: 0, content })
+        Ok(Self { name, table, columns, rows: 0, content })
     }
 
     /// Adds the rows of a batch.
@@ -90,45 +95,54 @@ impl TableFile {
                 out.write_all(text)
             }
             Content::Parquet(file) => file.write(batch),
+            Content::Rows(database) => {
+                let mut open = database.lock().unwrap_or_else(PoisonError::into_inner);
+                let rows = (0..batch.rows()).map(|row| batch.columns().iter().map(cell(row)));
+                open.add(self.table.name(), batch.columns().len(), rows).map_err(io::Error::other)
+            }
         }
     }
 
-    /// Ends the file. Returns its length, bytes, and its SHA-256 as hexadecimal digits.
-    pub(super) fn finish(self) -> io::Result<(u64, String)> {
+    /// Ends the file, if the table has one of its own.
+    pub(super) fn finish(self) -> io::Result<Option<Hashed<W>>> {
         match self.content {
-            Content::Text { out, .. } => Ok(out.finish()),
-            Content::Parquet(file) => Ok(file.finish()?.finish()),
+            Content::Text { out, .. } => Ok(Some(out)),
+            Content::Parquet(file) => file.finish().map(Some),
+            Content::Rows(_) => Ok(None),
         }
     }
 }
 
-/// A file with the hash of what was written to it.
-pub(super) struct Hashed {
-    file: File,
-    hash: Sha256,
-    bytes: u64,
-}
-
-impl Hashed {
-    pub(super) fn create(path: &Path) -> io::Result<Self> {
-        Ok(Self { file: File::create(path)?, hash: Sha256::new(), bytes: 0 })
-    }
-
-    /// The number of bytes, and their SHA-256 as hexadecimal digits.
-    pub(super) fn finish(self) -> (u64, String) {
-        (self.bytes, hex::encode(self.hash.finalize()))
+/// What SQLite is told about a column.
+pub(super) fn type_of(kind: Kind) -> Type {
+    match kind {
+        Kind::Whole => Type::Whole,
+        Kind::Number | Kind::Time => Type::Number,
+        Kind::Text | Kind::Word | Kind::Hash | Kind::Json => Type::Text,
     }
 }
 
-impl Write for Hashed {
-    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        let written = self.file.write(bytes)?;
-        self.hash.update(&bytes[..written]);
-        self.bytes += written as u64;
-        Ok(written)
+/// The value of a column in a row.
+fn cell(row: usize) -> impl for<'a> Fn(&'a Cells) -> Value<'a> {
+    move |cells| {
+        let value = match cells {
+            Cells::Whole(cells) => cells[row].map(Value::Whole),
+            Cells::Number(cells) => cells[row].map(Value::Number),
+            Cells::Text(cells) => cells.get(row).map(Value::Text),
+        };
+        value.unwrap_or(Value::Null)
     }
+}
 
-    fn flush(&mut self) -> io::Result<()> {
-        self.file.flush()
+/// Numbers columns that differ only in capitals, which are the same to SQLite.
+fn make_distinct(columns: &mut [Column]) {
+    let mut known = BTreeSet::new();
+    for column in columns {
+        let name = column.name.clone();
+        let mut number = 1;
+        while !known.insert(column.name.to_lowercase()) {
+            number += 1;
+            column.name = format!("{name}_{number}").into();
+        }
     }
 }

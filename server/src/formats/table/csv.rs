@@ -105,7 +105,8 @@ impl<'a> Printer<'a> {
 
 /// The text, with an apostrophe before it if a spreadsheet could take it for a formula.
 fn disarmed(text: &str) -> std::borrow::Cow<'_, str> {
-    match text.starts_with(['=', '+', '-', '@', '\t', '\r']) {
+    // The wide forms too: some spreadsheets take them for the narrow ones.
+    match text.starts_with(['=', '+', '-', '@', '\t', '\r', '\n', '＝', '＋', '－', '＠']) {
         true => format!("'{text}").into(),
         false => text.into(),
     }

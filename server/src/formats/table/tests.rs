@@ -114,7 +114,7 @@ fn rows() -> impl Strategy<Value = Vec<Row>> {
         let finite = prop::num::f64::ANY.prop_filter("finite", |x| x.is_finite());
         prop::option::of(prop_oneof![finite, prop::sample::select(odd.clone())])
     };
-    let text = || prop::option::of("[a-c=+@'\\-\",;\t\r\n \u{e4}\u{1f600}]{0,6}");
+    let text = || prop::option::of("[a-c=＝+@'\\-\",;\t\r\n \u{e4}\u{1f600}]{0,6}");
     let row = (prop::option::of(any::<i64>()), number(), number(), text(), text());
     prop::collection::vec(row, 0..20)
 }
@@ -123,7 +123,7 @@ fn rows() -> impl Strategy<Value = Vec<Row>> {
 fn in_csv(value: Value) -> Value {
     match value {
         Value::Text(text) if text.is_empty() => Value::None,
-        Value::Text(text) if text.starts_with(['=', '+', '-', '@', '\t', '\r']) => {
+        Value::Text(text) if text.starts_with(['=', '+', '-', '@', '\t', '\r', '\n', '＝']) => {
             Value::Text(format!("'{text}"))
         }
         other => other,
@@ -146,7 +146,7 @@ proptest! {
 
 #[test]
 fn formulas_are_disarmed_and_numbers_left_alone() {
-    let texts = ["=HYPERLINK(1)", "-cmd", "+1", "@a", "\ta", "\ra", "default", "a=b"];
+    let texts = ["=HYPERLINK(1)", "-cmd", "+1", "@a", "＝1", "\ta", "\ra", "\na", "default", "a=b"];
     let rows: Vec<Row> = texts
         .iter()
         .map(|text| (Some(-1), Some(-1.5), None, Some((*text).to_owned()), None))
@@ -154,7 +154,7 @@ fn formulas_are_disarmed_and_numbers_left_alone() {
     let mut csv = Vec::new();
     csv_rows(&columns(), &batch(&rows), &mut csv);
     let lines = "-1,-1.5,,'=HYPERLINK(1),\n-1,-1.5,,'-cmd,\n-1,-1.5,,'+1,\n-1,-1.5,,'@a,\n\
-                 -1,-1.5,,'\ta,\n-1,-1.5,,\"'\ra\",\n-1,-1.5,,default,\n-1,-1.5,,a=b,\n";
+                 -1,-1.5,,'＝1,\n-1,-1.5,,'\ta,\n-1,-1.5,,\"'\ra\",\n-1,-1.5,,\"'\na\",\n-1,-1.5,,default,\n-1,-1.5,,a=b,\n";
     assert_eq!(String::from_utf8(csv).unwrap(), lines);
 }
 

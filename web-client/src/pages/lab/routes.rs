@@ -4,6 +4,7 @@ use super::access::AccessPage;
 use super::analyses::Analyses;
 use super::analysis::AnalysisView;
 use super::configuration::ConfigurationPage;
+use super::export::Export;
 use super::home::Home;
 use super::hosted::{AnyMsg, AnyPage, host};
 use super::participants::Participants;
@@ -35,6 +36,7 @@ pub(super) static ROUTES: &[Route] = &[
     Route { path: "/lab/studies/{id}/trials", nav: None, open: |visit| host(Trials::open(visit)) },
     Route { path: "/lab/studies/{id}/analyses", nav: None, open: |visit| host(Analyses::open(visit)) },
     Route { path: "/lab/analyses/{id}", nav: None, open: |visit| host(AnalysisView::open(visit)) },
+    Route { path: "/lab/studies/{id}/export", nav: None, open: |visit| host(Export::open(visit)) },
     Route { path: "/lab/studies/{id}/configuration", nav: None, open: |visit| host(ConfigurationPage::open(visit)) },
     Route { path: "/lab/new", nav: None, open: |visit| host(ConfigurationPage::open_new(visit)) },
     Route { path: "/lab/replay/{id}", nav: None, open: |visit| host(ReplayPage::open(visit.id)) },

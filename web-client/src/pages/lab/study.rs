@@ -13,17 +13,20 @@ pub(super) enum Tab {
     Participants,
     Trials,
     Analyses,
+    Export,
     Configuration,
 }
 
 impl Tab {
-    const ALL: [Self; 4] = [Self::Participants, Self::Trials, Self::Analyses, Self::Configuration];
+    const ALL: [Self; 5] =
+        [Self::Participants, Self::Trials, Self::Analyses, Self::Export, Self::Configuration];
 
     fn words(self) -> &'static str {
         match self {
             Self::Participants => "Participants",
             Self::Trials => "Trials",
             Self::Analyses => "Analyses",
+            Self::Export => "Export",
             Self::Configuration => "Configuration",
         }
     }
@@ -34,6 +37,7 @@ impl Tab {
             Self::Participants => format!("/lab/studies/{slug}"),
             Self::Trials => format!("/lab/studies/{slug}/trials"),
             Self::Analyses => format!("/lab/studies/{slug}/analyses"),
+            Self::Export => format!("/lab/studies/{slug}/export"),
             Self::Configuration => format!("/lab/studies/{slug}/configuration"),
         }
     }

@@ -3,6 +3,7 @@
 mod access;
 mod analyses;
 mod configuration;
+mod export;
 mod profile;
 mod studies;
 

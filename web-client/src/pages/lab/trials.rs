@@ -159,7 +159,7 @@ impl Trials {
         let export = self.may_export.then(|| {
             el("a")
                 .class("button")
-                .attr("href", routes::export(&study.slug))
+                .attr("href", routes::exports(&study.slug))
                 .attr("download", "")
                 .test_id("export")
                 .text("Trials as CSV")

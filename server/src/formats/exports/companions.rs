@@ -1,0 +1,126 @@
+//! What an export has besides its tables: configurations, the meaning of every column, and the manifest.
+
+use super::dataset::Dataset;
+use super::psych_ds;
+use super::written::{Plain, Written};
+use super::{ExportError, Filter, Format};
+use crate::formats::table::Column;
+use serde::Serialize;
+use std::io;
+
+/// The name of the manifest.
+pub const MANIFEST: &str = "manifest.json";
+
+/// What an export has. A folder or an archive without it is not complete.
+#[derive(Clone, Debug, Serialize)]
+pub struct Manifest {
+    /// Name of the study in addresses.
+    pub study: String,
+    /// When the export began, UTC; in an archive, when its data were last changed, so that the same data are
+    /// the same bytes.
+    pub created_at: String,
+    /// Version of the program that wrote it.
+    pub version: &'static str,
+    /// The format of the tables.
+    pub format: Format,
+    /// Which data the export has.
+    pub filter: Filter,
+    /// The files beside it.
+    pub files: Vec<FileEntry>,
+}
+
+impl Manifest {
+    pub(super) fn new(
+        dataset: &Dataset,
+        format: Format,
+        created_at: String,
+        files: Vec<FileEntry>,
+    ) -> Self {
+        Self {
+            study: dataset.study.slug.clone(),
+            created_at,
+            version: env!("CARGO_PKG_VERSION"),
+            format,
+            filter: dataset.filter.clone(),
+            files,
+        }
+    }
+
+    /// Its file.
+    pub(super) fn text(&self) -> io::Result<Vec<u8>> {
+        Ok(serde_json::to_vec_pretty(self)?)
+    }
+}
+
+/// A file of an export.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct FileEntry {
+    /// Its path, with slashes.
+    pub name: String,
+    /// Rows of a table or of all tables of a database, else entries of a list; 0 for other files.
+    pub rows: u64,
+    /// Its length.
+    pub bytes: u64,
+    /// SHA-256 of its content, as hexadecimal digits.
+    pub sha256: String,
+}
+
+/// A line of the dictionary.
+#[derive(Clone, Debug, Serialize)]
+pub(super) struct Meaning {
+    /// The file that has the column.
+    pub(super) file: String,
+    /// The table in the file, where there are several.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) table: Option<&'static str>,
+    #[serde(flatten)]
+    pub(super) column: Column,
+    /// How a row without a value looks. No number is NaN or infinite.
+    missing: &'static str,
+}
+
+/// The meaning of every column.
+pub(super) fn dictionary(format: Format, tables: &[Written]) -> Vec<Meaning> {
+    let meaning = |written: &Written, column: &Column| Meaning {
+        file: written.name.clone(),
+        table: (format == Format::Sqlite).then(|| written.table.name()),
+        column: column.clone(),
+        missing: format.missing(),
+    };
+    let of = |written| move |column| (written, column);
+    let columns = tables.iter().flat_map(|written| written.columns.iter().map(of(written)));
+    columns.map(|(written, column)| meaning(written, column)).collect()
+}
+
+/// All files that are no tables, in their order in the manifest.
+pub(super) fn plain(
+    dataset: &Dataset,
+    format: Format,
+    tables: &[Written],
+) -> Result<Vec<Plain>, ExportError> {
+    let configurations: Vec<String> = dataset.configurations.iter().map(configuration).collect();
+    let dictionary = dictionary(format, tables);
+    let beside = format.beside();
+    let mut files = vec![
+        Plain::new(
+            format!("{beside}configurations.json"),
+            configurations.len(),
+            format!("[\n{}\n]\n", configurations.join(",\n")),
+        ),
+        Plain::new(
+            format!("{beside}dictionary.json"),
+            dictionary.len(),
+            serde_json::to_vec_pretty(&dictionary).map_err(io::Error::from)?,
+        ),
+    ];
+    if format == Format::PsychDs {
+        files.extend(psych_ds::files(dataset, tables));
+    }
+    Ok(files)
+}
+
+/// An entry of configurations.json. The configuration is there byte for byte, so that its hash can be
+/// computed again.
+fn configuration((hash, json): &(String, String)) -> String {
+    format!("{{\"configuration\": \"{hash}\", \"study\": {json}}}")
+}

@@ -1,0 +1,124 @@
+//! What an export has: a study, as it was at one instant.
+
+use super::person::Person;
+use super::{ExportError, Filter, Format};
+use crate::formats::table::{csv_header, csv_rows};
+use crate::formats::tables::participants::Participants;
+use crate::store::roster::RosterEntry;
+use crate::store::studies::StoredStudy;
+use crate::store::{Store, StoreError};
+use sha2::{Digest, Sha256};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use tokio::sync::mpsc;
+
+/// The participants and configurations that a filter keeps. Trials are read from the store as they are
+/// needed: they never change, so those that were there at this instant are the first of each plan.
+#[derive(Clone, Debug)]
+pub struct Dataset {
+    /// The study.
+    pub study: StoredStudy,
+    /// Which data.
+    pub filter: Filter,
+    pub(super) people: Arc<Vec<RosterEntry>>,
+    pub(super) configurations: Arc<Vec<(String, String)>>,
+}
+
+impl Dataset {
+    /// Reads everything but the trials.
+    ///
+    /// # Errors
+    /// [`StoreError`] if the database cannot be read.
+    pub async fn read(
+        store: &Store,
+        study: &StoredStudy,
+        filter: &Filter,
+    ) -> Result<Self, StoreError> {
+        let mut people = store.roster(study.id, filter.pilots).await?;
+        people.retain(|person| filter.keeps_configuration(&person.config_hash));
+        let mut configurations = store.configurations(study.id).await?;
+        configurations.retain(|(hash, _)| filter.keeps_configuration(hash));
+        Ok(Self {
+            study: study.clone(),
+            filter: filter.clone(),
+            people: Arc::new(people),
+            configurations: Arc::new(configurations),
+        })
+    }
+
+    /// A hash that is the same only if all files of the export are: of the program's version, the format, the
+    /// filter, the configurations and the table of participants, which counts their trials.
+    #[must_use]
+    pub fn fingerprint(&self, format: Format) -> String {
+        let mut hash = Sha256::new();
+        let mut add = |part: &[u8]| {
+            hash.update((part.len() as u64).to_le_bytes());
+            hash.update(part);
+        };
+        add(env!("CARGO_PKG_VERSION").as_bytes());
+        add(format.word().as_bytes());
+        add(&serde_json::to_vec(&self.filter).unwrap_or_default());
+        add(self.study.slug.as_bytes());
+        add(self.study.config_hash.as_bytes());
+        for (digest, json) in self.configurations.iter() {
+            add(digest.as_bytes());
+            add(json.as_bytes());
+        }
+        let table = Participants::new(&self.study.config, &self.people);
+        let mut text = csv_header(&table.columns());
+        csv_rows(&table.columns(), &table.rows(), &mut text);
+        add(&text);
+        hex::encode(hash.finalize())
+    }
+
+    /// How many trials its participants have.
+    #[must_use]
+    pub fn trials(&self) -> u64 {
+        let counts = self.people.iter().flat_map(|person| person.trials);
+        u64::try_from(counts.sum::<i64>()).unwrap_or(0)
+    }
+
+    /// When something of it was last stored, ms since 1970; none if nobody took part.
+    #[must_use]
+    pub fn changed_at_ms(&self) -> Option<i64> {
+        let excluded = |person: &RosterEntry| person.exclusion.as_ref().map(|(at_ms, _)| *at_ms);
+        let times = |person: &RosterEntry| {
+            person.times_ms.into_iter().chain([excluded(person)]).flatten().max()
+        };
+        self.people.iter().filter_map(times).max()
+    }
+
+    /// Reads the participants with their trials, one after the other, ahead of whoever takes them. After an
+    /// error there are no further ones, and `failed` is set before the error can be taken.
+    pub(super) fn driven(&self, store: &Store, failed: Arc<AtomicBool>) -> People {
+        let (sender, receiver) = mpsc::channel(4);
+        let (store, people) = (store.clone(), Arc::clone(&self.people));
+        tokio::spawn(async move {
+            for entry in people.iter() {
+                let read = read(&store, entry).await;
+                let last = read.is_err();
+                failed.fetch_or(last, Ordering::SeqCst);
+                let Some(person) = read.transpose() else { continue };
+                if sender.send(person).await.is_err() || last {
+                    break;
+                }
+            }
+        });
+        receiver
+    }
+}
+
+/// Participants with their trials, as they are read.
+pub(super) type People = mpsc::Receiver<Result<Person, ExportError>>;
+
+/// A participant with the trials that they had at the dataset's instant; none if they had none.
+async fn read(store: &Store, entry: &RosterEntry) -> Result<Option<Person>, ExportError> {
+    let expected = usize::try_from(entry.trials.iter().sum::<i64>()).unwrap_or(0);
+    let mut person = match Person::read(store, &entry.id).await? {
+        Some(person) if person.count() >= expected => person,
+        None if expected == 0 => return Ok(None),
+        _ => return Err(ExportError::Changed { participant: entry.number }),
+    };
+    person.keep_first(expected);
+    Ok(Some(person))
+}

@@ -1,0 +1,83 @@
+//! The formats of an export, and what its files are called.
+
+use super::table::Table;
+use serde::{Deserialize, Serialize};
+
+/// The format of the tables.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Format {
+    /// Comma-separated text with a header.
+    Csv,
+    /// A JSON object for each row.
+    Jsonl,
+    /// Apache Parquet.
+    Parquet,
+    /// A folder of the Psych-DS standard with CSV files.
+    PsychDs,
+    /// One SQLite database.
+    Sqlite,
+}
+
+impl Format {
+    /// The word for it on the command line and in addresses.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Csv => "csv",
+            Self::Jsonl => "jsonl",
+            Self::Parquet => "parquet",
+            Self::PsychDs => "psych-ds",
+            Self::Sqlite => "sqlite",
+        }
+    }
+
+    /// How a row without a value looks in a column.
+    pub(super) fn missing(self) -> &'static str {
+        match self {
+            Self::Csv | Self::PsychDs => "an empty field",
+            Self::Jsonl | Self::Parquet => "null",
+            Self::Sqlite => "NULL",
+        }
+    }
+
+    /// Rows after which a batch is written. A row group of a Parquet file is to be long, and text goes to
+    /// the file while it is in the processor's cache.
+    pub(super) fn batch_rows(self) -> usize {
+        match self {
+            Self::Csv | Self::Jsonl | Self::PsychDs => 1,
+            Self::Sqlite => 1 << 12,
+            Self::Parquet => 1 << 15,
+        }
+    }
+
+    /// The path of a table's file within the export of a study.
+    pub(super) fn file(self, study: &str, table: Table) -> String {
+        let name = table.name();
+        match self {
+            Self::Csv => format!("{name}.csv"),
+            Self::Jsonl => format!("{name}.jsonl"),
+            Self::Parquet => format!("{name}.parquet"),
+            Self::PsychDs => {
+                // Keywords are letters, and their values letters and digits.
+                let value = |text: &str| -> String {
+                    text.chars().filter(char::is_ascii_alphanumeric).collect()
+                };
+                let (study, name) = (value(study), value(name));
+                format!("data/study-{study}_description-{name}_data.csv")
+            }
+            Self::Sqlite => DATABASE.to_owned(),
+        }
+    }
+
+    /// The folder of what is no table, with the slash.
+    pub(super) fn beside(self) -> &'static str {
+        match self {
+            Self::PsychDs => "documentation/",
+            _ => "",
+        }
+    }
+}
+
+/// The file of an export as SQLite.
+pub(super) const DATABASE: &str = "study.sqlite";

@@ -1,0 +1,58 @@
+//! From participants to the tables that follow from their trials.
+
+use super::dataset::People;
+use super::table::Table;
+use super::table_file::TableFile;
+use super::{ExportError, Filter, Format};
+use crate::formats::table::Batch;
+use std::io::{self, Write};
+use tokio_util::sync::CancellationToken;
+
+/// Tables that are filled from the same participants.
+pub(super) struct Printing<W: Write + Send> {
+    filter: Filter,
+    batch_rows: usize,
+    tables: Vec<(TableFile<W>, Batch)>,
+}
+
+impl<W: Write + Send> Printing<W> {
+    pub(super) fn of(format: Format, filter: &Filter, tables: Vec<TableFile<W>>) -> Self {
+        let begun = |file: TableFile<W>| {
+            let batch = Batch::new(&file.columns);
+            (file, batch)
+        };
+        let tables = tables.into_iter().map(begun).collect();
+        Self { filter: filter.clone(), batch_rows: format.batch_rows(), tables }
+    }
+
+    /// Adds participants until there are no more, and waits for them on this thread.
+    pub(super) fn add_all(
+        &mut self,
+        mut people: People,
+        cancel: &CancellationToken,
+    ) -> Result<(), ExportError> {
+        while let Some(person) = people.blocking_recv() {
+            if cancel.is_cancelled() {
+                return Err(io::Error::other("stopped").into());
+            }
+            let person = person?;
+            for (file, batch) in &mut self.tables {
+                Table::add(file.table, batch, &person, &self.filter)?;
+                if batch.rows() >= self.batch_rows {
+                    file.write(batch)?;
+                    batch.clear();
+                }
+            }
+        }
+        // The rows that are left.
+        for (file, batch) in &mut self.tables {
+            file.write(batch)?;
+        }
+        Ok(())
+    }
+
+    /// The tables.
+    pub(super) fn finish(self) -> Vec<TableFile<W>> {
+        self.tables.into_iter().map(|(file, _)| file).collect()
+    }
+}

@@ -1,0 +1,160 @@
+//! Archives as they are sent: a thread writes, the answer takes.
+
+use crate::formats::exports::{Dataset, ExportError, Format, archive};
+use crate::http::lengths::Lengths;
+use crate::store::Store;
+use axum::body::{Body, Bytes};
+use futures_util::stream;
+use std::io::{self, Write};
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+use tokio::runtime::Handle;
+use tokio::sync::mpsc;
+
+/// How long a request waits for the length of an archive, less than requests may take.
+const MEASURING: Duration = Duration::from_secs(20);
+
+/// Pieces that wait to be sent.
+const WAITING: usize = 4;
+
+/// An archive that can be written.
+#[derive(Clone, Debug)]
+pub(super) struct Outlet {
+    pub(super) store: Store,
+    pub(super) dataset: Dataset,
+    pub(super) format: Format,
+    /// A folder for a database.
+    pub(super) scratch: PathBuf,
+    pub(super) tag: String,
+}
+
+impl Outlet {
+    /// Writes it; this blocks.
+    fn write(&self, runtime: &Handle, out: impl Write + Send + 'static) -> Result<(), ExportError> {
+        let Self { store, dataset, format, scratch, .. } = self;
+        archive(store, dataset, *format, runtime, scratch, out)
+    }
+}
+
+/// The length of an archive; none if measuring takes longer than a request may wait. It goes on then.
+pub(super) async fn measure(lengths: &Lengths, outlet: &Outlet) -> Option<u64> {
+    let (length, outlet) = (lengths.of(&outlet.tag), outlet.clone());
+    let measuring = tokio::spawn(async move {
+        let write = || async {
+            let (out, counted) = Counter::new();
+            let runtime = Handle::current();
+            let writing = tokio::task::spawn_blocking(move || outlet.write(&runtime, out));
+            writing.await??;
+            Ok::<_, ExportError>(*counted.lock().unwrap_or_else(PoisonError::into_inner))
+        };
+        length.get_or_try_init(write).await.copied()
+    });
+    match tokio::time::timeout(MEASURING, measuring).await {
+        Ok(Ok(Ok(length))) => Some(length),
+        Ok(Ok(Err(error))) => {
+            tracing::warn!(%error, "an archive could not be measured");
+            None
+        }
+        Ok(Err(_)) | Err(_) => None,
+    }
+}
+
+/// The bytes of an archive from a place to another. If it cannot be written to its end, the answer breaks off.
+pub(super) fn body(outlet: Outlet, begin: u64, end: u64, lengths: Option<Arc<Lengths>>) -> Body {
+    let (sender, receiver) = mpsc::channel(WAITING);
+    let runtime = Handle::current();
+    tokio::task::spawn_blocking(move || {
+        let (counter, counted) = Counter::new();
+        let part = Part { counter, begin, end, sender: sender.clone() };
+        match outlet.write(&runtime, part) {
+            Ok(()) => {
+                if let Some(lengths) = lengths {
+                    let length = *counted.lock().unwrap_or_else(PoisonError::into_inner);
+                    // It may be known already.
+                    let _ = lengths.of(&outlet.tag).set(length);
+                }
+                let _ = sender.blocking_send(Piece::End);
+            }
+            Err(ExportError::Disk(error)) if error.kind() == io::ErrorKind::BrokenPipe => {}
+            Err(error) => {
+                tracing::warn!(%error, "an export broke off");
+                let _ = sender.blocking_send(Piece::Failure);
+            }
+        }
+    });
+    Body::from_stream(stream::unfold(Some(receiver), |receiver| async {
+        let mut receiver = receiver?;
+        match receiver.recv().await {
+            Some(Piece::Bytes(bytes)) => Some((Ok(bytes), Some(receiver))),
+            Some(Piece::End) => None,
+            Some(Piece::Failure) | None => {
+                Some((Err(io::Error::other("the export broke off")), None))
+            }
+        }
+    }))
+}
+
+enum Piece {
+    Bytes(Bytes),
+    /// Only after this is the answer whole.
+    End,
+    Failure,
+}
+
+/// Counts bytes.
+struct Counter(Arc<Mutex<u64>>);
+
+impl Counter {
+    fn new() -> (Self, Arc<Mutex<u64>>) {
+        let count = Arc::default();
+        (Self(Arc::clone(&count)), count)
+    }
+
+    /// Adds, and returns how many there were.
+    fn add(&self, bytes: usize) -> u64 {
+        let mut count = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        *count += bytes as u64;
+        *count - bytes as u64
+    }
+}
+
+impl Write for Counter {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.add(bytes.len());
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+/// Sends the bytes from a place to another.
+struct Part {
+    counter: Counter,
+    begin: u64,
+    end: u64,
+    sender: mpsc::Sender<Piece>,
+}
+
+impl Write for Part {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let at = self.counter.add(bytes.len());
+        let length = bytes.len() as u64;
+        let from = self.begin.saturating_sub(at).min(length) as usize;
+        let to = self.end.saturating_sub(at).min(length) as usize;
+        if from < to {
+            let piece = Piece::Bytes(Bytes::copy_from_slice(&bytes[from..to]));
+            let gone = |_| io::Error::from(io::ErrorKind::BrokenPipe);
+            self.sender.blocking_send(piece).map_err(gone)?;
+        } else if self.sender.is_closed() {
+            return Err(io::ErrorKind::BrokenPipe.into());
+        }
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}

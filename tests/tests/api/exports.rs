@@ -1,0 +1,332 @@
+//! Exports as Psych-DS and SQLite, and as archives over HTTP.
+
+use rusqlite::Connection;
+use rusqlite::types::Value as Cell;
+use serde_json::{Value, json};
+use sha2::{Digest, Sha256};
+use sidestep::api::{KeyEvent, routes};
+use sidestep_tests::server::SHORT_STUDY;
+use sidestep_tests::{Driver, Folder, Server, driven, run};
+use std::collections::{BTreeMap, BTreeSet};
+use std::io::{Cursor, Read};
+use std::path::Path;
+
+const FORMATS: [&str; 5] = ["csv", "jsonl", "parquet", "psych-ds", "sqlite"];
+
+/// A study with two people, one of whom pressed a key whose name is a formula.
+async fn study() -> Server {
+    let server = Server::with_study(SHORT_STUDY).await;
+    let (ada, bob) = (Driver::enrol(&server).await, Driver::enrol(&server).await);
+    ada.drive(&server, 4).await;
+    bob.drive(&server, 2).await;
+    let (last, scene) = ada.scenes()[4].clone();
+    let mut odd = driven(&scene);
+    odd.key_events = vec![KeyEvent { t_ms: -1.5, key: "=1,\"x".to_owned(), down: true }];
+    assert_eq!(ada.send(&server, &last, &odd).await.status, 201);
+    server
+}
+
+async fn export(server: &Server, format: &str, out: &str, more: &[&str]) {
+    let database = server.database();
+    let args = ["export", "--database", &database, "--format", format, "--out", out];
+    run(&[&args[..], more].concat()).await.json();
+}
+
+/// All files below a folder by their paths with slashes.
+fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
+    let mut found = BTreeMap::new();
+    let mut folders = vec![folder.to_owned()];
+    while let Some(open) = folders.pop() {
+        for entry in std::fs::read_dir(open).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path);
+            } else {
+                let name = path.strip_prefix(folder).unwrap().to_str().unwrap().replace('\\', "/");
+                found.insert(name, std::fs::read(path).unwrap());
+            }
+        }
+    }
+    found
+}
+
+fn json(file: &[u8]) -> Value {
+    serde_json::from_slice(file).unwrap()
+}
+
+/// The names of the variables that metadata of Psych-DS list.
+fn variables(metadata: &Value) -> Vec<String> {
+    let variables = metadata["variableMeasured"].as_array().unwrap();
+    variables
+        .iter()
+        .map(|variable| {
+            assert_eq!(variable["@type"], "PropertyValue");
+            assert!(!variable["description"].as_str().unwrap().is_empty());
+            variable["name"].as_str().unwrap().to_owned()
+        })
+        .collect()
+}
+
+/// The rules of the standard's validator, as far as they can concern an export.
+#[tokio::test]
+async fn psych_ds_is_what_its_validator_wants() {
+    let server = study().await;
+    let folder = Folder::default();
+    export(&server, "csv", &folder.name("csv"), &[]).await;
+    export(&server, "psych-ds", &folder.name("psych"), &[]).await;
+    let (tables, found) = (files(&folder.path("csv")), files(&folder.path("psych")));
+    let description = json(&found["dataset_description.json"]);
+    assert_eq!(description["@context"], "https://schema.org/");
+    assert_eq!((&description["@type"], &description["name"]), (&json!("Dataset"), &json!("Short")));
+    assert!(description["description"].as_str().unwrap().contains("Short"));
+    let mut columns = BTreeSet::new();
+    for (table, keyword) in [
+        ("steps", "steps"),
+        ("trials", "trials"),
+        ("key_events", "keyevents"),
+        ("participants", "participants"),
+    ] {
+        let name = format!("data/study-default_description-{keyword}_data");
+        let file = &found[&format!("{name}.csv")];
+        // The same table as in every other format.
+        assert_eq!(file, &tables[&format!("{table}.csv")]);
+        let mut reader = csv::Reader::from_reader(&file[..]);
+        let header: Vec<String> = reader.headers().unwrap().iter().map(str::to_owned).collect();
+        assert!(reader.records().all(|row| row.unwrap().len() == header.len()));
+        let sidecar = json(&found[&format!("{name}.json")]);
+        assert_eq!(variables(&sidecar), header, "{table}");
+        columns.extend(header);
+    }
+    let listed = variables(&description);
+    assert_eq!(listed.len(), columns.len(), "each once");
+    assert_eq!(listed.into_iter().collect::<BTreeSet<_>>(), columns);
+    // The value of a keyword in a file's name is letters and digits.
+    for path in found.keys().filter(|path| path.ends_with("_data.csv")) {
+        let name = path.strip_prefix("data/").unwrap().strip_suffix("_data.csv").unwrap();
+        for keyword in name.split('_') {
+            let (key, value) = keyword.split_once('-').unwrap();
+            assert!(["study", "description"].contains(&key), "{path}");
+            assert!(value.chars().all(|sign| sign.is_ascii_alphanumeric()), "{path}");
+        }
+    }
+    for recommended in ["README.md", "CHANGES.md", "data/file_metadata.json"] {
+        assert!(!found[recommended].is_empty());
+    }
+    for recommended in ["analysis/", "results/", "materials/", "documentation/"] {
+        assert!(found.keys().any(|path| path.starts_with(recommended)), "{recommended}");
+    }
+    let ignored = std::str::from_utf8(&found[".psychds-ignore"]).unwrap();
+    assert_eq!(ignored.lines().collect::<Vec<_>>(), ["manifest.json", ".psychds-ignore"]);
+    assert!(found.values().all(|file| !file.is_empty()));
+    assert_eq!(found["documentation/configurations.json"], tables["configurations.json"]);
+}
+
+#[tokio::test]
+async fn sqlite_has_the_same_rows() {
+    let server = study().await;
+    let folder = Folder::default();
+    export(&server, "csv", &folder.name("csv"), &[]).await;
+    export(&server, "sqlite", &folder.name("sqlite"), &[]).await;
+    let db = Connection::open(folder.path("sqlite/study.sqlite")).unwrap();
+    let sound: String = db.query_row("PRAGMA integrity_check", [], |row| row.get(0)).unwrap();
+    assert_eq!(sound, "ok");
+    for (table, key) in [
+        ("steps", &["participant", "trial", "step"][..]),
+        ("trials", &["participant", "trial"]),
+        ("key_events", &["participant", "trial", "event"]),
+        ("participants", &["participant"]),
+    ] {
+        let mut columns = db.prepare(&format!("PRAGMA table_info({table})")).unwrap();
+        let primary = columns.query_map([], |row| Ok((row.get(1)?, row.get(5)?))).unwrap();
+        let primary: Vec<(String, i64)> = primary.map(Result::unwrap).collect();
+        let mut primary: Vec<_> = primary.into_iter().filter(|(_, place)| *place > 0).collect();
+        primary.sort_by_key(|(_, place)| *place);
+        assert_eq!(primary.into_iter().map(|(name, _)| name).collect::<Vec<_>>(), key);
+
+        let text = folder.text(&format!("csv/{table}.csv"));
+        let mut reader = csv::Reader::from_reader(text.as_bytes());
+        let mut select = db.prepare(&format!("SELECT * FROM {table}")).unwrap();
+        let width = select.column_count();
+        assert_eq!(reader.headers().unwrap().iter().collect::<Vec<_>>(), select.column_names());
+        let mut rows = select.query([]).unwrap();
+        let mut count = 0;
+        for record in reader.records() {
+            let (record, row) = (record.unwrap(), rows.next().unwrap().unwrap());
+            for place in 0..width {
+                match row.get::<_, Cell>(place).unwrap() {
+                    Cell::Null => assert_eq!(&record[place], ""),
+                    Cell::Integer(number) => assert_eq!(record[place], number.to_string()),
+                    Cell::Real(number) => {
+                        let printed: f64 = record[place].parse().unwrap();
+                        assert_eq!(printed.to_bits(), number.to_bits());
+                    }
+                    // Only in CSV a formula has an apostrophe before it.
+                    Cell::Text(text) => {
+                        assert_eq!(
+                            record[place].strip_prefix('\'').unwrap_or(&record[place]),
+                            text
+                        );
+                    }
+                    Cell::Blob(_) => panic!("a blob in {table}"),
+                }
+            }
+            count += 1;
+        }
+        assert!(rows.next().unwrap().is_none() && count > 0, "{table}");
+    }
+    let words = "SELECT unit FROM dictionary WHERE \"table\" = 'steps' AND name = 'omega'";
+    assert_eq!(db.query_row(words, [], |row| row.get::<_, String>(0)).unwrap(), "rad/s");
+    let (hash, study): (String, String) = db
+        .query_row("SELECT * FROM configurations", [], |row| Ok((row.get(0)?, row.get(1)?)))
+        .unwrap();
+    assert_eq!(hash, hex::encode(Sha256::digest(study)));
+    let dictionary = json(folder.text("sqlite/dictionary.json").as_bytes());
+    assert_eq!(
+        (&dictionary[0]["table"], &dictionary[0]["missing"]),
+        (&json!("steps"), &json!("NULL"))
+    );
+    let dictionary = json(folder.text("csv/dictionary.json").as_bytes());
+    assert_eq!(dictionary[0]["missing"], "an empty field");
+    // Twice is the same file.
+    let first = std::fs::read(folder.path("sqlite/study.sqlite")).unwrap();
+    export(&server, "sqlite", &folder.name("again"), &[]).await;
+    assert_eq!(std::fs::read(folder.path("again/study.sqlite")).unwrap(), first);
+}
+
+/// Whether and what the server answers to a request for an archive.
+struct Answer {
+    status: u16,
+    headers: reqwest::header::HeaderMap,
+    body: Vec<u8>,
+}
+
+impl Answer {
+    fn header(&self, name: &str) -> &str {
+        self.headers.get(name).map_or("", |value| value.to_str().unwrap())
+    }
+}
+
+async fn archive(server: &Server, query: &str, headers: &[(&str, &str)]) -> Answer {
+    let route = format!("{}?{query}", routes::exports("default"));
+    let mut request = server.request(reqwest::Method::GET, &route).bearer_auth(&server.key);
+    for (name, value) in headers {
+        request = request.header(*name, *value);
+    }
+    let response = request.send().await.unwrap();
+    let (status, headers) = (response.status().as_u16(), response.headers().clone());
+    Answer { status, headers, body: response.bytes().await.unwrap().to_vec() }
+}
+
+/// The files of an archive, in their order.
+fn unpacked(archive: &[u8]) -> Vec<(String, Vec<u8>)> {
+    let mut archive = zip::ZipArchive::new(Cursor::new(archive)).unwrap();
+    let count = archive.len();
+    let file = |place| {
+        let mut file = archive.by_index(place).unwrap();
+        let mut content = Vec::new();
+        file.read_to_end(&mut content).unwrap();
+        (file.name().unwrap().into_owned(), content)
+    };
+    (0..count).map(file).collect()
+}
+
+#[tokio::test]
+async fn an_archive_has_the_files_of_the_command() {
+    let server = study().await;
+    let folder = Folder::default();
+    let filters = [
+        ("", &[][..]),
+        ("&phase=task&quality=unflagged", &["--phase", "task", "--quality", "unflagged"]),
+        ("&pilots=true&phase=&configuration=", &["--pilots"]),
+    ];
+    for (number, (query, arguments)) in filters.into_iter().enumerate() {
+        for format in FORMATS {
+            let out = format!("{format}{number}");
+            export(&server, format, &folder.name(&out), arguments).await;
+            let mut expected = files(&folder.path(&out));
+            let answer = archive(&server, &format!("format={format}{query}"), &[]).await;
+            assert_eq!((answer.status, answer.header("content-type")), (200, "application/zip"));
+            let name = format!("attachment; filename=\"default-{format}.zip\"");
+            assert_eq!(answer.header("content-disposition"), name);
+            let mut found = unpacked(&answer.body);
+            let (last, manifest) = found.pop().unwrap();
+            assert_eq!(last, "manifest.json");
+            let mut manifest = json(&manifest);
+            let mut written = json(&expected.remove("manifest.json").unwrap());
+            for manifest in [&mut manifest, &mut written] {
+                manifest["created_at"].take();
+            }
+            assert_eq!(manifest, written);
+            assert_eq!(found.into_iter().collect::<BTreeMap<_, _>>(), expected, "{out}");
+        }
+    }
+    // Without a format, the steps as one file, as ever.
+    assert_eq!(server.export("default").await, folder.text("csv0/steps.csv"));
+}
+
+#[tokio::test]
+async fn a_download_that_broke_off_goes_on() {
+    let server = study().await;
+    for format in FORMATS {
+        let query = format!("format={format}");
+        let whole = archive(&server, &query, &[]).await;
+        let (tag, length) = (whole.header("etag").to_owned(), whole.body.len());
+        assert!(tag.starts_with('"') && whole.header("accept-ranges") == "bytes");
+        // What came of it is recognised: it is no archive.
+        for part in [length - 1, length / 2] {
+            assert!(zip::ZipArchive::new(Cursor::new(&whole.body[..part])).is_err());
+        }
+        let range = format!("bytes={}-", length / 2);
+        let headers = [("range", &*range), ("if-range", &*tag)];
+        let rest = archive(&server, &query, &headers).await;
+        assert_eq!(rest.status, 206);
+        assert_eq!([&whole.body[..length / 2], &rest.body].concat(), whole.body, "{format}");
+        let place = format!("bytes {}-{}/{length}", length / 2, length - 1);
+        assert_eq!((rest.header("content-range"), rest.header("etag")), (&*place, &*tag));
+        let some = archive(&server, &query, &[("range", "bytes=10-19")]).await;
+        assert_eq!((some.status, &some.body[..]), (206, &whole.body[10..20]));
+        let none = archive(&server, &query, &[("range", &format!("bytes={length}-"))]).await;
+        assert_eq!(none.status, 416);
+        assert_eq!(none.header("content-range"), format!("bytes */{length}"));
+        let known = archive(&server, &query, &[("if-none-match", &tag)]).await;
+        assert_eq!((known.status, known.body.len()), (304, 0));
+    }
+    // The length is measured where nobody had the whole.
+    let query = "format=csv&phase=practice";
+    let end = archive(&server, query, &[("range", "bytes=-22")]).await;
+    let whole = archive(&server, query, &[]).await;
+    assert_eq!((end.status, &*end.body), (206, &whole.body[whole.body.len() - 22..]));
+
+    // Other data are another archive.
+    let tag = whole.header("etag").to_owned();
+    Driver::enrol(&server).await;
+    let other = archive(&server, query, &[("range", "bytes=5-"), ("if-range", &tag)]).await;
+    assert_eq!(other.status, 200);
+    assert_ne!(other.header("etag"), tag);
+    let other = archive(&server, query, &[("range", "bytes=5-"), ("if-match", &tag)]).await;
+    assert_eq!((other.status, &json(&other.body)["code"]), (412, &json!("changed")));
+}
+
+#[tokio::test]
+async fn wrong_filters_are_named() {
+    let server = Server::with_study(SHORT_STUDY).await;
+    for (query, field) in [
+        ("format=xlsx", "format"),
+        ("format=csv&phase=tasks", "phase"),
+        ("format=csv&quality=good", "quality"),
+        ("format=csv&configuration=0xyz", "configuration"),
+        ("format=csv&pilots=perhaps", "pilots"),
+        ("phase=task", "format"),
+        ("format=csv&size=1", "size"),
+    ] {
+        let answer = archive(&server, query, &[]).await;
+        let said = json(&answer.body);
+        assert_eq!((answer.status, &said["field"]), (422, &json!(field)), "{query}: {said}");
+    }
+    // A study without data is an archive of empty tables.
+    for format in FORMATS {
+        let answer = archive(&server, &format!("format={format}"), &[]).await;
+        let (_, manifest) = unpacked(&answer.body).pop().unwrap();
+        assert_eq!(json(&manifest)["files"][0]["rows"], 0, "{format}");
+    }
+}

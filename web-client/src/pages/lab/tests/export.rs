@@ -1,0 +1,49 @@
+//! Taking a study's data away.
+
+use super::studies::study;
+use super::*;
+use sidestep::api::Configuration;
+
+fn configuration() -> Configuration {
+    Configuration {
+        study: "pilot".into(),
+        hash: "0123456789abcdef".into(),
+        toml: String::new(),
+        participants: 2,
+    }
+}
+
+#[test]
+fn format_and_filters_are_chosen_in_a_form_for_the_browser() {
+    let mut session = signed_in_to("/lab/studies/pilot/export", Access::Export);
+    session.send("study", 200, &study("pilot", 2));
+    session.send("configuration", 200, &configuration());
+    let view = session.page.view();
+    let form = view.find("export-form").unwrap();
+    assert_eq!(form.attribute("method"), Some("get"));
+    assert_eq!(form.attribute("action"), Some("/api/v1/admin/studies/pilot/export"));
+    for format in ["csv", "jsonl", "parquet", "psych-ds", "sqlite"] {
+        let choice = view.find(&format!("format-{format}")).unwrap();
+        assert_eq!(choice.attribute("value"), Some(format));
+        assert_eq!(choice.attribute("checked").is_some(), format == "csv");
+    }
+    for field in ["phase", "quality", "configuration", "pilots"] {
+        assert_eq!(view.find(field).unwrap().attribute("name"), Some(field));
+    }
+    assert!(view.find("configuration").unwrap().words().contains("0123456789)"));
+    assert_eq!(view.find("tab-export").unwrap().attribute("aria-current"), Some("page"));
+    assert!(view.find("no-trials").is_none());
+}
+
+#[test]
+fn whoever_may_only_look_and_whoever_has_no_trials_is_told() {
+    let mut session = signed_in_to("/lab/studies/pilot/export", Access::Read);
+    let empty = sidestep::api::StudySummary { trials: 0, ..study("pilot", 2) };
+    session.send("study", 200, &empty);
+    assert!(session.words("no-right").unwrap().contains("right to export"));
+    assert!(session.words("no-trials").unwrap().contains("empty"));
+    assert!(session.page.view().find("export-form").is_none());
+    session.changed();
+    session.unreachable("study");
+    assert!(session.words("old").unwrap().contains("cannot be reached"));
+}
