@@ -1,4 +1,4 @@
-//! The files of an analysis: tables, report, LaTeX and models. They print what
+//! The files of an analysis: tables, report, figures, LaTeX and models. They print what
 //! [`sidestep::comparison`] computed; no number is computed here.
 
 mod text;
@@ -27,8 +27,13 @@ pub fn each_file(
     for (name, table) in tables_csv::tables(analysis) {
         put(name, &|out| table(analysis, out))?;
     }
+    let figures = charts::all(analysis);
+    for figure in &figures {
+        let svg = figure.svg();
+        put(&format!("figures/{}.svg", figure.name), &|out| out.write_all(svg.as_bytes()))?;
+    }
     for (name, text) in
-        [("report.html", page::html(analysis)), ("tables.tex", page::latex(analysis))]
+        [("report.html", page::html(analysis, &figures)), ("tables.tex", page::latex(analysis))]
     {
         let text = text.map_err(io::Error::other)?;
         put(name, &|out| out.write_all(text.as_bytes()))?;
@@ -49,7 +54,9 @@ pub fn each_file(
 /// # Errors
 /// The disk's error, or that of a template.
 pub fn write(analysis: &Analysis, folder: &Path) -> io::Result<()> {
-    std::fs::create_dir(folder.join("models"))?;
+    for part in ["figures", "models"] {
+        std::fs::create_dir(folder.join(part))?;
+    }
     each_file(analysis, &mut |name, write| {
         let mut out = BufWriter::new(File::create(folder.join(name))?);
         write(&mut out)?;

@@ -14,7 +14,7 @@ mod analyses;
 pub use access::{Access, Action, AuditEntry, AuditPage, KeyMade, KeySummary, NewKey, Session};
 pub use analyses::{
     AnalysisDetail, AnalysisFile, AnalysisPage, AnalysisProgress, AnalysisResult, AnalysisState,
-    AnalysisSummary, ExcludedParticipant,
+    AnalysisSummary, ExcludedParticipant, MeanAccuracy,
 };
 pub use configuration::{Change, Configuration, Draft, DraftChecked, NewStatus, Remark};
 pub use laboratory::{

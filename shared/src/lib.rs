@@ -106,6 +106,7 @@ pub mod scene;
 pub mod trial;
 pub mod recording;
 pub mod motion;
+pub mod behaviour;
 pub mod study;
 pub mod synthetic;
 pub mod safety;

@@ -38,7 +38,9 @@ use std::time::Instant;
 /// Writes to --out: cells.csv (every fit), table1.csv (mean accuracy, per cent) and table2.csv
 /// (D_start and D_end, steps) as in the paper, tests.csv, beside.csv, ablation.csv, calibration.csv,
 /// rollouts.csv (predictors fed with their own predictions), predictions.csv, leakage.csv with
-/// --leakage, models/ (a predictor.json for each fit; its former content is deleted),
+/// --leakage, behaviour.csv and behaviour_trials.csv (what people did), learning.csv (fewer training
+/// tasks), unseen.csv (models that other people trained), importance.csv (what models lose without a
+/// feature), figures/ (every figure of the report as SVG), models/ (a predictor.json for each fit; its former content is deleted),
 /// report.html and tables.tex. The same input gives the same bytes whatever the number of threads
 /// or the order of participants. Fits are kept in --out/.cache and reused if nothing they depend on
 /// has changed. Prints one line of JSON.
@@ -128,6 +130,9 @@ pub async fn run(args: AnalyzeArgs) -> Result<(), CommandError> {
         "same_trials": data.same_trials,
         "safety": data.safety,
         "cells": analysis.comparison.cells.len(),
+        "models": analysis.counts().models,
+        "version": env!("CARGO_PKG_VERSION"),
+        "data_sha256": data.sha256,
         "synthetic": data.synthetic.is_some(),
         "wall_s": start.elapsed().as_secs_f64(),
     }))

@@ -58,7 +58,10 @@ pub async fn list(
     let study = named(&app.store, &slug).await?;
     let found = app.store.analyses_page(study.id, before, limit + 1).await?;
     let (found, next_before) = page(found, limit, |analysis| analysis.sequence);
-    Ok(Json(AnalysisPage { next_before, analyses: found.into_iter().map(summary).collect() }))
+    let mut analyses: Vec<AnalysisSummary> = found.into_iter().map(summary).collect();
+    // Fifty numbers each are for one analysis, not for a list.
+    analyses.iter_mut().filter_map(|of| of.result.as_mut()).for_each(|of| of.accuracies.clear());
+    Ok(Json(AnalysisPage { next_before, analyses }))
 }
 
 /// `GET /api/v1/admin/analyses/{id}`.

@@ -14,8 +14,8 @@ use anyhow::Context;
 use flate2::Compression;
 use flate2::read::GzDecoder;
 use flate2::write::GzEncoder;
-use sidestep::api::AnalysisResult;
-use sidestep::comparison::cell::Cell;
+use sidestep::api::{AnalysisResult, MeanAccuracy};
+use sidestep::comparison::cell::{Cell, Experiment, ModelName};
 use sidestep::comparison::{Analysis, AnalysisError, Cache, Progress};
 use sidestep::reachability::SolveError;
 use std::collections::HashSet;
@@ -62,6 +62,37 @@ impl AnalysisWorker {
         if let Err(error) = self.task.await {
             tracing::error!(%error, "the worker ended badly");
         }
+    }
+}
+
+/// The outcome of an analysis in brief.
+fn result(analysis: &Analysis) -> AnalysisResult {
+    let (data, comparison) = (&analysis.data, &analysis.comparison);
+    let sets = comparison.sets();
+    let mut accuracies = Vec::new();
+    for experiment in Experiment::ALL {
+        for model in ModelName::PAPERS {
+            let means = comparison.accuracies(model, experiment, &sets);
+            accuracies.extend(sets.iter().zip(means).map(|(set, percent)| MeanAccuracy {
+                model: model.word().to_owned(),
+                experiment: experiment.number(),
+                features: (*set).to_owned(),
+                percent,
+            }));
+        }
+    }
+    AnalysisResult {
+        participants: comparison.participants.len(),
+        excluded: data.exclusions.iter().map(Into::into).collect(),
+        flagged: data.flagged.clone(),
+        same_trials: data.same_trials.clone(),
+        safety: data.safety,
+        cells: comparison.cells.len(),
+        models: Some(analysis.counts().models),
+        version: Some(env!("CARGO_PKG_VERSION").to_owned()),
+        data_sha256: Some(data.sha256.clone()),
+        accuracies,
+        synthetic: data.synthetic.clone(),
     }
 }
 
@@ -142,15 +173,7 @@ impl Worker {
         };
         let ending = match found {
             Ok(analysis) => {
-                let result = AnalysisResult {
-                    participants: analysis.comparison.participants.len(),
-                    excluded: analysis.data.exclusions.iter().map(Into::into).collect(),
-                    flagged: analysis.data.flagged.clone(),
-                    same_trials: analysis.data.same_trials.clone(),
-                    safety: analysis.data.safety,
-                    cells: analysis.comparison.cells.len(),
-                    synthetic: analysis.data.synthetic.clone(),
-                };
+                let result = result(&analysis);
                 self.keep(job, analysis).await?;
                 Ok(result)
             }

@@ -1,10 +1,13 @@
 //! The charts of the report.
 
+mod generalisation;
+mod people;
+
 use super::text::{fixed, model as name_of};
 use serde_json::{Value, json};
 use sidestep::chart::{
-    Area, Axis, Cells, Chart, Colour, ColourStyle, Datum, Drawing, Group, Ink, LegendItem, Mark,
-    Note, Pen, Series, Sign, Swarm, colours, disc,
+    Align, Area, Axis, Cells, Chart, Colour, ColourStyle, Datum, Drawing, Group, Ink, LegendItem,
+    Mark, Note, Pen, Series, Sign, Swarm, Table, colours, disc,
 };
 use sidestep::comparison::cell::{Experiment, HISTORY_SET, ModelName};
 use sidestep::comparison::decision_map::DecisionMap;
@@ -18,29 +21,105 @@ use sidestep::math::PI;
 /// page, so that letters keep their size.
 const WIDTH: f64 = 340.0;
 
-/// Charts of that height side by side, what their signs mean, and their numbers.
-fn figure(charts: &[Chart], height: f64) -> Value {
-    drawn(charts, |chart| chart.drawing([WIDTH, height]))
+/// Charts that are read together, with one legend.
+pub(super) struct Figure {
+    /// Its name in templates, and that of its file.
+    pub(super) name: &'static str,
+    drawings: Vec<Drawing>,
+    legend: Vec<LegendItem>,
+    tables: Vec<Table>,
+    /// Whether the charts are maps whose tones need a scale.
+    has_tones: bool,
+}
+
+/// Charts of that height side by side.
+fn figure(name: &'static str, charts: &[Chart], height: f64) -> Figure {
+    drawn(name, charts, |chart| chart.drawing([WIDTH, height]))
 }
 
 /// Likewise of any size.
-fn drawn(charts: &[Chart], draw: impl Fn(&Chart) -> Drawing) -> Value {
-    let drawings = charts.iter().map(|chart| draw(chart).element(ColourStyle::Properties));
-    let legend = LegendItem::of_layers(charts.iter().flat_map(|chart| &chart.layers));
-    let item = |LegendItem { sign, text }: &LegendItem| {
-        let mut svg = sign.element(ColourStyle::Properties);
-        svg.attributes.retain(|(name, _)| *name != "role");
-        let size = [("width", "26"), ("height", "12"), ("aria-hidden", "true")];
-        svg.attributes.extend(size.map(|(name, value)| (name, value.to_owned())));
-        json!({ "sign": svg.to_string(), "text": text })
-    };
+fn drawn(name: &'static str, charts: &[Chart], draw: impl Fn(&Chart) -> Drawing) -> Figure {
     let tables = charts.iter().map(Chart::table).filter(|table| !table.rows.is_empty());
-    json!({
-        "drawings": drawings.map(|svg| svg.to_string()).collect::<Vec<_>>(),
-        "legend": legend.iter().map(item).collect::<Vec<_>>(),
-        "tables": tables.collect::<Vec<_>>(),
-        "tones": null,
-    })
+    Figure {
+        name,
+        drawings: charts.iter().map(draw).collect(),
+        legend: LegendItem::of_layers(charts.iter().flat_map(|chart| &chart.layers)),
+        tables: tables.collect(),
+        has_tones: false,
+    }
+}
+
+/// Between the charts of a file and around them, px.
+const GAP: f64 = 20.0;
+
+impl Figure {
+    /// The charts, what their signs mean and their numbers, for a page.
+    pub(super) fn on_page(&self) -> Value {
+        let item = |LegendItem { sign, text }: &LegendItem| {
+            let mut svg = sign.element(ColourStyle::Properties);
+            svg.attributes.retain(|(name, _)| *name != "role");
+            let size = [("width", "26"), ("height", "12"), ("aria-hidden", "true")];
+            svg.attributes.extend(size.map(|(name, value)| (name, value.to_owned())));
+            json!({ "sign": svg.to_string(), "text": text })
+        };
+        let drawings = self.drawings.iter().map(|of| of.element(ColourStyle::Properties));
+        let tones = || (0..TONES).map(|tone| 100.0 * opacity(tone)).collect::<Vec<_>>();
+        json!({
+            "drawings": drawings.map(|svg| svg.to_string()).collect::<Vec<_>>(),
+            "legend": self.legend.iter().map(item).collect::<Vec<_>>(),
+            "tables": self.tables,
+            "tones": self.has_tones.then(tones),
+        })
+    }
+
+    /// The text of an SVG file: the charts in up to three columns, the legend below.
+    pub(super) fn svg(&self) -> String {
+        let columns = self.drawings.len().clamp(1, if self.has_tones { 2 } else { 3 });
+        let width = GAP + columns as f64 * (WIDTH + GAP);
+        let rows: Vec<&[Drawing]> = self.drawings.chunks(columns).collect();
+        let height = |row: &[Drawing]| row.iter().map(|of| of.size[1]).fold(0.0, f64::max) + GAP;
+        let mut drawing = Drawing::new(self.name, "", [width, 0.0]);
+        let mut top = GAP;
+        for row in rows {
+            for (i, of) in row.iter().enumerate() {
+                drawing.place(of, [GAP + i as f64 * (WIDTH + GAP), top]);
+            }
+            top += height(row);
+        }
+        if self.has_tones {
+            let text = "probability of a turn";
+            drawing.text(text, [GAP, top + 8.0], 12.0, colours::TEXT, Align::Left);
+            for tone in 0..TONES {
+                let left = GAP + 190.0 + 20.0 * tone as f64;
+                let ink = colours::MAP.at(opacity(tone));
+                drawing.boxes(vec![[left, top, left + 20.0, top + 16.0]], ink);
+            }
+            for (text, at, align) in [("0", 184.0, Align::Right), ("1", 396.0, Align::Left)] {
+                drawing.text(text, [GAP + at, top + 8.0], 12.0, colours::MUTED, align);
+            }
+            top += 16.0 + GAP;
+        }
+        if !self.legend.is_empty() {
+            top += drawing.legend(&self.legend, [GAP, top + 6.0], width - 2.0 * GAP) + GAP;
+        }
+        drawing.size[1] = top;
+        drawing.svg()
+    }
+}
+
+/// Every figure of the report, in its order.
+pub(super) fn all(analysis: &Analysis) -> Vec<Figure> {
+    let mut figures = vec![gains(analysis)];
+    figures.extend(people::behaviour(analysis));
+    figures.extend([accuracies(analysis), distances(analysis)]);
+    figures.extend(generalisation::learning(analysis));
+    figures.extend(generalisation::unseen(analysis));
+    figures.extend(generalisation::importance(analysis));
+    figures.extend(decisions(analysis));
+    figures.push(rollouts(analysis));
+    figures.extend(beyond(analysis));
+    figures.push(calibration(analysis));
+    figures
 }
 
 /// A model's colour and mark.
@@ -88,7 +167,7 @@ fn gain_pairs(analysis: &Analysis) -> Vec<(&'static str, String, Vec<&Gain>)> {
 
 /// How much one feature set gains over another in each model and experiment: the answer in one
 /// picture.
-pub(super) fn gains(analysis: &Analysis) -> Value {
+fn gains(analysis: &Analysis) -> Figure {
     let all = gain_pairs(analysis);
     let rows = all.iter().map(|(.., gains)| gains.len()).max().unwrap_or(0);
     let each = all.iter().flat_map(|(.., gains)| gains).flat_map(|gain| &gain.paired.gains);
@@ -117,7 +196,7 @@ pub(super) fn gains(analysis: &Analysis) -> Value {
         });
         chart
     };
-    figure(&all.iter().map(chart).collect::<Vec<_>>(), 66.0 + 30.0 * rows as f64)
+    figure("gains", &all.iter().map(chart).collect::<Vec<_>>(), 66.0 + 30.0 * rows as f64)
 }
 
 /// A chart of one model with a dot for each person on each feature set.
@@ -130,7 +209,7 @@ struct PeopleChart<'a> {
 }
 
 /// Accuracy of each model in both experiments.
-pub(super) fn accuracies(analysis: &Analysis) -> Value {
+fn accuracies(analysis: &Analysis) -> Figure {
     let sets = analysis.comparison.sets();
     let mut charts = Vec::new();
     for experiment in Experiment::ALL {
@@ -148,11 +227,11 @@ pub(super) fn accuracies(analysis: &Analysis) -> Value {
             });
         }
     }
-    people_charts(&charts, ["accuracy", "%"])
+    people_charts("accuracies", &charts, ["accuracy", "%"])
 }
 
 /// D_start and D_end of each model.
-pub(super) fn distances(analysis: &Analysis) -> Value {
+fn distances(analysis: &Analysis) -> Figure {
     let (sets, experiment) = (analysis.comparison.sets(), Experiment::Avoidance);
     let mut charts = Vec::new();
     for (metric, word) in [(Metric::Start, "first"), (Metric::End, "last")] {
@@ -170,10 +249,10 @@ pub(super) fn distances(analysis: &Analysis) -> Value {
             });
         }
     }
-    people_charts(&charts, ["distance", "steps"])
+    people_charts("distances", &charts, ["distance", "steps"])
 }
 
-fn people_charts(all: &[PeopleChart<'_>], [name, unit]: [&str; 2]) -> Value {
+fn people_charts(file: &'static str, all: &[PeopleChart<'_>], [name, unit]: [&str; 2]) -> Figure {
     let groups = all.iter().flat_map(|of| &of.columns).map(|(_, group)| group);
     let numbers = groups.flat_map(|group| &group.values);
     let numbers = numbers.copied().chain(all.iter().filter_map(|of| of.baseline));
@@ -182,7 +261,7 @@ fn people_charts(all: &[PeopleChart<'_>], [name, unit]: [&str; 2]) -> Value {
     let low = if unit == "%" { numbers.fold(high, f64::min) } else { 0.0 };
     let y = Axis::round(name, unit, [low, high], 5);
     let charts = all.iter().map(|of| people_chart(of, y.clone()));
-    figure(&charts.collect::<Vec<_>>(), 220.0)
+    figure(file, &charts.collect::<Vec<_>>(), 220.0)
 }
 
 fn people_chart(of: &PeopleChart<'_>, y: Axis) -> Chart {
@@ -212,8 +291,12 @@ fn people_chart(of: &PeopleChart<'_>, y: Axis) -> Chart {
 }
 
 /// How often the models on B_hrd are right when they say how sure they are.
-pub(super) fn calibration(analysis: &Analysis) -> Value {
-    figure(&Experiment::ALL.map(|experiment| calibration_chart(analysis, experiment)), 300.0)
+fn calibration(analysis: &Analysis) -> Figure {
+    figure(
+        "calibration",
+        &Experiment::ALL.map(|experiment| calibration_chart(analysis, experiment)),
+        300.0,
+    )
 }
 
 fn calibration_chart(analysis: &Analysis, experiment: Experiment) -> Chart {
@@ -278,13 +361,13 @@ impl Line {
 }
 
 /// Roll-outs of the paper's models on B_hrd.
-pub(super) fn rollouts(analysis: &Analysis) -> Value {
+fn rollouts(analysis: &Analysis) -> Figure {
     let lines = ModelName::PAPERS.map(|model| Line::of(model, "hrd"));
-    figure(&rollout_charts(analysis, &lines), 250.0)
+    figure("rollouts", &rollout_charts(analysis, &lines), 250.0)
 }
 
 /// Roll-outs of models that know more than the paper's; none where there are not two.
-pub(super) fn beyond(analysis: &Analysis) -> Option<Value> {
+fn beyond(analysis: &Analysis) -> Option<Figure> {
     let lines = [
         Line::of(ModelName::Svm, "hrd_body"),
         Line::of(ModelName::Boosted, "hrd_body"),
@@ -297,7 +380,7 @@ pub(super) fn beyond(analysis: &Analysis) -> Option<Value> {
         },
     ];
     let found = lines.iter().filter(|line| line.horizons(&analysis.rollouts).is_some()).count();
-    (found > 1).then(|| figure(&rollout_charts(analysis, &lines), 250.0))
+    (found > 1).then(|| figure("beyond", &rollout_charts(analysis, &lines), 250.0))
 }
 
 /// Accuracy, position error and log loss against the horizon, of these and of the simple drivers.
@@ -352,14 +435,12 @@ fn rollout_chart(
 /// Tones of the map.
 const TONES: usize = 10;
 
-/// Maps of the probability of a turn, with the opacity of each tone in per cent; none without maps.
-pub(super) fn decisions(analysis: &Analysis) -> Option<Value> {
+/// Maps of the probability of a turn; none without maps.
+fn decisions(analysis: &Analysis) -> Option<Figure> {
     let maps = analysis.maps.iter().filter(|map| !map.probabilities.is_empty());
     let charts: Vec<Chart> =
         maps.map(|map| decision_map(map, analysis.data.scene.danger_radius_m)).collect();
-    let mut figure = drawn(&charts, square);
-    figure["tones"] = (0..TONES).map(|tone| json!(100.0 * opacity(tone))).collect();
-    (!charts.is_empty()).then_some(figure)
+    (!charts.is_empty()).then(|| Figure { has_tones: true, ..drawn("decisions", &charts, square) })
 }
 
 /// A metre is as long along both axes.

@@ -6,8 +6,9 @@ mod testing;
 #[cfg(test)]
 mod tests;
 
-use super::charts;
+use super::charts::Figure;
 use super::text::{self, count, fixed, grouped, signed};
+use crate::clock::date_time;
 use minijinja::syntax::SyntaxConfig;
 use minijinja::value::{Serde, Value};
 use minijinja::{AutoEscape, Environment, Error, Output, State, UndefinedBehavior};
@@ -19,10 +20,11 @@ use sidestep::comparison::gains::Power;
 use sidestep::comparison::tables::are_best;
 use sidestep::scene::Evader;
 
-const TEMPLATES: [(&str, &str); 6] = [
+const TEMPLATES: [(&str, &str); 7] = [
     ("report.html", include_str!("templates/report.html")),
     ("macros.html", include_str!("templates/macros.html")),
     ("findings.html", include_str!("templates/findings.html")),
+    ("beyond.html", include_str!("templates/beyond.html")),
     ("tables.html", include_str!("templates/tables.html")),
     ("method.html", include_str!("templates/method.html")),
     ("tables.tex", include_str!("templates/tables.tex")),
@@ -38,22 +40,22 @@ const SHEETS: [(&str, &str); 2] = [
 ///
 /// # Errors
 /// If a template asks for what there is not.
-pub(super) fn html(analysis: &Analysis) -> Result<String, Error> {
+pub(super) fn html(analysis: &Analysis, figures: &[Figure]) -> Result<String, Error> {
     let mut numbers = numbers(analysis);
     numbers["tokens"] =
         SHEETS.map(|(sheet, after)| sheet.split(after).next().unwrap_or_default()).concat().into();
     numbers["style"] = include_str!("templates/style.css").into();
-    numbers["figures"] = json!({
-        "gains": charts::gains(analysis),
-        "accuracies": charts::accuracies(analysis),
-        "distances": charts::distances(analysis),
-        "decisions": charts::decisions(analysis),
-        "rollouts": charts::rollouts(analysis),
-        "beyond": charts::beyond(analysis),
-        "calibration": charts::calibration(analysis),
-    });
+    // Templates ask for each of these, whether there is one or not.
+    numbers["figures"] = OPTIONAL_FIGURES.into_iter().map(|name| (name, json!(null))).collect();
+    for figure in figures {
+        numbers["figures"][figure.name] = figure.on_page();
+    }
     rendered("report.html", numbers)
 }
+
+/// Figures that not every analysis has.
+const OPTIONAL_FIGURES: [&str; 6] =
+    ["behaviour", "learning", "unseen", "importance", "decisions", "beyond"];
 
 /// The paper's tables as LaTeX.
 ///
@@ -144,6 +146,11 @@ fn numbers(analysis: &Analysis) -> serde_json::Value {
         "grids": settings.grids,
         "protocol": Grids::default(),
         "findings": findings,
+        "behaviour": analysis.behaviour,
+        "learning": analysis.learning,
+        "unseen": analysis.unseen,
+        "version": env!("CARGO_PKG_VERSION"),
+        "driven": data.driven_at_ms.map(|ends| ends.map(day)),
         "table1": table1.collect::<Vec<_>>(),
         "table2": table2,
         "ablations": analysis.ablation,
@@ -151,6 +158,11 @@ fn numbers(analysis: &Analysis) -> serde_json::Value {
         "tests": analysis.tests,
         "confusions": confusions.collect::<Vec<_>>(),
     })
+}
+
+/// The day of a time in ms since 1970, in UTC: 2026-11-23.
+fn day(ms: f64) -> String {
+    date_time(ms as i64).chars().take(10).collect()
 }
 
 /// The safety levels that cannot tell states apart, with the sets that they are in.

@@ -1,5 +1,7 @@
 //! The tables of an analysis as CSV. Same results, same bytes.
 
+mod further;
+
 use csv::Writer;
 use serde::Serialize;
 use sha2::{Digest, Sha256};
@@ -12,7 +14,7 @@ use std::io::{self, Write};
 pub(super) type Table = fn(&Analysis, &mut dyn Write) -> io::Result<()>;
 
 /// Of every analysis.
-const TABLES: [(&str, Table); 9] = [
+const TABLES: [(&str, Table); 14] = [
     ("cells.csv", cells),
     ("table1.csv", table1),
     ("table2.csv", table2),
@@ -22,6 +24,11 @@ const TABLES: [(&str, Table); 9] = [
     ("calibration.csv", calibration),
     ("rollouts.csv", rollouts),
     ("predictions.csv", predictions),
+    ("behaviour.csv", further::behaviour),
+    ("behaviour_trials.csv", further::behaviour_trials),
+    ("learning.csv", further::learning),
+    ("unseen.csv", further::unseen),
+    ("importance.csv", further::importance),
 ];
 
 /// Of those in which it was asked for.
@@ -58,7 +65,8 @@ fn p_value(p: f64) -> String {
 }
 
 fn cells(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
-    let header = "model,experiment,features,participant,cv_accuracy,test_accuracy,hyperparameters";
+    let header = "model,experiment,features,participant,cv_accuracy,test_accuracy,hyperparameters,\
+                  test_balanced_accuracy";
     let rows = analysis.comparison.cells.iter().map(|cell| {
         (
             cell.model.word(),
@@ -68,6 +76,7 @@ fn cells(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
             cell.cv_accuracy.to_string(),
             cell.test.accuracy().to_string(),
             &cell.hyperparameters,
+            cell.test.balanced_accuracy().to_string(),
         )
     });
     write(out, header, rows)
@@ -112,7 +121,7 @@ fn tests(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
     let header = "model,experiment,metric,first,second,gain,mann_whitney_persons,\
                   mann_whitney_trajectories,wilcoxon_persons,mann_whitney_persons_holm,\
                   mann_whitney_trajectories_holm,wilcoxon_persons_holm,typical_gain,gain_low,\
-                  gain_high";
+                  gain_high,rank_biserial";
     let rows = analysis.tests.iter().map(|test| {
         let Gain { model, experiment, metric, paired, holm, .. } = &test.gain;
         let p_values = [
@@ -126,6 +135,7 @@ fn tests(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
         (
             (model.word(), experiment.number(), metric.word(), test.first, test.second),
             (places(paired.mean), p_values.map(p_value), places(paired.typical), ends(paired)),
+            places(paired.rank_biserial),
         )
     });
     write(out, header, rows)
@@ -134,13 +144,13 @@ fn tests(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
 /// The families of tests beside the paper's.
 fn beside(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
     let header = "model,experiment,first,second,gain,typical_gain,gain_low,gain_high,\
-                  wilcoxon_persons,wilcoxon_persons_holm";
+                  wilcoxon_persons,wilcoxon_persons_holm,rank_biserial";
     let rows = analysis.families.iter().flat_map(|family| {
         family.gains.iter().map(|Gain { model, experiment, paired, holm, .. }| {
             (
                 (model.word(), experiment.number(), family.first, family.second),
                 (places(paired.mean), places(paired.typical), ends(paired)),
-                (p_value(paired.p), p_value(*holm)),
+                (p_value(paired.p), p_value(*holm), places(paired.rank_biserial)),
             )
         })
     });
@@ -148,7 +158,8 @@ fn beside(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
 }
 
 fn ablation(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
-    let header = "model,experiment,features,accuracy_percent,log_loss,gain_over_d,wilcoxon_persons";
+    let header = "model,experiment,features,accuracy_percent,log_loss,gain_over_d,wilcoxon_persons,\
+                  balanced_accuracy_percent";
     let rows = analysis.ablation.iter().map(|row| {
         (
             row.model.map_or("constant", ModelName::word),
@@ -158,6 +169,7 @@ fn ablation(analysis: &Analysis, out: &mut dyn Write) -> io::Result<()> {
             places(row.log_loss),
             row.over_d.map(|(gain, _)| places(gain)),
             row.over_d.map(|(_, p)| p_value(p)),
+            places(row.balanced),
         )
     });
     write(out, header, rows)

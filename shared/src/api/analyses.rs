@@ -84,10 +84,36 @@ pub struct AnalysisResult {
     /// of an earlier version.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub safety: Option<SafetyQuality>,
-    /// Models that were trained and tested.
+    /// Rows of cells.csv: the better SVM repeats another row.
     pub cells: usize,
+    /// Models that were trained and tested; absent in analyses of an earlier version.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub models: Option<usize>,
+    /// The version of Sidestep that computed it; absent in analyses of an earlier version.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub version: Option<String>,
+    /// SHA-256 of the trials that were compared; absent in analyses of an earlier version.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub data_sha256: Option<String>,
+    /// Mean test accuracies, as in the report's first table. Lists of analyses and analyses of an
+    /// earlier version have none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub accuracies: Vec<MeanAccuracy>,
     /// Why the data are known to be synthetic, if they are.
     pub synthetic: Option<String>,
+}
+
+/// The mean over participants of the test accuracy of one kind of model.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct MeanAccuracy {
+    /// What predicts: `svm`, `dt` or `lr`.
+    pub model: String,
+    /// 1: right, straight or left; 2: turn or not.
+    pub experiment: u8,
+    /// The name of the feature set.
+    pub features: String,
+    /// Share of the test steps predicted right, in per cent.
+    pub percent: f64,
 }
 
 /// A participant whose trials an analysis does not use.

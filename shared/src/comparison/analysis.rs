@@ -5,11 +5,14 @@ use super::cell::{Baseline, Experiment, ModelName};
 use super::decision_map::{DecisionMap, decision_maps};
 use super::findings::Findings;
 use super::gains::{Ablation, Gain, GainFamily, Test, ablation, papers_tests};
+use super::generalisation::{LearningPoint, Unseen};
+use super::importance::Importance;
 use super::metrics::Predictions;
-use super::plan::ParticipantData;
+use super::plan::{ParticipantData, order};
 use super::run::{AnalysisError, Cache, Leakage, Progress, Results, RolloutsOf, run};
 use super::settings::Settings;
 use super::tables::{Comparison, Metric, Pooled};
+use crate::behaviour::Behaviour;
 use crate::dataset::GivenFeatures;
 use crate::invalid::Invalid;
 use crate::recording::{Exclusion, RecordedParticipant, Recording, flagged};
@@ -17,6 +20,7 @@ use crate::safety::{SafetyLevels, SafetyQuality};
 use crate::scene::{JointState, SceneParameters};
 use core::ops::ControlFlow;
 use serde::Serialize;
+use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
 
 /// A comparison with everything that is computed from it.
@@ -41,6 +45,14 @@ pub struct Analysis {
     pub rollouts: Vec<RolloutsOf>,
     /// What a split by time step would claim; empty unless it was asked for.
     pub leakage: Vec<Leakage>,
+    /// What the participants did.
+    pub behaviour: Behaviour,
+    /// How models do with fewer tasks to learn from.
+    pub learning: Vec<LearningPoint>,
+    /// How models do with people whom they have not seen.
+    pub unseen: Vec<Unseen>,
+    /// What models lose without each feature.
+    pub importance: Vec<Importance>,
     /// What the models decide, a map for each feature set and relative heading.
     pub maps: Vec<DecisionMap>,
     /// The facts that a report puts into words.
@@ -63,6 +75,12 @@ pub struct DataSummary {
     /// The participants who are compared and have the same trials as another one: one person under
     /// several names would count several times.
     pub same_trials: Vec<String>,
+    /// SHA-256 of the trials that are compared, as hexadecimal digits: two analyses with the same number
+    /// used the same data.
+    pub sha256: String,
+    /// When the first and the last of them started, ms since 1970 by the participants' clocks; none
+    /// where the data do not say.
+    pub driven_at_ms: Option<[f64; 2]>,
     /// How both safety levels came about, and how much they differ over the steps that are
     /// compared; none where it is not known.
     pub safety: Option<SafetyQuality>,
@@ -112,8 +130,9 @@ pub fn analyse(
     let mut results = run(&people, scene, safety, settings, cache, progress)?;
     exclusions.append(&mut results.exclusions);
     let compared = |name: &str| results.comparison.participants.iter().any(|of| of.name == name);
-    let recorded: Vec<&RecordedParticipant> =
+    let mut recorded: Vec<&RecordedParticipant> =
         recording.participants.iter().filter(|of| compared(&of.name)).collect();
+    recorded.sort_by(|a, b| order(&a.name).cmp(&order(&b.name)));
     people.retain(|person| compared(&person.name));
     let data = DataSummary {
         trials: people.iter().map(|person| person.numbers.len()).sum(),
@@ -122,14 +141,17 @@ pub fn analyse(
         exclusions,
         flagged: flagged(recorded.iter().copied()),
         same_trials: same_trials(&recorded, &results.comparison),
+        sha256: hash(&recorded),
+        driven_at_ms: driven_at_ms(&recorded),
         safety: Some(quality(&people, safety)),
     };
     let maps = decision_maps(&results.comparison, safety)?;
-    Ok(Analysis::of(data, settings.clone(), results, maps)?)
+    let behaviour = Behaviour::of(scene, recorded.iter().copied());
+    Ok(Analysis::of(data, settings.clone(), results, behaviour, maps)?)
 }
 
 impl Analysis {
-    /// Computes everything else from `results` and `maps`, which were found from `data` with
+    /// Computes everything else from `results`, `behaviour` and `maps`, which were found from `data` with
     /// `settings`. The exclusions are those of `data`.
     ///
     /// # Errors
@@ -138,9 +160,10 @@ impl Analysis {
         data: DataSummary,
         settings: Settings,
         results: Results,
+        behaviour: Behaviour,
         maps: Vec<DecisionMap>,
     ) -> Result<Self, Invalid> {
-        let Results { comparison, baselines, rollouts, leakage, .. } = results;
+        let Results { comparison, baselines, rollouts, leakage, few_tasks, unseen, .. } = results;
         // The commonest input is the same for every model.
         let accuracies = |model: Option<ModelName>, experiment, set: &str| match model {
             Some(model) if set != "none" => comparison.person_accuracies(model, experiment, set),
@@ -153,9 +176,21 @@ impl Analysis {
         ];
         let tests = papers_tests(&comparison)?;
         let pooled = pooled(&comparison, &baselines);
-        let ablation = ablation(&comparison, &pooled, accuracies)?;
+        let balanced = |model: Option<ModelName>, experiment, set: &str| match model {
+            Some(model) => {
+                let cells = comparison.of(model, experiment, set);
+                cells.map(|cell| 100.0 * cell.test.balanced_accuracy()).collect()
+            }
+            None => {
+                let own = baselines.iter().filter(|of| of.experiment == experiment);
+                own.map(|of| 100.0 * of.test.balanced_accuracy()).collect::<Vec<f64>>()
+            }
+        };
+        let ablation = ablation(&comparison, &pooled, accuracies, balanced)?;
         let findings =
             Findings::of(&comparison, &tests, &families, &pooled, &rollouts, &settings.grids);
+        let learning = LearningPoint::all(&comparison, &few_tasks);
+        let unseen = Unseen::all(&comparison, &unseen)?;
         Ok(Self {
             data,
             settings,
@@ -166,6 +201,10 @@ impl Analysis {
             pooled,
             rollouts,
             leakage,
+            behaviour,
+            learning,
+            unseen,
+            importance: results.importance,
             maps,
             findings,
         })
@@ -268,6 +307,33 @@ fn same_trials(participants: &[&RecordedParticipant], comparison: &Comparison) -
     let mut several: Vec<usize> = several.flatten().collect();
     several.sort_unstable();
     several.into_iter().map(|place| compared[place].name.clone()).collect()
+}
+
+/// The hash of these participants' trials, in the order of names.
+fn hash(participants: &[&RecordedParticipant]) -> String {
+    let mut hash = Sha256::new();
+    for participant in participants {
+        hash.update((participant.name.len() as u64).to_le_bytes());
+        hash.update(&participant.name);
+        hash.update((participant.trials.len() as u64).to_le_bytes());
+        for trial in &participant.trials {
+            hash.update(trial.number.to_le_bytes());
+            hash.update((trial.inputs.len() as u64).to_le_bytes());
+            trial.inputs.iter().for_each(|input| hash.update(input.sign().to_le_bytes()));
+            for pose in trial.states.iter().flat_map(|state| [state.human, state.robot]) {
+                let numbers = <[f64; 3]>::from(pose);
+                numbers.iter().for_each(|number| hash.update(number.to_bits().to_le_bytes()));
+            }
+        }
+    }
+    hex::encode(hash.finalize())
+}
+
+/// When the first and the last of these participants' trials started.
+fn driven_at_ms(participants: &[&RecordedParticipant]) -> Option<[f64; 2]> {
+    let trials = participants.iter().flat_map(|participant| &participant.trials);
+    let started = || trials.clone().filter_map(|trial| trial.started_at_ms);
+    Some([started().reduce(f64::min)?, started().reduce(f64::max)?])
 }
 
 /// How much both safety levels of these participants' steps can be trusted.

@@ -4,7 +4,7 @@
 use super::cell::{Experiment, ModelName, PAPERS_SETS};
 use super::tables::{Comparison, Metric, Pooled, mean};
 use crate::invalid::Invalid;
-use crate::stats::rank::{hodges_lehmann, holm, mann_whitney, wilcoxon};
+use crate::stats::rank::{hodges_lehmann, holm, mann_whitney, rank_biserial, wilcoxon};
 use serde::Serialize;
 
 /// A difference is shown where the p-value is below this.
@@ -24,6 +24,9 @@ pub struct Paired {
     pub interval: Option<[f64; 2]>,
     /// p-value of Wilcoxon's signed-rank test, two-sided.
     pub p: f64,
+    /// The effect size that belongs to the test, from −1 to 1: the matched-pairs rank-biserial
+    /// correlation.
+    pub rank_biserial: f64,
     /// How many participants gain.
     pub better: usize,
     /// Whether p is below [`LEVEL`] and the mean points the other way than the typical gain, as a
@@ -43,7 +46,8 @@ impl Paired {
         let interval = interval(&gains);
         let better = gains.iter().filter(|gain| **gain > 1e-12).count();
         let contrary = p < LEVEL && mean * typical <= 0.0;
-        Ok(Self { gains, mean, typical, interval, p, better, contrary })
+        let rank_biserial = rank_biserial(first, second);
+        Ok(Self { gains, mean, typical, interval, p, rank_biserial, better, contrary })
     }
 }
 
@@ -291,6 +295,8 @@ pub struct Ablation {
     pub features: String,
     /// Mean over participants of the test accuracy, in per cent.
     pub accuracy: f64,
+    /// Mean over participants of the balanced test accuracy, in per cent.
+    pub balanced: f64,
     /// Over all test rows, nats.
     pub log_loss: f64,
     /// Points of accuracy over the same model on B_d, and the paired p-value over people of that
@@ -299,8 +305,8 @@ pub struct Ablation {
 }
 
 /// The baseline, then for each model and experiment B_d and B_hrd, each without and with the
-/// robot's position in the human's body frame, and every set that was added. `accuracies` gives the
-/// accuracy of each participant by model, experiment and set.
+/// robot's position in the human's body frame, and every set that was added. `accuracies` and `balanced`
+/// give the accuracy of each participant by model, experiment and set.
 ///
 /// # Errors
 /// [`Invalid`] if there is no participant.
@@ -308,6 +314,7 @@ pub(super) fn ablation(
     comparison: &Comparison,
     pooled: &[Pooled],
     accuracies: impl Fn(Option<ModelName>, Experiment, &str) -> Vec<f64>,
+    balanced: impl Fn(Option<ModelName>, Experiment, &str) -> Vec<f64>,
 ) -> Result<Vec<Ablation>, Invalid> {
     let known = ["none", "d", "d_body", "hrd", "hrd_body"];
     let added = comparison.sets().into_iter();
@@ -332,6 +339,7 @@ pub(super) fn ablation(
             experiment: of.experiment,
             features: of.features.clone(),
             accuracy: mean(own),
+            balanced: mean(balanced(of.model, of.experiment, &of.features)),
             log_loss: of.calibration.log_loss,
             over_d,
         })

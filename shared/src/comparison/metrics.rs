@@ -1,6 +1,7 @@
 //! How good predictions are: row by row, and when avoidance begins and ends.
 
 use crate::math::ln;
+use core::ops::Range;
 use serde::{Deserialize, Serialize};
 
 /// A model's predictions of some rows, and the truth.
@@ -77,9 +78,45 @@ impl Predictions {
         self.right() as f64 / self.rows().max(1) as f64
     }
 
+    /// The mean over the classes that occur of the share of their rows that was predicted right, from 0
+    /// to 1; 0 without rows. Always predicting one class gives one half of two classes that occur, a
+    /// third of three, however common it is.
+    #[must_use]
+    pub fn balanced_accuracy(&self) -> f64 {
+        let confusion = self.confusion();
+        let totals = confusion.iter().map(|row| row.iter().sum::<usize>());
+        let recalls = confusion.iter().enumerate().zip(totals).filter(|(_, total)| *total > 0);
+        // A class that the model does not know has no row of its own, and none of it is right.
+        let mut unknown: Vec<i8> = self.truth.clone();
+        unknown.retain(|class| !self.classes.contains(class));
+        unknown.sort_unstable();
+        unknown.dedup();
+        let (mut sum, mut classes) = (0.0, unknown.len());
+        for ((place, row), total) in recalls {
+            sum += row[place] as f64 / total as f64;
+            classes += 1;
+        }
+        sum / classes.max(1) as f64
+    }
+
     /// The probabilities of each row.
     pub fn each(&self) -> impl ExactSizeIterator<Item = &[f64]> {
         self.probabilities.chunks_exact(self.classes.len())
+    }
+
+    /// Those of some of the rows.
+    ///
+    /// # Panics
+    /// If there are fewer rows.
+    #[must_use]
+    pub fn part(&self, rows: Range<usize>) -> Self {
+        let width = self.classes.len();
+        Self {
+            classes: self.classes.clone(),
+            truth: self.truth[rows.clone()].to_vec(),
+            predicted: self.predicted[rows.clone()].to_vec(),
+            probabilities: self.probabilities[width * rows.start..width * rows.end].to_vec(),
+        }
     }
 
     /// All of them as one.
@@ -239,6 +276,9 @@ mod tests {
             made(&[0, 1, 1, 0], &[0, 1, 0, 0], &[0.9, 0.1, 0.25, 0.75, 0.6, 0.4, 0.85, 0.15]);
         assert_eq!((found.right(), found.accuracy()), (3, 0.75));
         assert_eq!(found.confusion(), [[2, 0], [1, 1]]);
+        assert_eq!(found.balanced_accuracy(), 0.75);
+        assert_eq!(made(&[0, 0, 0, 1], &[0; 4], &[0.5; 8]).balanced_accuracy(), 0.5);
+        assert_eq!(made(&[0, 0], &[0, 1], &[0.5; 4]).balanced_accuracy(), 0.5);
         let all = found.calibration();
         let log_loss = -(ln(0.9) + ln(0.75) + ln(0.4) + ln(0.85)) / 4.0;
         assert!((all.log_loss - log_loss).abs() < 1e-15);
@@ -253,6 +293,8 @@ mod tests {
     #[test]
     fn what_cannot_be_predicted_is_missed() {
         let found = made(&[-1], &[0], &[1.0, 0.0]);
+        assert_eq!(found.balanced_accuracy(), 0.0);
+        assert_eq!(made(&[-1, 0], &[0, 0], &[0.5; 4]).balanced_accuracy(), 0.5);
         let all = found.calibration();
         assert!((all.brier - 2.0).abs() < 1e-15);
         assert!((all.log_loss - 15.0 * ln(10.0)).abs() < 1e-9);

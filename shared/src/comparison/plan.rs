@@ -3,7 +3,7 @@
 use super::cell::NamedSet;
 use super::fit::{Grids, ModelFamily};
 use super::settings::Settings;
-use super::split::{LEAST_TASKS, Split, first_test_task};
+use super::split::{FOLDS, LEAST_TASKS, Split, first_test_task, fold_of};
 use super::tables::ComparedParticipant;
 use crate::dataset::{Dataset, GivenFeatures};
 use crate::invalid::Invalid;
@@ -13,6 +13,7 @@ use crate::scene::SceneParameters;
 use crate::shfrs::window::Trajectory;
 use crate::vehicle::TurnInput;
 use sha2::{Digest, Sha256};
+use std::borrow::Cow;
 
 /// A participant's tasks, ready to be learned from.
 #[derive(Clone, Debug, PartialEq)]
@@ -85,6 +86,7 @@ impl ParticipantData {
     pub(super) fn compared(&self) -> ComparedParticipant {
         ComparedParticipant {
             name: self.name.clone(),
+            training_tasks: first_test_task(self.numbers.len()),
             test_trials: self.numbers[first_test_task(self.numbers.len())..].to_vec(),
             steps: self.trajectories.first().map_or(0, Trajectory::steps),
         }
@@ -121,8 +123,10 @@ pub(super) fn order(name: &str) -> (bool, Option<u64>, &str) {
 pub(super) struct Plan<'a> {
     /// The participants in the order of their names, with their splits.
     pub(super) participants: Vec<Planned<'a>>,
-    /// The fits, participant by participant. They take about equally long.
+    /// The fits: those for participants that others train, then participant by participant.
     pub(super) fits: Vec<Fit<'a>>,
+    /// Whose data train and test the models of [`Purpose::Unseen`].
+    pub(super) everybody: Option<Everybody>,
     /// The participants whose data cannot be learned from.
     pub(super) exclusions: Vec<Exclusion>,
 }
@@ -154,27 +158,131 @@ pub(super) enum Purpose {
     Rollouts,
     /// Showing what leaks.
     Leakage,
+    /// Showing what more tasks are worth: only the first ones train, this number.
+    Learning(usize),
+    /// Showing what a model can say of people whom it has not seen: those of the group with the fit's
+    /// number, whom the others' tasks train.
+    Unseen,
+}
+
+/// Numbers of training tasks of learning curves, besides all.
+pub(super) const FIRST_TASKS: [usize; 3] = [5, 10, 20];
+
+/// Sets of models that learn from fewer tasks, or from other people.
+pub(super) const COMPARED_SETS: [&str; 3] = ["hrd", "d", "hrd_body"];
+
+/// Models that learn from fewer tasks.
+const CURVE_FAMILIES: [ModelFamily; 3] =
+    [ModelFamily::Rbf, ModelFamily::Tree, ModelFamily::Logistic];
+
+/// Models that learn from other people. The time to train an SVM grows with the square of the rows.
+pub(super) const UNSEEN_FAMILIES: [ModelFamily; 2] = [ModelFamily::Tree, ModelFamily::Logistic];
+
+/// Most groups of people: with more people than that, a group has several.
+pub(super) const MOST_GROUPS: usize = 20;
+
+/// The rows of all participants of a plan, one after the other.
+pub(super) struct Everybody {
+    data: Dataset,
+    /// By group: the others' rows train, and the test tasks of the group test.
+    splits: Vec<Split>,
+}
+
+impl Everybody {
+    fn of(participants: &[Planned<'_>]) -> Option<Self> {
+        let first = participants.first()?;
+        let columns = first.data.data.features.clone();
+        let mut data = Dataset {
+            features: columns,
+            values: Vec::new(),
+            labels: Vec::new(),
+            trials: Vec::new(),
+        };
+        let mut offsets = Vec::new();
+        for Planned { data: of, .. } in participants {
+            let trials = data.trials.last().map_or(0, |last| last + 1);
+            offsets.push(data.labels.len());
+            data.values.extend_from_slice(&of.data.values);
+            data.labels.extend_from_slice(&of.data.labels);
+            data.trials.extend(of.data.trials.iter().map(|trial| trials + trial));
+        }
+        let groups = participants.len().min(MOST_GROUPS);
+        let split = |group: usize| {
+            let mut split = Split { training: Vec::new(), folds: Vec::new(), test: Vec::new() };
+            let mut others = 0;
+            for (i, (of, offset)) in participants.iter().zip(&offsets).enumerate() {
+                if i % groups == group {
+                    split.test.extend(of.split.test.iter().map(|row| offset + row));
+                    continue;
+                }
+                let rows = of.data.data.labels.len();
+                split.training.extend(*offset..offset + rows);
+                // A person is held back whole, where there are enough.
+                let fold = |row: usize| match participants.len() > FOLDS {
+                    true => others % FOLDS,
+                    false => fold_of(of.data.data.trials[row]),
+                };
+                split.folds.extend((0..rows).map(fold));
+                others += 1;
+            }
+            split
+        };
+        let splits = if groups > 1 { (0..groups).map(split).collect() } else { Vec::new() };
+        Some(Self { data, splits })
+    }
+
+    /// How many groups; none of one participant.
+    pub(super) fn groups(&self) -> usize {
+        self.splits.len()
+    }
 }
 
 impl<'a> Plan<'a> {
     pub(super) fn new(participants: &'a [ParticipantData], settings: &'a Settings) -> Self {
         let mut ordered: Vec<&ParticipantData> = participants.iter().collect();
         ordered.sort_by(|a, b| order(&a.name).cmp(&order(&b.name)));
-        let mut plan = Self { participants: Vec::new(), fits: Vec::new(), exclusions: Vec::new() };
+        let (mut planned, mut exclusions) = (Vec::new(), Vec::new());
         for data in ordered {
             let split = Split::grouped(&data.data);
             match data.reason_against(&split) {
-                Some(reason) => plan.exclusions.push(data.excluded(reason)),
-                None => plan.add(data, split, settings),
+                Some(reason) => exclusions.push(data.excluded(reason)),
+                None => planned.push(Planned { data, split, leaking: Split::leaking(&data.data) }),
+            }
+        }
+        let everybody = Everybody::of(&planned);
+        let mut plan = Self { participants: planned, fits: Vec::new(), everybody, exclusions };
+        let compared = || {
+            let is = |set: &&NamedSet| COMPARED_SETS.contains(&&set.name[..]);
+            settings.sets.iter().filter(is)
+        };
+        // These take longest.
+        for participant in 0..plan.everybody.as_ref().map_or(0, Everybody::groups) {
+            for set in compared() {
+                let fit = |family| Fit { participant, set, family, purpose: Purpose::Unseen };
+                plan.fits.extend(UNSEEN_FAMILIES.map(fit));
+            }
+        }
+        for participant in 0..plan.participants.len() {
+            plan.add(participant, settings);
+            let Planned { data, .. } = &plan.participants[participant];
+            let all = first_test_task(data.trajectories.len());
+            for tasks in FIRST_TASKS.into_iter().filter(|tasks| *tasks < all) {
+                let split = Split::of_first_tasks(&data.data, tasks);
+                if data.reason_against(&split).is_some() {
+                    continue;
+                }
+                for set in compared() {
+                    let purpose = Purpose::Learning(tasks);
+                    let fit = |family| Fit { participant, set, family, purpose };
+                    plan.fits.extend(CURVE_FAMILIES.map(fit));
+                }
             }
         }
         plan
     }
 
-    /// Plans the fits of one participant.
-    fn add(&mut self, data: &'a ParticipantData, split: Split, settings: &'a Settings) {
-        let participant = self.participants.len();
-        self.participants.push(Planned { data, split, leaking: Split::leaking(&data.data) });
+    /// Plans the fits of the tables, roll-outs and leakage of one participant.
+    fn add(&mut self, participant: usize, settings: &'a Settings) {
         let mut fit =
             |purpose, set, family| self.fits.push(Fit { participant, set, family, purpose });
         for set in &settings.sets {
@@ -190,14 +298,18 @@ impl<'a> Plan<'a> {
         }
     }
 
-    /// The participant of a fit, and how their rows are split for it.
-    pub(super) fn rows(&self, fit: &Fit<'_>) -> (&ParticipantData, &Split) {
-        let planned = &self.participants[fit.participant];
+    /// The rows of a fit, and how they are split for it.
+    pub(super) fn rows(&self, fit: &Fit<'_>) -> (&Dataset, Cow<'_, Split>) {
+        if let (Purpose::Unseen, Some(everybody)) = (fit.purpose, &self.everybody) {
+            return (&everybody.data, Cow::Borrowed(&everybody.splits[fit.participant]));
+        }
+        let Planned { data, split, leaking } = &self.participants[fit.participant];
         let split = match fit.purpose {
-            Purpose::Leakage => &planned.leaking,
-            Purpose::Tables | Purpose::Rollouts => &planned.split,
+            Purpose::Leakage => Cow::Borrowed(leaking),
+            Purpose::Learning(tasks) => Cow::Owned(Split::of_first_tasks(&data.data, tasks)),
+            Purpose::Tables | Purpose::Rollouts | Purpose::Unseen => Cow::Borrowed(split),
         };
-        (planned.data, split)
+        (&data.data, split)
     }
 }
 

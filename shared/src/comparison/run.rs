@@ -2,6 +2,7 @@
 
 use super::cell::{Baseline, Cell, Experiment, ModelName};
 use super::fit::fit;
+use super::importance::{Importance, importance};
 use super::plan::{DataError, Fit, ParticipantData, Plan, Purpose, key, order, somebody_left};
 use super::rollout::{Horizon, Simple, rollouts, together};
 use super::settings::Settings;
@@ -29,6 +30,12 @@ pub struct Results {
     pub rollouts: Vec<RolloutsOf>,
     /// What leaks on the first feature set; empty unless it was asked for.
     pub leakage: Vec<Leakage>,
+    /// Cells of models that the first tasks alone trained.
+    pub few_tasks: Vec<FewTasks>,
+    /// Cells of models that other people trained.
+    pub unseen: Vec<Cell>,
+    /// What models lose without each feature.
+    pub importance: Vec<Importance>,
     /// The participants who are excluded.
     pub exclusions: Vec<Exclusion>,
 }
@@ -42,6 +49,15 @@ pub struct RolloutsOf {
     pub features: String,
     /// By number of steps ahead, over all participants' test tasks.
     pub horizons: Vec<Horizon>,
+}
+
+/// A cell whose model the first tasks alone trained.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FewTasks {
+    /// The number of these tasks.
+    pub tasks: usize,
+    /// The cell, with the same test tasks as any.
+    pub cell: Cell,
 }
 
 /// What a split by time step claims.
@@ -145,9 +161,9 @@ fn fitted(
     cache: Option<&dyn Cache>,
 ) -> Fitted {
     let Fit { participant, set, family, .. } = *planned;
-    let (of, split) = plan.rows(planned);
-    let data = of.data.select(&set.features)?;
-    let key = key(family, &data, split, &settings.grids);
+    let (data, split) = plan.rows(planned);
+    let data = data.select(&set.features)?;
+    let key = key(family, &data, &split, &settings.grids);
     if let Some(mut cells) = cache.and_then(|cache| cache.get(&key)) {
         // Names and places are no part of what was computed.
         for cell in &mut cells {
@@ -156,7 +172,7 @@ fn fitted(
         }
         return Ok(cells);
     }
-    let cells = fit(family, &data, split, &settings.grids, &set.name, participant)?;
+    let cells = fit(family, &data, &split, &settings.grids, &set.name, participant)?;
     if let Some(cache) = cache {
         cache.put(&key, &cells);
     }
@@ -187,13 +203,22 @@ fn assemble(
     exclusions.sort_by(|a, b| order(&a.participant).cmp(&order(&b.participant)));
     somebody_left(kept.len(), &exclusions)?;
     let (mut cells, mut beyond, mut leaking) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut few, mut unseen) = (Vec::new(), Vec::new());
     for (fit, found) in plan.fits.iter().zip(found) {
+        if fit.purpose == Purpose::Unseen {
+            unseen.extend(
+                found.into_iter().flatten().flat_map(|cell| by_person(plan, &cell, &places)),
+            );
+            continue;
+        }
         let (Ok(found), Some(participant)) = (found, places[fit.participant]) else { continue };
         let found = found.into_iter().map(|cell| Cell { participant, ..cell });
         match fit.purpose {
             Purpose::Tables => cells.extend(found),
             Purpose::Rollouts => beyond.extend(found),
             Purpose::Leakage => leaking.extend(found),
+            Purpose::Learning(tasks) => few.extend(found.map(|cell| FewTasks { tasks, cell })),
+            Purpose::Unseen => {}
         }
     }
     with_choice(&mut cells, settings);
@@ -208,15 +233,36 @@ fn assemble(
         leakage: leakage(&comparison, leaking, settings),
         baselines: baselines.collect(),
         rollouts: all_rollouts(&people, &comparison, &beyond, scene, safety, settings)?,
+        importance: importance(&people, &comparison)?,
+        few_tasks: few,
+        unseen,
         exclusions,
         comparison,
     })
 }
 
+/// The cells of each person of a group that others trained: its test rows are those of one person after
+/// the other.
+fn by_person(plan: &Plan<'_>, cell: &Cell, places: &[Option<usize>]) -> Vec<Cell> {
+    let groups = plan.everybody.as_ref().map_or(1, |everybody| everybody.groups().max(1));
+    let mut begin = 0;
+    let mut cells = Vec::new();
+    for (i, planned) in plan.participants.iter().enumerate().skip(cell.participant).step_by(groups)
+    {
+        let rows = begin..begin + planned.split.test.len();
+        begin = rows.end;
+        if let Some(participant) = places[i] {
+            cells.push(Cell { participant, test: cell.test.part(rows), ..cell.clone() });
+        }
+    }
+    cells
+}
+
 /// The first model of each participant that could not be fitted, and why.
 fn failures(plan: &Plan<'_>, found: &[Fitted]) -> Vec<Option<String>> {
     let mut failed = vec![None; plan.participants.len()];
-    for (fit, found) in plan.fits.iter().zip(found) {
+    let own = |(fit, _): &(&Fit<'_>, &Fitted)| fit.purpose != Purpose::Unseen;
+    for (fit, found) in plan.fits.iter().zip(found).filter(own) {
         if let Err(error) = found {
             let (model, set) = (fit.family.model().word(), &fit.set.name);
             failed[fit.participant].get_or_insert_with(|| format!("{model} on {set}: {error}"));

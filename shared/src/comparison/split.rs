@@ -47,6 +47,16 @@ impl Split {
         Self { training, folds, test }
     }
 
+    /// As [`Self::grouped`], but only the first `tasks` tasks train.
+    #[must_use]
+    pub fn of_first_tasks(data: &Dataset, tasks: usize) -> Self {
+        let all = Self::grouped(data);
+        let training: Vec<usize> =
+            all.training.into_iter().filter(|&row| data.trials[row] < tasks).collect();
+        let folds = training.iter().map(|&row| fold_of(data.trials[row])).collect();
+        Self { training, folds, test: all.test }
+    }
+
     /// Split by time step, whatever trial it is in: every fifth row tests, and folds are dealt
     /// out by row. This is **wrong**, and here to show by how much.
     #[must_use]
@@ -96,6 +106,16 @@ mod tests {
             assert!(tasks(&held).iter().all(|task| task % 5 == fold));
             assert!(tasks(&learned).iter().all(|task| !tasks(&held).contains(task)));
         }
+    }
+
+    #[test]
+    fn fewer_tasks_train_and_the_same_tasks_test() {
+        let data = data(50, 50);
+        let (split, all) = (Split::of_first_tasks(&data, 10), Split::grouped(&data));
+        assert_eq!(split.training, (0..500).collect::<Vec<_>>());
+        assert_eq!(split.folds[..], all.folds[..500]);
+        assert_eq!(split.test, all.test);
+        assert_eq!(Split::of_first_tasks(&data, 60), all);
     }
 
     #[test]

@@ -59,6 +59,45 @@ async fn the_comparison_is_that_of_scikit_learn() {
             assert!(apart <= 0.3, "{} {} {set}: {apart}", row["model"], row["experiment"]);
         }
     }
+    generalisation_is_that_of_scikit_learn(&out);
+}
+
+/// Logistic regression with fewer training tasks, and trained by the other participants.
+fn generalisation_is_that_of_scikit_learn(out: &Path) {
+    let theirs = table(data("sklearn_generalisation.csv"));
+    assert_eq!(theirs.len(), 2 * 2 * 4 * 8);
+    let (learning, unseen) = (table(out.join("learning.csv")), table(out.join("unseen.csv")));
+    let of = |rows: &[Row], like: &Row, column: &str, value: &str| {
+        let is = |row: &&Row| {
+            row["model"] == "lr"
+                && row[column] == value
+                && ["experiment", "features"].iter().all(|column| row[*column] == like[*column])
+        };
+        rows.iter().find(is).unwrap().clone()
+    };
+    for (i, row) in theirs.iter().enumerate() {
+        if row["training"] == "others" {
+            let ours = of(&unseen, row, "participant", &row["participant"]);
+            let apart = number(&ours, "accuracy_percent") - 100.0 * number(row, "accuracy");
+            assert!(apart.abs() < 1e-3, "{row:?}: {ours:?}");
+            continue;
+        }
+        // The means over participants are in the file: each point once.
+        if row["participant"] != "0" {
+            continue;
+        }
+        let same = |other: &&Row| {
+            ["experiment", "features", "training"].iter().all(|of| other[*of] == row[*of])
+        };
+        let all: Vec<&Row> = theirs[i..].iter().filter(same).collect();
+        let ours = of(&learning, row, "training_tasks", &row["training"]);
+        assert_eq!(number(&ours, "participants"), 8.0);
+        for column in ["accuracy", "balanced_accuracy"] {
+            let mean = all.iter().map(|row| 100.0 * number(row, column)).sum::<f64>() / 8.0;
+            let apart = number(&ours, &format!("{column}_percent")) - mean;
+            assert!(apart.abs() < 1e-3, "{column} of {row:?}: {ours:?}");
+        }
+    }
 }
 
 /// The header and the rows of the reference's trials: the first `tasks` tasks of these participants.
@@ -207,7 +246,9 @@ async fn only_what_changed_is_fitted_again() {
     assert_eq!(code, Some(0), "{said}");
     let second = kept(&out);
     let same = second.iter().filter(|(name, time)| first.get(*name) == Some(time)).count();
-    assert_eq!((second.len(), 2 * same), (first.len(), first.len()));
+    // So are the models of either person that the other one trains: two kinds on three sets.
+    let shared = 2 * 2 * 3;
+    assert_eq!((second.len(), 2 * same + shared), (first.len(), first.len()));
 
     // A file of the cache that was broken off is not believed, nor one that somebody changed.
     for (i, name) in second.keys().take(6).enumerate() {

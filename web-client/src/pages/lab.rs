@@ -8,6 +8,7 @@ mod participants;
 mod profile;
 mod trials;
 mod analyses;
+mod compare;
 mod analysis;
 mod export;
 mod configuration;

@@ -1,5 +1,6 @@
 //! A small made-up analysis.
 
+use sidestep::behaviour::Behaviour;
 use sidestep::comparison::cell::{Baseline, Cell, Experiment, ModelName, NamedSet};
 use sidestep::comparison::decision_map::DecisionMap;
 use sidestep::comparison::metrics::Predictions;
@@ -44,6 +45,7 @@ pub(super) fn made_up_but(
     let participant = |i| ComparedParticipant {
         name: if i == 0 { "<script>alert(1)</script>".to_owned() } else { format!("person {i}") },
         test_trials: (40..).take(TRIALS).collect(),
+        training_tasks: 5,
         steps: STEPS,
     };
     let participants = (0..people).map(participant).collect();
@@ -68,6 +70,9 @@ pub(super) fn made_up_but(
             grouped: 70.25,
             leaking: 91.5,
         }],
+        few_tasks: Vec::new(),
+        unseen: Vec::new(),
+        importance: Vec::new(),
         exclusions: Vec::new(),
     };
     change(&mut results);
@@ -87,9 +92,12 @@ pub(super) fn made_up_but(
         exclusions: vec![excluded],
         flagged: BTreeMap::new(),
         same_trials: Vec::new(),
+        sha256: "0".repeat(64),
+        driven_at_ms: Some([0.0, 90_000_000.0]),
         safety: None,
     };
-    Analysis::of(data, Settings::new().unwrap(), results, vec![map]).unwrap()
+    let behaviour = Behaviour::of(&data.scene, []);
+    Analysis::of(data, Settings::new().unwrap(), results, behaviour, vec![map]).unwrap()
 }
 
 /// What a model says that misses the last steps of the turn.

@@ -1,19 +1,22 @@
 //! The report of a made-up analysis, read as XML.
 
 use super::testing::{made_up, made_up_but};
+use crate::report::charts;
 use crate::report::{Content, each_file};
 use roxmltree::{Document, ParsingOptions};
 use sidestep::comparison::Analysis;
+use sidestep::comparison::FewTasks;
 use sidestep::comparison::Request;
 use sidestep::comparison::cell::{Experiment, ModelName};
 use sidestep::comparison::findings::{Answer, Verdict};
+use sidestep::comparison::importance::Importance;
 use sidestep::safety::{LevelQuality, SafetyQuality};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
 fn html(analysis: &Analysis) -> String {
-    super::html(analysis).unwrap()
+    super::html(analysis, &charts::all(analysis)).unwrap()
 }
 
 fn latex(analysis: &Analysis) -> String {
@@ -236,7 +239,46 @@ fn what_safety_levels_add_to_the_body_frame_is_an_answer_of_its_own() {
                 of 6 comparisons than without";
     assert!(text.contains(told), "{text}");
     // 2/2⁷, times 6 by Holm.
-    assert!(text.contains("SVM I+14.3p = 0.016Holm 0.094"), "{text}");
+    assert!(text.contains("SVM I+14.3p = 0.016, r +1.00Holm 0.094"), "{text}");
+}
+
+#[test]
+fn fewer_tasks_other_people_and_fewer_features_are_shown() {
+    let none = words(&read(&html(&made_up(6, None))));
+    assert!(!none.contains("Fewer tasks, other people") && !none.contains("What people did"));
+    let analysis = made_up_but(6, None, |results| {
+        let cells = || results.comparison.cells.clone().into_iter();
+        let few = cells().filter(|cell| cell.model == ModelName::Lr);
+        let few = few.map(|cell| FewTasks { tasks: 5, cell }).collect();
+        let unseen = cells().filter(|cell| cell.model == ModelName::Dt).collect();
+        results.importance = vec![Importance {
+            model: ModelName::Svm,
+            experiment: Experiment::Avoidance,
+            features: "hrd".to_owned(),
+            permuted: "v_h".to_owned(),
+            losses: vec![1.0, 2.0, 3.0, 4.0, 5.0, 6.0],
+            mean: 3.5,
+        }];
+        (results.few_tasks, results.unseen) = (few, unseen);
+    });
+    let page = html(&analysis);
+    let document = read(&page);
+    let text = words(&document);
+    // Models of others that are the person's own: nobody gains.
+    let row = "DT I Bhrd 85.71 82.14 85.71 0.00 1.0001.000 0.00";
+    for told in [row, "What more tasks are worth.", "Mean loss in points. v_h: 3.5."] {
+        assert!(text.contains(told), "{told}: {text}");
+    }
+    let figures = crate::report::charts::all(&analysis);
+    let names: Vec<&str> = figures.iter().map(|figure| figure.name).collect();
+    assert_eq!(names[3..6], ["unseen", "importance", "decisions"], "{names:?}");
+    for figure in figures {
+        let svg = figure.svg();
+        let document = Document::parse(&svg).unwrap();
+        let size = document.root_element().attribute("height").unwrap();
+        assert!(size.parse::<f64>().unwrap() > 200.0, "{}: {size}", figure.name);
+        assert!(!svg.contains("var(--"), "{}: a file has no style sheet", figure.name);
+    }
 }
 
 #[test]
@@ -244,7 +286,7 @@ fn what_was_asked_for_is_told() {
     let protocol = words(&read(&html(&made_up(6, None))));
     assert!(protocol.contains("linear SVM: C 0.01, 0.1, 1 and 10; decision"), "{protocol}");
     assert!(protocol.contains("These are the protocol’s.") && !protocol.contains("were added"));
-    assert!(protocol.contains("rollouts.csv, leakage.csv and predictions.csv"));
+    assert!(protocol.contains("importance.csv, leakage.csv and predictions.csv"));
     let mut analysis = made_up(6, None);
     let asked = r#"{"sets": {"mine": ["v_h", "distance"]},
                     "grids": {"linear_c": [2], "tree_depth": [3, null]}}"#;
@@ -400,5 +442,14 @@ fn printing_computes_no_statistics() {
         seen.push(path.file_name().unwrap().to_owned());
     }
     seen.sort();
-    assert_eq!(seen, ["charts.rs", "page.rs", "tables_csv.rs", "text.rs"]);
+    let expected = [
+        "charts.rs",
+        "further.rs",
+        "generalisation.rs",
+        "page.rs",
+        "people.rs",
+        "tables_csv.rs",
+        "text.rs",
+    ];
+    assert_eq!(seen, expected);
 }

@@ -1,12 +1,17 @@
 //! One analysis: its progress, then its report and files, and which data went in.
 
 use super::analyses::{settings, state};
+use super::compare;
 use super::study::{self, Tab};
 use super::visit::Visit;
+use crate::form::FieldValue;
 use crate::pages::parts::{self, alert, button, count, fact};
 use crate::runtime::{Answer, Command, Commands, Page, Request, read};
 use crate::view::{self, el};
-use sidestep::api::{Access, AnalysisDetail, AnalysisFile, AnalysisResult, AnalysisState, routes};
+use sidestep::api::{
+    Access, AnalysisDetail, AnalysisFile, AnalysisPage, AnalysisResult, AnalysisState,
+    AnalysisSummary, routes,
+};
 
 type Node = view::Node<Msg>;
 
@@ -15,6 +20,10 @@ pub(super) struct AnalysisView {
     id: String,
     may_manage: bool,
     analysis: Option<AnalysisDetail>,
+    /// The analyses of the same study, once they are needed.
+    others: Option<Vec<AnalysisSummary>>,
+    /// The one that this one is compared with.
+    other: Option<AnalysisSummary>,
     /// Deleting waits for a second press.
     deleting: bool,
     trouble: Option<String>,
@@ -27,6 +36,12 @@ pub(super) enum Msg {
     Changed,
     /// The server described the analysis.
     Found(Answer),
+    /// The server listed the study's analyses.
+    Others(Answer),
+    /// This one is to be compared with another, or with none.
+    Compare(FieldValue),
+    /// The server described the other one.
+    Other(Answer),
     /// It is to be cancelled.
     Cancel,
     /// The server has done so, or refused.
@@ -49,6 +64,8 @@ impl AnalysisView {
             id: visit.id.to_owned(),
             may_manage: visit.session.access >= Access::Manage,
             analysis: None,
+            others: None,
+            other: None,
             deleting: false,
             trouble: None,
         };
@@ -69,15 +86,43 @@ impl Page for AnalysisView {
             Msg::Changed => return vec![self.ask()],
             Msg::Found(answer) => match read::<AnalysisDetail>(answer) {
                 Ok(found) => {
-                    // It can change no more, unless a participant withdraws.
+                    let study = &found.summary.study;
+                    let list =
+                        (found.summary.result.is_some() && self.others.is_none()).then(|| {
+                            Request::get("others", routes::admin_analyses(study), Msg::Others)
+                        });
                     self.analysis = Some(found);
-                    None
+                    self.trouble = None;
+                    return list.map(Command::Send).into_iter().collect();
                 }
                 Err(failure) => {
                     // It may have been deleted meanwhile.
                     self.analysis = self.analysis.take().filter(|_| failure.status != 404);
                     Some(failure)
                 }
+            },
+            Msg::Others(answer) => match read::<AnalysisPage>(answer) {
+                Ok(page) => {
+                    self.others = Some(page.analyses);
+                    None
+                }
+                Err(failure) => Some(failure),
+            },
+            Msg::Compare(value) => {
+                let id = value.text();
+                self.other = None;
+                if id.is_empty() {
+                    return Vec::new();
+                }
+                let ask = Request::get("other", routes::admin_analysis(id), Msg::Other);
+                return vec![Command::Send(ask)];
+            }
+            Msg::Other(answer) => match read::<AnalysisDetail>(answer) {
+                Ok(found) => {
+                    self.other = Some(found.summary);
+                    None
+                }
+                Err(failure) => Some(failure),
             },
             Msg::Cancel => {
                 let ask = Request::get("cancel", routes::cancel_analysis(&self.id), Msg::Cancelled);
@@ -128,6 +173,7 @@ impl Page for AnalysisView {
             .children(self.trouble.as_deref().map(|why| alert("trouble", why)))
             .children(words(analysis))
             .children(summary.result.as_ref().map(|result| data(study, analysis, result)))
+            .children(self.comparison(summary))
             .children(report(analysis))
             .children(files(&self.id, &analysis.files))
     }
@@ -135,6 +181,12 @@ impl Page for AnalysisView {
     fn title(&self) -> String {
         let study = self.analysis.as_ref().map(|analysis| analysis.summary.study.as_str());
         study.map_or_else(|| "Analysis".to_owned(), |study| format!("{study}: analysis"))
+    }
+}
+
+impl AnalysisView {
+    fn comparison(&self, own: &AnalysisSummary) -> Option<Node> {
+        compare::section(own, self.others.as_ref()?, self.other.as_ref(), Msg::Compare)
     }
 }
 
@@ -159,6 +211,7 @@ fn words(analysis: &AnalysisDetail) -> Option<Node> {
 /// Which data went in.
 fn data(study: &str, analysis: &AnalysisDetail, result: &AnalysisResult) -> Node {
     let mut facts = vec![fact("Participants", result.participants.to_string())];
+    facts.extend(result.models.map(|models| fact("Models", models.to_string())));
     for (flag, trials) in &result.flagged {
         facts.push(fact(&flag.replace('_', " "), count(trials, "trial")));
     }
@@ -196,6 +249,16 @@ fn data(study: &str, analysis: &AnalysisDetail, result: &AnalysisResult) -> Node
         .children(same)
         .children(excluded)
         .children(moments)
+        .children(provenance(result))
+}
+
+/// The program and the data that made the files.
+fn provenance(result: &AnalysisResult) -> Option<Node> {
+    let (version, hash) = (result.version.as_ref()?, result.data_sha256.as_ref()?);
+    let short: String = hash.chars().take(12).collect();
+    let hash = el("code").attr("title", hash).text(short);
+    let words = format!("Computed by Sidestep {version} from data with the SHA-256 ");
+    Some(el("p").class("quiet").text(words).child(hash).text("…"))
 }
 
 /// The report, which can do nothing but show itself.
@@ -242,22 +305,23 @@ fn files(id: &str, files: &[AnalysisFile]) -> Option<Node> {
             .child(link)
             .child(el("small").class("quiet").text(format!(" {}", size(file.octets))))
     };
-    let (models, others): (Vec<_>, Vec<_>) =
-        files.iter().partition(|file| file.name.starts_with("models/"));
+    let within = |folder: &str| files.iter().filter(|file| file.name.starts_with(folder)).collect();
+    let (models, figures): (Vec<_>, Vec<_>) = (within("models/"), within("figures/"));
+    let others = files.iter().filter(|file| !file.name.contains('/')).collect();
     let list =
         |files: Vec<&AnalysisFile>| el("ul").class("files").children(files.into_iter().map(item));
-    let models = (!models.is_empty()).then(|| {
-        el("details")
-            .child(
-                el("summary").text(format!("{} for sidestep shfrs", count(models.len(), "model"))),
-            )
-            .child(list(models))
-    });
+    let folder = |files: Vec<&AnalysisFile>, words: String| {
+        let summary = el("summary").text(words);
+        (!files.is_empty()).then(|| el("details").child(summary).child(list(files)))
+    };
+    let pictures = format!("{} as SVG", count(figures.len(), "figure"));
+    let predictors = format!("{} for sidestep shfrs", count(models.len(), "model"));
     Some(
         el("section")
             .child(el("h2").text("Files"))
             .child(list(others).test_id("files"))
-            .children(models),
+            .children(folder(figures, pictures))
+            .children(folder(models, predictors)),
     )
 }
 

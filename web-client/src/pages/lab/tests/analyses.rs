@@ -4,7 +4,7 @@ use super::studies::study;
 use super::*;
 use sidestep::api::{
     AnalysisDetail, AnalysisFile, AnalysisPage, AnalysisProgress, AnalysisResult, AnalysisState,
-    AnalysisSummary, ExcludedParticipant,
+    AnalysisSummary, ExcludedParticipant, MeanAccuracy,
 };
 use sidestep::comparison::Request;
 
@@ -18,6 +18,15 @@ fn analysis(id: &str, state: AnalysisState) -> AnalysisSummary {
         same_trials: Vec::new(),
         safety: None,
         cells: 84,
+        models: Some(70),
+        version: Some("1.2.3".into()),
+        data_sha256: Some("0123456789abcdef".into()),
+        accuracies: vec![MeanAccuracy {
+            model: "svm".into(),
+            experiment: 2,
+            features: "hrd".into(),
+            percent: 81.25,
+        }],
         synthetic: None,
     };
     AnalysisSummary {
@@ -44,6 +53,7 @@ fn detail(state: AnalysisState) -> AnalysisDetail {
         AnalysisState::Done => vec![
             AnalysisFile { name: "report.html".into(), octets: 1_234_567 },
             AnalysisFile { name: "models/lr-1.json".into(), octets: 900 },
+            AnalysisFile { name: "figures/gains.svg".into(), octets: 900 },
         ],
         _ => Vec::new(),
     };
@@ -98,7 +108,16 @@ fn a_done_analysis_shows_its_data_report_and_files() {
     assert_eq!(report.attribute("src"), Some("/api/v1/admin/analyses/a1/files/report.html"));
     assert_eq!(report.attribute("sandbox"), Some(""), "it can do nothing");
     assert!(view.find("excluded").unwrap().words().contains("Participant 4: too few tasks"));
-    for words in ["7", "late sample", "3 trials", "1.2 MB", "1 model for sidestep shfrs"] {
+    for words in [
+        "7",
+        "Models 70",
+        "late sample",
+        "3 trials",
+        "1.2 MB",
+        "1 model for sidestep shfrs",
+        "1 figure as SVG",
+        "Sidestep 1.2.3 from data with the SHA-256  0123456789ab …",
+    ] {
         assert!(view.words().contains(words), "{words}: {}", view.words());
     }
     session.press("delete");
@@ -139,4 +158,39 @@ fn who_may_not_manage_starts_and_deletes_nothing() {
     session.go("/lab/analyses/a1");
     session.send("analysis", 200, &detail(AnalysisState::Done));
     assert!(session.words("delete").is_none() && session.words("report").is_some());
+}
+
+#[test]
+fn two_analyses_are_compared() {
+    let mut session = signed_in("/lab/analyses/a1");
+    session.send("analysis", 200, &detail(AnalysisState::Done));
+    session.send("others", 200, &list(vec![analysis("a1", AnalysisState::Done)]));
+    assert!(session.words("compare").is_none(), "there is no other one");
+
+    let mut session = signed_in("/lab/analyses/a1");
+    session.send("analysis", 200, &detail(AnalysisState::Done));
+    let all = ["a2", "a1"].map(|id| analysis(id, AnalysisState::Done));
+    session.send(
+        "others",
+        200,
+        &list([&all[..], &[analysis("a3", AnalysisState::Queued)]].concat()),
+    );
+    assert_eq!(session.words("compare").unwrap().matches("7 participants").count(), 1);
+    let choose = |id: &str| FieldValue::Text(id.to_owned());
+    session.tell(session.page.view().enter("compare", choose("a2")).unwrap());
+    assert_eq!(session.asked.last().unwrap().url, routes::admin_analysis("a2"));
+    let mut other = analysis("a2", AnalysisState::Done);
+    other.request.leakage = false;
+    if let Some(result) = &mut other.result {
+        result.participants = 9;
+        result.accuracies[0].percent = 79.0;
+    }
+    session.send("other", 200, &AnalysisDetail { summary: other, files: Vec::new() });
+    let words = session.text();
+    for expected in ["split by time step too", "Participants 7 9 differs", "Excluded 1 1 same"] {
+        assert!(words.contains(expected), "{expected}: {words}");
+    }
+    assert!(session.words("accuracies").unwrap().contains("SVM II on hrd 81.25 79.00 +2.25"));
+    session.tell(session.page.view().enter("compare", choose("")).unwrap());
+    assert!(session.words("accuracies").is_none());
 }

@@ -1,0 +1,264 @@
+//! What participants did: how often they came into the danger zone, how close, when they began to
+//! steer, and to which side.
+
+use crate::recording::{RecordedParticipant, RecordedTrial};
+use crate::scene::SceneParameters;
+use crate::stats::{Estimate, Tally, share};
+use crate::trial::outcome;
+use crate::vehicle::TurnInput;
+use crate::vehicle::dubins::relative_state;
+use serde::Serialize;
+
+/// Into how many parts the tasks of a participant are divided to show how behaviour changes.
+pub const PARTS: usize = 5;
+
+/// Confidence of intervals.
+const CONFIDENCE: f64 = 0.95;
+
+/// What a participant did in one task.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct TaskBehaviour {
+    /// The trial's number in the data.
+    pub trial: u64,
+    /// Whether the human was in the robot's danger zone at any time.
+    pub in_danger: bool,
+    /// Smallest distance between the vehicles, m.
+    pub closest_m: f64,
+    /// Whether the robot was to the left of the human at the closest of the recorded states.
+    pub robot_on_left: bool,
+    /// The first turn; none if the human drove straight on.
+    pub onset: Option<Onset>,
+    /// Share of the steps in which the human turned, from 0 to 1.
+    pub turning: f64,
+}
+
+/// When and how a participant begins to steer.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Onset {
+    /// Time after the start of the scene, s.
+    pub time_s: f64,
+    /// Distance between the vehicles, m.
+    pub distance_m: f64,
+    /// Whether the human turns left.
+    pub to_left: bool,
+}
+
+impl TaskBehaviour {
+    /// Of a recorded trial.
+    #[must_use]
+    pub fn of(parameters: &SceneParameters, trial: &RecordedTrial) -> Self {
+        let outcome = outcome(parameters, &trial.inputs, &trial.states);
+        let turns = |input: &&TurnInput| **input != TurnInput::Straight;
+        let onset = outcome.avoidance.map(|(first, _)| Onset {
+            time_s: first as f64 * parameters.step_s,
+            distance_m: trial.states[first].distance_m(),
+            to_left: trial.inputs[first] == TurnInput::Left,
+        });
+        let closest = trial.states.iter().min_by(|a, b| a.distance_m().total_cmp(&b.distance_m()));
+        let turning = trial.inputs.iter().filter(turns).count() as f64;
+        Self {
+            trial: trial.number,
+            in_danger: outcome.first_step_in_danger.is_some(),
+            closest_m: outcome.closest_m,
+            robot_on_left: closest
+                .is_some_and(|state| relative_state(state.human, state.robot)[1] > 0.0),
+            onset,
+            turning: turning / trial.inputs.len().max(1) as f64,
+        }
+    }
+}
+
+/// What a participant did in some tasks.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct BehaviourSummary {
+    /// The tasks.
+    pub tasks: usize,
+    /// Tasks in which the human was in the danger zone.
+    pub in_danger: usize,
+    /// Mean of the smallest distance, m.
+    pub closest_m: f64,
+    /// The smallest of all, m.
+    pub least_m: f64,
+    /// Tasks in which the human turned at all.
+    pub steered: usize,
+    /// Of these, tasks in which the first turn was to the left.
+    pub to_left: usize,
+    /// Tasks in which the robot was to the left of the human when it was closest.
+    pub robot_on_left: usize,
+    /// Mean time of the first turn, s, over the tasks with one.
+    pub onset_s: Option<f64>,
+    /// Mean distance between the vehicles at the first turn, m.
+    pub onset_distance_m: Option<f64>,
+    /// Mean share of the steps in which the human turned, from 0 to 1.
+    pub turning: f64,
+}
+
+impl BehaviourSummary {
+    /// Of these tasks; none of no task.
+    #[must_use]
+    pub fn of(tasks: &[TaskBehaviour]) -> Option<Self> {
+        let count = |is: &dyn Fn(&TaskBehaviour) -> bool| tasks.iter().filter(|of| is(of)).count();
+        let mean = |numbers: Vec<f64>| {
+            (!numbers.is_empty()).then(|| numbers.iter().sum::<f64>() / numbers.len() as f64)
+        };
+        let onsets: Vec<Onset> = tasks.iter().filter_map(|of| of.onset).collect();
+        Some(Self {
+            tasks: tasks.len(),
+            in_danger: count(&|of| of.in_danger),
+            closest_m: mean(tasks.iter().map(|of| of.closest_m).collect())?,
+            least_m: tasks.iter().map(|of| of.closest_m).fold(f64::INFINITY, f64::min),
+            steered: onsets.len(),
+            to_left: onsets.iter().filter(|onset| onset.to_left).count(),
+            robot_on_left: count(&|of| of.robot_on_left),
+            onset_s: mean(onsets.iter().map(|onset| onset.time_s).collect()),
+            onset_distance_m: mean(onsets.iter().map(|onset| onset.distance_m).collect()),
+            turning: mean(tasks.iter().map(|of| of.turning).collect())?,
+        })
+    }
+
+    /// The tally of tasks in the danger zone.
+    fn danger(&self) -> Tally {
+        Tally { hits: self.in_danger, of: self.tasks }
+    }
+}
+
+/// What one participant did.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PersonBehaviour {
+    /// The participant's name or number in the data.
+    pub name: String,
+    /// Each task, in order.
+    pub tasks: Vec<TaskBehaviour>,
+    /// All of them.
+    pub all: BehaviourSummary,
+    /// Each of [`PARTS`] equal parts of the tasks, in order; none for a part without a task.
+    pub parts: Vec<Option<BehaviourSummary>>,
+}
+
+/// What the participants did.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Behaviour {
+    /// Each participant with a task.
+    pub people: Vec<PersonBehaviour>,
+    /// All tasks of all of them together; none if there is no task.
+    pub all: Option<BehaviourSummary>,
+    /// Share of all tasks in which the human was in the danger zone, with a 95 % interval for which the
+    /// tasks of one participant count as one observation.
+    pub danger: Estimate,
+}
+
+impl Behaviour {
+    /// Of the trials of these participants, which are tasks.
+    #[must_use]
+    pub fn of<'a>(
+        parameters: &SceneParameters,
+        participants: impl IntoIterator<Item = &'a RecordedParticipant>,
+    ) -> Self {
+        let person = |of: &RecordedParticipant| {
+            let tasks: Vec<TaskBehaviour> =
+                of.trials.iter().map(|trial| TaskBehaviour::of(parameters, trial)).collect();
+            let part = |part: usize| {
+                let end = |part: usize| part * tasks.len() / PARTS;
+                BehaviourSummary::of(&tasks[end(part)..end(part + 1)])
+            };
+            Some(PersonBehaviour {
+                name: of.name.clone(),
+                all: BehaviourSummary::of(&tasks)?,
+                parts: (0..PARTS).map(part).collect(),
+                tasks,
+            })
+        };
+        let people: Vec<PersonBehaviour> = participants.into_iter().filter_map(person).collect();
+        let tallies: Vec<Tally> = people.iter().map(|person| person.all.danger()).collect();
+        let unknown = Estimate { value: 0.0, low: 0.0, high: 1.0 };
+        let tasks: Vec<TaskBehaviour> =
+            people.iter().flat_map(|person| person.tasks.iter().cloned()).collect();
+        let danger = share(&tallies, CONFIDENCE).unwrap_or(unknown);
+        Self { danger, all: BehaviourSummary::of(&tasks), people }
+    }
+
+    /// For each of [`PARTS`] parts of the tasks, a number of each participant for whom `value` gives one,
+    /// and the mean of these (0 if there is none).
+    pub fn by_part(
+        &self,
+        value: impl Fn(&BehaviourSummary) -> Option<f64>,
+    ) -> Vec<(Vec<f64>, f64)> {
+        let part = |part: usize| {
+            let of = self.people.iter().filter_map(|person| value(person.parts[part].as_ref()?));
+            let numbers: Vec<f64> = of.collect();
+            let mean = numbers.iter().sum::<f64>() / numbers.len().max(1) as f64;
+            (numbers, mean)
+        };
+        (0..PARTS).map(part).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::JointState;
+    use crate::trial::{Phase, simulate};
+    use crate::vehicle::Pose;
+
+    /// Head-on from 20 m, 1 m to the side: the human turns `inputs`, then drives straight on.
+    fn driven(number: u64, inputs: &[TurnInput]) -> RecordedTrial {
+        let parameters = SceneParameters::default();
+        let mut all = vec![TurnInput::Straight; parameters.steps];
+        all[..inputs.len()].copy_from_slice(inputs);
+        let start = JointState {
+            human: Pose::new(0.0, 0.0, 0.0),
+            robot: Pose::new(20.0, 1.0, core::f64::consts::PI),
+        };
+        RecordedTrial {
+            line: None,
+            number,
+            phase: Phase::Task,
+            attempt: 1,
+            trial_id: None,
+            states: simulate(&parameters, start, &all),
+            inputs: all,
+            started_at_ms: None,
+            sampled_at_ms: None,
+            flags: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn two_tasks_by_hand() {
+        use TurnInput::{Right, Straight};
+        let parameters = SceneParameters::default();
+        let person = RecordedParticipant {
+            name: "p".to_owned(),
+            trials: vec![driven(4, &[]), driven(5, &[[Straight; 5], [Right; 5]].concat())],
+            ..RecordedParticipant::default()
+        };
+        let found = Behaviour::of(&parameters, [&person, &RecordedParticipant::default()]);
+        let [of] = &found.people[..] else { panic!("{found:?}") };
+        let [straight, right] = &of.tasks[..] else { panic!("{of:?}") };
+        assert_eq!((straight.trial, straight.onset, straight.turning), (4, None, 0.0));
+        assert!(straight.in_danger && (straight.closest_m - 1.0).abs() < 1e-9);
+        let onset = right.onset.unwrap();
+        assert!((onset.time_s - 1.0).abs() < 1e-12 && !onset.to_left);
+        // Both have driven 2 m towards each other.
+        assert!((onset.distance_m - f64::hypot(16.0, 1.0)).abs() < 1e-9);
+        assert!(!right.in_danger && right.robot_on_left && right.turning == 0.1);
+        assert_eq!((of.all.tasks, of.all.in_danger, of.all.steered, of.all.to_left), (2, 1, 1, 0));
+        assert_eq!(of.all.onset_s, Some(onset.time_s));
+        assert!((of.all.closest_m - 0.5 * (1.0 + right.closest_m)).abs() < 1e-12);
+        // Of two tasks, the first is in the third part and the second in the fifth.
+        let tasks: Vec<usize> =
+            of.parts.iter().map(|part| part.as_ref().map_or(0, |of| of.tasks)).collect();
+        assert_eq!(tasks, [0, 0, 1, 0, 1]);
+        assert_eq!(found.all.as_ref(), Some(&of.all));
+        let turning = found.by_part(|of| Some(of.turning));
+        assert_eq!(turning[2..], [(vec![0.0], 0.0), (vec![], 0.0), (vec![0.1], 0.1)]);
+        assert_eq!(found.danger.value, 0.5);
+        assert!(found.danger.low < 0.1 && found.danger.high > 0.9, "one person says little");
+    }
+
+    #[test]
+    fn nobody_does_nothing() {
+        let found = Behaviour::of(&SceneParameters::default(), []);
+        assert_eq!((found.people.len(), found.danger.high), (0, 1.0));
+    }
+}

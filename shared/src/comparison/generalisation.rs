@@ -1,0 +1,125 @@
+//! How models do with fewer tasks to learn from, and with people whom they have not seen.
+
+use super::cell::{Cell, Experiment, ModelName};
+use super::gains::{Gain, Paired, corrected};
+use super::plan::{COMPARED_SETS, FIRST_TASKS, UNSEEN_FAMILIES};
+use super::run::FewTasks;
+use super::tables::{Comparison, Metric, mean};
+use crate::invalid::Invalid;
+use serde::Serialize;
+
+/// Models that learn from fewer tasks, in the order of tables.
+const CURVE_MODELS: [ModelName; 3] = [ModelName::SvmRbf, ModelName::Dt, ModelName::Lr];
+
+/// A point of a learning curve.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct LearningPoint {
+    /// What predicts.
+    pub model: ModelName,
+    /// What is predicted.
+    pub experiment: Experiment,
+    /// The name of the feature set.
+    pub features: String,
+    /// The number of tasks that trained; the mean over participants for all of them.
+    pub tasks: f64,
+    /// How many participants it is a mean over: others have fewer tasks, or these do not show both
+    /// turning and driving straight on.
+    pub people: usize,
+    /// Mean test accuracy, in per cent.
+    pub accuracy: f64,
+    /// Mean balanced test accuracy, in per cent.
+    pub balanced: f64,
+}
+
+impl LearningPoint {
+    /// Every point of every curve, by model, experiment, feature set and number of tasks.
+    pub(super) fn all(comparison: &Comparison, few: &[FewTasks]) -> Vec<Self> {
+        let mut points = Vec::new();
+        for model in CURVE_MODELS {
+            for experiment in Experiment::ALL {
+                for features in COMPARED_SETS {
+                    let point = |tasks: f64, cells: &[&Cell]| Self {
+                        model,
+                        experiment,
+                        features: features.to_owned(),
+                        tasks,
+                        people: cells.len(),
+                        accuracy: mean(cells.iter().map(|cell| 100.0 * cell.test.accuracy())),
+                        balanced: mean(
+                            cells.iter().map(|cell| 100.0 * cell.test.balanced_accuracy()),
+                        ),
+                    };
+                    for tasks in FIRST_TASKS {
+                        let is = |of: &&FewTasks| {
+                            (of.tasks, of.cell.model, of.cell.experiment, &of.cell.features[..])
+                                == (tasks, model, experiment, features)
+                        };
+                        let cells: Vec<&Cell> = few.iter().filter(is).map(|of| &of.cell).collect();
+                        points.push(point(tasks as f64, &cells));
+                    }
+                    let all: Vec<&Cell> = comparison.of(model, experiment, features).collect();
+                    let people = comparison.participants.iter();
+                    points.push(point(mean(people.map(|of| of.training_tasks as f64)), &all));
+                }
+            }
+        }
+        points.retain(|point| point.people > 0);
+        points
+    }
+}
+
+/// Models that other people trained, beside models of each person's own.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Unseen {
+    /// The name of the feature set.
+    pub features: String,
+    /// For each participant, the test accuracy of the model that others trained, in per cent.
+    pub accuracies: Vec<f64>,
+    /// Their mean.
+    pub mean: f64,
+    /// The mean of the test accuracies of the people's own models, in per cent.
+    pub own_mean: f64,
+    /// The mean balanced accuracy of these, in per cent.
+    pub balanced: f64,
+    /// How much better the model of the person's own is, in points of accuracy on the same test tasks.
+    pub own: Gain,
+}
+
+impl Unseen {
+    /// Of every model, experiment and feature set; their tests are corrected together. Nothing if there
+    /// is one participant only.
+    ///
+    /// # Errors
+    /// [`Invalid`] if there is no participant.
+    pub(super) fn all(comparison: &Comparison, unseen: &[Cell]) -> Result<Vec<Self>, Invalid> {
+        let (mut found, mut pairs) = (Vec::new(), Vec::new());
+        for model in UNSEEN_FAMILIES.map(super::fit::ModelFamily::model) {
+            for experiment in Experiment::ALL {
+                for features in COMPARED_SETS {
+                    let is = |cell: &&Cell| {
+                        (cell.model, cell.experiment, &cell.features[..])
+                            == (model, experiment, features)
+                    };
+                    let mut cells: Vec<&Cell> = unseen.iter().filter(is).collect();
+                    cells.sort_by_key(|cell| cell.participant);
+                    let own = comparison.person_accuracies(model, experiment, features);
+                    if cells.is_empty() || cells.len() != own.len() {
+                        continue;
+                    }
+                    let accuracies: Vec<f64> =
+                        cells.iter().map(|cell| 100.0 * cell.test.accuracy()).collect();
+                    let balanced = cells.iter().map(|cell| 100.0 * cell.test.balanced_accuracy());
+                    let paired = Paired::of(&own, &accuracies)?;
+                    pairs.push((model, experiment, Metric::Accuracy, paired));
+                    found.push((features.to_owned(), mean(balanced), accuracies, mean(own)));
+                }
+            }
+        }
+        let all = found.into_iter().zip(corrected(pairs));
+        let row = |((features, balanced, accuracies, own_mean), own): ((_, _, Vec<f64>, _), _)| {
+            let mean = mean(accuracies.iter().copied());
+            Self { features, accuracies, mean, own_mean, balanced, own }
+        };
+        Ok(all.map(row).collect())
+    }
+}

@@ -1,0 +1,135 @@
+//! What a model loses if one of its features says nothing (permutation importance: Breiman, Machine
+//! Learning 45, 2001; the form for any model: Fisher, Rudin and Dominici, JMLR 20, 2019).
+
+use super::cell::{Cell, Experiment, ModelName};
+use super::plan::ParticipantData;
+use super::split::Split;
+use super::tables::{Comparison, mean};
+use crate::dataset::Dataset;
+use crate::invalid::Invalid;
+use crate::math::SeededRng;
+use crate::parallel::parallel_map;
+use crate::predict::Predictor;
+use serde::Serialize;
+
+/// Sets whose features are permuted.
+const SETS: [&str; 2] = ["hrd", "hrd_body"];
+
+/// How often each feature is permuted.
+const TIMES: usize = 5;
+
+/// Features that say the same are permuted together: one of them alone would still say it.
+const TOGETHER: [&str; 3] = ["dpsi", "cos_dpsi", "sin_dpsi"];
+
+/// Any number: the same data give the same permutations.
+const SEED: u64 = 20_010_801;
+
+/// What models lose without a feature.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Importance {
+    /// What predicts.
+    pub model: ModelName,
+    /// What is predicted.
+    pub experiment: Experiment,
+    /// The name of the feature set.
+    pub features: String,
+    /// The features that are permuted, joined by `+`.
+    pub permuted: String,
+    /// For each participant, by how many points the test accuracy falls if the values of the features
+    /// are exchanged at random between the test rows; a mean over several permutations.
+    pub losses: Vec<f64>,
+    /// Mean over participants.
+    pub mean: f64,
+}
+
+/// Of the paper's models of both experiments.
+///
+/// # Errors
+/// [`Invalid`] for a cell whose predictor cannot be read.
+pub(super) fn importance(
+    people: &[&ParticipantData],
+    comparison: &Comparison,
+) -> Result<Vec<Importance>, Invalid> {
+    let mut cells: Vec<&Cell> = Vec::new();
+    for set in SETS {
+        for model in ModelName::PAPERS {
+            for experiment in Experiment::ALL {
+                cells.extend(comparison.of(model, experiment, set));
+            }
+        }
+    }
+    let losses = parallel_map(&cells, |cell| losses(&people[cell.participant].data, cell))?;
+    let mut found: Vec<Importance> = Vec::new();
+    for (cell, losses) in cells.into_iter().zip(losses) {
+        for (permuted, loss) in losses {
+            let is = |of: &&mut Importance| {
+                (of.model, of.experiment, &of.features, &of.permuted)
+                    == (cell.model, cell.experiment, &cell.features, &permuted)
+            };
+            match found.iter_mut().find(is) {
+                Some(of) => of.losses.push(loss),
+                None => found.push(Importance {
+                    model: cell.model,
+                    experiment: cell.experiment,
+                    features: cell.features.clone(),
+                    permuted,
+                    losses: vec![loss],
+                    mean: 0.0,
+                }),
+            }
+        }
+    }
+    for of in &mut found {
+        of.mean = mean(of.losses.iter().copied());
+    }
+    Ok(found)
+}
+
+/// The loss by group of features, in the order of the set.
+fn losses(data: &Dataset, cell: &Cell) -> Result<Vec<(String, f64)>, Invalid> {
+    let predictor = Predictor::try_from(cell.predictor.clone())?;
+    let data = data.select(predictor.features())?;
+    let (width, test) = (data.features.len(), Split::grouped(&data).test);
+    let row = |row: usize| &data.values[row * width..(row + 1) * width];
+    let right = |values: &[f64], of: usize| {
+        predictor.class(values) == cell.experiment.class(data.labels[of])
+    };
+    let accuracy = 100.0 * cell.test.accuracy();
+    let mut rng = SeededRng::new(SEED);
+    let mut found = Vec::new();
+    for (name, columns) in groups(&data) {
+        let mut hits = 0;
+        for _ in 0..TIMES {
+            for (&of, from) in test.iter().zip(rng.permutation(test.len())) {
+                let mut values = row(of).to_vec();
+                for &column in &columns {
+                    values[column] = row(test[from])[column];
+                }
+                hits += usize::from(right(&values, of));
+            }
+        }
+        let permuted = 100.0 * hits as f64 / (TIMES * test.len()).max(1) as f64;
+        found.push((name, accuracy - permuted));
+    }
+    Ok(found)
+}
+
+/// The columns that are permuted together, with their names.
+fn groups(data: &Dataset) -> Vec<(String, Vec<usize>)> {
+    let mut groups: Vec<(String, Vec<usize>)> = Vec::new();
+    for (column, feature) in data.features.features().enumerate() {
+        let is_one_of = |name: &str| TOGETHER.contains(&name);
+        let group = groups
+            .iter_mut()
+            .find(|(name, _)| is_one_of(feature.name) && name.split('+').all(is_one_of));
+        match group {
+            Some((name, columns)) => {
+                name.push('+');
+                name.push_str(feature.name);
+                columns.push(column);
+            }
+            None => groups.push((feature.name.to_owned(), vec![column])),
+        }
+    }
+    groups
+}

@@ -1,0 +1,115 @@
+//! Two analyses side by side: what went in, and how often their models are right.
+
+use super::analyses::settings;
+use crate::form::FieldValue;
+use crate::pages::parts::{cell, table};
+use crate::view::{Node, el};
+use sidestep::api::{AnalysisResult, AnalysisSummary, MeanAccuracy};
+use std::collections::BTreeMap;
+
+/// The choice of another analysis that is done, and the comparison once it is there. `chosen` is told the
+/// id of the choice.
+pub(super) fn section<M: Clone + 'static>(
+    own: &AnalysisSummary,
+    others: &[AnalysisSummary],
+    other: Option<&AnalysisSummary>,
+    chosen: impl Fn(FieldValue) -> M + 'static,
+) -> Option<Node<M>> {
+    let result = own.result.as_ref()?;
+    let others = others.iter().filter(|of| of.id != own.id && of.result.is_some());
+    let option = |of: &AnalysisSummary| {
+        let is_chosen = other.is_some_and(|other| other.id == of.id);
+        let people = of.result.as_ref().map_or(0, |result| result.participants);
+        el("option")
+            .attr("value", &of.id)
+            .attr_if(is_chosen, "selected", "")
+            .text(format!("{people} participants; {}; ", settings(&of.request)))
+            .moment(of.ended_at_ms.unwrap_or(of.created_at_ms))
+    };
+    let options: Vec<Node<M>> = others.map(option).collect();
+    if options.is_empty() {
+        return None;
+    }
+    let select = el("select")
+        .attrs(&[("name", "other"), ("aria-label", "Another analysis")])
+        .test_id("compare")
+        .on_input(chosen)
+        .child(el("option").attr("value", "").text("choose an analysis"))
+        .children(options);
+    let compared = other.and_then(|other| Some((other, other.result.as_ref()?)));
+    Some(
+        el("section")
+            .child(el("h2").text("Compare with another analysis"))
+            .child(el("p").child(select))
+            .children(compared.map(|(other, theirs)| inputs((own, result), (other, theirs))))
+            .children(compared.map(|(_, theirs)| accuracies(result, theirs))),
+    )
+}
+
+/// What went into each.
+fn inputs<M>(
+    (own, result): (&AnalysisSummary, &AnalysisResult),
+    (other, theirs): (&AnalysisSummary, &AnalysisResult),
+) -> Node<M> {
+    let row = |name: &str, [own, other]: [String; 2]| {
+        let differs = own != other;
+        el("tr")
+            .attr_if(differs, "class", "differs")
+            .child(el("th").attr("scope", "row").text(name))
+            .child(cell(own))
+            .child(cell(other))
+            .child(cell(if differs { "differs" } else { "same" }))
+    };
+    let both = |of: fn(&AnalysisResult) -> String| [of(result), of(theirs)];
+    let short = |hash: &Option<String>| {
+        hash.as_ref().map_or("not recorded".to_owned(), |hash| hash.chars().take(12).collect())
+    };
+    let rows = [
+        row("Settings", [settings(&own.request), settings(&other.request)]),
+        row("Participants", both(|of| of.participants.to_string())),
+        row("Excluded", both(|of| of.excluded.len().to_string())),
+        row("Data", [short(&result.data_sha256), short(&theirs.data_sha256)]),
+        row("Sidestep", both(|of| of.version.clone().unwrap_or("not recorded".to_owned()))),
+    ];
+    el("div").class("scroll").child(table(["", "This analysis", "The other", ""], rows))
+}
+
+/// Mean accuracies of the models that both have.
+fn accuracies<M>(result: &AnalysisResult, theirs: &AnalysisResult) -> Node<M> {
+    let key = |of: &MeanAccuracy| (of.model.clone(), of.experiment, of.features.clone());
+    let other: BTreeMap<_, f64> =
+        theirs.accuracies.iter().map(|of| (key(of), of.percent)).collect();
+    let rows: Vec<Node<M>> = (result.accuracies.iter())
+        .filter_map(|own| Some((own, *other.get(&key(own))?)))
+        .map(|(own, other)| {
+            let experiment = if own.experiment == 1 { "I" } else { "II" };
+            let words = format!("{} {experiment} on {}", own.model.to_uppercase(), own.features);
+            el("tr")
+                .child(el("th").attr("scope", "row").text(words))
+                .child(cell(format!("{:.2}", own.percent)))
+                .child(cell(format!("{other:.2}")))
+                .child(cell(difference(own.percent - other)))
+        })
+        .collect();
+    if rows.is_empty() {
+        let words = "One of the two was computed by an earlier version, which kept no accuracies. \
+                     Start it again to compare.";
+        return el("p").class("quiet").text(words);
+    }
+    let columns = ["Model", "This analysis (%)", "The other (%)", "Difference (points)"];
+    el("div").class("scroll").test_id("accuracies").child(table(columns, rows)).child(
+        el("p").class("quiet").text(
+            "Mean test accuracy over participants. Other participants, trials or settings change \
+             the numbers; the difference is not tested.",
+        ),
+    )
+}
+
+/// With its sign; 0.00 has none.
+fn difference(points: f64) -> String {
+    match format!("{:.2}", points.abs()).as_str() {
+        "0.00" => "0.00".to_owned(),
+        size if points < 0.0 => format!("−{size}"),
+        size => format!("+{size}"),
+    }
+}
