@@ -63,6 +63,10 @@ impl LearningPoint {
                 }
             }
         }
+        // All tasks alone make no curve.
+        if few.is_empty() {
+            return Vec::new();
+        }
         points.retain(|point| point.people > 0);
         points
     }

@@ -252,7 +252,8 @@ impl<'a> Plan<'a> {
         let everybody = Everybody::of(&planned);
         let mut plan = Self { participants: planned, fits: Vec::new(), everybody, exclusions };
         let compared = || {
-            let is = |set: &&NamedSet| COMPARED_SETS.contains(&&set.name[..]);
+            let is =
+                |set: &&NamedSet| !settings.paper_only && COMPARED_SETS.contains(&&set.name[..]);
             settings.sets.iter().filter(is)
         };
         // These take longest.

@@ -233,7 +233,10 @@ fn assemble(
         leakage: leakage(&comparison, leaking, settings),
         baselines: baselines.collect(),
         rollouts: all_rollouts(&people, &comparison, &beyond, scene, safety, settings)?,
-        importance: importance(&people, &comparison)?,
+        importance: match settings.paper_only {
+            true => Vec::new(),
+            false => importance(&people, &comparison)?,
+        },
         few_tasks: few,
         unseen,
         exclusions,

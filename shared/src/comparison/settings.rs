@@ -16,6 +16,9 @@ pub struct Settings {
     pub grids: Grids,
     /// Whether models are fitted to a split by time step too, to show what leaks.
     pub leakage: bool,
+    /// Whether learning curves, models for unseen people and the importance of features are left out,
+    /// which the paper does not have.
+    pub paper_only: bool,
     /// Steps of roll-outs, at least 1.
     pub horizon: usize,
     /// The feature set of models with a memory.
@@ -31,7 +34,14 @@ impl Settings {
         let mut sets = NamedSet::papers()?;
         sets.extend(NamedSet::with_body_frame()?);
         let history = NamedSet::with_history()?;
-        Ok(Self { sets, grids: Grids::default(), leakage: false, horizon: 10, history })
+        Ok(Self {
+            sets,
+            grids: Grids::default(),
+            leakage: false,
+            paper_only: false,
+            horizon: 10,
+            history,
+        })
     }
 
     /// Models beyond the paper: with a memory, or boosted, or both.
@@ -49,6 +59,10 @@ impl Settings {
 pub struct Request {
     /// Whether models are fitted to a split by time step too, to show how much it overstates.
     pub leakage: bool,
+    /// Whether learning curves, models for unseen people and the importance of features are left out,
+    /// to save a third of the time.
+    #[serde(skip_serializing_if = "core::ops::Not::not")]
+    pub paper_only: bool,
     /// Whether the report is to say that the data are synthetic. Files of `sidestep simulate` say
     /// so themselves.
     pub synthetic: bool,
@@ -91,7 +105,8 @@ impl Request {
             sets.push(NamedSet { name: name.clone(), features });
         }
         check(&self.grids).map_err(|e| e.within("grids"))?;
-        Ok(Settings { sets, grids: self.grids.clone(), leakage: self.leakage, ..protocol })
+        let Self { leakage, paper_only, .. } = *self;
+        Ok(Settings { sets, grids: self.grids.clone(), leakage, paper_only, ..protocol })
     }
 }
 
@@ -162,6 +177,7 @@ mod tests {
 
     #[test]
     fn sets_are_added_and_grids_replaced() {
+        assert!(settings(r#"{"paper_only": true}"#).unwrap().paper_only);
         let asked = r#"{"sets": {"slopes": ["v_h", "dv_h_ahead"], "far": ["distance"]},
                         "grids": {"rbf_c": [2], "tree_depth": [3, null]}, "leakage": true}"#;
         let (found, protocol) = (settings(asked).unwrap(), Settings::new().unwrap());

@@ -131,7 +131,8 @@ fn analyze(
     ensure!(!out.exists(), "{} is there already", out.display());
     let mut command = Command::new(workspace.server());
     command.arg("analyze").arg("--trials").arg(trials).arg("--features").arg(features);
-    command.args(["--threads", threads]).arg("--out").arg(out);
+    // The peer's script does the paper's comparison too.
+    command.args(["--paper-only", "--threads", threads]).arg("--out").arg(out);
     measured(&mut command, Stdio::null())
 }
 

@@ -97,6 +97,7 @@ fn request(form: &Form) -> comparison::Request {
     let is_given = !(name.is_empty() && features.is_empty());
     comparison::Request {
         leakage: form.is_checked("leakage"),
+        paper_only: form.is_checked("paper_only"),
         synthetic: form.is_checked("synthetic"),
         sets: is_given.then_some((name, features)).into_iter().collect(),
         ..comparison::Request::default()
@@ -109,6 +110,9 @@ pub(super) fn settings(request: &comparison::Request) -> String {
     words.extend(
         request.sets.iter().map(|(name, features)| format!("set {name} ({})", features.join(", "))),
     );
+    if request.paper_only {
+        words.push("nothing beyond it".to_owned());
+    }
     if request.leakage {
         words.push("split by time step too".to_owned());
     }
@@ -299,6 +303,11 @@ impl Analyses {
                 .child(tick(
                     "leakage",
                     "also split by time step, to show how much such a split overstates",
+                ))
+                .child(tick(
+                    "paper_only",
+                    "only the paper’s comparison: no learning curves, unseen people or importance \
+                     of features (a third faster)",
                 ))
                 .child(tick("synthetic", "the report says that the data are synthetic"))
                 .child(further)
