@@ -22,6 +22,7 @@ pub mod analyze;
 pub mod simulate;
 pub mod design;
 
+use crate::client::ClientError;
 use crate::store::studies::StoredStudy;
 use crate::store::{OpenError, Store, StoreError};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
@@ -63,6 +64,12 @@ impl From<OpenError> for CommandError {
             OpenError::Address { .. } => Self::Input(error.to_string()),
             _ => Self::Failure(error.to_string()),
         }
+    }
+}
+
+impl From<ClientError> for CommandError {
+    fn from(error: ClientError) -> Self {
+        Self::failure(error)
     }
 }
 

@@ -2,14 +2,15 @@
 //! request.
 
 pub mod error;
-pub mod json;
-pub mod params;
 pub mod throttle;
 pub mod answers;
 pub mod bounded;
 pub mod lengths;
-pub mod listen;
 pub mod app;
+pub mod openapi;
+pub mod listen;
+pub mod json;
+pub mod params;
 pub mod metrics;
 pub mod endings;
 pub mod auth;
@@ -30,5 +31,7 @@ pub mod people;
 pub mod profiles;
 pub mod analyses;
 pub mod keys;
+pub mod docs;
+pub mod interface;
 pub mod site;
 pub mod routes;

@@ -63,6 +63,7 @@ pub const MAX_OBJECT_BYTES: usize = 8_192;
 
 /// Body of every error answer.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct Problem {
     /// A stable word for programs.
     pub code: String,

@@ -8,6 +8,7 @@ use sha2::{Digest, Sha256};
 
 /// The part of a study that a scene belongs to. Only tasks are analysed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Phase {
     /// Getting used to the keys and the vehicle.
@@ -58,6 +59,7 @@ pub fn simulate(
 
 /// A comparison of recorded states with those that follow from the inputs.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct Replay {
     /// Whether all numbers agree bit for bit.
     pub exact: bool,
@@ -99,6 +101,7 @@ pub fn verify(
 
 /// The outcome of a trial.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct Outcome {
     /// Smallest distance between the vehicles, m.
     pub closest_m: f64,
@@ -150,6 +153,7 @@ pub fn outcome(
 /// Something about a trial that an analyst should know. Flags mark evidence;
 /// they never change or refuse it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Flag {
     /// The first state is not the scene's start.
@@ -183,6 +187,7 @@ pub const LOW_FRAME_RATE_HZ: f64 = 30.0;
 
 /// What happened to the page while a scene was driven.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum PageEventKind {
     /// The window lost the keyboard.
@@ -203,6 +208,7 @@ pub enum PageEventKind {
 
 /// Something that happened to the page while a scene was driven.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct PageEvent {
     /// Time after the scene's start, ms.

@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 /// Position, m, and heading, rad counter-clockwise from +x in (−π, π].
 /// On the wire: `[x, y, psi]`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(from = "[f64; 3]", into = "[f64; 3]")]
 pub struct Pose {
     /// To the right, m.
@@ -84,6 +85,21 @@ pub enum TurnInput {
     Left,
 }
 
+#[cfg(feature = "openapi")]
+impl schemars::JsonSchema for TurnInput {
+    fn schema_name() -> std::borrow::Cow<'static, str> {
+        "TurnInput".into()
+    }
+
+    fn json_schema(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
+        schemars::json_schema!({
+            "description": "The turn that the held key requests for one step: −1 right, 0 straight, 1 left.",
+            "type": "integer",
+            "enum": [-1, 0, 1],
+        })
+    }
+}
+
 impl TurnInput {
     /// Every input, in rising order of turn rate.
     pub const ALL: [Self; 3] = [Self::Right, Self::Straight, Self::Left];
@@ -130,6 +146,7 @@ impl TryFrom<i64> for TurnInput {
 
 /// A Dubins car: constant speed, bounded turn rate.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct VehicleModel {
     /// Speed v, m/s.

@@ -266,8 +266,9 @@ pub fn write_site(folder: &Path) {
     let write = |name: &str, text: &[u8]| {
         std::fs::write(folder.join(name), text).expect("a file of the site");
     };
-    for page in ["index", "participant", "lab"] {
-        let text = format!("<!doctype html><title>{page}</title>");
+    for page in ["index", "participant", "lab", "docs"] {
+        let place = "<!-- The server puts the document here. -->";
+        let text = format!("<!doctype html><title>{page}</title>{place}");
         write(&format!("{page}.html"), text.as_bytes());
     }
     write("assets/app-0123abcd.js", b"export const plain = 1;");

@@ -91,6 +91,7 @@ fn the_library_is_pure() {
         "rand_chacha",
         "rand_core",
         "rayon",
+        "schemars",
         "serde",
         "serde_json",
         "serde_path_to_error",

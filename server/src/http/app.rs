@@ -11,6 +11,9 @@ use std::sync::Arc;
 use tokio::sync::{Notify, OnceCell};
 use tokio_util::sync::CancellationToken;
 
+/// The cookie of the laboratory.
+pub const COOKIE: &str = "sidestep_session";
+
 /// The state that handlers share.
 #[derive(Debug)]
 pub struct App {

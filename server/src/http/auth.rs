@@ -3,6 +3,8 @@
 use crate::http::app::App;
 use crate::http::endings::check_going_on;
 use crate::http::error::ApiError;
+use crate::http::openapi::operation::{Input, Operation, Who};
+use crate::http::openapi::schemas::Schemas;
 use crate::http::params::PathText;
 use crate::secrets;
 use crate::store::participants::Visitor;
@@ -78,6 +80,34 @@ impl FromRequestParts<Arc<App>> for Assigned {
         // The answer for another participant's trial is that for one that does not exist.
         let scene = scene.ok_or_else(|| ApiError::not_found("trial of yours"))?;
         Ok(Self { participant_id: visitor.participant.id, config, trial_id, scene })
+    }
+}
+
+impl Input for MeOrGone {
+    fn describe(operation: &mut Operation, _: &mut Schemas) {
+        operation.who = Who::Participant;
+        operation.problems(&["unauthorized", "busy", "storage"]);
+    }
+}
+
+impl Input for Me {
+    fn describe(operation: &mut Operation, schemas: &mut Schemas) {
+        MeOrGone::describe(operation, schemas);
+        operation.problems(&["screened_out", "withdrawn"]);
+    }
+}
+
+impl Input for Writer {
+    fn describe(operation: &mut Operation, schemas: &mut Schemas) {
+        Me::describe(operation, schemas);
+        operation.problems(&["archived"]);
+    }
+}
+
+impl Input for Assigned {
+    fn describe(operation: &mut Operation, schemas: &mut Schemas) {
+        Writer::describe(operation, schemas);
+        PathText::describe(operation, schemas);
     }
 }
 

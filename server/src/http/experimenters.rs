@@ -1,10 +1,12 @@
 //! Experimenters, by their cookies or keys, and what their keys may do.
 
 use crate::clock::now_ms;
-use crate::http::app::App;
+use crate::http::app::{App, COOKIE};
 use crate::http::auth::bearer;
 use crate::http::error::ApiError;
 use crate::http::listen::Client;
+use crate::http::openapi::operation::{Input, Operation, Who};
+use crate::http::openapi::schemas::Schemas;
 use crate::secrets;
 use crate::store::Store;
 use crate::store::audit::NewEntry;
@@ -15,9 +17,6 @@ use sidestep::api::{Access, Action};
 use std::net::{IpAddr, Ipv4Addr};
 use std::sync::Arc;
 use subtle::ConstantTimeEq;
-
-/// The cookie of the laboratory.
-pub const COOKIE: &str = "sidestep_session";
 
 /// An experimenter with a valid cookie or key.
 #[derive(Clone, Debug)]
@@ -103,6 +102,32 @@ impl FromRequestParts<Arc<App>> for Manager {
 
     async fn from_request_parts(parts: &mut Parts, app: &Arc<App>) -> Result<Self, ApiError> {
         admitted(parts, app, Access::Manage).await.map(Self)
+    }
+}
+
+impl Input for Reader {
+    fn describe(operation: &mut Operation, _: &mut Schemas) {
+        needs(operation, Access::Read);
+    }
+}
+
+impl Input for Exporter {
+    fn describe(operation: &mut Operation, _: &mut Schemas) {
+        needs(operation, Access::Export);
+    }
+}
+
+impl Input for Manager {
+    fn describe(operation: &mut Operation, _: &mut Schemas) {
+        needs(operation, Access::Manage);
+    }
+}
+
+fn needs(operation: &mut Operation, access: Access) {
+    operation.who = Who::Experimenter(access);
+    operation.problems(&["unauthorized", "throttled", "busy", "storage"]);
+    if access > Access::Read {
+        operation.problems(&["access"]);
     }
 }
 

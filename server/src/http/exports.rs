@@ -19,6 +19,7 @@ use axum::body::Body;
 use axum::extract::State;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
+use schemars::JsonSchema;
 use serde::Deserialize;
 use sidestep::api::Action;
 use sidestep::invalid::Invalid;
@@ -30,14 +31,19 @@ use std::sync::Arc;
 const TRIAL_BYTES: u64 = 24_000;
 
 /// The query of an export. What is empty, as in the fields of a form, is not given.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ExportParams {
     /// The format of an archive; none for the steps as one CSV file.
     format: Option<Format>,
+    /// Only the trials of this phase.
+    #[schemars(extend("enum" = ["", "familiarisation", "practice", "task"]))]
     phase: Option<String>,
+    /// Which trials, by what casts doubt on them.
     quality: Option<Quality>,
+    /// Only who enrolled under this configuration: the first digits of its hash.
     configuration: Option<String>,
+    /// Whether pilots are exported, in the place of participants.
     pilots: Option<bool>,
 }
 

@@ -1,10 +1,13 @@
 //! Request bodies: JSON in, a typed value out, or an error that names the field.
 
 use crate::http::error::ApiError;
+use crate::http::openapi::operation::{Input, Operation};
+use crate::http::openapi::schemas::Schemas;
 use axum::body::{Body, Bytes};
 use axum::extract::{FromRequest, Request};
 use axum::http::{StatusCode, header};
 use futures_util::StreamExt;
+use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
 use sidestep::api::MAX_BODY_BYTES;
 use sidestep::document::{Unread, object_from_json};
@@ -23,6 +26,19 @@ impl<T: DeserializeOwned, S: Send + Sync> FromRequest<S> for JsonBody<T> {
         check_headers(&request)?;
         let bytes = read(request.into_body()).await?;
         parse(&bytes).map(Self)
+    }
+}
+
+impl<T: JsonSchema> Input for JsonBody<T> {
+    fn describe(operation: &mut Operation, schemas: &mut Schemas) {
+        operation.body = Some(schemas.of_request::<T>());
+        operation.problems(&[
+            "malformed",
+            "too_large",
+            "content_encoding",
+            "content_type",
+            "invalid",
+        ]);
     }
 }
 

@@ -14,6 +14,7 @@ use crate::store::trials::{StoredTrial, TrialHead};
 use anyhow::Context;
 use axum::Json;
 use axum::extract::State;
+use schemars::JsonSchema;
 use serde::Deserialize;
 use sidestep::api::{
     Action, PilotsDeleted, SelfCheck, StudySummary, TrainedPredictor, TrialDetail, TrialPage,
@@ -56,9 +57,12 @@ pub async fn delete_pilots(
 }
 
 /// The query of a page of a list.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Deserialize, JsonSchema)]
 pub struct PageParams {
+    /// Most entries of the page, 1 to 500; 50 if it is left out.
+    #[schemars(range(min = 1, max = 500))]
     limit: Option<i64>,
+    /// Only entries before this one: the `next_before` of the page before.
     before: Option<i64>,
 }
 

@@ -4,7 +4,7 @@ use crate::http::app::App;
 use crate::http::error::ApiError;
 use axum::extract::State;
 use axum::http::{StatusCode, header};
-use axum::response::IntoResponse;
+use axum::response::{IntoResponse, Response};
 use std::fmt::Write;
 use std::sync::Arc;
 
@@ -24,7 +24,7 @@ pub async fn readyz(State(app): State<Arc<App>>) -> Result<&'static str, ApiErro
 }
 
 /// `GET /metrics`: Prometheus text.
-pub async fn show(State(app): State<Arc<App>>) -> Result<impl IntoResponse, ApiError> {
+pub async fn show(State(app): State<Arc<App>>) -> Result<Response, ApiError> {
     let [participants, trials] = app.store.counts().await?;
     let gauges = [
         ("sidestep_participants", "Participants enrolled or imported.", participants),
@@ -41,5 +41,5 @@ pub async fn show(State(app): State<Arc<App>>) -> Result<impl IntoResponse, ApiE
         let _ = writeln!(text, "{name}{{status=\"{status}\"}} {count}");
     }
     let kind = "text/plain; version=0.0.4; charset=utf-8";
-    Ok(([(header::CONTENT_TYPE, kind)], text))
+    Ok(([(header::CONTENT_TYPE, kind)], text).into_response())
 }

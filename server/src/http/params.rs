@@ -1,9 +1,12 @@
 //! Parameters in addresses; errors name the parameter.
 
 use crate::http::error::ApiError;
+use crate::http::openapi::operation::{Input, Operation};
+use crate::http::openapi::schemas::Schemas;
 use axum::extract::{FromRequestParts, Path, Query};
 use axum::http::Uri;
 use axum::http::request::Parts;
+use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 use sidestep::document::from_value;
@@ -24,6 +27,12 @@ impl<S: Send + Sync> FromRequestParts<S> for PathText {
     }
 }
 
+impl Input for PathText {
+    fn describe(operation: &mut Operation, _: &mut Schemas) {
+        operation.problems(&["not_found"]);
+    }
+}
+
 /// The query, as a `T`.
 pub struct Params<T>(pub T);
 
@@ -32,6 +41,13 @@ impl<T: DeserializeOwned, S: Send + Sync> FromRequestParts<S> for Params<T> {
 
     async fn from_request_parts(parts: &mut Parts, _: &S) -> Result<Self, ApiError> {
         Ok(Self(parse(&parts.uri)?))
+    }
+}
+
+impl<T: JsonSchema> Input for Params<T> {
+    fn describe(operation: &mut Operation, schemas: &mut Schemas) {
+        operation.query::<T>(schemas);
+        operation.problems(&["invalid"]);
     }
 }
 

@@ -15,6 +15,7 @@ use anyhow::Context;
 use axum::Json;
 use axum::extract::State;
 use axum::http::StatusCode;
+use schemars::JsonSchema;
 use serde::Deserialize;
 use serde_json::Value;
 use sidestep::api::{
@@ -160,7 +161,7 @@ pub async fn complete(
 }
 
 /// What a withdrawal does to the participant's data.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Fate {
     /// The trials so far may be used.
@@ -170,8 +171,9 @@ pub enum Fate {
 }
 
 /// The query of a withdrawal.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Deserialize, JsonSchema)]
 pub struct WithdrawParams {
+    /// What happens to the data so far.
     data: Fate,
 }
 

@@ -13,36 +13,50 @@ use axum::Json;
 use axum::extract::{MatchedPath, State};
 use axum::http::{Method, header};
 use axum::response::{IntoResponse, Response};
+use schemars::JsonSchema;
 use serde::Deserialize;
 use sidestep::api::{Access, Action, Stage};
 use sidestep::invalid::Invalid;
 use std::sync::Arc;
 
 /// The query of a list of participants.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ListParams {
     /// `csv`: the whole table as a file; needs the right to export.
+    #[schemars(extend("enum" = ["csv"]))]
     format: Option<String>,
+    /// What the list is sorted by; the participant's number if it is left out.
     #[serde(default)]
     sort: SortBy,
+    /// The direction; rising if it is left out.
     #[serde(default)]
     order: Order,
+    /// Only those at this stage.
     stage: Option<Stage>,
+    /// Only those of whom this is not 0: a count to look at, such as `late_sample`.
     having: Option<SortBy>,
+    /// Only those whose number, external id or code contains this text.
     search: Option<String>,
+    /// Whether pilots are listed, in the place of participants.
     #[serde(default)]
     pilot: bool,
+    /// Most entries of the page, 1 to 500; 50 if it is left out.
+    #[schemars(range(min = 1, max = 500))]
     limit: Option<i64>,
+    /// How many are passed over before the page, from 0.
+    #[schemars(range(min = 0))]
     offset: Option<i64>,
 }
 
 /// The direction of a sorted list.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 enum Order {
+    /// The lowest first.
     #[default]
     Asc,
+    /// The highest first.
     Desc,
 }
 

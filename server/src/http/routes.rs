@@ -1,67 +1,21 @@
-//! The one table of routes.
+//! All routes, with the layers around them.
 
 use crate::http::app::App;
+use crate::http::docs::Published;
 use crate::http::error::ApiError;
 use crate::http::site::Site;
-use crate::http::{
-    analyses, changes, configurations, enrolment, exports, guard, keys, laboratory, metrics,
-    participants, people, profiles, session, site, studies, texts, trials, value_functions,
-};
-use axum::Router;
+use crate::http::{guard, interface, site};
 use axum::http::StatusCode;
 use axum::middleware::{from_fn, from_fn_with_state};
-use axum::routing::{delete, get, post, put};
-use sidestep::api::routes;
+use axum::{Extension, Router};
 use std::sync::Arc;
 use tower_http::catch_panic::CatchPanicLayer;
-use tower_http::compression::CompressionLayer;
 
-/// All routes. Addresses come from the shared table, with parameters in braces.
+/// All routes: those of the interface, and the pages.
 pub fn router(app: Arc<App>, site: &Site) -> Router {
-    let api = Router::new()
-        .route(&routes::study("{slug}"), get(studies::show))
-        .route(&routes::texts("{slug}"), get(texts::show).layer(CompressionLayer::new()))
-        .route(&routes::participants("{slug}"), post(enrolment::enrol))
-        .route(routes::ME, get(participants::show).delete(participants::withdraw))
-        .route(&routes::my_trial("{trial_id}"), put(trials::store))
-        .route(routes::COMPREHENSION, put(participants::check_understanding))
-        .route(routes::ANSWERS, put(participants::answer))
-        .route(routes::COMPLETE, post(participants::complete))
-        .route(
-            &routes::value_function("{id}"),
-            get(value_functions::show).layer(CompressionLayer::new()),
-        )
-        .route(routes::SESSION, get(session::show).post(session::sign_in).delete(session::sign_out))
-        .route(routes::ADMIN_KEYS, get(keys::list).post(keys::make))
-        .route(&routes::admin_key("{id}"), delete(keys::revoke))
-        .route(routes::AUDIT, get(keys::audit))
-        .route(routes::ADMIN_STUDIES, get(laboratory::studies).post(configurations::make))
-        .route(
-            &routes::admin_configuration("{slug}"),
-            get(configurations::show).put(configurations::change),
-        )
-        .route(&routes::admin_status("{slug}"), put(configurations::set_status))
-        .route(routes::ADMIN_DRAFTS, post(configurations::check))
-        .route(&routes::admin_study("{slug}"), get(laboratory::study))
-        .route(routes::CHANGES, get(changes::follow))
-        .route(&routes::admin_participants("{slug}"), get(people::list))
-        .route(&routes::admin_participant("{id}"), get(profiles::show).delete(profiles::delete))
-        .route(&routes::admin_notes("{id}"), post(profiles::add_note))
-        .route(&routes::admin_note("{id}", "{note}"), delete(profiles::delete_note))
-        .route(&routes::admin_exclusion("{id}"), put(profiles::exclude).delete(profiles::include))
-        .route(&routes::admin_pilots("{slug}"), delete(laboratory::delete_pilots))
-        .route(&routes::admin_trials("{slug}"), get(laboratory::trials))
-        .route(&routes::admin_trial("{trial_id}"), get(laboratory::trial))
-        .route(&routes::admin_predictor("{trial_id}"), get(laboratory::predictor))
-        .route(routes::SELF_CHECK, get(laboratory::self_check))
-        .route(&routes::exports("{slug}"), get(exports::export))
-        .route(&routes::admin_analyses("{slug}"), get(analyses::list).post(analyses::ask))
-        .route(&routes::admin_analysis("{id}"), get(analyses::show).delete(analyses::delete))
-        .route(&routes::cancel_analysis("{id}"), post(analyses::cancel))
-        .route(&routes::analysis_file("{id}", "{*name}"), get(analyses::file))
-        .route("/healthz", get(metrics::healthz))
-        .route("/readyz", get(metrics::readyz))
-        .route("/metrics", get(metrics::show))
+    let (api, document) = interface::table().finished();
+    let api = api
+        .layer(Extension(Arc::new(Published::of(&document, site.docs()))))
         .layer(from_fn(guard::no_store));
     // The last layer is the outermost: every answer, also after a panic, is counted and logged and has
     // the security headers.
@@ -94,7 +48,7 @@ mod tests {
     use axum::http::{Request, header};
     use axum::response::Response;
     use serde::de::DeserializeOwned;
-    use sidestep::api::{Enrolled, Problem, TrialUpload};
+    use sidestep::api::{Enrolled, Problem, TrialUpload, routes};
     use sidestep::scene::SceneParameters;
     use sidestep::study::StudyConfig;
     use sidestep::trial::simulate;
@@ -110,7 +64,7 @@ mod tests {
     /// A server without sockets, whose store and drawing of plans can be held up.
     async fn served(folder: &TempDir, plans_waiting: usize) -> (Store, Router) {
         std::fs::create_dir_all(folder.path().join("assets")).unwrap();
-        for page in ["index", "participant", "lab"] {
+        for page in ["index", "participant", "lab", "docs"] {
             std::fs::write(folder.path().join(format!("{page}.html")), "").unwrap();
         }
         let url = format!("sqlite:{}", folder.path().join("test.db").display());

@@ -1,17 +1,15 @@
 //! Signing in to the laboratory and signing out.
 
 use crate::clock::now_ms;
-use crate::http::app::App;
+use crate::http::app::{App, COOKIE};
 use crate::http::error::ApiError;
-use crate::http::experimenters::{
-    COOKIE, Experimenter, Reader, address, check_key, session_cookie,
-};
+use crate::http::experimenters::{Experimenter, Reader, address, check_key, session_cookie};
 use crate::http::json::JsonBody;
 use crate::http::listen::Client;
 use crate::secrets;
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode, header};
-use axum::response::{AppendHeaders, IntoResponse, IntoResponseParts};
+use axum::response::{AppendHeaders, IntoResponse, IntoResponseParts, Response};
 use axum::{Extension, Json};
 use sidestep::api::{Action, Session, SignIn};
 use std::sync::Arc;
@@ -23,13 +21,13 @@ pub async fn sign_in(
     State(app): State<Arc<App>>,
     client: Option<Extension<Client>>,
     JsonBody(body): JsonBody<SignIn>,
-) -> Result<impl IntoResponse, ApiError> {
+) -> Result<Response, ApiError> {
     let me = check_key(&app, &body.key, address(client.map(|Extension(it)| it))).await?;
     let cookie = secrets::token()?;
     let expires_at_ms = now_ms() + LIFETIME_S * 1000;
     let entry = me.does(Action::SignedIn, None, None);
     app.store.add_session(secrets::hash(&cookie), me.key_id, expires_at_ms, entry).await?;
-    Ok((set_cookie(&cookie, LIFETIME_S), session(me)))
+    Ok((set_cookie(&cookie, LIFETIME_S), session(me)).into_response())
 }
 
 /// `GET /api/v1/admin/session`: 200 for an experimenter who is signed in.
@@ -45,11 +43,11 @@ fn session(Experimenter { name, access, .. }: Experimenter) -> Json<Session> {
 pub async fn sign_out(
     State(app): State<Arc<App>>,
     headers: HeaderMap,
-) -> Result<impl IntoResponse, ApiError> {
+) -> Result<Response, ApiError> {
     if let Some(cookie) = session_cookie(&headers) {
         app.store.end_session(secrets::hash(cookie)).await?;
     }
-    Ok((StatusCode::NO_CONTENT, set_cookie("", 0)))
+    Ok((StatusCode::NO_CONTENT, set_cookie("", 0)).into_response())
 }
 
 /// SameSite is Lax, because the sign-in link is opened from a terminal or a mail. The origin check

@@ -15,9 +15,10 @@ use tower_http::services::{ServeDir, ServeFile};
 #[derive(Clone, Debug)]
 pub struct Site {
     folder: PathBuf,
+    docs: String,
 }
 
-const PAGES: [&str; 3] = ["index.html", "participant.html", "lab.html"];
+const PAGES: [&str; 4] = ["index.html", "participant.html", "lab.html", "docs.html"];
 
 impl Site {
     /// The bundle in `folder`.
@@ -26,11 +27,21 @@ impl Site {
     /// If a page is missing: one line that states what to do.
     pub fn open(folder: &Path) -> Result<Self, String> {
         if PAGES.iter().all(|page| folder.join(page).is_file()) {
-            let folder = folder.to_owned();
-            return Ok(Self { folder });
+            let page = folder.join("docs.html");
+            let docs = std::fs::read_to_string(&page);
+            let docs = docs.map_err(|error| format!("{}: {error}", page.display()))?;
+            return Ok(Self { folder: folder.to_owned(), docs });
         }
         let folder = folder.display();
         Err(format!("no client bundle in {folder}: run 'cargo xtask build' or pass --static DIR"))
+    }
+}
+
+impl Site {
+    /// The page of the documentation, without its content.
+    #[must_use]
+    pub fn docs(&self) -> &str {
+        &self.docs
     }
 }
 

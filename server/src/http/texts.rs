@@ -8,14 +8,17 @@ use axum::Json;
 use axum::extract::State;
 use axum::http::{HeaderMap, header};
 use axum::response::{IntoResponse, Response};
+use schemars::JsonSchema;
 use serde::Deserialize;
 use sidestep::invalid::Invalid;
 use sidestep::study::is_language;
 use std::sync::Arc;
 
 /// The query of the texts.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Deserialize, JsonSchema)]
 pub struct TextParams {
+    /// Tag of the language, such as `en` or `zh-CN`.
+    #[schemars(regex(pattern = r"^[A-Za-z]{2,3}(-[A-Za-z0-9]{1,8})*$"))]
     language: Option<String>,
 }
 

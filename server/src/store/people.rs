@@ -2,11 +2,12 @@
 
 use super::{Store, StoreError};
 use rusqlite::{Connection, Row, ToSql, named_params};
+use schemars::JsonSchema;
 use serde::Deserialize;
 use sidestep::api::{ParticipantPage, ParticipantSummary, Quality, Stage, StageCount};
 
 /// What a list is sorted by.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum SortBy {
     /// The participant's number.

@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 
 /// What an experimenter's key may do; each right includes those before it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Access {
     /// Look at studies, participants, trials and analyses.
@@ -32,6 +33,7 @@ impl Access {
 
 /// Answer to a sign-in, and to a check of the session.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct Session {
     /// Always true: without a session the answer is 401.
     pub signed_in: bool,
@@ -46,9 +48,11 @@ const MAX_KEY_NAME_CHARS: usize = 64;
 
 /// The request for a further key.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct NewKey {
     /// Who or what will use it, such as `Ada` or `nightly export`: 1 to 64 characters, no other key's.
+    #[cfg_attr(feature = "openapi", schemars(length(min = 1, max = 64)))]
     pub name: String,
     /// What it may do.
     pub access: Access,
@@ -78,6 +82,7 @@ impl NewKey {
 
 /// A key in the list of keys. The key itself is stored as a hash only.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct KeySummary {
     /// Its number in addresses.
     pub id: i64,
@@ -95,6 +100,7 @@ pub struct KeySummary {
 
 /// Answer to the request for a further key.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct KeyMade {
     /// Its entry in the list.
     pub key: KeySummary,
@@ -104,6 +110,7 @@ pub struct KeyMade {
 
 /// What was done, in the audit trail.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Action {
     /// Somebody signed in to the laboratory.
@@ -187,6 +194,7 @@ impl Action {
 
 /// A line of the audit trail.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct AuditEntry {
     /// Its number; later entries have higher ones.
     pub sequence: i64,
@@ -204,6 +212,7 @@ pub struct AuditEntry {
 
 /// A page of the audit trail, newest first.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct AuditPage {
     /// The entries of this page.
     pub entries: Vec<AuditEntry>,

@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 
 /// The state of an analysis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum AnalysisState {
     /// It waits for other analyses to end.
@@ -58,6 +59,7 @@ impl AnalysisState {
 
 /// The progress of an analysis.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct AnalysisProgress {
     /// Pieces of work that are done.
     pub done: u64,
@@ -70,6 +72,7 @@ pub struct AnalysisProgress {
 
 /// The outcome of an analysis in brief.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct AnalysisResult {
     /// Participants who were compared.
     pub participants: usize,
@@ -118,6 +121,7 @@ pub struct MeanAccuracy {
 
 /// A participant whose trials an analysis does not use.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct ExcludedParticipant {
     /// The participant's number in the study.
     pub participant: String,
@@ -133,6 +137,7 @@ impl From<&Exclusion> for ExcludedParticipant {
 
 /// An analysis in a list.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct AnalysisSummary {
     /// The analysis.
     pub id: String,
@@ -167,6 +172,7 @@ pub struct AnalysisSummary {
 
 /// A page of analyses, newest first.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct AnalysisPage {
     /// The analyses of this page.
     pub analyses: Vec<AnalysisSummary>,
@@ -177,6 +183,7 @@ pub struct AnalysisPage {
 
 /// A file of an analysis, by the name that `sidestep analyze` gives it.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct AnalysisFile {
     /// Such as `report.html` or `models/lr-1-hrd-1.json`.
     pub name: String,
@@ -186,6 +193,7 @@ pub struct AnalysisFile {
 
 /// An analysis, with its files.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct AnalysisDetail {
     /// As in the list.
     #[serde(flatten)]

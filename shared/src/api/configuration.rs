@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 /// The present configuration of a study.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct Configuration {
     /// The study's name in addresses.
     pub study: String,
@@ -17,6 +18,7 @@ pub struct Configuration {
 
 /// A study file that somebody is writing.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Draft {
     /// The text (TOML).
@@ -29,6 +31,7 @@ pub struct Draft {
 
 /// A remark about a line of a study file.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct Remark {
     /// The line, from 1.
     pub line: usize,
@@ -38,6 +41,7 @@ pub struct Remark {
 
 /// A field in which two configurations differ.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct Change {
     /// Its path, such as `trials.countdown_s`.
     pub field: String,
@@ -51,6 +55,7 @@ pub struct Change {
 
 /// What a draft would be.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct DraftChecked {
     /// Why it is no study; absent if it is one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -66,6 +71,7 @@ pub struct DraftChecked {
 
 /// Whether people can take part, as it is to be from now on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct NewStatus {
     /// The status.

@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 
 /// Body of a sign-in to the laboratory.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct SignIn {
     /// The experimenter's key.
@@ -18,6 +19,7 @@ pub struct SignIn {
 
 /// A study in the laboratory's list.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct StudySummary {
     /// Name in addresses.
     pub slug: String,
@@ -45,6 +47,7 @@ pub struct StudySummary {
 
 /// Answer to the deletion of a study's pilots.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct PilotsDeleted {
     /// How many there were.
     pub deleted: usize,
@@ -52,6 +55,7 @@ pub struct PilotsDeleted {
 
 /// A page of stored trials, newest first.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct TrialPage {
     /// The trials of this page.
     pub trials: Vec<TrialSummary>,
@@ -61,6 +65,7 @@ pub struct TrialPage {
 
 /// A stored trial in a list.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct TrialSummary {
     /// The trial.
     pub trial_id: String,
@@ -97,6 +102,7 @@ impl TrialSummary {
 
 /// A stored trial, whole.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct TrialDetail {
     /// As in the list.
     #[serde(flatten)]
@@ -133,6 +139,7 @@ impl TrialDetail {
 
 /// A predictor and how it was trained.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct TrainedPredictor {
     /// The predictor, as in a `predictor.json`.
     pub predictor: PredictorFile,
@@ -144,6 +151,7 @@ pub struct TrainedPredictor {
 
 /// The fingerprint of a computer's simulation.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct SelfCheck {
     /// Seed of the random trials.
     pub seed: u64,

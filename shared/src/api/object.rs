@@ -97,6 +97,21 @@ impl<'de, V: Deserialize<'de>> Deserialize<'de> for Object<V> {
     }
 }
 
+#[cfg(feature = "openapi")]
+impl<V: schemars::JsonSchema> schemars::JsonSchema for Object<V> {
+    fn inline_schema() -> bool {
+        true
+    }
+
+    fn schema_name() -> std::borrow::Cow<'static, str> {
+        format!("ObjectOf{}", V::schema_name()).into()
+    }
+
+    fn json_schema(schemas: &mut schemars::SchemaGenerator) -> schemars::Schema {
+        std::collections::BTreeMap::<String, V>::json_schema(schemas)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -1,5 +1,7 @@
 //! From the enrolment to the completion code.
 
+#[cfg(feature = "openapi")]
+use super::MAX_NAME_CHARS;
 use super::{
     MAX_PARAMETERS, MIN_REQUEST_ID_BYTES, Object, check_name, check_object, first, is_first,
 };
@@ -13,9 +15,11 @@ use serde_json::Value;
 
 /// Body of the result of the check of understanding.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct ComprehensionResult {
     /// How often the participant answered all questions.
+    #[cfg_attr(feature = "openapi", schemars(range(min = 1, max = 1_000)))]
     pub attempts: usize,
     /// Whether all answers of the last attempt were right.
     pub passed: bool,
@@ -23,6 +27,7 @@ pub struct ComprehensionResult {
 
 /// Answer to the result of the check of understanding.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct ComprehensionStored {
     /// The participation has ended: the answers were wrong too often.
     pub screened_out: bool,
@@ -34,7 +39,12 @@ pub struct ComprehensionStored {
 /// Body of the answers to the questions after the last scene. `V` is what answers are: any JSON, as the
 /// server reads them.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
+#[cfg_attr(
+    feature = "openapi",
+    schemars(rename = "Answers", description = "Answers to the questions after the last scene.")
+)]
 pub struct Answers<V = Value> {
     /// By the question's name: a string for a text, an option's value for a choice, a whole number for
     /// a scale. Questions that were not answered are absent.
@@ -43,6 +53,7 @@ pub struct Answers<V = Value> {
 
 /// Answer to a withdrawal.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct Withdrawn {
     /// Where to go, if the study names an address.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -52,16 +63,30 @@ pub struct Withdrawn {
 /// Body of an enrolment. `V` is what the facts about the screen are, as in
 /// [`TrialUpload`](super::TrialUpload).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
+#[cfg_attr(
+    feature = "openapi",
+    schemars(rename = "Enrolment", description = "Body of an enrolment.")
+)]
 pub struct Enrolment<V = Value> {
     /// The participant agreed to take part; must be true.
+    #[cfg_attr(feature = "openapi", schemars(extend("const" = true)))]
     pub consent: bool,
     /// Who this is at the recruiting service; the same id resumes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(
+        feature = "openapi",
+        schemars(
+            length(max = 128),
+            regex(pattern = r"^\s*[A-Za-z0-9_.@:+=/~-][A-Za-z0-9 _.@:+=/~-]*\s*$")
+        )
+    )]
     pub external_id: Option<String>,
     /// A secret name that the client draws for this enrolment, such as a random UUID: sent again
     /// after a lost answer, it is the same participant.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "openapi", schemars(length(min = 1, max = MAX_NAME_CHARS)))]
     pub request_id: Option<String>,
     /// Parameters of the address that the study stores, by name.
     #[serde(default, skip_serializing_if = "Object::is_empty")]
@@ -72,6 +97,7 @@ pub struct Enrolment<V = Value> {
     pub pilot: bool,
     /// Language in which the participant read the consent text, such as `en` or `zh-CN`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "openapi", schemars(length(min = 1, max = MAX_NAME_CHARS)))]
     pub locale: Option<String>,
     /// Facts about the screen: any small object.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -114,6 +140,7 @@ impl<V: Serialize> Enrolment<V> {
 
 /// Answer to an enrolment.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct Enrolled {
     /// Who the participant is here.
     pub participant_id: String,
@@ -125,6 +152,7 @@ pub struct Enrolled {
 
 /// What a participant drives.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct Plan {
     /// In order.
     pub phases: Vec<PlannedPhase>,
@@ -139,6 +167,7 @@ impl Plan {
 
 /// One phase of a plan.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct PlannedPhase {
     /// Which phase.
     pub phase: Phase,
@@ -150,6 +179,7 @@ pub struct PlannedPhase {
 
 /// One scene of a plan.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct PlannedScene {
     /// The id under which its trial is stored.
     pub trial_id: String,
@@ -176,6 +206,7 @@ impl PlannedScene {
 
 /// The progress of a participant.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct Progress {
     /// Who the participant is here.
     pub participant_id: String,
@@ -217,6 +248,7 @@ pub struct Progress {
 
 /// Answer to a completion.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct Completed {
     /// Proof that every trial is stored.
     pub completion_code: String,

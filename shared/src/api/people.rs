@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 
 /// How far a participant is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Stage {
     /// Enrolled, before the first scene: reads instructions.
@@ -64,6 +65,7 @@ impl Stage {
 /// What an experimenter should look at: numbers of the participant's stored tasks, first and further
 /// attempts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct Quality {
     /// Tasks with a late sample.
     pub late_sample: u32,
@@ -84,6 +86,7 @@ pub struct Quality {
 
 /// A participant in the list.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct ParticipantSummary {
     /// The participant.
     pub participant_id: String,
@@ -117,6 +120,7 @@ pub struct ParticipantSummary {
 
 /// Why analyses leave a participant out.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct ExcludedBy {
     /// The reason, in the experimenter's words.
     pub reason: String,
@@ -128,6 +132,7 @@ pub struct ExcludedBy {
 
 /// What an experimenter wrote about a participant.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct Note {
     /// Its number in addresses.
     pub id: i64,
@@ -141,17 +146,21 @@ pub struct Note {
 
 /// The request for a note.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct NewNote {
     /// 1 to 2000 characters on any number of lines.
+    #[cfg_attr(feature = "openapi", schemars(length(min = 1, max = 2_000)))]
     pub text: String,
 }
 
 /// The request to leave a participant out of analyses.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct NewExclusion {
     /// 1 to 200 characters on one line.
+    #[cfg_attr(feature = "openapi", schemars(length(min = 1, max = 200)))]
     pub reason: String,
 }
 
@@ -189,6 +198,7 @@ fn check_text(field: &str, text: &str, most: usize, also: fn(char) -> bool) -> R
 
 /// A trial as a small picture.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct TrialPicture {
     /// As in a list.
     #[serde(flatten)]
@@ -204,6 +214,7 @@ pub struct TrialPicture {
 
 /// A participant, whole.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct ParticipantDetail {
     /// As in the list.
     #[serde(flatten)]
@@ -232,6 +243,7 @@ pub struct ParticipantDetail {
 
 /// How many participants are at a stage.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct StageCount {
     /// The stage.
     pub stage: Stage,
@@ -241,6 +253,7 @@ pub struct StageCount {
 
 /// A page of participants.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct ParticipantPage {
     /// The participants of this page.
     pub participants: Vec<ParticipantSummary>,

@@ -130,6 +130,10 @@ pub fn cancel_analysis(id: &str) -> String {
 pub fn analysis_file(id: &str, name: &str) -> String {
     format!("/api/v1/admin/analyses/{id}/files/{name}")
 }
+/// The description of all routes, as OpenAPI.
+pub const OPENAPI: &str = "/api/openapi.json";
+/// The same as a page.
+pub const DOCS: &str = "/api/docs";
 /// The server's own simulation fingerprint.
 pub const SELF_CHECK: &str = "/api/v1/admin/self-check";
 /// A study's data, without the query that names format and filters: then its steps as one CSV file.

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 /// What a participant needs to know of a study.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct StudyInfo {
     /// See [`SCHEMA_VERSION`].
     pub schema_version: u32,
@@ -55,6 +56,7 @@ impl StudyInfo {
 
 /// Whether somebody new can take part in a study.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Admission {
     /// Yes.
@@ -80,6 +82,7 @@ impl From<Status> for Admission {
 
 /// All that a participant reads, in one language.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct Texts {
     /// Tag of the language, such as `de`.
     pub language: String,
@@ -104,6 +107,7 @@ pub struct Texts {
 
 /// A language to choose.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct Language {
     /// Its tag, such as `de`.
     pub tag: String,
@@ -113,6 +117,7 @@ pub struct Language {
 
 /// A question with one right answer.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct CheckForm {
     /// The question; `{name}` is filled in by the page as in sentences.
     pub text: String,
@@ -124,6 +129,7 @@ pub struct CheckForm {
 
 /// A question after the last scene.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct QuestionForm {
     /// Name of the answer.
     pub name: String,

@@ -1,5 +1,7 @@
 //! A trial, as the participant's page sends it.
 
+#[cfg(feature = "openapi")]
+use super::MAX_NAME_CHARS;
 use super::{MAX_KEY_EVENTS, MAX_PAGE_EVENTS, Object, check_name, check_object, first, is_first};
 use crate::invalid::{Invalid, finite, length};
 use crate::scene::{JointState, SceneParameters};
@@ -10,11 +12,13 @@ use serde_json::Value;
 
 /// A key that went down or up.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct KeyEvent {
     /// Time after the scene's start, ms; negative for keys that were already held.
     pub t_ms: f64,
     /// The key's name, such as `ArrowLeft`; `blur` when the window lost its keys.
+    #[cfg_attr(feature = "openapi", schemars(length(min = 1, max = MAX_NAME_CHARS)))]
     pub key: String,
     /// Down or up.
     pub down: bool,
@@ -23,9 +27,15 @@ pub struct KeyEvent {
 /// Body of a trial's upload. `V` is what the facts about the display are: any JSON, as the server reads
 /// it, or the numbers that a page measured.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
+#[cfg_attr(
+    feature = "openapi",
+    schemars(rename = "TrialUpload", description = "Body of a trial's upload.")
+)]
 pub struct TrialUpload<V = Value> {
     /// Start of the scene by the participant's clock, ms since 1970.
+    #[cfg_attr(feature = "openapi", schemars(range(min = 0, max = 4_102_444_800_000_i64)))]
     pub started_at_ms: f64,
     /// The input held in each step.
     pub inputs: Vec<TurnInput>,
@@ -34,12 +44,15 @@ pub struct TrialUpload<V = Value> {
     /// When each input was actually sampled, ms after the scene's start.
     pub sampled_at_ms: Vec<f64>,
     /// Key events, in order of time.
+    #[cfg_attr(feature = "openapi", schemars(length(max = MAX_KEY_EVENTS)))]
     pub key_events: Vec<KeyEvent>,
     /// What happened to the page during the scene, in order of time.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[cfg_attr(feature = "openapi", schemars(length(max = MAX_PAGE_EVENTS)))]
     pub page_events: Vec<PageEvent>,
     /// How often the scene was shown to the participant, this time included.
     #[serde(default = "first", skip_serializing_if = "is_first")]
+    #[cfg_attr(feature = "openapi", schemars(range(min = 1, max = 10_000)))]
     pub exposures: u32,
     /// Facts about the display: any small object.
     pub display: Object<V>,
@@ -100,6 +113,7 @@ fn check_rising(field: &str, times: impl Iterator<Item = f64>) -> Result<(), Inv
 
 /// Answer to a trial's upload.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct TrialStored {
     /// The trial.
     pub trial_id: String,

@@ -23,6 +23,7 @@ use serde_json::json;
 /// The hyper-parameters to try. On a tie the first in their order is taken: C before γ, depth
 /// before leaf.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(default, deny_unknown_fields)]
 pub struct Grids {
     /// C of SVMs with radial basis functions.

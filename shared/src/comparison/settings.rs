@@ -55,6 +55,7 @@ impl Settings {
 
 /// The request for a comparison as JSON; every field may be left out.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(default, deny_unknown_fields)]
 pub struct Request {
     /// Whether models are fitted to a split by time step too, to show how much it overstates.

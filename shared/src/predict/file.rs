@@ -57,6 +57,7 @@ pub enum ModelFile {
 
 /// The version of the file form.
 #[derive(Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 enum Format {
     #[serde(rename = "sidestep-predictor/1")]
     V1,
@@ -64,6 +65,7 @@ enum Format {
 
 /// The kinds, as files name them.
 #[derive(Clone, Copy, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 enum Kind {
     Boosted,
@@ -75,14 +77,21 @@ enum Kind {
 
 /// The fields of every kind, first in the file.
 #[derive(Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(expecting = "an object, {…}, as in a predictor.json")]
 struct Head {
+    /// The version of the file form.
     format: Format,
+    /// The kind of the model.
     kind: Kind,
+    /// What the classes mean: 1 the direction of a turn, 2 whether the human avoids.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     experiment: Option<u8>,
+    /// Names of the features, in the order of the columns.
     features: Vec<String>,
+    /// The classes: −1 right, 0 straight, 1 left.
     classes: Vec<i8>,
+    /// The turn rate of each class, rad/s, in rising order.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     actions: Option<Vec<f64>>,
 }
@@ -149,6 +158,23 @@ impl Serialize for PredictorFile {
             actions: self.actions.clone(),
         };
         Document { head, model: &self.model }.serialize(serializer)
+    }
+}
+
+#[cfg(feature = "openapi")]
+impl schemars::JsonSchema for PredictorFile {
+    fn schema_name() -> std::borrow::Cow<'static, str> {
+        "PredictorFile".into()
+    }
+
+    /// The fields of every kind; docs/predictor.md has those of each.
+    fn json_schema(schemas: &mut schemars::SchemaGenerator) -> schemars::Schema {
+        let mut schema = Head::json_schema(schemas);
+        let text =
+            "A predictor.json; further fields depend on its kind, as docs/predictor.md says.";
+        schema.insert("description".to_owned(), text.into());
+        schema.insert("additionalProperties".to_owned(), true.into());
+        schema
     }
 }
 

@@ -11,6 +11,7 @@ const GRID_ACCURACY_M: f64 = 0.02;
 
 /// The convergence of a safety level, and its spread over the steps that are compared.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct LevelQuality {
     /// Whether the value function converged; a closed form always has.
     pub converged: bool,
@@ -61,6 +62,7 @@ impl LevelQuality {
 
 /// The quality of both levels.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct SafetyQuality {
     /// V_HR: the human evades.
     pub v_hr: LevelQuality,

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 /// The parameters that all scenes of a study share: both vehicles, the danger radius and the steps.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct SceneParameters {
     /// The vehicle that the participant steers.

@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 /// The poses of both vehicles at one instant. On the wire:
 /// `{"human": [x, y, psi], "robot": [x, y, psi]}`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct JointState {
     /// The human's vehicle.
@@ -58,6 +59,7 @@ impl JointState {
 
 /// The start of a trial.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct Scene {
     /// The human's vehicle at the start.
     pub human: Pose,

@@ -120,6 +120,7 @@ impl Comprehension {
 
 /// The course of every trial.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct TrialSettings {
     /// Seconds that are counted down over the still scene before it starts, a whole number from 1 to

@@ -2,15 +2,13 @@
 
 use super::super::{CommandError, print_json};
 use super::{FlagCounts, SimulateArgs, bar};
+use crate::client::Client;
 use crate::clock::now_ms;
 use indicatif::ProgressBar;
-use reqwest::{Client, Method, RequestBuilder, StatusCode, Url};
-use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
 use sidestep::api::{
-    Answers, Completed, ComprehensionResult, ComprehensionStored, Enrolled, Enrolment, KeyEvent,
-    Object, Problem, Progress, QuestionForm, SCHEMA_VERSION, StudyInfo, Texts, TrialStored,
-    TrialUpload, routes,
+    Answers, ComprehensionResult, Enrolment, KeyEvent, Object, QuestionForm, SCHEMA_VERSION,
+    StudyInfo, Texts, TrialUpload,
 };
 use sidestep::scene::SceneParameters;
 use sidestep::study::{QuestionKind, StudyConfig};
@@ -18,11 +16,6 @@ use sidestep::synthetic::{KeyChange, Keys, SyntheticDrive, SyntheticParticipant}
 use sidestep::trial::Phase;
 use sidestep::vehicle::TurnInput;
 use std::collections::HashSet;
-use std::error::Error;
-use std::time::Duration;
-
-/// A little longer than a server takes to give up on a request itself.
-const PATIENCE: Duration = Duration::from_secs(40);
 
 /// Lets everyone take part, one after the other, and prints the summary.
 pub(super) async fn take_part(args: &SimulateArgs, url: &str) -> Result<(), CommandError> {
@@ -35,10 +28,10 @@ pub(super) async fn take_part(args: &SimulateArgs, url: &str) -> Result<(), Comm
     }
     let wanted = StudyConfig { slug: args.study.clone(), ..StudyConfig::default() };
     wanted.check().map_err(|e| bad("study", &e.expected, &e.found))?;
-    let server = Server::at(url)
+    let server = Client::at(url)
         .ok_or_else(|| bad("url", "an address such as http://127.0.0.1:8080", url))?
         .map_err(CommandError::failure)?;
-    let study = server.study(&args.study).await?;
+    let study = study(&server, &args.study).await?;
     let mut done = Done {
         most: args.tasks.unwrap_or(u64::MAX),
         bar: bar(0),
@@ -80,7 +73,7 @@ impl Done {
     /// already is not sent again.
     async fn person(
         &mut self,
-        server: &Server,
+        server: &Client,
         study: &StudyInfo,
         person: &SyntheticParticipant,
         name: String,
@@ -95,28 +88,22 @@ impl Done {
             locale: Some("en".to_owned()),
             screen: Some(synthetic()),
         };
-        let enrol = server.request(Method::POST, &routes::participants(&study.slug));
-        let me: Enrolled = server.ask("the enrolment", enrol.json(&body)).await?;
-        let mine =
-            |method, route: &str| server.request(method, route).bearer_auth(me.token.as_str());
-        let known = mine(Method::GET, routes::ME);
-        let known: Progress = server.ask("the state of a participation", known).await?;
+        let me = server.enrol(&study.slug, &body).await?;
+        let known = me.progress().await?;
         if !known.understood {
-            let body = ComprehensionResult { attempts: 1, passed: true };
-            let put = mine(Method::PUT, routes::COMPREHENSION).json(&body);
-            server.ask::<ComprehensionStored>("the check of understanding", put).await?;
+            me.check_understanding(&ComprehensionResult { attempts: 1, passed: true }).await?;
         }
         let stored: HashSet<String> = known.stored.into_iter().collect();
         let mut tasks = 0;
         // Numbers count all phases, whatever is left out.
         let wanted: Vec<_> = (0..)
-            .zip(me.plan.scenes())
+            .zip(me.plan().scenes())
             .filter(|(_, (phase, _))| {
                 tasks += u64::from(phase.phase == Phase::Task);
                 phase.phase != Phase::Task || tasks <= self.most
             })
             .collect();
-        let all = wanted.len() == me.plan.scenes().count();
+        let all = wanted.len() == me.plan().scenes().count();
         self.bar.set_length(people * wanted.len() as u64);
         for (trial, (_, planned)) in wanted {
             if stored.contains(&planned.trial_id) {
@@ -125,21 +112,16 @@ impl Done {
                 let scene = planned.scene();
                 let drive = person.drive(trial, &study.parameters, &scene, Keys::Clock);
                 self.flags.count(&study.parameters, &scene, &drive);
-                let put = mine(Method::PUT, &routes::my_trial(&planned.trial_id));
-                let put = put.json(&upload(&study.parameters, drive));
-                server.ask::<TrialStored>("a trial", put).await?;
+                me.store(&planned.trial_id, &upload(&study.parameters, drive)).await?;
             }
             self.trials += 1;
             self.bar.inc(1);
         }
         if all && !known.answered {
-            let put =
-                mine(Method::PUT, routes::ANSWERS).json(&answers(&server.texts(study).await?));
-            server.accepted("the answers", put).await?;
+            me.answer(&answers(&server.texts(&study.slug, "en").await?)).await?;
         }
         if all && !known.complete {
-            let complete = mine(Method::POST, routes::COMPLETE);
-            server.ask::<Completed>("the completion", complete).await?;
+            me.complete().await?;
         }
         Ok(())
     }
@@ -204,125 +186,22 @@ fn key_events(changes: &[KeyChange]) -> Vec<KeyEvent> {
     events
 }
 
-/// A server that is asked.
-struct Server {
-    client: Client,
-    /// Without a slash at the end.
-    origin: String,
-}
-
-impl Server {
-    /// None if it is not an http address, or one with a password or a query.
-    fn at(url: &str) -> Option<Result<Self, reqwest::Error>> {
-        let parsed = Url::parse(url).ok()?;
-        let plain = parsed.scheme() == "http"
-            && parsed.has_host()
-            && parsed.username().is_empty()
-            && parsed.password().is_none()
-            && parsed.query().is_none()
-            && parsed.fragment().is_none();
-        let origin = parsed.as_str().trim_end_matches('/').to_owned();
-        // An answer from elsewhere would not be the server's.
-        let client = Client::builder()
-            .timeout(PATIENCE)
-            .redirect(reqwest::redirect::Policy::none())
-            .no_proxy()
-            .build();
-        plain.then(|| client.map(|client| Self { client, origin }))
-    }
-
-    fn request(&self, method: Method, route: &str) -> RequestBuilder {
-        self.client.request(method, format!("{}{route}", self.origin))
-    }
-
-    /// What is driven there.
-    async fn study(&self, slug: &str) -> Result<StudyInfo, CommandError> {
-        let request = self.request(Method::GET, &routes::study(slug));
-        let (status, body) = self.answer(request).await?;
-        if status == StatusCode::NOT_FOUND && serde_json::from_slice::<Problem>(&body).is_ok() {
-            let origin = &self.origin;
-            return Err(CommandError::Input(format!("--study {slug}: no such study at {origin}")));
+/// What is driven there.
+async fn study(server: &Client, slug: &str) -> Result<StudyInfo, CommandError> {
+    let origin = server.origin();
+    let study = server.study(slug).await.map_err(|error| match error.code() {
+        Some("not_found") => {
+            CommandError::Input(format!("--study {slug}: no such study at {origin}"))
         }
-        let study: StudyInfo = self.understood("the study", status, &body)?;
-        if study.schema_version != SCHEMA_VERSION {
-            let (origin, theirs) = (&self.origin, study.schema_version);
-            return Err(CommandError::Failure(format!(
-                "{origin}: expected version {SCHEMA_VERSION} of the interface, found {theirs}"
-            )));
-        }
-        Ok(study)
+        _ => error.into(),
+    })?;
+    if study.schema_version != SCHEMA_VERSION {
+        let theirs = study.schema_version;
+        return Err(CommandError::Failure(format!(
+            "{origin}: expected version {SCHEMA_VERSION} of the interface, found {theirs}"
+        )));
     }
-
-    /// What participants read in English.
-    async fn texts(&self, study: &StudyInfo) -> Result<Texts, CommandError> {
-        let route = format!("{}?language=en", routes::texts(&study.slug));
-        self.ask("the texts", self.request(Method::GET, &route)).await
-    }
-
-    /// A request that is expected to succeed without a body in its answer.
-    async fn accepted(&self, what: &str, request: RequestBuilder) -> Result<(), CommandError> {
-        let (status, body) = self.answer(request).await?;
-        if status == StatusCode::NO_CONTENT {
-            return Ok(());
-        }
-        self.understood::<Value>(what, status, &body).map(drop)
-    }
-
-    /// The answer to a request that is expected to succeed.
-    async fn ask<T: DeserializeOwned>(
-        &self,
-        what: &str,
-        request: RequestBuilder,
-    ) -> Result<T, CommandError> {
-        let (status, body) = self.answer(request).await?;
-        self.understood(what, status, &body)
-    }
-
-    async fn answer(&self, request: RequestBuilder) -> Result<(StatusCode, Vec<u8>), CommandError> {
-        let unreachable = |error: reqwest::Error| {
-            let (origin, why) = (&self.origin, root_cause(&error));
-            CommandError::Failure(format!("{origin}: no answer: {why}; is a server running there?"))
-        };
-        let response = request.send().await.map_err(unreachable)?;
-        let status = response.status();
-        let body = response.bytes().await.map_err(unreachable)?;
-        Ok((status, body.to_vec()))
-    }
-
-    /// The body of a success; anything else in the server's own words. What was sent is not
-    /// repeated: it holds the token.
-    fn understood<T: DeserializeOwned>(
-        &self,
-        what: &str,
-        status: StatusCode,
-        body: &[u8],
-    ) -> Result<T, CommandError> {
-        let origin = &self.origin;
-        if !status.is_success() {
-            let said = serde_json::from_slice::<Problem>(body).map_or_else(
-                |_| "not in the words of a Sidestep server".to_owned(),
-                |Problem { message, field, .. }| match field {
-                    Some(field) => format!("{field}: {message}"),
-                    None => message,
-                },
-            );
-            let message = format!("{origin}: {what} was refused ({}): {said}", status.as_u16());
-            return Err(CommandError::Failure(message));
-        }
-        serde_json::from_slice(body).map_err(|error| {
-            let message = format!("{origin}: {what}: not the answer of a Sidestep server: {error}");
-            CommandError::Failure(message)
-        })
-    }
-}
-
-/// The innermost error, such as a connection that was refused.
-fn root_cause(error: &reqwest::Error) -> String {
-    let mut cause: &dyn Error = error;
-    while let Some(source) = cause.source() {
-        cause = source;
-    }
-    cause.to_string()
+    Ok(study)
 }
 
 #[cfg(test)]
@@ -343,15 +222,5 @@ mod tests {
             (950.0, "ArrowRight", false),
         ];
         assert_eq!(events, expected.map(|(t_ms, key, down)| (t_ms, key.to_owned(), down)));
-    }
-
-    #[test]
-    fn addresses() {
-        let origin = |url| Server::at(url).map(|server| server.unwrap().origin);
-        assert_eq!(origin("http://[::1]:80/").as_deref(), Some("http://[::1]"));
-        assert_eq!(origin("http://lab:8080/study/").as_deref(), Some("http://lab:8080/study"));
-        for bad in ["", "lab:8080", "https://lab", "http://", "http://a:b@lab", "http://lab?x"] {
-            assert_eq!(origin(bad), None, "{bad}");
-        }
     }
 }

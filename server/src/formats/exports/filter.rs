@@ -1,6 +1,7 @@
 //! Which data an export has.
 
 use crate::store::trials::TrialHead;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use sidestep::trial::{Flag, Phase};
 
@@ -22,8 +23,9 @@ pub struct Filter {
 }
 
 /// Which trials an export has by their flags.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
+#[schemars(rename = "ExportQuality")]
 pub enum Quality {
     /// All of them.
     #[default]

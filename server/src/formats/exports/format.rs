@@ -1,11 +1,13 @@
 //! The formats of an export, and what its files are called.
 
 use super::table::Table;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// The format of the tables.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
+#[schemars(rename = "ExportFormat")]
 pub enum Format {
     /// Comma-separated text with a header.
     Csv,

@@ -1,0 +1,216 @@
+//! A client of the HTTP interface with types: for commands, for tests, and for programs in Rust.
+//!
+//! A [`Client`] knows a server; a [`Participation`] takes part with the token of an enrolment; a
+//! [`Laboratory`] has an experimenter's key. Each method is one request, and its errors name the server, what
+//! was asked for, and the server's own words.
+
+mod participation;
+mod laboratory;
+
+pub use laboratory::Laboratory;
+pub use participation::Participation;
+
+use reqwest::{Method, RequestBuilder, Url};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use sidestep::api::{Enrolled, Enrolment, Problem, StudyInfo, Texts, routes};
+use std::error::Error;
+use std::time::Duration;
+
+/// A little longer than a server takes to give up on a request itself.
+const PATIENCE: Duration = Duration::from_secs(40);
+
+/// Why a request did not succeed.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum ClientError {
+    /// There was no answer.
+    #[error("{origin}: no answer: {why}; is a server running there?")]
+    Unreachable {
+        /// The server's address.
+        origin: String,
+        /// The innermost cause, such as a connection that was refused.
+        why: String,
+    },
+    /// The server refused the request.
+    #[error("{origin}: {what} was refused ({status}): {}", said(problem.as_ref()))]
+    Refused {
+        /// The server's address.
+        origin: String,
+        /// What was asked for.
+        what: &'static str,
+        /// The status of the answer.
+        status: u16,
+        /// The body of the answer, if it was one of a Sidestep server.
+        problem: Option<Problem>,
+    },
+    /// The answer is none of a Sidestep server, or none of this version.
+    #[error("{origin}: {what}: not the answer of a Sidestep server: {why}")]
+    NotUnderstood {
+        /// The server's address.
+        origin: String,
+        /// What was asked for.
+        what: &'static str,
+        /// What is wrong with the answer.
+        why: String,
+    },
+}
+
+impl ClientError {
+    /// The code of the problem with which the server refused the request.
+    #[must_use]
+    pub fn code(&self) -> Option<&str> {
+        match self {
+            Self::Refused { problem: Some(problem), .. } => Some(&problem.code),
+            _ => None,
+        }
+    }
+}
+
+/// The server's words. What was sent is not repeated: it holds the token.
+fn said(problem: Option<&Problem>) -> String {
+    match problem {
+        None => "not in the words of a Sidestep server".to_owned(),
+        Some(Problem { message, field: Some(field), .. }) => format!("{field}: {message}"),
+        Some(Problem { message, field: None, .. }) => message.clone(),
+    }
+}
+
+/// A server that is asked.
+#[derive(Clone, Debug)]
+pub struct Client {
+    http: reqwest::Client,
+    /// Without a slash at the end.
+    origin: String,
+}
+
+impl Client {
+    /// The server at an address such as `http://127.0.0.1:8080`; none if it is not an http address, or one
+    /// with a password or a query.
+    ///
+    /// # Errors
+    /// If the system has no means to send requests.
+    pub fn at(url: &str) -> Option<Result<Self, reqwest::Error>> {
+        let parsed = Url::parse(url).ok()?;
+        let plain = parsed.scheme() == "http"
+            && parsed.has_host()
+            && parsed.username().is_empty()
+            && parsed.password().is_none()
+            && parsed.query().is_none()
+            && parsed.fragment().is_none();
+        let origin = parsed.as_str().trim_end_matches('/').to_owned();
+        // An answer from elsewhere would not be the server's.
+        let http = reqwest::Client::builder()
+            .timeout(PATIENCE)
+            .redirect(reqwest::redirect::Policy::none())
+            .no_proxy()
+            .build();
+        plain.then(|| http.map(|http| Self { http, origin }))
+    }
+
+    /// The server's address, without a slash at the end.
+    #[must_use]
+    pub fn origin(&self) -> &str {
+        &self.origin
+    }
+
+    /// What a participant needs to know of a study.
+    ///
+    /// # Errors
+    /// [`ClientError`]; `not_found` if there is no such study.
+    pub async fn study(&self, slug: &str) -> Result<StudyInfo, ClientError> {
+        self.ask("the study", self.request(Method::GET, &routes::study(slug))).await
+    }
+
+    /// What participants read, in a language such as `en`.
+    ///
+    /// # Errors
+    /// [`ClientError`].
+    pub async fn texts(&self, slug: &str, language: &str) -> Result<Texts, ClientError> {
+        let route = format!("{}?language={language}", routes::texts(slug));
+        self.ask("the texts", self.request(Method::GET, &route)).await
+    }
+
+    /// Enrols a participant, who takes part by the result.
+    ///
+    /// # Errors
+    /// [`ClientError`]; `closed`, `full`, `archived`, `screened_out` or `withdrawn` if the study does not
+    /// take the person.
+    pub async fn enrol<V: Serialize>(
+        &self,
+        slug: &str,
+        body: &Enrolment<V>,
+    ) -> Result<Participation, ClientError> {
+        let post = self.request(Method::POST, &routes::participants(slug)).json(body);
+        let enrolled: Enrolled = self.ask("the enrolment", post).await?;
+        Ok(Participation::new(self.clone(), enrolled))
+    }
+
+    /// The laboratory, for the holder of a key.
+    #[must_use]
+    pub fn laboratory(&self, key: &str) -> Laboratory {
+        Laboratory::new(self.clone(), key.to_owned())
+    }
+
+    fn request(&self, method: Method, route: &str) -> RequestBuilder {
+        self.http.request(method, format!("{}{route}", self.origin))
+    }
+
+    /// The JSON of a success.
+    async fn ask<T: DeserializeOwned>(
+        &self,
+        what: &'static str,
+        request: RequestBuilder,
+    ) -> Result<T, ClientError> {
+        let body = self.bytes(what, request).await?;
+        serde_json::from_slice(&body).map_err(|error| ClientError::NotUnderstood {
+            origin: self.origin.clone(),
+            what,
+            why: error.to_string(),
+        })
+    }
+
+    /// The bytes of a success.
+    async fn bytes(
+        &self,
+        what: &'static str,
+        request: RequestBuilder,
+    ) -> Result<Vec<u8>, ClientError> {
+        let origin = || self.origin.clone();
+        let unreachable = |error: reqwest::Error| ClientError::Unreachable {
+            origin: origin(),
+            why: root_cause(&error),
+        };
+        let response = request.send().await.map_err(unreachable)?;
+        let status = response.status();
+        let body = response.bytes().await.map_err(unreachable)?;
+        if status.is_success() {
+            return Ok(body.to_vec());
+        }
+        let problem = serde_json::from_slice(&body).ok();
+        Err(ClientError::Refused { origin: origin(), what, status: status.as_u16(), problem })
+    }
+}
+
+/// The innermost error, such as a connection that was refused.
+fn root_cause(error: &reqwest::Error) -> String {
+    let mut cause: &dyn Error = error;
+    while let Some(source) = cause.source() {
+        cause = source;
+    }
+    cause.to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn addresses() {
+        let origin = |url| Client::at(url).map(|client| client.unwrap().origin);
+        assert_eq!(origin("http://[::1]:80/").as_deref(), Some("http://[::1]"));
+        assert_eq!(origin("http://lab:8080/study/").as_deref(), Some("http://lab:8080/study"));
+        for bad in ["", "lab:8080", "https://lab", "http://", "http://a:b@lab", "http://lab?x"] {
+            assert_eq!(origin(bad), None, "{bad}");
+        }
+    }
+}

@@ -1,0 +1,250 @@
+//! What experimenters and their programs do.
+
+use super::{Client, ClientError};
+use reqwest::{Method, RequestBuilder};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use sidestep::api::{
+    AnalysisDetail, AnalysisPage, AnalysisSummary, AuditPage, Configuration, Draft, DraftChecked,
+    KeyMade, KeySummary, NewExclusion, NewKey, NewNote, NewStatus, Note, ParticipantDetail,
+    ParticipantPage, PilotsDeleted, SelfCheck, Session, StudySummary, TrainedPredictor,
+    TrialDetail, TrialPage, routes,
+};
+use sidestep::comparison::Request;
+use sidestep::study::Status;
+
+/// The laboratory, for the holder of a key.
+#[derive(Clone, Debug)]
+pub struct Laboratory {
+    client: Client,
+    key: String,
+}
+
+/// A method for each route: its name, what it asks for, and the route.
+macro_rules! routes {
+    ($($(#[$doc:meta])+ $name:ident($($argument:ident: $kind:ty),*) -> $answer:ty = $method:ident $what:literal $route:expr;)+) => {
+        $($(#[$doc])+
+        ///
+        /// # Errors
+        /// [`ClientError`].
+        pub async fn $name(&self, $($argument: $kind),*) -> Result<$answer, ClientError> {
+            self.ask($what, Method::$method, $route.as_ref()).await
+        })+
+    };
+}
+
+impl Laboratory {
+    pub(super) fn new(client: Client, key: String) -> Self {
+        Self { client, key }
+    }
+
+    routes! {
+        /// Whose key it is, and what it may do.
+        session() -> Session = GET "the session" routes::SESSION;
+        /// All keys.
+        keys() -> Vec<KeySummary> = GET "the keys" routes::ADMIN_KEYS;
+        /// The newest page of the audit trail.
+        audit() -> AuditPage = GET "the audit trail" routes::AUDIT;
+        /// All studies.
+        studies() -> Vec<StudySummary> = GET "the studies" routes::ADMIN_STUDIES;
+        /// One study.
+        study(slug: &str) -> StudySummary = GET "the study" routes::admin_study(slug);
+        /// A study's configuration.
+        configuration(slug: &str) -> Configuration = GET "the configuration" routes::admin_configuration(slug);
+        /// The first page of a study's participants.
+        participants(slug: &str) -> ParticipantPage = GET "the participants" routes::admin_participants(slug);
+        /// A participant, whole.
+        participant(id: &str) -> ParticipantDetail = GET "the participant" routes::admin_participant(id);
+        /// The newest page of a study's trials.
+        trials(slug: &str) -> TrialPage = GET "the trials" routes::admin_trials(slug);
+        /// A trial, whole.
+        trial(id: &str) -> TrialDetail = GET "the trial" routes::admin_trial(id);
+        /// The predictor trained on the participant's earlier trials.
+        predictor(trial: &str) -> TrainedPredictor = GET "the predictor" routes::admin_predictor(trial);
+        /// The fingerprint of the server's simulation.
+        self_check() -> SelfCheck = GET "the self-check" routes::SELF_CHECK;
+        /// The newest page of a study's analyses.
+        analyses(slug: &str) -> AnalysisPage = GET "the analyses" routes::admin_analyses(slug);
+        /// An analysis, with the names of its files.
+        analysis(id: &str) -> AnalysisDetail = GET "the analysis" routes::admin_analysis(id);
+        /// Cancels an analysis.
+        cancel_analysis(id: &str) -> AnalysisSummary = POST "the cancellation" routes::cancel_analysis(id);
+        /// Deletes the pilots of a study.
+        delete_pilots(slug: &str) -> PilotsDeleted = DELETE "the deletion of pilots" routes::admin_pilots(slug);
+    }
+
+    /// Makes a further key.
+    ///
+    /// # Errors
+    /// [`ClientError`]; `taken` if another key has the name.
+    pub async fn make_key(&self, new: &NewKey) -> Result<KeyMade, ClientError> {
+        self.send("the new key", Method::POST, routes::ADMIN_KEYS, new).await
+    }
+
+    /// Revokes a key.
+    ///
+    /// # Errors
+    /// [`ClientError`].
+    pub async fn revoke_key(&self, id: i64) -> Result<(), ClientError> {
+        let route = routes::admin_key(&id.to_string());
+        self.accepted("the revocation", self.request(Method::DELETE, &route)).await
+    }
+
+    /// Checks a draft of a study file.
+    ///
+    /// # Errors
+    /// [`ClientError`].
+    pub async fn check_draft(&self, draft: &Draft) -> Result<DraftChecked, ClientError> {
+        self.send("the draft", Method::POST, routes::ADMIN_DRAFTS, draft).await
+    }
+
+    /// Makes a study.
+    ///
+    /// # Errors
+    /// [`ClientError`]; `taken` if there is one of this name.
+    pub async fn make_study(&self, draft: &Draft) -> Result<Configuration, ClientError> {
+        self.send("the new study", Method::POST, routes::ADMIN_STUDIES, draft).await
+    }
+
+    /// Gives new participants another configuration.
+    ///
+    /// # Errors
+    /// [`ClientError`]; `changed` if the study has another one than the draft began with.
+    pub async fn change_study(
+        &self,
+        slug: &str,
+        draft: &Draft,
+    ) -> Result<Configuration, ClientError> {
+        self.send("the change", Method::PUT, &routes::admin_configuration(slug), draft).await
+    }
+
+    /// Opens, closes or archives a study.
+    ///
+    /// # Errors
+    /// [`ClientError`].
+    pub async fn set_status(
+        &self,
+        slug: &str,
+        status: Status,
+    ) -> Result<Configuration, ClientError> {
+        let new = NewStatus { status };
+        self.send("the status", Method::PUT, &routes::admin_status(slug), &new).await
+    }
+
+    /// Adds a note about a participant.
+    ///
+    /// # Errors
+    /// [`ClientError`].
+    pub async fn add_note(&self, participant: &str, text: &str) -> Result<Note, ClientError> {
+        let new = NewNote { text: text.to_owned() };
+        self.send("the note", Method::POST, &routes::admin_notes(participant), &new).await
+    }
+
+    /// Deletes a note.
+    ///
+    /// # Errors
+    /// [`ClientError`].
+    pub async fn delete_note(&self, participant: &str, note: i64) -> Result<(), ClientError> {
+        let route = routes::admin_note(participant, &note.to_string());
+        self.accepted("the deletion of a note", self.request(Method::DELETE, &route)).await
+    }
+
+    /// Has analyses leave a participant out, for a reason; or use them again, for none.
+    ///
+    /// # Errors
+    /// [`ClientError`].
+    pub async fn exclude(
+        &self,
+        participant: &str,
+        reason: Option<&str>,
+    ) -> Result<(), ClientError> {
+        let route = routes::admin_exclusion(participant);
+        let request = match reason {
+            Some(reason) => {
+                let new = NewExclusion { reason: reason.to_owned() };
+                self.request(Method::PUT, &route).json(&new)
+            }
+            None => self.request(Method::DELETE, &route),
+        };
+        self.accepted("the exclusion", request).await
+    }
+
+    /// Deletes a participant's data.
+    ///
+    /// # Errors
+    /// [`ClientError`].
+    pub async fn delete_participant(&self, id: &str) -> Result<(), ClientError> {
+        let request = self.request(Method::DELETE, &routes::admin_participant(id));
+        self.accepted("the deletion of a participant", request).await
+    }
+
+    /// A study's trials as a CSV file.
+    ///
+    /// # Errors
+    /// [`ClientError`].
+    pub async fn export(&self, slug: &str) -> Result<Vec<u8>, ClientError> {
+        let request = self.request(Method::GET, &routes::exports(slug));
+        self.client.bytes("the export", request).await
+    }
+
+    /// Asks for an analysis.
+    ///
+    /// # Errors
+    /// [`ClientError`]; `queue_full` if too many wait.
+    pub async fn ask_analysis(
+        &self,
+        slug: &str,
+        request: &Request,
+    ) -> Result<AnalysisSummary, ClientError> {
+        self.send("the analysis", Method::POST, &routes::admin_analyses(slug), request).await
+    }
+
+    /// A file of an analysis.
+    ///
+    /// # Errors
+    /// [`ClientError`].
+    pub async fn analysis_file(&self, id: &str, name: &str) -> Result<Vec<u8>, ClientError> {
+        let request = self.request(Method::GET, &routes::analysis_file(id, name));
+        self.client.bytes("the file", request).await
+    }
+
+    /// Deletes an analysis with its files.
+    ///
+    /// # Errors
+    /// [`ClientError`].
+    pub async fn delete_analysis(&self, id: &str) -> Result<(), ClientError> {
+        let request = self.request(Method::DELETE, &routes::admin_analysis(id));
+        self.accepted("the deletion of an analysis", request).await
+    }
+
+    fn request(&self, method: Method, route: &str) -> RequestBuilder {
+        self.client.request(method, route).bearer_auth(&self.key)
+    }
+
+    async fn ask<T: DeserializeOwned>(
+        &self,
+        what: &'static str,
+        method: Method,
+        route: &str,
+    ) -> Result<T, ClientError> {
+        self.client.ask(what, self.request(method, route)).await
+    }
+
+    async fn send<T: DeserializeOwned>(
+        &self,
+        what: &'static str,
+        method: Method,
+        route: &str,
+        body: &impl Serialize,
+    ) -> Result<T, ClientError> {
+        self.client.ask(what, self.request(method, route).json(body)).await
+    }
+
+    async fn accepted(
+        &self,
+        what: &'static str,
+        request: RequestBuilder,
+    ) -> Result<(), ClientError> {
+        self.client.bytes(what, request).await.map(drop)
+    }
+}

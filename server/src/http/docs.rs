@@ -1,0 +1,50 @@
+//! The description of all routes, for programs and for people.
+
+mod view;
+
+use axum::Extension;
+use axum::body::Bytes;
+use axum::http::header;
+use axum::response::{Html, IntoResponse, Response};
+use minijinja::value::Serde;
+use minijinja::{AutoEscape, Environment};
+use serde_json::Value;
+use std::sync::Arc;
+
+/// The comment of the site's page in whose place the content stands.
+const PLACE: &str = "<!-- The server puts the document here. -->";
+
+/// The document, as it is sent.
+#[derive(Clone, Debug)]
+pub struct Published {
+    json: Bytes,
+    page: Bytes,
+}
+
+impl Published {
+    /// The document in the forms that are sent; `shell` is the site's page for it, without its content.
+    ///
+    /// # Panics
+    /// If the template is wrong: a defect of this program.
+    #[must_use]
+    pub fn of(document: &Value, shell: &str) -> Self {
+        let mut templates = Environment::new();
+        templates.set_auto_escape_callback(|_| AutoEscape::Html);
+        let content = templates
+            .render_str(include_str!("docs/page.html"), Serde(view::of(document)))
+            .unwrap_or_else(|error| panic!("the template of /api/docs: {error:#}"));
+        let page = shell.replacen(PLACE, &content, 1);
+        Self { json: document.to_string().into(), page: page.into() }
+    }
+}
+
+/// `GET /api/openapi.json`.
+pub async fn document(Extension(published): Extension<Arc<Published>>) -> Response {
+    let kind = [(header::CONTENT_TYPE, "application/json")];
+    (kind, published.json.clone()).into_response()
+}
+
+/// `GET /api/docs`.
+pub async fn page(Extension(published): Extension<Arc<Published>>) -> Response {
+    Html(published.page.clone()).into_response()
+}

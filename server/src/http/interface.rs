@@ -1,0 +1,323 @@
+//! The one table of routes, with what each does.
+
+use crate::http::openapi::table::{Table, delete, get, post, put};
+use crate::http::{
+    analyses, changes, configurations, docs, enrolment, exports, keys, laboratory, metrics,
+    participants, people, profiles, session, studies, texts, trials, value_functions,
+};
+use sidestep::api::{ParticipantPage, Session, Texts, routes};
+
+/// All routes but the pages. Addresses come from the list that clients use, with parameters in braces.
+#[must_use]
+pub fn table() -> Table {
+    let table = Table::default();
+    operator(analysis(data(people_of(setup(access(participation(table)))))))
+}
+
+fn participation(table: Table) -> Table {
+    let text = "What a participant's page does: it reads the study, enrols, stores each trial, and \
+                completes the participation.";
+    table
+        .group("Participation", text)
+        .route(
+            &routes::study("{slug}"),
+            [get("What a participant needs to know of a study", studies::show)
+                .detail("With a participant's token, the study as they enrolled in it.")
+                .problems(["not_found", "busy", "storage"])
+                .for_participants_too()],
+        )
+        .route(
+            &routes::texts("{slug}"),
+            [get("All sentences that a participant reads, in one language", texts::show)
+                .detail(
+                    "In the language of the query; without it, or if the study does not have it, in \
+                     the one that Accept-Language prefers.",
+                )
+                .sends_json::<Texts>()
+                .for_participants_too()
+                .compressed()],
+        )
+        .route(
+            &routes::participants("{slug}"),
+            [post("Enrols a participant", enrolment::enrol)
+                .detail(
+                    "The token in the answer is for everything that follows. A known external id, or a \
+                     request id that was sent before, resumes.",
+                )
+                .says(201, "A new participant.")
+                .or_200("Somebody who is known: the same plan, and a further token.")
+                .problems(["closed", "full", "archived", "screened_out", "withdrawn"])],
+        )
+        .route(
+            routes::ME,
+            [
+                get("Where the participant is: plan, stored trials, next trial", participants::show),
+                delete("Withdraws the participant", participants::withdraw)
+                    .detail("Can be repeated, and `keep` followed by `delete`.")
+                    .problems(["not_yours"]),
+            ],
+        )
+        .route(
+            routes::COMPREHENSION,
+            [put("Stores the result of the check of understanding", participants::check_understanding)
+                .detail("The same again has the same answer.")
+                .problems(["withdrawn", "archived"])],
+        )
+        .route(
+            &routes::my_trial("{trial_id}"),
+            [put("Stores a trial", trials::store)
+                .detail(
+                    "Answered after the trial is safely stored. The server replays the inputs and marks \
+                     what does not follow from them.",
+                )
+                .or_200("The same trial was stored before.")
+                .problems(["different_content", "out_of_order"])],
+        )
+        .route(
+            routes::ANSWERS,
+            [put("Stores the answers to the questions after the last scene", participants::answer)
+                .detail("In the place of earlier answers, until the participation is complete.")
+                .problems(["complete", "answered"])],
+        )
+        .route(
+            routes::COMPLETE,
+            [post("Completes the participation", participants::complete)
+                .detail("The answer has the completion code.")
+                .problems(["incomplete", "unanswered", "not_yours"])],
+        )
+        .route(
+            &routes::value_function("{id}"),
+            [get("The bytes of a value function", value_functions::show)
+                .detail("They never change: an If-None-Match with its ETag is answered with 304.")
+                .sends_bytes("application/octet-stream")
+                .says(304, "The client has it already.")
+                .compressed()],
+        )
+}
+
+fn access(table: Table) -> Table {
+    let text = "Signing in to the laboratory, the keys of experimenters and programs, and the trail of \
+                what was done with them.";
+    table
+        .group("Access", text)
+        .route(
+            routes::SESSION,
+            [
+                get("Who is signed in", session::show),
+                post("Signs in with a key", session::sign_in)
+                    .detail("Sets the session's cookie, which is valid for 30 days.")
+                    .sends_json::<Session>()
+                    .problems(["unauthorized", "throttled"]),
+                delete("Signs out", session::sign_out)
+                    .says(204, "The session has ended, if there was one."),
+            ],
+        )
+        .route(
+            routes::ADMIN_KEYS,
+            [
+                get("All keys, revoked ones too", keys::list),
+                post("Makes a further key", keys::make)
+                    .says(201, "The new key, which no later answer contains.")
+                    .problems(["taken"]),
+            ],
+        )
+        .route(
+            &routes::admin_key("{id}"),
+            [delete("Revokes a key", keys::revoke)
+                .detail("It and its sessions are invalid at once. Can be repeated.")
+                .problems(["first_key"])],
+        )
+        .route(routes::AUDIT, [get("A page of the audit trail, newest first", keys::audit)])
+}
+
+fn setup(table: Table) -> Table {
+    let text = "Studies and their configurations. A configuration in use is never edited: whoever has \
+                enrolled keeps theirs, and new participants get the new one.";
+    table
+        .group("Studies", text)
+        .route(
+            routes::ADMIN_STUDIES,
+            [
+                get("All studies, with their state", laboratory::studies),
+                post("Makes a study", configurations::make).problems(["taken", "busy"]),
+            ],
+        )
+        .route(
+            &routes::admin_study("{slug}"),
+            [get("A study, with its state", laboratory::study)],
+        )
+        .route(
+            &routes::admin_configuration("{slug}"),
+            [
+                get("A study's configuration, as the text of a study file", configurations::show),
+                put("Gives new participants another configuration", configurations::change)
+                    .detail("`base` is the hash of the configuration that the draft began with.")
+                    .problems(["changed"]),
+            ],
+        )
+        .route(
+            &routes::admin_status("{slug}"),
+            [put("Opens, closes or archives a study", configurations::set_status)
+                .problems(["changed"])],
+        )
+        .route(
+            routes::ADMIN_DRAFTS,
+            [post("Checks a draft of a study file", configurations::check)
+                .detail("200 also for a draft that is no study, with what is wrong.")],
+        )
+        .route(
+            routes::CHANGES,
+            [get("Server-sent events: something has changed", changes::follow).detail(
+                "An event `change` at once and whenever something was stored, at most one a second; \
+                 its data are the number of commits since the server started. The answer ends after \
+                 five minutes; a browser asks again.",
+            )],
+        )
+}
+
+fn people_of(table: Table) -> Table {
+    let text = "Participants, and what experimenters note and decide about them.";
+    table
+        .group("Participants", text)
+        .route(
+            &routes::admin_participants("{slug}"),
+            [get("A page of participants, or the whole table as a file", people::list)
+                .detail(
+                    "External ids and codes are there if the key may export. With `format=csv`, the \
+                     whole table, for which the key needs the right to export.",
+                )
+                .sends_json::<ParticipantPage>()
+                .sends("text/csv")
+                .problems(["access"])],
+        )
+        .route(
+            &routes::admin_participant("{id}"),
+            [
+                get("A participant, whole", profiles::show).detail(
+                    "External id, code, answers and parameters are there if the key may export.",
+                ),
+                delete("Deletes a participant's data, on their request", profiles::delete)
+                    .detail("Can be repeated."),
+            ],
+        )
+        .route(&routes::admin_notes("{id}"), [post("Adds a note", profiles::add_note)])
+        .route(
+            &routes::admin_note("{id}", "{note}"),
+            [delete("Deletes a note", profiles::delete_note)],
+        )
+        .route(
+            &routes::admin_exclusion("{id}"),
+            [
+                put("Has analyses leave the participant out", profiles::exclude),
+                delete("Has analyses use the participant again", profiles::include)
+                    .detail("Can be repeated."),
+            ],
+        )
+        .route(
+            &routes::admin_pilots("{slug}"),
+            [delete("Deletes all pilots of a study", laboratory::delete_pilots)],
+        )
+}
+
+fn data(table: Table) -> Table {
+    let text = "Stored trials, predictors, and exports.";
+    table
+        .group("Data", text)
+        .route(
+            &routes::admin_trials("{slug}"),
+            [get("A page of the stored trials, newest first", laboratory::trials)],
+        )
+        .route(
+            &routes::admin_trial("{trial_id}"),
+            [get("A stored trial, whole", laboratory::trial)],
+        )
+        .route(
+            &routes::admin_predictor("{trial_id}"),
+            [get(
+                "The predictor trained on the participant's earlier trials",
+                laboratory::predictor,
+            )],
+        )
+        .route(
+            &routes::exports("{slug}"),
+            [get("A study's data as a file", exports::export)
+                .detail(
+                    "An archive with the files of `sidestep export`, sent while it is written. The \
+                     same data are the same bytes, with the same ETag: `Range` and `If-Range` go on \
+                     with a download that broke off. Without a format, the steps as one CSV file.",
+                )
+                .sends_bytes("application/zip")
+                .sends("text/csv")
+                .says(206, "The part of the archive that was asked for.")
+                .says(304, "The client has it already.")
+                .says(416, "The archive ends before that part.")
+                .problems(["measuring", "storage"])
+                .problem_with(412, "changed")],
+        )
+        .route(
+            routes::SELF_CHECK,
+            [get("The fingerprint of the server's own simulation", laboratory::self_check)],
+        )
+}
+
+fn analysis(table: Table) -> Table {
+    let text =
+        "Comparisons of models on a study's trials, which the server computes one after another.";
+    table
+        .group("Analyses", text)
+        .route(
+            &routes::admin_analyses("{slug}"),
+            [
+                get("A page of analyses, newest first", analyses::list),
+                post("Asks for an analysis", analyses::ask)
+                    .or_200("An equal request waits already.")
+                    .problems(["queue_full"]),
+            ],
+        )
+        .route(
+            &routes::admin_analysis("{id}"),
+            [
+                get("An analysis, with the names of its files", analyses::show),
+                delete("Deletes an analysis with its files", analyses::delete),
+            ],
+        )
+        .route(
+            &routes::cancel_analysis("{id}"),
+            [post("Cancels an analysis", analyses::cancel)
+                .detail("Can be repeated.")
+                .problems(["over"])],
+        )
+        .route(
+            &routes::analysis_file("{id}", "{*name}"),
+            [get("A file of an analysis", analyses::file)
+                .detail("A slash in the name may be sent as it is or as `%2F`.")
+                .sends("text/html")
+                .sends("text/csv")
+                .sends("text/x-tex")
+                .sends_bytes("application/octet-stream")
+                .sends_any_json()],
+        )
+}
+
+fn operator(table: Table) -> Table {
+    let text = "For whoever operates the server, and for programs that use it.";
+    table
+        .group("Server", text)
+        .route("/healthz", [get("Whether the process answers", metrics::healthz)])
+        .route(
+            "/readyz",
+            [get("Whether a trial can be stored now", metrics::readyz).problems(["not_ready"])],
+        )
+        .route(
+            "/metrics",
+            [get("Counts in Prometheus's text format", metrics::show).sends("text/plain")],
+        )
+        .route(
+            routes::OPENAPI,
+            [get("This document", docs::document).sends_any_json().compressed()],
+        )
+        .route(
+            routes::DOCS,
+            [get("This document as a page", docs::page).sends("text/html").compressed()],
+        )
+}

@@ -1,0 +1,175 @@
+//! What one method of a route takes and answers.
+
+use super::problems::{Meaning, meaning};
+use super::schemas::Schemas;
+use crate::http::error::ApiError;
+use axum::Extension;
+use axum::Json;
+use axum::extract::rejection::PathRejection;
+use axum::extract::{MatchedPath, Path, State};
+use axum::http::{HeaderMap, Method, StatusCode};
+use axum::response::{Response, Sse};
+use schemars::JsonSchema;
+use serde_json::{Map, Value, json};
+use sidestep::api::{Access, Problem};
+use std::collections::{BTreeMap, BTreeSet};
+
+/// Who may send a request.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Who {
+    /// Everybody.
+    #[default]
+    Anyone,
+    /// Everybody; a participant's token changes the answer.
+    MaybeParticipant,
+    /// A participant, with the token of their enrolment.
+    Participant,
+    /// An experimenter whose key has that right.
+    Experimenter(Access),
+}
+
+/// What one method of a route takes and answers.
+#[derive(Clone, Debug, Default)]
+pub struct Operation {
+    /// Who may send it.
+    pub who: Who,
+    /// Parameters of the query, as OpenAPI has them.
+    pub parameters: Vec<Value>,
+    /// The schema of the body that it takes.
+    pub body: Option<Value>,
+    /// What each status of success has: a sentence and schemas by media type.
+    pub answers: BTreeMap<u16, (String, Map<String, Value>)>,
+    /// Codes of problems, by status.
+    pub problems: BTreeMap<u16, BTreeSet<&'static str>>,
+}
+
+impl Operation {
+    /// Adds problems by their codes.
+    pub fn problems(&mut self, codes: &[&'static str]) {
+        for code in codes {
+            self.problem(meaning(code, None));
+        }
+    }
+
+    /// Adds a problem.
+    pub fn problem(&mut self, (code, status, _): Meaning) {
+        self.problems.entry(status).or_default().insert(code);
+    }
+
+    /// Adds an answer with one media type. A further one of the same status is an alternative.
+    pub fn answer(&mut self, status: u16, media_type: &str, schema: Value) {
+        let (_, content) = self.answers.entry(status).or_default();
+        content.insert(media_type.to_owned(), json!({ "schema": schema }));
+    }
+
+    /// Adds the parameters that a query of this type has.
+    pub fn query<T: JsonSchema>(&mut self, schemas: &mut Schemas) {
+        let schema = schemas.of_query::<T>();
+        let required =
+            schema.get("required").and_then(Value::as_array).cloned().unwrap_or_default();
+        for (name, schema) in
+            schema.get("properties").and_then(Value::as_object).into_iter().flatten()
+        {
+            let mut schema = schema.clone();
+            let description = schema.as_object_mut().and_then(|it| it.remove("description"));
+            self.parameters.push(json!({
+                "name": name,
+                "in": "query",
+                "required": required.contains(&json!(name)),
+                "description": description.unwrap_or_default(),
+                "schema": present(schema),
+            }));
+        }
+    }
+}
+
+/// The schema of a parameter that is there, in the place of one that may be null.
+fn present(mut schema: Value) -> Value {
+    if let Some(Value::Array(kinds)) = schema.get_mut("type") {
+        kinds.retain(|kind| kind != "null");
+        if let [only] = kinds.as_slice() {
+            schema["type"] = only.clone();
+        }
+    } else if let Some(Value::Array(choices)) = schema.get_mut("anyOf") {
+        choices.retain(|choice| choice.get("type").is_none_or(|kind| kind != "null"));
+        if let [only] = choices.as_slice() {
+            return only.clone();
+        }
+    }
+    schema
+}
+
+/// Something that a handler takes from a request.
+pub trait Input {
+    /// Notes what it takes, and the problems that it finds.
+    fn describe(_: &mut Operation, _: &mut Schemas) {}
+}
+
+impl<S> Input for State<S> {}
+impl Input for HeaderMap {}
+impl Input for Method {}
+impl Input for MatchedPath {}
+impl<T> Input for Extension<T> {}
+impl<T> Input for Option<Extension<T>> {}
+
+impl<T> Input for Result<Path<T>, PathRejection> {
+    fn describe(operation: &mut Operation, _: &mut Schemas) {
+        operation.problems(&["not_found"]);
+    }
+}
+
+/// Something that a handler returns.
+pub trait Output {
+    /// Notes the statuses and bodies of success, and the problems.
+    fn describe(operation: &mut Operation, schemas: &mut Schemas);
+}
+
+/// A body that the type does not tell; the table of routes tells it.
+impl Output for Response {
+    fn describe(_: &mut Operation, _: &mut Schemas) {}
+}
+
+impl<T: JsonSchema> Output for Json<T> {
+    fn describe(operation: &mut Operation, schemas: &mut Schemas) {
+        operation.answer(200, "application/json", schemas.of_answer::<T>());
+    }
+}
+
+/// Something was made.
+impl<T: JsonSchema> Output for (StatusCode, Json<T>) {
+    fn describe(operation: &mut Operation, schemas: &mut Schemas) {
+        operation.answer(201, "application/json", schemas.of_answer::<T>());
+    }
+}
+
+/// Something was done, and there is nothing to say.
+impl Output for StatusCode {
+    fn describe(operation: &mut Operation, _: &mut Schemas) {
+        operation.answers.entry(204).or_default();
+    }
+}
+
+impl Output for &'static str {
+    fn describe(operation: &mut Operation, _: &mut Schemas) {
+        operation.answer(200, "text/plain", json!({ "type": "string" }));
+    }
+}
+
+impl<S> Output for Sse<S> {
+    fn describe(operation: &mut Operation, _: &mut Schemas) {
+        operation.answer(200, "text/event-stream", json!({ "type": "string" }));
+    }
+}
+
+impl<T: Output> Output for Result<T, ApiError> {
+    fn describe(operation: &mut Operation, schemas: &mut Schemas) {
+        T::describe(operation, schemas);
+        operation.problems(&["busy", "storage"]);
+    }
+}
+
+/// The schema of a problem body with one of these codes.
+pub fn problem(schemas: &mut Schemas, codes: &BTreeSet<&'static str>) -> Value {
+    let problem = schemas.of_answer::<Problem>();
+    json!({ "allOf": [problem, { "properties": { "code": { "enum": codes } } }] })
+}

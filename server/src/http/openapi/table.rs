@@ -1,0 +1,184 @@
+//! Routes that are served and documented at once, so that neither is without the other.
+
+use super::document::{Document, Entry};
+use super::handler::Documented;
+use super::operation::Operation;
+use super::problems::meaning;
+use super::schemas::Schemas;
+use crate::http::app::App;
+use axum::Router;
+use axum::handler::Handler;
+use axum::http::Method;
+use axum::routing::{MethodFilter, MethodRouter, on};
+use serde_json::{Value, json};
+use std::sync::Arc;
+use tower_http::compression::CompressionLayer;
+
+type Describe = Box<dyn FnOnce(&mut Operation, &mut Schemas)>;
+
+/// A method of a route.
+pub struct Endpoint {
+    method: Method,
+    served: MethodRouter<Arc<App>>,
+    summary: &'static str,
+    detail: &'static str,
+    describe: Describe,
+}
+
+macro_rules! endpoint {
+    ($name:ident, $method:ident) => {
+        #[doc = concat!("A `", stringify!($method), "`, with what it does in a line.")]
+        pub fn $name<H, M, I, O>(summary: &'static str, handler: H) -> Endpoint
+        where
+            H: Handler<M, Arc<App>> + Documented<I, O>,
+            M: 'static,
+            I: 'static,
+            O: 'static,
+        {
+            Endpoint {
+                method: Method::$method,
+                served: on(MethodFilter::$method, handler),
+                summary,
+                detail: "",
+                describe: Box::new(H::describe),
+            }
+        }
+    };
+}
+
+endpoint!(get, GET);
+endpoint!(put, PUT);
+endpoint!(post, POST);
+endpoint!(delete, DELETE);
+
+impl Endpoint {
+    /// What else one should know.
+    #[must_use]
+    pub fn detail(mut self, text: &'static str) -> Self {
+        self.detail = text;
+        self
+    }
+
+    /// Codes of problems that the handler itself finds.
+    #[must_use]
+    pub fn problems<const N: usize>(self, codes: [&'static str; N]) -> Self {
+        self.and(move |operation| operation.problems(&codes))
+    }
+
+    /// A problem whose code stands for another status elsewhere.
+    #[must_use]
+    pub fn problem_with(self, status: u16, code: &'static str) -> Self {
+        self.and(move |operation| operation.problem(meaning(code, Some(status))))
+    }
+
+    /// What a status of success means.
+    #[must_use]
+    pub fn says(self, status: u16, text: &'static str) -> Self {
+        self.and(move |operation| {
+            operation.answers.entry(status).or_default().0 = text.to_owned();
+        })
+    }
+
+    /// 200 with the same body as 201: what was sent is there already.
+    #[must_use]
+    pub fn or_200(self, text: &'static str) -> Self {
+        self.and(move |operation| {
+            let content = operation.answers.get(&201).map(|(_, content)| content.clone());
+            operation.answers.insert(200, (text.to_owned(), content.unwrap_or_default()));
+        })
+    }
+
+    /// 200 with a body of this media type: text, unless the schema says otherwise.
+    #[must_use]
+    pub fn sends(self, media_type: &'static str) -> Self {
+        self.sends_as(media_type, json!({ "type": "string" }))
+    }
+
+    /// 200 with bytes of this media type.
+    #[must_use]
+    pub fn sends_bytes(self, media_type: &'static str) -> Self {
+        self.sends_as(media_type, json!({ "type": "string", "contentMediaType": media_type }))
+    }
+
+    /// 200 with JSON of any shape.
+    #[must_use]
+    pub fn sends_any_json(self) -> Self {
+        self.sends_as("application/json", json!({}))
+    }
+
+    fn sends_as(self, media_type: &'static str, schema: Value) -> Self {
+        self.and(move |operation| operation.answer(200, media_type, schema))
+    }
+
+    /// 200 with JSON of this type, of a handler whose type does not tell.
+    #[must_use]
+    pub fn sends_json<T: schemars::JsonSchema>(mut self) -> Self {
+        let describe = self.describe;
+        self.describe = Box::new(|operation, schemas| {
+            describe(operation, schemas);
+            let schema = schemas.of_answer::<T>();
+            operation.answer(200, "application/json", schema);
+        });
+        self
+    }
+
+    /// Anyone; a participant's token changes the answer.
+    #[must_use]
+    pub fn for_participants_too(self) -> Self {
+        self.and(|operation| operation.who = super::operation::Who::MaybeParticipant)
+    }
+
+    /// Compresses the answers.
+    #[must_use]
+    pub fn compressed(mut self) -> Self {
+        self.served = self.served.layer(CompressionLayer::new());
+        self
+    }
+
+    fn and(mut self, change: impl FnOnce(&mut Operation) + 'static) -> Self {
+        let describe = self.describe;
+        self.describe = Box::new(|operation, schemas| {
+            describe(operation, schemas);
+            change(operation);
+        });
+        self
+    }
+}
+
+/// The table of routes, by group.
+#[derive(Default)]
+pub struct Table {
+    router: Router<Arc<App>>,
+    document: Document,
+    group: &'static str,
+}
+
+impl Table {
+    /// Begins a group of routes.
+    #[must_use]
+    pub fn group(mut self, name: &'static str, text: &'static str) -> Self {
+        self.document.group(name, text);
+        self.group = name;
+        self
+    }
+
+    /// A route, whose address has parameters in braces, and its methods.
+    #[must_use]
+    pub fn route<const N: usize>(mut self, path: &str, endpoints: [Endpoint; N]) -> Self {
+        let mut served = MethodRouter::new();
+        for endpoint in endpoints {
+            let Endpoint { method, served: one, summary, detail, describe } = endpoint;
+            let group = self.group;
+            self.document.add(Entry { group, method: &method, path, summary, detail }, describe);
+            served = served.merge(one);
+        }
+        self.router = self.router.route(path, served);
+        self
+    }
+
+    /// The routes, and the document about them.
+    #[must_use]
+    pub fn finished(self) -> (Router<Arc<App>>, Value) {
+        (self.router, self.document.finished())
+    }
+}
