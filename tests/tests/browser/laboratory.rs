@@ -24,6 +24,26 @@ async fn the_browser_simulates_as_the_server_does() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn the_page_about_the_interface_is_read_by_everybody() {
+    let (server, browser, tab) = start(SHORT_STUDY).await;
+    for (size, dark) in [(WIDE, false), (NARROW, true)] {
+        tab.look(size, dark).await;
+        tab.go(&format!("{}{}", server.origin, routes::DOCS)).await;
+        tab.is_well().await;
+        tab.run("document.querySelectorAll('details').forEach(it => it.open = true)").await;
+        tab.is_well().await;
+        let elsewhere = "performance.getEntriesByType('resource').map(it => it.name)\
+                         .filter(name => !name.startsWith(location.origin))";
+        assert_eq!(tab.eval::<Vec<String>>(elsewhere).await, Vec::<String>::new());
+    }
+    // A link to a type opens it.
+    tab.go(&format!("{}{}", server.origin, routes::DOCS)).await;
+    tab.run("location.hash = 'TrialUpload'").await;
+    tab.until("document.getElementById('TrialUpload').closest('details').open").await;
+    browser.close().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn wrong_addresses_and_keys_are_answered_in_words() {
     let (server, browser, tab) = start(SHORT_STUDY).await;
     tab.go(&format!("{}/lab#key=not-the-key-at-all", server.origin)).await;

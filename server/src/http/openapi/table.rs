@@ -177,7 +177,6 @@ impl Table {
     }
 
     /// The routes, and the document about them.
-    #[must_use]
     pub fn finished(self) -> (Router<Arc<App>>, Value) {
         (self.router, self.document.finished())
     }
