@@ -108,6 +108,7 @@ pub struct AnalysisResult {
 
 /// The mean over participants of the test accuracy of one kind of model.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct MeanAccuracy {
     /// What predicts: `svm`, `dt` or `lr`.
     pub model: String,
