@@ -11,6 +11,7 @@
 
 mod site;
 mod workspace;
+mod python;
 mod build;
 mod check;
 mod search;

@@ -8,6 +8,7 @@ use std::{env, fs};
 use anyhow::{Context, Result, bail};
 
 use crate::build;
+use crate::python::{PYTHON, environment};
 use crate::site::bundle;
 use crate::workspace::{Workspace, answer_of, stage};
 
@@ -34,9 +35,10 @@ const PACKAGES: [&str; 2] = ["chromium", "fonts-dejavu-core"];
 /// When something is missing that cannot be installed, or the build fails.
 pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> {
     if find_chromium()?.is_none() {
-        install_chromium()?;
+        install(&PACKAGES, how_to_install)?;
     }
     let chromium = chromium()?;
+    let readers = readers(workspace)?;
     build::run(workspace, &build::Options::default())?;
     let mut pages = Vec::new();
     for (variable, example) in PAGES {
@@ -46,6 +48,7 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> 
     let tests = |arguments: &[OsString]| {
         let mut tests = workspace.compile("test");
         tests.args(arguments).env(VARIABLE, &chromium).env("SIDESTEP_BIN", workspace.server());
+        tests.env(READERS, &readers);
         answer_of(tests.envs(pages.clone()))
     };
     eprintln!("==> tests");
@@ -102,9 +105,9 @@ fn find_chromium() -> Result<Option<PathBuf>> {
 }
 
 /// Installs with apt, where that can work without asking anybody.
-fn install_chromium() -> Result<()> {
+fn install(packages: &[&str], otherwise: fn() -> String) -> Result<()> {
     if on_path(&["apt-get"]).is_none() || !is_root() {
-        bail!(how_to_install());
+        bail!(otherwise());
     }
     let apt = |arguments: &[&str]| {
         let mut command = Command::new("apt-get");
@@ -113,8 +116,34 @@ fn install_chromium() -> Result<()> {
     };
     stage("apt-get update", &mut apt(&["update", "--quiet"]))?;
     let install = ["install", "--quiet", "--yes", "--no-install-recommends"];
-    stage("apt-get install", apt(&install).args(PACKAGES))?;
+    stage("apt-get install", apt(&install).args(packages))?;
     Ok(())
+}
+
+/// Tells the tests which Python has the packages that researchers read exports with.
+const READERS: &str = "SIDESTEP_READERS";
+
+/// Debian's packages for Python with environments.
+const PYTHON_PACKAGES: [&str; 2] = ["python3", "python3-venv"];
+
+/// That Python, with pandas, polars and pyarrow from PyPI in an environment of its own.
+fn readers(workspace: &Workspace) -> Result<PathBuf> {
+    let made = || environment(workspace, "readers-requirements.txt", "readers");
+    let found = env::var_os(PYTHON).is_some() || on_path(&["python3"]).is_some();
+    if let Some(Ok(python)) = found.then(made) {
+        return Ok(python);
+    }
+    // There is none, or one that makes no environments, as Debian's without its package for them.
+    install(&PYTHON_PACKAGES, how_to_install_python)?;
+    made()
+}
+
+fn how_to_install_python() -> String {
+    format!(
+        "Python 3.11 or newer is needed: install it (Debian, Ubuntu: apt-get install {}) or set \
+         {PYTHON} to its path",
+        PYTHON_PACKAGES.join(" ")
+    )
 }
 
 /// What somebody has to do whose packages we may not install.

@@ -16,6 +16,7 @@ mod trouble;
 mod features;
 mod files;
 mod exports;
+mod export_examples;
 mod keys;
 mod laboratory;
 mod openapi;

@@ -61,7 +61,7 @@ pub(super) fn run(workspace: &Workspace, quick: bool) -> Result<ExitCode> {
 
     let peer = has_sqlite3();
     let rounds = if quick { 1 } else { 5 };
-    let mut ours: [Vec<Measured>; 4] = [const { Vec::new() }; 4];
+    let mut ours: [Vec<Measured>; 6] = [const { Vec::new() }; 6];
     let mut theirs: [Vec<Measured>; 2] = [const { Vec::new() }; 2];
     for _ in 0..rounds {
         ours[0].push(import(&at("steps.csv"))?);
@@ -80,12 +80,21 @@ pub(super) fn run(workspace: &Workspace, quick: bool) -> Result<ExitCode> {
         }
         ours[2].push(export("jsonl")?);
         ours[3].push(export("parquet")?);
+        ours[4].push(export("psych-ds")?);
+        ours[5].push(export("sqlite")?);
     }
     let mut kept = true;
     let mut rows =
         vec![["what", "steps/s", "sqlite3", "ratio", "target", "memory MB", ""].map(str::to_owned)];
-    let names = ["import", "export csv", "export jsonl", "export parquet"];
-    let targets = [3e5, 1e6, 5e5, 1e6];
+    let names = [
+        "import",
+        "export csv",
+        "export jsonl",
+        "export parquet",
+        "export psych-ds",
+        "export sqlite",
+    ];
+    let targets = [3e5, 1e6, 5e5, 1e6, 1e6, 2e5];
     let mut theirs = theirs.map(|runs| (!runs.is_empty()).then(|| median(runs))).into_iter();
     for ((name, ours), target) in names.into_iter().zip(ours).zip(targets) {
         let (ours, theirs) = (median(ours), theirs.next().flatten());

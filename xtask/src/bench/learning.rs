@@ -11,8 +11,9 @@ use std::process::{Command, ExitCode, Stdio};
 use anyhow::{Context, Result, ensure};
 use serde::Deserialize;
 
-use super::peers::{environment, table};
+use super::peers::table;
 use super::process::{Measured, measured};
+use crate::python::environment;
 use crate::workspace::{Workspace, output_of, stage};
 
 /// How many times as fast as the peer we mean to be at least.

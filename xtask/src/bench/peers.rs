@@ -6,11 +6,11 @@
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
-use std::{env, fs};
 
 use anyhow::{Context, Result, bail};
 use serde::{Deserialize, Serialize};
 
+use crate::python::environment;
 use crate::workspace::{Workspace, output_of, stage};
 
 /// One comparison.
@@ -44,9 +44,6 @@ impl Case {
 
 /// Threads on our side; the script takes as many cores.
 const THREADS: &str = "2";
-
-/// Names the Python to make the environment with.
-const PYTHON: &str = "SIDESTEP_PYTHON";
 
 /// What the example `air3d` prints, as far as it is used here.
 #[derive(Deserialize)]
@@ -171,44 +168,6 @@ fn compare(workspace: &Workspace, quick: bool) -> Result<(Vec<Compared>, Vec<any
     Ok((compared, missing))
 }
 
-/// The interpreter of an environment, called `name`, with a peer in it: made once, and again when
-/// the requirements (a file of `tests/peers`) have changed.
-pub(super) fn environment(
-    workspace: &Workspace,
-    requirements: &str,
-    name: &str,
-) -> Result<PathBuf> {
-    prepared(workspace, requirements, name).context(
-        "the peer is missing: its Python environment needs python3 (3.11 or newer, with venv) \
-         and access to PyPI",
-    )
-}
-
-fn prepared(workspace: &Workspace, requirements: &str, name: &str) -> Result<PathBuf> {
-    let requirements = workspace.path("tests/peers").join(requirements);
-    let folder = workspace.output("peers").join(name);
-    // Copied when all is installed, so that half an environment is not taken for a whole.
-    let installed = folder.join("requirements.txt");
-    let program = if cfg!(windows) { "Scripts/python.exe" } else { "bin/python" };
-    let interpreter = folder.join(program);
-    let wanted = fs::read(&requirements)
-        .with_context(|| format!("cannot read {}", requirements.display()))?;
-    if fs::read(&installed).is_ok_and(|found| found == wanted) && interpreter.is_file() {
-        return Ok(interpreter);
-    }
-
-    let python = env::var_os(PYTHON).unwrap_or_else(|| "python3".into());
-    let mut create = Command::new(python);
-    stage("Python environment", create.args(["-m", "venv", "--clear"]).arg(&folder))
-        .with_context(|| format!("set {PYTHON} to another Python if this one does not do"))?;
-    let mut install = Command::new(&interpreter);
-    install.args(["-m", "pip", "install", "--quiet", "--disable-pip-version-check"]);
-    stage("pip install", install.arg("--requirement").arg(&requirements))?;
-    fs::write(&installed, wanted)
-        .with_context(|| format!("cannot write {}", installed.display()))?;
-    Ok(interpreter)
-}
-
 /// Has the peer solve `case` and leave its values in `values`.
 fn solve_theirs(
     workspace: &Workspace,
@@ -297,6 +256,8 @@ pub(super) fn table<const N: usize>(rows: &[[String; N]]) -> String {
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
 
     const OURS: &str = r#"{"wall_s":0.5,"steps":364,
@@ -355,6 +316,7 @@ mod tests {
         for (file, packages) in [
             ("requirements.txt", &packages[..]),
             ("learning-requirements.txt", &["scikit-learn==1.9"]),
+            ("readers-requirements.txt", &["pandas==", "polars==", "pyarrow=="]),
         ] {
             let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/peers");
             let requirements = fs::read_to_string(folder.join(file)).expect("it is committed");

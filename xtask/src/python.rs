@@ -1,0 +1,50 @@
+//! Environments of Python with packages, for tests and comparisons.
+
+use std::path::PathBuf;
+use std::process::Command;
+use std::{env, fs};
+
+use anyhow::{Context, Result};
+
+use crate::workspace::{Workspace, stage};
+
+/// Names the Python to make environments with.
+pub(crate) const PYTHON: &str = "SIDESTEP_PYTHON";
+
+/// The interpreter of an environment, called `name`, with the packages of requirements in it: made once, and again when
+/// the requirements (a file of `tests/peers`) have changed.
+pub(crate) fn environment(
+    workspace: &Workspace,
+    requirements: &str,
+    name: &str,
+) -> Result<PathBuf> {
+    prepared(workspace, requirements, name).context(
+        "a Python environment needs python3 (3.11 or newer, with venv; Debian: apt-get install \
+         python3 python3-venv) and access to PyPI",
+    )
+}
+
+fn prepared(workspace: &Workspace, requirements: &str, name: &str) -> Result<PathBuf> {
+    let requirements = workspace.path("tests/peers").join(requirements);
+    let folder = workspace.output("peers").join(name);
+    // Copied when all is installed, so that half an environment is not taken for a whole.
+    let installed = folder.join("requirements.txt");
+    let program = if cfg!(windows) { "Scripts/python.exe" } else { "bin/python" };
+    let interpreter = folder.join(program);
+    let wanted = fs::read(&requirements)
+        .with_context(|| format!("cannot read {}", requirements.display()))?;
+    if fs::read(&installed).is_ok_and(|found| found == wanted) && interpreter.is_file() {
+        return Ok(interpreter);
+    }
+
+    let python = env::var_os(PYTHON).unwrap_or_else(|| "python3".into());
+    let mut create = Command::new(python);
+    stage("Python environment", create.args(["-m", "venv", "--clear"]).arg(&folder))
+        .with_context(|| format!("set {PYTHON} to another Python if this one does not do"))?;
+    let mut install = Command::new(&interpreter);
+    install.args(["-m", "pip", "install", "--quiet", "--disable-pip-version-check"]);
+    stage("pip install", install.arg("--requirement").arg(&requirements))?;
+    fs::write(&installed, wanted)
+        .with_context(|| format!("cannot write {}", installed.display()))?;
+    Ok(interpreter)
+}
