@@ -198,6 +198,11 @@ async fn an_analysis_is_started_and_read_in_the_browser() {
     take(&tab, "analyses-none").await;
     tab.press("ask").await;
     tab.until_says("analyses", "done").await;
+    // Another one, to compare it with.
+    tab.run(&format!("{}.querySelector('[name=leakage]').click()", Tab::at("new-analysis"))).await;
+    tab.press("ask").await;
+    let both = format!("{}.innerText.match(/done/g)?.length === 2", Tab::at("analyses"));
+    tab.until(&both).await;
     take(&tab, "analyses").await;
     tab.press("open-analysis").await;
     tab.until(&Tab::at("report")).await;
@@ -205,9 +210,14 @@ async fn an_analysis_is_started_and_read_in_the_browser() {
     tab.until(&format!("{}.contentWindow.length === 0", Tab::at("report"))).await;
     assert!(tab.words("files").await.contains("report.html"));
     take(&tab, "analysis").await;
+    let other = format!("{}.options[1].value", Tab::at("compare"));
+    let other: String = tab.eval(&other).await;
+    tab.enter("compare", &other).await;
+    tab.until_says("accuracies", "SVM I on hrd").await;
+    take(&tab, "analyses-compared").await;
     tab.press("delete").await;
     tab.press("sure").await;
-    tab.until("document.querySelector('.empty')").await;
+    tab.until(&format!("{}.innerText.match(/done/g)?.length === 1", Tab::at("analyses"))).await;
     tab.is_well().await;
     browser.close().await;
 }

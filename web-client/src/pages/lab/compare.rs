@@ -71,7 +71,8 @@ fn inputs<M>(
         row("Data", [short(&result.data_sha256), short(&theirs.data_sha256)]),
         row("Sidestep", both(|of| of.version.clone().unwrap_or("not recorded".to_owned()))),
     ];
-    el("div").class("scroll").child(table(["", "This analysis", "The other", ""], rows))
+    scroll("What went into the two analyses")
+        .child(table(["What went in", "This analysis", "The other", "Compared"], rows))
 }
 
 /// Mean accuracies of the models that both have.
@@ -97,12 +98,18 @@ fn accuracies<M>(result: &AnalysisResult, theirs: &AnalysisResult) -> Node<M> {
         return el("p").class("quiet").text(words);
     }
     let columns = ["Model", "This analysis (%)", "The other (%)", "Difference (points)"];
-    el("div").class("scroll").test_id("accuracies").child(table(columns, rows)).child(
-        el("p").class("quiet").text(
+    scroll("Accuracies of the two analyses")
+        .test_id("accuracies")
+        .child(table(columns, rows))
+        .child(el("p").class("quiet").text(
             "Mean test accuracy over participants. Other participants, trials or settings change \
              the numbers; the difference is not tested.",
-        ),
-    )
+        ))
+}
+
+/// What can be scrolled sideways, with the keyboard too.
+fn scroll<M>(label: &str) -> Node<M> {
+    el("div").class("scroll").attrs(&[("role", "group"), ("tabindex", "0"), ("aria-label", label)])
 }
 
 /// With its sign; 0.00 has none.
