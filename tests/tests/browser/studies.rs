@@ -221,3 +221,31 @@ async fn an_analysis_is_started_and_read_in_the_browser() {
     tab.is_well().await;
     browser.close().await;
 }
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_study_is_taken_away_in_the_browser() {
+    let (server, browser, tab) = start(SHORT_STUDY).await;
+    sign_in(&tab, &server).await;
+    tab.press("study-default").await;
+    tab.press("tab-export").await;
+    tab.until(&Tab::at("no-trials")).await;
+    take(&tab, "export-none").await;
+    come(&server, "5f3a9c").await.drive(&server, 5).await;
+    tab.until(&Tab::at("export-form")).await;
+    take(&tab, "export").await;
+    // What the button would download.
+    tab.press("format-parquet").await;
+    let form = Tab::at("export-form");
+    let query = format!("new URLSearchParams(new FormData({form})).toString()");
+    let query: String = tab.eval(&query).await;
+    assert!(query.starts_with("format=parquet"), "{query}");
+    let archive = format!(
+        "fetch({form}.action + '?' + {query:?}).then(answer => answer.blob()).then(blob => \
+         blob.slice(0, 2).text()).then(text => window.begins = text)"
+    );
+    tab.run(&archive).await;
+    tab.until("window.begins === 'PK'").await;
+    tab.until_painted().await;
+    tab.is_well().await;
+    browser.close().await;
+}
