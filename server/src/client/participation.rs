@@ -8,7 +8,7 @@ use sidestep::api::{
     TrialStored, TrialUpload, Withdrawn, routes,
 };
 
-/// Somebody who has enrolled.
+/// An enrolled participant.
 #[derive(Clone, Debug)]
 pub struct Participation {
     client: Client,

@@ -45,7 +45,7 @@ fn participation(table: Table) -> Table {
                      request id that was sent before, resumes.",
                 )
                 .says(201, "A new participant.")
-                .or_200("Somebody who is known: the same plan, and a further token.")
+                .or_200("A participant who has enrolled before: the same plan, and a further token.")
                 .problems(["closed", "full", "archived", "screened_out", "withdrawn"])],
         )
         .route(

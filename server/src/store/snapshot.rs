@@ -1,4 +1,4 @@
-//! A new SQLite file with tables of somebody else's making: an export.
+//! A new SQLite file for an export. The caller names its tables and columns.
 
 use super::StoreError;
 use rusqlite::types::{ToSqlOutput, ValueRef};
@@ -90,7 +90,7 @@ impl Snapshot {
         Ok(self.db.execute_batch(&create)?)
     }
 
-    /// Adds rows to a table with so many columns.
+    /// Adds rows to a table with this number of columns.
     ///
     /// # Errors
     /// [`StoreError`] if the disk refuses them, or two have the same key.

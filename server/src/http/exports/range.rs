@@ -21,7 +21,7 @@ pub(super) enum Wanted {
 pub(super) enum Bytes {
     /// From the first to the last, if that is known; both belong to it.
     From(u64, Option<u64>),
-    /// The last so many.
+    /// This number of bytes at the end.
     Last(u64),
 }
 

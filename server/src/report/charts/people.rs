@@ -5,7 +5,7 @@ use sidestep::behaviour::{Behaviour, BehaviourSummary, PARTS};
 use sidestep::chart::{Axis, Chart, Group, Mark, Swarm, colours, fixed};
 use sidestep::comparison::Analysis;
 
-/// A number of a part of somebody's tasks; none where the part does not tell.
+/// A measure of one part of a participant's tasks; none if no task of the part has it.
 type Of = fn(&BehaviourSummary) -> Option<f64>;
 
 /// A chart for each measure: dots are people, columns are parts of their tasks.
