@@ -131,13 +131,11 @@ impl Languages {
     /// [`Complaint`] naming the line, the field, what was expected and found.
     pub fn read_draft(&self, text: &str) -> Result<(StudyFile, Vec<Complaint>), Complaint> {
         let file = StudyFile::of("draft".to_owned(), text.to_owned())?;
-        self.check(file.config()).map_err(|invalid| Complaint {
-            line: file.line_of(&invalid.field),
-            what: invalid.to_string(),
-        })?;
+        self.check(file.config()).map_err(|invalid| file.located(&invalid))?;
         let remark = |(field, what): (String, String)| Complaint {
             line: file.line_of(&field),
             what: format!("{field}: {what}"),
+            field: Some(field),
         };
         let remarks = self.untranslated(file.config()).into_iter().map(remark).collect();
         Ok((file, remarks))

@@ -16,7 +16,9 @@ pub use analyses::{
     AnalysisDetail, AnalysisFile, AnalysisPage, AnalysisProgress, AnalysisResult, AnalysisState,
     AnalysisSummary, ExcludedParticipant, MeanAccuracy,
 };
-pub use configuration::{Change, Configuration, Draft, DraftChecked, NewStatus, Remark};
+pub use configuration::{
+    Change, Configuration, ConfigurationVersion, Draft, DraftChecked, FormDraft, NewStatus, Remark,
+};
 pub use laboratory::{
     PilotsDeleted, SelfCheck, SignIn, StudySummary, TrainedPredictor, TrialDetail, TrialPage,
     TrialSummary,

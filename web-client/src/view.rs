@@ -269,6 +269,16 @@ impl<M: Clone> Node<M> {
         })
     }
 
+    /// The test names of all elements in it.
+    #[must_use]
+    pub fn test_ids(&self) -> Vec<&str> {
+        let inner = self.children.iter().flat_map(|child| match child {
+            Child::Node(node) => node.test_ids(),
+            Child::Text(_) | Child::Moment(_) => Vec::new(),
+        });
+        self.attribute("data-testid").into_iter().chain(inner).collect()
+    }
+
     /// The message of the element with that test name when it is pressed, if it can be.
     #[must_use]
     pub fn press(&self, test_id: &str) -> Option<M> {

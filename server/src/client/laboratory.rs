@@ -6,9 +6,9 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use sidestep::api::{
     AnalysisDetail, AnalysisPage, AnalysisSummary, AuditPage, Configuration, Draft, DraftChecked,
-    KeyMade, KeySummary, NewExclusion, NewKey, NewNote, NewStatus, Note, ParticipantDetail,
-    ParticipantPage, PilotsDeleted, SelfCheck, Session, StudySummary, TrainedPredictor,
-    TrialDetail, TrialPage, routes,
+    FormDraft, KeyMade, KeySummary, NewExclusion, NewKey, NewNote, NewStatus, Note,
+    ParticipantDetail, ParticipantPage, PilotsDeleted, SelfCheck, Session, StudySummary,
+    TrainedPredictor, TrialDetail, TrialPage, routes,
 };
 use sidestep::comparison::Request;
 use sidestep::study::Status;
@@ -96,6 +96,14 @@ impl Laboratory {
     /// [`ClientError`].
     pub async fn check_draft(&self, draft: &Draft) -> Result<DraftChecked, ClientError> {
         self.send("the draft", Method::POST, routes::ADMIN_DRAFTS, draft).await
+    }
+
+    /// Checks a study that somebody writes in a form, and writes it as a study file.
+    ///
+    /// # Errors
+    /// [`ClientError`].
+    pub async fn check_form(&self, draft: &FormDraft) -> Result<DraftChecked, ClientError> {
+        self.send("the draft", Method::POST, routes::ADMIN_FORM_DRAFTS, draft).await
     }
 
     /// Makes a study.

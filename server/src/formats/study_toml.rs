@@ -66,24 +66,35 @@ impl StudyFile {
     /// A complaint about a field of the study, with its file and line.
     #[must_use]
     pub fn complaint(&self, invalid: &Invalid) -> String {
-        format!("{}:{}", self.name, located(&self.text, invalid))
+        format!("{}:{}", self.name, self.located(invalid))
+    }
+
+    /// The same without the file.
+    #[must_use]
+    pub fn located(&self, invalid: &Invalid) -> Complaint {
+        located(&self.text, invalid)
     }
 }
 
 /// A complaint with the line of its field.
 fn located(text: &str, invalid: &Invalid) -> Complaint {
     let line = TomlLines::parse(text).map_or(1, |lines| lines.line_of(&invalid.field));
-    Complaint { line, what: invalid.to_string() }
+    Complaint { line, field: Some(invalid.field.clone()), what: invalid.to_string() }
 }
 
-fn parse(text: &str) -> Result<StudyConfig, Complaint> {
-    let whole = |what: &str| Complaint { line: 1, what: one_line(what) };
+/// The study that a text says, which need not be valid.
+///
+/// # Errors
+/// [`Complaint`] if the text is not TOML, or a field of another kind than expected.
+pub fn read_unchecked(text: &str) -> Result<StudyConfig, Complaint> {
+    let whole = |what: &str| Complaint { line: 1, field: None, what: one_line(what) };
     let lines = TomlLines::parse(text)?;
     let located = |invalid: Invalid| located(text, &invalid);
     if let Some(leaf) = lines.too_large() {
         let expected = "a whole number from -9223372036854775808 to 9223372036854775807";
         let invalid = Invalid::new(leaf.key, expected, "a number outside that range");
-        return Err(Complaint { line: leaf.line, what: invalid.to_string() });
+        let field = Some(invalid.field.clone());
+        return Err(Complaint { line: leaf.line, field, what: invalid.to_string() });
     }
     let given: Table = toml::from_str(text).map_err(|error| whole(error.message()))?;
     if !given.contains_key("slug") {
@@ -93,14 +104,22 @@ fn parse(text: &str) -> Result<StudyConfig, Complaint> {
     }
     let mut table = Table::try_from(StudyConfig::default()).map_err(|e| whole(&e.to_string()))?;
     lay_over(&mut table, given);
-    let study = StudyConfig::deserialize(Value::Table(table.clone())).or_else(|error| {
+    StudyConfig::deserialize(Value::Table(table.clone())).or_else(|error| {
         let document = serde_json::to_value(table).map_err(|e| whole(&e.to_string()))?;
         match from_value::<StudyConfig>(&document) {
             Err(invalid) => Err(located(invalid)),
             // TOML has numbers and dates that JSON does not have.
-            Ok(_) => Err(Complaint { line: lines.line_of(""), what: one_line(&error.to_string()) }),
+            Ok(_) => {
+                let what = one_line(&error.to_string());
+                Err(Complaint { line: lines.line_of(""), field: None, what })
+            }
         }
-    })?;
+    })
+}
+
+fn parse(text: &str) -> Result<StudyConfig, Complaint> {
+    let study = read_unchecked(text)?;
+    let located = |invalid: Invalid| located(text, &invalid);
     study.check().map_err(located)?;
     study.check_plausible().map_err(located)?;
     // A study without scenes would start, and then enrol nobody.

@@ -10,6 +10,8 @@ use toml::de::{DeTable, DeValue};
 pub struct Complaint {
     /// The line, from 1.
     pub line: usize,
+    /// The field, such as `phases[0].scenes`; none if the text is not TOML.
+    pub field: Option<String>,
     /// One line: what was expected and found.
     pub what: String,
 }
@@ -40,7 +42,8 @@ impl<'a> TomlLines<'a> {
     pub fn parse(text: &'a str) -> Result<Self, Complaint> {
         let root = DeTable::parse(text).map_err(|error| {
             let line = line_at(text, &error.span().unwrap_or_default());
-            Complaint { line, what: format!("expected TOML: {}", one_line(error.message())) }
+            let what = format!("expected TOML: {}", one_line(error.message()));
+            Complaint { line, field: None, what }
         })?;
         Ok(Self { text, root })
     }

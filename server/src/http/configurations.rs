@@ -5,8 +5,8 @@
 
 use crate::clock::now_ms;
 use crate::design;
-use crate::formats::study_toml::{StudyFile, written};
-use crate::formats::toml_lines::Complaint;
+use crate::formats::study_toml::{StudyFile, read_unchecked, written};
+use crate::formats::toml_lines::{Complaint, one_line};
 use crate::http::app::App;
 use crate::http::error::ApiError;
 use crate::http::experimenters::{Experimenter, Manager, Reader};
@@ -21,8 +21,10 @@ use axum::extract::State;
 use axum::http::StatusCode;
 use serde_json::Value;
 use sidestep::api::{
-    Action, Change, Configuration, Draft, DraftChecked, NewStatus, Problem, Remark,
+    Action, Change, Configuration, ConfigurationVersion, Draft, DraftChecked, FormDraft, NewStatus,
+    Problem, Remark,
 };
+use sidestep::document::from_value;
 use sidestep::invalid::Invalid;
 use sidestep::study::StudyConfig;
 use std::collections::BTreeMap;
@@ -46,25 +48,70 @@ pub async fn check(
     State(app): State<Arc<App>>,
     JsonBody(draft): JsonBody<Draft>,
 ) -> Result<Json<DraftChecked>, ApiError> {
-    let has_base = draft.base.is_some();
-    let (file, warnings) = match read_draft(&app, draft.toml).await? {
+    checked(&app, draft).await.map(Json)
+}
+
+/// `POST /api/v1/admin/drafts/form`: the same for the values of a form, which become a study file.
+pub async fn check_form(
+    _: Reader,
+    State(app): State<Arc<App>>,
+    JsonBody(draft): JsonBody<FormDraft>,
+) -> Result<Json<DraftChecked>, ApiError> {
+    let FormDraft { config, base } = draft;
+    let unwritten = |field: Option<String>, message: String| {
+        let complaint = Some(Remark { line: None, field, message });
+        let (config, languages) = (Some(config.clone()), languages(&app));
+        Ok(Json(DraftChecked { complaint, config, languages, ..DraftChecked::default() }))
+    };
+    let study = match from_value::<StudyConfig>(&config) {
+        Ok(study) => study,
+        Err(invalid) => return unwritten(Some(invalid.field.clone()), invalid.to_string()),
+    };
+    // TOML has no whole numbers above 2⁶³ − 1.
+    let toml = match written(&study) {
+        Ok(toml) => toml,
+        Err(error) => return unwritten(None, one_line(&error.to_string())),
+    };
+    let checked = checked(&app, Draft { toml: toml.clone(), base }).await?;
+    Ok(Json(DraftChecked { toml: Some(toml), ..checked }))
+}
+
+fn languages(app: &App) -> Vec<String> {
+    app.library.languages().tags().map(str::to_owned).collect()
+}
+
+async fn checked(app: &Arc<App>, draft: Draft) -> Result<DraftChecked, ApiError> {
+    let Draft { toml, base } = draft;
+    let languages = languages(app);
+    let (file, warnings) = match read_draft(app, toml.clone()).await? {
         Ok(read) => read,
         Err(complaint) => {
             let complaint = Some(remark(complaint));
-            let (warnings, changes) = (Vec::new(), Vec::new());
-            return Ok(Json(DraftChecked { complaint, warnings, changes, picture: None }));
+            // A number that JSON does not have cannot be shown in a form.
+            let config = read_unchecked(&toml).ok().and_then(|study| {
+                let config = serde_json::to_value(study).ok()?;
+                from_value::<StudyConfig>(&config).is_ok().then_some(config)
+            });
+            return Ok(DraftChecked { complaint, config, languages, ..DraftChecked::default() });
         }
     };
-    let config = Arc::new(file.config().clone());
-    let present = app.store.study(&config.slug).await?.filter(|_| has_base);
+    let study = Arc::new(file.config().clone());
+    let present = app.store.study(&study.slug).await?.filter(|_| base.is_some());
     let changes = match present {
-        Some(study) => changes(&study.config, &config)?,
+        Some(present) => changes(&present.config, &study)?,
         None => Vec::new(),
     };
-    let drawn = Arc::clone(&config);
+    let drawn = Arc::clone(&study);
     let picture = app.drawing.queue()?.run(move || picture(&drawn)).await??;
-    let warnings = warnings.into_iter().map(remark).collect();
-    Ok(Json(DraftChecked { complaint: None, warnings, changes, picture: Some(picture) }))
+    Ok(DraftChecked {
+        complaint: None,
+        warnings: warnings.into_iter().map(remark).collect(),
+        changes,
+        config: Some(serde_json::to_value(&*study).context("a configuration as JSON")?),
+        toml: None,
+        languages,
+        picture: Some(picture),
+    })
 }
 
 /// `POST /api/v1/admin/studies`: 201 with the new study.
@@ -149,10 +196,35 @@ async fn configuration(app: &App, study: StoredStudy) -> Result<Configuration, A
     let counts = app.store.summaries(Some(study.slug.clone()), now_ms()).await?;
     Ok(Configuration {
         toml: written(&study.config).context("a configuration as TOML")?,
+        versions: versions(app, &study).await?,
         study: study.slug,
         hash: study.config_hash,
         participants: counts.first().map_or(0, |study| study.participants),
     })
+}
+
+/// The configurations that a study has had, newest first.
+async fn versions(app: &App, study: &StoredStudy) -> Result<Vec<ConfigurationVersion>, ApiError> {
+    let stored = app.store.study_versions(study.id).await?;
+    let mut versions = Vec::with_capacity(stored.len());
+    for (i, version) in stored.iter().enumerate() {
+        let before = i.checked_sub(1).map(|before| &stored[before].config);
+        let changed = match before {
+            Some(before) => changes(before, &version.config)?,
+            None => Vec::new(),
+        };
+        versions.push(ConfigurationVersion {
+            number: version.number,
+            hash: version.hash.clone(),
+            label: version.config.version.clone(),
+            since_ms: version.since_ms,
+            participants: version.participants,
+            toml: written(&version.config).context("a configuration as TOML")?,
+            changed: changed.into_iter().map(|change| change.field).collect(),
+        });
+    }
+    versions.reverse();
+    Ok(versions)
 }
 
 /// Reads a draft. That draws scenes, which takes time.
@@ -167,7 +239,7 @@ async fn read_draft(
 /// The study of a draft.
 async fn accepted(app: &Arc<App>, toml: String) -> Result<StudyFile, ApiError> {
     let read = read_draft(app, toml).await?;
-    let (file, _) = read.map_err(|Complaint { line, what }| {
+    let (file, _) = read.map_err(|Complaint { line, what, .. }| {
         let message = format!("line {line}: {what}");
         let (code, field) = ("invalid".to_owned(), Some("toml".to_owned()));
         let problem = Problem { code, message, field, return_url: None };
@@ -177,7 +249,8 @@ async fn accepted(app: &Arc<App>, toml: String) -> Result<StudyFile, ApiError> {
 }
 
 fn remark(complaint: Complaint) -> Remark {
-    Remark { line: complaint.line, message: complaint.what }
+    let Complaint { line, field, what } = complaint;
+    Remark { line: Some(line), field, message: what }
 }
 
 fn picture(study: &StudyConfig) -> Result<String, ApiError> {

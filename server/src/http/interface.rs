@@ -166,6 +166,11 @@ fn setup(table: Table) -> Table {
                 .detail("200 also for a draft that is no study, with what is wrong.")],
         )
         .route(
+            routes::ADMIN_FORM_DRAFTS,
+            [post("Checks a study written in a form, and writes its file", configurations::check_form)
+                .detail("As the check of a text; the answer has the text that the values make.")],
+        )
+        .route(
             routes::CHANGES,
             [get("Server-sent events: something has changed", changes::follow).detail(
                 "An event `change` at once and whenever something was stored, at most one a second; \

@@ -29,7 +29,10 @@ impl Sentences {
     pub fn read(text: &str) -> Result<Self, Complaint> {
         let mut sentences = BTreeMap::new();
         for leaf in TomlLines::parse(text)?.leaves() {
-            let complain = |what: String| Complaint { line: leaf.line, what };
+            let complain = |what: String| {
+                let field = Some(leaf.key.clone());
+                Complaint { line: leaf.line, field, what }
+            };
             let key = &leaf.key;
             let sentence = leaf.text.ok_or_else(|| complain(format!("{key}: expected a text")))?;
             places(&sentence).map_err(|what| complain(format!("{key}: expected {what}")))?;

@@ -24,6 +24,21 @@ pub struct StoredStudy {
     pub config_hash: String,
 }
 
+/// One of the configurations that a study has had.
+#[derive(Clone, Debug)]
+pub struct StudyVersion {
+    /// Its number within the study, from 1.
+    pub number: u32,
+    /// The hash of the configuration.
+    pub hash: String,
+    /// The configuration.
+    pub config: Arc<StudyConfig>,
+    /// From when new participants got it, ms since 1970.
+    pub since_ms: i64,
+    /// People who enrolled under this configuration, in whichever of its versions; without pilots.
+    pub participants: u64,
+}
+
 /// What came of a change of a study.
 #[derive(Clone, Debug)]
 pub enum ChangeStudy {
@@ -55,6 +70,28 @@ impl Store {
             Ok(rows.collect::<Result<_, _>>()?)
         })
         .await
+    }
+
+    /// The configurations that new participants of a study have got, oldest first.
+    pub async fn study_versions(&self, study_id: i64) -> Result<Vec<StudyVersion>, StoreError> {
+        self.read(|db| {
+            let mut statement = db.prepare_cached(
+                "SELECT number, config_hash, since_ms, \
+                     (SELECT count(*) FROM participant WHERE study_id = version.study_id \
+                      AND config_hash = version.config_hash AND pilot = 0) \
+                 FROM study_version version WHERE study_id = ?1 ORDER BY number",
+            )?;
+            let mut rows = statement.query([study_id])?;
+            let mut versions = Vec::new();
+            while let Some(row) = rows.next()? {
+                let hash: String = row.get(1)?;
+                let config = self.config_in(db, &hash)?;
+                let (number, since_ms) = (row.get(0)?, row.get(2)?);
+                let participants = row.get::<_, i64>(3)?.cast_unsigned();
+                versions.push(StudyVersion { number, hash, config, since_ms, participants });
+            }
+            Ok(versions)
+        })
     }
 
     /// The configuration with this hash.
@@ -186,6 +223,11 @@ pub(super) fn put(
          ON CONFLICT (slug) DO UPDATE SET config_hash = excluded.config_hash RETURNING id",
         params![new.slug, hash, now_ms],
         |row| row.get(0),
+    )?;
+    db.execute(
+        "INSERT INTO study_version (study_id, number, config_hash, since_ms) \
+         SELECT ?1, 1 + coalesce(max(number), 0), ?2, ?3 FROM study_version WHERE study_id = ?1",
+        params![id, hash, now_ms],
     )?;
     Ok(StoredStudy { id, slug: new.slug.clone(), config: Arc::clone(new), config_hash: hash })
 }

@@ -63,6 +63,9 @@ pub fn admin_status(slug: &str) -> String {
 }
 /// A POST checks a draft of a study file.
 pub const ADMIN_DRAFTS: &str = "/api/v1/admin/drafts";
+
+/// Checks a study that somebody is writing in a form, and writes it as a study file.
+pub const ADMIN_FORM_DRAFTS: &str = "/api/v1/admin/drafts/form";
 /// Server-sent events: one whenever something that the server stores has changed.
 pub const CHANGES: &str = "/api/v1/admin/changes";
 /// The participants of a study, without the query that names the format.

@@ -33,20 +33,20 @@ async fn a_draft_is_checked_by_line_and_shown() {
     let server = Server::with_study(SHORT_STUDY).await;
     let wrong = check(&server, "slug = \"new\"\n[trials]\ncountdown_s = -1\n", None).await;
     let complaint = wrong.complaint.unwrap();
-    assert_eq!(complaint.line, 3);
+    assert_eq!((complaint.line, complaint.field.as_deref()), (Some(3), Some("trials.countdown_s")));
     assert!(complaint.message.starts_with("trials.countdown_s: expected"), "{complaint:?}");
     assert_eq!((wrong.picture, wrong.warnings.len()), (None, 0));
     for (text, line) in
         [("slug = ", 1), ("title = \"x\"", 1), ("slug = \"a\"\nlanguages = [\"xx\"]", 2)]
     {
-        assert_eq!(check(&server, text, None).await.complaint.unwrap().line, line, "{text}");
+        assert_eq!(check(&server, text, None).await.complaint.unwrap().line, Some(line), "{text}");
     }
     // Texts that are missing in a language are no fault.
     let half =
         "slug = \"new\"\nlanguages = [\"en\", \"de\"]\n[consent]\ntext = { en = \"Hello.\" }\n";
     let half = check(&server, half, None).await;
     assert_eq!(half.complaint, None);
-    assert_eq!(half.warnings[0].line, 4);
+    assert_eq!(half.warnings[0].line, Some(4));
     assert!(half.warnings[0].message.contains("no text in de"), "{:?}", half.warnings);
     let picture = half.picture.unwrap();
     assert!(picture.starts_with("<svg") && picture.contains("How the scenes are spread"));
@@ -66,6 +66,73 @@ async fn a_draft_is_checked_by_line_and_shown() {
 }
 
 #[tokio::test]
+async fn a_form_is_checked_by_field_and_written_as_a_study_file() {
+    let server = Server::with_study(SHORT_STUDY).await;
+    let send_form = async |config: &Value| -> DraftChecked {
+        let draft = json!({ "config": config, "base": "x" });
+        send(&server, Method::POST, routes::ADMIN_FORM_DRAFTS, &server.key, &draft).await.into(200)
+    };
+    let present: Configuration =
+        server.admin(&routes::admin_configuration("default")).await.into(200);
+    let shown = check(&server, &present.toml, None).await;
+    assert_eq!(shown.languages[0], "en");
+    let config = shown.config.unwrap();
+    // A form in which nothing was entered says the same.
+    let same = send_form(&config).await;
+    assert_eq!((same.toml.as_deref(), same.complaint), (Some(present.toml.as_str()), None));
+    assert!(same.changes.is_empty() && same.picture.is_some());
+
+    let mut entered = config.clone();
+    entered["title"] = json!("Entered");
+    entered["phases"][0]["scenes"] = json!(3);
+    entered["consent"]["text"]["zh-CN"] = json!("你好");
+    let written = send_form(&entered).await;
+    assert_eq!(written.complaint, None);
+    let fields: Vec<_> = written.changes.iter().map(|change| change.field.as_str()).collect();
+    assert_eq!(fields, ["consent.text.zh-CN", "phases[0].scenes", "title"]);
+    let read = check(&server, &written.toml.unwrap(), None).await;
+    assert_eq!((read.complaint, read.config), (None, Some(entered)));
+
+    // Whatever is entered, the complaint is about the field, and the form stays.
+    for (path, value, in_text) in [
+        ("/phases/0/scenes", json!(0), true),
+        ("/phases/0/scenes", json!(null), false),
+        ("/phases/0/scenes", json!(2.5), false),
+        ("/title", json!("   "), true),
+        ("/parameters/human/speed_mps", json!("fast"), false),
+        ("/parameters/human/turn_rate_radps", json!(28.6), true),
+        ("/trials/countdown_s", json!(-1), false),
+        ("/recruitment/completed_url", json!("http://x"), true),
+    ] {
+        let mut entered = config.clone();
+        *entered.pointer_mut(path).unwrap() = value.clone();
+        let checked = send_form(&entered).await;
+        let complaint = checked.complaint.unwrap();
+        let field = complaint.field.as_deref().unwrap_or_default();
+        let expected = path[1..].replace("/0/", "[0].").replace('/', ".");
+        assert_eq!(field, expected, "{complaint:?}");
+        assert!(complaint.message.starts_with(field), "{complaint:?}");
+        assert_eq!((complaint.line.is_some(), checked.toml.is_some()), (in_text, in_text));
+        assert!(checked.config.is_some(), "{path}");
+    }
+    // TOML has no such number.
+    let mut entered = config.clone();
+    entered["recruitment"]["quota"] = json!(u64::MAX);
+    let complaint = send_form(&entered).await.complaint.unwrap();
+    assert!(!complaint.message.is_empty() && !complaint.message.contains('\n'), "{complaint:?}");
+    // A text that is a study but not a valid one has a form, and another text has none.
+    let invalid = check(&server, "slug = \"a\"\n[trials]\ncountdown_s = 99\n", None).await;
+    assert_eq!(invalid.config.unwrap()["trials"]["countdown_s"], 99);
+    for text in ["slug = ", "slug = \"a\"\ncolour = 1", "slug = \"a\"\n[trials]\nend_s = nan"] {
+        let checked = check(&server, text, None).await;
+        assert_eq!((checked.config, checked.complaint.is_some()), (None, true), "{text}");
+    }
+    let unknown = json!({ "config": {}, "form": 1 });
+    let answer = send(&server, Method::POST, routes::ADMIN_FORM_DRAFTS, &server.key, &unknown);
+    answer.await.problem(422, "invalid", Some("form"));
+}
+
+#[tokio::test]
 async fn a_study_is_made_changed_closed_and_kept_over_a_restart() {
     let server = Server::with_study(SHORT_STUDY).await;
     let new =
@@ -75,6 +142,7 @@ async fn a_study_is_made_changed_closed_and_kept_over_a_restart() {
     make(&server, new).await.problem(409, "taken", None);
     let why = make(&server, "slug = \"third\"\nphases = 3").await;
     assert!(why.problem(422, "invalid", Some("toml")).starts_with("line 2: phases: expected"));
+    assert_eq!((made.versions.len(), made.versions[0].number), (1, 1));
     // People take part at once.
     let body = json!({ "consent": true });
     let first =
@@ -86,6 +154,11 @@ async fn a_study_is_made_changed_closed_and_kept_over_a_restart() {
     let changed: Configuration = change(&server, "second", &longer, &made.hash).await.into(200);
     assert_eq!(changed.participants, 1);
     assert_ne!(changed.hash, made.hash);
+    let [new, old] = &changed.versions[..] else { panic!("{:?}", changed.versions) };
+    assert_eq!((new.number, new.participants, &new.hash), (2, 0, &changed.hash));
+    assert_eq!(new.changed, ["phases[0].scenes"]);
+    assert_eq!((old.number, old.participants, &old.hash), (1, 1, &made.hash));
+    assert_eq!((&old.toml, old.changed.len()), (&made.toml, 0));
     let later =
         Driver { enrolled: Driver::ask_in(&server, "second", body.clone()).await.into(201) };
     assert_eq!((first.scenes().len(), later.scenes().len()), (2, 3));

@@ -1,9 +1,22 @@
-//! A study as it is set up: its file, checked while somebody writes it, who can take part, and the links
-//! for participants.
+//! A study as it is set up: a form or a file, checked while somebody writes it, who can take part, and the
+//! links for participants.
+//!
+//! The text of the study file is the draft. A form shows what the text says, and what is entered in the form
+//! becomes a text again, by the server.
 
+mod document;
+mod edit;
+mod fields;
+mod questions;
+mod form;
+mod editor;
 mod links;
 mod outcome;
+mod taking_part;
+mod versions;
 
+use self::edit::Edit;
+use self::editor::{Editor, Mode};
 use super::study::{self, Tab};
 use super::visit::Visit;
 use crate::form::FieldValue;
@@ -11,9 +24,7 @@ use crate::json;
 use crate::pages::parts::{self, alert, button};
 use crate::runtime::{Answer, Command, Commands, Page, Request, read};
 use crate::view::{self, el};
-use sidestep::api::{
-    Access, Configuration, Draft, DraftChecked, NewStatus, StudyInfo, StudySummary, routes,
-};
+use sidestep::api::{Access, Configuration, NewStatus, StudyInfo, StudySummary, routes};
 use sidestep::study::Status;
 
 type Node = view::Node<Msg>;
@@ -27,19 +38,12 @@ pub(super) struct ConfigurationPage {
     origin: String,
     study: Option<StudySummary>,
     info: Option<StudyInfo>,
-    /// What the text began with; none before it has come, and for a study that begins with nothing.
+    /// What is stored; none before it has come, and for a study that is to be made.
     base: Option<Configuration>,
-    /// What the field was given. What is typed does not change it.
-    given: Option<String>,
-    /// How often the field was given a text: it is made anew each time.
-    givings: u32,
-    /// What is in the field.
-    text: String,
-    /// What the server says of the text, once it has.
-    checked: Option<DraftChecked>,
+    editor: Editor,
     /// The differences are shown, and storing waits for a second press.
     confirming: bool,
-    /// The text was stored just now.
+    /// The draft was stored just now.
     stored: bool,
     /// Somebody else has stored another configuration since.
     overtaken: bool,
@@ -55,29 +59,37 @@ pub(super) enum Msg {
     Info(Answer),
     /// The server sent the configuration.
     Configuration(Answer),
+    /// The form or the text is to be shown.
+    Show(Mode),
+    /// The form is to show the texts of this language.
+    Language(String),
+    /// A field of the form has changed.
+    Edit(Edit),
+    /// The form is to have other fields, and then this control has the focus.
+    Rebuild(Edit, String),
     /// The text has changed.
     Typed(FieldValue),
-    /// The text has not changed for a moment.
+    /// Nothing has been entered for a moment.
     Check,
-    /// The server checked the text.
+    /// The server checked the draft.
     Checked(Answer),
-    /// The text is to be stored.
+    /// The draft is to be stored.
     Store,
     /// Not yet.
     GoOn,
     /// The differences are right.
     Confirm,
-    /// The server stored the text, or refused.
+    /// The server stored the draft, or refused.
     Stored(Answer),
     /// The study is to be open, closed or archived.
     Set(Status),
     /// The server has set it.
     StatusSet(Answer),
-    /// The present configuration is wanted instead of the text.
+    /// The present configuration is wanted instead of the draft.
     Reload,
 }
 
-/// After this pause in typing the text is checked, ms.
+/// After this pause in typing the draft is checked, ms.
 const PAUSE_MS: f64 = 350.0;
 
 /// A new study begins with this.
@@ -114,7 +126,7 @@ impl ConfigurationPage {
                 vec![Command::Send(Request::get("configuration", url, Msg::Configuration))]
             }
             None => {
-                page.give(TEMPLATE.to_owned());
+                page.begin(TEMPLATE.to_owned());
                 vec![page.check()]
             }
         };
@@ -129,10 +141,7 @@ impl ConfigurationPage {
             study: None,
             info: None,
             base: None,
-            given: None,
-            givings: 0,
-            text: String::new(),
-            checked: None,
+            editor: Editor::new(),
             confirming: false,
             stored: false,
             overtaken: false,
@@ -147,27 +156,32 @@ impl ConfigurationPage {
         vec![study::ask(slug, Msg::Study), Command::Send(info), Command::Send(configuration)]
     }
 
-    /// Puts a text into the field.
-    fn give(&mut self, text: String) {
-        self.text.clone_from(&text);
-        self.given = Some(text);
-        self.givings += 1;
+    /// Begins a draft with a text.
+    fn begin(&mut self, text: String) {
+        self.editor.begin(text);
         (self.confirming, self.overtaken, self.stored) = (false, false, false);
     }
 
     /// Whether there is anything to store.
     fn is_changed(&self) -> bool {
-        self.given.as_ref() != Some(&self.text) || (self.slug.is_none() && self.given.is_some())
+        self.slug.is_none() || self.editor.is_changed()
     }
 
-    fn draft(&self) -> String {
-        let base = self.base.as_ref().map(|base| base.hash.clone());
-        json::write(&Draft { toml: self.text.clone(), base })
+    fn base_hash(&self) -> Option<String> {
+        self.base.as_ref().map(|base| base.hash.clone())
     }
 
-    fn check(&self) -> Command<Msg> {
-        let ask = Request::get("check", routes::ADMIN_DRAFTS, Msg::Checked);
-        Command::Send(Request { method: "POST", body: Some(self.draft()), ..ask })
+    fn check(&mut self) -> Command<Msg> {
+        let (url, body) = self.editor.check(self.base_hash());
+        let ask = Request::get("check", url, Msg::Checked);
+        Command::Send(Request { method: "POST", body: Some(body), ..ask })
+    }
+
+    /// Something was entered: the draft is checked after a pause.
+    fn entered(&mut self) -> Commands<Msg> {
+        (self.confirming, self.stored) = (false, false);
+        let wake = Command::Wake { timer: "pause", after_ms: PAUSE_MS, message: Msg::Check };
+        vec![Command::GuardLeaving(self.editor.is_changed()), wake]
     }
 
     fn store(&mut self) -> Commands<Msg> {
@@ -177,18 +191,19 @@ impl ConfigurationPage {
             None => ("POST", routes::ADMIN_STUDIES.to_owned()),
         };
         let ask = Request::get("store", url, Msg::Stored);
-        vec![Command::Send(Request { method, body: Some(self.draft()), ..ask })]
+        let body = Some(self.editor.draft(self.base_hash()));
+        vec![Command::Send(Request { method, body, ..ask })]
     }
 
     fn configuration_arrived(&mut self, found: Configuration) -> Commands<Msg> {
         if self.slug.is_some() {
-            self.give(found.toml.clone());
+            self.begin(found.toml.clone());
             self.base = Some(found);
             return vec![Command::GuardLeaving(false), self.check()];
         }
         // A copy needs a name of its own.
         let copy = copy_of(&found);
-        self.give(copy);
+        self.begin(copy);
         vec![self.check()]
     }
 }
@@ -223,19 +238,26 @@ impl Page for ConfigurationPage {
                 Ok(configuration) => return self.configuration_arrived(configuration),
                 Err(failure) => self.trouble = Some(failure.sentence),
             },
+            Msg::Show(mode) => self.editor.show(mode),
+            Msg::Language(language) => self.editor.show_language(language),
+            Msg::Edit(edit) => {
+                self.editor.edit(edit);
+                return self.entered();
+            }
+            Msg::Rebuild(edit, focus) => {
+                self.editor.rebuild(edit, focus);
+                return self.entered();
+            }
             Msg::Typed(value) => {
-                value.text().clone_into(&mut self.text);
-                (self.confirming, self.stored) = (false, false);
-                let guard = Command::GuardLeaving(self.given.as_ref() != Some(&self.text));
-                let wake =
-                    Command::Wake { timer: "pause", after_ms: PAUSE_MS, message: Msg::Check };
-                return vec![guard, wake];
+                self.editor.type_text(value.text());
+                return self.entered();
             }
             Msg::Check => return vec![self.check()],
             Msg::Checked(answer) => match read(answer) {
                 Ok(checked) => {
-                    self.checked = Some(checked);
                     self.trouble = None;
+                    self.editor.take(checked);
+                    return vec![Command::GuardLeaving(self.editor.is_changed())];
                 }
                 Err(failure) => self.trouble = Some(failure.sentence),
             },
@@ -253,7 +275,7 @@ impl Page for ConfigurationPage {
                         return commands;
                     }
                     // The text stays as it was written, with its comments, until the page is left.
-                    self.given = Some(self.text.clone());
+                    self.editor.stored();
                     (self.confirming, self.stored) = (false, true);
                     commands.push(study::ask(&stored.study, Msg::Study));
                     self.base = Some(stored);
@@ -285,7 +307,7 @@ impl Page for ConfigurationPage {
     }
 
     fn view(&self) -> Node {
-        let is_there = self.given.is_some() && (self.slug.is_none() || self.study.is_some());
+        let is_there = self.editor.has_begun() && (self.slug.is_none() || self.study.is_some());
         if !is_there {
             return match &self.trouble {
                 Some(why) => parts::stuck("No configuration to show", why),
@@ -296,15 +318,16 @@ impl Page for ConfigurationPage {
         let page = match &self.study {
             Some(study) => page
                 .children(study::head(study, Tab::Configuration, self.copy(study)))
-                .child(self.status(study)),
+                .child(taking_part::taking_part(self, study)),
             None => page.child(parts::heading("New study")),
         };
         page.children(self.trouble.as_deref().map(|why| alert("trouble", why)))
             .children(self.overtaken.then(|| {
                 button("reload", Msg::Reload).text("Show the present configuration instead")
             }))
-            .child(self.editor())
-            .children(self.checked.as_ref().and_then(outcome::picture))
+            .child(self.configuration())
+            .children(self.editor.picture())
+            .children(self.base.as_ref().map(|base| versions::versions(&base.versions)))
     }
 
     fn title(&self) -> String {
@@ -322,114 +345,12 @@ impl ConfigurationPage {
         self.may_manage.then(|| link.test_id("copy").text("Duplicate"))
     }
 
-    /// Whether people can take part, how to change that, and the links for them.
-    fn status(&self, study: &StudySummary) -> Node {
-        let words = match study.status {
-            Status::Open => "Everybody with a link can take part.",
-            Status::Closed => "Nobody new can take part. Participants who have begun can finish.",
-            Status::Archived => "Nothing more is stored. The study can still be looked at.",
-        };
-        let choice = |status: Status, words: &str| {
-            // Afterwards the present text is shown, so nothing that is being written is lost.
-            button(&format!("set-{}", status.word()), Msg::Set(status))
-                .attr_if(self.is_changed(), "disabled", "")
-                .text(words)
-        };
-        let choices = match study.status {
-            Status::Open => vec![choice(Status::Closed, "Close")],
-            Status::Closed => {
-                vec![choice(Status::Open, "Open again"), choice(Status::Archived, "Archive")]
-            }
-            Status::Archived => vec![choice(Status::Closed, "Take out of the archive")],
-        };
-        let choices = choices.into_iter().filter(|_| self.may_manage);
-        let section = el("section").class("taking-part").child(el("h2").text("Taking part")).child(
-            el("div")
-                .class("actions")
-                .child(el("p").test_id("status-words").text(words))
-                .children(choices),
-        );
-        let is_open = study.status == Status::Open;
-        let links = self.info.as_ref().filter(|_| is_open);
-        section.children(links.map(|info| links::links(&self.origin, info)))
-    }
-
-    /// The text, what the server says of it, and how it is stored.
-    fn editor(&self) -> Node {
-        let area = el("textarea")
-            .key(self.givings)
-            .attrs(&[("id", "toml"), ("name", "toml"), ("spellcheck", "false"), ("rows", "24")])
-            .attr_if(!self.may_manage, "readonly", "")
-            .test_id("toml")
-            .on_input(Msg::Typed)
-            .text(self.given.clone().unwrap_or_default());
-        let about = el("p").class("quiet").text(
-            "What the file does not say is as in the paper. The study guide (docs/study.md) has \
-             every field with its unit, default and range. Comments are not kept.",
-        );
-        el("section")
-            .child(el("h2").child(el("label").attr("for", "toml").text("Study file (TOML)")))
-            .child(about)
-            .child(
-                el("div")
-                    .class("editor")
-                    .child(area)
-                    .child(el("div").class("said").children(self.said())),
-            )
-    }
-
-    fn said(&self) -> Vec<Node> {
-        let Some(checked) = &self.checked else {
-            return vec![el("p").class("quiet").attr("role", "status").text("Checking…")];
-        };
-        let mut said = outcome::remarks(checked);
-        if self.stored && !self.is_changed() {
-            let words = "Stored. New participants get this configuration.";
-            said.push(el("p").class("saved").attr("role", "status").test_id("stored").text(words));
-        }
-        if !self.may_manage || !self.is_changed() {
-            return said;
-        }
-        let is_sound = checked.complaint.is_none();
-        let store = |words: &str| {
-            button("store", Msg::Store)
-                .class("primary")
-                .attr_if(!is_sound, "disabled", "")
-                .text(words)
-        };
-        if self.slug.is_none() {
-            said.push(store("Make this study"));
-            return said;
-        }
-        said.extend(outcome::changes(checked));
-        let is_same = checked.changes.is_empty();
-        if self.confirming && is_sound {
-            let participants = self.base.as_ref().map_or(0, |base| base.participants);
-            let words = match participants {
-                0 => "Nobody has begun yet.".to_owned(),
-                1 => "1 participant has begun and keeps the configuration of that time; new \
-                      participants get this one."
-                    .to_owned(),
-                many => format!(
-                    "{many} participants have begun and keep the configuration of that time; new \
-                     participants get this one."
-                ),
-            };
-            said.push(
-                el("div")
-                    .class("confirm")
-                    .child(el("p").test_id("keeps").text(words))
-                    .child(
-                        button("confirm", Msg::Confirm)
-                            .class("primary")
-                            .focus()
-                            .text("Use for new participants"),
-                    )
-                    .child(button("go-on", Msg::GoOn).class("plain").text("Go on writing")),
-            );
-        } else if !is_same || !is_sound {
-            said.push(store("Store…"));
-        }
-        said
+    /// The study as a form or as text, what the server says of it, and how it is stored.
+    fn configuration(&self) -> Node {
+        let editor = el("div")
+            .class("editor")
+            .child(self.editor.view(self.slug.is_none(), self.may_manage))
+            .child(el("div").class("said").children(outcome::said(self)));
+        el("section").child(el("h2").text("Configuration")).child(self.editor.modes()).child(editor)
     }
 }

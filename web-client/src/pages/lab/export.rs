@@ -2,10 +2,10 @@
 
 use super::study::{self, Tab};
 use super::visit::Visit;
-use crate::pages::parts::{self, alert};
+use crate::pages::parts::{self, alert, count};
 use crate::runtime::{Answer, Command, Commands, Page, Request, read};
 use crate::view::{self, el};
-use sidestep::api::{Access, Configuration, StudySummary, routes};
+use sidestep::api::{Access, Configuration, ConfigurationVersion, StudySummary, routes};
 
 type Node = view::Node<Msg>;
 
@@ -15,8 +15,8 @@ pub(super) struct Export {
     /// Whether the user may take data away.
     may_export: bool,
     study: Option<StudySummary>,
-    /// The hash of the present configuration.
-    present: Option<String>,
+    /// The configurations that the study has had, newest first.
+    versions: Vec<ConfigurationVersion>,
     /// Why there is nothing to show.
     trouble: Option<String>,
 }
@@ -28,8 +28,8 @@ pub(super) enum Msg {
     Changed,
     /// The server described the study.
     Study(Answer),
-    /// The server has given the present configuration.
-    Present(Answer),
+    /// The server has given the configurations.
+    Configuration(Answer),
 }
 
 /// The formats: the word, its name and who reads it. The first is chosen.
@@ -48,7 +48,7 @@ impl Export {
             slug: visit.id.to_owned(),
             may_export: visit.session.access >= Access::Export,
             study: None,
-            present: None,
+            versions: Vec::new(),
             trouble: None,
         };
         let mut commands = page.ask();
@@ -58,8 +58,8 @@ impl Export {
 
     fn ask(&self) -> Commands<Msg> {
         let url = routes::admin_configuration(&self.slug);
-        let present = Command::Send(Request::get("configuration", url, Msg::Present));
-        vec![study::ask(&self.slug, Msg::Study), present]
+        let configuration = Command::Send(Request::get("configuration", url, Msg::Configuration));
+        vec![study::ask(&self.slug, Msg::Study), configuration]
     }
 }
 
@@ -70,8 +70,8 @@ impl Page for Export {
         let told = match message {
             Msg::Changed => return self.ask(),
             Msg::Study(answer) => read(answer).map(|study| self.study = Some(study)),
-            Msg::Present(answer) => read::<Configuration>(answer)
-                .map(|configuration| self.present = Some(configuration.hash)),
+            Msg::Configuration(answer) => read::<Configuration>(answer)
+                .map(|configuration| self.versions = configuration.versions),
         };
         self.trouble = told.err().map(|failure| failure.sentence);
         Vec::new()
@@ -122,12 +122,17 @@ impl Export {
         let formats = el("fieldset")
             .child(el("legend").text("Format"))
             .children(FORMATS.iter().enumerate().map(format));
-        let short = |hash: &str| hash.chars().take(10).collect::<String>();
-        let present = self
-            .present
-            .as_ref()
-            .map(|hash| (hash.as_str(), format!("those of the present version ({})", short(hash))));
-        let people = [("", "all participants".to_owned())].into_iter().chain(present);
+        // A study that went back to an earlier configuration has two versions of the same hash.
+        let newest = |(i, version): &(usize, &ConfigurationVersion)| {
+            !self.versions[..*i].iter().any(|newer| newer.hash == version.hash)
+        };
+        let versions = self.versions.iter().enumerate().filter(newest).map(|(i, version)| {
+            let present = if i == 0 { " (present)" } else { "" };
+            let participants = count(version.participants, "participant");
+            let words = format!("version {}{present}: {participants}", version.number);
+            (version.hash.as_str(), words)
+        });
+        let people = [("", "all participants".to_owned())].into_iter().chain(versions);
         let phases = [
             ("", "all phases"),
             ("task", "tasks only"),

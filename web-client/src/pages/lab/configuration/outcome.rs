@@ -1,28 +1,91 @@
-//! What the server says of a study file.
+//! What the server says of a draft, and how it is stored.
 
-use super::Msg;
+use super::editor::Mode;
+use super::{ConfigurationPage, Msg};
+use crate::pages::parts::button;
 use crate::view::{self, el};
 use sidestep::api::{DraftChecked, Remark};
 
 type Node = view::Node<Msg>;
 
-/// What is wrong or to be known, by line.
-pub(super) fn remarks(checked: &DraftChecked) -> Vec<Node> {
-    let line = |remark: &Remark| {
-        el("p").child(el("b").text(format!("Line {}: ", remark.line))).text(&remark.message)
+/// What is beside the draft: remarks, differences, and the buttons that store it.
+pub(super) fn said(page: &ConfigurationPage) -> Vec<Node> {
+    let Some(checked) = &page.editor.checked else {
+        return vec![el("p").class("quiet").attr("role", "status").text("Checking…")];
+    };
+    let mut said = remarks(checked, page.editor.mode());
+    if page.stored && !page.is_changed() {
+        let words = "Stored. New participants get this configuration.";
+        said.push(el("p").class("saved").attr("role", "status").test_id("stored").text(words));
+    }
+    if !page.may_manage || !page.is_changed() {
+        return said;
+    }
+    // What was entered last must have been checked: a form becomes a text only then.
+    let is_sound = checked.complaint.is_none() && page.editor.is_current();
+    let store = |words: &str| {
+        button("store", Msg::Store).class("primary").attr_if(!is_sound, "disabled", "").text(words)
+    };
+    if page.slug.is_none() {
+        said.push(store("Make this study"));
+        return said;
+    }
+    said.extend(changes(checked));
+    let is_same = checked.changes.is_empty();
+    if page.confirming && is_sound {
+        let participants = page.base.as_ref().map_or(0, |base| base.participants);
+        let words = match participants {
+            0 => "Nobody has begun yet.".to_owned(),
+            1 => "1 participant has begun and keeps the configuration of that time; new \
+                  participants get this one."
+                .to_owned(),
+            many => format!(
+                "{many} participants have begun and keep the configuration of that time; new \
+                 participants get this one."
+            ),
+        };
+        said.push(
+            el("div")
+                .class("confirm")
+                .child(el("p").test_id("keeps").text(words))
+                .child(
+                    button("confirm", Msg::Confirm)
+                        .class("primary")
+                        .focus()
+                        .text("Use for new participants"),
+                )
+                .child(button("go-on", Msg::GoOn).class("plain").text("Go on writing")),
+        );
+    } else if !is_same || !is_sound {
+        said.push(store("Store…"));
+    }
+    said
+}
+
+/// What is wrong or to be known, by line or by field.
+fn remarks(checked: &DraftChecked, mode: Mode) -> Vec<Node> {
+    let remark = |remark: &Remark| {
+        let line = remark.line.filter(|_| mode == Mode::Text);
+        let line = line.map(|line| el("b").text(format!("Line {line}: ")));
+        el("p").children(line).text(&remark.message)
     };
     if let Some(complaint) = &checked.complaint {
-        return vec![line(complaint).class("trouble").attr("role", "status").test_id("complaint")];
+        return vec![
+            remark(complaint).class("trouble").attr("role", "status").test_id("complaint"),
+        ];
     }
-    let mut remarks = vec![
-        el("p").class("saved").attr("role", "status").test_id("sound").text("The file is valid."),
-    ];
-    remarks.extend(checked.warnings.iter().map(|warning| line(warning).class("waiting")));
+    let words = match mode {
+        Mode::Form => "The configuration is valid.",
+        Mode::Text => "The file is valid.",
+    };
+    let mut remarks =
+        vec![el("p").class("saved").attr("role", "status").test_id("sound").text(words)];
+    remarks.extend(checked.warnings.iter().map(|warning| remark(warning).class("waiting")));
     remarks
 }
 
 /// The differences from the present configuration.
-pub(super) fn changes(checked: &DraftChecked) -> Option<Node> {
+fn changes(checked: &DraftChecked) -> Option<Node> {
     if checked.complaint.is_some() {
         return None;
     }
@@ -42,15 +105,5 @@ pub(super) fn changes(checked: &DraftChecked) -> Option<Node> {
         el("div")
             .child(el("h3").text("What changes"))
             .child(el("dl").class("changes").test_id("changes").children(rows)),
-    )
-}
-
-/// How the scenes are spread.
-pub(super) fn picture(checked: &DraftChecked) -> Option<Node> {
-    let svg = checked.picture.as_ref()?;
-    Some(
-        el("section")
-            .child(el("h2").text("Scenes"))
-            .child(el("div").class("design").attr("tabindex", 0).test_id("design").html(svg)),
     )
 }

@@ -2,16 +2,32 @@
 
 use super::studies::study;
 use super::*;
-use sidestep::api::{Change, Configuration, DraftChecked, Remark, StudyInfo, StudySummary};
+use serde_json::{Value, json};
+use sidestep::api::{
+    Change, Configuration, ConfigurationVersion, DraftChecked, FormDraft, Remark, StudyInfo,
+    StudySummary,
+};
 use sidestep::study::{Status, StudyConfig};
 
 fn configuration(toml: &str, participants: u64) -> Configuration {
-    Configuration { study: "pilot".into(), hash: "abc".into(), toml: toml.into(), participants }
+    let version = ConfigurationVersion {
+        number: 2,
+        hash: "abc".into(),
+        label: "1".into(),
+        since_ms: 0,
+        participants,
+        toml: toml.into(),
+        changed: vec!["trials.countdown_s".into()],
+    };
+    let (study, hash) = ("pilot".into(), "abc".into());
+    Configuration { study, hash, toml: toml.into(), participants, versions: vec![version] }
 }
 
 fn sound(changes: Vec<Change>) -> DraftChecked {
     let picture = Some("<svg><text>Scenes</text></svg>".into());
-    DraftChecked { complaint: None, warnings: Vec::new(), changes, picture }
+    let config = Some(serde_json::to_value(StudyConfig::default()).unwrap());
+    let languages = vec!["en".into(), "de".into()];
+    DraftChecked { changes, picture, config, languages, ..DraftChecked::default() }
 }
 
 fn change() -> Change {
@@ -29,7 +45,9 @@ fn opened(access: Access) -> Session {
 }
 
 impl Session {
+    /// Types into the study file, which is shown instead of the form.
     fn type_text(&mut self, text: &str) {
+        self.press("as-text");
         let typed = self.page.view().enter("toml", FieldValue::Text(text.into()));
         self.tell(typed.unwrap());
     }
@@ -38,6 +56,7 @@ impl Session {
 #[test]
 fn a_text_is_checked_while_it_is_written_and_stored_at_the_second_press() {
     let mut session = opened(Access::Manage);
+    session.press("as-text");
     assert_eq!(session.words("toml").unwrap(), "slug = \"pilot\"\n");
     assert!(session.words("store").is_none() && !session.guarded, "nothing has changed");
     session.type_text("slug = ");
@@ -47,8 +66,8 @@ fn a_text_is_checked_while_it_is_written_and_stored_at_the_second_press() {
     session.wake("pause");
     let body = session.asked[0].body.clone().unwrap();
     assert!(body.contains("countdown") && body.contains(r#""base":"abc""#), "{body}");
-    let complaint = Remark { line: 2, message: "expected TOML".into() };
-    let unsound = DraftChecked { complaint: Some(complaint), picture: None, ..sound(Vec::new()) };
+    let complaint = Remark { line: Some(2), field: None, message: "expected TOML".into() };
+    let unsound = DraftChecked { complaint: Some(complaint), ..DraftChecked::default() };
     session.send("check", 200, &unsound);
     assert_eq!(session.words("complaint").unwrap(), "Line 2:  expected TOML");
     assert!(session.page.view().press("store").is_none());
@@ -90,6 +109,7 @@ fn who_is_overtaken_is_told_and_loses_nothing() {
     session.answer("store", 409, changed);
     session.press("reload");
     session.send("configuration", 200, &configuration("slug = \"pilot\"\ntitle = \"Theirs\"", 2));
+    session.press("as-text");
     assert!(session.words("toml").unwrap().contains("Theirs") && session.words("reload").is_none());
 }
 
@@ -98,6 +118,9 @@ fn a_study_is_made_or_copied_under_another_name() {
     let mut session = signed_in("/lab/new");
     session.send("check", 200, &sound(Vec::new()));
     session.type_text("slug = \"third\"");
+    assert!(session.page.view().press("store").is_none(), "not checked yet");
+    session.wake("pause");
+    session.send("check", 200, &sound(Vec::new()));
     session.press("store");
     let request = session.asked.last().unwrap();
     assert_eq!((request.method, request.url.as_str()), ("POST", routes::ADMIN_STUDIES));
@@ -110,6 +133,7 @@ fn a_study_is_made_or_copied_under_another_name() {
     let mut session = signed_in("/lab/new?from=pilot");
     let toml = "slug = \"pilot\"\ntitle = \"P\"\nstatus = \"closed\"\n\n[texts.en]\nslug = \"x\"\n";
     session.send("configuration", 200, &configuration(toml, 9));
+    session.press("as-text");
     let copy = "slug = \"pilot-copy\"\ntitle = \"P\"\n\n[texts.en]\nslug = \"x\"\n";
     assert_eq!(session.words("toml").unwrap(), copy);
 }
@@ -134,9 +158,159 @@ fn a_study_is_closed_and_has_its_links() {
 
 #[test]
 fn who_may_not_manage_reads_the_configuration() {
-    let session = opened(Access::Export);
+    let mut session = opened(Access::Export);
+    let field = session.page.view().find("field-title").unwrap().attribute("disabled").is_some();
+    assert!(field);
+    session.press("as-text");
     assert_eq!(session.page.view().find("toml").unwrap().attribute("readonly"), Some(""));
     for button in ["set-closed", "store", "copy"] {
         assert!(session.words(button).is_none(), "{button}");
     }
+}
+
+impl Session {
+    /// Enters a value in a field of the form.
+    fn enter(&mut self, field: &str, value: FieldValue) {
+        let entered = self.page.view().enter(&format!("field-{field}"), value);
+        self.tell(entered.unwrap_or_else(|| panic!("no field {field}")));
+    }
+
+    /// The study that the form sends after a pause.
+    fn sent(&mut self) -> Value {
+        self.wake("pause");
+        let request = self.asked.last().unwrap();
+        assert_eq!((request.method, request.url.as_str()), ("POST", routes::ADMIN_FORM_DRAFTS));
+        let sent: FormDraft = serde_json::from_str(request.body.as_ref().unwrap()).unwrap();
+        assert_eq!(sent.base.as_deref(), Some("abc"));
+        sent.config
+    }
+
+    fn written(&mut self, toml: &str, changes: Vec<Change>) {
+        self.send("check", 200, &DraftChecked { toml: Some(toml.into()), ..sound(changes) });
+    }
+}
+
+fn number(number: f64) -> FieldValue {
+    FieldValue::Number(Some(number))
+}
+
+#[test]
+fn every_field_of_the_form_is_a_field_of_the_study() {
+    let session = opened(Access::Manage);
+    let config = serde_json::to_value(StudyConfig::default()).unwrap();
+    let view = session.page.view();
+    let shown: Vec<_> =
+        view.test_ids().into_iter().filter_map(|name| name.strip_prefix("field-")).collect();
+    let of = |path: &str| shown.contains(&path);
+    // Lists of tables, texts by language, and sentences have no fields of their own yet.
+    let without = ["status", "slug", "questions", "texts", "phases", "comprehension.questions"];
+    let mut leaves = Vec::new();
+    paths(&config, String::new(), &mut leaves);
+    for path in leaves.iter().filter(|path| !without.contains(&path.as_str())) {
+        assert!(
+            of(path) || of(&format!("{path}.en")),
+            "the form has no field for {path}: {shown:?}"
+        );
+    }
+    for field in &shown {
+        let is_there = leaves.iter().any(|leaf| field.starts_with(leaf.as_str()));
+        assert!(is_there, "a study has no field {field}");
+    }
+}
+
+fn paths(value: &Value, path: String, found: &mut Vec<String>) {
+    match value {
+        Value::Object(fields) if !fields.is_empty() => {
+            for (name, value) in fields {
+                let path = if path.is_empty() { name.clone() } else { format!("{path}.{name}") };
+                paths(value, path, found);
+            }
+        }
+        _ => found.push(path),
+    }
+}
+
+#[test]
+fn the_form_becomes_a_study_file_and_the_file_a_form() {
+    let mut session = opened(Access::Manage);
+    assert!(session.words("store").is_none() && session.words("toml").is_none());
+    session.enter("phases[2].scenes", number(20.0));
+    session.enter("consent.investigator", FieldValue::Text("Ada".into()));
+    session.enter("parameters.human.speed_mps", number(1.5));
+    assert!(session.guarded);
+    // The text does not say it yet.
+    assert!(session.page.view().press("store").is_none());
+    let sent = session.sent();
+    assert_eq!(sent["phases"][2]["scenes"], 20);
+    assert_eq!(sent["consent"]["investigator"], "Ada");
+    assert_eq!(sent["parameters"]["human"]["speed_mps"], 1.5);
+    session.written("slug = \"pilot\"\nwritten = true\n", vec![change()]);
+    session.press("store");
+    session.press("confirm");
+    assert!(session.asked.last().unwrap().body.as_ref().unwrap().contains("written = true"));
+    session.send("store", 200, &configuration("slug = \"pilot\"\nwritten = true\n", 2));
+    assert!(!session.guarded);
+    // The other way round.
+    session.type_text("slug = \"pilot\"\ntitle = \"Typed\"");
+    session.wake("pause");
+    let mut config = serde_json::to_value(StudyConfig::default()).unwrap();
+    config["title"] = json!("Typed");
+    let checked = DraftChecked { config: Some(config), ..sound(vec![change()]) };
+    session.send("check", 200, &checked);
+    session.press("as-form");
+    let title = session.page.view();
+    assert_eq!(title.find("field-title").unwrap().attribute("value"), Some("Typed"));
+}
+
+#[test]
+fn a_mistake_is_said_beside_its_field() {
+    let mut session = opened(Access::Manage);
+    session.enter("phases[2].scenes", FieldValue::Number(None));
+    assert_eq!(session.sent()["phases"][2]["scenes"], Value::Null);
+    let message = "phases[2].scenes: expected a whole number, found null".to_owned();
+    let field = Some("phases[2].scenes".to_owned());
+    let complaint = Some(Remark { line: None, field, message });
+    session.send("check", 200, &DraftChecked { complaint, ..DraftChecked::default() });
+    assert_eq!(session.words("beside").unwrap(), "Expected a whole number, found null");
+    let view = session.page.view();
+    let field = view.find("field-phases[2].scenes").unwrap();
+    assert_eq!(field.attribute("aria-invalid"), Some("true"));
+    assert!(view.press("store").is_none() && session.words("store").is_some());
+    assert!(!session.words("complaint").unwrap().starts_with("Line"));
+}
+
+#[test]
+fn lists_of_the_form_grow_and_shrink() {
+    let mut session = opened(Access::Manage);
+    session.enter("phases.practice", FieldValue::Checked(false));
+    session.press("add-questions");
+    session.enter("questions[0].text.en", FieldValue::Text("How hard?".into()));
+    session.enter("questions[0].kind", FieldValue::Text("scale".into()));
+    session.enter("questions[0].to", number(9.0));
+    session.press("add-comprehension.questions");
+    session.press("add-comprehension.questions[0].options");
+    session.press("language-de");
+    session.enter("comprehension.questions[0].options[2].de", FieldValue::Text("Nein".into()));
+    let sent = session.sent();
+    let phases: Vec<_> = sent["phases"].as_array().unwrap().iter().map(|p| &p["phase"]).collect();
+    assert_eq!(phases, ["familiarisation", "task"]);
+    let question = &sent["questions"][0];
+    assert_eq!((&question["kind"], &question["to"]), (&json!("scale"), &json!(9)));
+    assert_eq!(question["text"], json!({ "en": "How hard?" }));
+    assert_eq!(sent["comprehension"]["questions"][0]["options"], json!([{}, {}, { "de": "Nein" }]));
+    session.enter("phases.practice", FieldValue::Checked(true));
+    session.press("remove-questions[0]");
+    session.press("fill-prolific");
+    let sent = session.sent();
+    assert_eq!(sent["phases"][1], json!({ "phase": "practice", "scenes": 3 }));
+    assert_eq!(sent["questions"], json!([]));
+    assert_eq!(sent["recruitment"]["external_id"], json!(["PROLIFIC_PID"]));
+    assert_eq!(sent["recruitment"]["require_external_id"], true);
+}
+
+#[test]
+fn versions_are_listed() {
+    let session = opened(Access::Read);
+    let words = session.words("versions").unwrap();
+    assert!(words.contains("present") && words.contains("trials.countdown_s"), "{words}");
 }

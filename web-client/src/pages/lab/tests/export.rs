@@ -2,14 +2,24 @@
 
 use super::studies::study;
 use super::*;
-use sidestep::api::Configuration;
+use sidestep::api::{Configuration, ConfigurationVersion};
 
 fn configuration() -> Configuration {
+    let version = |number: u32, hash: &str| ConfigurationVersion {
+        number,
+        hash: hash.into(),
+        label: "1".into(),
+        since_ms: 0,
+        participants: number.into(),
+        toml: String::new(),
+        changed: Vec::new(),
+    };
     Configuration {
         study: "pilot".into(),
-        hash: "0123456789abcdef".into(),
+        hash: "0123".into(),
         toml: String::new(),
         participants: 2,
+        versions: vec![version(3, "0123"), version(2, "4567"), version(1, "0123")],
     }
 }
 
@@ -30,7 +40,9 @@ fn format_and_filters_are_chosen_in_a_form_for_the_browser() {
     for field in ["phase", "quality", "configuration", "pilots"] {
         assert_eq!(view.find(field).unwrap().attribute("name"), Some(field));
     }
-    assert!(view.find("configuration").unwrap().words().contains("0123456789)"));
+    let versions = view.find("configuration").unwrap().words();
+    let expected = "all participants version 3 (present): 3 participants version 2: 2 participants";
+    assert_eq!(versions, expected);
     assert_eq!(view.find("tab-export").unwrap().attribute("aria-current"), Some("page"));
     assert!(view.find("no-trials").is_none());
 }

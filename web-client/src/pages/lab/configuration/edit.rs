@@ -1,0 +1,155 @@
+//! What a field or button of the form changes in the study.
+
+use super::document::{change, get, set, text, unset};
+use serde_json::{Value, json};
+
+/// A change of the study.
+#[derive(Clone, Debug)]
+pub(in crate::pages::lab) enum Edit {
+    /// A field gets a value.
+    Set(String, Value),
+    /// A field is removed.
+    Unset(String),
+    /// A question becomes one of another kind: fields of the old kind go.
+    Kind(String, Value),
+    /// Several fields get values.
+    Fill(Vec<(&'static str, Value)>),
+    /// An entry is added to a list.
+    Insert(String, usize, Value),
+    /// An entry is removed from a list.
+    Remove(String, usize),
+    /// An entry changes places with the one before it.
+    MoveUp(String, usize),
+}
+
+impl Edit {
+    /// Changes the study.
+    pub(super) fn apply(self, study: &mut Value) {
+        match self {
+            Self::Set(path, value) => set(study, &path, value),
+            Self::Unset(path) => unset(study, &path),
+            Self::Kind(path, kind) => {
+                // The path ends in `.kind`.
+                let Some((question, _)) = path.rsplit_once('.') else { return };
+                let Some(old) = get(study, question).cloned() else { return };
+                let kind = kind.as_str().unwrap_or_default();
+                let mut new = new_question(text(&old, "name"), kind);
+                for kept in ["text", "required"] {
+                    set(&mut new, kept, old.get(kept).cloned().unwrap_or_default());
+                }
+                set(study, question, new);
+            }
+            Self::Fill(fields) => {
+                for (path, value) in fields {
+                    set(study, path, value);
+                }
+            }
+            Self::Insert(list, at, entry) => {
+                change(study, &list, |entries| entries.insert(at.min(entries.len()), entry));
+            }
+            Self::Remove(list, at) => {
+                let mut is_there = false;
+                change(study, &list, |entries| {
+                    is_there = at < entries.len();
+                    if is_there {
+                        entries.remove(at);
+                    }
+                });
+                let moved = |answer: usize| answer - usize::from(is_there && answer > at);
+                move_answer(study, &list, moved);
+            }
+            Self::MoveUp(list, at) => {
+                let mut is_there = false;
+                change(study, &list, |entries| {
+                    is_there = (1..entries.len()).contains(&at);
+                    if is_there {
+                        entries.swap(at - 1, at);
+                    }
+                });
+                move_answer(study, &list, |answer| match answer {
+                    _ if !is_there => answer,
+                    _ if answer == at => at - 1,
+                    _ if answer + 1 == at => at,
+                    _ => answer,
+                });
+            }
+        }
+    }
+}
+
+/// The right answer of a check stays the same option, wherever its place in the list goes.
+fn move_answer(study: &mut Value, list: &str, moved: impl Fn(usize) -> usize) {
+    let Some(question) = list.strip_suffix(".options") else { return };
+    let path = format!("{question}.answer");
+    if let Some(answer) = get(study, &path).and_then(Value::as_u64) {
+        set(study, &path, json!(moved(answer as usize)));
+    }
+}
+
+/// A question after the scenes that has nothing in it yet.
+pub(super) fn new_question(name: &str, kind: &str) -> Value {
+    let mut question = json!({ "name": name, "kind": kind, "text": {}, "required": false });
+    if kind == "choice" {
+        set(&mut question, "options", json!([new_option("a"), new_option("b")]));
+    }
+    question
+}
+
+/// An option of such a question.
+pub(super) fn new_option(value: &str) -> Value {
+    json!({ "value": value, "text": {} })
+}
+
+/// A question of the check of understanding that has nothing in it yet.
+pub(super) fn new_check() -> Value {
+    json!({ "text": {}, "options": [{}, {}], "answer": 0 })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn another_kind_keeps_only_what_every_question_has() {
+        let mut study = json!({ "questions": [new_question("effort", "scale")] });
+        set(&mut study, "questions[0].text.en", json!("How hard?"));
+        set(&mut study, "questions[0].to", json!(9));
+        Edit::Kind("questions[0].kind".into(), json!("text")).apply(&mut study);
+        let expected = json!({ "name": "effort", "kind": "text", "text": { "en": "How hard?" },
+                               "required": false });
+        assert_eq!(study["questions"][0], expected);
+        Edit::Kind("questions[0].kind".into(), json!("choice")).apply(&mut study);
+        assert_eq!(study["questions"][0]["options"].as_array().unwrap().len(), 2);
+    }
+
+    #[test]
+    fn lists_grow_shrink_and_change_their_order() {
+        let mut study = json!({ "list": ["a", "b"] });
+        for edit in [
+            Edit::Insert("list".into(), 9, json!("c")),
+            Edit::MoveUp("list".into(), 2),
+            Edit::Remove("list".into(), 0),
+            // Buttons that were pressed twice.
+            Edit::MoveUp("list".into(), 7),
+            Edit::MoveUp("list".into(), 0),
+            Edit::Remove("list".into(), 7),
+            Edit::Remove("absent".into(), 0),
+        ] {
+            edit.apply(&mut study);
+        }
+        assert_eq!(study, json!({ "list": ["c", "b"] }));
+    }
+
+    #[test]
+    fn the_right_answer_stays_the_same_option() {
+        let mut study = json!({ "check": { "options": ["a", "b", "right"], "answer": 2 } });
+        let options = || "check.options".to_owned();
+        Edit::MoveUp(options(), 2).apply(&mut study);
+        assert_eq!(study["check"], json!({ "options": ["a", "right", "b"], "answer": 1 }));
+        Edit::MoveUp(options(), 2).apply(&mut study);
+        assert_eq!(study["check"], json!({ "options": ["a", "b", "right"], "answer": 2 }));
+        Edit::Remove(options(), 0).apply(&mut study);
+        Edit::Remove(options(), 5).apply(&mut study);
+        assert_eq!(study["check"], json!({ "options": ["b", "right"], "answer": 1 }));
+    }
+}

@@ -1,0 +1,283 @@
+//! The draft of a study, as a form and as the text of a study file.
+//!
+//! The text is the draft. The form shows what the text says, and the server writes what is entered in the form
+//! as a text.
+
+use super::Msg;
+use super::edit::Edit;
+use super::fields::Fields;
+use super::form::{Form, offered, picture};
+use crate::json;
+use crate::pages::parts::button;
+use crate::view::{self, el};
+use serde_json::Value;
+use sidestep::api::{Draft, DraftChecked, FormDraft, routes};
+
+type Node = view::Node<Msg>;
+
+/// How the draft is shown.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::pages::lab) enum Mode {
+    /// As fields.
+    Form,
+    /// As the text of a study file.
+    Text,
+}
+
+/// A draft that somebody is writing.
+pub(super) struct Editor {
+    /// The text that the draft began with; none before it has come.
+    begun: Option<String>,
+    text: String,
+    /// What the text area was given. What is typed does not change it.
+    given: String,
+    /// The draft as a form; none until the server has read the text.
+    form: Option<FormState>,
+    /// How often text area and form were given something: their fields are made anew each time.
+    givings: u32,
+    mode: Mode,
+    /// How often something was entered; how often it had been when the server was asked last, and when it
+    /// was asked what it answered last.
+    entered: u32,
+    asked: u32,
+    answered: u32,
+    /// What the server says of the draft, once it has.
+    pub(super) checked: Option<DraftChecked>,
+}
+
+/// What the form holds.
+struct FormState {
+    /// The study that its fields were given.
+    given: Value,
+    /// The study with what was entered.
+    study: Value,
+    /// Whether something was entered that the text does not say yet.
+    is_ahead: bool,
+    /// The language whose texts are shown.
+    language: String,
+    /// The name of the control that takes the focus.
+    focus: String,
+}
+
+impl Editor {
+    /// Without a draft.
+    pub(super) fn new() -> Self {
+        Self {
+            begun: None,
+            text: String::new(),
+            given: String::new(),
+            form: None,
+            givings: 0,
+            mode: Mode::Form,
+            entered: 0,
+            asked: 0,
+            answered: 0,
+            checked: None,
+        }
+    }
+
+    /// Begins a draft with a text.
+    pub(super) fn begin(&mut self, text: String) {
+        self.text.clone_from(&text);
+        self.begun = Some(text);
+        (self.form, self.checked) = (None, None);
+        self.show_text();
+    }
+
+    pub(super) fn has_begun(&self) -> bool {
+        self.begun.is_some()
+    }
+
+    pub(super) fn mode(&self) -> Mode {
+        self.mode
+    }
+
+    /// The draft was stored as it is.
+    pub(super) fn stored(&mut self) {
+        self.begun = Some(self.text.clone());
+    }
+
+    /// Puts the draft into the text area.
+    fn show_text(&mut self) {
+        self.given.clone_from(&self.text);
+        self.givings += 1;
+    }
+
+    /// Whether the draft is, or may be, another than the one that was begun.
+    pub(super) fn is_changed(&self) -> bool {
+        let is_ahead = || self.form.as_ref().is_some_and(|form| form.is_ahead);
+        let is_other = || self.begun.as_ref() != Some(&self.text);
+        self.has_begun() && (is_other() || is_ahead() || !self.is_current())
+    }
+
+    /// Whether `checked` is about the draft as it is.
+    pub(super) fn is_current(&self) -> bool {
+        self.answered == self.entered
+    }
+
+    /// The draft as it is stored.
+    pub(super) fn draft(&self, base: Option<String>) -> String {
+        json::write(&Draft { toml: self.text.clone(), base })
+    }
+
+    /// The address that checks the draft, and what is sent there.
+    pub(super) fn check(&mut self, base: Option<String>) -> (&'static str, String) {
+        self.asked = self.entered;
+        match self.form.as_ref().filter(|form| form.is_ahead) {
+            Some(form) => {
+                let config = form.study.clone();
+                (routes::ADMIN_FORM_DRAFTS, json::write(&FormDraft { config, base }))
+            }
+            None => (routes::ADMIN_DRAFTS, self.draft(base)),
+        }
+    }
+
+    /// Takes what the server says of the draft. Only the answer to the last question arrives.
+    pub(super) fn take(&mut self, mut checked: DraftChecked) {
+        self.answered = self.asked;
+        let is_current = self.is_current();
+        if let Some(text) = checked.toml.take() {
+            self.text = text;
+            if let Some(form) = self.form.as_mut().filter(|_| is_current) {
+                form.is_ahead = false;
+            }
+            if self.mode == Mode::Text {
+                self.show_text();
+            }
+        } else if is_current && !self.form.as_ref().is_some_and(|form| form.is_ahead) {
+            match checked.config.take() {
+                // Fields with the same values stay as they are.
+                Some(config) if self.form.as_ref().is_some_and(|form| form.study == config) => {}
+                Some(config) => self.give_form(config),
+                None => self.form = None,
+            }
+        }
+        self.checked = Some(checked);
+    }
+
+    fn give_form(&mut self, study: Value) {
+        let language = self.form.take().map(|form| form.language).unwrap_or_default();
+        let (given, focus) = (study.clone(), String::new());
+        self.form = Some(FormState { given, study, is_ahead: false, language, focus });
+        self.givings += 1;
+    }
+
+    /// Shows the form or the text.
+    pub(super) fn show(&mut self, mode: Mode) {
+        self.mode = mode;
+        self.show_text();
+        if let Some(form) = &mut self.form {
+            form.given.clone_from(&form.study);
+            form.focus.clear();
+        }
+    }
+
+    /// Shows the texts of a language.
+    pub(super) fn show_language(&mut self, language: String) {
+        if let Some(form) = &mut self.form {
+            form.focus = format!("language-{language}");
+            form.language = language;
+            form.given.clone_from(&form.study);
+            self.givings += 1;
+        }
+    }
+
+    /// Takes what was entered in a field of the form.
+    pub(super) fn edit(&mut self, edit: Edit) {
+        if let Some(form) = &mut self.form {
+            edit.apply(&mut form.study);
+            form.is_ahead = true;
+            self.entered += 1;
+        }
+    }
+
+    /// Takes what gives the form other fields; the control of that name has the focus then.
+    pub(super) fn rebuild(&mut self, edit: Edit, focus: String) {
+        self.edit(edit);
+        if let Some(form) = &mut self.form {
+            form.given.clone_from(&form.study);
+            form.focus = focus;
+            self.givings += 1;
+        }
+    }
+
+    /// Takes what was typed as text.
+    pub(super) fn type_text(&mut self, text: &str) {
+        text.clone_into(&mut self.text);
+        self.entered += 1;
+        if let Some(form) = &mut self.form {
+            form.is_ahead = false;
+        }
+    }
+
+    /// The buttons that choose between form and text.
+    pub(super) fn modes(&self) -> Node {
+        let mode = |mode: Mode, name: &str, words: &str| {
+            button(&format!("as-{name}"), Msg::Show(mode))
+                .class("choice")
+                .attr("aria-pressed", self.mode == mode)
+                .text(words)
+        };
+        el("div")
+            .class("choices")
+            .attrs(&[("role", "group"), ("aria-label", "How the configuration is shown")])
+            .child(mode(Mode::Form, "form", "Form"))
+            .child(mode(Mode::Text, "text", "Study file (TOML)"))
+    }
+
+    /// The form or the text.
+    pub(super) fn view(&self, is_new: bool, may_manage: bool) -> Node {
+        match self.mode {
+            Mode::Form => self.form(is_new, may_manage),
+            Mode::Text => self.text_area(may_manage),
+        }
+    }
+
+    fn form(&self, is_new: bool, may_manage: bool) -> Node {
+        let Some(form) = &self.form else {
+            let words = if self.checked.is_some() {
+                "The form appears when the study file can be read: correct its text."
+            } else {
+                "Loading…"
+            };
+            return el("p").class("quiet").test_id("no-form").text(words);
+        };
+        let checked = self.checked.as_ref();
+        let languages = checked.map_or(&[][..], |checked| &checked.languages[..]);
+        let offered = offered(&form.study, languages);
+        let chosen = offered.iter().find(|tag| **tag == form.language).or(offered.first());
+        let fields = Fields {
+            given: &form.given,
+            study: &form.study,
+            complaint: checked.and_then(|checked| checked.complaint.as_ref()),
+            language: chosen.copied().unwrap_or("en"),
+            focus: &form.focus,
+            may_manage,
+        };
+        let picture = checked.and_then(picture);
+        Form { fields, languages, is_new, givings: self.givings, picture }.view()
+    }
+
+    fn text_area(&self, may_manage: bool) -> Node {
+        let area = el("textarea")
+            .key(self.givings)
+            .attrs(&[("id", "toml"), ("name", "toml"), ("spellcheck", "false"), ("rows", "24")])
+            .attr("aria-label", "Study file (TOML)")
+            .attr_if(!may_manage, "readonly", "")
+            .test_id("toml")
+            .on_input(Msg::Typed)
+            .text(&self.given);
+        let about = el("p").class("quiet").text(
+            "What the file does not say is as in the paper. The study guide (docs/study.md) has \
+             every field with its unit, default and range. Comments are not kept.",
+        );
+        el("div").class("as-text").child(about).child(area)
+    }
+
+    /// How the scenes are spread. In the form, they are beside what decides them.
+    pub(super) fn picture(&self) -> Option<Node> {
+        let picture = picture(self.checked.as_ref()?)?;
+        let section = el("section").child(el("h2").text("Scenes")).child(picture);
+        (self.mode == Mode::Text).then_some(section)
+    }
+}

@@ -1,0 +1,256 @@
+//! The fields of the form: each has a path in the study, a label, and what the server says of it.
+
+use super::document::{flag, get, list, number, text};
+use super::{Edit, Msg};
+use crate::form::FieldValue;
+use crate::pages::parts::button;
+use crate::view::{self, el};
+use serde_json::{Value, json};
+use sidestep::api::Remark;
+
+type Node = view::Node<Msg>;
+
+/// What the fields show.
+pub(super) struct Fields<'a> {
+    /// The study as the form was given it. What is entered does not change it, so that nothing moves under
+    /// the cursor.
+    pub(super) given: &'a Value,
+    /// The study with what was entered.
+    pub(super) study: &'a Value,
+    /// What is wrong with it.
+    pub(super) complaint: Option<&'a Remark>,
+    /// The language whose texts are shown.
+    pub(super) language: &'a str,
+    /// The name of the control that takes the focus when the form has been built anew.
+    pub(super) focus: &'a str,
+    pub(super) may_manage: bool,
+}
+
+impl Fields<'_> {
+    /// A text on one line.
+    pub(super) fn line(&self, path: &str, label: &str, hint: &str) -> Node {
+        let input = el("input").attr("type", "text").attr("value", text(self.given, path));
+        self.labelled(path, label, "", hint, entered_text(input, path))
+    }
+
+    /// A number in a unit.
+    pub(super) fn number(&self, path: &str, label: &str, unit: &str, hint: &str) -> Node {
+        let value = number(self.given, path).map_or_else(String::new, |number| number.to_string());
+        let at = path.to_owned();
+        let input = el("input").attrs(&[("type", "number"), ("step", "any"), ("value", &value)]);
+        let input = input.on_input(move |entered| {
+            Msg::Edit(Edit::Set(at.clone(), entered.number().map_or(Value::Null, tidy)))
+        });
+        self.labelled(path, label, unit, hint, input)
+    }
+
+    /// Something that is so or not.
+    pub(super) fn tick(&self, path: &str, label: &str, hint: &str) -> Node {
+        let at = path.to_owned();
+        let edit = move |ticked: bool| Msg::Edit(Edit::Set(at.clone(), ticked.into()));
+        self.ticked(path, label, hint, flag(self.given, path), edit)
+    }
+
+    /// A button that changes which fields there are; `focus` names the control that has the focus then.
+    pub(super) fn button(&self, name: &str, edit: Edit, focus: &str) -> Node {
+        let button = button(name, Msg::Rebuild(edit, focus.to_owned()));
+        let button = button.attr_if(!self.may_manage, "disabled", "");
+        if self.focus == name { button.focus() } else { button }
+    }
+
+    /// A button that adds an entry to a list. The focus goes to the entry's field `first`, such as `.name`.
+    pub(super) fn add(&self, to: &str, words: &str, new: Value, first: &str) -> Node {
+        let at = list(self.given, to).len();
+        let focus = format!("field-{to}[{at}]{first}");
+        let add = self.button(&format!("add-{to}"), Edit::Insert(to.to_owned(), at, new), &focus);
+        el("div").class("field wide").child(add.text(words))
+    }
+
+    /// Buttons that move an entry up and remove it.
+    pub(super) fn entry_buttons(&self, of: &str, i: usize, noun: &str) -> Node {
+        let up = (i > 0).then(|| {
+            let focus = format!("up-{of}[{}]", i - 1);
+            // The first entry has no such button.
+            let focus = if i > 1 { focus } else { format!("remove-{of}[0]") };
+            self.button(&format!("up-{of}[{i}]"), Edit::MoveUp(of.to_owned(), i), &focus)
+                .class("plain")
+                .attr("aria-label", format!("Move {noun} {} up", i + 1))
+                .text("↑")
+        });
+        let remove = self
+            .button(
+                &format!("remove-{of}[{i}]"),
+                Edit::Remove(of.to_owned(), i),
+                &format!("add-{of}"),
+            )
+            .class("plain")
+            .attr("aria-label", format!("Remove {noun} {}", i + 1))
+            .text("Remove");
+        el("div").class("entry-buttons").children(up).child(remove)
+    }
+
+    /// A check box that changes which fields there are, or what they show.
+    pub(super) fn ticked(
+        &self,
+        path: &str,
+        label: &str,
+        hint: &str,
+        is_so: bool,
+        edit: impl Fn(bool) -> Msg + 'static,
+    ) -> Node {
+        let input = el("input").attr("type", "checkbox").attr_if(is_so, "checked", "");
+        let input =
+            input.on_input(move |entered| edit(matches!(entered, FieldValue::Checked(true))));
+        let label = el("label")
+            .class("check")
+            .child(self.control(path, input))
+            .child(el("span").text(label));
+        self.with_complaint(el("div").class("field wide").child(label), path, hint)
+    }
+
+    /// The kind of a question, which decides its other fields.
+    pub(super) fn kind(&self, path: &str, label: &str, words: &[(&str, &str)]) -> Node {
+        let at = path.to_owned();
+        let chosen = text(self.given, path);
+        let option = |(value, label): &(&str, &str)| {
+            let option = el("option").attr("value", *value).text(*label);
+            option.attr_if(*value == chosen, "selected", "")
+        };
+        let select = el("select").children(words.iter().map(option));
+        let select = select.on_input(move |entered| {
+            let edit = Edit::Kind(at.clone(), entered.text().into());
+            Msg::Rebuild(edit, format!("field-{at}"))
+        });
+        self.labelled(path, label, "", "", select)
+    }
+
+    /// Names, separated by commas.
+    pub(super) fn names(&self, path: &str, label: &str, hint: &str) -> Node {
+        let names: Vec<&str> = get(self.given, path)
+            .and_then(Value::as_array)
+            .map(|names| names.iter().filter_map(Value::as_str).collect())
+            .unwrap_or_default();
+        let at = path.to_owned();
+        let input = el("input").attr("type", "text").attr("value", names.join(", "));
+        let input = input.on_input(move |entered| {
+            let names = entered.text().split(',').map(str::trim).filter(|name| !name.is_empty());
+            Msg::Edit(Edit::Set(at.clone(), names.collect::<Vec<_>>().into()))
+        });
+        self.labelled(path, label, "", hint, input)
+    }
+
+    /// A text in the language that is shown.
+    pub(super) fn localised(&self, path: &str, label: &str, hint: &str) -> Node {
+        let path = format!("{path}.{}", self.language);
+        let input = el("input").attr("type", "text").attr("value", text(self.given, &path));
+        let input = input.attr("lang", self.language);
+        self.labelled(&path, label, "", hint, entered_translation(input, &path))
+    }
+
+    /// A longer text in the language that is shown.
+    pub(super) fn markdown(&self, path: &str, label: &str, hint: &str) -> Node {
+        let path = format!("{path}.{}", self.language);
+        let area = el("textarea").attr("rows", 6).attr("lang", self.language);
+        let area = entered_translation(area.text(text(self.given, &path)), &path);
+        self.labelled(&path, label, "", hint, area)
+    }
+
+    /// A fact: one text for everybody, or one in the language that is shown.
+    pub(super) fn fact(&self, path: &str, label: &str, hint: &str) -> Node {
+        match get(self.given, path) {
+            Some(Value::Object(_)) => self.localised(path, label, hint),
+            _ => self.line(path, label, hint),
+        }
+    }
+
+    /// A field with its label, its unit, a hint and what is wrong with it.
+    fn labelled(&self, path: &str, label: &str, unit: &str, hint: &str, input: Node) -> Node {
+        let id = id(path);
+        let is_long = hint.len() > 60 || unit.is_empty();
+        let entry = el("div").class("entry").child(self.control(path, input).attr("id", &id));
+        let unit = (!unit.is_empty()).then(|| el("span").class("unit").text(unit));
+        let field = el("div")
+            .class(if is_long { "field wide" } else { "field" })
+            .child(el("label").attr("for", &id).text(label))
+            .child(entry.children(unit));
+        self.with_complaint(field, path, hint)
+    }
+
+    fn control(&self, path: &str, input: Node) -> Node {
+        let is_wrong = self.complaint_within(path).is_some();
+        let name = format!("field-{path}");
+        let input = if self.focus == name { input.focus() } else { input };
+        input
+            .test_id(&name)
+            .attr("autocomplete", "off")
+            .attr_if(!self.may_manage, "disabled", "")
+            .attr_if(is_wrong, "aria-invalid", "true")
+            .attr_if(is_wrong, "aria-describedby", &format!("{}-complaint", id(path)))
+    }
+
+    fn with_complaint(&self, field: Node, path: &str, hint: &str) -> Node {
+        let hint = (!hint.is_empty()).then(|| el("small").class("quiet").text(hint));
+        field.children(hint).children(self.complaint_within(path).map(|what| {
+            el("p")
+                .class("trouble")
+                .attr("id", format!("{}-complaint", id(path)))
+                .test_id("beside")
+                .text(what)
+        }))
+    }
+
+    /// What is wrong with a field or something in it, without the field's path.
+    pub(super) fn complaint_within(&self, path: &str) -> Option<String> {
+        let complaint = self.complaint?;
+        let field = complaint.field.as_deref()?;
+        let is_within = |field: &str| {
+            let rest = field.strip_prefix(path);
+            rest.is_some_and(|rest| rest.is_empty() || rest.starts_with(['.', '[']))
+        };
+        // Of a text that is missing in every language, the path ends before the language.
+        let is_missing = || is_within(&format!("{field}.{}", self.language));
+        (is_within(field) || is_missing()).then(|| sentence(complaint, field))
+    }
+
+    /// What is wrong with a whole section, such as `encounters`, and with none of its fields.
+    pub(super) fn complaint_about(&self, path: &str) -> Option<String> {
+        let complaint = self.complaint?;
+        let field = complaint.field.as_deref().filter(|field| *field == path)?;
+        Some(sentence(complaint, field))
+    }
+}
+
+/// What a complaint says, without the field's path.
+fn sentence(complaint: &Remark, field: &str) -> String {
+    let said = &complaint.message;
+    let said = said.strip_prefix(field).and_then(|rest| rest.strip_prefix(": ")).unwrap_or(said);
+    let mut letters = said.chars();
+    let first = letters.next().map(char::to_uppercase).into_iter().flatten();
+    first.chain(letters).collect()
+}
+
+/// A number as a study file would have it: whole where it is.
+fn tidy(number: f64) -> Value {
+    let is_whole = number.fract() == 0.0 && number.abs() < 9e15;
+    if is_whole { json!(number as i64) } else { json!(number) }
+}
+
+fn id(path: &str) -> String {
+    format!("field-{}", path.replace(['.', '[', ']'], "-"))
+}
+
+fn entered_text(input: Node, path: &str) -> Node {
+    let at = path.to_owned();
+    input.on_input(move |entered| Msg::Edit(Edit::Set(at.clone(), entered.text().into())))
+}
+
+/// A language without a text has no entry.
+fn entered_translation(input: Node, path: &str) -> Node {
+    let at = path.to_owned();
+    input.on_input(move |entered| {
+        Msg::Edit(match entered.text() {
+            "" => Edit::Unset(at.clone()),
+            text => Edit::Set(at.clone(), text.into()),
+        })
+    })
+}

@@ -1,0 +1,485 @@
+//! The form of a study: the fields of a study file, in sections.
+
+use super::document::{flag, get, list, number, text};
+use super::edit::new_check;
+use super::fields::Fields;
+use super::questions;
+use super::{Edit, Msg};
+use crate::pages::parts::{button, count};
+use crate::view::{self, el};
+use serde_json::{Value, json};
+use sidestep::api::DraftChecked;
+
+type Node = view::Node<Msg>;
+
+/// The form, and where its pieces come from.
+pub(super) struct Form<'a> {
+    pub(super) fields: Fields<'a>,
+    /// The languages that the server has.
+    pub(super) languages: &'a [String],
+    /// Whether the study is to be made, so that it can still be named.
+    pub(super) is_new: bool,
+    /// How often the form was given a study: what was entered before is gone.
+    pub(super) givings: u32,
+    /// How the scenes are spread.
+    pub(super) picture: Option<Node>,
+}
+
+/// A section: its heading, what it holds in a few words, the path of its fields, and those.
+struct Section {
+    name: &'static str,
+    path: &'static str,
+    said: String,
+    is_open: bool,
+    fields: Vec<Node>,
+}
+
+/// The phases in their order, with the number of scenes that a phase begins with.
+const PHASES: [(&str, &str, u32); 3] =
+    [("familiarisation", "Familiarisation", 6), ("practice", "Practice", 3), ("task", "Tasks", 50)];
+
+impl Form<'_> {
+    /// The form.
+    pub(super) fn view(self) -> Node {
+        let sections = [
+            self.about(),
+            self.phases(),
+            self.vehicles(),
+            self.encounters(),
+            self.trials(),
+            self.consent(),
+            self.comprehension(),
+            self.questions(),
+            self.closing(),
+            self.recruitment(),
+        ];
+        let chooser = self.language_chooser();
+        let sections = sections.into_iter().map(|section| {
+            let is_wrong = self.fields.complaint_within(section.path).is_some();
+            let about = self.fields.complaint_about(section.path);
+            el("details")
+                .key(section.name)
+                .attr_if(section.is_open || is_wrong, "open", "")
+                .test_id(&format!("section-{}", section.path))
+                .child(
+                    el("summary")
+                        .child(el("h3").text(section.name))
+                        .child(el("small").class("quiet").text(section.said)),
+                )
+                .children(about.map(|what| el("p").class("trouble").test_id("beside").text(what)))
+                .child(el("div").class("fields").key(self.givings).children(section.fields))
+        });
+        el("div").class("study-form").test_id("study-form").children(chooser).children(sections)
+    }
+
+    fn study(&self) -> &Value {
+        self.fields.study
+    }
+
+    /// The languages in which the study is offered.
+    fn offered(&self) -> Vec<&str> {
+        offered(self.study(), self.languages)
+    }
+
+    fn language_chooser(&self) -> Option<Node> {
+        let offered = self.offered();
+        let choice = |tag: &&str| {
+            button(&format!("language-{tag}"), Msg::Language((*tag).to_owned()))
+                .class("choice")
+                .attr("aria-pressed", *tag == self.fields.language)
+                .text(*tag)
+        };
+        (offered.len() > 1).then(|| {
+            el("div")
+                .class("choices")
+                .attrs(&[("role", "group"), ("aria-label", "Language of the texts below")])
+                .child(el("span").class("quiet").text("Texts in"))
+                .children(offered.iter().map(choice))
+        })
+    }
+
+    fn about(&self) -> Section {
+        let fields = &self.fields;
+        let slug = self.is_new.then(|| {
+            let hint = "In addresses: /s/NAME. Lower-case letters, digits and hyphens; it stays.";
+            fields.line("slug", "Name in addresses", hint)
+        });
+        let ticked = list(fields.given, "languages");
+        let languages = self.languages.iter().map(|tag| {
+            let is_so = ticked.iter().any(|known| known == tag);
+            let (chosen, tag_of) = (ticked.to_vec(), tag.clone());
+            fields.ticked(&format!("languages.{tag}"), tag, "", is_so, move |ticked| {
+                let others = chosen.iter().filter(|known| **known != *tag_of.as_str()).cloned();
+                let one = ticked.then(|| Value::from(tag_of.as_str()));
+                let edit = Edit::Fill(vec![("languages", others.chain(one).collect())]);
+                Msg::Rebuild(edit, format!("field-languages.{tag_of}"))
+            })
+        });
+        let languages = el("fieldset")
+            .class("field wide")
+            .child(el("legend").text("Languages to choose from"))
+            .child(el("div").class("ticks").children(languages))
+            .child(el("small").class("quiet").text(
+                "None ticked: all of them. The first one ticked is for people who read none of them.",
+            ));
+        let title =
+            fields.line("title", "Title", "The heading of the first page, in every language.");
+        let label = fields.line("version", "Your label of this version", "");
+        let hint = "Another number gives participants other scenes.";
+        let seed = fields.number("seed", "Seed of the scenes", "", hint);
+        Section {
+            name: "About the study",
+            path: "title",
+            said: String::new(),
+            is_open: true,
+            fields: slug.into_iter().chain([title, label, seed, languages]).collect(),
+        }
+    }
+
+    fn phases(&self) -> Section {
+        let fields = &self.fields;
+        let driven = list(fields.given, "phases");
+        let place = |phase: &str| driven.iter().position(|it| text(it, "phase") == phase);
+        let rows = PHASES.iter().enumerate().map(|(i, &(phase, name, scenes))| {
+            let there = place(phase);
+            // In the order of the phases, whichever are there.
+            let at = PHASES[..i].iter().filter(|(before, ..)| place(before).is_some()).count();
+            let include = fields.ticked(
+                &format!("phases.{phase}"),
+                name,
+                "",
+                there.is_some(),
+                move |ticked| {
+                    let (list, new) =
+                        ("phases".to_owned(), json!({ "phase": phase, "scenes": scenes }));
+                    let edit =
+                        if ticked { Edit::Insert(list, at, new) } else { Edit::Remove(list, at) };
+                    Msg::Rebuild(edit, format!("field-phases.{phase}"))
+                },
+            );
+            let details = there.map(|i| {
+                let of = |field: &str| format!("phases[{i}].{field}");
+                [
+                    fields.number(&of("scenes"), "Scenes", "", ""),
+                    fields.tick(&of("show_danger_zone"), "Danger zone drawn", ""),
+                    fields.tick(
+                        &of("feedback"),
+                        "Told after each scene whether they stayed out",
+                        "",
+                    ),
+                ]
+            });
+            el("div").class("row").child(include).children(details.into_iter().flatten())
+        });
+        Section {
+            name: "What is driven",
+            path: "phases",
+            said: self.driving(),
+            is_open: true,
+            fields: rows.collect(),
+        }
+    }
+
+    /// How much there is to drive.
+    fn driving(&self) -> String {
+        let study = self.study();
+        let phases = list(study, "phases");
+        let scenes: f64 = phases.iter().filter_map(|phase| number(phase, "scenes")).sum();
+        let each = scene_s(study)
+            + number(study, "trials.countdown_s").unwrap_or_default()
+            + number(study, "trials.end_s").unwrap_or_default();
+        let minutes = scenes * each / 60.0;
+        format!("{}, about {minutes:.0} min with countdowns", count(scenes, "scene"))
+    }
+
+    fn vehicles(&self) -> Section {
+        let fields = &self.fields;
+        let vehicle = |path: &str, name: &str| {
+            [
+                fields.number(
+                    &format!("parameters.{path}.speed_mps"),
+                    &format!("{name}: speed"),
+                    "m/s",
+                    "",
+                ),
+                fields.number(
+                    &format!("parameters.{path}.turn_rate_radps"),
+                    &format!("{name}: turn rate"),
+                    "rad/s",
+                    "",
+                ),
+            ]
+        };
+        let clock = [
+            fields.number("parameters.danger_radius_m", "Radius of the danger zone", "m", ""),
+            fields.number("parameters.step_s", "Time between two inputs", "s", ""),
+            fields.number("parameters.steps", "Steps of a scene", "steps", ""),
+        ];
+        let vehicles = vehicle("human", "Participant").into_iter().chain(vehicle("robot", "Robot"));
+        Section {
+            name: "Vehicles and clock",
+            path: "parameters",
+            said: format!("a scene lasts {} s", (scene_s(self.study()) * 1000.0).round() / 1000.0),
+            is_open: true,
+            fields: vehicles.chain(clock).collect(),
+        }
+    }
+
+    fn encounters(&self) -> Section {
+        let number = |field: &str, label: &str, unit: &str| {
+            self.fields.number(&format!("encounters.{field}"), label, unit, "")
+        };
+        let mut fields = vec![
+            number("min_approach_rad", "Least angle between the headings", "rad"),
+            number("max_miss_share", "Greatest miss distance", "of the danger radius"),
+            number("min_entry_s", "Danger zone entered, without a turn, not before", "s"),
+            number("max_entry_s", "and not after", "s"),
+            number("min_start_distance_m", "Distance at the start at least", "m"),
+            number("max_start_distance_m", "and at most", "m"),
+            number("escape_clearance_m", "An escape clears the danger zone by", "m"),
+            number("escape_delay_s", "The participant need not react before", "s"),
+        ];
+        fields.extend(
+            self.picture.clone().map(|picture| el("div").class("field wide").child(picture)),
+        );
+        Section {
+            name: "Scenes",
+            path: "encounters",
+            said: "which encounters are drawn, and how they are spread".to_owned(),
+            is_open: false,
+            fields,
+        }
+    }
+
+    fn trials(&self) -> Section {
+        let fields = &self.fields;
+        Section {
+            name: "Course of a scene",
+            path: "trials",
+            said: "countdown, rests, interruptions".to_owned(),
+            is_open: false,
+            fields: vec![
+                fields.number("trials.countdown_s", "Countdown", "s", ""),
+                fields.number("trials.end_s", "The last picture stays for", "s", ""),
+                fields.number(
+                    "trials.rest_after",
+                    "A rest is offered after",
+                    "tasks",
+                    "0: no rests.",
+                ),
+                fields.tick(
+                    "trials.repeat_interrupted",
+                    "An interrupted task is driven once more at the end",
+                    "",
+                ),
+                fields.tick("trials.fullscreen", "Ask for the full screen", ""),
+            ],
+        }
+    }
+
+    fn consent(&self) -> Section {
+        let fields = &self.fields;
+        let study = self.study();
+        let is_said = |path: &str| get(study, path).is_some_and(|it| *it != "" && *it != json!({}));
+        let is_complete = is_said("consent.investigator") && is_said("consent.contact");
+        Section {
+            name: "Consent",
+            path: "consent",
+            said: if is_complete { "" } else { "participants read no name or no contact yet" }
+                .to_owned(),
+            is_open: true,
+            fields: vec![
+                fields.fact("consent.investigator", "Investigator", ""),
+                fields.fact("consent.institution", "Institution", ""),
+                fields.fact(
+                    "consent.contact",
+                    "Contact",
+                    "An address that participants can write to.",
+                ),
+                fields.fact("consent.ethics", "Ethics approval", ""),
+                fields.fact("consent.retention", "How long and where data are kept", ""),
+                fields.markdown(
+                    "consent.text",
+                    "What participants agree to (Markdown)",
+                    "Empty: Sidestep’s own text.",
+                ),
+            ],
+        }
+    }
+
+    fn comprehension(&self) -> Section {
+        let fields = &self.fields;
+        let questions = list(fields.given, "comprehension.questions");
+        let own = questions
+            .iter()
+            .enumerate()
+            .map(|(i, question)| questions::check(fields, i, list(question, "options").len()));
+        let hint =
+            "After this many attempts with a wrong answer, the participation ends. 0: never.";
+        let first = [
+            fields.tick(
+                "comprehension.standard",
+                "Ask Sidestep’s questions on the robot, the keys and the danger zone",
+                "",
+            ),
+            fields.number("comprehension.attempts", "Attempts", "", hint),
+        ];
+        let focused = format!(".text.{}", fields.language);
+        let add = fields.add("comprehension.questions", "Add a question", new_check(), &focused);
+        let own_count = list(self.study(), "comprehension.questions").len();
+        let standard =
+            if flag(self.study(), "comprehension.standard") { "standard questions" } else { "" };
+        let own_words =
+            (own_count > 0).then(|| format!("{} of your own", count(own_count, "question")));
+        let said: Vec<_> = [(!standard.is_empty()).then(|| standard.to_owned()), own_words]
+            .into_iter()
+            .flatten()
+            .collect();
+        Section {
+            name: "Check of understanding",
+            path: "comprehension",
+            said: if said.is_empty() { "none".to_owned() } else { said.join(", ") },
+            is_open: false,
+            fields: first.into_iter().chain(own).chain([add]).collect(),
+        }
+    }
+
+    fn questions(&self) -> Section {
+        let fields = &self.fields;
+        let questions = list(fields.given, "questions");
+        let nodes = questions
+            .iter()
+            .enumerate()
+            .map(|(i, question)| questions::question(fields, i, question));
+        let taken = |name: &String| questions.iter().any(|question| text(question, "name") == name);
+        let name =
+            (1..).map(|n| format!("question_{n}")).find(|name| !taken(name)).unwrap_or_default();
+        let new = super::edit::new_question(&name, "text");
+        let add = fields.add("questions", "Add a question", new, ".name");
+        Section {
+            name: "Questions after the last scene",
+            path: "questions",
+            said: match list(self.study(), "questions").len() {
+                0 => "none".to_owned(),
+                n => count(n, "question"),
+            },
+            is_open: false,
+            fields: nodes.chain([add]).collect(),
+        }
+    }
+
+    fn closing(&self) -> Section {
+        let hint = "What participants read on the last page. Empty: thanks, and nothing more.";
+        Section {
+            name: "Last page",
+            path: "closing",
+            said: String::new(),
+            is_open: false,
+            fields: vec![self.fields.markdown("closing.debrief", "Debriefing (Markdown)", hint)],
+        }
+    }
+
+    fn recruitment(&self) -> Section {
+        let fields = &self.fields;
+        let preset = |service: &str, name: &str, edit: Edit| {
+            let button_name = format!("fill-{service}");
+            fields.button(&button_name, edit, &button_name).class("choice").text(name)
+        };
+        let fill = |external: Value, required: bool, record: Value, hosts: Value| {
+            Edit::Fill(vec![
+                ("recruitment.external_id", external),
+                ("recruitment.require_external_id", required.into()),
+                ("recruitment.record", record),
+                ("recruitment.return_hosts", hosts),
+            ])
+        };
+        let presets = el("div")
+            .class("choices field wide")
+            .attrs(&[("role", "group"), ("aria-label", "Fill in for a service")])
+            .child(el("span").class("quiet").text("Fill in for"))
+            .children([
+                preset(
+                    "prolific",
+                    "Prolific",
+                    fill(
+                        json!(["PROLIFIC_PID"]),
+                        true,
+                        json!(["STUDY_ID", "SESSION_ID"]),
+                        json!(["app.prolific.com"]),
+                    ),
+                ),
+                preset("sona", "SONA", fill(json!(["survey_code"]), true, json!([]), json!([]))),
+                preset(
+                    "mturk",
+                    "MTurk",
+                    fill(json!(["workerId"]), true, json!(["assignmentId", "hitId"]), json!([])),
+                ),
+                preset(
+                    "own",
+                    "links of your own",
+                    fill(json!(["external_id"]), false, json!([]), json!([])),
+                ),
+            ]);
+        let link =
+            |field: &str, label: &str| fields.line(&format!("recruitment.{field}"), label, "");
+        let rows = vec![
+            presets,
+            fields.number(
+                "recruitment.quota",
+                "Participants who complete, at most",
+                "",
+                "0: no limit.",
+            ),
+            fields.number("recruitment.hold_min", "A place is held for", "min", ""),
+            fields.names(
+                "recruitment.external_id",
+                "Parameters of the link with the person’s id",
+                "Separated by commas; the first that a link has counts.",
+            ),
+            fields.tick(
+                "recruitment.require_external_id",
+                "Nobody takes part without such an id",
+                "",
+            ),
+            fields.names("recruitment.record", "Parameters of the link that are stored too", ""),
+            fields.names(
+                "recruitment.return_hosts",
+                "Hosts that participants may be sent back to",
+                "Such as app.prolific.com.",
+            ),
+            link("completed_url", "Return link after completion"),
+            link("screened_out_url", "Return link when screened out"),
+            link("withdrawn_url", "Return link when withdrawn"),
+        ];
+        let quota = number(self.study(), "recruitment.quota").unwrap_or_default();
+        Section {
+            name: "Recruitment",
+            path: "recruitment",
+            said: if quota > 0.0 {
+                format!("up to {}", count(quota, "participant"))
+            } else {
+                "no limit".to_owned()
+            },
+            is_open: false,
+            fields: rows,
+        }
+    }
+}
+
+/// The languages in which a study is offered: those it names, else all that the server has.
+pub(super) fn offered<'a>(study: &'a Value, all: &'a [String]) -> Vec<&'a str> {
+    let named: Vec<_> = list(study, "languages").iter().filter_map(Value::as_str).collect();
+    if named.is_empty() { all.iter().map(String::as_str).collect() } else { named }
+}
+
+/// Length of a scene, s.
+fn scene_s(study: &Value) -> f64 {
+    let of = |field: &str| number(study, field).unwrap_or_default();
+    of("parameters.step_s") * of("parameters.steps")
+}
+
+/// How the scenes are spread.
+pub(super) fn picture(checked: &DraftChecked) -> Option<Node> {
+    let svg = checked.picture.as_ref()?;
+    Some(el("div").class("design").attr("tabindex", 0).test_id("design").html(svg))
+}
