@@ -425,7 +425,7 @@ impl Tab {
     pub async fn key_down(&self, key: &str) {
         self.send_key(key, DispatchKeyEventType::RawKeyDown).await;
         // What a button does when this key is pressed, the browser does with the key's character.
-        if key == "Enter" {
+        if key == "Enter" || digit(key).is_some() {
             self.send_key(key, DispatchKeyEventType::Char).await;
         }
     }
@@ -445,7 +445,10 @@ impl Tab {
             " " => ("Space", 32),
             "Enter" => ("Enter", 13),
             "Tab" => ("Tab", 9),
-            other => panic!("the number of the key {other} is not known here"),
+            other => match digit(other) {
+                Some(digit) => ("", 48 + i64::from(digit)),
+                None => panic!("the number of the key {other} is not known here"),
+            },
         };
         let event = DispatchKeyEventParams::builder()
             .r#type(kind.clone())
@@ -453,7 +456,7 @@ impl Tab {
             .code(code)
             .windows_virtual_key_code(number);
         let event = match kind {
-            DispatchKeyEventType::Char => event.text("\r"),
+            DispatchKeyEventType::Char => event.text(if key == "Enter" { "\r" } else { key }),
             _ => event,
         };
         let event = event.build().expect("a key event");
@@ -524,4 +527,10 @@ pub fn count_pixels(picture: &RgbaImage, colour: [u8; 3]) -> usize {
     let near =
         |pixel: &image::Rgba<u8>| pixel.0.iter().zip(colour).all(|(&a, b)| a.abs_diff(b) <= 6);
     picture.pixels().filter(|pixel| near(pixel)).count()
+}
+
+/// The digit that a key types.
+fn digit(key: &str) -> Option<u32> {
+    let mut letters = key.chars();
+    letters.next().filter(|_| letters.next().is_none())?.to_digit(10)
 }

@@ -3,7 +3,8 @@
 use reqwest::Method;
 use serde_json::{Value, json};
 use sidestep::api::{
-    AnalysisDetail, AnalysisPage, Enrolled, Plan, Progress, TrialDetail, TrialPage, routes,
+    AnalysisDetail, AnalysisPage, Configuration, Enrolled, Plan, Progress, TrialDetail, TrialPage,
+    routes,
 };
 use sidestep::scene::{Evader, SceneParameters};
 use sidestep_tests::server::SHORT_STUDY;
@@ -46,6 +47,15 @@ async fn goes_on(server: &Server, driver: &Driver, parameters: &SceneParameters)
 #[tokio::test]
 async fn a_database_of_the_version_before_goes_on() {
     let server = Server::with_database(SHORT_STUDY, &old("sidestep.db")).await;
+    // Earlier versions did not number the configurations of a study.
+    for slug in ["first", "second", "default"] {
+        let configuration: Configuration =
+            server.admin(&routes::admin_configuration(slug)).await.into(200);
+        let versions = &configuration.versions;
+        assert_eq!(versions[0].hash, configuration.hash, "{slug}");
+        let numbers: Vec<_> = versions.iter().map(|version| version.number as usize).collect();
+        assert_eq!(numbers, (1..=versions.len()).rev().collect::<Vec<_>>(), "{slug}");
+    }
     let exported = server.export("first").await;
     let old_facts = facts();
     let (incomplete, known_of_them) = known("incomplete");

@@ -278,6 +278,10 @@ async fn real_answers_are_as_the_document_says() {
     let draft = json!({ "toml": now["toml"], "base": now["hash"] });
     it.admin(POST, routes::ADMIN_DRAFTS, &[], Some(draft.clone())).await;
     it.admin(POST, routes::ADMIN_DRAFTS, &[], Some(json!({ "toml": "slug =" }))).await;
+    for config in [json!({ "slug": "entered" }), json!({ "slug": "entered", "phases": 3 })] {
+        let draft = json!({ "config": config });
+        it.admin(POST, routes::ADMIN_FORM_DRAFTS, &[], Some(draft)).await;
+    }
     it.admin(PUT, &configuration, &default, Some(draft)).await;
     it.admin(PUT, &configuration, &default, Some(json!({ "toml": now["toml"], "base": "" }))).await;
     let other = json!({ "toml": "slug = \"other\"\ntitle = \"Other\"" });

@@ -142,6 +142,7 @@ async fn a_study_is_made_changed_and_closed_in_the_browser() {
     tab.press("new-study").await;
     tab.until(&Tab::at("design")).await;
     take(&tab, "new-study").await;
+    tab.press("as-text").await;
     let text = "slug = \"pilot\"\ntitle = \"Pilot of the spring\"\n\n[[phases]]\nphase = \"task\"\nscenes = ";
     tab.enter("toml", &format!("{text}none\n")).await;
     tab.until_says("complaint", "Line 6").await;
@@ -158,6 +159,7 @@ async fn a_study_is_made_changed_and_closed_in_the_browser() {
     // Another number of scenes, for those who come later.
     tab.reload().await;
     tab.until(&Tab::at("design")).await;
+    tab.press("as-text").await;
     let shown: String = tab.eval(&format!("{}.value", Tab::at("toml"))).await;
     assert!(shown.contains("Pilot of the spring") && shown.contains("scenes = 12"), "{shown}");
     tab.enter("toml", &shown.replace("scenes = 12", "scenes = 8")).await;
@@ -172,12 +174,81 @@ async fn a_study_is_made_changed_and_closed_in_the_browser() {
     tab.press("set-closed").await;
     tab.until(&Tab::at("set-open")).await;
     Driver::ask_in(&server, "pilot", body).await.problem(403, "closed", None);
+    tab.until_says("versions", "phases[0].scenes").await;
     take(&tab, "configuration").await;
     tab.press("copy").await;
     tab.until("document.title.startsWith('New study')").await;
     tab.until(&Tab::at("design")).await;
+    tab.press("as-text").await;
     let copy: String = tab.eval(&format!("{}.value", Tab::at("toml"))).await;
     assert!(copy.starts_with("slug = \"pilot-copy\"\n") && !copy.contains("closed"), "{copy}");
+    tab.until_painted().await;
+    tab.is_well().await;
+    browser.close().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_study_is_made_in_the_form() {
+    let (server, browser, tab) = start(SHORT_STUDY).await;
+    sign_in(&tab, &server).await;
+    tab.press("new-study").await;
+    tab.until(&Tab::at("design")).await;
+    tab.enter("field-slug", "My Study").await;
+    tab.until_says("beside", "lower-case letters").await;
+    take(&tab, "form-complaint").await;
+    tab.enter("field-slug", "in-a-form").await;
+    tab.enter("field-title", "Made in a form").await;
+    tab.press("field-phases.practice").await;
+    tab.until(&format!("!{}", Tab::at("field-phases[2].scenes"))).await;
+    // Typed with keys, so the fields must stay while the server is asked.
+    tab.run(&format!("{}.select()", Tab::at("field-phases[1].scenes"))).await;
+    for key in ["1", "2"] {
+        tab.key(key).await;
+    }
+    tab.enter("field-consent.investigator", "Ada Example").await;
+    let open = |section: &str| format!("{}.open = true", Tab::at(&format!("section-{section}")));
+    for section in ["questions", "comprehension", "encounters", "recruitment"] {
+        tab.run(&open(section)).await;
+    }
+    tab.press("add-questions").await;
+    let focused = "document.activeElement.dataset.testid";
+    assert_eq!(tab.eval::<String>(focused).await, "field-questions[0].name");
+    tab.enter("field-questions[0].text.en", "How hard was it?").await;
+    let kind = Tab::at("field-questions[0].kind");
+    let choose = "dispatchEvent(new Event('input', { bubbles: true }))";
+    tab.run(&format!("{kind}.value = 'scale'; {kind}.{choose}")).await;
+    tab.until(&Tab::at("field-questions[0].low.en")).await;
+    tab.press("add-comprehension.questions").await;
+    tab.until(&Tab::at("complaint")).await;
+    tab.press("remove-comprehension.questions[0]").await;
+    tab.press("fill-prolific").await;
+    tab.until(&Tab::at("sound")).await;
+    take(&tab, "form").await;
+    tab.press("as-text").await;
+    let text: String = tab.eval(&format!("{}.value", Tab::at("toml"))).await;
+    for said in ["slug = \"in-a-form\"", "scenes = 12", "kind = \"scale\"", "PROLIFIC_PID"] {
+        assert!(text.contains(said), "{said} in {text}");
+    }
+    assert!(!text.contains("practice"), "{text}");
+    tab.press("as-form").await;
+    let number = format!("{}.value", Tab::at("field-phases[1].scenes"));
+    assert_eq!(tab.eval::<String>(&number).await, "12");
+    tab.press("store").await;
+    tab.until("location.pathname === '/lab/studies/in-a-form/configuration'").await;
+    tab.until(&Tab::at("links")).await;
+    let body = json!({ "consent": true, "external_id": "p1" });
+    let first: Enrolled = Driver::ask_in(&server, "in-a-form", body).await.into(201);
+    assert_eq!(first.plan.scenes().count(), 18);
+
+    // Another number, for those who come later; nothing is left by accident.
+    tab.until(&Tab::at("design")).await;
+    tab.enter("field-phases[1].scenes", "10").await;
+    tab.until_says("changes", "phases[1].scenes").await;
+    tab.press("store").await;
+    tab.press("confirm").await;
+    tab.until_says("versions", "phases[1].scenes").await;
+    let info: sidestep::api::StudyInfo = server.get(&routes::study("in-a-form")).await.into(200);
+    assert_eq!(info.phases[1].scenes, 10);
     tab.is_well().await;
     browser.close().await;
 }

@@ -41,7 +41,7 @@ impl Fields<'_> {
         let input = input.on_input(move |entered| {
             Msg::Edit(Edit::Set(at.clone(), entered.number().map_or(Value::Null, tidy)))
         });
-        self.labelled(path, label, unit, hint, input)
+        self.labelled(path, label, unit, hint, input).class("field")
     }
 
     /// Something that is so or not.
@@ -166,11 +166,10 @@ impl Fields<'_> {
     /// A field with its label, its unit, a hint and what is wrong with it.
     fn labelled(&self, path: &str, label: &str, unit: &str, hint: &str, input: Node) -> Node {
         let id = id(path);
-        let is_long = hint.len() > 60 || unit.is_empty();
         let entry = el("div").class("entry").child(self.control(path, input).attr("id", &id));
         let unit = (!unit.is_empty()).then(|| el("span").class("unit").text(unit));
         let field = el("div")
-            .class(if is_long { "field wide" } else { "field" })
+            .class("field wide")
             .child(el("label").attr("for", &id).text(label))
             .child(entry.children(unit));
         self.with_complaint(field, path, hint)

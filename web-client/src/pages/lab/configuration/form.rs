@@ -124,7 +124,7 @@ impl Form<'_> {
             ));
         let title =
             fields.line("title", "Title", "The heading of the first page, in every language.");
-        let label = fields.line("version", "Your label of this version", "");
+        let label = fields.line("version", "Your label of this version", "").class("field");
         let hint = "Another number gives participants other scenes.";
         let seed = fields.number("seed", "Seed of the scenes", "", hint);
         Section {
@@ -159,17 +159,17 @@ impl Form<'_> {
             );
             let details = there.map(|i| {
                 let of = |field: &str| format!("phases[{i}].{field}");
-                [
-                    fields.number(&of("scenes"), "Scenes", "", ""),
-                    fields.tick(&of("show_danger_zone"), "Danger zone drawn", ""),
+                let ticks = [
+                    fields.tick(&of("show_danger_zone"), "The danger zone is drawn", ""),
                     fields.tick(
                         &of("feedback"),
-                        "Told after each scene whether they stayed out",
+                        "After each scene, participants read whether they stayed out of it",
                         "",
                     ),
-                ]
+                ];
+                [fields.number(&of("scenes"), "Scenes", "", ""), el("div").children(ticks)]
             });
-            el("div").class("row").child(include).children(details.into_iter().flatten())
+            el("div").class("phase").child(include).children(details.into_iter().flatten())
         });
         Section {
             name: "What is driven",

@@ -13,8 +13,7 @@ pub(super) fn taking_part(page: &ConfigurationPage, study: &StudySummary) -> Nod
     let words = match study.status {
         Status::Open => "Everybody with a link can take part.",
         Status::Closed => {
-            "Nobody new can take part. Participants who have begun can finish. You can open the study \
-             again at any time."
+            "Nobody new can take part; participants who have begun can finish. You can open it again."
         }
         Status::Archived => "Nothing more is stored. The study can still be looked at.",
     };
