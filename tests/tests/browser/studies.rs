@@ -214,9 +214,8 @@ async fn a_study_is_made_in_the_form() {
     let focused = "document.activeElement.dataset.testid";
     assert_eq!(tab.eval::<String>(focused).await, "field-questions[0].name");
     tab.enter("field-questions[0].text.en", "How hard was it?").await;
-    let kind = Tab::at("field-questions[0].kind");
-    let choose = "dispatchEvent(new Event('input', { bubbles: true }))";
-    tab.run(&format!("{kind}.value = 'scale'; {kind}.{choose}")).await;
+
+    tab.enter("field-questions[0].kind", "scale").await;
     tab.until(&Tab::at("field-questions[0].low.en")).await;
     tab.press("add-comprehension.questions").await;
     tab.until(&Tab::at("complaint")).await;
