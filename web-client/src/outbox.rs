@@ -117,10 +117,14 @@ impl Outbox {
         let next = self.waiting.iter().find(is_next).filter(|next| next.kept.is_some())?;
         self.line = Line::Busy;
         let id = next.trial_id.clone();
+        let url = routes::my_trial(&id);
+        // What else waits here is the study's backlog, which experimenters watch.
+        let others = self.waiting.len() - 1;
+        let url = if others > 0 { format!("{url}?waiting={others}") } else { url };
         Some(Command::Send(Request {
             name: "upload",
             method: "PUT",
-            url: routes::my_trial(&id),
+            url,
             token: Some(self.token.clone()),
             body: Some(next.body.clone()),
             then: Box::new(|answer| Msg::Uploaded(id, answer)),
@@ -343,6 +347,16 @@ mod tests {
         assert_eq!(browser.urls(), [routes::my_trial("t2")]);
         browser.answer("upload", 200, b"");
         assert!(browser.page.outbox.is_empty() && browser.kept.is_empty());
+    }
+
+    #[test]
+    fn an_upload_says_how_many_others_wait() {
+        let mut browser = open(&["t1", "t2", "t3"]);
+        for (trial, query) in [("t1", "?waiting=2"), ("t2", "?waiting=1"), ("t3", "")] {
+            assert!(browser.upload(trial));
+            assert_eq!(browser.urls(), [format!("{}{query}", routes::my_trial(trial))]);
+            browser.answer("upload", 201, b"");
+        }
     }
 
     #[test]

@@ -261,6 +261,7 @@ fn imported(
         outcome,
         key_timing: None,
         repeated_as: None,
+        waiting: 0,
     }
 }
 

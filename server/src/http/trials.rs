@@ -6,11 +6,14 @@ use crate::http::app::App;
 use crate::http::auth::Assigned;
 use crate::http::error::ApiError;
 use crate::http::json::JsonBody;
+use crate::http::params::Params;
 use crate::store::trials::{AssignedScene, NewTrial, PutTrial};
 use anyhow::Context;
 use axum::Json;
 use axum::extract::State;
 use axum::http::StatusCode;
+use schemars::JsonSchema;
+use serde::Deserialize;
 use sha2::{Digest, Sha256};
 use sidestep::api::{KeyEvent, TrialStored, TrialUpload};
 use sidestep::study::StudyConfig;
@@ -18,15 +21,24 @@ use sidestep::trial::{Flag, Phase, outcome};
 use std::sync::Arc;
 use uuid::Uuid;
 
+/// The query of an upload.
+#[derive(Debug, Deserialize, JsonSchema)]
+pub struct UploadParams {
+    /// How many further trials wait in the participant's browser.
+    #[serde(default)]
+    waiting: u32,
+}
+
 /// `PUT /api/v1/participants/me/trials/{trial_id}`: 201 after the commit; 200 if the same content was
 /// stored before; 409 for other content, or if another trial comes first.
 pub async fn store(
     State(app): State<Arc<App>>,
     Assigned { participant_id, config, trial_id, scene }: Assigned,
+    Params(UploadParams { waiting }): Params<UploadParams>,
     JsonBody(upload): JsonBody<TrialUpload>,
 ) -> Result<(StatusCode, Json<TrialStored>), ApiError> {
     upload.check(&config.parameters)?;
-    let trial = recorded(trial_id.clone(), upload, &config, &scene)?;
+    let trial = NewTrial { waiting, ..recorded(trial_id.clone(), upload, &config, &scene)? };
     let (status, next) = match app.store.put_trial(&participant_id, trial).await? {
         PutTrial::Stored { next } => (StatusCode::CREATED, next),
         PutTrial::Same { next } => (StatusCode::OK, next),
@@ -80,6 +92,7 @@ fn recorded(
         outcome,
         key_timing,
         repeated_as: is_repeated.then(|| Uuid::new_v4().to_string()),
+        waiting: 0,
     })
 }
 

@@ -37,6 +37,10 @@ pub enum SortBy {
     Doubtful,
     /// Answers to the check of understanding.
     ComprehensionAttempts,
+    /// Wrong answers to the check of understanding.
+    FailedChecks,
+    /// Trials that waited in the browser when the server last stored one.
+    Waiting,
 }
 
 impl SortBy {
@@ -62,6 +66,8 @@ impl SortBy {
             Self::Excluded => "excluded",
             Self::Doubtful => "doubtful",
             Self::ComprehensionAttempts => "comprehension_attempts",
+            Self::FailedChecks => "failed_checks",
+            Self::Waiting => "waiting",
         }
     }
 }
@@ -116,7 +122,9 @@ fn people(condition: &str) -> String {
          WHEN stored = 0 THEN 'joined' \
          ELSE coalesce(next_phase, 'closing') END AS stage \
      FROM (SELECT id, number, pilot, external_id, completion_code, comprehension_attempts, \
-         understood_at_ms IS NOT NULL AS understood, enrolled_at_ms, last_seen_at_ms, \
+         understood_at_ms IS NOT NULL AS understood, \
+         max(0, comprehension_attempts - (understood_at_ms IS NOT NULL)) AS failed_checks, \
+         coalesce(waiting, 0) AS waiting, enrolled_at_ms, last_seen_at_ms, \
          withdrawn_at_ms IS NOT NULL AS withdrawn, screened_out_at_ms IS NOT NULL AS screened_out, \
          import_hash IS NOT NULL AS imported, \
          next_phase, coalesce(familiarisation + practice + task, 0) AS stored, \
@@ -227,6 +235,7 @@ fn summary_of(row: &Row<'_>) -> Result<ParticipantSummary, StoreError> {
         understood: row.get("understood")?,
         stored: row.get("stored")?,
         planned: row.get("planned")?,
+        waiting: row.get("waiting")?,
         enrolled_at_ms: row.get("enrolled_at_ms")?,
         last_seen_at_ms: row.get("last_seen_at_ms")?,
         quality: Quality {
@@ -237,6 +246,7 @@ fn summary_of(row: &Row<'_>) -> Result<ParticipantSummary, StoreError> {
             always_steered: row.get("always_steered")?,
             danger_entered: row.get("danger_entered")?,
             same_timing: row.get("same_timing")?,
+            failed_checks: row.get("failed_checks")?,
         },
         excluded: row.get("excluded")?,
     })

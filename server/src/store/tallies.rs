@@ -18,6 +18,8 @@ pub(super) struct Counted<'a> {
     pub(super) outcome: &'a Outcome,
     /// A number that follows from the times of its key events, if there are enough.
     pub(super) key_timing: Option<i64>,
+    /// How many further trials wait in the participant's browser.
+    pub(super) waiting: u32,
 }
 
 /// Adds a trial that is about to be stored. Its scene is stored already.
@@ -35,7 +37,7 @@ pub(super) fn add(db: &Connection, study_id: i64, trial: &Counted<'_>) -> Result
              WHERE next.participant_id = scene.participant_id AND next.ordinal = scene.ordinal + 1), \
              phase = 'familiarisation', phase = 'practice', \
              phase = 'task', phase = 'task' AND ?2, phase = 'task' AND ?3, phase = 'task' AND ?4, \
-             phase = 'task' AND ?5, phase = 'task' AND ?6, phase = 'task' AND ?7, phase = 'task' AND ?8 \
+             phase = 'task' AND ?5, phase = 'task' AND ?6, phase = 'task' AND ?7, phase = 'task' AND ?8, ?9 \
          FROM scene WHERE trial_id = ?1 \
          ON CONFLICT DO UPDATE SET next_phase = excluded.next_phase, familiarisation = familiarisation + excluded.familiarisation, \
              practice = practice + excluded.practice, task = task + excluded.task, \
@@ -45,7 +47,7 @@ pub(super) fn add(db: &Connection, study_id: i64, trial: &Counted<'_>) -> Result
              never_steered = never_steered + excluded.never_steered, \
              always_steered = always_steered + excluded.always_steered, \
              danger_entered = danger_entered + excluded.danger_entered, \
-             same_timing = same_timing + excluded.same_timing",
+             same_timing = same_timing + excluded.same_timing, waiting = excluded.waiting",
     )?
     .execute(params![
         trial.trial_id,
@@ -56,7 +58,15 @@ pub(super) fn add(db: &Connection, study_id: i64, trial: &Counted<'_>) -> Result
         always,
         trial.outcome.first_step_in_danger.is_some(),
         is_same,
+        trial.waiting,
     ])?;
+    Ok(())
+}
+
+/// A trial came again; so many further ones wait in the participant's browser.
+pub(super) fn waits(db: &Connection, participant_id: &str, waiting: u32) -> Result<(), StoreError> {
+    db.prepare_cached("UPDATE tally SET waiting = ?2 WHERE participant_id = ?1 AND waiting <> ?2")?
+        .execute(params![participant_id, waiting])?;
     Ok(())
 }
 

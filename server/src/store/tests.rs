@@ -114,6 +114,7 @@ pub(crate) fn trial(trial_id: &str, turn: TurnInput) -> NewTrial {
         outcome,
         key_timing: None,
         repeated_as: None,
+        waiting: 0,
     }
 }
 

@@ -34,6 +34,8 @@ pub struct NewTrial {
     pub key_timing: Option<i64>,
     /// The id of a further trial in the same scene, if it is to be driven again.
     pub repeated_as: Option<String>,
+    /// How many further trials wait in the participant's browser.
+    pub waiting: u32,
 }
 
 /// A scene of a participant's plan.
@@ -373,7 +375,10 @@ fn put(db: &Connection, participant_id: &str, trial: &NewTrial) -> Result<PutTri
             false => recipe.hash(&trial.content),
         };
         return Ok(match hash == same {
-            true => PutTrial::Same { next: scenes::next(db, participant_id)? },
+            true => {
+                tallies::waits(db, participant_id, trial.waiting)?;
+                PutTrial::Same { next: scenes::next(db, participant_id)? }
+            }
             false => PutTrial::Different,
         });
     }
@@ -408,6 +413,7 @@ pub(super) fn insert(db: &Connection, study_id: i64, new: &NewTrial) -> Result<(
         flags: &new.flags,
         outcome: &new.outcome,
         key_timing: new.key_timing,
+        waiting: new.waiting,
     };
     tallies::add(db, study_id, &counted)?;
     db.prepare_cached(

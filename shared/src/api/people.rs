@@ -63,7 +63,7 @@ impl Stage {
 }
 
 /// What an experimenter should look at: numbers of the participant's stored tasks, first and further
-/// attempts.
+/// attempts, and of wrong answers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct Quality {
@@ -82,6 +82,9 @@ pub struct Quality {
     /// Tasks whose keys were pressed and released at the very times of an earlier trial of the study: a
     /// program drove.
     pub same_timing: u32,
+    /// Answers to the check of understanding that were wrong.
+    #[serde(default)]
+    pub failed_checks: u32,
 }
 
 /// A participant in the list.
@@ -108,6 +111,9 @@ pub struct ParticipantSummary {
     pub stored: u32,
     /// Planned scenes, further attempts too.
     pub planned: u32,
+    /// Driven trials that waited in the participant's browser when the server last stored one.
+    #[serde(default)]
+    pub waiting: u32,
     /// When they enrolled, ms since 1970.
     pub enrolled_at_ms: i64,
     /// When the server last stored something of them, ms since 1970.

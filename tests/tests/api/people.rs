@@ -6,7 +6,7 @@ use sidestep::scene::Scene;
 use sidestep::vehicle::TurnInput;
 use sidestep_server::store::{Missing, Store};
 use sidestep_tests::server::SHORT_STUDY;
-use sidestep_tests::{Driver, Server, behind, driver};
+use sidestep_tests::{Driver, Server, behind, driven, driver};
 
 async fn people(server: &Server, query: &str) -> ParticipantPage {
     let route = format!("{}?{query}", routes::admin_participants("default"));
@@ -79,7 +79,8 @@ async fn the_list_says_how_far_everybody_is_and_what_to_look_at() {
     assert!(page.stages.iter().all(|count| count.participants == 1) && page.stages.len() == 7);
     let of = |number: usize| -> &ParticipantSummary { &page.participants[number - 1] };
     assert_eq!((of(1).understood, of(1).comprehension_attempts), (true, 1));
-    assert_eq!((of(3).stored, of(3).planned), (3, 5));
+    assert_eq!((of(1).quality.failed_checks, of(6).quality.failed_checks), (0, 1));
+    assert_eq!((of(3).stored, of(3).planned, of(3).waiting), (3, 5, 0));
     // The first task of the fourth is alike no earlier trial but those of the warm-up; all later ones are.
     let quality = of(4).quality;
     assert_eq!((quality.always_steered, quality.never_steered, quality.same_timing), (3, 0, 3));
@@ -96,6 +97,7 @@ async fn the_list_says_how_far_everybody_is_and_what_to_look_at() {
         ("order=desc&limit=2", vec![7, 6]),
         ("stage=practice", vec![2]),
         ("having=always_steered", vec![4]),
+        ("having=failed_checks", vec![6]),
         ("having=same_timing&sort=never_steered&order=desc", vec![5, 4]),
         ("having=same_timing&stage=complete", vec![5]),
         ("search=p2", vec![2]),
@@ -134,4 +136,27 @@ async fn a_wrong_tally_is_found() {
     assert!(wrong().await.is_empty());
     behind(&url).execute("UPDATE tally SET task = task + 1", []).unwrap();
     assert_eq!(wrong().await, [driver.enrolled.participant_id]);
+}
+
+#[tokio::test]
+async fn trials_that_wait_in_a_browser_are_shown_until_they_are_sent() {
+    let server = Server::with_study(SHORT_STUDY).await;
+    let driver = Driver::enrol(&server).await;
+    let [first, second, ..] = &driver.scenes()[..] else { panic!("no scenes") };
+    let send = async |(id, scene): &(String, Scene), query: &str| {
+        let route = format!("{}{query}", routes::my_trial(id));
+        driver.put(&server, &route, &serde_json::to_value(driven(scene)).unwrap()).await
+    };
+    let waiting = async || people(&server, "").await.participants[0].waiting;
+    assert_eq!(send(first, "?waiting=3").await.status, 201);
+    assert_eq!(waiting().await, 3);
+    assert_eq!(people(&server, "having=waiting").await.total, 1);
+    // The answer was lost, and another trial has come meanwhile.
+    assert_eq!(send(first, "?waiting=4").await.status, 200);
+    assert_eq!(waiting().await, 4);
+    assert_eq!(send(second, "").await.status, 201);
+    assert_eq!((waiting().await, people(&server, "having=waiting").await.total), (0, 0));
+    for wrong in ["?waiting=-1", "?waiting=many", "?waiting=4294967296"] {
+        send(second, wrong).await.problem(422, "invalid", Some("waiting"));
+    }
 }

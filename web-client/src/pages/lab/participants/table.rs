@@ -19,7 +19,7 @@ pub(super) struct Look {
 }
 
 /// All of them, the gravest first.
-pub(super) const LOOKS: [Look; 7] = [
+pub(super) const LOOKS: [Look; 8] = [
     Look {
         word: "same_timing",
         words: "identical timing",
@@ -38,6 +38,13 @@ pub(super) const LOOKS: [Look; 7] = [
         words: "always steered",
         meaning: "A key was held in every step of the task.",
         tasks: |quality| quality.always_steered,
+    },
+    Look {
+        word: "failed_checks",
+        words: "failed check",
+        meaning: "The participant answered the check of understanding wrongly. The number counts \
+                  such attempts.",
+        tasks: |quality| quality.failed_checks,
     },
     Look {
         word: "interrupted",
@@ -130,7 +137,17 @@ fn row(person: &ParticipantSummary, identities: bool) -> Node {
                 .attr("value", person.stored)
                 .attr("aria-label", format!("{} of {of} scenes stored", person.stored)),
         )
-        .text(format!("{} / {of}", person.stored));
+        .text(format!("{} / {of}", person.stored))
+        .children((person.waiting > 0).then(|| {
+            el("span")
+                .class("chip look")
+                .attr(
+                    "title",
+                    "Driven, and not uploaded yet when the server last stored a trial of this \
+                     participant. They wait safely in the browser.",
+                )
+                .text(format!("{} waiting", person.waiting))
+        }));
     let check = match (person.comprehension_attempts, person.understood) {
         (0, _) => cell("–"),
         (1, true) => cell("passed"),
@@ -187,7 +204,7 @@ pub(super) fn meanings() -> Node {
         .class("meanings")
         .child(el("summary").text("What “To look at” means"))
         .child(el("p").class("quiet").text(
-            "Each number counts tasks, first and further attempts. None is a reason to exclude \
+            "Each number counts tasks, first and further attempts (of failed checks: answers). None is a reason to exclude \
              anybody by itself. In doubt are participants who steered in no task or throughout \
              each, and those with identical timing.",
         ))

@@ -40,6 +40,7 @@ pub(super) fn person(number: i64, stage: Stage) -> ParticipantSummary {
         understood: true,
         stored: 7,
         planned: 59,
+        waiting: 0,
         enrolled_at_ms: 1,
         last_seen_at_ms: 2,
         quality: Quality { late_sample: 3, same_timing: 1, ..Quality::default() },
