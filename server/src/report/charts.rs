@@ -1,21 +1,20 @@
 //! The charts of the report.
 
+mod decisions;
 mod generalisation;
 mod people;
+mod rollouts;
 
 use super::text::{fixed, model as name_of};
 use serde_json::{Value, json};
 use sidestep::chart::{
-    Align, Area, Axis, Cells, Chart, Colour, ColourStyle, Datum, Drawing, Group, Ink, LegendItem,
-    Mark, Note, Pen, Series, Sign, Swarm, Table, colours, disc,
+    Align, Axis, Chart, Colour, ColourStyle, Datum, Drawing, Group, LegendItem, Mark, Pen, Series,
+    Swarm, Table, colours,
 };
-use sidestep::comparison::cell::{Experiment, HISTORY_SET, ModelName};
-use sidestep::comparison::decision_map::DecisionMap;
+use sidestep::comparison::Analysis;
+use sidestep::comparison::cell::{Experiment, ModelName};
 use sidestep::comparison::gains::Gain;
-use sidestep::comparison::rollout::{Horizon, Simple};
 use sidestep::comparison::tables::Metric;
-use sidestep::comparison::{Analysis, RolloutsOf};
-use sidestep::math::PI;
 
 /// Every chart is drawn for a telephone's width, px, and several stand side by side on a wider
 /// page, so that letters keep their size.
@@ -115,11 +114,18 @@ pub(super) fn all(analysis: &Analysis) -> Vec<Figure> {
     figures.extend(generalisation::learning(analysis));
     figures.extend(generalisation::unseen(analysis));
     figures.extend(generalisation::importance(analysis));
-    figures.extend(decisions(analysis));
-    figures.push(rollouts(analysis));
-    figures.extend(beyond(analysis));
+    figures.extend(decisions::decisions(analysis));
+    figures.push(rollouts::rollouts(analysis));
+    figures.extend(rollouts::beyond(analysis));
     figures.push(calibration(analysis));
     figures
+}
+
+/// Tones of the map.
+const TONES: usize = 10;
+
+fn opacity(tone: usize) -> f64 {
+    (2 * tone + 1) as f64 / (2 * TONES) as f64
 }
 
 /// A model's colour and mark.
@@ -328,196 +334,4 @@ fn calibration_chart(analysis: &Analysis, experiment: Experiment) -> Chart {
     }
     chart.description = format!("Mean probability and share right. {}.", described.join("; "));
     chart
-}
-
-/// A curve of roll-outs: driver, feature set, name, pen and mark.
-#[derive(Clone, Copy)]
-struct Line {
-    driver: &'static str,
-    features: &'static str,
-    name: &'static str,
-    pen: Pen,
-    mark: Option<Mark>,
-}
-
-impl Line {
-    /// Of a model on a feature set.
-    fn of(model: ModelName, features: &'static str) -> Self {
-        let (colour, mark) = look(model);
-        let (driver, name, pen) = (model.word(), name_of(model), Pen::new(colour, 2.0));
-        Self { driver, features, name, pen, mark: Some(mark) }
-    }
-
-    /// Of a driver who does not think.
-    fn simple(driver: Simple, name: &'static str, dash: f64) -> Self {
-        let pen = Pen::new(colours::MUTED, 2.0).dashed(dash, 3.0);
-        Self { driver: driver.word(), features: "", name, pen, mark: None }
-    }
-
-    fn horizons<'a>(&self, all: &'a [RolloutsOf]) -> Option<&'a [Horizon]> {
-        let of = all.iter().find(|of| of.driver == self.driver && of.features == self.features)?;
-        Some(&of.horizons)
-    }
-}
-
-/// Roll-outs of the paper's models on B_hrd.
-fn rollouts(analysis: &Analysis) -> Figure {
-    let lines = ModelName::PAPERS.map(|model| Line::of(model, "hrd"));
-    figure("rollouts", &rollout_charts(analysis, &lines), 250.0)
-}
-
-/// Roll-outs of models that know more than the paper's; none where there are not two.
-fn beyond(analysis: &Analysis) -> Option<Figure> {
-    let lines = [
-        Line::of(ModelName::Svm, "hrd_body"),
-        Line::of(ModelName::Boosted, "hrd_body"),
-        Line { name: "LR with memory", ..Line::of(ModelName::Lr, HISTORY_SET) },
-        Line {
-            name: "boosted trees with memory",
-            pen: Pen::new(colours::SERIES[3], 2.0).dashed(9.0, 4.0),
-            mark: Some(Mark::Diamond),
-            ..Line::of(ModelName::Boosted, HISTORY_SET)
-        },
-    ];
-    let found = lines.iter().filter(|line| line.horizons(&analysis.rollouts).is_some()).count();
-    (found > 1).then(|| figure("beyond", &rollout_charts(analysis, &lines), 250.0))
-}
-
-/// Accuracy, position error and log loss against the horizon, of these and of the simple drivers.
-fn rollout_charts(analysis: &Analysis, lines: &[Line]) -> [Chart; 3] {
-    let simple = [
-        Line::simple(Simple::Held, "holds the last input", 6.0),
-        Line::simple(Simple::Straight, "drives straight on", 2.0),
-    ];
-    let all = lines.iter().copied().chain(simple);
-    let curves: Vec<(Line, &[Horizon])> =
-        all.filter_map(|line| Some((line, line.horizons(&analysis.rollouts)?))).collect();
-    let step_s = analysis.data.scene.step_s;
-    let chart = |heading, axis, value| rollout_chart(&curves, step_s, heading, axis, value);
-    [
-        chart("Accuracy", ["accuracy", "%"], &|of| 100.0 * of.accuracy()),
-        chart("Distance from the person", ["distance", "m"], &Horizon::mean_distance_m),
-        chart("Log loss", ["log loss", "nats"], &Horizon::mean_log_loss),
-    ]
-}
-
-fn rollout_chart(
-    curves: &[(Line, &[Horizon])],
-    step_s: f64,
-    heading: &str,
-    [name, unit]: [&str; 2],
-    value: &dyn Fn(&Horizon) -> f64,
-) -> Chart {
-    let all = curves.iter().flat_map(|(_, horizons)| *horizons).map(value);
-    let [_, high] = range(all.clone());
-    let low = if unit == "%" { all.fold(high, f64::min) } else { 0.0 };
-    let steps = curves.iter().map(|(_, horizons)| horizons.len()).max().unwrap_or(1);
-    let end_s = step_s * steps as f64;
-    let last = curves.iter().filter_map(|(line, of)| Some((line.name, value(of.last()?))));
-    let last = last.map(|(name, value)| format!("{name} {value:.2}")).collect::<Vec<_>>();
-    let description = format!("{name} ({unit}) {end_s:.1} s ahead: {}.", last.join(", "));
-    let x = Axis::time("time ahead", [0.0, end_s], 5);
-    let y = Axis::round(name, unit, [low, high], 5);
-    let mut chart = Chart::new(heading, &description, x, y);
-    for (line, horizons) in curves {
-        let point = |(i, h): (usize, &Horizon)| [step_s * (i + 1) as f64, value(h)];
-        let points = horizons.iter().enumerate().map(point);
-        let series = Series::drawn(line.name, points, line.pen);
-        let says = |[s, value]: [f64; 2]| format!("{}, {s:.1} s: {value:.2}", line.name);
-        chart.add(match line.mark {
-            Some(mark) => series.marked(mark).saying(says),
-            None => series,
-        });
-    }
-    chart
-}
-
-/// Tones of the map.
-const TONES: usize = 10;
-
-/// Maps of the probability of a turn; none without maps.
-fn decisions(analysis: &Analysis) -> Option<Figure> {
-    let maps = analysis.maps.iter().filter(|map| !map.probabilities.is_empty());
-    let charts: Vec<Chart> =
-        maps.map(|map| decision_map(map, analysis.data.scene.danger_radius_m)).collect();
-    (!charts.is_empty()).then(|| Figure { has_tones: true, ..drawn("decisions", &charts, square) })
-}
-
-/// A metre is as long along both axes.
-fn square(chart: &Chart) -> Drawing {
-    let side = chart.frame_within([WIDTH, WIDTH]).width;
-    let [above, below] = chart.room();
-    chart.drawing([WIDTH, above + side + below])
-}
-
-fn opacity(tone: usize) -> f64 {
-    (2 * tone + 1) as f64 / (2 * TONES) as f64
-}
-
-fn decision_map(map: &DecisionMap, radius_m: f64) -> Chart {
-    let side_m = DecisionMap::SIDE as f64 * DecisionMap::CELL_M;
-    // To the right is what is less to the left.
-    let right = -(DecisionMap::RIGHT_M + side_m);
-    let x = Axis::linear("robot to the right", "m", [right, right + side_m], 6);
-    let behind = DecisionMap::BEHIND_M;
-    let y = Axis::linear("robot ahead", "m", [behind, behind + side_m], 6);
-    let heading = format!("{}: robot {}", map.features, map.encounter);
-    let mut chart = Chart::new(&heading, &described(map), x, y);
-    for (tone, boxes) in tones(map).into_iter().enumerate() {
-        chart.add(Cells { ink: colours::MAP.at(opacity(tone)), boxes });
-    }
-    let mut outline = |name: &str, points, edge| {
-        let (name, fill) = (name.to_owned(), None::<Ink>);
-        chart.add(Area { name, points, fill, edge: Some(edge) });
-    };
-    for curve in &map.boundary {
-        let points = curve.iter().map(|[ahead, left]| [-left, *ahead]).collect();
-        let edge = Pen::new(colours::TEXT, 2.0).halo(1.5);
-        outline("V_HR = 0: inside, the robot could force a collision", points, edge);
-    }
-    let dashed = Pen::new(colours::TEXT, 1.2).dashed(3.0, 2.5);
-    outline("danger zone", disc([0.0, 0.0], radius_m), dashed);
-    chart.add(Note::sign(Sign::Vehicle(0.5 * PI, 17.0), [0.0, 0.0], colours::HUMAN));
-    // The robot's heading, as the human who heads up sees it.
-    let arrow = Sign::Arrow(map.heading + 0.5 * PI, 28.0);
-    let corner = Note::sign(arrow, [right + side_m, behind + side_m], colours::ROBOT);
-    chart.add(Note { offset: [-24.0, 24.0], ..corner });
-    chart
-}
-
-/// The cells of each tone, neighbours in a row as one.
-fn tones(map: &DecisionMap) -> Vec<Vec<[f64; 4]>> {
-    let tone = |p: f64| ((p * TONES as f64) as usize).min(TONES - 1);
-    let mut boxes = vec![Vec::new(); TONES];
-    for (row, cells) in map.probabilities.chunks(DecisionMap::SIDE).enumerate() {
-        let at = |begin: f64, i: usize| begin + DecisionMap::CELL_M * i as f64;
-        let (below, above) = (at(DecisionMap::BEHIND_M, row), at(DecisionMap::BEHIND_M, row + 1));
-        let mut column = 0;
-        while column < cells.len() {
-            let of = tone(cells[column]);
-            let run = cells[column..].iter().take_while(|p| tone(**p) == of).count();
-            // Columns go to the left.
-            let ends = [column, column + run].map(|i| -at(DecisionMap::RIGHT_M, i));
-            boxes[of].push([ends[1], below, ends[0], above]);
-            column += run;
-        }
-    }
-    boxes
-}
-
-fn described(map: &DecisionMap) -> String {
-    let at = |ahead: f64, left: f64| {
-        let place = |x: f64, begin: f64| ((x - begin) / DecisionMap::CELL_M) as usize;
-        let cell = place(ahead, DecisionMap::BEHIND_M) * DecisionMap::SIDE
-            + place(left, DecisionMap::RIGHT_M);
-        100.0 * map.probabilities.get(cell).copied().unwrap_or(0.0)
-    };
-    format!(
-        "Probability of a turn with the robot 6 m ahead: {:.0} %; 6 m behind: {:.0} %; 6 m to the \
-         left: {:.0} %; 6 m to the right: {:.0} %.",
-        at(6.0, 0.0),
-        at(-6.0, 0.0),
-        at(0.0, 6.0),
-        at(0.0, -6.0)
-    )
 }

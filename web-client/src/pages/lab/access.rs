@@ -204,6 +204,13 @@ impl AccessPage {
         );
         el("section")
             .child(el("h2").text("Keys"))
+            .child(
+                el("p")
+                    .class("quiet")
+                    .text("Scripts send a key as a bearer token: ")
+                    .child(el("a").attr("href", "/api/docs").text("the API with all routes"))
+                    .text("."),
+            )
             .child(el("div").class("scroll").attr("tabindex", 0).child(table.test_id("keys")))
     }
 
