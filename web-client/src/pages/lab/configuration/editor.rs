@@ -41,6 +41,8 @@ pub(super) struct Editor {
     entered: u32,
     asked: u32,
     answered: u32,
+    /// The fields of the study in which something was wrong, without what is inside them.
+    opened: Vec<String>,
     /// What the server says of the draft, once it has.
     pub(super) checked: Option<DraftChecked>,
 }
@@ -72,6 +74,7 @@ impl Editor {
             entered: 0,
             asked: 0,
             answered: 0,
+            opened: Vec::new(),
             checked: None,
         }
     }
@@ -152,6 +155,10 @@ impl Editor {
                 None => self.form = None,
             }
         }
+        let wrong = checked.complaint.as_ref().and_then(|complaint| complaint.field.as_deref());
+        let section = wrong.and_then(|field| field.split(['.', '[']).next());
+        self.opened.extend(section.map(str::to_owned));
+        self.opened.dedup();
         self.checked = Some(checked);
     }
 
@@ -255,7 +262,8 @@ impl Editor {
             may_manage,
         };
         let picture = checked.and_then(picture);
-        Form { fields, languages, is_new, givings: self.givings, picture }.view()
+        let (givings, opened) = (self.givings, &self.opened[..]);
+        Form { fields, languages, is_new, givings, opened, picture }.view()
     }
 
     fn text_area(&self, may_manage: bool) -> Node {

@@ -21,6 +21,8 @@ pub(super) struct Form<'a> {
     pub(super) is_new: bool,
     /// How often the form was given a study: what was entered before is gone.
     pub(super) givings: u32,
+    /// The sections in which something was wrong: they stay open.
+    pub(super) opened: &'a [String],
     /// How the scenes are spread.
     pub(super) picture: Option<Node>,
 }
@@ -55,11 +57,11 @@ impl Form<'_> {
         ];
         let chooser = self.language_chooser();
         let sections = sections.into_iter().map(|section| {
-            let is_wrong = self.fields.complaint_within(section.path).is_some();
+            let was_wrong = self.opened.iter().any(|field| field == section.path);
             let about = self.fields.complaint_about(section.path);
             el("details")
                 .key(section.name)
-                .attr_if(section.is_open || is_wrong, "open", "")
+                .attr_if(section.is_open || was_wrong, "open", "")
                 .test_id(&format!("section-{}", section.path))
                 .child(
                     el("summary")
@@ -232,10 +234,10 @@ impl Form<'_> {
         let mut fields = vec![
             number("min_approach_rad", "Least angle between the headings", "rad"),
             number("max_miss_share", "Greatest miss distance", "of the danger radius"),
-            number("min_entry_s", "Danger zone entered, without a turn, not before", "s"),
-            number("max_entry_s", "and not after", "s"),
-            number("min_start_distance_m", "Distance at the start at least", "m"),
-            number("max_start_distance_m", "and at most", "m"),
+            number("min_entry_s", "Entry without a turn, earliest", "s"),
+            number("max_entry_s", "Entry without a turn, latest", "s"),
+            number("min_start_distance_m", "Distance at the start, least", "m"),
+            number("max_start_distance_m", "Distance at the start, greatest", "m"),
             number("escape_clearance_m", "An escape clears the danger zone by", "m"),
             number("escape_delay_s", "The participant need not react before", "s"),
         ];
