@@ -117,10 +117,8 @@ impl Outbox {
         let next = self.waiting.iter().find(is_next).filter(|next| next.kept.is_some())?;
         self.line = Line::Busy;
         let id = next.trial_id.clone();
-        let url = routes::my_trial(&id);
         // What else waits here is the study's backlog, which experimenters watch.
-        let others = self.waiting.len() - 1;
-        let url = if others > 0 { format!("{url}?waiting={others}") } else { url };
+        let url = format!("{}?waiting={}", routes::my_trial(&id), self.waiting.len() - 1);
         Some(Command::Send(Request {
             name: "upload",
             method: "PUT",
@@ -340,11 +338,11 @@ mod tests {
         assert!(!browser.upload("t2"), "one at a time");
         assert_eq!(browser.names().len(), 2);
         assert!(browser.page.outbox.is_safe());
-        assert_eq!(browser.urls(), [routes::my_trial("t1")]);
+        assert_eq!(browser.urls(), [routes::my_trial("t1") + "?waiting=0"]);
         browser.answer("upload", 201, b"");
         assert_eq!(browser.page.outcomes, [UploadOutcome::Stored("t1".into())]);
         assert!(browser.upload("t2"));
-        assert_eq!(browser.urls(), [routes::my_trial("t2")]);
+        assert_eq!(browser.urls(), [routes::my_trial("t2") + "?waiting=0"]);
         browser.answer("upload", 200, b"");
         assert!(browser.page.outbox.is_empty() && browser.kept.is_empty());
     }
@@ -352,9 +350,9 @@ mod tests {
     #[test]
     fn an_upload_says_how_many_others_wait() {
         let mut browser = open(&["t1", "t2", "t3"]);
-        for (trial, query) in [("t1", "?waiting=2"), ("t2", "?waiting=1"), ("t3", "")] {
+        for (trial, others) in [("t1", 2), ("t2", 1), ("t3", 0)] {
             assert!(browser.upload(trial));
-            assert_eq!(browser.urls(), [format!("{}{query}", routes::my_trial(trial))]);
+            assert_eq!(browser.urls(), [format!("{}?waiting={others}", routes::my_trial(trial))]);
             browser.answer("upload", 201, b"");
         }
     }

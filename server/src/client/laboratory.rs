@@ -20,6 +20,12 @@ pub struct Laboratory {
     key: String,
 }
 
+/// A route with a query, such as `limit=500&offset=500`. The server's document of its interface has the
+/// parameters of each route.
+fn with(route: &str, query: &str) -> String {
+    if query.is_empty() { route.to_owned() } else { format!("{route}?{query}") }
+}
+
 /// A method for each route: its name, what it asks for, and the route.
 macro_rules! routes {
     ($($(#[$doc:meta])+ $name:ident($($argument:ident: $kind:ty),*) -> $answer:ty = $method:ident $what:literal $route:expr;)+) => {
@@ -43,28 +49,28 @@ impl Laboratory {
         session() -> Session = GET "the session" routes::SESSION;
         /// All keys.
         keys() -> Vec<KeySummary> = GET "the keys" routes::ADMIN_KEYS;
-        /// The newest page of the audit trail.
-        audit() -> AuditPage = GET "the audit trail" routes::AUDIT;
+        /// A page of the audit trail; without a query the newest.
+        audit(query: &str) -> AuditPage = GET "the audit trail" with(routes::AUDIT, query);
         /// All studies.
         studies() -> Vec<StudySummary> = GET "the studies" routes::ADMIN_STUDIES;
         /// One study.
         study(slug: &str) -> StudySummary = GET "the study" routes::admin_study(slug);
         /// A study's configuration.
         configuration(slug: &str) -> Configuration = GET "the configuration" routes::admin_configuration(slug);
-        /// The first page of a study's participants.
-        participants(slug: &str) -> ParticipantPage = GET "the participants" routes::admin_participants(slug);
+        /// A page of a study's participants, chosen and sorted by the query; without one the first.
+        participants(slug: &str, query: &str) -> ParticipantPage = GET "the participants" with(&routes::admin_participants(slug), query);
         /// A participant, whole.
         participant(id: &str) -> ParticipantDetail = GET "the participant" routes::admin_participant(id);
-        /// The newest page of a study's trials.
-        trials(slug: &str) -> TrialPage = GET "the trials" routes::admin_trials(slug);
+        /// A page of a study's trials; without a query the newest.
+        trials(slug: &str, query: &str) -> TrialPage = GET "the trials" with(&routes::admin_trials(slug), query);
         /// A trial, whole.
         trial(id: &str) -> TrialDetail = GET "the trial" routes::admin_trial(id);
         /// The predictor trained on the participant's earlier trials.
         predictor(trial: &str) -> TrainedPredictor = GET "the predictor" routes::admin_predictor(trial);
         /// The fingerprint of the server's simulation.
         self_check() -> SelfCheck = GET "the self-check" routes::SELF_CHECK;
-        /// The newest page of a study's analyses.
-        analyses(slug: &str) -> AnalysisPage = GET "the analyses" routes::admin_analyses(slug);
+        /// A page of a study's analyses; without a query the newest.
+        analyses(slug: &str, query: &str) -> AnalysisPage = GET "the analyses" with(&routes::admin_analyses(slug), query);
         /// An analysis, with the names of its files.
         analysis(id: &str) -> AnalysisDetail = GET "the analysis" routes::admin_analysis(id);
         /// Cancels an analysis.
@@ -186,12 +192,13 @@ impl Laboratory {
         self.accepted("the deletion of a participant", request).await
     }
 
-    /// A study's trials as a CSV file.
+    /// A study's data: an archive in the format and with the filters of the query, such as
+    /// `format=parquet&phase=task`; without a query the steps as a CSV file. All of it is held in memory.
     ///
     /// # Errors
     /// [`ClientError`].
-    pub async fn export(&self, slug: &str) -> Result<Vec<u8>, ClientError> {
-        let request = self.request(Method::GET, &routes::exports(slug));
+    pub async fn export(&self, slug: &str, query: &str) -> Result<Vec<u8>, ClientError> {
+        let request = self.request(Method::GET, &with(&routes::exports(slug), query));
         self.client.bytes("the export", request).await
     }
 

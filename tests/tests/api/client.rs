@@ -58,7 +58,7 @@ async fn the_laboratory_by_a_key() {
     assert_eq!(reader.studies().await.unwrap().len(), 1);
     lab.revoke_key(made.key.id).await.unwrap();
     assert_eq!(code(reader.studies().await), "unauthorized");
-    assert!(lab.audit().await.unwrap().entries.len() >= 3);
+    assert!(lab.audit("").await.unwrap().entries.len() >= 3);
 
     let configuration = lab.configuration("default").await.unwrap();
     let draft = Draft { toml: configuration.toml, base: Some(configuration.hash) };
@@ -70,7 +70,7 @@ async fn the_laboratory_by_a_key() {
     assert_eq!(lab.study("other").await.unwrap().status, Status::Archived);
     assert_eq!(code(client.enrol("other", &consent()).await), "archived");
 
-    let people = lab.participants("default").await.unwrap();
+    let people = lab.participants("default", "").await.unwrap();
     assert_eq!((people.total, people.participants[0].stage), (1, Stage::Practice));
     let id = me.participant_id();
     let note = lab.add_note(id, "late").await.unwrap();
@@ -79,20 +79,25 @@ async fn the_laboratory_by_a_key() {
     assert_eq!((detail.notes.len(), detail.exclusion.unwrap().reason), (1, "asleep".to_owned()));
     lab.exclude(id, None).await.unwrap();
     lab.delete_note(id, note.id).await.unwrap();
-    assert_eq!(lab.trials("default").await.unwrap().trials[0].trial_id, first.trial_id);
+    assert_eq!(lab.trials("default", "").await.unwrap().trials[0].trial_id, first.trial_id);
     assert!(lab.trial(&first.trial_id).await.unwrap().replay.exact);
     assert_eq!(lab.predictor(&first.trial_id).await.unwrap().trials, 0);
     assert!(lab.self_check().await.unwrap().trials > 0);
 
     let asked = lab.ask_analysis("default", &Request::default()).await.unwrap().id;
     lab.analysis(&asked).await.unwrap();
-    assert_eq!(lab.analyses("default").await.unwrap().analyses.len(), 1);
+    assert_eq!(lab.analyses("default", "").await.unwrap().analyses.len(), 1);
     assert_eq!(code(lab.analysis_file(&asked, "none.csv").await), "not_found");
     lab.delete_analysis(&asked).await.unwrap();
     assert_eq!(code(lab.cancel_analysis(&asked).await), "not_found");
     lab.delete_participant(id).await.unwrap();
     assert_eq!(lab.delete_pilots("default").await.unwrap().deleted, 0);
-    assert!(!lab.export("default").await.unwrap().is_empty());
+    assert!(!lab.export("default", "").await.unwrap().is_empty());
+    assert!(lab.export("default", "format=csv").await.unwrap().starts_with(b"PK"));
+    let second = lab.participants("default", "limit=1&offset=1").await.unwrap();
+    assert!(second.participants.iter().all(|person| person.number == 2));
+    let wrong = lab.trials("default", "limit=many").await.unwrap_err().to_string();
+    assert!(wrong.contains("limit"), "{wrong}");
 }
 
 #[tokio::test]
