@@ -22,7 +22,7 @@ macro_rules! migration {
     };
 }
 
-const MIGRATIONS: [Migration; 9] = [
+const MIGRATIONS: [Migration; 10] = [
     migration!(1, "0001_studies_participants_trials.sql", "studies participants trials"),
     migration!(2, "0002_safety_functions.sql", "safety functions"),
     migration!(3, "0003_analyses.sql", "analyses"),
@@ -32,6 +32,7 @@ const MIGRATIONS: [Migration; 9] = [
     migration!(7, "0007_tallies.sql", "tallies"),
     migration!(8, "0008_attempts_of_tokens.sql", "attempts of tokens"),
     migration!(9, "0009_notes_and_exclusions.sql", "notes and exclusions"),
+    migration!(10, "0010_predictors.sql", "predictors"),
 ];
 
 /// Why a file cannot be migrated. Each message is a sentence about the file.

@@ -250,7 +250,7 @@ impl Replay {
 
     fn take_predictor(&mut self, trained: Result<TrainedPredictor, Failure>) {
         let trained = trained.map_err(|failure| failure.sentence);
-        let learned = trained.and_then(|TrainedPredictor { predictor, trials, fallback }| {
+        let learned = trained.and_then(|TrainedPredictor { predictor, trials, fallback, .. }| {
             let learned = Predictor::try_from(predictor).and_then(|predictor| {
                 let settings = ShfrsSettings::paper(predictor.classes().len())?;
                 Ok(Learned { predictor, trials, fallback, settings })
