@@ -301,13 +301,22 @@ async fn real_answers_are_as_the_document_says() {
     let (trial, _) = driver.scenes().pop().unwrap();
     let trial = [("trial_id", trial.as_str())];
     it.admin(GET, "/api/v1/admin/trials/{trial_id}", &trial, None).await;
-    it.admin(GET, "/api/v1/admin/trials/{trial_id}/predictor", &trial, None).await;
+    let predictor = "/api/v1/admin/trials/{trial_id}/predictor";
+    it.admin(GET, predictor, &trial, None).await;
+    for (query, status) in [("analysis=none", 422), ("analysis=none&file=none", 404)] {
+        let answer = it.admin(GET, &format!("{predictor}?{query}"), &trial, None).await;
+        assert_eq!(answer.status, status, "{query}");
+    }
     let analyses = format!("{of_study}/analyses");
     let asked = it.admin(POST, &analyses, &default, Some(json!({}))).await;
     let asked = asked.into::<AnalysisSummary>(201).id;
     let analysis = [("id", asked.as_str())];
     let path = "/api/v1/admin/analyses/{id}";
     it.admin(GET, path, &analysis, None).await;
+    let models = format!("{path}/predictors");
+    it.admin(GET, &models, &analysis, None).await;
+    it.admin(GET, &format!("{models}?experiment=3"), &analysis, None).await;
+    it.admin(GET, &models, &[("id", "none")], None).await.problem(404, "not_found", None);
     it.admin(POST, &format!("{path}/cancel"), &analysis, None).await;
     it.admin(GET, &analyses, &default, None).await;
     it.admin(DELETE, path, &analysis, None).await;

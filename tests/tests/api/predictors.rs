@@ -37,7 +37,10 @@ async fn drive(server: &Server, who: u64) -> Driver {
 /// The trials of somebody's tasks, in order.
 fn tasks(driver: &Driver) -> Vec<String> {
     let scenes = driver.enrolled.plan.scenes();
-    scenes.filter(|(phase, _)| phase.phase == Phase::Task).map(|(_, it)| it.trial_id.clone()).collect()
+    scenes
+        .filter(|(phase, _)| phase.phase == Phase::Task)
+        .map(|(_, it)| it.trial_id.clone())
+        .collect()
 }
 
 async fn list(server: &Server, id: &str, query: &str) -> PredictorPage {
