@@ -152,12 +152,11 @@ fn replay_with_models() -> Session {
     session
 }
 
+/// How likely a right turn is said to be.
 fn right(session: &Session) -> Option<String> {
     let words = session.words("prediction")?;
-    words
-        .contains("right 90 %")
-        .then(|| "90 %".to_owned())
-        .or_else(|| words.contains("right 30 %").then(|| "30 %".to_owned()))
+    let mut words = words.split_whitespace().skip_while(|word| *word != "right").skip(1);
+    Some(format!("{} {}", words.next()?, words.next()?))
 }
 
 #[test]
