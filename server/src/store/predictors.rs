@@ -159,11 +159,18 @@ impl Store {
 const OF_ANALYSIS: &str = "analysis = :analysis \
      AND (SELECT state FROM analysis WHERE sequence = :analysis) = 'done'";
 
-/// Those of them that pass a filter.
-const FILTER: &str = "(:participant IS NULL OR participant_number = :participant) \
-     AND (:model IS NULL OR model = :model) \
-     AND (:experiment IS NULL OR experiment = :experiment) \
-     AND (:features IS NULL OR feature_set = :features)";
+/// Those of them that pass a filter; a participant's are found by the index.
+fn filter(asked: &Selection) -> String {
+    let participant = match asked.participant {
+        Some(_) => "participant_number = :participant",
+        None => ":participant IS NULL",
+    };
+    format!(
+        "{OF_ANALYSIS} AND {participant} AND (:model IS NULL OR model = :model) \
+         AND (:experiment IS NULL OR experiment = :experiment) \
+         AND (:features IS NULL OR feature_set = :features)"
+    )
+}
 
 /// The columns that [`summary_of`] reads.
 const COLUMNS: &str = "name, participant_number, model, experiment, feature_set, features, \
@@ -187,13 +194,14 @@ fn page(db: &Connection, id: &str, asked: &Selection) -> Result<Option<Predictor
         (":experiment", &asked.experiment),
         (":features", &asked.features),
     ];
-    let query = format!("SELECT count(*) FROM analysis_predictor WHERE {OF_ANALYSIS} AND {FILTER}");
+    let filter = filter(asked);
+    let query = format!("SELECT count(*) FROM analysis_predictor WHERE {filter}");
     let total: i64 = db.prepare_cached(&query)?.query_row(&bound[..], |row| row.get(0))?;
     bound.extend([(":limit", &asked.limit as &dyn ToSql), (":offset", &asked.offset)]);
     // The rows of the page are found first, by the index alone.
     let mut statement = db.prepare_cached(&format!(
         "SELECT {COLUMNS} FROM analysis_predictor WHERE id IN (SELECT id FROM analysis_predictor \
-             WHERE {OF_ANALYSIS} AND {FILTER} ORDER BY participant_number, place \
+             WHERE {filter} ORDER BY participant_number, place \
              LIMIT :limit OFFSET :offset) \
          ORDER BY participant_number, place"
     ))?;
@@ -205,9 +213,14 @@ fn page(db: &Connection, id: &str, asked: &Selection) -> Result<Option<Predictor
 
 fn choices(db: &Connection, analysis: i64) -> Result<PredictorChoices, StoreError> {
     let of_analysis = named_params! { ":analysis": analysis };
+    // From one number to the next by the index: a participant has a hundred models.
     let mut participants = db.prepare_cached(&format!(
-        "SELECT DISTINCT participant_number FROM analysis_predictor WHERE {OF_ANALYSIS} \
-         ORDER BY participant_number"
+        "WITH RECURSIVE present (number) AS ( \
+             SELECT min(participant_number) FROM analysis_predictor WHERE {OF_ANALYSIS} \
+             UNION ALL SELECT (SELECT min(participant_number) FROM analysis_predictor \
+                 WHERE analysis = :analysis AND participant_number > number) \
+             FROM present WHERE number IS NOT NULL) \
+         SELECT number FROM present WHERE number IS NOT NULL"
     ))?;
     let participants = participants.query_map(of_analysis, |row| row.get(0))?;
     let mut choices = PredictorChoices {

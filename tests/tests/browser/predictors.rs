@@ -5,6 +5,7 @@ use reqwest::Method;
 use serde_json::json;
 use sidestep::api::{AnalysisDetail, AnalysisState, AnalysisSummary, routes};
 use sidestep::scene::SceneParameters;
+use sidestep_tests::browser::{NARROW, WIDE};
 use sidestep_tests::{Answer, Driver, Server, Tab};
 use std::time::Duration;
 
@@ -49,7 +50,7 @@ async fn a_model_goes_from_the_list_to_a_replay() {
         picture(&tab, "predictors", look).await;
         tab.is_well().await;
     }
-    tab.look(LOOKS[0].0, LOOKS[0].1).await;
+    tab.look(WIDE, false).await;
     tab.press("next").await;
     tab.until_says("range", "21–40 of 180").await;
     for (choice, value) in [("participant", "2"), ("model", "lr"), ("experiment", "1")] {
@@ -96,6 +97,13 @@ async fn a_model_goes_from_the_list_to_a_replay() {
     assert_eq!(search(&tab).await, linked);
     assert_ne!(tab.words("regions").await, before, "another model predicts something else");
     take(&tab, "replay-trained-on-this").await;
+    // In a narrow window the control is below the timeline.
+    for look in [(NARROW, false), (NARROW, true)] {
+        tab.look(look.0, look.1).await;
+        tab.run(&format!("{}.scrollIntoView()", Tab::at("choose-predictor"))).await;
+        picture(&tab, "replay-choose", look).await;
+    }
+    tab.look(WIDE, false).await;
     tab.reload().await;
     tab.until(&Tab::at("trained-on-this")).await;
     tab.until_says("choose-predictor", "Decision tree on hrd: ").await;

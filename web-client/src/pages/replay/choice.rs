@@ -149,8 +149,8 @@ pub(super) fn section(choice: &Choice, trial: &TrialDetail, trained: Option<Stri
     el("section")
         .child(el("h2").child(el("label").attr("for", id).text("Predictor")))
         .child(select(choice, trial).attr("id", id))
-        .children(words.map(|words| words.class("quiet").test_id("predictor")))
         .children(choice.source.as_ref().map(note))
+        .children(words.map(|words| words.class("quiet").test_id("predictor")))
         .children(choice.refused.as_deref().map(|why| alert("refused", why)))
         .children(hint(choice, trial))
 }
@@ -203,18 +203,14 @@ fn name(it: &PredictorSummary) -> String {
     format!("{} on {}", parts::model(&it.model), it.features)
 }
 
-/// Where a model comes from and how good it is.
+/// Which model it is and how good, with the analysis that made it.
 fn described(source: &PredictorSource) -> Node {
     let it = &source.summary;
+    let (right, who) = (percent(it.test_accuracy), it.participant);
     let analysis = format!("/lab/analyses/{}", source.analysis);
     el("p")
-        .text(format!("{} of participant {}, from ", name(it), it.participant))
-        .child(el("a").attr("href", analysis).text("an analysis"))
-        .text(format!(
-            " of study {}. It predicted {} of the steps right in its test trials.",
-            source.study,
-            percent(it.test_accuracy)
-        ))
+        .text(format!("{} of participant {who}; {right} of test steps right. ", name(it)))
+        .child(el("a").attr("href", analysis).text("Its analysis"))
 }
 
 /// What the model has to do with this trial: a warning if it was trained on it.
