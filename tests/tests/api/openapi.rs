@@ -9,10 +9,10 @@ use sidestep_tests::{Answer, Driver, Server, driven};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// A server's document.
-struct Document(Value);
+pub(crate) struct Document(Value);
 
 impl Document {
-    async fn of(server: &Server) -> Self {
+    pub(crate) async fn of(server: &Server) -> Self {
         Self(server.get(routes::OPENAPI).await.into(200))
     }
 
@@ -27,7 +27,7 @@ impl Document {
     }
 
     /// The schema of an answer, without which nothing else may be in it.
-    fn validator(&self, method: &Method, path: &str, status: u16) -> Option<Validator> {
+    pub(crate) fn validator(&self, method: &Method, path: &str, status: u16) -> Option<Validator> {
         let operation = &self.0["paths"][path][method.as_str().to_lowercase()];
         let answer = &operation["responses"][status.to_string()];
         assert!(answer.is_object(), "{method} {path}: {status} is not in the document");

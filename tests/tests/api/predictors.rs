@@ -1,6 +1,7 @@
 //! The models of analyses: listed, and used in replays.
 
 use crate::analyses::{ask, done, show};
+use crate::openapi::Document;
 use reqwest::Method;
 use serde_json::json;
 use sidestep::api::{
@@ -126,6 +127,20 @@ async fn models_are_listed_and_say_what_they_have_to_do_with_a_trial() {
         assert_eq!((&source.summary, source.study.as_str()), (listed, "default"));
         let text = server.admin_text(&routes::analysis_file(&id, model_file)).await;
         assert_eq!(found.predictor, serde_json::from_str::<PredictorFile>(&text).unwrap());
+    }
+    // As the document of the interface says.
+    let document = Document::of(&server).await;
+    for (path, route) in [
+        ("/api/v1/admin/analyses/{id}/predictors", routes::analysis_predictors(&id)),
+        (
+            "/api/v1/admin/trials/{trial_id}/predictor",
+            format!("{}?analysis={id}&file={}", routes::admin_predictor(&trial), lr.file),
+        ),
+    ] {
+        let body = server.admin(&route).await.body;
+        let validator = document.validator(&Method::GET, path, 200).unwrap();
+        let errors: Vec<_> = validator.iter_errors(&body).map(|it| it.to_string()).collect();
+        assert!(errors.is_empty() && body.is_object(), "{path}: {errors:?}");
     }
     // Without a query, nothing has changed.
     let plain: TrainedPredictor = server.admin(&routes::admin_predictor(&trial)).await.into(200);

@@ -86,7 +86,7 @@ async fn a_model_goes_from_the_list_to_a_replay() {
     tab.until_step("replay", 17).await;
     assert!(!tab.eval::<bool>(&format!("!!{}", Tab::at("trained-on-this"))).await);
     let model = format!("{id}/models/lr-1-hrd-2.json");
-    tab.until_says("choose-predictor", "Logistic regression on hrd: ").await;
+    tab.until_says("choose-predictor", "Logistic regression on hrd, ").await;
     let before: String = tab.words("regions").await;
     tab.enter("choose-predictor", &model).await;
     tab.until_says("trained-on-this", "This model was trained on this trial").await;
@@ -106,7 +106,7 @@ async fn a_model_goes_from_the_list_to_a_replay() {
     tab.look(WIDE, false).await;
     tab.reload().await;
     tab.until(&Tab::at("trained-on-this")).await;
-    tab.until_says("choose-predictor", "Decision tree on hrd: ").await;
+    tab.until_says("choose-predictor", "Decision tree on hrd, ").await;
     assert_eq!(tab.eval::<String>(&chosen).await, model);
     // A model of another kind, and one of the other participant by a link.
     tab.enter("choose-predictor", &format!("{id}/models/svm_rbf-1-hrd_body-2.json")).await;

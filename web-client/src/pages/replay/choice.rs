@@ -62,8 +62,10 @@ enum Offered {
     Asked,
     /// They are these, and the analysis is this.
     Models(String, Vec<PredictorSummary>),
-    /// There are none.
-    Nothing,
+    /// No analysis is done.
+    NoAnalysis,
+    /// The newest analysis that is done has none.
+    NoModels,
     /// They did not come, for this reason.
     Failed(String),
 }
@@ -115,7 +117,7 @@ impl Choice {
         };
         let done = page.analyses.into_iter().find(|it| it.state == AnalysisState::Done);
         let Some(newest) = done else {
-            self.offered = Offered::Nothing;
+            self.offered = Offered::NoAnalysis;
             return Vec::new();
         };
         // Models of experiment 2 do not say to which side somebody turns.
@@ -129,7 +131,7 @@ impl Choice {
     /// Takes the participant's models in an analysis.
     pub(super) fn models(&mut self, analysis: String, answer: Answer) {
         self.offered = match read::<PredictorPage>(answer) {
-            Ok(page) if page.predictors.is_empty() => Offered::Nothing,
+            Ok(page) if page.predictors.is_empty() => Offered::NoModels,
             Ok(page) => Offered::Models(analysis, page.predictors),
             Err(failure) => Offered::Failed(failure.sentence),
         };
@@ -167,7 +169,7 @@ fn select(choice: &Choice, trial: &TrialDetail) -> Node {
         Offered::Models(analysis, models) => {
             let named = |it: &PredictorSummary| {
                 let named = Named { analysis: analysis.clone(), file: it.file.clone() };
-                (named, format!("{}: {} in test", name(it), percent(it.test_accuracy)))
+                (named, format!("{}, {:.0} %", name(it), 100.0 * it.test_accuracy))
             };
             models.iter().map(named).collect()
         }
@@ -183,17 +185,15 @@ fn select(choice: &Choice, trial: &TrialDetail) -> Node {
     let number = trial.summary.participant_number;
     let analysed = (!offered.is_empty()).then(|| {
         let options = offered.iter().map(|(it, words)| option(Some(it), words.clone()));
-        group(format!("Participant {number} in the newest analysis")).children(options)
+        let words = format!("Participant {number} in the newest analysis, right in test");
+        group(words).children(options)
     });
-    let usual = "Logistic regression on hrd".to_owned();
+    let usual = option(None, "Trained on earlier trials".to_owned());
     el("select")
         .attr("name", "predictor")
         .test_id("choose-predictor")
         .on_input(Msg::Choose)
-        .child(
-            group("Trained on earlier trials, as the study goes".to_owned())
-                .child(option(None, usual)),
-        )
+        .child(group("As the study goes".to_owned()).child(usual))
         .children(analysed)
         .children(other)
 }
@@ -239,19 +239,16 @@ fn note(source: &PredictorSource) -> Node {
 
 /// What to do if there is nothing else to choose.
 fn hint(choice: &Choice, trial: &TrialDetail) -> Option<Node> {
-    let words = el("p").class("quiet").test_id("no-models");
-    match &choice.offered {
-        Offered::Asked | Offered::Models(..) => None,
-        Offered::Failed(why) => {
-            Some(words.text(format!("Other predictors cannot be listed. {why}")))
-        }
-        Offered::Nothing => {
-            let analyses = format!("/lab/studies/{}/analyses", trial.study);
-            Some(
-                words
-                    .text("The newest analysis, if any, has no models of this participant. ")
-                    .child(el("a").attr("href", analyses).text("Analyses")),
-            )
-        }
-    }
+    let words = match &choice.offered {
+        Offered::Asked | Offered::Models(..) => return None,
+        Offered::Failed(why) => format!("Other predictors cannot be listed. {why}"),
+        Offered::NoAnalysis => "There are more predictors once the study is analysed. ".to_owned(),
+        Offered::NoModels => "The newest analysis has no model of this participant. ".to_owned(),
+    };
+    let is_known = !matches!(choice.offered, Offered::Failed(_));
+    let link = is_known.then(|| {
+        let analyses = format!("/lab/studies/{}/analyses", trial.study);
+        el("a").attr("href", analyses).text("Analyses")
+    });
+    Some(el("p").class("quiet").test_id("no-models").text(words).children(link))
 }

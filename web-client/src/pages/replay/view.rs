@@ -132,8 +132,8 @@ fn doubt(replay: &Replay) -> Option<Node> {
 fn trained(replay: &Replay) -> Option<String> {
     let learned = replay.learned.as_ref()?;
     Some(match (&learned.fallback, learned.trials) {
-        (None, 1) => "Trained on the trial before".to_owned(),
-        (None, n) => format!("Trained on the {n} trials before"),
+        (None, 1) => "Logistic regression (B_hrd), trained on the trial before".to_owned(),
+        (None, n) => format!("Logistic regression (B_hrd), trained on the {n} trials before"),
         (Some(why), _) => format!("Frequencies of the inputs so far: {why}"),
     })
 }
