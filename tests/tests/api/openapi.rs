@@ -313,11 +313,11 @@ async fn real_answers_are_as_the_document_says() {
     let analysis = [("id", asked.as_str())];
     let path = "/api/v1/admin/analyses/{id}";
     it.admin(GET, path, &analysis, None).await;
+    it.admin(POST, &format!("{path}/cancel"), &analysis, None).await;
     let models = format!("{path}/predictors");
     it.admin(GET, &models, &analysis, None).await;
     it.admin(GET, &format!("{models}?experiment=3"), &analysis, None).await;
     it.admin(GET, &models, &[("id", "none")], None).await.problem(404, "not_found", None);
-    it.admin(POST, &format!("{path}/cancel"), &analysis, None).await;
     it.admin(GET, &analyses, &default, None).await;
     it.admin(DELETE, path, &analysis, None).await;
     it.admin(DELETE, path, &analysis, None).await.problem(404, "not_found", None);

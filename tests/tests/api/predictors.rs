@@ -172,8 +172,11 @@ async fn bad_questions_about_models_are_explained() {
     let server = Server::with_study(STUDY).await;
     let driver = drive(&server, 1).await;
     let asked = ask(&server, quick()).await.id;
-    // Before it is done, there is nothing to list.
-    let page = list(&server, &asked, "").await;
+    // Of one that is not done, there is nothing to list.
+    let cancelled = ask(&server, json!({})).await.id;
+    let request = server.request(Method::POST, &routes::cancel_analysis(&cancelled));
+    assert_eq!(Answer::of(request.bearer_auth(&server.key)).await.status, 200);
+    let page = list(&server, &cancelled, "").await;
     assert_eq!((page.total, page.predictors.len(), page.choices.participants.len()), (0, 0, 0));
     done(&server, &asked).await;
     let models = routes::analysis_predictors(&asked);
