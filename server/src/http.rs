@@ -30,6 +30,7 @@ pub mod exports;
 pub mod people;
 pub mod profiles;
 pub mod analyses;
+pub mod predictors;
 pub mod keys;
 pub mod docs;
 pub mod interface;

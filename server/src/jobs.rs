@@ -3,4 +3,5 @@
 pub mod safety;
 pub mod fit_cache;
 pub mod analysis;
+pub mod analysis_index;
 pub mod analysis_worker;

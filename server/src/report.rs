@@ -7,6 +7,7 @@ mod page;
 mod tables_csv;
 
 use sidestep::comparison::Analysis;
+use sidestep::comparison::cell::Cell;
 use sidestep::predict::PredictorFile;
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
@@ -39,14 +40,20 @@ pub fn each_file(
         put(name, &|out| out.write_all(text.as_bytes()))?;
     }
     for cell in &analysis.comparison.cells {
-        let participant = &analysis.comparison.participants[cell.participant].name;
-        let participant = tables_csv::file_name(participant);
-        let (model, experiment) = (cell.model.word(), cell.experiment.number());
-        let name = format!("models/{model}-{experiment}-{}-{participant}.json", cell.features);
-        let predictor = PredictorFile { experiment: Some(experiment), ..cell.predictor.clone() };
-        put(&name, &|out| Ok(serde_json::to_writer(out, &predictor)?))?;
+        let experiment = Some(cell.experiment.number());
+        let predictor = PredictorFile { experiment, ..cell.predictor.clone() };
+        put(&model_file(analysis, cell), &|out| Ok(serde_json::to_writer(out, &predictor)?))?;
     }
     Ok(())
+}
+
+/// The name of the file with the model of a cell.
+#[must_use]
+pub fn model_file(analysis: &Analysis, cell: &Cell) -> String {
+    let participant = &analysis.comparison.participants[cell.participant].name;
+    let participant = tables_csv::file_name(participant);
+    let (model, experiment) = (cell.model.word(), cell.experiment.number());
+    format!("models/{model}-{experiment}-{}-{participant}.json", cell.features)
 }
 
 /// Writes every file of an analysis into an empty `folder`.

@@ -21,6 +21,7 @@ pub mod keys;
 pub mod studies;
 pub mod value_functions;
 pub mod analyses;
+pub mod predictors;
 pub mod scenes;
 pub mod participants;
 pub mod enrolments;

@@ -6,6 +6,7 @@ mod study;
 mod participation;
 mod upload;
 mod access;
+mod predictors;
 mod laboratory;
 mod people;
 mod configuration;
@@ -20,8 +21,7 @@ pub use configuration::{
     Change, Configuration, ConfigurationVersion, Draft, DraftChecked, FormDraft, NewStatus, Remark,
 };
 pub use laboratory::{
-    PilotsDeleted, SelfCheck, SignIn, StudySummary, TrainedPredictor, TrialDetail, TrialPage,
-    TrialSummary,
+    PilotsDeleted, SelfCheck, SignIn, StudySummary, TrialDetail, TrialPage, TrialSummary,
 };
 pub use object::Object;
 pub use participation::{
@@ -31,6 +31,9 @@ pub use participation::{
 pub use people::{
     ExcludedBy, NewExclusion, NewNote, Note, ParticipantDetail, ParticipantPage,
     ParticipantSummary, Quality, Stage, StageCount, TrialPicture,
+};
+pub use predictors::{
+    PredictorChoices, PredictorPage, PredictorSource, PredictorSummary, TrainedPredictor, TrialUse,
 };
 pub use study::{Admission, CheckForm, Language, QuestionForm, StudyInfo, Texts};
 pub use upload::{KeyEvent, TrialStored, TrialUpload};

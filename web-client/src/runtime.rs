@@ -155,6 +155,20 @@ impl Address {
     }
 }
 
+/// A text as part of a query: everything but letters, digits and `-._~` as `%XX`.
+#[must_use]
+pub fn encoded(text: &str) -> String {
+    let mut encoded = String::new();
+    for byte in text.bytes() {
+        if byte.is_ascii_alphanumeric() || b"-._~".contains(&byte) {
+            encoded.push(char::from(byte));
+        } else {
+            encoded.push_str(&format!("%{byte:02X}"));
+        }
+    }
+    encoded
+}
+
 /// What a page knows of the browser when it opens.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PageContext {

@@ -7,8 +7,8 @@ use serde::de::DeserializeOwned;
 use sidestep::api::{
     AnalysisDetail, AnalysisPage, AnalysisSummary, AuditPage, Configuration, Draft, DraftChecked,
     FormDraft, KeyMade, KeySummary, NewExclusion, NewKey, NewNote, NewStatus, Note,
-    ParticipantDetail, ParticipantPage, PilotsDeleted, SelfCheck, Session, StudySummary,
-    TrainedPredictor, TrialDetail, TrialPage, routes,
+    ParticipantDetail, ParticipantPage, PilotsDeleted, PredictorPage, SelfCheck, Session,
+    StudySummary, TrainedPredictor, TrialDetail, TrialPage, routes,
 };
 use sidestep::comparison::Request;
 use sidestep::study::Status;
@@ -73,6 +73,10 @@ impl Laboratory {
         analyses(slug: &str, query: &str) -> AnalysisPage = GET "the analyses" with(&routes::admin_analyses(slug), query);
         /// An analysis, with the names of its files.
         analysis(id: &str) -> AnalysisDetail = GET "the analysis" routes::admin_analysis(id);
+        /// A page of an analysis's models, chosen by the query, such as `participant=3&experiment=1`.
+        predictors(id: &str, query: &str) -> PredictorPage = GET "the models" with(&routes::analysis_predictors(id), query);
+        /// A model of an analysis, as it is to be used for a trial.
+        predictor_of(trial: &str, analysis: &str, file: &str) -> TrainedPredictor = GET "the model" format!("{}?analysis={analysis}&file={file}", routes::admin_predictor(trial));
         /// Cancels an analysis.
         cancel_analysis(id: &str) -> AnalysisSummary = POST "the cancellation" routes::cancel_analysis(id);
         /// Deletes the pilots of a study.

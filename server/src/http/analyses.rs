@@ -144,7 +144,11 @@ pub async fn file(
     Ok(answer)
 }
 
-fn unpacked(packed: &[u8]) -> anyhow::Result<Vec<u8>> {
+/// The bytes of a stored file.
+///
+/// # Errors
+/// If it is damaged.
+pub fn unpacked(packed: &[u8]) -> anyhow::Result<Vec<u8>> {
     let mut bytes = Vec::new();
     GzDecoder::new(packed).read_to_end(&mut bytes).context("a file of an analysis")?;
     Ok(bytes)

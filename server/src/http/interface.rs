@@ -3,7 +3,7 @@
 use crate::http::openapi::table::{Table, delete, get, post, put};
 use crate::http::{
     analyses, changes, configurations, docs, enrolment, exports, keys, laboratory, metrics,
-    participants, people, profiles, session, studies, texts, trials, value_functions,
+    participants, people, predictors, profiles, session, studies, texts, trials, value_functions,
 };
 use sidestep::api::{ParticipantPage, Session, Texts, routes};
 
@@ -238,9 +238,10 @@ fn data(table: Table) -> Table {
         )
         .route(
             &routes::admin_predictor("{trial_id}"),
-            [get(
-                "The predictor trained on the participant's earlier trials",
-                laboratory::predictor,
+            [get("A predictor for the replay of a trial", predictors::predictor).detail(
+                "Without a query, it is trained on the participant's earlier trials. With `analysis` and \
+                 `file`, it is a model of an analysis, and the answer says whether that was trained on \
+                 this very trial.",
             )],
         )
         .route(
@@ -291,6 +292,13 @@ fn analysis(table: Table) -> Table {
             [post("Cancels an analysis", analyses::cancel)
                 .detail("Can be repeated.")
                 .problems(["over"])],
+        )
+        .route(
+            &routes::analysis_predictors("{id}"),
+            [get("A page of the models of an analysis", predictors::list).detail(
+                "With the kinds of model, experiments, feature sets and participants that the analysis \
+                 has. An analysis that is not done has none.",
+            )],
         )
         .route(
             &routes::analysis_file("{id}", "{*name}"),

@@ -1,4 +1,4 @@
-//! Studies, trials and predictors for the experimenter.
+//! Studies and trials for the experimenter.
 
 use crate::clock::now_ms;
 use crate::content::Content;
@@ -7,8 +7,6 @@ use crate::http::error::ApiError;
 use crate::http::experimenters::{Manager, Reader};
 use crate::http::params::{Params, PathText};
 use crate::http::studies::named;
-use crate::jobs::safety;
-use crate::recordings;
 use crate::store::Store;
 use crate::store::trials::{StoredTrial, TrialHead};
 use anyhow::Context;
@@ -17,13 +15,10 @@ use axum::extract::State;
 use schemars::JsonSchema;
 use serde::Deserialize;
 use sidestep::api::{
-    Action, PilotsDeleted, SelfCheck, StudySummary, TrainedPredictor, TrialDetail, TrialPage,
-    TrialSummary,
+    Action, PilotsDeleted, SelfCheck, StudySummary, TrialDetail, TrialPage, TrialSummary,
 };
-use sidestep::features::FeatureSet;
 use sidestep::invalid::Invalid;
 use sidestep::scene::Evader;
-use sidestep::training::{self, Trained};
 use sidestep::trial::{simulation_fingerprint, verify};
 use std::sync::Arc;
 
@@ -134,29 +129,6 @@ pub async fn trial(
     }))
 }
 
-/// `GET /api/v1/admin/trials/{trial_id}/predictor`: trained on this participant's
-/// earlier trials.
-pub async fn predictor(
-    _: Reader,
-    State(app): State<Arc<App>>,
-    PathText(trial_id): PathText,
-) -> Result<Json<TrainedPredictor>, ApiError> {
-    let trial = stored(&app.store, &trial_id).await?;
-    let functions = safety::stored(&app.store, &trial.config_hash).await?;
-    let mut driven = app.store.trials_of(&trial.head.participant_id).await?;
-    driven.retain(|other| other.head.ordinal < trial.head.ordinal);
-    let earlier = recordings::one_attempt(String::new(), &driven).trials.into_iter();
-    let earlier: Vec<_> = earlier.map(|other| (other.inputs, other.states)).collect();
-    let trials = earlier.len();
-    let train = move || {
-        let safety = functions.map(|functions| functions.decode()).transpose()?;
-        training::train(&FeatureSet::subset("hrd")?, safety.as_ref(), &earlier)
-    };
-    let Trained { predictor, fallback } =
-        tokio::task::spawn_blocking(train).await.context("training")?.context("training")?;
-    Ok(Json(TrainedPredictor { predictor: (&predictor).into(), trials, fallback }))
-}
-
 /// Seed and number of trials of [`self_check`].
 const SELF_CHECK: (u64, usize) = (20_180_918, 10_000);
 
@@ -175,7 +147,11 @@ pub async fn self_check(
     Ok(Json(check.context("self-check")?.clone()))
 }
 
-async fn stored(store: &Store, trial_id: &str) -> Result<StoredTrial, ApiError> {
+/// The trial with this id.
+///
+/// # Errors
+/// 404 if there is none.
+pub async fn stored(store: &Store, trial_id: &str) -> Result<StoredTrial, ApiError> {
     store.trial(trial_id).await?.ok_or_else(|| ApiError::not_found("trial"))
 }
 

@@ -5,6 +5,7 @@
 
 use crate::clock::now_ms;
 use crate::jobs::analysis::{AnalysisTask, TaskError};
+use crate::jobs::analysis_index::{AnalysisIndex, TrialIds};
 use crate::jobs::safety;
 use crate::store::Store;
 use crate::store::analyses::Job;
@@ -36,6 +37,9 @@ const PAUSE: Duration = Duration::from_secs(5);
 
 /// Most files that wait to be written.
 const FILES_AHEAD: usize = 4;
+
+/// Rows that are written in one transaction, so that no upload waits for all of them.
+const ROWS_AT_ONCE: usize = 1_000;
 
 /// The worker, which runs in the background until it is stopped.
 #[derive(Debug)]
@@ -103,10 +107,17 @@ struct Worker {
     threads: Option<u16>,
 }
 
+/// What was computed.
+struct Computed {
+    analysis: Box<Analysis>,
+    /// Of the trials that were compared.
+    ids: TrialIds,
+}
+
 /// How the computation of an analysis ended.
 enum Ending {
     /// With a result, or the reason why there is none.
-    Over(Result<Box<Analysis>, String>),
+    Over(Result<Computed, String>),
     /// The analysis is not wanted any more.
     Unwanted,
     /// The server is stopping.
@@ -172,9 +183,12 @@ impl Worker {
             }
         };
         let ending = match found {
-            Ok(analysis) => {
+            Ok(Computed { analysis, ids }) => {
                 let result = result(&analysis);
-                self.keep(job, analysis).await?;
+                let index = AnalysisIndex::of(&analysis, &ids);
+                if self.keep(job, analysis).await? {
+                    self.list(job, index).await?;
+                }
                 Ok(result)
             }
             Err(message) => Err(message),
@@ -228,10 +242,11 @@ impl Worker {
         cache: Arc<StoredCells>,
         cancel: CancellationToken,
         progress: Arc<[AtomicUsize; 2]>,
-    ) -> anyhow::Result<Option<Result<Box<Analysis>, String>>> {
+    ) -> anyhow::Result<Option<Result<Computed, String>>> {
         let study = self.store.study(&job.study).await?;
         let study = study.context("the study of an analysis")?;
         let recording = recordings::of_study(&self.store, &study).await?;
+        let ids = TrialIds::of(&recording);
         let safety = match safety::ensure(&self.store, &study, &cancel).await? {
             Ok(safety) => safety,
             Err(SolveError::Cancelled) => return Ok(None),
@@ -247,7 +262,7 @@ impl Worker {
             progress[1].store(now.of, Ordering::Relaxed);
         };
         Ok(match task.run(step).await {
-            Ok(analysis) => Some(Ok(Box::new(analysis))),
+            Ok(analysis) => Some(Ok(Computed { analysis: Box::new(analysis), ids })),
             Err(TaskError::Analysis(AnalysisError::Stopped)) => None,
             Err(TaskError::Thread(ThreadError::Panicked)) => {
                 Some(Err("the comparison failed; see the server's log".to_owned()))
@@ -257,8 +272,8 @@ impl Worker {
         })
     }
 
-    /// Stores the files, compressed, one by one.
-    async fn keep(&self, job: &Job, analysis: Box<Analysis>) -> anyhow::Result<()> {
+    /// Stores the files, compressed, one by one. Returns whether the job is still valid.
+    async fn keep(&self, job: &Job, analysis: Box<Analysis>) -> anyhow::Result<bool> {
         let (files, mut packed) =
             tokio::sync::mpsc::channel::<(String, usize, Vec<u8>)>(FILES_AHEAD);
         let packing = tokio::task::spawn_blocking(move || {
@@ -271,11 +286,27 @@ impl Worker {
         });
         while let Some((name, size, bytes)) = packed.recv().await {
             if !self.store.put_analysis_file(job, &name, size, bytes).await? {
-                // The job is no longer valid, so the other files are not needed.
+                // The other files are not needed.
+                return Ok(false);
+            }
+        }
+        packing.await.context("packing the files")??;
+        Ok(true)
+    }
+
+    /// Stores what lists and replays say of the models, whose files are stored.
+    async fn list(&self, job: &Job, index: AnalysisIndex) -> anyhow::Result<()> {
+        for rows in index.predictors.chunks(ROWS_AT_ONCE) {
+            if !self.store.put_predictors(job, rows.to_vec()).await? {
                 return Ok(());
             }
         }
-        Ok(packing.await.context("packing the files")??)
+        for rows in index.tasks.chunks(ROWS_AT_ONCE) {
+            if !self.store.put_used_tasks(job, rows.to_vec()).await? {
+                return Ok(());
+            }
+        }
+        Ok(())
     }
 }
 

@@ -22,7 +22,7 @@ macro_rules! migration {
     };
 }
 
-const MIGRATIONS: [Migration; 11] = [
+const MIGRATIONS: [Migration; 12] = [
     migration!(1, "0001_studies_participants_trials.sql", "studies participants trials"),
     migration!(2, "0002_safety_functions.sql", "safety functions"),
     migration!(3, "0003_analyses.sql", "analyses"),
@@ -34,6 +34,7 @@ const MIGRATIONS: [Migration; 11] = [
     migration!(9, "0009_notes_and_exclusions.sql", "notes and exclusions"),
     migration!(10, "0010_study_versions.sql", "versions of studies"),
     migration!(11, "0011_upload_backlog.sql", "upload backlog"),
+    migration!(12, "0012_predictors.sql", "predictors"),
 ];
 
 /// Why a file cannot be migrated. Each message is a sentence about the file.

@@ -1,7 +1,6 @@
 //! What experimenters see.
 
 use super::{first, is_first};
-use crate::predict::PredictorFile;
 use crate::scene::{Evader, JointState, Scene, SceneParameters};
 use crate::study::Status;
 use crate::trial::{Flag, Outcome, Phase, Replay};
@@ -135,18 +134,6 @@ impl TrialDetail {
             Evader::Robot => self.value_function_rh.as_deref(),
         }
     }
-}
-
-/// A predictor and how it was trained.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
-pub struct TrainedPredictor {
-    /// The predictor, as in a `predictor.json`.
-    pub predictor: PredictorFile,
-    /// The number of trials that it was trained on.
-    pub trials: usize,
-    /// Why it is not the learned model; none if it is.
-    pub fallback: Option<String>,
 }
 
 /// The fingerprint of a computer's simulation.

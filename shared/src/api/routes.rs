@@ -108,7 +108,8 @@ pub fn admin_trials(slug: &str) -> String {
 pub fn admin_trial(trial_id: &str) -> String {
     format!("/api/v1/admin/trials/{trial_id}")
 }
-/// The predictor trained on this participant's trials before this one.
+/// The predictor trained on this participant's trials before this one, without the query that names a
+/// model of an analysis.
 #[must_use]
 pub fn admin_predictor(trial_id: &str) -> String {
     format!("/api/v1/admin/trials/{trial_id}/predictor")
@@ -127,6 +128,11 @@ pub fn admin_analysis(id: &str) -> String {
 #[must_use]
 pub fn cancel_analysis(id: &str) -> String {
     format!("/api/v1/admin/analyses/{id}/cancel")
+}
+/// The models of an analysis, without the query that filters them.
+#[must_use]
+pub fn analysis_predictors(id: &str) -> String {
+    format!("/api/v1/admin/analyses/{id}/predictors")
 }
 /// One file of an analysis.
 #[must_use]

@@ -80,6 +80,7 @@ impl TryFrom<u8> for Experiment {
 
 /// What predicts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum ModelName {
     /// Of the two below the one that did better in cross-validation; on a tie the first.

@@ -59,7 +59,8 @@ impl LearningPoint {
                     }
                     let all: Vec<&Cell> = comparison.of(model, experiment, features).collect();
                     let people = comparison.participants.iter();
-                    points.push(point(mean(people.map(|of| of.training_tasks as f64)), &all));
+                    points
+                        .push(point(mean(people.map(|of| of.training_trials.len() as f64)), &all));
                 }
             }
         }

@@ -84,10 +84,11 @@ impl ParticipantData {
 
     /// What the tables say about the participant.
     pub(super) fn compared(&self) -> ComparedParticipant {
+        let (training, test) = self.numbers.split_at(first_test_task(self.numbers.len()));
         ComparedParticipant {
             name: self.name.clone(),
-            training_tasks: first_test_task(self.numbers.len()),
-            test_trials: self.numbers[first_test_task(self.numbers.len())..].to_vec(),
+            training_trials: training.to_vec(),
+            test_trials: test.to_vec(),
             steps: self.trajectories.first().map_or(0, Trajectory::steps),
         }
     }

@@ -11,8 +11,8 @@ pub struct ComparedParticipant {
     pub name: String,
     /// The numbers of the tasks that models are tested on.
     pub test_trials: Vec<u64>,
-    /// How many tasks train them.
-    pub training_tasks: usize,
+    /// The numbers of the tasks that train them.
+    pub training_trials: Vec<u64>,
     /// Steps of each of these tasks.
     pub steps: usize,
 }

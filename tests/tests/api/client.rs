@@ -88,6 +88,9 @@ async fn the_laboratory_by_a_key() {
     lab.analysis(&asked).await.unwrap();
     assert_eq!(lab.analyses("default", "").await.unwrap().analyses.len(), 1);
     assert_eq!(code(lab.analysis_file(&asked, "none.csv").await), "not_found");
+    lab.predictors(&asked, "experiment=1&limit=5").await.unwrap();
+    assert_eq!(code(lab.predictors(&asked, "limit=0").await), "invalid");
+    assert_eq!(code(lab.predictor_of(&first.trial_id, &asked, "none").await), "not_found");
     lab.delete_analysis(&asked).await.unwrap();
     assert_eq!(code(lab.cancel_analysis(&asked).await), "not_found");
     lab.delete_participant(id).await.unwrap();

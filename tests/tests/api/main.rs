@@ -24,6 +24,7 @@ mod participation;
 mod people;
 mod profiles;
 mod prediction;
+mod predictors;
 mod recruitment;
 mod rights;
 mod attempts;

@@ -9,10 +9,10 @@ use sidestep_tests::{Answer, Driver, Server, driven};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// A server's document.
-struct Document(Value);
+pub(crate) struct Document(Value);
 
 impl Document {
-    async fn of(server: &Server) -> Self {
+    pub(crate) async fn of(server: &Server) -> Self {
         Self(server.get(routes::OPENAPI).await.into(200))
     }
 
@@ -27,7 +27,7 @@ impl Document {
     }
 
     /// The schema of an answer, without which nothing else may be in it.
-    fn validator(&self, method: &Method, path: &str, status: u16) -> Option<Validator> {
+    pub(crate) fn validator(&self, method: &Method, path: &str, status: u16) -> Option<Validator> {
         let operation = &self.0["paths"][path][method.as_str().to_lowercase()];
         let answer = &operation["responses"][status.to_string()];
         assert!(answer.is_object(), "{method} {path}: {status} is not in the document");
@@ -305,7 +305,12 @@ async fn real_answers_are_as_the_document_says() {
     let (trial, _) = driver.scenes().pop().unwrap();
     let trial = [("trial_id", trial.as_str())];
     it.admin(GET, "/api/v1/admin/trials/{trial_id}", &trial, None).await;
-    it.admin(GET, "/api/v1/admin/trials/{trial_id}/predictor", &trial, None).await;
+    let predictor = "/api/v1/admin/trials/{trial_id}/predictor";
+    it.admin(GET, predictor, &trial, None).await;
+    for (query, status) in [("analysis=none", 422), ("analysis=none&file=none", 404)] {
+        let answer = it.admin(GET, &format!("{predictor}?{query}"), &trial, None).await;
+        assert_eq!(answer.status, status, "{query}");
+    }
     let analyses = format!("{of_study}/analyses");
     let asked = it.admin(POST, &analyses, &default, Some(json!({}))).await;
     let asked = asked.into::<AnalysisSummary>(201).id;
@@ -313,6 +318,10 @@ async fn real_answers_are_as_the_document_says() {
     let path = "/api/v1/admin/analyses/{id}";
     it.admin(GET, path, &analysis, None).await;
     it.admin(POST, &format!("{path}/cancel"), &analysis, None).await;
+    let models = format!("{path}/predictors");
+    it.admin(GET, &models, &analysis, None).await;
+    it.admin(GET, &format!("{models}?experiment=3"), &analysis, None).await;
+    it.admin(GET, &models, &[("id", "none")], None).await.problem(404, "not_found", None);
     it.admin(GET, &analyses, &default, None).await;
     it.admin(DELETE, path, &analysis, None).await;
     it.admin(DELETE, path, &analysis, None).await.problem(404, "not_found", None);

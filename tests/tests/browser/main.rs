@@ -6,6 +6,7 @@ mod faults;
 mod scenes;
 mod studies;
 mod laboratory;
+mod predictors;
 mod simulated;
 
 use sidestep::api::{TrialDetail, TrialPage, routes};

@@ -3,12 +3,14 @@
 mod hosted;
 mod visit;
 mod study;
+mod pager;
 mod home;
 mod participants;
 mod profile;
 mod trials;
 mod analyses;
 mod compare;
+mod predictors;
 mod analysis;
 mod export;
 mod configuration;

@@ -61,6 +61,24 @@ pub(super) fn count(n: impl ToString, noun: &str) -> String {
     format!("{n} {noun}{ending}")
 }
 
+/// A share from 0 to 1 in per cent.
+pub(super) fn percent(share: f64) -> String {
+    format!("{:.1} %", 100.0 * share)
+}
+
+/// A kind of model in words.
+pub(super) fn model(word: &str) -> &str {
+    match word {
+        "svm" => "SVM, the better of two",
+        "svm_rbf" => "SVM, RBF kernel",
+        "svm_linear" => "SVM, linear",
+        "dt" => "Decision tree",
+        "lr" => "Logistic regression",
+        "boosted" => "Boosted trees",
+        other => other,
+    }
+}
+
 /// The flags of a trial in words; empty if it has none.
 pub(super) fn flags(flags: &[Flag]) -> String {
     let words: Vec<_> = flags.iter().map(|flag| flag.word().replace('_', " ")).collect();

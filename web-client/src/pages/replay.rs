@@ -3,12 +3,15 @@
 
 mod chart;
 mod safety;
+mod choice;
 mod view;
 
+use self::choice::{Choice, Named};
 use self::safety::Sources;
 use super::parts;
+use crate::form::FieldValue;
 use crate::overlays::{LAYERS, Moment, stage};
-use crate::runtime::{Answer, Command, Commands, Failure, Page, Request, Solving, read};
+use crate::runtime::{Address, Answer, Command, Commands, Failure, Page, Request, Solving, read};
 use crate::shape::{Picture, Shape, Window};
 use crate::view::Node;
 use sidestep::api::{TrainedPredictor, TrialDetail, routes};
@@ -22,8 +25,8 @@ use sidestep::vehicle::TurnInput;
 
 /// The page of one trial.
 pub enum ReplayPage {
-    /// The trial is on its way.
-    Loading,
+    /// The trial is on its way, to be predicted with this model of an analysis if the link names one.
+    Loading(Option<Named>),
     /// There is nothing to replay, for this reason.
     Failed(String),
     /// The trial is here.
@@ -37,6 +40,12 @@ pub enum Msg {
     Trial(Answer),
     /// The server sent the predictor.
     Predictor(Answer),
+    /// Another predictor is to be used.
+    Choose(FieldValue),
+    /// The server listed the study's analyses.
+    Analyses(Answer),
+    /// The server listed the participant's models in this analysis.
+    Models(String, Answer),
     /// The server or the solver reports on the value function of this vehicle as the evader.
     ValueFunction(Evader, Solving),
     /// Stop solving.
@@ -58,9 +67,9 @@ pub enum Msg {
 impl ReplayPage {
     /// The page as it opens.
     #[must_use]
-    pub fn open(trial_id: &str) -> (Self, Commands<Msg>) {
+    pub fn open(trial_id: &str, address: &Address) -> (Self, Commands<Msg>) {
         let ask = Request::get("trial", routes::admin_trial(trial_id), Msg::Trial);
-        (Self::Loading, vec![Command::Send(ask)])
+        (Self::Loading(Named::of(address)), vec![Command::Send(ask)])
     }
 }
 
@@ -69,13 +78,14 @@ impl Page for ReplayPage {
 
     fn update(&mut self, message: Msg, now_ms: f64) -> Commands<Msg> {
         match (message, self) {
-            (Msg::Trial(answer), page) => match read(answer) {
-                Ok(trial) => {
-                    let (replay, commands) = Replay::open(trial);
+            (Msg::Trial(answer), page) => match (read(answer), &mut *page) {
+                (Ok(trial), Self::Loading(named)) => {
+                    let (replay, commands) = Replay::open(trial, Choice::new(named.take()));
                     *page = Self::Open(Box::new(replay));
                     commands
                 }
-                Err(Failure { status, sentence, .. }) => {
+                (Ok(_), _) => Vec::new(),
+                (Err(Failure { status, sentence, .. }), page) => {
                     let why = "There is no such trial. Its participant may have withdrawn it.";
                     *page = Self::Failed(if status == 404 { why.to_owned() } else { sentence });
                     Vec::new()
@@ -88,7 +98,7 @@ impl Page for ReplayPage {
 
     fn view(&self) -> Node<Msg> {
         match self {
-            Self::Loading => parts::loading(),
+            Self::Loading(_) => parts::loading(),
             Self::Failed(why) => parts::stuck("Nothing to replay", why),
             Self::Open(replay) => view::page(replay),
         }
@@ -124,6 +134,7 @@ pub struct Replay {
     safety: Option<SafetyLevels>,
     /// V_HR and V_RH of each state, m.
     levels: Vec<(f64, f64)>,
+    choice: Choice,
     learned: Option<Learned>,
     /// Time into the trial, s.
     time_s: f64,
@@ -155,7 +166,7 @@ struct Learned {
 
 impl Replay {
     /// The replay of a trial, at its start.
-    fn open(trial: TrialDetail) -> (Self, Commands<Msg>) {
+    fn open(trial: TrialDetail, choice: Choice) -> (Self, Commands<Msg>) {
         let positions = trial.states.iter().flat_map(|s| [s.human.position(), s.robot.position()]);
         let goal = trial.scene.goal;
         let window =
@@ -167,6 +178,7 @@ impl Replay {
             trial,
             safety: None,
             levels: Vec::new(),
+            choice,
             learned: None,
             time_s: 0.0,
             playing_since: None,
@@ -180,8 +192,7 @@ impl Replay {
             trouble: None,
         };
         let mut commands = replay.sources.begin(&replay.trial);
-        let predictor = routes::admin_predictor(&replay.trial.summary.trial_id);
-        commands.push(Command::Send(Request::get("predictor", predictor, Msg::Predictor)));
+        commands.extend(replay.choice.begin(&replay.trial));
         replay.draw();
         (replay, commands)
     }
@@ -191,6 +202,14 @@ impl Replay {
         match message {
             Msg::Trial(_) => {}
             Msg::Predictor(answer) => self.take_predictor(read(answer)),
+            Msg::Choose(value) => {
+                commands = self.choice.choose(&value, &self.trial);
+                // What is shown is never of another predictor than the chosen one.
+                self.learned = None;
+                self.predict();
+            }
+            Msg::Analyses(answer) => commands = self.choice.analyses(answer, &self.trial),
+            Msg::Models(analysis, answer) => self.choice.models(analysis, answer),
             Msg::ValueFunction(evader, solving) => {
                 self.sources.take(evader, solving);
                 self.take_safety();
@@ -250,17 +269,20 @@ impl Replay {
 
     fn take_predictor(&mut self, trained: Result<TrainedPredictor, Failure>) {
         let trained = trained.map_err(|failure| failure.sentence);
-        let learned = trained.and_then(|TrainedPredictor { predictor, trials, fallback }| {
-            let learned = Predictor::try_from(predictor).and_then(|predictor| {
-                let settings = ShfrsSettings::paper(predictor.classes().len())?;
-                Ok(Learned { predictor, trials, fallback, settings })
+        let learned =
+            trained.and_then(|TrainedPredictor { predictor, trials, fallback, source }| {
+                let learned = Predictor::try_from(predictor).and_then(|predictor| {
+                    let settings = ShfrsSettings::paper(predictor.classes().len())?;
+                    Ok(Learned { predictor, trials, fallback, settings })
+                });
+                Ok((learned.map_err(|invalid| invalid.to_string())?, source))
             });
-            learned.map_err(|invalid| invalid.to_string())
-        });
-        match learned {
-            Ok(learned) => self.learned = Some(learned),
-            Err(why) => self.trouble = Some(format!("No predicted sets. {why}")),
-        }
+        let (learned, answer) = match learned {
+            Ok((learned, source)) => (Some(learned), Ok(source)),
+            Err(why) => (None, Err(format!("No predicted sets. {why}"))),
+        };
+        self.learned = learned;
+        self.choice.arrived(answer);
         self.predict();
     }
 
@@ -309,7 +331,7 @@ impl Replay {
     /// Predicts anew for the present moment.
     fn predict(&mut self) {
         match self.predicted() {
-            Ok(prediction) => self.prediction = prediction,
+            Ok(prediction) => (self.prediction, self.trouble) = (prediction, None),
             Err(invalid) => {
                 self.prediction = None;
                 self.trouble = Some(invalid.to_string());

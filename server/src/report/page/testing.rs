@@ -45,7 +45,7 @@ pub(super) fn made_up_but(
     let participant = |i| ComparedParticipant {
         name: if i == 0 { "<script>alert(1)</script>".to_owned() } else { format!("person {i}") },
         test_trials: (40..).take(TRIALS).collect(),
-        training_tasks: 5,
+        training_trials: (0..5).collect(),
         steps: STEPS,
     };
     let participants = (0..people).map(participant).collect();

@@ -2,6 +2,7 @@
 
 use super::analyses::{settings, state};
 use super::compare;
+use super::predictors::{self, Predictors};
 use super::study::{self, Tab};
 use super::visit::Visit;
 use crate::form::FieldValue;
@@ -12,6 +13,7 @@ use sidestep::api::{
     Access, AnalysisDetail, AnalysisFile, AnalysisPage, AnalysisResult, AnalysisState,
     AnalysisSummary, routes,
 };
+use std::rc::Rc;
 
 type Node = view::Node<Msg>;
 
@@ -24,6 +26,7 @@ pub(super) struct AnalysisView {
     others: Option<Vec<AnalysisSummary>>,
     /// The one that this one is compared with.
     other: Option<AnalysisSummary>,
+    predictors: Predictors,
     /// Deleting waits for a second press.
     deleting: bool,
     trouble: Option<String>,
@@ -42,6 +45,8 @@ pub(super) enum Msg {
     Compare(FieldValue),
     /// The server described the other one.
     Other(Answer),
+    /// Something about its models.
+    Predictors(predictors::Msg),
     /// It is to be cancelled.
     Cancel,
     /// The server has done so, or refused.
@@ -66,6 +71,7 @@ impl AnalysisView {
             analysis: None,
             others: None,
             other: None,
+            predictors: Predictors::new(visit.id, visit.address),
             deleting: false,
             trouble: None,
         };
@@ -87,13 +93,12 @@ impl Page for AnalysisView {
             Msg::Found(answer) => match read::<AnalysisDetail>(answer) {
                 Ok(found) => {
                     let study = &found.summary.study;
-                    let list =
-                        (found.summary.result.is_some() && self.others.is_none()).then(|| {
-                            Request::get("others", routes::admin_analyses(study), Msg::Others)
-                        });
+                    let is_news = found.summary.result.is_some() && self.others.is_none();
+                    let list = Request::get("others", routes::admin_analyses(study), Msg::Others);
+                    let models = self.predictors.ask().map(Msg::Predictors);
                     self.analysis = Some(found);
                     self.trouble = None;
-                    return list.map(Command::Send).into_iter().collect();
+                    return if is_news { vec![Command::Send(list), models] } else { Vec::new() };
                 }
                 Err(failure) => {
                     // It may have been deleted meanwhile.
@@ -124,6 +129,10 @@ impl Page for AnalysisView {
                 }
                 Err(failure) => Some(failure),
             },
+            Msg::Predictors(message) => {
+                let commands = self.predictors.update(message).into_iter();
+                return commands.map(|command| command.map(Msg::Predictors)).collect();
+            }
             Msg::Cancel => {
                 let ask = Request::get("cancel", routes::cancel_analysis(&self.id), Msg::Cancelled);
                 return vec![Command::Send(Request { method: "POST", ..ask })];
@@ -175,6 +184,7 @@ impl Page for AnalysisView {
             .children(summary.result.as_ref().map(|result| data(study, analysis, result)))
             .children(self.comparison(summary))
             .children(report(analysis))
+            .children(self.predictors(summary))
             .children(files(&self.id, &analysis.files))
     }
 
@@ -185,6 +195,13 @@ impl Page for AnalysisView {
 }
 
 impl AnalysisView {
+    /// The models, as long as the analysis has them.
+    fn predictors(&self, own: &AnalysisSummary) -> Option<Node> {
+        own.result.as_ref()?;
+        let lift: Rc<dyn Fn(predictors::Msg) -> Msg> = Rc::new(Msg::Predictors);
+        Some(self.predictors.view()?.map(&lift))
+    }
+
     fn comparison(&self, own: &AnalysisSummary) -> Option<Node> {
         compare::section(own, self.others.as_ref()?, self.other.as_ref(), Msg::Compare)
     }

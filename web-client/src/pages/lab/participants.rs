@@ -5,6 +5,7 @@ mod selection;
 pub(super) mod table;
 
 use self::selection::Selection;
+use super::pager::pager;
 use super::study::{self, Tab};
 use super::visit::Visit;
 use crate::form::{FieldValue, Form};
@@ -134,7 +135,11 @@ impl Page for Participants {
             .children(self.trouble.as_deref().map(|why| alert("old", why)))
             .child(self.filters(page))
             .child(shown)
-            .children(self.pager(page))
+            .children(pager(
+                (self.selection.offset, page.participants.len(), page.total),
+                selection::PAGE_LENGTH,
+                Msg::Page,
+            ))
             .child(table::meanings())
     }
 
@@ -238,32 +243,5 @@ impl Participants {
                     )
                     .text(" of this server. They appear here as they join."),
             )
-    }
-
-    /// Which part of the list is shown, and the way to the parts beside it.
-    fn pager(&self, page: &ParticipantPage) -> Option<Node> {
-        const LENGTH: u64 = selection::PAGE_LENGTH;
-        let offset = self.selection.offset;
-        let shown = page.participants.len() as u64;
-        if shown == 0 && offset == 0 {
-            return None;
-        }
-        let words = match shown {
-            0 => format!("None of {} here", page.total),
-            _ => format!("{}–{} of {}", offset + 1, offset + shown, page.total),
-        };
-        let turn = |name: &str, words: &str, to: Option<u64>| {
-            let target = Msg::Page(to.unwrap_or(offset));
-            button(name, target).attr_if(to.is_none(), "disabled", "").text(words)
-        };
-        let before = (offset > 0).then(|| offset.saturating_sub(LENGTH));
-        let after = (offset + shown < page.total && shown > 0).then_some(offset + LENGTH);
-        Some(
-            el("div")
-                .class("pager")
-                .child(turn("previous", "Previous", before))
-                .child(el("span").test_id("range").text(words))
-                .child(turn("next", "Next", after)),
-        )
     }
 }

@@ -39,7 +39,7 @@ pub(super) static ROUTES: &[Route] = &[
     Route { path: "/lab/studies/{id}/export", nav: None, open: |visit| host(Export::open(visit)) },
     Route { path: "/lab/studies/{id}/configuration", nav: None, open: |visit| host(ConfigurationPage::open(visit)) },
     Route { path: "/lab/new", nav: None, open: |visit| host(ConfigurationPage::open_new(visit)) },
-    Route { path: "/lab/replay/{id}", nav: None, open: |visit| host(ReplayPage::open(visit.id)) },
+    Route { path: "/lab/replay/{id}", nav: None, open: |visit| host(ReplayPage::open(visit.id, visit.address)) },
     Route { path: "/lab/access", nav: Some("Access"), open: |visit| host(AccessPage::open(visit)) },
     Route { path: "/lab/self-check", nav: Some("Self-check"), open: |_| host(SelfCheckPage::open()) },
 ];

@@ -4,6 +4,7 @@ mod access;
 mod analyses;
 mod configuration;
 mod export;
+mod predictors;
 mod profile;
 mod studies;
 
@@ -108,7 +109,8 @@ fn replay_of_equals() -> Session {
     let function = ValueFunction::Exact(parameters.game(Evader::Human).exact().unwrap());
     let id = Some(function.id());
     let mut session = replay(&trial(parameters, [id.clone(), id]));
-    assert_eq!(session.asked.len(), 2, "the function and the predictor: {:?}", session.urls());
+    let urls = session.urls();
+    assert_eq!(urls.len(), 3, "the function, the predictor and what else there is: {urls:?}");
     session.answer(of(Evader::Human), 200, &function.encode());
     session
 }
@@ -286,7 +288,7 @@ fn what_the_server_lacks_is_solved_beside_the_page() {
     let mut session = replay(&trial(parameters, [None, None]));
     let games = Evader::ALL.map(|evader| (of(evader), parameters.game(evader)));
     assert_eq!(session.games(), games);
-    assert_eq!(session.urls(), [routes::admin_predictor("t")]);
+    assert_eq!(session.urls(), [routes::admin_predictor("t"), routes::admin_analyses("default")]);
     let percent = |session: &Session| session.words("solved-percent").unwrap();
     assert_eq!(percent(&session), "0 %");
     session.solver(of(Evader::Human), Solving::Done(0.5));

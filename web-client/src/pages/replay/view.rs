@@ -1,6 +1,7 @@
 //! What a replay shows around the canvas.
 
 use super::chart;
+use super::choice;
 use super::{Msg, Replay};
 use crate::overlays::LAYERS;
 use crate::pages::parts::{self, alert, button, cell, fact};
@@ -66,7 +67,8 @@ fn panel(replay: &Replay) -> Node {
         .child(heading)
         .child(facts(replay))
         .children(doubt(replay))
-        .children(replay.prediction.as_ref().map(|probabilities| inputs(replay, probabilities)))
+        .child(choice::section(&replay.choice, &replay.trial, trained(replay)))
+        .children(replay.prediction.as_ref().map(|probabilities| inputs(probabilities)))
         .children(replay.prediction.as_ref().map(|_| regions(replay)))
         .child(outcome(replay))
         .children(replay.trouble.as_deref().map(|why| alert("trouble", why)))
@@ -126,14 +128,17 @@ fn doubt(replay: &Replay) -> Option<Node> {
     ))
 }
 
-fn inputs(replay: &Replay, probabilities: &[(TurnInput, f64)]) -> Node {
-    let source = replay.learned.as_ref().map_or_else(String::new, |learned| {
-        match (&learned.fallback, learned.trials) {
-            (None, 1) => "Logistic regression (B_hrd), trained on the trial before".to_owned(),
-            (None, n) => format!("Logistic regression (B_hrd), trained on the {n} trials before"),
-            (Some(why), _) => format!("Frequencies of the inputs so far: {why}"),
-        }
-    });
+/// How the predictor came about that is trained on the trials before this one; empty for another.
+fn trained(replay: &Replay) -> Option<String> {
+    let learned = replay.learned.as_ref()?;
+    Some(match (&learned.fallback, learned.trials) {
+        (None, 1) => "Logistic regression (B_hrd), trained on the trial before".to_owned(),
+        (None, n) => format!("Logistic regression (B_hrd), trained on the {n} trials before"),
+        (Some(why), _) => format!("Frequencies of the inputs so far: {why}"),
+    })
+}
+
+fn inputs(probabilities: &[(TurnInput, f64)]) -> Node {
     let bars = probabilities.iter().map(|(input, p)| {
         let percent = 100.0 * p;
         let bar = el("i").attr("style", format!("width:{percent:.1}%"));
@@ -145,7 +150,6 @@ fn inputs(replay: &Replay, probabilities: &[(TurnInput, f64)]) -> Node {
     el("section")
         .test_id("prediction")
         .child(el("h2").text("Next input"))
-        .child(el("p").class("quiet").test_id("predictor").text(source))
         .child(el("dl").class("bars").children(bars))
 }
 

@@ -1,6 +1,6 @@
 //! Which participants are shown, as the addresses of the page and of the server's list have it.
 
-use crate::runtime::Address;
+use crate::runtime::{Address, encoded};
 use sidestep::api::Stage;
 
 /// Participants on a page.
@@ -68,19 +68,6 @@ impl Selection {
         self.descending = self.sort != column || !self.descending;
         self.sort = column.to_owned();
     }
-}
-
-/// A text as part of a query: everything but letters, digits and `-._~` as `%XX`.
-fn encoded(text: &str) -> String {
-    let mut encoded = String::new();
-    for byte in text.bytes() {
-        if byte.is_ascii_alphanumeric() || b"-._~".contains(&byte) {
-            encoded.push(char::from(byte));
-        } else {
-            encoded.push_str(&format!("%{byte:02X}"));
-        }
-    }
-    encoded
 }
 
 #[cfg(test)]

@@ -8,7 +8,7 @@ use sidestep::api::{
 };
 use sidestep::comparison::Request;
 
-fn analysis(id: &str, state: AnalysisState) -> AnalysisSummary {
+pub(super) fn analysis(id: &str, state: AnalysisState) -> AnalysisSummary {
     let progress = AnalysisProgress { done: 30, of: 120, left_s: Some(200.0) };
     let excluded = ExcludedParticipant { participant: "4".into(), reason: "too few tasks".into() };
     let result = AnalysisResult {
@@ -44,11 +44,11 @@ fn analysis(id: &str, state: AnalysisState) -> AnalysisSummary {
     }
 }
 
-fn list(analyses: Vec<AnalysisSummary>) -> AnalysisPage {
+pub(super) fn list(analyses: Vec<AnalysisSummary>) -> AnalysisPage {
     AnalysisPage { analyses, next_before: None }
 }
 
-fn detail(state: AnalysisState) -> AnalysisDetail {
+pub(super) fn detail(state: AnalysisState) -> AnalysisDetail {
     let files = match state {
         AnalysisState::Done => vec![
             AnalysisFile { name: "report.html".into(), octets: 1_234_567 },

@@ -1,0 +1,219 @@
+//! Predictors: the models of analyses, and what a replay predicts with.
+
+use crate::http::analyses;
+use crate::http::app::App;
+use crate::http::error::ApiError;
+use crate::http::experimenters::Reader;
+use crate::http::laboratory::stored;
+use crate::http::params::{Params, PathText};
+use crate::jobs::safety;
+use crate::recordings;
+use crate::store::predictors::{ChosenPredictor, Selection};
+use crate::store::trials::StoredTrial;
+use anyhow::Context;
+use axum::Json;
+use axum::extract::State;
+use axum::http::StatusCode;
+use schemars::JsonSchema;
+use serde::Deserialize;
+use sidestep::api::{PredictorPage, TrainedPredictor};
+use sidestep::comparison::cell::ModelName;
+use sidestep::features::FeatureSet;
+use sidestep::invalid::Invalid;
+use sidestep::predict::{Predictor, PredictorFile};
+use sidestep::training::{self, Trained};
+use std::sync::Arc;
+
+/// The query of a list of models.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ListParams {
+    /// Only those of the participant with this number.
+    #[schemars(range(min = 1))]
+    participant: Option<i64>,
+    /// Only this kind of model, such as `svm` or `lr`.
+    model: Option<ModelName>,
+    /// Only this experiment: 1 or 2.
+    #[schemars(range(min = 1, max = 2))]
+    experiment: Option<u8>,
+    /// Only those on the feature set with this name.
+    features: Option<String>,
+    /// Most entries of the page, 1 to 500; 50 if it is left out.
+    #[schemars(range(min = 1, max = 500))]
+    limit: Option<i64>,
+    /// How many are passed over before the page, from 0.
+    #[schemars(range(min = 0))]
+    offset: Option<i64>,
+}
+
+impl ListParams {
+    /// # Errors
+    /// [`Invalid`] for what no list has.
+    fn selection(self) -> Result<Selection, Invalid> {
+        let (limit, offset) = (self.limit.unwrap_or(50), self.offset.unwrap_or(0));
+        if !(1..=500).contains(&limit) {
+            return Err(Invalid::new("limit", "a whole number from 1 to 500", limit));
+        }
+        if offset < 0 {
+            return Err(Invalid::new("offset", "a whole number ≥ 0", offset));
+        }
+        if let Some(number) = self.participant.filter(|number| *number < 1) {
+            return Err(Invalid::new("participant", "a whole number ≥ 1", number));
+        }
+        if let Some(number) = self.experiment.filter(|number| !(1..=2).contains(number)) {
+            return Err(Invalid::new("experiment", "1 or 2", number));
+        }
+        Ok(Selection {
+            participant: self.participant,
+            model: self.model.map(ModelName::word),
+            experiment: self.experiment,
+            features: self.features,
+            offset,
+            limit,
+        })
+    }
+}
+
+/// `GET /api/v1/admin/analyses/{id}/predictors`: a page of the models of an analysis, participant by participant.
+pub async fn list(
+    _: Reader,
+    State(app): State<Arc<App>>,
+    PathText(id): PathText,
+    Params(params): Params<ListParams>,
+) -> Result<Json<PredictorPage>, ApiError> {
+    let page = app.store.predictors(&id, params.selection()?).await?;
+    page.map(Json).ok_or_else(|| ApiError::not_found("analysis"))
+}
+
+/// Which model is wanted instead of the one trained on the participant's earlier trials.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PredictorParams {
+    /// The analysis that trained it; needs `file`.
+    analysis: Option<String>,
+    /// Its file among those of the analysis; needs `analysis`.
+    file: Option<String>,
+}
+
+/// `GET /api/v1/admin/trials/{trial_id}/predictor`: trained on this participant's earlier trials, or with
+/// `?analysis=ID&file=NAME` a model of an analysis.
+pub async fn predictor(
+    _: Reader,
+    State(app): State<Arc<App>>,
+    PathText(trial_id): PathText,
+    Params(params): Params<PredictorParams>,
+) -> Result<Json<TrainedPredictor>, ApiError> {
+    let named = match (params.analysis, params.file) {
+        (None, None) => None,
+        (Some(analysis), Some(file)) => Some((analysis, file)),
+        (Some(_), None) => {
+            let expected = "the name of a model's file beside the analysis";
+            return Err(Invalid::new("file", expected, "nothing").into());
+        }
+        (None, Some(_)) => {
+            let expected = "the id of an analysis beside the file";
+            return Err(Invalid::new("analysis", expected, "nothing").into());
+        }
+    };
+    let trial = stored(&app.store, &trial_id).await?;
+    Ok(Json(match named {
+        None => of_earlier_trials(&app, &trial).await?,
+        Some((analysis, file)) => of_analysis(&app, &trial_id, &analysis, &file).await?,
+    }))
+}
+
+async fn of_earlier_trials(app: &App, trial: &StoredTrial) -> Result<TrainedPredictor, ApiError> {
+    let functions = safety::stored(&app.store, &trial.config_hash).await?;
+    let mut driven = app.store.trials_of(&trial.head.participant_id).await?;
+    driven.retain(|other| other.head.ordinal < trial.head.ordinal);
+    let earlier = recordings::one_attempt(String::new(), &driven).trials.into_iter();
+    let earlier: Vec<_> = earlier.map(|other| (other.inputs, other.states)).collect();
+    let trials = earlier.len();
+    let train = move || {
+        let safety = functions.map(|functions| functions.decode()).transpose()?;
+        training::train(&FeatureSet::subset("hrd")?, safety.as_ref(), &earlier)
+    };
+    let Trained { predictor, fallback } =
+        tokio::task::spawn_blocking(train).await.context("training")?.context("training")?;
+    Ok(TrainedPredictor { predictor: (&predictor).into(), trials, fallback, source: None })
+}
+
+async fn of_analysis(
+    app: &App,
+    trial_id: &str,
+    analysis: &str,
+    file: &str,
+) -> Result<TrainedPredictor, ApiError> {
+    let ChosenPredictor { source, trained_on } =
+        app.store.predictor(analysis, file, trial_id).await?.ok_or_else(gone)?;
+    let packed = app.store.analysis_file(analysis, file).await?.ok_or_else(gone)?;
+    let read = move || -> anyhow::Result<PredictorFile> {
+        let bytes = analyses::unpacked(&packed)?;
+        serde_json::from_slice(&bytes).context("a model of an analysis")
+    };
+    let predictor = tokio::task::spawn_blocking(read).await.context("unpacking")??;
+    usable(&predictor)?;
+    Ok(TrainedPredictor { predictor, trials: trained_on, fallback: None, source: Some(source) })
+}
+
+/// Accepts a model that Algorithm 1 can use.
+///
+/// # Errors
+/// [`Invalid`] naming `file`, if the model does not predict the direction of turns, or needs features that this
+/// version does not compute.
+fn usable(file: &PredictorFile) -> Result<(), Invalid> {
+    if file.experiment == Some(2) {
+        let expected = "a model of the direction of turns (experiment 1)";
+        let found =
+            "a model of whether the human turns (experiment 2), which does not say to which side";
+        return Err(Invalid::new("file", expected, found));
+    }
+    let told = |invalid: Invalid| {
+        let Invalid { field, expected, found } = invalid;
+        Invalid::new("file", format!("a model with {field}: {expected}"), found)
+    };
+    let predictor = Predictor::try_from(file.clone()).map_err(told)?;
+    let turns = predictor.classes().iter().all(|class| (-1..=1).contains(class));
+    if !turns && predictor.actions().is_none() {
+        let expected = "a model with the classes -1 (right), 0 (straight) and 1 (left)";
+        return Err(Invalid::new("file", expected, format!("{:?}", predictor.classes())));
+    }
+    Ok(())
+}
+
+fn gone() -> ApiError {
+    let message = "there is no such model: its analysis was deleted or withdrawn, or an earlier version \
+                   of Sidestep made it; choose another model, or start the analysis again";
+    ApiError::new(StatusCode::NOT_FOUND, "not_found", message)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::{Value, json};
+
+    #[test]
+    fn models_that_cannot_drive_a_prediction_are_explained() {
+        let complaint = |changes: Value| {
+            let mut document = json!({
+                "format": "sidestep-predictor/1", "kind": "constant", "experiment": 1,
+                "features": ["distance"], "classes": [-1, 0, 1], "probabilities": [0.2, 0.5, 0.3],
+            });
+            for (name, value) in changes.as_object().into_iter().flatten() {
+                document[name] = value.clone();
+            }
+            let file: PredictorFile = serde_json::from_value(document).unwrap();
+            usable(&file).err().map(|invalid| (invalid.field.clone(), invalid.to_string()))
+        };
+        assert_eq!(complaint(json!({})), None);
+        for (changes, words) in [
+            (json!({ "experiment": 2 }), "does not say to which side"),
+            (json!({ "features": ["colour"] }), "features[0]"),
+            (json!({ "classes": [0, 1, 2] }), "[0, 1, 2]"),
+            (json!({ "probabilities": [0.5, 0.5] }), "probabilities"),
+        ] {
+            let (field, said) = complaint(changes).unwrap();
+            assert!(field == "file" && said.contains(words), "{said}");
+        }
+    }
+}

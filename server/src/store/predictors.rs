@@ -1,0 +1,305 @@
+//! The models of analyses: what is known of each, and which trials trained and tested them.
+
+use super::analyses::Job;
+use super::{Store, StoreError};
+use rusqlite::{Connection, OptionalExtension, Row, ToSql, named_params, params};
+use sidestep::api::{PredictorChoices, PredictorPage, PredictorSource, PredictorSummary, TrialUse};
+
+/// A model of an analysis whose file is stored.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NewPredictor {
+    /// The name of its file.
+    pub file: String,
+    /// The number of the participant whose tasks trained it.
+    pub participant: i64,
+    /// Its place in the tables of the analysis.
+    pub place: usize,
+    /// The kind of model.
+    pub model: &'static str,
+    /// 1 or 2.
+    pub experiment: u8,
+    /// The name of the feature set.
+    pub features: String,
+    /// The names of the features in it.
+    pub columns: Vec<String>,
+    /// Share predicted right in cross-validation, from 0 to 1.
+    pub cv_accuracy: f64,
+    /// Share of the test steps predicted right, from 0 to 1.
+    pub test_accuracy: f64,
+}
+
+/// A task that an analysis used.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct UsedTask {
+    /// The trial.
+    pub trial_id: String,
+    /// Whether it trained the models of the participant who drove; else it tested them.
+    pub trains: bool,
+}
+
+/// Which models of an analysis, and which part of them.
+#[derive(Clone, Debug, Default)]
+pub struct Selection {
+    /// Only those of the participant with this number.
+    pub participant: Option<i64>,
+    /// Only this kind of model.
+    pub model: Option<&'static str>,
+    /// Only this experiment.
+    pub experiment: Option<u8>,
+    /// Only this feature set.
+    pub features: Option<String>,
+    /// The number of models before the page.
+    pub offset: i64,
+    /// The most models on a page.
+    pub limit: i64,
+}
+
+/// A model of an analysis that is done, as it is to be used for a trial.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ChosenPredictor {
+    /// Which one it is.
+    pub source: PredictorSource,
+    /// How many tasks trained it.
+    pub trained_on: usize,
+}
+
+impl Store {
+    /// Lists models of a job that is still valid, whose files are stored. Returns whether the job is
+    /// still valid.
+    pub async fn put_predictors(
+        &self,
+        job: &Job,
+        predictors: Vec<NewPredictor>,
+    ) -> Result<bool, StoreError> {
+        let (sequence, attempt) = (job.sequence, job.attempt);
+        self.write_behind(move |db| {
+            let mut insert = db.prepare_cached(
+                "INSERT INTO analysis_predictor (analysis, name, participant_number, place, model, \
+                     experiment, feature_set, features, cv_accuracy, test_accuracy) \
+                 SELECT sequence, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11 FROM analysis \
+                 WHERE sequence = ?1 AND state = 'running' AND attempts = ?2",
+            )?;
+            for new in &predictors {
+                let columns = serde_json::to_string(&new.columns).map_err(StoreError::corrupt)?;
+                let inserted = insert.execute(params![
+                    sequence,
+                    attempt,
+                    new.file,
+                    new.participant,
+                    new.place as i64,
+                    new.model,
+                    new.experiment,
+                    new.features,
+                    columns,
+                    new.cv_accuracy,
+                    new.test_accuracy
+                ])?;
+                if inserted == 0 {
+                    return Ok(false);
+                }
+            }
+            Ok(true)
+        })
+        .await
+    }
+
+    /// Records the tasks that a job used, if it is still valid. Returns whether it is.
+    pub async fn put_used_tasks(
+        &self,
+        job: &Job,
+        tasks: Vec<UsedTask>,
+    ) -> Result<bool, StoreError> {
+        let (sequence, attempt) = (job.sequence, job.attempt);
+        self.write_behind(move |db| {
+            // Somebody whose first trials came after the analysis had begun belongs to it as well.
+            let mut join = db.prepare_cached(
+                "INSERT OR IGNORE INTO analysis_participant (analysis, participant_id) \
+                 SELECT sequence, participant_id FROM analysis, scene WHERE trial_id = ?3 \
+                     AND sequence = ?1 AND state = 'running' AND attempts = ?2",
+            )?;
+            let mut insert = db.prepare_cached(
+                "INSERT INTO analysis_trial (analysis, participant_id, trial_id, trains) \
+                 SELECT sequence, participant_id, trial_id, ?4 FROM analysis, scene \
+                 WHERE trial_id = ?3 AND sequence = ?1 AND state = 'running' AND attempts = ?2",
+            )?;
+            for UsedTask { trial_id, trains } in &tasks {
+                join.execute(params![sequence, attempt, trial_id])?;
+                if insert.execute(params![sequence, attempt, trial_id, trains])? == 0 {
+                    return Ok(false);
+                }
+            }
+            Ok(true)
+        })
+        .await
+    }
+
+    /// A page of the models of an analysis; nothing if there is no such analysis.
+    pub async fn predictors(
+        &self,
+        id: &str,
+        selection: Selection,
+    ) -> Result<Option<PredictorPage>, StoreError> {
+        let id = id.to_owned();
+        self.read_long(move |db| page(db, &id, &selection)).await
+    }
+
+    /// The model with this file in an analysis that is done, and what it has to do with a trial.
+    pub async fn predictor(
+        &self,
+        id: &str,
+        file: &str,
+        trial_id: &str,
+    ) -> Result<Option<ChosenPredictor>, StoreError> {
+        let (id, file, trial_id) = (id.to_owned(), file.to_owned(), trial_id.to_owned());
+        self.read_long(move |db| chosen(db, &id, &file, &trial_id)).await
+    }
+}
+
+/// The models of the analysis with the row number `:analysis`.
+const OF_ANALYSIS: &str = "analysis = :analysis \
+     AND (SELECT state FROM analysis WHERE sequence = :analysis) = 'done'";
+
+/// Those of them that pass a filter; a participant's are found by the index.
+fn filter(asked: &Selection) -> String {
+    let participant = match asked.participant {
+        Some(_) => "participant_number = :participant",
+        None => ":participant IS NULL",
+    };
+    format!(
+        "{OF_ANALYSIS} AND {participant} AND (:model IS NULL OR model = :model) \
+         AND (:experiment IS NULL OR experiment = :experiment) \
+         AND (:features IS NULL OR feature_set = :features)"
+    )
+}
+
+/// The columns that [`summary_of`] reads.
+const COLUMNS: &str = "name, participant_number, model, experiment, feature_set, features, \
+     cv_accuracy, test_accuracy, (SELECT trial.trial_id FROM participant \
+         JOIN scene ON scene.participant_id = participant.id \
+         JOIN trial ON trial.trial_id = scene.trial_id \
+         WHERE participant.study_id = (SELECT study_id FROM analysis \
+                                       WHERE sequence = analysis_predictor.analysis) \
+             AND number = participant_number AND phase = 'task' \
+         ORDER BY ordinal DESC LIMIT 1) AS newest_task";
+
+fn page(db: &Connection, id: &str, asked: &Selection) -> Result<Option<PredictorPage>, StoreError> {
+    let query = "SELECT sequence FROM analysis WHERE id = ?1";
+    let mut analysis = db.prepare_cached(query)?;
+    let analysis = analysis.query_row([id], |row| row.get::<_, i64>(0)).optional()?;
+    let Some(analysis) = analysis else { return Ok(None) };
+    let mut bound: Vec<(&str, &dyn ToSql)> = vec![
+        (":analysis", &analysis),
+        (":participant", &asked.participant),
+        (":model", &asked.model),
+        (":experiment", &asked.experiment),
+        (":features", &asked.features),
+    ];
+    let filter = filter(asked);
+    let query = format!("SELECT count(*) FROM analysis_predictor WHERE {filter}");
+    let total: i64 = db.prepare_cached(&query)?.query_row(&bound[..], |row| row.get(0))?;
+    bound.extend([(":limit", &asked.limit as &dyn ToSql), (":offset", &asked.offset)]);
+    // The rows of the page are found first, by the index alone.
+    let mut statement = db.prepare_cached(&format!(
+        "SELECT {COLUMNS} FROM analysis_predictor WHERE id IN (SELECT id FROM analysis_predictor \
+             WHERE {filter} ORDER BY participant_number, place \
+             LIMIT :limit OFFSET :offset) \
+         ORDER BY participant_number, place"
+    ))?;
+    let predictors = statement.query_and_then(&bound[..], summary_of)?;
+    let predictors = predictors.collect::<Result<_, StoreError>>()?;
+    let choices = choices(db, analysis)?;
+    Ok(Some(PredictorPage { predictors, total: total.unsigned_abs(), choices }))
+}
+
+fn choices(db: &Connection, analysis: i64) -> Result<PredictorChoices, StoreError> {
+    let of_analysis = named_params! { ":analysis": analysis };
+    // From one number to the next by the index: a participant has a hundred models.
+    let mut participants = db.prepare_cached(&format!(
+        "WITH RECURSIVE present (number) AS ( \
+             SELECT min(participant_number) FROM analysis_predictor WHERE {OF_ANALYSIS} \
+             UNION ALL SELECT (SELECT min(participant_number) FROM analysis_predictor \
+                 WHERE analysis = :analysis AND participant_number > number) \
+             FROM present WHERE number IS NOT NULL) \
+         SELECT number FROM present WHERE number IS NOT NULL"
+    ))?;
+    let participants = participants.query_map(of_analysis, |row| row.get(0))?;
+    let mut choices = PredictorChoices {
+        participants: participants.collect::<Result<_, _>>()?,
+        ..PredictorChoices::default()
+    };
+    // An analysis trains the same models for each participant.
+    let mut kinds = db.prepare_cached(
+        "SELECT model, experiment, feature_set FROM analysis_predictor \
+         WHERE analysis = ?1 AND participant_number = ?2 ORDER BY place",
+    )?;
+    let first = choices.participants.first();
+    let mut kinds = kinds.query(params![analysis, first])?;
+    while let Some(row) = kinds.next()? {
+        add(&mut choices.models, row.get(0)?);
+        add(&mut choices.experiments, row.get(1)?);
+        add(&mut choices.features, row.get(2)?);
+    }
+    Ok(choices)
+}
+
+/// Adds a value that is not in the list.
+fn add<T: PartialEq>(list: &mut Vec<T>, value: T) {
+    if !list.contains(&value) {
+        list.push(value);
+    }
+}
+
+fn summary_of(row: &Row<'_>) -> Result<PredictorSummary, StoreError> {
+    let columns: String = row.get("features")?;
+    Ok(PredictorSummary {
+        file: row.get("name")?,
+        participant: row.get("participant_number")?,
+        model: row.get("model")?,
+        experiment: row.get("experiment")?,
+        features: row.get("feature_set")?,
+        columns: serde_json::from_str(&columns).map_err(StoreError::corrupt)?,
+        cv_accuracy: row.get("cv_accuracy")?,
+        test_accuracy: row.get("test_accuracy")?,
+        newest_task: row.get("newest_task")?,
+    })
+}
+
+fn chosen(
+    db: &Connection,
+    id: &str,
+    file: &str,
+    trial_id: &str,
+) -> Result<Option<ChosenPredictor>, StoreError> {
+    // Participants are told apart by the numbers that they have in a study.
+    let mut statement = db.prepare_cached(&format!(
+        "SELECT {COLUMNS}, study.slug AS study, \
+             study.id = driver.study_id AS same_study, \
+             study.id = driver.study_id AND driver.number = participant_number AS same_person, \
+             (SELECT trains FROM analysis_trial WHERE analysis = sequence \
+                 AND participant_id = driver.id AND trial_id = :trial) AS trains, \
+             (SELECT count(*) FROM analysis_trial JOIN participant \
+                     ON participant.id = analysis_trial.participant_id \
+                 WHERE analysis = sequence AND number = participant_number AND trains) \
+                 AS trained_on \
+         FROM analysis_predictor JOIN analysis ON analysis.sequence = analysis_predictor.analysis \
+         JOIN study ON study.id = analysis.study_id \
+         JOIN participant AS driver ON driver.id = \
+             (SELECT participant_id FROM scene WHERE trial_id = :trial) \
+         WHERE analysis.id = :id AND state = 'done' AND name = :file"
+    ))?;
+    let chosen = |row: &Row<'_>| {
+        let trial = match (row.get("same_study")?, row.get("same_person")?, row.get("trains")?) {
+            (false, ..) => TrialUse::OtherStudy,
+            (true, false, _) => TrialUse::OtherParticipant,
+            (true, true, Some(true)) => TrialUse::Trained,
+            (true, true, Some(false)) => TrialUse::HeldOut,
+            (true, true, None) => TrialUse::Unused,
+        };
+        let (analysis, study) = (id.to_owned(), row.get("study")?);
+        let source = PredictorSource { analysis, study, summary: summary_of(row)?, trial };
+        let trained_on = usize::try_from(row.get::<_, i64>("trained_on")?);
+        Ok(ChosenPredictor { source, trained_on: trained_on.map_err(StoreError::corrupt)? })
+    };
+    let named = named_params! { ":id": id, ":file": file, ":trial": trial_id };
+    statement.query_and_then(named, chosen)?.next().transpose()
+}

@@ -1,0 +1,103 @@
+//! Predictors: the models of analyses, and what a replay predicts with.
+
+use crate::predict::PredictorFile;
+use serde::{Deserialize, Serialize};
+
+/// A model of an analysis in a list.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
+pub struct PredictorSummary {
+    /// Its file among those of the analysis: a `predictor.json`.
+    pub file: String,
+    /// The number of the participant whose tasks trained it.
+    pub participant: i64,
+    /// The kind of model, such as `svm_rbf`, `dt` or `lr`; `svm` is the better of two SVMs.
+    pub model: String,
+    /// 1: right, straight or left; 2: turn or not.
+    pub experiment: u8,
+    /// The name of the feature set.
+    pub features: String,
+    /// The names of the features in it.
+    pub columns: Vec<String>,
+    /// Mean over folds of cross-validation of the share of steps predicted right, from 0 to 1.
+    pub cv_accuracy: f64,
+    /// Share of the steps of the test tasks predicted right, from 0 to 1.
+    pub test_accuracy: f64,
+    /// The last task of the participant that is stored, to replay it with this model; absent if the
+    /// participant has none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub newest_task: Option<String>,
+}
+
+/// What the models of an analysis can be chosen by.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
+pub struct PredictorChoices {
+    /// The numbers of all participants with models, rising.
+    pub participants: Vec<i64>,
+    /// The kinds of model.
+    pub models: Vec<String>,
+    /// The experiments.
+    pub experiments: Vec<u8>,
+    /// The names of the feature sets.
+    pub features: Vec<String>,
+}
+
+/// A page of the models of an analysis, participant by participant.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
+pub struct PredictorPage {
+    /// The models of this page.
+    pub predictors: Vec<PredictorSummary>,
+    /// How many pass the filter, on all pages.
+    pub total: u64,
+    /// What the analysis has, whatever the filter; nothing unless it is done.
+    pub choices: PredictorChoices,
+}
+
+/// A predictor and how it was trained.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
+pub struct TrainedPredictor {
+    /// The predictor, as in a `predictor.json`.
+    pub predictor: PredictorFile,
+    /// The number of trials that it was trained on.
+    pub trials: usize,
+    /// Why it is not the learned model; none if it is.
+    pub fallback: Option<String>,
+    /// The analysis that trained it; absent if it was trained on the participant's earlier trials.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub source: Option<PredictorSource>,
+}
+
+/// Which model of an analysis a predictor is.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
+pub struct PredictorSource {
+    /// The analysis.
+    pub analysis: String,
+    /// The name of its study in addresses.
+    pub study: String,
+    /// As in the list of the analysis.
+    #[serde(flatten)]
+    pub summary: PredictorSummary,
+    /// What it has to do with the trial.
+    pub trial: TrialUse,
+}
+
+/// What the training of a model had to do with a trial.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
+#[serde(rename_all = "snake_case")]
+pub enum TrialUse {
+    /// The trial is one of those that trained it.
+    Trained,
+    /// The trial was held back to test it.
+    HeldOut,
+    /// The model is of the participant who drove, but the analysis did not use the trial.
+    Unused,
+    /// The model is of another participant of the study.
+    OtherParticipant,
+    /// The analysis is of another study.
+    OtherStudy,
+}

@@ -1,0 +1,271 @@
+//! The models of analyses: listed, and used in replays.
+
+use crate::analyses::{ask, done, show};
+use crate::openapi::Document;
+use reqwest::Method;
+use serde_json::json;
+use sidestep::api::{
+    AnalysisState, PredictorPage, PredictorSummary, TrainedPredictor, TrialUse, routes,
+};
+use sidestep::comparison::split::first_test_task;
+use sidestep::predict::PredictorFile;
+use sidestep::scene::SceneParameters;
+use sidestep::trial::Phase;
+use sidestep_tests::{Answer, Driver, Server, behind};
+
+/// A warm-up that no analysis uses, and eight tasks.
+const STUDY: &str =
+    r#"phases = [{ phase = "practice", scenes = 1 }, { phase = "task", scenes = 8 }]"#;
+
+/// Rows of the comparison for each participant: five kinds of model, two experiments, nine sets.
+const MODELS: u64 = 5 * 2 * 9;
+
+/// An analysis that is quickly done: one setting in each grid.
+fn quick() -> serde_json::Value {
+    let grids = json!({
+        "rbf_c": [1.0], "rbf_gamma": [0.1], "linear_c": [1.0], "tree_depth": [3], "tree_leaf": [5],
+        "logistic_c": [1.0],
+    });
+    json!({ "grids": grids, "paper_only": true })
+}
+
+async fn drive(server: &Server, who: u64) -> Driver {
+    let driver = Driver::enrol(server).await;
+    driver.drive_restlessly(server, &SceneParameters::default(), who).await;
+    driver
+}
+
+/// The trials of somebody's tasks, in order.
+fn tasks(driver: &Driver) -> Vec<String> {
+    let scenes = driver.enrolled.plan.scenes();
+    scenes
+        .filter(|(phase, _)| phase.phase == Phase::Task)
+        .map(|(_, it)| it.trial_id.clone())
+        .collect()
+}
+
+async fn list(server: &Server, id: &str, query: &str) -> PredictorPage {
+    server.admin(&format!("{}?{query}", routes::analysis_predictors(id))).await.into(200)
+}
+
+/// The answer to a replay of a trial that asks for this model.
+async fn model(server: &Server, trial: &str, id: &str, file: &str) -> Answer {
+    let route = routes::admin_predictor(trial);
+    server.admin(&format!("{route}?analysis={id}&file={file}")).await
+}
+
+fn count(server: &Server, table: &str) -> i64 {
+    let query = format!("SELECT count(*) FROM {table}");
+    behind(&server.database()).query_row(&query, [], |row| row.get(0)).unwrap()
+}
+
+#[tokio::test]
+async fn models_are_listed_and_say_what_they_have_to_do_with_a_trial() {
+    let server = Server::with_study(STUDY).await;
+    let (first, second) = (drive(&server, 1).await, drive(&server, 2).await);
+    let id = ask(&server, quick()).await.id;
+    done(&server, &id).await;
+
+    // Page by page, participant by participant, everything once.
+    let all = list(&server, &id, "limit=500").await;
+    assert_eq!((all.total, all.predictors.len() as u64), (2 * MODELS, 2 * MODELS));
+    let halves =
+        [list(&server, &id, "limit=90").await, list(&server, &id, "limit=90&offset=90").await];
+    assert_eq!(halves.concat_predictors(), all.predictors);
+    assert!(all.predictors.is_sorted_by_key(|it| it.participant));
+    let choices = &all.choices;
+    assert_eq!(choices.participants, [1, 2]);
+    assert_eq!(choices.models, ["svm", "svm_rbf", "svm_linear", "dt", "lr"]);
+    assert_eq!(choices.experiments, [1, 2]);
+    assert_eq!((choices.features.len(), choices.features[0].as_str()), (9, "hrd"));
+    let newest = [&first, &second].map(|driver| tasks(driver).pop());
+    for it in &all.predictors {
+        assert_eq!(it.newest_task, newest[it.participant as usize - 1]);
+    }
+
+    // The numbers are those of cells.csv, and the file is there.
+    let cells = server.admin_text(&routes::analysis_file(&id, "cells.csv")).await;
+    for it in &all.predictors {
+        let head = format!("{},{},{},{},", it.model, it.experiment, it.features, it.participant);
+        let row = cells.lines().find_map(|line| line.strip_prefix(&head)).unwrap();
+        let numbers: Vec<f64> = row.split(',').take(2).map(|it| it.parse().unwrap()).collect();
+        assert_eq!(numbers, [it.cv_accuracy, it.test_accuracy], "{head}");
+    }
+
+    // Filtered.
+    let query = "participant=2&model=lr&experiment=1&features=hd";
+    let found = list(&server, &id, query).await;
+    assert_eq!((found.total, &found.choices), (1, choices));
+    let lr = &found.predictors[0];
+    assert_eq!(lr.file, "models/lr-1-hd-2.json");
+    assert_eq!(lr.columns, ["abs_dx", "abs_dy", "dpsi", "cos_dpsi", "sin_dpsi", "v_h", "distance"]);
+    assert_eq!(list(&server, &id, "experiment=2").await.total, MODELS);
+    for (query, total) in [("features=none", 0), ("participant=9", 0), ("model=boosted", 0)] {
+        assert_eq!(list(&server, &id, query).await.total, total, "{query}");
+    }
+
+    // The same split as trained it.
+    let used = async |trial: &str, file: &str| {
+        let found: TrainedPredictor = model(&server, trial, &id, file).await.into(200);
+        (found.trials, found.source.unwrap().trial)
+    };
+    let trained_on = first_test_task(8);
+    for (place, trial) in tasks(&second).iter().enumerate() {
+        let expected = if place < trained_on { TrialUse::Trained } else { TrialUse::HeldOut };
+        assert_eq!(used(trial, &lr.file).await, (trained_on, expected), "task {place}");
+    }
+    let practice = &second.scenes()[0].0;
+    assert_eq!(used(practice, &lr.file).await.1, TrialUse::Unused);
+    assert_eq!(used(&tasks(&first)[0], &lr.file).await.1, TrialUse::OtherParticipant);
+
+    // It is the model of the file, with what the list says of it.
+    let trial = tasks(&second).swap_remove(0);
+    for model_file in ["models/svm_rbf-1-hrd_body-2.json", "models/dt-1-hrd-2.json", &lr.file] {
+        let found: TrainedPredictor = model(&server, &trial, &id, model_file).await.into(200);
+        let source = found.source.unwrap();
+        let listed = all.predictors.iter().find(|it| it.file == model_file).unwrap();
+        assert_eq!((&source.summary, source.study.as_str()), (listed, "default"));
+        let text = server.admin_text(&routes::analysis_file(&id, model_file)).await;
+        assert_eq!(found.predictor, serde_json::from_str::<PredictorFile>(&text).unwrap());
+    }
+    // As the document of the interface says.
+    let document = Document::of(&server).await;
+    for (path, route) in [
+        ("/api/v1/admin/analyses/{id}/predictors", routes::analysis_predictors(&id)),
+        (
+            "/api/v1/admin/trials/{trial_id}/predictor",
+            format!("{}?analysis={id}&file={}", routes::admin_predictor(&trial), lr.file),
+        ),
+    ] {
+        let body = server.admin(&route).await.body;
+        let validator = document.validator(&Method::GET, path, 200).unwrap();
+        let errors: Vec<_> = validator.iter_errors(&body).map(|it| it.to_string()).collect();
+        assert!(errors.is_empty() && body.is_object(), "{path}: {errors:?}");
+    }
+    // Without a query, nothing has changed.
+    let plain: TrainedPredictor = server.admin(&routes::admin_predictor(&trial)).await.into(200);
+    assert_eq!((plain.trials, plain.source), (1, None));
+
+    // In another study, whose participants have the same numbers.
+    let server = server.restarted_with_study(&format!("slug = \"second\"\n{STUDY}")).await;
+    let elsewhere = Driver::ask_in(&server, "second", json!({ "consent": true })).await;
+    let elsewhere = Driver { enrolled: elsewhere.into(201) };
+    elsewhere.drive(&server, 2).await;
+    let found: TrainedPredictor =
+        model(&server, &tasks(&elsewhere)[0], &id, "models/lr-1-hd-1.json").await.into(200);
+    assert_eq!(found.source.unwrap().trial, TrialUse::OtherStudy);
+}
+
+/// Two pages, one behind the other.
+trait Pages {
+    fn concat_predictors(&self) -> Vec<PredictorSummary>;
+}
+
+impl Pages for [PredictorPage; 2] {
+    fn concat_predictors(&self) -> Vec<PredictorSummary> {
+        self.iter().flat_map(|page| page.predictors.clone()).collect()
+    }
+}
+
+#[tokio::test]
+async fn bad_questions_about_models_are_explained() {
+    let server = Server::with_study(STUDY).await;
+    let driver = drive(&server, 1).await;
+    let asked = ask(&server, quick()).await.id;
+    // Of one that is not done, there is nothing to list.
+    let cancelled = ask(&server, json!({})).await.id;
+    let request = server.request(Method::POST, &routes::cancel_analysis(&cancelled));
+    assert_eq!(Answer::of(request.bearer_auth(&server.key)).await.status, 200);
+    let page = list(&server, &cancelled, "").await;
+    assert_eq!((page.total, page.predictors.len(), page.choices.participants.len()), (0, 0, 0));
+    done(&server, &asked).await;
+    let models = routes::analysis_predictors(&asked);
+    for (query, field) in [
+        ("limit=0", "limit"),
+        ("limit=501", "limit"),
+        ("limit=many", "limit"),
+        ("offset=-1", "offset"),
+        ("participant=0", "participant"),
+        ("participant=Ada", "participant"),
+        ("model=oracle", "model"),
+        ("experiment=3", "experiment"),
+        ("expriment=1", "expriment"),
+    ] {
+        let answer = server.admin(&format!("{models}?{query}")).await;
+        answer.problem(422, "invalid", Some(field));
+    }
+    let nothing = routes::analysis_predictors("none");
+    server.admin(&nothing).await.problem(404, "not_found", None);
+
+    let trial = tasks(&driver).swap_remove(0);
+    let route = routes::admin_predictor(&trial);
+    let file = "models/lr-1-hrd-1.json";
+    for (query, field) in [
+        (format!("analysis={asked}"), "file"),
+        (format!("file={file}"), "analysis"),
+        (format!("analysis={asked}&model={file}"), "model"),
+        // It says whether somebody turns, not to which side.
+        (format!("analysis={asked}&file=models/lr-2-hrd-1.json"), "file"),
+    ] {
+        let answer = server.admin(&format!("{route}?{query}")).await;
+        answer.problem(422, "invalid", Some(field));
+    }
+    // What is not there, and files that are no models.
+    for (id, name) in [
+        ("none", file),
+        (&asked, "models/lr-1-hrd-9.json"),
+        (&asked, "cells.csv"),
+        (&asked, "../cells.csv"),
+        (&asked, ""),
+    ] {
+        let answer = model(&server, &trial, id, name).await;
+        assert!(answer.problem(404, "not_found", None).contains("start the analysis again"));
+    }
+    let answer = model(&server, "none", &asked, file).await;
+    assert!(answer.problem(404, "not_found", None).contains("trial"));
+
+    // A key that may only read is enough; nothing is too little.
+    let new = json!({ "name": "reader", "access": "read" });
+    let request = server.request(Method::POST, routes::ADMIN_KEYS).bearer_auth(&server.key);
+    let made: sidestep::api::KeyMade = Answer::of(request.json(&new)).await.into(201);
+    for route in [models, format!("{route}?analysis={asked}&file={file}")] {
+        let get = || server.request(Method::GET, &route);
+        assert_eq!(Answer::of(get().bearer_auth(&made.secret)).await.status, 200);
+        Answer::of(get()).await.problem(401, "unauthorized", None);
+        let participant = get().bearer_auth(&driver.enrolled.token);
+        Answer::of(participant).await.problem(401, "unauthorized", None);
+    }
+}
+
+#[tokio::test]
+async fn models_go_with_their_participant_and_their_analysis() {
+    let server = Server::with_study(STUDY).await;
+    let (stays, leaves) = (drive(&server, 1).await, drive(&server, 2).await);
+    let [before, deleted] = [quick(), json!({ "grids": quick()["grids"] })];
+    let before = ask(&server, before).await.id;
+    let deleted = ask(&server, deleted).await.id;
+    for id in [&before, &deleted] {
+        done(&server, id).await;
+    }
+    assert_eq!(count(&server, "analysis_predictor"), 4 * MODELS as i64);
+    assert_eq!(count(&server, "analysis_trial"), 2 * 2 * 8);
+    let request = server.request(Method::DELETE, &routes::admin_analysis(&deleted));
+    assert_eq!(Answer::of(request.bearer_auth(&server.key)).await.status, 204);
+    assert_eq!(count(&server, "analysis_predictor"), 2 * MODELS as i64);
+    assert_eq!(count(&server, "analysis_trial"), 2 * 8);
+    let trial = tasks(&stays).swap_remove(0);
+    let file = "models/lr-1-hrd-1.json";
+    model(&server, &trial, &deleted, file).await.problem(404, "not_found", None);
+
+    assert_eq!(leaves.withdraw(&server, "delete").await.status, 200);
+    assert_eq!(show(&server, &before).await.summary.state, AnalysisState::Withdrawn);
+    let page = list(&server, &before, "").await;
+    assert_eq!((page.total, page.predictors, page.choices.participants), (0, vec![], vec![]));
+    model(&server, &trial, &before, file).await.problem(404, "not_found", None);
+    assert_eq!(count(&server, "analysis_predictor"), 0);
+    // What is left are the trials of whoever stays.
+    assert_eq!(count(&server, "analysis_trial"), 8);
+    let after = ask(&server, quick()).await.id;
+    done(&server, &after).await;
+    assert_eq!(list(&server, &after, "").await.choices.participants, [1]);
+}

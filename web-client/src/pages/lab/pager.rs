@@ -1,0 +1,34 @@
+//! Which part of a long list is shown, and the way to the parts beside it.
+
+use crate::pages::parts::button;
+use crate::view::{Node, el};
+
+/// The part of `shown` entries after `offset` of `total`, in pages of `length`; `go` turns to the page
+/// after so many entries. Nothing for a list without entries.
+pub(super) fn pager<M>(
+    (offset, shown, total): (u64, usize, u64),
+    length: u64,
+    go: impl Fn(u64) -> M,
+) -> Option<Node<M>> {
+    let shown = shown as u64;
+    if shown == 0 && offset == 0 {
+        return None;
+    }
+    let words = match shown {
+        0 => format!("None of {total} here"),
+        _ => format!("{}–{} of {total}", offset + 1, offset + shown),
+    };
+    let turn = |name: &str, words: &str, to: Option<u64>| {
+        let target = go(to.unwrap_or(offset));
+        button(name, target).attr_if(to.is_none(), "disabled", "").text(words)
+    };
+    let before = (offset > 0).then(|| offset.saturating_sub(length));
+    let after = (offset + shown < total && shown > 0).then_some(offset + length);
+    Some(
+        el("div")
+            .class("pager")
+            .child(turn("previous", "Previous", before))
+            .child(el("span").test_id("range").text(words))
+            .child(turn("next", "Next", after)),
+    )
+}
