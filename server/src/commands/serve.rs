@@ -17,6 +17,7 @@ use crate::jobs::safety::Solver;
 use crate::languages::Languages;
 use crate::languages::library::Library;
 use crate::secrets;
+use crate::store::studies::StoredStudy;
 use crate::store::{Missing, Store};
 use serde_json::{Map, Value};
 use sidestep::invalid::Invalid;
@@ -231,6 +232,19 @@ async fn prepare(
     };
     let slug = config.slug.clone();
     let known = store.study(&slug).await?.filter(|known| *known.config != config);
+    // A file that the study has followed before says nothing new: what was changed since stays.
+    if let Some(known) = known.as_ref().filter(|_| !replace)
+        && let Some(number) = followed(store, known, &config).await?
+    {
+        eprintln!(
+            "study {slug}: keeps what was changed since version {number}, which this file says \
+             (pass --replace-study to go back to the file)"
+        );
+        safety::keep_exact(store, known).await?;
+        names.retain(|name| *name != slug);
+        names.insert(0, slug);
+        return Ok(names);
+    }
     let counts = store.summaries(Some(slug.clone()), now_ms()).await?;
     let participants = counts.first().map_or(0, |study| study.participants);
     if let (Some(known), Some(file)) = (&known, file)
@@ -258,6 +272,21 @@ async fn prepare(
     names.retain(|name| *name != slug);
     names.insert(0, slug);
     Ok(names)
+}
+
+/// The number of the version that a study got from its file last, if `config` says the same and the
+/// laboratory has changed the study since.
+async fn followed(
+    store: &Store,
+    study: &StoredStudy,
+    config: &StudyConfig,
+) -> Result<Option<u32>, CommandError> {
+    let versions = store.study_versions(study.id).await?;
+    let last = versions.iter().rfind(|version| version.by_file);
+    // If that is the present version, at most its status is another one, which the file gives.
+    let present = versions.last().map(|version| version.number);
+    let changed = last.filter(|version| Some(version.number) != present && version.says(config));
+    Ok(changed.map(|version| version.number))
 }
 
 /// The fields of a study in which two configurations differ.

@@ -21,13 +21,14 @@ const LONGEST: Duration = Duration::from_secs(300);
 /// `GET /api/v1/admin/changes`: an event `change` at once and whenever something was stored, at most one a
 /// second; its data are the number of commits since the server started.
 pub async fn follow(
-    _: Reader,
+    Reader(me): Reader,
     State(app): State<Arc<App>>,
 ) -> Sse<impl Stream<Item = Result<Event, Infallible>>> {
     let stopping = app.stopping.clone().cancelled_owned();
     let events = events(app.store.commits())
         .take_until(stopping)
-        .take_until(Box::pin(tokio::time::sleep(LONGEST)));
+        .take_until(Box::pin(tokio::time::sleep(LONGEST)))
+        .take_until(Box::pin(me.revoked(app.store.clone())));
     Sse::new(events).keep_alive(KeepAlive::default())
 }
 

@@ -63,6 +63,12 @@ pub async fn check_form(
         let (config, languages) = (Some(config.clone()), languages(&app));
         Ok(Json(DraftChecked { complaint, config, languages, ..DraftChecked::default() }))
     };
+    // Without a name it would be about the paper's study; a list is no study, whatever is in it.
+    if !config.get("slug").is_some_and(Value::is_string) {
+        let found = config.get("slug").map_or_else(|| "none".to_owned(), Value::to_string);
+        let invalid = Invalid::new("slug", "the study's name in addresses", found);
+        return unwritten(Some(invalid.field.clone()), invalid.to_string());
+    }
     let study = match from_value::<StudyConfig>(&config) {
         Ok(study) => study,
         Err(invalid) => return unwritten(Some(invalid.field.clone()), invalid.to_string()),
@@ -96,7 +102,14 @@ async fn checked(app: &Arc<App>, draft: Draft) -> Result<DraftChecked, ApiError>
         }
     };
     let study = Arc::new(file.config().clone());
-    let present = app.store.study(&study.slug).await?.filter(|_| base.is_some());
+    let there = app.store.study(&study.slug).await?;
+    if base.is_none() && there.is_some() {
+        let invalid = Invalid::new("slug", "a name that no study has", &study.slug);
+        let complaint = Some(remark(file.located(&invalid)));
+        let config = Some(serde_json::to_value(&*study).context("a configuration as JSON")?);
+        return Ok(DraftChecked { complaint, config, languages, ..DraftChecked::default() });
+    }
+    let present = there.filter(|_| base.is_some());
     let changes = match present {
         Some(present) => changes(&present.config, &study)?,
         None => Vec::new(),

@@ -11,12 +11,18 @@ use crate::secrets;
 use crate::store::Store;
 use crate::store::audit::NewEntry;
 use crate::store::keys::{ENVIRONMENT, Holder, StoredKey};
+use axum::body::Body;
 use axum::extract::{FromRequestParts, MatchedPath};
 use axum::http::{HeaderMap, Method, header, request::Parts};
+use futures_util::{StreamExt, stream};
 use sidestep::api::{Access, Action};
 use std::net::{IpAddr, Ipv4Addr};
 use std::sync::Arc;
+use std::time::Duration;
 use subtle::ConstantTimeEq;
+
+/// Least time between two checks of the key of a long answer.
+const RECHECK: Duration = Duration::from_secs(1);
 
 /// An experimenter with a valid cookie or key.
 #[derive(Clone, Debug)]
@@ -66,6 +72,35 @@ impl Experimenter {
         let [has, needed] = [self.access, needed].map(Access::word);
         let message = format!("this needs a key with the right to {needed}; yours has {has}");
         Err(ApiError::forbidden("access", message))
+    }
+
+    /// Ends when the key is not valid any more, at most a second later. The key in the environment is valid
+    /// as long as the server runs.
+    pub async fn revoked(self, store: Store) {
+        let Some(id) = self.key_id else { return std::future::pending().await };
+        let mut commits = store.commits();
+        while store.is_valid_key(id).unwrap_or(true) {
+            tokio::time::sleep(RECHECK).await;
+            if commits.changed().await.is_err() {
+                return;
+            }
+        }
+    }
+
+    /// The body, cut off when the key is revoked.
+    pub fn while_valid(self, store: Store, body: Body) -> Body {
+        let revoked = Box::pin(self.revoked(store));
+        let parts = (body.into_data_stream(), Some(revoked));
+        Body::from_stream(stream::unfold(parts, async |(mut body, revoked)| {
+            let mut revoked = revoked?;
+            tokio::select! {
+                biased;
+                () = &mut revoked => {
+                    Some((Err(axum::Error::new("the key was revoked")), (body, None)))
+                }
+                part = body.next() => part.map(|part| (part, (body, Some(revoked)))),
+            }
+        }))
     }
 
     fn of(holder: Holder) -> Self {

@@ -101,6 +101,7 @@ pub async fn export(
         let entry = me.does(Action::Exported, Some(&slug), Some("trials as CSV".to_owned()));
         app.store.note(entry).await?;
         let steps = Body::from_stream(exports::stream(app.store.clone(), study));
+        let steps = me.while_valid(app.store.clone(), steps);
         let name = format!("{slug}-trials.csv");
         return Ok((file(&name, "text/csv; charset=utf-8"), steps).into_response());
     };
@@ -127,7 +128,8 @@ pub async fn export(
     answer.insert(header::ETAG, text(&tag));
     let Wanted::Part(range) = wanted else {
         let lengths = Arc::clone(&app.lengths);
-        return Ok((answer, body(outlet, 0, u64::MAX, Some(lengths))).into_response());
+        let archive = body(outlet, 0, u64::MAX, Some(lengths));
+        return Ok((answer, me.while_valid(app.store.clone(), archive)).into_response());
     };
     // The answer to a part tells the length of the whole.
     let Some(length) = measure(&app.lengths, &outlet).await else {
@@ -143,7 +145,8 @@ pub async fn export(
     };
     answer.insert(header::CONTENT_RANGE, text(&format!("bytes {begin}-{}/{length}", end - 1)));
     answer.insert(header::CONTENT_LENGTH, HeaderValue::from(end - begin));
-    Ok((StatusCode::PARTIAL_CONTENT, answer, body(outlet, begin, end, None)).into_response())
+    let part = me.while_valid(app.store.clone(), body(outlet, begin, end, None));
+    Ok((StatusCode::PARTIAL_CONTENT, answer, part).into_response())
 }
 
 /// The headers of a file to be saved under this name.

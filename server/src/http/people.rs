@@ -36,7 +36,7 @@ pub struct ListParams {
     stage: Option<Stage>,
     /// Only those of whom this is not 0: a count to look at, such as `late_sample`.
     having: Option<SortBy>,
-    /// Only those whose number, external id or code contains this text.
+    /// Only those whose number, external id or code is this text.
     search: Option<String>,
     /// Whether pilots are listed, in the place of participants.
     #[serde(default)]

@@ -364,7 +364,13 @@ const SELECT: &str = "SELECT analysis.sequence, analysis.id, study.slug, request
                               ORDER BY trial.sequence DESC LIMIT 1), 0) \
                           OR started_at_ms < coalesce((SELECT max(max(at_ms, coalesce(ended_at_ms, 0))) \
                               FROM exclusion JOIN participant ON participant.id = participant_id \
-                              WHERE participant.study_id = study.id), 0)) AS stale \
+                              WHERE participant.study_id = study.id), 0) \
+                          OR (SELECT json_extract(json, '$.parameters') FROM study_config \
+                              WHERE hash = study.config_hash) \
+                             <> (SELECT json_extract(json, '$.parameters') FROM study_version \
+                                 JOIN study_config ON hash = study_version.config_hash \
+                                 WHERE study_id = study.id AND since_ms <= started_at_ms \
+                                 ORDER BY number DESC LIMIT 1)) AS stale \
                       FROM analysis JOIN study ON study.id = analysis.study_id";
 
 fn stored_of(row: &Row<'_>) -> Result<StoredAnalysis, StoreError> {

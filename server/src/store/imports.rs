@@ -59,7 +59,7 @@ impl Store {
             Some(study) if study.config.parameters != config.parameters => Ok(None),
             Some(study) => Ok(Some(Destination { study, is_new: false })),
             None => {
-                let study = studies::put(db, &config, now_ms)?;
+                let study = studies::put(db, &config, now_ms, false)?;
                 Ok(Some(Destination { study, is_new: true }))
             }
         })
@@ -97,6 +97,11 @@ impl Store {
         let StoredStudy { id, config_hash, .. } = destination.study.clone();
         self.write_behind(move |db| {
             db.execute(
+                "DELETE FROM study_version WHERE study_id = ?1 \
+                     AND NOT EXISTS (SELECT 1 FROM participant WHERE study_id = ?1)",
+                [id],
+            )?;
+            db.execute(
                 "DELETE FROM study WHERE id = ?1 \
                      AND NOT EXISTS (SELECT 1 FROM participant WHERE study_id = ?1)",
                 [id],
@@ -104,6 +109,7 @@ impl Store {
             db.execute(
                 "DELETE FROM study_config WHERE hash = ?1 \
                      AND NOT EXISTS (SELECT 1 FROM study WHERE config_hash = ?1) \
+                     AND NOT EXISTS (SELECT 1 FROM study_version WHERE config_hash = ?1) \
                      AND NOT EXISTS (SELECT 1 FROM participant WHERE config_hash = ?1) \
                      AND NOT EXISTS (SELECT 1 FROM safety_function WHERE config_hash = ?1)",
                 [config_hash],

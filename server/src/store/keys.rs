@@ -78,6 +78,17 @@ impl Store {
         })
     }
 
+    /// Whether this key has not been revoked.
+    ///
+    /// # Errors
+    /// [`StoreError`] if the database cannot be read.
+    pub fn is_valid_key(&self, id: i64) -> Result<bool, StoreError> {
+        self.read(|db| {
+            let query = "SELECT 1 FROM api_key WHERE id = ?1 AND revoked_at_ms IS NULL";
+            Ok(db.prepare_cached(query)?.exists([id])?)
+        })
+    }
+
     /// All keys, in the order in which they were made; revoked ones too.
     pub async fn keys(&self) -> Result<Vec<KeySummary>, StoreError> {
         self.read(|db| {

@@ -6,7 +6,7 @@
 
 use super::audit::{self, NewEntry};
 use super::{Store, StoreError};
-use rusqlite::{Connection, OptionalExtension, params};
+use rusqlite::{Connection, OptionalExtension, Row, params};
 use sha2::{Digest, Sha256};
 use sidestep::study::StudyConfig;
 use std::sync::{Arc, PoisonError};
@@ -29,14 +29,34 @@ pub struct StoredStudy {
 pub struct StudyVersion {
     /// Its number within the study, from 1.
     pub number: u32,
-    /// The hash of the configuration.
+    /// The hash of the configuration: of the one that people enrolled under, if it was opened and closed.
     pub hash: String,
-    /// The configuration.
+    /// The configuration, with the last status that it had.
     pub config: Arc<StudyConfig>,
     /// From when new participants got it, ms since 1970.
     pub since_ms: i64,
-    /// People who enrolled under this configuration, in whichever of its versions; without pilots.
+    /// Whether the study file of a command said so.
+    pub by_file: bool,
+    /// People who enrolled under it; without pilots.
     pub participants: u64,
+}
+
+impl StudyVersion {
+    /// Whether this says the same study as `config`, whatever its status.
+    #[must_use]
+    pub fn says(&self, config: &StudyConfig) -> bool {
+        *self.config == StudyConfig { status: self.config.status, ..config.clone() }
+    }
+
+    /// Becomes the same with another status.
+    fn take(&mut self, later: Self) {
+        if self.participants == 0 || later.participants > 0 {
+            self.hash = later.hash;
+        }
+        self.config = later.config;
+        self.by_file |= later.by_file;
+        self.participants += later.participants;
+    }
 }
 
 /// What came of a change of a study.
@@ -72,23 +92,36 @@ impl Store {
         .await
     }
 
-    /// The configurations that new participants of a study have got, oldest first.
+    /// The configurations that new participants of a study have got, oldest first. Opening and closing a
+    /// study makes no version.
     pub async fn study_versions(&self, study_id: i64) -> Result<Vec<StudyVersion>, StoreError> {
         self.read(|db| {
             let mut statement = db.prepare_cached(
-                "SELECT number, config_hash, since_ms, \
+                "SELECT config_hash, since_ms, by_file, \
                      (SELECT count(*) FROM participant WHERE study_id = version.study_id \
                       AND config_hash = version.config_hash AND pilot = 0) \
                  FROM study_version version WHERE study_id = ?1 ORDER BY number",
             )?;
-            let mut rows = statement.query([study_id])?;
-            let mut versions = Vec::new();
-            while let Some(row) = rows.next()? {
-                let hash: String = row.get(1)?;
-                let config = self.config_in(db, &hash)?;
-                let (number, since_ms) = (row.get(0)?, row.get(2)?);
-                let participants = row.get::<_, i64>(3)?.cast_unsigned();
-                versions.push(StudyVersion { number, hash, config, since_ms, participants });
+            let row = |row: &Row<'_>| -> Result<(String, i64, bool, i64), rusqlite::Error> {
+                Ok((row.get(0)?, row.get(1)?, row.get(2)?, row.get(3)?))
+            };
+            let rows: Vec<_> = statement.query_map([study_id], row)?.collect::<Result<_, _>>()?;
+            let mut versions: Vec<StudyVersion> = Vec::new();
+            for (i, &(ref hash, since_ms, by_file, enrolled)) in rows.iter().enumerate() {
+                // Whoever took part under a configuration that came back is counted there.
+                let comes_back = rows[i + 1..].iter().any(|(later, ..)| later == hash);
+                let new = StudyVersion {
+                    number: versions.len() as u32 + 1,
+                    hash: hash.clone(),
+                    config: self.config_in(db, hash)?,
+                    since_ms,
+                    by_file,
+                    participants: if comes_back { 0 } else { enrolled.unsigned_abs() },
+                };
+                match versions.last_mut().filter(|last| last.says(&new.config)) {
+                    Some(last) => last.take(new),
+                    None => versions.push(new),
+                }
             }
             Ok(versions)
         })
@@ -118,15 +151,15 @@ impl Store {
         Ok(config)
     }
 
-    /// Creates a study, or gives an existing study this configuration for new participants. Enrolled
-    /// participants keep theirs.
+    /// Creates a study as a study file says, or gives an existing study this configuration for new
+    /// participants. Enrolled participants keep theirs.
     pub async fn put_study(
         &self,
         new: &StudyConfig,
         now_ms: i64,
     ) -> Result<StoredStudy, StoreError> {
         let new = Arc::new(new.clone());
-        self.write(move |db| put(db, &new, now_ms)).await
+        self.write(move |db| put(db, &new, now_ms, true)).await
     }
 
     /// Creates a study, and notes who did; nothing if there is one of this name.
@@ -144,7 +177,7 @@ impl Store {
                 return Ok(None);
             }
             audit::add(db, &entry)?;
-            put(db, &new, entry.at_ms).map(Some)
+            put(db, &new, entry.at_ms, false).map(Some)
         })
         .await
     }
@@ -167,7 +200,7 @@ impl Store {
                 return Ok(ChangeStudy::ChangedMeanwhile);
             }
             audit::add(db, &entry)?;
-            put(db, &new, entry.at_ms).map(ChangeStudy::Stored)
+            put(db, &new, entry.at_ms, false).map(ChangeStudy::Stored)
         })
         .await
     }
@@ -205,6 +238,7 @@ pub(super) fn put(
     db: &Connection,
     new: &Arc<StudyConfig>,
     now_ms: i64,
+    by_file: bool,
 ) -> Result<StoredStudy, StoreError> {
     // Compared as values, since an earlier version may have written other JSON.
     if let Some(known) = find(db, &new.slug)?
@@ -225,9 +259,10 @@ pub(super) fn put(
         |row| row.get(0),
     )?;
     db.execute(
-        "INSERT INTO study_version (study_id, number, config_hash, since_ms) \
-         SELECT ?1, 1 + coalesce(max(number), 0), ?2, ?3 FROM study_version WHERE study_id = ?1",
-        params![id, hash, now_ms],
+        "INSERT INTO study_version (study_id, number, config_hash, since_ms, by_file) \
+         SELECT ?1, 1 + coalesce(max(number), 0), ?2, ?3, ?4 FROM study_version \
+         WHERE study_id = ?1",
+        params![id, hash, now_ms, by_file],
     )?;
     Ok(StoredStudy { id, slug: new.slug.clone(), config: Arc::clone(new), config_hash: hash })
 }

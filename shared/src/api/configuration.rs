@@ -25,14 +25,15 @@ pub struct Configuration {
 pub struct ConfigurationVersion {
     /// Its number within the study, from 1.
     pub number: u32,
-    /// SHA-256 of the configuration. A study that goes back to an earlier configuration has two versions
-    /// of the same hash.
+    /// SHA-256 of the configuration that people enrolled under. A study that goes back to an earlier
+    /// configuration has two versions of the same hash; opening and closing it makes no version.
     pub hash: String,
     /// The experimenter's label: `version` in the study file.
     pub label: String,
     /// From when new participants got it, ms since 1970.
     pub since_ms: i64,
-    /// People who enrolled under this configuration, in whichever of its versions; without pilots.
+    /// People who enrolled under it; without pilots. If the configuration came back, they are counted in its
+    /// last version.
     pub participants: u64,
     /// A study file (TOML) that says it.
     pub toml: String,

@@ -8,7 +8,7 @@ use super::gains::{Ablation, Gain, GainFamily, Test, ablation, papers_tests};
 use super::generalisation::{LearningPoint, Unseen};
 use super::importance::Importance;
 use super::metrics::Predictions;
-use super::plan::{ParticipantData, order};
+use super::plan::{ParticipantData, order, somebody_left};
 use super::run::{AnalysisError, Cache, Leakage, Progress, Results, RolloutsOf, run};
 use super::settings::Settings;
 use super::tables::{Comparison, Metric, Pooled};
@@ -127,6 +127,7 @@ pub fn analyse(
     if let (Some(error), true) = (errors.into_iter().next(), people.is_empty()) {
         return Err(error.into());
     }
+    somebody_left(people.len(), &exclusions)?;
     let mut results = run(&people, scene, safety, settings, cache, progress)?;
     exclusions.append(&mut results.exclusions);
     let compared = |name: &str| results.comparison.participants.iter().any(|of| of.name == name);

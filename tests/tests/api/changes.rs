@@ -3,11 +3,11 @@
 use crate::people::{come, drive};
 use reqwest::{Method, Response};
 use serde_json::json;
-use sidestep::api::{ParticipantPage, StudySummary, routes};
+use sidestep::api::{KeyMade, ParticipantPage, StudySummary, routes};
 use sidestep::study::Status;
 use sidestep::vehicle::TurnInput;
 use sidestep_tests::server::SHORT_STUDY;
-use sidestep_tests::{Driver, Server};
+use sidestep_tests::{Answer, Driver, Server};
 use std::time::{Duration, Instant};
 
 /// The server's events.
@@ -82,4 +82,21 @@ async fn a_study_is_counted_without_its_pilots() {
     let doubtful: ParticipantPage = server.admin(&doubtful).await.into(200);
     let numbers: Vec<_> = doubtful.participants.iter().map(|person| person.number).collect();
     assert_eq!(numbers, [2], "who never steered");
+}
+
+#[tokio::test]
+async fn a_revoked_key_hears_nothing_more() {
+    let server = Server::with_study(SHORT_STUDY).await;
+    let new = json!({ "name": "guest", "access": "read" });
+    let made = server.request(Method::POST, routes::ADMIN_KEYS).bearer_auth(&server.key).json(&new);
+    let guest: KeyMade = Answer::of(made).await.into(201);
+    let request = server.request(Method::GET, routes::CHANGES).bearer_auth(&guest.secret);
+    let mut events = request.send().await.unwrap();
+    assert!(next(&mut events).await.is_some());
+    let key = routes::admin_key(&guest.key.id.to_string());
+    let revoke = server.request(Method::DELETE, &key).bearer_auth(&server.key);
+    assert_eq!(Answer::of(revoke).await.status, 204);
+    // The answer ends by itself, not by the pause of the test.
+    let ended = async { while events.chunk().await.unwrap().is_some() {} };
+    tokio::time::timeout(Duration::from_secs(20), ended).await.expect("the answer goes on");
 }

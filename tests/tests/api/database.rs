@@ -52,7 +52,7 @@ async fn a_database_of_the_version_before_goes_on() {
         let configuration: Configuration =
             server.admin(&routes::admin_configuration(slug)).await.into(200);
         let versions = &configuration.versions;
-        assert_eq!(versions[0].hash, configuration.hash, "{slug}");
+        assert_eq!(versions[0].toml, configuration.toml, "{slug}");
         let numbers: Vec<_> = versions.iter().map(|version| version.number as usize).collect();
         assert_eq!(numbers, (1..=versions.len()).rev().collect::<Vec<_>>(), "{slug}");
     }

@@ -2,7 +2,7 @@
 
 use reqwest::Method;
 use serde_json::json;
-use sidestep::api::{StudyInfo, Texts, routes};
+use sidestep::api::{Configuration, StudyInfo, Texts, routes};
 use sidestep_tests::server::{SHORT_STUDY, with_slug};
 use sidestep_tests::{Answer, Driver, Server, run};
 
@@ -31,6 +31,39 @@ async fn a_changed_file_replaces_a_study_only_if_that_is_said() {
     said.refused(2, &["study.toml:1: slug", "1 participants", "--replace-study", "phases"]);
     let server = stopped.start_with(None, |args| args.replace_study = true).await;
     assert_eq!(Driver::enrol(&server).await.scenes().len(), 5);
+}
+
+#[tokio::test]
+async fn a_restart_with_the_same_file_keeps_what_the_laboratory_changed() {
+    for enrols in [false, true] {
+        let server = Server::with_study(SHORT_STUDY).await;
+        if enrols {
+            Driver::enrol(&server).await;
+        }
+        let route = routes::admin_configuration("default");
+        let present: Configuration = server.admin(&route).await.into(200);
+        let toml = present.toml.replace("title = \"Short\"", "title = \"Edited\"");
+        let draft = json!({ "toml": toml, "base": present.hash });
+        let change = server.request(Method::PUT, &route).bearer_auth(&server.key).json(&draft);
+        let edited: Configuration = Answer::of(change).await.into(200);
+        // Its status too, which makes no version.
+        let status = server.request(Method::PUT, &routes::admin_status("default"));
+        let status = status.bearer_auth(&server.key).json(&json!({ "status": "closed" }));
+        Answer::of(status).await.into::<Configuration>(200);
+        let server = server.restarted().await;
+        let after: Configuration = server.admin(&route).await.into(200);
+        assert_eq!(after.versions.len(), 2, "{:?}", after.versions);
+        assert!(after.toml.contains("Edited") && after.toml.contains("closed"), "{}", after.toml);
+        assert_eq!(after.versions[1].toml, edited.versions[1].toml);
+        // A file that says something new is another matter.
+        let server = server
+            .restarted_with(None, |args: &mut sidestep_server::commands::serve::ServeArgs| {
+                args.replace_study = true;
+            })
+            .await;
+        let replaced: Configuration = server.admin(&route).await.into(200);
+        assert!(replaced.toml.contains("Short"), "{}", replaced.toml);
+    }
 }
 
 #[tokio::test]

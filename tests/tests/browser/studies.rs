@@ -243,6 +243,10 @@ async fn a_study_is_made_in_the_form() {
     tab.until(&Tab::at("design")).await;
     tab.enter("field-phases[1].scenes", "10").await;
     tab.until_says("changes", "phases[1].scenes").await;
+    tab.run("window.confirm = () => { window.wasAsked = true; return false; }").await;
+    tab.press("tab-trials").await;
+    assert!(tab.eval::<bool>("window.wasAsked === true").await);
+    assert!(tab.eval::<String>("location.pathname").await.ends_with("/configuration"));
     tab.press("store").await;
     tab.press("confirm").await;
     tab.until_says("versions", "phases[1].scenes").await;

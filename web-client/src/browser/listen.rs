@@ -200,6 +200,17 @@ impl<P: Page + 'static> Pump<P> {
             return;
         }
         let url = link.get_attribute("href").unwrap_or_default();
+        // The browser itself asks before it leaves this document.
+        let is_guarded = self.shell.borrow().guard.is_some() && url.starts_with("/lab");
+        if is_guarded {
+            let window = self.shell.borrow().window.clone();
+            let question = "Leave this page? What you entered is not stored.";
+            if !window.confirm_with_message(question).unwrap_or(true) {
+                event.prevent_default();
+                return;
+            }
+            self.shell.borrow_mut().guard = None;
+        }
         let t_ms = self.shell.borrow().clock.of(event.time_stamp());
         if self.visit(&url, t_ms) {
             event.prevent_default();

@@ -174,7 +174,10 @@ impl Page for AccessPage {
 /// What a key with this right may do.
 fn may(access: Access) -> &'static str {
     match access {
-        Access::Read => "It may look at everything but external ids and completion codes.",
+        Access::Read => {
+            "It may look at everything but external ids, completion codes and answers, and download the \
+             files of analyses, which name nobody."
+        }
         Access::Export => "It may look at everything and take data away.",
         Access::Manage => "It may look at everything, take data away, change and delete.",
     }

@@ -9,6 +9,7 @@ use crate::runtime::{Answer, Command, Commands, Page, Request, read};
 use crate::view::{self, el};
 use sidestep::api::{Access, AnalysisPage, AnalysisState, AnalysisSummary, StudySummary, routes};
 use sidestep::comparison;
+use sidestep::features::{FEATURES, Feature};
 
 type Node = view::Node<Msg>;
 
@@ -112,6 +113,9 @@ pub(super) fn settings(request: &comparison::Request) -> String {
     );
     if request.paper_only {
         words.push("nothing beyond it".to_owned());
+    }
+    if request.grids != comparison::Request::default().grids {
+        words.push(format!("own hyper-parameters {}", json::write(&request.grids)));
     }
     if request.leakage {
         words.push("split by time step too".to_owned());
@@ -286,9 +290,20 @@ impl Analyses {
             el("div").class("fields").child(field("set", "Name", "my_set")).child(field(
                 "features",
                 "Features, separated by commas",
-                "v_hr, distance",
+                "v_h, distance",
             )),
         );
+        let feature = |of: &Feature| {
+            let unit = if of.unit == "1" { String::new() } else { format!(" ({})", of.unit) };
+            el("div")
+                .child(el("dt").child(el("code").text(of.name)))
+                .child(el("dd").text(format!("{}{unit}", of.meaning)))
+        };
+        let features = el("details")
+            .class("meanings")
+            .child(el("summary").text("All features"))
+            .child(el("dl").children(FEATURES.iter().map(feature)));
+        let further = further.child(features);
         el("section").child(el("h2").text("New analysis")).child(
             el("form")
                 .class("new-analysis")
@@ -298,7 +313,7 @@ impl Analyses {
                 .child(el("p").class("quiet").text(
                     "Models of three kinds learn each participant’s next input from features with \
                      and without the safety levels; tests say what helps. Only tasks count, and \
-                     neither test runs nor people who withdrew.",
+                     neither test runs, nor people whom somebody excluded or whose data were deleted.",
                 ))
                 .child(tick(
                     "leakage",
@@ -326,7 +341,10 @@ fn empty(study: &StudySummary) -> Node {
     let words = match study.trials {
         0 => "This study has no trials yet. An analysis needs participants with stored tasks."
             .to_owned(),
-        _ => format!("{} can be analysed.", count(study.participants, "participant")),
+        _ => format!(
+            "{} took part. Those with stored tasks whom nobody excluded are analysed.",
+            count(study.participants, "participant")
+        ),
     };
     el("div")
         .class("empty")

@@ -24,7 +24,7 @@ pub(super) fn section<M: Clone + 'static>(
             .attr("value", &of.id)
             .attr_if(is_chosen, "selected", "")
             .text(format!("{people} participants; {}; ", settings(&of.request)))
-            .moment(of.ended_at_ms.unwrap_or(of.created_at_ms))
+            .moment(of.created_at_ms)
     };
     let options: Vec<Node<M>> = others.map(option).collect();
     if options.is_empty() {
@@ -75,24 +75,32 @@ fn inputs<M>(
         .child(table(["What went in", "This analysis", "The other", "Compared"], rows))
 }
 
-/// Mean accuracies of the models that both have.
+/// Mean accuracies of the models that either has.
 fn accuracies<M>(result: &AnalysisResult, theirs: &AnalysisResult) -> Node<M> {
     let key = |of: &MeanAccuracy| (of.model.clone(), of.experiment, of.features.clone());
-    let other: BTreeMap<_, f64> =
-        theirs.accuracies.iter().map(|of| (key(of), of.percent)).collect();
+    let of = |accuracies: &[MeanAccuracy]| -> BTreeMap<_, f64> {
+        accuracies.iter().map(|of| (key(of), of.percent)).collect()
+    };
+    let (own, other) = (of(&result.accuracies), of(&theirs.accuracies));
+    let only_theirs = theirs.accuracies.iter().filter(|of| !own.contains_key(&key(of)));
+    let percent = |number: Option<f64>| number.map_or("–".to_owned(), |n| format!("{n:.2}"));
     let rows: Vec<Node<M>> = (result.accuracies.iter())
-        .filter_map(|own| Some((own, *other.get(&key(own))?)))
-        .map(|(own, other)| {
-            let experiment = if own.experiment == 1 { "I" } else { "II" };
-            let words = format!("{} {experiment} on {}", own.model.to_uppercase(), own.features);
+        .chain(only_theirs)
+        .map(|model| {
+            let [own, other] = [&own, &other].map(|of| of.get(&key(model)).copied());
+            let experiment = if model.experiment == 1 { "I" } else { "II" };
+            let name = model.model.to_uppercase();
+            let words = format!("{name} {experiment} on {}", model.features);
+            let points =
+                own.zip(other).map_or("–".to_owned(), |(own, other)| difference(own - other));
             el("tr")
                 .child(el("th").attr("scope", "row").text(words))
-                .child(cell(format!("{:.2}", own.percent)))
-                .child(cell(format!("{other:.2}")))
-                .child(cell(difference(own.percent - other)))
+                .child(cell(percent(own)))
+                .child(cell(percent(other)))
+                .child(cell(points))
         })
         .collect();
-    if rows.is_empty() {
+    if result.accuracies.is_empty() || theirs.accuracies.is_empty() {
         let words = "One of the two was computed by an earlier version, which kept no accuracies. \
                      Start it again to compare.";
         return el("p").class("quiet").text(words);

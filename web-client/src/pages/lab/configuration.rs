@@ -21,7 +21,7 @@ use super::study::{self, Tab};
 use super::visit::Visit;
 use crate::form::FieldValue;
 use crate::json;
-use crate::pages::parts::{self, alert, button};
+use crate::pages::parts::{self, alert};
 use crate::runtime::{Answer, Command, Commands, Page, Request, read};
 use crate::view::{self, el};
 use sidestep::api::{Access, Configuration, NewStatus, StudyInfo, StudySummary, routes};
@@ -307,6 +307,10 @@ impl Page for ConfigurationPage {
     }
 
     fn view(&self) -> Node {
+        if self.slug.is_none() && !self.may_manage {
+            let why = "Your key may not make studies. Ask for a key with the right to manage.";
+            return parts::stuck("No new study", why);
+        }
         let is_there = self.editor.has_begun() && (self.slug.is_none() || self.study.is_some());
         if !is_there {
             return match &self.trouble {
@@ -322,9 +326,6 @@ impl Page for ConfigurationPage {
             None => page.child(parts::heading("New study")),
         };
         page.children(self.trouble.as_deref().map(|why| alert("trouble", why)))
-            .children(self.overtaken.then(|| {
-                button("reload", Msg::Reload).text("Show the present configuration instead")
-            }))
             .child(self.configuration())
             .children(self.editor.picture())
             .children(self.base.as_ref().map(|base| versions::versions(&base.versions)))

@@ -90,9 +90,9 @@ impl Page for Export {
         });
         let content = match self.may_export {
             true => self.form(study),
-            false => el("p").test_id("no-right").text(
-                "Your key may look, and not take data away. Ask for a key with the right to export.",
-            ),
+            false => el("p")
+                .test_id("no-right")
+                .text("Your key may not export a study. Ask for a key with the right to export."),
         };
         el("main")
             .class("page")
@@ -127,7 +127,7 @@ impl Export {
             !self.versions[..*i].iter().any(|newer| newer.hash == version.hash)
         };
         let versions = self.versions.iter().enumerate().filter(newest).map(|(i, version)| {
-            let present = if i == 0 { " (present)" } else { "" };
+            let present = if i == 0 { " (current)" } else { "" };
             let participants = count(version.participants, "participant");
             let words = format!("version {}{present}: {participants}", version.number);
             (version.hash.as_str(), words)

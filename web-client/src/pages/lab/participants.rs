@@ -157,6 +157,8 @@ impl Participants {
         let slug = &study.slug;
         let mut actions =
             vec![link(format!("/s/{slug}?pilot"), "try", "Test run").attr("target", "_blank")];
+        let watch = format!("/s/{slug}?simulate=1&speed=10");
+        actions.push(link(watch, "rehearse", "Watch a rehearsal").attr("target", "_blank"));
         if self.may_export {
             let table = format!("{}?format=csv", routes::admin_participants(slug));
             actions.push(link(table, "export", "Table as CSV").attr("download", ""));
@@ -227,21 +229,20 @@ impl Participants {
         if self.selection.is_filtered() {
             return empty.child(el("p").text("No participant fits what is chosen."));
         }
-        let address = format!("/s/{}", study.slug);
-        empty
-            .child(el("p").text(if self.selection.pilots {
-                "No test runs yet."
-            } else {
-                "No participants yet."
-            }))
-            .child(
-                el("p")
-                    .class("quiet")
-                    .text("Send people the address ")
-                    .child(
-                        el("a").attrs(&[("href", &address), ("target", "_blank")]).text(&address),
-                    )
-                    .text(" of this server. They appear here as they join."),
-            )
+        if self.selection.pilots {
+            let words = "Take part yourself (Test run), or watch a simulated person do so (Watch a \
+                         rehearsal). Neither is part of the data.";
+            return empty
+                .child(el("p").text("No test runs yet."))
+                .child(el("p").class("quiet").text(words));
+        }
+        let links = el("a").attr("href", Tab::Configuration.address(&study.slug));
+        empty.child(el("p").text("No participants yet.")).child(
+            el("p")
+                .class("quiet")
+                .text("Send people one of the links on the page ")
+                .child(links.text("Configuration"))
+                .text(". They appear here as they join."),
+        )
     }
 }

@@ -18,6 +18,12 @@ pub(super) fn said(page: &ConfigurationPage) -> Vec<Node> {
         let words = "Stored. New participants get this configuration.";
         said.push(el("p").class("saved").attr("role", "status").test_id("stored").text(words));
     }
+    if page.overtaken {
+        let words = "Somebody else has stored another configuration since you began. Yours is not \
+                     stored. Copy what you need from the study file, then:";
+        said.push(el("p").class("trouble").text(words));
+        said.push(button("reload", Msg::Reload).text("Show the current configuration"));
+    }
     if !page.may_manage || !page.is_changed() {
         return said;
     }

@@ -3,14 +3,19 @@
 use super::{ConfigurationPage, Msg, links};
 use crate::pages::parts::button;
 use crate::view::{self, el};
-use sidestep::api::StudySummary;
+use sidestep::api::{Admission, StudySummary};
 use sidestep::study::Status;
 
 type Node = view::Node<Msg>;
 
 /// The section on who can take part.
 pub(super) fn taking_part(page: &ConfigurationPage, study: &StudySummary) -> Node {
+    let is_full = page.info.as_ref().is_some_and(|info| info.admission == Admission::Full);
     let words = match study.status {
+        Status::Open if is_full => {
+            "The quota is reached: nobody new can take part. To take more people, raise it below, \
+             under Recruitment."
+        }
         Status::Open => "Everybody with a link can take part.",
         Status::Closed => {
             "Nobody new can take part; participants who have begun can finish. You can open it again."

@@ -26,8 +26,8 @@ pub(super) fn versions(versions: &[ConfigurationVersion]) -> Node {
 }
 
 fn row(version: &ConfigurationVersion, is_present: bool) -> Node {
-    let number = el("td").text(version.number.to_string());
-    let present = is_present.then(|| el("span").class("chip open").text("present"));
+    let number = el("td").text(format!("{} ", version.number));
+    let present = is_present.then(|| el("span").class("chip open").text("current"));
     let named: Vec<&str> = version.changed.iter().take(MOST_NAMED).map(String::as_str).collect();
     let further = version.changed.len() - named.len();
     let changed = match (version.number, further) {

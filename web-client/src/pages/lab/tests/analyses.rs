@@ -65,7 +65,7 @@ fn an_analysis_is_started_watched_and_cancelled() {
     let mut session = signed_in("/lab/studies/pilot/analyses");
     session.send("study", 200, &study("pilot", 7));
     session.send("analyses", 200, &list(Vec::new()));
-    assert!(session.text().contains("7 participants can be analysed"));
+    assert!(session.text().contains("7 participants took part"));
     let text = |name: &str, text: &str| (name.to_owned(), FieldValue::Text(text.into()));
     let form = Form::new(vec![
         ("leakage".into(), FieldValue::Checked(true)),

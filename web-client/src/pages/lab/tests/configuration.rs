@@ -312,5 +312,5 @@ fn lists_of_the_form_grow_and_shrink() {
 fn versions_are_listed() {
     let session = opened(Access::Read);
     let words = session.words("versions").unwrap();
-    assert!(words.contains("present") && words.contains("trials.countdown_s"), "{words}");
+    assert!(words.contains("current") && words.contains("trials.countdown_s"), "{words}");
 }

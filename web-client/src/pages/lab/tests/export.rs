@@ -41,7 +41,7 @@ fn format_and_filters_are_chosen_in_a_form_for_the_browser() {
         assert_eq!(view.find(field).unwrap().attribute("name"), Some(field));
     }
     let versions = view.find("configuration").unwrap().words();
-    let expected = "all participants version 3 (present): 3 participants version 2: 2 participants";
+    let expected = "all participants version 3 (current): 3 participants version 2: 2 participants";
     assert_eq!(versions, expected);
     assert_eq!(view.find("tab-export").unwrap().attribute("aria-current"), Some("page"));
     assert!(view.find("no-trials").is_none());
