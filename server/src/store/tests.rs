@@ -335,11 +335,11 @@ async fn what_one_operation_does_wrong_costs_no_other() {
     let sound = store.put_study(&paper, 1);
     let other = StudyConfig { slug: "other".to_owned(), ..StudyConfig::default() };
     let breaks = store.write(|db| {
-        db.execute("DELETE FROM study", [])?;
+        db.execute_batch("DELETE FROM study_version; DELETE FROM study")?;
         Err::<(), _>(StoreError::Defect("half way".to_owned()))
     });
     let panics = store.write(|db| -> Result<(), StoreError> {
-        db.execute("DELETE FROM study", [])?;
+        db.execute_batch("DELETE FROM study_version; DELETE FROM study")?;
         panic!("on purpose")
     });
     let last = store.put_study(&other, 1);

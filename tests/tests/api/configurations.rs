@@ -90,7 +90,7 @@ async fn a_form_is_checked_by_field_and_written_as_a_study_file() {
     assert_eq!(written.complaint, None);
     let fields: Vec<_> = written.changes.iter().map(|change| change.field.as_str()).collect();
     assert_eq!(fields, ["consent.text.zh-CN", "phases[0].scenes", "title"]);
-    let read = check(&server, &written.toml.unwrap(), None).await;
+    let read = check(&server, &written.toml.unwrap(), Some(&present.hash)).await;
     assert_eq!((read.complaint, read.config), (None, Some(entered)));
 
     // Whatever is entered, the complaint is about the field, and the form stays.
@@ -115,6 +115,10 @@ async fn a_form_is_checked_by_field_and_written_as_a_study_file() {
         assert_eq!((complaint.line.is_some(), checked.toml.is_some()), (in_text, in_text));
         assert!(checked.config.is_some(), "{path}");
     }
+    // Without a base it is a new study, which needs a name of its own.
+    let taken = check(&server, &present.toml, None).await.complaint.unwrap();
+    assert_eq!(taken.field.as_deref(), Some("slug"));
+    assert!(taken.message.contains("a name that no study has"), "{taken:?}");
     // TOML has no such number.
     let mut entered = config.clone();
     entered["recruitment"]["quota"] = json!(u64::MAX);

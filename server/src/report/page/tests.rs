@@ -444,10 +444,12 @@ fn printing_computes_no_statistics() {
     seen.sort();
     let expected = [
         "charts.rs",
+        "decisions.rs",
         "further.rs",
         "generalisation.rs",
         "page.rs",
         "people.rs",
+        "rollouts.rs",
         "tables_csv.rs",
         "text.rs",
     ];
