@@ -48,7 +48,8 @@ END
     "trials/{trial_id}|trial_id|$trial" "trials/{trial_id}/predictor|trial_id|$trial" \
     "participants/{id}|id|$person" "participants/{id}/notes|id|$person" \
     "participants/{id}/exclusion|id|$person" \
-    "analyses/{id}|id|$analysis" "analyses/{id}/cancel|id|$analysis"
+    "analyses/{id}|id|$analysis" "analyses/{id}/cancel|id|$analysis" \
+    "analyses/{id}/predictors|id|$analysis"
   do
     path=${operation%%|*}; rest=${operation#*|}
     printf '[[operations]]\ninclude-path = "/api/v1/admin/%s"\nparameters = { "path.%s" = "%s" }\n' \
@@ -58,8 +59,26 @@ END
 
 # A participant's token is new for each pass, since a pass may complete or withdraw the participation. A session
 # stands for the key, because wrong keys are throttled; for the same reason the API tests, not this, try each
-# route without a key. 410: the participation has ended. 422: it says what a
-# JSON schema cannot, such as that times rise, or that the text of a study file is one. 429: wrong keys to sign in.
+# route without a key. 422: it says what a JSON schema cannot, such as that times rise, or that the text of a
+# study file is one. Three answers are allowed only where they have a meaning: 410 to participants (the
+# participation has ended) and when somebody enrols (the study is over), 429 to whoever signs in (wrong keys), and
+# 304 for what a browser has already.
+expected() {
+  printf 'expected-statuses = [%s]\n' "$1"
+}
+ended() {
+  for path in "/api/v1/participants/.*" "/api/v1/studies/{slug}/participants" "/api/v1/studies/.*"; do
+    accepts "$path" '"2xx", 304, 401, 403, 404, 409, 410, 422' '400, 401, 403, 404, 405, 410, 415, 422'
+  done
+  accepts "/api/v1/admin/session" '"2xx", 401, 403, 422, 429' '400, 401, 403, 404, 405, 415, 422, 429'
+  accepts "/api/v1/(value-functions|admin/studies/{slug}/export).*" \
+    '"2xx", 304, 401, 403, 404, 409, 412, 416, 422, 503' '400, 401, 403, 404, 405, 412, 415, 416, 422'
+}
+accepts() {
+  printf '[[operations]]\ninclude-path-regex = "^%s$"\n' "$1"
+  printf '[operations.checks.positive_data_acceptance]\n'; expected "$2"
+  printf '[operations.checks.negative_data_rejection]\n'; expected "$3"
+}
 pass() {
   name=$1; shift
   token=$(post -d '{"consent":true}' "$url/api/v1/studies/default/participants" | field "['token']")
@@ -70,11 +89,12 @@ api_key = "$cookie"
 [auth.openapi.participant]
 bearer = "$token"
 [checks.positive_data_acceptance]
-expected-statuses = ["2xx", 304, 401, 403, 404, 409, 410, 422, 429]
+expected-statuses = ["2xx", 401, 403, 404, 409, 422]
 [checks.negative_data_rejection]
-expected-statuses = [400, 401, 403, 404, 405, 410, 415, 422, 429]
+expected-statuses = [400, 401, 403, 404, 405, 415, 422]
 END
     [ "$name" = random ] || known
+    ended
   } > "$folder/$name.toml"
   echo "== $name names"
   # It keeps what it found beside it.

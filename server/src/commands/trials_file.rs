@@ -15,6 +15,7 @@ use sidestep::scene::{JointState, SceneParameters};
 use sidestep::synthetic;
 use sidestep::trial::Flag;
 use sidestep::vehicle::{Pose, VehicleModel};
+use std::collections::HashMap;
 use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
@@ -188,6 +189,14 @@ pub(super) fn recording(
     };
     participants.iter_mut().for_each(RecordedParticipant::keep_tasks);
     participants.iter_mut().for_each(RecordedParticipant::keep_one_attempt);
+    let reasons = excluded_beside(path)?;
+    let experimenters = participants.extract_if(.., |person| reasons.contains_key(&person.name));
+    let excluded: Vec<Exclusion> = experimenters
+        .map(|person| {
+            let why = format!("excluded by an experimenter: {}", reasons[&person.name]);
+            Exclusion::new(&person.name, why)
+        })
+        .collect();
     let origin = Origin::File(path.display().to_string());
     let provenance = Provenance { origin, synthetic: synthetic::recognised(&participants) };
     let mut recording =
@@ -196,6 +205,12 @@ pub(super) fn recording(
     recording.exclusions = faults.into_iter().map(exclusion).collect();
     motion::exclude_impossible(&mut recording);
     let Recording { participants, exclusions, .. } = &mut recording;
+    // Whom an experimenter excluded is no fault of the file.
+    let excluded_only = participants.is_empty() && exclusions.is_empty();
+    if let Some(first) = excluded.first().filter(|_| excluded_only) {
+        let expected = "expected at least one participant with tasks, found none else";
+        return Err(complaint(path, &format!("{first}; {expected}")));
+    }
     let nobody = participants.is_empty();
     if let Some(first) = exclusions.first().filter(|_| nobody || wanted == Faults::Refuse) {
         let others = match exclusions.len() - 1 {
@@ -205,6 +220,7 @@ pub(super) fn recording(
         let hint = hints.first().unwrap_or(&"");
         return Err(complaint(path, &format!("{}{hint}{others}", first.why())));
     }
+    exclusions.splice(..0, excluded);
     // Analyses name whoever drove no task.
     participants.retain(|person| wanted == Faults::Exclude || !person.trials.is_empty());
     if participants.iter().all(|person| person.trials.is_empty()) {
@@ -216,6 +232,32 @@ pub(super) fn recording(
         }
     }
     Ok(recording)
+}
+
+/// The participants whom an experimenter excluded, with the reasons: the steps of an export have the table of
+/// its participants beside them.
+fn excluded_beside(path: &Path) -> Result<HashMap<String, String>, CommandError> {
+    let table = path.with_file_name("participants.csv");
+    if path.file_name().is_none_or(|name| name != "steps.csv") || !table.is_file() {
+        return Ok(HashMap::new());
+    }
+    let unreadable = |error: csv::Error| complaint(&table, &format!("cannot read: {error}"));
+    let mut rows = csv::Reader::from_path(&table).map_err(unreadable)?;
+    let header = rows.headers().map_err(unreadable)?.clone();
+    let column = |name: &str| header.iter().position(|known| known == name);
+    let (Some(name), Some(reason)) = (column("participant"), column("exclusion_reason")) else {
+        return Ok(HashMap::new());
+    };
+    let mut excluded = HashMap::new();
+    for row in rows.records() {
+        let row = row.map_err(unreadable)?;
+        if let (Some(name), Some(reason)) = (row.get(name), row.get(reason))
+            && !reason.is_empty()
+        {
+            excluded.insert(name.to_owned(), reason.to_owned());
+        }
+    }
+    Ok(excluded)
 }
 
 fn open(path: &Path) -> Result<BufReader<File>, CommandError> {

@@ -109,7 +109,11 @@ pub async fn list(
     me.must(&app, Access::Export, &method, Some(&route)).await?;
     exports::check_format(&format)?;
     let study = named(&app.store, &slug).await?;
-    let people = app.store.roster(study.id, false).await?;
+    if params.stage.is_some() || params.having.is_some() || params.search.is_some() {
+        let expected = "no format with stage, having or search, since the file has everybody";
+        return Err(Invalid::new("format", expected, format).into());
+    }
+    let people = app.store.roster(study.id, params.pilot).await?;
     let table = Participants::new(&study.config, &people);
     let mut file = csv_header(&table.columns());
     csv_rows(&table.columns(), &table.rows(), &mut file);

@@ -109,7 +109,8 @@ pub async fn delete(
     PathText(id): PathText,
 ) -> Result<StatusCode, ApiError> {
     let found = app.store.profile(&id).await?.ok_or_else(unknown)?;
-    let number = found.summary.number.to_string();
+    let kind = if found.summary.pilot { "pilot " } else { "" };
+    let number = format!("{kind}{}", found.summary.number);
     let entry = me.does(Action::ParticipantDeleted, Some(&found.study), Some(number));
     app.store.withdraw(&id, true, now_ms(), Some(entry)).await?;
     Ok(StatusCode::NO_CONTENT)

@@ -142,16 +142,16 @@ impl Store {
 /// Writes the entry about a participant, with their study and number; whether there is such a participant.
 fn said(db: &Connection, id: &str, entry: &NewEntry) -> Result<bool, StoreError> {
     let Some((study, number)) = number(db, id)? else { return Ok(false) };
-    let (study, subject) = (Some(study), Some(number.to_string()));
+    let (study, subject) = (Some(study), Some(number));
     audit::add(db, &NewEntry { study, subject, ..entry.clone() })?;
     Ok(true)
 }
 
-/// The study and number of a participant.
-fn number(db: &Connection, id: &str) -> Result<Option<(String, i64)>, StoreError> {
+/// The study and number of a participant whose data have not been deleted.
+fn number(db: &Connection, id: &str) -> Result<Option<(String, String)>, StoreError> {
     let mut statement = db.prepare_cached(
-        "SELECT slug, number FROM participant JOIN study ON study.id = study_id \
-         WHERE participant.id = ?1",
+        "SELECT slug, iif(pilot, 'pilot ', '') || number FROM participant \
+         JOIN study ON study.id = study_id WHERE participant.id = ?1 AND data_deleted = 0",
     )?;
     Ok(statement.query_row([id], |row| Ok((row.get(0)?, row.get(1)?))).optional()?)
 }

@@ -9,7 +9,7 @@ use sidestep::api::{
 };
 use sidestep::scene::SceneParameters;
 use sidestep_tests::server::SHORT_STUDY;
-use sidestep_tests::{Answer, Driver, Server};
+use sidestep_tests::{Answer, Driver, Folder, Server, run};
 
 async fn send(server: &Server, method: Method, route: &str, body: Value) -> Answer {
     Answer::of(server.request(method, route).bearer_auth(&server.key).json(&body)).await
@@ -159,6 +159,22 @@ async fn excluded_participants_stay_and_no_analysis_uses_them() {
     let at = header.split(',').position(|name| name == "exclusion_reason").unwrap();
     let reasons: Vec<_> = rows.lines().map(|row| row.split(',').nth(at).unwrap()).collect();
     assert_eq!(reasons, ["", "", "held the phone"]);
+    // Commands leave them out too, from the database and from an export, and say so.
+    let (folder, database) = (Folder::default(), server.database());
+    let export = folder.name("export");
+    let said = run(&["export", "--database", &database, "--format", "csv", "--out", &export]).await;
+    assert_eq!(said.code, Some(0), "{}", said.err);
+    let steps = format!("{export}/steps.csv");
+    let mut features = Vec::new();
+    for (source, name) in [(["--database", &database], "a.csv"), (["--trials", &steps], "b.csv")] {
+        let out = folder.name(name);
+        let said = run(&[&["features", "--out", &out], &source[..]].concat()).await;
+        assert_eq!(said.code, Some(0), "{}", said.err);
+        assert!(said.err.contains("held the phone"), "{}", said.err);
+        features.push(folder.text(name));
+    }
+    assert_eq!(features[0].lines().count(), 1 + 2 * 8 * 50);
+    assert!(features[0] == features[1]);
 
     // Included again, which is another change; a second time changes nothing.
     for _ in 0..2 {

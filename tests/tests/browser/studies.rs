@@ -212,7 +212,7 @@ async fn a_study_is_made_in_the_form() {
     }
     tab.press("add-questions").await;
     let focused = "document.activeElement.dataset.testid";
-    assert_eq!(tab.eval::<String>(focused).await, "field-questions[0].name");
+    assert_eq!(tab.eval::<String>(focused).await, "field-questions[0].text.en");
     tab.enter("field-questions[0].text.en", "How hard was it?").await;
 
     tab.enter("field-questions[0].kind", "scale").await;

@@ -175,7 +175,7 @@ impl Export {
             .child(el("p").class("quiet").text(
                 "The manifest is the last file of the archive. An archive that broke off cannot be opened: \
                  let the browser resume it, or download it again. sidestep export writes the same \
-                 files.",
+                 tables.",
             ))
     }
 }

@@ -174,7 +174,7 @@ fn first_steps(study: &StudySummary) -> Node {
         ),
         step(
             "Make the study your own",
-            "Its scenes, texts, questions and links are lines of a file that is checked while you \
+            "Scenes, texts, questions and links are set in a form or a file, and checked while you \
              write.",
             Some(
                 el("a").class("button").attr("href", "/lab/new").test_id("make").text("New study"),

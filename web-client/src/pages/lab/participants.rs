@@ -160,7 +160,8 @@ impl Participants {
         let watch = format!("/s/{slug}?simulate=1&speed=10");
         actions.push(link(watch, "rehearse", "Watch a rehearsal").attr("target", "_blank"));
         if self.may_export {
-            let table = format!("{}?format=csv", routes::admin_participants(slug));
+            let whom = if self.selection.pilots { "&pilot=true" } else { "" };
+            let table = format!("{}?format=csv{whom}", routes::admin_participants(slug));
             actions.push(link(table, "export", "Table as CSV").attr("download", ""));
         }
         actions

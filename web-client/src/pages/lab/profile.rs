@@ -291,7 +291,7 @@ impl Profile {
                 .children(self.may_manage().then_some(delete));
             el("li").key(note.id).child(el("p").class("text").text(&note.text)).child(by)
         };
-        let form = self.may_manage().then(|| {
+        let form = (self.may_manage() && !found.data_deleted).then(|| {
             el("form")
                 .class("new-note")
                 .key(self.writings)

@@ -357,7 +357,8 @@ impl Form<'_> {
         let name =
             (1..).map(|n| format!("question_{n}")).find(|name| !taken(name)).unwrap_or_default();
         let new = super::edit::new_question(&name, "text");
-        let add = fields.add("questions", "Add a question", new, ".name");
+        let first = format!(".text.{}", fields.language);
+        let add = fields.add("questions", "Add a question", new, &first);
         Section {
             name: "Questions after the last scene",
             path: "questions",
@@ -422,8 +423,11 @@ impl Form<'_> {
                     fill(json!(["external_id"]), false, json!([]), json!([])),
                 ),
             ]);
-        let link =
-            |field: &str, label: &str| fields.line(&format!("recruitment.{field}"), label, "");
+        let link = |field: &str, label: &str| {
+            let hint = "From the service, such as \
+                        https://app.prolific.com/submissions/complete?cc=CODE; empty: none.";
+            fields.line(&format!("recruitment.{field}"), label, hint)
+        };
         let rows = vec![
             presets,
             fields.number(

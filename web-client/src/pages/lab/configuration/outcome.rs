@@ -8,6 +8,9 @@ use sidestep::api::{DraftChecked, Remark};
 
 type Node = view::Node<Msg>;
 
+/// The most warnings that are shown.
+const MOST_WARNINGS: usize = 3;
+
 /// What is beside the draft: remarks, differences, and the buttons that store it.
 pub(super) fn said(page: &ConfigurationPage) -> Vec<Node> {
     let Some(checked) = &page.editor.checked else {
@@ -86,7 +89,15 @@ fn remarks(checked: &DraftChecked, mode: Mode) -> Vec<Node> {
     };
     let mut remarks =
         vec![el("p").class("saved").attr("role", "status").test_id("sound").text(words)];
-    remarks.extend(checked.warnings.iter().map(|warning| remark(warning).class("waiting")));
+    let shown = checked.warnings.iter().take(MOST_WARNINGS);
+    remarks.extend(shown.map(|warning| remark(warning).class("waiting")));
+    if checked.warnings.len() > MOST_WARNINGS {
+        let further = checked.warnings.len() - MOST_WARNINGS;
+        remarks.push(el("p").class("waiting").text(format!(
+            "And {further} more. Tick only the languages that your texts have, under About the \
+             study."
+        )));
+    }
     remarks
 }
 
