@@ -94,6 +94,7 @@ fn result(analysis: &Analysis) -> AnalysisResult {
         cells: comparison.cells.len(),
         models: Some(analysis.counts().models),
         version: Some(env!("CARGO_PKG_VERSION").to_owned()),
+        study_versions: Vec::new(),
         data_sha256: Some(data.sha256.clone()),
         accuracies,
         synthetic: data.synthetic.clone(),
@@ -184,7 +185,8 @@ impl Worker {
         };
         let ending = match found {
             Ok(Computed { analysis, ids }) => {
-                let result = result(&analysis);
+                let study_versions = self.study_versions(job, &analysis).await?;
+                let result = AnalysisResult { study_versions, ..result(&analysis) };
                 let index = AnalysisIndex::of(&analysis, &ids);
                 if self.keep(job, analysis).await? {
                     self.list(job, index).await?;
@@ -201,6 +203,23 @@ impl Worker {
             Err(reason) => tracing::warn!(study = job.study, reason, "an analysis failed"),
         }
         Ok(())
+    }
+
+    /// The versions of the study under which the compared participants enrolled.
+    async fn study_versions(&self, job: &Job, analysis: &Analysis) -> anyhow::Result<Vec<u32>> {
+        let Some(study) = self.store.study(&job.study).await? else { return Ok(Vec::new()) };
+        let compared = &analysis.comparison.participants;
+        let hashes: HashSet<String> = self
+            .store
+            .roster(study.id, false)
+            .await?
+            .into_iter()
+            .filter(|entry| compared.iter().any(|of| of.name == entry.number.to_string()))
+            .map(|entry| entry.config_hash)
+            .collect();
+        let versions = self.store.study_versions(study.id).await?;
+        let used = versions.iter().filter(|version| hashes.contains(&version.hash));
+        Ok(used.map(|version| version.number).collect())
     }
 
     /// Reads the data, computes on threads of its own, and records the progress in the database.

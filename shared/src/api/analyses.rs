@@ -95,6 +95,10 @@ pub struct AnalysisResult {
     /// The version of Sidestep that computed it; absent in analyses of an earlier version.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub version: Option<String>,
+    /// The numbers of the study's versions under which the compared participants enrolled; none in analyses of
+    /// an earlier version.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub study_versions: Vec<u32>,
     /// SHA-256 of the trials that were compared; absent in analyses of an earlier version.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub data_sha256: Option<String>,

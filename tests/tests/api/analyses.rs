@@ -304,6 +304,7 @@ async fn people_who_cannot_be_compared_are_named() {
     let result = done(&server, &result.id).await.summary.result.unwrap();
     assert_eq!(result.participants, 2);
     assert_eq!(result.flagged.get("start_mismatch"), Some(&1), "{:?}", result.flagged);
+    assert_eq!(result.study_versions, [2]);
     let reasons = ["other parameters", "4 tasks", "one kind of input"];
     assert_eq!(result.excluded.len(), reasons.len());
     for ((who, exclusion), reason) in ["1", "3", "4"].iter().zip(&result.excluded).zip(reasons) {

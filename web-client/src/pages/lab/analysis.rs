@@ -274,8 +274,15 @@ fn provenance(result: &AnalysisResult) -> Option<Node> {
     let (version, hash) = (result.version.as_ref()?, result.data_sha256.as_ref()?);
     let short: String = hash.chars().take(12).collect();
     let hash = el("code").attr("title", hash).text(short);
-    let words = format!("Computed by Sidestep {version} from data with the SHA-256 ");
-    Some(el("p").class("quiet").text(words).child(hash).text("…"))
+    let versions: Vec<String> = result.study_versions.iter().map(u32::to_string).collect();
+    let of = match &versions[..] {
+        [] => String::new(),
+        [one] => format!(" of participants of version {one} of the study"),
+        several => format!(" of participants of versions {} of the study", several.join(", ")),
+    };
+    let words = format!("Computed by Sidestep {version} from data{of} with the SHA-256 ");
+    let words = el("p").class("quiet").test_id("provenance").text(words);
+    Some(words.child(hash).text("…. Test runs are never part of an analysis."))
 }
 
 /// The report, which can do nothing but show itself.

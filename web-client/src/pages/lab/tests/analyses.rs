@@ -20,6 +20,7 @@ pub(super) fn analysis(id: &str, state: AnalysisState) -> AnalysisSummary {
         cells: 84,
         models: Some(70),
         version: Some("1.2.3".into()),
+        study_versions: vec![1, 3],
         data_sha256: Some("0123456789abcdef".into()),
         accuracies: vec![MeanAccuracy {
             model: "svm".into(),
@@ -116,7 +117,8 @@ fn a_done_analysis_shows_its_data_report_and_files() {
         "1.2 MB",
         "1 model for sidestep shfrs",
         "1 figure as SVG",
-        "Sidestep 1.2.3 from data with the SHA-256  0123456789ab …",
+        "Sidestep 1.2.3 from data of participants of versions 1, 3 of the study with the SHA-256  \
+         0123456789ab …. Test runs are never part",
     ] {
         assert!(view.words().contains(words), "{words}: {}", view.words());
     }
