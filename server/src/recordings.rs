@@ -26,8 +26,7 @@ pub async fn of_study(store: &Store, study: &StoredStudy) -> Result<Recording, S
         let Some(first) = driven.first() else { continue };
         let name = first.head.participant_number.to_string();
         if let Some(reason) = excluded.get(&id) {
-            exclusions
-                .push(Exclusion::new(&name, format!("excluded by an experimenter: {reason}")));
+            exclusions.push(Exclusion::by_experimenter(&name, reason));
             continue;
         }
         if store.config(&first.config_hash).await?.parameters != scene {

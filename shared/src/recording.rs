@@ -170,6 +170,12 @@ impl Exclusion {
         Self { participant: participant.to_owned(), reason, line: None, first_line: None }
     }
 
+    /// For a participant whom an experimenter excluded.
+    #[must_use]
+    pub fn by_experimenter(participant: &str, reason: &str) -> Self {
+        Self::new(participant, format!("excluded by an experimenter: {reason}"))
+    }
+
     /// For a fault in the participant's rows.
     #[must_use]
     pub fn of_fault(participant: &str, fault: &Fault) -> Self {

@@ -192,10 +192,7 @@ pub(super) fn recording(
     let reasons = excluded_beside(path)?;
     let experimenters = participants.extract_if(.., |person| reasons.contains_key(&person.name));
     let excluded: Vec<Exclusion> = experimenters
-        .map(|person| {
-            let why = format!("excluded by an experimenter: {}", reasons[&person.name]);
-            Exclusion::new(&person.name, why)
-        })
+        .map(|person| Exclusion::by_experimenter(&person.name, &reasons[&person.name]))
         .collect();
     let origin = Origin::File(path.display().to_string());
     let provenance = Provenance { origin, synthetic: synthetic::recognised(&participants) };
@@ -234,8 +231,8 @@ pub(super) fn recording(
     Ok(recording)
 }
 
-/// The participants whom an experimenter excluded, with the reasons: the steps of an export have the table of
-/// its participants beside them.
+/// The participants whom an experimenter excluded, with the reasons. An export has them in its table of
+/// participants, beside the steps.
 fn excluded_beside(path: &Path) -> Result<HashMap<String, String>, CommandError> {
     let table = path.with_file_name("participants.csv");
     if path.file_name().is_none_or(|name| name != "steps.csv") || !table.is_file() {

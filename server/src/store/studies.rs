@@ -244,6 +244,14 @@ pub(super) fn put(
     if let Some(known) = find(db, &new.slug)?
         && known.config == *new
     {
+        if by_file {
+            // The version may be of the laboratory, or of a database that did not record its origin.
+            db.execute(
+                "UPDATE study_version SET by_file = 1 WHERE study_id = ?1 AND by_file = 0 \
+                     AND number = (SELECT max(number) FROM study_version WHERE study_id = ?1)",
+                [known.id],
+            )?;
+        }
         return Ok(known);
     }
     let json = serde_json::to_string(&**new).map_err(StoreError::corrupt)?;

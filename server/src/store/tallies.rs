@@ -63,7 +63,7 @@ pub(super) fn add(db: &Connection, study_id: i64, trial: &Counted<'_>) -> Result
     Ok(())
 }
 
-/// A trial came again; so many further ones wait in the participant's browser.
+/// Records how many further trials wait in the participant's browser, when a trial was uploaded again.
 pub(super) fn waits(db: &Connection, participant_id: &str, waiting: u32) -> Result<(), StoreError> {
     db.prepare_cached("UPDATE tally SET waiting = ?2 WHERE participant_id = ?1 AND waiting <> ?2")?
         .execute(params![participant_id, waiting])?;
