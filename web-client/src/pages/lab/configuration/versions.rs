@@ -13,8 +13,8 @@ const MOST_NAMED: usize = 6;
 /// All versions, newest first.
 pub(super) fn versions(versions: &[ConfigurationVersion]) -> Node {
     let about = el("p").class("quiet").text(
-        "A change makes a new version for new participants. Everybody who has begun keeps the version of \
-         that time, and exports name each participant’s configuration by its hash.",
+        "A change makes a new version for new participants; participants who have begun keep theirs. \
+         Exports name each participant’s configuration by its hash.",
     );
     let rows = versions.iter().enumerate().map(|(i, version)| row(version, i == 0));
     let columns = ["Version", "Label", "From", "Participants", "What changed", "File"];
