@@ -1,7 +1,6 @@
 //! What the `sidestep` command does: one module a subcommand.
 
 pub mod check;
-pub mod serve;
 pub mod languages;
 mod solving;
 pub mod export;
@@ -13,14 +12,16 @@ pub mod json_file;
 mod prediction;
 pub mod bounds;
 pub mod reach;
-pub mod plot;
 mod trials_file;
+pub mod plot;
 mod trials_source;
 pub mod shfrs;
 pub mod features;
 pub mod analyze;
 pub mod simulate;
 pub mod design;
+mod demo;
+pub mod serve;
 
 use crate::client::ClientError;
 use crate::store::studies::StoredStudy;

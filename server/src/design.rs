@@ -72,9 +72,8 @@ pub fn picture(study: &StudyConfig, phases: &[PhaseDesign]) -> Drawing {
             shown.phase.phase.word(),
         ),
         format!(
-            "{percent:.0} % of the scenes exchanged a stratum with another scene of the same \
-             participant, because no admissible scene has all the planned coordinates  ·  strata \
-             without a scene: {} of {}",
+            "{percent:.0} % of the scenes are from another stratum than planned, because the study’s \
+             settings allow no scene in the planned one  ·  strata without a scene: {} of {}",
             balance.unfilled,
             3 * balance.drawn,
         ),

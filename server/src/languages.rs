@@ -112,20 +112,21 @@ impl Languages {
     }
 
     /// Reads a study file for these languages: the one check of every command that takes a study file.
-    /// Missing translations are said on standard error.
+    /// What is forgotten, and missing translations, are said on standard error.
     ///
     /// # Errors
     /// One line naming the file, the line, the field, what was expected and found.
     pub fn read_study(&self, path: &Path) -> Result<StudyFile, String> {
         let file = StudyFile::read(path)?;
         self.check(file.config()).map_err(|invalid| file.complaint(&invalid))?;
-        for (field, what) in self.untranslated(file.config()) {
+        for (field, what) in self.remarks(file.config()) {
             eprintln!("{}", file.warning(&field, &what));
         }
         Ok(file)
     }
 
-    /// The same for a text that somebody is writing, with the lines of missing translations.
+    /// The same for a text that somebody is writing, with the lines of what is forgotten and of missing
+    /// translations.
     ///
     /// # Errors
     /// [`Complaint`] naming the line, the field, what was expected and found.
@@ -137,8 +138,16 @@ impl Languages {
             what: format!("{field}: {what}"),
             field: Some(field),
         };
-        let remarks = self.untranslated(file.config()).into_iter().map(remark).collect();
+        let remarks = self.remarks(file.config()).into_iter().map(remark).collect();
         Ok((file, remarks))
+    }
+
+    /// What an experimenter should know of a study that is valid: the field, and what follows. What is forgotten
+    /// comes first, because missing translations can be many.
+    fn remarks(&self, study: &StudyConfig) -> Vec<(String, String)> {
+        let forgotten = study.forgotten().into_iter();
+        let forgotten = forgotten.map(|(field, what)| (field.to_owned(), what));
+        forgotten.chain(self.untranslated(study)).collect()
     }
 
     /// The texts of a study that are missing in a language that the study offers: the field, and what

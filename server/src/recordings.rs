@@ -43,6 +43,17 @@ pub async fn of_study(store: &Store, study: &StoredStudy) -> Result<Recording, S
     Ok(recording)
 }
 
+/// What the participant of a trial drove before it, one trial of each scene: what the laboratory's usual
+/// predictor learns from.
+///
+/// # Errors
+/// [`StoreError`] if the database cannot be read.
+pub async fn earlier(store: &Store, trial: &StoredTrial) -> Result<Vec<RecordedTrial>, StoreError> {
+    let mut driven = store.trials_of(&trial.head.participant_id).await?;
+    driven.retain(|other| other.head.ordinal < trial.head.ordinal);
+    Ok(one_attempt(String::new(), &driven).trials)
+}
+
 /// One participant's trials of all phases, one of each scene.
 #[must_use]
 pub fn one_attempt(name: String, driven: &[StoredTrial]) -> RecordedParticipant {
@@ -55,7 +66,8 @@ pub fn one_attempt(name: String, driven: &[StoredTrial]) -> RecordedParticipant 
 }
 
 /// One participant's tasks, one trial of each scene.
-fn tasks(name: String, driven: &[StoredTrial]) -> RecordedParticipant {
+#[must_use]
+pub fn tasks(name: String, driven: &[StoredTrial]) -> RecordedParticipant {
     let mut participant = one_attempt(name, driven);
     participant.keep_tasks();
     let is_marked = |trial: &StoredTrial| trial.head.phase == Phase::Task && trial.is_synthetic();

@@ -9,6 +9,7 @@ mod access;
 mod predictors;
 mod laboratory;
 mod people;
+mod drives;
 mod configuration;
 mod analyses;
 
@@ -20,8 +21,10 @@ pub use analyses::{
 pub use configuration::{
     Change, Configuration, ConfigurationVersion, Draft, DraftChecked, FormDraft, NewStatus, Remark,
 };
+pub use drives::{Drive, Drives};
 pub use laboratory::{
     PilotsDeleted, SelfCheck, SignIn, StudySummary, TrialDetail, TrialPage, TrialSummary,
+    scene_words,
 };
 pub use object::Object;
 pub use participation::{

@@ -8,6 +8,7 @@ pub use algorithm::{Algorithm1, PredictedBounds, input_bounds};
 use crate::invalid::{Invalid, length, positive};
 use crate::scene::{JointState, SceneParameters};
 use core::fmt;
+use serde::{Deserialize, Serialize};
 
 /// Lowest and highest turn rate of each coming step, rad/s.
 #[derive(Debug, PartialEq)]
@@ -178,7 +179,8 @@ impl fmt::Display for ActionChoice {
 }
 
 /// What the vehicles do in the low and the high roll-out.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Rollout {
     /// The bounds of F_1, widened by ε_1, as the paper prints it.
     Paper,

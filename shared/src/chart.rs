@@ -31,11 +31,13 @@ mod axis;
 mod clip;
 mod layers;
 mod legend;
+mod headed;
 mod plot;
 
 pub use axis::{Axis, Tick, fixed, number, round_step};
 pub use colours::{Colour, Ink};
 pub use drawing::{Align, Drawing, Form, Pen, Point, Shape, Text};
+pub use headed::{MARGIN, headed};
 pub use layers::{Area, Cells, Datum, Group, Layer, Mark, Note, Series, Sign, Swarm, disc};
 pub use legend::LegendItem;
 pub use plot::{Chart, Frame, Table};

@@ -293,11 +293,33 @@ fn one_of(words: &[&str]) -> String {
     }
 }
 
+/// A decimal number of at most 15 digits, such as `-0.25`: the nearest double. (The standard library reads
+/// every decimal ever written, for which a browser's program would be larger by a tenth.)
+#[must_use]
+pub fn decimal(text: &str) -> Option<f64> {
+    let (sign, digits) = match text.trim().strip_prefix(['-', '−']) {
+        Some(digits) => (-1.0, digits),
+        None => (1.0, text.trim()),
+    };
+    let (whole, part) = digits.split_once('.').unwrap_or((digits, ""));
+    let count = whole.len() + part.len();
+    let is_number = whole.bytes().chain(part.bytes()).all(|byte| byte.is_ascii_digit());
+    if !is_number || whole.is_empty() || count > 15 {
+        return None;
+    }
+    let digit = |number: u64, byte: u8| 10 * number + u64::from(byte - b'0');
+    let number = whole.bytes().chain(part.bytes()).fold(0, digit);
+    // Both are exact, so the quotient is the nearest double.
+    let divisor = (0..part.len()).fold(1u64, |power, _| 10 * power);
+    Some(sign * (number as f64 / divisor as f64))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::scene::JointState;
     use crate::vehicle::{Pose, TurnInput};
+    use proptest::prelude::*;
     use serde::Deserialize;
 
     #[derive(Debug, PartialEq, Deserialize)]
@@ -399,5 +421,26 @@ mod tests {
         check(&"[".repeat(100_000), "nested more than 64 deep");
         let brackets_in_text = format!("\"{}\\\"[\"", "[".repeat(100));
         assert_eq!(from_json::<String>(&brackets_in_text).map(|text| text.len()), Ok(102));
+    }
+
+    #[test]
+    fn decimals_are_read_as_the_standard_library_reads_them() {
+        for text in ["0", "3.4", "-0.25", "123456789.012345", "0.000001", "7.", "00.10"] {
+            assert_eq!(decimal(text), text.parse().ok(), "{text}");
+        }
+        assert_eq!(decimal(" −1.5 "), Some(-1.5));
+        for text in ["", "-", ".", ".5", "1e3", "NaN", "inf", "1,2", "+1", "1234567890123456", "٣"]
+        {
+            assert_eq!(decimal(text), None, "{text}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn decimals_of_any_digits(digits in 0u64..1_000_000_000_000_000, places in 0usize..15) {
+            let digits = format!("{digits:015}");
+            let text = format!("{}.{}", &digits[..15 - places], &digits[15 - places..]);
+            prop_assert_eq!(decimal(&text), text.parse().ok());
+        }
     }
 }

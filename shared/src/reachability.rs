@@ -17,6 +17,7 @@ mod value_function;
 mod slice_curves;
 mod transport;
 mod solve;
+mod surface;
 
 pub use crate::parallel::default_threads;
 pub use crate::real::Real;
@@ -29,6 +30,9 @@ pub use progress::{MEMORY_LIMIT_BYTES, Progress, SolveError};
 pub use pursuit::PursuitGame;
 pub use sampled::{Nodes, SampledState, SampledValue};
 pub use scheme::Scheme;
-pub use solve::{Accuracy, CartesianGrid, Method, Options, Precision, Solved, solve};
+pub use solve::{
+    ACCURACIES, Accuracy, CartesianGrid, METHODS, Method, Options, Precision, Solved, solve,
+};
+pub use surface::{Sampling, Surface};
 pub use transport::QUANTUM_M;
 pub use value_function::{ValueFunction, ValueState};

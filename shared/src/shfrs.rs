@@ -1,6 +1,7 @@
 //! Stochastic human forward reachable sets: nested regions of the plane, predicted from the states so
 //! far.
 
+pub mod file;
 pub mod window;
 pub mod family;
 pub mod prediction;

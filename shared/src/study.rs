@@ -32,6 +32,9 @@ pub struct StudyConfig {
     pub version: String,
     /// Whether people can take part. Default: open.
     pub status: Status,
+    /// Whether synthetic participants take part, and no people: such a study is marked on every page and
+    /// in every export. Default: false.
+    pub synthetic: bool,
     /// The languages that participants can choose from; the first is used for people who read none of
     /// them. Default: every language that the server has, English first.
     pub languages: Vec<String>,
@@ -123,6 +126,7 @@ impl Default for StudyConfig {
             title: "Avoid the robot".to_owned(),
             version: "1".to_owned(),
             status: Status::Open,
+            synthetic: false,
             languages: Vec::new(),
             parameters: SceneParameters::default(),
             encounters: EncounterRange::default(),
@@ -289,6 +293,29 @@ impl StudyConfig {
         texts
     }
 
+    /// Whether somebody new can take part: a synthetic participant, or a person. Data of people and data
+    /// of programs that are marked as such never mix.
+    #[must_use]
+    pub fn admits(&self, synthetic: bool) -> bool {
+        self.status == Status::Open && (synthetic || !self.synthetic)
+    }
+
+    /// Accepts the configuration that replaces this one in a study in which so many participants took part.
+    ///
+    /// # Errors
+    /// [`Invalid`] if people and synthetic participants would mix.
+    pub fn check_successor(&self, new: &Self, participants: u64) -> Result<(), Invalid> {
+        if self.synthetic == new.synthetic || participants == 0 {
+            return Ok(());
+        }
+        let those = if self.synthetic { "synthetic participants" } else { "participants" };
+        let expected = format!(
+            "{}, since {participants} {those} took part and data of people and programs stay apart",
+            self.synthetic
+        );
+        Err(Invalid::new("synthetic", expected, new.synthetic))
+    }
+
     /// The language for people who read none that the study has.
     #[must_use]
     pub fn first_language(&self) -> &str {
@@ -356,6 +383,23 @@ mod tests {
         assert_eq!(counts, [6, 3, 50]);
         let other = StudyConfig { seed: 1, ..study };
         assert_ne!(other.stratified(0).unwrap(), stratified);
+    }
+
+    #[test]
+    fn people_take_no_part_among_synthetic_participants() {
+        let admits = |status, synthetic| {
+            let study = StudyConfig { status, synthetic, ..StudyConfig::default() };
+            [study.admits(false), study.admits(true)]
+        };
+        assert_eq!(admits(Status::Open, false), [true, true]);
+        assert_eq!(admits(Status::Open, true), [false, true]);
+        assert_eq!(admits(Status::Closed, true), [false, false]);
+        assert_eq!(admits(Status::Archived, false), [false, false]);
+        let of = |synthetic| StudyConfig { synthetic, ..StudyConfig::default() };
+        assert_eq!(of(true).check_successor(&of(true), 3), Ok(()));
+        assert_eq!(of(false).check_successor(&of(true), 0), Ok(()));
+        assert_eq!(of(true).check_successor(&of(false), 3).unwrap_err().field, "synthetic");
+        assert_eq!(of(false).check_successor(&of(true), 1).unwrap_err().field, "synthetic");
     }
 
     #[test]

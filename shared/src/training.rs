@@ -36,7 +36,20 @@ pub fn train(
     safety: Option<&SafetyLevels>,
     trials: &[Driven],
 ) -> Result<Trained, Invalid> {
-    let learned = enough(trials).and_then(|()| {
+    train_early(features, safety, trials, MIN_TRIALS)
+}
+
+/// As [`train`], but `least` trials are enough to learn from: to watch how a model is learned.
+///
+/// # Errors
+/// As [`train`].
+pub fn train_early(
+    features: &FeatureSet,
+    safety: Option<&SafetyLevels>,
+    trials: &[Driven],
+    least: usize,
+) -> Result<Trained, Invalid> {
+    let learned = enough(trials, least).and_then(|()| {
         let safety =
             safety.ok_or("this server has not solved the safety levels of these vehicles")?;
         let rows = trials.iter().map(|(inputs, states)| (&inputs[..], &states[..]));
@@ -51,10 +64,10 @@ pub fn train(
     })
 }
 
-fn enough(trials: &[Driven]) -> Result<(), String> {
+fn enough(trials: &[Driven], least: usize) -> Result<(), String> {
     let n = trials.len();
-    if n < MIN_TRIALS {
-        return Err(format!("too few earlier trials ({n} of {MIN_TRIALS}) to learn from"));
+    if n < least {
+        return Err(format!("too few earlier trials ({n} of {least}) to learn from"));
     }
     let mut inputs = trials.iter().flat_map(|(inputs, _)| inputs);
     let first = inputs.next();

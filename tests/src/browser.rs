@@ -5,7 +5,10 @@ use chromiumoxide::cdp::browser_protocol::emulation::{
     MediaFeature, SetCpuThrottlingRateParams, SetDeviceMetricsOverrideParams,
     SetEmulatedMediaParams,
 };
-use chromiumoxide::cdp::browser_protocol::input::{DispatchKeyEventParams, DispatchKeyEventType};
+use chromiumoxide::cdp::browser_protocol::input::{
+    DispatchKeyEventParams, DispatchKeyEventType, DispatchMouseEventParams, DispatchMouseEventType,
+    MouseButton,
+};
 use chromiumoxide::cdp::browser_protocol::network::{
     EmulateNetworkConditionsByRuleParams, EnableParams, NetworkConditions, SetCacheDisabledParams,
 };
@@ -90,6 +93,8 @@ impl Browser {
             .viewport(None)
             .args([
                 "disable-gpu",
+                // WebGL without a graphics processor.
+                "enable-unsafe-swiftshader",
                 "disable-background-networking",
                 "disable-component-update",
                 "disable-sync",
@@ -159,6 +164,21 @@ impl Browser {
         let _ = self.browser.wait().await;
         self.events.abort();
     }
+}
+
+/// What a mouse does.
+#[derive(Clone, Copy, Debug)]
+pub enum Mouse {
+    /// It moves without a button.
+    Move,
+    /// Its left button goes down.
+    Press,
+    /// It moves while that is down.
+    Drag,
+    /// The button goes up.
+    Release,
+    /// Its wheel turns by so many px, towards the user if positive.
+    Roll(f64),
 }
 
 /// A tab.
@@ -439,7 +459,9 @@ impl Tab {
         let (code, number) = match key {
             "ArrowLeft" => ("ArrowLeft", 37),
             "ArrowRight" => ("ArrowRight", 39),
+            "ArrowUp" => ("ArrowUp", 38),
             "ArrowDown" => ("ArrowDown", 40),
+            "Escape" => ("Escape", 27),
             "a" => ("KeyA", 65),
             "d" => ("KeyD", 68),
             " " => ("Space", 32),
@@ -461,6 +483,32 @@ impl Tab {
         };
         let event = event.build().expect("a key event");
         self.page.execute(event).await.expect("a key press");
+    }
+
+    /// Has the mouse do something at a place of the window, CSS pixels.
+    ///
+    /// # Panics
+    /// If the browser refuses.
+    pub async fn mouse(&self, does: Mouse, [x, y]: [f64; 2]) {
+        use DispatchMouseEventType::{MouseMoved, MousePressed, MouseReleased, MouseWheel};
+        let (kind, held) = match does {
+            Mouse::Move => (MouseMoved, false),
+            Mouse::Drag => (MouseMoved, true),
+            Mouse::Press => (MousePressed, true),
+            Mouse::Release => (MouseReleased, false),
+            Mouse::Roll(_) => (MouseWheel, false),
+        };
+        let mut event = DispatchMouseEventParams::new(kind, x, y);
+        event.buttons = Some(i64::from(held));
+        if !matches!(does, Mouse::Move) {
+            event.button = Some(MouseButton::Left);
+            event.click_count = Some(1);
+        }
+        if let Mouse::Roll(px) = does {
+            event.button = None;
+            (event.delta_x, event.delta_y) = (Some(0.0), Some(px));
+        }
+        self.page.execute(event).await.expect("a mouse");
     }
 
     /// A picture of the window, also kept under `target/screenshots`.

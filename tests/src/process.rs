@@ -139,7 +139,7 @@ pub struct Process {
     address: Address,
     child: Child,
     // Kept open: a server whose stdout is gone could not print.
-    _stdout: Lines<BufReader<ChildStdout>>,
+    stdout: Lines<BufReader<ChildStdout>>,
 }
 
 impl Deref for Process {
@@ -165,13 +165,27 @@ impl Process {
     /// # Panics
     /// If it does not become ready.
     pub async fn start_through(launcher: &[&str], folder: &Folder, database: &str) -> Self {
+        Self::launch(launcher, folder, &["--database", database]).await
+    }
+
+    /// As [`Self::start`], with the demonstration.
+    ///
+    /// # Panics
+    /// If it does not become ready.
+    pub async fn start_demo(folder: &Folder) -> Self {
+        let database = folder.database("sidestep.db");
+        Self::launch(&["env"], folder, &["--demo", "--database", &database]).await
+    }
+
+    async fn launch(launcher: &[&str], folder: &Folder, args: &[&str]) -> Self {
         let site = folder.path("site");
         write_site(&site);
         let mut child = Command::new(launcher[0])
             .args(&launcher[1..])
             .arg(binary())
-            .args(["serve", "--listen", "127.0.0.1:0", "--database", database, "--static"])
+            .args(["serve", "--listen", "127.0.0.1:0", "--static"])
             .arg(&site)
+            .args(args)
             .env_remove("SIDESTEP_ADMIN_KEY")
             // As users have it: a line of the log for each request.
             .env_remove("RUST_LOG")
@@ -191,7 +205,7 @@ impl Process {
                 break address.trim_end_matches("/lab").to_owned();
             }
         };
-        Self { announcement, address: Address::new(origin), child, _stdout: lines }
+        Self { announcement, address: Address::new(origin), child, stdout: lines }
     }
 
     /// The number of the process.
@@ -201,6 +215,14 @@ impl Process {
     #[must_use]
     pub fn id(&self) -> u32 {
         self.child.id().expect("a running process")
+    }
+
+    /// The next line that it prints.
+    ///
+    /// # Panics
+    /// If it prints nothing more.
+    pub async fn says(&mut self) -> String {
+        self.stdout.next_line().await.expect("a line").expect("a running server")
     }
 
     /// SIGKILL, as a power cut or an operator's last resort would.

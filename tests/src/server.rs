@@ -234,6 +234,7 @@ fn arguments(folder: &Path, study: &str, site: PathBuf) -> ServeArgs {
     let file = folder.join("study.toml");
     std::fs::write(&file, with_slug(study)).expect("a study file");
     ServeArgs {
+        demo: false,
         listen: "127.0.0.1:0".to_owned(),
         database: database(folder),
         study: Some(file),
@@ -242,6 +243,7 @@ fn arguments(folder: &Path, study: &str, site: PathBuf) -> ServeArgs {
         site: Some(site),
         new_admin_key: false,
         no_solve: false,
+        open_demo: true,
         analysis_threads: None,
     }
 }
@@ -266,8 +268,11 @@ pub fn write_site(folder: &Path) {
     let write = |name: &str, text: &[u8]| {
         std::fs::write(folder.join(name), text).expect("a file of the site");
     };
-    for page in ["index", "participant", "lab", "docs"] {
-        let place = "<!-- The server puts the document here. -->";
+    for page in ["index", "participant", "lab", "viewer", "demo", "docs"] {
+        let place = match page {
+            "index" => "<!-- The server puts the open studies here. -->",
+            _ => "<!-- The server puts the document here. -->",
+        };
         let text = format!("<!doctype html><title>{page}</title>{place}");
         write(&format!("{page}.html"), text.as_bytes());
     }

@@ -6,9 +6,12 @@ mod canvas;
 mod clock;
 mod dom;
 mod fields;
+mod files;
 mod listen;
+mod solid;
 mod follow;
 mod net;
+pub mod evaluator;
 pub mod simulator;
 pub mod solver;
 mod storage;
@@ -17,9 +20,11 @@ mod tabs;
 use self::clock::Clock;
 use self::dom::Dom;
 use self::storage::Storage;
-use crate::runtime::{Command, Commands, Event, Page, PageContext, Solving};
-use crate::shape::Picture;
+use crate::runtime::{
+    Command, Commands, Evaluate, Event, Failure, PNG_OF_SVG, Page, PageContext, Solving,
+};
 use js_sys::{Function, Promise, Reflect};
+use sidestep::picture::Picture;
 use std::any::Any;
 use std::cell::{Cell, RefCell};
 use std::collections::VecDeque;
@@ -54,6 +59,7 @@ pub fn run<P: Page + 'static>(open: fn(PageContext) -> (P, Commands<P::Msg>)) {
             root,
             painter: canvas::Painter::default(),
             picture: Picture::default(),
+            solids: None,
             title: String::new(),
             frame_requested: false,
             on_frame: None,
@@ -180,6 +186,8 @@ struct Shell<P: Page> {
     painter: canvas::Painter,
     /// What was painted last.
     picture: Picture,
+    /// The painter of solids, once there is one. A page without solids has none of its code.
+    solids: Option<Box<dyn Any>>,
     /// The document's title.
     title: String,
     frame_requested: bool,
@@ -314,8 +322,28 @@ impl<P: Page + 'static> Pump<P> {
         }
         self.shell.borrow_mut().show();
         self.busy.set(false);
+        if P::shows_solids() {
+            self.show_solid();
+        }
         self.set_alarm();
         self.request_frame();
+    }
+
+    /// Draws the page's solid, and tells the page if the browser cannot, or can again.
+    fn show_solid(&self) {
+        let mut shell = self.shell.borrow_mut();
+        let Some(solid) = shell.page.solid() else { return };
+        let (pump, then) = (self.clone(), Rc::clone(&solid.then));
+        let tell = move |can: bool| pump.dispatch_now(then(can));
+        let (document, window) = (shell.document.clone(), shell.window.clone());
+        let painter = shell.solids.get_or_insert_with(|| Box::new(solid::Painter::default()));
+        let painter = painter.downcast_mut::<solid::Painter>();
+        let is_drawn =
+            painter.is_some_and(|painter| painter.draw(&document, &window, &solid, tell));
+        drop(shell);
+        if !is_drawn {
+            self.dispatch_now((solid.then)(false));
+        }
     }
 
     fn apply(&self, commands: Commands<P::Msg>) {
@@ -350,7 +378,7 @@ impl<P: Page + 'static> Pump<P> {
             }
             // The compiler leaves this out of the program of a page that does not solve.
             Command::Solve { .. } if !P::solves() => {}
-            Command::Solve { name, game, then } => {
+            Command::Solve { name, task, then } => {
                 let number = shell.begin(name);
                 let address = shell.root.get_attribute("data-solver").unwrap_or_default();
                 let (pump, report) = (self.clone(), Rc::clone(&then));
@@ -362,7 +390,7 @@ impl<P: Page + 'static> Pump<P> {
                         pump.dispatch_now(report(solving));
                     }
                 };
-                match solver::Solver::start(&address, &game, report) {
+                match solver::Solver::start(&address, &task, report) {
                     Ok(solver) => {
                         let _work = Box::new(solver);
                         shell.underway.push(Underway { name, number, _work });
@@ -370,6 +398,36 @@ impl<P: Page + 'static> Pump<P> {
                     Err(_) => {
                         let why = "This browser cannot start the solver.".to_owned();
                         let message = then(Solving::Failed(why));
+                        self.queue.borrow_mut().push_back((message, shell.clock.now_ms()));
+                    }
+                }
+            }
+            Command::Evaluate(_) if !P::solves() => {}
+            Command::Evaluate(evaluate) => {
+                let Evaluate { name, part, content, then } = evaluate();
+                let known = shell.underway.iter().find(|underway| underway.name == name);
+                let known = known.and_then(|it| it._work.downcast_ref::<evaluator::Evaluator>());
+                if let Some(evaluator) = known {
+                    evaluator.tell(part, &content);
+                    return;
+                }
+                let number = shell.begin(name);
+                let address = shell.root.get_attribute("data-evaluator").unwrap_or_default();
+                let (pump, report) = (self.clone(), Rc::clone(&then));
+                let report = move |answer| {
+                    if pump.shell.borrow().holds(number) {
+                        pump.dispatch_now(report(answer));
+                    }
+                };
+                match evaluator::Evaluator::start(&address, report) {
+                    Ok(evaluator) => {
+                        evaluator.tell(part, &content);
+                        let _work = Box::new(evaluator);
+                        shell.underway.push(Underway { name, number, _work });
+                    }
+                    Err(_) => {
+                        let sentence = "This browser cannot start the evaluator.".to_owned();
+                        let message = then(Err(Failure { sentence, ..Failure::unreachable() }));
                         self.queue.borrow_mut().push_back((message, shell.clock.now_ms()));
                     }
                 }
@@ -421,11 +479,23 @@ impl<P: Page + 'static> Pump<P> {
                 }
             }
             Command::Fullscreen(false) => wish(&shell.document, "exitFullscreen"),
+            Command::Download { .. } | Command::DownloadCanvas { .. } if !P::offers_files() => {}
+            Command::Download { name, media_type: PNG_OF_SVG, content } => {
+                files::offer_picture(&shell.document, &content, name);
+            }
+            Command::Download { name, media_type, content } => {
+                files::offer(&shell.document, &name, media_type, &content);
+            }
+            Command::DownloadCanvas { canvas, name } => {
+                files::offer_canvas(&shell.document, canvas, name);
+            }
             Command::ReplaceAddress(url) => address::replace(&shell.window, &url),
             Command::Visit(url) => {
-                let now_ms = shell.clock.now_ms();
+                let (now_ms, window) = (shell.clock.now_ms(), shell.window.clone());
                 drop(shell);
-                self.visit(&url, now_ms);
+                if !self.visit(&url, now_ms) {
+                    let _ = window.location().assign(&url);
+                }
             }
             Command::Leave(url) => {
                 let _ = shell.window.location().assign(&url);

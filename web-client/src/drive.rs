@@ -3,6 +3,7 @@
 use crate::input::{HeldKeys, KeyMap, input_at};
 use crate::runtime::Event;
 use sidestep::api::{KeyEvent, MAX_KEY_EVENTS, MAX_PAGE_EVENTS, Object, TrialUpload};
+use sidestep::picture::Window;
 use sidestep::scene::{JointState, Scene, SceneParameters};
 use sidestep::trial::{PageEvent, PageEventKind};
 use sidestep::vehicle::TurnInput;
@@ -119,6 +120,18 @@ impl Drive {
         }
     }
 
+    /// The input of each step that has begun.
+    #[must_use]
+    pub fn inputs(&self) -> &[TurnInput] {
+        &self.inputs
+    }
+
+    /// The state before each step that has begun, and the one after the last of them.
+    #[must_use]
+    pub fn states(&self) -> &[JointState] {
+        &self.states
+    }
+
     fn step_ms(&self) -> f64 {
         self.parameters.step_s * 1000.0
     }
@@ -157,6 +170,12 @@ impl Drive {
         // `clamp` would bring code to print both ends, a tenth of the page's download.
         let into = ((at_ms - begun) / 1000.0).max(0.0).min(self.parameters.step_s);
         self.states[step].advance(&self.parameters, input, into)
+    }
+
+    /// Time since its start, s.
+    #[must_use]
+    pub fn time_s(&self, at_ms: f64) -> f64 {
+        (at_ms - self.start_ms).max(0.0) / 1000.0
     }
 
     /// The step at `at_ms`, from 0; the number of steps when the scene is over.
@@ -202,6 +221,17 @@ impl Drive {
             display,
         }
     }
+}
+
+/// Half the side of the part of the world that is always seen, m.
+const WINDOW_HALF_M: f64 = 15.0;
+
+/// The same view for every scene; it widens only where a vehicle would leave it.
+#[must_use]
+pub fn window(scene: &Scene, state: JointState) -> Window {
+    let human = state.human.position();
+    let fixed = [scene.human.position(), scene.robot.position(), scene.goal, human];
+    fixed.into_iter().fold(Window::square(WINDOW_HALF_M), |window, p| window.including(p, 2.5))
 }
 
 /// Named numbers for the server.

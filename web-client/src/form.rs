@@ -9,8 +9,31 @@ pub enum FieldValue {
     Number(Option<f64>),
     /// Whether a check box is ticked.
     Checked(bool),
-    /// The chosen entries of a list that allows several.
-    Choices(Vec<String>),
+    /// What a pointer does on an element that hears pointers.
+    Pointing(Pointing),
+}
+
+/// What a pointer does on an element, and where.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Pointing {
+    /// From the element's left and top, in shares of its width and height.
+    pub at: [f32; 2],
+    /// What it does.
+    pub does: Does,
+}
+
+/// What a pointer does.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Does {
+    /// It moves over the element without a button.
+    #[default]
+    Hover,
+    /// Its button or a finger goes down.
+    Press,
+    /// It moves while that is down, perhaps beyond the element.
+    Drag,
+    /// The wheel turns by so many px, towards the user if positive.
+    Roll(f32),
 }
 
 impl FieldValue {
@@ -68,15 +91,6 @@ impl Form {
     pub fn is_checked(&self, name: &str) -> bool {
         matches!(self.get(name), Some(FieldValue::Checked(true)))
     }
-
-    /// The chosen entries of a list; empty if the field is absent or of another kind.
-    #[must_use]
-    pub fn choices(&self, name: &str) -> &[String] {
-        match self.get(name) {
-            Some(FieldValue::Choices(choices)) => choices,
-            _ => &[],
-        }
-    }
 }
 
 #[cfg(test)]
@@ -90,13 +104,10 @@ mod tests {
             ("speed".into(), FieldValue::Number(Some(2.5))),
             ("empty".into(), FieldValue::Number(None)),
             ("agreed".into(), FieldValue::Checked(true)),
-            ("models".into(), FieldValue::Choices(vec!["svm".into(), "lr".into()])),
         ]);
         assert_eq!(form.text("title"), "Pilot");
         assert_eq!((form.number("speed"), form.number("empty")), (Some(2.5), None));
         assert_eq!((form.is_checked("agreed"), form.is_checked("absent")), (true, false));
-        assert_eq!(form.choices("models"), ["svm", "lr"]);
         assert_eq!((form.text("speed"), form.number("title")), ("", None));
-        assert!(form.choices("absent").is_empty());
     }
 }

@@ -98,13 +98,14 @@ impl HeldKeys {
 /// The input at time `t_ms`, given what the keys did (in order of time).
 #[must_use]
 pub fn input_at(events: &[KeyEvent], t_ms: f64, keys: &KeyMap) -> TurnInput {
-    let past = &events[..events.partition_point(|event| event.t_ms <= t_ms)];
+    let count = events.partition_point(|event| event.t_ms <= t_ms);
+    let past = events.get(..count).unwrap_or_default();
     // Back from the end to the last press of a key of which nothing was heard since.
     for (i, event) in past.iter().enumerate().rev() {
         if event.key == BLUR {
             break;
         }
-        if event.down && past[i + 1..].iter().all(|later| later.key != event.key) {
+        if event.down && past.iter().skip(i + 1).all(|later| later.key != event.key) {
             return keys.turn(&event.key).unwrap_or(TurnInput::Straight);
         }
     }

@@ -2,5 +2,11 @@
 
 mod parts;
 pub mod participant;
+mod moment;
+mod safety;
+mod models;
 pub mod replay;
+pub mod explorer;
+pub mod demo;
+pub mod reachability;
 pub mod lab;

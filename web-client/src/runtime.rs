@@ -1,10 +1,12 @@
 //! How a page and the browser talk: the page takes messages of its own type and answers with
 //! commands, each of which says which message its outcome becomes.
 
-use crate::shape::Picture;
+use crate::evaluation::Part;
+use crate::task::Task;
 use crate::view::Node;
 use sidestep::api::Problem;
-use sidestep::reachability::PursuitGame;
+use sidestep::inspection::Mesh;
+use sidestep::picture::Picture;
 use std::rc::Rc;
 
 /// A page: a state machine with a message type of its own. It never waits and never touches
@@ -23,9 +25,38 @@ pub trait Page {
         false
     }
 
-    /// Whether it solves games; else [`Command::Solve`] does nothing.
+    /// Whether it shows solids; else [`Page::solid`] is never asked.
+    #[must_use]
+    fn shows_solids() -> bool
+    where
+        Self: Sized,
+    {
+        false
+    }
+
+    /// Whether it looks at what pointers do; else [`Node::on_point`] does
+    /// nothing.
+    #[must_use]
+    fn points() -> bool
+    where
+        Self: Sized,
+    {
+        false
+    }
+
+    /// Whether it has programs beside it that compute; else [`Command::Solve`] and [`Command::Evaluate`] do
+    /// nothing.
     #[must_use]
     fn solves() -> bool
+    where
+        Self: Sized,
+    {
+        false
+    }
+
+    /// Whether it offers files; else [`Command::Download`] and its like do nothing.
+    #[must_use]
+    fn offers_files() -> bool
     where
         Self: Sized,
     {
@@ -35,6 +66,16 @@ pub trait Page {
     /// Whether it follows changes; else [`Command::Follow`] does nothing.
     #[must_use]
     fn follows() -> bool
+    where
+        Self: Sized,
+    {
+        false
+    }
+
+    /// Whether keys are short cuts: a control that has the keyboard keeps the keys that it needs, and the
+    /// page hears all others, again and again while they are held. Else the page hears all keys once.
+    #[must_use]
+    fn has_short_cuts() -> bool
     where
         Self: Sized,
     {
@@ -78,6 +119,11 @@ pub trait Page {
     /// what was painted last. Returns whether there is a canvas.
     fn draw(&self, _at_ms: f64, _picture: &mut Picture) -> bool {
         false
+    }
+
+    /// The solid that there is to see, if there is one. It is drawn after every message.
+    fn solid(&self) -> Option<Solid<Self::Msg>> {
+        None
     }
 
     /// Whether the key at this place (see [`Event::Key`]) belongs to the page, so that the browser
@@ -130,6 +176,35 @@ pub enum Event {
     /// Another address is to be shown: a link was pressed, the user went back or forward, or
     /// edited the address. The document stays if the page wants the message.
     Address(Address),
+}
+
+/// Triangles on a canvas of their own, transparent around them.
+pub struct Solid<M> {
+    /// The canvas element's id.
+    pub canvas: &'static str,
+    /// The triangles; another mesh has another pointer.
+    pub mesh: Rc<Mesh>,
+    /// From the mesh's coordinates to clip coordinates, column by column.
+    pub matrix: [f32; 16],
+    /// The direction from which light falls, of length 1, in the space of the normals.
+    pub light: [f32; 3],
+    /// Its tones in shadow, in half light and in bright light.
+    pub tones: [[u8; 3]; 3],
+    /// Difference of the mesh's third coordinate between two rings on the surface.
+    pub ring: f32,
+    /// The message when the browser does not draw it (false), because it never could or has lost its graphics
+    /// for a while, and when it can again (true).
+    pub then: Rc<dyn Fn(bool) -> M>,
+}
+
+impl<M: 'static> Solid<M> {
+    /// The same with the messages of a page that this one is part of.
+    #[must_use]
+    pub fn map<N: 'static>(self, lift: impl Fn(M) -> N + 'static) -> Solid<N> {
+        let Self { canvas, mesh, matrix, light, tones, ring, then } = self;
+        let then = Rc::new(move |can| lift(then(can)));
+        Solid { canvas, mesh, matrix, light, tones, ring, then }
+    }
 }
 
 /// The part of an address that tells pages apart.
@@ -219,11 +294,14 @@ pub enum Command<M> {
     Solve {
         /// Name of the solve.
         name: &'static str,
-        /// The game.
-        game: PursuitGame,
+        /// What is to be found.
+        task: Task,
         /// The message of each report; the last report is a solution or a failure.
         then: Rc<dyn Fn(Solving) -> M>,
     },
+    /// Tell an evaluator something. It is a function, so that programs without evaluators hold no code for
+    /// what it returns: every participant downloads one.
+    Evaluate(Box<dyn FnOnce() -> Evaluate<M>>),
     /// Send a message at once, and whenever the server says that something has changed. The server is
     /// not asked while the page is hidden, and again at once when it is shown.
     Follow {
@@ -234,7 +312,7 @@ pub enum Command<M> {
         /// The message.
         then: Rc<dyn Fn() -> M>,
     },
-    /// Give up the request, timer, solve or following of this name.
+    /// Give up the request, timer, solve, evaluator or following of this name.
     Cancel(&'static str),
     /// Give up everything that is under way.
     CancelAll,
@@ -259,6 +337,22 @@ pub enum Command<M> {
     GuardLeaving(bool),
     /// Fill the screen, or no longer. The browser does so only when a key or button was pressed.
     Fullscreen(bool),
+    /// Offer a file for download.
+    Download {
+        /// Its name.
+        name: String,
+        /// Its media type.
+        media_type: &'static str,
+        /// Its content.
+        content: Vec<u8>,
+    },
+    /// Offer what is on a canvas as a PNG image for download, on the page's ground.
+    DownloadCanvas {
+        /// The canvas element's id.
+        canvas: &'static str,
+        /// Name of the file.
+        name: String,
+    },
     /// Replace the address without loading it.
     ReplaceAddress(String),
     /// Show another address of this page as if a link to it had been pressed.
@@ -266,6 +360,22 @@ pub enum Command<M> {
     /// Leave for another address.
     Leave(String),
 }
+
+/// Something to tell the evaluator of a name. It is started if there is none, and lives until it is
+/// cancelled.
+pub struct Evaluate<M> {
+    /// Its name.
+    pub name: &'static str,
+    /// What it is told.
+    pub part: Part,
+    /// The content of that.
+    pub content: Vec<u8>,
+    /// The message of each of its reports: that of the command which started it.
+    pub then: Rc<dyn Fn(Answer) -> M>,
+}
+/// The media type of a [`Command::Download`] whose content is SVG, and which is to be a PNG image, twice as
+/// large as the SVG says.
+pub const PNG_OF_SVG: &str = "image/png; from svg";
 
 /// A request to the server.
 pub struct Request<M> {
@@ -308,9 +418,14 @@ impl<M: 'static> Command<M> {
             Self::Wake { timer, after_ms, message } => {
                 Command::Wake { timer, after_ms, message: lift(message) }
             }
-            Self::Solve { name, game, then } => {
-                Command::Solve { name, game, then: Rc::new(move |solving| lift(then(solving))) }
+            Self::Solve { name, task, then } => {
+                Command::Solve { name, task, then: Rc::new(move |solving| lift(then(solving))) }
             }
+            Self::Evaluate(evaluate) => Command::Evaluate(Box::new(move || {
+                let Evaluate { name, part, content, then } = evaluate();
+                let then = Rc::new(move |answer| lift(then(answer)));
+                Evaluate { name, part, content, then }
+            })),
             Self::Follow { name, url, then } => {
                 Command::Follow { name, url, then: Rc::new(move || lift(then())) }
             }
@@ -324,6 +439,10 @@ impl<M: 'static> Command<M> {
             Self::Language(tag) => Command::Language(tag),
             Self::GuardLeaving(on) => Command::GuardLeaving(on),
             Self::Fullscreen(on) => Command::Fullscreen(on),
+            Self::Download { name, media_type, content } => {
+                Command::Download { name, media_type, content }
+            }
+            Self::DownloadCanvas { canvas, name } => Command::DownloadCanvas { canvas, name },
             Self::ReplaceAddress(url) => Command::ReplaceAddress(url),
             Self::Visit(url) => Command::Visit(url),
             Self::Leave(url) => Command::Leave(url),

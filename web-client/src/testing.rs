@@ -1,16 +1,21 @@
 //! A page in a browser of a few lines, whose server answers when the test says so.
 
+use crate::evaluation::Evaluation;
 use crate::runtime::{
-    Answer, Command, Commands, Event, Failure, NotKept, Page, Request, Solving, Then, answer,
+    Answer, Command, Commands, Evaluate, Event, Failure, NotKept, Page, Request, Solving, Then,
+    answer,
 };
-use crate::shape::Picture;
+use crate::task::Task;
 use crate::view::Node;
-use sidestep::reachability::PursuitGame;
+use sidestep::picture::Picture;
 use std::collections::BTreeMap;
 use std::rc::Rc;
 
 /// What a solver reports becomes this message.
 pub(crate) type Report<M> = Rc<dyn Fn(Solving) -> M>;
+
+/// What an evaluator reports becomes this message.
+pub(crate) type Evaluated<M> = Rc<dyn Fn(Answer) -> M>;
 
 /// A change on the server becomes this message.
 pub(crate) type Changed<M> = Rc<dyn Fn() -> M>;
@@ -32,7 +37,9 @@ pub(crate) struct Session<P: Page> {
     /// Timers that are set: name, duration in ms, message.
     pub(crate) timers: Vec<(&'static str, f64, P::Msg)>,
     /// What solvers work on, under the name of the solve.
-    pub(crate) solving: Vec<(&'static str, PursuitGame, Report<P::Msg>)>,
+    pub(crate) solving: Vec<(&'static str, Task, Report<P::Msg>)>,
+    /// Evaluators and what their reports become, under their names.
+    pub(crate) evaluators: BTreeMap<&'static str, (Evaluation, Evaluated<P::Msg>)>,
     /// What is told of changes, under the name of the following.
     pub(crate) following: Vec<(&'static str, Changed<P::Msg>)>,
     /// Addresses that were shown without leaving the document.
@@ -50,6 +57,8 @@ pub(crate) struct Session<P: Page> {
     /// Texts that the browser has still to keep: name, text and the message after it.
     pub(crate) keeping: Vec<(String, String, Kept<P::Msg>)>,
     picture: Picture,
+    /// Names and contents of the files that were offered; those of canvases are empty.
+    pub(crate) files: Vec<(String, Vec<u8>)>,
 }
 
 impl<P: Page> Session<P> {
@@ -66,6 +75,7 @@ impl<P: Page> Session<P> {
             asked: Vec::new(),
             timers: Vec::new(),
             solving: Vec::new(),
+            evaluators: BTreeMap::new(),
             following: Vec::new(),
             visited: Vec::new(),
             left: None,
@@ -75,6 +85,7 @@ impl<P: Page> Session<P> {
             keeps_slowly: false,
             keeping: Vec::new(),
             picture: Picture::default(),
+            files: Vec::new(),
         };
         session.apply(commands);
         session
@@ -91,9 +102,17 @@ impl<P: Page> Session<P> {
                     self.cancel(|name| name == timer);
                     self.timers.push((timer, after_ms, message));
                 }
-                Command::Solve { name, game, then } => {
+                Command::Solve { name, task, then } => {
                     self.cancel(|other| other == name);
-                    self.solving.push((name, game, then));
+                    self.solving.push((name, task, then));
+                }
+                Command::Evaluate(evaluate) => {
+                    let Evaluate { name, part, content, then } = evaluate();
+                    self.evaluators
+                        .entry(name)
+                        .or_insert((Evaluation::default(), then))
+                        .0
+                        .hear(part, &content);
                 }
                 Command::Follow { name, then, .. } => {
                     self.cancel(|other| other == name);
@@ -117,6 +136,8 @@ impl<P: Page> Session<P> {
                 Command::Fullscreen(on) => self.fullscreen = on,
                 Command::Visit(url) | Command::ReplaceAddress(url) => self.visited.push(url),
                 Command::Leave(url) => self.left = Some(url),
+                Command::Download { name, content, .. } => self.files.push((name, content)),
+                Command::DownloadCanvas { name, .. } => self.files.push((name, Vec::new())),
             }
         }
     }
@@ -137,6 +158,17 @@ impl<P: Page> Session<P> {
         self.timers.retain(|(name, ..)| !named(name));
         self.solving.retain(|(name, ..)| !named(name));
         self.following.retain(|(name, ..)| !named(name));
+        self.evaluators.retain(|name, _| !named(name));
+    }
+
+    /// The evaluator of this name works to the end of what it was told, and reports at the end alone.
+    pub(crate) fn evaluate(&mut self, name: &str) {
+        let (evaluation, then) = self.evaluators.get_mut(name).expect("an evaluator");
+        while evaluation.work() {}
+        let message = evaluation.report().map(|report| then(Ok(report.into_bytes())));
+        if let Some(message) = message {
+            self.tell(message);
+        }
     }
 
     pub(crate) fn tell(&mut self, message: P::Msg) {

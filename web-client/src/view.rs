@@ -1,13 +1,16 @@
 //! What a page shows, as plain data: a tree of elements whose controls carry the page's
 //! messages. [`browser`](crate::browser) brings the document to it with the fewest changes.
 
-use crate::form::{FieldValue, Form};
+use crate::form::{FieldValue, Form, Pointing};
 use sidestep::chart::Element;
 use std::ops::{Deref, DerefMut};
 use std::rc::Rc;
 
 /// The attribute that holds an element's content where that is HTML; see [`Node::html`].
 pub const HTML: &str = "innerHTML";
+
+/// The attribute of an element that hears pointers; its value says whether it hears the wheel too.
+pub const POINTS: &str = "data-points";
 
 /// An element. `M` is the page's message type. It is a pointer, because a page is built by passing
 /// elements on: so each step of that takes less code, and so less download.
@@ -150,6 +153,23 @@ impl<M> Node<M> {
     pub fn on_input(mut self, message: impl Fn(FieldValue) -> M + 'static) -> Self {
         self.handler = Some(Handler::Input(Rc::new(message)));
         self
+    }
+
+    /// Sends a message with whatever a pointer does here, but for its wheel. The page's
+    /// [`points`](crate::runtime::Page::points) must say so.
+    #[must_use]
+    pub fn on_point(self, message: impl Fn(Pointing) -> M + 'static) -> Self {
+        let message = move |value| match value {
+            FieldValue::Pointing(pointing) => message(pointing),
+            _ => message(Pointing::default()),
+        };
+        self.attr(POINTS, "").on_input(message)
+    }
+
+    /// The same with the wheel, which then does not scroll the page.
+    #[must_use]
+    pub fn on_point_and_wheel(self, message: impl Fn(Pointing) -> M + 'static) -> Self {
+        self.on_point(message).attr(POINTS, "wheel")
     }
 
     /// Sends a message with all values of this form when it is submitted.

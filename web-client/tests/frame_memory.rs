@@ -4,10 +4,10 @@
 
 use peak_alloc::PeakAlloc;
 use serde_json::{Value, json};
+use sidestep::picture::Picture;
 use sidestep::study::StudyConfig;
 use sidestep_web::pages::participant::{Msg, Part, Participant};
 use sidestep_web::runtime::{Address, Answer, Event, Page, PageContext};
-use sidestep_web::shape::Picture;
 
 #[global_allocator]
 static MEMORY: PeakAlloc = PeakAlloc;

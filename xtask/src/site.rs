@@ -26,16 +26,20 @@ pub(crate) use self::bundle::{Bundle, bundle};
 pub(crate) use self::publish::publish;
 
 /// The programs of the web client: its binary targets.
-pub(crate) const ENTRIES: [&str; 4] = [PARTICIPANT, "lab", SOLVER, SIMULATOR];
+pub(crate) const ENTRIES: [&str; 7] =
+    [PARTICIPANT, "lab", "viewer", "demo", SOLVER, EVALUATOR, SIMULATOR];
 
 /// The programs that pages start as they load.
-pub(crate) const PAGE_ENTRIES: [&str; 2] = [PARTICIPANT, "lab"];
+pub(crate) const PAGE_ENTRIES: [&str; 4] = [PARTICIPANT, "lab", "viewer", "demo"];
 
 /// The entry that every participant downloads.
 const PARTICIPANT: &str = "participant";
 
 /// The entry that a page names, but starts (in a worker) only when it needs it.
 pub(crate) const SOLVER: &str = "solver";
+
+/// The entry that a page names, but starts (in a worker) only to count and tune predicted sets.
+pub(crate) const EVALUATOR: &str = "evaluator";
 
 /// The entry that a page names, but starts only for a simulated participant.
 const SIMULATOR: &str = "simulator";
@@ -136,7 +140,7 @@ pub(crate) fn compose(sources: Files, bundles: Vec<Bundle>) -> Result<Site> {
         pages.push(page(name, &filled.used, &assets));
     }
     // Listed like pages, since they are loaded by themselves.
-    for entry in [SOLVER, SIMULATOR] {
+    for entry in [SOLVER, EVALUATOR, SIMULATOR] {
         let files = [format!("{entry}.js"), format!("{entry}.wasm")];
         let files = files.iter().filter_map(|name| assets.get(name).cloned()).collect();
         pages.push(Page { name: entry.to_owned(), entries: Vec::new(), assets: files });
@@ -162,7 +166,7 @@ fn page(name: String, used: &BTreeSet<String>, assets: &BTreeMap<String, String>
     let entries: Vec<&str> =
         PAGE_ENTRIES.into_iter().filter(|entry| used.contains(&format!("{entry}.js"))).collect();
     let started = entries.iter().map(|entry| format!("{entry}.wasm"));
-    let on_demand = [SOLVER, SIMULATOR].map(|entry| format!("{entry}.js"));
+    let on_demand = [SOLVER, EVALUATOR, SIMULATOR].map(|entry| format!("{entry}.js"));
     let named = used.iter().filter(|name| !on_demand.contains(name)).cloned();
     let loaded: BTreeSet<String> = named.chain(started).collect();
     let assets = loaded.iter().filter_map(|name| assets.get(name).cloned()).collect();
@@ -290,7 +294,7 @@ mod tests {
     fn a_page_costs_what_it_starts_and_nothing_else() {
         let site = composed(&[
             ("index.html", "{{participant.js}} {{simulator.js}} {{style.css}}"),
-            ("lab.html", "{{lab.js}} {{solver.js}} {{style.css}}"),
+            ("lab.html", "{{lab.js}} {{solver.js}} {{evaluator.js}} {{style.css}}"),
             ("style.css", "a{b:c}"),
         ])
         .expect("a valid site");
@@ -312,6 +316,7 @@ mod tests {
                 ("index.html", PARTICIPANT_BUDGET + 3, true),
                 ("lab.html", PARTICIPANT_BUDGET + 3, false),
                 ("solver", PARTICIPANT_BUDGET + 1, false),
+                ("evaluator", PARTICIPANT_BUDGET + 1, false),
                 ("simulator", PARTICIPANT_BUDGET + 1, false)
             ]
         );

@@ -66,7 +66,7 @@ pub async fn run(args: CheckArgs) -> Result<(), CommandError> {
 async fn report(store: &Store) -> Result<Report, CommandError> {
     let mut report = Report { damage: store.damage().await?, ..Report::default() };
     let wrong_tally =
-        |id| format!("participant {id}: the tally does not follow from the stored trials");
+        |id| format!("participant {id}: the tally does not follow from what is stored");
     report.damage.extend(store.wrong_tallies().await?.into_iter().map(wrong_tally));
     for slug in store.slugs().await? {
         report.studies += 1;

@@ -1,9 +1,9 @@
 //! The game that a command is about: its parameters, or a file with its value.
 
 use super::solving::{self, Interrupt, flagged};
-use super::{CommandError, Words, one_of};
+use super::{CommandError, one_of};
 use crate::formats::npz;
-use sidestep::reachability::{Accuracy, Options, PursuitGame, ValueFunction};
+use sidestep::reachability::{ACCURACIES, Accuracy, Options, PursuitGame, ValueFunction};
 use sidestep::vehicle::VehicleModel;
 use std::fs::File;
 use std::io::BufReader;
@@ -64,14 +64,12 @@ pub struct FunctionArgs {
     accuracy: Accuracy,
 }
 
-/// Accuracies of a grid.
-pub(super) const ACCURACIES: Words<Accuracy> = &[
-    ("draft", Accuracy::Draft, "For a first look: errors of tenths of a metre near kinks"),
-    ("standard", Accuracy::Standard, "For studies: errors of centimetres near V = 0"),
-    ("fine", Accuracy::Fine, "For reference values"),
-];
-
 impl FunctionArgs {
+    /// The flags of the game, which are the usual ones with --value-function.
+    pub(super) fn game(&self) -> GameArgs {
+        self.game
+    }
+
     /// The value function: read from the file, in closed form, or solved.
     ///
     /// # Errors

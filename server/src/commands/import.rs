@@ -88,7 +88,7 @@ pub async fn run(args: ImportArgs) -> Result<(), CommandError> {
     };
     let config = known.map_or_else(|| Arc::new(wanted), |study| study.config);
     let interrupt = Interrupt::listen();
-    let parameters = config.parameters;
+    let (parameters, only_synthetic) = (config.parameters, config.synthetic);
     let checking = tokio::task::spawn_blocking(move || source.checked(&parameters));
     let checked = interrupt.unless_stopped(checking).await?.map_err(CommandError::failure)?;
     let file = checked.map_err(|error| complain(&error))?;
@@ -104,7 +104,15 @@ pub async fn run(args: ImportArgs) -> Result<(), CommandError> {
     let (sender, mut batches) = mpsc::channel(2);
     let reading = tokio::task::spawn_blocking(move || {
         let mut batch = Batch::default();
+        let mut refused = None;
         let read = file.each(&parameters, |person| {
+            if only_synthetic && synthetic::recognised(std::slice::from_ref(&person)).is_none() {
+                let expected = "1 in a study that takes synthetic participants only";
+                let found = format!("participant {} without this mark", person.name);
+                let what = Invalid::new("synthetic", expected, found);
+                refused = Some(Fault { line: person.line, what });
+                return ControlFlow::Break(());
+            }
             batch.add(&parameters, person);
             let is_full = batch.trials >= BATCH;
             match is_full && sender.blocking_send(std::mem::take(&mut batch)).is_err() {
@@ -112,6 +120,9 @@ pub async fn run(args: ImportArgs) -> Result<(), CommandError> {
                 false => ControlFlow::Continue(()),
             }
         });
+        if let Some(fault) = refused {
+            return Err(fault.to_string());
+        }
         // Nobody receives it if the import has failed.
         let _ = read.is_ok() && sender.blocking_send(batch).is_ok();
         read

@@ -1,5 +1,8 @@
 //! `sidestep plot`.
 
+mod replay;
+
+use self::replay::ReplayArgs;
 use super::game::FunctionArgs;
 use super::json_file::Document;
 use super::prediction::{Prediction, PredictorArgs, named};
@@ -12,7 +15,7 @@ use sidestep::chart::{Drawing, number};
 use sidestep::invalid::Invalid;
 use std::path::{Path, PathBuf};
 
-/// Draw level sets of the value function, or predicted regions, as SVG or PNG.
+/// Draw level sets of the value function, predicted regions, or a moment of a trial, as SVG or PNG.
 #[derive(Clone, Debug, clap::Args)]
 pub struct PlotArgs {
     #[command(flatten)]
@@ -36,6 +39,8 @@ pub struct PlotArgs {
     input: Vec<PathBuf>,
     #[command(flatten)]
     predictor: PredictorArgs,
+    #[command(flatten)]
+    replay: ReplayArgs,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -47,6 +52,9 @@ enum Kind {
     /// The predicted positions of the human: the sets of `sidestep bounds` in the paper's
     /// colours. Above: all positions within the steps ahead; below: those at single steps.
     Regions,
+    /// A moment of a recorded trial from above, as the laboratory replays it: level sets, predicted sets,
+    /// likely futures, paths.
+    Replay,
 }
 
 /// Most panels, and most levels.
@@ -65,6 +73,10 @@ pub async fn run(args: PlotArgs) -> Result<(), CommandError> {
     let interrupt = Interrupt::listen();
     let drawing = match args.kind {
         Kind::Regions => regions(&args.input, &args.predictor).await?,
+        Kind::Replay => {
+            let predictor = args.predictor.read([])?;
+            replay::replay(&args.replay, args.function.game(), predictor, &interrupt).await?
+        }
         Kind::Slices | Kind::Tube => level_sets(&args, &interrupt).await?,
     };
     let bytes = if as_png {
@@ -154,8 +166,13 @@ fn check(args: &PlotArgs) -> Result<(), CommandError> {
         let message = "--input: expected only with --kind regions";
         return Err(CommandError::Input(message.to_owned()));
     }
-    if args.kind != Kind::Regions && args.predictor.is_given() {
-        let message = "--predictor: expected only with --kind regions";
+    let predicts = matches!(args.kind, Kind::Regions | Kind::Replay);
+    if !predicts && args.predictor.is_given() {
+        let message = "--predictor: expected only with --kind regions or replay";
+        return Err(CommandError::Input(message.to_owned()));
+    }
+    if args.kind != Kind::Replay && args.replay.is_given() {
+        let message = "--trials, --database and --trial: expected only with --kind replay";
         return Err(CommandError::Input(message.to_owned()));
     }
     let refuse = |flag: &str, expected: &str, found: &dyn std::fmt::Display| {

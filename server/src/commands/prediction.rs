@@ -95,6 +95,11 @@ impl PredictorArgs {
 }
 
 impl<'a> PredictorSource<'a> {
+    /// The predictor.
+    pub(super) fn predictor(&self) -> &Predictor {
+        &self.predictor
+    }
+
     /// The document's own predictor or the one beside it: there must be exactly one.
     fn of(
         document: Document<'a>,

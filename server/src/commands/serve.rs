@@ -1,5 +1,6 @@
 //! `sidestep serve`.
 
+use super::demo::{self, Demo};
 use super::{CommandError, print_line};
 use crate::clock::now_ms;
 use crate::formats::study_toml::StudyFile;
@@ -41,9 +42,20 @@ pub struct ServeArgs {
     /// Address and port; port 0 takes any free one.
     #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:8080")]
     pub listen: String,
-    /// Database: sqlite: followed by a file, which is created if it does not exist.
-    #[arg(long, value_name = "URL", default_value = "sqlite:sidestep.db")]
+    /// Database: sqlite: followed by a file, which is created if it does not exist. With --demo, the
+    /// default is sqlite:sidestep-demo.db, so that your data stay among themselves.
+    #[arg(
+        long,
+        value_name = "URL",
+        default_value = "sqlite:sidestep.db",
+        default_value_if("demo", "true", "sqlite:sidestep-demo.db")
+    )]
     pub database: String,
+    /// Show what Sidestep does: fill the study `demo` with synthetic people and analyse it, in less
+    /// than a minute. Pages answer meanwhile. The study is marked as synthetic everywhere and takes no
+    /// people. A second start adds nothing, and finishes what was broken off.
+    #[arg(long, conflicts_with = "study")]
+    pub demo: bool,
     /// Study file, TOML, with at least a slug; missing fields take the paper's values [default:
     /// the studies that the database has, or if it has none, the study `default` with the paper's
     /// protocol].
@@ -67,7 +79,10 @@ pub struct ServeArgs {
     /// them at each replay, and predictors fall back to input frequencies.
     #[arg(long)]
     pub no_solve: bool,
-    /// Threads for analyses [default: all processors but one, at least one].
+    /// Let everybody drive the demonstration at /demo. Experimenters have it at /lab/demo.
+    #[arg(long)]
+    pub open_demo: bool,
+    /// Threads for analyses [default: all processors but one, at least one; with --demo all].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub analysis_threads: Option<u16>,
 }
@@ -80,13 +95,16 @@ const PLANS_WAITING: usize = 2_000;
 pub struct Running {
     /// Where, with the real port.
     pub address: SocketAddr,
-    /// The names of all studies; the first is the one that `/start` leads to.
+    /// The names of the studies in which people take part; the first is the one that `/start` leads to.
     pub studies: Vec<String>,
     /// The experimenter's key, if it was made just now.
     pub new_key: Option<String>,
     store: Store,
     solver: Option<Solver>,
     analysis_worker: AnalysisWorker,
+    demo: Option<Demo>,
+    /// Whether the demonstration is being filled.
+    fills_demo: bool,
     stop: oneshot::Sender<()>,
     task: JoinHandle<()>,
 }
@@ -122,7 +140,7 @@ pub async fn start(args: &ServeArgs, key: Option<&str>) -> Result<Running, Comma
     let given = args.study.as_deref().map(|path| languages.read_study(path)).transpose();
     let given = given.map_err(CommandError::Input)?;
     let folder = args.site.clone().unwrap_or_else(default_folder);
-    let site = Site::open(&folder).map_err(CommandError::Failure)?;
+    let site = Site::open(&folder).map_err(CommandError::Failure)?.with_demo(args.open_demo);
     let listener = TcpListener::bind(&args.listen).await.map_err(|error| {
         let listen = &args.listen;
         if error.kind() == std::io::ErrorKind::InvalidInput {
@@ -136,7 +154,9 @@ pub async fn start(args: &ServeArgs, key: Option<&str>) -> Result<Running, Comma
 
     let store = Store::open(&args.database, Missing::Create).await?;
     store.serve_alone()?;
-    let studies = prepare(&store, given.as_ref(), args.replace_study).await?;
+    let fills_demo = args.demo && demo::prepare(&store, &args.database).await?;
+    let names = prepare(&store, given.as_ref(), args.replace_study).await?;
+    let studies = of_people(&store, &names).await?;
     let new_key = match environment_key {
         Some(_) => None,
         None => first_key(&store, args.new_admin_key).await.map_err(CommandError::failure)?,
@@ -146,7 +166,7 @@ pub async fn start(args: &ServeArgs, key: Option<&str>) -> Result<Running, Comma
     let stopping = CancellationToken::new();
     let app = Arc::new(App {
         store: store.clone(),
-        default_study: studies[0].clone(),
+        default_study: studies.first().unwrap_or(&names[0]).clone(),
         library: Library::new(languages),
         environment_key,
         throttle: Throttle::default(),
@@ -166,10 +186,26 @@ pub async fn start(args: &ServeArgs, key: Option<&str>) -> Result<Running, Comma
         stopping.cancel();
     }));
     let solver = (!args.no_solve).then(|| Solver::start(store.clone(), study_stored));
+    // Nobody takes part in a demonstration, so no processor is kept for that.
+    let all =
+        || std::thread::available_parallelism().ok().and_then(|all| all.get().try_into().ok());
+    let threads = args.analysis_threads.or_else(|| if args.demo { all() } else { None });
     let analysis_worker =
-        AnalysisWorker::start(store.clone(), analysis_asked, args.analysis_threads);
-    tracing::info!(%address, study = studies[0], "serving");
-    Ok(Running { address, studies, new_key, store, solver, analysis_worker, stop, task })
+        AnalysisWorker::start(store.clone(), Arc::clone(&analysis_asked), threads);
+    let demo = args.demo.then(|| Demo::start(store.clone(), address, analysis_asked));
+    tracing::info!(%address, study = names[0], "serving");
+    Ok(Running {
+        address,
+        studies,
+        new_key,
+        store,
+        solver,
+        analysis_worker,
+        demo,
+        fills_demo,
+        stop,
+        task,
+    })
 }
 
 impl Running {
@@ -189,11 +225,17 @@ impl Running {
                  The key is shown this once: keep the link, or make another key with --new-admin-key."
             );
         }
+        if self.fills_demo {
+            let _ = write!(text, "\n{}", demo::announcement(address));
+        }
         text
     }
 
     /// Finishes requests under way, then closes the database.
     pub async fn stop(self) {
+        if let Some(demo) = self.demo {
+            demo.stop().await;
+        }
         let _ = self.stop.send(());
         if let Some(solver) = self.solver {
             solver.stop().await;
@@ -204,6 +246,14 @@ impl Running {
         }
         self.store.close().await;
     }
+}
+
+/// Those of these studies in which people take part, in the same order.
+async fn of_people(store: &Store, names: &[String]) -> Result<Vec<String>, CommandError> {
+    let summaries = store.summaries(None, now_ms()).await?;
+    let is_synthetic =
+        |name: &String| summaries.iter().any(|study| study.slug == *name && study.synthetic);
+    Ok(names.iter().filter(|name| !is_synthetic(name)).cloned().collect())
 }
 
 /// Stores the study of the file, or makes the paper's study in an empty database. Keeps the value
@@ -258,6 +308,10 @@ async fn prepare(
         );
         let different = Invalid::new("slug", expected, format!("other values of {changed}"));
         return Err(CommandError::Input(file.complaint(&different)));
+    }
+    if let (Some(known), Some(file)) = (&known, file) {
+        let checked = known.config.check_successor(&config, participants);
+        checked.map_err(|invalid| CommandError::Input(file.complaint(&invalid)))?;
     }
     let study = store.put_study(&config, now_ms()).await?;
     if let Some(known) = &known {

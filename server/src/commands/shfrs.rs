@@ -18,6 +18,7 @@ use sidestep::predict::{Predictor, PredictorFile};
 use sidestep::recording::{Recording, flagged as flagged_trials};
 use sidestep::safety::SafetyLevels;
 use sidestep::shfrs::PredictedHuman;
+use sidestep::shfrs::file::ShfrsFile;
 use sidestep::shfrs::guarantee::Guarantee;
 use sidestep::shfrs::prediction::Prediction;
 use sidestep::shfrs::tuning::Split;
@@ -56,6 +57,11 @@ pub struct ShfrsArgs {
     #[arg(long, value_name = "NAME,…", value_delimiter = ',', conflicts_with = "predictor")]
     #[arg(default_values = ["hrd", "robot_ahead", "robot_left"])]
     features: Vec<String>,
+    /// Regions: settings as JSON, as the laboratory's explorer saves them, instead of --epsilon, --k,
+    /// --tau, --steps and --rollout.
+    #[arg(long, value_name = "FILE.json")]
+    #[arg(conflicts_with_all = ["epsilon", "k", "tau", "steps", "rollout"])]
+    settings: Option<PathBuf>,
     /// Folder to write to; made if missing.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
@@ -95,13 +101,15 @@ pub struct ShfrsArgs {
     #[arg(long, value_name = "P", default_value_t = 0.05, allow_negative_numbers = true)]
     delta: f64,
     /// Share of the trajectories in the training set, in (0, 1).
-    #[arg(long, value_name = "SHARE", default_value_t = 0.4, allow_negative_numbers = true)]
+    #[arg(long, value_name = "SHARE", default_value_t = Split::USUAL.training)]
+    #[arg(allow_negative_numbers = true)]
     training: f64,
     /// Share of the trajectories in the calibration set, in (0, 1); the rest is the test set.
-    #[arg(long, value_name = "SHARE", default_value_t = 0.3, allow_negative_numbers = true)]
+    #[arg(long, value_name = "SHARE", default_value_t = Split::USUAL.calibration)]
+    #[arg(allow_negative_numbers = true)]
     calibration: f64,
     /// Seed of the random split and the random windows.
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    #[arg(long, value_name = "N", default_value_t = Split::USUAL.seed)]
     seed: u64,
     /// Confidence of the intervals, in (0, 1).
     #[arg(long, value_name = "P", default_value_t = 0.95, allow_negative_numbers = true)]
@@ -139,8 +147,11 @@ const SEQUENCE: usize = 101;
 /// # Errors
 /// [`CommandError`] for flags or files that are wrong, too few trajectories for a guarantee
 /// (input), or a file that cannot be written (failure).
-pub async fn run(args: ShfrsArgs) -> Result<(), CommandError> {
+pub async fn run(mut args: ShfrsArgs) -> Result<(), CommandError> {
     let interrupt = Interrupt::listen();
+    if let Some(path) = args.settings.clone() {
+        args.take(&Document(&path))?;
+    }
     let recording = args.trials.recording(Faults::Refuse).await?;
     let (parameters, synthetic) = (recording.scene, recording.provenance.synthetic.clone());
     let (excluded, flags) = (recording.exclusions.clone(), flagged_trials(&recording.participants));
@@ -222,6 +233,17 @@ struct Recorded {
 }
 
 impl ShfrsArgs {
+    /// Takes the settings of a file instead of the flags.
+    fn take(&mut self, document: &Document<'_>) -> Result<(), CommandError> {
+        let file: ShfrsFile = document.read()?;
+        // Whether k fits the predictor is known once that is read; how many it may be is not.
+        file.settings(usize::MAX).map_err(|invalid| document.complain(&invalid))?;
+        self.steps = file.steps;
+        (self.epsilon, self.rollout) = (file.epsilon, file.rollout);
+        (self.k, self.tau) = (file.k, file.tau);
+        Ok(())
+    }
+
     fn recorded(&self, recording: Recording) -> Result<Vec<Recorded>, CommandError> {
         let name = self.trials.name();
         let complain = |e: &dyn std::fmt::Display| CommandError::Input(format!("{name}: {e}"));

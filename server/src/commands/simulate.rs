@@ -1,6 +1,7 @@
 //! `sidestep simulate`.
 
 mod file;
+pub(super) mod volunteer;
 mod participation;
 
 use super::{CommandError, Words, one_of, solving};

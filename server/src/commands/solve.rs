@@ -1,13 +1,14 @@
 //! `sidestep solve`.
 
-use super::game::{ACCURACIES, GameArgs};
+use super::game::GameArgs;
 use super::solving::{self, Interrupt, flagged};
 use super::{CommandError, Words, one_of, print_json, unwritable};
 use crate::formats::{atomic_file, npz};
 use serde::Serialize;
 use sidestep::invalid::Invalid;
 use sidestep::reachability::{
-    Accuracy, CartesianGrid, Method, Options, Precision, Scheme, default_threads,
+    ACCURACIES, Accuracy, CartesianGrid, METHODS, Method, Options, Precision, Scheme,
+    default_threads,
 };
 use std::path::PathBuf;
 
@@ -63,12 +64,6 @@ pub struct SolveArgs {
     #[arg(long, value_name = "FILE.npz")]
     out: PathBuf,
 }
-
-const METHODS: Words<Method> = &[
-    ("exact", Method::Exact, "Closed form: equal vehicles, infinite horizon"),
-    ("polar", Method::Polar, "Polar relative coordinates: any vehicles, infinite horizon"),
-    ("cartesian", Method::Cartesian, "A rectangular grid: any vehicles, any horizon"),
-];
 
 const SCHEMES: Words<Scheme> = &[
     ("upwind", Scheme::Upwind, "First order"),

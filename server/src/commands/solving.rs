@@ -3,6 +3,7 @@
 use super::{CommandError, unwritable};
 use crate::threads;
 use indicatif::{ProgressBar, ProgressStyle};
+use sidestep::inspection::parameter;
 use sidestep::invalid::Invalid;
 use sidestep::reachability::{
     Method, Options, PursuitGame, SolveError, Solved, ValueFunction, solve,
@@ -171,15 +172,8 @@ pub(super) fn bar(steps: u64, template: &str) -> ProgressBar {
 /// A complaint of the library in terms of the command line.
 pub(super) fn flagged(invalid: Invalid) -> CommandError {
     let flag = match invalid.field.as_str() {
-        "evader.speed_mps" => "evader-speed",
-        "evader.turn_rate_radps" => "evader-turn-rate",
-        "pursuer.speed_mps" => "pursuer-speed",
-        "pursuer.turn_rate_radps" => "pursuer-turn-rate",
         // Of unequal vehicles, whose rates count together.
         "turn_rate_radps" => "evader-turn-rate and --pursuer-turn-rate",
-        "radius_m" => "radius",
-        "horizon_s" => "horizon",
-        "range_m" => "range",
         "axes[0].low" => "domain, X0",
         "axes[0].high" => "domain, X1",
         "axes[1].low" => "domain, Y0",
@@ -187,7 +181,7 @@ pub(super) fn flagged(invalid: Invalid) -> CommandError {
         "axes[0].nodes" => "grid, NX",
         "axes[1].nodes" => "grid, NY",
         "axes[2].nodes" => "grid, NPSI",
-        other => other,
+        other => parameter(other),
     };
     CommandError::Input(format!("--{flag}: expected {}, found {}", invalid.expected, invalid.found))
 }

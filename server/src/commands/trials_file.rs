@@ -170,6 +170,28 @@ pub(super) enum Faults {
     Refuse,
 }
 
+/// A participant of the file with all trials, as they are in the file.
+///
+/// # Errors
+/// [`CommandError::Input`] naming the file, the line and what is wrong with it or with the participant, or
+/// that there is no such participant.
+pub(super) fn participant(
+    path: &Path,
+    scene: &SceneParameters,
+    name: &str,
+) -> Result<RecordedParticipant, CommandError> {
+    let Contents { mut participants, faults } =
+        trials_csv::read_each(open(path)?, scene).map_err(|e| faulty(path, &e))?;
+    if let Some(fault) = faults.iter().find(|fault| fault.participant == name) {
+        return Err(faulty(path, &fault.error));
+    }
+    participants.retain(|person| person.name == name);
+    check_motion(&participants, scene).map_err(|e| complaint(path, &e))?;
+    participants.pop().ok_or_else(|| {
+        complaint(path, &format!("--participant: no participant of the file is called {name:?}"))
+    })
+}
+
 /// The tasks in the file, of all participants if faults exclude, else of those who drove one. Trials whose states do not follow from the
 /// inputs are flagged.
 ///

@@ -14,12 +14,13 @@ use crate::http::json::JsonBody;
 use crate::http::params::PathText;
 use crate::http::studies::named;
 use crate::jobs::safety;
+use crate::store::Store;
 use crate::store::studies::{ChangeStudy, StoredStudy};
 use anyhow::Context;
 use axum::Json;
 use axum::extract::State;
 use axum::http::StatusCode;
-use serde_json::Value;
+use serde_json::{Value, json};
 use sidestep::api::{
     Action, Change, Configuration, ConfigurationVersion, Draft, DraftChecked, FormDraft, NewStatus,
     Problem, Remark,
@@ -71,7 +72,10 @@ pub async fn check_form(
     }
     let study = match from_value::<StudyConfig>(&config) {
         Ok(study) => study,
-        Err(invalid) => return unwritten(Some(invalid.field.clone()), invalid.to_string()),
+        Err(invalid) => {
+            let invalid = with_range(&config, invalid);
+            return unwritten(Some(invalid.field.clone()), invalid.to_string());
+        }
     };
     // TOML has no whole numbers above 2⁶³ − 1.
     let toml = match written(&study) {
@@ -80,6 +84,23 @@ pub async fn check_form(
     };
     let checked = checked(&app, Draft { toml: toml.clone(), base }).await?;
     Ok(Json(DraftChecked { toml: Some(toml), ..checked }))
+}
+
+/// A complaint about a field in which there is nothing, or a number of another kind, with the range that a
+/// number there must be in. The range is what the study's own check says of a number outside it.
+fn with_range(config: &Value, invalid: Invalid) -> Invalid {
+    let pointer = format!("/{}", invalid.field.replace(['.', '['], "/").replace(']', ""));
+    if !matches!(config.pointer(&pointer), Some(Value::Null | Value::Number(_))) {
+        return invalid;
+    }
+    let outside = [json!(0), json!(u8::MAX), json!(u32::MAX), json!(-1), json!(1e12)];
+    let expected = outside.into_iter().find_map(|number| {
+        let mut other = config.clone();
+        *other.pointer_mut(&pointer)? = number;
+        let complaint = from_value::<StudyConfig>(&other).ok()?.check().err()?;
+        (complaint.field == invalid.field).then_some(complaint.expected)
+    });
+    Invalid { expected: expected.unwrap_or(invalid.expected), ..invalid }
 }
 
 fn languages(app: &App) -> Vec<String> {
@@ -103,15 +124,24 @@ async fn checked(app: &Arc<App>, draft: Draft) -> Result<DraftChecked, ApiError>
     };
     let study = Arc::new(file.config().clone());
     let there = app.store.study(&study.slug).await?;
+    let refused = |languages, invalid: &Invalid| -> Result<DraftChecked, ApiError> {
+        let complaint = Some(remark(file.located(invalid)));
+        let config = Some(serde_json::to_value(&*study).context("a configuration as JSON")?);
+        Ok(DraftChecked { complaint, config, languages, ..DraftChecked::default() })
+    };
     if base.is_none() && there.is_some() {
         let invalid = Invalid::new("slug", "a name that no study has", &study.slug);
-        let complaint = Some(remark(file.located(&invalid)));
-        let config = Some(serde_json::to_value(&*study).context("a configuration as JSON")?);
-        return Ok(DraftChecked { complaint, config, languages, ..DraftChecked::default() });
+        return refused(languages, &invalid);
     }
     let present = there.filter(|_| base.is_some());
     let changes = match present {
-        Some(present) => changes(&present.config, &study)?,
+        Some(present) => {
+            let participants = participants(&app.store, &study.slug).await?;
+            if let Err(invalid) = present.config.check_successor(&study, participants) {
+                return refused(languages, &invalid);
+            }
+            changes(&present.config, &study)?
+        }
         None => Vec::new(),
     };
     let drawn = Arc::clone(&study);
@@ -182,6 +212,7 @@ async fn replace(
     base: String,
 ) -> Result<Configuration, ApiError> {
     let slug = &present.slug;
+    present.config.check_successor(new, participants(&app.store, slug).await?)?;
     let fields: Vec<_> =
         changes(&present.config, new)?.into_iter().map(|change| change.field).collect();
     // The names of fields say nothing about people.
@@ -206,14 +237,20 @@ async fn stored(app: &App, study: StoredStudy) -> Result<Configuration, ApiError
 }
 
 async fn configuration(app: &App, study: StoredStudy) -> Result<Configuration, ApiError> {
-    let counts = app.store.summaries(Some(study.slug.clone()), now_ms()).await?;
+    let participants = participants(&app.store, &study.slug).await?;
     Ok(Configuration {
         toml: written(&study.config).context("a configuration as TOML")?,
         versions: versions(app, &study).await?,
         study: study.slug,
         hash: study.config_hash,
-        participants: counts.first().map_or(0, |study| study.participants),
+        participants,
     })
+}
+
+/// How many participants a study has, without pilots.
+async fn participants(store: &Store, slug: &str) -> Result<u64, ApiError> {
+    let counts = store.summaries(Some(slug.to_owned()), now_ms()).await?;
+    Ok(counts.first().map_or(0, |study| study.participants))
 }
 
 /// The configurations that a study has had, newest first.

@@ -9,13 +9,14 @@ use crate::http::params::PathText;
 use crate::http::studies::{gate, named};
 use crate::secrets;
 use crate::store::StoreError;
-use crate::store::enrolments::{self, NewParticipant};
+use crate::store::enrolments::{self, Gate, NewParticipant};
 use crate::store::participants::Participant;
 use crate::store::scenes::PlannedRow;
 use anyhow::Context;
 use axum::Json;
 use axum::extract::State;
 use axum::http::StatusCode;
+use serde_json::Value;
 use sidestep::api::{Enrolled, Enrolment, Object, Plan, PlannedPhase, PlannedScene};
 use sidestep::invalid::Invalid;
 use sidestep::scene::StratifiedScene;
@@ -47,6 +48,7 @@ pub async fn enrol(
         .locale
         .as_deref()
         .map(|locale| app.library.page(config, &study.config_hash, std::iter::once(locale)));
+    let gate = Gate { is_open: config.admits(is_synthetic(&body)), ..gate(&study) };
     let token = secrets::token()?;
     let new = NewParticipant {
         id: Uuid::new_v4().to_string(),
@@ -65,23 +67,26 @@ pub async fn enrol(
         locale: body.locale,
         enrolled_at_ms: now_ms(),
     };
-    let (status, participant) =
-        match app.store.enrol(new, gate(&study), secrets::hash(&token)).await? {
-            enrolments::Enrolment::New(participant) => (StatusCode::CREATED, participant),
-            enrolments::Enrolment::Known(participant, _) => (StatusCode::OK, participant),
-            enrolments::Enrolment::Over(participant) => {
-                let config = app.store.config(&participant.config_hash).await?;
-                return Err(over(&config, &participant));
-            }
-            enrolments::Enrolment::Closed => {
-                let message = "this study is closed; it takes no new participants";
-                return Err(ApiError::forbidden("closed", message));
-            }
-            enrolments::Enrolment::Full => {
-                let message = "this study is full: enough people have taken part";
-                return Err(ApiError::forbidden("full", message));
-            }
-        };
+    let (status, participant) = match app.store.enrol(new, gate, secrets::hash(&token)).await? {
+        enrolments::Enrolment::New(participant) => (StatusCode::CREATED, participant),
+        enrolments::Enrolment::Known(participant, _) => (StatusCode::OK, participant),
+        enrolments::Enrolment::Over(participant) => {
+            let config = app.store.config(&participant.config_hash).await?;
+            return Err(over(&config, &participant));
+        }
+        enrolments::Enrolment::Closed => {
+            let message = if config.admits(true) {
+                "this study takes synthetic participants only"
+            } else {
+                "this study is closed; it takes no new participants"
+            };
+            return Err(ApiError::forbidden("closed", message));
+        }
+        enrolments::Enrolment::Full => {
+            let message = "this study is full: enough people have taken part";
+            return Err(ApiError::forbidden("full", message));
+        }
+    };
     let config = app.store.config(&participant.config_hash).await?;
     let mut rows = app.store.plan(&participant.id).await?;
     // Nobody new has a plan, nor has whoever enrolled when the server was stopped half way.
@@ -95,6 +100,12 @@ pub async fn enrol(
     let Participant { id: participant_id, .. } = participant;
     let plan = plan(&config, &rows);
     Ok((status, Json(Enrolled { participant_id, token, plan })))
+}
+
+/// Whether the screen says that this is a program, as `sidestep simulate` does.
+fn is_synthetic(body: &Enrolment) -> bool {
+    let said = body.screen.as_ref().and_then(|screen| screen.get("synthetic"));
+    said == Some(&Value::Bool(true))
 }
 
 /// A request is its id, the person whom it is for, and whether that is a pilot.

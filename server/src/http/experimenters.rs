@@ -38,7 +38,7 @@ pub struct Experimenter {
 /// An experimenter who may look.
 pub struct Reader(pub Experimenter);
 
-/// An experimenter who may take data away.
+/// An experimenter who may download data.
 pub struct Exporter(pub Experimenter);
 
 /// An experimenter who may change and delete.

@@ -116,7 +116,7 @@ fn access(table: Table) -> Table {
             routes::ADMIN_KEYS,
             [
                 get("All keys, revoked ones too", keys::list),
-                post("Makes a further key", keys::make)
+                post("Makes a new key", keys::make)
                     .says(201, "The new key, which no later answer contains.")
                     .problems(["taken"]),
             ],
@@ -204,6 +204,15 @@ fn people_of(table: Table) -> Table {
                 delete("Deletes a participant's data, on their request", profiles::delete)
                     .detail("Can be repeated."),
             ],
+        )
+        .route(
+            &routes::admin_drives("{id}"),
+            [get("A participant's tasks, compactly", profiles::drives)
+                .detail(
+                    "One attempt at each scene, as analyses use them: inputs and states of every step. \
+                     With the ids of the value functions, this is all that predicted sets need.",
+                )
+                .compressed()],
         )
         .route(&routes::admin_notes("{id}"), [post("Adds a note", profiles::add_note)])
         .route(

@@ -110,15 +110,18 @@ pub async fn trial(
 ) -> Result<Json<TrialDetail>, ApiError> {
     let trial = stored(&app.store, &trial_id).await?;
     let parameters = app.store.config(&trial.config_hash).await?.parameters;
+    let synthetic = trial.is_synthetic();
     let Content { inputs, states, .. } = trial.content;
     let start = states.first().copied().unwrap_or_else(|| trial.scene.start());
     let replay = verify(&parameters, start, &inputs, &states);
     let hash = &trial.config_hash;
     let value_function_hr = app.store.value_function_id(hash, Evader::Human).await?;
     let value_function_rh = app.store.value_function_id(hash, Evader::Robot).await?;
+    let [previous, next] = app.store.neighbours(&trial_id).await?;
     Ok(Json(TrialDetail {
         summary: summary(trial.head),
         study: trial.study,
+        synthetic,
         parameters,
         scene: trial.scene,
         inputs,
@@ -126,6 +129,8 @@ pub async fn trial(
         replay,
         value_function_hr,
         value_function_rh,
+        previous,
+        next,
     }))
 }
 

@@ -21,7 +21,7 @@ use sidestep::comparison::cell::ModelName;
 use sidestep::features::FeatureSet;
 use sidestep::invalid::Invalid;
 use sidestep::predict::{Predictor, PredictorFile};
-use sidestep::training::{self, Trained};
+use sidestep::training::{self, Driven, Trained};
 use std::sync::Arc;
 
 /// The query of a list of models.
@@ -124,18 +124,19 @@ pub async fn predictor(
 
 async fn of_earlier_trials(app: &App, trial: &StoredTrial) -> Result<TrainedPredictor, ApiError> {
     let functions = safety::stored(&app.store, &trial.config_hash).await?;
-    let mut driven = app.store.trials_of(&trial.head.participant_id).await?;
-    driven.retain(|other| other.head.ordinal < trial.head.ordinal);
-    let earlier = recordings::one_attempt(String::new(), &driven).trials.into_iter();
-    let earlier: Vec<_> = earlier.map(|other| (other.inputs, other.states)).collect();
+    let earlier = recordings::earlier(&app.store, trial).await?;
     let trials = earlier.len();
+    let trained_on = earlier.iter().filter_map(|trial| trial.trial_id.clone()).collect();
     let train = move || {
         let safety = functions.map(|functions| functions.decode()).transpose()?;
+        let earlier: Vec<Driven> =
+            earlier.into_iter().map(|trial| (trial.inputs, trial.states)).collect();
         training::train(&FeatureSet::subset("hrd")?, safety.as_ref(), &earlier)
     };
     let Trained { predictor, fallback } =
         tokio::task::spawn_blocking(train).await.context("training")?.context("training")?;
-    Ok(TrainedPredictor { predictor: (&predictor).into(), trials, fallback, source: None })
+    let predictor = (&predictor).into();
+    Ok(TrainedPredictor { predictor, trials, fallback, trained_on, source: None })
 }
 
 async fn of_analysis(
@@ -153,7 +154,8 @@ async fn of_analysis(
     };
     let predictor = tokio::task::spawn_blocking(read).await.context("unpacking")??;
     usable(&predictor)?;
-    Ok(TrainedPredictor { predictor, trials: trained_on, fallback: None, source: Some(source) })
+    let trials = trained_on.len();
+    Ok(TrainedPredictor { predictor, trials, fallback: None, trained_on, source: Some(source) })
 }
 
 /// Accepts a model that Algorithm 1 can use.

@@ -2,19 +2,24 @@
 //! deletion on request.
 
 use crate::clock::now_ms;
+use crate::content::Content;
 use crate::http::app::App;
 use crate::http::error::ApiError;
 use crate::http::experimenters::{Manager, Reader};
 use crate::http::json::JsonBody;
 use crate::http::laboratory::summary;
 use crate::http::params::PathText;
-use crate::store::trials::StoredTrial;
+use crate::recordings;
+use crate::store::trials::{StoredTrial, TrialHead};
 use axum::Json;
 use axum::extract::rejection::PathRejection;
 use axum::extract::{Path, State};
 use axum::http::StatusCode;
-use sidestep::api::{Access, Action, NewExclusion, NewNote, Note, ParticipantDetail, TrialPicture};
-use sidestep::scene::JointState;
+use sidestep::api::{
+    Access, Action, Drive, Drives, NewExclusion, NewNote, Note, ParticipantDetail, TrialPicture,
+    scene_words,
+};
+use sidestep::scene::{Evader, JointState};
 use sidestep::vehicle::{Pose, TurnInput};
 use std::sync::Arc;
 
@@ -35,10 +40,20 @@ pub async fn show(
         found.parameters.clear();
     }
     let config = app.store.config(&found.config_hash).await?;
+    let study = app.store.study(&found.study).await?.ok_or_else(unknown)?;
+    // People are counted at the latest version that says what theirs does, whatever its status.
+    let versions = app.store.study_versions(study.id).await?;
+    let version = versions.iter().rev().find(|version| version.says(&config));
+    // A pilot of such a study may be a person.
+    let synthetic = (config.synthetic && !found.summary.pilot)
+        || found.trials.iter().any(StoredTrial::is_synthetic);
     Ok(Json(ParticipantDetail {
         summary: found.summary,
         study: found.study,
         configuration: found.config_hash,
+        synthetic,
+        configuration_number: version.map(|version| version.number),
+        configuration_label: config.version.clone(),
         danger_radius_m: config.parameters.danger_radius_m,
         withdrawn_at_ms: found.withdrawn_at_ms,
         data_deleted: found.data_deleted,
@@ -47,6 +62,41 @@ pub async fn show(
         exclusion: found.exclusion,
         notes: found.notes,
         trials: found.trials.into_iter().map(picture).collect(),
+    }))
+}
+
+/// `GET /api/v1/admin/participants/{id}/drives`: the tasks that analyses use, in the plan's order.
+pub async fn drives(
+    _: Reader,
+    State(app): State<Arc<App>>,
+    PathText(id): PathText,
+) -> Result<Json<Drives>, ApiError> {
+    let found = app.store.profile(&id).await?.ok_or_else(unknown)?;
+    let parameters = app.store.config(&found.config_hash).await?.parameters;
+    let hash = &found.config_hash;
+    let value_function_hr = app.store.value_function_id(hash, Evader::Human).await?;
+    let value_function_rh = app.store.value_function_id(hash, Evader::Robot).await?;
+    // What analyses use is decided in one place.
+    let used = recordings::tasks(String::new(), &found.trials).trials;
+    let used = |trial: &&StoredTrial| {
+        used.iter().any(|task| task.trial_id.as_ref() == Some(&trial.head.trial_id))
+    };
+    let drive = |trial: &StoredTrial| {
+        let TrialHead { trial_id, phase, index, attempt, .. } = &trial.head;
+        let words = scene_words(*phase, *index, *attempt);
+        let Content { inputs, states, .. } = &trial.content;
+        Drive::new(trial_id.clone(), words, trial.scene, inputs, states)
+    };
+    Ok(Json(Drives {
+        number: found.summary.number,
+        pilot: found.summary.pilot,
+        study: found.study,
+        data_deleted: found.data_deleted,
+        excluded: found.exclusion.map(|exclusion| exclusion.reason),
+        parameters,
+        value_function_hr,
+        value_function_rh,
+        tasks: found.trials.iter().filter(used).map(drive).collect(),
     }))
 }
 

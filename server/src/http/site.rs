@@ -1,12 +1,16 @@
-//! The client bundle: pages that are not cached, and assets whose names change with their content.
+//! The client bundle: pages that are not cached, and assets whose names change with their content. The first
+//! page names the studies that are open.
 
 use crate::http::app::App;
-use axum::Router;
+use crate::http::error::ApiError;
+use crate::http::studies::gate;
 use axum::extract::{Request, State};
 use axum::http::{HeaderValue, StatusCode, header};
 use axum::middleware::{Next, from_fn};
-use axum::response::{IntoResponse, Redirect, Response};
+use axum::response::{Html, IntoResponse, Redirect, Response};
 use axum::routing::get;
+use axum::{Extension, Router};
+use minijinja::{AutoEscape, Environment, context};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use tower_http::services::{ServeDir, ServeFile};
@@ -15,10 +19,14 @@ use tower_http::services::{ServeDir, ServeFile};
 #[derive(Clone, Debug)]
 pub struct Site {
     folder: PathBuf,
+    home: String,
     docs: String,
+    /// Whether everybody may drive the demonstration.
+    demo_is_open: bool,
 }
 
-const PAGES: [&str; 4] = ["index.html", "participant.html", "lab.html", "docs.html"];
+const PAGES: [&str; 6] =
+    ["index.html", "participant.html", "lab.html", "viewer.html", "demo.html", "docs.html"];
 
 impl Site {
     /// The bundle in `folder`.
@@ -27,10 +35,13 @@ impl Site {
     /// If a page is missing: one line that states what to do.
     pub fn open(folder: &Path) -> Result<Self, String> {
         if PAGES.iter().all(|page| folder.join(page).is_file()) {
-            let page = folder.join("docs.html");
-            let docs = std::fs::read_to_string(&page);
-            let docs = docs.map_err(|error| format!("{}: {error}", page.display()))?;
-            return Ok(Self { folder: folder.to_owned(), docs });
+            let read = |name: &str| {
+                let page = folder.join(name);
+                let text = std::fs::read_to_string(&page);
+                text.map_err(|error| format!("{}: {error}", page.display()))
+            };
+            let (home, docs) = (read("index.html")?, read("docs.html")?);
+            return Ok(Self { folder: folder.to_owned(), home, docs, demo_is_open: false });
         }
         let folder = folder.display();
         Err(format!("no client bundle in {folder}: run 'cargo xtask build' or pass --static DIR"))
@@ -38,6 +49,12 @@ impl Site {
 }
 
 impl Site {
+    /// The same with the demonstration at `/demo`, for everybody, if `is_open`.
+    #[must_use]
+    pub fn with_demo(self, is_open: bool) -> Self {
+        Self { demo_is_open: is_open, ..self }
+    }
+
     /// The page of the documentation, without its content.
     #[must_use]
     pub fn docs(&self) -> &str {
@@ -56,12 +73,20 @@ pub fn default_folder() -> PathBuf {
 pub fn routes(site: &Site) -> Router<Arc<App>> {
     let page =
         |name: &str| ServeFile::new(site.folder.join(name)).precompressed_br().precompressed_gzip();
-    let pages = Router::new()
-        .route_service("/", page("index.html"))
+    let first = Home { page: site.home.as_str().into(), demo_is_open: site.demo_is_open };
+    let mut pages = Router::new()
+        .route("/", get(home).layer(Extension(first)))
         .route_service("/s/{slug}", page("participant.html"))
         .route_service("/lab", page("lab.html"))
         .route_service("/lab/{*rest}", page("lab.html"))
-        .layer(from_fn(ask_again));
+        .route_service("/lab/replay/{id}", page("viewer.html"))
+        .route_service("/lab/explorer/{id}", page("viewer.html"))
+        .route_service("/lab/reachability", page("viewer.html"))
+        .route_service("/lab/demo", page("demo.html"));
+    if site.demo_is_open {
+        pages = pages.route_service("/demo", page("demo.html"));
+    }
+    let pages = pages.layer(from_fn(ask_again));
     let assets = ServeDir::new(site.folder.join("assets"))
         .append_index_html_on_directories(false)
         .precompressed_br()
@@ -74,6 +99,44 @@ pub fn routes(site: &Site) -> Router<Arc<App>> {
         Router::new().route("/favicon.ico", get(async || StatusCode::NO_CONTENT))
     };
     pages.merge(assets).merge(icon).route("/start", get(start))
+}
+
+/// The first page, without the studies.
+#[derive(Clone)]
+struct Home {
+    page: Arc<str>,
+    /// Whether everybody may drive the demonstration.
+    demo_is_open: bool,
+}
+
+/// The comment of the first page in whose place the studies stand.
+const OPEN_STUDIES: &str = "<!-- The server puts the open studies here. -->";
+
+/// `GET /`: names the studies in which everybody can take part, this server's default study first.
+async fn home(State(app): State<Arc<App>>, Extension(first): Extension<Home>) -> Response {
+    let Home { page, demo_is_open } = first;
+    let mut studies = Vec::new();
+    for slug in app.store.slugs().await.unwrap_or_default() {
+        // A study that cannot be read takes nobody, and the others are still named.
+        let Ok(Some(study)) = app.store.study(&slug).await else { continue };
+        let config = &study.config;
+        let for_everybody = config.admits(false) && !config.recruitment.require_external_id;
+        if for_everybody && app.store.is_full(study.id, gate(&study)).await.is_ok_and(|full| !full)
+        {
+            studies.push(context! { slug => study.slug.clone(), title => config.title.clone() });
+        }
+    }
+    let is_default = |study: &minijinja::Value| {
+        study.get_attr("slug").is_ok_and(|slug| slug.as_str() == Some(&app.default_study))
+    };
+    studies.sort_by_key(|study| !is_default(study));
+    let mut templates = Environment::new();
+    templates.set_auto_escape_callback(|_| AutoEscape::Html);
+    let template = include_str!("site/studies.html");
+    match templates.render_str(template, context! { studies, demo_is_open }) {
+        Ok(studies) => Html(page.replacen(OPEN_STUDIES, &studies, 1)).into_response(),
+        Err(error) => ApiError::Internal(error.into()).into_response(),
+    }
 }
 
 /// `GET /start`: redirects to this server's default study.
@@ -93,7 +156,7 @@ async fn keep_forever(request: Request, next: Next) -> Response {
         status if status.is_success() => {
             with_cache_control(answer, "public, max-age=31536000, immutable")
         }
-        StatusCode::NOT_FOUND => crate::http::error::ApiError::not_found("file").into_response(),
+        StatusCode::NOT_FOUND => ApiError::not_found("file").into_response(),
         _ => answer,
     }
 }

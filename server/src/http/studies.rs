@@ -22,7 +22,10 @@ pub async fn show(
     headers: HeaderMap,
 ) -> Result<Json<StudyInfo>, ApiError> {
     let study = named(&app.store, &slug).await?;
-    let mut admission = study.config.status.into();
+    let mut admission = match study.config.status {
+        Status::Open if !study.config.admits(false) => Admission::Closed,
+        status => status.into(),
+    };
     if admission == Admission::Open && app.store.is_full(study.id, gate(&study)).await? {
         admission = Admission::Full;
     }
@@ -47,13 +50,13 @@ pub async fn asked_for(
     }
 }
 
-/// Who may enrol in a study now.
+/// The people who may enrol in a study now.
 #[must_use]
 pub fn gate(study: &StoredStudy) -> Gate {
     let recruitment = &study.config.recruitment;
     let hold_ms = (recruitment.hold_min * 60_000.0) as i64;
     Gate {
-        is_open: study.config.status == Status::Open,
+        is_open: study.config.admits(false),
         quota: recruitment.quota,
         away_before_ms: now_ms() - hold_ms,
     }

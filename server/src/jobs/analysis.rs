@@ -53,8 +53,12 @@ impl<C: Cache + Send + 'static> AnalysisTask<C> {
     ) -> Result<Analysis, TaskError> {
         let settings = self.request.settings().map_err(TaskError::Request)?;
         if self.request.synthetic {
-            let said = "said by the experimenter".to_owned();
-            self.recording.provenance.synthetic = Some(said);
+            // What the data say of themselves is stronger, and stays.
+            let known = self.recording.provenance.synthetic.take();
+            self.recording.provenance.synthetic = Some(match known {
+                Some(known) => format!("{known}; the experimenter says so, too"),
+                None => "the experimenter says so".to_owned(),
+            });
         }
         let Self { recording, given, safety, cache, threads, cancel, .. } = self;
         let work = move || {

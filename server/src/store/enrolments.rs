@@ -42,7 +42,7 @@ pub struct NewParticipant {
 /// Who may enrol.
 #[derive(Clone, Copy, Debug)]
 pub struct Gate {
-    /// Whether new people are taken.
+    /// Whether new people are taken. Pilots are, in any case.
     pub is_open: bool,
     /// Most participants; 0: any number.
     pub quota: u64,
@@ -115,7 +115,8 @@ fn enrol(
         add_token(db, &participant.id, token_hash, scope, new.enrolled_at_ms)?;
         return Ok(Enrolment::Known(participant, scope));
     }
-    if !gate.is_open {
+    // A closed study can be tried: a pilot is no part of the data.
+    if !gate.is_open && new.pilot_place.is_none() {
         return Ok(Enrolment::Closed);
     }
     let place = match new.pilot_place {

@@ -1,6 +1,5 @@
 //! The studies of a database at a glance: their state, and how many people are how far.
 
-use super::people::doubtful;
 use super::{Store, StoreError};
 use rusqlite::{Connection, Row, named_params};
 use sidestep::api::StudySummary;
@@ -27,23 +26,21 @@ fn summaries(
 ) -> Result<Vec<StudySummary>, StoreError> {
     // A study whose configuration cannot be read has no title and takes nobody; the others are still
     // shown.
-    let mut statement = db.prepare_cached(&format!(
+    let mut statement = db.prepare_cached(
         "SELECT slug, coalesce(iif(json_valid(json), json ->> '$.title', NULL), '') AS title, \
-             coalesce(iif(json_valid(json), json ->> '$.status', NULL), '') AS status, counts.* \
+             coalesce(iif(json_valid(json), json ->> '$.status', NULL), '') AS status, \
+             coalesce(iif(json_valid(json), json ->> '$.synthetic', NULL), 0) AS synthetic, counts.* \
          FROM study JOIN study_config ON study_config.hash = study.config_hash \
          LEFT JOIN (SELECT study_id, sum(pilot = 0) AS participants, sum(pilot) AS pilots, \
-                 sum(pilot = 0 AND completion_code IS NOT NULL) AS complete, \
-                 sum(pilot = 0 AND completion_code IS NULL AND withdrawn_at_ms IS NULL \
-                     AND screened_out_at_ms IS NULL AND import_hash IS NULL \
+                 sum(pilot = 0 AND complete) AS complete, \
+                 sum(pilot = 0 AND NOT (complete OR withdrawn OR screened_out OR imported) \
                      AND last_seen_at_ms >= :active_since) AS active, \
-                 sum(pilot = 0 AND {}) AS doubtful, \
-                 sum(iif(pilot = 0, familiarisation + practice + task, 0)) AS trials, \
+                 sum(pilot = 0 AND doubtful) AS doubtful, \
+                 sum(iif(pilot = 0, stored, 0)) AS trials, \
                  max(iif(pilot = 0, last_seen_at_ms, NULL)) AS last_seen_at_ms \
-             FROM participant LEFT JOIN tally ON tally.participant_id = participant.id \
-             GROUP BY study_id) AS counts ON counts.study_id = study.id \
+             FROM tally GROUP BY study_id) AS counts ON counts.study_id = study.id \
          WHERE :slug IS NULL OR slug = :slug ORDER BY study.id",
-        doubtful(),
-    ))?;
+    )?;
     let chosen = named_params! { ":slug": slug, ":active_since": now_ms - ACTIVE_MS };
     let summary = |row: &Row<'_>| {
         let count = |name: &str| -> rusqlite::Result<u64> {
@@ -55,6 +52,7 @@ fn summaries(
             slug: row.get("slug")?,
             title: row.get("title")?,
             status: status.unwrap_or(Status::Closed),
+            synthetic: row.get("synthetic")?,
             participants: count("participants")?,
             complete: count("complete")?,
             active: count("active")?,

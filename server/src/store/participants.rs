@@ -373,7 +373,10 @@ impl Store {
                 "DELETE FROM trial WHERE trial_id IN \
                      (SELECT trial_id FROM scene WHERE participant_id = ?1)",
                 "DELETE FROM scene WHERE participant_id = ?1",
-                "DELETE FROM tally WHERE participant_id = ?1",
+                "UPDATE tally SET next_phase = NULL, familiarisation = 0, practice = 0, task = 0, \
+                     late_sample = 0, focus_lost = 0, interrupted = 0, never_steered = 0, \
+                     always_steered = 0, danger_entered = 0, same_timing = 0, waiting = 0 \
+                     WHERE participant_id = ?1",
                 "DELETE FROM note WHERE participant_id = ?1",
                 "DELETE FROM exclusion WHERE participant_id = ?1",
                 "UPDATE participant SET data_deleted = 1, external_id = NULL, external_key = NULL, \

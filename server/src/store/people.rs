@@ -50,8 +50,8 @@ impl SortBy {
         !matches!(self, Self::Number | Self::LastSeen | Self::Stored)
     }
 
-    /// The expression that is sorted by.
-    fn expression(self) -> &'static str {
+    /// The column of the tallies.
+    fn column(self) -> &'static str {
         match self {
             Self::Number => "number",
             Self::LastSeen => "last_seen_at_ms",
@@ -95,49 +95,10 @@ pub struct Selection {
     pub limit: i64,
 }
 
-/// Whether analyses leave a participant out.
-const EXCLUDED: &str = "EXISTS (SELECT 1 FROM exclusion \
-     WHERE exclusion.participant_id = participant.id AND ended_at_ms IS NULL)";
-
-/// Whether an experimenter should look at what a participant did, and has not excluded them: no task was
-/// steered, each was steered throughout, or keys have the times of an earlier trial.
-pub(super) fn doubtful() -> String {
-    format!(
-        "(coalesce(task > 0 AND (same_timing > 0 OR never_steered = task \
-             OR always_steered = task), 0) AND NOT {EXCLUDED})"
-    )
-}
-
-/// One row for each participant of a study; `:study` and `:pilot` choose them.
-const OF_STUDY: &str = "study_id = :study AND pilot = :pilot";
-
-/// One row for each participant for whom a condition holds.
-fn people(condition: &str) -> String {
-    format!(
-        "SELECT *, CASE \
-         WHEN withdrawn THEN 'withdrawn' \
-         WHEN screened_out THEN 'screened_out' \
-         WHEN completion_code IS NOT NULL THEN 'complete' \
-         WHEN imported THEN 'imported' \
-         WHEN stored = 0 THEN 'joined' \
-         ELSE coalesce(next_phase, 'closing') END AS stage \
-     FROM (SELECT id, number, pilot, external_id, completion_code, comprehension_attempts, \
-         understood_at_ms IS NOT NULL AS understood, \
-         max(0, comprehension_attempts - (understood_at_ms IS NOT NULL)) AS failed_checks, \
-         coalesce(waiting, 0) AS waiting, enrolled_at_ms, last_seen_at_ms, \
-         withdrawn_at_ms IS NOT NULL AS withdrawn, screened_out_at_ms IS NOT NULL AS screened_out, \
-         import_hash IS NOT NULL AS imported, \
-         next_phase, coalesce(familiarisation + practice + task, 0) AS stored, \
-         coalesce(late_sample, 0) AS late_sample, coalesce(focus_lost, 0) AS focus_lost, \
-         coalesce(interrupted, 0) AS interrupted, coalesce(never_steered, 0) AS never_steered, \
-         coalesce(always_steered, 0) AS always_steered, \
-         coalesce(danger_entered, 0) AS danger_entered, coalesce(same_timing, 0) AS same_timing, \
-         {} AS doubtful, {EXCLUDED} AS excluded \
-         FROM participant LEFT JOIN tally ON tally.participant_id = participant.id \
-         WHERE {condition})",
-        doubtful()
-    )
-}
+/// What a page shows of a participant; everything that chooses and sorts is in their tally alone.
+const SUMMARY: &str = "SELECT tally.*, id, external_id, completion_code, enrolled_at_ms, \
+     (SELECT count(*) FROM scene WHERE scene.participant_id = id) AS planned \
+     FROM tally JOIN participant ON participant.id = tally.participant_id";
 
 impl Store {
     /// A page of a study's participants.
@@ -150,47 +111,57 @@ impl Store {
     }
 }
 
+/// The ids of the participants with the number, external id or completion code that is searched for.
+const FOUND: &str = "SELECT id FROM participant \
+         WHERE study_id = :study AND pilot = :pilot AND number = :search_number \
+     UNION ALL SELECT id FROM participant WHERE study_id = :study AND pilot = :pilot AND :identities \
+         AND external_id IS NOT NULL AND lower(external_id) = :search \
+     UNION ALL SELECT id FROM participant WHERE study_id = :study AND pilot = :pilot AND :identities \
+         AND completion_code IS NOT NULL AND lower(completion_code) = :search";
+
 fn page(db: &Connection, study_id: i64, asked: &Selection) -> Result<ParticipantPage, StoreError> {
-    let people = people(OF_STUDY);
-    let stages = stages(db, study_id, asked.pilots)?;
     let stage = asked.stage.map(Stage::word);
-    // Names of columns come from this program alone; what was asked for is bound.
-    let having = asked.having.map_or("1", SortBy::expression);
-    let filter = format!(
-        "WHERE (:stage IS NULL OR stage = :stage) AND {having} > 0 AND (:search IS NULL OR \
-         :search = CAST(number AS TEXT) OR \
-         (:identities AND :search IN (lower(external_id), lower(completion_code))))"
-    );
     let search = asked.search.as_ref().map(|text| text.trim().to_lowercase());
-    let chosen: [(&str, &dyn ToSql); 5] = [
-        (":study", &study_id),
-        (":pilot", &asked.pilots),
-        (":stage", &stage),
-        (":search", &search),
-        (":identities", &asked.identities),
-    ];
-    let is_everybody = stage.is_none() && asked.having.is_none() && search.is_none();
-    let total = if is_everybody {
-        stages.iter().map(|count| count.participants).sum()
+    let search_number = search.as_ref().and_then(|text| text.parse::<i64>().ok());
+    let mut filter = "study_id = :study AND pilot = :pilot".to_owned();
+    let mut chosen: Vec<(&str, &dyn ToSql)> =
+        vec![(":study", &study_id), (":pilot", &asked.pilots)];
+    if stage.is_some() {
+        filter += " AND stage = :stage";
+        chosen.push((":stage", &stage));
+    }
+    if let Some(having) = asked.having {
+        // Names of columns come from this program alone; what was asked for is bound.
+        filter += &format!(" AND {} > 0", having.column());
+    }
+    if search.is_some() {
+        filter += &format!(" AND participant_id IN ({FOUND})");
+        let identities = (":identities", &asked.identities as &dyn ToSql);
+        chosen.extend([
+            (":search", &search as _),
+            (":search_number", &search_number as _),
+            identities,
+        ]);
+    }
+    let stages = stages(db, study_id, asked.pilots)?;
+    let total = if asked.having.is_none() && search.is_none() {
+        let is_chosen = |count: &&StageCount| asked.stage.is_none_or(|stage| stage == count.stage);
+        stages.iter().filter(is_chosen).map(|count| count.participants).sum()
     } else {
-        let query = format!("SELECT count(*) FROM ({people}) {filter}");
-        db.prepare_cached(&query)?
+        db.prepare_cached(&format!("SELECT count(*) FROM tally WHERE {filter}"))?
             .query_row(&chosen[..], |row| row.get::<_, i64>(0))?
             .unsigned_abs()
     };
-    let (by, order) = (asked.sort.expression(), if asked.descending { "DESC" } else { "ASC" });
-    // The rows of the page are found first, by the narrow columns that decide.
+    let (by, order) = (asked.sort.column(), if asked.descending { "DESC" } else { "ASC" });
+    // The rows of the page are found first: only they are joined.
     let mut statement = db.prepare_cached(&format!(
-        "WITH people AS NOT MATERIALIZED ({people}) \
-         SELECT *, (SELECT count(*) FROM scene WHERE participant_id = id) AS planned FROM people \
-         WHERE id IN (SELECT id FROM people {filter} ORDER BY {by} {order}, number \
-             LIMIT :limit OFFSET :offset) \
-         ORDER BY {by} {order}, number"
+        "{SUMMARY} WHERE tally.participant_id IN (SELECT participant_id FROM tally WHERE {filter} \
+             ORDER BY {by} {order}, number LIMIT :limit OFFSET :offset) \
+         ORDER BY tally.{by} {order}, tally.number"
     ))?;
-    let mut bound = chosen.to_vec();
-    bound.extend([(":limit", &asked.limit as &dyn ToSql), (":offset", &asked.offset)]);
+    chosen.extend([(":limit", &asked.limit as &dyn ToSql), (":offset", &asked.offset)]);
     let mut participants: Vec<ParticipantSummary> =
-        statement.query_and_then(&bound[..], summary_of)?.collect::<Result<_, _>>()?;
+        statement.query_and_then(&chosen[..], summary_of)?.collect::<Result<_, _>>()?;
     if !asked.identities {
         for person in &mut participants {
             (person.external_id, person.completion_code) = (None, None);
@@ -200,9 +171,9 @@ fn page(db: &Connection, study_id: i64, asked: &Selection) -> Result<Participant
 }
 
 fn stages(db: &Connection, study_id: i64, pilots: bool) -> Result<Vec<StageCount>, StoreError> {
-    let people = people(OF_STUDY);
-    let mut statement =
-        db.prepare_cached(&format!("SELECT stage, count(*) FROM ({people}) GROUP BY stage"))?;
+    let mut statement = db.prepare_cached(
+        "SELECT stage, count(*) FROM tally WHERE study_id = :study AND pilot = :pilot GROUP BY stage",
+    )?;
     let count = |row: &Row<'_>| {
         let participants = row.get::<_, i64>(1)?.unsigned_abs();
         Ok(StageCount { stage: stage_of(row.get(0)?)?, participants })
@@ -216,10 +187,8 @@ fn stages(db: &Connection, study_id: i64, pilots: bool) -> Result<Vec<StageCount
 
 /// The participant with this id, as in the list.
 pub(super) fn person(db: &Connection, id: &str) -> Result<Option<ParticipantSummary>, StoreError> {
-    let people = people("participant.id = :id");
-    let mut statement = db.prepare_cached(&format!(
-        "SELECT *, (SELECT count(*) FROM scene WHERE participant_id = id) AS planned FROM ({people})"
-    ))?;
+    let mut statement =
+        db.prepare_cached(&format!("{SUMMARY} WHERE tally.participant_id = :id"))?;
     statement.query_and_then(named_params! { ":id": id }, summary_of)?.next().transpose()
 }
 

@@ -59,8 +59,8 @@ pub struct Selection {
 pub struct ChosenPredictor {
     /// Which one it is.
     pub source: PredictorSource,
-    /// How many tasks trained it.
-    pub trained_on: usize,
+    /// The ids of the tasks that trained it.
+    pub trained_on: Vec<String>,
 }
 
 impl Store {
@@ -277,7 +277,7 @@ fn chosen(
              study.id = driver.study_id AND driver.number = participant_number AS same_person, \
              (SELECT trains FROM analysis_trial WHERE analysis = sequence \
                  AND participant_id = driver.id AND trial_id = :trial) AS trains, \
-             (SELECT count(*) FROM analysis_trial JOIN participant \
+             (SELECT json_group_array(analysis_trial.trial_id) FROM analysis_trial JOIN participant \
                      ON participant.id = analysis_trial.participant_id \
                  WHERE analysis = sequence AND number = participant_number AND trains) \
                  AS trained_on \
@@ -297,7 +297,7 @@ fn chosen(
         };
         let (analysis, study) = (id.to_owned(), row.get("study")?);
         let source = PredictorSource { analysis, study, summary: summary_of(row)?, trial };
-        let trained_on = usize::try_from(row.get::<_, i64>("trained_on")?);
+        let trained_on = serde_json::from_str(&row.get::<_, String>("trained_on")?);
         Ok(ChosenPredictor { source, trained_on: trained_on.map_err(StoreError::corrupt)? })
     };
     let named = named_params! { ":id": id, ":file": file, ":trial": trial_id };

@@ -1,5 +1,6 @@
-//! Tallies: what the list of participants shows about their trials. Each follows from the stored trials;
-//! the list would be slow if it read them.
+//! Tallies: what chooses and sorts the participants of a list, one row each. Each follows from the stored
+//! participant, exclusions and trials; the list would be slow if it read them. Triggers of the database
+//! copy what concerns the participant; what concerns trials is counted here.
 
 use super::{Store, StoreError};
 use rusqlite::{Connection, params};
@@ -33,21 +34,21 @@ pub(super) fn add(db: &Connection, study_id: i64, trial: &Counted<'_>) -> Result
     let has = |flag| trial.flags.contains(&flag);
     let always = trial.inputs.iter().all(|&input| input != TurnInput::Straight);
     db.prepare_cached(
-        "INSERT INTO tally SELECT participant_id, (SELECT phase FROM scene AS next \
-             WHERE next.participant_id = scene.participant_id AND next.ordinal = scene.ordinal + 1), \
-             phase = 'familiarisation', phase = 'practice', \
-             phase = 'task', phase = 'task' AND ?2, phase = 'task' AND ?3, phase = 'task' AND ?4, \
-             phase = 'task' AND ?5, phase = 'task' AND ?6, phase = 'task' AND ?7, phase = 'task' AND ?8, ?9 \
-         FROM scene WHERE trial_id = ?1 \
-         ON CONFLICT DO UPDATE SET next_phase = excluded.next_phase, familiarisation = familiarisation + excluded.familiarisation, \
-             practice = practice + excluded.practice, task = task + excluded.task, \
-             late_sample = late_sample + excluded.late_sample, \
-             focus_lost = focus_lost + excluded.focus_lost, \
-             interrupted = interrupted + excluded.interrupted, \
-             never_steered = never_steered + excluded.never_steered, \
-             always_steered = always_steered + excluded.always_steered, \
-             danger_entered = danger_entered + excluded.danger_entered, \
-             same_timing = same_timing + excluded.same_timing, waiting = excluded.waiting",
+        "UPDATE tally SET \
+             next_phase = (SELECT phase FROM scene AS next \
+                 WHERE next.participant_id = scene.participant_id AND next.ordinal = scene.ordinal + 1), \
+             familiarisation = familiarisation + (phase = 'familiarisation'), \
+             practice = practice + (phase = 'practice'), \
+             task = task + (phase = 'task'), \
+             late_sample = late_sample + (phase = 'task' AND ?2), \
+             focus_lost = focus_lost + (phase = 'task' AND ?3), \
+             interrupted = interrupted + (phase = 'task' AND ?4), \
+             never_steered = never_steered + (phase = 'task' AND ?5), \
+             always_steered = always_steered + (phase = 'task' AND ?6), \
+             danger_entered = danger_entered + (phase = 'task' AND ?7), \
+             same_timing = same_timing + (phase = 'task' AND ?8), \
+             waiting = ?9 \
+         FROM scene WHERE scene.trial_id = ?1 AND tally.participant_id = scene.participant_id",
     )?
     .execute(params![
         trial.trial_id,
@@ -81,7 +82,7 @@ pub(super) fn goes_on(db: &Connection, trial_id: &str) -> Result<(), StoreError>
 }
 
 impl Store {
-    /// The ids of participants whose tally does not follow from their stored trials.
+    /// The ids of participants whose tally does not follow from what is stored.
     pub async fn wrong_tallies(&self) -> Result<Vec<String>, StoreError> {
         self.read_long(|db| {
             let mut statement = db.prepare(
@@ -93,14 +94,27 @@ impl Store {
                      sum(phase = 'task' AND avoidance_first IS NULL) AS never, \
                      sum(phase = 'task' AND first_step_in_danger IS NOT NULL) AS danger \
                      FROM scene JOIN trial ON trial.trial_id = scene.trial_id GROUP BY participant_id) \
-                 SELECT coalesce(counted.participant_id, tally.participant_id) FROM counted \
-                 FULL JOIN tally ON tally.participant_id = counted.participant_id \
-                 WHERE (warm, practised, tasks, late, lost, broken, never, danger) IS NOT \
+                 SELECT id FROM participant \
+                 LEFT JOIN tally ON tally.participant_id = id \
+                 LEFT JOIN counted ON counted.participant_id = id \
+                 WHERE (participant.study_id, participant.pilot, participant.number, \
+                     participant.last_seen_at_ms, participant.comprehension_attempts, \
+                     understood_at_ms IS NOT NULL, withdrawn_at_ms IS NOT NULL, \
+                     screened_out_at_ms IS NOT NULL, completion_code IS NOT NULL, \
+                     import_hash IS NOT NULL, \
+                     EXISTS (SELECT 1 FROM exclusion \
+                         WHERE exclusion.participant_id = participant.id \
+                             AND ended_at_ms IS NULL)) IS NOT \
+                     (tally.study_id, tally.pilot, tally.number, tally.last_seen_at_ms, \
+                      tally.comprehension_attempts, understood, withdrawn, screened_out, complete, \
+                      imported, excluded) \
+                     OR (coalesce(warm, 0), coalesce(practised, 0), coalesce(tasks, 0), \
+                     coalesce(late, 0), coalesce(lost, 0), coalesce(broken, 0), coalesce(never, 0), \
+                     coalesce(danger, 0)) IS NOT \
                      (familiarisation, practice, task, late_sample, focus_lost, interrupted, \
                       never_steered, danger_entered) \
-                     OR next_phase IS NOT (SELECT phase FROM scene \
-                         WHERE scene.participant_id = tally.participant_id \
-                             AND ordinal = familiarisation + practice + task) ORDER BY 1",
+                     OR stored > 0 AND next_phase IS NOT (SELECT phase FROM scene \
+                         WHERE scene.participant_id = id AND ordinal = stored) ORDER BY 1",
             )?;
             Ok(statement.query_map([], |row| row.get(0))?.collect::<Result<_, _>>()?)
         })

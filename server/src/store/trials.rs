@@ -219,6 +219,39 @@ impl Store {
         Ok(found.into_iter().next())
     }
 
+    /// The stored trials before and after one: of the same participant, else of the participants with the
+    /// next lower and higher numbers.
+    pub async fn neighbours(&self, trial_id: &str) -> Result<[Option<String>; 2], StoreError> {
+        self.read(|db| {
+            let find = |beyond: &str, order: &str| {
+                let of = |participant: &str, condition: &str| {
+                    format!(
+                        "SELECT scene.trial_id FROM scene \
+                         JOIN trial ON trial.trial_id = scene.trial_id \
+                         WHERE scene.participant_id = {participant} {condition} \
+                         ORDER BY ordinal {order} LIMIT 1"
+                    )
+                };
+                let own = of("here.participant_id", &format!("AND ordinal {beyond} here.ordinal"));
+                let other = format!(
+                    "(SELECT other.participant_id FROM tally AS other \
+                      WHERE (other.study_id, other.pilot) = (person.study_id, person.pilot) \
+                          AND other.number {beyond} person.number AND other.stored > 0 \
+                      ORDER BY other.number {order} LIMIT 1)"
+                );
+                let query = format!(
+                    "SELECT coalesce(({own}), ({})) FROM scene AS here \
+                     JOIN participant AS person ON person.id = here.participant_id \
+                     WHERE here.trial_id = ?1",
+                    of(&other, "")
+                );
+                let found = db.prepare_cached(&query)?.query_row([trial_id], |row| row.get(0));
+                Ok::<_, StoreError>(found.optional()?.flatten())
+            };
+            Ok([find("<", "DESC")?, find(">", "ASC")?])
+        })
+    }
+
     /// The ids of all trials of a participant, in the plan's order.
     pub async fn trial_ids(&self, participant_id: &str) -> Result<Vec<String>, StoreError> {
         let participant_id = participant_id.to_owned();

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 pub enum Access {
     /// Look at studies, participants, trials and analyses.
     Read,
-    /// Also take data away: exports, and the table of participants.
+    /// Also download all data: exports, and the table of participants.
     Export,
     /// Also change and delete: studies, pilots, analyses and keys.
     Manage,
@@ -46,7 +46,7 @@ pub struct Session {
 /// Longest name of a key, characters.
 const MAX_KEY_NAME_CHARS: usize = 64;
 
-/// The request for a further key.
+/// The request for a new key.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
@@ -98,7 +98,7 @@ pub struct KeySummary {
     pub revoked_at_ms: Option<i64>,
 }
 
-/// Answer to the request for a further key.
+/// Answer to the request for a new key.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct KeyMade {

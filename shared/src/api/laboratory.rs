@@ -26,6 +26,9 @@ pub struct StudySummary {
     pub title: String,
     /// Whether it takes people.
     pub status: Status,
+    /// Whether synthetic participants take part, and no people.
+    #[serde(default)]
+    pub synthetic: bool,
     /// People who enrolled or were imported, without pilots.
     pub participants: u64,
     /// Those of them who have a completion code.
@@ -91,11 +94,18 @@ impl TrialSummary {
     /// The scene in words, such as `task 3`, or `task 3 (attempt 2)` if it was driven again.
     #[must_use]
     pub fn scene_words(&self) -> String {
-        let scene = format!("{} {}", self.phase.word(), self.index + 1);
-        match self.attempt {
-            1 => scene,
-            attempt => format!("{scene} (attempt {attempt})"),
-        }
+        scene_words(self.phase, self.index, self.attempt)
+    }
+}
+
+/// What people call a scene: its phase, its number in the phase from 1, and the attempt, if it is not the
+/// first. `index` is from 0.
+#[must_use]
+pub fn scene_words(phase: Phase, index: usize, attempt: u32) -> String {
+    let scene = format!("{} {}", phase.word(), index + 1);
+    match attempt {
+        1 => scene,
+        attempt => format!("{scene} (attempt {attempt})"),
     }
 }
 
@@ -108,6 +118,9 @@ pub struct TrialDetail {
     pub summary: TrialSummary,
     /// The study's name in addresses.
     pub study: String,
+    /// Whether a program drove.
+    #[serde(default)]
+    pub synthetic: bool,
     /// Vehicles, danger radius and clock of the trial. They define the two games
     /// ([`SceneParameters::game`]) that a browser solves if the server has no id below.
     pub parameters: SceneParameters,
@@ -123,6 +136,13 @@ pub struct TrialDetail {
     pub value_function_hr: Option<String>,
     /// Id of the value function V_RH; null while the server has none.
     pub value_function_rh: Option<String>,
+    /// The stored trial before this one: of the same participant, else the last of the participant with the
+    /// next lower number; null for the first. Test runs are among themselves.
+    #[serde(default)]
+    pub previous: Option<String>,
+    /// The stored trial after this one, likewise; null for the last.
+    #[serde(default)]
+    pub next: Option<String>,
 }
 
 impl TrialDetail {

@@ -229,6 +229,16 @@ pub struct ParticipantDetail {
     pub study: String,
     /// SHA-256 of the configuration under which they enrolled.
     pub configuration: String,
+    /// Whether this is a program, not a person: their study takes synthetic participants only, or a
+    /// trial says that a program drove.
+    #[serde(default)]
+    pub synthetic: bool,
+    /// The number of this configuration among those that the study has had; none if it is none of them.
+    #[serde(default)]
+    pub configuration_number: Option<u32>,
+    /// Its label, which experimenters choose.
+    #[serde(default)]
+    pub configuration_label: String,
     /// Its radius of the danger zone, m.
     pub danger_radius_m: f64,
     /// When they withdrew, ms since 1970.

@@ -65,6 +65,9 @@ pub struct TrainedPredictor {
     pub trials: usize,
     /// Why it is not the learned model; none if it is.
     pub fallback: Option<String>,
+    /// The ids of these trials: on them, its predictions look better than they are.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub trained_on: Vec<String>,
     /// The analysis that trained it; absent if it was trained on the participant's earlier trials.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub source: Option<PredictorSource>,

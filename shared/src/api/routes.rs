@@ -78,6 +78,11 @@ pub fn admin_participants(slug: &str) -> String {
 pub fn admin_participant(id: &str) -> String {
     format!("/api/v1/admin/participants/{id}")
 }
+/// The tasks of a participant, compactly.
+#[must_use]
+pub fn admin_drives(id: &str) -> String {
+    format!("/api/v1/admin/participants/{id}/drives")
+}
 /// Notes about a participant.
 #[must_use]
 pub fn admin_notes(id: &str) -> String {

@@ -56,6 +56,15 @@ pub const REGIONS: [Colour; 5] = [
     named("region-4", 0x44_77d3, 0x45_76d0),
     named("region-5", 0x93_67cf, 0x86_59c4),
 ];
+/// The same for all eyes: tones of viridis (van der Walt and Smith 2015), from dark to bright, which
+/// differ in lightness alone too.
+pub const SAFE_REGIONS: [Colour; 5] = [
+    Colour::rgb(rgb(0x44_0154)),
+    Colour::rgb(rgb(0x3b_528b)),
+    Colour::rgb(rgb(0x21_918c)),
+    Colour::rgb(rgb(0x5e_c962)),
+    Colour::rgb(rgb(0xfd_e725)),
+];
 /// Series that are compared: blue, vermilion, green, purple, ochre and slate after Okabe and Ito
 /// (2008), dark enough for words on light ground. Most people tell them apart.
 pub const SERIES: [Colour; 6] = [
@@ -105,16 +114,26 @@ impl From<Colour> for Ink {
 /// where there are more regions than colours.
 #[must_use]
 pub fn region(j: usize, count: usize) -> Colour {
-    if count <= REGIONS.len() {
-        return REGIONS[j.min(REGIONS.len() - 1)];
+    blend(&REGIONS, j, count)
+}
+
+/// Likewise for all eyes: dark inside, bright outside.
+#[must_use]
+pub fn safe_region(j: usize, count: usize) -> Colour {
+    blend(&SAFE_REGIONS, j, count)
+}
+
+fn blend(colours: &[Colour; 5], j: usize, count: usize) -> Colour {
+    if count <= colours.len() {
+        return colours[j.min(colours.len() - 1)];
     }
-    let at = (REGIONS.len() - 1) as f64 * j as f64 / (count - 1) as f64;
-    let from = (at as usize).min(REGIONS.len() - 2);
+    let at = (colours.len() - 1) as f64 * j as f64 / (count - 1) as f64;
+    let from = (at as usize).min(colours.len() - 2);
     let share = at - from as f64;
     match share {
-        0.0 => REGIONS[from],
-        1.0 => REGIONS[from + 1],
-        _ => REGIONS[from].towards(REGIONS[from + 1], share),
+        0.0 => colours[from],
+        1.0 => colours[from + 1],
+        _ => colours[from].towards(colours[from + 1], share),
     }
 }
 

@@ -15,10 +15,12 @@ use crate::parallel::default_threads;
 use crate::real::Real;
 use crate::vehicle::VehicleModel;
 use core::ops::ControlFlow;
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 /// How a value function is found.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Method {
     /// The closed form: identical vehicles, converged value.
     Exact,
@@ -27,6 +29,13 @@ pub enum Method {
     /// A rectangular grid in x, y, ψ: any vehicles, any horizon.
     Cartesian,
 }
+
+/// Every method: its word on the command line, in links and in files, and its meaning.
+pub const METHODS: &[(&str, Method, &str)] = &[
+    ("exact", Method::Exact, "Closed form: equal vehicles, infinite horizon"),
+    ("polar", Method::Polar, "Polar relative coordinates: any vehicles, infinite horizon"),
+    ("cartesian", Method::Cartesian, "A rectangular grid: any vehicles, any horizon"),
+];
 
 impl Method {
     /// The method that suits `game` and the horizon best.
@@ -52,7 +61,8 @@ impl Method {
 
 /// Grids of growing size, each with about twice as many nodes an axis. A Cartesian one just holds
 /// the states where V is at most half the radius, as far as a draft can tell.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Accuracy {
     /// For a look: tenths of a metre near kinks.
     Draft,
@@ -61,6 +71,13 @@ pub enum Accuracy {
     /// For reference values.
     Fine,
 }
+
+/// Every accuracy: its word on the command line and in links, and its meaning.
+pub const ACCURACIES: &[(&str, Accuracy, &str)] = &[
+    ("draft", Accuracy::Draft, "For a first look: errors of tenths of a metre near kinks"),
+    ("standard", Accuracy::Standard, "For studies: errors of centimetres near V = 0"),
+    ("fine", Accuracy::Fine, "For reference values"),
+];
 
 /// Numbers that a Cartesian grid is solved in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -131,6 +148,33 @@ impl Default for Options {
     }
 }
 
+impl Options {
+    /// The method that [`solve`] uses for `game`, before it begins.
+    ///
+    /// # Errors
+    /// [`Invalid`] for a bad game or horizon, or a method that cannot do what is asked.
+    pub fn method_for(&self, game: &PursuitGame) -> Result<Method, Invalid> {
+        game.check()?;
+        let horizon_s = self.horizon_s;
+        if horizon_s.is_nan() || horizon_s <= 0.0 {
+            return Err(Invalid::new("horizon_s", "a number > 0, or inf", horizon_s));
+        }
+        let chosen = if self.grid.is_some() && self.method.is_none() {
+            Method::Cartesian
+        } else {
+            self.method.unwrap_or_else(|| Method::choose(game, horizon_s))
+        };
+        if chosen != Method::Cartesian && horizon_s.is_finite() {
+            let expected = format!("inf with method {}, or method cartesian", chosen.name());
+            return Err(Invalid::new("horizon_s", expected, horizon_s));
+        }
+        if chosen == Method::Exact {
+            game.exact()?;
+        }
+        Ok(chosen)
+    }
+}
+
 /// A value function and how it was found.
 #[derive(Clone, Debug)]
 pub struct Solved {
@@ -163,23 +207,11 @@ pub fn solve(
     options: &Options,
     progress: &mut dyn FnMut(Progress) -> ControlFlow<()>,
 ) -> Result<Solved, SolveError> {
-    game.check()?;
-    let horizon_s = options.horizon_s;
-    if horizon_s.is_nan() || horizon_s <= 0.0 {
-        return Err(Invalid::new("horizon_s", "a number > 0, or inf", horizon_s).into());
-    }
+    let chosen = options.method_for(&game)?;
     if options.threads == 0 {
         return Err(Invalid::new("threads", "at least 1", 0).into());
     }
-    let chosen = if options.grid.is_some() && options.method.is_none() {
-        Method::Cartesian
-    } else {
-        options.method.unwrap_or_else(|| Method::choose(&game, horizon_s))
-    };
-    if chosen != Method::Cartesian && horizon_s.is_finite() {
-        let expected = format!("inf with method {}, or method cartesian", chosen.name());
-        return Err(Invalid::new("horizon_s", expected, horizon_s).into());
-    }
+    let horizon_s = options.horizon_s;
     match chosen {
         Method::Exact => {
             let exact = game.exact()?;

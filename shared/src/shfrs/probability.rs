@@ -13,10 +13,10 @@ use crate::parallel::parallel_map;
 use crate::reach::ReachableSet;
 use crate::stats::{Estimate, Tally, open_probability, share};
 use crate::vehicle::Pose;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// The probabilities of nested sets and of their regions.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Probabilities {
     /// p_F: the probability that a trajectory is inside each set, from the smallest to the largest.
     /// The last one is 1 by construction.
@@ -78,7 +78,7 @@ pub fn probabilities(
 
 /// Nested sets with their probabilities on recorded trajectories, and the settings on which these
 /// depend.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Regions {
     /// The widening ε of each set's bounds, rad/s.
     pub epsilon: Vec<f64>,
@@ -113,45 +113,107 @@ pub fn regions(
     settings: &BoundsSettings,
     confidence: f64,
 ) -> Result<Regions, Invalid> {
-    let sets = settings.epsilon().len();
-    let last = settings.epsilon()[sets - 1];
-    let full = prediction.full_range();
-    if last < full {
-        let expected = format!("at least {full} rad/s, so that the last set holds everything");
-        return Err(Invalid::new(format!("epsilon[{}]", sets - 1), expected, last));
-    }
+    admits_everything(&prediction, settings)?;
     let windows = choice.windows(trajectories, settings.steps());
-    let judged = parallel_map(&windows, |windows| {
-        windows.iter().map(|window| judge(window, &prediction, settings)).collect::<Result<_, _>>()
-    })?;
-    let first: Vec<Vec<usize>> = judged
-        .iter()
-        .map(|windows: &Vec<Judged>| windows.iter().map(|window| window.first).collect())
-        .collect();
-    let probabilities = probabilities(&first, sets, confidence)?;
-    let mut mean_area_m2 = vec![0.0; sets];
-    for window in judged.iter().flatten() {
-        for (mean, area) in mean_area_m2.iter_mut().zip(&window.area_m2) {
-            *mean += area / probabilities.windows as f64;
-        }
+    let count = Count(parallel_map(&windows, |windows| judged(windows, &prediction, settings))?);
+    count.regions(choice, &prediction, settings, confidence)
+}
+
+/// Accepts settings whose last set holds every trajectory.
+///
+/// # Errors
+/// [`Invalid`] naming the last ε.
+pub fn admits_everything(
+    prediction: &Prediction<'_, impl ActionModel>,
+    settings: &BoundsSettings,
+) -> Result<(), Invalid> {
+    let last = settings.epsilon().len() - 1;
+    let (full, epsilon) = (prediction.full_range(), settings.epsilon()[last]);
+    if epsilon >= full {
+        return Ok(());
     }
-    Ok(Regions {
-        epsilon: settings.epsilon().to_vec(),
-        actions: settings.choice().to_string(),
-        rollout: settings.rollout().word().to_owned(),
-        steps: settings.steps(),
-        window_choice: choice.word().to_owned(),
-        tolerance_m: prediction.tolerance.position_m,
-        tolerance_rad: prediction.tolerance.heading_rad,
-        probabilities,
-        mean_area_m2,
-    })
+    let expected = format!("at least {full} rad/s, so that the last set holds everything");
+    Err(Invalid::new(format!("epsilon[{last}]"), expected, epsilon))
+}
+
+/// [`regions`] trajectory by trajectory, for a program that shows how far it has come: what was found for
+/// each window of each trajectory.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Count(Vec<Vec<Judged>>);
+
+impl Count {
+    /// Nothing is counted yet of so many trajectories.
+    #[must_use]
+    pub fn new(trajectories: usize) -> Self {
+        Self(vec![Vec::new(); trajectories])
+    }
+
+    /// Counts the windows of trajectory `place`, instead of what was counted there before.
+    ///
+    /// # Errors
+    /// [`Invalid`] if the prediction fails.
+    ///
+    /// # Panics
+    /// If there are not that many trajectories.
+    pub fn judge(
+        &mut self,
+        place: usize,
+        windows: &[Window<'_>],
+        prediction: &Prediction<'_, impl ActionModel>,
+        settings: &BoundsSettings,
+    ) -> Result<(), Invalid> {
+        self.0[place] = judged(windows, prediction, settings)?;
+        Ok(())
+    }
+
+    /// What was counted so far. The order in which trajectories were counted changes no bit of it.
+    ///
+    /// # Errors
+    /// [`Invalid`] if nothing was counted, or `confidence` is not in (0, 1).
+    pub fn regions(
+        &self,
+        choice: WindowChoice,
+        prediction: &Prediction<'_, impl ActionModel>,
+        settings: &BoundsSettings,
+        confidence: f64,
+    ) -> Result<Regions, Invalid> {
+        let first = |windows: &Vec<Judged>| windows.iter().map(|window| window.first).collect();
+        let first: Vec<Vec<usize>> = self.0.iter().map(first).collect();
+        let sets = settings.epsilon().len();
+        let probabilities = probabilities(&first, sets, confidence)?;
+        let mut mean_area_m2 = vec![0.0; sets];
+        for window in self.0.iter().flatten() {
+            for (mean, area) in mean_area_m2.iter_mut().zip(&window.area_m2) {
+                *mean += area / probabilities.windows as f64;
+            }
+        }
+        Ok(Regions {
+            epsilon: settings.epsilon().to_vec(),
+            actions: settings.choice().to_string(),
+            rollout: settings.rollout().word().to_owned(),
+            steps: settings.steps(),
+            window_choice: choice.word().to_owned(),
+            tolerance_m: prediction.tolerance.position_m,
+            tolerance_rad: prediction.tolerance.heading_rad,
+            probabilities,
+            mean_area_m2,
+        })
+    }
 }
 
 /// The result for one window.
+#[derive(Clone, Debug, PartialEq)]
 struct Judged {
     first: usize,
     area_m2: Vec<f64>,
+}
+
+fn judged(
+    windows: &[Window<'_>],
+    prediction: &Prediction<'_, impl ActionModel>,
+    settings: &BoundsSettings,
+) -> Result<Vec<Judged>, Invalid> {
+    windows.iter().map(|window| judge(window, prediction, settings)).collect()
 }
 
 fn judge(
@@ -266,6 +328,30 @@ mod tests {
         let many = regions(&drives, WindowChoice::EveryStep, prediction, &settings, 0.9).unwrap();
         assert_eq!((many.probabilities.windows, many.probabilities.trajectories), (8, 4));
         assert_eq!(many.probabilities.inside[0].value, 5.0 / 8.0);
+    }
+
+    /// Trajectory by trajectory, in any order, to the same bits.
+    #[test]
+    fn a_count_ends_where_all_at_once_ends() {
+        let mut rng = SeededRng::new(9);
+        let mut rates = || (0..12).map(|_| [-0.5, 0.0, 0.0, 0.5][rng.below(4)]).collect::<Vec<_>>();
+        let drives: Vec<Trajectory> = (0..9).map(|_| drive(&rates())).collect();
+        let (parameters, model) = (SceneParameters::default(), Always([0.1, 0.5, 0.4]));
+        let prediction = Prediction::new(&parameters, &model);
+        let choice = ActionChoice::TopK(vec![2, 1, 1, 1]);
+        let settings = prediction.settings(vec![0.0, 0.3, 1.0], &choice, Rollout::Base).unwrap();
+        let every = WindowChoice::EveryStep;
+        let windows = every.windows(&drives, 4);
+        let mut count = Count::new(drives.len());
+        let so_far = |count: &Count| count.regions(every, &prediction, &settings, 0.95);
+        assert_eq!(so_far(&count).unwrap_err().field, "windows");
+        for (counted, place) in [4, 8, 0, 1, 7, 2, 3, 6, 5].into_iter().enumerate() {
+            count.judge(place, &windows[place], &prediction, &settings).unwrap();
+            let trajectories = so_far(&count).unwrap().probabilities.trajectories;
+            assert_eq!(trajectories, counted + 1);
+        }
+        let at_once = regions(&drives, every, prediction, &settings, 0.95).unwrap();
+        assert_eq!(so_far(&count).unwrap(), at_once);
     }
 
     #[test]

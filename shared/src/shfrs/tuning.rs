@@ -28,6 +28,11 @@ pub struct Split {
     pub seed: u64,
 }
 
+impl Split {
+    /// 40 % training, 30 % calibration, 30 % test: what the command line and the laboratory use.
+    pub const USUAL: Self = Self { training: 0.4, calibration: 0.3, seed: 0 };
+}
+
 impl Default for Split {
     /// 40 % training, 40 % calibration, 20 % test.
     fn default() -> Self {

@@ -1,5 +1,5 @@
-//! Values of a study file that are valid numbers but almost certainly mistakes, such as degrees for
-//! radians.
+//! Values of a study file that are valid but almost certainly mistakes: degrees for radians, which are refused,
+//! and a recruiting service without a way back to it, which is only said.
 
 use super::StudyConfig;
 use crate::invalid::Invalid;
@@ -49,11 +49,38 @@ impl StudyConfig {
         }
         Ok(())
     }
+
+    /// What is probably forgotten, though the study can run without it: the field, and what follows.
+    #[must_use]
+    pub fn forgotten(&self) -> Vec<(&'static str, String)> {
+        let recruitment = &self.recruitment;
+        let mut found = Vec::new();
+        if recruitment.require_external_id && recruitment.completed_url.is_empty() {
+            let what = "none is given, so participants whom a recruiting service sends must enter \
+                        their completion code there themselves";
+            found.push(("recruitment.completed_url", what.to_owned()));
+        }
+        found
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_service_without_a_way_back_is_said() {
+        let mut study = StudyConfig::default();
+        assert_eq!(study.forgotten(), []);
+        study.recruitment.require_external_id = true;
+        let [(field, what)] = &study.forgotten()[..] else { panic!("{:?}", study.forgotten()) };
+        assert_eq!(*field, "recruitment.completed_url");
+        assert!(what.starts_with("none is given"), "{what}");
+        study.recruitment.return_hosts = vec!["app.prolific.com".into()];
+        study.recruitment.completed_url = "https://app.prolific.com/submissions/complete".into();
+        study.check().unwrap();
+        assert_eq!(study.forgotten(), []);
+    }
 
     #[test]
     fn likely_mistakes_are_refused_with_a_reason() {

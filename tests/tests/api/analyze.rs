@@ -369,6 +369,10 @@ async fn synthetic_data_are_recognised() {
     let (header, rows) = some_trials(&["0"], 6);
     let reference = written(&folder, "reference.csv", &header, &rows);
     assert!(banner("reference", &reference, &[]).await);
+    // What the data say of themselves stays when somebody says it, too.
+    assert!(banner("both", &reference, &["--synthetic"]).await);
+    let both = fs::read_to_string(folder.path().join("both/report.html")).unwrap();
+    assert!(both.contains("of seed 20180918; the experimenter says so, too"));
     // By another name and a little to the side nobody knows them, unless it is said.
     let moved: Vec<String> = rows
         .iter()

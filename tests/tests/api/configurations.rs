@@ -48,6 +48,15 @@ async fn a_draft_is_checked_by_line_and_shown() {
     assert_eq!(half.complaint, None);
     assert_eq!(half.warnings[0].line, Some(4));
     assert!(half.warnings[0].message.contains("no text in de"), "{:?}", half.warnings);
+    let text =
+        "slug = \"a\"\n[recruitment]\nexternal_id = [\"PROLIFIC_PID\"]\nrequire_external_id = true";
+    let paid = check(&server, text, None).await;
+    let [warning] = &paid.warnings[..] else { panic!("{:?}", paid.warnings) };
+    assert_eq!(
+        (paid.complaint, warning.field.as_deref()),
+        (None, Some("recruitment.completed_url"))
+    );
+    assert!(warning.message.contains("completion code"), "{warning:?}");
     let picture = half.picture.unwrap();
     assert!(picture.starts_with("<svg") && picture.contains("How the scenes are spread"));
     // Differences from the study of this name.
@@ -114,6 +123,17 @@ async fn a_form_is_checked_by_field_and_written_as_a_study_file() {
         assert!(complaint.message.starts_with(field), "{complaint:?}");
         assert_eq!((complaint.line.is_some(), checked.toml.is_some()), (in_text, in_text));
         assert!(checked.config.is_some(), "{path}");
+    }
+    // A field without a number, or with a number of another kind, is told its range at once.
+    for (path, value, expected) in [
+        ("/phases/0/scenes", json!(null), "a whole number from 1 to 1000, found nothing"),
+        ("/phases/0/scenes", json!(2.5), "a whole number from 1 to 1000, found 2.5"),
+        ("/trials/end_s", json!(null), "found nothing"),
+    ] {
+        let mut entered = config.clone();
+        *entered.pointer_mut(path).unwrap() = value;
+        let said = send_form(&entered).await.complaint.unwrap().message;
+        assert!(said.ends_with(expected) && said.contains(" to "), "{said}");
     }
     // Without a base it is a new study, which needs a name of its own.
     let taken = check(&server, &present.toml, None).await.complaint.unwrap();

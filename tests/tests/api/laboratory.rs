@@ -228,3 +228,21 @@ async fn a_key_from_the_environment_is_the_only_one() {
     let with_made = server.request(Method::GET, routes::ADMIN_STUDIES).bearer_auth(&made);
     assert_eq!(Answer::of(with_made).await.status, 401);
 }
+
+/// Trials are in the order of participants, then of the plan; test runs are among themselves.
+#[tokio::test]
+async fn a_trial_knows_the_trials_before_and_after_it() {
+    let server = Server::with_study(SHORT_STUDY).await;
+    let mut ids = Vec::new();
+    for trials in [2, 0, 1] {
+        let driver = Driver::enrol(&server).await;
+        ids.extend(driver.drive(&server, trials).await.into_iter().map(|(id, _)| id));
+    }
+    let mut found = Vec::new();
+    for id in &ids {
+        let trial: TrialDetail = server.admin(&routes::admin_trial(id)).await.into(200);
+        found.push((trial.previous, trial.next));
+    }
+    let id = |place: usize| Some(ids[place].clone());
+    assert_eq!(found, [(None, id(1)), (id(0), id(2)), (id(1), None)]);
+}

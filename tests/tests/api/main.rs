@@ -36,4 +36,5 @@ mod study_guide;
 mod texts;
 mod shfrs;
 mod simulate;
+mod demo;
 mod solving;

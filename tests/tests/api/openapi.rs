@@ -299,6 +299,7 @@ async fn real_answers_are_as_the_document_says() {
     let exclusion = format!("{person}/exclusion");
     it.admin(PUT, &exclusion, &id, Some(json!({ "reason": "asleep" }))).await;
     it.admin(GET, person, &id, None).await;
+    it.admin(GET, &format!("{person}/drives"), &id, None).await;
     it.admin(DELETE, &exclusion, &id, None).await;
     let of_note = [id[0], ("note", &note)];
     it.admin(DELETE, &format!("{person}/notes/{{note}}"), &of_note, None).await;

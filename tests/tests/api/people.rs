@@ -134,8 +134,19 @@ async fn a_wrong_tally_is_found() {
         store.wrong_tallies().await.unwrap()
     };
     assert!(wrong().await.is_empty());
-    behind(&url).execute("UPDATE tally SET task = task + 1", []).unwrap();
-    assert_eq!(wrong().await, [driver.enrolled.participant_id]);
+    let id = driver.enrolled.participant_id.as_str();
+    for (damage, repair) in [
+        ("UPDATE tally SET task = task + 1", "UPDATE tally SET task = task - 1"),
+        ("UPDATE tally SET excluded = 1", "UPDATE tally SET excluded = 0"),
+        ("UPDATE tally SET complete = 1", "UPDATE tally SET complete = 0"),
+        ("UPDATE tally SET number = 9", "UPDATE tally SET number = 1"),
+        ("DELETE FROM tally", ""),
+    ] {
+        behind(&url).execute(damage, []).unwrap();
+        assert_eq!(wrong().await, [id], "{damage}");
+        behind(&url).execute_batch(repair).unwrap();
+        assert_eq!(wrong().await.is_empty(), !repair.is_empty());
+    }
 }
 
 #[tokio::test]

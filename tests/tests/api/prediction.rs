@@ -429,6 +429,6 @@ async fn regions_are_drawn_with_a_predictor_beside_the_document() {
     let words = "other.json: expected 2 steps of 0.2 s and 3 sets, as in the first --input, \
                  found 1 steps of 0.5 s and 3 sets";
     run(&[&["plot", "--kind", "regions"], &inputs[..]].concat()).await.refused(2, &[words]);
-    let words = "--predictor: expected only with --kind regions";
+    let words = "--predictor: expected only with --kind regions or replay";
     run(&["plot", "--predictor", &model, "--out", &out]).await.refused(2, &[words]);
 }

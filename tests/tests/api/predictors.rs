@@ -5,13 +5,18 @@ use crate::openapi::Document;
 use reqwest::Method;
 use serde_json::json;
 use sidestep::api::{
-    AnalysisState, PredictorPage, PredictorSummary, TrainedPredictor, TrialUse, routes,
+    AnalysisState, PredictorPage, PredictorSummary, TrainedPredictor, TrialDetail, TrialUse, routes,
 };
 use sidestep::comparison::split::first_test_task;
-use sidestep::predict::PredictorFile;
+use sidestep::playback::view::View;
+use sidestep::playback::{Learned, Playback, Recorded};
+use sidestep::predict::{Predictor, PredictorFile};
+use sidestep::safety::SafetyLevels;
 use sidestep::scene::SceneParameters;
+use sidestep::shfrs::ShfrsSettings;
 use sidestep::trial::Phase;
-use sidestep_tests::{Answer, Driver, Server, behind};
+use sidestep_tests::{Answer, Driver, Folder, Server, behind, run};
+use std::ops::ControlFlow;
 
 /// A warm-up that no analysis uses, and eight tasks.
 const STUDY: &str =
@@ -268,4 +273,58 @@ async fn models_go_with_their_participant_and_their_analysis() {
     let after = ask(&server, quick()).await.id;
     done(&server, &after).await;
     assert_eq!(list(&server, &after, "").await.choices.participants, [1]);
+}
+
+/// The command draws what the page draws: the same view of the same trial, predicted by the same model.
+#[tokio::test]
+async fn plot_draws_the_picture_of_a_replay() {
+    let server = Server::with_study(STUDY).await;
+    let driver = drive(&server, 1).await;
+    let trial_id = tasks(&driver).pop().unwrap();
+    let trial: TrialDetail = server.admin(&routes::admin_trial(&trial_id)).await.into(200);
+    let route = routes::admin_predictor(&trial_id);
+    let trained: TrainedPredictor = server.admin(&route).await.into(200);
+    let predictor = Predictor::try_from(trained.predictor).unwrap();
+
+    let folder = Folder::default();
+    let out = folder.name("replay.svg");
+    for query in
+        ["", "t=3.45&show=v-hr,shfrs,samples,avoidance,shade-rh&hr=-1,0,1&sets=4&colours=safe"]
+    {
+        let pairs = query.split('&').filter_map(|pair| pair.split_once('='));
+        let view = View::of_query(pairs).unwrap();
+        let TrialDetail { parameters, scene, inputs, states, .. } = trial.clone();
+        let mut playback = Playback::new(Recorded { parameters, scene, inputs, states }).unwrap();
+        let solved = SafetyLevels::solve(&parameters, &mut |_| ControlFlow::Continue(()));
+        playback.use_safety(solved.unwrap()).unwrap();
+        let settings = ShfrsSettings::paper(predictor.classes().len()).unwrap();
+        let learned = Learned { predictor: predictor.clone(), settings };
+        playback.use_learned(Some(learned)).unwrap();
+        playback.go(&view).unwrap();
+        let expected = playback.figure(&view, "default / participant 1 / task 8").svg();
+
+        let database = server.database();
+        let args = ["plot", "--kind", "replay", "--database", &database, "--trial", &trial_id];
+        run(&[&args[..], &["--view", query, "--out", &out]].concat()).await.json();
+        assert!(std::fs::read_to_string(&out).unwrap() == expected, "{query}");
+    }
+    // The same from the exported file, but for the heading.
+    let steps = folder.file("steps.csv", server.export("default").await);
+    let number = trial.summary.index + 1;
+    let args = ["plot", "--kind", "replay", "--trials", &steps, "--participant", "1", "--trial"];
+    run(&[&args[..], &[&number.to_string(), "--out", &out]].concat()).await.json();
+    let svg = std::fs::read_to_string(&out).unwrap();
+    assert!(svg.contains("participant 1 / task / trial 8"), "{}", &svg[..400]);
+
+    let refused = async |args: &[&str], words: &str| {
+        let all = [&["plot", "--kind", "replay", "--out", &out], args].concat();
+        run(&all).await.refused(2, &[words]);
+    };
+    let database = server.database();
+    refused(&[], "expected --database URL --trial ID, or --trials").await;
+    refused(&["--database", &database, "--trial", "none"], "--trial none: no such trial").await;
+    let view = ["--database", &database, "--trial", &trial_id, "--view", "t=soon"];
+    refused(&view, "--view.t: expected a time of 0 s or more, found soon").await;
+    refused(&[&args[3..6], &["2", "--trial", "1"]].concat(), "no participant of the file").await;
+    refused(&[&args[3..], &["99"]].concat(), "one of the 9 trials of participant 1").await;
 }

@@ -5,7 +5,8 @@ use crate::people::come;
 use reqwest::Method;
 use serde_json::{Value, json};
 use sidestep::api::{
-    AuditPage, KeyMade, Note, ParticipantDetail, ParticipantPage, Stage, TrialDetail, routes,
+    AuditPage, Drives, KeyMade, Note, ParticipantDetail, ParticipantPage, Stage, TrainedPredictor,
+    TrialDetail, routes,
 };
 use sidestep::scene::SceneParameters;
 use sidestep_tests::server::SHORT_STUDY;
@@ -43,6 +44,7 @@ async fn a_participant_is_shown_whole() {
     let found = profile(&server, id(&driver)).await;
     assert_eq!((found.summary.number, found.summary.stage), (1, Stage::Task));
     assert_eq!((found.study.as_str(), found.danger_radius_m), ("default", 3.0));
+    assert_eq!((found.configuration_number, &found.configuration_label[..]), (Some(1), "1"));
     assert_eq!(found.summary.external_id.as_deref(), Some("P-7"));
     assert_eq!((found.exclusion, found.notes.len(), found.trials.len()), (None, 0, 4));
     let picture = &found.trials[2];
@@ -211,4 +213,41 @@ async fn a_participant_is_deleted_on_request() {
     send(&server, Method::DELETE, &nobody, json!({})).await.problem(404, "not_found", None);
     let deleted = ("participant_deleted".to_owned(), Some("1".to_owned()));
     assert_eq!(audit(&server).await.last(), Some(&deleted));
+}
+
+#[tokio::test]
+async fn the_drives_of_a_participant_are_their_tasks_to_the_bit() {
+    let server = Server::with_study(SHORT_STUDY).await;
+    let driver = come(&server, "P-7").await;
+    let route = routes::admin_drives(id(&driver));
+    let found: Drives = server.admin(&route).await.into(200);
+    assert_eq!((found.tasks.len(), found.data_deleted), (0, false));
+    let sent = driver.drive(&server, 5).await;
+    let found: Drives = server.admin(&route).await.into(200);
+    assert_eq!((found.study.as_str(), found.number, found.pilot), ("default", 1, false));
+    // One of five scenes is the familiarisation, and one the practice.
+    let words: Vec<&str> = found.tasks.iter().map(|task| task.words.as_str()).collect();
+    assert_eq!(words, ["task 1", "task 2", "task 3"]);
+    for (task, (trial_id, _)) in found.tasks.iter().zip(&sent[2..]) {
+        assert_eq!(&task.trial_id, trial_id);
+        let trial: TrialDetail = server.admin(&routes::admin_trial(trial_id)).await.into(200);
+        assert_eq!((task.inputs(), task.states()), (trial.inputs, trial.states));
+        assert_eq!((task.scene, found.parameters), (trial.scene, trial.parameters));
+        let ids = [&found.value_function_hr, &found.value_function_rh];
+        assert_eq!(ids, [&trial.value_function_hr, &trial.value_function_rh]);
+    }
+    // The model of a task was trained on the trials before it, which it names.
+    let predictor = routes::admin_predictor(&sent[3].0);
+    let predictor: TrainedPredictor = server.admin(&predictor).await.into(200);
+    let before: Vec<&String> = sent[..3].iter().map(|(id, _)| id).collect();
+    assert_eq!(predictor.trained_on.iter().collect::<Vec<_>>(), before);
+    // Without a key there is nothing; of somebody unknown, neither.
+    assert_eq!(server.get(&route).await.status, 401);
+    assert_eq!(server.admin(&routes::admin_drives("nobody")).await.status, 404);
+    // What was deleted is gone.
+    let participant = routes::admin_participant(id(&driver));
+    let deleted = server.request(Method::DELETE, &participant).bearer_auth(&server.key);
+    assert_eq!(Answer::of(deleted).await.status, 204);
+    let found: Drives = server.admin(&route).await.into(200);
+    assert_eq!((found.tasks.len(), found.data_deleted), (0, true));
 }

@@ -130,11 +130,17 @@ async fn closed_and_archived_studies() {
     Driver::ask(&server, json!({ "consent": true })).await.problem(403, "closed", None);
     assert_eq!(Driver::ask(&server, named.clone()).await.status, 200, "who began goes on");
     driver.drive(&server, 1).await;
+    // A study is rehearsed before it is opened.
+    let pilot = json!({ "consent": true, "pilot": true });
+    let pilot = Driver { enrolled: Driver::ask(&server, pilot).await.into(201) };
+    pilot.drive(&server, 1).await;
 
     let archived = format!("status = \"archived\"\n{}", study(""));
     let server = server.restarted_with_study(&archived).await;
     assert_eq!(admission(&server).await, Admission::Archived);
     Driver::ask(&server, named).await.problem(410, "archived", None);
+    let pilot = json!({ "consent": true, "pilot": true });
+    Driver::ask(&server, pilot).await.problem(410, "archived", None);
     let (id, scene) = driver.scenes()[1].clone();
     let late = driver.send(&server, &id, &sidestep_tests::driven(&scene)).await;
     late.problem(410, "archived", None);

@@ -80,6 +80,35 @@ async fn every_file_says_what_it_depends_on() {
     assert_eq!(rows(folder.path("again/regions.csv")), regions);
 }
 
+/// What the explorer saves does what the flags do.
+#[tokio::test]
+async fn settings_of_a_file_are_those_of_the_flags() {
+    let folder = Folder::default();
+    let file = |name: &str, rest: &str| {
+        folder.file(name, format!("{{\"format\":\"sidestep-shfrs/1\",{rest}}}"))
+    };
+    let good = file("good", r#""steps":3,"epsilon":[0,0.3,1],"k":[2,1,1],"rollout":"paper""#);
+    let of = async |out: &str, flags: &[&str]| {
+        let usual = ["--participant", "2", "--probability", "0.75", "--guarantee", "conformal"];
+        let found = shfrs(&folder.name(out), &[&usual[..], flags].concat()).await;
+        found.json();
+        rows(folder.path(out).join("regions.csv"))
+    };
+    let flags = ["--steps", "3", "--epsilon", "0,0.3,1", "--k", "2,1,1", "--rollout", "paper"];
+    assert_eq!(of("file", &["--settings", &good]).await, of("flags", &flags).await);
+
+    let wrong = file("wrong", r#""steps":3,"epsilon":[0.4,0.3],"tau":0.1"#);
+    let other = folder.file("other", "{\"format\":\"sidestep-predictor/1\"}");
+    for (flags, words) in [
+        (&["--settings", &wrong[..]][..], "wrong: epsilon[1]: expected a finite number ≥ 0.4"),
+        (&["--settings", &other[..]], "other: format: expected"),
+        (&["--settings", "nowhere.json"], "nowhere.json: cannot read"),
+        (&["--settings", &good[..], "--tau", "0.1"], "--settings"),
+    ] {
+        shfrs(&folder.name("none"), flags).await.refused(2, &[words]);
+    }
+}
+
 #[tokio::test]
 async fn what_makes_no_sense_is_refused_in_words() {
     let folder = Folder::default();

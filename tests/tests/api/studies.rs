@@ -4,7 +4,7 @@ use reqwest::Method;
 use serde_json::json;
 use sidestep::api::{Configuration, StudyInfo, Texts, routes};
 use sidestep_tests::server::{SHORT_STUDY, with_slug};
-use sidestep_tests::{Answer, Driver, Server, run};
+use sidestep_tests::{Answer, Driver, Server, behind, run};
 
 /// The lines of the announcement that name studies.
 fn announced(server: &Server) -> Vec<String> {
@@ -35,10 +35,17 @@ async fn a_changed_file_replaces_a_study_only_if_that_is_said() {
 
 #[tokio::test]
 async fn a_restart_with_the_same_file_keeps_what_the_laboratory_changed() {
-    for enrols in [false, true] {
-        let server = Server::with_study(SHORT_STUDY).await;
+    for (enrols, made_earlier) in [(false, false), (true, false), (true, true)] {
+        let mut server = Server::with_study(SHORT_STUDY).await;
         if enrols {
             Driver::enrol(&server).await;
+        }
+        if made_earlier {
+            // As a database of an earlier version, which does not say where its versions are from.
+            let database = server.database();
+            let stopped = server.stop().await;
+            behind(&database).execute("UPDATE study_version SET by_file = 0", []).unwrap();
+            server = stopped.start().await;
         }
         let route = routes::admin_configuration("default");
         let present: Configuration = server.admin(&route).await.into(200);

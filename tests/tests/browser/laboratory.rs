@@ -127,7 +127,7 @@ async fn drive_unequal(server: &Server) -> String {
 
 /// Moves a replay to a step.
 async fn seek(tab: &Tab, step: usize) {
-    tab.enter("slider", &step.to_string()).await;
+    tab.enter("slider", &(0.2 * step as f64).to_string()).await;
     tab.until_step("replay", step).await;
 }
 
@@ -161,6 +161,7 @@ async fn unequal_vehicles_have_level_sets_from_either_solver() {
         assert_eq!(trial.value_function(evader), None);
         let game = trial.parameters.game(evader);
         let text = serde_json::to_string(&game).expect("a game as JSON");
+        let text = format!("{{\"game\":{text}}}");
         let (hash, bytes, ms): (String, usize, f64) = tab
             .eval(&format!(
                 "(async () => {{ \
@@ -269,8 +270,14 @@ async fn every_page_fits_its_window() {
     until_predicted(&tab).await;
     seek(&tab, 17).await;
     take("replay").await;
-    tab.press("by-step").await;
+    tab.enter("sets", "steps").await;
     take("replay-by-step").await;
+    tab.enter("sets", "tube").await;
+    tab.enter("colours", "safe").await;
+    for layer in ["shade-hr", "samples", "avoidance"] {
+        tab.press(&format!("layer-{layer}")).await;
+    }
+    take("replay-everything").await;
     tab.go(&format!("{}/lab/self-check", server.origin)).await;
     tab.words("verdict").await;
     take("self-check").await;

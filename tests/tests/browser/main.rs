@@ -8,6 +8,7 @@ mod studies;
 mod laboratory;
 mod predictors;
 mod simulated;
+mod viewer;
 
 use sidestep::api::{TrialDetail, TrialPage, routes};
 use sidestep::chart::colours;

@@ -82,7 +82,7 @@ async fn a_model_goes_from_the_list_to_a_replay() {
     // The first one was not: a warning, at the same time of the trial, and in the address.
     tab.go(&format!("{}/lab/replay/{}", server.origin, drivers[1].scenes()[0].0)).await;
     until_predicted(&tab).await;
-    tab.enter("slider", "17").await;
+    tab.enter("slider", "3.4").await;
     tab.until_step("replay", 17).await;
     assert!(!tab.eval::<bool>(&format!("!!{}", Tab::at("trained-on-this"))).await);
     let model = format!("{id}/models/lr-1-hrd-2.json");
@@ -93,8 +93,8 @@ async fn a_model_goes_from_the_list_to_a_replay() {
     tab.until(&Tab::at("regions")).await;
     let chosen = format!("{}.value", Tab::at("choose-predictor"));
     let slider = format!("{}.value", Tab::at("slider"));
-    assert_eq!(tab.eval::<String>(&slider).await, "17");
-    assert_eq!(search(&tab).await, linked);
+    assert_eq!(tab.eval::<String>(&slider).await, "3.4");
+    assert_eq!(search(&tab).await, format!("{linked}&t=3.4"));
     assert_ne!(tab.words("regions").await, before, "another model predicts something else");
     take(&tab, "replay-trained-on-this").await;
     // In a narrow window the control is below the timeline.
@@ -114,7 +114,7 @@ async fn a_model_goes_from_the_list_to_a_replay() {
     tab.until(&Tab::at("regions")).await;
     tab.enter("choose-predictor", "").await;
     tab.until_says("predictor", "too few earlier trials").await;
-    assert_eq!(search(&tab).await, "");
+    assert_eq!(search(&tab).await, "?t=3.4");
     tab.is_well().await;
     let of_other = "?analysis=ID&file=models/dt-1-hrd-1.json".replace("ID", &id);
     let address = format!("{}/lab/replay/{newest}{of_other}", server.origin);

@@ -117,7 +117,7 @@ async fn keys_are_made_and_revoked() {
     let other = guest.open(&link).await;
     other.until(&Tab::at("studies")).await;
     other.go(&format!("{}/lab/access", server.origin)).await;
-    assert!(other.words("mine").await.contains("take data away"));
+    assert!(other.words("mine").await.contains("download all data"));
     take(&other, "access-export").await;
 
     let made: Vec<KeySummary> = server.admin(routes::ADMIN_KEYS).await.into(200);
@@ -181,7 +181,7 @@ async fn a_study_is_made_changed_and_closed_in_the_browser() {
     tab.until(&Tab::at("design")).await;
     tab.press("as-text").await;
     let copy: String = tab.eval(&format!("{}.value", Tab::at("toml"))).await;
-    assert!(copy.starts_with("slug = \"pilot-copy\"\n") && !copy.contains("closed"), "{copy}");
+    assert!(copy.starts_with("slug = \"pilot-copy\"\nstatus = \"closed\"\n"), "{copy}");
     tab.until_painted().await;
     tab.is_well().await;
     browser.close().await;
@@ -193,11 +193,14 @@ async fn a_study_is_made_in_the_form() {
     sign_in(&tab, &server).await;
     tab.press("new-study").await;
     tab.until(&Tab::at("design")).await;
+    // The title gives the name, until somebody enters one.
+    tab.enter("field-title", "Made in a form").await;
+    let name = format!("{}.value === 'made-in-a-form'", Tab::at("field-slug"));
+    tab.until(&name).await;
     tab.enter("field-slug", "My Study").await;
     tab.until_says("beside", "lower-case letters").await;
     take(&tab, "form-complaint").await;
     tab.enter("field-slug", "in-a-form").await;
-    tab.enter("field-title", "Made in a form").await;
     tab.press("field-phases.practice").await;
     tab.until(&format!("!{}", Tab::at("field-phases[2].scenes"))).await;
     // Typed with keys, so the fields must stay while the server is asked.
@@ -234,8 +237,19 @@ async fn a_study_is_made_in_the_form() {
     assert_eq!(tab.eval::<String>(&number).await, "12");
     tab.press("store").await;
     tab.until("location.pathname === '/lab/studies/in-a-form/configuration'").await;
-    tab.until(&Tab::at("links")).await;
+    // It begins closed: it is tried, and then opened.
+    tab.until(&Tab::at("set-open")).await;
+    take(&tab, "configuration-closed").await;
     let body = json!({ "consent": true, "external_id": "p1" });
+    Driver::ask_in(&server, "in-a-form", body.clone()).await.problem(403, "closed", None);
+    let rehearsal = Browser::start().await;
+    let page = format!("{}/s/in-a-form?simulate=1&speed=30", server.origin);
+    let page = rehearsal.open(&page).await;
+    assert!(page.words("completion-code").await.starts_with("PILOT-"));
+    page.is_well().await;
+    rehearsal.close().await;
+    tab.press("set-open").await;
+    tab.until(&Tab::at("links")).await;
     let first: Enrolled = Driver::ask_in(&server, "in-a-form", body).await.into(201);
     assert_eq!(first.plan.scenes().count(), 18);
 

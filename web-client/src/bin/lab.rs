@@ -1,5 +1,7 @@
 //! Entry of the laboratory.
 
+use sidestep_web::pages::lab::{Lab, Laboratory};
+
 fn main() {
-    sidestep_web::browser::run(sidestep_web::pages::lab::Lab::open);
+    sidestep_web::browser::run(Lab::<Laboratory>::open);
 }

@@ -1,10 +1,9 @@
 //! Paints pictures.
 
-use crate::shape::{Camera, Picture, Shape, Tail, VEHICLE_LENGTH_M};
 use js_sys::Reflect;
-use sidestep::chart::{Colour, Ink, Pen, colours};
-use sidestep::math::{TAU, sin_cos};
-use sidestep::vehicle::Pose;
+use sidestep::chart::{Colour, Ink, Pen};
+use sidestep::math::TAU;
+use sidestep::picture::{Brush, Picture, Points};
 use wasm_bindgen::prelude::*;
 use web_sys::{CanvasRenderingContext2d, Document, HtmlCanvasElement, ResizeObserver, Window};
 
@@ -70,11 +69,7 @@ impl Painter {
         if sheet.id == picture.canvas {
             sheet.tell(&picture.attributes);
             let size_px = sheet.cleared(window);
-            let camera = Camera::showing(picture.window, size_px);
-            let mut brush = Brush { painter: self, sheet: &mut sheet, camera };
-            for shape in &picture.shapes {
-                brush.shape(shape);
-            }
+            picture.paint(size_px, &mut Canvas { painter: self, sheet: &mut sheet });
         }
         self.sheet = Some(sheet);
     }
@@ -173,64 +168,23 @@ impl SizeWatcher {
     }
 }
 
-struct Brush<'a> {
+/// The canvas, to be painted on.
+struct Canvas<'a> {
     painter: &'a mut Painter,
     sheet: &'a mut Sheet,
-    camera: Camera,
 }
 
-impl Brush<'_> {
-    fn shape(&mut self, shape: &Shape) {
-        match shape {
-            Shape::Polygon { points, fill, outline } => {
-                self.trace(points);
-                self.sheet.context.close_path();
-                self.fill(*fill);
-                self.stroke(*outline);
-            }
-            Shape::Polyline { points, pen } => {
-                self.trace(points);
-                self.stroke(*pen);
-            }
-            Shape::Disc { centre, radius_m, fill, outline } => {
-                self.circle(self.camera.to_px(*centre), radius_m * self.camera.scale);
-                self.fill(*fill);
-                self.stroke(*outline);
-            }
-            Shape::Vehicle { tail, pose, colour } => self.vehicle(*tail, *pose, *colour),
-            Shape::Label { at, text, colour } => self.label(*at, text, *colour),
-            Shape::Square { centre, side_m, colour } => {
-                let side = (side_m * self.camera.scale).max(9.0);
-                let [x, y] = self.camera.to_px(*centre);
-                self.sheet.context.begin_path();
-                self.sheet.context.rect(x - 0.5 * side, y - 0.5 * side, side, side);
-                self.fill((*colour).into());
-            }
-            Shape::Grid { every_m } => self.grid(*every_m),
-        }
-    }
-
-    fn trace(&self, points: &[[f64; 2]]) {
-        self.sheet.context.begin_path();
-        for &point in points {
-            let [x, y] = self.camera.to_px(point);
-            self.sheet.context.line_to(x, y);
-        }
-    }
-
-    fn circle(&self, [x, y]: [f64; 2], radius: f64) {
-        self.sheet.context.begin_path();
-        let _ = self.sheet.context.arc(x, y, radius, 0.0, TAU);
-    }
-
-    fn fill(&mut self, ink: Ink) {
+impl Canvas<'_> {
+    fn filled(&mut self, ink: Option<Ink>) {
+        let Some(ink) = ink else { return };
         let sheet = &*self.sheet;
         sheet.context.set_global_alpha(ink.opacity);
         let _ = Reflect::set(&sheet.context, &sheet.names.fill, self.painter.css(ink.colour));
         sheet.context.fill();
     }
 
-    fn stroke(&mut self, pen: Pen) {
+    fn stroked(&mut self, pen: Option<Pen>) {
+        let Some(pen) = pen else { return };
         self.sheet.set_dash(pen.dash);
         let sheet = &*self.sheet;
         sheet.context.set_global_alpha(pen.ink.opacity);
@@ -238,82 +192,39 @@ impl Brush<'_> {
         sheet.context.set_line_width(pen.width);
         sheet.context.stroke();
     }
+}
 
-    /// Tail, shaft and head.
-    fn vehicle(&mut self, tail: Tail, pose: Pose, colour: Colour) {
-        // Along the heading and to its left, in lengths of the arrow.
-        const OUTLINE: [(f64, f64); 7] = [
-            (0.0, 0.036),
-            (0.72, 0.036),
-            (0.72, 0.15),
-            (1.0, 0.0),
-            (0.72, -0.15),
-            (0.72, -0.036),
-            (0.0, -0.036),
-        ];
-        const SQUARE: [(f64, f64); 4] =
-            [(0.085, 0.085), (0.085, -0.085), (-0.085, -0.085), (-0.085, 0.085)];
-        let length = (VEHICLE_LENGTH_M * self.camera.scale).max(26.0);
-        let [x, y] = self.camera.to_px(pose.position());
-        let (sin, cos) = sin_cos(pose.psi);
-        let trace = |context: &CanvasRenderingContext2d, outline: &[(f64, f64)]| {
-            context.begin_path();
-            for (along, left) in outline {
-                let right = x + length * (along * cos - left * sin);
-                context.line_to(right, y - length * (along * sin + left * cos));
+impl Brush for Canvas<'_> {
+    fn path(&mut self, points: Points<'_>, closed: bool, fill: Option<Ink>, pen: Option<Pen>) {
+        let context = &self.sheet.context;
+        context.begin_path();
+        let mut is_lifted = true;
+        for [x, y] in points {
+            match is_lifted {
+                // The browser ignores a line to a point that is no number.
+                false => context.line_to(x, y),
+                true => context.move_to(x, y),
             }
+            is_lifted = x.is_nan();
+        }
+        if closed {
             context.close_path();
-        };
-        match tail {
-            Tail::Dot => self.circle([x, y], 0.085 * length),
-            Tail::Square => trace(&self.sheet.context, &SQUARE),
         }
-        self.fill(colour.into());
-        trace(&self.sheet.context, &OUTLINE);
-        self.fill(colour.into());
+        self.filled(fill);
+        self.stroked(pen);
     }
 
-    /// Words below a position.
-    fn label(&mut self, at: [f64; 2], text: &str, colour: Colour) {
-        const BELOW_PX: f64 = 24.0;
-        let [x, y] = self.camera.to_px(at);
+    fn circle(&mut self, [x, y]: [f64; 2], radius: f64, fill: Option<Ink>, outline: Option<Pen>) {
+        self.sheet.context.begin_path();
+        let _ = self.sheet.context.arc(x, y, radius, 0.0, TAU);
+        self.filled(fill);
+        self.stroked(outline);
+    }
+
+    fn words(&mut self, text: &str, [x, y]: [f64; 2], colour: Colour) {
         let css = self.painter.css(colour);
+        self.sheet.context.set_global_alpha(1.0);
         let _ = Reflect::set(&self.sheet.context, &self.sheet.names.fill, css);
-        let _ = self.sheet.context.fill_text(text, x, y + BELOW_PX);
-    }
-
-    /// Grid lines, and a bar as long as their distance.
-    fn grid(&mut self, every_m: u32) {
-        let step_m = f64::from(every_m);
-        let [width, height] = self.camera.size_px;
-        let low = self.camera.to_world([0.0, height]);
-        let high = self.camera.to_world([width, 0.0]);
-        self.sheet.context.begin_path();
-        for axis in [0, 1] {
-            let first = (low[axis] / step_m).ceil() as i64;
-            let last = (high[axis] / step_m).floor() as i64;
-            for line in first..=last {
-                let at = line as f64 * step_m;
-                // Half a pixel keeps one-pixel lines crisp.
-                let px = self.camera.to_px([at, at])[axis].round() + 0.5;
-                let (from, to) =
-                    if axis == 0 { ((px, 0.0), (px, height)) } else { ((0.0, px), (width, px)) };
-                self.sheet.context.move_to(from.0, from.1);
-                self.sheet.context.line_to(to.0, to.1);
-            }
-        }
-        self.stroke(Pen::new(colours::GRID, 1.0));
-        let (left, bottom, length) = (22.0, height - 18.0, step_m * self.camera.scale);
-        self.sheet.context.begin_path();
-        self.sheet.context.move_to(left, bottom);
-        self.sheet.context.line_to(left + length, bottom);
-        self.stroke(Pen::new(colours::MUTED, 1.5));
-        let css = self.painter.css(colours::MUTED);
-        let _ = Reflect::set(&self.sheet.context, &self.sheet.names.fill, css);
-        let _ = self.sheet.context.fill_text(
-            &format!("{every_m} m"),
-            left + 0.5 * length,
-            bottom - 6.0,
-        );
+        let _ = self.sheet.context.fill_text(text, x, y);
     }
 }

@@ -22,17 +22,12 @@ pub(super) fn form(form: &Element) -> Form {
 /// The value of a field; nothing for a radio button that is not chosen.
 pub(super) fn value(field: &Element) -> Option<FieldValue> {
     let is_checked = || property(field, "checked").is_truthy();
-    // A list says "select-one" or "select-multiple".
     Some(match text(field, "type").as_str() {
         "checkbox" => FieldValue::Checked(is_checked()),
         "radio" if !is_checked() => return None,
         "number" | "range" => {
             let number = property(field, "valueAsNumber").as_f64();
             FieldValue::Number(number.filter(|number| number.is_finite()))
-        }
-        "select-multiple" => {
-            let chosen = js_sys::Array::from(&property(field, "selectedOptions"));
-            FieldValue::Choices(chosen.iter().map(|option| text(&option, "value")).collect())
         }
         _ => FieldValue::Text(text(field, "value")),
     })

@@ -2,12 +2,13 @@
 
 use super::canvas::SizeWatcher;
 use super::{Pump, address, fields, window_size};
+use crate::form::{Does, FieldValue, Pointing};
 use crate::runtime::{Event, Page};
-use crate::view::Handler;
+use crate::view::{Handler, POINTS};
 use wasm_bindgen::prelude::*;
 use web_sys::{
     Element, EventTarget, FocusOptions, HtmlElement, KeyboardEvent, MediaQueryList, MouseEvent,
-    Node,
+    Node, PointerEvent, WheelEvent,
 };
 
 /// A callback on a target for as long as this value lives.
@@ -85,6 +86,11 @@ impl<P: Page + 'static> Pump<P> {
         self.on(&root, "submit", |pump, event| {
             pump.used(event, |handler| matches!(handler, Handler::Submit(_)));
         });
+        if P::points() {
+            for name in ["pointermove", "pointerdown", "wheel"] {
+                self.on(&root, name, Self::point);
+            }
+        }
         if P::navigates() {
             for name in ["popstate", "hashchange"] {
                 self.on(&window, name, |pump, event| {
@@ -128,10 +134,14 @@ impl<P: Page + 'static> Pump<P> {
             return;
         }
         let code = event.code();
+        // The compiler leaves this out of the program of a page without short cuts.
+        if P::has_short_cuts() && down && is_needed(event, &code) {
+            return;
+        }
         if self.shell.borrow().page.owns_key(&code) {
             event.prevent_default();
         }
-        if event.repeat() {
+        if event.repeat() && !P::has_short_cuts() {
             return;
         }
         let (name, stamp) = (event.key(), event.time_stamp());
@@ -189,6 +199,44 @@ impl<P: Page + 'static> Pump<P> {
         true
     }
 
+    /// Tells the innermost element that hears pointers what one does there.
+    fn point(&self, event: &web_sys::Event) {
+        let target = event.target().and_then(|target| target.dyn_into::<Element>().ok());
+        let target = target.and_then(|it| it.closest(&format!("[{POINTS}]")).ok().flatten());
+        let (Some(target), Some(mouse)) = (target, event.dyn_ref::<MouseEvent>()) else { return };
+        let found = {
+            let shell = self.shell.borrow();
+            let hears = |handler: &Handler<P::Msg>| matches!(handler, Handler::Input(_));
+            shell.dom.handler(&target, hears).map(|(handler, element)| (handler.clone(), element))
+        };
+        let Some((Handler::Input(make), element)) = found else { return };
+        let does = match (event.type_().as_str(), event.dyn_ref::<WheelEvent>()) {
+            (_, Some(_)) if target.get_attribute(POINTS).is_none_or(|what| what.is_empty()) => {
+                return;
+            }
+            (_, Some(wheel)) => Does::Roll(wheel.delta_y() as f32),
+            ("pointerdown", _) if mouse.button() != 0 => return,
+            ("pointerdown", _) => Does::Press,
+            _ if mouse.buttons() & 1 == 1 => Does::Drag,
+            _ => Does::Hover,
+        };
+        match does {
+            // What is dragged stays in hand beyond the element.
+            Does::Press => {
+                let pointer = event.dyn_ref::<PointerEvent>().map(PointerEvent::pointer_id);
+                let _ = pointer.map(|pointer| element.set_pointer_capture(pointer));
+            }
+            Does::Roll(_) => event.prevent_default(),
+            Does::Hover | Does::Drag => {}
+        }
+        let place = element.get_bounding_client_rect();
+        let [x, y] = [mouse.client_x(), mouse.client_y()].map(f64::from);
+        let at = [(x - place.left()) / place.width(), (y - place.top()) / place.height()];
+        let at = at.map(|share| share as f32);
+        let t_ms = self.shell.borrow().clock.of(event.time_stamp());
+        self.dispatch(make(FieldValue::Pointing(Pointing { at, does })), t_ms);
+    }
+
     /// Follows a link to another address of this page without loading it.
     fn link(&self, event: &web_sys::Event) {
         let target = event.target().and_then(|target| target.dyn_into::<Element>().ok());
@@ -216,4 +264,13 @@ impl<P: Page + 'static> Pump<P> {
             event.prevent_default();
         }
     }
+}
+
+/// Whether the control that has the keyboard needs this key itself.
+fn is_needed(event: &KeyboardEvent, code: &str) -> bool {
+    let target = event.target().and_then(|target| target.dyn_into::<Element>().ok());
+    let Some(target) = target else { return false };
+    let is = |selector| target.matches(selector).unwrap_or(false);
+    is("select, textarea, input:not([type=range]), [data-own-keys]")
+        || (matches!(code, "Space" | "Enter") && is("a, button, summary"))
 }

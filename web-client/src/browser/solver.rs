@@ -1,16 +1,16 @@
 //! Both ends of a solver beside the page: a worker with a program of its own
 //! (`bin/solver.rs`), which finds one value function and ends.
 //!
-//! The worker's name is the game as JSON, so that nothing has to be sent to a worker that is still
+//! The worker's name is its task as JSON, so that nothing has to be sent to a worker that is still
 //! loading. It reports numbers (the share that is done) and ends with the bytes of the function
 //! or, if there is no solution, with a text that says why. The browser stops it when the page
 //! closes.
 
 use crate::json;
 use crate::runtime::Solving;
+use crate::task::Task;
 use js_sys::{Array, Uint8Array};
-use sidestep::reachability::{Progress, PursuitGame, ValueFunction};
-use sidestep::safety::value_function;
+use sidestep::reachability::Progress;
 use std::ops::ControlFlow;
 use std::rc::Rc;
 use wasm_bindgen::prelude::*;
@@ -24,15 +24,15 @@ pub(super) struct Solver {
 }
 
 impl Solver {
-    /// Starts the program at `address` on `game`.
+    /// Starts the program at `address` on `task`.
     pub(super) fn start(
         address: &str,
-        game: &PursuitGame,
+        task: &Task,
         report: impl Fn(Solving) + 'static,
     ) -> Result<Self, JsValue> {
         let options = WorkerOptions::new();
         options.set_type(WorkerType::Module);
-        options.set_name(&json::write(game));
+        options.set_name(&json::write(task));
         let worker = Worker::new_with_options(address, &options)?;
         let report = Rc::new(report);
         let on_message = {
@@ -66,7 +66,7 @@ impl Drop for Solver {
     }
 }
 
-/// The worker's end: solves the game that is its name, and ends.
+/// The worker's end: does the task that is its name, and ends.
 pub fn work() {
     let Ok(scope) = js_sys::global().dyn_into::<DedicatedWorkerGlobalScope>() else {
         return;
@@ -77,8 +77,8 @@ pub fn work() {
         let _ = reporter.post_message(&format!("The solver stopped: {panic}").into());
     }));
     let sent = match solved(&scope) {
-        Ok(function) => {
-            let bytes = Uint8Array::from(function.encode().as_slice());
+        Ok(bytes) => {
+            let bytes = Uint8Array::from(bytes.as_slice());
             let moved = Array::of1(&bytes.buffer());
             scope.post_message_with_transfer(&bytes, &moved)
         }
@@ -89,9 +89,8 @@ pub fn work() {
     }
 }
 
-fn solved(scope: &DedicatedWorkerGlobalScope) -> Result<ValueFunction, String> {
-    let game: PursuitGame =
-        json::read(scope.name().as_bytes()).ok_or("The solver was given no game.")?;
+fn solved(scope: &DedicatedWorkerGlobalScope) -> Result<Vec<u8>, String> {
+    let task: Task = json::read(scope.name().as_bytes()).ok_or("The solver was given no task.")?;
     let mut percent = 0.0;
     let mut progress = |progress: Progress| {
         let now = (100.0 * progress.done).floor();
@@ -102,5 +101,5 @@ fn solved(scope: &DedicatedWorkerGlobalScope) -> Result<ValueFunction, String> {
         }
         ControlFlow::Continue(())
     };
-    value_function(game, &mut progress).map_err(|error| error.to_string())
+    task.solved(&mut progress).map_err(|error| error.to_string())
 }

@@ -21,31 +21,36 @@ mod routes;
 mod tests;
 
 use self::hosted::{AnyMsg, AnyPage};
-use self::routes::{ROUTES, Route};
+pub use self::routes::{Demonstration, Laboratory, Program, Viewer};
+use self::routes::{NAVIGATION, OPEN_TO_ALL, Route, is_apart};
 use self::visit::Visit;
 use super::parts::{self, alert, button};
 use crate::form::Form;
 use crate::json;
 use crate::runtime::{
-    Address, Answer, Command, Commands, Event, Failure, Page, PageContext, Request, read,
+    Address, Answer, Command, Commands, Event, Failure, Page, PageContext, Request, Solid, read,
 };
-use crate::shape::Picture;
 use crate::view::{self, el};
 use sidestep::api::{Access, Session, SignIn, routes as api};
+use sidestep::picture::Picture;
+use std::marker::PhantomData;
 use std::rc::Rc;
 
 type Node = view::Node<Msg>;
 
-/// The laboratory.
-pub struct Lab {
+/// The laboratory, or the part of it that is this program.
+pub struct Lab<P> {
     address: Address,
     /// Who is signed in.
     session: Session,
     state: State,
+    /// Width of the window when it was opened, px.
+    window_px: f64,
     /// How many pages were opened. A message for one that was left is dropped.
     visits: u32,
     /// What went wrong with signing in or out.
     trouble: Option<String>,
+    program: PhantomData<P>,
 }
 
 /// What is shown.
@@ -58,7 +63,7 @@ enum State {
     },
     /// No page has this address.
     Nowhere,
-    Open(&'static Route, AnyPage),
+    Open(AnyPage),
 }
 
 /// What the laboratory can be told.
@@ -80,17 +85,29 @@ pub enum Msg {
     Page(u32, AnyMsg),
 }
 
-impl Lab {
+impl<P: Program> Lab<P> {
     /// The laboratory as it opens.
     #[must_use]
     pub fn open(context: PageContext) -> (Self, Commands<Msg>) {
         let session = Session { signed_in: false, name: String::new(), access: Access::Read };
         let (address, state) = (context.address, State::Asking);
-        let mut lab = Self { address, session, state, visits: 0, trouble: None };
-        let commands = lab.key_of_address().unwrap_or_else(|| {
-            vec![Command::Send(Request::get("session", api::SESSION, Msg::Session))]
-        });
+        let (visits, trouble, program) = (0, None, PhantomData);
+        let width = context.screen.iter().find(|(name, _)| *name == "window_width_px");
+        let window_px = width.map_or(1280.0, |(_, px)| *px);
+        let mut lab = Self { address, session, state, window_px, visits, trouble, program };
+        let commands = if lab.is_open_to_all() {
+            lab.show_address()
+        } else {
+            lab.key_of_address().unwrap_or_else(|| {
+                vec![Command::Send(Request::get("session", api::SESSION, Msg::Session))]
+            })
+        };
         (lab, commands)
+    }
+
+    /// Whether nobody needs to sign in here.
+    fn is_open_to_all(&self) -> bool {
+        self.address.path.trim_end_matches('/') == OPEN_TO_ALL
     }
 
     /// Signs in with the key in the address, if there is one. The key leaves the address at
@@ -127,15 +144,15 @@ impl Lab {
     fn show_address(&mut self) -> Commands<Msg> {
         self.trouble = None;
         self.visits += 1;
-        let found =
-            ROUTES.iter().find_map(|route| Some((route, route.matches(&self.address.path)?)));
+        let found = page_at::<P>(&self.address.path);
         let Some((route, id)) = found else {
             self.state = State::Nowhere;
             return vec![Command::CancelAll];
         };
-        let visit = Visit { address: &self.address, id, session: &self.session };
+        let visit =
+            Visit { address: &self.address, id, session: &self.session, window_px: self.window_px };
         let (page, commands) = (route.open)(&visit);
-        self.state = State::Open(route, page);
+        self.state = State::Open(page);
         let commands = self.lifted(commands);
         [Command::CancelAll].into_iter().chain(commands).collect()
     }
@@ -166,7 +183,13 @@ impl Lab {
     }
 }
 
-impl Page for Lab {
+/// The page of a program at a path, and the name in it.
+fn page_at<P: Program>(path: &str) -> Option<(&'static Route, &str)> {
+    let mut pages = P::PAGES.iter().copied().flatten();
+    pages.find_map(|route| Some((route, route.matches(path)?)))
+}
+
+impl<P: Program> Page for Lab<P> {
     type Msg = Msg;
 
     fn navigates() -> bool {
@@ -174,10 +197,26 @@ impl Page for Lab {
     }
 
     fn solves() -> bool {
-        true
+        P::SOLVES
+    }
+
+    fn shows_solids() -> bool {
+        P::SHOWS_SOLIDS
+    }
+
+    fn points() -> bool {
+        P::POINTS
     }
 
     fn follows() -> bool {
+        true
+    }
+
+    fn offers_files() -> bool {
+        P::OFFERS_FILES
+    }
+
+    fn has_short_cuts() -> bool {
         true
     }
 
@@ -213,7 +252,7 @@ impl Page for Lab {
                 self.ask_for_key(Some(why.to_owned()))
             }
             Msg::Page(visit, message) => match &mut self.state {
-                State::Open(_, page) if visit == self.visits => {
+                State::Open(page) if visit == self.visits => {
                     let commands = page.update(message, now_ms);
                     self.lifted(commands)
                 }
@@ -230,7 +269,7 @@ impl Page for Lab {
             State::Nowhere => {
                 parts::stuck("Page not found", "The laboratory has no page at this address.")
             }
-            State::Open(_, page) => {
+            State::Open(page) => {
                 let visit = self.visits;
                 let lift: Rc<dyn Fn(AnyMsg) -> Msg> =
                     Rc::new(move |message| Msg::Page(visit, message));
@@ -245,21 +284,31 @@ impl Page for Lab {
             State::Asking => None,
             State::SignedOut { .. } => Some("Sign in".to_owned()),
             State::Nowhere => Some("Page not found".to_owned()),
-            State::Open(_, page) => Some(page.title()),
+            State::Open(page) => Some(page.title()),
         };
         title.map_or_else(String::new, |title| format!("{title} · ")) + "Sidestep laboratory"
     }
 
     fn hear(&self, event: &Event) -> Option<Msg> {
         if let Event::Address(address) = event {
-            let is_ours = address.path == "/lab" || address.path.starts_with("/lab/");
+            let path = &address.path;
+            let is_lab = path == "/lab" || path.starts_with("/lab/");
+            // Another program has the other addresses. The one with the first page also says that there is
+            // no page at an address.
+            let is_ours = is_lab
+                && (page_at::<P>(path).is_some()
+                    || (page_at::<P>("/lab").is_some() && !is_apart(path)));
             return is_ours.then(|| Msg::Address(address.clone()));
         }
         self.page()?.hear(event).map(|message| Msg::Page(self.visits, message))
     }
 
+    fn owns_key(&self, code: &str) -> bool {
+        self.page().is_some_and(|page| page.owns_key(code))
+    }
+
     fn tick(&mut self, now_ms: f64) -> Option<Msg> {
-        let State::Open(_, page) = &mut self.state else { return None };
+        let State::Open(page) = &mut self.state else { return None };
         page.tick(now_ms).map(|message| Msg::Page(self.visits, message))
     }
 
@@ -267,15 +316,20 @@ impl Page for Lab {
         self.page().is_some_and(|page| page.wants_frames())
     }
 
+    fn solid(&self) -> Option<Solid<Msg>> {
+        let visit = self.visits;
+        Some(self.page()?.solid()?.map(move |message| Msg::Page(visit, message)))
+    }
+
     fn draw(&self, at_ms: f64, picture: &mut Picture) -> bool {
         self.page().is_some_and(|page| page.draw(at_ms, picture))
     }
 }
 
-impl Lab {
+impl<P: Program> Lab<P> {
     fn page(&self) -> Option<&AnyPage> {
         match &self.state {
-            State::Open(_, page) => Some(page),
+            State::Open(page) => Some(page),
             _ => None,
         }
     }
@@ -283,21 +337,19 @@ impl Lab {
     fn header(&self) -> Node {
         let brand = el("a").class("brand").attr("href", "/").text("Sidestep");
         let header = el("header").class("top").child(brand);
-        let (current, about) = match &self.state {
+        let path = self.address.path.trim_end_matches('/');
+        let is_current = |address: &str| address == path;
+        let about = match &self.state {
             State::Asking | State::SignedOut { .. } => return header,
-            State::Nowhere => (None, String::new()),
+            _ if self.is_open_to_all() => return header,
             // The navigation shows which page is open, unless the page is not in it.
-            State::Open(route, page) if route.nav.is_none() => (None, page.title()),
-            State::Open(route, _) => (Some(route.path), String::new()),
+            State::Open(page) if !NAVIGATION.iter().any(|(it, _)| is_current(it)) => page.title(),
+            State::Open(..) | State::Nowhere => String::new(),
         };
-        let links = ROUTES.iter().filter_map(|route| {
-            let is_current = current == Some(route.path);
-            Some(
-                el("a")
-                    .attr("href", route.path)
-                    .attr_if(is_current, "aria-current", "page")
-                    .text(route.nav?),
-            )
+        let links = NAVIGATION.map(|(address, words)| {
+            let is_current = is_current(address);
+            let link = el("a").attr("href", address);
+            link.attr_if(is_current, "aria-current", "page").text(words)
         });
         let sign_out = button("sign-out", Msg::SignOut).class("plain").text("Sign out");
         header.child(el("nav").attr("aria-label", "Laboratory").children(links)).child(

@@ -18,17 +18,18 @@ mod tests;
 use self::equipment::Steering;
 use self::link::Link;
 use self::state::{PlannedTrial, Session, Stage};
+use crate::drive;
 use crate::form::Form;
 use crate::input::HeldKeys;
 use crate::json;
 use crate::outbox::{self, Outbox};
-use crate::overlays::stage;
 use crate::runtime::{Answer, Command, Commands, Event, NotKept, Page, PageContext, Request, read};
-use crate::shape::{Picture, Shape, Window};
 use crate::texts::Sentences as _;
 use crate::view::Node;
 use sidestep::api::{Completed, Progress, StudyInfo, Texts, routes};
 use sidestep::chart::colours;
+use sidestep::picture::stage;
+use sidestep::picture::{Picture, Shape};
 use sidestep::scene::{JointState, Scene};
 use sidestep::trial::Phase;
 use sidestep::vehicle::Pose;
@@ -36,9 +37,6 @@ use std::rc::Rc;
 
 /// Pause before the server is asked again, ms.
 const RETRY_MS: f64 = 2000.0;
-
-/// Half the side of the part of the world that is always seen, m.
-const WINDOW_HALF_M: f64 = 15.0;
 
 /// Where the browser keeps the language and the keys that were chosen.
 const LANGUAGE: &str = "sidestep.language";
@@ -474,7 +472,7 @@ impl Page for Participant {
         let (trial, state, step) = match &self.stage {
             Stage::Instructions(arena) => {
                 arena.draw(picture);
-                picture.shapes.extend(self.labels(arena.state()));
+                picture.extend(self.labels(arena.state()));
                 return true;
             }
             Stage::Countdown(trial, ..) => (trial, trial.scene.scene().start(), 0),
@@ -485,22 +483,22 @@ impl Page for Participant {
             _ => return false,
         };
         let scene = trial.scene.scene();
-        picture.begin("scene", window(&scene, state));
+        picture.begin("scene", drive::window(&scene, state));
         picture.tell("data-step", step);
         picture.tell("data-phase", trial.phase.word());
         picture.tell("data-trial", trial.id());
         // What a participant sees of a scene.
         if let (true, Some(study)) = (trial.show_danger_zone, &self.study) {
             let radius_m = study.parameters.danger_radius_m;
-            picture.shapes.push(stage::danger_zone(state.robot, radius_m));
+            picture.push(stage::danger_zone(state.robot, radius_m));
         }
-        picture.shapes.extend(stage::vehicles_and_goal(&scene, state));
+        picture.extend(stage::vehicles_and_goal(&scene, state));
         if self.link.simulates() {
             picture.tell("data-scene", told(&scene));
         }
         // Names beside moving vehicles would draw the eye away from them.
         if matches!(self.stage, Stage::Countdown(..)) || trial.phase == Phase::Familiarisation {
-            picture.shapes.extend(self.labels(state));
+            picture.extend(self.labels(state));
         }
         true
     }
@@ -532,11 +530,4 @@ fn told(scene: &Scene) -> String {
         scene.goal[1],
     ];
     json::write(&numbers)
-}
-
-/// The same view for every scene; it widens only where a vehicle would leave it.
-fn window(scene: &Scene, state: JointState) -> Window {
-    let human = state.human.position();
-    let fixed = [scene.human.position(), scene.robot.position(), scene.goal, human];
-    fixed.into_iter().fold(Window::square(WINDOW_HALF_M), |window, p| window.including(p, 2.5))
 }

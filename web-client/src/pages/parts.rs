@@ -38,6 +38,12 @@ pub(super) fn fact<M>(name: &str, value: impl Into<String>) -> Node<M> {
     el("div").child(el("dt").text(name)).child(el("dd").text(value))
 }
 
+/// Says that programs took part, wherever their data are shown; nothing for data of people.
+pub(super) fn synthetic<M>(is_so: bool) -> Option<Node<M>> {
+    let words = "Synthetic: a program drove, no person.";
+    is_so.then(|| el("p").class("synthetic").test_id("marked-synthetic").text(words))
+}
+
 /// A table with these column headings.
 pub(super) fn table<M>(
     columns: impl IntoIterator<Item = impl Into<String>>,

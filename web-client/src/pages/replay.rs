@@ -2,31 +2,34 @@
 //! and what the participant really did.
 
 mod chart;
-mod safety;
 mod choice;
+mod keys;
 mod view;
 
-use self::choice::{Choice, Named};
-use self::safety::Sources;
+use self::choice::Choice;
+use self::keys::Key;
+use super::models::Named;
 use super::parts;
+use super::safety::Sources;
 use crate::form::FieldValue;
-use crate::overlays::{LAYERS, Moment, stage};
-use crate::runtime::{Address, Answer, Command, Commands, Failure, Page, Request, Solving, read};
-use crate::shape::{Picture, Shape, Window};
+use crate::runtime::{
+    Address, Answer, Command, Commands, Event, Failure, Page, Request, Solving, read,
+};
 use crate::view::Node;
 use sidestep::api::{TrainedPredictor, TrialDetail, routes};
-use sidestep::bounds::ActionModel as _;
-use sidestep::invalid::Invalid;
+use sidestep::picture::Picture;
+use sidestep::playback::layers::LAYERS;
+use sidestep::playback::style::{Palette, Sets};
+use sidestep::playback::view::View;
+use sidestep::playback::{Learned, Playback, Recorded};
 use sidestep::predict::Predictor;
-use sidestep::safety::SafetyLevels;
-use sidestep::scene::{Evader, JointState};
-use sidestep::shfrs::{PredictedHuman, ShfrsPredictor, ShfrsSettings};
-use sidestep::vehicle::TurnInput;
+use sidestep::scene::Evader;
+use sidestep::shfrs::ShfrsSettings;
 
 /// The page of one trial.
 pub enum ReplayPage {
-    /// The trial is on its way, to be predicted with this model of an analysis if the link names one.
-    Loading(Option<Named>),
+    /// The trial is on its way, to be seen as the address says.
+    Loading(Address),
     /// There is nothing to replay, for this reason.
     Failed(String),
     /// The trial is here.
@@ -52,15 +55,33 @@ pub enum Msg {
     StopSolving,
     /// Ask for, or solve, again what is missing.
     SolveAgain,
+    /// A key was pressed.
+    Key(Key),
     /// Plays, or pauses.
     Play,
-    /// Goes to this step.
-    Seek(usize),
-    /// Shows sets for each step, or for the whole time ahead.
-    ByStep,
+    /// Goes to this time, s.
+    Seek(f64),
+    /// Goes to the beginning of the step so many steps from here.
+    Step(i32),
+    /// Plays at this speed.
+    Speed(FieldValue),
+    /// Plays one trial after the other, or stops at the end of this one.
+    InARow,
+    /// What is drawn of the predicted sets.
+    Sets(FieldValue),
+    /// The colours of the predicted sets.
+    Colours(FieldValue),
+    /// The levels of this vehicle's value function.
+    Levels(Evader, FieldValue),
     /// Shows or hides the layer at this place in [`LAYERS`].
     Layer(usize),
-    /// A frame is about to be shown.
+    /// Shows or hides the legend.
+    Legend,
+    /// Offers the picture as SVG.
+    SaveSvg,
+    /// Offers the picture as PNG.
+    SavePng,
+    /// The numbers are to be shown anew while it plays.
     Frame,
 }
 
@@ -69,7 +90,7 @@ impl ReplayPage {
     #[must_use]
     pub fn open(trial_id: &str, address: &Address) -> (Self, Commands<Msg>) {
         let ask = Request::get("trial", routes::admin_trial(trial_id), Msg::Trial);
-        (Self::Loading(Named::of(address)), vec![Command::Send(ask)])
+        (Self::Loading(address.clone()), vec![Command::Send(ask)])
     }
 }
 
@@ -79,11 +100,16 @@ impl Page for ReplayPage {
     fn update(&mut self, message: Msg, now_ms: f64) -> Commands<Msg> {
         match (message, self) {
             (Msg::Trial(answer), page) => match (read(answer), &mut *page) {
-                (Ok(trial), Self::Loading(named)) => {
-                    let (replay, commands) = Replay::open(trial, Choice::new(named.take()));
-                    *page = Self::Open(Box::new(replay));
-                    commands
-                }
+                (Ok(trial), Self::Loading(address)) => match Replay::open(trial, address, now_ms) {
+                    Ok((replay, commands)) => {
+                        *page = Self::Open(Box::new(replay));
+                        commands
+                    }
+                    Err(why) => {
+                        *page = Self::Failed(why);
+                        Vec::new()
+                    }
+                },
                 (Ok(_), _) => Vec::new(),
                 (Err(Failure { status, sentence, .. }), page) => {
                     let why = "There is no such trial. Its participant may have withdrawn it.";
@@ -111,9 +137,22 @@ impl Page for ReplayPage {
         }
     }
 
-    /// The slider and the numbers move with the picture.
-    fn tick(&mut self, _: f64) -> Option<Msg> {
-        self.wants_frames().then_some(Msg::Frame)
+    fn hear(&self, event: &Event) -> Option<Msg> {
+        match (self, event) {
+            (Self::Open(_), Event::Key { code, down: true, .. }) => Key::of(code).map(Msg::Key),
+            _ => None,
+        }
+    }
+
+    fn owns_key(&self, code: &str) -> bool {
+        matches!(self, Self::Open(_)) && Key::of(code).is_some()
+    }
+
+    fn tick(&mut self, now_ms: f64) -> Option<Msg> {
+        match self {
+            Self::Open(replay) => replay.play_to(now_ms),
+            _ => None,
+        }
     }
 
     fn wants_frames(&self) -> bool {
@@ -122,7 +161,7 @@ impl Page for ReplayPage {
 
     fn draw(&self, _: f64, picture: &mut Picture) -> bool {
         let Self::Open(replay) = self else { return false };
-        replay.show(picture);
+        picture.copy(&replay.picture);
         true
     }
 }
@@ -130,83 +169,95 @@ impl Page for ReplayPage {
 /// A trial that is replayed.
 pub struct Replay {
     trial: TrialDetail,
-    sources: Sources,
-    safety: Option<SafetyLevels>,
-    /// V_HR and V_RH of each state, m.
-    levels: Vec<(f64, f64)>,
+    sources: Sources<Msg>,
     choice: Choice,
-    learned: Option<Learned>,
-    /// Time into the trial, s.
-    time_s: f64,
-    /// Time of the last frame while it plays, ms.
-    playing_since: Option<f64>,
-    /// Which of [`LAYERS`] are shown.
-    shown: Vec<bool>,
-    /// What each of them draws at this moment; nothing for those that are hidden.
-    drawn: Vec<Vec<Shape>>,
-    window: Window,
-    /// The states up to now, and whoever predicts from them: kept from frame to frame.
-    history: Vec<JointState>,
-    predictor: ShfrsPredictor,
-    /// How likely each input is at this moment, once that is known; the sets are the
-    /// predictor's.
-    prediction: Option<Vec<(TurnInput, f64)>>,
-    /// Whether sets are drawn for each step instead of for the whole time ahead.
-    by_step: bool,
+    /// How the predictor came about, once it is here.
+    trained: Option<Trained>,
+    playback: Playback,
+    view: View,
+    /// Whether the next trial follows at the end.
+    in_a_row: bool,
+    /// While it plays.
+    playing: Option<Playing>,
+    shows_legend: bool,
+    /// What there is to see at this moment.
+    picture: Picture,
     /// What is wrong, if something is.
     trouble: Option<String>,
+    /// What of the link could not be used.
+    misread: Option<String>,
 }
 
-struct Learned {
-    predictor: Predictor,
+/// The number of trials that a predictor was trained on, and why it is a simple one, if it is.
+struct Trained {
     trials: usize,
     fallback: Option<String>,
-    settings: ShfrsSettings,
 }
 
+/// Times on the page's clock, ms.
+#[derive(Clone, Copy)]
+struct Playing {
+    /// Up to which it has played.
+    until_ms: f64,
+    /// When the numbers were shown last.
+    shown_ms: f64,
+}
+
+/// Numbers that change more often cannot be read.
+const NUMBERS_EVERY_MS: f64 = 60.0;
+
 impl Replay {
-    /// The replay of a trial, at its start.
-    fn open(trial: TrialDetail, choice: Choice) -> (Self, Commands<Msg>) {
-        let positions = trial.states.iter().flat_map(|s| [s.human.position(), s.robot.position()]);
-        let goal = trial.scene.goal;
-        let window =
-            positions.chain([goal]).fold(Window { low: goal, high: goal }, |window, position| {
-                window.including(position, 3.5)
-            });
-        let mut replay = Self {
-            sources: Sources::new(&trial),
-            trial,
-            safety: None,
-            levels: Vec::new(),
-            choice,
-            learned: None,
-            time_s: 0.0,
-            playing_since: None,
-            shown: vec![true; LAYERS.len()],
-            drawn: Vec::new(),
-            window,
-            history: Vec::new(),
-            predictor: ShfrsPredictor::default(),
-            prediction: None,
-            by_step: false,
-            trouble: None,
+    /// The replay of a trial as the address describes it.
+    fn open(
+        trial: TrialDetail,
+        address: &Address,
+        now_ms: f64,
+    ) -> Result<(Self, Commands<Msg>), String> {
+        let query = address.query.iter().map(|(name, value)| (name.as_str(), value.as_str()));
+        let (view, misread) = match View::of_query(query) {
+            Ok(view) => (view, None),
+            Err(invalid) => (View::default(), Some(format!("The link is not valid: {invalid}."))),
         };
-        let mut commands = replay.sources.begin(&replay.trial);
+        let TrialDetail { parameters, scene, inputs, states, .. } = trial.clone();
+        let playback = Playback::new(Recorded { parameters, scene, inputs, states })
+            .map_err(|invalid| invalid.to_string())?;
+        let in_a_row = address.parameter("row").is_some();
+        let ids = Evader::ALL.map(|evader| trial.value_function(evader));
+        let mut replay = Self {
+            sources: Sources::new(&trial.parameters, ids, Msg::ValueFunction),
+            choice: Choice::new(Named::of(address)),
+            trial,
+            trained: None,
+            playback,
+            view,
+            in_a_row,
+            playing: None,
+            shows_legend: true,
+            picture: Picture::default(),
+            trouble: None,
+            misread,
+        };
+        if in_a_row {
+            replay.playing = Some(Playing { until_ms: now_ms, shown_ms: now_ms });
+        }
+        let mut commands = replay.sources.begin();
         commands.extend(replay.choice.begin(&replay.trial));
-        replay.draw();
-        (replay, commands)
+        replay.show();
+        Ok((replay, commands))
     }
 
     fn update(&mut self, message: Msg, now_ms: f64) -> Commands<Msg> {
         let mut commands = Vec::new();
+        // Whatever changes the view changes the link to it.
+        let before = (!self.is_playing()).then(|| self.address());
         match message {
             Msg::Trial(_) => {}
             Msg::Predictor(answer) => self.take_predictor(read(answer)),
             Msg::Choose(value) => {
                 commands = self.choice.choose(&value, &self.trial);
                 // What is shown is never of another predictor than the chosen one.
-                self.learned = None;
-                self.predict();
+                self.trained = None;
+                let _ = self.playback.use_learned(None);
             }
             Msg::Analyses(answer) => commands = self.choice.analyses(answer, &self.trial),
             Msg::Models(analysis, answer) => self.choice.models(analysis, answer),
@@ -215,31 +266,62 @@ impl Replay {
                 self.take_safety();
             }
             Msg::StopSolving => commands = self.sources.stop(),
-            Msg::SolveAgain => commands = self.sources.retry(&self.trial),
-            Msg::Play if self.is_playing() => self.playing_since = None,
-            Msg::Play => {
-                if self.time_s >= self.duration_s() {
-                    self.seek(0.0);
-                }
-                self.playing_since = Some(now_ms);
+            Msg::SolveAgain => commands = self.sources.retry(),
+            Msg::Key(key) => return self.press(key, now_ms),
+            Msg::Play => self.play_or_pause(now_ms),
+            Msg::Seek(time_s) => {
+                self.playing = None;
+                self.view.time_s = time_s.clamp(0.0, self.playback.duration_s());
             }
-            Msg::Seek(step) => {
-                self.playing_since = None;
-                self.seek(step as f64 * self.trial.parameters.step_s);
+            Msg::Step(by) => {
+                self.playing = None;
+                self.step(by);
             }
-            Msg::ByStep => {
-                self.by_step = !self.by_step;
-                self.predict();
+            Msg::Speed(value) => self.set("speed", &value),
+            Msg::InARow => self.in_a_row = !self.in_a_row,
+            Msg::Sets(value) => self.set("sets", &value),
+            Msg::Colours(value) => self.set("colours", &value),
+            Msg::Levels(evader, value) => {
+                self.set(if evader == Evader::Human { "hr" } else { "rh" }, &value);
             }
             Msg::Layer(place) => {
-                if let Some(shown) = self.shown.get_mut(place) {
+                if let Some(shown) = self.view.shown.get_mut(place) {
                     *shown = !*shown;
                 }
             }
-            Msg::Frame => self.play_to(now_ms),
+            Msg::Legend => self.shows_legend = !self.shows_legend,
+            Msg::SaveSvg => commands = vec![self.svg()],
+            Msg::SavePng => {
+                commands =
+                    vec![Command::DownloadCanvas { canvas: CANVAS, name: self.file_name("png") }];
+            }
+            Msg::Frame if self.playing.is_none() => commands = self.at_the_end(),
+            Msg::Frame => {}
         }
-        self.draw();
+        self.show();
+        let after = (!self.is_playing()).then(|| self.address());
+        if after.is_some() && after != before {
+            commands.extend(after.map(Command::ReplaceAddress));
+        }
         commands
+    }
+
+    /// The link to what is seen now.
+    fn address(&self) -> String {
+        self.link(&self.trial.summary.trial_id, &self.view)
+    }
+
+    fn link(&self, trial_id: &str, view: &View) -> String {
+        let row = if self.in_a_row { "row=yes".to_owned() } else { String::new() };
+        let parts = [self.choice.query(), view.query(), row];
+        let parts: Vec<String> = parts.into_iter().filter(|part| !part.is_empty()).collect();
+        let mark = if parts.is_empty() { "" } else { "?" };
+        format!("/lab/replay/{trial_id}{mark}{}", parts.join("&"))
+    }
+
+    /// The link to another trial, seen like this one from its start.
+    fn link_to(&self, trial_id: &str) -> String {
+        self.link(trial_id, &View { time_s: 0.0, ..self.view.clone() })
     }
 
     fn title(&self) -> String {
@@ -248,144 +330,166 @@ impl Replay {
         format!("{study} / participant {number} / {scene}")
     }
 
-    /// Puts the value functions to use, once both are here.
-    fn take_safety(&mut self) {
-        if self.safety.is_some() {
-            return;
-        }
-        if let Some(safety) = self.sources.functions() {
-            let level = |s: &JointState| (safety.human_level(s), safety.robot_level(s));
-            self.levels = self.trial.states.iter().map(level).collect();
-            self.safety = Some(safety);
-            self.predict();
+    /// Takes the value of a control as a link would give it. A value that is not valid changes nothing.
+    fn set(&mut self, name: &str, value: &FieldValue) {
+        let mut view = self.view.clone();
+        match view.set(name, value.text()) {
+            Ok(()) => (self.view, self.misread) = (view, None),
+            Err(invalid) => self.misread = Some(invalid.to_string()),
         }
     }
 
-    /// Whether the solve of this vehicle's safety level had not settled when it ended, so that
-    /// the level proves nothing.
-    fn is_doubtful(&self, evader: Evader) -> bool {
-        self.safety.as_ref().is_some_and(|safety| safety.of(evader).unsettled_m().is_some())
+    fn press(&mut self, key: Key, now_ms: f64) -> Commands<Msg> {
+        let message = match key {
+            Key::Play => Msg::Play,
+            Key::Step(by) => Msg::Step(by),
+            Key::Start => Msg::Seek(0.0),
+            Key::End => Msg::Seek(self.playback.duration_s()),
+            Key::Speed(by) => {
+                let speed = keys::speed(self.view.speed, by);
+                Msg::Speed(FieldValue::Text(speed.to_string()))
+            }
+            Key::Trial(by) => {
+                let other = if by < 0 { &self.trial.previous } else { &self.trial.next };
+                let link = other.as_ref().map(|id| self.link_to(id));
+                return link.map(Command::Visit).into_iter().collect();
+            }
+            Key::Layer(place) if place < LAYERS.len() => Msg::Layer(place),
+            Key::Layer(_) => return Vec::new(),
+            Key::Legend => Msg::Legend,
+            Key::Colours => {
+                let other = match self.view.style.palette {
+                    Palette::Paper => "safe",
+                    Palette::Safe => "paper",
+                };
+                Msg::Colours(FieldValue::Text(other.to_owned()))
+            }
+            Key::Sets => {
+                let other = match self.view.style.sets {
+                    Sets::Tube => "steps",
+                    Sets::EachStep | Sets::Step(_) => "tube",
+                };
+                Msg::Sets(FieldValue::Text(other.to_owned()))
+            }
+        };
+        self.update(message, now_ms)
+    }
+
+    /// Puts the value functions to use, once both are here.
+    fn take_safety(&mut self) {
+        if self.playback.safety().is_some() {
+            return;
+        }
+        if let Some(safety) = self.sources.functions()
+            && let Err(invalid) = self.playback.use_safety(safety)
+        {
+            self.refuse(&invalid.to_string());
+        }
     }
 
     fn take_predictor(&mut self, trained: Result<TrainedPredictor, Failure>) {
         let trained = trained.map_err(|failure| failure.sentence);
-        let learned =
-            trained.and_then(|TrainedPredictor { predictor, trials, fallback, source }| {
+        let used =
+            trained.and_then(|TrainedPredictor { predictor, trials, fallback, source, .. }| {
                 let learned = Predictor::try_from(predictor).and_then(|predictor| {
                     let settings = ShfrsSettings::paper(predictor.classes().len())?;
-                    Ok(Learned { predictor, trials, fallback, settings })
+                    Ok(Learned { predictor, settings })
                 });
-                Ok((learned.map_err(|invalid| invalid.to_string())?, source))
+                let used = learned.and_then(|learned| self.playback.use_learned(Some(learned)));
+                used.map(|()| (Trained { trials, fallback }, source))
+                    .map_err(|invalid| invalid.to_string())
             });
-        let (learned, answer) = match learned {
-            Ok((learned, source)) => (Some(learned), Ok(source)),
-            Err(why) => (None, Err(format!("No predicted sets. {why}"))),
-        };
-        self.learned = learned;
-        self.choice.arrived(answer);
-        self.predict();
-    }
-
-    /// Length of the trial, s.
-    fn duration_s(&self) -> f64 {
-        self.trial.inputs.len() as f64 * self.trial.parameters.step_s
-    }
-
-    /// The present step; the number of steps at the end.
-    fn step(&self) -> usize {
-        // The tolerance keeps a time that is a whole number of steps in its own step.
-        ((self.time_s / self.trial.parameters.step_s + 1e-9) as usize).min(self.trial.inputs.len())
-    }
-
-    fn state(&self) -> JointState {
-        let step = self.step();
-        let state = self.trial.states[step];
-        match self.trial.inputs.get(step) {
-            None => state,
-            Some(&input) => {
-                let begun = step as f64 * self.trial.parameters.step_s;
-                state.advance(&self.trial.parameters, input, (self.time_s - begun).max(0.0))
+        match used {
+            Ok((trained, source)) => {
+                self.trained = Some(trained);
+                self.choice.arrived(Ok(source));
             }
+            Err(why) => self.refuse(&why),
         }
     }
 
-    fn seek(&mut self, time_s: f64) {
-        self.time_s = time_s.clamp(0.0, self.duration_s());
-        self.predict();
+    /// There is no predictor, for this reason.
+    fn refuse(&mut self, why: &str) {
+        self.trained = None;
+        let _ = self.playback.use_learned(None);
+        self.choice.arrived(Err(format!("No predicted sets. {why}")));
     }
 
     fn is_playing(&self) -> bool {
-        self.playing_since.is_some()
+        self.playing.is_some()
     }
 
-    /// Plays on to `now_ms` on the page's clock.
-    fn play_to(&mut self, now_ms: f64) {
-        let Some(last) = self.playing_since else { return };
-        self.playing_since = Some(now_ms);
-        self.seek(self.time_s + (now_ms - last).max(0.0) / 1000.0);
-        if self.time_s >= self.duration_s() {
-            self.playing_since = None;
-        }
-    }
-
-    /// Predicts anew for the present moment.
-    fn predict(&mut self) {
-        match self.predicted() {
-            Ok(prediction) => (self.prediction, self.trouble) = (prediction, None),
-            Err(invalid) => {
-                self.prediction = None;
-                self.trouble = Some(invalid.to_string());
+    fn play_or_pause(&mut self, now_ms: f64) {
+        if self.playing.take().is_none() {
+            if self.view.time_s >= self.playback.duration_s() {
+                self.view.time_s = 0.0;
             }
+            self.playing = Some(Playing { until_ms: now_ms, shown_ms: now_ms });
         }
     }
 
-    /// How likely each input is; also predicts the sets.
-    fn predicted(&mut self) -> Result<Option<Vec<(TurnInput, f64)>>, Invalid> {
-        let state = self.state();
-        let step = self.step();
-        let (Some(learned), Some(safety)) = (&mut self.learned, &self.safety) else {
-            return Ok(None);
-        };
-        let parameters = &self.trial.parameters;
-        let human = PredictedHuman::new(&learned.predictor, safety, parameters)?;
-        self.history.clear();
-        self.history.extend_from_slice(&self.trial.states[..step]);
-        self.history.push(state);
-        let mut p = vec![0.0; learned.predictor.classes().len()];
-        human.probabilities(&self.history, &mut p);
-        let of_class = |input: TurnInput| {
-            let class = learned.predictor.classes().iter().position(|&c| c == input.sign());
-            (input, class.map_or(0.0, |class| p[class]))
-        };
-        let probabilities = TurnInput::ALL.into_iter().rev().map(of_class).collect();
-        learned.settings.by_step = self.by_step;
-        self.predictor.predict(&self.history, parameters, &human, &learned.settings)?;
-        Ok(Some(probabilities))
+    /// Goes so many steps on or back. Between two steps, the first step back is the begin of the present one.
+    fn step(&mut self, by: i32) {
+        let (step_s, now) = (self.trial.parameters.step_s, self.playback.now());
+        let is_between = now.time_s > (now.step as f64 + 1e-6) * step_s;
+        let from = now.step as i32 + i32::from(is_between && by < 0);
+        let last = self.trial.inputs.len() as i32;
+        self.view.time_s = f64::from((from + by).clamp(0, last)) * step_s;
     }
 
-    /// Works out what the chosen layers show at this moment.
-    fn draw(&mut self) {
-        let moment = Moment {
-            trial: &self.trial,
-            step: self.step(),
-            state: self.state(),
-            safety: self.safety.as_ref(),
-            shfrs: self.prediction.as_ref().map(|_| self.predictor.shfrs()),
-            by_step: self.by_step,
-        };
-        let shapes = LAYERS
-            .iter()
-            .zip(&self.shown)
-            .map(|(layer, &shown)| if shown { (layer.shapes)(&moment) } else { Vec::new() });
-        self.drawn = shapes.collect();
+    /// Plays on to `now_ms`. Returns a message when the numbers are to be shown anew.
+    fn play_to(&mut self, now_ms: f64) -> Option<Msg> {
+        let playing = self.playing.as_mut()?;
+        let seconds = (now_ms - playing.until_ms).max(0.0) / 1000.0;
+        playing.until_ms = now_ms;
+        let is_due = now_ms - playing.shown_ms >= NUMBERS_EVERY_MS;
+        if is_due {
+            playing.shown_ms = now_ms;
+        }
+        let end_s = self.playback.duration_s();
+        self.view.time_s = (self.view.time_s + self.view.speed * seconds).min(end_s);
+        if self.view.time_s >= end_s {
+            self.playing = None;
+            return Some(Msg::Frame);
+        }
+        if is_due {
+            return Some(Msg::Frame);
+        }
+        self.show();
+        None
     }
 
-    fn show(&self, picture: &mut Picture) {
-        picture.begin("replay", self.window);
-        picture.tell("data-step", self.step());
+    /// It has played to the end: the next trial follows, if one is to.
+    fn at_the_end(&self) -> Commands<Msg> {
+        let is_over = self.view.time_s >= self.playback.duration_s();
+        let next = self.trial.next.as_ref().filter(|_| self.in_a_row && is_over);
+        next.map(|next| Command::Visit(self.link_to(next))).into_iter().collect()
+    }
+
+    /// Works out what there is to see at this moment.
+    fn show(&mut self) {
+        self.trouble = self.playback.go(&self.view).err().map(|invalid| invalid.to_string());
+        let picture = &mut self.picture;
+        picture.begin(CANVAS, self.playback.window());
+        picture.tell("data-step", self.playback.now().step);
         picture.tell("data-trial", &self.trial.summary.trial_id);
-        picture.shapes.push(Shape::Grid { every_m: 5 });
-        picture.shapes.extend(self.drawn.iter().flatten().cloned());
-        picture.shapes.extend(stage::vehicles_and_goal(&self.trial.scene, self.state()));
+        self.playback.paint(&self.view, picture);
+    }
+
+    fn svg(&mut self) -> Command<Msg> {
+        let drawing = self.playback.figure(&self.view, &self.title());
+        let (name, content) = (self.file_name("svg"), drawing.svg().into_bytes());
+        Command::Download { name, media_type: "image/svg+xml", content }
+    }
+
+    /// Study, participant, scene and time, with nothing that a file's name must not have.
+    fn file_name(&self, ending: &str) -> String {
+        let time = self.playback.now().time_s;
+        let words = format!("{} {time:.1} s", self.title()).replace(" / ", " ");
+        let plain = |c: char| if c.is_ascii_alphanumeric() || c == '.' { c } else { '-' };
+        format!("{}.{ending}", words.chars().map(plain).collect::<String>())
     }
 }
+
+/// The canvas element's id.
+const CANVAS: &str = "replay";

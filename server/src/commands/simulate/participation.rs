@@ -1,21 +1,14 @@
 //! Synthetic participants through the HTTP interface, as real ones take part.
 
 use super::super::{CommandError, print_json};
+use super::volunteer::{Seen, Volunteer};
 use super::{FlagCounts, SimulateArgs, bar};
 use crate::client::Client;
-use crate::clock::now_ms;
-use indicatif::ProgressBar;
-use serde_json::{Value, json};
-use sidestep::api::{
-    Answers, ComprehensionResult, Enrolment, KeyEvent, Object, QuestionForm, SCHEMA_VERSION,
-    StudyInfo, Texts, TrialUpload,
-};
-use sidestep::scene::SceneParameters;
-use sidestep::study::{QuestionKind, StudyConfig};
-use sidestep::synthetic::{KeyChange, Keys, SyntheticDrive, SyntheticParticipant};
+use serde_json::json;
+use sidestep::api::{SCHEMA_VERSION, StudyInfo};
+use sidestep::study::{PhaseConfig, StudyConfig};
+use sidestep::synthetic::{Keys, SyntheticParticipant};
 use sidestep::trial::Phase;
-use sidestep::vehicle::TurnInput;
-use std::collections::HashSet;
 
 /// Lets everyone take part, one after the other, and prints the summary.
 pub(super) async fn take_part(args: &SimulateArgs, url: &str) -> Result<(), CommandError> {
@@ -32,158 +25,40 @@ pub(super) async fn take_part(args: &SimulateArgs, url: &str) -> Result<(), Comm
         .ok_or_else(|| bad("url", "an address such as http://127.0.0.1:8080", url))?
         .map_err(CommandError::failure)?;
     let study = study(&server, &args.study).await?;
-    let mut done = Done {
-        most: args.tasks.unwrap_or(u64::MAX),
-        bar: bar(0),
-        trials: 0,
-        already_stored: 0,
-        flags: FlagCounts::default(),
+    let tasks = args.tasks.unwrap_or(u64::MAX);
+    let driven = |phase: &PhaseConfig| match phase.phase {
+        Phase::Task => tasks.min(phase.scenes as u64),
+        _ => phase.scenes as u64,
     };
+    let each: u64 = study.phases.iter().map(driven).sum();
+    let bar = bar(args.participants * each);
+    let (mut trials, mut already_stored, mut flags) = (0, 0, FlagCounts::default());
     for number in 0..args.participants {
-        let person = SyntheticParticipant::new(args.seed, number);
+        let volunteer = Volunteer {
+            tasks,
+            ..Volunteer::new(&server, &study, SyntheticParticipant::new(args.seed, number))
+        };
         let name = format!("synthetic-{}-{number}", args.seed);
-        done.person(&server, &study, &person, name, args.participants).await?;
+        let see = |seen: Seen<'_>| {
+            match seen {
+                Seen::Stored => already_stored += 1,
+                Seen::Drives { scene, drive } => flags.count(&study.parameters, scene, drive),
+            }
+            trials += 1;
+            bar.inc(1);
+        };
+        volunteer.take_part(name, see).await?;
     }
-    done.bar.finish_and_clear();
+    bar.finish_and_clear();
     print_json(&json!({
         "synthetic": true,
         "participants": args.participants,
-        "trials": done.trials,
-        "already_stored": done.already_stored,
-        "flags": done.flags,
+        "trials": trials,
+        "already_stored": already_stored,
+        "flags": flags,
         "url": url,
         "study": args.study,
     }))
-}
-
-/// What has been done so far.
-struct Done {
-    /// Tasks of each person, at the most.
-    most: u64,
-    bar: ProgressBar,
-    /// Stored now or before.
-    trials: u64,
-    already_stored: u64,
-    /// Of what was stored now.
-    flags: FlagCounts,
-}
-
-impl Done {
-    /// From enrolment to completion, or to the last task that is wanted; what the server has
-    /// already is not sent again.
-    async fn person(
-        &mut self,
-        server: &Client,
-        study: &StudyInfo,
-        person: &SyntheticParticipant,
-        name: String,
-        people: u64,
-    ) -> Result<(), CommandError> {
-        let body = Enrolment {
-            consent: true,
-            external_id: Some(name),
-            parameters: Object::default(),
-            pilot: false,
-            request_id: None,
-            locale: Some("en".to_owned()),
-            screen: Some(synthetic()),
-        };
-        let me = server.enrol(&study.slug, &body).await?;
-        let known = me.progress().await?;
-        if !known.understood {
-            me.check_understanding(&ComprehensionResult { attempts: 1, passed: true }).await?;
-        }
-        let stored: HashSet<String> = known.stored.into_iter().collect();
-        let mut tasks = 0;
-        // Numbers count all phases, whatever is left out.
-        let wanted: Vec<_> = (0..)
-            .zip(me.plan().scenes())
-            .filter(|(_, (phase, _))| {
-                tasks += u64::from(phase.phase == Phase::Task);
-                phase.phase != Phase::Task || tasks <= self.most
-            })
-            .collect();
-        let all = wanted.len() == me.plan().scenes().count();
-        self.bar.set_length(people * wanted.len() as u64);
-        for (trial, (_, planned)) in wanted {
-            if stored.contains(&planned.trial_id) {
-                self.already_stored += 1;
-            } else {
-                let scene = planned.scene();
-                let drive = person.drive(trial, &study.parameters, &scene, Keys::Clock);
-                self.flags.count(&study.parameters, &scene, &drive);
-                me.store(&planned.trial_id, &upload(&study.parameters, drive)).await?;
-            }
-            self.trials += 1;
-            self.bar.inc(1);
-        }
-        if all && !known.answered {
-            me.answer(&answers(&server.texts(&study.slug, "en").await?)).await?;
-        }
-        if all && !known.complete {
-            me.complete().await?;
-        }
-        Ok(())
-    }
-}
-
-/// Valid answers to all questions: the first option, the middle of a scale, a word.
-fn answers(texts: &Texts) -> Answers {
-    let answer = |question: &QuestionForm| match question.kind {
-        QuestionKind::Text => {
-            Value::from("synthetic".chars().take(question.max_chars).collect::<String>())
-        }
-        QuestionKind::Choice => {
-            question.options.first().map_or(Value::Null, |o| o.0.clone().into())
-        }
-        QuestionKind::Scale => Value::from(i64::midpoint(question.range.0, question.range.1)),
-    };
-    let questions = texts.questions.iter();
-    Answers { answers: questions.map(|q| (q.name.clone(), answer(q))).collect() }
-}
-
-/// Screen and display of nobody.
-fn synthetic() -> Object<Value> {
-    Object::from_iter([("synthetic".to_owned(), json!(true))])
-}
-
-fn upload(parameters: &SceneParameters, drive: SyntheticDrive) -> TrialUpload {
-    // Nobody waited for it: it began as long ago as it takes.
-    let started_at_ms = now_ms() as f64 - 1000.0 * parameters.duration_s();
-    TrialUpload {
-        started_at_ms: started_at_ms.max(0.0),
-        key_events: key_events(&drive.key_changes),
-        inputs: drive.inputs,
-        states: drive.states,
-        sampled_at_ms: drive.sampled_at_ms,
-        page_events: Vec::new(),
-        exposures: 1,
-        display: synthetic(),
-    }
-}
-
-/// One finger: a key goes up before another one goes down.
-fn key_events(changes: &[KeyChange]) -> Vec<KeyEvent> {
-    let name = |input| match input {
-        TurnInput::Left => Some("ArrowLeft"),
-        TurnInput::Right => Some("ArrowRight"),
-        TurnInput::Straight => None,
-    };
-    let mut events = Vec::new();
-    let mut held = None;
-    for change in changes {
-        let mut event = |key: Option<&str>, down| {
-            events.extend(key.map(|key| KeyEvent {
-                t_ms: change.at_ms,
-                key: key.to_owned(),
-                down,
-            }));
-        };
-        event(held, false);
-        held = name(change.input);
-        event(held, true);
-    }
-    events
 }
 
 /// What is driven there.
@@ -202,25 +77,4 @@ async fn study(server: &Client, slug: &str) -> Result<StudyInfo, CommandError> {
         )));
     }
     Ok(study)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn keys_go_up_before_others_go_down() {
-        use TurnInput::{Left, Right, Straight};
-        let change = |at_ms, input| KeyChange { at_ms, input };
-        let changes = [change(50.0, Left), change(400.0, Right), change(950.0, Straight)];
-        let events: Vec<_> =
-            key_events(&changes).into_iter().map(|e| (e.t_ms, e.key, e.down)).collect();
-        let expected = [
-            (50.0, "ArrowLeft", true),
-            (400.0, "ArrowLeft", false),
-            (400.0, "ArrowRight", true),
-            (950.0, "ArrowRight", false),
-        ];
-        assert_eq!(events, expected.map(|(t_ms, key, down)| (t_ms, key.to_owned(), down)));
-    }
 }

@@ -16,6 +16,9 @@ pub const MANIFEST: &str = "manifest.json";
 pub struct Manifest {
     /// Name of the study in addresses.
     pub study: String,
+    /// Whether the study takes synthetic participants only. In any study, the column `synthetic` says it of
+    /// each trial.
+    pub synthetic: bool,
     /// When the export began, UTC; in an archive, when its data were last changed, so that the same data are
     /// the same bytes.
     pub created_at: String,
@@ -38,6 +41,7 @@ impl Manifest {
     ) -> Self {
         Self {
             study: dataset.study.slug.clone(),
+            synthetic: dataset.is_synthetic(),
             created_at,
             version: env!("CARGO_PKG_VERSION"),
             format,

@@ -71,6 +71,12 @@ impl Dataset {
         hex::encode(hash.finalize())
     }
 
+    /// Whether programs drove, and no people. A pilot of such a study may be a person.
+    #[must_use]
+    pub fn is_synthetic(&self) -> bool {
+        self.study.config.synthetic && !self.filter.pilots
+    }
+
     /// How many trials its participants have.
     #[must_use]
     pub fn trials(&self) -> u64 {

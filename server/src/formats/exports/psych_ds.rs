@@ -67,12 +67,21 @@ const MATERIALS: &str = "What participants were shown follows from the study's c
 
 fn title(dataset: &Dataset) -> String {
     let title = &dataset.study.config.title;
-    if dataset.filter.pilots { format!("{title} (pilots)") } else { title.clone() }
+    match () {
+        () if dataset.filter.pilots => format!("{title} (pilots)"),
+        () if dataset.is_synthetic() => format!("{title} (synthetic)"),
+        () => title.clone(),
+    }
 }
 
 fn about(dataset: &Dataset) -> String {
+    let who = if dataset.is_synthetic() {
+        "synthetic participants, which are programs and no evidence about people, steer"
+    } else {
+        "people steer"
+    };
     format!(
-        "Data of the study {} ({}): people steer a vehicle past another one that drives to its goal. \
+        "Data of the study {} ({}): {who} a vehicle past another one that drives to its goal. \
          Steps, trials, key events and participants.",
         dataset.study.config.title, dataset.study.slug
     )

@@ -178,8 +178,8 @@ fn may(access: Access) -> &'static str {
             "It may look at everything but external ids, completion codes and answers, and download the \
              files of analyses, which name nobody."
         }
-        Access::Export => "It may look at everything and take data away.",
-        Access::Manage => "It may look at everything, take data away, change and delete.",
+        Access::Export => "It may look at everything and download all data.",
+        Access::Manage => "It may look at everything, download all data, change and delete.",
     }
 }
 
@@ -226,9 +226,9 @@ impl AccessPage {
             (Some(ms), _) => el("td").class("quiet").text("revoked ").child(el("time").moment(ms)),
             (None, false) => el("td").child(
                 button(&format!("revoke-{}", key.id), Msg::AskToRevoke(Some(key.id)))
-                    .class("plain")
+                    .class("danger")
                     .attr("aria-label", format!("Revoke the key of {}", key.name))
-                    .text("Revoke"),
+                    .text("Revoke…"),
             ),
             (None, true) => el("td")
                 .class("sure")
@@ -261,7 +261,7 @@ impl AccessPage {
                 .test_id(&format!("access-{}", access.word()));
             let words = match access {
                 Access::Read => "look at studies, participants, trials and analyses",
-                Access::Export => "also take data away, and see external ids and codes",
+                Access::Export => "also download all data, and see external ids and codes",
                 Access::Manage => "also change and delete: studies, participants, analyses, keys",
             };
             el("label")
@@ -276,13 +276,17 @@ impl AccessPage {
             .child(el("legend").text("What it may do"))
             .children(Access::ALL.map(option));
         let submit = el("button").attr("type", "submit").test_id("make-key").text("Make a key");
-        el("section").child(el("h2").text("A further key")).child(
+        el("section").child(el("h2").text("New key")).child(
             el("form")
                 .class("new-key")
                 .key(self.makings)
                 .on_submit(Msg::Make)
                 .test_id("new-key")
-                .child(el("label").attr("for", "key-name").text("For whom, or for what"))
+                .child(
+                    el("label")
+                        .attr("for", "key-name")
+                        .text("Name of the key: who or what uses it"),
+                )
                 .child(name)
                 .child(rights)
                 .child(submit),

@@ -107,13 +107,14 @@ fn request(form: &Form) -> comparison::Request {
 
 /// The settings of an analysis in words.
 pub(super) fn settings(request: &comparison::Request) -> String {
-    let mut words = vec!["the paper’s comparison".to_owned()];
+    let mut words = vec![match request.paper_only {
+        true => "only the paper’s comparison".to_owned(),
+        false => "the paper’s comparison, learning curves, unseen people, importance of features"
+            .to_owned(),
+    }];
     words.extend(
         request.sets.iter().map(|(name, features)| format!("set {name} ({})", features.join(", "))),
     );
-    if request.paper_only {
-        words.push("nothing beyond it".to_owned());
-    }
     if request.grids != comparison::Request::default().grids {
         words.push(format!("own hyper-parameters {}", json::write(&request.grids)));
     }
@@ -220,14 +221,7 @@ impl Page for Analyses {
             (.., Some(why)) => return parts::stuck("No analyses to show", why),
             _ => return parts::loading(),
         };
-        let list = if analyses.is_empty() {
-            empty(study)
-        } else {
-            let rows = analyses.iter().map(|analysis| self.row(analysis));
-            let table =
-                parts::table(["Requested", "State", "Settings", "Participants", "Stop"], rows);
-            el("div").class("scroll").attr("tabindex", 0).child(table.test_id("analyses"))
-        };
+        let list = if analyses.is_empty() { empty(study) } else { self.table(analyses) };
         let more = self
             .next_before
             .map(|_| button("more", Msg::More).class("plain").text("Show older analyses"));
@@ -237,6 +231,7 @@ impl Page for Analyses {
             .children(self.trouble.as_deref().map(|why| alert("trouble", why)))
             .child(list)
             .children(more)
+            .children(comparable(analyses))
             .children(self.may_manage.then(|| self.form()))
     }
 
@@ -247,7 +242,17 @@ impl Page for Analyses {
 }
 
 impl Analyses {
-    fn row(&self, analysis: &AnalysisSummary) -> Node {
+    fn table(&self, analyses: &[AnalysisSummary]) -> Node {
+        // There is a column for cancelling as long as there is something to cancel.
+        let may_cancel = self.may_manage && analyses.iter().any(|it| !it.state.is_over());
+        let columns = ["Requested", "State", "Settings", "Participants"];
+        let columns = columns.into_iter().chain(may_cancel.then_some("Action"));
+        let rows = analyses.iter().map(|analysis| self.row(analysis, may_cancel));
+        let table = parts::table(columns, rows).test_id("analyses");
+        el("div").class("scroll").attr("tabindex", 0).child(table)
+    }
+
+    fn row(&self, analysis: &AnalysisSummary, may_cancel: bool) -> Node {
         let link = el("a")
             .attr("href", format!("/lab/analyses/{}", analysis.id))
             .test_id("open-analysis")
@@ -257,19 +262,20 @@ impl Analyses {
             Some(result) => format!("{}, {} excluded", result.participants, result.excluded.len()),
             None => "–".to_owned(),
         };
-        let may_stop = self.may_manage && !analysis.state.is_over();
-        let stop = may_stop.then(|| {
+        let cancel = (!analysis.state.is_over()).then(|| {
             button(&format!("cancel-{}", analysis.id), Msg::Cancel(analysis.id.clone()))
-                .class("plain")
+                .class("danger")
+                .attr("aria-label", "Cancel this analysis")
                 .text("Cancel")
         });
-        el("tr").key(&analysis.id).children([
+        let cells = [
             el("td").child(link),
             el("td").child(state(analysis)),
             cell(settings(&analysis.request)).class("wraps"),
             cell(participants),
-            el("td").children(stop),
-        ])
+        ];
+        let cancel = may_cancel.then(|| el("td").children(cancel));
+        el("tr").key(&analysis.id).children(cells).children(cancel)
     }
 
     fn form(&self) -> Node {
@@ -312,17 +318,19 @@ impl Analyses {
                 .test_id("new-analysis")
                 .child(el("p").class("quiet").text(
                     "Models of three kinds learn each participant’s next input from features with \
-                     and without the safety levels; tests say what helps. Only tasks count, and \
-                     neither test runs, nor people whom somebody excluded or whose data were deleted.",
+                     and without the safety levels; tests say what helps. Only tasks are used, no \
+                     familiarisation or practice. Test runs, participants whom an experimenter \
+                     excluded, and deleted data are left out.",
                 ))
                 .child(tick(
                     "leakage",
-                    "also split by time step, to show how much such a split overstates",
+                    "also test models on time steps of tasks that they learned from: this shows \
+                     how much too good such a test looks",
                 ))
                 .child(tick(
                     "paper_only",
-                    "only the paper’s comparison: no learning curves, unseen people or importance \
-                     of features (a third faster)",
+                    "only the paper’s comparison, without learning curves, unseen people and \
+                     importance of features (a third faster)",
                 ))
                 .child(tick("synthetic", "the report says that the data are synthetic"))
                 .child(further)
@@ -337,12 +345,29 @@ impl Analyses {
     }
 }
 
+/// That analyses can be compared, once there are two that are done.
+fn comparable(analyses: &[AnalysisSummary]) -> Option<Node> {
+    let mut done = analyses.iter().filter(|it| it.state == AnalysisState::Done);
+    let newest = done.next()?;
+    done.next()?;
+    let link = el("a").attr("href", format!("/lab/analyses/{}", newest.id)).text("the newest one");
+    Some(
+        el("p")
+            .class("quiet")
+            .test_id("comparable")
+            .text("Two analyses can be compared: open one, such as ")
+            .child(link)
+            .text(", and choose the other under “Compare with another analysis”."),
+    )
+}
+
 fn empty(study: &StudySummary) -> Node {
     let words = match study.trials {
         0 => "This study has no trials yet. An analysis needs participants with stored tasks."
             .to_owned(),
         _ => format!(
-            "{} took part. Those with stored tasks whom nobody excluded are analysed.",
+            "{} took part. An analysis uses all who have stored tasks, except those whom an \
+             experimenter excluded.",
             count(study.participants, "participant")
         ),
     };

@@ -228,7 +228,7 @@ fn words(analysis: &AnalysisDetail) -> Option<Node> {
 /// Which data went in.
 fn data(study: &str, analysis: &AnalysisDetail, result: &AnalysisResult) -> Node {
     let mut facts = vec![fact("Participants", result.participants.to_string())];
-    facts.extend(result.models.map(|models| fact("Models", models.to_string())));
+    facts.extend(result.models.map(|models| fact("Models trained", models.to_string())));
     for (flag, trials) in &result.flagged {
         facts.push(fact(&flag.replace('_', " "), count(trials, "trial")));
     }
@@ -257,16 +257,28 @@ fn data(study: &str, analysis: &AnalysisDetail, result: &AnalysisResult) -> Node
             .text(format!("Participants {who} have the very trials of another participant."))
     });
     let synthetic = result.synthetic.as_ref().map(|why| {
-        el("p").class("waiting").test_id("synthetic").text(format!("Synthetic data: {why}"))
+        el("p").class("synthetic").test_id("synthetic").text(format!("Synthetic data: {why}"))
     });
     el("section")
         .child(el("h2").text(format!("Data of study {study}")))
         .child(el("dl").class("numbers").children(facts))
+        .children(twice(result).map(|words| el("p").class("quiet").test_id("twice").text(words)))
         .children(synthetic)
         .children(same)
         .children(excluded)
         .children(moments)
         .children(provenance(result))
+}
+
+/// Why lists and files have more entries than models were trained.
+fn twice(result: &AnalysisResult) -> Option<String> {
+    let models = result.models.filter(|models| *models < result.cells)?;
+    Some(format!(
+        "Of two SVMs, with RBF kernel and linear, the better one is listed a second time as “SVM, the \
+         better of two”. The list of predictors and the folder of model files therefore have {} entries \
+         for {models} models.",
+        result.cells,
+    ))
 }
 
 /// The program and the data that made the files.
@@ -277,12 +289,12 @@ fn provenance(result: &AnalysisResult) -> Option<Node> {
     let versions: Vec<String> = result.study_versions.iter().map(u32::to_string).collect();
     let of = match &versions[..] {
         [] => String::new(),
-        [one] => format!(" of participants of version {one} of the study"),
-        several => format!(" of participants of versions {} of the study", several.join(", ")),
+        [one] => format!(" The participants had version {one} of the study."),
+        several => format!(" The participants had versions {} of the study.", several.join(", ")),
     };
-    let words = format!("Computed by Sidestep {version} from data{of} with the SHA-256 ");
+    let words = format!("Computed by Sidestep {version}.{of} SHA-256 of the analysed data: ");
     let words = el("p").class("quiet").test_id("provenance").text(words);
-    Some(words.child(hash).text("…. Test runs are never part of an analysis."))
+    Some(words.child(hash).text("… Test runs are never part of an analysis."))
 }
 
 /// The report, which can do nothing but show itself.
@@ -339,7 +351,7 @@ fn files(id: &str, files: &[AnalysisFile]) -> Option<Node> {
         (!files.is_empty()).then(|| el("details").child(summary).child(list(files)))
     };
     let pictures = format!("{} as SVG", count(figures.len(), "figure"));
-    let predictors = format!("{} for sidestep shfrs", count(models.len(), "model"));
+    let predictors = format!("{} for sidestep shfrs", count(models.len(), "model file"));
     Some(
         el("section")
             .child(el("h2").text("Files"))
@@ -359,8 +371,8 @@ impl AnalysisView {
             return actions.child(button("cancel", Msg::Cancel).text("Cancel"));
         }
         if !self.deleting {
-            let delete = button("delete", Msg::AskToDelete(true)).class("plain");
-            return actions.child(delete.text("Delete"));
+            let delete = button("delete", Msg::AskToDelete(true)).class("danger");
+            return actions.child(delete.text("Delete…"));
         }
         let sure =
             button("sure", Msg::Delete).class("danger").focus().text("Delete with all files");

@@ -96,6 +96,8 @@ const PAUSE_MS: f64 = 350.0;
 const TEMPLATE: &str = "\
 slug = \"my-study\"
 title = \"My study\"
+# Nobody can take part yet: try and rehearse the study, then open it.
+status = \"closed\"
 
 # What is not said here is as in the paper, such as
 # six scenes of familiarisation, three of practice, fifty tasks.
@@ -126,7 +128,7 @@ impl ConfigurationPage {
                 vec![Command::Send(Request::get("configuration", url, Msg::Configuration))]
             }
             None => {
-                page.begin(TEMPLATE.to_owned());
+                page.editor.begin_new(TEMPLATE.to_owned());
                 vec![page.check()]
             }
         };
@@ -202,17 +204,16 @@ impl ConfigurationPage {
             return vec![Command::GuardLeaving(false), self.check()];
         }
         // A copy needs a name of its own.
-        let copy = copy_of(&found);
-        self.begin(copy);
+        self.editor.begin_new(copy_of(&found));
         vec![self.check()]
     }
 }
 
-/// The text of a study with another name.
+/// The text of a study with another name, which nobody can take part in yet.
 fn copy_of(configuration: &Configuration) -> String {
     let slug = &configuration.study;
     let renamed = |line: &str| match line.split_once(" = ") {
-        Some(("slug", _)) => format!("slug = \"{slug}-copy\"\n"),
+        Some(("slug", _)) => format!("slug = \"{slug}-copy\"\nstatus = \"closed\"\n"),
         Some(("status", _)) => String::new(),
         _ => format!("{line}\n"),
     };

@@ -12,7 +12,7 @@ type Node = view::Node<Msg>;
 /// The page that exports a study.
 pub(super) struct Export {
     slug: String,
-    /// Whether the user may take data away.
+    /// Whether the user may download data.
     may_export: bool,
     study: Option<StudySummary>,
     /// The configurations that the study has had, newest first.
@@ -137,7 +137,7 @@ impl Export {
             ("", "all phases"),
             ("task", "tasks only"),
             ("practice", "practice only"),
-            ("familiarisation", "warm-up only"),
+            ("familiarisation", "familiarisation only"),
         ];
         let qualities = [("all", "all trials"), ("unflagged", "trials without a flag")];
         let pilots = el("label").class("check").child(
@@ -173,9 +173,9 @@ impl Export {
                     .child(submit.text("Download")),
             )
             .child(el("p").class("quiet").text(
-                "The manifest is the last file of the archive. An archive that broke off cannot be opened: \
-                 let the browser resume it, or download it again. sidestep export writes the same \
-                 tables.",
+                "The manifest is the last file of the archive. An archive whose download was interrupted \
+                 cannot be opened: let the browser resume the download, or start it again. \
+                 sidestep export writes the same tables.",
             ))
     }
 }

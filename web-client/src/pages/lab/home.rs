@@ -66,7 +66,7 @@ impl Page for Home {
         };
         // Before anybody has taken part, there is nothing to watch, but much to try.
         let begins = studies.iter().all(|study| study.participants == 0);
-        let newest = studies.first().filter(|_| begins);
+        let newest = studies.iter().find(|study| !study.synthetic).filter(|_| begins);
         el("main")
             .class("page")
             .child(el("div").class("page-head").child(parts::heading("Studies")).children(
@@ -118,6 +118,7 @@ fn card(study: &StudySummary) -> Node {
     el("article")
         .class("panel-card")
         .child(head)
+        .children(parts::synthetic(study.synthetic))
         .child(el("dl").class("numbers").children(facts))
         .children(attention(study))
         .children(last)
@@ -171,6 +172,11 @@ fn first_steps(study: &StudySummary) -> Node {
             "Rehearse with a simulated person",
             "A program presses the keys on the real page, thirty times as fast as a person.",
             Some(link(format!("/s/{slug}?simulate=1&speed=30"), "rehearse", "Watch a rehearsal")),
+        ),
+        step(
+            "Look at a finished study",
+            "Start the server with --demo: it fills a study with synthetic people, and analyses it.",
+            Some(el("code").class("command").test_id("demo").text("sidestep serve --demo")),
         ),
         step(
             "Make the study your own",

@@ -1,9 +1,9 @@
 //! A page of the laboratory whatever its message type, so that the route table can list them
 //! all. Messages are typed on both sides of this file.
 
-use crate::runtime::{Commands, Event, Page};
-use crate::shape::Picture;
+use crate::runtime::{Commands, Event, Page, Solid};
 use crate::view::Node;
+use sidestep::picture::Picture;
 use std::any::Any;
 use std::rc::Rc;
 
@@ -51,12 +51,20 @@ impl<P: Page> Page for Hosted<P> {
         self.0.hear(event).map(lift)
     }
 
+    fn owns_key(&self, code: &str) -> bool {
+        self.0.owns_key(code)
+    }
+
     fn tick(&mut self, now_ms: f64) -> Option<AnyMsg> {
         self.0.tick(now_ms).map(lift)
     }
 
     fn wants_frames(&self) -> bool {
         self.0.wants_frames()
+    }
+
+    fn solid(&self) -> Option<Solid<AnyMsg>> {
+        self.0.solid().map(|solid| solid.map(lift))
     }
 
     fn draw(&self, at_ms: f64, picture: &mut Picture) -> bool {

@@ -13,13 +13,14 @@ use crate::pages::parts::{self, alert, button};
 use crate::runtime::{Answer, Command, Commands, Page, Request, read};
 use crate::view::{self, el};
 use sidestep::api::{Access, ParticipantPage, Stage, StudySummary, routes};
+use sidestep::study::Status;
 
 type Node = view::Node<Msg>;
 
 /// The page of a study's participants.
 pub(super) struct Participants {
     slug: String,
-    /// Whether the user may take data away.
+    /// Whether the user may download data.
     may_export: bool,
     selection: Selection,
     study: Option<StudySummary>,
@@ -149,16 +150,22 @@ impl Page for Participants {
     }
 }
 
+/// The ways to try a study, which its participant's page opens beside the laboratory.
+pub(super) fn trials<M: Clone>(slug: &str) -> [view::Node<M>; 2] {
+    let link = |query: &str, name: &str, words: &str| {
+        let link = el("a").class("button").attr("href", format!("/s/{slug}?{query}"));
+        link.attr("target", "_blank").test_id(name).text(words)
+    };
+    [link("pilot", "try", "Test run"), link("simulate=1&speed=10", "rehearse", "Watch a rehearsal")]
+}
+
 impl Participants {
     fn actions(&self, study: &StudySummary) -> Vec<Node> {
         let link = |href: String, name: &str, words: &str| {
             el("a").class("button").attr("href", href).test_id(name).text(words)
         };
         let slug = &study.slug;
-        let mut actions =
-            vec![link(format!("/s/{slug}?pilot"), "try", "Test run").attr("target", "_blank")];
-        let watch = format!("/s/{slug}?simulate=1&speed=10");
-        actions.push(link(watch, "rehearse", "Watch a rehearsal").attr("target", "_blank"));
+        let mut actions = trials(slug).to_vec();
         if self.may_export {
             let whom = if self.selection.pilots { "&pilot=true" } else { "" };
             let table = format!("{}?format=csv{whom}", routes::admin_participants(slug));
@@ -238,6 +245,12 @@ impl Participants {
                 .child(el("p").class("quiet").text(words));
         }
         let links = el("a").attr("href", Tab::Configuration.address(&study.slug));
+        if study.status == Status::Closed {
+            let words = "The study is closed. When you have rehearsed it, open it on the page ";
+            return empty.child(el("p").text("No participants yet.")).child(
+                el("p").class("quiet").text(words).child(links.text("Configuration")).text("."),
+            );
+        }
         empty.child(el("p").text("No participants yet.")).child(
             el("p")
                 .class("quiet")

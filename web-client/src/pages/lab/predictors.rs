@@ -140,7 +140,7 @@ impl Predictors {
                 section.child(el("p").class("quiet").test_id("no-predictors").text(words)),
             );
         }
-        let about = "One model for each participant, kind of model, experiment and feature set. \
+        let about = "One entry for each participant, kind of model, experiment and feature set. \
                      Models of experiment I predict right, straight or left, and can be used in a \
                      replay. Those of experiment II predict whether somebody turns but not to which \
                      side, so they cannot.";

@@ -12,6 +12,7 @@ use crate::pages::parts::{self, alert, button, fact};
 use crate::runtime::{Answer, Command, Commands, Page, Request, read};
 use crate::view::{self, el};
 use sidestep::api::{Access, NewExclusion, NewNote, Note, ParticipantDetail, routes};
+use sidestep::trial::Phase;
 
 type Node = view::Node<Msg>;
 
@@ -167,7 +168,21 @@ fn head(found: &ParticipantDetail) -> Node {
                 .child(chip(stage_words(found.summary.stage)).test_id("stage"))
                 .children(excluded),
         )
+        .children(parts::synthetic(found.synthetic))
         .child(el("p").children(looks(&found.summary.quality)))
+}
+
+/// The version of the study under which the participant enrolled, as the table of versions names it.
+fn configuration(found: &ParticipantDetail) -> Node {
+    let short = &found.configuration[..found.configuration.len().min(8)];
+    let words = match found.configuration_number {
+        Some(number) => format!("version {number}, labelled “{}”", found.configuration_label),
+        None => format!("none of the study’s versions ({short})"),
+    };
+    let page = Tab::Configuration.address(&found.study);
+    let link = el("a").attr("href", page).text(words);
+    let link = link.attr("title", format!("SHA-256 {}", found.configuration));
+    el("div").child(el("dt").text("Configuration")).child(el("dd").child(link))
 }
 
 /// The trials in the order of the plan, each with a link to its replay.
@@ -179,7 +194,14 @@ fn timeline(found: &ParticipantDetail) -> Node {
         return section.child(el("p").class("quiet").test_id("no-trials").text(why));
     }
     let trials = found.trials.iter().map(|trial| pictures::card(trial, found.danger_radius_m));
+    let explorer = format!("/lab/explorer/{}", found.summary.participant_id);
+    let has_tasks = found.trials.iter().any(|trial| trial.summary.phase == Phase::Task);
+    let link = has_tasks.then(|| {
+        let words = "Explore predicted sets";
+        el("p").child(el("a").attr("href", explorer).test_id("explorer-link").text(words))
+    });
     section
+        .children(link)
         .child(pictures::legend())
         .child(el("ol").class("timeline-of-trials").test_id("timeline").children(trials))
 }
@@ -199,13 +221,15 @@ impl Profile {
         facts.extend(found.withdrawn_at_ms.map(|ms| moment("Withdrew", ms)));
         let check = match (person.comprehension_attempts, person.understood) {
             (0, _) => None,
-            (tries, true) => Some(format!("passed at try {tries}")),
-            (tries, false) => Some(format!("wrong {tries} times")),
+            (1, true) => Some("passed at the first attempt".to_owned()),
+            (attempts, true) => Some(format!("passed at attempt {attempts}")),
+            (1, false) => Some("not passed, 1 attempt".to_owned()),
+            (attempts, false) => Some(format!("not passed, {attempts} attempts")),
         };
         facts.extend(check.map(|words| fact("Check of understanding", words)));
         facts.extend(person.external_id.as_ref().map(|id| fact("External id", id)));
         facts.extend(person.completion_code.as_ref().map(|code| fact("Completion code", code)));
-        facts.push(fact("Configuration", &found.configuration[..found.configuration.len().min(8)]));
+        facts.push(configuration(found));
         facts.extend(found.parameters.iter().map(|(name, value)| fact(name, value)));
         let answer = |value: &serde_json::Value| match value {
             serde_json::Value::String(text) => text.clone(),
@@ -281,7 +305,7 @@ impl Profile {
     fn notes(&self, found: &ParticipantDetail) -> Node {
         let note = |note: &Note| {
             let delete = button(&format!("delete-note-{}", note.id), Msg::DeleteNote(note.id))
-                .class("plain")
+                .class("danger")
                 .attr("aria-label", "Delete this note")
                 .text("Delete");
             let by = el("p")

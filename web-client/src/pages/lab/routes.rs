@@ -1,4 +1,4 @@
-//! Which page of the laboratory an address names: one line a page.
+//! Which page of the laboratory an address names, one line a page, and which program has it.
 
 use super::access::AccessPage;
 use super::analyses::Analyses;
@@ -12,48 +12,133 @@ use super::profile::Profile;
 use super::self_check::SelfCheckPage;
 use super::trials::Trials;
 use super::visit::Visit;
+use crate::pages::demo::DemoPage;
+use crate::pages::explorer::ExplorerPage;
+use crate::pages::reachability::Reachability;
 use crate::pages::replay::ReplayPage;
 use crate::runtime::Commands;
 
 /// An address of the laboratory and the page that it names.
-pub(super) struct Route {
+pub struct Route {
     /// Its path. A part `{id}` stands for any one name.
     pub(super) path: &'static str,
-    /// What the navigation calls it, if it is there.
-    pub(super) nav: Option<&'static str>,
     /// Opens the page.
     pub(super) open: Open,
 }
 
 type Open = fn(&Visit<'_>) -> (AnyPage, Commands<AnyMsg>);
 
-/// Every page, in the order of the navigation.
+/// A part of the laboratory that is a program of its own, so that nobody loads what they do not look at.
+pub trait Program: 'static {
+    /// Its pages.
+    const PAGES: &'static [&'static [Route]];
+    /// Whether they solve games.
+    const SOLVES: bool;
+    /// Whether they show solids.
+    const SHOWS_SOLIDS: bool;
+    /// Whether they look at what pointers do.
+    const POINTS: bool;
+    /// Whether they offer files of their own.
+    const OFFERS_FILES: bool;
+}
+
+/// Studies, participants, analyses, exports, access.
+pub struct Laboratory;
+
+impl Program for Laboratory {
+    const PAGES: &'static [&'static [Route]] = &[LABORATORY];
+    const SOLVES: bool = false;
+    const SHOWS_SOLIDS: bool = false;
+    const POINTS: bool = false;
+    const OFFERS_FILES: bool = false;
+}
+
+/// What draws scenes, sets and value functions.
+pub struct Viewer;
+
+impl Program for Viewer {
+    const PAGES: &'static [&'static [Route]] = &[VIEWER];
+    const SOLVES: bool = true;
+    const SHOWS_SOLIDS: bool = true;
+    const POINTS: bool = true;
+    const OFFERS_FILES: bool = true;
+}
+
+/// What anybody can try.
+pub struct Demonstration;
+
+impl Program for Demonstration {
+    const PAGES: &'static [&'static [Route]] = &[DEMONSTRATION];
+    const SOLVES: bool = false;
+    const SHOWS_SOLIDS: bool = false;
+    const POINTS: bool = false;
+    const OFFERS_FILES: bool = false;
+}
+
+/// What the navigation shows: addresses and what it calls them.
+pub(super) const NAVIGATION: [(&str, &str); 5] = [
+    ("/lab", "Studies"),
+    ("/lab/reachability", "Reachability"),
+    ("/lab/demo", "Demonstration"),
+    ("/lab/access", "Access"),
+    ("/lab/self-check", "Self-check"),
+];
+
+/// The address of the demonstration that is open to all, where the operator allows it: nobody signs in.
+pub(super) const OPEN_TO_ALL: &str = "/demo";
+
+/// The addresses of other programs; the rest below `/lab` are those of [`Laboratory`].
+const APART: [&str; 4] =
+    ["/lab/replay/{id}", "/lab/explorer/{id}", "/lab/reachability", "/lab/demo"];
+
 #[rustfmt::skip]
-pub(super) static ROUTES: &[Route] = &[
-    Route { path: "/lab", nav: Some("Studies"), open: |visit| host(Home::open(visit)) },
-    Route { path: "/lab/studies/{id}", nav: None, open: |visit| host(Participants::open(visit)) },
-    Route { path: "/lab/participants/{id}", nav: None, open: |visit| host(Profile::open(visit)) },
-    Route { path: "/lab/studies/{id}/trials", nav: None, open: |visit| host(Trials::open(visit)) },
-    Route { path: "/lab/studies/{id}/analyses", nav: None, open: |visit| host(Analyses::open(visit)) },
-    Route { path: "/lab/analyses/{id}", nav: None, open: |visit| host(AnalysisView::open(visit)) },
-    Route { path: "/lab/studies/{id}/export", nav: None, open: |visit| host(Export::open(visit)) },
-    Route { path: "/lab/studies/{id}/configuration", nav: None, open: |visit| host(ConfigurationPage::open(visit)) },
-    Route { path: "/lab/new", nav: None, open: |visit| host(ConfigurationPage::open_new(visit)) },
-    Route { path: "/lab/replay/{id}", nav: None, open: |visit| host(ReplayPage::open(visit.id, visit.address)) },
-    Route { path: "/lab/access", nav: Some("Access"), open: |visit| host(AccessPage::open(visit)) },
-    Route { path: "/lab/self-check", nav: Some("Self-check"), open: |_| host(SelfCheckPage::open()) },
+pub(super) static LABORATORY: &[Route] = &[
+    Route { path: "/lab", open: |visit| host(Home::open(visit)) },
+    Route { path: "/lab/studies/{id}", open: |visit| host(Participants::open(visit)) },
+    Route { path: "/lab/participants/{id}", open: |visit| host(Profile::open(visit)) },
+    Route { path: "/lab/studies/{id}/trials", open: |visit| host(Trials::open(visit)) },
+    Route { path: "/lab/studies/{id}/analyses", open: |visit| host(Analyses::open(visit)) },
+    Route { path: "/lab/analyses/{id}", open: |visit| host(AnalysisView::open(visit)) },
+    Route { path: "/lab/studies/{id}/export", open: |visit| host(Export::open(visit)) },
+    Route { path: "/lab/studies/{id}/configuration", open: |visit| host(ConfigurationPage::open(visit)) },
+    Route { path: "/lab/new", open: |visit| host(ConfigurationPage::open_new(visit)) },
+    Route { path: "/lab/access", open: |visit| host(AccessPage::open(visit)) },
+    Route { path: "/lab/self-check", open: |_| host(SelfCheckPage::open()) },
+];
+
+#[rustfmt::skip]
+pub(super) static VIEWER: &[Route] = &[
+    Route { path: "/lab/replay/{id}", open: |visit| host(ReplayPage::open(visit.id, visit.address)) },
+    Route { path: "/lab/explorer/{id}", open: |visit| host(ExplorerPage::open(visit.id, visit.address)) },
+    Route { path: "/lab/reachability", open: |visit| host(Reachability::open(visit.address, visit.window_px)) },
+];
+
+#[rustfmt::skip]
+pub(super) static DEMONSTRATION: &[Route] = &[
+    Route { path: "/lab/demo", open: |visit| host(DemoPage::open(visit.address)) },
+    Route { path: OPEN_TO_ALL, open: |visit| host(DemoPage::open(visit.address)) },
 ];
 
 impl Route {
     /// The name that stands for `{id}` if `path` is of this route; empty where there is none.
     pub(super) fn matches<'a>(&self, path: &'a str) -> Option<&'a str> {
-        let path = path.trim_end_matches('/');
-        let Some((before, after)) = self.path.split_once("{id}") else {
-            return (path == self.path).then_some("");
-        };
-        let id = path.strip_prefix(before)?.strip_suffix(after)?;
-        (!id.is_empty() && !id.contains('/')).then_some(id)
+        named(self.path, path)
     }
+}
+
+/// The name that stands for `{id}` of a pattern in a path; empty if the pattern has none.
+fn named<'a>(pattern: &str, path: &'a str) -> Option<&'a str> {
+    let path = path.trim_end_matches('/');
+    let Some((before, after)) = pattern.split_once("{id}") else {
+        return (path == pattern).then_some("");
+    };
+    let id = path.strip_prefix(before)?.strip_suffix(after)?;
+    (!id.is_empty() && !id.contains('/')).then_some(id)
+}
+
+/// Whether another program than [`Laboratory`] has this address.
+pub(super) fn is_apart(path: &str) -> bool {
+    APART.iter().any(|pattern| named(pattern, path).is_some())
 }
 
 #[cfg(test)]
@@ -63,8 +148,9 @@ mod tests {
     #[test]
     fn each_address_names_one_page() {
         let named = |path: &'static str| {
-            let found: Vec<_> = ROUTES
-                .iter()
+            let found: Vec<_> = [LABORATORY, VIEWER, DEMONSTRATION]
+                .into_iter()
+                .flatten()
                 .filter_map(|route| Some((route.path, route.matches(path)?)))
                 .collect();
             assert!(found.len() <= 1, "{path}: {found:?}");
@@ -73,9 +159,12 @@ mod tests {
         assert_eq!(named("/lab"), Some(("/lab", "")));
         assert_eq!(named("/lab/"), Some(("/lab", "")));
         assert_eq!(named("/lab/self-check"), Some(("/lab/self-check", "")));
+        assert_eq!(named("/lab/demo"), Some(("/lab/demo", "")));
+        assert_eq!(named("/demo"), Some(("/demo", "")));
         assert_eq!(named("/lab/replay/t-1"), Some(("/lab/replay/{id}", "t-1")));
         assert_eq!(named("/lab/studies/pilot"), Some(("/lab/studies/{id}", "pilot")));
         assert_eq!(named("/lab/studies/a/trials"), Some(("/lab/studies/{id}/trials", "a")));
+        assert_eq!(named("/lab/reachability"), Some(("/lab/reachability", "")));
         for nowhere in [
             "/lab/replay",
             "/lab/replay/",
@@ -87,5 +176,13 @@ mod tests {
         ] {
             assert_eq!(named(nowhere), None, "{nowhere}");
         }
+    }
+
+    #[test]
+    fn other_programs_have_their_pages_apart() {
+        let apart = [VIEWER, DEMONSTRATION].into_iter().flatten();
+        let in_lab = apart.filter(|route| route.path.starts_with("/lab"));
+        assert!(in_lab.map(|route| route.path).eq(APART));
+        assert!(LABORATORY.iter().all(|route| !is_apart(route.path)));
     }
 }

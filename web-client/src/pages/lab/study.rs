@@ -84,7 +84,8 @@ pub(super) fn head<M>(
                 .child(parts::heading(&study.title))
                 .child(status(study.status)),
         )
-        .child(el("p").class("quiet").test_id("counts").text(counts.join(" · ")));
+        .child(el("p").class("quiet").test_id("counts").text(counts.join(" · ")))
+        .children(parts::synthetic(study.synthetic));
     let tabs = Tab::ALL.map(|tab| {
         el("a")
             .attr("href", tab.address(&study.slug))

@@ -3,18 +3,22 @@
 mod access;
 mod analyses;
 mod configuration;
+mod explorer;
 mod export;
 mod predictors;
+mod replay;
 mod profile;
+mod reachability;
 mod studies;
 
-use super::Lab;
+use super::routes::{DEMONSTRATION, LABORATORY, Route, VIEWER};
+use super::{Lab, Program};
 use crate::form::{FieldValue, Form};
 use crate::runtime::{Address, Event, Page, PageContext, Solving};
-use crate::shape::Shape;
 use crate::testing;
 use sidestep::api::{Access, Session as SignedIn, TrialDetail, TrialPage, TrialSummary, routes};
 use sidestep::chart::colours;
+use sidestep::picture::Shape;
 use sidestep::reachability::{PursuitGame, SampledValue, ValueFunction, polar};
 use sidestep::safety::{SafetyLevels, value_function};
 use sidestep::scene::{Evader, Scene, SceneParameters};
@@ -24,7 +28,18 @@ use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::sync::LazyLock;
 
-type Session = testing::Session<Lab>;
+/// All programs in one.
+struct Whole;
+
+impl Program for Whole {
+    const PAGES: &'static [&'static [Route]] = &[LABORATORY, VIEWER, DEMONSTRATION];
+    const SOLVES: bool = true;
+    const SHOWS_SOLIDS: bool = true;
+    const POINTS: bool = true;
+    const OFFERS_FILES: bool = true;
+}
+
+type Session = testing::Session<Lab<Whole>>;
 
 /// The paper's vehicles, but for a robot that turns more slowly.
 fn unequal() -> SceneParameters {
@@ -55,6 +70,7 @@ fn trial(parameters: SceneParameters, ids: [Option<String>; 2]) -> TrialDetail {
             flags: Vec::new(),
         },
         study: "default".into(),
+        synthetic: false,
         parameters,
         scene,
         replay: verify(&parameters, scene.start(), &inputs, &states),
@@ -62,6 +78,8 @@ fn trial(parameters: SceneParameters, ids: [Option<String>; 2]) -> TrialDetail {
         states,
         value_function_hr,
         value_function_rh,
+        previous: Some("before".into()),
+        next: Some("after".into()),
     }
 }
 
@@ -121,6 +139,13 @@ fn replay_unsolved() -> Session {
 }
 
 impl Session {
+    /// A slider is moved to this number.
+    fn slide(&mut self, test_id: &str, number: f64) {
+        let value = FieldValue::Number(Some(number));
+        let message = self.page.view().enter(test_id, value).expect("a slider");
+        self.tell(message);
+    }
+
     fn go(&mut self, path: &str) {
         self.hear(&Event::Address(address(path)));
     }
@@ -130,8 +155,14 @@ impl Session {
         self.solver(of(evader), Solving::Solved(SOLVED.of(evader).encode()));
     }
 
+    /// Enters a value into a control.
+    fn choose(&mut self, test_id: &str, value: &str) {
+        let value = FieldValue::Text(value.to_owned());
+        self.tell(self.page.view().enter(test_id, value).unwrap());
+    }
+
     fn games(&self) -> Vec<(&str, PursuitGame)> {
-        self.solving.iter().map(|(name, game, _)| (*name, *game)).collect()
+        self.solving.iter().map(|(name, task, _)| (*name, task.game)).collect()
     }
 
     /// Outlines of level sets, of V_HR and of V_RH.
@@ -139,12 +170,12 @@ impl Session {
         let picture = self.picture().unwrap();
         [colours::HUMAN, colours::ROBOT].map(|colour| {
             let is_outline = |shape: &&Shape| match shape {
-                Shape::Polygon { outline, points, .. } => {
-                    outline.ink.colour == colour && outline.dash.is_some() && points.len() > 10
+                Shape::Path { pen: Some(pen), points, .. } => {
+                    pen.ink.colour == colour && pen.dash.is_some() && points.len() > 10
                 }
                 _ => false,
             };
-            picture.shapes.iter().filter(is_outline).count()
+            picture.shapes().iter().filter(is_outline).count()
         })
     }
 
@@ -185,6 +216,15 @@ fn an_address_without_a_page_says_so() {
     for elsewhere in ["/s/default", "/laboratory"] {
         assert!(session.page.hear(&Event::Address(address(elsewhere))).is_none(), "{elsewhere}");
     }
+}
+
+#[test]
+fn nobody_signs_in_to_what_is_open_to_all() {
+    let session = start("/demo");
+    assert!(session.urls().is_empty() && session.words("demo").is_some());
+    assert!(session.words("sign-out").is_none() && !session.text().contains("Studies"));
+    assert_eq!(start("/lab/demo").urls(), [routes::SESSION]);
+    assert!(signed_in("/lab/demo").words("demo").is_some());
 }
 
 #[test]
@@ -259,27 +299,25 @@ fn predicted_sets_are_drawn_whole_or_step_by_step() {
     // How many areas each set has, from F_1 to F_5.
     let areas = |session: &Session| {
         let mut counts = [0; 5];
-        for shape in session.picture().unwrap().shapes {
-            let Shape::Polygon { fill, points, .. } = shape else { continue };
-            if let Some(j) = colours::REGIONS.iter().position(|&region| fill == region.into()) {
+        for shape in session.picture().unwrap().shapes() {
+            let Shape::Path { fill: Some(fill), points, .. } = shape else { continue };
+            if let Some(j) = colours::REGIONS.iter().position(|&region| *fill == region.into()) {
                 assert!(!points.is_empty());
                 counts[j] += 1;
             }
         }
         counts
     };
-    let pressed = |session: &Session| {
-        let view = session.page.view();
-        view.find("by-step").unwrap().attribute("aria-pressed") == Some("true")
-    };
-    assert_eq!((areas(&session), pressed(&session)), ([1; 5], false));
-    session.press("by-step");
-    assert_eq!((areas(&session), pressed(&session)), ([10; 5], true));
+    assert_eq!(areas(&session), [1; 5]);
+    session.choose("sets", "steps");
+    assert_eq!(areas(&session), [10; 5]);
+    session.choose("sets", "7");
+    assert_eq!(areas(&session), [1; 5]);
     session.press("layer-shfrs");
     assert_eq!(areas(&session), [0; 5], "hidden with its layer");
     session.press("layer-shfrs");
-    session.press("by-step");
-    assert_eq!((areas(&session), pressed(&session)), ([1; 5], false));
+    session.choose("sets", "tube");
+    assert_eq!(areas(&session), [1; 5]);
 }
 
 #[test]

@@ -12,7 +12,7 @@ type Node = view::Node<Msg>;
 /// The page of a study's trials.
 pub(super) struct Trials {
     slug: String,
-    /// Whether the user may take data away.
+    /// Whether the user may download data.
     may_export: bool,
     study: Option<StudySummary>,
     trials: Vec<TrialSummary>,

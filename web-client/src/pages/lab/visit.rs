@@ -11,4 +11,6 @@ pub(super) struct Visit<'a> {
     pub(super) id: &'a str,
     /// Who is signed in.
     pub(super) session: &'a Session,
+    /// Width of the window when the laboratory was opened, px.
+    pub(super) window_px: f64,
 }

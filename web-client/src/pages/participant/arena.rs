@@ -2,9 +2,9 @@
 //! danger zone.
 
 use crate::input::{HeldKeys, KeyMap};
-use crate::overlays::stage;
-use crate::shape::{Picture, Window};
 use sidestep::math::PI;
+use sidestep::picture::stage;
+use sidestep::picture::{Picture, Window};
 use sidestep::scene::{JointState, SceneParameters};
 use sidestep::vehicle::{Pose, TurnInput};
 
@@ -50,9 +50,9 @@ impl Arena {
         let [width, height] = HALF_M;
         picture.begin("arena", Window { low: [-width, -height], high: [width, height] });
         let radius_m = self.parameters.danger_radius_m;
-        picture.shapes.push(stage::goal([0.8 - width, self.robot.y]));
-        picture.shapes.push(stage::danger_zone(self.robot, radius_m));
-        picture.shapes.extend(stage::vehicles(self.state()));
+        picture.push(stage::goal([0.8 - width, self.robot.y]));
+        picture.push(stage::danger_zone(self.robot, radius_m));
+        picture.extend(stage::vehicles(self.state()));
     }
 
     pub(super) fn state(&self) -> JointState {

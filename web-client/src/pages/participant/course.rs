@@ -118,13 +118,17 @@ impl Participant {
         let mut drive = Drive::new(parameters, &scene, start_ms, started_at_ms, keys, &self.held);
         drive.tick(self.now_ms);
         // Written before anything can go wrong: a reload counts.
-        let known = self.exposures.iter().position(|(id, _)| id == trial.id());
-        let place = known.unwrap_or_else(|| {
-            self.exposures.push((trial.id().to_owned(), 0));
-            self.exposures.len() - 1
-        });
-        self.exposures[place].1 += 1;
-        let text = self.exposures[place].1.to_string();
+        let count = match self.exposures.iter_mut().find(|(id, _)| id == trial.id()) {
+            Some((_, count)) => {
+                *count += 1;
+                *count
+            }
+            None => {
+                self.exposures.push((trial.id().to_owned(), 1));
+                1
+            }
+        };
+        let text = count.to_string();
         let name = self.exposure_name(trial.id());
         self.stage = Stage::Driving(trial, Box::new(drive));
         vec![Command::Keep { name, text, then: Box::new(|_| Msg::Noted) }]

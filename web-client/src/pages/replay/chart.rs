@@ -5,44 +5,49 @@ use crate::view::{self, drawn, el};
 use sidestep::chart::{
     Axis, Chart, ColourStyle, Drawing, Frame, LegendItem, Pen, Series, Table, colours,
 };
+use sidestep::playback::Probabilities;
 use sidestep::scene::Evader;
 use sidestep::vehicle::TurnInput;
 
 type Node = view::Node<Msg>;
 
 const WIDTH: f64 = 1000.0;
-const HEIGHT: f64 = 130.0;
+const HEIGHT: f64 = 150.0;
 const FRAME: Frame = Frame { left: 0.0, top: 4.0, width: WIDTH, height: 96.0 };
 /// The line of the strip above which left turns are, and below which right turns are.
 const MIDDLE: f64 = 116.0;
 /// Height of the bar of a turn.
 const BAR: f64 = 7.0;
+/// The strip of predicted probabilities: from its top, left, straight and right fill its height by their
+/// shares.
+const PREDICTED: [f64; 2] = [128.0, 146.0];
 const LEFT: colours::Colour = colours::HUMAN;
 const RIGHT: colours::Colour = colours::SERIES[1];
 
 /// The lines as data.
 pub(super) fn lines(replay: &Replay) -> Chart {
-    let Replay { trial, levels, .. } = replay;
+    let Replay { trial, playback, .. } = replay;
     let time = |i: usize| i as f64 * trial.parameters.step_s;
     let radius = trial.parameters.danger_radius_m;
-    let pen = |evader, colour| match replay.is_doubtful(evader) {
+    let pen = |evader, colour| match playback.is_doubtful(evader) {
         true => Pen::new(colours::MUTED, 2.0).dashed(1.0, 4.0),
         false => Pen::new(colour, 2.0),
     };
-    let level = |evader, name: &str, colour, pick: fn(&(f64, f64)) -> f64| {
-        let points = levels.iter().enumerate().map(|(i, levels)| [time(i), pick(levels)]);
+    let level = |evader, name: &str, colour, place: usize| {
+        let points = playback.levels().iter().enumerate();
+        let points = points.map(|(i, levels)| [time(i), levels[place]]);
         Series::drawn(name, points, pen(evader, colour))
     };
     let states = trial.states.iter().enumerate();
     let range = states.map(|(i, state)| [time(i), state.distance_m() - radius]);
     let range =
         Series::drawn("distance − radius", range, Pen::new(colours::MUTED, 1.25).dashed(4.0, 3.0));
-    let human = level(Evader::Human, "human’s safety level", colours::HUMAN, |v| v.0);
-    let robot = level(Evader::Robot, "robot’s safety level", colours::ROBOT, |v| v.1);
+    let human = level(Evader::Human, "human’s safety level", colours::HUMAN, 0);
+    let robot = level(Evader::Robot, "robot’s safety level", colours::ROBOT, 1);
     let series = [range, robot, human];
     let values = series.iter().flat_map(|series| &series.points).map(|datum| datum.at[1]);
     let ends = values.fold([-1.0f64, 1.0], |[low, high], v| [low.min(v), high.max(v)]);
-    let x = Axis::time("time", [0.0, replay.duration_s()], 10);
+    let x = Axis::time("time", [0.0, playback.duration_s()], 10);
     let mut chart = Chart::new("", "", x, Axis::linear("", "m", ends, 5));
     for series in series {
         chart.add(series);
@@ -72,8 +77,22 @@ pub(super) fn draw(replay: &Replay, chart: &Chart) -> Node {
     drawing.boxes(bars(TurnInput::Left, MIDDLE - BAR, BAR), LEFT);
     drawing.boxes(bars(TurnInput::Straight, MIDDLE - 0.5, 1.0), colours::LINE);
     drawing.boxes(bars(TurnInput::Right, MIDDLE, BAR), RIGHT);
-    let now = WIDTH * chart.x.share(replay.time_s);
-    drawing.line([[now, 0.0], [now, MIDDLE + BAR]], Pen::new(colours::TEXT, 1.5));
+    let [top, bottom] = PREDICTED;
+    for (place, colour) in [(0, LEFT), (1, colours::LINE), (2, RIGHT)] {
+        let share = |p: &Probabilities, places: core::ops::Range<usize>| -> f64 {
+            p[places].iter().map(|(_, p)| p).sum()
+        };
+        let bar = |(i, p): (usize, &Probabilities)| {
+            let left = i as f64 * width;
+            let edge = |places| top + (bottom - top) * share(p, places);
+            [left + 1.0, edge(0..place), left + width - 1.0, edge(0..place + 1)]
+        };
+        // The last state has no input.
+        let known = replay.playback.forecast().iter().take(inputs.len()).enumerate();
+        drawing.boxes(known.map(bar).collect(), colour);
+    }
+    let now = WIDTH * chart.x.share(replay.playback.now().time_s);
+    drawing.line([[now, 0.0], [now, HEIGHT]], Pen::new(colours::TEXT, 1.5));
     let svg = drawn(drawing.element(ColourStyle::Properties))
         .attr("preserveAspectRatio", "none")
         .attr("aria-hidden", "true");
@@ -91,13 +110,22 @@ pub(super) fn draw(replay: &Replay, chart: &Chart) -> Node {
     });
     let sides = [("left", MIDDLE - 0.9 * BAR), ("right", MIDDLE + 0.9 * BAR)];
     let sides = sides.map(|(side, y)| label("y", top(y), side.to_owned()));
+    let is_known = !replay.playback.forecast().is_empty();
+    let middle = 0.5 * (PREDICTED[0] + PREDICTED[1]);
+    let predicted = is_known.then(|| label("y", top(middle), "predicted".to_owned()));
     let last = chart.x.ticks().count();
     let x_labels = chart.x.ticks().zip(1..).map(|(tick, n)| {
         let unit = if n == last { format!(" {}", chart.x.unit) } else { String::new() };
         let left = format!("left:{:.2}%", 100.0 * tick.share);
         label("x", left, format!("{}{unit}", tick.label))
     });
-    el("div").class("plot").child(svg).children(y_labels).children(sides).children(x_labels)
+    el("div")
+        .class("plot")
+        .child(svg)
+        .children(y_labels)
+        .children(sides)
+        .children(predicted)
+        .children(x_labels)
 }
 
 /// What the signs mean.
@@ -120,6 +148,14 @@ pub(super) fn table(replay: &Replay, chart: &Chart) -> Table {
     let inputs = replay.trial.inputs.iter().map(|input| input.word());
     for (row, input) in table.rows.iter_mut().zip(inputs.chain([""])) {
         row.push(input.to_owned());
+    }
+    let forecast = replay.playback.forecast();
+    if !forecast.is_empty() {
+        let names = forecast[0].iter().map(|(input, _)| format!("predicted {}", input.word()));
+        table.columns.extend(names);
+        for (row, probabilities) in table.rows.iter_mut().zip(forecast) {
+            row.extend(probabilities.iter().map(|(_, p)| format!("{:.0} %", 100.0 * p)));
+        }
     }
     table
 }

@@ -2,13 +2,17 @@
 
 use super::chart;
 use super::choice;
-use super::{Msg, Replay};
-use crate::overlays::LAYERS;
+use super::keys;
+use super::{CANVAS, Msg, Replay};
+use crate::pages::moment::{self, metres, select, switch};
 use crate::pages::parts::{self, alert, button, cell, fact};
 use crate::view::{self, el, subscripted};
+use sidestep::chart::fixed;
+use sidestep::playback::style::{Palette, Sets};
+use sidestep::playback::view::SPEEDS;
 use sidestep::safety::SafetyLevels;
 use sidestep::scene::{Evader, JointState};
-use sidestep::vehicle::TurnInput;
+use sidestep::trial::Phase;
 
 type Node = view::Node<Msg>;
 
@@ -17,74 +21,124 @@ pub(super) fn page(replay: &Replay) -> Node {
 }
 
 fn scene(replay: &Replay) -> Node {
-    let switches = LAYERS.iter().enumerate().map(|(place, layer)| {
-        let shown = replay.shown[place];
-        let swatch = el("i").class(&format!("swatch {}", layer.swatch));
-        let button = switch(&format!("layer-{}", layer.name), shown, Msg::Layer(place))
-            .attr("title", layer.meaning)
-            .child(swatch)
-            .child(el("span").text(layer.label));
-        let Some(below) = layer.level else { return button };
-        // Otherwise a user would search for the line.
-        let is_empty = shown && replay.safety.is_some() && replay.drawn[place].is_empty();
-        button
-            .child(subscripted("span", "V", below).text(" ≤ 0"))
-            .children(is_empty.then(|| el("span").text("(nowhere now)")))
-    });
-    let meaning = "Predicted sets: show where the human may be at each step instead of within \
-                   the whole time ahead";
-    let by_step =
-        switch("by-step", replay.by_step, Msg::ByStep).attr("title", meaning).text("per step");
-    let switches = el("div")
-        .class("switches")
-        .attrs(&[("role", "group"), ("aria-label", "Layers")])
-        .children(switches)
-        .child(by_step);
+    let switches = moment::switches(&replay.view, |_| true, keys::of_layer, Msg::Layer);
     let canvas = el("canvas")
-        .attrs(&[("id", "replay"), ("role", "img")])
+        .attrs(&[("id", CANVAS), ("role", "img")])
         .attr("aria-label", "The trial seen from above, with the chosen layers")
         .test_id("replay");
-    el("section")
-        .class("view")
-        .attr("aria-label", "Scene")
-        .child(switches)
+    let picture = el("div")
+        .class("seen")
         .child(canvas)
-        .children(replay.sources.notice())
-}
-
-/// A button that is on or off.
-fn switch(test_id: &str, is_on: bool, message: Msg) -> Node {
-    button(test_id, message).class("switch").attr("aria-pressed", is_on)
+        .children(replay.shows_legend.then(|| moment::legend(&replay.playback, &replay.view)))
+        .children(replay.sources.notice(Msg::StopSolving, Msg::SolveAgain));
+    el("section").class("view").attr("aria-label", "Scene").child(switches).child(picture)
 }
 
 fn panel(replay: &Replay) -> Node {
-    let heading = parts::heading(&format!("Step {}", replay.step()))
-        .child(el("small").text(format!("t = {:.1} s", replay.time_s)));
+    let now = replay.playback.now();
+    let heading = parts::heading(&format!("Step {}", now.step))
+        .child(el("small").text(format!("t = {:.2} s", now.time_s)));
+    let probabilities = replay.playback.probabilities();
     // It scrolls, so the keyboard must be able to reach it.
     el("aside")
         .class("panel")
         .attrs(&[("tabindex", "0"), ("aria-label", "Numbers at this step")])
+        .child(whose(replay))
+        .children(parts::synthetic(replay.trial.synthetic))
         .child(heading)
+        .children(replay.misread.as_deref().map(|why| alert("misread", why)))
         .child(facts(replay))
         .children(doubt(replay))
         .child(choice::section(&replay.choice, &replay.trial, trained(replay)))
-        .children(replay.prediction.as_ref().map(|probabilities| inputs(probabilities)))
-        .children(replay.prediction.as_ref().map(|_| regions(replay)))
+        .children(probabilities.map(|probabilities| moment::inputs(probabilities)))
+        .children(probabilities.map(|_| moment::regions(&replay.playback, &replay.view)))
+        .child(drawing(replay))
         .child(outcome(replay))
         .children(replay.trouble.as_deref().map(|why| alert("trouble", why)))
+        .child(keys::list())
 }
 
-/// A length in metres, with a proper minus sign.
-fn metres(value: f64, decimals: usize) -> String {
-    format!("{value:.decimals$} m").replace('-', "−")
+/// Study, participant and scene, the first two as links.
+fn whose(replay: &Replay) -> Node {
+    let summary = &replay.trial.summary;
+    let study = format!("/lab/studies/{}", replay.trial.study);
+    let participant = format!("/lab/participants/{}", summary.participant_id);
+    let words = format!("participant {}", summary.participant_number);
+    // The explorer shows tasks only.
+    let explorer = (summary.phase == Phase::Task).then(|| {
+        // What a replay usually predicts with, the explorer must be told.
+        let chosen = Some(replay.choice.query()).filter(|chosen| !chosen.is_empty());
+        let chosen = chosen.unwrap_or_else(|| "predictor=earlier".to_owned());
+        let parts = [format!("trial={}", summary.trial_id), chosen, replay.view.query()];
+        let parts: Vec<String> = parts.into_iter().filter(|part| !part.is_empty()).collect();
+        let link = format!("/lab/explorer/{}?{}", summary.participant_id, parts.join("&"));
+        let link = el("a").attr("href", link).test_id("explorer-link");
+        el("span").text(" · ").child(link.text("Explore the settings"))
+    });
+    el("p")
+        .class("quiet")
+        .test_id("whose")
+        .child(el("a").attr("href", study).text(replay.trial.study.clone()))
+        .text(" / ")
+        .child(el("a").attr("href", participant).text(words))
+        .text(format!(" / {}", summary.scene_words()))
+        .children(explorer)
+}
+
+/// How the layers are drawn.
+fn drawing(replay: &Replay) -> Node {
+    let style = &replay.view.style;
+    let steps = replay.playback.shfrs().map_or(0, |_| replay.playback.steps_ahead());
+    let chosen = match style.sets {
+        Sets::Tube => "tube".to_owned(),
+        Sets::EachStep => "steps".to_owned(),
+        Sets::Step(step) => step.to_string(),
+    };
+    let step_s = replay.trial.parameters.step_s;
+    let mut sets = vec![
+        ("tube".to_owned(), "within the whole time ahead".to_owned()),
+        ("steps".to_owned(), "after each step".to_owned()),
+    ];
+    let last = match style.sets {
+        Sets::Step(step) => steps.max(step),
+        _ => steps,
+    };
+    sets.extend(
+        (1..=last)
+            .map(|step| (step.to_string(), format!("after {} s", fixed(step as f64 * step_s, 1)))),
+    );
+    let colours = [("paper", "as in the paper"), ("safe", "for all eyes, hatched")];
+    let palette = match style.palette {
+        Palette::Paper => "paper",
+        Palette::Safe => "safe",
+    };
+    let colours = colours.map(|(value, words)| (value.to_owned(), words.to_owned()));
+    let levels = |evader: Evader, below: &str, id: &'static str| {
+        let levels: Vec<String> = style.levels(evader).iter().map(f64::to_string).collect();
+        let label =
+            el("label").attr("for", id).child(subscripted("span", "V", below)).text(" = … m");
+        let field = el("input")
+            .attrs(&[("id", id), ("type", "text"), ("autocomplete", "off")])
+            .attr("value", levels.join(","))
+            .attr("title", "Levels in metres, rising, with commas between")
+            .test_id(id)
+            .on_input(move |value| Msg::Levels(evader, value));
+        el("div").class("pair").child(label).child(field)
+    };
+    el("section").class("drawing").child(el("h2").text("Drawing")).children([
+        select("sets", "Predicted sets", sets, &chosen, Msg::Sets),
+        select("colours", "Their colours", colours.into(), palette, Msg::Colours),
+        levels(Evader::Human, "HR", "levels-hr"),
+        levels(Evader::Robot, "RH", "levels-rh"),
+    ])
 }
 
 fn facts(replay: &Replay) -> Node {
-    let state = replay.state();
+    let state = replay.playback.now().state;
     let level = |evader, words: &str, below: &str| {
         let name = el("dt").text(words).child(subscripted("span", "V", below));
-        let value = match &replay.safety {
-            Some(safety) if replay.is_doubtful(evader) => {
+        let value = match replay.playback.safety() {
+            Some(safety) if replay.playback.is_doubtful(evader) => {
                 let value = metres(level_of(safety, evader, &state), 1);
                 el("dd").class("doubtful").text(format!("≈ {value}"))
             }
@@ -94,7 +148,8 @@ fn facts(replay: &Replay) -> Node {
         };
         el("div").child(name).child(value)
     };
-    let input = replay.trial.inputs.get(replay.step()).map_or("—", |input| input.word());
+    let input =
+        replay.trial.inputs.get(replay.playback.now().step).map_or("—", |input| input.word());
     el("dl").class("facts").children([
         level(Evader::Human, "human’s safety ", "HR"),
         level(Evader::Robot, "robot’s safety ", "RH"),
@@ -114,7 +169,7 @@ fn level_of(safety: &SafetyLevels, evader: Evader, state: &JointState) -> f64 {
 fn doubt(replay: &Replay) -> Option<Node> {
     let doubtful = [(Evader::Human, "HR"), (Evader::Robot, "RH")];
     let mut doubtful =
-        doubtful.into_iter().filter(|(evader, _)| replay.is_doubtful(*evader)).peekable();
+        doubtful.into_iter().filter(|(evader, _)| replay.playback.is_doubtful(*evader)).peekable();
     doubtful.peek()?;
     let mut words = el("p").class("waiting").attr("role", "note").test_id("not-converged");
     for (place, (_, below)) in doubtful.enumerate() {
@@ -130,43 +185,12 @@ fn doubt(replay: &Replay) -> Option<Node> {
 
 /// How the predictor came about that is trained on the trials before this one; empty for another.
 fn trained(replay: &Replay) -> Option<String> {
-    let learned = replay.learned.as_ref()?;
-    Some(match (&learned.fallback, learned.trials) {
+    let trained = replay.trained.as_ref()?;
+    Some(match (&trained.fallback, trained.trials) {
         (None, 1) => "Logistic regression (B_hrd), trained on the trial before".to_owned(),
         (None, n) => format!("Logistic regression (B_hrd), trained on the {n} trials before"),
         (Some(why), _) => format!("Frequencies of the inputs so far: {why}"),
     })
-}
-
-fn inputs(probabilities: &[(TurnInput, f64)]) -> Node {
-    let bars = probabilities.iter().map(|(input, p)| {
-        let percent = 100.0 * p;
-        let bar = el("i").attr("style", format!("width:{percent:.1}%"));
-        el("div")
-            .child(el("dt").text(input.word()))
-            .child(el("dd").class("bar").attr("aria-hidden", "true").child(bar))
-            .child(el("dd").text(format!("{percent:.0} %")))
-    });
-    el("section")
-        .test_id("prediction")
-        .child(el("h2").text("Next input"))
-        .child(el("dl").class("bars").children(bars))
-}
-
-fn regions(replay: &Replay) -> Node {
-    let rows = replay.predictor.shfrs().sets.iter().zip(1..).map(|(set, j)| {
-        let swatch = el("i").class(&format!("swatch region-{j}"));
-        let name = subscripted("span", "F", &j.to_string());
-        el("tr")
-            .child(el("th").attr("scope", "row").child(swatch).child(name))
-            .child(cell(format!("{:.2}", set.epsilon)))
-            .child(cell(format!("{:.2}", set.area_m2)))
-    });
-    let table = parts::table(["set", "ε / rad s⁻¹", "tube / m²"], rows);
-    let ahead = if replay.by_step { "next 2 s, per step" } else { "next 2 s" };
-    el("section")
-        .child(el("h2").text("Predicted sets").child(el("small").text(ahead)))
-        .child(table.class("regions").test_id("regions"))
 }
 
 /// How the trial ended, and whether it can be trusted.
@@ -192,24 +216,14 @@ fn outcome(replay: &Replay) -> Node {
 
 fn timeline(replay: &Replay) -> Node {
     let lines = chart::lines(replay);
-    let (words, icon) = match replay.is_playing() {
-        true => ("Pause", "M6 5h4v14H6zM14 5h4v14h-4z"),
-        false => ("Play", "M8 5v14l11-7z"),
-    };
-    let icon = el("svg")
-        .attrs(&[("viewBox", "0 0 24 24"), ("aria-hidden", "true")])
-        .child(el("path").attr("d", icon));
-    let controls = el("div")
-        .class("controls")
-        .child(button("play", Msg::Play).class("play").attr("aria-label", words).child(icon))
-        .child(el("span").class("time").text(format!("{:.1} s", replay.time_s)))
-        .child(chart::legend(&lines));
+    let now = replay.playback.now();
     let slider = el("input")
-        .attrs(&[("type", "range"), ("min", "0"), ("step", "1"), ("aria-label", "Step")])
-        .attr("max", replay.trial.inputs.len())
-        .attr("value", replay.step())
+        .attrs(&[("type", "range"), ("min", "0"), ("step", "any"), ("aria-label", "Time")])
+        .attr("max", format!("{:.3}", replay.playback.duration_s()))
+        .attr("value", format!("{:.3}", now.time_s))
+        .attr("aria-valuetext", format!("{:.1} seconds, step {}", now.time_s, now.step))
         .test_id("slider")
-        .on_input(|value| Msg::Seek(value.number().unwrap_or(0.0) as usize));
+        .on_input(|value| Msg::Seek(value.number().unwrap_or(0.0)));
     let table = chart::table(replay, &lines);
     let row = |cells: Vec<String>| el("tr").children(cells.into_iter().map(cell));
     let numbers = el("div")
@@ -219,9 +233,72 @@ fn timeline(replay: &Replay) -> Node {
     el("section")
         .class("timeline")
         .attr("aria-label", "Timeline")
-        .child(controls)
+        .child(controls(replay, &lines))
         .child(el("div").class("chart").child(chart::draw(replay, &lines)).child(slider))
         .child(
             el("details").class("table-twin").child(el("summary").text("Numbers")).child(numbers),
         )
+}
+
+/// The buttons of a player, and what the lines of the chart mean.
+fn controls(replay: &Replay, lines: &sidestep::chart::Chart) -> Node {
+    let picture = |path: &'static str| {
+        el("svg")
+            .attrs(&[("viewBox", "0 0 24 24"), ("aria-hidden", "true")])
+            .child(el("path").attr("d", path))
+    };
+    let (words, icon) = match replay.is_playing() {
+        true => ("Pause", "M6 5h4v14H6zM14 5h4v14h-4z"),
+        false => ("Play", "M8 5v14l11-7z"),
+    };
+    let small = |id: &str, words: &str, icon, message| {
+        button(id, message)
+            .class("plain small")
+            .attr("aria-label", words)
+            .attr("title", words)
+            .child(picture(icon))
+    };
+    let other = |id: &str, words: &str, icon, trial: &Option<String>| {
+        let link = el("a").class("small").test_id(id).attr("title", words).child(picture(icon));
+        match trial {
+            Some(trial) => link.attr("href", replay.link_to(trial)).attr("aria-label", words),
+            None => link
+                .attr("aria-disabled", "true")
+                .attr("role", "link")
+                .attr("aria-label", format!("{words}: none")),
+        }
+    };
+    let speed = SPEEDS.map(|speed| {
+        (speed.to_string(), format!("{speed}×").replace("0.25", "¼").replace("0.5", "½"))
+    });
+    let speed = select("speed", "Speed", speed.into(), &replay.view.speed.to_string(), Msg::Speed);
+    let in_a_row = switch("in-a-row", replay.in_a_row, Msg::InARow)
+        .attr("title", "Play one trial after the other")
+        .text("one after the other");
+    let legend_switch = switch("legend-switch", replay.shows_legend, Msg::Legend).text("legend");
+    let save = |id: &str, words: &str, message| {
+        let title = format!("Save the picture as {words}");
+        button(id, message).class("plain").attr("title", title).text(words)
+    };
+    let saves = [save("save-svg", "SVG", Msg::SaveSvg), save("save-png", "PNG", Msg::SavePng)];
+    el("div")
+        .class("controls")
+        .child(other(
+            "previous-trial",
+            "Previous trial",
+            "M6 5h2v14H6zM19 5v14L9 12z",
+            &replay.trial.previous,
+        ))
+        .child(small("step-back", "A step back", "M16 6v12l-9-6z", Msg::Step(-1)))
+        .child(
+            button("play", Msg::Play).class("play").attr("aria-label", words).child(picture(icon)),
+        )
+        .child(small("step-on", "A step on", "M8 6v12l9-6z", Msg::Step(1)))
+        .child(other("next-trial", "Next trial", "M16 5h2v14h-2zM5 5v14l10-7z", &replay.trial.next))
+        .child(el("span").class("time").text(format!("{:.1} s", replay.playback.now().time_s)))
+        .child(speed)
+        .child(in_a_row)
+        .child(legend_switch)
+        .children(saves)
+        .child(chart::legend(lines))
 }

@@ -4,6 +4,7 @@
 //! as a text.
 
 use super::Msg;
+use super::document::set;
 use super::edit::Edit;
 use super::fields::Fields;
 use super::form::{Form, offered, picture};
@@ -12,6 +13,7 @@ use crate::pages::parts::button;
 use crate::view::{self, el};
 use serde_json::Value;
 use sidestep::api::{Draft, DraftChecked, FormDraft, routes};
+use std::cell::RefCell;
 
 type Node = view::Node<Msg>;
 
@@ -36,6 +38,8 @@ pub(super) struct Editor {
     /// How often text area and form were given something: their fields are made anew each time.
     givings: u32,
     mode: Mode,
+    /// The name in addresses follows the title, until somebody enters one.
+    names_itself: bool,
     /// How often something was entered; how often it had been when the server was asked last, and when it
     /// was asked what it answered last.
     entered: u32,
@@ -71,6 +75,7 @@ impl Editor {
             form: None,
             givings: 0,
             mode: Mode::Form,
+            names_itself: false,
             entered: 0,
             asked: 0,
             answered: 0,
@@ -85,6 +90,12 @@ impl Editor {
         self.begun = Some(text);
         (self.form, self.checked) = (None, None);
         self.show_text();
+    }
+
+    /// Begins the draft of a study that is to be made.
+    pub(super) fn begin_new(&mut self, text: String) {
+        self.begin(text);
+        self.names_itself = true;
     }
 
     pub(super) fn has_begun(&self) -> bool {
@@ -192,6 +203,17 @@ impl Editor {
     /// Takes what was entered in a field of the form.
     pub(super) fn edit(&mut self, edit: Edit) {
         if let Some(form) = &mut self.form {
+            match &edit {
+                Edit::Set(path, _) if path == "slug" => self.names_itself = false,
+                Edit::Set(path, title) if path == "title" && self.names_itself => {
+                    let name = name_in_addresses(title.as_str().unwrap_or_default());
+                    // Its control shows it at once.
+                    for study in [&mut form.study, &mut form.given] {
+                        name.iter().for_each(|name| set(study, "slug", name.as_str().into()));
+                    }
+                }
+                _ => {}
+            }
             edit.apply(&mut form.study);
             form.is_ahead = true;
             self.entered += 1;
@@ -211,6 +233,7 @@ impl Editor {
     /// Takes what was typed as text.
     pub(super) fn type_text(&mut self, text: &str) {
         text.clone_into(&mut self.text);
+        self.names_itself = false;
         self.entered += 1;
         if let Some(form) = &mut self.form {
             form.is_ahead = false;
@@ -241,14 +264,19 @@ impl Editor {
     }
 
     fn form(&self, is_new: bool, may_manage: bool) -> Node {
-        let Some(form) = &self.form else {
-            let words = if self.checked.is_some() {
-                "The form appears when the study file can be read: correct its text."
-            } else {
-                "Loading…"
-            };
-            return el("p").class("quiet").test_id("no-form").text(words);
+        if let Some(form) = self.form_of(is_new, may_manage) {
+            return form.view();
+        }
+        let words = if self.checked.is_some() {
+            "The form appears when the study file can be read: correct its text."
+        } else {
+            "Loading…"
         };
+        el("p").class("quiet").test_id("no-form").text(words)
+    }
+
+    fn form_of(&self, is_new: bool, may_manage: bool) -> Option<Form<'_>> {
+        let form = self.form.as_ref()?;
         let checked = self.checked.as_ref();
         let languages = checked.map_or(&[][..], |checked| &checked.languages[..]);
         let offered = offered(&form.study, languages);
@@ -260,10 +288,19 @@ impl Editor {
             language: chosen.copied().unwrap_or("en"),
             focus: &form.focus,
             may_manage,
+            labels: RefCell::default(),
         };
         let picture = checked.and_then(picture);
         let (givings, opened) = (self.givings, &self.opened[..]);
-        Form { fields, languages, is_new, givings, opened, picture }.view()
+        Some(Form { fields, languages, is_new, givings, opened, picture })
+    }
+
+    /// What the controls of the form are called, and the language whose texts it shows.
+    pub(super) fn labels(&self, is_new: bool, may_manage: bool) -> (Vec<(String, String)>, &str) {
+        self.form_of(is_new, may_manage).map_or_else(Default::default, |form| {
+            form.view();
+            (form.fields.labels.into_inner(), form.fields.language)
+        })
     }
 
     fn text_area(&self, may_manage: bool) -> Node {
@@ -287,5 +324,56 @@ impl Editor {
         let picture = picture(self.checked.as_ref()?)?;
         let section = el("section").child(el("h2").text("Scenes")).child(picture);
         (self.mode == Mode::Text).then_some(section)
+    }
+}
+
+/// A name in addresses for a study with this title: lower-case letters, digits and hyphens; none if the title
+/// has neither a letter nor a digit of these.
+fn name_in_addresses(title: &str) -> Option<String> {
+    let mut name = String::new();
+    for letter in title.chars().flat_map(char::to_lowercase) {
+        match letter {
+            'a'..='z' | '0'..='9' => name.push(letter),
+            'ä' | 'æ' => name.push_str("ae"),
+            'ö' | 'ø' => name.push_str("oe"),
+            'ü' => name.push_str("ue"),
+            'ß' => name.push_str("ss"),
+            'à' | 'á' | 'â' | 'ã' | 'å' => name.push('a'),
+            'è' | 'é' | 'ê' | 'ë' => name.push('e'),
+            'ì' | 'í' | 'î' | 'ï' => name.push('i'),
+            'ò' | 'ó' | 'ô' | 'õ' => name.push('o'),
+            'ù' | 'ú' | 'û' => name.push('u'),
+            'ñ' => name.push('n'),
+            'ç' => name.push('c'),
+            '\'' | '’' => {}
+            _ if name.is_empty() || name.ends_with('-') => {}
+            _ => name.push('-'),
+        }
+    }
+    name.truncate(LONGEST_NAME);
+    let name = name.trim_end_matches('-');
+    (!name.is_empty()).then(|| name.to_owned())
+}
+
+/// The most characters of a name in addresses.
+const LONGEST_NAME: usize = 64;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn titles_give_names_in_addresses() {
+        for (title, name) in [
+            ("Pilot of the spring, 2nd part", "pilot-of-the-spring-2nd-part"),
+            ("  Größe & Señor’s Éclair! ", "groesse-senors-eclair"),
+            ("C++", "c"),
+        ] {
+            assert_eq!(name_in_addresses(title).as_deref(), Some(name));
+        }
+        assert_eq!(name_in_addresses("避让机器人"), None);
+        assert_eq!(name_in_addresses(""), None);
+        let long = "word ".repeat(40);
+        assert_eq!(name_in_addresses(&long).map(|name| name.len()), Some(64));
     }
 }

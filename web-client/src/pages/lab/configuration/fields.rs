@@ -7,6 +7,7 @@ use crate::pages::parts::button;
 use crate::view::{self, el};
 use serde_json::{Value, json};
 use sidestep::api::Remark;
+use std::cell::RefCell;
 
 type Node = view::Node<Msg>;
 
@@ -24,6 +25,8 @@ pub(super) struct Fields<'a> {
     /// The name of the control that takes the focus when the form has been built anew.
     pub(super) focus: &'a str,
     pub(super) may_manage: bool,
+    /// What the controls are called: each one's path and label, in the order in which they were made.
+    pub(super) labels: RefCell<Vec<(String, String)>>,
 }
 
 impl Fields<'_> {
@@ -49,6 +52,30 @@ impl Fields<'_> {
         let at = path.to_owned();
         let edit = move |ticked: bool| Msg::Edit(Edit::Set(at.clone(), ticked.into()));
         self.ticked(path, label, hint, flag(self.given, path), edit)
+    }
+
+    /// One of several values, with their words.
+    pub(super) fn choice(
+        &self,
+        path: &str,
+        label: &str,
+        hint: &str,
+        words: &[(&str, &str)],
+    ) -> Node {
+        let at = path.to_owned();
+        let select = self
+            .select(path, words)
+            .on_input(move |entered| Msg::Edit(Edit::Set(at.clone(), entered.text().into())));
+        self.labelled(path, label, "", hint, select)
+    }
+
+    fn select(&self, path: &str, words: &[(&str, &str)]) -> Node {
+        let chosen = text(self.given, path);
+        let option = |(value, label): &(&str, &str)| {
+            let option = el("option").attr("value", *value).text(*label);
+            option.attr_if(*value == chosen, "selected", "")
+        };
+        el("select").children(words.iter().map(option))
     }
 
     /// A button that changes which fields there are; `focus` names the control that has the focus then.
@@ -98,6 +125,7 @@ impl Fields<'_> {
         is_so: bool,
         edit: impl Fn(bool) -> Msg + 'static,
     ) -> Node {
+        self.labels.borrow_mut().push((path.to_owned(), label.to_owned()));
         let input = el("input").attr("type", "checkbox").attr_if(is_so, "checked", "");
         let input =
             input.on_input(move |entered| edit(matches!(entered, FieldValue::Checked(true))));
@@ -111,13 +139,7 @@ impl Fields<'_> {
     /// The kind of a question, which decides its other fields.
     pub(super) fn kind(&self, path: &str, label: &str, words: &[(&str, &str)]) -> Node {
         let at = path.to_owned();
-        let chosen = text(self.given, path);
-        let option = |(value, label): &(&str, &str)| {
-            let option = el("option").attr("value", *value).text(*label);
-            option.attr_if(*value == chosen, "selected", "")
-        };
-        let select = el("select").children(words.iter().map(option));
-        let select = select.on_input(move |entered| {
+        let select = self.select(path, words).on_input(move |entered| {
             let edit = Edit::Kind(at.clone(), entered.text().into());
             Msg::Rebuild(edit, format!("field-{at}"))
         });
@@ -165,6 +187,7 @@ impl Fields<'_> {
 
     /// A field with its label, its unit, a hint and what is wrong with it.
     fn labelled(&self, path: &str, label: &str, unit: &str, hint: &str, input: Node) -> Node {
+        self.labels.borrow_mut().push((path.to_owned(), label.to_owned()));
         let id = id(path);
         let entry = el("div").class("entry").child(self.control(path, input).attr("id", &id));
         let unit = (!unit.is_empty()).then(|| el("span").class("unit").text(unit));
@@ -221,11 +244,39 @@ impl Fields<'_> {
 
 /// What a complaint says, without the field's path.
 fn sentence(complaint: &Remark, field: &str) -> String {
-    let said = &complaint.message;
-    let said = said.strip_prefix(field).and_then(|rest| rest.strip_prefix(": ")).unwrap_or(said);
-    let mut letters = said.chars();
+    let mut letters = without_path(&complaint.message, field).chars();
     let first = letters.next().map(char::to_uppercase).into_iter().flatten();
     first.chain(letters).collect()
+}
+
+/// What is said of a field, without its path.
+pub(super) fn without_path<'a>(said: &'a str, field: &str) -> &'a str {
+    said.strip_prefix(field).and_then(|rest| rest.strip_prefix(": ")).unwrap_or(said)
+}
+
+/// What a field is called in the form: the label of its control, or of the one that it is inside.
+pub(super) fn name_of(labels: &[(String, String)], field: &str, language: &str) -> Option<String> {
+    let missing = format!("{field}.{language}");
+    let mut found: Option<&(String, String)> = None;
+    for known in labels {
+        let rest = field.strip_prefix(&known.0);
+        let is_within = rest.is_some_and(|rest| rest.is_empty() || rest.starts_with(['.', '[']));
+        let is_closer = found.is_none_or(|(path, _)| path.len() < known.0.len());
+        if (is_within || known.0 == missing) && is_closer {
+            found = Some(known);
+        }
+    }
+    let (_, label) = found?;
+    let place = |list: &str| {
+        let (_, rest) = field.split_once(list)?;
+        rest.split_once(']')?.0.parse::<usize>().ok().map(|place| place + 1)
+    };
+    let question = place("questions[").map(|n| format!("Question {n}"));
+    let option = place("options[").map(|n| format!("option {n}"));
+    // The text of a question or option is named by its place alone.
+    let label = Some(label.clone()).filter(|label| label != "Question" && label != "Option");
+    let parts: Vec<String> = [question, option, label].into_iter().flatten().collect();
+    Some(parts.join(", "))
 }
 
 /// A number as a study file would have it: whole where it is.
@@ -252,4 +303,33 @@ fn entered_translation(input: Node, path: &str) -> Node {
             text => Edit::Set(at.clone(), text.into()),
         })
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn fields_are_named_by_the_labels_of_their_controls() {
+        let labels = [
+            ("phases[2].scenes", "Tasks: number of scenes"),
+            ("phases", "Phases"),
+            ("questions[0].text.en", "Question"),
+            ("questions[0].options[1].value", "Value in exports"),
+            ("questions[0].options[1].text.en", "Option"),
+            ("questions", "Questions after the last scene"),
+        ];
+        let labels = labels.map(|(path, label)| (path.to_owned(), label.to_owned()));
+        for (field, name) in [
+            ("phases[2].scenes", "Tasks: number of scenes"),
+            ("phases[2].phase", "Phases"),
+            ("questions[0].text", "Question 1"),
+            ("questions[0].options[1].value", "Question 1, option 2, Value in exports"),
+            ("questions[0].options[1].text", "Question 1, option 2"),
+            ("questions", "Questions after the last scene"),
+        ] {
+            assert_eq!(name_of(&labels, field, "en").as_deref(), Some(name), "{field}");
+        }
+        assert_eq!(name_of(&labels, "texts.en", "en"), None);
+    }
 }

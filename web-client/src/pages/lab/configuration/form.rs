@@ -42,7 +42,7 @@ const PHASES: [(&str, &str, u32); 3] =
 
 impl Form<'_> {
     /// The form.
-    pub(super) fn view(self) -> Node {
+    pub(super) fn view(&self) -> Node {
         let sections = [
             self.about(),
             self.phases(),
@@ -59,6 +59,8 @@ impl Form<'_> {
         let sections = sections.into_iter().map(|section| {
             let was_wrong = self.opened.iter().any(|field| field == section.path);
             let about = self.fields.complaint_about(section.path);
+            let named = (section.path.to_owned(), section.name.to_owned());
+            self.fields.labels.borrow_mut().push(named);
             el("details")
                 .key(section.name)
                 .attr_if(section.is_open || was_wrong, "open", "")
@@ -103,8 +105,16 @@ impl Form<'_> {
     fn about(&self) -> Section {
         let fields = &self.fields;
         let slug = self.is_new.then(|| {
-            let hint = "In addresses: /s/NAME. Lower-case letters, digits and hyphens; it stays.";
+            let hint = "In addresses: /s/NAME. Lower-case letters, digits and hyphens. It can never be \
+                        changed after the study is made.";
             fields.line("slug", "Name in addresses", hint)
+        });
+        let status = self.is_new.then(|| {
+            let hint = "Closed: you can try and rehearse the study, but nobody can take part until you \
+                        open it. Open: everybody with the link can take part as soon as the study is \
+                        made.";
+            let choices = [("closed", "closed"), ("open", "open")];
+            fields.choice("status", "The study begins", hint, &choices)
         });
         let ticked = list(fields.given, "languages");
         let languages = self.languages.iter().map(|tag| {
@@ -122,11 +132,16 @@ impl Form<'_> {
             .child(el("legend").text("Languages to choose from"))
             .child(el("div").class("ticks").children(languages))
             .child(el("small").class("quiet").text(
-                "None ticked: all of them. The first one ticked is for people who read none of them.",
+                "If none is ticked, participants choose among all of them. People who read none of the \
+                 ticked languages get the first of these.",
             ));
         let title =
             fields.line("title", "Title", "The heading of the first page, in every language.");
-        let label = fields.line("version", "Your label of this version", "").class("field");
+        let hint = "For rehearsals: programs take part (sidestep simulate), and no people. Every page, \
+                    export and report says so. It stays so once somebody has taken part.";
+        let synthetic = fields.tick("synthetic", "Synthetic participants only", hint);
+        let hint = "For yourself: it stands in the list of versions.";
+        let label = fields.line("version", "Label of this version", hint).class("field");
         let hint = "Another number gives participants other scenes.";
         let seed = fields.number("seed", "Seed of the scenes", "", hint);
         Section {
@@ -134,7 +149,12 @@ impl Form<'_> {
             path: "title",
             said: String::new(),
             is_open: true,
-            fields: slug.into_iter().chain([title, label, seed, languages]).collect(),
+            fields: [title]
+                .into_iter()
+                .chain(slug)
+                .chain(status)
+                .chain([label, seed, synthetic, languages])
+                .collect(),
         }
     }
 
@@ -169,12 +189,13 @@ impl Form<'_> {
                         "",
                     ),
                 ];
-                [fields.number(&of("scenes"), "Scenes", "", ""), el("div").children(ticks)]
+                let label = format!("{name}: number of scenes");
+                [fields.number(&of("scenes"), &label, "", ""), el("div").children(ticks)]
             });
             el("div").class("phase").child(include).children(details.into_iter().flatten())
         });
         Section {
-            name: "What is driven",
+            name: "Phases",
             path: "phases",
             said: self.driving(),
             is_open: true,
@@ -238,8 +259,8 @@ impl Form<'_> {
             number("max_entry_s", "Entry without a turn, latest", "s"),
             number("min_start_distance_m", "Distance at the start, least", "m"),
             number("max_start_distance_m", "Distance at the start, greatest", "m"),
-            number("escape_clearance_m", "An escape clears the danger zone by", "m"),
-            number("escape_delay_s", "The participant need not react before", "s"),
+            number("escape_clearance_m", "An escape keeps this distance from the danger zone", "m"),
+            number("escape_delay_s", "Participants can wait this long and still escape", "s"),
         ];
         fields.extend(
             self.picture.clone().map(|picture| el("div").class("field wide").child(picture)),
@@ -440,7 +461,7 @@ impl Form<'_> {
             fields.names(
                 "recruitment.external_id",
                 "Parameters of the link with the person’s id",
-                "Separated by commas; the first that a link has counts.",
+                "Separated by commas. If a link has several of them, the first in this list is used.",
             ),
             fields.tick(
                 "recruitment.require_external_id",
@@ -454,8 +475,8 @@ impl Form<'_> {
                 "Such as app.prolific.com.",
             ),
             link("completed_url", "Return link after completion"),
-            link("screened_out_url", "Return link when screened out"),
-            link("withdrawn_url", "Return link when withdrawn"),
+            link("screened_out_url", "Return link for people who are screened out"),
+            link("withdrawn_url", "Return link for people who withdraw"),
         ];
         let quota = number(self.study(), "recruitment.quota").unwrap_or_default();
         Section {

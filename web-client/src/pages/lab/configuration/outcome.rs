@@ -1,6 +1,7 @@
 //! What the server says of a draft, and how it is stored.
 
 use super::editor::Mode;
+use super::fields::{name_of, without_path};
 use super::{ConfigurationPage, Msg};
 use crate::pages::parts::button;
 use crate::view::{self, el};
@@ -16,7 +17,8 @@ pub(super) fn said(page: &ConfigurationPage) -> Vec<Node> {
     let Some(checked) = &page.editor.checked else {
         return vec![el("p").class("quiet").attr("role", "status").text("Checking…")];
     };
-    let mut said = remarks(checked, page.editor.mode());
+    let names = Names::of(page);
+    let mut said = remarks(checked, page.editor.mode(), &names);
     if page.stored && !page.is_changed() {
         let words = "Stored. New participants get this configuration.";
         said.push(el("p").class("saved").attr("role", "status").test_id("stored").text(words));
@@ -36,7 +38,7 @@ pub(super) fn said(page: &ConfigurationPage) -> Vec<Node> {
         button("store", Msg::Store).class("primary").attr_if(!is_sound, "disabled", "").text(words)
     };
     if page.slug.is_none() {
-        said.push(store("Make this study"));
+        said.push(store("Create the study"));
         return said;
     }
     said.extend(changes(checked));
@@ -63,7 +65,7 @@ pub(super) fn said(page: &ConfigurationPage) -> Vec<Node> {
                         .focus()
                         .text("Use for new participants"),
                 )
-                .child(button("go-on", Msg::GoOn).class("plain").text("Go on writing")),
+                .child(button("go-on", Msg::GoOn).class("plain").text("Keep editing")),
         );
     } else if !is_same || !is_sound {
         said.push(store("Store…"));
@@ -71,12 +73,40 @@ pub(super) fn said(page: &ConfigurationPage) -> Vec<Node> {
     said
 }
 
+/// What the fields are called: as in the form, if that is shown, and else as in the study file.
+struct Names<'a> {
+    labels: Vec<(String, String)>,
+    language: &'a str,
+}
+
+impl<'a> Names<'a> {
+    fn of(page: &'a ConfigurationPage) -> Self {
+        let (labels, language) = match page.editor.mode() {
+            Mode::Form => page.editor.labels(page.slug.is_none(), page.may_manage),
+            Mode::Text => (Vec::new(), ""),
+        };
+        Self { labels, language }
+    }
+
+    /// A remark with the name of its field instead of the path.
+    fn said(&self, remark: &Remark) -> String {
+        let named = remark
+            .field
+            .as_deref()
+            .and_then(|field| Some((field, name_of(&self.labels, field, self.language)?)));
+        match named {
+            Some((field, name)) => format!("{name}: {}", without_path(&remark.message, field)),
+            None => remark.message.clone(),
+        }
+    }
+}
+
 /// What is wrong or to be known, by line or by field.
-fn remarks(checked: &DraftChecked, mode: Mode) -> Vec<Node> {
+fn remarks(checked: &DraftChecked, mode: Mode, names: &Names<'_>) -> Vec<Node> {
     let remark = |remark: &Remark| {
         let line = remark.line.filter(|_| mode == Mode::Text);
         let line = line.map(|line| el("b").text(format!("Line {line}: ")));
-        el("p").children(line).text(&remark.message)
+        el("p").children(line).text(names.said(remark))
     };
     if let Some(complaint) = &checked.complaint {
         return vec![

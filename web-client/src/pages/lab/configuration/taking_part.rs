@@ -1,6 +1,7 @@
 //! Whether people can take part in a study, how to change that, and the links for them.
 
 use super::{ConfigurationPage, Msg, links};
+use crate::pages::lab::participants;
 use crate::pages::parts::button;
 use crate::view::{self, el};
 use sidestep::api::{Admission, StudySummary};
@@ -16,9 +17,14 @@ pub(super) fn taking_part(page: &ConfigurationPage, study: &StudySummary) -> Nod
             "The quota is reached: nobody new can take part. To take more people, raise it below, \
              under Recruitment."
         }
+        Status::Open if study.synthetic => {
+            "Synthetic participants can take part (sidestep simulate), and no people. You can try the study in \
+             a test run."
+        }
         Status::Open => "Everybody with a link can take part.",
         Status::Closed => {
-            "Nobody new can take part; participants who have begun can finish. You can open it again."
+            "Nobody new can take part; participants who have begun can finish. Test runs and rehearsals \
+             are possible: they are no part of the data."
         }
         Status::Archived => "Nothing more is stored. The study can still be looked at.",
     };
@@ -29,17 +35,19 @@ pub(super) fn taking_part(page: &ConfigurationPage, study: &StudySummary) -> Nod
             .text(words)
     };
     let choices = match study.status {
-        Status::Open => vec![choice(Status::Closed, "Pause or close")],
+        Status::Open => vec![choice(Status::Closed, "Close to new participants")],
         Status::Closed => {
-            vec![choice(Status::Open, "Open again"), choice(Status::Archived, "Archive")]
+            vec![choice(Status::Open, "Open to participants"), choice(Status::Archived, "Archive")]
         }
         Status::Archived => vec![choice(Status::Closed, "Take out of the archive")],
     };
     let choices = choices.into_iter().filter(|_| page.may_manage);
+    let trials = (study.status == Status::Closed).then(|| participants::trials(&study.slug));
     let section = el("section").class("taking-part").child(el("h2").text("Taking part")).child(
         el("div")
             .class("actions")
             .child(el("p").test_id("status-words").text(words))
+            .children(trials.into_iter().flatten())
             .children(choices),
     );
     let is_open = study.status == Status::Open;

@@ -89,7 +89,7 @@ pub(in super::super) fn stage_words(stage: Stage) -> &'static str {
     }
 }
 
-/// The participants of a page. External ids and codes are shown to those who may take data away.
+/// The participants of a page. External ids and codes are shown to those who may download data.
 pub(super) fn table(page: &ParticipantPage, selection: &Selection, identities: bool) -> Node {
     let sort = if selection.sort.is_empty() { "number" } else { &selection.sort };
     let column = |words: &'static str, word: &'static str| {

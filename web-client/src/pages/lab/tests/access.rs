@@ -98,6 +98,6 @@ fn the_audit_trail_goes_on_with_older_entries() {
 fn who_may_not_manage_sees_only_their_own_right() {
     let session = signed_in_to("/lab/access", Access::Export);
     assert!(session.asked.is_empty());
-    assert!(session.words("mine").unwrap().contains("take data away"));
+    assert!(session.words("mine").unwrap().contains("download all data"));
     assert!(session.words("new-key").is_none());
 }

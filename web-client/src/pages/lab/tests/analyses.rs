@@ -95,6 +95,30 @@ fn an_analysis_is_started_watched_and_cancelled() {
     session.send("cancel", 200, &analysis("a1", AnalysisState::Cancelled));
     session.send("analyses", 200, &list(vec![analysis("a1", AnalysisState::Cancelled)]));
     assert!(session.words("cancel-a1").is_none());
+    assert!(!session.words("analyses").unwrap().contains("Action"));
+}
+
+#[test]
+fn two_analyses_that_are_done_can_be_compared() {
+    let mut session = signed_in("/lab/studies/pilot/analyses");
+    session.send("study", 200, &study("pilot", 7));
+    let (done, running) = (AnalysisState::Done, AnalysisState::Running);
+    session.send("analyses", 200, &list(vec![analysis("a2", running), analysis("a1", done)]));
+    assert!(session.words("comparable").is_none());
+    assert!(session.words("analyses").unwrap().contains("Action"));
+    session.changed();
+    session.send("analyses", 200, &list(vec![analysis("a2", done), analysis("a1", done)]));
+    assert!(session.words("comparable").unwrap().contains("can be compared"));
+    assert!(!session.words("analyses").unwrap().contains("Action"));
+}
+
+#[test]
+fn settings_say_what_is_computed() {
+    use crate::pages::lab::analyses::settings;
+    let paper_only = Request { paper_only: true, ..Request::default() };
+    assert_eq!(settings(&paper_only), "only the paper’s comparison");
+    let words = settings(&Request::default());
+    assert!(words.starts_with("the paper’s comparison, learning curves"), "{words}");
 }
 
 #[test]
@@ -111,14 +135,15 @@ fn a_done_analysis_shows_its_data_report_and_files() {
     assert!(view.find("excluded").unwrap().words().contains("Participant 4: too few tasks"));
     for words in [
         "7",
-        "Models 70",
+        "Models trained 70",
+        "have 84 entries for 70 models",
         "late sample",
         "3 trials",
         "1.2 MB",
-        "1 model for sidestep shfrs",
+        "1 model file for sidestep shfrs",
         "1 figure as SVG",
-        "Sidestep 1.2.3 from data of participants of versions 1, 3 of the study with the SHA-256  \
-         0123456789ab …. Test runs are never part",
+        "Computed by Sidestep 1.2.3. The participants had versions 1, 3 of the study. SHA-256 of the \
+         analysed data:  0123456789ab … Test runs are never part",
     ] {
         assert!(view.words().contains(words), "{words}: {}", view.words());
     }

@@ -9,7 +9,7 @@ use sidestep::api::{
 };
 use sidestep::study::{Status, StudyConfig};
 
-fn configuration(toml: &str, participants: u64) -> Configuration {
+pub(super) fn configuration(toml: &str, participants: u64) -> Configuration {
     let version = ConfigurationVersion {
         number: 2,
         hash: "abc".into(),
@@ -131,11 +131,46 @@ fn a_study_is_made_or_copied_under_another_name() {
     assert_eq!(session.visited.last().unwrap(), "/lab/studies/third/configuration");
 
     let mut session = signed_in("/lab/new?from=pilot");
-    let toml = "slug = \"pilot\"\ntitle = \"P\"\nstatus = \"closed\"\n\n[texts.en]\nslug = \"x\"\n";
+    let toml = "slug = \"pilot\"\ntitle = \"P\"\nstatus = \"open\"\n\n[texts.en]\nslug = \"x\"\n";
     session.send("configuration", 200, &configuration(toml, 9));
     session.press("as-text");
-    let copy = "slug = \"pilot-copy\"\ntitle = \"P\"\n\n[texts.en]\nslug = \"x\"\n";
+    let copy =
+        "slug = \"pilot-copy\"\nstatus = \"closed\"\ntitle = \"P\"\n\n[texts.en]\nslug = \"x\"\n";
     assert_eq!(session.words("toml").unwrap(), copy);
+}
+
+#[test]
+fn a_new_study_begins_closed_and_is_named_after_its_title() {
+    let mut session = signed_in("/lab/new");
+    let text = session.asked.last().unwrap().body.clone().unwrap();
+    assert!(text.contains(r#"status = \"closed\""#), "{text}");
+    let mut config = serde_json::to_value(StudyConfig::default()).unwrap();
+    (config["slug"], config["status"]) = (json!("my-study"), json!("closed"));
+    session.send("check", 200, &DraftChecked { config: Some(config), ..sound(Vec::new()) });
+    let shown = |session: &Session| {
+        let view = session.page.view();
+        view.find("field-slug").unwrap().attribute("value").unwrap().to_owned()
+    };
+    let sent = |session: &mut Session| {
+        session.wake("pause");
+        let body = session.asked.last().unwrap().body.clone().unwrap();
+        serde_json::from_str::<FormDraft>(&body).unwrap().config
+    };
+    session.enter("title", FieldValue::Text("Ways past a robot".into()));
+    assert_eq!(shown(&session), "ways-past-a-robot");
+    session.enter("title", FieldValue::Text("避让机器人".into()));
+    let config = sent(&mut session);
+    assert_eq!(
+        (&config["slug"], &config["status"]),
+        (&json!("ways-past-a-robot"), &json!("closed"))
+    );
+    // A name that somebody entered stays.
+    session.enter("slug", FieldValue::Text("spring".into()));
+    session.enter("title", FieldValue::Text("Another title".into()));
+    session.enter("status", FieldValue::Text("open".into()));
+    let config = sent(&mut session);
+    assert_eq!((&config["slug"], &config["status"]), (&json!("spring"), &json!("open")));
+    assert_eq!(config["title"], "Another title");
 }
 
 #[test]
@@ -144,6 +179,8 @@ fn a_study_is_closed_and_has_its_links() {
     let links = session.words("links").unwrap();
     assert!(links.contains("https://lab.example/s/"), "{links}");
     assert!(links.contains("PROLIFIC_PID={{%PROLIFIC_PID%}}&STUDY_ID="), "{links}");
+    assert_eq!(session.words("set-closed").unwrap(), "Close to new participants");
+    assert!(session.words("try").is_none());
     session.press("set-closed");
     let request = session.asked.last().unwrap();
     assert_eq!(request.body.as_deref(), Some(r#"{"status":"closed"}"#));
@@ -151,6 +188,11 @@ fn a_study_is_closed_and_has_its_links() {
     session.send("study", 200, &StudySummary { status: Status::Closed, ..study("pilot", 2) });
     assert!(session.words("status-words").unwrap().starts_with("Nobody new"));
     assert!(session.words("links").is_none() && session.words("set-open").is_some());
+    for name in ["try", "rehearse"] {
+        let view = session.page.view();
+        let link = view.find(name).unwrap().attribute("href").unwrap();
+        assert!(link.starts_with("/s/pilot?"), "{link}");
+    }
     // Not while something is written that would be lost.
     session.type_text("slug = \"pilot\"\n# more");
     assert!(session.page.view().press("set-open").is_none());
@@ -276,7 +318,10 @@ fn a_mistake_is_said_beside_its_field() {
     let field = view.find("field-phases[2].scenes").unwrap();
     assert_eq!(field.attribute("aria-invalid"), Some("true"));
     assert!(view.press("store").is_none() && session.words("store").is_some());
-    assert!(!session.words("complaint").unwrap().starts_with("Line"));
+    let said = "Tasks: number of scenes: expected a whole number, found null";
+    assert_eq!(session.words("complaint").unwrap(), said);
+    session.press("as-text");
+    assert!(session.words("complaint").unwrap().starts_with("phases[2].scenes: expected"));
 }
 
 #[test]

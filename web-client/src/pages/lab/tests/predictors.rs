@@ -33,16 +33,6 @@ fn page(predictors: Vec<PredictorSummary>, total: u64) -> PredictorPage {
     PredictorPage { predictors, total, choices }
 }
 
-fn text(value: &str) -> FieldValue {
-    FieldValue::Text(value.into())
-}
-
-impl Session {
-    fn choose(&mut self, test_id: &str, value: &str) {
-        self.tell(self.page.view().enter(test_id, text(value)).unwrap());
-    }
-}
-
 /// The page of an analysis that is done, with these models.
 fn listed(path: &str, models: &PredictorPage) -> Session {
     let mut session = signed_in(path);
@@ -132,7 +122,8 @@ fn trained(right: f64, source: Option<(PredictorSummary, TrialUse)>) -> TrainedP
         summary,
         trial,
     });
-    TrainedPredictor { predictor: (&predictor).into(), trials: 7, fallback: None, source }
+    let (predictor, trained_on) = ((&predictor).into(), Vec::new());
+    TrainedPredictor { predictor, trials: 7, fallback: None, trained_on, source }
 }
 
 const LR: &str = "a1/models/lr-1-hrd-1.json";
@@ -168,14 +159,14 @@ fn another_predictor_changes_the_prediction_and_the_address_but_not_the_time() {
     for expected in ["Decision tree on hrd, 71 %", "Logistic regression on hrd, 71 %"] {
         assert!(options.contains(expected), "{options}");
     }
-    session.tell(session.page.view().enter("slider", FieldValue::Number(Some(12.0))).unwrap());
+    session.tell(session.page.view().enter("slider", FieldValue::Number(Some(2.4))).unwrap());
     session.choose("choose-predictor", LR);
     // Nothing of the last predictor is shown any more.
     assert!(session.words("prediction").is_none() && session.words("regions").is_none());
     assert!(session.words("predictor").unwrap().contains("Loading"));
     let query = "?analysis=a1&file=models%2Flr-1-hrd-1.json";
     assert_eq!(session.urls(), [format!("{}{query}", routes::admin_predictor("t"))]);
-    assert_eq!(session.visited.last().unwrap(), &format!("/lab/replay/t{query}"));
+    assert_eq!(session.visited.last().unwrap(), &format!("/lab/replay/t{query}&t=2.4"));
     session.send("predictor", 200, &trained(0.3, Some((model("lr", 1, 1), TrialUse::Trained))));
     assert_eq!(right(&session).as_deref(), Some("30 %"));
     assert!(session.text().contains("Step 12"), "the slider stays");
@@ -187,7 +178,7 @@ fn another_predictor_changes_the_prediction_and_the_address_but_not_the_time() {
 
     // Back to the one of the study.
     session.choose("choose-predictor", "");
-    assert_eq!(session.visited.last().unwrap(), "/lab/replay/t");
+    assert_eq!(session.visited.last().unwrap(), "/lab/replay/t?t=2.4");
     assert_eq!(session.urls(), [routes::admin_predictor("t")]);
     session.send("predictor", 200, &trained(0.9, None));
     assert_eq!(right(&session).as_deref(), Some("90 %"));

@@ -16,6 +16,9 @@ fn detail() -> ParticipantDetail {
         summary: person(7, Stage::Task),
         study: "pilot".into(),
         configuration: "0123456789abcdef".into(),
+        synthetic: false,
+        configuration_number: Some(2),
+        configuration_label: "spring".into(),
         danger_radius_m: 3.0,
         withdrawn_at_ms: None,
         data_deleted: false,
@@ -34,11 +37,21 @@ fn opened(access: Access) -> Session {
 }
 
 #[test]
+fn a_program_is_no_person() {
+    let mut session = opened(Access::Read);
+    assert!(session.page.view().find("marked-synthetic").is_none());
+    session.changed();
+    session.send("participant", 200, &ParticipantDetail { synthetic: true, ..detail() });
+    assert!(session.words("marked-synthetic").unwrap().contains("a program drove"));
+}
+
+#[test]
 fn a_participant_is_shown_with_their_trials_as_pictures() {
     let session = opened(Access::Export);
     assert_eq!(session.page.title(), "Participant 7 · Sidestep laboratory");
     let about = session.words("about").unwrap();
-    for words in ["7 of 59", "passed at try 2", "EXT7", "01234567", "s1"] {
+    for words in ["7 of 59", "passed at attempt 2", "EXT7", "version 2, labelled “spring”", "s1"]
+    {
         assert!(about.contains(words), "{words}: {about}");
     }
     assert!(session.words("answers").unwrap().contains("31"));

@@ -11,6 +11,7 @@ pub(super) fn study(slug: &str, participants: u64) -> StudySummary {
         slug: slug.into(),
         title: format!("Study {slug}"),
         status: Status::Open,
+        synthetic: false,
         participants,
         complete: participants / 2,
         active: 1,
@@ -84,6 +85,39 @@ fn a_new_server_says_how_to_begin() {
     let href = |name: &str| view.find(name).unwrap().attribute("href").unwrap().to_owned();
     assert_eq!(href("try"), "/s/default?pilot");
     assert_eq!(href("rehearse"), "/s/default?simulate=1&speed=30");
+    assert_eq!(session.words("demo").unwrap(), "sidestep serve --demo");
+    // A demonstration that is being filled is nothing to take part in.
+    let demo = StudySummary { synthetic: true, ..study("demo", 0) };
+    session.changed();
+    session.send("studies", 200, &vec![demo]);
+    assert!(session.page.view().find("first-steps").is_none());
+}
+
+#[test]
+fn synthetic_participants_are_marked_wherever_their_study_is_shown() {
+    let demo = StudySummary { synthetic: true, ..study("demo", 12) };
+    let mut session = signed_in("/lab");
+    session.send("studies", 200, &vec![demo.clone()]);
+    let marked = |session: &Session| session.words("marked-synthetic");
+    assert!(marked(&session).unwrap().contains("a program drove, no person"));
+    session.changed();
+    session.send("studies", 200, &vec![study("default", 3)]);
+    assert_eq!(marked(&session), None);
+    for page in ["", "/trials", "/analyses", "/export", "/configuration"] {
+        let mut session = signed_in(&format!("/lab/studies/demo{page}"));
+        session.send("study", 200, &demo);
+        match page {
+            "" => session.send("participants", 200, &people(Vec::new(), 0)),
+            "/trials" => session.send("newest", 200, &listed(&[], None)),
+            "/analyses" => session.send("analyses", 200, &super::analyses::list(Vec::new())),
+            "/configuration" => {
+                let draft = super::configuration::configuration("slug = \"demo\"\n", 1);
+                session.send("configuration", 200, &draft);
+            }
+            _ => {}
+        }
+        assert!(marked(&session).is_some(), "{page}: {}", session.text());
+    }
 }
 
 #[test]

@@ -1,0 +1,106 @@
+//! Who takes part in the demonstration, so that every page of the laboratory has something to show.
+
+use super::super::simulate::volunteer::Mishap;
+use sidestep::trial::{PageEvent, PageEventKind, Phase, simulate};
+use sidestep::vehicle::TurnInput;
+
+/// A synthetic participant of the demonstration. How they steer follows from their number.
+#[derive(Clone, Copy)]
+pub(super) struct Role {
+    /// How their participation ends.
+    pub(super) ending: Ending,
+    /// How often they answer the check of understanding.
+    pub(super) attempts: usize,
+    /// What happens to their trials.
+    pub(super) mishap: Mishap,
+    /// What an experimenter wrote about them.
+    pub(super) note: Option<&'static str>,
+}
+
+/// How a participation ends.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Ending {
+    /// With the completion code.
+    Complete,
+    /// With the completion code, and analyses leave them out for this reason.
+    Excluded(&'static str),
+    /// They withdraw after so many tasks, and the data are kept.
+    Withdrawn(u64),
+    /// They are under way, after so many tasks.
+    UnderWay(u64),
+    /// They fail the check of understanding.
+    ScreenedOut,
+}
+
+impl Ending {
+    /// How many tasks they drive at the most.
+    pub(super) fn tasks(self) -> u64 {
+        match self {
+            Self::Complete | Self::Excluded(_) => u64::MAX,
+            Self::Withdrawn(tasks) | Self::UnderWay(tasks) => tasks,
+            Self::ScreenedOut => 0,
+        }
+    }
+}
+
+const USUAL: Role =
+    Role { ending: Ending::Complete, attempts: 1, mishap: |_, _, _, _| (), note: None };
+
+/// Everybody, in the order of their numbers.
+pub(super) const CAST: [Role; 12] = [
+    USUAL,
+    Role { attempts: 2, ..USUAL },
+    Role {
+        mishap: LOOKS_AWAY,
+        note: Some("The phone rang twice. Both tasks were driven again at the end."),
+        ..USUAL
+    },
+    USUAL,
+    Role {
+        ending: Ending::Excluded("never steered in any task"),
+        mishap: NEVER_STEERS,
+        note: Some("Said afterwards that the keys did nothing. The keyboard was not plugged in."),
+        ..USUAL
+    },
+    USUAL,
+    Role {
+        ending: Ending::Withdrawn(12),
+        note: Some("Had to leave, and agreed that the data so far are used."),
+        ..USUAL
+    },
+    USUAL,
+    Role { ending: Ending::ScreenedOut, attempts: 3, ..USUAL },
+    Role {
+        mishap: SLOW_COMPUTER,
+        note: Some("An old computer: some inputs were sampled late."),
+        ..USUAL
+    },
+    USUAL,
+    Role { ending: Ending::UnderWay(15), ..USUAL },
+];
+
+/// The window loses the keyboard in two tasks, when they are driven for the first time.
+const LOOKS_AWAY: Mishap = |_, phase, planned, trial| {
+    if phase == Phase::Task && planned.attempt == 1 && [6, 19].contains(&planned.index) {
+        let event = |t_ms, kind| PageEvent { t_ms, kind };
+        trial.page_events = vec![
+            event(3200.0, PageEventKind::FocusLost),
+            event(4900.0, PageEventKind::FocusGained),
+        ];
+    }
+};
+
+/// No key is ever pressed.
+const NEVER_STEERS: Mishap = |parameters, _, planned, trial| {
+    trial.inputs.fill(TurnInput::Straight);
+    trial.states = simulate(parameters, planned.scene().start(), &trial.inputs);
+    trial.key_events.clear();
+};
+
+/// In every fourth task, an input is sampled 60 ms after it was due.
+const SLOW_COMPUTER: Mishap = |_, phase, planned, trial| {
+    let late = trial.sampled_at_ms.get_mut(20 + planned.index);
+    if let Some(late) = late.filter(|_| phase == Phase::Task && planned.index % 4 == 1) {
+        *late += 60.0;
+    }
+};

@@ -1,0 +1,225 @@
+//! One synthetic participant through the HTTP interface, as a real one takes part.
+
+use crate::client::{Client, ClientError, Participation};
+use crate::clock::now_ms;
+use serde_json::{Value, json};
+use sidestep::api::{
+    Answers, ComprehensionResult, Enrolment, KeyEvent, Object, Plan, PlannedScene, QuestionForm,
+    StudyInfo, Texts, TrialUpload,
+};
+use sidestep::scene::{Scene, SceneParameters};
+use sidestep::study::QuestionKind;
+use sidestep::synthetic::{KeyChange, Keys, SyntheticDrive, SyntheticParticipant};
+use sidestep::trial::Phase;
+use sidestep::vehicle::TurnInput;
+use std::collections::HashSet;
+
+/// A synthetic participant of a study on a server.
+#[derive(Clone, Copy)]
+pub(in crate::commands) struct Volunteer<'a> {
+    pub(in crate::commands) server: &'a Client,
+    pub(in crate::commands) study: &'a StudyInfo,
+    pub(in crate::commands) participant: SyntheticParticipant,
+    /// Tasks that they drive at the most. Whoever drives fewer than all does not complete.
+    pub(in crate::commands) tasks: u64,
+    /// How often they answer the check of understanding until all is right.
+    pub(in crate::commands) attempts: usize,
+    /// Which answers they give: 0 for the first option of a choice and the middle of a scale, others from there
+    /// on.
+    pub(in crate::commands) opinion: usize,
+    /// What happens to a trial before it is sent.
+    pub(in crate::commands) mishap: Mishap,
+}
+
+/// Changes the trial of a scene of a study with these parameters.
+pub(in crate::commands) type Mishap = fn(&SceneParameters, Phase, &PlannedScene, &mut TrialUpload);
+
+/// A scene of the plan that is driven, or was before.
+pub(in crate::commands) enum Seen<'a> {
+    /// The server has it already.
+    Stored,
+    /// It is driven now.
+    Drives {
+        /// The scene.
+        scene: &'a Scene,
+        /// The drive.
+        drive: &'a SyntheticDrive,
+    },
+}
+
+impl<'a> Volunteer<'a> {
+    /// Drives everything, understands at once, and has no mishap.
+    pub(in crate::commands) fn new(
+        server: &'a Client,
+        study: &'a StudyInfo,
+        participant: SyntheticParticipant,
+    ) -> Self {
+        let (tasks, attempts, opinion) = (u64::MAX, 1, 0);
+        Self { server, study, participant, tasks, attempts, opinion, mishap: |_, _, _, _| () }
+    }
+
+    /// Enrols under this external id, or goes on.
+    ///
+    /// # Errors
+    /// [`ClientError`]; `withdrawn` or `screened_out` if the participation has ended.
+    pub(in crate::commands) async fn enrol(
+        &self,
+        name: String,
+    ) -> Result<Participation, ClientError> {
+        let body = Enrolment {
+            consent: true,
+            external_id: Some(name),
+            parameters: Object::default(),
+            pilot: false,
+            request_id: None,
+            locale: Some("en".to_owned()),
+            screen: Some(synthetic()),
+        };
+        self.server.enrol(&self.study.slug, &body).await
+    }
+
+    /// From enrolment to completion, or to the last task that is wanted. What the server has already is not
+    /// sent again.
+    ///
+    /// # Errors
+    /// As [`Self::enrol`].
+    pub(in crate::commands) async fn take_part(
+        &self,
+        name: String,
+        mut see: impl FnMut(Seen<'_>),
+    ) -> Result<Participation, ClientError> {
+        let me = self.enrol(name).await?;
+        let mut known = me.progress().await?;
+        if !known.understood {
+            let result = ComprehensionResult { attempts: self.attempts, passed: true };
+            me.check_understanding(&result).await?;
+        }
+        let mut seen = HashSet::new();
+        let all = loop {
+            let wanted = self.wanted(&known.plan);
+            let before = seen.len();
+            for &(number, phase, planned) in &wanted {
+                if !seen.insert(planned.trial_id.clone()) {
+                    continue;
+                }
+                if known.stored.contains(&planned.trial_id) {
+                    see(Seen::Stored);
+                    continue;
+                }
+                let (parameters, scene) = (&self.study.parameters, planned.scene());
+                let drive = self.participant.drive(number, parameters, &scene, Keys::Clock);
+                see(Seen::Drives { scene: &scene, drive: &drive });
+                let mut trial = upload(parameters, drive);
+                (self.mishap)(parameters, phase, planned, &mut trial);
+                me.store(&planned.trial_id, &trial).await?;
+            }
+            if seen.len() == before {
+                break wanted.len() == known.plan.scenes().count();
+            }
+            // A task that was interrupted may be there once more.
+            known = me.progress().await?;
+        };
+        if all && !known.answered {
+            me.answer(&self.answers(&self.server.texts(&self.study.slug, "en").await?)).await?;
+        }
+        if all && !known.complete {
+            me.complete().await?;
+        }
+        Ok(me)
+    }
+
+    /// The scenes to drive, with their numbers in the plan; these count all phases, whatever is left out.
+    fn wanted<'p>(&self, plan: &'p Plan) -> Vec<(u64, Phase, &'p PlannedScene)> {
+        let mut tasks = 0;
+        let scenes = (0..).zip(plan.scenes()).filter(|(_, (phase, _))| {
+            tasks += u64::from(phase.phase == Phase::Task);
+            phase.phase != Phase::Task || tasks <= self.tasks
+        });
+        scenes.map(|(number, (phase, planned))| (number, phase.phase, planned)).collect()
+    }
+
+    /// Valid answers to all questions.
+    fn answers(&self, texts: &Texts) -> Answers {
+        let answer = |question: &QuestionForm| match question.kind {
+            QuestionKind::Text => {
+                Value::from("synthetic".chars().take(question.max_chars).collect::<String>())
+            }
+            QuestionKind::Choice => {
+                let options = question.options.iter().cycle().skip(self.opinion);
+                options.take(1).map(|o| Value::from(o.0.clone())).next().unwrap_or_default()
+            }
+            QuestionKind::Scale => {
+                let (from, to) = question.range;
+                let above = i64::midpoint(from, to) - from + self.opinion as i64;
+                Value::from(from + above % (to - from + 1).max(1))
+            }
+        };
+        let questions = texts.questions.iter();
+        Answers { answers: questions.map(|q| (q.name.clone(), answer(q))).collect() }
+    }
+}
+
+/// Screen and display of nobody.
+fn synthetic() -> Object<Value> {
+    Object::from_iter([("synthetic".to_owned(), json!(true))])
+}
+
+fn upload(parameters: &SceneParameters, drive: SyntheticDrive) -> TrialUpload {
+    // Nobody waited for it: it began as long ago as it takes.
+    let started_at_ms = now_ms() as f64 - 1000.0 * parameters.duration_s();
+    TrialUpload {
+        started_at_ms: started_at_ms.max(0.0),
+        key_events: key_events(&drive.key_changes),
+        inputs: drive.inputs,
+        states: drive.states,
+        sampled_at_ms: drive.sampled_at_ms,
+        page_events: Vec::new(),
+        exposures: 1,
+        display: synthetic(),
+    }
+}
+
+/// One finger: a key goes up before another one goes down.
+fn key_events(changes: &[KeyChange]) -> Vec<KeyEvent> {
+    let name = |input| match input {
+        TurnInput::Left => Some("ArrowLeft"),
+        TurnInput::Right => Some("ArrowRight"),
+        TurnInput::Straight => None,
+    };
+    let mut events = Vec::new();
+    let mut held = None;
+    for change in changes {
+        let mut event = |key: Option<&str>, down| {
+            events.extend(key.map(|key| KeyEvent {
+                t_ms: change.at_ms,
+                key: key.to_owned(),
+                down,
+            }));
+        };
+        event(held, false);
+        held = name(change.input);
+        event(held, true);
+    }
+    events
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn keys_go_up_before_others_go_down() {
+        use TurnInput::{Left, Right, Straight};
+        let change = |at_ms, input| KeyChange { at_ms, input };
+        let changes = [change(50.0, Left), change(400.0, Right), change(950.0, Straight)];
+        let events: Vec<_> =
+            key_events(&changes).into_iter().map(|e| (e.t_ms, e.key, e.down)).collect();
+        let expected = [
+            (50.0, "ArrowLeft", true),
+            (400.0, "ArrowLeft", false),
+            (400.0, "ArrowRight", true),
+            (950.0, "ArrowRight", false),
+        ];
+        assert_eq!(events, expected.map(|(t_ms, key, down)| (t_ms, key.to_owned(), down)));
+    }
+}

@@ -1,0 +1,134 @@
+//! What a participant drove, compactly: what the laboratory's explorer predicts and counts on.
+
+use crate::invalid::Invalid;
+use crate::playback::Recorded;
+use crate::scene::{JointState, Scene, SceneParameters};
+use crate::shfrs::window::Trajectory;
+use crate::vehicle::{Pose, TurnInput};
+use serde::{Deserialize, Serialize};
+
+/// The tasks of one participant, one attempt at each scene: those that analyses use.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
+pub struct Drives {
+    /// The study's name in addresses.
+    pub study: String,
+    /// The participant's number within the study, from 1; pilots have numbers of their own.
+    pub number: i64,
+    /// Whether this is a pilot.
+    pub pilot: bool,
+    /// Whether the participant's data were deleted.
+    pub data_deleted: bool,
+    /// Why analyses leave the participant out, if an experimenter has them do so.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub excluded: Option<String>,
+    /// Vehicles, danger radius and clock of the tasks.
+    pub parameters: SceneParameters,
+    /// Id of the value function V_HR; null while the server has none.
+    pub value_function_hr: Option<String>,
+    /// Id of the value function V_RH; null while the server has none.
+    pub value_function_rh: Option<String>,
+    /// In the order of the plan.
+    pub tasks: Vec<Drive>,
+}
+
+/// One task.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
+pub struct Drive {
+    /// The trial.
+    pub trial_id: String,
+    /// The scene in words, such as `task 3`.
+    pub words: String,
+    /// The scene that was driven.
+    pub scene: Scene,
+    /// The input held in each step: `L`, `S` or `R`.
+    pub inputs: String,
+    /// Before each step, and after the last: x (m), y (m) and heading (rad) of the human, then of the robot.
+    pub states: Vec<[f64; 6]>,
+}
+
+impl Drive {
+    /// A task with these inputs and states.
+    #[must_use]
+    pub fn new(
+        trial_id: String,
+        words: String,
+        scene: Scene,
+        inputs: &[TurnInput],
+        states: &[JointState],
+    ) -> Self {
+        let letter = |input: &TurnInput| match input {
+            TurnInput::Left => 'L',
+            TurnInput::Straight => 'S',
+            TurnInput::Right => 'R',
+        };
+        let numbers = |JointState { human, robot }: &JointState| {
+            [human.x, human.y, human.psi, robot.x, robot.y, robot.psi]
+        };
+        let (inputs, states) =
+            (inputs.iter().map(letter).collect(), states.iter().map(numbers).collect());
+        Self { trial_id, words, scene, inputs, states }
+    }
+
+    /// The input held in each step.
+    #[must_use]
+    pub fn inputs(&self) -> Vec<TurnInput> {
+        let input = |letter: char| match letter {
+            'L' => TurnInput::Left,
+            'R' => TurnInput::Right,
+            _ => TurnInput::Straight,
+        };
+        self.inputs.chars().map(input).collect()
+    }
+
+    /// The joint state before each step, and the one after the last step.
+    #[must_use]
+    pub fn states(&self) -> Vec<JointState> {
+        let state = |&[x, y, psi, a, b, c]: &[f64; 6]| JointState {
+            human: Pose { x, y, psi },
+            robot: Pose { x: a, y: b, psi: c },
+        };
+        self.states.iter().map(state).collect()
+    }
+
+    /// As something to look at.
+    #[must_use]
+    pub fn recorded(&self, parameters: SceneParameters) -> Recorded {
+        Recorded { parameters, scene: self.scene, inputs: self.inputs(), states: self.states() }
+    }
+
+    /// As something to count on.
+    ///
+    /// # Errors
+    /// The errors of [`Trajectory::new`].
+    pub fn trajectory(&self, parameters: &SceneParameters) -> Result<Trajectory, Invalid> {
+        let rate = |input| parameters.human.turn_rate(input);
+        Trajectory::new(self.states(), self.inputs().into_iter().map(rate).collect())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::trial::simulate;
+
+    #[test]
+    fn a_drive_holds_inputs_and_states_to_the_bit() {
+        let parameters = SceneParameters::default();
+        let scene = Scene::new(&parameters, Pose::new(-8.0, 0.1, 0.3), Pose::new(8.0, 1.0, 3.1));
+        let inputs: Vec<TurnInput> = TurnInput::ALL.into_iter().cycle().take(50).collect();
+        let states = simulate(&parameters, scene.start(), &inputs);
+        let drive = Drive::new("t".into(), "task 1".into(), scene, &inputs, &states);
+        let text = serde_json::to_string(&drive).unwrap();
+        let read: Drive = serde_json::from_str(&text).unwrap();
+        let Recorded { inputs: read_inputs, states: read_states, .. } = read.recorded(parameters);
+        assert_eq!((read_inputs, read_states), (inputs.clone(), states.clone()));
+        let trajectory = read.trajectory(&parameters).unwrap();
+        assert_eq!((trajectory.steps(), trajectory.states()), (50, &states[..]));
+        assert_eq!(
+            trajectory.turn_rates()[..3],
+            inputs[..3].iter().map(|&i| parameters.human.turn_rate(i)).collect::<Vec<_>>()
+        );
+    }
+}

@@ -1,0 +1,24 @@
+//! A figure on a page of its own: a heading, notes, and room for what follows.
+
+use super::colours::{MUTED, TEXT};
+use super::drawing::{Align, Drawing};
+use super::text::width_of;
+
+/// Around every figure, px.
+pub const MARGIN: f64 = 28.0;
+
+/// A page with a heading and notes below it. It is as high as these, and `width` px wide between
+/// its margins, or wider for long notes.
+#[must_use]
+pub fn headed(heading: &str, notes: &[&str], width: f64) -> Drawing {
+    const NOTE: f64 = 12.0;
+    let widths = notes.iter().map(|note| width_of(note, NOTE, false));
+    let width = widths.fold(width, f64::max) + 2.0 * MARGIN;
+    let mut drawing = Drawing::new(heading, "", [width, 58.0 + 18.0 * notes.len() as f64]);
+    drawing.bold(heading, [MARGIN, 34.0], 20.0, TEXT, Align::Left);
+    for (i, note) in notes.iter().enumerate() {
+        let at = [MARGIN, 60.0 + 18.0 * i as f64];
+        drawing.text(note, at, NOTE, MUTED, Align::Left);
+    }
+    drawing
+}

@@ -1,0 +1,22 @@
+//! A value function that is looked at: what a link to it holds, maps of it at one relative heading, and
+//! optimal play from a state.
+//!
+//! Maps are in the evader's frame: the evader at the origin heads along +x, the pursuer is at (x, y) m with
+//! the heading ψ relative to the evader's.
+
+mod view;
+mod scale;
+mod map;
+mod difference;
+mod play;
+mod world;
+mod slices;
+mod orbit;
+
+pub use difference::{AtHeading, Difference};
+pub use map::{Map, domain};
+pub use orbit::{Mesh, Orbit, TONES};
+pub use play::{Play, play};
+pub use scale::Scale;
+pub use slices::{caption, slices};
+pub use view::{Shown, View, ZOOM_PERCENT, parameter};

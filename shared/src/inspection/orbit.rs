@@ -1,0 +1,338 @@
+//! {V ≤ c} as a solid: ψ upwards over x and y, seen from any side, without perspective.
+
+use crate::chart::{Align, Axis, Colour, Drawing, Pen, colours, number};
+use crate::math::{PI, TAU, sin_cos};
+use crate::picture::Window;
+use crate::reachability::Surface;
+
+/// The box around a solid, and from where it is seen.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Orbit {
+    window: Window,
+    /// As many metres of height as a radian of ψ takes.
+    per_radian: f64,
+    /// Width and height of the picture, px.
+    size: [f64; 2],
+    /// Pixels per metre.
+    scale: f64,
+    right: [f64; 3],
+    up: [f64; 3],
+    towards: [f64; 3],
+}
+
+/// Triangles with normals, as graphics processors take them.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Mesh {
+    /// Six numbers a vertex: x, y, m, ψ, rad, and the normal in metres as drawn, outwards, of length 1.
+    pub vertices: Vec<f32>,
+    /// Three vertices a triangle.
+    pub indices: Vec<u32>,
+}
+
+impl Orbit {
+    /// A box over `window`, seen from `turned_deg` around it and above the plane, in a picture of this size,
+    /// px, `zoom` times as large as it fits from every side.
+    #[must_use]
+    pub fn new(window: Window, turned_deg: [i16; 2], zoom: f64, size: [f64; 2]) -> Self {
+        let sides = [0, 1].map(|d| window.high[d] - window.low[d]);
+        let per_radian = height_m(window) / TAU;
+        let half = 0.5
+            * (sides[0] * sides[0] + sides[1] * sides[1] + height_m(window) * height_m(window))
+                .sqrt();
+        let (sa, ca) = sin_cos(f64::from(turned_deg[0]) * PI / 180.0);
+        let (se, ce) = sin_cos(f64::from(turned_deg[1]) * PI / 180.0);
+        let scale = zoom * (0.5 * size[0].min(size[1]) - MARGIN) / half;
+        Self {
+            window,
+            per_radian,
+            size,
+            scale,
+            right: [-sa, ca, 0.0],
+            up: [-ca * se, -sa * se, ce],
+            towards: [ca * ce, sa * ce, se],
+        }
+    }
+
+    /// From the middle of the box, in metres as drawn.
+    fn metres(&self, [x, y, psi]: [f64; 3]) -> [f64; 3] {
+        let middle = [0, 1].map(|d| 0.5 * (self.window.low[d] + self.window.high[d]));
+        [x - middle[0], y - middle[1], (psi - PI) * self.per_radian]
+    }
+
+    /// Where a state is in the picture, px.
+    #[must_use]
+    pub fn place(&self, state: [f64; 3]) -> [f64; 2] {
+        let at = self.metres(state);
+        [
+            0.5 * self.size[0] + self.scale * dot(at, self.right),
+            0.5 * self.size[1] - self.scale * dot(at, self.up),
+        ]
+    }
+
+    /// From (x, y, ψ, 1) to clip coordinates, column by column.
+    #[must_use]
+    pub fn matrix(&self) -> [f32; 16] {
+        let origin = self.metres([0.0; 3]);
+        let across = self.towards.map(|part| -part / DEEP);
+        let rows = [
+            (self.right, 2.0 * self.scale / self.size[0]),
+            (self.up, 2.0 * self.scale / self.size[1]),
+            (across, self.scale / self.size[0].max(self.size[1])),
+        ];
+        let mut matrix = [0.0; 16];
+        for (row, (direction, scale)) in rows.into_iter().enumerate() {
+            for (column, part) in direction.into_iter().enumerate() {
+                let stretch = if column == 2 { self.per_radian } else { 1.0 };
+                matrix[4 * column + row] = (scale * part * stretch) as f32;
+            }
+            matrix[12 + row] = (scale * dot(origin, direction)) as f32;
+        }
+        matrix[15] = 1.0;
+        matrix
+    }
+
+    /// The direction from which light falls, of length 1: above the left shoulder of who looks.
+    #[must_use]
+    pub fn light(&self) -> [f32; 3] {
+        let from = [0, 1, 2].map(|d| self.towards[d] + 0.55 * self.up[d] - 0.75 * self.right[d]);
+        let length = dot(from, from).sqrt();
+        from.map(|part| (part / length) as f32)
+    }
+
+    /// The walls of the box behind the solid, with axes.
+    #[must_use]
+    pub fn walls(&self, title: &str) -> Drawing {
+        let mut drawing = Drawing::new(title, "", self.size);
+        let ends = [0, 1].map(|d| [self.window.low[d], self.window.high[d]]);
+        // Behind the solid is the far end of each axis.
+        let far = |d: usize| usize::from(self.towards[d] < 0.0);
+        let [back_x, back_y] = [0, 1].map(|d| ends[d][far(d)]);
+        let [front_x, front_y] = [0, 1].map(|d| ends[d][1 - far(d)]);
+        let floor = if self.towards[2] >= 0.0 { 0.0 } else { TAU };
+        let pen = |colour: Colour| Pen::new(colour, 1.0);
+        let mut line = |a, b, colour| {
+            drawing.line([self.place(a), self.place(b)], pen(colour));
+        };
+        let [x, y] = ends;
+        for at in ticks(x) {
+            line([at, y[0], floor], [at, y[1], floor], colours::GRID);
+            line([at, back_y, 0.0], [at, back_y, TAU], colours::GRID);
+        }
+        for at in ticks(y) {
+            line([x[0], at, floor], [x[1], at, floor], colours::GRID);
+            line([back_x, at, 0.0], [back_x, at, TAU], colours::GRID);
+        }
+        for quarter in 0..=4 {
+            let psi = f64::from(quarter) * PI / 2.0;
+            line([back_x, y[0], psi], [back_x, y[1], psi], colours::GRID);
+            line([x[0], back_y, psi], [x[1], back_y, psi], colours::GRID);
+        }
+        for (a, b) in [(back_x, back_y), (front_x, back_y), (back_x, front_y)] {
+            line([a, b, 0.0], [a, b, TAU], colours::LINE);
+        }
+        for psi in [0.0, TAU] {
+            line([back_x, y[0], psi], [back_x, y[1], psi], colours::LINE);
+            line([x[0], back_y, psi], [x[1], back_y, psi], colours::LINE);
+        }
+        line([front_x, y[0], floor], [front_x, y[1], floor], colours::LINE);
+        line([x[0], front_y, floor], [x[1], front_y, floor], colours::LINE);
+        self.numbers(&mut drawing, [front_x, front_y], [back_x, back_y], floor);
+        drawing
+    }
+
+    /// The solid in its box, for a file: what is nearer is drawn later.
+    #[must_use]
+    pub fn drawing(&self, mesh: &Mesh, title: &str) -> Drawing {
+        let mut drawing = self.walls(title);
+        let light = self.light().map(f64::from);
+        let mut tiles = Vec::with_capacity(mesh.indices.len() / 3);
+        for triangle in mesh.indices.chunks_exact(3) {
+            let corners = [0, 1, 2].map(|n| mesh.vertex(triangle[n]));
+            let flat = corners.map(|(state, _)| self.place(state));
+            let depth: f64 =
+                corners.iter().map(|(at, _)| dot(self.metres(*at), self.towards)).sum();
+            let normal =
+                [0, 1, 2].map(|d| corners.iter().map(|(_, normal)| normal[d]).sum::<f64>());
+            let length = dot(normal, normal).sqrt().max(f64::MIN_POSITIVE);
+            // Downwards on the page, what runs clockwise is seen from outside.
+            let [[ax, ay], [bx, by], [cx, cy]] = flat;
+            let is_front = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax) < 0.0;
+            let lit = dot(normal, light) / length * if is_front { 1.0 } else { -1.0 };
+            tiles.push((depth, flat, shade(lit, is_front)));
+        }
+        tiles.sort_by(|a, b| a.0.total_cmp(&b.0));
+        for (_, flat, colour) in tiles {
+            // An edge of the same colour, so that no ground shows between neighbours.
+            drawing.polygon(flat, Some(colour.into()), Some(Pen::new(colour, 0.6)));
+        }
+        drawing
+    }
+
+    /// The numbers and names of the axes, along the edges in front.
+    fn numbers(
+        &self,
+        drawing: &mut Drawing,
+        [front_x, front_y]: [f64; 2],
+        [back_x, back_y]: [f64; 2],
+        floor: f64,
+    ) {
+        let centre = self.place([0.5 * (front_x + back_x), 0.5 * (front_y + back_y), floor]);
+        let mut label = |words: &str, state: [f64; 3], away: f64, size: f64| {
+            let [px, py] = self.place(state);
+            let [dx, dy] = [px - centre[0], py - centre[1]];
+            let length = (dx * dx + dy * dy).sqrt().max(1.0);
+            let at = [px + away * dx / length, py + away * dy / length];
+            drawing.text(words, at, size, colours::MUTED, Align::Centre);
+        };
+        let [x, y] = [0, 1].map(|d| [self.window.low[d], self.window.high[d]]);
+        for at in ticks(x) {
+            label(&number(at), [at, front_y, floor], 12.0, 10.5);
+        }
+        for at in ticks(y) {
+            label(&number(at), [front_x, at, floor], 12.0, 10.5);
+        }
+        label("x ahead (m)", [0.5 * (x[0] + x[1]), front_y, floor], 46.0, 11.5);
+        label("y to the left (m)", [front_x, 0.5 * (y[0] + y[1]), floor], 46.0, 11.5);
+        // ψ stands at the upright edge that is seen farthest to the left.
+        let edges = [(front_x, back_y), (back_x, front_y)];
+        let left = if self.place([edges[0].0, edges[0].1, 0.0])[0]
+            <= self.place([edges[1].0, edges[1].1, 0.0])[0]
+        {
+            edges[0]
+        } else {
+            edges[1]
+        };
+        for quarter in 0..=4 {
+            let [px, py] = self.place([left.0, left.1, f64::from(quarter) * PI / 2.0]);
+            let words = format!("{}°", 90 * quarter);
+            drawing.text(&words, [px - 7.0, py], 10.5, colours::MUTED, Align::Right);
+        }
+        let [px, py] = self.place([left.0, left.1, 1.75 * PI]);
+        drawing.text("ψ", [px - 36.0, py], 12.0, colours::MUTED, Align::Right);
+    }
+}
+
+/// The robot's red in shadow, as it is, and in bright light.
+pub const TONES: [Colour; 3] = [
+    Colour::rgb([0x7d, 0x1f, 0x1c]),
+    Colour::rgb(colours::ROBOT.light),
+    Colour::rgb([0xf7, 0xb3, 0xa6]),
+];
+
+/// The tone of a surface on which light falls with this cosine, outside or inside.
+fn shade(lit: f64, is_outside: bool) -> Colour {
+    let [shadow, middle, bright] = TONES;
+    let lit = (0.16 + 0.84 * lit.max(0.0)).min(1.0);
+    // Few tones, so that neighbours often share one.
+    let share = 2.0 * (lit * 48.0).round() / 48.0;
+    let tone = if share < 1.0 {
+        shadow.towards(middle, share)
+    } else {
+        middle.towards(bright, share - 1.0)
+    };
+    if is_outside { tone } else { tone.towards(shadow, 0.55) }
+}
+
+impl Mesh {
+    /// (x, y, ψ) and normal of a vertex.
+    fn vertex(&self, number: u32) -> ([f64; 3], [f64; 3]) {
+        let first = 6 * number as usize;
+        let part = |d: usize| f64::from(self.vertices[first + d]);
+        ([part(0), part(1), part(2)], [part(3), part(4), part(5)])
+    }
+
+    /// The mesh of a surface over `window`, on which a function with this gradient (m/m, m/m, m/rad) has one
+    /// value: the gradient is the normal, which no shape of triangles disturbs.
+    #[must_use]
+    pub fn new(surface: &Surface, window: Window, gradient: impl Fn([f64; 3]) -> [f64; 3]) -> Self {
+        let per_radian = height_m(window) / TAU;
+        let vertices = surface.vertices.iter().flat_map(|state| {
+            let [x, y, psi] = gradient(*state);
+            let normal = [x, y, psi / per_radian];
+            let length = dot(normal, normal).sqrt().max(f64::MIN_POSITIVE);
+            let [x, y, psi] = *state;
+            let [a, b, c] = normal.map(|part| part / length);
+            [x, y, psi, a, b, c].map(|number| number as f32)
+        });
+        let indices = surface.triangles.iter().flatten().copied();
+        Self { vertices: vertices.collect(), indices: indices.collect() }
+    }
+}
+
+/// Around the box, px.
+const MARGIN: f64 = 16.0;
+/// How much deeper than wide the space is in which depths are told apart.
+const DEEP: f64 = 2.0;
+
+/// Height of a full turn, in metres as drawn.
+fn height_m(window: Window) -> f64 {
+    let sides = [0, 1].map(|d| window.high[d] - window.low[d]);
+    0.8 * sides[0].max(sides[1])
+}
+
+/// Round numbers along an axis.
+fn ticks(ends: [f64; 2]) -> Vec<f64> {
+    Axis::linear("", "", ends, 6).labels.into_iter().map(|(value, _)| value).collect()
+}
+
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::reachability::Sampling;
+
+    fn orbit(turned_deg: [i16; 2]) -> Orbit {
+        let window = Window { low: [-6.0, -9.0], high: [14.0, 9.0] };
+        Orbit::new(window, turned_deg, 1.0, [640.0, 480.0])
+    }
+
+    /// The graphics processor puts a state where the walls have it.
+    #[test]
+    fn the_matrix_places_states_as_the_walls_do() {
+        for turned in [[0, 0], [-52, 26], [170, -40], [33, 90]] {
+            let orbit = orbit(turned);
+            let matrix = orbit.matrix().map(f64::from);
+            for state in [[0.0, 0.0, 0.0], [14.0, -9.0, TAU], [3.0, 4.0, 1.0]] {
+                let clip = [0, 1, 2].map(|row| {
+                    let part = |column: usize| matrix[4 * column + row];
+                    part(0) * state[0] + part(1) * state[1] + part(2) * state[2] + part(3)
+                });
+                let px = [320.0 * (1.0 + clip[0]), 240.0 * (1.0 - clip[1])];
+                let expected = orbit.place(state);
+                assert!((px[0] - expected[0]).abs() < 1e-3 && (px[1] - expected[1]).abs() < 1e-3);
+                assert!(clip[2].abs() < 1.0, "{clip:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_box_fits_from_every_side() {
+        for turned in [[0, 0], [-52, 26], [45, 35], [90, 90], [-135, -60]] {
+            let orbit = orbit(turned);
+            for corner in 0..8 {
+                let x = if corner & 1 == 0 { -6.0 } else { 14.0 };
+                let y = if corner & 2 == 0 { -9.0 } else { 9.0 };
+                let psi = if corner & 4 == 0 { 0.0 } else { TAU };
+                let [px, py] = orbit.place([x, y, psi]);
+                assert!((0.0..=640.0).contains(&px) && (0.0..=480.0).contains(&py));
+            }
+        }
+    }
+
+    #[test]
+    fn normals_point_outwards() {
+        let margin = |[x, y, _]: [f64; 3]| crate::math::hypot(x, y) - 3.0;
+        let window = Window::square(4.0);
+        let grid = Sampling::new(margin, window.low, window.high, [24, 24, 6]);
+        let radial = |[x, y, _]: [f64; 3]| [x, y, 0.0];
+        let mesh = Mesh::new(&grid.surface(margin, 0.0), window, radial);
+        assert_eq!(mesh.vertices.len() % 6, 0);
+        for vertex in mesh.vertices.chunks(6) {
+            let outwards = vertex[0] * vertex[3] + vertex[1] * vertex[4];
+            assert!(outwards > 2.9, "{vertex:?}");
+        }
+    }
+}

@@ -1,0 +1,70 @@
+//! Level curves for the present headings, kept while the headings stay: in two of three steps of a scene
+//! both vehicles drive straight on.
+
+use crate::math::sin_cos;
+use crate::reachability::{CurveSettings, ValueFunction};
+use crate::safety::SafetyLevels;
+use crate::scene::{Evader, JointState};
+
+/// Curves of equal V, as they were needed last.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Curves(Vec<Kept>);
+
+#[derive(Clone, Debug)]
+struct Kept {
+    evader: Evader,
+    level_m: f64,
+    /// The relative heading, rad.
+    psi: f64,
+    /// In the evader's frame, m.
+    curves: Vec<Vec<[f64; 2]>>,
+}
+
+impl Curves {
+    /// {V = `level_m`} of this vehicle for the present headings: closed curves in the evader's frame, m,
+    /// with {V ≤ level} on their left.
+    pub(super) fn of(
+        &mut self,
+        safety: &SafetyLevels,
+        evader: Evader,
+        level_m: f64,
+        state: &JointState,
+    ) -> &[Vec<[f64; 2]>] {
+        let [_, _, psi] = match evader {
+            Evader::Human => state.robot_seen_by_human(),
+            Evader::Robot => state.human_seen_by_robot(),
+        };
+        let is_it = |kept: &Kept| kept.evader == evader && kept.level_m == level_m;
+        let place = self.0.iter().position(is_it).unwrap_or_else(|| {
+            self.0.push(Kept { evader, level_m, psi: f64::NAN, curves: Vec::new() });
+            self.0.len() - 1
+        });
+        let kept = &mut self.0[place];
+        // The same headings give the same bits, but not after a turn back: that costs one curve.
+        if kept.psi.to_bits() != psi.to_bits() {
+            kept.psi = psi;
+            kept.curves = curves(safety.of(evader), psi, level_m);
+        }
+        &kept.curves
+    }
+
+    /// Whether a level had no curve when it was needed last.
+    pub(super) fn is_nowhere(&self, evader: Evader, level_m: f64) -> bool {
+        let known = self.0.iter().find(|kept| kept.evader == evader && kept.level_m == level_m);
+        known.is_some_and(|kept| kept.curves.is_empty())
+    }
+}
+
+fn curves(function: &ValueFunction, psi: f64, level_m: f64) -> Vec<Vec<[f64; 2]>> {
+    function.level_curves(psi, level_m, CurveSettings::default())
+}
+
+/// From the evader's frame to the world.
+pub(super) fn to_world(evader: Evader, state: &JointState) -> impl Fn([f64; 2]) -> [f64; 2] {
+    let pose = match evader {
+        Evader::Human => state.human,
+        Evader::Robot => state.robot,
+    };
+    let (sin, cos) = sin_cos(pose.psi);
+    move |[x, y]| [pose.x + cos * x - sin * y, pose.y + sin * x + cos * y]
+}

@@ -1,0 +1,47 @@
+//! A moment of a trial as a figure: the picture with its legend.
+
+use super::Playback;
+use super::view::View;
+use crate::chart::{Align, Drawing, colours, fixed};
+use crate::picture::Picture;
+
+/// Width of the picture, and room around everything, px.
+const WIDTH: f64 = 900.0;
+const MARGIN: f64 = 28.0;
+/// Least and greatest height of the picture, px.
+const HEIGHTS: [f64; 2] = [300.0, 900.0];
+
+impl Playback {
+    /// The picture of the moment that was gone to, with a heading and the meaning of its signs.
+    #[must_use]
+    pub fn figure(&mut self, view: &View, heading: &str) -> Drawing {
+        let mut picture = Picture::default();
+        let window = self.window();
+        picture.begin("", window);
+        self.paint(view, &mut picture);
+        let [wide, high] = [0, 1].map(|axis| window.high[axis] - window.low[axis]);
+        let height = (WIDTH * high / wide).clamp(HEIGHTS[0], HEIGHTS[1]).round();
+        let time = fixed(self.now().time_s, 1);
+        let description = format!("The trial seen from above, {time} s after its start.");
+        let size = [WIDTH + 2.0 * MARGIN, height];
+        let mut drawing = Drawing::new(heading, &description, size);
+        let top = MARGIN + 44.0;
+        drawing.place(&picture.drawing("", "", [WIDTH, height]), [MARGIN, top]);
+        // What leaves the picture is cut off by frames of the page's ground.
+        let (right, bottom) = (MARGIN + WIDTH, top + height);
+        let far = 4.0 * (WIDTH + HEIGHTS[1]);
+        let frames = [
+            [-far, -far, far, top],
+            [-far, bottom, far, far],
+            [-far, top, MARGIN, bottom],
+            [right, top, far, bottom],
+        ];
+        drawing.boxes(frames.to_vec(), colours::SURFACE);
+        drawing.bold(heading, [MARGIN, MARGIN + 8.0], 17.0, colours::TEXT, Align::Left);
+        let below = [MARGIN, MARGIN + 30.0];
+        drawing.text(&format!("t = {time} s"), below, 13.0, colours::MUTED, Align::Left);
+        let rows = drawing.legend(&self.legend(view), [MARGIN, bottom + 26.0], WIDTH);
+        drawing.size = [WIDTH + 2.0 * MARGIN, bottom + 26.0 + rows + 4.0];
+        drawing
+    }
+}

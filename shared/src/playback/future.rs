@@ -1,0 +1,24 @@
+//! The paths that the vehicles took from this moment on.
+
+use super::Playback;
+use super::style::Style;
+use crate::chart::{LegendItem, Pen, colours};
+use crate::picture::Picture;
+
+fn human() -> Pen {
+    Pen::new(colours::TEXT, 2.0).dashed(2.0, 3.0)
+}
+
+/// A dotted line ahead of the human, and a fainter one ahead of the robot.
+pub(super) fn paint(playback: &mut Playback, _: &Style, picture: &mut Picture) {
+    let (state, states) = (playback.now.state, &playback.recorded.states);
+    let ahead = states.get(playback.now.step + 1..).unwrap_or_default();
+    let robot = [state.robot.position(), playback.recorded.scene.goal];
+    picture.polyline(robot, Pen::new(colours::ROBOT, 1.0).dashed(1.0, 4.0));
+    let path = [state].into_iter().chain(ahead.iter().copied());
+    picture.polyline(path.map(|state| state.human.position()), human());
+}
+
+pub(super) fn legend(_: &Playback, _: &Style) -> Vec<LegendItem> {
+    vec![LegendItem::line("what the human did next", Some(human()), None)]
+}

@@ -1,0 +1,63 @@
+//! Likely futures: paths with inputs drawn by the predicted probabilities.
+
+use super::style::Style;
+use super::{Learned, Playback, probabilities};
+use crate::chart::{LegendItem, Pen, colours};
+use crate::math::SeededRng;
+use crate::picture::Picture;
+use crate::shfrs::PredictedHuman;
+use crate::vehicle::TurnInput;
+
+/// How many.
+const PATHS: u64 = 16;
+
+pub(super) fn pen() -> Pen {
+    Pen::new(colours::HUMAN.at(0.4), 1.25)
+}
+
+/// Paths of the human from here. The robot drives straight on, as it does in the study; the same moment has
+/// the same paths, and they change little from moment to moment.
+pub(super) fn paint(playback: &mut Playback, _: &Style, picture: &mut Picture) {
+    let steps = playback.steps_ahead();
+    let Playback { recorded, learned, safety, history, now, .. } = playback;
+    let (Some(learned), Some(safety)) = (learned.as_ref(), safety.as_ref()) else { return };
+    let parameters = &recorded.parameters;
+    let human = PredictedHuman::new(&learned.predictor, safety, parameters);
+    let Ok(human) = human else { return };
+    let seen = history.len();
+    for seed in 0..PATHS {
+        let mut rng = SeededRng::new(seed);
+        let mut state = now.state;
+        let path = (0..steps).map(|_| {
+            let input = drawn(&human, learned, history, rng.unit());
+            state = state.advance(parameters, input, parameters.step_s);
+            history.push(state);
+            state.human.position()
+        });
+        picture.polyline([now.state.human.position()].into_iter().chain(path), pen());
+        history.truncate(seen);
+    }
+}
+
+/// The input at a place from 0 to 1 of all inputs by their probabilities.
+fn drawn(
+    human: &PredictedHuman<'_>,
+    learned: &Learned,
+    history: &[crate::scene::JointState],
+    place: f64,
+) -> TurnInput {
+    let mut left = place;
+    for (input, p) in probabilities(human, learned, history) {
+        if left < p {
+            return input;
+        }
+        left -= p;
+    }
+    TurnInput::Straight
+}
+
+pub(super) fn legend(playback: &Playback, _: &Style) -> Vec<LegendItem> {
+    let text = format!("{PATHS} likely futures, drawn by the predicted probabilities");
+    let item = LegendItem::line(&text, Some(pen()), None);
+    playback.probabilities.map(|_| item).into_iter().collect()
+}

@@ -1,0 +1,78 @@
+//! The predicted sets.
+
+use super::style::{Palette, Sets, Style};
+use super::{Playback, hatch};
+use crate::chart::{Colour, LegendItem, Pen, colours, fixed};
+use crate::math::PI;
+use crate::picture::Picture;
+
+/// Direction of a region's hatching, rad; the innermost one has none.
+const HATCHED: [Option<f64>; 5] =
+    [None, Some(0.25 * PI), Some(0.75 * PI), Some(0.0), Some(0.5 * PI)];
+/// Between the lines of a hatching, m.
+const APART_M: f64 = 0.3;
+
+/// The colour of region `j`, from 0, of `count`.
+#[must_use]
+pub(super) fn colour(palette: Palette, j: usize, count: usize) -> Colour {
+    match palette {
+        Palette::Paper => colours::region(j, count),
+        Palette::Safe => colours::safe_region(j, count),
+    }
+}
+
+/// F_F … F_1 from the largest to the smallest, so that the visible part of each is its region S_j. Each
+/// is one tube, or an area for each step.
+pub(super) fn paint(playback: &mut Playback, style: &Style, picture: &mut Picture) {
+    if playback.probabilities.is_none() {
+        return;
+    }
+    let sets = &playback.predictor.shfrs().sets;
+    for (j, set) in sets.iter().enumerate().rev() {
+        let colour = colour(style.palette, j, sets.len());
+        // A line in the colour of the surface separates tubes. The set at a step is thinner than that
+        // line; an outline in its own colour keeps it visible.
+        let (areas, outline) = match style.sets {
+            Sets::Tube => (core::slice::from_ref(&set.tube), Pen::new(colours::SURFACE, 0.75)),
+            Sets::EachStep => (set.steps.as_slice(), Pen::new(colour, 1.5)),
+            Sets::Step(step) => {
+                let last = set.steps.len();
+                let step = step.min(last);
+                (
+                    set.steps.get(step.wrapping_sub(1)..step).unwrap_or_default(),
+                    Pen::new(colour, 1.5),
+                )
+            }
+        };
+        for area in areas {
+            picture.polygon(area.iter().copied(), Some(colour.into()), Some(outline));
+            let angle = HATCHED[j % HATCHED.len()];
+            if let (Palette::Safe, Sets::Tube, Some(angle)) = (style.palette, style.sets, angle) {
+                let pen = Pen::new(colours::SURFACE.at(0.75), 1.0);
+                hatch::paint(picture, area, angle, APART_M, pen, &mut playback.crossings);
+            }
+        }
+    }
+}
+
+pub(super) fn legend(playback: &Playback, style: &Style) -> Vec<LegendItem> {
+    let Some(shfrs) = playback.shfrs() else { return Vec::new() };
+    let (count, step_s) = (shfrs.sets.len(), playback.recorded.parameters.step_s);
+    let when = match style.sets {
+        Sets::Tube => format!("within {} s", fixed(playback.seconds_ahead(), 1)),
+        Sets::EachStep => "after each step".to_owned(),
+        Sets::Step(step) => {
+            let step = step.min(playback.steps_ahead());
+            format!("after {} s", fixed(step as f64 * step_s, 1))
+        }
+    };
+    let item = |(j, set): (usize, &crate::shfrs::NestedSet)| {
+        let epsilon = fixed(set.epsilon, 2);
+        let text = match j {
+            0 => format!("F1: where the human may be {when}, ε = {epsilon} rad/s"),
+            _ => format!("F{}: ε = {epsilon} rad/s", j + 1),
+        };
+        LegendItem::region(&text, j + 1, colour(style.palette, j, count))
+    };
+    shfrs.sets.iter().enumerate().map(item).collect()
+}

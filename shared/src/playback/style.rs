@@ -1,0 +1,54 @@
+//! How the layers of a picture are drawn.
+
+use crate::scene::Evader;
+
+/// How the layers of a picture are drawn.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Style {
+    /// Levels of V_HR and of V_RH, m, rising.
+    pub levels_m: [Vec<f64>; 2],
+    /// What is drawn of each predicted set.
+    pub sets: Sets,
+    /// The colours of the predicted sets.
+    pub palette: Palette,
+}
+
+impl Default for Style {
+    fn default() -> Self {
+        let levels_m = [vec![0.0], vec![0.0]];
+        Self { levels_m, sets: Sets::default(), palette: Palette::default() }
+    }
+}
+
+impl Style {
+    /// The levels of a vehicle's value function, m.
+    #[must_use]
+    pub fn levels(&self, evader: Evader) -> &[f64] {
+        match evader {
+            Evader::Human => &self.levels_m[0],
+            Evader::Robot => &self.levels_m[1],
+        }
+    }
+}
+
+/// What is drawn of each predicted set.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Sets {
+    /// All positions within the time ahead.
+    #[default]
+    Tube,
+    /// The positions after each step.
+    EachStep,
+    /// The positions after this step alone, from 1.
+    Step(usize),
+}
+
+/// The colours of the predicted sets.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Palette {
+    /// Red, yellow, green, blue and purple, as in the paper.
+    #[default]
+    Paper,
+    /// From dark to bright, and hatched: for all eyes, and for print without colours.
+    Safe,
+}

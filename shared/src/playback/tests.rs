@@ -1,0 +1,195 @@
+//! What a playback shows, against the recorded trial.
+
+use super::view::View;
+use super::*;
+use crate::features::FeatureSet;
+use crate::math::hypot;
+use crate::picture::Shape;
+use crate::trial::simulate;
+use crate::vehicle::Pose;
+
+/// A trial with turns, its safety levels and a predictor.
+fn playback() -> Playback {
+    let parameters = SceneParameters::default();
+    let scene = Scene::new(&parameters, Pose::new(-8.0, 0.0, 0.2), Pose::new(8.0, 1.0, 3.1));
+    let turn = |step: usize| TurnInput::ALL[(step / 5) % 3];
+    let inputs: Vec<TurnInput> = (0..parameters.steps).map(turn).collect();
+    let states = simulate(&parameters, scene.start(), &inputs);
+    let mut playback = Playback::new(Recorded { parameters, scene, inputs, states }).unwrap();
+    let progress = &mut |_| core::ops::ControlFlow::Continue(());
+    playback.use_safety(SafetyLevels::solve(&parameters, progress).unwrap()).unwrap();
+    let features = FeatureSet::subset("hrd").unwrap();
+    let predictor = Predictor::constant(features, vec![-1, 0, 1], vec![0.2, 0.5, 0.3]).unwrap();
+    let settings = ShfrsSettings::paper(3).unwrap();
+    playback.use_learned(Some(Learned { predictor, settings })).unwrap();
+    playback
+}
+
+fn at(time_s: f64) -> View {
+    View { time_s, ..View::default() }
+}
+
+#[test]
+fn the_vehicles_are_where_they_were() {
+    let mut playback = playback();
+    let Recorded { parameters, inputs, states, .. } = playback.recorded().clone();
+    for (step, state) in states.iter().enumerate() {
+        playback.go(&at(step as f64 * parameters.step_s)).unwrap();
+        assert_eq!((playback.now().step, playback.now().state), (step, *state));
+    }
+    // Between two steps they drive arcs.
+    playback.go(&at(2.3)).unwrap();
+    let expected = states[11].advance(&parameters, inputs[11], 2.3 - 11.0 * parameters.step_s);
+    assert_eq!(playback.now().state, expected);
+    // Times beyond the trial are its end.
+    playback.go(&at(1e9)).unwrap();
+    assert_eq!(playback.now().state, states[50]);
+    assert_eq!(playback.duration_s(), 10.0);
+}
+
+#[test]
+fn the_forecast_is_what_is_predicted_then() {
+    let mut playback = playback();
+    assert_eq!(playback.forecast().len(), 51);
+    for step in [0, 7, 50] {
+        playback.go(&at(step as f64 * 0.2)).unwrap();
+        assert_eq!(playback.probabilities(), Some(&playback.forecast()[step]));
+    }
+    assert_eq!(playback.forecast()[3].map(|(_, p)| p), [0.3, 0.5, 0.2], "left, straight, right");
+}
+
+#[test]
+fn a_frame_does_not_depend_on_the_frames_before() {
+    let view = View { shown: [true; LAYERS.len()], ..at(3.3) };
+    let paint = |playback: &mut Playback| {
+        let mut picture = Picture::default();
+        playback.go(&view).unwrap();
+        playback.paint(&view, &mut picture);
+        picture
+    };
+    let fresh = paint(&mut playback());
+    let mut used = playback();
+    for time in [0.0, 9.9, 3.2] {
+        let other = View { time_s: time, ..view.clone() };
+        used.go(&other).unwrap();
+        used.paint(&other, &mut Picture::default());
+    }
+    assert_eq!(paint(&mut used), fresh);
+}
+
+/// A trial that grows step by step, the last step corrected once, is at each moment what the whole trial is.
+#[test]
+fn a_trial_that_is_being_driven_is_seen_like_a_recorded_one() {
+    let mut whole = playback();
+    let Recorded { parameters, scene, inputs, states } = whole.recorded().clone();
+    let start = vec![states[0]];
+    let recorded = Recorded { parameters, scene, inputs: Vec::new(), states: start };
+    let mut live = Playback::new(recorded).unwrap();
+    live.use_safety(whole.safety().unwrap().clone()).unwrap();
+    live.use_learned(whole.learned().cloned()).unwrap();
+    live.show_window(whole.window());
+    // What a recorded trial knows of its future is all that may differ.
+    let mut view = View::default();
+    view.shown[layers::place("future").unwrap()] = false;
+    for step in 1..inputs.len() {
+        let mut mistaken = inputs[..step].to_vec();
+        mistaken[step - 1] =
+            if mistaken[step - 1] == TurnInput::Left { TurnInput::Right } else { TurnInput::Left };
+        let mut elsewhere = states[..=step].to_vec();
+        elsewhere[step] =
+            states[step - 1].advance(&parameters, mistaken[step - 1], parameters.step_s);
+        live.record(&mistaken, &elsewhere).unwrap();
+        live.record(&inputs[..step], &states[..=step]).unwrap();
+        assert_eq!(live.levels(), &whole.levels()[..=step]);
+        assert_eq!(live.forecast(), &whole.forecast()[..=step]);
+        view.time_s = (step as f64 - 0.4) * parameters.step_s;
+        let picture = |playback: &mut Playback| {
+            let mut picture = Picture::default();
+            playback.go(&view).unwrap();
+            playback.paint(&view, &mut picture);
+            picture
+        };
+        assert_eq!(picture(&mut live), picture(&mut whole), "step {step}");
+    }
+    assert!(live.record(&inputs, &states[..50]).is_err());
+}
+
+/// Likely futures are drives: their ends are as far from here as the way is long, at most, and they differ.
+#[test]
+fn likely_futures_are_drives_of_the_human() {
+    let mut playback = playback();
+    let view = View::of_query([("show", "samples"), ("t", "4")]).unwrap();
+    playback.go(&view).unwrap();
+    let mut picture = Picture::default();
+    playback.paint(&view, &mut picture);
+    let here = playback.now().state.human.position();
+    let mut ends = Vec::new();
+    for shape in picture.shapes() {
+        let Shape::Path { points, pen: Some(pen), .. } = shape else { continue };
+        if *pen != samples::pen() {
+            continue;
+        }
+        let points = picture.points(points);
+        assert_eq!((points.len(), points[0]), (11, here));
+        for pair in points.windows(2) {
+            let way = hypot(pair[1][0] - pair[0][0], pair[1][1] - pair[0][1]);
+            assert!((0.39..0.4001).contains(&way), "{way}");
+        }
+        ends.push(points[10].map(f64::to_bits));
+    }
+    assert_eq!(ends.len(), 16);
+    ends.sort_unstable();
+    ends.dedup();
+    assert!(ends.len() > 8, "{} different ends", ends.len());
+    assert_eq!(playback.history.len(), 21, "nothing is left of the drives");
+}
+
+/// Who avoids as V_HR says keeps V_HR at least, whatever the robot does: it is the value of the game.
+#[test]
+fn best_avoidance_loses_no_safety() {
+    let mut playback = playback();
+    let view = View::of_query([("show", "avoidance"), ("t", "3")]).unwrap();
+    playback.go(&view).unwrap();
+    let mut picture = Picture::default();
+    playback.paint(&view, &mut picture);
+    let path = picture.shapes().iter().find_map(|shape| match shape {
+        Shape::Path { points, pen: Some(pen), .. } if *pen == avoidance::pen() => {
+            Some(picture.points(points).to_vec())
+        }
+        _ => None,
+    });
+    let path = path.unwrap();
+    assert_eq!(path.len(), 41);
+    // The range never falls below the level that V promises, less the radius.
+    let state = playback.now().state;
+    let promised = playback.safety().unwrap().human_level(&state);
+    let robot = state.robot;
+    for (i, [x, y]) in path.into_iter().enumerate() {
+        let seconds = 0.05 * i as f64;
+        let parameters = &playback.recorded().parameters;
+        let at = parameters.robot.advance(robot, TurnInput::Straight, seconds);
+        let range = hypot(x - at.x, y - at.y) - parameters.danger_radius_m;
+        assert!(range >= promised - 0.02, "{i}: {range} < {promised}");
+    }
+}
+
+#[test]
+fn a_figure_says_what_its_signs_mean() {
+    let mut playback = playback();
+    let view = View { shown: [true; LAYERS.len()], ..at(3.0) };
+    playback.go(&view).unwrap();
+    let figure = playback.figure(&view, "study / participant 1 / task 1");
+    let svg = figure.svg();
+    for expected in ["participant 1", "t = 3.0 s", "F5: ε = 1.00 rad/s", "best avoidance"] {
+        assert!(svg.contains(expected), "{expected}");
+    }
+    assert_eq!(playback.legend(&View { shown: [false; LAYERS.len()], ..at(3.0) }).len(), 2);
+}
+
+#[test]
+fn states_that_are_missing_are_named() {
+    let Recorded { parameters, scene, inputs, mut states } = playback().recorded().clone();
+    states.pop();
+    let found = Playback::new(Recorded { parameters, scene, inputs, states }).err().unwrap();
+    assert_eq!(found.to_string(), "states: expected 51, one more than inputs, found 50");
+}

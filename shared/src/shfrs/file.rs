@@ -1,0 +1,369 @@
+//! Settings of predicted sets as a file and as part of a link.
+
+use crate::bounds::{ActionChoice, BoundsSettings, Rollout};
+use crate::document::decimal;
+use crate::invalid::{Invalid, length};
+use serde::{Deserialize, Serialize};
+
+/// Settings of predicted sets as people write them, `shfrs-settings.json`: what the laboratory's explorer
+/// saves and `sidestep shfrs --settings` reads. They may be wrong; [`Self::settings`] checks them.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ShfrsFile {
+    format: Format,
+    /// Steps ahead, T: from 1 to [`MOST_STEPS`].
+    pub steps: usize,
+    /// The widening ε of each set's bounds, rad/s, rising: up to [`MOST_SETS`].
+    pub epsilon: Vec<f64>,
+    /// How many of the likeliest actions count at each step ahead, from 1; not beside `tau`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub k: Option<Vec<usize>>,
+    /// The probability that makes an action count, in (0, 1]; not beside `k`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tau: Option<f64>,
+    /// Whether roll-outs are widened by ε_1.
+    #[serde(default = "usual_rollout")]
+    pub rollout: Rollout,
+}
+
+/// The version of the file form.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+enum Format {
+    #[serde(rename = "sidestep-shfrs/1")]
+    V1,
+}
+
+/// Most steps ahead.
+pub const MOST_STEPS: usize = 100;
+
+/// Most sets.
+pub const MOST_SETS: usize = 10;
+
+fn usual_rollout() -> Rollout {
+    Rollout::Base
+}
+
+/// One of the paper's settings.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Preset {
+    /// Which one it is, as in the paper.
+    pub name: &'static str,
+    /// What sets it apart.
+    pub meaning: &'static str,
+    epsilon: [f64; 5],
+    /// The steps at whose beginning two actions count; then one.
+    twos: usize,
+}
+
+/// The settings of the paper's Figure 3: ten steps, five sets, and one or two actions.
+pub const PRESETS: [Preset; 3] = [
+    Preset {
+        name: "Figure 3, left",
+        meaning: "k = 2 in the first two steps, then 1",
+        epsilon: [0.0, 0.15, 0.25, 0.4, 1.0],
+        twos: 2,
+    },
+    Preset {
+        name: "Figure 3, middle",
+        meaning: "as on the left, with larger ε",
+        epsilon: [0.2, 0.3, 0.35, 0.45, 1.0],
+        twos: 2,
+    },
+    Preset {
+        name: "Figure 3, right",
+        meaning: "as on the left, with k = 2 in the first step only",
+        epsilon: [0.0, 0.15, 0.25, 0.4, 1.0],
+        twos: 1,
+    },
+];
+
+impl Preset {
+    /// These settings for a model of so many actions: no k is larger than that.
+    #[must_use]
+    pub fn settings(&self, actions: usize) -> ShfrsFile {
+        let k = |i| if i < self.twos { actions.min(2) } else { 1 };
+        ShfrsFile {
+            format: Format::V1,
+            steps: 10,
+            epsilon: self.epsilon.to_vec(),
+            k: Some((0..10).map(k).collect()),
+            tau: None,
+            rollout: usual_rollout(),
+        }
+    }
+}
+
+impl From<&BoundsSettings> for ShfrsFile {
+    fn from(settings: &BoundsSettings) -> Self {
+        let (k, tau) = match settings.choice() {
+            ActionChoice::TopK(k) => (Some(k.clone()), None),
+            ActionChoice::Adaptive { tau, .. } => (None, Some(*tau)),
+        };
+        Self {
+            format: Format::V1,
+            steps: settings.steps(),
+            epsilon: settings.epsilon().to_vec(),
+            k,
+            tau,
+            rollout: settings.rollout(),
+        }
+    }
+}
+
+impl ShfrsFile {
+    /// The settings of Algorithm 1 for a model of so many actions.
+    ///
+    /// # Errors
+    /// [`Invalid`] naming the field.
+    pub fn settings(&self, actions: usize) -> Result<BoundsSettings, Invalid> {
+        if !(1..=MOST_STEPS).contains(&self.steps) {
+            let expected = format!("a whole number from 1 to {MOST_STEPS}");
+            return Err(Invalid::new("steps", expected, self.steps));
+        }
+        if self.epsilon.len() > MOST_SETS {
+            let expected = format!("1 to {MOST_SETS} sets");
+            return Err(Invalid::new("epsilon", expected, self.epsilon.len()));
+        }
+        let choice = match (&self.k, self.tau) {
+            (Some(_), Some(tau)) => return Err(Invalid::new("tau", "none beside k", tau)),
+            (None, None) => return Err(Invalid::new("k", "a list, or tau instead", "neither")),
+            (Some(k), None) => {
+                length("k", self.steps, k.len())?;
+                ActionChoice::TopK(k.clone())
+            }
+            (None, Some(tau)) => ActionChoice::Adaptive { tau, steps: self.steps },
+        };
+        BoundsSettings::new(self.epsilon.clone(), choice, self.rollout, actions)
+    }
+
+    /// Looks so many steps ahead. The last k counts for further steps.
+    pub fn look_ahead(&mut self, steps: usize) {
+        self.steps = steps;
+        if let Some(k) = &mut self.k {
+            let last = k.last().copied().unwrap_or(1);
+            k.resize(steps.min(MOST_STEPS), last);
+        }
+    }
+
+    /// Predicts so many sets. The last one stays, for it holds everything; a further one comes in the middle
+    /// of the last two.
+    pub fn resize(&mut self, sets: usize) {
+        while self.epsilon.len() > sets.max(1) {
+            let place = self.epsilon.len() - 2;
+            self.epsilon.remove(place);
+        }
+        while self.epsilon.len() < sets.min(MOST_SETS) {
+            let last = self.epsilon.len().saturating_sub(1);
+            let before = last.checked_sub(1).map_or(0.0, |place| self.epsilon[place]);
+            let after = self.epsilon.last().copied().unwrap_or(0.0);
+            // To the hundredth, as sliders go.
+            self.epsilon.insert(last, (50.0 * (before + after)).round() / 100.0);
+        }
+    }
+
+    /// The settings as part of a link: `T=10&eps=0,0.4,1&k=2,2,1,…`, or `tau=0.1` instead of k, and
+    /// `rollout=paper` unless they are the usual ones.
+    #[must_use]
+    pub fn query(&self) -> String {
+        let listed = |numbers: Vec<String>| numbers.join(",");
+        let epsilon = self.epsilon.iter().map(|&epsilon| written(epsilon)).collect();
+        let mut parts = vec![format!("T={}", self.steps), format!("eps={}", listed(epsilon))];
+        if let Some(k) = &self.k {
+            parts.push(format!("k={}", listed(k.iter().map(usize::to_string).collect())));
+        }
+        parts.extend(self.tau.map(|tau| format!("tau={}", written(tau))));
+        if self.rollout != usual_rollout() {
+            parts.push(format!("rollout={}", self.rollout.word()));
+        }
+        parts.join("&")
+    }
+
+    /// Takes one value of such a link. Other names are another's business.
+    ///
+    /// # Errors
+    /// [`Invalid`] with the name of a value that cannot be read. What can be read may still be wrong.
+    pub fn set(&mut self, name: &str, value: &str) -> Result<(), Invalid> {
+        match name {
+            "T" => {
+                let expected = format!("a whole number from 1 to {MOST_STEPS}");
+                let steps = whole(value).filter(|steps| (1..=MOST_STEPS).contains(steps));
+                self.look_ahead(steps.ok_or_else(|| Invalid::new(name, expected, value))?);
+            }
+            "eps" => {
+                let epsilon: Option<Vec<f64>> = value.split(',').map(decimal).collect();
+                let expected = "numbers in rad/s, with commas between";
+                self.epsilon = epsilon.ok_or_else(|| Invalid::new(name, expected, value))?;
+            }
+            "k" => {
+                let numbers = value.split([',', ' ']).filter(|k| !k.is_empty());
+                let k: Option<Vec<usize>> = numbers.map(whole).collect();
+                let expected = "whole numbers from 1, one for each step, with commas between";
+                self.k = Some(k.ok_or_else(|| Invalid::new(name, expected, value))?);
+                self.tau = None;
+            }
+            "tau" => {
+                let tau =
+                    decimal(value).ok_or_else(|| Invalid::new(name, "a number in (0, 1]", value));
+                (self.tau, self.k) = (Some(tau?), None);
+            }
+            "rollout" => {
+                self.rollout = match value {
+                    "paper" => Rollout::Paper,
+                    "base" => Rollout::Base,
+                    _ => return Err(Invalid::new(name, "paper or base", value)),
+                };
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+}
+
+/// A number ≥ 0 as [`decimal`] reads it: all of its digits, or twelve places if there are more.
+fn written(value: f64) -> String {
+    let text = value.to_string();
+    if text.len() > 16 { format!("{value:.12}") } else { text }
+}
+
+/// A whole number of at most four digits.
+fn whole(text: &str) -> Option<usize> {
+    let digits = text.trim();
+    let is_short = (1..=4).contains(&digits.len());
+    let digit = |number: Option<usize>, byte: u8| {
+        Some(10 * number? + usize::from(byte.checked_sub(b'0').filter(|digit| *digit < 10)?))
+    };
+    if is_short { digits.bytes().fold(Some(0), digit) } else { None }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::document::{Unread, object_from_json};
+    use crate::shfrs::ShfrsSettings;
+    use proptest::prelude::*;
+
+    fn paper() -> ShfrsFile {
+        PRESETS[0].settings(3)
+    }
+
+    #[test]
+    fn the_first_preset_is_what_replays_show() {
+        for actions in 1..=5 {
+            let settings = PRESETS[0].settings(actions).settings(actions).unwrap();
+            assert_eq!(settings, ShfrsSettings::paper(actions).unwrap().bounds);
+        }
+    }
+
+    #[test]
+    fn presets_are_those_of_the_paper() {
+        let of = |preset: Preset| {
+            let settings = preset.settings(3);
+            (settings.epsilon, settings.k.unwrap().iter().sum::<usize>())
+        };
+        assert_eq!(of(PRESETS[1]), (vec![0.2, 0.3, 0.35, 0.45, 1.0], 12));
+        assert_eq!(of(PRESETS[2]), (vec![0.0, 0.15, 0.25, 0.4, 1.0], 11));
+    }
+
+    #[test]
+    fn a_file_says_what_is_wrong() {
+        let read = |text: &str| match object_from_json::<ShfrsFile>(text) {
+            Ok(file) => file.settings(3).err(),
+            Err(Unread::Invalid(invalid)) => Some(invalid),
+            Err(unread) => panic!("{unread}"),
+        };
+        let whole = |rest: &str| format!(r#"{{"format":"sidestep-shfrs/1",{rest}}}"#);
+        assert_eq!(read(&whole(r#""steps":2,"epsilon":[0,1],"k":[2,1]"#)), None);
+        assert_eq!(read(&whole(r#""steps":2,"epsilon":[0,1],"tau":0.1,"rollout":"paper""#)), None);
+        for (rest, field) in [
+            (r#""steps":0,"epsilon":[0],"tau":0.1"#, "steps"),
+            (r#""steps":101,"epsilon":[0],"tau":0.1"#, "steps"),
+            (r#""steps":2,"epsilon":[0],"k":[1]"#, "k"),
+            (r#""steps":2,"epsilon":[0],"k":[1,4]"#, "k[1]"),
+            (r#""steps":2,"epsilon":[0.2,0.1],"k":[1,1]"#, "epsilon[1]"),
+            (r#""steps":1,"epsilon":[0,0,0,0,0,0,0,0,0,0,0],"k":[1]"#, "epsilon"),
+            (r#""steps":2,"epsilon":[0]"#, "k"),
+            (r#""steps":2,"epsilon":[0],"k":[1,1],"tau":0.5"#, "tau"),
+            (r#""steps":2,"epsilon":[0],"tau":1.5"#, "tau"),
+            (r#""steps":2,"epsilon":[0],"tau":0.5,"rollout":"other""#, "rollout"),
+            (r#""steps":2,"epsilon":[0],"tau":0.5,"colour":"red""#, "colour"),
+        ] {
+            assert_eq!(read(&whole(rest)).unwrap().field, field, "{rest}");
+        }
+        assert_eq!(read(r#"{"format":"other","steps":2,"epsilon":[0]}"#).unwrap().field, "format");
+    }
+
+    #[test]
+    fn sets_and_steps_come_and_go() {
+        let mut file = paper();
+        file.resize(6);
+        assert_eq!(file.epsilon, [0.0, 0.15, 0.25, 0.4, 0.7, 1.0]);
+        file.resize(2);
+        assert_eq!(file.epsilon, [0.0, 1.0]);
+        file.resize(1);
+        assert_eq!(file.epsilon, [1.0]);
+        file.resize(2);
+        assert_eq!(file.epsilon, [0.5, 1.0]);
+        file.look_ahead(12);
+        assert_eq!(file.k.as_deref().unwrap()[9..], [1, 1, 1]);
+        file.look_ahead(1);
+        assert_eq!(file.k.as_deref(), Some(&[2][..]));
+        assert!(file.settings(3).is_ok());
+    }
+
+    #[test]
+    fn a_link_can_always_be_read() {
+        let mut file = paper();
+        file.epsilon = vec![1.0 / 3.0, 1e-7, 12.5, 1.0];
+        file.set("eps", file.query().split('&').nth(1).unwrap().strip_prefix("eps=").unwrap())
+            .unwrap();
+        assert_eq!(file.epsilon, [0.333333333333, 1e-7, 12.5, 1.0]);
+    }
+
+    #[test]
+    fn what_a_link_cannot_mean_is_named() {
+        for (name, value) in [
+            ("T", "0"),
+            ("T", "101"),
+            ("T", "1.5"),
+            ("eps", "0,,1"),
+            ("eps", "NaN"),
+            ("k", "1,x"),
+            ("k", "-1"),
+            ("tau", "much"),
+            ("rollout", "other"),
+        ] {
+            let mut file = paper();
+            let invalid = file.set(name, value).unwrap_err();
+            assert_eq!((invalid.field.as_str(), invalid.found.as_str()), (name, value));
+            assert_eq!(file, paper());
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn links_and_files_bring_the_same_settings_back(
+            steps in 1..=MOST_STEPS, epsilon in prop::collection::vec(0u32..100, 1..=MOST_SETS),
+            k in prop::collection::vec(1usize..=3, MOST_STEPS), tau in 1u32..=1000, adaptive: bool,
+            as_printed: bool,
+        ) {
+            let mut epsilon: Vec<f64> = epsilon.iter().map(|&e| f64::from(e) / 100.0).collect();
+            epsilon.sort_by(f64::total_cmp);
+            let file = ShfrsFile {
+                format: Format::V1,
+                steps,
+                epsilon,
+                k: (!adaptive).then(|| k[..steps].to_vec()),
+                tau: adaptive.then_some(f64::from(tau) / 1000.0),
+                rollout: if as_printed { Rollout::Paper } else { Rollout::Base },
+            };
+            let mut read = paper();
+            for (name, value) in file.query().split('&').filter_map(|part| part.split_once('=')) {
+                read.set(name, value).unwrap();
+            }
+            prop_assert_eq!(&read, &file);
+            let text = serde_json::to_string(&file).unwrap();
+            prop_assert_eq!(&object_from_json::<ShfrsFile>(&text).unwrap(), &file);
+            prop_assert_eq!(ShfrsFile::from(&file.settings(3).unwrap()), file);
+        }
+    }
+}

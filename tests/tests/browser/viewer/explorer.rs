@@ -1,0 +1,97 @@
+//! The explorer of predicted sets, with real keys and sliders.
+
+use crate::{sign_in, start, take};
+use sidestep_tests::{Browser, Driver, Server, Tab};
+
+/// Eleven tasks: enough to learn from some of them.
+const STUDY: &str = "title = \"Sets\"\nphases = [{ phase = \"task\", scenes = 11 }]\n";
+
+/// The explorer of somebody who has driven everything.
+async fn explorer() -> (Server, Browser, Tab, String) {
+    let (server, browser, tab) = start(STUDY).await;
+    let driver = Driver::enrol(&server).await;
+    driver.drive(&server, 11).await;
+    sign_in(&tab, &server).await;
+    let participant = driver.enrolled.participant_id.clone();
+    // As users come here: from the participant's page.
+    tab.go(&format!("{}/lab/participants/{participant}", server.origin)).await;
+    tab.press("explorer-link").await;
+    tab.until_says("p-4", "1.000").await;
+    until_counted(&tab).await;
+    (server, browser, tab, participant)
+}
+
+/// All tasks are counted for the present settings.
+async fn until_counted(tab: &Tab) {
+    let counted = Tab::at("counted");
+    tab.until(&format!("{counted}?.className === 'done' && !document.querySelector('.sets.old')"))
+        .await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn sets_move_while_a_slider_moves() {
+    let (server, browser, tab, participant) = explorer().await;
+    let areas = async || [tab.words("area-0").await, tab.words("area-3").await];
+    let before = areas().await;
+    // Keys on a slider, as its user presses them.
+    tab.run(&format!("{}.focus()", Tab::at("epsilon-0"))).await;
+    for _ in 0..5 {
+        tab.key("ArrowRight").await;
+    }
+    until_counted(&tab).await;
+    let after = areas().await;
+    assert!(before[0] != after[0] && before[1] == after[1], "{before:?} {after:?}");
+    // A key outside of controls moves the time.
+    tab.run("document.activeElement.blur()").await;
+    tab.key("ArrowRight").await;
+    tab.until_step("explorer", 1).await;
+    // What is wrong is told beside the slider, and the picture stays.
+    tab.enter("epsilon-0", "0.6").await;
+    tab.until_says("complaint", "epsilon[1]").await;
+    assert_eq!(areas().await[1], after[1]);
+    // A slider that is dragged wildly leaves nothing behind: the last place counts.
+    let wild = "for (let i = 0; i < 600; i++) { field.value = (i * 7 % 15) / 100; \
+                field.dispatchEvent(new Event('input', { bubbles: true })) }";
+    tab.run(&format!("(() => {{ const field = {}; {wild} }})()", Tab::at("epsilon-0"))).await;
+    until_counted(&tab).await;
+    assert_eq!(tab.attribute("epsilon-0", "value").await.as_deref(), Some("0.08"));
+    // The link brings the same settings and the same numbers back.
+    tab.until("location.search.includes('eps=0.08')").await;
+    let link: String = tab.eval("location.href").await;
+    let p = tab.words("p-1").await;
+    tab.go("about:blank").await;
+    tab.go(&link).await;
+    tab.until_says("p-1", &p).await;
+    // Presets, a replay of the same moment, and back to its settings.
+    tab.press("preset-1").await;
+    tab.until_says("sets-table", "0.45").await;
+    tab.press("replay-link").await;
+    tab.until_step("replay", 1).await;
+    tab.press("explorer-link").await;
+    tab.until_step("explorer", 1).await;
+    tab.until("location.search.includes('predictor=earlier')").await;
+    assert!(tab.eval::<String>("location.pathname").await.ends_with(&participant));
+    tab.is_well().await;
+    drop(server);
+    browser.close().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn the_explorer_fits_its_window() {
+    let (_server, browser, tab, _) = explorer().await;
+    tab.enter("time", "3").await;
+    tab.until_step("explorer", 15).await;
+    take(&tab, "explorer").await;
+    tab.enter("epsilon-1", "0.9").await;
+    tab.until_says("complaint", "epsilon[2]").await;
+    take(&tab, "explorer-wrong").await;
+    tab.enter("epsilon-1", "0.15").await;
+    tab.enter("count", "all").await;
+    tab.enter("by", "tau").await;
+    tab.until_says("seen", "trained the predictor").await;
+    until_counted(&tab).await;
+    tab.run("document.querySelector('.panel').scrollTop = 900").await;
+    tab.run("document.querySelectorAll('.explorer details').forEach(it => it.open = true)").await;
+    take(&tab, "explorer-below").await;
+    browser.close().await;
+}

@@ -1,0 +1,126 @@
+//! The laboratory's page of value functions, with real keys, drags and wheel.
+
+use crate::{ROBOT, sign_in, start, take};
+use sidestep_tests::Tab;
+use sidestep_tests::browser::{Mouse, count_pixels};
+use sidestep_tests::server::SHORT_STUDY;
+
+const PAGE: &str = "/lab/reachability";
+
+/// The middle of an element, moved by shares of its size.
+async fn place(tab: &Tab, test_id: &str, [right, down]: [f64; 2]) -> [f64; 2] {
+    let element = Tab::at(test_id);
+    tab.eval(&format!(
+        "(box => [box.left + box.width * {}, box.top + box.height * {}])\
+         ({element}.getBoundingClientRect())",
+        0.5 + right,
+        0.5 + down
+    ))
+    .await
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_value_function_is_read_played_and_solved() {
+    let (server, browser, tab) = start(SHORT_STUDY).await;
+    sign_in(&tab, &server).await;
+    tab.run("document.querySelector('a[href=\"/lab/reachability\"]').click()").await;
+    tab.until(&Tab::at("map")).await;
+    assert!(tab.words("origin").await.contains("closed form"));
+    take(&tab, "reachability").await;
+
+    // Keys move the cross-hair, but not while the slider has the keyboard.
+    let before = tab.words("numbers").await;
+    tab.key("ArrowRight").await;
+    let moved = tab.words("numbers").await;
+    assert_ne!(before, moved);
+    tab.run(&format!("{}.focus()", Tab::at("psi"))).await;
+    tab.key("ArrowLeft").await;
+    tab.until_says("map", "V (m)").await;
+    tab.until("document.querySelector('output').textContent === '179°'").await;
+    tab.run(&format!("{}.blur()", Tab::at("psi"))).await;
+
+    // The mouse reads numbers, and a click plays.
+    tab.mouse(Mouse::Move, place(&tab, "map", [0.1, -0.15]).await).await;
+    tab.until("document.body.textContent.includes('under the pointer')").await;
+    tab.mouse(Mouse::Press, place(&tab, "map", [0.1, -0.15]).await).await;
+    tab.mouse(Mouse::Release, place(&tab, "map", [0.1, -0.15]).await).await;
+    tab.until_says("played", "closest distance").await;
+    tab.until("location.search.includes('play=yes')").await;
+    take(&tab, "reachability-play").await;
+    // The link brings the same back.
+    let played = tab.words("played").await;
+    tab.reload().await;
+    assert_eq!(tab.words("played").await, played);
+    tab.key("Escape").await;
+    tab.until(&format!("!{}", Tab::at("played"))).await;
+
+    // Other vehicles are solved beside the page.
+    tab.enter("pursuer-turn-rate", "0.35").await;
+    tab.until_says("origin", "solved here").await;
+    eprintln!("{}", tab.words("origin").await);
+    tab.enter("pursuer-turn-rate", "fast").await;
+    tab.until_says("misread", "expected a finite number > 0, found fast").await;
+    take(&tab, "reachability-misread").await;
+    tab.enter("pursuer-turn-rate", "0.5").await;
+    tab.enter("accuracy", "draft").await;
+    tab.enter("method", "polar").await;
+    tab.press("show-error").await;
+    tab.until_says("errors", "greatest at 24 headings").await;
+    take(&tab, "reachability-error").await;
+    browser.close().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn the_tube_turns_by_hand_and_survives_the_loss_of_its_graphics() {
+    let (server, browser, tab) = start(SHORT_STUDY).await;
+    // So that the test can take the graphics away.
+    tab.before_pages(
+        "{ const get = HTMLCanvasElement.prototype.getContext; \
+         HTMLCanvasElement.prototype.getContext = function (...given) { \
+         if (window.withoutGraphics && given[0] === 'webgl2') return null; \
+         const context = get.apply(this, given); \
+         if (given[0] === 'webgl2') window.graphics = context; return context; } }",
+    )
+    .await;
+    sign_in(&tab, &server).await;
+    tab.go(&format!("{}{PAGE}?show=tube", server.origin)).await;
+    tab.until("window.graphics").await;
+    tab.until_painted().await;
+    let red = |picture: &image::RgbaImage| {
+        picture.pixels().filter(|p| p.0[0] > 150 && p.0[1] < 140 && p.0[2] < 140).count()
+    };
+    let picture = tab.picture("tube").await;
+    assert!(red(&picture) > 10_000, "the tube is drawn: {} red pixels", red(&picture));
+    take(&tab, "reachability-tube").await;
+    // A drag, the wheel and keys turn it.
+    let [from, to] =
+        [place(&tab, "tube", [0.0, 0.0]).await, place(&tab, "tube", [0.25, -0.1]).await];
+    tab.mouse(Mouse::Move, from).await;
+    tab.mouse(Mouse::Press, from).await;
+    tab.mouse(Mouse::Drag, to).await;
+    tab.mouse(Mouse::Release, to).await;
+    tab.until("location.search.includes('around=-142')").await;
+    tab.mouse(Mouse::Roll(-120.0), to).await;
+    tab.until("location.search.includes('zoom=138')").await;
+    tab.key("ArrowRight").await;
+    tab.until("location.search.includes('around=-147')").await;
+    tab.until_painted().await;
+    let turned = tab.picture("tube-turned").await;
+    assert!(red(&turned) > 10_000 && turned != picture);
+
+    // Its graphics are lost, and come back.
+    tab.run("window.loss = graphics.getExtension('WEBGL_lose_context'), loss.loseContext()").await;
+    tab.until_says("no-graphics", "draws no solids now").await;
+    take(&tab, "reachability-no-graphics").await;
+    tab.run("loss.restoreContext()").await;
+    tab.until(&format!("!{}", Tab::at("no-graphics"))).await;
+    tab.until_painted().await;
+    assert!(red(&tab.picture("tube-restored").await) > 10_000);
+    // A browser that never had any.
+    tab.before_pages("window.withoutGraphics = true").await;
+    tab.reload().await;
+    tab.until_says("no-graphics", "draws no solids now").await;
+    assert!(count_pixels(&tab.picture("tube-without-graphics").await, ROBOT) > 100);
+    tab.is_well().await;
+    browser.close().await;
+}

@@ -1,0 +1,7 @@
+//! Entry of the demonstration.
+
+use sidestep_web::pages::lab::{Demonstration, Lab};
+
+fn main() {
+    sidestep_web::browser::run(Lab::<Demonstration>::open);
+}

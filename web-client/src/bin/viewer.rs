@@ -1,0 +1,7 @@
+//! Entry of the laboratory's pages that draw scenes, sets and value functions.
+
+use sidestep_web::pages::lab::{Lab, Viewer};
+
+fn main() {
+    sidestep_web::browser::run(Lab::<Viewer>::open);
+}

@@ -1,0 +1,112 @@
+//! Files that a page offers for download.
+
+use crate::runtime::encoded;
+use js_sys::{Array, Uint8Array};
+use wasm_bindgen::prelude::*;
+use web_sys::{
+    Blob, BlobPropertyBag, CanvasRenderingContext2d, Document, HtmlAnchorElement,
+    HtmlCanvasElement, HtmlElement, HtmlImageElement, Url,
+};
+
+/// Offers bytes as a file with this name.
+pub(super) fn offer(document: &Document, name: &str, media_type: &str, content: &[u8]) {
+    let parts = Array::of1(&Uint8Array::from(content));
+    let kind = BlobPropertyBag::new();
+    kind.set_type(media_type);
+    if let Ok(blob) = Blob::new_with_u8_array_sequence_and_options(&parts, &kind) {
+        let _ = offer_blob(document, name, &blob);
+    }
+}
+
+/// Offers what is on the canvas with this id as a PNG image. A canvas is transparent where nothing is
+/// painted, so the image gets the ground of the page.
+pub(super) fn offer_canvas(document: &Document, canvas: &str, name: String) {
+    let _ = canvas_on_ground(document, canvas, name);
+}
+
+fn canvas_on_ground(document: &Document, id: &str, name: String) -> Result<(), JsValue> {
+    let missing = || JsValue::from_str("no canvas");
+    let canvas: HtmlCanvasElement =
+        document.get_element_by_id(id).ok_or_else(missing)?.dyn_into()?;
+    let image: HtmlCanvasElement = document.create_element("canvas")?.dyn_into()?;
+    image.set_width(canvas.width());
+    image.set_height(canvas.height());
+    let context: CanvasRenderingContext2d =
+        image.get_context("2d")?.ok_or_else(missing)?.dyn_into()?;
+    let window = document.default_view().ok_or_else(missing)?;
+    let ground = match document.body() {
+        Some(body) => window
+            .get_computed_style(&body)?
+            .map(|style| style.get_property_value("background-color")),
+        None => None,
+    };
+    if let Some(Ok(ground)) = ground {
+        context.set_fill_style_str(&ground);
+        let (width, height) = (f64::from(image.width()), f64::from(image.height()));
+        context.fill_rect(0.0, 0.0, width, height);
+    }
+    context.draw_image_with_html_canvas_element(&canvas, 0.0, 0.0)?;
+    offer_canvas_blob(document, &image, name)
+}
+
+/// Offers an SVG file as a PNG image, twice as large as it says.
+pub(super) fn offer_picture(document: &Document, svg: &[u8], name: String) {
+    const TIMES: u32 = 2;
+    let Ok(image) = HtmlImageElement::new() else { return };
+    let (document, shown) = (document.clone(), image.clone());
+    let paint = Closure::once_into_js(move || {
+        let (width, height) = (TIMES * shown.natural_width(), TIMES * shown.natural_height());
+        let canvas = document.create_element("canvas").ok();
+        let canvas = canvas.and_then(|canvas| canvas.dyn_into::<HtmlCanvasElement>().ok());
+        let Some(canvas) = canvas else { return };
+        canvas.set_width(width);
+        canvas.set_height(height);
+        let context = canvas.get_context("2d").ok().flatten();
+        let context = context.and_then(|it| it.dyn_into::<CanvasRenderingContext2d>().ok());
+        let Some(context) = context else { return };
+        let _ = context.draw_image_with_html_image_element_and_dw_and_dh(
+            &shown,
+            0.0,
+            0.0,
+            width.into(),
+            height.into(),
+        );
+        let _ = offer_canvas_blob(&document, &canvas, name);
+    });
+    image.set_onload(Some(paint.unchecked_ref()));
+    let svg = encoded(&String::from_utf8_lossy(svg));
+    image.set_src(&format!("data:image/svg+xml,{svg}"));
+}
+
+fn offer_canvas_blob(
+    document: &Document,
+    canvas: &HtmlCanvasElement,
+    name: String,
+) -> Result<(), JsValue> {
+    let document = document.clone();
+    let offer = Closure::once_into_js(move |blob: Option<Blob>| {
+        if let Some(blob) = blob {
+            let _ = offer_blob(&document, &name, &blob);
+        }
+    });
+    canvas.to_blob(offer.unchecked_ref())
+}
+
+fn offer_blob(document: &Document, name: &str, blob: &Blob) -> Result<(), JsValue> {
+    let url = Url::create_object_url_with_blob(blob)?;
+    let link: HtmlAnchorElement = document.create_element("a")?.dyn_into()?;
+    link.set_href(&url);
+    link.set_download(name);
+    link.unchecked_ref::<HtmlElement>().click();
+    // The browser has begun to read it by then.
+    let forget = Closure::once_into_js(move || {
+        let _ = Url::revoke_object_url(&url);
+    });
+    if let Some(window) = document.default_view() {
+        window.set_timeout_with_callback_and_timeout_and_arguments_0(
+            forget.unchecked_ref(),
+            10_000,
+        )?;
+    }
+    Ok(())
+}

@@ -1,0 +1,178 @@
+//! Draws solids with WebGL 2.
+
+use super::listen::Listener;
+use crate::runtime::Solid;
+use js_sys::{Float32Array, Uint32Array};
+use sidestep::inspection::Mesh;
+use std::cell::Cell;
+use std::rc::Rc;
+use wasm_bindgen::prelude::*;
+use web_sys::{Document, HtmlCanvasElement, WebGl2RenderingContext as Gl, WebGlProgram, Window};
+
+/// What it needs of the browser it asks for once for each canvas.
+#[derive(Default)]
+pub(super) struct Painter(Option<Canvas>);
+
+struct Canvas {
+    element: HtmlCanvasElement,
+    /// None where there is no WebGL.
+    gl: Option<Gl>,
+    /// What the graphics processor has, once it has it.
+    loaded: Option<Loaded>,
+    /// Whether it has lost that since.
+    is_lost: Rc<Cell<bool>>,
+    _listeners: Vec<Listener>,
+}
+
+struct Loaded {
+    program: WebGlProgram,
+    /// The mesh in its buffers.
+    mesh: Rc<Mesh>,
+}
+
+const VERTEX: &str = "#version 300 es
+in vec3 place; in vec3 normal;
+uniform mat4 matrix;
+out vec3 facing; out float height;
+void main() { gl_Position = matrix * vec4(place, 1.0); facing = normal; height = place.z; }";
+
+/// The light and the tones of the library's drawing, and rings at equal heights.
+const FRAGMENT: &str = "#version 300 es
+precision highp float;
+in vec3 facing; in float height;
+uniform vec3 light; uniform vec3 tones[3]; uniform float ring;
+out vec4 colour;
+void main() {
+  vec3 outwards = normalize(gl_FrontFacing ? facing : -facing);
+  float lit = 2.0 * min(0.16 + 0.84 * max(dot(outwards, light), 0.0), 1.0);
+  vec3 tone = lit < 1.0 ? mix(tones[0], tones[1], lit) : mix(tones[1], tones[2], lit - 1.0);
+  if (!gl_FrontFacing) tone = mix(tone, tones[0], 0.55);
+  float turns = height / ring;
+  float away = abs(fract(turns + 0.5) - 0.5) / max(fwidth(turns), 1e-5);
+  colour = vec4(mix(tones[0], tone, 0.4 + 0.6 * smoothstep(0.3, 1.1, away)), 1.0);
+}";
+
+impl Painter {
+    /// Draws a solid; whether the browser can. `tell` is called when it loses its graphics, and when it has
+    /// them again.
+    pub(super) fn draw<M>(
+        &mut self,
+        document: &Document,
+        window: &Window,
+        solid: &Solid<M>,
+        tell: impl Fn(bool) + Clone + 'static,
+    ) -> bool {
+        let Some(element) = document.get_element_by_id(solid.canvas) else { return true };
+        let Ok(element) = element.dyn_into::<HtmlCanvasElement>() else { return false };
+        if self.0.as_ref().is_none_or(|canvas| canvas.element != element) {
+            self.0 = Some(Canvas::new(element, tell));
+        }
+        let Some(canvas) = &mut self.0 else { return false };
+        let Some(gl) = &canvas.gl else { return false };
+        if gl.is_context_lost() {
+            // The page hears of that by itself.
+            return true;
+        }
+        if canvas.is_lost.take() {
+            canvas.loaded = None;
+        }
+        canvas.paint(window, solid).is_some()
+    }
+}
+
+impl Canvas {
+    fn new(element: HtmlCanvasElement, tell: impl Fn(bool) + Clone + 'static) -> Self {
+        let context = element.get_context("webgl2").ok().flatten();
+        let gl = context.and_then(|context| context.dyn_into::<Gl>().ok());
+        let is_lost = Rc::new(Cell::new(false));
+        let (lost, noted) = (tell.clone(), Rc::clone(&is_lost));
+        let listeners = [
+            Listener::new(&element, "webglcontextlost", move |event| {
+                // Without this the browser would not restore it.
+                event.prevent_default();
+                noted.set(true);
+                lost(false);
+            }),
+            Listener::new(&element, "webglcontextrestored", move |_| tell(true)),
+        ];
+        let _listeners = listeners.into_iter().flatten().collect();
+        Self { element, gl, loaded: None, is_lost, _listeners }
+    }
+
+    fn paint<M>(&mut self, window: &Window, solid: &Solid<M>) -> Option<()> {
+        let gl = self.gl.as_ref()?;
+        let known = self.loaded.take();
+        let loaded = match known {
+            Some(loaded) if Rc::ptr_eq(&loaded.mesh, &solid.mesh) => loaded,
+            Some(loaded) => {
+                fill(gl, &solid.mesh);
+                Loaded { mesh: Rc::clone(&solid.mesh), ..loaded }
+            }
+            None => {
+                let program = program(gl)?;
+                begin(gl, &program)?;
+                fill(gl, &solid.mesh);
+                Loaded { program, mesh: Rc::clone(&solid.mesh) }
+            }
+        };
+        let ratio = window.device_pixel_ratio();
+        let size = [self.element.client_width(), self.element.client_height()];
+        let [width, height] = size.map(|side| (f64::from(side) * ratio).round() as u32);
+        if (self.element.width(), self.element.height()) != (width, height) {
+            self.element.set_width(width);
+            self.element.set_height(height);
+        }
+        gl.viewport(0, 0, width as i32, height as i32);
+        gl.clear(Gl::COLOR_BUFFER_BIT | Gl::DEPTH_BUFFER_BIT);
+        let place = |name: &str| gl.get_uniform_location(&loaded.program, name);
+        let matrix = place("matrix");
+        gl.uniform_matrix4fv_with_f32_array(matrix.as_ref(), false, &solid.matrix);
+        gl.uniform3fv_with_f32_array(place("light").as_ref(), &solid.light);
+        let tones: Vec<f32> =
+            solid.tones.iter().flatten().map(|tone| f32::from(*tone) / 255.0).collect();
+        gl.uniform3fv_with_f32_array(place("tones").as_ref(), &tones);
+        gl.uniform1f(place("ring").as_ref(), solid.ring);
+        let count = loaded.mesh.indices.len() as i32;
+        gl.draw_elements_with_i32(Gl::TRIANGLES, count, Gl::UNSIGNED_INT, 0);
+        self.loaded = Some(loaded);
+        Some(())
+    }
+}
+
+/// Compiles and links the program.
+fn program(gl: &Gl) -> Option<WebGlProgram> {
+    let program = gl.create_program()?;
+    for (kind, code) in [(Gl::VERTEX_SHADER, VERTEX), (Gl::FRAGMENT_SHADER, FRAGMENT)] {
+        let shader = gl.create_shader(kind)?;
+        gl.shader_source(&shader, code);
+        gl.compile_shader(&shader);
+        gl.attach_shader(&program, &shader);
+    }
+    gl.link_program(&program);
+    let is_linked = gl.get_program_parameter(&program, Gl::LINK_STATUS).is_truthy();
+    is_linked.then_some(program)
+}
+
+/// Makes the buffers, and says what is in them.
+fn begin(gl: &Gl, program: &WebGlProgram) -> Option<()> {
+    gl.use_program(Some(program));
+    gl.bind_buffer(Gl::ARRAY_BUFFER, Some(&gl.create_buffer()?));
+    gl.bind_buffer(Gl::ELEMENT_ARRAY_BUFFER, Some(&gl.create_buffer()?));
+    let number = size_of::<f32>() as i32;
+    for (name, first) in [("place", 0), ("normal", 3)] {
+        let at = u32::try_from(gl.get_attrib_location(program, name)).ok()?;
+        gl.enable_vertex_attrib_array(at);
+        gl.vertex_attrib_pointer_with_i32(at, 3, Gl::FLOAT, false, 6 * number, first * number);
+    }
+    gl.enable(Gl::DEPTH_TEST);
+    gl.clear_color(0.0, 0.0, 0.0, 0.0);
+    Some(())
+}
+
+/// Gives the buffers a mesh.
+fn fill(gl: &Gl, mesh: &Mesh) {
+    let vertices = Float32Array::from(&mesh.vertices[..]);
+    gl.buffer_data_with_array_buffer_view(Gl::ARRAY_BUFFER, &vertices, Gl::STATIC_DRAW);
+    let indices = Uint32Array::from(&mesh.indices[..]);
+    gl.buffer_data_with_array_buffer_view(Gl::ELEMENT_ARRAY_BUFFER, &indices, Gl::STATIC_DRAW);
+}

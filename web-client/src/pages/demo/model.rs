@@ -1,0 +1,109 @@
+//! What is learned of the driver, scene by scene, and how well it foresaw them.
+
+use sidestep::features::FeatureSet;
+use sidestep::invalid::Invalid;
+use sidestep::playback::{Learned, Playback};
+use sidestep::safety::SafetyLevels;
+use sidestep::scene::SceneParameters;
+use sidestep::shfrs::prediction::Prediction;
+use sidestep::shfrs::probability::regions;
+use sidestep::shfrs::window::{Trajectory, WindowChoice};
+use sidestep::shfrs::{PredictedHuman, ShfrsSettings};
+use sidestep::training::{Driven, Trained, train_early};
+
+/// The learned function of the driver.
+pub(super) struct Model {
+    driven: Vec<Driven>,
+    /// Whether there is more than the frequencies of the inputs.
+    pub(super) is_fitted: bool,
+    /// What is predicted with.
+    pub(super) learned: Learned,
+    /// How well each scene was foreseen by what was learned before it.
+    pub(super) foreseen: Vec<Foreseen>,
+}
+
+/// How well a scene was foreseen.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Foreseen {
+    /// Share of the steps whose input was the likeliest one.
+    pub(super) inputs: f64,
+    /// Share of the windows whose true future stayed inside each set, the smallest set first.
+    pub(super) inside: Vec<f64>,
+}
+
+/// Scenes from which a model is learned: from the first one on, to watch it learn.
+const LEAST: usize = 1;
+
+/// Confidence of intervals, which this page does not show.
+const CONFIDENCE: f64 = 0.95;
+
+impl Model {
+    /// Nothing is known of the driver.
+    pub(super) fn new(safety: &SafetyLevels) -> Result<Self, Invalid> {
+        let (learned, is_fitted) = learn(safety, &[])?;
+        Ok(Self { driven: Vec::new(), is_fitted, learned, foreseen: Vec::new() })
+    }
+
+    /// Number of scenes that it has learned from.
+    pub(super) fn scenes(&self) -> usize {
+        self.driven.len()
+    }
+
+    /// Share of the windows of all scenes whose true future stayed inside each set. Each set has as many
+    /// windows in every scene.
+    pub(super) fn inside(&self) -> Vec<f64> {
+        let sets = self.foreseen.first().map_or(0, |foreseen| foreseen.inside.len());
+        let mean = |set| {
+            let shares = self.foreseen.iter().map(|foreseen| foreseen.inside[set]);
+            shares.sum::<f64>() / self.foreseen.len() as f64
+        };
+        (0..sets).map(mean).collect()
+    }
+
+    /// Compares a scene with what was foreseen, then learns from it.
+    pub(super) fn learn(&mut self, scene: &Playback, safety: &SafetyLevels) -> Result<(), Invalid> {
+        self.foreseen.push(self.compare(scene, safety)?);
+        let recorded = scene.recorded();
+        self.driven.push((recorded.inputs.clone(), recorded.states.clone()));
+        (self.learned, self.is_fitted) = learn(safety, &self.driven)?;
+        Ok(())
+    }
+
+    fn compare(&self, scene: &Playback, safety: &SafetyLevels) -> Result<Foreseen, Invalid> {
+        let recorded = scene.recorded();
+        let likeliest = scene.forecast().iter().map(|probabilities| {
+            let likeliest = probabilities.iter().max_by(|a, b| a.1.total_cmp(&b.1));
+            likeliest.map(|(input, _)| *input)
+        });
+        let right =
+            recorded.inputs.iter().zip(likeliest).filter(|(done, said)| Some(**done) == *said);
+        let inputs = right.count() as f64 / recorded.inputs.len() as f64;
+        let inside = inside(&recorded.parameters, recorded, &self.learned, safety)?;
+        Ok(Foreseen { inputs, inside })
+    }
+}
+
+/// Share of the windows of a trial whose future stayed inside each set.
+fn inside(
+    parameters: &SceneParameters,
+    recorded: &sidestep::playback::Recorded,
+    learned: &Learned,
+    safety: &SafetyLevels,
+) -> Result<Vec<f64>, Invalid> {
+    let rates = recorded.inputs.iter().map(|&input| parameters.human.turn_rate(input)).collect();
+    let trajectory = Trajectory::new(recorded.states.clone(), rates)?;
+    let human = PredictedHuman::new(&learned.predictor, safety, parameters)?;
+    let prediction = Prediction::new(parameters, &human);
+    let choice = WindowChoice::EveryStep;
+    let settings = &learned.settings.bounds;
+    let counted = regions(&[trajectory], choice, prediction, settings, CONFIDENCE)?;
+    Ok(counted.probabilities.inside.iter().map(|share| share.value).collect())
+}
+
+/// Logistic regression on all features, or the frequencies of the inputs while there is nothing to learn.
+fn learn(safety: &SafetyLevels, driven: &[Driven]) -> Result<(Learned, bool), Invalid> {
+    let features = FeatureSet::subset("hrd")?;
+    let Trained { predictor, fallback } = train_early(&features, Some(safety), driven, LEAST)?;
+    let settings = ShfrsSettings::paper(predictor.classes().len())?;
+    Ok((Learned { predictor, settings }, fallback.is_none()))
+}

@@ -1,0 +1,615 @@
+//! The explorer of one participant's predicted sets: every setting of the prediction moves the sets of a
+//! moment, and the probabilities that are counted over the participant's tasks.
+
+mod predictor;
+mod coverage;
+mod controls;
+mod sets;
+mod view;
+
+use self::coverage::Coverage;
+use self::predictor::Choice;
+use super::parts;
+use super::safety::Sources;
+use crate::evaluation::Part;
+use crate::form::FieldValue;
+use crate::json;
+use crate::runtime::{
+    Address, Answer, Command, Commands, Evaluate, Event, Failure, Page, Request, Solving, read,
+};
+use crate::view::Node;
+use sidestep::api::{Drives, routes};
+use sidestep::invalid::Invalid;
+use sidestep::picture::Picture;
+use sidestep::playback::view::View;
+use sidestep::playback::{Learned, Playback};
+use sidestep::predict::{Predictor, PredictorFile};
+use sidestep::scene::Evader;
+use sidestep::shfrs::ShfrsSettings;
+use sidestep::shfrs::file::{PRESETS, ShfrsFile};
+use std::rc::Rc;
+
+/// The page of one participant.
+pub enum ExplorerPage {
+    /// The tasks of this participant are on their way, to be seen as the address says.
+    Loading(String, Address),
+    /// There is nothing to explore, for this reason.
+    Failed(String),
+    /// The tasks are here.
+    Open(Box<Explorer>),
+}
+
+/// What the explorer can be told.
+#[derive(Clone, Debug)]
+pub enum Msg {
+    /// The server sent the tasks.
+    Drives(Answer),
+    /// The server or the solver reports on the value function of this vehicle as the evader.
+    ValueFunction(Evader, Solving),
+    /// Stop solving.
+    StopSolving,
+    /// Ask for, or solve, again what is missing.
+    SolveAgain,
+    /// Another predictor is to be used.
+    Choose(FieldValue),
+    /// The predictor that is trained here is to use other features.
+    Features(FieldValue),
+    /// The server sent the predictor.
+    Predictor(Answer),
+    /// The server listed the study's analyses.
+    Analyses(Answer),
+    /// The server listed the participant's models in this analysis.
+    Models(String, Answer),
+    /// The evaluator reports.
+    Report(Answer),
+    /// Use one of the paper's settings.
+    Preset(usize),
+    /// Look so many steps ahead.
+    Steps(FieldValue),
+    /// Predict so many sets.
+    Count(FieldValue),
+    /// The widening of this set.
+    Epsilon(usize, FieldValue),
+    /// Choose actions by number, or by probability.
+    By(FieldValue),
+    /// At least so many actions count up to that step.
+    UpTo(usize, FieldValue),
+    /// How many actions count at each step.
+    K(FieldValue),
+    /// The probability that makes an action count.
+    Tau(FieldValue),
+    /// The roll-out.
+    Rollout(FieldValue),
+    /// All settings, as JSON.
+    Json(FieldValue),
+    /// Offer the settings as a file.
+    Save,
+    /// Count the tasks that did not train the predictor, or all.
+    Counted(FieldValue),
+    /// Another task.
+    Task(FieldValue),
+    /// So many tasks on or back.
+    Next(i32),
+    /// Another time, s.
+    Seek(FieldValue),
+    /// So many steps on or back.
+    Step(i32),
+    /// Shows or hides the layer at this place.
+    Layer(usize),
+    /// The other colours.
+    Colours,
+    /// The link is brought up to date.
+    Link,
+}
+
+impl ExplorerPage {
+    /// The page as it opens.
+    #[must_use]
+    pub fn open(participant_id: &str, address: &Address) -> (Self, Commands<Msg>) {
+        let ask = Request::get("drives", routes::admin_drives(participant_id), Msg::Drives);
+        (Self::Loading(participant_id.to_owned(), address.clone()), vec![Command::Send(ask)])
+    }
+
+    /// What becomes of the page once the server has answered.
+    fn opened(id: &str, address: &Address, answer: Answer) -> (Self, Commands<Msg>) {
+        let content = match answer {
+            Ok(content) => content,
+            Err(Failure { status, sentence, .. }) => {
+                let why = "There is no such participant.".to_owned();
+                return (Self::Failed(if status == 404 { why } else { sentence }), Vec::new());
+            }
+        };
+        let explorer = read(Ok(content.clone()))
+            .map_err(|failure| failure.sentence)
+            .and_then(|drives| Explorer::open(id, address, drives, content));
+        match explorer {
+            Ok((explorer, commands)) => (Self::Open(Box::new(explorer)), commands),
+            Err(why) => (Self::Failed(why), Vec::new()),
+        }
+    }
+}
+
+impl Page for ExplorerPage {
+    type Msg = Msg;
+
+    fn update(&mut self, message: Msg, _: f64) -> Commands<Msg> {
+        match (message, &mut *self) {
+            (Msg::Drives(answer), Self::Loading(id, address)) => {
+                let (page, commands) = Self::opened(id, address, answer);
+                *self = page;
+                commands
+            }
+            (message, Self::Open(explorer)) => explorer.update(message),
+            _ => Vec::new(),
+        }
+    }
+
+    fn view(&self) -> Node<Msg> {
+        match self {
+            Self::Loading(..) => parts::loading(),
+            Self::Failed(why) => parts::stuck("Nothing to explore", why),
+            Self::Open(explorer) => view::page(explorer),
+        }
+    }
+
+    fn title(&self) -> String {
+        match self {
+            Self::Open(explorer) => explorer.title(),
+            _ => "Explorer".to_owned(),
+        }
+    }
+
+    fn hear(&self, event: &Event) -> Option<Msg> {
+        match (self, event) {
+            (Self::Open(_), Event::Key { code, down: true, .. }) => key(code),
+            _ => None,
+        }
+    }
+
+    fn owns_key(&self, code: &str) -> bool {
+        matches!(self, Self::Open(_)) && key(code).is_some()
+    }
+
+    fn draw(&self, _: f64, picture: &mut Picture) -> bool {
+        let Self::Open(explorer) = self else { return false };
+        picture.copy(&explorer.picture);
+        true
+    }
+}
+
+/// What the key at this place of the keyboard does.
+fn key(code: &str) -> Option<Msg> {
+    Some(match code {
+        "ArrowLeft" => Msg::Step(-1),
+        "ArrowRight" => Msg::Step(1),
+        "PageUp" => Msg::Step(-5),
+        "PageDown" => Msg::Step(5),
+        "KeyP" => Msg::Next(-1),
+        "KeyN" => Msg::Next(1),
+        "KeyC" => Msg::Colours,
+        _ => return None,
+    })
+}
+
+/// A participant's tasks that are looked at.
+pub struct Explorer {
+    participant_id: String,
+    drives: Drives,
+    /// The same as the server sent it, for the evaluator.
+    content: Vec<u8>,
+    /// The place of the task that is looked at.
+    task: usize,
+    sources: Sources<Msg>,
+    choice: Choice,
+    /// What the controls say; it may be wrong.
+    wanted: ShfrsFile,
+    /// What is wrong with it, if something is.
+    complaint: Option<Invalid>,
+    coverage: Coverage,
+    playback: Playback,
+    view: View,
+    /// What there is to see.
+    picture: Picture,
+    /// Why no sets are predicted, if so.
+    trouble: Option<String>,
+    /// What of the link could not be used.
+    misread: Option<String>,
+}
+
+/// How long the link stays behind, ms: browsers do not let a page change its address at every move.
+const LINK_AFTER_MS: f64 = 250.0;
+
+impl Explorer {
+    /// The tasks as the address describes them.
+    fn open(
+        id: &str,
+        address: &Address,
+        drives: Drives,
+        content: Vec<u8>,
+    ) -> Result<(Self, Commands<Msg>), String> {
+        if drives.data_deleted {
+            return Err("The data of this participant were deleted.".to_owned());
+        }
+        let mut misread = None;
+        let named = address.parameter("trial");
+        let task = named.and_then(|id| drives.tasks.iter().position(|it| it.trial_id == id));
+        if named.is_some() && task.is_none() {
+            misread =
+                Some("The link names a trial that is no task of this participant.".to_owned());
+        }
+        let task = task.unwrap_or(0);
+        let Some(drive) = drives.tasks.get(task) else {
+            return Err("This participant has no tasks yet.".to_owned());
+        };
+        let mut wanted = PRESETS[0].settings(ACTIONS);
+        let mut view = View::default();
+        for (name, value) in &address.query {
+            if let Err(invalid) = wanted.set(name, value).and_then(|()| view.set(name, value)) {
+                misread = Some(format!("The link is not valid: {invalid}."));
+            }
+        }
+        let playback = Playback::new(drive.recorded(drives.parameters))
+            .map_err(|invalid| invalid.to_string())?;
+        let ids = [drives.value_function_hr.as_deref(), drives.value_function_rh.as_deref()];
+        let mut explorer = Self {
+            participant_id: id.to_owned(),
+            task,
+            sources: Sources::new(&drives.parameters, ids, Msg::ValueFunction),
+            choice: Choice::of(address),
+            complaint: wanted.settings(ACTIONS).err(),
+            wanted,
+            coverage: Coverage::new(address.parameter("count") == Some("all")),
+            playback,
+            view,
+            picture: Picture::default(),
+            trouble: None,
+            misread,
+            drives,
+            content,
+        };
+        let mut commands = explorer.sources.begin();
+        commands.extend(explorer.choice.begin(&explorer.drives));
+        explorer.show();
+        Ok((explorer, commands))
+    }
+
+    fn update(&mut self, message: Msg) -> Commands<Msg> {
+        let before = self.address();
+        let mut commands = match message {
+            Msg::Link => return vec![Command::ReplaceAddress(before)],
+            message => self.take(message),
+        };
+        self.show();
+        if self.address() != before {
+            let message = Msg::Link;
+            commands.push(Command::Wake { timer: "link", after_ms: LINK_AFTER_MS, message });
+        }
+        commands
+    }
+
+    fn take(&mut self, message: Msg) -> Commands<Msg> {
+        match message {
+            Msg::ValueFunction(evader, solving) => {
+                self.sources.take(evader, solving);
+                return self.take_safety();
+            }
+            Msg::StopSolving => return self.sources.stop(),
+            Msg::SolveAgain => return self.sources.retry(),
+            Msg::Choose(value) => {
+                self.choice.choose(&value);
+                return self.ask_predictor();
+            }
+            Msg::Features(value) => {
+                self.choice.set_features(value.text());
+                return self.ask_predictor();
+            }
+            Msg::Predictor(answer) => return self.take_predictor(answer),
+            Msg::Analyses(answer) => return self.choice.analyses(answer, self.drives.number),
+            Msg::Models(analysis, answer) => self.choice.offered.models(analysis, answer),
+            Msg::Report(answer) => return self.take_report(answer),
+            Msg::Preset(place) => {
+                let preset = PRESETS.get(place).map(|preset| preset.settings(self.actions()));
+                return self.change(|wanted| {
+                    if let Some(preset) = preset {
+                        *wanted = preset;
+                    }
+                    Ok(())
+                });
+            }
+            Msg::Steps(value) => return self.change(|wanted| wanted.set("T", &words(&value))),
+            Msg::Count(value) => {
+                return self.change(|wanted| {
+                    wanted.resize(value.number().map_or(0, |sets| sets as usize));
+                    Ok(())
+                });
+            }
+            Msg::Epsilon(place, value) => {
+                return self.change(|wanted| {
+                    let number = value.number();
+                    let number = number.ok_or_else(|| {
+                        Invalid::new(format!("epsilon[{place}]"), "a number", "none")
+                    })?;
+                    if let Some(epsilon) = wanted.epsilon.get_mut(place) {
+                        *epsilon = number;
+                    }
+                    Ok(())
+                });
+            }
+            Msg::By(value) => {
+                return self.change(|wanted| {
+                    let k = vec!["1"; wanted.steps].join(",");
+                    let (name, value) = match value.text() {
+                        "tau" => ("tau", "0.1"),
+                        _ => ("k", k.as_str()),
+                    };
+                    wanted.set(name, value)
+                });
+            }
+            Msg::UpTo(k, value) => {
+                return self.change(|wanted| {
+                    let upto = value.number().map_or(0, |upto| upto as usize);
+                    controls::count_up_to(wanted, k, upto);
+                    Ok(())
+                });
+            }
+            Msg::K(value) => return self.change(|wanted| wanted.set("k", value.text())),
+            Msg::Tau(value) => return self.change(|wanted| wanted.set("tau", &words(&value))),
+            Msg::Rollout(value) => {
+                return self.change(|wanted| wanted.set("rollout", value.text()));
+            }
+            Msg::Json(value) => {
+                return self.change(|wanted| {
+                    let read = json::read(value.text().as_bytes());
+                    let expected = "settings as the file has them";
+                    *wanted = read.ok_or_else(|| Invalid::new("JSON", expected, "other text"))?;
+                    Ok(())
+                });
+            }
+            Msg::Save => return vec![self.file()],
+            Msg::Counted(value) => {
+                self.coverage.counts_all = value.text() == "all";
+                return self.ask_coverage();
+            }
+            Msg::Task(value) => {
+                let chosen = value.text();
+                let task = self.drives.tasks.iter().position(|it| it.trial_id == chosen);
+                return self.go_to(task.unwrap_or(self.task));
+            }
+            Msg::Next(by) => {
+                let last = self.drives.tasks.len() as i32 - 1;
+                return self.go_to((self.task as i32 + by).clamp(0, last) as usize);
+            }
+            Msg::Seek(value) => {
+                let time_s = value.number().unwrap_or(0.0);
+                self.view.time_s = time_s.clamp(0.0, self.playback.duration_s());
+            }
+            Msg::Step(by) => {
+                let step_s = self.drives.parameters.step_s;
+                let last = self.playback.recorded().inputs.len() as i32;
+                let step = (self.playback.now().step as i32 + by).clamp(0, last);
+                self.view.time_s = f64::from(step) * step_s;
+            }
+            Msg::Layer(place) => {
+                if let Some(shown) = self.view.shown.get_mut(place) {
+                    *shown = !*shown;
+                }
+            }
+            Msg::Colours => {
+                let other =
+                    if self.view.query().contains("colours=safe") { "paper" } else { "safe" };
+                let _ = self.view.set("colours", other);
+            }
+            Msg::Drives(_) | Msg::Link => {}
+        }
+        Vec::new()
+    }
+
+    /// The link to what is seen now.
+    fn address(&self) -> String {
+        let trial = format!("trial={}", self.drives.tasks[self.task].trial_id);
+        let all = if self.coverage.counts_all { "count=all" } else { "" };
+        let parts =
+            [trial, self.wanted.query(), self.choice.query(), self.view.query(), all.to_owned()];
+        let parts: Vec<String> = parts.into_iter().filter(|part| !part.is_empty()).collect();
+        format!("/lab/explorer/{}?{}", self.participant_id, parts.join("&"))
+    }
+
+    fn title(&self) -> String {
+        format!("{} / participant {} / explorer", self.drives.study, self.drives.number)
+    }
+
+    /// How many actions the predictor has; as many as there are inputs without one.
+    fn actions(&self) -> usize {
+        let learned = self.playback.learned();
+        learned.map_or(ACTIONS, |learned| learned.predictor.classes().len())
+    }
+
+    /// Changes the settings. As long as they are wrong, the last ones that were right stay in the picture.
+    fn change(
+        &mut self,
+        change: impl FnOnce(&mut ShfrsFile) -> Result<(), Invalid>,
+    ) -> Commands<Msg> {
+        let mut wanted = self.wanted.clone();
+        if let Err(invalid) = change(&mut wanted) {
+            self.complaint = Some(invalid);
+            return Vec::new();
+        }
+        self.wanted = wanted;
+        self.use_settings()
+    }
+
+    /// Predicts with the wanted settings, if they are right.
+    fn use_settings(&mut self) -> Commands<Msg> {
+        let actions = self.actions();
+        let settings = self
+            .wanted
+            .settings(actions)
+            .and_then(|bounds| Ok(ShfrsSettings { bounds, ..ShfrsSettings::paper(actions)? }));
+        match settings {
+            Ok(settings) => {
+                self.complaint = None;
+                self.playback.use_settings(settings);
+                self.ask_coverage()
+            }
+            Err(invalid) => {
+                self.complaint = Some(invalid);
+                Vec::new()
+            }
+        }
+    }
+
+    /// Looks at another task. A predictor that is trained on the tasks before it changes with it.
+    fn go_to(&mut self, task: usize) -> Commands<Msg> {
+        if task == self.task {
+            return Vec::new();
+        }
+        let recorded = self.drives.tasks[task].recorded(self.drives.parameters);
+        let Ok(mut playback) = Playback::new(recorded) else { return Vec::new() };
+        let learned = self.playback.learned().cloned();
+        if let Some(safety) = self.playback.safety().cloned() {
+            // Without a predictor this cannot fail; with the same one it has not failed before.
+            let _ = playback.use_safety(safety);
+            let _ = playback.use_learned(learned);
+        }
+        (self.task, self.playback) = (task, playback);
+        self.view.time_s = self.view.time_s.min(self.playback.duration_s());
+        if self.choice.depends_on_task() { self.ask_predictor() } else { Vec::new() }
+    }
+
+    /// Puts the value functions to use, once both are here.
+    fn take_safety(&mut self) -> Commands<Msg> {
+        if self.playback.safety().is_some() {
+            return Vec::new();
+        }
+        let Some(safety) = self.sources.functions() else { return Vec::new() };
+        let content = std::mem::take(&mut self.content);
+        let mut commands = vec![
+            tell(Part::Drives, content),
+            tell(Part::Human, safety.human.encode()),
+            tell(Part::Robot, safety.robot.encode()),
+        ];
+        let _ = self.playback.use_safety(safety);
+        commands.extend(self.ask_predictor());
+        commands
+    }
+
+    /// Asks for the chosen predictor, from wherever it comes, once the safety levels are known.
+    fn ask_predictor(&mut self) -> Commands<Msg> {
+        self.coverage.forget();
+        let _ = self.playback.use_learned(None);
+        if self.playback.safety().is_none() {
+            return Vec::new();
+        }
+        let trial_id = &self.drives.tasks[self.task].trial_id;
+        match self.choice.ask(trial_id, self.drives.tasks.len(), self.coverage.next()) {
+            predictor::Ask::Server(request) => vec![Command::Send(request)],
+            predictor::Ask::Evaluator(training) => {
+                vec![tell(Part::Training, json::write(&training).into_bytes())]
+            }
+            predictor::Ask::Nobody(Ok(file)) => self.use_file(file),
+            predictor::Ask::Nobody(Err(invalid)) => {
+                self.choice.refuse(&invalid.to_string());
+                Vec::new()
+            }
+        }
+    }
+
+    /// Takes the predictor that the server sent.
+    fn take_predictor(&mut self, answer: Answer) -> Commands<Msg> {
+        self.choice.arrived(answer).map(|file| self.use_file(file)).unwrap_or_default()
+    }
+
+    /// Uses a predictor that the evaluator does not know yet.
+    fn use_file(&mut self, file: PredictorFile) -> Commands<Msg> {
+        let mut commands = vec![tell(Part::Predictor, json::write(&file).into_bytes())];
+        self.predict_with(file);
+        commands.extend(self.use_settings());
+        commands
+    }
+
+    /// Takes what the evaluator has to say.
+    fn take_report(&mut self, answer: Answer) -> Commands<Msg> {
+        let Some(mut report) = self.coverage.newest(answer) else { return Vec::new() };
+        let Some(file) = report.predictor.take() else {
+            if let (None, Some(why)) = (self.playback.learned(), &report.trouble) {
+                self.choice.refuse(why);
+            }
+            self.coverage.take(report);
+            return Vec::new();
+        };
+        self.choice.trained(report.fallback);
+        self.predict_with(file);
+        self.use_settings()
+    }
+
+    /// Predicts with this function from now on.
+    fn predict_with(&mut self, file: PredictorFile) {
+        let learned = Predictor::try_from(file).and_then(|predictor| {
+            let settings = ShfrsSettings::paper(predictor.classes().len())?;
+            Ok(Learned { predictor, settings })
+        });
+        let used = learned.and_then(|learned| self.playback.use_learned(Some(learned)));
+        if let Err(invalid) = used {
+            self.choice.refuse(&invalid.to_string());
+        }
+    }
+
+    /// Asks how often the sets hold the future. The evaluator drops what it was asked before.
+    fn ask_coverage(&mut self) -> Commands<Msg> {
+        if self.playback.learned().is_none() || self.complaint.is_some() {
+            return Vec::new();
+        }
+        let tasks = self.counted();
+        let question = self.coverage.ask(self.wanted.clone(), tasks);
+        vec![tell(Part::Question, json::write(&question).into_bytes())]
+    }
+
+    /// The places of the tasks that are counted.
+    fn counted(&self) -> Vec<usize> {
+        if self.coverage.counts_all {
+            return (0..self.drives.tasks.len()).collect();
+        }
+        self.choice.unseen(&self.drives)
+    }
+
+    /// Works out what there is to see.
+    fn show(&mut self) {
+        self.trouble = self.playback.go(&self.view).err().map(|invalid| invalid.to_string());
+        let picture = &mut self.picture;
+        picture.begin(CANVAS, self.playback.window());
+        picture.tell("data-step", self.playback.now().step);
+        picture.tell("data-trial", &self.drives.tasks[self.task].trial_id);
+        self.playback.paint(&self.view, picture);
+    }
+
+    /// The settings as a file.
+    fn file(&self) -> Command<Msg> {
+        let content = json::write(&self.wanted) + "\n";
+        Command::Download {
+            name: FILE.to_owned(),
+            media_type: "application/json",
+            content: content.into_bytes(),
+        }
+    }
+}
+
+/// Tells the evaluator beside this page something.
+fn tell(part: Part, content: Vec<u8>) -> Command<Msg> {
+    let name = "evaluator";
+    let tell = move || Evaluate { name, part, content, then: Rc::new(Msg::Report) };
+    Command::Evaluate(Box::new(tell))
+}
+
+/// The value of a slider as a link would give it.
+fn words(value: &FieldValue) -> String {
+    value.number().map_or_else(|| "nothing".to_owned(), |number| number.to_string())
+}
+
+/// The inputs that there are.
+const ACTIONS: usize = 3;
+
+/// The canvas element's id.
+const CANVAS: &str = "explorer";
+
+/// The name of the file with the settings.
+const FILE: &str = "shfrs-settings.json";

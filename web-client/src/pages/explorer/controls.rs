@@ -1,0 +1,172 @@
+//! The settings of a prediction as controls, each with what is wrong beside it.
+
+use super::{Explorer, Msg};
+use crate::form::FieldValue;
+use crate::json;
+use crate::pages::moment::{select, switch};
+use crate::pages::parts::{alert, button};
+use crate::view::{self, el};
+use sidestep::bounds::Rollout;
+use sidestep::chart::{fixed, number};
+use sidestep::shfrs::file::{MOST_SETS, MOST_STEPS, PRESETS, ShfrsFile};
+
+type Node = view::Node<Msg>;
+
+/// The paper's settings.
+pub(super) fn presets(explorer: &Explorer) -> Node {
+    let button = |(place, preset): (usize, &sidestep::shfrs::file::Preset)| {
+        let is_on = explorer.wanted == preset.settings(explorer.actions());
+        switch(&format!("preset-{place}"), is_on, Msg::Preset(place))
+            .attr("title", preset.meaning)
+            .text(preset.name)
+    };
+    el("div")
+        .class("switches")
+        .attrs(&[("role", "group"), ("aria-label", "Settings of the paper")])
+        .children(PRESETS.iter().enumerate().map(button))
+}
+
+/// How far ahead, how many sets, which actions count, and the roll-out.
+pub(super) fn section(explorer: &Explorer) -> Node {
+    let wanted = &explorer.wanted;
+    let step_s = explorer.drives.parameters.step_s;
+    let ahead = format!("{} = {} s", wanted.steps, fixed(wanted.steps as f64 * step_s, 1));
+    let rollouts = [
+        (Rollout::Base.word().to_owned(), "not widened: regions stay nested".to_owned()),
+        (Rollout::Paper.word().to_owned(), "widened by ε1, as the paper prints it".to_owned()),
+    ];
+    let most = MOST_STEPS.to_string();
+    let sets = MOST_SETS.to_string();
+    el("section")
+        .class("knobs")
+        .child(el("h2").text("Prediction"))
+        .child(slider(
+            "steps",
+            "Steps ahead, T",
+            ["1", &most, "1"],
+            (wanted.steps as f64, ahead),
+            Msg::Steps,
+        ))
+        .children(said(explorer, &["T", "steps"]))
+        .child(slider(
+            "sets",
+            "Sets, F",
+            ["1", &sets, "1"],
+            (wanted.epsilon.len() as f64, wanted.epsilon.len().to_string()),
+            Msg::Count,
+        ))
+        .children(actions(explorer))
+        .child(select("rollout", "Roll-outs", rollouts.into(), wanted.rollout.word(), Msg::Rollout))
+        .children(said(explorer, &["rollout"]))
+}
+
+/// Which actions count at each step.
+fn actions(explorer: &Explorer) -> Vec<Node> {
+    let wanted = &explorer.wanted;
+    let by = [
+        ("k".to_owned(), "the k most likely".to_owned()),
+        ("tau".to_owned(), "those of probability τ".to_owned()),
+    ];
+    let chosen = if wanted.tau.is_some() { "tau" } else { "k" };
+    let mut nodes = vec![select("by", "Actions that count", by.into(), chosen, Msg::By)];
+    if let Some(tau) = wanted.tau {
+        let range = ["0.005", "1", "0.005"];
+        nodes.push(slider("tau", "τ", range, (tau, number(tau)), Msg::Tau));
+    }
+    if let Some(k) = &wanted.k {
+        for (least, id) in [(2, "up-to-2"), (3, "up-to-3")] {
+            if least > explorer.actions() {
+                continue;
+            }
+            let upto = k.iter().take_while(|&&k| k >= least).count();
+            let words =
+                if upto == 0 { "in no step".to_owned() } else { format!("in {upto} steps") };
+            let most = wanted.steps.to_string();
+            let label = if least == 2 { "k of 2 or more" } else { "k of 3" };
+            let then = move |value| Msg::UpTo(least, value);
+            nodes.push(slider(id, label, ["0", &most, "1"], (upto as f64, words), then));
+        }
+        let listed: Vec<String> = k.iter().map(usize::to_string).collect();
+        let field = el("input")
+            .attrs(&[("id", "k"), ("type", "text"), ("autocomplete", "off")])
+            .attr("value", listed.join(","))
+            .attr("title", "How many actions count at each step, with commas between")
+            .test_id("k")
+            .on_input(Msg::K);
+        let label = el("label").attr("for", "k").text("k of each step");
+        nodes.push(el("div").class("pair").child(label).child(field));
+    }
+    nodes.extend(said(explorer, &["k", "tau"]));
+    nodes
+}
+
+/// A slider with its label and its value in words, and what becomes of its value.
+fn slider(
+    id: &'static str,
+    label: &str,
+    [min, max, step]: [&str; 3],
+    (value, words): (f64, String),
+    then: impl Fn(FieldValue) -> Msg + 'static,
+) -> Node {
+    let control = el("input")
+        .attrs(&[("id", id), ("type", "range"), ("min", min), ("max", max), ("step", step)])
+        .attr("data-own-keys", "")
+        .attr("value", value)
+        .attr("aria-valuetext", &words)
+        .test_id(id)
+        .on_input(then);
+    el("div")
+        .class("pair knob")
+        .child(el("label").attr("for", id).text(label))
+        .child(control)
+        .child(el("output").attr("for", id).text(words))
+}
+
+/// What is wrong with one of these fields of the settings, if something is.
+pub(super) fn said(explorer: &Explorer, fields: &[&str]) -> Option<Node> {
+    let complaint = explorer.complaint.as_ref()?;
+    let named = complaint.field.split('[').next().unwrap_or_default();
+    fields.contains(&named).then(|| alert("complaint", &format!("{complaint}.")))
+}
+
+/// At least `least` actions count in the first `upto` steps, and fewer afterwards.
+pub(super) fn count_up_to(settings: &mut ShfrsFile, least: usize, upto: usize) {
+    for (i, k) in settings.k.iter_mut().flatten().enumerate() {
+        *k = if i < upto { (*k).max(least) } else { (*k).min(least - 1) };
+    }
+}
+
+/// The settings as a file and as text.
+pub(super) fn file(explorer: &Explorer) -> Node {
+    let area = el("textarea")
+        .attrs(&[("rows", "5"), ("spellcheck", "false"), ("aria-label", "Settings as JSON")])
+        .attr("value", json::write(&explorer.wanted))
+        .test_id("json")
+        .on_input(Msg::Json);
+    let (study, number) = (&explorer.drives.study, explorer.drives.number);
+    let command = format!(
+        "sidestep shfrs --database sqlite:sidestep.db --study {study} --participant {number} \
+         --settings {} --out shfrs",
+        super::FILE
+    );
+    let save = button("save", Msg::Save).text("Save as a file");
+    // The command line leaves test runs out.
+    let command = (!explorer.drives.pilot).then(|| {
+        el("pre").attr("tabindex", "0").child(el("code").test_id("command").text(command))
+    });
+    let words = match command {
+        Some(_) => "The link of this page has them. So has this file, for the command line:",
+        None => "The link of this page has them. So has this file.",
+    };
+    el("section")
+        .child(el("h2").text("Keep these settings"))
+        .child(el("p").class("quiet").text(words))
+        .children(command)
+        .child(el("p").child(save))
+        .child(
+            el("details")
+                .child(el("summary").text("As JSON, to copy or to paste"))
+                .child(area)
+                .children(said(explorer, &["JSON", "format"])),
+        )
+}

@@ -1,0 +1,77 @@
+//! How often predicted sets hold the future: what the evaluator was asked, and what it has counted.
+
+use crate::evaluation::{Question, Report};
+use crate::json;
+use crate::runtime::Answer;
+use sidestep::shfrs::file::ShfrsFile;
+use sidestep::shfrs::probability::Regions;
+
+/// The newest question and its answer so far.
+#[derive(Default)]
+pub(super) struct Coverage {
+    /// Whether all tasks are counted; else those that did not train the predictor.
+    pub(super) counts_all: bool,
+    /// The number of what the evaluator was asked last.
+    number: u32,
+    /// How many tasks are counted.
+    pub(super) tasks: usize,
+    /// The share of them that is done.
+    pub(super) done: f64,
+    /// What was counted: for this question, or still for one before.
+    regions: Option<Regions>,
+    /// Whether it is for one before.
+    is_old: bool,
+    /// Why nothing can be counted, if so.
+    pub(super) trouble: Option<String>,
+}
+
+impl Coverage {
+    pub(super) fn new(counts_all: bool) -> Self {
+        Self { counts_all, ..Self::default() }
+    }
+
+    /// A number for the next thing to ask; what comes for others is too late.
+    pub(super) fn next(&mut self) -> u32 {
+        self.number += 1;
+        self.number
+    }
+
+    /// Nothing is known any more.
+    pub(super) fn forget(&mut self) {
+        self.next();
+        (self.regions, self.trouble, self.done, self.tasks) = (None, None, 0.0, 0);
+    }
+
+    /// A question about these settings and tasks.
+    pub(super) fn ask(&mut self, settings: ShfrsFile, tasks: Vec<usize>) -> Question {
+        (self.tasks, self.done, self.is_old, self.trouble) = (tasks.len(), 0.0, true, None);
+        Question { number: self.next(), settings, tasks }
+    }
+
+    /// What the evaluator says, unless it is about what was asked before.
+    pub(super) fn newest(&mut self, answer: Answer) -> Option<Report> {
+        let content = match answer {
+            Ok(content) => content,
+            Err(failure) => {
+                (self.regions, self.trouble) = (None, Some(failure.sentence));
+                return None;
+            }
+        };
+        json::read::<Report>(&content).filter(|report| report.number == self.number)
+    }
+
+    /// Takes what was counted.
+    pub(super) fn take(&mut self, report: Report) {
+        self.done = report.done;
+        self.trouble = report.trouble;
+        if report.regions.is_some() || self.trouble.is_some() {
+            (self.regions, self.is_old) = (report.regions, false);
+        }
+    }
+
+    /// What was counted for so many sets, and whether it is for the settings before.
+    pub(super) fn regions(&self, sets: usize) -> Option<(&Regions, bool)> {
+        let regions = self.regions.as_ref().filter(|regions| regions.epsilon.len() == sets)?;
+        Some((regions, self.is_old))
+    }
+}

@@ -1,0 +1,294 @@
+//! Which predictor the explorer uses, and which tasks it has not seen.
+
+use super::Msg;
+use crate::evaluation::Training;
+use crate::form::FieldValue;
+use crate::pages::models::{Named, Offered, described, group, groups, option};
+use crate::pages::moment::select;
+use crate::pages::parts::alert;
+use crate::runtime::{Address, Answer, Commands, Request, read};
+use crate::view::{self, el};
+use sidestep::api::{Drives, PredictorSource, TrainedPredictor, routes};
+use sidestep::features::FeatureSet;
+use sidestep::invalid::Invalid;
+use sidestep::predict::{Predictor, PredictorFile};
+use sidestep::shfrs::tuning::{Parts, Split};
+
+type Node = view::Node<Msg>;
+
+/// The choice of a predictor.
+pub(super) struct Choice {
+    chosen: Chosen,
+    /// Features of the predictor that is trained here: the name of an entry of [`FEATURES`].
+    features: &'static str,
+    /// What is known of it, once it is here.
+    known: Option<Known>,
+    /// What there is besides.
+    pub(super) offered: Offered,
+    /// Why there is no predictor, if so.
+    refused: Option<String>,
+}
+
+/// A predictor.
+#[derive(Clone, Debug, PartialEq, Eq)]
+enum Chosen {
+    /// Trained beside the page, on the same tasks as by the command line.
+    Here,
+    /// Trained by the server on all trials before the one that is looked at.
+    Earlier,
+    /// Every input is equally likely.
+    Constant,
+    /// A model of an analysis.
+    Named(Named),
+}
+
+/// What is known of a predictor.
+#[derive(Default)]
+struct Known {
+    /// The number of trials that trained it.
+    trials: usize,
+    /// The ids of these trials.
+    trained_on: Vec<String>,
+    /// Why it is a simple one, if it is.
+    fallback: Option<String>,
+    /// The analysis that trained it, if one did.
+    source: Option<PredictorSource>,
+}
+
+/// How to come by a predictor.
+pub(super) enum Ask {
+    /// The server has it.
+    Server(Request<Msg>),
+    /// The evaluator trains it.
+    Evaluator(Training),
+    /// It is this.
+    Nobody(Result<PredictorFile, Invalid>),
+}
+
+/// Feature sets to choose from: name in links, features, words. The first one is the command line's.
+const FEATURES: [(&str, &[&str], &str); 9] = [
+    ("usual", &["hrd", "robot_ahead", "robot_left"], "B, V_HR, V_RH, distance, robot ahead, left"),
+    ("hrd", &["hrd"], "B_hrd: B, V_HR, V_RH, distance"),
+    ("hr", &["hr"], "B_hr: B, V_HR, V_RH"),
+    ("hd", &["hd"], "B_hd: B, V_HR, distance"),
+    ("rd", &["rd"], "B_rd: B, V_RH, distance"),
+    ("h", &["h"], "B_h: B, V_HR"),
+    ("r", &["r"], "B_r: B, V_RH"),
+    ("d", &["d"], "B_d: B, distance"),
+    ("b", &[""], "B: relative position and heading"),
+];
+
+/// How the command line splits so many tasks; the predictor is trained on the first part.
+pub(super) fn parts(tasks: usize) -> Parts {
+    let none = Parts { training: Vec::new(), calibration: Vec::new(), test: Vec::new() };
+    Split::USUAL.parts(tasks).unwrap_or(none)
+}
+
+impl Choice {
+    /// The one in the address of the page; without one, that of the command line.
+    pub(super) fn of(address: &Address) -> Self {
+        let chosen = match (Named::of(address), address.parameter("predictor")) {
+            (Some(named), _) => Chosen::Named(named),
+            (None, Some("earlier")) => Chosen::Earlier,
+            (None, Some("constant")) => Chosen::Constant,
+            (None, _) => Chosen::Here,
+        };
+        let mut choice = Self {
+            chosen,
+            features: FEATURES[0].0,
+            known: None,
+            offered: Offered::Asked,
+            refused: None,
+        };
+        choice.set_features(address.parameter("features").unwrap_or_default());
+        choice
+    }
+
+    /// Asks for what there is to choose from.
+    pub(super) fn begin(&self, drives: &Drives) -> Commands<Msg> {
+        vec![Offered::ask(&drives.study, Msg::Analyses)]
+    }
+
+    pub(super) fn analyses(&mut self, answer: Answer, number: i64) -> Commands<Msg> {
+        self.offered.analyses(answer, number, Msg::Models)
+    }
+
+    /// Another predictor.
+    pub(super) fn choose(&mut self, value: &FieldValue) {
+        self.chosen = match value.text() {
+            "earlier" => Chosen::Earlier,
+            "constant" => Chosen::Constant,
+            text => Named::of_value(text).map_or(Chosen::Here, Chosen::Named),
+        };
+    }
+
+    /// Other features for the predictor that is trained here.
+    pub(super) fn set_features(&mut self, name: &str) {
+        if let Some((known, ..)) = FEATURES.iter().find(|(known, ..)| *known == name) {
+            self.features = known;
+        }
+    }
+
+    /// Whether another task needs another predictor.
+    pub(super) fn depends_on_task(&self) -> bool {
+        self.chosen == Chosen::Earlier
+    }
+
+    /// The choice as part of a query; empty for the usual one.
+    pub(super) fn query(&self) -> String {
+        match &self.chosen {
+            Chosen::Here if self.features == FEATURES[0].0 => String::new(),
+            Chosen::Here => format!("features={}", self.features),
+            Chosen::Earlier => "predictor=earlier".to_owned(),
+            Chosen::Constant => "predictor=constant".to_owned(),
+            Chosen::Named(named) => named.query(),
+        }
+    }
+
+    /// The model of an analysis as part of a query; empty for another predictor.
+    pub(super) fn named(&self) -> String {
+        match &self.chosen {
+            Chosen::Named(named) => named.query(),
+            _ => String::new(),
+        }
+    }
+
+    /// How to come by the predictor for a trial of a participant with so many tasks. `number` is that of the
+    /// evaluator's report.
+    pub(super) fn ask(&mut self, trial_id: &str, tasks: usize, number: u32) -> Ask {
+        (self.known, self.refused) = (None, None);
+        let route = routes::admin_predictor(trial_id);
+        let request = |url: String| Ask::Server(Request::get("predictor", url, Msg::Predictor));
+        match &self.chosen {
+            Chosen::Here => {
+                let features = Vec::from(self.feature_set());
+                Ask::Evaluator(Training { number, features, tasks: parts(tasks).training })
+            }
+            Chosen::Earlier => request(route),
+            Chosen::Named(named) => request(format!("{route}?{}", named.query())),
+            Chosen::Constant => {
+                self.known = Some(Known::default());
+                Ask::Nobody(equally_likely())
+            }
+        }
+    }
+
+    fn feature_set(&self) -> FeatureSet {
+        let names = FEATURES.iter().find(|(name, ..)| *name == self.features);
+        let names = names.map_or(FEATURES[0].1, |(_, names, _)| names);
+        let names = names.iter().flat_map(|word| match FeatureSet::subset(word) {
+            Ok(set) => Vec::from(set),
+            Err(_) => vec![(*word).to_owned()],
+        });
+        FeatureSet::of(&names.collect::<Vec<String>>()).unwrap_or_else(|_| FeatureSet::none())
+    }
+
+    /// Takes the predictor that the server sent, if it sent one.
+    pub(super) fn arrived(&mut self, answer: Answer) -> Option<PredictorFile> {
+        match read::<TrainedPredictor>(answer) {
+            Ok(TrainedPredictor { predictor, trials, fallback, trained_on, source }) => {
+                self.known = Some(Known { trials, trained_on, fallback, source });
+                Some(predictor)
+            }
+            Err(failure) => {
+                self.refuse(&failure.sentence);
+                None
+            }
+        }
+    }
+
+    /// The predictor that is trained here has come.
+    pub(super) fn trained(&mut self, fallback: Option<String>) {
+        self.known = Some(Known { fallback, ..Known::default() });
+    }
+
+    /// There is no predictor, for this reason.
+    pub(super) fn refuse(&mut self, why: &str) {
+        self.known = None;
+        self.refused = Some(format!("No predicted sets. {why}"));
+    }
+
+    /// The places of the tasks that did not train the predictor.
+    pub(super) fn unseen(&self, drives: &Drives) -> Vec<usize> {
+        let tasks = &drives.tasks;
+        if self.chosen == Chosen::Here {
+            // As the command line counts them, in its order.
+            let Parts { calibration, test, .. } = parts(tasks.len());
+            return [calibration, test].concat();
+        }
+        let trained_on = self.known.as_ref().map_or(&[][..], |known| &known.trained_on);
+        let is_unseen = |&place: &usize| !trained_on.contains(&tasks[place].trial_id);
+        (0..tasks.len()).filter(is_unseen).collect()
+    }
+}
+
+/// The predictor that knows nothing.
+fn equally_likely() -> Result<PredictorFile, Invalid> {
+    let features = FeatureSet::of(&["distance"])?;
+    let predictor = Predictor::constant(features, vec![-1, 0, 1], vec![1.0 / 3.0; 3])?;
+    Ok(PredictorFile::from(&predictor))
+}
+
+/// The control, and what is to be known of the predictor.
+pub(super) fn section(choice: &Choice, drives: &Drives) -> Node {
+    let id = "choose-predictor";
+    let is_waiting = choice.known.is_none() && choice.refused.is_none();
+    let words = match &choice.known {
+        Some(known) => Some(about(choice, known, drives)),
+        None => is_waiting.then(|| el("p").attr("role", "status").text("Loading…")),
+    };
+    let features = (choice.chosen == Chosen::Here).then(|| {
+        let options = FEATURES.iter().map(|(name, _, words)| ((*name).into(), (*words).into()));
+        select("features", "Features", options.collect(), choice.features, Msg::Features)
+    });
+    el("section")
+        .child(el("h2").child(el("label").attr("for", id).text("Predictor")))
+        .child(list(choice, drives).attr("id", id))
+        .children(features)
+        .children(words.map(|words| words.class("quiet").test_id("predictor")))
+        .children(choice.refused.as_deref().map(|why| alert("refused", why)))
+        .children(choice.offered.hint(&drives.study))
+}
+
+fn list(choice: &Choice, drives: &Drives) -> Node {
+    let entry = |value: &str, chosen: &Chosen, words: &str| {
+        option(value.to_owned(), choice.chosen == *chosen, words.to_owned())
+    };
+    let named = match &choice.chosen {
+        Chosen::Named(named) => Some(named),
+        _ => None,
+    };
+    let source = choice.known.as_ref().and_then(|known| known.source.as_ref());
+    el("select")
+        .attr("name", "predictor")
+        .test_id("choose-predictor")
+        .on_input(Msg::Choose)
+        .child(group("Of this participant".to_owned()).children([
+            entry("here", &Chosen::Here, "Trained on some tasks, judged on the others"),
+            entry("earlier", &Chosen::Earlier, "Trained on the trials before this one"),
+            entry("constant", &Chosen::Constant, "Constant: 1/3 each"),
+        ]))
+        .children(groups(&choice.offered, named, source, drives.number))
+}
+
+/// What the predictor is.
+fn about(choice: &Choice, known: &Known, drives: &Drives) -> Node {
+    if let Some(source) = &known.source {
+        return described(source);
+    }
+    let n = drives.tasks.len();
+    let words = match (&choice.chosen, &known.fallback) {
+        (Chosen::Constant, _) => "Every input is equally likely, whatever the scene.".to_owned(),
+        (_, Some(why)) => format!("Frequencies of the inputs: {why}"),
+        (Chosen::Earlier, None) => format!(
+            "Logistic regression on B_hrd, trained on the {} trials before this task",
+            known.trials
+        ),
+        _ => format!(
+            "Logistic regression, trained on {} of the {n} tasks: drawn with seed 0, as by \
+             sidestep shfrs",
+            parts(n).training.len()
+        ),
+    };
+    el("p").text(words)
+}

@@ -1,0 +1,142 @@
+//! The predicted sets, a line each: its widening, its area, and how often it holds the future.
+
+use super::controls::said;
+use super::{Explorer, Msg};
+use crate::pages::moment::select;
+use crate::pages::parts::{alert, cell, count};
+use crate::view::{self, drawn, el, subscripted};
+use sidestep::chart::{ColourStyle, LegendItem, fixed, number};
+use sidestep::playback::layers::{LAYERS, place};
+use sidestep::stats::Estimate;
+
+type Node = view::Node<Msg>;
+
+/// The table of sets, and what its numbers mean.
+pub(super) fn section(explorer: &Explorer) -> Node {
+    let sets = explorer.wanted.epsilon.len();
+    let signs =
+        place("shfrs").map(|it| (LAYERS[it].legend)(&explorer.playback, &explorer.view.style));
+    let signs: Vec<LegendItem> = signs.unwrap_or_default();
+    let rows = (0..sets).map(|j| row(explorer, j, signs.get(j)));
+    let columns = ["set", "ε / rad s⁻¹", "here / m²", "mean / m²", "p"];
+    let old = explorer.coverage.regions(sets).is_some_and(|(_, is_old)| is_old);
+    let heads = columns.map(|words| el("th").attr("scope", "col").text(words));
+    let table = el("table")
+        .class(if old { "sets old" } else { "sets" })
+        .test_id("sets-table")
+        .child(el("thead").child(el("tr").children(heads)))
+        .child(el("tbody").children(rows));
+    el("section")
+        .child(table)
+        .children(said(explorer, &["eps", "epsilon"]))
+        .child(counted(explorer))
+}
+
+fn row(explorer: &Explorer, j: usize, sign: Option<&LegendItem>) -> Node {
+    let epsilon = explorer.wanted.epsilon[j];
+    // A prediction that admits every turn rate needs no more.
+    let most = 2.0 * explorer.drives.parameters.human.turn_rate_radps;
+    let most = number(most.max(epsilon));
+    let name = format!("ε of set {}", j + 1);
+    let is_wrong =
+        explorer.complaint.as_ref().is_some_and(|it| it.field == format!("epsilon[{j}]"));
+    let slider = el("input")
+        .attrs(&[("type", "range"), ("min", "0"), ("max", &most), ("step", "0.01")])
+        .attr("data-own-keys", "")
+        .attr("value", epsilon)
+        .attr("aria-label", name)
+        .attr("aria-valuetext", format!("{} rad/s", number(epsilon)))
+        .attr_if(is_wrong, "aria-invalid", "true")
+        .test_id(&format!("epsilon-{j}"))
+        .on_input(move |value| Msg::Epsilon(j, value));
+    let shown = explorer.playback.shfrs().and_then(|shfrs| shfrs.sets.get(j));
+    let area = shown.map_or_else(|| "…".to_owned(), |set| fixed(set.area_m2, 2));
+    let regions = explorer.coverage.regions(explorer.wanted.epsilon.len());
+    let (mean, p) = match regions {
+        Some((regions, _)) => {
+            (fixed(regions.mean_area_m2[j], 2), chance(regions.probabilities.inside[j]))
+        }
+        None if explorer.coverage.trouble.is_some() => ("—".to_owned(), cell("—")),
+        None => ("…".to_owned(), cell("…")),
+    };
+    let sign = sign
+        .map(|item| drawn(item.sign.element(ColourStyle::Properties)).attr("aria-hidden", "true"));
+    let head = el("th").attr("scope", "row").children(sign).child(subscripted(
+        "span",
+        "F",
+        &(j + 1).to_string(),
+    ));
+    let widening =
+        el("td").class("widening").child(slider).child(el("output").text(fixed(epsilon, 2)));
+    el("tr")
+        .child(head)
+        .child(widening)
+        .child(cell(area).test_id(&format!("area-{j}")))
+        .child(cell(mean))
+        .child(p.test_id(&format!("p-{j}")))
+}
+
+/// A probability with its interval, as a number and as a bar.
+fn chance(p: Estimate) -> Node {
+    let [low, value, high] = [p.low, p.value, p.high].map(|share| 100.0 * share);
+    let bar = el("span")
+        .class("interval")
+        .attr("aria-hidden", "true")
+        .child(el("i").attr("style", format!("left:{low:.1}%;right:{:.1}%", 100.0 - high)))
+        .child(el("b").attr("style", format!("left:{value:.1}%")));
+    let interval =
+        if p.low == p.high { String::new() } else { format!(" {:.2}–{:.2}", p.low, p.high) };
+    el("td")
+        .class("chance")
+        .child(bar)
+        .text(format!("{:.3}", p.value))
+        .child(el("small").text(interval))
+}
+
+/// What p counts, how far it is, and what else could be counted.
+fn counted(explorer: &Explorer) -> Node {
+    let coverage = &explorer.coverage;
+    let all = explorer.drives.tasks.len();
+    let unseen = explorer.choice.unseen(&explorer.drives).len();
+    let options = vec![
+        (
+            "unseen".to_owned(),
+            format!("the {} that did not train the predictor", count(unseen, "task")),
+        ),
+        ("all".to_owned(), format!("all {}", count(all, "task"))),
+    ];
+    let chosen = if coverage.counts_all { "all" } else { "unseen" };
+    let regions = coverage.regions(explorer.wanted.epsilon.len());
+    let words = match regions {
+        Some((regions, _)) => {
+            let p = &regions.probabilities;
+            format!(
+                "p is the share of {} windows of {} whose true future stays inside at every step, \
+                 with {} % intervals.",
+                p.windows,
+                count(p.trajectories, "task"),
+                number(100.0 * p.confidence)
+            )
+        }
+        None if coverage.trouble.is_some() => String::new(),
+        None => "Counting how often the true future stays inside…".to_owned(),
+    };
+    let bar = el("progress")
+        .attrs(&[("max", "1"), ("aria-label", "Tasks counted")])
+        .attr("value", fixed(coverage.done, 3))
+        .attr_if(coverage.done >= 1.0 || coverage.trouble.is_some(), "class", "done")
+        .test_id("counted");
+    let warning = (coverage.counts_all && unseen < all).then(|| {
+        el("p").class("waiting").attr("role", "note").test_id("seen").text(
+            "Some of these tasks trained the predictor: on them, its predictions look better than \
+             they are.",
+        )
+    });
+    el("div")
+        .class("counted")
+        .child(bar)
+        .child(select("count", "p counts", options, chosen, Msg::Counted))
+        .child(el("p").class("quiet").test_id("counted-words").text(words))
+        .children(warning)
+        .children(coverage.trouble.as_deref().map(|why| alert("not-counted", why)))
+}

@@ -1,0 +1,332 @@
+//! The explorer of predicted sets, with an evaluator that runs here.
+
+use super::*;
+use sidestep::api::{Drive, Drives, PredictorSource, PredictorSummary, TrainedPredictor, TrialUse};
+use sidestep::features::FeatureSet;
+use sidestep::predict::{Predictor, PredictorFile};
+use sidestep::scene::{EncounterRange, generate};
+use sidestep::shfrs::PredictedHuman;
+use sidestep::shfrs::file::{PRESETS, ShfrsFile};
+use sidestep::shfrs::prediction::Prediction;
+use sidestep::shfrs::probability::regions;
+use sidestep::shfrs::tuning::Split;
+use sidestep::shfrs::window::{Trajectory, WindowChoice};
+use sidestep::training;
+
+/// Twelve tasks with a turn each, at different times and to different sides.
+fn drives(parameters: SceneParameters, id: Option<String>) -> Drives {
+    let scenes = generate(&parameters, &EncounterRange::default(), 12, 3).unwrap();
+    let drive = |(i, (scene, _)): (usize, (Scene, _))| {
+        let mut inputs = vec![TurnInput::Straight; parameters.steps];
+        let turn = if i % 3 == 0 { TurnInput::Left } else { TurnInput::Right };
+        inputs[6 + i..14 + 2 * i].fill(turn);
+        let states = simulate(&parameters, scene.start(), &inputs);
+        Drive::new(format!("t{i}"), format!("task {}", i + 1), scene, &inputs, &states)
+    };
+    Drives {
+        study: "default".into(),
+        number: 4,
+        pilot: false,
+        data_deleted: false,
+        excluded: None,
+        parameters,
+        value_function_hr: id.clone(),
+        value_function_rh: id,
+        tasks: scenes.into_iter().enumerate().map(drive).collect(),
+    }
+}
+
+fn exact() -> ValueFunction {
+    let game = SceneParameters::default().game(Evader::Human);
+    ValueFunction::Exact(game.exact().unwrap())
+}
+
+fn usual() -> Drives {
+    drives(SceneParameters::default(), Some(exact().id()))
+}
+
+/// The explorer at this address, with tasks and value function.
+fn arrived(path: &str) -> Session {
+    let mut session = signed_in(path);
+    session.send("drives", 200, &usual());
+    session.answer(of(Evader::Human), 200, &exact().encode());
+    session
+}
+
+/// The same, with the predictor that is trained here and everything counted.
+fn opened(path: &str) -> Session {
+    let mut session = arrived(path);
+    session.evaluate("evaluator");
+    session.evaluate("evaluator");
+    session
+}
+
+impl Session {
+    fn areas(&self) -> Vec<String> {
+        let area = |j| self.words(&format!("area-{j}"));
+        (0..).map_while(area).collect()
+    }
+
+    /// The link, once it is up to date.
+    fn linked(&mut self) -> String {
+        self.wake("link");
+        self.visited.last().cloned().unwrap_or_default()
+    }
+}
+
+/// What the command line computes for the same tasks and settings.
+fn at_the_command_line(file: &ShfrsFile) -> Vec<String> {
+    let drives = usual();
+    let safety = SafetyLevels { human: exact(), robot: exact() };
+    let parts = Split::USUAL.parts(drives.tasks.len()).unwrap();
+    let words = ["hrd", "robot_ahead", "robot_left"];
+    let names = words.into_iter().flat_map(|word| match FeatureSet::subset(word) {
+        Ok(set) => Vec::from(set),
+        Err(_) => vec![word.to_owned()],
+    });
+    let features = FeatureSet::of(&names.collect::<Vec<_>>()).unwrap();
+    let driven: Vec<_> = parts.training.iter().map(|&i| &drives.tasks[i]).collect();
+    let driven: Vec<_> = driven.iter().map(|it| (it.inputs(), it.states())).collect();
+    let predictor = training::train(&features, Some(&safety), &driven).unwrap().predictor;
+    let human = PredictedHuman::new(&predictor, &safety, &drives.parameters).unwrap();
+    let prediction = Prediction::new(&drives.parameters, &human);
+    let unseen = [parts.calibration, parts.test].concat();
+    let trajectory = |&i: &usize| drives.tasks[i].trajectory(&drives.parameters).unwrap();
+    let unseen: Vec<Trajectory> = unseen.iter().map(trajectory).collect();
+    let settings = file.settings(predictor.classes().len()).unwrap();
+    let found = regions(&unseen, WindowChoice::EveryStep, prediction, &settings, 0.95).unwrap();
+    found.probabilities.inside.iter().map(|p| format!("{:.3}", p.value)).collect()
+}
+
+#[test]
+fn the_numbers_are_those_of_the_command_line() {
+    let mut session = opened("/lab/explorer/p");
+    for (place, preset) in PRESETS.iter().enumerate() {
+        session.press(&format!("preset-{place}"));
+        session.evaluate("evaluator");
+        let expected = at_the_command_line(&preset.settings(3));
+        for (j, expected) in expected.iter().enumerate() {
+            let shown = session.words(&format!("p-{j}")).unwrap();
+            assert!(shown.contains(expected), "{place} {j}: {shown}, {expected}");
+        }
+    }
+    let words = session.words("counted-words").unwrap();
+    assert!(words.contains("share of 287 windows of 7 tasks"), "{words}");
+    assert!(session.words("predictor").unwrap().contains("trained on 5 of the 12 tasks"));
+}
+
+#[test]
+fn sets_move_with_every_setting() {
+    let mut session = opened("/lab/explorer/p?trial=t2&t=1.4");
+    let mut before = session.areas();
+    assert_eq!(before.len(), 5);
+    let mut moved = |session: &Session, what: &str| {
+        let areas = session.areas();
+        assert_ne!(areas, before, "{what}");
+        before = areas;
+    };
+    session.slide("epsilon-0", 0.12);
+    moved(&session, "ε");
+    session.slide("steps", 14.0);
+    moved(&session, "T");
+    session.slide("sets", 6.0);
+    moved(&session, "F");
+    session.slide("up-to-2", 9.0);
+    moved(&session, "k");
+    session.choose("by", "tau");
+    session.slide("tau", 0.9);
+    moved(&session, "τ");
+    session.choose("choose-predictor", "constant");
+    moved(&session, "predictor");
+    session.slide("time", 4.0);
+    session.choose("task", "t9");
+    assert_eq!(session.seen("data-trial"), "t9");
+    assert_eq!(
+        session.linked(),
+        "/lab/explorer/p?trial=t9&T=14&eps=0.12,0.15,0.25,0.4,0.7,1&tau=0.9\
+         &predictor=constant&t=4"
+    );
+}
+
+#[test]
+fn a_link_brings_everything_back() {
+    let link = "/lab/explorer/p?trial=t5&T=3&eps=0.1,1&k=3,2,1&rollout=paper&features=hr&t=2&colours=safe&count=all";
+    let mut session = opened(link);
+    assert_eq!((session.areas().len(), session.seen("data-step").as_str()), (2, "10"));
+    assert!(session.words("counted-words").unwrap().contains("of 12 tasks"));
+    assert!(session.words("seen").unwrap().contains("trained the predictor"));
+    session.slide("epsilon-0", 0.2);
+    assert_eq!(session.linked(), link.replace("eps=0.1", "eps=0.2"));
+    session.slide("epsilon-0", 0.1);
+    assert_eq!(session.linked(), link);
+}
+
+#[test]
+fn wrong_settings_are_told_beside_the_control_and_the_picture_stays() {
+    let mut session = opened("/lab/explorer/p");
+    let before = (session.areas(), session.words("p-0"));
+    session.slide("epsilon-1", 0.6);
+    let said = session.words("complaint").unwrap();
+    assert!(said.contains("epsilon[2]: expected a finite number ≥ 0.6 (ascending)"), "{said}");
+    assert_eq!((session.areas(), session.words("p-0")), before);
+    session.slide("epsilon-1", 0.15);
+    assert_eq!(session.words("complaint"), None);
+    for (k, expected) in [
+        ("2,2,1,1,1,1,1,1,1,4", "k[9]: expected a whole number from 1 to 3, found 4"),
+        ("2,2", "k: expected 10 entries, found 2 entries"),
+        ("2;2", "k: expected whole numbers"),
+    ] {
+        session.choose("k", k);
+        let said = session.words("complaint").unwrap();
+        assert!(said.contains(expected), "{said}");
+        assert_eq!(session.areas(), before.0);
+    }
+    session.press("preset-0");
+    assert_eq!((session.words("complaint"), session.areas()), (None, before.0));
+    // One step and a hundred can be predicted; a hundred cannot be counted on tasks of fifty.
+    session.slide("steps", 1.0);
+    session.evaluate("evaluator");
+    assert!(session.words("p-0").unwrap().contains("0."));
+    session.slide("steps", 100.0);
+    session.evaluate("evaluator");
+    let said = session.words("not-counted").unwrap();
+    assert!(said.contains("steps: expected at most 50"), "{said}");
+    assert!(session.areas()[4].parse::<f64>().unwrap() > 100.0);
+    // Nor can sets of which the last does not hold everything.
+    session.slide("steps", 10.0);
+    session.slide("epsilon-4", 0.5);
+    session.evaluate("evaluator");
+    let said = session.words("not-counted").unwrap();
+    assert!(said.contains("epsilon[4]: expected at least 1 rad/s"), "{said}");
+}
+
+#[test]
+fn a_newer_question_takes_the_place_of_an_older_one() {
+    let mut session = arrived("/lab/explorer/p");
+    session.evaluate("evaluator");
+    for hundredths in 1..=300 {
+        session.slide("epsilon-0", f64::from(hundredths % 15) / 100.0);
+    }
+    // The evaluator answers the last of three hundred questions alone, and the link changes once.
+    session.evaluate("evaluator");
+    let (evaluation, _) = session.evaluators.get_mut("evaluator").unwrap();
+    assert!(!evaluation.work() && evaluation.report().is_none());
+    assert_eq!(session.timers.len(), 1);
+    let mut file = PRESETS[0].settings(3);
+    file.epsilon[0] = 0.0;
+    let expected = at_the_command_line(&file);
+    assert!(session.words("p-0").unwrap().contains(&expected[0]));
+}
+
+#[test]
+fn settings_go_into_a_file_and_come_back() {
+    let mut session = opened("/lab/explorer/p?T=2&eps=0.1,1&tau=0.3");
+    session.press("save");
+    let (name, content) = session.files[0].clone();
+    assert_eq!(name, "shfrs-settings.json");
+    let file: ShfrsFile = serde_json::from_slice(&content).unwrap();
+    assert_eq!((file.steps, file.tau), (2, Some(0.3)));
+    session.press("preset-1");
+    session.choose("json", "{\"format\":");
+    assert!(session.words("complaint").unwrap().contains("JSON: expected settings"));
+    session.choose("json", &String::from_utf8(content).unwrap());
+    assert_eq!(session.areas().len(), 2);
+    assert!(
+        session.words("command").unwrap().contains("--participant 4 --settings shfrs-settings")
+    );
+}
+
+#[test]
+fn models_of_an_analysis_count_what_did_not_train_them() {
+    let mut session = opened("/lab/explorer/p");
+    let summary = PredictorSummary {
+        file: "model.json".into(),
+        participant: 4,
+        model: "lr".into(),
+        experiment: 1,
+        features: "B_hrd".into(),
+        columns: Vec::new(),
+        cv_accuracy: 0.8,
+        test_accuracy: 0.75,
+        newest_task: None,
+    };
+    session.choose("choose-predictor", "a/model.json");
+    let features = FeatureSet::subset("hrd").unwrap();
+    let predictor = Predictor::constant(features, vec![-1, 0, 1], vec![0.2, 0.5, 0.3]).unwrap();
+    let source = PredictorSource {
+        analysis: "a".into(),
+        study: "default".into(),
+        summary,
+        trial: TrialUse::Trained,
+    };
+    let trained_on: Vec<String> = (0..9).map(|i| format!("t{i}")).collect();
+    let answer = TrainedPredictor {
+        predictor: PredictorFile::from(&predictor),
+        trials: 9,
+        fallback: None,
+        trained_on,
+        source: Some(source),
+    };
+    session.send("predictor", 200, &answer);
+    session.evaluate("evaluator");
+    assert!(session.words("counted-words").unwrap().contains("of 3 tasks"));
+    session.choose("count", "all");
+    session.evaluate("evaluator");
+    assert!(session.words("counted-words").unwrap().contains("of 12 tasks"));
+    assert!(session.linked().contains("analysis=a&file=model.json"));
+    // A model that is gone is told, and there are no sets of another one.
+    session.choose("choose-predictor", "a/other.json");
+    session.answer("predictor", 404, br#"{"code":"not_found","message":"there is no such model"}"#);
+    assert!(session.words("refused").unwrap().contains("no such model"));
+    assert!(session.areas().iter().all(|area| area == "…"));
+}
+
+#[test]
+fn what_cannot_be_explored_is_told_in_a_sentence() {
+    let stuck = |drives: &Drives| {
+        let mut session = signed_in("/lab/explorer/p");
+        session.send("drives", 200, drives);
+        session.words("stuck").unwrap()
+    };
+    let none = Drives { tasks: Vec::new(), ..usual() };
+    assert!(stuck(&none).contains("no tasks yet"));
+    assert!(stuck(&Drives { data_deleted: true, ..none }).contains("were deleted"));
+    let mut session = signed_in("/lab/explorer/p");
+    session.answer("drives", 404, br#"{"code":"not_found","message":"no participant"}"#);
+    assert!(session.words("stuck").unwrap().contains("no such participant"));
+    let session = opened("/lab/explorer/p?trial=foreign&T=1000");
+    let said = session.words("misread").unwrap();
+    assert!(said.contains("T: expected a whole number from 1 to 100, found 1000"), "{said}");
+    assert_eq!(session.seen("data-trial"), "t0");
+    let session = opened("/lab/explorer/p?trial=foreign");
+    assert!(session.words("misread").unwrap().contains("no task of this participant"));
+}
+
+#[test]
+fn without_a_value_function_the_browser_solves() {
+    let mut session = signed_in("/lab/explorer/p");
+    session.send("drives", 200, &drives(unequal(), None));
+    assert_eq!(session.solving.len(), 2);
+    session.press("stop-solving");
+    assert!(session.words("unsolved").unwrap().contains("The solve was stopped."));
+    assert_eq!(session.areas(), ["…"; 5]);
+    session.press("solve-again");
+    for evader in Evader::ALL {
+        session.solver(of(evader), Solving::Solved(SOLVED.of(evader).encode()));
+    }
+    session.evaluate("evaluator");
+    session.evaluate("evaluator");
+    assert!(session.words("p-4").unwrap().contains("1.000"));
+}
+
+#[test]
+fn keys_change_the_moment() {
+    let mut session = opened("/lab/explorer/p");
+    session.key("ArrowRight");
+    session.key("PageDown");
+    session.key("KeyN");
+    assert_eq!((session.seen("data-step"), session.seen("data-trial")), ("6".into(), "t1".into()));
+    session.key("KeyC");
+    assert!(session.linked().ends_with("t=1.2&colours=safe"));
+    assert!(!session.page.owns_key("Tab"));
+}

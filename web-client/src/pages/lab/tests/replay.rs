@@ -1,0 +1,156 @@
+//! The player of a replay: keys, links, and what can be saved.
+
+use super::*;
+
+const PREDICTOR: &str = r#"{"predictor":{"format":"sidestep-predictor/1","kind":"constant",
+    "features":["distance"],"classes":[-1,0,1],"probabilities":[0.6,0.3,0.1]},
+    "trials":7,"fallback":null}"#;
+
+/// A replay at this address, with its value function and a predictor.
+fn opened(path: &str) -> Session {
+    let parameters = SceneParameters::default();
+    let function = ValueFunction::Exact(parameters.game(Evader::Human).exact().unwrap());
+    let id = Some(function.id());
+    let mut session = signed_in(path);
+    session.send("trial", 200, &trial(parameters, [id.clone(), id]));
+    session.answer(of(Evader::Human), 200, &function.encode());
+    session.answer("predictor", 200, PREDICTOR.as_bytes());
+    session
+}
+
+impl Session {
+    pub(super) fn key(&mut self, code: &str) {
+        assert!(self.page.owns_key(code), "{code}");
+        self.hear(&Event::Key { code: code.into(), key: String::new(), down: true });
+    }
+
+    pub(super) fn seen(&self, attribute: &str) -> String {
+        let picture = self.picture().unwrap();
+        let found = picture.attributes.iter().find(|(name, _)| *name == attribute);
+        found.map(|(_, value)| value.clone()).unwrap()
+    }
+
+    fn link(&self) -> &str {
+        self.visited.last().map_or("", String::as_str)
+    }
+}
+
+#[test]
+fn keys_step_play_and_change_the_speed() {
+    let mut session = opened("/lab/replay/t");
+    for (code, step) in [
+        ("ArrowRight", "1"),
+        ("PageDown", "6"),
+        ("ArrowLeft", "5"),
+        ("End", "50"),
+        ("ArrowRight", "50"),
+        ("PageUp", "45"),
+        ("Home", "0"),
+        ("ArrowLeft", "0"),
+    ] {
+        session.key(code);
+        assert_eq!(session.seen("data-step"), step, "{code}");
+    }
+    session.key("ArrowUp");
+    session.key("ArrowUp");
+    assert_eq!(session.link(), "/lab/replay/t?speed=4");
+    // It plays four times as fast, and shows where it is.
+    session.at(1000.0).key("Space");
+    session.at(1500.0).frame();
+    assert_eq!(session.seen("data-step"), "10");
+    assert!(session.text().contains("t = 2.00 s"), "{}", session.text());
+    session.at(1600.0).key("Space");
+    session.at(9000.0).frame();
+    assert_eq!(session.seen("data-step"), "10", "a pause");
+    assert_eq!(session.link(), "/lab/replay/t?t=2&speed=4");
+    session.at(9000.0).key("Space");
+    session.at(20_000.0).frame();
+    assert_eq!((session.seen("data-step").as_str(), session.page.wants_frames()), ("50", false));
+    // Other keys are the browser's.
+    assert!(!session.page.owns_key("Tab") && !session.page.owns_key("KeyX"));
+}
+
+#[test]
+fn between_two_steps_the_first_step_back_is_to_the_begin_of_this_one() {
+    let mut session = opened("/lab/replay/t?t=1.1");
+    assert_eq!(session.seen("data-step"), "5");
+    session.key("ArrowLeft");
+    assert!(session.text().contains("t = 1.00 s"));
+    session.key("ArrowLeft");
+    assert!(session.text().contains("t = 0.80 s"));
+}
+
+#[test]
+fn a_link_holds_the_whole_view() {
+    let link = "/lab/replay/t?t=3.4&speed=0.5&show=v-hr,shfrs,samples&hr=0,1&sets=3&colours=safe";
+    let mut session = opened(link);
+    assert_eq!(session.seen("data-step"), "17");
+    assert!(session.outlines()[0] >= 2 && session.outlines()[1] == 0, "{:?}", session.outlines());
+    session.press("layer-trail");
+    assert_eq!(session.link(), link.replace("samples", "samples,trail"));
+    session.press("layer-trail");
+    assert_eq!(session.link(), link);
+    session.key("KeyC");
+    session.key("KeyS");
+    session.choose("levels-hr", "0");
+    session.choose("speed", "1");
+    assert_eq!(session.link(), "/lab/replay/t?t=3.4&show=v-hr,shfrs,samples");
+}
+
+#[test]
+fn a_link_that_is_not_valid_says_what_is_wrong() {
+    let mut session = opened("/lab/replay/t?t=3.4&hr=1,0");
+    let said = session.words("misread").unwrap();
+    assert!(said.contains("hr: expected 1 to 8 rising levels"), "{said}");
+    // So does a field; what was there stays.
+    session.choose("levels-hr", "0,1");
+    assert_eq!(session.words("misread"), None);
+    session.choose("levels-hr", "many");
+    assert!(session.words("misread").unwrap().contains("found many"));
+    assert_eq!(session.link(), "/lab/replay/t?hr=0,1");
+}
+
+#[test]
+fn trials_follow_one_after_the_other() {
+    let mut session = opened("/lab/replay/t?t=1&colours=safe");
+    let next = |session: &Session| {
+        let view = session.page.view();
+        view.find("next-trial").unwrap().attribute("href").map(str::to_owned)
+    };
+    assert_eq!(next(&session).as_deref(), Some("/lab/replay/after?colours=safe"));
+    session.key("KeyP");
+    assert_eq!(session.link(), "/lab/replay/before?colours=safe");
+    session.press("in-a-row");
+    session.at(0.0).key("Space");
+    session.at(20_000.0).frame();
+    assert_eq!(session.link(), "/lab/replay/after?colours=safe&row=yes");
+    // It plays as soon as it is there.
+    assert!(opened("/lab/replay/after?row=yes").page.wants_frames());
+}
+
+#[test]
+fn the_picture_is_offered_as_svg_and_png() {
+    let mut session = opened("/lab/replay/t?t=2");
+    session.press("save-png");
+    session.press("save-svg");
+    let names: Vec<_> = session.files.iter().map(|(name, _)| name.as_str()).collect();
+    let name = "default-participant-1-task-1-2.0-s";
+    assert_eq!(names, [format!("{name}.png"), format!("{name}.svg")]);
+    let svg = String::from_utf8(session.files[1].1.clone()).unwrap();
+    for expected in ["<svg", "V_HR = 0 m: inside, the robot can force a collision", "t = 2.0 s"] {
+        assert!(svg.contains(expected), "{expected}");
+    }
+}
+
+#[test]
+fn the_legend_says_what_is_drawn_and_can_be_hidden() {
+    let mut session = opened("/lab/replay/t");
+    let legend = session.words("legend").unwrap();
+    for expected in ["danger zone: closer to the robot than 3 m", "F1: where the human may be"] {
+        assert!(legend.contains(expected), "{legend}");
+    }
+    session.press("layer-danger-zone");
+    assert!(!session.words("legend").unwrap().contains("danger zone"));
+    session.key("KeyL");
+    assert_eq!(session.words("legend"), None);
+}

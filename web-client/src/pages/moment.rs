@@ -1,0 +1,117 @@
+//! What pages that show a moment of a trial have alike: switches of its layers, what the signs mean, and
+//! the numbers of the prediction.
+
+use super::parts::{self, button, cell};
+use crate::form::FieldValue;
+use crate::view::{Node, drawn, el, subscripted};
+use sidestep::chart::{ColourStyle, fixed};
+use sidestep::playback::Playback;
+use sidestep::playback::layers::{LAYERS, Layer};
+use sidestep::playback::style::Palette;
+use sidestep::playback::view::View;
+use sidestep::vehicle::TurnInput;
+
+/// A switch for each layer that `offered` accepts, by its place in [`LAYERS`]. `key` is what is printed on
+/// the layer's key.
+pub(super) fn switches<M>(
+    view: &View,
+    offered: impl Fn(&Layer) -> bool,
+    key: impl Fn(usize) -> Option<&'static str>,
+    switched: impl Fn(usize) -> M,
+) -> Node<M> {
+    let offered = LAYERS.iter().enumerate().filter(|(_, layer)| offered(layer));
+    let switches = offered.map(|(place, layer)| {
+        let swatch = el("i").class(&format!("swatch {}", layer.swatch));
+        let key = key(place).map_or_else(String::new, |key| format!(" (key {key})"));
+        let is_on = view.shown[place];
+        let button = switch(&format!("layer-{}", layer.name), is_on, switched(place))
+            .attr("title", format!("{}{key}", layer.meaning))
+            .child(swatch)
+            .child(el("span").text(layer.label));
+        let Some(below) = layer.level else { return button };
+        button.child(subscripted("span", "V", below))
+    });
+    el("div")
+        .class("switches")
+        .attrs(&[("role", "group"), ("aria-label", "Layers")])
+        .children(switches)
+}
+
+/// A button that is on or off.
+pub(super) fn switch<M>(test_id: &str, is_on: bool, message: M) -> Node<M> {
+    button(test_id, message).class("switch").attr("aria-pressed", is_on)
+}
+
+/// What the signs of the picture mean.
+pub(super) fn legend<M>(playback: &Playback, view: &View) -> Node<M> {
+    let items = playback.legend(view).into_iter().map(|item| {
+        let sign = drawn(item.sign.element(ColourStyle::Properties)).attr("aria-hidden", "true");
+        el("li").child(sign).child(el("span").text(item.text))
+    });
+    // It scrolls in a low window, so the keyboard must be able to reach it.
+    el("ul")
+        .class("meaning")
+        .attrs(&[("aria-label", "Legend"), ("tabindex", "0")])
+        .test_id("legend")
+        .children(items)
+}
+
+/// A choice with its label; each option has a value and words.
+pub(super) fn select<M: 'static>(
+    id: &'static str,
+    label: &str,
+    options: Vec<(String, String)>,
+    chosen: &str,
+    then: fn(FieldValue) -> M,
+) -> Node<M> {
+    let option = |(value, words): (String, String)| {
+        let is_chosen = value == chosen;
+        el("option").attr("value", value).attr_if(is_chosen, "selected", "").text(words)
+    };
+    let select = el("select")
+        .attr("id", id)
+        .test_id(id)
+        .on_input(then)
+        .children(options.into_iter().map(option));
+    el("div").class("pair").child(el("label").attr("for", id).text(label)).child(select)
+}
+
+/// How likely each next input is.
+pub(super) fn inputs<M>(probabilities: &[(TurnInput, f64)]) -> Node<M> {
+    let bars = probabilities.iter().map(|(input, p)| {
+        let percent = 100.0 * p;
+        let bar = el("i").attr("style", format!("width:{percent:.1}%"));
+        el("div")
+            .child(el("dt").text(input.word()))
+            .child(el("dd").class("bar").attr("aria-hidden", "true").child(bar))
+            .child(el("dd").text(format!("{percent:.0} %")))
+    });
+    el("section")
+        .test_id("prediction")
+        .child(el("h2").text("Next input"))
+        .child(el("dl").class("bars").children(bars))
+}
+
+/// The predicted sets with their areas.
+pub(super) fn regions<M>(playback: &Playback, view: &View) -> Node<M> {
+    let sets = playback.shfrs().into_iter().flat_map(|shfrs| shfrs.sets.iter());
+    let rows = sets.zip(1..).map(|(set, j)| {
+        let safe = if view.style.palette == Palette::Safe { "safe-" } else { "" };
+        let swatch = el("i").class(&format!("swatch {safe}region-{j}"));
+        let name = subscripted("span", "F", &j.to_string());
+        el("tr")
+            .child(el("th").attr("scope", "row").child(swatch).child(name))
+            .child(cell(format!("{:.2}", set.epsilon)))
+            .child(cell(format!("{:.2}", set.area_m2)))
+    });
+    let table = parts::table(["set", "ε / rad s⁻¹", "tube / m²"], rows);
+    let ahead = format!("next {} s", fixed(playback.seconds_ahead(), 1));
+    el("section")
+        .child(el("h2").text("Predicted sets").child(el("small").text(ahead)))
+        .child(table.class("regions").test_id("regions"))
+}
+
+/// A length in metres, with a proper minus sign.
+pub(super) fn metres(value: f64, decimals: usize) -> String {
+    format!("{value:.decimals$} m").replace('-', "−")
+}

@@ -1,0 +1,430 @@
+//! The value function of any game: maps of it, what a solver misses, optimal play from a click, and the set
+//! {V ≤ c} as a solid.
+
+mod found;
+mod keys;
+mod view;
+
+use self::found::Found;
+use self::keys::Key;
+use crate::form::{Does, FieldValue, Pointing};
+use crate::runtime::{Address, Command, Commands, Event, PNG_OF_SVG, Page, Solid, Solving};
+use crate::task::Task;
+use crate::view::Node;
+use sidestep::chart::{Drawing, Layer};
+use sidestep::inspection::{Map, Orbit, Play, Shown, TONES, View, ZOOM_PERCENT, play, slices};
+use sidestep::math::PI;
+use sidestep::reachability::{Method, ValueFunction};
+use std::rc::Rc;
+
+/// The page.
+pub struct Reachability {
+    view: View,
+    /// What of the link and of the fields could not be used: the name, and a sentence.
+    misread: Vec<(String, String)>,
+    /// What is being solved, since when on the page's clock, and the share that is done.
+    solving: Option<(f64, f64)>,
+    /// The value function of `view`, or the last one that there was while another is being solved.
+    found: Option<Found>,
+    /// Why there is no value function, if so.
+    missing: Option<String>,
+    /// Where the pointer is, m, if it moved later than the cross-hair.
+    pointer: Option<[f64; 2]>,
+    /// Optimal play from the cross-hair, or why there is none.
+    game: Option<Result<Play, String>>,
+    /// Where the tube was taken in hand, and from where it was seen then.
+    held: Option<([f32; 2], [i16; 2])>,
+    /// Whether the browser draws solids.
+    has_graphics: bool,
+    /// Width of the window, px.
+    window_px: f64,
+}
+
+/// What the page can be told.
+#[derive(Clone, Debug)]
+pub enum Msg {
+    /// The control of this name in links has another value.
+    Set(&'static str, FieldValue),
+    /// The solver reports.
+    Solving(Solving),
+    /// Stop solving.
+    Stop,
+    /// Solve what was stopped or failed.
+    Again,
+    /// A pointer does something on the map.
+    Point(Pointing),
+    /// A pointer does something on the tube.
+    Hold(Pointing),
+    /// The browser draws solids, or no longer.
+    Graphics(bool),
+    /// A key was pressed.
+    Key(Key),
+    /// Play optimally from the cross-hair, or no longer.
+    Play,
+    /// The link is to hold what is seen now.
+    Link,
+    /// The window is so many px wide.
+    Width(f64),
+    /// Offers the picture as SVG.
+    SaveSvg,
+    /// Offers the picture as PNG.
+    SavePng,
+}
+
+/// Name of the solve, and of the timer of the link.
+const SOLVE: &str = "value-function";
+const LINK: &str = "link";
+/// The link follows what is seen when nothing has changed for so long: browsers refuse more changes.
+const LINK_AFTER_MS: f64 = 250.0;
+/// The canvas element's id.
+const CANVAS: &str = "solid";
+/// Width and height of the tube's picture, px.
+const SOLID: [f64; 2] = [640.0, 480.0];
+
+impl Reachability {
+    /// The page as the address describes it.
+    #[must_use]
+    pub fn open(address: &Address, window_px: f64) -> (Self, Commands<Msg>) {
+        let query = address.query.iter().map(|(name, value)| (name.as_str(), value.as_str()));
+        let (view, refused) = View::of_query(query);
+        let misread = refused
+            .map(|invalid| ("link".to_owned(), format!("The link is not valid: {invalid}.")));
+        let mut page = Self {
+            view,
+            misread: misread.into_iter().collect(),
+            solving: None,
+            found: None,
+            missing: None,
+            pointer: None,
+            game: None,
+            held: None,
+            has_graphics: true,
+            window_px,
+        };
+        let commands = page.begin(0.0);
+        page.replay();
+        (page, commands)
+    }
+
+    /// Finds the value function of the view: at once if there is a closed form, else beside the page.
+    fn begin(&mut self, now_ms: f64) -> Commands<Msg> {
+        self.missing = None;
+        self.solving = None;
+        match self.view.chosen() {
+            Err(invalid) => {
+                self.found = None;
+                self.missing = Some(format!("{invalid}."));
+                vec![Command::Cancel(SOLVE)]
+            }
+            Ok(Method::Exact) => {
+                let function = self.view.game.exact().map(ValueFunction::Exact);
+                self.take(function.map_err(|invalid| invalid.to_string()), None);
+                vec![Command::Cancel(SOLVE)]
+            }
+            Ok(_) => {
+                self.solving = Some((now_ms, 0.0));
+                let (task, then) = (task(&self.view), Rc::new(Msg::Solving));
+                vec![Command::Solve { name: SOLVE, task, then }]
+            }
+        }
+    }
+
+    /// Takes the value function, found within `seconds`.
+    fn take(&mut self, function: Result<ValueFunction, String>, seconds: Option<f64>) {
+        self.solving = None;
+        match function {
+            Ok(function) => self.found = Some(Found::new(function, seconds)),
+            Err(why) => {
+                self.found = None;
+                self.missing = Some(why);
+            }
+        }
+    }
+
+    fn hear_solver(&mut self, solving: Solving, now_ms: f64) {
+        let Some((since_ms, share)) = &mut self.solving else { return };
+        let seconds = (now_ms - *since_ms) / 1000.0;
+        match solving {
+            Solving::Done(done) => *share = done,
+            Solving::Solved(bytes) => {
+                let function = ValueFunction::decode(&bytes);
+                self.take(function.map_err(|invalid| invalid.to_string()), Some(seconds));
+            }
+            Solving::Failed(why) => self.take(Err(why), None),
+        }
+    }
+
+    /// Takes the value of a control as a link would give it.
+    fn set(&mut self, name: &'static str, value: &FieldValue) {
+        let text = match value {
+            FieldValue::Number(Some(number)) => number.to_string(),
+            _ => value.text().to_owned(),
+        };
+        self.misread.retain(|(known, _)| known != name && known != "link");
+        if let Err(invalid) = self.view.set(name, &text) {
+            self.misread.push((name.to_owned(), format!("{invalid}.")));
+        }
+    }
+
+    /// Moves the cross-hair to a place of the window, to a tenth of a centimetre.
+    fn aim(&mut self, at_m: [f64; 2]) {
+        let Some(found) = &self.found else { return };
+        let window = found.window();
+        self.view.at_m = [0, 1].map(|d| {
+            let metres = at_m[d].clamp(window.low[d], window.high[d]);
+            (1000.0 * metres).round() / 1000.0
+        });
+        self.pointer = None;
+    }
+
+    fn point(&mut self, pointing: Pointing) {
+        let at = self.found.as_ref().and_then(|found| found.at(pointing.at.map(f64::from)));
+        match (pointing.does, at) {
+            (Does::Hover | Does::Drag, at) => self.pointer = at,
+            (Does::Press, Some(at)) => {
+                self.aim(at);
+                self.view.plays = true;
+            }
+            (Does::Press | Does::Roll(_), _) => {}
+        }
+    }
+
+    fn press(&mut self, key: Key) {
+        let Some(found) = &self.found else { return };
+        match key {
+            Key::Move([right, up]) if self.view.shown == Shown::Tube => {
+                let [around, above] = self.view.turned_deg;
+                self.look_from([around - 5 * i16::from(right), above - 5 * i16::from(up)]);
+            }
+            Key::Zoom(by) => self.zoom(1.1_f64.powi(by.into())),
+            Key::Move(by) => {
+                let step = found.key_step_m();
+                let from = self.at_m();
+                self.aim([0, 1].map(|d| from[d] + step * f64::from(by[d])));
+            }
+            Key::Turn(by) => self.turn(by),
+            Key::Play => {
+                self.aim(self.at_m());
+                self.view.plays = true;
+            }
+            Key::Forget => self.view.plays = false,
+            Key::Show(shown) => self.view.shown = shown,
+        }
+    }
+
+    /// Turns the tube with the pointer that holds it; the wheel makes it larger or smaller.
+    fn hold(&mut self, Pointing { at, does }: Pointing) {
+        match does {
+            Does::Press => self.held = Some((at, self.view.turned_deg)),
+            Does::Drag => {
+                if let Some((from, [around, above])) = self.held {
+                    // The whole width is a turn, the whole height half a turn.
+                    let [right, down] = [0, 1].map(|d| at[d] - from[d]);
+                    let turned = [around - (360.0 * right) as i16, above + (180.0 * down) as i16];
+                    self.look_from(turned);
+                }
+            }
+            Does::Roll(px) => self.zoom(if px > 0.0 { 1.0 / 1.1 } else { 1.1 }),
+            Does::Hover => self.held = None,
+        }
+    }
+
+    fn look_from(&mut self, [around, above]: [i16; 2]) {
+        let around = (i32::from(around) + 180).rem_euclid(360) as i16 - 180;
+        self.view.turned_deg = [around, above.clamp(-90, 90)];
+    }
+
+    fn zoom(&mut self, times: f64) {
+        let [low, high] = ZOOM_PERCENT;
+        let percent = (times * f64::from(self.view.zoom_percent)).round() as u16;
+        self.view.zoom_percent = percent.clamp(low, high);
+    }
+
+    /// The box of the tube as it is seen.
+    fn orbit(&self, found: &Found) -> Orbit {
+        let zoom = f64::from(self.view.zoom_percent) / 100.0;
+        Orbit::new(found.window(), self.view.turned_deg, zoom, SOLID)
+    }
+
+    /// Turns the relative heading by so many degrees.
+    fn turn(&mut self, by_deg: i16) {
+        let psi = (i32::from(self.view.psi_deg) + i32::from(by_deg)).rem_euclid(360);
+        self.view.psi_deg = psi as u16;
+    }
+
+    /// Widths of the map and of the world, px: side by side where there is room for both.
+    fn widths(&self) -> [f64; 2] {
+        // As the style sheet has it: the panel, room around the pictures and between them.
+        let is_narrow = self.window_px <= 760.0;
+        let room = if is_narrow { self.window_px - 13.0 } else { self.window_px - 320.0 - 48.0 };
+        let room = room.clamp(300.0, 992.0);
+        match self.view.plays && self.view.shown != Shown::Tube && room >= 800.0 {
+            true => [0.6 * room - 24.0, 0.4 * room],
+            false => [room; 2],
+        }
+    }
+
+    /// Where the numbers are read: under the pointer, else at the cross-hair.
+    fn at_m(&self) -> [f64; 2] {
+        self.pointer.unwrap_or(self.view.at_m)
+    }
+
+    /// The relative state of the cross-hair or the pointer.
+    fn state(&self, [x, y]: [f64; 2]) -> [f64; 3] {
+        [x, y, self.view.psi()]
+    }
+
+    /// Plays again if the game, the cross-hair or the heading changed, and draws what is to be seen.
+    fn replay(&mut self) {
+        let start = self.state(self.view.at_m);
+        let widths = self.widths();
+        let Some(found) = &mut self.found else {
+            self.game = None;
+            return;
+        };
+        found.draw(&self.view, widths[0]);
+        let is_new = found.is_new();
+        let known = self.game.as_ref().and_then(|game| game.as_ref().ok());
+        let is_known = !is_new && known.is_some_and(|game| game.start == start);
+        if !self.view.plays {
+            self.game = None;
+        } else if !is_known {
+            let game = play(found.function(), start);
+            self.game = Some(game.map_err(|invalid| format!("No optimal play. {invalid}.")));
+        }
+    }
+
+    /// What lies over the map: the path of a game, the evader, and the pursuer at the cross-hair.
+    fn marks(&self) -> Vec<Layer> {
+        let path = self.game.iter().flatten().flat_map(Play::relative_path);
+        path.chain(Map::vehicles(self.at_m(), self.view.psi())).collect()
+    }
+
+    /// The picture as it is seen, for a file.
+    fn drawing(&self) -> Option<Drawing> {
+        let found = self.found.as_ref()?;
+        match self.view.shown {
+            Shown::Tube if self.has_graphics => {
+                Some(self.orbit(found).drawing(&*found.mesh()?, &self.tube_title()))
+            }
+            Shown::Tube => Some(self.small_multiples(found)),
+            Shown::Value | Shown::Error => Some(found.map()?.with(self.marks())),
+        }
+    }
+
+    fn tube_title(&self) -> String {
+        let level = sidestep::chart::number(self.view.level_m);
+        format!("States with V ≤ {level} m, relative heading upwards")
+    }
+
+    /// The tube cut at eight headings, for browsers that draw no solids.
+    fn small_multiples(&self, found: &Found) -> Drawing {
+        let headings = [0.0, 45.0, 90.0, 135.0, 180.0, 225.0, 270.0, 315.0];
+        slices(found.function(), &headings, &[self.view.level_m])
+    }
+
+    /// Offers the picture as a file of this kind.
+    fn save(&self, ending: &str, media_type: &'static str) -> Commands<Msg> {
+        let name = self.file_name(ending);
+        let content = self.drawing().map(|drawing| drawing.svg().into_bytes());
+        let download = content.map(|content| Command::Download { name, media_type, content });
+        download.into_iter().collect()
+    }
+
+    /// The link to what is seen now.
+    fn address(&self) -> String {
+        let query = self.view.query();
+        let mark = if query.is_empty() { "" } else { "?" };
+        format!("/lab/reachability{mark}{query}")
+    }
+
+    /// Name of a file with this ending.
+    fn file_name(&self, ending: &str) -> String {
+        let psi = self.view.psi_deg;
+        match self.view.shown {
+            Shown::Value => format!("value-psi-{psi}.{ending}"),
+            Shown::Error => format!("error-psi-{psi}.{ending}"),
+            Shown::Tube => format!("tube.{ending}"),
+        }
+    }
+}
+
+/// What a solver is to do for a view.
+fn task(view: &View) -> Task {
+    let horizon_s = view.horizon_s.is_finite().then_some(view.horizon_s);
+    Task { game: view.game, method: view.method, horizon_s, accuracy: Some(view.accuracy) }
+}
+
+impl Page for Reachability {
+    type Msg = Msg;
+
+    fn update(&mut self, message: Msg, now_ms: f64) -> Commands<Msg> {
+        let before = self.view.clone();
+        let mut commands = Vec::new();
+        match message {
+            Msg::Set(name, value) => self.set(name, &value),
+            Msg::Solving(solving) => self.hear_solver(solving, now_ms),
+            Msg::Stop => {
+                commands.push(Command::Cancel(SOLVE));
+                self.take(Err("The solve was stopped.".to_owned()), None);
+            }
+            Msg::Again => commands = self.begin(now_ms),
+            Msg::Point(pointing) => self.point(pointing),
+            Msg::Hold(pointing) => self.hold(pointing),
+            Msg::Graphics(can) => self.has_graphics = can,
+            Msg::Key(key) => self.press(key),
+            Msg::Play => self.view.plays = !self.view.plays,
+            Msg::Width(px) => self.window_px = px,
+            Msg::Link => return vec![Command::ReplaceAddress(self.address())],
+            Msg::SaveSvg => return self.save("svg", "image/svg+xml"),
+            Msg::SavePng => return self.save("png", PNG_OF_SVG),
+        }
+        if self.view.parameters() != before.parameters() {
+            commands.extend(self.begin(now_ms));
+        }
+        self.replay();
+        if self.view != before {
+            commands.push(Command::Wake {
+                timer: LINK,
+                after_ms: LINK_AFTER_MS,
+                message: Msg::Link,
+            });
+        }
+        commands
+    }
+
+    fn view(&self) -> Node<Msg> {
+        view::page(self)
+    }
+
+    fn title(&self) -> String {
+        "Reachability".to_owned()
+    }
+
+    fn hear(&self, event: &Event) -> Option<Msg> {
+        match event {
+            Event::Key { code, down: true, .. } => Key::of(code).map(Msg::Key),
+            Event::Resized { width_px, .. } => Some(Msg::Width(*width_px)),
+            _ => None,
+        }
+    }
+
+    fn solid(&self) -> Option<Solid<Msg>> {
+        let is_shown = self.view.shown == Shown::Tube && self.has_graphics;
+        let found = self.found.as_ref().filter(|_| is_shown)?;
+        let orbit = self.orbit(found);
+        Some(Solid {
+            canvas: CANVAS,
+            mesh: found.mesh()?,
+            matrix: orbit.matrix(),
+            light: orbit.light(),
+            tones: TONES.map(|tone| tone.light),
+            ring: (PI / 4.0) as f32,
+            then: Rc::new(Msg::Graphics),
+        })
+    }
+
+    fn owns_key(&self, code: &str) -> bool {
+        Key::of(code).is_some()
+    }
+}

@@ -1,0 +1,167 @@
+//! A value function and the pictures of it, each made when it is first needed.
+
+use sidestep::chart::{ColourStyle, Element};
+use sidestep::inspection::{AtHeading, Difference, Map, Mesh, Scale, Shown, View, domain};
+use sidestep::picture::Window;
+use sidestep::reachability::{ExactValue, Nodes, Sampling, ValueFunction};
+use std::rc::Rc;
+
+/// A value function that is looked at.
+pub(super) struct Found {
+    function: ValueFunction,
+    /// How long its solve took, s.
+    seconds: Option<f64>,
+    window: Window,
+    scale: Scale,
+    /// The map that is shown, of what and of which heading, and the same as an element.
+    map: Option<(Shown, u16, Map, Element)>,
+    /// Against the closed form, if there is one and this is not it.
+    difference: Option<Difference>,
+    /// Greatest and mean error at the heading, m.
+    errors_m: Option<[f64; 2]>,
+    /// Its values for tubes of any level, and the tube of the level that is shown.
+    sampling: Option<Sampling>,
+    tube: Option<(f64, Rc<Mesh>)>,
+    /// See [`Self::is_new`].
+    is_new: bool,
+}
+
+/// Nodes of x, y and ψ on which tubes are found.
+const NODES: [usize; 3] = [80, 72, 72];
+
+impl Found {
+    pub(super) fn new(function: ValueFunction, seconds: Option<f64>) -> Self {
+        let window = domain(&function);
+        let scale = Scale::of(&function, window);
+        Self {
+            function,
+            seconds,
+            window,
+            scale,
+            map: None,
+            difference: None,
+            errors_m: None,
+            sampling: None,
+            tube: None,
+            is_new: true,
+        }
+    }
+
+    pub(super) fn function(&self) -> &ValueFunction {
+        &self.function
+    }
+
+    pub(super) fn seconds(&self) -> Option<f64> {
+        self.seconds
+    }
+
+    pub(super) fn window(&self) -> Window {
+        self.window
+    }
+
+    /// How far the cross-hair moves with a key, m: a hundredth of the window.
+    pub(super) fn key_step_m(&self) -> f64 {
+        0.01 * (self.window.high[0] - self.window.low[0])
+    }
+
+    /// Whether nobody asked this before.
+    pub(super) fn is_new(&mut self) -> bool {
+        std::mem::take(&mut self.is_new)
+    }
+
+    /// The closed form of its game, if there is one and this function is not it.
+    pub(super) fn closed_form(&self) -> Option<ExactValue> {
+        match &self.function {
+            ValueFunction::Exact(_) => None,
+            ValueFunction::Sampled(samples) if samples.horizon_s().is_finite() => None,
+            ValueFunction::Sampled(samples) => samples.game().exact().ok(),
+        }
+    }
+
+    /// Draws the map of a view unless that is what was drawn last.
+    pub(super) fn draw(&mut self, view: &View, width: f64) {
+        if view.shown == Shown::Tube {
+            self.draw_tube(view.level_m);
+        }
+        let is_known = self.map.as_ref().is_some_and(|(shown, psi_deg, map, _)| {
+            let known_px = map.drawing.size[0];
+            (*shown, *psi_deg, known_px) == (view.shown, view.psi_deg, width)
+        });
+        if is_known || view.shown == Shown::Tube {
+            return;
+        }
+        let map = match (view.shown, self.closed_form()) {
+            (Shown::Error, Some(exact)) => {
+                let (function, window) = (&self.function, self.window);
+                let difference = self
+                    .difference
+                    .get_or_insert_with(|| Difference::new(function, &exact, window));
+                let AtHeading { map, greatest_m, mean_m } =
+                    difference.at(function, &exact, view.psi(), width);
+                self.errors_m = Some([greatest_m, mean_m]);
+                map
+            }
+            _ => Map::of_value(&self.function, view.psi(), self.window, &self.scale, width),
+        };
+        let element = map.drawing.element(ColourStyle::Properties);
+        self.map = Some((view.shown, view.psi_deg, map, element));
+    }
+
+    fn draw_tube(&mut self, level_m: f64) {
+        if self.tube.as_ref().is_some_and(|(level, _)| *level == level_m) {
+            return;
+        }
+        let (function, Window { low, high }) = (&self.function, self.window);
+        let value = |state| function.value(state);
+        let sampling = self.sampling.get_or_insert_with(|| Sampling::new(value, low, high, NODES));
+        let gradient = |state| function.state(state).gradient;
+        let mesh = Mesh::new(&sampling.surface(value, level_m), self.window, gradient);
+        self.tube = Some((level_m, Rc::new(mesh)));
+    }
+
+    /// The tube that was drawn last.
+    pub(super) fn mesh(&self) -> Option<Rc<Mesh>> {
+        self.tube.as_ref().map(|(_, mesh)| Rc::clone(mesh))
+    }
+
+    /// The map that was drawn last.
+    pub(super) fn map(&self) -> Option<&Map> {
+        self.map.as_ref().map(|(.., map, _)| map)
+    }
+
+    /// The same as an element.
+    pub(super) fn element(&self) -> Option<Element> {
+        self.map.as_ref().map(|(.., element)| element.clone())
+    }
+
+    /// The state, m, under shares of the picture's width and height.
+    pub(super) fn at(&self, shares: [f64; 2]) -> Option<[f64; 2]> {
+        let map = self.map()?;
+        map.at_px([0, 1].map(|d| shares[d] * map.drawing.size[d]))
+    }
+
+    /// The errors at all headings, and greatest and mean size at the heading that is shown, m.
+    pub(super) fn errors(&self) -> Option<(&Difference, [f64; 2])> {
+        Some((self.difference.as_ref()?, self.errors_m?))
+    }
+
+    /// How it was found, in words.
+    pub(super) fn how(&self) -> String {
+        match &self.function {
+            ValueFunction::Exact(_) => "closed form".to_owned(),
+            ValueFunction::Sampled(samples) => {
+                let [a, b, c] = match samples.nodes() {
+                    Nodes::Polar { range_nodes, angle_nodes, .. } => {
+                        [range_nodes, angle_nodes, angle_nodes]
+                    }
+                    nodes @ Nodes::Cartesian { .. } => nodes.shape(),
+                };
+                let coordinates = match samples.nodes() {
+                    Nodes::Polar { .. } => "polar",
+                    Nodes::Cartesian { .. } => "cartesian",
+                };
+                format!("{coordinates}, {a} × {b} × {c} nodes")
+            }
+        }
+    }
+}

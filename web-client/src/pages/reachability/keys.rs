@@ -1,0 +1,69 @@
+//! The keys of the page, by their places on the keyboard.
+
+use super::Msg;
+use crate::view::{self, el};
+use sidestep::inspection::Shown;
+
+/// What a key does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Key {
+    /// Moves the cross-hair by so many steps to the right and up.
+    Move([i8; 2]),
+    /// Turns the relative heading by so many degrees.
+    Turn(i16),
+    /// Makes the tube larger by so many tenths.
+    Zoom(i8),
+    /// Plays optimally from the cross-hair.
+    Play,
+    /// Forgets the game that was played.
+    Forget,
+    /// Shows something else.
+    Show(Shown),
+}
+
+const KEYS: [(&str, Key); 17] = [
+    ("ArrowLeft", Key::Move([-1, 0])),
+    ("ArrowRight", Key::Move([1, 0])),
+    ("ArrowUp", Key::Move([0, 1])),
+    ("ArrowDown", Key::Move([0, -1])),
+    ("PageUp", Key::Turn(5)),
+    ("PageDown", Key::Turn(-5)),
+    ("BracketRight", Key::Turn(1)),
+    ("BracketLeft", Key::Turn(-1)),
+    ("Equal", Key::Zoom(1)),
+    ("NumpadAdd", Key::Zoom(1)),
+    ("Minus", Key::Zoom(-1)),
+    ("NumpadSubtract", Key::Zoom(-1)),
+    ("Enter", Key::Play),
+    ("Escape", Key::Forget),
+    ("Digit1", Key::Show(Shown::Value)),
+    ("Digit2", Key::Show(Shown::Error)),
+    ("Digit3", Key::Show(Shown::Tube)),
+];
+
+impl Key {
+    /// What the key at this place does, if it does something.
+    pub(super) fn of(code: &str) -> Option<Self> {
+        KEYS.iter().find(|(known, _)| *known == code).map(|(_, key)| *key)
+    }
+}
+
+/// The list of keys, folded.
+pub(super) fn list() -> view::Node<Msg> {
+    let rows = [
+        ("← → ↑ ↓", "move the cross-hair, or turn the tube"),
+        ("Page up, Page down", "turn ψ by 5°"),
+        ("[ ]", "turn ψ by 1°"),
+        ("+ −", "a larger or smaller tube"),
+        ("Enter", "play optimally from the cross-hair"),
+        ("Escape", "forget the game"),
+        ("1, 2, 3", "V, error, tube"),
+    ];
+    let row = |(keys, what): (&str, &str)| {
+        el("div").child(el("dt").text(keys)).child(el("dd").text(what))
+    };
+    el("details")
+        .class("keys")
+        .child(el("summary").text("Keys"))
+        .child(el("dl").class("facts").children(rows.into_iter().map(row)))
+}

@@ -1,0 +1,99 @@
+//! The keys of a replay, by their places on the keyboard.
+
+use super::Msg;
+use crate::view::{self, el};
+use sidestep::playback::view::SPEEDS;
+
+/// What a key does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Key {
+    /// Plays, or pauses.
+    Play,
+    /// Goes so many steps on or back.
+    Step(i32),
+    /// Goes to the start.
+    Start,
+    /// Goes to the end.
+    End,
+    /// The next faster or slower speed.
+    Speed(i32),
+    /// The next or the previous trial.
+    Trial(i32),
+    /// Shows or hides the layer at this place.
+    Layer(usize),
+    /// Shows or hides the legend.
+    Legend,
+    /// The other colours.
+    Colours,
+    /// Sets within the time ahead, or after each step.
+    Sets,
+}
+
+/// Each key, what is printed on it, and what it does.
+const KEYS: [(&str, &str, Key); 24] = [
+    ("Space", "Space", Key::Play),
+    ("ArrowLeft", "←", Key::Step(-1)),
+    ("ArrowRight", "→", Key::Step(1)),
+    ("PageUp", "Page up", Key::Step(-5)),
+    ("PageDown", "Page down", Key::Step(5)),
+    ("Home", "Home", Key::Start),
+    ("End", "End", Key::End),
+    ("ArrowUp", "↑", Key::Speed(1)),
+    ("ArrowDown", "↓", Key::Speed(-1)),
+    ("KeyP", "P", Key::Trial(-1)),
+    ("KeyN", "N", Key::Trial(1)),
+    ("Digit1", "1", Key::Layer(0)),
+    ("Digit2", "2", Key::Layer(1)),
+    ("Digit3", "3", Key::Layer(2)),
+    ("Digit4", "4", Key::Layer(3)),
+    ("Digit5", "5", Key::Layer(4)),
+    ("Digit6", "6", Key::Layer(5)),
+    ("Digit7", "7", Key::Layer(6)),
+    ("Digit8", "8", Key::Layer(7)),
+    ("Digit9", "9", Key::Layer(8)),
+    ("Digit0", "0", Key::Layer(9)),
+    ("KeyL", "L", Key::Legend),
+    ("KeyC", "C", Key::Colours),
+    ("KeyS", "S", Key::Sets),
+];
+
+impl Key {
+    /// What the key at this place does, if it does something.
+    pub(super) fn of(code: &str) -> Option<Self> {
+        KEYS.iter().find(|(known, ..)| *known == code).map(|(.., key)| *key)
+    }
+}
+
+/// What is printed on the key of a layer.
+pub(super) fn of_layer(place: usize) -> Option<&'static str> {
+    KEYS.iter().find(|(.., key)| *key == Key::Layer(place)).map(|(_, printed, _)| *printed)
+}
+
+/// The next speed up or down; the same at the end.
+pub(super) fn speed(present: f64, by: i32) -> f64 {
+    let place = SPEEDS.iter().position(|&speed| speed == present).unwrap_or(2) as i32;
+    SPEEDS[(place + by).clamp(0, SPEEDS.len() as i32 - 1) as usize]
+}
+
+/// The list of keys, folded.
+pub(super) fn list() -> view::Node<Msg> {
+    let rows = [
+        ("Space", "play or pause"),
+        ("← →", "a step back or on"),
+        ("Page up, Page down", "five steps back or on"),
+        ("Home, End", "the start, the end"),
+        ("↑ ↓", "faster, slower"),
+        ("P, N", "the previous trial, the next trial"),
+        ("1 … 9, 0", "show or hide a layer"),
+        ("S", "sets: the whole time ahead, or each step"),
+        ("C", "colours of the sets"),
+        ("L", "legend"),
+    ];
+    let row = |(keys, what): (&str, &str)| {
+        el("div").child(el("dt").text(keys)).child(el("dd").text(what))
+    };
+    el("details")
+        .class("keys")
+        .child(el("summary").text("Keys"))
+        .child(el("dl").class("facts").children(rows.into_iter().map(row)))
+}

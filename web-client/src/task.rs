@@ -1,0 +1,91 @@
+//! What a solver beside the page is asked for, and how it finds it.
+
+use serde::{Deserialize, Serialize};
+use sidestep::reachability::{
+    Accuracy, Method, Options, Progress, PursuitGame, SolveError, ValueFunction, solve,
+};
+use std::ops::ControlFlow;
+
+/// A value function to be found.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Task {
+    /// The game.
+    pub game: PursuitGame,
+    /// None for the best one.
+    #[serde(default)]
+    pub method: Option<Method>,
+    /// Seconds; none for the converged value, since JSON has no infinity.
+    #[serde(default)]
+    pub horizon_s: Option<f64>,
+    /// Of the grid; none for that of studies.
+    #[serde(default)]
+    pub accuracy: Option<Accuracy>,
+}
+
+impl From<PursuitGame> for Task {
+    /// As servers solve it for their studies.
+    fn from(game: PursuitGame) -> Self {
+        Self { game, method: None, horizon_s: None, accuracy: None }
+    }
+}
+
+impl Task {
+    /// Finds the function; its bytes, as servers have them.
+    ///
+    /// # Errors
+    /// [`SolveError`] for a task that cannot be solved as stated, or if `progress` cancels it.
+    pub fn solved(
+        self,
+        progress: &mut dyn FnMut(Progress) -> ControlFlow<()>,
+    ) -> Result<Vec<u8>, SolveError> {
+        let usual = Options::default();
+        let options = Options {
+            method: self.method,
+            horizon_s: self.horizon_s.unwrap_or(f64::INFINITY),
+            accuracy: self.accuracy.unwrap_or(usual.accuracy),
+            ..usual
+        };
+        if options.method_for(&self.game)? == Method::Exact {
+            return Ok(ValueFunction::Exact(self.game.exact()?).encode());
+        }
+        Ok(solve(self.game, &options, progress)?.function.encode())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use sidestep::safety::value_function;
+    use sidestep::scene::{Evader, SceneParameters};
+
+    fn solved(task: Task) -> Result<Vec<u8>, SolveError> {
+        task.solved(&mut |_| ControlFlow::Continue(()))
+    }
+
+    #[test]
+    fn a_game_alone_is_solved_as_servers_do() {
+        let mut parameters = SceneParameters::default();
+        for rate in [0.5, 0.35] {
+            parameters.robot.turn_rate_radps = rate;
+            let game = parameters.game(Evader::Human);
+            let theirs = value_function(game, &mut |_| ControlFlow::Continue(())).unwrap();
+            assert_eq!(solved(game.into()).unwrap(), theirs.encode());
+            // The task is written and read as JSON, with what is usual left out.
+            let text = format!(r#"{{"game":{}}}"#, serde_json::to_string(&game).unwrap());
+            assert_eq!(serde_json::from_str::<Task>(&text).unwrap(), game.into());
+        }
+    }
+
+    #[test]
+    fn a_task_says_how() {
+        let game = SceneParameters::default().game(Evader::Human);
+        let draft = Task { accuracy: Some(Accuracy::Draft), ..game.into() };
+        let polar = solved(Task { method: Some(Method::Polar), ..draft }).unwrap();
+        assert!(matches!(ValueFunction::decode(&polar).unwrap(), ValueFunction::Sampled(_)));
+        let short = ValueFunction::decode(&solved(Task { horizon_s: Some(0.5), ..draft }).unwrap());
+        let ValueFunction::Sampled(short) = short.unwrap() else { panic!("a grid") };
+        assert_eq!(short.horizon_s(), 0.5);
+        let never = solved(Task { method: Some(Method::Polar), horizon_s: Some(0.5), ..draft });
+        assert!(never.unwrap_err().to_string().contains("inf with method polar"));
+    }
+}
