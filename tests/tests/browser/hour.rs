@@ -161,7 +161,7 @@ async fn choose_language(tab: &Tab, language: &str) {
 async fn the_pages_before_the_consent() {
     let (server, browser, tab) = start(WHOLE_STUDY).await;
     tab.go(&format!("{}/", server.origin)).await;
-    tab.words("start").await;
+    tab.words("open-studies").await;
     take(&tab, "0-home").await;
     let unfilled = "PROLIFIC_PID=%7B%7B%25PROLIFIC_PID%25%7D%7D";
     tab.go(&format!("{}/s/default?{unfilled}", server.origin)).await;

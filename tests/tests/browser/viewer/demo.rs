@@ -45,7 +45,6 @@ async fn anybody_drives_and_is_predicted() {
     tab.press("legend-switch").await;
     tab.picture("demo-watched").await;
     tab.is_well().await;
-    tab.is_well().await;
     browser.close().await;
 }
 
