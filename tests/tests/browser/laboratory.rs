@@ -97,7 +97,7 @@ async fn the_laboratory_goes_from_page_to_page_without_loading() {
     let fits = format!("{canvas}.height === {canvas}.clientHeight");
     tab.until(&fits).await;
     let before: usize = tab.eval(&format!("{canvas}.height")).await;
-    tab.run("document.querySelector('details').open = true").await;
+    tab.run("document.querySelector('.table-twin').open = true").await;
     tab.until(&format!("{fits} && {canvas}.height < {before}")).await;
     tab.run("history.back()").await;
     tab.until(&Tab::at("trials")).await;
