@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Result, bail};
 
-use crate::site::{self, ENTRIES, PARTICIPANT_BUDGET, PageSize};
+use crate::site::{self, ENTRIES, PageSize};
 use crate::workspace::{Workspace, stage};
 
 /// Build client and server (release), ready to run from any working directory.
@@ -47,10 +47,11 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<()> {
     report(&pages, &times);
     match pages.iter().find(|page| page.is_over_budget()) {
         Some(page) => bail!(
-            "{} loads {} bytes, more than the {PARTICIPANT_BUDGET} that participants are promised: see \
-             what the client's last dependency or table added",
+            "{} loads {} bytes, more than its budget of {}: see what the client's last dependency or \
+             table added",
             page.name,
             page.total(),
+            page.budget.unwrap_or_default(),
         ),
         None => Ok(()),
     }

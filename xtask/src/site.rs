@@ -46,7 +46,10 @@ const SIMULATOR: &str = "simulator";
 
 /// Most bytes that a participant's page may cost to load: html, css, js and
 /// wasm, compressed with brotli.
-pub(crate) const PARTICIPANT_BUDGET: usize = 80_000;
+const PARTICIPANT_BUDGET: usize = 80_000;
+
+/// Most bytes that any other page may cost to load, counted likewise.
+const PAGE_BUDGET: usize = 400_000;
 
 /// Files by their path below the folder, with `/` between its parts.
 pub(crate) type Files = BTreeMap<String, Vec<u8>>;
@@ -191,8 +194,8 @@ pub(crate) struct PageSize {
     pub(crate) js: usize,
     /// Its programs.
     pub(crate) wasm: usize,
-    /// Whether participants load it.
-    for_participants: bool,
+    /// Most bytes that it may cost; programs that pages start on demand have no limit of their own.
+    pub(crate) budget: Option<usize>,
 }
 
 impl PageSize {
@@ -201,9 +204,9 @@ impl PageSize {
         self.html + self.css + self.js + self.wasm
     }
 
-    /// Whether participants wait longer for it than they were promised.
+    /// Whether people wait longer for it than they were promised.
     pub(crate) fn is_over_budget(&self) -> bool {
-        self.for_participants && self.total() > PARTICIPANT_BUDGET
+        self.budget.is_some_and(|budget| self.total() > budget)
     }
 }
 
@@ -221,7 +224,10 @@ pub(crate) fn page_sizes(site: &Site, sizes: &BTreeMap<String, usize>) -> Vec<Pa
             css: sum(".css"),
             js: sum(".js"),
             wasm: sum(".wasm"),
-            for_participants: page.entries.contains(&PARTICIPANT),
+            budget: match page.entries.contains(&PARTICIPANT) {
+                true => Some(PARTICIPANT_BUDGET),
+                false => page.name.ends_with(".html").then_some(PAGE_BUDGET),
+            },
         }
     };
     site.pages.iter().map(size).collect()
@@ -298,27 +304,26 @@ mod tests {
             ("style.css", "a{b:c}"),
         ])
         .expect("a valid site");
-        let sizes = site
-            .files
-            .keys()
-            .map(|path| {
-                (path.clone(), if path.ends_with(".wasm") { PARTICIPANT_BUDGET } else { 1 })
-            })
-            .collect();
-        let pages = page_sizes(&site, &sizes);
-        let totals: Vec<_> = pages
-            .iter()
-            .map(|page| (page.name.as_str(), page.total(), page.is_over_budget()))
-            .collect();
-        assert_eq!(
-            totals,
-            [
-                ("index.html", PARTICIPANT_BUDGET + 3, true),
-                ("lab.html", PARTICIPANT_BUDGET + 3, false),
-                ("solver", PARTICIPANT_BUDGET + 1, false),
-                ("evaluator", PARTICIPANT_BUDGET + 1, false),
-                ("simulator", PARTICIPANT_BUDGET + 1, false)
-            ]
-        );
+        let totals = |wasm| -> Vec<_> {
+            let size = |path: &String| if path.ends_with(".wasm") { wasm } else { 1 };
+            let sizes = site.files.keys().map(|path| (path.clone(), size(path))).collect();
+            let pages = page_sizes(&site, &sizes);
+            pages.into_iter().map(|p| (p.name.clone(), p.total(), p.is_over_budget())).collect()
+        };
+        for (wasm, participants, others) in [
+            (PARTICIPANT_BUDGET - 3, false, false),
+            (PARTICIPANT_BUDGET, true, false),
+            (PAGE_BUDGET - 3, true, false),
+            (PAGE_BUDGET, true, true),
+        ] {
+            let expected = [
+                ("index.html".to_owned(), wasm + 3, participants),
+                ("lab.html".to_owned(), wasm + 3, others),
+                ("solver".to_owned(), wasm + 1, false),
+                ("evaluator".to_owned(), wasm + 1, false),
+                ("simulator".to_owned(), wasm + 1, false),
+            ];
+            assert_eq!(totals(wasm), expected);
+        }
     }
 }

@@ -1,6 +1,6 @@
 //! The demonstration: driven with real keys, and watched.
 
-use crate::{ROBOT, sign_in, start};
+use crate::{ROBOT, sign_in, start, take};
 use reqwest::Method;
 use sidestep_tests::browser::count_pixels;
 use sidestep_tests::server::SHORT_STUDY;
@@ -13,8 +13,7 @@ async fn anybody_drives_and_is_predicted() {
     tab.go(&server.origin).await;
     tab.press("demo").await;
     tab.until(&Tab::at("card")).await;
-    tab.picture("demo-ready").await;
-    tab.is_well().await;
+    take(&tab, "demo-ready").await;
     tab.key(" ").await;
     tab.until_step("demo", 5).await;
     tab.key_down("ArrowLeft").await;
@@ -28,8 +27,7 @@ async fn anybody_drives_and_is_predicted() {
     tab.until_says("card", "at the closest").await;
     tab.until_says("model", "trained on 1 scene").await;
     assert!(tab.words("total").await.contains("1 scene"));
-    tab.picture("demo-over").await;
-    tab.is_well().await;
+    take(&tab, "demo-over").await;
     tab.key(" ").await;
     tab.until_step("demo", 2).await;
     assert_eq!(tab.attribute("demo", "data-scene").await.as_deref(), Some("1"));
@@ -43,8 +41,7 @@ async fn anybody_drives_and_is_predicted() {
     let link: String = tab.eval("location.search").await;
     assert_eq!(link, "?driver=synthetic-1&show=shade-rh,v-hr,v-rh,danger-zone,shfrs,future,trail");
     tab.press("legend-switch").await;
-    tab.picture("demo-watched").await;
-    tab.is_well().await;
+    take(&tab, "demo-watched").await;
     browser.close().await;
 }
 
