@@ -1,9 +1,10 @@
 //! A real browser: headless Chromium with a profile of its own, real key presses
 //! and pictures.
 
+pub use chromiumoxide::cdp::browser_protocol::emulation::SetEmulatedVisionDeficiencyType as Vision;
 use chromiumoxide::cdp::browser_protocol::emulation::{
     MediaFeature, SetCpuThrottlingRateParams, SetDeviceMetricsOverrideParams,
-    SetEmulatedMediaParams,
+    SetEmulatedMediaParams, SetEmulatedVisionDeficiencyParams,
 };
 use chromiumoxide::cdp::browser_protocol::input::{
     DispatchKeyEventParams, DispatchKeyEventType, DispatchMouseEventParams, DispatchMouseEventType,
@@ -318,6 +319,15 @@ impl Tab {
             .feature(MediaFeature::new("prefers-color-scheme", scheme))
             .build();
         self.page.execute(media).await.expect("a colour scheme");
+    }
+
+    /// Shows the page as people with this vision see it.
+    ///
+    /// # Panics
+    /// If the browser refuses.
+    pub async fn see(&self, vision: &Vision) {
+        let vision = SetEmulatedVisionDeficiencyParams::new(vision.clone());
+        self.page.execute(vision).await.expect("another vision");
     }
 
     /// Zooms a window of [`WIDE`] to 200 %, and asks for reduced motion.

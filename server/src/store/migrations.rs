@@ -22,7 +22,7 @@ macro_rules! migration {
     };
 }
 
-const MIGRATIONS: [Migration; 13] = [
+const MIGRATIONS: [Migration; 14] = [
     migration!(1, "0001_studies_participants_trials.sql", "studies participants trials"),
     migration!(2, "0002_safety_functions.sql", "safety functions"),
     migration!(3, "0003_analyses.sql", "analyses"),
@@ -36,6 +36,7 @@ const MIGRATIONS: [Migration; 13] = [
     migration!(11, "0011_upload_backlog.sql", "upload backlog"),
     migration!(12, "0012_predictors.sql", "predictors"),
     migration!(13, "0013_lists_from_tallies.sql", "lists from tallies"),
+    migration!(14, "0014_counted_predictors.sql", "counted predictors"),
 ];
 
 /// Why a file cannot be migrated. Each message is a sentence about the file.

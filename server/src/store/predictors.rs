@@ -159,7 +159,7 @@ impl Store {
 const OF_ANALYSIS: &str = "analysis = :analysis \
      AND (SELECT state FROM analysis WHERE sequence = :analysis) = 'done'";
 
-/// Those of them that pass a filter; a participant's are found by the index.
+/// Those of them, or their kinds, that pass a filter; a participant's models are found by the index.
 fn filter(asked: &Selection) -> String {
     let participant = match asked.participant {
         Some(_) => "participant_number = :participant",
@@ -195,7 +195,11 @@ fn page(db: &Connection, id: &str, asked: &Selection) -> Result<Option<Predictor
         (":features", &asked.features),
     ];
     let filter = filter(asked);
-    let query = format!("SELECT count(*) FROM analysis_predictor WHERE {filter}");
+    // A participant has a hundred models, an analysis perhaps a million.
+    let query = match asked.participant {
+        Some(_) => format!("SELECT count(*) FROM analysis_predictor WHERE {filter}"),
+        None => format!("SELECT coalesce(sum(models), 0) FROM predictor_kind WHERE {filter}"),
+    };
     let total: i64 = db.prepare_cached(&query)?.query_row(&bound[..], |row| row.get(0))?;
     bound.extend([(":limit", &asked.limit as &dyn ToSql), (":offset", &asked.offset)]);
     // The rows of the page are found first, by the index alone.
@@ -213,14 +217,9 @@ fn page(db: &Connection, id: &str, asked: &Selection) -> Result<Option<Predictor
 
 fn choices(db: &Connection, analysis: i64) -> Result<PredictorChoices, StoreError> {
     let of_analysis = named_params! { ":analysis": analysis };
-    // From one number to the next by the index: a participant has a hundred models.
     let mut participants = db.prepare_cached(&format!(
-        "WITH RECURSIVE present (number) AS ( \
-             SELECT min(participant_number) FROM analysis_predictor WHERE {OF_ANALYSIS} \
-             UNION ALL SELECT (SELECT min(participant_number) FROM analysis_predictor \
-                 WHERE analysis = :analysis AND participant_number > number) \
-             FROM present WHERE number IS NOT NULL) \
-         SELECT number FROM present WHERE number IS NOT NULL"
+        "SELECT participant_number FROM predictor_participant WHERE {OF_ANALYSIS} \
+         ORDER BY participant_number"
     ))?;
     let participants = participants.query_map(of_analysis, |row| row.get(0))?;
     let mut choices = PredictorChoices {

@@ -176,4 +176,65 @@ mod tests {
         assert_eq!(region(1, 9).light, [0xe4, 0x87, 0x43]);
         assert_eq!(region(2, 3), REGIONS[2]);
     }
+
+    /// How people see who lack the cones for red, green or blue: linear RGB to linear RGB, rows first
+    /// (Machado, Oliveira and Fernandes 2009, severity 1).
+    const VISIONS: [[[f64; 3]; 3]; 4] = [
+        [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+        [
+            [0.152_286, 1.052_583, -0.204_868],
+            [0.114_503, 0.786_281, 0.099_216],
+            [-0.003_882, -0.048_116, 1.051_998],
+        ],
+        [
+            [0.367_322, 0.860_646, -0.227_968],
+            [0.280_085, 0.672_501, 0.047_413],
+            [-0.011_820, 0.042_940, 0.968_881],
+        ],
+        [
+            [1.255_528, -0.076_749, -0.178_779],
+            [-0.078_411, 0.930_809, 0.147_602],
+            [0.004_733, 0.691_367, 0.303_900],
+        ],
+    ];
+
+    /// CIE L*, a* and b* of an sRGB colour in somebody's eyes.
+    fn seen(colour: [u8; 3], vision: [[f64; 3]; 3]) -> [f64; 3] {
+        let linear = colour.map(|channel| match f64::from(channel) / 255.0 {
+            low if low <= 0.040_45 => low / 12.92,
+            value => ((value + 0.055) / 1.055).powf(2.4),
+        });
+        let times = |m: [[f64; 3]; 3], v: [f64; 3]| {
+            m.map(|row| row.iter().zip(v).map(|(a, b)| a * b).sum::<f64>())
+        };
+        let rgb = times(vision, linear).map(|channel| channel.clamp(0.0, 1.0));
+        // To XYZ over the white of D65.
+        let to_xyz = [
+            [0.4124 / 0.9505, 0.3576 / 0.9505, 0.1805 / 0.9505],
+            [0.2126, 0.7152, 0.0722],
+            [0.0193 / 1.089, 0.1192 / 1.089, 0.9505 / 1.089],
+        ];
+        let [x, y, z] = times(to_xyz, rgb).map(|t| match t {
+            dark if dark <= 0.008_856 => 7.787 * dark + 16.0 / 116.0,
+            bright => bright.cbrt(),
+        });
+        [116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)]
+    }
+
+    #[test]
+    fn safe_colours_differ_for_all_eyes() {
+        for vision in VISIONS {
+            // Neighbours differ in lightness alone: in print without colours too.
+            let lightness = SAFE_REGIONS.map(|colour| seen(colour.light, vision)[0]);
+            for (inner, outer) in lightness.iter().zip(&lightness[1..]) {
+                assert!(outer - inner > 12.0, "{lightness:?}");
+            }
+            // The lines of the two vehicles.
+            for (human, robot) in [(HUMAN.light, ROBOT.light), (HUMAN.dark, ROBOT.dark)] {
+                let (human, robot) = (seen(human, vision), seen(robot, vision));
+                let apart = human.iter().zip(robot).map(|(a, b)| (a - b) * (a - b)).sum::<f64>();
+                assert!(apart.sqrt() > 50.0, "{human:?} {robot:?}");
+            }
+        }
+    }
 }

@@ -64,6 +64,16 @@ fn count(server: &Server, table: &str) -> i64 {
     behind(&server.database()).query_row(&query, [], |row| row.get(0)).unwrap()
 }
 
+/// The number of models that the database holds: by their rows, by their kinds and by participant.
+fn models_counted(server: &Server) -> [i64; 3] {
+    let sum = |table: &str| {
+        let query = format!("SELECT coalesce(sum(models), 0) FROM {table}");
+        behind(&server.database()).query_row(&query, [], |row| row.get(0)).unwrap()
+    };
+    let rows = count(server, "analysis_predictor");
+    [rows, sum("predictor_kind"), sum("predictor_participant")]
+}
+
 #[tokio::test]
 async fn models_are_listed_and_say_what_they_have_to_do_with_a_trial() {
     let server = Server::with_study(STUDY).await;
@@ -252,11 +262,11 @@ async fn models_go_with_their_participant_and_their_analysis() {
     for id in [&before, &deleted] {
         done(&server, id).await;
     }
-    assert_eq!(count(&server, "analysis_predictor"), 4 * MODELS as i64);
+    assert_eq!(models_counted(&server), [4 * MODELS as i64; 3]);
     assert_eq!(count(&server, "analysis_trial"), 2 * 2 * 8);
     let request = server.request(Method::DELETE, &routes::admin_analysis(&deleted));
     assert_eq!(Answer::of(request.bearer_auth(&server.key)).await.status, 204);
-    assert_eq!(count(&server, "analysis_predictor"), 2 * MODELS as i64);
+    assert_eq!(models_counted(&server), [2 * MODELS as i64; 3]);
     assert_eq!(count(&server, "analysis_trial"), 2 * 8);
     let trial = tasks(&stays).swap_remove(0);
     let file = "models/lr-1-hrd-1.json";
@@ -267,7 +277,7 @@ async fn models_go_with_their_participant_and_their_analysis() {
     let page = list(&server, &before, "").await;
     assert_eq!((page.total, page.predictors, page.choices.participants), (0, vec![], vec![]));
     model(&server, &trial, &before, file).await.problem(404, "not_found", None);
-    assert_eq!(count(&server, "analysis_predictor"), 0);
+    assert_eq!(models_counted(&server), [0; 3]);
     // What is left are the trials of whoever stays.
     assert_eq!(count(&server, "analysis_trial"), 8);
     let after = ask(&server, quick()).await.id;

@@ -6,7 +6,7 @@ use sidestep::api::{StudyInfo, TrialDetail, routes};
 use sidestep::safety::value_function;
 use sidestep::scene::Evader;
 use sidestep::trial::simulation_fingerprint;
-use sidestep_tests::browser::{NARROW, WIDE};
+use sidestep_tests::browser::{NARROW, Vision, WIDE};
 use sidestep_tests::server::{SHORT_STUDY, UNEQUAL_STUDY};
 use sidestep_tests::{Browser, Driver, Server, Tab, driven_with};
 use std::ops::ControlFlow;
@@ -278,6 +278,12 @@ async fn every_page_fits_its_window() {
         tab.press(&format!("layer-{layer}")).await;
     }
     take("replay-everything").await;
+    let visions = [Vision::Protanopia, Vision::Deuteranopia, Vision::Tritanopia];
+    for vision in visions.into_iter().chain([Vision::None]) {
+        tab.see(&vision).await;
+        tab.until_painted().await;
+        tab.picture(&format!("replay-everything-{}", vision.as_ref())).await;
+    }
     tab.go(&format!("{}/lab/self-check", server.origin)).await;
     tab.words("verdict").await;
     take("self-check").await;
