@@ -79,10 +79,16 @@ pub(super) struct Demo {
 
 impl Demo {
     /// Fills the study through the server at `address`, and says when it is ready. `analysis_asked` tells the
-    /// worker of the analysis.
-    pub(super) fn start(store: Store, address: SocketAddr, analysis_asked: Arc<Notify>) -> Self {
+    /// worker of the analysis; a key that was made at this start is said again, since the log of the filling
+    /// has moved it away.
+    pub(super) fn start(
+        store: Store,
+        address: SocketAddr,
+        analysis_asked: Arc<Notify>,
+        new_key: Option<String>,
+    ) -> Self {
         let origin = format!("http://{}", reachable(address));
-        let filling = Filling { store, origin, analysis_asked };
+        let filling = Filling { store, origin, analysis_asked, new_key };
         let task = tokio::spawn(async move {
             let said = match filling.fill().await {
                 Ok(said) => said,
@@ -129,6 +135,7 @@ struct Filling {
     store: Store,
     origin: String,
     analysis_asked: Arc<Notify>,
+    new_key: Option<String>,
 }
 
 impl Filling {
@@ -157,6 +164,9 @@ impl Filling {
             }
             Some((_, state)) => said += &format!("\n  Its newest analysis is {}.", state.word()),
             None => {}
+        }
+        if let Some(key) = &self.new_key {
+            said += &format!("\n  sign in with  {origin}/lab#key={key}");
         }
         Ok(said)
     }

@@ -192,7 +192,8 @@ pub async fn start(args: &ServeArgs, key: Option<&str>) -> Result<Running, Comma
     let threads = args.analysis_threads.or_else(|| if args.demo { all() } else { None });
     let analysis_worker =
         AnalysisWorker::start(store.clone(), Arc::clone(&analysis_asked), threads);
-    let demo = args.demo.then(|| Demo::start(store.clone(), address, analysis_asked));
+    let demo =
+        args.demo.then(|| Demo::start(store.clone(), address, analysis_asked, new_key.clone()));
     tracing::info!(%address, study = names[0], "serving");
     Ok(Running {
         address,

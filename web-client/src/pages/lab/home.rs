@@ -1,5 +1,6 @@
 //! The first page of the laboratory: every study with its state, and what needs attention.
 
+use super::participants::REHEARSAL;
 use super::study::{self, Tab};
 use super::visit::Visit;
 use crate::pages::parts::{self, alert, count, fact};
@@ -171,7 +172,7 @@ fn first_steps(study: &StudySummary) -> Node {
         step(
             "Rehearse with a simulated person",
             "A program presses the keys on the real page, thirty times as fast as a person.",
-            Some(link(format!("/s/{slug}?simulate=1&speed=30"), "rehearse", "Watch a rehearsal")),
+            Some(link(format!("/s/{slug}?{REHEARSAL}"), "rehearse", "Watch a rehearsal")),
         ),
         step(
             "Look at a finished study",

@@ -112,7 +112,7 @@ impl Fields<'_> {
             )
             .class("plain")
             .attr("aria-label", format!("Remove {noun} {}", i + 1))
-            .text("Remove");
+            .text(format!("Remove {noun}"));
         el("div").class("entry-buttons").children(up).child(remove)
     }
 

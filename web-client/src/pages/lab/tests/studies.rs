@@ -84,7 +84,7 @@ fn a_new_server_says_how_to_begin() {
     let view = session.page.view();
     let href = |name: &str| view.find(name).unwrap().attribute("href").unwrap().to_owned();
     assert_eq!(href("try"), "/s/default?pilot");
-    assert_eq!(href("rehearse"), "/s/default?simulate=1&speed=30");
+    assert_eq!(href("rehearse"), "/s/default?simulate=1&speed=10");
     assert_eq!(session.words("demo").unwrap(), "sidestep serve --demo");
     // A demonstration that is being filled is nothing to take part in.
     let demo = StudySummary { synthetic: true, ..study("demo", 0) };
