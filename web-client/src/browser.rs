@@ -7,6 +7,7 @@ mod clock;
 mod dom;
 mod fields;
 mod files;
+mod film;
 mod listen;
 mod solid;
 mod follow;
@@ -21,7 +22,7 @@ use self::clock::Clock;
 use self::dom::Dom;
 use self::storage::Storage;
 use crate::runtime::{
-    Command, Commands, Evaluate, Event, Failure, PNG_OF_SVG, Page, PageContext, Solving,
+    Command, Commands, Evaluate, Event, Failure, Film, PNG_OF_SVG, Page, PageContext, Solving,
 };
 use js_sys::{Function, Promise, Reflect};
 use sidestep::picture::Picture;
@@ -32,7 +33,7 @@ use std::pin::Pin;
 use std::rc::Rc;
 use wasm_bindgen::prelude::*;
 use wasm_bindgen_futures::JsFuture;
-use web_sys::{Document, HtmlElement, Window};
+use web_sys::{Blob, Document, HtmlElement, Window};
 
 /// Opens a page and keeps it until the tab is closed.
 pub fn run<P: Page + 'static>(open: fn(PageContext) -> (P, Commands<P::Msg>)) {
@@ -489,6 +490,37 @@ impl<P: Page + 'static> Pump<P> {
             Command::DownloadCanvas { canvas, name } => {
                 files::offer_canvas(&shell.document, canvas, name);
             }
+            Command::Film(_) if !P::offers_files() => {}
+            Command::Film(film) => match film() {
+                Film::Begin { name, canvas, file, then } => {
+                    let number = shell.begin(name);
+                    let (pump, document, then_ended) =
+                        (self.clone(), shell.document.clone(), Rc::clone(&then));
+                    let ended = move |film: Result<Blob, String>| {
+                        let offered = film.and_then(|film| {
+                            files::offer_blob(&document, &file, &film)
+                                .map_err(|_| "The browser did not take the film.".to_owned())
+                        });
+                        // The film is dropped once its listener, which calls this, has returned.
+                        let (pump, then) = (pump.clone(), Rc::clone(&then_ended));
+                        background(async move { pump.finish(number, || then(offered)) });
+                    };
+                    match film::Film::begin(&shell.document, canvas, ended) {
+                        Ok(film) => {
+                            shell.underway.push(Underway { name, number, _work: Box::new(film) });
+                        }
+                        Err(why) => {
+                            let message = then(Err(why));
+                            self.queue.borrow_mut().push_back((message, shell.clock.now_ms()));
+                        }
+                    }
+                }
+                Film::End(name) => {
+                    let films = shell.underway.iter().filter(|underway| underway.name == name);
+                    let film = films.filter_map(|it| it._work.downcast_ref::<film::Film>()).next();
+                    film.map(film::Film::end).unwrap_or_default();
+                }
+            },
             Command::ReplaceAddress(url) => address::replace(&shell.window, &url),
             Command::Visit(url) => {
                 let (now_ms, window) = (shell.clock.now_ms(), shell.window.clone());

@@ -353,12 +353,31 @@ pub enum Command<M> {
         /// Name of the file.
         name: String,
     },
+    /// Film a canvas. It is a function for the same reason as with [`Self::Evaluate`].
+    Film(Box<dyn FnOnce() -> Film<M>>),
     /// Replace the address without loading it.
     ReplaceAddress(String),
     /// Show another address of this page as if a link to it had been pressed.
     Visit(String),
     /// Leave for another address.
     Leave(String),
+}
+
+/// What is to become of a film. It is discarded if its name is cancelled.
+pub enum Film<M> {
+    /// It begins.
+    Begin {
+        /// Its name, as of a request.
+        name: &'static str,
+        /// The canvas element's id.
+        canvas: &'static str,
+        /// Name of the file that is offered for download when it has ended.
+        file: String,
+        /// The message once it is offered, or the sentence why there is none.
+        then: Rc<dyn Fn(Result<(), String>) -> M>,
+    },
+    /// The film of this name ends.
+    End(&'static str),
 }
 
 /// Something to tell the evaluator of a name. It is started if there is none, and lives until it is
@@ -443,6 +462,13 @@ impl<M: 'static> Command<M> {
                 Command::Download { name, media_type, content }
             }
             Self::DownloadCanvas { canvas, name } => Command::DownloadCanvas { canvas, name },
+            Self::Film(film) => Command::Film(Box::new(move || match film() {
+                Film::Begin { name, canvas, file, then } => {
+                    let then = Rc::new(move |ended| lift(then(ended)));
+                    Film::Begin { name, canvas, file, then }
+                }
+                Film::End(name) => Film::End(name),
+            })),
             Self::ReplaceAddress(url) => Command::ReplaceAddress(url),
             Self::Visit(url) => Command::Visit(url),
             Self::Leave(url) => Command::Leave(url),

@@ -2,8 +2,8 @@
 
 use crate::evaluation::Evaluation;
 use crate::runtime::{
-    Answer, Command, Commands, Evaluate, Event, Failure, NotKept, Page, Request, Solving, Then,
-    answer,
+    Answer, Command, Commands, Evaluate, Event, Failure, Film, NotKept, Page, Request, Solving,
+    Then, answer,
 };
 use crate::task::Task;
 use crate::view::Node;
@@ -22,6 +22,9 @@ pub(crate) type Changed<M> = Rc<dyn Fn() -> M>;
 
 /// What became of a text that is to be kept becomes this message.
 pub(crate) type Kept<M> = Then<Result<(), NotKept>, M>;
+
+/// What became of a film becomes this message.
+pub(crate) type Filmed<M> = Rc<dyn Fn(Result<(), String>) -> M>;
 
 /// A page, and what it has asked of the browser.
 pub(crate) struct Session<P: Page> {
@@ -59,6 +62,10 @@ pub(crate) struct Session<P: Page> {
     picture: Picture,
     /// Names and contents of the files that were offered; those of canvases are empty.
     pub(crate) files: Vec<(String, Vec<u8>)>,
+    /// Films that were begun, under their names: name of the file, and what becomes of the end.
+    pub(crate) films: Vec<(&'static str, String, Filmed<P::Msg>)>,
+    /// Names of films that were ended.
+    pub(crate) films_ended: Vec<&'static str>,
 }
 
 impl<P: Page> Session<P> {
@@ -86,6 +93,8 @@ impl<P: Page> Session<P> {
             keeping: Vec::new(),
             picture: Picture::default(),
             files: Vec::new(),
+            films: Vec::new(),
+            films_ended: Vec::new(),
         };
         session.apply(commands);
         session
@@ -138,6 +147,13 @@ impl<P: Page> Session<P> {
                 Command::Leave(url) => self.left = Some(url),
                 Command::Download { name, content, .. } => self.files.push((name, content)),
                 Command::DownloadCanvas { name, .. } => self.files.push((name, Vec::new())),
+                Command::Film(film) => match film() {
+                    Film::Begin { name, file, then, .. } => {
+                        self.cancel(|other| other == name);
+                        self.films.push((name, file, then));
+                    }
+                    Film::End(name) => self.films_ended.push(name),
+                },
             }
         }
     }

@@ -97,7 +97,7 @@ async fn the_laboratory_goes_from_page_to_page_without_loading() {
     let fits = format!("{canvas}.height === {canvas}.clientHeight");
     tab.until(&fits).await;
     let before: usize = tab.eval(&format!("{canvas}.height")).await;
-    tab.run("document.querySelector('.table-twin').open = true").await;
+    tab.press("numbers-switch").await;
     tab.until(&format!("{fits} && {canvas}.height < {before}")).await;
     tab.run("history.back()").await;
     tab.until(&Tab::at("trials")).await;
@@ -111,6 +111,35 @@ async fn the_laboratory_goes_from_page_to_page_without_loading() {
     assert!(tab.eval::<bool>("window.loadedOnce").await);
     tab.go(&format!("{}/lab/nothing", server.origin)).await;
     assert!(tab.words("stuck").await.contains("no page at this address"));
+    tab.is_well().await;
+    browser.close().await;
+}
+
+/// A second of a replay becomes a WebM file, from a button to its last byte.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_replay_is_filmed() {
+    let (server, browser, tab) = start(SHORT_STUDY).await;
+    let sent = Driver::enrol(&server).await.drive(&server, 1).await;
+    sign_in(&tab, &server).await;
+    tab.go(&format!("{}/lab/replay/{}?t=9", server.origin, sent[0].0)).await;
+    until_predicted(&tab).await;
+    // What is offered for download.
+    let offers = "offer = URL.createObjectURL, \
+                  URL.createObjectURL = blob => (film = blob, offer.call(URL, blob))";
+    tab.run(offers).await;
+    tab.press("film").await;
+    tab.until("window.film").await;
+    assert_eq!(tab.eval::<String>("film.type").await, "video/webm");
+    let bytes: Vec<u8> = tab.eval("film.arrayBuffer().then(all => [...new Uint8Array(all)])").await;
+    // EBML, and the name of a codec that every browser plays.
+    assert_eq!(bytes[..4], [0x1a, 0x45, 0xdf, 0xa3]);
+    assert!(bytes.windows(4).any(|name| name == b"V_VP"));
+    assert!(bytes.len() > 5_000, "{} bytes", bytes.len());
+    tab.until("document.querySelector('[data-testid=film]').ariaPressed === 'false'").await;
+
+    tab.run("delete window.MediaRecorder").await;
+    tab.press("film").await;
+    tab.until_says("unfilmed", "cannot film").await;
     tab.is_well().await;
     browser.close().await;
 }

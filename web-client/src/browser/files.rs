@@ -18,21 +18,32 @@ pub(super) fn offer(document: &Document, name: &str, media_type: &str, content: 
     }
 }
 
-/// Offers what is on the canvas with this id as a PNG image. A canvas is transparent where nothing is
-/// painted, so the image gets the ground of the page.
+/// Offers what is on the canvas with this id as a PNG image.
 pub(super) fn offer_canvas(document: &Document, canvas: &str, name: String) {
-    let _ = canvas_on_ground(document, canvas, name);
+    let canvas = document.get_element_by_id(canvas).and_then(|it| it.dyn_into().ok());
+    let image = document.create_element("canvas").ok().and_then(|it| it.dyn_into().ok());
+    if let (Some(canvas), Some(image)) = (canvas, image)
+        && paint_on_ground(&canvas, &image).is_ok()
+    {
+        let _ = offer_canvas_blob(document, &image, name);
+    }
 }
 
-fn canvas_on_ground(document: &Document, id: &str, name: String) -> Result<(), JsValue> {
+/// Paints what is on a canvas on another one, which gets its size. A canvas is transparent where nothing
+/// is painted, so the other one gets the ground of the page.
+pub(super) fn paint_on_ground(
+    canvas: &HtmlCanvasElement,
+    image: &HtmlCanvasElement,
+) -> Result<(), JsValue> {
     let missing = || JsValue::from_str("no canvas");
-    let canvas: HtmlCanvasElement =
-        document.get_element_by_id(id).ok_or_else(missing)?.dyn_into()?;
-    let image: HtmlCanvasElement = document.create_element("canvas")?.dyn_into()?;
-    image.set_width(canvas.width());
-    image.set_height(canvas.height());
+    let (width, height) = (canvas.width(), canvas.height());
+    if (image.width(), image.height()) != (width, height) {
+        image.set_width(width);
+        image.set_height(height);
+    }
     let context: CanvasRenderingContext2d =
         image.get_context("2d")?.ok_or_else(missing)?.dyn_into()?;
+    let document = canvas.owner_document().ok_or_else(missing)?;
     let window = document.default_view().ok_or_else(missing)?;
     let ground = match document.body() {
         Some(body) => window
@@ -42,11 +53,9 @@ fn canvas_on_ground(document: &Document, id: &str, name: String) -> Result<(), J
     };
     if let Some(Ok(ground)) = ground {
         context.set_fill_style_str(&ground);
-        let (width, height) = (f64::from(image.width()), f64::from(image.height()));
-        context.fill_rect(0.0, 0.0, width, height);
+        context.fill_rect(0.0, 0.0, width.into(), height.into());
     }
-    context.draw_image_with_html_canvas_element(&canvas, 0.0, 0.0)?;
-    offer_canvas_blob(document, &image, name)
+    context.draw_image_with_html_canvas_element(canvas, 0.0, 0.0)
 }
 
 /// Offers an SVG file as a PNG image, twice as large as it says.
@@ -92,7 +101,7 @@ fn offer_canvas_blob(
     canvas.to_blob(offer.unchecked_ref())
 }
 
-fn offer_blob(document: &Document, name: &str, blob: &Blob) -> Result<(), JsValue> {
+pub(super) fn offer_blob(document: &Document, name: &str, blob: &Blob) -> Result<(), JsValue> {
     let url = Url::create_object_url_with_blob(blob)?;
     let link: HtmlAnchorElement = document.create_element("a")?.dyn_into()?;
     link.set_href(&url);

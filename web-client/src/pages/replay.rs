@@ -6,6 +6,7 @@ mod choice;
 mod keys;
 mod view;
 
+use self::chart::Strip;
 use self::choice::Choice;
 use self::keys::Key;
 use super::models::Named;
@@ -13,7 +14,7 @@ use super::parts;
 use super::safety::Sources;
 use crate::form::FieldValue;
 use crate::runtime::{
-    Address, Answer, Command, Commands, Event, Failure, Page, Request, Solving, read,
+    Address, Answer, Command, Commands, Event, Failure, Film, Page, Request, Solving, read,
 };
 use crate::view::Node;
 use sidestep::api::{TrainedPredictor, TrialDetail, routes};
@@ -25,6 +26,7 @@ use sidestep::playback::{Learned, Playback, Recorded};
 use sidestep::predict::Predictor;
 use sidestep::scene::Evader;
 use sidestep::shfrs::ShfrsSettings;
+use std::rc::Rc;
 
 /// The page of one trial.
 pub enum ReplayPage {
@@ -77,10 +79,16 @@ pub enum Msg {
     Layer(usize),
     /// Shows or hides the legend.
     Legend,
+    /// Shows or hides the numbers of every step.
+    Numbers,
     /// Offers the picture as SVG.
     SaveSvg,
     /// Offers the picture as PNG.
     SavePng,
+    /// Films what is played from here on, or ends the film.
+    Film,
+    /// The film has ended, or there is none for this reason.
+    Filmed(Result<(), String>),
     /// The numbers are to be shown anew while it plays.
     Frame,
 }
@@ -179,13 +187,19 @@ pub struct Replay {
     in_a_row: bool,
     /// While it plays.
     playing: Option<Playing>,
+    /// While it is filmed. A film lasts as long as it plays.
+    filming: bool,
     shows_legend: bool,
+    shows_numbers: bool,
+    strip: Strip,
     /// What there is to see at this moment.
     picture: Picture,
     /// What is wrong, if something is.
     trouble: Option<String>,
     /// What of the link could not be used.
     misread: Option<String>,
+    /// Why there is no film, if one was asked for.
+    unfilmed: Option<String>,
 }
 
 /// The number of trials that a predictor was trained on, and why it is a simple one, if it is.
@@ -226,16 +240,20 @@ impl Replay {
         let mut replay = Self {
             sources: Sources::new(&trial.parameters, ids, Msg::ValueFunction),
             choice: Choice::new(Named::of(address)),
+            strip: Strip::new(&trial, &playback),
             trial,
             trained: None,
             playback,
             view,
             in_a_row,
             playing: None,
+            filming: false,
             shows_legend: true,
+            shows_numbers: false,
             picture: Picture::default(),
             trouble: None,
             misread,
+            unfilmed: None,
         };
         if in_a_row {
             replay.playing = Some(Playing { until_ms: now_ms, shown_ms: now_ms });
@@ -250,6 +268,7 @@ impl Replay {
         let mut commands = Vec::new();
         // Whatever changes the view changes the link to it.
         let before = (!self.is_playing()).then(|| self.address());
+        let learns = matches!(message, Msg::Predictor(_) | Msg::Choose(_) | Msg::ValueFunction(..));
         match message {
             Msg::Trial(_) => {}
             Msg::Predictor(answer) => self.take_predictor(read(answer)),
@@ -290,13 +309,26 @@ impl Replay {
                 }
             }
             Msg::Legend => self.shows_legend = !self.shows_legend,
+            Msg::Numbers => self.shows_numbers = !self.shows_numbers,
             Msg::SaveSvg => commands = vec![self.svg()],
             Msg::SavePng => {
                 commands =
                     vec![Command::DownloadCanvas { canvas: CANVAS, name: self.file_name("png") }];
             }
+            Msg::Film if self.filming => self.playing = None,
+            Msg::Film => commands = self.film(now_ms),
+            Msg::Filmed(ended) => {
+                self.filming = false;
+                self.unfilmed = ended.err();
+            }
             Msg::Frame if self.playing.is_none() => commands = self.at_the_end(),
             Msg::Frame => {}
+        }
+        if learns {
+            self.strip = Strip::new(&self.trial, &self.playback);
+        }
+        if self.filming && self.playing.is_none() {
+            commands.push(Command::Film(Box::new(|| Film::End(FILM))));
         }
         self.show();
         let after = (!self.is_playing()).then(|| self.address());
@@ -459,10 +491,25 @@ impl Replay {
         None
     }
 
-    /// It has played to the end: the next trial follows, if one is to.
+    /// Films what is played from here to the end, or to the next pause.
+    fn film(&mut self, now_ms: f64) -> Commands<Msg> {
+        self.playing = None;
+        self.play_or_pause(now_ms);
+        (self.filming, self.unfilmed) = (true, None);
+        let file = self.file_name("webm");
+        vec![Command::Film(Box::new(move || Film::Begin {
+            name: FILM,
+            canvas: CANVAS,
+            file,
+            then: Rc::new(Msg::Filmed),
+        }))]
+    }
+
+    /// It has played to the end: the next trial follows, if one is to. A film is of one trial.
     fn at_the_end(&self) -> Commands<Msg> {
         let is_over = self.view.time_s >= self.playback.duration_s();
-        let next = self.trial.next.as_ref().filter(|_| self.in_a_row && is_over);
+        let goes_on = self.in_a_row && is_over && !self.filming;
+        let next = self.trial.next.as_ref().filter(|_| goes_on);
         next.map(|next| Command::Visit(self.link_to(next))).into_iter().collect()
     }
 
@@ -493,3 +540,5 @@ impl Replay {
 
 /// The canvas element's id.
 const CANVAS: &str = "replay";
+/// The name of the film.
+const FILM: &str = "film";

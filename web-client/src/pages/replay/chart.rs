@@ -1,11 +1,12 @@
 //! Safety levels, distance and input over time.
 
-use super::{Msg, Replay};
-use crate::view::{self, drawn, el};
+use super::Msg;
+use crate::view::{self, drawn, el, still};
+use sidestep::api::TrialDetail;
 use sidestep::chart::{
     Axis, Chart, ColourStyle, Drawing, Frame, LegendItem, Pen, Series, Table, colours,
 };
-use sidestep::playback::Probabilities;
+use sidestep::playback::{Playback, Probabilities};
 use sidestep::scene::Evader;
 use sidestep::vehicle::TurnInput;
 
@@ -24,9 +25,41 @@ const PREDICTED: [f64; 2] = [128.0, 146.0];
 const LEFT: colours::Colour = colours::HUMAN;
 const RIGHT: colours::Colour = colours::SERIES[1];
 
-/// The lines as data.
-pub(super) fn lines(replay: &Replay) -> Chart {
-    let Replay { trial, playback, .. } = replay;
+/// What stays the same while time goes on, so that a frame need not make it again.
+pub(super) struct Strip {
+    /// The lines as data.
+    lines: Chart,
+    /// All of it but the present time.
+    drawing: Node,
+}
+
+impl Strip {
+    /// What is known of a trial.
+    pub(super) fn new(trial: &TrialDetail, playback: &Playback) -> Self {
+        let lines = lines(trial, playback);
+        let drawing = draw(trial, playback, &lines);
+        Self { lines, drawing }
+    }
+
+    /// The chart at the present time. It stretches to its place, so that words stay outside of its drawing.
+    pub(super) fn view(&self, playback: &Playback) -> Node {
+        let now = 100.0 * self.lines.x.share(playback.now().time_s);
+        let now = el("i").class("now").attr("style", format!("left:{now:.3}%"));
+        self.drawing.clone().child(now)
+    }
+
+    /// What the signs mean.
+    pub(super) fn legend(&self) -> Node {
+        legend(&self.lines)
+    }
+
+    /// Its numbers, and the input held from each time on.
+    pub(super) fn table(&self, trial: &TrialDetail, playback: &Playback) -> Table {
+        table(trial, playback, &self.lines)
+    }
+}
+
+fn lines(trial: &TrialDetail, playback: &Playback) -> Chart {
     let time = |i: usize| i as f64 * trial.parameters.step_s;
     let radius = trial.parameters.danger_radius_m;
     let pen = |evader, colour| match playback.is_doubtful(evader) {
@@ -55,8 +88,7 @@ pub(super) fn lines(replay: &Replay) -> Chart {
     chart
 }
 
-/// The chart. It stretches to its place, so that words stay outside of its drawing.
-pub(super) fn draw(replay: &Replay, chart: &Chart) -> Node {
+fn draw(trial: &TrialDetail, playback: &Playback, chart: &Chart) -> Node {
     let mut drawing = Drawing::new("", "", [WIDTH, HEIGHT]);
     for tick in chart.y.ticks() {
         let colour = if tick.value == 0.0 { colours::MUTED } else { colours::LINE };
@@ -64,7 +96,7 @@ pub(super) fn draw(replay: &Replay, chart: &Chart) -> Node {
         drawing.line([[0.0, y], [WIDTH, y]], Pen::new(colour, 1.0));
     }
     chart.draw_layers(&mut drawing, FRAME);
-    let inputs = &replay.trial.inputs;
+    let inputs = &trial.inputs;
     let width = WIDTH / inputs.len() as f64;
     let bars = |held: TurnInput, top: f64, height: f64| {
         let steps = inputs.iter().enumerate().filter(|(_, input)| **input == held);
@@ -88,12 +120,10 @@ pub(super) fn draw(replay: &Replay, chart: &Chart) -> Node {
             [left + 1.0, edge(0..place), left + width - 1.0, edge(0..place + 1)]
         };
         // The last state has no input.
-        let known = replay.playback.forecast().iter().take(inputs.len()).enumerate();
+        let known = playback.forecast().iter().take(inputs.len()).enumerate();
         drawing.boxes(known.map(bar).collect(), colour);
     }
-    let now = WIDTH * chart.x.share(replay.playback.now().time_s);
-    drawing.line([[now, 0.0], [now, HEIGHT]], Pen::new(colours::TEXT, 1.5));
-    let svg = drawn(drawing.element(ColourStyle::Properties))
+    let svg = still(&drawing.element(ColourStyle::Properties))
         .attr("preserveAspectRatio", "none")
         .attr("aria-hidden", "true");
 
@@ -110,7 +140,7 @@ pub(super) fn draw(replay: &Replay, chart: &Chart) -> Node {
     });
     let sides = [("left", MIDDLE - 0.9 * BAR), ("right", MIDDLE + 0.9 * BAR)];
     let sides = sides.map(|(side, y)| label("y", top(y), side.to_owned()));
-    let is_known = !replay.playback.forecast().is_empty();
+    let is_known = !playback.forecast().is_empty();
     let middle = 0.5 * (PREDICTED[0] + PREDICTED[1]);
     let predicted = is_known.then(|| label("y", top(middle), "predicted".to_owned()));
     let last = chart.x.ticks().count();
@@ -128,8 +158,7 @@ pub(super) fn draw(replay: &Replay, chart: &Chart) -> Node {
         .children(x_labels)
 }
 
-/// What the signs mean.
-pub(super) fn legend(chart: &Chart) -> Node {
+fn legend(chart: &Chart) -> Node {
     let mut items = chart.legend();
     items.reverse();
     items.push(LegendItem::area("turns left", Some(LEFT.into()), None));
@@ -141,15 +170,14 @@ pub(super) fn legend(chart: &Chart) -> Node {
     el("span").class("legend").children(items)
 }
 
-/// The chart's numbers, and the input held from each time on.
-pub(super) fn table(replay: &Replay, chart: &Chart) -> Table {
+fn table(trial: &TrialDetail, playback: &Playback, chart: &Chart) -> Table {
     let mut table = chart.table();
     table.columns.push("input".to_owned());
-    let inputs = replay.trial.inputs.iter().map(|input| input.word());
+    let inputs = trial.inputs.iter().map(|input| input.word());
     for (row, input) in table.rows.iter_mut().zip(inputs.chain([""])) {
         row.push(input.to_owned());
     }
-    let forecast = replay.playback.forecast();
+    let forecast = playback.forecast();
     if !forecast.is_empty() {
         let names = forecast[0].iter().map(|(input, _)| format!("predicted {}", input.word()));
         table.columns.extend(names);

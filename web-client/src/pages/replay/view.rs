@@ -1,6 +1,5 @@
 //! What a replay shows around the canvas.
 
-use super::chart;
 use super::choice;
 use super::keys;
 use super::{CANVAS, Msg, Replay};
@@ -47,6 +46,7 @@ fn panel(replay: &Replay) -> Node {
         .children(parts::synthetic(replay.trial.synthetic))
         .child(heading)
         .children(replay.misread.as_deref().map(|why| alert("misread", why)))
+        .children(replay.unfilmed.as_deref().map(|why| alert("unfilmed", why)))
         .child(facts(replay))
         .children(doubt(replay))
         .child(choice::section(&replay.choice, &replay.trial, trained(replay)))
@@ -215,7 +215,6 @@ fn outcome(replay: &Replay) -> Node {
 }
 
 fn timeline(replay: &Replay) -> Node {
-    let lines = chart::lines(replay);
     let now = replay.playback.now();
     let slider = el("input")
         .attrs(&[("type", "range"), ("min", "0"), ("step", "any"), ("aria-label", "Time")])
@@ -224,24 +223,26 @@ fn timeline(replay: &Replay) -> Node {
         .attr("aria-valuetext", format!("{:.1} seconds, step {}", now.time_s, now.step))
         .test_id("slider")
         .on_input(|value| Msg::Seek(value.number().unwrap_or(0.0)));
-    let table = chart::table(replay, &lines);
-    let row = |cells: Vec<String>| el("tr").children(cells.into_iter().map(cell));
-    let numbers = el("div")
-        .class("scroll")
-        .attrs(&[("tabindex", "0"), ("role", "region"), ("aria-label", "Numbers of every step")])
-        .child(parts::table(table.columns, table.rows.into_iter().map(row)));
     el("section")
         .class("timeline")
         .attr("aria-label", "Timeline")
-        .child(controls(replay, &lines))
-        .child(el("div").class("chart").child(chart::draw(replay, &lines)).child(slider))
-        .child(
-            el("details").class("table-twin").child(el("summary").text("Numbers")).child(numbers),
-        )
+        .child(controls(replay))
+        .child(el("div").class("chart").child(replay.strip.view(&replay.playback)).child(slider))
+        .children(replay.shows_numbers.then(|| numbers(replay)))
+}
+
+/// The numbers of every step.
+fn numbers(replay: &Replay) -> Node {
+    let table = replay.strip.table(&replay.trial, &replay.playback);
+    let row = |cells: Vec<String>| el("tr").children(cells.into_iter().map(cell));
+    el("div")
+        .class("scroll table-twin")
+        .attrs(&[("tabindex", "0"), ("role", "region"), ("aria-label", "Numbers of every step")])
+        .child(parts::table(table.columns, table.rows.into_iter().map(row)))
 }
 
 /// The buttons of a player, and what the lines of the chart mean.
-fn controls(replay: &Replay, lines: &sidestep::chart::Chart) -> Node {
+fn controls(replay: &Replay) -> Node {
     let picture = |path: &'static str| {
         el("svg")
             .attrs(&[("viewBox", "0 0 24 24"), ("aria-hidden", "true")])
@@ -276,11 +277,18 @@ fn controls(replay: &Replay, lines: &sidestep::chart::Chart) -> Node {
         .attr("title", "Play one trial after the other")
         .text("one after the other");
     let legend_switch = switch("legend-switch", replay.shows_legend, Msg::Legend).text("legend");
+    let numbers_switch =
+        switch("numbers-switch", replay.shows_numbers, Msg::Numbers).text("numbers");
     let save = |id: &str, words: &str, message| {
         let title = format!("Save the picture as {words}");
         button(id, message).class("plain").attr("title", title).text(words)
     };
     let saves = [save("save-svg", "SVG", Msg::SaveSvg), save("save-png", "PNG", Msg::SavePng)];
+    let (title, sign) = match replay.filming {
+        true => ("End the film and save it", "■ WebM"),
+        false => ("Play on from here and save a film of it: to the end, or to a pause", "WebM"),
+    };
+    let film = switch("film", replay.filming, Msg::Film).attr("title", title).text(sign);
     el("div")
         .class("controls")
         .child(other(
@@ -299,6 +307,8 @@ fn controls(replay: &Replay, lines: &sidestep::chart::Chart) -> Node {
         .child(speed)
         .child(in_a_row)
         .child(legend_switch)
+        .child(numbers_switch)
         .children(saves)
-        .child(chart::legend(lines))
+        .child(film)
+        .child(replay.strip.legend())
 }

@@ -154,3 +154,30 @@ fn the_legend_says_what_is_drawn_and_can_be_hidden() {
     session.key("KeyL");
     assert_eq!(session.words("legend"), None);
 }
+
+#[test]
+fn a_film_lasts_as_long_as_it_plays() {
+    let mut session = opened("/lab/replay/t?t=8&row=yes");
+    session.at(0.0).key("Space");
+    session.at(1000.0).press("film");
+    assert!(session.page.wants_frames(), "what is filmed plays");
+    let (name, file, filmed) = session.films.remove(0);
+    assert_eq!(file, "default-participant-1-task-1-8.0-s.webm");
+    // To the end, where no other trial follows.
+    session.at(1500.0).frame();
+    assert!(session.films_ended.is_empty());
+    session.at(9000.0).frame();
+    assert_eq!(session.films_ended, [name]);
+    session.tell(filmed(Ok(())));
+    assert!(!session.page.wants_frames());
+
+    // To the next pause.
+    session.key("Home");
+    session.at(10_000.0).press("film");
+    let (_, _, filmed) = session.films.remove(0);
+    session.at(11_000.0).press("film");
+    assert_eq!((session.films_ended.len(), session.seen("data-step").as_str()), (2, "0"));
+    session.tell(filmed(Err("This browser cannot film.".to_owned())));
+    assert!(session.text().contains("This browser cannot film."));
+    assert_eq!(session.films_ended.len(), 2, "there is nothing to end any more");
+}

@@ -1,0 +1,114 @@
+//! Films of a canvas, as WebM files.
+
+use super::files;
+use js_sys::{Array, Promise, Reflect};
+use std::cell::Cell;
+use std::rc::Rc;
+use wasm_bindgen::prelude::*;
+use wasm_bindgen_futures::JsFuture;
+use web_sys::{
+    Blob, BlobEvent, BlobPropertyBag, Document, HtmlCanvasElement, MediaRecorder,
+    MediaRecorderOptions, RecordingState, Window,
+};
+
+/// What browsers write that can.
+const WEBM: &str = "video/webm";
+
+/// Whether this browser can write films.
+fn can_film(window: &Window) -> bool {
+    let has = |object: &JsValue, name: &str| Reflect::has(object, &name.into()).unwrap_or(false);
+    has(window, "MediaRecorder") && MediaRecorder::is_type_supported(WEBM)
+}
+
+/// A canvas that is being filmed. A film that is dropped before its end is discarded.
+pub(super) struct Film {
+    recorder: MediaRecorder,
+    goes_on: Rc<Cell<bool>>,
+    _listeners: [Closure<dyn FnMut(BlobEvent)>; 2],
+}
+
+impl Film {
+    /// Films the canvas with this id from now on. `ended` takes the film, or why there is none, once
+    /// [`Self::end`] was called or the browser has given up.
+    pub(super) fn begin(
+        document: &Document,
+        canvas: &str,
+        ended: impl Fn(Result<Blob, String>) + 'static,
+    ) -> Result<Self, String> {
+        let begun = Self::try_begin(document, canvas, ended);
+        begun.map_err(|_| "This browser cannot film: it writes no WebM files.".to_owned())
+    }
+
+    fn try_begin(
+        document: &Document,
+        canvas: &str,
+        ended: impl Fn(Result<Blob, String>) + 'static,
+    ) -> Result<Self, JsValue> {
+        let window = document.default_view().filter(can_film).ok_or(JsValue::NULL)?;
+        let canvas = document.get_element_by_id(canvas).ok_or(JsValue::NULL)?;
+        let canvas: HtmlCanvasElement = canvas.dyn_into()?;
+        let copy: HtmlCanvasElement = document.create_element("canvas")?.dyn_into()?;
+        files::paint_on_ground(&canvas, &copy)?;
+        let options = MediaRecorderOptions::new();
+        options.set_mime_type(WEBM);
+        // Thin lines stay sharp: four times what browsers take for a camera.
+        options.set_video_bits_per_second(10_000_000);
+        let stream = copy.capture_stream()?;
+        let recorder =
+            MediaRecorder::new_with_media_stream_and_media_recorder_options(&stream, &options)?;
+
+        let parts = Array::new();
+        let kept = parts.clone();
+        let take = Closure::<dyn FnMut(BlobEvent)>::new(move |event: BlobEvent| {
+            if let Some(part) = event.data() {
+                kept.push(&part);
+            }
+        });
+        let end = Closure::<dyn FnMut(BlobEvent)>::new(move |_| {
+            let kind = BlobPropertyBag::new();
+            kind.set_type(WEBM);
+            let film = Blob::new_with_blob_sequence_and_options(&parts, &kind);
+            let film = film.ok().filter(|film| film.size() > 0.0);
+            ended(film.ok_or_else(|| "The browser has filmed nothing.".to_owned()));
+        });
+        recorder.set_ondataavailable(Some(take.as_ref().unchecked_ref()));
+        recorder.set_onstop(Some(end.as_ref().unchecked_ref()));
+        recorder.start()?;
+        let goes_on = Rc::new(Cell::new(true));
+        super::background(copy_frames(window, canvas, copy, Rc::clone(&goes_on)));
+        Ok(Self { recorder, goes_on, _listeners: [take, end] })
+    }
+
+    /// Ends the film.
+    pub(super) fn end(&self) {
+        self.goes_on.set(false);
+        if self.recorder.state() != RecordingState::Inactive {
+            let _ = self.recorder.stop();
+        }
+    }
+}
+
+impl Drop for Film {
+    fn drop(&mut self) {
+        self.recorder.set_ondataavailable(None);
+        self.recorder.set_onstop(None);
+        self.end();
+    }
+}
+
+/// Copies a canvas in every frame of the browser, until `goes_on` says no. What is filmed is a copy,
+/// because a canvas is transparent where nothing is painted, and films are black there.
+async fn copy_frames(
+    window: Window,
+    canvas: HtmlCanvasElement,
+    copy: HtmlCanvasElement,
+    goes_on: Rc<Cell<bool>>,
+) {
+    while goes_on.get() {
+        let _ = files::paint_on_ground(&canvas, &copy);
+        let frame = Promise::new(&mut |resolve, _| {
+            let _ = window.request_animation_frame(&resolve);
+        });
+        let _ = JsFuture::from(frame).await;
+    }
+}
