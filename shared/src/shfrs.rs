@@ -8,12 +8,14 @@ pub mod prediction;
 pub mod widened;
 pub mod baselines;
 pub mod probability;
+pub mod memory;
 pub mod scores;
 pub mod danger;
 #[cfg(test)]
 mod testing;
 pub mod guarantee;
 pub mod pareto;
+pub mod panels;
 pub mod tuning;
 
 use crate::bounds::{

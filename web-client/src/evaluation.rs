@@ -1,24 +1,32 @@
-//! What an evaluator does beside a page: it trains a predictor on one participant's tasks, and counts how
-//! often predicted sets hold their future. It works piece by piece, so that it hears of the next question
-//! between two pieces, and the newest question is the only one that it works on.
+//! What an evaluator does beside a page: it trains a predictor on one participant's tasks, counts how often
+//! predicted sets hold their future, compares their areas with those of simpler predictions, and tunes
+//! settings. It works piece by piece, so that it hears of the next question between two pieces, and the newest
+//! question is the only one that it works on.
+
+pub mod counting;
+pub mod areas;
+pub mod tuning;
 
 use crate::json;
+use areas::{Comparing, Known};
+use counting::Counting;
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use sidestep::api::{Drive, Drives};
-use sidestep::bounds::BoundsSettings;
 use sidestep::features::FeatureSet;
 use sidestep::invalid::Invalid;
-use sidestep::math::SeededRng;
 use sidestep::predict::{Predictor, PredictorFile};
 use sidestep::reachability::ValueFunction;
 use sidestep::safety::SafetyLevels;
 use sidestep::scene::SceneParameters;
 use sidestep::shfrs::PredictedHuman;
-use sidestep::shfrs::file::ShfrsFile;
+use sidestep::shfrs::memory::Memory;
+use sidestep::shfrs::pareto::Pareto;
 use sidestep::shfrs::prediction::Prediction;
-use sidestep::shfrs::probability::{Count, Regions, admits_everything};
-use sidestep::shfrs::window::{Trajectory, WindowChoice};
+use sidestep::shfrs::probability::Regions;
+use sidestep::shfrs::window::Trajectory;
 use sidestep::training::{self, Driven, Trained};
+use tuning::{Found, Tuning};
 
 /// What an evaluator can be told.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,14 +41,29 @@ pub enum Part {
     Predictor,
     /// A [`Training`] as JSON.
     Training,
-    /// A [`Question`] as JSON.
+    /// A [`Question`](counting::Question) as JSON.
     Question,
+    /// An [`AreaQuestion`](areas::AreaQuestion) as JSON.
+    AreaQuestion,
+    /// An [`Aim`](tuning::Aim) as JSON.
+    Aim,
+    /// No more work on what was asked.
+    Stop,
 }
 
 impl Part {
     /// All of them; their places stand for them between page and evaluator.
-    pub const ALL: [Self; 6] =
-        [Self::Drives, Self::Human, Self::Robot, Self::Predictor, Self::Training, Self::Question];
+    pub const ALL: [Self; 9] = [
+        Self::Drives,
+        Self::Human,
+        Self::Robot,
+        Self::Predictor,
+        Self::Training,
+        Self::Question,
+        Self::AreaQuestion,
+        Self::Aim,
+        Self::Stop,
+    ];
 }
 
 /// The request for a predictor.
@@ -51,17 +74,6 @@ pub struct Training {
     /// Names of features.
     pub features: Vec<String>,
     /// The places of the tasks to learn from.
-    pub tasks: Vec<usize>,
-}
-
-/// The question how often sets hold the future.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Question {
-    /// Its reports have this number.
-    pub number: u32,
-    /// How sets are predicted.
-    pub settings: ShfrsFile,
-    /// The places of the tasks to count.
     pub tasks: Vec<usize>,
 }
 
@@ -84,13 +96,16 @@ pub struct Report {
     /// What was counted so far.
     #[serde(default)]
     pub regions: Option<Regions>,
+    /// What is known of coverage and area so far.
+    #[serde(default)]
+    pub pareto: Option<Pareto>,
+    /// The settings that were tuned.
+    #[serde(default)]
+    pub found: Option<Found>,
 }
 
 /// Confidence of all intervals, as the command line has it.
 pub const CONFIDENCE: f64 = 0.95;
-
-/// Windows from every step, as replays show them.
-const WINDOWS: WindowChoice = WindowChoice::EveryStep;
 
 /// What an evaluator knows and works on.
 #[derive(Default)]
@@ -98,31 +113,45 @@ pub struct Evaluation {
     tasks: Option<Tasks>,
     safety: Option<SafetyLevels>,
     predictor: Option<Predictor>,
-    counting: Option<Counting>,
+    /// What is known of the tasks' windows, and of other predictions, under this predictor.
+    memory: Memory,
+    known: Known,
+    work: Option<Work>,
     /// What is still to be reported.
     report: Option<Report>,
 }
+
+/// What is being answered.
+enum Work {
+    Counting(Counting),
+    Comparing(Comparing),
+    Tuning(Tuning),
+}
+
+impl Work {
+    /// The number of its reports.
+    fn number(&self) -> u32 {
+        match self {
+            Self::Counting(it) => it.number,
+            Self::Comparing(it) => it.number,
+            Self::Tuning(it) => it.number,
+        }
+    }
+}
+
+/// What is asked has a number, which its reports have too.
+trait Asked {
+    fn number(&self) -> u32;
+}
+
+/// A prediction with a trained predictor.
+type Predicted<'a> = Prediction<'a, PredictedHuman<'a>>;
 
 /// The participant's tasks.
 struct Tasks {
     parameters: SceneParameters,
     driven: Vec<Driven>,
     trajectories: Vec<Trajectory>,
-}
-
-/// A question that is being answered.
-struct Counting {
-    number: u32,
-    settings: BoundsSettings,
-    /// The tasks to count, in the order of the question.
-    trajectories: Vec<Trajectory>,
-    /// The order in which they are counted: at random, so that the first estimates are fair.
-    order: Vec<usize>,
-    /// How many of them have been counted.
-    done: usize,
-    count: Count,
-    /// Whether the page knows all that was counted.
-    is_told: bool,
 }
 
 impl Evaluation {
@@ -137,26 +166,56 @@ impl Evaluation {
                 self.safety.iter_mut().for_each(|safety| safety.robot = robot.clone());
             }),
             Part::Predictor => self.take_predictor(content),
-            Part::Training => return self.train(content),
-            Part::Question => return self.ask(content),
+            Part::Training => {
+                self.train(content);
+                Ok(())
+            }
+            Part::Question => return self.begin(content, Counting::begin),
+            Part::AreaQuestion => return self.begin(content, Comparing::begin),
+            Part::Aim => return self.begin(content, Tuning::begin),
+            Part::Stop => return self.work = None,
         };
+        // What was found so far holds no more.
+        (self.memory, self.known) = (Memory::default(), Known::default());
         if let Err(invalid) = taken {
             self.fail(0, &invalid);
         }
     }
 
-    /// Does a piece of the work. Returns whether there is more.
-    pub fn work(&mut self) -> bool {
-        let Some(counting) = &mut self.counting else { return false };
-        let known = self.tasks.as_ref().zip(self.predictor.as_ref()).zip(self.safety.as_ref());
-        let more = match known {
-            Some(((tasks, predictor), safety)) => {
-                let human = PredictedHuman::new(predictor, safety, &tasks.parameters);
-                human.and_then(|human| counting.go_on(&Prediction::new(&tasks.parameters, &human)))
+    /// Works on this instead of anything else.
+    fn begin<T: DeserializeOwned + Asked>(
+        &mut self,
+        content: &[u8],
+        begin: fn(T, &[Trajectory], &Predicted<'_>) -> Result<Work, Invalid>,
+    ) {
+        self.work = None;
+        let Some(asked) = json::read::<T>(content) else { return };
+        let number = asked.number();
+        let begun = known(&self.tasks, &self.predictor, &self.safety).and_then(|(tasks, human)| {
+            begin(asked, &tasks.trajectories, &Prediction::new(&tasks.parameters, &human))
+        });
+        match begun {
+            Ok(work) => self.work = Some(work),
+            Err(invalid) => self.fail(number, &invalid),
+        }
+    }
+
+    /// Does a piece of the work. Returns whether there is more. A long piece tells `progress` reports, as
+    /// JSON.
+    pub fn work(&mut self, progress: &mut dyn FnMut(String)) -> bool {
+        let Some(work) = &mut self.work else { return false };
+        let number = work.number();
+        let more = known(&self.tasks, &self.predictor, &self.safety).and_then(|(tasks, human)| {
+            let (trajectories, prediction) =
+                (&tasks.trajectories, &Prediction::new(&tasks.parameters, &human));
+            match work {
+                Work::Counting(it) => it.go_on(trajectories, prediction, &mut self.memory),
+                Work::Comparing(it) => it.go_on(prediction, &mut self.known),
+                Work::Tuning(it) => {
+                    it.go_on(prediction, &mut |report| progress(json::write(&report)))
+                }
             }
-            None => Err(unknown()),
-        };
-        let number = counting.number;
+        });
         more.unwrap_or_else(|invalid| {
             self.fail(number, &invalid);
             false
@@ -165,33 +224,13 @@ impl Evaluation {
 
     /// What is new since the last report, as JSON.
     pub fn report(&mut self) -> Option<String> {
-        let report = self.report.take().or_else(|| self.counted());
+        let report = self.report.take().or_else(|| match &mut self.work {
+            Some(Work::Counting(it)) => it.report(),
+            Some(Work::Comparing(it)) => it.report(),
+            Some(Work::Tuning(it)) => it.report(),
+            None => None,
+        });
         report.map(|report| json::write(&report))
-    }
-
-    /// What was counted so far, if that is new.
-    fn counted(&mut self) -> Option<Report> {
-        let counting = self.counting.as_mut().filter(|counting| !counting.is_told)?;
-        let (tasks, safety) = self.tasks.as_ref().zip(self.safety.as_ref())?;
-        let human =
-            PredictedHuman::new(self.predictor.as_ref()?, safety, &tasks.parameters).ok()?;
-        let prediction = Prediction::new(&tasks.parameters, &human);
-        counting.is_told = true;
-        let report =
-            Report { number: counting.number, done: counting.share(), ..Report::default() };
-        let regions = counting.count.regions(WINDOWS, &prediction, &counting.settings, CONFIDENCE);
-        Some(match regions {
-            Ok(regions) => Report { regions: Some(regions), ..report },
-            // The first tasks may be too short for a window.
-            Err(_) if report.done < 1.0 => report,
-            Err(invalid) => Report { trouble: Some(invalid.to_string()), ..report },
-        })
-    }
-
-    fn fail(&mut self, number: u32, why: &Invalid) {
-        self.counting = None;
-        let trouble = Some(why.to_string());
-        self.report = Some(Report { number, done: 1.0, trouble, ..Report::default() });
     }
 
     fn take_drives(&mut self, content: &[u8]) -> Result<(), Invalid> {
@@ -231,53 +270,24 @@ impl Evaluation {
         training::train(&features, Some(safety), &driven.collect::<Vec<_>>())
     }
 
-    /// Works on this question instead of any other.
-    fn ask(&mut self, content: &[u8]) {
-        self.counting = None;
-        let Some(question) = json::read::<Question>(content) else { return };
-        let number = question.number;
-        match self.begin(question) {
-            Ok(counting) => self.counting = Some(counting),
-            Err(invalid) => self.fail(number, &invalid),
-        }
-    }
-
-    fn begin(&self, question: Question) -> Result<Counting, Invalid> {
-        let known = self.tasks.as_ref().zip(self.predictor.as_ref()).zip(self.safety.as_ref());
-        let ((tasks, predictor), safety) = known.ok_or_else(unknown)?;
-        let settings = question.settings.settings(predictor.classes().len())?;
-        let human = PredictedHuman::new(predictor, safety, &tasks.parameters)?;
-        admits_everything(&Prediction::new(&tasks.parameters, &human), &settings)?;
-        let places = question.tasks.iter();
-        let trajectories: Vec<Trajectory> =
-            places.filter_map(|&place| tasks.trajectories.get(place).cloned()).collect();
-        let longest = trajectories.iter().map(Trajectory::steps).max().unwrap_or(0);
-        if settings.steps() > longest {
-            let expected = format!("at most {longest}, the steps of the longest task counted");
-            return Err(Invalid::new("steps", expected, settings.steps()));
-        }
-        let n = trajectories.len();
-        let order = SeededRng::new(0).permutation(n);
-        let (count, number) = (Count::new(n), question.number);
-        let is_told = true;
-        Ok(Counting { number, settings, trajectories, order, done: 0, count, is_told })
+    fn fail(&mut self, number: u32, why: &Invalid) {
+        self.work = None;
+        let trouble = Some(why.to_string());
+        self.report = Some(Report { number, done: 1.0, trouble, ..Report::default() });
     }
 }
 
-impl Counting {
-    /// Counts one more task. Returns whether there are more.
-    fn go_on(&mut self, prediction: &Prediction<'_, PredictedHuman<'_>>) -> Result<bool, Invalid> {
-        let Some(&place) = self.order.get(self.done) else { return Ok(false) };
-        let one = &self.trajectories[place..=place];
-        let windows = WINDOWS.windows(one, self.settings.steps()).concat();
-        self.count.judge(place, &windows, prediction, &self.settings)?;
-        (self.done, self.is_told) = (self.done + 1, false);
-        Ok(self.done < self.order.len())
-    }
-
-    /// The share of the tasks that are counted.
-    fn share(&self) -> f64 {
-        self.done as f64 / self.order.len().max(1) as f64
+/// The tasks, and the human as the predictor predicts.
+fn known<'a>(
+    tasks: &'a Option<Tasks>,
+    predictor: &'a Option<Predictor>,
+    safety: &'a Option<SafetyLevels>,
+) -> Result<(&'a Tasks, PredictedHuman<'a>), Invalid> {
+    match (tasks, predictor, safety) {
+        (Some(tasks), Some(predictor), Some(safety)) => {
+            Ok((tasks, PredictedHuman::new(predictor, safety, &tasks.parameters)?))
+        }
+        _ => Err(unknown()),
     }
 }
 

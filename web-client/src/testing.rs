@@ -180,7 +180,7 @@ impl<P: Page> Session<P> {
     /// The evaluator of this name works to the end of what it was told, and reports at the end alone.
     pub(crate) fn evaluate(&mut self, name: &str) {
         let (evaluation, then) = self.evaluators.get_mut(name).expect("an evaluator");
-        while evaluation.work() {}
+        while evaluation.work(&mut |_| {}) {}
         let message = evaluation.report().map(|report| then(Ok(report.into_bytes())));
         if let Some(message) = message {
             self.tell(message);

@@ -1,10 +1,9 @@
 //! Coverage against area: a panel for each family, with the others behind it in grey.
 
 use super::{MARGIN, headed};
-use sidestep::chart::{
-    Align, Axis, Chart, Colour, Drawing, Frame, Mark, Pen, Point, Series, colours, fixed, number,
-};
-use sidestep::shfrs::pareto::{Pareto, ParetoCurve};
+use sidestep::chart::{Align, Chart, Drawing, Frame, colours, number};
+use sidestep::shfrs::panels::{areas, panels, targets};
+use sidestep::shfrs::pareto::Pareto;
 
 /// Size of a frame, and the room to its left and right, px.
 const FRAME: [f64; 2] = [210.0, 140.0];
@@ -15,14 +14,10 @@ const NAMES: f64 = 34.0;
 const COLUMNS: usize = 4;
 
 /// A panel for each family: its curve, and at each calibrated level a mark with the interval of
-/// the coverage. The first `featured` families are drawn in the accent colour. `note` says what
-/// the data are.
+/// the coverage. `note` says what the data are.
 #[must_use]
-pub fn pareto(found: &Pareto, featured: usize, note: &str) -> Drawing {
-    let axes = Axes::around(found);
-    let charts: Vec<Chart> = (0..found.curves.len())
-        .map(|family| axes.panel(found, family, family < featured))
-        .collect();
+pub fn pareto(found: &Pareto, note: &str) -> Drawing {
+    let charts = panels(found);
     let [above, below] = charts.first().map_or([0.0; 2], Chart::room);
     let cell = [ROOM[0] + FRAME[0] + ROOM[1], NAMES + above + FRAME[1] + below + 14.0];
     let how = format!(
@@ -32,7 +27,8 @@ pub fn pareto(found: &Pareto, featured: usize, note: &str) -> Drawing {
         found.test_trajectories,
         found.window_choice.replace('_', " "),
     );
-    let targets = axes.targets.iter().map(|target| format!("{target:.2}")).collect::<Vec<_>>();
+    let targets = targets(found);
+    let targets = targets.iter().map(|target| format!("{target:.2}")).collect::<Vec<_>>();
     let signs = format!(
         "Dashed: coverage asked for ({})  ·  upright lines: {} % intervals  ·  grey: the other families  ·  coverage holds on average over trajectories",
         targets.join(", "),
@@ -52,78 +48,6 @@ pub fn pareto(found: &Pareto, featured: usize, note: &str) -> Drawing {
     }
     drawing.size[1] = top + charts.len().div_ceil(COLUMNS) as f64 * cell[1] + 6.0;
     drawing
-}
-
-/// "2.07, 5.12, 5.21 m²": the areas of a family at its calibrated levels.
-fn areas(found: &Pareto, curve: &ParetoCurve) -> String {
-    let rows = found.rows.iter().filter(|row| row.family == curve.family);
-    let areas: Vec<String> = rows.map(|row| fixed(row.mean_area_m2, 2)).collect();
-    format!("{} m²", areas.join(", "))
-}
-
-/// The same for all panels.
-struct Axes {
-    targets: Vec<f64>,
-    most_area: f64,
-    least_coverage: f64,
-}
-
-impl Axes {
-    fn around(found: &Pareto) -> Self {
-        let mut targets: Vec<f64> = found.rows.iter().map(|row| row.target).collect();
-        targets.sort_by(f64::total_cmp);
-        targets.dedup();
-        let points = found.curves.iter().flat_map(|curve| &curve.points);
-        let areas = points.map(|point| point.mean_area_m2);
-        let areas = areas.chain(found.rows.iter().map(|row| row.mean_area_m2));
-        // What is far below every target is of no interest.
-        let least = found.rows.iter().map(|row| row.coverage_low.min(row.target));
-        let least = least.fold(1.0, f64::min) - 0.15;
-        Self {
-            targets,
-            most_area: 1.04 * areas.fold(0.0, f64::max).max(1e-3),
-            least_coverage: ((10.0 * least).floor() / 10.0).clamp(0.0, 0.9),
-        }
-    }
-
-    fn panel(&self, found: &Pareto, family: usize, is_featured: bool) -> Chart {
-        let x = Axis::linear("mean area", "m²", [0.0, self.most_area], 6);
-        let y = Axis::linear("coverage", "", [self.least_coverage, 1.02], 5);
-        let mut chart = Chart::new("", "", x, y);
-        for &target in &self.targets {
-            let pen = Pen::new(colours::MUTED.at(0.55), 1.0).dashed(4.0, 4.0);
-            chart.add(Series::drawn("", [[0.0, target], [self.most_area, target]], pen));
-        }
-        for (_, other) in found.curves.iter().enumerate().filter(|(i, _)| *i != family) {
-            chart.add(self.curve(other, colours::MUTED, 0.25, 1.0));
-        }
-        let curve = &found.curves[family];
-        let colour = if is_featured { colours::ACCENT } else { colours::TEXT };
-        chart.add(self.curve(curve, colour, 1.0, 2.0));
-        let rows = || found.rows.iter().filter(|row| row.family == curve.family);
-        for row in rows() {
-            let ends = [row.coverage_low, row.coverage_high];
-            let ends = ends.map(|coverage| [row.mean_area_m2, coverage]);
-            chart.add(Series::line("", ends, colour.at(0.5), 1.2));
-        }
-        let marks = rows().map(|row| [row.mean_area_m2, row.coverage]);
-        chart.add(Series::line("", marks, colour, 1.0).marked(Mark::Circle).without_line());
-        chart
-    }
-
-    /// A staircase: a larger set holds no more until it holds one more trajectory.
-    fn curve(&self, curve: &ParetoCurve, colour: Colour, opacity: f64, width: f64) -> Series {
-        let mut line: Vec<Point> = Vec::new();
-        let mut before = self.least_coverage;
-        for point in &curve.points {
-            if point.coverage >= self.least_coverage {
-                line.push([point.mean_area_m2, before]);
-                line.push([point.mean_area_m2, point.coverage]);
-                before = point.coverage;
-            }
-        }
-        Series::line("", line, colour.at(opacity), width)
-    }
 }
 
 #[cfg(test)]
@@ -173,7 +97,7 @@ mod tests {
 
     #[test]
     fn every_family_has_a_panel_with_its_areas_and_marks() {
-        let drawing = pareto(&comparison(9), 2, "made-up families");
+        let drawing = pareto(&comparison(9), "made-up families");
         let svg = drawing.svg();
         for family in 0..9 {
             assert_eq!(svg.matches(&format!(">family {family}<")).count(), 1);
@@ -191,7 +115,7 @@ mod tests {
         let mut found = comparison(1);
         found.curves[0].points.truncate(1);
         found.curves[0].points[0].coverage = 0.0;
-        let curves = |found| pareto(found, 1, "").svg().matches("stroke-width=\"2\"").count();
+        let curves = |found| pareto(found, "").svg().matches("stroke-width=\"2\"").count();
         assert_eq!((curves(&comparison(1)), curves(&found)), (1, 0));
     }
 }

@@ -161,6 +161,26 @@ impl ShfrsFile {
         }
     }
 
+    /// Predicts with the roll-outs and the first set of `first`; smaller sets grow to it.
+    pub fn begin_with(&mut self, first: &Self) {
+        (self.steps, self.rollout) = (first.steps, first.rollout);
+        (self.k, self.tau) = (first.k.clone(), first.tau);
+        let least = first.epsilon.first().copied().unwrap_or(0.0);
+        if self.epsilon.len() < 2 {
+            self.epsilon.insert(0, least);
+        }
+        self.epsilon.iter_mut().for_each(|epsilon| *epsilon = epsilon.max(least));
+        self.epsilon[0] = least;
+    }
+
+    /// Whether the first set is that of `first`.
+    #[must_use]
+    pub fn begins_with(&self, first: &Self) -> bool {
+        let of = |file: &Self| Self { epsilon: file.epsilon[..1].to_vec(), ..file.clone() };
+        let some = |file: &Self| !file.epsilon.is_empty();
+        some(self) && some(first) && of(self) == of(first)
+    }
+
     /// The settings as part of a link: `T=10&eps=0,0.4,1&k=2,2,1,…`, or `tau=0.1` instead of k, and
     /// `rollout=paper` unless they are the usual ones.
     #[must_use]
@@ -317,6 +337,25 @@ mod tests {
         file.set("eps", file.query().split('&').nth(1).unwrap().strip_prefix("eps=").unwrap())
             .unwrap();
         assert_eq!(file.epsilon, [0.333333333333, 1e-7, 12.5, 1.0]);
+    }
+
+    #[test]
+    fn the_first_set_of_other_settings_is_taken_over() {
+        let mut first = PRESETS[2].settings(3);
+        (first.epsilon, first.k, first.tau, first.steps) = (vec![0.3], None, Some(0.2), 7);
+        for (epsilon, expected) in [
+            (vec![0.0, 0.15, 0.4, 1.0], vec![0.3, 0.3, 0.4, 1.0]),
+            (vec![0.5, 1.0], vec![0.3, 1.0]),
+            (vec![1.0], vec![0.3, 1.0]),
+            (vec![0.1], vec![0.3, 0.3]),
+        ] {
+            let mut file = ShfrsFile { epsilon, ..paper() };
+            assert!(!file.begins_with(&first));
+            file.begin_with(&first);
+            assert!(file.begins_with(&first));
+            assert_eq!((&file.epsilon, file.steps, file.tau), (&expected, 7, Some(0.2)));
+            file.settings(3).unwrap();
+        }
     }
 
     #[test]

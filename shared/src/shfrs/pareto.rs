@@ -4,13 +4,83 @@
 //! contains a new trajectory with probability ≥ p, on average over trajectories that are exchangeable
 //! with the calibration trajectories (split conformal prediction), not for each scene or participant.
 
+use super::baselines::{
+    Gaussian, Mode, Nominal, PerModeEmpirical, constant_velocity, hold_the_input,
+    learned_disturbance, worst_case,
+};
 use super::family::Family;
 use super::guarantee::Guarantee;
-use super::scores::{Scores, single};
+use super::prediction::Prediction;
+use super::scores::{SHFRS, Scores, ShfrsFamily, single};
 use super::window::{Trajectory, Window, WindowChoice};
+use crate::bounds::{ActionChoice, ActionModel};
 use crate::invalid::Invalid;
 use crate::stats::{Tally, open_probability, share};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
+
+/// The families that are compared.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Compared {
+    /// SHFRS with this choice of actions.
+    Shfrs(ActionChoice),
+    /// Every position that the human can reach.
+    WorstCase,
+    /// Straight on.
+    ConstantVelocity,
+    /// The input of the last step.
+    HoldTheInput,
+    /// The most likely action with a bounded disturbance.
+    LearnedDisturbance,
+    /// Normal distributions about the held input.
+    Gaussian,
+    /// Hulls of recorded futures by the most likely action.
+    LikelyAction,
+    /// Hulls of recorded futures by the held input.
+    HeldInput,
+}
+
+impl Compared {
+    /// All but SHFRS.
+    pub const BASELINES: [Self; 7] = [
+        Self::WorstCase,
+        Self::ConstantVelocity,
+        Self::HoldTheInput,
+        Self::LearnedDisturbance,
+        Self::Gaussian,
+        Self::LikelyAction,
+        Self::HeldInput,
+    ];
+
+    /// The family of this `prediction`. Those that learn from recorded futures learn from every window of
+    /// `steps` steps of `training`.
+    ///
+    /// # Errors
+    /// [`Invalid`] if there are too few windows, or the settings do not fit the model.
+    pub fn family<'a, M: ActionModel + Sync>(
+        &self,
+        prediction: Prediction<'a, M>,
+        training: &[Trajectory],
+        steps: usize,
+    ) -> Result<Box<dyn Family + Send + 'a>, Invalid> {
+        let (parameters, model) = (prediction.parameters, prediction.model);
+        let windows = || WindowChoice::EveryStep.windows(training, steps).concat();
+        Ok(match self {
+            Self::Shfrs(choice) => Box::new(ShfrsFamily::new(prediction, choice)?),
+            Self::WorstCase => Box::new(worst_case(parameters)),
+            Self::ConstantVelocity => Box::new(constant_velocity(parameters)),
+            Self::HoldTheInput => Box::new(hold_the_input(parameters)),
+            Self::LearnedDisturbance => Box::new(learned_disturbance(parameters, model)),
+            Self::Gaussian => Box::new(Gaussian::learn(Nominal::Held, parameters, &windows())?),
+            Self::LikelyAction => {
+                let mode = Mode::MostLikely(model);
+                Box::new(PerModeEmpirical::learn(mode, parameters, &windows())?)
+            }
+            Self::HeldInput => {
+                Box::new(PerModeEmpirical::learn(Mode::<&M>::Held, parameters, &windows())?)
+            }
+        })
+    }
+}
 
 /// The settings of a comparison.
 #[derive(Clone, Debug, PartialEq)]
@@ -21,6 +91,9 @@ pub struct ParetoSettings {
     steps: usize,
     points: usize,
 }
+
+/// Levels that a curve usually shows at most.
+pub const POINTS: usize = 60;
 
 impl ParetoSettings {
     /// `targets`: probabilities p in (0, 1) that a set contains a trajectory.
@@ -56,7 +129,7 @@ impl ParetoSettings {
 }
 
 /// The comparison.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Pareto {
     /// The choice of windows, [`WindowChoice::word`].
     pub window_choice: String,
@@ -74,8 +147,16 @@ pub struct Pareto {
     pub curves: Vec<ParetoCurve>,
 }
 
+impl Pareto {
+    /// Adds what was found for further families on the same windows.
+    pub fn extend(&mut self, other: Self) {
+        self.rows.extend(other.rows);
+        self.curves.extend(other.curves);
+    }
+}
+
 /// A family at the level that was calibrated for a target.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ParetoRow {
     /// [`Family::name`].
     pub family: String,
@@ -97,7 +178,7 @@ pub struct ParetoRow {
 }
 
 /// A family at all of its levels, on the test windows.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ParetoCurve {
     /// [`Family::name`].
     pub family: String,
@@ -105,8 +186,16 @@ pub struct ParetoCurve {
     pub points: Vec<ParetoPoint>,
 }
 
+impl ParetoCurve {
+    /// Whether it is that of a family of SHFRS.
+    #[must_use]
+    pub fn is_shfrs(&self) -> bool {
+        self.family.starts_with(SHFRS)
+    }
+}
+
 /// One level of a curve.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ParetoPoint {
     /// The level, in the family's unit.
     pub level: f64,

@@ -47,6 +47,12 @@ impl<'a, M: ActionModel> Prediction<'a, M> {
         2.0 * self.parameters.human.turn_rate_radps
     }
 
+    /// How many actions the model has.
+    #[must_use]
+    pub fn actions(&self) -> usize {
+        self.model.actions().len()
+    }
+
     /// Settings of Algorithm 1 for this model.
     ///
     /// # Errors
@@ -57,7 +63,7 @@ impl<'a, M: ActionModel> Prediction<'a, M> {
         choice: &ActionChoice,
         rollout: Rollout,
     ) -> Result<BoundsSettings, Invalid> {
-        BoundsSettings::new(epsilon, choice.clone(), rollout, self.model.actions().len())
+        BoundsSettings::new(epsilon, choice.clone(), rollout, self.actions())
     }
 
     /// The result of Algorithm 1 for the states up to the end of `history`.

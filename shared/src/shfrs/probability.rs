@@ -10,7 +10,7 @@ use super::window::{Trajectory, Window, WindowChoice};
 use crate::bounds::{ActionModel, BoundsSettings, InputBounds};
 use crate::invalid::Invalid;
 use crate::parallel::parallel_map;
-use crate::reach::ReachableSet;
+use crate::reach::{ReachableSet, Tolerance};
 use crate::stats::{Estimate, Tally, open_probability, share};
 use crate::vehicle::Pose;
 use serde::{Deserialize, Serialize};
@@ -115,8 +115,8 @@ pub fn regions(
 ) -> Result<Regions, Invalid> {
     admits_everything(&prediction, settings)?;
     let windows = choice.windows(trajectories, settings.steps());
-    let count = Count(parallel_map(&windows, |windows| judged(windows, &prediction, settings))?);
-    count.regions(choice, &prediction, settings, confidence)
+    let count = Count(parallel_map(&windows, |windows| judge(windows, &prediction, settings))?);
+    count.regions(choice, prediction.tolerance, settings, confidence)
 }
 
 /// Accepts settings whose last set holds every trajectory.
@@ -148,22 +148,13 @@ impl Count {
         Self(vec![Vec::new(); trajectories])
     }
 
-    /// Counts the windows of trajectory `place`, instead of what was counted there before.
-    ///
-    /// # Errors
-    /// [`Invalid`] if the prediction fails.
+    /// Counts the windows of trajectory `place` as they were judged, instead of what was counted there
+    /// before.
     ///
     /// # Panics
     /// If there are not that many trajectories.
-    pub fn judge(
-        &mut self,
-        place: usize,
-        windows: &[Window<'_>],
-        prediction: &Prediction<'_, impl ActionModel>,
-        settings: &BoundsSettings,
-    ) -> Result<(), Invalid> {
-        self.0[place] = judged(windows, prediction, settings)?;
-        Ok(())
+    pub fn put(&mut self, place: usize, judged: Vec<Judged>) {
+        self.0[place] = judged;
     }
 
     /// What was counted so far. The order in which trajectories were counted changes no bit of it.
@@ -173,7 +164,7 @@ impl Count {
     pub fn regions(
         &self,
         choice: WindowChoice,
-        prediction: &Prediction<'_, impl ActionModel>,
+        tolerance: Tolerance,
         settings: &BoundsSettings,
         confidence: f64,
     ) -> Result<Regions, Invalid> {
@@ -193,8 +184,8 @@ impl Count {
             rollout: settings.rollout().word().to_owned(),
             steps: settings.steps(),
             window_choice: choice.word().to_owned(),
-            tolerance_m: prediction.tolerance.position_m,
-            tolerance_rad: prediction.tolerance.heading_rad,
+            tolerance_m: tolerance.position_m,
+            tolerance_rad: tolerance.heading_rad,
             probabilities,
             mean_area_m2,
         })
@@ -203,43 +194,45 @@ impl Count {
 
 /// The result for one window.
 #[derive(Clone, Debug, PartialEq)]
-struct Judged {
-    first: usize,
-    area_m2: Vec<f64>,
+pub struct Judged {
+    /// The index, from 0, of the smallest set that contains the window's trajectory.
+    pub(super) first: usize,
+    /// Area of each set's tube, m².
+    pub(super) area_m2: Vec<f64>,
 }
 
-fn judged(
+/// Runs Algorithm 1 at each of `windows`. [`Memory`](super::memory::Memory) does the same for windows that
+/// are judged again.
+///
+/// # Errors
+/// [`Invalid`] if the prediction fails.
+pub fn judge(
     windows: &[Window<'_>],
     prediction: &Prediction<'_, impl ActionModel>,
     settings: &BoundsSettings,
 ) -> Result<Vec<Judged>, Invalid> {
-    windows.iter().map(|window| judge(window, prediction, settings)).collect()
+    let judge = |window: &Window<'_>| {
+        let sets = prediction.bounds(window.history(), settings)?.sets;
+        let area = |bounds| tube_area_m2(bounds, prediction.parameters);
+        let area_m2 = sets.iter().map(area).collect::<Result<_, _>>()?;
+        let first = first_inside(sets.len(), |j| holds(&sets[j], window, prediction))?;
+        Ok(Judged { first, area_m2 })
+    };
+    windows.iter().map(judge).collect()
 }
 
-fn judge(
-    window: &Window<'_>,
-    prediction: &Prediction<'_, impl ActionModel>,
-    settings: &BoundsSettings,
-) -> Result<Judged, Invalid> {
-    let sets = prediction.bounds(window.history(), settings)?.sets;
-    let area = |bounds| tube_area_m2(bounds, prediction.parameters);
-    let area_m2 = sets.iter().map(area).collect::<Result<_, _>>()?;
-    Ok(Judged { first: first_inside(window, prediction, &sets)?, area_m2 })
-}
-
-/// The index of the smallest set that contains a window's trajectory. The sets are nested, and the last
-/// one contains every trajectory.
-fn first_inside(
-    window: &Window<'_>,
-    prediction: &Prediction<'_, impl ActionModel>,
-    sets: &[InputBounds],
+/// The index of the smallest of `sets` sets that contains a trajectory, if `holds` says whether one does.
+/// The sets are nested, and the last one contains every trajectory.
+pub(super) fn first_inside(
+    sets: usize,
+    mut holds: impl FnMut(usize) -> Result<bool, Invalid>,
 ) -> Result<usize, Invalid> {
-    for (j, bounds) in sets[..sets.len() - 1].iter().enumerate() {
-        if holds(bounds, window, prediction)? {
+    for j in 0..sets - 1 {
+        if holds(j)? {
             return Ok(j);
         }
     }
-    Ok(sets.len() - 1)
+    Ok(sets - 1)
 }
 
 /// Whether a window's trajectory is inside the reachable set under `bounds` at every step.
@@ -343,10 +336,10 @@ mod tests {
         let every = WindowChoice::EveryStep;
         let windows = every.windows(&drives, 4);
         let mut count = Count::new(drives.len());
-        let so_far = |count: &Count| count.regions(every, &prediction, &settings, 0.95);
+        let so_far = |count: &Count| count.regions(every, prediction.tolerance, &settings, 0.95);
         assert_eq!(so_far(&count).unwrap_err().field, "windows");
         for (counted, place) in [4, 8, 0, 1, 7, 2, 3, 6, 5].into_iter().enumerate() {
-            count.judge(place, &windows[place], &prediction, &settings).unwrap();
+            count.put(place, judge(&windows[place], &prediction, &settings).unwrap());
             let trajectories = so_far(&count).unwrap().probabilities.trajectories;
             assert_eq!(trajectories, counted + 1);
         }

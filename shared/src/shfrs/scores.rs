@@ -7,6 +7,9 @@ use super::window::{Trajectory, Window, WindowChoice};
 use crate::bounds::{ActionChoice, ActionModel, BoundsSettings, Rollout};
 use crate::invalid::Invalid;
 
+/// What the names of such families begin with.
+pub(super) const SHFRS: &str = "SHFRS";
+
 /// The sets F(ε) for one choice of actions, with `base` roll-outs. The level is ε, rad/s; the largest
 /// level is the range of the turn rate, at which F contains every trajectory.
 pub struct ShfrsFamily<'a, M> {
@@ -35,7 +38,7 @@ impl<'a, M: ActionModel> ShfrsFamily<'a, M> {
 
 impl<M: ActionModel> Family for ShfrsFamily<'_, M> {
     fn name(&self) -> String {
-        format!("SHFRS, {}", self.base.choice())
+        format!("{SHFRS}, {}", self.base.choice())
     }
 
     fn most(&self) -> f64 {

@@ -1,18 +1,21 @@
-//! Predicted sets: polygons, membership, Algorithm 1, a frame of the replay, tuning.
+//! Predicted sets: polygons, membership, Algorithm 1, a frame of the replay, coverage, tuning.
 //!
 //! People, and the predictor that is trained on them, are those of `tests/data/trials.csv`.
 
 use super::{FEW, Figures};
 use crate::recorded;
 use sidestep::bounds::{
-    ActionModel, Algorithm1, BoundsSettings, InputBounds, Motion, Rollout, input_bounds,
+    ActionChoice, ActionModel, Algorithm1, BoundsSettings, InputBounds, Motion, Rollout,
+    input_bounds,
 };
 use sidestep::invalid::Invalid;
 use sidestep::math::SeededRng;
 use sidestep::reach::{PolygonSettings, ReachableSet, Tolerance, Workspace};
 use sidestep::scene::{JointState, SceneParameters};
 use sidestep::shfrs::guarantee::Guarantee;
+use sidestep::shfrs::memory::Memory;
 use sidestep::shfrs::prediction::Prediction;
+use sidestep::shfrs::probability::judge;
 use sidestep::shfrs::tuning::{Sample, TuningSettings, candidates, tune};
 use sidestep::shfrs::window::{Trajectory, WindowChoice};
 use sidestep::shfrs::{PredictedHuman, ShfrsPredictor, ShfrsSettings, predict};
@@ -55,6 +58,7 @@ pub(crate) fn measure(figures: &mut Figures<'_>) -> Result<(), Box<dyn Error>> {
     let moments = moments(&sample.test);
     bounds(figures, &moments, &parameters, &human)?;
     overlay(figures, &moments, &parameters, &human)?;
+    coverage(figures, &sample, &parameters, &human)?;
     tuning(figures, &sample, &parameters, &human)
 }
 
@@ -254,6 +258,54 @@ fn overlay(
             }
         });
     }
+    Ok(())
+}
+
+/// The sets of every window of 400 trajectories, as the explorer counts them: at once, and after a move of
+/// a slider, with what is known from before it.
+fn coverage(
+    figures: &mut Figures<'_>,
+    sample: &Sample,
+    parameters: &SceneParameters,
+    human: &PredictedHuman<'_>,
+) -> Result<(), Invalid> {
+    let drives = [&sample.training[..], &sample.calibration, &sample.test].concat();
+    let prediction = Prediction::new(parameters, human);
+    let actions = human.actions().len();
+    let settings = |least: f64, twos: usize, steps: usize| {
+        let choice = ActionChoice::TopK((0..steps).map(|i| 1 + usize::from(i < twos)).collect());
+        let epsilon = [&[least], &EPSILON[1..]].concat();
+        BoundsSettings::new(epsilon, choice, Rollout::Base, actions)
+    };
+    let mut memory = Memory::default();
+    let count = |memory: &mut Memory, settings: BoundsSettings| {
+        let windows = WindowChoice::EveryStep.windows(&drives, settings.steps());
+        for (place, windows) in windows.iter().enumerate() {
+            let judged = memory.judge(place, windows, &prediction, black_box(&settings));
+            black_box(judged.expect("a prediction"));
+        }
+    };
+    let usual = settings(0.0, 2, STEPS)?;
+    let seconds = figures.fastest(1, 1, || {
+        for windows in WindowChoice::EveryStep.windows(&drives, STEPS) {
+            let judged = judge(&windows, &prediction, black_box(&usual));
+            black_box(judged.expect("a prediction"));
+        }
+    });
+    figures.seconds.push(("coverage, 400 drives, directly".to_owned(), seconds));
+    // No two moves in a row lead to the same settings.
+    let mut moved = |name: &str, next: &dyn Fn(usize) -> Result<BoundsSettings, Invalid>| {
+        let mut moves = 0..;
+        count(&mut memory, usual.clone());
+        let seconds = figures.fastest(FEW, 1, || {
+            let settings = moves.next().map(next).expect("a move");
+            count(&mut memory, settings.expect("settings that are right"));
+        });
+        figures.seconds.push((format!("coverage, 400 drives, {name}"), seconds));
+    };
+    moved("other ε", &|i| settings(1e-4 * (1 + i % 1000) as f64, 2, STEPS));
+    moved("other k", &|i| settings(0.0, 3 + i % 7, STEPS));
+    moved("other T", &|i| settings(0.0, 2, STEPS + 1 - 2 * (i % 2)));
     Ok(())
 }
 

@@ -104,13 +104,14 @@ pub fn work() {
             is_coming.set(false);
             let mut evaluation = evaluation.borrow_mut();
             let begun_ms = Date::now();
-            let mut is_more = evaluation.work();
+            // A page that is gone ends this worker too.
+            let mut tell = |report: String| drop(scope.post_message(&report.into()));
+            let mut is_more = evaluation.work(&mut tell);
             while is_more && Date::now() - begun_ms < PIECE_MS {
-                is_more = evaluation.work();
+                is_more = evaluation.work(&mut tell);
             }
             if let Some(report) = evaluation.report() {
-                // A page that is gone ends this worker too.
-                let _ = scope.post_message(&report.into());
+                tell(report);
             }
             if is_more {
                 come_back();

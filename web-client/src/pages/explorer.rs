@@ -3,31 +3,33 @@
 
 mod predictor;
 mod coverage;
+mod areas;
+mod tuning;
+mod beside;
 mod controls;
 mod sets;
 mod view;
 
+use self::areas::Areas;
 use self::coverage::Coverage;
 use self::predictor::Choice;
+use self::tuning::Tuning;
 use super::parts;
 use super::safety::Sources;
-use crate::evaluation::Part;
 use crate::form::FieldValue;
 use crate::json;
 use crate::runtime::{
-    Address, Answer, Command, Commands, Evaluate, Event, Failure, Page, Request, Solving, read,
+    Address, Answer, Command, Commands, Event, Failure, Page, Request, Solving, read,
 };
 use crate::view::Node;
 use sidestep::api::{Drives, routes};
 use sidestep::invalid::Invalid;
 use sidestep::picture::Picture;
+use sidestep::playback::Playback;
 use sidestep::playback::view::View;
-use sidestep::playback::{Learned, Playback};
-use sidestep::predict::{Predictor, PredictorFile};
 use sidestep::scene::Evader;
 use sidestep::shfrs::ShfrsSettings;
 use sidestep::shfrs::file::{PRESETS, ShfrsFile};
-use std::rc::Rc;
 
 /// The page of one participant.
 pub enum ExplorerPage {
@@ -62,6 +64,20 @@ pub enum Msg {
     Models(String, Answer),
     /// The evaluator reports.
     Report(Answer),
+    /// The comparer reports.
+    Areas(Answer),
+    /// The tuner reports.
+    Tuned(Answer),
+    /// Tuning is to reach this coverage.
+    Aim(FieldValue),
+    /// Tuning is to guarantee this.
+    Guarantee(FieldValue),
+    /// Tune.
+    Tune,
+    /// Stop tuning.
+    StopTuning,
+    /// Predict with what tuning has found.
+    UseFound,
     /// Use one of the paper's settings.
     Preset(usize),
     /// Look so many steps ahead.
@@ -195,7 +211,7 @@ fn key(code: &str) -> Option<Msg> {
 pub struct Explorer {
     participant_id: String,
     drives: Drives,
-    /// The same as the server sent it, for the evaluator.
+    /// The same as the server sent it, for the evaluators.
     content: Vec<u8>,
     /// The place of the task that is looked at.
     task: usize,
@@ -206,6 +222,8 @@ pub struct Explorer {
     /// What is wrong with it, if something is.
     complaint: Option<Invalid>,
     coverage: Coverage,
+    areas: Areas,
+    tuning: Tuning,
     playback: Playback,
     view: View,
     /// What there is to see.
@@ -259,6 +277,8 @@ impl Explorer {
             complaint: wanted.settings(ACTIONS).err(),
             wanted,
             coverage: Coverage::new(address.parameter("count") == Some("all")),
+            areas: Areas::default(),
+            tuning: Tuning::default(),
             playback,
             view,
             picture: Picture::default(),
@@ -307,6 +327,19 @@ impl Explorer {
             Msg::Analyses(answer) => return self.choice.analyses(answer, self.drives.number),
             Msg::Models(analysis, answer) => self.choice.offered.models(analysis, answer),
             Msg::Report(answer) => return self.take_report(answer),
+            Msg::Areas(answer) => self.areas.take(answer),
+            Msg::Tuned(answer) => return self.take_tuned(answer),
+            Msg::Aim(value) => {
+                self.tuning.set_p(&value);
+                return self.stop_tuning();
+            }
+            Msg::Guarantee(value) => {
+                self.tuning.set_guarantee(&value);
+                return self.stop_tuning();
+            }
+            Msg::Tune => return self.tune(),
+            Msg::StopTuning => return self.stop_tuning(),
+            Msg::UseFound => return self.use_found(),
             Msg::Preset(place) => {
                 let preset = PRESETS.get(place).map(|preset| preset.settings(self.actions()));
                 return self.change(|wanted| {
@@ -476,102 +509,6 @@ impl Explorer {
         if self.choice.depends_on_task() { self.ask_predictor() } else { Vec::new() }
     }
 
-    /// Puts the value functions to use, once both are here.
-    fn take_safety(&mut self) -> Commands<Msg> {
-        if self.playback.safety().is_some() {
-            return Vec::new();
-        }
-        let Some(safety) = self.sources.functions() else { return Vec::new() };
-        let content = std::mem::take(&mut self.content);
-        let mut commands = vec![
-            tell(Part::Drives, content),
-            tell(Part::Human, safety.human.encode()),
-            tell(Part::Robot, safety.robot.encode()),
-        ];
-        let _ = self.playback.use_safety(safety);
-        commands.extend(self.ask_predictor());
-        commands
-    }
-
-    /// Asks for the chosen predictor, from wherever it comes, once the safety levels are known.
-    fn ask_predictor(&mut self) -> Commands<Msg> {
-        self.coverage.forget();
-        let _ = self.playback.use_learned(None);
-        if self.playback.safety().is_none() {
-            return Vec::new();
-        }
-        let trial_id = &self.drives.tasks[self.task].trial_id;
-        match self.choice.ask(trial_id, self.drives.tasks.len(), self.coverage.next()) {
-            predictor::Ask::Server(request) => vec![Command::Send(request)],
-            predictor::Ask::Evaluator(training) => {
-                vec![tell(Part::Training, json::write(&training).into_bytes())]
-            }
-            predictor::Ask::Nobody(Ok(file)) => self.use_file(file),
-            predictor::Ask::Nobody(Err(invalid)) => {
-                self.choice.refuse(&invalid.to_string());
-                Vec::new()
-            }
-        }
-    }
-
-    /// Takes the predictor that the server sent.
-    fn take_predictor(&mut self, answer: Answer) -> Commands<Msg> {
-        self.choice.arrived(answer).map(|file| self.use_file(file)).unwrap_or_default()
-    }
-
-    /// Uses a predictor that the evaluator does not know yet.
-    fn use_file(&mut self, file: PredictorFile) -> Commands<Msg> {
-        let mut commands = vec![tell(Part::Predictor, json::write(&file).into_bytes())];
-        self.predict_with(file);
-        commands.extend(self.use_settings());
-        commands
-    }
-
-    /// Takes what the evaluator has to say.
-    fn take_report(&mut self, answer: Answer) -> Commands<Msg> {
-        let Some(mut report) = self.coverage.newest(answer) else { return Vec::new() };
-        let Some(file) = report.predictor.take() else {
-            if let (None, Some(why)) = (self.playback.learned(), &report.trouble) {
-                self.choice.refuse(why);
-            }
-            self.coverage.take(report);
-            return Vec::new();
-        };
-        self.choice.trained(report.fallback);
-        self.predict_with(file);
-        self.use_settings()
-    }
-
-    /// Predicts with this function from now on.
-    fn predict_with(&mut self, file: PredictorFile) {
-        let learned = Predictor::try_from(file).and_then(|predictor| {
-            let settings = ShfrsSettings::paper(predictor.classes().len())?;
-            Ok(Learned { predictor, settings })
-        });
-        let used = learned.and_then(|learned| self.playback.use_learned(Some(learned)));
-        if let Err(invalid) = used {
-            self.choice.refuse(&invalid.to_string());
-        }
-    }
-
-    /// Asks how often the sets hold the future. The evaluator drops what it was asked before.
-    fn ask_coverage(&mut self) -> Commands<Msg> {
-        if self.playback.learned().is_none() || self.complaint.is_some() {
-            return Vec::new();
-        }
-        let tasks = self.counted();
-        let question = self.coverage.ask(self.wanted.clone(), tasks);
-        vec![tell(Part::Question, json::write(&question).into_bytes())]
-    }
-
-    /// The places of the tasks that are counted.
-    fn counted(&self) -> Vec<usize> {
-        if self.coverage.counts_all {
-            return (0..self.drives.tasks.len()).collect();
-        }
-        self.choice.unseen(&self.drives)
-    }
-
     /// Works out what there is to see.
     fn show(&mut self) {
         self.trouble = self.playback.go(&self.view).err().map(|invalid| invalid.to_string());
@@ -591,13 +528,6 @@ impl Explorer {
             content: content.into_bytes(),
         }
     }
-}
-
-/// Tells the evaluator beside this page something.
-fn tell(part: Part, content: Vec<u8>) -> Command<Msg> {
-    let name = "evaluator";
-    let tell = move || Evaluate { name, part, content, then: Rc::new(Msg::Report) };
-    Command::Evaluate(Box::new(tell))
 }
 
 /// The value of a slider as a link would give it.

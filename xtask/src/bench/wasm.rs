@@ -88,9 +88,16 @@ pub(super) const SHFRS: Group = Group {
         Case::new("overlay, per step").wasm(1e-3).against("overlay, tubes"),
         Case::new("overlay, per step, slowest moment").against("overlay, per step"),
         Case::new("overlay, per step, fresh memory").against("overlay, per step"),
+        Case::new("coverage, 400 drives, directly"),
+        Case::new("coverage, 400 drives, other ε").wasm(1.0).against(DIRECTLY),
+        Case::new("coverage, 400 drives, other k").wasm(1.0).against(DIRECTLY),
+        Case::new("coverage, 400 drives, other T").wasm(1.0).against(DIRECTLY),
         Case::new("tuning, 400 drives").native(2.0),
     ],
 };
+
+/// The baseline of coverage: nothing is kept from before.
+const DIRECTLY: &str = "coverage, 400 drives, directly";
 
 /// The example that is measured.
 const EXAMPLE: &str = "speed";

@@ -7,14 +7,10 @@ use serde::Serialize;
 use sidestep::bounds::{ActionChoice, ActionModel, BoundsSettings, Motion};
 use sidestep::invalid::Invalid;
 use sidestep::scene::SceneParameters;
-use sidestep::shfrs::baselines::{
-    Gaussian, Mode, Nominal, PerModeEmpirical, constant_velocity, hold_the_input,
-    learned_disturbance, worst_case,
-};
 use sidestep::shfrs::danger::{DangerBounds, danger_bounds};
 use sidestep::shfrs::family::Family;
 use sidestep::shfrs::guarantee::Guarantee;
-use sidestep::shfrs::pareto::{Pareto, ParetoSettings, pareto};
+use sidestep::shfrs::pareto::{Compared, POINTS, Pareto, ParetoSettings, pareto};
 use sidestep::shfrs::prediction::Prediction;
 use sidestep::shfrs::probability::{Regions, regions};
 use sidestep::shfrs::scores::{Scores, ShfrsFamily};
@@ -149,7 +145,7 @@ impl Evaluation {
                     p,
                     guarantee,
                     windows: questions.windows,
-                    candidates: candidates(prediction.model.actions().len(), questions.steps),
+                    candidates: candidates(prediction.actions(), questions.steps),
                     confidence: questions.confidence,
                 };
                 tuning.push(tune(&sample, prediction, &settings).map_err(flagged)?);
@@ -161,7 +157,7 @@ impl Evaluation {
         bar.inc(1);
         bar.set_message("danger zone");
         let choice = tuning.first().map_or_else(
-            || choice_of_the_paper(questions.steps, prediction.model.actions().len()),
+            || choice_of_the_paper(questions.steps, prediction.actions()),
             |t| t.choice.clone(),
         );
         let danger =
@@ -199,29 +195,18 @@ fn compare<M: ActionModel + Sync>(
     questions: &Questions,
     tuning: &[Tuned],
 ) -> Result<Pareto, Invalid> {
-    let parameters = prediction.parameters;
-    let windows: Vec<Window<'_>> =
-        WindowChoice::EveryStep.windows(&sample.training, questions.steps).concat();
     let mut choices: Vec<ActionChoice> = Vec::new();
-    let paper = choice_of_the_paper(questions.steps, prediction.model.actions().len());
+    let paper = choice_of_the_paper(questions.steps, prediction.actions());
     let first = |tuned: &&Tuned| tuned.guarantee == tuning[0].guarantee;
     for choice in tuning.iter().filter(first).map(|tuned| &tuned.choice).chain([&paper]) {
         if !choices.contains(choice) {
             choices.push(choice.clone());
         }
     }
-    let mut families: Vec<Box<dyn Family + Send + '_>> = Vec::new();
-    for choice in &choices {
-        families.push(Box::new(ShfrsFamily::new(prediction, choice)?));
-    }
-    families.push(Box::new(worst_case(parameters)));
-    families.push(Box::new(constant_velocity(parameters)));
-    families.push(Box::new(hold_the_input(parameters)));
-    families.push(Box::new(learned_disturbance(parameters, prediction.model)));
-    families.push(Box::new(Gaussian::learn(Nominal::Held, parameters, &windows)?));
-    let mode = Mode::MostLikely(prediction.model);
-    families.push(Box::new(PerModeEmpirical::learn(mode, parameters, &windows)?));
-    families.push(Box::new(PerModeEmpirical::learn(Mode::<&M>::Held, parameters, &windows)?));
+    let compared = choices.into_iter().map(Compared::Shfrs).chain(Compared::BASELINES);
+    let family =
+        |compared: Compared| compared.family(prediction, &sample.training, questions.steps);
+    let mut families = compared.map(family).collect::<Result<Vec<_>, _>>()?;
     let settings = ParetoSettings::new(
         questions.probabilities.clone(),
         questions.confidence,
@@ -231,9 +216,6 @@ fn compare<M: ActionModel + Sync>(
     )?;
     pareto(&mut families, &sample.calibration, &sample.test, &settings)
 }
-
-/// Levels that a curve shows at most.
-const POINTS: usize = 60;
 
 fn danger<M: ActionModel + Sync>(
     recorded: &[Recorded],

@@ -35,7 +35,7 @@ pub(super) fn write(
         rows_csv(&analysis.pareto.rows)?,
         danger_csv(analysis)?,
         regions_svg(analysis)?,
-        figure::pareto(&analysis.pareto, featured(analysis), &note(analysis)).svg(),
+        figure::pareto(&analysis.pareto, &note(analysis)).svg(),
         json(serde_json::to_string_pretty(predictor))?,
         json(serde_json::to_string_pretty(analysis))?,
     ];
@@ -53,11 +53,6 @@ fn note(analysis: &Evaluation) -> String {
         if n == 1 { "" } else { "s" },
         analysis.predictor
     )
-}
-
-/// How many families of the Pareto table are SHFRS.
-fn featured(analysis: &Evaluation) -> usize {
-    analysis.pareto.curves.iter().filter(|curve| curve.family.starts_with("SHFRS")).count()
 }
 
 fn csv_text(

@@ -1,6 +1,7 @@
 //! How often predicted sets hold the future: what the evaluator was asked, and what it has counted.
 
-use crate::evaluation::{Question, Report};
+use crate::evaluation::Report;
+use crate::evaluation::counting::Question;
 use crate::json;
 use crate::runtime::Answer;
 use sidestep::shfrs::file::ShfrsFile;

@@ -79,9 +79,8 @@ const FEATURES: [(&str, &[&str], &str); 9] = [
 ];
 
 /// How the command line splits so many tasks; the predictor is trained on the first part.
-pub(super) fn parts(tasks: usize) -> Parts {
-    let none = Parts { training: Vec::new(), calibration: Vec::new(), test: Vec::new() };
-    Split::USUAL.parts(tasks).unwrap_or(none)
+fn parts(tasks: usize) -> Parts {
+    Split::USUAL.parts(tasks).unwrap_or_default()
 }
 
 impl Choice {
@@ -206,6 +205,17 @@ impl Choice {
     pub(super) fn refuse(&mut self, why: &str) {
         self.known = None;
         self.refused = Some(format!("No predicted sets. {why}"));
+    }
+
+    /// The tasks as the command line splits them, but for those that must not be calibrated or judged on
+    /// because they trained the predictor.
+    pub(super) fn parts(&self, drives: &Drives) -> Parts {
+        let unseen = self.unseen(drives);
+        let mut parts = parts(drives.tasks.len());
+        for part in [&mut parts.calibration, &mut parts.test] {
+            part.retain(|place| unseen.contains(place));
+        }
+        parts
     }
 
     /// The places of the tasks that did not train the predictor.

@@ -1,7 +1,7 @@
 //! What the explorer shows: the scene, the moment, and the settings beside it.
 
 use super::{CANVAS, Explorer, Msg};
-use super::{controls, predictor, sets};
+use super::{areas, controls, predictor, sets, tuning};
 use crate::pages::moment::{inputs, legend, switches};
 use crate::pages::parts::{self, alert, button};
 use crate::view::{self, el};
@@ -90,6 +90,8 @@ fn panel(explorer: &Explorer) -> Node {
         .child(controls::presets(explorer))
         .child(sets::section(explorer))
         .child(controls::section(explorer))
+        .child(tuning::section(explorer))
+        .child(areas::section(explorer))
         .child(predictor::section(&explorer.choice, &explorer.drives))
         .children(probabilities.map(|probabilities| inputs(probabilities)))
         .child(controls::file(explorer))

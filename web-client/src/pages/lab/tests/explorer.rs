@@ -210,7 +210,7 @@ fn a_newer_question_takes_the_place_of_an_older_one() {
     // The evaluator answers the last of three hundred questions alone, and the link changes once.
     session.evaluate("evaluator");
     let (evaluation, _) = session.evaluators.get_mut("evaluator").unwrap();
-    assert!(!evaluation.work() && evaluation.report().is_none());
+    assert!(!evaluation.work(&mut |_| {}) && evaluation.report().is_none());
     assert_eq!(session.timers.len(), 1);
     let mut file = PRESETS[0].settings(3);
     file.epsilon[0] = 0.0;

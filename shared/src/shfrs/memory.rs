@@ -1,0 +1,243 @@
+//! The same windows judged again under other settings: what an answer can use of those before it.
+//!
+//! Neither Algorithm 1 with `base` roll-outs nor the bounds before widening depend on ε, and the area of a
+//! tube depends on nothing but its bounds, which many windows share. So a move of ε tests membership in
+//! the set that moved, and computes one area for each of the distinct bounds.
+
+use super::prediction::Prediction;
+use super::probability::{Judged, first_inside, holds};
+use super::widened::{tube_area_m2, widened};
+use super::window::Window;
+use crate::bounds::{ActionChoice, ActionModel, Algorithm1, BoundsSettings, Motion, Rollout};
+use crate::invalid::Invalid;
+use std::collections::HashMap;
+
+/// What is known of the windows of some trajectories under one [`Prediction`]: it answers to the bit as
+/// [`judge`](super::probability::judge) does. Another prediction or other trajectories need another memory.
+#[derive(Clone, Debug, Default)]
+pub struct Memory {
+    /// The roll-outs of `windows`.
+    rollouts: Option<Rollouts>,
+    /// By trajectory and by the step at which a window begins.
+    windows: Vec<Vec<Option<Known>>>,
+    bases: Bases,
+    algorithm: Algorithm1,
+}
+
+/// What determines the roll-outs besides the window: the actions that count, and the widening, rad/s.
+type Rollouts = (ActionChoice, f64);
+
+/// A window.
+#[derive(Clone, Debug)]
+struct Known {
+    /// The place of its bounds before widening.
+    base: usize,
+    /// Whether sets of these widenings, rad/s, hold its trajectory.
+    held: Recent<bool>,
+}
+
+/// Distinct bounds before widening.
+#[derive(Clone, Debug, Default)]
+struct Bases {
+    /// Lowest and highest turn rate of each step, rad/s, and areas, m², of the tube by widening, rad/s.
+    all: Vec<(Vec<(f64, f64)>, Recent<f64>)>,
+    /// Their places, by the bits of their rates.
+    places: HashMap<Vec<u64>, usize>,
+}
+
+/// Values by widening, as many as [`RECENT`] of them.
+#[derive(Clone, Debug)]
+struct Recent<T>(Vec<(f64, T)>);
+
+/// Widenings that are remembered: those of the sets, and some moves back.
+const RECENT: usize = 32;
+
+/// Distinct bounds that stay when other actions count.
+const BASES: usize = 4096;
+
+impl Memory {
+    /// Judges windows of trajectory `place`, all of which have the steps of `settings`.
+    ///
+    /// # Errors
+    /// [`Invalid`] if the prediction fails.
+    pub fn judge(
+        &mut self,
+        place: usize,
+        windows: &[Window<'_>],
+        prediction: &Prediction<'_, impl ActionModel>,
+        settings: &BoundsSettings,
+    ) -> Result<Vec<Judged>, Invalid> {
+        self.prepare(settings);
+        if self.windows.len() <= place {
+            self.windows.resize_with(place + 1, Vec::new);
+        }
+        windows.iter().map(|window| self.judge_one(place, window, prediction, settings)).collect()
+    }
+
+    /// Forgets the roll-outs of other settings.
+    fn prepare(&mut self, settings: &BoundsSettings) {
+        let widening = match settings.rollout() {
+            Rollout::Paper => settings.epsilon()[0],
+            Rollout::Base => 0.0,
+        };
+        let is_same =
+            |(choice, before): &Rollouts| choice == settings.choice() && *before == widening;
+        if self.rollouts.as_ref().is_some_and(is_same) {
+            return;
+        }
+        self.rollouts = Some((settings.choice().clone(), widening));
+        self.windows.iter_mut().for_each(Vec::clear);
+        if self.bases.all.len() > BASES {
+            self.bases = Bases::default();
+        }
+    }
+
+    fn judge_one(
+        &mut self,
+        place: usize,
+        window: &Window<'_>,
+        prediction: &Prediction<'_, impl ActionModel>,
+        settings: &BoundsSettings,
+    ) -> Result<Judged, Invalid> {
+        let begun = &mut self.windows[place];
+        if begun.len() <= window.begin() {
+            begun.resize(window.begin() + 1, None);
+        }
+        let known = &mut begun[window.begin()];
+        let known = match known {
+            Some(known) => known,
+            None => {
+                let motion = Motion::from(prediction.parameters);
+                let robot = prediction.robot_action;
+                let (model, history) = (prediction.model, window.history());
+                let found = self.algorithm.run(history, &motion, model, robot, settings)?;
+                known.insert(Known { base: self.bases.place(&found.raw), held: Recent(Vec::new()) })
+            }
+        };
+        let (base, areas) = &mut self.bases.all[known.base];
+        let epsilon = settings.epsilon();
+        let bounds = |epsilon| widened(base, epsilon, prediction.turn_rate());
+        let area = |&epsilon: &f64| {
+            areas.get(epsilon, || tube_area_m2(&bounds(epsilon)?, prediction.parameters))
+        };
+        let area_m2 = epsilon.iter().map(area).collect::<Result<_, _>>()?;
+        let first = first_inside(epsilon.len(), |j| {
+            known.held.get(epsilon[j], || holds(&bounds(epsilon[j])?, window, prediction))
+        })?;
+        Ok(Judged { first, area_m2 })
+    }
+}
+
+impl Bases {
+    fn place(&mut self, raw: &[(f64, f64)]) -> usize {
+        let bits = raw.iter().flat_map(|(lo, hi)| [lo.to_bits(), hi.to_bits()]).collect();
+        *self.places.entry(bits).or_insert_with(|| {
+            self.all.push((raw.to_vec(), Recent(Vec::new())));
+            self.all.len() - 1
+        })
+    }
+}
+
+impl<T: Copy> Recent<T> {
+    /// The value for `epsilon`, computed unless it is known.
+    fn get(
+        &mut self,
+        epsilon: f64,
+        compute: impl FnOnce() -> Result<T, Invalid>,
+    ) -> Result<T, Invalid> {
+        if let Some(&(_, value)) = self.0.iter().find(|(known, _)| *known == epsilon) {
+            return Ok(value);
+        }
+        let value = compute()?;
+        if self.0.len() == RECENT {
+            self.0.remove(0);
+        }
+        self.0.push((epsilon, value));
+        Ok(value)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::{SeededRng, cos, sin};
+    use crate::scene::{JointState, SceneParameters};
+    use crate::shfrs::probability::judge;
+    use crate::shfrs::testing::drive;
+    use crate::shfrs::window::{Trajectory, WindowChoice};
+
+    const RATES: [f64; 3] = [-0.5, 0.0, 0.5];
+
+    /// What a human does depends on where the vehicles are.
+    struct Reacting;
+
+    impl ActionModel for Reacting {
+        fn actions(&self) -> &[f64] {
+            &RATES
+        }
+
+        fn probabilities(&self, history: &[JointState], out: &mut [f64]) {
+            let now = history[history.len() - 1];
+            let left = 0.3 + 0.3 * sin(1.7 * now.human.psi + now.human.y);
+            let right = 0.2 + 0.2 * cos(now.human.x - now.robot.x);
+            out.copy_from_slice(&[right, 1.0 - left - right, left]);
+        }
+    }
+
+    /// One setting after the other, as a user moves sliders, each with the bits of a fresh count.
+    #[test]
+    fn what_was_known_before_changes_no_bit() {
+        let mut rng = SeededRng::new(7);
+        let parameters = SceneParameters::default();
+        let prediction = Prediction::new(&parameters, &Reacting);
+        let drives: Vec<Trajectory> = (0..6)
+            .map(|_| drive(&(0..16).map(|_| RATES[rng.below(3)]).collect::<Vec<_>>()))
+            .collect();
+        let mut memory = Memory::default();
+        let mut epsilon = vec![0.0, 0.2, 0.5, 1.0];
+        let (mut steps, mut rollout) = (6, Rollout::Base);
+        let mut choice = ActionChoice::TopK(vec![1; 6]);
+        let mut found = Vec::new();
+        for case in 0..120 {
+            match rng.below(6) {
+                0 => {
+                    steps = 1 + rng.below(12);
+                    choice = ActionChoice::TopK((0..steps).map(|_| 1 + rng.below(3)).collect());
+                }
+                1 => choice = ActionChoice::Adaptive { tau: 0.6 * rng.unit() + 0.01, steps },
+                2 => rollout = [Rollout::Base, Rollout::Paper][rng.below(2)],
+                _ => {
+                    epsilon[rng.below(3)] = (40.0 * rng.unit()).round() / 50.0;
+                    epsilon.sort_by(f64::total_cmp);
+                }
+            }
+            let settings = prediction.settings(epsilon.clone(), &choice, rollout).unwrap();
+            let windows = WindowChoice::EveryStep.windows(&drives, steps);
+            for (place, windows) in windows.iter().enumerate() {
+                let kept = memory.judge(place, windows, &prediction, &settings).unwrap();
+                assert_eq!(kept, judge(windows, &prediction, &settings).unwrap(), "{case}");
+                found.extend(kept.iter().map(|judged| judged.first));
+            }
+        }
+        // Every set was the smallest one for some window.
+        assert!((0..4).all(|set| found.contains(&set)));
+    }
+
+    #[test]
+    fn a_slider_that_moves_for_long_fills_no_memory() {
+        let parameters = SceneParameters::default();
+        let prediction = Prediction::new(&parameters, &Reacting);
+        let drives = [drive(&[0.5, -0.5, 0.0, 0.5])];
+        let windows = WindowChoice::EveryStep.windows(&drives, 3).concat();
+        let mut memory = Memory::default();
+        for i in 0..500 {
+            let epsilon = vec![f64::from(i) / 1000.0, 1.0];
+            let choice = ActionChoice::TopK(vec![1 + usize::from(i % 100 == 0); 3]);
+            let settings = prediction.settings(epsilon, &choice, Rollout::Base).unwrap();
+            memory.judge(0, &windows, &prediction, &settings).unwrap();
+        }
+        let known = memory.windows[0].iter().flatten();
+        assert!(known.clone().count() == 2 && known.clone().all(|it| it.held.0.len() <= RECENT));
+        assert!(memory.bases.all.iter().all(|(_, areas)| areas.0.len() <= RECENT));
+    }
+}

@@ -1,0 +1,128 @@
+//! How much area a coverage costs: family by family, SHFRS first.
+
+use super::counting::longest;
+use super::{Asked, CONFIDENCE, Predicted, Report, Work};
+use serde::{Deserialize, Serialize};
+use sidestep::invalid::Invalid;
+use sidestep::shfrs::file::ShfrsFile;
+use sidestep::shfrs::guarantee::Guarantee;
+use sidestep::shfrs::pareto::{Compared, POINTS, Pareto, ParetoSettings, pareto};
+use sidestep::shfrs::tuning::{Parts, Sample, Split};
+use sidestep::shfrs::window::{Trajectory, WindowChoice};
+
+/// The question how much area a coverage costs.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct AreaQuestion {
+    /// Its reports have this number.
+    pub number: u32,
+    /// Which actions count, and how many steps ahead; widenings play no role.
+    pub settings: ShfrsFile,
+    /// The places of the tasks to learn from, to calibrate with and to judge.
+    pub parts: Parts,
+}
+
+impl Asked for AreaQuestion {
+    fn number(&self) -> u32 {
+        self.number
+    }
+}
+
+/// Coverages that are asked for, as by the command line, as far as there are tasks enough.
+const TARGETS: [f64; 3] = [0.75, 0.9, 0.95];
+
+/// One window of each task, as the command line draws it.
+pub(super) const WINDOWS: WindowChoice = WindowChoice::RandomOne { seed: Split::USUAL.seed };
+
+/// What was found for the baselines, in their order, and of which parts and steps ahead.
+#[derive(Default)]
+pub(super) struct Known {
+    of: Option<(Parts, usize)>,
+    baselines: Vec<Pareto>,
+}
+
+/// A comparison that is being made.
+pub(super) struct Comparing {
+    pub(super) number: u32,
+    parts: Parts,
+    sample: Sample,
+    steps: usize,
+    settings: ParetoSettings,
+    /// All families; so many of them are done.
+    compared: Vec<Compared>,
+    done: usize,
+    found: Option<Pareto>,
+    is_told: bool,
+}
+
+impl Comparing {
+    pub(super) fn begin(
+        AreaQuestion { number, settings, parts }: AreaQuestion,
+        trajectories: &[Trajectory],
+        prediction: &Predicted<'_>,
+    ) -> Result<Work, Invalid> {
+        let settings = settings.settings(prediction.actions())?;
+        let (choice, steps) = (settings.choice().clone(), settings.steps());
+        let sample = parts.sample(trajectories);
+        longest(sample.calibration.iter(), steps)?;
+        let calibration = WINDOWS.windows(&sample.calibration, steps).concat().len();
+        Guarantee::Conformal.enough(calibration, TARGETS[0])?;
+        let is_possible = |&target: &f64| Guarantee::Conformal.enough(calibration, target).is_ok();
+        let targets = TARGETS.into_iter().filter(is_possible).collect();
+        let settings = ParetoSettings::new(targets, CONFIDENCE, WINDOWS, steps, POINTS)?;
+        let compared = [Compared::Shfrs(choice)].into_iter().chain(Compared::BASELINES).collect();
+        let (done, found, is_told) = (0, None, true);
+        Ok(Work::Comparing(Self {
+            number,
+            parts,
+            sample,
+            steps,
+            settings,
+            compared,
+            done,
+            found,
+            is_told,
+        }))
+    }
+
+    /// Judges one more family. Returns whether there are more.
+    pub(super) fn go_on(
+        &mut self,
+        prediction: &Predicted<'_>,
+        known: &mut Known,
+    ) -> Result<bool, Invalid> {
+        let Some(compared) = self.compared.get(self.done) else { return Ok(false) };
+        let same = |(parts, steps): &(Parts, usize)| *parts == self.parts && *steps == self.steps;
+        if !known.of.as_ref().is_some_and(same) {
+            *known = Known { of: Some((self.parts.clone(), self.steps)), baselines: Vec::new() };
+        }
+        let baseline = self.done.checked_sub(1);
+        let found = match baseline.and_then(|place| known.baselines.get(place)) {
+            Some(found) => found.clone(),
+            None => {
+                let Sample { training, calibration, test } = &self.sample;
+                let mut family = [compared.family(*prediction, training, self.steps)?];
+                let found = pareto(&mut family, calibration, test, &self.settings)?;
+                if baseline.is_some() {
+                    known.baselines.push(found.clone());
+                }
+                found
+            }
+        };
+        match &mut self.found {
+            Some(all) => all.extend(found),
+            None => self.found = Some(found),
+        }
+        (self.done, self.is_told) = (self.done + 1, false);
+        Ok(self.done < self.compared.len())
+    }
+
+    /// What was found so far, if that is new.
+    pub(super) fn report(&mut self) -> Option<Report> {
+        if std::mem::replace(&mut self.is_told, true) {
+            return None;
+        }
+        let done = self.done as f64 / self.compared.len() as f64;
+        let pareto = self.found.clone();
+        Some(Report { number: self.number, done, pareto, ..Report::default() })
+    }
+}

@@ -1,0 +1,201 @@
+//! What the page and the evaluators beside it say to each other. One counts, and trains the predictor; one
+//! compares areas; one tunes. None waits for another.
+
+use super::predictor::Ask;
+use super::{Explorer, Msg};
+use crate::evaluation::Part;
+use crate::json;
+use crate::runtime::{Answer, Command, Commands, Evaluate};
+use sidestep::playback::Learned;
+use sidestep::predict::{Predictor, PredictorFile};
+use sidestep::shfrs::ShfrsSettings;
+use std::rc::Rc;
+
+/// An evaluator beside the page.
+struct Beside {
+    name: &'static str,
+    /// What becomes of its reports.
+    then: fn(Answer) -> Msg,
+}
+
+/// It trains the predictor, and counts how often sets hold the future.
+const COUNTER: Beside = Beside { name: "evaluator", then: Msg::Report };
+/// It finds how much area a coverage costs.
+const COMPARER: Beside = Beside { name: "comparer", then: Msg::Areas };
+/// It tunes.
+const TUNER: Beside = Beside { name: "tuner", then: Msg::Tuned };
+
+impl Beside {
+    /// Tells it something.
+    fn tell(&self, part: Part, content: Vec<u8>) -> Command<Msg> {
+        let &Self { name, then } = self;
+        let tell = move || Evaluate { name, part, content, then: Rc::new(then) };
+        Command::Evaluate(Box::new(tell))
+    }
+}
+
+impl Explorer {
+    /// Puts the value functions to use, once both are here.
+    pub(super) fn take_safety(&mut self) -> Commands<Msg> {
+        if self.playback.safety().is_some() {
+            return Vec::new();
+        }
+        let Some(safety) = self.sources.functions() else { return Vec::new() };
+        let _ = self.playback.use_safety(safety);
+        let mut commands = self.introduce(&COUNTER);
+        commands.extend(self.ask_predictor());
+        commands
+    }
+
+    /// Asks for the chosen predictor, from wherever it comes, once the safety levels are known.
+    pub(super) fn ask_predictor(&mut self) -> Commands<Msg> {
+        self.coverage.forget();
+        self.areas.forget();
+        self.tuning.forget();
+        let mut commands = vec![Command::Cancel(COMPARER.name), Command::Cancel(TUNER.name)];
+        let _ = self.playback.use_learned(None);
+        if self.playback.safety().is_none() {
+            return commands;
+        }
+        let trial_id = &self.drives.tasks[self.task].trial_id;
+        match self.choice.ask(trial_id, self.drives.tasks.len(), self.coverage.next()) {
+            Ask::Server(request) => commands.push(Command::Send(request)),
+            Ask::Evaluator(training) => {
+                commands.push(COUNTER.tell(Part::Training, json::write(&training).into_bytes()));
+            }
+            Ask::Nobody(Ok(file)) => commands.extend(self.use_file(file)),
+            Ask::Nobody(Err(invalid)) => self.choice.refuse(&invalid.to_string()),
+        }
+        commands
+    }
+
+    /// Takes the predictor that the server sent.
+    pub(super) fn take_predictor(&mut self, answer: Answer) -> Commands<Msg> {
+        self.choice.arrived(answer).map(|file| self.use_file(file)).unwrap_or_default()
+    }
+
+    /// Uses a predictor that the evaluator does not know yet.
+    fn use_file(&mut self, file: PredictorFile) -> Commands<Msg> {
+        let mut commands = vec![COUNTER.tell(Part::Predictor, json::write(&file).into_bytes())];
+        self.predict_with(file);
+        commands.extend(self.use_settings());
+        commands
+    }
+
+    /// Takes what the evaluator has to say.
+    pub(super) fn take_report(&mut self, answer: Answer) -> Commands<Msg> {
+        let Some(mut report) = self.coverage.newest(answer) else { return Vec::new() };
+        let Some(file) = report.predictor.take() else {
+            if let (None, Some(why)) = (self.playback.learned(), &report.trouble) {
+                self.choice.refuse(why);
+            }
+            let is_counted = report.done >= 1.0 && report.trouble.is_none();
+            self.coverage.take(report);
+            return if is_counted { self.ask_areas() } else { Vec::new() };
+        };
+        self.choice.trained(report.fallback);
+        self.predict_with(file);
+        self.use_settings()
+    }
+
+    /// Predicts with this function from now on.
+    fn predict_with(&mut self, file: PredictorFile) {
+        let learned = Predictor::try_from(file).and_then(|predictor| {
+            let settings = ShfrsSettings::paper(predictor.classes().len())?;
+            Ok(Learned { predictor, settings })
+        });
+        let used = learned.and_then(|learned| self.playback.use_learned(Some(learned)));
+        if let Err(invalid) = used {
+            self.choice.refuse(&invalid.to_string());
+        }
+    }
+
+    /// Asks how often the sets hold the future. The evaluator drops what it was asked before.
+    pub(super) fn ask_coverage(&mut self) -> Commands<Msg> {
+        if self.playback.learned().is_none() || self.complaint.is_some() {
+            return Vec::new();
+        }
+        let mut commands = self.stop_tuning();
+        if self.areas.outdate(&self.wanted) {
+            commands.push(COMPARER.tell(Part::Stop, Vec::new()));
+        }
+        let tasks = self.counted();
+        let question = self.coverage.ask(self.wanted.clone(), tasks);
+        commands.push(COUNTER.tell(Part::Question, json::write(&question).into_bytes()));
+        commands
+    }
+
+    /// Asks how much area a coverage costs, unless that is known for these settings.
+    fn ask_areas(&mut self) -> Commands<Msg> {
+        let Some(question) = self.areas.ask(&self.wanted, self.choice.parts(&self.drives)) else {
+            return Vec::new();
+        };
+        let is_introduced = std::mem::replace(&mut self.areas.is_introduced, true);
+        let mut commands = if is_introduced { Vec::new() } else { self.introduce(&COMPARER) };
+        commands.push(COMPARER.tell(Part::AreaQuestion, json::write(&question).into_bytes()));
+        commands
+    }
+
+    /// Tunes beside the page, with an evaluator that lives as long as that takes.
+    pub(super) fn tune(&mut self) -> Commands<Msg> {
+        if self.playback.learned().is_none() {
+            return Vec::new();
+        }
+        let mut commands = self.stop_tuning();
+        let aim = self.tuning.ask(self.wanted.steps, self.choice.parts(&self.drives));
+        commands.extend(self.introduce(&TUNER));
+        commands.push(TUNER.tell(Part::Aim, json::write(&aim).into_bytes()));
+        commands
+    }
+
+    /// Gives up tuning, if that is under way.
+    pub(super) fn stop_tuning(&mut self) -> Commands<Msg> {
+        if !self.tuning.is_busy() {
+            return Vec::new();
+        }
+        self.tuning.stop();
+        vec![Command::Cancel(TUNER.name)]
+    }
+
+    /// Takes what the tuner has to say, and puts what it has found to use.
+    pub(super) fn take_tuned(&mut self, answer: Answer) -> Commands<Msg> {
+        if !self.tuning.take(answer) {
+            return Vec::new();
+        }
+        let mut commands = vec![Command::Cancel(TUNER.name)];
+        commands.extend(self.use_found());
+        commands
+    }
+
+    /// Predicts with what tuning has found.
+    pub(super) fn use_found(&mut self) -> Commands<Msg> {
+        let Some(found) = self.tuning.found().map(|found| found.settings.clone()) else {
+            return Vec::new();
+        };
+        self.change(|wanted| {
+            wanted.begin_with(&found);
+            Ok(())
+        })
+    }
+
+    /// Tells an evaluator what it has to know: tasks, value functions and, if there is one, the predictor.
+    fn introduce(&self, evaluator: &Beside) -> Commands<Msg> {
+        let safety = self.playback.safety().into_iter().flat_map(|safety| {
+            [(Part::Human, safety.human.encode()), (Part::Robot, safety.robot.encode())]
+        });
+        let learned = self.playback.learned().map(|learned| {
+            let file = PredictorFile::from(&learned.predictor);
+            (Part::Predictor, json::write(&file).into_bytes())
+        });
+        let parts = [(Part::Drives, self.content.clone())].into_iter().chain(safety).chain(learned);
+        parts.map(|(part, content)| evaluator.tell(part, content)).collect()
+    }
+
+    /// The places of the tasks that are counted.
+    fn counted(&self) -> Vec<usize> {
+        if self.coverage.counts_all {
+            return (0..self.drives.tasks.len()).collect();
+        }
+        self.choice.unseen(&self.drives)
+    }
+}

@@ -1,0 +1,215 @@
+//! "Tune for p ≥ …": what is asked for, how far it is, and what was found with its guarantee.
+
+use super::{Explorer, Msg};
+use crate::evaluation::Report;
+use crate::evaluation::tuning::{Aim, Found};
+use crate::form::FieldValue;
+use crate::json;
+use crate::pages::moment::select;
+use crate::pages::parts::{alert, button, count, fact};
+use crate::runtime::Answer;
+use crate::view::{self, el};
+use sidestep::chart::{fixed, number};
+use sidestep::shfrs::guarantee::Guarantee;
+use sidestep::shfrs::tuning::{Parts, Split};
+
+type Node = view::Node<Msg>;
+
+/// What tuning is asked for, and what came of it.
+pub(super) struct Tuning {
+    number: u32,
+    /// The probability that a trajectory is to stay inside F_1.
+    p: f64,
+    /// Whether that is to hold for each calibration, not on average over calibrations.
+    is_sure: bool,
+    /// The share that is done, while the tuner works.
+    done: Option<f64>,
+    found: Option<Found>,
+    trouble: Option<String>,
+}
+
+/// How often a calibration may fail, as by the command line.
+const DELTA: f64 = 0.05;
+
+impl Default for Tuning {
+    fn default() -> Self {
+        let (done, found, trouble) = (None, None, None);
+        Self { number: 0, p: 0.75, is_sure: false, done, found, trouble }
+    }
+}
+
+impl Tuning {
+    pub(super) fn set_p(&mut self, value: &FieldValue) {
+        self.p = value.number().unwrap_or(self.p).clamp(0.01, 0.99);
+    }
+
+    pub(super) fn set_guarantee(&mut self, value: &FieldValue) {
+        self.is_sure = value.text() == "pac";
+    }
+
+    /// Whether the tuner works.
+    pub(super) fn is_busy(&self) -> bool {
+        self.done.is_some()
+    }
+
+    /// Nothing is asked any more.
+    pub(super) fn stop(&mut self) {
+        (self.done, self.number) = (None, self.number + 1);
+    }
+
+    /// Nothing that was found holds any more.
+    pub(super) fn forget(&mut self) {
+        self.stop();
+        (self.found, self.trouble) = (None, None);
+    }
+
+    pub(super) fn ask(&mut self, steps: usize, parts: Parts) -> Aim {
+        self.forget();
+        self.done = Some(0.0);
+        let delta = self.is_sure.then_some(DELTA);
+        Aim { number: self.number, p: self.p, delta, steps, parts }
+    }
+
+    /// Takes what the tuner says. Returns whether it has come to its end.
+    pub(super) fn take(&mut self, answer: Answer) -> bool {
+        let content = match answer {
+            Ok(content) => content,
+            Err(failure) => {
+                (self.done, self.trouble) = (None, Some(failure.sentence));
+                return true;
+            }
+        };
+        let report = json::read::<Report>(&content);
+        let Some(report) = report.filter(|report| report.number == self.number) else {
+            return false;
+        };
+        let is_over = report.found.is_some() || report.trouble.is_some();
+        self.done = (!is_over).then_some(report.done);
+        (self.found, self.trouble) = (report.found, report.trouble);
+        is_over
+    }
+
+    /// The settings that were found.
+    pub(super) fn found(&self) -> Option<&Found> {
+        self.found.as_ref()
+    }
+
+    fn guarantee(&self) -> Guarantee {
+        if self.is_sure { Guarantee::Pac { delta: DELTA } } else { Guarantee::Conformal }
+    }
+}
+
+/// The controls, and what was found.
+pub(super) fn section(explorer: &Explorer) -> Node {
+    let it = &explorer.tuning;
+    let p = fixed(it.p, 2);
+    let slider = el("input")
+        .attrs(&[("id", "aim"), ("type", "range"), ("min", "0.5"), ("max", "0.99")])
+        .attrs(&[("step", "0.01"), ("data-own-keys", "")])
+        .attr("value", it.p)
+        .attr("aria-valuetext", format!("p of at least {p}"))
+        .test_id("aim")
+        .on_input(Msg::Aim);
+    let slider = el("div")
+        .class("pair knob")
+        .child(el("label").attr("for", "aim").text("Coverage, p ≥"))
+        .child(slider)
+        .child(el("output").attr("for", "aim").text(p));
+    let guarantees = vec![
+        ("conformal".to_owned(), "on average over calibrations".to_owned()),
+        ("pac".to_owned(), format!("with confidence {}", number(1.0 - DELTA))),
+    ];
+    let chosen = if it.is_sure { "pac" } else { "conformal" };
+    let lacking = lacking(explorer);
+    let act = match it.done {
+        Some(done) => vec![
+            el("progress")
+                .attrs(&[("max", "1"), ("aria-label", "Tuned so far")])
+                .attr("value", fixed(done, 3))
+                .test_id("tuned"),
+            button("stop-tuning", Msg::StopTuning).text("Stop"),
+        ],
+        None => {
+            let is_possible = lacking.is_none() && explorer.playback.learned().is_some();
+            vec![button("tune", Msg::Tune).attr_if(!is_possible, "disabled", "").text("Tune")]
+        }
+    };
+    el("section")
+        .class("knobs tuning")
+        .child(el("h2").text("Tune for a coverage"))
+        .child(el("p").class("quiet").text(
+            "Finds which actions count, and the ε of the first set, with the least area for this coverage.",
+        ))
+        .child(slider)
+        .child(select("guarantee", "Guaranteed", guarantees, chosen, Msg::Guarantee))
+        .children(lacking.map(|why| el("p").class("waiting").test_id("lacking").text(why)))
+        .child(el("div").class("act").children(act))
+        .children(it.trouble.as_deref().map(|why| alert("not-tuned", &format!("{why}."))))
+        .children(it.found.as_ref().map(|found| result(explorer, found)))
+}
+
+/// Why there are too few tasks for what is asked, if so.
+fn lacking(explorer: &Explorer) -> Option<String> {
+    let it = &explorer.tuning;
+    let needed = it.guarantee().needed(it.p).ok()?;
+    let all = explorer.drives.tasks.len();
+    let there = explorer.choice.parts(&explorer.drives).calibration.len();
+    let in_all = (needed as f64 / Split::USUAL.calibration).ceil();
+    (there < needed).then(|| {
+        format!(
+            "p ≥ {} takes {} to calibrate with, of about {in_all} in all. This participant has {there} \
+             that did not train the predictor, of {all}.",
+            fixed(it.p, 2),
+            count(needed, "task"),
+        )
+    })
+}
+
+/// What was found, and what it promises.
+fn result(explorer: &Explorer, found: &Found) -> Node {
+    let [chosen, calibrated, judged, without] = found.tasks;
+    let coverage = found.coverage;
+    let measured = match judged {
+        0 => "no task was left to measure it".to_owned(),
+        _ => format!(
+            "{} ({}–{}) of {judged} other tasks",
+            fixed(coverage.value, 2),
+            fixed(coverage.low, 2),
+            fixed(coverage.high, 2)
+        ),
+    };
+    let facts = [
+        fact("asked", format!("p ≥ {}, {} steps ahead", number(found.p), found.settings.steps)),
+        fact("actions", &found.actions),
+        fact("ε of the first set", format!("{} rad/s", fixed(found.settings.epsilon[0], 4))),
+        fact("mean area", format!("{} m²", fixed(found.mean_area_m2, 3))),
+        fact("coverage", measured),
+    ];
+    let left_out = match without {
+        0 => String::new(),
+        n => format!(" {} had no window of {} steps.", count(n, "task"), found.settings.steps),
+    };
+    let how = format!(
+        "{} chose the actions, {calibrated} others set ε, and {judged} others measured the coverage: one \
+         random window of each.{left_out} Exchangeable means that the next trajectory might as well have \
+         been one of those that set ε: the same person in the same kind of scene, in any order.",
+        count(chosen, "task"),
+    );
+    let in_use = explorer.wanted.begins_with(&found.settings);
+    let using = if in_use {
+        el("p").class("quiet").test_id("in-use").text("The controls above have these settings.")
+    } else {
+        el("p")
+            .class("quiet")
+            .text("The controls have been moved since; the guarantee is not for them. ")
+            .child(button("use-found", Msg::UseFound).text("Use what was found"))
+    };
+    el("div")
+        .class("found")
+        .attr("role", "status")
+        .test_id("found")
+        .child(el("dl").class("facts").children(facts))
+        .child(el("p").class("statement").test_id("statement").text(&found.statement))
+        .child(el("p").class("quiet").text(how))
+        .child(using)
+}
