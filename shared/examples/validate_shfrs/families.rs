@@ -7,16 +7,11 @@ use sidestep::bounds::ActionChoice;
 use sidestep::safety::SafetyLevels;
 use sidestep::scene::SceneParameters;
 use sidestep::shfrs::PredictedHuman;
-use sidestep::shfrs::baselines::{
-    Gaussian, Mode, Nominal, PerModeEmpirical, constant_velocity, hold_the_input,
-    learned_disturbance, worst_case,
-};
-use sidestep::shfrs::family::Family;
 use sidestep::shfrs::guarantee::Guarantee;
-use sidestep::shfrs::pareto::{ParetoRow, ParetoSettings, pareto};
+use sidestep::shfrs::pareto::{Compared, ParetoRow, ParetoSettings, pareto};
 use sidestep::shfrs::prediction::Prediction;
 use sidestep::shfrs::tuning::{TuningSettings, candidates, tune};
-use sidestep::shfrs::window::{Window, WindowChoice};
+use sidestep::shfrs::window::WindowChoice;
 use sidestep::training::Driven;
 
 use crate::Found;
@@ -74,17 +69,9 @@ fn table(
         }
         found.push((name.to_owned(), cells));
     }
-    let learned: Vec<Window<'_>> =
-        WindowChoice::EveryStep.windows(&sample.training, STEPS).concat();
-    let mut families: Vec<Box<dyn Family + Send + '_>> = vec![
-        Box::new(worst_case(parameters)),
-        Box::new(constant_velocity(parameters)),
-        Box::new(hold_the_input(parameters)),
-        Box::new(learned_disturbance(parameters, &human)),
-        Box::new(Gaussian::learn(Nominal::Held, parameters, &learned)?),
-        Box::new(PerModeEmpirical::learn(Mode::MostLikely(&human), parameters, &learned)?),
-        Box::new(PerModeEmpirical::learn(Mode::<&PredictedHuman<'_>>::Held, parameters, &learned)?),
-    ];
+    let family = |compared: Compared| compared.family(prediction, &sample.training, STEPS);
+    let mut families =
+        Compared::BASELINES.into_iter().map(family).collect::<Result<Vec<_>, _>>()?;
     let settings = ParetoSettings::new(TARGETS.to_vec(), CONFIDENCE, windows, STEPS, 2)?;
     let compared = pareto(&mut families, &sample.calibration, &sample.test, &settings)?;
     for rows in compared.rows.chunks(TARGETS.len()) {

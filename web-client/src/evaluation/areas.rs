@@ -63,7 +63,7 @@ impl Comparing {
         let settings = settings.settings(prediction.actions())?;
         let (choice, steps) = (settings.choice().clone(), settings.steps());
         let sample = parts.sample(trajectories);
-        longest(sample.calibration.iter(), steps)?;
+        longest(trajectories.iter(), steps)?;
         let calibration = WINDOWS.windows(&sample.calibration, steps).concat().len();
         Guarantee::Conformal.enough(calibration, TARGETS[0])?;
         let is_possible = |&target: &f64| Guarantee::Conformal.enough(calibration, target).is_ok();

@@ -76,7 +76,7 @@ impl Tuning {
         _: &Predicted<'_>,
     ) -> Result<Work, Invalid> {
         let sample = aim.parts.sample(trajectories);
-        longest(sample.calibration.iter(), aim.steps)?;
+        longest(trajectories.iter(), aim.steps)?;
         Ok(Work::Tuning(Self { number: aim.number, aim, sample, found: None }))
     }
 

@@ -1,7 +1,10 @@
 //! The explorer of predicted sets, with real keys and sliders.
 
 use crate::{sign_in, start, take};
-use sidestep_tests::{Browser, Driver, Server, Tab};
+use sidestep::chart::fixed;
+use sidestep::scene::SceneParameters;
+use sidestep_tests::folder::{number, rows};
+use sidestep_tests::{Browser, Driver, Folder, Server, Tab, run};
 
 /// Eleven tasks: enough to learn from some of them.
 const STUDY: &str = "title = \"Sets\"\nphases = [{ phase = \"task\", scenes = 11 }]\n";
@@ -55,6 +58,14 @@ async fn sets_move_while_a_slider_moves() {
     tab.run(&format!("(() => {{ const field = {}; {wild} }})()", Tab::at("epsilon-0"))).await;
     until_counted(&tab).await;
     assert_eq!(tab.attribute("epsilon-0", "value").await.as_deref(), Some("0.08"));
+    // No matter for how long: the page keeps nothing of a thousand moves more.
+    let heap = tab.heap_bytes().await;
+    for _ in 0..2 {
+        tab.run(&format!("(() => {{ const field = {}; {wild} }})()", Tab::at("epsilon-0"))).await;
+        until_counted(&tab).await;
+    }
+    let grown = tab.heap_bytes().await - heap;
+    assert!(grown < 2e6, "{grown} bytes more");
     // The link brings the same settings and the same numbers back.
     tab.until("location.search.includes('eps=0.08')").await;
     let link: String = tab.eval("location.href").await;
@@ -74,6 +85,72 @@ async fn sets_move_while_a_slider_moves() {
     tab.is_well().await;
     drop(server);
     browser.close().await;
+}
+
+/// Tunes on a task at a time, beside the page, to the numbers of the command line.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn tuning_and_areas_are_those_of_the_command_line() {
+    const TASKS: &str = "title = \"Sets\"\nphases = [{ phase = \"task\", scenes = 40 }]\n";
+    let (server, browser, tab) = start(TASKS).await;
+    let driver = Driver::enrol(&server).await;
+    driver.drive_restlessly(&server, &SceneParameters::default(), 5).await;
+    sign_in(&tab, &server).await;
+    let participant = &driver.enrolled.participant_id;
+    tab.go(&format!("{}/lab/explorer/{participant}", server.origin)).await;
+    until_counted(&tab).await;
+    // With confidence, twelve tasks that calibrate are enough for 0.75 and not for 0.9.
+    tab.enter("guarantee", "pac").await;
+    tab.enter("aim", "0.9").await;
+    tab.until_says("lacking", "takes 29 tasks").await;
+    tab.enter("aim", "0.75").await;
+    tab.press("tune").await;
+    tab.until(&Tab::at("in-use")).await;
+    until_counted(&tab).await;
+    let words = tab.words("found").await;
+    until_compared(&tab).await;
+    tab.run(&format!("{}.scrollIntoView()", Tab::at("found"))).await;
+    take(&tab, "explorer-tuned").await;
+    tab.run(&format!("{}.scrollIntoView()", Tab::at("panels"))).await;
+    take(&tab, "explorer-areas").await;
+    tab.run(&format!("{}.open = true", Tab::at("areas-twin"))).await;
+    tab.run(&format!("{}.scrollIntoView()", Tab::at("areas-twin"))).await;
+    take(&tab, "explorer-areas-numbers").await;
+    let twin = tab.words("areas-twin").await;
+    tab.is_well().await;
+    browser.close().await;
+
+    let folder = Folder::default();
+    let (database, out) = (server.database(), folder.name("found"));
+    let study = ["--study", "default", "--participant", "1", "--probability", "0.75"];
+    let args = ["shfrs", "--database", &database, "--out", &out];
+    run(&[&args[..], &study].concat()).await.json();
+    let tuning = rows(folder.path("found/tuning.csv"));
+    let row = tuning.iter().find(|row| row["guarantee"] == "pac").unwrap();
+    let [epsilon, area] = ["epsilon", "mean_area_m2"].map(|column| number(row, column));
+    for part in [
+        &row["actions"][..],
+        &row["statement"],
+        &format!("{} rad/s", fixed(epsilon, 4)),
+        &format!("{} m²", fixed(area, 3)),
+        &format!("{} (", fixed(number(row, "coverage"), 2)),
+    ] {
+        assert!(words.contains(part), "{part} in {words}");
+    }
+    let pareto = rows(folder.path("found/pareto.csv"));
+    let baselines: Vec<_> =
+        pareto.iter().filter(|row| !row["family"].starts_with("SHFRS")).collect();
+    assert_eq!(baselines.len(), 7);
+    for row in baselines {
+        let after = twin.split(&row["family"]).nth(1).unwrap_or_default();
+        let area = fixed(number(row, "mean_area_m2"), 2);
+        assert!(after.contains(&area), "{row:?} in {twin}");
+    }
+}
+
+/// The comparer has come to its end.
+async fn until_compared(tab: &Tab) {
+    let compared = Tab::at("compared");
+    tab.until(&format!("{compared}?.value === 1 && !document.querySelector('.panels.old')")).await;
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

@@ -50,6 +50,13 @@ impl Areas {
         is_other
     }
 
+    /// Nothing can be counted for the present settings, so nothing is compared either.
+    pub(super) fn hide(&mut self) {
+        if self.is_old {
+            self.found = None;
+        }
+    }
+
     /// A question about these settings, unless it was asked before.
     pub(super) fn ask(&mut self, wanted: &ShfrsFile, parts: Parts) -> Option<AreaQuestion> {
         if self.asked.is_some() {

@@ -89,9 +89,14 @@ impl Explorer {
             if let (None, Some(why)) = (self.playback.learned(), &report.trouble) {
                 self.choice.refuse(why);
             }
-            let is_counted = report.done >= 1.0 && report.trouble.is_none();
+            let is_over = report.done >= 1.0;
             self.coverage.take(report);
-            return if is_counted { self.ask_areas() } else { Vec::new() };
+            if self.coverage.trouble.is_some() {
+                self.areas.hide();
+            } else if is_over {
+                return self.ask_areas();
+            }
+            return Vec::new();
         };
         self.choice.trained(report.fallback);
         self.predict_with(file);

@@ -1,5 +1,7 @@
 //! The explorer of predicted sets, with an evaluator that runs here.
 
+mod beside;
+
 use super::*;
 use sidestep::api::{Drive, Drives, PredictorSource, PredictorSummary, TrainedPredictor, TrialUse};
 use sidestep::features::FeatureSet;
@@ -9,7 +11,7 @@ use sidestep::shfrs::PredictedHuman;
 use sidestep::shfrs::file::{PRESETS, ShfrsFile};
 use sidestep::shfrs::prediction::Prediction;
 use sidestep::shfrs::probability::regions;
-use sidestep::shfrs::tuning::Split;
+use sidestep::shfrs::tuning::{Parts, Split};
 use sidestep::shfrs::window::{Trajectory, WindowChoice};
 use sidestep::training;
 
@@ -74,8 +76,10 @@ impl Session {
     }
 }
 
-/// What the command line computes for the same tasks and settings.
-fn at_the_command_line(file: &ShfrsFile) -> Vec<String> {
+/// The predictor that the command line trains on the same tasks, the tasks, and how it splits them.
+fn at_the_command_line<T>(
+    work: impl FnOnce(Prediction<'_, PredictedHuman<'_>>, &Parts, &[Trajectory]) -> T,
+) -> T {
     let drives = usual();
     let safety = SafetyLevels { human: exact(), robot: exact() };
     let parts = Split::USUAL.parts(drives.tasks.len()).unwrap();
@@ -89,13 +93,21 @@ fn at_the_command_line(file: &ShfrsFile) -> Vec<String> {
     let driven: Vec<_> = driven.iter().map(|it| (it.inputs(), it.states())).collect();
     let predictor = training::train(&features, Some(&safety), &driven).unwrap().predictor;
     let human = PredictedHuman::new(&predictor, &safety, &drives.parameters).unwrap();
-    let prediction = Prediction::new(&drives.parameters, &human);
-    let unseen = [parts.calibration, parts.test].concat();
-    let trajectory = |&i: &usize| drives.tasks[i].trajectory(&drives.parameters).unwrap();
-    let unseen: Vec<Trajectory> = unseen.iter().map(trajectory).collect();
-    let settings = file.settings(predictor.classes().len()).unwrap();
-    let found = regions(&unseen, WindowChoice::EveryStep, prediction, &settings, 0.95).unwrap();
-    found.probabilities.inside.iter().map(|p| format!("{:.3}", p.value)).collect()
+    let trajectory = |task: &Drive| task.trajectory(&drives.parameters).unwrap();
+    let trajectories: Vec<Trajectory> = drives.tasks.iter().map(trajectory).collect();
+    work(Prediction::new(&drives.parameters, &human), &parts, &trajectories)
+}
+
+/// How often it finds the future inside the sets.
+fn counted_at_the_command_line(file: &ShfrsFile) -> Vec<String> {
+    at_the_command_line(|prediction, parts, trajectories| {
+        let sample = parts.sample(trajectories);
+        let unseen = [sample.calibration, sample.test].concat();
+        let settings = file.settings(3).unwrap();
+        let every = WindowChoice::EveryStep;
+        let found = regions(&unseen, every, prediction, &settings, 0.95).unwrap();
+        found.probabilities.inside.iter().map(|p| format!("{:.3}", p.value)).collect()
+    })
 }
 
 #[test]
@@ -104,7 +116,7 @@ fn the_numbers_are_those_of_the_command_line() {
     for (place, preset) in PRESETS.iter().enumerate() {
         session.press(&format!("preset-{place}"));
         session.evaluate("evaluator");
-        let expected = at_the_command_line(&preset.settings(3));
+        let expected = counted_at_the_command_line(&preset.settings(3));
         for (j, expected) in expected.iter().enumerate() {
             let shown = session.words(&format!("p-{j}")).unwrap();
             assert!(shown.contains(expected), "{place} {j}: {shown}, {expected}");
@@ -214,7 +226,7 @@ fn a_newer_question_takes_the_place_of_an_older_one() {
     assert_eq!(session.timers.len(), 1);
     let mut file = PRESETS[0].settings(3);
     file.epsilon[0] = 0.0;
-    let expected = at_the_command_line(&file);
+    let expected = counted_at_the_command_line(&file);
     assert!(session.words("p-0").unwrap().contains(&expected[0]));
 }
 
@@ -274,6 +286,22 @@ fn models_of_an_analysis_count_what_did_not_train_them() {
     session.evaluate("evaluator");
     assert!(session.words("counted-words").unwrap().contains("of 12 tasks"));
     assert!(session.linked().contains("analysis=a&file=model.json"));
+    // So is one with other actions, or other features.
+    let five =
+        Predictor::constant(FeatureSet::none(), vec![-2, -1, 0, 1, 2], vec![0.2; 5]).unwrap();
+    let five = TrainedPredictor { predictor: PredictorFile::from(&five), ..answer.clone() };
+    let mut text = serde_json::to_value(&answer).unwrap();
+    text["predictor"]["features"] = serde_json::json!(["speed"]);
+    for (model, words) in [
+        (serde_json::to_value(&five).unwrap(), "classes[0]: expected -1 (right), 0 (straight)"),
+        (text, "features[0]"),
+    ] {
+        session.choose("choose-predictor", "a/other.json");
+        session.send("predictor", 200, &model);
+        let said = session.words("refused").unwrap();
+        assert!(said.contains(words), "{said}");
+        assert!(session.areas().iter().all(|area| area == "…"));
+    }
     // A model that is gone is told, and there are no sets of another one.
     session.choose("choose-predictor", "a/other.json");
     session.answer("predictor", 404, br#"{"code":"not_found","message":"there is no such model"}"#);
