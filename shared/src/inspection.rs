@@ -11,11 +11,13 @@ mod difference;
 mod play;
 mod world;
 mod slices;
+mod mesh;
 mod orbit;
 
 pub use difference::{AtHeading, Difference};
 pub use map::{Map, domain};
-pub use orbit::{Mesh, Orbit, TONES};
+pub use mesh::{Mesh, Tubes};
+pub use orbit::{Orbit, RING, TONES, tube};
 pub use play::{Play, play};
 pub use scale::Scale;
 pub use slices::{caption, slices};

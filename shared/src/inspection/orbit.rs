@@ -1,9 +1,11 @@
 //! {V ≤ c} as a solid: ψ upwards over x and y, seen from any side, without perspective.
 
-use crate::chart::{Align, Axis, Colour, Drawing, Pen, colours, number};
+use super::mesh::{Mesh, height_m};
+use super::slices::caption;
+use crate::chart::{Align, Axis, Colour, Drawing, Pen, colours, headed, number};
 use crate::math::{PI, TAU, sin_cos};
 use crate::picture::Window;
-use crate::reachability::Surface;
+use crate::reachability::ValueFunction;
 
 /// The box around a solid, and from where it is seen.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -18,15 +20,6 @@ pub struct Orbit {
     right: [f64; 3],
     up: [f64; 3],
     towards: [f64; 3],
-}
-
-/// Triangles with normals, as graphics processors take them.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Mesh {
-    /// Six numbers a vertex: x, y, m, ψ, rad, and the normal in metres as drawn, outwards, of length 1.
-    pub vertices: Vec<f32>,
-    /// Three vertices a triangle.
-    pub indices: Vec<u32>,
 }
 
 impl Orbit {
@@ -149,21 +142,32 @@ impl Orbit {
         for triangle in mesh.indices.chunks_exact(3) {
             let corners = [0, 1, 2].map(|n| mesh.vertex(triangle[n]));
             let flat = corners.map(|(state, _)| self.place(state));
+            // Downwards on the page, what runs clockwise is seen from inside.
+            let [[ax, ay], [bx, by], [cx, cy]] = flat;
+            if (bx - ax) * (cy - ay) - (by - ay) * (cx - ax) >= 0.0 {
+                continue;
+            }
             let depth: f64 =
-                corners.iter().map(|(at, _)| dot(self.metres(*at), self.towards)).sum();
+                corners.iter().map(|(at, _)| dot(self.metres(*at), self.towards) / 3.0).sum();
             let normal =
                 [0, 1, 2].map(|d| corners.iter().map(|(_, normal)| normal[d]).sum::<f64>());
             let length = dot(normal, normal).sqrt().max(f64::MIN_POSITIVE);
-            // Downwards on the page, what runs clockwise is seen from outside.
-            let [[ax, ay], [bx, by], [cx, cy]] = flat;
-            let is_front = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax) < 0.0;
-            let lit = dot(normal, light) / length * if is_front { 1.0 } else { -1.0 };
-            tiles.push((depth, flat, shade(lit, is_front)));
+            tiles.push((depth, Tile::Face(flat, shade(dot(normal, light) / length))));
+            if let Some(ends) = ring(corners.map(|(state, _)| state)) {
+                // Over its own triangle and those beside it.
+                let nearer = 0.01 * self.size[0].min(self.size[1]) / self.scale;
+                tiles.push((depth + nearer, Tile::Ring(ends.map(|state| self.place(state)))));
+            }
         }
         tiles.sort_by(|a, b| a.0.total_cmp(&b.0));
-        for (_, flat, colour) in tiles {
-            // An edge of the same colour, so that no ground shows between neighbours.
-            drawing.polygon(flat, Some(colour.into()), Some(Pen::new(colour, 0.6)));
+        for (_, tile) in tiles {
+            match tile {
+                // An edge of the same colour, so that no ground shows between neighbours.
+                Tile::Face(flat, colour) => {
+                    drawing.polygon(flat, Some(colour.into()), Some(Pen::new(colour, 0.6)));
+                }
+                Tile::Ring(ends) => drawing.line(ends, Pen::new(TONES[0], 1.0)),
+            }
         }
         drawing
     }
@@ -219,56 +223,58 @@ pub const TONES: [Colour; 3] = [
     Colour::rgb([0xf7, 0xb3, 0xa6]),
 ];
 
-/// The tone of a surface on which light falls with this cosine, outside or inside.
-fn shade(lit: f64, is_outside: bool) -> Colour {
+/// What a solid is drawn with.
+enum Tile {
+    Face([[f64; 2]; 3], Colour),
+    Ring([[f64; 2]; 2]),
+}
+
+/// Where a triangle is cut by a plane of a multiple of 45°, if it is.
+fn ring(corners: [[f64; 3]; 3]) -> Option<[[f64; 3]; 2]> {
+    let lowest = corners.iter().map(|[.., psi]| *psi).fold(f64::INFINITY, f64::min);
+    let psi = (lowest / RING).floor() * RING + RING;
+    let ends = [(0, 1), (1, 2), (2, 0)].into_iter().filter_map(|(a, b)| {
+        let (from, to) = (corners[a], corners[b]);
+        let share = (psi - from[2]) / (to[2] - from[2]);
+        let is_cut = (from[2] < psi) != (to[2] < psi);
+        is_cut.then(|| [0, 1, 2].map(|d| from[d] + share * (to[d] - from[d])))
+    });
+    let ends: Vec<[f64; 3]> = ends.collect();
+    ends.try_into().ok()
+}
+
+/// The tone of a surface on which light falls with this cosine.
+fn shade(lit: f64) -> Colour {
     let [shadow, middle, bright] = TONES;
     let lit = (0.16 + 0.84 * lit.max(0.0)).min(1.0);
     // Few tones, so that neighbours often share one.
     let share = 2.0 * (lit * 48.0).round() / 48.0;
-    let tone = if share < 1.0 {
-        shadow.towards(middle, share)
-    } else {
-        middle.towards(bright, share - 1.0)
+    if share < 1.0 { shadow.towards(middle, share) } else { middle.towards(bright, share - 1.0) }
+}
+
+/// A figure of {V ≤ `level_m`} with what it is of, for a file; `mesh` is that of the function and the level.
+#[must_use]
+pub fn tube(function: &ValueFunction, level_m: f64, mesh: &Mesh, orbit: &Orbit) -> Drawing {
+    let title = match level_m {
+        0.0 => "States from which the pursuer can force a collision".to_owned(),
+        level => format!("States with V ≤ {} m", number(level)),
     };
-    if is_outside { tone } else { tone.towards(shadow, 0.55) }
+    let solid = orbit.drawing(mesh, &title);
+    let [width, height] = solid.size;
+    let mut drawing = headed(&title, &[&caption(function)], width - 2.0 * MARGIN);
+    let top = drawing.size[1];
+    drawing.place(&solid, [0.5 * (drawing.size[0] - width), top]);
+    drawing.size[1] = top + height;
+    drawing
 }
 
-impl Mesh {
-    /// (x, y, ψ) and normal of a vertex.
-    fn vertex(&self, number: u32) -> ([f64; 3], [f64; 3]) {
-        let first = 6 * number as usize;
-        let part = |d: usize| f64::from(self.vertices[first + d]);
-        ([part(0), part(1), part(2)], [part(3), part(4), part(5)])
-    }
-
-    /// The mesh of a surface over `window`, on which a function with this gradient (m/m, m/m, m/rad) has one
-    /// value: the gradient is the normal, which no shape of triangles disturbs.
-    #[must_use]
-    pub fn new(surface: &Surface, window: Window, gradient: impl Fn([f64; 3]) -> [f64; 3]) -> Self {
-        let per_radian = height_m(window) / TAU;
-        let vertices = surface.vertices.iter().flat_map(|state| {
-            let [x, y, psi] = gradient(*state);
-            let normal = [x, y, psi / per_radian];
-            let length = dot(normal, normal).sqrt().max(f64::MIN_POSITIVE);
-            let [x, y, psi] = *state;
-            let [a, b, c] = normal.map(|part| part / length);
-            [x, y, psi, a, b, c].map(|number| number as f32)
-        });
-        let indices = surface.triangles.iter().flatten().copied();
-        Self { vertices: vertices.collect(), indices: indices.collect() }
-    }
-}
+/// Between two rings on a solid, rad.
+pub const RING: f64 = PI / 4.0;
 
 /// Around the box, px.
 const MARGIN: f64 = 16.0;
 /// How much deeper than wide the space is in which depths are told apart.
 const DEEP: f64 = 2.0;
-
-/// Height of a full turn, in metres as drawn.
-fn height_m(window: Window) -> f64 {
-    let sides = [0, 1].map(|d| window.high[d] - window.low[d]);
-    0.8 * sides[0].max(sides[1])
-}
 
 /// Round numbers along an axis.
 fn ticks(ends: [f64; 2]) -> Vec<f64> {
@@ -282,7 +288,6 @@ fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::reachability::Sampling;
 
     fn orbit(turned_deg: [i16; 2]) -> Orbit {
         let window = Window { low: [-6.0, -9.0], high: [14.0, 9.0] };
@@ -319,20 +324,6 @@ mod tests {
                 let [px, py] = orbit.place([x, y, psi]);
                 assert!((0.0..=640.0).contains(&px) && (0.0..=480.0).contains(&py));
             }
-        }
-    }
-
-    #[test]
-    fn normals_point_outwards() {
-        let margin = |[x, y, _]: [f64; 3]| crate::math::hypot(x, y) - 3.0;
-        let window = Window::square(4.0);
-        let grid = Sampling::new(margin, window.low, window.high, [24, 24, 6]);
-        let radial = |[x, y, _]: [f64; 3]| [x, y, 0.0];
-        let mesh = Mesh::new(&grid.surface(margin, 0.0), window, radial);
-        assert_eq!(mesh.vertices.len() % 6, 0);
-        for vertex in mesh.vertices.chunks(6) {
-            let outwards = vertex[0] * vertex[3] + vertex[1] * vertex[4];
-            assert!(outwards > 2.9, "{vertex:?}");
         }
     }
 }

@@ -1,4 +1,10 @@
-//! The surface {V = c} over x, y and ψ, as triangles (marching tetrahedra).
+//! The solid {V ≤ c} over x, y and ψ, as triangles (dual contouring: Ju, Losasso, Schaefer and Warren, 2002).
+//!
+//! Each cell of the grid that the surface crosses has one vertex, where the tangent planes of the crossings on
+//! its edges meet. So a ridge is a line of vertices on the ridge, and not the staircase of the grid's edges.
+
+#[cfg(test)]
+mod tests;
 
 use crate::math::TAU;
 
@@ -7,150 +13,350 @@ use crate::math::TAU;
 pub struct Sampling {
     low: [f64; 2],
     high: [f64; 2],
+    /// With one more at each end than was asked for: the first and the last one are outside.
     nodes: [usize; 3],
     /// Row-major over x, y, ψ.
     values: Vec<f32>,
 }
 
-/// Triangles over x, y, m, and ψ, rad. The heading is periodic: the surface ends at ψ = 0 and at ψ = 2π
-/// with the same points, and is closed otherwise.
+/// Triangles over x, y, m, and ψ, rad, around a solid. It ends at the edges of the rectangle, at ψ = 0 and at
+/// ψ = 2π with flat faces.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Surface {
     /// (x, y, ψ).
     pub vertices: Vec<[f64; 3]>,
-    /// Three vertices each, counter-clockwise seen from where the function is above the level.
+    /// Three vertices each, counter-clockwise seen from outside.
     pub triangles: Vec<[u32; 3]>,
+    /// Of each triangle the normal outwards, of any length: (∂/∂x, ∂/∂y, ∂/∂ψ) of a function that grows
+    /// outwards.
+    pub normals: Vec<[f64; 3]>,
 }
-
-/// The corners of the six tetrahedra of a cell, as bits of x, y and ψ. All six have the diagonal from 000
-/// to 111, and all cells are divided alike, so faces of neighbours are the same triangles.
-const TETRAHEDRA: [[usize; 4]; 6] =
-    [[0, 1, 3, 7], [0, 1, 5, 7], [0, 2, 3, 7], [0, 2, 6, 7], [0, 4, 5, 7], [0, 4, 6, 7]];
 
 /// A crossing is improved until it misses the level by at most this share of the difference between its ends,
 /// and at most so many times.
 const MISS: f64 = 1e-4;
-const STEPS: usize = 16;
+const STEPS: usize = 24;
+/// How much a vertex is drawn to the middle of its crossings, which decides where the planes leave it open.
+const PULL: f64 = 0.01;
+/// How far a vertex may leave its cell, in sides of the cell.
+const BEYOND: f64 = 0.9;
+/// Steps in which a vertex settles on the level.
+const SETTLING: usize = 5;
+
+/// Where an edge of the grid crosses the surface.
+struct Crossing {
+    /// The node at which the edge begins, and its axis.
+    node: [usize; 3],
+    axis: usize,
+    /// Whether the edge begins inside.
+    leaves: bool,
+    at: [f64; 3],
+    normal: Normal,
+}
+
+/// Which way is outwards at a crossing.
+enum Normal {
+    /// The function's gradient.
+    Gradient([f64; 3]),
+    /// Along the edge: the solid is cut off here.
+    Face([f64; 3]),
+    /// The function jumps here, so that its gradient says nothing.
+    Unknown,
+}
+
+/// The planes through the crossings of a cell, in the cell's own coordinates from 0 to 1.
+#[derive(Clone, Default)]
+struct Cell {
+    place: [usize; 3],
+    count: f64,
+    sum: [f64; 3],
+    /// Σ n nᵀ and Σ n (n · p).
+    square: [[f64; 3]; 3],
+    right: [f64; 3],
+    /// The coordinate at which the solid is cut off, along each axis on which it is.
+    face: [Option<f64>; 3],
+    jumps: bool,
+    /// Whether the function has the level at one of the crossings.
+    is_level: bool,
+}
 
 impl Sampling {
-    /// Samples `value` on `nodes` of x, y and ψ (at least three, three and two) between two corners of the
-    /// plane, m; the last heading is one node before 2π.
+    /// Samples `value` on `nodes` of x, y and ψ (at least two each) between two corners of the plane, m, and
+    /// from 0 to 2π, the ends included.
     pub fn new(
         value: impl Fn([f64; 3]) -> f64,
         low: [f64; 2],
         high: [f64; 2],
         nodes: [usize; 3],
     ) -> Self {
-        let nodes = [nodes[0].max(3), nodes[1].max(3), nodes[2].max(2)];
+        let nodes = nodes.map(|count| count.max(2) + 2);
         let mut sampling = Self { low, high, nodes, values: Vec::new() };
         let [columns, rows, headings] = nodes;
         sampling.values.reserve(columns * rows * headings);
         for i in 0..columns {
             for j in 0..rows {
                 for k in 0..headings {
-                    sampling.values.push(value(sampling.point([i, j, k])) as f32);
+                    // So the solid is closed.
+                    let node = [i, j, k];
+                    let is_outer = (0..3).any(|d| node[d] == 0 || node[d] + 1 == nodes[d]);
+                    let at = if is_outer { f64::INFINITY } else { value(sampling.point(node)) };
+                    sampling.values.push(at as f32);
                 }
             }
         }
         sampling
     }
 
-    fn point(&self, [i, j, k]: [usize; 3]) -> [f64; 3] {
-        let along = |d: usize, n: usize| {
-            let share = n as f64 / (self.nodes[d] - 1) as f64;
-            self.low[d] + share * (self.high[d] - self.low[d])
-        };
-        [along(0, i), along(1, j), k as f64 * TAU / self.nodes[2] as f64]
+    /// Ends of the grid along an axis.
+    fn ends(&self, axis: usize) -> [f64; 2] {
+        if axis == 2 { [0.0, TAU] } else { [self.low[axis], self.high[axis]] }
     }
 
-    /// The function at a node less the level. Nodes at the edge of the rectangle count as above it, so that
-    /// a set that leaves the rectangle is closed there.
-    fn excess(&self, [i, j, k]: [usize; 3], level: f64) -> f64 {
-        let [columns, rows, headings] = self.nodes;
-        if i == 0 || j == 0 || i + 1 == columns || j + 1 == rows {
-            return f64::INFINITY;
+    /// Sides of a cell.
+    fn sides(&self) -> [f64; 3] {
+        [0, 1, 2].map(|d| {
+            let [low, high] = self.ends(d);
+            (high - low) / (self.nodes[d] - 3) as f64
+        })
+    }
+
+    fn point(&self, node: [usize; 3]) -> [f64; 3] {
+        [0, 1, 2].map(|d| {
+            let [low, high] = self.ends(d);
+            let share = (node[d] as f64 - 1.0) / (self.nodes[d] - 3) as f64;
+            // The end exactly.
+            if share == 1.0 { high } else { low + share * (high - low) }
+        })
+    }
+
+    fn index(&self, [i, j, k]: [usize; 3]) -> usize {
+        (i * self.nodes[1] + j) * self.nodes[2] + k
+    }
+
+    /// The function at a node less the level.
+    fn excess(&self, node: [usize; 3], level: f64) -> f64 {
+        f64::from(self.values[self.index(node)]) - level
+    }
+
+    /// The surface around the states at which `value`, the sampled function, is at most `level`; its gradient
+    /// is `gradient`.
+    pub fn surface(
+        &self,
+        value: impl Fn([f64; 3]) -> f64,
+        gradient: impl Fn([f64; 3]) -> [f64; 3],
+        level: f64,
+    ) -> Surface {
+        let excess = |at| value(at) - level;
+        let crossings = self.crossings(&excess, &gradient, level);
+        // The cells that are crossed, and where each is in that list.
+        let mut cells: Vec<Cell> = Vec::new();
+        let mut known = vec![u32::MAX; self.values.len()];
+        let sides = self.sides();
+        for crossing in &crossings {
+            for place in crossing.cells() {
+                let number = &mut known[self.index(place)];
+                if *number == u32::MAX {
+                    *number = cells.len() as u32;
+                    cells.push(Cell { place, ..Cell::default() });
+                }
+                let corner = self.point(place);
+                cells[*number as usize].add(crossing, corner, sides);
+            }
         }
-        f64::from(self.values[(i * rows + j) * headings + k % headings]) - level
+        let vertices: Vec<[f64; 3]> = cells
+            .iter()
+            .map(|cell| cell.settled(self.point(cell.place), sides, &excess, &gradient))
+            .collect();
+        let mut surface = Surface { vertices, ..Surface::default() };
+        for crossing in &crossings {
+            let mut ring = crossing.cells().map(|place| known[self.index(place)]);
+            if !crossing.leaves {
+                ring.reverse();
+            }
+            surface.fill(ring, &crossing.normal, &excess);
+        }
+        surface
     }
 
-    /// The surface on which `value`, the sampled function, is `level`.
-    pub fn surface(&self, value: impl Fn([f64; 3]) -> f64, level: f64) -> Surface {
+    /// All crossings of the grid's edges.
+    fn crossings(
+        &self,
+        excess: &impl Fn([f64; 3]) -> f64,
+        gradient: &impl Fn([f64; 3]) -> [f64; 3],
+        level: f64,
+    ) -> Vec<Crossing> {
         let [columns, rows, headings] = self.nodes;
-        let mut surface = Surface::default();
-        // The vertex on the edge from a node in one of seven directions.
-        let mut known = vec![u32::MAX; 7 * columns * rows * (headings + 1)];
-        for i in 0..columns - 1 {
-            for j in 0..rows - 1 {
+        let mut crossings = Vec::new();
+        for i in 0..columns {
+            for j in 0..rows {
                 for k in 0..headings {
-                    let corner =
-                        |bits: usize| [i + (bits & 1), j + (bits >> 1 & 1), k + (bits >> 2)];
-                    let excess: [f64; 8] =
-                        core::array::from_fn(|bits| self.excess(corner(bits), level));
-                    let inside = excess.map(|excess| excess <= 0.0);
-                    if inside == [true; 8] || inside == [false; 8] {
-                        continue;
-                    }
-                    for tetrahedron in TETRAHEDRA {
-                        let (within, beyond): (Vec<usize>, Vec<usize>) =
-                            tetrahedron.into_iter().partition(|corner| inside[*corner]);
-                        let mut vertex = |a: usize, b: usize| {
-                            let (from, to) = (a.min(b), a.max(b));
-                            let [x, y, z] = corner(from);
-                            let node = (x * rows + y) * (headings + 1) + z;
-                            let place = &mut known[7 * node + (to ^ from) - 1];
-                            if *place == u32::MAX {
-                                *place = surface.vertices.len() as u32;
-                                let ends =
-                                    [a, b].map(|bits| (self.point(corner(bits)), excess[bits]));
-                                surface.vertices.push(crossing(&value, level, ends));
-                            }
-                            *place
-                        };
-                        let rings: Vec<[u32; 3]> = match (&within[..], &beyond[..]) {
-                            ([a], [b, c, d]) | ([b, c, d], [a]) => {
-                                let other = if within.len() == 1 {
-                                    [vertex(*a, *b), vertex(*a, *c), vertex(*a, *d)]
-                                } else {
-                                    [vertex(*b, *a), vertex(*c, *a), vertex(*d, *a)]
-                                };
-                                vec![other]
-                            }
-                            ([a, b], [c, d]) => {
-                                let ring = [
-                                    vertex(*a, *c),
-                                    vertex(*a, *d),
-                                    vertex(*b, *d),
-                                    vertex(*b, *c),
-                                ];
-                                vec![[ring[0], ring[1], ring[2]], [ring[0], ring[2], ring[3]]]
-                            }
-                            _ => Vec::new(),
-                        };
-                        let middle = |corners: &[usize]| {
-                            let points = corners.iter().map(|bits| self.point(corner(*bits)));
-                            let sum = points.fold([0.0; 3], |sum, p| add(sum, p, 1.0));
-                            sum.map(|c| c / corners.len().max(1) as f64)
-                        };
-                        let outwards = add(middle(&beyond), middle(&within), -1.0);
-                        for [a, b, c] in rings {
-                            let [p, q, r] = [a, b, c].map(|v| surface.vertices[v as usize]);
-                            let normal = cross(add(q, p, -1.0), add(r, p, -1.0));
-                            let is_outwards = dot(normal, outwards) >= 0.0;
-                            surface.triangles.push(if is_outwards { [a, b, c] } else { [a, c, b] });
+                    let node = [i, j, k];
+                    let here = self.excess(node, level);
+                    for axis in 0..3 {
+                        let mut next = node;
+                        next[axis] += 1;
+                        if next[axis] == self.nodes[axis] {
+                            continue;
                         }
+                        let there = self.excess(next, level);
+                        let leaves = here <= 0.0;
+                        if leaves == (there <= 0.0) {
+                            continue;
+                        }
+                        let ends = [(self.point(node), here), (self.point(next), there)];
+                        let [inside, outside] = if leaves { ends } else { [ends[1], ends[0]] };
+                        let (at, normal) = if outside.1.is_infinite() {
+                            let mut along = [0.0; 3];
+                            along[axis] = if leaves { 1.0 } else { -1.0 };
+                            (inside.0, Normal::Face(along))
+                        } else {
+                            match crossing(excess, inside, outside) {
+                                (at, true) => (at, Normal::Gradient(gradient(at))),
+                                (at, false) => (at, Normal::Unknown),
+                            }
+                        };
+                        crossings.push(Crossing { node, axis, leaves, at, normal });
                     }
                 }
             }
         }
-        surface
+        crossings
+    }
+}
+
+impl Crossing {
+    /// The four cells around its edge, counter-clockwise seen from where the edge points. The outermost nodes
+    /// are all outside, so no edge between them is crossed.
+    fn cells(&self) -> [[usize; 3]; 4] {
+        let (u, v) = ((self.axis + 1) % 3, (self.axis + 2) % 3);
+        [(1, 1), (0, 1), (0, 0), (1, 0)].map(|(back_u, back_v)| {
+            let mut place = self.node;
+            place[u] -= back_u;
+            place[v] -= back_v;
+            place
+        })
+    }
+}
+
+impl Cell {
+    fn add(&mut self, crossing: &Crossing, corner: [f64; 3], sides: [f64; 3]) {
+        let at = [0, 1, 2].map(|d| (crossing.at[d] - corner[d]) / sides[d]);
+        self.count += 1.0;
+        self.sum = add(self.sum, at, 1.0);
+        let normal = match crossing.normal {
+            Normal::Unknown => {
+                self.jumps = true;
+                return;
+            }
+            Normal::Face(normal) => {
+                self.face[crossing.axis] = Some(at[crossing.axis]);
+                normal
+            }
+            Normal::Gradient(normal) => {
+                self.is_level = true;
+                normal
+            }
+        };
+        // A gradient by the cell's own coordinates.
+        let normal = [0, 1, 2].map(|d| normal[d] * sides[d]);
+        let length = dot(normal, normal).sqrt().max(f64::MIN_POSITIVE);
+        let normal = normal.map(|part| part / length);
+        let along = dot(normal, at);
+        for row in 0..3 {
+            self.square[row] = add(self.square[row], normal, normal[row]);
+            self.right[row] += normal[row] * along;
+        }
+    }
+
+    /// Where the planes meet within the cell: the least squares about the middle of the crossings.
+    fn meeting(&self) -> [f64; 3] {
+        let middle = self.sum.map(|part| part / self.count);
+        let mut square = self.square;
+        for (d, row) in square.iter_mut().enumerate() {
+            row[d] += PULL * self.count;
+        }
+        let right = [0, 1, 2].map(|row| self.right[row] - dot(self.square[row], middle));
+        // Cramer's rule: the rows of a symmetric matrix are its columns.
+        let [a, b, c] = square;
+        let determinant = dot(a, cross(b, c));
+        let away = [
+            dot(right, cross(b, c)) / determinant,
+            dot(a, cross(right, c)) / determinant,
+            dot(a, cross(b, right)) / determinant,
+        ];
+        self.within(add(middle, away, 1.0))
+    }
+
+    /// The nearest place in the cell or not far from it, since a ridge may pass beside the edges of its own cells;
+    /// and on the faces that cut the solid off.
+    fn within(&self, at: [f64; 3]) -> [f64; 3] {
+        [0, 1, 2].map(|d| self.face[d].unwrap_or(at[d].clamp(-BEYOND, 1.0 + BEYOND)))
+    }
+
+    /// The vertex, brought to the level by Newton's steps as long as these help: on a ridge they go to one of
+    /// its sides in turn, and so to the ridge.
+    fn settled(
+        &self,
+        corner: [f64; 3],
+        sides: [f64; 3],
+        excess: &impl Fn([f64; 3]) -> f64,
+        gradient: &impl Fn([f64; 3]) -> [f64; 3],
+    ) -> [f64; 3] {
+        let state = |at: [f64; 3]| [0, 1, 2].map(|d| corner[d] + at[d] * sides[d]);
+        let mut at = self.meeting();
+        if self.jumps || !self.is_level {
+            return state(at);
+        }
+        let mut missed = excess(state(at));
+        for _ in 0..SETTLING {
+            let slope = gradient(state(at));
+            let slope = [0, 1, 2].map(|d| match self.face[d] {
+                Some(_) => 0.0,
+                None => slope[d] * sides[d],
+            });
+            let step = -missed / dot(slope, slope).max(f64::MIN_POSITIVE);
+            let next = self.within(add(at, slope, step));
+            let misses = excess(state(next));
+            if misses.abs() >= missed.abs() {
+                break;
+            }
+            (at, missed) = (next, misses);
+        }
+        state(at)
     }
 }
 
 impl Surface {
+    /// Adds the two triangles between four vertices, cut along the diagonal that misses the level less.
+    fn fill(&mut self, ring: [u32; 4], normal: &Normal, excess: &impl Fn([f64; 3]) -> f64) {
+        let [a, b, c, d] = ring;
+        let missed = |from: u32, to: u32| {
+            let [from, to] = [from, to].map(|v| self.vertices[v as usize]);
+            excess([0, 1, 2].map(|d| 0.5 * (from[d] + to[d]))).abs()
+        };
+        let is_flat = matches!(normal, Normal::Face(_));
+        let two = if is_flat || missed(a, c) <= missed(b, d) {
+            [[a, b, c], [a, c, d]]
+        } else {
+            [[a, b, d], [b, c, d]]
+        };
+        for triangle in two {
+            let normal = match normal {
+                Normal::Gradient(normal) | Normal::Face(normal) => *normal,
+                Normal::Unknown => {
+                    let [p, q, r] = triangle.map(|v| self.vertices[v as usize]);
+                    cross(add(q, p, -1.0), add(r, p, -1.0))
+                }
+            };
+            self.triangles.push(triangle);
+            self.normals.push(normal);
+        }
+    }
+
     /// The volume that it encloses, m²·rad.
     #[must_use]
     pub fn volume(&self) -> f64 {
-        // The flux of (x, 0, 0), which none passes through the ends at ψ = 0 and 2π.
+        // The flux of (x, 0, 0).
         let flux = |triangle: &[u32; 3]| {
             let [p, q, r] = triangle.map(|v| self.vertices[v as usize]);
             let [normal_x, ..] = cross(add(q, p, -1.0), add(r, p, -1.0));
@@ -160,41 +366,36 @@ impl Surface {
     }
 }
 
-/// Where `value` is `level` between a node inside and a node outside, each with its excess over the level.
+/// Where the function is 0 between a state inside and a state outside, each with its excess, and whether it is:
+/// where the function jumps, no state has the level.
 fn crossing(
-    value: impl Fn([f64; 3]) -> f64,
-    level: f64,
-    [(a, low), (b, high)]: [([f64; 3], f64); 2],
-) -> [f64; 3] {
-    let (inside, mut low, outside, mut high) =
-        if low <= high { (a, low, b, high) } else { (b, high, a, low) };
-    if high.is_infinite() {
-        return outside;
-    }
+    excess: impl Fn([f64; 3]) -> f64,
+    (inside, mut low): ([f64; 3], f64),
+    (outside, mut high): ([f64; 3], f64),
+) -> ([f64; 3], bool) {
     let (mut s, mut t) = (0.0, 1.0);
     let at = |share: f64| [0, 1, 2].map(|d| inside[d] + share * (outside[d] - inside[d]));
-    let mut share = 0.5;
     // Regula falsi; the bracket stays, and a weight keeps one end from staying for ever (Illinois).
     let mut last = None;
     let miss = MISS * (high - low);
     for _ in 0..STEPS {
-        share = if high > low { s - low * (t - s) / (high - low) } else { 0.5 * (s + t) };
-        let excess = value(at(share)) - level;
-        if excess.abs() <= miss {
-            break;
+        let share = if high > low { s - low * (t - s) / (high - low) } else { 0.5 * (s + t) };
+        let missed = excess(at(share));
+        if missed.abs() <= miss {
+            return (at(share), true);
         }
-        let is_inside = excess <= 0.0;
+        let is_inside = missed <= 0.0;
         if is_inside {
-            (s, low) = (share, excess);
+            (s, low) = (share, missed);
         } else {
-            (t, high) = (share, excess);
+            (t, high) = (share, missed);
         }
         if last == Some(is_inside) {
             if is_inside { high *= 0.5 } else { low *= 0.5 }
         }
         last = Some(is_inside);
     }
-    at(share)
+    (at(0.5 * (s + t)), false)
 }
 
 fn add(a: [f64; 3], b: [f64; 3], times: f64) -> [f64; 3] {
@@ -207,89 +408,4 @@ fn cross([ax, ay, az]: [f64; 3], [bx, by, bz]: [f64; 3]) -> [f64; 3] {
 
 fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::math::{PI, hypot};
-    use crate::reachability::{Accuracy, ExactValue, Options, PursuitGame, ValueFunction, solve};
-    use crate::vehicle::VehicleModel;
-    use core::ops::ControlFlow;
-    use std::collections::HashMap;
-
-    /// Every edge belongs to two triangles, which go along it in opposite directions, if ψ = 2π is ψ = 0.
-    fn check_closed(surface: &Surface) {
-        let bits = |v: u32| {
-            let [x, y, psi] = surface.vertices[v as usize];
-            let psi = if (psi - TAU).abs() < 1e-12 { 0.0 } else { psi };
-            [x, y, psi].map(f64::to_bits)
-        };
-        let mut edges: HashMap<_, i32> = HashMap::new();
-        for &[a, b, c] in &surface.triangles {
-            for (from, to) in [(a, b), (b, c), (c, a)] {
-                let (from, to) = (bits(from), bits(to));
-                // A triangle without an area may have two vertices at one place.
-                if from == to {
-                    continue;
-                }
-                *edges.entry((from.min(to), from.max(to))).or_default() +=
-                    if from < to { 1 } else { -1 };
-            }
-        }
-        assert!(edges.len() > 100);
-        let open = edges.values().filter(|sum| **sum != 0).count();
-        assert_eq!(open, 0, "of {} edges", edges.len());
-    }
-
-    #[test]
-    fn without_time_the_set_is_the_disc_at_every_heading() {
-        let margin = |[x, y, _]: [f64; 3]| hypot(x, y) - 3.0;
-        let grid = Sampling::new(margin, [-4.0; 2], [4.0; 2], [40, 40, 12]);
-        let surface = grid.surface(margin, 0.0);
-        check_closed(&surface);
-        assert!(surface.vertices.iter().all(|[x, y, _]| (hypot(*x, *y) - 3.0).abs() < 1e-4));
-        let expected = TAU * 9.0 * PI;
-        assert!((surface.volume() - expected).abs() < 0.005 * expected, "{}", surface.volume());
-    }
-
-    #[test]
-    fn vertices_are_on_the_level() {
-        let exact = ExactValue::new(2.0, 0.5, 3.0).unwrap();
-        let value = |state| exact.value(state);
-        let grid = Sampling::new(value, [-8.0, -12.0], [15.0, 12.0], [40, 40, 36]);
-        for level in [-1.0, 0.0, 0.8] {
-            let surface = grid.surface(value, level);
-            check_closed(&surface);
-            let missed = surface.vertices.iter().map(|state| (value(*state) - level).abs());
-            let worst = missed.fold(0.0, f64::max);
-            assert!(worst < 0.01, "{worst}");
-        }
-    }
-
-    #[test]
-    fn the_volume_is_that_of_the_solver() {
-        let vehicle = |speed_mps, turn_rate_radps| VehicleModel { speed_mps, turn_rate_radps };
-        let game =
-            PursuitGame { evader: vehicle(2.0, 0.5), pursuer: vehicle(1.6, 0.4), radius_m: 3.0 };
-        let options = Options { accuracy: Accuracy::Draft, ..Options::default() };
-        let solved = solve(game, &options, &mut |_| ControlFlow::Continue(())).unwrap();
-        let ValueFunction::Sampled(samples) = &solved.function else { panic!("it is sampled") };
-        let value = |state| solved.function.value(state);
-        let grid = Sampling::new(value, [-10.0, -12.0], [16.0, 12.0], [72, 72, 72]);
-        let volume = grid.surface(value, 0.0).volume();
-        let expected = samples.volume();
-        assert!((volume - expected).abs() < 0.02 * expected, "{volume} {expected}");
-    }
-
-    #[test]
-    fn a_set_that_leaves_the_rectangle_is_closed_there() {
-        let everywhere = |[x, _, _]: [f64; 3]| x - 100.0;
-        let grid = Sampling::new(everywhere, [0.0; 2], [4.0, 2.0], [9, 9, 4]);
-        let surface = grid.surface(everywhere, 0.0);
-        check_closed(&surface);
-        assert!(surface.volume() > 0.0);
-        let nowhere = grid.surface(everywhere, -200.0);
-        assert_eq!(nowhere, Surface::default());
-    }
 }

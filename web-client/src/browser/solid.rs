@@ -43,10 +43,8 @@ in vec3 facing; in float height;
 uniform vec3 light; uniform vec3 tones[3]; uniform float ring;
 out vec4 colour;
 void main() {
-  vec3 outwards = normalize(gl_FrontFacing ? facing : -facing);
-  float lit = 2.0 * min(0.16 + 0.84 * max(dot(outwards, light), 0.0), 1.0);
+  float lit = 2.0 * min(0.16 + 0.84 * max(dot(normalize(facing), light), 0.0), 1.0);
   vec3 tone = lit < 1.0 ? mix(tones[0], tones[1], lit) : mix(tones[1], tones[2], lit - 1.0);
-  if (!gl_FrontFacing) tone = mix(tone, tones[0], 0.55);
   float turns = height / ring;
   float away = abs(fract(turns + 0.5) - 0.5) / max(fwidth(turns), 1e-5);
   colour = vec4(mix(tones[0], tone, 0.4 + 0.6 * smoothstep(0.3, 1.1, away)), 1.0);
@@ -165,6 +163,8 @@ fn begin(gl: &Gl, program: &WebGlProgram) -> Option<()> {
         gl.vertex_attrib_pointer_with_i32(at, 3, Gl::FLOAT, false, 6 * number, first * number);
     }
     gl.enable(Gl::DEPTH_TEST);
+    // It is closed: what faces away is behind something else.
+    gl.enable(Gl::CULL_FACE);
     gl.clear_color(0.0, 0.0, 0.0, 0.0);
     Some(())
 }

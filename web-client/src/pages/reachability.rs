@@ -12,8 +12,9 @@ use crate::runtime::{Address, Command, Commands, Event, PNG_OF_SVG, Page, Solid,
 use crate::task::Task;
 use crate::view::Node;
 use sidestep::chart::{Drawing, Layer};
-use sidestep::inspection::{Map, Orbit, Play, Shown, TONES, View, ZOOM_PERCENT, play, slices};
-use sidestep::math::PI;
+use sidestep::inspection::{
+    Map, Orbit, Play, RING, Shown, TONES, View, ZOOM_PERCENT, play, slices, tube,
+};
 use sidestep::reachability::{Method, ValueFunction};
 use std::rc::Rc;
 
@@ -305,16 +306,12 @@ impl Reachability {
         let found = self.found.as_ref()?;
         match self.view.shown {
             Shown::Tube if self.has_graphics => {
-                Some(self.orbit(found).drawing(&*found.mesh()?, &self.tube_title()))
+                let (function, level_m) = (found.function(), self.view.level_m);
+                Some(tube(function, level_m, &*found.mesh()?, &self.orbit(found)))
             }
             Shown::Tube => Some(self.small_multiples(found)),
             Shown::Value | Shown::Error => Some(found.map()?.with(self.marks())),
         }
-    }
-
-    fn tube_title(&self) -> String {
-        let level = sidestep::chart::number(self.view.level_m);
-        format!("States with V ≤ {level} m, relative heading upwards")
     }
 
     /// The tube cut at eight headings, for browsers that draw no solids.
@@ -419,7 +416,7 @@ impl Page for Reachability {
             matrix: orbit.matrix(),
             light: orbit.light(),
             tones: TONES.map(|tone| tone.light),
-            ring: (PI / 4.0) as f32,
+            ring: RING as f32,
             then: Rc::new(Msg::Graphics),
         })
     }

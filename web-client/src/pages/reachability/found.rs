@@ -1,9 +1,9 @@
 //! A value function and the pictures of it, each made when it is first needed.
 
 use sidestep::chart::{ColourStyle, Element};
-use sidestep::inspection::{AtHeading, Difference, Map, Mesh, Scale, Shown, View, domain};
+use sidestep::inspection::{AtHeading, Difference, Map, Mesh, Scale, Shown, Tubes, View, domain};
 use sidestep::picture::Window;
-use sidestep::reachability::{ExactValue, Nodes, Sampling, ValueFunction};
+use sidestep::reachability::{ExactValue, Nodes, ValueFunction};
 use std::rc::Rc;
 
 /// A value function that is looked at.
@@ -20,14 +20,11 @@ pub(super) struct Found {
     /// Greatest and mean error at the heading, m.
     errors_m: Option<[f64; 2]>,
     /// Its values for tubes of any level, and the tube of the level that is shown.
-    sampling: Option<Sampling>,
+    tubes: Option<Tubes>,
     tube: Option<(f64, Rc<Mesh>)>,
     /// See [`Self::is_new`].
     is_new: bool,
 }
-
-/// Nodes of x, y and ψ on which tubes are found.
-const NODES: [usize; 3] = [80, 72, 72];
 
 impl Found {
     pub(super) fn new(function: ValueFunction, seconds: Option<f64>) -> Self {
@@ -41,7 +38,7 @@ impl Found {
             map: None,
             difference: None,
             errors_m: None,
-            sampling: None,
+            tubes: None,
             tube: None,
             is_new: true,
         }
@@ -111,11 +108,9 @@ impl Found {
         if self.tube.as_ref().is_some_and(|(level, _)| *level == level_m) {
             return;
         }
-        let (function, Window { low, high }) = (&self.function, self.window);
-        let value = |state| function.value(state);
-        let sampling = self.sampling.get_or_insert_with(|| Sampling::new(value, low, high, NODES));
-        let gradient = |state| function.state(state).gradient;
-        let mesh = Mesh::new(&sampling.surface(value, level_m), self.window, gradient);
+        let (function, window) = (&self.function, self.window);
+        let tubes = self.tubes.get_or_insert_with(|| Tubes::new(function, window));
+        let mesh = tubes.mesh(function, level_m);
         self.tube = Some((level_m, Rc::new(mesh)));
     }
 
