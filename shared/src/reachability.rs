@@ -17,6 +17,7 @@ mod value_function;
 mod slice_curves;
 mod transport;
 mod solve;
+pub mod npz;
 mod surface;
 
 pub use crate::parallel::default_threads;

@@ -339,11 +339,12 @@ impl<P: Page + 'static> Pump<P> {
         let (document, window) = (shell.document.clone(), shell.window.clone());
         let painter = shell.solids.get_or_insert_with(|| Box::new(solid::Painter::default()));
         let painter = painter.downcast_mut::<solid::Painter>();
-        let is_drawn =
-            painter.is_some_and(|painter| painter.draw(&document, &window, &solid, tell));
+        let is_drawn = painter.and_then(|painter| painter.draw(&document, &window, &solid, tell));
         drop(shell);
-        if !is_drawn {
-            self.dispatch_now((solid.then)(false));
+        match is_drawn {
+            None => self.dispatch_now((solid.then)(false)),
+            Some(Some(ms)) => self.dispatch_now((solid.drawn)(ms)),
+            Some(None) => {}
         }
     }
 

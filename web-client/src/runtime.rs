@@ -192,18 +192,25 @@ pub struct Solid<M> {
     pub tones: [[u8; 3]; 3],
     /// Difference of the mesh's third coordinate between two rings on the surface.
     pub ring: f32,
+    /// Whether it is looked at and not being turned: worth more pixels.
+    pub is_still: bool,
     /// The message when the browser does not draw it (false), because it never could or has lost its graphics
     /// for a while, and when it can again (true).
     pub then: Rc<dyn Fn(bool) -> M>,
+    /// The message when another mesh was drawn: how long a picture of it takes while it turns, ms.
+    pub drawn: Rc<dyn Fn(f64) -> M>,
 }
 
 impl<M: 'static> Solid<M> {
     /// The same with the messages of a page that this one is part of.
     #[must_use]
     pub fn map<N: 'static>(self, lift: impl Fn(M) -> N + 'static) -> Solid<N> {
-        let Self { canvas, mesh, matrix, light, tones, ring, then } = self;
+        let Self { canvas, mesh, matrix, light, tones, ring, is_still, then, drawn } = self;
+        let lift = Rc::new(lift);
+        let raised = Rc::clone(&lift);
         let then = Rc::new(move |can| lift(then(can)));
-        Solid { canvas, mesh, matrix, light, tones, ring, then }
+        let drawn = Rc::new(move |ms| raised(drawn(ms)));
+        Solid { canvas, mesh, matrix, light, tones, ring, is_still, then, drawn }
     }
 }
 

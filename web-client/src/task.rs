@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 use sidestep::reachability::{
-    Accuracy, Method, Options, Progress, PursuitGame, SolveError, ValueFunction, solve,
+    Accuracy, Method, Options, Progress, PursuitGame, SolveError, ValueFunction, npz, solve,
 };
 use std::ops::ControlFlow;
 
@@ -20,17 +20,20 @@ pub struct Task {
     /// Of the grid; none for that of studies.
     #[serde(default)]
     pub accuracy: Option<Accuracy>,
+    /// Whether the NumPy archive is wanted that `sidestep solve` writes, instead of what servers keep.
+    #[serde(default)]
+    pub as_archive: bool,
 }
 
 impl From<PursuitGame> for Task {
     /// As servers solve it for their studies.
     fn from(game: PursuitGame) -> Self {
-        Self { game, method: None, horizon_s: None, accuracy: None }
+        Self { game, method: None, horizon_s: None, accuracy: None, as_archive: false }
     }
 }
 
 impl Task {
-    /// Finds the function; its bytes, as servers have them.
+    /// Finds the function; its bytes, as servers or archives have them.
     ///
     /// # Errors
     /// [`SolveError`] for a task that cannot be solved as stated, or if `progress` cancels it.
@@ -45,6 +48,10 @@ impl Task {
             accuracy: self.accuracy.unwrap_or(usual.accuracy),
             ..usual
         };
+        if self.as_archive {
+            let solved = solve(self.game, &options, progress)?;
+            return Ok(npz::npz(&solved.samples, solved.method));
+        }
         if options.method_for(&self.game)? == Method::Exact {
             return Ok(ValueFunction::Exact(self.game.exact()?).encode());
         }
@@ -73,6 +80,20 @@ mod tests {
             // The task is written and read as JSON, with what is usual left out.
             let text = format!(r#"{{"game":{}}}"#, serde_json::to_string(&game).unwrap());
             assert_eq!(serde_json::from_str::<Task>(&text).unwrap(), game.into());
+        }
+    }
+
+    #[test]
+    fn an_archive_is_that_of_the_command_line() {
+        for rate in [0.5, 0.35] {
+            let mut parameters = SceneParameters::default();
+            parameters.robot.turn_rate_radps = rate;
+            let game = parameters.game(Evader::Human);
+            let draft = Some(Accuracy::Draft);
+            let task = Task { accuracy: draft, as_archive: true, ..game.into() };
+            let options = Options { accuracy: Accuracy::Draft, ..Options::default() };
+            let theirs = solve(game, &options, &mut |_| ControlFlow::Continue(())).unwrap();
+            assert_eq!(solved(task).unwrap(), npz::npz(&theirs.samples, theirs.method));
         }
     }
 

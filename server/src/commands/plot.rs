@@ -125,7 +125,10 @@ async fn regions(files: &[PathBuf], predictor: &PredictorArgs) -> Result<Drawing
             return Err(document.complain(&Invalid::new("", expected, words(alike))));
         }
         let title = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        let panel = RegionsPanel::new(title, now, &bounds.sets, &motion, danger_radius_m);
+        let values: Vec<String> = epsilon.iter().map(|value| number(*value)).collect();
+        let settings = format!("ε of F1 to F{}: {} rad/s", values.len(), values.join(", "));
+        let words = [title, settings];
+        let panel = RegionsPanel::new(words, now, &bounds.sets, &motion, danger_radius_m);
         panels.push(panel.map_err(|invalid| document.complain(&named(invalid)))?);
         epsilons.push(epsilon);
     }
@@ -140,11 +143,14 @@ async fn regions(files: &[PathBuf], predictor: &PredictorArgs) -> Result<Drawing
     Ok(figure::regions("Where the human may be", note, &panels, &names))
 }
 
-/// "F2: ε = 0.15 rad/s"; where panels differ, the ε of each in their order.
+/// "F2: ε = 0.15 rad/s"; where panels differ, each has its own ε above it.
 fn region_name(j: usize, epsilons: &[Vec<f64>]) -> String {
     let mut values: Vec<String> = epsilons.iter().map(|of| number(of[j])).collect();
     values.dedup();
-    format!("F{}: ε = {} rad/s", j + 1, values.join(", "))
+    match &values[..] {
+        [value] => format!("F{}: ε = {value} rad/s", j + 1),
+        _ => format!("F{}", j + 1),
+    }
 }
 
 fn is_png(out: &Path) -> Result<bool, CommandError> {

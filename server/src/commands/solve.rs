@@ -3,12 +3,12 @@
 use super::game::GameArgs;
 use super::solving::{self, Interrupt, flagged};
 use super::{CommandError, Words, one_of, print_json, unwritable};
-use crate::formats::{atomic_file, npz};
+use crate::formats::atomic_file;
 use serde::Serialize;
 use sidestep::invalid::Invalid;
 use sidestep::reachability::{
     ACCURACIES, Accuracy, CartesianGrid, METHODS, Method, Options, Precision, Scheme,
-    default_threads,
+    default_threads, npz,
 };
 use std::path::PathBuf;
 
@@ -130,10 +130,9 @@ pub async fn run(args: SolveArgs) -> Result<(), CommandError> {
     atomic_file::check(&args.out).map_err(|e| unwritable(&args.out, &e))?;
     let interrupt = Interrupt::listen();
     let (solved, wall_s) = solving::solved(game, options, &interrupt).await?;
-    atomic_file::write(&args.out, &interrupt.token, |out| {
-        npz::write(out, &solved.samples, solved.method)
-    })
-    .map_err(|e| interrupt.unwritten(&args.out, &e))?;
+    let file = npz::npz(&solved.samples, solved.method);
+    atomic_file::write(&args.out, &interrupt.token, |out| out.write_all(&file))
+        .map_err(|e| interrupt.unwritten(&args.out, &e))?;
     print_json(&Line {
         method: solved.method.name(),
         grid: npz::shape(&solved.samples.nodes()),

@@ -5,7 +5,7 @@ use super::{MARGIN, Window, headed};
 use sidestep::bounds::{InputBounds, Motion};
 use sidestep::chart::{
     Align, Area, Axis, Chart, Drawing, Frame, LegendItem, Mark, Note, Pen, Series, Sign, colours,
-    disc, number,
+    disc, fixed, number,
 };
 use sidestep::invalid::Invalid;
 use sidestep::math::{PI, atan2, hypot, wrap_angle};
@@ -17,10 +17,12 @@ use sidestep::vehicle::dubins::relative_state;
 
 /// Width of a frame, and the room to its left and right, px.
 const SIDE: f64 = 300.0;
-const ROOM: [f64; 2] = [46.0, 44.0];
+const ROOM: [f64; 2] = [46.0, 104.0];
 /// Height of the frame of a single step, and between two of them, px.
-const STEP: f64 = 46.0;
-const BETWEEN: f64 = 14.0;
+const STEP: f64 = 36.0;
+const BETWEEN: f64 = 5.0;
+/// Above the single steps, for their heading, px.
+const HEADING: f64 = 30.0;
 /// Around a numeral, px.
 const NUMERAL_ROOM: f64 = 7.4;
 
@@ -28,6 +30,8 @@ const NUMERAL_ROOM: f64 = 7.4;
 #[derive(Clone, Debug, PartialEq)]
 pub struct RegionsPanel {
     title: String,
+    /// What the settings are; may be empty.
+    settings: String,
     /// The vehicles now, world frame. The picture is turned so that the human heads upwards.
     now: JointState,
     /// The robot's disc, which the human must not enter, m.
@@ -47,21 +51,23 @@ struct DrawnSet {
     steps: Vec<Vec<[f64; 2]>>,
 }
 
-/// Which of `steps` steps are shown: the last one, and back from there every second one, or all of
-/// a few.
+/// Most steps of which every one is shown.
+const EACH: usize = 12;
+
+/// Which of `steps` steps are shown: each, or of many the last one and back from there every so many.
 fn shown_steps(steps: usize) -> Vec<usize> {
-    let every = if steps < 4 { 1 } else { steps.div_ceil(10).next_multiple_of(2) };
+    let every = steps.div_ceil(EACH).max(1);
     (1..=steps).filter(|step| (steps - step).is_multiple_of(every)).collect()
 }
 
 impl RegionsPanel {
-    /// The sets reachable from now under each of `sets`; `title` says in a few words what is
-    /// predicted how, `motion` how the human moves.
+    /// The sets reachable from now under each of `sets`; `title` and `settings` say in a few words what
+    /// is predicted how, `motion` how the human moves.
     ///
     /// # Errors
     /// [`Invalid`] if the present state is not finite or the motion makes no sense.
     pub fn new(
-        title: String,
+        [title, settings]: [String; 2],
         now: JointState,
         sets: &[InputBounds],
         motion: &Motion,
@@ -78,7 +84,7 @@ impl RegionsPanel {
         };
         let sets = sets.iter().map(drawn).collect::<Result<_, Invalid>>()?;
         let times_s = steps.iter().map(|&step| step as f64 * motion.step_s).collect();
-        Ok(Self { title, now, danger_radius_m, times_s, sets })
+        Ok(Self { title, settings, now, danger_radius_m, times_s, sets })
     }
 }
 
@@ -94,19 +100,22 @@ pub fn regions(heading: &str, note: &str, panels: &[RegionsPanel], regions: &[St
     let width = (panels.len() as f64 * cell).max(460.0);
 
     let mut drawing = headed(heading, &[note], width);
-    let top = drawing.size[1] + 76.0;
+    let top = drawing.size[1] + 94.0;
     let mut bottom = top;
     for (i, panel) in panels.iter().enumerate() {
         let left = MARGIN + ROOM[0] + i as f64 * cell;
         let frame = Frame { left, top, width: SIDE, height };
-        let [title, areas] = [top - 60.0, top - 40.0];
+        let [title, settings, areas] = [top - 78.0, top - 58.0, top - 40.0];
         drawing.bold(&panel.title, [left, title], 13.5, colours::TEXT, Align::Left);
+        drawing.text(&panel.settings, [left, settings], 11.5, colours::MUTED, Align::Left);
         let each = panel.sets.iter().map(|set| format!("{:.2}", signed_area(&set.tube)));
         let text = format!("areas {} m²", each.collect::<Vec<_>>().join(", "));
         drawing.text(&text, [left, areas], 11.5, colours::MUTED, Align::Left);
         let chart = tube(panel, &window, frame);
         chart.draw(&mut drawing, frame);
-        let below = top + height + chart.room()[1] + 26.0;
+        let below = top + height + chart.room()[1] + HEADING;
+        let heading = "single steps: range upwards, each with a scale of its own";
+        drawing.text(heading, [left, below - 12.0], 11.5, colours::MUTED, Align::Left);
         bottom = draw_steps(&mut drawing, panel, bearing, [left, below]);
     }
     let items: Vec<LegendItem> = (regions.iter().enumerate())
@@ -223,22 +232,23 @@ fn draw_steps(
         let (low, high) = (ranges().fold(f64::INFINITY, f64::min), ranges().fold(0.0, f64::max));
         let room = 0.12 * (high - low);
         let mut x = Axis::linear("bearing to the right", "°", [-bearing, bearing], 7);
-        let mut y = Axis::linear("range", "m", [low - room, high + room], 3);
-        let (first, last) = (i == 0, i + 1 == panel.times_s.len());
+        let y = Axis::ticked("", "", [low - room, high + room], Vec::new());
+        let first = i == 0;
         if !first {
             x.name = String::new();
             x.unit = String::new();
             x.labels.iter_mut().for_each(|(_, label)| label.clear());
         }
-        if !last {
-            y.name = String::new();
-            y.unit = String::new();
-        }
         let mut chart = Chart::new("", "", x, y);
         add_sets(&mut chart, &sets, Pen::new(colours::SURFACE.at(0.75), 0.6));
         chart.draw(drawing, Frame { left, top, width: SIDE, height: STEP });
-        let at = [left + SIDE + 8.0, top + 0.5 * STEP];
-        drawing.text(&format!("{} s", number(*time)), at, 11.0, colours::TEXT, Align::Left);
+        let right = left + SIDE + 8.0;
+        let time = format!("after {} s", number(*time));
+        drawing.text(&time, [right, top + 0.5 * STEP - 7.0], 11.0, colours::TEXT, Align::Left);
+        // As many places as tell both ends apart.
+        let places = (1..5).find(|places| fixed(low, *places) != fixed(high, *places)).unwrap_or(4);
+        let ranges = format!("{}–{} m", fixed(low, places + 1), fixed(high, places + 1));
+        drawing.text(&ranges, [right, top + 0.5 * STEP + 7.0], 11.0, colours::MUTED, Align::Left);
         top += STEP + if first { chart.room()[1] } else { BETWEEN };
     }
     top
@@ -268,7 +278,7 @@ mod tests {
             let hi = (0..10).map(hi).collect();
             InputBounds::new(vec![-0.5; 10], hi, (-0.5, 0.5)).unwrap()
         });
-        let title = "ε = 0, 0.15, 0.25, 0.4, 1".to_owned();
+        let title = ["left", "ε = 0, 0.15, 0.25, 0.4, 1 rad/s"].map(str::to_owned);
         let now = JointState { human, robot: Pose::new(2.0, 5.0, -1.5) };
         let motion = Motion::from(&SceneParameters::default());
         RegionsPanel::new(title, now, &bounds, &motion, 3.0).unwrap()
@@ -282,17 +292,19 @@ mod tests {
     fn every_region_is_drawn_in_both_views_of_each_panel() {
         let panels = [panel(Pose::new(0.0, 0.0, 0.5 * PI)), panel(Pose::new(3.0, 1.0, 2.0))];
         let drawing = regions("Regions", "a made-up human", &panels, &names());
-        // Two panels with a tube and five steps each, and a sign.
+        // Two panels with a tube and ten steps each, and a sign.
         let fill = |j: usize| Some(colours::REGIONS[j].into());
         for j in 0..5 {
             let with_fill = drawing.shapes.iter().filter(|shape| shape.fill == fill(j));
-            assert_eq!(with_fill.count(), 2 * 6 + 1, "{j}");
+            assert_eq!(with_fill.count(), 2 * 11 + 1, "{j}");
         }
         // From large to small: purple lies below red.
         let first = |j| drawing.shapes.iter().position(|shape| shape.fill == fill(j));
         assert!(first(4) < first(0));
         let svg = drawing.svg();
-        for text in ["Regions", "a made-up human", "p = 0.3", "0.4 s", "2 s", "areas 1.22, "] {
+        for text in
+            ["Regions", "a made-up human", "p = 0.3", "after 0.2 s", "after 2 s", "areas 1.22, "]
+        {
             assert!(svg.contains(text), "{text}");
         }
         assert!(!svg.contains("NaN") && !svg.contains("inf"));
@@ -310,10 +322,9 @@ mod tests {
 
     #[test]
     fn the_last_step_is_shown() {
-        assert_eq!(shown_steps(7), [1, 3, 5, 7]);
-        assert_eq!(shown_steps(10), [2, 4, 6, 8, 10]);
+        assert_eq!(shown_steps(10), (1..=10).collect::<Vec<_>>());
         assert_eq!(shown_steps(3), [1, 2, 3]);
-        assert_eq!(shown_steps(25), [1, 5, 9, 13, 17, 21, 25]);
+        assert_eq!(shown_steps(25), [1, 4, 7, 10, 13, 16, 19, 22, 25]);
         assert!(shown_steps(0).is_empty());
     }
 

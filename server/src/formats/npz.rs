@@ -1,28 +1,18 @@
-//! Value functions as NumPy archives.
-//!
-//! `value` (float32, V in metres, row-major), `axis0`, `axis1`, `axis2` (float64, the
-//! coordinates of the nodes) and `meta` (a JSON object as uint8). In polar coordinates
-//! the axes are range, bearing and relative heading, the bearings over the full turn,
-//! although the library keeps one half of them: V(r, −bearing, −ψ) = V(r, bearing, ψ).
-//! There may be `sheet` (float32, like `value`), Q with
-//! V = max(Q(r, bearing, ψ), Q(r, −bearing, −ψ)): two smooth functions instead of one with a kink.
+//! Value functions from NumPy archives, which [`sidestep::reachability::npz`] writes.
 
-mod layout;
 mod arrays;
 mod meta;
 #[cfg(test)]
 mod tests;
 
-pub use layout::shape;
-
-use arrays::{array, values};
-use layout::Layout;
-use meta::{meta, read_meta};
+use arrays::values;
+use meta::read_meta;
 use sidestep::invalid::{Invalid, positive};
+use sidestep::reachability::npz::{Layout, shape};
 use sidestep::reachability::{MEMORY_LIMIT_BYTES, Method, SampledValue, ValueFunction};
-use std::io::{self, Read, Seek, Write};
+use std::io::{Read, Seek};
 use std::sync::Arc;
-use zip::{ZipArchive, ZipWriter};
+use zip::ZipArchive;
 
 /// A value function from a file.
 #[derive(Debug)]
@@ -33,38 +23,7 @@ pub struct Stored {
     pub converged: Option<bool>,
 }
 
-/// Writes the archive; the same function gives the same bytes.
-///
-/// # Errors
-/// The error of `out`.
-pub fn write(out: impl Write + Seek, samples: &SampledValue, method: Method) -> io::Result<()> {
-    let layout = Layout::new(samples.nodes());
-    let game = samples.game();
-    let deficit: Vec<f32> = samples.deficit().collect();
-    let [_, kept_bearings, headings] = samples.nodes().shape();
-    let value = |position: usize| {
-        let [i, j, k] = layout.kept(layout.index(position));
-        let w = deficit[(i * kept_bearings + j) * headings + k];
-        (layout.margin(&game, [i, j, k]) + f64::from(w)) as f32
-    };
-    let count: usize = layout.shape.iter().product();
-    let mut archive = ZipWriter::new(out);
-    array(&mut archive, "value", &layout.shape, (0..count).map(value))?;
-    for (axis, name) in layout.axes.iter().zip(["axis0", "axis1", "axis2"]) {
-        array(&mut archive, name, &[axis.len()], axis.iter().copied())?;
-    }
-    if let Some(sheet) = samples.sheet() {
-        let sheet = sheet.enumerate().map(|(position, q)| {
-            (layout.margin(&game, layout.index(position)) + f64::from(q)) as f32
-        });
-        array(&mut archive, "sheet", &layout.shape, sheet)?;
-    }
-    let meta = serde_json::to_vec(&meta(samples, method))?;
-    array(&mut archive, "meta", &[meta.len()], meta.iter().copied())?;
-    archive.finish()?.flush()
-}
-
-/// Reads a file of [`write()`]: the closed form if the method was exact, otherwise the values to the
+/// Reads a file of [`npz`](sidestep::reachability::npz::npz): the closed form if the method was exact, otherwise the values to the
 /// accuracy of float32.
 ///
 /// # Errors

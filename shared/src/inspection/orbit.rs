@@ -2,7 +2,7 @@
 
 use super::mesh::{Mesh, height_m};
 use super::slices::caption;
-use crate::chart::{Align, Axis, Colour, Drawing, Pen, colours, headed, number};
+use crate::chart::{self, Align, Axis, Colour, Drawing, Pen, colours, headed, number};
 use crate::math::{PI, TAU, sin_cos};
 use crate::picture::Window;
 use crate::reachability::ValueFunction;
@@ -261,7 +261,7 @@ pub fn tube(function: &ValueFunction, level_m: f64, mesh: &Mesh, orbit: &Orbit) 
     };
     let solid = orbit.drawing(mesh, &title);
     let [width, height] = solid.size;
-    let mut drawing = headed(&title, &[&caption(function)], width - 2.0 * MARGIN);
+    let mut drawing = headed(&title, &[&caption(function)], width - 2.0 * chart::MARGIN);
     let top = drawing.size[1];
     drawing.place(&solid, [0.5 * (drawing.size[0] - width), top]);
     drawing.size[1] = top + height;

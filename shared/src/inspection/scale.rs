@@ -1,6 +1,8 @@
 //! Levels of a quantity, and the tones between them.
 
-use crate::chart::{Axis, Cells, Chart, Colour, Drawing, Frame, Pen, colours, fixed, round_step};
+use crate::chart::{
+    Align, Axis, Cells, Chart, Colour, Drawing, Frame, Pen, colours, fixed, round_step,
+};
 use crate::math::TAU;
 use crate::picture::Window;
 use crate::reachability::ValueFunction;
@@ -98,13 +100,16 @@ impl Scale {
     /// Draws its tones with the levels' numbers beside them, and a line at zero.
     pub fn draw(&self, name: &str, drawing: &mut Drawing, frame: Frame) {
         let labels = self.levels.iter().map(|level| (*level, fixed(*level, self.places)));
-        let y = Axis::ticked(name, "m", self.ends, labels.collect());
+        let y = Axis::ticked("", "", self.ends, labels.collect());
         let x = Axis::ticked("", "", [0.0, 1.0], Vec::new());
         let mut chart = Chart::new("", "", x, y);
         for (band, [low, high]) in self.limits().enumerate() {
             chart.add(Cells { ink: self.tone(band).into(), boxes: vec![[0.0, low, 1.0, high]] });
         }
         chart.draw(drawing, frame);
+        // It ends with the bar, since there is more room to the left.
+        let at = [frame.left + frame.width, frame.top - 12.0];
+        drawing.text(&format!("{name} (m)"), at, 11.5, colours::MUTED, Align::Right);
         if self.levels.contains(&0.0) {
             let [left, y] = chart.place(frame, [0.0, 0.0]);
             let line = [[left, y], [left + frame.width, y]];

@@ -40,8 +40,8 @@ const STEPS: usize = 24;
 const PULL: f64 = 0.01;
 /// How far a vertex may leave its cell, in sides of the cell.
 const BEYOND: f64 = 0.9;
-/// Steps in which a vertex settles on the level.
-const SETTLING: usize = 5;
+/// How far a vertex may be moved to settle on the level, in sides of a cell.
+const SETTLING: f64 = 0.3;
 
 /// Where an edge of the grid crosses the surface.
 struct Crossing {
@@ -76,8 +76,8 @@ struct Cell {
     /// The coordinate at which the solid is cut off, along each axis on which it is.
     face: [Option<f64>; 3],
     jumps: bool,
-    /// Whether the function has the level at one of the crossings.
-    is_level: bool,
+    /// The sum of the normals where the function has the level.
+    lean: [f64; 3],
 }
 
 impl Sampling {
@@ -163,10 +163,8 @@ impl Sampling {
                 cells[*number as usize].add(crossing, corner, sides);
             }
         }
-        let vertices: Vec<[f64; 3]> = cells
-            .iter()
-            .map(|cell| cell.settled(self.point(cell.place), sides, &excess, &gradient))
-            .collect();
+        let vertices: Vec<[f64; 3]> =
+            cells.iter().map(|cell| cell.settled(self.point(cell.place), sides, &excess)).collect();
         let mut surface = Surface { vertices, ..Surface::default() };
         for crossing in &crossings {
             let mut ring = crossing.cells().map(|place| known[self.index(place)]);
@@ -248,19 +246,17 @@ impl Cell {
                 self.jumps = true;
                 return;
             }
-            Normal::Face(normal) => {
-                self.face[crossing.axis] = Some(at[crossing.axis]);
-                normal
-            }
-            Normal::Gradient(normal) => {
-                self.is_level = true;
-                normal
-            }
+            Normal::Face(normal) | Normal::Gradient(normal) => normal,
         };
         // A gradient by the cell's own coordinates.
         let normal = [0, 1, 2].map(|d| normal[d] * sides[d]);
         let length = dot(normal, normal).sqrt().max(f64::MIN_POSITIVE);
         let normal = normal.map(|part| part / length);
+        if let Normal::Face(_) = crossing.normal {
+            self.face[crossing.axis] = Some(at[crossing.axis]);
+        } else {
+            self.lean = add(self.lean, normal, 1.0);
+        }
         let along = dot(normal, at);
         for row in 0..3 {
             self.square[row] = add(self.square[row], normal, normal[row]);
@@ -293,36 +289,29 @@ impl Cell {
         [0, 1, 2].map(|d| self.face[d].unwrap_or(at[d].clamp(-BEYOND, 1.0 + BEYOND)))
     }
 
-    /// The vertex, brought to the level by Newton's steps as long as these help: on a ridge they go to one of
-    /// its sides in turn, and so to the ridge.
+    /// The vertex: where the planes meet, moved along the mean of their normals to the level. On a ridge that
+    /// is the way between its sides.
     fn settled(
         &self,
         corner: [f64; 3],
         sides: [f64; 3],
         excess: &impl Fn([f64; 3]) -> f64,
-        gradient: &impl Fn([f64; 3]) -> [f64; 3],
     ) -> [f64; 3] {
         let state = |at: [f64; 3]| [0, 1, 2].map(|d| corner[d] + at[d] * sides[d]);
-        let mut at = self.meeting();
-        if self.jumps || !self.is_level {
+        let at = self.meeting();
+        let along = [0, 1, 2].map(|d| if self.face[d].is_some() { 0.0 } else { self.lean[d] });
+        let length = dot(along, along).sqrt();
+        if self.jumps || length < 1e-6 {
             return state(at);
         }
-        let mut missed = excess(state(at));
-        for _ in 0..SETTLING {
-            let slope = gradient(state(at));
-            let slope = [0, 1, 2].map(|d| match self.face[d] {
-                Some(_) => 0.0,
-                None => slope[d] * sides[d],
-            });
-            let step = -missed / dot(slope, slope).max(f64::MIN_POSITIVE);
-            let next = self.within(add(at, slope, step));
-            let misses = excess(state(next));
-            if misses.abs() >= missed.abs() {
-                break;
-            }
-            (at, missed) = (next, misses);
+        let [inside, outside] = [-SETTLING, SETTLING].map(|far| {
+            let end = state(add(at, along, far / length));
+            (end, excess(end))
+        });
+        if inside.1 > 0.0 || outside.1 <= 0.0 {
+            return state(at);
         }
-        state(at)
+        crossing(excess, inside, outside).0
     }
 }
 

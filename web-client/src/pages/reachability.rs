@@ -25,6 +25,8 @@ pub struct Reachability {
     misread: Vec<(String, String)>,
     /// What is being solved, since when on the page's clock, and the share that is done.
     solving: Option<(f64, f64)>,
+    /// The share that is done of a file that is being written, or why there is none.
+    writing: Option<Result<f64, String>>,
     /// The value function of `view`, or the last one that there was while another is being solved.
     found: Option<Found>,
     /// Why there is no value function, if so.
@@ -35,8 +37,13 @@ pub struct Reachability {
     game: Option<Result<Play, String>>,
     /// Where the tube was taken in hand, and from where it was seen then.
     held: Option<([f32; 2], [i16; 2])>,
-    /// Whether the browser draws solids.
+    /// Whether the browser draws solids, and how long it takes for one, ms, once it has drawn.
     has_graphics: bool,
+    frame_ms: Option<f64>,
+    /// Whether the solid is wanted although it is slow.
+    insists: bool,
+    /// Whether what is seen has just changed.
+    moves: bool,
     /// Width of the window, px.
     window_px: f64,
 }
@@ -58,6 +65,10 @@ pub enum Msg {
     Hold(Pointing),
     /// The browser draws solids, or no longer.
     Graphics(bool),
+    /// It has drawn one within so many ms.
+    Drawn(f64),
+    /// The solid is wanted although it is slow.
+    Insist,
     /// A key was pressed.
     Key(Key),
     /// Play optimally from the cross-hair, or no longer.
@@ -70,15 +81,23 @@ pub enum Msg {
     SaveSvg,
     /// Offers the picture as PNG.
     SavePng,
+    /// Offers the value function as a NumPy archive.
+    SaveNpz,
+    /// The solver that writes it reports.
+    Writing(Solving),
 }
 
 /// Name of the solve, and of the timer of the link.
 const SOLVE: &str = "value-function";
+/// Name of the solve whose result is a file.
+const FILE: &str = "value-function-file";
 const LINK: &str = "link";
 /// The link follows what is seen when nothing has changed for so long: browsers refuse more changes.
 const LINK_AFTER_MS: f64 = 250.0;
 /// The canvas element's id.
 const CANVAS: &str = "solid";
+/// A solid that takes longer to draw does not turn smoothly, ms.
+const SLOW_MS: f64 = 50.0;
 /// Width and height of the tube's picture, px.
 const SOLID: [f64; 2] = [640.0, 480.0];
 
@@ -94,12 +113,16 @@ impl Reachability {
             view,
             misread: misread.into_iter().collect(),
             solving: None,
+            writing: None,
             found: None,
             missing: None,
             pointer: None,
             game: None,
             held: None,
             has_graphics: true,
+            frame_ms: None,
+            insists: false,
+            moves: false,
             window_px,
         };
         let commands = page.begin(0.0);
@@ -305,13 +328,18 @@ impl Reachability {
     fn drawing(&self) -> Option<Drawing> {
         let found = self.found.as_ref()?;
         match self.view.shown {
-            Shown::Tube if self.has_graphics => {
+            Shown::Tube if self.shows_solid() => {
                 let (function, level_m) = (found.function(), self.view.level_m);
                 Some(tube(function, level_m, &*found.mesh()?, &self.orbit(found)))
             }
             Shown::Tube => Some(self.small_multiples(found)),
             Shown::Value | Shown::Error => Some(found.map()?.with(self.marks())),
         }
+    }
+
+    /// Whether the tube is a solid: the browser draws solids, and fast enough or on demand.
+    fn shows_solid(&self) -> bool {
+        self.has_graphics && (self.insists || self.frame_ms.is_none_or(|ms| ms <= SLOW_MS))
     }
 
     /// The tube cut at eight headings, for browsers that draw no solids.
@@ -326,6 +354,26 @@ impl Reachability {
         let content = self.drawing().map(|drawing| drawing.svg().into_bytes());
         let download = content.map(|content| Command::Download { name, media_type, content });
         download.into_iter().collect()
+    }
+
+    /// Solves again for a file: what the page has is rounded to a millimetre.
+    fn begin_file(&mut self) -> Commands<Msg> {
+        self.writing = Some(Ok(0.0));
+        let task = Task { as_archive: true, ..task(&self.view) };
+        vec![Command::Solve { name: FILE, task, then: Rc::new(Msg::Writing) }]
+    }
+
+    fn hear_writer(&mut self, solving: Solving) -> Commands<Msg> {
+        match solving {
+            Solving::Done(share) => self.writing = Some(Ok(share)),
+            Solving::Failed(why) => self.writing = Some(Err(why)),
+            Solving::Solved(bytes) => {
+                self.writing = None;
+                let (name, media_type) = ("value-function.npz".to_owned(), "application/zip");
+                return vec![Command::Download { name, media_type, content: bytes }];
+            }
+        }
+        Vec::new()
     }
 
     /// The link to what is seen now.
@@ -349,7 +397,13 @@ impl Reachability {
 /// What a solver is to do for a view.
 fn task(view: &View) -> Task {
     let horizon_s = view.horizon_s.is_finite().then_some(view.horizon_s);
-    Task { game: view.game, method: view.method, horizon_s, accuracy: Some(view.accuracy) }
+    Task {
+        game: view.game,
+        method: view.method,
+        horizon_s,
+        accuracy: Some(view.accuracy),
+        as_archive: false,
+    }
 }
 
 impl Page for Reachability {
@@ -361,6 +415,10 @@ impl Page for Reachability {
         match message {
             Msg::Set(name, value) => self.set(name, &value),
             Msg::Solving(solving) => self.hear_solver(solving, now_ms),
+            Msg::Stop if self.solving.is_none() => {
+                commands.push(Command::Cancel(FILE));
+                self.writing = None;
+            }
             Msg::Stop => {
                 commands.push(Command::Cancel(SOLVE));
                 self.take(Err("The solve was stopped.".to_owned()), None);
@@ -369,18 +427,28 @@ impl Page for Reachability {
             Msg::Point(pointing) => self.point(pointing),
             Msg::Hold(pointing) => self.hold(pointing),
             Msg::Graphics(can) => self.has_graphics = can,
+            Msg::Drawn(ms) => self.frame_ms = Some(ms),
+            Msg::Insist => self.insists = true,
             Msg::Key(key) => self.press(key),
             Msg::Play => self.view.plays = !self.view.plays,
             Msg::Width(px) => self.window_px = px,
-            Msg::Link => return vec![Command::ReplaceAddress(self.address())],
+            Msg::Link => {
+                self.moves = false;
+                return vec![Command::ReplaceAddress(self.address())];
+            }
             Msg::SaveSvg => return self.save("svg", "image/svg+xml"),
             Msg::SavePng => return self.save("png", PNG_OF_SVG),
+            Msg::SaveNpz => return self.begin_file(),
+            Msg::Writing(solving) => return self.hear_writer(solving),
         }
         if self.view.parameters() != before.parameters() {
+            self.writing = None;
+            commands.push(Command::Cancel(FILE));
             commands.extend(self.begin(now_ms));
         }
         self.replay();
         if self.view != before {
+            self.moves = true;
             commands.push(Command::Wake {
                 timer: LINK,
                 after_ms: LINK_AFTER_MS,
@@ -407,7 +475,7 @@ impl Page for Reachability {
     }
 
     fn solid(&self) -> Option<Solid<Msg>> {
-        let is_shown = self.view.shown == Shown::Tube && self.has_graphics;
+        let is_shown = self.view.shown == Shown::Tube && self.shows_solid();
         let found = self.found.as_ref().filter(|_| is_shown)?;
         let orbit = self.orbit(found);
         Some(Solid {
@@ -417,7 +485,9 @@ impl Page for Reachability {
             light: orbit.light(),
             tones: TONES.map(|tone| tone.light),
             ring: RING as f32,
+            is_still: !self.moves,
             then: Rc::new(Msg::Graphics),
+            drawn: Rc::new(Msg::Drawn),
         })
     }
 

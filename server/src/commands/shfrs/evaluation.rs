@@ -278,7 +278,7 @@ fn panels<M: ActionModel>(
         let begin = trajectory.onset().unwrap_or(0);
         let found = prediction.bounds(&trajectory.states()[..=begin], settings)?;
         RegionsPanel::new(
-            format!("participant {participant}, trial {trial}, step {begin}"),
+            [format!("participant {participant}, trial {trial}, step {begin}"), String::new()],
             trajectory.states()[begin],
             &found.sets,
             &Motion::from(parameters),

@@ -1,35 +1,14 @@
 //! The arrays of an archive.
 
-use npyz::WriterBuilder;
 use sidestep::invalid::Invalid;
-use std::io::{self, Read, Seek, Write};
-use zip::write::SimpleFileOptions;
-use zip::{CompressionMethod, ZipArchive, ZipWriter};
+use std::io::{self, Read, Seek};
+use zip::ZipArchive;
 
 /// Most entries of an array of unknown length.
 const SHORT: usize = 1 << 16;
 
 /// Most bytes before an array's values.
 const HEADER_LIMIT: u64 = 1 << 16;
-
-/// Adds an array to the archive.
-pub(super) fn array<T: npyz::AutoSerialize>(
-    archive: &mut ZipWriter<impl Write + Seek>,
-    name: &str,
-    shape: &[usize],
-    values: impl Iterator<Item = T>,
-) -> io::Result<()> {
-    let bytes = shape.iter().product::<usize>() as u64 * size_of::<T>() as u64;
-    let options = SimpleFileOptions::default()
-        .compression_method(CompressionMethod::Deflated)
-        .large_file(bytes > u64::from(u32::MAX) / 2);
-    archive.start_file(format!("{name}.npy"), options)?;
-    let shape: Vec<u64> = shape.iter().map(|n| *n as u64).collect();
-    let mut writer =
-        npyz::WriteOptions::new().default_dtype().shape(&shape).writer(archive).begin_nd()?;
-    writer.extend(values)?;
-    writer.finish()
-}
 
 /// The values of an array with this type and shape (a short list without a shape). No more bytes are read
 /// from the archive than needed.

@@ -1,11 +1,15 @@
 //! Files that come back, and complaints about those that cannot.
 
 use super::*;
+use npyz::WriterBuilder;
+use sidestep::reachability::npz::{meta, npz};
 use sidestep::reachability::{CartesianGrid, Options, Precision, Scheme, solve};
 use sidestep::reachability::{Nodes, PursuitGame};
 use sidestep::vehicle::VehicleModel;
-use std::io::Cursor;
+use std::io::{self, Cursor, Write};
 use std::ops::ControlFlow;
+use zip::write::SimpleFileOptions;
+use zip::{CompressionMethod, ZipWriter};
 
 fn game(pursuer_turn_rate_radps: f64) -> PursuitGame {
     let evader = VehicleModel { speed_mps: 2.0, turn_rate_radps: 0.5 };
@@ -23,9 +27,26 @@ fn polar() -> SampledValue {
 }
 
 fn bytes(samples: &SampledValue, method: Method) -> Vec<u8> {
-    let mut bytes = Cursor::new(Vec::new());
-    write(&mut bytes, samples, method).unwrap();
-    bytes.into_inner()
+    npz(samples, method)
+}
+
+/// Adds an array as another program writes it, compressed.
+fn array<T: npyz::AutoSerialize>(
+    archive: &mut ZipWriter<impl Write + Seek>,
+    name: &str,
+    shape: &[usize],
+    values: impl Iterator<Item = T>,
+) -> io::Result<()> {
+    let bytes = shape.iter().product::<usize>() as u64 * size_of::<T>() as u64;
+    let options = SimpleFileOptions::default()
+        .compression_method(CompressionMethod::Deflated)
+        .large_file(bytes > u64::from(u32::MAX) / 2);
+    archive.start_file(format!("{name}.npy"), options)?;
+    let shape: Vec<u64> = shape.iter().map(|n| *n as u64).collect();
+    let mut writer =
+        npyz::WriteOptions::new().default_dtype().shape(&shape).writer(archive).begin_nd()?;
+    writer.extend(values)?;
+    writer.finish()
 }
 
 fn close(a: &SampledValue, b: &SampledValue) {

@@ -33,14 +33,19 @@ fn seen(page: &Reachability) -> Node {
             .text(words)
     };
     let save = |id: &str, words: &str, message| {
-        let title = format!("Save the picture as {words}");
+        let what = if id == "save-npz" { "value function" } else { "picture" };
+        let title = format!("Save the {what} as {words}");
         button(id, message).class("plain").attr("title", title).text(words)
     };
+    let is_there = page.solving.is_none() && !matches!(page.writing, Some(Ok(_)));
     let saves = page.found.as_ref().map(|_| {
-        el("span").class("end").children([
-            save("save-svg", "SVG", Msg::SaveSvg),
-            save("save-png", "PNG", Msg::SavePng),
-        ])
+        el("span")
+            .class("end")
+            .children([
+                save("save-svg", "SVG", Msg::SaveSvg),
+                save("save-png", "PNG", Msg::SavePng),
+            ])
+            .children(is_there.then(|| save("save-npz", "NPZ", Msg::SaveNpz)))
     });
     let switches = el("div")
         .class("switches")
@@ -72,17 +77,23 @@ fn missing(page: &Reachability) -> Node {
     }
 }
 
-/// How far the solve is.
+/// How far the solve is, or the file.
 fn progress(page: &Reachability) -> Option<Node> {
-    let (_, share) = page.solving?;
+    let share = match (page.solving, &page.writing) {
+        (Some((_, share)), _) => share,
+        (None, Some(Ok(share))) => *share,
+        (None, Some(Err(why))) => return Some(alert("no-file", why)),
+        (None, None) => return None,
+    };
     let percent = (100.0 * share) as u32;
+    let is_file = page.solving.is_none();
+    let what = if is_file { "Solving the game for the file" } else { "Solving the game" };
+    let stop = button("stop-solving", Msg::Stop).class("plain").text("Stop");
     let words = el("p")
-        .child(el("span").attr("role", "status").text("Solving the game"))
+        .child(el("span").attr("role", "status").text(what))
         .child(el("span").test_id("solved-percent").text(format!("{percent} %")))
-        .child(button("stop-solving", Msg::Stop).class("plain").text("Stop"));
-    let bar = el("progress")
-        .attrs(&[("max", "100"), ("aria-label", "Solving the game")])
-        .attr("value", percent);
+        .children((!is_file).then_some(stop));
+    let bar = el("progress").attrs(&[("max", "100"), ("aria-label", what)]).attr("value", percent);
     Some(el("div").class("notice").test_id("solving").children([words, bar]))
 }
 
@@ -123,20 +134,31 @@ fn tube(page: &Reachability, found: &Found) -> Node {
     let walls = page.orbit(found).walls("").element(ColourStyle::Properties);
     let canvas = el("canvas").attr("id", CANVAS);
     let solid = el("div")
-        .class(if page.has_graphics { "solid" } else { "solid lost" })
+        .class(if page.shows_solid() { "solid" } else { "solid lost" })
         .attrs(&[("role", "img"), ("aria-label", &words)])
         .test_id("tube")
         .on_point_and_wheel(Msg::Hold)
         .child(drawn(walls).attr("aria-hidden", "true"))
         .child(canvas);
-    let instead = (!page.has_graphics).then(|| {
-        let why = "This browser draws no solids now, as it has no WebGL or has lost it, so here is the \
-                   tube cut at eight headings.";
+    let instead = (!page.shows_solid()).then(|| {
+        let slow = page.frame_ms.filter(|_| page.has_graphics);
+        let why = match slow {
+            Some(ms) => format!(
+                "This browser takes {} ms to draw the solid once, so it would not turn smoothly: here is the \
+                 tube cut at eight headings.",
+                fixed(ms, 0)
+            ),
+            None => "This browser draws no solids now, as it has no WebGL or has lost it, so here is the \
+                     tube cut at eight headings."
+                .to_owned(),
+        };
+        let anyway = slow.map(|_| button("insist", Msg::Insist).text("Show the solid anyway"));
         let picture = drawn(page.small_multiples(found).element(ColourStyle::Properties));
         el("div")
             .class("instead")
             .test_id("no-graphics")
             .child(el("p").attr("role", "status").text(why))
+            .children(anyway)
             .child(picture)
     });
     let field = el("input")
@@ -154,7 +176,7 @@ fn tube(page: &Reachability, found: &Found) -> Node {
         .child(el("label").attr("for", "level").text("all states with V ≤"))
         .child(field)
         .child(el("span").text("m"))
-        .children(page.has_graphics.then(|| el("span").class("quiet").text(HINT)));
+        .children(page.shows_solid().then(|| el("span").class("quiet").text(HINT)));
     let is_empty = found.mesh().is_some_and(|mesh| mesh.indices.is_empty());
     let nothing = is_empty
         .then(|| el("p").class("quiet").test_id("no-tube").text("No state has a V so low."));

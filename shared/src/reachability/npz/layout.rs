@@ -1,16 +1,20 @@
 //! The nodes of a file, and the order of their values.
 
-use sidestep::reachability::{Nodes, PursuitGame};
+use crate::reachability::{Nodes, PursuitGame};
 
 /// The nodes of a file, and the order of their values.
-pub(super) struct Layout {
+pub struct Layout {
     nodes: Nodes,
-    pub(super) shape: [usize; 3],
-    pub(super) axes: [Vec<f64>; 3],
+    /// The numbers of nodes by axis.
+    pub shape: [usize; 3],
+    /// Their coordinates.
+    pub axes: [Vec<f64>; 3],
 }
 
 impl Layout {
-    pub(super) fn new(nodes: Nodes) -> Self {
+    /// That of a file of these nodes.
+    #[must_use]
+    pub fn new(nodes: Nodes) -> Self {
         let [first, second, third] = nodes.coordinates();
         let second = match nodes {
             // Both angles have the same nodes.
@@ -22,7 +26,8 @@ impl Layout {
     }
 
     /// r − R at a node, m.
-    pub(super) fn margin(&self, game: &PursuitGame, [i, j, k]: [usize; 3]) -> f64 {
+    #[must_use]
+    pub fn margin(&self, game: &PursuitGame, [i, j, k]: [usize; 3]) -> f64 {
         match self.nodes {
             Nodes::Polar { .. } => self.axes[0][i] - game.radius_m,
             Nodes::Cartesian { .. } => {
@@ -32,19 +37,24 @@ impl Layout {
     }
 
     /// The node that the library keeps for this one.
-    pub(super) fn kept(&self, [i, j, k]: [usize; 3]) -> [usize; 3] {
+    #[must_use]
+    pub fn kept(&self, [i, j, k]: [usize; 3]) -> [usize; 3] {
         match self.nodes {
             Nodes::Polar { angle_nodes: n, .. } if j > n / 2 => [i, n - j, (n - k) % n],
             _ => [i, j, k],
         }
     }
 
-    pub(super) fn index(&self, position: usize) -> [usize; 3] {
+    /// The node at a position of the array.
+    #[must_use]
+    pub fn index(&self, position: usize) -> [usize; 3] {
         let [_, n1, n2] = self.shape;
         [position / (n1 * n2), position / n2 % n1, position % n2]
     }
 
-    pub(super) fn position(&self, [i, j, k]: [usize; 3]) -> usize {
+    /// The position of a node in the array.
+    #[must_use]
+    pub fn position(&self, [i, j, k]: [usize; 3]) -> usize {
         (i * self.shape[1] + j) * self.shape[2] + k
     }
 }

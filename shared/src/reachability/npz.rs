@@ -1,0 +1,49 @@
+//! Value functions as NumPy archives.
+//!
+//! `value` (float32, V in metres, row-major), `axis0`, `axis1`, `axis2` (float64, the
+//! coordinates of the nodes) and `meta` (a JSON object as uint8). In polar coordinates
+//! the axes are range, bearing and relative heading, the bearings over the full turn,
+//! although the library keeps one half of them: V(r, −bearing, −ψ) = V(r, bearing, ψ).
+//! There may be `sheet` (float32, like `value`), Q with
+//! V = max(Q(r, bearing, ψ), Q(r, −bearing, −ψ)): two smooth functions instead of one with a kink.
+//!
+//! The arrays are stored as they are, so that programs in browsers write them without a compressor.
+
+mod layout;
+mod meta;
+mod archive;
+
+pub use layout::{Layout, shape};
+pub use meta::{FORMAT, Meta, meta};
+
+use super::{Method, SampledValue};
+use archive::Archive;
+
+/// The archive of a function that this method found; the same function gives the same bytes.
+#[must_use]
+pub fn npz(samples: &SampledValue, method: Method) -> Vec<u8> {
+    let layout = Layout::new(samples.nodes());
+    let game = samples.game();
+    let deficit: Vec<f32> = samples.deficit().collect();
+    let [_, kept_bearings, headings] = samples.nodes().shape();
+    let value = |position: usize| {
+        let [i, j, k] = layout.kept(layout.index(position));
+        let w = deficit[(i * kept_bearings + j) * headings + k];
+        (layout.margin(&game, [i, j, k]) + f64::from(w)) as f32
+    };
+    let count: usize = layout.shape.iter().product();
+    let mut archive = Archive::default();
+    archive.add("value", &layout.shape, (0..count).map(value));
+    for (axis, name) in layout.axes.iter().zip(["axis0", "axis1", "axis2"]) {
+        archive.add(name, &[axis.len()], axis.iter().copied());
+    }
+    if let Some(sheet) = samples.sheet() {
+        let sheet = sheet.enumerate().map(|(position, q)| {
+            (layout.margin(&game, layout.index(position)) + f64::from(q)) as f32
+        });
+        archive.add("sheet", &layout.shape, sheet);
+    }
+    let meta = serde_json::to_vec(&meta(samples, method)).unwrap_or_default();
+    archive.add("meta", &[meta.len()], meta.into_iter());
+    archive.finish()
+}

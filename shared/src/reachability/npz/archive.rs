@@ -1,0 +1,153 @@
+//! NumPy archives as bytes: ZIP archives of arrays, as they are (NumPy calls them .npz and .npy).
+
+/// An archive that grows array by array.
+#[derive(Default)]
+pub(super) struct Archive {
+    bytes: Vec<u8>,
+    /// The table of contents, which comes last.
+    contents: Vec<u8>,
+    count: u16,
+}
+
+/// Numbers that arrays consist of.
+pub(super) trait Number: Copy {
+    /// Its name in NumPy's headers.
+    const DTYPE: &'static str;
+    /// Adds its bytes, the lowest first.
+    fn push(self, bytes: &mut Vec<u8>);
+}
+
+impl Number for u8 {
+    const DTYPE: &'static str = "|u1";
+    fn push(self, bytes: &mut Vec<u8>) {
+        bytes.push(self);
+    }
+}
+
+impl Number for f32 {
+    const DTYPE: &'static str = "<f4";
+    fn push(self, bytes: &mut Vec<u8>) {
+        bytes.extend(self.to_le_bytes());
+    }
+}
+
+impl Number for f64 {
+    const DTYPE: &'static str = "<f8";
+    fn push(self, bytes: &mut Vec<u8>) {
+        bytes.extend(self.to_le_bytes());
+    }
+}
+
+/// Bytes of a header of ZIP before the name.
+const LOCAL: usize = 30;
+/// Midnight of 1 January 1980, the first day that ZIP knows: the same function gives the same bytes.
+const DAY: u16 = 0x21;
+
+impl Archive {
+    /// Adds an array of this shape, row-major.
+    pub(super) fn add<T: Number>(
+        &mut self,
+        name: &str,
+        shape: &[usize],
+        values: impl Iterator<Item = T>,
+    ) {
+        let name = format!("{name}.npy");
+        let begin = self.bytes.len();
+        let start = begin + LOCAL + name.len();
+        self.bytes.resize(begin + LOCAL, 0);
+        self.bytes.extend(name.as_bytes());
+        self.bytes.reserve(shape.iter().product::<usize>() * size_of::<T>() + 128);
+        self.bytes.extend(header(T::DTYPE, shape));
+        values.for_each(|value| value.push(&mut self.bytes));
+        let size = (self.bytes.len() - start) as u32;
+        // Version 2.0, no flags, stored as it is; the checksum and both sizes; no extra field.
+        let mut about = Vec::new();
+        for half in [20, 0, 0, 0, DAY] {
+            about.extend(half.to_le_bytes());
+        }
+        for word in [checksum(&self.bytes[start..]), size, size] {
+            about.extend(word.to_le_bytes());
+        }
+        about.extend((name.len() as u16).to_le_bytes());
+        about.extend([0; 2]);
+        self.bytes[begin..begin + 4].copy_from_slice(b"PK\x03\x04");
+        self.bytes[begin + 4..begin + LOCAL].copy_from_slice(&about);
+        self.contents.extend(b"PK\x01\x02\x14\x00");
+        self.contents.extend(about);
+        // No comment, disk 0, no attributes.
+        self.contents.extend([0; 10]);
+        self.contents.extend((begin as u32).to_le_bytes());
+        self.contents.extend(name.as_bytes());
+        self.count += 1;
+    }
+
+    /// The whole archive.
+    pub(super) fn finish(mut self) -> Vec<u8> {
+        let (begin, size) = (self.bytes.len() as u32, self.contents.len() as u32);
+        self.bytes.append(&mut self.contents);
+        self.bytes.extend(b"PK\x05\x06\0\0\0\0");
+        self.bytes.extend(self.count.to_le_bytes());
+        self.bytes.extend(self.count.to_le_bytes());
+        self.bytes.extend(size.to_le_bytes());
+        self.bytes.extend(begin.to_le_bytes());
+        self.bytes.extend([0; 2]);
+        self.bytes
+    }
+}
+
+/// What stands before the values of an array: NumPy's format, version 1.0, aligned to 64 bytes.
+fn header(dtype: &str, shape: &[usize]) -> Vec<u8> {
+    let shape: Vec<String> = shape.iter().map(|count| format!("{count}, ")).collect();
+    let shape = shape.concat();
+    let mut text = format!(
+        "{{'descr': '{dtype}', 'fortran_order': False, 'shape': ({}), }}",
+        shape.trim_end()
+    );
+    let blanks = 64 - (10 + text.len() + 1) % 64;
+    text.extend(core::iter::repeat_n(' ', blanks % 64));
+    text.push('\n');
+    let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
+    bytes.extend((text.len() as u16).to_le_bytes());
+    bytes.extend(text.as_bytes());
+    bytes
+}
+
+/// CRC-32 as ZIP has it (ISO 3309).
+fn checksum(bytes: &[u8]) -> u32 {
+    const TABLE: [u32; 256] = {
+        let mut table = [0; 256];
+        let mut byte = 0;
+        while byte < 256 {
+            let (mut value, mut bit) = (byte as u32, 0);
+            while bit < 8 {
+                value = if value & 1 == 1 { value >> 1 ^ 0xedb8_8320 } else { value >> 1 };
+                bit += 1;
+            }
+            table[byte] = value;
+            byte += 1;
+        }
+        table
+    };
+    !bytes.iter().fold(u32::MAX, |sum, byte| sum >> 8 ^ TABLE[(sum as u8 ^ byte) as usize])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_checksum_is_that_of_the_standard() {
+        assert_eq!(checksum(b"123456789"), 0xcbf4_3926);
+        assert_eq!(checksum(b""), 0);
+    }
+
+    #[test]
+    fn headers_are_aligned() {
+        for shape in [&[3][..], &[65, 96, 96], &[100_000, 1, 7], &[]] {
+            let header = header("<f4", shape);
+            assert!(header.len().is_multiple_of(64) && header.ends_with(b"\n"));
+        }
+        let header = String::from_utf8_lossy(&header("<f8", &[12])[10..]).into_owned();
+        assert!(header.starts_with("{'descr': '<f8', 'fortran_order': False, 'shape': (12,), }"));
+    }
+}
