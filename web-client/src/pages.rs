@@ -5,6 +5,7 @@ pub mod participant;
 mod moment;
 mod safety;
 mod models;
+mod coverage;
 pub mod replay;
 pub mod explorer;
 pub mod demo;

@@ -2,7 +2,6 @@
 //! moment, and the probabilities that are counted over the participant's tasks.
 
 mod predictor;
-mod coverage;
 mod areas;
 mod tuning;
 mod beside;
@@ -11,9 +10,9 @@ mod sets;
 mod view;
 
 use self::areas::Areas;
-use self::coverage::Coverage;
 use self::predictor::Choice;
 use self::tuning::Tuning;
+use super::coverage::Coverage;
 use super::parts;
 use super::safety::Sources;
 use crate::form::FieldValue;

@@ -92,8 +92,16 @@ pub(super) fn inputs<M>(probabilities: &[(TurnInput, f64)]) -> Node<M> {
         .child(el("dl").class("bars").children(bars))
 }
 
-/// The predicted sets with their areas.
-pub(super) fn regions<M>(playback: &Playback, view: &View) -> Node<M> {
+/// The predicted sets with their areas, and with the cells that say how often they hold the future, if
+/// there are such cells.
+pub(super) fn regions<M>(
+    playback: &Playback,
+    view: &View,
+    chances: Option<Vec<Node<M>>>,
+) -> Node<M> {
+    let columns = ["set", "ε / rad s⁻¹", "tube / m²", "p"];
+    let columns = &columns[..if chances.is_some() { 4 } else { 3 }];
+    let mut chances = chances.into_iter().flatten();
     let sets = playback.shfrs().into_iter().flat_map(|shfrs| shfrs.sets.iter());
     let rows = sets.zip(1..).map(|(set, j)| {
         let safe = if view.style.palette == Palette::Safe { "safe-" } else { "" };
@@ -103,8 +111,9 @@ pub(super) fn regions<M>(playback: &Playback, view: &View) -> Node<M> {
             .child(el("th").attr("scope", "row").child(swatch).child(name))
             .child(cell(format!("{:.2}", set.epsilon)))
             .child(cell(format!("{:.2}", set.area_m2)))
+            .children(chances.next())
     });
-    let table = parts::table(["set", "ε / rad s⁻¹", "tube / m²"], rows);
+    let table = parts::table(columns.iter().copied(), rows);
     let ahead = format!("next {} s", fixed(playback.seconds_ahead(), 1));
     el("section")
         .child(el("h2").text("Predicted sets").child(el("small").text(ahead)))

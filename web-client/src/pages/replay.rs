@@ -2,10 +2,12 @@
 //! and what the participant really did.
 
 mod chart;
+mod chances;
 mod choice;
 mod keys;
 mod view;
 
+use self::chances::Chances;
 use self::chart::Strip;
 use self::choice::Choice;
 use self::keys::Key;
@@ -51,6 +53,10 @@ pub enum Msg {
     Analyses(Answer),
     /// The server listed the participant's models in this analysis.
     Models(String, Answer),
+    /// The server sent the participant's tasks.
+    Drives(Answer),
+    /// The evaluator reports how often the sets hold the future.
+    Chances(Answer),
     /// The server or the solver reports on the value function of this vehicle as the evader.
     ValueFunction(Evader, Solving),
     /// Stop solving.
@@ -181,6 +187,7 @@ pub struct Replay {
     choice: Choice,
     /// How the predictor came about, once it is here.
     trained: Option<Trained>,
+    chances: Chances,
     playback: Playback,
     view: View,
     /// Whether the next trial follows at the end.
@@ -243,6 +250,7 @@ impl Replay {
             strip: Strip::new(&trial, &playback),
             trial,
             trained: None,
+            chances: Chances::default(),
             playback,
             view,
             in_a_row,
@@ -260,6 +268,7 @@ impl Replay {
         }
         let mut commands = replay.sources.begin();
         commands.extend(replay.choice.begin(&replay.trial));
+        commands.extend(Chances::begin(&replay.trial));
         replay.show();
         Ok((replay, commands))
     }
@@ -268,7 +277,10 @@ impl Replay {
         let mut commands = Vec::new();
         // Whatever changes the view changes the link to it.
         let before = (!self.is_playing()).then(|| self.address());
-        let learns = matches!(message, Msg::Predictor(_) | Msg::Choose(_) | Msg::ValueFunction(..));
+        let learns = matches!(
+            message,
+            Msg::Predictor(_) | Msg::Choose(_) | Msg::ValueFunction(..) | Msg::Drives(_)
+        );
         match message {
             Msg::Trial(_) => {}
             Msg::Predictor(answer) => self.take_predictor(read(answer)),
@@ -276,8 +288,11 @@ impl Replay {
                 commands = self.choice.choose(&value, &self.trial);
                 // What is shown is never of another predictor than the chosen one.
                 self.trained = None;
+                self.chances.trained_on(None);
                 let _ = self.playback.use_learned(None);
             }
+            Msg::Drives(answer) => self.chances.arrived(answer),
+            Msg::Chances(answer) => commands = self.chances.take(answer),
             Msg::Analyses(answer) => commands = self.choice.analyses(answer, &self.trial),
             Msg::Models(analysis, answer) => self.choice.models(analysis, answer),
             Msg::ValueFunction(evader, solving) => {
@@ -326,6 +341,7 @@ impl Replay {
         }
         if learns {
             self.strip = Strip::new(&self.trial, &self.playback);
+            commands.extend(self.chances.ask(&self.playback));
         }
         if self.filming && self.playing.is_none() {
             commands.push(Command::Film(Box::new(|| Film::End(FILM))));
@@ -421,19 +437,21 @@ impl Replay {
 
     fn take_predictor(&mut self, trained: Result<TrainedPredictor, Failure>) {
         let trained = trained.map_err(|failure| failure.sentence);
-        let used =
-            trained.and_then(|TrainedPredictor { predictor, trials, fallback, source, .. }| {
+        let used = trained.and_then(
+            |TrainedPredictor { predictor, trials, fallback, source, trained_on }| {
                 let learned = Predictor::try_from(predictor).and_then(|predictor| {
                     let settings = ShfrsSettings::paper(predictor.classes().len())?;
                     Ok(Learned { predictor, settings })
                 });
                 let used = learned.and_then(|learned| self.playback.use_learned(Some(learned)));
-                used.map(|()| (Trained { trials, fallback }, source))
+                used.map(|()| (Trained { trials, fallback }, source, trained_on))
                     .map_err(|invalid| invalid.to_string())
-            });
+            },
+        );
         match used {
-            Ok((trained, source)) => {
+            Ok((trained, source, trained_on)) => {
                 self.trained = Some(trained);
+                self.chances.trained_on(Some(trained_on));
                 self.choice.arrived(Ok(source));
             }
             Err(why) => self.refuse(&why),
@@ -443,6 +461,7 @@ impl Replay {
     /// There is no predictor, for this reason.
     fn refuse(&mut self, why: &str) {
         self.trained = None;
+        self.chances.trained_on(None);
         let _ = self.playback.use_learned(None);
         self.choice.arrived(Err(format!("No predicted sets. {why}")));
     }

@@ -131,7 +131,7 @@ fn panel(demo: &Demo) -> Node {
         .child(facts)
         .child(model(demo))
         .children(probabilities.map(|probabilities| moment::inputs::<Msg>(probabilities)))
-        .children(probabilities.map(|_| moment::regions(playback, &demo.view)))
+        .children(probabilities.map(|_| moment::regions(playback, &demo.view, None)))
         .child(select("colours", "Colours", colours.into(), palette, Msg::Colours))
 }
 

@@ -2,12 +2,12 @@
 
 use super::controls::said;
 use super::{Explorer, Msg};
+use crate::pages::coverage::chance;
 use crate::pages::moment::select;
 use crate::pages::parts::{alert, cell, count};
 use crate::view::{self, drawn, el, subscripted};
 use sidestep::chart::{ColourStyle, LegendItem, fixed, number};
 use sidestep::playback::layers::{LAYERS, place};
-use sidestep::stats::Estimate;
 
 type Node = view::Node<Msg>;
 
@@ -74,23 +74,6 @@ fn row(explorer: &Explorer, j: usize, sign: Option<&LegendItem>) -> Node {
         .child(cell(area).test_id(&format!("area-{j}")))
         .child(cell(mean))
         .child(p.test_id(&format!("p-{j}")))
-}
-
-/// A probability with its interval, as a number and as a bar.
-fn chance(p: Estimate) -> Node {
-    let [low, value, high] = [p.low, p.value, p.high].map(|share| 100.0 * share);
-    let bar = el("span")
-        .class("interval")
-        .attr("aria-hidden", "true")
-        .child(el("i").attr("style", format!("left:{low:.1}%;right:{:.1}%", 100.0 - high)))
-        .child(el("b").attr("style", format!("left:{value:.1}%")));
-    let interval =
-        if p.low == p.high { String::new() } else { format!(" {:.2}–{:.2}", p.low, p.high) };
-    el("td")
-        .class("chance")
-        .child(bar)
-        .text(format!("{:.3}", p.value))
-        .child(el("small").text(interval))
 }
 
 /// What p counts, how far it is, and what else could be counted.

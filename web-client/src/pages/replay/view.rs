@@ -3,6 +3,7 @@
 use super::choice;
 use super::keys;
 use super::{CANVAS, Msg, Replay};
+use crate::pages::coverage::chance;
 use crate::pages::moment::{self, metres, select, switch};
 use crate::pages::parts::{self, alert, button, cell, fact};
 use crate::view::{self, el, subscripted};
@@ -51,7 +52,7 @@ fn panel(replay: &Replay) -> Node {
         .children(doubt(replay))
         .child(choice::section(&replay.choice, &replay.trial, trained(replay)))
         .children(probabilities.map(|probabilities| moment::inputs(probabilities)))
-        .children(probabilities.map(|_| moment::regions(&replay.playback, &replay.view)))
+        .children(probabilities.map(|_| regions(replay)))
         .child(drawing(replay))
         .child(outcome(replay))
         .children(replay.trouble.as_deref().map(|why| alert("trouble", why)))
@@ -83,6 +84,19 @@ fn whose(replay: &Replay) -> Node {
         .child(el("a").attr("href", participant).text(words))
         .text(format!(" / {}", summary.scene_words()))
         .children(explorer)
+}
+
+/// The predicted sets, and how often they hold this participant's future.
+fn regions(replay: &Replay) -> Node {
+    let sets = replay.playback.shfrs().map_or(0, |shfrs| shfrs.sets.len());
+    let chances = (replay.trial.summary.phase == Phase::Task).then(|| {
+        let known = replay.chances.regions(sets);
+        let of = |j| known.map_or_else(|| cell("…"), |it| chance(it.probabilities.inside[j]));
+        (0..sets).map(of).enumerate().map(|(j, it)| it.test_id(&format!("p-{j}"))).collect()
+    });
+    let words = replay.chances.words(sets);
+    moment::regions(&replay.playback, &replay.view, chances)
+        .children(words.map(|words| el("p").class("quiet").test_id("p-words").text(words)))
 }
 
 /// How the layers are drawn.

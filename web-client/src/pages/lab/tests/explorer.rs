@@ -38,12 +38,12 @@ fn drives(parameters: SceneParameters, id: Option<String>) -> Drives {
     }
 }
 
-fn exact() -> ValueFunction {
+pub(super) fn exact() -> ValueFunction {
     let game = SceneParameters::default().game(Evader::Human);
     ValueFunction::Exact(game.exact().unwrap())
 }
 
-fn usual() -> Drives {
+pub(super) fn usual() -> Drives {
     drives(SceneParameters::default(), Some(exact().id()))
 }
 

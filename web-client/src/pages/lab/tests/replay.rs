@@ -1,6 +1,13 @@
 //! The player of a replay: keys, links, and what can be saved.
 
+use super::explorer::{exact, usual};
 use super::*;
+use sidestep::api::Drive;
+use sidestep::predict::{Predictor, PredictorFile};
+use sidestep::shfrs::prediction::Prediction;
+use sidestep::shfrs::probability::regions;
+use sidestep::shfrs::window::WindowChoice;
+use sidestep::shfrs::{PredictedHuman, ShfrsSettings};
 
 const PREDICTOR: &str = r#"{"predictor":{"format":"sidestep-predictor/1","kind":"constant",
     "features":["distance"],"classes":[-1,0,1],"probabilities":[0.6,0.3,0.1]},
@@ -180,4 +187,51 @@ fn a_film_lasts_as_long_as_it_plays() {
     session.tell(filmed(Err("This browser cannot film.".to_owned())));
     assert!(session.text().contains("This browser cannot film."));
     assert_eq!(session.films_ended.len(), 2, "there is nothing to end any more");
+}
+
+/// How often the paper's sets hold the future in tasks that did not train this predictor, counted directly.
+fn counted(predictor: &Predictor, unseen: &[Drive], parameters: &SceneParameters) -> Vec<String> {
+    let safety = SafetyLevels { human: exact(), robot: exact() };
+    let human = PredictedHuman::new(predictor, &safety, parameters).unwrap();
+    let tasks: Vec<_> = unseen.iter().map(|task| task.trajectory(parameters).unwrap()).collect();
+    let prediction = Prediction::new(parameters, &human);
+    let settings = ShfrsSettings::paper(3).unwrap().bounds;
+    let every = WindowChoice::EveryStep;
+    let found = regions(&tasks, every, prediction, &settings, 0.95);
+    let found = found.unwrap().probabilities.inside;
+    found.iter().map(|p| format!("{:.3} {:.2}–{:.2}", p.value, p.low, p.high)).collect()
+}
+
+#[test]
+fn sets_say_how_often_they_hold_the_future() {
+    let mut session = opened("/lab/replay/t");
+    assert!(session.evaluators.is_empty(), "there are no tasks yet");
+    let drives = usual();
+    session.send("drives", 200, &drives);
+    assert_eq!(session.words("p-0"), Some("…".to_owned()));
+    session.evaluate("chances");
+    let file: PredictorFile = serde_json::from_value(
+        serde_json::from_str::<serde_json::Value>(PREDICTOR).unwrap()["predictor"].clone(),
+    )
+    .unwrap();
+    let predictor = Predictor::try_from(file).unwrap();
+    let all = counted(&predictor, &drives.tasks, &drives.parameters);
+    let shown = |session: &Session| -> Vec<String> {
+        (0..).map_while(|j| session.words(&format!("p-{j}"))).collect()
+    };
+    assert_eq!(shown(&session), all);
+    let words = session.words("p-words").unwrap();
+    assert!(words.contains("492 windows of 12 tasks"), "{words}");
+    assert!(session.evaluators.is_empty(), "it is not needed any more");
+
+    // With another predictor the count begins anew, without the tasks that trained it.
+    session.choose("choose-predictor", "a1/models/m.json");
+    assert_eq!(session.words("p-0"), None, "there are no sets either");
+    let trained = PREDICTOR.replace("\"trials\":7", "\"trials\":2,\"trained_on\":[\"t0\",\"t5\"]");
+    session.answer("predictor", 200, trained.as_bytes());
+    session.evaluate("chances");
+    let unseen: Vec<Drive> =
+        drives.tasks.iter().filter(|it| !["t0", "t5"].contains(&&*it.trial_id)).cloned().collect();
+    assert_eq!(shown(&session), counted(&predictor, &unseen, &drives.parameters));
+    assert!(session.words("p-words").unwrap().contains("of 10 tasks"));
 }

@@ -4,8 +4,10 @@ use crate::evaluation::Report;
 use crate::evaluation::counting::Question;
 use crate::json;
 use crate::runtime::Answer;
+use crate::view::{Node, el};
 use sidestep::shfrs::file::ShfrsFile;
 use sidestep::shfrs::probability::Regions;
+use sidestep::stats::Estimate;
 
 /// The newest question and its answer so far.
 #[derive(Default)]
@@ -75,4 +77,21 @@ impl Coverage {
         let regions = self.regions.as_ref().filter(|regions| regions.epsilon.len() == sets)?;
         Some((regions, self.is_old))
     }
+}
+
+/// A probability with its interval, as a number and as a bar.
+pub(super) fn chance<M>(p: Estimate) -> Node<M> {
+    let [low, value, high] = [p.low, p.value, p.high].map(|share| 100.0 * share);
+    let bar = el("span")
+        .class("interval")
+        .attr("aria-hidden", "true")
+        .child(el("i").attr("style", format!("left:{low:.1}%;right:{:.1}%", 100.0 - high)))
+        .child(el("b").attr("style", format!("left:{value:.1}%")));
+    let interval =
+        if p.low == p.high { String::new() } else { format!(" {:.2}–{:.2}", p.low, p.high) };
+    el("td")
+        .class("chance")
+        .child(bar)
+        .text(format!("{:.3}", p.value))
+        .child(el("small").text(interval))
 }
