@@ -70,7 +70,7 @@ fn only_moves_that_matter_compare_again() {
     assert_eq!(session.words("areas-twin"), before);
     // Hundreds of others ask once, when the last of them has been counted.
     for i in 0..300_u32 {
-        session.slide("steps", f64::from(5 + i % 7));
+        session.slide("steps", f64::from(4 + i % 6));
         assert!(idle(&mut session));
     }
     session.evaluate("evaluator");
