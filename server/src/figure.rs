@@ -18,7 +18,6 @@ pub use sidestep::inspection::slices;
 pub use tube::tube;
 
 use sidestep::chart::{MARGIN, headed};
-use sidestep::inspection::caption;
 
 /// Why there is no figure.
 #[derive(Debug, thiserror::Error)]

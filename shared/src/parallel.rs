@@ -94,5 +94,13 @@ pub(crate) fn in_widest_lanes(kernel: impl Kernel) {
         pulp::Arch::new().dispatch(Adapter(kernel));
     }
     #[cfg(target_arch = "wasm32")]
-    kernel.run();
+    {
+        // A browser makes a function fast between two calls, never during one. As a part of its caller, which
+        // runs once, the kernel would stay ten times as slow for the whole of a first solve.
+        #[inline(never)]
+        fn called(kernel: impl Kernel) {
+            kernel.run();
+        }
+        called(kernel);
+    }
 }

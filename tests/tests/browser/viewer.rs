@@ -3,5 +3,6 @@
 
 mod demo;
 mod explorer;
+mod figures;
 mod reachability;
 mod tour;

@@ -49,7 +49,9 @@ void main() {
   float lit = 2.0 * min(0.16 + 0.84 * max(dot(normalize(facing), light), 0.0), 1.0);
   vec3 tone = lit < 1.0 ? mix(tones[0], tones[1], lit) : mix(tones[1], tones[2], lit - 1.0);
   float turns = height / ring;
-  float away = abs(fract(turns + 0.5) - 0.5) / max(fwidth(turns), 1e-5);
+  // A face of one height has no ring.
+  float change = fwidth(turns);
+  float away = change < 1e-4 ? 2.0 : abs(fract(turns + 0.5) - 0.5) / change;
   colour = vec4(mix(tones[0], tone, 0.4 + 0.6 * smoothstep(0.3, 1.1, away)), 1.0);
 }";
 

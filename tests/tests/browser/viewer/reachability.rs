@@ -86,6 +86,10 @@ async fn the_tube_turns_by_hand_and_survives_the_loss_of_its_graphics() {
     tab.go(&format!("{}{PAGE}?show=tube", server.origin)).await;
     tab.until("window.graphics").await;
     tab.until_painted().await;
+    // On a busy machine the page shows slices until somebody insists.
+    tab.run(&format!("{}?.click()", Tab::at("insist"))).await;
+    tab.until(&format!("!{}", Tab::at("no-graphics"))).await;
+    tab.until_painted().await;
     let red = |picture: &image::RgbaImage| {
         picture.pixels().filter(|p| p.0[0] > 150 && p.0[1] < 140 && p.0[2] < 140).count()
     };
@@ -122,5 +126,70 @@ async fn the_tube_turns_by_hand_and_survives_the_loss_of_its_graphics() {
     tab.until_says("no-graphics", "draws no solids now").await;
     assert!(count_pixels(&tab.picture("tube-without-graphics").await, ROBOT) > 100);
     tab.is_well().await;
+    browser.close().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_slow_solid_gives_way_to_slices_until_somebody_insists() {
+    let (server, browser, tab) = start(SHORT_STUDY).await;
+    // Whatever the page times takes two seconds of its clock.
+    tab.before_pages(
+        "{ const read = WebGL2RenderingContext.prototype.readPixels; let late = 0; \
+         const now = Performance.prototype.now; \
+         Performance.prototype.now = function () { return now.call(this) + late; }; \
+         WebGL2RenderingContext.prototype.readPixels = function (...given) { \
+         late += 2000; return read.apply(this, given); } }",
+    )
+    .await;
+    sign_in(&tab, &server).await;
+    tab.go(&format!("{}{PAGE}?show=tube", server.origin)).await;
+    tab.until_says("no-graphics", "to draw the solid once").await;
+    take(&tab, "reachability-slow").await;
+    tab.press("insist").await;
+    tab.until(&format!("!{}", Tab::at("no-graphics"))).await;
+    browser.close().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_value_function_is_saved_as_the_command_line_writes_it() {
+    let (server, browser, tab) = start(SHORT_STUDY).await;
+    tab.before_pages(
+        "{ const make = URL.createObjectURL; URL.createObjectURL = function (blob) { \
+         blob.arrayBuffer?.().then(bytes => { window.saved = Array.from(new Uint8Array(bytes)); }); \
+         return make.call(this, blob); } }",
+    )
+    .await;
+    sign_in(&tab, &server).await;
+    tab.go(&format!("{}{PAGE}?pursuer-turn-rate=0.35&accuracy=draft", server.origin)).await;
+    tab.until_says("origin", "solved here").await;
+    tab.run("window.saved = null").await;
+    tab.press("save-npz").await;
+    tab.until("window.saved?.length > 1000").await;
+    let saved: Vec<u8> = tab.eval("window.saved").await;
+    let folder = sidestep_tests::Folder::default();
+    let flags = ["--pursuer-turn-rate", "0.35", "--accuracy", "draft"];
+    let out = folder.name("v.npz");
+    sidestep_tests::run(&[&["solve", "--out", &out][..], &flags].concat()).await.json();
+    assert!(saved == std::fs::read(folder.path("v.npz")).unwrap(), "the same bytes");
+    browser.close().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn what_is_wrong_or_did_not_converge_is_said() {
+    let (server, browser, tab) = start(SHORT_STUDY).await;
+    sign_in(&tab, &server).await;
+    // Out of range in the link, and a method that does not fit.
+    tab.go(&format!("{}{PAGE}?radius=-1", server.origin)).await;
+    tab.until_says("misread", "radius").await;
+    tab.go(&format!("{}{PAGE}?method=exact&pursuer-speed=1", server.origin)).await;
+    tab.until(&Tab::at("unsolved")).await;
+    // A solve that gave up, on the map and on the tube.
+    for shown in ["value", "tube"] {
+        let link =
+            format!("{PAGE}?pursuer-speed=3&evader-turn-rate=1.5&accuracy=draft&show={shown}");
+        tab.go(&format!("{}{link}", server.origin)).await;
+        tab.until_says("not-converged", "did not converge").await;
+    }
+    take(&tab, "reachability-not-converged").await;
     browser.close().await;
 }
