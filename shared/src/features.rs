@@ -10,6 +10,14 @@ use crate::safety::SafetyLevels;
 use crate::scene::{Evader, JointState};
 use serde::{Deserialize, Serialize};
 
+/// What the human did before: a model of this set has a memory, so that in a roll-out it can hold a
+/// key and release it.
+const HISTORY: [&str; 3] = ["turned_1", "turned_2", "turned_5"];
+
+/// The name of the set with everything: both safety levels, distance, the body frame and
+/// what the human did before.
+pub const HISTORY_SET: &str = "hrd_body_history";
+
 /// An ordered choice of features.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "Vec<String>", into = "Vec<String>")]
@@ -66,6 +74,16 @@ impl FeatureSet {
             chosen.push(index);
         }
         Ok(Self(chosen))
+    }
+
+    /// [`HISTORY_SET`].
+    ///
+    /// # Errors
+    /// Never: the names are those of the table.
+    pub fn with_history() -> Result<Self, Invalid> {
+        let mut names: Vec<String> = Self::subset("hrd")?.into();
+        names.extend(["robot_ahead", "robot_left"].iter().chain(&HISTORY).map(|&n| n.to_owned()));
+        Self::of(&names)
     }
 
     /// No feature, for a predictor that looks at none.

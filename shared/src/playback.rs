@@ -15,7 +15,10 @@ mod future;
 mod trajectory;
 pub mod layers;
 pub mod view;
+pub mod source;
 mod figure;
+
+pub use figure::side_by_side;
 
 use self::curves::Curves;
 use self::layers::LAYERS;

@@ -60,7 +60,7 @@ pub fn run<P: Page + 'static>(open: fn(PageContext) -> (P, Commands<P::Msg>)) {
             root,
             painter: canvas::Painter::default(),
             picture: Picture::default(),
-            solids: None,
+            extra: None,
             title: String::new(),
             frame_requested: false,
             on_frame: None,
@@ -187,8 +187,8 @@ struct Shell<P: Page> {
     painter: canvas::Painter,
     /// What was painted last.
     picture: Picture,
-    /// The painter of solids, once there is one. A page without solids has none of its code.
-    solids: Option<Box<dyn Any>>,
+    /// What [`Extra`] says, once there is one. A page without solids and panes has none of its code.
+    extra: Option<Box<dyn Any>>,
     /// The document's title.
     title: String,
     frame_requested: bool,
@@ -206,6 +206,16 @@ struct Shell<P: Page> {
     underway: Vec<Underway>,
     /// How many requests, timers and solves were started.
     started: u32,
+}
+
+/// What only some pages need.
+#[derive(Default)]
+struct Extra {
+    /// The painter of solids.
+    solids: solid::Painter,
+    /// The painter of the second picture, and what it painted last.
+    painter: canvas::Painter,
+    picture: Picture,
 }
 
 /// A request, timer or solve.
@@ -233,6 +243,9 @@ impl<P: Page> Shell<P> {
             }
             self.painter.paint(&self.window, &self.picture);
         }
+        if P::has_panes() {
+            self.paint_beside(self.clock.now_ms());
+        }
     }
 
     /// Paints what there is to see at this moment of the page's clock.
@@ -240,11 +253,29 @@ impl<P: Page> Shell<P> {
         if self.page.draw(at_ms, &mut self.picture) {
             self.painter.paint(&self.window, &self.picture);
         }
+        if P::has_panes() {
+            self.paint_beside(at_ms);
+        }
+    }
+
+    /// Paints the second picture, if there is one.
+    fn paint_beside(&mut self, at_ms: f64) {
+        let Some(extra) = extra(&mut self.extra) else { return };
+        if self.page.draw_beside(at_ms, &mut extra.picture) {
+            extra.painter.be_like(&self.painter);
+            extra.painter.find(&self.document, extra.picture.canvas);
+            extra.painter.paint(&self.window, &extra.picture);
+        }
     }
 
     /// Paints in another size or other colours.
     fn repaint(&mut self) {
         self.painter.measure_again();
+        if P::has_panes()
+            && let Some(extra) = extra(&mut self.extra)
+        {
+            extra.painter.measure_again();
+        }
         self.paint(self.clock.now_ms());
     }
 
@@ -262,6 +293,11 @@ impl<P: Page> Shell<P> {
     fn end(&mut self, number: u32) {
         self.underway.retain(|underway| underway.number != number);
     }
+}
+
+/// What only some pages need, made when one needs it.
+fn extra(place: &mut Option<Box<dyn Any>>) -> Option<&mut Extra> {
+    place.get_or_insert_with(|| Box::new(Extra::default())).downcast_mut()
 }
 
 /// Messages with when their causes happened, on the page's clock.
@@ -337,9 +373,8 @@ impl<P: Page + 'static> Pump<P> {
         let (pump, then) = (self.clone(), Rc::clone(&solid.then));
         let tell = move |can: bool| pump.dispatch_now(then(can));
         let (document, window) = (shell.document.clone(), shell.window.clone());
-        let painter = shell.solids.get_or_insert_with(|| Box::new(solid::Painter::default()));
-        let painter = painter.downcast_mut::<solid::Painter>();
-        let is_drawn = painter.and_then(|painter| painter.draw(&document, &window, &solid, tell));
+        let is_drawn = extra(&mut shell.extra)
+            .and_then(|extra| extra.solids.draw(&document, &window, &solid, tell));
         drop(shell);
         match is_drawn {
             None => self.dispatch_now((solid.then)(false)),

@@ -34,6 +34,15 @@ pub trait Page {
         false
     }
 
+    /// Whether it may show a second picture; else [`Page::draw_beside`] is never asked.
+    #[must_use]
+    fn has_panes() -> bool
+    where
+        Self: Sized,
+    {
+        false
+    }
+
     /// Whether it looks at what pointers do; else [`Node::on_point`] does
     /// nothing.
     #[must_use]
@@ -54,7 +63,8 @@ pub trait Page {
         false
     }
 
-    /// Whether it offers files; else [`Command::Download`] and its like do nothing.
+    /// Whether it offers and opens files; else [`Command::Download`] and its like do nothing, and fields for
+    /// files hold no content.
     #[must_use]
     fn offers_files() -> bool
     where
@@ -118,6 +128,11 @@ pub trait Page {
     /// Puts what there is to see at `at_ms`, on the page's clock, into `picture`, which holds
     /// what was painted last. Returns whether there is a canvas.
     fn draw(&self, _at_ms: f64, _picture: &mut Picture) -> bool {
+        false
+    }
+
+    /// As [`Self::draw`], for a second picture on a canvas of its own beside the first.
+    fn draw_beside(&self, _at_ms: f64, _picture: &mut Picture) -> bool {
         false
     }
 

@@ -36,6 +36,15 @@ impl ApiError {
         Self::Problem { status, problem: Problem { code, message, field: None, return_url: None } }
     }
 
+    /// What a client is told.
+    #[must_use]
+    pub fn sentence(&self) -> String {
+        match self {
+            Self::Problem { problem, .. } => problem.message.clone(),
+            other => other.to_string(),
+        }
+    }
+
     /// 400 `malformed`: the body is not JSON.
     pub fn malformed(message: impl Into<String>) -> Self {
         Self::new(StatusCode::BAD_REQUEST, "malformed", message)

@@ -248,8 +248,8 @@ fn data(table: Table) -> Table {
         .route(
             &routes::admin_predictor("{trial_id}"),
             [get("A predictor for the replay of a trial", predictors::predictor).detail(
-                "Without a query, it is trained on the participant's earlier trials. With `analysis` and \
-                 `file`, it is a model of an analysis, and the answer says whether that was trained on \
+                "Without a query, it is trained on the participant's earlier trials; `features` says on which \
+                 features. With `analysis` and `file`, it is a model of an analysis, and the answer says whether that was trained on \
                  this very trial.",
             )],
         )

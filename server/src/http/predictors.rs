@@ -8,6 +8,7 @@ use crate::http::laboratory::stored;
 use crate::http::params::{Params, PathText};
 use crate::jobs::safety;
 use crate::recordings;
+use crate::store::Store;
 use crate::store::predictors::{ChosenPredictor, Selection};
 use crate::store::trials::StoredTrial;
 use anyhow::Context;
@@ -20,6 +21,7 @@ use sidestep::api::{PredictorPage, TrainedPredictor};
 use sidestep::comparison::cell::ModelName;
 use sidestep::features::FeatureSet;
 use sidestep::invalid::Invalid;
+use sidestep::playback::source;
 use sidestep::predict::{Predictor, PredictorFile};
 use sidestep::training::{self, Driven, Trained};
 use std::sync::Arc;
@@ -93,18 +95,28 @@ pub struct PredictorParams {
     analysis: Option<String>,
     /// Its file among those of the analysis; needs `analysis`.
     file: Option<String>,
+    /// The features of the model that is trained on the participant's earlier trials: `hrd`, if it is left out, or
+    /// `hrd_body_history`; not beside `analysis`.
+    features: Option<String>,
 }
 
-/// `GET /api/v1/admin/trials/{trial_id}/predictor`: trained on this participant's earlier trials, or with
-/// `?analysis=ID&file=NAME` a model of an analysis.
+/// `GET /api/v1/admin/trials/{trial_id}/predictor`: trained on this participant's earlier trials, with
+/// `?features=SET` on these features, or with `?analysis=ID&file=NAME` a model of an analysis.
 pub async fn predictor(
     _: Reader,
     State(app): State<Arc<App>>,
     PathText(trial_id): PathText,
     Params(params): Params<PredictorParams>,
 ) -> Result<Json<TrainedPredictor>, ApiError> {
+    let features = source::features_of(params.features.as_deref().unwrap_or("hrd"))?;
     let named = match (params.analysis, params.file) {
         (None, None) => None,
+        (Some(_), Some(_)) if params.features.is_some() => {
+            let expected = "nothing beside the model of an analysis";
+            return Err(
+                Invalid::new("features", expected, params.features.unwrap_or_default()).into()
+            );
+        }
         (Some(analysis), Some(file)) => Some((analysis, file)),
         (Some(_), None) => {
             let expected = "the name of a model's file beside the analysis";
@@ -117,12 +129,16 @@ pub async fn predictor(
     };
     let trial = stored(&app.store, &trial_id).await?;
     Ok(Json(match named {
-        None => of_earlier_trials(&app, &trial).await?,
-        Some((analysis, file)) => of_analysis(&app, &trial_id, &analysis, &file).await?,
+        None => of_earlier_trials(&app, &trial, features).await?,
+        Some((analysis, file)) => of_analysis(&app.store, &trial_id, &analysis, &file).await?,
     }))
 }
 
-async fn of_earlier_trials(app: &App, trial: &StoredTrial) -> Result<TrainedPredictor, ApiError> {
+async fn of_earlier_trials(
+    app: &App,
+    trial: &StoredTrial,
+    features: FeatureSet,
+) -> Result<TrainedPredictor, ApiError> {
     let functions = safety::stored(&app.store, &trial.config_hash).await?;
     let earlier = recordings::earlier(&app.store, trial).await?;
     let trials = earlier.len();
@@ -131,7 +147,7 @@ async fn of_earlier_trials(app: &App, trial: &StoredTrial) -> Result<TrainedPred
         let safety = functions.map(|functions| functions.decode()).transpose()?;
         let earlier: Vec<Driven> =
             earlier.into_iter().map(|trial| (trial.inputs, trial.states)).collect();
-        training::train(&FeatureSet::subset("hrd")?, safety.as_ref(), &earlier)
+        training::train(&features, safety.as_ref(), &earlier)
     };
     let Trained { predictor, fallback } =
         tokio::task::spawn_blocking(train).await.context("training")?.context("training")?;
@@ -139,15 +155,19 @@ async fn of_earlier_trials(app: &App, trial: &StoredTrial) -> Result<TrainedPred
     Ok(TrainedPredictor { predictor, trials, fallback, trained_on, source: None })
 }
 
-async fn of_analysis(
-    app: &App,
+/// A model of an analysis, and what it has to do with a trial.
+///
+/// # Errors
+/// [`ApiError`] if there is no such model, or a replay cannot use it.
+pub async fn of_analysis(
+    store: &Store,
     trial_id: &str,
     analysis: &str,
     file: &str,
 ) -> Result<TrainedPredictor, ApiError> {
     let ChosenPredictor { source, trained_on } =
-        app.store.predictor(analysis, file, trial_id).await?.ok_or_else(gone)?;
-    let packed = app.store.analysis_file(analysis, file).await?.ok_or_else(gone)?;
+        store.predictor(analysis, file, trial_id).await?.ok_or_else(gone)?;
+    let packed = store.analysis_file(analysis, file).await?.ok_or_else(gone)?;
     let read = move || -> anyhow::Result<PredictorFile> {
         let bytes = analyses::unpacked(&packed)?;
         serde_json::from_slice(&bytes).context("a model of an analysis")

@@ -1,7 +1,8 @@
 //! Words and numbers as text, HTML and LaTeX: the filters of the templates.
 
 use sidestep::chart;
-use sidestep::comparison::cell::{BODY_FRAME_SETS, HISTORY_SET, ModelName, PAPERS_SETS};
+use sidestep::comparison::cell::{BODY_FRAME_SETS, ModelName, PAPERS_SETS};
+use sidestep::features::HISTORY_SET;
 
 /// A text with everything escaped that means something in HTML and XML, attributes included.
 /// Control characters, which XML forbids, become U+FFFD.

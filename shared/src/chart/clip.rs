@@ -1,6 +1,65 @@
 //! The part of a curve that is within a rectangle: left, top, right, bottom.
 
-use super::drawing::Point;
+use super::drawing::{Drawing, Form, Point, Shape};
+use crate::math::{TAU, sin_cos};
+
+/// Corners of a circle that the edge of a drawing cuts.
+const CORNERS: usize = 96;
+
+impl Drawing {
+    /// Cuts off what is outside of its size; words stay if their anchor is inside.
+    pub fn cut(&mut self) {
+        let frame @ [_, _, right, bottom] = [0.0, 0.0, self.size[0], self.size[1]];
+        let is_inside = |[x, y]: Point| (0.0..=right).contains(&x) && (0.0..=bottom).contains(&y);
+        for shape in core::mem::take(&mut self.shapes) {
+            match &shape.form {
+                Form::Line(points) => self.cut_line(points, &shape, frame),
+                Form::Polygon(points) => self.cut_polygon(points, &shape, frame),
+                Form::Circle { centre: [x, y], radius } => {
+                    let corner = |i: usize| {
+                        let (sin, cos) = sin_cos(i as f64 * TAU / CORNERS as f64);
+                        [x + radius * cos, y + radius * sin]
+                    };
+                    let corners: Vec<Point> = (0..CORNERS).map(corner).collect();
+                    match corners.iter().all(|&corner| is_inside(corner)) {
+                        true => self.shapes.push(shape),
+                        false => self.cut_polygon(&corners, &shape, frame),
+                    }
+                }
+                Form::Boxes(boxes) => {
+                    let cut = |[a, b, c, d]: &[f64; 4]| {
+                        [a.max(0.0), b.max(0.0), c.min(right), d.min(bottom)]
+                    };
+                    let boxes = boxes.iter().map(cut).filter(|[a, b, c, d]| a < c && b < d);
+                    self.shapes.push(Shape { form: Form::Boxes(boxes.collect()), ..shape });
+                }
+                Form::Text(text) if is_inside(text.at) => self.shapes.push(shape),
+                Form::Text(_) => {}
+            }
+        }
+    }
+
+    fn cut_line(&mut self, points: &[Point], shape: &Shape, frame: [f64; 4]) {
+        let pieces = line_inside(points, frame).into_iter().filter(|piece| piece.len() > 1);
+        self.shapes.extend(pieces.map(|piece| Shape {
+            form: Form::Line(piece),
+            fill: None,
+            ..shape.clone()
+        }));
+    }
+
+    /// The area and the edge one after the other, for the frame is no edge.
+    fn cut_polygon(&mut self, points: &[Point], shape: &Shape, frame: [f64; 4]) {
+        let inside = polygon_inside(points, frame);
+        if inside.len() > 2 {
+            self.shapes.push(Shape { form: Form::Polygon(inside), stroke: None, ..shape.clone() });
+        }
+        if shape.stroke.is_some() {
+            let around: Vec<Point> = points.iter().chain(points.first()).copied().collect();
+            self.cut_line(&around, shape, frame);
+        }
+    }
+}
 
 /// The pieces of a line inside (Liang and Barsky). Points that are not finite part it.
 pub(super) fn line_inside(line: &[Point], [left, top, right, bottom]: [f64; 4]) -> Vec<Vec<Point>> {
@@ -69,6 +128,45 @@ pub(super) fn polygon_inside(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::chart::{Align, Pen, colours};
+
+    #[test]
+    fn a_drawing_is_cut_at_its_edges() {
+        let mut drawing = Drawing::new("", "", [10.0, 8.0]);
+        let pen = Pen::new(colours::TEXT, 1.0);
+        drawing.line(vec![[-5.0, 4.0], [15.0, 4.0]], pen);
+        drawing.polygon(
+            vec![[8.0, 6.0], [20.0, 6.0], [20.0, 20.0], [8.0, 20.0]],
+            Some(colours::HUMAN.into()),
+            Some(pen),
+        );
+        drawing.circle([5.0, 4.0], 1.0, None, Some(pen));
+        drawing.circle([0.0, 0.0], 3.0, None, Some(pen));
+        drawing.boxes(vec![[-1.0, -1.0, 2.0, 2.0], [20.0, 0.0, 30.0, 1.0]], colours::SURFACE);
+        drawing.text("in", [1.0, 1.0], 12.0, colours::TEXT, Align::Left);
+        drawing.text("out", [-1.0, 1.0], 12.0, colours::TEXT, Align::Left);
+        drawing.cut();
+        let points: Vec<Point> = drawing
+            .shapes
+            .iter()
+            .flat_map(|shape| match &shape.form {
+                Form::Line(points) | Form::Polygon(points) => points.clone(),
+                Form::Boxes(boxes) => boxes.iter().map(|&[a, b, ..]| [a, b]).collect(),
+                Form::Circle { centre, .. } => vec![*centre],
+                Form::Text(text) => vec![text.at],
+            })
+            .collect();
+        let near = |x: f64, most: f64| (-1e-9..=most + 1e-9).contains(&x);
+        assert!(points.iter().all(|&[x, y]| near(x, 10.0) && near(y, 8.0)), "{points:?}");
+        let forms = &drawing.shapes;
+        assert_eq!(forms[0].form, Form::Line(vec![[0.0, 4.0], [10.0, 4.0]]));
+        // The area ends at the frame, and its edge is open there.
+        assert!(matches!(&forms[1].form, Form::Polygon(area) if area.len() == 4));
+        assert!(forms[1].stroke.is_none() && matches!(&forms[2].form, Form::Line(_)));
+        let words = forms.iter().filter(|shape| matches!(shape.form, Form::Text(_))).count();
+        let circles = forms.iter().filter(|shape| matches!(shape.form, Form::Circle { .. }));
+        assert_eq!((words, circles.count()), (1, 1));
+    }
 
     const FRAME: [f64; 4] = [0.0, 0.0, 10.0, 10.0];
 

@@ -3,7 +3,7 @@
 use super::metrics::Predictions;
 use super::split::Split;
 use crate::dataset::Dataset;
-use crate::features::FeatureSet;
+use crate::features::{FeatureSet, HISTORY_SET};
 use crate::invalid::Invalid;
 use crate::predict::PredictorFile;
 use crate::vehicle::TurnInput;
@@ -159,24 +159,13 @@ impl NamedSet {
     }
 }
 
-/// What the human did before: a model of this set has a memory, so that in a roll-out it can hold a
-/// key and release it.
-const HISTORY: [&str; 3] = ["turned_1", "turned_2", "turned_5"];
-
-/// The name of the set with everything: both safety levels, distance, the body frame and
-/// what the human did before.
-pub const HISTORY_SET: &str = "hrd_body_history";
-
 impl NamedSet {
     /// [`HISTORY_SET`].
     ///
     /// # Errors
     /// Never: the names are those of the table.
     pub fn with_history() -> Result<Self, Invalid> {
-        let [body, _] = BODY_FRAME_SETS;
-        let mut names: Vec<String> = FeatureSet::subset(body.1)?.into();
-        names.extend(["robot_ahead", "robot_left"].iter().chain(&HISTORY).map(|&n| n.to_owned()));
-        Ok(Self { name: HISTORY_SET.to_owned(), features: FeatureSet::of(&names)? })
+        Ok(Self { name: HISTORY_SET.to_owned(), features: FeatureSet::with_history()? })
     }
 }
 

@@ -1,12 +1,13 @@
 //! What was found: the facts that a report puts into words.
 
-use super::cell::{Cell, Experiment, HISTORY_SET, ModelName};
+use super::cell::{Cell, Experiment, ModelName};
 use super::fit::Grids;
 use super::gains::{Gain, GainFamily, LEVEL, Power, Test};
 use super::metrics::Calibration;
 use super::rollout::{Horizon, Simple};
 use super::run::RolloutsOf;
 use super::tables::{Comparison, Metric, Pooled};
+use crate::features::HISTORY_SET;
 use serde::Serialize;
 
 /// How sure an answer is.

@@ -11,6 +11,43 @@ const MARGIN: f64 = 28.0;
 /// Least and greatest height of the picture, px.
 const HEIGHTS: [f64; 2] = [300.0, 900.0];
 
+/// Width of each of two pictures side by side, and room between them, px.
+const HALF: f64 = 560.0;
+const BETWEEN: f64 = 20.0;
+
+/// The pictures of two predictions of one moment side by side, each below its caption, with one heading and the
+/// meaning of the signs of the first.
+#[must_use]
+pub fn side_by_side(panes: [(&mut Playback, &str); 2], view: &View, heading: &str) -> Drawing {
+    let [(first, _), _] = &panes;
+    let window = first.window();
+    let [wide, high] = [0, 1].map(|axis| window.high[axis] - window.low[axis]);
+    let height = (HALF * high / wide).clamp(HEIGHTS[0], HEIGHTS[1]).round();
+    let time = fixed(first.now().time_s, 1);
+    let legend = first.legend(view);
+    let (width, top) = (2.0 * HALF + BETWEEN, MARGIN + 64.0);
+    let description =
+        format!("The trial seen from above, {time} s after its start, predicted in two ways.");
+    let mut drawing = Drawing::new(heading, &description, [0.0; 2]);
+    drawing.bold(heading, [MARGIN, MARGIN + 8.0], 17.0, colours::TEXT, Align::Left);
+    let below = [MARGIN, MARGIN + 30.0];
+    drawing.text(&format!("t = {time} s"), below, 13.0, colours::MUTED, Align::Left);
+    for (place, (playback, caption)) in panes.into_iter().enumerate() {
+        let mut picture = Picture::default();
+        picture.begin("", window);
+        playback.paint(view, &mut picture);
+        let mut pane = picture.drawing("", "", [HALF, height]);
+        pane.cut();
+        let left = MARGIN + place as f64 * (HALF + BETWEEN);
+        drawing.place(&pane, [left, top]);
+        drawing.bold(caption, [left, MARGIN + 52.0], 13.0, colours::TEXT, Align::Left);
+    }
+    let below = top + height + 26.0;
+    let rows = drawing.legend(&legend, [MARGIN, below], width);
+    drawing.size = [width + 2.0 * MARGIN, below + rows + 4.0];
+    drawing
+}
+
 impl Playback {
     /// The picture of the moment that was gone to, with a heading and the meaning of its signs.
     #[must_use]

@@ -44,6 +44,13 @@ impl Painter {
         self.colours.clear();
     }
 
+    /// Paints on the same ground as another painter.
+    pub(super) fn be_like(&mut self, other: &Self) {
+        if self.is_dark != other.is_dark {
+            self.set_dark(other.is_dark);
+        }
+    }
+
     /// The canvas has another size, or its pixels have.
     pub(super) fn measure_again(&mut self) {
         if let Some(sheet) = &mut self.sheet {

@@ -1,12 +1,28 @@
-//! Files that a page offers for download.
+//! Files that a page offers for download, or opens.
 
 use crate::runtime::encoded;
-use js_sys::{Array, Uint8Array};
+use js_sys::{Array, Reflect, Uint8Array};
 use wasm_bindgen::prelude::*;
+use wasm_bindgen_futures::JsFuture;
 use web_sys::{
-    Blob, BlobPropertyBag, CanvasRenderingContext2d, Document, HtmlAnchorElement,
+    Blob, BlobPropertyBag, CanvasRenderingContext2d, Document, Element, HtmlAnchorElement,
     HtmlCanvasElement, HtmlElement, HtmlImageElement, Url,
 };
+
+/// Whether a field is for a file.
+pub(super) fn is_field(field: &Element) -> bool {
+    field.matches("input[type=file]").unwrap_or(false)
+}
+
+/// The text of the file that was chosen in a field, which can then be chosen again; nothing if there is none.
+/// A file that cannot be read has no text.
+pub(super) async fn opened(field: &Element) -> Option<String> {
+    let files = Reflect::get(field, &"files".into()).ok()?;
+    let file = Reflect::get_u32(&files, 0).ok()?.dyn_into::<Blob>().ok()?;
+    let text = JsFuture::from(file.text()).await;
+    let _ = Reflect::set(field, &"value".into(), &"".into());
+    Some(text.ok().and_then(|text| text.as_string()).unwrap_or_default())
+}
 
 /// Offers bytes as a file with this name.
 pub(super) fn offer(document: &Document, name: &str, media_type: &str, content: &[u8]) {

@@ -1,7 +1,7 @@
 //! Listeners on the document, removed when dropped.
 
 use super::canvas::SizeWatcher;
-use super::{Pump, address, fields, window_size};
+use super::{Pump, address, background, fields, files, window_size};
 use crate::form::{Does, FieldValue, Pointing};
 use crate::runtime::{Event, Page};
 use crate::view::{Handler, POINTS};
@@ -179,6 +179,15 @@ impl<P: Page + 'static> Pump<P> {
         let t_ms = self.shell.borrow().clock.of(event.time_stamp());
         match handler {
             Handler::Press(message) => self.dispatch(message, t_ms),
+            // The compiler leaves this out of the program of a page without files.
+            Handler::Input(make) if P::offers_files() && files::is_field(&element) => {
+                let pump = self.clone();
+                background(async move {
+                    if let Some(text) = files::opened(&element).await {
+                        pump.dispatch_now(make(FieldValue::Text(text)));
+                    }
+                });
+            }
             Handler::Input(make) => {
                 if let Some(value) = fields::value(&element) {
                     self.dispatch(make(value), t_ms);

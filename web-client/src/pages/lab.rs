@@ -216,6 +216,10 @@ impl<P: Program> Page for Lab<P> {
         P::OFFERS_FILES
     }
 
+    fn has_panes() -> bool {
+        P::HAS_PANES
+    }
+
     fn has_short_cuts() -> bool {
         true
     }
@@ -323,6 +327,10 @@ impl<P: Program> Page for Lab<P> {
 
     fn draw(&self, at_ms: f64, picture: &mut Picture) -> bool {
         self.page().is_some_and(|page| page.draw(at_ms, picture))
+    }
+
+    fn draw_beside(&self, at_ms: f64, picture: &mut Picture) -> bool {
+        self.page().is_some_and(|page| page.draw_beside(at_ms, picture))
     }
 }
 

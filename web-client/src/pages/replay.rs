@@ -2,33 +2,31 @@
 //! and what the participant really did.
 
 mod chart;
-mod chances;
 mod choice;
+mod finder;
 mod keys;
 mod view;
 
-use self::chances::Chances;
-use self::chart::Strip;
-use self::choice::Choice;
+use self::choice::{Ask, Choice, Pane};
+use self::finder::Finder;
 use self::keys::Key;
-use super::models::Named;
+use super::models::Offered;
 use super::parts;
 use super::safety::Sources;
 use crate::form::FieldValue;
 use crate::runtime::{
-    Address, Answer, Command, Commands, Event, Failure, Film, Page, Request, Solving, read,
+    Address, Answer, Command, Commands, Event, Failure, PNG_OF_SVG, Page, Request, Solving, read,
 };
 use crate::view::Node;
-use sidestep::api::{TrainedPredictor, TrialDetail, routes};
+use sidestep::api::{TrialDetail, routes};
+use sidestep::chart::Drawing;
 use sidestep::picture::Picture;
 use sidestep::playback::layers::LAYERS;
+use sidestep::playback::source::{Source, Way};
 use sidestep::playback::style::{Palette, Sets};
 use sidestep::playback::view::View;
-use sidestep::playback::{Learned, Playback, Recorded};
-use sidestep::predict::Predictor;
+use sidestep::playback::{Learned, Playback, Recorded, side_by_side};
 use sidestep::scene::Evader;
-use sidestep::shfrs::ShfrsSettings;
-use std::rc::Rc;
 
 /// The page of one trial.
 pub enum ReplayPage {
@@ -45,18 +43,22 @@ pub enum ReplayPage {
 pub enum Msg {
     /// The server sent the trial.
     Trial(Answer),
-    /// The server sent the predictor.
-    Predictor(Answer),
-    /// Another predictor is to be used.
-    Choose(FieldValue),
+    /// The server sent the predictor of this pane.
+    Predictor(Pane, Answer),
+    /// Another predictor is to be used in this pane.
+    Choose(Pane, FieldValue),
+    /// The predictor in this file is to be used in this pane.
+    Open(Pane, FieldValue),
+    /// Shows what finds a model for this pane, or hides it.
+    Find(Pane),
+    /// What finds models is told something.
+    Finder(finder::Msg),
+    /// Shows or hides the second pane.
+    Beside,
     /// The server listed the study's analyses.
     Analyses(Answer),
     /// The server listed the participant's models in this analysis.
     Models(String, Answer),
-    /// The server sent the participant's tasks.
-    Drives(Answer),
-    /// The evaluator reports how often the sets hold the future.
-    Chances(Answer),
     /// The server or the solver reports on the value function of this vehicle as the evader.
     ValueFunction(Evader, Solving),
     /// Stop solving.
@@ -85,16 +87,10 @@ pub enum Msg {
     Layer(usize),
     /// Shows or hides the legend.
     Legend,
-    /// Shows or hides the numbers of every step.
-    Numbers,
     /// Offers the picture as SVG.
     SaveSvg,
     /// Offers the picture as PNG.
     SavePng,
-    /// Films what is played from here on, or ends the film.
-    Film,
-    /// The film has ended, or there is none for this reason.
-    Filmed(Result<(), String>),
     /// The numbers are to be shown anew while it plays.
     Frame,
 }
@@ -178,6 +174,13 @@ impl Page for ReplayPage {
         picture.copy(&replay.picture);
         true
     }
+
+    fn draw_beside(&self, _: f64, picture: &mut Picture) -> bool {
+        let Self::Open(replay) = self else { return false };
+        let Some(beside) = &replay.beside else { return false };
+        picture.copy(&beside.picture);
+        true
+    }
 }
 
 /// A trial that is replayed.
@@ -185,35 +188,36 @@ pub struct Replay {
     trial: TrialDetail,
     sources: Sources<Msg>,
     choice: Choice,
-    /// How the predictor came about, once it is here.
-    trained: Option<Trained>,
-    chances: Chances,
+    /// The participant's models in the newest analysis.
+    offered: Offered,
+    /// What finds a model of any analysis, while it is shown.
+    finder: Option<Finder>,
     playback: Playback,
+    /// The second pane, while it is shown.
+    beside: Option<Box<Beside>>,
     view: View,
     /// Whether the next trial follows at the end.
     in_a_row: bool,
     /// While it plays.
     playing: Option<Playing>,
-    /// While it is filmed. A film lasts as long as it plays.
-    filming: bool,
     shows_legend: bool,
-    shows_numbers: bool,
-    strip: Strip,
     /// What there is to see at this moment.
     picture: Picture,
     /// What is wrong, if something is.
     trouble: Option<String>,
     /// What of the link could not be used.
     misread: Option<String>,
-    /// Why there is no film, if one was asked for.
-    unfilmed: Option<String>,
 }
 
-/// The number of trials that a predictor was trained on, and why it is a simple one, if it is.
-struct Trained {
-    trials: usize,
-    fallback: Option<String>,
+/// The same moment, predicted in another way.
+struct Beside {
+    choice: Choice,
+    playback: Playback,
+    picture: Picture,
 }
+
+/// What the second pane shows first: what anybody would guess.
+const FIRST_BESIDE: Source = Source::Way(Way::ConstantVelocity);
 
 /// Times on the page's clock, ms.
 #[derive(Clone, Copy)]
@@ -234,11 +238,12 @@ impl Replay {
         address: &Address,
         now_ms: f64,
     ) -> Result<(Self, Commands<Msg>), String> {
-        let query = address.query.iter().map(|(name, value)| (name.as_str(), value.as_str()));
-        let (view, misread) = match View::of_query(query) {
-            Ok(view) => (view, None),
-            Err(invalid) => (View::default(), Some(format!("The link is not valid: {invalid}."))),
-        };
+        let query = || address.query.iter().map(|(name, value)| (name.as_str(), value.as_str()));
+        let looked = View::of_query(query());
+        let sources = Source::of_query(query());
+        let misread = looked.as_ref().err().or(sources.as_ref().err());
+        let misread = misread.map(|invalid| format!("The link is not valid: {invalid}."));
+        let (view, (source, beside)) = (looked.unwrap_or_default(), sources.unwrap_or_default());
         let TrialDetail { parameters, scene, inputs, states, .. } = trial.clone();
         let playback = Playback::new(Recorded { parameters, scene, inputs, states })
             .map_err(|invalid| invalid.to_string())?;
@@ -246,29 +251,27 @@ impl Replay {
         let ids = Evader::ALL.map(|evader| trial.value_function(evader));
         let mut replay = Self {
             sources: Sources::new(&trial.parameters, ids, Msg::ValueFunction),
-            choice: Choice::new(Named::of(address)),
-            strip: Strip::new(&trial, &playback),
+            choice: Choice::new(Pane::First, source),
+            offered: Offered::Asked,
+            finder: None,
             trial,
-            trained: None,
-            chances: Chances::default(),
             playback,
+            beside: None,
             view,
             in_a_row,
             playing: None,
-            filming: false,
             shows_legend: true,
-            shows_numbers: false,
             picture: Picture::default(),
             trouble: None,
             misread,
-            unfilmed: None,
         };
         if in_a_row {
             replay.playing = Some(Playing { until_ms: now_ms, shown_ms: now_ms });
         }
         let mut commands = replay.sources.begin();
-        commands.extend(replay.choice.begin(&replay.trial));
-        commands.extend(Chances::begin(&replay.trial));
+        commands.extend(replay.predict(Pane::First));
+        commands.push(Offered::ask(&replay.trial.study, Msg::Analyses));
+        commands.extend(beside.map(|source| replay.show_beside(source)).into_iter().flatten());
         replay.show();
         Ok((replay, commands))
     }
@@ -277,24 +280,39 @@ impl Replay {
         let mut commands = Vec::new();
         // Whatever changes the view changes the link to it.
         let before = (!self.is_playing()).then(|| self.address());
-        let learns = matches!(
-            message,
-            Msg::Predictor(_) | Msg::Choose(_) | Msg::ValueFunction(..) | Msg::Drives(_)
-        );
         match message {
             Msg::Trial(_) => {}
-            Msg::Predictor(answer) => self.take_predictor(read(answer)),
-            Msg::Choose(value) => {
-                commands = self.choice.choose(&value, &self.trial);
-                // What is shown is never of another predictor than the chosen one.
-                self.trained = None;
-                self.chances.trained_on(None);
-                let _ = self.playback.use_learned(None);
+            Msg::Predictor(pane, answer) => {
+                let learned = self.pane(pane).map(|(choice, _)| choice.arrived(answer));
+                learned.into_iter().for_each(|learned| self.take(pane, learned));
             }
-            Msg::Drives(answer) => self.chances.arrived(answer),
-            Msg::Chances(answer) => commands = self.chances.take(answer),
-            Msg::Analyses(answer) => commands = self.choice.analyses(answer, &self.trial),
-            Msg::Models(analysis, answer) => self.choice.models(analysis, answer),
+            Msg::Choose(pane, value) => {
+                self.pane(pane).into_iter().for_each(|(choice, _)| choice.choose(&value));
+                commands = self.predict(pane);
+            }
+            Msg::Open(pane, content) => {
+                let learned = self.pane(pane).and_then(|(choice, _)| choice.open(&content));
+                if let Some(learned) = learned {
+                    // What is on its way is not wanted any more.
+                    commands = vec![Command::Cancel(pane.request())];
+                    self.take(pane, Ok(learned));
+                }
+            }
+            Msg::Find(pane) => commands = self.find(pane),
+            Msg::Finder(message) => {
+                let finder = self.finder.as_mut();
+                commands = finder.map(|finder| finder.update(message)).unwrap_or_default();
+            }
+            Msg::Beside if self.beside.take().is_some() => {
+                commands = vec![Command::Cancel(Pane::Second.request())];
+                self.finder = self.finder.take().filter(|finder| finder.pane == Pane::First);
+            }
+            Msg::Beside => commands = self.show_beside(FIRST_BESIDE),
+            Msg::Analyses(answer) => {
+                let number = self.trial.summary.participant_number;
+                commands = self.offered.analyses(answer, number, Msg::Models);
+            }
+            Msg::Models(analysis, answer) => self.offered.models(analysis, answer),
             Msg::ValueFunction(evader, solving) => {
                 self.sources.take(evader, solving);
                 self.take_safety();
@@ -324,27 +342,14 @@ impl Replay {
                 }
             }
             Msg::Legend => self.shows_legend = !self.shows_legend,
-            Msg::Numbers => self.shows_numbers = !self.shows_numbers,
             Msg::SaveSvg => commands = vec![self.svg()],
+            Msg::SavePng if self.beside.is_some() => commands = vec![self.png()],
             Msg::SavePng => {
                 commands =
                     vec![Command::DownloadCanvas { canvas: CANVAS, name: self.file_name("png") }];
             }
-            Msg::Film if self.filming => self.playing = None,
-            Msg::Film => commands = self.film(now_ms),
-            Msg::Filmed(ended) => {
-                self.filming = false;
-                self.unfilmed = ended.err();
-            }
             Msg::Frame if self.playing.is_none() => commands = self.at_the_end(),
             Msg::Frame => {}
-        }
-        if learns {
-            self.strip = Strip::new(&self.trial, &self.playback);
-            commands.extend(self.chances.ask(&self.playback));
-        }
-        if self.filming && self.playing.is_none() {
-            commands.push(Command::Film(Box::new(|| Film::End(FILM))));
         }
         self.show();
         let after = (!self.is_playing()).then(|| self.address());
@@ -361,7 +366,8 @@ impl Replay {
 
     fn link(&self, trial_id: &str, view: &View) -> String {
         let row = if self.in_a_row { "row=yes".to_owned() } else { String::new() };
-        let parts = [self.choice.query(), view.query(), row];
+        let beside = self.beside.as_ref().map_or_else(String::new, |it| it.choice.query());
+        let parts = [self.choice.query(), beside, view.query(), row];
         let parts: Vec<String> = parts.into_iter().filter(|part| !part.is_empty()).collect();
         let mark = if parts.is_empty() { "" } else { "?" };
         format!("/lab/replay/{trial_id}{mark}{}", parts.join("&"))
@@ -405,6 +411,7 @@ impl Replay {
             Key::Layer(place) if place < LAYERS.len() => Msg::Layer(place),
             Key::Layer(_) => return Vec::new(),
             Key::Legend => Msg::Legend,
+            Key::Beside => Msg::Beside,
             Key::Colours => {
                 let other = match self.view.style.palette {
                     Palette::Paper => "safe",
@@ -425,45 +432,81 @@ impl Replay {
 
     /// Puts the value functions to use, once both are here.
     fn take_safety(&mut self) {
-        if self.playback.safety().is_some() {
-            return;
-        }
-        if let Some(safety) = self.sources.functions()
-            && let Err(invalid) = self.playback.use_safety(safety)
-        {
-            self.refuse(&invalid.to_string());
-        }
-    }
-
-    fn take_predictor(&mut self, trained: Result<TrainedPredictor, Failure>) {
-        let trained = trained.map_err(|failure| failure.sentence);
-        let used = trained.and_then(
-            |TrainedPredictor { predictor, trials, fallback, source, trained_on }| {
-                let learned = Predictor::try_from(predictor).and_then(|predictor| {
-                    let settings = ShfrsSettings::paper(predictor.classes().len())?;
-                    Ok(Learned { predictor, settings })
-                });
-                let used = learned.and_then(|learned| self.playback.use_learned(Some(learned)));
-                used.map(|()| (Trained { trials, fallback }, source, trained_on))
-                    .map_err(|invalid| invalid.to_string())
-            },
-        );
-        match used {
-            Ok((trained, source, trained_on)) => {
-                self.trained = Some(trained);
-                self.chances.trained_on(Some(trained_on));
-                self.choice.arrived(Ok(source));
+        for pane in [Pane::First, Pane::Second] {
+            let Some(safety) = self.sources.functions() else { return };
+            let Some((choice, playback)) = self.pane(pane) else { return };
+            if playback.safety().is_none()
+                && let Err(invalid) = playback.use_safety(safety)
+            {
+                choice.refuse(&invalid.to_string());
             }
-            Err(why) => self.refuse(&why),
         }
     }
 
-    /// There is no predictor, for this reason.
-    fn refuse(&mut self, why: &str) {
-        self.trained = None;
-        self.chances.trained_on(None);
-        let _ = self.playback.use_learned(None);
-        self.choice.arrived(Err(format!("No predicted sets. {why}")));
+    /// The choice of a pane and what it shows, if it is shown.
+    fn pane(&mut self, pane: Pane) -> Option<(&mut Choice, &mut Playback)> {
+        match pane {
+            Pane::First => Some((&mut self.choice, &mut self.playback)),
+            Pane::Second => {
+                self.beside.as_mut().map(|beside| (&mut beside.choice, &mut beside.playback))
+            }
+        }
+    }
+
+    /// Shows the same moment beside it, predicted from this source.
+    fn show_beside(&mut self, source: Source) -> Commands<Msg> {
+        // The trial was fit to be shown once.
+        let Ok(playback) = Playback::new(self.playback.recorded().clone()) else {
+            return Vec::new();
+        };
+        let (choice, picture) = (Choice::new(Pane::Second, source), Picture::default());
+        self.beside = Some(Box::new(Beside { choice, playback, picture }));
+        self.take_safety();
+        self.predict(Pane::Second)
+    }
+
+    /// Predicts with what is chosen for this pane, once it is here.
+    fn predict(&mut self, pane: Pane) -> Commands<Msg> {
+        let ask = match pane {
+            Pane::First => self.choice.ask(&self.trial),
+            Pane::Second => match &mut self.beside {
+                Some(beside) => beside.choice.ask(&self.trial),
+                None => return Vec::new(),
+            },
+        };
+        // What is shown is never of another predictor than the chosen one.
+        if let Some((_, playback)) = self.pane(pane) {
+            let _ = playback.use_learned(None);
+        }
+        match ask {
+            Ask::Server(command) => vec![command],
+            Ask::Nobody(learned) => {
+                self.take(pane, learned);
+                vec![Command::Cancel(pane.request())]
+            }
+        }
+    }
+
+    /// Predicts with this in this pane, or says why not.
+    fn take(&mut self, pane: Pane, learned: Result<Learned, String>) {
+        let Some((choice, playback)) = self.pane(pane) else { return };
+        let used = learned.and_then(|learned| {
+            playback.use_learned(Some(learned)).map_err(|invalid| invalid.to_string())
+        });
+        if let Err(why) = used {
+            choice.refuse(&why);
+            let _ = playback.use_learned(None);
+        }
+    }
+
+    /// Shows what finds a model for this pane, or hides it.
+    fn find(&mut self, pane: Pane) -> Commands<Msg> {
+        if self.finder.take().is_some_and(|finder| finder.pane == pane) {
+            return Vec::new();
+        }
+        let (finder, commands) = Finder::open(pane, &self.trial.study);
+        self.finder = Some(finder);
+        commands
     }
 
     fn is_playing(&self) -> bool {
@@ -510,25 +553,10 @@ impl Replay {
         None
     }
 
-    /// Films what is played from here to the end, or to the next pause.
-    fn film(&mut self, now_ms: f64) -> Commands<Msg> {
-        self.playing = None;
-        self.play_or_pause(now_ms);
-        (self.filming, self.unfilmed) = (true, None);
-        let file = self.file_name("webm");
-        vec![Command::Film(Box::new(move || Film::Begin {
-            name: FILM,
-            canvas: CANVAS,
-            file,
-            then: Rc::new(Msg::Filmed),
-        }))]
-    }
-
-    /// It has played to the end: the next trial follows, if one is to. A film is of one trial.
+    /// It has played to the end: the next trial follows, if one is to.
     fn at_the_end(&self) -> Commands<Msg> {
         let is_over = self.view.time_s >= self.playback.duration_s();
-        let goes_on = self.in_a_row && is_over && !self.filming;
-        let next = self.trial.next.as_ref().filter(|_| goes_on);
+        let next = self.trial.next.as_ref().filter(|_| self.in_a_row && is_over);
         next.map(|next| Command::Visit(self.link_to(next))).into_iter().collect()
     }
 
@@ -540,12 +568,35 @@ impl Replay {
         picture.tell("data-step", self.playback.now().step);
         picture.tell("data-trial", &self.trial.summary.trial_id);
         self.playback.paint(&self.view, picture);
+        let Some(beside) = &mut self.beside else { return };
+        let gone = beside.playback.go(&self.view);
+        if self.trouble.is_none() {
+            self.trouble = gone.err().map(|invalid| invalid.to_string());
+        }
+        beside.picture.begin(CANVAS_BESIDE, beside.playback.window());
+        beside.picture.tell("data-step", beside.playback.now().step);
+        beside.playback.paint(&self.view, &mut beside.picture);
+    }
+
+    fn drawing(&mut self) -> Drawing {
+        let title = self.title();
+        let Some(beside) = &mut self.beside else {
+            return self.playback.figure(&self.view, &title);
+        };
+        let captions = [self.choice.caption(), beside.choice.caption()];
+        let panes = [(&mut self.playback, &*captions[0]), (&mut beside.playback, &*captions[1])];
+        side_by_side(panes, &self.view, &title)
     }
 
     fn svg(&mut self) -> Command<Msg> {
-        let drawing = self.playback.figure(&self.view, &self.title());
-        let (name, content) = (self.file_name("svg"), drawing.svg().into_bytes());
+        let (name, content) = (self.file_name("svg"), self.drawing().svg().into_bytes());
         Command::Download { name, media_type: "image/svg+xml", content }
+    }
+
+    /// Both panes, which are no single canvas.
+    fn png(&mut self) -> Command<Msg> {
+        let (name, content) = (self.file_name("png"), self.drawing().svg().into_bytes());
+        Command::Download { name, media_type: PNG_OF_SVG, content }
     }
 
     /// Study, participant, scene and time, with nothing that a file's name must not have.
@@ -557,7 +608,6 @@ impl Replay {
     }
 }
 
-/// The canvas element's id.
+/// The canvas elements' ids.
 const CANVAS: &str = "replay";
-/// The name of the film.
-const FILM: &str = "film";
+const CANVAS_BESIDE: &str = "replay-beside";

@@ -5,16 +5,17 @@ use crate::commands::game::GameArgs;
 use crate::commands::prediction::PredictorSource;
 use crate::commands::solving::{Interrupt, flagged, safety_levels};
 use crate::commands::trials_file;
+use crate::http::predictors;
 use crate::recordings;
 use crate::store::{Missing, Store};
 use sidestep::chart::Drawing;
-use sidestep::features::FeatureSet;
 use sidestep::invalid::Invalid;
+use sidestep::playback::source::{FROM_FILE, Source, features_of};
 use sidestep::playback::view::View;
-use sidestep::playback::{Learned, Playback, Recorded};
+use sidestep::playback::{Learned, Playback, Recorded, side_by_side};
 use sidestep::predict::Predictor;
+use sidestep::safety::SafetyLevels;
 use sidestep::scene::{Scene, SceneParameters};
-use sidestep::shfrs::ShfrsSettings;
 use sidestep::training::{self, Driven};
 use std::path::{Path, PathBuf};
 
@@ -36,7 +37,9 @@ pub(super) struct ReplayArgs {
     #[arg(long, value_name = "TRIAL")]
     trial: Option<String>,
     /// Replay: how it is looked at, as the address of a replay says after the question mark, such as
-    /// 't=3.4&show=v-hr,shfrs'.
+    /// 't=3.4&show=v-hr,shfrs'. It also says what predicts: predictor=earlier, history, learned-disturbance,
+    /// constant, constant-velocity, hold-the-input or worst-case, or with --database analysis=ID&file=NAME, a
+    /// model of an analysis.
     #[arg(long, value_name = "QUERY", default_value = "")]
     view: String,
     /// Replay: length of a step in --trials, s.
@@ -59,57 +62,142 @@ struct Found {
     recorded: Recorded,
     heading: String,
     earlier: Vec<Driven>,
+    /// The models of analyses that the view names.
+    models: Vec<(Source, Predictor)>,
 }
 
-/// The moment as a figure. Without a predictor, one is trained on the participant's earlier trials, as in
-/// the laboratory.
+/// The moment as a figure, predicted by what the view names or by `predictor`: without either by a model that is
+/// trained on the participant's earlier trials, as in the laboratory.
 pub(super) async fn replay(
     args: &ReplayArgs,
     game: GameArgs,
     predictor: Option<PredictorSource<'_>>,
     interrupt: &Interrupt,
 ) -> Result<Drawing, CommandError> {
-    let view = view(&args.view)?;
-    let Found { recorded, heading, earlier } = match (&args.trials, &args.database) {
-        (Some(file), _) => of_file(args, file, game)?,
-        (None, Some(url)) => of_database(url, args.trial.as_deref().unwrap_or_default()).await?,
+    let Looked { view, source, beside, is_named } = Looked::of(&args.view)?;
+    if predictor.is_some() && is_named {
+        let message = "--predictor: expected nothing beside the predictor that --view names";
+        return Err(CommandError::Input(message.to_owned()));
+    }
+    let is_given = predictor.is_some();
+    let given = predictor.map(|source| source.predictor().clone());
+    let sources: Vec<&Source> =
+        given.is_none().then_some(&source).into_iter().chain(&beside).collect();
+    let found = match (&args.trials, &args.database) {
+        (Some(file), _) => of_file(args, file, game, &sources)?,
+        (None, Some(url)) => {
+            of_database(url, args.trial.as_deref().unwrap_or_default(), &sources).await?
+        }
         (None, None) => {
             let message = "--kind replay: expected --database URL --trial ID, or --trials FILE.csv \
                            --participant NAME --trial NUMBER";
             return Err(CommandError::Input(message.to_owned()));
         }
     };
-    let safety = safety_levels(&recorded.parameters, interrupt).await?;
-    let predictor: Predictor = match predictor {
-        Some(source) => source.predictor().clone(),
-        None => {
-            let features = FeatureSet::subset("hrd").map_err(CommandError::failure)?;
-            let trained = training::train(&features, Some(&safety), &earlier);
+    let safety = safety_levels(&found.recorded.parameters, interrupt).await?;
+    let failed = |invalid: Invalid| CommandError::Input(format!("{}: {invalid}", found.heading));
+    let pane = |learned: Learned| {
+        let mut playback = Playback::new(found.recorded.clone())?;
+        playback.use_safety(safety.clone())?;
+        playback.use_learned(Some(learned))?;
+        playback.go(&view)?;
+        Ok::<_, Invalid>(playback)
+    };
+    let learned = match given {
+        Some(predictor) => Learned::usual(predictor).map_err(failed)?,
+        None => found.learned(&source, &safety)?,
+    };
+    let mut first = pane(learned).map_err(failed)?;
+    let Some(beside) = beside else { return Ok(first.figure(&view, &found.heading)) };
+    let mut second = pane(found.learned(&beside, &safety)?).map_err(failed)?;
+    let captions = [
+        is_given.then(|| FROM_FILE.to_owned()).unwrap_or_else(|| source.caption()),
+        beside.caption(),
+    ];
+    let panes = [(&mut first, captions[0].as_str()), (&mut second, captions[1].as_str())];
+    Ok(side_by_side(panes, &view, &found.heading))
+}
+
+impl Found {
+    /// How this source predicts.
+    fn learned(&self, source: &Source, safety: &SafetyLevels) -> Result<Learned, CommandError> {
+        let failed = |invalid: Invalid| CommandError::Input(format!("{}: {invalid}", self.heading));
+        let way = match source {
+            Source::Way(way) => way,
+            Source::Model { .. } => {
+                let model = self.models.iter().find(|(known, _)| known == source);
+                let model = model.map(|(_, predictor)| predictor.clone()).ok_or_else(gone)?;
+                return Learned::usual(model).map_err(failed);
+            }
+        };
+        let trained = way.trained_on().map(|set| {
+            let features = features_of(set).map_err(CommandError::failure)?;
+            let trained = training::train(&features, Some(safety), &self.earlier);
             let trained = trained.map_err(CommandError::failure)?;
             if let Some(why) = &trained.fallback {
                 eprintln!("sidestep: predicted by the frequencies of the inputs: {why}");
             }
-            trained.predictor
-        }
-    };
-    let failed = |invalid: Invalid| CommandError::Input(format!("{heading}: {invalid}"));
-    let settings = ShfrsSettings::paper(predictor.classes().len()).map_err(failed)?;
-    let mut playback = Playback::new(recorded).map_err(failed)?;
-    playback.use_safety(safety).map_err(failed)?;
-    playback.use_learned(Some(Learned { predictor, settings })).map_err(failed)?;
-    playback.go(&view).map_err(failed)?;
-    Ok(playback.figure(&view, &heading))
+            Ok::<_, CommandError>(trained.predictor)
+        });
+        way.learned(trained.transpose()?).map_err(failed)
+    }
 }
 
-/// The view that a query describes.
-fn view(query: &str) -> Result<View, CommandError> {
-    let query = query.strip_prefix('?').unwrap_or(query);
-    let pairs = query.split('&').filter(|pair| !pair.is_empty());
-    let pairs = pairs.map(|pair| pair.split_once('=').unwrap_or((pair, "")));
-    View::of_query(pairs).map_err(|invalid| flagged(invalid.within("view")))
+/// What --view says.
+struct Looked {
+    view: View,
+    source: Source,
+    /// What predicts in the pane beside it, if there is one.
+    beside: Option<Source>,
+    /// Whether it names what predicts.
+    is_named: bool,
 }
 
-async fn of_database(url: &str, trial_id: &str) -> Result<Found, CommandError> {
+impl Looked {
+    fn of(query: &str) -> Result<Self, CommandError> {
+        let query = query.strip_prefix('?').unwrap_or(query);
+        let pairs = query.split('&').filter(|pair| !pair.is_empty());
+        let pairs = pairs.map(|pair| pair.split_once('=').unwrap_or((pair, "")));
+        let pairs: Vec<(&str, String)> =
+            pairs.map(|(name, value)| (name, decoded(value))).collect();
+        let pairs = || pairs.iter().map(|(name, value)| (*name, value.as_str()));
+        let wrong = |invalid: Invalid| flagged(invalid.within("view"));
+        let (source, beside) = Source::of_query(pairs()).map_err(wrong)?;
+        let is_named = pairs().any(|(name, _)| ["predictor", "analysis", "file"].contains(&name));
+        Ok(Self { view: View::of_query(pairs()).map_err(wrong)?, source, beside, is_named })
+    }
+}
+
+/// The text of a value in an address, where `%2F` is a slash.
+fn decoded(value: &str) -> String {
+    let mut bytes = Vec::new();
+    let mut rest = value.as_bytes();
+    while let Some((&first, after)) = rest.split_first() {
+        let digit = |place: usize| char::from(*after.get(place)?).to_digit(16);
+        rest = match (first, digit(0).zip(digit(1))) {
+            (b'%', Some((high, low))) => {
+                bytes.push((16 * high + low) as u8);
+                &after[2..]
+            }
+            _ => {
+                bytes.push(first);
+                after
+            }
+        };
+    }
+    String::from_utf8_lossy(&bytes).into_owned()
+}
+
+fn gone() -> CommandError {
+    let message = "--view: a model of an analysis is in a database; expected --database beside it";
+    CommandError::Input(message.to_owned())
+}
+
+async fn of_database(
+    url: &str,
+    trial_id: &str,
+    sources: &[&Source],
+) -> Result<Found, CommandError> {
     let store = Store::open(url, Missing::Refuse).await?;
     let trial = store.trial(trial_id).await?;
     let Some(trial) = trial else {
@@ -119,6 +207,16 @@ async fn of_database(url: &str, trial_id: &str) -> Result<Found, CommandError> {
     let parameters = store.config(&trial.config_hash).await?.parameters;
     let earlier = recordings::earlier(&store, &trial).await?.into_iter();
     let earlier = earlier.map(|other| (other.inputs, other.states)).collect();
+    let mut models = Vec::new();
+    for source in sources {
+        if let Source::Model { analysis, file } = source {
+            let model = predictors::of_analysis(&store, trial_id, analysis, file).await;
+            let model = model
+                .map_err(|error| CommandError::Input(format!("--view: {}", error.sentence())))?;
+            let model = Predictor::try_from(model.predictor).map_err(CommandError::failure)?;
+            models.push(((*source).clone(), model));
+        }
+    }
     store.close().await;
     let (study, number) = (&trial.study, trial.head.participant_number);
     let words = sidestep::api::scene_words(trial.head.phase, trial.head.index, trial.head.attempt);
@@ -128,10 +226,19 @@ async fn of_database(url: &str, trial_id: &str) -> Result<Found, CommandError> {
         recorded: Recorded { parameters, scene: trial.scene, inputs, states },
         heading,
         earlier,
+        models,
     })
 }
 
-fn of_file(args: &ReplayArgs, file: &Path, game: GameArgs) -> Result<Found, CommandError> {
+fn of_file(
+    args: &ReplayArgs,
+    file: &Path,
+    game: GameArgs,
+    sources: &[&Source],
+) -> Result<Found, CommandError> {
+    if sources.iter().any(|source| matches!(source, Source::Model { .. })) {
+        return Err(gone());
+    }
     let game = game.game()?;
     let parameters = SceneParameters {
         human: game.evader,
@@ -162,5 +269,6 @@ fn of_file(args: &ReplayArgs, file: &Path, game: GameArgs) -> Result<Found, Comm
     let scene = Scene::new(&parameters, start.human, start.robot);
     let heading = format!("participant {name} / {} / trial {wanted}", trial.phase.word());
     let (inputs, states) = (trial.inputs, trial.states);
-    Ok(Found { recorded: Recorded { parameters, scene, inputs, states }, heading, earlier })
+    let recorded = Recorded { parameters, scene, inputs, states };
+    Ok(Found { recorded, heading, earlier, models: Vec::new() })
 }

@@ -3,9 +3,10 @@
 use super::super::text::model as name_of;
 use super::{Figure, figure, look, range};
 use sidestep::chart::{Axis, Chart, Mark, Pen, Series, colours};
-use sidestep::comparison::cell::{HISTORY_SET, ModelName};
+use sidestep::comparison::cell::ModelName;
 use sidestep::comparison::rollout::{Horizon, Simple};
 use sidestep::comparison::{Analysis, RolloutsOf};
+use sidestep::features::HISTORY_SET;
 
 /// A curve of roll-outs: driver, feature set, name, pen and mark.
 #[derive(Clone, Copy)]

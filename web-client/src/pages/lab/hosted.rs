@@ -70,4 +70,8 @@ impl<P: Page> Page for Hosted<P> {
     fn draw(&self, at_ms: f64, picture: &mut Picture) -> bool {
         self.0.draw(at_ms, picture)
     }
+
+    fn draw_beside(&self, at_ms: f64, picture: &mut Picture) -> bool {
+        self.0.draw_beside(at_ms, picture)
+    }
 }

@@ -38,8 +38,10 @@ pub trait Program: 'static {
     const SHOWS_SOLIDS: bool;
     /// Whether they look at what pointers do.
     const POINTS: bool;
-    /// Whether they offer files of their own.
+    /// Whether they offer files of their own, or open some.
     const OFFERS_FILES: bool;
+    /// Whether they show two pictures beside each other.
+    const HAS_PANES: bool;
 }
 
 /// Studies, participants, analyses, exports, access.
@@ -51,6 +53,7 @@ impl Program for Laboratory {
     const SHOWS_SOLIDS: bool = false;
     const POINTS: bool = false;
     const OFFERS_FILES: bool = false;
+    const HAS_PANES: bool = false;
 }
 
 /// What draws scenes, sets and value functions.
@@ -62,6 +65,7 @@ impl Program for Viewer {
     const SHOWS_SOLIDS: bool = true;
     const POINTS: bool = true;
     const OFFERS_FILES: bool = true;
+    const HAS_PANES: bool = true;
 }
 
 /// What anybody can try.
@@ -73,6 +77,7 @@ impl Program for Demonstration {
     const SHOWS_SOLIDS: bool = false;
     const POINTS: bool = false;
     const OFFERS_FILES: bool = false;
+    const HAS_PANES: bool = false;
 }
 
 /// What the navigation shows: addresses and what it calls them.

@@ -37,6 +37,7 @@ impl Program for Whole {
     const SHOWS_SOLIDS: bool = true;
     const POINTS: bool = true;
     const OFFERS_FILES: bool = true;
+    const HAS_PANES: bool = true;
 }
 
 type Session = testing::Session<Lab<Whole>>;

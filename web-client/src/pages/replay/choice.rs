@@ -1,116 +1,322 @@
-//! Which predictor a replay uses, and what there is to choose from.
+//! What predicts in a pane of a replay, and what there is to choose from.
 
 use super::Msg;
 use crate::form::FieldValue;
+use crate::json;
 use crate::pages::models::{Named, Offered, described, group, groups, option};
-use crate::pages::parts::alert;
-use crate::runtime::{Answer, Command, Commands, Request};
+use crate::pages::parts::{alert, button};
+use crate::runtime::{Answer, Command, Request, encoded, read};
 use crate::view::{self, el};
-use sidestep::api::{PredictorSource, TrialDetail, TrialUse, routes};
+use sidestep::api::{PredictorSource, TrainedPredictor, TrialDetail, TrialUse, routes};
+use sidestep::document::from_value;
+use sidestep::invalid::Invalid;
+use sidestep::playback::Learned;
+use sidestep::playback::source::{FROM_FILE, Source, Way};
+use sidestep::predict::{Predictor, PredictorFile};
 
 type Node = view::Node<Msg>;
 
+/// One of two pictures of the same moment.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Pane {
+    /// The one that is always there.
+    First,
+    /// The one beside it.
+    Second,
+}
+
+impl Pane {
+    /// The name of the request for its predictor.
+    pub(super) fn request(self) -> &'static str {
+        match self {
+            Self::First => "predictor",
+            Self::Second => "predictor-beside",
+        }
+    }
+
+    /// The name of something in this pane.
+    pub(super) fn id(self, name: &str) -> String {
+        match self {
+            Self::First => name.to_owned(),
+            Self::Second => format!("{name}-beside"),
+        }
+    }
+}
+
 /// The choice of a predictor.
 pub(super) struct Choice {
-    /// A model of an analysis; none is the one that is trained on the participant's earlier trials.
-    named: Option<Named>,
-    /// What the server said of it, once it is here.
-    source: Option<PredictorSource>,
-    offered: Offered,
+    pane: Pane,
+    chosen: Chosen,
+    /// What is known of it, once it is here.
+    known: Option<Known>,
     /// Why there is no predictor, if so.
     refused: Option<String>,
+    /// Why the last file cannot be used, if so.
+    unusable: Option<String>,
+}
+
+/// A predictor.
+#[derive(Clone, Debug, PartialEq, Eq)]
+enum Chosen {
+    /// One that a link can name.
+    Linked(Source),
+    /// One that was opened from a file, of which no link knows.
+    File,
+}
+
+/// What is known of a predictor.
+#[derive(Default)]
+struct Known {
+    /// The number of trials that trained it.
+    trials: usize,
+    /// Why it is a simple one, if it is.
+    fallback: Option<String>,
+    /// The analysis that trained it, if one did.
+    source: Option<PredictorSource>,
+    /// How many features it has, if it is from a file.
+    features: usize,
+}
+
+/// How to come by a predictor.
+pub(super) enum Ask {
+    /// The server has it.
+    Server(Command<Msg>),
+    /// It is this.
+    Nobody(Result<Learned, String>),
 }
 
 impl Choice {
-    pub(super) fn new(named: Option<Named>) -> Self {
-        Self { named, source: None, offered: Offered::Asked, refused: None }
+    pub(super) fn new(pane: Pane, source: Source) -> Self {
+        let chosen = Chosen::Linked(source);
+        Self { pane, chosen, known: None, refused: None, unusable: None }
     }
 
-    /// Asks for the predictor and for what else there is.
-    pub(super) fn begin(&self, trial: &TrialDetail) -> Commands<Msg> {
-        vec![self.ask(trial), Offered::ask(&trial.study, Msg::Analyses)]
-    }
-
-    /// Asks for the predictor.
-    fn ask(&self, trial: &TrialDetail) -> Command<Msg> {
+    /// How to come by the predictor.
+    pub(super) fn ask(&mut self, trial: &TrialDetail) -> Ask {
+        (self.known, self.refused) = (None, None);
         let route = routes::admin_predictor(&trial.summary.trial_id);
-        let query =
-            self.named.as_ref().map_or_else(String::new, |named| format!("?{}", named.query()));
-        Command::Send(Request::get("predictor", format!("{route}{query}"), Msg::Predictor))
+        let query = match &self.chosen {
+            Chosen::Linked(Source::Way(way)) => match way.trained_on() {
+                Some(_) if *way == Way::Earlier => String::new(),
+                Some(set) => format!("?features={set}"),
+                None => {
+                    self.known = Some(Known::default());
+                    return Ask::Nobody(way.learned(None).map_err(|invalid| invalid.to_string()));
+                }
+            },
+            Chosen::Linked(source @ Source::Model { .. }) => format!("?{}", queried(source)),
+            Chosen::File => String::new(),
+        };
+        let (pane, url) = (self.pane, format!("{route}{query}"));
+        let then = move |answer| Msg::Predictor(pane, answer);
+        Ask::Server(Command::Send(Request::get(pane.request(), url, then)))
+    }
+
+    /// What the link names: of a file, the usual predictor.
+    pub(super) fn source(&self) -> Source {
+        match &self.chosen {
+            Chosen::Linked(source) => source.clone(),
+            Chosen::File => Source::default(),
+        }
     }
 
     /// The choice as part of a query; empty for the usual one.
     pub(super) fn query(&self) -> String {
-        self.named.as_ref().map_or_else(String::new, Named::query)
+        let source = self.source();
+        match self.pane {
+            Pane::First if source == Source::default() => String::new(),
+            Pane::First => queried(&source),
+            Pane::Second => format!("beside={}", encoded(&source.name())),
+        }
     }
 
-    /// Uses another predictor.
-    pub(super) fn choose(&mut self, value: &FieldValue, trial: &TrialDetail) -> Commands<Msg> {
-        self.named = Named::of_value(value.text());
-        (self.source, self.refused) = (None, None);
-        vec![self.ask(trial)]
+    /// What a picture calls it.
+    pub(super) fn caption(&self) -> String {
+        match &self.chosen {
+            Chosen::Linked(source) => source.caption(),
+            Chosen::File => FROM_FILE.to_owned(),
+        }
     }
 
-    /// Takes what the server said of the predictor: where it comes from, or why there is none.
-    pub(super) fn arrived(&mut self, answer: Result<Option<PredictorSource>, String>) {
-        (self.source, self.refused) = match answer {
-            Ok(source) => (source, None),
-            Err(why) => (None, Some(why)),
-        };
+    /// Another predictor is to be used.
+    pub(super) fn choose(&mut self, value: &FieldValue) {
+        self.chosen = Chosen::Linked(Source::of("predictor", value.text()).unwrap_or_default());
+        self.unusable = None;
     }
 
-    /// Takes the study's analyses, and asks for the participant's models in the newest that is done.
-    pub(super) fn analyses(&mut self, answer: Answer, trial: &TrialDetail) -> Commands<Msg> {
-        self.offered.analyses(answer, trial.summary.participant_number, Msg::Models)
+    /// Takes what the server sent: the predictor, or why there is none.
+    pub(super) fn arrived(&mut self, answer: Answer) -> Result<Learned, String> {
+        let trained: TrainedPredictor = read(answer).map_err(|failure| failure.sentence)?;
+        let TrainedPredictor { predictor, trials, fallback, source, .. } = trained;
+        let learned = Predictor::try_from(predictor).and_then(|predictor| match &self.chosen {
+            Chosen::Linked(Source::Way(way)) => way.learned(Some(predictor)),
+            _ => Learned::usual(predictor),
+        });
+        self.known = Some(Known { trials, fallback, source, features: 0 });
+        learned.map_err(|invalid| invalid.to_string())
     }
 
-    /// Takes the participant's models in an analysis.
-    pub(super) fn models(&mut self, analysis: String, answer: Answer) {
-        self.offered.models(analysis, answer);
+    /// Takes the content of a file. What is no predictor of turns changes nothing else.
+    pub(super) fn open(&mut self, content: &FieldValue) -> Option<Learned> {
+        match of_file(content.text()) {
+            Ok(learned) => {
+                let features = learned.predictor.features().len();
+                (self.chosen, self.refused, self.unusable) = (Chosen::File, None, None);
+                self.known = Some(Known { features, ..Known::default() });
+                Some(learned)
+            }
+            Err(why) => {
+                self.unusable = Some(format!("This file cannot be used. {why}"));
+                None
+            }
+        }
+    }
+
+    /// There is no predictor, for this reason.
+    pub(super) fn refuse(&mut self, why: &str) {
+        self.known = None;
+        self.refused = Some(format!("No predicted sets. {why}"));
     }
 }
 
-/// The control, and what is to be known of the predictor; `trained` says how it came about, once it is
-/// here.
-pub(super) fn section(choice: &Choice, trial: &TrialDetail, trained: Option<String>) -> Node {
-    let is_waiting = trained.is_none() && choice.refused.is_none();
-    let words = match (&choice.source, trained) {
-        (Some(source), Some(_)) => Some(described(source)),
-        (None, Some(words)) => Some(el("p").text(words)),
-        (_, None) => is_waiting.then(|| el("p").attr("role", "status").text("Loading…")),
+/// A predictor of turns from the text of a predictor.json.
+fn of_file(text: &str) -> Result<Learned, String> {
+    let value: serde_json::Value = json::read(text.as_bytes())
+        .ok_or("It is not JSON: expected a predictor.json, as analyses save it.")?;
+    let file = from_value::<PredictorFile>(&value);
+    let learned = file.and_then(PredictorFile::of_turns).and_then(|predictor| {
+        let is_turn = |class: &i8| (-1..=1).contains(class);
+        if predictor.classes().iter().all(is_turn) {
+            return Learned::usual(predictor);
+        }
+        let expected = "some of -1 (right), 0 (straight) and 1 (left)";
+        Err(Invalid::new("classes", expected, format!("{:?}", predictor.classes())))
+    });
+    learned.map_err(|invalid| invalid.to_string())
+}
+
+/// A source as part of a query.
+fn queried(source: &Source) -> String {
+    match source {
+        Source::Way(way) => format!("predictor={}", way.name()),
+        Source::Model { analysis, file } => named(analysis, file).query(),
+    }
+}
+
+fn named(analysis: &str, file: &str) -> Named {
+    Named { analysis: analysis.to_owned(), file: file.to_owned() }
+}
+
+/// The control, and what is to be known of the predictor.
+pub(super) fn section(
+    choice: &Choice,
+    offered: &Offered,
+    trial: &TrialDetail,
+    heading: &str,
+) -> Node {
+    let pane = choice.pane;
+    let is_waiting = choice.known.is_none() && choice.refused.is_none();
+    let words = match &choice.known {
+        Some(known) => Some(about(choice, known)),
+        None => is_waiting.then(|| el("p").attr("role", "status").text("Loading…")),
     };
-    let id = "choose-predictor";
+    let id = pane.id("choose-predictor");
+    let source = choice.known.as_ref().and_then(|known| known.source.as_ref());
+    let file = el("input")
+        .attrs(&[("type", "file"), ("accept", ".json,application/json")])
+        .attr("id", pane.id("predictor-file"))
+        .test_id(&pane.id("predictor-file"))
+        .on_input(move |value| Msg::Open(pane, value));
+    let label = el("label").attr("for", pane.id("predictor-file")).text("From a file");
     el("section")
-        .child(el("h2").child(el("label").attr("for", id).text("Predictor")))
-        .child(select(choice, trial).attr("id", id))
-        .children(choice.source.as_ref().map(note))
-        .children(words.map(|words| words.class("quiet").test_id("predictor")))
-        .children(choice.refused.as_deref().map(|why| alert("refused", why)))
-        .children(choice.offered.hint(&trial.study))
+        .child(el("h2").child(el("label").attr("for", &id).text(heading)))
+        .child(list(choice, offered, trial).attr("id", &id))
+        .children(source.map(|source| note(source, pane)))
+        .children(words.map(|words| words.class("quiet").test_id(&pane.id("predictor"))))
+        .children(choice.refused.as_deref().map(|why| alert(&pane.id("refused"), why)))
+        .child(el("div").class("pair").child(label).child(file))
+        .children(choice.unusable.as_deref().map(|why| alert(&pane.id("unusable"), why)))
+        .children((pane == Pane::First).then(|| offered.hint(&trial.study)).flatten())
+        .child(
+            button(&pane.id("find-models"), Msg::Find(pane))
+                .class("plain")
+                .text("Models of other people and studies…"),
+        )
 }
 
-fn select(choice: &Choice, trial: &TrialDetail) -> Node {
-    let usual =
-        option(String::new(), choice.named.is_none(), "Trained on earlier trials".to_owned());
+fn list(choice: &Choice, offered: &Offered, trial: &TrialDetail) -> Node {
+    let pane = choice.pane;
+    let entry = |way: &Way| {
+        // The usual one needs no name.
+        let value = if *way == Way::Earlier { "" } else { way.name() };
+        let is_chosen = choice.chosen == Chosen::Linked(Source::Way(*way));
+        option(value.to_owned(), is_chosen, way.label().to_owned()).attr("title", way.meaning())
+    };
     let number = trial.summary.participant_number;
-    let (named, source) = (choice.named.as_ref(), choice.source.as_ref());
+    let model = match &choice.chosen {
+        Chosen::Linked(Source::Model { analysis, file }) => Some(named(analysis, file)),
+        _ => None,
+    };
+    let source = choice.known.as_ref().and_then(|known| known.source.as_ref());
+    let (learning, others): (Vec<Way>, Vec<Way>) =
+        Way::ALL.into_iter().partition(|way| way.trained_on().is_some());
+    let file = (choice.chosen == Chosen::File).then(|| {
+        let words = "Opened here".to_owned();
+        group("From a file".to_owned()).child(option("file".to_owned(), true, words))
+    });
     el("select")
-        .attr("name", "predictor")
-        .test_id("choose-predictor")
-        .on_input(Msg::Choose)
-        .child(group("As the study goes".to_owned()).child(usual))
-        .children(groups(&choice.offered, named, source, number))
+        .attr("name", pane.id("predictor"))
+        .test_id(&pane.id("choose-predictor"))
+        .on_input(move |value| Msg::Choose(pane, value))
+        .child(group("As the study goes".to_owned()).children(learning.iter().map(entry)))
+        .child(group("Without learning".to_owned()).children(others.iter().map(entry)))
+        .children(groups(offered, model.as_ref(), source, number))
+        .children(file)
+}
+
+/// What the predictor is.
+fn about(choice: &Choice, known: &Known) -> Node {
+    if let Some(source) = &known.source {
+        return described(source);
+    }
+    let way = match &choice.chosen {
+        Chosen::Linked(Source::Way(way)) => *way,
+        Chosen::Linked(Source::Model { .. }) => return el("p").text("A model of an analysis."),
+        Chosen::File => {
+            let n = known.features;
+            let ending = if n == 1 { "" } else { "s" };
+            return el("p").text(format!(
+                "On {n} feature{ending}, from a file on this computer, which the link cannot hold."
+            ));
+        }
+    };
+    let words = match (way, &known.fallback, known.trials) {
+        (way, ..) if way.trained_on().is_none() => way.meaning().to_owned(),
+        (_, Some(why), _) => format!("Frequencies of the inputs so far: {why}"),
+        (Way::Earlier, None, 1) => {
+            "Logistic regression (B_hrd), trained on the trial before".to_owned()
+        }
+        (Way::Earlier, None, n) => {
+            format!("Logistic regression (B_hrd), trained on the {n} trials before")
+        }
+        (way, None, n) => format!("{} Trained on the {n} trials before.", way.meaning()),
+    };
+    el("p").text(words)
 }
 
 /// What the model has to do with this trial: a warning if it was trained on it.
-fn note(source: &PredictorSource) -> Node {
+fn note(source: &PredictorSource, pane: Pane) -> Node {
     let number = source.summary.participant;
     let words = match source.trial {
         TrialUse::Trained => {
-            return el("p").class("waiting").attr("role", "note").test_id("trained-on-this").text(
-                "This model was trained on this trial; its predictions look better here than \
-                 they are.",
-            );
+            return el("p")
+                .class("waiting")
+                .attr("role", "note")
+                .test_id(&pane.id("trained-on-this"))
+                .text(
+                    "This model was trained on this trial; its predictions look better here than \
+                     they are.",
+                );
         }
         TrialUse::HeldOut => "This trial was held out: the model was not trained on it.".to_owned(),
         TrialUse::Unused => "The analysis did not use this trial.".to_owned(),
@@ -123,5 +329,5 @@ fn note(source: &PredictorSource) -> Node {
             source.study
         ),
     };
-    el("p").class("quiet").attr("role", "note").test_id("trial-use").text(words)
+    el("p").class("quiet").attr("role", "note").test_id(&pane.id("trial-use")).text(words)
 }

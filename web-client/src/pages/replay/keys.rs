@@ -27,10 +27,12 @@ pub enum Key {
     Colours,
     /// Sets within the time ahead, or after each step.
     Sets,
+    /// Shows or hides the second pane.
+    Beside,
 }
 
 /// Each key, what is printed on it, and what it does.
-const KEYS: [(&str, &str, Key); 24] = [
+const KEYS: [(&str, &str, Key); 25] = [
     ("Space", "Space", Key::Play),
     ("ArrowLeft", "←", Key::Step(-1)),
     ("ArrowRight", "→", Key::Step(1)),
@@ -55,6 +57,7 @@ const KEYS: [(&str, &str, Key); 24] = [
     ("KeyL", "L", Key::Legend),
     ("KeyC", "C", Key::Colours),
     ("KeyS", "S", Key::Sets),
+    ("KeyB", "B", Key::Beside),
 ];
 
 impl Key {
@@ -88,6 +91,7 @@ pub(super) fn list() -> view::Node<Msg> {
         ("S", "sets: the whole time ahead, or each step"),
         ("C", "colours of the sets"),
         ("L", "legend"),
+        ("B", "two predictors side by side"),
     ];
     let row = |(keys, what): (&str, &str)| {
         el("div").child(el("dt").text(keys)).child(el("dd").text(what))

@@ -1,15 +1,18 @@
 //! What a replay shows around the canvas.
 
-use super::choice;
+use super::chart;
+use super::choice::{self, Pane};
+use super::finder::Finder;
 use super::keys;
-use super::{CANVAS, Msg, Replay};
-use crate::pages::coverage::chance;
+use super::{CANVAS, CANVAS_BESIDE, Msg, Replay};
 use crate::pages::moment::{self, metres, select, switch};
 use crate::pages::parts::{self, alert, button, cell, fact};
 use crate::view::{self, el, subscripted};
 use sidestep::chart::fixed;
+use sidestep::playback::Playback;
+use sidestep::playback::source::{Source, Way};
 use sidestep::playback::style::{Palette, Sets};
-use sidestep::playback::view::SPEEDS;
+use sidestep::playback::view::{SPEEDS, View};
 use sidestep::safety::SafetyLevels;
 use sidestep::scene::{Evader, JointState};
 use sidestep::trial::Phase;
@@ -22,13 +25,24 @@ pub(super) fn page(replay: &Replay) -> Node {
 
 fn scene(replay: &Replay) -> Node {
     let switches = moment::switches(&replay.view, |_| true, keys::of_layer, Msg::Layer);
-    let canvas = el("canvas")
-        .attrs(&[("id", CANVAS), ("role", "img")])
-        .attr("aria-label", "The trial seen from above, with the chosen layers")
-        .test_id("replay");
+    let canvas = |id: &str, words: String| {
+        el("canvas").attr("id", id).attr("role", "img").attr("aria-label", words).test_id(id)
+    };
+    let words = "The trial seen from above, with the chosen layers";
+    let pane = |id: &str, caption: String| {
+        let canvas = canvas(id, format!("{words}, predicted by: {caption}"));
+        el("div").class("pane").child(el("p").class("caption").text(caption)).child(canvas)
+    };
+    let canvases = match &replay.beside {
+        None => vec![canvas(CANVAS, words.to_owned())],
+        Some(beside) => vec![
+            pane(CANVAS, replay.choice.caption()),
+            pane(CANVAS_BESIDE, beside.choice.caption()),
+        ],
+    };
     let picture = el("div")
         .class("seen")
-        .child(canvas)
+        .children(canvases)
         .children(replay.shows_legend.then(|| moment::legend(&replay.playback, &replay.view)))
         .children(replay.sources.notice(Msg::StopSolving, Msg::SolveAgain));
     el("section").class("view").attr("aria-label", "Scene").child(switches).child(picture)
@@ -38,7 +52,15 @@ fn panel(replay: &Replay) -> Node {
     let now = replay.playback.now();
     let heading = parts::heading(&format!("Step {}", now.step))
         .child(el("small").text(format!("t = {:.2} s", now.time_s)));
-    let probabilities = replay.playback.probabilities();
+    let beside = replay.beside.as_deref();
+    let both = beside.is_some();
+    let finder = |pane: Pane| {
+        let finder = replay.finder.as_ref().filter(|finder| finder.pane == pane);
+        finder.map(Finder::view)
+    };
+    let first = if both { "Predictor on the left, or above" } else { "Predictor" };
+    let second = "Predictor on the right, or below";
+    let chosen = |choice, heading| choice::section(choice, &replay.offered, &replay.trial, heading);
     // It scrolls, so the keyboard must be able to reach it.
     el("aside")
         .class("panel")
@@ -47,16 +69,31 @@ fn panel(replay: &Replay) -> Node {
         .children(parts::synthetic(replay.trial.synthetic))
         .child(heading)
         .children(replay.misread.as_deref().map(|why| alert("misread", why)))
-        .children(replay.unfilmed.as_deref().map(|why| alert("unfilmed", why)))
         .child(facts(replay))
         .children(doubt(replay))
-        .child(choice::section(&replay.choice, &replay.trial, trained(replay)))
-        .children(probabilities.map(|probabilities| moment::inputs(probabilities)))
-        .children(probabilities.map(|_| regions(replay)))
+        .child(chosen(&replay.choice, first))
+        .children(finder(Pane::First))
+        .children(predicted(&replay.playback, &replay.view))
+        .children(beside.map(|beside| chosen(&beside.choice, second)))
+        .children(finder(Pane::Second))
+        .children(beside.map(|beside| {
+            el("div")
+                .class("numbers-beside")
+                .test_id("numbers-beside")
+                .children(predicted(&beside.playback, &replay.view))
+        }))
         .child(drawing(replay))
         .child(outcome(replay))
         .children(replay.trouble.as_deref().map(|why| alert("trouble", why)))
         .child(keys::list())
+}
+
+/// How likely each next input is, and the predicted sets, once they are known.
+fn predicted(playback: &Playback, view: &View) -> Vec<Node> {
+    let probabilities = playback.probabilities().into_iter();
+    probabilities
+        .flat_map(|probabilities| [moment::inputs(probabilities), moment::regions(playback, view)])
+        .collect()
 }
 
 /// Study, participant and scene, the first two as links.
@@ -68,8 +105,10 @@ fn whose(replay: &Replay) -> Node {
     // The explorer shows tasks only.
     let explorer = (summary.phase == Phase::Task).then(|| {
         // What a replay usually predicts with, the explorer must be told.
-        let chosen = Some(replay.choice.query()).filter(|chosen| !chosen.is_empty());
-        let chosen = chosen.unwrap_or_else(|| "predictor=earlier".to_owned());
+        let chosen = match replay.choice.source() {
+            Source::Way(Way::Constant) | Source::Model { .. } => replay.choice.query(),
+            Source::Way(_) => "predictor=earlier".to_owned(),
+        };
         let parts = [format!("trial={}", summary.trial_id), chosen, replay.view.query()];
         let parts: Vec<String> = parts.into_iter().filter(|part| !part.is_empty()).collect();
         let link = format!("/lab/explorer/{}?{}", summary.participant_id, parts.join("&"));
@@ -84,19 +123,6 @@ fn whose(replay: &Replay) -> Node {
         .child(el("a").attr("href", participant).text(words))
         .text(format!(" / {}", summary.scene_words()))
         .children(explorer)
-}
-
-/// The predicted sets, and how often they hold this participant's future.
-fn regions(replay: &Replay) -> Node {
-    let sets = replay.playback.shfrs().map_or(0, |shfrs| shfrs.sets.len());
-    let chances = (replay.trial.summary.phase == Phase::Task).then(|| {
-        let known = replay.chances.regions(sets);
-        let of = |j| known.map_or_else(|| cell("…"), |it| chance(it.probabilities.inside[j]));
-        (0..sets).map(of).enumerate().map(|(j, it)| it.test_id(&format!("p-{j}"))).collect()
-    });
-    let words = replay.chances.words(sets);
-    moment::regions(&replay.playback, &replay.view, chances)
-        .children(words.map(|words| el("p").class("quiet").test_id("p-words").text(words)))
 }
 
 /// How the layers are drawn.
@@ -197,16 +223,6 @@ fn doubt(replay: &Replay) -> Option<Node> {
     ))
 }
 
-/// How the predictor came about that is trained on the trials before this one; empty for another.
-fn trained(replay: &Replay) -> Option<String> {
-    let trained = replay.trained.as_ref()?;
-    Some(match (&trained.fallback, trained.trials) {
-        (None, 1) => "Logistic regression (B_hrd), trained on the trial before".to_owned(),
-        (None, n) => format!("Logistic regression (B_hrd), trained on the {n} trials before"),
-        (Some(why), _) => format!("Frequencies of the inputs so far: {why}"),
-    })
-}
-
 /// How the trial ended, and whether it can be trusted.
 fn outcome(replay: &Replay) -> Node {
     let summary = &replay.trial.summary;
@@ -229,6 +245,7 @@ fn outcome(replay: &Replay) -> Node {
 }
 
 fn timeline(replay: &Replay) -> Node {
+    let lines = chart::lines(replay);
     let now = replay.playback.now();
     let slider = el("input")
         .attrs(&[("type", "range"), ("min", "0"), ("step", "any"), ("aria-label", "Time")])
@@ -237,26 +254,24 @@ fn timeline(replay: &Replay) -> Node {
         .attr("aria-valuetext", format!("{:.1} seconds, step {}", now.time_s, now.step))
         .test_id("slider")
         .on_input(|value| Msg::Seek(value.number().unwrap_or(0.0)));
+    let table = chart::table(replay, &lines);
+    let row = |cells: Vec<String>| el("tr").children(cells.into_iter().map(cell));
+    let numbers = el("div")
+        .class("scroll")
+        .attrs(&[("tabindex", "0"), ("role", "region"), ("aria-label", "Numbers of every step")])
+        .child(parts::table(table.columns, table.rows.into_iter().map(row)));
     el("section")
         .class("timeline")
         .attr("aria-label", "Timeline")
-        .child(controls(replay))
-        .child(el("div").class("chart").child(replay.strip.view(&replay.playback)).child(slider))
-        .children(replay.shows_numbers.then(|| numbers(replay)))
-}
-
-/// The numbers of every step.
-fn numbers(replay: &Replay) -> Node {
-    let table = replay.strip.table(&replay.trial, &replay.playback);
-    let row = |cells: Vec<String>| el("tr").children(cells.into_iter().map(cell));
-    el("div")
-        .class("scroll table-twin")
-        .attrs(&[("tabindex", "0"), ("role", "region"), ("aria-label", "Numbers of every step")])
-        .child(parts::table(table.columns, table.rows.into_iter().map(row)))
+        .child(controls(replay, &lines))
+        .child(el("div").class("chart").child(chart::draw(replay, &lines)).child(slider))
+        .child(
+            el("details").class("table-twin").child(el("summary").text("Numbers")).child(numbers),
+        )
 }
 
 /// The buttons of a player, and what the lines of the chart mean.
-fn controls(replay: &Replay) -> Node {
+fn controls(replay: &Replay, lines: &sidestep::chart::Chart) -> Node {
     let picture = |path: &'static str| {
         el("svg")
             .attrs(&[("viewBox", "0 0 24 24"), ("aria-hidden", "true")])
@@ -290,19 +305,15 @@ fn controls(replay: &Replay) -> Node {
     let in_a_row = switch("in-a-row", replay.in_a_row, Msg::InARow)
         .attr("title", "Play one trial after the other")
         .text("one after the other");
+    let beside = switch("beside", replay.beside.is_some(), Msg::Beside)
+        .attr("title", "Two predictors of the same moment (key B)")
+        .text("side by side");
     let legend_switch = switch("legend-switch", replay.shows_legend, Msg::Legend).text("legend");
-    let numbers_switch =
-        switch("numbers-switch", replay.shows_numbers, Msg::Numbers).text("numbers");
     let save = |id: &str, words: &str, message| {
         let title = format!("Save the picture as {words}");
         button(id, message).class("plain").attr("title", title).text(words)
     };
     let saves = [save("save-svg", "SVG", Msg::SaveSvg), save("save-png", "PNG", Msg::SavePng)];
-    let (title, sign) = match replay.filming {
-        true => ("End the film and save it", "■ WebM"),
-        false => ("Play on from here and save a film of it: to the end, or to a pause", "WebM"),
-    };
-    let film = switch("film", replay.filming, Msg::Film).attr("title", title).text(sign);
     el("div")
         .class("controls")
         .child(other(
@@ -320,9 +331,8 @@ fn controls(replay: &Replay) -> Node {
         .child(el("span").class("time").text(format!("{:.1} s", replay.playback.now().time_s)))
         .child(speed)
         .child(in_a_row)
+        .child(beside)
         .child(legend_switch)
-        .child(numbers_switch)
         .children(saves)
-        .child(film)
-        .child(replay.strip.legend())
+        .child(chart::legend(lines))
 }

@@ -1,0 +1,251 @@
+//! Finds a model of any analysis: study, analysis, participant, and words to search for.
+
+use super::Msg as Whole;
+use super::choice::Pane;
+use crate::form::FieldValue;
+use crate::pages::models::{Named, name};
+use crate::pages::moment::select;
+use crate::pages::parts::{alert, button, count};
+use crate::runtime::{Answer, Command, Commands, Request, read};
+use crate::view::{self, el};
+use sidestep::api::{
+    AnalysisPage, AnalysisState, AnalysisSummary, PredictorPage, PredictorSummary, StudySummary,
+    routes,
+};
+
+type Node = view::Node<Whole>;
+
+/// Most models that are shown; words narrow them down.
+const MOST: usize = 12;
+
+/// What there is, as far as it has come.
+pub(super) struct Finder {
+    /// For which pane a model is looked for.
+    pub(super) pane: Pane,
+    studies: Vec<StudySummary>,
+    study: String,
+    /// Analyses that are done; none before the server has answered.
+    analyses: Option<Vec<AnalysisSummary>>,
+    analysis: String,
+    /// The number of a participant; empty for all.
+    participant: String,
+    page: Option<PredictorPage>,
+    sought: String,
+    trouble: Option<String>,
+}
+
+/// What the finder can be told.
+#[derive(Clone, Debug)]
+pub enum Msg {
+    /// The server listed the studies.
+    Studies(Answer),
+    /// Look into this study.
+    Study(FieldValue),
+    /// The server listed the analyses of the study.
+    Analyses(Answer),
+    /// Look into this analysis.
+    Analysis(FieldValue),
+    /// Only models of this participant.
+    Participant(FieldValue),
+    /// The server listed models.
+    Models(Answer),
+    /// Only models with these words.
+    Search(FieldValue),
+}
+
+impl Finder {
+    /// Looks for a model for this pane, first in this study.
+    pub(super) fn open(pane: Pane, study: &str) -> (Self, Commands<Whole>) {
+        let finder = Self {
+            pane,
+            studies: Vec::new(),
+            study: study.to_owned(),
+            analyses: None,
+            analysis: String::new(),
+            participant: String::new(),
+            page: None,
+            sought: String::new(),
+            trouble: None,
+        };
+        let studies = ask("finder-studies", routes::ADMIN_STUDIES.to_owned(), Msg::Studies);
+        let commands = vec![studies, finder.ask_analyses()];
+        (finder, commands)
+    }
+
+    fn ask_analyses(&self) -> Command<Whole> {
+        ask("finder-analyses", routes::admin_analyses(&self.study), Msg::Analyses)
+    }
+
+    /// Models of experiment 2 do not say to which side somebody turns.
+    fn ask_models(&mut self) -> Commands<Whole> {
+        self.page = None;
+        if self.analysis.is_empty() {
+            return Vec::new();
+        }
+        let route = routes::analysis_predictors(&self.analysis);
+        let participant = match self.participant.as_str() {
+            "" => String::new(),
+            number => format!("&participant={number}"),
+        };
+        let url = format!("{route}?experiment=1&limit=500{participant}");
+        vec![ask("finder-models", url, Msg::Models)]
+    }
+
+    pub(super) fn update(&mut self, message: Msg) -> Commands<Whole> {
+        self.trouble = None;
+        let taken = match message {
+            Msg::Studies(answer) => read(answer).map(|studies| {
+                self.studies = studies;
+                Vec::new()
+            }),
+            Msg::Study(value) => {
+                self.study = value.text().to_owned();
+                (self.analyses, self.page) = (None, None);
+                Ok(vec![self.ask_analyses()])
+            }
+            Msg::Analyses(answer) => read(answer).map(|page: AnalysisPage| {
+                let analyses = page.analyses.into_iter();
+                let done: Vec<_> = analyses.filter(|it| it.state == AnalysisState::Done).collect();
+                self.analysis = done.first().map(|it| it.id.clone()).unwrap_or_default();
+                self.participant.clear();
+                self.analyses = Some(done);
+                self.ask_models()
+            }),
+            Msg::Analysis(value) => {
+                self.analysis = value.text().to_owned();
+                self.participant.clear();
+                Ok(self.ask_models())
+            }
+            Msg::Participant(value) => {
+                self.participant = value.text().to_owned();
+                Ok(self.ask_models())
+            }
+            Msg::Models(answer) => read(answer).map(|page| {
+                self.page = Some(page);
+                Vec::new()
+            }),
+            Msg::Search(value) => {
+                self.sought = value.text().to_lowercase();
+                Ok(Vec::new())
+            }
+        };
+        taken.unwrap_or_else(|failure| {
+            self.trouble = Some(format!("Models cannot be listed. {}", failure.sentence));
+            Vec::new()
+        })
+    }
+
+    /// The models that have all words that are looked for, each with its own.
+    fn found<'a>(
+        &'a self,
+        page: &'a PredictorPage,
+    ) -> impl Iterator<Item = (&'a PredictorSummary, String)> {
+        let words = |it: &PredictorSummary| {
+            let right = 100.0 * it.test_accuracy;
+            format!("Participant {}: {}, {right:.0} % right", it.participant, name(it))
+        };
+        let listed = page.predictors.iter().map(move |it| (it, words(it)));
+        listed.filter(|(_, words)| {
+            let words = words.to_lowercase();
+            self.sought.split_whitespace().all(|sought| words.contains(sought))
+        })
+    }
+
+    pub(super) fn view(&self) -> Node {
+        let studies = self.studies.iter();
+        let mut studies: Vec<_> =
+            studies.map(|it| (it.slug.clone(), format!("{} ({})", it.title, it.slug))).collect();
+        if studies.is_empty() {
+            studies.push((self.study.clone(), self.study.clone()));
+        }
+        let analyses = self.analyses.iter().flatten();
+        let analyses: Vec<_> = analyses
+            .enumerate()
+            .map(|(place, it)| {
+                let newest = if place == 0 { "the newest, " } else { "" };
+                (it.id.clone(), format!("{newest}{}", it.id))
+            })
+            .collect();
+        let people = self.page.as_ref().map(|page| page.choices.participants.as_slice());
+        let mut participants = vec![(String::new(), "all".to_owned())];
+        let numbers = people.unwrap_or_default().iter();
+        participants.extend(numbers.map(|it| (it.to_string(), format!("participant {it}"))));
+        let has_analyses = !analyses.is_empty();
+        let empty = self.analyses.as_ref().is_some_and(Vec::is_empty).then(|| {
+            let words = "No analysis of this study is done.";
+            el("p").class("quiet").test_id("finder-empty").text(words)
+        });
+        let study = select("finder-study", "Study", studies, &self.study, |value| {
+            Whole::Finder(Msg::Study(value))
+        });
+        let analysis = has_analyses.then(|| {
+            select("finder-analysis", "Analysis", analyses, &self.analysis, |value| {
+                Whole::Finder(Msg::Analysis(value))
+            })
+        });
+        let who = has_analyses.then(|| {
+            select("finder-participant", "Participant", participants, &self.participant, |value| {
+                Whole::Finder(Msg::Participant(value))
+            })
+        });
+        let search = el("div")
+            .class("pair")
+            .child(el("label").attr("for", "finder-search").text("Search"))
+            .child(
+                el("input")
+                    .attrs(&[("type", "search"), ("id", "finder-search")])
+                    .attrs(&[("autocomplete", "off"), ("placeholder", "tree hrd")])
+                    .test_id("finder-search")
+                    .on_input(|value| Whole::Finder(Msg::Search(value))),
+            );
+        let beside = if self.pane == Pane::Second { "beside" } else { "here" };
+        el("section")
+            .class("finder")
+            .test_id("finder")
+            .child(el("h2").text(format!("Models to predict with {beside}")))
+            .child(study)
+            .children(analysis)
+            .children(who)
+            .children(has_analyses.then_some(search))
+            .children(empty)
+            .children(self.trouble.as_deref().map(|why| alert("finder-trouble", why)))
+            .children(self.page.as_ref().map(|page| self.models(page)))
+            .child(button("finder-close", Whole::Find(self.pane)).class("plain").text("Close"))
+    }
+
+    fn models(&self, page: &PredictorPage) -> Node {
+        let total = self.found(page).count();
+        let entry = |(it, words): (&PredictorSummary, String)| {
+            let named = Named { analysis: self.analysis.clone(), file: it.file.clone() };
+            let message = Whole::Choose(self.pane, FieldValue::Text(named.value()));
+            let button = button("found-model", message).class("plain").text(words);
+            el("li").key(&it.file).child(button)
+        };
+        let shown = self.found(page).take(MOST).map(entry);
+        let mut words = count(total, "model");
+        if total > MOST {
+            words
+                .push_str(&format!("; the first {MOST} are shown. Search for words of the others"));
+        }
+        let listed = page.predictors.len() as u64;
+        if page.total > listed {
+            words.push_str(&format!(
+                ". Of {} models, {listed} are searched: choose a participant for the others",
+                page.total
+            ));
+        }
+        el("div")
+            .child(
+                el("p")
+                    .class("quiet")
+                    .attr("role", "status")
+                    .test_id("finder-count")
+                    .text(format!("{words}.")),
+            )
+            .child(el("ul").class("found").children(shown))
+    }
+}
+
+fn ask(name: &'static str, url: String, then: fn(Answer) -> Msg) -> Command<Whole> {
+    Command::Send(Request::get(name, url, move |answer| Whole::Finder(then(answer))))
+}
