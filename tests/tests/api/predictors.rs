@@ -8,8 +8,9 @@ use sidestep::api::{
     AnalysisState, PredictorPage, PredictorSummary, TrainedPredictor, TrialDetail, TrialUse, routes,
 };
 use sidestep::comparison::split::first_test_task;
+use sidestep::playback::source::Way;
 use sidestep::playback::view::View;
-use sidestep::playback::{Learned, Playback, Recorded};
+use sidestep::playback::{Learned, Playback, Recorded, side_by_side};
 use sidestep::predict::{Predictor, PredictorFile};
 use sidestep::safety::SafetyLevels;
 use sidestep::scene::SceneParameters;
@@ -21,6 +22,8 @@ use std::ops::ControlFlow;
 /// A warm-up that no analysis uses, and eight tasks.
 const STUDY: &str =
     r#"phases = [{ phase = "practice", scenes = 1 }, { phase = "task", scenes = 8 }]"#;
+
+const CONSTANT: &str = r#"{"format":"sidestep-predictor/1","kind":"constant","features":[],"classes":[-1,0,1],"probabilities":[0.1,0.2,0.7]}"#;
 
 /// Rows of the comparison for each participant: five kinds of model, two experiments, nine sets.
 const MODELS: u64 = 5 * 2 * 9;
@@ -318,6 +321,47 @@ async fn plot_draws_the_picture_of_a_replay() {
         run(&[&args[..], &["--view", query, "--out", &out]].concat()).await.json();
         assert!(std::fs::read_to_string(&out).unwrap() == expected, "{query}");
     }
+    // What else predicts, and two of them side by side.
+    let database = server.database();
+    let args = ["plot", "--kind", "replay", "--database", &database, "--trial", &trial_id];
+    let TrialDetail { parameters, scene, inputs, states, .. } = trial.clone();
+    let solved = SafetyLevels::solve(&parameters, &mut |_| ControlFlow::Continue(())).unwrap();
+    let recorded = Recorded { parameters, scene, inputs, states };
+    let pane = |learned: Learned, view: &View| {
+        let mut playback = Playback::new(recorded.clone()).unwrap();
+        playback.use_safety(solved.clone()).unwrap();
+        playback.use_learned(Some(learned)).unwrap();
+        playback.go(view).unwrap();
+        playback
+    };
+    let history = format!("{route}?features=hrd_body_history");
+    let history: TrainedPredictor = server.admin(&history).await.into(200);
+    assert!(history.fallback.is_none() && history.predictor.features.contains(&"turned_5".into()));
+    let history = Predictor::try_from(history.predictor).unwrap();
+    let view = View::of_query([("t", "3.45")]).unwrap();
+    let mut first = pane(Way::History.learned(Some(history)).unwrap(), &view);
+    let mut second = pane(Way::HoldTheInput.learned(None).unwrap(), &view);
+    let heading = "default / participant 1 / task 8";
+    let expected = [
+        ("t=3.45&predictor=history", first.figure(&view, heading)),
+        (
+            "t=3.45&predictor=history&beside=hold-the-input",
+            side_by_side(
+                [(&mut first, Way::History.label()), (&mut second, Way::HoldTheInput.label())],
+                &view,
+                heading,
+            ),
+        ),
+    ];
+    for (query, expected) in expected {
+        run(&[&args[..], &["--view", query, "--out", &out]].concat()).await.json();
+        assert!(std::fs::read_to_string(&out).unwrap() == expected.svg(), "{query}");
+    }
+    let wrong = format!("{route}?features=best");
+    let wrong = server.admin(&wrong).await;
+    wrong.problem(422, "invalid", Some("features"));
+    let both = format!("{route}?analysis=a&file=b&features=hrd");
+    server.admin(&both).await.problem(422, "invalid", Some("features"));
     // The same from the exported file, but for the heading.
     let steps = folder.file("steps.csv", server.export("default").await);
     let number = trial.summary.index + 1;
@@ -336,5 +380,14 @@ async fn plot_draws_the_picture_of_a_replay() {
     let view = ["--database", &database, "--trial", &trial_id, "--view", "t=soon"];
     refused(&view, "--view.t: expected a time of 0 s or more, found soon").await;
     refused(&[&args[3..6], &["2", "--trial", "1"]].concat(), "no participant of the file").await;
+    let view = ["--database", &database, "--trial", &trial_id, "--view", "predictor=best"];
+    refused(&view, "--view.predictor: expected earlier, history, learned-disturbance").await;
+    let view = ["--database", &database, "--trial", &trial_id, "--view", "beside=a0%2Fgone.json"];
+    refused(&view, "--view: there is no such model").await;
+    let model = folder.file("model.json", CONSTANT);
+    let view = [&args[3..], &["8", "--predictor", &model, "--view", "predictor=constant"]].concat();
+    refused(&view, "--predictor: expected nothing beside the predictor that --view names").await;
+    let view = [&args[3..], &["8", "--view", "analysis=a&file=b"]].concat();
+    refused(&view, "a model of an analysis is in a database").await;
     refused(&[&args[3..], &["99"]].concat(), "one of the 9 trials of participant 1").await;
 }

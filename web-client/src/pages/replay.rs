@@ -4,28 +4,29 @@
 mod chart;
 mod choice;
 mod finder;
+mod panes;
 mod keys;
 mod view;
 
-use self::choice::{Ask, Choice, Pane};
+use self::choice::{Choice, Pane};
 use self::finder::Finder;
 use self::keys::Key;
+use self::panes::{Beside, FIRST_BESIDE};
 use super::models::Offered;
 use super::parts;
 use super::safety::Sources;
 use crate::form::FieldValue;
 use crate::runtime::{
-    Address, Answer, Command, Commands, Event, Failure, PNG_OF_SVG, Page, Request, Solving, read,
+    Address, Answer, Command, Commands, Event, Failure, Page, Request, Solving, read,
 };
 use crate::view::Node;
 use sidestep::api::{TrialDetail, routes};
-use sidestep::chart::Drawing;
 use sidestep::picture::Picture;
 use sidestep::playback::layers::LAYERS;
-use sidestep::playback::source::{Source, Way};
+use sidestep::playback::source::Source;
 use sidestep::playback::style::{Palette, Sets};
 use sidestep::playback::view::View;
-use sidestep::playback::{Learned, Playback, Recorded, side_by_side};
+use sidestep::playback::{Playback, Recorded};
 use sidestep::scene::Evader;
 
 /// The page of one trial.
@@ -208,16 +209,6 @@ pub struct Replay {
     /// What of the link could not be used.
     misread: Option<String>,
 }
-
-/// The same moment, predicted in another way.
-struct Beside {
-    choice: Choice,
-    playback: Playback,
-    picture: Picture,
-}
-
-/// What the second pane shows first: what anybody would guess.
-const FIRST_BESIDE: Source = Source::Way(Way::ConstantVelocity);
 
 /// Times on the page's clock, ms.
 #[derive(Clone, Copy)]
@@ -430,85 +421,6 @@ impl Replay {
         self.update(message, now_ms)
     }
 
-    /// Puts the value functions to use, once both are here.
-    fn take_safety(&mut self) {
-        for pane in [Pane::First, Pane::Second] {
-            let Some(safety) = self.sources.functions() else { return };
-            let Some((choice, playback)) = self.pane(pane) else { return };
-            if playback.safety().is_none()
-                && let Err(invalid) = playback.use_safety(safety)
-            {
-                choice.refuse(&invalid.to_string());
-            }
-        }
-    }
-
-    /// The choice of a pane and what it shows, if it is shown.
-    fn pane(&mut self, pane: Pane) -> Option<(&mut Choice, &mut Playback)> {
-        match pane {
-            Pane::First => Some((&mut self.choice, &mut self.playback)),
-            Pane::Second => {
-                self.beside.as_mut().map(|beside| (&mut beside.choice, &mut beside.playback))
-            }
-        }
-    }
-
-    /// Shows the same moment beside it, predicted from this source.
-    fn show_beside(&mut self, source: Source) -> Commands<Msg> {
-        // The trial was fit to be shown once.
-        let Ok(playback) = Playback::new(self.playback.recorded().clone()) else {
-            return Vec::new();
-        };
-        let (choice, picture) = (Choice::new(Pane::Second, source), Picture::default());
-        self.beside = Some(Box::new(Beside { choice, playback, picture }));
-        self.take_safety();
-        self.predict(Pane::Second)
-    }
-
-    /// Predicts with what is chosen for this pane, once it is here.
-    fn predict(&mut self, pane: Pane) -> Commands<Msg> {
-        let ask = match pane {
-            Pane::First => self.choice.ask(&self.trial),
-            Pane::Second => match &mut self.beside {
-                Some(beside) => beside.choice.ask(&self.trial),
-                None => return Vec::new(),
-            },
-        };
-        // What is shown is never of another predictor than the chosen one.
-        if let Some((_, playback)) = self.pane(pane) {
-            let _ = playback.use_learned(None);
-        }
-        match ask {
-            Ask::Server(command) => vec![command],
-            Ask::Nobody(learned) => {
-                self.take(pane, learned);
-                vec![Command::Cancel(pane.request())]
-            }
-        }
-    }
-
-    /// Predicts with this in this pane, or says why not.
-    fn take(&mut self, pane: Pane, learned: Result<Learned, String>) {
-        let Some((choice, playback)) = self.pane(pane) else { return };
-        let used = learned.and_then(|learned| {
-            playback.use_learned(Some(learned)).map_err(|invalid| invalid.to_string())
-        });
-        if let Err(why) = used {
-            choice.refuse(&why);
-            let _ = playback.use_learned(None);
-        }
-    }
-
-    /// Shows what finds a model for this pane, or hides it.
-    fn find(&mut self, pane: Pane) -> Commands<Msg> {
-        if self.finder.take().is_some_and(|finder| finder.pane == pane) {
-            return Vec::new();
-        }
-        let (finder, commands) = Finder::open(pane, &self.trial.study);
-        self.finder = Some(finder);
-        commands
-    }
-
     fn is_playing(&self) -> bool {
         self.playing.is_some()
     }
@@ -576,27 +488,6 @@ impl Replay {
         beside.picture.begin(CANVAS_BESIDE, beside.playback.window());
         beside.picture.tell("data-step", beside.playback.now().step);
         beside.playback.paint(&self.view, &mut beside.picture);
-    }
-
-    fn drawing(&mut self) -> Drawing {
-        let title = self.title();
-        let Some(beside) = &mut self.beside else {
-            return self.playback.figure(&self.view, &title);
-        };
-        let captions = [self.choice.caption(), beside.choice.caption()];
-        let panes = [(&mut self.playback, &*captions[0]), (&mut beside.playback, &*captions[1])];
-        side_by_side(panes, &self.view, &title)
-    }
-
-    fn svg(&mut self) -> Command<Msg> {
-        let (name, content) = (self.file_name("svg"), self.drawing().svg().into_bytes());
-        Command::Download { name, media_type: "image/svg+xml", content }
-    }
-
-    /// Both panes, which are no single canvas.
-    fn png(&mut self) -> Command<Msg> {
-        let (name, content) = (self.file_name("png"), self.drawing().svg().into_bytes());
-        Command::Download { name, media_type: PNG_OF_SVG, content }
     }
 
     /// Study, participant, scene and time, with nothing that a file's name must not have.

@@ -7,6 +7,7 @@ mod explorer;
 mod export;
 mod predictors;
 mod replay;
+mod beside;
 mod profile;
 mod reachability;
 mod studies;

@@ -9,7 +9,7 @@ use sidestep::api::{
 use sidestep::features::FeatureSet;
 use sidestep::predict::Predictor;
 
-fn model(kind: &str, experiment: u8, participant: i64) -> PredictorSummary {
+pub(super) fn model(kind: &str, experiment: u8, participant: i64) -> PredictorSummary {
     PredictorSummary {
         file: format!("models/{kind}-{experiment}-hrd-{participant}.json"),
         participant,
@@ -23,7 +23,7 @@ fn model(kind: &str, experiment: u8, participant: i64) -> PredictorSummary {
     }
 }
 
-fn page(predictors: Vec<PredictorSummary>, total: u64) -> PredictorPage {
+pub(super) fn page(predictors: Vec<PredictorSummary>, total: u64) -> PredictorPage {
     let choices = PredictorChoices {
         participants: vec![1, 2],
         models: vec!["dt".into(), "lr".into()],
@@ -112,7 +112,10 @@ fn an_analysis_without_models_says_what_to_do() {
 }
 
 /// A predictor that always says the same: right with this probability.
-fn trained(right: f64, source: Option<(PredictorSummary, TrialUse)>) -> TrainedPredictor {
+pub(super) fn trained(
+    right: f64,
+    source: Option<(PredictorSummary, TrialUse)>,
+) -> TrainedPredictor {
     let features = FeatureSet::of(&["distance"]).unwrap();
     let shares = vec![right, 1.0 - right, 0.0];
     let predictor = Predictor::constant(features, vec![-1, 0, 1], shares).unwrap();
@@ -144,7 +147,7 @@ fn replay_with_models() -> Session {
 }
 
 /// How likely a right turn is said to be.
-fn right(session: &Session) -> Option<String> {
+pub(super) fn right(session: &Session) -> Option<String> {
     let words = session.words("prediction")?;
     let mut words = words.split_whitespace().skip_while(|word| *word != "right").skip(1);
     Some(format!("{} {}", words.next()?, words.next()?))

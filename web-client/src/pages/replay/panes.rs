@@ -1,0 +1,124 @@
+//! One or two panes of a replay: what each predicts with, and pictures of both.
+
+use super::choice::{Ask, Choice, Pane};
+use super::finder::Finder;
+use super::{Msg, Replay};
+use crate::runtime::{Command, Commands, PNG_OF_SVG};
+use sidestep::chart::Drawing;
+use sidestep::picture::Picture;
+use sidestep::playback::source::{Source, Way};
+use sidestep::playback::{Learned, Playback, side_by_side};
+
+/// The same moment, predicted in another way.
+pub(super) struct Beside {
+    pub(super) choice: Choice,
+    pub(super) playback: Playback,
+    pub(super) picture: Picture,
+}
+
+/// What the second pane shows first: what anybody would guess.
+pub(super) const FIRST_BESIDE: Source = Source::Way(Way::ConstantVelocity);
+
+impl Replay {
+    /// Puts the value functions to use, once both are here.
+    pub(super) fn take_safety(&mut self) {
+        for pane in [Pane::First, Pane::Second] {
+            let Some(safety) = self.sources.functions() else { return };
+            let Some((choice, playback)) = self.pane(pane) else { return };
+            if playback.safety().is_none()
+                && let Err(invalid) = playback.use_safety(safety)
+            {
+                choice.refuse(&invalid.to_string());
+            }
+        }
+    }
+
+    /// The choice of a pane and what it shows, if it is shown.
+    pub(super) fn pane(&mut self, pane: Pane) -> Option<(&mut Choice, &mut Playback)> {
+        match pane {
+            Pane::First => Some((&mut self.choice, &mut self.playback)),
+            Pane::Second => {
+                self.beside.as_mut().map(|beside| (&mut beside.choice, &mut beside.playback))
+            }
+        }
+    }
+
+    /// Shows the same moment beside it, predicted from this source.
+    pub(super) fn show_beside(&mut self, source: Source) -> Commands<Msg> {
+        // The trial was fit to be shown once.
+        let Ok(playback) = Playback::new(self.playback.recorded().clone()) else {
+            return Vec::new();
+        };
+        let (choice, picture) = (Choice::new(Pane::Second, source), Picture::default());
+        self.beside = Some(Box::new(Beside { choice, playback, picture }));
+        self.take_safety();
+        self.predict(Pane::Second)
+    }
+
+    /// Predicts with what is chosen for this pane, once it is here.
+    pub(super) fn predict(&mut self, pane: Pane) -> Commands<Msg> {
+        let ask = match pane {
+            Pane::First => self.choice.ask(&self.trial),
+            Pane::Second => match &mut self.beside {
+                Some(beside) => beside.choice.ask(&self.trial),
+                None => return Vec::new(),
+            },
+        };
+        // What is shown is never of another predictor than the chosen one.
+        if let Some((_, playback)) = self.pane(pane) {
+            let _ = playback.use_learned(None);
+        }
+        match ask {
+            Ask::Server(command) => vec![command],
+            Ask::Nobody(learned) => {
+                self.take(pane, learned);
+                vec![Command::Cancel(pane.request())]
+            }
+        }
+    }
+
+    /// Predicts with this in this pane, or says why not.
+    pub(super) fn take(&mut self, pane: Pane, learned: Result<Learned, String>) {
+        let Some((choice, playback)) = self.pane(pane) else { return };
+        let used = learned.and_then(|learned| {
+            playback.use_learned(Some(learned)).map_err(|invalid| invalid.to_string())
+        });
+        if let Err(why) = used {
+            choice.refuse(&why);
+            let _ = playback.use_learned(None);
+        }
+    }
+
+    /// Shows what finds a model for this pane, or hides it.
+    pub(super) fn find(&mut self, pane: Pane) -> Commands<Msg> {
+        if self.finder.take().is_some_and(|finder| finder.pane == pane) {
+            return Vec::new();
+        }
+        let (finder, commands) = Finder::open(pane, &self.trial.study);
+        self.finder = Some(finder);
+        commands
+    }
+
+    /// What is seen, as a drawing.
+    fn drawing(&mut self) -> Drawing {
+        let title = self.title();
+        let Some(beside) = &mut self.beside else {
+            return self.playback.figure(&self.view, &title);
+        };
+        let captions = [self.choice.caption(), beside.choice.caption()];
+        let panes = [(&mut self.playback, &*captions[0]), (&mut beside.playback, &*captions[1])];
+        side_by_side(panes, &self.view, &title)
+    }
+
+    /// Offers it as SVG.
+    pub(super) fn svg(&mut self) -> Command<Msg> {
+        let (name, content) = (self.file_name("svg"), self.drawing().svg().into_bytes());
+        Command::Download { name, media_type: "image/svg+xml", content }
+    }
+
+    /// Offers both panes as PNG, for they are no single canvas.
+    pub(super) fn png(&mut self) -> Command<Msg> {
+        let (name, content) = (self.file_name("png"), self.drawing().svg().into_bytes());
+        Command::Download { name, media_type: PNG_OF_SVG, content }
+    }
+}
