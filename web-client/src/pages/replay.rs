@@ -5,9 +5,12 @@ mod chart;
 mod choice;
 mod finder;
 mod panes;
+mod chances;
 mod keys;
 mod view;
 
+use self::chances::{Chances, Tasks};
+use self::chart::Strip;
 use self::choice::{Choice, Pane};
 use self::finder::Finder;
 use self::keys::Key;
@@ -17,7 +20,7 @@ use super::parts;
 use super::safety::Sources;
 use crate::form::FieldValue;
 use crate::runtime::{
-    Address, Answer, Command, Commands, Event, Failure, Page, Request, Solving, read,
+    Address, Answer, Command, Commands, Event, Failure, Film, Page, Request, Solving, read,
 };
 use crate::view::Node;
 use sidestep::api::{TrialDetail, routes};
@@ -28,6 +31,7 @@ use sidestep::playback::style::{Palette, Sets};
 use sidestep::playback::view::View;
 use sidestep::playback::{Playback, Recorded};
 use sidestep::scene::Evader;
+use std::rc::Rc;
 
 /// The page of one trial.
 pub enum ReplayPage {
@@ -56,6 +60,10 @@ pub enum Msg {
     Finder(finder::Msg),
     /// Shows or hides the second pane.
     Beside,
+    /// The server sent the participant's tasks.
+    Drives(Answer),
+    /// The evaluator reports how often the sets of this pane hold the future.
+    Chances(Pane, Answer),
     /// The server listed the study's analyses.
     Analyses(Answer),
     /// The server listed the participant's models in this analysis.
@@ -88,10 +96,16 @@ pub enum Msg {
     Layer(usize),
     /// Shows or hides the legend.
     Legend,
+    /// Shows or hides the numbers of every step.
+    Numbers,
     /// Offers the picture as SVG.
     SaveSvg,
     /// Offers the picture as PNG.
     SavePng,
+    /// Films what is played from here on, or ends the film.
+    Film,
+    /// The film has ended, or there is none for this reason.
+    Filmed(Result<(), String>),
     /// The numbers are to be shown anew while it plays.
     Frame,
 }
@@ -189,6 +203,9 @@ pub struct Replay {
     trial: TrialDetail,
     sources: Sources<Msg>,
     choice: Choice,
+    /// The participant's tasks, once they are here.
+    tasks: Option<Tasks>,
+    chances: Chances,
     /// The participant's models in the newest analysis.
     offered: Offered,
     /// What finds a model of any analysis, while it is shown.
@@ -201,13 +218,19 @@ pub struct Replay {
     in_a_row: bool,
     /// While it plays.
     playing: Option<Playing>,
+    /// While it is filmed. A film lasts as long as it plays.
+    filming: bool,
     shows_legend: bool,
+    shows_numbers: bool,
+    strip: Strip,
     /// What there is to see at this moment.
     picture: Picture,
     /// What is wrong, if something is.
     trouble: Option<String>,
     /// What of the link could not be used.
     misread: Option<String>,
+    /// Why there is no film, if one was asked for.
+    unfilmed: Option<String>,
 }
 
 /// Times on the page's clock, ms.
@@ -243,24 +266,31 @@ impl Replay {
         let mut replay = Self {
             sources: Sources::new(&trial.parameters, ids, Msg::ValueFunction),
             choice: Choice::new(Pane::First, source),
+            tasks: None,
+            chances: Chances::default(),
             offered: Offered::Asked,
             finder: None,
+            strip: Strip::new(&trial, &playback),
             trial,
             playback,
             beside: None,
             view,
             in_a_row,
             playing: None,
+            filming: false,
             shows_legend: true,
+            shows_numbers: false,
             picture: Picture::default(),
             trouble: None,
             misread,
+            unfilmed: None,
         };
         if in_a_row {
             replay.playing = Some(Playing { until_ms: now_ms, shown_ms: now_ms });
         }
         let mut commands = replay.sources.begin();
         commands.extend(replay.predict(Pane::First));
+        commands.extend(Tasks::ask(&replay.trial));
         commands.push(Offered::ask(&replay.trial.study, Msg::Analyses));
         commands.extend(beside.map(|source| replay.show_beside(source)).into_iter().flatten());
         replay.show();
@@ -271,6 +301,13 @@ impl Replay {
         let mut commands = Vec::new();
         // Whatever changes the view changes the link to it.
         let before = (!self.is_playing()).then(|| self.address());
+        // The panes that may predict in another way after it.
+        let panes = match &message {
+            Msg::Predictor(pane, _) | Msg::Choose(pane, _) | Msg::Open(pane, _) => vec![*pane],
+            Msg::ValueFunction(..) | Msg::Drives(_) => vec![Pane::First, Pane::Second],
+            Msg::Beside => vec![Pane::Second],
+            _ => Vec::new(),
+        };
         match message {
             Msg::Trial(_) => {}
             Msg::Predictor(pane, answer) => {
@@ -299,6 +336,8 @@ impl Replay {
                 self.finder = self.finder.take().filter(|finder| finder.pane == Pane::First);
             }
             Msg::Beside => commands = self.show_beside(FIRST_BESIDE),
+            Msg::Drives(answer) => self.tasks = Tasks::of(answer),
+            Msg::Chances(pane, answer) => commands = self.take_chances(pane, answer),
             Msg::Analyses(answer) => {
                 let number = self.trial.summary.participant_number;
                 commands = self.offered.analyses(answer, number, Msg::Models);
@@ -333,14 +372,28 @@ impl Replay {
                 }
             }
             Msg::Legend => self.shows_legend = !self.shows_legend,
+            Msg::Numbers => self.shows_numbers = !self.shows_numbers,
             Msg::SaveSvg => commands = vec![self.svg()],
             Msg::SavePng if self.beside.is_some() => commands = vec![self.png()],
             Msg::SavePng => {
                 commands =
                     vec![Command::DownloadCanvas { canvas: CANVAS, name: self.file_name("png") }];
             }
+            Msg::Film if self.filming => self.playing = None,
+            Msg::Film => commands = self.film(now_ms),
+            Msg::Filmed(ended) => {
+                self.filming = false;
+                self.unfilmed = ended.err();
+            }
             Msg::Frame if self.playing.is_none() => commands = self.at_the_end(),
             Msg::Frame => {}
+        }
+        if !panes.is_empty() {
+            self.strip = Strip::new(&self.trial, &self.playback);
+        }
+        commands.extend(panes.into_iter().flat_map(|pane| self.count(pane)));
+        if self.filming && self.playing.is_none() {
+            commands.push(Command::Film(Box::new(|| Film::End(FILM))));
         }
         self.show();
         let after = (!self.is_playing()).then(|| self.address());
@@ -465,10 +518,25 @@ impl Replay {
         None
     }
 
-    /// It has played to the end: the next trial follows, if one is to.
+    /// Films what is played from here to the end, or to the next pause.
+    fn film(&mut self, now_ms: f64) -> Commands<Msg> {
+        self.playing = None;
+        self.play_or_pause(now_ms);
+        (self.filming, self.unfilmed) = (true, None);
+        let file = self.file_name("webm");
+        vec![Command::Film(Box::new(move || Film::Begin {
+            name: FILM,
+            canvas: CANVAS,
+            file,
+            then: Rc::new(Msg::Filmed),
+        }))]
+    }
+
+    /// It has played to the end: the next trial follows, if one is to. A film is of one trial.
     fn at_the_end(&self) -> Commands<Msg> {
         let is_over = self.view.time_s >= self.playback.duration_s();
-        let next = self.trial.next.as_ref().filter(|_| self.in_a_row && is_over);
+        let goes_on = self.in_a_row && is_over && !self.filming;
+        let next = self.trial.next.as_ref().filter(|_| goes_on);
         next.map(|next| Command::Visit(self.link_to(next))).into_iter().collect()
     }
 
@@ -502,3 +570,5 @@ impl Replay {
 /// The canvas elements' ids.
 const CANVAS: &str = "replay";
 const CANVAS_BESIDE: &str = "replay-beside";
+/// The name of the film.
+const FILM: &str = "film";

@@ -1,7 +1,8 @@
-//! How often the predicted sets hold this participant's future: counted beside the page, over the tasks that
-//! did not train the predictor, as in the explorer.
+//! How often the predicted sets of a pane hold this participant's future: counted beside the page, over the
+//! tasks that did not train the predictor, as in the explorer.
 
-use super::Msg;
+use super::choice::Pane;
+use super::{Msg, Replay};
 use crate::evaluation::Part;
 use crate::json;
 use crate::pages::coverage::Coverage;
@@ -10,100 +11,120 @@ use crate::runtime::{Answer, Command, Commands, Evaluate, Request, read};
 use sidestep::api::{Drives, TrialDetail, routes};
 use sidestep::playback::Playback;
 use sidestep::predict::PredictorFile;
-use sidestep::shfrs::file::PRESETS;
+use sidestep::shfrs::file::ShfrsFile;
 use sidestep::shfrs::probability::Regions;
 use sidestep::trial::Phase;
 use std::rc::Rc;
 
-/// What is known of the sets' probabilities.
-#[derive(Default)]
-pub(super) struct Chances {
-    /// The participant's tasks, once they are here: what was read, and what the server sent.
-    drives: Option<(Drives, Vec<u8>)>,
-    /// The ids of the trials that trained the predictor, once that is here.
-    trained_on: Option<Vec<String>>,
-    coverage: Coverage,
+/// The participant's tasks.
+pub(super) struct Tasks {
+    drives: Drives,
+    /// The same as the server sent it, for the evaluators.
+    content: Vec<u8>,
 }
 
-/// The evaluator's name.
-const NAME: &str = "chances";
+impl Tasks {
+    /// Asks for the tasks of this trial's participant. The trials of other phases are too few to count on.
+    pub(super) fn ask(trial: &TrialDetail) -> Option<Command<Msg>> {
+        let route = routes::admin_drives(&trial.summary.participant_id);
+        let is_task = trial.summary.phase == Phase::Task;
+        is_task.then(|| Command::Send(Request::get("drives", route, Msg::Drives)))
+    }
+
+    /// What the server sent.
+    pub(super) fn of(answer: Answer) -> Option<Self> {
+        let content = answer.ok()?;
+        let drives = read(Ok(content.clone())).ok()?;
+        Some(Self { drives, content })
+    }
+}
+
+/// What is known of the probabilities of a pane's sets.
+#[derive(Default)]
+pub(super) struct Chances(Coverage);
 
 impl Chances {
-    /// Asks for the tasks. Other phases are too short to count on.
-    pub(super) fn begin(trial: &TrialDetail) -> Commands<Msg> {
-        let route = routes::admin_drives(&trial.summary.participant_id);
-        let ask = || Command::Send(Request::get("drives", route, Msg::Drives));
-        (trial.summary.phase == Phase::Task).then(ask).into_iter().collect()
-    }
-
-    /// Takes the tasks that the server sent.
-    pub(super) fn arrived(&mut self, answer: Answer) {
-        if let Ok(content) = answer
-            && let Ok(drives) = read::<Drives>(Ok(content.clone()))
-        {
-            self.drives = Some((drives, content));
-        }
-    }
-
-    /// Another predictor, which these trials trained; none as long as it is not known.
-    pub(super) fn trained_on(&mut self, trials: Option<Vec<String>>) {
-        self.trained_on = trials;
-    }
-
-    /// Counts anew, once everything is known.
-    pub(super) fn ask(&mut self, playback: &Playback) -> Commands<Msg> {
-        self.coverage.forget();
-        let mut commands = vec![Command::Cancel(NAME)];
-        let (Some((drives, content)), Some(trained_on)) = (&self.drives, &self.trained_on) else {
-            return commands;
-        };
-        let (Some(safety), Some(learned)) = (playback.safety(), playback.learned()) else {
-            return commands;
-        };
-        let tasks = drives.tasks.iter().enumerate();
-        let unseen = tasks.filter(|(_, task)| !trained_on.contains(&task.trial_id));
+    /// What the evaluator has to be told to count for this predictor, if everything is known.
+    fn question(
+        &mut self,
+        tasks: Option<&Tasks>,
+        trained_on: Option<&[String]>,
+        playback: &Playback,
+    ) -> Option<[(Part, Vec<u8>); 5]> {
+        self.0.forget();
+        let (Tasks { drives, content }, trained_on) = (tasks?, trained_on?);
+        let (safety, learned) = (playback.safety()?, playback.learned()?);
+        let all = drives.tasks.iter().enumerate();
+        let unseen = all.filter(|(_, task)| !trained_on.contains(&task.trial_id));
         let unseen = unseen.map(|(place, _)| place).collect();
-        let settings = PRESETS[0].settings(learned.predictor.classes().len());
+        let settings = ShfrsFile::from(&learned.settings.bounds);
         let predictor = json::write(&PredictorFile::from(&learned.predictor));
-        let parts = [
+        Some([
             (Part::Drives, content.clone()),
             (Part::Human, safety.human.encode()),
             (Part::Robot, safety.robot.encode()),
             (Part::Predictor, predictor.into_bytes()),
-            (Part::Question, json::write(&self.coverage.ask(settings, unseen)).into_bytes()),
-        ];
-        commands.extend(parts.map(|(part, content)| {
-            let tell = move || Evaluate { name: NAME, part, content, then: Rc::new(Msg::Chances) };
-            Command::Evaluate(Box::new(tell))
-        }));
-        commands
+            (Part::Question, json::write(&self.0.ask(settings, unseen)).into_bytes()),
+        ])
     }
 
-    /// Takes what the evaluator has to say.
-    pub(super) fn take(&mut self, answer: Answer) -> Commands<Msg> {
-        let Some(report) = self.coverage.newest(answer) else { return Vec::new() };
+    /// Takes what the evaluator has to say; whether that was all.
+    fn take(&mut self, answer: Answer) -> bool {
+        let Some(report) = self.0.newest(answer) else { return false };
         let is_over = report.done >= 1.0;
-        self.coverage.take(report);
-        is_over.then_some(Command::Cancel(NAME)).into_iter().collect()
+        self.0.take(report);
+        is_over
     }
 
     /// What was counted for so many sets.
     pub(super) fn regions(&self, sets: usize) -> Option<&Regions> {
-        self.coverage.regions(sets).map(|(regions, _)| regions)
+        self.0.regions(sets).map(|(regions, _)| regions)
     }
 
     /// What the probabilities mean, or why there are none; nothing as long as that is not known.
-    pub(super) fn words(&self, sets: usize) -> Option<String> {
+    pub(super) fn words(&self, sets: usize, of: &str) -> Option<String> {
         let counted = self.regions(sets).map(|regions| {
             let p = &regions.probabilities;
             format!(
-                "p: share of {} windows of {} that did not train the predictor whose future stays \
-                 inside, with {:.0} % intervals.",
+                "p: share of {} windows of {} whose future stays inside, with {:.0} % intervals. {of}",
                 p.windows,
                 count(p.trajectories, "task"),
                 100.0 * p.confidence
             )
         });
-        counted.or_else(|| self.coverage.trouble.as_ref().map(|why| format!("No p: {why}")))
+        counted.or_else(|| self.0.trouble.as_ref().map(|why| format!("No p: {why}")))
+    }
+}
+
+impl Replay {
+    /// Counts anew for a pane, once everything is known.
+    pub(super) fn count(&mut self, pane: Pane) -> Commands<Msg> {
+        let tasks = self.tasks.as_ref();
+        let question = match (pane, &mut self.beside) {
+            (Pane::First, _) => {
+                self.chances.question(tasks, self.choice.trained_on(), &self.playback)
+            }
+            (Pane::Second, Some(it)) => {
+                it.chances.question(tasks, it.choice.trained_on(), &it.playback)
+            }
+            (Pane::Second, None) => None,
+        };
+        let name = pane.evaluator();
+        let told = question.into_iter().flatten().map(|(part, content)| {
+            let then = Rc::new(move |answer| Msg::Chances(pane, answer));
+            Command::Evaluate(Box::new(move || Evaluate { name, part, content, then }))
+        });
+        [Command::Cancel(name)].into_iter().chain(told).collect()
+    }
+
+    /// Takes what a pane's evaluator has to say.
+    pub(super) fn take_chances(&mut self, pane: Pane, answer: Answer) -> Commands<Msg> {
+        let chances = match (pane, &mut self.beside) {
+            (Pane::First, _) => &mut self.chances,
+            (Pane::Second, Some(beside)) => &mut beside.chances,
+            (Pane::Second, None) => return Vec::new(),
+        };
+        let is_over = chances.take(answer);
+        is_over.then_some(Command::Cancel(pane.evaluator())).into_iter().collect()
     }
 }

@@ -34,6 +34,14 @@ impl Pane {
         }
     }
 
+    /// The name of what counts for it.
+    pub(super) fn evaluator(self) -> &'static str {
+        match self {
+            Self::First => "chances",
+            Self::Second => "chances-beside",
+        }
+    }
+
     /// The name of something in this pane.
     pub(super) fn id(self, name: &str) -> String {
         match self {
@@ -73,6 +81,8 @@ struct Known {
     fallback: Option<String>,
     /// The analysis that trained it, if one did.
     source: Option<PredictorSource>,
+    /// The ids of these trials.
+    trained_on: Vec<String>,
     /// How many features it has, if it is from a file.
     features: usize,
 }
@@ -130,6 +140,19 @@ impl Choice {
         }
     }
 
+    /// The ids of the trials that trained it, as far as that is known; nothing before it is here.
+    pub(super) fn trained_on(&self) -> Option<&[String]> {
+        self.known.as_ref().map(|known| &*known.trained_on)
+    }
+
+    /// What its probabilities are counted over.
+    pub(super) fn judged_on(&self) -> &'static str {
+        match &self.chosen {
+            Chosen::File => "The file does not say which of them trained the predictor.",
+            Chosen::Linked(_) => "None of them trained the predictor.",
+        }
+    }
+
     /// What a picture calls it.
     pub(super) fn caption(&self) -> String {
         match &self.chosen {
@@ -147,12 +170,12 @@ impl Choice {
     /// Takes what the server sent: the predictor, or why there is none.
     pub(super) fn arrived(&mut self, answer: Answer) -> Result<Learned, String> {
         let trained: TrainedPredictor = read(answer).map_err(|failure| failure.sentence)?;
-        let TrainedPredictor { predictor, trials, fallback, source, .. } = trained;
+        let TrainedPredictor { predictor, trials, fallback, source, trained_on } = trained;
         let learned = Predictor::try_from(predictor).and_then(|predictor| match &self.chosen {
             Chosen::Linked(Source::Way(way)) => way.learned(Some(predictor)),
             _ => Learned::usual(predictor),
         });
-        self.known = Some(Known { trials, fallback, source, features: 0 });
+        self.known = Some(Known { trials, fallback, source, trained_on, features: 0 });
         learned.map_err(|invalid| invalid.to_string())
     }
 

@@ -1,5 +1,6 @@
 //! One or two panes of a replay: what each predicts with, and pictures of both.
 
+use super::chances::Chances;
 use super::choice::{Ask, Choice, Pane};
 use super::finder::Finder;
 use super::{Msg, Replay};
@@ -14,6 +15,7 @@ pub(super) struct Beside {
     pub(super) choice: Choice,
     pub(super) playback: Playback,
     pub(super) picture: Picture,
+    pub(super) chances: Chances,
 }
 
 /// What the second pane shows first: what anybody would guess.
@@ -50,7 +52,8 @@ impl Replay {
             return Vec::new();
         };
         let (choice, picture) = (Choice::new(Pane::Second, source), Picture::default());
-        self.beside = Some(Box::new(Beside { choice, playback, picture }));
+        let chances = Chances::default();
+        self.beside = Some(Box::new(Beside { choice, playback, picture, chances }));
         self.take_safety();
         self.predict(Pane::Second)
     }

@@ -1,10 +1,11 @@
 //! What a replay shows around the canvas.
 
-use super::chart;
-use super::choice::{self, Pane};
+use super::chances::Chances;
+use super::choice::{self, Choice, Pane};
 use super::finder::Finder;
 use super::keys;
 use super::{CANVAS, CANVAS_BESIDE, Msg, Replay};
+use crate::pages::coverage::chance;
 use crate::pages::moment::{self, metres, select, switch};
 use crate::pages::parts::{self, alert, button, cell, fact};
 use crate::view::{self, el, subscripted};
@@ -12,7 +13,7 @@ use sidestep::chart::fixed;
 use sidestep::playback::Playback;
 use sidestep::playback::source::{Source, Way};
 use sidestep::playback::style::{Palette, Sets};
-use sidestep::playback::view::{SPEEDS, View};
+use sidestep::playback::view::SPEEDS;
 use sidestep::safety::SafetyLevels;
 use sidestep::scene::{Evader, JointState};
 use sidestep::trial::Phase;
@@ -69,18 +70,21 @@ fn panel(replay: &Replay) -> Node {
         .children(parts::synthetic(replay.trial.synthetic))
         .child(heading)
         .children(replay.misread.as_deref().map(|why| alert("misread", why)))
+        .children(replay.unfilmed.as_deref().map(|why| alert("unfilmed", why)))
         .child(facts(replay))
         .children(doubt(replay))
         .child(chosen(&replay.choice, first))
         .children(finder(Pane::First))
-        .children(predicted(&replay.playback, &replay.view))
+        .children(predicted(replay, &replay.playback, &replay.choice, &replay.chances))
         .children(beside.map(|beside| chosen(&beside.choice, second)))
         .children(finder(Pane::Second))
         .children(beside.map(|beside| {
-            el("div")
-                .class("numbers-beside")
-                .test_id("numbers-beside")
-                .children(predicted(&beside.playback, &replay.view))
+            el("div").class("numbers-beside").test_id("numbers-beside").children(predicted(
+                replay,
+                &beside.playback,
+                &beside.choice,
+                &beside.chances,
+            ))
         }))
         .child(drawing(replay))
         .child(outcome(replay))
@@ -89,11 +93,29 @@ fn panel(replay: &Replay) -> Node {
 }
 
 /// How likely each next input is, and the predicted sets, once they are known.
-fn predicted(playback: &Playback, view: &View) -> Vec<Node> {
+fn predicted(
+    replay: &Replay,
+    playback: &Playback,
+    choice: &Choice,
+    chances: &Chances,
+) -> Vec<Node> {
     let probabilities = playback.probabilities().into_iter();
-    probabilities
-        .flat_map(|probabilities| [moment::inputs(probabilities), moment::regions(playback, view)])
-        .collect()
+    let regions = || regions(replay, playback, choice, chances);
+    probabilities.flat_map(|probabilities| [moment::inputs(probabilities), regions()]).collect()
+}
+
+/// The predicted sets, and how often they hold this participant's future.
+fn regions(replay: &Replay, playback: &Playback, choice: &Choice, chances: &Chances) -> Node {
+    let sets = playback.shfrs().map_or(0, |shfrs| shfrs.sets.len());
+    let cells = (replay.trial.summary.phase == Phase::Task).then(|| {
+        let known = chances.regions(sets);
+        let of =
+            |j: usize| known.map_or_else(|| cell("…"), |it| chance(it.probabilities.inside[j]));
+        (0..sets).map(|j| of(j).test_id(&format!("p-{j}"))).collect()
+    });
+    let words = chances.words(sets, choice.judged_on());
+    moment::regions(playback, &replay.view, cells)
+        .children(words.map(|words| el("p").class("quiet").test_id("p-words").text(words)))
 }
 
 /// Study, participant and scene, the first two as links.
@@ -245,7 +267,6 @@ fn outcome(replay: &Replay) -> Node {
 }
 
 fn timeline(replay: &Replay) -> Node {
-    let lines = chart::lines(replay);
     let now = replay.playback.now();
     let slider = el("input")
         .attrs(&[("type", "range"), ("min", "0"), ("step", "any"), ("aria-label", "Time")])
@@ -254,24 +275,26 @@ fn timeline(replay: &Replay) -> Node {
         .attr("aria-valuetext", format!("{:.1} seconds, step {}", now.time_s, now.step))
         .test_id("slider")
         .on_input(|value| Msg::Seek(value.number().unwrap_or(0.0)));
-    let table = chart::table(replay, &lines);
-    let row = |cells: Vec<String>| el("tr").children(cells.into_iter().map(cell));
-    let numbers = el("div")
-        .class("scroll")
-        .attrs(&[("tabindex", "0"), ("role", "region"), ("aria-label", "Numbers of every step")])
-        .child(parts::table(table.columns, table.rows.into_iter().map(row)));
     el("section")
         .class("timeline")
         .attr("aria-label", "Timeline")
-        .child(controls(replay, &lines))
-        .child(el("div").class("chart").child(chart::draw(replay, &lines)).child(slider))
-        .child(
-            el("details").class("table-twin").child(el("summary").text("Numbers")).child(numbers),
-        )
+        .child(controls(replay))
+        .child(el("div").class("chart").child(replay.strip.view(&replay.playback)).child(slider))
+        .children(replay.shows_numbers.then(|| numbers(replay)))
+}
+
+/// The numbers of every step.
+fn numbers(replay: &Replay) -> Node {
+    let table = replay.strip.table(&replay.trial, &replay.playback);
+    let row = |cells: Vec<String>| el("tr").children(cells.into_iter().map(cell));
+    el("div")
+        .class("scroll table-twin")
+        .attrs(&[("tabindex", "0"), ("role", "region"), ("aria-label", "Numbers of every step")])
+        .child(parts::table(table.columns, table.rows.into_iter().map(row)))
 }
 
 /// The buttons of a player, and what the lines of the chart mean.
-fn controls(replay: &Replay, lines: &sidestep::chart::Chart) -> Node {
+fn controls(replay: &Replay) -> Node {
     let picture = |path: &'static str| {
         el("svg")
             .attrs(&[("viewBox", "0 0 24 24"), ("aria-hidden", "true")])
@@ -309,11 +332,18 @@ fn controls(replay: &Replay, lines: &sidestep::chart::Chart) -> Node {
         .attr("title", "Two predictors of the same moment (key B)")
         .text("side by side");
     let legend_switch = switch("legend-switch", replay.shows_legend, Msg::Legend).text("legend");
+    let numbers_switch =
+        switch("numbers-switch", replay.shows_numbers, Msg::Numbers).text("numbers");
     let save = |id: &str, words: &str, message| {
         let title = format!("Save the picture as {words}");
         button(id, message).class("plain").attr("title", title).text(words)
     };
     let saves = [save("save-svg", "SVG", Msg::SaveSvg), save("save-png", "PNG", Msg::SavePng)];
+    let (title, sign) = match replay.filming {
+        true => ("End the film and save it", "■ WebM"),
+        false => ("Play on from here and save a film of it: to the end, or to a pause", "WebM"),
+    };
+    let film = switch("film", replay.filming, Msg::Film).attr("title", title).text(sign);
     el("div")
         .class("controls")
         .child(other(
@@ -333,6 +363,8 @@ fn controls(replay: &Replay, lines: &sidestep::chart::Chart) -> Node {
         .child(in_a_row)
         .child(beside)
         .child(legend_switch)
+        .child(numbers_switch)
         .children(saves)
-        .child(chart::legend(lines))
+        .child(film)
+        .child(replay.strip.legend())
 }
