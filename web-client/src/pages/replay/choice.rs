@@ -262,7 +262,7 @@ pub(super) fn section(
         .children((pane == Pane::First).then(|| offered.hint(&trial.study)).flatten())
         .child(
             button(&pane.id("find-models"), Msg::Find(pane))
-                .class("plain")
+                .class("plain find")
                 .text("Models of other people and studies…"),
         )
 }

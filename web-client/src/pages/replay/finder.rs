@@ -135,18 +135,10 @@ impl Finder {
         })
     }
 
-    /// The models that have all words that are looked for, each with its own.
-    fn found<'a>(
-        &'a self,
-        page: &'a PredictorPage,
-    ) -> impl Iterator<Item = (&'a PredictorSummary, String)> {
-        let words = |it: &PredictorSummary| {
-            let right = 100.0 * it.test_accuracy;
-            format!("Participant {}: {}, {right:.0} % right", it.participant, name(it))
-        };
-        let listed = page.predictors.iter().map(move |it| (it, words(it)));
-        listed.filter(|(_, words)| {
-            let words = words.to_lowercase();
+    /// The models that have all words that are looked for.
+    fn found<'a>(&'a self, page: &'a PredictorPage) -> impl Iterator<Item = &'a PredictorSummary> {
+        page.predictors.iter().filter(|it| {
+            let words = words(it).to_lowercase();
             self.sought.split_whitespace().all(|sought| words.contains(sought))
         })
     }
@@ -198,11 +190,14 @@ impl Finder {
                     .test_id("finder-search")
                     .on_input(|value| Whole::Finder(Msg::Search(value))),
             );
-        let beside = if self.pane == Pane::Second { "beside" } else { "here" };
+        let heading = match self.pane {
+            Pane::First => "Find a model",
+            Pane::Second => "Find a model for the second picture",
+        };
         el("section")
             .class("finder")
             .test_id("finder")
-            .child(el("h2").text(format!("Models to predict with {beside}")))
+            .child(el("h2").text(heading))
             .child(study)
             .children(analysis)
             .children(who)
@@ -210,12 +205,13 @@ impl Finder {
             .children(empty)
             .children(self.trouble.as_deref().map(|why| alert("finder-trouble", why)))
             .children(self.page.as_ref().map(|page| self.models(page)))
-            .child(button("finder-close", Whole::Find(self.pane)).class("plain").text("Close"))
+            .child(button("finder-close", Whole::Find(self.pane)).class("plain find").text("Close"))
     }
 
     fn models(&self, page: &PredictorPage) -> Node {
         let total = self.found(page).count();
-        let entry = |(it, words): (&PredictorSummary, String)| {
+        let entry = |it: &PredictorSummary| {
+            let words = format!("{}, {:.0} % right", words(it), 100.0 * it.test_accuracy);
             let named = Named { analysis: self.analysis.clone(), file: it.file.clone() };
             let message = Whole::Choose(self.pane, FieldValue::Text(named.value()));
             let button = button("found-model", message).class("plain").text(words);
@@ -244,6 +240,11 @@ impl Finder {
             )
             .child(el("ul").class("found").children(shown))
     }
+}
+
+/// What a model can be found by.
+fn words(it: &PredictorSummary) -> String {
+    format!("Participant {}: {}", it.participant, name(it))
 }
 
 fn ask(name: &'static str, url: String, then: fn(Answer) -> Msg) -> Command<Whole> {
