@@ -22,7 +22,7 @@ use self::clock::Clock;
 use self::dom::Dom;
 use self::storage::Storage;
 use crate::runtime::{
-    Command, Commands, Evaluate, Event, Failure, Film, PNG_OF_SVG, Page, PageContext, Solving,
+    Command, Commands, Evaluate, Event, Failure, Offer, PNG_OF_SVG, Page, PageContext, Solving,
 };
 use js_sys::{Function, Promise, Reflect};
 use sidestep::picture::Picture;
@@ -516,19 +516,18 @@ impl<P: Page + 'static> Pump<P> {
                 }
             }
             Command::Fullscreen(false) => wish(&shell.document, "exitFullscreen"),
-            Command::Download { .. } | Command::DownloadCanvas { .. } if !P::offers_files() => {}
-            Command::Download { name, media_type: PNG_OF_SVG, content } => {
-                files::offer_picture(&shell.document, &content, name);
-            }
-            Command::Download { name, media_type, content } => {
-                files::offer(&shell.document, &name, media_type, &content);
-            }
-            Command::DownloadCanvas { canvas, name } => {
-                files::offer_canvas(&shell.document, canvas, name);
-            }
-            Command::Film(_) if !P::offers_files() => {}
-            Command::Film(film) => match film() {
-                Film::Begin { name, canvas, file, then } => {
+            Command::Offer(_) if !P::offers_files() => {}
+            Command::Offer(offer) => match offer() {
+                Offer::File { name, media_type: PNG_OF_SVG, content } => {
+                    files::offer_picture(&shell.document, &content, name);
+                }
+                Offer::File { name, media_type, content } => {
+                    files::offer(&shell.document, &name, media_type, &content);
+                }
+                Offer::Canvas { canvas, name } => {
+                    files::offer_canvas(&shell.document, canvas, name);
+                }
+                Offer::Film { name, canvas, file, then } => {
                     let number = shell.begin(name);
                     let (pump, document, then_ended) =
                         (self.clone(), shell.document.clone(), Rc::clone(&then));
@@ -551,7 +550,7 @@ impl<P: Page + 'static> Pump<P> {
                         }
                     }
                 }
-                Film::End(name) => {
+                Offer::EndOfFilm(name) => {
                     let films = shell.underway.iter().filter(|underway| underway.name == name);
                     let film = films.filter_map(|it| it._work.downcast_ref::<film::Film>()).next();
                     film.map(film::Film::end).unwrap_or_default();

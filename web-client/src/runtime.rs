@@ -63,8 +63,8 @@ pub trait Page {
         false
     }
 
-    /// Whether it offers and opens files; else [`Command::Download`] and its like do nothing, and fields for
-    /// files hold no content.
+    /// Whether it offers and opens files; else [`Command::Offer`] does nothing, and fields for files hold no
+    /// content.
     #[must_use]
     fn offers_files() -> bool
     where
@@ -359,24 +359,8 @@ pub enum Command<M> {
     GuardLeaving(bool),
     /// Fill the screen, or no longer. The browser does so only when a key or button was pressed.
     Fullscreen(bool),
-    /// Offer a file for download.
-    Download {
-        /// Its name.
-        name: String,
-        /// Its media type.
-        media_type: &'static str,
-        /// Its content.
-        content: Vec<u8>,
-    },
-    /// Offer what is on a canvas as a PNG image for download, on the page's ground.
-    DownloadCanvas {
-        /// The canvas element's id.
-        canvas: &'static str,
-        /// Name of the file.
-        name: String,
-    },
-    /// Film a canvas. It is a function for the same reason as with [`Self::Evaluate`].
-    Film(Box<dyn FnOnce() -> Film<M>>),
+    /// Offer something for download. It is a function for the same reason as with [`Self::Evaluate`].
+    Offer(Box<dyn FnOnce() -> Offer<M>>),
     /// Replace the address without loading it.
     ReplaceAddress(String),
     /// Show another address of this page as if a link to it had been pressed.
@@ -385,21 +369,37 @@ pub enum Command<M> {
     Leave(String),
 }
 
-/// What is to become of a film. It is discarded if its name is cancelled.
-pub enum Film<M> {
-    /// It begins.
-    Begin {
+/// Something to offer for download.
+pub enum Offer<M> {
+    /// A file.
+    File {
+        /// Its name.
+        name: String,
+        /// Its media type.
+        media_type: &'static str,
+        /// Its content.
+        content: Vec<u8>,
+    },
+    /// What is on a canvas as a PNG image, on the page's ground.
+    Canvas {
+        /// The canvas element's id.
+        canvas: &'static str,
+        /// Name of the file.
+        name: String,
+    },
+    /// A film of a canvas, which begins now. It is discarded if its name is cancelled.
+    Film {
         /// Its name, as of a request.
         name: &'static str,
         /// The canvas element's id.
         canvas: &'static str,
-        /// Name of the file that is offered for download when it has ended.
+        /// Name of the file.
         file: String,
         /// The message once it is offered, or the sentence why there is none.
         then: Rc<dyn Fn(Result<(), String>) -> M>,
     },
-    /// The film of this name ends.
-    End(&'static str),
+    /// The film of this name, which ends now.
+    EndOfFilm(&'static str),
 }
 
 /// Something to tell the evaluator of a name. It is started if there is none, and lives until it is
@@ -414,7 +414,7 @@ pub struct Evaluate<M> {
     /// The message of each of its reports: that of the command which started it.
     pub then: Rc<dyn Fn(Answer) -> M>,
 }
-/// The media type of a [`Command::Download`] whose content is SVG, and which is to be a PNG image, twice as
+/// The media type of an [`Offer::File`] whose content is SVG, and which is to be a PNG image, twice as
 /// large as the SVG says.
 pub const PNG_OF_SVG: &str = "image/png; from svg";
 
@@ -448,6 +448,12 @@ impl<M> Request<M> {
 }
 
 impl<M: 'static> Command<M> {
+    /// Offers this for download.
+    #[must_use]
+    pub fn offer(offer: Offer<M>) -> Self {
+        Self::Offer(Box::new(move || offer))
+    }
+
     /// The same with the messages of a page that this one is part of.
     #[must_use]
     pub fn map<N: 'static>(self, lift: impl Fn(M) -> N + Clone + 'static) -> Command<N> {
@@ -480,16 +486,16 @@ impl<M: 'static> Command<M> {
             Self::Language(tag) => Command::Language(tag),
             Self::GuardLeaving(on) => Command::GuardLeaving(on),
             Self::Fullscreen(on) => Command::Fullscreen(on),
-            Self::Download { name, media_type, content } => {
-                Command::Download { name, media_type, content }
-            }
-            Self::DownloadCanvas { canvas, name } => Command::DownloadCanvas { canvas, name },
-            Self::Film(film) => Command::Film(Box::new(move || match film() {
-                Film::Begin { name, canvas, file, then } => {
-                    let then = Rc::new(move |ended| lift(then(ended)));
-                    Film::Begin { name, canvas, file, then }
+            Self::Offer(offer) => Command::Offer(Box::new(move || match offer() {
+                Offer::File { name, media_type, content } => {
+                    Offer::File { name, media_type, content }
                 }
-                Film::End(name) => Film::End(name),
+                Offer::Canvas { canvas, name } => Offer::Canvas { canvas, name },
+                Offer::Film { name, canvas, file, then } => {
+                    let then = Rc::new(move |ended| lift(then(ended)));
+                    Offer::Film { name, canvas, file, then }
+                }
+                Offer::EndOfFilm(name) => Offer::EndOfFilm(name),
             })),
             Self::ReplaceAddress(url) => Command::ReplaceAddress(url),
             Self::Visit(url) => Command::Visit(url),

@@ -2,7 +2,7 @@
 
 use crate::evaluation::Evaluation;
 use crate::runtime::{
-    Answer, Command, Commands, Evaluate, Event, Failure, Film, NotKept, Page, Request, Solving,
+    Answer, Command, Commands, Evaluate, Event, Failure, NotKept, Offer, Page, Request, Solving,
     Then, answer,
 };
 use crate::task::Task;
@@ -145,14 +145,14 @@ impl<P: Page> Session<P> {
                 Command::Fullscreen(on) => self.fullscreen = on,
                 Command::Visit(url) | Command::ReplaceAddress(url) => self.visited.push(url),
                 Command::Leave(url) => self.left = Some(url),
-                Command::Download { name, content, .. } => self.files.push((name, content)),
-                Command::DownloadCanvas { name, .. } => self.files.push((name, Vec::new())),
-                Command::Film(film) => match film() {
-                    Film::Begin { name, file, then, .. } => {
+                Command::Offer(offer) => match offer() {
+                    Offer::File { name, content, .. } => self.files.push((name, content)),
+                    Offer::Canvas { name, .. } => self.files.push((name, Vec::new())),
+                    Offer::Film { name, file, then, .. } => {
                         self.cancel(|other| other == name);
                         self.films.push((name, file, then));
                     }
-                    Film::End(name) => self.films_ended.push(name),
+                    Offer::EndOfFilm(name) => self.films_ended.push(name),
                 },
             }
         }

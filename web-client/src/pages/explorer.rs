@@ -18,7 +18,7 @@ use super::safety::Sources;
 use crate::form::FieldValue;
 use crate::json;
 use crate::runtime::{
-    Address, Answer, Command, Commands, Event, Failure, Page, Request, Solving, read,
+    Address, Answer, Command, Commands, Event, Failure, Offer, Page, Request, Solving, read,
 };
 use crate::view::Node;
 use sidestep::api::{Drives, routes};
@@ -521,11 +521,11 @@ impl Explorer {
     /// The settings as a file.
     fn file(&self) -> Command<Msg> {
         let content = json::write(&self.wanted) + "\n";
-        Command::Download {
+        Command::offer(Offer::File {
             name: FILE.to_owned(),
             media_type: "application/json",
             content: content.into_bytes(),
-        }
+        })
     }
 }
 

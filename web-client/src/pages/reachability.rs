@@ -8,7 +8,7 @@ mod view;
 use self::found::Found;
 use self::keys::Key;
 use crate::form::{Does, FieldValue, Pointing};
-use crate::runtime::{Address, Command, Commands, Event, PNG_OF_SVG, Page, Solid, Solving};
+use crate::runtime::{Address, Command, Commands, Event, Offer, PNG_OF_SVG, Page, Solid, Solving};
 use crate::task::Task;
 use crate::view::Node;
 use sidestep::chart::{Drawing, Layer};
@@ -352,7 +352,8 @@ impl Reachability {
     fn save(&self, ending: &str, media_type: &'static str) -> Commands<Msg> {
         let name = self.file_name(ending);
         let content = self.drawing().map(|drawing| drawing.svg().into_bytes());
-        let download = content.map(|content| Command::Download { name, media_type, content });
+        let download =
+            content.map(|content| Command::offer(Offer::File { name, media_type, content }));
         download.into_iter().collect()
     }
 
@@ -370,7 +371,7 @@ impl Reachability {
             Solving::Solved(bytes) => {
                 self.writing = None;
                 let (name, media_type) = ("value-function.npz".to_owned(), "application/zip");
-                return vec![Command::Download { name, media_type, content: bytes }];
+                return vec![Command::offer(Offer::File { name, media_type, content: bytes })];
             }
         }
         Vec::new()

@@ -20,7 +20,7 @@ use super::parts;
 use super::safety::Sources;
 use crate::form::FieldValue;
 use crate::runtime::{
-    Address, Answer, Command, Commands, Event, Failure, Film, Page, Request, Solving, read,
+    Address, Answer, Command, Commands, Event, Failure, Offer, Page, Request, Solving, read,
 };
 use crate::view::Node;
 use sidestep::api::{TrialDetail, routes};
@@ -203,7 +203,7 @@ pub struct Replay {
     trial: TrialDetail,
     sources: Sources<Msg>,
     choice: Choice,
-    /// The participant's tasks, once they are here.
+    /// The participant's tasks, once they are asked for.
     tasks: Option<Tasks>,
     chances: Chances,
     /// The participant's models in the newest analysis.
@@ -290,7 +290,6 @@ impl Replay {
         }
         let mut commands = replay.sources.begin();
         commands.extend(replay.predict(Pane::First));
-        commands.extend(Tasks::ask(&replay.trial));
         commands.push(Offered::ask(&replay.trial.study, Msg::Analyses));
         commands.extend(beside.map(|source| replay.show_beside(source)).into_iter().flatten());
         replay.show();
@@ -336,7 +335,7 @@ impl Replay {
                 self.finder = self.finder.take().filter(|finder| finder.pane == Pane::First);
             }
             Msg::Beside => commands = self.show_beside(FIRST_BESIDE),
-            Msg::Drives(answer) => self.tasks = Tasks::of(answer),
+            Msg::Drives(answer) => self.tasks = Some(Tasks::of(answer)),
             Msg::Chances(pane, answer) => commands = self.take_chances(pane, answer),
             Msg::Analyses(answer) => {
                 let number = self.trial.summary.participant_number;
@@ -376,8 +375,8 @@ impl Replay {
             Msg::SaveSvg => commands = vec![self.svg()],
             Msg::SavePng if self.beside.is_some() => commands = vec![self.png()],
             Msg::SavePng => {
-                commands =
-                    vec![Command::DownloadCanvas { canvas: CANVAS, name: self.file_name("png") }];
+                let name = self.file_name("png");
+                commands = vec![Command::offer(Offer::Canvas { canvas: CANVAS, name })];
             }
             Msg::Film if self.filming => self.playing = None,
             Msg::Film => commands = self.film(now_ms),
@@ -393,7 +392,7 @@ impl Replay {
         }
         commands.extend(panes.into_iter().flat_map(|pane| self.count(pane)));
         if self.filming && self.playing.is_none() {
-            commands.push(Command::Film(Box::new(|| Film::End(FILM))));
+            commands.push(Command::offer(Offer::EndOfFilm(FILM)));
         }
         self.show();
         let after = (!self.is_playing()).then(|| self.address());
@@ -524,12 +523,12 @@ impl Replay {
         self.play_or_pause(now_ms);
         (self.filming, self.unfilmed) = (true, None);
         let file = self.file_name("webm");
-        vec![Command::Film(Box::new(move || Film::Begin {
+        vec![Command::offer(Offer::Film {
             name: FILM,
             canvas: CANVAS,
             file,
             then: Rc::new(Msg::Filmed),
-        }))]
+        })]
     }
 
     /// It has played to the end: the next trial follows, if one is to. A film is of one trial.

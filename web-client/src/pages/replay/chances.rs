@@ -16,26 +16,22 @@ use sidestep::shfrs::probability::Regions;
 use sidestep::trial::Phase;
 use std::rc::Rc;
 
-/// The participant's tasks.
-pub(super) struct Tasks {
-    drives: Drives,
-    /// The same as the server sent it, for the evaluators.
-    content: Vec<u8>,
-}
+/// The participant's tasks: none as long as they have not come, or if they cannot be read.
+#[derive(Default)]
+pub(super) struct Tasks(Option<(Drives, Vec<u8>)>);
 
 impl Tasks {
     /// Asks for the tasks of this trial's participant. The trials of other phases are too few to count on.
-    pub(super) fn ask(trial: &TrialDetail) -> Option<Command<Msg>> {
+    fn ask(trial: &TrialDetail) -> Option<Command<Msg>> {
         let route = routes::admin_drives(&trial.summary.participant_id);
         let is_task = trial.summary.phase == Phase::Task;
         is_task.then(|| Command::Send(Request::get("drives", route, Msg::Drives)))
     }
 
-    /// What the server sent.
-    pub(super) fn of(answer: Answer) -> Option<Self> {
-        let content = answer.ok()?;
-        let drives = read(Ok(content.clone())).ok()?;
-        Some(Self { drives, content })
+    /// What the server sent: the evaluators are told the same.
+    pub(super) fn of(answer: Answer) -> Self {
+        let drives = answer.ok().and_then(|it| Some((read(Ok(it.clone())).ok()?, it)));
+        Self(drives)
     }
 }
 
@@ -52,7 +48,7 @@ impl Chances {
         playback: &Playback,
     ) -> Option<[(Part, Vec<u8>); 5]> {
         self.0.forget();
-        let (Tasks { drives, content }, trained_on) = (tasks?, trained_on?);
+        let ((drives, content), trained_on) = (tasks?.0.as_ref()?, trained_on?);
         let (safety, learned) = (playback.safety()?, playback.learned()?);
         let all = drives.tasks.iter().enumerate();
         let unseen = all.filter(|(_, task)| !trained_on.contains(&task.trial_id));
@@ -99,6 +95,11 @@ impl Chances {
 impl Replay {
     /// Counts anew for a pane, once everything is known.
     pub(super) fn count(&mut self, pane: Pane) -> Commands<Msg> {
+        // The trial comes first: its tasks are asked for when there is something to count.
+        if self.tasks.is_none() && !self.playback.forecast().is_empty() {
+            self.tasks = Some(Tasks::default());
+            return Tasks::ask(&self.trial).into_iter().collect();
+        }
         let tasks = self.tasks.as_ref();
         let question = match (pane, &mut self.beside) {
             (Pane::First, _) => {

@@ -4,7 +4,7 @@ use super::chances::Chances;
 use super::choice::{Ask, Choice, Pane};
 use super::finder::Finder;
 use super::{Msg, Replay};
-use crate::runtime::{Command, Commands, PNG_OF_SVG};
+use crate::runtime::{Command, Commands, Offer, PNG_OF_SVG};
 use sidestep::chart::Drawing;
 use sidestep::picture::Picture;
 use sidestep::playback::source::{Source, Way};
@@ -116,12 +116,12 @@ impl Replay {
     /// Offers it as SVG.
     pub(super) fn svg(&mut self) -> Command<Msg> {
         let (name, content) = (self.file_name("svg"), self.drawing().svg().into_bytes());
-        Command::Download { name, media_type: "image/svg+xml", content }
+        Command::offer(Offer::File { name, media_type: "image/svg+xml", content })
     }
 
     /// Offers both panes as PNG, for they are no single canvas.
     pub(super) fn png(&mut self) -> Command<Msg> {
         let (name, content) = (self.file_name("png"), self.drawing().svg().into_bytes());
-        Command::Download { name, media_type: PNG_OF_SVG, content }
+        Command::offer(Offer::File { name, media_type: PNG_OF_SVG, content })
     }
 }
