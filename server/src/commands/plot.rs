@@ -143,12 +143,12 @@ async fn regions(files: &[PathBuf], predictor: &PredictorArgs) -> Result<Drawing
     Ok(figure::regions("Where the human may be", note, &panels, &names))
 }
 
-/// "F2: ε = 0.15 rad/s"; where panels differ, each has its own ε above it.
+/// "F2: ε = 0.15 rad/s"; only "F2" where panels differ, since each has its own ε above it.
 fn region_name(j: usize, epsilons: &[Vec<f64>]) -> String {
-    let mut values: Vec<String> = epsilons.iter().map(|of| number(of[j])).collect();
-    values.dedup();
-    match &values[..] {
-        [value] => format!("F{}: ε = {value} rad/s", j + 1),
+    match epsilons {
+        [first, others @ ..] if others.iter().all(|other| other == first) => {
+            format!("F{}: ε = {} rad/s", j + 1, number(first[j]))
+        }
         _ => format!("F{}", j + 1),
     }
 }
