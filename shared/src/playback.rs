@@ -262,6 +262,10 @@ impl Playback {
     /// Works out the probabilities of the steps whose probabilities are not known.
     fn foresee(&mut self) -> Result<(), Invalid> {
         let (Some(learned), Some(safety)) = (&self.learned, &self.safety) else { return Ok(()) };
+        let classes = learned.predictor.classes().len();
+        if classes > MOST_CLASSES {
+            return Err(Invalid::new("classes", "at most 3: left, straight and right", classes));
+        }
         let Recorded { parameters, states, .. } = &self.recorded;
         let human = PredictedHuman::new(&learned.predictor, safety, parameters)?;
         let next = self.forecast.len() + 1;

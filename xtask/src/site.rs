@@ -49,7 +49,7 @@ const SIMULATOR: &str = "simulator";
 const PARTICIPANT_BUDGET: usize = 80_000;
 
 /// Most bytes that any other page may cost to load, counted likewise.
-const PAGE_BUDGET: usize = 400_000;
+const PAGE_BUDGET: usize = 410_000;
 
 /// Files by their path below the folder, with `/` between its parts.
 pub(crate) type Files = BTreeMap<String, Vec<u8>>;

@@ -72,17 +72,16 @@ fn write(fresh: &Path, previous: &Path, path: &str, content: &[u8]) -> Result<us
     encoded("br", brotli)
 }
 
-/// Brotli at its highest quality: the smaller of two encodings. The usual one suits text; short blocks of
-/// literals suit programs.
+/// Brotli at its highest quality: the smaller of two encodings. The usual one suits text; in programs, what
+/// follows depends on the high bits of the bytes before.
 fn brotli(content: &[u8]) -> Result<Vec<u8>> {
     let usual = brotli::enc::BrotliEncoderParams {
         quality: 11,
         size_hint: content.len(),
         ..Default::default()
     };
-    let short_blocks = brotli::enc::BrotliEncoderParams {
-        mode: BrotliEncoderMode::BROTLI_MODE_FONT,
-        lgblock: 16,
+    let of_programs = brotli::enc::BrotliEncoderParams {
+        mode: BrotliEncoderMode::BROTLI_FORCE_MSB_PRIOR,
         ..usual.clone()
     };
     let encode = |parameters: &brotli::enc::BrotliEncoderParams| -> Result<Vec<u8>> {
@@ -91,8 +90,8 @@ fn brotli(content: &[u8]) -> Result<Vec<u8>> {
             .context("brotli cannot compress this")?;
         Ok(bytes)
     };
-    let (usual, short_blocks) = (encode(&usual)?, encode(&short_blocks)?);
-    Ok(if short_blocks.len() < usual.len() { short_blocks } else { usual })
+    let (usual, of_programs) = (encode(&usual)?, encode(&of_programs)?);
+    Ok(if of_programs.len() < usual.len() { of_programs } else { usual })
 }
 
 /// Gzip at its highest level; without a time, so that the same content gives the same bytes.
