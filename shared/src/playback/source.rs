@@ -187,8 +187,10 @@ fn held() -> Result<Predictor, Invalid> {
         left: vec![1, 0, 3, 0, 0],
         right: vec![2, 0, 4, 0, 0],
     };
-    let counts =
-        [[1, 1, 1], [1, 0, 0], [0, 1, 1], [0, 1, 0], [0, 0, 1]].map(|counts| counts.to_vec());
+    // A tree's probabilities are shares of counts to each of which one is added, so sure is many.
+    const MANY: u32 = 1_000_000;
+    let counts = [[1, 1, 1], [1, 0, 0], [0, 1, 1], [0, 1, 0], [0, 0, 1]];
+    let counts = counts.map(|counts| counts.map(|count| MANY * count).to_vec());
     let tree = TreeFile { questions, counts: counts.to_vec() };
     Predictor::try_from(PredictorFile {
         experiment: None,

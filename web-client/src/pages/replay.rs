@@ -4,8 +4,8 @@
 mod chart;
 mod choice;
 mod finder;
-mod panes;
 mod chances;
+mod panes;
 mod keys;
 mod view;
 

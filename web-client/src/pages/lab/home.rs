@@ -1,7 +1,6 @@
 //! The first page of the laboratory: every study with its state, and what needs attention.
 
-use super::participants::REHEARSAL;
-use super::study::{self, Tab};
+use super::study::{self, REHEARSAL, Tab};
 use super::visit::Visit;
 use crate::pages::parts::{self, alert, count, fact};
 use crate::runtime::{Answer, Command, Commands, Page, Request, read};

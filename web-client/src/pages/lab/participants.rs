@@ -150,16 +150,13 @@ impl Page for Participants {
     }
 }
 
-/// What a link to a study says of a rehearsal: who takes part, and how much faster than real time.
-pub(super) const REHEARSAL: &str = "simulate=1&speed=10";
-
 /// The ways to try a study, which its participant's page opens beside the laboratory.
 pub(super) fn trials<M: Clone>(slug: &str) -> [view::Node<M>; 2] {
     let link = |query: &str, name: &str, words: &str| {
         let link = el("a").class("button").attr("href", format!("/s/{slug}?{query}"));
         link.attr("target", "_blank").test_id(name).text(words)
     };
-    [link("pilot", "try", "Test run"), link(REHEARSAL, "rehearse", "Watch a rehearsal")]
+    [link("pilot", "try", "Test run"), link(study::REHEARSAL, "rehearse", "Watch a rehearsal")]
 }
 
 impl Participants {

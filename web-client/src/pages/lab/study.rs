@@ -7,6 +7,9 @@ use sidestep::api::{StudySummary, routes};
 use sidestep::study::Status;
 use std::rc::Rc;
 
+/// What a link to a study says of a rehearsal: who takes part, and how much faster than real time.
+pub(super) const REHEARSAL: &str = "simulate=1&speed=10";
+
 /// A page of a study.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Tab {

@@ -8,6 +8,7 @@ use sidestep::shfrs::prediction::Prediction;
 use sidestep::shfrs::probability::regions;
 use sidestep::shfrs::window::WindowChoice;
 use sidestep::shfrs::{PredictedHuman, ShfrsSettings};
+use sidestep::stats::Estimate;
 
 const PREDICTOR: &str = r#"{"predictor":{"format":"sidestep-predictor/1","kind":"constant",
     "features":["distance"],"classes":[-1,0,1],"probabilities":[0.6,0.3,0.1]},
@@ -199,7 +200,11 @@ fn counted(predictor: &Predictor, unseen: &[Drive], parameters: &SceneParameters
     let every = WindowChoice::EveryStep;
     let found = regions(&tasks, every, prediction, &settings, 0.95);
     let found = found.unwrap().probabilities.inside;
-    found.iter().map(|p| format!("{:.3} {:.2}–{:.2}", p.value, p.low, p.high)).collect()
+    let words = |p: &Estimate| match p.low < p.high {
+        true => format!("{:.3} {:.2}–{:.2}", p.value, p.low, p.high),
+        false => format!("{:.3}", p.value),
+    };
+    found.iter().map(words).collect()
 }
 
 #[test]
@@ -217,7 +222,8 @@ fn sets_say_how_often_they_hold_the_future() {
     let predictor = Predictor::try_from(file).unwrap();
     let all = counted(&predictor, &drives.tasks, &drives.parameters);
     let shown = |session: &Session| -> Vec<String> {
-        (0..).map_while(|j| session.words(&format!("p-{j}"))).collect()
+        let words = (0..).map_while(|j| session.words(&format!("p-{j}")));
+        words.map(|words| words.split_whitespace().collect::<Vec<_>>().join(" ")).collect()
     };
     assert_eq!(shown(&session), all);
     let words = session.words("p-words").unwrap();
