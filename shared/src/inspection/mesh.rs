@@ -103,7 +103,7 @@ fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::hypot;
+    use crate::math::{TAU, hypot};
 
     #[test]
     fn normals_point_outwards_and_ridges_have_one_for_each_side() {
@@ -118,7 +118,7 @@ mod tests {
         for vertex in mesh.vertices.chunks_exact(6) {
             let [x, y, psi, a, b, c] = vertex.try_into().unwrap();
             if c.abs() > 0.5 {
-                assert!((psi == 0.0 && c == -1.0) || (f64::from(psi) > 6.28 && c == 1.0));
+                assert!((psi == 0.0 && c == -1.0) || (f64::from(psi) > 0.999 * TAU && c == 1.0));
                 lids += 1;
             } else {
                 assert!(x * a + y * b > 2.98, "{vertex:?}");

@@ -36,11 +36,14 @@ struct Known {
     held: Recent<bool>,
 }
 
+/// Lowest and highest turn rate of each step, rad/s.
+type Rates = Vec<(f64, f64)>;
+
 /// Distinct bounds before widening.
 #[derive(Clone, Debug, Default)]
 struct Bases {
-    /// Lowest and highest turn rate of each step, rad/s, and areas, m², of the tube by widening, rad/s.
-    all: Vec<(Vec<(f64, f64)>, Recent<f64>)>,
+    /// The bounds, and areas, m², of the tube by widening, rad/s.
+    all: Vec<(Rates, Recent<f64>)>,
     /// Their places, by the bits of their rates.
     places: HashMap<Vec<u64>, usize>,
 }

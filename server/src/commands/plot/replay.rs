@@ -110,10 +110,8 @@ pub(super) async fn replay(
     let mut first = pane(learned).map_err(failed)?;
     let Some(beside) = beside else { return Ok(first.figure(&view, &found.heading)) };
     let mut second = pane(found.learned(&beside, &safety)?).map_err(failed)?;
-    let captions = [
-        is_given.then(|| FROM_FILE.to_owned()).unwrap_or_else(|| source.caption()),
-        beside.caption(),
-    ];
+    let captions =
+        [if is_given { FROM_FILE.to_owned() } else { source.caption() }, beside.caption()];
     let panes = [(&mut first, captions[0].as_str()), (&mut second, captions[1].as_str())];
     Ok(side_by_side(panes, &view, &found.heading))
 }

@@ -9,9 +9,12 @@ const STUDY: &str = "title = \"Figures\"\nphases = [{ phase = \"task\", scenes =
 
 /// The links below a heading, as they stand in the document.
 fn links(heading: &str) -> Vec<&'static str> {
-    let section = DOCUMENT.split("\n## ").find(|section| section.starts_with(heading)).unwrap();
+    let section = DOCUMENT
+        .split("\n## ")
+        .find(|section| section.starts_with(heading))
+        .expect("a section of that name");
     let items = section.lines().filter_map(|line| line.strip_prefix("- `/lab/"));
-    items.map(|rest| rest.split('`').next().unwrap()).collect()
+    items.map(|rest| rest.split('`').next().expect("a first part")).collect()
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

@@ -92,7 +92,7 @@ pub(super) enum Ask {
     /// The server has it.
     Server(Command<Msg>),
     /// It is this.
-    Nobody(Result<Learned, String>),
+    Nobody(Result<Box<Learned>, String>),
 }
 
 impl Choice {
@@ -111,7 +111,8 @@ impl Choice {
                 Some(set) => format!("?features={set}"),
                 None => {
                     self.known = Some(Known::default());
-                    return Ask::Nobody(way.learned(None).map_err(|invalid| invalid.to_string()));
+                    let learned = way.learned(None).map(Box::new);
+                    return Ask::Nobody(learned.map_err(|invalid| invalid.to_string()));
                 }
             },
             Chosen::Linked(source @ Source::Model { .. }) => format!("?{}", queried(source)),

@@ -74,7 +74,7 @@ impl Replay {
         match ask {
             Ask::Server(command) => vec![command],
             Ask::Nobody(learned) => {
-                self.take(pane, learned);
+                self.take(pane, learned.map(|learned| *learned));
                 vec![Command::Cancel(pane.request())]
             }
         }

@@ -46,7 +46,12 @@ fn scene(replay: &Replay) -> Node {
         .children(canvases)
         .children(replay.shows_legend.then(|| moment::legend(&replay.playback, &replay.view)))
         .children(replay.sources.notice(Msg::StopSolving, Msg::SolveAgain));
-    el("section").class("view").attr("aria-label", "Scene").child(switches).child(picture)
+    el("section")
+        .class("view")
+        .attr("aria-label", "Scene")
+        .children(parts::synthetic(replay.trial.synthetic))
+        .child(switches)
+        .child(picture)
 }
 
 fn panel(replay: &Replay) -> Node {
@@ -67,7 +72,6 @@ fn panel(replay: &Replay) -> Node {
         .class("panel")
         .attrs(&[("tabindex", "0"), ("aria-label", "Numbers at this step")])
         .child(whose(replay))
-        .children(parts::synthetic(replay.trial.synthetic))
         .child(heading)
         .children(replay.misread.as_deref().map(|why| alert("misread", why)))
         .children(replay.unfilmed.as_deref().map(|why| alert("unfilmed", why)))
