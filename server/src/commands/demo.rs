@@ -221,7 +221,13 @@ impl Filling {
                 self.store.exclude(id, Some(reason.to_owned()), entry).await?;
             }
             Ending::Withdrawn(_) => self.store.withdraw(id, false, now_ms(), None).await?,
-            Ending::Complete | Ending::UnderWay(_) | Ending::ScreenedOut => {}
+            Ending::ScreenedOut => {
+                // They enrolled before the demonstration was broken off. Whoever continues with another token
+                // has attempts of its own, which end nothing.
+                let result = ComprehensionResult { attempts: role.attempts, passed: false };
+                self.store.check_understanding(id, None, result, role.attempts, now_ms()).await?;
+            }
+            Ending::Complete | Ending::UnderWay(_) => {}
         }
         Ok(())
     }
