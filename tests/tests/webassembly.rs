@@ -38,11 +38,11 @@ async fn forms_arrive_whole_and_rows_keep_what_is_in_them() {
     let fill = "(() => { \
         const at = name => document.querySelector(`[data-testid=\"${name}\"]`); \
         at('area').value = 'two\\nlines'; at('number').value = '2.5'; at('right').checked = true; \
-        at('one').value = 'b'; at('many').options[0].selected = at('many').options[2].selected = true; })()";
+        at('one').value = 'b'; })()";
     tab.run(fill).await;
     tab.press("submit").await;
     tab.until_says("said", "Form(").await;
-    let expected = r#"Form([("text", Text("preset")), ("area", Text("two\nlines")), ("number", Number(Some(2.5))), ("empty", Number(None)), ("ticked", Checked(true)), ("unticked", Checked(false)), ("radio", Text("right")), ("one", Text("b")), ("many", Choices(["a", "c"]))])"#;
+    let expected = r#"Form([("text", Text("preset")), ("area", Text("two\nlines")), ("number", Number(Some(2.5))), ("empty", Number(None)), ("ticked", Checked(true)), ("unticked", Checked(false)), ("radio", Text("right")), ("one", Text("b"))])"#;
     assert_eq!(tab.words("said").await, expected);
     tab.enter("live", "c").await;
     tab.until_says("said", "Text(\"c\")").await;

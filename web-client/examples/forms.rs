@@ -86,7 +86,6 @@ impl Page for Forms {
             radio("left"),
             radio("right"),
             select("one"),
-            select("many").attr("multiple", ""),
             input("text", "disabled").attr("disabled", ""),
             el("button").attr("type", "submit").test_id("submit").text("Submit"),
         ]);
