@@ -11,7 +11,6 @@ pub mod polar;
 mod games;
 mod table;
 mod sampled;
-mod level_set;
 mod contour;
 mod value_function;
 mod slice_curves;
@@ -26,11 +25,11 @@ pub use exact::{ExactState, ExactValue};
 pub use game::{Game, TERMS};
 pub use games::{DoubleIntegrator, DubinsCar, RelativeDubins};
 pub use grid::{Axis, Boundary, Grid};
-pub use level_set::{CurveSettings, radial_level_curve};
 pub use progress::{MEMORY_LIMIT_BYTES, Progress, SolveError};
 pub use pursuit::PursuitGame;
 pub use sampled::{Nodes, SampledState, SampledValue};
 pub use scheme::Scheme;
+pub use slice_curves::CurveSettings;
 pub use solve::{
     ACCURACIES, Accuracy, CartesianGrid, METHODS, Method, Options, Precision, Solved, solve,
 };

@@ -6,7 +6,6 @@ use serde::Serialize;
 use sidestep::math::{PI, TAU, hypot};
 use sidestep::reachability::{
     CartesianGrid, CurveSettings, Options, Precision, Scheme, Solved, ValueFunction,
-    radial_level_curve,
 };
 
 use crate::errors::Errors;
@@ -47,8 +46,7 @@ pub(crate) struct ErrorMap {
     pub(crate) zero: Vec<Curve>,
 }
 
-const CURVES: CurveSettings =
-    CurveSettings { rays: 96, flatness_m: 0.002, max_depth: 9, accuracy_m: 1e-5, spacing_m: 0.1 };
+const CURVES: CurveSettings = CurveSettings { flatness_m: 0.002, spacing_m: 0.1 };
 
 /// How far curves that are traced through the grid of a solution are from its {V = 0}: |V|, m, on
 /// their points and midway between these, at 24 headings.
@@ -80,12 +78,8 @@ pub(crate) fn slices(polar: &Solved) -> Result<Vec<Slice>, Box<dyn Error>> {
     let exact = ValueFunction::Exact(MITCHELL.exact()?);
     let slice = |psi_deg: f64| {
         let psi = psi_deg * TAU / 360.0;
-        // Every ray leaves the set once, and its first part is always inside.
-        let (inner, outer) = (0.5 * MITCHELL.radius_m, 30.0);
-        let [exact, polar, cartesian] = [&exact, &polar.function, &cartesian].map(|function| {
-            let value = |x, y| function.value([x, y, psi]);
-            vec![radial_level_curve(value, 0.0, inner, outer, CURVES)]
-        });
+        let [exact, polar, cartesian] = [&exact, &polar.function, &cartesian]
+            .map(|function| function.level_curves(psi, 0.0, CURVES));
         let farther = |a: [f64; 2], b: &[f64; 2]| {
             if hypot(b[0], b[1]) > hypot(a[0], a[1]) { *b } else { a }
         };

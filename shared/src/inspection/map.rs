@@ -30,13 +30,7 @@ pub struct Map {
 pub fn domain(function: &ValueFunction) -> Window {
     const HEADINGS: u32 = 24;
     let radius_m = function.game().radius_m;
-    let coarse = CurveSettings {
-        rays: 32,
-        flatness_m: radius_m,
-        max_depth: 2,
-        accuracy_m: 0.03 * radius_m,
-        spacing_m: f64::INFINITY,
-    };
+    let coarse = CurveSettings { flatness_m: 0.03 * radius_m, spacing_m: f64::INFINITY };
     let mut window = Window::square(radius_m);
     for heading in 0..HEADINGS {
         let psi = f64::from(heading) * TAU / f64::from(HEADINGS);
@@ -84,9 +78,7 @@ impl Map {
         let metre_px = map.frame.width / (window.high[0] - window.low[0]);
         let settings = CurveSettings {
             flatness_m: 0.25 / metre_px,
-            accuracy_m: 0.05 / metre_px,
             spacing_m: (4.0 / metre_px).max(0.05 * radius_m),
-            ..CurveSettings::default()
         };
         let [x, y] = [0, 1].map(|d| [window.low[d], window.high[d]]);
         let all = vec![[x[0], y[0], x[1], y[1]]];

@@ -2,7 +2,7 @@
 //! both vehicles drive straight on.
 
 use crate::math::sin_cos;
-use crate::reachability::{CurveSettings, ValueFunction};
+use crate::reachability::CurveSettings;
 use crate::safety::SafetyLevels;
 use crate::scene::{Evader, JointState};
 
@@ -43,7 +43,8 @@ impl Curves {
         // The same headings give the same bits, but not after a turn back: that costs one curve.
         if kept.psi.to_bits() != psi.to_bits() {
             kept.psi = psi;
-            kept.curves = curves(safety.of(evader), psi, level_m);
+            let (function, curves) = (safety.of(evader), &mut kept.curves);
+            function.level_curves_into(psi, level_m, CurveSettings::default(), curves);
         }
         &kept.curves
     }
@@ -53,10 +54,6 @@ impl Curves {
         let known = self.0.iter().find(|kept| kept.evader == evader && kept.level_m == level_m);
         known.is_some_and(|kept| kept.curves.is_empty())
     }
-}
-
-fn curves(function: &ValueFunction, psi: f64, level_m: f64) -> Vec<Vec<[f64; 2]>> {
-    function.level_curves(psi, level_m, CurveSettings::default())
 }
 
 /// From the evader's frame to the world.

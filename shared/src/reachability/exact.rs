@@ -8,6 +8,8 @@
 //! if the evader turns right, or left, to the end and the pursuer answers as
 //! well as it can. V has a kink where they meet; elsewhere the larger is smooth.
 
+mod curve;
+
 use crate::invalid::{Invalid, finite, length, positive};
 use crate::math::{PI, atan2, hypot, sin_cos, wrap_positive};
 

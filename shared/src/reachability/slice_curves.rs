@@ -1,10 +1,24 @@
 //! Level curves of a value function at one heading, for drawing.
 
 use super::contour::{Lattice, closed_curves};
-use super::level_set::{CurveSettings, radial_level_curve};
 use super::sampled::{SampledState, SampledValue, Slice};
 use super::value_function::ValueFunction;
 use crate::math::{TAU, hypot, sin_cos};
+
+/// How finely a curve is traced.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CurveSettings {
+    /// For closed forms: largest distance between the curve and an edge of the polygon, m.
+    pub flatness_m: f64,
+    /// For solved grids: largest distance between neighbouring points, m.
+    pub spacing_m: f64,
+}
+
+impl Default for CurveSettings {
+    fn default() -> Self {
+        Self { flatness_m: 0.01, spacing_m: 0.15 }
+    }
+}
 
 impl ValueFunction {
     /// {V = `level`} at relative heading `psi`: closed polygons in the evader's frame,
@@ -18,24 +32,33 @@ impl ValueFunction {
         level: f64,
         settings: CurveSettings,
     ) -> Vec<Vec<[f64; 2]>> {
+        let mut curves = Vec::new();
+        self.level_curves_into(psi, level, settings, &mut curves);
+        curves
+    }
+
+    /// [`Self::level_curves`] in the place of what `curves` holds. Closed forms reuse its memory.
+    pub fn level_curves_into(
+        &self,
+        psi: f64,
+        level: f64,
+        settings: CurveSettings,
+        curves: &mut Vec<Vec<[f64; 2]>>,
+    ) {
         if !psi.is_finite() || !level.is_finite() || level <= -self.game().radius_m {
-            return Vec::new();
+            curves.clear();
+            return;
         }
         match self {
-            Self::Exact(exact) => vec![radial_level_curve(
-                |x, y| exact.value([x, y, psi]),
-                level,
-                exact.radius_m() + level,
-                exact.range_bound_m(level),
-                settings,
-            )],
+            Self::Exact(exact) => {
+                curves.resize_with(1, Vec::new);
+                exact.level_curve_into(psi, level, settings.flatness_m, &mut curves[0]);
+            }
             Self::Sampled(sampled) => {
-                let lattice = SliceLattice::new(sampled, psi, level);
-                let mut curves = closed_curves(&lattice);
-                for curve in &mut curves {
+                *curves = closed_curves(&SliceLattice::new(sampled, psi, level));
+                for curve in curves {
                     *curve = smoothed(curve, sampled, psi, level, settings);
                 }
-                curves
             }
         }
     }

@@ -1,0 +1,232 @@
+//! {V = c} at one heading in closed form.
+//!
+//! In the evader's frame turned to the mean of the two headings (see [`Halfway`]), a set {V ≤ c} is half a disc
+//! where the range opens. Where it closes, the set is what two regions share: where the evader that turns
+//! right, and where the one that turns left, ends within the range. Each region is convex. Its edge is a
+//! straight line, the involute of a circle, and an arc, one for each [`Ending`](super::Ending) of the pursuit.
+
+use super::{ExactValue, Sheet};
+use crate::math::{PI, sin_cos, wrap_positive};
+
+impl ExactValue {
+    /// The boundary of {V ≤ `level`} at relative heading `psi`, rad, as a counter-clockwise polygon in the
+    /// evader's frame, m, without repeated end point. Its corners lie on the level, and the level nowhere
+    /// farther than about `flatness_m` from its edges. There are none if the set is at most the point
+    /// r = 0 (`level` ≤ −R), or if a number is not finite.
+    #[must_use]
+    pub fn level_curve(&self, psi: f64, level: f64, flatness_m: f64) -> Vec<[f64; 2]> {
+        let mut curve = Vec::new();
+        self.level_curve_into(psi, level, flatness_m, &mut curve);
+        curve
+    }
+
+    /// [`Self::level_curve`] in the place of what `curve` holds.
+    pub fn level_curve_into(
+        &self,
+        psi: f64,
+        level: f64,
+        flatness_m: f64,
+        curve: &mut Vec<[f64; 2]>,
+    ) {
+        curve.clear();
+        let range = (level + self.radius_m) / self.turning_radius_m;
+        if !(psi.is_finite() && range.is_finite() && range > 0.0) {
+            return;
+        }
+        let half = 0.5 * wrap_positive(psi);
+        let (sin_half, cos_half) = sin_cos(half);
+        let right = Side { range, sin_half, cos_half, rest: PI - half };
+        // The mirror image, as of the left sheet.
+        let left = Side { range, sin_half, cos_half: -cos_half, rest: half };
+        let flatness = flatness_m / self.turning_radius_m;
+        // Clockwise here is counter-clockwise in the evader's frame, where `right` points the other way.
+        let mut add = |[ahead, right]: [f64; 2]| {
+            let [x, y] = super::slope([ahead, right], sin_half, cos_half);
+            curve.push([x * self.turning_radius_m, y * self.turning_radius_m]);
+        };
+        // From straight ahead through the half plane where the range opens to straight behind,
+        for angle in places(PI, range, flatness) {
+            let (sin, cos) = sin_cos(angle);
+            add([range * cos, -range * sin]);
+        }
+        // along the left sheet as far as the right one allows, and back along the right sheet.
+        let (end, back) = (left.end(&right), right.end(&left));
+        let places = left.places(end, flatness).chain([end]);
+        for place in [Side::BEGINNING].into_iter().chain(places) {
+            let [ahead, right] = left.point(place);
+            add([-ahead, right]);
+        }
+        right.places(back, flatness).rev().for_each(|place| add(right.point(place)));
+    }
+}
+
+/// The edge of the region where one sheet is within the range, from straight ahead to straight behind. All
+/// lengths are in turning radii. A place is named by the direction of its outward normal from straight ahead,
+/// rad; the straight line, which has one normal, has places from −1 to 0.
+struct Side {
+    range: f64,
+    sin_half: f64,
+    cos_half: f64,
+    /// Normals of the involute end here.
+    rest: f64,
+}
+
+impl Side {
+    /// Where the straight line begins.
+    const BEGINNING: f64 = -1.0;
+
+    /// (ahead, right) of a place.
+    fn point(&self, place: f64) -> [f64; 2] {
+        if place <= 0.0 {
+            return [self.range, (1.0 + place) * (2.0 + 2.0 * self.cos_half)];
+        }
+        let (sin, cos) = sin_cos(place);
+        if place < self.rest {
+            // The largest of ahead·cos u + a·sin u − 2u is the range where its derivative vanishes.
+            let radius = self.range + 2.0 * place;
+            [radius * cos - 2.0 * sin, radius * sin + 2.0 * (cos + self.cos_half)]
+        } else {
+            let radius = self.range + 2.0 * self.rest;
+            [radius * cos - 2.0 * self.sin_half, radius * sin]
+        }
+    }
+
+    /// The sheet's smallest range from (ahead, right).
+    fn of(&self, [ahead, right]: [f64; 2]) -> f64 {
+        Sheet::new(ahead, right, self.sin_half, self.cos_half, self.rest).range
+    }
+
+    /// The place where this edge leaves the region of the other side, which has the opposite `ahead`. The two
+    /// edges cross once, since every ray from r = 0 leaves {V ≤ c} once.
+    fn end(&self, other: &Side) -> f64 {
+        let (mut inside, mut outside) = (Self::BEGINNING, PI);
+        // As near as a double tells.
+        for _ in 0..52 {
+            let middle = 0.5 * (inside + outside);
+            let [ahead, right] = self.point(middle);
+            if other.of([-ahead, right]) <= self.range {
+                inside = middle;
+            } else {
+                outside = middle;
+            }
+        }
+        inside
+    }
+
+    /// Places from the end of the straight line to before `end`.
+    fn places(&self, end: f64, flatness: f64) -> impl DoubleEndedIterator<Item = f64> {
+        // Without a straight line, the first of them is where the line would begin.
+        let has_line = self.cos_half > -1.0;
+        places(end, self.range + 2.0 * self.rest, flatness).skip(usize::from(!has_line))
+    }
+}
+
+/// Angles from 0 to before `end`, evenly spaced, whose chords leave an arc of this radius by at most
+/// `flatness`, within reason.
+fn places(
+    end: f64,
+    radius: f64,
+    flatness: f64,
+) -> impl DoubleEndedIterator<Item = f64> + ExactSizeIterator {
+    let step = (8.0 * flatness / radius).sqrt().clamp(PI / 2048.0, PI / 8.0);
+    let count = (end / step).ceil().max(0.0);
+    (0..count as usize).map(move |i| end * i as f64 / count)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::{TAU, atan2, hypot, wrap_angle};
+    use proptest::prelude::*;
+
+    fn area(polygon: &[[f64; 2]]) -> f64 {
+        let next = polygon.iter().cycle().skip(1);
+        polygon.iter().zip(next).map(|(a, b)| 0.5 * (a[0] * b[1] - a[1] * b[0])).sum()
+    }
+
+    /// Where a ray from r = 0 leaves {V ≤ level}: by halving, with nothing but the value.
+    fn leaves(game: &ExactValue, psi: f64, level: f64, bearing: f64) -> f64 {
+        let (sin, cos) = sin_cos(bearing);
+        let is_inside = |r: f64| game.value([r * cos, r * sin, psi]) <= level;
+        let (mut inside, mut outside) = (0.0, game.range_bound_m(level));
+        assert!(!is_inside(outside));
+        for _ in 0..60 {
+            let middle = 0.5 * (inside + outside);
+            *(if is_inside(middle) { &mut inside } else { &mut outside }) = middle;
+        }
+        inside
+    }
+
+    /// Where a ray from r = 0 leaves a polygon around it.
+    fn leaves_polygon(curve: &[[f64; 2]], bearing: f64) -> f64 {
+        let (sin, cos) = sin_cos(bearing);
+        let next = curve.iter().cycle().skip(1);
+        let crossings = curve.iter().zip(next).filter_map(|(a, b)| {
+            let [from, to] = [a, b].map(|p| cos * p[1] - sin * p[0]);
+            let share = from / (from - to);
+            let [x, y] = [0, 1].map(|d| a[d] + share * (b[d] - a[d]));
+            (from <= 0.0 && to > 0.0).then_some(cos * x + sin * y)
+        });
+        crossings.filter(|&r| r > 0.0).fold(0.0, f64::max)
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(400))]
+        #[test]
+        fn it_is_the_curve_that_the_value_has(
+            speed_mps in 0.3..4.0f64,
+            turn_rate_radps in 0.1..3.0f64,
+            radius_m in 0.2..5.0f64,
+            psi in -7.0..7.0f64,
+            level in -0.9..6.0f64,
+        ) {
+            let game = ExactValue::new(speed_mps, turn_rate_radps, radius_m).unwrap();
+            let level = if level < 0.0 { level * radius_m } else { level };
+            let flatness_m = 0.01;
+            let curve = game.level_curve(psi, level, flatness_m);
+            for &[x, y] in &curve {
+                let value = game.value([x, y, psi]);
+                prop_assert!((value - level).abs() < 1e-9, "V({x}, {y}) = {value}, not {level}");
+            }
+            for (from, to) in curve.iter().zip(curve.iter().cycle().skip(1)) {
+                let turn = wrap_angle(atan2(to[1], to[0]) - atan2(from[1], from[0]));
+                prop_assert!(turn > -1e-9, "it goes back by {turn} rad from {from:?}");
+            }
+            for i in 0..97 {
+                let bearing = TAU * f64::from(i) / 97.0;
+                let (truth, found) =
+                    (leaves(&game, psi, level, bearing), leaves_polygon(&curve, bearing));
+                let (sin, cos) = sin_cos(bearing);
+                let miss = game.value([found * cos, found * sin, psi]) - level;
+                prop_assert!(miss.abs() < 1.05 * flatness_m, "{bearing} rad: {found} m, not {truth} m");
+            }
+        }
+    }
+
+    #[test]
+    fn same_heading_gives_the_danger_zone() {
+        let game = ExactValue::new(2.0, 0.5, 3.0).unwrap();
+        let disc = game.level_curve(0.0, 0.0, 0.001);
+        assert!((area(&disc) - 9.0 * PI).abs() < 0.02, "{}", area(&disc));
+        assert!(disc.iter().all(|p| (hypot(p[0], p[1]) - 3.0).abs() < 1e-12));
+        let twice = disc.iter().zip(disc.iter().cycle().skip(1)).filter(|(a, b)| a == b).count();
+        assert_eq!(twice, 0);
+    }
+
+    #[test]
+    fn the_tip_is_not_cut_off() {
+        let game = ExactValue::new(2.0, 0.5, 3.0).unwrap();
+        let curve = game.level_curve(PI, 0.0, 0.01);
+        let reach = curve.iter().map(|p| hypot(p[0], p[1])).fold(0.0, f64::max);
+        // Published: 13.021 m.
+        assert!((reach - 13.021).abs() < 5e-4, "{reach}");
+    }
+
+    #[test]
+    fn there_is_no_curve_of_a_point_or_of_no_number() {
+        let game = ExactValue::new(2.0, 0.5, 3.0).unwrap();
+        for (psi, level) in [(0.0, -3.0), (0.0, -4.0), (f64::NAN, 0.0), (0.0, f64::INFINITY)] {
+            assert!(game.level_curve(psi, level, 0.01).is_empty());
+        }
+    }
+}
