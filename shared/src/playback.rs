@@ -79,8 +79,8 @@ pub struct Playback {
     curves: Curves,
     /// What is written at the bar of the scale.
     scale: Rc<str>,
-    /// Places where a line crosses the edge of what is hatched.
-    crossings: Vec<f64>,
+    /// Where lines cross the edges of what is hatched.
+    crossings: Vec<hatch::Crossing>,
 }
 
 /// A moment of the trial.
@@ -262,12 +262,12 @@ impl Playback {
     /// Works out the probabilities of the steps whose probabilities are not known.
     fn foresee(&mut self) -> Result<(), Invalid> {
         let (Some(learned), Some(safety)) = (&self.learned, &self.safety) else { return Ok(()) };
+        let Recorded { parameters, states, .. } = &self.recorded;
+        let human = PredictedHuman::new(&learned.predictor, safety, parameters)?;
         let classes = learned.predictor.classes().len();
         if classes > MOST_CLASSES {
             return Err(Invalid::new("classes", "at most 3: left, straight and right", classes));
         }
-        let Recorded { parameters, states, .. } = &self.recorded;
-        let human = PredictedHuman::new(&learned.predictor, safety, parameters)?;
         let next = self.forecast.len() + 1;
         let forecast =
             (next..=states.len()).map(|seen| probabilities(&human, learned, &states[..seen]));

@@ -33,7 +33,15 @@ use crate::scene::{JointState, SceneParameters};
 pub struct PredictedHuman<'a> {
     predictor: &'a Predictor,
     safety: &'a SafetyLevels,
-    actions: Vec<f64>,
+    actions: Actions<'a>,
+}
+
+/// The turn rates of a predictor's classes, rad/s.
+enum Actions<'a> {
+    /// The predictor gives them.
+    Given(&'a [f64]),
+    /// So many of these, for classes of turns.
+    OfTurns([f64; 3], usize),
 }
 
 /// Most features of a predictor, which uses each at most once.
@@ -63,19 +71,26 @@ impl<'a> PredictedHuman<'a> {
         safety: &'a SafetyLevels,
         turn_rate: (f64, f64),
     ) -> Result<Self, Invalid> {
-        let rate = |(i, &class): (usize, &i8)| match class {
-            -1 => Ok(turn_rate.0),
-            0 => Ok(0.0),
-            1 => Ok(turn_rate.1),
-            other => {
-                let expected = "-1 (right), 0 (straight) or 1 (left), or a turn rate for each \
-                                class in `actions`";
-                Err(Invalid::new(format!("classes[{i}]"), expected, other))
-            }
-        };
         let actions = match predictor.actions() {
-            Some(actions) => actions.to_vec(),
-            None => predictor.classes().iter().enumerate().map(rate).collect::<Result<_, _>>()?,
+            Some(actions) => Actions::Given(actions),
+            None => {
+                let mut rates = [0.0; 3];
+                for (i, &class) in predictor.classes().iter().enumerate() {
+                    let rate = match class {
+                        -1 => Some(turn_rate.0),
+                        0 => Some(0.0),
+                        1 => Some(turn_rate.1),
+                        _ => None,
+                    };
+                    let (Some(rate), Some(place)) = (rate, rates.get_mut(i)) else {
+                        let expected = "-1 (right), 0 (straight) or 1 (left), each once, or a turn \
+                                        rate for each class in `actions`";
+                        return Err(Invalid::new(format!("classes[{i}]"), expected, class));
+                    };
+                    *place = rate;
+                }
+                Actions::OfTurns(rates, predictor.classes().len())
+            }
         };
         Ok(Self { predictor, safety, actions })
     }
@@ -83,7 +98,10 @@ impl<'a> PredictedHuman<'a> {
 
 impl ActionModel for PredictedHuman<'_> {
     fn actions(&self) -> &[f64] {
-        &self.actions
+        match &self.actions {
+            Actions::Given(actions) => actions,
+            Actions::OfTurns(rates, count) => &rates[..*count],
+        }
     }
 
     fn probabilities(&self, history: &[JointState], out: &mut [f64]) {

@@ -1,4 +1,4 @@
-//! Algorithm 1 and the sets of a frame take no memory once they have run. It counts what the whole process allocates,
+//! Algorithm 1, the sets and the picture of a frame take no memory once they have run. It counts what the whole process allocates,
 //! so it runs without the test harness and its threads.
 #![allow(clippy::unwrap_used, reason = "a test that panics has failed")]
 
@@ -6,11 +6,15 @@ use core::ops::ControlFlow;
 use peak_alloc::PeakAlloc;
 use sidestep::bounds::{Algorithm1, Motion};
 use sidestep::features::FeatureSet;
+use sidestep::picture::Picture;
+use sidestep::playback::layers::LAYERS;
+use sidestep::playback::view::View;
+use sidestep::playback::{Learned, Playback, Recorded};
 use sidestep::predict::Predictor;
 use sidestep::predict::logistic::Logistic;
 use sidestep::predict::scale::Scale;
 use sidestep::safety::SafetyLevels;
-use sidestep::scene::{JointState, SceneParameters};
+use sidestep::scene::{JointState, Scene, SceneParameters};
 use sidestep::shfrs::{PredictedHuman, ShfrsPredictor, ShfrsSettings};
 use sidestep::vehicle::{Pose, TurnInput};
 
@@ -23,8 +27,8 @@ fn main() {
     let scale = Scale::new(vec![1.0; 8], vec![2.0; 8]).unwrap();
     let model = Logistic::new(8, &[vec![0.1; 8], vec![0.2; 8], vec![-0.3; 8]], vec![0.0; 3]);
     let features = FeatureSet::subset("hrd").unwrap();
-    let predictor = Predictor::logistic(features, vec![-1, 0, 1], scale, model.unwrap());
-    let human = PredictedHuman::new(&predictor, &safety, &parameters).unwrap();
+    let model = Predictor::logistic(features, vec![-1, 0, 1], scale, model.unwrap());
+    let human = PredictedHuman::new(&model, &safety, &parameters).unwrap();
     let settings = ShfrsSettings { by_step: true, ..ShfrsSettings::paper(3).unwrap() };
     let motion = Motion::from(&parameters);
     let start = JointState { human: Pose::new(-8.0, 0.0, 0.1), robot: Pose::new(8.0, 1.0, 3.1) };
@@ -41,6 +45,30 @@ fn main() {
         let found = predictor.predict(&trial[..length], &parameters, &human, &settings);
         assert_eq!(found.unwrap().sets[4].steps.len(), 10);
     });
+    let recorded = Recorded {
+        parameters,
+        scene: Scene::new(&parameters, start.human, start.robot),
+        inputs: vec![TurnInput::Left; trial.len() - 1],
+        states: trial.clone(),
+    };
+    for colours in ["paper", "safe"] {
+        let mut playback = Playback::new(recorded.clone()).unwrap();
+        playback.use_safety(safety.clone()).unwrap();
+        let learned = Learned { predictor: model.clone(), settings: settings.clone() };
+        playback.use_learned(Some(learned)).unwrap();
+        let mut view = View { shown: [true; LAYERS.len()], ..View::default() };
+        view.set("colours", colours).unwrap();
+        let (mut picture, mut shown) = (Picture::default(), Picture::default());
+        silent(|length| {
+            // Between steps too.
+            view.time_s = 0.17 * length as f64;
+            playback.go(&view).unwrap();
+            picture.begin("canvas", playback.window());
+            picture.tell("data-step", playback.now().step);
+            playback.paint(&view, &mut picture);
+            shown.copy(&picture);
+        });
+    }
 }
 
 /// After every frame of the trial was seen twice (the envelope of a rear swaps two lists, so

@@ -63,6 +63,7 @@ pub fn run<P: Page + 'static>(open: fn(PageContext) -> (P, Commands<P::Msg>)) {
             extra: None,
             title: String::new(),
             frame_requested: false,
+            in_frame: false,
             on_frame: None,
             alarm: None,
             on_alarm: None,
@@ -192,6 +193,8 @@ struct Shell<P: Page> {
     /// The document's title.
     title: String,
     frame_requested: bool,
+    /// Whether a frame is under way, at whose end the picture is painted.
+    in_frame: bool,
     on_frame: Option<Closure<dyn FnMut(f64)>>,
     /// The moment of the page's next tick, on its clock, and the browser's timer for it.
     alarm: Option<(f64, i32)>,
@@ -241,9 +244,11 @@ impl<P: Page> Shell<P> {
             if let (Some(canvas), Some(watcher)) = (canvas, &mut self.on_resize) {
                 watcher.watch(canvas);
             }
-            self.painter.paint(&self.window, &self.picture);
+            if !self.in_frame {
+                self.painter.paint(&self.window, &self.picture);
+            }
         }
-        if P::has_panes() {
+        if P::has_panes() && !self.in_frame {
             self.paint_beside(self.clock.now_ms());
         }
     }
@@ -620,7 +625,7 @@ impl<P: Page + 'static> Pump<P> {
     fn frame(&self, stamp: f64) {
         let (begun_ms, at_ms) = {
             let mut shell = self.shell.borrow_mut();
-            shell.frame_requested = false;
+            (shell.frame_requested, shell.in_frame) = (false, true);
             let now_ms = shell.clock.now_ms();
             // A clock that hurries has run far since the frame began.
             let is_hurried = shell.clock.is_hurried();
@@ -628,6 +633,7 @@ impl<P: Page + 'static> Pump<P> {
         };
         self.tick(begun_ms);
         let mut shell = self.shell.borrow_mut();
+        shell.in_frame = false;
         shell.paint(at_ms);
         let took_ms = shell.clock.now_ms() - begun_ms;
         shell.page.frame_shown(at_ms, took_ms);

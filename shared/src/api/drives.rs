@@ -22,6 +22,9 @@ pub struct Drives {
     /// Why analyses leave the participant out, if an experimenter has them do so.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub excluded: Option<String>,
+    /// Whether this is a program, not a person; see [`ParticipantDetail`](super::ParticipantDetail).
+    #[serde(default)]
+    pub synthetic: bool,
     /// Vehicles, danger radius and clock of the tasks.
     pub parameters: SceneParameters,
     /// Id of the value function V_HR; null while the server has none.

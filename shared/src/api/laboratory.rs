@@ -109,6 +109,14 @@ pub fn scene_words(phase: Phase, index: usize, attempt: u32) -> String {
     }
 }
 
+/// What pages and figures call a trial: its study, the participant's number, the scene in words, and whether a
+/// program drove.
+#[must_use]
+pub fn trial_heading(study: &str, number: i64, scene: &str, synthetic: bool) -> String {
+    let mark = if synthetic { " (synthetic)" } else { "" };
+    format!("{study} / participant {number} / {scene}{mark}")
+}
+
 /// A stored trial, whole.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]

@@ -4,6 +4,9 @@ use crate::chart::Pen;
 use crate::math::sin_cos;
 use crate::picture::Picture;
 
+/// A place where a line crosses an edge: the number of the line, and how far along it, m.
+pub(super) type Crossing = (i64, f64);
+
 /// Paints parallel lines inside a closed polygon (even–odd rule), `apart_m` apart, along `angle` from +x,
 /// rad. The lines lie on one lattice of the world, so that those of adjacent polygons fit together.
 pub(super) fn paint(
@@ -12,35 +15,35 @@ pub(super) fn paint(
     angle: f64,
     apart_m: f64,
     pen: Pen,
-    crossings: &mut Vec<f64>,
+    crossings: &mut Vec<Crossing>,
 ) {
     let (sin, cos) = sin_cos(angle);
     // In a frame in which the lines are horizontal.
     let turned = |[x, y]: [f64; 2]| [cos * x + sin * y, cos * y - sin * x];
     let back = |[x, y]: [f64; 2]| [cos * x - sin * y, sin * x + cos * y];
-    let heights = polygon.iter().map(|&point| turned(point)[1]);
-    let (low, high) =
-        heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), y| (l.min(y), h.max(y)));
-    if !(high - low).is_finite() {
-        return;
-    }
-    let (first, last) = ((low / apart_m).ceil() as i64, (high / apart_m).floor() as i64);
-    for line in first..=last {
-        let y = line as f64 * apart_m;
-        crossings.clear();
-        let mut from = turned(polygon[polygon.len() - 1]);
-        for &corner in polygon {
-            let to = turned(corner);
+    crossings.clear();
+    let Some(&last) = polygon.last() else { return };
+    let mut from = turned(last);
+    for &corner in polygon {
+        let to = turned(corner);
+        let (low, high) = (from[1].min(to[1]), from[1].max(to[1]));
+        let lines = (low / apart_m).floor() as i64..=(high / apart_m).ceil() as i64;
+        for line in lines.filter(|_| (high - low).is_finite()) {
+            let y = line as f64 * apart_m;
             // An edge has its lower end, but not its upper one: corners count once.
             if (from[1] <= y) != (to[1] <= y) {
-                crossings.push(from[0] + (y - from[1]) / (to[1] - from[1]) * (to[0] - from[0]));
+                let x = from[0] + (y - from[1]) / (to[1] - from[1]) * (to[0] - from[0]);
+                crossings.push((line, x));
             }
-            from = to;
         }
-        crossings.sort_unstable_by(f64::total_cmp);
-        let pairs = crossings.chunks_exact(2);
-        picture.segments(pairs.map(|pair| [back([pair[0], y]), back([pair[1], y])]), pen);
+        from = to;
     }
+    crossings.sort_unstable_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
+    // A line that enters a polygon also leaves it.
+    let pairs = crossings.chunks_exact(2);
+    let ends =
+        |pair: &[Crossing]| [0, 1].map(|end| back([pair[end].1, pair[end].0 as f64 * apart_m]));
+    picture.segments(pairs.map(ends), pen);
 }
 
 #[cfg(test)]

@@ -270,7 +270,8 @@ impl Demo {
                 }
             }
             Msg::Legend => self.shows_legend = !self.shows_legend,
-            Msg::Frame => {}
+            // The picture is of this moment already.
+            Msg::Frame => return Ok(()),
             Msg::Over => return self.over(now_ms),
         }
         self.show()
