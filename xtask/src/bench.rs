@@ -27,6 +27,7 @@ const BENCHES: &[(&str, &str)] = &[
     ("reachability", "batch against one state at a time, two threads against one"),
     ("scenes", "drawing a participant's scenes, against the plain rules"),
     ("shfrs", "predicted sets as WebAssembly in Chromium and on this machine, against targets"),
+    ("playback", "frames of a replay as WebAssembly in Chromium and on this machine, by layers"),
     ("learning", "the paper's comparison against scikit-learn (Python, installed on first use)"),
     ("files", "import and export of a million steps, against sqlite3 with one table"),
     ("features", "features of a million steps, two threads against one and state by state"),
@@ -55,6 +56,7 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> 
             "files" => files::run(workspace, options.quick)?,
             // Quick as they are.
             "shfrs" => wasm::run(workspace, wasm::SHFRS)?,
+            "playback" => wasm::run(workspace, wasm::PLAYBACK)?,
             "wasm" => wasm::run(workspace, wasm::VALUE)?,
             target => run_target(workspace, target, options.quick)?,
         };

@@ -10,6 +10,7 @@ use crate::http::json::JsonBody;
 use crate::http::laboratory::summary;
 use crate::http::params::PathText;
 use crate::recordings;
+use crate::store::profiles::Profile;
 use crate::store::trials::{StoredTrial, TrialHead};
 use axum::Json;
 use axum::extract::rejection::PathRejection;
@@ -20,6 +21,7 @@ use sidestep::api::{
     scene_words,
 };
 use sidestep::scene::{Evader, JointState};
+use sidestep::study::StudyConfig;
 use sidestep::vehicle::{Pose, TurnInput};
 use std::sync::Arc;
 
@@ -44,9 +46,7 @@ pub async fn show(
     // People are counted at the latest version that says what theirs does, whatever its status.
     let versions = app.store.study_versions(study.id).await?;
     let version = versions.iter().rev().find(|version| version.says(&config));
-    // A pilot of such a study may be a person.
-    let synthetic = (config.synthetic && !found.summary.pilot)
-        || found.trials.iter().any(StoredTrial::is_synthetic);
+    let synthetic = is_synthetic(&found, &config);
     Ok(Json(ParticipantDetail {
         summary: found.summary,
         study: found.study,
@@ -72,7 +72,7 @@ pub async fn drives(
     PathText(id): PathText,
 ) -> Result<Json<Drives>, ApiError> {
     let found = app.store.profile(&id).await?.ok_or_else(unknown)?;
-    let parameters = app.store.config(&found.config_hash).await?.parameters;
+    let config = app.store.config(&found.config_hash).await?;
     let hash = &found.config_hash;
     let value_function_hr = app.store.value_function_id(hash, Evader::Human).await?;
     let value_function_rh = app.store.value_function_id(hash, Evader::Robot).await?;
@@ -88,16 +88,22 @@ pub async fn drives(
         Drive::new(trial_id.clone(), words, trial.scene, inputs, states)
     };
     Ok(Json(Drives {
+        synthetic: is_synthetic(&found, &config),
         number: found.summary.number,
         pilot: found.summary.pilot,
         study: found.study,
         data_deleted: found.data_deleted,
         excluded: found.exclusion.map(|exclusion| exclusion.reason),
-        parameters,
+        parameters: config.parameters,
         value_function_hr,
         value_function_rh,
         tasks: found.trials.iter().filter(used).map(drive).collect(),
     }))
+}
+
+/// Whether this is a program. A pilot of a study of programs may be a person.
+fn is_synthetic(found: &Profile, config: &StudyConfig) -> bool {
+    (config.synthetic && !found.summary.pilot) || found.trials.iter().any(StoredTrial::is_synthetic)
 }
 
 /// `POST /api/v1/admin/participants/{id}/notes`: 201 with the note.

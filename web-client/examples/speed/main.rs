@@ -1,5 +1,5 @@
 //! How long the library takes, natively and as WebAssembly: the same work as a program of this
-//! machine and in a page. `cargo xtask bench wasm` and `cargo xtask bench shfrs` run both.
+//! machine and in a page. `cargo xtask bench wasm`, `shfrs` and `playback` run both.
 //!
 //! The program is asked for a group of measurements and answers with a JSON list of `[name,
 //! seconds of one item]`. The fastest sample counts: other work on the machine disturbs it least,
@@ -9,6 +9,7 @@
 mod answer;
 #[path = "../../../shared/tests/recorded/mod.rs"]
 mod recorded;
+mod playback;
 mod shfrs;
 mod value;
 
@@ -33,7 +34,8 @@ fn measured(group: &str, clock: &dyn Fn() -> f64) -> Result<String, Box<dyn Erro
     match group {
         "value" => value::measure(&mut figures)?,
         "shfrs" => shfrs::measure(&mut figures)?,
-        other => return Err(format!("expected value or shfrs, found {other:?}").into()),
+        "playback" => playback::measure(&mut figures)?,
+        other => return Err(format!("expected value, shfrs or playback, found {other:?}").into()),
     }
     Ok(serde_json::to_string(&figures.seconds)?)
 }

@@ -2,7 +2,9 @@
 
 use super::Figures;
 use sidestep::math::{SeededRng, TAU};
-use sidestep::reachability::{self, CurveSettings, ExactValue, Method, Options, PursuitGame};
+use sidestep::reachability::{
+    self, CurveSettings, ExactValue, Method, Options, PursuitGame, ValueFunction,
+};
 use sidestep::vehicle::VehicleModel;
 use std::error::Error;
 use std::hint::black_box;
@@ -33,10 +35,27 @@ pub(crate) fn measure(figures: &mut Figures<'_>) -> Result<(), Box<dyn Error>> {
     figures.add("polar standard solve", 1, || {
         black_box(solve().expect("it was solved before"));
     });
+    let unlike = PursuitGame {
+        pursuer: VehicleModel { speed_mps: 2.4, turn_rate_radps: 0.4 },
+        radius_m: 2.5,
+        ..game
+    };
+    let options = Options { threads: 1, ..Options::default() };
+    let solve = || reachability::solve(unlike, &options, &mut |_| ControlFlow::Continue(()));
+    figures.add("standard solve, unlike vehicles", 1, || {
+        black_box(solve().expect("the game is valid"));
+    });
     figures.add("level curve", CURVES, || {
         for i in 0..CURVES {
             let psi = black_box(TAU * (i as f64 + 0.3) / CURVES as f64);
             black_box(solved.function.level_curves(psi, 0.0, CurveSettings::default()));
+        }
+    });
+    let closed = ValueFunction::Exact(exact);
+    figures.add("level curve, closed form", CURVES, || {
+        for i in 0..CURVES {
+            let psi = black_box(TAU * (i as f64 + 0.3) / CURVES as f64);
+            black_box(closed.level_curves(psi, 0.0, CurveSettings::default()));
         }
     });
     figures.add("exact value", STATES, || {

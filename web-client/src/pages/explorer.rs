@@ -21,7 +21,7 @@ use crate::runtime::{
     Address, Answer, Command, Commands, Event, Failure, Offer, Page, Request, Solving, read,
 };
 use crate::view::Node;
-use sidestep::api::{Drives, routes};
+use sidestep::api::{Drives, routes, trial_heading};
 use sidestep::invalid::Invalid;
 use sidestep::picture::Picture;
 use sidestep::playback::Playback;
@@ -447,7 +447,8 @@ impl Explorer {
     }
 
     fn title(&self) -> String {
-        format!("{} / participant {} / explorer", self.drives.study, self.drives.number)
+        let Drives { study, number, synthetic, .. } = &self.drives;
+        trial_heading(study, *number, "explorer", *synthetic)
     }
 
     /// How many actions the predictor has; as many as there are inputs without one.

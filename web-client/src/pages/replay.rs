@@ -23,7 +23,7 @@ use crate::runtime::{
     Address, Answer, Command, Commands, Event, Failure, Offer, Page, Request, Solving, read,
 };
 use crate::view::Node;
-use sidestep::api::{TrialDetail, routes};
+use sidestep::api::{TrialDetail, routes, trial_heading};
 use sidestep::picture::Picture;
 use sidestep::playback::layers::LAYERS;
 use sidestep::playback::source::Source;
@@ -422,9 +422,8 @@ impl Replay {
     }
 
     fn title(&self) -> String {
-        let TrialDetail { study, summary, .. } = &self.trial;
-        let (number, scene) = (summary.participant_number, summary.scene_words());
-        format!("{study} / participant {number} / {scene}")
+        let TrialDetail { study, summary, synthetic, .. } = &self.trial;
+        trial_heading(study, summary.participant_number, &summary.scene_words(), *synthetic)
     }
 
     /// Takes the value of a control as a link would give it. A value that is not valid changes nothing.

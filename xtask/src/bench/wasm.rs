@@ -1,4 +1,4 @@
-//! `cargo xtask bench wasm` and `cargo xtask bench shfrs`: the library as a program of this
+//! `cargo xtask bench wasm`, `cargo xtask bench shfrs` and `cargo xtask bench playback`: the library as a program of this
 //! machine and as WebAssembly in headless Chromium, in the same run and on one thread each
 //! (but for tuning, which takes all there are).
 //!
@@ -60,7 +60,9 @@ pub(super) const VALUE: Group = Group {
     name: "value",
     cases: &[
         Case::new("polar standard solve").native(0.1).wasm(0.5),
+        Case::new("standard solve, unlike vehicles").wasm(0.5),
         Case::new("level curve").wasm(1e-3),
+        Case::new("level curve, closed form").against("level curve"),
         Case::new("exact value"),
         Case::new("exact values, batch").against("exact value"),
         Case::new("value and gradient").against("exact value"),
@@ -95,6 +97,22 @@ pub(super) const SHFRS: Group = Group {
         Case::new("tuning, 400 drives").native(2.0),
     ],
 };
+
+/// Frames of a replay.
+pub(super) const PLAYBACK: Group = Group {
+    name: "playback",
+    cases: &[
+        Case::new("frame, usual layers").wasm(4e-3),
+        Case::new("frame, usual layers, slowest moment").wasm(4e-3),
+        Case::new("frame, all layers").wasm(4e-3).against(USUAL),
+        Case::new("frame, all layers, slowest moment").wasm(4e-3),
+        Case::new("frame, hatched").wasm(4e-3).against(USUAL),
+        Case::new("frame, hatched, slowest moment").wasm(4e-3),
+    ],
+};
+
+/// The baseline of frames.
+const USUAL: &str = "frame, usual layers";
 
 /// The baseline of coverage: nothing is kept from before.
 const DIRECTLY: &str = "coverage, 400 drives, directly";
@@ -263,7 +281,7 @@ mod tests {
 
     #[test]
     fn baselines_are_measured_too() {
-        for Group { cases, .. } in [VALUE, SHFRS] {
+        for Group { cases, .. } in [VALUE, SHFRS, PLAYBACK] {
             for baseline in cases.iter().filter_map(|case| case.baseline) {
                 assert!(cases.iter().any(|case| case.name == baseline), "{baseline}");
             }

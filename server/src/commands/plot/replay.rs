@@ -8,6 +8,7 @@ use crate::commands::trials_file;
 use crate::http::predictors;
 use crate::recordings;
 use crate::store::{Missing, Store};
+use sidestep::api::{scene_words, trial_heading};
 use sidestep::chart::Drawing;
 use sidestep::invalid::Invalid;
 use sidestep::playback::source::{FROM_FILE, Source, features_of};
@@ -217,8 +218,8 @@ async fn of_database(
     }
     store.close().await;
     let (study, number) = (&trial.study, trial.head.participant_number);
-    let words = sidestep::api::scene_words(trial.head.phase, trial.head.index, trial.head.attempt);
-    let heading = format!("{study} / participant {number} / {words}");
+    let words = scene_words(trial.head.phase, trial.head.index, trial.head.attempt);
+    let heading = trial_heading(study, number, &words, trial.is_synthetic());
     let (inputs, states) = (trial.content.inputs, trial.content.states);
     Ok(Found {
         recorded: Recorded { parameters, scene: trial.scene, inputs, states },

@@ -26,6 +26,7 @@ fn scene(explorer: &Explorer) -> Node {
     el("section")
         .class("view")
         .attr("aria-label", "Scene")
+        .children(parts::synthetic(explorer.drives.synthetic))
         .child(switches(&explorer.view, |_| true, |_| None, Msg::Layer))
         .child(picture)
 }

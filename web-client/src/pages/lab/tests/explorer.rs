@@ -31,6 +31,7 @@ fn drives(parameters: SceneParameters, id: Option<String>) -> Drives {
         pilot: false,
         data_deleted: false,
         excluded: None,
+        synthetic: false,
         parameters,
         value_function_hr: id.clone(),
         value_function_rh: id,
