@@ -64,7 +64,8 @@ mod tests {
     /// A server without sockets, whose store and drawing of plans can be held up.
     async fn served(folder: &TempDir, plans_waiting: usize) -> (Store, Router) {
         std::fs::create_dir_all(folder.path().join("assets")).unwrap();
-        for page in ["index", "participant", "lab", "viewer", "demo", "docs"] {
+        let pages = ["index", "participant", "lab", "viewer", "reachability", "demo", "docs"];
+        for page in pages {
             std::fs::write(folder.path().join(format!("{page}.html")), "").unwrap();
         }
         let url = format!("sqlite:{}", folder.path().join("test.db").display());

@@ -25,8 +25,15 @@ pub struct Site {
     demo_is_open: bool,
 }
 
-const PAGES: [&str; 6] =
-    ["index.html", "participant.html", "lab.html", "viewer.html", "demo.html", "docs.html"];
+const PAGES: [&str; 7] = [
+    "index.html",
+    "participant.html",
+    "lab.html",
+    "viewer.html",
+    "reachability.html",
+    "demo.html",
+    "docs.html",
+];
 
 impl Site {
     /// The bundle in `folder`.
@@ -81,7 +88,7 @@ pub fn routes(site: &Site) -> Router<Arc<App>> {
         .route_service("/lab/{*rest}", page("lab.html"))
         .route_service("/lab/replay/{id}", page("viewer.html"))
         .route_service("/lab/explorer/{id}", page("viewer.html"))
-        .route_service("/lab/reachability", page("viewer.html"))
+        .route_service("/lab/reachability", page("reachability.html"))
         .route_service("/lab/demo", page("demo.html"));
     if site.demo_is_open {
         pages = pages.route_service("/demo", page("demo.html"));

@@ -1,4 +1,4 @@
-//! Entry of the laboratory's pages that draw scenes, sets and value functions.
+//! Entry of the laboratory's pages that draw scenes and sets.
 
 use sidestep_web::pages::lab::{Lab, Viewer};
 

@@ -21,7 +21,7 @@ mod routes;
 mod tests;
 
 use self::hosted::{AnyMsg, AnyPage};
-pub use self::routes::{Demonstration, Laboratory, Program, Viewer};
+pub use self::routes::{Demonstration, Inspector, Laboratory, Program, Viewer};
 use self::routes::{NAVIGATION, OPEN_TO_ALL, Route, is_apart};
 use self::visit::Visit;
 use super::parts::{self, alert, button};

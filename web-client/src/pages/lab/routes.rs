@@ -56,16 +56,28 @@ impl Program for Laboratory {
     const HAS_PANES: bool = false;
 }
 
-/// What draws scenes, sets and value functions.
+/// What draws scenes and sets.
 pub struct Viewer;
 
 impl Program for Viewer {
     const PAGES: &'static [&'static [Route]] = &[VIEWER];
     const SOLVES: bool = true;
+    const SHOWS_SOLIDS: bool = false;
+    const POINTS: bool = false;
+    const OFFERS_FILES: bool = true;
+    const HAS_PANES: bool = true;
+}
+
+/// What looks into value functions.
+pub struct Inspector;
+
+impl Program for Inspector {
+    const PAGES: &'static [&'static [Route]] = &[INSPECTOR];
+    const SOLVES: bool = true;
     const SHOWS_SOLIDS: bool = true;
     const POINTS: bool = true;
     const OFFERS_FILES: bool = true;
-    const HAS_PANES: bool = true;
+    const HAS_PANES: bool = false;
 }
 
 /// What anybody can try.
@@ -115,6 +127,10 @@ pub(super) static LABORATORY: &[Route] = &[
 pub(super) static VIEWER: &[Route] = &[
     Route { path: "/lab/replay/{id}", open: |visit| host(ReplayPage::open(visit.id, visit.address)) },
     Route { path: "/lab/explorer/{id}", open: |visit| host(ExplorerPage::open(visit.id, visit.address)) },
+];
+
+#[rustfmt::skip]
+pub(super) static INSPECTOR: &[Route] = &[
     Route { path: "/lab/reachability", open: |visit| host(Reachability::open(visit.address, visit.window_px)) },
 ];
 
@@ -153,7 +169,7 @@ mod tests {
     #[test]
     fn each_address_names_one_page() {
         let named = |path: &'static str| {
-            let found: Vec<_> = [LABORATORY, VIEWER, DEMONSTRATION]
+            let found: Vec<_> = [LABORATORY, VIEWER, INSPECTOR, DEMONSTRATION]
                 .into_iter()
                 .flatten()
                 .filter_map(|route| Some((route.path, route.matches(path)?)))
@@ -185,7 +201,7 @@ mod tests {
 
     #[test]
     fn other_programs_have_their_pages_apart() {
-        let apart = [VIEWER, DEMONSTRATION].into_iter().flatten();
+        let apart = [VIEWER, INSPECTOR, DEMONSTRATION].into_iter().flatten();
         let in_lab = apart.filter(|route| route.path.starts_with("/lab"));
         assert!(in_lab.map(|route| route.path).eq(APART));
         assert!(LABORATORY.iter().all(|route| !is_apart(route.path)));

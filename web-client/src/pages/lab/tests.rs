@@ -12,7 +12,7 @@ mod profile;
 mod reachability;
 mod studies;
 
-use super::routes::{DEMONSTRATION, LABORATORY, Route, VIEWER};
+use super::routes::{DEMONSTRATION, INSPECTOR, LABORATORY, Route, VIEWER};
 use super::{Lab, Program};
 use crate::form::{FieldValue, Form};
 use crate::runtime::{Address, Event, Page, PageContext, Solving};
@@ -33,7 +33,7 @@ use std::sync::LazyLock;
 struct Whole;
 
 impl Program for Whole {
-    const PAGES: &'static [&'static [Route]] = &[LABORATORY, VIEWER, DEMONSTRATION];
+    const PAGES: &'static [&'static [Route]] = &[LABORATORY, VIEWER, INSPECTOR, DEMONSTRATION];
     const SOLVES: bool = true;
     const SHOWS_SOLIDS: bool = true;
     const POINTS: bool = true;

@@ -1,0 +1,7 @@
+//! Entry of the laboratory's page that looks into value functions.
+
+use sidestep_web::pages::lab::{Inspector, Lab};
+
+fn main() {
+    sidestep_web::browser::run(Lab::<Inspector>::open);
+}
