@@ -49,9 +49,15 @@ pub async fn of_study(store: &Store, study: &StoredStudy) -> Result<Recording, S
 /// # Errors
 /// [`StoreError`] if the database cannot be read.
 pub async fn earlier(store: &Store, trial: &StoredTrial) -> Result<Vec<RecordedTrial>, StoreError> {
-    let mut driven = store.trials_of(&trial.head.participant_id).await?;
-    driven.retain(|other| other.head.ordinal < trial.head.ordinal);
-    Ok(one_attempt(String::new(), &driven).trials)
+    let driven = store.trials_of(&trial.head.participant_id).await?;
+    Ok(before(&driven, trial))
+}
+
+/// The same, of all trials of that participant in the plan's order.
+#[must_use]
+pub fn before(driven: &[StoredTrial], trial: &StoredTrial) -> Vec<RecordedTrial> {
+    let count = driven.partition_point(|other| other.head.ordinal < trial.head.ordinal);
+    one_attempt(String::new(), &driven[..count]).trials
 }
 
 /// One participant's trials of all phases, one of each scene.

@@ -36,7 +36,8 @@ pub use people::{
     ParticipantSummary, Quality, Stage, StageCount, TrialPicture,
 };
 pub use predictors::{
-    PredictorChoices, PredictorPage, PredictorSource, PredictorSummary, TrainedPredictor, TrialUse,
+    LearnedSets, PredictorChoices, PredictorPage, PredictorSource, PredictorSummary,
+    TrainedPredictor, TrialUse,
 };
 pub use study::{Admission, CheckForm, Language, QuestionForm, StudyInfo, Texts};
 pub use upload::{KeyEvent, TrialStored, TrialUpload};

@@ -8,6 +8,7 @@ mod grid;
 mod shade;
 mod level_set;
 mod danger_zone;
+mod predicted;
 mod shfrs;
 mod samples;
 mod avoidance;
@@ -18,9 +19,11 @@ pub mod view;
 pub mod source;
 mod figure;
 
-pub use figure::side_by_side;
+pub use figure::{legend_of_both, side_by_side};
+pub use predicted::{Level, Method, PredictedSet};
 
 use self::curves::Curves;
+use self::hatch::Crossing;
 use self::layers::LAYERS;
 use self::style::Sets;
 use self::view::View;
@@ -31,7 +34,8 @@ use crate::picture::{Picture, Window, stage};
 use crate::predict::Predictor;
 use crate::safety::SafetyLevels;
 use crate::scene::{Evader, JointState, Scene, SceneParameters};
-use crate::shfrs::{PredictedHuman, Shfrs, ShfrsPredictor, ShfrsSettings};
+use crate::shfrs::baselines::EmpiricalSets;
+use crate::shfrs::{PredictedHuman, ShfrsPredictor, ShfrsSettings};
 use crate::vehicle::TurnInput;
 use std::rc::Rc;
 
@@ -67,20 +71,20 @@ pub struct Playback {
     safety: Option<SafetyLevels>,
     /// V_HR and V_RH of each state, m.
     levels: Vec<[f64; 2]>,
-    learned: Option<Learned>,
-    /// The probabilities at the beginning of each step, once they are known.
+    method: Option<Method>,
+    /// The probabilities at the beginning of each step, once they are known, if the method has some.
     forecast: Vec<Probabilities>,
     now: Now,
     /// The states up to now.
     history: Vec<JointState>,
     predictor: ShfrsPredictor,
-    /// The probabilities now, once they are known; the sets are the predictor's.
+    /// The probabilities now, once they are known; then the sets are the predictor's.
     probabilities: Option<Probabilities>,
     curves: Curves,
     /// What is written at the bar of the scale.
     scale: Rc<str>,
     /// Where lines cross the edges of what is hatched.
-    crossings: Vec<hatch::Crossing>,
+    crossings: Vec<Crossing>,
 }
 
 /// A moment of the trial.
@@ -117,7 +121,7 @@ impl Playback {
             window,
             safety: None,
             levels: Vec::new(),
-            learned: None,
+            method: None,
             forecast: Vec::new(),
             now,
             history: Vec::new(),
@@ -163,7 +167,7 @@ impl Playback {
         self.levels.truncate(same);
         self.measure();
         self.forecast.truncate(same);
-        self.foresee().inspect_err(|_| self.learned = None)
+        self.foresee()
     }
 
     /// The safety levels, once they are known.
@@ -181,10 +185,23 @@ impl Playback {
     /// The learned function and its settings, if there is one.
     #[must_use]
     pub fn learned(&self) -> Option<&Learned> {
-        self.learned.as_ref()
+        match &self.method {
+            Some(Method::Learned(learned)) => Some(learned),
+            _ => None,
+        }
     }
 
-    /// The predicted probabilities at the beginning of each step; nothing until they are known.
+    /// The sets that were learned instead of a function, if those predict.
+    #[must_use]
+    pub fn empirical(&self) -> Option<&EmpiricalSets> {
+        match &self.method {
+            Some(Method::Empirical(sets)) => Some(sets),
+            _ => None,
+        }
+    }
+
+    /// The predicted probabilities at the beginning of each step; nothing until they are known, or if what
+    /// predicts has none.
     #[must_use]
     pub fn forecast(&self) -> &[Probabilities] {
         &self.forecast
@@ -196,16 +213,20 @@ impl Playback {
         self.now
     }
 
-    /// The predicted probabilities at this moment, once they are known.
+    /// The predicted probabilities at this moment, once they are known, if what predicts has some.
     #[must_use]
     pub fn probabilities(&self) -> Option<&Probabilities> {
         self.probabilities.as_ref()
     }
 
-    /// The predicted sets at this moment, once they are known.
-    #[must_use]
-    pub fn shfrs(&self) -> Option<&Shfrs> {
-        self.probabilities.as_ref().map(|_| self.predictor.shfrs())
+    /// The predicted sets at this moment, from the smallest to the largest; none until they are known.
+    pub fn sets<'a>(&'a self) -> impl DoubleEndedIterator<Item = PredictedSet<'a>> {
+        let learned = self.probabilities.iter().flat_map(move |_| &self.predictor.shfrs().sets);
+        let placed = |it: &'a EmpiricalSets| {
+            it.sets().iter().map(move |set| PredictedSet::of(it.family(), set))
+        };
+        let empirical = self.empirical().into_iter().flat_map(placed);
+        learned.map(PredictedSet::from).chain(empirical)
     }
 
     /// Length of the trial, s.
@@ -231,23 +252,31 @@ impl Playback {
         self.levels.clear();
         self.measure();
         self.forecast.clear();
-        self.foresee().inspect_err(|_| self.learned = None)
+        self.foresee()
     }
 
-    /// Predicts with this function from now on, or with none.
+    /// Predicts with this function from now on, or not at all.
     ///
     /// # Errors
-    /// [`Invalid`] if the function does not say how likely each input is; then there is none.
+    /// As of [`Self::use_method`].
     pub fn use_learned(&mut self, learned: Option<Learned>) -> Result<(), Invalid> {
+        self.use_method(learned.map(Method::Learned))
+    }
+
+    /// Predicts in this way from now on, or not at all.
+    ///
+    /// # Errors
+    /// [`Invalid`] if a function does not say how likely each input is; then nothing predicts.
+    pub fn use_method(&mut self, method: Option<Method>) -> Result<(), Invalid> {
         self.forecast.clear();
         self.probabilities = None;
-        self.learned = learned;
-        self.foresee().inspect_err(|_| self.learned = None)
+        self.method = method;
+        self.foresee()
     }
 
     /// Predicts sets in this way from now on, if there is a function.
     pub fn use_settings(&mut self, settings: ShfrsSettings) {
-        if let Some(learned) = &mut self.learned {
+        if let Some(Method::Learned(learned)) = &mut self.method {
             learned.settings = settings;
         }
     }
@@ -259,9 +288,17 @@ impl Playback {
         self.levels.extend(self.recorded.states[self.levels.len()..].iter().map(level));
     }
 
-    /// Works out the probabilities of the steps whose probabilities are not known.
+    /// Works out the probabilities of the steps whose probabilities are not known. If that fails, nothing
+    /// predicts.
     fn foresee(&mut self) -> Result<(), Invalid> {
-        let (Some(learned), Some(safety)) = (&self.learned, &self.safety) else { return Ok(()) };
+        let foreseen = self.forecast_on();
+        foreseen.inspect_err(|_| self.method = None)
+    }
+
+    fn forecast_on(&mut self) -> Result<(), Invalid> {
+        let (Some(Method::Learned(learned)), Some(safety)) = (&self.method, &self.safety) else {
+            return Ok(());
+        };
         let Recorded { parameters, states, .. } = &self.recorded;
         let human = PredictedHuman::new(&learned.predictor, safety, parameters)?;
         let classes = learned.predictor.classes().len();
@@ -283,22 +320,30 @@ impl Playback {
         let Recorded { parameters, inputs, states, .. } = &self.recorded;
         let time_s = view.time_s.clamp(0.0, self.duration_s());
         // The tolerance keeps a time that is a whole number of steps in its own step.
-        let step = ((time_s / parameters.step_s + 1e-9) as usize).min(inputs.len());
+        const ROUNDING: f64 = 1e-9;
+        let step = ((time_s / parameters.step_s + ROUNDING) as usize).min(inputs.len());
+        let within_s = (time_s - step as f64 * parameters.step_s).max(0.0);
+        let begun = within_s > ROUNDING * parameters.step_s;
         let state = match inputs.get(step) {
             None => states[step],
-            Some(&input) => {
-                let begun = step as f64 * parameters.step_s;
-                states[step].advance(parameters, input, (time_s - begun).max(0.0))
-            }
+            Some(&input) => states[step].advance(parameters, input, within_s),
         };
         self.now = Now { time_s, step, state };
         self.history.clear();
         self.history.extend_from_slice(&states[..step]);
         self.history.push(state);
         self.probabilities = None;
-        let (Some(learned), Some(safety)) = (&mut self.learned, &self.safety) else {
-            return Ok(());
+        let learned = match &mut self.method {
+            None => return Ok(()),
+            Some(Method::Learned(learned)) => learned,
+            Some(Method::Empirical(sets)) => {
+                let last = if begun { Some(step) } else { step.checked_sub(1) };
+                let held = last.and_then(|last| inputs.get(last)).copied();
+                sets.place(state.human, held.unwrap_or(TurnInput::Straight));
+                return Ok(());
+            }
         };
+        let Some(safety) = &self.safety else { return Ok(()) };
         let human = PredictedHuman::new(&learned.predictor, safety, parameters)?;
         learned.settings.by_step = view.style.sets != Sets::Tube;
         self.predictor.predict(&self.history, parameters, &human, &learned.settings)?;
@@ -336,8 +381,11 @@ impl Playback {
     /// Steps of the predictions; the paper's number without any.
     #[must_use]
     pub fn steps_ahead(&self) -> usize {
-        const USUAL: usize = 10;
-        self.learned.as_ref().map_or(USUAL, |learned| learned.settings.bounds.steps())
+        match &self.method {
+            Some(Method::Learned(learned)) => learned.settings.bounds.steps(),
+            Some(Method::Empirical(sets)) => sets.steps(),
+            None => USUAL_STEPS,
+        }
     }
 
     /// How far ahead predictions look, s.
@@ -371,6 +419,9 @@ fn probabilities(
     };
     [TurnInput::Left, TurnInput::Straight, TurnInput::Right].map(of)
 }
+
+/// How many steps ahead the paper predicts.
+const USUAL_STEPS: usize = 10;
 
 /// A predictor of turns has a class for each.
 const MOST_CLASSES: usize = 3;

@@ -11,6 +11,7 @@ use special::{Beta as _, Error as _};
 
 /// A proportion with its confidence interval. All three numbers are from 0 to 1, low ≤ value ≤ high.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct Estimate {
     /// The observed proportion.
     pub value: f64,

@@ -15,6 +15,8 @@ use sidestep::predict::logistic::Logistic;
 use sidestep::predict::scale::Scale;
 use sidestep::safety::SafetyLevels;
 use sidestep::scene::{JointState, Scene, SceneParameters};
+use sidestep::shfrs::baselines::{EmpiricalFamily, Fitted};
+use sidestep::shfrs::window::Trajectory;
 use sidestep::shfrs::{PredictedHuman, ShfrsPredictor, ShfrsSettings};
 use sidestep::vehicle::{Pose, TurnInput};
 
@@ -67,6 +69,16 @@ fn main() {
             picture.tell("data-step", playback.now().step);
             playback.paint(&view, &mut picture);
             shown.copy(&picture);
+        });
+    }
+    let inputs: Vec<TurnInput> = (0..50).map(|step| TurnInput::ALL[step / 5 % 3]).collect();
+    let driven = Trajectory::driven(trial.clone(), &inputs, &parameters).unwrap();
+    for family in [EmpiricalFamily::Empirical, EmpiricalFamily::Gaussian] {
+        let training = core::slice::from_ref(&driven);
+        let mut sets = Fitted::learn(family, &parameters, training, 10).unwrap().sets;
+        silent(|length| {
+            sets.place(trial[length - 1].human, TurnInput::ALL[length % 3]);
+            assert_eq!(sets.sets()[4].steps.len(), 10);
         });
     }
 }

@@ -254,6 +254,16 @@ fn data(table: Table) -> Table {
             )],
         )
         .route(
+            &routes::admin_sets("{trial_id}"),
+            [get("Learned sets for the replay of a trial", predictors::sets)
+                .detail(
+                    "The sets of a family that is learned from the positions of the participant's earlier \
+                     trials, as polygons in the human's frame, and how often they hold the future of the \
+                     participant's other tasks.",
+                )
+                .compressed()],
+        )
+        .route(
             &routes::exports("{slug}"),
             [get("A study's data as a file", exports::export)
                 .detail(

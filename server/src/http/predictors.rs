@@ -17,12 +17,17 @@ use axum::extract::State;
 use axum::http::StatusCode;
 use schemars::JsonSchema;
 use serde::Deserialize;
-use sidestep::api::{PredictorPage, TrainedPredictor};
+use sidestep::api::{LearnedSets, PredictorPage, TrainedPredictor};
 use sidestep::comparison::cell::ModelName;
 use sidestep::features::FeatureSet;
 use sidestep::invalid::Invalid;
 use sidestep::playback::source;
 use sidestep::predict::{Predictor, PredictorFile};
+use sidestep::recording::RecordedTrial;
+use sidestep::scene::SceneParameters;
+use sidestep::shfrs::baselines::EmpiricalFamily;
+use sidestep::shfrs::probability::probabilities;
+use sidestep::shfrs::window::Trajectory;
 use sidestep::training::{self, Driven, Trained};
 use std::sync::Arc;
 
@@ -154,6 +159,58 @@ async fn of_earlier_trials(
     let predictor = (&predictor).into();
     Ok(TrainedPredictor { predictor, trials, fallback, trained_on, source: None })
 }
+
+/// Which sets are wanted.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SetsParams {
+    /// The family that is learned.
+    family: EmpiricalFamily,
+}
+
+/// `GET /api/v1/admin/trials/{trial_id}/sets?family=FAMILY`: learned from this participant's earlier trials.
+pub async fn sets(
+    _: Reader,
+    State(app): State<Arc<App>>,
+    PathText(trial_id): PathText,
+    Params(params): Params<SetsParams>,
+) -> Result<Json<LearnedSets>, ApiError> {
+    let trial = stored(&app.store, &trial_id).await?;
+    let parameters = app.store.config(&trial.config_hash).await?.parameters;
+    let driven = app.store.trials_of(&trial.head.participant_id).await?;
+    let learn = move || learned(params.family, &parameters, &driven, &trial);
+    Ok(Json(tokio::task::spawn_blocking(learn).await.context("learning")??))
+}
+
+/// # Errors
+/// [`Invalid`] if there is too little to learn from.
+fn learned(
+    family: EmpiricalFamily,
+    parameters: &SceneParameters,
+    driven: &[StoredTrial],
+    trial: &StoredTrial,
+) -> Result<LearnedSets, Invalid> {
+    let trajectory =
+        |trial: &RecordedTrial| Trajectory::driven(trial.states.clone(), &trial.inputs, parameters);
+    let all = |trials: &mut dyn Iterator<Item = &RecordedTrial>| {
+        trials.map(trajectory).collect::<Result<Vec<_>, _>>()
+    };
+    let earlier = recordings::before(driven, trial);
+    let fitted = source::fitted(family, parameters, &all(&mut earlier.iter())?)?;
+    let tasks = recordings::tasks(String::new(), driven).trials;
+    let is_new = |task: &&RecordedTrial| earlier.iter().all(|it| it.trial_id != task.trial_id);
+    let others = all(&mut tasks.iter().filter(is_new))?;
+    let smallest = fitted.smallest_holding(&others)?;
+    let sets = fitted.sets;
+    let held = match smallest.iter().all(Vec::is_empty) {
+        true => None,
+        false => Some(probabilities(&smallest, sets.count(), CONFIDENCE)?),
+    };
+    Ok(LearnedSets { sets, trials: earlier.len(), held })
+}
+
+/// Confidence of intervals, as in analyses.
+const CONFIDENCE: f64 = 0.95;
 
 /// A model of an analysis, and what it has to do with a trial.
 ///

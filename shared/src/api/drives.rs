@@ -104,10 +104,9 @@ impl Drive {
     /// As something to count on.
     ///
     /// # Errors
-    /// The errors of [`Trajectory::new`].
+    /// The errors of [`Trajectory::driven`].
     pub fn trajectory(&self, parameters: &SceneParameters) -> Result<Trajectory, Invalid> {
-        let rate = |input| parameters.human.turn_rate(input);
-        Trajectory::new(self.states(), self.inputs().into_iter().map(rate).collect())
+        Trajectory::driven(self.states(), &self.inputs(), parameters)
     }
 }
 

@@ -1,6 +1,8 @@
 //! Predictors: the models of analyses, and what a replay predicts with.
 
 use crate::predict::PredictorFile;
+use crate::shfrs::baselines::EmpiricalSets;
+use crate::shfrs::probability::Probabilities;
 use serde::{Deserialize, Serialize};
 
 /// A model of an analysis in a list.
@@ -71,6 +73,18 @@ pub struct TrainedPredictor {
     /// The analysis that trained it; absent if it was trained on the participant's earlier trials.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub source: Option<PredictorSource>,
+}
+
+/// Sets that are learned from a participant's earlier trials.
+#[derive(Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
+pub struct LearnedSets {
+    /// The sets.
+    pub sets: EmpiricalSets,
+    /// The number of trials that they are learned from.
+    pub trials: usize,
+    /// How often they hold the future of the participant's other tasks; null if there is none.
+    pub held: Option<Probabilities>,
 }
 
 /// Which model of an analysis a predictor is.

@@ -119,6 +119,11 @@ pub fn admin_trial(trial_id: &str) -> String {
 pub fn admin_predictor(trial_id: &str) -> String {
     format!("/api/v1/admin/trials/{trial_id}/predictor")
 }
+/// Sets that are learned from this participant's trials before this one, without the query that names the family.
+#[must_use]
+pub fn admin_sets(trial_id: &str) -> String {
+    format!("/api/v1/admin/trials/{trial_id}/sets")
+}
 /// The analyses of a study, newest first; a POST requests a new one.
 #[must_use]
 pub fn admin_analyses(slug: &str) -> String {

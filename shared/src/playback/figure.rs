@@ -2,7 +2,7 @@
 
 use super::Playback;
 use super::view::View;
-use crate::chart::{Align, Drawing, colours, fixed};
+use crate::chart::{Align, Drawing, LegendItem, colours, fixed};
 use crate::picture::Picture;
 
 /// Width of the picture, and room around everything, px.
@@ -15,16 +15,31 @@ const HEIGHTS: [f64; 2] = [300.0, 900.0];
 const HALF: f64 = 560.0;
 const BETWEEN: f64 = 20.0;
 
+/// What the signs of two pictures side by side mean: those of the first one, and of the second one what the
+/// first one does not have.
+#[must_use]
+pub fn legend_of_both(first: &Playback, second: &Playback, view: &View) -> Vec<LegendItem> {
+    let mut items = first.legend(view);
+    let mut others = second.legend(view);
+    others.retain(|other| items.iter().all(|item| item.text != other.text));
+    items.extend(
+        others
+            .into_iter()
+            .map(|LegendItem { sign, text }| LegendItem { sign, text: format!("beside: {text}") }),
+    );
+    items
+}
+
 /// The pictures of two predictions of one moment side by side, each below its caption, with one heading and the
-/// meaning of the signs of the first.
+/// meaning of the signs of both.
 #[must_use]
 pub fn side_by_side(panes: [(&mut Playback, &str); 2], view: &View, heading: &str) -> Drawing {
-    let [(first, _), _] = &panes;
+    let [(first, _), (second, _)] = &panes;
     let window = first.window();
     let [wide, high] = [0, 1].map(|axis| window.high[axis] - window.low[axis]);
     let height = (HALF * high / wide).clamp(HEIGHTS[0], HEIGHTS[1]).round();
     let time = fixed(first.now().time_s, 1);
-    let legend = first.legend(view);
+    let legend = legend_of_both(first, second, view);
     let (width, top) = (2.0 * HALF + BETWEEN, MARGIN + 64.0);
     let description =
         format!("The trial seen from above, {time} s after its start, predicted in two ways.");

@@ -1,17 +1,18 @@
-//! Hatching: parallel lines inside a polygon.
+//! Hatching: parallel lines inside polygons.
 
 use crate::chart::Pen;
 use crate::math::sin_cos;
 use crate::picture::Picture;
 
-/// A place where a line crosses an edge: the number of the line, and how far along it, m.
-pub(super) type Crossing = (i64, f64);
+/// Where a line crosses an edge: the number of the line, how far along it, m, and whether the line enters a
+/// polygon there (1) or leaves one (−1).
+pub(super) type Crossing = (i64, f64, i32);
 
-/// Paints parallel lines inside a closed polygon (even–odd rule), `apart_m` apart, along `angle` from +x,
-/// rad. The lines lie on one lattice of the world, so that those of adjacent polygons fit together.
+/// Paints parallel lines inside the union of closed polygons (nonzero winding), `apart_m` apart, along `angle`
+/// from +x, rad. The lines lie on one lattice of the world, so that those of adjacent areas fit together.
 pub(super) fn paint(
     picture: &mut Picture,
-    polygon: &[[f64; 2]],
+    polygons: &[Vec<[f64; 2]>],
     angle: f64,
     apart_m: f64,
     pen: Pen,
@@ -22,28 +23,36 @@ pub(super) fn paint(
     let turned = |[x, y]: [f64; 2]| [cos * x + sin * y, cos * y - sin * x];
     let back = |[x, y]: [f64; 2]| [cos * x - sin * y, sin * x + cos * y];
     crossings.clear();
-    let Some(&last) = polygon.last() else { return };
-    let mut from = turned(last);
-    for &corner in polygon {
-        let to = turned(corner);
-        let (low, high) = (from[1].min(to[1]), from[1].max(to[1]));
-        let lines = (low / apart_m).floor() as i64..=(high / apart_m).ceil() as i64;
-        for line in lines.filter(|_| (high - low).is_finite()) {
-            let y = line as f64 * apart_m;
-            // An edge has its lower end, but not its upper one: corners count once.
-            if (from[1] <= y) != (to[1] <= y) {
-                let x = from[0] + (y - from[1]) / (to[1] - from[1]) * (to[0] - from[0]);
-                crossings.push((line, x));
+    for polygon in polygons {
+        let Some(&last) = polygon.last() else { continue };
+        let mut from = turned(last);
+        for &corner in polygon {
+            let to = turned(corner);
+            let (low, high) = (from[1].min(to[1]), from[1].max(to[1]));
+            let lines = (low / apart_m).floor() as i64..=(high / apart_m).ceil() as i64;
+            for line in lines.filter(|_| (high - low).is_finite()) {
+                let y = line as f64 * apart_m;
+                // An edge has its lower end, but not its upper one: corners count once.
+                if (from[1] <= y) != (to[1] <= y) {
+                    let x = from[0] + (y - from[1]) / (to[1] - from[1]) * (to[0] - from[0]);
+                    crossings.push((line, x, if to[1] < from[1] { 1 } else { -1 }));
+                }
             }
+            from = to;
         }
-        from = to;
     }
     crossings.sort_unstable_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
-    // A line that enters a polygon also leaves it.
-    let pairs = crossings.chunks_exact(2);
-    let ends =
-        |pair: &[Crossing]| [0, 1].map(|end| back([pair[end].1, pair[end].0 as f64 * apart_m]));
-    picture.segments(pairs.map(ends), pen);
+    // A line leaves every polygon that it enters, so the count is 0 between two lines.
+    let (mut within, mut entered) = (0, f64::NAN);
+    let spans = crossings.iter().filter_map(|&(line, x, winding)| {
+        if within == 0 {
+            entered = x;
+        }
+        within += winding;
+        let y = line as f64 * apart_m;
+        (within == 0).then(|| [back([entered, y]), back([x, y])])
+    });
+    picture.segments(spans, pen);
 }
 
 #[cfg(test)]
@@ -54,10 +63,10 @@ mod tests {
     use crate::picture::Shape;
 
     /// Total length of the hatching of a polygon.
-    fn length(polygon: &[[f64; 2]], angle: f64, apart_m: f64) -> f64 {
+    fn length(polygons: &[Vec<[f64; 2]>], angle: f64, apart_m: f64) -> f64 {
         let mut picture = Picture::default();
         let pen = Pen::new(colours::TEXT, 1.0);
-        paint(&mut picture, polygon, angle, apart_m, pen, &mut Vec::new());
+        paint(&mut picture, polygons, angle, apart_m, pen, &mut Vec::new());
         let ends = picture.shapes().iter().flat_map(|shape| match shape {
             Shape::Path { points, .. } => picture.points(points).chunks_exact(3),
             other => panic!("{other:?}"),
@@ -68,12 +77,18 @@ mod tests {
     /// Lines of length L, a apart, cover an area of about L a, whatever their direction.
     #[test]
     fn the_lines_fill_the_polygon_evenly() {
-        let concave = [[0.0, 0.0], [4.0, 0.0], [4.0, 3.0], [2.0, 1.0], [0.0, 3.0]];
+        let concave = vec![[0.0, 0.0], [4.0, 0.0], [4.0, 3.0], [2.0, 1.0], [0.0, 3.0]];
+        let square = vec![[0.0, 2.0], [2.0, 2.0], [2.0, 4.0], [0.0, 4.0]];
         for angle in [0.0, 0.25 * PI, 0.5 * PI, 0.75 * PI, 0.3] {
-            let area = 0.01 * length(&concave, angle, 0.01);
-            assert!((area - 8.0).abs() < 0.05, "{angle}: {area}");
+            let area = |polygons: &[Vec<[f64; 2]>]| 0.01 * length(polygons, angle, 0.01);
+            let alone = area(&[concave.clone()]);
+            assert!((alone - 8.0).abs() < 0.05, "{angle}: {alone}");
+            // What both cover, ½ m², is covered once.
+            let union = area(&[concave.clone(), square.clone(), concave.clone()]);
+            assert!((union - 11.5).abs() < 0.05, "{angle}: {union}");
         }
         assert_eq!(length(&[], 0.0, 0.1), 0.0);
-        assert_eq!(length(&[[1.0, 1.0]], 0.0, 0.1), 0.0);
+        assert_eq!(length(&[Vec::new()], 0.0, 0.1), 0.0);
+        assert_eq!(length(&[vec![[1.0, 1.0]]], 0.0, 0.1), 0.0);
     }
 }

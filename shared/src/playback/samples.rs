@@ -1,7 +1,7 @@
 //! Likely futures: paths with inputs drawn by the predicted probabilities.
 
 use super::style::Style;
-use super::{Learned, Playback, probabilities};
+use super::{Learned, Method, Playback, probabilities};
 use crate::chart::{LegendItem, Pen, colours};
 use crate::math::SeededRng;
 use crate::picture::Picture;
@@ -19,8 +19,8 @@ pub(super) fn pen() -> Pen {
 /// the same paths, and they change little from moment to moment.
 pub(super) fn paint(playback: &mut Playback, _: &Style, picture: &mut Picture) {
     let steps = playback.steps_ahead();
-    let Playback { recorded, learned, safety, history, now, .. } = playback;
-    let (Some(learned), Some(safety)) = (learned.as_ref(), safety.as_ref()) else { return };
+    let Playback { recorded, method, safety, history, now, .. } = playback;
+    let (Some(Method::Learned(learned)), Some(safety)) = (method, safety) else { return };
     let parameters = &recorded.parameters;
     let human = PredictedHuman::new(&learned.predictor, safety, parameters);
     let Ok(human) = human else { return };

@@ -1,7 +1,7 @@
 //! The predicted sets.
 
 use super::style::{Palette, Sets, Style};
-use super::{Playback, hatch};
+use super::{Level, Playback, PredictedSet, hatch};
 use crate::chart::{Colour, LegendItem, Pen, colours, fixed};
 use crate::math::PI;
 use crate::picture::Picture;
@@ -24,17 +24,15 @@ pub(super) fn colour(palette: Palette, j: usize, count: usize) -> Colour {
 /// F_F … F_1 from the largest to the smallest, so that the visible part of each is its region S_j. Each
 /// is one tube, or an area for each step.
 pub(super) fn paint(playback: &mut Playback, style: &Style, picture: &mut Picture) {
-    if playback.probabilities.is_none() {
-        return;
-    }
-    let sets = &playback.predictor.shfrs().sets;
-    for (j, set) in sets.iter().enumerate().rev() {
-        let colour = colour(style.palette, j, sets.len());
+    let mut crossings = core::mem::take(&mut playback.crossings);
+    let count = playback.sets().count();
+    for (set, j) in playback.sets().rev().zip((0..count).rev()) {
+        let colour = colour(style.palette, j, count);
         // A line in the colour of the surface separates tubes. The set at a step is thinner than that
         // line; an outline in its own colour keeps it visible.
         let (areas, outline) = match style.sets {
-            Sets::Tube => (core::slice::from_ref(&set.tube), Pen::new(colours::SURFACE, 0.75)),
-            Sets::EachStep => (set.steps.as_slice(), Pen::new(colour, 1.5)),
+            Sets::Tube => (set.tube, Pen::new(colours::SURFACE, 0.75)),
+            Sets::EachStep => (set.steps, Pen::new(colour, 1.5)),
             Sets::Step(step) => {
                 let last = set.steps.len();
                 let step = step.min(last);
@@ -44,20 +42,41 @@ pub(super) fn paint(playback: &mut Playback, style: &Style, picture: &mut Pictur
                 )
             }
         };
-        for area in areas {
-            picture.polygon(area.iter().copied(), Some(colour.into()), Some(outline));
-            let angle = HATCHED[j % HATCHED.len()];
-            if let (Palette::Safe, Sets::Tube, Some(angle)) = (style.palette, style.sets, angle) {
-                let pen = Pen::new(colours::SURFACE.at(0.75), 1.0);
-                hatch::paint(picture, area, angle, APART_M, pen, &mut playback.crossings);
+        match (style.sets, areas) {
+            (Sets::Tube, [_, _, ..]) => union(areas, colour, picture),
+            _ => {
+                for area in areas {
+                    picture.polygon(area.iter().copied(), Some(colour.into()), Some(outline));
+                }
             }
         }
+        let angle = HATCHED[j % HATCHED.len()];
+        if let (Palette::Safe, Sets::Tube, Some(angle)) = (style.palette, style.sets, angle) {
+            let pen = Pen::new(colours::SURFACE.at(0.75), 1.0);
+            hatch::paint(picture, areas, angle, APART_M, pen, &mut crossings);
+        }
+    }
+    playback.crossings = crossings;
+}
+
+/// Width of what hides the seams of a union, px.
+const SEAM: f64 = 0.75;
+
+/// Polygons that together are one area: all edges come first, so that only those of the union stay visible.
+fn union(areas: &[Vec<[f64; 2]>], colour: Colour, picture: &mut Picture) {
+    let edge = Pen::new(colours::SURFACE, 3.0 * SEAM);
+    let areas = || areas.iter().filter(|area| !area.is_empty());
+    for area in areas() {
+        picture.polygon(area.iter().copied(), None, Some(edge));
+    }
+    for area in areas() {
+        let pen = Pen::new(colour, SEAM);
+        picture.polygon(area.iter().copied(), Some(colour.into()), Some(pen));
     }
 }
 
 pub(super) fn legend(playback: &Playback, style: &Style) -> Vec<LegendItem> {
-    let Some(shfrs) = playback.shfrs() else { return Vec::new() };
-    let (count, step_s) = (shfrs.sets.len(), playback.recorded.parameters.step_s);
+    let (count, step_s) = (playback.sets().count(), playback.recorded.parameters.step_s);
     let when = match style.sets {
         Sets::Tube => format!("within {} s", fixed(playback.seconds_ahead(), 1)),
         Sets::EachStep => "after each step".to_owned(),
@@ -66,13 +85,16 @@ pub(super) fn legend(playback: &Playback, style: &Style) -> Vec<LegendItem> {
             format!("after {} s", fixed(step as f64 * step_s, 1))
         }
     };
-    let item = |(j, set): (usize, &crate::shfrs::NestedSet)| {
-        let epsilon = fixed(set.epsilon, 2);
-        let text = match j {
-            0 => format!("F1: where the human may be {when}, ε = {epsilon} rad/s"),
-            _ => format!("F{}: ε = {epsilon} rad/s", j + 1),
+    let item = |(j, set): (usize, PredictedSet<'_>)| {
+        let level = set.level.words();
+        let text = match (j, set.level) {
+            (0, _) => format!("F1: where the human may be {when}, {level}"),
+            (_, Level::Share(_) | Level::Radius(_)) if j + 1 == count => {
+                format!("F{count}: {level}, the worst case")
+            }
+            _ => format!("F{}: {level}", j + 1),
         };
         LegendItem::region(&text, j + 1, colour(style.palette, j, count))
     };
-    shfrs.sets.iter().enumerate().map(item).collect()
+    playback.sets().enumerate().map(item).collect()
 }

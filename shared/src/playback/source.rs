@@ -1,13 +1,16 @@
-//! Where the predictions of a replay come from, as its link names it: a model that is trained on the
-//! participant's earlier trials, a baseline that learns nothing, or a model of an analysis.
+//! Where the predictions of a replay come from, as its link names it: what is learned from the participant's
+//! earlier trials, a baseline that learns nothing, or a model of an analysis.
 
-use super::Learned;
+use super::{Learned, USUAL_STEPS};
 use crate::bounds::{ActionChoice, BoundsSettings, Rollout};
 use crate::features::{FeatureSet, HISTORY_SET};
 use crate::invalid::Invalid;
 use crate::predict::tree::{QuestionsFile, TreeFile};
 use crate::predict::{ModelFile, Predictor, PredictorFile};
+use crate::scene::SceneParameters;
 use crate::shfrs::ShfrsSettings;
+use crate::shfrs::baselines::{EmpiricalFamily, Fitted};
+use crate::shfrs::window::Trajectory;
 
 /// Where predictions come from.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -33,6 +36,10 @@ pub enum Way {
     History,
     /// The likeliest input of [`Self::Earlier`] at each step, and no other.
     LearnedDisturbance,
+    /// What the participant did in earlier trials after the same input: hulls of these futures.
+    Empirical,
+    /// Normal distributions of how far the participant was from holding the input in earlier trials.
+    Gaussian,
     /// Every input is equally likely.
     Constant,
     /// The human drives straight on.
@@ -51,10 +58,12 @@ const LEAST_TURN: f64 = 1e-9;
 
 impl Way {
     /// All of them, the usual one first.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 9] = [
         Self::Earlier,
         Self::History,
         Self::LearnedDisturbance,
+        Self::Empirical,
+        Self::Gaussian,
         Self::Constant,
         Self::ConstantVelocity,
         Self::HoldTheInput,
@@ -68,6 +77,8 @@ impl Way {
             Self::Earlier => "earlier",
             Self::History => "history",
             Self::LearnedDisturbance => "learned-disturbance",
+            Self::Empirical => "empirical",
+            Self::Gaussian => "gaussian",
             Self::Constant => "constant",
             Self::ConstantVelocity => "constant-velocity",
             Self::HoldTheInput => "hold-the-input",
@@ -82,6 +93,8 @@ impl Way {
             Self::Earlier => "Trained on earlier trials",
             Self::History => "Trained on earlier trials, with history",
             Self::LearnedDisturbance => "Learned disturbance",
+            Self::Empirical => "Empirical, held input",
+            Self::Gaussian => "Gaussian, held input",
             Self::Constant => "Constant: 1/3 each",
             Self::ConstantVelocity => "Constant velocity",
             Self::HoldTheInput => "Hold the input",
@@ -101,6 +114,14 @@ impl Way {
             Self::LearnedDisturbance => {
                 "The human does what the model of the earlier trials thinks likeliest, give or take ε."
             }
+            Self::Empirical => {
+                "Hulls of the futures that were recorded after the same input: no probabilities of \
+                 inputs. The share is of these futures."
+            }
+            Self::Gaussian => {
+                "Ellipses about holding the input, from recorded futures: no probabilities of inputs. \
+                 The radius is Mahalanobis’."
+            }
             Self::Constant => "Every input is equally likely, whatever the scene.",
             Self::ConstantVelocity => "The human drives straight on, give or take ε.",
             Self::HoldTheInput => "The human holds the input of the last step, give or take ε.",
@@ -108,21 +129,25 @@ impl Way {
         }
     }
 
-    /// The name of the feature set of the model that it needs, if it needs one that is trained on the
-    /// participant's earlier trials.
+    /// What it needs of the participant's earlier trials.
     #[must_use]
-    pub fn trained_on(self) -> Option<&'static str> {
+    pub fn needs(self) -> Needs {
         match self {
-            Self::Earlier | Self::LearnedDisturbance => Some(USUAL_SET),
-            Self::History => Some(HISTORY_SET),
-            _ => None,
+            Self::Earlier | Self::LearnedDisturbance => Needs::Model(USUAL_SET),
+            Self::History => Needs::Model(HISTORY_SET),
+            Self::Empirical => Needs::Trials(EmpiricalFamily::Empirical),
+            Self::Gaussian => Needs::Trials(EmpiricalFamily::Gaussian),
+            Self::Constant | Self::ConstantVelocity | Self::HoldTheInput | Self::WorstCase => {
+                Needs::Nothing
+            }
         }
     }
 
     /// How it predicts. `trained` is the model that it needs, if it needs one.
     ///
     /// # Errors
-    /// [`Invalid`] without that model.
+    /// [`Invalid`] without that model, and of a way that needs the trials themselves: see
+    /// [`fitted`].
     pub fn learned(self, trained: Option<Predictor>) -> Result<Learned, Invalid> {
         let trained =
             trained.ok_or_else(|| Invalid::new("predictor", "a model of earlier trials", "none"));
@@ -133,8 +158,34 @@ impl Way {
             Self::ConstantVelocity => Learned::of_k(always([0.0, 1.0, 0.0])?, 1, None),
             Self::HoldTheInput => Learned::of_k(held()?, 1, None),
             Self::WorstCase => Learned::of_k(always([1.0 / 3.0; 3])?, 3, Some(vec![0.0])),
+            Self::Empirical | Self::Gaussian => {
+                Err(Invalid::new("predictor", "one with a function", self.name()))
+            }
         }
     }
+}
+
+/// What a way needs of the participant's earlier trials.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Needs {
+    /// Nothing.
+    Nothing,
+    /// A model that is trained on them, on the feature set with this name.
+    Model(&'static str),
+    /// The trials themselves, for the sets of this family.
+    Trials(EmpiricalFamily),
+}
+
+/// A family that is learned from the participant's earlier trials, with its sets.
+///
+/// # Errors
+/// [`Invalid`] if they have too few windows.
+pub fn fitted(
+    family: EmpiricalFamily,
+    parameters: &SceneParameters,
+    earlier: &[Trajectory],
+) -> Result<Fitted, Invalid> {
+    Fitted::learn(family, parameters, earlier, USUAL_STEPS)
 }
 
 /// The name of the feature set of models that are trained on earlier trials.
@@ -272,10 +323,10 @@ mod tests {
     use super::*;
     use crate::math::{PI, SeededRng};
     use crate::safety::SafetyLevels;
-    use crate::scene::{JointState, SceneParameters};
+    use crate::scene::JointState;
     use crate::shfrs::baselines::{constant_velocity, hold_the_input, worst_case};
     use crate::shfrs::family::Family;
-    use crate::shfrs::window::{Trajectory, Window};
+    use crate::shfrs::window::Window;
     use crate::shfrs::{PredictedHuman, predict};
     use crate::vehicle::{Pose, TurnInput};
     use core::ops::ControlFlow;
@@ -343,8 +394,8 @@ mod tests {
     #[test]
     fn a_way_that_needs_a_model_says_so() {
         for way in Way::ALL {
-            assert_eq!(way.learned(None).is_err(), way.trained_on().is_some(), "{way:?}");
-            if let Some(set) = way.trained_on() {
+            assert_eq!(way.learned(None).is_err(), way.needs() != Needs::Nothing, "{way:?}");
+            if let Needs::Model(set) = way.needs() {
                 let features = features_of(set).unwrap();
                 let model = Predictor::constant(features, vec![0, 1], vec![0.5; 2]).unwrap();
                 assert_eq!(way.learned(Some(model.clone())).unwrap().predictor, model);

@@ -1,10 +1,12 @@
 //! What a playback shows, against the recorded trial.
 
+use super::source::{Needs, Way};
 use super::view::View;
 use super::*;
 use crate::features::FeatureSet;
 use crate::math::hypot;
 use crate::picture::Shape;
+use crate::shfrs::window::Trajectory;
 use crate::trial::simulate;
 use crate::vehicle::Pose;
 
@@ -192,4 +194,66 @@ fn states_that_are_missing_are_named() {
     states.pop();
     let found = Playback::new(Recorded { parameters, scene, inputs, states }).err().unwrap();
     assert_eq!(found.to_string(), "states: expected 51, one more than inputs, found 50");
+}
+
+/// Sets that are learned from recorded futures need no safety levels, and say nothing of inputs.
+#[test]
+fn learned_sets_are_shown_without_a_function() {
+    let recorded = playback().recorded().clone();
+    let Recorded { parameters, inputs, states, .. } = &recorded;
+    let earlier = [Trajectory::driven(states.clone(), inputs, parameters).unwrap()];
+    for (way, level) in
+        [(Way::Empirical, "share of futures"), (Way::Gaussian, "Mahalanobis radius")]
+    {
+        let Needs::Trials(family) = way.needs() else { panic!("{way:?}") };
+        let mut playback = Playback::new(recorded.clone()).unwrap();
+        let sets = source::fitted(family, parameters, &earlier).unwrap().sets;
+        playback.use_method(Some(sets.into())).unwrap();
+        assert!(playback.empirical().is_some() && playback.learned().is_none());
+        assert_eq!(
+            (playback.sets().count(), playback.steps_ahead()),
+            (0, 10),
+            "nothing is predicted yet"
+        );
+        let view = View { shown: [true; LAYERS.len()], ..at(3.0) };
+        playback.go(&view).unwrap();
+        assert_eq!((playback.probabilities(), playback.forecast().len()), (None, 0));
+        assert_eq!(playback.sets().count(), 5);
+        let figure = playback.figure(&view, "").svg();
+        assert!(figure.contains(&format!("F1: where the human may be within 2.0 s, {level} ")));
+        assert!(figure.contains(", the worst case"));
+        assert!(!figure.contains("rad/s") && !figure.contains("likely futures"));
+        // At the end of a step its input was held; within the next one, that one's.
+        for (time_s, held) in [(0.0, TurnInput::Straight), (1.0, inputs[4]), (1.05, inputs[5])] {
+            playback.go(&at(time_s)).unwrap();
+            let mut expected = source::fitted(family, parameters, &earlier).unwrap().sets;
+            expected.place(playback.now().state.human, held);
+            assert_eq!(playback.empirical().unwrap().sets(), expected.sets(), "{time_s}");
+        }
+        assert_ne!(inputs[4], inputs[5]);
+    }
+}
+
+/// The legend of two pictures has the levels of both.
+#[test]
+fn two_pictures_have_one_legend() {
+    let (mut first, mut second) = (playback(), playback());
+    let Recorded { parameters, inputs, states, .. } = first.recorded().clone();
+    let earlier = [Trajectory::driven(states, &inputs, &parameters).unwrap()];
+    first.go(&at(3.0)).unwrap();
+    second.go(&at(3.0)).unwrap();
+    let texts = |first: &Playback, second: &Playback| -> Vec<String> {
+        let items = legend_of_both(first, second, &at(3.0)).into_iter();
+        items.map(|item| item.text).collect()
+    };
+    let alone: Vec<String> = first.legend(&at(3.0)).into_iter().map(|item| item.text).collect();
+    assert_eq!(texts(&first, &second), alone);
+    let family = crate::shfrs::baselines::EmpiricalFamily::Empirical;
+    let sets = source::fitted(family, &parameters, &earlier).unwrap().sets;
+    second.use_method(Some(sets.into())).unwrap();
+    second.go(&at(3.0)).unwrap();
+    let both = texts(&first, &second);
+    assert_eq!(both[..alone.len()], alone);
+    assert_eq!(both.len(), alone.len() + 5);
+    assert_eq!(both.last().unwrap(), "beside: F5: share of futures 1.00, the worst case");
 }

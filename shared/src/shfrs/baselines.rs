@@ -10,12 +10,16 @@ mod swept;
 mod widened;
 mod empirical;
 mod gaussian;
+mod placed;
 
 pub use empirical::{Mode, PerModeEmpirical};
 pub use gaussian::Gaussian;
+pub use placed::{EmpiricalFamily, EmpiricalSet, EmpiricalSets, Fitted};
 pub use widened::{constant_velocity, hold_the_input, learned_disturbance, worst_case};
 
+use super::family::Family;
 use super::window::Window;
+use crate::invalid::Invalid;
 use crate::math::sin_cos;
 use crate::vehicle::dubins::{arc, relative_state};
 use crate::vehicle::{Pose, VehicleModel};
@@ -40,6 +44,16 @@ impl Nominal {
             }
         }
     }
+}
+
+/// A family that is learned from recorded futures: its sets after each step are convex.
+trait LearnedFamily: Family {
+    /// [`Family::score`].
+    fn least_level(&self, window: &Window<'_>) -> Result<f64, Invalid>;
+
+    /// The positions after each step at a level: vertices of a convex set in the frame of the human at the
+    /// window's beginning, m. Nothing at the largest level, whose set is the worst-case set.
+    fn step_sets(&self, window: &Window<'_>, level: f64) -> Option<Vec<Vec<[f64; 2]>>>;
 }
 
 /// The human's poses after each step of the window, relative to the current pose.

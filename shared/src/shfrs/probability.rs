@@ -17,6 +17,7 @@ use serde::{Deserialize, Serialize};
 
 /// The probabilities of nested sets and of their regions.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
 pub struct Probabilities {
     /// p_F: the probability that a trajectory is inside each set, from the smallest to the largest.
     /// The last one is 1 by construction.

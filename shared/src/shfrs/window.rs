@@ -8,6 +8,7 @@ use crate::invalid::{Invalid, length};
 use crate::math::SeededRng;
 use crate::recording::{Fault, RecordedTrial};
 use crate::scene::{JointState, SceneParameters};
+use crate::vehicle::TurnInput;
 
 /// The joint states of a recorded trial, and the human's turn rates between them.
 #[derive(Clone, Debug, PartialEq)]
@@ -36,13 +37,25 @@ impl Trajectory {
         Ok(Self { states, turn_rates })
     }
 
+    /// The trajectory of a human who held these inputs, with the vehicles of `scene`.
+    ///
+    /// # Errors
+    /// The errors of [`Self::new`].
+    pub fn driven(
+        states: Vec<JointState>,
+        inputs: &[TurnInput],
+        scene: &SceneParameters,
+    ) -> Result<Self, Invalid> {
+        Self::new(states, inputs.iter().map(|&input| scene.human.turn_rate(input)).collect())
+    }
+
     /// The trajectory of a recorded trial with the vehicles of `scene`.
     ///
     /// # Errors
     /// [`Fault`] for a trial that [`Self::new`] refuses.
     pub fn of(trial: &RecordedTrial, scene: &SceneParameters) -> Result<Self, Fault> {
-        let rates = trial.inputs.iter().map(|&input| scene.human.turn_rate(input)).collect();
-        Self::new(trial.states.clone(), rates).map_err(|what| Fault { line: trial.line, what })
+        Self::driven(trial.states.clone(), &trial.inputs, scene)
+            .map_err(|what| Fault { line: trial.line, what })
     }
 
     /// Number of steps, ≥ 1.

@@ -312,6 +312,8 @@ async fn real_answers_are_as_the_document_says() {
         let answer = it.admin(GET, &format!("{predictor}?{query}"), &trial, None).await;
         assert_eq!(answer.status, status, "{query}");
     }
+    let sets = "/api/v1/admin/trials/{trial_id}/sets";
+    it.admin(GET, &format!("{sets}?family=empirical"), &trial, None).await;
     let analyses = format!("{of_study}/analyses");
     let asked = it.admin(POST, &analyses, &default, Some(json!({}))).await;
     let asked = asked.into::<AnalysisSummary>(201).id;

@@ -5,7 +5,8 @@ use crate::openapi::Document;
 use reqwest::Method;
 use serde_json::json;
 use sidestep::api::{
-    AnalysisState, PredictorPage, PredictorSummary, TrainedPredictor, TrialDetail, TrialUse, routes,
+    AnalysisState, LearnedSets, PredictorPage, PredictorSummary, TrainedPredictor, TrialDetail,
+    TrialUse, routes,
 };
 use sidestep::comparison::split::first_test_task;
 use sidestep::playback::source::Way;
@@ -15,6 +16,7 @@ use sidestep::predict::{Predictor, PredictorFile};
 use sidestep::safety::SafetyLevels;
 use sidestep::scene::SceneParameters;
 use sidestep::shfrs::ShfrsSettings;
+use sidestep::shfrs::baselines::{EmpiricalFamily, EmpiricalSets};
 use sidestep::trial::Phase;
 use sidestep_tests::{Answer, Driver, Folder, Server, behind, run};
 use std::ops::ControlFlow;
@@ -357,6 +359,46 @@ async fn plot_draws_the_picture_of_a_replay() {
         run(&[&args[..], &["--view", query, "--out", &out]].concat()).await.json();
         assert!(std::fs::read_to_string(&out).unwrap() == expected.svg(), "{query}");
     }
+    // Sets that are learned from the trials before this one, as the page gets them.
+    let mut learned = Vec::new();
+    for family in [EmpiricalFamily::Empirical, EmpiricalFamily::Gaussian] {
+        let route = format!("{}?family={}", routes::admin_sets(&trial_id), family.name());
+        let sets: LearnedSets = server.admin(&route).await.into(200);
+        assert_eq!((sets.trials, sets.sets.family()), (8, family));
+        // The last task is the only one that they were not learned from.
+        let held = sets.held.unwrap();
+        assert_eq!((held.trajectories, held.windows, held.inside.len()), (1, 41, 5));
+        learned.push(sets.sets);
+    }
+    let mut learned = learned.into_iter();
+    let [empirical, gaussian] = [learned.next().unwrap(), learned.next().unwrap()];
+    let pane = |sets: &EmpiricalSets, view: &View| {
+        let mut playback = Playback::new(recorded.clone()).unwrap();
+        playback.use_safety(solved.clone()).unwrap();
+        playback.use_method(Some(sets.clone().into())).unwrap();
+        playback.go(view).unwrap();
+        playback
+    };
+    for look in ["t=3.45", "t=3.45&colours=safe", "t=3.45&sets=steps"] {
+        let view = View::of_query(look.split('&').filter_map(|it| it.split_once('='))).unwrap();
+        let mut first = pane(&empirical, &view);
+        let mut second = pane(&gaussian, &view);
+        let query = format!("{look}&predictor=empirical&beside=gaussian");
+        run(&[&args[..], &["--view", &query, "--out", &out]].concat()).await.json();
+        let panes = [(&mut first, Way::Empirical.label()), (&mut second, Way::Gaussian.label())];
+        let expected = side_by_side(panes, &view, heading).svg();
+        assert!(std::fs::read_to_string(&out).unwrap() == expected, "{look}");
+        assert!(expected.contains("share of futures") && expected.contains("Mahalanobis radius"));
+    }
+    let none = driver.enrolled.plan.scenes().next().unwrap().1.trial_id.clone();
+    let of_none = routes::admin_sets(&none);
+    let said = server.admin(&format!("{of_none}?family=empirical")).await;
+    let said = said.problem(422, "invalid", Some("earlier trials"));
+    assert!(said.contains("at least one of 10 steps or more, to learn from"), "{said}");
+    for (query, field) in [("", "family"), ("?family=best", "family"), ("?kind=gaussian", "kind")] {
+        let answer = server.admin(&format!("{of_none}{query}")).await;
+        answer.problem(422, "invalid", Some(field));
+    }
     let wrong = format!("{route}?features=best");
     let wrong = server.admin(&wrong).await;
     wrong.problem(422, "invalid", Some("features"));
@@ -385,6 +427,9 @@ async fn plot_draws_the_picture_of_a_replay() {
     let view = ["--database", &database, "--trial", &trial_id, "--view", "beside=a0%2Fgone.json"];
     refused(&view, "--view: there is no such model").await;
     let model = folder.file("model.json", CONSTANT);
+    // Nothing was driven before the first trial.
+    let view = [&args[3..], &["0", "--view", "predictor=empirical"]].concat();
+    refused(&view, "earlier trials: expected at least one of 10 steps or more").await;
     let view = [&args[3..], &["8", "--predictor", &model, "--view", "predictor=constant"]].concat();
     refused(&view, "--predictor: expected nothing beside the predictor that --view names").await;
     let view = [&args[3..], &["8", "--view", "analysis=a&file=b"]].concat();

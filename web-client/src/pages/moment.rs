@@ -4,7 +4,7 @@
 use super::parts::{self, button, cell};
 use crate::form::FieldValue;
 use crate::view::{Node, drawn, el, subscripted};
-use sidestep::chart::{ColourStyle, fixed};
+use sidestep::chart::{ColourStyle, LegendItem, fixed};
 use sidestep::playback::Playback;
 use sidestep::playback::layers::{LAYERS, Layer};
 use sidestep::playback::style::Palette;
@@ -42,9 +42,9 @@ pub(super) fn switch<M>(test_id: &str, is_on: bool, message: M) -> Node<M> {
     button(test_id, message).class("switch").attr("aria-pressed", is_on)
 }
 
-/// What the signs of the picture mean.
-pub(super) fn legend<M>(playback: &Playback, view: &View) -> Node<M> {
-    let items = playback.legend(view).into_iter().map(|item| {
+/// What the signs of the picture, or of both pictures, mean.
+pub(super) fn legend<M>(items: Vec<LegendItem>) -> Node<M> {
+    let items = items.into_iter().map(|item| {
         let sign = drawn(item.sign.element(ColourStyle::Properties)).attr("aria-hidden", "true");
         el("li").child(sign).child(el("span").text(item.text))
     });
@@ -99,17 +99,17 @@ pub(super) fn regions<M>(
     view: &View,
     chances: Option<Vec<Node<M>>>,
 ) -> Node<M> {
-    let columns = ["set", "ε / rad s⁻¹", "tube / m²", "p"];
+    let level = playback.sets().next().map_or("ε / rad s⁻¹", |set| set.level.column());
+    let columns = ["set", level, "tube / m²", "p"];
     let columns = &columns[..if chances.is_some() { 4 } else { 3 }];
     let mut chances = chances.into_iter().flatten();
-    let sets = playback.shfrs().into_iter().flat_map(|shfrs| shfrs.sets.iter());
-    let rows = sets.zip(1..).map(|(set, j)| {
+    let rows = playback.sets().zip(1..).map(|(set, j)| {
         let safe = if view.style.palette == Palette::Safe { "safe-" } else { "" };
         let swatch = el("i").class(&format!("swatch {safe}region-{j}"));
         let name = subscripted("span", "F", &j.to_string());
         el("tr")
             .child(el("th").attr("scope", "row").child(swatch).child(name))
-            .child(cell(format!("{:.2}", set.epsilon)))
+            .child(cell(format!("{:.2}", set.level.value())))
             .child(cell(format!("{:.2}", set.area_m2)))
             .children(chances.next())
     });

@@ -48,7 +48,7 @@ pub enum ReplayPage {
 pub enum Msg {
     /// The server sent the trial.
     Trial(Answer),
-    /// The server sent the predictor of this pane.
+    /// The server sent the predictor of this pane, or what it is learned from.
     Predictor(Pane, Answer),
     /// Another predictor is to be used in this pane.
     Choose(Pane, FieldValue),
@@ -310,8 +310,8 @@ impl Replay {
         match message {
             Msg::Trial(_) => {}
             Msg::Predictor(pane, answer) => {
-                let learned = self.pane(pane).map(|(choice, _)| choice.arrived(answer));
-                learned.into_iter().for_each(|learned| self.take(pane, learned));
+                let method = self.pane(pane).map(|(choice, _)| choice.arrived(answer));
+                method.into_iter().for_each(|method| self.take(pane, method));
             }
             Msg::Choose(pane, value) => {
                 self.pane(pane).into_iter().for_each(|(choice, _)| choice.choose(&value));
@@ -322,7 +322,7 @@ impl Replay {
                 if let Some(learned) = learned {
                     // What is on its way is not wanted any more.
                     commands = vec![Command::Cancel(pane.request())];
-                    self.take(pane, Ok(learned));
+                    self.take(pane, Ok(learned.into()));
                 }
             }
             Msg::Find(pane) => commands = self.find(pane),

@@ -11,12 +11,13 @@ use crate::store::{Missing, Store};
 use sidestep::api::{scene_words, trial_heading};
 use sidestep::chart::Drawing;
 use sidestep::invalid::Invalid;
-use sidestep::playback::source::{FROM_FILE, Source, features_of};
+use sidestep::playback::source::{FROM_FILE, Needs, Source, features_of, fitted};
 use sidestep::playback::view::View;
-use sidestep::playback::{Learned, Playback, Recorded, side_by_side};
+use sidestep::playback::{Learned, Method, Playback, Recorded, side_by_side};
 use sidestep::predict::Predictor;
 use sidestep::safety::SafetyLevels;
 use sidestep::scene::{Scene, SceneParameters};
+use sidestep::shfrs::window::Trajectory;
 use sidestep::training::{self, Driven};
 use std::path::{Path, PathBuf};
 
@@ -39,8 +40,8 @@ pub(super) struct ReplayArgs {
     trial: Option<String>,
     /// Replay: how it is looked at, as the address of a replay says after the question mark, such as
     /// 't=3.4&show=v-hr,shfrs'. It also says what predicts: predictor=earlier, history, learned-disturbance,
-    /// constant, constant-velocity, hold-the-input or worst-case, or with --database analysis=ID&file=NAME, a
-    /// model of an analysis.
+    /// empirical, gaussian, constant, constant-velocity, hold-the-input or worst-case, or with --database
+    /// analysis=ID&file=NAME, a model of an analysis.
     #[arg(long, value_name = "QUERY", default_value = "")]
     view: String,
     /// Replay: length of a step in --trials, s.
@@ -97,20 +98,20 @@ pub(super) async fn replay(
     };
     let safety = safety_levels(&found.recorded.parameters, interrupt).await?;
     let failed = |invalid: Invalid| CommandError::Input(format!("{}: {invalid}", found.heading));
-    let pane = |learned: Learned| {
+    let pane = |method: Method| {
         let mut playback = Playback::new(found.recorded.clone())?;
         playback.use_safety(safety.clone())?;
-        playback.use_learned(Some(learned))?;
+        playback.use_method(Some(method))?;
         playback.go(&view)?;
         Ok::<_, Invalid>(playback)
     };
-    let learned = match given {
-        Some(predictor) => Learned::usual(predictor).map_err(failed)?,
-        None => found.learned(&source, &safety)?,
+    let method = match given {
+        Some(predictor) => Learned::usual(predictor).map_err(failed)?.into(),
+        None => found.method(&source, &safety)?,
     };
-    let mut first = pane(learned).map_err(failed)?;
+    let mut first = pane(method).map_err(failed)?;
     let Some(beside) = beside else { return Ok(first.figure(&view, &found.heading)) };
-    let mut second = pane(found.learned(&beside, &safety)?).map_err(failed)?;
+    let mut second = pane(found.method(&beside, &safety)?).map_err(failed)?;
     let captions =
         [if is_given { FROM_FILE.to_owned() } else { source.caption() }, beside.caption()];
     let panes = [(&mut first, captions[0].as_str()), (&mut second, captions[1].as_str())];
@@ -119,26 +120,39 @@ pub(super) async fn replay(
 
 impl Found {
     /// How this source predicts.
-    fn learned(&self, source: &Source, safety: &SafetyLevels) -> Result<Learned, CommandError> {
+    fn method(&self, source: &Source, safety: &SafetyLevels) -> Result<Method, CommandError> {
         let failed = |invalid: Invalid| CommandError::Input(format!("{}: {invalid}", self.heading));
         let way = match source {
             Source::Way(way) => way,
             Source::Model { .. } => {
                 let model = self.models.iter().find(|(known, _)| known == source);
                 let model = model.map(|(_, predictor)| predictor.clone()).ok_or_else(gone)?;
-                return Learned::usual(model).map_err(failed);
+                return Learned::usual(model).map(Method::from).map_err(failed);
             }
         };
-        let trained = way.trained_on().map(|set| {
-            let features = features_of(set).map_err(CommandError::failure)?;
-            let trained = training::train(&features, Some(safety), &self.earlier);
-            let trained = trained.map_err(CommandError::failure)?;
-            if let Some(why) = &trained.fallback {
-                eprintln!("sidestep: predicted by the frequencies of the inputs: {why}");
+        let trained = match way.needs() {
+            Needs::Nothing => None,
+            Needs::Trials(family) => {
+                let parameters = &self.recorded.parameters;
+                let earlier = self.earlier.iter();
+                let trajectory = |(inputs, states): &Driven| {
+                    Trajectory::driven(states.clone(), inputs, parameters)
+                };
+                let earlier = earlier.map(trajectory).collect::<Result<Vec<_>, _>>();
+                let fitted = earlier.and_then(|earlier| fitted(family, parameters, &earlier));
+                return fitted.map(|it| it.sets.into()).map_err(failed);
             }
-            Ok::<_, CommandError>(trained.predictor)
-        });
-        way.learned(trained.transpose()?).map_err(failed)
+            Needs::Model(set) => {
+                let features = features_of(set).map_err(CommandError::failure)?;
+                let trained = training::train(&features, Some(safety), &self.earlier);
+                let trained = trained.map_err(CommandError::failure)?;
+                if let Some(why) = &trained.fallback {
+                    eprintln!("sidestep: predicted by the frequencies of the inputs: {why}");
+                }
+                Some(trained.predictor)
+            }
+        };
+        way.learned(trained).map(Method::from).map_err(failed)
     }
 }
 

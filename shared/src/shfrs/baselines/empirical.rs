@@ -2,7 +2,7 @@
 
 use super::swept::{convex_hull, swept_area};
 use super::widened::worst_case_area;
-use super::{Areas, future_seen_from_now};
+use super::{Areas, LearnedFamily, future_seen_from_now};
 use crate::bounds::ActionModel;
 use crate::invalid::{Invalid, length};
 use crate::reach::polygon::signed_distance;
@@ -116,12 +116,19 @@ impl Futures {
         Self { count: paths.len(), hulls }
     }
 
-    /// The hulls at each step of the `kept` ≥ 1 most central futures.
-    fn hulls(&self, kept: usize) -> impl Iterator<Item = &Vec<[f64; 2]>> {
-        self.hulls.iter().map(move |hulls| {
+    /// How many of the most central futures a level below 1 keeps. It is counted as scores are, so that a
+    /// score as the level keeps the same futures.
+    fn kept(&self, level: f64) -> usize {
+        (0..=self.count).rev().find(|&j| share(j, self.count) <= level).unwrap_or(0)
+    }
+
+    /// The hulls at each step of the `kept` most central futures.
+    fn hulls(&self, kept: usize) -> Vec<Vec<[f64; 2]>> {
+        let hull = |hulls: &Vec<(usize, Vec<[f64; 2]>)>| {
             let after = hulls.partition_point(|(from, _)| *from <= kept);
-            &hulls[after - 1].1
-        })
+            hulls[..after].last().map(|(_, hull)| hull.clone()).unwrap_or_default()
+        };
+        self.hulls.iter().map(hull).collect()
     }
 
     /// The least number of futures whose hull at a step contains a position.
@@ -172,13 +179,7 @@ impl<M: ActionModel> Family for PerModeEmpirical<M> {
     }
 
     fn score(&mut self, window: &Window<'_>) -> Result<f64, Invalid> {
-        length("window", self.steps, window.steps())?;
-        let futures = &self.modes[self.mode.of(window)];
-        let least = future_seen_from_now(window)
-            .enumerate()
-            .map(|(n, pose)| futures.least(n, pose.position()))
-            .try_fold(1, |most, least| Some(most.max(least?)));
-        Ok(least.map_or(1.0, |least| share(least, futures.count)))
+        self.least_level(window)
     }
 
     fn area_m2(&mut self, window: &Window<'_>, level: f64) -> Result<f64, Invalid> {
@@ -188,16 +189,28 @@ impl<M: ActionModel> Family for PerModeEmpirical<M> {
         if level >= 1.0 {
             return Ok(self.worst_case_area);
         }
-        // Counted as scores are, so that a score as the level keeps the same futures.
-        let kept = (0..=futures.count).rev().find(|&j| share(j, futures.count) <= level);
-        let Some(kept) = kept.filter(|&kept| kept > 0) else {
-            return Ok(0.0);
+        let area = || match futures.kept(level) {
+            0 => 0.0,
+            kept => swept_area(&futures.hulls(kept)),
         };
-        Ok(self.areas.get(level, mode as u64, || {
-            let mut sets = vec![vec![[0.0, 0.0]]];
-            sets.extend(futures.hulls(kept).cloned());
-            swept_area(&sets)
-        }))
+        Ok(self.areas.get(level, mode as u64, area))
+    }
+}
+
+impl<M: ActionModel> LearnedFamily for PerModeEmpirical<M> {
+    fn least_level(&self, window: &Window<'_>) -> Result<f64, Invalid> {
+        length("window", self.steps, window.steps())?;
+        let futures = &self.modes[self.mode.of(window)];
+        let least = future_seen_from_now(window)
+            .enumerate()
+            .map(|(n, pose)| futures.least(n, pose.position()))
+            .try_fold(1, |most, least| Some(most.max(least?)));
+        Ok(least.map_or(1.0, |least| share(least, futures.count)))
+    }
+
+    fn step_sets(&self, window: &Window<'_>, level: f64) -> Option<Vec<Vec<[f64; 2]>>> {
+        let futures = &self.modes[self.mode.of(window)];
+        (level < 1.0).then(|| futures.hulls(futures.kept(level)))
     }
 }
 

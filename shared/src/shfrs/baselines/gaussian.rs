@@ -2,7 +2,7 @@
 
 use super::swept::swept_area;
 use super::widened::worst_case_area;
-use super::{Areas, Nominal, future_seen_from_now, nominal_poses, place};
+use super::{Areas, LearnedFamily, Nominal, future_seen_from_now, nominal_poses, place};
 use crate::invalid::{Invalid, length};
 use crate::math::{TAU, sin_cos};
 use crate::scene::SceneParameters;
@@ -115,8 +115,8 @@ impl Moments {
 }
 
 impl Gaussian {
-    /// Area swept by the ellipses of `radius` along the nominal drive at `turn_rate`.
-    fn ellipses_area(&self, turn_rate: f64, radius: f64) -> f64 {
+    /// The ellipses of `radius` along the nominal drive at `turn_rate`, as polygons.
+    fn ellipses(&self, turn_rate: f64, radius: f64) -> Vec<Vec<[f64; 2]>> {
         let SceneParameters { human, step_s, .. } = self.parameters;
         let poses = nominal_poses(human, turn_rate, self.moments.len(), step_s);
         let ellipse = |(pose, moments): (Pose, &Moments)| -> Vec<[f64; 2]> {
@@ -127,9 +127,12 @@ impl Gaussian {
             };
             (0..VERTICES).map(vertex).collect()
         };
-        let mut sets = vec![vec![[0.0, 0.0]]];
-        sets.extend(poses.into_iter().zip(&self.moments).map(ellipse));
-        swept_area(&sets)
+        poses.into_iter().zip(&self.moments).map(ellipse).collect()
+    }
+
+    /// Area that they sweep.
+    fn ellipses_area(&self, turn_rate: f64, radius: f64) -> f64 {
+        swept_area(&self.ellipses(turn_rate, radius))
     }
 }
 
@@ -164,10 +167,7 @@ impl Family for Gaussian {
     }
 
     fn score(&mut self, window: &Window<'_>) -> Result<f64, Invalid> {
-        length("window", self.moments.len(), window.steps())?;
-        let differences = differences_from(self.nominal, &self.parameters, window);
-        let radii = differences.zip(&self.moments).map(|(d, moments)| moments.radius(d));
-        Ok(radii.fold(0.0, f64::max).min(self.most))
+        self.least_level(window)
     }
 
     fn area_m2(&mut self, window: &Window<'_>, level: f64) -> Result<f64, Invalid> {
@@ -180,6 +180,20 @@ impl Family for Gaussian {
         let area = areas.get(level, turn_rate.to_bits(), || self.ellipses_area(turn_rate, level));
         self.areas = areas;
         Ok(area)
+    }
+}
+
+impl LearnedFamily for Gaussian {
+    fn least_level(&self, window: &Window<'_>) -> Result<f64, Invalid> {
+        length("window", self.moments.len(), window.steps())?;
+        let differences = differences_from(self.nominal, &self.parameters, window);
+        let radii = differences.zip(&self.moments).map(|(d, moments)| moments.radius(d));
+        Ok(radii.fold(0.0, f64::max).min(self.most))
+    }
+
+    fn step_sets(&self, window: &Window<'_>, level: f64) -> Option<Vec<Vec<[f64; 2]>>> {
+        let turn_rate = self.nominal.turn_rate(window, self.parameters.human);
+        (level < self.most).then(|| self.ellipses(turn_rate, level))
     }
 }
 

@@ -36,11 +36,17 @@ fn turn(a: [f64; 2], b: [f64; 2], c: [f64; 2]) -> f64 {
     (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 }
 
-/// Area, m², of the union of the convex hulls of neighbouring `sets`, each the vertices of a
-/// convex set.
+/// What `sets` after each step, each the vertices of a convex set, sweep from the origin on: the convex
+/// hulls of neighbouring sets, whose union it is.
+pub(super) fn swept(sets: &[Vec<[f64; 2]>]) -> Vec<Vec<[f64; 2]>> {
+    let now = vec![[0.0; 2]];
+    let before = core::iter::once(&now).chain(sets);
+    before.zip(sets).map(|(before, set)| convex_hull(&[&before[..], &set[..]].concat())).collect()
+}
+
+/// Area, m², of what `sets` after each step [sweep](swept).
 pub(super) fn swept_area(sets: &[Vec<[f64; 2]>]) -> f64 {
-    let hulls: Vec<_> = sets.windows(2).map(|pair| convex_hull(&pair.concat())).collect();
-    union_area(&hulls)
+    union_area(&swept(sets))
 }
 
 /// Area of the union of convex polygons. It is exact: between neighbouring abscissae of vertices and
@@ -125,7 +131,7 @@ mod tests {
         assert_eq!(union_area(&[square(0.0, 0.0, 3.0), square(1.0, 1.0, 1.0)]), 9.0);
         assert_eq!(union_area(&[]), 0.0);
         // A point that grows to a square and moves on.
-        let sets = [vec![[0.0, 0.0]], square(1.0, -0.5, 1.0), square(3.0, -0.5, 1.0)];
+        let sets = [square(1.0, -0.5, 1.0), square(3.0, -0.5, 1.0)];
         assert!((swept_area(&sets) - (0.5 * 1.0 + 3.0)).abs() < 1e-12);
     }
 

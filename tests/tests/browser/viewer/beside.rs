@@ -75,6 +75,21 @@ async fn two_predictors_are_seen_side_by_side() {
     tab.until(&is_painted("replay-beside")).await;
     tab.until_says("predictor-beside", "holds the input").await;
     assert_eq!(search(&tab).await, "?predictor=history&beside=hold-the-input&t=2.6");
+    // Sets that are learned from the seven trials before say their own levels, and nothing of inputs.
+    for (way, level) in [("gaussian", "Mahalanobis radius"), ("empirical", "share of futures")] {
+        tab.enter("choose-predictor-beside", way).await;
+        tab.until_says("predictor-beside", "Trained on the 7 trials before").await;
+        tab.until_says("legend", &format!("beside: F5: {level}")).await;
+        tab.until_says("numbers-beside", "41 windows of 1 task").await;
+        for look in LOOKS {
+            tab.look(look.0, look.1).await;
+            tab.until(&is_painted("replay-beside")).await;
+            picture(&tab, &format!("replay-{way}"), look).await;
+            tab.is_well().await;
+        }
+        tab.look(WIDE, false).await;
+    }
+    assert_eq!(search(&tab).await, "?predictor=history&beside=empirical&t=2.6");
     // What finds models says what there is.
     tab.press("find-models-beside").await;
     tab.until_says("finder-empty", "No analysis of this study is done").await;

@@ -94,9 +94,9 @@ fn what_stayed_inside_is_counted_as_it_was_drawn() {
         let view = View { time_s: f64::from(step) * 0.2, ..View::default() };
         playback.go(&view).unwrap();
         let future = &recorded.states[step as usize..step as usize + 11];
-        for (count, set) in inside.iter_mut().zip(&playback.shfrs().unwrap().sets) {
+        for (count, set) in inside.iter_mut().zip(playback.sets()) {
             let is_in =
-                |state: &sidestep::scene::JointState| near(&set.tube, state.human.position());
+                |state: &sidestep::scene::JointState| near(&set.tube[0], state.human.position());
             *count += f64::from(u8::from(future.iter().all(is_in))) / 41.0;
         }
     }

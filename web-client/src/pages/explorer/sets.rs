@@ -49,7 +49,7 @@ fn row(explorer: &Explorer, j: usize, sign: Option<&LegendItem>) -> Node {
         .attr_if(is_wrong, "aria-invalid", "true")
         .test_id(&format!("epsilon-{j}"))
         .on_input(move |value| Msg::Epsilon(j, value));
-    let shown = explorer.playback.shfrs().and_then(|shfrs| shfrs.sets.get(j));
+    let shown = explorer.playback.sets().nth(j);
     let area = shown.map_or_else(|| "…".to_owned(), |set| fixed(set.area_m2, 2));
     let regions = explorer.coverage.regions(explorer.wanted.epsilon.len());
     let (mean, p) = match regions {

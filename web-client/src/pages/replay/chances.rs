@@ -1,7 +1,7 @@
 //! How often the predicted sets of a pane hold this participant's future: counted beside the page, over the
-//! tasks that did not train the predictor, as in the explorer.
+//! tasks that did not train the predictor, as in the explorer. Learned sets come counted from the server.
 
-use super::choice::Pane;
+use super::choice::{Choice, Pane};
 use super::{Msg, Replay};
 use crate::evaluation::Part;
 use crate::json;
@@ -12,7 +12,7 @@ use sidestep::api::{Drives, TrialDetail, routes};
 use sidestep::playback::Playback;
 use sidestep::predict::PredictorFile;
 use sidestep::shfrs::file::ShfrsFile;
-use sidestep::shfrs::probability::Regions;
+use sidestep::shfrs::probability::Probabilities;
 use sidestep::trial::Phase;
 use std::rc::Rc;
 
@@ -37,18 +37,23 @@ impl Tasks {
 
 /// What is known of the probabilities of a pane's sets.
 #[derive(Default)]
-pub(super) struct Chances(Coverage);
+pub(super) struct Chances {
+    coverage: Coverage,
+    /// What the server has counted.
+    told: Option<Probabilities>,
+}
 
 impl Chances {
     /// What the evaluator has to be told to count for this predictor, if everything is known.
     fn question(
         &mut self,
         tasks: Option<&Tasks>,
-        trained_on: Option<&[String]>,
+        choice: &Choice,
         playback: &Playback,
     ) -> Option<[(Part, Vec<u8>); 5]> {
-        self.0.forget();
-        let ((drives, content), trained_on) = (tasks?.0.as_ref()?, trained_on?);
+        self.coverage.forget();
+        self.told = choice.held().cloned();
+        let ((drives, content), trained_on) = (tasks?.0.as_ref()?, choice.trained_on()?);
         let (safety, learned) = (playback.safety()?, playback.learned()?);
         let all = drives.tasks.iter().enumerate();
         let unseen = all.filter(|(_, task)| !trained_on.contains(&task.trial_id));
@@ -60,27 +65,27 @@ impl Chances {
             (Part::Human, safety.human.encode()),
             (Part::Robot, safety.robot.encode()),
             (Part::Predictor, predictor.into_bytes()),
-            (Part::Question, json::write(&self.0.ask(settings, unseen)).into_bytes()),
+            (Part::Question, json::write(&self.coverage.ask(settings, unseen)).into_bytes()),
         ])
     }
 
     /// Takes what the evaluator has to say; whether that was all.
     fn take(&mut self, answer: Answer) -> bool {
-        let Some(report) = self.0.newest(answer) else { return false };
+        let Some(report) = self.coverage.newest(answer) else { return false };
         let is_over = report.done >= 1.0;
-        self.0.take(report);
+        self.coverage.take(report);
         is_over
     }
 
     /// What was counted for so many sets.
-    pub(super) fn regions(&self, sets: usize) -> Option<&Regions> {
-        self.0.regions(sets).map(|(regions, _)| regions)
+    pub(super) fn probabilities(&self, sets: usize) -> Option<&Probabilities> {
+        let counted = || self.coverage.regions(sets).map(|(regions, _)| &regions.probabilities);
+        self.told.as_ref().or_else(counted)
     }
 
     /// What the probabilities mean, or why there are none; nothing as long as that is not known.
     pub(super) fn words(&self, sets: usize, of: &str) -> Option<String> {
-        let counted = self.regions(sets).map(|regions| {
-            let p = &regions.probabilities;
+        let counted = self.probabilities(sets).map(|p| {
             format!(
                 "p: share of {} windows of {} whose future stays inside, with {:.0} % intervals. {of}",
                 p.windows,
@@ -88,7 +93,7 @@ impl Chances {
                 100.0 * p.confidence
             )
         });
-        counted.or_else(|| self.0.trouble.as_ref().map(|why| format!("No p: {why}")))
+        counted.or_else(|| self.coverage.trouble.as_ref().map(|why| format!("No p: {why}")))
     }
 }
 
@@ -96,18 +101,15 @@ impl Replay {
     /// Counts anew for a pane, once everything is known.
     pub(super) fn count(&mut self, pane: Pane) -> Commands<Msg> {
         // The trial comes first: its tasks are asked for when there is something to count.
-        if self.tasks.is_none() && !self.playback.forecast().is_empty() {
+        let beside = self.beside.as_ref().map_or(&[][..], |beside| beside.playback.forecast());
+        if self.tasks.is_none() && !(self.playback.forecast().is_empty() && beside.is_empty()) {
             self.tasks = Some(Tasks::default());
             return Tasks::ask(&self.trial).into_iter().collect();
         }
         let tasks = self.tasks.as_ref();
         let question = match (pane, &mut self.beside) {
-            (Pane::First, _) => {
-                self.chances.question(tasks, self.choice.trained_on(), &self.playback)
-            }
-            (Pane::Second, Some(it)) => {
-                it.chances.question(tasks, it.choice.trained_on(), &it.playback)
-            }
+            (Pane::First, _) => self.chances.question(tasks, &self.choice, &self.playback),
+            (Pane::Second, Some(it)) => it.chances.question(tasks, &it.choice, &it.playback),
             (Pane::Second, None) => None,
         };
         let name = pane.evaluator();

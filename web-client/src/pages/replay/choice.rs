@@ -4,15 +4,18 @@ use super::Msg;
 use crate::form::FieldValue;
 use crate::json;
 use crate::pages::models::{Named, Offered, described, group, groups, option};
-use crate::pages::parts::{alert, button};
+use crate::pages::parts::{alert, button, count};
 use crate::runtime::{Answer, Command, Request, encoded, read};
 use crate::view::{self, el};
-use sidestep::api::{PredictorSource, TrainedPredictor, TrialDetail, TrialUse, routes};
+use sidestep::api::{
+    LearnedSets, PredictorSource, TrainedPredictor, TrialDetail, TrialUse, routes,
+};
 use sidestep::document::from_value;
 use sidestep::invalid::Invalid;
-use sidestep::playback::Learned;
-use sidestep::playback::source::{FROM_FILE, Source, Way};
+use sidestep::playback::source::{FROM_FILE, Needs, Source, Way};
+use sidestep::playback::{Learned, Method};
 use sidestep::predict::{Predictor, PredictorFile};
+use sidestep::shfrs::probability::Probabilities;
 
 type Node = view::Node<Msg>;
 
@@ -85,6 +88,8 @@ struct Known {
     trained_on: Vec<String>,
     /// How many features it has, if it is from a file.
     features: usize,
+    /// How often its sets hold the future of the other tasks, if the server has counted that.
+    held: Option<Probabilities>,
 }
 
 /// How to come by a predictor.
@@ -92,7 +97,7 @@ pub(super) enum Ask {
     /// The server has it.
     Server(Command<Msg>),
     /// It is this.
-    Nobody(Result<Box<Learned>, String>),
+    Nobody(Result<Box<Method>, String>),
 }
 
 impl Choice {
@@ -104,21 +109,31 @@ impl Choice {
     /// How to come by the predictor.
     pub(super) fn ask(&mut self, trial: &TrialDetail) -> Ask {
         (self.known, self.refused) = (None, None);
-        let route = routes::admin_predictor(&trial.summary.trial_id);
-        let query = match &self.chosen {
-            Chosen::Linked(Source::Way(way)) => match way.trained_on() {
-                Some(_) if *way == Way::Earlier => String::new(),
-                Some(set) => format!("?features={set}"),
-                None => {
+        let summary = &trial.summary;
+        let predictor = |query: &str| {
+            let route = routes::admin_predictor(&summary.trial_id);
+            format!("{route}{query}")
+        };
+        let url = match &self.chosen {
+            Chosen::Linked(Source::Way(way)) => match way.needs() {
+                Needs::Model(_) if *way == Way::Earlier => predictor(""),
+                Needs::Model(set) => predictor(&format!("?features={set}")),
+                Needs::Trials(family) => {
+                    let route = routes::admin_sets(&summary.trial_id);
+                    format!("{route}?family={}", family.name())
+                }
+                Needs::Nothing => {
                     self.known = Some(Known::default());
-                    let learned = way.learned(None).map(Box::new);
+                    let learned = way.learned(None).map(|learned| Box::new(learned.into()));
                     return Ask::Nobody(learned.map_err(|invalid| invalid.to_string()));
                 }
             },
-            Chosen::Linked(source @ Source::Model { .. }) => format!("?{}", queried(source)),
-            Chosen::File => String::new(),
+            Chosen::Linked(source @ Source::Model { .. }) => {
+                predictor(&format!("?{}", queried(source)))
+            }
+            Chosen::File => predictor(""),
         };
-        let (pane, url) = (self.pane, format!("{route}{query}"));
+        let pane = self.pane;
         let then = move |answer| Msg::Predictor(pane, answer);
         Ask::Server(Command::Send(Request::get(pane.request(), url, then)))
     }
@@ -146,6 +161,11 @@ impl Choice {
         self.known.as_ref().map(|known| &*known.trained_on)
     }
 
+    /// How often its sets hold the future of the other tasks, if the server has counted that.
+    pub(super) fn held(&self) -> Option<&Probabilities> {
+        self.known.as_ref().and_then(|known| known.held.as_ref())
+    }
+
     /// What its probabilities are counted over.
     pub(super) fn judged_on(&self) -> &'static str {
         match &self.chosen {
@@ -168,16 +188,24 @@ impl Choice {
         self.unusable = None;
     }
 
-    /// Takes what the server sent: the predictor, or why there is none.
-    pub(super) fn arrived(&mut self, answer: Answer) -> Result<Learned, String> {
+    /// Takes what the server sent: the predictor or the sets, or why there are none.
+    pub(super) fn arrived(&mut self, answer: Answer) -> Result<Method, String> {
+        if let Chosen::Linked(Source::Way(way)) = &self.chosen
+            && let Needs::Trials(_) = way.needs()
+        {
+            let LearnedSets { sets, trials, held } =
+                read(answer).map_err(|failure| failure.sentence)?;
+            self.known = Some(Known { trials, held, ..Known::default() });
+            return Ok(sets.into());
+        }
         let trained: TrainedPredictor = read(answer).map_err(|failure| failure.sentence)?;
         let TrainedPredictor { predictor, trials, fallback, source, trained_on } = trained;
         let learned = Predictor::try_from(predictor).and_then(|predictor| match &self.chosen {
             Chosen::Linked(Source::Way(way)) => way.learned(Some(predictor)),
             _ => Learned::usual(predictor),
         });
-        self.known = Some(Known { trials, fallback, source, trained_on, features: 0 });
-        learned.map_err(|invalid| invalid.to_string())
+        self.known = Some(Known { trials, fallback, source, trained_on, features: 0, held: None });
+        learned.map(Method::from).map_err(|invalid| invalid.to_string())
     }
 
     /// Takes the content of a file. What is no predictor of turns changes nothing else.
@@ -283,7 +311,7 @@ fn list(choice: &Choice, offered: &Offered, trial: &TrialDetail) -> Node {
     };
     let source = choice.known.as_ref().and_then(|known| known.source.as_ref());
     let (learning, others): (Vec<Way>, Vec<Way>) =
-        Way::ALL.into_iter().partition(|way| way.trained_on().is_some());
+        Way::ALL.into_iter().partition(|way| way.needs() != Needs::Nothing);
     let file = (choice.chosen == Chosen::File).then(|| {
         let words = "Opened here".to_owned();
         group("From a file".to_owned()).child(option("file".to_owned(), true, words))
@@ -315,7 +343,7 @@ fn about(choice: &Choice, known: &Known) -> Node {
         }
     };
     let words = match (way, &known.fallback, known.trials) {
-        (way, ..) if way.trained_on().is_none() => way.meaning().to_owned(),
+        (way, ..) if way.needs() == Needs::Nothing => way.meaning().to_owned(),
         (_, Some(why), _) => format!("Frequencies of the inputs so far: {why}"),
         (Way::Earlier, None, 1) => {
             "Logistic regression (B_hrd), trained on the trial before".to_owned()
@@ -323,7 +351,9 @@ fn about(choice: &Choice, known: &Known) -> Node {
         (Way::Earlier, None, n) => {
             format!("Logistic regression (B_hrd), trained on the {n} trials before")
         }
-        (way, None, n) => format!("{} Trained on the {n} trials before.", way.meaning()),
+        (way, None, n) => {
+            format!("{} Trained on the {} before.", way.meaning(), count(n, "trial"))
+        }
     };
     el("p").text(words)
 }

@@ -8,7 +8,7 @@ use crate::runtime::{Command, Commands, Offer, PNG_OF_SVG};
 use sidestep::chart::Drawing;
 use sidestep::picture::Picture;
 use sidestep::playback::source::{Source, Way};
-use sidestep::playback::{Learned, Playback, side_by_side};
+use sidestep::playback::{Method, Playback, side_by_side};
 
 /// The same moment, predicted in another way.
 pub(super) struct Beside {
@@ -69,26 +69,26 @@ impl Replay {
         };
         // What is shown is never of another predictor than the chosen one.
         if let Some((_, playback)) = self.pane(pane) {
-            let _ = playback.use_learned(None);
+            let _ = playback.use_method(None);
         }
         match ask {
             Ask::Server(command) => vec![command],
-            Ask::Nobody(learned) => {
-                self.take(pane, learned.map(|learned| *learned));
+            Ask::Nobody(method) => {
+                self.take(pane, method.map(|method| *method));
                 vec![Command::Cancel(pane.request())]
             }
         }
     }
 
     /// Predicts with this in this pane, or says why not.
-    pub(super) fn take(&mut self, pane: Pane, learned: Result<Learned, String>) {
+    pub(super) fn take(&mut self, pane: Pane, method: Result<Method, String>) {
         let Some((choice, playback)) = self.pane(pane) else { return };
-        let used = learned.and_then(|learned| {
-            playback.use_learned(Some(learned)).map_err(|invalid| invalid.to_string())
+        let used = method.and_then(|method| {
+            playback.use_method(Some(method)).map_err(|invalid| invalid.to_string())
         });
         if let Err(why) = used {
             choice.refuse(&why);
-            let _ = playback.use_learned(None);
+            let _ = playback.use_method(None);
         }
     }
 

@@ -10,10 +10,10 @@ use crate::pages::moment::{self, metres, select, switch};
 use crate::pages::parts::{self, alert, button, cell, fact};
 use crate::view::{self, el, subscripted};
 use sidestep::chart::fixed;
-use sidestep::playback::Playback;
 use sidestep::playback::source::{Source, Way};
 use sidestep::playback::style::{Palette, Sets};
 use sidestep::playback::view::SPEEDS;
+use sidestep::playback::{Playback, legend_of_both};
 use sidestep::safety::SafetyLevels;
 use sidestep::scene::{Evader, JointState};
 use sidestep::trial::Phase;
@@ -44,7 +44,7 @@ fn scene(replay: &Replay) -> Node {
     let picture = el("div")
         .class("seen")
         .children(canvases)
-        .children(replay.shows_legend.then(|| moment::legend(&replay.playback, &replay.view)))
+        .children(replay.shows_legend.then(|| legend(replay)))
         .children(replay.sources.notice(Msg::StopSolving, Msg::SolveAgain));
     el("section")
         .class("view")
@@ -52,6 +52,14 @@ fn scene(replay: &Replay) -> Node {
         .children(parts::synthetic(replay.trial.synthetic))
         .child(switches)
         .child(picture)
+}
+
+/// What the signs mean, of both pictures if there are two.
+fn legend(replay: &Replay) -> Node {
+    moment::legend(match &replay.beside {
+        None => replay.playback.legend(&replay.view),
+        Some(beside) => legend_of_both(&replay.playback, &beside.playback, &replay.view),
+    })
 }
 
 fn panel(replay: &Replay) -> Node {
@@ -96,25 +104,27 @@ fn panel(replay: &Replay) -> Node {
         .child(keys::list())
 }
 
-/// How likely each next input is, and the predicted sets, once they are known.
+/// How likely each next input is, if what predicts says so, and the predicted sets, once they are known.
 fn predicted(
     replay: &Replay,
     playback: &Playback,
     choice: &Choice,
     chances: &Chances,
 ) -> Vec<Node> {
-    let probabilities = playback.probabilities().into_iter();
-    let regions = || regions(replay, playback, choice, chances);
-    probabilities.flat_map(|probabilities| [moment::inputs(probabilities), regions()]).collect()
+    let inputs = playback.probabilities().map(|probabilities| moment::inputs(probabilities));
+    let regions = playback.sets().next().map(|_| regions(replay, playback, choice, chances));
+    inputs.into_iter().chain(regions).collect()
 }
 
 /// The predicted sets, and how often they hold this participant's future.
 fn regions(replay: &Replay, playback: &Playback, choice: &Choice, chances: &Chances) -> Node {
-    let sets = playback.shfrs().map_or(0, |shfrs| shfrs.sets.len());
+    let sets = playback.sets().count();
     let cells = (replay.trial.summary.phase == Phase::Task).then(|| {
-        let known = chances.regions(sets);
-        let of =
-            |j: usize| known.map_or_else(|| cell("…"), |it| chance(it.probabilities.inside[j]));
+        let known = chances.probabilities(sets);
+        let wait = if playback.empirical().is_some() { "—" } else { "…" };
+        let of = |j: usize| {
+            known.and_then(|it| it.inside.get(j)).map_or_else(|| cell(wait), |p| chance(*p))
+        };
         (0..sets).map(|j| of(j).test_id(&format!("p-{j}"))).collect()
     });
     let words = chances.words(sets, choice.judged_on());
@@ -154,7 +164,7 @@ fn whose(replay: &Replay) -> Node {
 /// How the layers are drawn.
 fn drawing(replay: &Replay) -> Node {
     let style = &replay.view.style;
-    let steps = replay.playback.shfrs().map_or(0, |_| replay.playback.steps_ahead());
+    let steps = replay.playback.sets().next().map_or(0, |_| replay.playback.steps_ahead());
     let chosen = match style.sets {
         Sets::Tube => "tube".to_owned(),
         Sets::EachStep => "steps".to_owned(),

@@ -1,10 +1,15 @@
 //! What predicts in a replay: baselines, files, models of other studies, and two of them side by side.
 
 use super::analyses::{analysis, list};
+use super::explorer::usual;
 use super::predictors::{model, page, right, trained};
 use super::*;
-use sidestep::api::{AnalysisState, TrialUse};
+use sidestep::api::{AnalysisState, Drive, LearnedSets, TrialUse};
 use sidestep::picture::Picture;
+use sidestep::playback::source::fitted;
+use sidestep::shfrs::baselines::EmpiricalFamily;
+use sidestep::shfrs::probability::probabilities;
+use sidestep::shfrs::window::Trajectory;
 
 const FILE: &str = r#"{"format":"sidestep-predictor/1","kind":"constant","features":["distance"],
     "classes":[-1,0,1],"probabilities":[0.25,0.5,0.25]}"#;
@@ -213,4 +218,104 @@ fn models_of_other_people_and_studies_are_found_by_words() {
     assert!(session.words("finder-empty").unwrap().contains("No analysis of this study is done."));
     session.press("finder-close");
     assert!(session.words("finder").is_none());
+}
+
+/// Sets that are learned from six tasks, as the server sends them, with what it counted on the others.
+fn learned_sets(family: EmpiricalFamily) -> LearnedSets {
+    let drives = usual();
+    let task = |drive: &Drive| drive.trajectory(&drives.parameters).unwrap();
+    let tasks: Vec<Trajectory> = drives.tasks.iter().map(task).collect();
+    let (earlier, others) = tasks.split_at(6);
+    let fitted = fitted(family, &drives.parameters, earlier).unwrap();
+    let held = fitted.smallest_holding(others).unwrap();
+    let held = Some(probabilities(&held, 5, 0.95).unwrap());
+    LearnedSets { sets: fitted.sets, trials: 6, held }
+}
+
+/// Sets that are learned from recorded futures: their levels instead of ε, no probabilities of inputs, and the
+/// counts over the tasks that they did not see.
+#[test]
+fn learned_sets_say_their_levels_and_no_inputs() {
+    for (family, level) in [
+        (EmpiricalFamily::Empirical, "share of futures"),
+        (EmpiricalFamily::Gaussian, "Mahalanobis radius"),
+    ] {
+        let LearnedSets { mut sets, held, .. } = learned_sets(family);
+        let way = family.name();
+        let mut session = predicted();
+        session.press("beside");
+        session.choose("choose-predictor-beside", way);
+        let asked = format!("/api/v1/admin/trials/t/sets?family={way}");
+        assert_eq!(session.urls().last(), Some(&asked.as_str()));
+        session.send("predictor-beside", 200, &learned_sets(family));
+        assert_eq!(link(&session), format!("/lab/replay/t?beside={way}"));
+        let said = session.words("predictor-beside").unwrap();
+        assert!(said.contains("Trained on the 6 trials before."), "{said}");
+        session.send("drives", 200, &usual());
+        session.slide("slider", 2.4);
+
+        let numbers = session.words("numbers-beside").unwrap();
+        let numbers = numbers.split_whitespace().collect::<Vec<_>>().join(" ");
+        assert!(!numbers.contains("Next input") && !numbers.contains('ε'), "{numbers}");
+        for p in &held.unwrap().inside {
+            assert!(numbers.contains(&format!("{:.3}", p.value)), "{numbers}: {p:?}");
+        }
+        assert!(numbers.contains("246 windows of 6 tasks"), "{numbers}");
+        let legend = session.words("legend").unwrap();
+        assert!(legend.contains("ε = 0.15 rad/s"), "{legend}");
+        let state = trial(SceneParameters::default(), [None, None]).states[12];
+        sets.place(state.human, TurnInput::Straight);
+        for (j, set) in (1..).zip(sets.sets()) {
+            let words = format!("{level} {:.2}", set.level);
+            assert!(legend.contains(&words), "{legend}: {words}");
+            let row = format!("F {j} {:.2} {:.2}", set.level, set.area_m2);
+            assert!(numbers.contains(&row), "{numbers}: {row}");
+        }
+        // The picture has them where the human is: every corner of every set.
+        let shown = beside(&session).unwrap();
+        let painted = |piece: &[[f64; 2]]| {
+            shown.shapes().iter().any(|shape| match shape {
+                Shape::Path { points, closed: true, .. } => shown.points(points) == piece,
+                _ => false,
+            })
+        };
+        for piece in sets.sets().iter().flat_map(|set| &set.tube).filter(|it| !it.is_empty()) {
+            assert!(painted(piece), "{way}");
+        }
+        // The strip has no probabilities, for they are the first pane's.
+        session.choose("choose-predictor", way);
+        session.send("predictor", 200, &learned_sets(family));
+        session.press("numbers-switch");
+        assert!(!session.text().contains("predicted left"));
+        assert_eq!(session.words("prediction"), None);
+        let legend = session.words("legend").unwrap();
+        assert!(!legend.contains("rad/s") && !legend.contains("beside"), "{legend}");
+    }
+}
+
+#[test]
+fn sets_that_cannot_be_learned_are_refused_in_a_sentence() {
+    let mut session = predicted();
+    session.choose("choose-predictor", "empirical");
+    assert!(session.words("predictor").unwrap().contains("Loading"));
+    let problem = br#"{"code":"invalid","message":"earlier trials: expected at least one","field":"earlier trials"}"#;
+    session.answer("predictor", 422, problem);
+    let said = session.words("refused").unwrap();
+    assert!(said.starts_with("No predicted sets. ") && said.contains("at least one"), "{said}");
+    assert!(session.words("regions").is_none());
+    session.choose("choose-predictor", "gaussian");
+    session.answer("predictor", 404, br#"{"code":"not_found","message":"there is no such trial"}"#);
+    assert!(session.words("refused").unwrap().contains("no such trial"));
+    session.choose("choose-predictor", "constant");
+    assert_eq!(right(&session).as_deref(), Some("33 %"));
+}
+
+/// Sets that are learned need no safety levels, so that they are there before those are solved.
+#[test]
+fn learned_sets_do_not_wait_for_safety_levels() {
+    let mut session = signed_in("/lab/replay/t?predictor=empirical");
+    session.send("trial", 200, &trial(unequal(), [None, None]));
+    session.send("predictor", 200, &learned_sets(EmpiricalFamily::Empirical));
+    let words = session.words("regions").unwrap();
+    assert!(words.contains("F 5 1.00 5.33"), "{words}");
 }

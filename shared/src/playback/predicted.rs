@@ -1,0 +1,104 @@
+//! What predicts the human, and the sets that are predicted.
+
+use super::Learned;
+use crate::chart::fixed;
+use crate::shfrs::NestedSet;
+use crate::shfrs::baselines::{EmpiricalFamily, EmpiricalSet, EmpiricalSets};
+
+/// What predicts where the human may be.
+pub enum Method {
+    /// A learned function, whose inputs Algorithm 1 turns to sets.
+    Learned(Learned),
+    /// Sets that were learned from recorded futures. They know no probabilities of inputs.
+    Empirical(Box<EmpiricalSets>),
+}
+
+impl From<Learned> for Method {
+    fn from(learned: Learned) -> Self {
+        Self::Learned(learned)
+    }
+}
+
+impl From<EmpiricalSets> for Method {
+    fn from(sets: EmpiricalSets) -> Self {
+        Self::Empirical(Box::new(sets))
+    }
+}
+
+/// One of the nested sets that are predicted at a moment, whatever predicts them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PredictedSet<'a> {
+    /// Which one of the family it is.
+    pub level: Level,
+    /// Area, m², of all positions within the steps ahead.
+    pub area_m2: f64,
+    /// Closed counter-clockwise polygons in the world frame whose union is all positions within the steps
+    /// ahead, m.
+    pub tube: &'a [Vec<[f64; 2]>],
+    /// The positions after each step, each as one such polygon; none if nobody asked for them.
+    pub steps: &'a [Vec<[f64; 2]>],
+}
+
+/// What determines how large a set of a nested family is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Level {
+    /// The widening ε of the bounds of the turn rate, rad/s.
+    Widening(f64),
+    /// The share of the recorded futures with the same held input that the set bounds; at 1 it is all that can
+    /// be reached.
+    Share(f64),
+    /// The Mahalanobis radius of ellipsoids of the future pose.
+    Radius(f64),
+}
+
+impl Level {
+    /// The number.
+    #[must_use]
+    pub fn value(self) -> f64 {
+        match self {
+            Self::Widening(value) | Self::Share(value) | Self::Radius(value) => value,
+        }
+    }
+
+    /// What a column of such numbers is called.
+    #[must_use]
+    pub fn column(self) -> &'static str {
+        match self {
+            Self::Widening(_) => "ε / rad s⁻¹",
+            Self::Share(_) => "share",
+            Self::Radius(_) => "radius",
+        }
+    }
+
+    /// In words, with its number.
+    #[must_use]
+    pub fn words(self) -> String {
+        let number = fixed(self.value(), 2);
+        match self {
+            Self::Widening(_) => format!("ε = {number} rad/s"),
+            Self::Share(_) => format!("share of futures {number}"),
+            Self::Radius(_) => format!("Mahalanobis radius {number}"),
+        }
+    }
+}
+
+impl<'a> From<&'a NestedSet> for PredictedSet<'a> {
+    fn from(set: &'a NestedSet) -> Self {
+        Self {
+            level: Level::Widening(set.epsilon),
+            area_m2: set.area_m2,
+            tube: core::slice::from_ref(&set.tube),
+            steps: &set.steps,
+        }
+    }
+}
+
+impl<'a> PredictedSet<'a> {
+    pub(super) fn of(family: EmpiricalFamily, set: &'a EmpiricalSet) -> Self {
+        let level = match family {
+            EmpiricalFamily::Empirical => Level::Share(set.level),
+            EmpiricalFamily::Gaussian => Level::Radius(set.level),
+        };
+        Self { level, area_m2: set.area_m2, tube: &set.tube, steps: &set.steps }
+    }
+}

@@ -1,0 +1,486 @@
+//! The sets of a family that is learned from recorded futures, as polygons at the human's pose: what a
+//! picture of a moment needs.
+
+use super::swept::swept;
+use super::{Gaussian, LearnedFamily, Mode, Nominal, PerModeEmpirical};
+use crate::bounds::ActionModel;
+use crate::invalid::Invalid;
+use crate::math::sin_cos;
+use crate::reach::{PolygonSettings, ReachableSet};
+use crate::scene::{JointState, SceneParameters};
+use crate::shfrs::widened::widened;
+use crate::shfrs::window::{Trajectory, Window, WindowChoice};
+use crate::vehicle::{Pose, TurnInput};
+use serde::{Deserialize, Serialize};
+
+/// The families that are learned from recorded futures alone, without a model of the human.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
+#[serde(rename_all = "lowercase")]
+pub enum EmpiricalFamily {
+    /// Hulls of recorded futures, by the held input.
+    Empirical,
+    /// Normal distributions of the future pose, about the held input.
+    Gaussian,
+}
+
+impl EmpiricalFamily {
+    /// Its name in addresses.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Empirical => "empirical",
+            Self::Gaussian => "gaussian",
+        }
+    }
+}
+
+/// Nested sets of such a family, at levels that were learned with it. They depend on nothing but the human's
+/// pose and the input of the last step.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
+pub struct EmpiricalSets {
+    /// The family.
+    family: EmpiricalFamily,
+    /// How many steps ahead the sets are.
+    steps: usize,
+    /// The sets in the human's frame, from the smallest to the largest, if the last step turned right.
+    right: Vec<EmpiricalSet>,
+    /// The same if it went straight on, or there was none.
+    straight: Vec<EmpiricalSet>,
+    /// The same if it turned left.
+    left: Vec<EmpiricalSet>,
+    /// The sets where they were placed last.
+    #[serde(skip)]
+    placed: Vec<EmpiricalSet>,
+}
+
+/// One of the nested sets.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "openapi", derive(schemars::JsonSchema))]
+pub struct EmpiricalSet {
+    /// The family's level.
+    pub level: f64,
+    /// Area, m², of all positions within the steps ahead.
+    pub area_m2: f64,
+    /// Closed counter-clockwise polygons whose union is all positions within the steps ahead, m. Of a set that
+    /// is empty, for nothing was recorded, each is empty.
+    pub tube: Vec<Vec<[f64; 2]>>,
+    /// The positions after each step, each as one such polygon.
+    pub steps: Vec<Vec<[f64; 2]>>,
+}
+
+/// Such a family, and its sets at the levels that were learned with it.
+pub struct Fitted {
+    family: Box<dyn LearnedFamily + Send>,
+    /// The sets.
+    pub sets: EmpiricalSets,
+}
+
+/// Shares of the windows learned from that the sets hold. The set after them holds everything.
+const SHARES: [f64; 4] = [0.5, 0.75, 0.9, 0.95];
+
+/// No model, for modes that need none.
+enum Nobody {}
+
+impl ActionModel for Nobody {
+    fn actions(&self) -> &[f64] {
+        match *self {}
+    }
+
+    fn probabilities(&self, _: &[JointState], _: &mut [f64]) {
+        match *self {}
+    }
+}
+
+impl Fitted {
+    /// Learns from every window of `steps` ≥ 1 steps of `trajectories`. The levels are the least ones whose
+    /// sets hold 50, 75, 90 and 95 % of these windows, and that of the worst-case set.
+    ///
+    /// # Errors
+    /// [`Invalid`] if there are too few windows.
+    pub fn learn(
+        family: EmpiricalFamily,
+        parameters: &SceneParameters,
+        trajectories: &[Trajectory],
+        steps: usize,
+    ) -> Result<Self, Invalid> {
+        let windows = WindowChoice::EveryStep.windows(trajectories, steps).concat();
+        if windows.is_empty() {
+            let expected = format!("at least one of {steps} steps or more, to learn from");
+            return Err(Invalid::new("earlier trials", expected, "none"));
+        }
+        let mut fitted: Box<dyn LearnedFamily + Send> = match family {
+            EmpiricalFamily::Empirical => {
+                Box::new(PerModeEmpirical::learn(Mode::<Nobody>::Held, parameters, &windows)?)
+            }
+            EmpiricalFamily::Gaussian => {
+                Box::new(Gaussian::learn(Nominal::Held, parameters, &windows)?)
+            }
+        };
+        let mut scores = windows
+            .iter()
+            .map(|window| fitted.least_level(window))
+            .collect::<Result<Vec<_>, _>>()?;
+        scores.sort_by(f64::total_cmp);
+        let level = |share: f64| scores[((share * scores.len() as f64).ceil() as usize).max(1) - 1];
+        let levels: Vec<f64> = SHARES.into_iter().map(level).chain([fitted.most()]).collect();
+        let worst = worst_case(parameters, steps, fitted.most())?;
+        let mut of = |held| {
+            let drive = after_a_step(held, parameters, steps)?;
+            shapes(fitted.as_mut(), &drive, &levels, &worst)
+        };
+        let sets = EmpiricalSets {
+            family,
+            steps,
+            right: of(TurnInput::Right)?,
+            straight: of(TurnInput::Straight)?,
+            left: of(TurnInput::Left)?,
+            placed: Vec::new(),
+        };
+        Ok(Self { family: fitted, sets })
+    }
+
+    /// For each window of each trajectory, from every step, the index, from 0, of the smallest set that holds
+    /// its future: what [`probabilities`](crate::shfrs::probability::probabilities) are made of.
+    ///
+    /// # Errors
+    /// [`Invalid`] if the family cannot score a window.
+    pub fn smallest_holding(
+        &self,
+        trajectories: &[Trajectory],
+    ) -> Result<Vec<Vec<usize>>, Invalid> {
+        let EmpiricalSets { straight: levels, steps, .. } = &self.sets;
+        let smallest = |window: &Window<'_>| {
+            let score = self.family.least_level(window)?;
+            let place = levels.iter().position(|set| score <= set.level);
+            Ok(place.unwrap_or(levels.len() - 1))
+        };
+        let windows = WindowChoice::EveryStep.windows(trajectories, *steps);
+        windows.iter().map(|windows| windows.iter().map(smallest).collect()).collect()
+    }
+}
+
+impl EmpiricalSets {
+    /// The family.
+    #[must_use]
+    pub fn family(&self) -> EmpiricalFamily {
+        self.family
+    }
+
+    /// How many steps ahead the sets are.
+    #[must_use]
+    pub fn steps(&self) -> usize {
+        self.steps
+    }
+
+    /// How many sets there are.
+    #[must_use]
+    pub fn count(&self) -> usize {
+        self.straight.len()
+    }
+
+    /// The sets where they were placed last, from the smallest to the largest; none before that.
+    #[must_use]
+    pub fn sets(&self) -> &[EmpiricalSet] {
+        &self.placed
+    }
+
+    /// Places the sets of a human at this pose whose last step had this input.
+    pub fn place(&mut self, human: Pose, held: TurnInput) {
+        let (sin, cos) = sin_cos(human.psi);
+        let place = |[x, y]: [f64; 2]| [human.x + cos * x - sin * y, human.y + sin * x + cos * y];
+        let all = |from: &[Vec<[f64; 2]>], to: &mut Vec<Vec<[f64; 2]>>| {
+            to.resize_with(from.len(), Vec::new);
+            for (from, to) in from.iter().zip(to) {
+                to.clear();
+                to.extend(from.iter().map(|&position| place(position)));
+            }
+        };
+        let shapes = match held {
+            TurnInput::Right => &self.right,
+            TurnInput::Straight => &self.straight,
+            TurnInput::Left => &self.left,
+        };
+        self.placed.resize_with(shapes.len(), EmpiricalSet::default);
+        for (shape, placed) in shapes.iter().zip(&mut self.placed) {
+            (placed.level, placed.area_m2) = (shape.level, shape.area_m2);
+            all(&shape.tube, &mut placed.tube);
+            all(&shape.steps, &mut placed.steps);
+        }
+    }
+}
+
+/// A drive whose first step had this input: what the families look at before its window from step 1 on.
+fn after_a_step(
+    held: TurnInput,
+    parameters: &SceneParameters,
+    steps: usize,
+) -> Result<Trajectory, Invalid> {
+    let here = Pose::new(0.0, 0.0, 0.0);
+    let mut inputs = vec![TurnInput::Straight; steps + 1];
+    inputs[0] = held;
+    let states = vec![JointState { human: here, robot: here }; steps + 2];
+    Trajectory::driven(states, &inputs, parameters)
+}
+
+/// The sets at these levels in the frame of a human who drives `drive`, from its step 1 on.
+fn shapes(
+    family: &mut dyn LearnedFamily,
+    drive: &Trajectory,
+    levels: &[f64],
+    worst: &EmpiricalSet,
+) -> Result<Vec<EmpiricalSet>, Invalid> {
+    let windows = Window::new(drive, 1, worst.steps.len()).into_iter();
+    let each = windows.flat_map(|window| levels.iter().map(move |&level| (window, level)));
+    let shape = |(window, level): (Window<'_>, f64)| {
+        let area_m2 = family.area_m2(&window, level)?;
+        let Some(steps) = family.step_sets(&window, level) else {
+            return Ok(EmpiricalSet { level, area_m2, ..worst.clone() });
+        };
+        // A human of whom nothing was recorded is nowhere, not even here.
+        let is_empty = steps.iter().all(Vec::is_empty);
+        let tube = if is_empty { steps.clone() } else { swept(&steps) };
+        Ok(EmpiricalSet { level, area_m2, tube, steps })
+    };
+    each.map(shape).collect()
+}
+
+/// Every position that a human at the origin can reach. Its area is the families' to tell.
+fn worst_case(
+    parameters: &SceneParameters,
+    steps: usize,
+    level: f64,
+) -> Result<EmpiricalSet, Invalid> {
+    let SceneParameters { human, step_s, .. } = *parameters;
+    let range = human.turn_range();
+    let bounds = widened(&vec![range; steps], 0.0, range)?;
+    let here = Pose::new(0.0, 0.0, 0.0);
+    let reachable = ReachableSet::new(here, &bounds, human.speed_mps, step_s)?;
+    // As accurate as the sets that Algorithm 1 bounds.
+    let settings = PolygonSettings::new(1e-3, 8)?;
+    let steps = (1..=steps).map(|step| reachable.step_polygon(step, settings)).collect();
+    let tube = vec![reachable.tube_polygon(settings)];
+    Ok(EmpiricalSet { level, area_m2: 0.0, tube, steps })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::SeededRng;
+    use crate::reach::polygon::signed_distance;
+    use crate::shfrs::family::Family;
+    use crate::shfrs::testing::drive;
+
+    const KINDS: [EmpiricalFamily; 2] = [EmpiricalFamily::Empirical, EmpiricalFamily::Gaussian];
+
+    /// Drives whose input changes now and then.
+    fn drives(seed: u64, count: usize) -> Vec<Trajectory> {
+        let mut rng = SeededRng::new(seed);
+        let mut drive_one = |_| {
+            let mut rate = 0.0;
+            let rates: Vec<f64> = (0..30)
+                .map(|_| {
+                    if rng.below(5) == 0 {
+                        rate = [-0.5, 0.0, 0.0, 0.5][rng.below(4)];
+                    }
+                    rate
+                })
+                .collect();
+            drive(&rates)
+        };
+        (0..count).map(&mut drive_one).collect()
+    }
+
+    fn learned(kind: EmpiricalFamily, steps: usize) -> Fitted {
+        Fitted::learn(kind, &SceneParameters::default(), &drives(1, 20), steps).unwrap()
+    }
+
+    fn held_before(window: &Window<'_>) -> TurnInput {
+        match window.past_turn_rates().last() {
+            Some(&rate) if rate < 0.0 => TurnInput::Right,
+            Some(&rate) if rate > 0.0 => TurnInput::Left,
+            _ => TurnInput::Straight,
+        }
+    }
+
+    /// The family as `sidestep shfrs` learns it, which knows no polygons of these sets.
+    fn family(kind: EmpiricalFamily, training: &[Trajectory], steps: usize) -> Box<dyn Family> {
+        let parameters = SceneParameters::default();
+        let windows = WindowChoice::EveryStep.windows(training, steps).concat();
+        match kind {
+            EmpiricalFamily::Empirical => Box::new(
+                PerModeEmpirical::learn(Mode::<Nobody>::Held, &parameters, &windows).unwrap(),
+            ),
+            EmpiricalFamily::Gaussian => {
+                Box::new(Gaussian::learn(Nominal::Held, &parameters, &windows).unwrap())
+            }
+        }
+    }
+
+    /// How far the positions of a window's future are inside the sets of their steps, m; negative outside.
+    fn inside_by(set: &EmpiricalSet, window: &Window<'_>) -> f64 {
+        let positions = window.future().iter().map(|state| state.human.position());
+        let inside = set.steps.iter().zip(positions).map(|(step, at)| signed_distance(step, at));
+        inside.fold(f64::INFINITY, f64::min)
+    }
+
+    /// Membership in the polygons that are drawn against the scores of the family, on drives that it has not
+    /// seen. Hulls hold what is within 5 mm. Ellipsoids have a heading too: what they hold is in their ellipses.
+    #[test]
+    fn what_is_drawn_holds_what_scores_say() {
+        let unseen = drives(2, 40);
+        for kind in KINDS {
+            let mut sets = learned(kind, 10).sets;
+            let mut family = family(kind, &drives(1, 20), 10);
+            let (mut held, mut left) = (0, 0);
+            for window in WindowChoice::EveryStep.windows(&unseen, 10).iter().flatten() {
+                let score = family.score(window).unwrap();
+                sets.place(window.now().human, held_before(window));
+                let most = sets.sets().len() - 1;
+                for (j, set) in sets.sets().iter().enumerate() {
+                    let area = family.area_m2(window, set.level).unwrap();
+                    assert_eq!(set.area_m2, area, "{kind:?} {}", set.level);
+                    let inside = inside_by(set, window);
+                    match kind {
+                        // Polygons of the worst case are inscribed, and drives turn as hard as they can.
+                        _ if j == most => assert!(inside > -0.005, "{inside}"),
+                        EmpiricalFamily::Empirical if (inside + 0.005).abs() < 1e-9 => {}
+                        EmpiricalFamily::Empirical => {
+                            assert_eq!(inside > -0.005, score <= set.level, "{inside} {score}");
+                        }
+                        EmpiricalFamily::Gaussian => {
+                            assert!(score > set.level || inside > -0.005, "{inside} {score}");
+                        }
+                    }
+                    held += usize::from(score <= set.level);
+                    left += usize::from(score > set.level);
+                }
+            }
+            assert!(held > 100 && left > 100, "{kind:?}: {held} {left}");
+        }
+    }
+
+    /// A position is in an ellipse if some heading there is in the ellipsoid.
+    #[test]
+    fn ellipses_are_ellipsoids_seen_from_above() {
+        let Fitted { family, mut sets } = learned(EmpiricalFamily::Gaussian, 1);
+        let mut rng = SeededRng::new(5);
+        let (mut held, mut left) = (0, 0);
+        for _ in 0..300 {
+            let held_now = TurnInput::ALL[rng.below(3)];
+            let now =
+                Pose::new(rng.uniform(-9.0, 9.0), rng.uniform(-9.0, 9.0), rng.uniform(-3.0, 3.0));
+            sets.place(now, held_now);
+            let (sin, cos) = sin_cos(now.psi);
+            let (ahead, aside) = (rng.uniform(0.38, 0.42), rng.uniform(-0.03, 0.03));
+            let at = [now.x + ahead * cos - aside * sin, now.y + ahead * sin + aside * cos];
+            let score = |turn: f64| {
+                let end = Pose::new(at[0], at[1], now.psi + turn);
+                let states = [now, now, end].map(|human| JointState { human, robot: now });
+                let inputs = [held_now, TurnInput::Straight];
+                let parameters = SceneParameters::default();
+                let drive = Trajectory::driven(states.to_vec(), &inputs, &parameters).unwrap();
+                family.least_level(&Window::new(&drive, 1, 1).unwrap()).unwrap()
+            };
+            // The score is convex in the heading.
+            let (mut low, mut high) = (-0.5, 0.5);
+            for _ in 0..80 {
+                let (a, b) = (low + (high - low) / 3.0, high - (high - low) / 3.0);
+                if score(a) < score(b) { high = b } else { low = a }
+            }
+            let least = score(0.5 * (low + high));
+            let most = family.most();
+            for set in sets.sets().iter().filter(|set| set.level < most) {
+                let inside = signed_distance(&set.steps[0], at);
+                // The polygon is inscribed in the ellipse, 0.2 % smaller.
+                if (least / set.level - 1.0).abs() > 0.005 {
+                    assert_eq!(inside > 0.0, least < set.level, "{least} {} {inside}", set.level);
+                    held += usize::from(inside > 0.0);
+                    left += usize::from(inside < 0.0);
+                }
+            }
+        }
+        assert!(held > 50 && left > 50, "{held} {left}");
+    }
+
+    /// Against random points: the share of a box that lies in some piece of a tube.
+    #[test]
+    fn tubes_cover_their_areas() {
+        const N: usize = 40_000;
+        let mut rng = SeededRng::new(4);
+        for kind in KINDS {
+            let mut sets = learned(kind, 10).sets;
+            sets.place(Pose::new(3.0, -1.0, 0.7), TurnInput::Left);
+            for set in sets.sets() {
+                let corners = || set.tube.iter().flatten();
+                let ends = |axis: usize| {
+                    let all = corners().map(|corner| corner[axis]);
+                    all.fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], v| [l.min(v), h.max(v)])
+                };
+                let [x, y] = [ends(0), ends(1)];
+                let is_in = |_: &usize| {
+                    let point = [rng.uniform(x[0], x[1]), rng.uniform(y[0], y[1])];
+                    set.tube.iter().any(|piece| signed_distance(piece, point) > 0.0)
+                };
+                let inside = (0..N).filter(is_in).count();
+                let all = (x[1] - x[0]) * (y[1] - y[0]);
+                let counted = all * inside as f64 / N as f64;
+                // Four standard errors of a share are at most 2 / √N; the worst case is drawn to 1 mm.
+                let apart = (set.area_m2 - counted).abs();
+                assert!(apart < all * 2.0 / (N as f64).sqrt() + 0.01, "{kind:?} {set:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn sets_hold_the_shares_of_what_they_learned_from() {
+        let training = drives(1, 20);
+        for kind in KINDS {
+            let fitted = learned(kind, 10);
+            let smallest = fitted.smallest_holding(&training).unwrap().concat();
+            let all = smallest.len() as f64;
+            for (j, share) in SHARES.into_iter().enumerate() {
+                let inside = smallest.iter().filter(|&&place| place <= j).count() as f64 / all;
+                assert!(inside >= share, "{kind:?} {j}: {inside}");
+            }
+            let levels: Vec<f64> = fitted.sets.straight.iter().map(|set| set.level).collect();
+            assert!(levels.is_sorted() && levels.len() == 5, "{levels:?}");
+        }
+    }
+
+    /// Who never turned right before a window has no future after it.
+    #[test]
+    fn what_was_never_recorded_is_empty() {
+        let parameters = SceneParameters::default();
+        let training = [drive(&[0.0; 20]), drive(&[0.5; 20])];
+        let mut sets =
+            Fitted::learn(EmpiricalFamily::Empirical, &parameters, &training, 10).unwrap().sets;
+        sets.place(Pose::new(1.0, 0.0, 0.0), TurnInput::Right);
+        let [smaller @ .., last] = sets.sets() else { panic!("no sets") };
+        for set in smaller {
+            assert!(set.area_m2 == 0.0 && set.tube.iter().chain(&set.steps).all(Vec::is_empty));
+        }
+        assert!(last.area_m2 > 5.0 && last.tube.len() == 1 && last.steps.len() == 10);
+    }
+
+    #[test]
+    fn too_few_windows_are_refused() {
+        let parameters = SceneParameters::default();
+        let learn = |kind, training: &[Trajectory]| {
+            let learned = Fitted::learn(kind, &parameters, training, 10);
+            learned.err().map(|invalid| invalid.to_string())
+        };
+        let nothing =
+            "earlier trials: expected at least one of 10 steps or more, to learn from, found none";
+        for kind in KINDS {
+            for training in [vec![], vec![drive(&[0.0; 9])]] {
+                assert_eq!(learn(kind, &training).as_deref(), Some(nothing));
+            }
+        }
+        let one = [drive(&[0.0; 10])];
+        assert_eq!(learn(EmpiricalFamily::Empirical, &one), None);
+        let found = learn(EmpiricalFamily::Gaussian, &one).unwrap();
+        assert_eq!(found, "windows: expected at least 2, found 1");
+    }
+}
