@@ -229,6 +229,15 @@ impl Playback {
         learned.map(PredictedSet::from).chain(empirical)
     }
 
+    /// How many sets are predicted at this moment; none until they are known.
+    #[must_use]
+    pub fn set_count(&self) -> usize {
+        match self.empirical() {
+            Some(empirical) => empirical.sets().len(),
+            None => self.probabilities.map_or(0, |_| self.predictor.shfrs().sets.len()),
+        }
+    }
+
     /// Length of the trial, s.
     #[must_use]
     pub fn duration_s(&self) -> f64 {

@@ -81,7 +81,7 @@ mod tests {
         let square = vec![[0.0, 2.0], [2.0, 2.0], [2.0, 4.0], [0.0, 4.0]];
         for angle in [0.0, 0.25 * PI, 0.5 * PI, 0.75 * PI, 0.3] {
             let area = |polygons: &[Vec<[f64; 2]>]| 0.01 * length(polygons, angle, 0.01);
-            let alone = area(&[concave.clone()]);
+            let alone = area(core::slice::from_ref(&concave));
             assert!((alone - 8.0).abs() < 0.05, "{angle}: {alone}");
             // What both cover, ½ m², is covered once.
             let union = area(&[concave.clone(), square.clone(), concave.clone()]);

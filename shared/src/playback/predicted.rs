@@ -6,11 +6,15 @@ use crate::shfrs::NestedSet;
 use crate::shfrs::baselines::{EmpiricalFamily, EmpiricalSet, EmpiricalSets};
 
 /// What predicts where the human may be.
+#[allow(
+    clippy::large_enum_variant,
+    reason = "there is one for each pane; with 32 bits it is small"
+)]
 pub enum Method {
     /// A learned function, whose inputs Algorithm 1 turns to sets.
     Learned(Learned),
     /// Sets that were learned from recorded futures. They know no probabilities of inputs.
-    Empirical(Box<EmpiricalSets>),
+    Empirical(EmpiricalSets),
 }
 
 impl From<Learned> for Method {
@@ -21,7 +25,7 @@ impl From<Learned> for Method {
 
 impl From<EmpiricalSets> for Method {
     fn from(sets: EmpiricalSets) -> Self {
-        Self::Empirical(Box::new(sets))
+        Self::Empirical(sets)
     }
 }
 

@@ -1,7 +1,7 @@
 //! The predicted sets.
 
 use super::style::{Palette, Sets, Style};
-use super::{Level, Playback, PredictedSet, hatch};
+use super::{Playback, PredictedSet, hatch};
 use crate::chart::{Colour, LegendItem, Pen, colours, fixed};
 use crate::math::PI;
 use crate::picture::Picture;
@@ -25,7 +25,7 @@ pub(super) fn colour(palette: Palette, j: usize, count: usize) -> Colour {
 /// is one tube, or an area for each step.
 pub(super) fn paint(playback: &mut Playback, style: &Style, picture: &mut Picture) {
     let mut crossings = core::mem::take(&mut playback.crossings);
-    let count = playback.sets().count();
+    let count = playback.set_count();
     for (set, j) in playback.sets().rev().zip((0..count).rev()) {
         let colour = colour(style.palette, j, count);
         // A line in the colour of the surface separates tubes. The set at a step is thinner than that
@@ -76,7 +76,7 @@ fn union(areas: &[Vec<[f64; 2]>], colour: Colour, picture: &mut Picture) {
 }
 
 pub(super) fn legend(playback: &Playback, style: &Style) -> Vec<LegendItem> {
-    let (count, step_s) = (playback.sets().count(), playback.recorded.parameters.step_s);
+    let (count, step_s) = (playback.set_count(), playback.recorded.parameters.step_s);
     let when = match style.sets {
         Sets::Tube => format!("within {} s", fixed(playback.seconds_ahead(), 1)),
         Sets::EachStep => "after each step".to_owned(),
@@ -85,13 +85,12 @@ pub(super) fn legend(playback: &Playback, style: &Style) -> Vec<LegendItem> {
             format!("after {} s", fixed(step as f64 * step_s, 1))
         }
     };
+    let most = playback.empirical().and_then(|it| it.sets().last()).map(|set| set.level);
     let item = |(j, set): (usize, PredictedSet<'_>)| {
         let level = set.level.words();
-        let text = match (j, set.level) {
+        let text = match (j, set.level.value()) {
             (0, _) => format!("F1: where the human may be {when}, {level}"),
-            (_, Level::Share(_) | Level::Radius(_)) if j + 1 == count => {
-                format!("F{count}: {level}, the worst case")
-            }
+            (_, value) if Some(value) == most => format!("F{}: {level}, the worst case", j + 1),
             _ => format!("F{}: {level}", j + 1),
         };
         LegendItem::region(&text, j + 1, colour(style.palette, j, count))

@@ -372,9 +372,14 @@ mod tests {
             let now =
                 Pose::new(rng.uniform(-9.0, 9.0), rng.uniform(-9.0, 9.0), rng.uniform(-3.0, 3.0));
             sets.place(now, held_now);
-            let (sin, cos) = sin_cos(now.psi);
-            let (ahead, aside) = (rng.uniform(0.38, 0.42), rng.uniform(-0.03, 0.03));
-            let at = [now.x + ahead * cos - aside * sin, now.y + ahead * sin + aside * cos];
+            // The worst case is no ellipse. From the middle of the largest that is one, to beyond its edge.
+            let most = family.most();
+            let outer = sets.sets().iter().rfind(|set| set.level < most).unwrap();
+            let corners = &outer.steps[0];
+            let (corner, half) = (rng.below(corners.len()), corners.len() / 2);
+            let ([x, y], [a, b]) = (corners[corner], corners[(corner + half) % corners.len()]);
+            let along = rng.uniform(0.5, 1.3);
+            let at = [a + along * (x - a), b + along * (y - b)];
             let score = |turn: f64| {
                 let end = Pose::new(at[0], at[1], now.psi + turn);
                 let states = [now, now, end].map(|human| JointState { human, robot: now });
@@ -383,14 +388,16 @@ mod tests {
                 let drive = Trajectory::driven(states.to_vec(), &inputs, &parameters).unwrap();
                 family.least_level(&Window::new(&drive, 1, 1).unwrap()).unwrap()
             };
-            // The score is convex in the heading.
-            let (mut low, mut high) = (-0.5, 0.5);
-            for _ in 0..80 {
+            // The score is convex in the heading, up to its largest value.
+            const APART: f64 = 5e-4;
+            let turns = (-400..=400).map(|i| f64::from(i) * APART);
+            let near = turns.min_by(|&a, &b| score(a).total_cmp(&score(b))).unwrap();
+            let (mut low, mut high) = (near - APART, near + APART);
+            for _ in 0..40 {
                 let (a, b) = (low + (high - low) / 3.0, high - (high - low) / 3.0);
                 if score(a) < score(b) { high = b } else { low = a }
             }
             let least = score(0.5 * (low + high));
-            let most = family.most();
             for set in sets.sets().iter().filter(|set| set.level < most) {
                 let inside = signed_distance(&set.steps[0], at);
                 // The polygon is inscribed in the ellipse, 0.2 % smaller.

@@ -112,13 +112,14 @@ fn predicted(
     chances: &Chances,
 ) -> Vec<Node> {
     let inputs = playback.probabilities().map(|probabilities| moment::inputs(probabilities));
-    let regions = playback.sets().next().map(|_| regions(replay, playback, choice, chances));
+    let has_sets = playback.set_count() > 0;
+    let regions = has_sets.then(|| regions(replay, playback, choice, chances));
     inputs.into_iter().chain(regions).collect()
 }
 
 /// The predicted sets, and how often they hold this participant's future.
 fn regions(replay: &Replay, playback: &Playback, choice: &Choice, chances: &Chances) -> Node {
-    let sets = playback.sets().count();
+    let sets = playback.set_count();
     let cells = (replay.trial.summary.phase == Phase::Task).then(|| {
         let known = chances.probabilities(sets);
         let wait = if playback.empirical().is_some() { "—" } else { "…" };
@@ -164,7 +165,8 @@ fn whose(replay: &Replay) -> Node {
 /// How the layers are drawn.
 fn drawing(replay: &Replay) -> Node {
     let style = &replay.view.style;
-    let steps = replay.playback.sets().next().map_or(0, |_| replay.playback.steps_ahead());
+    let has_sets = replay.playback.set_count() > 0;
+    let steps = if has_sets { replay.playback.steps_ahead() } else { 0 };
     let chosen = match style.sets {
         Sets::Tube => "tube".to_owned(),
         Sets::EachStep => "steps".to_owned(),
