@@ -14,7 +14,7 @@ pub enum Method {
     /// A learned function, whose inputs Algorithm 1 turns to sets.
     Learned(Learned),
     /// Sets that were learned from recorded futures. They know no probabilities of inputs.
-    Empirical(EmpiricalSets),
+    Empirical(Box<EmpiricalSets>),
 }
 
 impl From<Learned> for Method {
@@ -25,7 +25,7 @@ impl From<Learned> for Method {
 
 impl From<EmpiricalSets> for Method {
     fn from(sets: EmpiricalSets) -> Self {
-        Self::Empirical(sets)
+        Self::Empirical(Box::new(sets))
     }
 }
 

@@ -114,14 +114,8 @@ impl Way {
             Self::LearnedDisturbance => {
                 "The human does what the model of the earlier trials thinks likeliest, give or take ε."
             }
-            Self::Empirical => {
-                "Hulls of the futures that were recorded after the same input: no probabilities of \
-                 inputs. The share is of these futures."
-            }
-            Self::Gaussian => {
-                "Ellipses about holding the input, from recorded futures: no probabilities of inputs. \
-                 The radius is Mahalanobis’."
-            }
+            Self::Empirical => "Hulls of the futures recorded after the same input.",
+            Self::Gaussian => "Ellipses of recorded futures about holding the input.",
             Self::Constant => "Every input is equally likely, whatever the scene.",
             Self::ConstantVelocity => "The human drives straight on, give or take ε.",
             Self::HoldTheInput => "The human holds the input of the last step, give or take ε.",
