@@ -27,13 +27,20 @@ pub enum Unread {
 /// thousand brackets are an attempt on the stack.
 const DEEPEST: usize = 64;
 
+/// Whether lists and objects of a text lie more than 64 deep in each other: no reader needs that, and one
+/// that calls itself for each of them runs out of stack.
+#[must_use]
+pub fn is_too_deep(text: &str) -> bool {
+    nesting(text) > DEEPEST
+}
+
 /// One JSON value of type `T`, and nothing after it.
 ///
 /// # Errors
 /// [`Unread`]; it depends on the whole text whether it is JSON, so that the complaint about a
 /// broken text does not depend on what comes first in it.
 pub fn from_json<T: DeserializeOwned>(text: &str) -> Result<T, Unread> {
-    if nesting(text) > DEEPEST {
+    if is_too_deep(text) {
         return Err(Unread::NotJson(format!("nested more than {DEEPEST} deep")));
     }
     let error = match serde_json::from_str(text) {

@@ -529,9 +529,6 @@ impl<P: Page + 'static> Pump<P> {
                 Offer::File { name, media_type, content } => {
                     files::offer(&shell.document, &name, media_type, &content);
                 }
-                Offer::Canvas { canvas, name } => {
-                    files::offer_canvas(&shell.document, canvas, name);
-                }
                 Offer::Film { name, canvas, file, then } => {
                     let number = shell.begin(name);
                     let (pump, document, then_ended) =

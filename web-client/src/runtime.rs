@@ -380,13 +380,6 @@ pub enum Offer<M> {
         /// Its content.
         content: Vec<u8>,
     },
-    /// What is on a canvas as a PNG image, on the page's ground.
-    Canvas {
-        /// The canvas element's id.
-        canvas: &'static str,
-        /// Name of the file.
-        name: String,
-    },
     /// A film of a canvas, which begins now. It is discarded if its name is cancelled.
     Film {
         /// Its name, as of a request.
@@ -490,7 +483,6 @@ impl<M: 'static> Command<M> {
                 Offer::File { name, media_type, content } => {
                     Offer::File { name, media_type, content }
                 }
-                Offer::Canvas { canvas, name } => Offer::Canvas { canvas, name },
                 Offer::Film { name, canvas, file, then } => {
                     let then = Rc::new(move |ended| lift(then(ended)));
                     Offer::Film { name, canvas, file, then }

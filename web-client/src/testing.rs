@@ -147,7 +147,6 @@ impl<P: Page> Session<P> {
                 Command::Leave(url) => self.left = Some(url),
                 Command::Offer(offer) => match offer() {
                     Offer::File { name, content, .. } => self.files.push((name, content)),
-                    Offer::Canvas { name, .. } => self.files.push((name, Vec::new())),
                     Offer::Film { name, file, then, .. } => {
                         self.cancel(|other| other == name);
                         self.films.push((name, file, then));

@@ -6,9 +6,8 @@ use crate::math::TAU;
 use crate::picture::Window;
 use crate::reachability::{ExactValue, ValueFunction};
 
-/// Columns of a map of errors, and of the coarser grid at every heading.
+/// Columns of the grid of errors at a heading.
 const COLUMNS: usize = 150;
-const COARSE: usize = 48;
 /// Headings at which errors are summarised.
 const HEADINGS: u32 = 24;
 
@@ -44,7 +43,7 @@ impl Difference {
         let (mut sum, mut count) = (0.0, 0.0);
         for heading in 0..HEADINGS {
             let psi = f64::from(heading) * TAU / f64::from(HEADINGS);
-            for at in grid(window, COARSE) {
+            for at in grid(window, COLUMNS) {
                 let state = [at[0], at[1], psi];
                 let size = (solved.value(state) - exact.value(state)).abs();
                 (sum, count) = (sum + size, count + 1.0);

@@ -151,7 +151,7 @@ impl Way {
             Self::Constant => Learned::usual(always([1.0 / 3.0; 3])?),
             Self::ConstantVelocity => Learned::of_k(always([0.0, 1.0, 0.0])?, 1, None),
             Self::HoldTheInput => Learned::of_k(held()?, 1, None),
-            Self::WorstCase => Learned::of_k(always([1.0 / 3.0; 3])?, 3, Some(vec![0.0])),
+            Self::WorstCase => Learned::of_k(always([1.0 / 3.0; 3])?, 3, Some(vec![1.0])),
             Self::Empirical | Self::Gaussian => {
                 Err(Invalid::new("predictor", "one with a function", self.name()))
             }

@@ -111,6 +111,12 @@ impl From<&BoundsSettings> for ShfrsFile {
 }
 
 impl ShfrsFile {
+    /// The same with these roll-outs.
+    #[must_use]
+    pub fn with_rollout(self, rollout: Rollout) -> Self {
+        Self { rollout, ..self }
+    }
+
     /// The settings of Algorithm 1 for a model of so many actions.
     ///
     /// # Errors

@@ -34,17 +34,6 @@ pub(super) fn offer(document: &Document, name: &str, media_type: &str, content: 
     }
 }
 
-/// Offers what is on the canvas with this id as a PNG image.
-pub(super) fn offer_canvas(document: &Document, canvas: &str, name: String) {
-    let canvas = document.get_element_by_id(canvas).and_then(|it| it.dyn_into().ok());
-    let image = document.create_element("canvas").ok().and_then(|it| it.dyn_into().ok());
-    if let (Some(canvas), Some(image)) = (canvas, image)
-        && paint_on_ground(&canvas, &image).is_ok()
-    {
-        let _ = offer_canvas_blob(document, &image, name);
-    }
-}
-
 /// Paints what is on a canvas on another one, which gets its size. A canvas is transparent where nothing
 /// is painted, so the other one gets the ground of the page.
 pub(super) fn paint_on_ground(

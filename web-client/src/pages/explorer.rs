@@ -22,6 +22,7 @@ use crate::runtime::{
 };
 use crate::view::Node;
 use sidestep::api::{Drives, routes, trial_heading};
+use sidestep::document::is_too_deep;
 use sidestep::invalid::Invalid;
 use sidestep::picture::Picture;
 use sidestep::playback::Playback;
@@ -340,10 +341,11 @@ impl Explorer {
             Msg::StopTuning => return self.stop_tuning(),
             Msg::UseFound => return self.use_found(),
             Msg::Preset(place) => {
-                let preset = PRESETS.get(place).map(|preset| preset.settings(self.actions()));
+                let actions = self.actions();
                 return self.change(|wanted| {
-                    if let Some(preset) = preset {
-                        *wanted = preset;
+                    if let Some(preset) = PRESETS.get(place) {
+                        // Roll-outs are a choice of their own.
+                        *wanted = preset.settings(actions).with_rollout(wanted.rollout);
                     }
                     Ok(())
                 });
@@ -391,7 +393,8 @@ impl Explorer {
             }
             Msg::Json(value) => {
                 return self.change(|wanted| {
-                    let read = json::read(value.text().as_bytes());
+                    let text = Some(value.text()).filter(|text| !is_too_deep(text));
+                    let read = text.and_then(|text| json::read(text.as_bytes()));
                     let expected = "settings as the file has them";
                     *wanted = read.ok_or_else(|| Invalid::new("JSON", expected, "other text"))?;
                     Ok(())

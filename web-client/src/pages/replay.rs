@@ -373,11 +373,7 @@ impl Replay {
             Msg::Legend => self.shows_legend = !self.shows_legend,
             Msg::Numbers => self.shows_numbers = !self.shows_numbers,
             Msg::SaveSvg => commands = vec![self.svg()],
-            Msg::SavePng if self.beside.is_some() => commands = vec![self.png()],
-            Msg::SavePng => {
-                let name = self.file_name("png");
-                commands = vec![Command::offer(Offer::Canvas { canvas: CANVAS, name })];
-            }
+            Msg::SavePng => commands = vec![self.png()],
             Msg::Film if self.filming => self.playing = None,
             Msg::Film => commands = self.film(now_ms),
             Msg::Filmed(ended) => {

@@ -71,6 +71,9 @@ fn card(demo: &Demo) -> Option<Node> {
                     .text(" turn your blue arrow. ")
                     .text("The nearer you pass, the more points. Touch the red disc, and they are gone."),
             )
+            .child(el("p").class("touch-only").text(
+                "This device has no keyboard to steer with: watch a synthetic driver instead.",
+            ))
             .child(start("Drive")),
         (Stage::Ready, Driver::You) => el("div").child(start("Drive")),
         (Stage::Ready, Driver::Synthetic(number)) => el("div")
@@ -172,8 +175,7 @@ fn model(demo: &Demo) -> Node {
             .test_id("inside")
             .child(el("thead").child(el("tr").children(names)))
             .child(el("tbody").child(el("tr").children(cells)));
-        let ahead =
-            format!("Futures that stayed inside, of all {}:", parts::count(scenes, "scene"));
+        let ahead = format!("Futures that stayed inside, in {}:", parts::count(scenes, "scene"));
         section = section.child(el("p").class("quiet").text(ahead)).child(table);
     }
     section

@@ -15,7 +15,8 @@ type Node = view::Node<Msg>;
 /// The paper's settings.
 pub(super) fn presets(explorer: &Explorer) -> Node {
     let button = |(place, preset): (usize, &sidestep::shfrs::file::Preset)| {
-        let is_on = explorer.wanted == preset.settings(explorer.actions());
+        let wanted = &explorer.wanted;
+        let is_on = *wanted == preset.settings(explorer.actions()).with_rollout(wanted.rollout);
         switch(&format!("preset-{place}"), is_on, Msg::Preset(place))
             .attr("title", preset.meaning)
             .text(preset.name)
@@ -145,17 +146,22 @@ pub(super) fn file(explorer: &Explorer) -> Node {
         .on_input(Msg::Json);
     let (study, number) = (&explorer.drives.study, explorer.drives.number);
     let command = format!(
-        "sidestep shfrs --database sqlite:sidestep.db --study {study} --participant {number} \
-         --settings {} --out shfrs",
-        super::FILE
+        "sidestep shfrs --database DATABASE --study {study} --participant {number} \
+         --settings {} {} --out shfrs",
+        super::FILE,
+        explorer.tuning.flags()
     );
-    let save = button("save", Msg::Save).text("Save as a file");
+    let is_right = explorer.complaint.is_none();
+    let save = button("save", Msg::Save).attr_if(!is_right, "disabled", "").text("Save as a file");
     // The command line leaves test runs out.
     let command = (!explorer.drives.pilot).then(|| {
         el("pre").attr("tabindex", "0").child(el("code").test_id("command").text(command))
     });
     let words = match command {
-        Some(_) => "The link of this page has them. So has this file, for the command line:",
+        Some(_) => {
+            "The link of this page has them. So has this file, for the command line, where DATABASE is what \
+             the server was started with, such as sqlite:sidestep.db:"
+        }
         None => "The link of this page has them. So has this file.",
     };
     el("section")

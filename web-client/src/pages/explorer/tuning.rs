@@ -94,6 +94,12 @@ impl Tuning {
         self.found.as_ref()
     }
 
+    /// What the command line is asked for the same guarantee with.
+    pub(super) fn flags(&self) -> String {
+        let guarantee = if self.is_sure { "pac" } else { "conformal" };
+        format!("--probability {} --guarantee {guarantee}", fixed(self.p, 2))
+    }
+
     fn guarantee(&self) -> Guarantee {
         if self.is_sure { Guarantee::Pac { delta: DELTA } } else { Guarantee::Conformal }
     }

@@ -434,8 +434,8 @@ fn errors(page: &Reachability, found: &Found) -> Option<Node> {
                 fact("mean at 24 headings", metres(all.mean_m)),
             ]))
             .child(el("p").class("quiet").text(
-                "Sizes of the error over the map; at 24 headings on a grid a third as fine. The solver’s values are rounded to a millimetre \
-                 on their way to this page.",
+                "Sizes of the error over the map, at this heading and at every 15°. The solver’s values are \
+                 rounded to a millimetre on their way to this page.",
             )),
     )
 }

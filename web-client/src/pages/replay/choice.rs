@@ -10,7 +10,7 @@ use crate::view::{self, el};
 use sidestep::api::{
     LearnedSets, PredictorSource, TrainedPredictor, TrialDetail, TrialUse, routes,
 };
-use sidestep::document::from_value;
+use sidestep::document::{from_value, is_too_deep};
 use sidestep::invalid::Invalid;
 use sidestep::playback::source::{FROM_FILE, Needs, Source, Way};
 use sidestep::playback::{Learned, Method};
@@ -233,6 +233,11 @@ impl Choice {
 
 /// A predictor of turns from the text of a predictor.json.
 fn of_file(text: &str) -> Result<Learned, String> {
+    if is_too_deep(text) {
+        return Err(
+            "It is nested too deep: expected a predictor.json, as analyses save it.".to_owned()
+        );
+    }
     let value: serde_json::Value = json::read(text.as_bytes())
         .ok_or("It is not JSON: expected a predictor.json, as analyses save it.")?;
     let file = from_value::<PredictorFile>(&value);

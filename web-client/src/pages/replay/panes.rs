@@ -119,7 +119,7 @@ impl Replay {
         Command::offer(Offer::File { name, media_type: "image/svg+xml", content })
     }
 
-    /// Offers both panes as PNG, for they are no single canvas.
+    /// Offers the same as PNG.
     pub(super) fn png(&mut self) -> Command<Msg> {
         let (name, content) = (self.file_name("png"), self.drawing().svg().into_bytes());
         Command::offer(Offer::File { name, media_type: PNG_OF_SVG, content })

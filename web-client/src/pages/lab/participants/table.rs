@@ -177,6 +177,7 @@ fn row(person: &ParticipantSummary, identities: bool) -> Node {
         el("td").child(el("time").moment(person.last_seen_at_ms)),
         check,
         el("td")
+            .class("looks")
             .children(person.excluded.then(|| el("span").class("chip look").text("excluded")))
             .children(looks(&person.quality)),
     ]);
