@@ -79,6 +79,18 @@ impl Coverage {
     }
 }
 
+/// What is wrong with settings, in the page's words: sets and steps count from 1.
+pub(super) fn worded(said: &str) -> String {
+    for (field, words) in [("epsilon[", "ε of F"), ("k[", "k of step ")] {
+        let parts = said.strip_prefix(field).and_then(|rest| rest.split_once(']'));
+        let place = parts.and_then(|(place, rest)| Some((place.parse::<usize>().ok()?, rest)));
+        if let Some((place, rest)) = place {
+            return format!("{words}{}{rest}", place + 1);
+        }
+    }
+    said.to_owned()
+}
+
 /// A probability with its interval, as a number and as a bar.
 pub(super) fn chance<M>(p: Estimate) -> Node<M> {
     let [low, value, high] = [p.low, p.value, p.high].map(|share| 100.0 * share);

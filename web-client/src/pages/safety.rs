@@ -187,7 +187,7 @@ fn progress<M>(percent: u32, stop: M) -> Node<M> {
     let bar = el("progress")
         .attrs(&[("max", "100"), ("aria-label", "Solving the safety levels")])
         .attr("value", percent);
-    let why = "The server has not yet solved the games of these vehicles, so this browser does.";
+    let why = "The server has not solved the games of these vehicles, so this browser does.";
     let stop = button("stop-solving", stop).class("plain").text("Stop");
     el("div").class("notice").test_id("solving").children([heading, bar, advice(why, stop)])
 }

@@ -50,7 +50,7 @@ async fn sets_move_while_a_slider_moves() {
     tab.until_step("explorer", 1).await;
     // What is wrong is told beside the slider, and the picture stays.
     tab.enter("epsilon-0", "0.6").await;
-    tab.until_says("complaint", "epsilon[1]").await;
+    tab.until_says("complaint", "ε of F2").await;
     assert_eq!(areas().await[1], after[1]);
     // A slider that is dragged wildly leaves nothing behind: the last place counts.
     let wild = "for (let i = 0; i < 600; i++) { field.value = (i * 7 % 15) / 100; \
@@ -160,7 +160,7 @@ async fn the_explorer_fits_its_window() {
     tab.until_step("explorer", 15).await;
     take(&tab, "explorer").await;
     tab.enter("epsilon-1", "0.9").await;
-    tab.until_says("complaint", "epsilon[2]").await;
+    tab.until_says("complaint", "ε of F3").await;
     take(&tab, "explorer-wrong").await;
     tab.enter("epsilon-1", "0.15").await;
     tab.enter("count", "all").await;

@@ -3,6 +3,7 @@
 use super::{Explorer, Msg};
 use crate::form::FieldValue;
 use crate::json;
+use crate::pages::coverage::worded;
 use crate::pages::moment::{select, switch};
 use crate::pages::parts::{alert, button};
 use crate::view::{self, el};
@@ -127,7 +128,7 @@ fn slider(
 pub(super) fn said(explorer: &Explorer, fields: &[&str]) -> Option<Node> {
     let complaint = explorer.complaint.as_ref()?;
     let named = complaint.field.split('[').next().unwrap_or_default();
-    fields.contains(&named).then(|| alert("complaint", &format!("{complaint}.")))
+    fields.contains(&named).then(|| alert("complaint", &worded(&format!("{complaint}."))))
 }
 
 /// At least `least` actions count in the first `upto` steps, and fewer afterwards.

@@ -2,7 +2,7 @@
 
 use super::controls::said;
 use super::{Explorer, Msg};
-use crate::pages::coverage::chance;
+use crate::pages::coverage::{chance, worded};
 use crate::pages::moment::select;
 use crate::pages::parts::{alert, cell, count};
 use crate::view::{self, drawn, el, subscripted};
@@ -121,5 +121,5 @@ fn counted(explorer: &Explorer) -> Node {
         .child(select("count", "p counts", options, chosen, Msg::Counted))
         .child(el("p").class("quiet").test_id("counted-words").text(words))
         .children(warning)
-        .children(coverage.trouble.as_deref().map(|why| alert("not-counted", why)))
+        .children(coverage.trouble.as_deref().map(|why| alert("not-counted", &worded(why))))
 }

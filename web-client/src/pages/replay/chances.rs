@@ -5,7 +5,7 @@ use super::choice::{Choice, Pane};
 use super::{Msg, Replay};
 use crate::evaluation::Part;
 use crate::json;
-use crate::pages::coverage::Coverage;
+use crate::pages::coverage::{Coverage, worded};
 use crate::pages::parts::count;
 use crate::runtime::{Answer, Command, Commands, Evaluate, Request, read};
 use sidestep::api::{Drives, TrialDetail, routes};
@@ -93,7 +93,8 @@ impl Chances {
                 100.0 * p.confidence
             )
         });
-        counted.or_else(|| self.coverage.trouble.as_ref().map(|why| format!("No p: {why}")))
+        counted
+            .or_else(|| self.coverage.trouble.as_ref().map(|why| format!("No p: {}", worded(why))))
     }
 }
 

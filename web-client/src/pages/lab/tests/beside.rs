@@ -42,7 +42,7 @@ fn baselines_need_no_server_and_are_in_the_link() {
     }
     // Nobody leaves the worst case: one set, with everything that can be reached.
     let words = session.words("regions").unwrap();
-    assert!(words.contains("F 1 0.00 5.33") && !words.contains("F 2"), "{words}");
+    assert!(words.contains("F 1 1.00 5.33") && !words.contains("F 2"), "{words}");
     session.choose("choose-predictor", "");
     assert_eq!(link(&session), "/lab/replay/t");
     assert!(session.words("prediction").is_none(), "it is on its way");
@@ -82,6 +82,8 @@ fn a_file_predicts_and_is_in_no_link() {
     for (content, sentence) in [
         ("".to_owned(), "It is not JSON: expected a predictor.json"),
         ("{\"format\":1".to_owned(), "It is not JSON"),
+        ("[".repeat(100_000), "It is nested too deep"),
+        (format!("{}{}", "[".repeat(3000), "]".repeat(3000)), "It is nested too deep"),
         ("{}".to_owned(), "format"),
         (FILE.replace("distance", "colour"), "features[0]: expected one of abs_dx"),
         (FILE.replace("[-1,0,1]", "[0,1,2]"), "classes: expected some of -1 (right)"),

@@ -180,12 +180,12 @@ fn wrong_settings_are_told_beside_the_control_and_the_picture_stays() {
     let before = (session.areas(), session.words("p-0"));
     session.slide("epsilon-1", 0.6);
     let said = session.words("complaint").unwrap();
-    assert!(said.contains("epsilon[2]: expected a finite number ≥ 0.6 (ascending)"), "{said}");
+    assert!(said.contains("ε of F3: expected a finite number ≥ 0.6 (ascending)"), "{said}");
     assert_eq!((session.areas(), session.words("p-0")), before);
     session.slide("epsilon-1", 0.15);
     assert_eq!(session.words("complaint"), None);
     for (k, expected) in [
-        ("2,2,1,1,1,1,1,1,1,4", "k[9]: expected a whole number from 1 to 3, found 4"),
+        ("2,2,1,1,1,1,1,1,1,4", "k of step 10: expected a whole number from 1 to 3, found 4"),
         ("2,2", "k: expected 10 entries, found 2 entries"),
         ("2;2", "k: expected whole numbers"),
     ] {
@@ -210,7 +210,7 @@ fn wrong_settings_are_told_beside_the_control_and_the_picture_stays() {
     session.slide("epsilon-4", 0.5);
     session.evaluate("evaluator");
     let said = session.words("not-counted").unwrap();
-    assert!(said.contains("epsilon[4]: expected at least 1 rad/s"), "{said}");
+    assert!(said.contains("ε of F5: expected at least 1 rad/s"), "{said}");
 }
 
 #[test]
@@ -239,14 +239,23 @@ fn settings_go_into_a_file_and_come_back() {
     assert_eq!(name, "shfrs-settings.json");
     let file: ShfrsFile = serde_json::from_slice(&content).unwrap();
     assert_eq!((file.steps, file.tau), (2, Some(0.3)));
+    // A preset leaves the roll-outs as they are. What is wrong cannot be saved.
+    session.choose("rollout", "paper");
     session.press("preset-1");
-    session.choose("json", "{\"format\":");
-    assert!(session.words("complaint").unwrap().contains("JSON: expected settings"));
+    session.press("save");
+    let middle: ShfrsFile = serde_json::from_slice(&session.files[1].1).unwrap();
+    assert_eq!((middle.epsilon[0], middle.rollout.word()), (0.2, "paper"));
+    for wrong in ["{\"format\":".to_owned(), "[".repeat(100_000)] {
+        session.choose("json", &wrong);
+        assert!(session.words("complaint").unwrap().contains("JSON: expected settings"));
+        let view = session.page.view();
+        assert!(view.find("save").unwrap().attribute("disabled").is_some());
+    }
     session.choose("json", &String::from_utf8(content).unwrap());
     assert_eq!(session.areas().len(), 2);
-    assert!(
-        session.words("command").unwrap().contains("--participant 4 --settings shfrs-settings")
-    );
+    assert!(session.words("command").unwrap().contains(
+        "--participant 4 --settings shfrs-settings.json --probability 0.75 --guarantee conformal"
+    ));
 }
 
 #[test]

@@ -240,4 +240,10 @@ fn sets_say_how_often_they_hold_the_future() {
         drives.tasks.iter().filter(|it| !["t0", "t5"].contains(&&*it.trial_id)).cloned().collect();
     assert_eq!(shown(&session), counted(&predictor, &unseen, &drives.parameters));
     assert!(session.words("p-words").unwrap().contains("of 10 tasks"));
+
+    // The worst case is one set, which nobody leaves.
+    session.choose("choose-predictor", "worst-case");
+    session.evaluate("chances");
+    let [only] = &shown(&session)[..] else { panic!("one set") };
+    assert!(only.starts_with("1.000"), "{only}");
 }
