@@ -1,6 +1,6 @@
 //! {V = c} at one heading in closed form.
 //!
-//! In the evader's frame turned to the mean of the two headings (see [`Halfway`]), a set {V ≤ c} is half a disc
+//! In the evader's frame turned to the mean of the two headings (see [`Halfway`](super::Halfway)), a set {V ≤ c} is half a disc
 //! where the range opens. Where it closes, the set is what two regions share: where the evader that turns
 //! right, and where the one that turns left, ends within the range. Each region is convex. Its edge is a
 //! straight line, the involute of a circle, and an arc, one for each [`Ending`](super::Ending) of the pursuit.
