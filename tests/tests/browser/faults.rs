@@ -111,7 +111,11 @@ async fn a_reload_in_a_scene_is_counted_and_the_scene_driven_again() {
     assert_eq!(trials.len(), 2);
     let flags = &trials[0].summary.flags;
     assert!(flags.contains(&Flag::Interrupted) && flags.contains(&Flag::ShownBefore), "{flags:?}");
-    assert!(!trials[1].summary.flags.contains(&Flag::Interrupted), "{:?}", trials[1].summary.flags);
+    // A machine that stalls interrupts a scene too, and its samples are late then.
+    let again = &trials[1].summary.flags;
+    let stalled = again.contains(&Flag::LateSample);
+    assert!(stalled || !again.contains(&Flag::Interrupted), "{again:?}");
+    assert!(!again.contains(&Flag::ShownBefore), "{again:?}");
     assert_eq!(trials[0].scene, trials[1].scene);
     browser.close().await;
 }
