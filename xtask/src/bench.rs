@@ -113,7 +113,7 @@ mod tests {
     #[test]
     fn a_name_chooses_and_no_name_means_all() {
         assert_eq!(choose(None).len(), BENCHES.len());
-        assert_eq!(choose(Some("eatures")), [BENCHES[5]]);
+        assert_eq!(choose(Some("eatures")), [BENCHES[6]]);
         assert!(choose(Some("walk")).is_empty());
     }
 
@@ -138,7 +138,7 @@ mod tests {
                 let source = folder.join(benches).join(name);
                 source.with_extension("rs").is_file() || source.join("main.rs").is_file()
             });
-            let own = ["shfrs", "learning", "files", "peers", "wasm"].contains(name);
+            let own = ["shfrs", "playback", "learning", "files", "peers", "wasm"].contains(name);
             assert!(target != own, "{name}");
         }
     }
