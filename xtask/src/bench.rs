@@ -55,9 +55,9 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> 
             "learning" => learning::run(workspace)?,
             "files" => files::run(workspace, options.quick)?,
             // Quick as they are.
-            "shfrs" => wasm::run(workspace, wasm::SHFRS)?,
-            "playback" => wasm::run(workspace, wasm::PLAYBACK)?,
-            "wasm" => wasm::run(workspace, wasm::VALUE)?,
+            "shfrs" => wasm::run(workspace, &[wasm::SHFRS, wasm::EVALUATION])?,
+            "playback" => wasm::run(workspace, &[wasm::PLAYBACK])?,
+            "wasm" => wasm::run(workspace, &[wasm::SOLVE, wasm::VALUE])?,
             target => run_target(workspace, target, options.quick)?,
         };
         if code != ExitCode::SUCCESS {

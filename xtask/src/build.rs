@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Result, bail};
 
 use crate::site::{self, ENTRIES, PageSize};
-use crate::workspace::{Workspace, stage};
+use crate::workspace::{Runs, Workspace, stage};
 
 /// Build client and server (release), ready to run from any working directory.
 ///
@@ -25,13 +25,17 @@ pub(crate) struct Options {
 pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<()> {
     workspace.ensure_wasm_target()?;
 
-    let mut client = workspace.compile_for_browsers("build");
-    client.args(ENTRIES.iter().flat_map(|entry| ["--bin", entry]));
-    let mut times = vec![("client", stage("client", &mut client)?)];
+    let mut times = Vec::new();
+    for (name, runs) in [("client", Runs::InPage), ("workers", Runs::InWorker)] {
+        let entries = ENTRIES.iter().filter(|(_, where_it_runs)| *where_it_runs == runs);
+        let mut build = workspace.compile_for_browsers("build", runs);
+        build.args(entries.flat_map(|(entry, _)| ["--bin", entry]));
+        times.push((name, stage(name, &mut build)?));
+    }
 
     let start = Instant::now();
     let mut bundles = Vec::new();
-    for entry in ENTRIES {
+    for (entry, _) in ENTRIES {
         bundles.push(site::bundle(entry, &workspace.compiled_client(entry))?);
     }
     let composed = site::compose(site::read_static(&workspace.path("static"))?, bundles)?;

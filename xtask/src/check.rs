@@ -3,7 +3,7 @@
 use anyhow::Result;
 
 use crate::site::ENTRIES;
-use crate::workspace::{Workspace, stage};
+use crate::workspace::{Runs, Workspace, stage};
 
 /// Runs the stages, quickest first, and stops at the first that fails.
 ///
@@ -16,8 +16,8 @@ pub(crate) fn run(workspace: &Workspace) -> Result<()> {
     stage("clippy", clippy.args(["--all-targets", "--", "--deny", "warnings"]))?;
 
     workspace.ensure_wasm_target()?;
-    let mut clippy = workspace.compile_for_browsers("clippy");
-    clippy.args(ENTRIES.iter().flat_map(|entry| ["--bin", entry]));
+    let mut clippy = workspace.compile_for_browsers("clippy", Runs::InPage);
+    clippy.args(ENTRIES.iter().flat_map(|(entry, _)| ["--bin", entry]));
     stage("clippy for browsers", clippy.args(["--", "--deny", "warnings"]))?;
 
     // Two calls, because the server's program and the library are both called

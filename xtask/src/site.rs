@@ -24,10 +24,19 @@ use anyhow::{Context, Result, bail};
 
 pub(crate) use self::bundle::{Bundle, bundle};
 pub(crate) use self::publish::publish;
+use crate::workspace::Runs;
 
-/// The programs of the web client: its binary targets.
-pub(crate) const ENTRIES: [&str; 8] =
-    [PARTICIPANT, "lab", "viewer", "reachability", "demo", SOLVER, EVALUATOR, SIMULATOR];
+/// The programs of the web client: its binary targets, and where each runs.
+pub(crate) const ENTRIES: [(&str, Runs); 8] = [
+    (PARTICIPANT, Runs::InPage),
+    ("lab", Runs::InPage),
+    ("viewer", Runs::InPage),
+    ("reachability", Runs::InPage),
+    ("demo", Runs::InPage),
+    (SIMULATOR, Runs::InPage),
+    (SOLVER, Runs::InWorker),
+    (EVALUATOR, Runs::InWorker),
+];
 
 /// The programs that pages start as they load.
 pub(crate) const PAGE_ENTRIES: [&str; 5] = [PARTICIPANT, "lab", "viewer", "reachability", "demo"];
@@ -243,7 +252,7 @@ mod tests {
             .iter()
             .map(|(name, text)| ((*name).to_owned(), text.as_bytes().to_vec()))
             .collect();
-        let bundles = ENTRIES.map(|entry| Bundle {
+        let bundles = ENTRIES.map(|(entry, _)| Bundle {
             entry,
             js: String::new(),
             wasm: entry.as_bytes().to_vec(),

@@ -10,7 +10,7 @@ use anyhow::{Context, Result, bail};
 use crate::build;
 use crate::python::{PYTHON, environment};
 use crate::site::bundle;
-use crate::workspace::{Workspace, answer_of, stage};
+use crate::workspace::{Runs, Workspace, answer_of, stage};
 
 /// Run every test, after installing what they need where that is possible.
 #[derive(clap::Args)]
@@ -70,7 +70,7 @@ const PAGES: &[(&str, &str)] =
 
 /// Builds a page with an example in it.
 fn example_page(workspace: &Workspace, example: &'static str) -> Result<PathBuf> {
-    let mut build = workspace.compile_for_browsers("build");
+    let mut build = workspace.compile_for_browsers("build", Runs::InPage);
     stage(example, build.args(["--example", example]))?;
     let compiled = workspace.compiled_client(&format!("examples/{example}"));
     let text = bundle(example, &compiled)?.page()?;

@@ -10,6 +10,15 @@ use anyhow::{Context, Result, bail};
 /// The target triple that browsers run.
 const WASM_TARGET: &str = "wasm32-unknown-unknown";
 
+/// Where a program of the web client runs, which decides how it is compiled.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Runs {
+    /// In a page, which is shown once it is loaded: small.
+    InPage,
+    /// In a worker beside a page, which computes: fast.
+    InWorker,
+}
+
 /// The folders that every command works in.
 pub(crate) struct Workspace {
     /// The folder of the top `Cargo.toml`.
@@ -92,10 +101,14 @@ impl Workspace {
         cargo
     }
 
-    /// The same for browsers, with the settings of `.cargo/client.toml`.
-    pub(crate) fn compile_for_browsers(&self, command: &str) -> Command {
+    /// The same for browsers, with the settings of `.cargo/client.toml` and, for a worker, of
+    /// `.cargo/worker.toml`.
+    pub(crate) fn compile_for_browsers(&self, command: &str, runs: Runs) -> Command {
         let mut cargo = self.compile(command);
         cargo.args(["--target", WASM_TARGET, "--config"]).arg(self.path(".cargo/client.toml"));
+        if runs == Runs::InWorker {
+            cargo.arg("--config").arg(self.path(".cargo/worker.toml"));
+        }
         cargo.arg("--config").arg(without_paths(&self.root));
         cargo
     }
@@ -274,6 +287,10 @@ mod tests {
             let other: Vec<_> = needed.difference(&tests).collect();
             assert!(other.is_empty(), "{call} and the tests need other variants of {other:?}");
         }
+        let client = |runs| {
+            dependencies(workspace.compile_for_browsers("build", runs).args(["--bin", "solver"]))
+        };
+        assert_eq!(client(Runs::InWorker), client(Runs::InPage));
         let linted = plan("check", &["--all-targets"]);
         let documented = plan("doc", &["--lib", "--no-deps"]);
         let other: Vec<_> = documented.difference(&linted).collect();

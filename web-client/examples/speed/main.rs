@@ -32,10 +32,12 @@ fn main() -> Result<(), Box<dyn Error>> {
 fn measured(group: &str, clock: &dyn Fn() -> f64) -> Result<String, Box<dyn Error>> {
     let mut figures = Figures { clock, seconds: Vec::new() };
     match group {
+        "solve" => value::solve(&mut figures)?,
         "value" => value::measure(&mut figures)?,
         "shfrs" => shfrs::measure(&mut figures)?,
+        "evaluation" => shfrs::evaluate(&mut figures)?,
         "playback" => playback::measure(&mut figures)?,
-        other => return Err(format!("expected value, shfrs or playback, found {other:?}").into()),
+        other => return Err(format!("unknown group {other:?}").into()),
     }
     Ok(serde_json::to_string(&figures.seconds)?)
 }

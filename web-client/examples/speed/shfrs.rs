@@ -58,6 +58,15 @@ pub(crate) fn measure(figures: &mut Figures<'_>) -> Result<(), Box<dyn Error>> {
     let moments = moments(&sample.test);
     bounds(figures, &moments, &parameters, &human)?;
     overlay(figures, &moments, &parameters, &human)?;
+    Ok(())
+}
+
+/// What the evaluator's worker does.
+pub(crate) fn evaluate(figures: &mut Figures<'_>) -> Result<(), Box<dyn Error>> {
+    let parameters = SceneParameters::default();
+    let safety = recorded::safety();
+    let (predictor, sample) = recorded::split(&recorded::drives(), 1, &safety);
+    let human = PredictedHuman::new(&predictor, &safety, &parameters)?;
     coverage(figures, &sample, &parameters, &human)?;
     tuning(figures, &sample, &parameters, &human)
 }

@@ -3,7 +3,8 @@
 use super::Figures;
 use sidestep::math::{SeededRng, TAU};
 use sidestep::reachability::{
-    self, CurveSettings, ExactValue, Method, Options, PursuitGame, ValueFunction,
+    self, CurveSettings, ExactValue, Method, Options, PursuitGame, SolveError, Solved,
+    ValueFunction,
 };
 use sidestep::vehicle::VehicleModel;
 use std::error::Error;
@@ -15,36 +16,52 @@ const CURVES: usize = 24;
 /// States at which functions are evaluated.
 const STATES: usize = 4096;
 
-pub(crate) fn measure(figures: &mut Figures<'_>) -> Result<(), Box<dyn Error>> {
+/// The paper's vehicles.
+fn paper() -> PursuitGame {
     let vehicle = VehicleModel { speed_mps: 2.0, turn_rate_radps: 0.5 };
-    let game = PursuitGame { evader: vehicle, pursuer: vehicle, radius_m: 3.0 };
-    let options = Options {
-        method: Some(Method::Polar),
-        range_m: Some(40.0),
-        threads: 1,
-        ..Options::default()
-    };
-    let solve = || reachability::solve(game, &options, &mut |_| ControlFlow::Continue(()));
-    let solved = solve()?;
+    PursuitGame { evader: vehicle, pursuer: vehicle, radius_m: 3.0 }
+}
+
+/// The same evader against another pursuer: there is no closed form.
+fn against(speed_mps: f64, turn_rate_radps: f64) -> PursuitGame {
+    PursuitGame { pursuer: VehicleModel { speed_mps, turn_rate_radps }, ..paper() }
+}
+
+fn polar() -> Options {
+    Options { method: Some(Method::Polar), range_m: Some(40.0), threads: 1, ..Options::default() }
+}
+
+fn solved(game: PursuitGame, options: &Options) -> Result<Solved, SolveError> {
+    reachability::solve(game, options, &mut |_| ControlFlow::Continue(()))
+}
+
+/// What the solver's worker does.
+pub(crate) fn solve(figures: &mut Figures<'_>) -> Result<(), Box<dyn Error>> {
+    let usual = || Options { threads: 1, ..Options::default() };
+    for (name, game, options) in [
+        ("polar standard solve", paper(), polar()),
+        ("slower, more agile pursuer", against(1.5, 0.8), usual()),
+        ("slower pursuer", against(1.5, 0.5), usual()),
+        ("less agile pursuer", against(2.0, 0.3), usual()),
+        ("faster pursuer, no convergence", against(2.4, 0.4), usual()),
+    ] {
+        solved(game, &options)?;
+        figures.add(name, 1, || {
+            black_box(solved(game, &options).expect("it was solved before"));
+        });
+    }
+    Ok(())
+}
+
+/// What pages do with a value function.
+pub(crate) fn measure(figures: &mut Figures<'_>) -> Result<(), Box<dyn Error>> {
+    let solved = solved(paper(), &polar())?;
     let exact = ExactValue::new(2.0, 0.5, 3.0)?;
     let mut rng = SeededRng::new(1);
     let mut state = || [rng.uniform(-20.0, 20.0), rng.uniform(-20.0, 20.0), rng.uniform(0.0, TAU)];
     let states: Vec<[f64; 3]> = (0..STATES).map(|_| state()).collect();
     let mut values = vec![0.0; STATES];
 
-    figures.add("polar standard solve", 1, || {
-        black_box(solve().expect("it was solved before"));
-    });
-    let unlike = PursuitGame {
-        pursuer: VehicleModel { speed_mps: 2.4, turn_rate_radps: 0.4 },
-        radius_m: 2.5,
-        ..game
-    };
-    let options = Options { threads: 1, ..Options::default() };
-    let solve = || reachability::solve(unlike, &options, &mut |_| ControlFlow::Continue(()));
-    figures.add("standard solve, unlike vehicles", 1, || {
-        black_box(solve().expect("the game is valid"));
-    });
     figures.add("level curve", CURVES, || {
         for i in 0..CURVES {
             let psi = black_box(TAU * (i as f64 + 0.3) / CURVES as f64);

@@ -2,8 +2,8 @@
 //! machine and as WebAssembly in headless Chromium, in the same run and on one thread each
 //! (but for tuning, which takes all there are).
 //!
-//! Both sides are the example `speed` of the web client, built as server and browser get
-//! it. It is no part of the site.
+//! Both sides are the example `speed` of the web client, built as the server and the browser's page
+//! or worker get it. It is no part of the site.
 
 use std::fs;
 use std::path::Path;
@@ -13,7 +13,7 @@ use anyhow::{Context, Result, bail};
 
 use crate::site::{Bundle, bundle};
 use crate::test::chromium;
-use crate::workspace::{Workspace, cannot_start, output_of, stage};
+use crate::workspace::{Runs, Workspace, cannot_start, output_of, stage};
 
 /// One measurement.
 #[derive(Debug, PartialEq)]
@@ -52,15 +52,29 @@ impl Case {
 pub(super) struct Group {
     /// As the example calls it.
     name: &'static str,
+    /// Where users run this work.
+    runs: Runs,
     cases: &'static [Case],
 }
 
-/// The value function.
-pub(super) const VALUE: Group = Group {
-    name: "value",
+/// Solving for a value function.
+pub(super) const SOLVE: Group = Group {
+    name: "solve",
+    runs: Runs::InWorker,
     cases: &[
         Case::new("polar standard solve").native(0.1).wasm(0.5),
-        Case::new("standard solve, unlike vehicles").wasm(0.5),
+        Case::new("slower, more agile pursuer").wasm(0.5),
+        Case::new("slower pursuer").wasm(0.5),
+        Case::new("less agile pursuer").wasm(0.5),
+        Case::new("faster pursuer, no convergence"),
+    ],
+};
+
+/// A value function that is there.
+pub(super) const VALUE: Group = Group {
+    name: "value",
+    runs: Runs::InPage,
+    cases: &[
         Case::new("level curve").wasm(1e-3),
         Case::new("level curve, closed form").against("level curve"),
         Case::new("exact value"),
@@ -72,6 +86,7 @@ pub(super) const VALUE: Group = Group {
 /// Predicted sets.
 pub(super) const SHFRS: Group = Group {
     name: "shfrs",
+    runs: Runs::InPage,
     cases: &[
         Case::new("polygons, 0 inside").native(1e-4).wasm(2e-4),
         Case::new("polygons, 0 inside, fresh memory").against("polygons, 0 inside"),
@@ -90,6 +105,14 @@ pub(super) const SHFRS: Group = Group {
         Case::new("overlay, per step").wasm(1e-3).against("overlay, tubes"),
         Case::new("overlay, per step, slowest moment").against("overlay, per step"),
         Case::new("overlay, per step, fresh memory").against("overlay, per step"),
+    ],
+};
+
+/// Counting and tuning predicted sets.
+pub(super) const EVALUATION: Group = Group {
+    name: "evaluation",
+    runs: Runs::InWorker,
+    cases: &[
         Case::new("coverage, 400 drives, directly"),
         Case::new("coverage, 400 drives, other ε").wasm(1.0).against(DIRECTLY),
         Case::new("coverage, 400 drives, other k").wasm(1.0).against(DIRECTLY),
@@ -101,6 +124,7 @@ pub(super) const SHFRS: Group = Group {
 /// Frames of a replay.
 pub(super) const PLAYBACK: Group = Group {
     name: "playback",
+    runs: Runs::InPage,
     cases: &[
         Case::new("frame, usual layers").wasm(4e-3),
         Case::new("frame, usual layers, slowest moment").wasm(4e-3),
@@ -123,16 +147,27 @@ const EXAMPLE: &str = "speed";
 /// What the example answers: names, and seconds of one item.
 type Figures = Vec<(String, f64)>;
 
-/// Measures both sides of a group and prints the table.
-///
-/// Without a browser it still prints the figures of this machine, and then fails.
+/// Measures groups one after the other; stops at the first that fails.
 ///
 /// # Errors
 /// When either side cannot be built, or the one of this machine cannot be run.
-pub(super) fn run(workspace: &Workspace, group: Group) -> Result<ExitCode> {
+pub(super) fn run(workspace: &Workspace, groups: &[Group]) -> Result<ExitCode> {
+    for group in groups {
+        let code = measure(workspace, group)?;
+        if code != ExitCode::SUCCESS {
+            return Ok(code);
+        }
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Measures both sides of a group and prints the table.
+///
+/// Without a browser it still prints the figures of this machine, and then fails.
+fn measure(workspace: &Workspace, group: &Group) -> Result<ExitCode> {
     stage("native", workspace.compile("build").args(["--example", EXAMPLE]))?;
     workspace.ensure_wasm_target()?;
-    let mut build = workspace.compile_for_browsers("build");
+    let mut build = workspace.compile_for_browsers("build", group.runs);
     stage("WebAssembly", build.args(["--example", EXAMPLE]))?;
     let compiled = workspace.compiled_client(&format!("examples/{EXAMPLE}"));
     let bundle = bundle(EXAMPLE, &compiled)?;
@@ -281,7 +316,7 @@ mod tests {
 
     #[test]
     fn baselines_are_measured_too() {
-        for Group { cases, .. } in [VALUE, SHFRS, PLAYBACK] {
+        for Group { cases, .. } in [SOLVE, VALUE, SHFRS, EVALUATION, PLAYBACK] {
             for baseline in cases.iter().filter_map(|case| case.baseline) {
                 assert!(cases.iter().any(|case| case.name == baseline), "{baseline}");
             }
