@@ -79,7 +79,7 @@ impl Experimenter {
     pub async fn revoked(self, store: Store) {
         let Some(id) = self.key_id else { return std::future::pending().await };
         let mut commits = store.commits();
-        while store.is_valid_key(id).unwrap_or(true) {
+        while store.is_valid_key(id).await.unwrap_or(true) {
             tokio::time::sleep(RECHECK).await;
             if commits.changed().await.is_err() {
                 return;

@@ -32,6 +32,9 @@ use tokio_util::sync::{CancellationToken, DropGuard};
 /// How often progress is recorded.
 const TICK: Duration = Duration::from_millis(500);
 
+/// How often the worker looks for analyses of other servers.
+const LOOK: Duration = Duration::from_secs(2);
+
 /// How long the worker waits after an error of the database.
 const PAUSE: Duration = Duration::from_secs(5);
 
@@ -54,7 +57,8 @@ impl AnalysisWorker {
     #[must_use]
     pub fn start(store: Store, asked: Arc<Notify>, threads: Option<u16>) -> Self {
         let cancel = CancellationToken::new();
-        let worker = Worker { store, asked, cancel: cancel.clone(), threads };
+        let name = uuid::Uuid::new_v4().to_string();
+        let worker = Worker { name, store, asked, cancel: cancel.clone(), threads };
         let task = tokio::spawn(async move { worker.run().await });
         // A worker that is dropped without a stop ends too.
         Self { cancel: cancel.drop_guard(), task }
@@ -102,6 +106,8 @@ fn result(analysis: &Analysis) -> AnalysisResult {
 }
 
 struct Worker {
+    /// Tells the runs of all servers apart.
+    name: String,
     store: Store,
     asked: Arc<Notify>,
     cancel: CancellationToken,
@@ -134,6 +140,7 @@ impl Worker {
                 Ok(false) => {
                     tokio::select! {
                         () = self.asked.notified() => {}
+                        () = self.others() => {}
                         () = self.cancel.cancelled() => {}
                     }
                 }
@@ -148,13 +155,21 @@ impl Worker {
         }
     }
 
+    /// Ends when another server may have queued an analysis, or stopped in the middle of one.
+    async fn others(&self) {
+        match self.store.is_shared() {
+            true => tokio::time::sleep(LOOK).await,
+            false => std::future::pending().await,
+        }
+    }
+
     /// Computes the next analysis, and returns whether there was one. After an error of the
     /// database, interrupted analyses are put back into the queue first.
     async fn next(&self, recovered: &mut bool) -> anyhow::Result<bool> {
-        if !*recovered {
+        if !*recovered || self.store.is_shared() {
             self.store.recover_analyses(now_ms()).await?;
         }
-        let job = self.store.begin_analysis(now_ms()).await?;
+        let job = self.store.begin_analysis(&self.name, now_ms()).await?;
         *recovered = true;
         let Some(job) = job else { return Ok(false) };
         // If anything fails from here on, the analysis is queued again.
@@ -236,7 +251,7 @@ impl Worker {
                 () = tokio::time::sleep(TICK), if !unwanted => {
                     let [done, of] = [0, 1].map(|i: usize| progress[i].load(Ordering::Relaxed));
                     let fresh = kept.fresh.load(Ordering::Relaxed);
-                    match self.store.note_progress(job, [done, of, fresh]).await {
+                    match self.store.note_progress(job, [done, of, fresh], now_ms()).await {
                         Ok(wanted) => unwanted = !wanted,
                         // The next report may succeed.
                         Err(error) => tracing::warn!(%error, "progress was not noted"),
@@ -304,7 +319,7 @@ impl Worker {
             })
         });
         while let Some((name, size, bytes)) = packed.recv().await {
-            if !self.store.put_analysis_file(job, &name, size, bytes).await? {
+            if !self.store.put_analysis_file(job, &name, size, bytes, now_ms()).await? {
                 // The other files are not needed.
                 return Ok(false);
             }

@@ -1,8 +1,9 @@
 //! Analyses: the queue, their files, and cells that later analyses reuse.
 
 use super::audit::{self, NewEntry};
+use super::lanes::Lock;
+use super::sql::{Connection, OptionalExtension, Row, params};
 use super::{Store, StoreError};
-use rusqlite::{Connection, OptionalExtension, Row, params};
 use sidestep::api::{AnalysisFile, AnalysisResult, AnalysisState};
 use sidestep::comparison::Request;
 use std::collections::HashSet;
@@ -13,6 +14,10 @@ pub const LONGEST_QUEUE: i64 = 100;
 
 /// After this many attempts without an end, an analysis fails, since it seems to crash the server.
 const MOST_ATTEMPTS: i64 = 3;
+
+/// How long an analysis belongs to the server that began it or last wrote something for it, ms. Once this
+/// time is over, another server takes the analysis over.
+const LEASE_MS: i64 = 60_000;
 
 /// Bytes of a file that are written in one transaction.
 const PART_BYTES: usize = 1 << 20;
@@ -86,7 +91,7 @@ impl Store {
         entry: NewEntry,
     ) -> Result<Asked, StoreError> {
         let request = serde_json::to_string(request).map_err(StoreError::corrupt)?;
-        self.write(move |db| {
+        self.write([Lock::Analyses], move |db| {
             let waiting = db.query_row(
                 "SELECT id FROM analysis \
                  WHERE study_id = ?1 AND request = ?2 AND state = 'queued'",
@@ -120,8 +125,9 @@ impl Store {
     ) -> Result<Vec<StoredAnalysis>, StoreError> {
         self.read_long(move |db| {
             let mut statement = db.prepare_cached(&format!(
-                "{SELECT} WHERE analysis.study_id = ?1 AND analysis.sequence < ?2 \
-                 ORDER BY analysis.sequence DESC LIMIT ?3"
+                "{} WHERE analysis.study_id = ?1 AND analysis.sequence < ?2 \
+                 ORDER BY analysis.sequence DESC LIMIT ?3",
+                select(db)
             ))?;
             statement.query_and_then(params![study_id, before, limit], stored_of)?.collect()
         })
@@ -173,7 +179,7 @@ impl Store {
         entry: NewEntry,
     ) -> Result<Option<StoredAnalysis>, StoreError> {
         let id = id.to_owned();
-        self.write(move |db| {
+        self.write([Lock::Analyses], move |db| {
             let cancelled = db.query_row(
                 "UPDATE analysis SET state = 'cancelled', ended_at_ms = ?2 \
                  WHERE id = ?1 AND state IN ('queued', 'running') RETURNING sequence",
@@ -192,7 +198,7 @@ impl Store {
     /// Deletes an analysis with its files. Returns whether it existed.
     pub async fn delete_analysis(&self, id: &str, entry: NewEntry) -> Result<bool, StoreError> {
         let id = id.to_owned();
-        self.write_behind(move |db| {
+        self.write_behind([Lock::Analyses], move |db| {
             let deleted = db.execute("DELETE FROM analysis WHERE id = ?1", [id])? > 0;
             if deleted {
                 audit::add(db, &entry)?;
@@ -202,42 +208,59 @@ impl Store {
         .await
     }
 
-    /// Puts analyses back into the queue that were interrupted because the server stopped or the
-    /// database failed. An analysis that was interrupted too often fails instead.
+    /// Puts analyses back into the queue whose server stopped or lost the database: on a database of one
+    /// server, all that are running; on a shared one, those whose lease has run out. An analysis that
+    /// was interrupted too often fails instead.
     pub async fn recover_analyses(&self, now_ms: i64) -> Result<(), StoreError> {
-        self.write_behind(move |db| {
+        let is_shared = self.is_shared();
+        self.write_behind([Lock::Analyses], move |db| {
+            let lost = format!(
+                "state = 'running' AND (NOT ?2 OR coalesce(lease_until_ms, 0) < {})",
+                now(db)
+            );
             db.execute(
-                "UPDATE analysis SET state = 'failed', ended_at_ms = ?1, message = 'begun ' || \
-                     attempts || ' times without coming to an end; see the server''s log' \
-                 WHERE state = 'running' AND attempts >= ?2",
-                [now_ms, MOST_ATTEMPTS],
+                &format!(
+                    "UPDATE analysis SET state = 'failed', ended_at_ms = ?1, message = 'begun ' || \
+                         attempts || ' times without coming to an end; see the server''s log' \
+                     WHERE {lost} AND attempts >= ?3"
+                ),
+                params![now_ms, is_shared, MOST_ATTEMPTS],
             )?;
-            db.execute("UPDATE analysis SET state = 'queued' WHERE state = 'running'", [])?;
+            let again = format!("UPDATE analysis SET state = 'queued' WHERE {lost}");
+            db.execute(&again, params![now_ms, is_shared])?;
             Ok(())
         })
         .await
     }
 
-    /// Takes the analysis that has waited longest, and records whose data it uses.
-    pub async fn begin_analysis(&self, now_ms: i64) -> Result<Option<Job>, StoreError> {
-        self.write_behind(move |db| begin(db, now_ms)).await
+    /// Takes the analysis that has waited longest for `worker`, a name of this server's run, and records
+    /// whose data it uses.
+    pub async fn begin_analysis(
+        &self,
+        worker: &str,
+        now_ms: i64,
+    ) -> Result<Option<Job>, StoreError> {
+        let worker = worker.to_owned();
+        self.write_behind([Lock::Analyses], move |db| begin(db, &worker, now_ms)).await
     }
 
     /// Records the progress of a job: pieces done, all pieces, and pieces that were computed and not
-    /// reused. Returns whether the job is still wanted.
+    /// reused. Renews the lease. Returns whether the job is still wanted.
     pub async fn note_progress(
         &self,
         job: &Job,
         [done, of, fresh]: [usize; 3],
+        now_ms: i64,
     ) -> Result<bool, StoreError> {
         let (sequence, attempt) = (job.sequence, job.attempt);
-        self.write_behind(move |db| {
+        self.write_behind([Lock::Analyses], move |db| {
             let updated = db
                 .prepare_cached(
                     "UPDATE analysis SET done = ?3, total = ?4, fresh = ?5 \
                      WHERE sequence = ?1 AND state = 'running' AND attempts = ?2",
                 )?
                 .execute(params![sequence, attempt, done as i64, of as i64, fresh as i64])?;
+            renew(db, sequence, now_ms)?;
             Ok(updated > 0)
         })
         .await
@@ -252,12 +275,13 @@ impl Store {
         name: &str,
         size: usize,
         bytes: Vec<u8>,
+        now_ms: i64,
     ) -> Result<bool, StoreError> {
         let bytes = Arc::new(bytes);
         for (part, from) in (0i64..).zip((0..bytes.len()).step_by(PART_BYTES)) {
             let (sequence, attempt, name) = (job.sequence, job.attempt, name.to_owned());
             let bytes = Arc::clone(&bytes);
-            let put = self.write_behind(move |db| {
+            let put = self.write_behind([Lock::Analyses], move |db| {
                 let to = bytes.len().min(from + PART_BYTES);
                 let inserted = db
                     .prepare_cached(
@@ -273,6 +297,7 @@ impl Store {
                         size as i64,
                         &bytes[from..to]
                     ])?;
+                renew(db, sequence, now_ms)?;
                 Ok(inserted > 0)
             });
             if !put.await? {
@@ -296,7 +321,7 @@ impl Store {
         let message = ending.as_ref().err().cloned();
         let result = ending.as_ref().ok().map(serde_json::to_string).transpose();
         let result = result.map_err(StoreError::corrupt)?;
-        self.write_behind(move |db| {
+        self.write_behind([Lock::Analyses], move |db| {
             let done = result.is_some();
             let state = if done { AnalysisState::Done } else { AnalysisState::Failed };
             let updated = db.execute(
@@ -315,7 +340,7 @@ impl Store {
     /// Puts a running analysis back into the queue, as if it had not been begun.
     pub async fn give_back_analysis(&self, job: &Job) -> Result<(), StoreError> {
         let (sequence, attempt) = (job.sequence, job.attempt);
-        self.write_behind(move |db| {
+        self.write_behind([Lock::Analyses], move |db| {
             db.execute(
                 "UPDATE analysis SET state = 'queued', attempts = attempts - 1, \
                      started_at_ms = NULL \
@@ -329,18 +354,20 @@ impl Store {
 
     /// The cells that a study has under this key, as they were stored.
     pub async fn cells(&self, study_id: i64, key: &str) -> Result<Option<Vec<u8>>, StoreError> {
-        self.read(|db| {
+        let key = key.to_owned();
+        self.read(move |db| {
             let query = "SELECT octets FROM analysis_cell WHERE study_id = ?1 AND key = ?2";
             let mut statement = db.prepare_cached(query)?;
             Ok(statement.query_row(params![study_id, key], |row| row.get(0)).optional()?)
         })
+        .await
     }
 
     /// Stores cells for later analyses, unless this job is not wanted any more: its cells may
     /// contain withdrawn data.
     pub async fn put_cells(&self, job: &Job, key: &str, bytes: Vec<u8>) -> Result<(), StoreError> {
         let (sequence, attempt, key) = (job.sequence, job.attempt, key.to_owned());
-        self.write_behind(move |db| {
+        self.write_behind([Lock::Analyses], move |db| {
             db.prepare_cached(
                 "INSERT INTO analysis_cell (study_id, key, octets) \
                  SELECT study_id, ?3, ?4 FROM analysis \
@@ -354,24 +381,33 @@ impl Store {
     }
 }
 
-/// The columns that [`stored_of`] reads.
+/// The columns that [`stored_of`] reads; `PARAMETERS` is the study's parameters, in the database's words.
 const SELECT: &str = "SELECT analysis.sequence, analysis.id, study.slug, request, state, done, total, \
                           fresh, analysis.created_at_ms, started_at_ms, ended_at_ms, message, \
                           result, state = 'done' AND (started_at_ms < coalesce((SELECT received_at_ms \
                               FROM trial JOIN scene ON scene.trial_id = trial.trial_id \
                               JOIN participant ON participant.id = scene.participant_id \
-                              WHERE trial.study_id = study.id AND phase = 'task' AND pilot = 0 \
+                              WHERE trial.study_id = study.id AND phase = 'task' AND pilot = FALSE \
                               ORDER BY trial.sequence DESC LIMIT 1), 0) \
-                          OR started_at_ms < coalesce((SELECT max(max(at_ms, coalesce(ended_at_ms, 0))) \
+                          OR started_at_ms < coalesce((SELECT max(CASE WHEN ended_at_ms > at_ms \
+                                  THEN ended_at_ms ELSE at_ms END) \
                               FROM exclusion JOIN participant ON participant.id = participant_id \
                               WHERE participant.study_id = study.id), 0) \
-                          OR (SELECT json_extract(json, '$.parameters') FROM study_config \
+                          OR (SELECT PARAMETERS FROM study_config \
                               WHERE hash = study.config_hash) \
-                             <> (SELECT json_extract(json, '$.parameters') FROM study_version \
+                             <> (SELECT PARAMETERS FROM study_version \
                                  JOIN study_config ON hash = study_version.config_hash \
                                  WHERE study_id = study.id AND since_ms <= started_at_ms \
                                  ORDER BY number DESC LIMIT 1)) AS stale \
                       FROM analysis JOIN study ON study.id = analysis.study_id";
+
+fn select(db: &Connection) -> String {
+    let parameters = db.choose(
+        "json_extract(json, '$.parameters')",
+        "CAST(CAST(json AS JSONB) -> 'parameters' AS TEXT)",
+    );
+    SELECT.replace("PARAMETERS", parameters)
+}
 
 fn stored_of(row: &Row<'_>) -> Result<StoredAnalysis, StoreError> {
     let (request, state): (String, String) = (row.get(3)?, row.get(4)?);
@@ -397,7 +433,7 @@ fn stored_of(row: &Row<'_>) -> Result<StoredAnalysis, StoreError> {
 }
 
 fn find(db: &Connection, id: &str) -> Result<Option<StoredAnalysis>, StoreError> {
-    let mut statement = db.prepare_cached(&format!("{SELECT} WHERE analysis.id = ?1"))?;
+    let mut statement = db.prepare_cached(&format!("{} WHERE analysis.id = ?1", select(db)))?;
     statement.query_and_then([id], stored_of)?.next().transpose()
 }
 
@@ -432,18 +468,22 @@ pub(super) fn withdraw(db: &Connection, participant_id: &str) -> Result<(), Stor
     Ok(())
 }
 
-fn begin(db: &Connection, now_ms: i64) -> Result<Option<Job>, StoreError> {
-    let begun = db.query_row(
+fn begin(db: &Connection, worker: &str, now_ms: i64) -> Result<Option<Job>, StoreError> {
+    let take = format!(
         "UPDATE analysis SET state = 'running', attempts = attempts + 1, started_at_ms = ?1, \
-             done = 0, total = 0, fresh = 0 \
-         WHERE sequence = (SELECT min(sequence) FROM analysis WHERE state = 'queued') \
+             done = 0, total = 0, fresh = 0, worker = ?2 \
+         WHERE sequence = (SELECT sequence FROM analysis WHERE state = 'queued' \
+             ORDER BY sequence LIMIT 1 {}) \
          RETURNING sequence, attempts, study_id, request",
-        [now_ms],
-        |row| Ok((row.get(0)?, row.get(1)?, row.get(2)?, row.get::<_, String>(3)?)),
+        db.choose("", "FOR UPDATE SKIP LOCKED")
     );
+    let begun = db.query_row(&take, params![now_ms, worker], |row| {
+        Ok((row.get(0)?, row.get(1)?, row.get(2)?, row.get::<_, String>(3)?))
+    });
     let Some((sequence, attempt, study_id, request)) = begun.optional()? else {
         return Ok(None);
     };
+    renew(db, sequence, now_ms)?;
     delete_files(db, sequence)?;
     for statement in [
         "DELETE FROM analysis_participant WHERE analysis = ?1",
@@ -462,15 +502,31 @@ fn begin(db: &Connection, now_ms: i64) -> Result<Option<Job>, StoreError> {
     Ok(Some(Job { sequence, attempt, study_id, study, request }))
 }
 
+/// The present time, ms: the database's own if several servers, whose clocks may differ, share it; else ?1.
+fn now(db: &Connection) -> &'static str {
+    db.choose("?1", "CAST(extract(epoch FROM clock_timestamp()) * 1000 AS BIGINT)")
+}
+
+/// Renews the lease of a running analysis.
+fn renew(db: &Connection, sequence: i64, now_ms: i64) -> Result<(), StoreError> {
+    let renew = format!(
+        "UPDATE analysis SET lease_until_ms = {} + ?2 WHERE sequence = ?3 AND state = 'running'",
+        now(db)
+    );
+    db.prepare_cached(&renew)?.execute([now_ms, LEASE_MS, sequence])?;
+    Ok(())
+}
+
 fn keep_cells_only(
     db: &Connection,
     study_id: i64,
     used: &HashSet<String>,
 ) -> Result<(), StoreError> {
-    let mut statement = db.prepare("SELECT key FROM analysis_cell WHERE study_id = ?1")?;
+    let mut statement = db.prepare_cached("SELECT key FROM analysis_cell WHERE study_id = ?1")?;
     let keys = statement.query_map([study_id], |row| row.get::<_, String>(0))?;
     let keys: Vec<_> = keys.collect::<Result<_, _>>()?;
-    let mut delete = db.prepare("DELETE FROM analysis_cell WHERE study_id = ?1 AND key = ?2")?;
+    let mut delete =
+        db.prepare_cached("DELETE FROM analysis_cell WHERE study_id = ?1 AND key = ?2")?;
     for key in keys.iter().filter(|key| !used.contains(*key)) {
         delete.execute(params![study_id, key])?;
     }

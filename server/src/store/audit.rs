@@ -1,7 +1,7 @@
 //! The audit trail: who exported, changed or deleted what.
 
+use super::sql::{Connection, Row, params};
 use super::{Store, StoreError};
-use rusqlite::{Connection, Row, params};
 use sidestep::api::{Action, AuditEntry};
 
 /// An entry to be written.
@@ -27,13 +27,13 @@ impl Store {
     /// # Errors
     /// [`StoreError::Revoked`] if the key is not valid any more.
     pub async fn note(&self, entry: NewEntry) -> Result<(), StoreError> {
-        self.write(move |db| add(db, &entry)).await
+        self.write([], move |db| add(db, &entry)).await
     }
 
     /// Writes that a request was refused, once a minute for each key and route.
     pub async fn note_refusal(&self, entry: NewEntry) -> Result<(), StoreError> {
         const MINUTE_MS: i64 = 60_000;
-        self.write(move |db| {
+        self.write([], move |db| {
             let lately = "SELECT 1 FROM audit WHERE action = 'refused' AND who = ?1 AND subject = ?2 \
                           AND at_ms > ?3";
             let since_ms = entry.at_ms - MINUTE_MS;

@@ -6,9 +6,10 @@
 //! and has stayed away for the study's hold counts no more; when all places of the quota are taken, the
 //! lowest place of such a person is given to the next one.
 
+use super::lanes::Lock;
 use super::participants::{Participant, Scope, find};
+use super::sql::{Connection, OptionalExtension, params};
 use super::{Store, StoreError};
-use rusqlite::{Connection, OptionalExtension, params};
 
 /// Somebody who enrols.
 #[derive(Clone, Debug)]
@@ -78,7 +79,8 @@ impl Store {
         gate: Gate,
         token_hash: [u8; 32],
     ) -> Result<Enrolment, StoreError> {
-        self.write(move |db| enrol(db, &new, gate, token_hash)).await
+        let locks = [Lock::Study(new.study_id)];
+        self.write(locks, move |db| enrol(db, &new, gate, token_hash)).await
     }
 
     /// Whether as many people take part in a study as its quota allows.
@@ -86,7 +88,7 @@ impl Store {
         if gate.quota == 0 {
             return Ok(false);
         }
-        self.read(|db| Ok(active(db, study_id, gate.away_before_ms)? >= gate.quota))
+        self.read(move |db| Ok(active(db, study_id, gate.away_before_ms)? >= gate.quota)).await
     }
 }
 
@@ -144,10 +146,11 @@ fn take_place(db: &Connection, study_id: i64, gate: Gate) -> Result<Option<i64>,
     }
     let given_up = db
         .prepare_cached(
-            "UPDATE participant SET holds_place = 0 WHERE id = \
-                 (SELECT id FROM participant WHERE study_id = ?1 AND holds_place = 1 \
+            "UPDATE participant SET holds_place = FALSE WHERE id = \
+                 (SELECT id FROM participant WHERE study_id = ?1 AND holds_place \
                       AND completed_at_ms IS NULL AND last_seen_at_ms < ?2 \
                   ORDER BY place LIMIT 1) \
+                 AND completed_at_ms IS NULL AND last_seen_at_ms < ?2 \
              RETURNING place",
         )?
         .query_row(params![study_id, gate.away_before_ms], |row| row.get(0))
@@ -160,7 +163,7 @@ fn lowest_free(db: &Connection, study_id: i64) -> Result<i64, StoreError> {
     let (held, after): (i64, i64) = db
         .prepare_cached(
             "SELECT count(*), coalesce(max(place) + 1, 0) FROM participant \
-             WHERE study_id = ?1 AND holds_place = 1",
+             WHERE study_id = ?1 AND holds_place",
         )?
         .query_row([study_id], |row| Ok((row.get(0)?, row.get(1)?)))?;
     if held == after {
@@ -170,9 +173,9 @@ fn lowest_free(db: &Connection, study_id: i64) -> Result<i64, StoreError> {
         .prepare_cached(
             "SELECT min(candidate) FROM \
                  (SELECT 0 AS candidate UNION ALL \
-                  SELECT place + 1 FROM participant WHERE study_id = ?1 AND holds_place = 1) \
+                  SELECT place + 1 FROM participant WHERE study_id = ?1 AND holds_place) AS candidates \
              WHERE NOT EXISTS (SELECT 1 FROM participant \
-                 WHERE study_id = ?1 AND holds_place = 1 AND place = candidate)",
+                 WHERE study_id = ?1 AND holds_place AND place = candidate)",
         )?
         .query_row([study_id], |row| row.get(0))?;
     Ok(gap)
@@ -183,7 +186,7 @@ fn lowest_free(db: &Connection, study_id: i64) -> Result<i64, StoreError> {
 fn active(db: &Connection, study_id: i64, away_before_ms: i64) -> Result<u64, StoreError> {
     let count: i64 = db
         .prepare_cached(
-            "SELECT count(*) FROM participant WHERE study_id = ?1 AND pilot = 0 \
+            "SELECT count(*) FROM participant WHERE study_id = ?1 AND pilot = FALSE \
                  AND import_hash IS NULL AND withdrawn_at_ms IS NULL \
                  AND screened_out_at_ms IS NULL \
                  AND (completed_at_ms IS NOT NULL OR last_seen_at_ms >= ?2)",

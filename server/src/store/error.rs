@@ -1,6 +1,8 @@
 //! Errors of the store, in the words of the domain.
 
 use rusqlite::ErrorCode;
+use std::error::Error;
+use std::io;
 
 /// Why an operation of the store failed.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -83,6 +85,47 @@ impl From<rusqlite::Error> for StoreError {
             },
         }
     }
+}
+
+impl From<postgres::Error> for StoreError {
+    fn from(error: postgres::Error) -> Self {
+        let Some(found) = error.as_db_error() else {
+            return match error.is_closed() || error.source().is_some_and(|it| it.is::<io::Error>())
+            {
+                true => Self::Unavailable(cause(&error)),
+                // Of a value that cannot be read; else of the connection.
+                false if error.to_string().contains("deserializing") => {
+                    Self::corrupt(cause(&error))
+                }
+                false => Self::Unavailable(cause(&error)),
+            };
+        };
+        // Never the detail of a message, which has values of rows.
+        let message = found.message().replace('\n', " ");
+        match found.code().code() {
+            // Serialization failures, deadlocks, and locks that were waited for too long; a reference to
+            // a row that another transaction has just deleted.
+            "40001" | "40P01" | "55P03" | "23503" => Self::Locked,
+            "53100" => Self::Full,
+            // A standby that takes no writes, or a missing right.
+            "25006" | "42501" => Self::Unavailable(message),
+            // No resources, operator intervention, invalid authorization, connection exceptions.
+            code if ["53", "57", "58", "28", "08", "3D"]
+                .iter()
+                .any(|class| code.starts_with(class)) =>
+            {
+                Self::Unavailable(message)
+            }
+            "XX001" | "XX002" => Self::Corrupt(message),
+            _ => Self::Defect(message),
+        }
+    }
+}
+
+/// What an error of PostgreSQL's client says, with its cause, in one line.
+fn cause(error: &postgres::Error) -> String {
+    let source = error.source().map_or_else(String::new, |source| format!(": {source}"));
+    format!("{error}{source}").replace('\n', " ")
 }
 
 /// SQLite's message, in one line.

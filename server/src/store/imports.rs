@@ -1,10 +1,11 @@
 //! Trials that are imported from a file, batch by batch.
 
+use super::lanes::Lock;
 use super::scenes::{self, PlannedRow};
+use super::sql::{Connection, params};
 use super::studies::{self, StoredStudy};
 use super::trials::{self, NewTrial};
 use super::{Store, StoreError};
-use rusqlite::{Connection, params};
 use sidestep::study::StudyConfig;
 use std::collections::HashSet;
 use std::sync::Arc;
@@ -55,7 +56,7 @@ impl Store {
         config: Arc<StudyConfig>,
         now_ms: i64,
     ) -> Result<Option<Destination>, StoreError> {
-        self.write_behind(move |db| match studies::find(db, &config.slug)? {
+        self.write_behind([Lock::Studies], move |db| match studies::find(db, &config.slug)? {
             Some(study) if study.config.parameters != config.parameters => Ok(None),
             Some(study) => Ok(Some(Destination { study, is_new: false })),
             None => {
@@ -77,7 +78,8 @@ impl Store {
         now_ms: i64,
     ) -> Result<Import, StoreError> {
         let study = study.clone();
-        self.write_behind(move |db| import(db, &study, &people, now_ms)).await
+        self.write_behind([Lock::Study(study.id)], move |db| import(db, &study, &people, now_ms))
+            .await
     }
 
     /// Takes an import back: deletes these participants, all of them imported, with their trials, and
@@ -89,13 +91,15 @@ impl Store {
     ) -> Result<(), StoreError> {
         for ids in ids.chunks(UNDONE_AT_ONCE) {
             let ids = ids.to_vec();
-            self.write_behind(move |db| ids.iter().try_for_each(|id| delete(db, id))).await?;
+            let locks = [Lock::Study(destination.study.id)];
+            self.write_behind(locks, move |db| ids.iter().try_for_each(|id| delete(db, id)))
+                .await?;
         }
         if !destination.is_new {
             return Ok(());
         }
         let StoredStudy { id, config_hash, .. } = destination.study.clone();
-        self.write_behind(move |db| {
+        self.write_behind([Lock::Studies], move |db| {
             db.execute(
                 "DELETE FROM study_version WHERE study_id = ?1 \
                      AND NOT EXISTS (SELECT 1 FROM participant WHERE study_id = ?1)",
@@ -149,7 +153,7 @@ fn import(
             "INSERT INTO participant (id, study_id, number, config_hash, import_hash, \
                  enrolled_at_ms, last_seen_at_ms) \
              VALUES (?1, ?2, coalesce((SELECT max(number) FROM participant \
-                 WHERE study_id = ?2 AND pilot = 0), 0) + 1, ?3, ?4, ?5, ?5)",
+                 WHERE study_id = ?2 AND pilot = FALSE), 0) + 1, ?3, ?4, ?5, ?5)",
         )?
         .execute(params![person.id, study.id, study.config_hash, person.hash, now_ms])?;
         for (scene, trial) in &person.trials {

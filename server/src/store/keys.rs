@@ -1,8 +1,9 @@
 //! The experimenters' keys and sessions, stored as hashes only.
 
 use super::audit::{self, NewEntry};
+use super::lanes::Lock;
+use super::sql::{Connection, OptionalExtension, Row, params};
 use super::{Store, StoreError};
-use rusqlite::{Connection, OptionalExtension, Row, params};
 use sidestep::api::{Access, KeySummary};
 
 /// A key.
@@ -71,30 +72,33 @@ impl StoredKey {
 impl Store {
     /// The key with this hash, revoked or not.
     pub async fn key(&self, hash: [u8; 32]) -> Result<Option<StoredKey>, StoreError> {
-        self.read(|db| {
+        self.read(move |db| {
             let mut statement =
                 db.prepare_cached(&format!("SELECT {COLUMNS} FROM api_key WHERE hash = ?1"))?;
             statement.query_and_then([hash], StoredKey::of)?.next().transpose()
         })
+        .await
     }
 
     /// Whether this key has not been revoked.
     ///
     /// # Errors
     /// [`StoreError`] if the database cannot be read.
-    pub fn is_valid_key(&self, id: i64) -> Result<bool, StoreError> {
-        self.read(|db| {
+    pub async fn is_valid_key(&self, id: i64) -> Result<bool, StoreError> {
+        self.read(move |db| {
             let query = "SELECT 1 FROM api_key WHERE id = ?1 AND revoked_at_ms IS NULL";
             Ok(db.prepare_cached(query)?.exists([id])?)
         })
+        .await
     }
 
     /// All keys, in the order in which they were made; revoked ones too.
     pub async fn keys(&self) -> Result<Vec<KeySummary>, StoreError> {
-        self.read(|db| {
+        self.read(move |db| {
             let mut statement = db.prepare_cached(&format!("{SUMMARIES} ORDER BY id"))?;
             statement.query_and_then([], summary_of)?.collect()
         })
+        .await
     }
 
     /// Stores the first key with that hash, unless there is one already and no `other` is wanted. The new
@@ -106,15 +110,14 @@ impl Store {
         other: bool,
         now_ms: i64,
     ) -> Result<bool, StoreError> {
-        self.write(move |db| {
-            let there = db
-                .query_row("SELECT 1 FROM api_key WHERE is_first = 1", [], |_| Ok(()))
-                .optional()?;
+        self.write([Lock::Keys], move |db| {
+            let there =
+                db.query_row("SELECT 1 FROM api_key WHERE is_first", [], |_| Ok(())).optional()?;
             if there.is_some() && !other {
                 return Ok(false);
             }
             db.execute("DELETE FROM session", [])?;
-            db.execute("DELETE FROM api_key WHERE is_first = 1", [])?;
+            db.execute("DELETE FROM api_key WHERE is_first", [])?;
             insert(db, FIRST, hash, Access::Manage, true, now_ms)?;
             Ok(true)
         })
@@ -130,14 +133,13 @@ impl Store {
         entry: NewEntry,
     ) -> Result<Option<KeySummary>, StoreError> {
         let name = name.to_owned();
-        self.write(move |db| {
-            let query = "SELECT 1 FROM api_key WHERE name = ?1 COLLATE NOCASE";
+        self.write([Lock::Keys], move |db| {
+            let query = "SELECT 1 FROM api_key WHERE lower(name) = lower(?1)";
             let is_reserved = RESERVED.iter().any(|other| name.eq_ignore_ascii_case(other));
             if is_reserved || db.prepare_cached(query)?.exists([&name])? {
                 return Ok(None);
             }
-            insert(db, &name, hash, access, false, entry.at_ms)?;
-            let id = db.last_insert_rowid();
+            let id = insert(db, &name, hash, access, false, entry.at_ms)?;
             audit::add(db, &entry)?;
             summary(db, id)
         })
@@ -146,7 +148,7 @@ impl Store {
 
     /// Makes a key invalid and ends its sessions. Can be repeated.
     pub async fn revoke_key(&self, id: i64, mut entry: NewEntry) -> Result<Revocation, StoreError> {
-        self.write(move |db| {
+        self.write([Lock::Keys], move |db| {
             let found: Option<(String, bool, bool)> = db
                 .query_row(
                     "SELECT name, is_first, revoked_at_ms IS NOT NULL FROM api_key WHERE id = ?1",
@@ -172,7 +174,7 @@ impl Store {
 
     /// Notes that a key is used now.
     pub async fn note_use(&self, id: i64, now_ms: i64) -> Result<(), StoreError> {
-        self.write(move |db| {
+        self.write([], move |db| {
             let note = "UPDATE api_key SET last_used_at_ms = ?2 WHERE id = ?1";
             db.prepare_cached(note)?.execute([id, now_ms])?;
             Ok(())
@@ -188,7 +190,7 @@ impl Store {
         expires_at_ms: i64,
         entry: NewEntry,
     ) -> Result<(), StoreError> {
-        self.write(move |db| {
+        self.write([], move |db| {
             db.execute("DELETE FROM session WHERE expires_at_ms <= ?1", [entry.at_ms])?;
             db.execute(
                 "INSERT INTO session (hash, expires_at_ms, key_id) VALUES (?1, ?2, ?3)",
@@ -201,7 +203,7 @@ impl Store {
 
     /// Whose session has that hash, unless it has expired.
     pub async fn session(&self, hash: [u8; 32], now_ms: i64) -> Result<Option<Holder>, StoreError> {
-        self.read(|db| {
+        self.read(move |db| {
             let mut statement = db.prepare_cached(&format!(
                 "SELECT {COLUMNS} FROM session LEFT JOIN api_key ON api_key.id = session.key_id \
                  WHERE session.hash = ?1 AND expires_at_ms > ?2"
@@ -212,11 +214,12 @@ impl Store {
             };
             statement.query_and_then(params![hash, now_ms], holder)?.next().transpose()
         })
+        .await
     }
 
     /// Ends a session.
     pub async fn end_session(&self, hash: [u8; 32]) -> Result<(), StoreError> {
-        self.write(move |db| {
+        self.write([], move |db| {
             db.execute("DELETE FROM session WHERE hash = ?1", [hash])?;
             Ok(())
         })
@@ -234,13 +237,11 @@ fn insert(
     access: Access,
     is_first: bool,
     now_ms: i64,
-) -> Result<(), StoreError> {
-    db.execute(
-        "INSERT INTO api_key (name, hash, access, is_first, created_at_ms) \
-         VALUES (?1, ?2, ?3, ?4, ?5)",
-        params![name, hash, access.word(), is_first, now_ms],
-    )?;
-    Ok(())
+) -> Result<i64, StoreError> {
+    let query = "INSERT INTO api_key (name, hash, access, is_first, created_at_ms) \
+                 VALUES (?1, ?2, ?3, ?4, ?5) RETURNING id";
+    let new = params![name, hash, access.word(), is_first, now_ms];
+    Ok(db.query_row(query, new, |row| row.get(0))?)
 }
 
 fn summary(db: &Connection, id: i64) -> Result<Option<KeySummary>, StoreError> {

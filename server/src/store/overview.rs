@@ -1,7 +1,8 @@
 //! The studies of a database at a glance: their state, and how many people are how far.
 
+use super::sql::{self, Connection, Row, named_params};
 use super::{Store, StoreError};
-use rusqlite::{Connection, Row, named_params};
+use serde::Deserialize;
 use sidestep::api::StudySummary;
 use sidestep::study::Status;
 
@@ -19,40 +20,48 @@ impl Store {
 /// How long after the last stored trial a participant counts as active, ms.
 const ACTIVE_MS: i64 = 600_000;
 
+/// What a list says of a configuration.
+#[derive(Default, Deserialize)]
+#[serde(default)]
+struct Said {
+    title: String,
+    status: String,
+    synthetic: bool,
+}
+
 fn summaries(
     db: &Connection,
     slug: Option<&str>,
     now_ms: i64,
 ) -> Result<Vec<StudySummary>, StoreError> {
-    // A study whose configuration cannot be read has no title and takes nobody; the others are still
-    // shown.
     let mut statement = db.prepare_cached(
-        "SELECT slug, coalesce(iif(json_valid(json), json ->> '$.title', NULL), '') AS title, \
-             coalesce(iif(json_valid(json), json ->> '$.status', NULL), '') AS status, \
-             coalesce(iif(json_valid(json), json ->> '$.synthetic', NULL), 0) AS synthetic, counts.* \
+        "SELECT slug, json, participants, pilots, complete, active, doubtful, trials, last_seen_at_ms \
          FROM study JOIN study_config ON study_config.hash = study.config_hash \
-         LEFT JOIN (SELECT study_id, sum(pilot = 0) AS participants, sum(pilot) AS pilots, \
-                 sum(pilot = 0 AND complete) AS complete, \
-                 sum(pilot = 0 AND NOT (complete OR withdrawn OR screened_out OR imported) \
-                     AND last_seen_at_ms >= :active_since) AS active, \
-                 sum(pilot = 0 AND doubtful) AS doubtful, \
-                 sum(iif(pilot = 0, stored, 0)) AS trials, \
-                 max(iif(pilot = 0, last_seen_at_ms, NULL)) AS last_seen_at_ms \
+         LEFT JOIN (SELECT study_id, count(*) FILTER (WHERE NOT pilot) AS participants, \
+                 count(*) FILTER (WHERE pilot) AS pilots, \
+                 count(*) FILTER (WHERE NOT pilot AND complete) AS complete, \
+                 count(*) FILTER (WHERE NOT (pilot OR complete OR withdrawn OR screened_out \
+                     OR imported) AND last_seen_at_ms >= :active_since) AS active, \
+                 count(*) FILTER (WHERE NOT pilot AND doubtful) AS doubtful, \
+                 CAST(sum(stored) FILTER (WHERE NOT pilot) AS BIGINT) AS trials, \
+                 max(last_seen_at_ms) FILTER (WHERE NOT pilot) AS last_seen_at_ms \
              FROM tally GROUP BY study_id) AS counts ON counts.study_id = study.id \
          WHERE :slug IS NULL OR slug = :slug ORDER BY study.id",
     )?;
     let chosen = named_params! { ":slug": slug, ":active_since": now_ms - ACTIVE_MS };
     let summary = |row: &Row<'_>| {
-        let count = |name: &str| -> rusqlite::Result<u64> {
+        let count = |name: &str| -> sql::Result<u64> {
             Ok(row.get::<_, Option<i64>>(name)?.unwrap_or(0).unsigned_abs())
         };
-        let word: String = row.get("status")?;
-        let status = Status::ALL.into_iter().find(|status| status.word() == word);
+        // A study whose configuration cannot be read has no title and takes nobody; the others are still
+        // shown.
+        let config: Said = serde_json::from_str(&row.get::<_, String>("json")?).unwrap_or_default();
+        let status = Status::ALL.into_iter().find(|status| status.word() == config.status);
         Ok(StudySummary {
             slug: row.get("slug")?,
-            title: row.get("title")?,
+            title: config.title,
             status: status.unwrap_or(Status::Closed),
-            synthetic: row.get("synthetic")?,
+            synthetic: config.synthetic,
             participants: count("participants")?,
             complete: count("complete")?,
             active: count("active")?,

@@ -1,9 +1,10 @@
 //! Participants: what their tokens may do, the check of understanding, answers, completion, withdrawal.
 
 use super::audit::{self, NewEntry};
+use super::lanes::Lock;
 use super::scenes::{self, PlannedRow};
+use super::sql::{self, Connection, OptionalExtension, Row, params};
 use super::{Store, StoreError, analyses};
-use rusqlite::{Connection, OptionalExtension, Row, params};
 use sidestep::api::ComprehensionResult;
 
 /// A participant.
@@ -45,7 +46,7 @@ pub(super) const COLUMNS: &str = "participant.id, participant.study_id, number, 
 
 impl Participant {
     /// Reads the columns [`COLUMNS`].
-    pub(super) fn of(row: &Row<'_>) -> rusqlite::Result<Self> {
+    pub(super) fn of(row: &Row<'_>) -> sql::Result<Self> {
         Ok(Self {
             id: row.get(0)?,
             study_id: row.get(1)?,
@@ -158,7 +159,7 @@ pub enum Completion {
 impl Store {
     /// The holder of the token with this hash.
     pub async fn visitor(&self, token_hash: [u8; 32]) -> Result<Option<Visitor>, StoreError> {
-        self.read(|db| {
+        self.read(move |db| {
             let mut statement = db.prepare_cached(&format!(
                 "SELECT {COLUMNS}, {TOKEN} FROM participant_token \
                  JOIN participant ON participant.id = participant_token.participant_id \
@@ -168,11 +169,13 @@ impl Store {
             let mut found = statement.query_and_then([token_hash], Visitor::of)?;
             found.next().transpose()
         })
+        .await
     }
 
     /// A participant's whole plan, in order.
     pub async fn plan(&self, participant_id: &str) -> Result<Vec<PlannedRow>, StoreError> {
-        self.read(|db| scenes::plan(db, participant_id))
+        let id = participant_id.to_owned();
+        self.read(move |db| scenes::plan(db, &id)).await
     }
 
     /// Stores the plan of a participant who has none and has not withdrawn. Returns the plan that they
@@ -183,7 +186,7 @@ impl Store {
         plan: Vec<PlannedRow>,
     ) -> Result<Vec<PlannedRow>, StoreError> {
         let id = participant_id.to_owned();
-        self.write(move |db| {
+        self.write([Lock::Participant(id.clone())], move |db| {
             let needs_one: bool = db
                 .prepare_cached(
                     "SELECT EXISTS (SELECT 1 FROM participant \
@@ -217,7 +220,7 @@ impl Store {
         now_ms: i64,
     ) -> Result<bool, StoreError> {
         let id = participant_id.to_owned();
-        self.write(move |db| {
+        self.write([Lock::Participant(id.clone())], move |db| {
             let (before, is_past, ended): (i64, bool, bool) = db.query_row(
                 "SELECT comprehension_attempts, \
                      understood_at_ms IS NOT NULL OR completed_at_ms IS NOT NULL OR EXISTS \
@@ -241,7 +244,10 @@ impl Store {
                 if passed && !has_failed(own) {
                     db.execute(
                         "UPDATE participant SET understood_at_ms = ?3, last_seen_at_ms = ?3, \
-                             comprehension_attempts = max(comprehension_attempts, ?2) WHERE id = ?1",
+                             comprehension_attempts = CASE \
+                                 WHEN comprehension_attempts < ?2 THEN ?2 \
+                                 ELSE comprehension_attempts END \
+                         WHERE id = ?1",
                         params![id, own, now_ms],
                     )?;
                 }
@@ -252,8 +258,9 @@ impl Store {
             let is_over = has_failed(attempts);
             db.execute(
                 "UPDATE participant SET comprehension_attempts = ?2, last_seen_at_ms = ?3, \
-                     understood_at_ms = iif(?4, ?3, NULL), screened_out_at_ms = iif(?5, ?3, NULL), \
-                     holds_place = iif(?5, 0, holds_place) WHERE id = ?1",
+                     understood_at_ms = CASE WHEN ?4 THEN ?3 END, \
+                     screened_out_at_ms = CASE WHEN ?5 THEN ?3 END, \
+                     holds_place = (holds_place AND NOT ?5) WHERE id = ?1",
                 params![id, attempts, now_ms, passed && !is_over, is_over],
             )?;
             Ok(is_over)
@@ -271,7 +278,7 @@ impl Store {
         now_ms: i64,
     ) -> Result<bool, StoreError> {
         let (id, replaces) = (participant_id.to_owned(), scope == Scope::Full);
-        self.write(move |db| {
+        self.write([Lock::Participant(id.clone())], move |db| {
             let changed = db.execute(
                 "UPDATE participant SET answers = ?2, answered_at_ms = ?3, last_seen_at_ms = ?3 \
                  WHERE id = ?1 AND completed_at_ms IS NULL AND withdrawn_at_ms IS NULL \
@@ -279,7 +286,7 @@ impl Store {
                 params![id, answers, now_ms, replaces],
             )?;
             let mut same =
-                db.prepare("SELECT 1 FROM participant WHERE id = ?1 AND answers = ?2")?;
+                db.prepare_cached("SELECT 1 FROM participant WHERE id = ?1 AND answers = ?2")?;
             Ok(changed > 0 || same.exists(params![id, answers])?)
         })
         .await
@@ -295,7 +302,7 @@ impl Store {
     ) -> Result<Completion, StoreError> {
         let (id, token_hash, scope) =
             (visitor.participant.id.clone(), visitor.token_hash, visitor.scope);
-        self.write(move |db| {
+        self.write([Lock::Participant(id.clone())], move |db| {
             let (of, stored, withdrawn, answered, complete): (i64, i64, bool, bool, bool) = db
                 .query_row(
                     "SELECT (SELECT count(*) FROM scene WHERE participant_id = ?1), \
@@ -327,7 +334,7 @@ impl Store {
                     params![id, code, now_ms],
                 )?;
                 db.execute(
-                    "UPDATE participant_token SET completed = 1 WHERE hash = ?1",
+                    "UPDATE participant_token SET completed = TRUE WHERE hash = ?1",
                     [token_hash],
                 )?;
             }
@@ -356,13 +363,13 @@ impl Store {
         by: Option<NewEntry>,
     ) -> Result<(), StoreError> {
         let id = participant_id.to_owned();
-        self.write(move |db| {
+        self.write([Lock::Analyses, Lock::Participant(id.clone())], move |db| {
             if let Some(entry) = &by {
                 audit::add(db, entry)?;
             }
             db.execute(
                 "UPDATE participant SET withdrawn_at_ms = coalesce(withdrawn_at_ms, ?2), \
-                     holds_place = 0 WHERE id = ?1",
+                     holds_place = FALSE WHERE id = ?1",
                 params![id, now_ms],
             )?;
             if !delete {
@@ -379,7 +386,7 @@ impl Store {
                      WHERE participant_id = ?1",
                 "DELETE FROM note WHERE participant_id = ?1",
                 "DELETE FROM exclusion WHERE participant_id = ?1",
-                "UPDATE participant SET data_deleted = 1, external_id = NULL, external_key = NULL, \
+                "UPDATE participant SET data_deleted = TRUE, external_id = NULL, external_key = NULL, \
                      request_hash = NULL, locale = NULL, screen = NULL, parameters = NULL, \
                      consent_language = NULL, consent_hash = NULL, place = NULL, seed = NULL, \
                      comprehension_attempts = 0, understood_at_ms = NULL, answers = NULL, \
@@ -387,7 +394,7 @@ impl Store {
                      screened_out_at_ms = NULL, last_seen_at_ms = withdrawn_at_ms WHERE id = ?1",
                 // Their hashes stay: the deletion can be repeated, and every browser of the
                 // participant learns of it.
-                "UPDATE participant_token SET completed = 0, check_attempts = 0, created_at_ms = \
+                "UPDATE participant_token SET completed = FALSE, check_attempts = 0, created_at_ms = \
                      (SELECT enrolled_at_ms FROM participant WHERE id = ?1) \
                      WHERE participant_id = ?1",
             ] {
@@ -397,7 +404,7 @@ impl Store {
         })
         .await?;
         if delete {
-            self.open.writer.empty_log();
+            self.forget_deleted();
         }
         Ok(())
     }
@@ -410,8 +417,9 @@ impl Store {
         mut entry: NewEntry,
     ) -> Result<usize, StoreError> {
         let deleted = self
-            .write(move |db| {
-                const PILOTS: &str = "SELECT id FROM participant WHERE study_id = ?1 AND pilot = 1";
+            .write([Lock::Study(study_id)], move |db| {
+                const PILOTS: &str =
+                    "SELECT id FROM participant WHERE study_id = ?1 AND pilot = TRUE";
                 for statement in [
                     format!(
                         "DELETE FROM trial WHERE trial_id IN \
@@ -422,14 +430,14 @@ impl Store {
                 ] {
                     db.execute(&statement, [study_id])?;
                 }
-                let delete = "DELETE FROM participant WHERE study_id = ?1 AND pilot = 1";
+                let delete = "DELETE FROM participant WHERE study_id = ?1 AND pilot = TRUE";
                 let deleted = db.execute(delete, [study_id])?;
                 entry.subject = Some(deleted.to_string());
                 audit::add(db, &entry)?;
                 Ok(deleted)
             })
             .await?;
-        self.open.writer.empty_log();
+        self.forget_deleted();
         Ok(deleted)
     }
 
@@ -441,7 +449,7 @@ impl Store {
         pilots: bool,
     ) -> Result<Vec<String>, StoreError> {
         self.read_long(move |db| {
-            let query = "SELECT id FROM participant WHERE study_id = ?1 AND pilot <= ?2 \
+            let query = "SELECT id FROM participant WHERE study_id = ?1 AND (?2 OR pilot = FALSE) \
                          ORDER BY pilot, number";
             let mut statement = db.prepare_cached(query)?;
             let ids = statement.query_map(params![study_id, pilots], |row| row.get(0))?;
@@ -472,7 +480,7 @@ pub(super) fn find(
     db: &Connection,
     study_id: i64,
     column: &'static str,
-    value: &dyn rusqlite::ToSql,
+    value: &dyn sql::ToSql,
 ) -> Result<Option<Participant>, StoreError> {
     let query = format!("SELECT {COLUMNS} FROM participant WHERE study_id = ?1 AND {column} = ?2");
     let mut statement = db.prepare_cached(&query)?;

@@ -1,7 +1,7 @@
 //! The list of a study's participants: filtered, sorted and paged in the database.
 
+use super::sql::{Connection, Row, ToSql, named_params};
 use super::{Store, StoreError};
-use rusqlite::{Connection, Row, ToSql, named_params};
 use schemars::JsonSchema;
 use serde::Deserialize;
 use sidestep::api::{ParticipantPage, ParticipantSummary, Quality, Stage, StageCount};
@@ -48,6 +48,14 @@ impl SortBy {
     #[must_use]
     pub fn is_count(self) -> bool {
         !matches!(self, Self::Number | Self::LastSeen | Self::Stored)
+    }
+
+    /// Whether it is above zero.
+    fn condition(self) -> String {
+        match self {
+            Self::Excluded | Self::Doubtful => self.column().to_owned(),
+            _ => format!("{} > 0", self.column()),
+        }
     }
 
     /// The column of the tallies.
@@ -132,7 +140,7 @@ fn page(db: &Connection, study_id: i64, asked: &Selection) -> Result<Participant
     }
     if let Some(having) = asked.having {
         // Names of columns come from this program alone; what was asked for is bound.
-        filter += &format!(" AND {} > 0", having.column());
+        filter += &format!(" AND {}", having.condition());
     }
     if search.is_some() {
         filter += &format!(" AND participant_id IN ({FOUND})");
@@ -161,7 +169,7 @@ fn page(db: &Connection, study_id: i64, asked: &Selection) -> Result<Participant
     ))?;
     chosen.extend([(":limit", &asked.limit as &dyn ToSql), (":offset", &asked.offset)]);
     let mut participants: Vec<ParticipantSummary> =
-        statement.query_and_then(&chosen[..], summary_of)?.collect::<Result<_, _>>()?;
+        statement.query_and_then(&chosen[..], summary_of)?.collect::<Result<_, StoreError>>()?;
     if !asked.identities {
         for person in &mut participants {
             (person.external_id, person.completion_code) = (None, None);

@@ -1,8 +1,9 @@
 //! The models of analyses: what is known of each, and which trials trained and tested them.
 
 use super::analyses::Job;
+use super::lanes::Lock;
+use super::sql::{Connection, OptionalExtension, Row, ToSql, named_params, params};
 use super::{Store, StoreError};
-use rusqlite::{Connection, OptionalExtension, Row, ToSql, named_params, params};
 use sidestep::api::{PredictorChoices, PredictorPage, PredictorSource, PredictorSummary, TrialUse};
 
 /// A model of an analysis whose file is stored.
@@ -72,7 +73,7 @@ impl Store {
         predictors: Vec<NewPredictor>,
     ) -> Result<bool, StoreError> {
         let (sequence, attempt) = (job.sequence, job.attempt);
-        self.write_behind(move |db| {
+        self.write_behind([Lock::Analyses], move |db| {
             let mut insert = db.prepare_cached(
                 "INSERT INTO analysis_predictor (analysis, name, participant_number, place, model, \
                      experiment, feature_set, features, cv_accuracy, test_accuracy) \
@@ -110,12 +111,13 @@ impl Store {
         tasks: Vec<UsedTask>,
     ) -> Result<bool, StoreError> {
         let (sequence, attempt) = (job.sequence, job.attempt);
-        self.write_behind(move |db| {
+        self.write_behind([Lock::Analyses], move |db| {
             // Somebody whose first trials came after the analysis had begun belongs to it as well.
             let mut join = db.prepare_cached(
-                "INSERT OR IGNORE INTO analysis_participant (analysis, participant_id) \
+                "INSERT INTO analysis_participant (analysis, participant_id) \
                  SELECT sequence, participant_id FROM analysis, scene WHERE trial_id = ?3 \
-                     AND sequence = ?1 AND state = 'running' AND attempts = ?2",
+                     AND sequence = ?1 AND state = 'running' AND attempts = ?2 \
+                 ON CONFLICT DO NOTHING",
             )?;
             let mut insert = db.prepare_cached(
                 "INSERT INTO analysis_trial (analysis, participant_id, trial_id, trains) \
@@ -198,7 +200,9 @@ fn page(db: &Connection, id: &str, asked: &Selection) -> Result<Option<Predictor
     // A participant has a hundred models, an analysis perhaps a million.
     let query = match asked.participant {
         Some(_) => format!("SELECT count(*) FROM analysis_predictor WHERE {filter}"),
-        None => format!("SELECT coalesce(sum(models), 0) FROM predictor_kind WHERE {filter}"),
+        None => format!(
+            "SELECT CAST(coalesce(sum(models), 0) AS BIGINT) FROM predictor_kind WHERE {filter}"
+        ),
     };
     let total: i64 = db.prepare_cached(&query)?.query_row(&bound[..], |row| row.get(0))?;
     bound.extend([(":limit", &asked.limit as &dyn ToSql), (":offset", &asked.offset)]);
@@ -232,11 +236,12 @@ fn choices(db: &Connection, analysis: i64) -> Result<PredictorChoices, StoreErro
          WHERE analysis = ?1 AND participant_number = ?2 ORDER BY place",
     )?;
     let first = choices.participants.first();
-    let mut kinds = kinds.query(params![analysis, first])?;
-    while let Some(row) = kinds.next()? {
-        add(&mut choices.models, row.get(0)?);
-        add(&mut choices.experiments, row.get(1)?);
-        add(&mut choices.features, row.get(2)?);
+    let kind = |row: &Row<'_>| Ok((row.get(0)?, row.get(1)?, row.get(2)?));
+    for found in kinds.query_map(params![analysis, first], kind)? {
+        let (model, experiment, features) = found?;
+        add(&mut choices.models, model);
+        add(&mut choices.experiments, experiment);
+        add(&mut choices.features, features);
     }
     Ok(choices)
 }
@@ -276,7 +281,7 @@ fn chosen(
              study.id = driver.study_id AND driver.number = participant_number AS same_person, \
              (SELECT trains FROM analysis_trial WHERE analysis = sequence \
                  AND participant_id = driver.id AND trial_id = :trial) AS trains, \
-             (SELECT json_group_array(analysis_trial.trial_id) FROM analysis_trial JOIN participant \
+             (SELECT {} FROM analysis_trial JOIN participant \
                      ON participant.id = analysis_trial.participant_id \
                  WHERE analysis = sequence AND number = participant_number AND trains) \
                  AS trained_on \
@@ -284,7 +289,11 @@ fn chosen(
          JOIN study ON study.id = analysis.study_id \
          JOIN participant AS driver ON driver.id = \
              (SELECT participant_id FROM scene WHERE trial_id = :trial) \
-         WHERE analysis.id = :id AND state = 'done' AND name = :file"
+         WHERE analysis.id = :id AND state = 'done' AND name = :file",
+        db.choose(
+            "json_group_array(analysis_trial.trial_id)",
+            "coalesce(CAST(json_agg(analysis_trial.trial_id) AS TEXT), '[]')"
+        )
     ))?;
     let chosen = |row: &Row<'_>| {
         let trial = match (row.get("same_study")?, row.get("same_person")?, row.get("trains")?) {

@@ -1,10 +1,11 @@
 //! A participant, whole, with what experimenters wrote about them and whether analyses use them.
 
 use super::audit::{self, NewEntry};
+use super::lanes::Lock;
 use super::people::person;
+use super::sql::{Connection, OptionalExtension, Row, params};
 use super::trials::{StoredTrial, whole};
 use super::{Store, StoreError};
-use rusqlite::{Connection, OptionalExtension, Row, params};
 use serde_json::Value;
 use sidestep::api::{ExcludedBy, Note, ParticipantSummary};
 use std::collections::{BTreeMap, HashMap};
@@ -52,16 +53,15 @@ impl Store {
         entry: NewEntry,
     ) -> Result<Option<Note>, StoreError> {
         let id = id.to_owned();
-        self.write(move |db| {
+        self.write([Lock::Participant(id.clone())], move |db| {
             if !said(db, &id, &entry)? {
                 return Ok(None);
             }
             let (at_ms, who) = (entry.at_ms, entry.who);
-            db.execute(
-                "INSERT INTO note (participant_id, text, at_ms, who) VALUES (?1, ?2, ?3, ?4)",
-                params![id, text, at_ms, who],
-            )?;
-            Ok(Some(Note { id: db.last_insert_rowid(), text, at_ms, who }))
+            let query = "INSERT INTO note (participant_id, text, at_ms, who) \
+                         VALUES (?1, ?2, ?3, ?4) RETURNING id";
+            let id = db.query_row(query, params![id, text, at_ms, who], |row| row.get(0))?;
+            Ok(Some(Note { id, text, at_ms, who }))
         })
         .await
     }
@@ -78,13 +78,13 @@ impl Store {
     ) -> Result<bool, StoreError> {
         let id = id.to_owned();
         let deleted = self
-            .write(move |db| {
+            .write([Lock::Participant(id.clone())], move |db| {
                 let delete = "DELETE FROM note WHERE id = ?1 AND participant_id = ?2";
                 Ok(db.execute(delete, params![note, id])? > 0 && said(db, &id, &entry)?)
             })
             .await?;
         // A note may hold what nobody should read again.
-        self.open.writer.empty_log();
+        self.forget_deleted();
         Ok(deleted)
     }
 
@@ -100,7 +100,7 @@ impl Store {
         entry: NewEntry,
     ) -> Result<bool, StoreError> {
         let id = id.to_owned();
-        self.write(move |db| {
+        self.write([Lock::Participant(id.clone())], move |db| {
             let present = exclusion(db, &id)?;
             // The same again changes nothing, and dates nothing anew.
             if present.as_ref().map(|it| &it.reason) == reason.as_ref() {
@@ -150,8 +150,8 @@ fn said(db: &Connection, id: &str, entry: &NewEntry) -> Result<bool, StoreError>
 /// The study and number of a participant whose data have not been deleted.
 fn number(db: &Connection, id: &str) -> Result<Option<(String, String)>, StoreError> {
     let mut statement = db.prepare_cached(
-        "SELECT slug, iif(pilot, 'pilot ', '') || number FROM participant \
-         JOIN study ON study.id = study_id WHERE participant.id = ?1 AND data_deleted = 0",
+        "SELECT slug, CASE WHEN pilot THEN 'pilot ' ELSE '' END || number FROM participant \
+         JOIN study ON study.id = study_id WHERE participant.id = ?1 AND NOT data_deleted",
     )?;
     Ok(statement.query_row([id], |row| Ok((row.get(0)?, row.get(1)?))).optional()?)
 }
@@ -180,21 +180,22 @@ fn profile(db: &Connection, id: &str) -> Result<Option<Profile>, StoreError> {
         "SELECT slug, participant.config_hash, withdrawn_at_ms, data_deleted, answers, parameters \
          FROM participant JOIN study ON study.id = study_id WHERE participant.id = ?1",
     )?;
-    let mut rows = statement.query([id])?;
-    let Some(row) = rows.next()? else { return Ok(None) };
-    let text = |at: usize| -> Result<String, StoreError> {
-        Ok(row.get::<_, Option<String>>(at)?.unwrap_or_else(|| "{}".to_owned()))
-    };
-    Ok(Some(Profile {
-        summary,
-        study: row.get(0)?,
-        config_hash: row.get(1)?,
-        withdrawn_at_ms: row.get(2)?,
-        data_deleted: row.get(3)?,
-        answers: serde_json::from_str(&text(4)?).map_err(StoreError::corrupt)?,
-        parameters: serde_json::from_str(&text(5)?).map_err(StoreError::corrupt)?,
-        exclusion: exclusion(db, id)?,
-        notes,
-        trials: whole(db, "participant_id", id)?,
-    }))
+    let profile = statement.query_row([id], |row| {
+        let text = |at: usize| -> Result<String, StoreError> {
+            Ok(row.get::<_, Option<String>>(at)?.unwrap_or_else(|| "{}".to_owned()))
+        };
+        Ok(Profile {
+            summary,
+            study: row.get(0)?,
+            config_hash: row.get(1)?,
+            withdrawn_at_ms: row.get(2)?,
+            data_deleted: row.get(3)?,
+            answers: serde_json::from_str(&text(4)?).map_err(StoreError::corrupt)?,
+            parameters: serde_json::from_str(&text(5)?).map_err(StoreError::corrupt)?,
+            exclusion: exclusion(db, id)?,
+            notes,
+            trials: whole(db, "participant_id", id)?,
+        })
+    });
+    Ok(profile.optional()?)
 }

@@ -1,7 +1,7 @@
 //! The participants of a study, each with all that is stored about them besides their trials.
 
+use super::sql::{Connection, Row, params};
 use super::{Store, StoreError};
-use rusqlite::{Connection, Row, params};
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 use sidestep::trial::Phase;
@@ -59,7 +59,8 @@ impl Store {
                      withdrawn_at_ms, comprehension_attempts, completion_code, data_deleted, \
                      parameters, answers, exclusion.at_ms, exclusion.reason \
                  FROM participant LEFT JOIN exclusion \
-                     ON exclusion.participant_id = participant.id AND ended_at_ms IS NULL WHERE study_id = ?1 AND pilot = ?2 ORDER BY number",
+                     ON exclusion.participant_id = participant.id AND ended_at_ms IS NULL \
+                 WHERE study_id = ?1 AND pilot = ?2 ORDER BY number",
             )?;
             let entry = |row: &Row<'_>| {
                 let id: String = row.get(1)?;
@@ -105,12 +106,15 @@ fn trials(db: &Connection, study_id: i64) -> Result<HashMap<String, [i64; 3]>, S
          WHERE participant.study_id = ?1 GROUP BY participant.id, scene.phase",
     )?;
     let mut counts: HashMap<String, [i64; 3]> = HashMap::new();
-    let mut rows = statement.query([study_id])?;
-    while let Some(row) = rows.next()? {
-        let phase: String = row.get(1)?;
+    let count = |row: &Row<'_>| {
+        let (id, phase): (String, String) = (row.get(0)?, row.get(1)?);
+        Ok::<_, StoreError>((id, phase, row.get::<_, i64>(2)?))
+    };
+    for found in statement.query_and_then([study_id], count)? {
+        let (id, phase, trials) = found?;
         let place = Phase::ALL.iter().position(|known| known.word() == phase);
         let place = place.ok_or_else(|| StoreError::unknown_word(&phase))?;
-        counts.entry(row.get(0)?).or_default()[place] = row.get(2)?;
+        counts.entry(id).or_default()[place] = trials;
     }
     Ok(counts)
 }

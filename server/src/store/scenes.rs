@@ -1,7 +1,7 @@
 //! The scenes that participants are to drive.
 
 use super::StoreError;
-use rusqlite::{Connection, OptionalExtension, Row, params};
+use super::sql::{self, Connection, OptionalExtension, Row, params};
 use sidestep::scene::Scene;
 use sidestep::trial::Phase;
 use sidestep::vehicle::Pose;
@@ -30,7 +30,7 @@ pub(super) const SCENE: &str = "human_x, human_y, human_psi, robot_x, robot_y, r
                                 goal_x, goal_y";
 
 /// The scene in the columns [`SCENE`], which begin at `at`.
-pub(super) fn scene_of(row: &Row<'_>, at: usize) -> rusqlite::Result<Scene> {
+pub(super) fn scene_of(row: &Row<'_>, at: usize) -> sql::Result<Scene> {
     let number = |i: usize| row.get::<_, f64>(at + i);
     Ok(Scene {
         human: Pose::from([number(0)?, number(1)?, number(2)?]),

@@ -5,8 +5,9 @@
 //! stored keeps its hash, although this version would write other JSON.
 
 use super::audit::{self, NewEntry};
+use super::lanes::Lock;
+use super::sql::{self, Connection, OptionalExtension, Row, params};
 use super::{Store, StoreError};
-use rusqlite::{Connection, OptionalExtension, Row, params};
 use sha2::{Digest, Sha256};
 use sidestep::study::StudyConfig;
 use std::sync::{Arc, PoisonError};
@@ -73,7 +74,8 @@ pub enum ChangeStudy {
 impl Store {
     /// The study with this name.
     pub async fn study(&self, slug: &str) -> Result<Option<StoredStudy>, StoreError> {
-        self.read(|db| find(db, slug))
+        let slug = slug.to_owned();
+        self.read(move |db| find(db, &slug)).await
     }
 
     /// The configurations under which participants and pilots of a study enrolled, and the present one: hash
@@ -95,14 +97,15 @@ impl Store {
     /// The configurations that new participants of a study have got, oldest first. Opening and closing a
     /// study makes no version.
     pub async fn study_versions(&self, study_id: i64) -> Result<Vec<StudyVersion>, StoreError> {
-        self.read(|db| {
+        let store = self.clone();
+        self.read(move |db| {
             let mut statement = db.prepare_cached(
                 "SELECT config_hash, since_ms, by_file, \
                      (SELECT count(*) FROM participant WHERE study_id = version.study_id \
-                      AND config_hash = version.config_hash AND pilot = 0) \
+                      AND config_hash = version.config_hash AND pilot = FALSE) \
                  FROM study_version version WHERE study_id = ?1 ORDER BY number",
             )?;
-            let row = |row: &Row<'_>| -> Result<(String, i64, bool, i64), rusqlite::Error> {
+            let row = |row: &Row<'_>| -> Result<(String, i64, bool, i64), sql::Error> {
                 Ok((row.get(0)?, row.get(1)?, row.get(2)?, row.get(3)?))
             };
             let rows: Vec<_> = statement.query_map([study_id], row)?.collect::<Result<_, _>>()?;
@@ -113,7 +116,7 @@ impl Store {
                 let new = StudyVersion {
                     number: versions.len() as u32 + 1,
                     hash: hash.clone(),
-                    config: self.config_in(db, hash)?,
+                    config: store.config_in(db, hash)?,
                     since_ms,
                     by_file,
                     participants: if comes_back { 0 } else { enrolled.unsigned_abs() },
@@ -125,6 +128,7 @@ impl Store {
             }
             Ok(versions)
         })
+        .await
     }
 
     /// The configuration with this hash.
@@ -132,7 +136,8 @@ impl Store {
     /// # Errors
     /// [`StoreError`], also if it does not exist.
     pub async fn config(&self, hash: &str) -> Result<Arc<StudyConfig>, StoreError> {
-        self.read(|db| self.config_in(db, hash))
+        let (store, hash) = (self.clone(), hash.to_owned());
+        self.read(move |db| store.config_in(db, &hash)).await
     }
 
     /// The configuration with this hash, which the store parses only once.
@@ -159,7 +164,7 @@ impl Store {
         now_ms: i64,
     ) -> Result<StoredStudy, StoreError> {
         let new = Arc::new(new.clone());
-        self.write(move |db| put(db, &new, now_ms, true)).await
+        self.write([Lock::Studies], move |db| put(db, &new, now_ms, true)).await
     }
 
     /// Creates a study, and notes who did; nothing if there is one of this name.
@@ -172,7 +177,7 @@ impl Store {
         entry: NewEntry,
     ) -> Result<Option<StoredStudy>, StoreError> {
         let new = Arc::new(new.clone());
-        self.write(move |db| {
+        self.write([Lock::Studies], move |db| {
             if find(db, &new.slug)?.is_some() {
                 return Ok(None);
             }
@@ -194,7 +199,7 @@ impl Store {
         entry: NewEntry,
     ) -> Result<ChangeStudy, StoreError> {
         let new = Arc::new(new.clone());
-        self.write(move |db| {
+        self.write([Lock::Studies], move |db| {
             let Some(known) = find(db, &new.slug)? else { return Ok(ChangeStudy::Unknown) };
             if known.config_hash != base {
                 return Ok(ChangeStudy::ChangedMeanwhile);
@@ -207,11 +212,12 @@ impl Store {
 
     /// The names of all studies, oldest first.
     pub async fn slugs(&self) -> Result<Vec<String>, StoreError> {
-        self.read(|db| {
+        self.read(move |db| {
             let mut statement = db.prepare_cached("SELECT slug FROM study ORDER BY id")?;
             let slugs = statement.query_map([], |row| row.get(0))?;
             Ok(slugs.collect::<Result<_, _>>()?)
         })
+        .await
     }
 }
 
@@ -247,7 +253,7 @@ pub(super) fn put(
         if by_file {
             // The version may be of the laboratory, or of a database that did not record its origin.
             db.execute(
-                "UPDATE study_version SET by_file = 1 WHERE study_id = ?1 AND by_file = 0 \
+                "UPDATE study_version SET by_file = TRUE WHERE study_id = ?1 AND NOT by_file \
                      AND number = (SELECT max(number) FROM study_version WHERE study_id = ?1)",
                 [known.id],
             )?;

@@ -2,8 +2,8 @@
 //! participant, exclusions and trials; the list would be slow if it read them. Triggers of the database
 //! copy what concerns the participant; what concerns trials is counted here.
 
+use super::sql::{Connection, params};
 use super::{Store, StoreError};
-use rusqlite::{Connection, params};
 use sidestep::trial::{Flag, Outcome};
 use sidestep::vehicle::TurnInput;
 
@@ -27,7 +27,7 @@ pub(super) struct Counted<'a> {
 pub(super) fn add(db: &Connection, study_id: i64, trial: &Counted<'_>) -> Result<(), StoreError> {
     let is_same = match trial.key_timing {
         Some(timing) => db
-            .prepare_cached("SELECT 1 FROM trial WHERE study_id = ?1 AND key_timing = ?2")?
+            .prepare_cached("SELECT 1 FROM trial WHERE study_id = ?1 AND key_timing = ?2 LIMIT 1")?
             .exists([study_id, timing])?,
         None => false,
     };
@@ -37,16 +37,16 @@ pub(super) fn add(db: &Connection, study_id: i64, trial: &Counted<'_>) -> Result
         "UPDATE tally SET \
              next_phase = (SELECT phase FROM scene AS next \
                  WHERE next.participant_id = scene.participant_id AND next.ordinal = scene.ordinal + 1), \
-             familiarisation = familiarisation + (phase = 'familiarisation'), \
-             practice = practice + (phase = 'practice'), \
-             task = task + (phase = 'task'), \
-             late_sample = late_sample + (phase = 'task' AND ?2), \
-             focus_lost = focus_lost + (phase = 'task' AND ?3), \
-             interrupted = interrupted + (phase = 'task' AND ?4), \
-             never_steered = never_steered + (phase = 'task' AND ?5), \
-             always_steered = always_steered + (phase = 'task' AND ?6), \
-             danger_entered = danger_entered + (phase = 'task' AND ?7), \
-             same_timing = same_timing + (phase = 'task' AND ?8), \
+             familiarisation = familiarisation + CAST(phase = 'familiarisation' AS INTEGER), \
+             practice = practice + CAST(phase = 'practice' AS INTEGER), \
+             task = task + CAST(phase = 'task' AS INTEGER), \
+             late_sample = late_sample + CAST(phase = 'task' AND ?2 AS INTEGER), \
+             focus_lost = focus_lost + CAST(phase = 'task' AND ?3 AS INTEGER), \
+             interrupted = interrupted + CAST(phase = 'task' AND ?4 AS INTEGER), \
+             never_steered = never_steered + CAST(phase = 'task' AND ?5 AS INTEGER), \
+             always_steered = always_steered + CAST(phase = 'task' AND ?6 AS INTEGER), \
+             danger_entered = danger_entered + CAST(phase = 'task' AND ?7 AS INTEGER), \
+             same_timing = same_timing + CAST(phase = 'task' AND ?8 AS INTEGER), \
              waiting = ?9 \
          FROM scene WHERE scene.trial_id = ?1 AND tally.participant_id = scene.participant_id",
     )?
@@ -85,14 +85,20 @@ impl Store {
     /// The ids of participants whose tally does not follow from what is stored.
     pub async fn wrong_tallies(&self) -> Result<Vec<String>, StoreError> {
         self.read_long(|db| {
-            let mut statement = db.prepare(
-                "WITH counted AS (SELECT participant_id, sum(phase = 'familiarisation') AS warm, \
-                     sum(phase = 'practice') AS practised, sum(phase = 'task') AS tasks, \
-                     sum(phase = 'task' AND instr(';' || flags || ';', ';late_sample;') > 0) AS late, \
-                     sum(phase = 'task' AND instr(';' || flags || ';', ';focus_lost;') > 0) AS lost, \
-                     sum(phase = 'task' AND instr(';' || flags || ';', ';interrupted;') > 0) AS broken, \
-                     sum(phase = 'task' AND avoidance_first IS NULL) AS never, \
-                     sum(phase = 'task' AND first_step_in_danger IS NOT NULL) AS danger \
+            let mut statement = db.prepare_cached(
+                "WITH counted AS (SELECT participant_id, \
+                     count(*) FILTER (WHERE phase = 'familiarisation') AS warm, \
+                     count(*) FILTER (WHERE phase = 'practice') AS practised, \
+                     count(*) FILTER (WHERE phase = 'task') AS tasks, \
+                     count(*) FILTER (WHERE phase = 'task' \
+                         AND ';' || flags || ';' LIKE '%;late_sample;%') AS late, \
+                     count(*) FILTER (WHERE phase = 'task' \
+                         AND ';' || flags || ';' LIKE '%;focus_lost;%') AS lost, \
+                     count(*) FILTER (WHERE phase = 'task' \
+                         AND ';' || flags || ';' LIKE '%;interrupted;%') AS broken, \
+                     count(*) FILTER (WHERE phase = 'task' AND avoidance_first IS NULL) AS never, \
+                     count(*) FILTER (WHERE phase = 'task' AND first_step_in_danger IS NOT NULL) \
+                         AS danger \
                      FROM scene JOIN trial ON trial.trial_id = scene.trial_id GROUP BY participant_id) \
                  SELECT id FROM participant \
                  LEFT JOIN tally ON tally.participant_id = id \
@@ -104,16 +110,16 @@ impl Store {
                      import_hash IS NOT NULL, \
                      EXISTS (SELECT 1 FROM exclusion \
                          WHERE exclusion.participant_id = participant.id \
-                             AND ended_at_ms IS NULL)) IS NOT \
+                             AND ended_at_ms IS NULL)) IS DISTINCT FROM \
                      (tally.study_id, tally.pilot, tally.number, tally.last_seen_at_ms, \
                       tally.comprehension_attempts, understood, withdrawn, screened_out, complete, \
                       imported, excluded) \
                      OR (coalesce(warm, 0), coalesce(practised, 0), coalesce(tasks, 0), \
                      coalesce(late, 0), coalesce(lost, 0), coalesce(broken, 0), coalesce(never, 0), \
-                     coalesce(danger, 0)) IS NOT \
+                     coalesce(danger, 0)) IS DISTINCT FROM \
                      (familiarisation, practice, task, late_sample, focus_lost, interrupted, \
                       never_steered, danger_entered) \
-                     OR stored > 0 AND next_phase IS NOT (SELECT phase FROM scene \
+                     OR stored > 0 AND next_phase IS DISTINCT FROM (SELECT phase FROM scene \
                          WHERE scene.participant_id = id AND ordinal = stored) ORDER BY 1",
             )?;
             Ok(statement.query_map([], |row| row.get(0))?.collect::<Result<_, _>>()?)

@@ -5,8 +5,9 @@ use super::audit::NewEntry;
 use super::enrolments::{Enrolment, Gate, NewParticipant};
 use super::participants::{Completion, Scope};
 use super::scenes::PlannedRow;
+use super::sql::Connection;
 use super::trials::{NewTrial, PutTrial};
-use super::{Missing, Store, StoreError};
+use super::{Database, Missing, Store, StoreError};
 use crate::content::{Content, Recipe};
 use sidestep::api::{Action, ComprehensionResult};
 use sidestep::comparison::Request;
@@ -20,8 +21,23 @@ use std::task::{Context, Poll, Waker};
 use tempfile::TempDir;
 use tokio::sync::oneshot;
 
-/// A store in a folder of its own.
+/// A store of its own: in the cluster of PostgreSQL that `SIDESTEP_TEST_POSTGRES` names (an address that
+/// the name of a database completes), otherwise in a file.
 pub(crate) async fn store() -> (TempDir, Store) {
+    let Ok(cluster) = std::env::var("SIDESTEP_TEST_POSTGRES") else { return file_store().await };
+    let name = format!("store_{}", uuid::Uuid::new_v4().simple());
+    let (address, create) = (format!("{cluster}postgres"), format!("CREATE DATABASE {name}"));
+    let created = tokio::task::spawn_blocking(move || {
+        let mut client = postgres::Client::connect(&address, postgres::NoTls).unwrap();
+        client.batch_execute(&create).unwrap();
+    });
+    created.await.unwrap();
+    let store = Store::open(&format!("{cluster}{name}"), Missing::Create).await.unwrap();
+    (TempDir::new().unwrap(), store)
+}
+
+/// A store in a file in a folder of its own.
+pub(crate) async fn file_store() -> (TempDir, Store) {
     let folder = TempDir::new().unwrap();
     let url = format!("sqlite:{}", folder.path().join("test.db").display());
     let store = Store::open(&url, Missing::Create).await.unwrap();
@@ -311,35 +327,35 @@ async fn a_job_that_is_not_wanted_any_more_writes_nothing() {
         subject: None,
     };
     store.ask_analysis("first".to_owned(), study.id, &request, entry).await.unwrap();
-    let job = store.begin_analysis(2).await.unwrap().unwrap();
+    let job = store.begin_analysis("a server", 2).await.unwrap().unwrap();
     let long = vec![7; 3 << 20];
-    assert!(store.put_analysis_file(&job, "long", 5, long.clone()).await.unwrap());
+    assert!(store.put_analysis_file(&job, "long", 5, long.clone(), 2).await.unwrap());
     store.withdraw("ada", true, 3, None).await.unwrap();
-    assert!(!store.note_progress(&job, [1, 2, 1]).await.unwrap());
-    assert!(!store.put_analysis_file(&job, "more", 5, vec![1]).await.unwrap());
+    assert!(!store.note_progress(&job, [1, 2, 1], 3).await.unwrap());
+    assert!(!store.put_analysis_file(&job, "more", 5, vec![1], 3).await.unwrap());
     store.put_cells(&job, "key", vec![1]).await.unwrap();
     assert_eq!(store.cells(study.id, "key").await.unwrap(), None);
     let failed = Err("no data".to_owned());
     assert!(!store.end_analysis(&job, &failed, Default::default(), 4).await.unwrap());
-    let again = store.begin_analysis(5).await.unwrap().unwrap();
+    let again = store.begin_analysis("a server", 5).await.unwrap().unwrap();
     assert_eq!((again.sequence, again.attempt), (job.sequence, 2));
-    assert!(store.put_analysis_file(&again, "long", 5, long).await.unwrap());
+    assert!(store.put_analysis_file(&again, "long", 5, long, 5).await.unwrap());
 }
 
 #[tokio::test]
 async fn what_one_operation_does_wrong_costs_no_other() {
-    let (_folder, store) = store().await;
+    let (_folder, store) = file_store().await;
     // All of these are committed together.
     let held = store.held().await;
     let paper = StudyConfig::default();
     let sound = store.put_study(&paper, 1);
     let other = StudyConfig { slug: "other".to_owned(), ..StudyConfig::default() };
-    let breaks = store.write(|db| {
-        db.execute_batch("DELETE FROM study_version; DELETE FROM study")?;
+    let breaks = store.write([], |db| {
+        db.batch("DELETE FROM study_version; DELETE FROM study")?;
         Err::<(), _>(StoreError::Defect("half way".to_owned()))
     });
-    let panics = store.write(|db| -> Result<(), StoreError> {
-        db.execute_batch("DELETE FROM study_version; DELETE FROM study")?;
+    let panics = store.write([], |db| -> Result<(), StoreError> {
+        db.batch("DELETE FROM study_version; DELETE FROM study")?;
         panic!("on purpose")
     });
     let last = store.put_study(&other, 1);
@@ -361,12 +377,12 @@ pub(crate) fn begun<T>(operation: &mut Pin<Box<impl Future<Output = T>>>) -> Pol
 impl Store {
     /// An operation that keeps the writer busy until it is told to go on.
     pub(crate) async fn hold(&self, begin: oneshot::Sender<()>, wait: mpsc::Receiver<()>) {
-        let work = move |_: &rusqlite::Connection| {
+        let work = move |_: &Connection| {
             let _ = begin.send(());
             let _ = wait.recv();
             Ok(())
         };
-        let _ = self.write(work).await;
+        let _ = self.write([], work).await;
     }
 
     /// Keeps the writer busy until what is returned is dropped.
@@ -381,7 +397,8 @@ impl Store {
 
     /// Waits until this number of trials and this number of other requests are queued.
     pub(crate) async fn until_waiting(&self, wanted: [usize; 2]) {
-        while self.open.writer.waiting() != wanted {
+        let Database::Sqlite(database) = &self.open.database else { panic!("a file has a writer") };
+        while database.waiting() != wanted {
             tokio::task::yield_now().await;
         }
     }
@@ -389,16 +406,16 @@ impl Store {
     /// As [`Self::held`], with a full queue of what nobody waits for any more.
     pub(crate) async fn stuffed(&self) -> mpsc::Sender<()> {
         let held = self.held().await;
-        while begun(&mut Box::pin(self.write(|_| Ok(())))).is_pending() {}
+        while begun(&mut Box::pin(self.write([], |_| Ok(())))).is_pending() {}
         held
     }
 }
 
 #[tokio::test]
 async fn a_full_queue_is_refused_at_once() {
-    let (_folder, store) = store().await;
+    let (_folder, store) = file_store().await;
     let held = store.stuffed().await;
-    assert_eq!(store.write(|_| Ok(())).await, Err(StoreError::Busy));
+    assert_eq!(store.write([], |_| Ok(())).await, Err(StoreError::Busy));
     assert_eq!(store.ready().await, Err(StoreError::Busy));
     drop(held);
     while store.ready().await.is_err() {
@@ -414,23 +431,23 @@ fn noting() -> (Order, impl Fn(&'static str) -> Noted) {
     let noted = Arc::clone(&order);
     (order, move |what| {
         let order = Arc::clone(&noted);
-        Box::new(move |_: &rusqlite::Connection| {
+        Box::new(move |_: &Connection| {
             order.lock().unwrap().push(what);
             Ok(())
         })
     })
 }
 
-type Noted = Box<dyn FnOnce(&rusqlite::Connection) -> Result<(), StoreError> + Send>;
+type Noted = Box<dyn FnOnce(&Connection) -> Result<(), StoreError> + Send>;
 
 #[tokio::test]
 async fn trials_go_ahead_of_a_class_that_enrols() {
-    let (_folder, store) = store().await;
+    let (_folder, store) = file_store().await;
     let held = store.held().await;
     let (order, noted) = noting();
-    let mut class: Vec<_> = (0..600).map(|_| Box::pin(store.write(noted("class")))).collect();
+    let mut class: Vec<_> = (0..600).map(|_| Box::pin(store.write([], noted("class")))).collect();
     assert!(class.iter_mut().all(|enrolment| begun(enrolment).is_pending()));
-    let mut trial = Box::pin(store.write_first(noted("trial")));
+    let mut trial = Box::pin(store.write_first([], noted("trial")));
     assert!(begun(&mut trial).is_pending());
     drop(held);
     assert_eq!(trial.await, Ok(()));
@@ -442,12 +459,13 @@ async fn trials_go_ahead_of_a_class_that_enrols() {
 
 #[tokio::test]
 async fn requests_wait_for_one_piece_of_background_work_at_most() {
-    let (_folder, store) = store().await;
+    let (_folder, store) = file_store().await;
     let held = store.held().await;
     let (order, noted) = noting();
-    let mut jobs: Vec<_> = (0..20).map(|_| Box::pin(store.write_behind(noted("job")))).collect();
+    let mut jobs: Vec<_> =
+        (0..20).map(|_| Box::pin(store.write_behind([], noted("job")))).collect();
     let mut requests: Vec<_> =
-        (0..64).map(|_| Box::pin(store.write_first(noted("request")))).collect();
+        (0..64).map(|_| Box::pin(store.write_first([], noted("request")))).collect();
     assert!(jobs.iter_mut().all(|job| begun(job).is_pending()));
     assert!(requests.iter_mut().all(|request| begun(request).is_pending()));
     drop(held);

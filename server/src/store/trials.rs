@@ -1,12 +1,13 @@
 //! Stored trials.
 
+use super::lanes::Lock;
 use super::participants::{self, COLUMNS, TOKEN, Visitor};
 use super::scenes::{self, SCENE, phase_of, scene_of};
+use super::sql::{Connection, OptionalExtension, Row, params};
 use super::tallies::{self, Counted};
 use super::{Store, StoreError};
 use crate::bytes::{pack, pack_inputs, pack_states, unpack, unpack_inputs, unpack_states};
 use crate::content::{Content, Recipe};
-use rusqlite::{Connection, OptionalExtension, Row, params};
 use serde::Deserialize;
 use sidestep::scene::Scene;
 use sidestep::study::StudyConfig;
@@ -154,7 +155,8 @@ impl Store {
         token_hash: [u8; 32],
         trial_id: &str,
     ) -> Result<Option<Assignment>, StoreError> {
-        self.read(|db| {
+        let (store, trial_id) = (self.clone(), trial_id.to_owned());
+        self.read(move |db| {
             let mut statement = db.prepare_cached(&format!(
                 "SELECT {COLUMNS}, {TOKEN}, scene.phase, scene.attempt, {SCENE} FROM participant_token \
                  JOIN participant ON participant.id = participant_token.participant_id \
@@ -176,9 +178,9 @@ impl Store {
             })?;
             let Some(found) = found.next() else { return Ok(None) };
             let (visitor, scene) = found?;
-            let config = self.config_in(db, &visitor.participant.config_hash)?;
+            let config = store.config_in(db, &visitor.participant.config_hash)?;
             Ok(Some(Assignment { visitor, config, scene }))
-        })
+        }).await
     }
 
     /// Stores a participant's trial if it is the next one. A stored trial never changes.
@@ -191,7 +193,8 @@ impl Store {
         trial: NewTrial,
     ) -> Result<PutTrial, StoreError> {
         let participant_id = participant_id.to_owned();
-        self.write_first(move |db| put(db, &participant_id, &trial)).await
+        let locks = [Lock::Participant(participant_id.clone())];
+        self.write_first(locks, move |db| put(db, &participant_id, &trial)).await
     }
 
     /// At most `limit` trials of a study, newest first, from before `before`; none of pilots.
@@ -204,7 +207,7 @@ impl Store {
         self.read_long(move |db| {
             let mut statement = db.prepare_cached(&format!(
                 "SELECT {HEAD} FROM stored_trial \
-                 WHERE study_id = ?1 AND sequence < ?2 AND pilot = 0 \
+                 WHERE study_id = ?1 AND sequence < ?2 AND pilot = FALSE \
                  ORDER BY sequence DESC LIMIT ?3"
             ))?;
             statement.query_and_then(params![study_id, before, limit], head_of)?.collect()
@@ -222,7 +225,8 @@ impl Store {
     /// The stored trials before and after one: of the same participant, else of the participants with the
     /// next lower and higher numbers.
     pub async fn neighbours(&self, trial_id: &str) -> Result<[Option<String>; 2], StoreError> {
-        self.read(|db| {
+        let trial_id = trial_id.to_owned();
+        self.read(move |db| {
             let find = |beyond: &str, order: &str| {
                 let of = |participant: &str, condition: &str| {
                     format!(
@@ -245,11 +249,12 @@ impl Store {
                      WHERE here.trial_id = ?1",
                     of(&other, "")
                 );
-                let found = db.prepare_cached(&query)?.query_row([trial_id], |row| row.get(0));
+                let found = db.prepare_cached(&query)?.query_row([&trial_id], |row| row.get(0));
                 Ok::<_, StoreError>(found.optional()?.flatten())
             };
             Ok([find("<", "DESC")?, find(">", "ASC")?])
         })
+        .await
     }
 
     /// The ids of all trials of a participant, in the plan's order.

@@ -1,7 +1,7 @@
 //! The bytes of value functions, and which functions give a configuration's safety levels.
 
+use super::sql::{OptionalExtension, params};
 use super::{Store, StoreError};
-use rusqlite::{OptionalExtension, params};
 use sidestep::scene::Evader;
 use sidestep::study::StudyConfig;
 use std::sync::Arc;
@@ -29,7 +29,7 @@ impl Store {
         functions: Vec<NewValueFunction>,
     ) -> Result<(), StoreError> {
         let config_hash = config_hash.to_owned();
-        self.write_behind(move |db| {
+        self.write_behind([], move |db| {
             for NewValueFunction { evader, id, bytes } in &functions {
                 db.execute(
                     "INSERT INTO value_function (id, octets) VALUES (?1, ?2) \
@@ -63,26 +63,31 @@ impl Store {
         config_hash: &str,
         evader: Evader,
     ) -> Result<Option<String>, StoreError> {
-        self.read(|db| {
+        let config_hash = config_hash.to_owned();
+        self.read(move |db| {
             let mut statement = db.prepare_cached(
                 "SELECT value_function_id FROM safety_function \
                  WHERE config_hash = ?1 AND evader = ?2",
             )?;
-            let found = statement.query_row([config_hash, evader.word()], |row| row.get(0));
+            let found =
+                statement.query_row([config_hash.as_str(), evader.word()], |row| row.get(0));
             Ok(found.optional()?)
         })
+        .await
     }
 
     /// Every configuration without its value functions, with its hash.
     pub async fn unsolved(&self) -> Result<Vec<(String, Arc<StudyConfig>)>, StoreError> {
-        self.read(|db| {
-            let mut statement = db.prepare(
+        let store = self.clone();
+        self.read(move |db| {
+            let mut statement = db.prepare_cached(
                 "SELECT hash FROM study_config WHERE \
                      (SELECT count(*) FROM safety_function WHERE config_hash = hash) < 2",
             )?;
             let hashes = statement.query_map([], |row| row.get::<_, String>(0))?;
             let hashes = hashes.collect::<Result<Vec<_>, _>>()?;
-            hashes.into_iter().map(|hash| Ok((hash.clone(), self.config_in(db, &hash)?))).collect()
+            hashes.into_iter().map(|hash| Ok((hash.clone(), store.config_in(db, &hash)?))).collect()
         })
+        .await
     }
 }

@@ -1,6 +1,8 @@
 //! Migrations: all missing ones in one transaction, or none.
 
 use super::connection::dangling;
+use crate::store::error::reason;
+use crate::store::misfit::Misfit;
 use rusqlite::{Connection, OptionalExtension, TransactionBehavior, params};
 use sha2::{Digest, Sha384};
 use std::collections::BTreeMap;
@@ -17,12 +19,12 @@ macro_rules! migration {
         Migration {
             version: $version,
             name: $name,
-            sql: include_str!(concat!("../../../migrations/sqlite/", $file)),
+            sql: include_str!(concat!("../../../../migrations/sqlite/", $file)),
         }
     };
 }
 
-const MIGRATIONS: [Migration; 14] = [
+const MIGRATIONS: [Migration; 15] = [
     migration!(1, "0001_studies_participants_trials.sql", "studies participants trials"),
     migration!(2, "0002_safety_functions.sql", "safety functions"),
     migration!(3, "0003_analyses.sql", "analyses"),
@@ -37,48 +39,37 @@ const MIGRATIONS: [Migration; 14] = [
     migration!(12, "0012_predictors.sql", "predictors"),
     migration!(13, "0013_lists_from_tallies.sql", "lists from tallies"),
     migration!(14, "0014_counted_predictors.sql", "counted predictors"),
+    migration!(15, "0015_several_servers.sql", "several servers"),
 ];
 
-/// Why a file cannot be migrated. Each message is a sentence about the file.
-#[derive(Debug, thiserror::Error)]
-pub enum Misfit {
-    /// A newer version of the program has migrated it.
-    #[error(
-        "a newer version of Sidestep made it (it has migration {found}, this version knows 1 to \
-         {known}); update Sidestep"
-    )]
-    Newer {
-        /// The highest number in the database.
-        found: i64,
-        /// The highest number that this program knows.
-        known: i64,
-    },
-    /// A migration of another build, with the same number as one of this build, was applied.
-    #[error("its migration {0} is not the one of this version; the file comes from another build")]
-    Other(i64),
-    /// It contains tables that are not this program's.
-    #[error("it is a database of another program")]
-    Foreign,
-    /// A statement failed.
-    #[error("migration {version} failed and nothing was changed: {reason}")]
-    Failed {
-        /// Its number.
-        version: i64,
-        /// SQLite's message.
-        reason: String,
-    },
+/// Why a file cannot be migrated.
+#[derive(Debug)]
+pub(super) enum Failure {
+    /// It does not fit this program.
+    Misfit(Misfit),
     /// It cannot be read or written.
-    #[error("{0}")]
-    Unusable(#[from] rusqlite::Error),
+    Unusable(rusqlite::Error),
+}
+
+impl From<Misfit> for Failure {
+    fn from(misfit: Misfit) -> Self {
+        Self::Misfit(misfit)
+    }
+}
+
+impl From<rusqlite::Error> for Failure {
+    fn from(error: rusqlite::Error) -> Self {
+        Self::Unusable(error)
+    }
 }
 
 /// Checks that this program can use the file, without changing it.
-pub(super) fn check(db: &Connection) -> Result<(), Misfit> {
+pub(super) fn check(db: &Connection) -> Result<(), Failure> {
     pending(db).map(drop)
 }
 
 /// Applies the missing migrations.
-pub(super) fn apply(db: &mut Connection) -> Result<(), Misfit> {
+pub(super) fn apply(db: &mut Connection) -> Result<(), Failure> {
     // Migrations rebuild tables under other names, so references must not be enforced meanwhile. The
     // switch works only outside transactions; all references are checked at the end.
     db.pragma_update(None, "foreign_keys", false)?;
@@ -87,7 +78,7 @@ pub(super) fn apply(db: &mut Connection) -> Result<(), Misfit> {
     applied
 }
 
-fn apply_all(db: &mut Connection) -> Result<(), Misfit> {
+fn apply_all(db: &mut Connection) -> Result<(), Failure> {
     if pending(db)?.is_empty() {
         return Ok(());
     }
@@ -101,7 +92,7 @@ fn apply_all(db: &mut Connection) -> Result<(), Misfit> {
     let mut last = 0;
     for Migration { version, name, sql } in pending(&transaction)? {
         let failed = |error: rusqlite::Error| {
-            let reason = super::error::reason(&error);
+            let reason = reason(&error);
             Misfit::Failed { version: *version, reason }
         };
         transaction.execute_batch(sql).map_err(failed)?;
@@ -113,38 +104,38 @@ fn apply_all(db: &mut Connection) -> Result<(), Misfit> {
         last = *version;
     }
     if let Some(reason) = dangling(&transaction)?.into_iter().next() {
-        return Err(Misfit::Failed { version: last, reason });
+        return Err(Misfit::Failed { version: last, reason }.into());
     }
     Ok(transaction.commit()?)
 }
 
 /// The missing migrations, in order.
-fn pending(db: &Connection) -> Result<Vec<&'static Migration>, Misfit> {
+fn pending(db: &Connection) -> Result<Vec<&'static Migration>, Failure> {
     let applied = applied(db)?;
     let known = MIGRATIONS[MIGRATIONS.len() - 1].version;
     if let Some((&found, _)) = applied.last_key_value()
         && found > known
     {
-        return Err(Misfit::Newer { found, known });
+        return Err(Misfit::Newer { found, known }.into());
     }
     let other = MIGRATIONS.iter().find(|migration| {
         let found = applied.get(&migration.version);
         found.is_some_and(|found| *found != checksum(migration.sql))
     });
     if let Some(other) = other {
-        return Err(Misfit::Other(other.version));
+        return Err(Misfit::Other(other.version).into());
     }
     Ok(MIGRATIONS.iter().filter(|migration| !applied.contains_key(&migration.version)).collect())
 }
 
 /// The checksums of the applied migrations, by number.
-fn applied(db: &Connection) -> Result<BTreeMap<i64, Vec<u8>>, Misfit> {
+fn applied(db: &Connection) -> Result<BTreeMap<i64, Vec<u8>>, Failure> {
     let has = |name: &str| {
         let query = "SELECT 1 FROM sqlite_schema WHERE name LIKE ?1 LIMIT 1";
         db.query_row(query, [name], |_| Ok(())).optional().map(|found| found.is_some())
     };
     if !has("_sqlx_migrations")? {
-        return if has("%")? { Err(Misfit::Foreign) } else { Ok(BTreeMap::new()) };
+        return if has("%")? { Err(Misfit::Foreign.into()) } else { Ok(BTreeMap::new()) };
     }
     let mut statement = db.prepare("SELECT version, checksum FROM _sqlx_migrations")?;
     let rows = statement.query_map([], |row| Ok((row.get(0)?, row.get(1)?)))?;

@@ -1,6 +1,6 @@
 //! Connections to SQLite with this program's settings.
 
-use super::error::{StoreError, reason};
+use crate::store::error::{StoreError, reason};
 use rusqlite::{Connection, OpenFlags};
 use std::path::Path;
 use std::time::Duration;

@@ -1,6 +1,6 @@
 //! The database's file: its address, its permissions, its lock, and whether it is still the same file.
 
-use super::StoreError;
+use crate::store::error::StoreError;
 use rustix::fs::statvfs;
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io;
@@ -11,7 +11,7 @@ pub const LEAST_FREE_BYTES: u64 = 4 << 20;
 
 /// The file of a database, with the write-ahead log beside it.
 #[derive(Clone, Debug)]
-pub(super) struct DatabaseFile {
+pub(in crate::store) struct DatabaseFile {
     path: PathBuf,
     log: PathBuf,
 }
@@ -21,7 +21,7 @@ pub(super) type Identity = (u64, u64);
 
 impl DatabaseFile {
     /// The file of an address `sqlite:FILE`, or what was found instead.
-    pub(super) fn of_url(url: &str) -> Result<Self, String> {
+    pub(in crate::store) fn of_url(url: &str) -> Result<Self, String> {
         let Some(name) = url.strip_prefix("sqlite:") else {
             return Err(match url.contains(':') {
                 true => "another kind of address".to_owned(),

@@ -11,9 +11,10 @@
 //! its own, one operation between two batches, so that requests wait for at most one of them.
 
 use super::connection;
-use super::error::StoreError;
 use super::file::{DatabaseFile, Identity};
-use rusqlite::Connection;
+use crate::store::error::StoreError;
+use crate::store::lanes::Lane;
+use crate::store::sql::Connection;
 use std::collections::VecDeque;
 use std::fmt;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -36,17 +37,6 @@ const BACKGROUND_PAUSE: Duration = Duration::from_millis(50);
 
 /// Pause between two attempts to empty the log.
 const EMPTY_LOG_PAUSE: Duration = Duration::from_millis(200);
-
-/// Who waits for an operation.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Lane {
-    /// A participant's browser that sends a trial.
-    Trial,
-    /// Any other request.
-    Request,
-    /// A job in the background.
-    Background,
-}
 
 /// An operation in the queue.
 trait Operation: Send {
@@ -275,6 +265,16 @@ struct Open {
     log: Identity,
 }
 
+impl Open {
+    /// SQLite's own connection.
+    fn sqlite(&self) -> Result<&rusqlite::Connection, StoreError> {
+        match &self.db {
+            Connection::Sqlite(db) => Ok(db),
+            Connection::Postgres(_) => Err(StoreError::Defect("the writer has no file".to_owned())),
+        }
+    }
+}
+
 impl Thread {
     fn run(mut self) {
         let mut last_background = Instant::now();
@@ -320,9 +320,10 @@ impl Thread {
             Some(open) => open,
             None => open(&self.file, self.expected)?,
         };
-        open.db.execute_batch("BEGIN IMMEDIATE")?;
-        run(&open.db, batch)?;
-        open.db.execute_batch("COMMIT")?;
+        let sqlite = open.sqlite()?;
+        sqlite.execute_batch("BEGIN IMMEDIATE")?;
+        run(sqlite, &open.db, batch)?;
+        sqlite.execute_batch("COMMIT")?;
         // SQLite reports success also for a deleted file, whose content is lost.
         if self.file.identity()? != self.expected || self.file.log_identity()? != open.log {
             return Err(StoreError::Gone);
@@ -332,7 +333,10 @@ impl Thread {
     }
 
     fn empty_log(&mut self) {
-        let emptied = self.db.as_ref().map_or(Ok(false), |open| connection::empty_log(&open.db));
+        let emptied = match &self.db {
+            Some(open) => open.sqlite().and_then(connection::empty_log),
+            None => Ok(false),
+        };
         if let Err(error) = &emptied {
             tracing::warn!(%error, "the write-ahead log was not written back");
         }
@@ -351,16 +355,20 @@ fn open(file: &DatabaseFile, expected: Identity) -> Result<Open, StoreError> {
     // SQLite creates the log at the first read.
     db.query_row("SELECT count(*) FROM study", [], |_| Ok(()))?;
     let log = file.log_identity()?;
-    Ok(Open { db, log })
+    Ok(Open { db: Connection::Sqlite(db), log })
 }
 
 /// Runs each operation in a savepoint, so that a failed operation is undone and the others remain. An
 /// error of this function concerns the whole transaction.
-fn run(db: &Connection, batch: &mut Batch) -> Result<(), StoreError> {
+fn run(
+    sqlite: &rusqlite::Connection,
+    db: &Connection,
+    batch: &mut Batch,
+) -> Result<(), StoreError> {
     for operation in batch {
-        db.prepare_cached("SAVEPOINT operation")?.execute([])?;
+        sqlite.prepare_cached("SAVEPOINT operation")?.execute([])?;
         let done = operation.run(db);
-        if db.is_autocommit() {
+        if sqlite.is_autocommit() {
             let lost = || StoreError::Unavailable("a transaction was rolled back".to_owned());
             return Err(done.err().unwrap_or_else(lost));
         }
@@ -368,9 +376,9 @@ fn run(db: &Connection, batch: &mut Batch) -> Result<(), StoreError> {
             if error.ends_transaction() {
                 return Err(error);
             }
-            db.prepare_cached("ROLLBACK TO operation")?.execute([])?;
+            sqlite.prepare_cached("ROLLBACK TO operation")?.execute([])?;
         }
-        db.prepare_cached("RELEASE operation")?.execute([])?;
+        sqlite.prepare_cached("RELEASE operation")?.execute([])?;
     }
     Ok(())
 }

@@ -1,9 +1,9 @@
 //! Reading: short reads on the calling thread, long reads on threads that may block.
 
 use super::connection;
-use super::error::StoreError;
 use super::file::{DatabaseFile, Identity};
-use rusqlite::Connection;
+use crate::store::error::StoreError;
+use crate::store::sql::Connection;
 use std::sync::{Arc, Mutex, PoisonError};
 use tokio::sync::Semaphore;
 
@@ -53,8 +53,10 @@ impl Readers {
             // The caller may have gone: the permit stays with the work.
             let _permit = permit;
             readers.short(|db| {
-                let instant = db.unchecked_transaction()?;
-                read(&instant)
+                db.execute("BEGIN", [])?;
+                let found = read(db);
+                db.execute("COMMIT", [])?;
+                found
             })
         });
         reading.await.map_err(|error| StoreError::Defect(error.to_string()))?
@@ -73,7 +75,7 @@ impl Readers {
         match idle {
             Some(db) => Ok(db),
             None if self.file.identity()? != self.expected => Err(StoreError::Gone),
-            None => Ok(connection::reading(self.file.path())?),
+            None => Ok(Connection::Sqlite(connection::reading(self.file.path())?)),
         }
     }
 

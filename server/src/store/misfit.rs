@@ -1,0 +1,31 @@
+//! Why a database does not fit this version of the program.
+
+/// Why a database cannot be migrated. Each message is a sentence about the database.
+#[derive(Debug, thiserror::Error)]
+pub enum Misfit {
+    /// A newer version of the program has migrated it.
+    #[error(
+        "a newer version of Sidestep made it (it has migration {found}, this version knows 1 to \
+         {known}); update Sidestep"
+    )]
+    Newer {
+        /// The highest number in the database.
+        found: i64,
+        /// The highest number that this program knows.
+        known: i64,
+    },
+    /// A migration of another build, with the same number as one of this build, was applied.
+    #[error("its migration {0} is not the one of this version; it comes from another build")]
+    Other(i64),
+    /// It contains tables that are not this program's.
+    #[error("it is a database of another program")]
+    Foreign,
+    /// A statement failed.
+    #[error("migration {version} failed and nothing was changed: {reason}")]
+    Failed {
+        /// Its number.
+        version: i64,
+        /// The database's message.
+        reason: String,
+    },
+}

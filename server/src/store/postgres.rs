@@ -1,0 +1,268 @@
+//! PostgreSQL: a server that many Sidestep servers share.
+//!
+//! Each operation has a transaction of its own, at the level READ COMMITTED, on a session of the pool; the
+//! database commits many of them together. What an operation reads and then depends on, it locks first
+//! ([`Lock`]). After an error of the connection the session is thrown away with all idle ones, so
+//! that service resumes as soon as the database, or the one that took its place, is back.
+
+mod address;
+mod migrations;
+mod pool;
+
+use super::error::StoreError;
+use super::lanes::{Lane, Lock};
+use super::sql::Connection;
+use super::{Missing, OpenError};
+use address::Address;
+use pool::Pool;
+use std::fmt;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Weak};
+use std::time::Duration;
+use tokio::sync::{Semaphore, watch};
+use tokio::task;
+
+/// Sessions that write trials, that write for other requests, that write for jobs, that read a few rows, and
+/// that read many.
+const SESSIONS: [usize; 5] = [8, 4, 1, 6, 4];
+
+/// Most operations that wait for a session of one kind; further ones are refused.
+const QUEUE: usize = 1_024;
+
+/// How often a server that somebody watches looks for what other servers stored.
+const WATCH: Duration = Duration::from_millis(500);
+
+/// How long the database may take to say that it takes writes.
+const PATIENCE: Duration = Duration::from_secs(2);
+
+/// An open database with all migrations applied.
+#[derive(Debug)]
+pub(super) struct Postgres {
+    shared: Arc<Shared>,
+    kinds: [Kind; 5],
+}
+
+/// What operations take along to their threads.
+struct Shared {
+    pool: Pool,
+    committed: watch::Sender<u64>,
+}
+
+impl fmt::Debug for Shared {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Postgres").finish_non_exhaustive()
+    }
+}
+
+/// Sessions for one purpose.
+#[derive(Debug)]
+struct Kind {
+    free: Arc<Semaphore>,
+    sessions: u32,
+    waiting: AtomicUsize,
+}
+
+impl Kind {
+    /// Waits for its turn to use a session.
+    async fn turn(&self) -> Result<tokio::sync::OwnedSemaphorePermit, StoreError> {
+        /// Counts somebody who waits, also if they go away.
+        struct Waiting<'a>(&'a AtomicUsize);
+        impl Drop for Waiting<'_> {
+            fn drop(&mut self) {
+                self.0.fetch_sub(1, Ordering::Relaxed);
+            }
+        }
+        if self.waiting.fetch_add(1, Ordering::Relaxed) >= QUEUE {
+            self.waiting.fetch_sub(1, Ordering::Relaxed);
+            return Err(StoreError::Busy);
+        }
+        let _waiting = Waiting(&self.waiting);
+        let closed = |_| StoreError::Unavailable("it was closed".to_owned());
+        Arc::clone(&self.free).acquire_owned().await.map_err(closed)
+    }
+}
+
+impl Postgres {
+    /// Whether this is the address of such a database.
+    pub(super) fn is_address(url: &str) -> bool {
+        Address::is_one(url)
+    }
+
+    /// Connects to the database and applies missing migrations.
+    pub(super) fn open(url: &str, missing: Missing) -> Result<Self, OpenError> {
+        let address = Address::parse(url)?;
+        let database = address.name.clone();
+        let unusable =
+            |reason: String| OpenError::Unusable { database: address.name.clone(), reason };
+        let pool = Pool::new(address.config.clone(), address.tls.clone());
+        let db = pool.connect().map_err(|error| unusable(error.to_string()))?;
+        let misfit = |failure: migrations::Failure| match failure {
+            migrations::Failure::Unusable(error) => unusable(error.to_string()),
+            migrations::Failure::Misfit(reason) => {
+                OpenError::Version { database: address.name.clone(), reason }
+            }
+        };
+        let is_new = migrations::check(&db).map_err(misfit)?;
+        if is_new && missing == Missing::Refuse {
+            return Err(OpenError::Absent(database));
+        }
+        migrations::apply(&db).map_err(misfit)?;
+        pool.give_back(db);
+        let kinds = SESSIONS.map(|sessions| Kind {
+            free: Arc::new(Semaphore::new(sessions)),
+            sessions: sessions as u32,
+            waiting: AtomicUsize::new(0),
+        });
+        let shared = Arc::new(Shared { pool, committed: watch::Sender::new(0) });
+        Ok(Self { shared, kinds })
+    }
+
+    /// Looks for what other servers store, from now on, while somebody wants to know.
+    pub(super) fn watch(&self) {
+        let shared = Arc::downgrade(&self.shared);
+        task::spawn(watch_commits(shared));
+    }
+
+    /// Whether a write could be made now.
+    pub(super) async fn ready(&self) -> Result<(), StoreError> {
+        let asked = self.write(Lane::Request, Vec::new(), |db| {
+            let refuses = "SELECT pg_is_in_recovery() OR \
+                           current_setting('transaction_read_only') = 'on'";
+            match db.query_row(refuses, [], |row| row.get(0))? {
+                true => Err(StoreError::Unavailable("it takes no writes now".to_owned())),
+                false => Ok(()),
+            }
+        });
+        tokio::time::timeout(PATIENCE, asked).await.unwrap_or(Err(StoreError::Locked))
+    }
+
+    /// A folder for a temporary file: the system's.
+    pub(super) fn room(&self) -> PathBuf {
+        std::env::temp_dir()
+    }
+
+    pub(super) fn commits(&self) -> watch::Receiver<u64> {
+        self.shared.committed.subscribe()
+    }
+
+    /// Waits for what is under way, and gives the sessions up.
+    pub(super) async fn close(&self) {
+        for kind in &self.kinds {
+            // With all of its turns taken, nothing is under way.
+            if let Ok(all) = kind.free.acquire_many(kind.sessions).await {
+                all.forget();
+            }
+            kind.free.close();
+        }
+        self.shared.pool.close();
+    }
+
+    /// A few rows.
+    pub(super) async fn read<T: Send + 'static>(
+        &self,
+        read: impl FnOnce(&Connection) -> Result<T, StoreError> + Send + 'static,
+    ) -> Result<T, StoreError> {
+        let turn = self.kinds[3].turn().await?;
+        let shared = Arc::clone(&self.shared);
+        let reading = task::spawn_blocking(move || {
+            let _turn = turn;
+            shared.pool.with(read)
+        });
+        reading.await.map_err(|error| StoreError::Defect(error.to_string()))?
+    }
+
+    /// Any number of rows, as they are at one instant.
+    pub(super) async fn read_long<T: Send + 'static>(
+        &self,
+        read: impl FnOnce(&Connection) -> Result<T, StoreError> + Send + 'static,
+    ) -> Result<T, StoreError> {
+        const BEGIN: &str = "BEGIN ISOLATION LEVEL REPEATABLE READ READ ONLY";
+        self.transaction(4, BEGIN.to_owned(), read).await
+    }
+
+    /// An operation; its result is returned after the commit.
+    pub(super) async fn write<T: Send + 'static>(
+        &self,
+        lane: Lane,
+        mut locks: Vec<Lock>,
+        work: impl FnOnce(&Connection) -> Result<T, StoreError> + Send + 'static,
+    ) -> Result<T, StoreError> {
+        // Everybody takes locks in the same order, so nobody waits for each other.
+        locks.sort();
+        let mut begin = "BEGIN".to_owned();
+        for [kind, number] in locks.iter().map(Lock::numbers) {
+            begin += &format!("; SELECT pg_advisory_xact_lock({kind}, {number})");
+        }
+        let kind = match lane {
+            Lane::Trial => 0,
+            Lane::Request => 1,
+            Lane::Background => 2,
+        };
+        let done = self.transaction(kind, begin, work).await?;
+        self.shared.committed.send_modify(|commits| *commits += 1);
+        Ok(done)
+    }
+
+    async fn transaction<T: Send + 'static>(
+        &self,
+        kind: usize,
+        begin: String,
+        work: impl FnOnce(&Connection) -> Result<T, StoreError> + Send + 'static,
+    ) -> Result<T, StoreError> {
+        let turn = self.kinds[kind].turn().await?;
+        let shared = Arc::clone(&self.shared);
+        let working = task::spawn_blocking(move || {
+            // The caller may have gone: the turn stays with the work.
+            let _turn = turn;
+            shared.transact(&begin, work)
+        });
+        working.await.map_err(|error| StoreError::Defect(error.to_string()))?
+    }
+}
+
+impl Shared {
+    fn transact<T>(
+        &self,
+        begin: &str,
+        work: impl FnOnce(&Connection) -> Result<T, StoreError>,
+    ) -> Result<T, StoreError> {
+        let db = self.pool.begin(begin)?;
+        let found = catch_unwind(AssertUnwindSafe(|| work(&db)));
+        let found = found.unwrap_or_else(|_| Err(StoreError::Defect("it panicked".to_owned())));
+        let ended = db.batch(if found.is_ok() { "COMMIT" } else { "ROLLBACK" });
+        match ended {
+            Ok(()) => self.pool.give_back(db),
+            Err(_) => self.pool.forget(),
+        }
+        let found = found?;
+        ended?;
+        Ok(found)
+    }
+}
+
+/// Says that something was stored whenever the database has begun a transaction that writes, on whichever
+/// server.
+async fn watch_commits(shared: Weak<Shared>) {
+    let mut last = String::new();
+    loop {
+        tokio::time::sleep(WATCH).await;
+        let Some(shared) = shared.upgrade() else { return };
+        if shared.committed.receiver_count() == 0 {
+            continue;
+        }
+        let looking = task::spawn_blocking(move || {
+            let marker = "SELECT CAST(pg_current_snapshot() AS TEXT)";
+            let found = shared.pool.with(|db| Ok(db.query_row(marker, [], |row| row.get(0))?));
+            (shared, found)
+        });
+        // While the database is away, requests say so.
+        let Ok((shared, Ok(found))) = looking.await else { continue };
+        let found: String = found;
+        if found != last {
+            last = found;
+            shared.committed.send_modify(|commits| *commits += 1);
+        }
+    }
+}

@@ -1,0 +1,118 @@
+//! Sessions that wait to be used again.
+
+use crate::store::error::StoreError;
+use crate::store::sql::Connection;
+use postgres::Config;
+use rustls::ClientConfig;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use tokio_postgres_rustls::MakeRustlsConnect;
+
+/// What holds in every session. `synchronous_commit`: an acknowledged trial survives a power cut, whatever
+/// the server's default is. The other limits let nobody wait for ever.
+const SETTINGS: &str = "SET synchronous_commit = on; SET lock_timeout = '10s'; \
+                        SET idle_in_transaction_session_timeout = '60s'; \
+                        SET client_min_messages = warning";
+
+/// The oldest PostgreSQL that is known to work.
+const OLDEST: i32 = 140_000;
+
+/// Idle sessions, and how to begin one.
+pub(super) struct Pool {
+    config: Config,
+    tls: ClientConfig,
+    /// None once the store is closed.
+    idle: Mutex<Option<Vec<Connection>>>,
+}
+
+impl Pool {
+    pub(super) fn new(config: Config, tls: ClientConfig) -> Self {
+        Self { config, tls, idle: Mutex::new(Some(Vec::new())) }
+    }
+
+    /// Begins a session.
+    pub(super) fn connect(&self) -> Result<Connection, StoreError> {
+        let tls = MakeRustlsConnect::new(self.tls.clone());
+        let db = Connection::to_server(self.config.connect(tls)?);
+        db.batch(SETTINGS)?;
+        let version = "SELECT CAST(current_setting('server_version_num') AS INTEGER), \
+                           current_setting('server_version')";
+        let (number, words): (i64, String) =
+            db.query_row(version, [], |row| Ok((row.get(0)?, row.get(1)?)))?;
+        if number < OLDEST.into() {
+            let old = format!("expected PostgreSQL {} or newer, found {words}", OLDEST / 10_000);
+            return Err(StoreError::Unavailable(old));
+        }
+        Ok(db)
+    }
+
+    /// A session in which the statements of `begin` were run.
+    pub(super) fn begin(&self, begin: &str) -> Result<Connection, StoreError> {
+        if let Some(db) = self.take()? {
+            match db.batch(begin).map_err(StoreError::from) {
+                Ok(()) => return Ok(db),
+                // The database was restarted meanwhile; nothing was done yet.
+                Err(StoreError::Unavailable(_)) => self.forget(),
+                Err(error) => {
+                    if db.batch("ROLLBACK").is_ok() {
+                        self.give_back(db);
+                    }
+                    return Err(error);
+                }
+            }
+        }
+        let db = self.connect()?;
+        db.batch(begin)?;
+        Ok(db)
+    }
+
+    /// Reads outside a transaction.
+    pub(super) fn with<T>(
+        &self,
+        read: impl FnOnce(&Connection) -> Result<T, StoreError>,
+    ) -> Result<T, StoreError> {
+        let db = match self.take()? {
+            Some(db) => db,
+            None => self.connect()?,
+        };
+        let found = read(&db);
+        match &found {
+            Err(StoreError::Unavailable(_)) => self.forget(),
+            _ => self.give_back(db),
+        }
+        found
+    }
+
+    pub(super) fn give_back(&self, db: Connection) {
+        if let Some(idle) = self.idle().as_mut() {
+            idle.push(db);
+        }
+    }
+
+    /// Gives all idle sessions up: the database, or the way to it, was lost.
+    pub(super) fn forget(&self) {
+        if let Some(idle) = self.idle().as_mut() {
+            idle.clear();
+        }
+    }
+
+    pub(super) fn close(&self) {
+        self.idle().take();
+    }
+
+    /// An idle session, if there is one.
+    fn take(&self) -> Result<Option<Connection>, StoreError> {
+        let mut idle = self.idle();
+        let closed = || StoreError::Unavailable("it was closed".to_owned());
+        let idle = idle.as_mut().ok_or_else(closed)?;
+        while let Some(db) = idle.pop() {
+            if !db.is_closed() {
+                return Ok(Some(db));
+            }
+        }
+        Ok(None)
+    }
+
+    fn idle(&self) -> MutexGuard<'_, Option<Vec<Connection>>> {
+        self.idle.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
