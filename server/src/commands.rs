@@ -3,6 +3,8 @@
 pub mod check;
 pub mod languages;
 mod solving;
+pub mod copy;
+pub mod backup;
 pub mod export;
 pub mod import;
 pub mod game;
@@ -96,7 +98,7 @@ fn one_of<T: Clone + Send + Sync + 'static>(words: Words<T>) -> impl TypedValueP
 ///
 /// # Errors
 /// [`CommandError::Input`] naming the studies that there are.
-async fn study_named(store: &Store, slug: &str, url: &str) -> Result<StoredStudy, CommandError> {
+async fn study_named(store: &Store, slug: &str) -> Result<StoredStudy, CommandError> {
     if let Some(study) = store.study(slug).await? {
         return Ok(study);
     }
@@ -105,7 +107,10 @@ async fn study_named(store: &Store, slug: &str, url: &str) -> Result<StoredStudy
         0 => "no study".to_owned(),
         _ => known.join(", "),
     };
-    Err(CommandError::Input(format!("--study {slug}: no such study in {url}, which has {known}")))
+    Err(CommandError::Input(format!(
+        "--study {slug}: no such study in {}, which has {known}",
+        store.name()
+    )))
 }
 
 /// A file that cannot be written.

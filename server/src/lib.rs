@@ -17,6 +17,7 @@ pub mod languages;
 pub mod figure;
 pub mod design;
 pub mod recordings;
+pub mod transfer;
 pub mod report;
 pub mod jobs;
 pub mod http;

@@ -2,8 +2,8 @@
 
 use clap::{Parser, Subcommand};
 use sidestep_server::commands::{
-    CommandError, analyze, bounds, check, design, export, features, import, languages, plot, reach,
-    serve, shfrs, simulate, solve, value,
+    CommandError, analyze, backup, bounds, check, copy, design, export, features, import,
+    languages, plot, reach, serve, shfrs, simulate, solve, value,
 };
 use std::io::IsTerminal;
 use std::process::ExitCode;
@@ -39,6 +39,9 @@ enum Command {
     Export(export::ExportArgs),
     Import(import::ImportArgs),
     Check(check::CheckArgs),
+    Backup(backup::BackupArgs),
+    Restore(backup::RestoreArgs),
+    Copy(copy::CopyArgs),
 }
 
 #[tokio::main]
@@ -71,6 +74,9 @@ async fn call(command: Command) -> Result<(), CommandError> {
         Command::Export(args) => export::run(args).await,
         Command::Import(args) => import::run(args).await,
         Command::Check(args) => check::run(args).await,
+        Command::Backup(args) => backup::back_up(args).await,
+        Command::Restore(args) => backup::restore(args).await,
+        Command::Copy(args) => copy::run(args).await,
     }
 }
 

@@ -30,6 +30,7 @@ pub mod people;
 pub mod overview;
 pub mod profiles;
 pub mod imports;
+pub mod copying;
 pub mod snapshot;
 #[cfg(test)]
 pub(crate) mod tests;
@@ -44,7 +45,7 @@ use sidestep::study::StudyConfig;
 use sql::Connection;
 use sqlite::{DatabaseFile, Sqlite};
 use std::collections::HashMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, RwLock};
 use tokio::sync::watch;
 
@@ -153,6 +154,27 @@ impl Store {
         match &self.open.database {
             Database::Sqlite(database) => database.serve_alone(),
             Database::Postgres(_) => Ok(()),
+        }
+    }
+
+    /// What messages call the database: its file, or its address without a password.
+    #[must_use]
+    pub fn name(&self) -> String {
+        match &self.open.database {
+            Database::Sqlite(database) => database.name(),
+            Database::Postgres(database) => database.name().to_owned(),
+        }
+    }
+
+    /// Writes everything, as it is at one instant, into a new file of SQLite, if this database is one.
+    /// Returns whether it is.
+    ///
+    /// # Errors
+    /// [`StoreError`] if the file is there already or the disk refuses it.
+    pub async fn write_snapshot(&self, file: &Path) -> Result<bool, StoreError> {
+        match &self.open.database {
+            Database::Sqlite(database) => database.write_snapshot(file).await.map(|()| true),
+            Database::Postgres(_) => Ok(false),
         }
     }
 

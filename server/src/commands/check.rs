@@ -13,7 +13,7 @@ use sidestep::trial::{Flag, Outcome, outcome};
 /// Prints a JSON summary; exit code 1 if anything is wrong.
 #[derive(Clone, Debug, clap::Args)]
 pub struct CheckArgs {
-    /// Database: sqlite: followed by a file.
+    /// Database: sqlite:FILE or postgres://USER@HOST/DATABASE.
     #[arg(long, value_name = "URL", default_value = "sqlite:sidestep.db")]
     pub database: String,
 }
@@ -52,6 +52,7 @@ pub struct Wrong {
 pub async fn run(args: CheckArgs) -> Result<(), CommandError> {
     let store = Store::open(&args.database, Missing::Refuse).await?;
     let report = report(&store).await?;
+    let name = store.name();
     store.close().await;
     print_json(&report)?;
     let faults = report.damage.len() + report.wrong.len();
@@ -59,11 +60,11 @@ pub async fn run(args: CheckArgs) -> Result<(), CommandError> {
         return Ok(());
     }
     let faults = if faults == 1 { "1 fault".to_owned() } else { format!("{faults} faults") };
-    let message = format!("{}: {faults}; see the report", args.database);
+    let message = format!("{name}: {faults}; see the report");
     Err(CommandError::Failure(message))
 }
 
-async fn report(store: &Store) -> Result<Report, CommandError> {
+pub(super) async fn report(store: &Store) -> Result<Report, CommandError> {
     let mut report = Report { damage: store.damage().await?, ..Report::default() };
     let wrong_tally =
         |id| format!("participant {id}: the tally does not follow from what is stored");
@@ -159,12 +160,12 @@ fn told(outcome: &Outcome) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::store::tests::{Known, someone, store, trial};
+    use crate::store::tests::{Known, file_store, someone, trial};
     use sidestep::vehicle::TurnInput;
 
     #[tokio::test]
     async fn what_cannot_be_read_is_named_and_the_rest_is_checked() {
-        let (folder, store) = store().await;
+        let (folder, store) = file_store().await;
         someone(&store, "ada", Known::default()).await;
         for id in ["ada-0", "ada-1"] {
             let mut new = trial(id, TurnInput::Left);

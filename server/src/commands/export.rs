@@ -68,7 +68,7 @@ const QUALITIES: Words<Quality> = &[
 /// disk refuse (failure).
 pub async fn run(args: ExportArgs) -> Result<(), CommandError> {
     let store = Store::open(&args.database, Missing::Refuse).await?;
-    let study = study_named(&store, &args.study, &args.database).await?;
+    let study = study_named(&store, &args.study).await?;
     let configuration = match args.configuration {
         Some(digits) => Some(configuration(&digits, store.configurations(study.id).await?)?),
         None => None,

@@ -66,7 +66,7 @@ impl TrialsArgs {
     async fn stored(&self) -> Result<Recording, CommandError> {
         let url = self.source.database.clone().unwrap_or_default();
         let store = Store::open(&url, Missing::Refuse).await?;
-        let study = study_named(&store, &self.study, &url).await?;
+        let study = study_named(&store, &self.study).await?;
         let recording = recordings::of_study(&store, &study).await?;
         store.close().await;
         if recording.participants.is_empty() {

@@ -40,6 +40,8 @@ const PATIENCE: Duration = Duration::from_secs(2);
 /// An open database with all migrations applied.
 #[derive(Debug)]
 pub(super) struct Postgres {
+    /// The address without the password.
+    name: String,
     shared: Arc<Shared>,
     kinds: [Kind; 5],
 }
@@ -116,13 +118,17 @@ impl Postgres {
             waiting: AtomicUsize::new(0),
         });
         let shared = Arc::new(Shared { pool, committed: watch::Sender::new(0) });
-        Ok(Self { shared, kinds })
+        Ok(Self { name: database, shared, kinds })
     }
 
     /// Looks for what other servers store, from now on, while somebody wants to know.
     pub(super) fn watch(&self) {
         let shared = Arc::downgrade(&self.shared);
         task::spawn(watch_commits(shared));
+    }
+
+    pub(super) fn name(&self) -> &str {
+        &self.name
     }
 
     /// Whether a write could be made now.

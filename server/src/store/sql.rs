@@ -19,7 +19,7 @@ use std::vec::IntoIter;
 
 pub(super) use row::Row;
 use session::Session;
-pub(super) use value::{ToSql, Value};
+pub(super) use value::{Kind, ToSql, Value};
 
 /// The error of a statement.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -16,7 +16,7 @@ use super::{Missing, OpenError};
 use readers::Readers;
 use rusqlite::ErrorCode;
 use std::fs::File;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 use tokio::sync::watch;
@@ -95,6 +95,23 @@ impl Sqlite {
             return Err(StoreError::Full);
         }
         Ok(self.file.folder().to_owned())
+    }
+
+    pub(super) fn name(&self) -> String {
+        self.file.path().display().to_string()
+    }
+
+    /// Writes all rows into a new file that only its owner can read.
+    pub(super) async fn write_snapshot(&self, out: &Path) -> Result<(), StoreError> {
+        let (from, to) = (self.file.path().to_owned(), DatabaseFile::at(out));
+        let writing = tokio::task::spawn_blocking(move || {
+            let refused = |error: std::io::Error| StoreError::Unavailable(error.to_string());
+            to.create().map_err(refused)?;
+            let db = connection::untouching(&from)?;
+            db.execute("VACUUM INTO ?1", [to.path().to_string_lossy()])?;
+            Ok(())
+        });
+        writing.await.map_err(|error| StoreError::Defect(error.to_string()))?
     }
 
     /// Damaged pages and references to nothing.

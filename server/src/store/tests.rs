@@ -9,6 +9,7 @@ use super::sql::Connection;
 use super::trials::{NewTrial, PutTrial};
 use super::{Database, Missing, Store, StoreError};
 use crate::content::{Content, Recipe};
+use crate::transfer::{self, TransferError};
 use sidestep::api::{Action, ComprehensionResult};
 use sidestep::comparison::Request;
 use sidestep::scene::{Scene, SceneParameters};
@@ -20,19 +21,21 @@ use std::sync::{Arc, Mutex, mpsc};
 use std::task::{Context, Poll, Waker};
 use tempfile::TempDir;
 use tokio::sync::oneshot;
+use tokio_util::sync::CancellationToken;
 
-/// A store of its own: in the cluster of PostgreSQL that `SIDESTEP_TEST_POSTGRES` names (an address that
-/// the name of a database completes), otherwise in a file.
+/// A store of its own: in the cluster of PostgreSQL that `SIDESTEP_TEST_POSTGRES` names (an address with
+/// DATABASE in the place of its name), otherwise in a file.
 pub(crate) async fn store() -> (TempDir, Store) {
     let Ok(cluster) = std::env::var("SIDESTEP_TEST_POSTGRES") else { return file_store().await };
     let name = format!("store_{}", uuid::Uuid::new_v4().simple());
-    let (address, create) = (format!("{cluster}postgres"), format!("CREATE DATABASE {name}"));
+    let address = cluster.replace("DATABASE", "postgres");
+    let create = format!("CREATE DATABASE {name}");
     let created = tokio::task::spawn_blocking(move || {
         let mut client = postgres::Client::connect(&address, postgres::NoTls).unwrap();
         client.batch_execute(&create).unwrap();
     });
     created.await.unwrap();
-    let store = Store::open(&format!("{cluster}{name}"), Missing::Create).await.unwrap();
+    let store = Store::open(&cluster.replace("DATABASE", &name), Missing::Create).await.unwrap();
     (TempDir::new().unwrap(), store)
 }
 
@@ -318,14 +321,7 @@ async fn a_job_that_is_not_wanted_any_more_writes_nothing() {
     store.put_trial("ada", trial("ada-0", TurnInput::Left)).await.unwrap();
     let study = store.study("default").await.unwrap().unwrap();
     let request = Request::default();
-    let entry = NewEntry {
-        at_ms: 1,
-        key_id: None,
-        who: "first key".to_owned(),
-        action: Action::AnalysisRequested,
-        study: None,
-        subject: None,
-    };
+    let entry = entry(Action::AnalysisRequested);
     store.ask_analysis("first".to_owned(), study.id, &request, entry).await.unwrap();
     let job = store.begin_analysis("a server", 2).await.unwrap().unwrap();
     let long = vec![7; 3 << 20];
@@ -340,6 +336,78 @@ async fn a_job_that_is_not_wanted_any_more_writes_nothing() {
     let again = store.begin_analysis("a server", 5).await.unwrap().unwrap();
     assert_eq!((again.sequence, again.attempt), (job.sequence, 2));
     assert!(store.put_analysis_file(&again, "long", 5, long, 5).await.unwrap());
+}
+
+/// An entry of the audit trail.
+fn entry(action: Action) -> NewEntry {
+    let (key_id, who) = (None, "first key".to_owned());
+    NewEntry { at_ms: 1, key_id, who, action, study: None, subject: None }
+}
+
+/// What a copy of a study has: the rows of each participant, hashed, and the trials in their order.
+async fn copied(store: &Store, slug: &str) -> (Vec<[u8; 32]>, Vec<String>) {
+    let study = store.study(slug).await.unwrap().unwrap();
+    let [people, _] = store.copied_ids(study.id).await.unwrap();
+    let mut hashes = Vec::new();
+    for id in people {
+        hashes.push(store.participant_copy(&id).await.unwrap().unwrap().hash());
+    }
+    let trials = store.trials_page(study.id, i64::MAX, 100).await.unwrap();
+    (hashes, trials.into_iter().map(|trial| trial.trial_id).collect())
+}
+
+#[tokio::test]
+async fn a_copy_has_everything_and_can_be_repeated() {
+    let (_folder, from) = file_store().await;
+    let (_folder, to) = store().await;
+    let (_folder, back) = file_store().await;
+    for name in ["ada", "bob", "cleo"] {
+        someone(&from, name, Known::default()).await;
+    }
+    for id in ["bob-0", "ada-0", "bob-1"] {
+        let name = &id[..3];
+        assert!(from.put_trial(name, trial(id, TurnInput::Left)).await.is_ok());
+    }
+    from.withdraw("cleo", false, 7, None).await.unwrap();
+    let entry = || entry(Action::Excluded);
+    assert!(from.exclude("ada", Some("fell asleep".to_owned()), entry()).await.unwrap());
+    from.add_note("ada", "a note".to_owned(), entry()).await.unwrap();
+    // The destination has another study.
+    let other = StudyConfig { slug: "other".to_owned(), ..StudyConfig::default() };
+    to.put_study(&other, 3).await.unwrap();
+
+    let stop = CancellationToken::new();
+    let slugs = [StudyConfig::default().slug];
+    let ignore = |_, _| ();
+    let first = transfer::copy(&from, &to, &slugs, &stop, ignore).await.unwrap();
+    assert_eq!((first.participants, first.present, first.trials), (3, 0, 3));
+    let again = transfer::copy(&from, &to, &slugs, &stop, ignore).await.unwrap();
+    assert_eq!((again.participants, again.present), (3, 3));
+    assert_eq!(first.sha256, again.sha256);
+    transfer::copy(&to, &back, &slugs, &stop, ignore).await.unwrap();
+    let expected = copied(&from, &slugs[0]).await;
+    assert_eq!(expected.1, ["bob-1", "ada-0", "bob-0"]);
+    for store in [&to, &back] {
+        assert_eq!(copied(store, &slugs[0]).await, expected);
+        assert_eq!(store.wrong_tallies().await.unwrap(), Vec::<String>::new());
+    }
+
+    // Whoever has done more since is copied anew.
+    from.put_trial("ada", trial("ada-1", TurnInput::Right)).await.unwrap();
+    let more = transfer::copy(&from, &to, &slugs, &stop, ignore).await.unwrap();
+    assert_eq!((more.present, more.trials), (2, 4));
+    assert_eq!(copied(&to, &slugs[0]).await, copied(&from, &slugs[0]).await);
+
+    let refused =
+        transfer::copy(&other_study_of_that_name().await, &to, &slugs, &stop, ignore).await;
+    assert!(matches!(refused, Err(TransferError::OtherStudy(_))), "{refused:?}");
+}
+
+/// A store with a study of the usual name that began at another time.
+async fn other_study_of_that_name() -> Store {
+    let (_folder, store) = file_store().await;
+    store.put_study(&StudyConfig::default(), 99).await.unwrap();
+    store
 }
 
 #[tokio::test]

@@ -24,6 +24,20 @@ pub(super) struct Pool {
     idle: Mutex<Option<Vec<Connection>>>,
 }
 
+impl Drop for Pool {
+    fn drop(&mut self) {
+        self.close();
+    }
+}
+
+/// Says goodbye on a thread of its own: that waits for the network, which the thread of a request must not.
+fn end(sessions: Option<Vec<Connection>>) {
+    if let Some(sessions) = sessions.filter(|sessions| !sessions.is_empty()) {
+        // Without a thread the sessions end with the process.
+        let _ = std::thread::Builder::new().spawn(move || drop(sessions));
+    }
+}
+
 impl Pool {
     pub(super) fn new(config: Config, tls: ClientConfig) -> Self {
         Self { config, tls, idle: Mutex::new(Some(Vec::new())) }
@@ -91,12 +105,12 @@ impl Pool {
     /// Gives all idle sessions up: the database, or the way to it, was lost.
     pub(super) fn forget(&self) {
         if let Some(idle) = self.idle().as_mut() {
-            idle.clear();
+            end(Some(std::mem::take(idle)));
         }
     }
 
     pub(super) fn close(&self) {
-        self.idle().take();
+        end(self.idle().take());
     }
 
     /// An idle session, if there is one.

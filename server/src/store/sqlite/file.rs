@@ -32,7 +32,14 @@ impl DatabaseFile {
         if name.is_empty() || name.contains(":memory:") || name.contains("mode=memory") {
             return Err("no file; results must survive a restart".to_owned());
         }
-        Ok(Self { path: name.into(), log: format!("{name}-wal").into() })
+        Ok(Self::at(Path::new(name)))
+    }
+
+    /// The file at a path.
+    pub(super) fn at(path: &Path) -> Self {
+        let mut log = path.as_os_str().to_owned();
+        log.push("-wal");
+        Self { path: path.to_owned(), log: log.into() }
     }
 
     pub(super) fn path(&self) -> &Path {

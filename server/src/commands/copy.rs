@@ -1,0 +1,73 @@
+//! `sidestep copy`.
+
+use super::solving::Interrupt;
+use super::solving::bar;
+use super::{CommandError, print_json, study_named};
+use crate::store::{Missing, Store};
+use crate::transfer;
+
+/// Copy studies from one database to another, from SQLite to PostgreSQL or back.
+///
+/// Copies everything that is stored about participants, with their ids, trials, notes and exclusions, the
+/// study's versions, value functions and analyses; without --study also the keys and the audit trail, if
+/// the destination has no keys. Every participant is compared by a hash afterwards. A copy that breaks off
+/// goes on where it was if it is started again. No server should use either database meanwhile.
+///
+/// Prints a JSON summary.
+#[derive(Clone, Debug, clap::Args)]
+pub struct CopyArgs {
+    /// Database to copy from: sqlite:FILE or postgres://USER@HOST/DATABASE.
+    #[arg(long, value_name = "URL")]
+    pub from: String,
+
+    /// Database to copy to; created if it does not exist (of PostgreSQL, its tables).
+    #[arg(long, value_name = "URL")]
+    pub to: String,
+
+    /// Only the study with this name [default: all studies, with keys and audit trail].
+    #[arg(long, value_name = "SLUG")]
+    pub study: Option<String>,
+}
+
+/// Copies and prints what was copied.
+///
+/// # Errors
+/// [`CommandError`] for an unknown study (input), or if a database refuses (failure).
+pub async fn run(args: CopyArgs) -> Result<(), CommandError> {
+    if args.from == args.to {
+        let message = "--to: expected another database than that of --from, found the same";
+        return Err(CommandError::Input(message.to_owned()));
+    }
+    let from = Store::open(&args.from, Missing::Refuse).await?;
+    let slugs = match &args.study {
+        Some(slug) => vec![study_named(&from, slug).await?.slug],
+        None => from.slugs().await?,
+    };
+    let to = Store::open(&args.to, Missing::Create).await?;
+    let copied = whole(&from, &to, &slugs, args.study.is_none()).await?;
+    from.close().await;
+    to.close().await;
+    print_json(&copied)
+}
+
+/// Copies studies, and keys and audit trail if `access` says so, with a progress bar.
+pub(super) async fn whole(
+    from: &Store,
+    to: &Store,
+    slugs: &[String],
+    access: bool,
+) -> Result<transfer::Copied, CommandError> {
+    let interrupt = Interrupt::listen();
+    let bar = bar(0, "copying [{bar:40}] {pos:>4}/{len} participants  {elapsed_precise}");
+    let progress = |done: usize, of: usize| {
+        bar.set_length(of as u64);
+        bar.set_position(done as u64);
+    };
+    let copied = transfer::copy(from, to, slugs, &interrupt.token, progress).await;
+    bar.finish_and_clear();
+    let copied = copied.map_err(CommandError::failure)?;
+    if access {
+        to.put_access_copy(from.access_copy().await?).await?;
+    }
+    Ok(copied)
+}

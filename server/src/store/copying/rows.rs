@@ -1,0 +1,142 @@
+//! Rows of any table.
+
+use super::columns::Table;
+use crate::store::StoreError;
+use crate::store::sql::{Connection, Kind, Row, ToSql, Value};
+use sha2::{Digest, Sha256};
+
+/// A value that nobody lends.
+#[derive(Clone, Debug, PartialEq)]
+enum Owned {
+    Null(Kind),
+    Integer(i64),
+    Real(f64),
+    Text(String),
+    Bytes(Vec<u8>),
+    Truth(bool),
+}
+
+impl ToSql for Owned {
+    fn value(&self) -> Value<'_> {
+        match self {
+            Self::Null(kind) => Value::Null(*kind),
+            Self::Integer(number) => Value::Integer(*number),
+            Self::Real(number) => Value::Real(*number),
+            Self::Text(text) => Value::Text(text),
+            Self::Bytes(bytes) => Value::Bytes(bytes),
+            Self::Truth(truth) => Value::Truth(*truth),
+        }
+    }
+}
+
+/// Rows of a table in their order.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Rows {
+    rows: Vec<Vec<Owned>>,
+    /// The numbers of trials.
+    numbers: Vec<i64>,
+}
+
+impl Rows {
+    pub(super) fn len(&self) -> usize {
+        self.rows.len()
+    }
+
+    /// Adds all values to a hash: each with its kind and, if it has any length, with its length.
+    pub(super) fn hash(&self, hasher: &mut Sha256) {
+        hasher.update((self.rows.len() as u64).to_le_bytes());
+        for value in self.rows.iter().flatten() {
+            let mut sized = |kind: u8, bytes: &[u8]| {
+                hasher.update([kind]);
+                hasher.update((bytes.len() as u64).to_le_bytes());
+                hasher.update(bytes);
+            };
+            match value {
+                Owned::Null(_) => sized(0, &[]),
+                Owned::Integer(number) => sized(1, &number.to_le_bytes()),
+                Owned::Real(number) => sized(2, &number.to_bits().to_le_bytes()),
+                Owned::Text(text) => sized(3, text.as_bytes()),
+                Owned::Bytes(bytes) => sized(4, bytes),
+                Owned::Truth(truth) => sized(5, &[(*truth).into()]),
+            }
+        }
+    }
+}
+
+/// The rows of a table that belong to the participant or analysis with this id; all without one.
+pub(super) fn read(db: &Connection, table: &Table, id: Option<&str>) -> Result<Rows, StoreError> {
+    let number = if table.is_numbered { ", sequence" } else { "" };
+    let of = if id.is_some() { format!("WHERE {}", table.of) } else { String::new() };
+    let query = format!(
+        "SELECT {}{number} FROM {} {of} ORDER BY {}",
+        table.names(),
+        table.name,
+        table.order
+    );
+    let mut rows = Rows::default();
+    let row = |row: &Row<'_>| {
+        for at in 0..usize::from(table.is_numbered) {
+            rows.numbers.push(row.get(table.columns.len() + at)?);
+        }
+        let kinds = table.columns.iter().enumerate();
+        kinds.map(|(at, (_, kind))| owned(row, at, *kind)).collect::<Result<Vec<_>, StoreError>>()
+    };
+    let mut statement = db.prepare_cached(&query)?;
+    let found = match id {
+        Some(id) => statement.query_and_then([id], row)?,
+        None => statement.query_and_then([], row)?,
+    };
+    rows.rows = found.collect::<Result<_, _>>()?;
+    Ok(rows)
+}
+
+fn owned(row: &Row<'_>, at: usize, kind: Kind) -> Result<Owned, StoreError> {
+    let found = match kind {
+        Kind::Integer => row.get::<_, Option<i64>>(at)?.map(Owned::Integer),
+        Kind::Real => row.get::<_, Option<f64>>(at)?.map(Owned::Real),
+        Kind::Text => row.get::<_, Option<String>>(at)?.map(Owned::Text),
+        Kind::Bytes => row.get::<_, Option<Vec<u8>>>(at)?.map(Owned::Bytes),
+        Kind::Truth => row.get::<_, Option<bool>>(at)?.map(Owned::Truth),
+    };
+    Ok(found.unwrap_or(Owned::Null(kind)))
+}
+
+/// Stores rows. `owner` is the number of the study or analysis that they belong to; `shift` is added to the
+/// numbers of trials.
+pub(super) fn insert(
+    db: &Connection,
+    table: &Table,
+    rows: &Rows,
+    owner: i64,
+    shift: i64,
+) -> Result<(), StoreError> {
+    let mut names: Vec<&str> = table.columns.iter().map(|(name, _)| *name).collect();
+    if table.is_made {
+        let set = |(i, name): (usize, &&str)| format!("{name} = ?{}", i + 1);
+        let sets: Vec<String> = names.iter().enumerate().skip(1).map(set).collect();
+        let query = format!("UPDATE {} SET {} WHERE {}", table.name, sets.join(", "), table.of);
+        for row in &rows.rows {
+            let values: Vec<&dyn ToSql> = row.iter().map(|value| value as _).collect();
+            db.execute(&query, &values[..])?;
+        }
+        return Ok(());
+    }
+    names.extend(table.owner);
+    names.extend(table.is_numbered.then_some("sequence"));
+    let places: Vec<String> = (1..=names.len()).map(|place| format!("?{place}")).collect();
+    let query =
+        format!("INSERT INTO {} ({}) VALUES ({})", table.name, names.join(", "), places.join(", "));
+    let mut statement = db.prepare_cached(&query)?;
+    for (i, row) in rows.rows.iter().enumerate() {
+        let number = rows.numbers.get(i).map(|number| number + shift);
+        let mut values: Vec<&dyn ToSql> = row.iter().map(|value| value as _).collect();
+        if table.owner.is_some() {
+            values.push(&owner);
+        }
+        if let Some(number) = &number {
+            values.push(number);
+        }
+        statement.execute(&values[..])?;
+    }
+    Ok(())
+}

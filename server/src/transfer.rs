@@ -1,0 +1,127 @@
+//! Copies of studies between databases: every participant, compared by a hash at the end.
+
+use crate::store::copying::{CopyRefusal, CopyTarget};
+use crate::store::{Store, StoreError};
+use serde::Serialize;
+use sha2::{Digest, Sha256};
+use tokio_util::sync::CancellationToken;
+
+/// What was copied, and compared afterwards.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Copied {
+    /// Studies.
+    pub studies: usize,
+    /// Participants, pilots too.
+    pub participants: usize,
+    /// Those of them who were there already, unchanged.
+    pub present: usize,
+    /// Trials.
+    pub trials: usize,
+    /// Analyses.
+    pub analyses: usize,
+    /// SHA-256 of the hashes of all participants' rows, the same in both databases.
+    pub sha256: String,
+}
+
+/// Why a copy is not whole. What was copied stays, and the same copy goes on where it was.
+#[derive(Debug, thiserror::Error)]
+pub enum TransferError {
+    /// There is another study of this name.
+    #[error(
+        "study {0}: the destination has another study of this name; rename one of them, or copy to \
+         another database"
+    )]
+    OtherStudy(String),
+    /// A participant differs after the copy.
+    #[error(
+        "study {slug}: participant {id} changed while they were copied; stop the servers of both \
+         databases and copy again"
+    )]
+    Changed {
+        /// The study.
+        slug: String,
+        /// The participant.
+        id: String,
+    },
+    /// Somebody stopped it.
+    #[error("stopped; the same command goes on where it was")]
+    Stopped,
+    /// A database refuses.
+    #[error("{0}")]
+    Store(#[from] StoreError),
+}
+
+/// Copies studies, one after the other. `progress` hears how many participants of how many are done.
+///
+/// # Errors
+/// [`TransferError`].
+pub async fn copy(
+    from: &Store,
+    to: &Store,
+    slugs: &[String],
+    stop: &CancellationToken,
+    mut progress: impl FnMut(usize, usize),
+) -> Result<Copied, TransferError> {
+    let mut copied = Copied::default();
+    let mut all = Sha256::new();
+    let mut studies = Vec::new();
+    for slug in slugs {
+        if let Some(study) = from.study_copy(slug).await? {
+            let ids = from.copied_ids(study.study_id).await?;
+            studies.push((study, ids));
+        }
+    }
+    let of = studies.iter().map(|(_, [participants, _])| participants.len()).sum();
+    for (study, [participants, analyses]) in studies {
+        let slug = study.slug.clone();
+        let target = match to.begin_copy(study).await? {
+            Ok(target) => target,
+            Err(CopyRefusal::OtherStudy) => return Err(TransferError::OtherStudy(slug)),
+        };
+        for id in participants {
+            if stop.is_cancelled() {
+                return Err(TransferError::Stopped);
+            }
+            all.update(participant(from, to, target, &slug, &id, &mut copied).await?);
+            progress(copied.participants, of);
+        }
+        for id in analyses {
+            if stop.is_cancelled() {
+                return Err(TransferError::Stopped);
+            }
+            if let Some(analysis) = from.analysis_copy(&id).await? {
+                to.put_analysis_copy(target, analysis).await?;
+                copied.analyses += 1;
+            }
+        }
+        copied.studies += 1;
+    }
+    copied.sha256 = hex::encode(all.finalize());
+    Ok(copied)
+}
+
+/// Copies a participant and reads them again from both sides. Returns the hash of their rows.
+async fn participant(
+    from: &Store,
+    to: &Store,
+    target: CopyTarget,
+    slug: &str,
+    id: &str,
+    copied: &mut Copied,
+) -> Result<[u8; 32], TransferError> {
+    let changed = || TransferError::Changed { slug: slug.to_owned(), id: id.to_owned() };
+    let rows = from.participant_copy(id).await?.ok_or_else(changed)?;
+    let (hash, trials) = (rows.hash(), rows.trials());
+    if !to.put_participant_copy(target, rows).await? {
+        copied.present += 1;
+    }
+    for store in [from, to] {
+        let again = store.participant_copy(id).await?.ok_or_else(changed)?;
+        if again.hash() != hash {
+            return Err(changed());
+        }
+    }
+    copied.participants += 1;
+    copied.trials += trials;
+    Ok(hash)
+}
