@@ -2,6 +2,7 @@
 //! database and a small site, people who drive, and the command as a process.
 //! Everything is gone when it is dropped.
 
+pub mod behind;
 pub mod browser;
 pub mod driver;
 pub mod folder;
@@ -10,6 +11,7 @@ pub mod process;
 pub mod proxy;
 pub mod server;
 
+pub use behind::{behind, behind_file};
 pub use browser::{Browser, Tab};
 pub use driver::{Driver, driven, driven_with, on_time, upload, upload_with};
 pub use folder::Folder;
@@ -45,18 +47,6 @@ impl Address {
     pub async fn get(&self, route: &str) -> Answer {
         Answer::of(self.request(Method::GET, route)).await
     }
-}
-
-/// The database at `url`, behind the server's back.
-///
-/// # Panics
-/// If it cannot be opened.
-#[must_use]
-pub fn behind(url: &str) -> rusqlite::Connection {
-    let file = url.trim_start_matches("sqlite:");
-    let db = rusqlite::Connection::open(file).expect("a database");
-    db.busy_timeout(std::time::Duration::from_secs(10)).expect("a timeout");
-    db
 }
 
 /// The answer to a request: status, and the body as JSON (null where it is none).

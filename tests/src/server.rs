@@ -1,5 +1,6 @@
 //! A server within the test, as a browser or a script sees it.
 
+use crate::behind::new_postgres_database;
 use crate::process::binary;
 use crate::{Address, Answer};
 use reqwest::Method;
@@ -100,7 +101,26 @@ impl Server {
         let site = folder.path().join("site");
         write_site(&site);
         std::fs::copy(database, folder.path().join("sidestep.db")).expect("a copy");
-        Self::first(folder, study, site, |_| ()).await
+        Self::on_file(folder, study, site, |_| ()).await
+    }
+
+    /// As [`Self::with_study`], on a file of SQLite in any case: for tests of what only a file can suffer.
+    pub async fn on_a_file(study: &str) -> Self {
+        let folder = TempDir::new().expect("a folder");
+        let site = folder.path().join("site");
+        write_site(&site);
+        Self::on_file(folder, study, site, |_| ()).await
+    }
+
+    async fn on_file(
+        folder: TempDir,
+        study: &str,
+        site: PathBuf,
+        change: fn(&mut ServeArgs),
+    ) -> Self {
+        let args =
+            ServeArgs { database: file_in(folder.path()), ..arguments(folder.path(), study, site) };
+        Self::for_the_first_time(folder, args, change).await
     }
 
     async fn first(
@@ -110,6 +130,14 @@ impl Server {
         change: fn(&mut ServeArgs),
     ) -> Self {
         let args = arguments(folder.path(), study, site);
+        Self::for_the_first_time(folder, args, change).await
+    }
+
+    async fn for_the_first_time(
+        folder: TempDir,
+        args: ServeArgs,
+        change: fn(&mut ServeArgs),
+    ) -> Self {
         let server = Stopped { folder, args, key: String::new() }.start_with(None, change).await;
         assert!(server.running.new_key.is_some(), "a key at the first start");
         server
@@ -150,7 +178,7 @@ impl Server {
     /// The database's address for commands.
     #[must_use]
     pub fn database(&self) -> String {
-        database(self.folder.path())
+        self.args.database.clone()
     }
 
     /// A path in the server's own folder.
@@ -236,7 +264,7 @@ fn arguments(folder: &Path, study: &str, site: PathBuf) -> ServeArgs {
     ServeArgs {
         demo: false,
         listen: "127.0.0.1:0".to_owned(),
-        database: database(folder),
+        database: new_postgres_database().unwrap_or_else(|| file_in(folder)),
         study: Some(file),
         replace_study: false,
         languages: None,
@@ -255,7 +283,8 @@ pub fn with_slug(study: &str) -> String {
     if has_one { study.to_owned() } else { format!("slug = \"default\"\n{study}") }
 }
 
-fn database(folder: &Path) -> String {
+/// The address of the database in a folder.
+fn file_in(folder: &Path) -> String {
     format!("sqlite:{}", folder.join("sidestep.db").display())
 }
 

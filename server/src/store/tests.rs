@@ -403,13 +403,6 @@ async fn a_copy_has_everything_and_can_be_repeated() {
     assert!(matches!(refused, Err(TransferError::OtherStudy(_))), "{refused:?}");
 }
 
-/// A store with a study of the usual name that began at another time.
-async fn other_study_of_that_name() -> Store {
-    let (_folder, store) = file_store().await;
-    store.put_study(&StudyConfig::default(), 99).await.unwrap();
-    store
-}
-
 #[tokio::test]
 async fn what_one_operation_does_wrong_costs_no_other() {
     let (_folder, store) = file_store().await;

@@ -8,7 +8,7 @@ use sidestep::api::{
 };
 use sidestep::scene::{Evader, SceneParameters};
 use sidestep_tests::server::SHORT_STUDY;
-use sidestep_tests::{Answer, Driver, Folder, Server, behind, driven, driven_with, run};
+use sidestep_tests::{Answer, Driver, Folder, Server, behind_file, driven, driven_with, run};
 use std::path::{Path, PathBuf};
 
 fn old(name: &str) -> PathBuf {
@@ -126,11 +126,11 @@ async fn ids_that_are_one_person_now_belong_to_the_first() {
     let database = folder.database("sidestep.db");
     let change = "UPDATE participant SET external_id = ' P-' || 18 WHERE number = 2 AND study_id = 1; \
                   UPDATE participant SET external_id = 'p-18' WHERE number = 3 AND study_id = 1";
-    behind(&database).execute_batch(change).unwrap();
+    behind_file(&database).execute_batch(change).unwrap();
     run(&["check", "--database", &database]).await.json();
     let query = "SELECT number, external_key FROM participant WHERE study_id = 1 \
                  AND number IN (2, 3) ORDER BY number";
-    let db = behind(&database);
+    let db = behind_file(&database);
     let mut statement = db.prepare(query).unwrap();
     let found: Vec<(i64, Option<String>)> =
         statement.query_map([], |row| Ok((row.get(0)?, row.get(1)?))).unwrap().flatten().collect();
@@ -139,7 +139,7 @@ async fn ids_that_are_one_person_now_belong_to_the_first() {
 
 #[tokio::test]
 async fn a_configuration_is_known_by_what_was_stored() {
-    let server = Server::with_study(SHORT_STUDY).await;
+    let server = Server::on_a_file(SHORT_STUDY).await;
     let database = server.database();
     let stopped = server.stop().await;
     // Without a field that this version writes, and in another order: as if the field were new.
@@ -149,7 +149,7 @@ async fn a_configuration_is_known_by_what_was_stored() {
             "robot": { "turn_rate_radps": 0.5, "speed_mps": 2.0 },
             "human": { "turn_rate_radps": 0.5, "speed_mps": 2.0 } } }"#;
     let hash = "0123456789abcdef".repeat(4);
-    let db = behind(&database);
+    let db = behind_file(&database);
     db.execute("INSERT INTO study_config VALUES (?1, ?2)", [&hash, otherwise]).unwrap();
     db.execute("UPDATE study SET config_hash = ?1", [&hash]).unwrap();
     drop(db);
@@ -158,7 +158,7 @@ async fn a_configuration_is_known_by_what_was_stored() {
     let server = stopped.start().await;
     let driver = Driver::enrol(&server).await;
     driver.drive(&server, 2).await;
-    let db = behind(&database);
+    let db = behind_file(&database);
     let under = "SELECT count(*) FROM participant WHERE config_hash = ?1";
     let count: i64 = db.query_row(under, [&hash], |row| row.get(0)).unwrap();
     let configs: i64 =
@@ -174,7 +174,7 @@ async fn numbers_are_never_used_twice() {
     let server = Server::with_database(SHORT_STUDY, &old("sidestep.db")).await;
     let highest = |table: &str| -> i64 {
         let query = format!("SELECT seq FROM sqlite_sequence WHERE name = '{table}'");
-        behind(&server.database()).query_row(&query, [], |row| row.get(0)).unwrap()
+        behind_file(&server.database()).query_row(&query, [], |row| row.get(0)).unwrap()
     };
     let before = highest("analysis");
     let id = facts()["analysis"]["id"].as_str().unwrap().to_owned();
@@ -204,7 +204,7 @@ async fn is_refused(change: &str, words: &[&str]) {
     let file = folder.path("sidestep.db");
     std::fs::copy(old("sidestep.db"), &file).unwrap();
     let database = folder.database("sidestep.db");
-    behind(&database).execute_batch(change).unwrap();
+    behind_file(&database).execute_batch(change).unwrap();
     let before = std::fs::read(&file).unwrap();
     let out = folder.name("out");
     for args in [
@@ -231,7 +231,7 @@ async fn what_cannot_be_used_stays_as_it_was() {
 
 #[tokio::test]
 async fn an_enrolment_repeated_after_a_lost_answer_is_one_participant() {
-    let server = Server::with_study(SHORT_STUDY).await;
+    let server = Server::on_a_file(SHORT_STUDY).await;
     let body = json!({ "consent": true, "request_id": "3f0e2d6c-7a44-4c3e-9b1e-000000000001" });
     let asked = (0..8).map(|_| Driver::ask(&server, body.clone()));
     let answers = futures_util::future::join_all(asked).await;
@@ -257,6 +257,7 @@ async fn an_enrolment_repeated_after_a_lost_answer_is_one_participant() {
     let short = json!({ "consent": true, "request_id": "1" });
     Driver::ask(&server, short).await.problem(422, "invalid", Some("request_id"));
     let query = "SELECT count(*) FROM participant";
-    let people: i64 = behind(&server.database()).query_row(query, [], |row| row.get(0)).unwrap();
+    let people: i64 =
+        behind_file(&server.database()).query_row(query, [], |row| row.get(0)).unwrap();
     assert_eq!(people, 4);
 }

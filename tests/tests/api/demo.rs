@@ -8,7 +8,7 @@ use sidestep::api::{
 };
 use sidestep::study::Status;
 use sidestep_tests::server::SHORT_STUDY;
-use sidestep_tests::{Address, Answer, Driver, Folder, Process, Server, behind, run};
+use sidestep_tests::{Address, Answer, Driver, Folder, Process, Server, behind_file, run};
 use std::time::Duration;
 
 /// Long enough for any machine.
@@ -125,7 +125,7 @@ fn assert_same(found: &[Driven], expected: &[Driven]) {
 
 /// What everybody drove, and how far they are.
 fn drives(folder: &Folder) -> Vec<Driven> {
-    let db = behind(&folder.database("sidestep.db"));
+    let db = behind_file(&folder.database("sidestep.db"));
     let query = "SELECT participant.number, scene.ordinal, trial.states, completed_at_ms IS NOT NULL \
                  FROM trial JOIN scene ON scene.trial_id = trial.trial_id \
                  JOIN participant ON participant.id = scene.participant_id ORDER BY 1, 2";
@@ -138,7 +138,7 @@ async fn until_status(server: &Address, folder: &Folder, enough: impl Fn(i64, bo
     let waited = tokio::time::timeout(PATIENCE, async {
         loop {
             assert_eq!(server.get("/readyz").await.status, 200, "pages answer meanwhile");
-            let db = behind(&folder.database("sidestep.db"));
+            let db = behind_file(&folder.database("sidestep.db"));
             let query = "SELECT (SELECT count(*) FROM trial), json ->> '$.status' = 'closed' FROM study \
                          JOIN study_config ON hash = config_hash";
             let found = db.query_row(query, [], |row| Ok((row.get(0)?, row.get(1)?)));
@@ -171,7 +171,9 @@ async fn a_demonstration_that_was_killed_goes_on_and_is_the_same() {
     assert_same(&drives(&broken), &expected);
     let count = |table: &str| -> i64 {
         let query = format!("SELECT count(*) FROM {table}");
-        behind(&broken.database("sidestep.db")).query_row(&query, [], |row| row.get(0)).unwrap()
+        behind_file(&broken.database("sidestep.db"))
+            .query_row(&query, [], |row| row.get(0))
+            .unwrap()
     };
     let once = ["participant", "note", "exclusion", "analysis"].map(count);
     assert_eq!(once, [12, 4, 1, 1]);
@@ -198,7 +200,7 @@ async fn a_study_that_somebody_else_made_stays_as_it_is() {
     let said = run(&[&args[..], &["--database", &database]].concat()).await;
     said.refused(2, &["--demo", "found another one", "--database"]);
     let query = "SELECT count(*) FROM participant";
-    let people: i64 = behind(&database).query_row(query, [], |row| row.get(0)).unwrap();
+    let people: i64 = behind_file(&database).query_row(query, [], |row| row.get(0)).unwrap();
     assert_eq!(people, 0);
     let said = run(&[&args[..], &["--database", &database, "--study", &file]].concat()).await;
     said.refused(2, &["--demo", "--study"]);

@@ -137,8 +137,8 @@ async fn a_wrong_tally_is_found() {
     let id = driver.enrolled.participant_id.as_str();
     for (damage, repair) in [
         ("UPDATE tally SET task = task + 1", "UPDATE tally SET task = task - 1"),
-        ("UPDATE tally SET excluded = 1", "UPDATE tally SET excluded = 0"),
-        ("UPDATE tally SET complete = 1", "UPDATE tally SET complete = 0"),
+        ("UPDATE tally SET excluded = TRUE", "UPDATE tally SET excluded = FALSE"),
+        ("UPDATE tally SET complete = TRUE", "UPDATE tally SET complete = FALSE"),
         ("UPDATE tally SET number = 9", "UPDATE tally SET number = 1"),
         ("DELETE FROM tally", ""),
     ] {

@@ -47,8 +47,7 @@ async fn of_fifty_at_once_ten_get_the_ten_places() {
     assert_eq!(admission(&server).await, Admission::Full);
     let query = "SELECT place FROM participant ORDER BY place";
     let db = behind(&server.database());
-    let mut statement = db.prepare(query).unwrap();
-    let places: Vec<i64> = statement.query_map([], |row| row.get(0)).unwrap().flatten().collect();
+    let places: Vec<i64> = db.rows(query, |row| row.get(0)).unwrap();
     assert_eq!(places, (0..10).collect::<Vec<_>>());
 
     // Pilots need no place. Who left makes room; who stayed away does too, and may still finish.
@@ -177,8 +176,8 @@ async fn what_the_link_brought_is_stored_if_the_study_records_it() {
              FROM participant",
             [],
             |row| {
-                let text = |i: usize| row.get::<_, String>(i);
-                Ok((text(0)?, text(1)?, row.get::<_, i64>(2)?, text(3)?, text(4)?))
+                let text = |i: usize| row.get::<String>(i);
+                Ok((text(0)?, text(1)?, row.get::<i64>(2)?, text(3)?, text(4)?))
             },
         )
         .unwrap();

@@ -5,16 +5,16 @@ use reqwest::{Method, StatusCode};
 use serde_json::json;
 use sidestep::api::{Progress, routes};
 use sidestep_tests::server::SHORT_STUDY;
-use sidestep_tests::{Driver, Folder, Process, Server, behind, driven, run};
+use sidestep_tests::{Driver, Folder, Process, Server, behind_file, driven, run};
 use std::path::Path;
 
 #[tokio::test]
 async fn a_lock_of_another_process_is_waited_for_and_then_refused() {
-    let server = Server::with_study(SHORT_STUDY).await;
+    let server = Server::on_a_file(SHORT_STUDY).await;
     let driver = Driver::enrol(&server).await;
     let (trial_id, scene) = driver.scenes()[0].clone();
     let trial = driven(&scene);
-    let other = behind(&server.database());
+    let other = behind_file(&server.database());
     other.execute_batch("BEGIN IMMEDIATE").unwrap();
     // Reading goes on.
     assert_eq!(driver.me(&server).await.status, 200);
@@ -30,7 +30,7 @@ async fn a_lock_of_another_process_is_waited_for_and_then_refused() {
 
 #[tokio::test]
 async fn a_deleted_database_acknowledges_nothing() {
-    let server = Server::with_study(SHORT_STUDY).await;
+    let server = Server::on_a_file(SHORT_STUDY).await;
     let driver = Driver::enrol(&server).await;
     let (trial_id, scene) = driver.scenes()[0].clone();
     let trial = driven(&scene);
@@ -127,7 +127,7 @@ async fn writing_goes_on_when_a_full_disk_has_room_again() {
 
 #[tokio::test]
 async fn one_server_a_database() {
-    let server = Server::with_study(SHORT_STUDY).await;
+    let server = Server::on_a_file(SHORT_STUDY).await;
     let site = server.path("site").display().to_string();
     let database = server.database();
     let second = ["serve", "--listen", "127.0.0.1:0", "--static", &site, "--database", &database];
@@ -141,7 +141,7 @@ async fn one_server_a_database() {
 #[tokio::test]
 async fn nobody_else_reads_the_file() {
     use std::os::unix::fs::PermissionsExt;
-    let server = Server::with_study(SHORT_STUDY).await;
+    let server = Server::on_a_file(SHORT_STUDY).await;
     Driver::enrol(&server).await;
     for name in ["sidestep.db", "sidestep.db-wal"] {
         let mode = std::fs::metadata(server.path(name)).unwrap().permissions().mode();
