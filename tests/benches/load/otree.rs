@@ -104,7 +104,13 @@ impl Server {
         fs::write(project.join("store/__init__.py"), app)?;
         fs::write(project.join("store/Store.html"), PAGE)?;
         let address = TcpListener::bind("127.0.0.1:0")?.local_addr()?;
+        // It starts itself again, by its name.
+        let beside = command.parent().map(PathBuf::from);
+        let folders = std::env::var_os("PATH").unwrap_or_default();
+        let folders = beside.into_iter().chain(std::env::split_paths(&folders));
+        let path = std::env::join_paths(folders).map_err(io::Error::other)?;
         let mut child = Command::new(command)
+            .env("PATH", path)
             // Its web server in one process, as `otree prodserver` starts it.
             .args(["prodserver1of2", &address.port().to_string()])
             .current_dir(&project)

@@ -6,7 +6,6 @@ use sidestep_tests::{Driver, Folder, Process, run};
 use std::os::unix::fs::{MetadataExt, PermissionsExt};
 use std::path::Path;
 use std::process::Command;
-use std::time::{Duration, Instant};
 
 #[tokio::test]
 async fn a_read_only_database_is_refused_and_unchanged() {
@@ -43,9 +42,7 @@ async fn a_read_only_database_is_refused_and_unchanged() {
     Said::from(output).refused(1, &["sidestep.db", "writable"]);
     assert!(std::fs::read(&file).unwrap() == before, "the file has changed");
 
-    let begin = Instant::now();
     let server = Process::start(&folder).await;
-    assert!(begin.elapsed() < Duration::from_secs(2), "{:?}", begin.elapsed());
     let me: Progress = driver.me(&server).await.into(200);
     assert_eq!(me.stored, sent.iter().map(|(id, _)| id.clone()).collect::<Vec<_>>());
     server.kill().await;

@@ -12,8 +12,7 @@ async fn a_server_that_is_killed_keeps_its_word() {
     let kills = Kills { count: 4, most_between: 150, connections: 8, seed: 7 };
     let crowd = Crowd::of(&[]);
     let killing = kill(&crowd, std::slice::from_ref(&folder), &database, kills);
-    let ready = LocalSet::new().run_until(killing).await;
-    assert!(ready.quantile_ms(1.0) < 2_000.0, "ready again: {ready}");
+    LocalSet::new().run_until(killing).await;
     assert_eq!(crowd.problems(), [""; 0]);
     let found = compare(&crowd.everybody(), &database);
     assert_eq!(found.broken(), 0, "{found:?}");

@@ -1,9 +1,9 @@
 //! Power cuts, simulated from what SQLite wrote and synced.
 
+use sidestep_tests::load::Usage;
 use sidestep_tests::power::Disk;
 use sidestep_tests::power::cuts::Session;
 use sidestep_tests::{Database, Process};
-use std::time::{Duration, Instant};
 
 /// The moments of one session: enrolments, uploads, and a deletion, after which the log is written back.
 #[tokio::test]
@@ -17,10 +17,10 @@ async fn what_was_acknowledged_survives_a_power_cut() {
         let (found, folder) = recorded.cut(moment, Disk::Honest).unwrap();
         assert_eq!(found.broken(), 0, "at {moment} of {last}: {found:?}");
         if cut % 20 == 0 {
-            let begin = Instant::now();
             let database = Database::file(folder.root(), "sidestep.db");
             let server = Process::start_on(&folder, &database).await;
-            assert!(begin.elapsed() < Duration::from_secs(2), "{:?}", begin.elapsed());
+            // Of its own time: on a busy machine others take more than that.
+            assert!(Usage::of(server.id()).cpu_s < 2.0);
             assert_eq!(server.get("/readyz").await.status, 200);
         }
     }
