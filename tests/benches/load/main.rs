@@ -87,9 +87,9 @@ impl Options {
     /// The same, a quarter as long.
     fn quickly(mut self) -> Self {
         if self.quick {
-            for seconds in [&mut self.seconds, &mut self.natural_s] {
-                *seconds /= 4.0;
-            }
+            self.seconds /= 4.0;
+            // Two trials of each person.
+            self.natural_s = (self.natural_s / 4.0).max(25.0);
             self.people /= 4;
             self.trials /= 20;
         }
