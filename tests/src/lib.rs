@@ -4,15 +4,22 @@
 
 pub mod behind;
 pub mod browser;
+pub mod database;
 pub mod driver;
 pub mod folder;
+pub mod load;
 pub mod participant;
+#[cfg(unix)]
+pub mod postgres;
+#[cfg(unix)]
+pub mod power;
 pub mod process;
 pub mod proxy;
 pub mod server;
 
 pub use behind::{behind, behind_file};
 pub use browser::{Browser, Tab};
+pub use database::Database;
 pub use driver::{Driver, driven, driven_with, on_time, upload, upload_with};
 pub use folder::Folder;
 pub use process::{Process, run, sidestep};

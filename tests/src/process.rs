@@ -1,7 +1,7 @@
 //! The `sidestep` command as a process: exit codes, output, sudden death.
 
 use crate::server::write_site;
-use crate::{Address, Folder};
+use crate::{Address, Database, Folder};
 use serde_json::Value;
 use std::ops::Deref;
 use std::path::{Path, PathBuf};
@@ -177,7 +177,29 @@ impl Process {
         Self::launch(&["env"], folder, &["--demo", "--database", &database]).await
     }
 
+    /// As [`Self::start`], with a database of any kind.
+    ///
+    /// # Panics
+    /// If it does not become ready.
+    pub async fn start_on(folder: &Folder, database: &Database) -> Self {
+        let started = Self::try_start_on(folder, database).await;
+        started.unwrap_or_else(|log| panic!("a server that becomes ready: {log}"))
+    }
+
+    /// As [`Self::start_on`], or what it logged if it ended instead of becoming ready.
+    ///
+    /// # Errors
+    /// The log.
+    pub async fn try_start_on(folder: &Folder, database: &Database) -> Result<Self, String> {
+        Self::try_launch(&["env"], folder, &["--database", &database.url()]).await
+    }
+
     async fn launch(launcher: &[&str], folder: &Folder, args: &[&str]) -> Self {
+        let started = Self::try_launch(launcher, folder, args).await;
+        started.unwrap_or_else(|log| panic!("a server that becomes ready: {log}"))
+    }
+
+    async fn try_launch(launcher: &[&str], folder: &Folder, args: &[&str]) -> Result<Self, String> {
         let site = folder.path("site");
         write_site(&site);
         let mut child = Command::new(launcher[0])
@@ -198,14 +220,15 @@ impl Process {
         let mut lines = BufReader::new(stdout).lines();
         let mut announcement = Vec::new();
         let origin = loop {
-            let line = lines.next_line().await.expect("a line");
-            let line = line.expect("a server that becomes ready");
+            let Some(line) = lines.next_line().await.expect("a line") else {
+                return Err(folder.text("log"));
+            };
             announcement.push(line.clone());
             if let Some((_, address)) = line.split_once("laboratory    ") {
                 break address.trim_end_matches("/lab").to_owned();
             }
         };
-        Self { announcement, address: Address::new(origin), child, stdout: lines }
+        Ok(Self { announcement, address: Address::new(origin), child, stdout: lines })
     }
 
     /// The number of the process.
@@ -215,6 +238,19 @@ impl Process {
     #[must_use]
     pub fn id(&self) -> u32 {
         self.child.id().expect("a running process")
+    }
+
+    /// The experimenter's key, which it has made if this was the first start; reads it from what it
+    /// prints.
+    ///
+    /// # Panics
+    /// If it prints none.
+    pub async fn key(&mut self) -> String {
+        loop {
+            if let Some((_, key)) = self.says().await.split_once("#key=") {
+                return key.to_owned();
+            }
+        }
     }
 
     /// The next line that it prints.

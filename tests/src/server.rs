@@ -73,6 +73,13 @@ impl Server {
         Self::first(folder, study, site, change).await
     }
 
+    /// As [`Self::with_study`], in a folder that the caller has made.
+    pub async fn within(folder: TempDir, study: &str) -> Self {
+        let site = folder.path().join("site");
+        write_site(&site);
+        Self::first(folder, study, site, |_| ()).await
+    }
+
     /// A study file over the paper's study, and the site that users get: the one
     /// beside the `sidestep` command.
     pub async fn with_client(study: &str) -> Self {

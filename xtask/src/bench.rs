@@ -6,10 +6,12 @@ mod learning;
 mod files;
 mod wasm;
 
+use std::ffi::OsString;
 use std::process::ExitCode;
 
 use anyhow::Result;
 
+use crate::python::environment;
 use crate::workspace::{Workspace, answer_of, stage};
 
 /// Run the benchmarks; each prints a ratio against its baseline in the same run.
@@ -20,6 +22,9 @@ pub(crate) struct Options {
     /// Sooner done, but less exact or less complete.
     #[arg(long)]
     quick: bool,
+    /// Passed on to the benchmark, as in `load -- --people 10000`; `load -- --help` lists them.
+    #[arg(last = true)]
+    arguments: Vec<OsString>,
 }
 
 /// Every benchmark: its name, and what is compared with what.
@@ -33,7 +38,8 @@ const BENCHES: &[(&str, &str)] = &[
     ("features", "features of a million steps, two threads against one and state by state"),
     ("learn", "training and inference of each model on real rows"),
     ("learn_svm", "support vector machines: grids, fits, inference"),
-    ("uploads", "a server under load and killed under load, against SQLite alone"),
+    ("load", "thousands who take part at once, against SQLite alone and oTree (Python, from PyPI)"),
+    ("faults", "a server that is killed and loses power, again and again: nothing is lost"),
     ("peers", "our solver against hj_reachability (Python, installed on first use)"),
     ("wasm", "the solver as WebAssembly in Chromium against the same on this machine"),
 ];
@@ -58,7 +64,7 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> 
             "shfrs" => wasm::run(workspace, &[wasm::SHFRS, wasm::EVALUATION])?,
             "playback" => wasm::run(workspace, &[wasm::PLAYBACK])?,
             "wasm" => wasm::run(workspace, &[wasm::SOLVE, wasm::VALUE])?,
-            target => run_target(workspace, target, options.quick)?,
+            target => run_target(workspace, target, options)?,
         };
         if code != ExitCode::SUCCESS {
             return Ok(code);
@@ -68,12 +74,19 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> 
 }
 
 /// Runs the `[[bench]]` target of that name.
-fn run_target(workspace: &Workspace, name: &'static str, quick: bool) -> Result<ExitCode> {
-    if name == "uploads" {
+fn run_target(workspace: &Workspace, name: &'static str, options: &Options) -> Result<ExitCode> {
+    if ["load", "faults"].contains(&name) {
         stage("server", workspace.compile("build").args(["--bin", "sidestep"]))?;
     }
     let mut cargo = workspace.compile("bench");
-    answer_of(cargo.args(arguments(name, quick)).env("SIDESTEP_BIN", workspace.server()))
+    if name == "load" {
+        match environment(workspace, "otree-requirements.txt", "otree") {
+            Ok(python) => drop(cargo.env("SIDESTEP_OTREE", python.with_file_name("otree"))),
+            Err(error) => eprintln!("oTree is not measured: {error:#}"),
+        }
+    }
+    cargo.args(arguments(name, options.quick)).args(&options.arguments);
+    answer_of(cargo.env("SIDESTEP_BIN", workspace.server()))
 }
 
 /// What cargo is called with for the target `name`.

@@ -38,6 +38,11 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> 
         install(&PACKAGES, how_to_install)?;
     }
     let chromium = chromium()?;
+    if !(has_in("/usr/lib/postgresql", "bin/initdb") || on_path(&["initdb"]).is_some())
+        || !has_in("/usr/lib", "faketime/libfaketime.so.1")
+    {
+        install(&SURROUNDINGS, how_to_install_surroundings)?;
+    }
     let readers = readers(workspace)?;
     build::run(workspace, &build::Options::default())?;
     let mut pages = Vec::new();
@@ -120,6 +125,24 @@ fn install(packages: &[&str], otherwise: fn() -> String) -> Result<()> {
     Ok(())
 }
 
+/// Debian's packages for what surrounds a server in the tests of faults: PostgreSQL, of which they start
+/// servers of their own, and a clock that jumps.
+const SURROUNDINGS: [&str; 2] = ["postgresql", "libfaketime"];
+
+/// Whether one of the folders in `folder` has a file: Debian keeps PostgreSQL by version, and libraries
+/// by architecture.
+fn has_in(folder: &str, file: &str) -> bool {
+    let inside = fs::read_dir(folder).into_iter().flatten().flatten();
+    inside.map(|entry| entry.path().join(file)).any(|path| is_program(&path))
+}
+
+fn how_to_install_surroundings() -> String {
+    format!(
+        "PostgreSQL and libfaketime are needed: install them (Debian, Ubuntu: apt-get install {})",
+        SURROUNDINGS.join(" ")
+    )
+}
+
 /// Tells the tests which Python has the packages that researchers read exports with.
 const READERS: &str = "SIDESTEP_READERS";
 
@@ -189,6 +212,18 @@ mod tests {
         let message = how_to_install();
         assert!(message.contains("apt-get install chromium fonts-dejavu-core"), "{message}");
         assert!(message.contains("set SIDESTEP_CHROMIUM"), "{message}");
+    }
+
+    #[test]
+    fn the_message_says_what_surrounds_a_server() {
+        let message = how_to_install_surroundings();
+        assert!(message.contains("apt-get install postgresql libfaketime"), "{message}");
+    }
+
+    #[test]
+    fn a_file_is_found_in_any_of_the_folders() {
+        let folder = env!("CARGO_MANIFEST_DIR");
+        assert!(has_in(folder, "main.rs") && !has_in(folder, "absent.rs"));
     }
 
     #[test]

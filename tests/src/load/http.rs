@@ -2,11 +2,13 @@
 
 use std::io::{Error, ErrorKind, Result, Write};
 
+use std::net::{Ipv4Addr, SocketAddr};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
-use tokio::net::TcpStream;
+use tokio::net::{TcpSocket, TcpStream};
 
 /// A connection to the server.
-pub(crate) struct Connection {
+#[derive(Debug)]
+pub struct Connection {
     stream: TcpStream,
     /// The request that is sent, and the answer to it.
     request: Vec<u8>,
@@ -14,33 +16,83 @@ pub(crate) struct Connection {
 }
 
 /// An answer.
-pub(crate) struct Answer<'a> {
-    pub(crate) status: u16,
+#[derive(Debug)]
+pub struct Answer<'a> {
+    /// Status.
+    pub status: u16,
     /// When to ask again, s.
-    pub(crate) retry_after_s: Option<u64>,
-    pub(crate) body: &'a [u8],
+    pub retry_after_s: Option<u64>,
+    /// Body; none of an answer in chunks.
+    pub body: &'a [u8],
 }
 
 impl Connection {
-    pub(crate) async fn open(address: &str) -> Result<Self> {
-        let stream = TcpStream::connect(address).await?;
+    /// Connects to a server on this machine from one of the machine's own addresses, 127.0.0.1 if
+    /// `from` is none: a crowd comes from many.
+    ///
+    /// # Errors
+    /// If the server does not accept.
+    pub async fn open(server: SocketAddr, from: Option<Ipv4Addr>) -> Result<Self> {
+        let socket = TcpSocket::new_v4()?;
+        if let Some(from) = from {
+            socket.bind((from, 0).into())?;
+        }
+        let stream = socket.connect(server).await?;
         stream.set_nodelay(true)?;
         Ok(Self { stream, request: Vec::new(), answer: Vec::new() })
     }
 
+    /// Sends a request and closes the connection without waiting for the answer.
+    ///
+    /// # Errors
+    /// If the server has closed it before.
+    pub async fn vanish(
+        mut self,
+        method: &str,
+        route: &str,
+        token: Option<&str>,
+        body: &[u8],
+    ) -> Result<()> {
+        self.write(method, route, token, "application/json", body).await
+    }
+
     /// Sends a request with a JSON body and reads its answer.
-    pub(crate) async fn send(
+    ///
+    /// # Errors
+    /// If the connection breaks off.
+    pub async fn send(
         &mut self,
         method: &str,
         route: &str,
         token: Option<&str>,
         body: &[u8],
     ) -> Result<Answer<'_>> {
+        self.write(method, route, token, "application/json", body).await?;
+        self.read().await
+    }
+
+    /// Posts a form and reads the answer.
+    ///
+    /// # Errors
+    /// If the connection breaks off.
+    pub async fn post_form(&mut self, route: &str, form: &[u8]) -> Result<Answer<'_>> {
+        self.write("POST", route, None, "application/x-www-form-urlencoded", form).await?;
+        self.read().await
+    }
+
+    async fn write(
+        &mut self,
+        method: &str,
+        route: &str,
+        token: Option<&str>,
+        kind: &str,
+        body: &[u8],
+    ) -> Result<()> {
         self.request.clear();
         let length = body.len();
         write!(
             self.request,
-            "{method} {route} HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\n\
+            "{method} {route} HTTP/1.1\r\nHost: localhost\r\nContent-Type: {kind}\r\n\
              Content-Length: {length}\r\n"
         )?;
         if let Some(token) = token {
@@ -48,8 +100,10 @@ impl Connection {
         }
         self.request.extend_from_slice(b"\r\n");
         self.request.extend_from_slice(body);
-        self.stream.write_all(&self.request).await?;
+        self.stream.write_all(&self.request).await
+    }
 
+    async fn read(&mut self) -> Result<Answer<'_>> {
         self.answer.clear();
         let (head, body) = loop {
             if let Some(parts) = whole(&self.answer)? {
@@ -75,6 +129,15 @@ fn whole(answer: &[u8]) -> Result<Option<(usize, (usize, usize))>> {
         return Ok(None);
     };
     let text = std::str::from_utf8(&answer[..head]).map_err(Error::other)?;
+    if header(text, "transfer-encoding").is_some() {
+        // The last chunk is empty.
+        let is_whole = answer.ends_with(b"0\r\n\r\n");
+        return Ok(is_whole.then_some((head, (answer.len(), answer.len()))));
+    }
+    // 204 has no body.
+    if text.split(' ').nth(1) == Some("204") {
+        return Ok(Some((head, (head + 4, head + 4))));
+    }
     let length: Option<usize> = header(text, "content-length").and_then(|text| text.parse().ok());
     let length = length.ok_or_else(|| Error::other("an answer without Content-Length"))?;
     let end = head + 4 + length;

@@ -1,0 +1,96 @@
+//! The start of a server on a large database.
+
+use std::path::Path;
+use std::time::Instant;
+
+use rusqlite::{Connection, Result};
+use sidestep_tests::load::figures::{at_most, row};
+use sidestep_tests::{Database, Driver, Folder, Process};
+
+/// Measures how long a server takes to be ready on a database with so many trials, which is kept
+/// beside other temporary files for the next time.
+pub(crate) async fn measure(trials: usize) {
+    let name = format!("sidestep-{trials}-trials.db");
+    let database = Database::file(Path::new(env!("CARGO_TARGET_TMPDIR")), &name);
+    let folder = Folder::default();
+    let Database::Sqlite(file) = &database else { unreachable!("a file") };
+    if !file.exists() {
+        let begin = Instant::now();
+        make(&folder, file, trials).await;
+        row("the database was made in", format!("{:.0} s", begin.elapsed().as_secs_f64()), name);
+    }
+    let stored = database.number("SELECT count(*) FROM trial");
+    for time in ["first", "second", "third"] {
+        let begin = Instant::now();
+        let server = Process::start_on(&folder, &database).await;
+        let ready_s = begin.elapsed().as_secs_f64();
+        let ready = server.get("/readyz").await.status;
+        row(
+            &format!("start on {stored} trials, the {time} time"),
+            format!("{:.0} ms", 1e3 * ready_s),
+            format!("{}; /readyz answers {ready}", at_most(ready_s, 2.0, " s")),
+        );
+        server.kill().await;
+    }
+}
+
+/// One participant drives all trials; copies of them fill the database.
+async fn make(folder: &Folder, file: &Path, trials: usize) {
+    let aside = file.with_extension("part");
+    for ending in ["part", "part-wal", "part-shm"] {
+        let _ = std::fs::remove_file(file.with_extension(ending));
+    }
+    let server = Process::start_on(folder, &Database::Sqlite(aside.clone())).await;
+    let driver = Driver::enrol(&server).await;
+    let each = driver.scenes().len();
+    driver.drive(&server, each).await;
+    server.kill().await;
+    let people = trials.div_ceil(each).try_into().expect("fewer people");
+    copy(&aside, people).expect("copies of a participant");
+    std::fs::rename(aside, file).expect("the database");
+}
+
+/// Copies the only participant with everything that refers to them until there are `people`.
+fn copy(file: &Path, people: u32) -> Result<()> {
+    let db = Connection::open(file)?;
+    db.execute_batch("PRAGMA synchronous = OFF; PRAGMA foreign_keys = OFF; BEGIN")?;
+    for number in 2..=people {
+        for (table, changed) in [
+            ("participant", &["id", "number", "place", "seed"][..]),
+            ("participant_token", &["hash", "participant_id"]),
+            ("scene", &["trial_id", "participant_id"]),
+            ("trial", &["sequence", "trial_id"]),
+            ("tally", &["participant_id"]),
+        ] {
+            db.execute(&copying(&db, table, changed)?, [number])?;
+        }
+    }
+    db.execute_batch("COMMIT; PRAGMA wal_checkpoint(TRUNCATE)")
+}
+
+/// The statement that copies the rows of the first participant in a table, with other values in the
+/// columns that tell them apart.
+fn copying(db: &Connection, table: &str, changed: &[&str]) -> Result<String> {
+    let mut statement = db.prepare(&format!("SELECT name FROM pragma_table_info('{table}')"))?;
+    let columns: Vec<String> = statement.query_map([], |row| row.get(0))?.collect::<Result<_>>()?;
+    let value = |column: &String| match column.as_str() {
+        column if !changed.contains(&column) => column.to_owned(),
+        "number" | "place" | "seed" => "?1".to_owned(),
+        "sequence" => "NULL".to_owned(),
+        "hash" => "randomblob(32)".to_owned(),
+        column => format!("{column} || '-' || ?1"),
+    };
+    let values: Vec<String> = columns.iter().map(value).collect();
+    let first = "(SELECT id FROM participant WHERE number = 1)";
+    let of_first = match table {
+        "participant" => format!("id = {first}"),
+        "trial" => {
+            format!("trial_id IN (SELECT trial_id FROM scene WHERE participant_id = {first})")
+        }
+        _ => format!("participant_id = {first}"),
+    };
+    let (columns, values) = (columns.join(", "), values.join(", "));
+    Ok(format!(
+        "INSERT OR REPLACE INTO {table} ({columns}) SELECT {values} FROM {table} WHERE {of_first}"
+    ))
+}

@@ -1,0 +1,424 @@
+//! Participants at work: enrolling and uploading, as fast as they are answered or by the clock.
+
+use super::figures::Latencies;
+use super::http::Connection;
+use super::person::Person;
+use crate::Address;
+use sidestep::api::routes;
+use std::cell::{Cell, RefCell};
+use std::collections::VecDeque;
+use std::io::{self, ErrorKind};
+use std::net::SocketAddr;
+use std::rc::Rc;
+use std::time::{Duration, Instant};
+use tokio::sync::Notify;
+use tokio::task::JoinSet;
+use tokio::time::{sleep, sleep_until};
+
+/// Everybody who takes part, and how the servers treat them. All run in one thread, on a `LocalSet`.
+#[derive(Debug, Default)]
+pub struct Crowd {
+    /// The servers of the study; connections take turns.
+    servers: RefCell<Vec<SocketAddr>>,
+    turn: Cell<usize>,
+    /// Who has trials left to drive.
+    waiting: RefCell<VecDeque<Person>>,
+    /// Who has not, or has withdrawn.
+    done: RefCell<Vec<Person>>,
+    /// Of uploads.
+    latencies: RefCell<Latencies>,
+    /// Of everything else.
+    others: RefCell<Latencies>,
+    enrolled: Cell<usize>,
+    acknowledged: Cell<usize>,
+    /// Wakes whoever waits for a number of acknowledgements.
+    progress: Notify,
+    /// Answers 503.
+    refused: Cell<usize>,
+    /// Answers and ends that nothing explains, in words.
+    problems: RefCell<Vec<String>>,
+    /// Whether connections may break off, because a server is going to be killed.
+    pub mortal: Cell<bool>,
+    /// Nothing is begun after it.
+    end: Cell<Option<Instant>>,
+}
+
+/// When uploads are due.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Pace {
+    /// As soon as the one before on the connection was answered.
+    Fast,
+    /// So many a second, whatever becomes of those before.
+    PerSecond(f64),
+}
+
+impl Crowd {
+    /// A crowd that asks these servers.
+    #[must_use]
+    pub fn of(servers: &[&Address]) -> Rc<Self> {
+        let crowd = Self::default();
+        crowd.serve_from(servers);
+        Rc::new(crowd)
+    }
+
+    /// From now on these servers are asked.
+    ///
+    /// # Panics
+    /// If one has no address of this machine.
+    pub fn serve_from(&self, servers: &[&Address]) {
+        let address = |server: &&Address| {
+            let text = server.origin.trim_start_matches("http://");
+            text.parse().expect("an address with a port")
+        };
+        self.servers.replace(servers.iter().map(address).collect());
+    }
+
+    /// Lets `count` people enrol, or fewer if time runs out: how many did, and in what time, s.
+    pub async fn enrol(
+        self: &Rc<Self>,
+        count: usize,
+        connections: usize,
+        limit_s: f64,
+    ) -> (usize, f64) {
+        let before = self.enrolled.get();
+        let left = Rc::new(Cell::new(count));
+        let took_s = self.together(connections, limit_s, |crowd| {
+            let left = Rc::clone(&left);
+            async move {
+                let mut connection = crowd.connect().await?;
+                while left.get() > 0 && !crowd.is_over() {
+                    left.set(left.get() - 1);
+                    crowd.enrol_one(&mut connection).await?;
+                }
+                Ok(())
+            }
+        });
+        let took_s = took_s.await;
+        (self.enrolled.get() - before, took_s)
+    }
+
+    /// Makes all bodies that those who wait will send.
+    pub fn prepare(&self) {
+        self.waiting.borrow_mut().iter_mut().for_each(Person::prepare);
+    }
+
+    /// Lets participants upload over this number of connections until time or participants run out.
+    /// Returns the number of acknowledged uploads and the time that they took, s.
+    pub async fn upload(
+        self: &Rc<Self>,
+        connections: usize,
+        limit_s: f64,
+        pace: Pace,
+    ) -> (usize, f64) {
+        let before = self.acknowledged.get();
+        // One participant drives one trial after the other.
+        let connections = connections.min(self.waiting());
+        let (begin, ticket) = (Instant::now(), Rc::new(Cell::new(0)));
+        let took_s = self.together(connections, limit_s, |crowd| {
+            let ticket = Rc::clone(&ticket);
+            let due = move || match pace {
+                Pace::Fast => Instant::now(),
+                Pace::PerSecond(rate) => {
+                    let number = ticket.replace(ticket.get() + 1);
+                    begin + Duration::from_secs_f64(f64::from(number) / rate)
+                }
+            };
+            async move { crowd.drive_on(&mut crowd.connect().await?, due).await }
+        });
+        let took_s = took_s.await;
+        (self.acknowledged.get() - before, took_s)
+    }
+
+    /// Lets `count` people enrol at once, each on a connection of their own, while others
+    /// upload `per_s` trials a second by the clock: how many enrolled, and in what time, s.
+    pub async fn class(self: &Rc<Self>, count: usize, per_s: usize, limit_s: f64) -> (usize, f64) {
+        let stop = Rc::new(Cell::new(false));
+        let mut beside = JoinSet::new();
+        let begin = Instant::now();
+        let limit = Duration::from_secs_f64(limit_s);
+        self.ends_at(begin + limit);
+        for number in 0..per_s {
+            let (crowd, stop) = (Rc::clone(self), Rc::clone(&stop));
+            let first = begin + Duration::from_secs_f64(number as f64 / per_s as f64);
+            beside.spawn_local(async move {
+                if let Err(error) = crowd.drive_by_the_clock(first, &stop).await {
+                    crowd.problem(error.to_string());
+                }
+            });
+        }
+        // Uploads are under way when the class comes.
+        self.until_acknowledged(self.acknowledged() + per_s).await;
+        let before = self.enrolled.get();
+        let took_s = self.together(count, limit_s, |crowd| async move {
+            crowd.enrol_one(&mut crowd.connect().await?).await.map(drop)
+        });
+        let took_s = took_s.await;
+        self.ends_at(Instant::now() + limit);
+        self.until_acknowledged(self.acknowledged() + per_s).await;
+        stop.set(true);
+        while beside.join_next().await.is_some() {}
+        (self.enrolled.get() - before, took_s)
+    }
+
+    /// How long uploads took since the last call.
+    pub fn take_latencies(&self) -> Latencies {
+        self.latencies.take()
+    }
+
+    /// How long all other requests took since the last call.
+    pub fn take_others(&self) -> Latencies {
+        self.others.take()
+    }
+
+    /// The numbers of requests that the server put off and that failed since the last call, with
+    /// the message of one failure.
+    pub fn troubles(&self) -> String {
+        let problems = self.problems.take();
+        let example = problems.first().map(|text| format!(": {text}")).unwrap_or_default();
+        format!("{}, {}{example}", self.refused.take(), problems.len())
+    }
+
+    /// What nothing explains, in words.
+    #[must_use]
+    pub fn problems(&self) -> Vec<String> {
+        self.problems.borrow().clone()
+    }
+
+    /// The number of participants who have trials left to drive.
+    #[must_use]
+    pub fn waiting(&self) -> usize {
+        self.waiting.borrow().len()
+    }
+
+    /// The number of trials that were acknowledged.
+    #[must_use]
+    pub fn acknowledged(&self) -> usize {
+        self.acknowledged.get()
+    }
+
+    /// Waits until so many trials have been acknowledged, or nobody drives any more.
+    pub async fn until_acknowledged(&self, count: usize) {
+        while self.acknowledged.get() < count && !self.is_over() {
+            self.progress.notified().await;
+        }
+    }
+
+    /// Removes and returns all participants, with or without trials left.
+    pub fn everybody(&self) -> Vec<Person> {
+        self.waiting.take().into_iter().chain(self.done.take()).collect()
+    }
+
+    pub(super) async fn connect(&self) -> io::Result<Connection> {
+        let turn = self.turn.replace(self.turn.get() + 1);
+        let server = {
+            let servers = self.servers.borrow();
+            servers[turn % servers.len()]
+        };
+        // A crowd has many addresses; all of 127.0.0.0/8 are this machine.
+        let [fourth, third, ..] = turn.to_le_bytes();
+        Connection::open(server, Some([127, 0, third, fourth.max(1)].into())).await
+    }
+
+    /// Runs `count` tasks until they end or, shortly after the limit, stops them. Returns the time
+    /// taken, s.
+    async fn together<F: Future<Output = io::Result<()>> + 'static>(
+        self: &Rc<Self>,
+        count: usize,
+        limit_s: f64,
+        task: impl Fn(Rc<Self>) -> F,
+    ) -> f64 {
+        let begin = Instant::now();
+        self.end.set(Some(begin + Duration::from_secs_f64(limit_s)));
+        let mut tasks = JoinSet::new();
+        for _ in 0..count {
+            let (crowd, task) = (Rc::clone(self), task(Rc::clone(self)));
+            tasks.spawn_local(async move {
+                if let Err(error) = task.await {
+                    crowd.broken(&error);
+                }
+            });
+        }
+        while tasks.join_next().await.is_some() {}
+        self.stop();
+        begin.elapsed().as_secs_f64()
+    }
+
+    pub(super) fn is_over(&self) -> bool {
+        self.is_over_at(Instant::now())
+    }
+
+    /// Whether it will be over then.
+    pub(super) fn is_over_at(&self, then: Instant) -> bool {
+        self.end.get().is_some_and(|end| then >= end)
+    }
+
+    /// Nothing is begun after it.
+    pub(super) fn ends_at(&self, end: Instant) {
+        self.end.set(Some(end));
+    }
+
+    /// Begins nothing more.
+    pub fn stop(&self) {
+        self.ends_at(Instant::now());
+        self.progress.notify_waiters();
+    }
+
+    /// Notes what broke a connection off, unless a server was going to be killed.
+    pub(super) fn broken(&self, error: &io::Error) {
+        if !self.mortal.get() || error.kind() == ErrorKind::Other {
+            self.problem(error.to_string());
+        }
+    }
+
+    /// One person enrols, and asks again while the server says that it is busy. False if it
+    /// refused, or time ran out.
+    async fn enrol_one(&self, connection: &mut Connection) -> io::Result<bool> {
+        let person = self.enrolled_at(connection, Instant::now()).await?;
+        let is_in = person.is_some();
+        self.waiting.borrow_mut().extend(person);
+        Ok(is_in)
+    }
+
+    /// Somebody who enrolled, due at `due`.
+    pub(super) async fn enrolled_at(
+        &self,
+        connection: &mut Connection,
+        due: Instant,
+    ) -> io::Result<Option<Person>> {
+        let route = routes::participants("default");
+        loop {
+            let answer = connection.send("POST", &route, None, br#"{"consent":true}"#).await?;
+            match answer.status {
+                201 => {
+                    let enrolled = serde_json::from_slice(answer.body)?;
+                    self.others.borrow_mut().note(due.elapsed());
+                    let number = self.enrolled.replace(self.enrolled.get() + 1);
+                    return Ok(Some(Person::new(enrolled, number)));
+                }
+                503 if !self.is_over() => self.put_off(answer.retry_after_s).await,
+                status => {
+                    self.problem(format!("an enrolment was answered {status}"));
+                    return Ok(None);
+                }
+            }
+        }
+    }
+
+    /// Takes one waiting participant after the other and uploads all their trials, each when it is
+    /// due.
+    async fn drive_on(
+        &self,
+        connection: &mut Connection,
+        due: impl Fn() -> Instant,
+    ) -> io::Result<()> {
+        while let Some(mut person) = self.next() {
+            let mut end = Ok(());
+            while end.is_ok() && person.next().is_some() && !self.is_over() {
+                let due = due();
+                if due > Instant::now() {
+                    sleep_until(due.into()).await;
+                }
+                end = self.drive_one(connection, &mut person, due).await;
+            }
+            self.leave(person);
+            end?;
+        }
+        Ok(())
+    }
+
+    /// Uploads a trial each second, the first at `first`. A late answer makes the next upload
+    /// late, which counts as its time too.
+    async fn drive_by_the_clock(&self, first: Instant, stop: &Cell<bool>) -> io::Result<()> {
+        let mut connection = self.connect().await?;
+        // From among those who enrolled last, and have all their trials before them.
+        let Some(mut person) = self.waiting.borrow_mut().pop_back() else {
+            return Err(io::Error::other("nobody is left to drive"));
+        };
+        let (mut due, mut end) = (first, Ok(()));
+        while end.is_ok() && !stop.get() && person.next().is_some() {
+            sleep_until(due.into()).await;
+            end = self.drive_one(&mut connection, &mut person, due).await;
+            due += Duration::from_secs(1);
+        }
+        self.leave(person);
+        end
+    }
+
+    /// Uploads the participant's next trial until it is acknowledged, and notes the time since it was
+    /// due.
+    pub(super) async fn drive_one(
+        &self,
+        connection: &mut Connection,
+        person: &mut Person,
+        due: Instant,
+    ) -> io::Result<()> {
+        let (Some(trial_id), Some(body)) = (person.next(), person.next_body()) else {
+            return Ok(());
+        };
+        self.put(connection, &person.token, trial_id, &body).await?;
+        drop(body);
+        person.acknowledge();
+        self.acknowledged.set(self.acknowledged.get() + 1);
+        self.latencies.borrow_mut().note(due.elapsed());
+        self.progress.notify_waiters();
+        Ok(())
+    }
+
+    /// Uploads a trial until it is acknowledged.
+    pub(super) async fn put(
+        &self,
+        connection: &mut Connection,
+        token: &str,
+        trial_id: &str,
+        body: &[u8],
+    ) -> io::Result<()> {
+        let route = routes::my_trial(trial_id);
+        loop {
+            let answer = connection.send("PUT", &route, Some(token), body).await?;
+            match answer.status {
+                // 200: it was stored before, and the answer was lost.
+                200 | 201 => return Ok(()),
+                503 if !self.is_over() => self.put_off(answer.retry_after_s).await,
+                status => {
+                    self.latencies.borrow_mut().refuse();
+                    return Err(io::Error::other(format!("an upload was answered {status}")));
+                }
+            }
+        }
+    }
+
+    /// Notes a request that is neither an enrolment nor an upload.
+    pub(super) fn note_other(&self, due: Instant) {
+        self.others.borrow_mut().note(due.elapsed());
+    }
+
+    /// Who drives next; nobody when it is over, which it is for all when nobody is left.
+    fn next(&self) -> Option<Person> {
+        if self.is_over() {
+            return None;
+        }
+        let next = self.waiting.borrow_mut().pop_front();
+        if next.is_none() {
+            self.end.set(Some(Instant::now()));
+        }
+        next
+    }
+
+    pub(super) fn leave(&self, person: Person) {
+        if person.next().is_some() && person.withdrawal.is_none() {
+            self.waiting.borrow_mut().push_back(person);
+        } else {
+            self.done.borrow_mut().push(person);
+        }
+    }
+
+    /// Waits as the server asked to.
+    async fn put_off(&self, retry_after_s: Option<u64>) {
+        self.refused.set(self.refused.get() + 1);
+        sleep(Duration::from_secs(retry_after_s.unwrap_or(1))).await;
+    }
+
+    pub(super) fn problem(&self, text: String) {
+        self.problems.borrow_mut().push(text);
+    }
+}

@@ -1,0 +1,187 @@
+//! People at their own pace: each joins, uploads a trial when it is due, and sometimes reloads the
+//! page, sends again, vanishes before the answer, or withdraws.
+
+use super::Crowd;
+use super::http::Connection;
+use super::person::{Person, Withdrawal};
+use sidestep::api::{Progress, routes};
+use sidestep::math::SeededRng;
+use std::io::{self, ErrorKind};
+use std::rc::Rc;
+use std::time::{Duration, Instant};
+use tokio::task::JoinSet;
+use tokio::time::sleep_until;
+
+/// How people take part.
+#[derive(Clone, Copy, Debug)]
+pub struct Habits {
+    /// From one trial of a person to the next, s.
+    pub period_s: f64,
+    /// Of 1,000 trials, before how many the person reloads the page.
+    pub reloads: usize,
+    /// After how many the person sends the trial again.
+    pub repeats: usize,
+    /// In how many the person is gone before the answer, and sends the trial again later.
+    pub vanishes: usize,
+    /// After how many the person withdraws; every other time, the data are deleted.
+    pub withdrawals: usize,
+    /// Of everything that is left to chance.
+    pub seed: u64,
+}
+
+impl Default for Habits {
+    fn default() -> Self {
+        Self { period_s: 12.0, reloads: 20, repeats: 20, vanishes: 10, withdrawals: 1, seed: 1 }
+    }
+}
+
+/// What a person does with a trial.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Act {
+    Drive,
+    Reload,
+    Repeat,
+    Vanish,
+    Withdraw,
+}
+
+impl Habits {
+    fn draw(&self, rng: &mut SeededRng) -> Act {
+        let mut drawn = rng.below(1_000);
+        for (act, share) in [
+            (Act::Reload, self.reloads),
+            (Act::Repeat, self.repeats),
+            (Act::Vanish, self.vanishes),
+            (Act::Withdraw, self.withdrawals),
+        ] {
+            if drawn < share {
+                return act;
+            }
+            drawn -= share;
+        }
+        Act::Drive
+    }
+}
+
+impl Crowd {
+    /// Lets `people` join, evenly over `join_s`, and take part until `end_s` after the beginning.
+    /// Everything is due by the clock: an answer that comes late makes nothing else due later.
+    pub async fn take_part(
+        self: &Rc<Self>,
+        people: usize,
+        habits: Habits,
+        join_s: f64,
+        end_s: f64,
+    ) {
+        let begin = Instant::now();
+        self.ends_at(begin + Duration::from_secs_f64(end_s));
+        let mut tasks = JoinSet::new();
+        for number in 0..people {
+            let crowd = Rc::clone(self);
+            let joins = begin + Duration::from_secs_f64(join_s * number as f64 / people as f64);
+            tasks.spawn_local(async move {
+                if let Err(error) = crowd.participation(number, habits, joins).await {
+                    crowd.broken(&error);
+                }
+            });
+        }
+        while tasks.join_next().await.is_some() {}
+    }
+
+    async fn participation(&self, number: usize, habits: Habits, joins: Instant) -> io::Result<()> {
+        sleep_until(joins.into()).await;
+        if self.is_over() {
+            return Ok(());
+        }
+        let mut connection = self.connect().await?;
+        let Some(mut person) = self.enrolled_at(&mut connection, joins).await? else {
+            return Ok(());
+        };
+        let mut rng = SeededRng::new(habits.seed.wrapping_add(number as u64));
+        let mut due = joins;
+        let mut end = Ok(());
+        while end.is_ok() && person.next().is_some() && person.withdrawal.is_none() {
+            due += Duration::from_secs_f64(habits.period_s);
+            if self.is_over_at(due) {
+                break;
+            }
+            sleep_until(due.into()).await;
+            let act = habits.draw(&mut rng);
+            end = self.act(&mut connection, &mut person, due, act).await;
+            if end.as_ref().is_err_and(|error| error.kind() != ErrorKind::Other) {
+                // The server closes connections that were idle for long, and browsers open others.
+                connection = self.connect().await?;
+                end = self.act(&mut connection, &mut person, due, act).await;
+            }
+        }
+        self.leave(person);
+        end
+    }
+
+    async fn act(
+        &self,
+        connection: &mut Connection,
+        person: &mut Person,
+        due: Instant,
+        act: Act,
+    ) -> io::Result<()> {
+        match act {
+            Act::Drive => {}
+            Act::Reload => self.reload(connection, person, due).await?,
+            Act::Repeat => {
+                if let Some((trial_id, body)) = person.last() {
+                    self.put(connection, &person.token, trial_id, &body).await?;
+                    self.note_other(due);
+                }
+            }
+            Act::Vanish => {
+                if let (Some(trial_id), Some(body)) = (person.next(), person.next_body()) {
+                    let gone = std::mem::replace(connection, self.connect().await?);
+                    let route = routes::my_trial(trial_id);
+                    gone.vanish("PUT", &route, Some(&person.token), &body).await?;
+                }
+            }
+            Act::Withdraw => return self.withdraw(connection, person, due).await,
+        }
+        self.drive_one(connection, person, due).await
+    }
+
+    /// The page asks where its participant is, who has driven what was acknowledged.
+    async fn reload(
+        &self,
+        connection: &mut Connection,
+        person: &Person,
+        due: Instant,
+    ) -> io::Result<()> {
+        let answer = connection.send("GET", routes::ME, Some(&person.token), b"").await?;
+        if answer.status != 200 {
+            return Err(io::Error::other(format!("a reload was answered {}", answer.status)));
+        }
+        let me: Progress = serde_json::from_slice(answer.body)?;
+        self.note_other(due);
+        if !person.acknowledged().eq(me.stored.iter().map(String::as_str)) {
+            let [stored, sent] = [me.stored.len(), person.count()];
+            self.problem(format!("a reload finds {stored} trials of {sent}"));
+        }
+        Ok(())
+    }
+
+    async fn withdraw(
+        &self,
+        connection: &mut Connection,
+        person: &mut Person,
+        due: Instant,
+    ) -> io::Result<()> {
+        let delete = person.number.is_multiple_of(2);
+        let data = if delete { "delete" } else { "keep" };
+        person.withdrawal = Some(Withdrawal { delete, acknowledged: false });
+        let route = format!("{}?data={data}", routes::ME);
+        let answer = connection.send("DELETE", &route, Some(&person.token), b"").await?;
+        if answer.status != 200 {
+            return Err(io::Error::other(format!("a withdrawal was answered {}", answer.status)));
+        }
+        person.withdrawal = Some(Withdrawal { delete, acknowledged: true });
+        self.note_other(due);
+        Ok(())
+    }
+}

@@ -1,0 +1,214 @@
+//! A PostgreSQL server of a test's own: in a private folder, on a Unix socket, gone when it is dropped.
+//!
+//! It needs Debian's package `postgresql`, which `cargo xtask test` installs.
+
+use crate::Database;
+use std::cell::Cell;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+use tempfile::TempDir;
+
+/// Who owns the server's files if the tests run as root, as whom PostgreSQL refuses to run: nobody.
+const NOBODY: u32 = 65_534;
+
+/// The user of its databases.
+const USER: &str = "app";
+
+/// Longest wait until it accepts connections, or has ended.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// Whether a commit waits for the disk.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Fsync {
+    /// As in production.
+    On,
+    /// Faster, for tests that cut no power.
+    Off,
+}
+
+/// How a server is stopped.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stop {
+    /// It ends its sessions, rolls back what they were doing, and writes everything to its files.
+    Fast,
+    /// Its processes end at once and write nothing more; the next start recovers.
+    Immediate,
+    /// It is gone at once, as in a power cut (SIGKILL); the next start recovers.
+    Kill,
+}
+
+/// A running or stopped server with its databases.
+#[derive(Debug)]
+pub struct Cluster {
+    folder: TempDir,
+    fsync: Fsync,
+    running: Option<Child>,
+    databases: Cell<usize>,
+}
+
+impl Drop for Cluster {
+    fn drop(&mut self) {
+        self.stop(Stop::Immediate);
+    }
+}
+
+impl Cluster {
+    /// Creates a cluster and starts it.
+    ///
+    /// # Panics
+    /// If PostgreSQL is not installed or does not start.
+    #[must_use]
+    pub fn start(fsync: Fsync) -> Self {
+        let folder = TempDir::new().expect("a folder");
+        own(folder.path());
+        let data = folder.path().join("data");
+        let mut initdb = command("initdb");
+        initdb.arg("--pgdata").arg(&data);
+        initdb.args([
+            "--auth=trust",
+            "--no-sync",
+            "--encoding=UTF8",
+            "--locale=C",
+            "--username",
+            USER,
+        ]);
+        let made = initdb.output().expect("initdb");
+        assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
+        let mut cluster = Self { folder, fsync, running: None, databases: Cell::new(0) };
+        cluster.start_again();
+        cluster
+    }
+
+    /// Starts it after a stop; returns when it accepts connections.
+    ///
+    /// # Panics
+    /// If it runs, or does not start.
+    pub fn start_again(&mut self) {
+        assert!(self.running.is_none(), "it runs");
+        let end = Instant::now() + PATIENCE;
+        // What is left of a killed server may still be ending, and the next one refuses to start
+        // meanwhile.
+        while !self.try_start() {
+            assert!(Instant::now() < end, "PostgreSQL does not start: {}", self.log());
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    }
+
+    /// Starts a server; false if it ended instead of accepting connections.
+    fn try_start(&mut self) -> bool {
+        let log = std::fs::File::options().create(true).append(true).open(self.log_file());
+        let fsync = match self.fsync {
+            Fsync::On => "fsync=on",
+            Fsync::Off => "fsync=off",
+        };
+        let child = command("postgres")
+            .arg("-D")
+            .arg(self.folder.path().join("data"))
+            .arg("-k")
+            .arg(self.folder.path())
+            .args(["-c", "listen_addresses=", "-c", "max_connections=200", "-c", fsync])
+            .stdin(Stdio::null())
+            .stdout(Stdio::null())
+            .stderr(log.expect("a log"))
+            .spawn();
+        let mut child = child.expect("postgres");
+        let end = Instant::now() + PATIENCE;
+        while !self.accepts() {
+            if child.try_wait().expect("its state").is_some() {
+                return false;
+            }
+            assert!(Instant::now() < end, "PostgreSQL is not ready: {}", self.log());
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        self.running = Some(child);
+        true
+    }
+
+    /// Stops it, if it runs; returns when it has ended.
+    ///
+    /// # Panics
+    /// If it does not end.
+    pub fn stop(&mut self, how: Stop) {
+        let Some(mut child) = self.running.take() else { return };
+        let signal = match how {
+            Stop::Fast => "-INT",
+            Stop::Immediate => "-QUIT",
+            Stop::Kill => "-KILL",
+        };
+        let sent = Command::new("kill").args([signal, &child.id().to_string()]).status();
+        assert!(sent.is_ok_and(|status| status.success()), "kill {signal}");
+        child.wait().expect("its end");
+    }
+
+    /// A new, empty database.
+    ///
+    /// # Panics
+    /// If it cannot be made.
+    #[must_use]
+    pub fn create(&self) -> Database {
+        let number = self.databases.replace(self.databases.get() + 1);
+        let name = format!("test{number}");
+        self.database("postgres").change(&format!("CREATE DATABASE {name}"));
+        self.database(&name)
+    }
+
+    /// A database by its name.
+    fn database(&self, name: &str) -> Database {
+        let host = self.folder.path().display();
+        Database::Postgres(format!("postgres:///{name}?host={host}&user={USER}"))
+    }
+
+    /// The folder with its socket.
+    #[must_use]
+    pub fn folder(&self) -> &Path {
+        self.folder.path()
+    }
+
+    fn accepts(&self) -> bool {
+        let mut ready = Command::new(program("pg_isready"));
+        ready.arg("--quiet").arg("--host").arg(self.folder.path()).args(["--username", USER]);
+        ready.status().is_ok_and(|status| status.success())
+    }
+
+    fn log_file(&self) -> PathBuf {
+        self.folder.path().join("log")
+    }
+
+    /// What it logged.
+    fn log(&self) -> String {
+        std::fs::read_to_string(self.log_file()).unwrap_or_default()
+    }
+}
+
+/// A program of PostgreSQL, run as somebody who may run it.
+fn command(name: &str) -> Command {
+    let program = program(name);
+    if !is_root() {
+        return Command::new(program);
+    }
+    let mut command = Command::new("setpriv");
+    command.arg(format!("--reuid={NOBODY}")).arg(format!("--regid={NOBODY}"));
+    command.arg("--clear-groups").arg(program);
+    command
+}
+
+/// Where a program of the newest installed version is.
+fn program(name: &str) -> PathBuf {
+    let versions = std::fs::read_dir("/usr/lib/postgresql").into_iter().flatten().flatten();
+    let number = |path: &Path| path.file_name()?.to_str()?.parse::<u32>().ok();
+    let newest = versions.map(|entry| entry.path()).max_by_key(|path| number(path));
+    let installed = newest.map(|version| version.join("bin").join(name));
+    installed.filter(|program| program.is_file()).unwrap_or_else(|| name.into())
+}
+
+fn is_root() -> bool {
+    std::fs::metadata("/proc/self").is_ok_and(|own| std::os::unix::fs::MetadataExt::uid(&own) == 0)
+}
+
+/// Gives a folder to who runs the server.
+fn own(folder: &Path) {
+    if is_root() {
+        std::os::unix::fs::chown(folder, Some(NOBODY), Some(NOBODY)).expect("a folder of nobody's");
+    }
+}

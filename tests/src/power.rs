@@ -1,0 +1,159 @@
+//! Power cuts: what SQLite writes and syncs is recorded, and the disk made as a cut at any moment
+//! would leave it.
+//!
+//! What was synced before the cut is there. Of what was written since, each sector of 512 bytes is there
+//! or not, by chance: a disk writes in any order, and a cut tears what it is writing. That a sector is
+//! written whole is what SQLite itself relies on (<https://sqlite.org/psow.html>). The recorder is a
+//! file layer (VFS) below the server's own SQLite, so nothing of the server is replaced.
+
+pub mod cuts;
+mod vfs;
+
+use sidestep::math::SeededRng;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+/// Bytes that a disk writes whole or not at all.
+const SECTOR: usize = 512;
+
+/// What was done to a file. A file is known by its name in the folder.
+#[derive(Clone, Debug)]
+enum Act {
+    Wrote {
+        offset: usize,
+        bytes: Vec<u8>,
+    },
+    Cut {
+        length: usize,
+    },
+    Deleted,
+    /// All that was done before `covered` is on the disk.
+    Synced {
+        covered: usize,
+    },
+}
+
+/// What was done to all files of a folder, in order.
+type Acts = Arc<Mutex<Vec<(String, Act)>>>;
+
+/// What happens to the files of a folder from the beginning of the recording on.
+#[derive(Debug)]
+pub struct Recording {
+    acts: Acts,
+}
+
+/// What a disk does when it is told to sync.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Disk {
+    /// It answers when everything is written.
+    Honest,
+    /// For SQLite's log it answers at once, as if the program had not asked: the counterproof.
+    Lying,
+}
+
+impl Recording {
+    /// Records what SQLite does within this process to files in a folder.
+    ///
+    /// # Panics
+    /// If SQLite does not accept the file layer.
+    #[must_use]
+    pub fn of(folder: &Path) -> Self {
+        let acts = Acts::default();
+        vfs::record(folder, &acts);
+        Self { acts }
+    }
+
+    fn acts(&self) -> MutexGuard<'_, Vec<(String, Act)>> {
+        self.acts.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The moment now: how much has been done so far.
+    #[must_use]
+    pub fn now(&self) -> usize {
+        self.acts().len()
+    }
+
+    /// Writes the files into a folder as they are found after a power cut at that moment.
+    ///
+    /// # Panics
+    /// If they cannot be written.
+    pub fn cut(&self, moment: usize, disk: Disk, rng: &mut SeededRng, folder: &Path) {
+        for (name, bytes) in files(&self.acts()[..moment], disk, rng) {
+            std::fs::write(folder.join(name), bytes).expect("a file");
+        }
+    }
+}
+
+/// The files after these acts and a cut.
+fn files(acts: &[(String, Act)], disk: Disk, rng: &mut SeededRng) -> BTreeMap<String, Vec<u8>> {
+    let mut synced: BTreeMap<&str, usize> = BTreeMap::new();
+    for (name, act) in acts {
+        let is_true = disk == Disk::Honest || !name.ends_with("-wal");
+        if let (Act::Synced { covered }, true) = (act, is_true) {
+            synced.insert(name, *covered);
+        }
+    }
+    let mut files: BTreeMap<String, Vec<u8>> = BTreeMap::new();
+    for (moment, (name, act)) in acts.iter().enumerate() {
+        let is_safe = synced.get(name.as_str()).is_some_and(|covered| moment < *covered);
+        let mut is_kept = || is_safe || rng.below(2) == 0;
+        match act {
+            Act::Wrote { offset, bytes } => {
+                let file = files.entry(name.clone()).or_default();
+                for (number, sector) in bytes.chunks(SECTOR).enumerate() {
+                    if is_kept() {
+                        let begin = offset + number * SECTOR;
+                        let end = begin + sector.len();
+                        file.resize(file.len().max(end), 0);
+                        file[begin..end].copy_from_slice(sector);
+                    }
+                }
+            }
+            Act::Cut { length } if is_kept() => {
+                files.entry(name.clone()).or_default().resize(*length, 0);
+            }
+            // SQLite deletes a log or journal only when nothing of it is needed.
+            Act::Deleted => drop(files.remove(name)),
+            Act::Cut { .. } | Act::Synced { .. } => {}
+        }
+    }
+    files
+}
+
+/// The name of a file in a folder, if it is directly in it.
+fn name_in(folder: &Path, file: &Path) -> Option<String> {
+    let name = file.strip_prefix(folder).ok()?;
+    (name.components().count() == 1).then(|| name.to_string_lossy().into_owned())
+}
+
+/// Where recordings go: folder by folder.
+type Recordings = Mutex<Vec<(PathBuf, Acts)>>;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn wrote(offset: usize, byte: u8, length: usize) -> (String, Act) {
+        ("a-wal".to_owned(), Act::Wrote { offset, bytes: vec![byte; length] })
+    }
+
+    #[test]
+    fn what_was_synced_is_there_and_the_rest_by_sectors() {
+        let synced = ("a-wal".to_owned(), Act::Synced { covered: 1 });
+        let acts = [wrote(0, 1, 1024), synced, wrote(0, 2, 1024), wrote(1024, 3, 512)];
+        let mut found = std::collections::BTreeSet::new();
+        let mut rng = SeededRng::new(1);
+        for _ in 0..200 {
+            let file = files(&acts, Disk::Honest, &mut rng).remove("a-wal").unwrap();
+            let sectors: Vec<u8> = file.chunks(SECTOR).map(|sector| sector[0]).collect();
+            assert!(file.chunks(SECTOR).all(|sector| sector.iter().all(|b| *b == sector[0])));
+            assert!(sectors[..2].iter().all(|sector| [1, 2].contains(sector)), "{sectors:?}");
+            found.insert(sectors);
+        }
+        // Each of the three unsynced sectors with and without each other.
+        assert_eq!(found.len(), 8);
+        let lying = (0..50).map(|_| files(&acts[..2], Disk::Lying, &mut rng));
+        assert!(lying.into_iter().any(|files| files.get("a-wal").is_none_or(|file| file[0] == 0)));
+    }
+}

@@ -1,0 +1,137 @@
+//! A server that loses power, at many moments of one recording.
+
+use super::{Disk, Recording};
+use crate::load::{Comparison, Person, compare};
+use crate::{Answer, Database, Folder, Server};
+use reqwest::Method;
+use rusqlite::Connection;
+use serde_json::json;
+use sidestep::api::routes;
+use sidestep::math::SeededRng;
+
+/// What happens before the power is cut.
+#[derive(Clone, Copy, Debug)]
+pub struct Session {
+    /// Who take part, one after the other.
+    pub people: usize,
+    /// After how many trials each of them leaves.
+    pub trials: usize,
+    /// Of what is left to chance: what reaches the disk.
+    pub seed: u64,
+}
+
+/// What a client knows, and since which moment.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Known {
+    /// A further trial of that person is stored.
+    Stored,
+    /// Deletion was asked for.
+    Leaving,
+    /// And done.
+    Gone,
+}
+
+/// A recorded session.
+#[derive(Debug)]
+pub struct Recorded {
+    recording: Recording,
+    people: Vec<Person>,
+    known: Vec<(usize, usize, Known)>,
+    rng: SeededRng,
+}
+
+impl Session {
+    /// Lets people enrol and upload, every other one delete their data, and records what reaches the
+    /// disk.
+    ///
+    /// # Panics
+    /// If the server refuses anything.
+    pub async fn record(self) -> Recorded {
+        let folder = tempfile::TempDir::new().expect("a folder");
+        let recording = Recording::of(folder.path());
+        let server = Server::within(folder, "").await;
+        let (mut people, mut known) = (Vec::new(), Vec::new());
+        for number in 0..self.people {
+            let route = routes::participants("default");
+            let enrol = server.request(Method::POST, &route).json(&json!({ "consent": true }));
+            let mut person = Person::new(Answer::of(enrol).await.into(201), number);
+            for _ in 0..self.trials {
+                let (Some(trial_id), Some(body)) = (person.next(), person.next_body()) else {
+                    break;
+                };
+                let put = server.request(Method::PUT, &routes::my_trial(trial_id));
+                let put = put.header("content-type", "application/json").body(body.into_owned());
+                let answer = Answer::of(put.bearer_auth(&person.token)).await;
+                assert_eq!(answer.status, 201, "{}", answer.body);
+                person.acknowledge();
+                known.push((recording.now(), number, Known::Stored));
+            }
+            if !number.is_multiple_of(2) {
+                known.push((recording.now(), number, Known::Leaving));
+                let delete = server.request(Method::DELETE, &format!("{}?data=delete", routes::ME));
+                let answer = Answer::of(delete.bearer_auth(&person.token)).await;
+                assert_eq!(answer.status, 200, "{}", answer.body);
+                known.push((recording.now(), number, Known::Gone));
+            }
+            people.push(person);
+        }
+        server.stop().await;
+        Recorded { recording, people, known, rng: SeededRng::new(self.seed) }
+    }
+}
+
+impl Recorded {
+    /// The first and the last moment at which there is something to lose.
+    ///
+    /// # Panics
+    /// If nothing was stored.
+    #[must_use]
+    pub fn moments(&self) -> (usize, usize) {
+        (self.known.first().expect("a trial").0, self.recording.now())
+    }
+
+    /// Cuts the power at a moment and compares what a client knew then with what is found.
+    ///
+    /// # Errors
+    /// If the database is damaged: what SQLite says.
+    ///
+    /// # Panics
+    /// If files cannot be written.
+    pub fn cut(&mut self, moment: usize, disk: Disk) -> Result<(Comparison, Folder), String> {
+        let folder = Folder::default();
+        self.recording.cut(moment, disk, &mut self.rng, folder.root());
+        let damage = damage(&folder).unwrap_or_else(|error| error.to_string());
+        if damage != "ok" {
+            return Err(damage);
+        }
+        let database = Database::file(folder.root(), "sidestep.db");
+        Ok((compare(&self.people_at(moment), &database), folder))
+    }
+
+    /// A moment by chance.
+    pub fn any_moment(&mut self) -> usize {
+        let (first, last) = self.moments();
+        first + self.rng.below(last - first + 1)
+    }
+
+    /// Everybody, as their browsers knew it at a moment.
+    fn people_at(&self, moment: usize) -> Vec<Person> {
+        let known = |number: usize, what: Known| {
+            let until = self.known.iter().take_while(|(at, _, _)| *at <= moment);
+            until.filter(|(_, who, known)| (*who, *known) == (number, what)).count()
+        };
+        let person = |(number, person): (usize, &Person)| {
+            let [stored, leaving, gone] =
+                [Known::Stored, Known::Leaving, Known::Gone].map(|what| known(number, what));
+            person.as_of(stored, (leaving > 0).then_some(gone > 0))
+        };
+        self.people.iter().enumerate().map(person).collect()
+    }
+}
+
+/// What SQLite says of the database in a folder: `ok`, or what is damaged.
+fn damage(folder: &Folder) -> rusqlite::Result<String> {
+    let db = Connection::open(folder.path("sidestep.db"))?;
+    db.query_row("SELECT count(*) FROM trial", [], |row| row.get::<_, i64>(0))?;
+    db.query_row("PRAGMA integrity_check", [], |row| row.get(0))
+}
