@@ -47,7 +47,8 @@ enum Command {
 #[tokio::main]
 async fn main() -> ExitCode {
     let cli = Cli::parse();
-    log_to_stderr();
+    let is_demo = matches!(&cli.command, Command::Serve(args) if args.demo);
+    log_to_stderr(is_demo);
     match call(cli.command).await {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
@@ -80,8 +81,14 @@ async fn call(command: Command) -> Result<(), CommandError> {
     }
 }
 
-fn log_to_stderr() {
-    let default = Targets::new().with_default(tracing::Level::INFO);
+/// A demonstration logs no line for each request: hundreds fill its study, and push the sign-in link off the
+/// screen.
+fn log_to_stderr(is_demo: bool) {
+    use tracing::Level;
+    let requests = if is_demo { Level::WARN } else { Level::INFO };
+    let default = Targets::new()
+        .with_default(Level::INFO)
+        .with_target("sidestep_server::http::guard", requests);
     let wanted = std::env::var("RUST_LOG").ok().and_then(|text| text.parse::<Targets>().ok());
     let lines = tracing_subscriber::fmt::layer()
         .with_writer(std::io::stderr)

@@ -475,6 +475,8 @@ impl Tab {
             "a" => ("KeyA", 65),
             "b" => ("KeyB", 66),
             "d" => ("KeyD", 68),
+            "n" => ("KeyN", 78),
+            "Home" => ("Home", 36),
             " " => ("Space", 32),
             "Enter" => ("Enter", 13),
             "Tab" => ("Tab", 9),

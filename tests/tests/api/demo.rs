@@ -62,6 +62,11 @@ async fn every_page_of_the_demonstration_has_something_to_show() {
     let excluded: ParticipantDetail = server.admin(&route).await.into(200);
     assert!(excluded.synthetic && !excluded.notes.is_empty() && !excluded.answers.is_empty());
     assert!(excluded.exclusion.is_some_and(|it| it.reason.contains("never steered")));
+    let route = format!("{}?format=csv", routes::admin_participants("demo"));
+    let table = server.admin_text(&route).await;
+    let (header, rows) = table.split_once('\n').unwrap();
+    let at = header.split(',').position(|name| name == "synthetic").unwrap();
+    assert!(rows.lines().all(|row| row.split(',').nth(at) == Some("1")), "{rows}");
     let analyses: AnalysisPage = server.admin(&routes::admin_analyses("demo")).await.into(200);
     assert_eq!(analyses.analyses.len(), 1);
     let said = server.announcement();

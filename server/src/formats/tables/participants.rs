@@ -8,7 +8,7 @@ use sidestep::study::{Question, QuestionKind, StudyConfig};
 use std::collections::BTreeSet;
 
 /// Name, kind, unit and meaning of the columns that every study has.
-const FIXED: [(&str, Kind, &str, &str); 24] = [
+const FIXED: [(&str, Kind, &str, &str); 25] = [
     ("participant", Whole, "", "the participant's number in the study, from 1"),
     ("participant_id", Word, "", "the participant's id on the server"),
     ("external_id", Text, "", "the recruiting service's id of the person, as it came"),
@@ -33,6 +33,12 @@ const FIXED: [(&str, Kind, &str, &str); 24] = [
     ("study", Word, "", "name of the study in addresses"),
     ("excluded_at_ms", Whole, "ms since 1970", "when an experimenter excluded the participant"),
     ("exclusion_reason", Text, "", "why analyses leave the participant out; empty if they do not"),
+    (
+        "synthetic",
+        Whole,
+        "",
+        "1 if the study takes programs and no people, else 0; pilots may be people",
+    ),
 ];
 
 /// The columns of the link's parameters and of the answers, which depend on the study.
@@ -141,6 +147,7 @@ impl<'a> Participants<'a> {
             row.text(&*self.study.slug);
             row.whole(|_| person.exclusion.as_ref().map(|(at_ms, _)| *at_ms));
             row.text(person.exclusion.as_ref().map(|(_, reason)| reason.as_str()));
+            row.whole(|_| Some(i64::from(self.study.synthetic)));
             for name in &self.extra.parameters {
                 row.text(person.parameters.get(name).map(String::as_str));
             }
