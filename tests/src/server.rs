@@ -244,6 +244,10 @@ fn arguments(folder: &Path, study: &str, site: PathBuf) -> ServeArgs {
         new_admin_key: false,
         no_solve: false,
         open_demo: true,
+        tls_cert: None,
+        tls_key: None,
+        trusted_proxy: Vec::new(),
+        allowed_host: Vec::new(),
         analysis_threads: None,
     }
 }
