@@ -40,10 +40,12 @@ impl ChosenKey {
         let salt = random().map_err(|error| error.to_string())?;
         let is_hash = text.starts_with("$argon2");
         if is_hash {
-            PasswordHash::new(text).map_err(|error| {
-                format!("expected an Argon2 hash as `sidestep hash-key` prints it, found one that cannot be \
-                         read: {error}")
-            })?;
+            let parsed = PasswordHash::new(text).ok();
+            if !parsed.is_some_and(|it| it.salt.is_some() && it.hash.is_some()) {
+                let message = "expected an Argon2 hash as `sidestep hash-key` prints it, found a \
+                               damaged one";
+                return Err(message.to_owned());
+            }
         } else {
             check_length(text)?;
         }
