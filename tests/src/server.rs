@@ -214,7 +214,11 @@ impl Stopped {
     ///
     /// # Panics
     /// If the server does not start, for want of a built client say.
-    pub async fn start_with(mut self, key: Option<&str>, change: fn(&mut ServeArgs)) -> Server {
+    pub async fn start_with(
+        mut self,
+        key: Option<&str>,
+        change: impl FnOnce(&mut ServeArgs),
+    ) -> Server {
         change(&mut self.args);
         let running = start(&self.args, key).await.expect("a server");
         self.args.new_admin_key = false;

@@ -49,7 +49,8 @@ pub(super) async fn case_27_guessing_keys_and_old_cookies(server: &Server) {
 /// All guesses and the right key come from the same address, as behind a proxy. The time that a comparison
 /// takes says nothing, since keys are looked up by their hashes.
 pub(super) async fn case_28_the_right_key_among_wrong_ones(server: &Server) {
-    let guesses = join_all((0..100).map(|i| sign_in(server, &format!("guess {i}")))).await;
+    let guess = async |i: usize| sign_in(server, &format!("guess {i}")).await;
+    let guesses = join_all((0..100).map(guess)).await;
     let throttled = guesses.iter().filter(|answer| answer.status() == 429).count();
     assert_eq!(throttled, 90);
     for _ in 0..3 {

@@ -59,7 +59,8 @@ pub(super) async fn case_29_slow_requests_and_long_heads(server: &Server) {
     }
     Driver::enrol(server).await.drive(server, 2).await;
     for stream in &mut slow {
-        let read = stream.read_to_end(&mut Vec::new());
+        let mut rest = Vec::new();
+        let read = stream.read_to_end(&mut rest);
         let closed = tokio::time::timeout(Duration::from_secs(60), read).await;
         assert!(closed.is_ok(), "it is open after a minute");
     }
