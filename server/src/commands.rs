@@ -2,6 +2,7 @@
 
 pub mod check;
 pub mod languages;
+pub mod hash_key;
 mod solving;
 pub mod copy;
 pub mod backup;

@@ -1,8 +1,14 @@
 //! The HTTP interface: a module for each resource, the one table of routes, and the layers around every
 //! request.
 
-pub mod error;
 pub mod throttle;
+pub mod error;
+pub mod peer;
+pub mod hosts;
+pub mod pace;
+pub mod connections;
+pub mod watched;
+pub mod tls;
 pub mod answers;
 pub mod bounded;
 pub mod lengths;

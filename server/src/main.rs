@@ -2,7 +2,7 @@
 
 use clap::{Parser, Subcommand};
 use sidestep_server::commands::{
-    CommandError, analyze, backup, bounds, check, copy, design, export, features, import,
+    CommandError, analyze, backup, bounds, check, copy, design, export, features, hash_key, import,
     languages, plot, reach, serve, shfrs, simulate, solve, value,
 };
 use std::io::IsTerminal;
@@ -25,6 +25,7 @@ const EXIT_CODES: &str = "Exit codes: 0 done, 1 failure, 2 usage or bad input. E
 #[derive(Debug, Subcommand)]
 enum Command {
     Serve(serve::ServeArgs),
+    HashKey(hash_key::HashKeyArgs),
     Languages(languages::LanguagesArgs),
     Solve(solve::SolveArgs),
     Value(value::ValueArgs),
@@ -61,6 +62,7 @@ async fn main() -> ExitCode {
 async fn call(command: Command) -> Result<(), CommandError> {
     match command {
         Command::Serve(args) => serve::run(args).await,
+        Command::HashKey(_) => hash_key::run(),
         Command::Languages(args) => languages::run(&args),
         Command::Solve(args) => solve::run(args).await,
         Command::Value(args) => value::run(args).await,

@@ -249,7 +249,11 @@ impl Stopped {
     ///
     /// # Panics
     /// If the server does not start, for want of a built client say.
-    pub async fn start_with(mut self, key: Option<&str>, change: fn(&mut ServeArgs)) -> Server {
+    pub async fn start_with(
+        mut self,
+        key: Option<&str>,
+        change: impl FnOnce(&mut ServeArgs),
+    ) -> Server {
         change(&mut self.args);
         let running = start(&self.args, key).await.expect("a server");
         self.args.new_admin_key = false;
@@ -279,6 +283,10 @@ fn arguments(folder: &Path, study: &str, site: PathBuf) -> ServeArgs {
         new_admin_key: false,
         no_solve: false,
         open_demo: true,
+        tls_cert: None,
+        tls_key: None,
+        trusted_proxy: Vec::new(),
+        allowed_host: Vec::new(),
         analysis_threads: None,
     }
 }

@@ -1,4 +1,6 @@
-//! `cargo xtask check`: checks the code without running it.
+//! `cargo xtask check`: checks the code, and what it is built from, without running it.
+
+mod dependencies;
 
 use anyhow::Result;
 
@@ -11,6 +13,7 @@ use crate::workspace::{Runs, Workspace, stage};
 /// Naming the stage that failed.
 pub(crate) fn run(workspace: &Workspace) -> Result<()> {
     stage("format", workspace.format().arg("--check"))?;
+    dependencies::run(workspace)?;
 
     let mut clippy = workspace.compile("clippy");
     stage("clippy", clippy.args(["--all-targets", "--", "--deny", "warnings"]))?;

@@ -41,7 +41,7 @@ enum Task {
     Serve(serve::Options),
     Build(build::Options),
     Test(test::Options),
-    /// Check formatting, lints (native and browser) and documentation, without running anything.
+    /// Check formatting, dependencies, lints (native and browser) and documentation, without running anything.
     Check,
     Search(search::Options),
     Bench(bench::Options),

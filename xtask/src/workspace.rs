@@ -113,6 +113,13 @@ impl Workspace {
         cargo
     }
 
+    /// `cargo metadata` with every package that some build uses.
+    pub(crate) fn metadata(&self) -> Command {
+        let mut cargo = cargo_in(&self.root);
+        cargo.args(["metadata", "--locked", "--format-version=1"]);
+        cargo
+    }
+
     /// `cargo fmt` for all members.
     pub(crate) fn format(&self) -> Command {
         let mut cargo = cargo_in(&self.root);

@@ -7,24 +7,29 @@ use crate::formats::study_toml::StudyFile;
 use crate::http::answers::Answers;
 use crate::http::app::App;
 use crate::http::bounded::Bounded;
+use crate::http::connections::{Connections, Limits};
 use crate::http::experimenters::first_key;
+use crate::http::hosts::Hosts;
 use crate::http::listen;
+use crate::http::pace::{Guesses, Pace};
+use crate::http::peer::Proxies;
 use crate::http::routes::router;
 use crate::http::site::{Site, default_folder};
-use crate::http::throttle::Throttle;
+use crate::http::tls::Certificates;
 use crate::jobs::analysis_worker::AnalysisWorker;
 use crate::jobs::safety;
 use crate::jobs::safety::Solver;
 use crate::languages::Languages;
 use crate::languages::library::Library;
-use crate::secrets;
+use crate::secrets::chosen::ChosenKey;
 use crate::store::studies::StoredStudy;
 use crate::store::{Missing, Store};
+use ipnet::IpNet;
 use serde_json::{Map, Value};
 use sidestep::invalid::Invalid;
 use sidestep::study::StudyConfig;
 use std::fmt::Write;
-use std::net::SocketAddr;
+use std::net::{IpAddr, SocketAddr};
 use std::path::PathBuf;
 use std::sync::Arc;
 use tokio::net::TcpListener;
@@ -36,7 +41,7 @@ use tokio_util::sync::CancellationToken;
 ///
 /// Needs only a database file, which the first start creates. The first start also prints
 /// the experimenter's key, once. If SIDESTEP_ADMIN_KEY is set (at least 16 characters), that
-/// key is valid instead.
+/// key is valid instead. It may also be the hash of a key that `sidestep hash-key` prints.
 #[derive(Clone, Debug, clap::Args)]
 pub struct ServeArgs {
     /// Address and port; port 0 takes any free one.
@@ -82,6 +87,23 @@ pub struct ServeArgs {
     /// Let everybody drive the demonstration at /demo. Experimenters have it at /lab/demo.
     #[arg(long)]
     pub open_demo: bool,
+    /// Certificate of this server in PEM, followed by those of its issuers: serve HTTPS. When the file
+    /// changes, new connections get the new certificate; on Unix, SIGHUP has the files read at once.
+    #[arg(long, value_name = "FILE", requires = "tls_key", conflicts_with = "demo")]
+    pub tls_cert: Option<PathBuf>,
+    /// The certificate's private key in PEM, without a password.
+    #[arg(long, value_name = "FILE", requires = "tls_cert")]
+    pub tls_key: Option<PathBuf>,
+    /// Proxies, by address or network (10.0.0.0/8), whose X-Forwarded-For (or Forwarded) and
+    /// X-Forwarded-Proto say who sends a request and how [default: none: these headers count for
+    /// nothing].
+    #[arg(long, value_name = "ADDRESS", num_args = 1.., value_parser = net)]
+    pub trusted_proxy: Vec<IpNet>,
+    /// Further names under which this server answers, such as study.example.org; other names get 421
+    /// [default: none if it listens on a loopback address and has no --trusted-proxy, else all].
+    /// Loopback names and the listening address are always accepted.
+    #[arg(long, value_name = "NAME", num_args = 1.., value_parser = host)]
+    pub allowed_host: Vec<String>,
     /// Threads for analyses [default: all processors but one, at least one; with --demo all].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub analysis_threads: Option<u16>,
@@ -89,6 +111,18 @@ pub struct ServeArgs {
 
 /// Enrolments that may wait for their scenes: a lecture hall, twice over.
 const PLANS_WAITING: usize = 2_000;
+
+/// Keys that may wait to be compared with a slow hash.
+const KEYS_WAITING: usize = 64;
+
+/// Most connections, if the system lets a process have so many files.
+const MOST_CONNECTIONS: u64 = 50_000;
+
+/// Files that are kept for other things than connections: the database, the site, analyses.
+const FILES_KEPT: u64 = 256;
+
+/// Bytes of bodies that have not arrived whole.
+const BODY_BYTES: usize = 64 << 20;
 
 /// A server that accepts requests.
 #[derive(Debug)]
@@ -107,6 +141,8 @@ pub struct Running {
     fills_demo: bool,
     stop: oneshot::Sender<()>,
     task: JoinHandle<()>,
+    /// Renews the certificate, if there is one.
+    renewal: Option<JoinHandle<()>>,
 }
 
 /// Runs until SIGINT or SIGTERM.
@@ -130,7 +166,15 @@ pub async fn run(args: ServeArgs) -> Result<(), CommandError> {
 /// [`CommandError`] for a bad study file or key (input), a missing bundle, an
 /// unusable database or a port in use (failure).
 pub async fn start(args: &ServeArgs, key: Option<&str>) -> Result<Running, CommandError> {
-    let environment_key = key.map(checked_key).transpose()?;
+    let environment_key = key
+        .map(ChosenKey::of)
+        .transpose()
+        .map_err(|why| CommandError::Input(format!("SIDESTEP_ADMIN_KEY: {why}")))?;
+    let certificates = match (&args.tls_cert, &args.tls_key) {
+        (Some(certificate), Some(key)) => Some(Certificates::open(certificate, key)),
+        _ => None,
+    };
+    let certificates = certificates.transpose().map_err(CommandError::Input)?.map(Arc::new);
     if environment_key.is_some() && args.new_admin_key {
         let message = "--new-admin-key: expected no SIDESTEP_ADMIN_KEY beside it, found one; \
                        unset it to use a key that is made";
@@ -157,7 +201,7 @@ pub async fn start(args: &ServeArgs, key: Option<&str>) -> Result<Running, Comma
     let fills_demo = args.demo && demo::prepare(&store, &args.database).await?;
     let names = prepare(&store, given.as_ref(), args.replace_study).await?;
     let studies = of_people(&store, &names).await?;
-    let new_key = match environment_key {
+    let new_key = match &environment_key {
         Some(_) => None,
         None => first_key(&store, args.new_admin_key).await.map_err(CommandError::failure)?,
     };
@@ -169,8 +213,10 @@ pub async fn start(args: &ServeArgs, key: Option<&str>) -> Result<Running, Comma
         default_study: studies.first().unwrap_or(&names[0]).clone(),
         library: Library::new(languages),
         environment_key,
-        throttle: Throttle::default(),
+        pace: Pace::default(),
+        guesses: Guesses::default(),
         drawing: Bounded::new(PLANS_WAITING),
+        hashing: Bounded::new(KEYS_WAITING),
         answers: Answers::default(),
         analysis_asked: Arc::clone(&analysis_asked),
         study_stored: Arc::clone(&study_stored),
@@ -179,8 +225,18 @@ pub async fn start(args: &ServeArgs, key: Option<&str>) -> Result<Running, Comma
         stopping: stopping.clone(),
     });
     let (stop, stopped) = oneshot::channel::<()>();
-    let router = router(app, &site);
-    let task = tokio::spawn(listen::serve(listener, router, async move {
+    let proxies = Proxies::new(args.trusted_proxy.clone());
+    let hosts = Hosts::new(&args.allowed_host, address.ip(), &proxies);
+    let all = most_connections();
+    let limits = Limits { all, each: (all / 4).max(1), body_bytes: BODY_BYTES };
+    let service = listen::Service {
+        router: router(app, &site, hosts),
+        proxies: Arc::new(proxies),
+        certificates: certificates.clone(),
+        connections: Arc::new(Connections::new(limits)),
+    };
+    let renewal = certificates.map(renewal).transpose()?;
+    let task = tokio::spawn(listen::serve(listener, service, async move {
         // A dropped sender means the same as a sent stop.
         let _ = stopped.await;
         stopping.cancel();
@@ -206,23 +262,32 @@ pub async fn start(args: &ServeArgs, key: Option<&str>) -> Result<Running, Comma
         fills_demo,
         stop,
         task,
+        renewal,
     })
 }
 
 impl Running {
+    /// The scheme and the address.
+    #[must_use]
+    pub fn origin(&self) -> String {
+        let scheme = if self.renewal.is_some() { "https" } else { "http" };
+        format!("{scheme}://{}", self.address)
+    }
+
     /// What the command prints when the server is ready.
     #[must_use]
     pub fn announcement(&self) -> String {
         let address = self.address;
+        let origin = self.origin();
         let mut text = "Sidestep is ready.".to_owned();
         for study in &self.studies {
-            let _ = write!(text, "\n  participants  http://{address}/s/{study}");
+            let _ = write!(text, "\n  participants  {origin}/s/{study}");
         }
-        let _ = write!(text, "\n  laboratory    http://{address}/lab");
+        let _ = write!(text, "\n  laboratory    {origin}/lab");
         if let Some(key) = &self.new_key {
             let _ = write!(
                 text,
-                "\n  sign in with  http://{address}/lab#key={key}\n\
+                "\n  sign in with  {origin}/lab#key={key}\n\
                  The key is shown this once: keep the link, or make another key with --new-admin-key."
             );
         }
@@ -238,6 +303,9 @@ impl Running {
             demo.stop().await;
         }
         let _ = self.stop.send(());
+        if let Some(renewal) = self.renewal {
+            renewal.abort();
+        }
         if let Some(solver) = self.solver {
             solver.stop().await;
         }
@@ -355,15 +423,65 @@ fn changes(old: &StudyConfig, new: &StudyConfig) -> String {
     changed.map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(", ")
 }
 
-fn checked_key(key: &str) -> Result<[u8; 32], CommandError> {
-    const SHORTEST: usize = 16;
-    let count = key.chars().count();
-    if count < SHORTEST {
-        let message =
-            format!("SIDESTEP_ADMIN_KEY: expected {SHORTEST} characters or more, found {count}");
-        return Err(CommandError::Input(message));
+/// A network, or the network of one address.
+fn net(text: &str) -> Result<IpNet, String> {
+    let address = |text: &str| text.parse::<IpAddr>().ok().map(IpNet::from);
+    let found = text.parse().ok().or_else(|| address(text));
+    found.ok_or_else(|| {
+        "expected an address or a network, such as 127.0.0.1 or 10.0.0.0/8".to_owned()
+    })
+}
+
+/// The name of a host, without a port.
+fn host(text: &str) -> Result<String, String> {
+    let is_address = text.parse::<IpAddr>().is_ok();
+    let fits = |c: char| c.is_ascii_alphanumeric() || "-.".contains(c);
+    match is_address || !text.is_empty() && text.chars().all(fits) {
+        true => Ok(text.to_owned()),
+        false => Err("expected the name of a host, such as study.example.org".to_owned()),
     }
-    Ok(secrets::hash(key))
+}
+
+/// As many connections as files may be opened, beside those that are needed for other things. Raises the
+/// limit of this process as far as the system allows.
+#[cfg(unix)]
+fn most_connections() -> usize {
+    use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
+    let Rlimit { maximum, .. } = getrlimit(Resource::Nofile);
+    let raised = setrlimit(Resource::Nofile, Rlimit { current: maximum, maximum });
+    if let Err(error) = raised {
+        tracing::warn!(%error, "the limit of open files was not raised");
+    }
+    let files = getrlimit(Resource::Nofile).current.unwrap_or(u64::MAX);
+    let kept = FILES_KEPT.min(files / 2);
+    usize::try_from((files - kept).min(MOST_CONNECTIONS)).unwrap_or(usize::MAX)
+}
+
+#[cfg(not(unix))]
+fn most_connections() -> usize {
+    (MOST_CONNECTIONS / 10) as usize
+}
+
+/// Renews the certificate when its files change, and at SIGHUP.
+#[cfg(unix)]
+fn renewal(certificates: Arc<Certificates>) -> Result<JoinHandle<()>, CommandError> {
+    use tokio::signal::unix::{SignalKind, signal};
+    let mut hangup = signal(SignalKind::hangup()).map_err(CommandError::failure)?;
+    Ok(tokio::spawn(async move {
+        let asked = Notify::new();
+        let signals = async {
+            while hangup.recv().await.is_some() {
+                asked.notify_one();
+            }
+        };
+        tokio::join!(signals, certificates.renew(&asked));
+    }))
+}
+
+/// Renews the certificate when its files change.
+#[cfg(not(unix))]
+fn renewal(certificates: Arc<Certificates>) -> Result<JoinHandle<()>, CommandError> {
+    Ok(tokio::spawn(async move { certificates.renew(&Notify::new()).await }))
 }
 
 #[cfg(unix)]

@@ -3,8 +3,9 @@
 use crate::http::answers::Answers;
 use crate::http::bounded::Bounded;
 use crate::http::lengths::Lengths;
-use crate::http::throttle::Throttle;
+use crate::http::pace::{Guesses, Pace};
 use crate::languages::library::Library;
+use crate::secrets::chosen::ChosenKey;
 use crate::store::Store;
 use sidestep::api::SelfCheck;
 use std::sync::Arc;
@@ -23,12 +24,16 @@ pub struct App {
     pub default_study: String,
     /// What participants read.
     pub library: Library,
-    /// Hash of the key in the environment; if there is one, only this key is valid.
-    pub environment_key: Option<[u8; 32]>,
+    /// The key in the environment; if there is one, it takes the place of the first key.
+    pub environment_key: Option<ChosenKey>,
+    /// Limits how often somebody may ask.
+    pub pace: Pace,
     /// Limits guesses of keys.
-    pub throttle: Throttle,
+    pub guesses: Guesses,
     /// Draws the scenes of plans.
     pub drawing: Bounded,
+    /// Compares keys with a slow hash.
+    pub hashing: Bounded,
     /// Numbers of answers for `/metrics`.
     pub answers: Answers,
     /// Tells the analysis worker that an analysis is queued.

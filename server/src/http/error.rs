@@ -1,11 +1,13 @@
 //! The error of every handler, and its body.
 
+use crate::http::throttle::seconds;
 use crate::store::StoreError;
 use axum::Json;
 use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use sidestep::api::Problem;
 use sidestep::invalid::Invalid;
+use std::time::Duration;
 
 /// Why a request was not served.
 #[derive(Debug, thiserror::Error)]
@@ -18,9 +20,9 @@ pub enum ApiError {
         /// Body of the answer.
         problem: Problem,
     },
-    /// Too many wrong keys; the client may try again after this many seconds.
-    #[error("too many wrong keys")]
-    Throttled(u64),
+    /// Too many of these; the client may try again after this time.
+    #[error("too many {0}")]
+    Throttled(&'static str, Duration),
     /// The store is temporarily unavailable; the client may try again.
     #[error("{0}")]
     Unavailable(StoreError),
@@ -147,8 +149,9 @@ impl IntoResponse for ApiError {
                 }
                 answer
             }
-            Self::Throttled(seconds) => {
-                let message = format!("too many wrong keys; try again in {seconds} s");
+            Self::Throttled(what, wait) => {
+                let seconds = seconds(wait);
+                let message = format!("too many {what}; try again in {seconds} s");
                 let status = StatusCode::TOO_MANY_REQUESTS;
                 let mut answer = Self::new(status, "throttled", message).into_response();
                 answer.headers_mut().insert(header::RETRY_AFTER, HeaderValue::from(seconds));

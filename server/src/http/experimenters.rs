@@ -4,10 +4,11 @@ use crate::clock::now_ms;
 use crate::http::app::{App, COOKIE};
 use crate::http::auth::bearer;
 use crate::http::error::ApiError;
-use crate::http::listen::Client;
 use crate::http::openapi::operation::{Input, Operation, Who};
 use crate::http::openapi::schemas::Schemas;
+use crate::http::peer::{Client, origin};
 use crate::secrets;
+use crate::secrets::chosen::ChosenKey;
 use crate::store::Store;
 use crate::store::audit::NewEntry;
 use crate::store::keys::{ENVIRONMENT, Holder, StoredKey};
@@ -16,10 +17,9 @@ use axum::extract::{FromRequestParts, MatchedPath};
 use axum::http::{HeaderMap, Method, header, request::Parts};
 use futures_util::{StreamExt, stream};
 use sidestep::api::{Access, Action};
-use std::net::{IpAddr, Ipv4Addr};
+use std::net::IpAddr;
 use std::sync::Arc;
 use std::time::Duration;
-use subtle::ConstantTimeEq;
 
 /// Least time between two checks of the key of a long answer.
 const RECHECK: Duration = Duration::from_secs(1);
@@ -176,47 +176,82 @@ async fn admitted(parts: &Parts, app: &App, needed: Access) -> Result<Experiment
 
 async fn experimenter(parts: &Parts, app: &App) -> Result<Experimenter, ApiError> {
     if let Some(cookie) = session_cookie(&parts.headers)
-        && let Some(holder) = app.store.session(secrets::hash(cookie), now_ms()).await?
-        && is_valid(app, &holder)
+        && let Some(holder) = session(app, cookie).await?
     {
         return used(app, holder).await;
     }
     let key = bearer(&parts.headers).ok_or_else(ApiError::unauthorized)?;
-    let client = parts.extensions.get::<Client>().copied();
-    check_key(app, key, address(client)).await
+    let client = parts.extensions.get::<Client>().copied().unwrap_or_default();
+    check_key(app, key, client.address).await
 }
 
-/// The address of the client, for the throttle.
+/// The holder of a session that is valid.
+async fn session(app: &App, cookie: &str) -> Result<Option<Holder>, ApiError> {
+    for (i, hash) in session_hashes(app, cookie).enumerate() {
+        let found = app.store.session(hash, now_ms()).await?;
+        let is_bound = i > 0;
+        // A session of the key in the environment counts only with the hash that this key gives it.
+        let fits = |holder: &Holder| matches!(holder, Holder::Environment) == is_bound;
+        if let Some(holder) = found.filter(|holder| is_valid(app, holder) && fits(holder)) {
+            return Ok(Some(holder));
+        }
+    }
+    Ok(None)
+}
+
+/// The hash under which the session of an experimenter is stored. That of the key in the environment depends
+/// on this key, so that a server with another one knows none of the sessions.
 #[must_use]
-pub fn address(client: Option<Client>) -> IpAddr {
-    client.map_or(IpAddr::V4(Ipv4Addr::UNSPECIFIED), |client| client.0)
+pub fn session_hash(app: &App, me: &Experimenter, cookie: &str) -> [u8; 32] {
+    match (&app.environment_key, me.key_id) {
+        (Some(key), None) => key.session_hash(cookie),
+        _ => secrets::hash(cookie),
+    }
 }
 
-/// The holder of a key.
+/// The hashes under which the session with this cookie may be stored.
+pub fn session_hashes(app: &App, cookie: &str) -> impl Iterator<Item = [u8; 32]> + use<> {
+    let bound = app.environment_key.as_ref().map(|key| key.session_hash(cookie));
+    std::iter::once(secrets::hash(cookie)).chain(bound)
+}
+
+/// The holder of a key. However many wrong keys come from the same address, the right one is accepted.
 ///
 /// # Errors
 /// 401 for a wrong key, 429 after too many of them.
 pub async fn check_key(app: &App, key: &str, address: IpAddr) -> Result<Experimenter, ApiError> {
-    if let Some(seconds) = app.throttle.wait_s(address) {
-        return Err(ApiError::Throttled(seconds));
+    // The time to look up a hash reveals nothing that helps to guess a key, and nobody guesses 256 random
+    // bits: these keys never wait.
+    match app.store.key(secrets::hash(key)).await?.map(Holder::Key) {
+        Some(holder) if is_valid(app, &holder) => return used(app, holder).await,
+        // A program with a revoked key guesses nothing.
+        Some(Holder::Key(StoredKey { is_revoked: true, .. })) => {
+            return Err(ApiError::unauthorized());
+        }
+        _ => {}
     }
-    let presented = secrets::hash(key);
-    let is_environments = app.environment_key.map(|hash| hash.ct_eq(&presented).into());
-    let holder = match is_environments {
-        Some(true) => Some(Holder::Environment),
-        // The time to look up a hash reveals nothing that helps to guess a key.
-        _ => app.store.key(presented).await?.map(Holder::Key),
-    };
-    match holder {
-        Some(holder) if is_valid(app, &holder) => used(app, holder).await,
-        // A program with a revoked key guesses nothing, and locks nobody else out.
-        Some(Holder::Key(StoredKey { is_revoked: true, .. })) => Err(ApiError::unauthorized()),
-        _ => {
-            app.throttle.failed(address);
-            tracing::warn!("a wrong experimenter's key was sent");
-            Err(ApiError::unauthorized())
+    let origin = origin(address);
+    if let Some(chosen) = &app.environment_key {
+        app.guesses.slow_down(origin).await;
+        if is_chosen(app, chosen, key).await? {
+            return used(app, Holder::Environment).await;
         }
     }
+    tracing::warn!("a wrong experimenter's key was sent");
+    match app.guesses.count(origin).await {
+        Ok(()) => Err(ApiError::unauthorized()),
+        Err(wait) => Err(ApiError::Throttled("wrong keys", wait)),
+    }
+}
+
+/// Whether this is the key in the environment.
+async fn is_chosen(app: &App, chosen: &ChosenKey, key: &str) -> Result<bool, ApiError> {
+    if let Some(answer) = chosen.compare(key) {
+        return Ok(answer);
+    }
+    // The slow hash, a few at a time beside the threads that answer requests.
+    let (chosen, key) = (chosen.clone(), key.to_owned());
+    app.hashing.queue()?.run(move || chosen.verify(&key)).await
 }
 
 /// Whether a known key opens this server: the key in the environment takes the place of the first key.

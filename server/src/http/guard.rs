@@ -1,7 +1,10 @@
-//! Layers around every request: its origin, its time limit, logging, and the headers of every answer.
+//! Layers around every request: its origin, its pace, the length of its address, its time limit, logging, and the headers
+//! of every answer.
 
 use crate::http::app::App;
+use crate::http::auth::bearer;
 use crate::http::error::ApiError;
+use crate::http::peer::{Client, origin};
 use axum::extract::{MatchedPath, Request, State};
 use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, Response, StatusCode, header};
 use axum::middleware::Next;
@@ -28,9 +31,20 @@ const HEADERS: [(HeaderName, &str); 6] = [
     (HeaderName::from_static("cross-origin-resource-policy"), "same-origin"),
 ];
 
+/// A browser that came through TLS comes back through TLS only, for a year.
+const ENCRYPTED_ONLY: HeaderValue = HeaderValue::from_static("max-age=31536000");
+
 /// Adds the security headers to every answer, unless it has its own.
 pub async fn security_headers(request: Request, next: Next) -> axum::response::Response {
+    let is_secure = request.extensions().get::<Client>().is_some_and(|client| client.is_secure);
     let mut answer = next.run(request).await;
+    // Only answers with a policy of their own may be shown in a frame, by this site's pages.
+    if !answer.headers().contains_key(header::CONTENT_SECURITY_POLICY) {
+        answer.headers_mut().insert(header::X_FRAME_OPTIONS, HeaderValue::from_static("DENY"));
+    }
+    if is_secure {
+        answer.headers_mut().insert(header::STRICT_TRANSPORT_SECURITY, ENCRYPTED_ONLY);
+    }
     for (name, value) in HEADERS {
         answer.headers_mut().entry(name).or_insert(HeaderValue::from_static(value));
     }
@@ -67,6 +81,37 @@ fn is_same_origin(headers: &HeaderMap) -> bool {
         let (_, authority) = origin.split_once("://").unwrap_or_default();
         !authority.is_empty() && text("host") == Some(authority)
     })
+}
+
+/// Longest path and query of an address, bytes.
+const LONGEST_ADDRESS: usize = 8192;
+
+/// Refuses requests with a very long address.
+pub async fn short_address(request: Request, next: Next) -> axum::response::Response {
+    let length = request.uri().path_and_query().map_or(0, |it| it.as_str().len());
+    if length <= LONGEST_ADDRESS {
+        return next.run(request).await;
+    }
+    let message = format!("expected an address of at most {LONGEST_ADDRESS} bytes, found {length}");
+    ApiError::new(StatusCode::URI_TOO_LONG, "long_address", message).into_response()
+}
+
+/// Refuses requests of whoever asks too fast.
+pub async fn paced(
+    State(app): State<Arc<App>>,
+    request: Request,
+    next: Next,
+) -> axum::response::Response {
+    let client = request.extensions().get::<Client>().copied().unwrap_or_default();
+    if !client.is_local {
+        let enrols = *request.method() == Method::POST
+            && request.uri().path().starts_with("/api/v1/studies/");
+        let token = bearer(request.headers());
+        if let Err(error) = app.pace.count(origin(client.address), token, enrols).await {
+            return error.into_response();
+        }
+    }
+    next.run(request).await
 }
 
 /// Ends a request that takes too long, such as one with a slow body.

@@ -342,7 +342,9 @@ fn operator(table: Table) -> Table {
         )
         .route(
             "/metrics",
-            [get("Counts in Prometheus's text format", metrics::show).sends("text/plain")],
+            [get("Counts in Prometheus's text format", metrics::show)
+                .detail("Programs on the server's own machine need no key; others need one that may read.")
+                .sends("text/plain")],
         )
         .route(
             routes::OPENAPI,

@@ -1,9 +1,14 @@
-//! Liveness, readiness and counts for the operator of the server.
+//! Liveness, readiness and counts for the operator of the server. The counts say how much a study collects, so
+//! they are for programs on this machine, and for others with a key.
 
 use crate::http::app::App;
 use crate::http::error::ApiError;
-use axum::extract::State;
-use axum::http::{StatusCode, header};
+use crate::http::experimenters::Reader;
+use crate::http::openapi::operation::{Input, Operation};
+use crate::http::openapi::schemas::Schemas;
+use crate::http::peer::Client;
+use axum::extract::{FromRequestParts, State};
+use axum::http::{StatusCode, header, request::Parts};
 use axum::response::{IntoResponse, Response};
 use std::fmt::Write;
 use std::sync::Arc;
@@ -23,8 +28,28 @@ pub async fn readyz(State(app): State<Arc<App>>) -> Result<&'static str, ApiErro
     Ok("ready\n")
 }
 
+/// A program on this machine that speaks for nobody else, or an experimenter.
+pub struct Operator;
+
+impl FromRequestParts<Arc<App>> for Operator {
+    type Rejection = ApiError;
+
+    async fn from_request_parts(parts: &mut Parts, app: &Arc<App>) -> Result<Self, ApiError> {
+        if !parts.extensions.get::<Client>().is_some_and(|client| client.is_local) {
+            Reader::from_request_parts(parts, app).await?;
+        }
+        Ok(Self)
+    }
+}
+
+impl Input for Operator {
+    fn describe(operation: &mut Operation, _: &mut Schemas) {
+        operation.problems(&["unauthorized", "busy", "storage"]);
+    }
+}
+
 /// `GET /metrics`: Prometheus text.
-pub async fn show(State(app): State<Arc<App>>) -> Result<Response, ApiError> {
+pub async fn show(_: Operator, State(app): State<Arc<App>>) -> Result<Response, ApiError> {
     let [participants, trials] = app.store.counts().await?;
     let gauges = [
         ("sidestep_participants", "Participants enrolled or imported.", participants),

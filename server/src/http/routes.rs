@@ -3,6 +3,7 @@
 use crate::http::app::App;
 use crate::http::docs::Published;
 use crate::http::error::ApiError;
+use crate::http::hosts::{self, Hosts};
 use crate::http::site::Site;
 use crate::http::{guard, interface, site};
 use axum::http::StatusCode;
@@ -11,8 +12,8 @@ use axum::{Extension, Router};
 use std::sync::Arc;
 use tower_http::catch_panic::CatchPanicLayer;
 
-/// All routes: those of the interface, and the pages.
-pub fn router(app: Arc<App>, site: &Site) -> Router {
+/// All routes: those of the interface, and the pages, of a server with these names.
+pub fn router(app: Arc<App>, site: &Site, hosts: Hosts) -> Router {
     let (api, document) = interface::table().finished();
     let api = api
         .layer(Extension(Arc::new(Published::of(&document, site.docs()))))
@@ -23,6 +24,9 @@ pub fn router(app: Arc<App>, site: &Site) -> Router {
         .fallback(async || ApiError::not_found("page or route"))
         .method_not_allowed_fallback(method_not_allowed)
         .layer(from_fn(guard::same_site))
+        .layer(from_fn_with_state(Arc::clone(&app), guard::paced))
+        .layer(from_fn_with_state(Arc::new(hosts), hosts::known_host))
+        .layer(from_fn(guard::short_address))
         .layer(from_fn(guard::time_limit))
         .layer(CatchPanicLayer::custom(guard::panicked))
         .layer(from_fn_with_state(Arc::clone(&app), guard::observed))
@@ -39,6 +43,7 @@ async fn method_not_allowed() -> ApiError {
 mod tests {
     use super::*;
     use crate::http::bounded::Bounded;
+    use crate::http::peer::Proxies;
     use crate::languages::Languages;
     use crate::languages::library::Library;
     use crate::store::tests::begun;
@@ -53,6 +58,7 @@ mod tests {
     use sidestep::study::StudyConfig;
     use sidestep::trial::simulate;
     use sidestep::vehicle::TurnInput;
+    use std::net::Ipv4Addr;
     use std::sync::mpsc;
     use std::task::Poll;
     use tempfile::TempDir;
@@ -76,8 +82,10 @@ mod tests {
             default_study: "default".to_owned(),
             library: Library::new(Languages::load(None).unwrap()),
             environment_key: None,
-            throttle: Default::default(),
+            pace: Default::default(),
+            guesses: Default::default(),
             drawing: Bounded::new(plans_waiting),
+            hashing: Bounded::new(0),
             answers: Default::default(),
             analysis_asked: Arc::default(),
             study_stored: Arc::default(),
@@ -85,11 +93,15 @@ mod tests {
             lengths: Arc::default(),
             stopping: CancellationToken::new(),
         };
-        (store, router(Arc::new(app), &Site::open(folder.path()).unwrap()))
+        let hosts = Hosts::new(&[], Ipv4Addr::LOCALHOST.into(), &Proxies::default());
+        (store, router(Arc::new(app), &Site::open(folder.path()).unwrap(), hosts))
     }
 
     async fn send(router: &Router, request: Builder, body: impl Into<Body>) -> Response {
-        let request = request.header(header::CONTENT_TYPE, "application/json").body(body.into());
+        let request = request
+            .header(header::CONTENT_TYPE, "application/json")
+            .header(header::HOST, "localhost")
+            .body(body.into());
         router.clone().oneshot(request.unwrap()).await.unwrap()
     }
 

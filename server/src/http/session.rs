@@ -3,9 +3,11 @@
 use crate::clock::now_ms;
 use crate::http::app::{App, COOKIE};
 use crate::http::error::ApiError;
-use crate::http::experimenters::{Experimenter, Reader, address, check_key, session_cookie};
+use crate::http::experimenters::{
+    Experimenter, Reader, check_key, session_cookie, session_hash, session_hashes,
+};
 use crate::http::json::JsonBody;
-use crate::http::listen::Client;
+use crate::http::peer::Client;
 use crate::secrets;
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode, header};
@@ -22,12 +24,14 @@ pub async fn sign_in(
     client: Option<Extension<Client>>,
     JsonBody(body): JsonBody<SignIn>,
 ) -> Result<Response, ApiError> {
-    let me = check_key(&app, &body.key, address(client.map(|Extension(it)| it))).await?;
+    let client = client.map(|Extension(it)| it).unwrap_or_default();
+    let me = check_key(&app, &body.key, client.address).await?;
     let cookie = secrets::token()?;
     let expires_at_ms = now_ms() + LIFETIME_S * 1000;
     let entry = me.does(Action::SignedIn, None, None);
-    app.store.add_session(secrets::hash(&cookie), me.key_id, expires_at_ms, entry).await?;
-    Ok((set_cookie(&cookie, LIFETIME_S), session(me)).into_response())
+    let hash = session_hash(&app, &me, &cookie);
+    app.store.add_session(hash, me.key_id, expires_at_ms, entry).await?;
+    Ok((set_cookie(&cookie, LIFETIME_S, client), session(me)).into_response())
 }
 
 /// `GET /api/v1/admin/session`: 200 for an experimenter who is signed in.
@@ -42,17 +46,27 @@ fn session(Experimenter { name, access, .. }: Experimenter) -> Json<Session> {
 /// `DELETE /api/v1/admin/session`: the cookie becomes invalid.
 pub async fn sign_out(
     State(app): State<Arc<App>>,
+    client: Option<Extension<Client>>,
     headers: HeaderMap,
 ) -> Result<Response, ApiError> {
     if let Some(cookie) = session_cookie(&headers) {
-        app.store.end_session(secrets::hash(cookie)).await?;
+        for hash in session_hashes(&app, cookie) {
+            app.store.end_session(hash).await?;
+        }
     }
-    Ok((StatusCode::NO_CONTENT, set_cookie("", 0)).into_response())
+    let client = client.map(|Extension(it)| it).unwrap_or_default();
+    Ok((StatusCode::NO_CONTENT, set_cookie("", 0, client)).into_response())
 }
 
 /// SameSite is Lax, because the sign-in link is opened from a terminal or a mail. The origin check
-/// protects requests that change anything.
-fn set_cookie(value: &str, age_s: i64) -> impl IntoResponseParts + IntoResponse + use<> {
-    let cookie = format!("{COOKIE}={value}; Path=/; HttpOnly; SameSite=Lax; Max-Age={age_s}");
+/// protects requests that change anything. A browser that came through TLS sends the cookie through TLS only.
+fn set_cookie(
+    value: &str,
+    age_s: i64,
+    client: Client,
+) -> impl IntoResponseParts + IntoResponse + use<> {
+    let secure = if client.is_secure { "; Secure" } else { "" };
+    let cookie =
+        format!("{COOKIE}={value}; Path=/; HttpOnly; SameSite=Lax; Max-Age={age_s}{secure}");
     AppendHeaders([(header::SET_COOKIE, cookie)])
 }

@@ -1,37 +1,73 @@
-//! Limits how fast an address can guess keys.
+//! How often somebody may do something.
 
 use std::collections::HashMap;
-use std::net::IpAddr;
+use std::hash::Hash;
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Counts wrong keys by address, in memory, over the last minute.
-#[derive(Debug, Default)]
-pub struct Throttle {
-    failures: Mutex<HashMap<IpAddr, (Instant, u32)>>,
+/// Counts what each of many (addresses, tokens) does. Everybody may do it `burst` times at once, and gets one
+/// more for each `pause` that passes.
+///
+/// The counts are in this server's memory. All that is asked of them are the two operations below, so that
+/// servers of one database can keep them together.
+#[derive(Debug)]
+pub struct Throttle<Who> {
+    burst: u32,
+    pause: Duration,
+    /// For each, when they will have all their `burst` again.
+    full_at: Mutex<HashMap<Who, Instant>>,
 }
 
-/// Number of wrong keys that an address may send in a minute.
-const ALLOWED: u32 = 10;
-const WINDOW: Duration = Duration::from_secs(60);
+/// The table is searched for entries that say nothing any more when it has so many.
+const MANY: usize = 10_000;
 
-impl Throttle {
-    /// Seconds to wait, if `address` has sent too many wrong keys. Right keys are refused then as well;
-    /// otherwise guessing would continue unhindered.
-    pub fn wait_s(&self, address: IpAddr) -> Option<u64> {
-        let failures = self.failures.lock().unwrap_or_else(PoisonError::into_inner);
-        let (since, count) = failures.get(&address).copied()?;
-        let left = WINDOW.checked_sub(since.elapsed())?;
-        (count >= ALLOWED).then_some(left.as_secs() + 1)
+impl<Who: Eq + Hash> Throttle<Who> {
+    /// A throttle that has counted nothing yet.
+    #[must_use]
+    pub fn new(burst: u32, pause: Duration) -> Self {
+        Self { burst, pause, full_at: Mutex::default() }
     }
 
-    /// Counts a wrong key.
-    pub fn failed(&self, address: IpAddr) {
-        let mut failures = self.failures.lock().unwrap_or_else(PoisonError::into_inner);
-        // Old entries are removed here, so the table covers at most a minute.
-        failures.retain(|_, (since, _)| since.elapsed() < WINDOW);
-        failures.entry(address).or_insert((Instant::now(), 0)).1 += 1;
+    /// Counts one more.
+    ///
+    /// # Errors
+    /// The time after which they may, if they may not now; then nothing is counted.
+    pub async fn take(&self, who: Who) -> Result<(), Duration> {
+        self.take_at(who, Instant::now())
     }
+
+    /// Whether they may do nothing more now.
+    pub async fn is_spent(&self, who: &Who) -> bool {
+        let full_at = self.full_at.lock().unwrap_or_else(PoisonError::into_inner);
+        let left = full_at.get(who).map(|at| at.saturating_duration_since(Instant::now()));
+        left.is_some_and(|left| left + self.pause > self.whole())
+    }
+
+    /// The time in which everything that was spent comes back.
+    fn whole(&self) -> Duration {
+        self.pause * self.burst
+    }
+
+    fn take_at(&self, who: Who, now: Instant) -> Result<(), Duration> {
+        let mut full_at = self.full_at.lock().unwrap_or_else(PoisonError::into_inner);
+        if full_at.len() >= MANY && full_at.len().is_power_of_two() {
+            full_at.retain(|_, at| *at > now);
+        }
+        let at = full_at.entry(who).or_insert(now);
+        let after = (*at).max(now) + self.pause;
+        let over = (after - now).saturating_sub(self.whole());
+        if over > Duration::ZERO {
+            return Err(over);
+        }
+        *at = after;
+        Ok(())
+    }
+}
+
+/// Whole seconds for `Retry-After`, at least one.
+#[must_use]
+pub fn seconds(wait: Duration) -> u64 {
+    wait.as_secs() + 1
 }
 
 #[cfg(test)]
@@ -39,14 +75,38 @@ mod tests {
     use super::*;
 
     #[test]
-    fn ten_wrong_keys_and_out_but_only_from_there() {
-        let throttle = Throttle::default();
-        let (here, there) = (IpAddr::from([127, 0, 0, 1]), IpAddr::from([127, 0, 0, 2]));
-        for _ in 0..ALLOWED {
-            assert_eq!(throttle.wait_s(here), None);
-            throttle.failed(here);
+    fn a_burst_and_then_one_for_each_pause() {
+        let pause = Duration::from_secs(6);
+        let throttle = Throttle::new(10, pause);
+        let begin = Instant::now();
+        for _ in 0..10 {
+            assert_eq!(throttle.take_at("here", begin), Ok(()));
         }
-        assert!(throttle.wait_s(here).is_some_and(|s| (1..=60).contains(&s)));
-        assert_eq!(throttle.wait_s(there), None);
+        assert_eq!(throttle.take_at("here", begin), Err(pause));
+        assert_eq!(throttle.take_at("there", begin), Ok(()));
+        let later = begin + Duration::from_secs(13);
+        assert_eq!([(); 3].map(|()| throttle.take_at("here", later).is_ok()), [true, true, false]);
+        assert_eq!(seconds(pause), 7);
+    }
+
+    #[tokio::test]
+    async fn who_has_spent_all_is_known() {
+        let throttle = Throttle::new(2, Duration::from_secs(60));
+        for spent in [false, false, true] {
+            assert_eq!(throttle.is_spent(&7).await, spent);
+            let _ = throttle.take(7).await;
+        }
+        assert!(!throttle.is_spent(&8).await);
+    }
+
+    #[test]
+    fn the_table_forgets_what_is_over() {
+        let throttle = Throttle::new(1, Duration::from_millis(1));
+        let begin = Instant::now();
+        for who in 0..100_000_u32 {
+            let now = begin + Duration::from_millis(u64::from(who));
+            assert_eq!(throttle.take_at(who, now), Ok(()));
+        }
+        assert!(throttle.full_at.lock().unwrap().len() <= 1 << 14);
     }
 }

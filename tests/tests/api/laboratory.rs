@@ -41,26 +41,6 @@ async fn signing_in_and_out() {
 }
 
 #[tokio::test]
-async fn guessing_is_slowed_down() {
-    let server = Server::with_study(SHORT_STUDY).await;
-    let guess = || {
-        let request = server.request(Method::POST, routes::SESSION);
-        request.json(&json!({ "key": "guess" }))
-    };
-    for _ in 0..10 {
-        Answer::of(guess()).await.problem(401, "unauthorized", None);
-    }
-    let answer = guess().send().await.unwrap();
-    assert_eq!(answer.status(), 429);
-    let wait: u64 = answer.headers()["retry-after"].to_str().unwrap().parse().unwrap();
-    assert!((1..=60).contains(&wait));
-    let right = server.admin(routes::ADMIN_STUDIES).await;
-    right.problem(429, "throttled", None);
-    // Participants do not notice.
-    assert_eq!(Driver::enrol(&server).await.scenes().len(), 5);
-}
-
-#[tokio::test]
 async fn every_laboratory_route_wants_a_key() {
     let server = Server::with_study(SHORT_STUDY).await;
     for route in [

@@ -6,7 +6,6 @@
 mod analyze;
 mod analyze_input;
 mod analyses;
-mod bad_input;
 mod changes;
 mod client;
 mod configurations;
@@ -28,6 +27,8 @@ mod predictors;
 mod recruitment;
 mod rights;
 mod attempts;
+mod attacks;
+mod gates;
 mod process;
 mod safety;
 mod site;

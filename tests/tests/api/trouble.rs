@@ -57,7 +57,11 @@ async fn a_deleted_database_acknowledges_nothing() {
 /// Lets a driver and somebody new try to write while nothing can be written, then makes room,
 /// and checks that everything goes on as if nothing had been.
 #[cfg(target_os = "linux")]
-async fn waits_for_room(server: &Process, fill: impl FnOnce(), make_room: impl FnOnce()) {
+pub(crate) async fn waits_for_room(
+    server: &Process,
+    fill: impl FnOnce(),
+    make_room: impl FnOnce(),
+) {
     let driver = Driver::enrol(server).await;
     let new = || Driver::ask(server, json!({ "consent": true }));
     let scenes = &driver.scenes()[..3];
@@ -76,25 +80,6 @@ async fn waits_for_room(server: &Process, fill: impl FnOnce(), make_room: impl F
     let me: Progress = driver.me(server).await.into(200);
     assert_eq!(me.stored, [0, 1, 2].map(|i: usize| scenes[i].0.clone()));
     assert_eq!(new().await.status, 201);
-}
-
-#[cfg(target_os = "linux")]
-#[tokio::test]
-async fn writing_goes_on_when_files_may_grow_again() {
-    let folder = Folder::default();
-    // Writing beyond the limit is an error, and not the end.
-    let launcher = ["env", "--ignore-signal=XFSZ"];
-    let database = folder.database("sidestep.db");
-    let server = Process::start_through(&launcher, &folder, &database).await;
-    let limit = |bytes: &str| {
-        let (limit, pid) = (format!("--fsize={bytes}:unlimited"), server.id().to_string());
-        let set = std::process::Command::new("prlimit").args([&limit, "--pid", &pid]).status();
-        assert!(set.is_ok_and(|status| status.success()), "prlimit {limit}");
-    };
-    waits_for_room(&server, || limit("4096"), || limit("unlimited")).await;
-    server.kill().await;
-    let report = run(&["check", "--database", &database]).await.json();
-    assert_eq!((&report["trials"], &report["participants"]), (&json!(3), &json!(2)));
 }
 
 /// The server sees a file system of its own, of 12 MB, which another file then fills.

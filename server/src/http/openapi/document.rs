@@ -56,7 +56,14 @@ impl Document {
     pub fn add(&mut self, entry: Entry<'_>, describe: impl FnOnce(&mut Operation, &mut Schemas)) {
         let mut operation = Operation::default();
         describe(&mut operation, &mut self.schemas);
-        operation.problems(&["timeout", "internal"]);
+        operation.problems(&[
+            "host",
+            "timeout",
+            "long_address",
+            "unknown_host",
+            "throttled",
+            "internal",
+        ]);
         if !entry.method.is_safe() {
             operation.problems(&["cross_site"]);
         }

@@ -4,8 +4,9 @@
 pub type Meaning = (&'static str, u16, &'static str);
 
 /// All codes, by status.
-pub const PROBLEMS: [Meaning; 34] = [
+pub const PROBLEMS: [Meaning; 37] = [
     ("malformed", 400, "the body is not JSON"),
+    ("host", 400, "the request does not say which host it is for, or says several"),
     ("unauthorized", 401, "the token, key or cookie is missing or not valid"),
     ("access", 403, "the key has not the right that this needs"),
     ("closed", 403, "the study takes no new participants"),
@@ -30,13 +31,16 @@ pub const PROBLEMS: [Meaning; 34] = [
     ("withdrawn", 410, "the participant has withdrawn"),
     ("changed", 412, "the data have changed since the first part"),
     ("too_large", 413, "the body has more than 262144 bytes"),
+    ("long_address", 414, "the address has more than 8192 bytes"),
     ("content_encoding", 415, "the body is compressed"),
     ("content_type", 415, "the body is not announced as application/json"),
+    ("unknown_host", 421, "this server does not answer under the name of that host"),
     ("invalid", 422, "a value is not one of those expected; `field` names it"),
     (
         "throttled",
         429,
-        "too many wrong keys came from this address; Retry-After says when to try again",
+        "too many requests, enrolments or wrong keys came from this address, or too many requests with \
+         this token; Retry-After says when to try again",
     ),
     ("internal", 500, "a defect of the server, which it logged"),
     ("busy", 503, "too many requests wait; Retry-After says when to try again"),

@@ -1,0 +1,165 @@
+//! A key that a person chose.
+
+use super::random;
+use argon2::Argon2;
+use argon2::password_hash::phc::PasswordHash;
+use argon2::password_hash::{PasswordHasher, PasswordVerifier};
+use sha2::{Digest, Sha256};
+use std::sync::{Arc, OnceLock};
+use subtle::ConstantTimeEq;
+
+/// Fewest characters of a key.
+const SHORTEST: usize = 16;
+
+/// A key that a person chose, or its Argon2 hash.
+///
+/// People choose keys that can be guessed, so whoever writes one down for a server, in a unit file say, can write
+/// its hash instead. The hash takes a moment of a processor and 19 MiB for each comparison. Once the right
+/// key has come, a digest with random bits of this process recognises it as fast as any other; the digest is
+/// never stored.
+#[derive(Clone, Debug)]
+pub struct ChosenKey(Arc<Parts>);
+
+#[derive(Debug)]
+struct Parts {
+    /// The hash in PHC format, if that was given.
+    argon2: Option<String>,
+    salt: [u8; 32],
+    /// The digest of the right key.
+    known: OnceLock<[u8; 32]>,
+    /// The digest of what was given, which is in no database.
+    given: [u8; 32],
+}
+
+impl ChosenKey {
+    /// The key or the hash that was given.
+    ///
+    /// # Errors
+    /// What was expected and found, if it is neither; or if the system gives no random numbers.
+    pub fn of(text: &str) -> Result<Self, String> {
+        let salt = random().map_err(|error| error.to_string())?;
+        let is_hash = text.starts_with("$argon2");
+        if is_hash {
+            let parsed = PasswordHash::new(text).ok();
+            if !parsed.is_some_and(|it| it.salt.is_some() && it.hash.is_some()) {
+                let message = "expected an Argon2 hash as `sidestep hash-key` prints it, found a \
+                               damaged one";
+                return Err(message.to_owned());
+            }
+        } else {
+            check_length(text)?;
+        }
+        let key = Self(Arc::new(Parts {
+            argon2: is_hash.then(|| text.to_owned()),
+            salt,
+            known: OnceLock::new(),
+            given: Sha256::digest(text).into(),
+        }));
+        if !is_hash {
+            key.remember(text);
+        }
+        Ok(key)
+    }
+
+    /// Whether this is the key; none if only [`Self::verify`] can say so. Takes the same time for every key.
+    #[must_use]
+    pub fn compare(&self, key: &str) -> Option<bool> {
+        let known = self.0.known.get()?;
+        Some(known.ct_eq(&self.digest(key)).into())
+    }
+
+    /// Whether this is the key, by the slow hash.
+    #[must_use]
+    pub fn verify(&self, key: &str) -> bool {
+        let hash = self.0.argon2.as_deref().and_then(|hash| PasswordHash::new(hash).ok());
+        let fits = hash
+            .is_some_and(|hash| Argon2::default().verify_password(key.as_bytes(), &hash).is_ok());
+        if fits {
+            self.remember(key);
+        }
+        fits
+    }
+
+    /// The hash under which a session of this key is stored.
+    #[must_use]
+    pub fn session_hash(&self, cookie: &str) -> [u8; 32] {
+        Sha256::new().chain_update(self.0.given).chain_update(cookie).finalize().into()
+    }
+
+    fn remember(&self, key: &str) {
+        let _ = self.0.known.set(self.digest(key));
+    }
+
+    fn digest(&self, key: &str) -> [u8; 32] {
+        Sha256::new().chain_update(self.0.salt).chain_update(key).finalize().into()
+    }
+}
+
+/// The Argon2 hash of a key, with a random salt, in PHC format.
+///
+/// # Errors
+/// If the key is too short, or the system gives no random numbers.
+pub fn hashed(key: &str) -> Result<String, String> {
+    check_length(key)?;
+    let salt = random::<16>().map_err(|error| error.to_string())?;
+    let hash: Result<PasswordHash, _> =
+        Argon2::default().hash_password_with_salt(key.as_bytes(), &salt);
+    hash.map(|hash| hash.to_string()).map_err(|error| error.to_string())
+}
+
+fn check_length(key: &str) -> Result<(), String> {
+    match key.chars().count() {
+        count if count < SHORTEST => {
+            Err(format!("expected {SHORTEST} characters or more, found {count}"))
+        }
+        _ => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const KEY: &str = "a key of sixteen or more";
+
+    #[test]
+    fn a_plain_key_is_known_at_once() {
+        let key = ChosenKey::of(KEY).unwrap();
+        assert_eq!((key.compare(KEY), key.compare("another")), (Some(true), Some(false)));
+        assert!(!key.verify(KEY), "there is no slow hash");
+    }
+
+    #[test]
+    fn a_hashed_key_is_known_once_it_came() {
+        let hash = hashed(KEY).unwrap();
+        assert!(hash.starts_with("$argon2id$v=19$m=19456,t=2,p=1$"), "{hash}");
+        assert_ne!(hash, hashed(KEY).unwrap(), "salted");
+        let key = ChosenKey::of(&hash).unwrap();
+        assert_eq!(key.compare(KEY), None);
+        assert!(!key.verify(&hash) && key.compare(KEY).is_none(), "the hash is not the key");
+        assert!(key.verify(KEY));
+        assert_eq!((key.compare(KEY), key.compare("another")), (Some(true), Some(false)));
+    }
+
+    /// A hash that another program made, with other costs: its own are used.
+    #[test]
+    fn hashes_keep_their_costs() {
+        let hash = "$argon2id$v=19$m=65536,t=2,p=1$c29tZXNhbHQ$CTFhFdXPJO1aFaMaO6Mm5c8y7cJHAph8ArZWb2GRPPc";
+        assert!(ChosenKey::of(hash).unwrap().verify("password"));
+    }
+
+    #[test]
+    fn what_is_neither_is_refused() {
+        assert!(ChosenKey::of("short").unwrap_err().ends_with("16 characters or more, found 5"));
+        assert!(ChosenKey::of("$argon2id$v=19$m=1").unwrap_err().contains("hash-key"));
+        assert!(hashed("short").is_err());
+    }
+
+    #[test]
+    fn sessions_belong_to_what_was_given() {
+        let [one, other] = [KEY, "another key of a server"].map(|key| ChosenKey::of(key).unwrap());
+        let again = ChosenKey::of(KEY).unwrap();
+        assert_eq!(one.session_hash("cookie"), again.session_hash("cookie"));
+        assert_ne!(one.session_hash("cookie"), other.session_hash("cookie"));
+    }
+}
