@@ -135,13 +135,13 @@ pub(super) enum Connection {
     /// To a file.
     Sqlite(rusqlite::Connection),
     /// To a server.
-    Postgres(Session),
+    Postgres(Box<Session>),
 }
 
 impl Connection {
     /// A connection to PostgreSQL.
     pub(super) fn to_server(client: postgres::Client) -> Self {
-        Self::Postgres(Session::new(client))
+        Self::Postgres(Box::new(Session::new(client)))
     }
 
     /// Whether it can be used no more.

@@ -398,8 +398,10 @@ async fn a_copy_has_everything_and_can_be_repeated() {
     assert_eq!((more.present, more.trials), (2, 4));
     assert_eq!(copied(&to, &slugs[0]).await, copied(&from, &slugs[0]).await);
 
-    let refused =
-        transfer::copy(&other_study_of_that_name().await, &to, &slugs, &stop, ignore).await;
+    // A study of that name that began at another time is another study.
+    let (_folder, other) = file_store().await;
+    other.put_study(&StudyConfig::default(), 99).await.unwrap();
+    let refused = transfer::copy(&other, &to, &slugs, &stop, ignore).await;
     assert!(matches!(refused, Err(TransferError::OtherStudy(_))), "{refused:?}");
 }
 

@@ -72,7 +72,7 @@ fn count(server: &Server, table: &str) -> i64 {
 /// The number of models that the database holds: by their rows, by their kinds and by participant.
 fn models_counted(server: &Server) -> [i64; 3] {
     let sum = |table: &str| {
-        let query = format!("SELECT coalesce(sum(models), 0) FROM {table}");
+        let query = format!("SELECT CAST(coalesce(sum(models), 0) AS BIGINT) FROM {table}");
         behind(&server.database()).query_row(&query, [], |row| row.get(0)).unwrap()
     };
     let rows = count(server, "analysis_predictor");

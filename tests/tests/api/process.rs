@@ -1,9 +1,6 @@
 //! The command as a process: exit codes, and death without notice.
 
-use reqwest::Method;
-use serde_json::json;
-use sidestep::api::{Enrolled, Progress, routes};
-use sidestep_tests::{Answer, Driver, Folder, Process, driven, run};
+use sidestep_tests::{Folder, Process, run};
 
 #[tokio::test]
 async fn a_start_that_fails_says_what_to_do() {

@@ -102,7 +102,7 @@ async fn who_knows_the_external_id_ends_and_replaces_nothing() {
 
 #[tokio::test]
 async fn deletion_leaves_a_number_and_nothing_in_the_file() {
-    let server = Server::with_study(SHORT_STUDY).await;
+    let server = Server::on_a_file(SHORT_STUDY).await;
     let owner = enrolled(&server, "mine", 201).await;
     owner.drive(&server, 5).await;
     let code: Completed = owner.complete(&server).await.into(200);

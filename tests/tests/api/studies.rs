@@ -82,8 +82,7 @@ async fn without_a_file_the_studies_stay_as_they_are() {
     let stopped = server.stop().await;
     stopped.write_study("slug = \"second\"");
     let file = |args: &mut sidestep_server::commands::serve::ServeArgs| {
-        let database = args.database.trim_start_matches("sqlite:");
-        args.study = Some(std::path::Path::new(database).with_file_name("study.toml"));
+        args.study = args.site.as_ref().map(|site| site.with_file_name("study.toml"));
     };
     let server = stopped.start_with(None, file).await;
     assert_eq!(announced(&server), ["second", "first"]);

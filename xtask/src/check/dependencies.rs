@@ -126,7 +126,8 @@ fn advisories(workspace: &Workspace) -> Result<()> {
         ask.arg("--version").stdout(Stdio::null()).stderr(Stdio::null());
         if has_copy && ask.status().is_ok_and(|status| status.success()) {
             let mut read = Command::new("cargo");
-            return stage("advisories", read.args(arguments).current_dir(workspace.path("")));
+            return stage("advisories", read.args(arguments).current_dir(workspace.path("")))
+                .map(drop);
         }
     }
     eprintln!(

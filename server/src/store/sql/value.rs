@@ -127,7 +127,8 @@ macro_rules! value {
     )*};
 }
 
-value!(Integer: i64, i32, u32, u8 => |number| Value::Integer(i64::from(*number)));
+value!(Integer: i64 => |number| Value::Integer(*number));
+value!(Integer: i32, u32, u8 => |number| Value::Integer(i64::from(*number)));
 value!(Real: f64 => |number| Value::Real(*number));
 value!(Text: str, String => |text| Value::Text(text));
 value!(Bytes: [u8], [u8; 32], Vec<u8> => |bytes| Value::Bytes(bytes));

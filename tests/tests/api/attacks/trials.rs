@@ -10,7 +10,10 @@ async fn stored(server: &Server, driver: &Driver) -> Vec<String> {
 }
 
 /// Checks that each change of an honest trial is refused, and that the answer names the field.
-async fn refused(server: &Server, changes: &[(fn(&mut Value), &str)]) {
+/// A change of an upload, and the field that is refused then.
+type Change = (fn(&mut Value), &'static str);
+
+async fn refused(server: &Server, changes: &[Change]) {
     let driver = Driver::enrol(server).await;
     let (trial_id, scene) = driver.scenes()[0].clone();
     for (change, field) in changes {
