@@ -2,9 +2,10 @@
 
 use clap::{Parser, Subcommand};
 use sidestep_server::commands::{
-    CommandError, analyze, bounds, check, design, export, features, import, languages, plot, reach,
+    CommandError, analyze, bounds, check, child, design, export, features, import, languages, plot, reach,
     serve, shfrs, simulate, solve, value,
 };
+use sidestep_server::jobs::children::SUBCOMMAND;
 use std::io::IsTerminal;
 use std::process::ExitCode;
 use tracing_subscriber::filter::Targets;
@@ -39,13 +40,22 @@ enum Command {
     Export(export::ExportArgs),
     Import(import::ImportArgs),
     Check(check::CheckArgs),
+    #[command(hide = true, name = SUBCOMMAND)]
+    Child(child::ChildArgs),
 }
 
-#[tokio::main]
-async fn main() -> ExitCode {
+fn main() -> ExitCode {
     let cli = Cli::parse();
-    log_to_stderr();
-    match call(cli.command).await {
+    let done = match cli.command {
+        Command::Child(args) => child::run(&args),
+        command => {
+            log_to_stderr();
+            tokio::runtime::Runtime::new()
+                .map_err(CommandError::failure)
+                .and_then(|runtime| runtime.block_on(call(command)))
+        }
+    };
+    match done {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("sidestep: {error}");
@@ -71,6 +81,7 @@ async fn call(command: Command) -> Result<(), CommandError> {
         Command::Export(args) => export::run(args).await,
         Command::Import(args) => import::run(args).await,
         Command::Check(args) => check::run(args).await,
+        Command::Child(args) => child::run(&args),
     }
 }
 

@@ -15,6 +15,7 @@ mod settings;
 pub mod rollout;
 pub mod tables;
 mod plan;
+mod cost;
 pub mod importance;
 mod run;
 pub mod gains;
@@ -24,6 +25,7 @@ pub mod findings;
 mod analysis;
 mod fingerprint;
 
+pub use cost::Cost;
 pub use analysis::{Analysis, Counts, DataSummary, analyse};
 pub use fingerprint::learning_fingerprints;
 pub use plan::{DataError, ParticipantData};

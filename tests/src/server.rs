@@ -4,6 +4,7 @@ use crate::process::binary;
 use crate::{Address, Answer};
 use reqwest::Method;
 use sidestep::api::routes;
+use sidestep_server::commands::analysis_args::AnalysisArgs;
 use sidestep_server::commands::serve::{Running, ServeArgs, start};
 use std::ops::Deref;
 use std::path::{Path, PathBuf};
@@ -244,7 +245,12 @@ fn arguments(folder: &Path, study: &str, site: PathBuf) -> ServeArgs {
         new_admin_key: false,
         no_solve: false,
         open_demo: true,
-        analysis_threads: None,
+        analysis: AnalysisArgs {
+            threads: None,
+            memory_mib: 2048,
+            hours: 24.0,
+            program: Some(binary().to_owned()),
+        },
     }
 }
 

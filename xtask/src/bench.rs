@@ -33,6 +33,7 @@ const BENCHES: &[(&str, &str)] = &[
     ("features", "features of a million steps, two threads against one and state by state"),
     ("learn", "training and inference of each model on real rows"),
     ("learn_svm", "support vector machines: grids, fits, inference"),
+    ("analyses", "an analysis on a server against its estimate, and uploads beside it and without"),
     ("uploads", "a server under load and killed under load, against SQLite alone"),
     ("peers", "our solver against hj_reachability (Python, installed on first use)"),
     ("wasm", "the solver as WebAssembly in Chromium against the same on this machine"),
@@ -69,7 +70,7 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> 
 
 /// Runs the `[[bench]]` target of that name.
 fn run_target(workspace: &Workspace, name: &'static str, quick: bool) -> Result<ExitCode> {
-    if name == "uploads" {
+    if ["analyses", "uploads"].contains(&name) {
         stage("server", workspace.compile("build").args(["--bin", "sidestep"]))?;
     }
     let mut cargo = workspace.compile("bench");

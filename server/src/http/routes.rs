@@ -52,6 +52,7 @@ mod tests {
     use sidestep::scene::SceneParameters;
     use sidestep::study::StudyConfig;
     use sidestep::trial::simulate;
+    use crate::jobs::analysis_limits::Limits;
     use sidestep::vehicle::TurnInput;
     use std::sync::mpsc;
     use std::task::Poll;
@@ -80,6 +81,7 @@ mod tests {
             drawing: Bounded::new(plans_waiting),
             answers: Default::default(),
             analysis_asked: Arc::default(),
+            analysis_limits: Limits { memory_mib: 2048, hours: 24.0, threads: 1 },
             study_stored: Arc::default(),
             self_check: Default::default(),
             lengths: Arc::default(),
