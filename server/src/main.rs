@@ -2,8 +2,8 @@
 
 use clap::{Parser, Subcommand};
 use sidestep_server::commands::{
-    CommandError, analyze, bounds, check, child, design, export, features, import, languages, plot, reach,
-    serve, shfrs, simulate, solve, value,
+    CommandError, analyze, bounds, check, child, design, export, features, import, languages, plot,
+    reach, serve, shfrs, simulate, solve, value,
 };
 use sidestep_server::jobs::children::SUBCOMMAND;
 use std::io::IsTerminal;

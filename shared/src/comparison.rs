@@ -25,8 +25,8 @@ pub mod findings;
 mod analysis;
 mod fingerprint;
 
-pub use cost::Cost;
 pub use analysis::{Analysis, Counts, DataSummary, analyse};
+pub use cost::Cost;
 pub use fingerprint::learning_fingerprints;
 pub use plan::{DataError, ParticipantData};
 pub use run::{AnalysisError, Cache, FewTasks, Leakage, Progress, Results, RolloutsOf, run};

@@ -190,8 +190,8 @@ pub async fn start(args: &ServeArgs, key: Option<&str>) -> Result<Running, Comma
         let _ = stopped.await;
         stopping.cancel();
     }));
-    let solver = (!args.no_solve)
-        .then(|| Solver::start(store.clone(), study_stored, children.clone()));
+    let solver =
+        (!args.no_solve).then(|| Solver::start(store.clone(), study_stored, children.clone()));
     let asked = Arc::clone(&analysis_asked);
     let analysis_worker = AnalysisWorker::start(store.clone(), asked, children, analysis_limits);
     let demo =

@@ -39,6 +39,7 @@ async fn method_not_allowed() -> ApiError {
 mod tests {
     use super::*;
     use crate::http::bounded::Bounded;
+    use crate::jobs::analysis_limits::Limits;
     use crate::languages::Languages;
     use crate::languages::library::Library;
     use crate::store::tests::begun;
@@ -52,7 +53,6 @@ mod tests {
     use sidestep::scene::SceneParameters;
     use sidestep::study::StudyConfig;
     use sidestep::trial::simulate;
-    use crate::jobs::analysis_limits::Limits;
     use sidestep::vehicle::TurnInput;
     use std::sync::mpsc;
     use std::task::Poll;

@@ -29,7 +29,11 @@ const WAYS: &[(&str, Lighten, &str)] = &[
     ("grids.tree_depth", |r, p| r.grids.tree_depth.clone_from(&p.grids.tree_depth), PROTOCOLS),
     ("grids.tree_leaf", |r, p| r.grids.tree_leaf.clone_from(&p.grids.tree_leaf), PROTOCOLS),
     ("grids.logistic_c", |r, p| r.grids.logistic_c.clone_from(&p.grids.logistic_c), PROTOCOLS),
-    ("grids.boosted_depth", |r, p| r.grids.boosted_depth.clone_from(&p.grids.boosted_depth), PROTOCOLS),
+    (
+        "grids.boosted_depth",
+        |r, p| r.grids.boosted_depth.clone_from(&p.grids.boosted_depth),
+        PROTOCOLS,
+    ),
     ("leakage", |r, _| r.leakage = false, "without it"),
     ("paper_only", |r, _| r.paper_only = true, "with it"),
 ];
@@ -133,7 +137,7 @@ mod tests {
         let values: Vec<String> = (1..=64).map(|value| value.to_string()).collect();
         let values = values.join(",");
         let gammas = format!(r#"{{"grids": {{"rbf_gamma": [{values}]}}}}"#);
-        let refused = refused(&gammas, 400, 50);
+        let refused = refused(&gammas, 80, 100);
         assert_eq!(refused.field, "grids.rbf_gamma");
         for words in ["24 hours", "2048 MiB", "--analysis-hours", "--analysis-memory"] {
             assert!(refused.expected.contains(words), "{refused}");

@@ -25,10 +25,13 @@ const PROGRAM_BYTES: f64 = 25e6;
 const ROW_BYTES: f64 = 900.0;
 
 /// Memory of each row that models learn from others, bytes: as a row of everybody, in each of their splits.
-const SHARED_ROW_BYTES: f64 = 800.0;
+const SHARED_ROW_BYTES: f64 = 450.0;
 
 /// Memory of each row for each feature set, bytes: support vectors and predictions.
-const SET_ROW_BYTES: f64 = 400.0;
+const SET_ROW_BYTES: f64 = 230.0;
+
+/// Time of what follows the fits, for each person and feature set, s.
+const FINISH_S: f64 = 0.018;
 
 impl Cost {
     /// Of people with these numbers of tasks of `steps` steps, on so many threads.
@@ -88,7 +91,8 @@ fn own_s(settings: &Settings, tasks: usize, compared: usize, rows: impl Fn(usize
         let fits = CURVE_FAMILIES.iter();
         fits.map(|family| fit_s(*family, grids, rows(first), USUAL_WIDTH)).sum()
     };
-    tables + beyond + leakage + compared as f64 * fewer.map(curve).sum::<f64>()
+    let finish = FINISH_S * settings.sets.len() as f64;
+    tables + beyond + leakage + compared as f64 * fewer.map(curve).sum::<f64>() + finish
 }
 
 /// The time of one family's fit of both experiments: cross-validation over all grids, and the model.
@@ -110,9 +114,7 @@ fn fit_s(family: ModelFamily, grids: &Grids, rows: f64, width: usize) -> f64 {
             let (leaves, depths) = (grids.tree_leaf.len() as f64, grids.tree_depth.len() as f64);
             (0.0042 + 0.0003 * leaves + 0.00008 * depths) * sorted
         }
-        ModelFamily::Logistic => {
-            (0.003 + 0.00075 * grids.logistic_c.len() as f64) * thousands
-        }
+        ModelFamily::Logistic => (0.003 + 0.00075 * grids.logistic_c.len() as f64) * thousands,
         ModelFamily::Boosted => 0.02 * grids.boosted_depth.len() as f64 * thousands.powf(1.2),
     }
 }

@@ -118,13 +118,18 @@ fn against(name: &str, figure: f64, estimate: f64) -> bool {
     let ratio = estimate / figure;
     let close = !ratio.is_finite() || (1.0 / FACTOR..=FACTOR).contains(&ratio);
     let met = if close { "met" } else { "MISSED" };
-    row(name, format!("{figure:.0}"), format!("estimated {estimate:.0}, {ratio:.2}×, ≤ {FACTOR}× {met}"));
+    row(
+        name,
+        format!("{figure:.0}"),
+        format!("estimated {estimate:.0}, {ratio:.2}×, ≤ {FACTOR}× {met}"),
+    );
     close
 }
 
 /// The child process of the server, as Linux tells.
 fn child(server: u32) -> Option<u32> {
     let threads = std::fs::read_dir(format!("/proc/{server}/task")).ok()?;
-    let lists = threads.flatten().map(|thread| std::fs::read_to_string(thread.path().join("children")));
+    let lists =
+        threads.flatten().map(|thread| std::fs::read_to_string(thread.path().join("children")));
     lists.flatten().find_map(|list| list.split_whitespace().next()?.parse().ok())
 }

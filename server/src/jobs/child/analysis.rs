@@ -51,12 +51,7 @@ impl Task {
         loop {
             match frames::read(orders)? {
                 (ToChild::Participant { name, marked_synthetic, trials }, bytes) => {
-                    participants.push(frames::participant(
-                        name,
-                        marked_synthetic,
-                        trials,
-                        &bytes,
-                    )?);
+                    participants.push(frames::participant(name, marked_synthetic, trials, &bytes)?);
                 }
                 (ToChild::Excluded(name, reason), _) => {
                     exclusions.push(Exclusion::new(&name, reason));
