@@ -250,6 +250,8 @@ fn arguments(folder: &Path, study: &str, site: PathBuf) -> ServeArgs {
             memory_mib: 2048,
             hours: 24.0,
             program: Some(binary().to_owned()),
+            // Tests wait for analyses while others take all processors.
+            nice: 0,
         },
     }
 }

@@ -1,7 +1,7 @@
 //! The flags of `sidestep serve` for long work in child processes.
 
 use crate::jobs::analysis_limits::Limits;
-use crate::jobs::children::Children;
+use crate::jobs::children::{Children, LOWEST_PRIORITY};
 use std::path::PathBuf;
 
 /// How much of the machine analyses may take.
@@ -31,6 +31,9 @@ pub struct AnalysisArgs {
     /// The program of child processes; none is this one.
     #[arg(skip)]
     pub program: Option<PathBuf>,
+    /// The priority of child processes, as for the command nice.
+    #[arg(skip = LOWEST_PRIORITY)]
+    pub nice: i32,
 }
 
 fn hours(text: &str) -> Result<f64, String> {
@@ -49,6 +52,7 @@ impl AnalysisArgs {
             program: self.program.clone(),
             memory_mib: self.memory_mib,
             threads: self.threads.map_or(usual, usize::from),
+            nice: self.nice,
         }
     }
 

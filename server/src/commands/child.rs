@@ -12,6 +12,9 @@ pub struct ChildArgs {
     /// Threads.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: u16,
+    /// Priority, from 0, the usual one, to 19, the lowest.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(i32).range(0..=19))]
+    nice: i32,
 }
 
 /// Works until the task is done or the server is gone. It needs no runtime, whose threads would start with
@@ -20,5 +23,5 @@ pub struct ChildArgs {
 /// # Errors
 /// [`CommandError`] if it cannot begin, or the server is gone.
 pub fn run(args: &ChildArgs) -> Result<(), CommandError> {
-    child::run(args.memory, usize::from(args.threads)).map_err(CommandError::failure)
+    child::run(args.memory, usize::from(args.threads), args.nice).map_err(CommandError::failure)
 }

@@ -14,16 +14,13 @@ use std::io;
 use std::ops::ControlFlow;
 use std::sync::{Mutex, PoisonError};
 
-/// The lowest priority there is.
-const NICE: i32 = 19;
-
 /// Does the task that the server gives.
 ///
 /// # Errors
 /// If the limit of memory cannot be set, the threads cannot be started, or the server is gone.
-pub fn run(memory_mib: u64, threads: usize) -> io::Result<()> {
+pub fn run(memory_mib: u64, threads: usize, nice: i32) -> io::Result<()> {
     // Before any other thread starts, since threads inherit the priority of the one that starts them.
-    restrain(memory_mib)?;
+    restrain(memory_mib, nice)?;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
     let pool = pool.map_err(io::Error::other)?;
     let mut orders = io::stdin().lock();
@@ -45,9 +42,9 @@ pub fn run(memory_mib: u64, threads: usize) -> io::Result<()> {
 }
 
 /// Gives way to every other process, in memory and in time.
-fn restrain(memory_mib: u64) -> io::Result<()> {
+fn restrain(memory_mib: u64, nice: i32) -> io::Result<()> {
     // Where that is not allowed, work is done all the same.
-    let _ = setpriority_process(None, NICE);
+    let _ = setpriority_process(None, nice);
     // A system without memory ends this process before any other one.
     let _ = std::fs::write("/proc/self/oom_score_adj", "1000");
     // Of data, and not of addresses: threads reserve far more of these than they use.

@@ -13,6 +13,9 @@ use tokio::task::JoinHandle;
 /// The subcommand of a child process.
 pub const SUBCOMMAND: &str = "child";
 
+/// The lowest priority that there is.
+pub const LOWEST_PRIORITY: i32 = 19;
+
 /// A child that has said its last word has this long to end.
 const ENDING: Duration = Duration::from_secs(5);
 
@@ -28,6 +31,8 @@ pub struct Children {
     pub memory_mib: u64,
     /// The threads of one of them.
     pub threads: usize,
+    /// Their priority, as for the command nice: [`LOWEST_PRIORITY`], unless nobody collects data.
+    pub nice: i32,
 }
 
 impl Children {
@@ -41,6 +46,7 @@ impl Children {
             .arg(SUBCOMMAND)
             .args(["--memory", &self.memory_mib.to_string()])
             .args(["--threads", &self.threads.to_string()])
+            .args(["--nice", &self.nice.to_string()])
             // Neither a key nor anything else that is no business of the child's.
             .env_clear()
             .current_dir("/")

@@ -185,7 +185,7 @@ async fn a_process_that_is_asked_to_end_with_the_server_goes_on_at_the_next_star
 }
 
 fn child(memory_mib: u64) -> Children {
-    Children { program: Some(binary().to_owned()), memory_mib, threads: 1 }
+    Children { program: Some(binary().to_owned()), memory_mib, threads: 1, nice: 0 }
 }
 
 /// Sends an analysis of `people` who drove `tasks` tasks each, and returns all that is said.
