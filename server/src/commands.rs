@@ -24,6 +24,8 @@ pub mod analyze;
 pub mod simulate;
 pub mod design;
 mod demo;
+pub mod child;
+pub mod analysis_args;
 pub mod serve;
 
 use crate::client::ClientError;

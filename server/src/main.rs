@@ -2,9 +2,10 @@
 
 use clap::{Parser, Subcommand};
 use sidestep_server::commands::{
-    CommandError, analyze, backup, bounds, check, copy, design, export, features, hash_key, import,
-    languages, plot, reach, serve, shfrs, simulate, solve, value,
+    CommandError, analyze, backup, bounds, check, child, copy, design, export, features, hash_key,
+    import, languages, plot, reach, serve, shfrs, simulate, solve, value,
 };
+use sidestep_server::jobs::children::SUBCOMMAND;
 use std::io::IsTerminal;
 use std::process::ExitCode;
 use tracing_subscriber::filter::Targets;
@@ -43,14 +44,23 @@ enum Command {
     Backup(backup::BackupArgs),
     Restore(backup::RestoreArgs),
     Copy(copy::CopyArgs),
+    #[command(hide = true, name = SUBCOMMAND)]
+    Child(child::ChildArgs),
 }
 
-#[tokio::main]
-async fn main() -> ExitCode {
+fn main() -> ExitCode {
     let cli = Cli::parse();
-    let is_demo = matches!(&cli.command, Command::Serve(args) if args.demo);
-    log_to_stderr(is_demo);
-    match call(cli.command).await {
+    let done = match cli.command {
+        Command::Child(args) => child::run(&args),
+        command => {
+            let is_demo = matches!(&command, Command::Serve(args) if args.demo);
+            log_to_stderr(is_demo);
+            tokio::runtime::Runtime::new()
+                .map_err(CommandError::failure)
+                .and_then(|runtime| runtime.block_on(call(command)))
+        }
+    };
+    match done {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("sidestep: {error}");
@@ -80,6 +90,7 @@ async fn call(command: Command) -> Result<(), CommandError> {
         Command::Backup(args) => backup::back_up(args).await,
         Command::Restore(args) => backup::restore(args).await,
         Command::Copy(args) => copy::run(args).await,
+        Command::Child(args) => child::run(&args),
     }
 }
 

@@ -7,8 +7,10 @@ use sidestep::motion;
 use sidestep::recording::{
     Exclusion, Origin, Provenance, RecordedParticipant, RecordedTrial, Recording,
 };
+use sidestep::scene::SceneParameters;
 use sidestep::synthetic;
 use sidestep::trial::Phase;
+use std::collections::HashMap;
 
 /// The tasks of all participants of a study whose data have not been deleted. Participants who
 /// enrolled under other parameters than the study has now are excluded, as are those whom an
@@ -17,30 +19,82 @@ use sidestep::trial::Phase;
 /// # Errors
 /// [`StoreError`] if the database cannot be read.
 pub async fn of_study(store: &Store, study: &StoredStudy) -> Result<Recording, StoreError> {
-    let scene = study.config.parameters;
     let (mut participants, mut exclusions) = (Vec::new(), Vec::new());
-    let excluded = store.exclusions(study.id).await?;
-    // One participant at a time, because a long read keeps SQLite from writing back its log.
-    for id in store.participant_ids(study.id, false).await? {
-        let driven = store.trials_of(&id).await?;
-        let Some(first) = driven.first() else { continue };
-        let name = first.head.participant_number.to_string();
-        if let Some(reason) = excluded.get(&id) {
-            exclusions.push(Exclusion::by_experimenter(&name, reason));
-            continue;
+    let mut people = People::of(store, study).await?;
+    while let Some(person) = people.next().await? {
+        match person {
+            Person::Drove(participant) => participants.push(participant),
+            Person::Excluded(exclusion) => exclusions.push(exclusion),
         }
-        if store.config(&first.config_hash).await?.parameters != scene {
-            let reason = "enrolled under other parameters than the study's present ones";
-            exclusions.push(Exclusion::new(&name, reason.to_owned()));
-            continue;
-        }
-        participants.push(tasks(name, &driven));
     }
-    let origin = Origin::Study(study.slug.clone());
+    Ok(complete(&study.slug, study.config.parameters, participants, exclusions))
+}
+
+/// A participant of a study, as read by [`People`].
+#[derive(Clone, Debug)]
+pub enum Person {
+    /// With their tasks.
+    Drove(RecordedParticipant),
+    /// Not to be analysed.
+    Excluded(Exclusion),
+}
+
+/// Reads the participants of a study one after the other, so that no more than one of them is in memory, and
+/// no read is long: a long one keeps SQLite from writing back its log.
+pub struct People<'a> {
+    store: &'a Store,
+    scene: SceneParameters,
+    ids: std::vec::IntoIter<String>,
+    /// Whom an experimenter excluded, and why.
+    excluded: HashMap<String, String>,
+}
+
+impl<'a> People<'a> {
+    /// Those of this study.
+    ///
+    /// # Errors
+    /// [`StoreError`] if the database cannot be read.
+    pub async fn of(store: &'a Store, study: &StoredStudy) -> Result<Self, StoreError> {
+        let ids = store.participant_ids(study.id, false).await?.into_iter();
+        let excluded = store.exclusions(study.id).await?;
+        Ok(Self { store, scene: study.config.parameters, ids, excluded })
+    }
+
+    /// The next participant who drove; none after the last.
+    ///
+    /// # Errors
+    /// [`StoreError`] if the database cannot be read.
+    pub async fn next(&mut self) -> Result<Option<Person>, StoreError> {
+        while let Some(id) = self.ids.next() {
+            let driven = self.store.trials_of(&id).await?;
+            let Some(first) = driven.first() else { continue };
+            let name = first.head.participant_number.to_string();
+            if let Some(reason) = self.excluded.get(&id) {
+                return Ok(Some(Person::Excluded(Exclusion::by_experimenter(&name, reason))));
+            }
+            if self.store.config(&first.config_hash).await?.parameters != self.scene {
+                let reason = "enrolled under other parameters than the study's present ones";
+                return Ok(Some(Person::Excluded(Exclusion::new(&name, reason.to_owned()))));
+            }
+            return Ok(Some(Person::Drove(tasks(name, &driven))));
+        }
+        Ok(None)
+    }
+}
+
+/// The recording of a study whose participants were read by [`People`].
+#[must_use]
+pub fn complete(
+    slug: &str,
+    scene: SceneParameters,
+    participants: Vec<RecordedParticipant>,
+    exclusions: Vec<Exclusion>,
+) -> Recording {
+    let origin = Origin::Study(slug.to_owned());
     let provenance = Provenance { origin, synthetic: synthetic::recognised(&participants) };
     let mut recording = Recording { provenance, scene, participants, exclusions };
     motion::exclude_impossible(&mut recording);
-    Ok(recording)
+    recording
 }
 
 /// What the participant of a trial drove before it, one trial of each scene: what the laboratory's usual

@@ -15,6 +15,7 @@ mod settings;
 pub mod rollout;
 pub mod tables;
 mod plan;
+mod cost;
 pub mod importance;
 mod run;
 pub mod gains;
@@ -25,6 +26,7 @@ mod analysis;
 mod fingerprint;
 
 pub use analysis::{Analysis, Counts, DataSummary, analyse};
+pub use cost::Cost;
 pub use fingerprint::learning_fingerprints;
 pub use plan::{DataError, ParticipantData};
 pub use run::{AnalysisError, Cache, FewTasks, Leakage, Progress, Results, RolloutsOf, run};

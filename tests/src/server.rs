@@ -5,6 +5,7 @@ use crate::process::binary;
 use crate::{Address, Answer};
 use reqwest::Method;
 use sidestep::api::routes;
+use sidestep_server::commands::analysis_args::AnalysisArgs;
 use sidestep_server::commands::serve::{Running, ServeArgs, start};
 use std::ops::Deref;
 use std::path::{Path, PathBuf};
@@ -287,7 +288,14 @@ fn arguments(folder: &Path, study: &str, site: PathBuf) -> ServeArgs {
         tls_key: None,
         trusted_proxy: Vec::new(),
         allowed_host: Vec::new(),
-        analysis_threads: None,
+        analysis: AnalysisArgs {
+            threads: None,
+            memory_mib: 2048,
+            hours: 24.0,
+            program: Some(binary().to_owned()),
+            // Tests wait for analyses while others take all processors.
+            nice: 0,
+        },
     }
 }
 

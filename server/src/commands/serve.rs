@@ -1,5 +1,6 @@
 //! `sidestep serve`.
 
+use super::analysis_args::AnalysisArgs;
 use super::demo::{self, Demo};
 use super::{CommandError, print_line};
 use crate::clock::now_ms;
@@ -104,9 +105,9 @@ pub struct ServeArgs {
     /// Loopback names and the listening address are always accepted.
     #[arg(long, value_name = "NAME", num_args = 1.., value_parser = host)]
     pub allowed_host: Vec<String>,
-    /// Threads for analyses [default: all processors but one, at least one; with --demo all].
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
-    pub analysis_threads: Option<u16>,
+    /// How much of the machine analyses may take.
+    #[command(flatten)]
+    pub analysis: AnalysisArgs,
 }
 
 /// Enrolments that may wait for their scenes: a lecture hall, twice over.
@@ -205,6 +206,9 @@ pub async fn start(args: &ServeArgs, key: Option<&str>) -> Result<Running, Comma
         Some(_) => None,
         None => first_key(&store, args.new_admin_key).await.map_err(CommandError::failure)?,
     };
+    // Nobody takes part in a demonstration, so no processor is kept for that.
+    let children = args.analysis.children(args.demo);
+    let analysis_limits = args.analysis.limits(&children);
     let analysis_asked = Arc::new(Notify::new());
     let study_stored = Arc::new(Notify::new());
     let stopping = CancellationToken::new();
@@ -219,6 +223,7 @@ pub async fn start(args: &ServeArgs, key: Option<&str>) -> Result<Running, Comma
         hashing: Bounded::new(KEYS_WAITING),
         answers: Answers::default(),
         analysis_asked: Arc::clone(&analysis_asked),
+        analysis_limits,
         study_stored: Arc::clone(&study_stored),
         self_check: tokio::sync::OnceCell::new(),
         lengths: Arc::default(),
@@ -241,13 +246,10 @@ pub async fn start(args: &ServeArgs, key: Option<&str>) -> Result<Running, Comma
         let _ = stopped.await;
         stopping.cancel();
     }));
-    let solver = (!args.no_solve).then(|| Solver::start(store.clone(), study_stored));
-    // Nobody takes part in a demonstration, so no processor is kept for that.
-    let all =
-        || std::thread::available_parallelism().ok().and_then(|all| all.get().try_into().ok());
-    let threads = args.analysis_threads.or_else(|| if args.demo { all() } else { None });
-    let analysis_worker =
-        AnalysisWorker::start(store.clone(), Arc::clone(&analysis_asked), threads);
+    let solver =
+        (!args.no_solve).then(|| Solver::start(store.clone(), study_stored, children.clone()));
+    let asked = Arc::clone(&analysis_asked);
+    let analysis_worker = AnalysisWorker::start(store.clone(), asked, children, analysis_limits);
     let demo =
         args.demo.then(|| Demo::start(store.clone(), address, analysis_asked, new_key.clone()));
     tracing::info!(%address, study = names[0], "serving");

@@ -33,6 +33,7 @@ pub async fn ask(
 ) -> Result<(StatusCode, Json<AnalysisSummary>), ApiError> {
     request.settings()?;
     let study = named(&app.store, &slug).await?;
+    app.analysis_limits.check(&app.store, &study, &request).await??;
     let id = Uuid::new_v4().to_string();
     let entry = me.does(Action::AnalysisRequested, Some(&slug), Some(id.clone()));
     let (status, asked) = match app.store.ask_analysis(id, study.id, &request, entry).await? {

@@ -4,6 +4,7 @@ use crate::http::answers::Answers;
 use crate::http::bounded::Bounded;
 use crate::http::lengths::Lengths;
 use crate::http::pace::{Guesses, Pace};
+use crate::jobs::analysis_limits::Limits;
 use crate::languages::library::Library;
 use crate::secrets::chosen::ChosenKey;
 use crate::store::Store;
@@ -38,6 +39,8 @@ pub struct App {
     pub answers: Answers,
     /// Tells the analysis worker that an analysis is queued.
     pub analysis_asked: Arc<Notify>,
+    /// What an analysis may cost.
+    pub analysis_limits: Limits,
     /// Tells the solver that a study has another configuration.
     pub study_stored: Arc<Notify>,
     /// The server's fingerprint, computed at the first request.

@@ -44,6 +44,7 @@ mod tests {
     use super::*;
     use crate::http::bounded::Bounded;
     use crate::http::peer::Proxies;
+    use crate::jobs::analysis_limits::Limits;
     use crate::languages::Languages;
     use crate::languages::library::Library;
     use crate::store::tests::begun;
@@ -88,6 +89,7 @@ mod tests {
             hashing: Bounded::new(0),
             answers: Default::default(),
             analysis_asked: Arc::default(),
+            analysis_limits: Limits { memory_mib: 2048, hours: 24.0, threads: 1 },
             study_stored: Arc::default(),
             self_check: Default::default(),
             lengths: Arc::default(),

@@ -48,19 +48,10 @@ impl<C: Cache + Send + 'static> AnalysisTask<C> {
     /// # Errors
     /// [`TaskError`] for an invalid request, data that cannot be compared, or a cancelled analysis.
     pub async fn run(
-        mut self,
+        self,
         progress: impl Fn(Progress) + Send + Sync + 'static,
     ) -> Result<Analysis, TaskError> {
-        let settings = self.request.settings().map_err(TaskError::Request)?;
-        if self.request.synthetic {
-            // What the data say of themselves is stronger, and stays.
-            let known = self.recording.provenance.synthetic.take();
-            self.recording.provenance.synthetic = Some(match known {
-                Some(known) => format!("{known}; the experimenter says so, too"),
-                None => "the experimenter says so".to_owned(),
-            });
-        }
-        let Self { recording, given, safety, cache, threads, cancel, .. } = self;
+        let Self { recording, given, safety, request, cache, threads, cancel } = self;
         let work = move || {
             let step = |now| {
                 progress(now);
@@ -70,9 +61,32 @@ impl<C: Cache + Send + 'static> AnalysisTask<C> {
                     ControlFlow::Continue(())
                 }
             };
-            let cache: Option<&dyn Cache> = Some(&*cache);
-            analyse(&recording, given.as_ref(), &safety, &settings, cache, &step)
+            compute(recording, given.as_ref(), &safety, &request, &*cache, &step)
         };
-        Ok(threads::run("analysis", threads, work).await??)
+        threads::run("analysis", threads, work).await?
     }
+}
+
+/// Computes the analysis of a recording on the threads of the caller's pool.
+///
+/// # Errors
+/// [`TaskError`] for an invalid request or data that cannot be compared, or if `step` stops it.
+pub fn compute(
+    mut recording: Recording,
+    given: Option<&GivenFeatures>,
+    safety: &SafetyLevels,
+    request: &Request,
+    cache: &dyn Cache,
+    step: &(dyn Fn(Progress) -> ControlFlow<()> + Sync),
+) -> Result<Analysis, TaskError> {
+    let settings = request.settings().map_err(TaskError::Request)?;
+    if request.synthetic {
+        // What the data say of themselves is stronger, and stays.
+        let known = recording.provenance.synthetic.take();
+        recording.provenance.synthetic = Some(match known {
+            Some(known) => format!("{known}; the experimenter says so, too"),
+            None => "the experimenter says so".to_owned(),
+        });
+    }
+    Ok(analyse(&recording, given, safety, &settings, Some(cache), step)?)
 }

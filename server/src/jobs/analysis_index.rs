@@ -2,7 +2,9 @@
 
 use crate::report;
 use crate::store::predictors::{NewPredictor, UsedTask};
+use serde::{Deserialize, Serialize};
 use sidestep::comparison::Analysis;
+use sidestep::comparison::cell::ModelName;
 use sidestep::recording::Recording;
 use std::collections::HashMap;
 
@@ -23,43 +25,77 @@ impl TrialIds {
     }
 }
 
-/// The models of an analysis of a study, and the tasks that trained and tested them.
-#[derive(Clone, Debug, PartialEq)]
-pub struct AnalysisIndex {
-    /// In the order of the analysis's tables.
-    pub predictors: Vec<NewPredictor>,
-    /// Participant by participant.
-    pub tasks: Vec<UsedTask>,
+/// A model of an analysis, as the child process lists it.
+#[derive(Debug, Serialize, Deserialize)]
+pub struct IndexedModel {
+    file: String,
+    participant: i64,
+    place: usize,
+    model: ModelName,
+    experiment: u8,
+    features: String,
+    columns: Vec<String>,
+    cv_accuracy: f64,
+    test_accuracy: f64,
 }
 
-impl AnalysisIndex {
-    /// That of this analysis of the recording with these ids.
-    #[must_use]
-    pub fn of(analysis: &Analysis, ids: &TrialIds) -> Self {
-        let people = &analysis.comparison.participants;
-        let predictors =
-            analysis.comparison.cells.iter().enumerate().filter_map(|(place, cell)| {
-                Some(NewPredictor {
-                    file: report::model_file(analysis, cell),
-                    // The participants of a study are named by their numbers.
-                    participant: people[cell.participant].name.parse().ok()?,
-                    place,
-                    model: cell.model.word(),
-                    experiment: cell.experiment.number(),
-                    features: cell.features.clone(),
-                    columns: cell.predictor.features.clone(),
-                    cv_accuracy: cell.cv_accuracy,
-                    test_accuracy: cell.test.accuracy(),
-                })
-            });
-        let tasks = people.iter().flat_map(|person| {
-            let training = person.training_trials.iter().map(|number| (number, true));
-            let test = person.test_trials.iter().map(|number| (number, false));
-            training.chain(test).filter_map(|(number, trains)| {
-                let trial_id = ids.0.get(&(person.name.clone(), *number))?.clone();
-                Some(UsedTask { trial_id, trains })
-            })
-        });
-        Self { predictors: predictors.collect(), tasks: tasks.collect() }
+impl From<IndexedModel> for NewPredictor {
+    fn from(model: IndexedModel) -> Self {
+        Self {
+            file: model.file,
+            participant: model.participant,
+            place: model.place,
+            model: model.model.word(),
+            experiment: model.experiment,
+            features: model.features,
+            columns: model.columns,
+            cv_accuracy: model.cv_accuracy,
+            test_accuracy: model.test_accuracy,
+        }
     }
+}
+
+/// A task that an analysis used, as the child process lists it.
+#[derive(Debug, Serialize, Deserialize)]
+pub struct IndexedTask {
+    trial_id: String,
+    trains: bool,
+}
+
+impl From<IndexedTask> for UsedTask {
+    fn from(IndexedTask { trial_id, trains }: IndexedTask) -> Self {
+        Self { trial_id, trains }
+    }
+}
+
+/// The models of an analysis, in the order of its tables.
+pub fn models(analysis: &Analysis) -> impl Iterator<Item = IndexedModel> {
+    let people = &analysis.comparison.participants;
+    analysis.comparison.cells.iter().enumerate().filter_map(|(place, cell)| {
+        Some(IndexedModel {
+            file: report::model_file(analysis, cell),
+            // The participants of a study are named by their numbers.
+            participant: people[cell.participant].name.parse().ok()?,
+            place,
+            model: cell.model,
+            experiment: cell.experiment.number(),
+            features: cell.features.clone(),
+            columns: cell.predictor.features.clone(),
+            cv_accuracy: cell.cv_accuracy,
+            test_accuracy: cell.test.accuracy(),
+        })
+    })
+}
+
+/// The tasks that trained and tested the models of an analysis of the recording with these ids,
+/// participant by participant.
+pub fn tasks(analysis: &Analysis, ids: &TrialIds) -> impl Iterator<Item = IndexedTask> {
+    analysis.comparison.participants.iter().flat_map(|person| {
+        let training = person.training_trials.iter().map(|number| (number, true));
+        let test = person.test_trials.iter().map(|number| (number, false));
+        training.chain(test).filter_map(|(number, trains)| {
+            let trial_id = ids.0.get(&(person.name.clone(), *number))?.clone();
+            Some(IndexedTask { trial_id, trains })
+        })
+    })
 }

@@ -3,34 +3,24 @@
 //! The row of an analysis is the truth: a request that cancels or deletes it, or deletes data that
 //! it uses, changes the row, and the worker notices when it next records its progress.
 
+use super::analysis_limits::Limits;
+use super::analysis_process::{HowFar, Outcome, compute, study_versions};
+use super::children::Children;
 use crate::clock::now_ms;
-use crate::jobs::analysis::{AnalysisTask, TaskError};
-use crate::jobs::analysis_index::{AnalysisIndex, TrialIds};
-use crate::jobs::safety;
 use crate::store::Store;
 use crate::store::analyses::Job;
-use crate::threads::ThreadError;
-use crate::{recordings, report};
+use crate::store::studies::StoredStudy;
 use anyhow::Context;
-use flate2::Compression;
-use flate2::read::GzDecoder;
-use flate2::write::GzEncoder;
-use sidestep::api::{AnalysisResult, MeanAccuracy};
-use sidestep::comparison::cell::{Cell, Experiment, ModelName};
-use sidestep::comparison::{Analysis, AnalysisError, Cache, Progress};
-use sidestep::reachability::SolveError;
+use sidestep::api::AnalysisResult;
 use std::collections::HashSet;
-use std::io::{self, Write};
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 use std::time::Duration;
-use tokio::runtime::Handle;
 use tokio::sync::Notify;
 use tokio::task::JoinHandle;
 use tokio_util::sync::{CancellationToken, DropGuard};
 
-/// How often progress is recorded.
-const TICK: Duration = Duration::from_millis(500);
+/// How often progress is recorded, and looked whether the analysis is still wanted: it stops within 1 s.
+const TICK: Duration = Duration::from_millis(250);
 
 /// How often the worker looks for analyses of other servers.
 const LOOK: Duration = Duration::from_secs(2);
@@ -38,11 +28,8 @@ const LOOK: Duration = Duration::from_secs(2);
 /// How long the worker waits after an error of the database.
 const PAUSE: Duration = Duration::from_secs(5);
 
-/// Most files that wait to be written.
-const FILES_AHEAD: usize = 4;
-
-/// Rows that are written in one transaction, so that no upload waits for all of them.
-const ROWS_AT_ONCE: usize = 1_000;
+/// When the system shuts down, the server is told to stop at most this long after its child processes.
+const SHUTTING_DOWN: Duration = Duration::from_secs(1);
 
 /// The worker, which runs in the background until it is stopped.
 #[derive(Debug)]
@@ -55,10 +42,10 @@ impl AnalysisWorker {
     /// Starts the worker, with the analyses that an earlier run of the server did not finish. `asked`
     /// tells it that an analysis was queued.
     #[must_use]
-    pub fn start(store: Store, asked: Arc<Notify>, threads: Option<u16>) -> Self {
+    pub fn start(store: Store, asked: Arc<Notify>, children: Children, limits: Limits) -> Self {
         let cancel = CancellationToken::new();
         let name = uuid::Uuid::new_v4().to_string();
-        let worker = Worker { name, store, asked, cancel: cancel.clone(), threads };
+        let worker = Worker { name, store, asked, cancel: cancel.clone(), children, limits };
         let task = tokio::spawn(async move { worker.run().await });
         // A worker that is dropped without a stop ends too.
         Self { cancel: cancel.drop_guard(), task }
@@ -73,58 +60,20 @@ impl AnalysisWorker {
     }
 }
 
-/// The outcome of an analysis in brief.
-fn result(analysis: &Analysis) -> AnalysisResult {
-    let (data, comparison) = (&analysis.data, &analysis.comparison);
-    let sets = comparison.sets();
-    let mut accuracies = Vec::new();
-    for experiment in Experiment::ALL {
-        for model in ModelName::PAPERS {
-            let means = comparison.accuracies(model, experiment, &sets);
-            accuracies.extend(sets.iter().zip(means).map(|(set, percent)| MeanAccuracy {
-                model: model.word().to_owned(),
-                experiment: experiment.number(),
-                features: (*set).to_owned(),
-                percent,
-            }));
-        }
-    }
-    AnalysisResult {
-        participants: comparison.participants.len(),
-        excluded: data.exclusions.iter().map(Into::into).collect(),
-        flagged: data.flagged.clone(),
-        same_trials: data.same_trials.clone(),
-        safety: data.safety,
-        cells: comparison.cells.len(),
-        models: Some(analysis.counts().models),
-        version: Some(env!("CARGO_PKG_VERSION").to_owned()),
-        study_versions: Vec::new(),
-        data_sha256: Some(data.sha256.clone()),
-        accuracies,
-        synthetic: data.synthetic.clone(),
-    }
-}
-
 struct Worker {
     /// Tells the runs of all servers apart.
     name: String,
     store: Store,
     asked: Arc<Notify>,
     cancel: CancellationToken,
-    threads: Option<u16>,
+    children: Children,
+    limits: Limits,
 }
 
-/// What was computed.
-struct Computed {
-    analysis: Box<Analysis>,
-    /// Of the trials that were compared.
-    ids: TrialIds,
-}
-
-/// How the computation of an analysis ended.
+/// How an attempt at an analysis ended.
 enum Ending {
-    /// With a result, or the reason why there is none.
-    Over(Result<Computed, String>),
+    /// With a result and the keys of the cells that it needs, or the reason why there is none.
+    Over(Result<(Box<AnalysisResult>, HashSet<String>), String>),
     /// The analysis is not wanted any more.
     Unwanted,
     /// The server is stopping.
@@ -181,14 +130,7 @@ impl Worker {
 
     async fn make(&self, job: &Job) -> anyhow::Result<()> {
         tracing::info!(study = job.study, "an analysis begins");
-        let kept = Arc::new(StoredCells {
-            store: self.store.clone(),
-            job: job.clone(),
-            runtime: Handle::current(),
-            used: Mutex::default(),
-            fresh: AtomicUsize::new(0),
-        });
-        let found = match self.compared(job, &kept).await? {
+        let found = match self.attempt(job).await? {
             Ending::Over(found) => found,
             Ending::Unwanted => {
                 tracing::info!(study = job.study, "an analysis is not wanted any more");
@@ -198,19 +140,10 @@ impl Worker {
                 return Ok(self.store.give_back_analysis(job).await?);
             }
         };
-        let ending = match found {
-            Ok(Computed { analysis, ids }) => {
-                let study_versions = self.study_versions(job, &analysis).await?;
-                let result = AnalysisResult { study_versions, ..result(&analysis) };
-                let index = AnalysisIndex::of(&analysis, &ids);
-                if self.keep(job, analysis).await? {
-                    self.list(job, index).await?;
-                }
-                Ok(result)
-            }
-            Err(message) => Err(message),
+        let (ending, used) = match found {
+            Ok((result, used)) => (Ok(*result), used),
+            Err(why) => (Err(why), HashSet::new()),
         };
-        let used = kept.used.lock().unwrap_or_else(|broken| broken.into_inner()).clone();
         let wanted = self.store.end_analysis(job, &ending, used, now_ms()).await?;
         match ending {
             _ if !wanted => tracing::info!(study = job.study, "an analysis came too late"),
@@ -220,190 +153,56 @@ impl Worker {
         Ok(())
     }
 
-    /// The versions of the study under which the compared participants enrolled.
-    async fn study_versions(&self, job: &Job, analysis: &Analysis) -> anyhow::Result<Vec<u32>> {
-        let Some(study) = self.store.study(&job.study).await? else { return Ok(Vec::new()) };
-        let compared = &analysis.comparison.participants;
-        let hashes: HashSet<String> = self
-            .store
-            .roster(study.id, false)
-            .await?
-            .into_iter()
-            .filter(|entry| compared.iter().any(|of| of.name == entry.number.to_string()))
-            .map(|entry| entry.config_hash)
-            .collect();
-        let versions = self.store.study_versions(study.id).await?;
-        let used = versions.iter().filter(|version| hashes.contains(&version.hash));
-        Ok(used.map(|version| version.number).collect())
-    }
-
-    /// Reads the data, computes on threads of its own, and records the progress in the database.
-    async fn compared(&self, job: &Job, kept: &Arc<StoredCells>) -> anyhow::Result<Ending> {
-        // Cancelled with the worker, or alone if the job is no longer valid.
-        let cancel = self.cancel.child_token();
-        let progress = Arc::new([AtomicUsize::new(0), AtomicUsize::new(0)]);
-        let work = self.work(job, Arc::clone(kept), cancel.clone(), Arc::clone(&progress));
-        let mut work = std::pin::pin!(work);
-        let mut unwanted = false;
-        let found = loop {
-            tokio::select! {
-                found = &mut work => break found?,
-                () = tokio::time::sleep(TICK), if !unwanted => {
-                    let [done, of] = [0, 1].map(|i: usize| progress[i].load(Ordering::Relaxed));
-                    let fresh = kept.fresh.load(Ordering::Relaxed);
-                    match self.store.note_progress(job, [done, of, fresh], now_ms()).await {
-                        Ok(wanted) => unwanted = !wanted,
-                        // The next report may succeed.
-                        Err(error) => tracing::warn!(%error, "progress was not noted"),
-                    }
-                    if unwanted {
-                        cancel.cancel();
-                    }
+    /// Computes in a child process and records the progress. The process is killed as soon as the analysis
+    /// is not wanted any more or the server stops, since the computation is dropped then.
+    async fn attempt(&self, job: &Job) -> anyhow::Result<Ending> {
+        let how_far = HowFar::default();
+        let outcome = tokio::select! {
+            outcome = self.compute(job, &how_far) => outcome?,
+            () = self.until_unwanted(job, &how_far) => Outcome::Unwanted,
+            () = self.cancel.cancelled() => return Ok(Ending::BrokenOff),
+        };
+        Ok(match outcome {
+            Outcome::Done { mut result, compared, used } => {
+                let study = self.study(job).await?;
+                result.study_versions = study_versions(&self.store, &study, &compared).await?;
+                Ending::Over(Ok((result, used)))
+            }
+            Outcome::Failed(why) => Ending::Over(Err(why)),
+            Outcome::Unwanted => Ending::Unwanted,
+            Outcome::AskedToEnd => {
+                // The system asks the server too when it shuts down.
+                match tokio::time::timeout(SHUTTING_DOWN, self.cancel.cancelled()).await {
+                    Ok(()) => Ending::BrokenOff,
+                    Err(_) => Ending::Over(Err("somebody ended its process".to_owned())),
                 }
             }
-        };
-        Ok(match found {
-            Some(found) => Ending::Over(found),
-            None if unwanted => Ending::Unwanted,
-            None => Ending::BrokenOff,
         })
     }
 
-    /// The analysis, or the reason why there is none; nothing once `cancel` is cancelled.
-    async fn work(
-        &self,
-        job: &Job,
-        cache: Arc<StoredCells>,
-        cancel: CancellationToken,
-        progress: Arc<[AtomicUsize; 2]>,
-    ) -> anyhow::Result<Option<Result<Computed, String>>> {
-        let study = self.store.study(&job.study).await?;
-        let study = study.context("the study of an analysis")?;
-        let recording = recordings::of_study(&self.store, &study).await?;
-        let ids = TrialIds::of(&recording);
-        let safety = match safety::ensure(&self.store, &study, &cancel).await? {
-            Ok(safety) => safety,
-            Err(SolveError::Cancelled) => return Ok(None),
-            Err(SolveError::Invalid(invalid)) => return Ok(Some(Err(invalid.to_string()))),
-        };
-        // One processor remains for requests.
-        let spare = || std::thread::available_parallelism().map_or(1, |all| (all.get() - 1).max(1));
-        let threads = Some(self.threads.map_or_else(spare, usize::from));
-        let request = job.request.clone();
-        let task = AnalysisTask { recording, given: None, safety, request, cache, threads, cancel };
-        let step = move |now: Progress| {
-            progress[0].fetch_max(now.done, Ordering::Relaxed);
-            progress[1].store(now.of, Ordering::Relaxed);
-        };
-        Ok(match task.run(step).await {
-            Ok(analysis) => Some(Ok(Computed { analysis: Box::new(analysis), ids })),
-            Err(TaskError::Analysis(AnalysisError::Stopped)) => None,
-            Err(TaskError::Thread(ThreadError::Panicked)) => {
-                Some(Err("the comparison failed; see the server's log".to_owned()))
-            }
-            Err(TaskError::Thread(error)) => return Err(error.into()),
-            Err(error) => Some(Err(error.to_string())),
-        })
+    async fn study(&self, job: &Job) -> anyhow::Result<StoredStudy> {
+        self.store.study(&job.study).await?.context("the study of an analysis")
     }
 
-    /// Stores the files, compressed, one by one. Returns whether the job is still valid.
-    async fn keep(&self, job: &Job, analysis: Box<Analysis>) -> anyhow::Result<bool> {
-        let (files, mut packed) =
-            tokio::sync::mpsc::channel::<(String, usize, Vec<u8>)>(FILES_AHEAD);
-        let packing = tokio::task::spawn_blocking(move || {
-            report::each_file(&analysis, &mut |name, write| {
-                let mut out = Counted { out: gzip(), bytes: 0 };
-                write(&mut out)?;
-                let file = (name.to_owned(), out.bytes, out.out.finish()?);
-                files.blocking_send(file).map_err(|_| io::Error::other("nobody takes the files"))
-            })
-        });
-        while let Some((name, size, bytes)) = packed.recv().await {
-            if !self.store.put_analysis_file(job, &name, size, bytes, now_ms()).await? {
-                // The other files are not needed.
-                return Ok(false);
-            }
+    async fn compute(&self, job: &Job, how_far: &HowFar) -> anyhow::Result<Outcome> {
+        let study = self.study(job).await?;
+        // More may have been stored since the analysis was asked for.
+        match self.limits.check(&self.store, &study, &job.request).await? {
+            Ok(_) => compute(&self.store, &study, job, &self.children, how_far).await,
+            Err(invalid) => Ok(Outcome::Failed(invalid.to_string())),
         }
-        packing.await.context("packing the files")??;
-        Ok(true)
     }
 
-    /// Stores what lists and replays say of the models, whose files are stored.
-    async fn list(&self, job: &Job, index: AnalysisIndex) -> anyhow::Result<()> {
-        for rows in index.predictors.chunks(ROWS_AT_ONCE) {
-            if !self.store.put_predictors(job, rows.to_vec()).await? {
-                return Ok(());
+    /// Records the progress again and again, until the analysis is not wanted any more.
+    async fn until_unwanted(&self, job: &Job, how_far: &HowFar) {
+        loop {
+            tokio::time::sleep(TICK).await;
+            match self.store.note_progress(job, how_far.numbers(), now_ms()).await {
+                Ok(true) => {}
+                Ok(false) => return,
+                // The next report may succeed.
+                Err(error) => tracing::warn!(%error, "progress was not noted"),
             }
-        }
-        for rows in index.tasks.chunks(ROWS_AT_ONCE) {
-            if !self.store.put_used_tasks(job, rows.to_vec()).await? {
-                return Ok(());
-            }
-        }
-        Ok(())
-    }
-}
-
-fn gzip() -> GzEncoder<Vec<u8>> {
-    GzEncoder::new(Vec::new(), Compression::fast())
-}
-
-/// A writer that counts its bytes.
-struct Counted<W> {
-    out: W,
-    bytes: usize,
-}
-
-impl<W: Write> Write for Counted<W> {
-    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        let written = self.out.write(bytes)?;
-        self.bytes += written;
-        Ok(written)
-    }
-
-    fn flush(&mut self) -> io::Result<()> {
-        self.out.flush()
-    }
-}
-
-/// The study's cells in the database, as a cache for the computing threads.
-struct StoredCells {
-    store: Store,
-    job: Job,
-    runtime: Handle,
-    used: Mutex<HashSet<String>>,
-    /// How many pieces were computed and not reused.
-    fresh: AtomicUsize,
-}
-
-impl StoredCells {
-    fn note(&self, key: &str) {
-        // A thread that panicked leaves the set valid.
-        self.used.lock().unwrap_or_else(|broken| broken.into_inner()).insert(key.to_owned());
-    }
-}
-
-impl Cache for StoredCells {
-    fn get(&self, key: &str) -> Option<Vec<Cell>> {
-        let kept = self.runtime.block_on(self.store.cells(self.job.study_id, key));
-        let bytes = kept.ok()??;
-        let cells = serde_json::from_reader(io::BufReader::new(GzDecoder::new(&bytes[..]))).ok()?;
-        self.note(key);
-        Some(cells)
-    }
-
-    fn put(&self, key: &str, cells: &[Cell]) {
-        self.note(key);
-        self.fresh.fetch_add(1, Ordering::Relaxed);
-        let mut out = gzip();
-        let packed = serde_json::to_writer(&mut out, cells).map_err(io::Error::from);
-        let kept =
-            packed.and_then(|()| out.finish()).map_err(anyhow::Error::from).and_then(|bytes| {
-                Ok(self.runtime.block_on(self.store.put_cells(&self.job, key, bytes))?)
-            });
-        if let Err(error) = kept {
-            // Only time is lost.
-            tracing::warn!(%error, "cells of an analysis were not kept");
         }
     }
 }

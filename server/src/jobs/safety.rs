@@ -1,16 +1,17 @@
 //! The value functions behind the safety levels of a configuration: solved once, off
 //! the request path, and stored for ever.
 
+use super::children::{Children, Ended};
+use super::frames::{FromChild, ToChild};
 use crate::store::studies::StoredStudy;
 use crate::store::value_functions::NewValueFunction;
 use crate::store::{Store, StoreError};
 use anyhow::Context;
 use sidestep::invalid::Invalid;
-use sidestep::reachability::{SolveError, ValueFunction};
+use sidestep::reachability::ValueFunction;
 use sidestep::safety::SafetyLevels;
-use sidestep::scene::{Evader, SceneParameters};
+use sidestep::scene::Evader;
 use sidestep::study::StudyConfig;
-use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::Instant;
 use tokio::sync::Notify;
@@ -55,6 +56,18 @@ pub async fn stored(
 pub struct StoredFunctions([Vec<u8>; 2]);
 
 impl StoredFunctions {
+    /// Those of V_HR.
+    #[must_use]
+    pub fn human(&self) -> &[u8] {
+        &self.0[0]
+    }
+
+    /// Those of V_RH.
+    #[must_use]
+    pub fn robot(&self) -> &[u8] {
+        &self.0[1]
+    }
+
     /// Decodes them, in some milliseconds.
     ///
     /// # Errors
@@ -68,26 +81,7 @@ impl StoredFunctions {
     }
 }
 
-/// The value functions, with logged warnings about those that did not converge.
-type Solutions = (Vec<NewValueFunction>, Vec<String>);
-
-fn solve(
-    parameters: &SceneParameters,
-    cancel: &CancellationToken,
-) -> Result<Solutions, SolveError> {
-    let mut progress = |_| match cancel.is_cancelled() {
-        true => ControlFlow::Break(()),
-        false => ControlFlow::Continue(()),
-    };
-    let functions = SafetyLevels::solve(parameters, &mut progress)?;
-    let solutions = Evader::ALL.map(|evader| {
-        let function = functions.of(evader);
-        NewValueFunction { evader, id: function.id(), bytes: function.encode() }
-    });
-    Ok((solutions.into(), functions.complaints()))
-}
-
-/// Solves missing value functions in the background.
+/// Solves missing value functions in the background, each in a child process.
 #[derive(Debug)]
 pub struct Solver {
     cancel: CancellationToken,
@@ -98,24 +92,28 @@ impl Solver {
     /// Starts solving. A failure is logged, and browsers that need the function solve it
     /// themselves.
     #[must_use]
-    pub fn start(store: Store, study_stored: Arc<Notify>) -> Self {
+    pub fn start(store: Store, study_stored: Arc<Notify>, children: Children) -> Self {
         let cancel = CancellationToken::new();
         let watched = cancel.clone();
         let task = tokio::spawn(async move {
-            while !watched.is_cancelled() {
-                if let Err(error) = solve_all(&store, &watched).await {
-                    tracing::error!(error = format!("{error:#}"), "solving value functions");
+            let solving = async {
+                loop {
+                    if let Err(error) = solve_all(&store, &children).await {
+                        tracing::error!(error = format!("{error:#}"), "solving value functions");
+                    }
+                    study_stored.notified().await;
                 }
-                tokio::select! {
-                    () = study_stored.notified() => {}
-                    () = watched.cancelled() => {}
-                }
+            };
+            // The process of a solve that is dropped is killed.
+            tokio::select! {
+                () = solving => {}
+                () = watched.cancelled() => {}
             }
         });
         Self { cancel, task }
     }
 
-    /// Cancels the solve under way; it begins anew at the next start.
+    /// Ends the solve under way; it begins anew at the next start.
     pub async fn stop(self) {
         self.cancel.cancel();
         if let Err(error) = self.task.await {
@@ -124,18 +122,18 @@ impl Solver {
     }
 }
 
-async fn solve_all(store: &Store, cancel: &CancellationToken) -> anyhow::Result<()> {
+async fn solve_all(store: &Store, children: &Children) -> anyhow::Result<()> {
     for (hash, config) in store.unsolved().await? {
         let begin = Instant::now();
         let study = &config.slug;
-        match solve_and_keep(store, &hash, &config, cancel).await? {
+        match solve_and_keep(store, &hash, &config, children).await? {
             Ok(()) => {
                 let ms = begin.elapsed().as_millis();
                 tracing::info!(study, ms, "value functions solved");
             }
-            Err(SolveError::Cancelled) => return Ok(()),
-            Err(SolveError::Invalid(invalid)) => {
-                tracing::error!(study, %invalid, "no value functions for these vehicles");
+            Err(Ended::Asked) => return Ok(()),
+            Err(Ended::Failed(why)) => {
+                tracing::error!(study, why, "no value functions for these vehicles");
             }
         }
     }
@@ -146,16 +144,25 @@ async fn solve_and_keep(
     store: &Store,
     hash: &str,
     config: &StudyConfig,
-    cancel: &CancellationToken,
-) -> anyhow::Result<Result<(), SolveError>> {
-    let (parameters, watched) = (config.parameters, cancel.clone());
-    let solved = tokio::task::spawn_blocking(move || solve(&parameters, &watched));
-    let (solutions, complaints) = match solved.await.context("solving")? {
-        Ok(solutions) => solutions,
-        Err(error) => return Ok(Err(error)),
+    children: &Children,
+) -> anyhow::Result<Result<(), Ended>> {
+    let mut child = children.start()?;
+    // A child that has ended is noticed when it is heard.
+    let _ = child.tell(&ToChild::Solve(config.parameters), &[]).await;
+    let (human, complaints, bytes) = match child.hear().await {
+        Ok((FromChild::Solved { human, complaints }, bytes)) => (human, complaints, bytes),
+        Ok((FromChild::Failed(why), _)) => return Ok(Err(Ended::Failed(why))),
+        Ok((other, _)) => anyhow::bail!("expected value functions, found {other:?}"),
+        Err(_) => return Ok(Err(child.ended().await)),
     };
     for complaint in complaints {
         tracing::warn!(study = config.slug, complaint, "a value function did not converge");
+    }
+    let (human, robot) = bytes.split_at_checked(human).context("the value functions")?;
+    let mut solutions = Vec::new();
+    for (evader, bytes) in Evader::ALL.into_iter().zip([human, robot]) {
+        let id = ValueFunction::decode(bytes)?.id();
+        solutions.push(NewValueFunction { evader, id, bytes: bytes.to_vec() });
     }
     store.put_value_functions(hash, solutions).await?;
     Ok(Ok(()))
@@ -164,21 +171,20 @@ async fn solve_and_keep(
 /// The value functions of a study's configuration: read from the store, or solved now and stored.
 ///
 /// # Errors
-/// The outer error if the database fails or is damaged; the inner one for a game that cannot be solved,
-/// or if `cancel` was cancelled.
+/// The outer error if the database fails or no process can be started; the inner one for a game that cannot
+/// be solved.
 pub async fn ensure(
     store: &Store,
     study: &StoredStudy,
-    cancel: &CancellationToken,
-) -> anyhow::Result<Result<SafetyLevels, SolveError>> {
+    children: &Children,
+) -> anyhow::Result<Result<StoredFunctions, Ended>> {
     let hash = &study.config_hash;
-    let kept = stored(store, hash).await?;
-    if let Some(functions) = kept {
-        return Ok(Ok(functions.decode()?));
+    if let Some(functions) = stored(store, hash).await? {
+        return Ok(Ok(functions));
     }
-    if let Err(error) = solve_and_keep(store, hash, &study.config, cancel).await? {
-        return Ok(Err(error));
+    if let Err(ended) = solve_and_keep(store, hash, &study.config, children).await? {
+        return Ok(Err(ended));
     }
     let kept = stored(store, hash).await?;
-    Ok(Ok(kept.context("value functions that were just kept")?.decode()?))
+    Ok(Ok(kept.context("value functions that were just kept")?))
 }

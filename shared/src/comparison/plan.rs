@@ -173,7 +173,7 @@ pub(super) const FIRST_TASKS: [usize; 3] = [5, 10, 20];
 pub(super) const COMPARED_SETS: [&str; 3] = ["hrd", "d", "hrd_body"];
 
 /// Models that learn from fewer tasks.
-const CURVE_FAMILIES: [ModelFamily; 3] =
+pub(super) const CURVE_FAMILIES: [ModelFamily; 3] =
     [ModelFamily::Rbf, ModelFamily::Tree, ModelFamily::Logistic];
 
 /// Models that learn from other people. The time to train an SVM grows with the square of the rows.

@@ -29,7 +29,7 @@ async fn drive_with(parameters: &SceneParameters, server: &Server, who: u64) -> 
     driver
 }
 
-async fn post(server: &Server, route: &str, body: serde_json::Value) -> Answer {
+pub(crate) async fn post(server: &Server, route: &str, body: serde_json::Value) -> Answer {
     let request = server.request(Method::POST, route).bearer_auth(&server.key);
     Answer::of(request.json(&body)).await
 }
@@ -197,7 +197,7 @@ async fn a_study_is_analysed_as_by_the_command() {
 
 #[tokio::test]
 async fn a_queue_that_can_be_cancelled_and_outlives_the_server() {
-    let server = Server::with_study_and(STUDY, |args| args.analysis_threads = Some(1)).await;
+    let server = Server::with_study_and(STUDY, |args| args.analysis.threads = Some(1)).await;
     for who in 1..=4 {
         drive(&server, who).await;
     }

@@ -6,6 +6,7 @@
 mod analyze;
 mod analyze_input;
 mod analyses;
+mod analysis_processes;
 mod changes;
 mod client;
 mod configurations;

@@ -1,0 +1,64 @@
+//! The flags of `sidestep serve` for long work in child processes.
+
+use crate::jobs::analysis_limits::Limits;
+use crate::jobs::children::{Children, LOWEST_PRIORITY};
+use std::path::PathBuf;
+
+/// How much of the machine analyses may take.
+#[derive(Clone, Debug, clap::Args)]
+pub struct AnalysisArgs {
+    /// Threads for analyses [default: all processors but one, at least one; with --demo all].
+    #[arg(long = "analysis-threads", value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+    /// Most memory of an analysis, MiB. An analysis that is estimated to need more is refused; one that
+    /// needs more nevertheless fails, and the server goes on.
+    #[arg(
+        long = "analysis-memory",
+        value_name = "MIB",
+        default_value_t = 2048,
+        value_parser = clap::value_parser!(u64).range(64..=1_048_576)
+    )]
+    pub memory_mib: u64,
+    /// Most work of an analysis, hours of one processor. An analysis that is estimated to take more is
+    /// refused.
+    #[arg(
+        long = "analysis-hours",
+        value_name = "H",
+        default_value = "24",
+        value_parser = hours
+    )]
+    pub hours: f64,
+    /// The program of child processes; none is this one.
+    #[arg(skip)]
+    pub program: Option<PathBuf>,
+    /// The priority of child processes, as for the command nice.
+    #[arg(skip = LOWEST_PRIORITY)]
+    pub nice: i32,
+}
+
+fn hours(text: &str) -> Result<f64, String> {
+    let hours = text.parse().ok().filter(|hours| (0.01..=1e6).contains(hours));
+    hours.ok_or_else(|| "expected a number from 0.01 to 1000000".to_owned())
+}
+
+impl AnalysisArgs {
+    /// How child processes are started. With `all`, they take all processors if nothing else is said.
+    #[must_use]
+    pub fn children(&self, all: bool) -> Children {
+        let processors = std::thread::available_parallelism().map_or(1, usize::from);
+        // Participants come first.
+        let usual = if all { processors } else { (processors - 1).max(1) };
+        Children {
+            program: self.program.clone(),
+            memory_mib: self.memory_mib,
+            threads: self.threads.map_or(usual, usize::from),
+            nice: self.nice,
+        }
+    }
+
+    /// What an analysis by such a process may cost.
+    #[must_use]
+    pub fn limits(&self, children: &Children) -> Limits {
+        Limits { memory_mib: self.memory_mib, hours: self.hours, threads: children.threads }
+    }
+}

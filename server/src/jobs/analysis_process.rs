@@ -1,0 +1,181 @@
+//! One analysis, computed by a child process: the server sends it the study's data, and keeps what comes
+//! back in the database.
+
+use super::children::{Children, Ended, Running};
+use super::frames::{FromChild, ToChild};
+use super::safety;
+use crate::clock::now_ms;
+use crate::recordings::{People, Person};
+use crate::store::Store;
+use crate::store::analyses::Job;
+use crate::store::studies::StoredStudy;
+use anyhow::Context;
+use sidestep::api::AnalysisResult;
+use std::collections::HashSet;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// How far an analysis is.
+#[derive(Debug, Default)]
+pub(super) struct HowFar {
+    done: AtomicUsize,
+    of: AtomicUsize,
+    /// Pieces that were computed and not reused.
+    fresh: AtomicUsize,
+}
+
+impl HowFar {
+    /// Pieces done, all pieces, and pieces that were computed and not reused.
+    pub(super) fn numbers(&self) -> [usize; 3] {
+        [&self.done, &self.of, &self.fresh].map(|number| number.load(Ordering::Relaxed))
+    }
+}
+
+/// What became of an analysis.
+pub(super) enum Outcome {
+    /// Its files and models are in the database.
+    Done {
+        result: Box<AnalysisResult>,
+        /// The names of the participants who were compared.
+        compared: HashSet<String>,
+        /// The keys of the cells that it needs.
+        used: HashSet<String>,
+    },
+    /// There is no result, and why.
+    Failed(String),
+    /// Its process was asked to end.
+    AskedToEnd,
+    /// The analysis is not wanted any more.
+    Unwanted,
+}
+
+/// Computes the analysis of `study` that `job` asks for.
+///
+/// # Errors
+/// If the database fails, or no process can be started.
+pub(super) async fn compute(
+    store: &Store,
+    study: &StoredStudy,
+    job: &Job,
+    children: &Children,
+    how_far: &HowFar,
+) -> anyhow::Result<Outcome> {
+    let functions = match safety::ensure(store, study, children).await? {
+        Ok(functions) => functions,
+        Err(Ended::Failed(why)) => return Ok(Outcome::Failed(why)),
+        Err(Ended::Asked) => return Ok(Outcome::AskedToEnd),
+    };
+    let mut child = children.start()?;
+    let first = ToChild::Analyse {
+        request: job.request.clone(),
+        study: study.slug.clone(),
+        scene: study.config.parameters,
+        human: functions.human().len(),
+    };
+    let beside = [functions.human(), functions.robot()].concat();
+    let mut going = child.tell(&first, &beside).await.is_ok();
+    let mut people = People::of(store, study).await?;
+    while going && let Some(person) = people.next().await? {
+        let (message, beside) = match &person {
+            Person::Drove(participant) => ToChild::participant(participant),
+            Person::Excluded(exclusion) => {
+                let (name, reason) = (exclusion.participant.clone(), exclusion.reason.clone());
+                (ToChild::Excluded(name, reason), Vec::new())
+            }
+        };
+        going = child.tell(&message, &beside).await.is_ok();
+    }
+    if going {
+        // Otherwise the next thing that is heard is the end.
+        let _ = child.tell(&ToChild::Begin, &[]).await;
+    }
+    let outcome = keep_all(store, job, &mut child, how_far).await?;
+    Ok(match outcome {
+        Some(outcome) => outcome,
+        None => match child.ended().await {
+            Ended::Failed(why) => Outcome::Failed(why),
+            Ended::Asked => Outcome::AskedToEnd,
+        },
+    })
+}
+
+/// Does what the child asks for and keeps what it sends, until it has said all. None if it ends before.
+async fn keep_all(
+    store: &Store,
+    job: &Job,
+    child: &mut Running,
+    how_far: &HowFar,
+) -> anyhow::Result<Option<Outcome>> {
+    let mut used = HashSet::new();
+    while let Ok((message, beside)) = child.hear().await {
+        let wanted = match message {
+            FromChild::Progress { done, of } => {
+                how_far.done.fetch_max(done, Ordering::Relaxed);
+                how_far.of.store(of, Ordering::Relaxed);
+                true
+            }
+            FromChild::Wanted(key) => {
+                // What cannot be read is computed again.
+                let kept = store.cells(job.study_id, &key).await.ok().flatten();
+                let answer = ToChild::Cells { kept: kept.is_some() };
+                if kept.is_some() {
+                    used.insert(key);
+                }
+                // A child that has ended is noticed next.
+                let _ = child.tell(&answer, &kept.unwrap_or_default()).await;
+                true
+            }
+            FromChild::Computed(key) => {
+                how_far.fresh.fetch_add(1, Ordering::Relaxed);
+                if let Err(error) = store.put_cells(job, &key, beside).await {
+                    // Only time is lost.
+                    tracing::warn!(%error, "cells of an analysis were not kept");
+                }
+                used.insert(key);
+                true
+            }
+            FromChild::File { name, octets } => {
+                store.put_analysis_file(job, &name, octets, beside, now_ms()).await?
+            }
+            FromChild::Models(rows) => {
+                let rows = rows.into_iter().map(Into::into).collect();
+                store.put_predictors(job, rows).await?
+            }
+            FromChild::Tasks(rows) => {
+                let rows = rows.into_iter().map(Into::into).collect();
+                store.put_used_tasks(job, rows).await?
+            }
+            FromChild::Done { result, compared } => {
+                let compared = compared.into_iter().collect();
+                return Ok(Some(Outcome::Done { result, compared, used }));
+            }
+            FromChild::Failed(why) => return Ok(Some(Outcome::Failed(why))),
+            other @ FromChild::Solved { .. } => {
+                return Err(anyhow::anyhow!("expected a part of an analysis, found {other:?}"));
+            }
+        };
+        if !wanted {
+            return Ok(Some(Outcome::Unwanted));
+        }
+    }
+    Ok(None)
+}
+
+/// The versions of the study under which the compared participants enrolled.
+///
+/// # Errors
+/// If the database fails.
+pub(super) async fn study_versions(
+    store: &Store,
+    study: &StoredStudy,
+    compared: &HashSet<String>,
+) -> anyhow::Result<Vec<u32>> {
+    let roster = store.roster(study.id, false).await.context("the study's participants")?;
+    let hashes: HashSet<String> = roster
+        .into_iter()
+        .filter(|entry| compared.contains(&entry.number.to_string()))
+        .map(|entry| entry.config_hash)
+        .collect();
+    let versions = store.study_versions(study.id).await?;
+    let used = versions.iter().filter(|version| hashes.contains(&version.hash));
+    Ok(used.map(|version| version.number).collect())
+}

@@ -1,0 +1,89 @@
+//! Long work in a process of its own: the child's side of it.
+//!
+//! The child has a low priority and a limit of memory. It reads its task from stdin and answers on
+//! stdout, and knows neither the database nor a key. It ends when stdin does, which is when the server is
+//! gone, however it went.
+
+mod analysis;
+
+use super::frames::{self, FromChild, ToChild};
+use rustix::process::{Resource, Rlimit, setpriority_process, setrlimit};
+use sidestep::safety::SafetyLevels;
+use sidestep::scene::{Evader, SceneParameters};
+use std::io;
+use std::ops::ControlFlow;
+use std::sync::{Mutex, PoisonError};
+
+/// Does the task that the server gives.
+///
+/// # Errors
+/// If the limit of memory cannot be set, the threads cannot be started, or the server is gone.
+pub fn run(memory_mib: u64, threads: usize, nice: i32) -> io::Result<()> {
+    // Before any other thread starts, since threads inherit the priority of the one that starts them.
+    restrain(memory_mib, nice)?;
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+    let pool = pool.map_err(io::Error::other)?;
+    let mut orders = io::stdin().lock();
+    let server = Server::default();
+    match frames::read(&mut orders)? {
+        (ToChild::Solve(scene), _) => {
+            drop(orders);
+            end_with_stdin(|_, _| ());
+            pool.install(|| solve(&server, &scene))
+        }
+        (ToChild::Analyse { request, study, scene, human }, functions) => {
+            let task = analysis::Task::read(&mut orders, request, &study, scene, human, &functions);
+            let task = task?;
+            drop(orders);
+            pool.install(|| task.run(&server))
+        }
+        (other, _) => Err(io::Error::other(format!("expected a task, found {other:?}"))),
+    }
+}
+
+/// Gives way to every other process, in memory and in time.
+fn restrain(memory_mib: u64, nice: i32) -> io::Result<()> {
+    // Where that is not allowed, work is done all the same.
+    let _ = setpriority_process(None, nice);
+    // A system without memory ends this process before any other one.
+    let _ = std::fs::write("/proc/self/oom_score_adj", "1000");
+    // Of data, and not of addresses: threads reserve far more of these than they use.
+    let most = Some(memory_mib.saturating_mul(1 << 20));
+    setrlimit(Resource::Data, Rlimit { current: most, maximum: most })?;
+    Ok(())
+}
+
+/// Hands what the server says from now on to `hear`, and ends the process when the server is gone.
+fn end_with_stdin(mut hear: impl FnMut(ToChild, Vec<u8>) + Send + 'static) {
+    std::thread::spawn(move || {
+        let mut orders = io::stdin().lock();
+        while let Ok((message, beside)) = frames::read(&mut orders) {
+            hear(message, beside);
+        }
+        std::process::exit(1);
+    });
+}
+
+/// The server's end of stdout.
+#[derive(Default)]
+struct Server(Mutex<()>);
+
+impl Server {
+    /// Tells the server, whichever thread says it.
+    fn tell(&self, message: &FromChild, beside: &[u8]) -> io::Result<()> {
+        let _turn = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        frames::write(&mut io::stdout().lock(), message, beside)
+    }
+}
+
+fn solve(server: &Server, scene: &SceneParameters) -> io::Result<()> {
+    match SafetyLevels::solve(scene, &mut |_| ControlFlow::Continue(())) {
+        Ok(functions) => {
+            let [human, robot] = Evader::ALL.map(|evader| functions.of(evader).encode());
+            let complaints = functions.complaints();
+            let solved = FromChild::Solved { human: human.len(), complaints };
+            server.tell(&solved, &[human, robot].concat())
+        }
+        Err(error) => server.tell(&FromChild::Failed(error.to_string()), &[]),
+    }
+}

@@ -1,0 +1,276 @@
+//! What the server and its child process say to each other, over the child's stdin and stdout.
+//!
+//! A message is a line of JSON and, beside it, bytes that JSON would make longer. Both are preceded by
+//! their lengths, as two little-endian numbers of 32 bits. Both ends are the same program.
+
+use super::analysis_index::{IndexedModel, IndexedTask};
+use crate::bytes::{pack_inputs, pack_states, unpack_inputs, unpack_states};
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+use sidestep::api::AnalysisResult;
+use sidestep::comparison::Request;
+use sidestep::recording::{RecordedParticipant, RecordedTrial};
+use sidestep::scene::SceneParameters;
+use sidestep::trial::{Flag, Phase};
+use std::io::{self, Read, Write};
+use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
+
+/// What the server says.
+#[derive(Debug, Serialize, Deserialize)]
+pub enum ToChild {
+    /// The first message: solve the games of these vehicles.
+    Solve(SceneParameters),
+    /// The first message: analyse the participants that follow. Beside it: V_HR, then V_RH.
+    Analyse {
+        /// What was asked for.
+        request: Request,
+        /// The study's name.
+        study: String,
+        /// Its vehicles, steps and danger radius.
+        scene: SceneParameters,
+        /// The number of bytes of V_HR.
+        human: usize,
+    },
+    /// A participant's tasks. Beside it: inputs and states of one trial after the other.
+    Participant {
+        /// As in the recording.
+        name: String,
+        /// As in the recording.
+        marked_synthetic: bool,
+        /// Without inputs and states.
+        trials: Vec<TrialHead>,
+    },
+    /// A participant who is excluded, and why.
+    Excluded(String, String),
+    /// Everybody was sent.
+    Begin,
+    /// The answer to [`FromChild::Wanted`]. Beside it: the cells, if they are kept.
+    Cells {
+        /// Whether they are.
+        kept: bool,
+    },
+}
+
+/// A trial without its inputs and states.
+#[derive(Debug, Serialize, Deserialize)]
+pub struct TrialHead {
+    number: u64,
+    phase: Phase,
+    attempt: u32,
+    trial_id: Option<String>,
+    started_at_ms: Option<f64>,
+    flags: Vec<Flag>,
+    inputs: usize,
+    states: usize,
+}
+
+/// What the child says.
+#[derive(Debug, Serialize, Deserialize)]
+pub enum FromChild {
+    /// Both value functions are solved. Beside it: V_HR, then V_RH.
+    Solved {
+        /// The number of bytes of V_HR.
+        human: usize,
+        /// What did not converge.
+        complaints: Vec<String>,
+    },
+    /// So many of all fits are done.
+    Progress {
+        /// Fits that are done.
+        done: usize,
+        /// All of them.
+        of: usize,
+    },
+    /// The cells under this key are asked for; [`ToChild::Cells`] answers.
+    Wanted(String),
+    /// Cells were computed, to be kept under this key. Beside it: the cells.
+    Computed(String),
+    /// A file of the analysis. Beside it: its content, compressed with gzip.
+    File {
+        /// Its name.
+        name: String,
+        /// Its length before compression.
+        octets: usize,
+    },
+    /// Models whose files were sent.
+    Models(Vec<IndexedModel>),
+    /// Tasks that trained or tested models.
+    Tasks(Vec<IndexedTask>),
+    /// The analysis is done: everything was sent.
+    Done {
+        /// In brief.
+        result: Box<AnalysisResult>,
+        /// The names of the participants who were compared.
+        compared: Vec<String>,
+    },
+    /// There is no result, and why.
+    Failed(String),
+}
+
+impl ToChild {
+    /// A participant's tasks, with the bytes beside the message. Times of samples are left out, since no
+    /// analysis uses them.
+    #[must_use]
+    pub fn participant(participant: &RecordedParticipant) -> (Self, Vec<u8>) {
+        let mut bytes = Vec::new();
+        let head = |trial: &RecordedTrial| {
+            bytes.extend(pack_inputs(&trial.inputs));
+            bytes.extend(pack_states(&trial.states));
+            TrialHead {
+                number: trial.number,
+                phase: trial.phase,
+                attempt: trial.attempt,
+                trial_id: trial.trial_id.clone(),
+                started_at_ms: trial.started_at_ms,
+                flags: trial.flags.clone(),
+                inputs: trial.inputs.len(),
+                states: trial.states.len(),
+            }
+        };
+        let trials = participant.trials.iter().map(head).collect();
+        let (name, marked_synthetic) = (participant.name.clone(), participant.marked_synthetic);
+        (Self::Participant { name, marked_synthetic, trials }, bytes)
+    }
+}
+
+/// The participant of a [`ToChild::Participant`].
+///
+/// # Errors
+/// If the bytes are not those of the trials.
+pub fn participant(
+    name: String,
+    marked_synthetic: bool,
+    trials: Vec<TrialHead>,
+    mut bytes: &[u8],
+) -> io::Result<RecordedParticipant> {
+    let mut part = |length: usize| {
+        let (part, rest) = bytes.split_at_checked(length).ok_or(io::ErrorKind::UnexpectedEof)?;
+        bytes = rest;
+        Ok::<_, io::Error>(part)
+    };
+    let mut trial = |head: TrialHead| {
+        Ok(RecordedTrial {
+            line: None,
+            number: head.number,
+            phase: head.phase,
+            attempt: head.attempt,
+            trial_id: head.trial_id,
+            inputs: unpack_inputs(part(head.inputs)?).map_err(io::Error::other)?,
+            states: unpack_states(part(48 * head.states)?),
+            started_at_ms: head.started_at_ms,
+            sampled_at_ms: None,
+            flags: head.flags,
+        })
+    };
+    let trials = trials.into_iter().map(&mut trial).collect::<io::Result<_>>()?;
+    Ok(RecordedParticipant { name, line: None, trials, marked_synthetic })
+}
+
+/// A message with the lengths before it; the bytes beside it follow.
+fn encoded(message: &impl Serialize, beside: &[u8]) -> io::Result<Vec<u8>> {
+    let json = serde_json::to_vec(message)?;
+    let mut out = Vec::with_capacity(8 + json.len());
+    for length in [json.len(), beside.len()] {
+        let length = u32::try_from(length).map_err(io::Error::other)?;
+        out.extend(length.to_le_bytes());
+    }
+    out.extend(json);
+    Ok(out)
+}
+
+fn lengths(head: [u8; 8]) -> [usize; 2] {
+    let [a, b, c, d, rest @ ..] = head;
+    [u32::from_le_bytes([a, b, c, d]) as usize, u32::from_le_bytes(rest) as usize]
+}
+
+/// Writes a message.
+///
+/// # Errors
+/// If the other end is gone.
+pub fn write(out: &mut impl Write, message: &impl Serialize, beside: &[u8]) -> io::Result<()> {
+    out.write_all(&encoded(message, beside)?)?;
+    out.write_all(beside)?;
+    out.flush()
+}
+
+/// Reads a message, with the bytes beside it.
+///
+/// # Errors
+/// If the other end is gone, or said something else.
+pub fn read<M: DeserializeOwned>(from: &mut impl Read) -> io::Result<(M, Vec<u8>)> {
+    let mut head = [0; 8];
+    from.read_exact(&mut head)?;
+    let [mut json, mut beside] = lengths(head).map(|length| vec![0; length]);
+    from.read_exact(&mut json)?;
+    from.read_exact(&mut beside)?;
+    Ok((serde_json::from_slice(&json)?, beside))
+}
+
+/// Writes a message without blocking a thread.
+///
+/// # Errors
+/// If the other end is gone.
+pub async fn send(
+    out: &mut (impl AsyncWrite + Unpin),
+    message: &impl Serialize,
+    beside: &[u8],
+) -> io::Result<()> {
+    out.write_all(&encoded(message, beside)?).await?;
+    out.write_all(beside).await?;
+    out.flush().await
+}
+
+/// Reads a message without blocking a thread.
+///
+/// # Errors
+/// If the other end is gone, or said something else.
+pub async fn receive<M: DeserializeOwned>(
+    from: &mut (impl AsyncRead + Unpin),
+) -> io::Result<(M, Vec<u8>)> {
+    let mut head = [0; 8];
+    from.read_exact(&mut head).await?;
+    let [mut json, mut beside] = lengths(head).map(|length| vec![0; length]);
+    from.read_exact(&mut json).await?;
+    from.read_exact(&mut beside).await?;
+    Ok((serde_json::from_slice(&json)?, beside))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use sidestep::synthetic::{Keys, SyntheticParticipant};
+
+    #[tokio::test]
+    async fn a_participant_arrives_bit_by_bit() {
+        let mut sent = SyntheticParticipant::new(7, 0).recorded(3, Keys::Clock);
+        sent.trials[1].states[2].human.x = -0.0;
+        sent.trials[2].states[0].robot.psi = f64::NAN;
+        sent.trials[0].flags = vec![Flag::Resized];
+        let (message, beside) = ToChild::participant(&sent);
+        let mut bytes = Vec::new();
+        write(&mut bytes, &message, &beside).unwrap();
+        let mut again = Vec::new();
+        send(&mut again, &message, &beside).await.unwrap();
+        assert_eq!(bytes, again);
+        let read: (ToChild, Vec<u8>) = read(&mut &bytes[..]).unwrap();
+        let received: (ToChild, Vec<u8>) = receive(&mut &bytes[..]).await.unwrap();
+        for (message, beside) in [read, received] {
+            let ToChild::Participant { name, marked_synthetic, trials } = message else {
+                panic!("{message:?}");
+            };
+            let found = participant(name, marked_synthetic, trials, &beside).unwrap();
+            sent.trials.iter_mut().for_each(|trial| trial.sampled_at_ms = None);
+            assert_eq!(format!("{found:?}"), format!("{sent:?}"));
+        }
+    }
+
+    #[test]
+    fn half_a_message_is_an_error() {
+        let mut bytes = Vec::new();
+        write(&mut bytes, &ToChild::Cells { kept: true }, b"cells").unwrap();
+        for length in 0..bytes.len() {
+            assert!(read::<ToChild>(&mut &bytes[..length]).is_err(), "{length}");
+        }
+        assert!(participant("1".to_owned(), false, Vec::new(), &[]).is_ok());
+    }
+}

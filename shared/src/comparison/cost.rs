@@ -1,0 +1,162 @@
+//! What a comparison will take, estimated before anything is computed.
+//!
+//! The coefficients were fitted to measurements of this code with the paper's features, on one thread of a
+//! server's processor, with 400 to 4000 training rows a person; `cargo xtask bench analyses` compares the
+//! estimate with what a server needs now. It is meant to tell minutes from days.
+
+use super::fit::{Grids, ModelFamily};
+use super::plan::{COMPARED_SETS, CURVE_FAMILIES, FIRST_TASKS, MOST_GROUPS, UNSEEN_FAMILIES};
+use super::settings::Settings;
+use super::split::{LEAST_TASKS, first_test_task};
+
+/// What a comparison is estimated to take.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Cost {
+    /// Time of one processor, s; several threads share it.
+    pub processor_s: f64,
+    /// Most memory at once, bytes.
+    pub memory_bytes: f64,
+}
+
+/// Memory of a comparison of nobody, bytes: the program and its tables.
+const PROGRAM_BYTES: f64 = 25e6;
+
+/// Memory of each row, bytes: its states, all features of it, and the splits that it is in.
+const ROW_BYTES: f64 = 900.0;
+
+/// Memory of each row that models learn from others, bytes: as a row of everybody, in each of their splits.
+const SHARED_ROW_BYTES: f64 = 450.0;
+
+/// Memory of each row for each feature set, bytes: support vectors and predictions.
+const SET_ROW_BYTES: f64 = 230.0;
+
+/// Time of what follows the fits, for each person and feature set, s.
+const FINISH_S: f64 = 0.018;
+
+impl Cost {
+    /// Of people with these numbers of tasks of `steps` steps, on so many threads.
+    #[must_use]
+    pub fn of(settings: &Settings, tasks: &[usize], steps: usize, threads: usize) -> Self {
+        let people: Vec<usize> =
+            tasks.iter().copied().filter(|tasks| *tasks >= LEAST_TASKS).collect();
+        let compared = match settings.paper_only {
+            true => 0,
+            false => settings.sets.iter().filter(|set| is_compared(&set.name)).count(),
+        };
+        let rows = |tasks: usize| (tasks * steps) as f64;
+        let own: f64 = people.iter().map(|&tasks| own_s(settings, tasks, compared, rows)).sum();
+        let all_rows: f64 = people.iter().map(|&tasks| rows(tasks)).sum();
+        let groups = if people.len() > 1 { people.len().min(MOST_GROUPS) as f64 } else { 0.0 };
+        // Others' rows train; all of them, since they are about as many.
+        let shared: f64 = UNSEEN_FAMILIES
+            .iter()
+            .map(|family| fit_s(*family, &settings.grids, all_rows, USUAL_WIDTH))
+            .sum();
+        let unseen = groups * compared as f64 * shared;
+        let most_rows = people.iter().map(|&tasks| rows(tasks)).fold(0.0, f64::max);
+        // Kernels of all pairs of rows of one person, twice; columns of everybody's rows.
+        let kernels = 2.0 * 8.0 * most_rows.powi(2);
+        let columns = if compared > 0 { SHARED_ROW_BYTES * all_rows } else { 0.0 };
+        let held = (ROW_BYTES + SET_ROW_BYTES * settings.sets.len() as f64) * all_rows;
+        Self {
+            processor_s: own + unseen,
+            memory_bytes: PROGRAM_BYTES + held + threads as f64 * (kernels + columns),
+        }
+    }
+}
+
+fn is_compared(name: &str) -> bool {
+    COMPARED_SETS.contains(&name)
+}
+
+/// The number of features of the paper's largest set.
+const USUAL_WIDTH: usize = 8;
+
+/// The time of the fits whose rows are one person's.
+fn own_s(settings: &Settings, tasks: usize, compared: usize, rows: impl Fn(usize) -> f64) -> f64 {
+    let grids = &settings.grids;
+    let training = first_test_task(tasks);
+    let papers = |width| -> f64 {
+        let fits = ModelFamily::PAPERS.iter();
+        fits.map(|family| fit_s(*family, grids, rows(training), width)).sum()
+    };
+    let tables: f64 = settings.sets.iter().map(|set| papers(set.features.len())).sum();
+    let beyond: f64 = settings
+        .beyond()
+        .map(|(set, family)| fit_s(family, grids, rows(training), set.features.len()))
+        .sum();
+    let leakage = if settings.leakage { papers(settings.sets[0].features.len()) } else { 0.0 };
+    let fewer = FIRST_TASKS.into_iter().filter(|first| *first < training);
+    let curve = |first| -> f64 {
+        let fits = CURVE_FAMILIES.iter();
+        fits.map(|family| fit_s(*family, grids, rows(first), USUAL_WIDTH)).sum()
+    };
+    let finish = FINISH_S * settings.sets.len() as f64;
+    tables + beyond + leakage + compared as f64 * fewer.map(curve).sum::<f64>() + finish
+}
+
+/// The time of one family's fit of both experiments: cross-validation over all grids, and the model.
+fn fit_s(family: ModelFamily, grids: &Grids, rows: f64, width: usize) -> f64 {
+    let thousands = rows / 1000.0;
+    // Half of the work is done column by column.
+    let wide = 0.5 + 0.5 * width as f64 / USUAL_WIDTH as f64;
+    // Sorting.
+    let sorted = thousands * (1.0 + 0.4 * thousands.log2()).max(0.5);
+    wide * match family {
+        ModelFamily::Rbf => {
+            // The larger γ, the more rows are support vectors.
+            let slower = |gamma: &f64| (gamma / 0.3).powf(0.57).clamp(1.0, 7.5);
+            let gammas: f64 = grids.rbf_gamma.iter().map(slower).sum();
+            (0.014 + 0.0016 * grids.rbf_c.len() as f64) * gammas * thousands.powf(2.1)
+        }
+        ModelFamily::Linear => 0.0037 * grids.linear_c.len() as f64 * thousands,
+        ModelFamily::Tree => {
+            let (leaves, depths) = (grids.tree_leaf.len() as f64, grids.tree_depth.len() as f64);
+            (0.0042 + 0.0003 * leaves + 0.00008 * depths) * sorted
+        }
+        ModelFamily::Logistic => (0.003 + 0.00075 * grids.logistic_c.len() as f64) * thousands,
+        ModelFamily::Boosted => 0.02 * grids.boosted_depth.len() as f64 * thousands.powf(1.2),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::comparison::Request;
+
+    fn cost(json: &str, people: usize, tasks: usize) -> Cost {
+        let request: Request = serde_json::from_str(json).unwrap();
+        Cost::of(&request.settings().unwrap(), &vec![tasks; people], 50, 1)
+    }
+
+    #[test]
+    fn more_of_anything_costs_more() {
+        let usual = cost("{}", 8, 50);
+        for asked in [
+            r#"{"leakage": true}"#,
+            r#"{"sets": {"mine": ["v_h", "distance"]}}"#,
+            r#"{"grids": {"rbf_gamma": [0.01, 0.03, 0.1, 0.3, 30]}}"#,
+            r#"{"grids": {"rbf_c": [1, 2, 3, 4, 5]}}"#,
+            r#"{"grids": {"linear_c": [1, 2, 3, 4, 5]}}"#,
+            r#"{"grids": {"tree_leaf": [1, 2, 3, 4, 5]}}"#,
+            r#"{"grids": {"tree_depth": [1, 2, 3, 4, 5, 6, 7]}}"#,
+            r#"{"grids": {"logistic_c": [1, 2, 3, 4, 5, 6, 7]}}"#,
+            r#"{"grids": {"boosted_depth": [1, 2, 3]}}"#,
+        ] {
+            assert!(cost(asked, 8, 50).processor_s > usual.processor_s, "{asked}");
+        }
+        let papers = cost(r#"{"paper_only": true}"#, 8, 50);
+        assert!(papers.processor_s < usual.processor_s && papers.memory_bytes < usual.memory_bytes);
+        for (people, tasks) in [(9, 50), (8, 51)] {
+            let more = cost("{}", people, tasks);
+            assert!(more.processor_s > usual.processor_s, "{people} {tasks}");
+            assert!(more.memory_bytes > usual.memory_bytes, "{people} {tasks}");
+        }
+    }
+
+    #[test]
+    fn people_who_are_not_compared_cost_nothing() {
+        assert_eq!(cost("{}", 100, 4).processor_s, 0.0);
+        assert_eq!(cost("{}", 0, 0), cost("{}", 100, 4));
+    }
+}
