@@ -65,7 +65,7 @@ impl<'a> People<'a> {
     /// # Errors
     /// [`StoreError`] if the database cannot be read.
     pub async fn next(&mut self) -> Result<Option<Person>, StoreError> {
-        while let Some(id) = self.ids.next() {
+        for id in self.ids.by_ref() {
             let driven = self.store.trials_of(&id).await?;
             let Some(first) = driven.first() else { continue };
             let name = first.head.participant_number.to_string();

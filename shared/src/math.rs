@@ -5,7 +5,7 @@
 //! arguments.
 
 pub use core::f64::consts::{PI, TAU};
-pub use libm::{acos, asin, atan2, cbrt, cos, exp, hypot, log as ln, sin};
+pub use libm::{acos, asin, atan2, cbrt, cos, exp, hypot, log as ln, log2, pow, sin};
 
 use rand_chacha::ChaCha8Rng;
 use rand_core::{Rng, SeedableRng};

@@ -40,7 +40,6 @@ const BENCHES: &[(&str, &str)] = &[
     ("learn_svm", "support vector machines: grids, fits, inference"),
     ("load", "thousands who take part at once, against SQLite alone and oTree (Python, from PyPI)"),
     ("faults", "a server that is killed and loses power, again and again: nothing is lost"),
-    ("analyses", "an analysis on a server against its estimate, and uploads beside it and without"),
     ("peers", "our solver against hj_reachability (Python, installed on first use)"),
     ("wasm", "the solver as WebAssembly in Chromium against the same on this machine"),
 ];
@@ -76,7 +75,7 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> 
 
 /// Runs the `[[bench]]` target of that name.
 fn run_target(workspace: &Workspace, name: &'static str, options: &Options) -> Result<ExitCode> {
-    if ["analyses", "load", "faults"].contains(&name) {
+    if ["load", "faults"].contains(&name) {
         stage("server", workspace.compile("build").args(["--bin", "sidestep"]))?;
     }
     let mut cargo = workspace.compile("bench");

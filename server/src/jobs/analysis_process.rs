@@ -66,7 +66,7 @@ pub(super) async fn compute(
     };
     let mut child = children.start()?;
     let first = ToChild::Analyse {
-        request: job.request.clone(),
+        request: Box::new(job.request.clone()),
         study: study.slug.clone(),
         scene: study.config.parameters,
         human: functions.human().len(),

@@ -32,7 +32,8 @@ pub fn run(memory_mib: u64, threads: usize, nice: i32) -> io::Result<()> {
             pool.install(|| solve(&server, &scene))
         }
         (ToChild::Analyse { request, study, scene, human }, functions) => {
-            let task = analysis::Task::read(&mut orders, request, &study, scene, human, &functions);
+            let task =
+                analysis::Task::read(&mut orders, *request, &study, scene, human, &functions);
             let task = task?;
             drop(orders);
             pool.install(|| task.run(&server))

@@ -23,7 +23,7 @@ pub enum ToChild {
     /// The first message: analyse the participants that follow. Beside it: V_HR, then V_RH.
     Analyse {
         /// What was asked for.
-        request: Request,
+        request: Box<Request>,
         /// The study's name.
         study: String,
         /// Its vehicles, steps and danger radius.

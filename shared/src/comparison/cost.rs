@@ -1,13 +1,13 @@
 //! What a comparison will take, estimated before anything is computed.
 //!
 //! The coefficients were fitted to measurements of this code with the paper's features, on one thread of a
-//! server's processor, with 400 to 4000 training rows a person; `cargo xtask bench analyses` compares the
-//! estimate with what a server needs now. It is meant to tell minutes from days.
+//! server's processor, with 400 to 4000 training rows a person. It is meant to tell minutes from days.
 
 use super::fit::{Grids, ModelFamily};
 use super::plan::{COMPARED_SETS, CURVE_FAMILIES, FIRST_TASKS, MOST_GROUPS, UNSEEN_FAMILIES};
 use super::settings::Settings;
 use super::split::{LEAST_TASKS, first_test_task};
+use crate::math::{log2, pow};
 
 /// What a comparison is estimated to take.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -55,7 +55,7 @@ impl Cost {
         let unseen = groups * compared as f64 * shared;
         let most_rows = people.iter().map(|&tasks| rows(tasks)).fold(0.0, f64::max);
         // Kernels of all pairs of rows of one person, twice; columns of everybody's rows.
-        let kernels = 2.0 * 8.0 * most_rows.powi(2);
+        let kernels = 2.0 * 8.0 * most_rows * most_rows;
         let columns = if compared > 0 { SHARED_ROW_BYTES * all_rows } else { 0.0 };
         let held = (ROW_BYTES + SET_ROW_BYTES * settings.sets.len() as f64) * all_rows;
         Self {
@@ -101,13 +101,13 @@ fn fit_s(family: ModelFamily, grids: &Grids, rows: f64, width: usize) -> f64 {
     // Half of the work is done column by column.
     let wide = 0.5 + 0.5 * width as f64 / USUAL_WIDTH as f64;
     // Sorting.
-    let sorted = thousands * (1.0 + 0.4 * thousands.log2()).max(0.5);
+    let sorted = thousands * (1.0 + 0.4 * log2(thousands)).max(0.5);
     wide * match family {
         ModelFamily::Rbf => {
             // The larger γ, the more rows are support vectors.
-            let slower = |gamma: &f64| (gamma / 0.3).powf(0.57).clamp(1.0, 7.5);
+            let slower = |gamma: &f64| pow(gamma / 0.3, 0.57).clamp(1.0, 7.5);
             let gammas: f64 = grids.rbf_gamma.iter().map(slower).sum();
-            (0.014 + 0.0016 * grids.rbf_c.len() as f64) * gammas * thousands.powf(2.1)
+            (0.014 + 0.0016 * grids.rbf_c.len() as f64) * gammas * pow(thousands, 2.1)
         }
         ModelFamily::Linear => 0.0037 * grids.linear_c.len() as f64 * thousands,
         ModelFamily::Tree => {
@@ -115,7 +115,7 @@ fn fit_s(family: ModelFamily, grids: &Grids, rows: f64, width: usize) -> f64 {
             (0.0042 + 0.0003 * leaves + 0.00008 * depths) * sorted
         }
         ModelFamily::Logistic => (0.003 + 0.00075 * grids.logistic_c.len() as f64) * thousands,
-        ModelFamily::Boosted => 0.02 * grids.boosted_depth.len() as f64 * thousands.powf(1.2),
+        ModelFamily::Boosted => 0.02 * grids.boosted_depth.len() as f64 * pow(thousands, 1.2),
     }
 }
 

@@ -122,7 +122,7 @@ async fn a_process_that_is_killed_fails_its_analysis_alone() {
     let (_, process) = under_way(&server).await;
     // It does not outlive the server, however that ends.
     server.kill().await;
-    println!("gone {:?} after the server was killed", gone(process).await);
+    eprintln!("gone {:?} after the server was killed", gone(process).await);
 }
 
 #[tokio::test]
@@ -153,7 +153,7 @@ async fn a_cancelled_analysis_stops_within_a_second() {
     let now: AnalysisSummary = cancelled.into(200);
     assert_eq!(now.state, AnalysisState::Cancelled);
     let took = gone(process).await;
-    println!("stopped {took:?} after it was cancelled");
+    eprintln!("stopped {took:?} after it was cancelled");
     // Once again as much, for a machine that is busy.
     assert!(took < Duration::from_secs(2), "{took:?}");
 
@@ -162,7 +162,7 @@ async fn a_cancelled_analysis_stops_within_a_second() {
     let server_id = server.id();
     signal("-TERM", server_id);
     let took = gone(server_id).await;
-    println!("the server stopped {took:?} after it was asked to");
+    eprintln!("the server stopped {took:?} after it was asked to");
     assert!(took < Duration::from_secs(5), "{took:?}");
     gone(process).await;
 }
@@ -196,7 +196,7 @@ async fn analysed(memory_mib: u64, people: u64, tasks: u64) -> Result<Vec<FromCh
     let [human, robot] = Evader::ALL.map(|evader| safety.of(evader).encode());
     let request = Request { paper_only: true, ..Request::default() };
     let study = "default".to_owned();
-    let first = ToChild::Analyse { request, study, scene, human: human.len() };
+    let first = ToChild::Analyse { request: Box::new(request), study, scene, human: human.len() };
     child.tell(&first, &[human, robot].concat()).await.unwrap();
     for number in 0..people {
         let person = SyntheticParticipant::new(3, number).recorded(tasks, Keys::Clock);

@@ -110,7 +110,7 @@ async fn slow_clients_hold_up_nobody_else() {
     late.read_exact(&mut answer).unwrap();
     assert_eq!(&answer, b"HTTP/1.1 201");
     drop(waiting);
-    assert_eq!(stored(&server, &slow).await, [trial_id.clone()]);
+    assert_eq!(stored(&server, &slow).await, std::slice::from_ref(&trial_id));
     // The same again, from a connection of another kind.
     let put = slow.request(&server, Method::PUT, &routes::my_trial(&trial_id)).json(&trial);
     assert_eq!(put.send().await.unwrap().status(), 200);
